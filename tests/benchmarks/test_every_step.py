@@ -118,7 +118,10 @@ def test_long_run_ends_at_the_time_limit():
 
 @pytest.fixture
 def runs(monkeypatch):
-    """A list of the runs made, ("watched" or "bare", steps); 1000 steps take 1 s bare and 3 s watched."""
+    """The list of the runs made, each ("watched" if observed at every step or "bare", number of steps).
+
+    The clock is fabricated: 1000 steps take 1 s bare and 3 s observed.
+    """
     made = []
     watch, run = every_step.watch, Integrator.run
 

@@ -264,7 +264,7 @@ def test_number_within_its_band_passes():
 
 
 def test_band_of_methods_that_choose_a_root():
-    """The band is wider for the trajectory, not for the energy."""
+    """A larger change of the trajectory's error than usual is accepted, but not of the energy error."""
     scene = BY_ID["kepler-t1"]
     stored = table_of(scene.id)
     row = stored.index[(stored["method"] == "scheme-iv") & (stored["global_error"] > 1e-6)][0]

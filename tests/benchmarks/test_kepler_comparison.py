@@ -27,7 +27,7 @@ def build_problem(name, e):
 
 
 def worst(found, names=("phase", "perihelion", "anomaly")):
-    """The largest of these errors, in absolute value."""
+    """The largest absolute value among the named errors of a comparison with Kepler's orbit."""
     return max(float(np.abs(getattr(found, n)).max()) for n in names)
 
 

@@ -89,7 +89,10 @@ def test_functions_are_compiled_without_the_cache(tmp_path, monkeypatch):
 
 
 def costs(power=1.0, times=1.5, system="toda", rebound=None, memory=1.0):
-    """A table of one system: time grows as d^power, ours is ``times`` that of C, memory as d^memory."""
+    """Fabricated costs per step of one system against d: our time grows as d^power, memory as d^memory.
+
+    Ours is ``times`` the time of C; ``rebound`` is the ratio to REBOUND's.
+    """
     rows = []
     for d in (16, 64, 256, 1024, 4096):
         row = {"system": system, "method": "m", "d": d, "values": "tuple" if d <= TUPLE_LIMIT else "array"}
@@ -100,7 +103,7 @@ def costs(power=1.0, times=1.5, system="toda", rebound=None, memory=1.0):
 
 
 def judge(verdict, **tables):
-    """The verdict on these tables."""
+    """The page's verdict on fabricated tables, given as name=table."""
     return verdict({large.COSTS: None, large.MADE: None, **tables}.get)
 
 

@@ -162,7 +162,7 @@ def test_measured_errors_of_the_pendulum_models():
 
 
 def test_models_of_several_sizes_in_one_process():
-    """Prepared runs with array states, one size after the other."""
+    """Prepared runs of models with different d, whose states are arrays, do not disturb each other."""
     (ladder,) = (x for x in LADDERS if x.id == "klein-gordon-points")
     full = ladder.rungs[-1].make()
     for rung in (*ladder.rungs[1::-1], ladder.rungs[-1]):
@@ -178,7 +178,11 @@ def test_models_of_several_sizes_in_one_process():
 
 
 def scene(name="s", errors=(1e-2, 1e-5), integration=1e-14, scale=(1.0, 2.0, 10.0), full_off=1e-13):
-    """The tables of a scene; an error of 10^-n costs ``scale`` times n seconds."""
+    """(models, runs): fabricated tables of two or more models of one problem.
+
+    ``errors`` are modelling errors of the simplified models; a run of a model with error 10^-n takes ``scale`` times n
+    seconds.
+    """
     names = (A, B, C)[: len(errors)] + (C,)
     rows = [
         {"scene": name, "rung": k, "model": m, "full": m == C, "d": 1, "modelling error": e, "uncertainty": 1e-15}
@@ -194,7 +198,7 @@ def scene(name="s", errors=(1e-2, 1e-5), integration=1e-14, scale=(1.0, 2.0, 10.
 
 
 def judge(verdict, *scenes):
-    """The verdict on these scenes."""
+    """A page's verdict on the tables of these fabricated scenes."""
     models_, runs = (pd.concat(frames, ignore_index=True) for frames in zip(*scenes, strict=True))
     return verdict({measure.MODELS: models_, measure.RUNS: runs}.get)
 

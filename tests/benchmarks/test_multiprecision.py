@@ -47,7 +47,7 @@ STEPS = {
 
 @pytest.fixture
 def made_up(monkeypatch):
-    """Replace `advance`, so that a method takes the step named by its id; return these methods by name."""
+    """{name: method} of made-up steps; `multiprecision.advance` is replaced by the step named by a method's id."""
 
     def advance(system, record, y, h, steps=1):
         f, h = system.vector_field(MULTIPRECISION), multiprecision.to_number(h, MULTIPRECISION)

@@ -31,14 +31,14 @@ def name(request):
 
 
 def case(name, cells=N, strength=1.0):
-    """(equation, initial values y, tangent vectors, dx)."""
+    """(equation, initial values y, tangent vectors, grid spacing dx) of a wave equation on ``cells`` grid cells."""
     dx = LENGTH / cells
     y, *tangents = spacetime.CASES[name].data(dx * np.arange(cells))
     return MODULES[name].multisymplectic(strength), y, tangents, dx
 
 
 def residual_row(name, chosen, h=0.01, steps=3, cells=9, strength=1.0):
-    """The row of residuals of the local laws."""
+    """The measured residuals of the local conservation laws of a box scheme, as a row of the results."""
     equation, y, tangents, dx = case(name, cells, strength)
     space = chosen.division(equation, cells, dx)
     return laws.measure(
@@ -318,7 +318,7 @@ LADDER = [*(("time", 17, 0.1 / 2**k) for k in range(4)), *(("space", n, 0.01) fo
 
 
 def table() -> pd.DataFrame:
-    """Consistent rows of an EQUIP and an AVF box."""
+    """Fabricated, consistent result rows of two box schemes, one by an EQUIP method and one by AVF."""
     rows = []
     for id, declared, keeps, size in (("equip-box", True, "total", 1e-15), ("avf-box", False, "cell", 1e-4)):
         for falls, cells, h in [("time", 17, 0.1 / 2**k) for k in range(4)] + [
@@ -361,7 +361,7 @@ def test_verdict_follows_its_rows(name):
 
 
 def replace_column(changes) -> pd.DataFrame:
-    """The table with other values in a column of a scheme."""
+    """The fabricated table changed by {(scheme's id, column): a value or a function of the scheme's rows}."""
     frame = table()
     for (id, column), value in changes.items():
         here = frame["id"] == id

@@ -19,7 +19,7 @@ from phasebench.integrators.errors import InvalidInput
 
 
 def rows(t, q, p, status="ok"):
-    """A solution with these rows."""
+    """A stand-in for a solution with these times and states."""
     return SimpleNamespace(t=np.array(t), q=np.array(q, float), p=np.array(p, float), status=status)
 
 

@@ -21,7 +21,7 @@ def rung(seconds, steps, scene="kepler-orbit", integrator=times.REFERENCE, statu
 
 
 def choice(accuracy, ours, peer, scene="kepler-orbit"):
-    """A row with the fastest integrators of both sides at an accuracy."""
+    """A fabricated row: the fastest of our methods and the fastest peer at an accuracy, each a dict of columns."""
     sides = {f"{side} {x}": v for side, of in (("ours", ours), ("peer", peer)) for x, v in of.items()}
     return {"scene": scene, "accuracy": accuracy} | sides
 
@@ -106,7 +106,10 @@ def test_interval_is_that_of_the_rounds():
     ids=["own", "ours"],
 )
 def test_runs_that_are_timed_alternately(target, requires, runs, monkeypatch):
-    """The timed run is that of the rung with the stated evaluations; "python" is timed for a step in Python only."""
+    """A step in Python (also its calls: "python") or a method ("mine") alternates with a reference method.
+
+    The timed run has the number of steps with the stated number of evaluations.
+    """
     monkeypatch.setattr(place, "MOST", 2000)
     chosen, seen = subject(target, {}, requires), {}
 

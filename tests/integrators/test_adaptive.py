@@ -51,7 +51,7 @@ TURNING = Hamiltonian(
 
 
 def there_and_back(id, h, n, reflected=True, system=ORBIT.system, mirror=(1, 1)):
-    """Distance from the start after n steps forth and n steps back, with momenta (and density) reversed in between.
+    """Distance from the start after n steps forth and n back, with momenta (and step density) reversed in between.
 
     The reversal multiplies the coordinates by ``mirror`` and the momenta by -``mirror``. Without ``reflected`` the
     density is not reversed (control).
@@ -161,7 +161,7 @@ def test_very_eccentric_orbits_close():
 
 
 def energies(id, h):
-    """(t, H - H0) of a run over 300 periods."""
+    """(t, H - H0) of a run of a variable-step method over 300 periods of an eccentric Kepler orbit."""
     s = integrate(ORBIT, id, h=h, t_end=300 * PERIOD, save_every=7)
     assert s.status == "ok"
     H = ORBIT.system.observe(ORBIT.system.H, s.q, s.p)
@@ -198,7 +198,7 @@ def test_a_fall_into_the_singularity_ends_as_a_collision(id):
 
 
 def test_a_lost_density_ends_the_run():
-    """With too long a step the density leaves its range; the run stops with a status."""
+    """With too long a step the density of steps leaves its range; the run stops with a status."""
     made = problem("kepler", e=0.9)
     run = lay_out(prepare(BY_ID["stormer-verlet-adaptive"], made.system), 2, 20.0, made.q0, made.p0, DOUBLE)
     assert run(np.zeros((1, 2)), np.zeros((1, 2)), np.zeros((1, 1)), 50) == (0, OUT_OF_STEP)
@@ -219,7 +219,7 @@ def test_missing_traits_of_a_system_are_reported():
 
 
 def short():
-    """{method: end state} of short runs."""
+    """{method: end state} of twelve steps of each method on the Kepler orbit."""
     return {id: end(integrate(ORBIT, id, h=0.2, steps=12, save_every=5)).tolist() for id in BY_ID}
 
 

@@ -166,7 +166,7 @@ OTHERS = [x for x, m in ALL.items() if not m.lacks(LOTKA.system)]
 
 @pytest.mark.parametrize("label", OTHERS)
 def test_methods_that_fit_the_system_run(uncompiled, label):
-    """Measured without compilation; traits are checked before anything is compiled."""
+    """Run without compilation, as a system is checked for what the method needs before anything is compiled."""
     assert uncompiled("integrators/test_bad_input.py")[label] == OK
 
 

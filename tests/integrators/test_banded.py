@@ -40,7 +40,7 @@ def lattice(name, d=None, constants=None):
 
 
 def ends(system, id, start, h, steps=15, **parameters):
-    """(solution, end state) of a run."""
+    """(solution, end state) of a run from these initial data."""
     s = integrate(system, id, h=h, steps=steps, parameters=parameters, **start)
     return s, np.concatenate([s.q[-1], s.p[-1]])
 

@@ -250,7 +250,10 @@ def _hold(seconds: float, holds, content: bytes | None) -> None:
 
 @contextmanager
 def holder(seconds: float, content: bytes | None = None):
-    """Run `_hold` in another process; yields the process once it has the lock."""
+    """Context in which another process holds the lock of entry a.py for ``seconds``, then writes ``content``, if any.
+
+    Yields the process.
+    """
     fork = multiprocessing.get_context("fork")
     holds = fork.Event()
     process = fork.Process(target=_hold, args=(seconds, holds, content))

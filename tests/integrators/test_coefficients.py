@@ -315,7 +315,7 @@ def test_a_table_published_twice_is_the_same(name):
 
 
 def letters(found):
-    """[letter, weight] of the drifts A and kicks B that substeps (c, mu, lambda) consist of, neighbours merged."""
+    """[letter, weight] of the drifts A and kicks B in substeps (length c, mu, lambda), neighbours merged."""
     out = []
     for c, _, lam in found:
         for letter in "BA" if lam == 1 else "AB":
@@ -370,7 +370,7 @@ STEP, STEPS = 0.05, 20
 
 
 def by_hand(table, q, p):
-    """End state of the pendulum after applying the table's kicks and drifts in order."""
+    """End state of a pendulum run from (q, p), with the kicks and drifts of a coefficient table applied in order."""
     for _ in range(STEPS):
         for letter, w in steps(table.name):
             if letter == "B":

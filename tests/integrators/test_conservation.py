@@ -26,7 +26,7 @@ FIELD = 25
 
 
 def longer(label):
-    """Factor by which the method's steps are longer."""
+    """Factor by which a method's steps are longer here: more for high orders and for the family "field"."""
     if ALL[label].family == "field":
         return FIELD
     return LONGER if ALL[label].order >= HIGH else 1

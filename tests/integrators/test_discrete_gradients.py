@@ -181,7 +181,7 @@ def substep(name, y, h, discrete_gradient_of):
 
 
 def direct(id, name):
-    """End state of one step by the formulas of this file."""
+    """End state of one step by the formulas written in this file."""
     _, q, p = SYSTEMS[name]()
     d = len(q)
     single, halves = [[i] for i in range(2 * d)], [list(range(d, 2 * d)), list(range(d))]
@@ -286,7 +286,7 @@ def test_arrays_and_tuples_agree(id, monkeypatch):
 
 @pytest.mark.parametrize("name", ["henon-heiles", "pendulum", "coupled"])
 def test_long_steps_conserve_energy_to_the_last_unit(name):
-    """The search for a goes on while the energy error still falls."""
+    """The iteration for Gonzalez' discrete gradient goes on while the energy error still falls."""
     system, q, p = SYSTEMS[name]()
     s = integrate(system, "gonzalez", h=0.8 if name == "pendulum" else 0.4, steps=40, q0=q, p0=p)
     E = system.observe(system.H, s.q, s.p)

@@ -26,7 +26,7 @@ def starts(name, n=N, spread=0.02):
 
 
 def alone(made, id, Q, P, i, parameters=None, **options):
-    """`integrate` the i-th orbit."""
+    """The solution of `integrate` for the i-th orbit alone."""
     return integrate(made, id, q0=Q[i], p0=P[i], parameters=parameters, **options)
 
 

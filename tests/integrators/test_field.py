@@ -34,7 +34,7 @@ def end(solution):
 
 
 def lengths(system, id, h, q0, p0, every, rows=1):
-    """(length of the next step, of the last step, time, counts) after some rows."""
+    """(length of the next step, length of the last step, time, counts) after a run that stored some rows."""
     run = lay_out(prepare(BY_ID[id], system), system.d, h, q0, p0, DOUBLE)
     shape = (rows, system.d)
     assert run(np.zeros(shape), np.zeros(shape), np.zeros((rows, 1)), every)[1] == 0
@@ -140,7 +140,7 @@ def test_missing_traits_of_a_system_are_reported():
 
 
 def short():
-    """{"method system": end state} of short runs."""
+    """{"method system": end state} of twelve steps of each method on two systems."""
     systems = {"kepler": (KEPLER.system, KEPLER.q0, KEPLER.p0), "coupled": (COUPLED, [0.6, -0.8], [0.3, 0.5])}
     return {
         f"{id} {name}": end(integrate(system, id, h=0.2, steps=12, save_every=5, q0=q0, p0=p0)).tolist()

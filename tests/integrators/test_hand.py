@@ -91,12 +91,12 @@ def test_stiff_springs_by_loops_and_by_formula_agree(monkeypatch):
 
 
 def springs_that_return():
-    """Loops for springs of stiffness k that return arrays."""
+    """{loop's name: loop} for springs of stiffness k; the loops return new arrays."""
     return {"field": lambda k: lambda q, p, h, lam: (p.copy(), -k * q), "grad_V": lambda k: lambda q: k * q}
 
 
 def springs_that_write():
-    """The same loops writing into given arrays."""
+    """The loops of `springs_that_return`, writing into given arrays instead."""
 
     def grad_V(k):
         def f(q, g):

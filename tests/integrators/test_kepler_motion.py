@@ -54,7 +54,10 @@ def test_reciprocals_as_sums_of_two_doubles():
 
 @pytest.fixture(scope="module")
 def lanes():
-    """The functions compiled for rows of lanes; ``in_one`` evaluates the Stumpff functions only once."""
+    """Functions of `kepler_lanes` compiled to act on rows of arrays: ``root``, ``motion``, ``in_one``.
+
+    ``in_one`` is the motion with a single evaluation of the Stumpff functions.
+    """
 
     @njit(**TUPLES)
     def root(rows, out):
@@ -85,7 +88,7 @@ def lanes():
 
 @njit(**TUPLES)
 def keep(m, out):
-    """Write a motion into rows; row 4 is 1 where it is not solved."""
+    """Write the coefficients f, g, f', g' and 1/r of a motion into rows of ``out``; row 4 is 1 in unsolved lanes."""
     put(out, 0, m.f, LIKE)
     put(out, 1, m.g, LIKE)
     put(out, 2, m.df, LIKE)
@@ -116,7 +119,7 @@ def starts(e, mu=2.5, a=1.7):
 
 
 def alone(rows, h):
-    """(f - 1, g, f', g' - 1) of each body by `kepler_flow`."""
+    """(f - 1, g, f', g' - 1) of each body over the time h, by the scalar `kepler_flow`."""
     return np.array([kepler_flow.coefficients(r, eta, beta, mu, h, EPS, TABLE)[:4] for r, _, eta, beta, mu in rows.T]).T
 
 

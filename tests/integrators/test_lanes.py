@@ -34,7 +34,7 @@ RANDOM = np.random.default_rng(0)
 
 
 def over(function):
-    """Compile a function of lanes so that it maps an array."""
+    """Compile a function of one row of SIMD lanes, and return it as a function of an array."""
 
     @numba.njit
     def each(x, y):
@@ -222,7 +222,7 @@ def end(solution):
 
 
 def both(monkeypatch, made, s, **run):
-    """(run with the stages in lanes, run with the stages one by one)."""
+    """(run with the stages in SIMD lanes, run with the stages one by one) of Gauss's method with s stages."""
     lanes = integrate(made, f"gauss-{s}", **run)
     with monkeypatch.context() as patch:
         patch.setattr(gauss_lanes, "serves", lambda s, system: False)
@@ -269,7 +269,7 @@ FIELDS = {
 
 
 def of_fields(name):
-    """A system of `FIELDS`, two uncoupled Lotka-Volterra pairs ("species"), or a field without an energy."""
+    """The system of this name in `FIELDS`; "species" is two uncoupled Lotka-Volterra pairs, "no energy" has no H."""
     if name == "species":
         u, v, x, y = sp.symbols("u v x y", positive=True)
         B = sp.Matrix([[0, 0, -u * v, 0], [0, 0, 0, -x * y], [u * v, 0, 0, 0], [0, x * y, 0, 0]])
@@ -292,7 +292,7 @@ def test_every_kind_of_field_agrees_with_its_formula(monkeypatch, name):
 
 @pytest.mark.parametrize("place", [(0, 1), (2, 0)])
 def test_control_a_wrong_coefficient_breaks_symplecticity(place):
-    """Seen because the Jacobian of a step is no longer symplectic."""
+    """A coefficient off by 1e-4 shows in the Jacobian of a step, which is no longer symplectic."""
 
     def defect(spoil):
         """Defect of the symplectic form with one coefficient changed."""

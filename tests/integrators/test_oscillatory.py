@@ -62,7 +62,7 @@ STATE = np.array([0.9, -0.4, 0.3, 0.02, -0.015, 0.01]), np.array([0.8, 0.1, -0.5
 
 
 def step(id, h, system=None, state=STATE, **parameters):
-    """State (q, p) after one step, array (2, d)."""
+    """State (q, p) after one step of a method from ``state``, array (2, d); the Fermi-Pasta-Ulam chain by default."""
     s = integrate(system or fpu(), id, h=h, steps=1, q0=state[0], p0=state[1], parameters=parameters)
     return np.array([s.q[-1], s.p[-1]])
 

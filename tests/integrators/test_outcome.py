@@ -25,7 +25,7 @@ def circle(amplitude):
 
 
 def verdict(energy, system=OSCILLATOR):
-    """Outcome for rows whose energy is ``energy`` times the initial one from t = 50 on."""
+    """Outcome reported for a made-up circular orbit whose energy is ``energy`` times the initial one from t = 50 on."""
     return judge(system, T, *circle(np.where(T < 50.0, 1.0, energy**0.5)))
 
 

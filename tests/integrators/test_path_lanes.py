@@ -128,7 +128,7 @@ def test_the_matrix_of_the_path_of_q(s):
 
 
 def exact_rules(id, system):
-    """(c, b) of each rule as the kernel has them, as fractions."""
+    """Yield the (nodes c, weights b) of each quadrature rule as the kernel has them, in exact fractions."""
     step = prepare(method(id), system).step
     first = 0
     while first < len(step.rows):

@@ -19,7 +19,10 @@ ROOT = Hamiltonian(q="q", p="p", H="p**2/2 + sqrt(q)")
 
 
 class Kernel:
-    """Made-up kernel that counts steps in q. At the step ``end`` it stops with ``code`` or sets q = ``worth``."""
+    """Made-up kernel that counts steps in q; at the step ``end`` it stops with ``code`` or sets q = ``worth``.
+
+    Each step adds ``missing`` to the count of fallbacks.
+    """
 
     def __init__(self, end=None, code=solve.SOLVED, worth=None, missing=0.0):
         self.end, self.code, self.worth, self.missing = end, code, worth, missing

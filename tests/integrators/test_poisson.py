@@ -25,7 +25,7 @@ ROUND_OFF = 1e-13
 
 
 def three(v, H, **more):
-    """y' = v(y) x grad H in three variables and a constant fourth; Poisson if v . curl v = 0, as for a gradient v."""
+    """y' = v(y) x grad H for y1, y2, y3 and a constant y4; a Poisson system if v . curl v = 0, as for a gradient v."""
     y = sp.symbols("y1:5", real=True)
     v = [sp.sympify(e, locals={str(s): s for s in y}) for e in v]
     B = sp.zeros(4, 4)

@@ -73,7 +73,7 @@ def pendulum():
 
 
 def shell_of(system, key="a key"):
-    """A deferred copy of a system, which knows only facts until its formula is needed."""
+    """A copy of a system that does not read its formula until it is needed."""
     return deferred.shell(system, key, pendulum)
 
 

@@ -42,7 +42,7 @@ ZERO = value(0.0, 0.0)
 
 
 def table(values, slots=1, slot=0):
-    """Memory of the increments of earlier steps."""
+    """The solver's memory of the increments of earlier steps, filled with (v, -2 v) for v in ``values``."""
     memory = np.zeros(((LEVELS + 1) * slots, 2))
     for known, v in enumerate(values):
         remember(memory, slot, slots, known, value(float(v), -2.0 * float(v)))
@@ -97,7 +97,7 @@ def infinite(x, arguments):
 
 @njit
 def of_one(x, g, arguments):
-    """The scales of both unknowns, increments of variables of size 1."""
+    """The scales that the solver asks for, of both unknowns: 1, as for increments of variables of size 1."""
     return 1.0, 1.0
 
 
@@ -152,7 +152,7 @@ def test_the_limit_on_iterations_and_newtons_differences():
 
 @equation
 def of_their_size(x, g, arguments):
-    """Scales of the size of the unknowns themselves."""
+    """The scales that the solver asks for: the sizes of the unknowns themselves."""
     return abs(x[0]) + abs(g[0]), abs(x[1]) + abs(g[1])
 
 
@@ -175,7 +175,7 @@ def in_two_units(x, arguments):
 
 @njit
 def of_their_units(x, g, arguments):
-    """The true scales of the unknowns."""
+    """The scales that the solver asks for: the true units of both unknowns."""
     return 1.0, UNIT
 
 

@@ -40,12 +40,12 @@ INVERSE_MASS = ((2, 0.5), (0.5, 1))
 
 @cache
 def heavy():
-    """A system with this kinetic energy."""
+    """A system with d = 2 whose kinetic energy, p1^2 + p1 p2 / 2 + p2^2, has a full mass matrix."""
     return Hamiltonian(q="q1 q2", p="p1 p2", H="p1**2 + p1*p2/2 + p2**2/2 + q1**4/4 + q1*q2**2 + cos(q2)")
 
 
 def rule(quadrature, nodes):
-    """[(node, weight)] from NumPy's Legendre polynomials, refined in the working precision."""
+    """[(node, weight)] of Gauss or Lobatto quadrature on [0, 1], in the working precision."""
     base = np.polynomial.legendre.Legendre.basis(nodes if quadrature == "gauss" else nodes - 1)
     roots = list(base.roots()) if quadrature == "gauss" else [-1.0, *base.deriv().roots(), 1.0]
     t = [mpmath.mpf(x) for x in roots]
@@ -81,7 +81,11 @@ def action(points, h, quadrature):
 
 
 def residual(id, spoil=0):
-    """Residual of p0 = -dL_d/dq0, p1 = dL_d/dq1 with the inner control points stationary, for one step."""
+    """Residual of the discrete Euler-Lagrange equations p0 = -dL_d/dq0, p1 = dL_d/dq1 for one step.
+
+    L_d is the discrete Lagrangian of the q at both ends, stationary in the inner control points; ``spoil`` changes the
+    first weight (control).
+    """
     degree, quadrature, nodes = method(id).data
     system, q0, p0 = heavy(), (0.3, -0.5), (0.4, 0.7)
     s = integrate(system, id, h=H, steps=1, q0=q0, p0=p0)

@@ -52,7 +52,7 @@ PLANETS, H = "outer-solar-system", 100.0
 
 
 def by_label(label):
-    """The method of a label."""
+    """The method of a label such as "id" or "id(corrector=n)"."""
     id, _, value = label.partition("(corrector=")
     return method(id, corrector=int(value[:-1])) if value else method(id)
 
@@ -86,7 +86,7 @@ def planets(ids=FAMILY):
 
 
 def _planets(id):
-    """[states in hexadecimal, counts] of one method."""
+    """[states in hexadecimal, counts] of one method on the outer solar system, in two pieces."""
     made = problem(PLANETS)
     layout = lay_out(prepare(method(id), made.system), made.system.d, H, made.q0, made.p0)
     states = np.zeros((2, 2, made.system.d))

@@ -120,14 +120,14 @@ def use_measurements(measurements, monkeypatch):
 
 
 def at_end(**changed):
-    """Function that changes fields of the last state of a certificate."""
+    """Function that returns a certificate with fields of its last state changed: name=function of the state."""
     return lambda c: replace(
         c, ends=(*c.ends[:-1], replace(c.ends[-1], **{k: f(c.ends[-1]) for k, f in changed.items()}))
     )
 
 
 def digit(place: int):
-    """Function that changes one decimal of q1 by 5."""
+    """Function that returns a certificate with one decimal of q1 in its last state changed by 5."""
 
     def other(end):
         text = end.q_text[0]
@@ -138,7 +138,7 @@ def digit(place: int):
 
 
 def later(name: str, points: float):
-    """Function that moves a time of a certificate by grid points."""
+    """Function that returns a certificate with a time of it (``name``) moved by some grid points."""
     return lambda c: replace(c, **{name: getattr(c, name) + points * c.spacing})
 
 
@@ -193,7 +193,7 @@ def test_command_and_cell_fail_on_a_changed_file(use_measurements, what, tmp_pat
 
 
 def end(**check_of) -> stored.End:
-    """A state with one check by another solver."""
+    """A made-up state of a certificate, with one check by another solver."""
     said = stored.Check("another", **check_of)
     return stored.End(1.0, ("0.78",), ("0.1",), 1e-20, 1e-15, 0.0, (said,))
 

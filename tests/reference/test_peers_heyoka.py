@@ -62,7 +62,7 @@ def test_lanes_equal_a_single_orbit(name):
 
 
 class Differing:
-    """An integrator with one lane that deviates at a row."""
+    """A heyoka integrator of several lanes, wrapped so that its last lane deviates by 1e-15 at one row."""
 
     def __init__(self, kept, row):
         self.kept, self.row = kept, row

@@ -84,7 +84,7 @@ def runs(label: str) -> dict:
 def of(label: str) -> dict:
     """{run: counts} of a method: those of the solution, "called" (counted calls) and "kernel" (counts of the kernel).
 
-    Stages in lanes are switched off here, except in the run "lanes" of Gauss methods, where each call serves all
+    Stages in SIMD lanes are switched off, except in the run "lanes" of Gauss methods, where each call serves all
     stages; other tests compare lane kernels with the ones that work row by row.
     """
     found = {}
@@ -100,7 +100,10 @@ def of(label: str) -> dict:
 
 
 def in_lanes(label: str) -> dict:
-    """As `of`, for steps of a Gauss method with its stages in lanes, solved by Newton's method."""
+    """Counts of a Gauss method with its stages in SIMD lanes, on steps that Newton's method solves.
+
+    "called" is the number of counted evaluations, "kernel" and the other keys are the kernel's own counts.
+    """
     prepared, calls = prepare(ALL[label], stiff.SYSTEM), []
     f, stages = prepared.step.f, prepared.step.stages
 

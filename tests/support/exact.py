@@ -21,7 +21,7 @@ ALL = by_label(variants() + high_order_variants())
 
 
 def one_of_each_kind(names: list[str]) -> list[str]:
-    """The systems without those that another one in the list stands for."""
+    """The names of systems without those for which another one in the list stands (`SAME_KIND`)."""
     return [n for n in names if SAME_KIND.get(n) not in names]
 
 
@@ -65,7 +65,7 @@ def cells(what: str) -> list[tuple[str, str]]:
 
 
 def measurements(what: str) -> dict:
-    """A measurement of `multiprecision`, {label: {system: value}}, restricted to the cells of this module."""
+    """Results of a measurement of `multiprecision` on this module's methods and systems: {label: {system: value}}."""
     if what not in multiprecision.CELLS:
         return multiprecision.MEASUREMENTS[what]()
     out: dict = {label: {} for label in ALL}

@@ -68,9 +68,10 @@ WITH_LAMBDA = ("scheme-i", "scheme-ii", "generating-function")
 
 
 class Slip(NamedTuple):
-    """A planted fault: the first suitable entry of a field of the kernel's step, or ``all`` of them, is off by `SLIP`.
+    """A planted fault: a coefficient of a method's step is off by the relative amount `SLIP`.
 
-    ``breaks`` and ``keeps`` list the properties that the fault destroys and those that it does not.
+    It is the first entry of the array ``field`` other than 0 and 1, or ``all`` such entries. ``breaks`` and ``keeps``
+    list the properties that the fault destroys and those that it does not.
     """
 
     id: str
@@ -179,7 +180,7 @@ def kind(record) -> str:
 
 
 def systems(what: str, record) -> tuple[Callable, str, int] | None:
-    """(strategy, kind, largest d) of the cases for a property of a method; None if it is not measured."""
+    """How to draw random systems for a property of a method, (strategy, kind, largest d); None if not measured."""
     # The code generated for a generating function grows with the order and with d.
     of, largest = kind(record), {"generating-function": 1, "scheme-ii": 2}.get(record.id, 3)
     if what not in ("linear", "bilinear"):
@@ -215,13 +216,16 @@ def measure_property(what: str, id: str) -> dict:
 
 @cache
 def draw_cases(strategy: Callable, kind: str, largest: int, n: int) -> list[Case]:
-    """n cases of a kind, the same for every method, so that code is generated once."""
+    """n random cases of a kind, the same ones for every method, so that code is generated once."""
     return draws(strategy(kind, largest), n)
 
 
 @contextmanager
 def plant(slip: Slip):
-    """Plant the fault in the method's family; entries 0 and 1 are structure and stay, except in a field of signs."""
+    """Context in which a method's coefficients have the planted fault.
+
+    Entries 0 and 1 are structure and stay, except in a field of signs.
+    """
     family = importlib.import_module(f"phasebench.integrators.families.{method(slip.id).family}")
     right = family.prepare
 
@@ -248,7 +252,7 @@ def cells() -> list[tuple[str, str]]:
 
 
 def of_all() -> dict:
-    """{property: {method or label of a slip: `measure_property`}}."""
+    """{property: {method or label of a planted fault: result of `measure_property`}}."""
     out: dict = {what: {} for what in MEASURES}
     for what, id in cells():
         out[what][id] = measure_property(what, id)
@@ -277,7 +281,7 @@ def ends() -> list[dict]:
 
 
 def run(case: Case, id: str) -> dict:
-    """Status and end state of a run in double precision, in hexadecimal."""
+    """{"status", "end"} of a run of a method in double precision; the end state is in hexadecimal."""
     record, h = lam_of(method(id), case)
     q, p = ([float(x) for x in y] for y in (case.q, case.p))
     s = integrate(case.system, record, h=float(h), steps=STEPS, q0=q, p0=p)
