@@ -312,7 +312,7 @@ def test_unanswerable_question_is_refused(name, t_end, accuracy, why):
 
 
 def advised_until(name: str, t_end: float, accuracy: float, **more) -> float:
-    """The time up to which a refusal says that the quantity is known."""
+    """The time up to which the quantity is known, as the refusal to answer a question with a longer span states it."""
     true, why = true_value(question(name, t_end, accuracy, **more))
     assert true is not None
     return float(re.search(r"known to t = ([0-9.e+]+):", why)[1])

@@ -20,7 +20,7 @@ from support.planted import control
 
 
 def peer(run=None, **more) -> Integrator:
-    """A peer that returns its initial state unless ``run`` is given."""
+    """A made-up peer whose run returns its initial state, or is ``run``."""
     still = run or (lambda task: Run.stuck(task, 0, 0, 0.0))
     return Integrator(replace(control("stormer-verlet"), run=still, lacks=lambda problem, system: None, **more))
 

@@ -122,7 +122,7 @@ def test_too_few_points_are_refused():
 
 
 def pendulum(step, h, steps):
-    """(t, H - H0) of the pendulum from 2 radians."""
+    """(t, H - H0) of the pendulum, started at rest from 2 radians, by a step function (q, p, h) -> (q, p)."""
     q, p = 2.0, 0.0
     H = [-np.cos(q)]
     for _ in range(steps):
@@ -270,7 +270,7 @@ RK4, RADAU = (runs(id, 1e-9, -1e-9) for id in page.CONTROLS)
 
 
 def drift_verdicts(*tables: pd.DataFrame):
-    """(verdict on methods that drift, verdict on the controls)."""
+    """(verdict on methods that drift, verdict on the control methods) from tables of long runs."""
     data = {"rows": pd.concat(tables)}.get
     return page.drifting(data), page.controls(data)
 

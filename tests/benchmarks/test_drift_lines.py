@@ -29,7 +29,7 @@ def test_frequency_is_found_and_refined_to_round_off(periods):
 
 @pytest.mark.parametrize("start", [-0.9, 0.9])
 def test_refinement_moves_a_frequency_by_at_most_one(start):
-    """On noise, whose Newton steps have any size."""
+    """On noise, where a Newton step could move a frequency (in periods per span) by any amount."""
     moved = []
     for seed in range(20):
         noise = np.random.default_rng(seed).standard_normal(N)

@@ -33,7 +33,7 @@ def watch_run(name: str, method, h: float, steps: int, **more):
 
 @pytest.fixture
 def small(monkeypatch):
-    """Limit a buffer to 77 steps of two degrees of freedom, so that a run needs many."""
+    """Let the buffer hold 77 steps of two degrees of freedom, so that a run fills it many times."""
     monkeypatch.setattr(every_step, "BUFFER", 154)
 
 

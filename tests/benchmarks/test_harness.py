@@ -182,7 +182,7 @@ def test_control_other_tasks_measure_other_rows(todo, rows):
 
 
 def ladder(order=2, uncertainty=1e-20, floor=0.0, **more):
-    """Rows at seven step sizes with the error h^order + floor."""
+    """Fabricated rows of a method at seven step sizes with the error h^order + floor."""
     base = {"purpose": ORDER, "scene": "s", "method": "m", "problem": "x", "status": "ok", "declared_order": order}
     steps = [0.1 / 2**k for k in range(7)]
     return [

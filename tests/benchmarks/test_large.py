@@ -147,7 +147,7 @@ def test_worst_ratio_to_c_of_large_systems_is_judged():
 
 
 def seconds_table(seconds=(1.0, 4.0, 11.0), loops=1.0):
-    """A table of compilation times: formulae at d = 8, 16, 32 and loops at d = 10000."""
+    """A fabricated table of compilation times: H by a formula at d = 8, 16, 32, and by loops at d = 10000."""
     rows = [("toda", "formula", d, s) for d, s in zip((8, 16, 32), seconds, strict=True)]
     rows.append(("toda", "loops", 10_000, loops))
     return pd.DataFrame(rows, columns=["system", "route", "d", "seconds"])

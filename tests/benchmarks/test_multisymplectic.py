@@ -47,7 +47,7 @@ def residual_row(name, chosen, h=0.01, steps=3, cells=9, strength=1.0):
 
 
 def units(row, law=laws.TWO_FORM):
-    """The residual of a law in units of round-off."""
+    """The residual of a local conservation law, relative to its unit of round-off."""
     return row[law] / row[f"{law}, round-off"]
 
 
@@ -175,7 +175,7 @@ def test_repr_of_a_scheme_omits_its_tableau():
 
 
 def canonical_system(space) -> Hamiltonian:
-    """The canonical system of the nonlinear Schroedinger equation on a grid."""
+    """The nonlinear Schroedinger equation on the grid of ``space`` as a canonical Hamiltonian system."""
     D = sp.Matrix(space.slope(np.eye(space.N)))
     q, p = (sp.symbols([f"{x}{j}" for j in range(space.N)], real=True) for x in "qp")
     bending = sum(((D * sp.Matrix(x)).T * (D * sp.Matrix(x)))[0] for x in (q, p)) / 2

@@ -218,7 +218,7 @@ def rules(own: float = 1e-15, dear: float = 1.5):
 
 
 def quadratures(*tables: pd.DataFrame):
-    """The verdicts on the energy and on the cost of the adaptive quadrature, which confirms itself."""
+    """(verdict on the energy, verdict on the cost) of the adaptive quadrature, from fabricated tables."""
     data = {nodes.TABLE: pd.concat(tables)}.get
     return verdicts.quadrature(data), verdicts.quadrature_cost(data)
 
@@ -260,7 +260,7 @@ def round_off_rows(plain: float = 1e-12, floor: float = 1e-4, doubles: float = 1
 
 
 def sums(table: pd.DataFrame):
-    """The verdicts on compensated summation and on single precision."""
+    """(verdict on compensated summation, verdict on single precision) from a fabricated table of round-off."""
     data = {arithmetic.ERRORS: table}.get
     return verdicts.compensation(data), verdicts.single(data)
 
@@ -284,7 +284,7 @@ def test_error_floor_of_single_precision():
 
 
 def passing_tables(**changes) -> dict:
-    """Tables on which every verdict passes, with some replaced."""
+    """All tables of the pages on options, fabricated so that every verdict passes, some of them replaced."""
     other = {LOW: (1, 1.0), MIDDLE: (3, 3.0)}
     ladder = [
         rungs(ladders.COMPOSITION, **RISING),

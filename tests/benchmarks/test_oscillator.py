@@ -188,7 +188,10 @@ def test_undefined_step_does_not_end_the_scan():
 
 
 def replace_runs(monkeypatch, stays) -> list[tuple[float, int]]:
-    """Replace runs: stable where ``stays(z)``; return the list of (z, steps) of the runs made."""
+    """Replace long runs on the oscillator by made-up ones, stable where ``stays(z)`` with z = h omega.
+
+    Returns the list of the (z, steps) of the runs made, which grows.
+    """
     made: list[tuple[float, int]] = []
 
     def lost(chosen, z: float, steps: int) -> str:

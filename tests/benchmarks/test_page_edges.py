@@ -26,7 +26,10 @@ def frame(*rows: dict, **same) -> pd.DataFrame:
 
 @pytest.fixture
 def fix_orders(monkeypatch):
-    """A function that fixes the fitted orders: method -> (order minus declared order, half-width, points)."""
+    """A function that fabricates observed orders and returns the page's data.
+
+    Its arguments: method=(order minus declared order, half-width of its interval, number of points).
+    """
 
     def tell(**of):
         found = [
@@ -187,7 +190,7 @@ CERTIFIED = {
 
 
 def reference_data(*changes: dict):
-    """The page's data: a certified reference with these changes in each row."""
+    """The page's data: a table of certified references, one row with each of these changes."""
     return {"references": frame(*changes, **CERTIFIED)}.get
 
 
@@ -262,7 +265,7 @@ LONG = {
 
 
 def long_runs(*changes: dict):
-    """The page's data: long runs with these changes in each row."""
+    """The page's data: a table of long runs, one row with each of these changes."""
     return {"rows": frame(*({"method": c["id"]} | c for c in changes), **LONG)}.get
 
 

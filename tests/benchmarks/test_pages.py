@@ -120,7 +120,7 @@ def page_texts(built_report):
 
 @pytest.fixture(scope="module")
 def conclusions(page_texts):
-    """{page id: (outcome, answer) for the committed tables}, which take seconds."""
+    """{page id: (outcome, answer)}, what each page concludes from the committed tables."""
     return {page.id: conclusion(page, page_texts[page.id].data) for page in PAGES}
 
 
@@ -330,7 +330,7 @@ def test_dates_of_rows_from_several_runs():
 
 
 def with_states(tmp_path, states: list[str], **columns):
-    """The speed page for a table of ratios whose rows have these states: (index entry, text of the page)."""
+    """(index entry, text) of the speed page if the rows of its table are current or outdated (``states``)."""
     shutil.copytree(DATA, tmp_path / "data")
     path = tmp_path / "data" / "ratios.csv"
     rows = pd.read_csv(path)

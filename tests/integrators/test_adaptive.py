@@ -27,13 +27,13 @@ PERIOD = 2 * np.pi
 
 
 def end(solution):
-    """End state (q, p) of a run that must be ok."""
+    """End state (q, p) of a solution; fail if its status is not "ok"."""
     assert solution.status == "ok", solution.reason
     return np.concatenate([solution.q[-1], solution.p[-1]])
 
 
 def distance_after_periods(id, e, h, periods=10):
-    """(distance from the initial state after whole periods, gradient evaluations)."""
+    """(distance from the initial state after whole Kepler periods, gradient evaluations) of a variable-step method."""
     made = problem("kepler", e=e)
     t_end = periods * PERIOD
     s = integrate(made, id, t_end=t_end, steps=round(t_end / h), save_every=0)

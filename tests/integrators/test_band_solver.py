@@ -68,7 +68,7 @@ solve = band_solver(_G if codegen.compiled() else lambda x, e: np.array(_G(x, e)
 
 
 class Made:
-    """Equations x = G(x) and the work array for their matrix, with guard rows on both sides."""
+    """Test equations x = G(x) with a banded derivative, and the solver's work array with guard rows on both sides."""
 
     SPARE, AT = 2, 1
 

@@ -130,7 +130,7 @@ def test_polished_numbers_are_the_nearest_of_their_family(name):
 
 @pytest.fixture
 def edit_table(monkeypatch):
-    """Function that adds a table, or replaces the one of the same name."""
+    """Function that adds a coefficient table to the registered ones, or replaces the one of the same name."""
 
     def enter(table):
         monkeypatch.setitem(BY_NAME, table.name, table)
@@ -189,7 +189,7 @@ OLD = {"b": ["as it was"]}
 
 @pytest.fixture
 def command(monkeypatch, tmp_path, capsys):
-    """Function (tables, stored numbers, names) -> (file that the command writes, what it prints)."""
+    """Function (tables, stored numbers, names) -> (written file, output) of the command that refines coefficients."""
 
     def run(tables, kept, *names):
         monkeypatch.setattr(coefficients, "TABLES", tuple(tables))

@@ -36,7 +36,7 @@ UNIT, VISIBLE = 4e-15, 1e-6
 
 
 def energy_error(name, id, h, steps):
-    """Largest energy error of a run that must be ok."""
+    """Largest energy error of a run; fail if its status is not "ok"."""
     system, q, p = SYSTEMS[name]()
     s = integrate(system, id, h=h, steps=steps, q0=q, p0=p)
     assert s.status == "ok", s.reason
@@ -96,7 +96,7 @@ def product(id, name, seed, spoil=lambda step: step):
 
 
 def pairing(i, x):
-    """g . x for the increment i = J^-1 g."""
+    """The product g . x of a gradient g and x, given the increment i = J^-1 g."""
     d = len(x) // 2
     return np.array(i[:d]) @ x[d:] - np.array(i[d:]) @ x[:d]
 
@@ -227,7 +227,7 @@ DIRECT = (
 
 
 def step(id, name):
-    """End state of one step by `integrate`."""
+    """End state of one step of a method by `integrate`."""
     system, q, p = SYSTEMS[name]()
     s = integrate(system, id, h=H, steps=1, q0=q, p0=p)
     return np.concatenate([s.q[-1], s.p[-1]])

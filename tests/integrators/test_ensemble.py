@@ -31,7 +31,7 @@ def alone(made, id, Q, P, i, parameters=None, **options):
 
 
 def assert_same(ensemble, i, solution):
-    """The i-th orbit of an ensemble has the rows, end and status of a solution."""
+    """Assert that the i-th orbit of an ensemble has the rows, end and status of a solution."""
     rows = len(solution.q)
     np.testing.assert_array_equal(ensemble.Q[i, :rows], solution.q)
     np.testing.assert_array_equal(ensemble.P[i, :rows], solution.p)

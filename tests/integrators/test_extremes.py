@@ -25,7 +25,7 @@ INVALID = "invalid"
 
 
 def at(q, p, **options):
-    """Options with the initial state (q, p)."""
+    """Options of `integrate` with the initial state (q, p) of one degree of freedom."""
     return options | {"q0": [q], "p0": [p]}
 
 

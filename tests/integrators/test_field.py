@@ -28,7 +28,7 @@ COUPLED = Hamiltonian(q="x y", p="u v", H="(u**2 + v**2)*(1 + x**2/4)/2 + x**2/2
 
 
 def end(solution):
-    """End state (q, p) of a run that must be ok."""
+    """End state (q, p) of a solution; fail if its status is not "ok"."""
     assert solution.status == "ok", solution.reason
     return np.concatenate([solution.q[-1], solution.p[-1]])
 
@@ -95,7 +95,7 @@ def test_the_growth_of_steps_is_bounded():
 
 
 def same_with_all_rows(system, id, q0, p0, t_end):
-    """The end is the same with all rows stored and with none."""
+    """Assert that a run reaches the same end with all rows stored and with none."""
     every, none = (integrate(system, id, h=0.02, t_end=t_end, q0=q0, p0=p0, save_every=n) for n in (1, 0))
     assert np.array_equal(end(every), end(none))
     assert every.t[-1] == t_end

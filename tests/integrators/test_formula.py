@@ -149,7 +149,7 @@ LARGE = [
 
 
 def shorter(text):
-    """Test id of a text."""
+    """A formula's text, shortened for use as the id of a test."""
     return ascii(text)[:40] if isinstance(text, str) else ""
 
 

@@ -27,7 +27,7 @@ LOOPS = {
 
 
 def chain(N, k):
-    """(q, p, H) of the example problem."""
+    """(symbols q, symbols p, H) of a chain of N double wells with springs of stiffness k, the example problem."""
     q, p = sp.symbols(f"q:{N}", real=True), sp.symbols(f"p:{N}", real=True)
     wells = sum((x**2 - 1) ** 2 / 4 for x in q)
     return q, p, sum(x**2 for x in p) / 2 + k * sum((b - a) ** 2 for a, b in pairwise(q)) / 2 + wells
@@ -42,7 +42,7 @@ def values(module, constants, q, p, arithmetic="double"):
 
 
 def by_formula(q_names, p_names, H, q, p):
-    """The same values from the formula, at 40 digits."""
+    """(q', p', grad V, H, size of H's terms) at a state from the formula of H, with exact derivatives."""
     at = dict(zip((*q_names, *p_names), map(sp.Float, (*map(str, q), *map(str, p)), [60] * 2 * len(q)), strict=True))
     dq, dp = ([sp.diff(H, x) for x in names] for names in (p_names, q_names))
     terms = sum(sp.Abs(t) for t in sp.Add.make_args(H))

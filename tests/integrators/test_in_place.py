@@ -35,7 +35,7 @@ def system(d):
 
 
 class Start:
-    """A system of d degrees of freedom with initial data."""
+    """Stand-in for a problem: a system of d degrees of freedom with initial data."""
 
     def __init__(self, d):
         self.system = system(d)

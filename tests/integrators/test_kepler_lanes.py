@@ -77,7 +77,7 @@ def orbits(e, anomalies):
 
 
 def energy_and_momentum(q, v):
-    """(energy, angular momentum) of each body."""
+    """(energy, angular momentum) of each body on its Kepler orbit."""
     r = np.sqrt((q**2).sum(1))
     return (v**2).sum(1) / 2 - 1 / r, np.linalg.norm(np.cross(q, v), axis=1)
 

@@ -54,7 +54,7 @@ LANED = {name: over(getattr(elementary, name)) for name in ("sin", "cos", "exp",
 
 
 def units(name, x):
-    """Errors of a function in lanes, in units in the last place."""
+    """Errors of an elementary function in SIMD lanes at the points x, in units in the last place."""
     y = LANED[name](x)
     with mpmath.workdps(40):
         exact = [getattr(mpmath, name)(mpmath.mpf(float(a))) for a in x]
@@ -307,7 +307,7 @@ def test_control_a_wrong_coefficient_breaks_symplecticity(place):
 
 
 def advance(prepared, k, by):
-    """State after one step with component k of the start changed."""
+    """State after one step of a prepared method, with component k of the initial state changed."""
     y = np.array([1.7, 1.1, 0.2, 0.3])
     y[k] += by
     Q, P = np.zeros((1, 2)), np.zeros((1, 2))

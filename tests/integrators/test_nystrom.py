@@ -46,7 +46,7 @@ STARTS = {
 
 
 def run(system, method, name, steps=40):
-    """All states (q, p) of a run that must be ok, array (rows, 2 d)."""
+    """All states (q, p) of a run, array (rows, 2 d); fail if its status is not "ok"."""
     q, p = STARTS[name]
     s = integrate(system, method, h=0.02, steps=steps, q0=q, p0=p)
     assert s.status == "ok"

@@ -138,7 +138,7 @@ def test_overflow_and_underflow():
 
 
 def accurate() -> dict[str, list]:
-    """{orbit and spacing of rows: [status, reason]} after accurate steps of every problem's orbits."""
+    """{orbit and spacing of rows: [status, reason]} of short accurate runs on every orbit of every problem."""
     ends = {}
     for made in (problem(name).at(orbit.name) for name in PROBLEMS for orbit in problem(name).orbits):
         for every in (1, 0):

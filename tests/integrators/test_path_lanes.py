@@ -36,7 +36,7 @@ CASES = [("hbvm-8-4", "masses"), ("hbvm-8-4", "degree 6"), *(("cpg-2", name) for
 
 @pytest.fixture
 def one_by_one():
-    """Function that runs with the nodes evaluated one after the other."""
+    """Function that runs a method with its quadrature nodes evaluated one after the other, not in SIMD lanes."""
     return partial(two_degrees.one_by_one, path_lanes)
 
 

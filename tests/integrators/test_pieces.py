@@ -59,7 +59,7 @@ def ran(kernel, steps=10, every=1, system=MOVED, timeout=None, missed="", piece=
 
 @pytest.fixture
 def small(monkeypatch):
-    """At most five steps per call of the kernel."""
+    """Limit each call of the kernel to five steps."""
     monkeypatch.setattr(trajectory, "PIECE", 5)
 
 

@@ -30,7 +30,7 @@ KEPT, FAR = 2e-14, 1e3
 
 
 def errors(P, s):
-    """Greatest relative errors of H and of the problem's other invariants."""
+    """Greatest relative errors, along a solution s of the problem P, of H and of the problem's other invariants."""
     values = [P.system.observe(e, s.q, s.p) for e in (P.system.H, *P.system.invariants)]
     return [np.abs(v / v[0] - 1).max() for v in values]
 
@@ -236,7 +236,7 @@ def test_a_long_correction_of_either_half_is_a_fallback():
 
 
 def declarations(system, invariants):
-    """{function: (declared return type, value returned)} of the projection's functions."""
+    """{function that the projection uses: (declared return type, value that it returns)} for these invariants."""
     found, made = {}, type(system).make_function
 
     def watched(kind, arguments, results, signature, arithmetic):

@@ -55,7 +55,7 @@ FAILS = [cell for cell in CELLS if not is_declared(*cell)]
 
 
 def name(x):
-    """Test id."""
+    """The id of a test for its parameter x."""
     return getattr(x, "label", x)
 
 

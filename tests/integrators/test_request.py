@@ -20,13 +20,13 @@ OSCILLATOR = Hamiltonian(q="q", p="p", H="p**2/2 + q**2/2")
 
 
 class StartedProblem:
-    """A problem with one initial state."""
+    """Stand-in for a problem with one initial state."""
 
     system, q0, p0 = PLANE, (1.0, 2.0), (3.0, 4.0)
 
 
 def expect_refusal(message: str):
-    """Expect InvalidInput with this message."""
+    """Context that expects InvalidInput with this message."""
     return pytest.raises(InvalidInput, match=message)
 
 

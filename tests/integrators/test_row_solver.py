@@ -141,7 +141,7 @@ class Ring(NamedTuple):
 
 @inline
 def sweep(e, old, new):
-    """Evaluate all rows; return the norms of the change and of the new rows."""
+    """Evaluate all rows of the ring's equations; return the norms of the change and of the new rows."""
     delta, length = 0.0, 0.0
     for j in range(e.stages):
         x = load(e.memory, old + (j + 1) % e.stages, e.like)
@@ -156,7 +156,7 @@ def sweep(e, old, new):
 
 @inline
 def linearize(e, at, span, work):
-    """Write the Jacobian of the equations."""
+    """Write the Jacobian of the ring's equations into ``work``."""
     n = len(e.like)
     for j in range(e.stages * n):
         for i in range(e.stages * n):
@@ -180,13 +180,13 @@ def ring(factor, constants, start=None, offset=0.0):
 
 
 def solution(factor, constants):
-    """Exact solution without the offset, by NumPy."""
+    """Exact solution of the ring's equations without the offset, by NumPy."""
     matrix = np.eye(STAGES) - factor * np.roll(np.eye(STAGES), 1, axis=1)
     return np.linalg.solve(matrix, constants)
 
 
 def solve_counted(e, span=1.0):
-    """((sweeps, Newton iterations, status), rows of the solution)."""
+    """((sweeps, Newton iterations, status), rows of the solution) of the row solver."""
     with np.errstate(all="ignore"):
         found = solve_rows(e, AT, span, EPS, np.zeros((STAGES * D, STAGES * D + 1)))
     assert (e.memory[:AT] == 9).all(), "rows before the unknowns are others'"

@@ -18,7 +18,7 @@ from support.values import value
 
 
 def of(V, **options):
-    """H = |p|^2 / 2 + V."""
+    """The system with H = |p|^2 / 2 + V."""
     return Hamiltonian(q="x y", p="u v", H=f"(u**2 + v**2)/2 + {V}", **options)
 
 

@@ -31,7 +31,7 @@ WORK = np.zeros((8, 8))
 
 
 def equation(f):
-    """Compile a function whose result is a vector."""
+    """Compile a function whose result is a vector, for use as an equation x = G(x)."""
     return njit(f) if codegen.compiled() else lambda *arguments: np.array(f(*arguments))
 
 
@@ -102,7 +102,7 @@ def of_one(x, g, arguments):
 
 
 def called(solve):
-    """A solver that Python can call: it is an operation of compiled code."""
+    """Make a solver, which only compiled code can call, callable from Python."""
     return njit(lambda arguments, x, span, eps, work: solve(arguments, x, span, eps, work), **vector.TUPLES)
 
 
@@ -110,7 +110,7 @@ solve_affine, solve_none, solve_infinite = (called(solver(G, of_one)) for G in (
 
 
 def fixed_point(factor, constant):
-    """Solution of the affine equation."""
+    """Exact solution of `affine` with this factor and constant."""
     return constant / (1 - factor), constant / (1 + 0.5 * factor)
 
 

@@ -24,7 +24,7 @@ ROUND_OFF, VISIBLE = 1e-13, 1e-10
 
 @cache
 def end(id, name="henon-heiles"):
-    """End state (q, p) of a run that must be ok."""
+    """End state (q, p) of a run of a method on a problem; fail if its status is not "ok"."""
     system, q, p = SYSTEMS[name]()
     s = integrate(system, id, h=H, steps=STEPS, q0=q, p0=p)
     assert s.status == "ok", s.reason
@@ -96,7 +96,7 @@ def residual(id, spoil=0):
         size = 2 * (degree - 1)
 
         def slope(flat, i):
-            """Derivative of L_d by the i-th coordinate of all control points."""
+            """Derivative of the discrete Lagrangian by the i-th coordinate of all control points."""
 
             def along(x):
                 moved = [*flat[:i], x, *flat[i + 1 :]]
@@ -142,7 +142,7 @@ def test_control_a_changed_action_is_not_stationary():
 
 
 def collocation(nodes):
-    """(A, b) of collocation at the nodes, in doubles."""
+    """(A, b) of the collocation method with these nodes, in doubles."""
     c = np.array(nodes)
     powers = np.vander(c, increasing=True)
     k = np.arange(1, len(c) + 1)

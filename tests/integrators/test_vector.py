@@ -193,7 +193,7 @@ def test_an_array_in_place_of_a_function_means_factors():
 
 
 def in_the_place(A, x, c, v):
-    """Rows, halves and a compensated sum, which overwrite arrays."""
+    """Results of `rows`, `halves` and a compensated sum, where they may overwrite arrays."""
     first, second = vector.rows(A, 0, 1, v)
     left, right = vector.halves(A, 2, v)
     x, c = vector.add_product_in_place(x, c, 0.5, v)

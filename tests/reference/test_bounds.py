@@ -24,7 +24,7 @@ STILL_MORE = Precision(300, "1e-66")
 
 
 def errors(made, ends, precision=STILL_MORE) -> list[float]:
-    """Error of each state against a run of our own with more bits."""
+    """Error of each certified state against a run with more bits."""
     times = [e.t for e in ends]
     rows = taylor.states(made.system, taylor.Bits(precision.bits), made.q0, made.p0, times, precision.tolerance)
     return [stored.distance(e.texts, map(str, row)) for e, row in zip(ends, rows, strict=True)]
@@ -102,7 +102,7 @@ def test_numbers_of_many_bits_are_exact(bits):
 
 @pytest.fixture(scope="module")
 def measurements():
-    """What `examine` measures of the orbit, computed once for all tests."""
+    """The measurements of an orbit from which its certificate is checked, computed once for all tests."""
     made, known = problem(ORBIT), stored.find(problem(ORBIT))
     path = along(made, [e.t for e in known.ends], check.AGAIN)
     said = others.words(made, made.start.times, path, horizon.neighbour(made, path.grid, path.near))
@@ -111,7 +111,7 @@ def measurements():
 
 @pytest.fixture
 def use_measurements(measurements, monkeypatch):
-    """Let `check` use the stored measurements."""
+    """Let the check of a certificate use the measurements already made."""
     path, rounding, said = measurements
     monkeypatch.setattr(check, "along", lambda *a: path)
     monkeypatch.setattr(horizon, "rounding", lambda *a: rounding)

@@ -24,7 +24,7 @@ def about(value, rel: float = 1e-6):
 
 
 def fake_problem(times=(1.0, 2.0, 4.0), d: int = 1) -> SimpleNamespace:
-    """Stand-in for a problem, with the fields that certificates need."""
+    """Stand-in for a problem with stored times, with the fields that the making of certificates reads."""
     system = OSCILLATOR if d == 1 else Hamiltonian(q="a b", p="c d", H="(c**2 + d**2)/2 + a**2 + b**2")
     start = SimpleNamespace(name="start", times=times)
     q, p = (1.0,) * d, (0.0,) * d
@@ -334,7 +334,7 @@ def test_missing_folders_are_created(tmp_path):
 
 
 class Flow:
-    """Stand-in for an integrator whose state does not change."""
+    """Stand-in for a Taylor integrator: its time advances and its state does not change."""
 
     def __init__(self):
         self.state, self.time = np.ones(2, np.longdouble), np.longdouble(0)

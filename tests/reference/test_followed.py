@@ -104,7 +104,7 @@ def test_the_horizon_ends_where_the_runs_part(monkeypatch):
 
 
 def wall(q: float):
-    """The problem of the wall, started at rest at q."""
+    """The problem of the wall (a potential `WALL` of one coordinate), started at rest at q."""
     return from_formula(WALL, [q], [0.0], {})
 
 

@@ -362,7 +362,7 @@ def test_a_single_nan_ends_the_rows(where):
 
 
 class FakeSystem(SimpleNamespace):
-    """Stand-in for a system with given energies."""
+    """Stand-in for a system whose energies are given as H."""
 
     def observe(self, H, q, p):
         return np.asarray(H)

@@ -66,7 +66,7 @@ def truth(name):
 
 
 def solve(name, peer, refinement=1, tol=None):
-    """Solution with rows at the quarters of the span; it must be ok."""
+    """A peer's solution with rows at the quarters of the problem's span; fail if its status is not "ok"."""
     end, steps = SPANS[name]
     steps *= refinement
     s = integrate_peer(cached_problem(name), peer, h=end / steps, steps=steps, save_every=steps // 4, tol=tol)

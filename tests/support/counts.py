@@ -117,7 +117,10 @@ def in_lanes(label: str) -> dict:
 
 
 def kernel_counts(prepared, d: int, h: float, q, p) -> dict:
-    """Counts of a kernel that is called as `integrate` calls it: for two steps, then for the last one."""
+    """Counts of steps, gradients, fallbacks and Newton solves of a kernel called as `integrate` calls it.
+
+    It is called for two steps, then for the rest.
+    """
     run = lay_out(prepared, d, h, q, p)
     for every in (2, STEPS - 2):
         run(np.zeros((1, d)), np.zeros((1, d)), np.zeros((1, 1)), every)

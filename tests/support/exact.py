@@ -60,7 +60,7 @@ def systems_for(what: str, label: str) -> list[str]:
 
 
 def cells(what: str) -> list[tuple[str, str]]:
-    """(label, system) of all cells measured here."""
+    """All (label of a method, system) for which a measurement is made in this module."""
     return [(label, name) for label in ALL for name in systems_for(what, label)]
 
 

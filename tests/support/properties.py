@@ -107,12 +107,12 @@ def lam_of(record, case: Case):
 
 
 def start(case: Case):
-    """Initial state (q, p) of a case."""
+    """Initial state (q, p) of a random system, as one vector."""
     return vector([*case.q, *case.p])
 
 
 def symplecticity(record, case: Case):
-    """Defect of the symplectic form on one pair of tangent vectors."""
+    """Defect of the symplectic form, on one pair of tangent vectors, in a step on a random system."""
     record, h = lam_of(record, case)
     return pair_defect(lambda y: advance(case.system, record, y, h), start(case))
 
@@ -151,19 +151,19 @@ def change(quantity: Callable, record, case: Case):
 
 
 def energy(record, case: Case):
-    """Change of H in two steps."""
+    """Change of H of a random system in two steps."""
     H = case.system.energy("multiprecision")
     return change(lambda q, p: H(q, p)[0], record, case)
 
 
 def linear(record, case: Case):
-    """Change of the case's linear invariant in two steps."""
+    """Change of a random system's linear invariant w.(q, p) in two steps."""
     w = np.array(case.linear, dtype=object)
     return change(lambda q, p: w @ np.concatenate([q, p]), record, case)
 
 
 def bilinear(record, case: Case):
-    """Change of the case's invariant q.D p in two steps."""
+    """Change of a random system's invariant q.D p in two steps."""
     D = np.array(case.bilinear, dtype=object)
     return change(lambda q, p: q @ D @ p, record, case)
 
@@ -197,7 +197,10 @@ def examples(what: str, record) -> int:
 
 
 def measure_property(what: str, id: str) -> dict:
-    """{"drawn", "judged": numbers of cases, "worst": largest defect, "case": where it occurs}."""
+    """The largest violation of a property by a method over random systems.
+
+    {"drawn", "judged": numbers of systems, "worst": largest defect, "case": where it occurs}.
+    """
     record = method(id)
     found = {"drawn": 0, "judged": 0, "worst": 0.0, "case": ""}
     for case in draw_cases(*systems(what, record), examples(what, record)):

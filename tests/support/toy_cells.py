@@ -49,7 +49,7 @@ def lack(n: int) -> dict:
 
 
 def double(x: float) -> dict:
-    """Twice a number, and the id of the process."""
+    """Twice a number, and the id of the process, as a row."""
     return {"twice": 2 * x, "process": os.getpid()}
 
 
