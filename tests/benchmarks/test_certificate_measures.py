@@ -86,7 +86,7 @@ def test_exception_in_a_step_is_not_a_divergence():
 
 
 def test_energy_error_and_slope_of_a_run():
-    """Exact values for H = p^2/2 with a step that adds to p."""
+    """Energy error and its slope in time against a closed form, for a step on H = p^2/2 that increases p."""
     entry = battery.Entry("flat", battery._one("p**2/2 + 0*q"), (0.0, 1.0))
 
     def pushed(system, q, p, h):
@@ -227,7 +227,7 @@ TRAPEZOIDAL = {"A": [[0, 0], ["1/2", "1/2"]], "b": ["1/2", "1/2"]}
     ],
 )
 def test_one_step_of_a_tableau(record, end, slopes):
-    """On the harmonic oscillator from (1, 0) at h = 1/2; an explicit method evaluates each stage once."""
+    """A Runge-Kutta step on the oscillator from (1, 0) at h = 1/2; an explicit method evaluates each stage once."""
     stepper = Stepper(subject(record), battery.oscillator())
     assert stepper(np.array([1.0, 0.0]), 0.5) == pytest.approx(end, abs=1e-15)
     assert slopes is None or list(stepper.system.evaluations) == [slopes, slopes]

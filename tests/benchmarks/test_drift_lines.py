@@ -47,7 +47,7 @@ def test_alternating_error_has_no_drift():
 
 
 def test_neighbouring_blocks_have_unequal_lengths():
-    """A jump changes the slope of its own block only."""
+    """The lengths of the blocks are found by a jump in the series, which changes the slope of its own block most."""
     t = np.arange(1200.0)
     owner = [int(np.argmax(np.abs(module._slopes(t, (t > at).astype(float))))) for at in range(0, 1199, 4)]
     lengths = np.bincount(owner, minlength=module.BLOCKS) * 4

@@ -160,7 +160,7 @@ def test_state_error_by_kind_of_summation():
 
 @pytest.mark.parametrize("exponent", [0.5, 1.0])
 def test_interval_of_the_growth_exponent_covers(exponent):
-    """Random walks (exponent 1/2) and straight lines with random slopes (exponent 1)."""
+    """In 16 of 20 draws the interval contains the exponent: 1/2 of random walks, 1 of lines with random slopes."""
     generator, n = np.random.default_rng(0), 10 * 2 ** np.arange(10)
     covered = 0
     for _ in range(20):

@@ -85,7 +85,7 @@ def test_both_solvers_must_agree():
 
 @pytest.mark.parametrize(("ratio", "outcome"), [(0.1, PASS), (0.9, FINDING), (1.5, FINDING)])
 def test_long_step_is_faster_by_its_whole_interval(ratio, outcome):
-    """The interval reaches from ratio / 1.2 to 1.2 ratio."""
+    """The verdict is on the whole interval of the ratio of times, from ratio / 1.2 to 1.2 ratio."""
     found = judge(solvers_page.faster, rows(long=ratio))
     assert found.measured == Range(ratio / 1.2, ratio * 1.2)
     assert found.outcome == outcome

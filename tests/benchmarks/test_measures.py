@@ -158,7 +158,7 @@ def test_nearest_recipes_have_known_columns(ways):
 
 
 def test_recipe_with_one_step_more():
-    """At t = 1 + h the states for h and 2 h differ by h times the velocity: the column halves."""
+    """States one step after t = 1 differ, between h and 2 h, by h times the velocity: the column halves with h."""
     recipe = recipes.Recipe("", method("implicit-midpoint"), beyond=1)
     column = recipe.column(problem("henon-heiles:chaotic"))
     assert all(1.95 < a / b < 2.05 for a, b in pairwise(column))
@@ -361,7 +361,7 @@ def test_control_wrong_loop_is_detected(right, wrong, monkeypatch):
 
 @needs_compiler
 def test_kicks_are_merged_only_on_request():
-    """Merging changes the last digits of the state."""
+    """The C loop merges neighbouring kicks, which changes the last digits of the state, only on request."""
     made = problem("pendulum")
     assert c_loop.source(made.system) == c_loop.source(made.system, False) != c_loop.source(made.system, True)
     ends = {merged: c_loop.Loop(made, merged).run(0.1, 1000)[1].tolist() for merged in (False, True)}

@@ -59,7 +59,7 @@ def pericentre(e, mu):
 
 
 def test_averaged_model_is_first_order_in_mu():
-    """Its radial period and advance are wrong by O(mu^2), the Kepler period by O(mu)."""
+    """The averaged model's radial period and advance are wrong by O(mu^2), the Kepler model's period by O(mu)."""
     wrong = {}
     for mu in (1e-3, 1e-4):
         averaged = one_body.kepler_models(0.3, mu)[2]
@@ -77,7 +77,7 @@ def test_averaged_model_is_first_order_in_mu():
 
 
 def test_soft_chain_is_accurate_to_its_order_in_omega():
-    """The difference times omega^2 falls with omega if all terms of that order are there, else it stays."""
+    """The model's error times omega^2 falls with omega if the model has all terms of that order; else it stays."""
     far = {}
     for omega in (50.0, 150.0):
         true = end(problem("fpu", omega=omega), 2.0)[:3]
@@ -137,7 +137,7 @@ def test_linear_waves_lack_only_the_nonlinear_term():
 
 
 def test_uncertainty_of_a_model_reference():
-    """Three times the difference of its two finest runs (here of error 1 / steps), and at least a few round-offs."""
+    """It is three times the difference of the two finest runs (here of error 1 / steps), at least some round-off."""
     model = SimpleNamespace(steps=[1, 2, 4], quantity=END_STATE, values=lambda id, steps: np.array([1 + 1 / steps]))
     values, uncertainty = measure.reference(model)
     assert list(values) == [1.125]

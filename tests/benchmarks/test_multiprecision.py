@@ -111,7 +111,7 @@ def test_order_is_observed(made_up, name, order):
 
 @pytest.mark.parametrize("order", [2, 6])
 def test_symplecticity_defect(made_up, order):
-    """From the full Jacobian; for a high order, from a pair of vectors."""
+    """It is measured from the full Jacobian; for a high order, from one pair of tangent vectors."""
     found = {name: multiprecision.defect(replace(m, order=order), "pendulum") for name, m in made_up.items()}
     assert max(found[name] for name in ("leapfrog", "kick first", "drift first")) < 1e-20
     assert found["euler"] > 1e-5

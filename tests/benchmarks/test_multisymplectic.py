@@ -152,7 +152,7 @@ def test_tangents_with_a_variable_parameter_keep_energy(name):
 
 
 def test_tableaus_are_the_textbooks():
-    """Gauss, Radau IIA, the midpoint rule and symplectic Euler."""
+    """The box schemes have the tableaus of Gauss, Radau IIA, the midpoint rule and symplectic Euler."""
     made, off = schemes.__wrapped__(), np.sqrt(3) / 6
     wanted = {
         "gauss-box": ([[1 / 4, 1 / 4 - off], [1 / 4 + off, 1 / 4]], [1 / 2, 1 / 2]),
@@ -187,7 +187,10 @@ def canonical_system(space) -> Hamiltonian:
     [("euler-box", "symplectic-euler-p"), ("preissmann-box", "implicit-midpoint")],
 )
 def test_box_scheme_is_a_method_in_time(id, method):
-    """Against the kernels of the package, which share no code with it; half the step is the control."""
+    """A box scheme equals a method of the package on the equation discretized in space; control: half the step.
+
+    Both share no code.
+    """
     equation, y, _, dx = case("nls", FEW)
     chosen = scheme(id)
     system = canonical_system(chosen.division(equation, FEW, dx))
@@ -199,7 +202,7 @@ def test_box_scheme_is_a_method_in_time(id, method):
 
 
 def test_staggered_grid_is_that_of_the_wave_problems(name):
-    """Central differences in space, as in the registered problems."""
+    """The staggered grid has the central differences in space of the registered wave problems."""
     made = problem(name, N=N, L=LENGTH)
     equation, y, _, dx = case(name)
     q, p = np.split(y.T.ravel() * np.sqrt(dx), 2)

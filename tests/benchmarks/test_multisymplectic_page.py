@@ -74,7 +74,7 @@ def test_steps_without_a_root_are_added_up():
 
 
 def test_residuals_at_round_off_have_no_order():
-    """The last of the ladder is exactly ten units; the others fall as h^4."""
+    """An order needs three residuals above ten units of round-off; those at round-off are left out."""
     last = {laws.ENERGY: {3: 10 * ROUND_OFF}}
     assert judge(spacetime_page.energy_order, last).measured == Count(1, 1)
     none = {laws.ENERGY: dict.fromkeys(range(4), ROUND_OFF)}

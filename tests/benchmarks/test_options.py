@@ -348,7 +348,7 @@ def test_page_with_one_table_or_none(tmp_path):
 
 
 def test_table_keeps_the_order_of_the_scenes():
-    """In the order of measurement, not of the names."""
+    """The pages' tables list scenes in the order of measurement, not of their names."""
     names = ("z", "a", "m")
     ladder = pd.concat([rungs(ladders.COMPOSITION, s, **RISING) for s in names])
     found = page.table({ladders.TABLE: ladder}.get)

@@ -86,7 +86,7 @@ def test_trace_just_below_2_has_no_touch():
 
 
 def test_gauss_touches_where_its_phase_is_pi():
-    """R = (1 - z^2/12 + i z/2) / (1 - z^2/12 - i z/2) is -1 at z^2 = 12."""
+    """The stability function R = (1 - z^2/12 + i z/2) / (1 - z^2/12 - i z/2) is -1 at z^2 = 12."""
     found = oscillator.find(integrator("gauss-2"))
     assert found.limit is None
     assert np.allclose(found.touches, [math.sqrt(12)], atol=1e-6)

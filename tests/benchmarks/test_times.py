@@ -80,7 +80,10 @@ MINE, REFERENCE = np.full(9, 3e-3), np.full(9, 1e-4)
 
 
 def test_factor_is_measured_through_the_reference():
-    """100 evaluations take 30 runs of the reference; 50 take 15, which is 30 times the stored share 0.5."""
+    """A step's time over the fastest stored method's, which takes 0.5 of a reference run by the stored table.
+
+    100 evaluations take 30 reference runs; 50 take 15, a factor of 30.
+    """
     found = times.times_row(ROW, KNOWN, 100.0, {"mine": MINE, "reference": REFERENCE})
     assert [(e["error"], e["fastest"]) for e in found["errors"]] == [(1e-2, "a"), (1e-4, "b")]
     assert [e["factor"] for e in found["errors"]] == pytest.approx([30.0, 60.0])

@@ -130,7 +130,7 @@ def test_slow_failures_are_limited_in_total_time():
 
 
 def test_one_slow_failure_does_not_end_a_ladder():
-    """The first run may include compilation."""
+    """A single slow run that fails may be the first one, which includes compilation."""
     _, (one,) = climb_laws(Law("one", 4, 1e-8, fails=60, failing=2 * race.WASTED))
     assert [r.status for r in one.rungs][:2] == ["no-root", "ok"]
     assert not one.dropped

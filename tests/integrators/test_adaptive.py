@@ -99,7 +99,7 @@ def test_the_initial_density_is_half_a_step_ahead(id):
 
 
 def test_density_and_its_rate_near_two_singularities(tmp_path, monkeypatch):
-    """The monitor G is the rate of change of log(1 / sigma) along the motion."""
+    """The density of steps is a function of both distances; its logarithm's rate G is checked by differences."""
     monkeypatch.setenv("PHASEBENCH_CACHE", str(tmp_path))  # the generated code is tested, not a cached copy
     names = ["sqrt(x**2 + y**2)", "sqrt((x - 3)**2 + y**2)"]
     H = "u**2/4 + v**2 - " + " - ".join(f"1/{r}" for r in names)
@@ -141,7 +141,7 @@ def test_eccentric_orbits_cost_less_than_with_fixed_steps():
 
 
 def test_an_orbit_in_a_rotating_frame():
-    """For ten periods, with fewer evaluations than fixed steps."""
+    """Ten Kepler periods in a rotating frame are more accurate, with fewer evaluations, than with fixed steps."""
     made = problem("kepler", e=0.9)
     q, p, t_end = np.array(made.q0), np.array(made.p0), 10 * PERIOD
     turn = np.array([[np.cos(RATE * t_end), np.sin(RATE * t_end)], [-np.sin(RATE * t_end), np.cos(RATE * t_end)]])

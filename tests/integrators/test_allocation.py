@@ -101,7 +101,7 @@ def test_only_arrays_are_compiled_with_the_runtime():
 
 
 def test_control_the_compiler_refuses_allocations():
-    """The option makes compilation fail; it is not a mere hint."""
+    """Without Numba's runtime, code that allocates does not compile: the option is not a mere hint."""
 
     def allocates(n):
         return np.empty(n).sum() * 0.0

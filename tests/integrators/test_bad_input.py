@@ -112,7 +112,7 @@ def test_an_invalid_grid_is_refused(arguments, message):
 
 
 def test_a_step_is_lengthened_by_one_percent_at_most():
-    """It may be shortened by any amount so that it divides the span."""
+    """So that h divides the span it may be shortened by any amount, but lengthened by 1 % at most."""
     assert grid(h=0.995, t_end=2.0) == (1.0, 2)
     assert grid(h=1.2, t_end=2.0) == (1.0, 2)
     assert grid(t_end=2.8, steps=1) == (2.8, 1)

@@ -334,7 +334,7 @@ def test_probes_at_which_a_function_raises_are_skipped():
 
 
 def test_a_hidden_dependence_is_reported():
-    """A function whose branch hides a dependence at the probes."""
+    """A function is refused if a branch hides a dependence at the points where its sparsity is probed."""
 
     def honest(x):
         return x + np.roll(x, 1)

@@ -122,7 +122,7 @@ def test_machine_code_with_a_missing_file_is_compiled_again(place, suffix):
 
 @pytest.mark.parametrize("content", [b"", b"no pickle", b"\x80\x04K\x01.", b"cphasebench.nothing\nsuch\n."])
 def test_unusable_content_is_compiled_again(place, content):
-    """Sealed, so that the seal does not tell."""
+    """An entry whose content cannot be loaded, though its seal is valid, is compiled again."""
     compile_or_load()
     (home,) = place.iterdir()
     for path in files(place):

@@ -97,7 +97,7 @@ CONDITIONS = [
 
 @pytest.mark.parametrize(("which", "orders"), CONDITIONS)
 def test_simplifying_assumptions(which, orders):
-    """With control: one wrong coefficient violates them."""
+    """The tableaus satisfy the assumptions B, C and D; control: one wrong coefficient violates them."""
     kind, s, second = which
     with mpmath.workdps(DIGITS):
         A, conjugate, b, c = tableaus.runge_kutta(kind, s)
@@ -269,7 +269,7 @@ def mean_momentum_error(id):
 
 
 def test_angular_momentum_does_not_drift(monkeypatch):
-    """Control: with plainly rounded coefficients it drifts."""
+    """The mean error of long runs is not significant; control: with plainly rounded coefficients it is."""
     mean, doubt = mean_momentum_error(BY_ID["gauss-2"])
     assert abs(mean) < 4 * doubt
     with monkeypatch.context() as patch:
@@ -325,7 +325,7 @@ def phase_error(id):
 
 @pytest.mark.parametrize("lanes", [True, False])
 def test_the_phase_error_has_no_bias(monkeypatch, lanes):
-    """Control: with plainly rounded weights it has."""
+    """The mean phase error is not significant; control: with plainly rounded weights it is."""
     monkeypatch.setattr("phasebench.integrators.compile.preparation.ENABLED", False)
     if not lanes:
         monkeypatch.setattr(gauss_lanes, "serves", lambda s, system: False)
@@ -405,7 +405,7 @@ def by_matrices(e, K, x):
 @pytest.mark.parametrize("name", HESSIANS)
 @pytest.mark.parametrize("id", ["gauss-3", "lobatto-iiia-iiib-3", "radau-iia-3", "hbvm-4-2", "hbvm-6-3"])
 def test_a_sweep_evaluates_the_slopes_at_the_nodes(id, name):
-    """It returns the norms of the change and of the new increments."""
+    """A sweep writes h B f at the nodes, and returns the norms of the change and of the new increments."""
     (e, at), K = stages(id, name), HESSIANS[name]
     x = e.memory[at : at + e.stages].copy()
     told = collocation.sweep(e, at, at + e.stages)

@@ -42,7 +42,7 @@ def test_kernel_and_solution_report_the_same_counts(counts_of, label):
 
 @pytest.mark.parametrize("label", counts.ALL)
 def test_steps_are_counted_and_only_long_ones_need_newton(counts_of, label):
-    """Variable-step methods may take more or fewer steps."""
+    """Methods of fixed steps count every step; Newton's method is used in the runs with long steps only."""
     for name, told in counts_of(label).items():
         assert told["steps"] == counts.STEPS or counts.ALL[label].family in VARYING, name
         assert (told["newton"] > 0) == (name in counts.LONG), name

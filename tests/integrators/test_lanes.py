@@ -356,7 +356,7 @@ def test_the_number_of_lanes_and_unused_lanes(s):
 
 @pytest.mark.parametrize("s", [2, 3, 5, 8])
 def test_double_coefficients_are_exactly_symplectic(s):
-    """For kicks and for both increments as unknowns."""
+    """In both forms of the stage equations: kicks as the unknowns, and both increments (dq, dp)."""
     for made, kicks in ((BOX.system, True), (of_fields("quartic"), False)):
         step = gauss_lanes.build_lanes(s, made, "double")
         assert (step.inverse_mass is not None) == kicks
@@ -369,7 +369,7 @@ def test_double_coefficients_are_exactly_symplectic(s):
 
 
 def test_coefficients_have_the_digits_in_use(monkeypatch):
-    """Whether or not functions for lanes exist in this process."""
+    """Coefficients for lanes have the digits of the working precision even where no functions for lanes exist."""
     monkeypatch.setattr(gauss_lanes, "functions", lambda *_: (None, None))
     with precision(30):
         step = gauss_lanes.build_lanes(3, BOX.system, MULTIPRECISION)
@@ -389,7 +389,7 @@ STIFF = "p1**2/2 + p2**2/6 + 1250*q1**2 + q2**2/2 + q1*q2"
 
 @pytest.mark.parametrize("rest", ["q1**4", "q1**2*p1**2/10"])
 def test_newton_in_lanes_takes_over(monkeypatch, rest):
-    """For kicks and for both increments as unknowns."""
+    """In both forms of the stage equations: kicks as the unknowns, and both increments (dq, dp)."""
     stiff = Hamiltonian(q="q1 q2", p="p1 p2", H=f"{STIFF} + {rest}")
     lanes, rows = both(monkeypatch, stiff, 3, h=0.2, steps=20, q0=[0.9, 0.2], p0=[3.0, -0.4])
     assert lanes.counts["newton"] == rows.counts["newton"] == 20
@@ -410,7 +410,7 @@ def test_newton_scales_differences_by_what_moves(h, moving):
 
 @pytest.mark.parametrize("rest", ["q1**4", "q1**2*p1**2/10"])
 def test_a_run_writes_all_of_its_memory(rest):
-    """Except for fewer rows than the unit in which it is allocated."""
+    """A run overwrites the memory allocated for it; fewer rows than one unit of allocation remain."""
     stiff = Hamiltonian(q="q1 q2", p="p1 p2", H=f"{STIFF} + {rest}")
     layout = lay_out(prepare(method("gauss-3"), stiff), 2, 0.2, np.array([0.9, 0.2]), np.array([3.0, -0.4]))
     layout.carry.memory.fill(0.123)

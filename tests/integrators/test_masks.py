@@ -118,7 +118,7 @@ def test_the_condition_of_a_single_orbit_is_a_bool():
 
 
 def test_the_number_of_lanes_follows_from_the_processor(monkeypatch):
-    """Two registers of doubles."""
+    """There are as many lanes as doubles in two of the processor's vector registers."""
     for features, doubles in (("+avx512f,+avx", 8), ("-avx512f,+avx", 4), ("+sse2,-avx", 2), ("", 2)):
         monkeypatch.setattr(masks.config, "CPU_FEATURES", features)
         assert masks._native() == doubles

@@ -63,7 +63,7 @@ def test_the_structure_is_skew_and_satisfies_jacobi(system):
 
 
 def test_control_a_structure_without_the_jacobi_identity():
-    """v = (y2, 0, 1) has v . curl v = -1."""
+    """B(y) from v = (y2, 0, 1), which has v . curl v = -1, violates the Jacobi identity."""
     system = three(["y2", "0", "1"], BODY)
     assert any(e != 0 for e in jacobi_defects(system.B, (*system.q, *system.p)))
 

@@ -40,7 +40,7 @@ def end(s):
 @pytest.mark.parametrize(("P", "h"), [(BOX, 0.05), (KEPLER, 0.01)], ids=["box", "kepler"])
 @pytest.mark.parametrize("id", RELAXED)
 def test_energy_is_conserved_to_round_off(P, h, id):
-    """Control: without relaxation it drifts."""
+    """With relaxation H is conserved to round-off; control: without it H drifts."""
     h *= LONGER.get(id, 1)
     s, plain = (integrate(P, m, h=h, t_end=1000) for m in (RELAXED[id], RELAXED[id].data[0]))
     assert s.status == "ok"

@@ -192,7 +192,7 @@ def test_with_minimal_quadrature_it_is_a_known_method(id):
 
 
 def test_with_more_nodes_it_is_a_new_method():
-    """The differences are also the control of the equalities."""
+    """Its steps differ from those of the known methods, which differ from one another too (control)."""
     assert set(IDS) == {*OTHERS, "variational-2-3"}
     ends = [*(f() for f in OTHERS.values()), end("variational-2-3")]
     for i, a in enumerate(ends):

@@ -342,7 +342,7 @@ def test_planets_compiled_and_uncompiled_agree(uncompiled, in_lanes, id):
 
 @pytest.mark.parametrize("part", [jacobi([1, 2], 1), jacobi([1] * 17, 1), KeplerPart(3, (1, sp.sqrt(2), 1), (0, 1, 1))])
 def test_kepler_parts_without_lanes(in_lanes, part):
-    """The system is not inspected for these Kepler parts."""
+    """For these Kepler parts lanes are not used, whatever the rest of the system is."""
     in_lanes()
     assert planet_pairs.prepare(part, None, {}) is None
 

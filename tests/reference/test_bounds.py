@@ -265,7 +265,7 @@ def test_the_horizon_for_exponential_growth():
 
 
 def test_the_horizon_is_robust_to_displacement_and_order(chaotic):
-    """Their effect exceeds that of another machine's round-off."""
+    """The horizon stays in its band for another displacement and tolerance, which change more than another machine."""
     other = horizon.rounding(problem(CHAOTIC), GRID, horizon.OTHER)
     low, high = chaotic.band
     assert all(a <= t <= b for a, t, b in zip(low, other.span(), high, strict=True))

@@ -25,7 +25,7 @@ WALL = "p**2/2 + exp(-40*q) + q"
 @pytest.mark.processor
 @pytest.mark.parametrize("label", SAMPLE)
 def test_uncertainties_at_arbitrary_times_hold(label):
-    """At a few of the experiment's times; its page has all."""
+    """The stated uncertainty bounds the error at a few of the times that the experiment's page has."""
     made = problem(label)
     rows = odd.error_rows(made, odd.times(made)[:: odd.TIMES // 4])
     assert odd.beyond(rows) == []

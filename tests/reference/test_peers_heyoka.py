@@ -174,7 +174,7 @@ def test_the_variants_of_a_peer():
 
 @pytest.mark.parametrize("id", IDS)
 def test_integrators_are_cached_and_restarted(id):
-    """Another orbit, a divergence or another tolerance between two runs has no effect."""
+    """A run is not affected by one before it with another orbit, tolerance or a divergence."""
     made = problem("henon-heiles:box")
     first = integrate_peer(made, id, h=0.5, t_end=T_END)
     integrate_peer(made, id, h=0.5, t_end=3.0, q0=[0.0, 50.0], p0=[0.0, 50.0])

@@ -439,7 +439,7 @@ def test_other_modes_of_ias15_have_a_larger_least_tolerance(mode):
 
 @pytest.mark.timeout(60)
 def test_an_escape_in_finite_time_ends_the_run():
-    """REBOUND limits neither distances nor the number of steps, which would shrink for ever."""
+    """A run whose orbit escapes in finite time is ended here: REBOUND would shrink its steps for ever."""
     solution = integrate_peer(problem("henon-heiles:chaotic"), "rebound-bs", tol=1e-2, t_end=1e4, steps=1)
     assert solution.status == "diverged"
     assert "farther away than 1e+12" in solution.reason
