@@ -1,4 +1,4 @@
-"""The shipped tables: saved and loaded unchanged, and each file equals what its rows give."""
+"""The shipped tables: saved and loaded unchanged, and each file equals what is derived anew from its rows."""
 
 from __future__ import annotations
 

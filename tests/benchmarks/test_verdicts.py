@@ -429,7 +429,7 @@ def test_methods_without_an_energy_loss_are_counted():
 
 
 def losses(*rows) -> dict[str, str]:
-    """{method: the h omega at which its energy is lost}, as the page's table shows it."""
+    """{method: the step sizes at which its energy is lost}, as the page's table shows them."""
     shown = oscillatory.table({"oscillatory": frame(*rows)}.get).frame
     return dict(zip(shown["method"], shown["where it is lost"], strict=True))
 

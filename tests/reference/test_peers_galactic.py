@@ -189,7 +189,7 @@ def test_the_number_of_steps_to_a_row_is_not_truncated():
     assert int(0.3 / 0.1) == 2
 
     def asked(h, stride):
-        """The times at which rows are requested from galpy, for a row every ``stride`` steps of h."""
+        """(times requested from galpy, steps between rows, options) for steps h and a row every ``stride`` steps."""
         start, system = np.zeros(2), cached_problem("henon-heiles").system
         return galpy._times("leapfrog_c", False, Task(system, system, start, start, h, [0, stride], [0.0], None))
 

@@ -21,7 +21,7 @@ def measure(n: int, seconds: float = 0.0) -> dict:
 
 
 def measure_moved(n: int, seconds: float = 0.0) -> dict:
-    """The made-up measurement with one number changed, as if the code had changed."""
+    """The made-up measurement `measure` with one number changed."""
     found = measure(n, seconds)
     found["toys"][0]["x"] = 0.29
     return found
