@@ -26,7 +26,7 @@ REBOUND, KEPLER = "phasebench.reference.peers.rebound", "phasebench.benchmarks.p
 
 @pytest.fixture(scope="module", autouse=True)
 def unchanged_sources_are_parsed_once():
-    """What a source says depends on its text alone; digests are computed anew after each edit."""
+    """Cache the two functions that parse sources by the source's text, so that only edited files are parsed again."""
     with pytest.MonkeyPatch.context() as patch:
         for function in (sources.essence, sources.imports):
             patch.setattr(sources, function.__name__, cache(function))

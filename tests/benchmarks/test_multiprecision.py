@@ -47,7 +47,7 @@ STEPS = {
 
 @pytest.fixture
 def made_up(monkeypatch):
-    """Replace `advance`, so that a method takes the step named by its id; return these methods by name."""
+    """{name: method} of made-up steps; `multiprecision.advance` is replaced by the step named by a method's id."""
 
     def advance(system, record, y, h, steps=1):
         f, h = system.vector_field(MULTIPRECISION), multiprecision.to_number(h, MULTIPRECISION)
@@ -111,7 +111,7 @@ def test_order_is_observed(made_up, name, order):
 
 @pytest.mark.parametrize("order", [2, 6])
 def test_symplecticity_defect(made_up, order):
-    """From the full Jacobian; for a high order, from a pair of vectors."""
+    """It is measured from the full Jacobian; for a high order, from one pair of tangent vectors."""
     found = {name: multiprecision.defect(replace(m, order=order), "pendulum") for name, m in made_up.items()}
     assert max(found[name] for name in ("leapfrog", "kick first", "drift first")) < 1e-20
     assert found["euler"] > 1e-5

@@ -25,7 +25,7 @@ ROUND_OFF = 1e-13
 
 
 def loop(name, function, N, arithmetic="double"):
-    """A loop of a problem, not compiled."""
+    """A wave problem's handwritten loop of this name, such as "field", for N grid points, not compiled."""
     module = MODULES[name]
     return uncompiled_loop(
         function, getattr(module, function), [to_number(c, arithmetic) for c in module.constants(N, LENGTH)]
@@ -50,7 +50,7 @@ def small(name) -> Hamiltonian:
 
 
 def from_formula(system, q, p):
-    """(H_p, -H_q, H, M) from the formula; H is known to eps M."""
+    """(H_p, -H_q, H, M) at (q, p) from the formula of H; M is the scale of its round-off eps M."""
     y = value(*q), value(*p)
     dq, dp = system.field()(*y, 0.0, 0.0)
     return np.array(dq), np.array(dp), *system.energy()(*y)

@@ -92,7 +92,7 @@ def test_an_installation_is_complete(installation, elsewhere):
 
 
 def files(folder: Path) -> set[str]:
-    """Relative paths of the files below a folder that Python or the suite reads."""
+    """Relative paths of the files below a folder, without documentation and bytecode."""
     found = (p for p in folder.rglob("*") if p.is_file() and p.suffix != ".md" and "__pycache__" not in p.parts)
     return {p.relative_to(folder.parent).as_posix() for p in found}
 

@@ -112,7 +112,7 @@ def test_an_invalid_grid_is_refused(arguments, message):
 
 
 def test_a_step_is_lengthened_by_one_percent_at_most():
-    """It may be shortened by any amount so that it divides the span."""
+    """So that h divides the span it may be shortened by any amount, but lengthened by 1 % at most."""
     assert grid(h=0.995, t_end=2.0) == (1.0, 2)
     assert grid(h=1.2, t_end=2.0) == (1.0, 2)
     assert grid(t_end=2.8, steps=1) == (2.8, 1)
@@ -166,7 +166,7 @@ OTHERS = [x for x, m in ALL.items() if not m.lacks(LOTKA.system)]
 
 @pytest.mark.parametrize("label", OTHERS)
 def test_methods_that_fit_the_system_run(uncompiled, label):
-    """Measured without compilation; traits are checked before anything is compiled."""
+    """Run without compilation, as a system is checked for what the method needs before anything is compiled."""
     assert uncompiled("integrators/test_bad_input.py")[label] == OK
 
 

@@ -40,7 +40,7 @@ def lattice(name, d=None, constants=None):
 
 
 def ends(system, id, start, h, steps=15, **parameters):
-    """(solution, end state) of a run."""
+    """(solution, end state) of a run from these initial data."""
     s = integrate(system, id, h=h, steps=steps, parameters=parameters, **start)
     return s, np.concatenate([s.q[-1], s.p[-1]])
 
@@ -240,7 +240,7 @@ for _name in ("__mul__", "__rmul__", "__truediv__", "__rtruediv__", "__sub__", "
 
 
 def operations(n, width):
-    """Number of operations to factorize and to solve once."""
+    """Number of arithmetic operations to factorize a banded matrix and to solve with it once."""
     A = np.zeros((n, 3 * width + 2), object)
     A[:, : 2 * width + 1] = np.random.default_rng(1).normal(size=(n, 2 * width + 1))
     A[...] = np.vectorize(CountedFloat, otypes=[object])(A)
@@ -277,7 +277,7 @@ def test_matrix_size_grows_linearly_with_the_lattice(name):
 
 
 def ring(n, f=lambda x: x * x):
-    """(function of neighbour differences on a ring, list with an entry per evaluation)."""
+    """(function of neighbour differences of x on a ring, list that gets an entry at each evaluation)."""
     calls = []
 
     def slope(x):
@@ -334,7 +334,7 @@ def test_probes_at_which_a_function_raises_are_skipped():
 
 
 def test_a_hidden_dependence_is_reported():
-    """A function whose branch hides a dependence at the probes."""
+    """A function is refused if a branch hides a dependence at the points where its sparsity is probed."""
 
     def honest(x):
         return x + np.roll(x, 1)

@@ -122,7 +122,7 @@ def test_machine_code_with_a_missing_file_is_compiled_again(place, suffix):
 
 @pytest.mark.parametrize("content", [b"", b"no pickle", b"\x80\x04K\x01.", b"cphasebench.nothing\nsuch\n."])
 def test_unusable_content_is_compiled_again(place, content):
-    """Sealed, so that the seal does not tell."""
+    """An entry whose content cannot be loaded, though its seal is valid, is compiled again."""
     compile_or_load()
     (home,) = place.iterdir()
     for path in files(place):
@@ -250,7 +250,10 @@ def _hold(seconds: float, holds, content: bytes | None) -> None:
 
 @contextmanager
 def holder(seconds: float, content: bytes | None = None):
-    """Run `_hold` in another process; yields the process once it has the lock."""
+    """Context in which another process holds the lock of entry a.py for ``seconds``, then writes ``content``, if any.
+
+    Yields the process.
+    """
     fork = multiprocessing.get_context("fork")
     holds = fork.Event()
     process = fork.Process(target=_hold, args=(seconds, holds, content))

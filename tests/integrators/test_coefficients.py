@@ -130,7 +130,7 @@ def test_polished_numbers_are_the_nearest_of_their_family(name):
 
 @pytest.fixture
 def edit_table(monkeypatch):
-    """Function that adds a table, or replaces the one of the same name."""
+    """Function that adds a coefficient table to the registered ones, or replaces the one of the same name."""
 
     def enter(table):
         monkeypatch.setitem(BY_NAME, table.name, table)
@@ -189,7 +189,7 @@ OLD = {"b": ["as it was"]}
 
 @pytest.fixture
 def command(monkeypatch, tmp_path, capsys):
-    """Function (tables, stored numbers, names) -> (file that the command writes, what it prints)."""
+    """Function (tables, stored numbers, names) -> (written file, output) of the command that refines coefficients."""
 
     def run(tables, kept, *names):
         monkeypatch.setattr(coefficients, "TABLES", tuple(tables))
@@ -315,7 +315,7 @@ def test_a_table_published_twice_is_the_same(name):
 
 
 def letters(found):
-    """[letter, weight] of the drifts A and kicks B that substeps (c, mu, lambda) consist of, neighbours merged."""
+    """[letter, weight] of the drifts A and kicks B in substeps (length c, mu, lambda), neighbours merged."""
     out = []
     for c, _, lam in found:
         for letter in "BA" if lam == 1 else "AB":
@@ -370,7 +370,7 @@ STEP, STEPS = 0.05, 20
 
 
 def by_hand(table, q, p):
-    """End state of the pendulum after applying the table's kicks and drifts in order."""
+    """End state of a pendulum run from (q, p), with the kicks and drifts of a coefficient table applied in order."""
     for _ in range(STEPS):
         for letter, w in steps(table.name):
             if letter == "B":

@@ -26,7 +26,7 @@ FIELD = 25
 
 
 def longer(label):
-    """Factor by which the method's steps are longer."""
+    """Factor by which a method's steps are longer here: more for high orders and for the family "field"."""
     if ALL[label].family == "field":
         return FIELD
     return LONGER if ALL[label].order >= HIGH else 1
@@ -34,7 +34,7 @@ def longer(label):
 
 @cache
 def energies(label):
-    """(solution, t, H - H0) on the box orbit to t = 2000; H0 = 0.02."""
+    """(solution, t, H - H0) of a method on the Henon-Heiles box orbit to t = 2000; H0 = 0.02."""
     s = integrate(BOX, ALL[label], h=H * longer(label), steps=STEPS // longer(label))
     E = BOX.system.observe(BOX.system.H, s.q, s.p)
     return s, s.t, E - E[0]
@@ -42,14 +42,17 @@ def energies(label):
 
 @cache
 def momenta(label):
-    """(solution, t, L - L0) on the perturbed Kepler problem to t = 120; L0 = 0.8."""
+    """(solution, t, L - L0) of a method on the perturbed Kepler problem to t = 120; the angular momentum L0 is 0.8."""
     s = integrate(KEPLER, ALL[label], h=0.01 * longer(label), steps=12_000 // longer(label))
     L = KEPLER.system.observe(KEPLER.invariants["angular-momentum"], s.q, s.p)
     return s, s.t, L - L[0]
 
 
 def verdict(declared, s, t, error, value):
-    """(whether the errors of an invariant of size ``value`` confirm the declared class, description)."""
+    """(whether an invariant's errors confirm the declared class of conservation, description).
+
+    The invariant has the size ``value``; ``t`` and ``error`` are along the solution s.
+    """
     unit = np.finfo(float).eps * abs(value)
     greatest = np.abs(error).max()
     if declared in (EXACT, ROUND_OFF):

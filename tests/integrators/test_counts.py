@@ -12,7 +12,7 @@ from support import counts, stiff
 
 @pytest.fixture(scope="module")
 def counts_of(of_each):
-    """Function label -> counts of `support.counts.of`."""
+    """Function: label of a method -> its counts from `support.counts.of`, as reported and as called."""
     return of_each(counts)
 
 
@@ -33,7 +33,7 @@ def test_every_evaluation_is_counted_once(counts_of, label):
 
 @pytest.mark.parametrize("label", counts.ALL)
 def test_kernel_and_solution_report_the_same_counts(counts_of, label):
-    """Except steps where they vary: a solution counts steps of length h, a prepared run those that were taken."""
+    """With variable steps the solution counts steps of length h, the kernel of a prepared run those that were taken."""
     own = {"steps"} if counts.ALL[label].family in VARYING else set()
     for name, told in counts_of(label).items():
         for key in set(counts.TOLD) - own:
@@ -42,7 +42,7 @@ def test_kernel_and_solution_report_the_same_counts(counts_of, label):
 
 @pytest.mark.parametrize("label", counts.ALL)
 def test_steps_are_counted_and_only_long_ones_need_newton(counts_of, label):
-    """Variable-step methods may take more or fewer steps."""
+    """Methods of fixed steps count every step; Newton's method is used in the runs with long steps only."""
     for name, told in counts_of(label).items():
         assert told["steps"] == counts.STEPS or counts.ALL[label].family in VARYING, name
         assert (told["newton"] > 0) == (name in counts.LONG), name

@@ -32,7 +32,7 @@ def rows(*states):
 
 @pytest.mark.parametrize(("p", "status"), [(1.0, "ok"), (1.001, "inaccurate")])
 def test_energy_error_up_to_half_the_terms_is_ok(p, status):
-    """H = 1/2 at the start, then 1; the sizes of its terms add up to 1."""
+    """H grows from 1/2 to 1, where the sizes of its terms add up to 1: this is accepted, a little more is not."""
     assert judge(OSCILLATOR, T, *rows((1, 0), (1, p))).status == status
 
 
@@ -73,7 +73,7 @@ def test_bounded_and_growing_energy_errors_are_told_apart():
 
 
 def test_growth_with_conserved_energy_is_reported():
-    """A free fall along y."""
+    """A free fall along y, to 200 times the initial size, is reported unless its energy is lost before."""
     t = np.linspace(0, 20, 41)
     Q, P = np.stack([1 + 0 * t, t**2 / 2], 1), np.stack([0 * t, t], 1)
     said = describe_escape(PLANE, Q, P)

@@ -109,7 +109,7 @@ def test_the_limits_within_which_a_model_is_trusted(limit, beyond):
 
 
 def trusted_model(slope=1.0, curvature=0.0, missed=1e-4, age=0.0, unit=UNIT, streak=1.0):
-    """A model that the next step trusts."""
+    """A model of the energy error with these numbers, in which the next step trusts to predict its root."""
     models = model_of(slope, curvature)
     models[0, [model.MISSED, model.AGE, model.UNIT, model.STREAK]] = missed, age, unit, streak
     return models
@@ -199,7 +199,10 @@ def test_a_root_that_may_not_be_the_nearest_is_not_followed():
 
 
 def search(errors):
-    """(result, model) of a search whose attempts have these errors, in units of round-off, at any x."""
+    """(result, model afterwards) of a root search in which attempt n has the error errors[n], in units of round-off.
+
+    The errors do not depend on the parameter x.
+    """
     models = trusted_model(missed=0.0, unit=EXACT)
     return look([0.0], models, 0.0625, errors=errors, unit=EXACT), models
 
@@ -240,7 +243,7 @@ def test_the_fourth_attempt_may_miss_by_eight_units():
 
 
 def test_secants_need_errors_two_units_apart():
-    """E = 600, then -2 or -2.5: the slope of the model is used in the first case, the secant's in the second."""
+    """Energy errors of 600, then -2 or -2.5 units of round-off: the next slope is the model's, then the secant's."""
     for second, slope in ((-2.0, 1.0), (-2.5, 602.5 / 600)):
         s, models = search([600.0, second, 0.0])
         assert s.tried[2, 0] - s.tried[1, 0] == pytest.approx(-second * EXACT / slope, rel=1e-4, abs=0)

@@ -35,7 +35,7 @@ NO_ENERGY = PartitionedSystem(q="q", p="p", dq=["p"], dp=["-q"])
 
 
 def of(n, system=OSCILLATOR, id="stormer-verlet", **options):
-    """Ensemble of n orbits of the system from q = 1, 2, ..., n, p = 0."""
+    """The ensemble of n orbits of a system from q = 1, 2, ..., n, p = 0."""
     Q = np.arange(1.0, n + 1)[:, None]
     return integrate_ensemble(system, id, Q, 0 * Q, **{"h": 0.1, "steps": 3} | options)
 

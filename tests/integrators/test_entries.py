@@ -1,4 +1,4 @@
-"""Kernels call generated functions by an entry of C's conventions in which the function's code stands."""
+"""Kernels call generated functions through an entry with C's calling convention that holds the function's code."""
 
 from __future__ import annotations
 

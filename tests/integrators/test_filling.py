@@ -83,7 +83,7 @@ def method(order=2):
 
 @pytest.fixture
 def keeping(tmp_path, monkeypatch):
-    """Switch the cache on, in an empty folder, as if kernels were compiled."""
+    """Switch the cache on disk on, in an empty folder, as if kernels were compiled."""
     monkeypatch.setenv("PHASEBENCH_CACHE", str(tmp_path / "cache"))
     monkeypatch.setattr(preparation, "ENABLED", True)
     monkeypatch.setattr(codegen, "compiled", lambda: True)

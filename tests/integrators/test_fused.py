@@ -34,13 +34,13 @@ def fma(a, v, y):
 
 @numba.njit(**vector.ARRAYS)
 def in_arrays(x, c, v):
-    """Apply the sums in place, on arrays."""
+    """Add A v to x with compensations c, in place, by `add_product_in_place` on arrays."""
     vector.add_product_in_place(x, c, A, v)
 
 
 @numba.njit
 def in_tuples(x, c, v):
-    """Apply the sums in place, in tuples of two."""
+    """Add A v to x with compensations c, in place, by `add_product_in_place` on tuples of two numbers."""
     for i in range(0, len(x), 2):
         s, r = vector.add_product_in_place((x[i], x[i + 1]), (c[i], c[i + 1]), A, (v[i], v[i + 1]))
         x[i], x[i + 1] = s
@@ -56,17 +56,17 @@ def _rows(x, c, v):
 
 
 def in_lanes(x, c, v):
-    """Apply the sums in place, in lanes."""
+    """Add A v to x with compensations c, in place, in SIMD lanes."""
     _rows(*(z.reshape(-1, WIDTH) for z in (x, c, v)))
 
 
 def product_rounded(x, c, v):
-    """Control: sums whose product is rounded before it is added."""
+    """Control: add A v to x with compensations c, in place, where the product is rounded before it is added."""
     x[:], c[:] = vector.add(x.copy(), c.copy(), A * v)
 
 
 def sums(how):
-    """(sums, compensations) computed by a function."""
+    """(sums, their compensations) that ``how(x, c, v)``, one of the functions above, leaves in copies of numbers."""
     x, c, v = (z.copy() for z in numbers())
     how(x, c, v)
     return x, c

@@ -37,7 +37,7 @@ def system(d):
 
 
 class Start:
-    """A system of d degrees of freedom with initial data."""
+    """Stand-in for a problem: a system of d degrees of freedom with initial data."""
 
     def __init__(self, d):
         self.system = system(d)
@@ -115,7 +115,7 @@ def test_other_families_stay_on_tuples(id):
 
 @pytest.mark.parametrize("id", [*FAMILY, *NOT_IN_PLACE])
 def test_only_in_place_kernels_use_in_place_functions(id, monkeypatch):
-    """Only from the family's size on."""
+    """Families with kernels that work in place, and no others, ask for in-place functions from their size on."""
     asked = []
     monkeypatch.setattr(inplace, "in_place_version", lambda system, arithmetic, most: asked.append(most) or system)
     kernel.prepare(method(id), system(2))

@@ -28,7 +28,7 @@ CASES = [(e, a, d) for e in ECCENTRICITIES for a in ANOMALIES for d in CHANGES]
 
 
 def on_orbit(e, A, mp=mpmath):
-    """(q, v, t) at anomaly A of an orbit with eccentricity e."""
+    """(q, v, t) in the plane at anomaly A (eccentric, parabolic or hyperbolic) of an orbit with eccentricity e."""
     if e < 1:
         s, c, b, r = mp.sin(A), mp.cos(A), mp.sqrt(1 - e * e), 1 - e * mp.cos(A)
         return [c - e, b * s], [-s / r, b * c / r], A - e * s
@@ -41,7 +41,10 @@ def on_orbit(e, A, mp=mpmath):
 
 
 def flow(q, v, h, arithmetic=DOUBLE, mu=1, mass=1, spoil=None):
-    """Rows (q, p, compensation of q, compensation of p) after the time h by the solver."""
+    """The Kepler solver's state after the time h: rows q, p = mass v, and the compensations of both.
+
+    ``spoil`` may change the table of constants (control).
+    """
     table = array(kepler_flow.constants(arithmetic), arithmetic)
     if spoil is not None:
         spoil(table)
@@ -53,7 +56,7 @@ def flow(q, v, h, arithmetic=DOUBLE, mu=1, mass=1, spoil=None):
 
 
 def doubles(e, A, change):
-    """(q, v, h) of a case, rounded to double."""
+    """(q, v, h) rounded to double: the state at anomaly A of an orbit, and the time in which A grows by ``change``."""
     with mpmath.workdps(DIGITS):
         q, v, t = on_orbit(mpmath.mpf(e), mpmath.mpf(A))
         h = on_orbit(mpmath.mpf(e), mpmath.mpf(A) + mpmath.mpf(change))[2] - t
@@ -83,7 +86,7 @@ def measured_in_40_digits():
 
 @pytest.fixture(scope="module")
 def exact(uncompiled):
-    """Case -> its row of `measured_in_40_digits`."""
+    """{(e, anomaly, change of anomaly): [error, exact increments, condition numbers]} at 40 digits."""
     return dict(zip(CASES, uncompiled("integrators/test_kepler_flow.py"), strict=True))
 
 

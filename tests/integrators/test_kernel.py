@@ -74,7 +74,7 @@ def test_small_compiled_vectors_are_tuples():
 
 
 class Step(NamedTuple):
-    """A toy step with a function, coefficients, a tuple and the step size."""
+    """The step of a toy method, with a function, coefficients, a tuple and the step size."""
 
     f: Any
     c: np.ndarray
@@ -95,7 +95,7 @@ def run(step, carry, samples, counts):
 
 
 def prepare(f=None, rest=(1.0, 3), **more):
-    """`Prepared` of the toy kernel."""
+    """A `Prepared` of the toy kernel with the function f, the tuple ``rest`` and other fields."""
     return Prepared(run, Step(f, kernel.numbers([1, 2], DOUBLE), rest), width=2, stages=1, **more)
 
 

@@ -118,7 +118,7 @@ def test_the_condition_of_a_single_orbit_is_a_bool():
 
 
 def test_the_number_of_lanes_follows_from_the_processor(monkeypatch):
-    """Two registers of doubles."""
+    """There are as many lanes as doubles in two of the processor's vector registers."""
     for features, doubles in (("+avx512f,+avx", 8), ("-avx512f,+avx", 4), ("+sse2,-avx", 2), ("", 2)):
         monkeypatch.setattr(masks.config, "CPU_FEATURES", features)
         assert masks._native() == doubles
@@ -175,7 +175,7 @@ def test_types_that_hold_lanes_are_recognized():
 
 
 class Line(NamedTuple):
-    """The equation x = factor x + constant."""
+    """The coefficients of the equation x = factor x + constant."""
 
     factor: Any
     constant: Any
@@ -183,19 +183,22 @@ class Line(NamedTuple):
 
 @jit
 def line(x, e):
-    """factor x + constant."""
+    """Right-hand side of the equation: factor x + constant."""
     return (e.factor * x[0] + e.constant,)
 
 
 @jit
 def of_one(x, g, e):
-    """The scales of the unknown, the increment of a variable of size 1."""
+    """The scales that the solver asks for, of the unknown and of its variable: both 1."""
     return 1.0, 1.0
 
 
 @pytest.fixture(scope="module")
 def solvers():
-    """Functions (factor, constant, start, span) -> results: of the scalar solver, and of the solver in lanes."""
+    """(scalar solver, solver in SIMD lanes) of x = factor x + constant.
+
+    Each is a function (factor, constant, start, span) -> results.
+    """
     solve, work = solver(line, of_one), np.zeros((4, 4))
 
     @njit(**TUPLES)

@@ -1,4 +1,4 @@
-"""Records by id, and the names of the field that are suggested for methods that have another here."""
+"""Methods and peers are found by id; another name from the literature raises an error that suggests the id."""
 
 from __future__ import annotations
 

@@ -151,7 +151,7 @@ def test_the_type_of_a_block():
 
 
 class Step(NamedTuple):
-    """Step of a toy method with coefficients c."""
+    """The step of a toy method with coefficients c and step size h."""
 
     c: np.ndarray
     h: float = 0.0

@@ -25,7 +25,7 @@ def circle(amplitude):
 
 
 def verdict(energy, system=OSCILLATOR):
-    """Outcome for rows whose energy is ``energy`` times the initial one from t = 50 on."""
+    """Outcome reported for a made-up circular orbit whose energy is ``energy`` times the initial one from t = 50 on."""
     return judge(system, T, *circle(np.where(T < 50.0, 1.0, energy**0.5)))
 
 
@@ -138,7 +138,7 @@ def test_overflow_and_underflow():
 
 
 def accurate() -> dict[str, list]:
-    """{orbit and spacing of rows: [status, reason]} after accurate steps of every problem's orbits."""
+    """{orbit and spacing of rows: [status, reason]} of short accurate runs on every orbit of every problem."""
     ends = {}
     for made in (problem(name).at(orbit.name) for name in PROBLEMS for orbit in problem(name).orbits):
         for every in (1, 0):

@@ -19,7 +19,10 @@ ROOT = Hamiltonian(q="q", p="p", H="p**2/2 + sqrt(q)")
 
 
 class Kernel:
-    """Made-up kernel that counts steps in q. At the step ``end`` it stops with ``code`` or sets q = ``worth``."""
+    """Made-up kernel that counts steps in q; at the step ``end`` it stops with ``code`` or sets q = ``worth``.
+
+    Each step adds ``missing`` to the count of fallbacks.
+    """
 
     def __init__(self, end=None, code=solve.SOLVED, worth=None, missing=0.0):
         self.end, self.code, self.worth, self.missing = end, code, worth, missing
@@ -56,7 +59,7 @@ def ran(kernel, steps=10, every=1, system=MOVED, timeout=None, missed="", piece=
 
 @pytest.fixture
 def small(monkeypatch):
-    """At most five steps per call of the kernel."""
+    """Limit each call of the kernel to five steps."""
     monkeypatch.setattr(trajectory, "PIECE", 5)
 
 

@@ -30,7 +30,7 @@ KEPT, FAR = 2e-14, 1e3
 
 
 def errors(P, s):
-    """Greatest relative errors of H and of the problem's other invariants."""
+    """Greatest relative errors, along a solution s of the problem P, of H and of the problem's other invariants."""
     values = [P.system.observe(e, s.q, s.p) for e in (P.system.H, *P.system.invariants)]
     return [np.abs(v / v[0] - 1).max() for v in values]
 
@@ -236,7 +236,7 @@ def test_a_long_correction_of_either_half_is_a_fallback():
 
 
 def declarations(system, invariants):
-    """{function: (declared return type, value returned)} of the projection's functions."""
+    """{function that the projection uses: (declared return type, value that it returns)} for these invariants."""
     found, made = {}, type(system).make_function
 
     def watched(kind, arguments, results, signature, arithmetic):
@@ -287,7 +287,10 @@ def test_functions_of_the_invariants(monkeypatch):
 
 @pytest.mark.parametrize(("base", "most"), [("implicit-midpoint", 15.2), ("scheme-iii", 20.3)])
 def test_stages_start_from_earlier_steps_and_attempts(base, most):
-    """14.2 and 19.3 evaluations; 16.1 and 21.3 without earlier steps, 17.1 and 23.1 without the last attempt."""
+    """The two base methods take 14.2 and 19.3 evaluations per step.
+
+    They take 16.1 and 21.3 without starting from earlier steps, 17.1 and 23.1 without starting from the last attempt.
+    """
     s = integrate(BOX, projection_method(base, symmetric=True), h=0.02, steps=40)
     assert s.status == "ok"
     assert s.counts["fallbacks"] == 0

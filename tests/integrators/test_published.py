@@ -131,7 +131,7 @@ def parts(m) -> int | None:
 
 
 def declarations(m) -> tuple:
-    """The properties of a record in the order of `PUBLISHED`."""
+    """The declared (symmetric, symplectic, energy, quadratic invariants, order, number of parts) of a method."""
     return m.symmetric, m.symplectic, m.energy, m.quadratic, m.order, parts(m)
 
 

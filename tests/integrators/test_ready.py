@@ -19,7 +19,7 @@ PENDULUM = {"q": "q", "p": "p", "H": "p**2/2 - cos(q)"}
 
 
 def end(system):
-    """End of a short run."""
+    """End state of a short run of the system."""
     return integrate(system, "scheme-i", h=0.1, steps=5, q0=[1.0], p0=[0.2]).q[-1]
 
 
@@ -73,7 +73,7 @@ def pendulum():
 
 
 def shell_of(system, key="a key"):
-    """A deferred copy of a system, which knows only facts until its formula is needed."""
+    """A copy of a system that does not read its formula until it is needed."""
     return deferred.shell(system, key, pendulum)
 
 
@@ -113,7 +113,7 @@ def test_a_mapping_with_known_names_computes_values_on_access():
 
 @pytest.fixture
 def keeping(monkeypatch):
-    """Switch the cache of prepared steps on."""
+    """Switch on the cache of what methods prepare."""
     monkeypatch.setattr(preparation, "ENABLED", True)
     yield
     preparation._read.cache_clear()

@@ -27,20 +27,20 @@ LONGER = {"dop853-relaxation": 8}
 
 
 def error(P, s):
-    """Greatest relative error of H."""
+    """Greatest relative error of H along a solution s of the problem P."""
     H = P.system.observe(P.system.H, s.q, s.p)
     return np.abs(H / H[0] - 1).max()
 
 
 def end(s):
-    """End state (q, p) of a run."""
+    """End state (q, p) of a solution."""
     return np.concatenate([s.q[-1], s.p[-1]])
 
 
 @pytest.mark.parametrize(("P", "h"), [(BOX, 0.05), (KEPLER, 0.01)], ids=["box", "kepler"])
 @pytest.mark.parametrize("id", RELAXED)
 def test_energy_is_conserved_to_round_off(P, h, id):
-    """Control: without relaxation it drifts."""
+    """With relaxation H is conserved to round-off; control: without it H drifts."""
     h *= LONGER.get(id, 1)
     s, plain = (integrate(P, m, h=h, t_end=1000) for m in (RELAXED[id], RELAXED[id].data[0]))
     assert s.status == "ok"
@@ -148,7 +148,10 @@ def test_methods_of_order_one_are_refused(id):
 
 
 def search(c, start=-1.0):
-    """(gamma, found, evaluations) of the search with H(y + gamma d) = (start + gamma)^2 / 2 and target -c."""
+    """(gamma, whether it is a root, evaluations) of the relaxation's root search with a made-up energy.
+
+    The energy is H(y + gamma d) = (start + gamma)^2 / 2 and its target -c.
+    """
     system = problem("harmonic-oscillator").system
     step = prepare(method("rk4-relaxation"), system).step._replace(H0=-c, eps=2.0**-52)
     there, one, nothing = (value([x], 1, DOUBLE) for x in (start, 1.0, 0.0))
@@ -183,9 +186,10 @@ UNIT = 2.0**-40
 
 
 def along_a_line(error, told=1.0, rounding=0.0):
-    """(final error in units, found, evaluations) of the search with H = x and an initial error in units of round-off.
+    """(final error in units, whether it is a root, evaluations) of the relaxation's root search with H = x.
 
-    Newton's method is given ``told`` times the slope; H is farther from 0 than x by ``rounding`` units.
+    ``error``: initial error in units of round-off. Newton's method is given ``told`` times the slope; H is farther from
+    0 than x by ``rounding`` units.
     """
 
     @jit

@@ -36,7 +36,7 @@ def scaled_distances(method) -> dict[int, float]:
 
 
 def distance(own, method, power: int) -> float:
-    """Distance of a run in units of 2^power from the run `own` in units of 1."""
+    """Distance in q of a run with p and H in units of 2^power from the run ``own`` in units of 1."""
     other = integrate(SYSTEMS[power], method, h=0.1, steps=STEPS, q0=[Q0], p0=[P0 * 2.0**power])
     if other.status != "ok":
         return np.inf
@@ -59,7 +59,7 @@ CHOSEN = one_of_each()
 
 @pytest.fixture(scope="module")
 def there(uncompiled):
-    """Results of this module without compilation."""
+    """Results that this module prints when it is run as a script without compilation."""
     return uncompiled("integrators/test_scaling.py")
 
 

@@ -27,7 +27,7 @@ def of_masses(p):
 
 
 def end(system):
-    """End state after 200 steps."""
+    """End state of 200 steps of a splitting."""
     q, p = np.linspace(0.3, 0.7, system.d), np.linspace(-0.2, 0.4, system.d)
     s = integrate(system, "stormer-verlet", q0=q, p0=p, h=0.01, steps=200)
     return np.concatenate([s.q[-1], s.p[-1]])

@@ -35,7 +35,7 @@ def test_functions_with_different_content_have_other_symbols():
 
 
 def part(k):
-    """A part of a kernel that is made with a constant."""
+    """The qualified name of a compiled part of a kernel that multiplies by the constant k."""
     return vector.jit(times(k)).py_func.__qualname__
 
 

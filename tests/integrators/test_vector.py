@@ -23,7 +23,7 @@ X, Y, C = np.random.default_rng(4).normal(size=(3, MANY)) * np.array([[1.0], [1.
 
 
 def each(x, y, c, A):
-    """Results of every operation."""
+    """Results of every operation on vectors x, y, compensations c and rows A: (vectors, numbers)."""
     t, lost = vector.add(x, c, y)
     s, rest = vector.add_product(x, c, 0.5, y)
     moved = vector.axpy(0.5, x, y), vector.scale(0.5, x), vector.plus(x, y), vector.minus(x, y)
@@ -32,7 +32,7 @@ def each(x, y, c, A):
 
 
 def numpy_results(x, y, c, A):
-    """The same results by NumPy."""
+    """The results of `each`, computed by NumPy."""
     bumped, t = x.copy(), (x + c) + y
     bumped[1] += 0.25
     half = len(x) // 2
@@ -45,7 +45,7 @@ def numpy_results(x, y, c, A):
 
 
 def check(found, d):
-    """The results equal those of NumPy."""
+    """Assert that the results ``found`` of `each` on vectors of length d equal those of NumPy."""
     wanted = numpy_results(X[:d], Y[:d], C[:d], np.array([X, Y]))
     for a, b in zip(found[0], wanted[0], strict=True):
         # Exact even if product and sum are fused, as the factors are 1/2.
@@ -159,7 +159,7 @@ def test_functions_of_vectors_allocate_for_arrays_only():
 
 
 def call(f, x, old):
-    """`velocity`, and `apply` with a vector to overwrite."""
+    """Results of `velocity`, and of `apply` where a vector may be overwritten, for the function f."""
     return vector.velocity(f, x), vector.apply(f, x, old)
 
 
@@ -177,7 +177,7 @@ call_compiled = numba.njit(call)
 
 
 def numbers_times(f, x, old):
-    """`apply` with an array of factors for f."""
+    """Result of `apply` where f is an array of factors in place of a function."""
     return vector.apply(f, x, old)
 
 
@@ -193,7 +193,7 @@ def test_an_array_in_place_of_a_function_means_factors():
 
 
 def in_the_place(A, x, c, v):
-    """Rows, halves and a compensated sum, which overwrite arrays."""
+    """Results of `rows`, `halves` and a compensated sum, where they may overwrite arrays."""
     first, second = vector.rows(A, 0, 1, v)
     left, right = vector.halves(A, 2, v)
     x, c = vector.add_product_in_place(x, c, 0.5, v)

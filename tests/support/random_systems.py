@@ -70,7 +70,7 @@ def names(d: int) -> tuple[list[str], list[str]]:
 
 
 def squares(atoms) -> str:
-    """Formula of half the sum of squares of the atoms."""
+    """Text of half the sum of squares of the expressions ``atoms``."""
     return "(" + " + ".join(f"({a})**2" for a in atoms) + ")/2"
 
 
@@ -100,7 +100,7 @@ def masses(draw, p):
 
 @st.composite
 def complete(draw, d, H, **facts):
-    """Add a state without zero components, a step and lambda to a formula."""
+    """Draw a state without zero components, a step and lambda for a formula H: a `Case`."""
     component = st.sampled_from([Fraction(s * n, 16) for n in range(2, 15) for s in (1, -1)])
     state = st.lists(component, min_size=d, max_size=d).map(tuple)
     h = draw(st.sampled_from([Fraction(1, n) for n in (32, 40, 64)]))
