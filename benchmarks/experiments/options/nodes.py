@@ -88,9 +88,7 @@ class Run:
     def energy_error(self) -> float:
         """The largest energy error over all steps, divided by the size of H's terms."""
         start = np.array([self.made.q0]), np.array([self.made.p0])
-        H = self.made.system.observe(
-            self.made.system.H, np.vstack([start[0], self.Q]), np.vstack([start[1], self.P])
-        )
+        H = self.made.system.observe(self.made.system.H, np.vstack([start[0], self.Q]), np.vstack([start[1], self.P]))
         return float(np.abs(H - H[0]).max()) / scale(self.made)
 
 
