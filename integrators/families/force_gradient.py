@@ -157,7 +157,7 @@ def evaluate(method, q, b, c, y, counts):
 
 @inline
 def kicked(y, h):
-    """p - h weight slope."""
+    """Kick the momenta: p - h y.weight y.slope, with the slope (grad V, or its modification) that the state carries."""
     p, lost_p = add_product_in_place(y.p, y.lost_p, -h * y.weight, y.slope)
     return Moving(y.q, p, y.lost_q, lost_p, y.slope, y.weight, y.velocity, y.place)
 

@@ -160,7 +160,10 @@ mean_gamma = dispatch_on_none(lambda slowness, u, tau: 1.0, _mean_gamma)
 
 @inline
 def half_turn(method, u, tau):
-    """The vector t of a rule: along tau, its length the tangent of half the angle."""
+    """The vector t along B that turns u by one of the rules, for tau = h B / 2: |t| is the tangent of half the angle.
+
+    The rules' formulae stand in the module's docstring; u enters by its relativistic factor gamma.
+    """
     if method.rule == HIGUERA_CARY:
         return scale(1.0 / mean_gamma(method.slowness, u, tau), tau)
     t = scale(1.0 / gamma(method.slowness, u), tau)

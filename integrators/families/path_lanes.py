@@ -52,12 +52,20 @@ WIDTH, FEWEST = 4, 3
 
 
 class Path(NamedTuple):
-    """The coefficients of a step, nodes or increments in lanes; unknowns are kicks unless ``inverse_mass`` is None.
+    """What a step of HBVM or Petrov-Galerkin needs: the system's function and the coefficients (formulae: the module).
 
-    ``f(memory)`` is that of `lane_rows`. ``like`` has a zero for each lane, ``terms`` one for each increment. ``drift``
-    has a row 1, 0, ... and the rows of X transposed. A rule is a range of rows of nodes; each row has the number of its
-    rule's ``nodes`` and ``rows``, and for it ``A`` has a row for every increment, ``B`` one for every node.
-    ``extrapolation`` is as in `stage_lanes.Lanes`.
+    Attributes
+    ----------
+    f : evaluates the field, or -grad V, at all nodes at once; reads the places from the first rows of the memory that
+        it is handed, and writes its values to the rows after them
+    like, terms : a zero for each lane, and for each of the s increments x_j
+    inverse_mass : 1 / m_i, one row of d numbers, if only the kicks of p are unknown; None if q and p are
+    drift : the row 1, 0, ..., 0, then the rows of X transposed
+    nodes, rows : for each row of nodes, how many nodes, and rows of nodes, its quadrature rule has in all
+    A, B : for each row of nodes, s rows of A (a lane for each node), and a row of B for each node
+    extrapolation : rows that predict the increments from those of one and of two steps before
+    steps : how many earlier steps the prediction uses at most
+    h, eps : the step size, and the unit of round-off; set by the run
     """
 
     f: Callable

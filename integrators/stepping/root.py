@@ -65,7 +65,7 @@ def finder(attempt: Callable, followed: bool = True) -> Callable:
 
     @inline
     def apart_attempt(x, start, arguments):
-        """The function `attempt` with stage equations solved to round-off, compiled once and not inlined."""
+        """Try the step with parameter x, its stages solved to round-off (`attempt`); compiled once, not inlined."""
         return eased_attempt(x, start, 1.0, arguments)
 
     @jit

@@ -126,7 +126,7 @@ BOTH = [
 ]
 
 
-@pytest.mark.parametrize(("declared", "others"), BOTH, ids=structure.PROPERTIES)
+@pytest.mark.parametrize(("declared", "others"), BOTH, ids=structure.PROPERTIES[:2])
 def test_structure_is_judged_by_the_threshold(declared, others):
     def both(*of):
         return [judge(verdict, structure=defects(*of)) for verdict in (declared, others)]
@@ -139,6 +139,14 @@ def test_structure_is_judged_by_the_threshold(declared, others):
     fine, hidden = both(("a", True, 0.0), ("b", False, 0.9e-22))
     assert (fine.outcome, hidden.outcome, hidden.measured, hidden.where) == (PASS, FAIL, Count(1, 1), "b")
     assert judge(declared, structure=defects(("a", True, 0.0)).iloc[:0]) is None
+
+
+def test_volume_is_kept_where_declared_and_by_no_control():
+    fine = judge(structure.volume, structure=defects(("a", True, 0.9e-22), ("b", False, 1.1e-22)))
+    assert (fine.outcome, fine.measured) == (PASS, Count(2, 2))
+    for wrong in (("c", True, 1.1e-22), ("c", False, 0.9e-22)):
+        judged = judge(structure.volume, structure=defects(("a", True, 0.0), wrong))
+        assert (judged.outcome, judged.measured, judged.where) == (FAIL, Count(1, 2), "c")
 
 
 def test_defects_nearest_to_the_threshold_are_shown():

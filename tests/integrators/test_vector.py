@@ -127,7 +127,7 @@ def test_types_that_hold_vectors():
 
 @compiled
 def test_compilation_options():
-    """`inline` functions are inlined into callers; a caller says whether the runtime is used."""
+    """`inline` functions are inlined into callers; whether memory is managed (``_nrt``) is the caller's option."""
 
     def f(x):
         return x
