@@ -102,6 +102,8 @@ def _recognize(system) -> Particle | None:
 def _square(f, p) -> tuple[Any, tuple, Any] | None:
     """(k, A, rest) where f is k |p - A|^2 / 2 + rest with a constant k > 0, A and rest free of p; else None."""
     slopes = [sp.diff(f, x) for x in p]
+    if _varies(sp.diff(slopes[0], p[0])):
+        return None
     seconds = [[sp.expand(sp.diff(s, x)) for x in p] for s in slopes]
     k = seconds[0][0]
     if not k.is_positive or k.free_symbols:
@@ -111,6 +113,14 @@ def _square(f, p) -> tuple[Any, tuple, Any] | None:
     A = tuple(sp.expand(x - s / k) for x, s in zip(p, slopes, strict=True))
     rest = sp.expand(f.subs(dict(zip(p, A, strict=True)), simultaneous=True))
     return None if any(e.has(*p) for e in (*A, rest)) else (k, A, rest)
+
+
+def _varies(f) -> bool:
+    """True if f has different values at two places, which is quick to see; to expand f may take seconds."""
+    names = sorted(f.free_symbols, key=str)
+    places = ({x: sp.Rational(31 * (i + 1) % (37 + k), 29) for i, x in enumerate(names)} for k in range(2))
+    values = [f.evalf(subs=place) for place in places]
+    return all(v.is_Float and v.is_finite for v in values) and bool(abs(values[0] - values[1]) > abs(values[0]) / 1000)
 
 
 def _of_root(system, root) -> Particle | None:
