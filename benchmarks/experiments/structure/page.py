@@ -71,8 +71,14 @@ def volume(structure: pd.DataFrame) -> Verdict:
     wrong = rows[(rows["defect"] <= NOTHING) != rows["declared"]]
     measured = Count(len(rows) - len(wrong), len(rows)) if len(rows) else None
     where = join_list(list(wrong["method"]), 3) if len(wrong) else ""
-    claim = "Methods for charged particles keep volume where declared, and the controls do not"
-    return Verdict(claim, measured, EVERY, "methods", where, FAIL)
+    return Verdict(
+        "Methods for charged particles keep volume where declared, and the controls do not",
+        measured,
+        EVERY,
+        "methods",
+        where,
+        FAIL,
+    )
 
 
 @of("structure")
