@@ -28,30 +28,32 @@ def _largest(structure: pd.DataFrame, kind: str, map_of: str) -> pd.Series:
     return part.loc[part["defect"].idxmax()]
 
 
-def _symplectic(claim: str, structure: pd.DataFrame, kind: str, map_of: str, **arguments) -> Verdict:
+def _defect(structure: pd.DataFrame, kind: str, map_of: str) -> dict:
+    """Arguments of a verdict: the largest defect among methods of a kind is none."""
     worst = _largest(structure, kind, map_of)
     where = f"{worst['method']} on {worst['problem']}"
-    return Verdict(claim, float(worst["defect"]), at_most(NO_DEFECT), where=where, **arguments)
+    return {"measured": float(worst["defect"]), "expected": at_most(NO_DEFECT), "where": where}
 
 
 @of(STRUCTURE)
 def tao(structure: pd.DataFrame) -> Verdict:
     """Whether Tao's step is symplectic in the extended phase space, as his paper states."""
-    return _symplectic("Tao's step of both copies is symplectic", structure, "tao", BOTH, otherwise=FAIL)
+    found = _defect(structure, "tao", BOTH)
+    return Verdict("Tao's step of both copies is symplectic", **found, otherwise=FAIL)
 
 
 @of(STRUCTURE)
 def semiexplicit(structure: pd.DataFrame) -> Verdict:
     """Whether the semiexplicit step is symplectic in the original phase space, as its paper states."""
-    claim = "Jayawardana and Ohsawa's step is symplectic in the original phase space"
-    return _symplectic(claim, structure, "jayawardana-ohsawa", ONE, otherwise=FAIL)
+    found = _defect(structure, "jayawardana-ohsawa", ONE)
+    return Verdict("Jayawardana and Ohsawa's step is symplectic in the original phase space", **found, otherwise=FAIL)
 
 
 @of(STRUCTURE)
 def midpoint(structure: pd.DataFrame) -> Verdict:
     """Whether explicit steps that end at the mean of both copies are symplectic in the original phase space."""
-    claim = "An explicit step projected to the copies' midpoint is symplectic for every H"
-    return _symplectic(claim, structure, "extended-midpoint", ONE)
+    found = _defect(structure, "extended-midpoint", ONE)
+    return Verdict("An explicit step projected to the copies' midpoint is symplectic for every H", **found)
 
 
 def _finest(orders: pd.DataFrame) -> pd.DataFrame:
@@ -65,10 +67,14 @@ def general(orders: pd.DataFrame) -> Verdict:
     rows = _finest(orders[~orders["method"].isin((SPECIAL, JUMPED))])
     off = rows["order"] - rows["declared"]
     worst = rows.loc[off.abs().idxmax()]
-    claim = "Methods for every H keep their order on a relativistic orbit at small steps"
-    where = f"{worst['method']}, h = {number(worst['h'])}"
-    expected = Between(-GATE, GATE)
-    return Verdict(claim, Range(float(off.min()), float(off.max())), expected, "off", where, otherwise=FAIL)
+    return Verdict(
+        "Methods for every H keep their order on a relativistic orbit at small steps",
+        Range(float(off.min()), float(off.max())),
+        Between(-GATE, GATE),
+        "off",
+        where=f"{worst['method']}, h = {number(worst['h'])}",
+        otherwise=FAIL,
+    )
 
 
 @of(ORDERS)
@@ -78,8 +84,12 @@ def special(orders: pd.DataFrame) -> Verdict | None:
     if rows.empty:
         return None
     row = rows.iloc[0]
-    claim = "A splitting made for post-Newtonian parts loses its order at small steps"
-    return Verdict(claim, float(row["order"]), at_most(float(row["declared"]) - LOST), where=f"h = {number(row['h'])}")
+    return Verdict(
+        "A splitting made for post-Newtonian parts loses its order at small steps",
+        float(row["order"]),
+        at_most(float(row["declared"]) - LOST),
+        where=f"h = {number(row['h'])}",
+    )
 
 
 def answer(data: Data) -> str | None:
