@@ -70,15 +70,15 @@ def cells(quick: bool = False) -> list[Cell]:
     """A cell for each map and for each method on the orbit; no cell if ``quick``."""
     if quick:
         return []
-    maps = [_cell(STRUCTURE, {"method": id, "map": of}, structure, (id, of)) for id, of in MAPS]
-    return maps + [_cell(ORDERS, {"method": id}, orders, (id,)) for id in (*GENERAL, SPECIAL, JUMPED)]
+    maps = [_cell(STRUCTURE, {"method": id, "map": of}, structure, (id, of), record_of(id)) for id, of in MAPS]
+    general = [_cell(ORDERS, {"method": on_orbit(id).label}, orders, (id,), on_orbit(id)) for id in GENERAL]
+    return maps + general + [_cell(ORDERS, {"method": id}, orders, (id,)) for id in (SPECIAL, JUMPED)]
 
 
-def _cell(table: str, key: dict, measure: Callable, arguments: tuple) -> Cell:
-    id = arguments[0]
-    chosen = () if id in (SPECIAL, JUMPED) else (on_orbit(id) if table == ORDERS else record_of(id),)
+def _cell(table: str, key: dict, measure: Callable, arguments: tuple, *chosen: Method) -> Cell:
     needs = content(table, *arguments, *chosen, code=CODE)
-    return Cell("extended", (table,), key, measure, arguments, needs, frozenset({id}), UNCOMPILED)
+    names = frozenset(m.id for m in chosen)
+    return Cell("extended", (table,), key, measure, arguments, needs, names, UNCOMPILED)
 
 
 def record_of(id: str) -> Method:
