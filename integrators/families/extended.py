@@ -13,6 +13,8 @@ has on equal copies the flow of H in each of them.  The flow of each part is exp
 .. math:: e^{\frac h2A}\,e^{\frac h2B}\,e^{hC}\,e^{\frac h2B}\,e^{\frac h2A},
 
 Pihajoki's, without the bond C, is :math:`e^{\frac h2A}e^{hB}e^{\frac h2A}`.  Higher orders are compositions of steps.
+:math:`\omega` has the unit of p / (q t), and equal units of q and p are taken for granted: 20 suits states and times of
+size 1.  A larger one holds the copies nearer, and needs a shorter step.
 The last A of a step and the first of the next are one, taken apart where a row is stored, so that a step of Tao's takes
 three evaluations of the field, one of Pihajoki's two.
 

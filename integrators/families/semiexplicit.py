@@ -25,7 +25,7 @@ for even i) the weights are :math:`w_i / 2` and
 which fulfils :math:`b_i a_{ij} + b_j a_{ji} = b_i b_j`.  The rows of order 2 are (1/8, -1/4, 1/8), (3/8, 1/4, -1/8) and
 (1/8, 3/4, 1/8).
 
-Source: B. Jayawardana, T. Ohsawa, Math. Comput. 92 (2023) 251-281, section 3; T. Ohsawa, SIAM J. Numer. Anal. 61 (2023)
+Source: B. Jayawardana, T. Ohsawa, Math. Comput. 92 (2023) 251-281; T. Ohsawa, SIAM J. Numer. Anal. 61 (2023)
 1293-1315 (quadratic invariants).  The tableau is derived here.
 """
 
