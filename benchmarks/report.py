@@ -24,6 +24,7 @@ from phasebench.benchmarks.experiments.catalogue.page import PAGES as CATALOGUE
 from phasebench.benchmarks.experiments.drift.page import PAGE as DRIFT
 from phasebench.benchmarks.experiments.energy_preservation.page import PAGE as ENERGY_PRESERVATION
 from phasebench.benchmarks.experiments.ensembles.page import PAGE as ENSEMBLES
+from phasebench.benchmarks.experiments.extended.page import PAGE as EXTENDED
 from phasebench.benchmarks.experiments.extremes.encounters_page import PAGE as EXTREMES_ENCOUNTERS
 from phasebench.benchmarks.experiments.extremes.limits_page import PAGE as EXTREMES_LIMITS
 from phasebench.benchmarks.experiments.extremes.page import PAGE as EXTREMES
@@ -86,6 +87,7 @@ PAGES: tuple[Page, ...] = (
     KEPLER,
     WISDOM_HOLMAN,
     OSCILLATORY,
+    EXTENDED,
     WAVES,
     MULTISYMPLECTIC,
     SAMPLING,

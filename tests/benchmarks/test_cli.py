@@ -625,12 +625,12 @@ def test_cache_builds_kernels_and_reports_failures(tmp_path, monkeypatch):
         name for name in PROBLEMS if problem(name).system.d <= command.LARGEST
     }
     assert {f for f, _, _ in todo} == {m.family for m in METHODS}
-    done, failures = command.make_function(("splitting", 1, ("pendulum",)))
+    done, failures = command.made(("splitting", 1, ("pendulum",)))
     assert done > 1
     assert not failures
     assert any(path.name.startswith("splitting-") for path in cache.folder().iterdir())
     monkeypatch.setattr(driver, "warm", lambda *_, **__: 1 / 0)
-    done, failures = command.make_function(("splitting", 1, ("pendulum",)))
+    done, failures = command.made(("splitting", 1, ("pendulum",)))
     assert done == 0
     assert all("ZeroDivisionError" in line for line in failures)
     monkeypatch.setattr(command, "_in_processes", lambda todo, jobs: iter([(1, []), (0, ["a on b: no"])]))

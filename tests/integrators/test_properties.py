@@ -24,13 +24,16 @@ from support.random_systems import Case, cases, draws
 #: Bounds on defects measured with 30 digits; Jacobians are difference quotients with half as many digits.
 BOUNDS = {"symplecticity": 1e-17}
 BOUND = 1e-24
-#: Methods with averages or projections along the gradient at one point, which do not conserve linear invariants.
+#: Methods with averages or projections along the gradient at one point, or with a second copy of the state that is
+#: carried along, which do not conserve linear invariants.
 LOSE_LINEAR = {
     "gonzalez",
     "itoh-abe",
     "pavf",
     "rk4-projected-energy",
     "stormer-verlet-symmetric-projection",
+    "tao-2",
+    "pihajoki-2",
 }
 #: Families that require more than a formula or choose their own step sizes.
 ELSEWHERE = {"adaptive", "field", "wisdom_holman"}

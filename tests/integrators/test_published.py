@@ -27,7 +27,8 @@ from phasebench.integrators.registry import BY_ID, METHODS, method
 #: or values of a gradient's path of a step, or the nodes of its quadrature.
 PUBLISHED = {
     (False, False, DRIFT, DRIFT): """
-        explicit-euler 1/1, implicit-euler 1/1, rk4 4/4, radau-iia-2 3/2, radau-iia-3 5/3, dop853 8/12
+        explicit-euler 1/1, implicit-euler 1/1, rk4 4/4, radau-iia-2 3/2, radau-iia-3 5/3, dop853 8/12,
+        extended-midpoint-4 4/7
     """,
     (False, True, BOUNDED, ROUND_OFF): """
         symplectic-euler-p 1/1, symplectic-euler-q 1/1, scheme-i 1/1, scheme-i-adjoint 1/1, scheme-ii 2/1,
@@ -64,7 +65,8 @@ PUBLISHED = {
         omelyan-4-4f2g-vg 4/4, omelyan-4-4f2g-v 4/4, omelyan-4-5f2g-v 4/5, omelyan-4-5f2g-p 4/5,
         omelyan-4-5f1g-v 4/5, omelyan-4-5f1g-p 4/5, omelyan-6-4f3g-v 6/4, omelyan-6-5f5g-v 6/5,
         omelyan-6-5f4g-v 6/5, omelyan-6-5f5g-p 6/5, omelyan-6-5f3g-p 6/5, sabac-2 4/3, sabac-3 4/4,
-        sabac-4 4/5, sbabc-2 4/2
+        sabac-4 4/5, sbabc-2 4/2,
+        jayawardana-ohsawa-2 2, jayawardana-ohsawa-4 4
     """,
     (True, False, ROUND_OFF, ROUND_OFF): """
         scheme-iv 2/1, scheme-v 2/2, scheme-iv-v 2/3, scheme-v-iv 2/3, scheme-iv-yoshida-4 4/3,
@@ -84,6 +86,12 @@ PUBLISHED = {
     (False, False, BOUNDED, ROUND_OFF): """
         stormer-verlet-adaptive 2, sofroniou-spaletta-10-adaptive 10, gauss-4-adaptive 8, gauss-6-adaptive 12,
         gauss-8-adaptive 16
+    """,
+    (False, False, BOUNDED, BOUNDED): """
+        tao-2 2, tao-4 4, tao-6 6
+    """,
+    (False, False, NONE, NONE): """
+        pihajoki-2 2
     """,
     (False, False, DRIFT, ROUND_OFF): """
         gauss-4-field 8, gauss-6-field 12, gauss-8-field 16
@@ -165,6 +173,8 @@ PARTS = {
     "wisdom_holman": lambda data: data[:2],
     "averaged": lambda data: [[row[0] for row in data]],
     "discrete_gradient": lambda data: [data],
+    "extended": lambda data: data[:1],
+    "semiexplicit": lambda data: data,
 }
 
 
@@ -182,6 +192,7 @@ def test_default_parameters():
         "generating-function": {"order": 3, "lam": third},
         "r-respa": {"substeps": 10},
         "wisdom-holman-corrector": {"corrector": 17},
+        **{f"tao-{order}": {"omega": 20} for order in (2, 4, 6)},
     }
 
 

@@ -61,6 +61,9 @@ METHODS = (
     "deuflhard",
     "hairer-lubich",
     "cohen-hairer-2",
+    "tao-2",
+    "pihajoki-2",
+    "jayawardana-ohsawa-2",
 )
 #: Adjoint methods, except where the adjoint is the same method with 1 - lambda.
 ADJOINTS = {"explicit-euler": "implicit-euler", "symplectic-euler-p": "symplectic-euler-q", "pavf": "pavf-adjoint"}
@@ -96,6 +99,7 @@ SLIPS = (
     Slip("avf", "c", ("energy", "symmetry"), ("linear",), all=True),
     Slip("pavf", "c", ("energy", "adjoint"), all=True),
     Slip("hbvm-4-2", "B", ("energy",)),
+    Slip("jayawardana-ohsawa-2", "a", (), ("symplecticity", "bilinear", "linear")),  # for any lengths of substeps
 )
 
 

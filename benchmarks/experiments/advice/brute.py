@@ -82,12 +82,12 @@ class Runs:
         """Return the run of a size, integrating on the first call only."""
         if not self.integrator.adaptive:
             size = self.ask.quantity.steps(size)
-        if size not in self.make_function:
+        if size not in self.made:
             try:
-                self.make_function[size] = self._run(size)
+                self.made[size] = self._run(size)
             except InvalidInput:
-                self.make_function[size] = Run(size, False, inf, inf)
-        return self.make_function[size]
+                self.made[size] = Run(size, False, inf, inf)
+        return self.made[size]
 
     def _run(self, size: float) -> Run:
         """Integrate at a size: the error from a run with the rows that the quantity needs, the time without output."""
@@ -150,7 +150,7 @@ def best(ask, true: Truth) -> Best | None:
     for integrator in everybody(ask):
         runs = Runs(integrator, ask, true, min(LONGEST, 3 * DEAR * cheapest))
         run = cheapest_of(runs, cheapest)
-        tried, count = tried + 1, count + len(runs.make_function)
+        tried, count = tried + 1, count + len(runs.made)
         if run is not None and run.seconds < cheapest and _keeps(runs, run):
             found, cheapest = (runs, run), run.seconds
     return found and Best(*found, tried, count)
@@ -187,4 +187,4 @@ def cheapest_of(runs: Runs, cheapest: float) -> Run | None:
         while finer < at:
             runs.at(round(finer))
             finer = max(finer * FINE, finer + 1)
-    return min(filter(met, runs.make_function.values()), key=lambda r: r.seconds)
+    return min(filter(met, runs.made.values()), key=lambda r: r.seconds)

@@ -106,7 +106,7 @@ class Model:
         if code != run.SOLVED:
             return None
         t = np.array([0.0, self.ladder.t_end])
-        rows = self.rung.lift(self.full, t, np.array([self.make_function.q0, q]), np.array([self.make_function.p0, p]))
+        rows = self.rung.lift(self.full, t, np.array([self.made.q0, q]), np.array([self.made.p0, p]))
         return quantities.values(self.full, self.quantity, SimpleNamespace(t=t, q=rows[0], p=rows[1]))
 
     def clock(self, id: str, steps: int) -> Callable[[], float]:
@@ -156,7 +156,7 @@ def measure_rows(id: str) -> Rows:
                 "rung": k,
                 "model": rung.name,
                 "full": is_full,
-                "d": model.make_function.system.d,
+                "d": model.made.system.d,
                 "modelling error": 0.0 if is_full else off,
                 "integration": off if is_full else uncertainty,
                 "uncertainty": true.uncertainty,

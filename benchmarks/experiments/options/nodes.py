@@ -72,7 +72,7 @@ class Run:
     """A run of the averaged vector field method with n quadrature nodes and step h from the problem's initial state."""
 
     def __init__(self, made, n: int, h: float):
-        self.make_function = made
+        self.made = made
         self.layout: Layout = lay_out(
             with_nodes(prepare(method(METHOD), made.system), n), made.system.d, h, made.q0, made.p0
         )
@@ -81,17 +81,15 @@ class Run:
 
     def __call__(self) -> bool:
         """Integrate into the rows Q, P; True if every step was solved."""
-        self.layout.restart(self.make_function.q0, self.make_function.p0)
+        self.layout.restart(self.made.q0, self.made.p0)
         rows, status = self.layout(self.Q, self.P, self.parameter, 1)
         return rows == STEPS and status == SOLVED
 
     def energy_error(self) -> float:
         """The largest energy error over all steps, divided by the size of H's terms."""
-        start = np.array([self.make_function.q0]), np.array([self.make_function.p0])
-        H = self.make_function.system.observe(
-            self.make_function.system.H, np.vstack([start[0], self.Q]), np.vstack([start[1], self.P])
-        )
-        return float(np.abs(H - H[0]).max()) / scale(self.make_function)
+        start = np.array([self.made.q0]), np.array([self.made.p0])
+        H = self.made.system.observe(self.made.system.H, np.vstack([start[0], self.Q]), np.vstack([start[1], self.P]))
+        return float(np.abs(H - H[0]).max()) / scale(self.made)
 
 
 def measure_rows(k: int) -> Rows:

@@ -58,6 +58,8 @@ FIRSTS = (
             "stormer-verlet-symmetric-projection",
             "rk4-relaxation",
             "cohen-hairer-3",
+            "tao-6",
+            "jayawardana-ohsawa-4",
         )
     ),
     First("gautschi", "fpu", (("m", 2),)),
