@@ -261,23 +261,13 @@ def evaluations(e, rule):
 
 
 @inline
-def solve_by_rule(e, x, span, work, counts):
-    """Solve the equation of a substep by the quadrature rule ``counts.rule``, from x (see `solve.refinement`)."""
-    x, iterates, newton, status = solve_mean(by_rule(e, counts.rule), x, span, e.step.eps, work)
-    counts.gradient += iterates * evaluations(e, counts.rule)
-    counts.newton += newton
-    return x, status
-
-
-@inline
-def iterate_by_rule(e, x, counts):
-    """One fixed-point iterate of a substep by the rule ``counts.rule``; returns (the new x, the `Change` to it)."""
-    new = mean(x, by_rule(e, counts.rule))
-    counts.gradient += evaluations(e, counts.rule)
+def iterate(e, x):
+    """Iterate once from x: (the new x, the `Change` to it)."""
+    new = mean(x, e)
     return new, change(e.step.field, x, new)
 
 
-refine = refinement(solve_by_rule, iterate_by_rule)
+refine = refinement(solve_mean, iterate, by_rule, evaluations)
 
 
 # -- steps ------------------------------------------------------------------------------------------------------------

@@ -294,7 +294,8 @@ def step(method: Collocation, y: State, carry: Carry, counts: np.record) -> tupl
     v = drift(method.field, method.dT, y.p, method.h)
     e = Equations(method, y.q, y.p, v, memory, zero, like, stages, counts)
     extrapolate(e, at)
-    status = solve_confirmed(e, at, carry.work, counts)
+    span = size(y.q) + size(y.p)
+    _, status = solve_confirmed(e, at, span, abs(method.h) * span, carry.work, counts)
     if status != SOLVED:
         return y, status
     copy(memory, at, counts.steps % LEVELS * stages, stages, like)

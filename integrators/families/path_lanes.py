@@ -38,7 +38,7 @@ from phasebench.integrators.stepping.kernel import Carry, Prepared, array, freez
 from phasebench.integrators.stepping.loop import loop
 from phasebench.integrators.stepping.solve import SOLVED, Change, confirmer, row_solver
 from phasebench.integrators.values.lanes import combine, put, take, total
-from phasebench.integrators.values.vector import State, dispatch_on_none, inline
+from phasebench.integrators.values.vector import State, dispatch_on_none, inline, size
 
 from . import gauss_lanes
 from .gauss_lanes import functions, pad, pad_square, start_weights
@@ -249,7 +249,8 @@ def step(method: Path, y: State, carry: Carry, counts: np.record) -> tuple[State
     at = ring + method.steps * rows
     begin(method.inverse_mass, e, y)
     extrapolate(e, ring, counts.steps, at)
-    status = solve(e, at, carry.work, counts)
+    span = size(y.q) + size(y.p)
+    _, status = solve(e, at, span, abs(method.h) * span, carry.work, counts)
     if status != SOLVED:
         return y, status
     enter(e, ring, counts.steps, at)

@@ -183,7 +183,9 @@ def step(method: Poisson, y: State, carry: Carry, counts: np.record) -> tuple[St
         store(memory, at + j, predict(memory, j, stages, counts.steps, both))
     if counts.steps % 16 == 0:
         counts.rule = 0
-    status = solve(Equations(method, y.q, y.p, memory, both, stages, counts), at, carry.work, counts)
+    span = size(y.q) + size(y.p)
+    e = Equations(method, y.q, y.p, memory, both, stages, counts)
+    _, status = solve(e, at, span, abs(method.h) * span, carry.work, counts)
     if status != SOLVED:
         return y, status
     copy(memory, at, counts.steps % LEVELS * stages, stages, both)

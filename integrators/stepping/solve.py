@@ -430,14 +430,16 @@ def single(rows: np.ndarray) -> bool:
     return rows[0] == len(rows)
 
 
-def refinement(solve: Callable, sweep: Callable) -> Callable:
+def refinement(solve: Callable, sweep: Callable, by_rule: Callable, cost: Callable) -> Callable:
     """Make the solver of equations with integrals: by finer and finer quadrature rules, until one confirms the last.
 
     It is a function (equations, x, span, noise, work, counts) -> (x, status), from the start x by the rule whose first
     row is ``counts.rule`` and by finer ones.
 
-    - ``solve(equations, x, span, work, counts)`` solves by the rule ``counts.rule``; returns (x, status).
-    - ``sweep(equations, x, counts)`` iterates once by that rule; returns (the new x, the `Change` to it).
+    - ``solve`` is that of a `solver`; ``sweep(equations, x)`` iterates once, and returns (the new x,
+      the `Change` to it).
+    - ``by_rule(equations, rule)`` makes the equations with that rule, ``cost(equations, rule)`` the evaluations that a
+      sweep takes.
     - ``span`` is the size of the variables, ``noise`` that of the terms that an increment sums up. The equations have
       the field step, and the step the fields eps and ``rows``: for each row of coefficients, the rows of its rule.
 
@@ -453,7 +455,9 @@ def refinement(solve: Callable, sweep: Callable) -> Callable:
         while True:
             rule = counts.rule
             following = rule + rows[rule]
-            x, status = solve(e, x, span, work, counts)
+            x, sweeps, newton, status = solve(by_rule(e, rule), x, span, e.step.eps, work)
+            counts.gradient += sweeps * cost(e, rule)
+            counts.newton += newton
             if status != SOLVED or single(rows):
                 return x, status
             if following == len(rows):
@@ -461,7 +465,8 @@ def refinement(solve: Callable, sweep: Callable) -> Callable:
                 return x, status
             counts.rule = following
             last = move
-            x, move = sweep(e, x, counts)
+            x, move = sweep(by_rule(e, following), x)
+            counts.gradient += cost(e, following)
             sure, ended = unchanged(move, last, noise, e.step.eps)
             if sure or ended:  # the next step need not begin with the rule that only showed the end
                 counts.rule = rule if sure else before
@@ -472,34 +477,23 @@ def refinement(solve: Callable, sweep: Callable) -> Callable:
 
 
 def confirmer(solve: Callable, sweep: Callable, changes: Callable) -> Callable:
-    """Make the `refinement` of unknowns in rows of a memory: a function (equations, at, work, counts) -> status.
+    """Make the `refinement` of unknowns in rows of a memory, x being the first row.
 
-    ``solve``, ``sweep`` and ``equations`` are those of `row_solver`; the equations also have the fields q, p and step,
-    and the step h, eps, ``rows`` and ``nodes``: for each row of coefficients, the nodes of its rule.
+    ``solve``, ``sweep`` and the equations are those of `row_solver`; the functions read the rule from
+    ``equations.counts.rule``, and the step also has ``nodes``: for each row of coefficients, the nodes of its rule.
     ``changes(equations, old, new)`` is the `Change` from the unknowns in the rows ``old`` to those in the rows ``new``.
     """
 
     @inline
-    def solve_rows(e, at, span, work, counts):
-        sweeps, newton, status = solve(e, at, span, e.step.eps, work)
-        counts.gradient += (sweeps + newton) * e.step.nodes[counts.rule]
-        counts.newton += min(newton, 1)
-        return at, status
+    def solve_rows(e, at, span, eps, work):
+        sweeps, newton, status = solve(e, at, span, eps, work)
+        return at, sweeps + newton, min(newton, 1), status
 
     @inline
-    def sweep_rows(e, at, counts):
+    def sweep_rows(e, at):
         sweep(e, at, at + e.stages)
-        counts.gradient += e.step.nodes[counts.rule]
         move = changes(e, at, at + e.stages)
         copy(e.memory, at + e.stages, at, e.stages, e.like)
         return at, move
 
-    refine = refinement(solve_rows, sweep_rows)
-
-    @inline
-    def confirm(e, at, work, counts):
-        """Solve from the start in the rows ``at``, ... by the rule ``counts.rule`` and finer ones; the status."""
-        span = size(e.q) + size(e.p)
-        return refine(e, at, span, abs(e.step.h) * span, work, counts)[1]
-
-    return confirm
+    return refinement(solve_rows, sweep_rows, inline(lambda e, rule: e), inline(lambda e, rule: e.step.nodes[rule]))

@@ -299,7 +299,8 @@ def solve_digits(digits, rule=0):
     memory = np.zeros((4 * stages, 2))
     nodes, rows = np.arange(10, 10 + len(digits)), np.ones(len(digits), int)
     e = RoundedRows(memory, stages, value(0.0, 0.0), value(1.0), value(0.5), Step(0.1, EPS, nodes, rows), table, counts)
-    status = confirm(e, 0, np.zeros((4, 5)), counts)
+    span = 1.5  # of q = 1 and p = 1/2
+    _, status = confirm(e, 0, span, 0.1 * span, np.zeros((4, 5)), counts)
     error = np.abs(memory[:stages] / (limits / 0.875) - 1).max()
     return status, counts, error
 
