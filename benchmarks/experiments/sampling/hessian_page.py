@@ -9,7 +9,7 @@ from phasebench.benchmarks.page.markdown import number
 from phasebench.benchmarks.page.page import ROWS, Page, Picture, Table, of
 from phasebench.benchmarks.page.verdict import EVERY, FAIL, Count, Range, Verdict, at_least, at_most
 
-from .hessian_free import CHAOTIC, CONTROL, ORBIT_STEPS, ORBITS, REGULAR, REGULAR_STEPS, STEPS, H
+from .hessian_free import CHAOTIC, CONTROL, EARLIER, ORBIT_STEPS, ORBITS, REGULAR, REGULAR_STEPS, STEPS, H
 
 #: Share of the 95 % intervals that should hold zero, of so few.
 LEAST = 0.85
@@ -164,6 +164,7 @@ PAGE = Page(
         "The partner with the Hessian has the same structure, but for most methods slightly other numbers.",
         f"Of seven 95 % intervals one may miss zero by chance: {LEAST:.0%} are asked for.",
         f"Still is a change up to {STILL:g} of the oscillation; as far is up to {SAME:g} times the spread.",
+        f"{CONTROL}, the control, makes one step in {EARLIER}: after all of them it has lost most of its energy.",
         "One system, one step size: a longer run or step may show a drift that these intervals hide.",
     ),
     command="pytest benchmarks/experiments/sampling",

@@ -63,7 +63,7 @@ def gradients(frame: pd.DataFrame) -> Verdict | None:
     ahead = both["low"] > both["high without"]
     first = both[ahead].index
     return Verdict(
-        "A force gradient accepts more than every splitting at equal evaluations",
+        "No force gradient accepts more than every splitting at equal evaluations",
         Count(int(ahead.sum()), len(ahead)),
         NONE,
         "targets and numbers of evaluations",
