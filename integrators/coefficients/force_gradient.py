@@ -33,7 +33,8 @@ from phasebench.integrators.errors import unknown_name
 from . import gauss
 from .fractions import DIGITS, mirror
 from .order_conditions import normal_form
-from .polish import DIFFERENCE, GUARD, SMALL, STEPS, independent_rows, starting_values
+from .polish import DIFFERENCE, starting_values
+from .polish import polish as nearest_solution
 from .table import Table, is_exact, value
 
 #: A drift ("A", a, 0) or a modified kick ("B", b, c).
@@ -135,31 +136,8 @@ def _jacobian(table: ForceGradientTable, x: np.ndarray, free: Sequence[int]) -> 
 
 
 def polish(table: ForceGradientTable) -> list[mpmath.mpf]:
-    """The solution of the order conditions nearest to the published numbers (see `polish`).
-
-    Raises
-    ------
-    ArithmeticError
-        If the residual does not fall to round-off: the numbers do not have the order that is declared.
-    """
-    with mpmath.workdps(DIGITS + GUARD):
-        first = np.array(starting_values(table), dtype=object)
-        x, free = first.copy(), [k for k, text in enumerate(table.published) if not is_exact(text)]
-        rows: list[int] = []
-        for _ in range(STEPS if free else 0):
-            J, r = _jacobian(table, x, free), residual(table, x)
-            rows = rows or independent_rows(J)
-            A = J[rows]
-            factors = mpmath.lu_solve((A @ A.T).tolist(), list(A @ (x - first)[free] - r[rows]))
-            nearer = first[free] + A.T @ np.array(list(factors), dtype=object)
-            change = max(abs(nearer - x[free]))
-            x[free] = nearer
-            if change < SMALL:
-                break
-        left = max(map(abs, residual(table, x)))
-        if left > mpmath.mpf(10) ** (2 - DIGITS):
-            raise ArithmeticError(f"{table.name} has not the order {table.order[0]}: {mpmath.nstr(left, 3)} is left")
-        return list(x)
+    """The solution of the order conditions nearest to the published numbers; raises as `polish.polish`."""
+    return nearest_solution(table, residual=residual, jacobian=_jacobian)
 
 
 #: The polished numbers by name, each with the digest of its table.

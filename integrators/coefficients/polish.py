@@ -18,7 +18,7 @@ Source: A. Ben-Israel, J. Math. Anal. Appl. 15 (1966) 243-252 (Newton steps by t
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import mpmath
 import numpy as np
@@ -77,8 +77,16 @@ def independent_rows(J: np.ndarray) -> list[int]:
     return rows
 
 
-def polish(table: Table, numbers: Sequence[mpmath.mpf] | None = None) -> list[mpmath.mpf]:
+def polish(
+    table: Table,
+    numbers: Sequence[mpmath.mpf] | None = None,
+    residual: Callable = residual,
+    jacobian: Callable = jacobian,
+) -> list[mpmath.mpf]:
     """The solution of the order conditions nearest to ``numbers`` (at first the published ones).
+
+    ``residual(table, numbers)`` is what the conditions leave, ``jacobian(table, numbers, free)`` its derivative by the
+    numbers of the indices ``free``.
 
     Raises
     ------

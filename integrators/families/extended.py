@@ -90,7 +90,7 @@ class Copies(NamedTuple):
 
 
 @inline
-def copy_moved(z, h):
+def move_copy(z, h):
     """exp(h A): x and p move by the field at (q, y)."""
     x, lost_x = add_product_in_place(z.x, z.lost_x, h, z.dq)
     p, lost_p = add_product_in_place(z.p, z.lost_p, h, z.dp)
@@ -118,7 +118,7 @@ def begin(method, carry, counts):
 
 def start(method, z):
     """Apply the first A; that of the following steps is part of the last A before them."""
-    return copy_moved(z, method.a[0] * method.h)
+    return move_copy(z, method.a[0] * method.h)
 
 
 def step(method, z, carry, counts):
@@ -156,7 +156,7 @@ def step(method, z, carry, counts):
 
 def finish(method, z):
     """Take back the next step's first A, and keep the copy."""
-    z = copy_moved(z, -method.a[0] * method.h)
+    z = move_copy(z, -method.a[0] * method.h)
     store(z.rows, COPY, z.x)
     store(z.rows, COPY + 1, z.y)
     store(z.rows, COPY + 2, z.lost_x)

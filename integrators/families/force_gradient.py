@@ -71,7 +71,7 @@ class ForceGradient(NamedTuple):
     eps: float = 0.0
 
 
-class Moving(NamedTuple):
+class KickState(NamedTuple):
     """The state; the slope of the kicks that meet at its q, p' = -h weight slope; room for a velocity and a point."""
 
     q: Any
@@ -84,40 +84,40 @@ class Moving(NamedTuple):
     place: Any
 
 
-def _combined(b, g, c, k):
+def _combine(b, g, c, k):
     for i in range(len(g)):
         g[i] = b * g[i] + c * k[i]
     return g
 
 
-def _displaced(x, a, v, out):
+def _displace(x, a, v, out):
     for i in range(len(x)):
         out[i] = x[i] + a * v[i]
     return out
 
 
-@in_place(_displaced)
-def displaced(x, a, v, out):
+@in_place(_displace)
+def displace(x, a, v, out):
     """x + a v, written over ``out`` where these are arrays."""
     return axpy(a, v, x)
 
 
-@in_place(_combined)
-def combined(b, g, c, k):
+@in_place(_combine)
+def combine(b, g, c, k):
     """b g + c k, written over g where these are arrays."""
     return axpy(c, k, scale(b, g))
 
 
 def second_force(product, dV, b, c, q, slope, v, place):
     """(b, grad V(q - 2 c / b v)): the modified kick without the Hessian, written over ``slope``."""
-    return b, apply(dV, displaced(q, -2.0 * c / b, v, place), slope)
+    return b, apply(dV, displace(q, -2.0 * c / b, v, place), slope)
 
 
 def modified_kick(product, dV, b, c, q, slope, v, place):
     """(weight, slope) of a modified kick, p' = -h weight slope, from slope = grad V(q) and v = M^-1 slope."""
     if product is None:
         return second_force(product, dV, b, c, q, slope, v, place)
-    return 1.0 + 0.0 * b, combined(b, slope, -2.0 * c, product(q, v))
+    return 1.0 + 0.0 * b, combine(b, slope, -2.0 * c, product(q, v))
 
 
 def _of_values(product, dV, b, c, q, slope, v, place):
@@ -126,7 +126,7 @@ def _of_values(product, dV, b, c, q, slope, v, place):
         return second_force
     return lambda product, dV, b, c, q, slope, v, place: (
         1.0 + 0.0 * b,
-        combined(b, slope, -2.0 * c, product(q, v)),
+        combine(b, slope, -2.0 * c, product(q, v)),
     )
 
 
@@ -135,7 +135,7 @@ def _of_arrays(product, dV, b, c, q, slope, v, place):
 
     def written(product, dV, b, c, q, slope, v, place):
         product(q, v, place)
-        return 1.0, combined(b, slope, -2.0 * c, place)
+        return 1.0, combine(b, slope, -2.0 * c, place)
 
     return second_force if isinstance(product, (types.NoneType, types.Omitted)) else written
 
@@ -156,10 +156,10 @@ def evaluate(method, q, b, c, y, counts):
 
 
 @inline
-def kicked(y, h):
+def apply_kick(y, h):
     """Kick the momenta: p - h y.weight y.slope, with the slope (grad V, or its modification) that the state carries."""
     p, lost_p = add_product_in_place(y.p, y.lost_p, -h * y.weight, y.slope)
-    return Moving(y.q, p, y.lost_q, lost_p, y.slope, y.weight, y.velocity, y.place)
+    return KickState(y.q, p, y.lost_q, lost_p, y.slope, y.weight, y.velocity, y.place)
 
 
 def begin(method, carry, counts):
@@ -168,16 +168,16 @@ def begin(method, carry, counts):
     slope, velocity = rows(carry.state, 4, 5, carry.zero)
     place, _ = rows(carry.state, 6, 6, carry.zero)
     b, c = 2 * method.b[0], 2 * method.c[0]
-    y = Moving(y.q, y.p, y.lost_q, y.lost_p, slope, b, velocity, place)
+    y = KickState(y.q, y.p, y.lost_q, y.lost_p, slope, b, velocity, place)
     if b != 0 or c != 0:
         weight, slope = evaluate(method, y.q, b, c, y, counts)
-        y = Moving(y.q, y.p, y.lost_q, y.lost_p, slope, weight, velocity, place)
+        y = KickState(y.q, y.p, y.lost_q, y.lost_p, slope, weight, velocity, place)
     return y
 
 
 def start(method, y):
     """Apply the first kick; that of the following steps is part of the last kick before them."""
-    return kicked(y, method.h / 2) if method.b[0] != 0 or method.c[0] != 0 else y
+    return apply_kick(y, method.h / 2) if method.b[0] != 0 or method.c[0] != 0 else y
 
 
 def step(method, y, carry, counts):
@@ -193,13 +193,13 @@ def step(method, y, carry, counts):
         if b != 0 or c != 0:
             weight, slope = evaluate(method, q, b, c, y, counts)
             p, lost_p = add_product_in_place(p, lost_p, -h * weight, slope)  # exp(b_k h B + c_k h^3 C), a modified kick
-        y = Moving(q, p, lost_q, lost_p, slope, weight, y.velocity, y.place)
+        y = KickState(q, p, lost_q, lost_p, slope, weight, y.velocity, y.place)
     return y, SOLVED
 
 
 def finish(method, y):
     """Take back the next step's first kick, half of the last one."""
-    return kicked(y, -method.h / 2) if method.b[0] != 0 or method.c[0] != 0 else y
+    return apply_kick(y, -method.h / 2) if method.b[0] != 0 or method.c[0] != 0 else y
 
 
 run = loop(step, begin, start, finish)

@@ -82,7 +82,7 @@ class Magnetic(NamedTuple):
     eps: float = 0.0
 
 
-class Moving(NamedTuple):
+class ParticleState(NamedTuple):
     """A state (q, p) with u, each with the part that rounding lost (compensation)."""
 
     q: Any
@@ -174,53 +174,53 @@ def half_turn(method, u, tau):
 
 
 @inline
-def pushed(method, y, h):
+def apply_push(method, y, h):
     """The state after a push over the time h: half a kick by E, a rotation about B, half a kick by E."""
     E, B = method.fields(y.q)
     u = axpy(0.5 * h, E, y.u)
     t = half_turn(method, u, scale(0.5 * h, B))
     turned = scale(2.0 / (1.0 + dot(t, t)), cross(plus(u, cross(u, t)), t))
     u, lost_u = add(y.u, y.lost_u, axpy(h, E, turned))
-    return Moving(y.q, y.p, y.lost_q, y.lost_p, u, lost_u)
+    return ParticleState(y.q, y.p, y.lost_q, y.lost_p, u, lost_u)
 
 
 @inline
-def drifted(method, y, h):
+def apply_drift(method, y, h):
     """The state after a drift of q over the time h."""
     q, lost_q = add_product_in_place(y.q, y.lost_q, h / gamma(method.slowness, y.u), y.u)
-    return Moving(q, y.p, lost_q, y.lost_p, y.u, y.lost_u)
+    return ParticleState(q, y.p, lost_q, y.lost_p, y.u, y.lost_u)
 
 
 def begin(method, carry, counts):
     """Read the state (q, p) where the last call left it, and compute u from p."""
     y = read_state(carry)
     u, lost_u = velocity(y.p, y.lost_p, method.shift(y.q), method.mass[0])
-    return Moving(y.q, y.p, y.lost_q, y.lost_p, u, lost_u)
+    return ParticleState(y.q, y.p, y.lost_q, y.lost_p, u, lost_u)
 
 
 def start(method, y):
     """Apply a step's first drift; in the steps after it that drift is part of the last drift of the step before."""
-    return drifted(method, y, method.a[0] * method.h)
+    return apply_drift(method, y, method.a[0] * method.h)
 
 
 def step(method, y, carry, counts):
     """Push and drift in turn; the last drift includes the next step's first. Returns (state, status)."""
     h, last = method.h, len(method.b) - 1
     for k in range(len(method.b)):
-        y = pushed(method, y, method.b[k] * h)  # exp(b_k h (E and B))
+        y = apply_push(method, y, method.b[k] * h)  # exp(b_k h (E and B))
         drift = method.a[k + 1] * h
         if k == last:
             drift += method.a[0] * h
-        y = drifted(method, y, drift)  # exp(a_k h A)
+        y = apply_drift(method, y, drift)  # exp(a_k h A)
     counts.gradient += len(method.b)
     return y, SOLVED
 
 
 def finish(method, y):
     """Undo the next step's first drift, and compute p from u."""
-    y = drifted(method, y, -(method.a[0] * method.h))
+    y = apply_drift(method, y, -(method.a[0] * method.h))
     p, lost_p = momentum(y.u, y.lost_u, method.shift(y.q), method.mass[0])
-    return Moving(y.q, p, y.lost_q, lost_p, y.u, y.lost_u)
+    return ParticleState(y.q, p, y.lost_q, lost_p, y.u, y.lost_u)
 
 
 run = loop(step, begin, start, finish)

@@ -62,7 +62,7 @@ def _semiexplicit(order: int) -> Method:
     )
 
 
-def projected_to_the_midpoint(order: int) -> Method:
+def midpoint_method(order: int) -> Method:
     """The explicit method of an even order whose two copies are replaced by their mean after every step."""
     return Method(
         id=f"extended-midpoint-{order}",
@@ -97,5 +97,5 @@ METHODS: tuple[Method, ...] = (
         data=(ONE, None),
     ),
     *map(_semiexplicit, (2, 4)),
-    projected_to_the_midpoint(4),
+    midpoint_method(4),
 )
