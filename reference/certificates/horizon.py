@@ -66,7 +66,7 @@ class Rounding(NamedTuple):
     distances: np.ndarray
 
     def span(self, limit: float = LIMIT) -> Span:
-        """The horizon with its interval."""
+        """The horizon (how long an orbit can be followed to ``limit``) and the interval of its estimate from the draws."""
         median = np.median(self.distances, axis=0)
         return Span(*(within(self.grid, factor * median, self.size, limit) for factor in (1.0, *CENTRAL)))
 
@@ -104,7 +104,11 @@ def rounding(problem, grid: Sequence[float], run: tuple = (DISPLACEMENT, None), 
 
 
 def span(problem, t_end: float, points: int = 100) -> Span:
-    """The horizon of a problem's orbit up to ``t_end`` with its interval, on a grid of ``points`` points."""
+    """How long a problem's orbit can be followed: its horizon, and the interval of that estimate.
+
+    Past the horizon a rounding to long double moves the orbit by more than `LIMIT` of its size. It is sought up to
+    ``t_end`` on a grid of ``points`` times.
+    """
     return rounding(problem, [t_end * (i + 1) / points for i in range(points)]).span()
 
 

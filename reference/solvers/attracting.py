@@ -18,7 +18,10 @@ TOLERANCE = 1e-15
 
 
 class Attracting:
-    """An integrator of N gravitating bodies in space, with the gravitational constant G."""
+    """heyoka's Taylor integrator of N gravitating bodies in space, compiled once; `rows` integrates bodies of any mass.
+
+    G is the gravitational constant.
+    """
 
     def __init__(self, N: int, G: float):
         import heyoka as hy

@@ -67,7 +67,7 @@ def test_verdict_on_nearness_to_brute_force():
 
 
 def test_beaten_brute_force_is_counted(tmp_path):
-    """Brute force is beaten where the whole interval of the ratio is below 1."""
+    """Advice beats an exhaustive search where the whole interval of advised time over searched time is below 1."""
     table = rows(ratio={0: 0.41, 2: 0.9, 4: 0.97, 6: 0.7})
     for n, high in ((0, 0.45), (2, 0.99), (4, 1.01), (6, 0.8)):
         table.loc[n, "ratio high"] = high

@@ -109,7 +109,7 @@ def springs_that_write():
 
 
 def springs_energy(k):
-    """Loop for (H, its size) of springs of stiffness k."""
+    """A user's function f(q, p) -> (H, size of its terms) of uncoupled springs of stiffness k, written as a loop."""
 
     def f(q, p):
         H = 0 * q[0]

@@ -30,7 +30,7 @@ def bench_lambda(measured_rows):
 
 
 def bench_largest_steps(measured_rows):
-    """At lambda = 1/2 the largest step that survives is at least the step of the scene."""
+    """Schemes with lambda = 1/2 stay stable at least up to the step h at which the experiment compares all lambda."""
     rows = [r for r in measured_rows(lambdas.COSTS) if r["lam"] == HALF]
     off = [f"{r['method']} on {r['scene']}" for r in rows if not r["largest h"] >= r["h"]]
     assert not off, "\n".join(off)
