@@ -66,7 +66,7 @@ class Rounding(NamedTuple):
     distances: np.ndarray
 
     def span(self, limit: float = LIMIT) -> Span:
-        """The horizon (how long an orbit can be followed to ``limit``) and the interval of its estimate from the draws."""
+        """The horizon (how long an orbit can be followed to ``limit``), and the interval of this estimate."""
         median = np.median(self.distances, axis=0)
         return Span(*(within(self.grid, factor * median, self.size, limit) for factor in (1.0, *CENTRAL)))
 
