@@ -126,7 +126,7 @@ BOTH = [
 ]
 
 
-@pytest.mark.parametrize(("declared", "others"), BOTH, ids=structure.PROPERTIES)
+@pytest.mark.parametrize(("declared", "others"), BOTH, ids=structure.PROPERTIES[:2])
 def test_structure_is_judged_by_the_threshold(declared, others):
     def both(*of):
         return [judge(verdict, structure=defects(*of)) for verdict in (declared, others)]
@@ -141,13 +141,24 @@ def test_structure_is_judged_by_the_threshold(declared, others):
     assert judge(declared, structure=defects(("a", True, 0.0)).iloc[:0]) is None
 
 
+@pytest.mark.parametrize("rows", [(("a", True, 1.1e-22),), (("b", False, 0.9e-22),)])
+def test_volume_is_judged_by_the_threshold_on_both_sides(rows):
+    good = defects(("c", True, 0.9e-22), ("d", False, 1.1e-22))
+    found = judge(structure.volume, structure=good)
+    assert (found.outcome, found.measured) == (PASS, Count(2, 2))
+    found = judge(structure.volume, structure=pd.concat([good, defects(*rows)]))
+    assert (found.outcome, found.measured, found.where) == (FAIL, Count(2, 3), rows[0][0])
+    assert judge(structure.volume, structure=good[good["property"] != "volume"]).outcome == MISSING
+
+
 def test_defects_nearest_to_the_threshold_are_shown():
     many = defects(
         *((f"y{k}", True, 10.0 ** (-30 - k)) for k in range(9)), *((f"n{k}", False, 0.1**k) for k in range(9))
     )
     shown = structure.table({"structure": many}.get).frame
     first = shown[shown["property"] == "symplecticity"]
-    assert list(first["method"]) == [*(f"y{k}" for k in range(6)), *(f"n{k}" for k in range(8, 2, -1))]
+    assert list(first["method"]) == [*(f"y{k}" for k in range(4)), *(f"n{k}" for k in range(8, 4, -1))]
+    assert len(shown) == 24
     assert set(shown["declared"]) == {"yes", "no"}
 
 
