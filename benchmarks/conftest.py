@@ -42,7 +42,7 @@ def pytest_addoption(parser):
 
 
 def pytest_configure(config):
-    """Let ``-k`` select cells instead of functions if its words name methods, peers, problems, scenes, experiments."""
+    """Let ``-k`` select measurements, not functions, if its words name methods, peers, problems or experiments."""
     config.stash[NOTES] = []
     config.stash[WANTED] = frozenset()
     words = [w for w in config.option.keyword.split() if w != "or"] if config.option.keyword else []
@@ -52,7 +52,7 @@ def pytest_configure(config):
 
 
 def _names() -> set[str]:
-    """Names for ``-k`` that select cells."""
+    """Names with which ``-k`` selects measurements: of methods, peers, packages, problems, scenes and experiments."""
     from phasebench.benchmarks.problems import PROBLEMS
     from phasebench.benchmarks.problems.questions import QUESTIONS
     from phasebench.benchmarks.problems.scenes import SCENES
@@ -80,7 +80,7 @@ def _folder(config) -> Path:
 
 @pytest.fixture(scope="session")
 def quick(pytestconfig) -> bool:
-    """True for the quick run."""
+    """True for a quick run (option --quick), which measures few cells."""
     return pytestconfig.getoption("--quick")
 
 
@@ -98,7 +98,7 @@ def notes(pytestconfig) -> list[str]:
 
 @pytest.fixture(scope="session")
 def outcome(request, pytestconfig, quick) -> run.Outcome:
-    """The result of the run: the cells of the collected benchmarks, measured within the budget."""
+    """The result of the run: the collected benchmarks' cells (single measurements), measured within the time budget."""
     modules = {item.module.__name__: item.module for item in request.session.items}
     cells = [c for m in modules.values() if hasattr(m, "cells") for c in m.cells(quick)]
     wanted = pytestconfig.stash[WANTED]
@@ -128,7 +128,7 @@ def outcome(request, pytestconfig, quick) -> run.Outcome:
 
 @pytest.fixture
 def measured_rows(outcome, request):
-    """A function: table -> the rows measured by this run; fails if a cell of the test's experiment failed."""
+    """A function: table's name -> the rows measured by this run; fails if a measurement of the experiment failed."""
     experiment = Path(request.path).parent.name
     failed = [f"{c.label}: {outcome.failed[c.id]}" for c in outcome.cells if _fails(outcome, c, experiment)]
     assert not failed, "cells that could not be measured:\n" + "\n".join(failed)
@@ -141,7 +141,7 @@ def _fails(outcome, cell, experiment: str) -> bool:
 
 @pytest.fixture
 def complete(outcome):
-    """A function: table -> True if it has cells and this run measured all of them."""
+    """A function: table's name -> True if this run measured all its rows."""
 
     def is_complete(table: str) -> bool:
         members = [c for c in outcome.cells if table in c.tables]

@@ -24,6 +24,7 @@ from phasebench.benchmarks.experiments.catalogue.page import PAGES as CATALOGUE
 from phasebench.benchmarks.experiments.drift.page import PAGE as DRIFT
 from phasebench.benchmarks.experiments.energy_preservation.page import PAGE as ENERGY_PRESERVATION
 from phasebench.benchmarks.experiments.ensembles.page import PAGE as ENSEMBLES
+from phasebench.benchmarks.experiments.extended.page import PAGE as EXTENDED
 from phasebench.benchmarks.experiments.extremes.encounters_page import PAGE as EXTREMES_ENCOUNTERS
 from phasebench.benchmarks.experiments.extremes.limits_page import PAGE as EXTREMES_LIMITS
 from phasebench.benchmarks.experiments.extremes.page import PAGE as EXTREMES
@@ -41,6 +42,8 @@ from phasebench.benchmarks.experiments.orders.page import PAGE as ORDERS
 from phasebench.benchmarks.experiments.oscillatory.page import PAGE as OSCILLATORY
 from phasebench.benchmarks.experiments.printed.page import PAGE as PRINTED
 from phasebench.benchmarks.experiments.references.page import PAGE as REFERENCES
+from phasebench.benchmarks.experiments.sampling.hessian_page import PAGE as HESSIAN_FREE
+from phasebench.benchmarks.experiments.sampling.page import PAGE as SAMPLING
 from phasebench.benchmarks.experiments.speed.page import PAGE as SPEED
 from phasebench.benchmarks.experiments.start.page import PAGE as START
 from phasebench.benchmarks.experiments.structure.page import PAGE as STRUCTURE
@@ -84,8 +87,11 @@ PAGES: tuple[Page, ...] = (
     KEPLER,
     WISDOM_HOLMAN,
     OSCILLATORY,
+    EXTENDED,
     WAVES,
     MULTISYMPLECTIC,
+    SAMPLING,
+    HESSIAN_FREE,
     AUDIT,
     REFERENCES,
     SPEED,
@@ -102,7 +108,7 @@ QUICK = "This is the quick tier: few steps, few rounds; it shows that the suite 
 
 
 class Data:
-    """The tables of a folder, each read once; with ``stale`` also rows measured by an earlier version of the code."""
+    """Reads the tables of a report folder, each once; with ``stale`` also rows of an earlier version of the code."""
 
     def __init__(self, folder: Path, stale: bool = True):
         self.folder, self.stale = folder, stale
@@ -123,7 +129,7 @@ class Data:
         return self._read(name)[1]
 
     def digest(self, name: str) -> str:
-        """Digest of a table's file and of the choice of rows."""
+        """Digest of a table's file and of whether rows of an earlier version of the code are used."""
         if name not in self._digests:
             path = self.folder / "data" / f"{name}.csv"
             content = path.read_bytes() if path.exists() else b""
@@ -138,7 +144,7 @@ class Data:
 
 @dataclass(frozen=True)
 class _Written:
-    """A page that was written, as the entry page needs it."""
+    """A page that was written: its outcome, answer, figures and table, from which the entry page is made."""
 
     page: Page
     outcome: str
@@ -192,7 +198,7 @@ def _scratch(folder: Path) -> tempfile.TemporaryDirectory:
 def _page(page: Page, both: tuple[Data, Data], figures: Figures, target: Path) -> _Written:
     """Write a page into ``target`` from all rows, or from the current rows only if stale ones have another form.
 
-    ``both`` is the data with stale rows and the data without.
+    ``both`` is the data with stale rows (of an earlier version of the code) and the data without.
     """
     data, current = both
     old = count_outdated(page, data)

@@ -59,7 +59,7 @@ def settings():
 
 
 def styled(draw):
-    """Decorator: call ``draw`` under `settings`."""
+    """Decorator: call the drawing function ``draw`` with the plot settings of this module."""
 
     @functools.wraps(draw)
     def draw_in_style(*given):

@@ -20,7 +20,7 @@ from phasebench.benchmarks.measure.own_step import Step
 from phasebench.benchmarks.measure.tabular import TabularResult
 from phasebench.benchmarks.problems import problem as problem_of
 from phasebench.integrators.errors import InvalidInput
-from phasebench.integrators.keywords import State, checked_names
+from phasebench.integrators.keywords import State, check_names
 from phasebench.integrators.record import Method
 from phasebench.reference.peers import Peer
 
@@ -110,7 +110,7 @@ class WorkPrecision(TabularResult):
         return path
 
 
-@checked_names
+@check_names
 def workprecision(
     problem: AnyProblem,
     methods: str | Path | Sequence[str | Path | Method | Peer | Integrator | Step] | None = None,
@@ -158,7 +158,7 @@ def workprecision(
 
 
 def promising(problem, t_end: float, quantity: str) -> list[Integrator]:
-    """The first `CHOSEN` methods of this project, then peers, in the order in which advice tries them at `MIDDLE`."""
+    """The `CHOSEN` most promising methods of this project, then as many peers, for a middling accuracy (`MIDDLE`)."""
     members = [i for i, _ in portfolio(ask(problem, t_end=t_end, accuracy=MIDDLE, quantity_name=quantity), MIDDLE)[0]]
     own, others = ([i for i in members if (i.kind == OURS) is side][:CHOSEN] for side in (True, False))
     return [*own, *others]
@@ -168,7 +168,7 @@ def promising(problem, t_end: float, quantity: str) -> list[Integrator]:
 
 
 def improving(rows: Sequence[dict[str, Any]]) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
-    """(rows of one integrator whose error is below that of all coarser ones, the other rows).
+    """(rows with an error below that of all coarser ones, the other rows) of one integrator's rows.
 
     Only the first are joined by a line; the others scatter at the level of round-off, and a line would draw loops.
     """
@@ -180,7 +180,7 @@ def improving(rows: Sequence[dict[str, Any]]) -> tuple[list[dict[str, Any]], lis
 
 
 def side(kind: str) -> tuple[str, str]:
-    """(line style, text in the legend) for this project's methods, the user's own step, and peers."""
+    """(line style, text in the legend) of an integrator's ``kind``: this project's, the user's own step, or a peer."""
     return {OURS: ("-", "phasebench"), YOURS: ("-.", "own step")}.get(kind, ("--", "peer"))
 
 

@@ -7,7 +7,7 @@ REQUIRES = ("magnetic",)
 
 
 def step(system, x, v, h):
-    """Drift, half a kick, the rotation about B, half a kick, drift."""
+    """One step of length h: drift, half a kick by E, the rotation of v about B, half a kick, drift."""
     x = x + h / 2 * v
     kick, t = h / 2 * system.E(x), h / 2 * system.B(x)
     v = v + kick

@@ -1,4 +1,4 @@
-"""Geometric integrators of Hamiltonian systems: the schemes, and nothing of problems, references or reports.
+"""Geometric integrators of Hamiltonian systems: the methods, and the functions that run them.
 
 >>> from phasebench.integrators import Hamiltonian, integrate
 >>> pendulum = Hamiltonian(q="q", p="p", H="p**2/2 - cos(q)")

@@ -1,4 +1,4 @@
-"""Batches: the orbits of an ensemble that one kernel integrates in lanes, block by block."""
+"""Integrate the orbits of an ensemble in batches: those with the same kernel, side by side in SIMD lanes."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from threading import Lock
 import numpy as np
 
 from .compile import codegen
-from .outcome import OK, met, noted
+from .outcome import OK, flag_crossings, flag_energy_errors
 from .record import Method
 from .stepping import orbit_lanes
 from .stepping.kernel import COUNTS, TALLY, Prepared, Samples, prepare
 from .stepping.orbit_lanes import LANES
-from .threads import shared
+from .threads import map_slices
 from .trajectory import PIECE, whole_rows
 
 #: Below this many orbits the lanes are not filled, and a kernel for them need not be compiled.
@@ -24,18 +24,18 @@ ENOUGH = LANES.n
 
 @dataclass
 class Orbits:
-    """What an ensemble is made of: n orbits, their rows, and how each ended.
+    """The state of an ensemble while it is integrated: n orbits, their rows (stored states), and how each ended.
 
     Attributes
     ----------
-    system : what is integrated
-    q, p : arrays (n, d), the starts
-    h, steps, every : arrays (n,)
-    kinds, kind : the methods, and an array (n,) with the number of each orbit's
+    system : the system that is integrated
+    q, p : arrays (n, d), the initial states
+    h, steps, every : arrays (n,): step, number of steps, number of steps between two rows
+    kinds, kind : the different methods, and an array (n,) with the index in it of each orbit's method
     Q, P : arrays (n, rows, d), NaN where a row is not filled
     filled : array (n,), the number of good rows
     status, reason : arrays (n,) of text
-    counts : of all orbits together
+    counts : name -> number of steps, evaluations, ..., summed over the orbits
     """
 
     system: object
@@ -55,8 +55,8 @@ class Orbits:
     lock: Lock = field(default_factory=Lock, repr=False)
 
     @classmethod
-    def begun(cls, system, q, p, h, steps, every, kinds, kind, rows: int) -> Orbits:
-        """Orbits of which the first row is there."""
+    def create(cls, system, q, p, h, steps, every, kinds, kind, rows: int) -> Orbits:
+        """Create the `Orbits` with room for ``rows`` rows each, of which the first, the initial state, is filled."""
         n = len(q)
         Q, P = (np.full((n, rows, system.d), np.nan) for _ in "qp")
         Q[:, 0], P[:, 0] = q, p
@@ -67,36 +67,36 @@ class Orbits:
     #: Orbits of a batch that are integrated to their end before the next; all where that is 0.
     group = 0
 
-    def most(self, every: int, orbits: int) -> int:
-        """Steps of one call of a kernel for so many orbits, with a row every so many steps."""
+    def max_steps(self, every: int, orbits: int) -> int:
+        """The most steps in one call of a kernel for ``orbits`` orbits with a row every ``every`` steps."""
         return PIECE
 
     def room(self, i: int, first: int, rows: int) -> tuple[np.ndarray, np.ndarray]:
-        """Where the kernel of orbit i writes its rows from ``first`` on, arrays (rows, d) of q and of p."""
+        """The arrays (rows, d) of q and of p to which the kernel of orbit i writes rows ``first``, ..."""
         filled = slice(1 + first, 1 + first + rows)
         return self.Q[i, filled], self.P[i, filled]
 
     def keeper(self, members: np.ndarray, width: int) -> Callable[[int, np.ndarray, np.ndarray, int], None]:
-        """What takes the rows of these orbits, in blocks of ``width``, as they are made.
+        """Return the function that stores the rows of these orbits, in blocks of ``width`` lanes, as they are computed.
 
-        It is called with the number of the first row, q and p (blocks, rows, d, width), and the steps taken so far.
+        Its arguments are the number of the first row, q and p (blocks, rows, d, width), and the steps taken so far.
         """
 
         def keep(first: int, q: np.ndarray, p: np.ndarray, taken: int) -> None:
             if width > 1:  # else `room` has them
                 filled = slice(1 + first, 1 + first + q.shape[1])
                 self.Q[members, filled], self.P[members, filled] = (
-                    orbit_lanes.of_blocks(x, len(members)) for x in (q, p)
+                    orbit_lanes.from_blocks(x, len(members)) for x in (q, p)
                 )
 
         return keep
 
     def end(self, members: np.ndarray) -> None:
-        """Note that the rows of these orbits are all there."""
+        """Record that all rows of these orbits are filled."""
         self.filled[members] = self.Q.shape[1]
 
     def enter(self, i: int, solution) -> None:
-        """Write down what came of an orbit that was integrated alone."""
+        """Store the rows, status and counts of orbit i from its ``solution``, computed by itself outside of a batch."""
         filled = len(solution.q)
         self.Q[i], self.P[i] = np.nan, np.nan
         self.Q[i, :filled], self.P[i, :filled] = solution.q, solution.p
@@ -104,30 +104,30 @@ class Orbits:
         self.conclude(i, solution)
 
     def conclude(self, i: int, solution) -> None:
-        """Write down how an orbit ended that was integrated alone, and what it took."""
+        """Store status and reason of orbit i from its ``solution``, and add its counts to the ensemble's."""
         self.status[i], self.reason[i] = solution.status, solution.reason
         with self.lock:
             for name, number in solution.counts.items():
                 self.counts[name] = self.counts.get(name, 0) + number
 
     def forget(self, members: np.ndarray) -> None:
-        """Forget what is known of these orbits besides their rows: they are integrated again."""
+        """Discard what is stored of these orbits besides rows, before they are integrated again; nothing here."""
 
     def suspects(self, members: np.ndarray) -> np.ndarray:
-        """Those of these orbits whose end is for `integrate` to judge."""
-        return doubtful(self, members)
+        """Those of these orbits that have to be integrated again by `integrate`, which determines their status."""
+        return find_doubtful(self, members)
 
 
 @dataclass(frozen=True)
 class Batch:
-    """Orbits with the same kernel and the same number of steps.
+    """Orbits that are integrated together: they have the same kernel and the same number of steps.
 
     Attributes
     ----------
     prepared : their kernel, with the coefficients that they share
-    loop : the compiled loop
-    members : array (n,), the numbers of the orbits
-    weights : by their name, arrays (n, substeps)
+    loop : the compiled loop over blocks of orbits
+    members : array (n,), the indices of the orbits
+    weights : name -> array (n, substeps), the weights of a step's substeps that differ between orbits
     """
 
     prepared: Prepared
@@ -136,24 +136,24 @@ class Batch:
     weights: dict[str, np.ndarray]
 
 
-def able(system, method: Method) -> bool:
-    """Whether orbits of a method run in lanes."""
-    return orbit_lanes.able(system, method)
+def runs_in_lanes(system, method: Method) -> bool:
+    """True if orbits of the method on the system can be integrated side by side in SIMD lanes."""
+    return orbit_lanes.runs_in_lanes(system, method)
 
 
-def of(orbits: Orbits, members: np.ndarray) -> list[Batch]:
-    """The members in batches; their kernels are compiled."""
+def build(orbits: Orbits, members: np.ndarray) -> list[Batch]:
+    """Divide the orbits with the indices ``members`` into batches of the same kernel and steps; compile the kernels."""
     twin = orbit_lanes.twin(orbits.system)
     parts: dict[tuple, list] = {}
     pairs, number = np.unique(np.stack([orbits.kind, orbits.steps])[:, members], axis=1, return_inverse=True)
     known = {k: prepare(orbits.kinds[k], twin) for k in set(pairs[0].tolist())}
     for i, (kind, steps) in enumerate(pairs.T.tolist()):
-        parts.setdefault((*_common(known[kind]), steps), []).append((known[kind], members[number.reshape(-1) == i]))
+        parts.setdefault((*_shared_key(known[kind]), steps), []).append((known[kind], members[number.reshape(-1) == i]))
     return [_batch(part, orbits.system.d) for part in parts.values()]
 
 
-def _common(prepared: Prepared) -> tuple:
-    """What the orbits of a batch share."""
+def _shared_key(prepared: Prepared) -> tuple:
+    """A key that is equal for kernels whose orbits fit into one batch: all coefficients that may not vary by orbit."""
     fields = {k: v for k, v in prepared.step._asdict().items() if k not in orbit_lanes.VARYING}
     return (prepared.run, *((v.shape, v.tobytes()) if isinstance(v, np.ndarray) else v for v in fields.values()))
 
@@ -172,7 +172,10 @@ def _batch(parts: list[tuple[Prepared, np.ndarray]], d: int) -> Batch:
 
 
 def run(made: list[Batch], orbits: Orbits, threads: int, tell: Callable[[int], None]) -> None:
-    """Integrate the batches, in shares of whole blocks of one batch after the other, and fill the rows."""
+    """Integrate the batches on ``threads`` threads, whole blocks of lanes at a time, and fill the rows of ``orbits``.
+
+    ``tell`` is called with the number of orbits that have been finished since the call before.
+    """
     ends = np.cumsum([0, *(-(-len(batch.members) // LANES.n) for batch in made)]).tolist()
 
     def share(part: slice) -> list[tuple[dict[str, int], int]]:
@@ -183,7 +186,7 @@ def run(made: list[Batch], orbits: Orbits, threads: int, tell: Callable[[int], N
         ]
         return [_share(batch, members, orbits) for batch, members in of_batches]
 
-    for found in shared(share, ends[-1], threads):
+    for found in map_slices(share, ends[-1], threads):
         for counts, n in found:
             for name, number in counts.items():
                 orbits.counts[name] += number
@@ -191,9 +194,9 @@ def run(made: list[Batch], orbits: Orbits, threads: int, tell: Callable[[int], N
 
 
 def pieces(steps: int, every: int, most: int | None = None) -> Iterator[tuple[int, int, int]]:
-    """(first row, rows, steps for each) of the calls of a kernel, as the driver makes them; of ``most`` steps each.
+    """Yield (first row, rows, steps for each row) of the kernel calls, of at most ``most`` steps, that make up a run.
 
-    A row of many steps is more than one call; what the last of them leaves is kept.
+    A row of many steps takes more than one call; the last of them leaves the state that is stored.
     """
     first, most = 0, PIECE if most is None else most
     while first * every < steps:
@@ -208,16 +211,16 @@ def pieces(steps: int, every: int, most: int | None = None) -> Iterator[tuple[in
 
 
 def _share(batch: Batch, part: slice, orbits: Orbits) -> tuple[dict[str, int], int]:
-    """Integrate a part of a batch; returns the counts and the number of orbits."""
+    """Integrate the orbits of a slice of a batch, group by group; returns (counts, number of orbits)."""
     total, n = Counter(), len(batch.members[part])
     first, last = part.start, part.start + n
     for begin in range(first, last, orbits.group or n):
-        total.update(_integrated(batch, slice(begin, min(last, begin + (orbits.group or n))), orbits))
+        total.update(_integrate(batch, slice(begin, min(last, begin + (orbits.group or n))), orbits))
     return total, n
 
 
-def _integrated(batch: Batch, part: slice, orbits: Orbits) -> dict[str, int]:
-    """Integrate a part of a batch side by side; returns the counts."""
+def _integrate(batch: Batch, part: slice, orbits: Orbits) -> dict[str, int]:
+    """Integrate the orbits of a slice of a batch side by side; returns the counts."""
     members = batch.members[part]
     n, d, width = len(members), orbits.system.d, LANES.n
     varying = orbit_lanes.varying_of(orbits.h[members], {name: rows[part] for name, rows in batch.weights.items()})
@@ -227,7 +230,7 @@ def _integrated(batch: Batch, part: slice, orbits: Orbits) -> dict[str, int]:
     keep, taken = orbits.keeper(members, width), 0
     steps, spacing = int(orbits.steps[members[0]]), int(orbits.every[members[0]])
     q = p = parameter = np.zeros((0, 0))
-    for first, rows, every in pieces(steps, spacing, orbits.most(spacing, n)):
+    for first, rows, every in pieces(steps, spacing, orbits.max_steps(spacing, n)):
         if q.shape[1] != rows:
             q, p = (np.zeros((blocks, rows, d, width)) for _ in "qp")
             parameter = np.zeros((blocks, rows, 1, width))
@@ -242,8 +245,8 @@ def _integrated(batch: Batch, part: slice, orbits: Orbits) -> dict[str, int]:
     return batch.prepared.tally(n * steps, int(evaluations.sum()))
 
 
-def doubtful(orbits: Orbits, members: np.ndarray) -> np.ndarray:
-    """The members that did not end well, or met a singularity: what came of them is for `integrate` to say."""
+def find_doubtful(orbits: Orbits, members: np.ndarray) -> np.ndarray:
+    """The members with a row that is not finite, an energy error, or a step across a singularity."""
     if not len(members):
         return members
     Q, P = orbits.Q[members], orbits.P[members]
@@ -253,7 +256,7 @@ def doubtful(orbits: Orbits, members: np.ndarray) -> np.ndarray:
     if system.has_energy:
         flat = Q.reshape(-1, d), P.reshape(-1, d)
         H, M = (x.reshape(n, rows) for x in (system.energies(*flat), system.scale(*flat)))
-        bad |= noted(H, M).any(axis=1)
+        bad |= flag_energy_errors(H, M).any(axis=1)
         if system.singularities:
-            bad |= met(system, Q, P, orbits.h[members], H, M)
+            bad |= flag_crossings(system, Q, P, orbits.h[members], H, M)
     return members[bad]

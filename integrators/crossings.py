@@ -35,7 +35,10 @@ GROWTH, SHARE = 1 << 14, 32
 
 @jit
 def _carry(field, q, p, t, k, dx, tableau, slopes, zero):
-    """(q, p, t) carried by the flow over dx of component k."""
+    """Carry (q, p, t) along the flow until component k of (q, p) has changed by dx, by one step of order 8.
+
+    ``slopes`` is room for the stages, ``zero`` the zero of a state.
+    """
     d = len(zero)
     for i in range(STAGES):
         dq, dp = total(tableau, i, dx, slopes, zero)
@@ -127,7 +130,7 @@ def _tableau() -> np.ndarray:
 
 
 def finder(system) -> Callable:
-    """`_find` for a system, compiled: without its first and its last two arguments."""
+    """Return `_find` compiled for a system: (q, p, last, ..., work, slopes) -> number of crossings found."""
     field, d = system.field(), system.d
     zero, tableau = value(np.zeros(d), d), _tableau()
     if not codegen.compiled():
@@ -140,24 +143,24 @@ def finder(system) -> Callable:
     if signature not in _compiled:
         options = codegen.options(d) | {"nogil": True}
         with progress.compiling("the search of crossings", d):
-            _compiled[signature] = entry(machine.compiled(_find, signature, options, "crossings"))
+            _compiled[signature] = entry(machine.load_or_compile(_find, signature, options, "crossings"))
     call = _compiled[signature]
     return lambda *arguments: call(field, *arguments, tableau, zero)
 
 
 def sorter() -> Callable:
-    """`_sort`, compiled."""
+    """Return `_sort`, compiled."""
     if not codegen.compiled():
         return _sort
     if "sort" not in _compiled:
         signature = types.none(_NUMBERS, _WHOLE, _WHOLE)
         options = codegen.options(1) | {"nogil": True}
-        _compiled["sort"] = entry(machine.compiled(_sort, signature, options, "crossings-sort"))
+        _compiled["sort"] = entry(machine.load_or_compile(_sort, signature, options, "crossings-sort"))
     return _compiled["sort"]
 
 
 class Crossings:
-    """Points of orbits on a plane in two growing tables, filled by several threads.
+    """Points at which orbits cross a plane, with the orbits' indices, in two growing tables filled by several threads.
 
     Attributes
     ----------
@@ -182,12 +185,12 @@ class Crossings:
             self.owners[first : self._filled, 0] = owners
 
     def _resize(self, rows: int) -> None:
-        """Change the room, without a copy where the system can extend memory."""
+        """Allocate room for ``rows`` rows, without a copy where the operating system can extend memory."""
         for table in (self.points, self.owners):
             table.resize((rows, table.shape[1]), refcheck=False)
 
     def drop(self, orbits: np.ndarray) -> None:
-        """Forget the points of these orbits."""
+        """Remove the points of these orbits."""
         if not len(orbits):
             return
         kept = ~np.isin(self.owners[: self._filled, 0], orbits)
@@ -196,7 +199,7 @@ class Crossings:
             table[:n] = table[: self._filled][kept]
         self._filled = n
 
-    def ordered(self, n: int) -> tuple[np.ndarray, np.ndarray]:
+    def sort_points(self, n: int) -> tuple[np.ndarray, np.ndarray]:
         """(points in the order of orbits and of time, how many each of n orbits has); nothing can be added then."""
         self._resize(self._filled)
         numbers = np.bincount(self.owners[:, 0], minlength=n)

@@ -1,4 +1,4 @@
-"""The driver: checks the input, lays out the state, runs the kernel in pieces; see `outcome` for how a run ends."""
+"""Integrate a problem with a method: check the input, run the kernel in pieces, determine the status (`outcome`)."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from .outcome import (  # noqa: F401
     SKIPPED,
     TIMEOUT,
     UNSTABLE,
-    unsolved,
+    solver_failure,
 )
 from .record import Method
 from .registry import method as method_of
@@ -55,10 +55,10 @@ def integrate(
     h, t_end, steps : two of them; h alone is adjusted so that a whole number of steps ends at t_end, by no more than
         1 % upwards.  A t_end before t0, or a negative h with steps, goes back in time
     t0 : the time at the start; the system does not depend on it
-    q0, p0 : arrays (d,), the initial state where not the problem's
-    save_every : keep every so many-th state, and the last; 0 keeps the first and the last
+    q0, p0 : arrays (d,), the initial state if not the problem's
+    save_every : store every Nth state, and the last; 0 stores the first and the last
     parameters : values of the method's parameters
-    arithmetic : "double", or "multiprecision" at the digits of `codegen.precision` (needs NUMBA_DISABLE_JIT=1)
+    arithmetic : "double", or "multiprecision" with the digits that `codegen.precision` sets (needs NUMBA_DISABLE_JIT=1)
     timeout : seconds after which the integration stops with status "timeout"; the last row is what was reached
     progress : called with the number of steps taken so far
 
@@ -77,7 +77,7 @@ def integrate(
         raise InvalidInput("multiprecision runs need a process with NUMBA_DISABLE_JIT=1")
     check_timeout(timeout)
     if multi:
-        h = codegen.exactly(t_end, arithmetic) / steps if h is None else codegen.exactly(h, arithmetic)
+        h = codegen.to_number(t_end, arithmetic) / steps if h is None else codegen.to_number(h, arithmetic)
         steps = steps or round(t_end / h)
         every = spacing(save_every, steps)
         system, q, p = initial(problem, q0, p0, exact=True)
@@ -90,13 +90,13 @@ def integrate(
     if lack:
         raise InvalidInput(lack)
     kernel = prepare(record, system, arithmetic)
-    words = kernel.missed, unsolved(record.family, system.d)
+    words = kernel.missed, solver_failure(record.family, system.d)
     trajectory = Trajectory(system, q, p, h, steps, every, arithmetic, *words, t0=t0)
     return _run(kernel, trajectory, record, timeout, progress, problem)
 
 
 def warm(problem, method: str | Method, *, h: float, steps: int, parameters: dict | None = None) -> Callable[[], tuple]:
-    """A function that integrates ``steps`` steps from the initial state and returns (q, p): a prepared run of one size.
+    """Return a function that integrates ``steps`` steps from the initial state, each time anew, and returns (q, p).
 
     Raises what `prepared.prepare` raises.
     """
@@ -105,7 +105,7 @@ def warm(problem, method: str | Method, *, h: float, steps: int, parameters: dic
 
 
 def _run(kernel, trajectory: Trajectory, record: Method, timeout, progress, problem) -> Solution:
-    """Integrate, from the first row of the trajectory."""
+    """Run the kernel until all rows of the trajectory are filled or the run stops; returns the `Solution`."""
     t = trajectory
     run = prepared.lay_out(kernel, t.system.d, t.h, t.q[0], t.p[0], t.arithmetic)
     counts, pace = run.counts, Pace(timeout, FIRST if kernel.missed else PIECE)

@@ -28,7 +28,7 @@ from .errors import InvalidInput
 from .record import Method
 from .registry import method as method_of
 from .request import LARGEST, grid, initial, spacing
-from .threads import shared
+from .threads import map_slices
 
 Floats = NDArray[np.float64]
 
@@ -41,7 +41,7 @@ class Ensemble:
     ----------
     q, p : arrays (n, d), the end states; of an orbit that stopped, its last good row
     t : array (n,), the times of the end states
-    status, reason : arrays (n,) of text, for each orbit as of a `Solution`; "invalid" for a start that cannot be used
+    status, reason : arrays (n,) of text, for each orbit as in a `Solution`; "invalid" for a start that cannot be used
     times, Q, P : arrays (n, rows) and (n, rows, d), the rows that were kept, the first the initial state; NaN after an
         orbit has stopped
     h : array (n,), the step that each orbit took
@@ -70,14 +70,14 @@ class Ensemble:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The names of the d coordinates, then of the d momenta; asking for them loads SymPy."""
+        """The names of the d coordinates, then of the d momenta; reading them loads SymPy."""
         return () if self.system is None else names(self.system)
 
     def __len__(self) -> int:
         return len(self.q)
 
     def __repr__(self) -> str:
-        """A few lines: the methods, the statuses with their numbers of orbits, the spans."""
+        """A few lines of text: the methods, the statuses with their numbers of orbits, the time spans."""
         labels = [m.label for m in self.methods]
         methods = ", ".join(labels[:SHOWN]) + (f" and {len(labels) - SHOWN} more" if len(labels) > SHOWN else "")
         n, d = self.q.shape
@@ -86,7 +86,7 @@ class Ensemble:
             [
                 f"Ensemble: {n} orbits of d = {d}, {methods}",
                 f"  {tally(self.status)}",
-                f"  to t = {spread(self.t)}, h = {spread(self.h)}, {self.Q.shape[1]} rows each",
+                f"  to t = {format_range(self.t)}, h = {format_range(self.h)}, {self.Q.shape[1]} rows each",
                 f"  {self.counts.get('steps', 0)} steps in {self.seconds:.3g} s{lanes}",
             ]
         )
@@ -97,13 +97,13 @@ SHOWN = 3
 
 
 def tally(status: NDArray[np.object_]) -> str:
-    """The statuses of orbits, each with its number: "998 ok, 2 diverged"."""
+    """The statuses of orbits as text, each with the number of orbits: "998 ok, 2 diverged"."""
     names, numbers = np.unique(status.astype(str), return_counts=True)
     return ", ".join(f"{n} {name}" for n, name in sorted(zip(numbers, names, strict=True), reverse=True))
 
 
-def spread(values: Floats) -> str:
-    """The range of numbers as text; one number where all are equal."""
+def format_range(values: Floats) -> str:
+    """The range of the numbers as text, from least to largest; one number if all are equal."""
     low, high = float(values.min()), float(values.max())
     return f"{low:.6g}" if low == high else f"{low:.6g} to {high:.6g}"
 
@@ -131,9 +131,9 @@ def integrate_ensemble(
     method : an id or a method
     Q, P : arrays (n, d), the initial states; one that is not finite is "invalid", and the others go on
     h : number, or array (n,) with a step for each orbit
-    t_end, steps : as of `integrate`; with steps of several lengths, ``t_end`` keeps no rows but the first and the last
+    t_end, steps : as in `integrate`; with steps of several lengths, ``t_end`` keeps no rows but the first and the last
     parameters : values of the method's parameters: numbers, or arrays (n,) with a value for each orbit
-    save_every : keep every so many-th state, and the last; 0 keeps the first and the last
+    save_every : store every Nth state, and the last; 0 stores the first and the last
     lanes : whether orbits go into SIMD lanes; where that is left open, if they can and there are enough of them
     threads : how many at once; all cores that this process may use
     progress : called with the number of orbits that are at their end
@@ -165,13 +165,13 @@ Alone = Callable[[Orbits, int], Solution]
 def run(
     orbits: Orbits, lanes: bool | None, threads: int | None, progress: Callable[[int], None] | None
 ) -> tuple[np.ndarray, float]:
-    """Integrate orbits as `integrate_ensemble` does; returns which went in lanes, an array (n,), and the seconds."""
+    """Integrate orbits as `integrate_ensemble` does; returns (array (n,), True if an orbit ran in lanes; seconds)."""
     workers = _threads(threads)
     good = np.flatnonzero(orbits.status == OK)
     wide = _goes_in_lanes(orbits, good, lanes)
     tell = _Progress(progress)
     tell(len(orbits.q) - len(good))
-    made = batches.of(orbits, good[wide]) if wide.any() else []
+    made = batches.build(orbits, good[wide]) if wide.any() else []
     rest = good[~wide]
     if len(rest):  # compiles
         i = rest[0]
@@ -181,24 +181,29 @@ def run(
     left = scalar_fallback.run(orbits, rest, workers, tell)
     stopped = orbits.suspects(np.union1d(good[wide], np.setdiff1d(rest, left)))
     tell(-len(stopped))
-    _one_by_one(orbits, np.concatenate([stopped, left]).astype(int), _alone, workers, tell)
+    _integrate_one_by_one(orbits, np.concatenate([stopped, left]).astype(int), _integrate_alone, workers, tell)
     in_lanes = np.zeros(len(orbits.q), bool)
     in_lanes[np.setdiff1d(good[wide], stopped)] = True
     return in_lanes, time.perf_counter() - began
 
 
 def run_alone(orbits: Orbits, alone: Alone, progress: Callable[[int], None] | None = None) -> tuple[np.ndarray, float]:
-    """Integrate orbits one after the other by a function of the caller's; returns what `run` does."""
+    """Integrate orbits one after the other by ``alone(orbits, i)``, a function that returns the solution of orbit i.
+
+    Returns (array (n,) of False: none ran in lanes; seconds).
+    """
     good = np.flatnonzero(orbits.status == OK)
     tell = _Progress(progress)
     tell(len(orbits.q) - len(good))
     began = time.perf_counter()
-    _one_by_one(orbits, good, alone, 1, tell)
+    _integrate_one_by_one(orbits, good, alone, 1, tell)
     return np.zeros(len(orbits.q), bool), time.perf_counter() - began
 
 
-def _one_by_one(orbits: Orbits, members: np.ndarray, alone: Alone, threads: int, tell: Callable[[int], None]) -> None:
-    """Integrate members by themselves, and write down what came of them."""
+def _integrate_one_by_one(
+    orbits: Orbits, members: np.ndarray, alone: Alone, threads: int, tell: Callable[[int], None]
+) -> None:
+    """Integrate the orbits with the indices ``members`` by ``alone``, on ``threads`` threads; store the solutions."""
     orbits.forget(members)
 
     def share(part: slice) -> int:
@@ -206,12 +211,12 @@ def _one_by_one(orbits: Orbits, members: np.ndarray, alone: Alone, threads: int,
             orbits.enter(i, alone(orbits, i))
         return len(members[part])
 
-    for number in shared(share, len(members), threads):
+    for number in map_slices(share, len(members), threads):
         tell(number)
 
 
 class _Progress:
-    """Tells the number of orbits at their end."""
+    """Counts the orbits that are finished, and calls the user's ``progress`` function with their number."""
 
     def __init__(self, told: Callable[[int], None] | None):
         self.told, self.done = told, 0
@@ -222,7 +227,7 @@ class _Progress:
             self.told(self.done)
 
 
-def _alone(orbits: Orbits, i: int) -> Solution:
+def _integrate_alone(orbits: Orbits, i: int) -> Solution:
     return integrate(
         orbits.system,
         orbits.kinds[orbits.kind[i]],
@@ -235,7 +240,7 @@ def _alone(orbits: Orbits, i: int) -> Solution:
 
 
 def conclude(orbits: Orbits, in_lanes: np.ndarray, seconds: float) -> Ensemble:
-    """The ensemble of orbits that are at their ends."""
+    """Make the `Ensemble` from orbits that have been integrated."""
     n = np.arange(len(orbits.q))
     last = orbits.filled - 1
     number = np.minimum(np.arange(orbits.Q.shape[1]) * orbits.every[:, None], orbits.steps[:, None])
@@ -268,18 +273,18 @@ def names(system: Any) -> tuple[str, ...]:
 
 
 def begin(problem, method, Q, P, h, t_end, steps, parameters, save_every) -> Orbits:
-    """The orbits that are asked for, with room for their rows; raises InvalidInput."""
+    """Check the arguments of `integrate_ensemble` and create the orbits, with room for rows; raises InvalidInput."""
     asked = request(problem, method, Q, P, h, t_end, steps, parameters, save_every)
     rows = 1 + -(-asked.steps // asked.every)
     if len(set(rows.tolist())) > 1:
         raise InvalidInput("the orbits take different numbers of steps: keep no rows (save_every=0), or give steps")
     if len(rows) * int(rows[0]) * asked.system.d > LARGEST:
         raise InvalidInput(f"{rows[0]} rows of {len(rows)} orbits do not fit in memory; keep fewer with save_every")
-    return checked(Orbits.begun(*asked, int(rows[0])))
+    return check_starts(Orbits.create(*asked, int(rows[0])))
 
 
-class Asked(NamedTuple):
-    """What n orbits are asked for: the first fields of `batches.Orbits`."""
+class EnsembleRequest(NamedTuple):
+    """The checked input of an ensemble of n orbits; the fields are the first ones of `batches.Orbits`."""
 
     system: object
     q: np.ndarray
@@ -291,8 +296,8 @@ class Asked(NamedTuple):
     kind: np.ndarray
 
 
-def request(problem, method, Q, P, h, t_end, steps, parameters, save_every) -> Asked:
-    """The run that is asked for of each orbit; raises InvalidInput."""
+def request(problem, method, Q, P, h, t_end, steps, parameters, save_every) -> EnsembleRequest:
+    """Check the arguments of `integrate_ensemble` and return them, for each orbit; raises InvalidInput."""
     system = getattr(problem, "system", problem)
     if not hasattr(system, "vector_field"):
         raise InvalidInput(f"the problem is {problem!r}; give a system, such as a Hamiltonian, or a problem")
@@ -306,11 +311,11 @@ def request(problem, method, Q, P, h, t_end, steps, parameters, save_every) -> A
     kinds, kind = _methods(method, parameters or {}, n)
     for lack in {record.lacks(system) for record in kinds} - {None}:
         raise InvalidInput(lack)
-    return Asked(system, q, p, sizes, numbers, every, kinds, kind)
+    return EnsembleRequest(system, q, p, sizes, numbers, every, kinds, kind)
 
 
 def _grids(h, t_end, steps, n: int) -> tuple[np.ndarray, np.ndarray]:
-    """(h, steps) of each orbit, arrays (n,)."""
+    """Step h and number of steps of each orbit, arrays (n,), from two of h, t_end and steps."""
     if np.ndim(h) == 0:
         size, number = grid(h, t_end, steps)
         return np.full(n, size), np.full(n, number)
@@ -332,7 +337,7 @@ def _states(name: str, rows, d: int) -> np.ndarray:
 
 
 def _column(name: str, values, n: int) -> np.ndarray:
-    """A number for each orbit, as it was given."""
+    """``values`` as an array: one number, or one for each of n orbits; raises InvalidInput for another shape."""
     out = np.asarray(values)
     if out.ndim > 1 or (out.ndim == 1 and len(out) != n):
         raise InvalidInput(f"{name} has the shape {out.shape}; give one value, or an array ({n},)")
@@ -340,7 +345,7 @@ def _column(name: str, values, n: int) -> np.ndarray:
 
 
 def _methods(method, parameters: Mapping, n: int) -> tuple[list[Method], np.ndarray]:
-    """The different methods, and the number of each orbit's, an array (n,)."""
+    """(list of the different methods, array (n,) of each orbit's index in it); parameters may differ between orbits."""
     if hasattr(method, "lacks") and not isinstance(method, Method):  # a step of the user's own
         if parameters:
             raise InvalidInput(f"'{method.id}' has no parameters such as {', '.join(parameters)}")
@@ -355,8 +360,8 @@ def _methods(method, parameters: Mapping, n: int) -> tuple[list[Method], np.ndar
     return kinds, np.array([number[values] for values in rows])
 
 
-def checked(orbits: Orbits) -> Orbits:
-    """Mark the starts that cannot be used."""
+def check_starts(orbits: Orbits) -> Orbits:
+    """Mark orbits whose initial state is not finite or has no finite energy as "invalid"; returns the orbits."""
     good = np.isfinite(orbits.q).all(1) & np.isfinite(orbits.p).all(1)
     if orbits.system.has_energy:
         good &= np.isfinite(orbits.system.energies(orbits.q, orbits.p))
@@ -369,7 +374,7 @@ def checked(orbits: Orbits) -> Orbits:
 
 
 def cores() -> int:
-    """How many cores this process may use."""
+    """The number of processor cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
@@ -382,8 +387,8 @@ def _threads(threads) -> int:
 
 
 def _goes_in_lanes(orbits: Orbits, good: np.ndarray, lanes: bool | None) -> np.ndarray:
-    """Which of the ``good`` orbits are integrated in lanes."""
-    able = np.array([batches.able(orbits.system, record) for record in orbits.kinds], bool)[orbits.kind[good]]
+    """Boolean array: for each of the orbits with the indices ``good``, whether it is integrated in SIMD lanes."""
+    able = np.array([batches.runs_in_lanes(orbits.system, record) for record in orbits.kinds], bool)[orbits.kind[good]]
     if lanes and not able.all():
         raise InvalidInput(f"'{orbits.kinds[orbits.kind[good[~able][0]]].label}' does not run in lanes on this system")
     enough = lanes or (lanes is None and able.sum() >= batches.ENOUGH)

@@ -7,14 +7,14 @@ from collections.abc import Iterable
 
 
 class InvalidInput(ValueError):
-    """Input that names nothing known or cannot be integrated; the message says what was wrong and what to do."""
+    """Raised for unknown names and unusable input; the message says what was wrong and what to do."""
 
 
 #: So many known names are told where none is near.
 MANY = 20
 
 
-def unknown(kind: str, name: str, known: Iterable[str]) -> InvalidInput:
+def unknown_name(kind: str, name: str, known: Iterable[str]) -> InvalidInput:
     """The error for an unknown name, with the nearest known ones."""
     known = sorted(set(known))
     near = difflib.get_close_matches(name, known, n=8, cutoff=0.6)

@@ -29,7 +29,7 @@ Arguments = ParamSpec("Arguments")
 Result = TypeVar("Result")
 
 
-def checked_names(function: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
+def check_names(function: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
     """Decorator: an unknown keyword raises InvalidInput, which names the nearest known one."""
     known = list(inspect.signature(function).parameters)
 
@@ -44,7 +44,7 @@ def checked_names(function: Callable[Arguments, Result]) -> Callable[Arguments, 
 
 
 def _deprecated(message: str) -> None:
-    """Warn at the line that calls a decorated function, whatever the number of its decorators."""
+    """Issue a DeprecationWarning at the line that calls a decorated function, however many decorators it has."""
     frame, level = sys._getframe(), 1
     while frame.f_code.co_filename == __file__ and frame.f_back is not None:
         frame, level = frame.f_back, level + 1
@@ -57,7 +57,7 @@ def _unknown(function: str, name: str, known: list[str], more: str = "") -> Inva
     return InvalidInput(f"unknown argument {name}; {hint}")
 
 
-def renamed_arguments(**new: str) -> Callable[[Callable[Arguments, Result]], Callable[Arguments, Result]]:
+def rename_arguments(**new: str) -> Callable[[Callable[Arguments, Result]], Callable[Arguments, Result]]:
     """Decorator: accept arguments by their old names, with a DeprecationWarning; ``old="new"`` for each.
 
     Raises InvalidInput if both names are given.
@@ -98,7 +98,7 @@ def method_parameters(
                 return function(*given, **named)
             own = {name: value for name, value in named.items() if name in known}
             method = given[place] if len(given) > place else own.get("method")
-            spelt = _spelt(function.__name__, foreign, own.get("parameters"), names(method), known)
+            spelt = _merge_keywords(function.__name__, foreign, own.get("parameters"), names(method), known)
             return function(*given, **own | {"parameters": spelt})  # type: ignore[arg-type]
 
         return call
@@ -106,10 +106,10 @@ def method_parameters(
     return decorate
 
 
-def _spelt(
+def _merge_keywords(
     function: str, foreign: dict[str, Any], parameters: Any, names: Iterable[str], known: list[str]
 ) -> dict[str, Any]:
-    """The parameters with the unknown keywords among them; raises InvalidInput if one is no parameter."""
+    """Merge keywords that are the method's parameters into ``parameters``; raises InvalidInput for others."""
     names = list(names)
     for name in foreign:
         if name in names:

@@ -1,4 +1,4 @@
-"""`Records`, a tuple of records indexed by id too; and the names that the field has for methods of another id here."""
+"""`Records`, a tuple of records that is indexed by id too; and methods' names in the literature, mapped to ids."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import unicodedata
 from collections.abc import Callable, Iterable
 from typing import Any, SupportsIndex, TypeVar, overload
 
-from .errors import InvalidInput, unknown
+from .errors import InvalidInput, unknown_name
 
 T = TypeVar("T")
 
@@ -73,8 +73,8 @@ ALIASES: dict[str, tuple[str, ...]] = {
 }
 
 
-def plain(name: str) -> str:
-    """The name in small letters and digits alone, without accents."""
+def normalize(name: str) -> str:
+    """The name in lower case without accents, letters and digits only, for comparison."""
     letters = unicodedata.normalize("NFKD", name).casefold()
     return "".join(c for c in letters if c.isascii() and c.isalnum())
 
@@ -82,11 +82,11 @@ def plain(name: str) -> str:
 def unknown_method(name: str, known: Iterable[str], kind: str = "method") -> InvalidInput:
     """The error for an unknown method, with the ids that the name means in the field, or else the nearest ones."""
     known = list(known)
-    wanted = plain(name)
-    meant = [id for id in known if plain(id) == wanted]
+    wanted = normalize(name)
+    meant = [id for id in known if normalize(id) == wanted]
     meant += [id for id in ALIASES.get(wanted, ()) if id in known and id not in meant]
     if not meant:
-        return unknown(kind, name, known)
+        return unknown_name(kind, name, known)
     return InvalidInput(f"there is no {kind} '{name}'; did you mean {' or '.join(meant)}?")
 
 
@@ -97,7 +97,7 @@ class Records(tuple[T, ...]):
 
     @classmethod
     def of(cls, records: Iterable[T], find: Callable[[Any], T]) -> Records[T]:
-        """The records; ``find(id)`` returns the one of an id, and raises InvalidInput for an unknown one."""
+        """Make the tuple of ``records``; ``find(id)`` returns a record, or raises InvalidInput for an unknown id."""
         made = cls(records)
         made._find = find
         return made
@@ -107,9 +107,9 @@ class Records(tuple[T, ...]):
     @overload
     def __getitem__(self, key: slice) -> tuple[T, ...]: ...
     def __getitem__(self, key: SupportsIndex | slice | str) -> T | tuple[T, ...]:
-        """The record at a position or of an id, or a part of the tuple."""
+        """The record at a position or with an id; for a slice, a part of the tuple."""
         return self._find(key) if isinstance(key, str) else super().__getitem__(key)
 
     def __contains__(self, key: object) -> bool:
-        """Whether a record, or the record of an id, is one of these."""
+        """True if a record, or the record with an id, is in the tuple."""
         return any(getattr(r, "id", None) == key for r in self) if isinstance(key, str) else super().__contains__(key)

@@ -1,4 +1,4 @@
-r"""How a run ended: the statuses, and what its rows say.
+r"""Determine how a run ended: whether its rows (stored states) conserve the energy, and whether it met a singularity.
 
 Energy and orbit.  H is a sum of terms; M(y) is the sum of their sizes at y (`PartitionedSystem.scale`).  Rows
 :math:`y_0, ..., y_n` are not the orbit, the status is "inaccurate" or "unstable", where
@@ -56,36 +56,37 @@ HEAD_ON = 1e-7
 
 
 class Outcome(NamedTuple):
-    """A status and its reason."""
+    """The status of a run, one word, and the reason as a sentence."""
 
     status: str
     reason: str
 
 
-class Unsolved(NamedTuple):
-    """What is said of a stage equation that is not solved, and what is advised besides a smaller step."""
+class SolverFailure(NamedTuple):
+    """The message on a stage equation that was not solved, and advice besides a smaller step."""
 
     what: str
     advice: str
 
 
-UNSOLVED = Unsolved("neither the fixed point nor Newton's method solves the stage equation", "")
-IN_A_BAND = Unsolved("Newton's method in a band does not solve the stage equation", "")
+UNSOLVED = SolverFailure("neither the fixed point nor Newton's method solves the stage equation", "")
+IN_A_BAND = SolverFailure("Newton's method in a band does not solve the stage equation", "")
 ADVISED = UNSOLVED._replace(advice=", or try solver='banded' where variables act on few others, as in a lattice")
 
 
-def unsolved(family: str, d: int) -> Unsolved:
-    """What to say of methods of a family with d degrees of freedom; one-stage methods have a solver for large d."""
+def solver_failure(family: str, d: int) -> SolverFailure:
+    """The message on an unsolved stage equation for a family and d degrees of freedom."""
     if family == "banded":
         return IN_A_BAND
     return ADVISED if family == "parametric" and value_kind(d) == "array" else UNSOLVED
 
 
 class EnergyError(NamedTuple):
-    """The size of the energy's error in each row, array (n,), and in units of the size of H's terms there.
+    """The energy error of each row of a trajectory.
 
-    ``sofar`` is in units in which the mean is over the rows so far: it says when an error became so large.  ``first``
-    is the size of H's terms in the first row.
+    ``size``: |H - H_0|, array (n,).  ``share``: that divided by the size of H's terms (the larger of their size in the
+    row and of their mean over all rows).  ``sofar``: the same with the mean over the rows up to it, which shows when an
+    error became so large.  ``first``: the size of H's terms in the first row.
     """
 
     size: np.ndarray
@@ -107,34 +108,43 @@ def energy_error(system, Q, P) -> EnergyError | None:
 
 
 def sizes(H) -> np.ndarray:
-    """The size of the energy's error in each row, from energies (..., rows)."""
+    """|H - H_0| in each row, from energies H of shape (..., rows) whose first row has H_0."""
     size = np.abs(H - H[..., :1])
     size[size < np.finfo(float).tiny] = 0.0  # numbers that small have no digits
     return size
 
 
 def units(M) -> np.ndarray:
-    """What an energy error is judged by in each row, from the sizes M of H's terms, finite numbers (..., rows)."""
+    """The unit of the energy error in each row: the larger of the size M of H's terms there and M's mean over rows.
+
+    M has the shape (..., rows) and is finite.
+    """
     rest = M[..., 1:]
     mean = (rest / max(1, rest.shape[-1])).sum(axis=-1, keepdims=True)  # a sum of large numbers must not overflow
     return np.maximum(M, mean)
 
 
-def noted(H, M) -> np.ndarray:
-    """Where `judged` would name an error of the energies H, or one is not finite; arrays (..., rows)."""
+def flag_energy_errors(H, M) -> np.ndarray:
+    """True in rows whose energy H is not finite or has an error that `judge` would report; arrays (..., rows).
+
+    M are the sizes of H's terms.
+    """
     with np.errstate(all="ignore"):
         M = np.minimum(M, np.finfo(float).max)
         return ~(np.isfinite(H) & (_share(sizes(H), units(M)) <= NOTED))
 
 
 def _share(error, size) -> np.ndarray:
-    """error / size, where zero of zero is none."""
+    """error / size, 0 where the error is 0."""
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.where(error > 0, error / size, 0.0)
 
 
-def judged(system, t, Q, P, advice: str = "take a smaller h") -> Outcome:
-    """What the energy of finite rows at the times t says of a run that came to its end; without an energy nothing."""
+def judge(system, t, Q, P, advice: str = "take a smaller h") -> Outcome:
+    """Status and reason of a complete run from its energy error: "ok", "inaccurate" or "unstable".
+
+    The rows Q, P at the times t are finite; a system without an energy is "ok".
+    """
     found = energy_error(system, Q, P) if system.has_energy else None
     worst = 0.0 if found is None else found.share.max()
     if not worst > NOTED:
@@ -143,7 +153,7 @@ def judged(system, t, Q, P, advice: str = "take a smaller h") -> Outcome:
         late = found.sofar > LOST
         row = (late if late.any() else found.share > LOST).argmax()
         what = f"the energy error is of the size of H's own terms, at its largest {worst:.3g} times that"
-        seen = f"from t = {t[row]:.6g} on {what}{_bounded(found.size)}{escaped(system, Q, P, found)}"
+        seen = f"from t = {t[row]:.6g} on {what}{_describe_bounded(found.size)}{describe_escape(system, Q, P, found)}"
         status = UNSTABLE if grows(found.size, found.first) else INACCURATE
         return Outcome(status, f"{seen}: what came out is not the orbit; {advice}")
     size = f"{worst:.0%} of the size of H's terms near t = {t[found.share.argmax()]:.6g}"
@@ -151,7 +161,7 @@ def judged(system, t, Q, P, advice: str = "take a smaller h") -> Outcome:
 
 
 def grows(error: np.ndarray, first: float) -> bool:
-    """Whether the sizes of an energy error, array (n,) with the first row's, grow along the run.
+    """True if an energy error grows along the run; ``error`` is its size in each row, array (n,), from the first.
 
     ``first`` is the size of H's terms in the first row.
     """
@@ -165,16 +175,16 @@ def grows(error: np.ndarray, first: float) -> bool:
     return bool(third > RISE * second and last > RISE * third)
 
 
-def _bounded(error) -> str:
-    """What to add where the energy error comes and goes, and does not grow."""
+def _describe_bounded(error) -> str:
+    """Text to append to the reason if the energy error comes and goes without growing, else ""."""
     first, last = np.array_split(error, 2)
     if len(last) < 10 or last.max() > 1.05 * first.max() or last.min() > 0.1 * last.max():
         return ""
     return " (it comes and goes: the step may be stable, but is far too wide)"
 
 
-def escaped(system, Q, P, found: EnergyError | None = None) -> str:
-    """What to add where a state has grown: whether it had grown by much while the energy was kept."""
+def describe_escape(system, Q, P, found: EnergyError | None = None) -> str:
+    """Text to append to the reason if the state had grown large while the energy was still conserved, else ""."""
     if not system.has_energy or len(Q) < 2:
         return ""
     found = energy_error(system, Q, P) if found is None else found
@@ -186,12 +196,12 @@ def escaped(system, Q, P, found: EnergyError | None = None) -> str:
 
 
 def energy_unit(system, Q, P) -> float:
-    """The size of the first row's energy; of its terms where they cancel."""
+    """The absolute energy of the first row; where H's terms cancel, the sum of their absolute values."""
     return float(_unit(system.energies(Q[:1], P[:1]), system.scale(Q[:1], P[:1]))[0])
 
 
 def _unit(H, M):
-    """The sizes of energies H; those of their terms, M, where they cancel."""
+    """|H| of energies H; where the terms of H cancel, the size M of the terms."""
     H, M = np.abs(H), np.abs(M)
     return np.where(H < KEPT * M, M, H)
 
@@ -200,22 +210,22 @@ def _unit(H, M):
 
 
 def travel(system, Q, P, h):
-    """(distance to the nearest singularity, length of a step) of each row."""
+    """(distance to the nearest singularity, length |h dq/dt| of a step) of each row."""
     return system.distances(Q, P).min(axis=0), np.abs(h) * system.speed(Q, P)
 
 
 def _aim(system, Q, P):
-    """The sine of the angle between the velocity and the way to the nearest singularity, of each row.
+    """Sine of the angle between the velocity and the direction to the nearest singularity, for each row.
 
-    A distance that is a function of the rows has no slopes: its motions count as passing by.
+    A distance that is a function of the rows, not a formula, has no gradient: its sine counts as 1 (passing by).
     """
     speed = system.speed(Q, P)
     sines = [np.ones(len(Q))]
     for k, s in enumerate(system.singular):
         if not hasattr(s, "diff"):
             continue
-        slopes = [system.observed(f"slope {k} {i}", lambda s=s, x=x: s.diff(x), Q, P) for i, x in enumerate(system.q)]
-        rates = [system.observed(f"dq{i}", lambda i=i: system.dq[i], Q, P) for i in range(system.d)]
+        slopes = [system.evaluate(f"slope {k} {i}", lambda s=s, x=x: s.diff(x), Q, P) for i, x in enumerate(system.q)]
+        rates = [system.evaluate(f"dq{i}", lambda i=i: system.dq[i], Q, P) for i in range(system.d)]
         towards = sum(g * v for g, v in zip(slopes, rates, strict=True))
         with np.errstate(all="ignore"):
             cosine = towards / (speed * np.sqrt(sum(g**2 for g in slopes)))
@@ -223,8 +233,8 @@ def _aim(system, Q, P):
     return np.min(sines, axis=0)
 
 
-def approach(system, Q, P, h) -> str | None:
-    """Whether the last good state was about to step across a singularity."""
+def describe_approach(system, Q, P, h) -> str | None:
+    """A phrase if the next step from the last row is longer than the distance to the nearest singularity, else None."""
     if not system.singularities or Q.dtype == object:
         return None
     distance, length = travel(system, Q[-1:], P[-1:], h)
@@ -233,8 +243,8 @@ def approach(system, Q, P, h) -> str | None:
     return None
 
 
-def passed(system, t, Q, P, h) -> str | None:
-    """Whether a kept step jumped across a singularity: head-on, or with a tenth of the energy lost."""
+def describe_crossing(system, t, Q, P, h) -> str | None:
+    """A sentence if a step jumped across a singularity, head-on or with a tenth of the energy lost; else None."""
     if not system.singularities or not system.has_energy:
         return None
     distance, length = travel(system, Q, P, h)
@@ -253,8 +263,8 @@ def passed(system, t, Q, P, h) -> str | None:
     )
 
 
-def met(system, Q, P, h, H, M) -> np.ndarray:
-    """Of which of n orbits `passed` has something to say, an array (n,).
+def flag_crossings(system, Q, P, h, H, M) -> np.ndarray:
+    """True for each of n orbits for which `describe_crossing` would report a step across a singularity, array (n,).
 
     Q, P (n, rows, d) are their rows, h (n,) their steps; H (n, rows) the energies, and M the sizes of H's terms.
     """

@@ -1,4 +1,4 @@
-"""A run laid out for a kernel, and a prepared run: compiled once, then called with h and the number of steps."""
+"""Runs prepared for many calls: a method compiled for a problem once, then called with h and the number of steps."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ STATUSES = (OK, NOT_CONVERGED, DIVERGED, NOT_CONVERGED)
 
 @dataclass
 class Layout:
-    """A compiled kernel with the step, the carry and the counts of one run."""
+    """A compiled kernel with its arguments for one run: coefficients, the state between calls, counts."""
 
     kernel: Callable
     step: tuple
@@ -51,11 +51,11 @@ class Layout:
     counts: np.record
 
     def __call__(self, Q, P, parameter, every: int) -> tuple[int, int]:
-        """Fill rows, each after ``every`` steps; (rows filled, status)."""
+        """Fill the rows of Q, P and ``parameter``, each after ``every`` steps; (rows filled, status code)."""
         return self.kernel(self.step, self.carry, Samples(Q, P, parameter, every), self.counts)
 
     def restart(self, q, p) -> None:
-        """Forget what was, and start from q, p."""
+        """Reset counts and stored earlier steps, and start from the state (q, p)."""
         self.carry.state.fill(0)
         self.carry.memory.fill(0)
         self.carry.state[0, : len(q)], self.carry.state[1, : len(p)] = q, p
@@ -64,7 +64,7 @@ class Layout:
 
 
 def step_of(prepared: Prepared, d: int, h, q, p, arithmetic: str = DOUBLE):
-    """The kernel's first argument for a run from q, p."""
+    """The kernel's first argument, the step's coefficients with h, for a run from the state (q, p)."""
     step = prepared.step._replace(h=float(h) if arithmetic == DOUBLE else h, eps=codegen.epsilon(arithmetic))
     if prepared.begin is not None:
         step = prepared.begin(step, *(value(x, d, arithmetic, prepared.arrays) for x in (q, p)))
@@ -72,7 +72,7 @@ def step_of(prepared: Prepared, d: int, h, q, p, arithmetic: str = DOUBLE):
 
 
 def lay_out(prepared: Prepared, d: int, h, q, p, arithmetic: str = DOUBLE) -> Layout:
-    """The run of a kernel from q, p."""
+    """Allocate what a kernel needs for a run with step h from the state (q, p) of d components each, and compile it."""
     order = 1 + (prepared.linear or prepared.width) if prepared.implicit or prepared.linear else 2
     carry = Carry(
         state=zeros((4 + prepared.stages, max(energy_model.NUMBERS, d)), arithmetic),
@@ -115,7 +115,7 @@ class PreparedRun:
         self._moved = False
         self._layout = lay_out(self._prepared, system.d, 1.0, q, p)
         self._parameter = np.full((1, 1), np.nan)
-        self._call = self._uncompiled
+        self._call = self._run_uncompiled
         if codegen.compiled():
             functions = packed_call(self._prepared, system.d)
             self._memory = np.zeros(functions.size, np.uint8)
@@ -132,7 +132,7 @@ class PreparedRun:
         ----------
         h : step, in the problem's unit of time
         steps : how many, at least 1
-        q0, p0 : arrays (d,), the initial state where not the problem's
+        q0, p0 : arrays (d,), the initial state if not the problem's
         """
         if q0 is not None or p0 is not None:
             self.restart(self._default[0] if q0 is None else q0, self._default[1] if p0 is None else p0)
@@ -156,16 +156,16 @@ class PreparedRun:
 
     @property
     def counts(self) -> dict[str, int]:
-        """What the last call took: steps, evaluations of the gradient, Newton solves, fallbacks."""
+        """Name -> number, of the last call: steps, evaluations of the gradient, Newton solves, fallbacks."""
         return {name: int(self._layout.counts[name]) for name in COUNTED}
 
     @property
     def values(self) -> str:
-        """What the states are in the kernel: "tuple", of numbers in registers, or "array"."""
+        """How the kernel represents states: "tuple" (of numbers in registers) or "array"."""
         return codegen.value_kind(self._d, self._prepared.arrays)
 
     def _begin(self, h: float) -> None:
-        """Make the step again where it depends on what has changed."""
+        """Recompute the step's coefficients if h or the initial state differ from the last call's."""
         wanted = (h, self._start.tobytes())
         if wanted != self._begun:
             self._layout.step = step_of(self._prepared, self._d, h, *self._start)
@@ -176,7 +176,7 @@ class PreparedRun:
     _address, _packed = 0, False
 
     def _pack(self) -> None:
-        """Write the kernel's arguments into memory."""
+        """Write the kernel's arguments into memory, for calls by address."""
         self._release()
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", numba.NumbaExperimentalFeatureWarning)
@@ -195,8 +195,8 @@ class PreparedRun:
 
     __del__ = _release
 
-    def _uncompiled(self, address: int, h: float, steps: int) -> int:
-        """The same without a compiler."""
+    def _run_uncompiled(self, address: int, h: float, steps: int) -> int:
+        """Integrate ``steps`` steps of h from the start by the uncompiled kernel; returns the status code."""
         self._layout.step = self._layout.step._replace(h=float(h))
         self._layout.restart(*self._start)
         self._end.fill(np.nan)
@@ -213,13 +213,13 @@ def prepare(
     p0: State | None = None,
     parameters: Parameters | None = None,
 ) -> PreparedRun:
-    """A compiled run of ``method`` on ``problem``, for many short integrations and for timing.
+    """Compile ``method`` for ``problem``, for many short integrations and for timing.
 
     Parameters
     ----------
     problem : a problem: a system with initial data; or a system, where q0 and p0 are given
     method : an id or a method
-    q0, p0 : arrays (d,), the initial state where not the problem's
+    q0, p0 : arrays (d,), the initial state if not the problem's
     parameters : values of the method's parameters
 
     Returns

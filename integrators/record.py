@@ -1,4 +1,4 @@
-"""What a method is: a frozen record of data over one kernel per family."""
+"""The record of a method: its coefficients, its family and its declared properties."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class Method:
     with_parameters: Callable[..., dict[str, Any]] | None = None
 
     def __call__(self, **parameters: Value) -> Method:
-        """This method with other values of its parameters; raises InvalidInput for one that it lacks."""
+        """Return this method with other values of its parameters; raises InvalidInput for an unknown parameter."""
         for name in parameters:
             if name not in self.parameters:
                 has = f"has {', '.join(self.parameters)}" if self.parameters else "has none"
@@ -64,23 +64,23 @@ class Method:
 
     @property
     def label(self) -> str:
-        """The id with its parameters, as in ``scheme-i(lam=1/3)``."""
+        """The id with the values of the parameters, as in ``scheme-i(lam=1/3)``."""
         if not self.parameters:
             return self.id
         return f"{self.id}({', '.join(f'{k}={v}' for k, v in self.parameters.items())})"
 
     @property
     def keeps_volume(self) -> bool:
-        """Whether its step map is declared to keep the volume of phase space, as a symplectic one does."""
+        """True if the step map is declared to conserve the volume of phase space, as a symplectic one does."""
         return self.symplectic or self.volume
 
     def lacks(self, system: Any) -> str | None:
-        """Why the method cannot run on ``system``, or None where it can."""
+        """The reason why the method cannot run on ``system``, or None if it can."""
         return lacks(self.id, self.requires, system)
 
 
 def lacks(id: str, requires: Iterable[str], system) -> str | None:
-    """Why a method that requires these traits cannot run on ``system``, or None where it can."""
+    """The reason why a method with this id and these required traits cannot run on ``system``, or None if it can."""
     for trait in requires:
         if not system.traits[trait]:
             return f"method '{id}' requires a system with the trait '{trait}', which this one lacks"
@@ -88,9 +88,9 @@ def lacks(id: str, requires: Iterable[str], system) -> str | None:
 
 
 def _number(name: str, value, default):
-    """A parameter's value, exact: an integer where the default is one, else a fraction or the double that it is.
+    """The value of the parameter ``name`` as an exact number: an integer if its default is one, else a fraction.
 
-    Scalars of NumPy are the numbers that they hold.
+    A double becomes the fraction that it is, a NumPy scalar the number that it holds.
     """
     try:
         if isinstance(default, str):
@@ -110,7 +110,7 @@ def _number(name: str, value, default):
 
 
 def _exact(value) -> Fraction:
-    """The number that a number, a scalar of NumPy or a text such as 1/3 is."""
+    """Convert a number, a NumPy scalar or a text such as "1/3" to a Fraction, exactly."""
     if isinstance(value, bool) or not isinstance(value, (str, Real)):
         raise TypeError
     if isinstance(value, str):

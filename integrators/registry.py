@@ -1,4 +1,4 @@
-"""METHODS: every method, one record each.
+"""METHODS: the registry of all integration methods, one record each.
 
 A new method of a family that exists is one more record in a module of `records` (see CONTRIBUTING).
 """
@@ -14,11 +14,14 @@ from .records import (
     collocation,
     compositions,
     energy,
+    extended,
+    force_gradient,
     magnetic,
     oscillatory,
     parametric,
     poisson,
     projection,
+    sampling,
     solvers,
     splittings,
     variational,
@@ -31,12 +34,15 @@ _RECORDS: tuple[Method, ...] = (
     *classical.METHODS,
     *parametric.METHODS,
     *splittings.METHODS,
+    *force_gradient.METHODS,
+    *sampling.METHODS,
     *compositions.METHODS,
     *collocation.METHODS,
     *adaptive.METHODS,
     *variational.METHODS,
     *energy.METHODS,
     *projection.METHODS,
+    *extended.METHODS,
     *oscillatory.METHODS,
     *kepler.METHODS,
     *poisson.METHODS,
@@ -47,7 +53,7 @@ BY_ID = {m.id: m for m in _RECORDS}
 
 
 def parameter_names(method: str | Method) -> list[str]:
-    """The names of a method's parameters, ``solver`` included; none for what is no method."""
+    """The names of a method's parameters, ``solver`` included; an empty list for an unknown method."""
     record = method if isinstance(method, Method) else BY_ID.get(method) if isinstance(method, str) else None
     return [] if record is None else [*record.parameters, "solver"]
 
@@ -67,7 +73,7 @@ def method(id: str | Method, **parameters: Value) -> Method:
         raise unknown_method(id, BY_ID)
     record = id if isinstance(id, Method) else BY_ID[id]
     record = record(**parameters) if parameters else record
-    return record if solver is None else solvers.solved(record, solver)
+    return record if solver is None else solvers.with_solver(record, solver)
 
 
 #: All methods; ``METHODS["rk4"]`` is ``method("rk4")``.

@@ -1,4 +1,4 @@
-"""What a run is asked for, checked in one place: the steps, the initial state, the rows to keep, the time limit."""
+"""Check the input of a run: steps, initial state, rows to store, time limit."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ SMALLEST, GREATEST = 1e-150, 1e150
 
 
 class Request(NamedTuple):
-    """A run that can be made.
+    """The checked input of a run.
 
     Attributes
     ----------
@@ -41,12 +41,12 @@ class Request(NamedTuple):
 
     @property
     def step_numbers(self) -> list[int]:
-        """The numbers of the steps after which a row is kept, from 0."""
+        """The numbers of the steps after which a row is stored, beginning with 0."""
         return [*range(0, self.steps, self.every), self.steps]
 
 
 def request(problem, *, h=None, t_end=None, steps=None, q0=None, p0=None, save_every=1, t0=0.0) -> Request:
-    """The run that is asked for; raises InvalidInput for what cannot be used."""
+    """Check the arguments of a run and return them as a `Request`; raises InvalidInput."""
     h, steps = grid(h, t_end, steps, t0)
     every = spacing(save_every, steps)
     system, q, p = initial(problem, q0, p0)
@@ -58,7 +58,7 @@ def request(problem, *, h=None, t_end=None, steps=None, q0=None, p0=None, save_e
 
 
 def grid(h=None, t_end=None, steps=None, t0=0.0) -> tuple[float, int]:
-    """(h, steps) from two of the three; h is adjusted so that a whole number of steps goes from t0 to ``t_end``.
+    """(h, steps) from two of h, t_end, steps; h is adjusted so that a whole number of steps leads from t0 to t_end.
 
     Where t_end lies before t0 the step is negative, whatever sign h has; h and steps alone go the way that h says.
     Raises InvalidInput where they are missing, not finite, zero, or contradict each other, and where h would grow by
@@ -86,23 +86,23 @@ def grid(h=None, t_end=None, steps=None, t0=0.0) -> tuple[float, int]:
     if h is not None and h < 0 < span:
         raise InvalidInput(f"h is {h!r} and t_end = {t_end!r} lies ahead; a negative step goes back in time")
     way = 1.0 if span > 0 else -1.0
-    size, number = _sized(None if h is None else abs(float(h)), abs(span), steps)
+    size, number = _size_steps(None if h is None else abs(float(h)), abs(span), steps)
     return way * size, number
 
 
-def _sized(h: float | None, span: float, steps) -> tuple[float, int]:
-    """(h, steps) of positive numbers, of which one may be missing."""
+def _size_steps(h: float | None, span: float, steps) -> tuple[float, int]:
+    """(h, steps) for a time span, all positive; h or steps may be None, and h is adjusted to divide the span."""
     if steps is None:
         if span / h > MOST:
             raise InvalidInput(f"t_end/h asks for {span / h:.3g} steps; the most is 1e13")
-        steps = _whole(h, span)
+        steps = _count_steps(h, span)
         return span / steps if abs(steps * h - span) > 1e-12 * span else h, steps
     if h is not None and abs(steps * h - span) > 1e-9 * span:
         raise InvalidInput(f"steps times h is {steps * h}, not t_end = {span}; give two of the three")
     return span / int(steps), int(steps)
 
 
-def _whole(h: float, t_end: float) -> int:
+def _count_steps(h: float, t_end: float) -> int:
     """The whole number of steps nearest to t_end / h; raises InvalidInput where h would grow by more than `WIDENED`."""
     steps = max(1, round(t_end / h))
     if t_end <= steps * h * WIDENED:
@@ -113,7 +113,7 @@ def _whole(h: float, t_end: float) -> int:
 
 
 def spacing(save_every, steps: int) -> int:
-    """After how many steps a row is kept; ``save_every`` 0 keeps the first and the last alone."""
+    """The number of steps between stored rows; with ``save_every`` 0 only the first and the last row are stored."""
     whole = isinstance(save_every, Real) and not isinstance(save_every, bool) and isfinite(save_every)
     if not whole or save_every < 0 or int(save_every) != save_every:
         raise InvalidInput(f"save_every is {save_every!r}; it must be a positive integer, or 0 for the end alone")
@@ -128,7 +128,7 @@ def check_timeout(timeout) -> None:
 
 
 def initial(problem, q0=None, p0=None, exact: bool = False):
-    """The system and its initial state, arrays (d,) of doubles, or as they are given where ``exact``.
+    """(system, q, p): a problem's system and initial state, arrays (d,) of doubles; as they are given if ``exact``.
 
     Raises InvalidInput where they do not fit or H is not finite there.
     """

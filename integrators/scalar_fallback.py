@@ -1,4 +1,4 @@
-"""Singles: the orbits of an ensemble that one kernel integrates one by one, with as little of Python as can be.
+"""Integrate orbits of an ensemble one by one with a compiled kernel, on threads, where they cannot run in lanes.
 
 A kernel runs without the interpreter's lock; what goes before and after it does not, and what `integrate` does there
 for an orbit is done here for all of them at once: threads do not wait for one another.
@@ -15,18 +15,19 @@ from .batches import Orbits, pieces
 from .prepared import Layout, lay_out, step_of
 from .stepping.kernel import prepare
 from .stepping.solve import SOLVED
-from .threads import shared
+from .threads import map_slices
 
 
 def run(orbits: Orbits, members: np.ndarray, threads: int, tell: Callable[[int], None]) -> np.ndarray:
-    """Integrate the members and fill their rows; those that have to be judged by `integrate` are returned.
+    """Integrate the orbits with the indices ``members`` and fill their rows; returns those left for `integrate`.
 
-    They are the orbits whose kernel did not reach the end, and all of methods that may miss what they promise.
+    They are the orbits whose kernel stopped early, and all orbits of methods whose steps may be fallbacks, which lack
+    what the method promises.
     """
     known = {k: prepare(orbits.kinds[k], orbits.system) for k in set(orbits.kind[members].tolist())}
     whole = np.array([not known[k].missed for k in orbits.kind[members].tolist()], bool)
     mine, left = members[whole], [members[~whole]]
-    for counts, stopped, n in shared(lambda part: _share(orbits, known, mine[part]), len(mine), threads):
+    for counts, stopped, n in map_slices(lambda part: _share(orbits, known, mine[part]), len(mine), threads):
         for name, number in counts.items():
             orbits.counts[name] += number
         left.append(stopped)
@@ -35,7 +36,10 @@ def run(orbits: Orbits, members: np.ndarray, threads: int, tell: Callable[[int],
 
 
 def _share(orbits: Orbits, known: dict, members: np.ndarray) -> tuple[Counter[str], np.ndarray, int]:
-    """Integrate some; returns the counts of those that came to their end, the others, and how many there were."""
+    """Integrate the given orbits; returns (counts of those that reached the end, indices of the others, number of all).
+
+    ``known`` maps the index of a method to its prepared kernel.
+    """
     total: Counter[str] = Counter()
     layouts: dict[int, Layout] = {}
     stopped = []
@@ -47,7 +51,7 @@ def _share(orbits: Orbits, known: dict, members: np.ndarray) -> tuple[Counter[st
         else:
             layout.step = step_of(kernel, orbits.system.d, orbits.h[i], q, p)
             layout.restart(q, p)
-        if not _filled(orbits, i, layout):
+        if not _fill(orbits, i, layout):
             stopped.append(i)
             continue
         numbers = (int(layout.counts[name]) for name in ("gradient", "fallbacks", "newton"))
@@ -55,11 +59,11 @@ def _share(orbits: Orbits, known: dict, members: np.ndarray) -> tuple[Counter[st
     return total, np.array(stopped, int), len(members)
 
 
-def _filled(orbits: Orbits, i: int, layout: Layout) -> bool:
-    """Fill the rows of an orbit; whether all were reached."""
+def _fill(orbits: Orbits, i: int, layout: Layout) -> bool:
+    """Integrate orbit i and fill its rows; True if the end was reached."""
     member = np.array([i])
     keep, taken, spacing = orbits.keeper(member, 1), 0, int(orbits.every[i])
-    for first, rows, every in pieces(int(orbits.steps[i]), spacing, orbits.most(spacing, 1)):
+    for first, rows, every in pieces(int(orbits.steps[i]), spacing, orbits.max_steps(spacing, 1)):
         Q, P = orbits.room(i, first, rows)
         if layout(Q, P, np.full((rows, 1), np.nan), every) != (rows, SOLVED):
             return False

@@ -74,7 +74,7 @@ class Section:
 
 
 @dataclass
-class Watched(Orbits):
+class SectionOrbits(Orbits):
     """Orbits whose rows are searched for crossings; Q and P hold the rows by which their energy is judged."""
 
     find: Callable | None = None
@@ -83,16 +83,16 @@ class Watched(Orbits):
     near: np.ndarray | None = None
     group = GROUP
 
-    def most(self, every: int, orbits: int) -> int:
-        """Steps of one call of a kernel: whole rows, as many as the cache holds."""
+    def max_steps(self, every: int, orbits: int) -> int:
+        """The largest number of steps in one kernel call: whole rows, as many as fit into the processor's cache."""
         return min(PIECE, every * min(ROWS, max(2, ROOM // (2 * self.system.d * orbits))))
 
     def room(self, i: int, first: int, rows: int) -> tuple[np.ndarray, np.ndarray]:
-        """New arrays."""
+        """New arrays (rows, d) for q and p: rows are searched for crossings and then dropped."""
         return np.empty((rows, self.system.d)), np.empty((rows, self.system.d))
 
     def keeper(self, members: np.ndarray, width: int) -> Callable[[int, np.ndarray, np.ndarray, int], None]:
-        """What searches the rows of these orbits for crossings."""
+        """Return the function that searches blocks of rows of these orbits for crossings (see `Orbits.keeper`)."""
         search = Search(self, members, width)
         steps, every, looks = int(self.steps[members[0]]), int(self.every[members[0]]), self.Q.shape[1] - 1
         seen, near = 0, self.system.singularities > 0
@@ -102,12 +102,12 @@ class Watched(Orbits):
             if taken < min(steps, (first + q.shape[1]) * every):
                 return  # the row is not complete
             search(first, q, p)
-            Q, P = (orbit_lanes.of_blocks(x[:, -1:], len(members)) for x in (q, p))
+            Q, P = (orbit_lanes.from_blocks(x[:, -1:], len(members)) for x in (q, p))
             last = taken * looks // steps
             self.Q[members, seen + 1 : last + 1], self.P[members, seen + 1 : last + 1] = Q, P
             seen = last
             if near:
-                self._mark_near(members, *(orbit_lanes.of_blocks(x, len(members)) for x in (q, p)))
+                self._mark_near(members, *(orbit_lanes.from_blocks(x, len(members)) for x in (q, p)))
 
         return keep
 
@@ -119,7 +119,7 @@ class Watched(Orbits):
         self.near[members] |= (length > distance).reshape(n, rows).any(axis=1)
 
     def enter(self, i: int, solution) -> None:
-        """Search the rows of an orbit that was integrated alone."""
+        """Search the rows of the ``solution`` of orbit i for crossings; store its status and counts."""
         search = Search(self, np.array([i]), 1, solution.counts["steps"])
         rows = max(1, ROOM // self.system.d)
         for first in range(0, len(solution.q) - 1, rows):
@@ -128,26 +128,26 @@ class Watched(Orbits):
         self.conclude(i, solution)
 
     def forget(self, members: np.ndarray) -> None:
-        """Forget the crossings of these orbits."""
+        """Remove the crossings of these orbits, before they are integrated again."""
         self.crossings.drop(members)
 
     def suspects(self, members: np.ndarray) -> np.ndarray:
-        """Those who came near to a singularity, too."""
+        """The orbits that `integrate` has to judge: as in `Orbits`, and those that came near a singularity."""
         return np.union1d(super().suspects(members), members[self.near[members]])
 
 
 class Search:
-    """Searches the rows of orbits for crossings, piece by piece, as they are made."""
+    """Searches the rows of some orbits for crossings of a plane, block by block, as they are computed."""
 
-    def __init__(self, orbits: Watched, members: np.ndarray, width: int, steps: int | None = None):
+    def __init__(self, orbits: SectionOrbits, members: np.ndarray, width: int, steps: int | None = None):
         self._orbits, self._members = orbits, members
         self._every, self._steps = (
             int(orbits.every[members[0]]),
             int(orbits.steps[members[0]] if steps is None else steps),
         )
         if width > 1:
-            starts = orbit_lanes.in_blocks(orbits.q[members]), orbit_lanes.in_blocks(orbits.p[members])
-            self._h = orbit_lanes.in_blocks(orbits.h[members], 1.0)
+            starts = orbit_lanes.to_blocks(orbits.q[members]), orbit_lanes.to_blocks(orbits.p[members])
+            self._h = orbit_lanes.to_blocks(orbits.h[members], 1.0)
         else:
             starts = orbits.q[members, :, None], orbits.p[members, :, None]
             self._h = orbits.h[members, None].copy()
@@ -156,7 +156,7 @@ class Search:
         self._points, self._owners = np.empty((0, 0)), np.empty((0, 1), np.int64)
 
     def __call__(self, first: int, q: np.ndarray, p: np.ndarray) -> None:
-        """Search the rows q, p (blocks, rows, d, width) from the number ``first`` on."""
+        """Search rows q, p (blocks, rows, d, width), from row number ``first`` on; store the crossings."""
         blocks, rows, d, width = q.shape
         most = blocks * width * (rows // 2 + 1)
         if len(self._points) < most:
@@ -170,21 +170,21 @@ class Search:
             orbits.crossings.add(self._points[:found], self._members[self._owners[:found, 0]])
 
 
-def watched(asked: ensemble.Asked, component: int, at: float, rising: bool) -> Watched:
-    """Orbits to be searched for crossings of the plane on which a component of (q, p) is ``at``."""
+def prepare_orbits(asked: ensemble.EnsembleRequest, component: int, at: float, rising: bool) -> SectionOrbits:
+    """Create the orbits of a section by the plane on which the component of that number in (q, p) is ``at``."""
     n, d = asked.q.shape
     looks = int(np.clip(LOOKED // (2 * d * n), 1, LOOKS))
-    orbits = Watched.begun(*asked, 1 + looks)
+    orbits = SectionOrbits.create(*asked, 1 + looks)
     orbits.find, orbits.plane = finder(asked.system), np.array([[float(component), at, 1.0 if rising else -1.0]])
     orbits.crossings, orbits.near = Crossings(d), np.zeros(n, bool)
     sorter()  # compiles
-    return ensemble.checked(orbits)
+    return ensemble.check_starts(orbits)
 
 
-def concluded(orbits: Watched, seconds: float) -> Section:
-    """The section of orbits that are at their ends."""
+def build_section(orbits: SectionOrbits, seconds: float) -> Section:
+    """Make the `Section` from orbits that have been integrated."""
     began, d = time.perf_counter(), orbits.system.d
-    points, numbers = orbits.crossings.ordered(len(orbits.q))
+    points, numbers = orbits.crossings.sort_points(len(orbits.q))
     orbit = np.repeat(np.arange(len(numbers)), numbers)
     t, q, p = points[:, 0], points[:, 1 : 1 + d], points[:, 1 + d :]
     component, at = int(orbits.plane[0, 0]), float(orbits.plane[0, 1])
@@ -209,8 +209,8 @@ def begin(
     t_end: float | None = None,
     steps: int | None = None,
     parameters: Mapping | None = None,
-) -> Watched:
-    """The orbits of a section; raises InvalidInput."""
+) -> SectionOrbits:
+    """Check the arguments of `section` and create the orbits; raises InvalidInput."""
     system = getattr(problem, "system", problem)
     names = [str(x) for x in (*getattr(system, "q", ()), *getattr(system, "p", ()))]
     if of not in names:
@@ -218,7 +218,7 @@ def begin(
     if isinstance(every, bool) or not isinstance(every, int) or every < 1:
         raise InvalidInput(f"every is {every!r}; it must be a positive integer")
     asked = ensemble.request(problem, method, Q, P, h, t_end, steps, parameters, every)
-    return watched(asked, names.index(of), float(at), rising)
+    return prepare_orbits(asked, names.index(of), float(at), rising)
 
 
 def section(
@@ -250,9 +250,9 @@ def section(
     rising : whether crossings with a rising coordinate count, else those with a falling one
     every : look at every Nth step; two crossings between two looks are missed
     h : number, or array (n,) with a step for each orbit
-    t_end, steps : as of `integrate`
+    t_end, steps : as in `integrate`
     parameters : values of the method's parameters: numbers, or arrays (n,) with a value for each orbit
-    lanes, threads, progress : as of `integrate_ensemble`
+    lanes, threads, progress : as in `integrate_ensemble`
 
     Returns
     -------
@@ -274,4 +274,4 @@ def section(
         **{"of": of, "at": at, "rising": rising, "every": every},
         **{"h": h, "t_end": t_end, "steps": steps, "parameters": parameters},
     )
-    return concluded(orbits, ensemble.run(orbits, lanes, threads, progress)[1])
+    return build_section(orbits, ensemble.run(orbits, lanes, threads, progress)[1])

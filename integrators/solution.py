@@ -1,4 +1,4 @@
-"""`Solution`: a trajectory, how it ended, and what is computed from its rows."""
+"""`Solution`: a trajectory, its status, and quantities computed from its rows."""
 
 from __future__ import annotations
 
@@ -46,13 +46,13 @@ class Solution:
 
     @property
     def system(self) -> Any:
-        """The system that was integrated; raises InvalidInput where the solution does not know it."""
+        """The system that was integrated; raises InvalidInput if the solution does not hold it."""
         if self.problem is None:
             raise InvalidInput("this solution does not know its problem: pass problem= when you make it")
         return getattr(self.problem, "system", self.problem)
 
     def energy(self) -> Floats:
-        """H of each row, array (n,); raises InvalidInput where the system has none."""
+        """H of each row, array (n,); raises InvalidInput if the system has no energy."""
         if not self.system.has_energy:
             raise InvalidInput("the system has no energy")
         return self.system.energies(self.q, self.p)
@@ -64,7 +64,7 @@ class Solution:
         return {str(e): self.system.observe(e, self.q, self.p) for e in self.system.invariants}
 
     def __repr__(self) -> str:
-        """A few lines: the method, how it ended, the span and the last state."""
+        """A few lines of text: the method, how the run ended, the time span and the last state."""
         rows, d = self.q.shape
         problem = getattr(self.problem, "label", "")
         lines = [f"{type(self).__name__}: {self.method.label}{f' on {problem}' if problem else ''}, {self.status}"]
@@ -72,11 +72,11 @@ class Solution:
             lines.append(f"  {self.reason}")
         span = f"t = {float(self.t[0]):.6g} to {float(self.t[-1]):.6g}"
         lines.append(f"  {span}, {self.counts.get('steps', 0)} steps, h = {float(self.h):.6g}, {rows} rows of d = {d}")
-        lines.append(f"  q = {_shortened(self.q[-1])}, p = {_shortened(self.p[-1])} at the end")
+        lines.append(f"  q = {_shorten(self.q[-1])}, p = {_shorten(self.p[-1])} at the end")
         return "\n".join(lines)
 
 
-def _shortened(state: Floats) -> str:
-    """The first components of a state."""
+def _shorten(state: Floats) -> str:
+    """The first components of a state, as text."""
     more = ", ..." if len(state) > SHOWN else ""
     return f"[{', '.join(f'{float(x):.6g}' for x in state[:SHOWN])}{more}]"

@@ -1,4 +1,4 @@
-"""The statuses: the one word with which every run ends, what it means, and what to do."""
+"""The statuses with which runs end: for each word what it means and what the user can do."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ COLLISION, INVALID, TIMEOUT, SKIPPED = "collision", "invalid", "timeout", "skipp
 
 
 class Status(NamedTuple):
-    """What a status means: what happened, and what to do."""
+    """The meaning of a status: what happened, and what to do."""
 
     meaning: str
     remedy: str

@@ -1,4 +1,4 @@
-"""Work on threads: the one that asks takes its part, so that it never waits for another to begin.
+"""Distribute work over threads; the calling thread takes part, so that it never waits for another to begin.
 
 What there is to do is handed out in slices, as each thread asks for more (C. D. Polychronopoulos, D. J. Kuck, IEEE
 Trans. Comput. C-36 (1987) 1425-1439): half of a fair share of what is left, so that all end together whatever the
@@ -27,7 +27,7 @@ Found = TypeVar("Found")
 
 @lru_cache
 def _helpers(count: int) -> ThreadPoolExecutor:
-    """Threads that stay: to start one takes as long as many a short run."""
+    """A pool of ``count`` threads that is kept, because starting a thread takes as long as many short runs."""
     return ThreadPoolExecutor(count)
 
 
@@ -36,7 +36,10 @@ if hasattr(os, "register_at_fork"):  # a child has none of its parent's threads
 
 
 class Slices:
-    """The numbers ``first`` ... n - 1 in slices for so many threads; ``fewest`` take `LEAST`, as far as is known."""
+    """Iterator over slices of the range ``first`` ... n - 1, shared by several threads; slices shrink towards the end.
+
+    ``fewest`` is the smallest length of a slice: as many items as take `LEAST` seconds, by the last timing.
+    """
 
     def __init__(self, n: int, threads: int, first: int = 0):
         self._n, self._threads = n, threads
@@ -56,20 +59,20 @@ class Slices:
                 part = slice(begin, self._next)
             yield part
 
-    def took(self, part: slice, seconds: float) -> None:
-        """What a slice has taken says how short the next may be."""
+    def adapt(self, part: slice, seconds: float) -> None:
+        """Update the smallest length of a slice from the seconds that the slice ``part`` took."""
         self.fewest = max(1, round((part.stop - part.start) * LEAST / max(seconds, 1e-9)))
 
     def end(self) -> None:
-        """Hand out no more."""
+        """Hand out no more slices."""
         with self._lock:
             self._next = self._n
 
 
-def shared(work: Callable[[slice], Found], n: int, threads: int) -> Iterator[Found]:
-    """What ``work`` returns of slices that together are 0 ... n - 1, as they are finished, on so many threads.
+def map_slices(work: Callable[[slice], Found], n: int, threads: int) -> Iterator[Found]:
+    """Call ``work`` on slices that together are 0 ... n - 1, on ``threads`` threads; yield results as they come.
 
-    What it raises on any of them is raised here, when all have ended.
+    An exception that it raises is raised here, when all threads have ended.
     """
     first = 1 if n >= MANY and threads > 1 else 0
     slices = Slices(n, threads, first)
@@ -78,7 +81,7 @@ def shared(work: Callable[[slice], Found], n: int, threads: int) -> Iterator[Fou
     def take(part: slice) -> Found:
         began = time.perf_counter()
         found = work(part)
-        slices.took(part, time.perf_counter() - began)
+        slices.adapt(part, time.perf_counter() - began)
         return found
 
     def help_out() -> None:

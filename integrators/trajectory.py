@@ -1,4 +1,4 @@
-"""The rows of a run, filled in pieces; what was reached is kept, however the run ends."""
+"""The rows (stored states) of a run, filled by several kernel calls; rows reached are kept however the run ends."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from .outcome import (
     OK,
     TIMEOUT,
     UNSOLVED,
-    approach,
-    escaped,
-    judged,
-    passed,
+    describe_approach,
+    describe_crossing,
+    describe_escape,
+    judge,
 )
 from .stepping import solve
 from .stepping.kernel import zeros
@@ -34,7 +34,7 @@ PIECE = 200_000
 
 
 class Pace:
-    """How many steps one call of a kernel takes: few at first where somebody waits, then more.
+    """The number of steps in one kernel call: few at first if there is a time limit, then more.
 
     Attributes
     ----------
@@ -48,30 +48,30 @@ class Pace:
 
     @property
     def late(self) -> bool:
-        """Whether the time is over."""
+        """True if the time limit has passed."""
         return time.monotonic() > self.deadline
 
-    def took(self, seconds: float) -> None:
-        """Lengthen the next call where the last was short against the time that there is."""
+    def adapt(self, seconds: float) -> None:
+        """Quadruple the steps of the next call if the last one took few ``seconds`` compared with the time limit."""
         if seconds < min(0.05, self.timeout / 20):
             self.steps = min(PIECE, 4 * self.steps)
 
 
 def _leading(good: np.ndarray) -> int:
-    """How many are true before the first that is not."""
+    """The number of leading True values of a boolean array."""
     return len(good) if good.all() else int(good.argmin())
 
 
 def whole_rows(steps: int, every: int, filled: int, most: int) -> int:
-    """How many rows a call of at most so many steps fills; one alone, and a shorter last one, have calls of their own.
+    """The number of complete rows that one kernel call of at most ``most`` steps can fill.
 
-    ``steps`` and ``every`` are of the run, of which ``filled`` rows are there.
+    ``steps`` and ``every`` (steps between rows) are the run's, of which ``filled`` rows are there.
     """
     return min(most // every, steps // every - filled)
 
 
 class Trajectory:
-    """The rows of a run: every ``every`` steps one, and the last.
+    """The rows of a run, one every ``every`` steps and the last, with the run's status while it goes on.
 
     Attributes
     ----------
@@ -98,45 +98,45 @@ class Trajectory:
         self.status, self.reason, self.advice = OK, "", ""
 
     def __bool__(self) -> bool:
-        """Whether there is more to integrate."""
+        """True if the run is "ok" so far and has rows to fill."""
         return self.status == OK and self.filled < len(self.parameter)
 
     @property
     def index(self) -> np.ndarray:
-        """The step numbers of the rows."""
+        """The step numbers of the filled rows."""
         numbers = np.arange(self.filled + 1) * self.every
         numbers[-1] = self.reached
         return numbers
 
     @property
     def times(self) -> np.ndarray:
-        """The times of the rows."""
+        """The times of the filled rows."""
         return self.t0 + self.h * (self.index.astype(object) if self.arithmetic == MULTIPRECISION else self.index)
 
     def advance(self, run, pace: Pace) -> None:
-        """Fill the rows of a piece, or one row in pieces; look at what came of it."""
+        """Make a kernel call by ``run`` (several, for a row of many steps), check new rows, update the status."""
         n = whole_rows(self.steps, self.every, self.filled, pace.steps)
         code = self._rows(run, n, pace) if n > 1 else self._row(run, pace)
         if self.status == OK and code:
-            self._stopped(code)
+            self._explain_stop(code)
         elif self.status == OK and self.reached < self.steps:
-            self._look(run)
+            self._check_fallbacks(run)
             if pace.late and self.status == OK:
                 self.status = TIMEOUT
 
     def _call(self, run, n: int, every: int, pace: Pace) -> tuple[int, int]:
-        """Fill the next n rows; (rows filled, the kernel's status)."""
+        """Fill the next n rows, ``every`` steps apart, by one kernel call; (rows filled, status code)."""
         part = slice(self.filled, self.filled + n)
         began = time.perf_counter()
         filled, code = run(self.q[1:][part], self.p[1:][part], self.parameter[part], every)
         took = time.perf_counter() - began
         self.seconds += took
-        pace.took(took)
+        pace.adapt(took)
         return filled, code
 
     def _rows(self, run, n: int, pace: Pace) -> int:
         filled, code = self._call(run, n, self.every, pace)
-        bad, reason = self._flawed(self.filled + 1, filled)
+        bad, reason = self._find_flaw(self.filled + 1, filled)
         if bad < filled:
             self.status, self.reason = DIVERGED, reason
         self.filled += bad
@@ -144,14 +144,14 @@ class Trajectory:
         return code
 
     def _row(self, run, pace: Pace) -> int:
-        """Fill one row; where it is not completed it is that of the last good piece."""
+        """Fill one row by several kernel calls; store the last good state if the run stops. Returns the status code."""
         row, end = self.filled + 1, min(self.steps, (self.filled + 1) * self.every)
         began, code = self.reached, solve.SOLVED
         while self.reached < end:
             good = self.q[row].copy(), self.p[row].copy()
             piece = min(end - self.reached, pace.steps)
             filled, code = self._call(run, 1, piece, pace)
-            bad, reason = self._flawed(row, filled)
+            bad, reason = self._find_flaw(row, filled)
             if not bad:
                 self.q[row], self.p[row] = good
                 if filled:
@@ -160,14 +160,14 @@ class Trajectory:
             self.reached += piece
             if self.reached < end:
                 self.looks.append((self.reached, self.q[row].copy(), self.p[row].copy()))
-                self._look(run)
+                self._check_fallbacks(run)
             if pace.late or self.status != OK:
                 break
         self.filled += self.reached > began
         return code
 
-    def _flawed(self, first: int, n: int) -> tuple[int, str]:
-        """How many of n rows are good before one is not finite, or has no energy; and what it is."""
+    def _find_flaw(self, first: int, n: int) -> tuple[int, str]:
+        """(number of good rows among n from ``first`` on, reason): good until a state or its energy is not finite."""
         if self.arithmetic == MULTIPRECISION:
             return n, ""
         Q, P = self.q[first : first + n], self.p[first : first + n]
@@ -180,8 +180,8 @@ class Trajectory:
                 good, reason = known, "the energy is no longer finite: the state is outside H's domain"
         return good, reason
 
-    def _stopped(self, code: int) -> None:
-        """Say why a stage equation was not solved."""
+    def _explain_stop(self, code: int) -> None:
+        """Set status and reason from the code of a kernel that stopped early."""
         if code == solve.NOT_FINITE:
             self.status, self.reason = DIVERGED, "a stage equation has no finite iterate"
             return
@@ -196,8 +196,8 @@ class Trajectory:
             self.status = NOT_CONVERGED
             self.reason, self.advice = self.unsolved
 
-    def _look(self, run) -> None:
-        """Stop where hardly a step so far has what the method promises."""
+    def _check_fallbacks(self, run) -> None:
+        """Stop the run if nearly all steps so far are fallbacks, which lack what the method promises."""
         fallbacks = int(run.counts.fallbacks)
         if self.missed and self.reached >= FIRST and fallbacks > HOPELESS * self.reached:
             self.status = NO_ROOT
@@ -205,7 +205,7 @@ class Trajectory:
             self.reason += "this orbit; take another method, or a smaller h; stopped"
 
     def conclude(self, timeout: float | None, fallbacks: int) -> None:
-        """Complete the reason; see what the rows say of the energy and of singularities."""
+        """Complete status and reason at the end of a run; judge the energy error and steps across singularities."""
         at = f"after step {self.reached} of {self.steps} (t = {float(self.t0 + self.h * self.reached):.6g})"
         if self.status in (OK, TIMEOUT):
             if self.status == TIMEOUT:
@@ -214,17 +214,17 @@ class Trajectory:
             if self.arithmetic != MULTIPRECISION:
                 self._judge()
             return
-        _, Q, P = self._looked()
-        near = approach(self.system, Q, P, self.h)
+        _, Q, P = self._seen_rows()
+        near = describe_approach(self.system, Q, P, self.h)
         if near is not None:
             self.status, self.reason = COLLISION, f"{near} {at}; a regularized or adaptive method is needed"
         elif self.status == DIVERGED and self.arithmetic != MULTIPRECISION:
-            self.reason += f" {at}; take a smaller h{escaped(self.system, Q, P)}"
+            self.reason += f" {at}; take a smaller h{describe_escape(self.system, Q, P)}"
         else:
             self.reason += f" {at}" if self.status == NO_ROOT else f" {at}; take a smaller h{self.advice}"
 
-    def _looked(self):
-        """(t, Q, P) of the rows and of what was seen between them."""
+    def _seen_rows(self):
+        """(t, Q, P) of the rows and of the states checked between them."""
         Q, P = self.q[: self.filled + 1], self.p[: self.filled + 1]
         if not self.looks:
             return self.times, Q, P
@@ -233,20 +233,20 @@ class Trajectory:
         return self.t0 + self.h * index, np.concatenate([Q, q])[which], np.concatenate([P, p])[which]
 
     def _judge(self) -> None:
-        """Whether the motion met a singularity, and whether the rows are the orbit."""
-        t, Q, P = self._looked()
-        near = passed(self.system, t, Q, P, self.h)
+        """Set the status if a step crossed a singularity or the energy error shows that the rows are not the orbit."""
+        t, Q, P = self._seen_rows()
+        near = describe_crossing(self.system, t, Q, P, self.h)
         if near is not None:
             self.status, self.reason = COLLISION, near
             return
         if self.status == NO_ROOT:  # that explains the energy
             return
-        found = judged(self.system, t, Q, P)
+        found = judge(self.system, t, Q, P)
         self.status = self.status if found.status == OK else found.status
         self.reason = "; ".join(filter(None, (self.reason, found.reason)))
 
     def _count_missed(self, fallbacks: int) -> None:
-        """Say how many steps lack what the method promises."""
+        """State in the reason how many steps were fallbacks; if many, set the status "no-root"."""
         if not self.missed or not fallbacks or self.status != OK:
             return
         self.reason = f"{fallbacks} of {self.reached} steps {self.missed}"

@@ -87,7 +87,7 @@ def _run_uncompiled(script: str, *arguments: str):
 
 @functools.cache
 def _here(script: str, *arguments: str):
-    """Like `_run_uncompiled`, but in this process, which compiles nothing."""
+    """The result that a script of tests/ prints as JSON, run in this process, where compilation is off."""
     with pytest.MonkeyPatch.context() as patch, contextlib.redirect_stdout(io.StringIO()) as printed:
         patch.setattr(sys, "argv", [script, *arguments])
         runpy.run_path(str(HERE / script), run_name="__main__")
@@ -95,7 +95,7 @@ def _here(script: str, *arguments: str):
 
 
 def _result(script: str, *arguments: str):
-    """Result that a script prints, measured without compilation; fail with its stderr if it failed."""
+    """The result that a script of tests/ prints, run without compilation; fail with its stderr if it failed."""
     result = _run_uncompiled(script, *arguments) if codegen.compiled() else _here(script, *arguments)
     assert not isinstance(result, str), f"{script} {' '.join(arguments)} failed:\n{result}"
     return result
@@ -103,7 +103,7 @@ def _result(script: str, *arguments: str):
 
 @pytest.fixture(scope="session", autouse=True)
 def nothing_that_families_prepare_is_kept():
-    """Families prepare their data anew instead of reading it from the cache, because tests modify families."""
+    """Let families of methods prepare coefficients anew, not from the cache, because tests modify families."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(preparation, "ENABLED", False)
         yield
@@ -123,7 +123,7 @@ def uncompiled():
 
 @pytest.fixture(scope="session")
 def of_each(uncompiled):
-    """Function that maps a module of `support` to a function label -> result of the module's ``of(label)``.
+    """A function: module of `support` -> function: label of a method -> result of the module's ``of(label)``.
 
     The module is run as a script without compilation and prints all labels at once; in a process without compilation
     only the requested label is computed.
@@ -147,5 +147,8 @@ def _measure(name: str):
 
 @pytest.fixture(scope="session")
 def measured():
-    """Function name -> that measurement of `measure.multiprecision` on the systems of `support.exact`."""
+    """A function: name of a measurement in `measure.multiprecision` -> its results {method's label: result}.
+
+    The systems are those of `support.exact`.
+    """
     return _measure if codegen.compiled() else functools.cache(lazily.lazy_measurements)

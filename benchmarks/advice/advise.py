@@ -167,7 +167,7 @@ def _recommendation(found: Search, order: list[Candidate], problem_words: Sequen
 
 
 def tied(first: Candidate, other: Candidate) -> bool:
-    """True if the times of two that ran in turns cannot be told apart: their intervals overlap."""
+    """True if the times of two candidates timed in turns cannot be told apart: their intervals overlap."""
     if first.interval is None or other.interval is None:
         return False
     return other.interval[0] <= first.interval[1] and first.interval[0] <= other.interval[1]
@@ -186,7 +186,7 @@ def end_state_error(candidate: Candidate) -> float | None:
 
 
 def lost_orbit(candidate: Candidate, off: float | None) -> str:
-    """A note that the conserved quantity says nothing of the orbit, if the end state is off by much; else ""."""
+    """A note that a conserved quantity says nothing of the orbit, if the end state is far ``off``; else ""."""
     made = candidate.trial.task.problem
     size = max(map(abs, (*made.q0, *made.p0)))
     if off is None or off <= LOST * size:
@@ -198,7 +198,7 @@ def lost_orbit(candidate: Candidate, off: float | None) -> str:
 
 
 def singularity_note(problem) -> str:
-    """A note that H was too long to find its singular distances, so variable steps by them were not tried; else ""."""
+    """A note that H was too long to search for its singular distances, which variable steps need; else ""."""
     if not singularities.unsearched(problem.system):
         return ""
     return "H has too long a denominator for singular distances to be found in it; declare them with singular="

@@ -19,7 +19,7 @@ from . import prior
 
 @dataclass(frozen=True)
 class Ask:
-    """A checked question.
+    """A checked question: which integrator solves a problem to an accuracy, or best within a time budget.
 
     Attributes
     ----------

@@ -16,7 +16,10 @@ RUNS, MODELS = "front_rungs", ("models", "models_runs")
 
 
 def competition(rows) -> tuple[pd.DataFrame, set[str]]:
-    """(successful runs of the trade with their problem, ids of the integrators that took part), for single orbits."""
+    """(successful runs with a column ``problem``, ids of the integrators that took part), runs of single orbits only.
+
+    ``rows`` are the stored runs of all integrators at many errors (`experiments.trade`).
+    """
     named = {x.id for x in (*METHODS, *PEERS)} - {"heyoka-batch"}
     frame = pd.DataFrame([r for r in rows if r.get("status") == OK and r["id"] in named])
     problems = frame["scene"].map(lambda scene: BY_ID[scene].problem.partition(":")[0])
@@ -24,7 +27,7 @@ def competition(rows) -> tuple[pd.DataFrame, set[str]]:
 
 
 def bench_prior(outcome, complete, update):
-    """Write `prior.csv`: how many times dearer than the cheapest each integrator was."""
+    """Write `prior.csv`: each integrator's time over that of the cheapest, by problem and power of ten of the error."""
     if not update or not complete(RUNS):
         pytest.skip("the prior is made with --update-tables where all of the trade is measured")
     prior.TABLE.save(*competition(outcome.rows(RUNS)))

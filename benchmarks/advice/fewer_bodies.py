@@ -43,7 +43,7 @@ class Model(NamedTuple):
     light: tuple[str, ...] = ()
 
     def of(self, bodies: Bodies) -> Bodies:
-        """The full table of bodies with this model's masses: bodies left out are test particles in it."""
+        """The full table ``bodies`` with this model's masses: bodies left out, too, are test particles in it."""
         return bodies.massless((*self.left_out, *self.light))
 
     def with_(self, other: Model) -> Model:
@@ -57,7 +57,7 @@ class Model(NamedTuple):
 
 
 class Models:
-    """Runs the models of a question on one compiled system."""
+    """Runs the planetary models of a question (bodies left out or made massless) on one compiled system."""
 
     def __init__(self, ask: Ask, true: Truth):
         self.ask, self.true, self.bodies = ask, true, ask.problem.bodies
@@ -66,7 +66,7 @@ class Models:
         self.times = ask.t_end / rows * np.arange(rows + 1)
 
     def seconds(self) -> float:
-        """Estimated seconds of a run, from one over a part of the span."""
+        """Estimated seconds of a run of the full system, extrapolated from one over a part of the span."""
         x, v = map(np.ravel, self.bodies.start())
         return self.flow.rows(self._masses(Model()), x, v, np.array([0.0, PART * self.ask.t_end]))[2] / PART
 
@@ -79,7 +79,7 @@ class Models:
         return self.flow.rows(self._masses(model), x, v, self.times)[:2]
 
     def off(self, model: Model) -> float:
-        """The error of the quantity in a model; infinite if it needs a body that the model leaves out."""
+        """The error of the question's quantity in a model; infinite if it needs a body that the model leaves out."""
         x, v = (row.copy() for row in self.rows(model))
         for k, name in enumerate(self.bodies.names):
             if name in model.left_out:
@@ -116,7 +116,9 @@ def smallest_model(models: Models, allowed: float) -> tuple[Model, dict[str, dic
 
 
 def lower(ask: Ask, true: Truth, candidate: Candidate) -> dict[str, Any] | None:
-    """The model of the fewest bodies that meets the accuracy; None for a problem without bodies, or a time budget.
+    """The planetary model of the fewest bodies that meets the accuracy, and how much time it saves.
+
+    None for a problem without bodies, and for a question with a time budget.
 
     Returns
     -------
@@ -209,7 +211,7 @@ def _truth(models: Models, model: Model, problem, wanted: Quantity) -> Truth:
 
 
 def summarize(found: dict[str, Any]) -> str:
-    """The outcome of `lower` as a sentence."""
+    """A sentence on which bodies may be left out or made massless, and what that saves, from the result of `lower`."""
     if found["off"] is None:
         return f"which bodies may be left out is not known: {found['why']}"
     off = f"{found['off']:.2g} at t = {found['t_end']:g}"

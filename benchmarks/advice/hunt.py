@@ -53,11 +53,11 @@ class Candidate:
 
     @property
     def integrator(self) -> Integrator:
-        """The integrator."""
+        """The candidate's integrator."""
         return self.trial.integrator
 
     def __call__(self) -> float:
-        """Time a run, in seconds."""
+        """Run the integration once more and return its seconds."""
         return self.trial.seconds(self.rung)
 
     def row(self, ask: Ask, problem_words: Sequence[str] | None) -> dict[str, Any]:
@@ -98,7 +98,7 @@ class Search:
         self.cold = COLD
 
     def task(self) -> Task:
-        """The question as a task for one integrator, with its own clocks."""
+        """The question as a `Task` (problem, span, quantity, true value) for one integrator, with its own clocks."""
         return Task(self.ask.problem, self.ask.t_end, self.ask.quantity, self.true)
 
     def cheapest(self, integrator: Integrator) -> float:
@@ -118,13 +118,13 @@ class Search:
         return not compiled and any(f.integrator in METHODS for f in self.failed)
 
     def over(self, share: float = SEARCHED, limit: float | None = None) -> bool:
-        """True if more than this share of the limit is spent: of ``limit`` in seconds, or of the question's."""
+        """True if the search has spent more than this share of ``limit`` seconds (default: the question's limit)."""
         return self.spent > share * (self.ask.limit if limit is None else limit)
 
     def try_all(self, members: Sequence[tuple[Integrator, float]]) -> None:
         """Try the integrators in turn; drop those that time does not allow or that are expected to be far too dear.
 
-        That is told on each side by itself, beside the cheapest of this project's or of the peers.
+        This project's methods are compared only with the cheapest of themselves, and peers with the cheapest peer.
         """
         dear = {side: HOPELESS * min([x for i, x in members if _own(i) is side], default=1.0) for side in SIDES}
         promising = _promising(members)
@@ -180,7 +180,7 @@ class Search:
             self.found.append(Candidate(trial, found.rung))
 
     def start(self, trial: Trial, accuracy: float) -> float:
-        """The first size to try: a tolerance near the accuracy, or a quarter of heyoka's steps; 1 step if it is exact.
+        """The first tolerance or number of steps to try: near the accuracy, or a quarter of heyoka's steps; 1 if exact.
 
         Too coarse a start costs little: all runs up to the one that meets the accuracy cost less than that one.
         """
@@ -207,7 +207,11 @@ def _own(integrator: Integrator) -> bool:
 
 
 def _promising(members: Sequence[tuple[Integrator, float]]) -> set[str]:
-    """Ids of the first `MOST` integrators of each side that are expected within `PROMISING` times its cheapest."""
+    """Ids of the integrators expected to be cheap: on each side (this project, the peers) at most `MOST`.
+
+    ``members`` are (integrator, expected time over that of the cheapest); a side's promising ones are expected within
+    `PROMISING` times its least.
+    """
     found: set[str] = set()
     for side in SIDES:
         ours = [(i.id, expected) for i, expected in members if _own(i) is side]

@@ -25,7 +25,7 @@ SAME = 1e-9
 
 
 class Rung(NamedTuple):
-    """A model of a scene: a bound ``off`` of its modelling error, and (error, seconds) of its integrations."""
+    """A simplified (or the full) model: ``off`` bounds its modelling error, ``runs`` are (error, seconds) of runs."""
 
     model: str
     full: bool
@@ -62,9 +62,9 @@ def _scene(lines: list[dict[str, str]]) -> Scene:
 
 
 def scene_of(ask: Ask) -> Scene | None:
-    """The stored scene of a question: the shortest that covers its span; None if there is none.
+    """The stored models for a question's problem and quantity, of the shortest span that covers its own; None if none.
 
-    The rungs of several ladders of that span are merged.
+    If several ladders of models have that span, their models are merged.
     """
     problem, name = ask.problem, ask.quantity.name
     near = [
@@ -108,7 +108,7 @@ def lower(ask: Ask) -> dict[str, Any] | None:
 
 
 def summarize(found: dict[str, Any]) -> str:
-    """The outcome of `lower`, or of `fewer_bodies.lower`, as a sentence."""
+    """A sentence on the simplified model found by `lower` or `fewer_bodies.lower`: its error, and the time it saves."""
     if "alone" in found:
         return fewer_bodies.summarize(found)
     if found["model"] is None:
@@ -128,7 +128,7 @@ def _off(found: dict[str, Any]) -> str:
 
 
 def build(models, runs) -> Iterator[dict[str, object]]:
-    """The lines of `models.csv` from the tables of the models' page."""
+    """The lines of `models.csv` from measured tables: the modelling error of each model, and its timed runs."""
     for id, rungs in models.groupby("scene", sort=False):
         ladder = BY_ID[id]
         full = ladder.rungs[-1].make()
@@ -146,7 +146,7 @@ def build(models, runs) -> Iterator[dict[str, object]]:
 
 
 def parse(lines: list[dict[str, str]]) -> tuple[Scene, ...]:
-    """The scenes from the lines of `models.csv`."""
+    """The `Scene` objects (a problem's models) read from the lines of `models.csv`."""
     return tuple(_scene(list(members)) for _, members in groupby(lines, key=lambda line: line["scene"]))
 
 

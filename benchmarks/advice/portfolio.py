@@ -29,7 +29,7 @@ class Dropped(NamedTuple):
 
 
 def portfolio(ask: Ask, accuracy: float) -> tuple[list[tuple[Integrator, float]], list[Dropped]]:
-    """([(integrator, expected time over that of the cheapest)] in the order to try, integrators not tried)."""
+    """([(integrator, expected time / time of the cheapest)] in the order to try, integrators not to try)."""
     able, dropped = [], []
     for record in (*METHODS, *PEERS):
         integrator = Integrator(record)

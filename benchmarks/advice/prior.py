@@ -1,8 +1,8 @@
 """Which integrators to try first: how many times dearer than the cheapest each was in stored measurements.
 
 `prior.csv` has, for each problem and power of ten of the error, a factor for each integrator: the time of its cheapest
-run that met the error, over that of the cheapest integrator.  `build` computes it from the runs of the trade
-(`experiments.trade`).  It only orders the search: an integrator is advised after it was run.
+run that met the error, over that of the cheapest integrator.  `build` computes it from the stored comparison of all
+integrators (`experiments.trade`).  It only orders the search: an integrator is advised after it was run.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ def factors(problem_id: str, accuracy: float, ids: Iterable[str]) -> dict[str, f
 
 
 def _mean(values: list[float], tables: int) -> float:
-    """The geometric mean; of no values `LARGEST`, or `UNKNOWN` where there are no tables either."""
+    """The geometric mean; without values `LARGEST`, or `UNKNOWN` if the number of measured ``tables`` is 0 as well."""
     if not values:
         return UNKNOWN if not tables else LARGEST
     return exp(sum(map(log, values)) / len(values))
@@ -78,7 +78,7 @@ def _shares(rows, error: float) -> dict[str, float]:
 
 
 def parse(lines: list[dict[str, str]]) -> Prior:
-    """The prior from the lines of `prior.csv`."""
+    """The `Prior` (stored factors) read from the lines of `prior.csv`."""
     found: dict[str, dict[int, dict[str, float]]] = {}
     for row in lines:
         if row["problem"] != ANY:

@@ -14,7 +14,7 @@ from phasebench.benchmarks.measure.tabular import TabularResult
 from phasebench.benchmarks.problems import problem as problem_of
 from phasebench.benchmarks.problems.base import Problem
 from phasebench.benchmarks.problems.kepler_found import with_kepler_part
-from phasebench.integrators.keywords import State, checked_names, renamed_arguments
+from phasebench.integrators.keywords import State, check_names, rename_arguments
 
 from . import words
 from .advise import advise as answered
@@ -34,7 +34,7 @@ PRINTED = ("role", "integrator", "params", "h", "steps", "tol", "error", "second
 
 @dataclass(frozen=True)
 class Advised:
-    """An integration that was run: what takes which step or tolerance, its error and its time.
+    """An integration that was run: the integrator, its step or tolerance, its error and its time.
 
     Attributes
     ----------
@@ -67,7 +67,7 @@ class Advised:
 
 @dataclass(frozen=True, repr=False)
 class Advice(TabularResult):
-    """The answer to a question of advice.
+    """The answer to a question of advice: the recommended integration and its alternatives.
 
     Attributes
     ----------
@@ -135,15 +135,15 @@ class Advice(TabularResult):
 
 
 def _advised(row: dict[str, Any] | None) -> Advised | None:
-    """A row of an answer with named fields."""
+    """Convert one integration of the answer from a dict to `Advised`; None stays None."""
     if row is None:
         return None
     names = {f.name for f in fields(Advised)}
     return Advised(**{name: value for name, value in row.items() if name in names})
 
 
-@renamed_arguments(limit="time_limit")
-@checked_names
+@rename_arguments(limit="time_limit")
+@check_names
 def advise(
     problem: AnyProblem,
     *,
@@ -219,7 +219,7 @@ def advise(
 
 
 def _name(problem: Any) -> str | None:
-    """The problem's name on a command line; None if it was not given by name."""
+    """The name or path by which a problem was given; None if it was given as an object."""
     return str(problem) if isinstance(problem, (str, Path)) else None
 
 

@@ -53,7 +53,7 @@ class Entry:
     share: bool = False
 
     def start(self, seed: int) -> np.ndarray:
-        """The state, moved at random by a seed; doubles (2 d,)."""
+        """The initial state, displaced at random by a seed; doubles (2 d,)."""
         draws = np.random.default_rng([seed, *self.name.encode()]).uniform(-1, 1, len(self.state))
         state = np.array(self.state)
         if self.share:
@@ -104,7 +104,7 @@ def entries() -> tuple[Entry, ...]:
 
 @cache
 def lasting() -> tuple[Entry, ...]:
-    """The systems of the long runs."""
+    """The systems of the battery on which long runs are made, to see conservation."""
     central = Entry("kepler", _two(CENTRAL), (0.9, 0.1, -0.1, 1.1), True, "q1*p2 - q2*p1", "bilinear", True)
     mass = "q1**2 + p1**2 + q2**2 + p2**2"
     dimer = Entry("dimer", _two(DIMER), (0.5, 0.2, -0.3, 0.6), True, mass, "quadratic", True)
@@ -129,12 +129,12 @@ def magnetic() -> tuple[Entry, ...]:
 
 @cache
 def oscillator() -> Entry:
-    """The harmonic oscillator of frequency 1."""
+    """The harmonic oscillator of frequency 1, as an entry of the battery."""
     return Entry("harmonic-oscillator", _one("p**2/2 + q**2/2"), (0.8, 0.3))
 
 
 def find_entry(name: str) -> Entry:
-    """The entry with this name."""
+    """The system (`Entry`) of the battery with this name."""
     return next(e for e in (*entries(), *lasting(), *magnetic(), oscillator()) if e.name == name)
 
 

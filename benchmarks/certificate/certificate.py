@@ -16,7 +16,7 @@ from phasebench.benchmarks.judge import judge
 from phasebench.benchmarks.judge.evidence import Tables
 from phasebench.benchmarks.measure.integrator import AnyProblem
 from phasebench.benchmarks.problems import problem as problem_of
-from phasebench.integrators.keywords import checked_names
+from phasebench.integrators.keywords import check_names
 from phasebench.integrators.record import Method
 from phasebench.reference.peers import Peer
 
@@ -63,7 +63,9 @@ def certify(
 
     Parameters
     ----------
-    target, claims, requires : as of `subject.subject`
+    target : the path of a file, a function, ``package.module:callable``, or the id or record of a method or a peer
+    claims : name -> value, added to the target's own, such as ``{"order": 4}``
+    requires : traits that a system must have, such as "separable"
     seed : of the random states at which it is measured
     progress : called with the name of each measure
     alone : measure only what is claimed; then no further claims are offered
@@ -117,7 +119,7 @@ def _problem(named: Any) -> Any:
     return problem_of(named) if isinstance(named, (str, Path)) else named
 
 
-@checked_names
+@check_names
 def validate(
     target: str | Path | Callable[..., Any] | Mapping[str, Any] | Method | Peer,
     *,

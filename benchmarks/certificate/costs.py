@@ -1,4 +1,4 @@
-"""What an integrator costs beside the cheapest stored one at the same error: evaluations and time, as rows and text."""
+"""An integrator's evaluations and time over those of the cheapest stored one at the same error, as rows and text."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ NOT_MET, VARIES = "not met", "varies"
 
 
 def cost_rows(tables: Tables, times: Iterable[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """A row for each scene and error: how many times the evaluations, and the time, of the cheapest stored integrator.
+    """A row for each scene (problem and span) and error: evaluations and time, over the cheapest stored integrator's.
 
     Returns
     -------
@@ -61,7 +61,7 @@ def format_costs(tables: Tables, times: Iterable[Mapping[str, Any]]) -> list[str
 
 
 def _until_not_met(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """The rows without those of a scene after its first error that is not met."""
+    """The rows of each scene up to its first error that the integrator does not meet, that row included."""
     missed: set[str] = set()
     shown = []
     for row in rows:

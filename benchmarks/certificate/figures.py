@@ -28,7 +28,7 @@ LEAST = 1e-16
 
 @style.styled
 def order(tables: Tables) -> Drawing | None:
-    """Draw the error against the step on every system, the window of the fitted order thick."""
+    """Draw the error against the step on every system; the points to which the order is fitted are thick."""
     rows = tables.of("order")
     if not rows:
         return None
@@ -84,7 +84,7 @@ def stability(tables: Tables) -> Drawing | None:
 
 @style.styled
 def place(tables: Tables) -> Drawing | None:
-    """Draw the error against the evaluations on each scene, beside the fewest evaluations stored."""
+    """Draw error against gradient evaluations on each scene (problem and span), with the fewest evaluations stored."""
     rows = [r for r in tables.of("place") if r["curve"]]
     if not rows:
         return None

@@ -1,7 +1,7 @@
 """The fewest gradient evaluations with which a known integrator meets an error on a scene, stored in `fronts.csv`.
 
-`build` computes them from the trade (`experiments.trade`), the stored comparison of all integrators, which has the runs
-of those within twice the cheapest time.  Integrators whose work is not gradient evaluations (they solve a Kepler or a
+`build` computes them from the stored comparison of all integrators (`experiments.trade`), which has the runs of those
+within twice the cheapest time.  Integrators whose work is not gradient evaluations (they solve a Kepler or a
 linear part exactly, or report no count) are left out.
 """
 
@@ -33,7 +33,10 @@ class Cheapest(NamedTuple):
 
 
 def build(rows: Iterable[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """The lines of `fronts.csv` from runs of the trade, rows with scene, integrator, id, evaluations, status, error."""
+    """The lines of `fronts.csv` (fewest evaluations by scene and error) from stored runs of all integrators.
+
+    ``rows`` have scene, integrator, id, evaluations, status, error.
+    """
     runs: dict[str, dict[str, list[tuple[float, float]]]] = {scene: {} for scene in SCENES}
     for row in rows:
         if row["scene"] in runs and _counts(row):
@@ -68,5 +71,5 @@ TABLE = ShippedTable(Path(__file__).with_name("fronts.csv"), build, parse)
 
 
 def question(scene: str) -> Question:
-    """The question of a scene: its problem, span and quantity."""
+    """The problem, span and quantity of the scene with this id."""
     return BY_ID[scene]

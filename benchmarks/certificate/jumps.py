@@ -95,7 +95,7 @@ def _differences(values) -> np.ndarray:
 
 
 def _images(stepper: Stepper, path: Callable, t, h: float) -> np.ndarray:
-    """The states after a step from path(t), each t, in units of their size; up to the first step that fails."""
+    """The states after one step h from path(t) for each t, in units of their size; up to the first failed step."""
     rows = []
     for x in t:
         try:

@@ -122,5 +122,5 @@ def _measure(pipe, note: Path, limit: float, measure: Callable) -> None:
 
 
 def quiet() -> None:
-    """Cancel further interruptions."""
+    """Cancel the timer that interrupts this process when its time is over."""
     signal.setitimer(signal.ITIMER_REAL, 0)

@@ -39,7 +39,10 @@ OTHERWISE = 1e-8
 
 
 class Run(Protocol):
-    """What measures read and fill: seed, whether only claims are measured (``alone``), tables, why only doubles."""
+    """The state of a certification that measures read and fill.
+
+    Its seed, whether only what is claimed is measured (``alone``), the tables, and why only doubles were used.
+    """
 
     seed: int
     alone: bool
@@ -86,7 +89,7 @@ def _able(chosen: Subject, entries, tables: Tables) -> list[Entry]:
 
 
 def _step(chosen: Subject, tables: Tables, seed: int, tell, wanted, entries, lasting) -> str:
-    """Fill the tables of a step; return why it was measured in doubles only, or ""."""
+    """Measure a step and fill the tables; return why it was measured in doubles only, or ""."""
     if not entries:
         return ""
     tell("first steps")
@@ -141,7 +144,7 @@ def _step(chosen: Subject, tables: Tables, seed: int, tell, wanted, entries, las
 
 
 def _state(chosen: Subject, calls: repeats.Calls, entries, tables: Tables, seed: int, tell) -> None:
-    """Measure what the step keeps between calls: on the same object, after all other measures."""
+    """Measure whether the step keeps a state between calls: on the same object, after all other measures."""
     if any(r["status"] != "ok" for r in tables.of("runs")) or not tables.of("runs"):
         return
     tell("what it keeps between calls")
@@ -162,7 +165,7 @@ def _place(chosen: Subject, tables: Tables, tell) -> None:
 
 
 def _times(chosen: Subject, tables: Tables, tell) -> list[dict]:
-    """An integrator's times relative to the fastest stored one, on the scenes of `_place`."""
+    """An integrator's times relative to the fastest stored one, on the scenes where its evaluations were compared."""
     out = []
     for row in tables.of("place"):
         tell(f"its time on {row['on']}")

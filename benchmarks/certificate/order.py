@@ -23,7 +23,7 @@ import numpy as np
 
 from phasebench.benchmarks.judge.evidence import GATE
 from phasebench.benchmarks.measure import metrics, multiprecision
-from phasebench.integrators.compile.codegen import DOUBLE, MULTIPRECISION, exactly, precision, vector
+from phasebench.integrators.compile.codegen import DOUBLE, MULTIPRECISION, precision, to_number, vector
 
 from .battery import LADDER, SPAN, Entry
 from .stepping import DIGITS, StepFailed, Stepper
@@ -63,7 +63,7 @@ class Series:
         return next((k for k, x in enumerate(self.terms) if not x < VANISHES), len(self.terms))
 
     def largest(self, order: int) -> float:
-        """The largest of the leading terms that vanish, up to that of h^order: how far they are from zero."""
+        """The size of the largest term up to h^order among the leading ones that count as zero (`clean`)."""
         return max(self.terms[: min(order, self.clean)], default=0.0)
 
 
@@ -79,7 +79,7 @@ def nearby(entry: Entry, seed: int) -> list:
     """Exact states after 0, 1, 2, ... times `CLOSE` units of time from the seed's start, in `SERIES_DIGITS` digits."""
     with precision(SERIES_DIGITS):
         field, y = entry.system.vector_field(MULTIPRECISION), vector(entry.start(seed))
-        close = exactly(CLOSE * entry.unit, MULTIPRECISION)
+        close = to_number(CLOSE * entry.unit, MULTIPRECISION)
         ends = (multiprecision.extrapolate(lambda x: field(0, x), y, j * close)[0] for j in range(1, TERMS + 3))
         return [y, *ends]
 
@@ -101,7 +101,7 @@ def differences(values) -> list:
 def series(stepper: Stepper, seed: int) -> Series:
     """The power series of a step's error; raises StepFailed if the step does not accept numbers of many digits."""
     with precision(SERIES_DIGITS):
-        close, truth = exactly(CLOSE * stepper.entry.unit, MULTIPRECISION), nearby(stepper.entry, seed)
+        close, truth = to_number(CLOSE * stepper.entry.unit, MULTIPRECISION), nearby(stepper.entry, seed)
         y = truth[0]
         taken = [y] + [stepper(y, j * close) for j in range(1, len(truth))]
         size, error = differences(truth), differences([a - b for a, b in zip(taken, truth, strict=True)])
@@ -138,7 +138,7 @@ def ladder_errors(stepper: Stepper, seed: int, noise: float = 0.0) -> tuple[np.n
     with precision(DIGITS):
         numbers = rungs(stepper)
         for n in numbers:
-            h = float(span / n) if double else exactly(span / n, MULTIPRECISION)
+            h = float(span / n) if double else to_number(span / n, MULTIPRECISION)
             try:
                 rows = stepper.run(entry.start(seed), h, n, every=n)
             except StepFailed as failure:
@@ -165,7 +165,10 @@ def numerical(failure: StepFailed) -> bool:
 
 
 def order(stepper: Stepper, seed: int) -> dict:
-    """The row of a ladder: order, window and errors; the series' terms in many digits, the `constant` in doubles."""
+    """The row of a step's measured order: order, window, errors over a ladder of steps h.
+
+    In many digits it also has the terms of the error's power series in h, in doubles the `constant`.
+    """
     row = {"on": stepper.entry.name, "arithmetic": stepper.arithmetic}
     if stepper.arithmetic == DOUBLE:
         steps, away, noise = ladder_errors(stepper, seed)
@@ -190,7 +193,7 @@ def _fit_order(row) -> metrics.Order:
 
 
 def _integral(found: metrics.Order, steps, away, noise: float) -> metrics.Order:
-    """The order of the window; if that is not near a whole number, the one that `fit_series` finds, if any."""
+    """The fitted order ``found``; if it is not near a whole number, the one that `fit_series` finds, if any."""
     if found.points and abs(found.value - round(found.value)) < GATE:
         return found
     return fit_series(steps / steps[0], away, noise) or found

@@ -43,7 +43,7 @@ class Run(NamedTuple):
 
 
 def scenes(subject: Subject) -> list[str]:
-    """The first and the last of the stored scenes that the integrator can run."""
+    """The first and the last of the stored scenes (problem, span, quantity) that the integrator can run."""
     if set(subject.own.requires) & set(fronts.OTHER_WORK):
         return []
     able = [
@@ -55,7 +55,7 @@ def scenes(subject: Subject) -> list[str]:
 
 
 def place(subject: Subject, scene: str) -> dict:
-    """A row: for each error, the evaluations that the integrator needs and the fewest stored."""
+    """A row: for each error on a scene, the gradient evaluations that the integrator needs, and the fewest stored."""
     question = fronts.question(scene)
     problem = question.build_problem()
     entry = Entry(scene, problem.system, (*problem.q0, *problem.p0))
@@ -86,7 +86,7 @@ def run_subject(subject: Subject, entry: Entry, problem, t_end: float, size: flo
 
 
 def own(subject: Subject, entry: Entry, problem, t_end: float, steps: int):
-    """(evaluations, end state) of a user's step; the state is None if the run fails numerically."""
+    """(gradient evaluations, end state) of a run of a user's step; the state is None if the run fails numerically."""
     stepper = Stepper(subject, entry)
     try:
         rows = stepper.run(np.array(entry.state), t_end / steps, steps, every=steps)
@@ -98,7 +98,7 @@ def own(subject: Subject, entry: Entry, problem, t_end: float, steps: int):
 
 
 def _tolerance(subject: Subject, entry: Entry, problem, t_end: float, tol: float):
-    """(evaluations, end state) of a user's adaptive integrator."""
+    """(gradient evaluations, end state) of a run of a user's adaptive integrator at tolerance ``tol``."""
     system, y, d = own_step.System(entry.system), np.array(entry.state), entry.system.d
     with report_failures(subject, f"the run on {entry.name} with tol = {tol:g}"):
         pair = subject.run(system, y[:d], y[d:], t_end, tol)
@@ -109,7 +109,7 @@ def _tolerance(subject: Subject, entry: Entry, problem, t_end: float, tol: float
 
 
 def _run_registered(subject: Subject, entry: Entry, problem, t_end: float, size: float):
-    """(evaluations, end state) of a registered method or peer, which counts its evaluations itself."""
+    """(gradient evaluations, end state) of a run of a registered method or peer, which counts them itself."""
     wanted = {"tol": max(size, subject.integrator.record.least)} if subject.adaptive else {"steps": size}
     end = subject.integrator.run(problem, t_end=t_end, save_every=0, **wanted)
     state = np.concatenate([end.q[-1], end.p[-1]]) if end.status == OK else None

@@ -17,7 +17,10 @@ def claims_hold(step, *, requires=(), seed: int = 0, **claims):
 
     Parameters
     ----------
-    step, requires, seed, claims : as of `phasebench.validate`
+    step : a function ``step(system, q, p, h) -> (q, p)``, or another target of `phasebench.validate`
+    requires : traits that a system must have, such as "separable"
+    seed : of the random states at which the step is measured
+    claims : what the step claims, as in ``order=4, symplectic=True``
 
     Returns
     -------

@@ -81,7 +81,7 @@ def finite(value: Any) -> Any:
 
 
 def document(certificate: Certificate, pictures) -> str:
-    """The certificate's Markdown."""
+    """The certificate as a Markdown text, with links to its figures."""
     parts = [
         f"# Certificate: {certificate.integrator}\n",
         f"**{TITLES[certificate.verdict]}**\n",

@@ -124,7 +124,7 @@ def _tame(call: Call) -> bool:
 
 
 def _beside(subject: Subject, call: Call, rng) -> float:
-    """How far the map close to a call's state is from its value there; 0 if it is continuous."""
+    """Size of the jump between a recorded call's result and results from states close by; 0 if there is none."""
     size = np.abs(np.concatenate([call.q, call.p])).max()
     ends = []
     for _ in range(TIMES):

@@ -9,7 +9,7 @@ from phasebench.benchmarks.judge.evidence import Tables
 from phasebench.benchmarks.judge.verdict import Judgement
 from phasebench.benchmarks.measure.tabular import TabularResult
 from phasebench.benchmarks.store.provenance import versions
-from phasebench.integrators.errors import InvalidInput, unknown
+from phasebench.integrators.errors import InvalidInput, unknown_name
 
 from .stepping import DIGITS
 
@@ -79,14 +79,14 @@ class Certificate(TabularResult):
         return frame
 
     def plot(self, what: Literal["order", "energy", "stability", "place"] = "order") -> Figure:
-        """A figure of the order, of the energy in long runs, of linear stability, or of the trade's fronts.
+        """A figure of the order, the energy in long runs, linear stability, or ("place") error against evaluations.
 
         Raises InvalidInput for another name, or where nothing was measured for the figure.
         """
         from .figures import DRAWINGS
 
         if what not in DRAWINGS:
-            raise unknown("figure of a certificate", str(what), DRAWINGS)
+            raise unknown_name("figure of a certificate", str(what), DRAWINGS)
         drawing = DRAWINGS[what](self.tables)
         if drawing is None:
             raise InvalidInput(f"nothing was measured of '{self.integrator}' for the figure '{what}'")

@@ -13,7 +13,7 @@ from math import log2
 
 import numpy as np
 
-from phasebench.integrators.compile.codegen import DOUBLE, MULTIPRECISION, exactly, precision
+from phasebench.integrators.compile.codegen import DOUBLE, MULTIPRECISION, precision, to_number
 
 from .battery import Entry, time_unit
 from .order import EPS, flow, numerical
@@ -80,7 +80,7 @@ def _row(subject: Subject, entry: Entry, seed: int, arithmetic: str) -> dict:
 def _error(stepper: Stepper, entry: Entry, seed: int, y, h: float):
     """(relative error of a step, the state after it); (NaN, None) if the step fails numerically."""
     try:
-        end = stepper(stepper.state(y), exactly(h, stepper.arithmetic))
+        end = stepper(stepper.state(y), to_number(h, stepper.arithmetic))
     except StepFailed as failure:
         if not numerical(failure):
             raise

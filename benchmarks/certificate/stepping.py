@@ -17,7 +17,7 @@ import numpy as np
 
 from phasebench.benchmarks.measure import own_step
 from phasebench.benchmarks.measure.particle_step import Particle
-from phasebench.integrators.compile.codegen import DOUBLE, MULTIPRECISION, exactly, vector
+from phasebench.integrators.compile.codegen import DOUBLE, MULTIPRECISION, to_number, vector
 from phasebench.integrators.errors import InvalidInput
 
 from .battery import Entry
@@ -50,7 +50,7 @@ class Exact:
 
     @cached_property
     def particle(self) -> Particle:
-        """The charged particle that a step of (x, v) sees."""
+        """The system as a charged particle with fields E and B, for a step written in positions and velocities."""
         return Particle(self.whole, MULTIPRECISION, self.evaluations)
 
     def _slopes(self, q, p):
@@ -61,12 +61,12 @@ class Exact:
         return self._last[1]
 
     def dH_dq(self, q, p) -> np.ndarray:
-        """The gradient by q, (d,)."""
+        """The gradient of H by q in many digits, array (d,)."""
         self.evaluations[0] += 1
         return -self._slopes(q, p)[1]
 
     def dH_dp(self, q, p) -> np.ndarray:
-        """The gradient by p, (d,)."""
+        """The gradient of H by p in many digits, array (d,)."""
         self.evaluations[1] += 1
         return self._slopes(q, p)[0].copy()
 
@@ -102,7 +102,7 @@ class Stepper:
         return self._state(self.raw(y[:d].copy(), y[d:].copy(), self.number(h)))
 
     def state(self, y) -> np.ndarray:
-        """Convert a state to the arithmetic of the stepper, array (2 d,)."""
+        """Convert a state to doubles or to numbers of many digits, as the stepper uses; array (2 d,)."""
         return np.array([self.number(x) for x in y], dtype=self.dtype)
 
     @property
@@ -111,11 +111,11 @@ class Stepper:
         return float if self.arithmetic == DOUBLE else object
 
     def number(self, x):
-        """Convert a number to the arithmetic of the stepper."""
-        return float(x) if self.arithmetic == DOUBLE else exactly(x, MULTIPRECISION)
+        """Convert a number to a double or to one of many digits, as the stepper uses."""
+        return float(x) if self.arithmetic == DOUBLE else to_number(x, MULTIPRECISION)
 
     def raw(self, q, p, h):
-        """Whatever the subject's step returns for these arrays themselves, not copies."""
+        """Call the user's step with these arrays, not copies, and return its result unchecked."""
         self.taken += 1
         with report_failures(self.subject, f"step {self.taken} on {self.entry.name}"):
             return self.subject.own.step(self.system, q, p, h)

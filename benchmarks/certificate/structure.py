@@ -17,7 +17,7 @@ import numpy as np
 
 from phasebench.benchmarks.judge.evidence import between, shows_structure
 from phasebench.benchmarks.measure import step_map
-from phasebench.integrators.compile.codegen import DOUBLE, MULTIPRECISION, exactly, precision
+from phasebench.integrators.compile.codegen import DOUBLE, MULTIPRECISION, precision, to_number
 
 from .order import EPS, flow, numerical
 from .stepping import DIGITS, StepFailed, Stepper
@@ -35,7 +35,7 @@ SMOOTH = 1e-24
 
 
 def structure_row(stepper: Stepper, seed: int, defect: Callable) -> dict:
-    """The row of a structure, at the first of `STEPS` that decides whether it is kept."""
+    """The row of a structure (such as symplecticity), at the first step size of `STEPS` that decides if it is kept."""
     rows, why = [], ""
     for h in STEPS:
         try:
@@ -69,9 +69,9 @@ def _row(stepper: Stepper, seed: int, h: float, defect: Callable) -> dict:
 
 
 def symplecticity(stepper: Stepper, y, h) -> tuple[float, float]:
-    """(symplecticity defect of the step at y, its noise)."""
+    """(symplecticity defect of the step h at y, its round-off noise)."""
     double, name = stepper.arithmetic == DOUBLE, stepper.entry.name
-    displacements = (DISPLACEMENT, 2 * DISPLACEMENT) if double else (exactly(TINY, MULTIPRECISION),)
+    displacements = (DISPLACEMENT, 2 * DISPLACEMENT) if double else (to_number(TINY, MULTIPRECISION),)
     if len(y) <= JACOBIAN and not stepper.entry.share:
         value, noise = step_map.symplecticity(lambda x: stepper(x, h), y, *displacements)
     else:
@@ -85,7 +85,7 @@ def symplecticity(stepper: Stepper, y, h) -> tuple[float, float]:
 def volume(stepper: Stepper, y, h) -> tuple[float, float]:
     """(|det M - 1|, M the Jacobian of the step at y in units of the components' sizes; its noise)."""
     double, sizes = stepper.arithmetic == DOUBLE, stepper.state(stepper.entry.sizes)
-    displacements = (DISPLACEMENT, 2 * DISPLACEMENT) if double else (exactly(TINY, MULTIPRECISION),)
+    displacements = (DISPLACEMENT, 2 * DISPLACEMENT) if double else (to_number(TINY, MULTIPRECISION),)
     value, noise = step_map.volume(lambda x: stepper(x * sizes, h) / sizes, y / sizes, *displacements)
     return value, noise + (EPS / DISPLACEMENT if double else 0.0)
 
@@ -104,7 +104,7 @@ def reversibility(stepper: Stepper, y, h) -> tuple[float, float]:
 def smooth(stepper: Stepper, seed: int) -> float:
     """The third difference of the step along a line of states and steps h; if large, the step rounds internally."""
     with precision(DIGITS):
-        y, tiny = stepper.state(stepper.entry.start(seed)), exactly(1e-9, MULTIPRECISION)
+        y, tiny = stepper.state(stepper.entry.start(seed)), to_number(1e-9, MULTIPRECISION)
         h = stepper.number(0.125 * stepper.entry.unit)
         a, b, c, e = (stepper(y * (1 + k * tiny), h * (1 + k * tiny)) for k in range(4))
         return float(max(abs((e - 3 * c + 3 * b - a) / stepper.entry.sizes)))

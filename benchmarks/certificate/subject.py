@@ -15,7 +15,7 @@ from phasebench.benchmarks.measure import coefficients, own_step
 from phasebench.benchmarks.measure.integrator import Integrator, integrator
 from phasebench.benchmarks.measure.own_step import OwnStep
 from phasebench.benchmarks.problems import user_file
-from phasebench.integrators.errors import InvalidInput, unknown
+from phasebench.integrators.errors import InvalidInput, unknown_name
 from phasebench.integrators.names import unknown_method
 from phasebench.integrators.record import Method
 from phasebench.integrators.registry import BY_ID as METHODS
@@ -44,16 +44,16 @@ class Subject:
 
     @property
     def id(self) -> str:
-        """Its name, or the path of its file."""
+        """The integrator's name, or the path of its file."""
         return self.own.id
 
     @property
     def adaptive(self) -> bool:
-        """True if it takes a tolerance in place of a step."""
+        """True if the integrator takes a tolerance in place of a step."""
         return self.run is not None
 
     def lacks(self, system) -> str | None:
-        """Why it cannot run on a system, or None where it can."""
+        """Why the integrator cannot run on a system, or None if it can."""
         return self.own.lacks(system) or (self.integrator.lacks(system) if self.integrator else None)
 
 
@@ -79,7 +79,7 @@ def subject(target, claims: Mapping[str, Any] | None = None, requires: tuple[str
     traits = battery.oscillator().system.traits
     for trait in wanted:
         if trait not in traits:
-            raise unknown("trait of systems", str(trait), traits)
+            raise unknown_name("trait of systems", str(trait), traits)
     return replace(made, own=replace(own, claims=stated, requires=wanted))
 
 

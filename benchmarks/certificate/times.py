@@ -4,7 +4,7 @@ r"""An integrator's time over that of the fastest known one, by way of a referen
     \frac{T}{T_\text{fastest}} = \frac{T}{T_\text{ref}}\Big|_\text{here} \cdot
     \frac{T_\text{ref}}{T_\text{fastest}}\Big|_\text{in the trade}
 
-The trade (`experiments.trade`) is the stored comparison of all integrators by error and time.  The first factor is
+"The trade" is the stored comparison of all integrators by error and time (`experiments.trade`).  The first factor is
 measured here, in runs in turns and in this process's processor seconds: work of other processes is not counted, even
 if a step starts them (a peer reports its own seconds).  T is scaled with the number of evaluations, and `place` tells
 how many an error needs.  The second factor is stored in `times.csv`, computed from the trade: a ratio on one machine,
@@ -50,7 +50,7 @@ WIDE = 2.0
 
 
 class Fastest(NamedTuple):
-    """The fastest integrator at an error, and its time over that of the reference's stored run."""
+    """The fastest integrator at an error, and its time over that of the stored run of the reference method."""
 
     integrator: str
     share: float
@@ -58,7 +58,7 @@ class Fastest(NamedTuple):
 
 @dataclass(frozen=True)
 class StoredTimes:
-    """Stored times of a scene: steps and evaluations of the reference's run, and error -> fastest integrator."""
+    """Stored times of a scene: steps and evaluations of the reference method's run; error -> fastest integrator."""
 
     steps: int
     evaluations: float
@@ -66,9 +66,10 @@ class StoredTimes:
 
 
 def build(choices: Iterable[Mapping[str, Any]], rungs: Iterable[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """The lines of `times.csv` from tables of the trade: the fastest of either side at each error, and all runs.
+    """The lines of `times.csv`: at each error the fastest integrator, its time over that of a reference method.
 
-    The reference is represented by its longest run, in which the overhead of the call weighs least.
+    ``choices`` has the fastest of either side (methods, peers) at each error, ``rungs`` all stored runs.  The reference
+    method is represented by its longest run, in which the overhead of the call weighs least.
     """
     runs = [r for r in rungs if r["integrator"] == REFERENCE and r.get("status") == OK]
     lines = []
@@ -155,7 +156,7 @@ def time_subject(chosen: Subject, row: Mapping[str, Any], run: Callable) -> dict
 
 
 def timed_or_failed(chosen: Subject, row: Mapping[str, Any], run: Callable) -> dict[str, Any] | None:
-    """As `time_subject`; if a run of the comparison does not compile, a row without times that says so."""
+    """Time an integrator by `time_subject`; if a run of the comparison does not compile, a row that says so."""
     try:
         return time_subject(chosen, row, run)
     except NotCompiled as error:
@@ -180,7 +181,7 @@ def _clock(run: Callable[[], object]) -> Callable[[], float]:
 
 
 def _often(problem, method, t_end: float, steps: int) -> Callable[[], float]:
-    """A function that returns the seconds of a compiled run, the mean of `INNER`, of a method of this project."""
+    """A function that runs a compiled method `INNER` times and returns the mean seconds of a run."""
     name = getattr(method, "id", method)
     with naming(name):
         compiled = prepare(problem, method)

@@ -146,7 +146,7 @@ def _print(answer: dict[str, Any], why: bool = False) -> None:
 
 
 def _roles(answer: dict[str, Any]) -> list[tuple[str, dict[str, Any]]]:
-    """(roles, candidate) of each row of the table: the choice, the others by time, the choice for the next accuracy.
+    """(roles, integration) for each printed row: the choice, the others by time, the choice at a tenth of the accuracy.
 
     If a time budget was given instead of an accuracy, the others are sorted by error.
     """
@@ -166,7 +166,7 @@ def _roles(answer: dict[str, Any]) -> list[tuple[str, dict[str, Any]]]:
 
 
 def _line(role: str, c: dict[str, Any], orbit: bool) -> dict[str, str]:
-    """A row of the table; with ``orbit`` it has a column for the error of the end state."""
+    """A printed row of one integration (``c``) and its role; with ``orbit`` a column for the end state's error."""
     off = c.get("end_state_error")
     size = f"tol {c['tol']:.3g}" if "tol" in c else f"h {c['h']:.4g}"
     return {
@@ -201,7 +201,7 @@ def _dropped(dropped: list[dict[str, str]], each: bool) -> None:
 
 
 def _kind(why: str) -> str:
-    """Classify a reason why an integrator was dropped."""
+    """The class of a reason why an integrator was dropped, such as "too slow", by the text of the reason."""
     if why.startswith("not tried"):
         return "not tried (dearer where measured, or no time)"
     if why.startswith("too slow"):

@@ -71,7 +71,7 @@ def _print(state: dict) -> None:
 
 
 def tasks() -> list[tuple[str, int, tuple[str, ...]]]:
-    """(family, d, problems with that d) to compile, the longest first; no two share a kernel."""
+    """The compilations to do: (family of methods, degrees of freedom d, problems of that d); no two share a kernel."""
     from phasebench.benchmarks.problems import PROBLEMS, problem
     from phasebench.integrators import METHODS
 
@@ -104,7 +104,7 @@ def made(task: tuple[str, int, tuple[str, ...]]) -> tuple[int, list[str]]:
 
 
 def _build(jobs: int, shown: bool) -> list[str]:
-    """Carry out all tasks in parallel processes; returns the failures."""
+    """Compile all methods for all problems in parallel processes; returns the failures as text."""
     from rich.progress import track
 
     failures: list[str] = []

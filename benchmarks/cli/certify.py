@@ -116,7 +116,7 @@ def _print_table(outcomes: list[Outcome], update: bool) -> None:
 
 
 def _one(name: str, end: str, time_limit: float, as_json: bool) -> bool:
-    """Certify one time of a problem and print the state; True if the other solvers agree."""
+    """Certify the state of a problem at one time and print it; True if the other solvers agree."""
     from phasebench.benchmarks.experiments.references.certify import certify_end
     from phasebench.benchmarks.problems import problem
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from phasebench.integrators.errors import InvalidInput, unknown
+from phasebench.integrators.errors import InvalidInput, unknown_name
 
 from . import options
 from .shared import WRONG, invalid_input, out, print_json
@@ -76,7 +76,7 @@ def _time_column(path: Path, columns: dict[str, list[str]]) -> str:
 def _column(path: Path, columns: dict[str, list[str]], name: str) -> list[float]:
     """The numbers of a column; raises InvalidInput for an unknown one, and for text that is no number."""
     if name not in columns:
-        raise InvalidInput(f"{path}: {unknown('column', name, columns)}")
+        raise InvalidInput(f"{path}: {unknown_name('column', name, columns)}")
     numbers = []
     for row, text in enumerate(columns[name], 1):
         try:

@@ -109,7 +109,7 @@ def integrate(
 
 
 def made(name: str | None, hamiltonian: str | None, parameters: dict[str, float], q0, p0):
-    """The problem ``name``, or that of a formula, of which ``name`` is then a label; raises InvalidInput."""
+    """The problem called ``name``, or that of the formula ``hamiltonian``, which ``name`` then labels."""
     from phasebench.benchmarks.problems import PROBLEMS, file_and_orbit, problem
 
     if hamiltonian is None:
@@ -132,14 +132,14 @@ def _check_order(problem: str | None, method: str | None) -> None:
 
 
 def _label(word: str) -> tuple[str | None, str | None]:
-    """(label, method) from the one word given beside a formula: it is the label if a problem has this name."""
+    """(label, method) from the one word given with a formula: a label if it is the name of a problem, else a method."""
     from phasebench.benchmarks.problems import PROBLEMS
 
     return (word, None) if word.partition(":")[0] in PROBLEMS else (None, word)
 
 
 class Wanted(NamedTuple):
-    """What is wanted besides the end state: its error, a quantity's error, a file with every Nth row."""
+    """The outputs requested besides the end state: its error, a quantity's error, a file with every Nth row."""
 
     error: bool
     quantity: str | None
@@ -158,7 +158,7 @@ def _check_output(output: Path | None, every: int) -> None:
 
 
 def _integrated(problem, integrator, wanted: Wanted, tol, time_limit, **common) -> dict[str, Any]:
-    """Integrate, and return the JSON object with all that is wanted."""
+    """Integrate, and return the result as a JSON object with the requested outputs."""
     if time_limit is not None and not integrator.stoppable:
         raise InvalidInput(f"'{integrator.id}' cannot be stopped: leave out --time-limit")
     from phasebench.benchmarks.measure import every_step
@@ -179,7 +179,7 @@ def _integrated(problem, integrator, wanted: Wanted, tol, time_limit, **common) 
 
 
 def _errors(problem, integrator, solution, wanted: Wanted, tol, common: dict) -> dict[str, Any]:
-    """The error of the end state, and that of a quantity if one is wanted."""
+    """The error of the end state, and that of a quantity if requested, as entries of the JSON object."""
     from phasebench.benchmarks.measure import global_error as against
     from phasebench.benchmarks.measure.named_quantities import quantity
 

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from phasebench.integrators.errors import InvalidInput, unknown
+from phasebench.integrators.errors import InvalidInput, unknown_name
 
 from . import options
 from .shared import invalid_input, print_json, show
@@ -159,7 +159,7 @@ def _chosen(kind: Kind, rows: list[Row], wanted: Mapping[str, Any]) -> list[Row]
         if name in NAMED:
             known = {x for row in rows for x in _values(row[name])}
             if value not in known:
-                raise unknown(name, value, known)
+                raise unknown_name(name, value, known)
         rows = [row for row in rows if _is(row[name], value)]
         if not rows:
             break
@@ -167,14 +167,14 @@ def _chosen(kind: Kind, rows: list[Row], wanted: Mapping[str, Any]) -> list[Row]
 
 
 def _values(cell) -> list:
-    """The filter values that match a cell: itself or its entries, or "nothing"; for problem:orbit the problem, too."""
+    """The option values that match a table cell: itself or its entries, or "nothing"; of problem:orbit also problem."""
     if isinstance(cell, list):
         return cell or ["nothing"]
     return [cell, cell.partition(":")[0]] if isinstance(cell, str) else [cell]
 
 
 def _is(cell, value) -> bool:
-    """True if a cell matches a filter; a yes/no filter on a version asks whether there is one."""
+    """True if a table cell matches an option's value; a yes/no value for a version asks whether there is one."""
     return (
         (cell is not None) == value
         if isinstance(value, bool) and not isinstance(cell, bool)
@@ -183,7 +183,7 @@ def _is(cell, value) -> bool:
 
 
 def _text(value) -> str:
-    """A cell as text."""
+    """The text of a table cell."""
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, list):

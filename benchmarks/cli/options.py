@@ -27,52 +27,52 @@ REPORTS_HELP = "A folder of reports, with their data."
 
 
 def problem_argument(metavar: str = "PROBLEM", help: str = PROBLEM_HELP) -> Any:
-    """The argument that names a problem."""
+    """The typer argument that names a problem."""
     return typer.Argument(metavar=metavar, help=help, autocompletion=completion.problems)
 
 
 def method_argument(help: str) -> Any:
-    """The argument that names a method, a peer or a user's step."""
+    """The typer argument that names a method, a peer or a user's step."""
     return typer.Argument(metavar="METHOD", help=help, autocompletion=completion.methods_and_peers)
 
 
 def time_limit(more: str) -> Any:
-    """The option --time-limit; ``more`` says what happens then, and the default."""
+    """The typer option --time-limit; ``more`` tells in its help what happens then, and the default."""
     return typer.Option("--time-limit", metavar="SECONDS", help=f"{TIME_LIMIT_HELP} {more}")
 
 
 def output(metavar: str, more: str) -> Any:
-    """The option --output; ``more`` says what is written, and the endings of its file."""
+    """The typer option --output; ``more`` tells in its help what is written, and the endings of its file."""
     return typer.Option("--output", metavar=metavar, help=f"{OUTPUT_HELP} {more}")
 
 
 def quantity(more: str = "") -> Any:
-    """The option --quantity."""
+    """The typer option --quantity; ``more`` is added to its help."""
     return typer.Option("--quantity", metavar="NAME", help=f"{QUANTITY_HELP} {more}".strip())
 
 
 def quick(more: str) -> Any:
-    """The option --quick; ``more`` says which selection."""
+    """The typer option --quick; ``more`` tells in its help which selection is measured."""
     return typer.Option("--quick", help=f"{QUICK_HELP} {more}")
 
 
 def jobs(more: str) -> Any:
-    """The option --jobs; ``more`` says what they do, and the default."""
+    """The typer option --jobs; ``more`` tells in its help what the parallel processes do, and the default."""
     return typer.Option("--jobs", metavar="NUMBER", min=0, help=f"{JOBS_HELP} {more}")
 
 
 def requires(more: str) -> Any:
-    """The option --requires."""
+    """The typer option --requires; ``more`` is added to its help."""
     return typer.Option("--requires", metavar="TRAIT", help=f"{REQUIRES_HELP} {more}")
 
 
 def package(more: str) -> Any:
-    """The option --package."""
+    """The typer option --package; ``more`` is added to its help."""
     return typer.Option("--package", metavar="NAME", help=f"{PACKAGE_HELP} {more}")
 
 
 def problem_option(more: str) -> Any:
-    """The option --problem."""
+    """The typer option --problem; ``more`` is added to its help."""
     return typer.Option(
         "--problem", metavar="NAME", help=f"A problem, such as kepler. {more}", autocompletion=completion.problems
     )

@@ -50,7 +50,7 @@ def report(
 
 @contextmanager
 def _written(folder: Path) -> Iterator[None]:
-    """Raise InvalidInput if the folder cannot be written to."""
+    """A context in which an error while writing to the folder becomes InvalidInput."""
     try:
         yield
     except OSError as error:

@@ -76,21 +76,22 @@ def run(
 
 
 def _cells(scenes: list[str], methods: list[str], quick: bool) -> list:
-    """The cells of the scenes and methods that are named, or of all; raises InvalidInput for unknown names.
+    """The measurements of the scenes and methods that are named, or of all; raises InvalidInput for unknown names.
 
-    The scenes of the trade (`questions`) are included if named, or with --all; not with --quick or --method alone.
+    The scenes on which costs are compared (`questions`) are included if named, or with --all; not with --quick or
+    --method alone.
     """
     from phasebench.benchmarks.experiments.trade import question_rows, sweep
     from phasebench.benchmarks.problems.questions import BY_ID as ASKED
     from phasebench.benchmarks.problems.questions import QUESTIONS
     from phasebench.benchmarks.problems.scenes import BY_ID, SCENES
-    from phasebench.integrators.errors import unknown
+    from phasebench.integrators.errors import unknown_name
     from phasebench.integrators.names import unknown_method
 
     known = [m.id for m in question_rows.swept()]
     for name in scenes:
         if name not in BY_ID and name not in ASKED:
-            raise unknown("scene", name, [*BY_ID, *ASKED])
+            raise unknown_name("scene", name, [*BY_ID, *ASKED])
     for name in methods:
         if name not in known:
             raise unknown_method(name, known)

@@ -74,7 +74,7 @@ def compilation_shown(wanted: bool) -> Iterator[None]:
 
 @contextmanager
 def telling(what: str) -> Iterator[Callable[[str], None]]:
-    """Show progress: on a terminal's status line, else as lines on stderr, ever more rarely; yields the printer."""
+    """Give a function that shows a line of progress: in a terminal's status line, else on stderr, ever more rarely."""
     if err.is_terminal:
         with err.status(what) as status:
             yield status.update

@@ -1,1 +1,1 @@
-"""A folder a question: what is measured, the page that answers, its figures."""
+"""Experiments: a folder for each question, with its measurements, the page that answers it, and the page's figures."""

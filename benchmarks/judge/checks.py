@@ -13,7 +13,7 @@ from functools import partial
 from numbers import Real
 from typing import Any
 
-from phasebench.integrators.errors import InvalidInput, unknown
+from phasebench.integrators.errors import InvalidInput, unknown_name
 from phasebench.integrators.record import BOUNDED, DRIFT, EXACT, NONE, ROUND_OFF
 
 from . import decide
@@ -53,12 +53,15 @@ class Check:
     candidates: Callable[[Tables], Iterable] = lambda tables: ()
 
     def claim(self, value) -> str:
-        """The claim in words."""
+        """The claim of ``value`` in words."""
         return self.words.format(value) if self.words else self.name if value else f"not {self.name}"
 
 
 def order(claimed: int, tables: Tables) -> Judgement:
-    """Judge a claimed order by the system with the lowest; at least half of each kind of system must be conclusive."""
+    """Judge a claimed order by the system with the lowest measured one.
+
+    At least half of the separable and of the other systems must be conclusive.
+    """
     rows = tables.of("order")
     verdict, seen = decide.order(claimed, rows, CERTIFICATE)
     told = [r for r in rows if agrees(r, claimed) is not None]
@@ -81,7 +84,7 @@ def order(claimed: int, tables: Tables) -> Judgement:
 
 
 def structure(name: str, claimed: bool, tables: Tables) -> Judgement:
-    """Judge whether the step map has (claimed) or lacks (denied) a structure such as symmetry."""
+    """Judge the claim that the step map has (True) or lacks (False) a structure such as symmetry."""
     rows = tables.of(name)
     verdict, seen = decide.structure(claimed, rows, CERTIFICATE)
     if verdict == UNJUDGED:
@@ -98,7 +101,7 @@ def structure(name: str, claimed: bool, tables: Tables) -> Judgement:
 
 
 def _unseen(rows: list[dict]) -> Judgement:
-    """The judgement "not judged", with the reason, of a structure on which these inconclusive rows decide nothing."""
+    """The judgement "not judged" of a structure such as symplecticity, with the reason why ``rows`` do not decide."""
     why = next((r["reason"] for r in rows if r.get("reason")), "nothing could be seen above the floor")
     above = [r for r in rows if between(r)]
     if above:
@@ -194,7 +197,7 @@ def hint(bad: list[dict], rows: list[dict]) -> str:
 
 
 def _orders(tables: Tables) -> tuple[int, ...]:
-    """The integer nearest to the lowest measured order, as a tuple; empty if none is positive."""
+    """The order that could be claimed: a tuple of the integer nearest to the lowest measured one; () if none."""
     told = [r["value"] for r in tables.of("order") if has(r, "value")]
     return (round(min(told)),) if told and round(min(told)) > 0 else ()
 
@@ -243,7 +246,7 @@ def checked_claims(claims, where: str) -> dict[str, Any]:
         raise InvalidInput(f"{where} is {claims!r}; write {{'order': 2, 'symplectic': True}}")
     for name, value in claims.items():
         if name not in CHECKS:
-            raise InvalidInput(f"{where}: {unknown('claim', str(name), CHECKS)}")
+            raise InvalidInput(f"{where}: {unknown_name('claim', str(name), CHECKS)}")
         if not CHECKS[name].accepts(value):
             raise InvalidInput(f"{where} has {name} = {value!r}; it must be {CHECKS[name].values}")
     return dict(claims)

@@ -39,7 +39,10 @@ AUDIT = Standard(False, UNDERSTATED)
 
 
 def order(claimed: int, rows: list[dict], standard: Standard) -> Decision:
-    """Verdict on a claimed order; a certificate takes the lowest order, with half of each kind of system conclusive."""
+    """Verdict on a claimed order from the rows of all systems, with the rows that decide.
+
+    A certificate takes the lowest order, and needs half of the separable and of the other systems conclusive.
+    """
     agree, differ = ([r for r in rows if agrees(r, claimed) is x] for x in (True, False))
     lower = [r for r in differ if r["value"] < claimed]
     if standard.everywhere:
@@ -55,7 +58,7 @@ def order(claimed: int, rows: list[dict], standard: Standard) -> Decision:
 
 
 def _open(rows: list[dict], told: list[dict], separable: bool) -> bool:
-    """True if more than half of the (non-)separable systems are inconclusive."""
+    """True if over half of the rows of separable systems (or of others) are not in ``told``, the conclusive ones."""
     part = [r for r in rows if bool(r.get("separable")) is separable]
     return 2 * len([r for r in part if r in told]) < len(part)
 

@@ -43,7 +43,7 @@ class Tables:
     done: set[str] = field(default_factory=set)
 
     def of(self, name: str) -> list[dict]:
-        """The rows of a measure."""
+        """The rows of the measure with this name; [] if it was not made."""
         return self.rows.get(name, [])
 
 
@@ -54,7 +54,7 @@ def has(row, key) -> bool:
 
 
 def keeps_structure(row) -> bool | None:
-    """True if the row shows the structure, False if it shows it broken, None if it is inconclusive."""
+    """True if a row shows a structure (such as symplecticity), False if it shows it broken, None if inconclusive."""
     if row.get("status", "ok") != "ok" or not has(row, "floor"):
         return None
     if row["value"] > BROKEN * row["floor"]:
@@ -63,12 +63,12 @@ def keeps_structure(row) -> bool | None:
 
 
 def between(row) -> bool:
-    """True if the defect is above its floor, but not so far that round-off is ruled out."""
+    """True if a row's structural defect is above its round-off floor, but not so far that round-off is ruled out."""
     return has(row, "floor") and row["floor"] < row["value"] <= BROKEN * row["floor"]
 
 
 def shows_structure(row) -> bool | None:
-    """As `keeps_structure`, but None also for a defect `between` the two limits."""
+    """True if a row shows a structure, False if it shows it broken, None if not clear or perhaps round-off."""
     return None if between(row) else keeps_structure(row)
 
 

@@ -20,7 +20,7 @@ from .verdict import CONTRADICTED, FAIL, HOLDS, OPEN, PASS, UNJUDGED, Judgement
 
 
 def judgements(claims: Mapping[str, Any], tables: Tables) -> list[Judgement]:
-    """Judge the requirements on every integrator, and then the claims."""
+    """Judge the requirements on every integrator, such as consistency, and then its claims (name -> value)."""
     found = judge_requirements(tables)
     gross = gross_failure(found)
     for name, value in claims.items():
@@ -49,7 +49,7 @@ def verdict(found: list[Judgement], claims: Mapping[str, Any]) -> str:
 
 
 def gross_failure(found: list[Judgement]) -> str:
-    """The reason why no claim can be judged, or ""."""
+    """Why nothing else can be judged: the integrator does not run, or is not consistent; else ""."""
     for j in found:
         if j.verdict == HOLDS:
             continue

@@ -25,7 +25,7 @@ CONVERGED = 1e-6
 
 
 def runs(tables: Tables) -> Judgement:
-    """Judge that it runs: no step of any measure raised, and the first steps stayed finite."""
+    """Judge that the integrator runs: no step of any measure raised, and the first steps stayed finite."""
     rows = tables.of("runs")
     bad = [r for r in rows if r["status"] != "ok"]
     if bad:
@@ -90,7 +90,7 @@ def consistent(tables: Tables) -> Judgement:
 
 
 def _elsewhere(tables: Tables) -> Judgement | None:
-    """The judgement that it is inconsistent at small or large states; None if no such state was found."""
+    """The judgement that the step is inconsistent at small or large states; None if no such state was found."""
     for row in tables.of("states"):
         if below(row, 1):
             why = f"its error in a step falls as h^{row['order'] + 1:.2f} on {row['on']}: this is no step of the system"
@@ -99,7 +99,7 @@ def _elsewhere(tables: Tables) -> Judgement | None:
 
 
 def below(row, order: int) -> bool:
-    """True if the errors of single steps from a state fall more slowly than those of a method of that order."""
+    """True if the errors of single steps in a row fall more slowly with h than those of a method of this order."""
     return row["pairs"] >= PAIRS and row["order"] < order - SLOWER
 
 
@@ -133,6 +133,6 @@ ADAPTIVE = {"consistent": ("converges as its tolerance falls", adapts)}
 
 
 def judge_requirements(tables: Tables) -> list[Judgement]:
-    """Judge the requirements on every integrator."""
+    """Judge what is required of every integrator: it runs, is consistent, keeps no state, leaves its input alone."""
     kinds = REQUIRED | (ADAPTIVE if "tolerance" in tables.rows else {})
     return [replace(judge(tables), name=name, claim=words) for name, (words, judge) in kinds.items()]

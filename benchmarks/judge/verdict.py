@@ -51,10 +51,10 @@ class Judgement:
 
 
 def systems(rows: Iterable[dict]) -> tuple[str, ...]:
-    """The name of the system of each row."""
+    """The names of the systems on which the rows were measured, one for each row."""
     return tuple(r["on"] for r in rows)
 
 
 def worst(verdicts: Iterable[str]) -> str:
-    """The worst of several verdicts."""
+    """The worst of several verdicts: not measured is the worst, then contradicted, not judged, ...; holds the best."""
     return min(verdicts, key=_ORDER.index)

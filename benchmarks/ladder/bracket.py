@@ -1,6 +1,6 @@
-"""The two rungs around an accuracy; between them cost and size are interpolated as powers of the error.
+"""The two runs whose errors enclose an accuracy; between them cost and size are interpolated as powers of the error.
 
-Rungs are in order, the coarsest first.
+A rung is a run at one size (a number of steps or a tolerance); rungs are in order, the coarsest first.
 """
 
 from __future__ import annotations
@@ -41,10 +41,10 @@ R = TypeVar("R", bound=Erring)
 
 
 def bracket(rungs: Sequence[R], wanted: float) -> tuple[R | None, list[R]]:
-    """(the last rung that misses the error ``wanted``, the finer rungs that meet it); (None, []) if none meets it.
+    """(the last run that misses the error ``wanted``, the finer runs that meet it); (None, []) if none meets it.
 
-    After the rung of the least error, a small error that misses is round-off and ignored; a large one means that the
-    least error was luck.
+    ``rungs`` are runs at ever finer steps or tolerances.  After the run of the least error, a small error that misses
+    is round-off and ignored; a large one means that the least error was luck.
     """
     good = [r for r in rungs if isfinite(r.error)]
     if not good or min(r.error for r in good) > wanted:
@@ -61,7 +61,7 @@ def share(coarse: float, fine: float, wanted: float) -> float:
 
 
 def cost(rungs: Sequence[R], wanted: float) -> float:
-    """The cost at which an error is met, interpolated as a power law between two rungs; infinite if none meets it."""
+    """The cost at which the error ``wanted`` is met, as a power law between two runs; infinite if it never is."""
     low, meeting = bracket(rungs, wanted)
     if not meeting:
         return inf
@@ -72,7 +72,7 @@ def cost(rungs: Sequence[R], wanted: float) -> float:
 
 
 def evaluations_for(runs: Iterable[tuple[float, float]], wanted: float) -> float | None:
-    """The number of evaluations at which an error is met, interpolated by `cost`; None if no run meets it.
+    """The number of evaluations at which the error ``wanted`` is met, as a power law between two runs; None if never.
 
     Parameters
     ----------
@@ -83,7 +83,10 @@ def evaluations_for(runs: Iterable[tuple[float, float]], wanted: float) -> float
 
 
 def aim(coarse: Rung, fine: Rung, wanted: float) -> float:
-    """The fineness between two rungs at which the wanted error is expected; the middle if the errors do not fall."""
+    """The fineness (steps, or 1 / tolerance) between two runs at which the error ``wanted`` is expected.
+
+    The middle, on a log scale, if the errors do not fall.
+    """
     part = 0.5
     if isfinite(coarse.error) and coarse.error > fine.error > 0:
         part = min(max(share(coarse.error, fine.error, wanted), EDGE), 1 - EDGE)

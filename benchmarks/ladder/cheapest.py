@@ -1,4 +1,4 @@
-"""The rule for the cheapest of the runs that meet an accuracy, shared by `advise` and the experiment `trade`."""
+"""Choose the cheapest of the runs that meet an accuracy: the rule of `advise` and of the experiment `trade`."""
 
 from __future__ import annotations
 
@@ -21,9 +21,10 @@ Run = TypeVar("Run", bound=TimedRun)
 
 
 def cheapest(meeting: Sequence[Run]) -> Run | None:
-    """The coarsest run, unless a finer one takes clearly less time; ``meeting`` is ordered from coarse to fine.
+    """The cheapest of the runs that meet an accuracy: the coarsest, unless a finer one takes clearly less time.
 
-    None if there are none.  A finer run can be cheaper where implicit equations need many iterations in wide steps.
+    ``meeting`` is ordered from coarse to fine; None if it is empty.  A finer run can be cheaper where implicit
+    equations need many iterations in wide steps.
     """
     if not meeting:
         return None

@@ -18,16 +18,16 @@ Rung = TypeVar("Rung")
 def climb(
     sizes: Iterable[Size], run: Callable[[Size], Rung], ended: Callable[[list[Rung]], str]
 ) -> tuple[list[Rung], str]:
-    """Run size after size, the coarsest first, until ``ended`` gives a reason.
+    """Run an integrator at size after size (steps or tolerance), the coarsest first, until ``ended`` gives a reason.
 
     Parameters
     ----------
-    run : size -> the rung
-    ended : the rungs so far -> the reason to end, or ""; it may change the list
+    run : size -> the run (a `Rung`)
+    ended : the runs so far -> the reason to end, or ""; it may change the list
 
     Returns
     -------
-    rungs, why : all rungs; the reason, or "" if the sizes ran out
+    rungs, why : all runs; the reason, or "" if the sizes ran out
     """
     rungs: list[Rung] = []
     for size in sizes:
@@ -60,9 +60,9 @@ def tolerances(loosest: float, least: float) -> Iterator[float]:
 
 
 def idle(errors: Iterable[float]) -> int:
-    """The number of rungs at the end of a climb whose error was not below `FLOOR` times the least before them.
+    """The number of runs at the end of a ladder whose error was not below `FLOOR` times the least before them.
 
-    Counting starts at the first rung with a finite error.
+    ``errors`` are those of ever finer runs; counting starts at the first finite one.
     """
     least, count = inf, 0
     for error in errors:

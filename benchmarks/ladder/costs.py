@@ -1,4 +1,4 @@
-"""Costs at equal error, with intervals, from a frame of rungs with columns error, ``us``, ``us, low``, ``us, high``."""
+"""Costs at equal error, with intervals, from a frame of runs: columns error, ``us`` (microseconds), low and high."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ COST = ("us", "us, low", "us, high")
 def at(rungs: pd.DataFrame, error: float) -> Median:
     """The cost (microseconds, with interval) at which one integrator meets an error; `NOWHERE` if it never does.
 
-    It is interpolated as a power of the error between two rungs whose errors differ by less than `SPAN`; otherwise it
-    is the cost of the finer rung.
+    It is interpolated as a power of the error between two runs whose errors differ by less than the factor `SPAN`;
+    otherwise it is the cost of the finer run.
     """
     ladder = rungs[np.isfinite(rungs["error"])].sort_values("error")
     there, beyond = ladder[ladder["error"] <= error], ladder[ladder["error"] > error]

@@ -1,6 +1,6 @@
 """Work-precision curves: rows of error against time, from the coarsest steps until the error no longer falls.
 
-The rungs of one integrator are those of a `climb`; it does not depend on other integrators.
+The runs of one integrator are those of a `climb`; they do not depend on other integrators.
 """
 
 from __future__ import annotations
@@ -39,7 +39,9 @@ def curves(
     progress: Callable[[str], None] = lambda line: None,
     true: Truth | None = None,
 ) -> list[dict[str, Any]]:
-    """One row for each integrator and size: problem, method, steps, h or tol, error, seconds, status, reason.
+    """Measure work-precision curves: a row for each integrator and number of steps or tolerance.
+
+    Its columns: problem, method, steps, h or tol, error, seconds, status, reason.
 
     ``true`` is the true value of the quantity; by default it is looked up, or computed.
 
@@ -64,7 +66,7 @@ def curves(
 
 
 def _rungs(trial: Trial) -> list[Rung]:
-    """The rungs of a trial; a single one with status `FAILED` and the reason if the integrator does not compile."""
+    """Run an integrator from coarse to fine; one run of status `FAILED`, with the reason, if it does not compile."""
     try:
         return rungs(trial)
     except Exception as error:
@@ -75,7 +77,7 @@ def _rungs(trial: Trial) -> list[Rung]:
 
 
 def rungs(trial: Trial) -> list[Rung]:
-    """The runs of a trial, the coarsest first."""
+    """Run an integrator at ever more steps or tighter tolerances until its error no longer falls."""
     if trial.integrator.adaptive:
         sizes = tolerances(LOOSEST, trial.integrator.record.least)
     else:

@@ -1,9 +1,9 @@
 """A race: one integrator after another runs at ever finer steps, for as long as it may still be the cheapest.
 
-A rung doubles the number of steps of the one before, or divides its tolerance by ten.  The cost of an error is that of
-the cheapest run so far in the same race; methods compete with methods, and peers with peers.  An integrator that takes
-`KEEP` times that cost on `LOSING` rungs in a row, with a ratio that does not fall, is dropped; the reason names the
-error and the integrator that beat it.  It is timed once more before it is dropped.
+A rung (a run at one size) doubles the number of steps of the one before, or divides its tolerance by ten.  The cost of
+an error is that of the cheapest run so far in the same race; methods compete with methods, and peers with peers.  An
+integrator that takes `KEEP` times that cost on `LOSING` rungs in a row, with a ratio that does not fall, is dropped;
+the reason names the error and the integrator that beat it.  It is timed once more before it is dropped.
 """
 
 from __future__ import annotations
@@ -46,12 +46,12 @@ UNCOMPILED = "it does not compile: "
 
 @dataclass
 class Known:
-    """All runs of a race so far, as (error, seconds, label): they give the least cost of an error."""
+    """All runs so far of the integrators compared, as (error, seconds, label): they give the least cost of an error."""
 
     runs: list[tuple[float, float, str]] = field(default_factory=list)
 
     def add(self, rung: Rung, label: str) -> None:
-        """Add a run, if it succeeded."""
+        """Add a run, if it succeeded, under the label of its integrator."""
         if rung.ok and isfinite(rung.error):
             self.runs.append((rung.error, rung.seconds, label))
 
@@ -70,7 +70,7 @@ class Known:
 
 @dataclass
 class Climb:
-    """The result of an integrator's climb: its rungs, why they end, and whether it was dropped since it cannot win."""
+    """An integrator's runs at ever finer sizes, why they end, and whether it was dropped since it cannot win."""
 
     integrator: Integrator
     rungs: list[Rung]
@@ -79,7 +79,7 @@ class Climb:
 
 
 def enter(task: Task, c: Integrator, known: Known) -> Climb:
-    """Run an integrator's climb for as long as it may win; without rungs and dropped if it does not compile."""
+    """Run an integrator at ever finer steps while it may still be the cheapest; dropped if it does not compile."""
     entrant = Entrant(task, c, known)
     try:
         with naming(c.label):
@@ -91,7 +91,7 @@ def enter(task: Task, c: Integrator, known: Known) -> Climb:
 
 
 def sizes(task: Task, c: Integrator) -> Iterator[dict]:
-    """The sizes of a climb, from the widest step or the loosest tolerance."""
+    """The sizes at which to run an integrator, {"steps": n} or {"tol": x}, from the coarsest on."""
     if c.adaptive:
         return ({"tol": tol} for tol in tolerances(LOOSEST, c.record.least))
     widest = task.t_end / (WIDEST * task.problem.pace.step)
@@ -99,9 +99,9 @@ def sizes(task: Task, c: Integrator) -> Iterator[dict]:
 
 
 def wider(task: Task, c: Integrator, rung: Rung, known: Known) -> list[Rung]:
-    """Rungs of ever fewer steps before a first rung that already meets the coarsest accuracy, until they miss it.
+    """Runs of ever fewer steps before a first run that already meets the coarsest accuracy, until one misses it.
 
-    They end at a hopeless one: implicit equations that only Newton's method solves take longer in wider steps.
+    They also end at a `hopeless` one: implicit equations that only Newton's method solves take longer in wider steps.
     """
     out: list[Rung] = []
     steps = rung.steps
@@ -115,7 +115,7 @@ def wider(task: Task, c: Integrator, rung: Rung, known: Known) -> list[Rung]:
 
 
 def hopeless(task: Task, rung: Rung, known: Known) -> bool:
-    """True if a run is longer than `SHORT` and took `HOPELESS` times the cheapest time."""
+    """True if a run is longer than `SHORT` and took `HOPELESS` times the cheapest known run of its error."""
     return rung.seconds > max(SHORT, HOPELESS * known.seconds(min(rung.error, task.testable_accuracies[0])))
 
 
@@ -123,7 +123,7 @@ def eases(rungs: list[Rung]) -> bool:
     """True if twice the steps may take less than twice the time, because evaluations per step decrease.
 
     In wide steps implicit equations need Newton's method or many iterations, so their cost does not predict that of
-    shorter steps.  True also for a first rung.
+    shorter steps.  True also for a first run.
     """
     each = [r.evaluations / r.taken for r in rungs[-2:] if r.tol is None and r.taken]
     return len(each) == 1 or (len(each) == 2 and each[1] < NEARER * each[0])
@@ -131,14 +131,14 @@ def eases(rungs: list[Rung]) -> bool:
 
 @dataclass
 class Entrant:
-    """An integrator in a race: its state from rung to rung, and the rules that end its climb.
+    """An integrator compared with others at ever finer steps: its state from run to run, and the rules that end it.
 
     Attributes
     ----------
-    lost, before : rungs in a row that were too dear, and the ratio to the cheapest time on the last one
+    lost, before : runs in a row that were too dear, and the ratio to the cheapest time on the last one
     failed, wasted : failed runs in a row, and their seconds
     dear : seconds in which the cheapest run reaches the finest accuracy
-    preparing : seconds that the last rung took besides its runs, for instance to compile
+    preparing : seconds that the last run took besides the integration, for instance to compile
     dropped : True if it was given up because it cannot win
     """
 
@@ -154,7 +154,7 @@ class Entrant:
     dropped: bool = False
 
     def run(self, size: dict) -> Rung:
-        """Run one size, with a time limit that depends on the best runs so far."""
+        """Run the integrator at ``size`` (steps or tol), with a time limit that depends on the best runs so far."""
         self.dear = self.known.seconds(self.task.testable_accuracies[-1])
         patience = max(PATIENCE, LONGEST * self.dear) if isfinite(self.dear) else 10 * PATIENCE
         started = time.process_time()
@@ -164,7 +164,7 @@ class Entrant:
         return rung
 
     def end_reason(self, rungs: list[Rung]) -> str:
-        """Why the climb ends with the last rung, or ""; inserts wider rungs before a first rung that is too fine."""
+        """Why no finer run follows the last one, or ""; inserts wider runs before a first one that is too fine."""
         rung = rungs[-1]
         if len(rungs) == 1 and rung.error <= self.task.testable_accuracies[0]:
             rungs[:0] = wider(self.task, self.c, rung, self.known)
@@ -185,7 +185,7 @@ class Entrant:
         return ""
 
     def _finish_reason(self, rungs: list[Rung]) -> str:
-        """The reason, if the finest accuracy is reached or a further rung would take too long to compile; else ""."""
+        """Why to end: the finest accuracy is reached, or a further run would take too long to compile; else ""."""
         rung = rungs[-1]
         if rung.error <= self.task.testable_accuracies[-1]:
             return "reached the finest accuracy"
@@ -194,7 +194,7 @@ class Entrant:
         return ""
 
     def _beaten(self, rungs: list[Rung]) -> str:
-        """The reason, if others are far cheaper at this error or the error is down to round-off; else ""."""
+        """Why to end: others are far cheaper at this error, or the error is down to round-off; else ""."""
         rung, coarsest = rungs[-1], self.task.testable_accuracies[0]
         if hopeless(self.task, rung, self.known):
             best, by = self.known.cheapest(min(rung.error, coarsest))
@@ -216,7 +216,7 @@ class Entrant:
         return ""
 
     def _too_long(self, rungs: list[Rung]) -> str:
-        """The reason, if a run takes much longer than the finest accuracy costs the best; else ""."""
+        """Why to end: a run takes much longer than the best need for the finest accuracy; else ""."""
         rung = rungs[-1]
         limit = max(FREE, LONGEST * self.dear, min(HOPELESS * self.dear, PATIENCE) if eases(rungs) else 0.0)
         if rung.seconds > limit:

@@ -1,4 +1,4 @@
-"""Refines a climb: runs between two rungs, to find the size that just meets an accuracy at the least cost."""
+"""Runs between two runs of a ladder, to find the size that just meets an accuracy at the least cost."""
 
 from __future__ import annotations
 
@@ -17,7 +17,10 @@ APART = 0.95
 
 
 def refine(task: Task, c: Integrator, rungs: list[Rung], wanted: float) -> Rung:
-    """The cheapest run found that meets an accuracy, after refining between two rungs; runs are added to ``rungs``."""
+    """The cheapest run that meets the error ``wanted``, with further runs between the two around it.
+
+    The further runs are added to ``rungs``, an integrator's runs from coarse to fine.
+    """
     low, (high, *_) = bracket(rungs, wanted)
     for _ in range(REFINED if low is not None else 0):
         size = _between(task, low, high, wanted)
@@ -36,7 +39,7 @@ def refine(task: Task, c: Integrator, rungs: list[Rung], wanted: float) -> Rung:
 
 
 def _between(task: Task, low: Rung, high: Rung, wanted: float) -> dict | None:
-    """The argument of a run between two rungs, where the wanted error is expected; None if they are too close."""
+    """The steps or tol between two runs at which the error ``wanted`` is expected; None if they are too close."""
     fineness = aim(low, high, wanted)
     if low.steps is None:
         return {"tol": float(f"{1 / fineness:.3g}")} if high.tol < APART * low.tol else None

@@ -99,7 +99,7 @@ class Task:
         return tuple(a for a in self.accuracies if self.truth.uncertainty <= a)
 
     def run(self, c: Integrator, size: dict[str, Any], *, bare: bool = False, timeout: float = inf):
-        """The solution at a size: with the rows that the quantity needs, or without output if ``bare``."""
+        """Integrate with ``size``, steps or tol; saves the rows that the quantity needs, or none if ``bare``."""
         rows = {**size, "save_every": 0} if bare else self.quantity.grid(**size)
         stop = {"timeout": timeout} if c.stoppable and isfinite(timeout) else {}
         return c.run(self.problem, t_end=self.t_end, **rows, **stop)
@@ -113,7 +113,9 @@ class Task:
         timeout: float = inf,
         cheapest: Callable[[float], float] = unbeaten,
     ) -> Rung:
-        """Run an integrator at a size and measure error and time; the run without output is skipped if it is `beaten`.
+        """Run an integrator with ``steps`` or ``tol`` and measure error and time.
+
+        A second run, without output, is timed where the first does not tell the time, unless it is `beaten`.
 
         ``cheapest`` maps an error to the least seconds in which other integrators reach it.
         """
@@ -131,7 +133,7 @@ class Task:
         return Rung(steps, tol, found.status, error, seconds, *counts, found.reason)
 
     def beaten(self, c: Integrator, seconds: float, cheapest: float) -> bool:
-        """True if a method of ours is too far behind the cheapest for its run without output to be compiled."""
+        """True if a method of this project is too slow beside the cheapest for a timed run to be compiled."""
         if not isinstance(c.record, Method) or self.clocks.ready(c) or not self.quantity.aligned:
             return False  # a run with the many rows of an unaligned quantity says little of one without
         return seconds - OVERHEAD > WORTH * cheapest
@@ -146,7 +148,7 @@ class Task:
         return timed()
 
     def retime(self, c: Integrator, rung: Rung) -> Rung:
-        """The rung with the least of its time and `AGAIN` more; unchanged if it failed, is long or unprepared."""
+        """The run with the least of its time and `AGAIN` more timings; unchanged if failed, long or not prepared."""
         unprepared = isinstance(c.record, Method) and not self.clocks.ready(c)
         if not rung.ok or rung.seconds > LONG or unprepared:
             return rung

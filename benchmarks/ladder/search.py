@@ -75,7 +75,7 @@ def search(trial: Trial, accuracy: float, start: float, cheapest: float = inf) -
 
 
 def best_within(trial: Trial, budget: float, start: float) -> Found:
-    """Find the run of the smallest error that takes at most ``budget`` seconds, starting from a size."""
+    """Find the run of the smallest error in at most ``budget`` seconds; ``start`` is the first steps or tolerance."""
     size = start
     for _ in range(RUNS):
         rung = trial.at(size)
@@ -94,7 +94,7 @@ def best_within(trial: Trial, budget: float, start: float) -> Found:
 
 
 def _fitting(trial: Trial, rung: Rung, budget: float) -> float | None:
-    """The next size, so that the run takes about the budget; None if there is none to try."""
+    """The next number of steps or tolerance, for a run of about ``budget`` seconds; None if there is none to try."""
     if rung.steps is None:
         tighter = rung.tol / 10
         return tighter if rung.seconds < budget and tighter >= trial.integrator.record.least else None
@@ -104,18 +104,18 @@ def _fitting(trial: Trial, rung: Rung, budget: float) -> float | None:
 
 
 def _meeting(trial: Trial, accuracy: float) -> list[Rung]:
-    """The runs that meet the accuracy, the coarsest first."""
+    """The runs of an integrator that meet the accuracy, the coarsest first."""
     return [r for r in trial.sorted_rungs if trial.meets(r, accuracy)]
 
 
 def _bad(trial: Trial, accuracy: float) -> Rung | None:
-    """The finest run that is coarser than every one that meets the accuracy."""
+    """The finest run that is coarser than all runs that meet the accuracy; None if there is none."""
     *_, last = (None, *takewhile(lambda r: not trial.meets(r, accuracy), trial.sorted_rungs))
     return last
 
 
 def _close(good: Rung, bad: Rung | None) -> bool:
-    """True if no run coarser than the good one is worth trying."""
+    """True if no run coarser than ``good`` is worth trying: the next coarser one, ``bad``, misses the accuracy."""
     if bad is None:
         return good.taken <= 1 or (good.tol is not None and good.tol >= LOOSEST)
     if good.tol is not None:
@@ -135,7 +135,7 @@ def _dear(trial: Trial, good: Rung, bad: Rung | None, accuracy: float, cheapest:
 
 
 def _exponent(trial: Trial) -> float:
-    """The exponent by which the error falls with fineness: from the two finest runs, kept near the declared order."""
+    """The exponent p of error ~ fineness^-p (steps or 1 / tol) of the two finest runs, kept near the declared order."""
     declared, slope = _declared_order(trial), _slope(trial)
     return declared if slope is None or slope <= 0 else min(max(slope, declared / 2), 2.5 * declared)
 
@@ -145,13 +145,16 @@ def _declared_order(trial: Trial) -> float:
 
 
 def _slope(trial: Trial) -> float | None:
-    """The exponent measured from the two finest runs; None if there are fewer than two."""
+    """The exponent of the fall of the error with fineness, from the two finest runs; None if there are fewer."""
     told = [r for r in trial.sorted_rungs if r.ok and 0 < r.error < inf][-2:]
     return log(told[0].error / told[1].error) / log(told[1].fineness / told[0].fineness) if len(told) == 2 else None
 
 
 def _next(trial: Trial, accuracy: float, good: Rung | None, bad: Rung | None) -> float | None:
-    """The next number of steps or tolerance to try; None if there is none."""
+    """The next number of steps or tolerance to try; None if there is none.
+
+    ``good`` is the coarsest run that meets the accuracy, ``bad`` the finest coarser one that misses it.
+    """
     adaptive = trial.integrator.adaptive
     if good is None:
         return _size_at(trial, _finer(trial, accuracy))
@@ -162,7 +165,10 @@ def _next(trial: Trial, accuracy: float, good: Rung | None, bad: Rung | None) ->
 
 
 def _finer(trial: Trial, accuracy: float) -> float:
-    """The next fineness while no run meets the accuracy; at most half way (in logarithms) to a run that timed out."""
+    """The next fineness (steps or 1 / tolerance) while no run meets the accuracy, extrapolated from the finest run.
+
+    At most half way, in logarithms, to a run that timed out.
+    """
     stopped = min((r.fineness for r in trial.sorted_rungs if r.status == TIMEOUT), default=inf)
     going = [r for r in trial.sorted_rungs if r.fineness < stopped]
     finest, factor = stopped / JUMP**2, 4.0
@@ -176,7 +182,7 @@ def _finer(trial: Trial, accuracy: float) -> float:
 
 
 def _size_at(trial: Trial, fineness: float) -> float | None:
-    """The number of steps or the tolerance at a fineness; None if the least tolerance was already run."""
+    """The number of steps, or the tolerance 1 / fineness; None if the least tolerance was already run."""
     if not trial.integrator.adaptive:
         return trial.task.quantity.steps(min(max(fineness, 1.0), MOST))
     least, tightest = trial.integrator.record.least, min(trial.rungs)

@@ -27,7 +27,7 @@ MOST = 10_000_000
 
 @dataclass
 class Trial:
-    """The runs of an integrator on a task.
+    """The runs of an integrator on a task (problem, span, quantity), by number of steps or tolerance.
 
     Attributes
     ----------
@@ -42,7 +42,10 @@ class Trial:
     rungs: dict[float, Rung] = field(default_factory=dict)
 
     def at(self, number: float, cheapest: float = inf) -> Rung:
-        """The run with a number of steps or a tolerance; ``cheapest`` is the time in s of the best other candidate."""
+        """Run the integrator with ``number`` steps or tolerance, or return the earlier run.
+
+        ``cheapest`` is the time in seconds of the best other candidate.
+        """
         if not self.integrator.adaptive:
             number = self.task.quantity.steps(number)
         if number not in self.rungs:
@@ -90,7 +93,7 @@ class Trial:
         return done.seconds / PART if done.status == OK else 0.0
 
     def failure(self) -> str:
-        """Status and reason of the finest run."""
+        """Status and reason, as text, of the finest run."""
         if not self.rungs:
             return DIVERGED
         rung = self.sorted_rungs[-1]

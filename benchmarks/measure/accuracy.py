@@ -60,7 +60,7 @@ class Truth:
 
 @cache
 def truth(scene: str) -> Truth:
-    """The true state of a scene: at its end if that is within the horizon, else at the last stored time that is."""
+    """The true state of a scene's orbit: at its end, or if that is past the horizon, at the last stored time before."""
     wanted = BY_ID[scene]
     problem = problem_of(wanted.problem)
     certificate = stored.find(problem)
@@ -83,7 +83,7 @@ def _compute_truth(problem, t: float) -> Truth:
 
 
 def head(scene: Scene, problem, chosen, kind: str, *packages: str) -> dict[str, Any]:
-    """The first columns of a row: scene, problem, integrator (``chosen``, a method or peer) and package versions."""
+    """The first columns of a result row: scene, problem, integrator (``chosen``, a method or peer), versions."""
     used = ("phasebench", "numpy", "numba", *packages)
     return {
         "scene": scene.id,
@@ -104,7 +104,7 @@ def end_state(solution, row: int = -1) -> np.ndarray:
 
 
 def trajectory_error(scene: Scene, solution: Solution) -> dict[str, float | str]:
-    """Columns with the trajectory's error at the time of `truth`; without an error if no row has that time."""
+    """Columns with a solution's error against the true state of the scene; no error if no row has that state's time."""
     true = truth(scene.id)
     out: dict[str, float | str] = {"reference_horizon": true.horizon}
     rows = np.flatnonzero(np.abs(solution.t - true.t) <= ROUND_OFF * true.t)

@@ -49,7 +49,7 @@ def variants(methods=METHODS, **values) -> list[Method]:
 
 
 def high_order_variants() -> list[Method]:
-    """Methods with the parameter ``order``, at the orders in `HIGH`."""
+    """The methods whose order is a parameter, each at every high order in `HIGH`."""
     return variants([m for m in METHODS if "order" in m.parameters], order=HIGH)
 
 
@@ -118,7 +118,7 @@ def _of(name: str):
 
 
 def runs_on(method: Method, name: str) -> bool:
-    """True if the system meets the method's requirements."""
+    """True if the system with this name meets the method's requirements."""
     return method.lacks(SYSTEMS[name]()[0]) is None
 
 
@@ -135,7 +135,7 @@ def systems(method: Method, few: bool | None = None) -> list[str]:
 
 
 def magnetic(method: Method) -> list[str]:
-    """Names of the systems on which a method's volume is measured; none of a method that is not made for them."""
+    """Names of the magnetic systems on which volume preservation is measured; [] if the method is for other systems."""
     measured = "magnetic" in method.requires or method.id in CONTROLS
     return [n for n in MAGNETIC if runs_on(method, n)] if measured else []
 

@@ -51,7 +51,7 @@ def load_source(text: str) -> ctypes.CDLL:
 
 
 def _statements(energy: sp.Expr, name: str, variables) -> tuple[str, list[str]]:
-    """(C statements, expressions of the components) for an energy's gradient by the ``variables`` q or p."""
+    """C code of the gradient of ``energy`` by ``variables`` (named ``name`` in C): (statements, components)."""
     text = printing.source("f", [(name, variables)], [[sp.diff(energy, x) for x in variables]], DOUBLE)
     lines = [line.strip() for line in text.splitlines()[1:]]
     body = [f"double {line};" for line in lines[len(variables) : -1]]

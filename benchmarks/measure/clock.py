@@ -33,7 +33,7 @@ EPS = float(np.finfo(float).eps)
 
 @dataclass
 class Sharing:
-    """Counts readings of the clock: all, those repeated since the core was shared, and those that stayed disturbed."""
+    """Counts of time measurements: all, those repeated since the core was shared, those that stayed disturbed."""
 
     readings: int = 0
     repeated: int = 0
@@ -68,7 +68,7 @@ class Clock:
     _starts: list = field(default_factory=list, repr=False)
 
     def __call__(self) -> float:
-        """The mean seconds of a run in one reading."""
+        """Time one or more runs and return the mean seconds of a run; repeated if other processes shared the core."""
         taken = 0
         if not self._starts:
             seconds, shared = self._warm()
@@ -84,13 +84,16 @@ class Clock:
         return seconds
 
     def _is_undisturbed(self, shared: bool) -> bool:
-        """Count a reading; False if the core was shared."""
+        """Count a time measurement; True unless other processes shared the core during it (``shared``)."""
         self.sharing.readings += 1
         self.sharing.repeated += shared
         return not shared
 
     def _warm(self) -> tuple[float, bool]:
-        """The reading of a first run, or of a second if that is short; it sets the number of runs per reading."""
+        """Time a first run (a second, if it is short), and choose from it how many runs a reading repeats.
+
+        Returns (seconds, True if the core was shared).
+        """
         q, p = (np.asarray(x, dtype=float) for x in self.start)
         once, shared = self._reading([(q, p)])
         if once < COLD:
@@ -124,7 +127,7 @@ def clock(
     run=None,
     sharing: Sharing | None = None,
 ) -> Clock:
-    """The clock of an integrator on a problem to ``t_end``, with a number of steps or a tolerance.
+    """The timer (`Clock`) of an integrator on a problem to ``t_end``, with a number of steps or a tolerance.
 
     ``run`` is its prepared run, if there is one already.
     """
@@ -134,7 +137,7 @@ def clock(
 
 
 def call(integrator, problem, *, t_end: float, steps: int | None = None, tol: float | None = None, run=None) -> float:
-    """Seconds of a call that integrates almost nothing: one step, or the share `SHORTEST` of the span."""
+    """The overhead of a call in seconds, from one that integrates one step, or the share `SHORTEST` of the span."""
     if integrator.adaptive:
         return clock(integrator, problem, t_end=SHORTEST * t_end, tol=tol, run=run)()
     return clock(integrator, problem, t_end=t_end / steps, steps=1, run=run)()
@@ -160,7 +163,7 @@ class Clocks:
         return (integrator.label, tol) in self._runs
 
     def of(self, integrator, *, steps: int | None = None, tol: float | None = None) -> Clock:
-        """The clock of an integrator with a number of steps or a tolerance."""
+        """The timer (`Clock`) of an integrator with a number of steps or a tolerance."""
         key = (integrator.label, tol)
         if key not in self._runs:
             self._runs[key] = integrator.prepare(self.problem, tol=tol)
@@ -168,6 +171,6 @@ class Clocks:
         return clock(integrator, self.problem, **size, run=self._runs[key], sharing=self.sharing)
 
     def call(self, integrator, *, steps: int | None = None, tol: float | None = None) -> float:
-        """Seconds of a `call` of an integrator with a number of steps or a tolerance."""
+        """The overhead in seconds of calling an integrator, from a call that integrates almost nothing (`call`)."""
         size = {"t_end": self.t_end, "steps": steps, "tol": tol}
         return call(integrator, self.problem, **size, run=self._runs.get((integrator.label, tol)))

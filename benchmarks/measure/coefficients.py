@@ -119,7 +119,7 @@ def _tableau(record, name: str):
 
 
 def _explicit(slope, y, A, h) -> list:
-    """The stage derivatives of an explicit tableau, one after the other."""
+    """The stage derivatives k_i of an explicit Runge-Kutta step from y with matrix A; ``slope`` is the vector field."""
     slopes: list = []
     for row in A:
         slopes.append(slope(y + sum(_in(x, h) * k for x, k in zip(row, slopes, strict=False) if x)))
@@ -127,7 +127,7 @@ def _explicit(slope, y, A, h) -> list:
 
 
 def _implicit(slope, y, A, h) -> list:
-    """The stage derivatives of an implicit tableau, iterated until their change no longer falls."""
+    """The stage derivatives of an implicit Runge-Kutta step, iterated until their change no longer falls."""
     rows = [[_in(x, h) for x in row] for row in A]
     slopes, last = [slope(y)] * len(A), None
     for _ in range(ITERATIONS):

@@ -67,7 +67,7 @@ def _compiles(name: str) -> bool:
 
 
 def row_failures(rows: Sequence[Mapping[str, Any]]) -> tuple[list[dict[str, str]], str]:
-    """(failed integrators, a sentence about them) from rows with ``id``, ``kind``, ``status`` and ``reason``."""
+    """(integrators that do not compile, a sentence on them) from rows with ``id``, ``kind``, ``status``, ``reason``."""
     failed = [Failed(r["id"], r["reason"]) for r in rows if r["status"] == FAILED]
     own = [r["status"] for r in rows if r["kind"] == OURS]
     return [f._asdict() for f in failed], failure_summary(failed, bool(own) and set(own) == {FAILED})

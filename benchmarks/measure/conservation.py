@@ -9,7 +9,7 @@ from .metrics import invariant_error
 
 
 def conservation(t, values, scale: float) -> dict[str, float]:
-    """A row on the conservation of an invariant.
+    """A row of the largest error of an invariant along a run, and of its drift.
 
     Parameters
     ----------
@@ -19,7 +19,7 @@ def conservation(t, values, scale: float) -> dict[str, float]:
     Returns
     -------
     dict
-        value, the largest error; slope with low and high, the drift per unit of time; time and scale
+        value, the largest error; slope with interval low, high: the drift per unit of time; time, the end; scale
     """
     found, slope = invariant_error(values), drift(t, values - values[0])
     moved = {"slope": slope.value, "low": slope.low, "high": slope.high}
@@ -27,7 +27,7 @@ def conservation(t, values, scale: float) -> dict[str, float]:
 
 
 def energy(system, t, q, p) -> tuple[np.ndarray, dict[str, float]]:
-    """(H of states q, p (n, d), array (n,); its row of `conservation` with the scale max |H| + max |p.q'|)."""
+    """(H along rows q, p (n, d), array (n,); the row of its error and drift, of scale max |H| + max |p.q'|)."""
     H = system.observe(system.H, q, p)
     kinetic = sum(system.observe(e, q, p) * p[:, i] for i, e in enumerate(system.dq))
     return H, conservation(t, H, float(np.abs(H).max() + np.abs(kinetic).max()))

@@ -16,7 +16,7 @@ import sympy as sp
 from phasebench.benchmarks.measure import step_map
 from phasebench.benchmarks.measure.integrator import OURS, YOURS, Integrator
 from phasebench.integrators.driver import OK
-from phasebench.integrators.errors import unknown
+from phasebench.integrators.errors import unknown_name
 from phasebench.integrators.record import EXACT, ROUND_OFF
 from phasebench.reference.peers import Peer
 
@@ -35,14 +35,14 @@ EPS = float(np.finfo(float).eps)
 
 
 def claim_names(problem) -> list[str]:
-    """The names of everything that can be demanded for a problem."""
+    """The names of all conservation properties that a user can demand for a problem."""
     return [SYMPLECTIC, REVERSIBLE, ENERGY, MOMENTUM, *problem.invariants]
 
 
 def check(problem, name: str) -> None:
     """Raise InvalidInput, with the nearest known name, for a name that cannot be demanded."""
     if name not in claim_names(problem):
-        raise unknown("conserved quantity", str(name), claim_names(problem))
+        raise unknown_name("conserved quantity", str(name), claim_names(problem))
 
 
 def declaration(integrator: Integrator, name: str) -> bool | None:
@@ -62,14 +62,17 @@ def declaration(integrator: Integrator, name: str) -> bool | None:
 
 
 def refusal(integrator: Integrator, conserve) -> str | None:
-    """The reason why an integrator is not tried, by its declarations; None if it is tried."""
+    """Why an integrator is not tried: it declares not to conserve some of ``conserve``; None if it is tried."""
     lacking = [name for name in conserve if declaration(integrator, name) is False]
     whose = "its package does not state" if isinstance(integrator.record, Peer) else "it is not declared to keep or be"
     return f"{whose} what has to be conserved: {', '.join(lacking)}" if lacking else None
 
 
 def broken(integrator: Integrator, ask, size: dict) -> str | None:
-    """A sentence on what the run at this size does not conserve; None if it conserves all that can be measured."""
+    """A sentence on what a run does not conserve of ``ask.conserve``; None if it conserves all that can be measured.
+
+    ``size`` is {"steps": number} or {"tol": tolerance}.
+    """
     names = [name for name in ask.conserve if name not in (SYMPLECTIC, REVERSIBLE)]
     for name, (error, bound) in _errors(integrator, ask, size, names).items():
         if not error <= bound:
@@ -102,7 +105,7 @@ def _bilinear(expression, q, p) -> bool:
 
 
 def _errors(integrator, ask, size, names) -> dict[str, tuple[float, float]]:
-    """Name -> (largest error, bound of round-off) over the rows of a run."""
+    """Invariant -> (largest error, bound of round-off) over the rows of a run; ``size`` is its steps or tolerance."""
     wanted = {k: e for name in names for k, e in expressions(ask.problem, name).items()}
     if not wanted:
         return {}
@@ -121,7 +124,7 @@ def _errors(integrator, ask, size, names) -> dict[str, tuple[float, float]]:
 
 
 def rows(size: dict) -> dict:
-    """The arguments of a run of this size with up to `ROWS` output rows."""
+    """The keyword arguments of a run with ``size`` (its steps or tol) and about `ROWS` output rows."""
     if "steps" in size:
         return size | {"save_every": max(1, size["steps"] // ROWS)}
     return size | {"steps": ROWS, "save_every": 1}
@@ -154,6 +157,6 @@ def symplecticity_defect(integrator: Integrator, problem, h: float) -> float:
 
 
 def _sizes(integrator: Integrator, problem, h: float) -> list[float]:
-    """The max norms of q and p over the first steps; 1 if all are 0."""
+    """The largest |q_i| and |p_i| over the first `LOOKED` steps of size h; 1 in place of 0."""
     solution = integrator.run(problem, h=h, steps=LOOKED)
     return [float(np.nanmax(np.abs(x))) or 1.0 for x in (solution.q, solution.p)]

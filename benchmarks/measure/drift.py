@@ -74,7 +74,7 @@ def signed_ranks(x) -> Slope:
 
 @cache
 def _outside(n: int) -> int:
-    """The number of sorted pairs' means of n numbers that lie outside of each end of the interval."""
+    """How many of the sorted pairwise means of n numbers lie beyond each end of the signed-rank interval."""
     ways = np.ones(1)
     for rank in range(1, n + 1):
         ways = np.convolve(ways, np.eye(1, rank + 1, 0)[0] + np.eye(1, rank + 1, rank)[0])
@@ -83,7 +83,7 @@ def _outside(n: int) -> int:
 
 
 def window(n: int) -> np.ndarray:
-    """The window w at the midpoints of n equal cells, array (n,)."""
+    """The averaging window w(x) = exp(4 - 1 / (x (1 - x))) at the midpoints of n equal cells of (0, 1), array (n,)."""
     x = (np.arange(n) + 0.5) / n
     return np.exp(4 - 1 / (x * (1 - x)))
 
@@ -133,7 +133,10 @@ def without_lines(t, error) -> np.ndarray:
 
 
 def _remove_lines(x, y, weight, frequencies, fit) -> np.ndarray:
-    """The error minus all lines: the straight line and the residual, fitted a second time to reduce round-off."""
+    """The series y(x) minus its fitted sines and cosines; the fit is repeated on the residual to reduce round-off.
+
+    ``fit`` has the coefficients of 1, x, the cosines and the sines of ``frequencies``; 1 and x are not subtracted.
+    """
     columns = np.hstack([_columns(x, frequencies), _fit_derivatives(x, frequencies, fit)])
     rest = y - columns[:, : len(fit)] @ fit
     more = _least_squares(columns, rest, weight)
@@ -141,7 +144,7 @@ def _remove_lines(x, y, weight, frequencies, fit) -> np.ndarray:
 
 
 def _sound(frequencies, fit) -> bool:
-    """True if the lines differ by a period from each other and from 0, and none exceeds the range of the error.
+    """True if frequencies differ by 1 period from each other and from 0, and no amplitude exceeds the series' range.
 
     Lines that nearly cancel arise when the error is not an oscillation, for instance if it decays.
     """
@@ -155,7 +158,7 @@ def _size(rest, weight) -> float:
 
 
 def _line(signal) -> float | None:
-    """The frequency (periods in the whole series) of the highest peak of a windowed signal; None if it is no line."""
+    """The frequency (periods in the series) of the highest spectral peak of a signal; None if it does not stand out."""
     n = len(signal)
     power = np.abs(np.fft.rfft(signal, FINE * n)) ** 2
     at = np.arange(len(power)) / FINE
@@ -171,7 +174,7 @@ def _line(signal) -> float | None:
 
 
 def _columns(x, frequencies) -> np.ndarray:
-    """The functions 1 and x, and the cosines and sines of k frequencies, array (n, 2 + 2 k)."""
+    """The columns 1, x, cos and sin of 2 pi x f for each of k frequencies f, array (n, 2 + 2 k)."""
     angle = 2 * np.pi * np.outer(x, frequencies)
     return np.hstack([np.ones((len(x), 1)), x[:, None], np.cos(angle), np.sin(angle)])
 
@@ -185,7 +188,7 @@ def _least_squares(columns, y, weight) -> np.ndarray:
 
 
 def _refine(x, y, weight, frequencies) -> np.ndarray:
-    """The frequencies after `REFINED` Gauss-Newton steps, each limited to a third of a period."""
+    """The frequencies of the oscillations in y(x) after `REFINED` Gauss-Newton steps of at most a third of a period."""
     fit = _fit(x, y, weight, frequencies)
     for _ in range(REFINED):
         columns = np.hstack([_columns(x, frequencies), _fit_derivatives(x, frequencies, fit)])
@@ -195,7 +198,7 @@ def _refine(x, y, weight, frequencies) -> np.ndarray:
 
 
 def _fit_derivatives(x, frequencies, fit) -> np.ndarray:
-    """The derivatives of the fit by the frequencies, array (n, k)."""
+    """The derivatives of the fitted oscillations at x (n,) by each of the k frequencies, array (n, k)."""
     k = len(frequencies)
     angle = 2 * np.pi * np.outer(x, frequencies)
     return 2 * np.pi * x[:, None] * (np.cos(angle) * fit[2 + k : 2 + 2 * k] - np.sin(angle) * fit[2 : 2 + k])

@@ -15,7 +15,7 @@ from phasebench.integrators import ensemble
 from phasebench.integrators import section as sections
 from phasebench.integrators.batches import Orbits
 from phasebench.integrators.errors import InvalidInput
-from phasebench.integrators.keywords import State, States, Value, checked_names
+from phasebench.integrators.keywords import State, States, Value, check_names
 from phasebench.integrators.record import Method
 
 from .integrator import AnyProblem, Integrator, integrator
@@ -72,7 +72,7 @@ class Section(sections.Section):
         return f"<pre>{escape(repr(self))}</pre>{self.to_frame().to_html(index=False, max_rows=HEAD)}"
 
 
-@checked_names
+@check_names
 def integrate_ensemble(
     problem: AnyProblem,
     method: str | Path | Method | Integrator | Step,
@@ -124,7 +124,7 @@ def integrate_ensemble(
     return Ensemble(**_fields(ensemble.conclude(orbits, *_run(orbits, chosen, lanes, threads, progress))))
 
 
-@checked_names
+@check_names
 def section(
     problem: AnyProblem,
     method: str | Path | Method | Integrator | Step,
@@ -176,7 +176,7 @@ def section(
         **{"of": of, "at": at, "rising": rising, "every": every},
         **{"h": h, "t_end": t_end, "steps": steps, "parameters": parameters},
     )
-    return Section(**_fields(sections.concluded(orbits, _run(orbits, chosen, lanes, threads, progress)[1])))
+    return Section(**_fields(sections.build_section(orbits, _run(orbits, chosen, lanes, threads, progress)[1])))
 
 
 def _fields(found: Any) -> dict[str, Any]:

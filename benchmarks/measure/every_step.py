@@ -17,7 +17,7 @@ from phasebench.integrators import driver
 from phasebench.integrators.compile.codegen import DOUBLE
 from phasebench.integrators.driver import DIVERGED, OK, TIMEOUT, Solution
 from phasebench.integrators.errors import InvalidInput
-from phasebench.integrators.outcome import travel, unsolved
+from phasebench.integrators.outcome import solver_failure, travel
 from phasebench.integrators.record import Method
 from phasebench.integrators.request import LARGEST, check_timeout, grid, request
 from phasebench.integrators.stepping.kernel import prepare
@@ -47,7 +47,7 @@ class Extreme:
         self.end: float | None = None
 
     def see(self, values: np.ndarray) -> None:
-        """Take in the next values, array (n,); non-finite ones are left out."""
+        """Update the extremes with the next values along the run, array (n,); non-finite ones are left out."""
         good = values[np.isfinite(values)]
         if self.first is None and len(good):
             self.first, good = float(good[0]), good[1:]
@@ -64,7 +64,7 @@ class Extremes:
         self.invariants = {name: Extreme() for name in problem.invariants}
 
     def see(self, Q: np.ndarray, P: np.ndarray) -> None:
-        """Take in the next rows, arrays (n, d)."""
+        """Update the deviations of the energy and the invariants with the next states, arrays (n, d)."""
         if self.problem.system.has_energy:
             self.energy.see(self.problem.system.energies(Q, P))
         for name, extreme in self.invariants.items():
@@ -72,7 +72,7 @@ class Extremes:
 
 
 class WatchedRun(NamedTuple):
-    """A run with the rows that were kept, and the extreme deviations over all steps."""
+    """A run: the solution with its saved rows, and the extreme deviations of energy and invariants over all steps."""
 
     solution: Solution
     extremes: Extremes
@@ -101,7 +101,10 @@ def watch(
 
 
 def _spacing(problem, every: int | None, common: dict) -> int:
-    """Number of steps between kept rows; raises InvalidInput if the rows do not fit in memory."""
+    """Number of steps between saved rows; raises InvalidInput if the rows do not fit in memory.
+
+    ``every`` is the number asked for, None for as many rows as there is room for; ``common`` has h, t_end, steps.
+    """
     d = problem.system.d
     _, steps = grid(common["h"], common["t_end"], common["steps"], common.get("t0", 0.0))
     if every is None:
@@ -128,17 +131,17 @@ class ThinnedTrajectory(Trajectory):
         seen(self.q[:1], self.p[:1])
 
     def __bool__(self) -> bool:
-        """True if there is more to integrate."""
+        """True while the trajectory has more steps to integrate."""
         return self.status == OK and self.reached < self.steps
 
     def advance(self, run, pace: Pace) -> None:
-        """Integrate one piece into the buffer, observe its rows, and keep every Nth."""
+        """Integrate one piece of the run into the buffer, observe its rows, and save every Nth."""
         n = min(len(self._buffer[2]), pace.steps, self.steps - self.reached)
         kept = self.q, self.p, self.parameter, self.filled
         self.q, self.p, self.parameter, self.filled = *self._buffer, 0
         try:
             filled, code = self._call(run, n, 1, pace)
-            good, reason = self._flawed(1, filled)
+            good, reason = self._find_flaw(1, filled)
         finally:
             self.q, self.p, self.parameter, self.filled = kept
         if good:
@@ -147,16 +150,16 @@ class ThinnedTrajectory(Trajectory):
             self.status, self.reason = DIVERGED, reason
         elif code:
             self._close()
-            self._stopped(code)
+            self._explain_stop(code)
         else:
-            self._look(run)
+            self._check_fallbacks(run)
             if self.reached < self.steps and pace.late and self.status == OK:
                 self.status = TIMEOUT
         if self.reached == self.steps or self.status != OK:
             self._close()
 
     def _keep(self, n: int) -> None:
-        """Observe the first n rows of the buffer, and keep every Nth."""
+        """Pass the first n rows of the buffer to the observer, and save every Nth of them."""
         Q, P, parameter = (x[1 : n + 1] if x is not self._buffer[2] else x[:n] for x in self._buffer)
         self.seen(Q, P)
         begin = self.reached
@@ -182,7 +185,7 @@ class ThinnedTrajectory(Trajectory):
         return found
 
     def _close(self) -> None:
-        """Keep the last state that was reached, too."""
+        """Save the last state reached, too, if it is not saved yet."""
         if self.reached > self.filled * self.every:
             self.filled += 1
             self.q[self.filled], self.p[self.filled] = self._last
@@ -196,7 +199,7 @@ def _of_method(problem, record: Method, extremes: Extremes, every: int, timeout,
     if lack:
         raise InvalidInput(lack)
     kernel = prepare(record, system, DOUBLE)
-    words = kernel.missed, unsolved(record.family, system.d)
+    words = kernel.missed, solver_failure(record.family, system.d)
     size = asked.h, asked.steps, asked.every
     trajectory = ThinnedTrajectory(extremes.see, system, asked.q, asked.p, *size, *words, t0=asked.t0)
     return driver._run(kernel, trajectory, record, timeout, None, problem)
@@ -242,9 +245,9 @@ def _of_peer(problem, integrator: Integrator, extremes: Extremes, tol, common: d
 
 
 def seconds(problem, integrator: Integrator, watched: WatchedRun, *, tol: float | None = None, **common) -> float:
-    """Seconds of a warm run without output; a long run is estimated from the observed one instead of repeated.
+    """Seconds of a warm run without output; that of a long run is estimated from the observed one (``watched``).
 
-    Its seconds are then scaled by the ratio of times, without and with observation, of short parts of the run.
+    The observed seconds are then scaled by the ratio of times, without and with observation, of short parts of it.
     """
     solution = watched.solution
     steps, h = solution.counts["steps"], solution.h

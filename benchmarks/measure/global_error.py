@@ -42,7 +42,7 @@ def with_start(problem, q0=None, p0=None):
 
 
 def onwards(problem, solution, span: float):
-    """(problem, solution, span) with times that increase from 0: a negative span becomes a positive one of -H.
+    """(problem, solution, span) with times rising from 0: integration back in time becomes forward, with -H for H.
 
     Raises InvalidInput for a negative span of a system that is not canonical or has no formula of H.
     """
@@ -76,7 +76,7 @@ def end_error(problem, solution, span: float) -> dict[str, Any]:
 
 
 def orbit_horizon(problem, t_end: float) -> float:
-    """The horizon of the orbit, from its certificate or computed; at most ``t_end``."""
+    """The last time to which a reference can follow the orbit, from its certificate or computed; at most ``t_end``."""
     certificate = stored.find(problem) if hasattr(problem, "orbits") else None
     if certificate is not None and t_end <= certificate.t_end:
         return min(certificate.horizon, t_end)
@@ -84,7 +84,7 @@ def orbit_horizon(problem, t_end: float) -> float:
 
 
 def past(reach: float, t_end: float) -> str:
-    """The reason why no error of a state can be given at ``t_end``; "" if it is within the horizon."""
+    """Why no error of a state can be given at ``t_end``, past the orbit's horizon ``reach``; "" if it is not past."""
     if t_end <= reach:
         return ""
     return (

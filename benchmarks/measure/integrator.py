@@ -17,7 +17,7 @@ from phasebench.benchmarks.problems.units import span
 from phasebench.benchmarks.problems.user_file import is_file
 from phasebench.integrators import driver, prepared
 from phasebench.integrators.errors import InvalidInput
-from phasebench.integrators.keywords import Parameters, State, Value, method_parameters, renamed_arguments
+from phasebench.integrators.keywords import Parameters, State, Value, method_parameters, rename_arguments
 from phasebench.integrators.names import unknown_method
 from phasebench.integrators.prepared import PreparedRun
 from phasebench.integrators.record import Method
@@ -53,7 +53,7 @@ class Integrator:
 
     @property
     def id(self) -> str:
-        """Its kebab-case name, or the path of its file."""
+        """The integrator's kebab-case name, or the path of its file."""
         return self.record.id
 
     @property
@@ -63,19 +63,19 @@ class Integrator:
 
     @property
     def name(self) -> str:
-        """Its full name if it has one, else its id."""
+        """The integrator's full name if it has one, else its id."""
         return getattr(self.record, "name", self.id)
 
     @property
     def kind(self) -> str:
-        """`OURS`, `YOURS`, or the package of a peer."""
+        """Its origin: `OURS` (this project), `YOURS` (a user's step), or the name of a peer's package."""
         if isinstance(self.record, Peer):
             return self.record.package
         return YOURS if isinstance(self.record, OwnStep) else OURS
 
     @property
     def adaptive(self) -> bool:
-        """True if it takes a tolerance instead of a step."""
+        """True if the integrator takes a tolerance instead of a step."""
         return isinstance(self.record, Peer) and self.record.adaptive
 
     @property
@@ -118,11 +118,11 @@ class Integrator:
             self.record.load(self.record.package)
 
     def _refused(self, problem: Any) -> str | None:
-        """The reason why a problem (not a bare system) rejects the integrator, or None."""
+        """Why a problem rejects the integrator; None if it does not, and for a bare system."""
         return problem.refuses(self.record) if hasattr(problem, "refuses") else None
 
     def lacks(self, problem: Any) -> str | None:
-        """The reason why it cannot integrate a problem, or None if it can."""
+        """Why the integrator cannot integrate a problem, or None if it can."""
         system = getattr(problem, "system", problem)
         refused = self._refused(problem)
         if refused:
@@ -137,7 +137,7 @@ class Integrator:
         q0: State | None = None,
         p0: State | None = None,
     ) -> PreparedRun | PreparedPeer:
-        """Its prepared run on a problem; raises InvalidInput if it has none, and as `run` does."""
+        """A prepared run on a problem, for repeated short calls; raises InvalidInput if there is none, and as `run`."""
         if isinstance(self.record, Peer):
             return prepare_peer(problem, self.record, tol=tol, q0=q0, p0=p0)
         if tol is not None:
@@ -178,7 +178,7 @@ class Integrator:
 
 
 def parameters_of(method: object) -> list[str]:
-    """The names of the parameters of a method, however it is given."""
+    """The names of a method's parameters, from its id, its record or an `Integrator`; [] for anything else."""
     record = method.record if isinstance(method, Integrator) else method
     return parameter_names(record) if isinstance(record, (str, Method)) else []
 
@@ -232,7 +232,7 @@ def _mapping(parameters: object) -> dict[str, Value]:
     return dict(parameters)
 
 
-@renamed_arguments(timeout="time_limit")
+@rename_arguments(timeout="time_limit")
 @method_parameters(parameters_of)
 def integrate(
     problem: AnyProblem,

@@ -39,18 +39,18 @@ HOPELESS = 1e4
 
 
 def is_square(one, two) -> bool:
-    """True if the matrix of two steps is that of one step squared, (2, 2) each: a step depends on the state alone."""
+    """True if ``two``, the matrix of two steps, is ``one`` squared: a step then depends on the state alone."""
     return not np.abs(two - one @ one).max() > SQUARE
 
 
 @dataclass(frozen=True)
 class Stability:
-    """The stable steps.
+    """The stable steps z = h omega of a linear map.
 
     Attributes
     ----------
     intervals : pairs (from, to) of z, in order, none beyond ``scanned``
-    scanned : end of the scan; it is earlier than asked if a step fails
+    scanned : end of the scan, earlier than requested if a step fails
     """
 
     intervals: tuple[tuple[float, float], ...]
@@ -79,7 +79,7 @@ def margins(M) -> np.ndarray:
 
 
 def _with_bounded(three: np.ndarray) -> np.ndarray:
-    """The margins and the fourth, bounded one: positive if both of the first two are, negative if one of them is."""
+    """Jury's three margins and a fourth, bounded one with the sign of the lesser of the first two."""
     first, second, _ = three
     product = -1.0 if max(first, second) < 0 else first * second / (first**2 + second**2)
     return np.append(three, product)
@@ -123,7 +123,10 @@ def stability(
 
 
 def _scan(look, last: float, spacing: float) -> list[float]:
-    """The points of the scan, up to the first failed step or a unit of z with hopeless growth."""
+    """The scanned values of z, up to the first failed step, or to the end of a unit of z with hopeless growth.
+
+    ``look`` gives (the four margins, largest entry of the step's matrix) at z.
+    """
     scan: list[float] = []
     since = None
     for k in range(1, round(last / spacing) + 1):
@@ -139,7 +142,7 @@ def _scan(look, last: float, spacing: float) -> list[float]:
 
 
 def _roots(at, scan: list[float]) -> Iterator[float]:
-    """The roots of the four margins."""
+    """The z at which one of the four stability margins ``at(z)`` changes sign, between the points of the scan."""
     from scipy.optimize import brentq
 
     for i in range(4):
@@ -170,7 +173,7 @@ def _with_extrema(f, scan: list[float]) -> list[float]:
 
 
 def _grows_from_the_start(at, scan: list[float], piece: tuple[float, float]) -> bool:
-    """True if the interval from 0 exists only because growth as a power of z is at first below the slack.
+    """True if a stable interval from 0 is spurious: the growth, a power of z, is at first within the allowance.
 
     Such an interval ends where the determinant exceeds 1 and is nowhere below 1; for explicit Euler it is 1 + z^2.
     """
@@ -182,7 +185,7 @@ def _grows_from_the_start(at, scan: list[float], piece: tuple[float, float]) -> 
 
 
 def _merge(pieces):
-    """Merge pieces that touch."""
+    """Merge intervals (start, end), in order, that touch."""
     out: list[tuple[float, float]] = []
     for start, end in pieces:
         if out and start - out[-1][1] <= 0:

@@ -15,7 +15,7 @@ from functools import cache, partial
 import mpmath
 import numpy as np
 
-from phasebench.integrators.compile.codegen import MULTIPRECISION, epsilon, exactly, precision, vector
+from phasebench.integrators.compile.codegen import MULTIPRECISION, epsilon, precision, to_number, vector
 from phasebench.integrators.driver import integrate
 from phasebench.integrators.record import Method
 from phasebench.integrators.registry import METHODS, method
@@ -83,7 +83,7 @@ def extrapolate(f, y, T):
 def flow(system, y, T, pieces=8):
     """(y(T), uncertainty) of a system's flow, by `extrapolate` over ``pieces`` equal parts of T."""
     f = system.vector_field(MULTIPRECISION)
-    y, T, doubt = vector(y), exactly(T, MULTIPRECISION), 0
+    y, T, doubt = vector(y), to_number(T, MULTIPRECISION), 0
     for _ in range(pieces):
         y, more = extrapolate(lambda x: f(0, x), y, T / pieces)
         doubt += more
@@ -96,7 +96,7 @@ def digits(record: Method) -> int:
 
 
 def start(name):
-    """(system, a state of its orbit that is no turning point), in the working precision."""
+    """(system, a state on its orbit that is no turning point) of the named system, in the working precision."""
     return _start(name, mpmath.mp.dps)
 
 
@@ -110,7 +110,7 @@ def _start(name, digits):
 
 
 def reference(name):
-    """(system, initial state, state at time `SPAN`, its uncertainty), in the working precision."""
+    """(system, initial state, exact state at time `SPAN`, its uncertainty) of a named system, in working precision."""
     return _reference(name, mpmath.mp.dps)
 
 
@@ -135,7 +135,7 @@ def advance(system, record, y, h, steps=1):
 
 
 def errors(record: Method, name: str) -> dict:
-    """The errors at time `SPAN` along the ladder of steps, and the reference's uncertainty."""
+    """A method's errors at time `SPAN` on the named system for several steps h, and the reference's uncertainty."""
     system, y, end, doubt = reference(name)
     ladder = FIELD_LADDER if record.family == "field" else LADDER
     error = [max(abs(advance(system, record, y, SPAN / n, n) - end)) for n in ladder]
@@ -143,12 +143,12 @@ def errors(record: Method, name: str) -> dict:
 
 
 def step_of(record: Method) -> Fraction:
-    """The step at which the method's defects are measured."""
+    """The step size at which a method's defects of symplecticity and symmetry are measured."""
     return VARIABLE_STEP if record.family in ("adaptive", "field") else STEP
 
 
 def defect(record: Method, name: str) -> float:
-    """The symplecticity defect of one step; for methods of high order, that of one pair of vectors only."""
+    """The symplecticity defect of a method's step on the named system; at high order, of one pair of vectors only."""
     system, y = start(name)
     h = step_of(record)
     if record.order > LOW_ORDER:
@@ -165,7 +165,7 @@ def distance(record: Method, name: str, back: Method | None = None) -> float:
 
 
 def volume_defect(record: Method, name: str) -> float:
-    """|det M - 1| of the Jacobian M of one step."""
+    """|det M - 1| for the Jacobian M of one step of a method on the named system."""
     system, y = start(name)
     return volume(lambda x: advance(system, record, x, step_of(record)), y, displacement())[0]
 
@@ -180,12 +180,12 @@ CELLS = {
 
 
 def cells(what: str) -> list[tuple[str, str]]:
-    """(method's label, system) of every cell of a measurement in `CELLS`."""
+    """(method's label, system's name) of every pair on which the measurement ``what``, a key of `CELLS`, is made."""
     return [(m.label, n) for m in methods().values() for n in CELLS[what][1](m)]
 
 
 def measure(what: str, label: str, name: str):
-    """One cell of a measurement in `CELLS`, with enough digits for the method's order; if it fails, the error."""
+    """Measure ``what`` (a key of `CELLS`) for a method's label and a system's name; if it fails, the error as text."""
     record = methods()[label]
     with precision(digits(record)):
         try:
@@ -201,7 +201,7 @@ def methods() -> dict[str, Method]:
 
 
 def everywhere(what: str) -> dict:
-    """A measurement in `CELLS` for all methods and systems: {label: {system: result}}."""
+    """Make the measurement ``what``, a key of `CELLS`, for all methods and systems: {label: {system: result}}."""
     out: dict = {label: {} for label in methods()}
     for label, name in cells(what):
         out[label][name] = measure(what, label, name)
@@ -209,9 +209,9 @@ def everywhere(what: str) -> dict:
 
 
 def frozen():
-    """Measure a step of Schemes IV and V repeated by Schemes I and III with the same lambda.
+    """Repeat a step of the energy-preserving Schemes IV and V by Schemes I and III with the lambda that it chose.
 
-    Returns {id: {system: {defect, distance, lam}}}: the symplecticity defect of the step with this lambda, and the
+    Returns {id: {system: {defect, distance, lam}}}: the symplecticity defect of the step with lambda fixed, and the
     distance of its end from that of the energy-preserving step.
     """
     out = {}
@@ -287,7 +287,7 @@ def perturbation_row(record: Method, name: str) -> dict:
 
     right, rows = error(record), []
     for path, x in leaves(record.data):
-        m = replace(record, data=replace_at(record.data, path, exactly(x, MULTIPRECISION) * (1 + SLIP)))
+        m = replace(record, data=replace_at(record.data, path, to_number(x, MULTIPRECISION) * (1 + SLIP)))
         row = {"path": list(path), "error": error(m)}
         if row["error"] < 10 * right:
             row |= {"symplecticity": defect(m, name), "symmetry": distance(m, name)}
@@ -296,15 +296,15 @@ def perturbation_row(record: Method, name: str) -> dict:
 
 
 def control_errors():
-    """`errors` with the first coefficient 1/8 too large, as a control that must show: {id: {system: row}}.
+    """Measure `errors` of methods whose first coefficient is made 1/8 too large, a negative control of the orders.
 
-    For one method of each family with coefficients in its record.
+    For one method of each family with coefficients in its record: {id: {system: row}}.
     """
     out: dict = {}
     families = {m.family: m for m in reversed(METHODS) if m.order <= LOW_ORDER and list(leaves(m.data))}
     for record in families.values():
         path, x = next(leaves(record.data))
-        wrong = replace(record, data=replace_at(record.data, path, exactly(x, MULTIPRECISION) * 9 / 8))
+        wrong = replace(record, data=replace_at(record.data, path, to_number(x, MULTIPRECISION) * 9 / 8))
         out[record.id] = {n: errors(wrong, n) for n in systems(record, few=True)}
     return out
 

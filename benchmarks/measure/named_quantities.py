@@ -16,7 +16,7 @@ from functools import lru_cache
 import numpy as np
 import sympy as sp
 
-from phasebench.integrators.errors import unknown
+from phasebench.integrators.errors import unknown_name
 
 from . import lyapunov
 from .body_quantities import of_bodies, position
@@ -29,7 +29,7 @@ FAR = 100.0
 
 
 def _angle(y: Callable, x: Callable, name: str, about: str) -> Quantity:
-    """The angle at the end of a direction (x, y), given as functions of (problem, q, p)."""
+    """A quantity: the angle of the direction (x, y) at the end of a run; x and y are functions of (problem, q, p)."""
 
     def values(problem, t, q, p) -> np.ndarray:
         return np.arctan2(y(problem, q[-1:], p[-1:]), x(problem, q[-1:], p[-1:]))
@@ -185,5 +185,5 @@ def quantity(problem, name: str) -> Quantity:
     """The quantity of a problem with this name; raises InvalidInput with the nearest known name."""
     known = quantities(problem)
     if name not in known:
-        raise unknown(f"quantity of '{getattr(problem, 'label', problem)}'", name, known)
+        raise unknown_name(f"quantity of '{getattr(problem, 'label', problem)}'", name, known)
     return known[name]

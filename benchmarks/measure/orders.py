@@ -14,9 +14,10 @@ from .integrator import OURS
 
 
 def orders(rows: list[dict[str, Any]], column: str = "global_error") -> list[dict[str, Any]]:
-    """The measured order of each (scene, method) in the order scenes, with its window and 95 % interval.
+    """The measured order of convergence of each (scene, method), with its window and 95 % interval.
 
-    Only ``ok`` rows with a fixed step and an error above the noise (the reference's uncertainty, round-off) are used.
+    Used are the ``ok`` rows with a fixed step of scenes whose purpose is the order, with an error above the noise (the
+    reference's uncertainty, round-off).
     """
     groups: dict[tuple[str, str], list[dict]] = {}
     for r in rows:

@@ -66,7 +66,7 @@ StepMatrix = Callable[[float], "np.ndarray | None"]
 
 @dataclass(frozen=True)
 class Found:
-    """The stable steps of an integrator.
+    """The stable steps of an integrator on the harmonic oscillator, z = h omega.
 
     Attributes
     ----------
@@ -119,7 +119,7 @@ def end(chosen: Integrator, z: float, steps: int, state=(1.0, 0.0)) -> np.ndarra
 
 
 def matrix(chosen: Integrator, z: float) -> np.ndarray | None:
-    """The matrix (2, 2) of a step whose map is linear; None if the step fails."""
+    """The matrix (2, 2) of a linear step z = h omega of the oscillator; None if the step fails."""
     columns = [end(chosen, z, 1, state) for state in ((1.0, 0.0), (0.0, 1.0))]
     return None if any(c is None for c in columns) else np.array(columns).T
 
@@ -127,7 +127,7 @@ def matrix(chosen: Integrator, z: float) -> np.ndarray | None:
 def linear(chosen: Integrator) -> bool:
     """True if the step map is linear and nothing but the state passes from one step to the next.
 
-    False for a method of this project that may miss its promise in a step (`Prepared.missed`).
+    False for a method that may fall back in a step, without what it claims to conserve (`Prepared.missed`).
     """
     if isinstance(chosen.record, Method) and kernel.prepare(chosen.record, _oscillator().system).missed:
         return False
@@ -157,7 +157,7 @@ def find(chosen: Integrator) -> Found:
 
 
 def of_matrix(step_matrix: StepMatrix) -> Found:
-    """The stable steps of a linear map."""
+    """The stable steps z of a linear map, from its matrix as a function of z."""
     known = _cache_matrices(step_matrix)
     pieces, scanned = _pieces(known)
     reason = "" if scanned else "no step can be taken"
@@ -169,7 +169,7 @@ def of_matrix(step_matrix: StepMatrix) -> Found:
 
 
 def _pieces(step_matrix: StepMatrix) -> tuple[list[tuple[float, float]], float]:
-    """(stable intervals, end of the scan); a second, longer scan follows if the first one ends in a stable interval."""
+    """(stable intervals of z, end of the scan) of a linear map; a longer scan follows if the first ends stable."""
     first = linear_stability.stability(step_matrix)
     pieces, last = list(first.intervals), linear_stability.LAST
     if not pieces or pieces[-1][1] < last:
@@ -193,7 +193,7 @@ def _cache_matrices(step_matrix: StepMatrix) -> StepMatrix:
 
 
 def _margins(step_matrix: StepMatrix, z: float) -> tuple[np.ndarray, float]:
-    """(Jury's margins without allowances, a bound of their round-off)."""
+    """(Jury's three stability margins of the matrix at z, a bound of their round-off)."""
     M = step_matrix(z)
     if M is None or not np.isfinite(M).all():
         return np.full(3, -1.0), 0.0
@@ -240,7 +240,7 @@ def _touches(step_matrix: StepMatrix, a: float, b: float) -> list[float]:
 
 
 def of_runs(chosen: Integrator) -> Found:
-    """The steps at which a nonlinear map stays bounded, by long runs."""
+    """The steps z at which an integrator's nonlinear map stays bounded on the oscillator, found by long runs."""
     why: list[str] = []
 
     def stays(z: float) -> bool:
@@ -272,7 +272,7 @@ def _bisect(stays: Callable[[float], bool], good: float, bad: float) -> float:
 
 
 def failure_of_run(chosen: Integrator, z: float, steps: int) -> str:
-    """How a run of ``steps`` steps of z failed: its status, or "grown"; "" if it did not."""
+    """How a run of ``steps`` steps z = h omega on the oscillator failed: its status, or "grown"; "" if it did not."""
     s = chosen.run(_oscillator(), h=z, steps=steps, save_every=max(1, steps // 200))
     if s.status != OK:
         return s.status

@@ -32,7 +32,7 @@ from phasebench.benchmarks.problems import user_file
 from phasebench.integrators import record
 from phasebench.integrators.compile.codegen import DOUBLE
 from phasebench.integrators.driver import OK, TIMEOUT, Solution
-from phasebench.integrators.errors import InvalidInput, unknown
+from phasebench.integrators.errors import InvalidInput, unknown_name
 from phasebench.integrators.request import check_timeout, request
 from phasebench.integrators.systems.magnetic import CLASSICAL
 from phasebench.reference.peers.run import ending
@@ -53,7 +53,7 @@ class OwnStep:
     claims : any of `judge.checks.CHECKS`
     requires : traits that the system must have
     where : the file of its code, as in a traceback
-    again : id -> the step, read again in another process; None if the step is not from a file
+    again : path -> the step, reads its file once more when it is unpickled; None if the step is not from a file
     """
 
     id: str
@@ -72,7 +72,7 @@ class OwnStep:
 
     @property
     def label(self) -> str:
-        """The id."""
+        """The step's label, which is its id."""
         return self.id
 
     @property
@@ -81,10 +81,10 @@ class OwnStep:
         return self.claims.get("order")
 
     def lacks(self, system) -> str | None:
-        """The reason why it cannot run on ``system``, or None if it can."""
+        """Why the step cannot run on ``system``, or None if it can."""
         for trait in self.requires:
             if trait not in system.traits:
-                raise unknown("trait of systems", trait, system.traits)
+                raise unknown_name("trait of systems", trait, system.traits)
         kind = system.traits[particle_step.TRAIT]
         if kind and kind != CLASSICAL and isinstance(self.step, particle_step.InMomenta):
             return f"a step of (x, v) is of a particle that is not relativistic, and this one is {kind}"
@@ -114,7 +114,7 @@ class System:
 
     @cached_property
     def particle(self) -> particle_step.Particle:
-        """The charged particle that a step of (x, v) sees."""
+        """The system as a charged particle with fields E and B, for a step written in positions and velocities."""
         return particle_step.Particle(self.whole, DOUBLE, self.evaluations)
 
     def __getattr__(self, name: str):
@@ -262,7 +262,7 @@ def integrate_step(
 
 
 def _steps(step, seen: System, asked, rows, deadline) -> tuple[int, int, bool]:
-    """Fill the rows; return (rows filled, steps taken, True if time ran out before the end)."""
+    """Take the steps and save states in ``rows``; return (rows filled, steps taken, True if time ran out)."""
     q, p, row = asked.q, asked.p, 1
     for n in range(1, asked.steps + 1):
         try:
@@ -286,7 +286,7 @@ def _steps(step, seen: System, asked, rows, deadline) -> tuple[int, int, bool]:
 
 
 def _frozen(x: np.ndarray) -> np.ndarray:
-    """A read-only view whose base is read-only too."""
+    """Make an array read-only, and return a view of it, which cannot be made writable."""
     x.flags.writeable = False
     return x.view()
 

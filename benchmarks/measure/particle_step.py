@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 
 from phasebench.integrators.compile import codegen
-from phasebench.integrators.compile.codegen import DOUBLE, exactly
+from phasebench.integrators.compile.codegen import DOUBLE, to_number
 from phasebench.integrators.systems import magnetic
 
 #: The trait that such a step requires.
@@ -46,7 +46,7 @@ class Particle:
         self.evaluations, self._arithmetic, self._plane = evaluations, arithmetic, system.d == 2
         self._fields, self._shift = magnetic.fields(system, arithmetic), magnetic.shift(system, arithmetic)
         self._energy = system.energy(arithmetic)
-        self._mass = exactly(magnetic.constants(system)[0], arithmetic)
+        self._mass = to_number(magnetic.constants(system)[0], arithmetic)
 
     def E(self, x) -> np.ndarray:
         """The electric field at x, times charge / mass."""
@@ -69,7 +69,7 @@ class Particle:
         return self._mass * (self._array(self._value(v)) + self._array(self._call(self._shift, x)))
 
     def state(self, q, p) -> tuple[np.ndarray, np.ndarray]:
-        """(x, v) of q and p."""
+        """Position and velocity (x, v), arrays (3,), of the canonical state q, p."""
         v = np.asarray(p) / self._mass - self._array(self._call(self._shift, q))
         return self._spatial(q), self._spatial(v)
 
@@ -77,7 +77,7 @@ class Particle:
         return function(self._value(x))
 
     def _value(self, x):
-        """The components of the system's own dimension, as its functions take them."""
+        """The first d components of the position x, in the form that the system's compiled functions take."""
         d = 2 if self._plane else 3
         x = np.asarray(x)[:d]
         if self._arithmetic != DOUBLE:
@@ -93,13 +93,13 @@ class Particle:
 
 
 class InMomenta:
-    """A step (particle, x, v, h) -> (x, v) as a step (system, q, p, h) -> (q, p)."""
+    """Adapts a step (particle, x, v, h) -> (x, v) to a step (system, q, p, h) -> (q, p)."""
 
     def __init__(self, step: Callable[..., tuple[Any, Any]]):
         self.step, self.__name__ = step, getattr(step, "__name__", type(step).__name__)
 
     def __call__(self, system, q, p, h):
-        """Convert, step, and convert back; what is no pair is returned as it is, for the caller to refuse."""
+        """Convert q, p to x, v, take the step, and convert back; an invalid result is returned as it is."""
         particle = system.particle
         x, v = particle.state(q, p)
         x.flags.writeable = v.flags.writeable = q.flags.writeable and p.flags.writeable

@@ -55,16 +55,16 @@ class Quantity:
     statistical: bool = False
 
     def steps(self, wanted: float) -> int:
-        """The number of steps nearest to ``wanted`` that gives the rows it needs."""
+        """The number of steps nearest to ``wanted`` with which a run has the rows that the quantity needs."""
         unit = self.rows if self.aligned else 1
         return max(1, round(wanted / unit)) * unit
 
     def save_every(self, steps: int) -> int:
-        """The spacing of its rows, in steps, in a run of ``steps`` steps; 0 if the end suffices."""
+        """Save every Nth state of a run of ``steps`` steps for the quantity: N; 0 if the end suffices."""
         return 0 if self.rows == 1 else max(1, steps // self.rows)
 
     def grid(self, steps: int | None = None, tol: float | None = None) -> dict[str, Any]:
-        """Arguments of `Integrator.run` that give the rows it needs, with a number of steps or a tolerance."""
+        """Arguments of `Integrator.run` that give the rows the quantity needs, for a number of steps or a tolerance."""
         if steps is not None:
             return {"steps": steps, "save_every": self.save_every(steps)}
         return {"tol": tol, "save_every": 0} if self.rows == 1 else {"tol": tol, "steps": self.rows, "save_every": 1}

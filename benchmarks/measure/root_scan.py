@@ -43,7 +43,7 @@ class Scan:
 
 
 class _Forces:
-    """The gradient and Hessian of U, for rows Q (n, d), and the inverse mass matrix of a problem with quadratic T."""
+    """The gradient and Hessian of the potential U, for rows Q (n, d), and the inverse mass matrix of quadratic T."""
 
     def __init__(self, found: Problem):
         self.system = system = found.system
@@ -61,7 +61,10 @@ class _Forces:
 
 
 def _substep(forces: _Forces, Q, P, h, lam, k):
-    """Newton's method from k at every row: (Q, P after the substep, k, True where it converged before the fold)."""
+    """Solve the stage equation of a substep for k at every row, by Newton's method from a given k.
+
+    Returns (Q and P after the substep, k, True where it converged and is not past the fold of the solution).
+    """
     M, d = forces.inverse_mass, Q.shape[1]
     b = lam * (1 - lam) * h * h
     V = P @ M
@@ -122,7 +125,7 @@ def along(found: Problem, scheme: str, h: float, t_end: float, every: int = 1, *
 
 
 def summary(scans: list[Scan]) -> list[dict]:
-    """A row per scan: h, numbers of steps with 0, 1 or more roots, the ranges of nearest and far roots, the reach."""
+    """A row per scan: h, steps with 0, 1 or more roots lambda, range of the nearest ones, far ones, range scanned."""
     out = []
     for s in scans:
         nearest = np.array([r[0] for r in s.roots if len(r)])

@@ -44,7 +44,7 @@ class Drift(TabularResult):
 
     @property
     def holds_zero(self) -> bool:
-        """Whether the interval holds 0: no drift is seen."""
+        """True if the interval contains 0: no drift is seen."""
         return self.interval[0] <= 0.0 <= self.interval[1]
 
     def to_frame(self) -> pd.DataFrame:
@@ -147,7 +147,7 @@ def _numbers(name: str, given: Numbers) -> NDArray[np.float64]:
 
 
 def _even(t: NDArray[np.float64], error: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """The series at as many even times, by Akima's cubic."""
+    """(times, values): the series interpolated to as many equidistant times, by Akima's cubic."""
     from scipy.interpolate import Akima1DInterpolator
 
     times = np.linspace(t[0], t[-1], len(t))

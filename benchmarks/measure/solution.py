@@ -42,7 +42,7 @@ class GlobalError(NamedTuple):
 
 
 def stability_hint(status: str, method: str) -> str:
-    """What to add to the reason of a run that is unstable: the command that prints which steps are stable."""
+    """A hint for a run with status "unstable": the command that prints which steps are stable; "" for another."""
     where = f"`phasebench stability {method}` prints the steps that are stable on an oscillator"
     return where if status == UNSTABLE else ""
 
@@ -102,7 +102,7 @@ class Solution(solution.Solution):
         return f"<pre>{escape(repr(self))}</pre>{self.to_frame().to_html(index=False, max_rows=HEAD)}"
 
     def _started(self) -> Any:
-        """The problem, started from the solution's first row."""
+        """The solution's problem, with the solution's first row as its initial state."""
         from .global_error import with_start
 
         q, p = self.q[0], self.p[0]

@@ -27,14 +27,14 @@ class TabularResult(ABC):
         return []
 
     def _printed(self) -> pd.DataFrame:
-        """The rows that are printed."""
+        """The rows and columns that are printed, as a DataFrame."""
         return self.to_frame()
 
     def __repr__(self) -> str:
         return "\n".join([*self._heading(), self._printed().to_string(index=False)])
 
     def _repr_html_(self) -> str:
-        """The table of a notebook."""
+        """The printed table as HTML, for a notebook."""
         heading = "".join(f"<p>{escape(line)}</p>" for line in self._heading())
         return heading + self._printed().to_html(index=False)
 

@@ -36,7 +36,10 @@ NOWHERE = Median(inf, inf, inf)
 
 @cache
 def rank(n: int, confidence: float = CONFIDENCE) -> int:
-    """The largest k such that the k-th smallest and largest of n enclose the median that often; at least 1."""
+    """The largest k with which the k-th smallest and largest of n enclose the median with probability ``confidence``.
+
+    At least 1.
+    """
     below, ways, k = 0, 1, 0
     most = int(Fraction(1 - confidence) / 2 * 2**n)
     while k < n and below + ways <= most:
@@ -56,7 +59,10 @@ def median(samples: Iterable[float]) -> Median:
 
 
 def in_turns(work: Mapping[Hashable, Callable[[], float]], rounds: int = 15) -> dict[Any, np.ndarray]:
-    """The seconds that each callable returns in each round; a first round is dropped, and the order alternates."""
+    """Call each callable once a round; the seconds that it returns in each round, without a first one, by name.
+
+    The order of the calls alternates from round to round.
+    """
     seconds: dict[Hashable, list[float]] = {n: [] for n in work}
     for k in range(rounds + 1):
         for name in work if k % 2 else reversed(work):
@@ -67,7 +73,7 @@ def in_turns(work: Mapping[Hashable, Callable[[], float]], rounds: int = 15) -> 
 
 
 def time_in_turns(work: Mapping[Hashable, Callable[[], object]], rounds: int = 15) -> dict[Any, np.ndarray]:
-    """The measured seconds of each callable in each round, in the order of `in_turns`."""
+    """Measure the seconds that each callable takes in each of several rounds, in which they run alternately."""
 
     def clock(run):
         def seconds() -> float:
@@ -81,7 +87,7 @@ def time_in_turns(work: Mapping[Hashable, Callable[[], object]], rounds: int = 1
 
 
 def ratio(a: np.ndarray, b: np.ndarray) -> Median:
-    """The median ratio of times a / b, taken round by round."""
+    """The median, with interval, of the ratios a / b of times measured in the same round."""
     return median(np.asarray(a) / np.asarray(b))
 
 

@@ -50,7 +50,7 @@ def truth(problem, quantity: Quantity, t_end: float) -> Truth:
 
 
 def of_runs(problem, quantity: Quantity, runs: FollowedOrbit) -> Truth:
-    """The true value from runs in long double at the quantity's times."""
+    """The true value of a quantity, with its uncertainty, from several runs of the orbit in long double."""
     d = problem.system.d
 
     def at(rows: np.ndarray) -> np.ndarray:

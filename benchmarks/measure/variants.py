@@ -13,7 +13,7 @@ TABULATED = ("scheme-i", "scheme-ii", "scheme-iii")
 
 
 def variants(methods: Iterable[Method] = METHODS) -> Iterator[tuple[str, tuple[tuple[str, str], ...]]]:
-    """(id, parameters) of every method; the schemes in `TABULATED` once for each of `LAMBDAS`."""
+    """(id, parameters) of every method: `TABULATED` ones at each lam of `LAMBDAS`, those with an order at 3 and 4."""
     for m in methods:
         if m.id in TABULATED:
             yield from ((m.id, (("lam", lam),)) for lam in LAMBDAS)

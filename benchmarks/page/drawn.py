@@ -75,7 +75,7 @@ class Figures:
             self.before = {}
 
     def of(self, page: Page, data, target: Path) -> list[Picture]:
-        """Draw or copy a page's figures into ``target`` and return them; ``data`` is a `report.Data`."""
+        """Draw a page's figures into ``target``, or copy stored ones if still valid; ``data`` is a `report.Data`."""
         entry = self.before.get(page.id)
         if entry is None or not self._same(entry, page, data):
             read = _Reading(data)

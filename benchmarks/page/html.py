@@ -27,7 +27,7 @@ def _style(name: str) -> str:
 
 
 def _inline_images(folder: Path):
-    """A function for `re.sub` that replaces an image's file name by its bytes."""
+    """A function for `re.sub` that replaces an image's file name, in ``folder``, by its bytes as a data URL."""
 
     def replace(match: re.Match) -> str:
         image = base64.b64encode((folder / html.unescape(match[1])).read_bytes()).decode()
@@ -37,18 +37,18 @@ def _inline_images(folder: Path):
 
 
 def _box(match: re.Match) -> str:
-    """Put a table into a box that scrolls on its own."""
+    """Put a matched HTML table into a box that scrolls on its own."""
     return f'<div class="table">{match[0]}</div>'
 
 
 def _fold(match: re.Match) -> str:
-    """Put a table into a box that scrolls on its own, folded if it is long."""
+    """Put a matched HTML table into a box that scrolls on its own, folded if it is long."""
     rows = match[0].count("<tr>") - 1
     return f"<details><summary>{rows} rows</summary>{_box(match)}</details>" if rows > LONG else _box(match)
 
 
 def _outcome(match: re.Match) -> str:
-    """Mark up an outcome so that it gets its colour."""
+    """Mark up a matched outcome, such as PASS or FAIL, as HTML of its colour."""
     return f'<strong class="{match[1].lower()}">{match[1]}</strong>'
 
 

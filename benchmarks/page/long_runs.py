@@ -21,7 +21,7 @@ NOISE = 1e-12
 
 @once
 def long_runs(rows: pd.DataFrame) -> pd.DataFrame:
-    """The rows of this project's methods on the long scenes, with the energy behaviour that each method declares."""
+    """The rows of long runs of this project's methods, with the energy behaviour that each method declares."""
     part = rows[rows["purpose"] == scenes.DRIFT]
     if "kind" in part:
         part = part[part["kind"] == OURS]

@@ -29,7 +29,7 @@ ANSWER, CLAIM = 30, 15
 
 @dataclass(frozen=True)
 class Picture:
-    """A figure: its file in the folder of figures, a title, a caption."""
+    """A figure of a page: its file in the folder of figures, a title, a caption."""
 
     file: str
     title: str
@@ -53,9 +53,9 @@ class Table:
 
 
 def of(*names: str):
-    """Decorator: turn a function of tables into one of ``data``, which returns None if a table is missing or empty.
+    """Decorator: turn a function of the tables called ``names`` into one of ``data``, name -> table.
 
-    Further arguments (a folder of figures) are passed after the tables.
+    It returns None if a table is missing or empty; further arguments (a folder of figures) follow the tables.
     """
 
     def decorate(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -131,7 +131,10 @@ class Page:
 
 
 def conclusion(page: Page, data: Data, verdicts: list[Verdict] | None = None) -> tuple[str, str]:
-    """(outcome, answer) of a page, of its ``verdicts`` if they are known; `MISSING` if its tables were not measured."""
+    """(outcome, answer in words) of a page; the outcome is `MISSING` if its tables were not measured.
+
+    ``verdicts`` are the page's, if they were already computed.
+    """
     answer = page.answer(data)
     if answer is None:
         return MISSING, NOTHING

@@ -29,7 +29,7 @@ _ORDER = (FAIL, FINDING, PASS, MISSING)
 
 @dataclass(frozen=True)
 class Count:
-    """``n`` of ``of`` items have the property."""
+    """A measured count: ``n`` of ``of`` items have the property."""
 
     n: int
     of: int
@@ -37,7 +37,7 @@ class Count:
 
 @dataclass(frozen=True)
 class Range:
-    """The smallest and the largest measured value."""
+    """A measured range: the smallest and the largest value."""
 
     low: float
     high: float
@@ -57,7 +57,7 @@ class Condition(Protocol):
 
 
 def _ends(measured: Measured) -> tuple[float, float]:
-    """The smallest and the largest value; for a count its fraction, twice."""
+    """The smallest and the largest measured value; for a count its fraction, twice."""
     if isinstance(measured, Range):
         return measured.low, measured.high
     value = measured.n / measured.of if isinstance(measured, Count) else float(measured)
@@ -140,7 +140,7 @@ class Verdict:
 
     @property
     def outcome(self) -> str:
-        """`PASS`, `FINDING`, `FAIL` or `MISSING`."""
+        """The outcome of the claim: `PASS`, `FINDING`, `FAIL` or `MISSING`."""
         empty = self.measured is None or self.measured == Count(0, 0)
         if empty or math.isnan(sum(_ends(self.measured))):
             return MISSING

@@ -8,7 +8,7 @@ from functools import lru_cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from phasebench.integrators.errors import unknown
+from phasebench.integrators.errors import unknown_name
 
 from .index import PROBLEMS, plain, real_parameters
 from .user_file import is_file
@@ -41,7 +41,7 @@ def problem(name: str | Path, **parameters: float | str) -> Problem:
         return whole.at(orbit) if orbit else whole
     id, _, orbit = str(name).partition(":")
     if id not in PROBLEMS:
-        raise unknown("problem", id, PROBLEMS)
+        raise unknown_name("problem", id, PROBLEMS)
     try:
         whole = _cached_problem(id, **{name: plain(value) for name, value in parameters.items()})
     except TypeError:  # a parameter that is no number, and perhaps not hashable
@@ -58,7 +58,7 @@ def _cached_problem(id: str, /, **parameters) -> Problem:
 
 
 def _build(id: str, /, **parameters) -> Problem:
-    """The problem made by its module, without the cache on disk."""
+    """Build the problem ``id`` by its module, without the cache on disk."""
     module = importlib.import_module(f".{PROBLEMS[id][0]}", __name__)
     return _call_make(module, **(module.PARAMETERS | real_parameters(f"problem '{id}'", module.PARAMETERS, parameters)))
 
@@ -70,7 +70,7 @@ def _call_make(module, **parameters) -> Problem:
 
 
 def labels(names: Iterable[str] = ()) -> list[str]:
-    """The labels (`Problem.label`) that names stand for: an id stands for all its orbits, no names for all problems.
+    """The labels ``id:orbit`` that names stand for: an id stands for all its orbits, no names for all problems.
 
     Raises
     ------
@@ -81,10 +81,10 @@ def labels(names: Iterable[str] = ()) -> list[str]:
     for name in list(names) or PROBLEMS:
         id, _, wanted = name.partition(":")
         if id not in PROBLEMS:
-            raise unknown("problem", id, PROBLEMS)
+            raise unknown_name("problem", id, PROBLEMS)
         orbits = PROBLEMS[id][2]
         if wanted and wanted not in orbits:
-            raise unknown(f"orbit of '{id}'", wanted, orbits)
+            raise unknown_name(f"orbit of '{id}'", wanted, orbits)
         out += [id if len(orbits) == 1 else f"{id}:{orbit}" for orbit in ([wanted] if wanted else orbits)]
     return list(dict.fromkeys(out))
 

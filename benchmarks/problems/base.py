@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from phasebench.integrators.errors import InvalidInput, unknown
+from phasebench.integrators.errors import InvalidInput, unknown_name
 from phasebench.integrators.systems.hamiltonian import Formula, PartitionedSystem
 
 ORDER, DRIFT = "order", "drift"
@@ -103,7 +103,7 @@ class Problem:
         if orbit not in {o.name for o in self.orbits}:
             if "=" in orbit:
                 raise InvalidInput(f"'{orbit}' sets a parameter; say --set {orbit}, in Python problem(..., {orbit})")
-            raise unknown(f"orbit of '{self.id}'", orbit, [o.name for o in self.orbits])
+            raise unknown_name(f"orbit of '{self.id}'", orbit, [o.name for o in self.orbits])
         return replace(self, orbit=orbit)
 
     @property
@@ -123,7 +123,7 @@ class Problem:
 
     def invariant(self, name: str, Q: ArrayLike, P: ArrayLike) -> NDArray[np.float64]:
         """The values of an invariant along rows of Q, P, each of shape (n, d); an array of shape (n,)."""
-        return self.system.observed(f"invariant {name}", lambda: self.invariants[name], Q, P)
+        return self.system.evaluate(f"invariant {name}", lambda: self.invariants[name], Q, P)
 
     def refuses(self, record: Any) -> str | None:
         """Why an integrator that can run on the system is unsuitable for this problem; None if it is not."""
@@ -177,5 +177,5 @@ def halvings(h: float, count: int) -> tuple[float, ...]:
 
 
 def decades(last: float) -> tuple[float, ...]:
-    """Four times, each ten times the one before, of which ``last`` is the last."""
+    """The four times last / 1000, last / 100, last / 10 and ``last``."""
     return tuple(last / 10**k for k in (3, 2, 1, 0))

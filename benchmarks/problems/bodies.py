@@ -17,7 +17,7 @@ from math import inf, isfinite
 
 import mpmath
 
-from phasebench.integrators.errors import InvalidInput, unknown
+from phasebench.integrators.errors import InvalidInput, unknown_name
 
 from .gravity import MASSLESS
 from .units import Units
@@ -58,7 +58,7 @@ class Bodies:
     Attributes
     ----------
     members : the bodies, in the order of the table
-    units : of all numbers
+    units : the units of all numbers
     frame : heliocentric (about the first body) or barycentric
     """
 
@@ -68,7 +68,7 @@ class Bodies:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The names, the central body's first."""
+        """The names of the bodies, the central one first."""
         return tuple(b.name for b in self.members)
 
     @property
@@ -84,14 +84,14 @@ class Bodies:
 
     @property
     def content(self) -> tuple:
-        """Everything as nested tuples of numbers and strings, which can be hashed and pickled."""
+        """The table as nested tuples of numbers and strings, which can be hashed and pickled."""
         with mpmath.workdps(DIGITS):
             rows = tuple((b.name, b.mass, tuple(map(str, (*b.x, *b.v))), b.massive) for b in self.members)
         return rows, tuple(self.units), self.frame
 
     @classmethod
     def of_content(cls, content: tuple) -> Bodies:
-        """The bodies with this `content`."""
+        """Make the bodies from their `content`, nested tuples of numbers and strings."""
         rows, of_units, frame = content
         with mpmath.workdps(DIGITS):
             members = tuple(
@@ -101,12 +101,12 @@ class Bodies:
         return cls(members, Units(*of_units), frame)
 
     def without(self, names: Iterable[str]) -> Bodies:
-        """The system without some of its bodies."""
+        """The table without the bodies of these names."""
         left_out = set(names)
         return replace(self, members=tuple(b for b in self.members if b.name not in left_out))
 
     def massless(self, names: Iterable[str]) -> Bodies:
-        """The system with some of its bodies as test particles."""
+        """The table with the bodies of these names as test particles."""
         light = set(names)
         return replace(self, members=tuple(replace(b, massive=False) if b.name in light else b for b in self.members))
 
@@ -182,7 +182,7 @@ def _columns(heads: Sequence[str], where: str) -> tuple[str, ...]:
         raise InvalidInput(f"{where}: the column {twice[0]} is there twice; leave one out")
     strange = [h for h in heads if h not in ("name", "m", *CARTESIAN, *ELEMENTS)]
     if strange:
-        known = unknown("column", strange[0], ["name", "m", *CARTESIAN, *ELEMENTS])
+        known = unknown_name("column", strange[0], ["name", "m", *CARTESIAN, *ELEMENTS])
         raise InvalidInput(
             f"{where}: {known} (capitals matter: Omega is the node, omega the pericentre, M the anomaly)"
         )
@@ -207,12 +207,15 @@ def _frame(frame: str | None, chosen: tuple[str, ...], where: str) -> str:
     if frame is None:
         raise InvalidInput(f"{where}: it does not say about what positions are; say the frame: {' or '.join(FRAMES)}")
     if frame not in FRAMES:
-        raise InvalidInput(f"{where}: {unknown('frame', frame, FRAMES)}")
+        raise InvalidInput(f"{where}: {unknown_name('frame', frame, FRAMES)}")
     return frame
 
 
 def _name(place: str, row: Mapping[str, object], names: dict[str, str]) -> str:
-    """The row's name, in lower case with dashes for spaces; added to ``names``, in which it must not be yet."""
+    """The name of a row's body, in lower case with dashes for spaces; added to ``names``, name -> place.
+
+    Raises InvalidInput for a malformed name, and for one that ``names`` already has.
+    """
     given = str(row.get("name", "")).strip()
     name = "-".join(given.lower().split())
     if not name or not all(c.isalnum() or c in "-_" for c in name):

@@ -6,7 +6,7 @@ import csv
 import re
 from pathlib import Path
 
-from phasebench.integrators.errors import InvalidInput, unknown
+from phasebench.integrators.errors import InvalidInput, unknown_name
 
 from .bodies import FRAMES, Bodies, bodies
 from .units import Units, units
@@ -59,7 +59,7 @@ def parse(text: str, path: str) -> Bodies:
             found_units = units(rest, place) if word == "units" else found_units
             frame = rest.strip().lower() if word == "frame" else frame
             if word == "frame" and frame not in FRAMES:
-                raise InvalidInput(f"{place}: {unknown('frame', frame, FRAMES)}")
+                raise InvalidInput(f"{place}: {unknown_name('frame', frame, FRAMES)}")
             continue
         cells = _cells(line, place)
         if not any(cells):

@@ -21,7 +21,7 @@ PARAMETERS = {"phi0": 0.01}
 
 
 def make(phi0: float) -> Problem:
-    """The problem with the strength ``phi0`` >= 0 of the repulsive potential."""
+    """Make the problem of the charged particle, with the strength ``phi0`` >= 0 of the repulsive potential."""
     if not phi0 >= 0:
         raise InvalidInput(f"phi0 is {phi0}; it must not be negative: the origin would attract")
     q1, q2, p1, p2 = sp.symbols("q1 q2 p1 p2", real=True)

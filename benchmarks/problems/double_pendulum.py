@@ -26,7 +26,7 @@ PARAMETERS = {"m1": 1.0, "m2": 1.0, "l1": 1.0, "l2": 1.0, "g": 1.0}
 
 
 def make(**parameters: float) -> Problem:
-    """The problem with masses ``m1``, ``m2``, lengths ``l1``, ``l2`` and gravity ``g``, all positive."""
+    """Make the double pendulum with masses ``m1``, ``m2``, lengths ``l1``, ``l2`` and gravity ``g``, all positive."""
     for name, value in parameters.items():
         if not value > 0:
             raise InvalidInput(f"{name} of the double pendulum is {value}; it must be positive")

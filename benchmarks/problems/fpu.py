@@ -21,7 +21,7 @@ import sympy as sp
 from phasebench.integrators.compile.codegen import value_kind
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
-from phasebench.integrators.systems.hand import HandHamiltonian, of_unit_masses
+from phasebench.integrators.systems.hand import HandHamiltonian, unit_mass_field
 
 from .base import Orbit, Pace, Problem, decades
 
@@ -31,7 +31,7 @@ LARGEST = 5000
 
 
 def grad_V(w2, sign=1):
-    """Make the loop f(q, g) that writes ``sign`` grad V to g, for w2 = omega^2 (see `systems.hand`)."""
+    """Make the function f(q, g) that writes ``sign`` grad V of the springs' potential to g, w2 = omega^2."""
 
     def f(q, g):
         m = len(q) // 2
@@ -53,17 +53,17 @@ def grad_V(w2, sign=1):
 
 
 def grad_U(w2):
-    """Make the loop f(q, g) that writes the gradient of V without the stiff springs to g."""
+    """Make the function f(q, g) that writes the gradient of the soft springs' potential to g."""
     return grad_V(0 * w2)
 
 
 def field(w2):
-    """Make the loop that writes the vector field (H_p, -H_q) = (p, -grad V) (see `systems.hand`)."""
-    return of_unit_masses(grad_V(w2, -1))
+    """Make the function that writes the vector field (p, -grad V) of the springs, w2 = omega^2 (see `systems.hand`)."""
+    return unit_mass_field(grad_V(w2, -1))
 
 
 def energy(w2):
-    """Make the loop f(q, p) -> (H, M); M is the unit in which H's round-off is measured (see `systems.hand`)."""
+    """Make the function f(q, p) -> (H, M), w2 = omega^2; M is the unit in which H's round-off is measured."""
 
     def f(q, p):
         m = len(q) // 2
@@ -92,7 +92,7 @@ def soft_springs(q0, q1) -> list:
 
 
 def formula(omega: float, m: int):
-    """(q, p, H) as symbols and an expression: the soft coordinates before the stiff ones."""
+    """(q, p, H): SymPy symbols, the soft coordinates before the stiff ones, and H as an expression."""
     w = sp.Rational(omega)  # exactly the double
     q0, q1, p0, p1 = (
         sp.symbols([f"{name}{i}" for i in range(1, m + 1)], real=True) for name in ("q0", "q1", "p0", "p1")

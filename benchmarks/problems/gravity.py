@@ -43,7 +43,7 @@ def newton(p: Sequence[sp.Symbol], masses: Sequence, G, pairs, distances) -> sp.
 
 
 def kepler_part(masses: Sequence, G, order: Sequence[int], dimension: int = 3) -> KeplerPart:
-    """Jacobi's Kepler part with the bodies taken in ``order``, the central one first, instead of as they stand."""
+    """The Kepler part of H in Jacobi's coordinates, the bodies taken in ``order`` (indices, the central one first)."""
     part = jacobi([masses[i] for i in order], G, dimension)
     place = {body: column for column, body in enumerate(order)}
     change = tuple(tuple(row[place[i]] for i in range(len(masses))) for row in part.change)
@@ -51,7 +51,7 @@ def kepler_part(masses: Sequence, G, order: Sequence[int], dimension: int = 3) -
 
 
 def barycentre(q: Sequence[sp.Symbol], masses: Sequence) -> Mapping[str, sp.Expr]:
-    """Name -> a coordinate of the centre of mass, which rests where the total momentum is zero."""
+    """Name -> expression of a coordinate of the centre of mass, which rests where the total momentum is zero."""
     D, total = len(q) // len(masses), sum(masses)
     return {
         f"barycentre-{k + 1}": sp.Add(*(m / total * x for m, x in zip(masses, q[k::D], strict=True))) for k in range(D)

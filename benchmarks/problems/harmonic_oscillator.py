@@ -12,7 +12,7 @@ SCENES = (Scene("oscillator-t2", "harmonic-oscillator", ORDER, 2.0, halvings(0.2
 
 
 def make(omega: float) -> Problem:
-    """The problem at frequency ``omega`` > 0."""
+    """Make the harmonic oscillator of frequency ``omega`` > 0."""
     if omega <= 0:
         raise InvalidInput(f"the frequency omega is {omega}; it must be positive")
     q, p = sp.symbols("q p", real=True)

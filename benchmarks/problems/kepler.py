@@ -22,20 +22,20 @@ SCENES = (
 
 
 def plane():
-    """Symbols q1, q2, p1, p2, the distance r and the angular momentum L, as expressions."""
+    """SymPy symbols q1, q2, p1, p2, and expressions of the distance r and the angular momentum L."""
     q1, q2, p1, p2 = sp.symbols("q1 q2 p1 p2", real=True)
     return q1, q2, p1, p2, sp.sqrt(q1**2 + q2**2), q1 * p2 - q2 * p1
 
 
 def pericentre(e: float, times: tuple[float, ...]) -> Orbit:
-    """The start q = (1 - e, 0), p = (0, sqrt((1 + e)/(1 - e))), in doubles; ``times`` of its certified states."""
+    """The orbit from q = (1 - e, 0), p = (0, sqrt((1 + e)/(1 - e))) in doubles; certified states at ``times``."""
     if not 0 <= e < 1:
         raise InvalidInput(f"the eccentricity e is {e}; it must be at least 0 and less than 1")
     return Orbit("e", (1.0 - e, 0.0), (0.0, ((1.0 + e) / (1.0 - e)) ** 0.5), f"pericentre of eccentricity {e:g}", times)
 
 
 def make(e: float) -> Problem:
-    """The problem at eccentricity 0 <= ``e`` < 1."""
+    """Make the Kepler problem at eccentricity 0 <= ``e`` < 1."""
     q1, q2, p1, p2, r, L = plane()
     return Problem(
         id="kepler",

@@ -48,7 +48,7 @@ def kepler_part(system: Hamiltonian, q0: Sequence[float]) -> KeplerPart | None:
 
 
 def _square(q0: Sequence[float], i: int, j: int, dimension: int) -> float:
-    """The squared distance of bodies i and j at the start."""
+    """The squared distance of bodies i and j in q0, coordinates body by body in ``dimension`` axes."""
     return sum((q0[dimension * i + k] - q0[dimension * j + k]) ** 2 for k in range(dimension))
 
 

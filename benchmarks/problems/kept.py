@@ -22,22 +22,25 @@ def _sources() -> str:
 
 
 def load_or_make(id: str, parameters: Mapping[str, float], make: Callable[[], Problem]) -> Problem:
-    """The registered problem ``id`` from the cache, else from ``make``, which can be pickled."""
+    """The registered problem ``id`` from the cache on disk, or else from ``make`` (picklable), and then cached."""
     return of_key(deferred.key_of(_sources(), id, sorted(parameters.items())), make, make)
 
 
 def of_content(content: tuple, recipe: Callable[[], Problem], make: Callable[[], Problem]) -> Problem:
-    """The problem that ``content`` (such as a table of bodies) determines, from the cache or ``make``; see `of_key`."""
+    """The problem determined by ``content`` (such as a table of bodies), from the cache on disk or from ``make``.
+
+    ``recipe`` can be pickled and makes the problem again, should a cached one need its formulae.
+    """
     return of_key(deferred.key_of(_sources(), content), recipe, make)
 
 
 def of_key(key: str, recipe: Callable[[], Problem], make: Callable[[], Problem]) -> Problem:
-    """The problem of a key from the cache; if it is not there, from ``make``, and stored.
+    """The problem stored in the cache on disk under a key; if it is not there, from ``make``, and stored.
 
     ``recipe`` can be pickled and makes the problem again, should a cached one need its formulae.
     """
     entry = f"p-{key}.pickle"
-    found = deferred.kept(entry)
+    found = deferred.load(entry)
     if found is not None:
         return found
     made = make()

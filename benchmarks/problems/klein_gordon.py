@@ -31,7 +31,7 @@ import sympy as sp
 from phasebench.integrators.compile.codegen import value_kind
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
-from phasebench.integrators.systems.hand import HandHamiltonian, of_unit_masses, part
+from phasebench.integrators.systems.hand import HandHamiltonian, part, unit_mass_field
 from phasebench.integrators.systems.multisymplectic import Equation
 
 from .base import Orbit, Pace, Problem
@@ -44,7 +44,7 @@ K = 1.0
 
 
 def grad_V(a, b, sign=1):
-    """Make the loop f(q, g) that writes ``sign`` grad V to g, for a = 1 / dx^2 and b = 1 / dx (see `systems.hand`)."""
+    """Make the function f(q, g) that writes ``sign`` grad V of H = |p|^2 / 2 + V to g; a = 1 / dx^2, b = 1 / dx."""
 
     @part
     def at(j, left, right, x, y, g_x, g_y):
@@ -64,12 +64,12 @@ def grad_V(a, b, sign=1):
 
 
 def field(a, b):
-    """Make the loop that writes the vector field (H_p, -H_q) = (p, -grad V) (see `systems.hand`)."""
-    return of_unit_masses(grad_V(a, b, -1))
+    """Make the function that writes the vector field (H_p, -H_q) = (p, -grad V), for a = 1 / dx^2 and b = 1 / dx."""
+    return unit_mass_field(grad_V(a, b, -1))
 
 
 def energy(a, b):
-    """Make the loop f(q, p) -> (H, M); M is the unit in which H's round-off is measured (see `systems.hand`)."""
+    """Make the function f(q, p) -> (H, M); M is the unit of H's round-off, a = 1 / dx^2, b = 1 / dx."""
 
     def f(q, p):
         n = len(q) // 2
@@ -91,13 +91,13 @@ def energy(a, b):
 
 
 def constants(N: int, L: float) -> tuple[Fraction, Fraction]:
-    """(1 / dx^2, 1 / dx), exactly."""
+    """(1 / dx^2, 1 / dx) as exact fractions, for N points of a period L, dx = L / N."""
     dx = Fraction(L) / N
     return 1 / dx**2, 1 / dx
 
 
 def formula(N: int, L: float):
-    """(q, p, H) as symbols and an expression."""
+    """(q, p, H) of the equation on N points of a period L: SymPy symbols, and H as an expression."""
     q, p = (sp.symbols([f"{x}{j}" for j in range(2 * N)], real=True) for x in "qp")
     a, b = (sp.Rational(c.numerator, c.denominator) for c in constants(N, L))
     bending = [a * (x[(j + 1) % N] - x[j]) ** 2 / 2 for j in range(N) for x in (q[:N], q[N:])]
@@ -106,7 +106,7 @@ def formula(N: int, L: float):
 
 
 def multisymplectic(strength: float = 1.0) -> Equation:
-    """The equation in space-time, z = (q, p, w) of two components each, its nonlinear term times ``strength``."""
+    """The equation in multisymplectic form, z = (q, p, w) of two components each, its cubic term times ``strength``."""
     K, L = np.zeros((6, 6)), np.zeros((6, 6))
     K[[0, 1], [2, 3]], K[[2, 3], [0, 1]] = -1.0, 1.0
     L[[0, 1], [4, 5]], L[[4, 5], [0, 1]] = 1.0, -1.0

@@ -26,7 +26,7 @@ VELOCITIES = ((-30, -20), (50, -90), (-70, -60), (90, 40), (80, 90), (-40, 100),
 
 
 def make() -> Problem:
-    """Make the problem, which has no parameters."""
+    """Make the problem of the seven argon atoms, which has no parameters."""
     q, p, _, distances, kept = bodies(len(POSITIONS), "xy")
     speed = sqrt(EPSILON * BOLTZMANN / MASS)  # m/s = nm/ns
     H = sp.Add(*(x**2 / 2 for x in p)) + sp.Add(*(4 * (r**-12 - r**-6) for r in distances))

@@ -18,7 +18,7 @@ SCENES = (
 
 
 def make() -> Problem:
-    """The problem with the starting points of the talk (see ``source``)."""
+    """Make the problem, with four starting points (cited in its ``source``)."""
     u, v = sp.symbols("u v", real=True)
     return Problem(
         id="lotka-volterra",

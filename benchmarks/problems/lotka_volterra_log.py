@@ -16,7 +16,7 @@ PARAMETERS: dict[str, float] = {}
 
 
 def make() -> Problem:
-    """The problem with the starting points of the talk (see ``source``)."""
+    """Make the problem, with the logarithms of the starting points of ``lotka-volterra``."""
     x, y = sp.symbols("x y", real=True)
     return Problem(
         id="lotka-volterra-log",

@@ -22,7 +22,7 @@ import sympy as sp
 from phasebench.integrators.compile.codegen import value_kind
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
-from phasebench.integrators.systems.hand import HandHamiltonian, of_unit_masses
+from phasebench.integrators.systems.hand import HandHamiltonian, unit_mass_field
 
 from .base import Orbit, Pace, Problem
 from .gravity import bodies
@@ -61,7 +61,7 @@ def plummer(N: int) -> tuple[list[float], list[float]]:
 
 
 def grad_V(strength, sign=1):
-    """Make the loop f(q, g) that writes ``sign`` grad V to g, V = -sum of ``strength`` / r_ij (see `systems.hand`)."""
+    """Make the function f(q, g) that writes ``sign`` grad V to g, V = -sum over pairs of ``strength`` / r_ij."""
 
     def f(q, g):
         for i in range(len(q)):
@@ -78,12 +78,12 @@ def grad_V(strength, sign=1):
 
 
 def field(strength):
-    """Make the loop that writes the vector field (H_p, -H_q) = (p, -grad V) (see `systems.hand`)."""
-    return of_unit_masses(grad_V(strength, -1))
+    """Make the function that writes the vector field (p, -grad V), V = -sum over pairs of ``strength`` / r_ij."""
+    return unit_mass_field(grad_V(strength, -1))
 
 
 def energy(strength):
-    """Make the loop f(q, p) -> (H, M); M is the unit in which H's round-off is measured (see `systems.hand`)."""
+    """Make the function f(q, p) -> (H, M), V = -sum of ``strength`` / r_ij; M is the unit of H's round-off."""
 
     def f(q, p):
         T = U = S = 0 * q[0]
@@ -109,7 +109,7 @@ def nearest(Q, P):
 
 
 def make(N: int) -> Problem:
-    """The problem of 2 <= ``N`` <= `LARGEST` bodies."""
+    """Make the gravitational problem of 2 <= ``N`` <= `LARGEST` bodies."""
     if int(N) != N or not 2 <= N <= LARGEST:
         raise InvalidInput(f"the number N of bodies is {N}; it must be an integer from 2 to {LARGEST}")
     N = int(N)

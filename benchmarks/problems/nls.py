@@ -38,7 +38,7 @@ LARGEST, SHORTEST, LONGEST = 4096, 1e-3, 500.0
 
 
 def field(a, b):
-    """Make the loop that writes (H_p, -H_q), for a = 1 / dx^2 and b = 2 / dx (see `systems.hand`)."""
+    """Make the function that writes (H_p, -H_q) to dq, dp, a = 1 / dx^2, b = 2 / dx (see `systems.hand`)."""
 
     @part
     def at(j, left, right, q, p, dq, dp):
@@ -57,7 +57,7 @@ def field(a, b):
 
 
 def energy(a, b):
-    """Make the loop f(q, p) -> (H, M); M is the unit in which H's round-off is measured (see `systems.hand`)."""
+    """Make the function f(q, p) -> (H, M); M is the unit of H's round-off, a = 1 / dx^2, b = 2 / dx."""
 
     def f(q, p):
         n = len(q)
@@ -77,13 +77,13 @@ def energy(a, b):
 
 
 def constants(N: int, L: float) -> tuple[Fraction, Fraction]:
-    """(1 / dx^2, 2 / dx), exactly."""
+    """(1 / dx^2, 2 / dx) as exact fractions, for N points of a period L, dx = L / N."""
     dx = Fraction(L) / N
     return 1 / dx**2, 2 / dx
 
 
 def formula(N: int, L: float):
-    """(q, p, H) as symbols and an expression."""
+    """(q, p, H) of the equation on N points of a period L: SymPy symbols, and H as an expression."""
     q, p = (sp.symbols([f"{x}{j}" for j in range(N)], real=True) for x in "qp")
     a, b = (sp.Rational(c.numerator, c.denominator) for c in constants(N, L))
     bending = [a * (x[(j + 1) % N] - x[j]) ** 2 / 2 for j in range(N) for x in (q, p)]
@@ -91,7 +91,7 @@ def formula(N: int, L: float):
 
 
 def multisymplectic(strength: float = 1.0) -> Equation:
-    """The equation in space-time, z = (q, p, v, w), its nonlinear term times ``strength``."""
+    """The equation in multisymplectic form, z = (q, p, v, w), psi = q + ip, its cubic term times ``strength``."""
     K, L = np.zeros((4, 4)), np.zeros((4, 4))
     K[0, 1], K[1, 0] = 1.0, -1.0
     L[[0, 1], [2, 3]], L[[2, 3], [0, 1]] = -1.0, 1.0

@@ -26,7 +26,7 @@ BODIES = {
 
 
 def make() -> Problem:
-    """Make the problem, which has no parameters."""
+    """Make the problem of the outer solar system, which has no parameters."""
     q, p, pairs, distances, kept = bodies(len(BODIES), "xyz", first=0)
     masses, exact = [sp.Rational(m) for m, _, _ in BODIES.values()], sp.Rational(G)
     start = Orbit(

@@ -64,22 +64,22 @@ class PlanetarySystem(Problem):
         return self.without(*particles) if particles else self
 
     def without(self, *names: str) -> PlanetarySystem:
-        """This system without some of its bodies; the others start as in the table, about their own barycentre."""
+        """This system without the named bodies; the others start as in the table, about their own barycentre."""
         self._check(names)
         return of_bodies(self.bodies.without(names), f"{self.id} without {', '.join(names)}")
 
     def massless(self, *names: str) -> PlanetarySystem:
-        """This system with some of its bodies as test particles."""
+        """This system with the named bodies as test particles."""
         self._check(names)
         return of_bodies(self.bodies.massless(names), f"{self.id} with massless {', '.join(names)}")
 
     def _check(self, names: Iterable[str]) -> None:
-        from phasebench.integrators.errors import unknown
+        from phasebench.integrators.errors import unknown_name
 
         others = self.bodies.names[1:]
         for name in names:
             if name not in others:
-                raise unknown(f"body of '{self.id}'", name, others)
+                raise unknown_name(f"body of '{self.id}'", name, others)
 
 
 def planetary_system(
@@ -172,7 +172,7 @@ def _build_from_content(content: tuple) -> PlanetarySystem:
 
 
 def _build(found: Bodies) -> PlanetarySystem:
-    """Derive the problem of a table of bodies."""
+    """Build the Hamiltonian problem of a table of bodies: H, start, invariants, Kepler part."""
     from . import gravity
 
     N, G = len(found.members), sp.Rational(found.units.G)

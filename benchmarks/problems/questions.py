@@ -1,6 +1,6 @@
-"""QUESTIONS, the scenes of the trade: a quantity of a problem at a time, and the accuracies to which it is computed.
+"""QUESTIONS, the scenes on which costs are compared: a quantity of a problem at a time, and accuracies to reach.
 
-The trade (`experiments.trade`) compares the costs at which integrators reach an accuracy.  (A `Scene` of `scenes` is
+The experiment `experiments.trade` compares the costs at which integrators reach an accuracy.  (A `Scene` of `scenes` is
 another thing: it has steps at which errors are compared with stored ones.)  The accuracies range from that of a
 picture, 1e-2, to that of an ephemeris, 1e-12, as far as doubles and the reference's uncertainty allow.
 """
@@ -38,7 +38,7 @@ class Question:
     about: str
 
     def build_problem(self):
-        """The question's problem."""
+        """Build the problem of the question, on its orbit."""
         from . import problem
 
         return problem(self.problem)

@@ -24,7 +24,7 @@ TIMES = (0.0632591398, 0.632591398, 6.32591398, 63.2591398)
 
 
 def make() -> Problem:
-    """Make the problem, which has no parameters."""
+    """Make the problem of the figure-eight orbit of three bodies, which has no parameters."""
     q, p, _, distances, kept = bodies(3, "xy")
     (x, y), (u, v) = FIRST, THIRD
     return Problem(

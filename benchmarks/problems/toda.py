@@ -15,7 +15,7 @@ import sympy as sp
 
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
-from phasebench.integrators.systems.hand import of_unit_masses
+from phasebench.integrators.systems.hand import unit_mass_field
 
 from .base import Orbit, Pace, Problem, decades
 
@@ -47,7 +47,7 @@ def cnoidal(N: int, m: float, t):
 
 
 def grad_V(sign=1):
-    """Make the loop f(q, g) that writes ``sign`` grad V to g, for any number of particles (see `systems.hand`)."""
+    """Make the function f(q, g) that writes ``sign`` grad V of the lattice to g, for any number of particles."""
 
     def f(q, g):
         last = len(q) - 1
@@ -62,12 +62,12 @@ def grad_V(sign=1):
 
 
 def field():
-    """Make the loop that writes the vector field (H_p, -H_q) = (p, -grad V) (see `systems.hand`)."""
-    return of_unit_masses(grad_V(-1))
+    """Make the function that writes the vector field (p, -grad V) of the lattice (see `systems.hand`)."""
+    return unit_mass_field(grad_V(-1))
 
 
 def energy():
-    """Make the loop f(q, p) -> (H, M); M is the unit in which H's round-off is measured (see `systems.hand`)."""
+    """Make the function f(q, p) -> (H, M) of the lattice; M is the unit in which H's round-off is measured."""
 
     def f(q, p):
         n = len(q)
@@ -85,7 +85,7 @@ def energy():
 
 
 def formula(N: int):
-    """(q, p, H) as symbols and an expression."""
+    """(q, p, H) of the lattice of N particles: SymPy symbols, and H as an expression."""
     q, p = (sp.symbols([f"{x}{i + 1}" for i in range(N)], real=True) for x in "qp")
     return q, p, sp.Add(*(x**2 / 2 for x in p), *(sp.exp(q[i] - q[(i + 1) % N]) for i in range(N)))
 

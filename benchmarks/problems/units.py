@@ -6,7 +6,7 @@ import re
 from fractions import Fraction
 from typing import NamedTuple
 
-from phasebench.integrators.errors import InvalidInput, unknown
+from phasebench.integrators.errors import InvalidInput, unknown_name
 
 #: Lengths in AU (of exactly 149,597,870.7 km), times in days, masses in solar masses.
 LENGTHS = {"AU": Fraction(1), "km": Fraction(10, 1_495_978_707), "m": Fraction(1, 149_597_870_700)}
@@ -28,7 +28,7 @@ class Units(NamedTuple):
 
     @property
     def G(self) -> float:
-        """The constant of gravity."""
+        """The constant of gravity in these units."""
         return float(G * MASSES[self.mass] * TIMES[self.time] ** 2 / LENGTHS[self.length] ** 3)
 
 
@@ -39,7 +39,9 @@ def units(text: str, where: str) -> Units:
     for word in filter(None, (x.strip() for x in re.split(r"[,\s]+", text))):
         kind = next((k for k, members in kinds.items() if word in members), None)
         if kind is None:
-            raise InvalidInput(f"{where}: {unknown('unit', word, [u for members in kinds.values() for u in members])}")
+            raise InvalidInput(
+                f"{where}: {unknown_name('unit', word, [u for members in kinds.values() for u in members])}"
+            )
         if kind in found:
             raise InvalidInput(f"{where}: {found[kind]} and {word} are both units of {kind}; name one")
         found[kind] = word
@@ -73,5 +75,5 @@ def span(value: float | str | None, unit: str, what: str = "t_end") -> float | N
         raise InvalidInput(f'{what} is "{value}", and this problem has no unit of time: give a number')
     base, factor = WORDS.get(word, (word, 1))
     if base not in TIMES:
-        raise InvalidInput(f'{what} is "{value}": {unknown("unit of time", word, [*TIMES, *WORDS])}')
+        raise InvalidInput(f'{what} is "{value}": {unknown_name("unit of time", word, [*TIMES, *WORDS])}')
     return float(number * factor * TIMES[base] / TIMES[unit])

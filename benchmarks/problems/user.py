@@ -114,7 +114,7 @@ def from_formula(
     known = {*variables, *constants, *formula.CONSTANTS, *formula.FUNCTIONS}
     missing = [x for x in names if x not in known]
     if "t" in missing:
-        raise InvalidInput(formula.about_time(max(d, 1) + 1))
+        raise InvalidInput(formula.time_hint(max(d, 1) + 1))
     if missing:
         raise InvalidInput(
             f"the formula has {', '.join(missing)} besides the variables {', '.join(variables)}: "
@@ -171,7 +171,7 @@ def _like(default: object, value: float) -> float:
 
 
 def _values(module: types.ModuleType, make: Any, path: str, parameters: Mapping[str, float]) -> dict[str, float]:
-    """The parameters' values: from PARAMETERS or the defaults of ``make``, and those given."""
+    """The values of a problem file's parameters: those given, else from PARAMETERS or the defaults of ``make``."""
     if not callable(make):
         raise InvalidInput(f"{path}: make is a {type(make).__name__}, no function")
     stated = inspect.signature(make).parameters.values()
@@ -234,7 +234,7 @@ def normalize(problem: Problem, where: str) -> Problem:
 
 
 def _state(orbit: Orbit, name: str, d: int, where: str) -> tuple[float, ...]:
-    """The orbit's q or p as a tuple of d floats; raises InvalidInput unless they are finite."""
+    """The initial q or p (``name``) of an orbit as a tuple of d floats; raises InvalidInput unless they are finite."""
     given = getattr(orbit, name)
     try:
         value = tuple(float(x) for x in np.atleast_1d(given))
@@ -272,7 +272,7 @@ def _check_distances(system: PartitionedSystem, q, p, where: str) -> None:
 
 
 def _check_kept(system: PartitionedSystem, expression: sp.Expr, orbit: Orbit, what: str) -> None:
-    """Raise InvalidInput if dI/dt along the flow, a sum over the variables, is not zero at the start or near it."""
+    """Raise InvalidInput if an expression I is no invariant: dI/dt along the flow is not zero at or near the start."""
     variables, sides = (*system.q, *system.p), (*system.dq, *system.dp)
     if not expression.free_symbols:
         raise InvalidInput(f"{what} is the constant {expression}")

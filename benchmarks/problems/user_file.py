@@ -57,7 +57,7 @@ def load(path: str, what: str = "problem") -> types.ModuleType:
 
 @contextlib.contextmanager
 def users_code(path: str, what: str) -> Iterator[None]:
-    """Run a user's code: its exceptions become InvalidInput with the line, its prints go to stderr."""
+    """A context for a user's code: its exceptions become InvalidInput with the line, its prints go to stderr."""
     try:
         with contextlib.redirect_stdout(sys.stderr):
             yield

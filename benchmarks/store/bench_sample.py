@@ -6,6 +6,6 @@ from phasebench.benchmarks.store import compare
 
 
 def bench_sample(outcome):
-    """No sampled number leaves its band; a failure names the row, both numbers and their ratio."""
+    """Check that re-measured numbers are within their tolerance of the stored ones; a failure names row and numbers."""
     wrong = compare.of_sample(outcome)
     assert not wrong, "\n".join(map(str, wrong))

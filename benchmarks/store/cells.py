@@ -63,11 +63,11 @@ class Cell:
 
     @property
     def label(self) -> str:
-        """The values of its key, for messages."""
+        """The values of the cell's key as text, for messages."""
         return ", ".join(text(v) for v in self.key.values()) or self.tables[0]
 
     def __call__(self) -> Rows:
-        """Measure the cell and return its rows, by table."""
+        """Make the measurement and return its rows, by table."""
         return self.measure(*self.arguments)
 
 
@@ -81,7 +81,7 @@ def text(value) -> str:
 
 
 def exact(value) -> str:
-    """A text that is equal if and only if the data are equal, at any working precision of mpmath.
+    """The data as a text that is equal if and only if they are equal, at any working precision of mpmath.
 
     Raises
     ------
@@ -110,7 +110,7 @@ RECORD = ("id", "family", "order", "symmetric", "symplectic", "energy", "quadrat
 
 
 def record(method) -> str:
-    """The text of a `Method` for hashing, without its descriptions."""
+    """A text, for hashing, of what a `Method` computes, without its descriptions."""
     return "method" + exact(tuple(getattr(method, name) for name in RECORD))
 
 
@@ -153,7 +153,7 @@ class ProblemKey:
 
 @cache
 def states(id: str) -> str:
-    """The digest of a problem's certified states; "" if it has none."""
+    """The digest of the file of certified states of the problem ``id``; "" if there is none."""
     path = stored.DIRECTORY / f"{id}.json"
     return hashlib.sha256(path.read_bytes()).hexdigest() if path.exists() else ""
 

@@ -47,7 +47,7 @@ class Cluster:
             raise InvalidInput(f"no scheduler answers at {address!r}: {error}") from None
 
     def measure(self, cells: Sequence[Cell], where: str, deadline: float) -> Iterator[tuple[Cell, Answer]]:
-        """Like `workers.measure`, on the cluster."""
+        """Measure cells on the cluster; yield each with its answer when it is finished, until the deadline."""
         from distributed import as_completed
 
         asked = {

@@ -40,7 +40,7 @@ EXACT = Band(0.0, 0.0)
 
 
 class Pair(NamedTuple):
-    """A row of two tables; None for a table that lacks it."""
+    """The same row in a measured and in a stored table; None where a table lacks it."""
 
     key: tuple[str, ...]
     measured: Row | None
@@ -68,7 +68,7 @@ class Difference(NamedTuple):
 
 
 def number(x: object) -> float | None:
-    """A cell as a double; None if it is missing or a text."""
+    """A table cell as a double; None if it is missing or a text."""
     try:
         value = float(x)
     except (TypeError, ValueError):
@@ -145,7 +145,7 @@ LADDERS = {"kepler": "setting"}
 
 
 def of_cell(cell: Cell, table: str, measured: Sequence[Row], stored: Sequence[Row]) -> list[Difference]:
-    """The differences between the rows of a repeated cell and the stored ones."""
+    """The differences between the rows of a repeated cell (one measurement) in a table and the stored rows."""
     if table not in BANDS:
         return []
     pairs = match(measured, stored, [LADDERS[table]] if table in LADDERS else [])
@@ -159,7 +159,7 @@ def of_cell(cell: Cell, table: str, measured: Sequence[Row], stored: Sequence[Ro
 
 
 def of_sample(outcome: Outcome) -> list[Difference]:
-    """The differences between the sampled cells of a run and the stored rows."""
+    """The differences between the cells (single measurements) that a run repeated as a sample, and the stored rows."""
     cells = {c.id: c for c in outcome.cells}
     return [
         d

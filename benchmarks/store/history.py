@@ -43,7 +43,7 @@ ENOUGH = 3
 
 
 class Factor(NamedTuple):
-    """Tolerance: two sizes may differ by a factor, and by anything if both are below a floor."""
+    """Tolerance: two numbers' sizes may differ by a factor, and by anything if both are below a floor."""
 
     largest: float
     floor: float
@@ -153,7 +153,7 @@ def _pairs(old: pd.DataFrame, new: pd.DataFrame) -> tuple[list[str], list[Pair]]
 
 
 def _change(table: str, d: Difference) -> Change | None:
-    """A difference as a `Change`; None for an error that only one side has."""
+    """Convert a difference between two runs to a `Change`; None for an error that only one run has."""
     row = ", ".join(filter(None, d.key))
     if d.column == ROW:
         return Change(GONE if d.measured == MISSING else NEW, table, row, "", "", "")
@@ -168,7 +168,7 @@ def _change(table: str, d: Difference) -> Change | None:
 
 
 def _is_key(column: str, *tables: pd.DataFrame) -> bool:
-    """True if a column describes the run, and so identifies rows."""
+    """True if a column of the tables says what was run (method, step, ...), and so identifies rows."""
     if column in (*JUDGED, *PROSE, *PROVENANCE):
         return False
     if all(pd.api.types.is_numeric_dtype(t[column]) for t in tables):

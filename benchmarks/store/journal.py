@@ -20,7 +20,7 @@ from .cells import Rows
 
 @dataclass(frozen=True)
 class Entry:
-    """A finished cell: its id, content hash, date, machine, seconds spent, and rows."""
+    """A finished cell (one measurement): its id, content hash, date, machine, seconds spent, and rows."""
 
     cell: str
     content: str
@@ -31,7 +31,7 @@ class Entry:
 
 
 class Journal:
-    """The finished cells of a journal file.  Raises InvalidInput if the file cannot be read or written."""
+    """The finished cells (single measurements) of a journal file, kept on disk; InvalidInput if it is unusable."""
 
     def __init__(self, path: str | Path):
         self.path = Path(path)
@@ -72,7 +72,7 @@ class Journal:
             raise InvalidInput(f"{self.path} cannot be written: {error.strerror}") from None
 
     def drop(self, cells: Iterable[str]) -> None:
-        """Remove ``cells``, which the tables now contain; entries of other cells stay for their own run."""
+        """Remove the entries of the ``cells`` (ids), which the tables now contain; others stay for their own run."""
         for cell in cells:
             self.entries.pop(cell, None)
         if not self.entries:
@@ -96,7 +96,7 @@ def _ends(path: Path) -> bool:
 
 
 def _plain(value):
-    """A NumPy scalar as a Python number."""
+    """Convert a NumPy scalar to a Python number."""
     return value.item()
 
 

@@ -25,7 +25,7 @@ ABOUT = ("cell", "of", "content", "date", "machine", "spent")
 
 
 def read(path: Path, table: str) -> dict[str, Entry]:
-    """The complete cells of a file, by id; raises InvalidInput if the file cannot be read."""
+    """Read the complete cells (single measurements) of a JSON lines file, by id; raises InvalidInput if unreadable."""
     try:
         lines = path.read_text().splitlines()
     except FileNotFoundError:

@@ -33,7 +33,7 @@ def processor() -> str:
 
 @cache
 def machine() -> str:
-    """A short hash of the hardware, a slash, and one of the package versions."""
+    """The name of this machine: a short hash of the hardware, a slash, and one of the package versions."""
     hardware = f"{processor()}|{os.cpu_count()}|{platform.system()}|{platform.machine()}"
     return "/".join(hashlib.sha256(x.encode()).hexdigest()[:6] for x in (hardware, repr(sorted(versions().items()))))
 

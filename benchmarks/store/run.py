@@ -28,7 +28,7 @@ UNKNOWN, LONGEST = 5.0, 3.0
 
 @dataclass
 class Standing:
-    """What is stored about a cell before it is measured: content hash, machine and seconds of its rows."""
+    """The stored state of a cell (one measurement): content hash, machine and measuring time of its rows."""
 
     content: str | None = None
     machine: str = ""
@@ -90,13 +90,13 @@ class Outcome:
 
 
 def entry(cell: Cell, answer: workers.Answer) -> Entry:
-    """The journal entry of a cell measured just now."""
+    """The journal entry of a finished cell, from the answer of the process that measured it."""
     today = date.today().isoformat()
     return Entry(cell.id, cell.content, today, answer.machine, round(answer.seconds, 3), answer.value)
 
 
 def standing(cell: Cell, stored: dict[str, tables.Table]) -> Standing:
-    """What the stored tables hold about a cell; empty if its rows are missing or were edited."""
+    """The content hash, machine and time of a cell's stored rows; empty if they are missing or were edited."""
     found = tables.version(cell, stored)
     if found is None:
         return Standing()
@@ -218,7 +218,7 @@ def execute(
 
 
 class _Work:
-    """Measures lists of cells for a run, one kind of place (`Cell.where`) after another."""
+    """Measures lists of cells for a run: pooled, uncompiled and timed ones (`Cell.where`) one kind after the other."""
 
     def __init__(self, out: Outcome, journal: Journal, known, count: int, progress, cluster: Cluster | None):
         self.out, self.journal, self.known, self.count, self.progress = out, journal, known, count, progress

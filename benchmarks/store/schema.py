@@ -94,7 +94,7 @@ OF_INVARIANT = Column("of the invariant", "largest size of the change of the pro
 
 
 def column(name: str) -> Column | None:
-    """What a column means; None if the schema does not have it."""
+    """The unit and meaning of a column by its name; None if the schema does not have it."""
     if name in COLUMNS:
         return COLUMNS[name]
     return OF_INVARIANT if name.endswith(INVARIANT) and len(name) > len(INVARIANT) else None

@@ -13,7 +13,7 @@ HEADINGS = ("experiment", "measured now", "sampled", "unchanged", "not by this v
 
 @contextlib.contextmanager
 def progress(stream) -> Iterator[Callable[[str, int, int, float], None]]:
-    """A context with a function for ``progress`` of `run.execute`; it draws a bar if the stream is a terminal."""
+    """A context that gives a callback for the ``progress`` of a run; it draws a bar if the stream is a terminal."""
     if not stream.isatty():
         yield lambda *_: None
         return

@@ -1,14 +1,12 @@
 """Digests of the source code that a measured number depends on: a module and everything that it imports.
 
-Comments, docstrings and blank lines are left out, since they change no number.
+Comments, docstrings, annotations and layout are left out, since they change no number.
 """
 
 from __future__ import annotations
 
 import ast
 import hashlib
-import io
-import tokenize
 from collections.abc import Iterable, Iterator
 from functools import cache
 from pathlib import Path
@@ -56,40 +54,58 @@ def imports(text: str, module: str, package: bool = False) -> set[str]:
 
 
 def _run_nodes(tree: ast.AST) -> Iterator[ast.AST]:
-    """The nodes of a syntax tree, without what stands under ``if TYPE_CHECKING:``."""
+    """Yield the nodes of a syntax tree, without those under ``if TYPE_CHECKING:``."""
     waiting = [tree]
     while waiting:
         node = waiting.pop()
         yield node
-        typed = isinstance(node, ast.If) and isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING"
-        waiting += node.orelse if typed else ast.iter_child_nodes(node)
+        waiting += node.orelse if _is_typed(node) else ast.iter_child_nodes(node)
 
 
 def essence(text: str) -> str:
-    """The source without comments, docstrings and blank lines."""
-    lines = text.splitlines()
-    for token in tokenize.generate_tokens(io.StringIO(text).readline):
-        if token.type == tokenize.COMMENT:
-            row, column = token.start
-            lines[row - 1] = lines[row - 1][:column]
-    for node in ast.walk(ast.parse(text)):
-        body = getattr(node, "body", None)
-        if isinstance(node, (ast.Module, ast.ClassDef, ast.FunctionDef)) and ast.get_docstring(node) is not None:
-            first = body[0]
-            lines[first.lineno - 1 : first.end_lineno] = [""] * (first.end_lineno - first.lineno + 1)
-    return "\n".join(line.rstrip() for line in lines if line.strip())
+    """What a source computes: its syntax tree without comments, docstrings, annotations, and imports for these."""
+    return _essence(ast.parse(text))
+
+
+#: Modules whose names stand in annotations.
+TYPES = ("__future__", "typing", "collections.abc")
+#: Fields of syntax nodes that change no number; the last three are not the same in all versions of Python.
+UNUSED = {"annotation", "returns", "type_comment", "ctx", "kind", "type_params"}
+
+
+def _essence(node: object) -> str:
+    if isinstance(node, list):
+        return "[" + ",".join(filter(None, map(_essence, node))) + "]"
+    if not isinstance(node, ast.AST):
+        return repr(node)
+    if isinstance(node, ast.ImportFrom) and node.module in TYPES:
+        return ""
+    if _is_typed(node):
+        return "".join(map(_essence, node.orelse))
+    fields = dict(ast.iter_fields(node))
+    if (
+        isinstance(node, (ast.Module, ast.ClassDef, ast.FunctionDef))
+        and ast.get_docstring(node, clean=False) is not None
+    ):
+        fields["body"] = fields["body"][1:]
+    return f"{type(node).__name__}({','.join(_essence(v) for k, v in fields.items() if k not in UNUSED)})"
+
+
+def _is_typed(node: ast.AST) -> bool:
+    """True for a node of ``if TYPE_CHECKING:``, which only a type checker reads."""
+    return isinstance(node, ast.If) and isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING"
 
 
 @cache
 def _file(path: Path, module: str) -> tuple[str, frozenset[str]]:
-    """(digest of a source without comments, modules of this project that it imports)."""
+    """(digest of what a source computes, modules of this project that it imports)."""
     text = path.read_text()
     names = imports(text, module, package=path.name == "__init__.py")
     return hashlib.sha256(essence(text).encode()).hexdigest(), frozenset(n for n in names if n.startswith(PACKAGE))
 
 
 def _depends(module: str, start: str) -> bool:
-    """True if ``start`` depends on ``module``; a module in `DATA` counts only for modules of the same package."""
+    """True if an import of ``module`` counts for the digest of ``start``; one in `DATA` only within its own package."""
     room = next((d for d in DATA if module == d or module.startswith(f"{d}.")), None)
     return room is None or module == start or (module != room and start.startswith(f"{room}."))
 

@@ -80,7 +80,7 @@ class Table:
         self._found: dict[tuple, dict[tuple, list[Row]]] = {}
 
     def of(self, cell: Cell) -> list[Row]:
-        """The stored rows of a cell."""
+        """The stored rows of a cell (one measurement) in this table."""
         columns = tuple(cell.key)
         if columns not in self._found:
             index: dict[tuple, list[Row]] = {}
@@ -90,7 +90,7 @@ class Table:
         return self._found[columns].get(tuple(text(v) for v in cell.key.values()), [])
 
     def write(self, cells: Sequence[Cell], entries: Mapping[str, Entry], fresh: set[str], quick: bool) -> None:
-        """Write the rows of ``cells``: the new rows in ``entries``, and the stored rows of the other cells.
+        """Write the table's rows of ``cells``: the new ones in ``entries``, and the stored ones of the other cells.
 
         ``fresh`` has the ids of cells whose stored rows belong to this version of the code.
         """
@@ -102,7 +102,7 @@ class Table:
         self.replace(rows, about)
 
     def replace(self, rows: Sequence[Row], about: Mapping[str, object]) -> None:
-        """Write these rows, and ``about`` with descriptions of their machines."""
+        """Overwrite the table with these rows, and its JSON file with ``about`` and descriptions of their machines."""
         columns = {c: None for row in rows for c in row}
         first = [c for c in (self.rows[0] if self.rows else ()) if c in columns and c not in PROVENANCE]
         names = [*dict.fromkeys([*first, *(c for c in columns if c not in PROVENANCE)]), *PROVENANCE]
@@ -148,7 +148,7 @@ def version(cell: Cell, stored: Mapping[str, Table]) -> str | None:
 
 
 def take(folder: Path, name: str, entries: Mapping[str, Entry]) -> None:
-    """Replace the table ``name`` by the cells of a user's own run."""
+    """Overwrite the table ``name`` in ``folder`` with the rows of finished cells (``entries``) of a user's run."""
     rows = [row for e in entries.values() for row in fresh_rows(e, name)]
     quick = any(row.get("tier") == "quick" for row in rows)
     Table(folder, name).replace(rows, provenance.summary() | {"quick": quick})

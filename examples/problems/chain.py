@@ -9,11 +9,11 @@ from math import sqrt
 import numpy as np
 
 from phasebench.benchmarks.problems.base import Orbit, Problem
-from phasebench.integrators.systems.hand import HandHamiltonian, of_unit_masses
+from phasebench.integrators.systems.hand import HandHamiltonian, unit_mass_field
 
 
 def grad_V(k, sign=1):
-    """The loop of grad V, or of its negative."""
+    """Make the loop (q, g) that writes grad V(q), or with sign -1 its negative, to the array g."""
 
     def f(q, g):
         last = len(q) - 1
@@ -28,12 +28,12 @@ def grad_V(k, sign=1):
 
 
 def field(k):
-    """The loop of (p, -grad V)."""
-    return of_unit_masses(grad_V(k, -1))
+    """Make the loop that writes the field (p, -grad V) to arrays."""
+    return unit_mass_field(grad_V(k, -1))
 
 
 def energy(k):
-    """The loop of H, and of the sum of its terms' sizes and of the |x H_x|."""
+    """Make the loop (q, p) -> (H, M); M sums the sizes of H's terms and the |x H_x|, by which round-off is judged."""
 
     def f(q, p):
         n = len(q)
@@ -51,7 +51,7 @@ def energy(k):
 
 
 def make(N=10_000, k=4):
-    """The chain of N particles, more than 20."""
+    """The problem of a chain of N particles, more than 20, with springs of the constant k."""
     N = int(N)
     names = ([f"{x}{i}" for i in range(N)] for x in "qp")
     loops = {"grad_V": grad_V, "field": field, "energy": energy}

@@ -1,6 +1,6 @@
 """Coefficients of compositions and splittings: as published, each with its source, and polished to full precision.
 
-`TABLES` holds them as published; `polished` and `steps` give them as numbers of 60 digits that satisfy the order
+`TABLES` holds them as published; `polished_numbers` and `steps` give them with 60 digits that satisfy the order
 conditions to 1e-50 and better.  They stand in ``polished.json``, each with a digest of the table it was made from: one
 that is new or was edited is polished when it is asked for, and the command (`__main__`) keeps the result.
 """
@@ -14,7 +14,7 @@ from pathlib import Path
 
 import mpmath
 
-from phasebench.integrators.errors import unknown
+from phasebench.integrators.errors import unknown_name
 
 from . import compositions, gauss, nystrom, splittings
 from .fractions import DIGITS
@@ -40,19 +40,19 @@ __all__ = ["BY_NAME", "DAMAGED", "POLISHED", "TABLES", "Table", "about", "polish
 def table(name: str) -> Table:
     """The table of that name; raises InvalidInput for an unknown one."""
     if name not in BY_NAME:
-        raise unknown("table of coefficients", name, BY_NAME)
+        raise unknown_name("table of coefficients", name, BY_NAME)
     return BY_NAME[name]
 
 
 @cache
-def stored() -> dict[str, dict]:
-    """What ``polished.json`` holds, by name."""
+def read_polished() -> dict[str, dict]:
+    """The content of ``polished.json``: name of a table -> its polished numbers and what is known of them."""
     return json.loads(POLISHED.read_text())
 
 
 @cache
-def about(name: str) -> dict:
-    """Of a table the polished numbers, the residuals before and after, and how far the digits moved.
+def describe(name: str) -> dict:
+    """The polished numbers of a table, the residuals of its order conditions before and after, and the largest change.
 
     Raises
     ------
@@ -62,7 +62,7 @@ def about(name: str) -> dict:
         Where the numbers of a table that is not in ``polished.json`` have not the order that it declares.
     """
     wanted = table(name)
-    kept = stored().get(name, {})
+    kept = read_polished().get(name, {})
     if kept.get("published") == wanted.digest:
         return kept
     from .polish import entry
@@ -71,13 +71,13 @@ def about(name: str) -> dict:
     return entry(wanted)
 
 
-def polished(name: str) -> tuple[mpmath.mpf, ...]:
-    """The polished numbers in the order of `Table.published`."""
-    texts = about(name)
+def polished_numbers(name: str) -> tuple[mpmath.mpf, ...]:
+    """The numbers of a table, polished to 60 digits, in the order of `Table.published`."""
+    texts = describe(name)
     with mpmath.workdps(DIGITS):
         return tuple(value(x) for part in ("gamma", "a", "b") for x in texts.get(part, ()))
 
 
 def steps(name: str) -> list:
-    """The whole polished sequence: fractions of a composition, or pairs (letter, weight) of a splitting."""
-    return table(name).steps(polished(name))
+    """All substeps of a table, polished: fractions of a composition, or pairs (letter, weight) of a splitting."""
+    return table(name).steps(polished_numbers(name))

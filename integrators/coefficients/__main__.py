@@ -1,17 +1,17 @@
-"""Write ``polished.json``: the tables that are new or edited, and those named as arguments, are polished anew."""
+"""Write ``polished.json``: polish the tables that are new or edited, and those named as arguments, anew."""
 
 from __future__ import annotations
 
 import json
 import sys
 
-from phasebench.integrators.coefficients import POLISHED, TABLES, stored, table
+from phasebench.integrators.coefficients import POLISHED, TABLES, read_polished, table
 from phasebench.integrators.coefficients.polish import entry
 
 
 def main(names: list[str]) -> None:
-    """Keep the entries of the tables as they are; polish the others and those named, and say what came of it."""
-    again, kept, data = {table(name).name for name in names}, stored(), {}
+    """Polish the tables that are new, edited or in ``names``, keep the other entries, and print the changes."""
+    again, kept, data = {table(name).name for name in names}, read_polished(), {}
     for t in TABLES:
         data[t.name] = kept.get(t.name, {})
         if t.name in again or data[t.name].get("published") != t.digest:

@@ -104,6 +104,6 @@ ROWS: tuple[dict[int, str], ...] = (
 
 
 def tableau() -> tuple[tuple, ...]:
-    """The rows of A, then b, as numbers of `DIGITS` digits."""
+    """The tableau of DOP853's method of order 8: the rows of A, then b, as numbers of `DIGITS` digits."""
     with mpmath.workdps(DIGITS):
         return tuple(tuple(value(row[j]) if j in row else 0 for j in range(STAGES)) for row in ROWS)

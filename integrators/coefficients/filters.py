@@ -9,7 +9,7 @@ import mpmath
 
 
 def one(x):
-    """1."""
+    """The filter that changes nothing: 1 for every x."""
     return mpmath.mpf(1)
 
 
@@ -18,33 +18,36 @@ sinc = mpmath.sinc
 
 
 def sinc_squared(x):
-    """sinc^2 x."""
+    """The filter sinc^2 x, with sinc x = sin(x) / x."""
     return sinc(x) ** 2
 
 
 def tanc_half(x):
-    """tan(x/2) / (x/2) = sinc^2(x/2) / sinc x; poles at the odd multiples of pi."""
+    """The filter tan(x/2) / (x/2) = sinc^2(x/2) / sinc x; poles at the odd multiples of pi."""
     return sinc(x / 2) / mpmath.cos(x / 2)
 
 
 def hochbruck_lubich(x):
-    """sinc x (1 + sin^2(x/2) / 3)."""
+    """The filter of Hochbruck and Lubich, sinc x (1 + sin^2(x/2) / 3), with sinc x = sin(x) / x."""
     return sinc(x) * (1 + mpmath.sin(x / 2) ** 2 / 3)
 
 
 def rotation(x):
-    """(R11, R12 / h, -R21 h / x^2) of the exact flow."""
+    """(cos x, sinc x, sinc x): (R11, R12 / h, -R21 h / x^2) of the exact flow R of an oscillator, with x = h omega."""
     return mpmath.cos(x), sinc(x), sinc(x)
 
 
 def cayley(x):
-    """The same of the implicit midpoint rule, the Cayley transform."""
+    """(R11, R12 / h, -R21 h / x^2) of an oscillator's step R by the implicit midpoint rule, with x = h omega."""
     d = 1 + x**2 / 4
     return (1 - x**2 / 4) / d, 1 / d, 1 / d
 
 
 def verlet_power(x, n):
-    """The same of n Stormer-Verlet steps (kick-drift-kick): T_n and U_(n-1) of Chebyshev at 1 - (x/n)^2 / 2."""
+    """(R11, R12 / h, -R21 h / x^2) of n Stormer-Verlet steps (kick-drift-kick) R of an oscillator, with x = h omega.
+
+    They follow from the Chebyshev polynomials T_n and U_(n-1) at 1 - (x/n)^2 / 2.
+    """
     z = (x / n) ** 2
     c = 1 - z / 2
     u = mpmath.chebyu(n - 1, c) / n

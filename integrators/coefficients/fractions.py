@@ -33,16 +33,16 @@ def _fractal(order: int, outer: int) -> tuple[mpmath.mpf, ...]:
 
 
 def triple_jump(order: int) -> tuple[mpmath.mpf, ...]:
-    """Yoshida's fractions to an even ``order``: 3**(order/2 - 1) of them."""
+    """Step fractions of Yoshida's triple jump, repeated up to an even ``order``: 3**(order/2 - 1) of them."""
     return _fractal(order, 1)
 
 
 def suzuki(order: int) -> tuple[mpmath.mpf, ...]:
-    """Suzuki's fractions to an even ``order``: 5**(order/2 - 1) of them."""
+    """Step fractions of Suzuki's fractal composition, repeated up to an even ``order``: 5**(order/2 - 1) of them."""
     return _fractal(order, 2)
 
 
-def mirrored(half: Sequence) -> tuple:
+def mirror(half: Sequence) -> tuple:
     """The palindrome of a first half that ends with the middle one."""
     return (*half, *reversed(half[:-1]))
 
@@ -60,10 +60,11 @@ NONE = mpmath.mpf(10) ** (10 - DIGITS)
 
 
 def substeps(steps: Iterable[tuple[str, mpmath.mpf]]) -> tuple[tuple, ...]:
-    """Substeps (c, mu, lambda) of symplectic Euler methods from alternating drifts ("A") and kicks ("B").
+    """Write alternating drifts ("A") and kicks ("B") as substeps (c, mu, lambda) of the two symplectic Euler methods.
 
-    A substep begins with what its predecessor left of its letter, so that c is each weight less the last c.
-    Raises ValueError where drifts and kicks do not have the same sum.
+    The weight of a drift or kick is shared by two neighbouring substeps of lengths c (fractions of the step), so that c
+    is each weight less the last c. A substep that begins with a drift has (mu, lambda) = (1, 0), one that begins with a
+    kick (0, 1). Raises ValueError where drifts and kicks do not have the same sum.
     """
     out, c = [], mpmath.mpf(0)
     with mpmath.workdps(DIGITS):

@@ -26,7 +26,7 @@ def legendre(n: int) -> list[Fraction]:
 
 
 def gauss(n: int) -> tuple[list[mpmath.mpf], list[mpmath.mpf]]:
-    """(nodes on [0, 1] in increasing order, their weights), to `DIGITS` digits."""
+    """The Gauss-Legendre rule of n nodes on [0, 1]: (nodes in increasing order, their weights), to `DIGITS` digits."""
     with mpmath.workdps(DIGITS + 10):
         P = [mpmath.mpf(c.numerator) / c.denominator for c in legendre(n)]
         slope = [c * (n - k) for k, c in enumerate(P[:-1])]
@@ -36,7 +36,7 @@ def gauss(n: int) -> tuple[list[mpmath.mpf], list[mpmath.mpf]]:
 
 
 def saba(n: int) -> Table:
-    """SABA_n; SABA_1 is the drift-kick-drift form of Stormer-Verlet."""
+    """The coefficients of the splitting SABA_n; SABA_1 is the drift-kick-drift form of Stormer-Verlet."""
     nodes, weights = gauss(n)
     with mpmath.workdps(DIGITS):
         gaps = [x - y for x, y in zip(nodes, [mpmath.mpf(0), *nodes[:-1]], strict=True)]

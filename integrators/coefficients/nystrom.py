@@ -1,4 +1,4 @@
-"""Splittings for a quadratic kinetic energy (Nystrom): weights a of the drifts and b of the kicks.
+"""Splittings for a quadratic kinetic energy (Nystrom), as published: weights a of the drifts and b of the kicks.
 
 The first half with the middle one where they are symmetric.
 """

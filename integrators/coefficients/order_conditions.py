@@ -45,7 +45,7 @@ def _one(degree: int) -> list[np.ndarray]:
 
 
 def _times_exponential(letter: str, a, series: list[np.ndarray]) -> list[np.ndarray]:
-    """exp(a letter) times a series: the words that begin with k of the letter are one end of the numbers."""
+    """The product exp(a letter) times a series; entry n has the coefficients of the words of n letters."""
     out = [x.copy() for x in series]
     for n in range(1, len(series)):
         factor = mpmath.mpf(1)
@@ -59,7 +59,7 @@ def _times_exponential(letter: str, a, series: list[np.ndarray]) -> list[np.ndar
 
 
 def words(steps: Iterable[tuple[str, mpmath.mpf]], degree: int) -> list[np.ndarray]:
-    """The step minus exp(A + B), by degree: arrays of shape (2^n,) over the words, in the order of the steps."""
+    """Coefficients of the product of exponentials minus exp(A + B): for each degree n an array (2^n,) over words."""
     series = _one(degree)
     for letter, a in reversed(list(steps)):
         series = _times_exponential(letter, a, series)
@@ -68,7 +68,10 @@ def words(steps: Iterable[tuple[str, mpmath.mpf]], degree: int) -> list[np.ndarr
 
 @cache
 def _reductions(n: int) -> tuple[tuple[int, int, int, int], ...]:
-    """(word with BBBA, those with BBAB, BABB, ABBB in its place), from the largest word to the smallest."""
+    """The reductions of words of n letters that contain BBBA, from the largest word to the smallest.
+
+    Each is (word with BBBA, those with BBAB, BABB, ABBB in its place), words as integers of n bits.
+    """
     out = []
     for word in range(2**n - 1, -1, -1):
         for shift in range(n - 3):
@@ -79,7 +82,7 @@ def _reductions(n: int) -> tuple[tuple[int, int, int, int], ...]:
 
 
 def normal_form(residual: np.ndarray) -> np.ndarray:
-    """Coefficients of the words without BBBA, modulo [B, [B, [B, A]]] = 0."""
+    """Reduce coefficients of words by the relation [B, [B, [B, A]]] = 0; returns those of the words without BBBA."""
     out = residual.copy()
     reductions = _reductions(len(out).bit_length() - 1)
     for word, bbab, babb, abbb in reductions:
@@ -95,14 +98,14 @@ def normal_form(residual: np.ndarray) -> np.ndarray:
 
 @cache
 def odd_words(weight: int) -> tuple[tuple[int, ...], ...]:
-    """The words of odd letters of that weight: (1, 1, 1), (3,) for 3."""
+    """The sequences of odd numbers with the sum ``weight``: (1, 1, 1), (3,) for 3."""
     if weight == 0:
         return ((),)
     return tuple((first, *rest) for first in range(1, weight + 1, 2) for rest in odd_words(weight - first))
 
 
 def odd_residuals(fractions: Sequence[mpmath.mpf], weight: int) -> list[np.ndarray]:
-    """The composition minus exp(Y_1), by weight: arrays over `odd_words`."""
+    """Coefficients of a composition of a symmetric method minus the exact flow's: arrays over `odd_words`."""
     every = [w for n in range(weight + 1) for w in odd_words(n)]
     inverse = [1 / mpmath.factorial(k) for k in range(weight + 1)]
     series = {w: mpmath.mpf(not w) for w in every}
@@ -118,7 +121,9 @@ def odd_residuals(fractions: Sequence[mpmath.mpf], weight: int) -> list[np.ndarr
 
 
 def residuals(kind: str, steps: Sequence, degree: int) -> Residuals:
-    """{(degree, power of eps): array of coefficients}; the power is 0 for what is not near-integrable.
+    """The differences of a method's coefficients from the exact flow's: {(degree, power of eps): array}.
+
+    The power of eps is 0 for what is not near-integrable.
 
     Parameters
     ----------
@@ -141,23 +146,23 @@ def residuals(kind: str, steps: Sequence, degree: int) -> Residuals:
 
 
 def norm(residual: Iterable) -> mpmath.mpf:
-    """The 2-norm, in full precision."""
+    """The 2-norm of the numbers of a residual, in full precision."""
     with mpmath.workdps(DIGITS):
         return mpmath.sqrt(mpmath.fsum(x * x for x in residual))
 
 
 def conditions(errors: Residuals, order: Sequence[int]) -> list[Key]:
-    """The keys whose residuals vanish for a (generalised) order, ``(p,)`` or ``(p_1, p_2, ...)``."""
+    """The keys (degree, power of eps) of the residuals that vanish for an order ``(p,)`` or ``(p_1, p_2, ...)``."""
     return [(n, k) for n, k in errors if n <= order[min(max(k, 1), len(order)) - 1]]
 
 
 def excess(errors: Residuals, order: Sequence[int]) -> mpmath.mpf:
-    """The largest coefficient that an order needs to vanish."""
+    """The largest residual, in absolute value, among those that have to vanish for the order."""
     return max(abs(x) for key in conditions(errors, order) for x in errors[key])
 
 
-def leading(errors: Residuals, order: Sequence[int]) -> tuple[mpmath.mpf, ...]:
-    """The norms of the first residuals that do not vanish: for each power of eps that the order names, or one."""
+def leading_norms(errors: Residuals, order: Sequence[int]) -> tuple[mpmath.mpf, ...]:
+    """The 2-norms of the first residuals beyond the order: one for each power of eps that the order names, or one."""
     if len(order) == 1:
         return (norm(errors[order[0] + 1, 0]),)
     return tuple(norm(errors[p + 1, k]) for k, p in enumerate(order, 1))

@@ -36,8 +36,8 @@ STEPS, SMALL = 12, mpmath.mpf(10) ** -(DIGITS + 5)
 RANK = mpmath.mpf("1e-12")
 
 
-def starting(table: Table, replaced: dict[int, str] | None = None) -> list[mpmath.mpf]:
-    """The published numbers, those of some indices replaced."""
+def starting_values(table: Table, replaced: dict[int, str] | None = None) -> list[mpmath.mpf]:
+    """The published numbers of a table; those with an index in ``replaced`` are read from the text given there."""
     texts = list(table.published)
     for k, text in (replaced or {}).items():
         texts[k] = text
@@ -45,7 +45,7 @@ def starting(table: Table, replaced: dict[int, str] | None = None) -> list[mpmat
 
 
 def residual(table: Table, numbers: Sequence[mpmath.mpf]) -> np.ndarray:
-    """Every coefficient that the order needs to vanish; of a symmetric method those of odd degree imply the others."""
+    """The residuals of the order conditions of a table at ``numbers``; for a symmetric method of odd degree only."""
     order = table.order
     errors = residuals(table.kind, table.steps(numbers), max(order) - (table.symmetric and max(order) % 2 == 0))
     keys = [key for key in conditions(errors, order) if key[0] % 2 or not table.symmetric]
@@ -62,8 +62,8 @@ def jacobian(table: Table, numbers: Sequence[mpmath.mpf], free: Sequence[int]) -
     return np.array(columns).T
 
 
-def independent(J: np.ndarray) -> list[int]:
-    """The rows of a matrix, shape (n, m), that span all: by Gram-Schmidt, of what is left the largest row first."""
+def independent_rows(J: np.ndarray) -> list[int]:
+    """Choose linearly independent rows of a matrix (n, m) that span all, by Gram-Schmidt with the largest row first."""
     rows: list[int] = []
     left, largest = J, None
     while len(rows) < J.shape[1]:
@@ -86,12 +86,12 @@ def polish(table: Table, numbers: Sequence[mpmath.mpf] | None = None) -> list[mp
         If the residual does not fall to round-off.
     """
     with mpmath.workdps(DIGITS + GUARD):
-        first = np.array(starting(table) if numbers is None else numbers, dtype=object)
+        first = np.array(starting_values(table) if numbers is None else numbers, dtype=object)
         x, free = first.copy(), [k for k, text in enumerate(table.published) if not is_exact(text)]
         rows: list[int] = []
         for _ in range(STEPS if free else 0):
             J, r = jacobian(table, x, free), residual(table, x)
-            rows = rows or independent(J)
+            rows = rows or independent_rows(J)
             A = J[rows]
             factors = mpmath.lu_solve((A @ A.T).tolist(), list(A @ (x - first)[free] - r[rows]))
             nearer = first[free] + A.T @ np.array(list(factors), dtype=object)
@@ -109,9 +109,9 @@ def polish(table: Table, numbers: Sequence[mpmath.mpf] | None = None) -> list[mp
 
 
 def locate(table: Table, numbers: Sequence[mpmath.mpf]) -> tuple[int, mpmath.mpf]:
-    """Which single number explains the residual best: (its index, what it should be).
+    """Find the single number whose change reduces the residual most: (its index, its corrected value).
 
-    For each number its own least-squares correction; the one that leaves the least residual.
+    For each number the least-squares correction is computed; the one that leaves the least residual is returned.
     """
     with mpmath.workdps(DIGITS + GUARD):
         r = residual(table, numbers)
@@ -125,8 +125,8 @@ def locate(table: Table, numbers: Sequence[mpmath.mpf]) -> tuple[int, mpmath.mpf
 
 
 def entry(table: Table) -> dict:
-    """What the data file says of a table."""
-    before, after = starting(table), polish(table)
+    """The entry of a table in the data file: polished numbers, residuals before and after, largest change, sums."""
+    before, after = starting_values(table), polish(table)
     with mpmath.workdps(DIGITS):
         texts = [x if is_exact(x) else mpmath.nstr(y, DIGITS) for x, y in zip(table.published, after, strict=True)]
         full = table.steps([value(x) for x in texts])

@@ -26,9 +26,9 @@ RULES, LARGE = (2, 3, 4, 6, 8, 12, 16, 24, 32), (8, 12, 16, 24, 32, 48, 64)
 
 
 def sizes(s: int, degree: int | None, rules: tuple[int, ...] = RULES) -> tuple[int, ...]:
-    """The numbers of nodes for the integrals of grad H along a polynomial of degree s in time.
+    """The sizes of the quadrature rules for integrals of grad H along a polynomial of degree s in time.
 
-    One rule that is exact for a polynomial H of that degree; where H is none, those of rising size.
+    One rule that is exact, if H is a polynomial of the ``degree``; else, if that is None, rules of rising size.
     """
     if degree:
         return (max(s, -(-s * degree // 2)),)
@@ -36,7 +36,7 @@ def sizes(s: int, degree: int | None, rules: tuple[int, ...] = RULES) -> tuple[i
 
 
 def _legendre(n: int, x) -> list:
-    """[L_0(x), ..., L_n(x)] on [-1, 1]."""
+    """The values [L_0(x), ..., L_n(x)] of the Legendre polynomials on [-1, 1]."""
     values = [mpmath.mpf(1), mpmath.mpf(x)]
     for k in range(2, n + 1):
         values.append(((2 * k - 1) * x * values[-1] - (k - 1) * values[-2]) / k)
@@ -44,12 +44,12 @@ def _legendre(n: int, x) -> list:
 
 
 def _slope(n: int, x, values):
-    """L_n'(x) inside (-1, 1)."""
+    """The derivative L_n'(x) of the Legendre polynomial inside (-1, 1), from ``values`` = [L_0(x), ..., L_n(x)]."""
     return n * (x * values[n] - values[n - 1]) / (x * x - 1)
 
 
 def _root(x, move: Callable, digits: int):
-    """The zero near x, where ``move`` is Newton's increment."""
+    """The zero near x by Newton's method; ``move(x)`` is the function's value divided by its slope."""
     for _ in range(100):
         step = move(x)
         x -= step
@@ -108,13 +108,13 @@ def radau_right(nodes: int, digits: int = 40) -> list[tuple]:
 
 
 def legendre(count: int, c) -> list:
-    """[P_0(c), ..., P_{count-1}(c)], orthonormal on [0, 1], in the working precision."""
+    """The values [P_0(c), ..., P_{count-1}(c)] of the Legendre polynomials that are orthonormal on [0, 1]."""
     values = _legendre(count, 2 * c - 1)
     return [mpmath.sqrt(2 * j + 1) * values[j] for j in range(count)]
 
 
 def legendre_integrals(count: int, c) -> list:
-    """The integrals from 0 to c of `legendre`."""
+    """The integrals from 0 to c of the Legendre polynomials P_0, ..., P_{count-1} that are orthonormal on [0, 1]."""
     values = _legendre(count, 2 * c - 1)
     higher = [(values[j + 1] - values[j - 1]) / (2 * mpmath.sqrt(2 * j + 1)) for j in range(1, count)]
     return [mpmath.mpf(c), *higher][:count]

@@ -1,4 +1,4 @@
-"""Splittings for any separable H: weights a of the drifts and b of the kicks.
+"""Splittings for any separable H, as published: weights a of the drifts and b of the kicks.
 
 The first half with the middle one where they are symmetric.
 """

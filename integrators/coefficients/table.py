@@ -1,4 +1,4 @@
-"""What a table of coefficients is: published numbers, and the sequence of substeps that they make."""
+"""The record of a published table of coefficients, and the sequence of substeps that it defines."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import mpmath
 
-from .fractions import DIGITS, mirrored
+from .fractions import DIGITS, mirror
 
 #: A decimal of more digits is a rounded number, which may be polished; a shorter one, or a fraction, is a choice.
 EXACT_DIGITS = 6
@@ -46,18 +46,18 @@ class Table:
 
     @property
     def published(self) -> tuple[str, ...]:
-        """Every number: gamma, or a and then b."""
+        """Every published number as text: gamma, or a and then b."""
         return self.gamma + self.a + self.b
 
     @property
     def digest(self) -> str:
-        """What tells whether polished numbers are of this table: a digest of its published numbers and their use."""
+        """A hash of the published numbers and their use, by which polished numbers are recognized as this table's."""
         used = (self.kind, self.order, self.gamma, self.a, self.b, self.first, self.symmetric)
         return hashlib.sha256(repr(used).encode()).hexdigest()[:16]
 
     @property
     def classical_order(self) -> int:
-        """The order for a system without a small parameter."""
+        """The order of the method for a system without a small parameter."""
         return self.order[-1]
 
     @property
@@ -70,7 +70,7 @@ class Table:
     def steps(self, numbers: Sequence[mpmath.mpf]) -> list:
         """The whole sequence, from numbers in the order of `published`: fractions, or pairs (letter, weight)."""
         if self.gamma:
-            return list(mirrored(numbers))
+            return list(mirror(numbers))
         parts = {"A": list(numbers[: len(self.a)]), "B": list(numbers[len(self.a) :])}
         letter, out = self.first, []
         while parts[letter]:
@@ -78,7 +78,7 @@ class Table:
             letter = "B" if letter == "A" else "A"
         if parts[letter]:
             raise ValueError(f"the drifts and kicks of {self.name} do not alternate")
-        return list(mirrored(out)) if self.symmetric else out
+        return list(mirror(out)) if self.symmetric else out
 
 
 def is_exact(text: str) -> bool:
@@ -87,7 +87,7 @@ def is_exact(text: str) -> bool:
 
 
 def value(text: str) -> mpmath.mpf:
-    """A published number in full precision."""
+    """The number that a published text (decimal or fraction) stands for, in full precision."""
     numerator, _, denominator = text.partition("/")
     with mpmath.workdps(DIGITS):
         return mpmath.mpf(numerator) / mpmath.mpf(denominator or 1)

@@ -51,7 +51,7 @@ def runge_kutta(kind: str, s: int) -> tuple:
     return A, conjugate, b, c
 
 
-def on_grid(A, unit):
+def round_to_grid(A, unit):
     """A rounded to multiples of ``unit``: where two numbers add up to 1, the rounded ones do so exactly."""
     return A.apply(lambda x: mpmath.nint(x / unit) * unit)
 
@@ -61,7 +61,7 @@ def nystrom_rounded(A, c, unit) -> tuple:
     s = len(c)
     if A.rows != A.cols or max(abs(A[i, j] - A[j, i] - c[i] + c[j]) for i in range(s) for j in range(s)) > 1e-30:
         return A, c
-    A, c = on_grid(A, unit), list(on_grid(mpmath.matrix(c), unit))
+    A, c = round_to_grid(A, unit), list(round_to_grid(mpmath.matrix(c), unit))
     for i in range(s):
         for j in range(i):
             A[i, j] = A[j, i] + c[i] - c[j]
@@ -82,12 +82,16 @@ def rounded_weights(b, unit) -> list:
 
 
 def rounded_rule(c, b, unit) -> tuple[list, list]:
-    """Gauss's nodes and weights rounded such that c_i + c_{k+1-i} = 1, too: then sum_i b_i c_i = 1/2 of the doubles."""
+    """Round a Gauss rule such that c_i + c_{k+1-i} = 1, sum_i b_i = 1 and sum_i b_i c_i = 1/2 hold exactly."""
     return [mpmath.nint(2 * x / unit) * unit / 2 for x in c], rounded_weights(b, unit)
 
 
 def exact(kind: str, s: int, k: int) -> tuple:
-    """(A^q, A^p, B, w, c) of the module's formula for "hbvm" with k nodes or for a kind of `runge_kutta`."""
+    """(A^q, A^p, B, w, c) of a method in the form of `families.collocation`, unrounded mpmath matrices.
+
+    With s increments x and the nodes c the stages are y + A x, the equations x = h B f(stages), the result y + w x.
+    ``kind`` is "hbvm" (k nodes) or a kind of `runge_kutta` (then k = s).
+    """
     if kind != "hbvm":
         A, conjugate, b, c = runge_kutta(kind, s)
         divided = [mpmath.matrix(s, s), mpmath.matrix(s, s)]
@@ -102,7 +106,7 @@ def exact(kind: str, s: int, k: int) -> tuple:
 
 
 def extrapolation(B, c) -> list[tuple]:
-    """For m = 1, 2, ...: s rows of weights of the increments of the last m steps, newest first.
+    """Weights that predict a step's s increments from those of the last m steps: s rows for each m = 1, 2, ...
 
     They are exact for f a polynomial in time of degree `DEGREE`, or of the degree that m steps determine.  Two steps
     are enough where s > 1.
@@ -121,7 +125,10 @@ def extrapolation(B, c) -> list[tuple]:
 
 
 class Tableau(NamedTuple):
-    """Rows of exact numbers: w^q and w^p; c, A^q, A^p and B^T at the nodes; the weights of `extrapolation`."""
+    """The numbers of a method with stages y + A x, increments x = h B f(stages) and result y + w x.
+
+    Rows w^q, w^p; the nodes c; A^q, A^p (for q and p) and B^T; weights that extrapolate x from earlier steps.
+    """
 
     weights: tuple
     c: tuple
@@ -133,7 +140,7 @@ class Tableau(NamedTuple):
 
 @cache
 def tableau(kind: str, s: int, k: int, nystrom: bool, digits: int, unit) -> Tableau:
-    """The tableau with k nodes, rounded to ``unit`` where symplecticity asks for it."""
+    """The `Tableau` of a method with s increments and k nodes, rounded to ``unit`` where symplecticity requires it."""
     with mpmath.workdps(digits):
         A, C, B, w, c = exact(kind, s, k)
         if kind == "hbvm":
@@ -148,7 +155,7 @@ def tableau(kind: str, s: int, k: int, nystrom: bool, digits: int, unit) -> Tabl
                 weights = [1 - x for x in c]
             C = A
         elif kind != "hbvm":
-            A, C = on_grid(A, unit), on_grid(C, unit)
+            A, C = round_to_grid(A, unit), round_to_grid(C, unit)
         start = extrapolation(B, c)
         if kind in SYMMETRIC:
             B = mpmath.diag(rounded_weights([B[i, i] for i in range(k)], unit))

@@ -4,8 +4,8 @@ The folder is $PHASEBENCH_CACHE, or else the platform's folder for caches.  Entr
 of everything that they depend on (this package's source, the versions of the packages that generate and compile, the
 processor), so that a stale entry is never found.  An entry begins with the hash of its name and content; a truncated or
 changed one is removed and made again.  It is written by a rename, so that concurrent writers never leave half of one.
-Processes that need the same entry wait for the one that makes it (`alone`).  Where nothing can be written, work goes
-on without a cache, after one line of warning.
+Processes that need the same entry wait for the one that makes it (`hold_lock`).  Where nothing can be written, work
+goes on without a cache, after one line of warning.
 
 When all subfolders together exceed `MAX_BYTES` bytes, those of other versions are removed, the longest unused first;
 then this version's oldest entries.
@@ -45,7 +45,7 @@ _logged: list[Exception] = []
 
 
 def root() -> Path | None:
-    """Return the folder of all versions, or None if the platform names none."""
+    """Return the cache folder that holds the entries of all versions, or None if the platform names none."""
     try:
         place = os.environ.get("PHASEBENCH_CACHE")
         if place:
@@ -205,7 +205,7 @@ def _is_sealed(home: Path) -> bool:
 
 
 def seal(name: str) -> None:
-    """Seal a folder of machine code; a failure is logged once in a process."""
+    """Seal a folder of machine code by a file with its hash; a failure is logged once in a process."""
     home = folder() / name
     try:
         if not (home / SEAL).exists():
@@ -225,7 +225,7 @@ def _content(home: Path) -> str:
 
 
 @contextmanager
-def alone(name: str) -> Iterator[None]:
+def hold_lock(name: str) -> Iterator[None]:
     """Hold the lock of an entry while making it, so that other processes wait, and then find it.
 
     The lock is the operating system's, on an open file, so that it ends with a process that is killed.  A process that
@@ -297,7 +297,7 @@ def log_once(error: Exception) -> None:
 
 
 def versions() -> Iterator[Path]:
-    """Iterate over the subfolders of all versions."""
+    """Iterate over the cache's subfolders, one for each version of the package and its compilers."""
     place = root()
     with suppress(OSError):
         yield from (p for p in place.iterdir() if _VERSION.fullmatch(p.name) and p.is_dir())
@@ -310,7 +310,7 @@ def size(place: Path) -> tuple[int, int]:
 
 
 def clear() -> None:
-    """Remove the entries of every version, and nothing else in the folder."""
+    """Remove the cache entries of every version, and nothing else in the folder."""
     for place in versions():
         shutil.rmtree(place, ignore_errors=True)
 
@@ -351,7 +351,7 @@ def evict() -> None:
 
 @lru_cache(maxsize=1)
 def _evict_once() -> None:
-    """Call `evict` once in a process."""
+    """Shrink the cache folder by `evict`, once in a process."""
     evict()
 
 

@@ -88,7 +88,7 @@ def function(key: str, build, signature, arithmetic: str = DOUBLE):
     """
     if arithmetic == MULTIPRECISION:
         style, header = "mpfr", "import mpmath as mp\nfrom gmpy2 import *\n"
-        header += f"from {__name__} import MULTIPRECISION, exactly, vector\n\n"
+        header += f"from {__name__} import MULTIPRECISION, to_number, vector\n\n"
     else:
         style = _kind_of(signature) if compiled() else "numpy"
         header = "from math import *\nimport numpy as np\n\n"
@@ -138,7 +138,7 @@ def _load(digest: str, text: str, style: str, signature):
 
 
 @lru_cache(maxsize=4096)
-def columnwise(text: str):
+def load_columnwise(text: str):
     """Return the function ``f`` that the text defines, as f(q, p) of NumPy arrays q, p of shape (d, n)."""
     namespace = vars(np) | {"np": np, "asin": np.arcsin, "acos": np.arccos, "atan": np.arctan}
     exec(text.replace("value((", "np.array((").replace("number(", "("), namespace)
@@ -154,7 +154,7 @@ def precision(digits: int) -> Iterator[None]:
 
 def epsilon(arithmetic: str):
     """Return the machine epsilon of the arithmetic, at its current precision."""
-    return exactly(mpmath.mp.eps if arithmetic == MULTIPRECISION else np.finfo(float).eps, arithmetic)
+    return to_number(mpmath.mp.eps if arithmetic == MULTIPRECISION else np.finfo(float).eps, arithmetic)
 
 
 def vector(numbers) -> np.ndarray:
@@ -165,11 +165,11 @@ def vector(numbers) -> np.ndarray:
     if gmpy2.get_context().precision != mpmath.mp.prec:
         raise InvalidInput("set the digits of multiprecision by codegen.precision(digits), not by mpmath alone")
     out = np.empty(len(numbers), dtype=object)
-    out[:] = [exactly(x, MULTIPRECISION) for x in numbers]
+    out[:] = [to_number(x, MULTIPRECISION) for x in numbers]
     return out
 
 
-def exactly(x, arithmetic: str):
+def to_number(x, arithmetic: str):
     """Convert x (int, float, Fraction, decimal string, mpmath or MPFR number) to a number of the arithmetic."""
     if arithmetic == DOUBLE:
         return float(mpmath.mpf(x)) if isinstance(x, str) else float(x)

@@ -29,7 +29,7 @@ from numba.extending import intrinsic
 from . import cache
 
 
-def compiled(f: Callable, signature, options: dict, name: str) -> Callable:
+def load_or_compile(f: Callable, signature, options: dict, name: str) -> Callable:
     """Return ``f`` compiled for one signature, from the cache if it is there.
 
     Parameters
@@ -44,10 +44,10 @@ def compiled(f: Callable, signature, options: dict, name: str) -> Callable:
     digest = hashlib.sha256(content.encode()).hexdigest()[:24]
     entry = f"{''.join(c if c.isalnum() else '-' for c in name.partition('|')[0])}-{digest}"
     f = _without_closure(f)
-    with cache.alone(cache.seal_of(entry)):
+    with cache.hold_lock(cache.seal_of(entry)):
         source, sealed = cache.source_of(entry)
         try:
-            made = _made(f, signature, options, digest, source)
+            made = _compile(f, signature, options, digest, source)
         except Exception as error:
             unwritable = isinstance(error, (OSError, RuntimeError))  # a full disk, or no place that Numba may write to
             if not (sealed or unwritable):
@@ -56,7 +56,7 @@ def compiled(f: Callable, signature, options: dict, name: str) -> Callable:
             if unwritable:
                 cache.log_once(error)
             source = None if unwritable else cache.source_of(entry)[0]
-            made = _made(f, signature, options, digest, source)
+            made = _compile(f, signature, options, digest, source)
         if source is not None:
             cache.seal(entry)
     made.disable_compile()
@@ -84,14 +84,14 @@ def _without_closure(f: Callable) -> Callable:
     return namespace["whole"]
 
 
-def _made(f: Callable, signature, options: dict, digest: str, source: Path | None):
-    """Compile ``f``, or load what Numba keeps beside ``source``."""
+def _compile(f: Callable, signature, options: dict, digest: str, source: Path | None):
+    """Compile ``f``, or load the machine code that Numba has stored beside the file ``source``."""
     collects = gc.isenabled()
     gc.disable()  # a compilation makes many objects and few cycles; collecting would take a tenth of its time
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", numba.NumbaExperimentalFeatureWarning)
-            dispatcher = numba.njit(**options, cache=source is not None)(_renamed(f, digest, source))
+            dispatcher = numba.njit(**options, cache=source is not None)(_rename(f, digest, source))
             dispatcher.compile(signature)
             return dispatcher
     finally:
@@ -99,7 +99,7 @@ def _made(f: Callable, signature, options: dict, digest: str, source: Path | Non
             gc.enable()
 
 
-def _renamed(f: Callable, digest: str, source: Path | None) -> Callable:
+def _rename(f: Callable, digest: str, source: Path | None) -> Callable:
     """Return a copy of ``f`` whose qualified name contains the digest, defined in the file ``source`` if there is one.
 
     Machine code is linked by the function's name and a number that counts what a process has compiled.  Functions of
@@ -116,7 +116,7 @@ def _renamed(f: Callable, digest: str, source: Path | None) -> Callable:
 class Function(types.WrapperAddressProtocol):
     """A compiled function that raises no exception: Python calls it, and kernels call it through a pointer.
 
-    The parameters are those of `compiled`.
+    The parameters are those of `load_or_compile`.
     """
 
     def __init__(self, f: Callable, signature, options: dict, name: str):
@@ -124,14 +124,14 @@ class Function(types.WrapperAddressProtocol):
         self._signature = signature
         self._called: Callable | None = None
         address = with_functions(_address, {"entry_address": _entry_of(self)})
-        self._address = compiled(address, types.intp(), {}, f"{name}|entry of {signature!r} {sorted(options)}")()
+        self._address = load_or_compile(address, types.intp(), {}, f"{name}|entry of {signature!r} {sorted(options)}")()
 
     @property
     def dispatcher(self) -> Callable:
-        """The function with its entry for Python; loaded or compiled when it is first asked for."""
+        """The compiled function as Python calls it; loaded or compiled at the first access."""
         if self._called is None:
             f, signature, options, name = self._made
-            self._called = compiled(f, signature, options | {"no_cfunc_wrapper": True}, name)
+            self._called = load_or_compile(f, signature, options | {"no_cfunc_wrapper": True}, name)
         return self._called
 
     def __call__(self, *arguments):
@@ -139,11 +139,11 @@ class Function(types.WrapperAddressProtocol):
         return self.dispatcher(*arguments)
 
     def signature(self):
-        """The Numba signature."""
+        """The Numba signature of the function's arguments and result."""
         return self._signature
 
     def __wrapper_address__(self) -> int:
-        """The address of the entry."""
+        """The address of the entry through which compiled code calls the function."""
         return self._address
 
 
@@ -152,7 +152,7 @@ def _address():
 
 
 def _entry_of(function: Function):
-    """Return an operation of compiled code: the address of a C function in which the function's code stands."""
+    """Return an intrinsic that yields the address of a C function with the code of ``function`` inlined into it."""
 
     @intrinsic
     def entry_address(typing_context):

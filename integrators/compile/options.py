@@ -1,4 +1,4 @@
-"""Numba's options for compiled functions."""
+"""Options with which Numba compiles functions."""
 
 from __future__ import annotations
 

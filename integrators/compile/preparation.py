@@ -1,4 +1,4 @@
-"""Store what families prepare for a kernel: the numbers of a method, and the functions of a system that has a key.
+"""Cache what families prepare for a kernel: a method's coefficients, and the functions of a system that has a key.
 
 A `kernel.Prepared` is pickled with the origins of its functions (`codegen.origin`) in place of the functions.  Its
 entry is found by the value of the method and the key of the system.  One that holds any other compiled function is not
@@ -98,7 +98,7 @@ def _read(name: str, version: str):
 
 
 def read(name: str | None):
-    """Return what was stored under the name, or None."""
+    """Return the prepared kernel that was stored under the name, or None."""
     try:
         return None if name is None else _read(name, str(cache.folder()))
     except LookupError:

@@ -41,7 +41,7 @@ class _Printer(PythonCodePrinter):
         return f"mpfr({float(x)!r})" if self.multi else repr(float(x))
 
     def _print_NumberSymbol(self, x):
-        return f"exactly(mp.{str(x).lower()}, MULTIPRECISION)" if self.multi else repr(float(x))
+        return f"to_number(mp.{str(x).lower()}, MULTIPRECISION)" if self.multi else repr(float(x))
 
     _print_Pi = _print_Exp1 = _print_NumberSymbol
 
@@ -160,6 +160,6 @@ def source(
 
 @lru_cache(maxsize=4096)
 def columnwise_text(q: tuple[sp.Symbol, ...], p: tuple[sp.Symbol, ...], expression: sp.Expr) -> str:
-    """Return the text of an expression in q and p, as a function for `codegen.columnwise`."""
+    """Return the text of an expression in q and p, as a function for `codegen.load_columnwise`."""
     key = hashlib.sha256(" ".join(map(sp.srepr, (*q, *p, expression))).encode()).hexdigest()[:24]
     return cached_text(f"v-{key}.py", lambda: source("f", [("q", q), ("p", p)], [expression], DOUBLE))

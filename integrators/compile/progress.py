@@ -1,4 +1,4 @@
-"""Announce compilations: to nobody, unless a caller sets `announce`."""
+"""Announce compilations by the function ``announce``, if a caller sets one."""
 
 from __future__ import annotations
 
@@ -10,5 +10,5 @@ announce: Callable[[str], AbstractContextManager] = nullcontext
 
 
 def compiling(what: str, d: int) -> AbstractContextManager:
-    """Return the context in which ``what`` is compiled for d degrees of freedom."""
+    """Return a context manager that announces the compilation of ``what`` for d degrees of freedom."""
     return announce(f"compiling {what} for d = {d} ...")

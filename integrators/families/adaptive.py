@@ -1,4 +1,4 @@
-r"""Variable steps that can be taken back: symmetric methods with Hairer and Soderlind's controller.
+r"""Symmetric methods with variable steps: splittings and Gauss's methods with Hairer and Soderlind's controller.
 
 They are splittings of a separable H (Stormer-Verlet and its compositions), and Gauss's methods.
 
@@ -34,7 +34,7 @@ Geometric Numerical Integration (2006), VIII.3.2; stages in lanes: see `stage_la
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import mpmath
 import numpy as np
@@ -45,26 +45,31 @@ from phasebench.integrators.compile import codegen
 from phasebench.integrators.compile.codegen import DOUBLE
 from phasebench.integrators.compile.lazy import sympy as sp
 from phasebench.integrators.errors import InvalidInput
-from phasebench.integrators.stepping.kernel import Prepared, array
-from phasebench.integrators.stepping.loop import by_time
+from phasebench.integrators.stepping.kernel import OWN, Prepared, array
+from phasebench.integrators.stepping.loop import time_loop
 from phasebench.integrators.stepping.solve import OUT_OF_STEP, SOLVED
 from phasebench.integrators.systems import singularities
 from phasebench.integrators.values.lanes import combine, polynomial, put, take
-from phasebench.integrators.values.masks import either, number, outlived
+from phasebench.integrators.values.masks import number, retire_lanes, where
 from phasebench.integrators.values.vector import (
     State,
     add_product,
-    apart,
-    chosen,
-    inlined,
+    dispatch_on_none,
+    forbid_inlining,
+    inline,
     jit,
     size,
     velocity,
 )
 
 from . import gauss_lanes, splitting, stage_lanes
-from .gauss_lanes import squared
-from .stage_lanes import begin, end, equations, solve
+from .gauss_lanes import pad_square
+from .lane_rows import FREE
+from .stage_lanes import B, C, begin, end, equations, solve
+
+if TYPE_CHECKING:
+    from phasebench.integrators.record import Method
+    from phasebench.integrators.systems.hamiltonian import Hamiltonian
 
 #: Orbits may be integrated side by side.
 IN_LANES = True
@@ -73,9 +78,10 @@ FAR = 1e3
 
 
 class Adaptive(NamedTuple):
-    """Gauss's ``method`` in lanes and the transposed matrix of `remember`, or a `Splitting`'s fields; others are None.
+    """What a variable step needs: the fields of a Gauss method or of a splitting; those of the other are None.
 
-    ``monitor`` is (q, p) -> (1 / sigma, G).
+    Of Gauss: ``method`` in lanes and ``inverse``, the transposed matrix of `remember`; of a splitting: dT, dV, a, b.
+    ``monitor`` is the function (q, p) -> (1 / sigma, G).
     """
 
     method: stage_lanes.Lanes | None
@@ -90,7 +96,7 @@ class Adaptive(NamedTuple):
 
 
 class Clock(NamedTuple):
-    """Time and its lost part, the density of the next step, the length of the last."""
+    """The time and its rounding error, the density rho of the next step (of length h / rho), the last step's length."""
 
     t: float
     lost: float
@@ -99,23 +105,29 @@ class Clock(NamedTuple):
 
 
 #: Where the state's spare rows keep the clock between calls.
-TIME, LOST, DENSITY, LAST = (4, 0), (4, 1), (5, 0), (5, 1)
+TIME, LOST, DENSITY, LAST = (OWN, 0), (OWN, 1), (OWN + 1, 0), (OWN + 1, 1)
 
 
-@inlined
+@inline
 def predict(e, first, at, ratio):
-    """Continue the polynomials with coefficients in the rows from ``first`` on into a step ``ratio`` times as long."""
+    """Write starting values of a step's increments to the rows ``at``, ..., from the last step's polynomials of f.
+
+    Their coefficients are in the rows from ``first`` on; the step is ``ratio`` times as long as the last.
+    """
     nodes = e.step.nodes
-    z = 1.0 + ratio * take(nodes, 0, e.like)
-    weights = e.h * take(nodes, 1, e.like)
+    z = 1.0 + ratio * take(nodes, C, e.like)
+    weights = e.h * take(nodes, B, e.like)
     for k in range(e.stages):
         put(e.memory, at + k, weights * polynomial(take(e.memory, first + k, e.like), z, e.like), e.like)
 
 
-@inlined
+@inline
 def remember(e, first, inverse):
-    """Write the coefficients of the polynomials through f at the nodes to the rows from ``first`` on."""
-    zero = 0.0 * take(e.step.nodes, 0, e.like)
+    """Write the coefficients of the polynomials through f at the nodes of a step to the rows from ``first`` on.
+
+    ``inverse`` is the matrix from values at the nodes to coefficients.
+    """
+    zero = 0.0 * take(e.step.nodes, C, e.like)
     for k in range(e.stages):
         f = take(e.memory, e.stages + k, e.like)
         put(e.memory, first + k, combine(zero, f, 1.0, inverse, 0, e.like), e.like)
@@ -123,8 +135,8 @@ def remember(e, first, inverse):
 
 @jit
 def kicks_and_drifts(step, y, dt):
-    """Take a step of a splitting of length dt from y; (its end, evaluations)."""
-    apart()
+    """Take a step of length dt of a splitting from the state y; returns (the state after it, evaluations of grad V)."""
+    forbid_inlining()
     q, p, lost_q, lost_p = y
     evaluations = 0
     for k in range(len(step.a)):
@@ -143,7 +155,7 @@ def _split(method, step, carry, y, clock, dt, counts):
 
 def _gauss(method, step, carry, y, clock, dt, counts):
     e = equations(method, carry, dt)
-    first = e.base + 4
+    first = e.base + FREE
     at = first + e.stages
     begin(method.inverse_mass, e, y)
     predict(e, first, at, dt / clock.last)
@@ -154,18 +166,18 @@ def _gauss(method, step, carry, y, clock, dt, counts):
 
 def _remember_field(method, step, carry, dt):
     e = equations(method, carry, dt)
-    remember(e, e.base + 4, step.inverse)
+    remember(e, e.base + FREE, step.inverse)
 
 
 #: Take a step of length dt from y: (its end, evaluations, status).
-attempt = chosen(_split, _gauss)
+attempt = dispatch_on_none(_split, _gauss)
 #: Store what the next step starts from.
-settle = chosen(lambda method, step, carry, dt: None, _remember_field)
+settle = dispatch_on_none(lambda method, step, carry, dt: None, _remember_field)
 
 
-@inlined
-def started(step, carry, y):
-    """Return the clock as the last call left it; make the first one."""
+@inline
+def read_clock(step, carry, y):
+    """Return the clock (time, density of steps) that the last call left in the carry, or a run's first one."""
     rows = carry.state
     clock = Clock(rows[TIME], rows[LOST], rows[DENSITY], rows[LAST])
     if clock.density == 0:
@@ -175,9 +187,9 @@ def started(step, carry, y):
     return clock
 
 
-@inlined
-def ticked(step, clock, dt, y):
-    """(the clock after a step of length dt that led to y, True if its density and its time are sound)."""
+@inline
+def tick(step, clock, dt, y):
+    """(clock after a step of length dt to y, True if the density is near 1 / sigma and the time has advanced)."""
     rate, change = step.monitor(y.q, y.p)
     t = (clock.t + clock.lost) + dt
     lost = (dt + clock.lost) - (t - clock.t)
@@ -185,31 +197,31 @@ def ticked(step, clock, dt, y):
     return Clock(t, lost, density, dt), (density < FAR * rate) & (FAR * density > rate) & (abs(dt) > step.eps * abs(t))
 
 
-@inlined
-def ahead(step, clock, until):
+@inline
+def plan_step(step, clock, until):
     """(length of the next step, time left until ``until``, True if the step ends before that)."""
     dt = step.h / clock.density
     left = (until - clock.t) - clock.lost
     return dt, left, (abs(dt) < abs(left)) & (left * step.h > 0)
 
 
-@inlined
-def passed_on(going, y, clock, following, later):
-    """The state and the clock after a step, in the lanes that are ``going``."""
+@inline
+def select_going(going, y, clock, following, later):
+    """(state, clock): after the step (``following``, ``later``) in the lanes ``going``, as before in the others."""
     y = State(
-        either(going, following.q, y.q),
-        either(going, following.p, y.p),
-        either(going, following.lost_q, y.lost_q),
-        either(going, following.lost_p, y.lost_p),
+        where(going, following.q, y.q),
+        where(going, following.p, y.p),
+        where(going, following.lost_q, y.lost_q),
+        where(going, following.lost_p, y.lost_p),
     )
-    t, lost = either(going, later.t, clock.t), either(going, later.lost, clock.lost)
-    return y, Clock(t, lost, either(going, later.density, clock.density), either(going, later.last, clock.last))
+    t, lost = where(going, later.t, clock.t), where(going, later.lost, clock.lost)
+    return y, Clock(t, lost, where(going, later.density, clock.density), where(going, later.last, clock.last))
 
 
-@inlined
+@inline
 def wind(step, carry, y, clock, until, counts):
-    """Step until the next step would pass the time ``until``; (state, clock, status)."""
-    dt, _, going = ahead(step, clock, until)
+    """Step until the next step would pass the time ``until``; returns (state, clock, status)."""
+    dt, _, going = plan_step(step, clock, until)
     while going:
         following, evaluations, status = attempt(step.method, step, carry, y, clock, dt, counts)
         counts.gradient += evaluations * number(going)
@@ -217,62 +229,68 @@ def wind(step, carry, y, clock, until, counts):
             return y, clock, status
         settle(step.method, step, carry, dt)
         counts.steps += number(going)
-        later, kept = ticked(step, clock, dt, following)
-        y, clock = passed_on(going, y, clock, following, later)
-        q, alive = outlived(going, kept, y.q)
+        later, kept = tick(step, clock, dt, following)
+        y, clock = select_going(going, y, clock, following, later)
+        q, alive = retire_lanes(going, kept, y.q)
         if not alive:
             return y, clock, OUT_OF_STEP
         y = State(q, y.p, y.lost_q, y.lost_p)
-        dt, _, going = ahead(step, clock, until)
+        dt, _, going = plan_step(step, clock, until)
     return y, clock, SOLVED
 
 
-@inlined
+@inline
 def reach(method, carry, y, clock, until, every, counts):
-    """Step to the last state before the time of a row, and from there to the row (see `loop.by_time`)."""
+    """Step to the last state before the time ``until``, and from there to the state at that time, a stored row.
+
+    Returns (last state, clock, state at that time, status), as `loop.time_loop` requires.
+    """
     there = y
     y, clock, status = wind(method, carry, y, clock, until, counts)
     if status == SOLVED:
-        _, left, _ = ahead(method, clock, until)
+        _, left, _ = plan_step(method, clock, until)
         there, evaluations, status = attempt(method.method, method, carry, y, clock, left, counts)
         counts.gradient += evaluations * number(size(y.q) < np.inf)
     return y, clock, there, status
 
 
-@inlined
+@inline
 def leave(carry, clock):
-    """Store the clock for the next call."""
+    """Store the clock (time, density of steps) in the carry, for the next call of the kernel."""
     rows = carry.state
     rows[TIME], rows[LOST], rows[DENSITY], rows[LAST] = clock.t, clock.lost, clock.density, clock.last
 
 
-run = by_time(started, reach, leave)
+run = time_loop(read_clock, reach, leave)
 
 
 # -- the functions and numbers that it is handed ----------------------------------------------------------------------
 
 
-def monitor(system, arithmetic: str):
-    """Make the function (q, p) -> (1 / sigma, G)."""
+def monitor(system: Hamiltonian, arithmetic: str):
+    """Make the function (q, p) -> (1 / sigma, G) that controls the step.
+
+    1 / sigma is the density of steps that the distances to the singularities require, G the rate of its change.
+    """
     T = codegen.value_type(system.d)
 
     def results():
-        square, rate = singularities.density(singularities.steering(system), system.q, system.dq)
+        square, rate = singularities.density(singularities.steering_distances(system), system.q, system.dq)
         return [sp.sqrt(square), rate / (2 * square)]
 
-    kind = f"density of {', '.join(map(sp.srepr, singularities.steering(system)))}"
-    return system.made(
+    kind = f"density of {', '.join(map(sp.srepr, singularities.steering_distances(system)))}"
+    return system.make_function(
         kind, [("q", system.q), ("p", system.p)], results, types.UniTuple(types.float64, 2)(T, T), arithmetic
     )
 
 
-def gauss(method) -> bool:
-    """True if the method is Gauss's, of data (s,)."""
+def is_gauss(method: Method) -> bool:
+    """True if the method is one of Gauss's; its data then are (number of stages,)."""
     return len(method.data) == 1
 
 
-def required(method, s: int, system) -> None:
-    """Raise InvalidInput unless Gauss's s stages can be had in lanes."""
+def require_lanes(method: Method, s: int, system: Hamiltonian) -> None:
+    """Raise InvalidInput unless the system's functions can be compiled for s stages side by side in SIMD lanes."""
     if not gauss_lanes.serves(s, system):
         raise InvalidInput(
             f"method '{method.id}' requires an H of at most {codegen.TUPLE_LIMIT} degrees of freedom, derivatives "
@@ -291,24 +309,24 @@ def coefficients(s: int) -> mpmath.matrix:
 
 
 def inverse_of(s: int, step: stage_lanes.Lanes, arithmetic: str) -> np.ndarray:
-    """The matrix of `remember`: from values at Gauss's nodes to coefficients of powers."""
+    """The transposed matrix from values at Gauss's s nodes to coefficients of powers, padded to the lanes."""
     with mpmath.workdps(digits(arithmetic)):
         inverse = coefficients(s)
-        return array(squared(([inverse[k, j] for k in range(s)] for j in range(s)), len(step.like)), arithmetic)
+        return array(pad_square(([inverse[k, j] for k in range(s)] for j in range(s)), len(step.like)), arithmetic)
 
 
-def prepare(method, system, arithmetic) -> Prepared:
-    """Make the kernel of data (s,), Gauss with s stages, or (1, substeps), a splitting."""
-    if not all(isinstance(r, sp.Expr) for r in singularities.steering(system)):
+def prepare(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
+    """Prepare the kernel of a variable-step method: data (s,) is Gauss of s stages, (1, substeps) a splitting."""
+    if not all(isinstance(r, sp.Expr) for r in singularities.steering_distances(system)):
         raise InvalidInput(f"method '{method.id}' requires the distances to the singularities as formulae")
-    if not gauss(method):
+    if not is_gauss(method):
         _, substeps = method.data
         split = splitting.from_substeps(substeps, system, arithmetic, fills=False).step
         whole = Adaptive(None, split.dT, split.dV, split.a, split.b, None, monitor(system, arithmetic))
         return Prepared(run, whole, 1, 3, implicit=False, apart=True)
     (s,) = method.data
-    required(method, s, system)
-    step = gauss_lanes.laned(s, system, arithmetic)
+    require_lanes(method, s, system)
+    step = gauss_lanes.build_lanes(s, system, arithmetic)
     inverse = inverse_of(s, step, arithmetic)
     whole = Adaptive(step, None, None, None, None, inverse, monitor(system, arithmetic))
     width, stages = gauss_lanes.room(step, system.d)

@@ -35,7 +35,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from itertools import combinations
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import mpmath
 import numpy as np
@@ -44,36 +44,48 @@ from phasebench.integrators.coefficients.quadrature import LARGE, RULES, gauss_l
 from phasebench.integrators.compile import codegen
 from phasebench.integrators.compile.codegen import DOUBLE
 from phasebench.integrators.compile.lazy import sympy as sp
-from phasebench.integrators.stepping.kernel import Prepared, array, fixed, numbers
+from phasebench.integrators.stepping.kernel import Carry, Prepared, array, freeze, numbers
 from phasebench.integrators.stepping.loop import loop
-from phasebench.integrators.stepping.orbit_lanes import in_lanes, twin
-from phasebench.integrators.stepping.solve import SOLVED, Change, lengths_of_both, predict, remember, solver, unchanged
+from phasebench.integrators.stepping.orbit_lanes import compiles_in_lanes, twin
+from phasebench.integrators.stepping.solve import (
+    SOLVED,
+    lengths_of_both,
+    predict,
+    refinement,
+    remember,
+    solver,
+)
 from phasebench.integrators.values.lanes import Lanes, take, total
 from phasebench.integrators.values.vector import (
-    advanced,
+    State,
     axpy,
-    chosen,
+    dispatch_on_none,
     elementwise,
     head,
-    inlined,
+    inline,
     join,
     load,
     plus,
     scale,
     size,
     tail,
+    update,
     velocity,
 )
 
-from .collocation import moved as change
+from .collocation import add_increments as change
 from .parametric import lengths_of_kick, unknown
+
+if TYPE_CHECKING:
+    from phasebench.integrators.record import Method
+    from phasebench.integrators.systems.hamiltonian import Hamiltonian
 
 #: Nodes side by side, and the least size of the largest rule for which that is faster.
 WIDTH, FEWEST = 4, 3
 
 
 class Averaged(NamedTuple):
-    """Substeps along paths, and quadrature rules; the unknown is the kick if ``field`` is None.
+    """What a step needs: substeps along paths, and quadrature rules; the unknown is the kick if ``field`` is None.
 
     Substep s takes ``fraction[s]`` of h; its components belong to the blocks ``place[s]``; its ``direction`` is the
     path (1), the reverse path (-1) or both (0). ``path`` is None if every substep has one block only.
@@ -119,20 +131,20 @@ class Average(NamedTuple):
 
 
 @elementwise()
-def over_lanes(x):
+def sum_lanes(x):
     """Sum each component over its lanes."""
     return total(x)
 
 
 #: Nodes or weights of a row.
-of_row = chosen(lambda like, table, row: table[row, 0], lambda like, table, row: take(table, row, like))
+of_row = dispatch_on_none(lambda like, table, row: table[row, 0], lambda like, table, row: take(table, row, like))
 #: The sum over the lanes of what was summed over the rows.
-over_nodes = chosen(lambda like, x: x, lambda like, x: over_lanes(x))
+over_nodes = dispatch_on_none(lambda like, x: x, lambda like, x: sum_lanes(x))
 
 
-@inlined
-def nothing(x, e):
-    """Zeros, the start of the sum over the rows."""
+@inline
+def zero_sum(x, e):
+    """Zeros of the shape of x, in lanes where nodes are: the start of a sum over rows of nodes."""
     return scale(0.0 * of_row(e.step.like, e.step.b, e.rule), x)
 
 
@@ -140,47 +152,51 @@ def nothing(x, e):
 
 
 @elementwise()
-def moved(direction, b, place, s, x, y):
-    """The point of the path where block b has gone the part s of its way; ``direction`` -1 is the reverse path."""
+def path_point(direction, b, place, s, x, y):
+    """Components of the point y + w x of the path at which block b is moving and has gone the share s of its way.
+
+    ``place`` is the block of each component; w is 1 in blocks already moved, s in block b, 0 in the others. The reverse
+    path has ``direction`` -1.
+    """
     return y + (1.0 * (b == place) * s + 1.0 * (direction * (b - place) > 0)) * x
 
 
 @elementwise()
-def of_block(b, place, a, f, sums):
-    """sums + a f in the components of block b, sums in the others."""
+def add_to_block(b, place, a, f, sums):
+    """sums + a f in the components that belong to block b by ``place``, sums in the others."""
     return sums + 1.0 * (place == b) * a * f
 
 
-@inlined
-def one_way(direction, x, e):
-    """h times the mean of f along a path: each block's components of the gradient while that block moves."""
+@inline
+def mean_one_way(direction, x, e):
+    """h times the mean of the vector field along a path, each component averaged while its own block moves."""
     step = e.step
     place = load(step.place, e.s, x)
     at_q, at_p = head(place), tail(place)
-    sums = nothing(x, e)
+    sums = zero_sum(x, e)
     for b in range(step.blocks[e.s]):
         for row in range(e.rule, e.rule + step.rows[e.rule]):
             c, a = of_row(step.like, step.c, row), of_row(step.like, step.b, row) * e.h
-            q, p = moved(direction, b, at_q, c, head(x), e.q), moved(direction, b, at_p, c, tail(x), e.p)
+            q, p = path_point(direction, b, at_q, c, head(x), e.q), path_point(direction, b, at_p, c, tail(x), e.p)
             dq, dp = step.field(q, p, e.h, 0.0)
             # q' is a derivative by p: it belongs to the block of p
-            sums = join(of_block(b, at_p, a, dq, head(sums)), of_block(b, at_q, a, dp, tail(sums)))
+            sums = join(add_to_block(b, at_p, a, dq, head(sums)), add_to_block(b, at_q, a, dp, tail(sums)))
     return over_nodes(step.like, sums)
 
 
-def _along(path, x, e):
+def _mean_along_path(path, x, e):
     direction = e.step.direction[e.s]
     if direction == 0:
-        return scale(0.5, plus(one_way(1.0, x, e), one_way(-1.0, x, e)))
-    return one_way(direction, x, e)
+        return scale(0.5, plus(mean_one_way(1.0, x, e), mean_one_way(-1.0, x, e)))
+    return mean_one_way(direction, x, e)
 
 
 # -- the mean along the straight line ---------------------------------------------------------------------------------
 
 
-def _straight(path, x, e):
+def _mean_along_line(path, x, e):
     step = e.step
-    sums = nothing(x, e)
+    sums = zero_sum(x, e)
     for row in range(e.rule, e.rule + step.rows[e.rule]):
         c = of_row(step.like, step.c, row)
         dq, dp = step.field(axpy(c, head(x), e.q), axpy(c, tail(x), e.p), e.h, 0.0)
@@ -188,85 +204,101 @@ def _straight(path, x, e):
     return over_nodes(step.like, sums)
 
 
-@inlined
+@inline
 def drift(x, e):
-    """h M^-1 (p + x / 2) for the kick x."""
+    """The increment of q in a substep with the kick x: h M^-1 (p + x / 2)."""
     return scale(e.h, axpy(0.5, velocity(e.step.dT, x), e.v))
 
 
 def _kick(field, x, e):
     step = e.step
-    sums, dq = nothing(x, e), drift(x, e)
+    sums, dq = zero_sum(x, e), drift(x, e)
     for row in range(e.rule, e.rule + step.rows[e.rule]):
         c, a = of_row(step.like, step.c, row), of_row(step.like, step.b, row) * -e.h
         sums = axpy(a, step.dV(axpy(c, dq, e.q)), sums)
     return over_nodes(step.like, sums)
 
 
-_both = chosen(_straight, _along)
-_mean = chosen(_kick, lambda field, x, e: _both(e.step.path, x, e))
-_lengths = chosen(lambda field, x, g, e: lengths_of_kick(x, g, e), lambda field, x, g, e: lengths_of_both(x, g, e))
-_velocity = chosen(lambda field, dT, p: velocity(dT, p), lambda field, dT, p: p)
-_ended = chosen(
-    lambda field, y, x, e: advanced(y, drift(x, e), x), lambda field, y, x, e: advanced(y, head(x), tail(x))
+_both = dispatch_on_none(_mean_along_line, _mean_along_path)
+_mean = dispatch_on_none(_kick, lambda field, x, e: _both(e.step.path, x, e))
+_lengths = dispatch_on_none(
+    lambda field, x, g, e: lengths_of_kick(x, g, e), lambda field, x, g, e: lengths_of_both(x, g, e)
+)
+_velocity = dispatch_on_none(lambda field, dT, p: velocity(dT, p), lambda field, dT, p: p)
+_end = dispatch_on_none(
+    lambda field, y, x, e: update(y, drift(x, e), x), lambda field, y, x, e: update(y, head(x), tail(x))
 )
 
 
-@inlined
+@inline
 def mean(x, e):
-    """One iterate of the unknown: h times the mean of f, or of -grad V, from (q, p) to the point that x leads to."""
+    """Evaluate G(x), the right-hand side of the equation of a substep, for the unknown x.
+
+    It is h times the mean of f (of -grad V for kicks) along the path from (q, p) to the point that x leads to.
+    """
     return _mean(e.step.field, x, e)
 
 
-@inlined
+@inline
 def lengths(x, g, e):
-    """Sizes of the variables that the two halves of x belong to."""
+    """Sizes of coordinates and momenta at the unknown x, for the lengths of finite differences; g is G(x)."""
     return _lengths(e.step.field, x, g, e)
 
 
 solve_mean = solver(mean, lengths)
 
 
+@inline
+def by_rule(e, rule):
+    """The arguments ``e`` with another quadrature rule, given by its first row."""
+    return Average(e.step, e.q, e.p, e.v, e.h, e.s, rule)
+
+
+@inline
+def evaluations(e, rule):
+    """Number of gradient evaluations that one evaluation of `mean` takes with the quadrature rule."""
+    return e.step.blocks[e.s] * (2 if e.step.direction[e.s] == 0 else 1) * e.step.nodes[rule]
+
+
+@inline
+def solve_by_rule(e, x, span, work, counts):
+    """Solve the equation of a substep by the quadrature rule ``counts.rule``, from x (see `solve.refinement`)."""
+    x, iterates, newton, status = solve_mean(by_rule(e, counts.rule), x, span, e.step.eps, work)
+    counts.gradient += iterates * evaluations(e, counts.rule)
+    counts.newton += newton
+    return x, status
+
+
+@inline
+def iterate_by_rule(e, x, counts):
+    """One fixed-point iterate of a substep by the rule ``counts.rule``; returns (the new x, the `Change` to it)."""
+    new = mean(x, by_rule(e, counts.rule))
+    counts.gradient += evaluations(e, counts.rule)
+    return new, change(e.step.field, x, new)
+
+
+refine = refinement(solve_by_rule, iterate_by_rule)
+
+
 # -- steps ------------------------------------------------------------------------------------------------------------
 
 
-@inlined
+@inline
 def substep(step, y, s, carry, counts):
-    """Take substep s from y with rules of rising size until one is confirmed; (y, its unknown, status)."""
-    eps, several = step.eps, len(step.rows) > step.rows[0]
-    sweeps = step.blocks[s] * (2 if step.direction[s] == 0 else 1)
+    """Take substep s from the state y with quadrature rules of rising size until one is confirmed by the next.
+
+    Returns (state, the solution x of the substep's equation, status).
+    """
     x = predict(carry.memory, s, len(step.fraction), counts.steps, unknown(step.field, carry.zero))
     v, h = _velocity(step.field, step.dT, y.p), step.fraction[s] * step.h
     span = size(y.q) + size(y.p)
-    move = Change(np.inf, np.inf, np.inf, np.inf)
-    rule = before = counts.rule
-    while True:
-        x, n, used, status = solve_mean(Average(step, y.q, y.p, v, h, s, rule), x, span, eps, carry.work)
-        counts.gradient += n * sweeps * step.nodes[rule]
-        counts.newton += used
-        following = rule + step.rows[rule]
-        if status != SOLVED or not several:
-            break
-        if following == len(step.rows):
-            counts.fallbacks += 1
-            break
-        new = mean(x, Average(step, y.q, y.p, v, h, s, following))
-        counts.gradient += sweeps * step.nodes[following]
-        last, move = move, change(step.field, x, new)
-        x = new
-        sure, ended = unchanged(move, last, abs(h) * span, eps)
-        if sure:
-            break
-        if ended:  # the next step need not begin with the rule that only showed the end
-            rule = before
-            break
-        before, rule = rule, following
-    counts.rule = rule
-    return _ended(step.field, y, x, Average(step, y.q, y.p, v, h, s, rule)), x, status
+    e = Average(step, y.q, y.p, v, h, s, counts.rule)
+    x, status = refine(e, x, span, abs(h) * span, carry.work, counts)
+    return _end(step.field, y, x, by_rule(e, counts.rule)), x, status
 
 
-def step(method, y, carry, counts):
-    """One step, substep by substep."""
+def step(method: Averaged, y: State, carry: Carry, counts: np.record) -> tuple[State, int]:
+    """Take one step from the state y, substep by substep; returns (state, status)."""
     stages = len(method.fraction)
     status = SOLVED
     for s in range(stages):
@@ -291,7 +323,7 @@ PATHS = {
 }
 
 
-def coupled(path: str, system) -> bool:
+def coupled(path: str, system: Hamiltonian) -> bool:
     """True if H has a term in variables of two blocks of the path; if not, the path gives the AVF method."""
     place = PATHS[path](system.d)
     if len(set(place)) == 1 or (path == "momenta, coordinates" and system.separable):
@@ -300,8 +332,11 @@ def coupled(path: str, system) -> bool:
     return any(a != b and sp.expand(sp.diff(system.H, x, y)) != 0 for (x, a), (y, b) in combinations(variables, 2))
 
 
-def rules(system, width: int, arithmetic) -> tuple[list, list, list, list]:
-    """(nodes, rows, c, b), a row each: one exact rule for a polynomial H, else rules of rising size."""
+def rules(system: Hamiltonian, width: int, arithmetic: str) -> tuple[list, list, list, list]:
+    """The quadrature rules (nodes, rows, c, b): an exact one for a polynomial H, else rules of rising size.
+
+    Each row has the number of nodes and of rows of its rule, and nodes c with weights b, ``width`` of them in lanes.
+    """
     digits, known = (40, RULES) if arithmetic == DOUBLE else (mpmath.mp.dps, LARGE)
     found = []
     for n in sizes(1, system.polynomial_degree, known):
@@ -313,14 +348,14 @@ def rules(system, width: int, arithmetic) -> tuple[list, list, list, list]:
     return tuple(zip(*found, strict=True))
 
 
-def serves(system, arithmetic) -> bool:
-    """True if lanes of nodes are worth while, and the system's functions can be compiled for lanes."""
+def serves(system: Hamiltonian, arithmetic: str) -> bool:
+    """True if the nodes of a quadrature rule should be evaluated in SIMD lanes, and the system's functions allow it."""
     worth = sizes(1, system.polynomial_degree)[-1] >= FEWEST
-    return worth and arithmetic == DOUBLE and codegen.value_kind(system.d) == "tuple" and in_lanes(system)
+    return worth and arithmetic == DOUBLE and codegen.value_kind(system.d) == "tuple" and compiles_in_lanes(system)
 
 
-def prepare(method, system, arithmetic):
-    """Make the kernel of substeps (fraction, path, direction)."""
+def prepare(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
+    """Prepare the kernel of an averaged vector field method; its data are substeps (fraction, path, direction)."""
     substeps = []
     for fraction, path, direction in method.data:
         if not coupled(path, system):
@@ -339,11 +374,11 @@ def prepare(method, system, arithmetic):
         dV=source.grad_V(arithmetic) if kick else None,
         like=(0.0,) * width if laned else None,
         place=array(place, arithmetic),
-        blocks=fixed(blocks),
-        direction=fixed(directions),
+        blocks=freeze(blocks),
+        direction=freeze(directions),
         fraction=numbers(fractions, arithmetic),
-        nodes=fixed(nodes),
-        rows=fixed(rows),
+        nodes=freeze(nodes),
+        rows=freeze(rows),
         c=array(c, arithmetic),
         b=array(b, arithmetic),
     )

@@ -8,35 +8,40 @@ its own.  Where nothing is implicit the method is that of `parametric`.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from phasebench.integrators.compile.codegen import DOUBLE
 from phasebench.integrators.stepping import structure
 from phasebench.integrators.stepping.banded import Band, Room, band_of, band_solver, columns, forget
-from phasebench.integrators.stepping.kernel import Prepared, value
+from phasebench.integrators.stepping.kernel import Carry, Prepared, value
 from phasebench.integrators.stepping.loop import loop
 from phasebench.integrators.stepping.solve import SOLVED, lengths_of_both
 from phasebench.integrators.values.vector import (
-    advanced,
-    chosen,
+    State,
+    dispatch_on_none,
     head,
-    opened,
+    read_state,
     size,
     tail,
+    update,
     velocity,
 )
 
 from . import parametric
 from .parametric import Stage, increments, kick, lengths_of_kick, shift, unknown
 
+if TYPE_CHECKING:
+    from phasebench.integrators.record import Method
+    from phasebench.integrators.systems.hamiltonian import Hamiltonian
+
 #: h and lambda at which a field of higher order is probed, and the seed of the states.
 AT, SEED = (0.1, 1 / 3), 3
 
 
 class Banded(NamedTuple):
-    """The fields of `parametric.Parametric`, and the band of the stage equations."""
+    """What a step needs: the fields of `parametric.Parametric`, and the sparsity band of the stage equations."""
 
     field: Callable | None
     dT: Callable | None
@@ -55,29 +60,29 @@ solve_increments, solve_kick = band_solver(increments, lengths_of_both), band_so
 def _nystrom(field, step, y, c, mu, lam, x, room):
     stage = Stage(step, y.q, y.p, velocity(step.dT, y.p), c * step.h, mu, lam)
     x, n, status = solve_kick(stage, x, size(y.q) + size(y.p), step.eps, step.band, room)
-    return advanced(y, shift(x, stage), x), n, status
+    return update(y, shift(x, stage), x), n, status
 
 
 def _general(field, step, y, c, mu, lam, x, room):
     stage = Stage(step, y.q, y.p, y.p, c * step.h, mu, lam)
     x, n, status = solve_increments(stage, x, size(y.q) + size(y.p), step.eps, step.band, room)
-    return advanced(y, head(x), tail(x)), n, status
+    return update(y, head(x), tail(x)), n, status
 
 
 #: One substep from the start x of its equation; (field, step, y, c, mu, lam, x, room) -> (y, evaluations, status).
-substep = chosen(_nystrom, _general)
+substep = dispatch_on_none(_nystrom, _general)
 
 
-def begin(method, carry, counts):
-    """Read the state; before the first step matrices in the memory are stale, since they may belong to another h."""
+def begin(method: Banded, carry: Carry, counts: np.record) -> State:
+    """Read the state before a call's first step; in the first step of a run, mark the stored matrices as stale."""
     if counts.steps == 0:
         for s in range(len(method.c)):
             forget(carry.work, s * len(unknown(method.field, carry.zero)), columns(method.band))
-    return opened(carry)
+    return read_state(carry)
 
 
-def step(method, y, carry, counts):
-    """One step, substep by substep."""
+def step(method: Banded, y: State, carry: Carry, counts: np.record) -> tuple[State, int]:
+    """Take one step from the state y, substep by substep; returns (state, status)."""
     start = unknown(method.field, carry.zero)
     status = SOLVED
     counts.newton += len(method.c)
@@ -93,7 +98,7 @@ def step(method, y, carry, counts):
 run = loop(step, begin)
 
 
-def structure_of(system, order: int) -> list[np.ndarray]:
+def structure_of(system: Hamiltonian, order: int) -> list[np.ndarray]:
     """For each unknown, the stage equations that depend on it; raises InvalidInput if that cannot be found."""
     (field, dT, dV), n = parametric.quadratic(system, DOUBLE, order)
     d = system.d
@@ -105,11 +110,13 @@ def structure_of(system, order: int) -> list[np.ndarray]:
         return np.concatenate([np.array(z, float) for z in field(value(x[:d], d), value(x[d:], d), *AT)])
 
     rng = np.random.default_rng(SEED)
-    return structure.found(slope, [rng.normal(size=n) / 10, rng.uniform(0.5, 1.5, size=n), rng.normal(size=n) * 10])
+    return structure.find_structure(
+        slope, [rng.normal(size=n) / 10, rng.uniform(0.5, 1.5, size=n), rng.normal(size=n) * 10]
+    )
 
 
-def prepare(method, system, arithmetic):
-    """Make the kernel of `parametric` with the band of the system's stage equations."""
+def prepare(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
+    """Prepare the kernel of a one-stage method, with the sparsity band of the system's stage equations."""
     plain = parametric.prepare(method, system, arithmetic)
     if plain.run is not parametric.run:  # explicit: there is nothing to solve
         return plain

@@ -36,7 +36,7 @@ Numer. Methods Eng. 49 (2000) 599-638 (cPG); E. Hairer, R. McLachlan, A. Razakar
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import mpmath
 import numpy as np
@@ -44,14 +44,14 @@ import numpy as np
 from phasebench.integrators.coefficients.quadrature import LARGE, RULES, sizes
 from phasebench.integrators.coefficients.tableaus import tableau
 from phasebench.integrators.compile.codegen import DOUBLE
-from phasebench.integrators.stepping.kernel import Prepared, array, fixed
+from phasebench.integrators.stepping.kernel import Carry, Prepared, array, freeze
 from phasebench.integrators.stepping.loop import loop
 from phasebench.integrators.stepping.solve import (
     LEVELS,
     SOLVED,
     Change,
-    by_rows,
     change,
+    changes_by_row,
     confirmer,
     copy,
     difference,
@@ -59,13 +59,13 @@ from phasebench.integrators.stepping.solve import (
     row_solver,
 )
 from phasebench.integrators.values.vector import (
-    advanced,
+    State,
     axpy,
     bump,
-    chosen,
+    dispatch_on_none,
     distance,
     head,
-    inlined,
+    inline,
     join,
     load,
     minus,
@@ -74,19 +74,25 @@ from phasebench.integrators.values.vector import (
     size,
     store,
     tail,
+    update,
     velocity,
 )
 
 from . import gauss_lanes, path_lanes
 from .parametric import lengths_of_kick, quadratic, unknown
 
+if TYPE_CHECKING:
+    from phasebench.integrators.record import Method
+    from phasebench.integrators.systems.hamiltonian import Hamiltonian
+
 
 class Collocation(NamedTuple):
-    """The tableau, in the Nystrom form if ``field`` is None.
+    """A step's coefficients: stages y + A x, increments x = h B f(stages), result y + w x, with A and w for q and p.
 
-    A rule is a range of nodes. Each node has the number of its rule's ``nodes`` and ``rows`` (the same), its time
-    ``c[i, 0]``, and rows of A and B^T; ``diagonal`` tells whether B is. ``weights`` has the rows w^q, w^p;
-    ``extrapolation`` has s rows for each number of earlier steps.
+    In the Nystrom form, where ``field`` is None, x are increments of p. A rule is a range of nodes. Each node has the
+    number of its rule's ``nodes`` and ``rows`` (the same), its time ``c[i, 0]``, and rows of A and B^T; ``diagonal``
+    tells whether B is. ``weights`` has the rows w^q, w^p; ``extrapolation`` has s rows for each number of earlier
+    steps.
     """
 
     field: Callable | None
@@ -106,7 +112,10 @@ class Collocation(NamedTuple):
 
 
 class Equations(NamedTuple):
-    """Arguments of the equations for increments in rows of the memory, from (q, p); v is h M^-1 p (Nystrom form)."""
+    """Arguments of the equations for the increments of a step from (q, p), which are in rows of ``memory``.
+
+    v is h M^-1 p in the Nystrom form.
+    """
 
     step: Collocation
     q: Any
@@ -173,17 +182,17 @@ def _moves_both(field, e, at):
 
 
 #: sum_m A_im x_m of the increments in the rows ``at``, ... of the memory.
-inner = chosen(_sum_kicks, _sum_both)
+inner = dispatch_on_none(_sum_kicks, _sum_both)
 #: f(Z_i) with that sum as ``x``.
-force = chosen(_kick, _both)
+force = dispatch_on_none(_kick, _both)
 #: Sizes of the variables that the two halves of that sum belong to.
-lengths = chosen(_lengths_kick, _lengths_both)
+lengths = dispatch_on_none(_lengths_kick, _lengths_both)
 #: The increments of q and p over the step.
-moves = chosen(_moves_kicks, _moves_both)
+moves = dispatch_on_none(_moves_kicks, _moves_both)
 #: h M^-1 p in the Nystrom form.
-drift = chosen(lambda field, dT, p, h: scale(h, velocity(dT, p)), lambda field, dT, p, h: p)
+drift = dispatch_on_none(lambda field, dT, p, h: scale(h, velocity(dT, p)), lambda field, dT, p, h: p)
 #: The `Change` from a row x to a row y; kicks are momenta.
-moved = chosen(
+add_increments = dispatch_on_none(
     lambda field, x, y: Change(0.0, distance(x, y), 0.0, size(y)),
     lambda field, x, y: change(x, y),
 )
@@ -192,12 +201,12 @@ moved = chosen(
 # -- the equations -----------------------------------------------------------------------------------------------------
 
 
-@inlined
+@inline
 def sweep(e, old, new):
-    """Write h B f at the increments in rows ``old`` to rows ``new``; returns (their distance, the size of the new).
+    """Apply the right-hand side h B f to the increments in rows ``old``; write the result to rows ``new``.
 
-    All nodes use the old increments. With the new ones at once (Gauss-Seidel) a tenth fewer evaluations are needed, but
-    each waits for the one before, which takes longer.
+    Returns (the distance of old and new, the size of new). All nodes use the old increments. With the new ones at once
+    (Gauss-Seidel) a tenth fewer evaluations are needed, but each waits for the one before, which takes longer.
     """
     step, memory, like = e.step, e.memory, e.like
     first = e.counts.rule
@@ -226,9 +235,12 @@ def sweep(e, old, new):
     return delta, length
 
 
-@inlined
+@inline
 def linearize(e, at, span, work):
-    """Write the matrix of 1 - G' by differences of f at the nodes (see `solve.row_solver`)."""
+    """Write the Jacobian 1 - G' of the equations x = G(x) at the increments in rows ``at``, ... to ``work``.
+
+    It is made by differences of f at the nodes (see `solve.row_solver`).
+    """
     tableau, memory = e.step, e.memory
     n, first = len(e.like), e.counts.rule
     spare = at + 2 * e.stages
@@ -254,12 +266,12 @@ def linearize(e, at, span, work):
 
 
 solve = row_solver(sweep, linearize)
-solve_confirmed = confirmer(solve, sweep, by_rows(inlined(lambda e, x, y: moved(e.step.field, x, y))))
+solve_confirmed = confirmer(solve, sweep, changes_by_row(inline(lambda e, x, y: add_increments(e.step.field, x, y))))
 
 
-@inlined
+@inline
 def extrapolate(e, at):
-    """Extrapolate the increments of the last steps to the rows ``at``, ..."""
+    """Extrapolate the increments of the last steps to the next one, as a start; write them to the rows ``at``, ..."""
     weights, known = e.step.extrapolation, e.counts.steps
     steps = min(known, len(weights) // e.stages)
     row = e.stages * (steps - 1)
@@ -272,8 +284,8 @@ def extrapolate(e, at):
         store(e.memory, at + j, x)
 
 
-def step(method, y, carry, counts):
-    """One step."""
+def step(method: Collocation, y: State, carry: Carry, counts: np.record) -> tuple[State, int]:
+    """Take one step from the state y; returns (state, status)."""
     memory, zero, like = carry.memory, carry.zero, unknown(method.field, carry.zero)
     stages = method.weights.shape[1]
     at = LEVELS * stages
@@ -287,14 +299,14 @@ def step(method, y, carry, counts):
         return y, status
     copy(memory, at, counts.steps % LEVELS * stages, stages, like)
     dq, dp = moves(method.field, e, at)
-    return advanced(y, dq, dp), status
+    return update(y, dq, dp), status
 
 
 run = loop(step)
 
 
-def prepare(method, system, arithmetic):
-    """Make the kernel of data (kind, s) or ("hbvm", s, k): with stages or nodes in lanes if the system allows it."""
+def prepare(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
+    """Prepare the kernel of data (kind, s) or ("hbvm", s, k): stages or nodes in lanes if the system allows it."""
     kind, s, *_ = method.data
     if kind == "gauss" and gauss_lanes.serves(s, system):
         return gauss_lanes.prepare(s, system, arithmetic)
@@ -302,19 +314,19 @@ def prepare(method, system, arithmetic):
         rules = rules_of(method, system, arithmetic)
         if path_lanes.serves(s, rules, system):
             return path_lanes.prepare(s, rules, system, arithmetic)
-    return stage_by_stage(method, system, arithmetic)
+    return prepare_stage_by_stage(method, system, arithmetic)
 
 
-def rules_of(method, system, arithmetic) -> Sequence[int]:
-    """Numbers of nodes of the quadrature rules."""
+def rules_of(method: Method, system: Hamiltonian, arithmetic: str) -> Sequence[int]:
+    """The sizes of the quadrature rules that a method uses on a system, in nodes."""
     kind, s, *k = method.data
     if kind == "cpg":
         return sizes(s, system.polynomial_degree, RULES if arithmetic == DOUBLE else LARGE)
     return k or [s]
 
 
-def stage_by_stage(method, system, arithmetic):
-    """Make the kernel that takes one stage after the other; the Nystrom form if T is quadratic."""
+def prepare_stage_by_stage(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
+    """Prepare the kernel that evaluates one stage after the other; in the Nystrom form if T is quadratic."""
     kind, s, *_ = method.data
     rules = rules_of(method, system, arithmetic)
     kind = "hbvm" if kind == "cpg" else kind
@@ -322,7 +334,7 @@ def stage_by_stage(method, system, arithmetic):
     digits = 40 if arithmetic == DOUBLE else mpmath.mp.dps + 10
     unit = mpmath.mpf(2) ** (-52 if arithmetic == DOUBLE else 1 - mpmath.mp.prec)
     tableaus = [tableau(kind, s, k, functions[0] is None, digits, unit) for k in rules]
-    nodes = fixed([k for k in rules for _ in range(k)])
+    nodes = freeze([k for k in rules for _ in range(k)])
     step = Collocation(
         *functions,
         diagonal=kind != "hbvm",

@@ -18,24 +18,29 @@ Source: O. Gonzalez, J. Nonlinear Sci. 6 (1996) 449-467, equation (11).
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from phasebench.integrators.stepping.kernel import Prepared, keep_energy, numbers
+from phasebench.integrators.stepping.kernel import Carry, Prepared, keep_energy, numbers
 from phasebench.integrators.stepping.loop import loop
 from phasebench.integrators.stepping.solve import LEVELS, SOLVED, predict, predict_number, remember, solver
 from phasebench.integrators.values.vector import (
-    advanced,
+    State,
     axpy,
     head,
-    inlined,
+    inline,
     join,
     scale,
     size,
     tail,
-    written,
+    unroll,
+    update,
 )
+
+if TYPE_CHECKING:
+    from phasebench.integrators.record import Method
+    from phasebench.integrators.systems.hamiltonian import Hamiltonian
 
 #: Largest number of secant steps for a.
 LIMIT = 12
@@ -43,7 +48,7 @@ MISSED = "do not reach the energy of the start"
 
 
 class DiscreteGradient(NamedTuple):
-    """Substeps over the ``fraction`` of h; H, and the value H0 to keep."""
+    """What a step needs: substeps of length ``fraction`` h, the field, the energy and its value H0 to conserve."""
 
     field: Callable
     energy: Callable
@@ -63,15 +68,15 @@ class Increment(NamedTuple):
     a: float
 
 
-@written(lambda d: "  return " + " + ".join(f"x[{i}] * x[{i}]" for i in range(d)))
+@unroll(lambda d: "  return " + " + ".join(f"x[{i}] * x[{i}]" for i in range(d)))
 def square(x):
-    """x . x."""
+    """The scalar product x . x."""
     return np.sum(x * x)
 
 
-@inlined
+@inline
 def increment(x, e):
-    """h J^-1 (grad H(y + x/2) + a x)."""
+    """G(x) of the equation x = G(x) of a substep: h J^-1 (grad H(y + x/2) + a x)."""
     dq, dp = e.field(axpy(0.5, head(x), e.q), axpy(0.5, tail(x), e.p), e.h, 0.0)
     return join(scale(e.h, axpy(e.a, tail(x), dq)), scale(e.h, axpy(-e.a, head(x), dp)))
 
@@ -79,9 +84,12 @@ def increment(x, e):
 solve_increment = solver(increment)
 
 
-@inlined
+@inline
 def search(step, y, h, x, a, carry, counts):
-    """Take a substep of length h that ends at H0; x and a are starts, and (x, a, status) is returned."""
+    """Take a substep of length h from y that ends at energy H0: find a, and the increment x that belongs to it.
+
+    The arguments x and a are starting values; returns (x, a, status).
+    """
     last_a, last = a, step.H0
     span = size(y.q) + size(y.p)
     reached, status = False, SOLVED
@@ -91,7 +99,7 @@ def search(step, y, h, x, a, carry, counts):
         counts.newton += used
         if status != SOLVED:
             return x, a, status
-        end = advanced(y, head(x), tail(x))
+        end = update(y, head(x), tail(x))
         H, magnitude = step.energy(end.q, end.p)
         error, unit = H - step.H0, step.eps * magnitude
         reached = abs(error) <= unit or (k > 1 and 8 * unit >= abs(error) >= 0.5 * abs(last))
@@ -107,8 +115,8 @@ def search(step, y, h, x, a, carry, counts):
     return x, a, status
 
 
-def step(method, y, carry, counts):
-    """One step, substep by substep."""
+def step(method: DiscreteGradient, y: State, carry: Carry, counts: np.record) -> tuple[State, int]:
+    """Take one step from the state y, substep by substep; returns (state, status)."""
     both, memory = join(carry.zero, carry.zero), carry.memory
     stages = len(method.fraction)
     ring = LEVELS * stages  # where the memory keeps the ring of each substep's a
@@ -121,15 +129,15 @@ def step(method, y, carry, counts):
             break
         remember(memory, s, stages, counts.steps, x)
         memory[ring + s + counts.steps % LEVELS * stages, 0] = a
-        y = advanced(y, head(x), tail(x))
+        y = update(y, head(x), tail(x))
     return y, status
 
 
 run = loop(step)
 
 
-def prepare(method, system, arithmetic):
-    """Make the kernel; the energy to keep is that of the initial state."""
+def prepare(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
+    """Prepare the kernel; the energy to conserve, H0, is that of the initial state."""
     energy = system.energy(arithmetic)
     step = DiscreteGradient(system.field(arithmetic), energy, numbers(method.data, arithmetic))
     return Prepared(run, step, 2 * system.d, len(step.fraction), begin=keep_energy(energy), missed=MISSED)

@@ -25,7 +25,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import mpmath
 import numpy as np
@@ -34,22 +34,26 @@ from phasebench.integrators.coefficients import tableaus
 from phasebench.integrators.coefficients.quadrature import legendre
 from phasebench.integrators.compile.codegen import DOUBLE
 from phasebench.integrators.stepping.energy_model import FIRST, Attempt, Search
-from phasebench.integrators.stepping.kernel import Carry, array, numbers
+from phasebench.integrators.stepping.kernel import OWN, Carry, Prepared, array, numbers
 from phasebench.integrators.stepping.loop import loop
 from phasebench.integrators.stepping.root import finder
 from phasebench.integrators.stepping.solve import LEVELS, SOLVED
-from phasebench.integrators.values.vector import State, advanced, apart, chosen, inlined, jit, size
+from phasebench.integrators.values.vector import State, dispatch_on_none, forbid_inlining, inline, jit, size, update
 
 from . import collocation, gauss_lanes, stage_lanes
 from .gauss_lanes import serves
 from .parametric import unknown
+
+if TYPE_CHECKING:
+    from phasebench.integrators.record import Method
+    from phasebench.integrators.systems.hamiltonian import Hamiltonian
 
 SEARCH = Search(radius=0.5, first=0.01, near=0.1, ratio=1.5, points=16, slack=8.0)
 MISSED = "have no parameter near 0 that keeps the energy and were taken as Gauss's method"
 
 
 class Equip(NamedTuple):
-    """The tableau in use, rewritten for each alpha; A_ij / b_j, S_ij and b of the Gauss method.
+    """What a step needs: the ``tableau`` in use, rewritten for each alpha; A_ij / b_j of Gauss's method, S_ij and b.
 
     Stages are in lanes unless ``f`` is None; the unknowns are kicks if ``field`` is None, else both increments.
     """
@@ -92,10 +96,10 @@ def _time_in_rows(f, t, i, late):
 
 
 def _time_in_lanes(f, t, i, late):
-    t.nodes[2, i], t.nodes[0, i] = late, 1.0 - late
+    t.nodes[stage_lanes.LATE, i], t.nodes[stage_lanes.C, i] = late, 1.0 - late
 
 
-def _moved_rows(f, start, eps, e):
+def _move_rows(f, start, eps, e):
     t, y, zero, memory = e.step.tableau, e.y, e.carry.zero, e.carry.memory
     stages, at = len(e.step.b), LEVELS * len(e.step.b)
     v, like = collocation.drift(t.field, t.dT, y.p, t.h), unknown(t.field, zero)
@@ -104,14 +108,13 @@ def _moved_rows(f, start, eps, e):
         collocation.extrapolate(equations, at)
     sweeps, newton, status = collocation.solve(equations, at, size(y.q) + size(y.p), eps, e.carry.work)
     dq, dp = collocation.moves(t.field, equations, at)
-    return advanced(y, dq, dp), sweeps, newton, status
+    return update(y, dq, dp), sweeps, newton, status
 
 
-def _moved_lanes(f, start, eps, e):
+def _move_lanes(f, start, eps, e):
     t, y = e.step.tableau, e.y
     equations = stage_lanes.equations(t, e.carry, t.h)
-    ring = equations.base + 4
-    at = ring + t.steps * equations.stages
+    ring, at = stage_lanes.rows_of(equations)
     stage_lanes.begin(t.inverse_mass, equations, y)
     if start == FIRST:
         stage_lanes.extrapolate(equations, ring, e.counts.steps, at)
@@ -126,25 +129,25 @@ def _enter_rows(f, e):
 
 def _enter_lanes(f, e):
     equations = stage_lanes.equations(e.step.tableau, e.carry, e.step.h)
-    ring = equations.base + 4
-    stage_lanes.enter(equations, ring, e.counts.steps, ring + e.step.tableau.steps * equations.stages)
+    ring, at = stage_lanes.rows_of(equations)
+    stage_lanes.enter(equations, ring, e.counts.steps, at)
 
 
 #: Write A_ij of the stages; 1 - c_i and c_i.
-write_A, write_time = chosen(_A_in_rows, _A_in_lanes), chosen(_time_in_rows, _time_in_lanes)
+write_A, write_time = dispatch_on_none(_A_in_rows, _A_in_lanes), dispatch_on_none(_time_in_rows, _time_in_lanes)
 #: c_i.
-time = chosen(lambda f, t, i: t.c[i, 0], lambda f, t, i: t.nodes[0, i])
+time = dispatch_on_none(lambda f, t, i: t.c[i, 0], lambda f, t, i: t.nodes[stage_lanes.C, i])
 #: Take the step with the tableau in use: (the state after it, sweeps, sweeps of Newton's method, status).
-moved = chosen(_moved_rows, _moved_lanes)
+move = dispatch_on_none(_move_rows, _move_lanes)
 #: Store its stages for the start of the next step.
-enter = chosen(_enter_rows, _enter_lanes)
+enter = dispatch_on_none(_enter_rows, _enter_lanes)
 
 
 # -- the tableau at alpha ---------------------------------------------------------------------------------------------
 
 
-@inlined
-def on_grid(x):
+@inline
+def round_to_grid(x):
     """x rounded to a multiple of the round-off of 1: sums and differences of such numbers below 2 are exact."""
     return (x + 1.5) - 1.5
 
@@ -156,13 +159,13 @@ def _write_kicks(field, step, alpha):
         c = 0.0
         for j in range(stages):
             c = c + (A[i, j] - alpha * S[i, j]) * b[j]
-        write_time(step.f, t, i, on_grid(1.0 - c))
+        write_time(step.f, t, i, round_to_grid(1.0 - c))
     for i in range(stages):
         for j in range(i, stages):
             a = 0.0
             for m in range(stages):
                 a = a + (A[i, m] - alpha * S[i, m]) * b[m] * (A[m, j] - alpha * S[m, j])
-            a = on_grid(a)
+            a = round_to_grid(a)
             write_A(step.f, t, i, j, a)
             write_A(step.f, t, j, i, a - time(step.f, t, i) + time(step.f, t, j))
 
@@ -170,13 +173,13 @@ def _write_kicks(field, step, alpha):
 def _write_both(field, step, alpha):
     for i in range(len(step.b)):
         for j in range(i, len(step.b)):
-            a = on_grid(step.A[i, j] - alpha * step.S[i, j])
+            a = round_to_grid(step.A[i, j] - alpha * step.S[i, j])
             write_A(step.f, step.tableau, i, j, a)
             write_A(step.f, step.tableau, j, i, 1.0 - a)
 
 
 #: Write the tableau at alpha (and the weights of q where ``field`` is None).
-write = chosen(_write_kicks, _write_both)
+write = dispatch_on_none(_write_kicks, _write_both)
 
 
 # -- steps ------------------------------------------------------------------------------------------------------------
@@ -184,14 +187,14 @@ write = chosen(_write_kicks, _write_both)
 
 @jit
 def attempt(alpha, start, ease, e):
-    """Take the step with alpha.
+    """Take the step with the parameter alpha; returns an `Attempt` with the state after it and its energy error.
 
     The start of the stages is extrapolated from earlier steps, or is the last attempt's, whose alpha was near.
     """
-    apart()
+    forbid_inlining()
     step, y, counts = e.step, e.y, e.counts
     write(step.field, step, alpha)
-    new, sweeps, newton, status = moved(step.f, start, ease * step.eps, e)
+    new, sweeps, newton, status = move(step.f, start, ease * step.eps, e)
     counts.gradient += (sweeps + newton) * len(step.b)
     counts.newton += min(newton, 1)
     if status != SOLVED:
@@ -203,10 +206,10 @@ def attempt(alpha, start, ease, e):
 find = finder(attempt, followed=False)
 
 
-def step(method, y, carry, counts):
-    """One step; the parameter is alpha."""
+def step(method: Equip, y: State, carry: Carry, counts: np.record) -> tuple[State, int]:
+    """Take one step from the state y, with the parameter alpha that conserves the energy; returns (state, status)."""
     e = Step(method, y, carry, counts)
-    alpha, found, result = find(method.search, carry.state, 4, np.nan, e)
+    alpha, found, result = find(method.search, carry.state, OWN, np.nan, e)
     if result.status != SOLVED:
         return y, result.status
     enter(method.f, e)
@@ -220,19 +223,22 @@ run = loop(step, parameter=True)
 
 
 def skew(s: int, nodes):
-    """S = P V P^T at the nodes, as a list of rows."""
+    """The skew matrix S = P V P^T at s nodes, as rows; P has the orthonormal Legendre polynomials' values there.
+
+    V is zero but for a 1 and a -1 in the last two rows and columns.
+    """
     P = [legendre(s, c) for c in nodes]
     return [[a[s - 1] * b[s - 2] - a[s - 2] * b[s - 1] for b in P] for a in P]
 
 
-def prepare(method, system, arithmetic):
-    """Make the kernel of data (s,): stages in lanes if the system allows it, the Nystrom form if T is quadratic."""
+def prepare(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
+    """Prepare the kernel of data (s,): stages in lanes if the system allows it, Nystrom form if T is quadratic."""
     (s,) = method.data
     if serves(s, system):
         inner = gauss_lanes.prepare(s, system, arithmetic)
         f, field = inner.step.f, inner.step.f if inner.step.inverse_mass is None else None
     else:
-        inner = collocation.stage_by_stage(replace(method, data=("gauss", s)), system, arithmetic)
+        inner = collocation.prepare_stage_by_stage(replace(method, data=("gauss", s)), system, arithmetic)
         f, field = None, inner.step.field
     energy = system.energy(arithmetic)
     with mpmath.workdps(40 if arithmetic == DOUBLE else mpmath.mp.dps + 10):
@@ -241,11 +247,11 @@ def prepare(method, system, arithmetic):
         S = array(skew(s, c), arithmetic)
 
     step = Equip(f, field, energy, inner.step, A, S, numbers(b, arithmetic), SEARCH)
-    return replace(inner, run=run, step=step, begin=partial(_with_energy, energy), missed=MISSED)
+    return replace(inner, run=run, step=step, begin=partial(_set_energy, energy), missed=MISSED)
 
 
-def _with_energy(energy, step, q, p):
-    """The step of a run that starts at q, p, with tables of its own to write to: other threads write theirs."""
+def _set_energy(energy, step, q, p):
+    """Complete a step for a run from (q, p): set H0 to the energy there, copy the tableau, which runs overwrite."""
     t = step.tableau
     tables = {name: x for name, x in t._asdict().items() if isinstance(x, np.ndarray) and x.flags.writeable}
     own = {name: x.copy() for name, x in tables.items()}

@@ -33,19 +33,24 @@ Astron. Soc. 446 (2015) 1424-1437 (derivatives from the step's own polynomials, 
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import mpmath
 import numpy as np
 
-from phasebench.integrators.stepping.kernel import Prepared, array
-from phasebench.integrators.stepping.loop import by_time
+from phasebench.integrators.stepping.kernel import OWN, Prepared, array
+from phasebench.integrators.stepping.loop import time_loop
 from phasebench.integrators.stepping.solve import OUT_OF_STEP, SOLVED
 from phasebench.integrators.values.lanes import put, take, total
-from phasebench.integrators.values.vector import chosen, inlined
+from phasebench.integrators.values.vector import dispatch_on_none, inline
 
 from . import adaptive, gauss_lanes, stage_lanes
+from .lane_rows import MOMENTA, ORIGIN
 from .stage_lanes import begin, equations
+
+if TYPE_CHECKING:
+    from phasebench.integrators.record import Method
+    from phasebench.integrators.systems.hamiltonian import Hamiltonian
 
 #: A step is rejected if the fitting one is shorter than this share of it; a step is at most GROWTH times the last.
 TRUSTED, GROWTH = 0.25, 4.0
@@ -65,7 +70,7 @@ SHORTEST = 100_000
 
 
 class Field(NamedTuple):
-    """Gauss's ``method`` in lanes, the matrix of `adaptive.remember`, and ``ends``.
+    """What a step needs: Gauss's ``method`` in lanes, ``inverse``, the matrix of `adaptive.remember`, and ``ends``.
 
     The rows of ``ends`` are weights of f at the nodes that give f, f', f'', f''' and the derivative s - 1 at the end of
     a step of length 1.
@@ -79,7 +84,7 @@ class Field(NamedTuple):
 
 
 class Clock(NamedTuple):
-    """Time and its lost part, the length of the next step and of the last, and h / T."""
+    """The time and its rounding error, lengths of the next and of the last step, h over the initial time scale T."""
 
     t: float
     lost: float
@@ -89,17 +94,20 @@ class Clock(NamedTuple):
 
 
 #: Where the state's spare rows keep the clock between calls.
-TIME, LOST, FOLLOWING, LAST, SCALE = (4, 0), (4, 1), (5, 0), (5, 1), (6, 1)
+TIME, LOST, FOLLOWING = (OWN, 0), (OWN, 1), (OWN + 1, 0)
+LAST, SCALE = (OWN + 1, 1), (OWN + 2, 1)
 
 #: What a component of f is multiplied by to be an acceleration.
-inertia = chosen(lambda inverse_mass, e, k: 1.0, lambda inverse_mass, e, k: inverse_mass[0, k])
+inertia = dispatch_on_none(lambda inverse_mass, e, k: 1.0, lambda inverse_mass, e, k: inverse_mass[0, k])
 
 
-@inlined
+@inline
 def inverse_square(e, step, first, last):
-    """(1 / tau^2, (|f^(s-1)| / |f|)^2) at a step's end, in units of its length, of the components first to last - 1.
+    """(1 / tau^2, (|f^(s-1)| / |f|)^2) at the end of a step with s nodes, in units of the step's length.
 
-    Either is 0 if it is round-off alone.
+    f is the vector field along the orbit, f^(s-1) its highest derivative that the nodes give, and the time scale tau
+    has tau^2 = (|f| |f''| + |f'|^2) / (|f'| |f'''| + |f''|^2).  Of f only the components first, ..., last - 1 count.
+    Either number is 0 if it is round-off alone.
     """
     f0, f1, f2, f3, highest, whole = 0.0 * e.h, 0.0 * e.h, 0.0 * e.h, 0.0 * e.h, 0.0 * e.h, 0.0 * e.h
     for k in range(first, last):
@@ -108,7 +116,7 @@ def inverse_square(e, step, first, last):
         f1 = f1 + total(take(step.ends, 1, e.like) * f) ** 2
         f2 = f2 + total(take(step.ends, 2, e.like) * f) ** 2
         f3 = f3 + total(take(step.ends, 3, e.like) * f) ** 2
-        highest = highest + total(take(step.ends, 4, e.like) * f) ** 2
+        highest = highest + total(take(step.ends, DERIVATIVES, e.like) * f) ** 2
         whole = whole + total(f * f)
     above, below = (f0 * f2) ** 0.5 + f1, (f1 * f3) ** 0.5 + f2
     told, rough = above > FLAT * step.eps * whole, highest > (ROUGH * step.eps) ** 2 * whole
@@ -126,19 +134,19 @@ def _of_kicks(inverse_mass, e, step):
 
 
 #: (the length of the step / tau)^2, and the square of its last derivative.
-rate = chosen(_of_both, _of_kicks)
+rate = dispatch_on_none(_of_both, _of_kicks)
 
 
-@inlined
+@inline
 def _pace(e, first, last, shift):
-    """|y| / sqrt(|y'|^2 + |y| |y''|) of the components first to last - 1; 0 if y is 0 or does not move.
+    """The time |y| / sqrt(|y'|^2 + |y| |y''|) of y's components first, ..., last - 1; 0 if y is 0 or does not move.
 
     f has been evaluated at y + shift y' and, in the second lane, at y - shift y'.
     """
     size, slope, bend = 0.0 * e.h, 0.0 * e.h, 0.0 * e.h
     for k in range(first, last):
         ahead, behind = e.memory[e.stages + k, 0], e.memory[e.stages + k, 1]
-        size, slope = size + abs(e.memory[e.base, k]), slope + abs(0.5 * (ahead + behind))
+        size, slope = size + abs(e.memory[e.base + ORIGIN, k]), slope + abs(0.5 * (ahead + behind))
         bend = bend + abs((ahead - behind) / (2.0 * shift))
     below = slope * slope + size * bend
     return size / below**0.5 if below > 0 else 0.0 * e.h
@@ -147,7 +155,7 @@ def _pace(e, first, last, shift):
 def _unit_of_both(inverse_mass, e, step):
     d, shift = e.stages // 2, SHIFT * abs(e.h)
     for k in range(e.stages):
-        y, f = e.memory[e.base, k], e.memory[e.stages + k, 0]
+        y, f = e.memory[e.base + ORIGIN, k], e.memory[e.stages + k, 0]
         put(e.memory, k, 0.0 * e.weights + (y + shift * f), e.like)
         e.memory[k, 1] = y - shift * f
     step.method.f(e.memory)
@@ -158,7 +166,7 @@ def _unit_of_both(inverse_mass, e, step):
 def _unit_of_kicks(inverse_mass, e, step):
     q, v, a = 0.0 * e.h, 0.0 * e.h, 0.0 * e.h
     for k in range(e.stages):
-        q, v = q + abs(e.memory[e.base, k]), v + abs(inverse_mass[0, k] * e.memory[e.base + 2, k])
+        q, v = q + abs(e.memory[e.base + ORIGIN, k]), v + abs(inverse_mass[0, k] * e.memory[e.base + MOMENTA, k])
         a = a + abs(inverse_mass[0, k] * e.memory[e.stages + k, 0])
     if a > 0 and q > 0:
         return (q / a) ** 0.5
@@ -168,29 +176,30 @@ def _unit_of_kicks(inverse_mass, e, step):
 
 
 #: T, where the equations begin and f is known.
-unit = chosen(_unit_of_both, _unit_of_kicks)
+unit = dispatch_on_none(_unit_of_both, _unit_of_kicks)
 
 
-@inlined
-def started(step, carry, y):
-    """Return the clock as the last call left it; make the first one."""
+@inline
+def read_clock(step, carry, y):
+    """Return the clock (time, lengths of steps) that the last call left in the carry, or a run's first one."""
     rows = carry.state
     if rows[FOLLOWING] == 0:
         e = equations(step.method, carry, step.h)
         begin(step.method.inverse_mass, e, y)
         for k in range(e.stages):
-            put(e.memory, k, 0.0 * e.weights + e.memory[e.base, k], e.like)
+            put(e.memory, k, 0.0 * e.weights + e.memory[e.base + ORIGIN, k], e.like)
         step.method.f(e.memory)
         scale = abs(step.h) / unit(step.method.inverse_mass, e, step)
         return Clock(rows[TIME], rows[LOST], step.h, step.h, scale)
     return Clock(rows[TIME], rows[LOST], rows[FOLLOWING], rows[LAST], rows[SCALE])
 
 
-@inlined
-def fitting(step, carry, clock, length, trusted):
-    """(the step that fits the end of one of length ``length``, True if that one may stand).
+@inline
+def fit_step(step, carry, clock, length, trusted):
+    """Judge a step of length ``length``: (length of the next step by the field at its end, True if it is accepted).
 
-    It may if the fitting one is not shorter than the share ``trusted`` of it.
+    It is rejected if the time scale of the field, or of its highest known derivative, is too short for it by more than
+    the factor ``trusted``.
     """
     square, highest = rate(step.method.inverse_mass, equations(step.method, carry, length), step)
     share, rough = square**0.5, highest ** (0.5 / (step.method.stages - 1))
@@ -203,9 +212,12 @@ def fitting(step, carry, clock, length, trusted):
     return length * clock.scale / share, True
 
 
-@inlined
+@inline
 def wind(step, carry, y, clock, until, most, counts):
-    """Step to a time in at most ``most`` steps: (the last state before it, its clock, the state there, status)."""
+    """Step to the time ``until`` in at most ``most`` steps.
+
+    Returns (last state before that time, its clock, the state at that time, status).
+    """
     there, status, tries = y, SOLVED, 0
     last = counts.steps + most
     decided, deciding = False, False  # whether the step that passes the time is known to stand, or is tried for that
@@ -215,7 +227,7 @@ def wind(step, carry, y, clock, until, most, counts):
         length = left if passes and not deciding else clock.following
         there, evaluations, status = adaptive.attempt(step.method, step, carry, y, clock, length, counts)
         counts.gradient += evaluations
-        fits, good = fitting(step, carry, clock, length, TRUSTED if counts.steps > 0 else FIRST)
+        fits, good = fit_step(step, carry, clock, length, TRUSTED if counts.steps > 0 else FIRST)
         good = good and status == SOLVED
         if passes and not deciding and status == SOLVED and (good or decided):
             return y, clock, there, SOLVED
@@ -238,39 +250,39 @@ def wind(step, carry, y, clock, until, most, counts):
     return y, clock, there, OUT_OF_STEP if status == SOLVED else status
 
 
-@inlined
+@inline
 def reach(method, carry, y, clock, until, every, counts):
-    """Step to the time of a row (see `loop.by_time`)."""
+    """Step to the time ``until`` of a row; (last state, clock, state at that time, status), see `loop.time_loop`."""
     return wind(method, carry, y, clock, until, SHORTEST * every, counts)
 
 
-@inlined
+@inline
 def leave(carry, clock):
-    """Store the clock for the next call."""
+    """Store the clock (time, lengths of steps) in the carry, for the next call of the kernel."""
     rows = carry.state
     rows[TIME], rows[LOST], rows[FOLLOWING], rows[LAST] = clock.t, clock.lost, clock.following, clock.last
     rows[SCALE] = clock.scale
 
 
-run = by_time(started, reach, leave)
+run = time_loop(read_clock, reach, leave)
 
 
 # -- the numbers that it is handed ------------------------------------------------------------------------------------
 
 
 def ends_of(s: int, step: stage_lanes.Lanes, arithmetic: str) -> np.ndarray:
-    """The rows of `Field.ends`: derivatives at 1 of the polynomials that are 1 at one node and 0 at the others."""
+    """The weights ``Field.ends``: derivatives at 1 of the polynomials that are 1 at one node and 0 at the others."""
     with mpmath.workdps(adaptive.digits(arithmetic)):
         inverse = adaptive.coefficients(s)
         falling = [[mpmath.ff(k, j) for k in range(s)] for j in (*range(DERIVATIVES), s - 1)]
         rows = [[mpmath.fdot(row, inverse[:, i]) for i in range(s)] for row in falling]
-        return array([gauss_lanes.padded(row, len(step.like), 0) for row in rows], arithmetic)
+        return array([gauss_lanes.pad(row, len(step.like), 0) for row in rows], arithmetic)
 
 
-def prepare(method, system, arithmetic) -> Prepared:
-    """Make the kernel of data (s,): Gauss with s stages."""
+def prepare(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
+    """Prepare the kernel of Gauss's method with s stages and variable steps; ``method.data`` is (s,)."""
     (s,) = method.data
-    lanes = gauss_lanes.laned(s, system, arithmetic)
+    lanes = gauss_lanes.build_lanes(s, system, arithmetic)
     step = Field(lanes, adaptive.inverse_of(s, lanes, arithmetic), ends_of(s, lanes, arithmetic))
     width, stages = gauss_lanes.room(lanes, system.d)
     unknowns = stage_lanes.components(lanes.inverse_mass, system.d)

@@ -1,8 +1,12 @@
-"""Gauss's methods with their stages in lanes: where that serves, and what the kernel `stage_lanes` is handed."""
+"""Prepare the kernel `stage_lanes` (Gauss's methods with stages in SIMD lanes), and tell where it is faster."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import TYPE_CHECKING, Any
+
 import mpmath
+import numpy as np
 
 from phasebench.integrators.coefficients.tableaus import LEVELS, tableau
 from phasebench.integrators.compile.codegen import DOUBLE
@@ -10,31 +14,34 @@ from phasebench.integrators.compile.lazy import sympy as sp
 from phasebench.integrators.stepping.kernel import Prepared, array
 from phasebench.integrators.values import lane_formulae
 
-from .lane_rows import components
+from .lane_rows import FREE, components
 from .stage_lanes import Lanes, run
+
+if TYPE_CHECKING:
+    from phasebench.integrators.systems.hamiltonian import Hamiltonian
 
 #: Least number of stages for which lanes are faster.
 FEWEST = 2
 
 
-def serves(s: int, system) -> bool:
-    """True if lanes are worth while for s stages, and the system's functions can be compiled for lanes."""
+def serves(s: int, system: Hamiltonian) -> bool:
+    """True if s stages should be evaluated side by side in SIMD lanes, and the system's functions allow it."""
     return s >= FEWEST and system.elementary
 
 
-def padded(row, lanes: int, filler) -> list:
-    """Fill the row up to the number of lanes."""
+def pad(row: Sequence, lanes: int, filler: Any) -> list:
+    """The row, filled up with ``filler`` to the length ``lanes``."""
     return [*row, *[filler] * (lanes - len(row))]
 
 
-def squared(rows, lanes: int) -> list[list]:
-    """Fill rows and columns with zeros up to a square matrix of the number of lanes."""
-    rows = [padded(row, lanes, 0) for row in rows]
+def pad_square(rows: Iterable[Sequence], lanes: int) -> list[list]:
+    """The rows, filled up with zeros to a square matrix of the size ``lanes``."""
+    rows = [pad(row, lanes, 0) for row in rows]
     return rows + [[0] * lanes] * (lanes - len(rows))
 
 
-def _of_kicks(system, lanes, arithmetic, digits):
-    """(-grad V in lanes, the inverse masses)."""
+def _of_kicks(system: Hamiltonian, lanes: int, arithmetic: str, digits: int) -> tuple[Callable, np.ndarray]:
+    """(-grad V as a function of lanes, the inverse masses)."""
     forces = lane_formulae.function(
         "forces",
         [("q", system.q)],
@@ -47,29 +54,29 @@ def _of_kicks(system, lanes, arithmetic, digits):
     return forces, array([masses], arithmetic)
 
 
-def _of_both(system, lanes, arithmetic):
-    """(The field in lanes, None)."""
+def _of_both(system: Hamiltonian, lanes: int, arithmetic: str) -> tuple[Callable, None]:
+    """(The vector field of q and p as a function of lanes, None)."""
     arguments = [("q", system.q), ("p", system.p)]
     return lane_formulae.function("field", arguments, lambda: [*system.dq, *system.dp], lanes, system, arithmetic), None
 
 
-def functions(system, lanes, arithmetic, digits):
-    """(f in lanes of `stage_lanes.Lanes`, the inverse masses or None)."""
+def functions(system: Hamiltonian, lanes: int, arithmetic: str, digits: int) -> tuple[Callable, np.ndarray | None]:
+    """(``f`` of `stage_lanes.Lanes`: -grad V or the field; the inverse masses for -grad V, else None)."""
     if system.diagonal:
         return _of_kicks(system, lanes, arithmetic, digits)
     return _of_both(system, lanes, arithmetic)
 
 
-def starts(extrapolation, s, lanes):
-    """Rows of weights for each earlier step: first for a start from one step, then for one from two."""
+def start_weights(extrapolation: Sequence, s: int, lanes: int) -> Iterator[list]:
+    """Rows of weights that extrapolate the increments of earlier steps: first from one step, then from two."""
     for first in range(0, len(extrapolation), s):
         weights = list(zip(*extrapolation[first : first + s], strict=True))
         for step in range(0, len(weights), s):
-            yield from squared(weights[step : step + s], lanes)
+            yield from pad_square(weights[step : step + s], lanes)
 
 
-def laned(s: int, system, arithmetic) -> Lanes:
-    """The tableau of Gauss with s stages, and the system's functions in lanes."""
+def build_lanes(s: int, system: Hamiltonian, arithmetic: str) -> Lanes:
+    """Make the coefficients of Gauss's method with s stages, padded to lanes, with the system's functions in lanes."""
     lanes = 1 << (s - 1).bit_length()
     digits = 40 if arithmetic == DOUBLE else mpmath.mp.dps + 10
     unit = mpmath.mpf(2) ** (-52 if arithmetic == DOUBLE else 1 - mpmath.mp.prec)
@@ -79,26 +86,26 @@ def laned(s: int, system, arithmetic) -> Lanes:
     f, inverse_mass = functions(system, lanes, arithmetic, digits)
     late = t.weights[0] if kicks else [0] * s
     before, middle = [2 * (2 * i < s - 2) for i in range(s)], [int(abs(2 * i - s + 1) <= 1) for i in range(s)]
-    nodes = [padded(t.c, lanes, t.c[0]), *(padded(row, lanes, 0) for row in (b, late, before, middle))]
+    nodes = [pad(t.c, lanes, t.c[0]), *(pad(row, lanes, 0) for row in (b, late, before, middle))]
     return Lanes(
         f,
         like=(0.0,) * lanes,
         stages=s,
         inverse_mass=inverse_mass,
         nodes=array(nodes, arithmetic),
-        A=array(squared((padded(column, lanes, column[0]) for column in zip(*t.A_q, strict=True)), lanes), arithmetic),
-        extrapolation=array(starts(t.extrapolation, s, lanes), arithmetic),
+        A=array(pad_square((pad(column, lanes, column[0]) for column in zip(*t.A_q, strict=True)), lanes), arithmetic),
+        extrapolation=array(start_weights(t.extrapolation, s, lanes), arithmetic),
         steps=len(t.extrapolation) // s,
     )
 
 
-def prepare(s: int, system, arithmetic) -> Prepared:
-    """Make the kernel of Gauss with s stages."""
-    step = laned(s, system, arithmetic)
+def prepare(s: int, system: Hamiltonian, arithmetic: str) -> Prepared:
+    """Prepare the kernel of Gauss's method with s stages."""
+    step = build_lanes(s, system, arithmetic)
     return Prepared(run, step, *room(step, system.d), linear=len(step.like) * components(step.inverse_mass, system.d))
 
 
 def room(step: Lanes, d: int) -> tuple[int, int]:
-    """(columns of the memory, number of stages that gives it enough rows)."""
-    rows = 4 + (6 + step.steps) * components(step.inverse_mass, d)
+    """The shape of the memory that a kernel needs: (columns, number of stages that gives it enough rows)."""
+    rows = FREE + (6 + step.steps) * components(step.inverse_mass, d)
     return max(len(step.like), components(step.inverse_mass, d)), -(-rows // (3 * LEVELS + 1))

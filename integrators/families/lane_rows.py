@@ -1,57 +1,65 @@
-r"""What kernels with stages, or the nodes of integrals, in lanes have in common: `stage_lanes` and `path_lanes`.
+r"""Functions shared by the kernels `stage_lanes` and `path_lanes`, which have stages or quadrature nodes in SIMD lanes.
 
 Their equations, a NamedTuple, are of unknowns in ``stages`` rows of the ``memory``, a component each, in as many lanes
 as ``like`` has: increments of q and p or, where the step's ``inverse_mass`` is not None, of p alone (kicks).  The
 step's f(memory) reads places from the first rows and writes to as many that follow.  From the row ``base`` on stand the
-state that the places begin at, h M^-1 p, and the increments of q and of p over a step; before them, for kicks, p.
+rows `ORIGIN` to `DP`; from `FREE` on the kernel keeps what it needs.
 """
 
 from __future__ import annotations
 
 from phasebench.integrators.stepping.solve import difference
 from phasebench.integrators.values.lanes import combine, put, take, total
-from phasebench.integrators.values.vector import advanced, chosen, inlined, load, store
+from phasebench.integrators.values.vector import dispatch_on_none, inline, load, store, update
+
+#: Rows from ``base`` on: the state that the places begin at, h M^-1 p, and the increments of q and of p over a step;
+#: before there are increments the row of DQ holds, for kicks, p.
+ORIGIN, DRIFT, DQ, DP, FREE = range(5)
+MOMENTA = DQ
 
 # -- the two forms ----------------------------------------------------------------------------------------------------
 
 
 def _begin_both(inverse_mass, e, y):
-    store(e.memory, e.base, y.q)
+    store(e.memory, e.base + ORIGIN, y.q)
     for k in range(len(y.p)):
-        e.memory[e.base, len(y.q) + k] = y.p[k]
+        e.memory[e.base + ORIGIN, len(y.q) + k] = y.p[k]
 
 
 def _begin_kicks(inverse_mass, e, y):
     memory = e.memory
-    store(memory, e.base, y.q)
-    store(memory, e.base + 2, y.p)
+    store(memory, e.base + ORIGIN, y.q)
+    store(memory, e.base + MOMENTA, y.p)
     for k in range(e.stages):
-        memory[e.base + 1, k] = e.h * inverse_mass[0, k] * memory[e.base + 2, k]
+        memory[e.base + DRIFT, k] = e.h * inverse_mass[0, k] * memory[e.base + MOMENTA, k]
 
 
 def _lengths_of_both(inverse_mass, e, at):
     d = e.stages // 2
-    return length(e, at, e.base, 0, d), length(e, at, e.base, d, e.stages)
+    return length(e, at, e.base + ORIGIN, 0, d), length(e, at, e.base + ORIGIN, d, e.stages)
 
 
 def _lengths_of_kicks(inverse_mass, e, at):
-    momenta = length(e, at, e.base + 2, 0, e.stages)
+    momenta = length(e, at, e.base + MOMENTA, 0, e.stages)
     return momenta, momenta
 
 
 #: Number of components of an increment, for d degrees of freedom.
-components = chosen(lambda inverse_mass, d: 2 * d, lambda inverse_mass, d: d)
+components = dispatch_on_none(lambda inverse_mass, d: 2 * d, lambda inverse_mass, d: d)
 #: Write the state at the begin of the step, for its equations.
-begin = chosen(_begin_both, _begin_kicks)
+begin = dispatch_on_none(_begin_both, _begin_kicks)
 #: Sizes of the variables that the first and the second half of the rows ``at``, ... belong to.
-lengths = chosen(_lengths_of_both, _lengths_of_kicks)
+lengths = dispatch_on_none(_lengths_of_both, _lengths_of_kicks)
 #: Derivative of place k by its increment, without the tableau's coefficient.
-reach = chosen(lambda inverse_mass, e, k: 1.0, lambda inverse_mass, e, k: e.h * inverse_mass[0, k])
+reach = dispatch_on_none(lambda inverse_mass, e, k: 1.0, lambda inverse_mass, e, k: e.h * inverse_mass[0, k])
 
 
-@inlined
+@inline
 def length(e, at, row, first, last):
-    """Size of the numbers ``first``, ..., ``last`` - 1 in a row, plus the size of their unknowns and of G at these."""
+    """Size of the state's components ``first``, ..., ``last`` - 1, plus that of their unknowns x and of G(x).
+
+    The components are in row ``row``, the unknowns in the rows from ``at`` on.
+    """
     numbers, unknowns = 0.0, 0.0
     for k in range(first, last):
         numbers = numbers + abs(e.memory[row, k])
@@ -64,7 +72,7 @@ def length(e, at, row, first, last):
 
 
 def linearizer(sweep, places, weights, rows, spread):
-    """Make the ``linearize`` of `solve.row_solver`: by differences of f, in all lanes of a row of nodes at once.
+    """Make ``linearize`` of `solve.row_solver`, which writes the Jacobian by differences of f in all lanes.
 
     - ``rows(e)`` = (first, last + 1) are the rows of nodes; ``places(e, at, row)`` writes the places of one to the
       first rows.
@@ -73,7 +81,7 @@ def linearizer(sweep, places, weights, rows, spread):
       component k.
     """
 
-    @inlined
+    @inline
     def linearize(e, at, span, work):
         step, memory, unknowns, n = e.step, e.memory, e.stages, len(e.like)
         sweep(e, at, at + unknowns)
@@ -106,9 +114,12 @@ def linearizer(sweep, places, weights, rows, spread):
 # -- from step to step ------------------------------------------------------------------------------------------------
 
 
-@inlined
+@inline
 def extrapolate(e, ring, known, at):
-    """Extrapolate the increments of the last steps, a ring of rows from ``ring`` on, to the rows ``at``, ..."""
+    """Extrapolate the increments of the last steps to the next one, as a start; write them to the rows ``at``, ...
+
+    The last steps' increments are in a ring of rows from ``ring`` on, ``known`` is the number of steps taken.
+    """
     step, memory, rows = e.step, e.memory, e.stages
     steps = min(known, step.steps)
     row = steps * (steps - 1) // 2 * len(e.like)
@@ -120,7 +131,7 @@ def extrapolate(e, ring, known, at):
         put(memory, at + k, x, e.like)
 
 
-@inlined
+@inline
 def enter(e, ring, known, at):
     """Store the increments in the rows ``at``, ... of step number ``known`` in the ring that `extrapolate` reads."""
     newest = ring + known % e.step.steps * e.stages
@@ -129,11 +140,11 @@ def enter(e, ring, known, at):
 
 
 def ender(sums):
-    """Make the function (e, at, y, zero) -> state after the step; ``sums(inverse_mass, e, at)`` adds increments."""
+    """Make the function (e, at, y, zero) -> state after a step; ``sums(inverse_mass, e, at)`` adds its increments."""
 
-    @inlined
+    @inline
     def end(e, at, y, zero):
         sums(e.step.inverse_mass, e, at)
-        return advanced(y, load(e.memory, e.base + 2, zero), load(e.memory, e.base + 3, zero))
+        return update(y, load(e.memory, e.base + DQ, zero), load(e.memory, e.base + DP, zero))
 
     return end

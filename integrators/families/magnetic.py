@@ -43,16 +43,16 @@ from phasebench.integrators.values.elementary import cos, sin
 from phasebench.integrators.values.fma import fma
 from phasebench.integrators.values.vector import (
     add,
+    add_product_in_place,
     axpy,
-    chosen,
+    dispatch_on_none,
     elementwise,
-    inlined,
-    moved,
-    opened,
+    inline,
     plus,
+    read_state,
     scale,
-    summed,
-    written,
+    sum_of,
+    unroll,
 )
 
 #: Orbits may be integrated side by side.
@@ -65,7 +65,7 @@ TINY = 1e-300
 
 
 class Magnetic(NamedTuple):
-    """Fractions b of h, of the symmetric steps that are composed, and the rule of rotation.
+    """What a step needs: fractions b of h of the symmetric steps that are composed, and the rule of rotation.
 
     ``fields`` is x -> (E, B), ``shift`` x -> A / m; ``slowness`` is (1 / c^2,), None where nothing is relativistic.
     """
@@ -81,7 +81,7 @@ class Magnetic(NamedTuple):
 
 
 class Moving(NamedTuple):
-    """A state of (q, p), and u with what rounding lost of it."""
+    """A state (q, p) with u, each with the part that rounding lost (compensation)."""
 
     q: Any
     p: Any
@@ -91,15 +91,15 @@ class Moving(NamedTuple):
     lost_u: Any
 
 
-@summed("x[i] * y[i]")
+@sum_of("x[i] * y[i]")
 def dot(x, y):
-    """The sum of products of components."""
+    """The scalar product of two vectors."""
     return np.sum(x * y)
 
 
-@written(lambda d: "  return 0.0 * x[0]" if d == 2 else "  return x[0] * y[0] + x[1] * y[1] + x[2] * y[2]")
+@unroll(lambda d: "  return 0.0 * x[0]" if d == 2 else "  return x[0] * y[0] + x[1] * y[1] + x[2] * y[2]")
 def along(x, y):
-    """The scalar product; in the plane y is the vector (0, 0, y[0])."""
+    """The scalar product of u = x with the field y; 0 in the plane, where the field is (0, 0, y[0])."""
     return 0.0 * x[0] if len(x) == 2 else np.sum(x * y)
 
 
@@ -109,9 +109,9 @@ def _cross_text(d: int) -> str:
     return "  return x[1] * y[2] - x[2] * y[1], x[2] * y[0] - x[0] * y[2], x[0] * y[1] - x[1] * y[0]"
 
 
-@written(_cross_text)
+@unroll(_cross_text)
 def cross(x, y):
-    """The vector product; in the plane y is the vector (0, 0, y[0])."""
+    """The vector product x times y; in the plane y is the vector (0, 0, y[0])."""
     if len(x) == 2:
         return np.array([x[1] * y[0], -(x[0] * y[0])])
     return np.array([x[1] * y[2] - x[2] * y[1], x[2] * y[0] - x[0] * y[2], x[0] * y[1] - x[1] * y[0]])
@@ -119,7 +119,7 @@ def cross(x, y):
 
 @elementwise(outputs=2)
 def momentum(u, lost, shift, mass):
-    """(m (u + shift), the part that rounding lost); Knuth's sum, since either may be the larger."""
+    """(the momentum m (u + shift), the part that rounding lost); Knuth's sum, since either may be the larger."""
     s = u + shift
     part = s - u
     error = ((u - (s - part)) + (shift - part)) + lost
@@ -129,7 +129,7 @@ def momentum(u, lost, shift, mass):
 
 @elementwise(outputs=2)
 def velocity(p, lost, shift, mass):
-    """(p / m - shift, the part that rounding lost)."""
+    """(u, the part that rounding lost) from the momentum p: u = p / m - shift, with the mass m and shift = A / m."""
     w = p / mass
     error = (fma(-mass, w, p) + lost) / mass
     u = w - shift
@@ -137,28 +137,31 @@ def velocity(p, lost, shift, mass):
     return u, ((w - (u - part)) + (-shift - part)) + error
 
 
-@inlined
+@inline
 def _gamma_square(slowness, u):
     return 1.0 + slowness[0] * dot(u, u)
 
 
 #: gamma of u.
-gamma = chosen(lambda slowness, u: 1.0, lambda slowness, u: _gamma_square(slowness, u) ** 0.5)
+gamma = dispatch_on_none(lambda slowness, u: 1.0, lambda slowness, u: _gamma_square(slowness, u) ** 0.5)
 
 
 def _mean_gamma(slowness, u, tau):
-    """Gamma of the mean of u before and after the rotation."""
+    """The factor gamma of the mean of u before and after the rotation, for the method of Higuera and Cary."""
     square, parallel = dot(tau, tau), along(u, tau)
     sigma = _gamma_square(slowness, u) - square
     return (0.5 * (sigma + (sigma * sigma + 4.0 * (square + slowness[0] * parallel * parallel)) ** 0.5)) ** 0.5
 
 
-mean_gamma = chosen(lambda slowness, u, tau: 1.0, _mean_gamma)
+mean_gamma = dispatch_on_none(lambda slowness, u, tau: 1.0, _mean_gamma)
 
 
-@inlined
+@inline
 def half_turn(method, u, tau):
-    """The vector t of a rule: along tau, its length the tangent of half the angle."""
+    """The vector t along B that turns u by one of the rules, for tau = h B / 2: |t| is the tangent of half the angle.
+
+    The rules' formulae stand in the module's docstring; u enters by its relativistic factor gamma.
+    """
     if method.rule == HIGUERA_CARY:
         return scale(1.0 / mean_gamma(method.slowness, u, tau), tau)
     t = scale(1.0 / gamma(method.slowness, u), tau)
@@ -168,9 +171,9 @@ def half_turn(method, u, tau):
     return scale(sin(angle) / (cos(angle) * angle), t)
 
 
-@inlined
+@inline
 def pushed(method, y, h):
-    """The state after half a kick by E, a rotation about B, and half a kick."""
+    """The state after a push over the time h: half a kick by E, a rotation about B, half a kick by E."""
     E, B = method.fields(y.q)
     u = axpy(0.5 * h, E, y.u)
     t = half_turn(method, u, scale(0.5 * h, B))
@@ -179,27 +182,27 @@ def pushed(method, y, h):
     return Moving(y.q, y.p, y.lost_q, y.lost_p, u, lost_u)
 
 
-@inlined
+@inline
 def drifted(method, y, h):
-    """The state after a drift."""
-    q, lost_q = moved(y.q, y.lost_q, h / gamma(method.slowness, y.u), y.u)
+    """The state after a drift of q over the time h."""
+    q, lost_q = add_product_in_place(y.q, y.lost_q, h / gamma(method.slowness, y.u), y.u)
     return Moving(q, y.p, lost_q, y.lost_p, y.u, y.lost_u)
 
 
 def begin(method, carry, counts):
-    """Read the state, and find u."""
-    y = opened(carry)
+    """Read the state (q, p) where the last call left it, and compute u from p."""
+    y = read_state(carry)
     u, lost_u = velocity(y.p, y.lost_p, method.shift(y.q), method.mass[0])
     return Moving(y.q, y.p, y.lost_q, y.lost_p, u, lost_u)
 
 
 def start(method, y):
-    """Apply the first drift; that of the following steps is part of the last drift before them."""
+    """Apply a step's first drift; in the steps after it that drift is part of the last drift of the step before."""
     return drifted(method, y, 0.5 * method.b[0] * method.h)
 
 
 def step(method, y, carry, counts):
-    """Push and drift in turn; the last drift includes the next step's first."""
+    """Push and drift in turn; the last drift includes the next step's first. Returns (state, status)."""
     h, b = method.h, method.b
     for k in range(len(b)):
         following = b[k + 1] if k + 1 < len(b) else b[0]
@@ -210,7 +213,7 @@ def step(method, y, carry, counts):
 
 
 def finish(method, y):
-    """Take back the next step's first drift, and find p."""
+    """Undo the next step's first drift, and compute p from u."""
     y = drifted(method, y, -0.5 * method.b[0] * method.h)
     p, lost_p = momentum(y.u, y.lost_u, method.shift(y.q), method.mass[0])
     return Moving(y.q, p, y.lost_q, lost_p, y.u, y.lost_u)
@@ -220,7 +223,7 @@ run = loop(step, begin, start, finish)
 
 
 def prepare(method, system, arithmetic):
-    """Make the kernel of data (rule, fractions of h of the symmetric steps of order 2 that are composed)."""
+    """Prepare the kernel of data (rule of rotation, fractions of h of the symmetric steps that are composed)."""
     rule, fractions = method.data
     mass, slowness = magnetic.constants(system)
     step = Magnetic(

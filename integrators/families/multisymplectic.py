@@ -30,7 +30,7 @@ from functools import cache
 import numpy as np
 
 from phasebench.integrators.coefficients import tableaus
-from phasebench.integrators.errors import InvalidInput, unknown
+from phasebench.integrators.errors import InvalidInput, unknown_name
 from phasebench.integrators.systems.multisymplectic import Box, Division, Equation, Staggered
 
 from .equip import skew
@@ -45,11 +45,11 @@ EPS = float(np.finfo(float).eps)
 
 @dataclass(frozen=True)
 class Scheme:
-    """A box scheme.
+    """A box scheme: a Runge-Kutta method in time, with a discretization in space.
 
     Attributes
     ----------
-    id, name, source : as of a method
+    id, name, source : as in the record of a method
     division : how space is divided
     A_q, A_p, b : the tableau in time
     S : a skew matrix if a parameter keeps the energy, else None
@@ -73,7 +73,7 @@ class Scheme:
     means: bool = False
 
     def at(self, alpha: float) -> tuple[np.ndarray, np.ndarray]:
-        """(A_q, A_p) with the parameter alpha."""
+        """The tableaus (A_q, A_p) for the value alpha of the parameter."""
         less = 0.0 if self.S is None else alpha * self.S * self.b
         return self.A_q - less, self.A_p - less
 
@@ -111,13 +111,13 @@ def schemes() -> dict[str, Scheme]:
 def scheme(id: str) -> Scheme:
     """Return the scheme of an id; raises InvalidInput for an unknown one, naming the nearest."""
     if id not in schemes():
-        raise unknown("box scheme", id, schemes())
+        raise unknown_name("box scheme", id, schemes())
     return schemes()[id]
 
 
 @dataclass(frozen=True)
 class Tangent:
-    """A solution of the linearized scheme over one step: at its ends, and at its stages with their rates."""
+    """A solution of the linearized scheme over one step: at its start and end, at its stages Y, with their rates T."""
 
     start: np.ndarray
     end: np.ndarray
@@ -127,10 +127,10 @@ class Tangent:
 
 @dataclass(frozen=True)
 class Step:
-    """A step: y at its ends, arrays (N, m); stages Y and their rates T, arrays (s, N, m); the parameter.
+    """One step: y before and after it, arrays (N, m); stages Y and their rates T, arrays (s, N, m); the parameter.
 
-    ``tangents`` are those at a fixed parameter, ``moving`` those whose parameter follows the state (the same without
-    one). ``found`` is True if a parameter keeps the energy.
+    ``tangents`` solve the scheme linearized at a fixed parameter, ``moving`` that whose parameter follows the state
+    (the same without a parameter). ``found`` is True if a parameter conserves the energy.
     """
 
     start: np.ndarray
@@ -144,19 +144,19 @@ class Step:
 
 
 class Stages:
-    """The stage equations of a step of size h from y with the tableau at a parameter."""
+    """The stages of a step of size h from y with the parameter alpha: solves their equations and linearizes them."""
 
     def __init__(self, space: Division, scheme: Scheme, y, h: float, alpha: float, T=None):
         self.space, self.scheme, self.y, self.h, self.alpha = space, scheme, y, h, alpha
         m = y.shape[-1]
         self._A = np.repeat(np.stack(scheme.at(alpha)), m // 2, axis=0)
-        self.T = self._solved(np.stack([space.field(y)] * len(scheme.b)) if T is None else T)
+        self.T = self._solve(np.stack([space.field(y)] * len(scheme.b)) if T is None else T)
 
     def along(self, T, A=None):
-        """h sum_j a_ij T_j."""
+        """The increments h sum_j a_ij T_j of the stages i, for rates T; A is the tableau of the step by default."""
         return self.h * np.einsum("cij,jnc->inc", self._A if A is None else A, T)
 
-    def _solved(self, T):
+    def _solve(self, T):
         before = np.inf
         for _ in range(NEWTON_LIMIT):
             Y = self.y + self.along(T)
@@ -183,11 +183,11 @@ class Stages:
 
     @property
     def increment(self):
-        """h sum_i b_i T_i."""
+        """The increment of y over the step, h sum_i b_i T_i."""
         return self.h * np.tensordot(self.scheme.b, self.T, 1)
 
-    def linearized(self, u, more=0.0) -> Tangent:
-        """The tangent that starts at u; ``more`` is a further change of the stages."""
+    def linearize(self, u, more=0.0) -> Tangent:
+        """The solution of the linearized scheme that starts at u; ``more`` is a further change of the stages."""
         right = u + more + np.zeros_like(self.Y)
         matrix = self._matrix(self.Y)
         forced = np.stack([J @ x.ravel() for J, x in zip(self.J, right, strict=True)])
@@ -195,34 +195,34 @@ class Stages:
         return Tangent(u, u + self.h * np.tensordot(self.scheme.b, T, 1), right + self.along(T), T)
 
     def by_parameter(self) -> np.ndarray:
-        """Derivative of the stages by alpha at fixed rates."""
+        """The derivative of the stages with respect to the parameter alpha of the tableau, at fixed rates T."""
         d = -np.repeat(np.stack([self.scheme.S * self.scheme.b] * 2), self.y.shape[-1] // 2, axis=0)
         return self.along(self.T, d)
 
 
 def _magnitude(space: Division, y) -> float:
-    z = space.lifted(y)
+    z = space.lift(y)
     return float(np.abs(z * space.equation.gradient(z)).sum() * space.dx)
 
 
-def keeping(space: Division, scheme: Scheme, y, h: float, energy: float) -> tuple[Stages, bool]:
-    """(stages, True) with the parameter nearest zero at which the total energy is ``energy``, by the secant method.
+def solve_for_energy(space: Division, scheme: Scheme, y, h: float, energy: float) -> tuple[Stages, bool]:
+    """Find the parameter nearest zero with which a step from y ends at the total ``energy``, by the secant method.
 
-    (the stages with the parameter 0, False) if none is found.
+    Returns (the stages with it, True); (the stages with the parameter 0, False) if none is found.
     """
     first = Stages(space, scheme, y, h, 0.0)
     bound = UNITS * EPS * _magnitude(space, y)
 
-    def off(stages):
+    def energy_defect(stages):
         return space.total_energy(y + stages.increment) - energy
 
-    a, E = 0.0, off(first)
+    a, E = 0.0, energy_defect(first)
     if abs(E) <= bound:
         return first, True
     b, stages = 0.1 * h * h, first
     for _ in range(SECANT_LIMIT):
         stages = Stages(space, scheme, y, h, b, stages.T)
-        F = off(stages)
+        F = energy_defect(stages)
         if abs(F) <= bound:
             return stages, True
         if F == E:
@@ -233,23 +233,23 @@ def keeping(space: Division, scheme: Scheme, y, h: float, energy: float) -> tupl
     return first, False
 
 
-def _moving(stages: Stages, tangents, energy_is_kept: bool):
-    """The tangents of a step whose parameter follows the state."""
+def _follow_parameter(stages: Stages, tangents, energy_is_kept: bool):
+    """Solutions of the linearized scheme whose parameter changes with the state so that energy is conserved."""
     if stages.scheme.S is None or not energy_is_kept:
         return tangents
     space = stages.space
     m = space.equation.moving
     gradient = space.field(stages.y + stages.increment) @ space.equation.K[:m, :m].T
     more = stages.by_parameter()
-    unit = stages.linearized(0 * stages.y, more)
+    unit = stages.linearize(0 * stages.y, more)
     slope = np.sum(gradient * unit.end)
     if slope == 0:
         return tangents
-    return tuple(stages.linearized(t.start, -np.sum(gradient * t.end) / slope * more) for t in tangents)
+    return tuple(stages.linearize(t.start, -np.sum(gradient * t.end) / slope * more) for t in tangents)
 
 
 def run(equation: Equation, scheme: Scheme, y, dx: float, h: float, steps: int, tangents=()) -> Iterator[Step]:
-    """The steps of a box scheme.
+    """Integrate a multisymplectic equation by a box scheme, and yield each `Step`.
 
     Parameters
     ----------
@@ -273,10 +273,10 @@ def run(equation: Equation, scheme: Scheme, y, dx: float, h: float, steps: int, 
     lost = np.zeros_like(y)
     for _ in range(steps):
         stages, found = (Stages(space, scheme, y, h, 0.0), True) if scheme.S is None else (
-            keeping(space, scheme, y, h, energy))  # fmt: skip
+            solve_for_energy(space, scheme, y, h, energy))  # fmt: skip
         change = stages.increment + lost
         new = y + change
         lost = change - (new - y)
-        carried = tuple(stages.linearized(u) for u in tangents)
-        yield Step(y, new, stages.Y, stages.T, stages.alpha, found, carried, _moving(stages, carried, found))
+        carried = tuple(stages.linearize(u) for u in tangents)
+        yield Step(y, new, stages.Y, stages.T, stages.alpha, found, carried, _follow_parameter(stages, carried, found))
         y, tangents = new, [t.end for t in carried]

@@ -29,35 +29,43 @@ Source: Y. Wang, Y. Bo, W. Cai, "A general symplectic integrator for canonical H
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from phasebench.integrators.stepping.kernel import Prepared, array, fixed
+from phasebench.integrators.stepping.kernel import Carry, Prepared, array, freeze
 from phasebench.integrators.stepping.loop import loop
 from phasebench.integrators.stepping.solve import LEVELS, SOLVED, predict, remember, solver
 from phasebench.integrators.values.vector import (
-    advanced,
+    State,
     axpy,
-    chosen,
+    dispatch_on_none,
     head,
-    inlined,
+    inline,
     join,
     load,
     scale,
     size,
     tail,
+    update,
     velocity,
 )
 
 from . import splitting
+
+if TYPE_CHECKING:
+    from phasebench.integrators.record import Method
+    from phasebench.integrators.systems.hamiltonian import Hamiltonian
 
 #: Orbits may be integrated side by side.
 IN_LANES = True
 
 
 class Parametric(NamedTuple):
-    """Substeps of length c h with the weights mu and lam. In the Nystrom form ``field`` is None, else dT and dV are."""
+    """What a step needs: substeps of length c h with the stage weights mu (of Delta q) and lam (of Delta p).
+
+    In the Nystrom form ``field`` is None, else dT and dV are.
+    """
 
     field: Callable | None
     dT: Callable | None
@@ -70,7 +78,7 @@ class Parametric(NamedTuple):
 
 
 class Stage(NamedTuple):
-    """Arguments of a substep's stage equation: length h, from (q, p); v = grad T(p)."""
+    """Arguments of the stage equation of a substep of length h from (q, p); v = grad T(p)."""
 
     step: Any
     q: Any
@@ -81,29 +89,29 @@ class Stage(NamedTuple):
     lam: float
 
 
-@inlined
+@inline
 def increments(x, stage):
-    """(Delta q, Delta p) = h f at the stage that the increments x lead to."""
+    """G(x) of the stage equation for x = (Delta q, Delta p): h f(q + mu Delta q, p + lam Delta p)."""
     h, lam = stage.h, stage.lam
     dq, dp = stage.step.field(axpy(stage.mu, head(x), stage.q), axpy(lam, tail(x), stage.p), h, lam)
     return join(scale(h, dq), scale(h, dp))
 
 
-@inlined
+@inline
 def shift(x, stage):
-    """Delta q = h M^-1 (p + lam x) for the kick x."""
+    """Delta q = h M^-1 (p + lam x) of a substep, for its kick x = Delta p."""
     return scale(stage.h, axpy(stage.lam, velocity(stage.step.dT, x), stage.v))
 
 
-@inlined
+@inline
 def kick(x, stage):
-    """Delta p = -h grad V at the stage that the kick x leads to."""
+    """G(x) of the stage equation in Nystrom form: Delta p = -h grad V(q + mu Delta q), with Delta q from the kick x."""
     return scale(-stage.h, stage.step.dV(axpy(stage.mu, shift(x, stage), stage.q)))
 
 
-@inlined
+@inline
 def lengths_of_kick(x, g, stage):
-    """Size of the momenta, twice: both halves of a kick are momenta."""
+    """Size of the momenta at the kick x, twice: both halves of a kick are momenta; g is G(x)."""
     length = size(stage.p) + size(x) + size(g)
     return length, length
 
@@ -114,24 +122,24 @@ solve_increments, solve_kick = solver(increments), solver(kick, lengths_of_kick)
 def _nystrom(field, step, y, c, mu, lam, x, eps, work):
     stage = Stage(step, y.q, y.p, velocity(step.dT, y.p), c * step.h, mu, lam)
     x, n, used, status = solve_kick(stage, x, size(y.q) + size(y.p), eps, work)
-    return advanced(y, shift(x, stage), x), x, n, used, status
+    return update(y, shift(x, stage), x), x, n, used, status
 
 
 def _general(field, step, y, c, mu, lam, x, eps, work):
     stage = Stage(step, y.q, y.p, y.p, c * step.h, mu, lam)
     x, n, used, status = solve_increments(stage, x, size(y.q) + size(y.p), eps, work)
-    return advanced(y, head(x), tail(x)), x, n, used, status
+    return update(y, head(x), tail(x)), x, n, used, status
 
 
 #: One substep; x is the start of its equation. The Nystrom form if ``field`` is None.
 #: (field, step, y, c, mu, lam, x, eps, work) -> (y, x, evaluations, 1 if Newton's method was used, status).
-substep = chosen(_nystrom, _general)
+substep = dispatch_on_none(_nystrom, _general)
 
 #: (field, zero) -> a zero of the kind of the substep's unknown: the kick, or both increments.
-unknown = chosen(lambda field, zero: zero, lambda field, zero: join(zero, zero))
+unknown = dispatch_on_none(lambda field, zero: zero, lambda field, zero: join(zero, zero))
 
 
-@inlined
+@inline
 def advance(step, y, carry, known, first):
     """Take step number ``known``; returns (y, evaluations, Newton solves, status).
 
@@ -157,8 +165,8 @@ def advance(step, y, carry, known, first):
     return y, evaluations, newtons, status
 
 
-def step(method, y, carry, counts):
-    """One step."""
+def step(method: Parametric, y: State, carry: Carry, counts: np.record) -> tuple[State, int]:
+    """Take one step from the state y; returns (state, status)."""
     y, evaluations, newtons, status = advance(method, y, carry, counts.steps, True)
     counts.gradient += evaluations
     counts.newton += newtons
@@ -168,15 +176,15 @@ def step(method, y, carry, counts):
 run = loop(step)
 
 
-def quadratic(system, arithmetic, order=1):
-    """((field, dT, dV), components of a stage's unknown): the Nystrom form if H is separable with quadratic T."""
+def quadratic(system: Hamiltonian, arithmetic: str, order=1):
+    """((field, dT, dV), number of components of a stage's unknown); Nystrom form if H is separable with quadratic T."""
     if order == 1 and system.separable and system.quadratic_kinetic:
         return (None, system.grad_T(arithmetic), system.grad_V(arithmetic)), system.d
     return (system.field(arithmetic, order), None, None), 2 * system.d
 
 
-def prepare(method, system, arithmetic, fills=True):
-    """Make the kernel: a splitting if H is separable and all substeps symplectic Euler; Nystrom if T is quadratic."""
+def prepare(method: Method, system: Hamiltonian, arithmetic: str, fills: bool = True) -> Prepared:
+    """Prepare the kernel: a splitting for separable H and symplectic Euler substeps; Nystrom if T is quadratic."""
     order, substeps = method.data
     if order == 1 and system.separable and all({mu, lam} == {0, 1} for _, mu, lam in substeps):
         return splitting.from_substeps(substeps, system, arithmetic, fills)
@@ -186,5 +194,5 @@ def prepare(method, system, arithmetic, fills=True):
             weights_mu[k] = 1 - weights_lam[k]
             weights_lam[k] = 1 - weights_mu[k]
     functions, width = quadratic(system, arithmetic, order)
-    step = Parametric(*functions, *map(fixed, (c, weights_mu, weights_lam)))
+    step = Parametric(*functions, *map(freeze, (c, weights_mu, weights_lam)))
     return Prepared(run, step, width, len(c), hessian=order > 1)

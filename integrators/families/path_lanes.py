@@ -1,4 +1,4 @@
-r"""HBVM and the continuous Petrov-Galerkin method with the nodes of their integrals in lanes: the kernel.
+r"""The kernel of HBVM and of the continuous Petrov-Galerkin method with quadrature nodes side by side in SIMD lanes.
 
 The equations are those of `collocation`.  The path of a step is y + :math:`\sum_m r_m \int_0^\tau P_m`, and unknown are
 the increments :math:`x_0, \dots, x_{s-1}` (of q and p), the lanes of one row for each component:
@@ -27,34 +27,45 @@ Makazaga, A. Murua, arXiv 2511.03655 (2026) (stages in SIMD lanes).
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import mpmath
 import numpy as np
 
 from phasebench.integrators.coefficients.tableaus import LEVELS, tableau
 from phasebench.integrators.compile.codegen import DOUBLE
-from phasebench.integrators.stepping.kernel import Prepared, array, fixed
+from phasebench.integrators.stepping.kernel import Carry, Prepared, array, freeze
 from phasebench.integrators.stepping.loop import loop
 from phasebench.integrators.stepping.solve import SOLVED, Change, confirmer, row_solver
 from phasebench.integrators.values.lanes import combine, put, take, total
-from phasebench.integrators.values.vector import chosen, inlined
+from phasebench.integrators.values.vector import State, dispatch_on_none, inline
 
 from . import gauss_lanes
-from .gauss_lanes import functions, padded, squared, starts
-from .lane_rows import begin, components, ender, enter, extrapolate, linearizer
+from .gauss_lanes import functions, pad, pad_square, start_weights
+from .lane_rows import DP, DQ, DRIFT, FREE, ORIGIN, begin, components, ender, enter, extrapolate, linearizer
+
+if TYPE_CHECKING:
+    from phasebench.integrators.systems.hamiltonian import Hamiltonian
 
 #: Nodes side by side (at least as many as increments); least product of nodes and increments for which that is faster.
 WIDTH, FEWEST = 4, 3
 
 
 class Path(NamedTuple):
-    """The coefficients, with nodes or increments in lanes; the unknowns are kicks unless ``inverse_mass`` is None.
+    """What a step of HBVM or Petrov-Galerkin needs: the system's function and the coefficients (formulae: the module).
 
-    ``f(memory)`` is that of `lane_rows`. ``like`` has a zero for each lane, ``terms`` one for each increment. ``drift``
-    has a row 1, 0, ... and the rows of X transposed. A rule is a range of rows of nodes; each row has the number of its
-    rule's ``nodes`` and ``rows``, and for it ``A`` has a row for every increment, ``B`` one for every node.
-    ``extrapolation`` is as in `stage_lanes.Lanes`.
+    Attributes
+    ----------
+    f : evaluates the field, or -grad V, at all nodes at once; reads the places from the first rows of the memory that
+        it is handed, and writes its values to the rows after them
+    like, terms : a zero for each lane, and for each of the s increments x_j
+    inverse_mass : 1 / m_i, one row of d numbers, if only the kicks of p are unknown; None if q and p are
+    drift : the row 1, 0, ..., 0, then the rows of X transposed
+    nodes, rows : for each row of nodes, how many nodes, and rows of nodes, its quadrature rule has in all
+    A, B : for each row of nodes, s rows of A (a lane for each node), and a row of B for each node
+    extrapolation : rows that predict the increments from those of one and of two steps before
+    steps : how many earlier steps the prediction uses at most
+    h, eps : the step size, and the unit of round-off; set by the run
     """
 
     f: Callable
@@ -93,9 +104,9 @@ class Equations(NamedTuple):
 
 
 def _path_of_kicks(inverse_mass, e, at):
-    step, memory, path = e.step, e.memory, e.base + 4
+    step, memory, path = e.step, e.memory, e.base + FREE
     for k in range(e.stages):
-        start = memory[e.base + 1, k] * take(step.drift, 0, e.like)
+        start = memory[e.base + DRIFT, k] * take(step.drift, 0, e.like)
         x = take(memory, at + k, e.like)
         put(memory, path + k, combine(start, x, e.h * inverse_mass[0, k], step.drift, 1, step.terms), e.like)
     return path
@@ -104,13 +115,13 @@ def _path_of_kicks(inverse_mass, e, at):
 def _end_both(inverse_mass, e, at):
     memory, d = e.memory, e.stages // 2
     for k in range(d):
-        memory[e.base + 2, k], memory[e.base + 3, k] = memory[at + k, 0], memory[at + d + k, 0]
+        memory[e.base + DQ, k], memory[e.base + DP, k] = memory[at + k, 0], memory[at + d + k, 0]
 
 
 def _end_kicks(inverse_mass, e, at):
     path = path_of(inverse_mass, e, at)
     for k in range(e.stages):
-        e.memory[e.base + 2, k], e.memory[e.base + 3, k] = e.memory[path + k, 0], e.memory[at + k, 0]
+        e.memory[e.base + DQ, k], e.memory[e.base + DP, k] = e.memory[path + k, 0], e.memory[at + k, 0]
 
 
 def _slope_of_both(inverse_mass, e, row, i, m):
@@ -125,33 +136,33 @@ def _slope_of_kicks(inverse_mass, e, row, i, m):
     return x
 
 
-def _moved_both(inverse_mass, e, old, new):
+def _change_of_both(inverse_mass, e, old, new):
     d = e.stages // 2
     (q, size_q), (p, size_p) = moves(e, old, new, 0, d), moves(e, old, new, d, e.stages)
     return Change(q, p, size_q, size_p)
 
 
-def _moved_kicks(inverse_mass, e, old, new):
+def _change_of_kicks(inverse_mass, e, old, new):
     p, size_p = moves(e, old, new, 0, e.stages)
     return Change(0.0, p, 0.0, size_p)
 
 
 #: The rows of r, by the increments in the rows ``at``, ...
-path_of = chosen(lambda inverse_mass, e, at: at, _path_of_kicks)
+path_of = dispatch_on_none(lambda inverse_mass, e, at: at, _path_of_kicks)
 #: Write the increments of q and p over the step.
-sums = chosen(_end_both, _end_kicks)
+sums = dispatch_on_none(_end_both, _end_kicks)
 #: Derivative of a place in lane i of a row of nodes by its increment m, without `lane_rows.reach`.
-slope = chosen(_slope_of_both, _slope_of_kicks)
+slope = dispatch_on_none(_slope_of_both, _slope_of_kicks)
 #: The `Change` from the rows ``old``, ... to the rows ``new``, ...
-change = chosen(_moved_both, _moved_kicks)
+change = dispatch_on_none(_change_of_both, _change_of_kicks)
 
 
 # -- what they share --------------------------------------------------------------------------------------------------
 
 
-@inlined
+@inline
 def moves(e, old, new, first, last):
-    """(distance of the unknowns ``first``, ..., ``last`` - 1 in the rows ``old`` and ``new``, their size)."""
+    """(distance of unknowns ``first``, ..., ``last`` - 1 in the rows ``old`` from those in ``new``, size of these)."""
     moved, sized = 0.0, 0.0
     for k in range(first, last):
         x = take(e.memory, new + k, e.like)
@@ -159,18 +170,24 @@ def moves(e, old, new, first, last):
     return moved, sized
 
 
-@inlined
+@inline
 def places(e, path, row):
-    """Write the places of a row of nodes to the first rows."""
+    """Write the states at the nodes of one row, at which f is evaluated, to the first rows of the memory.
+
+    ``path`` is the first row of the path's coefficients.
+    """
     step, memory = e.step, e.memory
     for k in range(e.stages):
         r = take(memory, path + k, e.like)
-        put(memory, k, combine(memory[e.base, k], r, 1.0, step.A, row * len(step.terms), step.terms), e.like)
+        put(memory, k, combine(memory[e.base + ORIGIN, k], r, 1.0, step.A, row * len(step.terms), step.terms), e.like)
 
 
-@inlined
+@inline
 def sweep(e, old, new):
-    """Write h B f at the increments in the rows ``old`` to the rows ``new``; (their distance, their size)."""
+    """Apply the right-hand side h B f to the increments in the rows ``old``; write the result to the rows ``new``.
+
+    Returns (the distance of old and new, the size of new).
+    """
     step, memory, n = e.step, e.memory, len(e.like)
     path = path_of(step.inverse_mass, e, old)
     for k in range(e.stages):
@@ -191,9 +208,9 @@ def sweep(e, old, new):
     return total(moved), total(sized)
 
 
-@inlined
-def spread(e, row, r, k, i, x, work):
-    """Enter x, the derivative of component r by its place k in lane i of a row of nodes, for all increments of both."""
+@inline
+def scatter(e, row, r, k, i, x, work):
+    """Enter x, h times the derivative of f's component r by component k at the node in lane i, into ``work``."""
     n, s = len(e.like), len(e.step.terms)
     for m in range(s):
         by = x * slope(e.step.inverse_mass, e, row, i, m)
@@ -201,35 +218,35 @@ def spread(e, row, r, k, i, x, work):
             work[r * n + j, k * n + m] -= e.step.B[row * n + i, j] * by
 
 
-@inlined
+@inline
 def rule(e):
-    """(first row of the nodes of the rule in use, the row after its last)."""
+    """(first row of the nodes of the quadrature rule in use, the row after its last)."""
     return e.counts.rule, e.counts.rule + e.step.rows[e.counts.rule]
 
 
 linearize = linearizer(
     sweep,
-    places=inlined(lambda e, at, row: places(e, path_of(e.step.inverse_mass, e, at), row)),
-    weights=inlined(lambda e: e.h),
+    places=inline(lambda e, at, row: places(e, path_of(e.step.inverse_mass, e, at), row)),
+    weights=inline(lambda e: e.h),
     rows=rule,
-    spread=spread,
+    spread=scatter,
 )
 solve = confirmer(
-    row_solver(sweep, linearize), sweep, inlined(lambda e, old, new: change(e.step.inverse_mass, e, old, new))
+    row_solver(sweep, linearize), sweep, inline(lambda e, old, new: change(e.step.inverse_mass, e, old, new))
 )
 
 
 end = ender(sums)
 
 
-def step(method, y, carry, counts):
-    """One step."""
-    memory, rows = carry.memory, components(method.inverse_mass, len(carry.zero))
-    ring = 2 * rows + 4 + rows
-    at = ring + method.steps * rows
+def step(method: Path, y: State, carry: Carry, counts: np.record) -> tuple[State, int]:
+    """Take one step from the state y; returns (state, status)."""
+    rows = components(method.inverse_mass, len(carry.zero))
     if counts.steps % 16 == 0:
         counts.rule = 0
-    e = Equations(method, y.q, y.p, memory, 2 * rows, rows, method.like, method.h, counts)
+    e = Equations(method, y.q, y.p, carry.memory, 2 * rows, rows, method.like, method.h, counts)
+    ring = e.base + FREE + rows  # after the path of q
+    at = ring + method.steps * rows
     begin(method.inverse_mass, e, y)
     extrapolate(e, ring, counts.steps, at)
     status = solve(e, at, carry.work, counts)
@@ -245,8 +262,8 @@ run = loop(step)
 # -- what it is handed ------------------------------------------------------------------------------------------------
 
 
-def laned(s: int, rules: Sequence[int], system, arithmetic) -> Path:
-    """The coefficients of degree s for rules of so many nodes, and the system's functions in lanes."""
+def build_path(s: int, rules: Sequence[int], system: Hamiltonian, arithmetic: str) -> Path:
+    """The coefficients of degree s for quadrature rules of the given sizes, with the system's functions in lanes."""
     digits = 40 if arithmetic == DOUBLE else mpmath.mp.dps + 10
     unit = mpmath.mpf(2) ** (-52 if arithmetic == DOUBLE else 1 - mpmath.mp.prec)
     tableaus = [tableau("hbvm", s, k, False, digits, unit) for k in rules]
@@ -256,26 +273,26 @@ def laned(s: int, rules: Sequence[int], system, arithmetic) -> Path:
             part = slice(first, first + WIDTH)
             nodes.append(k)
             rows.append(-(-k // WIDTH))
-            A += (padded(column, WIDTH, column[0]) for column in zip(*t.A_q[part], strict=True))
-            B += squared(t.B[part], WIDTH)
+            A += (pad(column, WIDTH, column[0]) for column in zip(*t.A_q[part], strict=True))
+            B += pad_square(t.B[part], WIDTH)
     f, inverse_mass = functions(system, WIDTH, arithmetic, digits)
     return Path(
         f,
         like=(0.0,) * WIDTH,
         terms=(0.0,) * s,
         inverse_mass=inverse_mass,
-        drift=array([padded([1], WIDTH, 0), *squared(zip(*skew(s, digits), strict=True), WIDTH)], arithmetic),
-        nodes=fixed(nodes),
-        rows=fixed(rows),
+        drift=array([pad([1], WIDTH, 0), *pad_square(zip(*skew(s, digits), strict=True), WIDTH)], arithmetic),
+        nodes=freeze(nodes),
+        rows=freeze(rows),
         A=array(A, arithmetic),
         B=array(B, arithmetic),
-        extrapolation=array(starts(tableaus[0].extrapolation, s, WIDTH), arithmetic),
+        extrapolation=array(start_weights(tableaus[0].extrapolation, s, WIDTH), arithmetic),
         steps=len(tableaus[0].extrapolation) // s,
     )
 
 
 def skew(s: int, digits: int) -> list[list]:
-    """The rows of X."""
+    """The matrix of the integrals of P_m times the integral of P_j, P Legendre polynomials: 1/2 at first, else skew."""
     X = [[mpmath.mpf(0)] * s for _ in range(s)]
     X[0][0] = mpmath.mpf(1) / 2
     with mpmath.workdps(digits):
@@ -285,14 +302,14 @@ def skew(s: int, digits: int) -> list[list]:
     return X
 
 
-def serves(s: int, rules: Sequence[int], system) -> bool:
-    """True if lanes of nodes are worth while, and the system's functions can be compiled for lanes."""
+def serves(s: int, rules: Sequence[int], system: Hamiltonian) -> bool:
+    """True if quadrature nodes should be evaluated in SIMD lanes, and the system's functions allow it."""
     return s <= WIDTH and s * rules[-1] >= FEWEST and gauss_lanes.serves(WIDTH, system)
 
 
-def prepare(s: int, rules: Sequence[int], system, arithmetic) -> Prepared:
-    """Make the kernel of degree s, with rules of so many nodes."""
-    step = laned(s, rules, system, arithmetic)
+def prepare(s: int, rules: Sequence[int], system: Hamiltonian, arithmetic: str) -> Prepared:
+    """Prepare the kernel of degree s, with quadrature rules of the given sizes."""
+    step = build_path(s, rules, system, arithmetic)
     unknowns = components(step.inverse_mass, system.d)
-    rows = 4 + (7 + step.steps) * unknowns
+    rows = FREE + (7 + step.steps) * unknowns
     return Prepared(run, step, max(WIDTH, unknowns), -(-rows // (3 * LEVELS + 1)), linear=WIDTH * unknowns)

@@ -1,4 +1,4 @@
-"""Potentials that are sums of inverse distances: what the kernel `planet_lanes` is handed."""
+"""Recognize potentials that are sums of inverse distances, and prepare the kernel `planet_lanes` for them."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ FEWEST, MOST = 3, 16
 
 
 def distances(potential: sp.Expr, q: Sequence[sp.Symbol]) -> list[tuple[sp.Expr, list]] | None:
-    """[(w_a, c_a)] of a potential that is the sum of -w_a / |sum_j c_aj q_j|; None if it is not of that form."""
+    """Pairs (w_a, c_a) of a potential sum_a -w_a / |sum_j c_aj q_j|, q_j being the position of body j; else None."""
     found = [_distance(term, q) for term in sp.Add.make_args(potential)]
     return None if None in found else found
 
@@ -38,43 +38,43 @@ def _distance(term: sp.Expr, q: Sequence[sp.Symbol]) -> tuple[sp.Expr, list] | N
 
 
 def lanes_of(bodies: int) -> int:
-    """Number of lanes for so many bodies."""
+    """Number of SIMD lanes that holds so many bodies: a power of two, at least 4."""
     return max(4, 1 << (bodies - 1).bit_length())
 
 
-def _padded(row, lanes: int, filler=0) -> list:
+def _pad(row, lanes: int, filler=0) -> list:
     return [*row, *[filler] * (lanes - len(row))]
 
 
 def _of_pairs(found, back: sp.Matrix, lanes: int) -> list[list]:
-    """The rows of `planet_lanes.Planets.pairs`."""
+    """The rows of coefficients ``planet_lanes.Planets.pairs``, from `distances` and the matrix of q = back Q."""
     rows, n = [], back.rows
     for first in range(0, len(found), lanes):
         block = found[first : first + lanes]
         M = sp.Matrix([c for _, c in block]) * back
-        rows += [_padded(M.col(k), lanes) for k in range(n)]
-        rows += [_padded([0] * len(block), lanes, 1), _padded([w for w, _ in block], lanes)]
-        rows += [_padded(M.row(a) if a < len(block) else [], lanes) for a in range(lanes)]
+        rows += [_pad(M.col(k), lanes) for k in range(n)]
+        rows += [_pad([0] * len(block), lanes, 1), _pad([w for w, _ in block], lanes)]
+        rows += [_pad(M.row(a) if a < len(block) else [], lanes) for a in range(lanes)]
     return rows
 
 
 def _of_bodies(part, lanes: int) -> list[list]:
-    """The rows of `planet_lanes.Planets.parts`."""
+    """The rows ``planet_lanes.Planets.parts``, a number for each body: mu, masses, their inverses, m mu, 1 if free."""
     inverse = [1 / sp.Rational(m) for m in part.masses]
-    high = [codegen.exactly(x, DOUBLE) for x in inverse]
+    high = [codegen.to_number(x, DOUBLE) for x in inverse]
     low = [x - sp.Rational(y) for x, y in zip(inverse, high, strict=True)]
     return [
-        _padded(part.mu, lanes),
-        _padded(part.masses, lanes, 1),
-        _padded(high, lanes),
-        _padded(low, lanes),
-        _padded([m * mu for m, mu in zip(part.masses, part.mu, strict=True)], lanes),
-        _padded([int(mu == 0) for mu in part.mu], lanes, 1),
+        _pad(part.mu, lanes),
+        _pad(part.masses, lanes, 1),
+        _pad(high, lanes),
+        _pad(low, lanes),
+        _pad([m * mu for m, mu in zip(part.masses, part.mu, strict=True)], lanes),
+        _pad([int(mu == 0) for mu in part.mu], lanes, 1),
     ]
 
 
 def prepare(part, system, tables: dict) -> Prepared | None:
-    """Make the kernel in lanes for a system's Kepler part; None if lanes cannot serve it.
+    """Prepare the kernel in lanes for a system's Kepler part; None if the system does not allow it.
 
     ``tables`` are the fields that it shares with the kernel that takes one body after the other.
     """
@@ -93,7 +93,7 @@ def prepare(part, system, tables: dict) -> Prepared | None:
         **tables,
         like=(0.0,) * lanes,
         bodies=(0.0,) * n,
-        maps=array([_padded(M.row(k), lanes) for M in maps for k in range(n)], DOUBLE),
+        maps=array([_pad(M.row(k), lanes) for M in maps for k in range(n)], DOUBLE),
         parts=array(_of_bodies(part, lanes), DOUBLE),
         pairs=array(_of_pairs(found, back, lanes), DOUBLE),
     )

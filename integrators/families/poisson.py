@@ -29,7 +29,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import mpmath
 import numpy as np
@@ -43,13 +43,13 @@ from phasebench.integrators.coefficients.quadrature import (
     sizes,
 )
 from phasebench.integrators.compile.codegen import DOUBLE
-from phasebench.integrators.stepping.kernel import Prepared, array, fixed
+from phasebench.integrators.stepping.kernel import Carry, Prepared, array, freeze
 from phasebench.integrators.stepping.loop import loop
 from phasebench.integrators.stepping.solve import (
     LEVELS,
     SOLVED,
-    by_rows,
     change,
+    changes_by_row,
     confirmer,
     copy,
     difference,
@@ -58,11 +58,11 @@ from phasebench.integrators.stepping.solve import (
     row_solver,
 )
 from phasebench.integrators.values.vector import (
-    advanced,
+    State,
     axpy,
     distance,
     head,
-    inlined,
+    inline,
     join,
     load,
     plus,
@@ -70,13 +70,18 @@ from phasebench.integrators.values.vector import (
     size,
     store,
     tail,
+    update,
 )
 
 from . import collocation
 
+if TYPE_CHECKING:
+    from phasebench.integrators.record import Method
+    from phasebench.integrators.systems.poisson import PoissonSystem
+
 
 class Poisson(NamedTuple):
-    """Coefficients of the polynomials and quadrature rules.
+    """The coefficients of a step: polynomials and quadrature rules.
 
     ``stage`` has the rows int_0^c_i l_j / b_j. A rule is a range of nodes; each node has the number of its rule's
     ``nodes`` and ``rows`` (the same), and rows of ``inner``, int_0^tau l_j / b_j, and ``outer``, its weight times
@@ -95,7 +100,7 @@ class Poisson(NamedTuple):
 
 
 class Equations(NamedTuple):
-    """Arguments of the equations for the increments, in rows of the memory, from (q, p)."""
+    """Arguments of the equations for the increments of a step from (q, p), which are in rows of ``memory``."""
 
     step: Poisson
     q: Any
@@ -106,8 +111,8 @@ class Equations(NamedTuple):
     counts: np.record
 
 
-@inlined
-def combined(weights, i, e, rows):
+@inline
+def combine(weights, i, e, rows):
     """The sum over j of ``weights[i, j]`` times the increment in row ``rows + j`` of the memory."""
     x = e.like
     for j in range(e.stages):
@@ -115,21 +120,24 @@ def combined(weights, i, e, rows):
     return x
 
 
-@inlined
+@inline
 def sweep(e, old, new):
-    """Write G of the increments in the rows ``old`` to the rows ``new``; (their distance, their size)."""
+    """Apply the right-hand side G to the increments in the rows ``old``; write the result to the rows ``new``.
+
+    Returns (the distance of old and new, the size of new).
+    """
     step, memory, like = e.step, e.memory, e.like
     for j in range(e.stages):
         store(memory, new + j, like)
     for i in range(e.counts.rule, e.counts.rule + step.nodes[e.counts.rule]):
-        x = combined(step.inner, i, e, old)
+        x = combine(step.inner, i, e, old)
         a, b = step.gradient(plus(e.q, head(x)), plus(e.p, tail(x)), step.h, 0.0)
         g = join(a, b)
         for j in range(e.stages):
             store(memory, new + j, axpy(step.outer[i, j], g, load(memory, new + j, like)))
     delta, length = 0.0, 0.0
     for j in range(e.stages):
-        x = combined(step.stage, j, e, old)
+        x = combine(step.stage, j, e, old)
         g = load(memory, new + j, like)
         a, b = step.structure(plus(e.q, head(x)), plus(e.p, tail(x)), head(g), tail(g))
         z = scale(step.h, join(a, b))
@@ -139,9 +147,12 @@ def sweep(e, old, new):
     return delta, length
 
 
-@inlined
+@inline
 def linearize(e, at, span, work):
-    """Write the matrix of 1 - G' by differences of sweeps (see `solve.row_solver`)."""
+    """Write the Jacobian 1 - G' of the equations x = G(x) at the increments in rows ``at``, ... to ``work``.
+
+    It is made by differences of sweeps (see `solve.row_solver`).
+    """
     memory, n = e.memory, len(e.like)
     base, moved = at + e.stages, at + 2 * e.stages
     sweep(e, at, base)
@@ -160,11 +171,11 @@ def linearize(e, at, span, work):
     return e.stages * n + 1
 
 
-solve = confirmer(row_solver(sweep, linearize), sweep, by_rows(inlined(lambda e, x, y: change(x, y))))
+solve = confirmer(row_solver(sweep, linearize), sweep, changes_by_row(inline(lambda e, x, y: change(x, y))))
 
 
-def step(method, y, carry, counts):
-    """One step."""
+def step(method: Poisson, y: State, carry: Carry, counts: np.record) -> tuple[State, int]:
+    """Take one step from the state y; returns (state, status)."""
     memory, both = carry.memory, join(carry.zero, carry.zero)
     stages = len(method.stage)
     at = LEVELS * stages
@@ -179,7 +190,7 @@ def step(method, y, carry, counts):
     x = both
     for j in range(stages):
         x = plus(x, load(memory, at + j, both))
-    return advanced(y, head(x), tail(x)), status
+    return update(y, head(x), tail(x)), status
 
 
 run = loop(step)
@@ -193,20 +204,20 @@ def coefficients(s: int, rules: tuple[int, ...], digits: int):
         # ell_l / b_l = sum_j P_j(c_l) P_j: the nodes' own rule is exact for the products of degree 2s - 2
         values = [legendre(s, c) for c, _ in gauss_rule]
 
-        def expanded(basis):
+        def expand(basis):
             return [mpmath.fsum(a * b for a, b in zip(row, basis, strict=True)) for row in values]
 
-        stage = [expanded(legendre_integrals(s, c)) for c, _ in gauss_rule]
+        stage = [expand(legendre_integrals(s, c)) for c, _ in gauss_rule]
         table = []
         for k in rules:
             for x, weight in gauss_legendre(k, digits):
-                forces = [weight * b * f for f, (_, b) in zip(expanded(legendre(s, x)), gauss_rule, strict=True)]
-                table.append((k, expanded(legendre_integrals(s, x)), forces))
+                forces = [weight * b * f for f, (_, b) in zip(expand(legendre(s, x)), gauss_rule, strict=True)]
+                table.append((k, expand(legendre_integrals(s, x)), forces))
     return stage, table
 
 
-def prepare(method, system, arithmetic):
-    """Make the kernel of data (s,): one exact rule for a polynomial H, else rules of rising size."""
+def prepare(method: Method, system: PoissonSystem, arithmetic: str) -> Prepared:
+    """Prepare the kernel of data (s,): one exact quadrature rule for a polynomial H, else rules of rising size."""
     (s,) = method.data
     if system.canonical:
         return collocation.prepare(replace(method, data=("cpg", s)), system, arithmetic)
@@ -217,8 +228,8 @@ def prepare(method, system, arithmetic):
         system.structure(arithmetic),
         system.gradient(arithmetic),
         array(stage, arithmetic),
-        nodes=fixed(nodes),
-        rows=fixed(nodes),
+        nodes=freeze(nodes),
+        rows=freeze(nodes),
         inner=array(inner, arithmetic),
         outer=array(outer, arithmetic),
     )

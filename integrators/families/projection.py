@@ -26,24 +26,23 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numba import types
 
 from phasebench.integrators.compile import codegen
 from phasebench.integrators.compile.lazy import sympy as sp
-from phasebench.integrators.records.projection import projected as projected
-from phasebench.integrators.stepping.kernel import Prepared, value
+from phasebench.integrators.records.projection import projection_method as projection_method
+from phasebench.integrators.stepping.kernel import Carry, Prepared, value
 from phasebench.integrators.stepping.loop import loop
 from phasebench.integrators.stepping.solve import LEVELS, SOLVED, gauss, predict, remember, solver
 from phasebench.integrators.values.vector import (
     State,
     add,
-    advanced,
-    chosen,
+    dispatch_on_none,
     head,
-    inlined,
+    inline,
     join,
     load,
     minus,
@@ -51,11 +50,16 @@ from phasebench.integrators.values.vector import (
     scale,
     size,
     tail,
+    unroll,
+    update,
     velocity,
-    written,
 )
 
 from . import parametric, runge_kutta, splitting
+
+if TYPE_CHECKING:
+    from phasebench.integrators.record import Method
+    from phasebench.integrators.systems.hamiltonian import Hamiltonian
 
 #: The families of base methods.
 FAMILIES = {"runge_kutta": runge_kutta, "parametric": parametric, "splitting": splitting}
@@ -68,7 +72,7 @@ PREDICTED, UNPROJECTED = 0, 2
 
 
 class Projection(NamedTuple):
-    """The base method's step (one of three), and the invariants to keep: g = 0 where they have the values ``target``.
+    """What a step needs: the base method's step (one of three), and the invariants: g = 0 where they equal ``target``.
 
     ``constraint``, ``gram`` and ``pull`` are those of `functions`; ``mirror`` is ``gram`` if the projection is
     symmetric, else None.
@@ -87,7 +91,7 @@ class Projection(NamedTuple):
     eps: float = 0.0
 
 
-@written(lambda d: "  return " + " and ".join(f"abs(r[{i}]) <= a * M[{i}]" for i in range(d)))
+@unroll(lambda d: "  return " + " and ".join(f"abs(r[{i}]) <= a * M[{i}]" for i in range(d)))
 def within(r, a, M):
     """True if every |r_i| is at most a times |M_i|; False if one is NaN."""
     return np.all(np.abs(r) <= a * M)
@@ -112,7 +116,7 @@ def _substeps(split, step, y, carry, known, first):
     return parametric.advance(step.implicit, y, carry, known, first)
 
 
-_partitioned = chosen(_substeps, _kicks_and_drifts)
+_partitioned = dispatch_on_none(_substeps, _kicks_and_drifts)
 
 
 def _one_stage(explicit, step, y, carry, known, first):
@@ -121,20 +125,23 @@ def _one_stage(explicit, step, y, carry, known, first):
 
 def _explicit(explicit, step, y, carry, known, first):
     dq, dp = runge_kutta.increment(explicit.field, explicit.tableau, explicit.h, y, carry)
-    return advanced(y, dq, dp), len(explicit.tableau) - 1, 0, SOLVED
+    return update(y, dq, dp), len(explicit.tableau) - 1, 0, SOLVED
 
 
 #: The base method's step: explicit Runge-Kutta, explicit kicks and drifts, or substeps with stage equations;
 #: (explicit, step, y, carry, known, first) -> (y, evaluations, Newton solves, status).
-advance = chosen(_one_stage, _explicit)
+advance = dispatch_on_none(_one_stage, _explicit)
 
 
 # -- the projections --------------------------------------------------------------------------------------------------
 
 
-@inlined
-def corrected(mu, r, A, work):
-    """(mu - A^-1 r, True if A is regular); the rows of the matrix stand in A one after the other."""
+@inline
+def correct(mu, r, A, work):
+    """A Newton correction of the multipliers mu: (mu - A^-1 r, True if A is regular).
+
+    The rows of the matrix A stand one after the other.
+    """
     m = len(r)
     for i in range(m):
         for j in range(m):
@@ -148,7 +155,7 @@ def corrected(mu, r, A, work):
 
 
 class Closing(NamedTuple):
-    """Arguments of the last part of a symmetric projection: x = G(y + x)^T mu."""
+    """Arguments of the equation x = G(y + x)^T mu that ends a symmetric projection; G: Jacobian of the invariants."""
 
     pull: Callable
     q: Any
@@ -156,9 +163,12 @@ class Closing(NamedTuple):
     mu: Any
 
 
-@inlined
+@inline
 def closing(x, e):
-    """G(y + x)^T mu."""
+    """The right-hand side G(y + x)^T mu of the equation for x that ends a symmetric projection.
+
+    G is the Jacobian of the invariants, mu are the multipliers.
+    """
     dq, dp = e.pull(plus(e.q, head(x)), plus(e.p, tail(x)), e.mu)
     return join(dq, dp)
 
@@ -166,9 +176,12 @@ def closing(x, e):
 solve_closing = solver(closing)
 
 
-@inlined
-def onto(step, y, last):
-    """(g(y), True if that is at round-off, or no longer falls below its ``last`` size)."""
+@inline
+def constraint_residual(step, y, last):
+    """The errors g(y) of the invariants: (g(y), True if they are at round-off or have stopped falling).
+
+    ``last`` is their size in the iteration before.
+    """
     value, M = step.constraint(y.q, y.p)
     r = minus(value, step.target)
     eps = step.eps
@@ -179,7 +192,7 @@ def _standard(mirror, step, y, carry, counts):
     y1, n, used, status = advance(step.explicit, step, y, carry, counts.steps, True)
     counts.gradient += n
     counts.newton += used
-    r, kept = onto(step, y1, np.inf)
+    r, kept = constraint_residual(step, y1, np.inf)
     mu = scale(0.0, step.target)
     if status != SOLVED or kept:
         return y1, mu, True, status
@@ -188,13 +201,13 @@ def _standard(mirror, step, y, carry, counts):
     reach = size(y1.q) + size(y1.p)
     last = np.inf
     for _ in range(LIMIT):
-        mu, regular = corrected(mu, r, A, carry.work)
+        mu, regular = correct(mu, r, A, carry.work)
         dq, dp = step.pull(y1.q, y1.p, mu)
         counts.gradient += 1
         if not (regular and size(dq) + size(dp) <= reach):
             break
-        end = advanced(y1, dq, dp)
-        r, kept = onto(step, end, last)
+        end = update(y1, dq, dp)
+        r, kept = constraint_residual(step, end, last)
         if kept:
             return end, mu, True, status
         last = size(r)
@@ -213,7 +226,7 @@ def _symmetric(mirror, step, y, carry, counts):
     while True:
         dq, dp = step.pull(y.q, y.p, mu)
         counts.gradient += 1
-        y1, n, used, status = advance(step.explicit, step, advanced(y, dq, dp), carry, counts.steps, k == 0)
+        y1, n, used, status = advance(step.explicit, step, update(y, dq, dp), carry, counts.steps, k == 0)
         counts.gradient += n
         counts.newton += used
         if attempt == UNPROJECTED:
@@ -223,8 +236,8 @@ def _symmetric(mirror, step, y, carry, counts):
         counts.gradient += n
         good = status == SOLVED and closed == SOLVED and size(x) <= reach
         if good:
-            end = advanced(y1, head(x), tail(x))
-            r, kept = onto(step, end, last)
+            end = update(y1, head(x), tail(x))
+            r, kept = constraint_residual(step, end, last)
             if kept:
                 remember(carry.memory, ring, step.stages, counts.steps, mu)
                 return end, mu, True, status
@@ -232,7 +245,7 @@ def _symmetric(mirror, step, y, carry, counts):
             if k == 0:
                 A = plus(A0, step.gram(end.q, end.p))
                 counts.gradient += 1
-            mu, good = corrected(mu, r, A, carry.work)
+            mu, good = correct(mu, r, A, carry.work)
             k += 1
         if not good or k == LIMIT:
             attempt, k, last = attempt + 1, 0, np.inf
@@ -244,11 +257,11 @@ def _symmetric(mirror, step, y, carry, counts):
 
 #: One projected step, a symmetric one unless ``mirror`` is None; (mirror, step, y, carry, counts) -> (y, mu, True if
 #: the step is projected, status of the base's step).
-project = chosen(_standard, _symmetric)
+project = dispatch_on_none(_standard, _symmetric)
 
 
-def step(method, y, carry, counts):
-    """One step; the parameter is the multiplier of H."""
+def step(method: Projection, y: State, carry: Carry, counts: np.record) -> tuple[State, int]:
+    """Take one projected step from the state y; the parameter is the multiplier of H. Returns (state, status)."""
     y, mu, found, status = project(method.mirror, method, y, carry, counts)
     if not found:
         counts.fallbacks += 1
@@ -259,8 +272,8 @@ def step(method, y, carry, counts):
 run = loop(step, parameter=True)
 
 
-def functions(system, invariants, arithmetic):
-    """The invariants' functions ``constraint``, ``gram`` and ``pull``.
+def functions(system: Hamiltonian, invariants, arithmetic: str):
+    """Make the functions ``constraint``, ``gram`` and ``pull`` of the invariants, for the kernel.
 
     constraint(q, p) -> (values, M) of shape (m,), the values known to eps M; gram(q, p) -> G G^T row by row, of shape
     (m m,); pull(q, p, mu) -> the q and the p part of G^T mu.
@@ -278,19 +291,21 @@ def functions(system, invariants, arithmetic):
         G = sp.Matrix([[sp.diff(e, x) for x in y] for e in invariants])
         return [list(G * G.T)]
 
-    def pulled():
+    def pull_back():
         total = sum(a * e for a, e in zip(mu, invariants, strict=True))
         return [[sp.diff(total, x) for x in system.q], [sp.diff(total, x) for x in system.p]]
 
-    constraint = system.made(
+    constraint = system.make_function(
         f"constraint {key}",
         state,
         lambda: [list(invariants), [magnitude(e) for e in invariants]],
         types.Tuple((Tm, Tm))(T, T),
         arithmetic,
     )
-    gram = system.made(f"gram {key}", state, products, Tmm(T, T), arithmetic)
-    pull = system.made(f"pull {key}", [*state, ("mu", mu)], pulled, types.Tuple((T, T))(T, T, Tm), arithmetic)
+    gram = system.make_function(f"gram {key}", state, products, Tmm(T, T), arithmetic)
+    pull = system.make_function(
+        f"pull {key}", [*state, ("mu", mu)], pull_back, types.Tuple((T, T))(T, T, Tm), arithmetic
+    )
     return constraint, gram, pull
 
 
@@ -300,8 +315,8 @@ def _vector_type(d, n):
     return types.UniTuple(types.float64, n) if tuples else types.Array(types.float64, 1, "C")
 
 
-def prepare(method, system, arithmetic):
-    """Make the kernel: the base method's functions and coefficients, and those of the invariants."""
+def prepare(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
+    """Prepare the kernel: the base method's functions and coefficients, and the functions of the invariants."""
     base, onto, symmetric = method.data
     inner = FAMILIES[base.family].prepare(base, system, arithmetic, fills=False)
     kinds = {"explicit": runge_kutta.RungeKutta, "split": splitting.Splitting, "implicit": parametric.Parametric}
@@ -320,12 +335,12 @@ def prepare(method, system, arithmetic):
         implicit=inner.implicit,
         hessian=inner.hessian,
         linear=max(inner.width, m, 2 * system.d if symmetric else 0),
-        begin=partial(_with_target, constraint, bases),
+        begin=partial(_set_target, constraint, bases),
         missed=MISSED,
     )
 
 
-def _with_target(constraint, bases, step, q, p):
-    """The step of a run that starts at q, p: what it keeps, and its base method's step."""
+def _set_target(constraint, bases, step, q, p):
+    """Complete a step for a run from (q, p): set the target values of the invariants, and the base method's step."""
     known = {name: base._replace(h=step.h, eps=step.eps) for name, base in bases.items() if base is not None}
     return step._replace(target=constraint(q, p)[0], **known)

@@ -24,17 +24,21 @@ D. I. Ketcheson, SIAM J. Sci. Comput. 42 (2020) A612-A638.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from phasebench.integrators.records.projection import relaxed as relaxed
-from phasebench.integrators.stepping.kernel import Prepared, keep_energy
+from phasebench.integrators.records.projection import relaxation_method as relaxation_method
+from phasebench.integrators.stepping.kernel import OWN, Carry, Prepared, keep_energy
 from phasebench.integrators.stepping.loop import loop
 from phasebench.integrators.stepping.solve import SOLVED
-from phasebench.integrators.values.vector import advanced, inlined, scale, written
+from phasebench.integrators.values.vector import State, inline, scale, unroll, update
 
 from . import runge_kutta
+
+if TYPE_CHECKING:
+    from phasebench.integrators.record import Method
+    from phasebench.integrators.systems.hamiltonian import Hamiltonian
 
 LIMIT = 20
 #: Largest distance of the root from 1.
@@ -44,8 +48,15 @@ SLACK = 64.0
 MISSED = "have no relaxation near 1 and were taken as the base method's"
 
 
+#: Where the state's spare rows keep by how much the last step was longer than it should be.
+AHEAD = OWN, 0
+
+
 class Relaxation(NamedTuple):
-    """Field and tableau of a Runge-Kutta method, H and the value to keep; ``adjust_time``: time is relaxed too."""
+    """What a step needs: field and tableau of a Runge-Kutta method, H, the value H0 to conserve.
+
+    ``adjust_time``: True if the state belongs to the relaxed time.
+    """
 
     field: Callable
     energy: Callable
@@ -56,19 +67,19 @@ class Relaxation(NamedTuple):
     eps: float = 0.0
 
 
-@written(lambda d: "  return " + " + ".join(f"x[{i}] * y[{i}]" for i in range(d)))
+@unroll(lambda d: "  return " + " + ".join(f"x[{i}] * y[{i}]" for i in range(d)))
 def dot(x, y):
-    """x . y."""
+    """The scalar product x . y."""
     return np.sum(x * y)
 
 
-@inlined
+@inline
 def root(step, y, dq, dp):
-    """(gamma next to 1 with H(y + gamma (dq, dp)) = H0, True if found, evaluations of the field)."""
+    """Find gamma next to 1 with H(y + gamma (dq, dp)) = H0: (gamma, True if found, evaluations of the field)."""
     gamma = 1.0
     last = np.inf
     for k in range(LIMIT):
-        end = advanced(y, scale(gamma, dq), scale(gamma, dp))
+        end = update(y, scale(gamma, dq), scale(gamma, dp))
         H, M = step.energy(end.q, end.p)
         E = H - step.H0
         if abs(E) <= step.eps * M or (abs(E) >= 0.5 * last and abs(E) <= SLACK * step.eps * M):
@@ -84,24 +95,24 @@ def root(step, y, dq, dp):
     return 1.0, False, LIMIT
 
 
-def step(method, y, carry, counts):
-    """One step; the parameter is gamma."""
-    length = method.h - carry.state[4, 0]
+def step(method: Relaxation, y: State, carry: Carry, counts: np.record) -> tuple[State, int]:
+    """Take one step from the state y; the parameter is gamma. Returns (state, status)."""
+    length = method.h - carry.state[AHEAD]
     dq, dp = runge_kutta.increment(method.field, method.tableau, length, y, carry)
     gamma, found, n = root(method, y, dq, dp)
     counts.gradient += n + len(method.tableau) - 1
     if not found:
         counts.fallbacks += 1
     counts.parameter = gamma if found else np.nan
-    carry.state[4, 0] = (gamma - 1) * length if method.adjust_time else 0.0 * length
-    return advanced(y, scale(gamma, dq), scale(gamma, dp)), SOLVED
+    carry.state[AHEAD] = (gamma - 1) * length if method.adjust_time else 0.0 * length
+    return update(y, scale(gamma, dq), scale(gamma, dp)), SOLVED
 
 
 run = loop(step, parameter=True)
 
 
-def prepare(method, system, arithmetic):
-    """Make the tableau's kernel with the energy."""
+def prepare(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
+    """Prepare the kernel of a Runge-Kutta method with relaxation; ``method.data`` is (base method, adjust_time)."""
     base, adjust_time = method.data
     inner = runge_kutta.prepare(base, system, arithmetic, fills=False)
     energy = system.energy(arithmetic)

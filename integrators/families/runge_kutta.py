@@ -1,4 +1,4 @@
-r"""Explicit Runge-Kutta methods, the non-geometric controls.
+r"""Explicit Runge-Kutta methods, which are not symplectic: for comparison.
 
 .. math::
     k_i = f\Bigl(y + h\sum_{j<i} a_{ij} k_j\Bigr),\qquad y \leftarrow y + h\sum_i b_i k_i .
@@ -9,31 +9,35 @@ Source: W. Kutta, Z. Math. Phys. 46 (1901) 435-453; L. Euler, Institutiones calc
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from phasebench.integrators.stepping.kernel import Prepared, array
+from phasebench.integrators.stepping.kernel import Carry, Prepared, array
 from phasebench.integrators.stepping.loop import loop
 from phasebench.integrators.stepping.solve import SOLVED
 from phasebench.integrators.values import inplace
 from phasebench.integrators.values.vector import (
     State,
+    add_product_in_place,
     axpy,
-    by_kind,
     halves,
     head,
-    held,
     in_place,
-    inlined,
+    inline,
     join,
     load,
-    moved,
+    overload_by_kind,
     plus,
     store,
     tail,
+    view_state,
     writes,
 )
+
+if TYPE_CHECKING:
+    from phasebench.integrators.record import Method
+    from phasebench.integrators.systems.hamiltonian import Hamiltonian
 
 #: Orbits may be integrated side by side.
 IN_LANES = True
@@ -42,7 +46,7 @@ MOST = 14
 
 
 class RungeKutta(NamedTuple):
-    """The field f and the tableau: the rows of A, then b."""
+    """What a step needs: the field f, and the tableau: the rows of A, then b."""
 
     field: Callable
     tableau: np.ndarray
@@ -50,9 +54,9 @@ class RungeKutta(NamedTuple):
     eps: float = 0.0
 
 
-@inlined
-def _after(tableau, i, j):
-    """Smallest k > j with a[i, k] != 0, else i."""
+@inline
+def _next_nonzero(tableau, i, j):
+    """Smallest k > j with a[i, k] != 0, else i; a are the rows of the tableau."""
     j += 1
     while j < i and tableau[i, j] == 0:
         j += 1
@@ -60,15 +64,15 @@ def _after(tableau, i, j):
 
 
 def _total(tableau, i, h, memory, zero):
-    """`total` for arrays; two terms at a time, so that the sum is written half as often."""
+    """The increment (dq, dp) = h sum_j a_ij k_j over j < i, for arrays (`total`); sums two terms at a time."""
     last, n = len(tableau) - 1, 2 * len(zero)
-    j = _after(tableau, i, -1)
+    j = _next_nonzero(tableau, i, -1)
     a = tableau[i, j] * h if j < i else 0.0
     for r in range(n):
         memory[last, r] = a * memory[j, r] if j < i else 0.0
-    j = _after(tableau, i, j)
+    j = _next_nonzero(tableau, i, j)
     while j < i:
-        k = _after(tableau, i, j)
+        k = _next_nonzero(tableau, i, j)
         a, b = tableau[i, j] * h, tableau[i, k] * h if k < i else 0.0
         if k < i:
             for r in range(n):
@@ -76,13 +80,16 @@ def _total(tableau, i, h, memory, zero):
         else:
             for r in range(n):
                 memory[last, r] = memory[last, r] + a * memory[j, r]
-        j = _after(tableau, i, k)
+        j = _next_nonzero(tableau, i, k)
     return halves(memory, last, zero)
 
 
 @in_place(_total)
 def total(tableau, i, h, memory, zero):
-    """(dq, dp) = h sum_j a_ij k_j over j < i; k_j is row j of the memory. Arrays are its row after the last k."""
+    """(dq, dp) = h sum_j a_ij k_j over j < i, the increment that leads to stage i; k_j is row j of the memory.
+
+    For arrays the result is written to the row after the last k.
+    """
     both = join(zero, zero)
     x = both
     for j in range(i):
@@ -92,40 +99,40 @@ def total(tableau, i, h, memory, zero):
 
 
 def evaluate(field, q, p, dq, dp, h, memory, i):
-    """Write f(q + dq, p + dp) to row i of the memory; arrays dq and dp are overwritten."""
+    """Evaluate stage i, f(q + dq, p + dp), into row i of the memory; arrays dq and dp are overwritten."""
     dq, dp = field(plus(q, dq), plus(p, dp), h, 0.0)
     store(memory, i, join(dq, dp))
 
 
-@inlined
-def _moved_there(q, p, dq, dp):
-    """Overwrite the increments by the state (q + dq, p + dp)."""
+@inline
+def _shift_state(q, p, dq, dp):
+    """Overwrite the arrays dq, dp of increments by the state (q + dq, p + dp)."""
     for k in range(len(q)):
         dq[k], dp[k] = q[k] + dq[k], p[k] + dp[k]
 
 
 def _evaluate_arrays(field, q, p, dq, dp, h, memory, i):
-    def returned(field, q, p, dq, dp, h, memory, i):
+    def evaluate_returned(field, q, p, dq, dp, h, memory, i):
         n = len(q)
-        _moved_there(q, p, dq, dp)
+        _shift_state(q, p, dq, dp)
         slope_q, slope_p = field(dq, dp, h, 0.0)
         for k in range(n):
             memory[i, k], memory[i, n + k] = slope_q[k], slope_p[k]
 
-    def written(field, q, p, dq, dp, h, memory, i):
-        _moved_there(q, p, dq, dp)
+    def evaluate_in_place(field, q, p, dq, dp, h, memory, i):
+        _shift_state(q, p, dq, dp)
         slope_q, slope_p = halves(memory, i, q)
         field(dq, dp, h, 0.0, slope_q, slope_p)
 
-    return written if writes(field) else returned
+    return evaluate_in_place if writes(field) else evaluate_returned
 
 
-by_kind(evaluate, lambda *types: evaluate, _evaluate_arrays)
+overload_by_kind(evaluate, lambda *types: evaluate, _evaluate_arrays)
 
 
 @in_place(None)
 def increment(field, tableau, h, y, carry):
-    """(dq, dp) = h sum b_i k_i of one step from y."""
+    """Evaluate the stages of one step of length h from y; returns its increment (dq, dp) = h sum b_i k_i."""
     memory, stages = carry.memory, len(tableau) - 1
     for i in range(stages):
         dq, dp = total(tableau, i, h, memory, carry.zero)
@@ -133,16 +140,16 @@ def increment(field, tableau, h, y, carry):
     return total(tableau, stages, h, memory, carry.zero)
 
 
-def begin(method, carry, counts):
-    """Read the state; arrays are the carry's own rows, which steps overwrite."""
-    return held(carry)
+def begin(method: RungeKutta, carry: Carry, counts: np.record) -> State:
+    """Read the state where the last call left it; arrays are the carry's own rows, which steps overwrite."""
+    return view_state(carry)
 
 
-def step(method, y, carry, counts):
-    """One step."""
+def step(method: RungeKutta, y: State, carry: Carry, counts: np.record) -> tuple[State, int]:
+    """Take one step from the state y; returns (state, status)."""
     dq, dp = increment(method.field, method.tableau, method.h, y, carry)
-    q, lost_q = moved(y.q, y.lost_q, 1.0, dq)
-    p, lost_p = moved(y.p, y.lost_p, 1.0, dp)
+    q, lost_q = add_product_in_place(y.q, y.lost_q, 1.0, dq)
+    p, lost_p = add_product_in_place(y.p, y.lost_p, 1.0, dp)
     counts.gradient += len(method.tableau) - 1
     return State(q, p, lost_q, lost_p), SOLVED
 
@@ -150,8 +157,8 @@ def step(method, y, carry, counts):
 run = loop(step, begin)
 
 
-def prepare(method, system, arithmetic, fills=True):
-    """Make the kernel of a tableau."""
+def prepare(method: Method, system: Hamiltonian, arithmetic: str, fills: bool = True) -> Prepared:
+    """Prepare the kernel of an explicit Runge-Kutta method from its tableau, ``method.data``."""
     system = inplace.in_place_version(system, arithmetic, MOST) if fills else system
     step = RungeKutta(system.field(arithmetic), array(method.data, arithmetic))
     return Prepared(run, step, 2 * system.d, len(step.tableau), implicit=False, arrays=system.fills)

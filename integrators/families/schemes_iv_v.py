@@ -21,18 +21,22 @@ and V, equations (24)-(26); L. Brugnano, F. Iavernaro, D. Trigiante, SIAM J. Num
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from phasebench.integrators.stepping.energy_model import ALONG, FIRST, LAST, LATEST, STREAK, Attempt, Search
-from phasebench.integrators.stepping.kernel import Carry, Prepared, array, fixed, keep_energy
+from phasebench.integrators.stepping.kernel import OWN, Carry, Prepared, array, freeze, keep_energy
 from phasebench.integrators.stepping.loop import loop
 from phasebench.integrators.stepping.root import finder
 from phasebench.integrators.stepping.solve import LEVELS, SOLVED, predict, predict_number, remember
-from phasebench.integrators.values.vector import State, axpy, inlined, load, minus, part_of_caller, scale, store
+from phasebench.integrators.values.vector import State, axpy, force_inline, inline, load, minus, scale, store
 
 from .parametric import quadratic, substep, unknown
+
+if TYPE_CHECKING:
+    from phasebench.integrators.record import Method
+    from phasebench.integrators.systems.hamiltonian import Hamiltonian
 
 #: Largest distance of lambda from 1/2.
 RADIUS = 2.0
@@ -42,10 +46,11 @@ SEARCH = Search(radius=RADIUS, first=0.05, near=1.0, ratio=1.12, points=70, slac
 MISSED = "have no parameter near 1/2 that keeps the energy and were taken with 1/2"
 
 
-class Adjusted(NamedTuple):
-    """Substeps of length c h with lambda = 1/2 + sign x, one x for each group; H, and the value H0 to keep.
+class AdjustedScheme(NamedTuple):
+    """What a step of Scheme IV or V needs: substeps of length c_s h with the stage weight lambda_s = 1/2 + sign_s x.
 
-    In the Nystrom form ``field`` is None, else dT and dV are.
+    Substeps with the same number in ``group`` share a parameter x, which conserves H = H0; those with ``alternative`` 1
+    are tried where those with 0 find no x.  In the Nystrom form ``field`` is None, else dT and dV are.
     """
 
     energy: Callable
@@ -63,9 +68,9 @@ class Adjusted(NamedTuple):
 
 
 class Group(NamedTuple):
-    """Arguments of a group's root search: the substeps begin, ..., end - 1 from the state y."""
+    """Arguments of the search for the parameter x of a group: its substeps begin, ..., end - 1, from the state y."""
 
-    step: Adjusted
+    step: AdjustedScheme
     y: State
     carry: Carry
     counts: np.record
@@ -74,15 +79,15 @@ class Group(NamedTuple):
     predicted: float
 
 
-@part_of_caller
+@force_inline
 def attempt(x, start, ease, e):
-    """Take the group's substeps with the parameter x.
+    """Take the substeps of a group with the parameter x; returns an `Attempt` with the state and its energy error.
 
     The memory holds the solutions of earlier steps at their roots, those of the last attempt, and their derivative by
     x.
     """
     step, memory, counts, y = e.step, e.carry.memory, e.counts, e.y
-    numbers, row = e.carry.state, 4 + e.begin
+    numbers, row = e.carry.state, OWN + e.begin
     guess = unknown(step.field, e.carry.zero)
     stages = len(step.c)
     move = x - (e.predicted if start == FIRST else numbers[row, LAST])
@@ -113,9 +118,12 @@ def attempt(x, start, ease, e):
 find = finder(attempt)
 
 
-@inlined
+@inline
 def advance(step, y, carry, counts, first):
-    """Take the group that begins with the substep ``first``; (y, lambda or NaN, the substep after it, status)."""
+    """Take the group of substeps that begins with the substep ``first``, with the parameter that conserves the energy.
+
+    Returns (state, lambda or NaN if there is no root, the number of the substep after the group, status).
+    """
     stages, memory = len(step.c), carry.memory
     guess = unknown(step.field, carry.zero)
     roots = (LEVELS + 2) * stages  # where the memory keeps the ring of each group's roots
@@ -128,7 +136,7 @@ def advance(step, y, carry, counts, first):
             end += 1
         predicted = predict_number(memory, roots + begin, stages, counts.steps)
         e = Group(step, y, carry, counts, begin, end, predicted)
-        x, found, result = find(step.search, carry.state, 4 + begin, predicted, e)
+        x, found, result = find(step.search, carry.state, OWN + begin, predicted, e)
         memory[roots + begin + counts.steps % LEVELS * stages, 0] = x
         if result.status != SOLVED:
             return y, lam, end, result.status
@@ -140,15 +148,15 @@ def advance(step, y, carry, counts, first):
     if not found:
         counts.fallbacks += 1
     while begin < stages and step.group[begin] == step.group[first]:
-        carry.state[4 + begin, STREAK] = -LEVELS
+        carry.state[OWN + begin, STREAK] = -LEVELS
         begin += 1
     for s in range(first, begin):
         remember(memory, s, stages, counts.steps, load(memory, LEVELS * stages + s, guess))
     return new, lam, begin, SOLVED
 
 
-def step(method, y, carry, counts):
-    """One step, group by group; the parameter is lambda of the last group."""
+def step(method: AdjustedScheme, y: State, carry: Carry, counts: np.record) -> tuple[State, int]:
+    """Take one step from y, group by group; the parameter is lambda of the last group. Returns (state, status)."""
     s, status = 0, SOLVED
     while s < len(method.c) and status == SOLVED:
         y, counts.parameter, s, status = advance(method, y, carry, counts, s)
@@ -158,17 +166,17 @@ def step(method, y, carry, counts):
 run = loop(step, parameter=True)
 
 
-def prepare(method, system, arithmetic):
-    """Make the kernel; its substeps are in the Nystrom form if T is quadratic."""
+def prepare(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
+    """Prepare the kernel of Scheme IV or V; its substeps are in the Nystrom form if T is quadratic."""
     energy = system.energy(arithmetic)
     functions, width = quadratic(system, arithmetic)
     c, sign, group, alternative = zip(*method.data, strict=True)
-    step = Adjusted(
+    step = AdjustedScheme(
         energy,
         *functions,
-        *(fixed(row) for row in array((c, sign), arithmetic)),
-        fixed(group),
-        fixed(alternative),
+        *(freeze(row) for row in array((c, sign), arithmetic)),
+        freeze(group),
+        freeze(alternative),
         SEARCH,
     )
     return Prepared(run, step, width, len(c), begin=keep_energy(energy), missed=MISSED)

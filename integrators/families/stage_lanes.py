@@ -1,4 +1,4 @@
-r"""Gauss's methods with their stages in lanes: the kernel; `gauss_lanes` says what it serves, and prepares it.
+r"""The kernel of Gauss's methods with their stages side by side in SIMD lanes; `gauss_lanes` prepares it.
 
 The equations are those of `collocation`, with the same coefficients.  Unknown are the increments, here the lanes of one
 row for each component.  In general these are the increments :math:`x_j` of q and p,
@@ -33,20 +33,24 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from phasebench.integrators.stepping.kernel import Carry
 from phasebench.integrators.stepping.loop import loop
 from phasebench.integrators.stepping.solve import SOLVED, row_solver
 from phasebench.integrators.values.lanes import combine, put, take, total
-from phasebench.integrators.values.vector import chosen, inlined, size
+from phasebench.integrators.values.vector import State, dispatch_on_none, inline, size
 
-from .lane_rows import begin, components, ender, enter, extrapolate, linearizer
+from .lane_rows import DP, DQ, DRIFT, FREE, ORIGIN, begin, components, ender, enter, extrapolate, linearizer
+
+#: Rows of the nodes: c, b and 1 - c; for `exact_weights`, 2 before the middle and 0 after it, then 1 in the middle.
+C, B, LATE, BEFORE, MIDDLE = range(5)
 
 
 class Lanes(NamedTuple):
-    """The tableau with its stages in lanes, in the Nystrom form unless ``inverse_mass`` is None.
+    """The coefficients of a step, stages in lanes; in the Nystrom form (kicks only) unless ``inverse_mass`` is None.
 
     ``f(memory)`` is that of `lane_rows`: the field of q and p, or -grad V in the Nystrom form. ``like`` has a zero for
-    each lane, ``inverse_mass`` one row of d numbers. ``nodes`` has the rows c, b and 1 - c, and two for
-    `exact_weights`; ``A`` the rows of A transposed; ``extrapolation`` those for a start from one step, then from two.
+    each lane, ``inverse_mass`` one row of d numbers. ``nodes`` has the rows `C` to `MIDDLE`; ``A`` the rows
+    of A transposed; ``extrapolation`` those for a start from one step, then from two.
     Rows for lanes beyond the ``stages`` are zero, so that a kernel serves all s that take as many lanes.
     """
 
@@ -81,14 +85,14 @@ def _places_of_both(inverse_mass, e, at):
     step, memory = e.step, e.memory
     for k in range(e.stages):
         x = take(memory, at + k, e.like)
-        put(memory, k, combine(memory[e.base, k], x, 1.0, step.A, 0, e.like), e.like)
+        put(memory, k, combine(memory[e.base + ORIGIN, k], x, 1.0, step.A, 0, e.like), e.like)
 
 
 def _places_of_kicks(inverse_mass, e, at):
     step, memory = e.step, e.memory
-    c = take(step.nodes, 0, e.like)
+    c = take(step.nodes, C, e.like)
     for k in range(e.stages):
-        start = memory[e.base, k] + memory[e.base + 1, k] * c
+        start = memory[e.base + ORIGIN, k] + memory[e.base + DRIFT, k] * c
         x = take(memory, at + k, e.like)
         put(memory, k, combine(start, x, e.h * inverse_mass[0, k], step.A, 0, e.like), e.like)
 
@@ -96,44 +100,47 @@ def _places_of_kicks(inverse_mass, e, at):
 def _end_both(inverse_mass, e, at):
     memory, d = e.memory, e.stages // 2
     for k in range(d):
-        memory[e.base + 2, k] = total(take(memory, at + k, e.like))
-        memory[e.base + 3, k] = total(take(memory, at + d + k, e.like))
+        memory[e.base + DQ, k] = total(take(memory, at + k, e.like))
+        memory[e.base + DP, k] = total(take(memory, at + d + k, e.like))
 
 
 def _end_kicks(inverse_mass, e, at):
     memory = e.memory
-    late = take(e.step.nodes, 2, e.like)
+    late = take(e.step.nodes, LATE, e.like)
     for k in range(e.stages):
         x = take(memory, at + k, e.like)
         drift = e.h * inverse_mass[0, k] * total(late * x)
-        memory[e.base + 2, k], memory[e.base + 3, k] = memory[e.base + 1, k] + drift, total(x)
+        memory[e.base + DQ, k], memory[e.base + DP, k] = memory[e.base + DRIFT, k] + drift, total(x)
 
 
 #: Write the places that the increments in the rows ``at``, ... lead to, to the first rows.
-places = chosen(_places_of_both, _places_of_kicks)
+places = dispatch_on_none(_places_of_both, _places_of_kicks)
 #: Write the increments of q and p over the step.
-sums = chosen(_end_both, _end_kicks)
+sums = dispatch_on_none(_end_both, _end_kicks)
 
 
 # -- what they share --------------------------------------------------------------------------------------------------
 
 
-@inlined
+@inline
 def exact_weights(step, h):
-    """h b, rounded such that they add up to h; else time would be off by the same share of round-off in every step.
+    """The weights h b_i, rounded such that they add up to h; else time would be off by the same share in every step.
 
-    They are multiples of half the last place of h, except in the middle (row 4 of ``nodes`` is 1 there), which takes
-    the rest. Row 3 is 2 before the middle and 0 after it, so that no partial sum is rounded.
+    They are multiples of half the last place of h, except in the middle, which takes the rest. No
+    partial sum is rounded.
     """
-    b = take(step.nodes, 1, step.like)
+    b = take(step.nodes, B, step.like)
     x = (h * b + 0.5 * h) - 0.5 * h
-    rest = (h - total(take(step.nodes, 3, step.like) * x)) * (1.0 if step.stages % 2 else 0.5)
-    return x + take(step.nodes, 4, step.like) * (rest - x)
+    rest = (h - total(take(step.nodes, BEFORE, step.like) * x)) * (1.0 if step.stages % 2 else 0.5)
+    return x + take(step.nodes, MIDDLE, step.like) * (rest - x)
 
 
-@inlined
+@inline
 def sweep(e, old, new):
-    """Write G of the increments in the rows ``old`` to the rows ``new``; (their distance, their size)."""
+    """Apply the right-hand side G to the increments in the rows ``old``; write the result to the rows ``new``.
+
+    Returns (the distance of old and new, the size of new).
+    """
     step, memory = e.step, e.memory
     places(step.inverse_mass, e, old)
     step.f(memory)
@@ -146,9 +153,12 @@ def sweep(e, old, new):
     return total(moved), total(sized)
 
 
-@inlined
-def spread(e, row, r, k, i, x, work):
-    """Enter x, the derivative of increment i of component r by its place k, for all increments that move this place."""
+@inline
+def scatter(e, row, r, k, i, x, work):
+    """Enter x, the derivative of stage i's increment r by its component k, into the matrix ``work``.
+
+    It is multiplied by A_ij, the derivative of the stage by the increment of each stage j.
+    """
     n = len(e.like)
     for j in range(n):
         work[r * n + i, k * n + j] -= x * e.step.A[j, i]
@@ -156,27 +166,33 @@ def spread(e, row, r, k, i, x, work):
 
 linearize = linearizer(
     sweep,
-    places=inlined(lambda e, at, row: places(e.step.inverse_mass, e, at)),
-    weights=inlined(lambda e: e.weights),
-    rows=inlined(lambda e: (0, 1)),
-    spread=spread,
+    places=inline(lambda e, at, row: places(e.step.inverse_mass, e, at)),
+    weights=inline(lambda e: e.weights),
+    rows=inline(lambda e: (0, 1)),
+    spread=scatter,
 )
 solve = row_solver(sweep, linearize)
 end = ender(sums)
 
 
-@inlined
+@inline
 def equations(step, carry, h):
-    """Make the arguments of the equations of a step of length h."""
+    """Make the arguments of the stage equations of a step of length h."""
     rows = components(step.inverse_mass, len(carry.zero))
     return Equations(step, carry.memory, 2 * rows, rows, step.like, h, exact_weights(step, h))
 
 
-def step(method, y, carry, counts):
-    """One step."""
+@inline
+def rows_of(e):
+    """Rows of the memory: (first row of the ring of earlier steps' increments, first row of the unknowns)."""
+    ring = e.base + FREE
+    return ring, ring + e.step.steps * e.stages
+
+
+def step(method: Lanes, y: State, carry: Carry, counts: np.record) -> tuple[State, int]:
+    """Take one step from the state y; returns (state, status)."""
     e = equations(method, carry, method.h)
-    ring = e.base + 4
-    at = ring + method.steps * e.stages
+    ring, at = rows_of(e)
     begin(method.inverse_mass, e, y)
     extrapolate(e, ring, counts.steps, at)
     sweeps, newton, status = solve(e, at, size(y.q) + size(y.p), method.eps, carry.work)

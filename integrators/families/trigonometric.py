@@ -41,25 +41,31 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import mpmath
 import numpy as np
 
 from phasebench.integrators.errors import InvalidInput
-from phasebench.integrators.stepping.kernel import Prepared, array, zeros
+from phasebench.integrators.stepping.kernel import Carry, Prepared, array, zeros
 from phasebench.integrators.stepping.loop import loop
 from phasebench.integrators.stepping.solve import SOLVED
-from phasebench.integrators.values.vector import add, elementwise, inlined, load, opened, scale
+from phasebench.integrators.values.vector import add, elementwise, inline, load, read_state, scale
+
+if TYPE_CHECKING:
+    from phasebench.integrators.record import Method
+    from phasebench.integrators.systems.hamiltonian import Hamiltonian
 
 #: Least number of digits of the functions of xi, whatever the arithmetic of the run.
 DIGITS = 40
 #: A kick magnified by more than this is taken for a pole.
 POLE = 1e8
+#: Rows of the filters.
+PHI, BETA, A, B, SIGN = range(5)
 
 
 class Trigonometric(NamedTuple):
-    """grad U; the rows phi, (h/2) psi_1, a, b and s of every component."""
+    """What a step needs: grad U of the slow potential; the rows phi, (h/2) psi_1, a, b and s of every component."""
 
     dU: Callable
     filters: np.ndarray
@@ -69,18 +75,18 @@ class Trigonometric(NamedTuple):
 
 @elementwise()
 def product(x, y):
-    """The components of x times those of y."""
+    """The componentwise product of x and y."""
     return x * y
 
 
 @elementwise()
 def impulse(beta, gradient, a, q):
-    """-(beta grad U + a q): half the kick and a shear."""
+    """-(beta grad U + a q): half a kick by the slow force and a shear by the linear one, merged."""
     return -(beta * gradient + a * q)
 
 
-class Kicked(NamedTuple):
-    """The state, and the kick at its q."""
+class KickedState(NamedTuple):
+    """The state (q, p), and the kick (increment of p) evaluated at its q."""
 
     q: Any
     p: Any
@@ -89,41 +95,41 @@ class Kicked(NamedTuple):
     kick: Any
 
 
-@inlined
-def kick_at(method, q):
-    """The kick at q, half of which ends a step and half of which begins the next."""
-    phi, beta, a = load(method.filters, 0, q), load(method.filters, 1, q), load(method.filters, 2, q)
+@inline
+def evaluate_kick(method, q):
+    """The merged kick and shear at q: it is added to p at the end of a step and again at the begin of the next."""
+    phi, beta, a = load(method.filters, PHI, q), load(method.filters, BETA, q), load(method.filters, A, q)
     return impulse(beta, method.dU(product(phi, q)), a, q)
 
 
-def begin(method, carry, counts):
-    """Read the state and evaluate its kick."""
-    y = opened(carry)
+def begin(method: Trigonometric, carry: Carry, counts: np.record) -> KickedState:
+    """Read the state where the last call left it, and evaluate its kick."""
+    y = read_state(carry)
     counts.gradient += 1
-    return Kicked(y.q, y.p, y.lost_q, y.lost_p, kick_at(method, y.q))
+    return KickedState(y.q, y.p, y.lost_q, y.lost_p, evaluate_kick(method, y.q))
 
 
-def start(method, y):
-    """Apply half a kick, which completes the step before."""
+def start(method: Trigonometric, y: KickedState) -> KickedState:
+    """Add the kick that begins a step; in the steps after it that is part of the kick that ends the step before."""
     p, lost_p = add(y.p, y.lost_p, y.kick)
-    return Kicked(y.q, p, y.lost_q, lost_p, y.kick)
+    return KickedState(y.q, p, y.lost_q, lost_p, y.kick)
 
 
-def step(method, y, carry, counts):
-    """Apply the linear flow and a whole kick."""
-    b, sign = load(method.filters, 3, y.q), load(method.filters, 4, y.q)
+def step(method: Trigonometric, y: KickedState, carry: Carry, counts: np.record) -> tuple[KickedState, int]:
+    """Apply the linear flow, and the kick twice: at the end of this step and for the next. Returns (state, status)."""
+    b, sign = load(method.filters, B, y.q), load(method.filters, SIGN, y.q)
     q, lost_q = add(y.q, y.lost_q, product(b, y.p))
     q, lost_q, p, lost_p = product(sign, q), product(sign, lost_q), product(sign, y.p), product(sign, y.lost_p)
-    kick = kick_at(method, q)
+    kick = evaluate_kick(method, q)
     p, lost_p = add(p, lost_p, scale(2.0, kick))
     counts.gradient += 1
-    return Kicked(q, p, lost_q, lost_p, kick), SOLVED
+    return KickedState(q, p, lost_q, lost_p, kick), SOLVED
 
 
-def finish(method, y):
-    """Take back half of the last kick."""
+def finish(method: Trigonometric, y: KickedState) -> KickedState:
+    """Undo the kick that begins the next step, before a row is stored."""
     p, lost_p = add(y.p, y.lost_p, scale(-1.0, y.kick))
-    return Kicked(y.q, p, y.lost_q, lost_p, y.kick)
+    return KickedState(y.q, p, y.lost_q, lost_p, y.kick)
 
 
 run = loop(step, begin, start, finish)
@@ -144,16 +150,16 @@ def coefficients(h, omega, propagator, psi1, phi, *arguments):
     return phi(x), h / 2 * strength, s * h * omega**2 * tau / (1 + s * c), s * h * sigma, s
 
 
-def prepare(method, system, arithmetic):
-    """Make the kernel; its coefficients are computed with at least 40 digits once h is known."""
+def prepare(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
+    """Prepare the kernel; its coefficients are computed with at least 40 digits once h is known."""
     step = Trigonometric(system.grad_U(arithmetic), zeros((5, system.d), arithmetic))
     return Prepared(
         run, step, 1, 1, implicit=False, begin=partial(with_filters, system.frequencies, method.data, arithmetic)
     )
 
 
-def with_filters(frequencies, data, arithmetic, step, q, p):
-    """The step with the coefficients of its h: the ``begin`` of a run, for these frequencies and a method's data."""
+def with_filters(frequencies, data, arithmetic: str, step, q, p):
+    """Complete a step for a run: compute the coefficients for its h, the frequencies and the method's data."""
     with mpmath.workdps(max(DIGITS, mpmath.mp.dps + 5)):
         exact = [mpmath.mpf(w.evalf(mpmath.mp.dps)) for w in frequencies]
         rows = [coefficients(mpmath.mpf(step.h), w, *data) for w in exact]

@@ -32,34 +32,39 @@ Adv. Comput. Math. 41 (2015) 955-986.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import mpmath
 import numpy as np
 
 from phasebench.integrators.coefficients.fractions import DIGITS
 from phasebench.integrators.coefficients.quadrature import gauss_legendre, gauss_lobatto
-from phasebench.integrators.stepping.kernel import Prepared, array, numbers
+from phasebench.integrators.stepping.kernel import Carry, Prepared, array, numbers
 from phasebench.integrators.stepping.loop import loop
 from phasebench.integrators.stepping.solve import LEVELS, SOLVED, copy, difference, predict, remember, row_solver
 from phasebench.integrators.values.vector import (
-    advanced,
+    State,
     axpy,
     bump,
     distance,
-    inlined,
+    inline,
     load,
     minus,
     plus,
     scale,
     size,
     store,
+    update,
     velocity,
 )
 
+if TYPE_CHECKING:
+    from phasebench.integrators.record import Method
+    from phasebench.integrators.systems.hamiltonian import Hamiltonian
+
 
 class Variational(NamedTuple):
-    """The rows a_ij, d_i of the nodes and of q1, and the weights b.
+    """The coefficients of a step: the rows a_ij, d_i of the nodes and of q1, and the weights b.
 
     Kicks before ``first`` are explicit; no other kick depends on those from ``end`` on.
     """
@@ -75,7 +80,7 @@ class Variational(NamedTuple):
 
 
 class Equations(NamedTuple):
-    """Arguments of the equations for the kicks, in rows of the memory, from q with the velocity v."""
+    """Arguments of the equations for the kicks of a step from q with velocity v; kicks are rows of ``memory``."""
 
     step: Variational
     q: Any
@@ -85,9 +90,9 @@ class Equations(NamedTuple):
     stages: int
 
 
-@inlined
+@inline
 def displacement(e, i, at):
-    """The point of row i minus q: h d_i v + h^2 M^-1 sum_j a_ij k_j."""
+    """The displacement of node i from q, h d_i v + h^2 M^-1 sum_j a_ij k_j, with kicks k_j in the rows ``at``, ..."""
     rows, h = e.step.rows, e.step.h
     x = e.like
     for j in range(e.stages):
@@ -96,9 +101,9 @@ def displacement(e, i, at):
     return scale(h, axpy(rows[i, e.stages], e.v, scale(h, velocity(e.step.dT, x))))
 
 
-@inlined
+@inline
 def renew(e, at, first, end):
-    """Update the kicks first, ..., end - 1, each from the newest of the others; (their change, their size)."""
+    """Update the kicks first, ..., end - 1, each from the newest values of the others; (their change, their size)."""
     change = total = 0.0 * e.step.h
     for i in range(first, end):
         k = scale(-e.step.b[i], e.step.dV(axpy(1.0, displacement(e, i, at), e.q)))  # k_i = b_i F_i
@@ -108,16 +113,19 @@ def renew(e, at, first, end):
     return change, total
 
 
-@inlined
+@inline
 def sweep(e, old, new):
-    """Write the updated kicks of the rows ``old`` to the rows ``new``."""
+    """Copy the kicks from the rows ``old`` to the rows ``new`` and update them there; (their change, their size)."""
     copy(e.memory, old, new, e.stages, e.like)
     return renew(e, new, e.step.first, e.step.end)
 
 
-@inlined
+@inline
 def linearize(e, at, span, work):
-    """Write the matrix of 1 - G' by differences of the gradient (see `solve.row_solver`)."""
+    """Write the Jacobian 1 - G' of the equations k = G(k) for the kicks in the rows ``at``, ... to ``work``.
+
+    It is made by differences of the gradient (see `solve.row_solver`).
+    """
     r, d, h = e.stages, len(e.like), e.step.h
     n = r * d
     for i in range(r):
@@ -138,9 +146,9 @@ def linearize(e, at, span, work):
 solve = row_solver(sweep, linearize)
 
 
-@inlined
+@inline
 def solve_kicks(e, span, carry, counts):
-    """Solve for the kicks of a step, in the rows at, ...; returns the status."""
+    """Solve the equations for the kicks of a step, which are left in rows of the memory; returns the status."""
     step, r = e.step, e.stages
     at = LEVELS * r
     for i in range(r):
@@ -157,8 +165,8 @@ def solve_kicks(e, span, carry, counts):
     return status
 
 
-def step(method, y, carry, counts):
-    """One step."""
+def step(method: Variational, y: State, carry: Carry, counts: np.record) -> tuple[State, int]:
+    """Take one step from the state y; returns (state, status)."""
     memory, zero = carry.memory, carry.zero
     r = len(method.b)
     e = Equations(method, y.q, velocity(method.dT, y.p), memory, zero, r)
@@ -170,7 +178,7 @@ def step(method, y, carry, counts):
         k = load(memory, LEVELS * r + j, zero)
         total = plus(total, k)
         remember(memory, j, r, counts.steps, k)
-    return advanced(y, displacement(e, r, LEVELS * r), scale(method.h, total)), status
+    return update(y, displacement(e, r, LEVELS * r), scale(method.h, total)), status
 
 
 run = loop(step)
@@ -190,7 +198,10 @@ def _basis(k, s):
 
 
 def coefficients(degree, rule):
-    """The coefficients for polynomials of a degree and a quadrature rule [(node, weight), ...]."""
+    """The coefficients of a Galerkin variational integrator: rows (a_ij, d_i) of the nodes and of the end, weights b.
+
+    They are for polynomials of the degree and a quadrature rule [(node, weight), ...].
+    """
     with mpmath.workdps(DIGITS):
         s, r = degree, len(rule)
         value = [[mpmath.polyval(_basis(k, s), c) for c, _ in rule] for k in range(s + 1)]
@@ -207,8 +218,8 @@ def coefficients(degree, rule):
         return [*rows, [b for _, b in rule]]
 
 
-def prepare(method, system, arithmetic):
-    """Make the kernel: coefficients from the action, and which kicks are iterated."""
+def prepare(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
+    """Prepare the kernel: compute the coefficients from the action, and find which kicks have to be iterated."""
     degree, quadrature, nodes = method.data
     rows = coefficients(degree, QUADRATURES[quadrature](nodes, DIGITS))
     tiny = mpmath.mpf(10) ** (10 - DIGITS)

@@ -29,7 +29,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import mpmath
 import numpy as np
@@ -46,11 +46,16 @@ from phasebench.integrators.values.vector import jit, load, store
 
 from . import planet_pairs
 
+if TYPE_CHECKING:
+    from phasebench.integrators.record import Method
+    from phasebench.integrators.systems.hamiltonian import Hamiltonian
+
 
 class WisdomHolman(NamedTuple):
-    """What a step needs; rows of ``substeps`` and ``corrector`` are (drift along A, kick by B), fractions of h.
+    """What a step needs; rows of ``substeps`` and ``corrector`` are (drift, kick), as fractions of h.
 
-    Q = change q and q = back Q, by bodies; ``series`` are the constants of `kepler_flow`.
+    A drift is along the Kepler motions, a kick by the interaction. By bodies, Q = change q and q = back Q for the
+    variables Q of the Kepler motions; ``series`` are the constants of `kepler_flow`.
     """
 
     dB: Callable
@@ -85,7 +90,7 @@ class KeplerPart:
 
     @cached_property
     def matrix(self) -> sp.Matrix:
-        """C, N x N."""
+        """The matrix C of the variables Q = C q, N x N, acting on bodies."""
         return sp.Matrix(self.change) if self.change else sp.eye(len(self.masses))
 
     def potential(self, q: Sequence[sp.Symbol]) -> sp.Expr:
@@ -100,7 +105,7 @@ class KeplerPart:
         """Make the function q -> gradient of the potential without its Kepler part, in the original coordinates."""
         U = system.potential - self.potential(system.q)
         T = codegen.value_type(system.d)
-        return system.made(
+        return system.make_function(
             f"interaction {self}", [("q", system.q)], lambda: [[sp.diff(U, x) for x in system.q]], T(T), arithmetic
         )
 
@@ -151,7 +156,7 @@ def corrector(order: int) -> tuple[tuple[mpmath.mpf, mpmath.mpf], ...]:
 
 
 def _substeps(kicks):
-    """Kicks (time, strength) as rows (drift, kick), with the drift back at the end; kicks at one time are merged."""
+    """Write kicks (time, strength) as rows (drift, kick), with the drift back at the end; merge kicks at one time."""
     rows, at = [], mpmath.mpf(0)
     with mpmath.workdps(DIGITS):
         for time, strength in kicks:
@@ -165,7 +170,7 @@ def _substeps(kicks):
 
 @jit
 def _drift(step, X, h):
-    """exp(h A) on the rows (Q, P, their lost parts) of X."""
+    """Move all bodies along their Kepler orbits over the time h, exp(h A): updates the rows (Q, P, lost parts) of X."""
     n = step.dimension
     for k in range(len(step.mu)):
         kepler_flow.advance(X, k * n, n, step.masses[k], step.mu[k], h, step.eps, step.series)
@@ -184,7 +189,7 @@ def _convert(matrix, X, row, n, Y, out):
 
 @jit
 def _kick(step, X, h, carry, counts):
-    """exp(h B) on the rows of X; rows 4 to 6 of the memory are overwritten."""
+    """Change P by the interaction over the time h, exp(h B), in the rows of X; overwrites rows 4 to 6 of memory."""
     memory, n = carry.memory, step.dimension
     _convert(step.back, X, 0, n, memory, 4)
     store(memory, 5, step.dB(load(memory, 4, carry.zero)))
@@ -196,7 +201,7 @@ def _kick(step, X, h, carry, counts):
 
 @jit
 def _correct(step, X, sign, carry, counts):
-    """Apply the corrector (sign 1) or its inverse (-1), which is the corrector run backwards, to the rows of X."""
+    """Apply the symplectic corrector (sign 1) or its inverse (-1), the corrector run backwards, to the rows of X."""
     rows = len(step.corrector)
     for k in range(rows):
         _drift(step, X, step.corrector[k, 0] * step.h)
@@ -205,7 +210,10 @@ def _correct(step, X, sign, carry, counts):
 
 
 def run(step, carry, samples, counts):
-    """The kernel. (Its own loop: rows need the corrector's inverse, and drifts of two steps are one.)"""
+    """The kernel: integrate the steps of the samples' rows and fill them; returns (rows filled, status).
+
+    It has a loop of its own, since rows need the corrector's inverse, and drifts of two steps are merged.
+    """
     state, memory, zero = carry.state, carry.memory, carry.zero
     a, n, h = step.substeps, step.dimension, step.h
     stages = len(a) - 1
@@ -236,7 +244,7 @@ def run(step, carry, samples, counts):
     return len(samples.q), 0
 
 
-def _check(system) -> None:
+def _check(system: Hamiltonian) -> None:
     """Raise InvalidInput unless T is the sum of |P_k|^2 / (2 m_k) in the declared variables."""
     part, d = system.kepler, system.d
     if not system.quadratic_kinetic or len(part.masses) * part.dimension != d:
@@ -252,8 +260,8 @@ def _check(system) -> None:
             raise InvalidInput(f"the kinetic energy in {system.p[k]} is not that of the Kepler part declared")
 
 
-def prepare(method, system, arithmetic):
-    """Make the kernel: drifts, kicks and corrector of the record, and the interaction's gradient."""
+def prepare(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
+    """Prepare the kernel: drifts, kicks and corrector from ``method.data``, and the gradient of the interaction."""
     part = system.kepler
     _check(system)
     drifts, kicks, order = method.data

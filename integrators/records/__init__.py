@@ -1,1 +1,1 @@
-"""The methods' records, a module for each kind."""
+"""The records of the methods, one module for each kind of method."""

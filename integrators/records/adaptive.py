@@ -1,4 +1,4 @@
-"""Methods of variable steps: reversible in a fictitious time (kernel `adaptive`), or by the field alone (`field`)."""
+"""Records of methods with variable steps: reversible ones (family `adaptive`), and field-controlled ones (`field`)."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ SOURCE = "Hairer & Soderlind 2005; Hairer, Lubich & Wanner 2006, VIII.3.2; dt = 
 
 
 def adaptive(*, id, name, order, source, cite, data=(), requires=("canonical", "singular distances")):
-    """A method whose step follows the distances to the singularities; h is the step where the distance is 1."""
+    """Make the record of a method whose step follows the distance to singularities; h is the step at distance 1."""
     return Method(
         id=id,
         name=f"{name} with a reversible control of the step; h is the step where the distance to the singularity is 1",
@@ -28,7 +28,7 @@ def adaptive(*, id, name, order, source, cite, data=(), requires=("canonical", "
 
 
 def split(base: Method, id: str, name: str) -> Method:
-    """The method of variable steps over a symmetric splitting, a record of the family "parametric"."""
+    """Make the variable-step version of a symmetric splitting ``base``, a record of the family "parametric"."""
     requires = ("canonical", "separable", "quadratic kinetic energy", "singular distances")
     cite = tuple(dict.fromkeys((*base.cite, "hairer2005", "hairer2006")))
     return adaptive(
@@ -47,7 +47,7 @@ VERLET, DRIFTING = (next(m for m in classical.METHODS if m.id == id) for id in (
 METHODS: tuple[Method, ...] = (
     split(VERLET, "stormer-verlet-adaptive", "Stormer-Verlet"),
     split(
-        compositions.composed(DRIFTING, "sofroniou-spaletta-10"),
+        compositions.compose(DRIFTING, "sofroniou-spaletta-10"),
         "sofroniou-spaletta-10-adaptive",
         "Stormer-Verlet, composed by sofroniou-spaletta-10,",
     ),

@@ -1,4 +1,4 @@
-"""Euler's methods, the midpoint rule, Stormer-Verlet, the classical Runge-Kutta method."""
+"""Records of Euler's methods, the midpoint rule, Stormer-Verlet and the classical Runge-Kutta method."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ HLW = "Hairer, Lubich & Wanner 2006"
 
 
 def one_stage(*, id, name, substeps, source, **facts):
-    """A method of substeps (c, mu, lambda) of the family `parametric`."""
+    """Make the record of a method with one-stage substeps (c, mu, lambda): length c h, stage weights for q and p."""
     facts = {"order": 1, "symmetric": False, "symplectic": True, "energy": BOUNDED, "quadratic": ROUND_OFF} | facts
     return Method(id=id, name=name, family="parametric", data=(1, substeps), source=source, **facts)
 

@@ -1,4 +1,4 @@
-"""Implicit Runge-Kutta methods and their energy-preserving relatives."""
+"""Records of implicit Runge-Kutta methods and of their energy-preserving relatives (HBVM, Petrov-Galerkin, EQUIP)."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ BIT = "Brugnano, Iavernaro & Trigiante"
 
 
 def collocation(*, id, name, order, source, cite, data, **facts):
-    """A method of the family `stages`, symmetric and symplectic where not said otherwise."""
+    """Make the record of an implicit multi-stage method, symmetric and symplectic unless ``facts`` say otherwise."""
     facts = {"symmetric": True, "symplectic": True, "energy": BOUNDED, "quadratic": ROUND_OFF} | facts
     return Method(id=id, name=name, family="collocation", order=order, source=source, cite=cite, data=data, **facts)
 
 
 def gauss(s):
-    """The Gauss method of s stages."""
+    """Make the record of the Gauss method of s stages."""
     source = f"Butcher 1964; Sanz-Serna 1988; {HLW}, II.1.3; rounding: Hairer, McLachlan & Razakarivony 2008"
     return collocation(
         id=f"gauss-{s}",
@@ -29,7 +29,7 @@ def gauss(s):
 
 
 def hbvm(k, s):
-    """The Hamiltonian boundary value method with k nodes and polynomials of degree s."""
+    """Make the record of the Hamiltonian boundary value method with k nodes and polynomials of degree s."""
     return collocation(
         id=f"hbvm-{k}-{s}",
         name=f"HBVM({k}, {s}), which keeps polynomials H of degree up to {2 * k // s}",
@@ -45,7 +45,7 @@ def hbvm(k, s):
 
 
 def petrov_galerkin(s):
-    """The continuous Petrov-Galerkin method of degree s."""
+    """Make the record of the continuous Petrov-Galerkin method of degree s."""
     return collocation(
         id=f"cpg-{s}",
         name=f"continuous Petrov-Galerkin of degree {s}",
@@ -61,7 +61,7 @@ def petrov_galerkin(s):
 
 
 def lobatto(s):
-    """The Lobatto IIIA-IIIB pair of s stages."""
+    """Make the record of the Lobatto IIIA-IIIB pair of s stages."""
     return collocation(
         id=f"lobatto-iiia-iiib-{s}",
         name=f"Lobatto IIIA - IIIB, {s} stages",
@@ -73,7 +73,7 @@ def lobatto(s):
 
 
 def radau(s):
-    """The Radau IIA method of s stages, a control: it dissipates."""
+    """Make the record of the Radau IIA method of s stages, a control: it dissipates."""
     return collocation(
         id=f"radau-iia-{s}",
         name=f"Radau IIA, {s} stages",
@@ -89,7 +89,7 @@ def radau(s):
 
 
 def equip(s):
-    """The Gauss method of s stages with a parameter that keeps the energy."""
+    """Make the record of the Gauss method of s stages with a parameter that keeps the energy."""
     return Method(
         id=f"gauss-equip-{s}",
         name=f"EQUIP: Gauss, {s} stages, with the parameter that keeps the energy",

@@ -24,7 +24,7 @@ from . import classical, parametric
 SUM = 1e-12
 
 
-def composed(base: Method, fractions: str | Sequence, **facts) -> Method:
+def compose(base: Method, fractions: str | Sequence, **facts) -> Method:
     """The composition of a symmetric method of order 2 over the given fractions of the step.
 
     Parameters
@@ -90,7 +90,7 @@ def _data(base: Method, gamma) -> tuple:
 
 BASES = {m.id: m for m in (*classical.METHODS, *parametric.METHODS)}
 COMPOSITIONS = tuple(t.name for t in coefficients.TABLES if t.gamma)
-#: The fractions that are also taken with other bases than Stormer-Verlet; any others by `composed`.
+#: The fractions that are also taken with other bases than Stormer-Verlet; any others by `compose`.
 BEST = (
     "yoshida-6a",
     "kahan-li-6",
@@ -103,10 +103,10 @@ BEST = (
 )
 
 METHODS: tuple[Method, ...] = (
-    *(composed(BASES["stormer-verlet"], name, id=name) for name in COMPOSITIONS),
-    composed(BASES["implicit-midpoint"], "forest-ruth", id="implicit-midpoint-yoshida-4"),
-    composed(BASES["implicit-midpoint"], "suzuki-4"),
-    *(composed(BASES["implicit-midpoint"], name) for name in BEST),
-    *(composed(BASES["scheme-iii"], name) for name in BEST),
-    *(composed(BASES["scheme-v"], name) for name in BEST if "10" not in name and name != "yoshida-6a"),
+    *(compose(BASES["stormer-verlet"], name, id=name) for name in COMPOSITIONS),
+    compose(BASES["implicit-midpoint"], "forest-ruth", id="implicit-midpoint-yoshida-4"),
+    compose(BASES["implicit-midpoint"], "suzuki-4"),
+    *(compose(BASES["implicit-midpoint"], name) for name in BEST),
+    *(compose(BASES["scheme-iii"], name) for name in BEST),
+    *(compose(BASES["scheme-v"], name) for name in BEST if "10" not in name and name != "yoshida-6a"),
 )

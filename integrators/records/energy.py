@@ -1,4 +1,4 @@
-"""Averaged vector fields and discrete gradients."""
+"""Records of energy-preserving methods: averaged vector fields and discrete gradients."""
 
 from __future__ import annotations
 
@@ -15,31 +15,33 @@ WHOLE, PARTITIONED, COMPONENTS = "whole", "momenta, coordinates", "components"
 FORTH, BACK, MEAN = 1, -1, 0
 
 
-def conserving(*, id, name, source, cite, data, **facts):
-    """A method that keeps H for every canonical system."""
+def conserving_method(*, id, name, source, cite, data, **facts):
+    """Make the record of a method that conserves H on every canonical system."""
     facts = {"order": 2, "symmetric": True, "quadratic": BOUNDED} | facts
     common = {"symplectic": False, "energy": ROUND_OFF, "requires": ("canonical",)}
     return Method(id=id, name=name, source=source, cite=cite, data=tuple(data), **common, **facts)
 
 
-def averaged(**facts):
-    """A method of substeps (fraction, path, direction) of the family `averaged`."""
-    return conserving(family="averaged", **facts)
+def averaged_method(**facts):
+    """Make the record of an averaged vector field method; its data are substeps (fraction of h, path, direction)."""
+    return conserving_method(family="averaged", **facts)
 
 
 def gonzalez(**facts):
-    """A composition of Gonzalez' discrete gradient method over fractions of the step."""
-    return conserving(family="discrete_gradient", **facts)
+    """Make the record of a composition of Gonzalez' discrete gradient method over fractions of the step."""
+    return conserving_method(family="discrete_gradient", **facts)
 
 
-def there_and_back(path, fractions=(Fraction(1),)):
-    """The path's map and its adjoint over the halves of each fraction of the step."""
+def compose_with_adjoint(path, fractions=(Fraction(1),)):
+    """Substeps that alternate the map of ``path`` and its adjoint, each over half of every fraction of the step."""
     return [(times(f, HALF), path, direction) for f in fractions for direction in (FORTH, BACK)]
 
 
 METHODS: tuple[Method, ...] = (
-    averaged(id="avf", name="averaged vector field", source=AVF, cite=("quispel2008",), data=[(1, WHOLE, FORTH)]),
-    averaged(
+    averaged_method(
+        id="avf", name="averaged vector field", source=AVF, cite=("quispel2008",), data=[(1, WHOLE, FORTH)]
+    ),
+    averaged_method(
         id="avf-yoshida-4",
         name="averaged vector field, Yoshida composition of order 4",
         source=f"{AVF}; Yoshida 1990",
@@ -47,7 +49,7 @@ METHODS: tuple[Method, ...] = (
         data=[(f, WHOLE, FORTH) for f in triple_jump(4)],
         order=4,
     ),
-    averaged(
+    averaged_method(
         id="avf-suzuki-4",
         name="averaged vector field, Suzuki composition of order 4",
         source=f"{AVF}; Suzuki 1990",
@@ -55,7 +57,7 @@ METHODS: tuple[Method, ...] = (
         data=[(f, WHOLE, FORTH) for f in suzuki(4)],
         order=4,
     ),
-    averaged(
+    averaged_method(
         id="pavf",
         name="partitioned averaged vector field, momenta first",
         source=PAVF,
@@ -64,7 +66,7 @@ METHODS: tuple[Method, ...] = (
         order=1,
         symmetric=False,
     ),
-    averaged(
+    averaged_method(
         id="pavf-adjoint",
         name="partitioned averaged vector field, coordinates first",
         source=PAVF,
@@ -73,29 +75,29 @@ METHODS: tuple[Method, ...] = (
         order=1,
         symmetric=False,
     ),
-    averaged(
+    averaged_method(
         id="pavf-c",
         name="partitioned averaged vector field, composition with its adjoint",
         source=PAVF,
         cite=("cai2018",),
-        data=there_and_back(PARTITIONED),
+        data=compose_with_adjoint(PARTITIONED),
     ),
-    averaged(
+    averaged_method(
         id="pavf-p",
         name="partitioned averaged vector field, mean with its adjoint",
         source=PAVF,
         cite=("cai2018",),
         data=[(1, PARTITIONED, MEAN)],
     ),
-    averaged(
+    averaged_method(
         id="pavf-c-yoshida-4",
         name="partitioned averaged vector field, Yoshida composition of order 4",
         source=f"{PAVF}; Yoshida 1990",
         cite=("cai2018", "yoshida1990"),
-        data=there_and_back(PARTITIONED, triple_jump(4)),
+        data=compose_with_adjoint(PARTITIONED, triple_jump(4)),
         order=4,
     ),
-    averaged(
+    averaged_method(
         id="itoh-abe",
         name="Itoh-Abe discrete gradient",
         source=ITOH_ABE,
@@ -105,19 +107,19 @@ METHODS: tuple[Method, ...] = (
         symmetric=False,
         quadratic=NONE,  # it promises none; on perturbed Kepler L oscillates without a drift
     ),
-    averaged(
+    averaged_method(
         id="itoh-abe-symmetrized",
         name="Itoh-Abe discrete gradient, mean with the reverse path",
         source=ITOH_ABE,
         cite=("itoh1988",),
         data=[(1, COMPONENTS, MEAN)],
     ),
-    averaged(
+    averaged_method(
         id="itoh-abe-c",
         name="Itoh-Abe discrete gradient, composition with its adjoint",
         source=ITOH_ABE,
         cite=("itoh1988",),
-        data=there_and_back(COMPONENTS),
+        data=compose_with_adjoint(COMPONENTS),
     ),
     gonzalez(
         id="gonzalez", name="Gonzalez' midpoint discrete gradient", source=GONZALEZ, cite=("gonzalez1996",), data=(1,)

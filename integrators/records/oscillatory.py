@@ -1,4 +1,4 @@
-"""Trigonometric integrators and multiple time stepping: data over the kernel of `trigonometric`.
+"""Records of trigonometric integrators and of multiple time stepping (family `trigonometric`).
 
 A trigonometric integrator is given by psi_1 = psi / sinc and phi; each record names the published psi and phi.
 Quadratic invariants q.D p of the rotations that mix components of one frequency are kept to round-off, others are not:
@@ -25,8 +25,8 @@ HLW = "Hairer, Lubich & Wanner 2006, XIII"
 LARGEST = 10_000
 
 
-def oscillatory(*, id, name, source, cite, data, symplectic=False, **facts):
-    """A symmetric method of order 2 with ``data`` = (propagator, psi_1, phi, arguments of the propagator)."""
+def oscillatory_method(*, id, name, source, cite, data, symplectic=False, **facts):
+    """Make the record of a symmetric method of order 2; ``data``: propagator, psi_1, phi, propagator's arguments."""
     return Method(
         id=id,
         name=name,
@@ -51,14 +51,14 @@ def _respa(substeps):
 
 
 METHODS: tuple[Method, ...] = (
-    oscillatory(
+    oscillatory_method(
         id="gautschi",
         name="Gautschi's method, psi = sinc^2(xi/2), phi = 1",
         source=f"Gautschi 1961; {HLW}.2 (A)",
         cite=("gautschi1961", "hairer2006"),
         data=(rotation, tanc_half, one),
     ),
-    oscillatory(
+    oscillatory_method(
         id="deuflhard",
         name="Deuflhard's method, psi = sinc(xi), phi = 1: the impulse method with the exact fast flow",
         source=f"Deuflhard 1979; {HLW}.2 (B)",
@@ -66,7 +66,7 @@ METHODS: tuple[Method, ...] = (
         data=(rotation, one, one),
         symplectic=True,
     ),
-    oscillatory(
+    oscillatory_method(
         id="mollified-impulse",
         name="the mollified impulse method, psi = sinc(xi) phi, phi = sinc(xi)",
         source=f"Garcia-Archilla, Sanz-Serna & Skeel 1999; {HLW}.2 (C)",
@@ -74,28 +74,28 @@ METHODS: tuple[Method, ...] = (
         data=(rotation, sinc, sinc),
         symplectic=True,
     ),
-    oscillatory(
+    oscillatory_method(
         id="hochbruck-lubich",
         name="the method of Hochbruck and Lubich, psi = sinc^2(xi/2), phi = sinc(xi) (1 + sin^2(xi/2) / 3)",
         source=f"Hochbruck & Lubich 1999; {HLW}.2 (D)",
         cite=("hochbruck1999", "hairer2006"),
         data=(rotation, tanc_half, hochbruck_lubich),
     ),
-    oscillatory(
+    oscillatory_method(
         id="hairer-lubich",
         name="the method of Hairer and Lubich, psi = sinc^2(xi), phi = 1",
         source=f"Hairer & Lubich 2000; {HLW}.2 (E)",
         cite=("hairer2000", "hairer2006"),
         data=(rotation, sinc, one),
     ),
-    oscillatory(
+    oscillatory_method(
         id="grimm-hochbruck",
         name="the method of Grimm and Hochbruck, psi = sinc^3(xi), phi = sinc(xi)",
         source="Grimm & Hochbruck 2006",
         cite=("grimm2006",),
         data=(rotation, sinc_squared, sinc),
     ),
-    oscillatory(
+    oscillatory_method(
         id="r-respa",
         name="r-RESPA, the impulse method with Stormer-Verlet substeps",
         source="Tuckerman, Berne & Martyna 1992; Grubmueller, Heller, Windemuth & Schulten 1991",
@@ -105,7 +105,7 @@ METHODS: tuple[Method, ...] = (
         with_parameters=_respa,
         **_respa(10),
     ),
-    oscillatory(
+    oscillatory_method(
         id="imex",
         name="the implicit-explicit method: the impulse method with the implicit midpoint rule",
         source="Zhang & Skeel 1997; Stern & Grinspun 2009",

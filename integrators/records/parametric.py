@@ -1,4 +1,4 @@
-"""The talk's parameterized family: Schemes I-V, generating functions, their compositions."""
+"""Records of the parameterized family of Wang, Bo and Cai: Schemes I-V, generating functions, their compositions."""
 
 from __future__ import annotations
 
@@ -13,18 +13,22 @@ TALK = "Wang, Bo & Cai (talk)"
 
 
 def scheme_i(lam):
-    """Substeps (c, mu, lambda) of Scheme I: Phi^lambda, stage weights mu = 1 - lambda and lambda."""
+    """The substep (c, mu, lambda) of Scheme I with the parameter lam: (1, 1 - lam, lam)."""
     return (1, 1 - lam, lam)
 
 
 def scheme_iii(lam, fractions=(Fraction(1),)):
-    """Phi^lambda_{h/2} after Phi^(1 - lambda)_{h/2}, over each fraction of the step."""
+    """Substeps of Scheme III: Scheme I with 1 - lam, then with lam, over the halves of each fraction of the step."""
     halves = ((HALF, lam, 1 - lam), (HALF, 1 - lam, lam))
     return tuple((times(f, c), mu, la) for f in fractions for c, mu, la in halves)
 
 
 def equip_rows(signs, fractions=(Fraction(1),), alternative=()):
-    """Rows (c, sign, group, alternative) of `equip`: each fraction is a group with its own root."""
+    """Rows (c, sign, group, alternative) of Schemes IV and V: substeps of length c h with lambda = 1/2 + sign x.
+
+    Each fraction of the step is a group with its own root x.  Where the substeps of ``signs`` (alternative 0) have no
+    root, those of the signs ``alternative`` (1) are tried.
+    """
     rows = []
     for g, f in enumerate(fractions):
         for a, list_of_signs in enumerate((signs, alternative)):
@@ -32,8 +36,8 @@ def equip_rows(signs, fractions=(Fraction(1),), alternative=()):
     return tuple(rows)
 
 
-def parameterised(*, id, name, source, make, **facts):
-    """A method with a parameter lam = 1/3 at first, and what ``make(**parameters)`` derives from its parameters."""
+def parameterised_method(*, id, name, source, make, **facts):
+    """Make the record of a method with a parameter lam (1/3 by default); ``make(lam=...)`` returns its coefficients."""
     defaults = {"lam": Fraction(1, 3)} | facts.pop("parameters", {})
     common = {"family": "parametric", "symplectic": True, "energy": BOUNDED, "quadratic": ROUND_OFF}
     common |= {"symmetric": False, "requires": ("canonical",), "cite": ("wang-talk",)} | facts
@@ -51,7 +55,7 @@ def _generating(order, lam):
 
 
 def _scheme_iii_composed(scheme, order):
-    return parameterised(
+    return parameterised_method(
         id=f"scheme-iii-{scheme}-{order}",
         name=f"Scheme III, {scheme.capitalize()} composition of order {order}",
         source=f"{TALK}, (21); " + ("Yoshida 1990" if scheme == "yoshida" else "Suzuki 1990"),
@@ -63,7 +67,7 @@ def _scheme_iii_composed(scheme, order):
 
 
 def equip_method(*, id, name, signs, source, fractions=(Fraction(1),), order=2, alternative=(), cite=("wang-talk",)):
-    """Scheme IV or V (by its ``signs``), or their composition over ``fractions`` of the step."""
+    """Make the record of Scheme IV or V (by its ``signs``), or of their composition over ``fractions`` of the step."""
     return Method(
         id=id,
         name=name,
@@ -81,15 +85,17 @@ def equip_method(*, id, name, signs, source, fractions=(Fraction(1),), order=2, 
 
 
 METHODS: tuple[Method, ...] = (
-    parameterised(id="scheme-i", name="Scheme I", source=f"{TALK}, (19)", make=lambda lam: _generating(1, lam)),
-    parameterised(
+    parameterised_method(id="scheme-i", name="Scheme I", source=f"{TALK}, (19)", make=lambda lam: _generating(1, lam)),
+    parameterised_method(
         id="scheme-i-adjoint",
         name="the adjoint of Scheme I",
         source=f"{TALK}, (10)",
         make=lambda lam: _generating(1, 1 - lam),
     ),
-    parameterised(id="scheme-ii", name="Scheme II", source=f"{TALK}, (20)", make=lambda lam: _generating(2, lam)),
-    parameterised(
+    parameterised_method(
+        id="scheme-ii", name="Scheme II", source=f"{TALK}, (20)", make=lambda lam: _generating(2, lam)
+    ),
+    parameterised_method(
         id="generating-function",
         name="generating function of order r",
         source=f"{TALK}, (18); Feng et al. 1989",
@@ -97,7 +103,7 @@ METHODS: tuple[Method, ...] = (
         parameters={"order": 3},
         cite=("wang-talk", "feng1989"),
     ),
-    parameterised(
+    parameterised_method(
         id="scheme-iii",
         name="Scheme III",
         source=f"{TALK}, (21)",

@@ -1,4 +1,4 @@
-"""Poisson systems."""
+"""Records of energy-preserving methods for Poisson systems y' = B(y) grad H(y)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Projection and relaxation: records over the steps of other methods."""
+"""Make the records of projection and relaxation methods from the records of their base methods."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Callable
 from fractions import Fraction
 
 from phasebench.integrators.coefficients.fractions import SCHEMES, times
-from phasebench.integrators.errors import InvalidInput, unknown
+from phasebench.integrators.errors import InvalidInput, unknown_name
 from phasebench.integrators.record import BOUNDED, DRIFT, ROUND_OFF, Method
 
 from . import classical, collocation, compositions, energy, parametric, splittings, variational
@@ -24,12 +24,12 @@ def _method(base: Method | str, **parameters) -> Method:
     if isinstance(base, Method):
         return base(**parameters)
     if base not in BASES:
-        raise unknown("base method", base, BASES)
+        raise unknown_name("base method", base, BASES)
     return BASES[base](**parameters)
 
 
-def _derived(base: Method, facts: Callable[[Method], dict], **fixed) -> Method:
-    """A record whose parameters are those of ``base`` and whose facts follow from it."""
+def _derive(base: Method, facts: Callable[[Method], dict], **fixed) -> Method:
+    """Make a record from ``base`` with its parameters; ``facts(base)`` returns the fields that depend on them."""
     make = None
     if base.with_parameters is not None:
 
@@ -39,7 +39,7 @@ def _derived(base: Method, facts: Callable[[Method], dict], **fixed) -> Method:
     return Method(**fixed, **facts(base), parameters=base.parameters, with_parameters=make)
 
 
-def projected(base: Method | str, onto: str = "energy", symmetric: bool = False, **parameters) -> Method:
+def projection_method(base: Method | str, onto: str = "energy", symmetric: bool = False, **parameters) -> Method:
     """The method that projects every step of ``base`` onto the initial values of invariants.
 
     Parameters
@@ -75,7 +75,7 @@ def projected(base: Method | str, onto: str = "energy", symmetric: bool = False,
     suffix = "" if symmetric and onto == "energy" else f"-{onto}"
     target = "the energy" if onto == "energy" else "the energy and the further invariants"
     further = ("further invariants",) if onto == "invariants" else ()
-    return _derived(
+    return _derive(
         base,
         facts,
         id=f"{base.id}-{kind}{suffix}",
@@ -90,7 +90,7 @@ def projected(base: Method | str, onto: str = "energy", symmetric: bool = False,
     )
 
 
-def relaxed(base: Method | str, adjust_time: bool = True, **parameters) -> Method:
+def relaxation_method(base: Method | str, adjust_time: bool = True, **parameters) -> Method:
     """The relaxation method of the explicit Runge-Kutta method ``base``, which keeps H by the length of its steps.
 
     Parameters
@@ -111,7 +111,7 @@ def relaxed(base: Method | str, adjust_time: bool = True, **parameters) -> Metho
     base = _method(base, **parameters)
     if base.family != "runge_kutta" or base.order < 2:
         raise InvalidInput(f"'{base.id}' is no explicit Runge-Kutta method of order 2 or more; only those are relaxed")
-    return _derived(
+    return _derive(
         base,
         lambda base: {"order": base.order - (not adjust_time), "data": (base, adjust_time)},
         id=f"{base.id}-{'relaxation' if adjust_time else 'incremental-direction'}",
@@ -153,15 +153,15 @@ KUTTA_3 = Method(
 )
 
 METHODS: tuple[Method, ...] = (
-    projected(RK4),
-    projected(RK4, onto="invariants"),
-    projected(VERLET),
-    projected(VERLET, symmetric=True),
-    projected(MIDPOINT, symmetric=True),
-    projected(MIDPOINT, onto="invariants", symmetric=True),
-    projected(BY_ID["scheme-iii"], symmetric=True),
-    projected(SUZUKI, symmetric=True),
-    relaxed(RK4),
-    relaxed(KUTTA_3),
-    relaxed(BY_ID["dop853"]),
+    projection_method(RK4),
+    projection_method(RK4, onto="invariants"),
+    projection_method(VERLET),
+    projection_method(VERLET, symmetric=True),
+    projection_method(MIDPOINT, symmetric=True),
+    projection_method(MIDPOINT, onto="invariants", symmetric=True),
+    projection_method(BY_ID["scheme-iii"], symmetric=True),
+    projection_method(SUZUKI, symmetric=True),
+    relaxation_method(RK4),
+    relaxation_method(KUTTA_3),
+    relaxation_method(BY_ID["dop853"]),
 )

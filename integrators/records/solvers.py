@@ -1,4 +1,4 @@
-"""Methods whose stage equations are solved in another way than by fixed point, and Newton's method where that fails."""
+"""Methods whose stage equations are solved by another solver than the default, which is fixed point, then Newton."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ BANDED = "banded"
 SOLVERS = (BANDED,)
 
 
-def solved(base: Method, solver: str) -> Method:
+def with_solver(base: Method, solver: str) -> Method:
     """The method ``base`` with that solver, which is one more of its parameters.
 
     Raises
@@ -29,11 +29,11 @@ def solved(base: Method, solver: str) -> Method:
         raise InvalidInput(f"'{base.id}' has no banded solver; {families} have one, such as implicit-midpoint")
 
     def again(solver, **values):
-        return facts(solved(base(**values), solver))
+        return facts(with_solver(base(**values), solver))
 
     return replace(base, family="banded", parameters=dict(base.parameters) | {"solver": solver}, with_parameters=again)
 
 
 def facts(record: Method) -> dict:
-    """What of a record follows from its parameters."""
+    """The fields of a record that depend on the values of its parameters: data, order, symmetric."""
     return {name: getattr(record, name) for name in ("data", "order", "symmetric")}

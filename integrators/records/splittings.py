@@ -1,4 +1,4 @@
-"""Splitting methods of kicks and drifts, from the tables of `coefficients`.
+"""Records of splitting methods of kicks and drifts, from the tables of `coefficients`.
 
 Those for any separable H are data of `parametric`: compositions of symplectic Euler methods, which run on every system.
 Those that need a quadratic kinetic energy are data (a, b) of `splitting`.
@@ -21,7 +21,7 @@ NAMES = {
 
 
 def weights(table: Table) -> tuple[tuple, tuple]:
-    """(a, b) of `splitting`: kick b_k before drift a_k; the first kick is zero where the table begins with a drift."""
+    """Weights (a, b) of drifts and kicks, kick b_k before drift a_k; b_0 is 0 where the table begins with a drift."""
     stages = {"A": [], "B": [] if table.first == "B" else [mpmath.mpf(0)]}
     for letter, weight in coefficients.steps(table.name):
         stages[letter].append(weight)

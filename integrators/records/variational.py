@@ -1,4 +1,4 @@
-"""Variational integrators."""
+"""Records of Galerkin variational integrators."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ MW, OS = "Marsden & West 2001, 2.6.6", "Ober-Bloebaum & Saake 2015"
 
 
 def galerkin(*, id, name, degree, quadrature, nodes, order, source=MW, cite=("marsden2001",)):
-    """Polynomials of that degree with a quadrature of so many nodes."""
+    """Make the record of the method with polynomials of a degree and a quadrature rule of ``nodes`` nodes."""
     return Method(
         id=id,
         name=name,

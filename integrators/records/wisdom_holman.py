@@ -1,4 +1,4 @@
-"""Wisdom-Holman splittings."""
+"""Records of Wisdom-Holman splittings for planetary systems."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ WISDOM_HOLMAN = (HALF, HALF), (mpmath.mpf(1),)
 
 
 def splitting(name: str) -> tuple[tuple, tuple]:
-    """(drifts, kicks) of a table of `coefficients` that begins and ends with a drift."""
+    """(drifts, kicks) of a table of `coefficients` that begins and ends with a drift, by the table's name."""
     steps = coefficients.steps(name)
     drifts, kicks = steps[::2], steps[1::2]
     if {letter for letter, _ in drifts} != {"A"} or {letter for letter, _ in kicks} != {"B"}:
@@ -40,13 +40,13 @@ def _record(*, id, name, source, cite, data, **facts):
     )
 
 
-def _corrected(corrector):
+def _corrector_facts(corrector):
     if corrector not in CORRECTORS:
         raise InvalidInput(f"correctors are of the orders {', '.join(map(str, CORRECTORS))}, not {corrector}")
     return {"data": (*WISDOM_HOLMAN, corrector)}
 
 
-def _near_integrable(table, order, name, source, cite):
+def _near_integrable_method(table, order, name, source, cite):
     return _record(
         id=f"wisdom-holman-{name}",
         name=f"{table.upper()} with Kepler drifts",
@@ -72,23 +72,23 @@ METHODS: tuple[Method, ...] = (
         cite=("wisdom-holman-touma1996", "wisdom2006"),
         symmetric=False,
         parameters={"corrector": 17},
-        with_parameters=_corrected,
-        **_corrected(17),
+        with_parameters=_corrector_facts,
+        **_corrector_facts(17),
     ),
-    _near_integrable(
+    _near_integrable_method(
         table="saba-2", order=2, name="saba-2", source="Laskar & Robutel 2001, SABA_2", cite=("laskar-robutel2001",)
     ),
-    _near_integrable(
+    _near_integrable_method(
         table="saba-4", order=2, name="saba-4", source="Laskar & Robutel 2001, SABA_4", cite=("laskar-robutel2001",)
     ),
-    _near_integrable(
+    _near_integrable_method(
         table="aba-864",
         order=4,
         name="aba-8-6-4",
         source="Blanes et al. 2013, ABA(8,6,4); Farres et al. 2013",
         cite=("blanes2013", "farres2013"),
     ),
-    _near_integrable(
+    _near_integrable_method(
         table="aba-1064",
         order=4,
         name="aba-10-6-4",

@@ -1,1 +1,1 @@
-"""What steps are made of: the loop, stage solvers, the root finder, Kepler's flow; and the contract of a family."""
+"""What steps are built from: the loop, stage solvers, the root finder, Kepler's flow; the contract of a family."""

@@ -14,14 +14,15 @@ Ordinary Differential Equations II (1996), IV.8 (when to make the matrix again).
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from phasebench.integrators.values.vector import inlined, jit, load, minus, plus, size, store
+from phasebench.integrators.values.vector import inline, jit, load, minus, plus, size, store
 
-from .solve import NEWTON_LIMIT, NOT_FINITE, SHARE, SOLVED, STALLED, difference, newton_converged
-from .structure import coloured, ordered, owners
+from .solve import NEWTON_LIMIT, SOLVED, STALLED, difference, near, newton_method
+from .structure import band_order, colour_columns, owners
 
 #: The matrix is made again if a move is longer than this share of the one before.
 SLOW = 0.3
@@ -46,7 +47,7 @@ class Band(NamedTuple):
 
 
 class Room(NamedTuple):
-    """Memory of a solver: two rows of ``memory`` from ``spare`` on; the matrix, the rows of ``work`` from ``at`` on."""
+    """Memory of a banded solver: two rows of ``memory`` from ``spare`` on; the matrix, rows of ``work`` from ``at``."""
 
     memory: np.ndarray
     spare: int
@@ -54,20 +55,20 @@ class Room(NamedTuple):
     at: int
 
 
-def band_of(reach) -> Band:
-    """The band of a matrix whose column j has the rows reach[j]; raises InvalidInput if it is wide."""
-    from .kernel import fixed
+def band_of(reach: Sequence[np.ndarray]) -> Band:
+    """The band of 1 - G' where column j of G' has nonzeros in the rows reach[j]; raises InvalidInput if it is wide."""
+    from .kernel import freeze
 
     n = len(reach)
     reach = [np.union1d(rows, [j]) for j, rows in enumerate(reach)]  # 1 - G' has a diagonal
-    colours = coloured(reach, n)
-    place, width = ordered(reach)
-    return Band(width, fixed(place), fixed(np.array(colours)), fixed(owners(reach, colours)))
+    colours = colour_columns(reach, n)
+    place, width = band_order(reach)
+    return Band(width, freeze(place), freeze(np.array(colours)), freeze(owners(reach, colours)))
 
 
 @jit
-def columns(band):
-    """Columns of the factorized matrix: its fill is as wide as the band, and each row keeps its pivot."""
+def columns(band: Band) -> int:
+    """Number of columns that store the factorized matrix: the band, as much fill-in, and each row's pivot."""
     return 3 * band.width + 2
 
 
@@ -78,8 +79,8 @@ def columns(band):
 
 
 @jit
-def factorize(A, at, n, width):
-    """Factorize the matrix in place by elimination with pivots; False if it is singular."""
+def factorize(A: np.ndarray, at: int, n: int, width: int) -> bool:
+    """Factorize a band matrix, n rows of A from ``at`` on, in place by elimination with pivots; False if singular."""
     for k in range(n):
         last, end = min(n, k + width + 1), min(n, k + 2 * width + 1)
         pivot = k
@@ -103,8 +104,8 @@ def factorize(A, at, n, width):
 
 
 @jit
-def substitute(A, at, n, width, table, row):
-    """Solve by the factors; the right-hand side, in a row of ``table``, is overwritten by the solution."""
+def substitute(A: np.ndarray, at: int, n: int, width: int, table: np.ndarray, row: int) -> None:
+    """Solve with a factorized band matrix; the right-hand side, a row of ``table``, becomes the solution."""
     for k in range(n):
         pivot = int(A[at + k, 3 * width + 1])
         b = table[row, pivot]
@@ -120,21 +121,21 @@ def substitute(A, at, n, width, table, row):
 
 
 @jit
-def forget(work, at, end):
-    """Mark the matrix in the rows from ``at`` on, of ``end`` columns, as stale."""
+def forget(work: np.ndarray, at: int, end: int) -> None:
+    """Mark the matrix in the rows from ``at`` on, of ``end`` columns, as stale: it has to be computed again."""
     work[at, end - 1] = -1.0
 
 
 @jit
-def forgotten(work, at, end):
-    """True if the matrix is stale."""
+def is_stale(work: np.ndarray, at: int, end: int) -> bool:
+    """True if the matrix in the rows from ``at`` on has to be computed again."""
     return work[at, end - 1] < 0
 
 
 # -- the solver --------------------------------------------------------------------------------------------------------
 
 
-def band_solver(G, lengths):
+def band_solver(G: Callable, lengths: Callable) -> Callable:
     """Make the solver of x = G(x, arguments) by Newton's method in a band; ``lengths`` as in `solve.solver`.
 
     It is a function (arguments, start, span, eps, band, room) -> (x, evaluations, status). The factorized matrix stays
@@ -169,7 +170,7 @@ def band_solver(G, lengths):
 
     @jit
     def move(x, g, band, room):
-        """Solve the linear equations with the right-hand side g - x."""
+        """Solve the linear equations of the factorized matrix with the right-hand side g - x."""
         memory, spare, n = room.memory, room.spare, len(x)
         store(memory, spare, minus(g, x))
         for i in range(n):
@@ -180,15 +181,15 @@ def band_solver(G, lengths):
         return load(memory, spare, x)
 
     @jit
-    def simplified(arguments, start, span, eps, band, room):
-        """Iterate with the stored matrix, or with one made on the way (simplified Newton)."""
+    def simplified_newton(arguments, start, span, eps, band, room):
+        """Iterate from the start with the stored matrix, or with one computed on the way (simplified Newton)."""
         work, at, end = room.work, room.at, columns(band)
         x, last = start, np.inf
         evaluations, made = 0, 0
         for _ in range(LIMIT):
             g = G(x, arguments)
             evaluations += 1
-            if forgotten(work, at, end):
+            if is_stale(work, at, end):
                 made += 1
                 evaluations += len(band.owner)
                 if made > NEWTON_LIMIT or not linearize(arguments, x, g, span, eps, band, room):
@@ -197,7 +198,7 @@ def band_solver(G, lengths):
             dx = move(x, g, band, room)
             new, delta = plus(x, dx), size(dx)
             unit = eps * size(new)
-            if delta < last and (delta == 0 or (last < np.inf and delta * delta <= SHARE * unit * (last - delta))):
+            if delta == 0 or near(delta, last, unit):
                 return new, evaluations, SOLVED
             if delta <= 1e3 * (unit + eps * span):
                 if delta >= last:
@@ -214,31 +215,25 @@ def band_solver(G, lengths):
             x, last = new, delta
         return x, evaluations, STALLED
 
-    @jit
-    def newton(arguments, start, span, eps, band, room):
-        """Iterate with a new matrix each time (Newton)."""
-        x, last = start, np.inf
-        evaluations = 0
-        for _ in range(NEWTON_LIMIT):
-            g = G(x, arguments)
-            evaluations += 1 + len(band.owner)
-            if not linearize(arguments, x, g, span, eps, band, room):
-                return x, evaluations, STALLED
-            dx = move(x, g, band, room)
-            x, delta = plus(x, dx), size(dx)
-            if not delta < np.inf:
-                return x, evaluations, NOT_FINITE
-            if newton_converged(delta, last, eps * size(x), eps * span):
-                return x, evaluations, SOLVED
-            last = delta
-        return x, evaluations, STALLED
+    @inline
+    def improve(arguments, x, span, eps, work):
+        """One step of Newton's method for x = G(x) from x: compute the matrix 1 - G' there and solve with it."""
+        band, room = work
+        g, evaluations = G(x, arguments), 1 + len(band.owner)
+        if not linearize(arguments, x, g, span, eps, band, room):
+            return x, np.inf, np.inf, evaluations, STALLED
+        dx = move(x, g, band, room)
+        new = plus(x, dx)
+        return new, size(dx), size(new), evaluations, SOLVED
 
-    @inlined
+    newton = newton_method(improve)
+
+    @inline
     def solve(arguments, start, span, eps, band, room):
-        """Solve from the start: simplified Newton, then Newton."""
-        x, evaluations, status = simplified(arguments, start, span, eps, band, room)
+        """Solve x = G(x) from the start by simplified Newton, then by Newton's method; (x, evaluations, status)."""
+        x, evaluations, status = simplified_newton(arguments, start, span, eps, band, room)
         if status != SOLVED:
-            x, more, status = newton(arguments, start, span, eps, band, room)
+            x, more, status = newton(arguments, start, span, eps, (band, room))
             evaluations += more
             if status != SOLVED:
                 forget(room.work, room.at, columns(band))

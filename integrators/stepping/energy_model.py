@@ -1,4 +1,4 @@
-r"""The quadratic model of the energy's error E(x), kept from step to step, and the root that is followed by it.
+r"""A quadratic model of the energy error E(x) of a step with parameter x, to follow its root from step to step.
 
 Where the last roots have gone on smoothly and the other root of the model is far, E(0) need not be known: the first
 attempt is at the root extrapolated from earlier steps, the next ones follow the slope there, extrapolated from where it
@@ -8,11 +8,12 @@ an attempt is put there every few steps.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 
-from phasebench.integrators.values.vector import State, inlined
+from phasebench.integrators.values.vector import State, inline
 
 from .solve import SOLVED
 
@@ -39,7 +40,7 @@ SLACK = 8.0
 
 
 class Search(NamedTuple):
-    """How far and how a root is searched for.
+    """Limits of the search for the root x of the energy error E(x).
 
     Attributes
     ----------
@@ -67,9 +68,9 @@ class Attempt(NamedTuple):
     status: int
 
 
-@inlined
-def smaller_root(c0, c1, c2):
-    """The root of c0 + c1 x + c2 x^2 nearest zero; infinite if it has no real one."""
+@inline
+def smaller_root(c0: float, c1: float, c2: float) -> float:
+    """The root of c0 + c1 x + c2 x^2 nearest to zero; infinite if it has no real one."""
     D = c1 * c1 - 4 * c0 * c2
     if not D >= 0:
         return np.inf
@@ -80,41 +81,41 @@ def smaller_root(c0, c1, c2):
     return -2 * c0 / denominator
 
 
-@inlined
-def eased(E, unit):
+@inline
+def residual_factor(E: float, unit: float) -> float:
     """How many times round-off the stage equations of an attempt may be off if its energy error is about E."""
     return EASE * abs(E) / unit if 0 < EASED * unit <= EASE * abs(E) < np.inf else 1.0
 
 
-@inlined
-def muller(x0, x1, x2, E0, E1, E2):
-    """(slope, curvature) at x2 of the quadratic through three points."""
+@inline
+def muller(x0: float, x1: float, x2: float, E0: float, E1: float, E2: float) -> tuple[float, float]:
+    """(slope, curvature) at x2 of the parabola through the points (x0, E0), (x1, E1), (x2, E2)."""
     d1 = (E2 - E1) / (x2 - x1)
     d0 = (E1 - E0) / (x1 - x0)
     c2 = (d1 - d0) / (x2 - x0)
     return d1 + c2 * (x2 - x1), c2
 
 
-@inlined
-def grow_old(models, row):
-    """Return the model's slope, extrapolated to the step that begins."""
+@inline
+def extrapolate_slope(models: np.ndarray, row: int) -> float:
+    """The slope of the model, extrapolated from earlier steps to the step that begins."""
     age = models[row, AGE] + 1
     models[row, AGE] = age
     return models[row, SLOPE] + age * (models[row, RATE] + 0.5 * (age + 1) * models[row, BEND])
 
 
-@inlined
-def renew(models, row, slope):
-    """Store a measured slope in the model."""
+@inline
+def renew(models: np.ndarray, row: int, slope: float) -> None:
+    """Store a measured slope in the model, with its rates of change from step to step."""
     age = models[row, AGE]
     rate = (slope - models[row, SLOPE]) / age
     models[row, BEND] = (rate - models[row, RATE]) / age
     models[row, SLOPE], models[row, RATE], models[row, AGE] = slope, rate, 0.0
 
 
-@inlined
-def trusted(search, models, row, predicted, c1, slope):
-    """True if the model says that the predicted root is the nearest to zero, and the prediction near enough to it."""
+@inline
+def is_trusted(search: Search, models: np.ndarray, row: int, predicted: float, c1: float, slope: float) -> bool:
+    """True if by the model the ``predicted`` root is the one nearest to zero, and the prediction is accurate enough."""
     c2, room = abs(models[row, CURVATURE]), LONE * abs(slope)
     return (
         0 < models[row, STREAK] < FOLLOWED
@@ -125,18 +126,18 @@ def trusted(search, models, row, predicted, c1, slope):
     )
 
 
-def follower(attempt):
-    """Make the function that follows a root, from ``attempt`` as in `root.finder`.
+def follower(attempt: Callable) -> Callable:
+    """Make the function that follows a root from step to step, from ``attempt`` as in `root.finder`.
 
     It is a function (search, models, row, predicted, c1, arguments) -> (x, found, the attempt at x); c1 is the model's
     slope, extrapolated.
     """
 
-    @inlined
+    @inline
     def approach(x, slope, models, row, arguments):
-        """Approach the root near x by its slope; (x, found, the last attempt, slope, True if that was measured)."""
+        """Iterate to the root near x with a slope; (x, found, the last attempt, slope, True if that was measured)."""
         c2, unit = models[row, CURVATURE], models[row, UNIT]
-        ease = eased(slope * models[row, MISSED], unit)
+        ease = residual_factor(slope * models[row, MISSED], unit)
         start, xa, Ea, xb, Eb = FIRST, x, 0.0, x, 0.0
         found, measured = False, False
         new = Attempt(arguments.y, np.inf, 0.0, SOLVED)
@@ -165,15 +166,15 @@ def follower(attempt):
                 break
             xa, Ea, xb, Eb = xb, Eb, x, E
             x = x - E / slope
-            ease = eased(E, unit)
+            ease = residual_factor(E, unit)
             if not abs(x) < np.inf or x == xb:
                 break
         models[row, UNIT] = unit
         return x, found, new, slope, measured
 
-    @inlined
+    @inline
     def follow(search, models, row, predicted, c1, arguments):
-        """Follow the root; not found unless it is sure to be the nearest to zero."""
+        """Follow the root from its prediction: (x, found, attempt); found only if surely the nearest to zero."""
         slope, x = c1 + 2 * models[row, CURVATURE] * predicted, predicted
         if models[row, AGE] > AGED and abs(slope) * models[row, MISSED] < SHARP * models[row, UNIT]:
             x = x + 3 * SHARP * models[row, UNIT] / slope

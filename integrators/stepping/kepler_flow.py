@@ -30,7 +30,7 @@ import mpmath
 
 from phasebench.integrators.coefficients.fractions import DIGITS
 from phasebench.integrators.compile.codegen import MULTIPRECISION
-from phasebench.integrators.values.vector import inlined, jit
+from phasebench.integrators.values.vector import inline, jit
 
 #: The rows of `constants`.
 NUMBERS, SERIES_2, SERIES_3 = 0, 1, 2
@@ -54,9 +54,9 @@ def constants(arithmetic: str) -> list[list]:
         return [[+mpmath.pi, terms], *series]
 
 
-@inlined
+@inline
 def add(x, c, dx):
-    """Compensated sum of single numbers, as `vector.add`."""
+    """The compensated sum of the scalars x + c and dx: (the sum, the part of it that rounding lost)."""
     t = (x + c) + dx
     return t, (dx + c) - (t - x)
 
@@ -88,7 +88,7 @@ def stumpff(x, table):
 
 @jit
 def _guess(r0, eta, beta, zeta, mu, h):
-    """A first s: three terms of the Taylor series of s(h), or the mean motion's s for a long step."""
+    """Starting value of the universal anomaly s: three Taylor terms of s(h), or by the mean motion for a long step."""
     s = h / r0
     w = eta * s / r0
     z = zeta * s * s / r0
@@ -101,7 +101,10 @@ def _guess(r0, eta, beta, zeta, mu, h):
 
 @jit
 def anomaly(r0, eta, beta, mu, h, eps, table):
-    """Solve Kepler's equation F = 0: (G_1, G_2, G_3, r) and the number of evaluations; h > 0, at most a period."""
+    """Solve Kepler's equation for the universal anomaly s, for 0 < h at most a period: (G_1, G_2, G_3, r, evaluations).
+
+    G_k(s) are Stumpff's functions times s^k, and r is the distance at the end.
+    """
     zeta = mu - beta * r0
     s = _guess(r0, eta, beta, zeta, mu, h)
     low = high = h * 0
@@ -137,7 +140,10 @@ def anomaly(r0, eta, beta, mu, h, eps, table):
 
 @jit
 def coefficients(r0, eta, beta, mu, h, eps, table):
-    """(f - 1, g, f', g' - 1) of the flow over the time h, of either sign, and the number of evaluations."""
+    """The coefficients of Kepler's flow over the time h, of either sign: (f - 1, g, f', g' - 1, number of evaluations).
+
+    The position becomes f q + g v, the velocity f' q + g' v; r0 = |q|, eta = q.v, beta = 2 mu/r0 - |v|^2.
+    """
     if beta > 0 and h * h * beta * beta * beta > 9 * mu * mu:  # about half a period
         period = 2 * table[NUMBERS, 0] * mu / (beta * beta**0.5)
         h = h % period
@@ -152,9 +158,10 @@ def coefficients(r0, eta, beta, mu, h, eps, table):
 
 @jit
 def advance(X, first, dimension, mass, mu, h, eps, table):
-    """Move one body over the time h: the components first, first + 1, ... of the rows (q, p, their lost parts) of X.
+    """Move one body along its Kepler orbit over the time h: the components first, first + 1, ... of the rows of X.
 
-    p is ``mass`` times the velocity; with mu = 0 the motion is free. Returns the evaluations of Stumpff's functions.
+    X has the rows q, p and what rounding lost of them; p is ``mass`` times the velocity; with mu = 0 the motion is
+    free. Returns the evaluations of Stumpff's functions.
     """
     if mu == 0:
         for k in range(first, first + dimension):

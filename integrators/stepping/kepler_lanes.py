@@ -20,11 +20,11 @@ from math import factorial
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba.extending import intrinsic
 
-from phasebench.integrators.values.lanes import call, polynomial, put, spread, take
+from phasebench.integrators.values.fma import exact_fma
+from phasebench.integrators.values.lanes import polynomial, put, take
 from phasebench.integrators.values.masks import select
-from phasebench.integrators.values.vector import apart, inlined, jit
+from phasebench.integrators.values.vector import forbid_inlining, inline, jit
 
 from . import kepler_flow
 
@@ -41,7 +41,7 @@ ROWS = 5
 
 
 def _series(k: int) -> tuple[float, float, tuple[float, ...]]:
-    """Coefficients of (2 N + k)! c_k(-y): the first two, and the others."""
+    """Coefficients of the series of (2 N + k)! c_k(-y), c_k a Stumpff function: the first two, and the others."""
     first, second, *more = (float(factorial(2 * TERMS + k) // factorial(2 * n + k)) for n in range(TERMS + 1))
     return first, second, tuple(more)
 
@@ -57,31 +57,19 @@ FIRST_3, SECOND_3, MORE_3 = _series(3)
 OVER_2, OVER_3 = _reciprocal(factorial(2 * TERMS + 2)), _reciprocal(factorial(2 * TERMS + 3))
 
 
-@intrinsic
-def fma(typing_context, x, y, z):
-    """x y + z, rounded once; y and z may be numbers."""
-
-    def codegen(context, builder, sig, args):
-        return call(
-            builder, "fma", x.n, *(spread(context, builder, a, t, x.n) for a, t in zip(args, sig.args, strict=True))
-        )
-
-    return x(x, y, z), codegen
-
-
-@inlined
+@inline
 def root(square, guess):
     """(square root, its inverse) of lanes, by one correction of a ``guess`` of the inverse.
 
     The residue is not rounded to a grid that is finer below 1 than above, which would give the inverse a bias.
     """
     r = square * guess
-    inverse = guess + 0.5 * guess * fma(-r, guess, 1.0)
+    inverse = guess + 0.5 * guess * exact_fma(-r, guess, 1.0)
     r = square * inverse
-    return r + 0.5 * inverse * fma(-r, r, square), inverse
+    return r + 0.5 * inverse * exact_fma(-r, r, square), inverse
 
 
-@inlined
+@inline
 def stumpff(x):
     """Stumpff's functions (c_0, c_1, c_2, c_3)(x) of lanes."""
     y = -x
@@ -92,7 +80,7 @@ def stumpff(x):
     # The largest terms one after the other: what is added last is not so small that it would always be rounded off.
     a = FIRST_2 + y * (SECOND_2 + y * polynomial(MORE_2, y, MORE_2))
     b = FIRST_3 + y * (SECOND_3 + y * polynomial(MORE_3, y, MORE_3))
-    c2, c3 = fma(a, OVER_2[0], a * OVER_2[1]), fma(b, OVER_3[0], b * OVER_3[1])
+    c2, c3 = exact_fma(a, OVER_2[0], a * OVER_2[1]), exact_fma(b, OVER_3[0], b * OVER_3[1])
     c1 = 1 + y * c3
     c0 = 1 + y * c2
     for _ in range(quarters):
@@ -104,7 +92,7 @@ def stumpff(x):
     return c0, c1, c2, c3
 
 
-@inlined
+@inline
 def _reversion(delta, second, third, beta):
     """x/delta - 1 to the fifth order for the root x of -delta + x + second x^2/2 + third x^3/6 - ..."""
     a = second * delta * 0.5
@@ -116,7 +104,7 @@ def _reversion(delta, second, third, beta):
 
 
 class Motion(NamedTuple):
-    """The flow's f - 1, g, f', g' - 1; the lanes that were not solved; 1/r at the end in the other lanes."""
+    """Kepler's flow over a time, in lanes: coefficients f - 1, g, f', g' - 1; lanes not solved; 1/r at the end."""
 
     f: Any
     g: Any
@@ -126,9 +114,9 @@ class Motion(NamedTuple):
     inverse: Any
 
 
-@inlined
+@inline
 def _begin(delta, second, third, beta):
-    """(a first s, the lanes where it is not to be trusted)."""
+    """A starting value of the universal anomaly s by its Taylor series: (s, lanes where it is not trusted)."""
     beyond = _reversion(delta, second, third, beta)
     s = delta + delta * beyond
     far = ~((abs(beyond) <= 0.5) & (abs(beta * s * s) <= LARGEST))
@@ -137,11 +125,12 @@ def _begin(delta, second, third, beta):
     return s, far
 
 
-@inlined
-def in_lanes(r0, inverse, eta, beta, mu, h, eps):
-    """The motion over h, for r0 = |q|, its inverse, eta = q.v and beta = 2 mu/r0 - |v|^2.
+@inline
+def motion_in_lanes(r0, inverse, eta, beta, mu, h, eps):
+    """Solve Kepler's problem over the time h in lanes; returns the `Motion`.
 
-    Where mu = 0 the motion is free, and r0, its inverse, eta and beta have to be 1, 1, 0, 0.
+    r0 = |q|, ``inverse`` its inverse, eta = q.v and beta = 2 mu/r0 - |v|^2. Where mu = 0 the motion is free, and r0,
+    its inverse, eta and beta have to be 1, 1, 0, 0.
     """
     zeta = mu - beta * r0
     s, far = _begin(h * inverse, eta * inverse, zeta * inverse, beta)
@@ -172,9 +161,12 @@ def in_lanes(r0, inverse, eta, beta, mu, h, eps):
 
 
 @jit
-def _one_by_one(memory, row, width, eps, table):
-    """Solve the lanes whose h is not NaN: their rows (r0, eta, beta, mu, h) become (f - 1, g, f', g' - 1)."""
-    apart()
+def _solve_one_by_one(memory, row, width, eps, table):
+    """Solve Kepler's problem lane by lane: rows (r0, eta, beta, mu, h) become (f - 1, g, f', g' - 1).
+
+    Lanes whose h is NaN are left out.
+    """
+    forbid_inlining()
     for k in range(width):
         r0, eta, beta = memory[row, k], memory[row + 1, k], memory[row + 2, k]
         mu, h = memory[row + 3, k], memory[row + 4, k]
@@ -183,10 +175,13 @@ def _one_by_one(memory, row, width, eps, table):
             memory[row, k], memory[row + 1, k], memory[row + 2, k], memory[row + 3, k] = f, g, df, dg
 
 
-@inlined
+@inline
 def motion(r0, inverse, eta, beta, mu, h, eps, table, memory, row, like):
-    """`in_lanes`, with the lanes that it leaves solved by `kepler_flow`; five rows of the memory are overwritten."""
-    m = in_lanes(r0, inverse, eta, beta, mu, h, eps)
+    """The `Motion` over the time h; lanes that `motion_in_lanes` leaves unsolved are solved by `kepler_flow`.
+
+    Overwrites five rows of the memory.
+    """
+    m = motion_in_lanes(r0, inverse, eta, beta, mu, h, eps)
     if not m.unsolved:
         return m
     put(memory, row, r0, like)
@@ -194,7 +189,7 @@ def motion(r0, inverse, eta, beta, mu, h, eps, table, memory, row, like):
     put(memory, row + 2, beta, like)
     put(memory, row + 3, mu, like)
     put(memory, row + 4, select(m.unsolved, 0 * r0 + h, 0 * r0 + np.nan), like)
-    _one_by_one(memory, row, len(like), eps, table)
+    _solve_one_by_one(memory, row, len(like), eps, table)
     f = select(m.unsolved, take(memory, row, like), m.f)
     g = select(m.unsolved, take(memory, row + 1, like), m.g)
     df = select(m.unsolved, take(memory, row + 2, like), m.df)

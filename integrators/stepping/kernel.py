@@ -13,7 +13,7 @@ would be::
         q: Any
         p: Any
 
-    @inlined
+    @inline
     def increment(x, e):                           # x = h f(y + x / 2)
         q, p = axpy(0.5, head(x), e.q), axpy(0.5, tail(x), e.p)
         dq, dp = e.method.field(q, p, e.method.h, 0.0)
@@ -30,7 +30,7 @@ would be::
         if status != SOLVED:
             return y, status
         remember(carry.memory, 0, 1, counts.steps, x)
-        return advanced(y, head(x), tail(x)), SOLVED
+        return update(y, head(x), tail(x)), SOLVED
 
     run = loop(step)
     IN_LANES = True                                # orbits may be integrated side by side
@@ -43,17 +43,17 @@ would be::
    ``begin`` (a state with more in it), ``start`` and ``finish`` (steps that share a substep).
 2. ``prepare(method, system, arithmetic)`` returns a `Prepared`: the kernel, the family's NamedTuple, and how much
    memory a step needs.  In the tuple are functions of the system (None for one that is not there, which
-   `vector.chosen` tells when it compiles) and coefficients in the arithmetic at hand (`array`, `numbers`).  It depends
-   on the method's record and the system alone, since it is kept on disk (`preparation`).  What depends on h or on the
-   initial state (H0) is set by ``Prepared.begin``: begin(method, q, p) -> method.  Fields keep their types.
+   `vector.dispatch_on_none` tells when it compiles) and coefficients in the arithmetic at hand (`array`, `numbers`).
+   It depends on the method's record and the system alone, since it is kept on disk (`preparation`).  What depends on h
+   or on the initial state (H0) is set by ``Prepared.begin``: begin(method, q, p) -> method.  Fields keep their types.
 3. q, p, increments and unknowns are values: tuples of small d, arrays of large d, lanes of several orbits, object
    arrays of MPFR numbers.  Only the operations of `vector` touch them, so that one source runs on all.  Increments are
-   added with compensation (`vector.advanced`, `moved`).
+   added with compensation (`vector.update`, `add_product_in_place`).
 4. A kernel is called in pieces.  What a step leaves for the next stands in ``carry`` (`Carry`): solutions of earlier
    steps in its memory (`solve.predict`, `remember`), numbers of the family's own in the spare rows of its state.
 5. ``counts`` (`COUNTS`): a step adds its evaluations of the gradient or field, the equations that needed Newton's
    method, and fallbacks: steps that lack what the method promises.
-6. Implicit equations go to `solve.solver` or `solve.row_solver`, quadratures to be confirmed to `solve.confirmer`, a
+6. Implicit equations go to `solve.solver` or `solve.row_solver`, quadratures to be confirmed to `solve.refinement`, a
    parameter that keeps the energy to `root.finder`.
 7. A family whose step runs on several orbits side by side says ``IN_LANES = True``: it has no branch on a state's
    numbers (`masks.select`, `either` choose lane by lane).
@@ -65,10 +65,11 @@ would be::
 from __future__ import annotations
 
 import importlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, NamedTuple
+from types import ModuleType
+from typing import TYPE_CHECKING, Any, NamedTuple
 from weakref import WeakKeyDictionary
 
 import numba
@@ -80,6 +81,10 @@ from phasebench.integrators.compile import codegen, machine, preparation, progre
 from phasebench.integrators.compile.codegen import DOUBLE, MULTIPRECISION
 from phasebench.integrators.values import vector
 
+if TYPE_CHECKING:
+    from phasebench.integrators.record import Method
+    from phasebench.integrators.systems.hamiltonian import Hamiltonian
+
 #: Names of a solution's counts.
 TALLY = ("steps", "gradient", "hessian", "iterations", "fallbacks", "newton")
 #: What a step counts.
@@ -88,12 +93,16 @@ COUNTED = ("steps", "gradient", "newton", "fallbacks")
 COUNTS = np.dtype([*((name, np.int64) for name in (*COUNTED, "rule")), ("parameter", np.float64)])
 
 
+#: Rows of a carry's state: q, p, what rounding lost of either, and from ``OWN`` on those that are the family's own.
+Q, P, LOST_Q, LOST_P, OWN = range(5)
+
+
 class Carry(NamedTuple):
     """What one call of a kernel hands to the next, and room for its work.
 
     Attributes
     ----------
-    state : array, rows q, p, what rounding lost of q, and of p, then ``stages`` rows that are the family's own
+    state : array, rows q, p, what rounding lost of q, and of p, then ``stages`` rows from `OWN` on, the family's own
     memory : array (rows, width), for solutions of earlier steps
     work : array, for a linear system with its right-hand side
     zero : the zero of a value
@@ -106,7 +115,7 @@ class Carry(NamedTuple):
 
 
 class Samples(NamedTuple):
-    """The rows to fill, one after every ``every`` steps: arrays of q, of p, of the chosen parameter (one column)."""
+    """Arrays for the rows to store, one after every ``every`` steps: q, p, and the chosen parameter (one column)."""
 
     q: np.ndarray
     p: np.ndarray
@@ -146,76 +155,76 @@ class Prepared:
     apart: bool = False
 
     def tally(self, steps: int, gradient: int, fallbacks: int = 0, newton: int = 0) -> dict[str, int]:
-        """The counts of a solution, by name."""
+        """The counts that a solution reports, name -> number, from the kernel's counts."""
         numbers = steps, gradient, gradient if self.hessian else 0, gradient if self.implicit else 0, fallbacks, newton
         return dict(zip(TALLY, numbers, strict=True))
 
 
-def array(rows, arithmetic: str) -> np.ndarray:
-    """Exact numbers as an array of two dimensions; short rows are padded with zeros."""
+def array(rows: Iterable[Iterable[Any]], arithmetic: str) -> np.ndarray:
+    """Convert exact numbers to an array of two dimensions in the arithmetic; short rows are padded with zeros."""
     rows = [list(r) for r in rows]
     out = zeros((len(rows), max(map(len, rows), default=1)), arithmetic)
     for i, r in enumerate(rows):
         for j, x in enumerate(r):
-            out[i, j] = codegen.exactly(x, arithmetic)
+            out[i, j] = codegen.to_number(x, arithmetic)
     return out
 
 
-def numbers(row, arithmetic: str) -> np.ndarray:
-    """Exact numbers as a read-only array (n,)."""
-    return fixed(array([row], arithmetic)[0])
+def numbers(row: Iterable[Any], arithmetic: str) -> np.ndarray:
+    """Convert exact numbers to a read-only array (n,) in the arithmetic."""
+    return freeze(array([row], arithmetic)[0])
 
 
-def fixed(x) -> np.ndarray:
-    """x as a read-only array; integers stay integers."""
+def freeze(x: Any) -> np.ndarray:
+    """Convert x to a read-only array; integers stay integers."""
     x = np.array(x)
     x.flags.writeable = False
     return x
 
 
-def zeros(shape, arithmetic: str) -> np.ndarray:
+def zeros(shape: int | tuple[int, ...], arithmetic: str) -> np.ndarray:
     """An array of zeros: doubles or MPFR numbers."""
     if arithmetic == MULTIPRECISION:
         out = np.empty(shape, dtype=object)
-        out.fill(codegen.exactly(0, arithmetic))
+        out.fill(codegen.to_number(0, arithmetic))
         return out
     return np.zeros(shape)
 
 
-def value(x, d: int, arithmetic: str = DOUBLE, arrays: bool = False):
+def value(x: Iterable[Any], d: int, arithmetic: str = DOUBLE, arrays: bool = False) -> tuple[float, ...] | np.ndarray:
     """The numbers x as a value (tuple or array) of a system with d degrees of freedom; ``arrays`` forces an array."""
     if arithmetic == DOUBLE and codegen.compiled() and codegen.value_kind(d, arrays) == "tuple":
         return tuple(map(float, x))
     return np.array(x, dtype=object if arithmetic == MULTIPRECISION else float)
 
 
-def family_of(method):
+def family_of(method: Method) -> ModuleType:
     """Return the module of the method's family."""
     return importlib.import_module(f"phasebench.integrators.families.{method.family}")
 
 
-def prepare(method, system, arithmetic: str = DOUBLE) -> Prepared:
+def prepare(method: Method, system: Hamiltonian, arithmetic: str = DOUBLE) -> Prepared:
     """Return the kernel of ``method`` for ``system``, from the cache if it is there."""
     entry = preparation.entry(method, system) if arithmetic == DOUBLE else None
     found = preparation.read(entry)
     if found is None:
-        found = _made(method, system, arithmetic)
+        found = _prepare(method, system, arithmetic)
         preparation.write(entry, found)
     return found
 
 
-def _made(method, system, arithmetic: str) -> Prepared:
+def _prepare(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
     family = family_of(method)
     with progress.compiling(f"the functions of {method.id}", system.d):
         return family.prepare(method, system, arithmetic)
 
 
 def keep_energy(energy: Callable) -> Callable:
-    """Make a ``begin`` that sets the step's H0 to the initial energy."""
-    return partial(_with_energy, energy)
+    """Make a function (step, q, p) -> step that sets the step's H0 to the energy of the initial state (q, p)."""
+    return partial(_set_energy, energy)
 
 
-def _with_energy(energy: Callable, step, q, p):
+def _set_energy(energy: Callable, step: NamedTuple, q: Any, p: Any) -> NamedTuple:
     return step._replace(H0=energy(q, p)[0])
 
 
@@ -231,11 +240,11 @@ def kernel(prepared: Prepared, d: int, arithmetic: str = DOUBLE) -> Callable:
         return prepared.run
     known = _of_prepared.setdefault(prepared, {})
     if d not in known:
-        known[d] = _compiled(prepared, d)
+        known[d] = _compile(prepared, d)
     return known[d]
 
 
-def _compiled(prepared: Prepared, d: int) -> Callable:
+def _compile(prepared: Prepared, d: int) -> Callable:
     step, T = _type(prepared.step), codegen.value_type(d, prepared.arrays)
     options = vector.TUPLES if any(map(vector.writes, step.types)) else codegen.options(d)  # nothing allocates
     key = (prepared.run, step, T, options is vector.TUPLES)
@@ -245,12 +254,15 @@ def _compiled(prepared: Prepared, d: int) -> Callable:
         signature = types.UniTuple(types.int64, 2)(step, carry, samples, numba.from_dtype(COUNTS))
         family = prepared.run.__module__.rpartition(".")[2].replace("_", "-")
         with progress.compiling(f"the kernel of {family}", d):
-            _kernels[key] = machine.compiled(prepared.run, signature, options | {"nogil": True}, family)
+            _kernels[key] = machine.load_or_compile(prepared.run, signature, options | {"nogil": True}, family)
     return _kernels[key]
 
 
 def entry(kernel: Callable) -> Callable:
-    """The function by which Python calls a kernel: Numba's dispatcher cannot type a function inside a tuple."""
+    """The function through which Python calls a compiled kernel whose arguments hold functions.
+
+    Numba's dispatcher cannot type a function inside a tuple.
+    """
     return next(iter(kernel.overloads.values())).entry_point if hasattr(kernel, "overloads") else kernel
 
 
@@ -259,7 +271,7 @@ def _tuple_type(fields, kind=None):
 
 
 def _type(x):
-    """The Numba type of a step's field. Functions are pointers, so that one kernel serves every system."""
+    """The Numba type of a field of a step. Functions are pointers, so that one kernel serves every system."""
     if isinstance(x, tuple):
         return _tuple_type(map(_type, x), type(x) if hasattr(x, "_fields") else None)
     if isinstance(x, machine.Function) or is_jitted(x):

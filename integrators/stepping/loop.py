@@ -1,4 +1,4 @@
-"""The loop over rows and steps: it calls a family's ``step`` (see `kernel`), fills rows, keeps the state between calls.
+"""The loop over rows and steps: it calls a family's ``step``, fills rows, and stores the state between calls.
 
 `loop` makes a family's ``run`` from the functions
 
@@ -13,79 +13,83 @@
 A step that chooses a parameter writes it to ``counts.parameter``, NaN if it found none; ``parameter=True`` tells the
 loop to enter that of each row's last step in the samples.
 
-`by_time` is the loop of methods that choose the length of their steps: ``reach`` integrates to the time of a row.
+`time_loop` is the loop of methods that choose the length of their steps: ``reach`` integrates to the time of a row.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
 
 from phasebench.integrators.compile import machine
 from phasebench.integrators.values import vector
-from phasebench.integrators.values.vector import inlined
+from phasebench.integrators.values.vector import State, inline
 
+from .kernel import OWN, Carry, Samples
 from .solve import SOLVED
 
 
-def _open(method, carry, counts):
-    return vector.opened(carry)
+def _read_state(method: NamedTuple, carry: Carry, counts: np.record) -> State:
+    return vector.read_state(carry)
 
 
-def _unchanged(method, y):
+def _keep_state(method: NamedTuple, y: State) -> State:
     return y
 
 
-def _no_parameter(samples, row, counts):
+def _ignore_parameter(samples: Samples, row: int, counts: np.record) -> None:
     pass
 
 
-def _enter_parameter(samples, row, counts):
+def _enter_parameter(samples: Samples, row: int, counts: np.record) -> None:
     samples.parameter[row, 0] = counts.parameter
 
 
-def _run(method, carry, samples, counts):
+def _run(method: NamedTuple, carry: Carry, samples: Samples, counts: np.record) -> tuple[int, int]:
     y = begin(method, carry, counts)  # noqa: F821 (`loop` sets the functions)
     for row in range(len(samples.q)):
         y = start(method, y)  # noqa: F821
         for _ in range(samples.every):
             y, status = step(method, y, carry, counts)  # noqa: F821
             if status != SOLVED:
-                vector.close(carry, y)
+                vector.write_state(carry, y)
                 return row, status
             counts.steps += 1
         y = finish(method, y)  # noqa: F821
-        vector.keep(samples, row, y)
+        vector.write_sample(samples, row, y)
         enter(samples, row, counts)  # noqa: F821
-    vector.close(carry, y)
+    vector.write_state(carry, y)
     return len(samples.q), SOLVED
 
 
 def loop(
     step: Callable,
-    begin: Callable = _open,
-    start: Callable = _unchanged,
-    finish: Callable = _unchanged,
+    begin: Callable = _read_state,
+    start: Callable = _keep_state,
+    finish: Callable = _keep_state,
     parameter: bool = False,
 ) -> Callable:
-    """The kernel (method, carry, samples, counts) -> (rows filled, status) of a family's functions (see above)."""
-    enter = _enter_parameter if parameter else _no_parameter
+    """Make the kernel (method, carry, samples, counts) -> (rows filled, status) from a family's functions."""
+    enter = _enter_parameter if parameter else _ignore_parameter
     functions = {"begin": begin, "start": start, "step": step, "finish": finish, "enter": enter}
-    return _of_functions(_run, step.__module__, {name: inlined(f) for name, f in functions.items()})
+    return _bind(_run, step.__module__, {name: inline(f) for name, f in functions.items()})
 
 
-def _of_functions(run: Callable, family: str, functions: dict[str, Callable]) -> Callable:
-    """Return ``run`` with these functions, under the name ``family.run``, by which it is kept and pickles find it."""
+def _bind(run: Callable, family: str, functions: dict[str, Callable]) -> Callable:
+    """Return ``run`` with these functions, under the name ``family.run``, by which it is cached and pickled."""
     made = machine.with_functions(run, functions)
     made.__module__, made.__name__, made.__qualname__ = family, "run", "run"
     return made
 
 
 #: Where the state's spare rows count the multiples of h up to which a method that chooses its steps has been asked.
-ASKED = 6, 0
+ASKED = OWN + 2, 0
 
 
-def by_time(resume: Callable, reach: Callable, leave: Callable) -> Callable:
-    """The kernel of a method that chooses its steps.
+def time_loop(resume: Callable, reach: Callable, leave: Callable) -> Callable:
+    """Make the kernel of a method that chooses the lengths of its steps.
 
     - ``resume(method, carry, y)`` -> clock: where the last call left it (`leave`); makes the first.
     - ``reach(method, carry, y, clock, until, every, counts)`` -> (y, clock, there, status): steps to the last state y
@@ -95,22 +99,20 @@ def by_time(resume: Callable, reach: Callable, leave: Callable) -> Callable:
     """
 
     functions = {"resume": resume, "reach": reach, "leave": leave}
-    return _of_functions(
-        _run_by_time, reach.py_func.__module__ if hasattr(reach, "py_func") else reach.__module__, functions
-    )
+    return _bind(_run_by_time, reach.py_func.__module__ if hasattr(reach, "py_func") else reach.__module__, functions)
 
 
-def _run_by_time(method, carry, samples, counts):
-    y = vector.opened(carry)
-    clock = resume(method, carry, y)  # noqa: F821 (`by_time` sets the functions)
+def _run_by_time(method: NamedTuple, carry: Carry, samples: Samples, counts: np.record) -> tuple[int, int]:
+    y = vector.read_state(carry)
+    clock = resume(method, carry, y)  # noqa: F821 (`time_loop` sets the functions)
     row, status = 0, SOLVED
     while row < len(samples.q) and status == SOLVED:
         until = (carry.state[ASKED] + samples.every) * method.h
         y, clock, there, status = reach(method, carry, y, clock, until, samples.every, counts)  # noqa: F821
         if status == SOLVED:
-            vector.keep(samples, row, there)
+            vector.write_sample(samples, row, there)
             carry.state[ASKED] += samples.every
             row += 1
     leave(carry, clock)  # noqa: F821
-    vector.close(carry, y)
+    vector.write_state(carry, y)
     return row, status

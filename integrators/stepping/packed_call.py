@@ -1,4 +1,4 @@
-"""A kernel called by three numbers: where its arguments lie in memory, h, and how many steps.
+"""Calls of a kernel with three numbers: the address of its arguments in memory, h, and the number of steps.
 
 To hand a kernel its NamedTuples from Python costs tens of microseconds: every field is taken apart and brought to the
 compiler's form.  Here that is done once (`pack`); a call reads them from memory, in that form.  What was packed holds
@@ -19,7 +19,7 @@ from numba.extending import intrinsic
 
 from phasebench.integrators.compile import machine, progress
 
-from .kernel import Prepared, Samples, _tuple_type, entry, kernel
+from .kernel import P, Prepared, Q, Samples, _tuple_type, entry, kernel
 from .solve import NOT_FINITE, SOLVED
 
 _NUMBERS = types.Array(types.float64, 2, "C")
@@ -48,7 +48,7 @@ _known: dict = {}
 
 
 def packed_call(prepared: Prepared, d: int) -> PackedCall:
-    """Return the functions of ``prepared.run`` for d degrees of freedom, compiled once."""
+    """Return the `PackedCall` of a prepared kernel for d degrees of freedom, compiled once."""
     run = kernel(prepared, d)
     step, carry, samples, counts = run.nopython_signatures[0].args
     key = (run, step)  # kernels of arrays serve every d, and so do their entries
@@ -57,12 +57,12 @@ def packed_call(prepared: Prepared, d: int) -> PackedCall:
             warnings.simplefilter("ignore", numba.NumbaExperimentalFeatureWarning)
             pointer = types.FunctionType(run.nopython_signatures[0].return_type(step, carry, samples, counts))
             block = _tuple_type((pointer, step, carry, samples, counts, _NUMBERS))
-            _known[key] = _compiled(run, block)
+            _known[key] = _compile(run, block)
     return _known[key]
 
 
 def _pack(address, run, step, carry, samples, counts, start):
-    write(address, (run, step, carry, samples, counts, start))  # noqa: F821 (`_compiled` sets the functions)
+    write(address, (run, step, carry, samples, counts, start))  # noqa: F821 (`_compile` sets the functions)
 
 
 def _release(address):
@@ -81,7 +81,7 @@ def _call(address, h, steps):
             for j in range(rows.shape[1]):
                 rows[i, j] = 0.0
     for j in range(d):
-        carry.state[0, j], carry.state[1, j] = start[0, j], start[1, j]
+        carry.state[Q, j], carry.state[P, j] = start[0, j], start[1, j]
         samples.q[0, j] = samples.p[0, j] = np.nan
     counts.steps = counts.gradient = counts.newton = counts.fallbacks = counts.rule = 0
     counts.parameter = np.nan
@@ -94,26 +94,26 @@ def _call(address, h, steps):
     return status
 
 
-def _compiled(run, block) -> PackedCall:
+def _compile(run, block) -> PackedCall:
     operations = _in_memory(block) | {"with_h": _with_h(block[1])}
 
-    def kept(f: Callable, signature) -> Callable:
+    def compile_and_keep(f: Callable, signature) -> Callable:
         options = {"error_model": "numpy", "nogil": True}
         f = machine.with_functions(f, operations)
-        return entry(machine.compiled(f, signature, options, f"entry-{f.__name__}|{block}"))
+        return entry(machine.load_or_compile(f, signature, options, f"entry-{f.__name__}|{block}"))
 
     number = types.int64
     return PackedCall(
-        size=kept(_size, number())(),
-        pack=kept(_pack, types.void(number, *block)),
-        release=kept(_release, types.void(number)),
+        size=compile_and_keep(_size, number())(),
+        pack=compile_and_keep(_pack, types.void(number, *block)),
+        release=compile_and_keep(_release, types.void(number)),
         run=run,
-        call=kept(_call, number(number, types.float64, number)),
+        call=compile_and_keep(_call, number(number, types.float64, number)),
     )
 
 
 def _in_memory(t):
-    """Make read, take, write and bytes_of, by their names, for values of a type at an address.
+    """Make the functions read, take, write and bytes_of for values of the Numba type t at an address; returned by name.
 
     ``take`` hands the reference over; ``bytes_of()`` is the size of a value.
     """
@@ -158,7 +158,7 @@ def _in_memory(t):
 
 
 def _with_h(t):
-    """Make the function (step, h) -> step with this h."""
+    """Make the function (step, h) -> the step, a NamedTuple of Numba type t, with this h."""
     index = t.fields.index("h")
 
     @intrinsic

@@ -1,4 +1,4 @@
-r"""The root nearest to zero of the energy's error E(x) of a step that is taken with the parameter x.
+r"""Find the root nearest to zero of the energy error E(x) of a step that has the parameter x.
 
 Where the model of the last steps can be trusted the root is followed (`energy_model`).  Else E(0) is looked at: if it
 is at the round-off of H already, x = 0.  If not, Muller's method goes on from the smaller root of the quadratic
@@ -12,9 +12,11 @@ Source: D. E. Muller, Math. Tables Aids Comput. 10 (1956) 208-215; M. Dowell, P.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
-from phasebench.integrators.values.vector import apart, inlined, jit
+from phasebench.integrators.values.vector import forbid_inlining, inline, jit
 
 from .energy_model import (
     ALONG,
@@ -32,21 +34,21 @@ from .energy_model import (
     STREAK,
     UNIT,
     Attempt,
-    eased,
+    extrapolate_slope,
     follower,
-    grow_old,
+    is_trusted,
     muller,
     renew,
+    residual_factor,
     smaller_root,
-    trusted,
 )
 from .solve import LEVELS, SOLVED
 
 MULLER_LIMIT, REFINE_LIMIT = 14, 100
 
 
-def finder(attempt, followed=True):
-    """Make the search for the root of E, from ``attempt(x, start, ease, arguments)`` -> `Attempt`.
+def finder(attempt: Callable, followed: bool = True) -> Callable:
+    """Make the search for the root of E(x) from ``attempt(x, start, ease, arguments)``, a step with parameter x.
 
     ``ease`` is how many times round-off the attempt's stage equations may be off. The search is a function (search,
     models, row, predicted, arguments) -> (x, found, the attempt at x); x = 0 if there is no root, or if E jumps from
@@ -57,18 +59,18 @@ def finder(attempt, followed=True):
 
     @jit
     def eased_attempt(x, start, ease, arguments):
-        """`attempt`, compiled once and not inlined."""
-        apart()
+        """The function `attempt`, compiled once and not inlined."""
+        forbid_inlining()
         return attempt(x, start, ease, arguments)
 
-    @inlined
+    @inline
     def apart_attempt(x, start, arguments):
-        """`attempt` to round-off, compiled once and not inlined."""
+        """Try the step with parameter x, its stages solved to round-off (`attempt`); compiled once, not inlined."""
         return eased_attempt(x, start, 1.0, arguments)
 
     @jit
     def refine(a, Ea, b, Eb, arguments):
-        """(x, found): the root between a and b, where E has different signs; secant and bisection (Illinois)."""
+        """The root between a and b, where E has different signs, by secant and bisection (Illinois); (x, found)."""
         x = b
         side = 0
         for k in range(REFINE_LIMIT):
@@ -93,7 +95,7 @@ def finder(attempt, followed=True):
         return x, False
 
     @jit
-    def outwards(side, bound, search, arguments):
+    def continue_outwards(side, bound, search, arguments):
         """(x, found): the root nearest zero on one side, by continuation from x = 0 to the bound."""
         E0 = apart_attempt(0.0, FIRST, arguments).E
         inner, Einner, outer, Eouter = 0.0, np.inf, 0.0, E0
@@ -120,24 +122,24 @@ def finder(attempt, followed=True):
             inner, Einner, outer, Eouter = outer, Eouter, x, E
         return 0.0, False
 
-    @inlined
+    @inline
     def scan(search, arguments):
         """(x, found): the root nearest zero on the branch of the stage equations that starts at x = 0."""
-        above, found = outwards(1.0, search.radius, search, arguments)
-        below, second = outwards(-1.0, abs(above) if found else search.radius, search, arguments)
+        above, found = continue_outwards(1.0, search.radius, search, arguments)
+        below, second = continue_outwards(-1.0, abs(above) if found else search.radius, search, arguments)
         if second and not (found and abs(above) <= abs(below)):
             return below, True
         return above, found
 
     @jit
     def chase(x, E0, unit, search, models, row, arguments):
-        """(x, found, the last attempt): Muller's method from x, with (0, E0) as its other point."""
-        apart()
+        """Muller's method from x, with (0, E0) as its other point; (x, found, the last attempt)."""
+        forbid_inlining()
         xa, Ea, xb, Eb = 0.0, E0, 0.0, E0
         c1, c2 = 0.0, models[row, CURVATURE]  # that of the last step's model serves until there is a third point
         new = Attempt(arguments.y, np.inf, unit, SOLVED)
         for k in range(MULLER_LIMIT):
-            ease = eased(Eb, unit)
+            ease = residual_factor(Eb, unit)
             new = eased_attempt(x, ALONG, ease, arguments)
             if ease > 1 and abs(new.E) < ease * unit:  # too near for so easy a solution
                 ease = 1.0
@@ -166,8 +168,8 @@ def finder(attempt, followed=True):
 
     @jit
     def nearer_side(x, E0, ease, models, row, arguments):
-        """x, or a guess on the other side if E has a nearer root there; E(-x) also renews the model."""
-        apart()
+        """The guess x, or one of the other sign if by E(-x) a root is nearer there; also updates the model."""
+        forbid_inlining()
         beyond = eased_attempt(-x, ALONG, ease, arguments)
         if beyond.status != SOLVED:
             return x
@@ -179,11 +181,11 @@ def finder(attempt, followed=True):
         nearer = smaller_root(E0, c1, c2)
         return nearer if abs(nearer) < abs(x) and nearer * x < 0 else -0.5 * x
 
-    @inlined
+    @inline
     def search_out(search, models, row, predicted, arguments):
-        """Search for the root from E(0)."""
+        """Search for the root x of the energy error E(x), beginning with E(0); (x, found, the attempt at x)."""
         radius = search.radius
-        ease = eased(models[row, START], models[row, UNIT])
+        ease = residual_factor(models[row, START], models[row, UNIT])
         result = eased_attempt(0.0, FIRST, ease, arguments)
         if ease > 1 and abs(result.E) < ease * result.unit:
             result = apart_attempt(0.0, LATEST, arguments)
@@ -197,7 +199,7 @@ def finder(attempt, followed=True):
         elif followed and abs(predicted - x) <= 0.25 * abs(x) and models[row, STREAK] < FOLLOWED:
             x = predicted  # the model picks the branch, the last roots say more exactly where it is now
         if abs(x) > CHECKED:
-            x = nearer_side(x, E0, eased(E0, unit), models, row, arguments)
+            x = nearer_side(x, E0, residual_factor(E0, unit), models, row, arguments)
         x, found, result = chase(x, E0, unit, search, models, row, arguments)
         if found and abs(E0) < 1.2 * abs(models[row, CURVATURE]) * x * x:
             # The product of the model's two roots is E0 / c2: the other one may be nearer.
@@ -219,8 +221,8 @@ def finder(attempt, followed=True):
 
     @jit
     def search_anew(search, models, row, predicted, c1, arguments):
-        """`search_out` from the model with the slope c1, so that the model can be followed afterwards."""
-        apart()
+        """Search for the root by the model with slope c1, and restart its history; (x, found, attempt at x)."""
+        forbid_inlining()
         known, old = models[row, STREAK] > 0, models[row, SLOPE]
         if known:
             models[row, SLOPE] = c1
@@ -238,11 +240,11 @@ def finder(attempt, followed=True):
 
     follow = follower(attempt)
 
-    @inlined
+    @inline
     def find(search, models, row, predicted, arguments):
-        """Find the root: follow it from earlier steps, or search for it."""
-        c1 = grow_old(models, row)
-        if followed and trusted(search, models, row, predicted, c1, c1 + 2 * models[row, CURVATURE] * predicted):
+        """Find the root x of the energy error E(x), followed from earlier steps or searched; (x, found, attempt)."""
+        c1 = extrapolate_slope(models, row)
+        if followed and is_trusted(search, models, row, predicted, c1, c1 + 2 * models[row, CURVATURE] * predicted):
             x, found, result = follow(search, models, row, predicted, c1, arguments)
             if found:
                 return x, True, result

@@ -1,4 +1,4 @@
-r"""The solver of the stage equations :math:`x = G(x)`: to round-off, by fixed point, by Newton where that fails.
+r"""Solve stage equations :math:`x = G(x)` to round-off, by fixed point, or by Newton's method where that fails.
 
 Fixed point: iterate until the increment can fall no further.  With :math:`\delta_k = \|x_{k+1} - x_k\|` and
 :math:`\theta = \delta_k / \delta_{k-1}` the remaining error is about :math:`\delta_k\theta/(1 - \theta)`; it is brought
@@ -6,8 +6,9 @@ far below the round-off of x, or until it no longer falls.  Where the iteration 
 over on :math:`x - G(x)`, with a difference Jacobian (its error only slows the convergence: the residual is exact): from
 the start, and where that fails from zero.
 
-Unknowns that fit into registers are values (`solver`; in lanes, `lane_solver`), those of many stages the rows of a
-memory (`row_solver`).  Their starts are extrapolated from earlier steps (`predict`, `remember`).
+Both iterations are written once (`fixed_point`, `newton_method`).  Unknowns that fit into registers are values
+(`solver`), also in lanes; those of many stages are the rows of a memory (`row_solver`), those of a lattice an array
+whose matrix is a band (`banded`).  Their starts are extrapolated from earlier steps (`predict`, `remember`).
 
 Integrals whose rule depends on the state are confirmed by the next finer rule (`unchanged`).
 
@@ -16,19 +17,20 @@ Reference: E. Hairer, C. Lubich, G. Wanner, Geometric Numerical Integration (200
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from math import comb
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from phasebench.integrators.coefficients.tableaus import LEVELS
-from phasebench.integrators.values.masks import also_in_lanes
+from phasebench.integrators.values.masks import broadcast_like, fails, number, overload_in_lanes, retire_lanes, where
 from phasebench.integrators.values.vector import (
     axpy,
     bump,
     distance,
     head,
-    inlined,
+    inline,
     jit,
     load,
     minus,
@@ -38,8 +40,6 @@ from phasebench.integrators.values.vector import (
     store,
     tail,
 )
-
-from .lane_solver import lane_solver
 
 SOLVED, STALLED, NOT_FINITE, OUT_OF_STEP = 0, 1, 2, 3
 
@@ -54,9 +54,9 @@ SHARE = 1e-3
 NEWTON_LIMIT = 25
 
 
-@inlined
-def predict(memory, first, stages, known, like):
-    """Extrapolate the start of an equation from its last solutions, polynomially in the step number.
+@inline
+def predict(memory: np.ndarray, first: int, stages: int, known: int, like: Any) -> Any:
+    """Extrapolate an equation's starting value from its solutions in the last steps, by a polynomial.
 
     At most LEVELS of the ``known`` solutions are used; the start is zero without any. They are the rows first,
     first + stages, ... of ``memory``, a ring. The newest is added last, so that only one product waits for it.
@@ -69,8 +69,8 @@ def predict(memory, first, stages, known, like):
     return x
 
 
-@inlined
-def predict_number(memory, first, stages, known):
+@inline
+def predict_number(memory: np.ndarray, first: int, stages: int, known: int) -> float:
     """Extrapolate a number as `predict` does, from a ring in the first column of ``memory``."""
     m = min(known, LEVELS)
     x = 0.0
@@ -79,14 +79,14 @@ def predict_number(memory, first, stages, known):
     return x
 
 
-@inlined
-def remember(memory, first, stages, known, x):
+@inline
+def remember(memory: np.ndarray, first: int, stages: int, known: int, x: Any) -> None:
     """Store x, the solution of step number ``known``, in the ring that `predict` reads."""
     store(memory, first + known % LEVELS * stages, x)
 
 
-@inlined
-def copy(memory, old, new, stages, like):
+@inline
+def copy(memory: np.ndarray, old: int, new: int, stages: int, like: Any) -> None:
     """Copy ``stages`` unknowns from the rows ``old``, ... of ``memory`` to the rows ``new``, ..."""
     for j in range(stages):
         store(memory, new + j, load(memory, old + j, like))
@@ -95,21 +95,28 @@ def copy(memory, old, new, stages, like):
 # -- when to stop -----------------------------------------------------------------------------------------------------
 
 
-@inlined
-def converged(delta, last, length, span, eps):
+@inline
+def near(delta, last, unit):
+    """True if the error left after the changes ``last``, then ``delta`` is far below ``unit``, the round-off of x."""
+    return (last < np.inf) & (delta * delta <= SHARE * unit * (last - delta))
+
+
+@inline
+def converged(delta: Any, last: Any, length: Any, span: Any, eps: float) -> Any:
     """True if a fixed-point iteration is at round-off, judged by its last two changes ``delta`` and ``last``.
 
     ``length`` is the size of the unknowns, ``span`` that of the variables in which their equation varies.
     """
-    if delta == 0:
-        return True
-    if delta < last:
-        return last < np.inf and delta * delta <= SHARE * (eps * length) * (last - delta)
-    return delta <= 64 * (eps * length + eps * span)
+    unit = eps * length
+    return (
+        (delta == 0)
+        | near(delta, last, unit)
+        | ((delta >= last) & (delta <= 64 * (unit + eps * span)) & (delta < np.inf))
+    )
 
 
-@inlined
-def lengths_of_both(x, g, e):
+@inline
+def lengths_of_both(x: Any, g: Any, e: NamedTuple) -> tuple[float, float]:
     """Sizes of the coordinates and of the momenta at increments x, for the lengths of finite differences.
 
     They are kept apart: if momenta are far smaller than coordinates, a difference of the coordinates' length would
@@ -118,14 +125,14 @@ def lengths_of_both(x, g, e):
     return size(e.q) + size(head(x)) + size(head(g)), size(e.p) + size(tail(x)) + size(tail(g))
 
 
-@inlined
-def difference(length, span, eps):
+@inline
+def difference(length: float, span: float, eps: float) -> float:
     """Length of a finite difference in a variable of size ``length``, or of size ``span`` if that is zero."""
     return eps**0.5 * (length if length > 0 else span)
 
 
-@inlined
-def newton_converged(delta, last, unit, noise):
+@inline
+def newton_converged(delta: float, last: float, unit: float, noise: float) -> bool:
     """True if Newton's method has reached round-off, or is near it and no longer converging."""
     return delta <= unit or (delta >= 0.5 * last and delta <= 1e3 * (unit + noise))
 
@@ -142,15 +149,15 @@ class Change(NamedTuple):
     size_p: float
 
 
-@inlined
-def change(old, new):
-    """The `Change` between two increments, each of q and p."""
+@inline
+def change(old: Any, new: Any) -> Change:
+    """The `Change` (distances and sizes) from the increments ``old`` to ``new``, each of q and p."""
     return Change(distance(head(old), head(new)), distance(tail(old), tail(new)), size(head(new)), size(tail(new)))
 
 
-@inlined
-def unchanged(move, last, noise, eps):
-    """(True if a finer quadrature changed nothing, True if it changed round-off at most).
+@inline
+def unchanged(move: Change, last: Change, noise: float, eps: float) -> tuple[bool, bool]:
+    """(True if a finer quadrature rule changed nothing, True if it changed no more than round-off).
 
     ``last`` is the change before, ``noise`` the size of the terms that an increment sums up.
     """
@@ -164,7 +171,7 @@ def unchanged(move, last, noise, eps):
 
 
 @jit
-def gauss(A, n):
+def gauss(A: np.ndarray, n: int) -> bool:
     """Solve n equations in place by elimination with pivots; column n of A is the right side. False if singular."""
     for j in range(n):
         pivot = j
@@ -185,95 +192,158 @@ def gauss(A, n):
     return True
 
 
+# -- the two iterations -----------------------------------------------------------------------------------------------
+
+
+def _started(x, span):
+    return True, np.inf, 0.0
+
+
+def _started_in_lanes(x, span):
+    return (size(x) < np.inf) & (span < np.inf), broadcast_like(np.inf, span), broadcast_like(0.0, span)
+
+
+#: (where to iterate, the change before the first, how often it grew); not where x or ``span`` is not finite in lanes.
+started = overload_in_lanes(_started, _started_in_lanes)
+
+
+def _replace(active, x, new):
+    return new
+
+
+def _replace_in_lanes(active, x, new):
+    return where(active, new, x)
+
+
+#: The new x in lanes that are active, and the old one in the others; of a number the new one, since its loop goes on.
+replace = overload_in_lanes(_replace, _replace_in_lanes)
+
+
+def fixed_point(sweep: Callable) -> Callable:
+    """Make the iteration x -> G(x) to round-off, for numbers and for lanes of them.
+
+    It is a function (equations, x, span, eps) -> (x, sweeps, True if solved). ``sweep(equations, x, active)`` returns
+    (G(x) where ``active`` holds, its distance from x, its size). Each lane stops where it would stop alone, and keeps
+    its value while the others go on; one that is not solved becomes NaN. Sweeps of lanes are added up.
+    """
+
+    @inline
+    def iterate(e, x, span, eps):
+        active, last, growth = started(x, span)
+        good = True
+        sweeps, k = 0, 0
+        while active:
+            sweeps += number(active)
+            x, delta, length = sweep(e, x, active)
+            k += 1
+            active = active & fails(converged(delta, last, length, span, eps))
+            if active:
+                growth = where(delta < last, growth, growth + 1.0)
+                kept = (delta < np.inf) & (growth < 2)
+                if k >= FIXED_POINT_LIMIT:
+                    kept = kept & (delta <= 0.5 * last)
+                x, good = retire_lanes(active, kept, x)
+                active = active & kept
+                last = delta
+        return x, sweeps, good
+
+    return iterate
+
+
+def newton_method(improve: Callable) -> Callable:
+    """Make Newton's method: a function (equations, x, span, eps, work) -> (x, sweeps, status).
+
+    ``improve(equations, x, span, eps, work)`` makes the linear equations at x and solves them; it returns (new x, its
+    distance from x, its size, sweeps, status).
+    """
+
+    @jit
+    def newton(equations, x, span, eps, work):
+        last = np.inf
+        sweeps = 0
+        for _ in range(NEWTON_LIMIT):
+            x, delta, length, more, status = improve(equations, x, span, eps, work)
+            sweeps += more
+            if status != SOLVED:
+                return x, sweeps, status
+            if not delta < np.inf:
+                return x, sweeps, NOT_FINITE
+            if newton_converged(delta, last, eps * length, eps * span):
+                return x, sweeps, SOLVED
+            last = delta
+        return x, sweeps, STALLED
+
+    return newton
+
+
 # -- unknowns that are values -----------------------------------------------------------------------------------------
 
 
-def solver(G, lengths=lengths_of_both):
+def solver(G: Callable, lengths: Callable = lengths_of_both) -> Callable:
     """Make the solver of x = G(x, arguments): fixed point to round-off, Newton's method if it does not contract.
 
     It is a function (arguments, start, span, eps, work) -> (x, evaluations of G, 1 if Newton's method was used else 0,
     status). ``lengths(x, G(x), arguments)`` gives the sizes of the variables that the two halves of x belong to;
-    ``span`` is the size of the variables in which G varies, ``work`` room for a matrix.
+    ``span`` is the size of the variables in which G varies, ``work`` room for a matrix, at least (n + 1, n + 1).
+
+    Lanes have the fixed point alone: the orbit of one that becomes NaN is integrated again by the scalar kernel. Their
+    status is SOLVED if any lane is.
     """
 
-    @jit
-    def newton(arguments, x, span, eps, work):
-        """Solve x = G(x) by Newton's method with a finite-difference Jacobian; (x, evaluations of G, status).
+    @inline
+    def sweep(arguments, x, active):
+        new = G(x, arguments)
+        return replace(active, x, new), distance(new, x), size(new)
 
-        ``work`` is an array of at least (n + 1, n + 1) numbers, ``span`` the size of the variables in which G varies.
-        """
+    @inline
+    def improve(arguments, x, span, eps, work):
+        """One step of Newton's method from x, with a finite-difference matrix and elimination."""
         n = len(x)
-        last = np.inf
-        evaluations = 0
-        for _ in range(NEWTON_LIMIT):
-            g = G(x, arguments)
-            first, second = lengths(x, g, arguments)
-            for i in range(n):
-                step = difference(first if 2 * i < n else second, span, eps)
-                column = minus(G(bump(x, i, step), arguments), g)
-                store(work, n, column)
-                for j in range(n):
-                    work[j, i] = (1.0 if i == j else 0.0) - work[n, j] / step
-            evaluations += n + 1
-            store(work, n, minus(g, x))
+        g = G(x, arguments)
+        first, second = lengths(x, g, arguments)
+        for i in range(n):
+            step = difference(first if 2 * i < n else second, span, eps)
+            column = minus(G(bump(x, i, step), arguments), g)
+            store(work, n, column)
             for j in range(n):
-                work[j, n] = work[n, j]
-            if not size(x) < np.inf:
-                return x, evaluations, NOT_FINITE
-            if not gauss(work, n):
-                return x, evaluations, STALLED
-            for j in range(n):
-                work[n, j] = work[j, n]
-            new = plus(x, load(work, n, x))
-            delta = distance(new, x)
-            x = new
-            if not delta < np.inf:
-                return x, evaluations, NOT_FINITE
-            if newton_converged(delta, last, eps * size(x), eps * span):
-                return x, evaluations, SOLVED
-            last = delta
-        return x, evaluations, STALLED
+                work[j, i] = (1.0 if i == j else 0.0) - work[n, j] / step
+        store(work, n, minus(g, x))
+        for j in range(n):
+            work[j, n] = work[n, j]
+        if not size(x) < np.inf:
+            return x, np.inf, np.inf, n + 1, NOT_FINITE
+        if not gauss(work, n):
+            return x, np.inf, np.inf, n + 1, STALLED
+        for j in range(n):
+            work[n, j] = work[j, n]
+        new = plus(x, load(work, n, x))
+        return new, distance(new, x), size(new), n + 1, SOLVED
 
-    def solve(arguments, x, span, eps, work):
-        """Solve x = G(x, arguments) from the start x; results as of `solver`."""
-        start = x
-        last = np.inf
-        growth = 0
-        k = 0
-        while growth < 2:
-            new = G(x, arguments)
-            delta = distance(new, x)
-            x = new
-            k += 1
-            if not delta < np.inf:
-                break
-            # `converged`, written out: called it makes a step of Scheme I 6 % slower
-            unit = eps * size(x)
-            if delta == 0:
-                return x, k, 0, SOLVED
-            if delta < last:
-                if last < np.inf and delta * delta <= SHARE * unit * (last - delta):
-                    return x, k, 0, SOLVED
-            elif delta <= 64 * (unit + eps * span):
-                return x, k, 0, SOLVED
-            else:
-                growth += 1
-            if k >= FIXED_POINT_LIMIT and delta > 0.5 * last:
-                break
-            last = delta
-        new, evaluations, status = newton(arguments, start, span, eps, work)
+    iterate, newton = fixed_point(sweep), newton_method(improve)
+
+    def solve(arguments, start, span, eps, work):
+        """Solve x = G(x, arguments) from the start; (x, evaluations, 1 if Newton's method was used else 0, status)."""
+        x, k, solved = iterate(arguments, start, span, eps)
+        if solved:
+            return x, k, 0, SOLVED
+        x, evaluations, status = newton(arguments, start, span, eps, work)
         if status != SOLVED:
-            new, more, status = newton(arguments, minus(start, start), span, eps, work)
+            x, more, status = newton(arguments, minus(start, start), span, eps, work)
             evaluations += more
-        return new, k + evaluations, 1, status
+        return x, k + evaluations, 1, status
 
-    return also_in_lanes(solve, lane_solver(G, SHARE, FIXED_POINT_LIMIT, SOLVED, NOT_FINITE))
+    def solve_lanes(arguments, start, span, eps, work):
+        """Solve x = G(x, arguments) in lanes, by fixed point."""
+        x, evaluations, _ = iterate(arguments, start, span, eps)
+        return x, evaluations, 0, SOLVED if (size(x) < np.inf) & (span < np.inf) else NOT_FINITE
+
+    return overload_in_lanes(solve, solve_lanes)
 
 
 # -- unknowns that are rows of a memory -------------------------------------------------------------------------------
 
 
-def row_solver(sweep, linearize):
+def row_solver(sweep: Callable, linearize: Callable) -> Callable:
     """Make the solver of x = G(x) for unknowns in rows of a memory: fixed point, then Newton's method.
 
     It is a function (equations, at, span, eps, work) -> (sweeps, sweeps that Newton's method took, status). The
@@ -282,84 +352,68 @@ def row_solver(sweep, linearize):
     kind of a row.
 
     - ``sweep(equations, old, new)`` writes G of the rows ``old`` to the rows ``new``; returns (their distance, the size
-      of
-      the new).
+      of the new).
     - ``linearize(equations, at, span, work)`` writes the matrix of 1 - G' into ``work``, by differences of length
       `difference`, and G itself to the rows at + stages; may use the ``stages`` rows after those. Returns the number of
       sweeps that cost as much.
     """
 
-    @jit
-    def newton(equations, at, span, eps, work):
-        """Apply Newton's method to the rows ``at``, ...; returns (sweeps, status)."""
-        memory, stages, like = equations.memory, equations.stages, equations.like
-        n = len(like)
-        order = stages * n
-        last = np.inf
-        sweeps = 0
-        for _ in range(NEWTON_LIMIT):
-            sweeps += linearize(equations, at, span, work)
-            for r in range(order):
-                j, i = r // n, r % n
-                work[r, order] = memory[at + stages + j, i] - memory[at + j, i]
-                if not abs(work[r, order]) < np.inf:
-                    return sweeps, NOT_FINITE
-            if not gauss(work, order):
-                return sweeps, STALLED
-            delta, length = 0.0, 0.0
-            for r in range(order):
-                j, i = r // n, r % n
-                memory[at + j, i] += work[r, order]
-                delta += abs(work[r, order])
-                length += abs(memory[at + j, i])
-            if not delta < np.inf:
-                return sweeps, NOT_FINITE
-            if newton_converged(delta, last, eps * length, eps * span):
-                return sweeps, SOLVED
-            last = delta
-        return sweeps, STALLED
+    @inline
+    def to_and_fro(equations, rows, active):
+        old, new = rows
+        delta, length = sweep(equations, old, new)
+        return (new, old), delta, length
 
-    @inlined
+    @inline
+    def improve(equations, at, span, eps, work):
+        """One step of Newton's method, by elimination; changes the unknowns in the rows ``at``, ..."""
+        memory, stages, n = equations.memory, equations.stages, len(equations.like)
+        order = stages * n
+        sweeps = linearize(equations, at, span, work)
+        delta, length = 0.0, 0.0
+        for r in range(order):
+            j, i = r // n, r % n
+            work[r, order] = memory[at + stages + j, i] - memory[at + j, i]
+            if not abs(work[r, order]) < np.inf:
+                return at, delta, length, sweeps, NOT_FINITE
+        if not gauss(work, order):
+            return at, delta, length, sweeps, STALLED
+        for r in range(order):
+            j, i = r // n, r % n
+            memory[at + j, i] += work[r, order]
+            delta += abs(work[r, order])
+            length += abs(memory[at + j, i])
+        return at, delta, length, sweeps, SOLVED
+
+    iterate, newton = fixed_point(to_and_fro), newton_method(improve)
+
+    @inline
     def solve(equations, at, span, eps, work):
         """Solve from the start in the rows ``at``, ...; returns (sweeps, sweeps of Newton's method, status)."""
         memory, stages, like = equations.memory, equations.stages, equations.like
         start = at + 3 * stages
         copy(memory, at, start, stages, like)
-        old, new = at, at + stages
-        last = np.inf
-        growth = 0
-        k = 0
-        while growth < 2:
-            delta, length = sweep(equations, old, new)
-            old, new = new, old
-            k += 1
-            if not delta < np.inf:
-                break
-            if converged(delta, last, length, span, eps):
-                if old != at:
-                    copy(memory, old, at, stages, like)
-                return k, 0, SOLVED
-            if delta >= last:
-                growth += 1
-            if k >= FIXED_POINT_LIMIT and delta > 0.5 * last:
-                break
-            last = delta
+        (last, _), k, solved = iterate(equations, (at, at + stages), span, eps)
+        if solved:
+            if last != at:
+                copy(memory, last, at, stages, like)
+            return k, 0, SOLVED
         copy(memory, start, at, stages, like)
-        sweeps, status = newton(equations, at, span, eps, work)
+        _, sweeps, status = newton(equations, at, span, eps, work)
         if status != SOLVED:
             for j in range(stages):
                 store(memory, at + j, like)
-            more, status = newton(equations, at, span, eps, work)
+            _, more, status = newton(equations, at, span, eps, work)
             sweeps += more
         return k, sweeps, status
 
     return solve
 
 
-def by_rows(change):
-    """Make the ``changes`` of `confirmer` from ``change(equations, x, y)``, the `Change` from a row x to a row y."""
+def changes_by_row(change: Callable) -> Callable:
+    """Make ``changes`` of `confirmer` from ``change(equations, x, y)``, the `Change` from a row x to a row y."""
 
-    @inlined
+    @inline
     def changes(e, old, new):
         total = Change(0.0, 0.0, 0.0, 0.0)
         for j in range(e.stages):
@@ -370,46 +424,82 @@ def by_rows(change):
     return changes
 
 
-def confirmer(solve, sweep, changes):
-    """Make the solver of equations with integrals: quadrature rules of rising size, until the next one changes nothing.
+@inline
+def single(rows: np.ndarray) -> bool:
+    """True if there is only one quadrature rule; ``rows[i]`` is the number of rows of row i's rule."""
+    return rows[0] == len(rows)
 
-    It is a function (equations, at, work, counts) -> status, with ``solve``, ``sweep`` and ``equations`` as in
-    `row_solver`. The equations also have the fields q, p and step, and the step the fields h, eps, ``nodes`` and
-    ``rows``: for each row of coefficients, the number of nodes and of rows of its rule. ``counts.rule`` is the first
-    row of the rule in use. ``changes(equations, old, new)`` is the `Change` from the unknowns in the rows ``old`` to
-    those in the rows ``new``.
+
+def refinement(solve: Callable, sweep: Callable) -> Callable:
+    """Make the solver of equations with integrals: by finer and finer quadrature rules, until one confirms the last.
+
+    It is a function (equations, x, span, noise, work, counts) -> (x, status), from the start x by the rule whose first
+    row is ``counts.rule`` and by finer ones.
+
+    - ``solve(equations, x, span, work, counts)`` solves by the rule ``counts.rule``; returns (x, status).
+    - ``sweep(equations, x, counts)`` iterates once by that rule; returns (the new x, the `Change` to it).
+    - ``span`` is the size of the variables, ``noise`` that of the terms that an increment sums up. The equations have
+      the field step, and the step the fields eps and ``rows``: for each row of coefficients, the rows of its rule.
 
     The confirming sweep is an iterate of the finer rule, so that it is not wasted. A step that the largest rule leaves
     unconfirmed is a fallback.
     """
 
-    @inlined
-    def confirmed(e, at, work, counts):
-        """Solve from the start in the rows ``at``, ..., by the rule ``counts.rule`` and finer ones."""
-        eps, nodes, rows = e.step.eps, e.step.nodes, e.step.rows
-        span = size(e.q) + size(e.p)
+    @inline
+    def refine(e, x, span, noise, work, counts):
+        rows = e.step.rows
         move = Change(np.inf, np.inf, np.inf, np.inf)
         before = counts.rule
         while True:
             rule = counts.rule
             following = rule + rows[rule]
-            sweeps, newton, status = solve(e, at, span, eps, work)
-            counts.gradient += (sweeps + newton) * nodes[rule]
-            counts.newton += min(newton, 1)
-            if status != SOLVED or rows[0] == len(rows):
-                return status
+            x, status = solve(e, x, span, work, counts)
+            if status != SOLVED or single(rows):
+                return x, status
             if following == len(rows):
                 counts.fallbacks += 1
-                return status
+                return x, status
             counts.rule = following
-            sweep(e, at, at + e.stages)
-            counts.gradient += nodes[following]
-            last, move = move, changes(e, at, at + e.stages)
-            copy(e.memory, at + e.stages, at, e.stages, e.like)
-            sure, ended = unchanged(move, last, abs(e.step.h) * span, eps)
+            last = move
+            x, move = sweep(e, x, counts)
+            sure, ended = unchanged(move, last, noise, e.step.eps)
             if sure or ended:  # the next step need not begin with the rule that only showed the end
                 counts.rule = rule if sure else before
-                return status
+                return x, status
             before = rule
 
-    return confirmed
+    return refine
+
+
+def confirmer(solve: Callable, sweep: Callable, changes: Callable) -> Callable:
+    """Make the `refinement` of unknowns in rows of a memory: a function (equations, at, work, counts) -> status.
+
+    ``solve``, ``sweep`` and ``equations`` are those of `row_solver`; the equations also have the fields q, p and step,
+    and the step h, eps, ``rows`` and ``nodes``: for each row of coefficients, the nodes of its rule.
+    ``changes(equations, old, new)`` is the `Change` from the unknowns in the rows ``old`` to those in the rows ``new``.
+    """
+
+    @inline
+    def solve_rows(e, at, span, work, counts):
+        sweeps, newton, status = solve(e, at, span, e.step.eps, work)
+        counts.gradient += (sweeps + newton) * e.step.nodes[counts.rule]
+        counts.newton += min(newton, 1)
+        return at, status
+
+    @inline
+    def sweep_rows(e, at, counts):
+        sweep(e, at, at + e.stages)
+        counts.gradient += e.step.nodes[counts.rule]
+        move = changes(e, at, at + e.stages)
+        copy(e.memory, at + e.stages, at, e.stages, e.like)
+        return at, move
+
+    refine = refinement(solve_rows, sweep_rows)
+
+    @inline
+    def confirm(e, at, work, counts):
+        """Solve from the start in the rows ``at``, ... by the rule ``counts.rule`` and finer ones; the status."""
+        span = size(e.q) + size(e.p)
+        return refine(e, at, span, abs(e.step.h) * span, work, counts)[1]
+
+    return confirm

@@ -1,4 +1,4 @@
-"""Which unknown acts on which equation: found by probing, checked by differences, brought into a narrow band.
+"""Find which unknown acts on which equation, by probing; order unknowns so that their matrix has a narrow band.
 
 A component that is not a number makes all that it acts on not a number.  Blocks of components are probed, then their
 halves; blocks that act on different equations are probed at once, so that a lattice takes about as many evaluations as
@@ -26,7 +26,7 @@ MOST = 64
 APART, STEP, SEED = 1e-3, 1e-5, 5
 
 
-def found(f: Callable, points: Sequence[np.ndarray]) -> list[np.ndarray]:
+def find_structure(f: Callable, points: Sequence[np.ndarray]) -> list[np.ndarray]:
     """For each component of x, find the components of f(x) that depend on it; f maps n numbers to n.
 
     f is probed, and the result checked, at the first of the ``points`` where f is finite.
@@ -41,7 +41,7 @@ def found(f: Callable, points: Sequence[np.ndarray]) -> list[np.ndarray]:
         at = next((x for x in points if _finite(f, x)), None)
         if at is None:
             raise InvalidInput("the structure cannot be probed: the functions are finite at none of the points tried")
-        reach = _probed(f, at)
+        reach = _probe(f, at)
         _check(f, at, reach)
     return reach
 
@@ -53,14 +53,14 @@ def _finite(f: Callable, x: np.ndarray) -> bool:
         return False
 
 
-def _probed(f: Callable, at: np.ndarray) -> list[np.ndarray]:
+def _probe(f: Callable, at: np.ndarray) -> list[np.ndarray]:
     n = len(at)
     blocks, reach = [(0, n)], [np.arange(n)]
     while len(blocks) < n:
         halves = [_halves(*block) for block in blocks]
         reach = [r for r, parts in zip(reach, halves, strict=True) for _ in parts]
         blocks = [part for parts in halves for part in parts]
-        groups = coloured(reach, n)
+        groups = colour_columns(reach, n)
         touched = []
         for group in range(1 + max(groups)):
             x = at.copy()
@@ -77,8 +77,8 @@ def _halves(low: int, high: int) -> list[tuple[int, int]]:
     return [(low, middle), (middle, high)] if middle > low else [(low, high)]
 
 
-def coloured(reach: Sequence[np.ndarray], n: int) -> list[int]:
-    """Colour the columns so that no two of one colour share a row: array of colours, each the least possible.
+def colour_columns(reach: Sequence[np.ndarray], n: int) -> list[int]:
+    """Colour the columns of a matrix so that no two of one colour have a row in common; the colour of each, an integer.
 
     Raises InvalidInput if that takes more than `MOST` colours.
     """
@@ -101,7 +101,7 @@ def _dense(why: str) -> str:
 
 
 def owners(reach: Sequence[np.ndarray], colours: Sequence[int]) -> np.ndarray:
-    """The column of each colour in each row: array (colours, rows), -1 if there is none."""
+    """The column that each colour has in each row of a matrix: array (colours, rows), -1 if there is none."""
     out = np.full((1 + max(colours), len(reach)), -1)
     for j, (rows, colour) in enumerate(zip(reach, colours, strict=True)):
         out[colour, rows] = j
@@ -109,8 +109,8 @@ def owners(reach: Sequence[np.ndarray], colours: Sequence[int]) -> np.ndarray:
 
 
 def _check(f: Callable, at: np.ndarray, reach: Sequence[np.ndarray]) -> None:
-    """Raise InvalidInput unless the columns found add up to the differences of f along random directions."""
-    colours = np.array(coloured(reach, len(at)))
+    """Raise InvalidInput unless the nonzeros found reproduce the differences of f along random directions."""
+    colours = np.array(colour_columns(reach, len(at)))
     owner = owners(reach, colours)
     step = STEP * (1 + np.abs(at).max())
 
@@ -127,8 +127,8 @@ def _check(f: Callable, at: np.ndarray, reach: Sequence[np.ndarray]) -> None:
             raise InvalidInput(f"the structure is not what probing found: component {wrong.argmax()} {hidden}")
 
 
-def ordered(reach: Sequence[np.ndarray]) -> tuple[np.ndarray, int]:
-    """(place of each unknown in an order that makes the band narrow, the band's half-width).
+def band_order(reach: Sequence[np.ndarray]) -> tuple[np.ndarray, int]:
+    """(place of each unknown in an order that makes the band of the matrix narrow, the band's half-width).
 
     Raises InvalidInput if that is more than `MOST`.
     """

@@ -1,1 +1,1 @@
-"""What is integrated: systems from formulae or from loops written by hand, and what is derived from them."""
+"""Systems to integrate: from formulae or from loops written by hand, and systems derived from other ones."""

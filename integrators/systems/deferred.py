@@ -1,4 +1,4 @@
-"""Systems whose formulae wait: where all that is asked of one is in the cache, SymPy is not needed.
+"""Stand-ins for systems, so that SymPy is not loaded where all that a run needs of a system is in the cache.
 
 A system that is made from text, or by code whose hash is known, has a *key*, the hash of that text or code.  The cache
 keeps, under the key, what the system is asked for (its traits, the text of its functions), and a *shell* of it: an
@@ -20,12 +20,15 @@ FACTS = ("d", "content", "has_energy", "singularities")
 
 
 def key_of(*parts: object) -> str:
-    """The key of what is made from these parts, by their text."""
+    """A hash that identifies what is made from these parts, by their text."""
     return hashlib.sha256(repr(parts).encode()).hexdigest()[:24]
 
 
 def shell(system, key: str, recipe: Callable[[], Any]):
-    """The shell of a system, which gets the key, too; ``recipe`` can be pickled."""
+    """Make the stand-in of a system: it holds a few facts, and makes the system by ``recipe`` when more is needed.
+
+    The system gets the key, too; ``recipe`` can be pickled.
+    """
     system.key = key
     out = type(system).__new__(type(system))
     vars(out).update({name: getattr(system, name) for name in FACTS}, key=key, _functions={}, _recipe=recipe)
@@ -34,7 +37,7 @@ def shell(system, key: str, recipe: Callable[[], Any]):
 
 
 def complete(system, name: str) -> bool:
-    """Have a shell become what its recipe makes, where that has an attribute of the name; whether it was so."""
+    """Turn a stand-in into the whole system if that has an attribute ``name``; True if the attribute is there now."""
     own = vars(system)
     recipe = own.get("_recipe")
     if recipe is None or name not in own.get("_waiting", ()):
@@ -44,8 +47,8 @@ def complete(system, name: str) -> bool:
     return True
 
 
-def kept(name: str):
-    """The object under a name in the cache, or None where there is none that can be read."""
+def load(name: str):
+    """The object pickled under a name in the cache, or None if there is none that can be read."""
     content = cache.read(name)
     try:
         return None if content is None else pickle.loads(content)
@@ -55,9 +58,9 @@ def kept(name: str):
 
 
 def system(key: str, recipe: Callable[[], Any]):
-    """The system of that key: its shell from the cache, or what the recipe makes, of which a shell is then kept."""
+    """The system with the key: a stand-in from the cache, or made by ``recipe``, in which case a stand-in is cached."""
     entry = f"s-{key}.pickle"
-    found = kept(entry)
+    found = load(entry)
     if found is None:
         found = recipe()
         cache.write(entry, pickle.dumps(shell(found, key, recipe)))
@@ -65,7 +68,7 @@ def system(key: str, recipe: Callable[[], Any]):
 
 
 class Named(Mapping):
-    """A mapping whose names are known, and whose values are made when one is asked for."""
+    """A mapping whose names are known, and whose values ``recipe()`` makes when one is read."""
 
     def __init__(self, names, recipe: Callable[[], Mapping]):
         self._names, self._recipe = tuple(names), recipe

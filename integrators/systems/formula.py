@@ -1,4 +1,4 @@
-"""Formulae that a user types, read by a whitelist: Python's parser makes the syntax tree, nothing is evaluated.
+"""Parse formulae that a user types, by a whitelist: Python's parser makes the syntax tree, nothing is evaluated.
 
 Read are decimal numbers, + - * / ** and parentheses, the functions of `FUNCTIONS`, the constants pi and e, and the
 variables that the caller names.  An integer is exact and a decimal the double that Python reads, but in an exponent it
@@ -57,9 +57,9 @@ def parse(text: str, variables: Mapping[str, sp.Expr]) -> sp.Expr:
             raise InvalidInput("it is not real: it has a root or logarithm of a negative number")
         _check_expansion(expression)
     except InvalidInput as error:
-        raise InvalidInput(f"the formula {_shown(text)} cannot be used: {error}") from None
+        raise InvalidInput(f"the formula {_format(text)} cannot be used: {error}") from None
     except RecursionError:
-        raise InvalidInput(f"the formula {_shown(text)} is nested too deep") from None
+        raise InvalidInput(f"the formula {_format(text)} is nested too deep") from None
     return expression
 
 
@@ -68,17 +68,17 @@ def names(text: str) -> list[str]:
     try:
         tree = _tree(text)
     except InvalidInput as error:
-        raise InvalidInput(f"the formula {_shown(text)} cannot be used: {error}") from None
+        raise InvalidInput(f"the formula {_format(text)} cannot be used: {error}") from None
     called = {id(node.func) for node in ast.walk(tree) if isinstance(node, ast.Call)}
     return sorted({node.id for node in ast.walk(tree) if isinstance(node, ast.Name) and id(node) not in called})
 
 
-def _shown(text: str) -> str:
+def _format(text: str) -> str:
     return repr(text) if len(text) <= SHOWN else f"{text[:SHOWN]!r}... of {len(text)} characters"
 
 
 def _tree(text: str) -> ast.expr:
-    """The syntax tree of a text of allowed characters."""
+    """The syntax tree of a formula; raises InvalidInput for characters or syntax that are not allowed."""
     if len(text) > LONGEST:
         raise InvalidInput(f"it has {len(text)} characters; the most is {LONGEST}")
     if not text.strip():
@@ -132,7 +132,7 @@ def _read(node: ast.expr, variables: Mapping[str, sp.Expr], depth: int) -> sp.Ex
             return read(x)
         case ast.BinOp(op=ast.Add() | ast.Sub()):
             terms = _chain(node, (ast.Add, ast.Sub))
-            return _good(sp.Add(*(read(x) if op is ast.Add else -read(x) for op, x in terms)))
+            return _check_number(sp.Add(*(read(x) if op is ast.Add else -read(x) for op, x in terms)))
         case ast.BinOp(op=ast.Mult() | ast.Div()):
             product = sp.Integer(1)
             for op, x in _chain(node, (ast.Mult, ast.Div)):
@@ -144,7 +144,7 @@ def _read(node: ast.expr, variables: Mapping[str, sp.Expr], depth: int) -> sp.Ex
             raise InvalidInput("'^' is no power; write **")
         case ast.Call(func=ast.Name(id=name), args=[x], keywords=[]) if name in FUNCTIONS and name not in variables:
             if not isinstance(x, ast.Starred):
-                return _applied(getattr(sp, FUNCTIONS[name]), read(x))
+                return _apply(getattr(sp, FUNCTIONS[name]), read(x))
         case ast.Call(func=ast.Name(id=name)):
             known = ", ".join(FUNCTIONS)
             raise InvalidInput(f"'{name}' is no function of one argument among {known}; a product is written with *")
@@ -158,7 +158,7 @@ def _number(value: int | float) -> sp.Rational:
         raise InvalidInput(f"a number has more than {DIGITS} digits; write it as a decimal")
     if not isfinite(value):
         raise InvalidInput("a number is too large for a double")
-    return _good(sp.Rational(value))
+    return _check_number(sp.Rational(value))
 
 
 def _name(name: str, variables: Mapping[str, sp.Expr]) -> sp.Expr:
@@ -169,12 +169,12 @@ def _name(name: str, variables: Mapping[str, sp.Expr]) -> sp.Expr:
     if name in FUNCTIONS:
         raise InvalidInput(f"'{name}' is a function: write {name}(...)")
     if name == "t":
-        raise InvalidInput(about_time(len(variables) // 2 + 1))
+        raise InvalidInput(time_hint(len(variables) // 2 + 1))
     raise InvalidInput(f"'{name}' is none of the variables {', '.join(variables)}")
 
 
-def _good(e: sp.Expr) -> sp.Expr:
-    """``e``, if its numbers are short, and if it is a finite real double where it is constant.
+def _check_number(e: sp.Expr) -> sp.Expr:
+    """Return ``e`` if its numbers are short and, if constant, it is a finite real double; else raise InvalidInput.
 
     So no SymPy function is ever handed a number that it would take long to evaluate.
     """
@@ -184,9 +184,9 @@ def _good(e: sp.Expr) -> sp.Expr:
     if not e.is_Rational and not e.free_symbols:
         value = complex(e.evalf()) if not e.has(sp.zoo, sp.nan, sp.oo, -sp.oo) else complex("nan")
         if not isfinite(value.real) or not isfinite(value.imag):
-            raise InvalidInput(f"its constant part {_shown(str(e))} is not finite, or too large for a double")
+            raise InvalidInput(f"its constant part {_format(str(e))} is not finite, or too large for a double")
         if abs(value.imag) > 1e-12 * abs(value):
-            raise InvalidInput(f"its constant part {_shown(str(e))} is not real")
+            raise InvalidInput(f"its constant part {_format(str(e))} is not real")
     return e
 
 
@@ -201,7 +201,7 @@ _LONG = (
 
 
 def _exponents(e: sp.Expr) -> Iterable[tuple[sp.Expr, sp.Expr]]:
-    """(base, exponent) of the factors of ``e`` that are powers."""
+    """Pairs (base, exponent) of those factors of ``e`` that are powers."""
     return [f.as_base_exp() for f in sp.Mul.make_args(e) if f.is_Pow]
 
 
@@ -211,7 +211,7 @@ def _product(a: sp.Expr, b: sp.Expr, divide: bool) -> sp.Expr:
     # SymPy gathers roots of numbers over their common denominator and raises the numbers to it.
     if lcm(1, *(n.q for e in (a, b) for _, n in _exponents(e) if n.is_Rational)) > LARGEST_ROOT:
         raise InvalidInput(f"the denominators of its exponents have a common one above {LARGEST_ROOT}")
-    return _small_powers(_good(a / b if divide else a * b))
+    return _small_powers(_check_number(a / b if divide else a * b))
 
 
 def _small_powers(e: sp.Expr) -> sp.Expr:
@@ -222,11 +222,11 @@ def _small_powers(e: sp.Expr) -> sp.Expr:
 
 
 def _power(base: sp.Expr, n: sp.Expr) -> sp.Expr:
-    """base**n, refused where the numbers or powers in it become large."""
+    """base**n; raises InvalidInput where its numbers or powers would become large."""
     if base == sp.E:
-        return _applied(sp.exp, n)
+        return _apply(sp.exp, n)
     if not n.is_Rational:
-        raise InvalidInput(f"the power {_shown(str(n))} is no rational number; write exp(y*log(x)) for x**y")
+        raise InvalidInput(f"the power {_format(str(n))} is no rational number; write exp(y*log(x)) for x**y")
     if abs(n) > LARGEST_POWER:
         raise InvalidInput(f"a power is of size {float(n):.3g}; the largest is {LARGEST_POWER}")
     near = Fraction(int(n.p), int(n.q)).limit_denominator(LARGEST_ROOT)
@@ -241,19 +241,19 @@ def _power(base: sp.Expr, n: sp.Expr) -> sp.Expr:
     for _, m in _exponents(base):
         if m.is_Rational and (abs(m * n) > LARGEST_POWER or m.q * n.q > LARGEST_ROOT):
             raise InvalidInput(f"a power {m} is raised to {n}; the largest in all is {LARGEST_POWER}")
-    return _small_powers(_good(base**n))
+    return _small_powers(_check_number(base**n))
 
 
-def _applied(function: Callable[[sp.Expr], sp.Expr], x: sp.Expr) -> sp.Expr:
-    """A function of ``x``, as large as SymPy's own simplifications may make it."""
+def _apply(function: Callable[[sp.Expr], sp.Expr], x: sp.Expr) -> sp.Expr:
+    """The function of the expression x; raises InvalidInput where SymPy's simplification makes it too large."""
     if function is sp.sqrt:
         return _power(x, sp.Rational(1, 2))
     if function is sp.exp:
         for term in sp.Add.make_args(x):  # SymPy writes exp(c log y) as y**c
             c, rest = term.as_coeff_Mul()
             if isinstance(rest, sp.log) and c != 1:
-                return _product(_power(rest.args[0], c), _applied(sp.exp, x - term), False)
-    value = _good(function(x))
+                return _product(_power(rest.args[0], c), _apply(sp.exp, x - term), False)
+    value = _check_number(function(x))
     if not (isinstance(value, sp.Function) and value.args == (x,)):
         _small_powers(value)
         _count(value)  # tan(asin(x)) holds x twice: such a chain doubles at every link
@@ -270,36 +270,36 @@ def _count(e: sp.Expr) -> None:
 
 
 def _check_expansion(e: sp.Expr) -> None:
-    """Refuse what grows too large once products and powers are multiplied out, as traits and derivatives do."""
+    """Raise InvalidInput if ``e`` grows too large when products and powers are multiplied out, as derivatives do."""
     _count(e)
     inner = [0]
 
     def terms(x: sp.Expr) -> int:
         if x.is_Add:
-            return _few(sum(map(terms, x.args)))
+            return _check_count(sum(map(terms, x.args)))
         if x.is_Mul:
             count = 1
             for f in x.args:
-                count = _few(count * terms(f))
+                count = _check_count(count * terms(f))
             return count
         if x.is_Pow and x.exp.is_Rational:
             m, n = terms(x.base), ceil(abs(x.exp))
-            return _few(comb(m + n - 1, n))
+            return _check_count(comb(m + n - 1, n))
         for a in x.args:
-            inner[0] = _few(inner[0] + terms(a))
+            inner[0] = _check_count(inner[0] + terms(a))
         return 1
 
-    _few(terms(e) + inner[0])
+    _check_count(terms(e) + inner[0])
 
 
-def _few(n: int) -> int:
+def _check_count(n: int) -> int:
     if n > TERMS:
         raise InvalidInput(f"multiplied out it has more than {TERMS} terms; the most is {TERMS}")
     return n
 
 
-def about_time(n: int) -> str:
-    """How an H that depends on the time t is given: time is the coordinate number n of a system without t."""
+def time_hint(n: int) -> str:
+    """The hint on how to give an H that depends on the time t: time is coordinate number n of a system without t."""
     return (
         f"H depends on the time t: make time a coordinate, write q{n} for t and add p{n} to H, as in "
         f"p1**2/2 - q1*cos(q{n}) + p{n}; it starts from q{n} = 0 and any p{n}, such as 0"

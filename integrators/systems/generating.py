@@ -1,4 +1,4 @@
-r"""The parameterized generating function, from the Hamilton-Jacobi equation.
+r"""The coefficients of the parameterized generating function, from the Hamilton-Jacobi equation.
 
 .. math::
     \partial_t S(u, v, t) = H\bigl(u - (1-\lambda)\,\partial_v S,\; v + \lambda\,\partial_u S\bigr),\qquad
@@ -39,7 +39,7 @@ def _times(a: list[sp.Expr], b: list[sp.Expr], order: int) -> list[sp.Expr]:
 
 
 def coefficients(H: sp.Expr, q: Sequence[sp.Symbol], p: Sequence[sp.Symbol], order: int, lam=None) -> list[sp.Expr]:
-    """K_1, ..., K_order as expressions in v = q, u = p and the parameter ``lam``, at first `LAMBDA`.
+    """The coefficients K_1, ..., K_order of the generating function, as expressions in v = q, u = p and ``lam``.
 
     Raises ValueError for order < 1.
     """
@@ -82,7 +82,7 @@ def coefficients(H: sp.Expr, q: Sequence[sp.Symbol], p: Sequence[sp.Symbol], ord
 
 
 def _power(indices, shifts, products, order):
-    """The product of the shifts ``indices`` as a series in t, from the products known already."""
+    """The product of the power series ``shifts[i]`` for i in ``indices``; ``products`` caches those computed before."""
     if indices in products:
         return products[indices]
     products[indices] = _times(_power(indices[:-1], shifts, products, order), shifts[indices[-1]], order)

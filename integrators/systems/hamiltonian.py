@@ -1,4 +1,4 @@
-r"""Systems from formulae: what they are (traits), and the functions that kernels ask for, derived on demand.
+r"""Systems from formulae: their properties (traits), and the functions that kernels need, derived on demand.
 
 A `Hamiltonian` is :math:`\dot q = H_p, \dot p = -H_q`; a `PartitionedSystem` any :math:`\dot q = a(q, p)`,
 :math:`\dot p = b(q, p)` (Lotka-Volterra in its own variables).
@@ -23,7 +23,7 @@ from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.values import inplace
 
 from . import deferred, generating, magnetic, singularities
-from .formula import about_time, parse
+from .formula import parse, time_hint
 
 
 def _symbols(names: Sequence[sp.Symbol | str] | str) -> tuple[sp.Symbol, ...]:
@@ -33,7 +33,7 @@ def _symbols(names: Sequence[sp.Symbol | str] | str) -> tuple[sp.Symbol, ...]:
 
 
 def _expression(e) -> sp.Expr:
-    """A SymPy expression; raises InvalidInput for what is none, such as a function of Python."""
+    """Convert to a SymPy expression; raises InvalidInput for other objects, such as a Python function."""
     try:
         found = sp.sympify(e)
     except (sp.SympifyError, TypeError, AttributeError):
@@ -129,7 +129,7 @@ class PartitionedSystem:
         e = _expression(e)
         foreign = e.free_symbols - {*self.q, *self.p}
         if "t" in map(str, foreign):
-            raise InvalidInput(about_time(self.d + 1))
+            raise InvalidInput(time_hint(self.d + 1))
         if foreign:
             known = ", ".join(map(str, (*self.q, *self.p)))
             raise InvalidInput(
@@ -146,8 +146,8 @@ class PartitionedSystem:
 
     @cached_property
     def traits(self) -> dict[str, object]:
-        """What methods may require or use, by name."""
-        return self.known("traits", self._traits)
+        """The properties that methods may require or use: name -> value."""
+        return self.recall("traits", self._traits)
 
     def _traits(self) -> dict[str, object]:
         return {
@@ -159,14 +159,14 @@ class PartitionedSystem:
             "Kepler part": self.kepler is not None,
             "Poisson structure": self.poisson,
             "further invariants": len(self.invariants) > 0,
-            "singular distances": bool(singularities.steering(self)),
+            "singular distances": bool(singularities.steering_distances(self)),
             "elementary derivatives": self.canonical and not self.loops and self.elementary,
             "magnetic": magnetic.kind(self),
         }
 
     @property
     def elementary(self) -> bool:
-        """True if stages can be in lanes: few degrees of freedom, and functions that lanes have.
+        """True if the system can be evaluated in SIMD lanes: few degrees of freedom, and functions that lanes have.
 
         The derivatives are made of integer and half-integer powers, sin, cos, exp, sinh, cosh and tanh.
         """
@@ -181,8 +181,8 @@ class PartitionedSystem:
         """True if H = sum p_i^2 / 2 m_i + V(q)."""
         return self.quadratic_kinetic and all(e.free_symbols <= {p} for e, p in zip(self.dq, self.p, strict=True))
 
-    def known(self, name: str, find: Callable[[], object]):
-        """What ``find()`` finds out about the formulae, or what the cache kept of it: something that JSON can write."""
+    def recall(self, name: str, find: Callable[[], object]):
+        """The result of ``find()``, a fact about the formulae that JSON can write; from the cache if there."""
         if not self.key:
             return find()
         entry = f"k-{deferred.key_of(name, self.key)}.json"
@@ -192,16 +192,16 @@ class PartitionedSystem:
 
     @cached_property
     def content(self) -> str:
-        """The hash of what the generated functions depend on."""
+        """The hash of the formulae that the generated functions depend on."""
         text = "|".join([*map(str, (self.q, self.p)), *map(sp.srepr, (*self.dq, *self.dp, self.H))])
         return hashlib.sha256(text.encode()).hexdigest()
 
     def __getstate__(self):
-        """Without the functions that were made ready: they are made again from the formulae, in any process."""
+        """The state for pickling, without compiled functions: they are made again from the formulae, in any process."""
         return self.__dict__ | {"_functions": {}}
 
-    def made(self, kind: str, arguments, results, signature, arithmetic: str):
-        """A generated function; ``results`` is a function without arguments, called only if the text is not cached."""
+    def make_function(self, kind: str, arguments, results, signature, arithmetic: str):
+        """Generate a compiled function of named arguments; ``results()`` makes its expressions if not cached."""
 
         def text(arithmetic: str) -> str:
             from phasebench.integrators.compile import printing
@@ -211,12 +211,15 @@ class PartitionedSystem:
         if (kind, arithmetic) not in self._functions:
             key = f"{kind}|{self.content}"
             if self.fills:
-                key, signature, text = f"{key}|fills", inplace.signature(signature), inplace.written(text)
+                key, signature, text = f"{key}|fills", inplace.signature(signature), inplace.write_in_place(text)
             self._functions[kind, arithmetic] = codegen.function(key, text, signature, arithmetic)
         return self._functions[kind, arithmetic]
 
     def field(self, arithmetic: str = DOUBLE, order: int = 1):
-        """f(q, p, h, lam) -> (q', p'); of ``order`` r > 1, the truncated generating function's (S_u, -S_v) / h."""
+        """The vector field as a function f(q, p, h, lam) -> (q', p').
+
+        For ``order`` r > 1 it is (S_u, -S_v) / h of the generating function S(u, v), truncated after h^r.
+        """
         T, number = codegen.value_type(self.d, self.fills), types.float64
         h, lam = sp.Symbol("h", positive=True), generating.LAMBDA
 
@@ -229,7 +232,7 @@ class PartitionedSystem:
 
         arguments = [("q", self.q), ("p", self.p), ("h", h), ("lam", lam)]
         signature = types.Tuple((T, T))(T, T, number, number)
-        return self.made(f"field-{order}", arguments, results, signature, arithmetic)
+        return self.make_function(f"field-{order}", arguments, results, signature, arithmetic)
 
     def energy(self, arithmetic: str = DOUBLE):
         """energy(q, p) -> (H, M): H is known to eps M, by the rounding of its terms and of the state."""
@@ -240,16 +243,16 @@ class PartitionedSystem:
             terms = sum(sp.Abs(t) for t in sp.Add.make_args(self.H))
             return [self.H, terms + sum(sp.Abs(x * sp.diff(self.H, x)) for x in (*self.q, *self.p))]
 
-        return self.made("energy-2", [("q", self.q), ("p", self.p)], results, signature, arithmetic)
+        return self.make_function("energy-2", [("q", self.q), ("p", self.p)], results, signature, arithmetic)
 
     @cached_property
     def constant(self) -> float:
-        """The additive constant of H."""
-        return self.known("constant", lambda: float(self.H.as_coeff_Add()[0]))
+        """The additive constant of H, a term without variables."""
+        return self.recall("constant", lambda: float(self.H.as_coeff_Add()[0]))
 
     @cached_property
     def _size(self) -> sp.Expr:
-        """The sum of the sizes of H's terms but for a constant; of a sine or cosine its amplitude."""
+        """The sum of the absolute terms of H but for a constant; for a sine or cosine its amplitude."""
 
         def size(factor: sp.Expr) -> sp.Expr:
             base, n = factor.as_base_exp()
@@ -262,17 +265,17 @@ class PartitionedSystem:
     # -- values along rows of Q, P, each of shape (n, d); arrays of shape (n,) ---------------------------------------
 
     def observe(self, expression: Formula, Q: ArrayLike, P: ArrayLike) -> Floats:
-        """The values of an expression in (q, p)."""
-        return self._along(codegen.columnwise(self._text(expression)), Q, P)
+        """The values of an expression in (q, p) at the rows of Q, P, arrays (n, d): array (n,)."""
+        return self._along(codegen.load_columnwise(self._text(expression)), Q, P)
 
-    def observed(self, name: str, expression: Callable[[], Any], Q: ArrayLike, P: ArrayLike) -> Floats:
-        """The values of one of the system's own expressions, which is made only if its text is not cached."""
+    def evaluate(self, name: str, expression: Callable[[], Any], Q: ArrayLike, P: ArrayLike) -> Floats:
+        """Values of one of the system's own expressions at the rows Q, P; ``expression()`` makes it if not cached."""
         if not self.key:
             return self.observe(expression(), Q, P)
         if ("observed", name) not in self._functions:
             entry = f"o-{deferred.key_of(name, self.key)}.py"
             text = codegen.cached_text(entry, lambda: self._text(expression()))
-            self._functions["observed", name] = codegen.columnwise(text)
+            self._functions["observed", name] = codegen.load_columnwise(text)
         return self._along(self._functions["observed", name], Q, P)
 
     def _text(self, expression) -> str:
@@ -289,40 +292,40 @@ class PartitionedSystem:
 
     @cached_property
     def has_energy(self) -> bool:
-        """Whether there is an H."""
+        """True if the system has an energy H."""
         return self.H is not None
 
     @cached_property
     def singularities(self) -> int:
-        """How many distances vanish where the system is singular."""
+        """The number of distances that vanish where the system is singular."""
         return len(self.singular)
 
     def energies(self, Q: ArrayLike, P: ArrayLike) -> Floats:
-        """H."""
-        return self.observed("energy", lambda: self.H, Q, P)
+        """H at each row of Q, P (n, d): array (n,)."""
+        return self.evaluate("energy", lambda: self.H, Q, P)
 
     def distances(self, Q: Any, P: Any) -> Floats:
-        """The sizes of the distances to the singularities, an array (singularities, n)."""
-        found = [self.observed(f"distance {k}", lambda k=k: self.singular[k], Q, P) for k in range(self.singularities)]
+        """The absolute distances to the singularities at each row of Q, P: array (singularities, n)."""
+        found = [self.evaluate(f"distance {k}", lambda k=k: self.singular[k], Q, P) for k in range(self.singularities)]
         return np.abs(found).reshape(self.singularities, len(Q))
 
     def rates(self, Q: Any, P: Any) -> Floats:
-        """y' = (q', p'), an array (2 d, n)."""
+        """The vector field y' = (q', p') at each row of Q, P (n, d): array (2 d, n)."""
         names = [(f"d{x}{k}", x, k) for x in "qp" for k in range(self.d)]
         sides = {"q": lambda k: self.dq[k], "p": lambda k: self.dp[k]}
-        return np.array([self.observed(name, partial(sides[x], k), Q, P) for name, x, k in names])
+        return np.array([self.evaluate(name, partial(sides[x], k), Q, P) for name, x, k in names])
 
     def scale(self, Q: ArrayLike, P: ArrayLike) -> Floats:
-        """The size of H's terms."""
-        return self.observed("size", lambda: self._size, Q, P)
+        """The size of H's terms, the sum of their absolute values, at each row of Q, P (n, d): array (n,)."""
+        return self.evaluate("size", lambda: self._size, Q, P)
 
     def speed(self, Q: ArrayLike, P: ArrayLike) -> Floats:
-        """The Euclidean norm of dq/dt."""
+        """The Euclidean norm of dq/dt at each row of Q, P (n, d): array (n,)."""
         with np.errstate(all="ignore"):
-            return np.sqrt(sum(self.observed(f"dq{k}", lambda k=k: self.dq[k], Q, P) ** 2 for k in range(self.d)))
+            return np.sqrt(sum(self.evaluate(f"dq{k}", lambda k=k: self.dq[k], Q, P) ** 2 for k in range(self.d)))
 
     def vector_field(self, arithmetic: str = DOUBLE):
-        """y -> y' on arrays y = (q, p) of shape (2 d,), for solvers from elsewhere."""
+        """The function y -> y' on arrays y = (q, p) of shape (2 d,), for solvers of other packages."""
         field, d = self.field(arithmetic), self.d
         tuples = codegen.compiled() and arithmetic == DOUBLE and codegen.value_kind(d) == "tuple"
 
@@ -333,13 +336,13 @@ class PartitionedSystem:
         return f
 
 
-def _flat(given) -> list:
-    """The single things among things and sequences of them."""
+def _flatten(given) -> list:
+    """A flat list of the items given, some of which are sequences."""
     return [y for x in given for y in (x if isinstance(x, (tuple, list)) else [x])]
 
 
-def _derived(given: dict) -> Hamiltonian:
-    """The system of formulae as text, derived."""
+def _derive_system(given: dict) -> Hamiltonian:
+    """Make the system from its formulae as text, with all derivations; the recipe of a stand-in (`deferred`)."""
     system = Hamiltonian.__new__(Hamiltonian)
     system._derive(**given)
     return system
@@ -396,14 +399,14 @@ class Hamiltonian(PartitionedSystem):
     ):
         given = {"q": q, "p": p, "H": H, "invariants": invariants}
         given |= {} if singular is None else {"singular": singular}
-        text = all(isinstance(x, str) for x in _flat(given.values())) and type(self) is Hamiltonian
+        text = all(isinstance(x, str) for x in _flatten(given.values())) and type(self) is Hamiltonian
         if not text or frequencies or kepler is not None:
             self._derive(**given, frequencies=frequencies, kepler=kepler)
         else:
-            vars(self).update(vars(deferred.system(deferred.key_of(given), partial(_derived, given))))
+            vars(self).update(vars(deferred.system(deferred.key_of(given), partial(_derive_system, given))))
 
     def _derive(self, *, q, p, H, singular=None, invariants=(), frequencies=(), kepler=None) -> None:
-        """Make the system of the formulae."""
+        """Derive the system from its formulae: its right-hand sides and its distances to singularities."""
         q, p = _symbols(q), _symbols(p)
         if isinstance(H, str):
             H = parse(H, {str(s): s for s in (*q, *p)})
@@ -428,7 +431,7 @@ class Hamiltonian(PartitionedSystem):
 
     @cached_property
     def _split(self) -> tuple[sp.Expr, sp.Expr] | None:
-        """(T(p), V(q)) where H is their sum, else None."""
+        """(T(p), V(q)) if H = T(p) + V(q), else None."""
         momenta, coordinates = set(self.p), set(self.q)
         for rewrite in (sp.sympify, sp.expand):  # an expansion takes long, and is seldom needed
             T, V = sp.Integer(0), sp.Integer(0)
@@ -445,12 +448,12 @@ class Hamiltonian(PartitionedSystem):
 
     @property
     def separable(self) -> bool:
-        """Whether H = T(p) + V(q)."""
+        """True if H = T(p) + V(q)."""
         return self._split is not None
 
     @cached_property
     def quadratic_kinetic(self) -> bool:
-        """Whether H = p . M^-1 p / 2 + V(q) with a constant M."""
+        """True if H = p . M^-1 p / 2 + V(q) with a constant M."""
         if self._split is None:
             return False
         T = self._split[0]
@@ -458,7 +461,7 @@ class Hamiltonian(PartitionedSystem):
 
     @cached_property
     def unit_mass(self) -> bool:
-        """Whether the velocity is the momentum itself."""
+        """True if the velocity is the momentum itself."""
         return self.quadratic_kinetic and all(sp.expand(a - b) == 0 for a, b in zip(self.dq, self.p, strict=True))
 
     @cached_property
@@ -472,41 +475,41 @@ class Hamiltonian(PartitionedSystem):
 
     @property
     def kinetic(self) -> sp.Expr | None:
-        """T(p) of a separable H."""
+        """The kinetic energy T(p) of a separable H; else None."""
         return None if self._split is None else self._split[0]
 
     @property
     def potential(self) -> sp.Expr | None:
-        """V(q) of a separable H."""
+        """The potential V(q) of a separable H; else None."""
         return None if self._split is None else self._split[1]
 
     def grad_T(self, arithmetic: str = DOUBLE):
-        """p -> grad T(p) of a separable H; None where that is p itself."""
+        """The function p -> grad T(p) of a separable H; None if that is p itself."""
         if self.unit_mass:
             return None
         T = codegen.value_type(self.d, self.fills)
-        return self.made(
+        return self.make_function(
             "grad_T", [("p", self.p)], lambda: [[sp.diff(self.kinetic, x) for x in self.p]], T(T), arithmetic
         )
 
     def grad_V(self, arithmetic: str = DOUBLE):
-        """q -> grad V(q) of a separable H."""
+        """The function q -> grad V(q) of a separable H."""
         T = codegen.value_type(self.d, self.fills)
-        return self.made(
+        return self.make_function(
             "grad_V", [("q", self.q)], lambda: [[sp.diff(self.potential, x) for x in self.q]], T(T), arithmetic
         )
 
     @property
     def slow_potential(self) -> sp.Expr:
-        """U(q): the potential without the fast linear part."""
+        """The slow potential U(q): V(q) without the fast linear part."""
         return sp.expand_mul(
             self.potential - sum(w**2 * x**2 for w, x in zip(self.frequencies, self.q, strict=True)) / 2
         )
 
     def grad_U(self, arithmetic: str = DOUBLE):
-        """q -> grad U(q) of a system with a fast linear part."""
+        """The function q -> grad U(q) of the slow potential U, for a system with a fast linear part."""
         T = codegen.value_type(self.d)
-        return self.made(
+        return self.make_function(
             f"grad_U {self.frequencies}",
             [("q", self.q)],
             lambda: [[sp.diff(self.slow_potential, x) for x in self.q]],

@@ -48,12 +48,12 @@ from .hamiltonian import Hamiltonian, _symbols
 
 
 def part(loop: Callable) -> Callable:
-    """The loop, such that other loops may call it."""
+    """Make a hand-written loop callable from other loops when they are compiled."""
     return register_jitable(**vector.COMMON)(loop)
 
 
-def of_unit_masses(force: Callable) -> Callable:
-    """The loop of the field (p, -grad V), of a loop that writes -grad V."""
+def unit_mass_field(force: Callable) -> Callable:
+    """Make the loop of the field (p, -grad V) from ``force``, a loop (q, out) that writes -grad V."""
     force = part(force)
 
     def f(q, p, h, lam, dq, dp):
@@ -65,14 +65,17 @@ def of_unit_masses(force: Callable) -> Callable:
 
 
 @lru_cache(maxsize=256)
-def _compiled(name: str, loop: Callable, constants: tuple[float, ...], fills: bool, d: int):
-    """The loop of that name compiled for these constants, once in a process."""
+def _compile(name: str, loop: Callable, constants: tuple[float, ...], fills: bool, d: int):
+    """Compile a user's loop for these constants, once in a process.
+
+    ``name`` is "energy", "field", "grad_V" or "grad_U"; ``fills``: the compiled loop writes its results into arrays.
+    """
     source = Path(inspect.getfile(loop)).read_bytes()  # of helpers too
     content = f"{loop.__qualname__}|{constants}|{hashlib.sha256(source).hexdigest()}"
     signature = SIGNATURES[name](codegen.value_type(d))
-    made, writes = _as_asked(loop(*constants), len(signature.args), fills)
+    made, writes = _adapt(loop(*constants), len(signature.args), fills)
     options = vector.TUPLES if fills and writes else vector.ARRAYS  # a loop that writes need not allocate
-    return machine.compiled(
+    return machine.load_or_compile(
         made, inplace.signature(signature) if fills else signature, options, f"loop {fills}|{content}"
     )
 
@@ -86,8 +89,11 @@ SIGNATURES = {
 }
 
 
-def _as_asked(loop: Callable, given: int, fills: bool) -> tuple[Callable, bool]:
-    """A loop of so many arguments as one that writes its results, or as one that returns them; whether it writes."""
+def _adapt(loop: Callable, given: int, fills: bool) -> tuple[Callable, bool]:
+    """(a user's loop as one that writes its results if ``fills``, else as one that returns them; True if it writes).
+
+    ``given`` is the number of its arguments without those to write into.
+    """
     writes = len(inspect.signature(loop).parameters) > given
     if writes == fills:
         return loop, writes
@@ -114,13 +120,13 @@ def _as_asked(loop: Callable, given: int, fills: bool) -> tuple[Callable, bool]:
     return (writing_field if fills else returning_field), writes
 
 
-def plain(name: str, loop: Callable, constants) -> Callable:
-    """The loop of that name for these constants, not compiled, as one that returns its results."""
-    return _as_asked(loop(*constants), len(SIGNATURES[name](types.float64).args), False)[0]
+def uncompiled_loop(name: str, loop: Callable, constants) -> Callable:
+    """A user's loop for these constants, uncompiled, as a function that returns its results."""
+    return _adapt(loop(*constants), len(SIGNATURES[name](types.float64).args), False)[0]
 
 
-class Unwritten:
-    """In the place of H where a system has loops and no formula."""
+class MissingFormula:
+    """Stands in the place of H in a system that has loops and no formula; raises InvalidInput when it is used."""
 
     def _sympy_(self):
         raise InvalidInput("this system has loops and no formula to derive anything from; give its H as an expression")
@@ -130,7 +136,7 @@ class Unwritten:
 
 
 class HandHamiltonian(Hamiltonian):
-    """The canonical system of H(q, p) with loops for its functions.
+    """The canonical system of H(q, p) whose functions are loops written by the user.
 
     Parameters
     ----------
@@ -141,7 +147,7 @@ class HandHamiltonian(Hamiltonian):
     degree : of a polynomial H
     invariants : expressions, or functions of the rows Q, P
     singular : distances that vanish where H is singular, as expressions or functions of the rows Q, P
-    frequencies : d numbers, as of a `Hamiltonian`
+    frequencies : d numbers, as in `Hamiltonian`
 
     Raises
     ------
@@ -190,7 +196,7 @@ class HandHamiltonian(Hamiltonian):
         missing = [name for name in ("energy", "field") if name not in loops]
         if missing:
             raise InvalidInput(f"the loop '{missing[0]}' is missing; there are {', '.join(sorted(loops)) or 'none'}")
-        self.H, self.loops, self.constants = Unwritten() if H is None else H, loops, tuple(constants)
+        self.H, self.loops, self.constants = MissingFormula() if H is None else H, loops, tuple(constants)
         self.singular, self.softened = tuple(singular), ()
         self.invariants, self.kepler = tuple(invariants), None
         self.frequencies = tuple(sp.sympify(w) for w in frequencies)
@@ -200,65 +206,65 @@ class HandHamiltonian(Hamiltonian):
 
     @cached_property
     def dq(self) -> tuple[sp.Expr, ...]:
-        """H_p, derived when asked for."""
+        """The expressions H_p, derived from the formula at the first access."""
         return tuple(sp.diff(self.H, x) for x in self.p)
 
     @cached_property
     def dp(self) -> tuple[sp.Expr, ...]:
-        """-H_q, derived when asked for."""
+        """The expressions -H_q, derived from the formula at the first access."""
         return tuple(-sp.diff(self.H, x) for x in self.q)
 
     def _loop(self, name: str, arithmetic: str):
-        constants = tuple(codegen.exactly(c, arithmetic) for c in self.constants)
+        constants = tuple(codegen.to_number(c, arithmetic) for c in self.constants)
         if arithmetic == DOUBLE and codegen.compiled():
-            return _compiled(name, self.loops[name], constants, self.fills, self.d)
+            return _compile(name, self.loops[name], constants, self.fills, self.d)
         if ("loop", name, arithmetic) not in self._functions:
-            self._functions["loop", name, arithmetic] = plain(name, self.loops[name], constants)
+            self._functions["loop", name, arithmetic] = uncompiled_loop(name, self.loops[name], constants)
         return self._functions["loop", name, arithmetic]
 
     def field(self, arithmetic: str = DOUBLE, order: int = 1):
-        """The loop; of ``order`` > 1, derived from the formula."""
+        """The vector field, a user's loop (q, p, h, lam) -> (q', p'); for ``order`` > 1 derived from the formula."""
         return self._loop("field", arithmetic) if order == 1 else super().field(arithmetic, order)
 
     def grad_V(self, arithmetic: str = DOUBLE):
-        """The loop."""
+        """The gradient of V, a user's loop q -> grad V(q)."""
         return self._loop("grad_V", arithmetic)
 
     def grad_U(self, arithmetic: str = DOUBLE):
-        """The loop, or derived from the formula where there is none."""
+        """The gradient of the slow potential U(q): the user's loop, or derived from the formula if there is none."""
         return self._loop("grad_U", arithmetic) if "grad_U" in self.loops else super().grad_U(arithmetic)
 
     def energy(self, arithmetic: str = DOUBLE):
-        """The loop."""
+        """The energy, a user's loop (q, p) -> (H, M), where the round-off of H is about eps M."""
         return self._loop("energy", arithmetic)
 
     @cached_property
     def constant(self) -> float:
-        """The additive constant of H; none is known of loops alone."""
-        return 0.0 if isinstance(self.H, Unwritten) else super().constant
+        """The additive constant of H; 0 if there are loops and no formula."""
+        return 0.0 if isinstance(self.H, MissingFormula) else super().constant
 
     def speed(self, Q, P):
-        """By the loop of the field."""
+        """The Euclidean norm of dq/dt at each row of Q, P (n, d): array (n,), by the user's loop."""
         field = self.field()
         rows = zip(np.ascontiguousarray(Q, float), np.ascontiguousarray(P, float), strict=True)
         return np.array([np.linalg.norm(field(q, p, 0.0, 0.0)[0]) for q, p in rows])
 
     def scale(self, Q, P):
-        """A third of what the loop says the round-off of H is in units of: of quadratic terms their size."""
+        """The size of H's terms at each row of Q, P (n, d), a third of M of the user's loop: array (n,)."""
         Q, P = np.ascontiguousarray(Q, float), np.ascontiguousarray(P, float)
         energy = self.energy()
         with np.errstate(all="ignore"):
             return np.array([energy(q, p)[1] for q, p in zip(Q, P, strict=True)], float) / 3
 
     def energies(self, Q, P):
-        """By the loop."""
+        """H at each row of Q, P (n, d): array (n,), by the user's loop."""
         Q, P = np.ascontiguousarray(Q, float), np.ascontiguousarray(P, float)
         energy = self.energy()
         with np.errstate(all="ignore"):
             return np.array([energy(q, p)[0] for q, p in zip(Q, P, strict=True)], float)
 
     def observe(self, expression, Q, P):
-        """As of every system; H by its loop, and ``expression`` may be a function of the rows."""
+        """Values of an expression in (q, p), or of a function of (Q, P), at the rows Q, P; H by the user's loop."""
         Q, P = np.ascontiguousarray(Q, float), np.ascontiguousarray(P, float)
         if expression is self.H:
             return self.energies(Q, P)

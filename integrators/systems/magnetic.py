@@ -1,4 +1,4 @@
-r"""A charged particle's Hamiltonian, recognized, and its fields E and B, derived.
+r"""Recognize the Hamiltonian of a charged particle in a magnetic field, and derive its fields E and B.
 
 A Hamiltonian of d = 2 or 3 degrees of freedom is *magnetic* where it is
 
@@ -47,7 +47,7 @@ DIGITS = 60
 
 @dataclass(frozen=True)
 class Particle:
-    """What a magnetic Hamiltonian is made of: expressions in the coordinates (see the module).
+    """The potentials and fields of a charged particle: expressions in its coordinates.
 
     Attributes
     ----------
@@ -66,7 +66,7 @@ class Particle:
 
     @property
     def kind(self) -> str:
-        """Which of the two Hamiltonians it is."""
+        """The form of the Hamiltonian: "relativistic" or "classical"."""
         return RELATIVISTIC if self.slowness else CLASSICAL
 
 
@@ -74,13 +74,13 @@ _particles: WeakKeyDictionary = WeakKeyDictionary()
 
 
 def kind(system) -> str:
-    """ "classical" or "relativistic"; empty where the system is not magnetic."""
+    """The form of a Hamiltonian: "classical" or "relativistic"; "" if it is not a particle in a magnetic field."""
     found = particle(system)
     return found.kind if found else ""
 
 
 def particle(system) -> Particle | None:
-    """The potentials and fields of a system, or None where it is not magnetic."""
+    """The potentials and fields of a system; None if it is not a charged particle in a magnetic field."""
     if system not in _particles:
         _particles[system] = _recognize(system)
     return _particles[system]
@@ -102,6 +102,8 @@ def _recognize(system) -> Particle | None:
 def _square(f, p) -> tuple[Any, tuple, Any] | None:
     """(k, A, rest) where f is k |p - A|^2 / 2 + rest with a constant k > 0, A and rest free of p; else None."""
     slopes = [sp.diff(f, x) for x in p]
+    if _varies(sp.diff(slopes[0], p[0])):
+        return None
     seconds = [[sp.expand(sp.diff(s, x)) for x in p] for s in slopes]
     k = seconds[0][0]
     if not k.is_positive or k.free_symbols:
@@ -113,8 +115,16 @@ def _square(f, p) -> tuple[Any, tuple, Any] | None:
     return None if any(e.has(*p) for e in (*A, rest)) else (k, A, rest)
 
 
+def _varies(f) -> bool:
+    """True if f has different values at two places, which is quick to see; to expand f may take seconds."""
+    names = sorted(f.free_symbols, key=str)
+    places = ({x: sp.Rational(31 * (i + 1) % (37 + k), 29) for i, x in enumerate(names)} for k in range(2))
+    values = [f.evalf(subs=place) for place in places]
+    return all(v.is_Float and v.is_finite for v in values) and bool(abs(values[0] - values[1]) > abs(values[0]) / 1000)
+
+
 def _of_root(system, root) -> Particle | None:
-    """The particle of H = a root + phi, root = sqrt(M + k |p - A|^2 / 2)."""
+    """The particle of H = a root + phi, if ``root`` is sqrt(M + k |p - A|^2 / 2); else None."""
     a, inside = sp.diff(system.H.subs(root, sp.Symbol("r_")), sp.Symbol("r_")), _square(root.base, system.p)
     phi = sp.expand(system.H - a * root)
     if inside is None or a.free_symbols or not a.is_positive or phi.has(*system.p):
@@ -149,7 +159,7 @@ def _short(e):
 
 
 def constants(system) -> tuple[Any, Any]:
-    """(m, 1 / c^2), fractions, or numbers of `DIGITS` digits where they are irrational."""
+    """The mass and the inverse square of the speed of light, (m, 1 / c^2): fractions, or numbers of `DIGITS` digits."""
     found = particle(system)
     with mpmath.workdps(DIGITS):
         return tuple(
@@ -162,22 +172,22 @@ def constants(system) -> tuple[Any, Any]:
 
 
 def fields(system, arithmetic: str = DOUBLE):
-    """The function x -> (E, B)."""
+    """Make the function x -> (E, B) of the electric and magnetic field at a place."""
     T = codegen.value_type(system.d)
 
     def results():
         found = particle(system)
         return [list(found.E), list(found.B)]
 
-    return system.made("E and B", [("q", system.q)], results, types.Tuple((T, T))(T), arithmetic)
+    return system.make_function("E and B", [("q", system.q)], results, types.Tuple((T, T))(T), arithmetic)
 
 
 def shift(system, arithmetic: str = DOUBLE):
-    """The function x -> A / m, by which p / m is more than u."""
+    """Make the function x -> A / m, by which p / m exceeds u; A is the vector potential."""
     T = codegen.value_type(system.d)
 
     def results():
         found = particle(system)
         return [[a / found.mass for a in found.A]]
 
-    return system.made("A / m", [("q", system.q)], results, T(T), arithmetic)
+    return system.make_function("A / m", [("q", system.q)], results, T(T), arithmetic)

@@ -52,86 +52,86 @@ class Equation:
 
     @property
     def moving(self) -> int:
-        """The number of components of y."""
+        """The number of components of y, the part of z that evolves in time."""
         return len(self.K) - self.slopes
 
 
 def _form(a, B, b):
-    """a^T B b in each cell, for arrays (..., n)."""
+    """The bilinear form a^T B b in each cell, for arrays a, b of shape (..., n)."""
     return np.einsum("...i,ij,...j->...", a, B, b)
 
 
 @dataclass(frozen=True)
 class Division:
-    """A period of ``N`` cells of width ``dx``: the common part of both divisions."""
+    """A discretization of a periodic space by ``N`` cells of width ``dx``: the base class of `Box` and `Staggered`."""
 
     equation: Equation
     N: int
     dx: float
 
     def __post_init__(self):
-        """Refuse what is no division."""
+        """Raise InvalidInput unless there are at least 3 cells of positive width."""
         if int(self.N) != self.N or self.N < 3 or not self.dx > 0:
             raise InvalidInput(f"{self.N} cells of width {self.dx}: at least 3 of positive width are needed")
 
-    def lifted(self, y):
-        """Z = (y, D y) of arrays (..., N, n - k)."""
+    def lift(self, y):
+        """The variables z = (y, D y) in each cell, from arrays y of shape (..., N, n - k)."""
         return np.concatenate([y, self.slope(y[..., : self.equation.slopes])], axis=-1)
 
     @cached_property
     def _parts(self) -> tuple[np.ndarray, np.ndarray]:
-        """(K^-1 of y, L from w to y)."""
+        """Blocks of the matrices of the equation: (the inverse of K's block that acts on y, L's block from w to y)."""
         m = self.equation.moving
         return np.linalg.inv(self.equation.K[:m, :m]), self.equation.L[:m, m:]
 
     @cached_property
     def _second(self) -> np.ndarray:
-        """-D^T D."""
+        """The matrix -D^T D of the second difference in space, D being that of the slope."""
         D = self.slope(np.eye(self.N))
         return -D.T @ D
 
     def field(self, y):
-        """y_t of an array (N, n - k)."""
+        """The right-hand side: y_t for an array y of shape (N, n - k)."""
         inverse, L = self._parts
-        z = self.lifted(y)
+        z = self.lift(y)
         force = self.equation.gradient(z)[..., : y.shape[-1]] - self.back(z[..., y.shape[-1] :]) @ L.T
         return force @ inverse.T
 
     def jacobian(self, y):
-        """The derivative of `field`, array (N (n - k), N (n - k))."""
+        """The derivative of `field` at y: array (N (n - k), N (n - k))."""
         m, k = self.equation.moving, self.equation.slopes
         inverse, L = self._parts
-        local = inverse @ self.equation.hessian(self.lifted(y))[:, :m, :m]
+        local = inverse @ self.equation.hessian(self.lift(y))[:, :m, :m]
         full = np.einsum("ij,ab->iajb", self._second, -inverse @ L @ np.eye(k, m))
         cells = np.arange(self.N)
         full[cells, :, cells, :] += local
         return full.reshape(self.N * m, self.N * m)
 
     def divergence(self, flux):
-        """The difference of a flux through the left and the right end of each cell, over its width."""
+        """The discrete divergence of a flux: its difference between the ends of each cell over the width."""
         return (np.roll(flux, -1, axis=-1) - flux) / self.dx
 
     def total_energy(self, y) -> float:
         """The sum of the energy density over the cells, times their width."""
-        return float(self.energy(self.lifted(y)).sum() * self.dx)
+        return float(self.energy(self.lift(y)).sum() * self.dx)
 
 
 class Box(Division):
-    """Midpoint in space; fluxes are of the values at the nodes."""
+    """The midpoint rule in space; fluxes are those of the values at the nodes, which are the ends of cells."""
 
     def __post_init__(self):
-        """Refuse an even number of cells: then cells do not determine nodes."""
+        """Raise InvalidInput for an even number of cells: then values in cells do not determine those at nodes."""
         super().__post_init__()
         if self.N % 2 == 0:
             raise InvalidInput(f"the box scheme on a period needs an odd number of cells, not {self.N}")
 
     @cached_property
     def _inverse(self) -> np.ndarray:
-        """Of the mean of neighbours: alternating signs."""
+        """The inverse of the matrix of the means of neighbours: alternating signs."""
         return np.linalg.inv((np.eye(self.N) + np.roll(np.eye(self.N), 1, axis=1)) / 2).round()
 
     def nodes(self, z):
-        """The values at the cells' left ends.
+        """The values of z at the cells' left ends, from z in the cells.
 
         They are the means of neighbouring cells and what these miss, of the size of the second difference: the
         alternating sum of z itself would lose digits.
@@ -140,74 +140,74 @@ class Box(Division):
         return (left + z) / 2 - self._inverse @ ((right - z) - (z - left)) / 4
 
     def slope(self, z):
-        """The difference of a cell's nodes over its width."""
+        """The space derivative in each cell: the difference of the values at its ends over its width."""
         return self.nodes((np.roll(z, -1, axis=-2) - z) / self.dx)
 
     back = slope
 
     def two_form(self, u, v):
-        """The flux u^T L v of the symplectic form through the left ends."""
+        """The flux u^T L v of the symplectic form through the left ends of the cells."""
         return _form(self.nodes(u), self.equation.L, self.nodes(v))
 
     def energy(self, z):
-        """The density S - z^T L z_x / 2 in each cell."""
+        """The energy density S - z^T L z_x / 2 in each cell."""
         return self.equation.S(z) - _form(z, self.equation.L, self.slope(z)) / 2
 
     def energy_flux(self, z, rate):
-        """The flux z^T L z_t / 2 through the left ends."""
+        """The energy flux z^T L z_t / 2 through the left ends of the cells; ``rate`` is z_t."""
         return _form(self.nodes(z), self.equation.L, self.nodes(rate)) / 2
 
     def momentum(self, z):
-        """The density z^T K z_x / 2 in each cell."""
+        """The momentum density z^T K z_x / 2 in each cell."""
         return _form(z, self.equation.K, self.slope(z)) / 2
 
     def momentum_flux(self, z, rate):
-        """The flux S - z^T K z_t / 2 through the left ends."""
+        """The momentum flux S - z^T K z_t / 2 through the left ends of the cells; ``rate`` is z_t."""
         z = self.nodes(z)
         return self.equation.S(z) - _form(z, self.equation.K, self.nodes(rate)) / 2
 
 
 class Staggered(Division):
-    """Symplectic Euler in space: w of a cell is the slope between it and the cell on its left."""
+    """The symplectic Euler rule in space: w in a cell is the slope of y between it and the cell on its left."""
 
     def slope(self, z):
-        """The backward difference."""
+        """The backward difference in space, over the width of a cell."""
         return (z - np.roll(z, 1, axis=-2)) / self.dx
 
     def back(self, w):
-        """The forward difference."""
+        """The forward difference in space, over the width of a cell."""
         return (np.roll(w, -1, axis=-2) - w) / self.dx
 
     @cached_property
     def _upper(self) -> np.ndarray:
-        """L_+, the part of L that acts on w."""
+        """The matrix L_+: of the equation's matrix L the block that acts on the slopes w, zero elsewhere."""
         m = self.equation.moving
         upper = np.zeros_like(self.equation.L)
         upper[:m, m:] = self.equation.L[:m, m:]
         return upper
 
     def _across(self, a, b):
-        """a^T L_+ b with a of the cell on the left."""
+        """The bilinear form a^T L_+ b, with a of the cell on the left."""
         return _form(np.roll(a, 1, axis=-2), self._upper, b)
 
     def two_form(self, u, v):
-        """The flux of the symplectic form through the left ends."""
+        """The flux of the symplectic form of two tangents u, v through the left ends of the cells."""
         return self._across(u, v) - self._across(v, u)
 
     def energy(self, z):
-        """The density S + z_x^T L_+ z in each cell."""
+        """The energy density S + z_x^T L_+ z in each cell."""
         return self.equation.S(z) + _form(self.slope(z), self._upper, z)
 
     def energy_flux(self, z, rate):
-        """The flux -z_t^T L_+ z through the left ends."""
+        """The energy flux -z_t^T L_+ z through the left ends of the cells; ``rate`` is z_t."""
         return -self._across(rate, z)
 
     def momentum(self, z):
-        """The density z^T K z_x / 2 in each cell, with the central difference."""
+        """The momentum density z^T K z_x / 2 in each cell, with z_x by central differences."""
         return _form(z, self.equation.K, (self.slope(z) + self.back(z)) / 2) / 2
 
     def momentum_flux(self, z, rate):
-        """The flux S - z^T K z_t / 2 through the left ends, where w is and y is a mean."""
+        """The momentum flux S - z^T K z_t / 2 through the left ends of the cells, where w is given and y a mean."""
         m = self.equation.moving
         z, rate = z.copy(), rate.copy()
         for x in (z, rate):

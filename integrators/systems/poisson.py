@@ -45,7 +45,7 @@ class PoissonSystem(PartitionedSystem):
     H : expression or formula
     dq, dp : sequences of d expressions, optional
         The components of B grad H in the form in which they are to be evaluated.
-    singular, invariants : as of a `PartitionedSystem`; Casimirs are invariants
+    singular, invariants : as in `PartitionedSystem`; Casimirs are invariants
 
     Raises
     ------
@@ -73,12 +73,12 @@ class PoissonSystem(PartitionedSystem):
         self.B = B
 
     def gradient(self, arithmetic: str = DOUBLE):
-        """(q, p, h, lam) -> (H_q, H_p), as `field` is called."""
+        """Make the function (q, p, h, lam) -> (H_q, H_p), with the arguments of a field."""
         T, number = codegen.value_type(self.d), types.float64
         h, lam = sp.symbols("h lam")
         arguments = [("q", self.q), ("p", self.p), ("h", h), ("lam", lam)]
         signature = types.Tuple((T, T))(T, T, number, number)
-        return self.made(
+        return self.make_function(
             "gradient",
             arguments,
             lambda: [[sp.diff(self.H, x) for x in self.q], [sp.diff(self.H, x) for x in self.p]],
@@ -87,7 +87,7 @@ class PoissonSystem(PartitionedSystem):
         )
 
     def structure(self, arithmetic: str = DOUBLE):
-        """(q, p, a, b) -> B(q, p) (a, b), by halves."""
+        """Make the function (q, p, a, b) -> B(q, p) (a, b): the structure matrix times a vector, in halves."""
         T, d = codegen.value_type(self.d), self.d
         a, b = (sp.symbols([f"{n}{i}_" for i in range(d)]) for n in ("a", "b"))
 
@@ -97,4 +97,4 @@ class PoissonSystem(PartitionedSystem):
 
         arguments = [("q", self.q), ("p", self.p), ("a", a), ("b", b)]
         kind = f"structure {sp.srepr(self.B)}"
-        return self.made(kind, arguments, results, types.Tuple((T, T))(T, T, T, T), arithmetic)
+        return self.make_function(kind, arguments, results, types.Tuple((T, T))(T, T, T, T), arithmetic)

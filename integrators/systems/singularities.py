@@ -1,4 +1,4 @@
-"""Distances to the singularities of a formula, found in it: bases of negative powers, arguments of logarithms, poles.
+"""Find the distances to the singularities of a formula: in negative powers, logarithms and poles of tangents.
 
 Of 1/sqrt(x**2 + y**2), written in any way, it is r = sqrt(x**2 + y**2); of 1/(q - 1)**2 and log(q - 1) it is q - 1.  A
 base that is a sum of squares and a positive number, as in 1/sqrt(r**2 + 0.01), has a *softened* distance: it cannot
@@ -26,14 +26,14 @@ FACTORIZED = 4
 
 
 class Distances(NamedTuple):
-    """Expressions that vanish at singularities, and those that cannot vanish but steer the step all the same."""
+    """Distances to singularities: ``singular`` ones, which vanish there, and ``softened`` ones, which cannot."""
 
     singular: tuple[sp.Expr, ...]
     softened: tuple[sp.Expr, ...]
 
 
 def find(H: sp.Expr, coordinates: Sequence[sp.Symbol], momenta: Sequence[sp.Symbol]) -> Distances:
-    """The distances to the singularities of H in the coordinates; a base that holds momenta has none."""
+    """The distances to the singularities of H in the coordinates; bases of powers that contain momenta are left out."""
     found: dict[bool, dict[sp.Expr, None]] = {True: {}, False: {}}
     bases = list(dict.fromkeys(_bases(H, {*coordinates}, {*momenta})))
     if any(map(_too_long, bases)):
@@ -47,8 +47,8 @@ def find(H: sp.Expr, coordinates: Sequence[sp.Symbol], momenta: Sequence[sp.Symb
 
 
 def unsearched(system) -> bool:
-    """True if H may have singular distances that nobody looked for: a base has more operations than `LONGEST`."""
-    if not system.canonical or system.loops or steering(system):
+    """True if H may have singularities that were not searched for, since a base has more operations than `LONGEST`."""
+    if not system.canonical or system.loops or steering_distances(system):
         return False
     return any(map(_too_long, _bases(system.H, {*system.q}, {*system.p})))
 
@@ -57,18 +57,18 @@ def _too_long(base: sp.Expr) -> bool:
     return sp.count_ops(base) > LONGEST
 
 
-def steering(system) -> tuple:
-    """The distances that steps follow: those that vanish and those that are softened."""
+def steering_distances(system) -> tuple:
+    """The distances by which variable steps are chosen: those that vanish at singularities and softened ones."""
     return (*system.singular, *system.softened)
 
 
 def size(distance: sp.Expr) -> sp.Expr:
-    """|distance|: one such as q - 1 has a sign."""
+    """The absolute value of a distance, which may have a sign, as q - 1 has."""
     return distance if distance.is_nonnegative else sp.Abs(distance)
 
 
 def density(distances: Iterable[sp.Expr], q: Sequence[sp.Symbol], dq: Sequence[sp.Expr]) -> tuple[sp.Expr, sp.Expr]:
-    r"""(:math:`1/\sigma^2 = \sum_k |r_k|^{-3}`, its derivative along the motion q' = dq)."""
+    r"""(:math:`1/\sigma^2 = \sum_k |r_k|^{-3}` of the distances r_k, its time derivative along the motion q' = dq)."""
     terms, rates = [], []
     for r in distances:
         term = size(r) ** -3
@@ -82,7 +82,10 @@ def density(distances: Iterable[sp.Expr], q: Sequence[sp.Symbol], dq: Sequence[s
 
 
 def _bases(H: sp.Expr, coordinates: set, momenta: set) -> Iterator[sp.Expr]:
-    """What H must not be zero of: bases of negative powers, arguments of logarithms, cosines below a tangent."""
+    """Yield the expressions whose zeros are singularities of H: bases of negative powers, arguments of logarithms, ...
+
+    A tangent contributes its cosine.
+    """
     for e in sp.preorder_traversal(H):
         if isinstance(e, sp.Pow) and e.exp.is_number and e.exp.is_negative:
             base = e.base
@@ -97,7 +100,7 @@ def _bases(H: sp.Expr, coordinates: set, momenta: set) -> Iterator[sp.Expr]:
 
 
 def _factors(base: sp.Expr) -> Iterator[sp.Expr]:
-    """The factors of a base whose zeros are its own, without their powers."""
+    """Yield the factors of a base, without their powers, since it is zero where one of them is."""
     exact = base.replace(lambda e: e.is_Float, lambda e: sp.Rational(float(e)))
     numerator = sp.fraction(sp.together(exact))[0]
     for f in sp.Mul.make_args(numerator):
@@ -116,7 +119,7 @@ def _factors(base: sp.Expr) -> Iterator[sp.Expr]:
 
 
 def _distance(F: sp.Expr, variables) -> tuple[sp.Expr | None, bool]:
-    """(the distance of a factor, whether it vanishes somewhere); None where the factor is regular."""
+    """(distance to the zeros of a factor F, True if it vanishes somewhere); the distance is None if F is regular."""
     if F.is_polynomial():
         polynomial = sp.Poly(F, *variables)
         degree = polynomial.total_degree()
@@ -146,9 +149,9 @@ def _of_quadratic(polynomial, variables) -> tuple[sp.Expr, bool]:
 
 
 def _squares(F: sp.Expr, variables) -> tuple[list[tuple], sp.Rational | None]:
-    """A quadratic polynomial as sum a x^2 + its least value: ([(a, x), ...], that); None where it has none.
+    """Complete squares in a quadratic polynomial: ([(a, x), ...], least value) of sum a x^2 + least value.
 
-    Where it is nearly zero its value is known to all digits in this form alone.
+    The least value is None where there is none.  Where it is nearly zero it is known to all digits in this form alone.
     """
     squares = []
     for x in variables:
@@ -162,7 +165,10 @@ def _squares(F: sp.Expr, variables) -> tuple[list[tuple], sp.Rational | None]:
 
 
 def _sign(F: sp.Expr, variables) -> int:
-    """0 where F changes its sign, +-1 where it has a zero without, +-2 where none is found; the sign is F's."""
+    """Search a factor F for zeros by numbers: 0 if it changes its sign, +-1 if it touches zero, +-2 if it has none.
+
+    The sign of the result is F's.
+    """
     from scipy.optimize import minimize
 
     f = sp.lambdify(variables, F, "numpy")

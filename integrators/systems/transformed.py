@@ -20,7 +20,7 @@ from phasebench.integrators.compile.lazy import sympy as sp
 from phasebench.integrators.errors import InvalidInput
 
 from .hamiltonian import Hamiltonian
-from .singularities import size, steering
+from .singularities import size, steering_distances
 
 
 def distance_scale(system) -> sp.Expr:
@@ -28,14 +28,14 @@ def distance_scale(system) -> sp.Expr:
 
     Raises InvalidInput where it declares none as formulae.
     """
-    distances = steering(system)
+    distances = steering_distances(system)
     if not distances or not all(isinstance(r, sp.Expr) for r in distances):
         raise InvalidInput("the system has no distances to singularities as formulae; give the scale of time")
     return 1 / sp.sqrt(sum(size(r) ** -3 for r in distances))
 
 
 class TransformedHamiltonian(Hamiltonian):
-    """The system of K for a canonical system.
+    """The system of K = sigma (H + p_t), in which time is transformed, for a canonical system of H.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ class TransformedHamiltonian(Hamiltonian):
         self.softened = system.softened
 
     def start(self, q0, p0) -> tuple[np.ndarray, np.ndarray]:
-        """The initial state (q, t), (p, -H) at t = 0, arrays (d + 1,), of the original one."""
+        """The initial state (q0, t = 0), (p0, -H) of this system from the original one's, arrays (d + 1,)."""
         q, p = np.asarray(q0, float), np.asarray(p0, float)
         H = self.original.observe(self.original.H, q[None], p[None])[0]
         return np.append(q, 0.0), np.append(p, -H)

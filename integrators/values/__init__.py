@@ -1,1 +1,1 @@
-"""The kinds of number that a step runs on: tuples, arrays, arrays in place, SIMD lanes."""
+"""The kinds of numbers that a step is computed with: tuples, arrays, arrays in place, SIMD lanes."""

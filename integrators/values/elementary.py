@@ -32,7 +32,7 @@ from llvmlite import ir
 from numba import njit, types
 from numba.extending import intrinsic, overload
 
-from .lanes import NUMBER, OPTIONS, Lanes, call, polynomial, spread
+from .lanes import NUMBER, OPTIONS, Lanes, broadcast, call, polynomial
 
 #: Pi and log 2 as sums of parts; then the coefficients of the polynomials, lowest power first.
 PI = (3.1415926534682512, 1.215420100718692e-10, 5.825464112186712e-20)
@@ -98,11 +98,11 @@ def _vector(builder, number: float, n: int):
 
 
 @intrinsic
-def _bounded(typing_context, x, low, high, beyond):
+def _clip(typing_context, x, low, high, beyond):
     """Clip x to [low, high]; outside, return NaN instead if ``beyond`` is an integer."""
 
     def codegen(context, builder, sig, args):
-        bounds = [spread(context, builder, a, t, x.n) for a, t in zip(args[1:3], sig.args[1:3], strict=True)]
+        bounds = [broadcast(context, builder, a, t, x.n) for a, t in zip(args[1:3], sig.args[1:3], strict=True)]
         clipped = args[0]
         for comparison, bound in zip("<>", bounds, strict=True):
             outside = builder.fcmp_ordered(comparison, args[0], bound)
@@ -114,7 +114,7 @@ def _bounded(typing_context, x, low, high, beyond):
 
 
 @intrinsic
-def _two_to(typing_context, n):
+def _power_of_two(typing_context, n):
     """2**n for integers n in lanes, from -1022 to 1023."""
 
     def codegen(context, builder, sig, args):
@@ -131,11 +131,11 @@ def _two_to(typing_context, n):
 
 
 @intrinsic
-def _below(typing_context, x, bound, near, far):
+def _select_below(typing_context, x, bound, near, far):
     """``near`` in the lanes where x < bound, else ``far``."""
 
     def codegen(context, builder, sig, args):
-        less = builder.fcmp_ordered("<", args[0], spread(context, builder, args[1], sig.args[1], x.n))
+        less = builder.fcmp_ordered("<", args[0], broadcast(context, builder, args[1], sig.args[1], x.n))
         return builder.select(less, args[2], args[3])
 
     return x(x, bound, near, far), codegen
@@ -148,7 +148,7 @@ def _sqrt(typing_context, x):
 
 
 @njit(**OPTIONS)
-def _nearest(x):
+def _round(x):
     """x rounded to the nearest integer."""
     return (x + ROUND) - ROUND
 
@@ -165,31 +165,33 @@ def _reduced_sine(x, n, sign):
 @njit(**OPTIONS)
 def _sign(n):
     """(-1)**n for integers n."""
-    odd = n - 2.0 * _nearest(0.5 * n)
+    odd = n - 2.0 * _round(0.5 * n)
     return 1.0 - 2.0 * (odd * odd)
 
 
 @njit(**OPTIONS)
 def _sin(x):
-    x = _bounded(x, -LARGEST, LARGEST, 0)
-    n = _nearest(x * (1 / math.pi))
+    x = _clip(x, -LARGEST, LARGEST, 0)
+    n = _round(x * (1 / math.pi))
     return _reduced_sine(x, n, _sign(n))
 
 
 @njit(**OPTIONS)
 def _cos(x):
-    x = _bounded(x, -LARGEST, LARGEST, 0)
-    n = _nearest(x * (1 / math.pi) + 0.5)
+    x = _clip(x, -LARGEST, LARGEST, 0)
+    n = _round(x * (1 / math.pi) + 0.5)
     return _reduced_sine(x, n - 0.5, _sign(n))
 
 
 @njit(**OPTIONS)
 def _exp(x):
-    x = _bounded(x, UNDERFLOW, OVERFLOW, 0.0)
-    n = _nearest(x * (1 / math.log(2)))
+    x = _clip(x, UNDERFLOW, OVERFLOW, 0.0)
+    n = _round(x * (1 / math.log(2)))
     r = (x - n * LOG_2[0]) - n * LOG_2[1]
-    half = _nearest(0.5 * n)
-    return (1.0 + (r + (r * r) * polynomial(EXPONENTIAL, r, EXPONENTIAL))) * _two_to(half) * _two_to(n - half)
+    half = _round(0.5 * n)
+    return (
+        (1.0 + (r + (r * r) * polynomial(EXPONENTIAL, r, EXPONENTIAL))) * _power_of_two(half) * _power_of_two(n - half)
+    )
 
 
 @njit(**OPTIONS)
@@ -202,18 +204,18 @@ def _cosh(x):
 def _sinh(x):
     e, z = _exp(x), x * x
     near = x + x * (z * polynomial(HYPERBOLIC_SINE, z, HYPERBOLIC_SINE))
-    return _below(z, NEAR_SINE * NEAR_SINE, near, 0.5 * (e - 1.0 / e))
+    return _select_below(z, NEAR_SINE * NEAR_SINE, near, 0.5 * (e - 1.0 / e))
 
 
 @njit(**OPTIONS)
 def _tanh(x):
     z = x * x
     near = x + x * (z * polynomial(HYPERBOLIC_TANGENT, z, HYPERBOLIC_TANGENT))
-    return _below(z, NEAR_TANGENT * NEAR_TANGENT, near, 1.0 - 2.0 / (_exp(2.0 * x) + 1.0))
+    return _select_below(z, NEAR_TANGENT * NEAR_TANGENT, near, 1.0 - 2.0 / (_exp(2.0 * x) + 1.0))
 
 
 def _overload(name: str, of_lanes):
-    """Return the function of that name for lanes and for scalars; uncompiled, also for MPFR numbers and arrays."""
+    """Return a function of the module math extended to lanes (by ``of_lanes``), to MPFR numbers and to arrays."""
     of_number = getattr(math, name)
 
     def plain(x):

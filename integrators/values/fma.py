@@ -1,40 +1,65 @@
-"""Fused multiply-add: a x + y rounded once, as one instruction where the processor has it.
+"""Fused multiply-add of numbers and of lanes: a x + y rounded once.
 
 It shortens the chain of operations that a step waits for.  By itself the compiler fuses only products that nothing else
-uses; `fma` asks for it explicitly.  On processors without the instruction, and in uncompiled code, it is a product and
-a sum, each rounded.
+uses; `fma` asks for it explicitly, and is one instruction where the processor has it.  On processors without the
+instruction `fma` is a product and a sum, each rounded, and `exact_fma` a function call that rounds once.  In uncompiled
+code both are a product and a sum.
 """
 
 from __future__ import annotations
 
-from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic, overload
 
-_DOUBLE = ir.DoubleType()
+from .lanes import OPTIONS, Lanes, broadcast, call
 
 
 def fma(a, x, y):
-    """a x + y."""
+    """a x + y, rounded once where that is one instruction."""
     return a * x + y
 
 
+def exact_fma(a, x, y):
+    """a x + y, rounded once."""
+    return a * x + y
+
+
+def _emit(name, signature, context, builder, arguments):
+    """Emit a call of the LLVM intrinsic ``name``, which multiplies and adds."""
+    lanes = signature.return_type
+    if not isinstance(lanes, Lanes):
+        return call(builder, name, 0, *arguments)
+    given = zip(arguments, signature.args, strict=True)
+    return call(builder, name, lanes.n, *(broadcast(context, builder, v, t, lanes.n) for v, t in given))
+
+
+def _signature(a, x, y):
+    """Return the Numba signature of a x + y, for numbers (as doubles) or for lanes with lanes or numbers."""
+    lanes = next((t for t in (a, x, y) if isinstance(t, Lanes)), None)
+    return types.float64(types.float64, types.float64, types.float64) if lanes is None else lanes(a, x, y)
+
+
 @intrinsic
-def _fma_of_doubles(typing_context, a, x, y):
-    """LLVM's fused multiply-add of doubles."""
-
-    def codegen(context, builder, signature, arguments):
-        kind = ir.FunctionType(_DOUBLE, [_DOUBLE] * 3)
-        name = "llvm.fmuladd.f64"
-        function = builder.module.globals.get(name) or ir.Function(builder.module, kind, name)
-        return builder.call(function, arguments)
-
-    return types.float64(types.float64, types.float64, types.float64), codegen
+def _fmuladd(typing_context, a, x, y):
+    """Implementation of `fma` in compiled code."""
+    return _signature(a, x, y), lambda context, builder, s, given: _emit("fmuladd", s, context, builder, given)
 
 
-@overload(fma, jit_options={"forceinline": True, "_nrt": False})
+@intrinsic
+def _fma(typing_context, a, x, y):
+    """Implementation of `exact_fma` in compiled code."""
+    return _signature(a, x, y), lambda context, builder, s, given: _emit("fma", s, context, builder, given)
+
+
+def _known(*arguments) -> bool:
+    return all(isinstance(t, (Lanes, types.Float, types.Integer)) for t in arguments)
+
+
+@overload(fma, jit_options=OPTIONS)
 def _choose_fma(a, x, y):
-    """Choose `_fma_of_doubles` for scalars."""
-    if all(isinstance(t, (types.Float, types.Integer)) for t in (a, x, y)):
-        return lambda a, x, y: _fma_of_doubles(a, x, y)
-    return None
+    return (lambda a, x, y: _fmuladd(a, x, y)) if _known(a, x, y) else None
+
+
+@overload(exact_fma, jit_options=OPTIONS)
+def _choose_exact_fma(a, x, y):
+    return (lambda a, x, y: _fma(a, x, y)) if _known(a, x, y) else None

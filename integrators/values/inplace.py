@@ -18,13 +18,13 @@ from phasebench.integrators.compile.codegen import DOUBLE, compiled, value_kind
 
 
 def signature(returning):
-    """Return the signature of the version that writes, given that of the one that returns an array or several."""
+    """Return the Numba signature of the version that writes into arrays, given that of the one that returns them."""
     results = returning.return_type
     many = results.types if isinstance(results, types.BaseTuple) else (results,)
     return types.none(*returning.args, *many)
 
 
-def written(build: Callable[[str], str]) -> Callable[[str], str]:
+def write_in_place(build: Callable[[str], str]) -> Callable[[str], str]:
     """Wrap ``build``, which writes the text of a function that ends in ``return value((...)), ...``.
 
     The text that the wrapped function writes stores these values into further arguments ``out0``, ``out1``, ...

@@ -1,4 +1,4 @@
-"""Generated functions of formulae whose variables are lanes, stored in the rows of a table.
+"""Generate functions from formulae whose variables are SIMD lanes, stored in the rows of a table.
 
 Such a function f(B) reads its arguments, one row each, from the first rows of the table B, and writes its results to
 the rows that follow.  Sums, products, quotients, integer and half-integer powers, sin, cos, exp, sinh, cosh and tanh
@@ -24,7 +24,7 @@ SUPPORTED = ("Add", "Mul", "Pow", "sin", "cos", "exp", "sinh", "cosh", "tanh")
 
 
 def supported(expressions: Iterable[sp.Expr]) -> bool:
-    """True if every function used has a lane version."""
+    """True if every function in the expressions has a lane version."""
     kinds = tuple(getattr(sp, name) for name in SUPPORTED)
     parts = (part for e in expressions for part in sp.preorder_traversal(e) if part.args)
     return all(isinstance(e, kinds) and not _unsupported_power(e) for e in parts)
@@ -61,9 +61,9 @@ def function(
             [
                 "from phasebench.integrators.values.elementary import cos, cosh, exp, sin, sinh, sqrt, tanh",
                 "from phasebench.integrators.values.lanes import put, take",
-                "from phasebench.integrators.values.vector import inlined",
+                "from phasebench.integrators.values.vector import inline",
                 f"LIKE = {(0.0,) * n}",
-                f"@inlined\n{formula.replace('value((', '((')}",
+                f"@inline\n{formula.replace('value((', '((')}",
                 f"def f(B):\n    {unpacked}= g({', '.join(values)})",
                 *(f"    put(B, {rows + k}, g_{k}, LIKE)" for k in range(len(expressions))),
                 "",

@@ -24,8 +24,8 @@ def block_type(array: types.Array) -> types.Type:
     return table_type(array.ndim - 2) if array.ndim > 2 else LANES
 
 
-def changed_type(record, arrays):
-    """Return the type that `with_block` returns."""
+def type_with_block(record, arrays):
+    """Return the Numba type of the result of `with_block`, for the types of its arguments."""
     kinds = dict(zip(record.fields, record.types, strict=True))
     kinds |= {name: block_type(t) for name, t in zip(arrays.fields, arrays.types, strict=True)}
     return types.BaseTuple.from_types(tuple(kinds.values()), record.instance_class)
@@ -65,7 +65,7 @@ def block_of(typingctx, array, block):
 @intrinsic
 def with_block(typingctx, record, arrays, block):
     """The NamedTuple ``record``, with each field named in the NamedTuple ``arrays`` replaced by that array's block."""
-    result = changed_type(record, arrays)
+    result = type_with_block(record, arrays)
 
     def codegen(context, builder, sig, args):
         old, given, number = args

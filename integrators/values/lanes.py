@@ -21,8 +21,7 @@ from numba.core.typeconv import Conversion
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
 from numba.extending import intrinsic, lower_builtin, models, overload, register_model
 
-from .fma import fma
-from .vector import TUPLES
+from phasebench.integrators.compile.options import TUPLES
 
 OPTIONS = {"forceinline": True, **TUPLES}
 NUMBER = ir.DoubleType()
@@ -44,13 +43,13 @@ class Lanes(types.Type):
 
 @register_model(Lanes)
 class _Model(models.PrimitiveModel):
-    """Lanes are an LLVM vector of doubles."""
+    """The data model of the Numba type `Lanes`: an LLVM vector of doubles."""
 
     def __init__(self, manager, lanes):
         super().__init__(manager, lanes, ir.VectorType(NUMBER, lanes.n))
 
 
-def spread(context, builder, value, kind, n: int):
+def broadcast(context, builder, value, kind, n: int):
     """Emit a scalar, or lanes, as an LLVM vector of n doubles."""
     if isinstance(kind, Lanes):
         return value
@@ -64,11 +63,11 @@ def _index(i: int):
 
 
 def call(builder, name: str, n: int, *vectors, flags=()):
-    """Emit a call of the LLVM intrinsic ``name`` on vectors of n doubles."""
-    kind = ir.VectorType(NUMBER, n)
-    function = builder.module.globals.get(f"llvm.{name}.v{n}f64")
+    """Emit a call of the LLVM intrinsic ``name`` on vectors of n doubles; on doubles if n is 0."""
+    kind, name = (ir.VectorType(NUMBER, n), f"llvm.{name}.v{n}f64") if n else (NUMBER, f"llvm.{name}.f64")
+    function = builder.module.globals.get(name)
     if function is None:
-        function = ir.Function(builder.module, ir.FunctionType(kind, [kind] * len(vectors)), f"llvm.{name}.v{n}f64")
+        function = ir.Function(builder.module, ir.FunctionType(kind, [kind] * len(vectors)), name)
     return builder.call(function, vectors, fastmath=flags)
 
 
@@ -88,7 +87,7 @@ def _operator(function, instruction: str) -> None:
     def lower(context, builder, sig, args):
         n = sig.return_type.n
         return getattr(builder, instruction)(
-            *(spread(context, builder, x, t, n) for x, t in zip(args, sig.args, strict=True))
+            *(broadcast(context, builder, x, t, n) for x, t in zip(args, sig.args, strict=True))
         )
 
     kinds = (types.Float, types.Integer)
@@ -107,7 +106,7 @@ for _function, _instruction in (
 
 
 def _unary(function, emit) -> None:
-    """Define a Python function of one argument on lanes."""
+    """Define a Python function of one argument on lanes; ``emit`` writes its LLVM code."""
 
     @infer_global(function)
     class _(AbstractTemplate):
@@ -123,7 +122,7 @@ _unary(float, lambda builder, n, x: x)
 
 
 def operation(compiled):
-    """Return a decorator: the function, plain NumPy as it stands, becomes the intrinsic ``compiled`` on lanes.
+    """Return a decorator by which a plain NumPy function becomes, for lanes, the intrinsic ``compiled``.
 
     That is so where an argument is lanes, or where the last one, ``like``, is a tuple.
     """
@@ -143,26 +142,6 @@ def operation(compiled):
     return decorate
 
 
-@intrinsic
-def _fma(typing_context, a, x, y):
-    """Fused multiply-add of lanes."""
-    lanes = next(t for t in (a, x, y) if isinstance(t, Lanes))
-
-    def codegen(context, builder, sig, args):
-        vectors = (spread(context, builder, v, t, lanes.n) for v, t in zip(args, sig.args, strict=True))
-        return call(builder, "fmuladd", lanes.n, *vectors)
-
-    return lanes(a, x, y), codegen
-
-
-@overload(fma, jit_options=OPTIONS)
-def _choose_fma(a, x, y):
-    """Choose `_fma` if an argument is lanes."""
-    if any(isinstance(t, Lanes) for t in (a, x, y)):
-        return lambda a, x, y: _fma(a, x, y)
-    return None
-
-
 # -- rows of a table --------------------------------------------------------------------------------------------------
 
 
@@ -177,7 +156,7 @@ def _row_address(context, builder, table_type, table, row, n):
 
 @intrinsic
 def _take(typing_context, table, row, like):
-    """`take`, compiled."""
+    """Implementation of `take` in compiled code."""
 
     def codegen(context, builder, sig, args):
         n = like.count
@@ -188,11 +167,11 @@ def _take(typing_context, table, row, like):
 
 @intrinsic
 def _put(typing_context, table, row, x, like):
-    """`put`, compiled."""
+    """Implementation of `put` in compiled code."""
 
     def codegen(context, builder, sig, args):
         n = like.count
-        vector = spread(context, builder, args[2], x, n)
+        vector = broadcast(context, builder, args[2], x, n)
         builder.store(vector, _row_address(context, builder, table, args[0], args[1], n), align=8)
         return context.get_dummy_value()
 
@@ -201,7 +180,7 @@ def _put(typing_context, table, row, x, like):
 
 @intrinsic
 def _combine(typing_context, x, y, factor, table, row, like):
-    """`combine`, compiled."""
+    """Implementation of `combine` in compiled code."""
 
     def codegen(context, builder, sig, args):
         n = y.n
@@ -215,28 +194,28 @@ def _combine(typing_context, x, y, factor, table, row, like):
             old = sums[j % 2]
             sums[j % 2] = term if old is None else builder.fadd(old, term, flags=FUSED)
         whole = sums[0] if sums[1] is None else builder.fadd(*sums, flags=FUSED)
-        factors = spread(context, builder, args[2], factor, n)
-        start = spread(context, builder, args[0], x, n)
+        factors = broadcast(context, builder, args[2], factor, n)
+        start = broadcast(context, builder, args[0], x, n)
         return builder.fadd(start, builder.fmul(factors, whole, flags=FUSED), flags=FUSED)
 
     return Lanes(y.n)(x, y, factor, table, types.intp, like), codegen
 
 
 def _next(builder, row, j):
-    """Emit row + j."""
+    """Emit the sum of the indices row and j."""
     return builder.add(row, row.type(j))
 
 
 @intrinsic
 def _polynomial(typing_context, coefficients, z, like):
-    """`polynomial`, compiled."""
+    """Implementation of `polynomial` in compiled code."""
 
     def codegen(context, builder, sig, args):
         n = z.n
 
         def coefficient(k):
             if isinstance(coefficients, types.UniTuple):
-                return spread(context, builder, builder.extract_value(args[0], k), types.float64, n)
+                return broadcast(context, builder, builder.extract_value(args[0], k), types.float64, n)
             return builder.shuffle_vector(args[0], args[0], ir.VectorType(ir.IntType(32), n)([k] * n))
 
         terms, power = [coefficient(k) for k in range(like.count)], args[1]
@@ -253,7 +232,7 @@ def _polynomial(typing_context, coefficients, z, like):
 
 @intrinsic
 def _total(typing_context, x):
-    """`total`, compiled."""
+    """Implementation of `total` in compiled code."""
 
     def codegen(context, builder, sig, args):
         kind, name = ir.VectorType(NUMBER, x.n), f"llvm.vector.reduce.fadd.v{x.n}f64"
@@ -273,7 +252,7 @@ def take(table, row, like):
 
 @operation(_put)
 def put(table, row, x, like):
-    """Write lanes, or one scalar for all of them, into a row of a table."""
+    """Write lanes, or one scalar for all of them, into a row of a table; ``like`` sets their number."""
     table[row, : len(like)] = x
 
 

@@ -1,4 +1,4 @@
-"""Conditions on lanes, and the other operations with which one kernel integrates several orbits at once.
+"""Conditions on SIMD lanes, and choices by them, with which one kernel integrates several orbits at once.
 
 Given tuples of lanes, a kernel's source integrates as many orbits as there are lanes.  Each lane gets the scalar
 kernel's result, because +, -, *, / and the square root round the same way.  A scalar beside lanes stands for that
@@ -23,7 +23,7 @@ from numba.core.typing.templates import AbstractTemplate, infer_global, signatur
 from numba.extending import intrinsic, lower_builtin, lower_cast, overload, register_model
 
 from . import elementary
-from .lanes import OPTIONS, Lanes, spread
+from .lanes import OPTIONS, Lanes, broadcast
 from .vector import PLACES, scale
 
 
@@ -37,7 +37,7 @@ class Mask(types.Type):
 
 @register_model(Mask)
 class _MaskModel(models.PrimitiveModel):
-    """A mask is an LLVM vector of n bits."""
+    """The data model of the Numba type `Mask`: an LLVM vector of n bits."""
 
     def __init__(self, manager, mask):
         super().__init__(manager, mask, ir.VectorType(ir.IntType(1), mask.n))
@@ -60,7 +60,7 @@ def _broadcast(context, builder, kind, lanes, value):
     """Convert a scalar to lanes."""
     if isinstance(kind, types.IntegerLiteral):
         kind, value = types.float64, context.get_constant(types.float64, float(kind.literal_value))
-    return spread(context, builder, value, kind, lanes.n)
+    return broadcast(context, builder, value, kind, lanes.n)
 
 
 # -- conditions -------------------------------------------------------------------------------------------------------
@@ -94,7 +94,7 @@ for _function, _sign in (
 
 
 def _logical(function, name: str):
-    """Define a logical operator of masks."""
+    """Define a logical operator of masks; ``name`` is that of LLVM's instruction."""
 
     @infer_global(function)
     class _Template(AbstractTemplate):
@@ -126,7 +126,7 @@ def count(typingctx, mask):
 
 
 @intrinsic
-def alike(typingctx, number, lanes):
+def broadcast_like(typingctx, number, lanes):
     """The scalar in every lane, of the type of ``lanes``."""
 
     def codegen(context, builder, sig, args):
@@ -137,7 +137,7 @@ def alike(typingctx, number, lanes):
 
 @infer_global(bool)
 class _Any(AbstractTemplate):
-    """The type of bool(mask)."""
+    """Typing of bool(mask)."""
 
     def generic(self, args, kws):
         if len(args) == 1 and isinstance(args[0], Mask):
@@ -147,13 +147,13 @@ class _Any(AbstractTemplate):
 
 @lower_builtin(bool, Mask)
 def _any(context, builder, sig, args):
-    """Lower bool(mask)."""
+    """LLVM code of bool(mask)."""
     return _truth(context, builder, sig.args[0], types.boolean, args[0])
 
 
 @lower_cast(Mask, types.Boolean)
 def _truth(context, builder, fromty, toty, value):
-    """True if the mask holds in any lane."""
+    """LLVM code of the conversion of a mask to a truth value: True if it holds in any lane."""
     packed = builder.bitcast(value, ir.IntType(fromty.n))
     return builder.icmp_unsigned("!=", packed, ir.Constant(packed.type, 0))
 
@@ -176,39 +176,46 @@ def select(typingctx, mask, a, b):
     return kind(mask, kind, kind), codegen
 
 
-def either(condition, a, b):
+def where(condition, a, b):
     """a if the condition holds, else b, lane by lane; a and b are numbers or tuples of them."""
     return a if condition else b
 
 
 def number(condition) -> int:
-    """The number of orbits in which a condition holds; 0 or 1 for a scalar condition."""
+    """The number of lanes in which a condition holds; 0 or 1 for a scalar condition."""
     return 1 if condition else 0
 
 
-def outlived(going, kept, x):
-    """(x, True if work is left): set the lanes of x that are ``going`` and not ``kept`` to NaN; the others go on."""
+def fails(condition):
+    """True where the condition does not hold: its negation, for scalars and masks."""
+    return not condition
+
+
+def retire_lanes(going, kept, x):
+    """Set the lanes of x that are ``going`` but not ``kept`` to NaN; returns (x, True if work is left)."""
     return x, kept
 
 
-def _overload_for_masks(function, in_lanes) -> None:
+def _overload_for_masks(function, in_lanes, options=OPTIONS) -> None:
     """Overload a function whose first argument is a condition by ``in_lanes`` where that is a mask."""
     names = ", ".join(function.__code__.co_varnames[: function.__code__.co_argcount])
     namespace = {"in_lanes": in_lanes, "alone": function, "Mask": Mask}
     exec(f"def typed({names}): return in_lanes if isinstance({names.split(',')[0]}, Mask) else alone", namespace)
-    overload(function, jit_options=OPTIONS)(namespace["typed"])
+    overload(function, jit_options=options)(namespace["typed"])
 
 
-_overload_for_masks(either, lambda condition, a, b: select(condition, a, b))
+_overload_for_masks(where, lambda condition, a, b: select(condition, a, b))
 _overload_for_masks(number, lambda condition: count(condition))
-_overload_for_masks(outlived, lambda going, kept, x: (select(going & ~kept, scale(np.nan, x), x), True))
+_overload_for_masks(fails, lambda condition: ~condition)
+# x may be an array of a caller that counts references.
+_overload_for_masks(retire_lanes, lambda going, kept, x: (select(going & ~kept, scale(np.nan, x), x), True), PLACES)
 
 
 # -- functions of formulae ---------------------------------------------------------------------------------------------
 
 
 def _use_elementary(name: str) -> None:
-    """Overload a function of the module math by that of `elementary` for lanes."""
+    """Make a function of the module math use that of `elementary` for lanes."""
     of_lanes = getattr(elementary, name)
 
     @overload(getattr(math, name), jit_options=OPTIONS)
@@ -240,7 +247,7 @@ def _with_lane(typingctx, x, i, value):
     return x(x, types.intp, types.float64), codegen
 
 
-def lane_by_lane(function) -> None:
+def overload_lane_by_lane(function) -> None:
     """Overload a function of one number for lanes, by calling it for each."""
 
     @overload(function, jit_options=OPTIONS)
@@ -265,7 +272,7 @@ for _function in (
     math.acos,
     math.atan,
 ):
-    lane_by_lane(_function)
+    overload_lane_by_lane(_function)
 
 
 @overload(operator.pow, jit_options=OPTIONS)
@@ -289,7 +296,7 @@ def holds_lanes(arguments) -> bool:
     return any(isinstance(getattr(a, "dtype", a), Lanes) for a in arguments)
 
 
-def also_in_lanes(scalar, in_lanes):
+def overload_in_lanes(scalar, in_lanes):
     """Return the operation of these two functions: ``in_lanes`` if an argument is in lanes, else ``scalar``."""
     names = ", ".join(inspect.signature(scalar).parameters)
     namespace = {"__name__": __name__, "scalar": scalar, "in_lanes": in_lanes, "holds_lanes": holds_lanes}

@@ -1,4 +1,4 @@
-"""The vector operations in which every kernel is written.
+"""The vector operations in which kernels are written, for tuples, arrays and SIMD lanes alike.
 
 A kernel treats ``q`` and ``p`` as *values*.  Each operation below is one plain NumPy expression, which works as it
 stands on arrays of doubles and on object arrays of MPFR numbers.  Compiled, the same expression is unrolled for tuples
@@ -41,15 +41,15 @@ PART = COMMON | {"forceinline": False, "no_cfunc_wrapper": True}
 
 def jit(f):
     """Compile ``f`` as a function of its own, with its caller's options."""
-    return njit(**PART)(_renamed_by_content(f))
+    return njit(**PART)(_rename_by_content(f))
 
 
-def inlined(f):
-    """Compile ``f`` into its caller, with its caller's options: for the operations of a step."""
+def inline(f):
+    """Compile ``f`` into its caller, with its caller's options; for the operations of a step."""
     return njit(**COMMON, inline="always")(f)
 
 
-def _renamed_by_content(f):
+def _rename_by_content(f):
     """Give a function that is made by another one a name that contains a hash of what it is made of.
 
     Machine code is linked by name: functions of one name, made with different constants or from different functions by
@@ -63,7 +63,7 @@ def _renamed_by_content(f):
 
 
 @intrinsic
-def _not_inlined(typing_context):
+def _mark_noinline(typing_context):
     """Mark the function that contains this call as never to be inlined."""
 
     def codegen(context, builder, signature, arguments):
@@ -74,7 +74,7 @@ def _not_inlined(typing_context):
 
 
 #: Call it first in a function to keep that from being inlined: code that is long and rarely runs is compiled once then.
-apart = (lambda: None) if config.DISABLE_JIT else _not_inlined
+forbid_inlining = (lambda: None) if config.DISABLE_JIT else _mark_noinline
 
 
 def _overload_by_source(fn, template, loop=None, loop_options=ARRAYS):
@@ -87,8 +87,8 @@ def _overload_by_source(fn, template, loop=None, loop_options=ARRAYS):
     def build_function(kind, arguments):
         if kind is None:
             return fn
-        namespace, text = {"__name__": __name__, "scalar": inlined(fn), "np": np}, kind(names, arguments)
-        name = f"{fn.__name__}_{hashlib.sha256(text.encode()).hexdigest()[:12]}"  # see `_renamed_by_content`
+        namespace, text = {"__name__": __name__, "scalar": inline(fn), "np": np}, kind(names, arguments)
+        name = f"{fn.__name__}_{hashlib.sha256(text.encode()).hexdigest()[:12]}"  # see `_rename_by_content`
         exec(f"def {name}({', '.join(names)}):\n{text}", namespace)
         return namespace[name]
 
@@ -145,7 +145,7 @@ def elementwise(outputs: int = 1):
     return lambda fn: _overload_by_source(fn, template, loop if outputs > 1 else None)
 
 
-def written(template, loop: str = ""):
+def unroll(template, loop: str = ""):
     """Return a decorator that makes a function an operation; for tuples of d items its body is ``template(d)``.
 
     For arrays its body is the source ``loop``, if that is given.
@@ -154,7 +154,7 @@ def written(template, loop: str = ""):
     return lambda fn: _overload_by_source(fn, lambda names, arguments: template(_length(arguments)), on_arrays)
 
 
-def summed(term: str):
+def sum_of(term: str):
     """Return a decorator that makes a function the sum of ``term``, text that refers to components as ``[i]``.
 
     The sum of an array may be taken in any order, so that the compiler keeps several partial sums.
@@ -186,31 +186,31 @@ def _tuple(d, item):
 
 @elementwise()
 def axpy(a, x, y):
-    """a x + y."""
+    """The vector a x + y."""
     return y + a * x
 
 
 @elementwise()
 def scale(a, x):
-    """a x."""
+    """The vector a x."""
     return a * x
 
 
 @elementwise()
 def plus(x, y):
-    """x + y."""
+    """The vector x + y."""
     return x + y
 
 
 @elementwise()
 def minus(x, y):
-    """x - y."""
+    """The vector x - y."""
     return x - y
 
 
 @elementwise(outputs=2)
 def add(x, c, dx):
-    """Compensated sum of x + c and dx: (the sum, the part of it that rounding lost).
+    """The compensated sum of x + c and dx: (the sum, the part of it that rounding lost).
 
     Only one addition waits for dx, which comes last in the chain of operations of a step.  The part of c that x + c
     does not show stays in the second result, so that nothing is lost.
@@ -221,7 +221,7 @@ def add(x, c, dx):
 
 @elementwise(outputs=2)
 def add_product(x, c, a, v):
-    """Compensated sum of x + c and a v: (the sum, the part of it that rounding lost).
+    """The compensated sum of x + c and a v: (the sum, the part of it that rounding lost).
 
     The product a v is not rounded, neither in the sum nor in the lost part.  The error left is the rounding of (a v +
     c), of the difference (sum - x), and of the lost part itself.
@@ -230,52 +230,52 @@ def add_product(x, c, a, v):
     return t, fma(a, v, c) - (t - x)
 
 
-@summed("abs(x[i])")
+@sum_of("abs(x[i])")
 def size(x):
     """The 1-norm of x; NaN if a component is NaN."""
     return np.sum(np.abs(x))
 
 
-@summed("abs(x[i] - y[i])")
+@sum_of("abs(x[i] - y[i])")
 def distance(x, y):
     """The 1-norm of x - y; NaN if a component is NaN."""
     return np.sum(np.abs(x - y))
 
 
-@written(lambda d: _tuple(d, "x[{i}] + (a if i == {i} else 0.0)"))
+@unroll(lambda d: _tuple(d, "x[{i}] + (a if i == {i} else 0.0)"))
 def bump(x, i, a):
-    """A copy of x with a added to component i."""
+    """A copy of the vector x with a added to component i."""
     y = x.copy()
     y[i] = y[i] + a
     return y
 
 
-@written(lambda d: "  return x + y")
+@unroll(lambda d: "  return x + y")
 def join(x, y):
     """The components of x followed by those of y."""
     return np.concatenate((x, y))
 
 
-@written(lambda d: _tuple(d // 2, "x[{i}]"))
+@unroll(lambda d: _tuple(d // 2, "x[{i}]"))
 def head(x):
     """The first half of x."""
     return x[: len(x) // 2]
 
 
-@written(lambda d: f"  return ({', '.join(f'x[{i}]' for i in range(d // 2, d))},)")
+@unroll(lambda d: f"  return ({', '.join(f'x[{i}]' for i in range(d // 2, d))},)")
 def tail(x):
     """The second half of x."""
     return x[len(x) // 2 :]
 
 
-@written(lambda d: _tuple(d, "A[i, {i}]"))
+@unroll(lambda d: _tuple(d, "A[i, {i}]"))
 def load(A, i, like):
     """Row i of the table A as a value of the same kind and length as ``like``."""
     return A[i, : len(like)].copy()
 
 
 # A loop, because assigning to a slice would compile the error message for unequal lengths into every caller.
-@written(lambda d: "\n".join(f"  A[i, {j}] = x[{j}]" for j in range(d)), "  for j in range(len(x)): A[i, j] = x[j]")
+@unroll(lambda d: "\n".join(f"  A[i, {j}] = x[{j}]" for j in range(d)), "  for j in range(len(x)): A[i, j] = x[j]")
 def store(A, i, x):
     """Write x into row i of the table A."""
     A[i, : len(x)] = x
@@ -290,23 +290,23 @@ class State(NamedTuple):
     lost_p: Any
 
 
-@inlined
-def advanced(y, dq, dp):
+@inline
+def update(y, dq, dp):
     """The state y after the increments dq and dp, added with compensation."""
     q, lost_q = add(y.q, y.lost_q, dq)
     p, lost_p = add(y.p, y.lost_p, dp)
     return State(q, p, lost_q, lost_p)
 
 
-@inlined
-def opened(carry):
+@inline
+def read_state(carry):
     """The state stored in rows 0 to 3 of ``carry.state``: q, p and what rounding lost of each."""
     rows, zero = carry.state, carry.zero
     return State(load(rows, 0, zero), load(rows, 1, zero), load(rows, 2, zero), load(rows, 3, zero))
 
 
-@inlined
-def close(carry, y):
+@inline
+def write_state(carry, y):
     """Write the state y to rows 0 to 3 of ``carry.state``, from where the next call goes on."""
     store(carry.state, 0, y.q)
     store(carry.state, 1, y.p)
@@ -314,14 +314,14 @@ def close(carry, y):
     store(carry.state, 3, y.lost_p)
 
 
-@inlined
-def keep(samples, row, y):
+@inline
+def write_sample(samples, row, y):
     """Write q and p of the state y into a row of the samples."""
     store(samples.q, row, y.q)
     store(samples.p, row, y.p)
 
 
-def chosen(when_none, otherwise):
+def dispatch_on_none(when_none, otherwise):
     """Return the function that calls ``when_none`` if its first argument is None, else ``otherwise``.
 
     Compiled code chooses by the type of the argument, when it is compiled.
@@ -339,7 +339,7 @@ def chosen(when_none, otherwise):
 
 
 #: The velocity grad T(p); ``dT`` is None where that is p itself.
-velocity = chosen(lambda dT, p: p, lambda dT, p: dT(p))
+velocity = dispatch_on_none(lambda dT, p: p, lambda dT, p: dT(p))
 
 
 # -- in place ---------------------------------------------------------------------------------------------------------
@@ -354,12 +354,12 @@ velocity = chosen(lambda dT, p: p, lambda dT, p: dT(p))
 PLACES = COMMON | {"forceinline": True}
 
 
-def part_of_caller(f):
-    """Compile ``f`` into its caller with the caller's options: for what the loop calls in every step."""
+def force_inline(f):
+    """Compile ``f`` into its caller with the caller's options, in every case; for what the loop calls in every step."""
     return njit(**PLACES)(f)
 
 
-def by_kind(function, on_values, on_arrays):
+def overload_by_kind(function, on_values, on_arrays):
     """Overload a function by kind of argument.
 
     ``on_values`` and ``on_arrays`` are called with the types of the arguments and return the function to compile: the
@@ -380,7 +380,7 @@ def in_place(on_arrays):
     """Return a decorator: the function of values becomes ``on_arrays`` if one of the arguments is an array."""
 
     def decorate(on_values):
-        by_kind(on_values, lambda *arguments: on_values, lambda *arguments: on_arrays or on_values)
+        overload_by_kind(on_values, lambda *arguments: on_values, lambda *arguments: on_arrays or on_values)
         return on_values
 
     return decorate
@@ -413,7 +413,7 @@ def _part_of_row(typing_context, A, i, first, n):
 
 
 def _rows(A, i, j, like):
-    """`rows` for arrays: views."""
+    """Implementation of `rows` for arrays, by views."""
     return _part_of_row(A, i, 0, len(like)), _part_of_row(A, j, 0, len(like))
 
 
@@ -424,7 +424,7 @@ def rows(A, i, j, like):
 
 
 def _halves(A, i, like):
-    """`halves` for arrays: views."""
+    """Implementation of `halves` for arrays, by views."""
     return _part_of_row(A, i, 0, len(like)), _part_of_row(A, i, len(like), len(like))
 
 
@@ -435,16 +435,16 @@ def halves(A, i, like):
     return head(x), tail(x)
 
 
-@inlined
-def held(carry):
-    """The state stored in rows 0 to 3 of ``carry.state``, as `opened`; for arrays, views of the rows themselves."""
+@inline
+def view_state(carry):
+    """The state stored in rows 0 to 3 of ``carry.state``, as `read_state`; for arrays, views of the rows themselves."""
     q, p = rows(carry.state, 0, 1, carry.zero)
     lost_q, lost_p = rows(carry.state, 2, 3, carry.zero)
     return State(q, p, lost_q, lost_p)
 
 
 def _add_product_in_place(x, c, a, v):
-    """`moved` for arrays: overwrite x and c."""
+    """Implementation of `add_product_in_place` for arrays: overwrites x and c."""
     for i in range(len(x)):
         t = fma(a, v[i], x[i] + c[i])
         c[i] = fma(a, v[i], c[i]) - (t - x[i])
@@ -453,14 +453,14 @@ def _add_product_in_place(x, c, a, v):
 
 
 @in_place(_add_product_in_place)
-def moved(x, c, a, v):
+def add_product_in_place(x, c, a, v):
     """The compensated sum of x + c and a v (`add_product`), written over x and c where these are arrays."""
     return add_product(x, c, a, v)
 
 
-@written(lambda d: _tuple(d, "f[{i}] * x[{i}]"))
+@unroll(lambda d: _tuple(d, "f[{i}] * x[{i}]"))
 def times(f, x):
-    """f * x, componentwise; f is an array of coefficients."""
+    """The componentwise product f * x; f is an array of coefficients."""
     return f * x
 
 
@@ -481,15 +481,15 @@ def _call_entry(typing_context, f, x):
     return f.signature.return_type(f, x), codegen
 
 
-def of(f, x, old):
+def apply(f, x, old):
     """f(x), written over ``old`` where it is an array; x if f is None, and f * x, componentwise, if f is an array."""
     if f is None:
         return x
     return times(f, x) if isinstance(f, np.ndarray) else f(x)
 
 
-def _of_values(f, x, old):
-    """Choose the implementation of `of` for values from the type of f."""
+def _apply_values(f, x, old):
+    """Choose the implementation of `apply`, for x that is no array, from the types of f, x and old."""
     if isinstance(f, (types.NoneType, types.Omitted)):
         return lambda f, x, old: x
     if isinstance(f, types.Array):
@@ -499,21 +499,21 @@ def _of_values(f, x, old):
     return lambda f, x, old: f(x)
 
 
-def _of_arrays(f, x, old):
-    """Choose the implementation of `of` for arrays from the type of f."""
+def _apply_arrays(f, x, old):
+    """Choose the implementation of `apply`, for an array x, from the types of f, x and old."""
 
-    def filled(f, x, old):
+    def fill(f, x, old):
         f(x, old)
         return old
 
-    def multiplied(f, x, old):
+    def multiply(f, x, old):
         for i in range(len(x)):
             old[i] = f[i] * x[i]
         return old
 
     if isinstance(f, types.Array):
-        return multiplied
-    return filled if writes(f) else _of_values(f, x, old)
+        return multiply
+    return fill if writes(f) else _apply_values(f, x, old)
 
 
-by_kind(of, _of_values, _of_arrays)
+overload_by_kind(apply, _apply_values, _apply_arrays)

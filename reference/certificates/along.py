@@ -43,7 +43,7 @@ class Along(NamedTuple):
     size: np.ndarray
 
     def row(self, t: float):
-        """The high-precision state at a time of the grid."""
+        """The high-precision state at the time t, which is in the grid."""
         return self.rows[self.grid.index(t)]
 
     def distances(self, rows) -> np.ndarray:

@@ -114,7 +114,7 @@ def reach(problem, t_end: float) -> float:
 
 
 def _kicks(seed: int, steps: int) -> Callable[[np.ndarray], np.ndarray]:
-    """A function that displaces a state at random, with a seed; ``steps`` is n in the module's formula."""
+    """Make a function that displaces a state at random, for about `KICKS` calls in a run of ``steps`` steps."""
     random = np.random.default_rng([SEED, seed])
     by = np.longdouble(DISPLACEMENT * max(1.0, steps / KICKS) ** 0.5)
     before: list[np.ndarray] = []
@@ -190,7 +190,7 @@ def _propagate_displaced(flow, problem, times, ends: Sequence[float], seed: int)
 
 
 def _some(ends: Sequence[float]) -> Sequence[float]:
-    """About `KICKS` of the ends of steps, equally spaced in number."""
+    """Select about `KICKS` of the ends of steps, at equal distances in their number."""
     return ends[:: max(1, len(ends) // KICKS)]
 
 

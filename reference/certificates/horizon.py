@@ -144,7 +144,10 @@ def within(grid, distance, size, limit: float = LIMIT) -> float:
 
 
 def neighbour(problem, grid, near) -> np.ndarray:
-    """The largest distance so far, array (n,), of a trajectory whose start is displaced by the relative `SHIFT`."""
+    """The largest distance so far of an orbit from one whose start is displaced by the relative `SHIFT`, array (n,).
+
+    ``near`` are the states of the undisplaced orbit in long double at the times of the grid.
+    """
     start = np.array([float(x) for x in (*problem.q0, *problem.p0)])
     shifted = start * (1 + SHIFT * (-1.0) ** np.arange(len(start)))
     d = problem.system.d
@@ -153,7 +156,10 @@ def neighbour(problem, grid, near) -> np.ndarray:
 
 
 def growth(grid, apart, size) -> tuple[float, float | None]:
-    """(exponent of t in the last three quarters until the neighbour is lost, rate if exponential, else None)."""
+    """(k, r): the distance ``apart`` of neighbouring orbits grows as t^k, or as exp(r t); r is None if k is small.
+
+    Both are from the last three quarters of the time until ``apart`` exceeds `LOST` of the state's size.
+    """
     lost = np.flatnonzero(apart > LOST * size)
     last = max(1, (lost[0] if len(lost) else len(grid)) - 1)
     first = int(np.searchsorted(grid, grid[last] / 4))

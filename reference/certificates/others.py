@@ -25,7 +25,10 @@ TOLERANCES = (1e-9, 1e-11)
 
 
 def words(problem, times: Sequence[float], path: Along, apart: np.ndarray) -> list[tuple[Check, ...]]:
-    """Each solver's comparison at each of the times; ``apart`` is the distance of `horizon.neighbour` on the grid."""
+    """Compare the orbit ``path`` with each other solver at each of the times: a `Check` for each.
+
+    ``apart`` is the distance of `horizon.neighbour` on the grid.
+    """
     unit = np.maximum(upto(path.size), apart / horizon.SHIFT)
     beyond, own = _gauss(problem, path, unit)
     at = [path.grid.index(t) for t in times]

@@ -121,7 +121,7 @@ def _run_constant(which: str):
 
 
 class _Stuck(RuntimeError):
-    """Ends a run whose steps no longer advance."""
+    """Raised to end a run whose steps no longer advance."""
 
 
 def _run_adaptive(which: str):
@@ -163,7 +163,7 @@ def _run_adaptive(which: str):
 
 
 def _peer(id, which, name, order, about, source, claim=None, *, symplectic=False, adaptive=False) -> Peer:
-    """A peer; ``order`` is the measured order, ``claim`` the one of the class attribute if that differs."""
+    """Make the record of a desolver integrator; ``order`` is measured, ``claim`` the class's own if it differs."""
     splitting = which in SPLITTING
     richardson = which.startswith(RICHARDSON)
     class_name = which.removeprefix(RICHARDSON)

@@ -66,7 +66,7 @@ def _function(system, integrator: str, calls: list):
 
 
 def _call(integrator: str, function, state, times, options):
-    """(gala's Orbit, seconds) of one integration."""
+    """Integrate with a gala integrator at the times: (gala's Orbit, seconds)."""
     solver = _class(integrator)(function, **options)
     began = time.perf_counter()
     orbit = solver(state, **times)

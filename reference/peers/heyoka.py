@@ -31,7 +31,7 @@ DOCUMENTATION = "https://bluescarni.github.io/heyoka.py/"
 
 @lru_cache(maxsize=KEPT)
 def _scalar(system, tol: float, model: str = TRANSLATED, compact: bool | None = None, high_accuracy: bool = False):
-    """(heyoka's integrator, the `Form` of its state)."""
+    """Make heyoka's integrator for one orbit of a system: (integrator, the `Form` of its state)."""
     import heyoka as hy
 
     from phasebench.reference.solvers import taylor
@@ -137,7 +137,11 @@ def _peer(id: str, name: str, run, more: str, **facts) -> Peer:
 
 
 def _one(id: str, name: str, more: str, how: tuple, **facts) -> Peer:
-    """A peer that integrates one orbit; ``how`` is (form, compact mode (None: by size), compensated sums)."""
+    """Make the record of a peer that integrates one orbit by heyoka.
+
+    ``how`` is (form of the equations, compact mode or None to decide by size, True to sum the series with
+    compensation).
+    """
     return _peer(id, name, _build_run(*how), more, prepare=_prepare(*how), **facts)
 
 

@@ -34,7 +34,7 @@ class Form(NamedTuple):
     scale: np.ndarray | None = None
 
     def put(self, y) -> np.ndarray:
-        """The state for (q, p), an array (2 d,)."""
+        """The state of heyoka's integrator for y = (q, p), an array (2 d,)."""
         if self.at is None:
             return y
         out = np.zeros(len(self.equations))

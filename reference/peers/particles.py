@@ -59,7 +59,7 @@ class Setting:
     gradient: Callable | None = None
 
     def place(self, i: int) -> tuple[int, int]:
-        """(particle, axis) of coordinate i."""
+        """The place of coordinate i among the particles: (index of the particle, axis 0, 1 or 2)."""
         return self.first + i // self.dimension, i % self.dimension
 
 
@@ -225,7 +225,7 @@ def jacobi_vanishes(setting: Setting, q) -> int | None:
 
 
 def state(sim, setting: Setting) -> np.ndarray:
-    """(q, p) of a simulation, array (2 d,)."""
+    """The state (q, p) of a REBOUND simulation, array (2 d,)."""
     d = len(setting.inverse)
     x, v = np.empty((2, sim.N, 3))
     sim.serialize_particle_data(xyz=x, vxvyvz=v)

@@ -176,7 +176,10 @@ BOUND_ABOUT = f"two copies bound by omega = {OMEGA:g}; rows are their mean; symp
 
 
 def _peer(solver: str, order: int, about: str, source: str, *, position_first=False, kind="") -> Peer:
-    """A peer; ``kind`` is "" for T + V, "extended" for two copies set to their mean, "omega" for two coupled ones."""
+    """Make the record of a pyhamsys integrator.
+
+    ``kind`` is "" for T + V, "extended" for two copies of phase space set to their mean, "omega" for two coupled ones.
+    """
     extension = bool(kind)
     claim = Claims(order=order, symplectic=None if extension else True, source=EXTENDED if extension else README)
     how = {"": SPLIT_ABOUT, "extended": MEAN_ABOUT, "omega": BOUND_ABOUT}[kind]

@@ -80,7 +80,7 @@ def _lacks(integrator: str, kinds, forces: bool):
 
 
 def _avx512() -> bool:
-    """True if REBOUND can run WHFast512 on this machine, and also if REBOUND is not installed."""
+    """True if REBOUND can run WHFast512 on this machine, or is not installed."""
     try:
         import rebound
     except ImportError:
@@ -89,7 +89,7 @@ def _avx512() -> bool:
 
 
 def _fields(integrator: str, setting, options: dict, tolerances, tol: float | None) -> dict:
-    """The fields of an integrator for a setting and a tolerance."""
+    """The fields of a REBOUND integrator to set, name -> value, for a setting and a tolerance."""
     fields = options | ({} if tol is None else dict.fromkeys(tolerances, tol))
     if fields.get("kernel") == "lazy" and setting.kind == CENTRAL and setting.gradient is None:
         fields = {"safe_mode": 0}  # a pure Kepler problem needs no corrector
@@ -132,7 +132,7 @@ def _peer(
     claims: dict | None = None,
     options: dict | None = None,
 ) -> Peer:
-    """A peer that accepts these ``kinds`` of settings, with or without extra ``forces``.
+    """Make the record of a REBOUND integrator for systems with a `particles.Setting` of these ``kinds``.
 
     ``tolerances`` are the fields set to tol, if the peer is adaptive; ``options`` are fields with fixed values.
     """

@@ -84,7 +84,7 @@ class Task(NamedTuple):
 
     @property
     def steps(self) -> int:
-        """The number of steps to the end."""
+        """The number of steps from the start to the last row."""
         return self.numbers[-1]
 
 
@@ -100,23 +100,23 @@ class Run(NamedTuple):
 
     @classmethod
     def of_states(cls, rows, *more) -> Run:
-        """A run with the states (q, p) as rows, array (n, 2 d)."""
+        """Make a run whose rows are the states (q, p), array (n, 2 d)."""
         d = rows.shape[1] // 2
         return cls(rows[:, :d], rows[:, d:], *more)
 
     @classmethod
     def stuck(cls, task: Task, *more) -> Run:
-        """A run with the initial state as its only row."""
+        """Make a run with the initial state as its only row."""
         return cls.of_states(task.state[None], *more)
 
 
 def anything(problem, system) -> str | None:
-    """`Peer.lacks` for a peer that is applicable to every problem: no reason against it."""
+    """The function `Peer.lacks` of a peer that is applicable to every problem: returns None, no reason against it."""
     return None
 
 
 def split_alone(why: str) -> Callable[[Any, Any], str | None]:
-    """`Peer.lacks` for a peer that is applicable only to canonical H = T(p) + V(q); ``why`` is the reason it gives."""
+    """Make the `Peer.lacks` of a peer for canonical H = T(p) + V(q) only; it returns ``why`` for others, else None."""
 
     def lacks(problem, system) -> str | None:
         return None if system.canonical and system.separable else why

@@ -1,4 +1,4 @@
-"""The status at the end of a peer's run, and the tolerance of a run."""
+"""Determine the status at the end of a peer's run, and the tolerance of a run."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ LOST = 10.0
 
 def ending(system, times, q, p, failure: str | None) -> tuple[str, str, int]:
     """(status, reason, number of good rows) of a run with rows q and p, arrays (n, d), at the first n ``times``."""
-    from phasebench.integrators.outcome import COLLISION, DIVERGED, energy_unit, judged
+    from phasebench.integrators.outcome import COLLISION, DIVERGED, energy_unit, judge
 
     finite = np.isfinite(q).all(axis=1) & np.isfinite(p).all(axis=1)
     rows = len(q) if finite.all() else int(np.argmin(finite))
@@ -32,7 +32,7 @@ def ending(system, times, q, p, failure: str | None) -> tuple[str, str, int]:
         worst = float(np.abs(H - H[0]).max())
         if worst > LOST * energy_unit(system, q, p):
             return COLLISION, f"the energy {H[0]:.6g} changed by {worst:.3g}: the orbit met the singularity", rows
-    return *judged(system, times[:rows], q, p, "take a smaller step or tolerance"), rows
+    return *judge(system, times[:rows], q, p, "take a smaller step or tolerance"), rows
 
 
 def tolerance(integrator: Peer, tol) -> float | None:

@@ -68,7 +68,7 @@ def _solve(solver_name: str, compiled: bool):
 
 
 def _prepare(solver_name: str, compiled: bool):
-    """The `Peer.prepare` of a solver: the loop over steps that ``solve_ivp`` makes, without rows."""
+    """Make the `Peer.prepare` of a SciPy solver: the loop over steps that ``solve_ivp`` makes, without rows."""
 
     def prepare(start: Start):
         import scipy.integrate
@@ -123,14 +123,14 @@ def _failure(solver, message, before: float, steps: int) -> str | None:
 
 
 def _off(problem, system) -> str | None:
-    """The `Peer.lacks` of a peer that needs Numba: a reason if compilation is disabled."""
+    """The `Peer.lacks` of a peer that needs Numba: a reason if compilation is disabled, else None."""
     from phasebench.integrators.compile import codegen
 
     return None if codegen.compiled() else "compilation is off (NUMBA_DISABLE_JIT)"
 
 
 def _peers(solver: str, name: str, more: str, source: str, order: int | None) -> tuple[Peer, Peer]:
-    """Two peers: with a Python right-hand side, and with a compiled one."""
+    """Make the records of a SciPy solver: with a Python right-hand side, and with a compiled one."""
     about = f"rtol = atol = tol, by default SciPy's rtol = {RTOL:g} and atol = {ATOL:g}; {more}"
     kinds = (
         ("", "Python right-hand side", "the right-hand side is a Python call", {}),
@@ -208,7 +208,7 @@ def _ode(field, task: Task):
 
 
 def _prepare_fast(solver: str):
-    """The `Peer.prepare` of ``odeint`` or ``ode``, which are called for the final state only."""
+    """Make the `Peer.prepare` of SciPy's ``odeint`` or ``ode``, which are called for the final state only."""
 
     def prepare(start: Start):
         from scipy.integrate import odeint
@@ -236,7 +236,7 @@ def _prepare_fast(solver: str):
 
 
 def fast(solver: str) -> Peer:
-    """A peer outside the registry: ``odeint`` (LSODA) or ``ode`` (DOP853), with compiled loop and right-hand side."""
+    """Make a peer outside the registry: SciPy's ``odeint`` (LSODA) or ``ode`` (DOP853), all compiled."""
     work = {"odeint": _odeint, "ode": _ode}[solver]
     name = {"odeint": "LSODA", "ode": "DOP853"}[solver]
 

@@ -54,7 +54,10 @@ def exact(problem, times, digits: int = 40, q0=None, p0=None):
 
 
 def _oscillator(problem, q, p):
-    """A function t -> (q, p); the frequency is that of the system's force, in which omega**2 is rounded to double."""
+    """The exact solution of the harmonic oscillator, a function t -> (q, p).
+
+    The frequency is that of the system's force, in which omega**2 is rounded to double.
+    """
     import mpmath
     import sympy as sp
 
@@ -72,7 +75,7 @@ def _oscillator(problem, q, p):
 
 
 def _kepler(problem, q, p):
-    """A function t -> (q, p), or None if the energy is not negative."""
+    """The exact solution of the Kepler problem, a function t -> (q, p); None if the energy is not negative."""
     import mpmath
 
     r0 = mpmath.sqrt(sum(x * x for x in q))

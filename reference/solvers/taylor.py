@@ -36,7 +36,7 @@ class Bits:
 
     @property
     def digits(self) -> int:
-        """Enough decimals for a number of this precision."""
+        """Enough decimal digits to determine a number of this precision."""
         return int(self.bits * 0.302) + 10
 
     def __call__(self, x):

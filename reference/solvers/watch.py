@@ -73,7 +73,7 @@ def report_time(run: str, t: float, t_end: float) -> None:
 
 
 def is_watched() -> bool:
-    """True inside `watching`."""
+    """True while a time limit is set by `watching`."""
     return bool(_watch)
 
 

@@ -18,7 +18,10 @@ REGULAR, CHAOTIC = (next(s for s in SCENES if s.regular is regular) for regular 
 
 @pytest.fixture
 def true(monkeypatch):
-    """A function (scene, horizon, stored times) -> (time at which the scene has a true state, source of that state)."""
+    """A function that fabricates a certificate and returns (time, source) of the scene's true state.
+
+    Its arguments: the scene, the horizon and the stored times of the certificate.
+    """
 
     def told(scene, horizon: float, *times: float) -> tuple[float, str]:
         ends = [SimpleNamespace(t=t, q_text=(f"{t}",), p_text=("0",), uncertainty=1e-20 * t) for t in times]
@@ -74,8 +77,9 @@ def test_trajectory_error_needs_a_row_within_the_horizon(monkeypatch):
 
 
 def standing(n: int, late: float = 1.0, last: float = 1.0) -> SimpleNamespace:
-    """A solution of n equal states; its momentum is times ``late`` after a tenth of them, times ``last`` in the
-    last.
+    """A stand-in for a Kepler solution: n equal rows, but p is multiplied by ``late`` after a tenth of them.
+
+    In the last row it is multiplied by ``last`` as well.
     """
     scale = np.where(np.arange(n) < n // 10, 1.0, late)
     scale[-1] *= last

@@ -39,7 +39,7 @@ FEW = ("heyoka", "stormer-verlet", "blanes-moan-srkn11b", "rk4", "rebound-leapfr
 
 
 def of(*ids):
-    """A portfolio of these integrators alone, so that a search is cheap."""
+    """A replacement for the portfolio of `advise`: these integrators alone, with equal expected costs."""
     return lambda asked, accuracy: ([(integrator(id), 1.0) for id in ids], [])
 
 
@@ -63,7 +63,11 @@ def call(*arguments):
 
 
 def trial(law, id="rk4", accuracy=1e-6, uncertainty=0.0) -> Trial:
-    """A trial whose runs follow a law: size -> (error, seconds), or None where the run diverges."""
+    """An integrator's search for its best size whose runs are fabricated.
+
+    ``law`` maps the number of steps (or the tolerance) to (error, seconds), to None where the run diverges, or to
+    `TIMEOUT`.
+    """
 
     class Law(Task):
         def measure(self, c, *, steps=None, tol=None, **limits):
@@ -218,7 +222,7 @@ def test_exact_method_takes_one_step_and_is_remarked(name, remark):
 
 
 def test_exactness_needs_a_run_of_one_step():
-    """Another problem may have the name of a known one."""
+    """Only a run of one step is remarked on as exact, because an unknown problem may have a known one's name."""
     asked = question("kepler")
     made = Trial(integrator("rebound-whfast-plain"), Search(asked, Truth(np.ones(2), 0.0, "a law"), 0.0).task(), inf)
     said = [Candidate(made, Rung(n, None, OK, 1e-9, 1.0, n)).row(asked, None)["remark"] for n in (1, 2)]
@@ -227,7 +231,10 @@ def test_exactness_needs_a_run_of_one_step():
 
 @pytest.mark.parametrize(("first_use", "tried"), [(10.0, ["rk4", "stormer-verlet", "heyoka"]), (1.0, [])])
 def test_promising_members_are_tried_beyond_the_limit(monkeypatch, first_use, tried):
-    """Compiling may take longer than the search; control: an explicit limit, which is both."""
+    """Compiling may take longer than the search, so the most promising candidates have until ``first_use`` seconds.
+
+    Control: an explicit time limit holds for them too, so none is tried.
+    """
     asked, attempts = replace(question(), limit=1.0, first_use=first_use), []
     hunt = Search(asked, Truth(np.ones(2), 0.0, "a law"), 0.0)
     monkeypatch.setattr(Search, "spent", 5.0)
@@ -305,7 +312,7 @@ def test_unanswerable_question_is_refused(name, t_end, accuracy, why):
 
 
 def advised_until(name: str, t_end: float, accuracy: float, **more) -> float:
-    """The time up to which a refusal says that the quantity is known."""
+    """The time up to which the quantity is known, as the refusal to answer a question with a longer span states it."""
     true, why = true_value(question(name, t_end, accuracy, **more))
     assert true is not None
     return float(re.search(r"known to t = ([0-9.e+]+):", why)[1])
@@ -434,7 +441,11 @@ def test_stored_prior_names_registered_integrators():
 
 
 def test_hope_is_told_beside_each_side_by_itself(monkeypatch):
-    """The best peer is tried though it is 8 times as dear as our best; who is 6 times dearer than it is not."""
+    """Whether a candidate is too expensive to try depends on the cheapest of its own side, our methods or the peers.
+
+    A peer expected to cost 8 times our cheapest is tried; our own method at 7 times is dropped, as is a peer at ten
+    times the cheapest peer.
+    """
     tried = []
     search_ = Search(question(), None, 0.0)
     monkeypatch.setattr(Search, "spent", 0.0)

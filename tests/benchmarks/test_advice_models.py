@@ -1,4 +1,4 @@
-"""Simplified models in advice: the ladder of a problem is found by its H and initial state, and judged by its rows."""
+"""Simplified models in advice: those of a problem are found by its H and initial state, and judged by their rows."""
 
 from __future__ import annotations
 
@@ -25,7 +25,10 @@ KEY = models.fingerprint(problem("pendulum:swinging"))
 
 
 def rungs(small=1e-2, large=1e-5, price=1e-6):
-    """Rungs of two simplified models with errors small and large, and of the full one; a simplified run costs half."""
+    """Fabricated runs, each (error, seconds), of two simplified models of a problem and of the full one.
+
+    The modelling errors are ``small`` and ``large``; a run of a simplified model costs half as much.
+    """
     runs = [(10.0**-k, 10 ** (k / 4)) for k in range(1, 13)]
     lower = tuple((e, price * s / 2) for e, s in runs)
     return (
@@ -36,7 +39,7 @@ def rungs(small=1e-2, large=1e-5, price=1e-6):
 
 
 def replace_ladders(monkeypatch, *scenes):
-    """Replace the stored ladders of models by these scenes."""
+    """Replace the stored table of simplified models and the costs of their runs by these scenes."""
     monkeypatch.setattr(models.TABLE, "load", lambda: scenes)
 
 
@@ -56,7 +59,7 @@ def scene(t_end=10.0, quantity="end-state", **more):
     ("accuracy", "model"), [(5e-2, "least"), (1.05e-2, "middle"), (9e-3, "middle"), (1.2e-5, "middle"), (9e-6, None)]
 )
 def test_cheapest_model_that_meets_the_accuracy(monkeypatch, accuracy, model):
-    """Modelling and integration error add up: at 1.05e-2 the least model leaves 5e-4 to the integration."""
+    """Modelling and integration error add up: at accuracy 1.05e-2 the coarsest model leaves 5e-4 to the integration."""
     replace_ladders(monkeypatch, scene())
     found = models.lower(question(accuracy))
     assert found["model"] == model

@@ -19,7 +19,10 @@ from phasebench.benchmarks.page.verdict import FAIL, FINDING, PASS, Count
 
 
 def rows(**changes) -> pd.DataFrame:
-    """Twenty questions, all met; every second one was compared with brute force."""
+    """A fabricated table of twenty questions to `advise`, all answered within the accuracy.
+
+    Every second answer was compared with brute force (running all methods). ``changes``: {column: {row: value}}.
+    """
     table = pd.DataFrame(
         {
             "ask": [f"{n:02d}" for n in range(20)],

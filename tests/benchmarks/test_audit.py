@@ -31,7 +31,7 @@ CONTROLS = ("stormer-verlet", "rk4", "gauss-2")
 
 @pytest.fixture(scope="module")
 def controls():
-    """The audit of the controls."""
+    """The audit of the control peers: methods of this project whose declared properties are known."""
     return audit(CONTROLS, isolate=False)
 
 
@@ -40,7 +40,7 @@ def verdicts(found, peer):
 
 
 def relabel(id, **claims):
-    """A control under another id and with other claims."""
+    """A control peer (a method of this project) under another id and with some claims replaced."""
     honest = control(id)
     return replace(honest, id=f"{id}-mislabelled", claims=replace(honest.claims, **claims))
 
@@ -111,7 +111,7 @@ def test_false_claim_alone_is_contradicted(controls, id, false):
 
 
 def test_false_claim_of_an_unregistered_peer():
-    """The full audit of a peer that is in no registry."""
+    """The full audit finds the one false claim of a peer that is in no registry."""
     found = audit([relabel("rk4", order=None, symplectic=True)], quick=True)
     assert [c["property"] for c in found.contradictions] == ["symplectic"]
 
@@ -161,7 +161,7 @@ def test_modest_claim_is_understated(controls, id, modest, more):
 
 
 def test_defect_at_the_floor_is_not_judged():
-    """A defect at the floor is no evidence where the classical method's defect, or the method's error, is there too."""
+    """A defect at the round-off floor is no evidence if a classical method's defect, or the own error, is there too."""
     row = {"status": "ok", "value": 1e-12, "floor": 1e-12, "classical": 1e-5, "own": 1e-6}
     assert evidence.keeps_structure(row) is True
     assert evidence.keeps_structure(row | {"classical": 1e-11}) is None

@@ -15,7 +15,7 @@ ROW = {"status": "ok", "problem": "a", "reason": "", "value": 1.0, "low": 0.5, "
 
 
 def judge_claim(claims: Claims, *rows: dict, measure: str, **peer) -> dict:
-    """The verdict on the only claim."""
+    """The audit's verdict on a peer's only claim, from fabricated rows of this measure."""
     who = replace(control("rk4"), claims=claims, **peer)
     (found,) = audit.judgements(who, "1.5", [ROW | {"peer": who.id, "measure": measure} | r for r in rows])
     return found
@@ -73,7 +73,7 @@ def test_adaptive_peer_is_judged_by_energy_alone():
 
 
 def orders(*values: float | None) -> list[dict]:
-    """Rows of measured orders +-0.01 on problems 0, 1, ...; None stands for an order without a window."""
+    """Fabricated rows of orders measured +-0.01 on problems 0, 1, ...; None: no range of steps showed an order."""
     more = ({"low": x - 0.01, "high": x + 0.01} if x else {"reason": "no window"} for x in values)
     return [{"problem": str(k), "value": x} | m for k, (x, m) in enumerate(zip(values, more, strict=True))]
 

@@ -20,7 +20,7 @@ from support.planted import control
 
 
 def peer(run=None, **more) -> Integrator:
-    """A peer that returns its initial state unless ``run`` is given."""
+    """A made-up peer whose run returns its initial state, or is ``run``."""
     still = run or (lambda task: Run.stuck(task, 0, 0, 0.0))
     return Integrator(replace(control("stormer-verlet"), run=still, lacks=lambda problem, system: None, **more))
 
@@ -151,7 +151,7 @@ def test_whfast512_changes_the_mode_in_a_fresh_process():
 
 
 def modes_table(*of: tuple[str, str | None, str]) -> pd.DataFrame:
-    """A table of peers, each (peer, mode, status)."""
+    """A table of audited peers, each (id, whether or when it changes the floating-point mode, status)."""
     rows = [{"peer": p, "mode": m, "status": s, "package": p.partition("-")[0]} for p, m, s in of]
     return pd.DataFrame(rows).assign(version="1.2", reason="")
 

@@ -22,7 +22,7 @@ def audit_rows(*peers: str, away: tuple[str, ...] = ()) -> pd.DataFrame:
 
 
 def claims_table(*of: tuple[str, str, str], package: str = "p") -> pd.DataFrame:
-    """A table of claims, each (peer, property, verdict)."""
+    """A fabricated table of judged claims of a package, each (peer, property, verdict)."""
     rows = [{"peer": p, "property": what, "claim": f"its {what}", "verdict": v} for p, what, v in of]
     more = {"package": package, "version": "1.2", "measured": "2.1 (a); 2.2 (b)", "command": "phasebench audit"}
     return pd.DataFrame(rows).assign(**more)
@@ -78,7 +78,7 @@ def test_unjudged_claim_is_not_counted():
 
 
 def statements_table(*of: tuple[str, str, str], **more) -> pd.DataFrame:
-    """A table of statements, each (package, verdict, severity)."""
+    """A fabricated table of statements quoted from documentation, each (package, verdict, severity)."""
     rows = [{"package": p, "verdict": v, "severity": s, "script": f"of_{p}"} for p, v, s in of]
     same = {"version": "3", "said": "it is exact", "where": "mod:f", "link": "http://x", "shows": "0.1"}
     return pd.DataFrame(rows).assign(**(same | {"mend": "say so", "covers": "", "printed": "0.1"} | more))

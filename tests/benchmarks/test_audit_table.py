@@ -12,7 +12,7 @@ ROW = {"measure": "energy", "status": "ok", "problem": "pendulum", "scale": 1.0,
 
 
 def energy_cell(value: float, slope: float = 0.0, half: float = 1e-30) -> str:
-    """The table's cell of an energy error with this value and slope +- half."""
+    """The cell that the audit's table prints for an energy error with this value and slope in time, +- ``half``."""
     row = ROW | {"value": value, "slope": slope, "low": slope - half, "high": slope + half}
     return table.cell([row], "energy")
 

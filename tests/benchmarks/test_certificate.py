@@ -29,7 +29,7 @@ def order_row(on="pendulum", value=2.0, half=0.01, first=1e-17, clean=2, second=
 
 
 def tables(**rows) -> Tables:
-    """Measurements of a correct step, with some tables replaced."""
+    """Fabricated measurements of a correct step (tables of rows), some of them replaced."""
     good = {
         "runs": [{"on": "pendulum", "status": "ok", "reason": ""}],
         "state": [{"on": "pendulum", "what": "the same step twice", "value": 0.0}],
@@ -40,12 +40,12 @@ def tables(**rows) -> Tables:
 
 
 def of(name, claims, found: Tables):
-    """The judgement of one claim or requirement."""
+    """The certificate's judgement of the claim or requirement ``name``, from the measurements ``found``."""
     return next(j for j in judgements(claims, found) if j.name == name)
 
 
 def outcome(claims, found: Tables) -> str:
-    """The overall verdict."""
+    """The certificate's overall verdict on these claims, from the measurements ``found``."""
     return verdict(judgements(claims, found), claims)
 
 

@@ -30,7 +30,10 @@ def entries(chosen):
 
 
 class Failing:
-    """The identity, which fails at call number `lasts(h)` of a step size; `asked` counts the calls by step size."""
+    """A step function that returns its argument and fails at call number ``lasts(h)`` with step size h.
+
+    It raises ``raised``, or returns NaN if that is None; ``asked`` counts the calls by step size.
+    """
 
     def __init__(self, lasts, raised=None):
         self.lasts, self.raised, self.asked = lasts, raised, {}
@@ -83,7 +86,7 @@ def test_exception_in_a_step_is_not_a_divergence():
 
 
 def test_energy_error_and_slope_of_a_run():
-    """Exact values for H = p^2/2 with a step that adds to p."""
+    """Energy error and its slope in time against a closed form, for a step on H = p^2/2 that increases p."""
     entry = battery.Entry("flat", battery._one("p**2/2 + 0*q"), (0.0, 1.0))
 
     def pushed(system, q, p, h):
@@ -154,7 +157,7 @@ ALL = {e.name: e for e in (*battery.entries(), *battery.lasting(), battery.oscil
 
 
 def test_systems_of_long_runs_and_steps_of_the_ladder():
-    """The ladder contains halved steps, so that errors can be compared; its time span is an exact double."""
+    """Steps for orders include halved ones, so that errors can be compared; their time span is an exact double."""
     assert [e.name for e in battery.lasting.__wrapped__()] == ["henon-heiles", "kepler", "dimer"]
     assert all(2 * n in battery.LADDER for n in battery.LADDER if n <= 32)
     assert sorted({*battery.LADDER}) == list(battery.LADDER)
@@ -191,7 +194,7 @@ def test_orbits_of_the_battery_are_bounded():
 
 
 def test_tolerance_errors_of_state_and_energy():
-    """On a run that is off by its tolerance in q and by a third of it in p."""
+    """The measured errors of a made-up run that is off by its tolerance in q and by a third of it in p."""
     entry, truth = PENDULUM, flow(PENDULUM, 0, adaptive.T_END, 48)[0].astype(float)
     beside = np.array([1.0, -1 / 3])
 
@@ -224,7 +227,7 @@ TRAPEZOIDAL = {"A": [[0, 0], ["1/2", "1/2"]], "b": ["1/2", "1/2"]}
     ],
 )
 def test_one_step_of_a_tableau(record, end, slopes):
-    """On the harmonic oscillator from (1, 0) at h = 1/2; an explicit method evaluates each stage once."""
+    """A Runge-Kutta step on the oscillator from (1, 0) at h = 1/2; an explicit method evaluates each stage once."""
     stepper = Stepper(subject(record), battery.oscillator())
     assert stepper(np.array([1.0, 0.0]), 0.5) == pytest.approx(end, abs=1e-15)
     assert slopes is None or list(stepper.system.evaluations) == [slopes, slopes]
@@ -235,7 +238,10 @@ def test_one_step_of_a_tableau(record, end, slopes):
 
 @pytest.fixture
 def places(monkeypatch):
-    """Placements and times that cost nothing; the fixture is the list of the scenes that were run."""
+    """Replace the certificate's runs against the fastest methods, and their timing, by ones that cost nothing.
+
+    The fixture is the list of the scenes that were run.
+    """
     asked = []
     monkeypatch.setattr(measures, "scenes", lambda chosen: ["near", "far"])
     monkeypatch.setattr(measures, "place", lambda chosen, scene: asked.append(scene) or {"on": scene, "errors": []})
@@ -245,7 +251,7 @@ def places(monkeypatch):
 
 
 def adapting(system, q, p, t_end, tol):
-    """Close to the true solution, at any tolerance."""
+    """A user's integrator with a tolerance: 40 leapfrog steps, whatever the tolerance is."""
     for _ in range(40):
         q, p = leapfrog(system, q, p, t_end / 40)
     return q, p
@@ -329,7 +335,7 @@ PLACES = [
 
 
 def render_with(**more) -> str:
-    """The document of a certificate with these measurements."""
+    """The text of a certificate with fabricated measurements, some of them replaced."""
     order = [
         {"on": "pendulum", "value": 2.0, "arithmetic": "multiprecision", **LIKE},
         {"on": "tao", "value": 2.0, "arithmetic": "double", **LIKE},

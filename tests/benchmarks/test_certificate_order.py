@@ -85,7 +85,7 @@ def test_step_of_order_p_has_p_vanishing_terms(step, p):
 
 
 def test_truncated_coefficient_shows_in_the_first_term():
-    """The kick is 1e-10 h too long, and so is the change of p relative to the field."""
+    """A first kick that is 1e-10 h too long leaves an error of order h of that size, relative to the field."""
     found = order.series(stepper(truncated_verlet), 1)
     assert found.clean == 2
     slopes = np.abs(PENDULUM.system.vector_field()(0.0, PENDULUM.start(1)))
@@ -111,7 +111,7 @@ def test_order_of_known_steps(step, p, arithmetic):
 
 
 def test_limit_error_of_an_inconsistent_step():
-    """The kicks are 1e-3 too long; the control is Verlet."""
+    """Kicks that are 1e-3 too long leave an error that does not vanish with h, of that size relative to the field."""
 
     def longer(system, q, p, h):
         return verlet(system, q, p, h, Fraction(501, 1000))
@@ -123,7 +123,7 @@ def test_limit_error_of_an_inconsistent_step():
 
 
 def test_errors_are_relative_to_the_size_of_the_state():
-    """The error of the identity is the displacement of the orbit."""
+    """A step that does nothing has the displacement of the orbit over the size of its end as error."""
     row = order.ladder(stepper(lambda system, q, p, h: (q + 0 * h, p + 0 * h), DOUBLE), 1)
     start, (end, _) = PENDULUM.start(1), order.flow(PENDULUM, 1, battery.SPAN)
     end = end.astype(float)
@@ -140,7 +140,7 @@ def test_arithmetic_failure_has_no_error_others_raise():
 
 
 def test_exact_step_has_no_order():
-    """The oscillator's rotation, in the precision of its arguments."""
+    """A step that is the oscillator's rotation, in the precision of its arguments, is exact."""
 
     def rotation(system, q, p, h):
         c, s = gmpy2.cos(h), gmpy2.sin(h)
@@ -153,7 +153,7 @@ def test_exact_step_has_no_order():
 
 @pytest.mark.parametrize(("least", "told"), [(0.1, True), (0.08, False)])
 def test_limit_error_needs_eight_step_sizes(least, told):
-    """A step that fails at the three or four largest of eleven h."""
+    """A step fails at the three or four largest of eleven h; with seven h left no limit error is stated."""
 
     def small(system, q, p, h):
         return verlet(system, q, p, h) if h < least else (q / (h - h), p)

@@ -106,7 +106,7 @@ def test_control_another_word_or_meaning_is_seen():
 
 
 def test_every_parameter_says_what_it_is():
-    """A sentence; and of an option with a value, what kind of value."""
+    """Each help text is a sentence; exactly the options that are no flags show what kind of value they take."""
     for name, command in typer.main.get_command(app).commands.items():
         for p in command.params:
             assert (p.help or "").endswith("."), f"{name} {p.name}"

@@ -20,11 +20,11 @@ class Run:
         self.sizes: list[tuple] = []
 
     def restart(self, q, p):
-        """Record the start."""
+        """Record the initial state of the next call."""
         self.starts.append((*q, *p))
 
     def advance(self, *size):
-        """Take ``seconds``, plus ``away`` in a disturbed call; the first ``spared`` calls are not disturbed."""
+        """Let the clock run by ``seconds``; disturbed calls take ``away`` more, the first ``spared`` never do."""
         self.sizes.append(size)
         self.thread += self.seconds
         self.now += self.seconds
@@ -123,7 +123,7 @@ def test_time_grows_with_the_span(id, size):
 
 
 def test_methods_and_peers_are_timed_alike():
-    """Both integrate from the last start given and return no state."""
+    """The timed run of either starts from the state given last and returns no state."""
     made = problem("kepler")
     for id, size in (("stormer-verlet", {"steps": 10}), ("heyoka", {"tol": 1e-9})):
         one = integrator(id)

@@ -30,7 +30,7 @@ def local():
 
 
 def sorted_rows(outcome) -> list:
-    """The sorted rows of an outcome, as tuples."""
+    """The rows measured in a run, sorted, as tuples."""
     return sorted((r["n"], r["x"], r["name"]) for r in outcome.rows("toys"))
 
 

@@ -26,7 +26,7 @@ def replace_value(column, value, row=0) -> list[dict]:
 
 
 def difference_tuples(measured, stored, limits=LIMITS, key=KEY) -> list[tuple]:
-    """The differences of two tables, each (column, measured, stored)."""
+    """The differences between a measured and a stored table beyond their limits, each (column, measured, stored)."""
     return [(d.column, d.measured, d.stored) for d in differences(match(measured, stored, key), limits)]
 
 
@@ -132,7 +132,7 @@ def test_changed_number_of_rows_is_a_difference(count):
 
 @pytest.mark.parametrize(("factor", "seen"), [(1.0, False), (1 + 1e-12, True), (1.5, True), (0.5, True), (9.9, True)])
 def test_stated_uncertainty_must_be_equal(factor, seen):
-    """The stored certificate states it, so it does not depend on the machine."""
+    """A stored certificate states a reference's uncertainty, so it does not depend on the machine."""
     cell, stated = toy_cells.cell(1), 5.2295517e-30
     differing = compare.of_cell(cell, "references", [{"uncertainty": stated * factor}], [{"uncertainty": repr(stated)}])
     assert bool(differing) is seen

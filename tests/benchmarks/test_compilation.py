@@ -50,12 +50,12 @@ def fresh() -> Problem:
 
 
 def of(*ids):
-    """A portfolio of these integrators."""
+    """A replacement for the portfolio of `advise`: these integrators alone."""
     return lambda asked, accuracy: ([(integrator(id), 1.0) for id in ids], [])
 
 
 def answer(*ids):
-    """The advice on a fresh problem, from these integrators."""
+    """The advice on a problem for which nothing is compiled yet, from these integrators alone."""
     return advise(ask(fresh(), t_end=2.0, accuracy=1e-4), (), of(*ids))
 
 
@@ -64,7 +64,7 @@ def break_compilation(monkeypatch):
     """A function that makes the compilation of the named families fail, or of all families without a name."""
 
     def break_(*families: str) -> None:
-        compile_ = kernel._compiled
+        compile_ = kernel._compile
 
         def broken(prepared, d):
             family = prepared.run.__module__.rpartition(".")[2]
@@ -72,7 +72,7 @@ def break_compilation(monkeypatch):
                 raise AttributeError(f"{WHY}\nand a second line")
             return compile_(prepared, d)
 
-        monkeypatch.setattr(kernel, "_compiled", broken)
+        monkeypatch.setattr(kernel, "_compile", broken)
 
     return break_
 
@@ -230,7 +230,7 @@ def test_certificate_whose_timing_reference_fails(monkeypatch):
 
 @pytest.fixture
 def climbing(monkeypatch):
-    """The tables of a scene with two methods, refined down to an error of 1e-2."""
+    """A function that measures a trade-off scene with two methods only, at ever finer steps until the error is 1e-2."""
     made = problem("pendulum:swinging")
     end = integrate(made, "dop853", h=0.01, t_end=10.0)
     truth = Truth(np.concatenate([end.q[-1], end.p[-1]]), 1e-9, "")

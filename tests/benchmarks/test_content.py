@@ -26,7 +26,7 @@ REBOUND, KEPLER = "phasebench.reference.peers.rebound", "phasebench.benchmarks.p
 
 @pytest.fixture(scope="module", autouse=True)
 def unchanged_sources_are_parsed_once():
-    """What a source says depends on its text alone; digests are computed anew after each edit."""
+    """Cache the two functions that parse sources by the source's text, so that only edited files are parsed again."""
     with pytest.MonkeyPatch.context() as patch:
         for function in (sources.essence, sources.imports):
             patch.setattr(sources, function.__name__, cache(function))
@@ -117,6 +117,7 @@ def copy(tmp_path_factory):
         ("benchmarks/page/markdown.py", "import math", "import cmath", set()),
         ("integrators/values/vector.py", '"""', '"""Another word. ', set()),
         ("integrators/families/splitting.py", "\n\n\ndef", "\n\n# a remark\n\ndef", set()),
+        ("integrators/families/splitting.py", "def step(method, y", "def step(method, y: Moving", set()),
     ],
 )
 def test_edit_changes_the_modules_that_import_it(copy, file, old, new, moved):
@@ -133,9 +134,19 @@ def test_edit_changes_the_modules_that_import_it(copy, file, old, new, moved):
         path.write_text(text)
 
 
-def test_essence_drops_docstrings_and_comments():
-    text = '"""Doc."""\n\nx = "# no comment"  # one\n\n\ndef f():\n    """Doc\n    more."""\n    return """kept"""\n'
-    assert sources.essence(text) == 'x = "# no comment"\ndef f():\n    return """kept"""'
+def test_essence_is_what_a_source_computes():
+    text = 'def f(x):\n    return [x, """kept"""]\n'
+    same = (
+        '"""Doc."""\n# one\n\ndef f(x):\n    """Doc\n    more."""\n    return [x, """kept"""]  # two\n',
+        "from typing import Any\n\ndef f(x: Any) -> list:\n    return [x, 'kept']\n",
+        "if TYPE_CHECKING:\n    import a\n\ndef f(\n    x: a.b,\n):\n    return [\n  x,\n  'kept',\n ]\n",
+    )
+    others = (text.replace("kept", "other"), text.replace("f(x)", "f(x=1)"), "import a\n" + text, "x: int = 1\n" + text)
+    assert {sources.essence(s) for s in same} == {sources.essence(text)}
+    assert sources.essence(text) not in {sources.essence(s) for s in others}
+    assert sources.essence("class A(NamedTuple):\n    x: int\n") != sources.essence(
+        "class A(NamedTuple):\n    y: int\n"
+    )
 
 
 def test_cells_have_distinct_ids_and_contents():

@@ -15,7 +15,10 @@ PRICE = {"low": 900.0, "value": 1234.0, "high": 1500.0}
 
 
 def found(evaluations=(23.0, 31.4), high=110.0, python=PRICE):
-    """(tables, times) of a step that takes 100 and 2.34 times the time of the fastest at two errors."""
+    """(tables, times) of a fabricated certificate: costs of a step over the cheapest method's at errors 1e-2 and 1e-4.
+
+    It takes ``evaluations`` times as many gradient evaluations, and 100 and 2.34 times the time.
+    """
     errors = [{"error": 10.0 ** (-2 * k), "factor": f} for k, f in enumerate(evaluations, 1)]
     timed = [{"error": 1e-2, "low": 90.0, "factor": 100.0, "high": high}]
     timed.append({"error": 1e-4, "low": 1.0, "factor": 2.34, "high": 1e9})

@@ -10,7 +10,7 @@ from phasebench.benchmarks.page.verdict import FAIL, FINDING, PASS, Count
 
 
 class Data(dict):
-    """Tables by name."""
+    """A page's data: called with a table's name, it returns the table or None."""
 
     def __call__(self, name):
         return self.get(name)
@@ -50,7 +50,7 @@ def test_answer_has_the_largest_packages_and_the_sum():
 
 
 class About(dict):
-    """Package metadata."""
+    """Stand-in for the metadata of an installed package; the values of a repeated field are stored under its plural."""
 
     def get_all(self, name):
         return self.get(name + "s")

@@ -122,7 +122,7 @@ def test_too_few_points_are_refused():
 
 
 def pendulum(step, h, steps):
-    """(t, H - H0) of the pendulum from 2 radians."""
+    """(t, H - H0) of the pendulum, started at rest from 2 radians, by a step function (q, p, h) -> (q, p)."""
     q, p = 2.0, 0.0
     H = [-np.cos(q)]
     for _ in range(steps):
@@ -174,7 +174,7 @@ def covering(**values) -> pd.DataFrame:
 
 
 def coverages(*tables: pd.DataFrame):
-    """The verdicts on the kinds of series and on the lengths and periods."""
+    """(verdict on the coverage by kind of series, verdict by length and number of periods) from tables of coverage."""
     data = {"drift_coverage": pd.concat(tables, ignore_index=True)}.get
     return page.kinds(data), page.lengths(data)
 
@@ -234,7 +234,7 @@ def test_bench_fails_for_too_little_coverage():
 
 
 def runs(id: str, *drifts: float, error: float = 1e-6) -> pd.DataFrame:
-    """Rows of long runs of a method with these energy drifts +-1e-12."""
+    """Fabricated rows of long runs of a method, one for each energy drift; the drifts are known to +-1e-12."""
     same = {"purpose": "drift", "status": "ok", "kind": "phasebench", "t_end": 1000.0, "fallbacks": 0, "h": 0.1}
     same |= {"scene": "pendulum-t1000", "problem": "pendulum:swinging", "id": id, "method": id, "energy_max": error}
     rows = [{"energy_drift": d, "energy_drift_low": d - 1e-12, "energy_drift_high": d + 1e-12} for d in drifts]
@@ -242,7 +242,7 @@ def runs(id: str, *drifts: float, error: float = 1e-6) -> pd.DataFrame:
 
 
 def bounded_verdict(*tables: pd.DataFrame):
-    """The verdict on methods whose energy error is bounded."""
+    """The page's verdict on methods whose declared energy error is bounded, from tables of long runs."""
     return page.bounded_energy({"rows": pd.concat(tables)}.get)
 
 
@@ -270,7 +270,7 @@ RK4, RADAU = (runs(id, 1e-9, -1e-9) for id in page.CONTROLS)
 
 
 def drift_verdicts(*tables: pd.DataFrame):
-    """(verdict on methods that drift, verdict on the controls)."""
+    """(verdict on methods that drift, verdict on the control methods) from tables of long runs."""
     data = {"rows": pd.concat(tables)}.get
     return page.drifting(data), page.controls(data)
 

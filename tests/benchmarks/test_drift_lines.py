@@ -29,7 +29,7 @@ def test_frequency_is_found_and_refined_to_round_off(periods):
 
 @pytest.mark.parametrize("start", [-0.9, 0.9])
 def test_refinement_moves_a_frequency_by_at_most_one(start):
-    """On noise, whose Newton steps have any size."""
+    """On noise, where a Newton step could move a frequency (in periods per span) by any amount."""
     moved = []
     for seed in range(20):
         noise = np.random.default_rng(seed).standard_normal(N)
@@ -47,7 +47,7 @@ def test_alternating_error_has_no_drift():
 
 
 def test_neighbouring_blocks_have_unequal_lengths():
-    """A jump changes the slope of its own block only."""
+    """The lengths of the blocks are found by a jump in the series, which changes the slope of its own block most."""
     t = np.arange(1200.0)
     owner = [int(np.argmax(np.abs(module._slopes(t, (t > at).astype(float))))) for at in range(0, 1199, 4)]
     lengths = np.bincount(owner, minlength=module.BLOCKS) * 4

@@ -16,7 +16,7 @@ def run(scheme="scheme-iv", h=0.01, without=0, error=np.nan, good=1e-15, problem
 
 
 def verdicts(*rows):
-    """The verdicts on the energy and on the existence of a root."""
+    """(verdict on the conservation of energy, verdict on the existence of a root in each step) from fabricated rows."""
     data = {"energy_preservation": pd.DataFrame(rows)}.get
     return page.energy_conservation(data), page.root_existence(data)
 

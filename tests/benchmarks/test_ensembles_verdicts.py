@@ -15,19 +15,19 @@ from phasebench.integrators.registry import method
 
 
 def step(method="verlet", gain=4.0, spread=0.5, speed_up=1.9, **more) -> dict:
-    """The row of a step in lanes and alone: gain +- spread and speed-up on all cores."""
+    """A fabricated row: the gain (+- spread) of SIMD lanes over one orbit at a time, and the speed-up on all cores."""
     row = {"problem": "p", "method": method, "in lanes": True, "status": "ok", "cores": 2, "speed-up": speed_up}
     row |= {"gain": gain, "gain, low": gain - spread, "gain, high": gain + spread, "largest difference": 0.0}
     return row | more
 
 
 def judge(verdict, **tables):
-    """The verdict on these tables."""
+    """A page's verdict on fabricated tables: {name: rows}."""
     return verdict({name: pd.DataFrame(rows) for name, rows in tables.items()}.get)
 
 
 def gain(*rows):
-    """The verdict on the gain of lanes."""
+    """The page's verdict on the gain of SIMD lanes, from fabricated rows."""
     return judge(page.gain, **{lanes.TABLE: rows})
 
 
@@ -73,13 +73,13 @@ def test_speed_up_of_a_bare_loop_on_one_and_two_threads():
 
 
 def rung(side, error, us, integrator=None, spread=0.02, problem="p") -> dict:
-    """The row of a run: its error and its time per orbit in us, +- the relative spread."""
+    """The fabricated row of a run: side (ours or a peer), error, and time per orbit in us +- the relative spread."""
     row = {"problem": problem, "integrator": integrator or side, "side": side, "error": error, "us": us}
     return row | {"us, low": us * (1 - spread), "us, high": us * (1 + spread)}
 
 
 def ladder(side, factor: float, order: int = 4) -> list[dict]:
-    """Runs whose cost doubles where the error falls by 2^order."""
+    """Fabricated runs of one side at ever smaller steps: the cost doubles where the error falls by 2^order."""
     return [rung(side, 2.0 ** (-order * k), factor * 2.0**k) for k in range(12)]
 
 
@@ -112,7 +112,7 @@ def test_cost_at_a_rung_and_next_to_a_rung_without_error():
 
 @pytest.mark.parametrize(("apart", "cost"), [(99.0, 10.0), (100.0, 100.0), (1e4, 100.0)])
 def test_interpolation_spans_less_than_two_decades(apart, cost):
-    """Half way between two rungs, one of which costs 100 times the other."""
+    """The cost half way between the errors of two runs, one of which costs 100 times the other."""
     rungs = pd.DataFrame([rung("ours", 1e-3 * apart, 1.0), rung("ours", 1e-3, 100.0)])
     assert at(rungs, 1e-3 * apart**0.5).value == pytest.approx(cost)
     assert at(rungs, 1e-3 * apart).value == 1.0
@@ -139,7 +139,7 @@ def test_ladder_errors_fall_by_at_most_two_decades(id):
 
 
 def power(who: str, kind: str, order: float, sizes) -> dict:
-    """Errors h^order of the runs of an integrator at these sizes."""
+    """{run: error h^order} of an integrator at these sizes h, steps or tolerances according to ``kind``."""
     return {against.Rung(who, kind, h): h**order for h in sizes}
 
 
@@ -210,7 +210,7 @@ def test_side_that_misses_the_error_has_no_name(heyoka):
 
 
 def beside(*rows):
-    """The verdict on the comparison with heyoka."""
+    """The page's verdict on the comparison of ensembles with heyoka, from fabricated rows."""
     return judge(page.beside_heyoka, **{against.TABLE: rows})
 
 

@@ -33,7 +33,7 @@ def watch_run(name: str, method, h: float, steps: int, **more):
 
 @pytest.fixture
 def small(monkeypatch):
-    """Limit a buffer to 77 steps of two degrees of freedom, so that a run needs many."""
+    """Let the buffer hold 77 steps of two degrees of freedom, so that a run fills it many times."""
     monkeypatch.setattr(every_step, "BUFFER", 154)
 
 
@@ -59,7 +59,7 @@ def test_rows_and_extremes_equal_those_of_a_full_run(small, run, every):
 
 
 def test_extremes_between_saved_rows_are_seen(small):
-    """Control: the error at the saved rows alone is smaller."""
+    """Observing every step finds a larger energy error than the saved rows show."""
     name, method, h, steps = RUNS[0]
     found = watch_run(name, method, h, steps, every=500)
     made, s = problem(name), found.solution
@@ -118,7 +118,10 @@ def test_long_run_ends_at_the_time_limit():
 
 @pytest.fixture
 def runs(monkeypatch):
-    """A list of the runs made, ("watched" or "bare", steps); 1000 steps take 1 s bare and 3 s watched."""
+    """The list of the runs made, each ("watched" if observed at every step or "bare", number of steps).
+
+    The clock is fabricated: 1000 steps take 1 s bare and 3 s observed.
+    """
     made = []
     watch, run = every_step.watch, Integrator.run
 

@@ -26,7 +26,7 @@ def table(*rows) -> pd.DataFrame:
 
 
 def judge(verdict, *rows):
-    """The verdict on these rows."""
+    """A page's verdict on these fabricated rows of ensembles."""
     return verdict({"extremes_growth_every": table(*rows)}.get)
 
 
@@ -70,7 +70,7 @@ def test_every_suitable_own_method_has_a_cell():
 
 @pytest.fixture(scope="module")
 def distances(of_each):
-    """Method -> distance of its step matrix from the exact one; without compilation, as one step of it suffices."""
+    """A function: method -> distance of its step matrix on the oscillator from the exact one, measured uncompiled."""
     return of_each(known_maps)
 
 

@@ -54,7 +54,7 @@ def test_ridge_in_any_of_four_directions_is_found(a, b):
 
 
 def table(method: str, high) -> pd.DataFrame:
-    """Drifts of 1e-3 at nodes where ``high(x, y)``, of 1e-6 elsewhere."""
+    """A fabricated map of energy drifts over pairs of steps: 1e-3 at nodes where ``high(x, y)``, 1e-6 elsewhere."""
     rows = [
         {"method": method, "node 1": i, "node 2": j, "h omega 2": j / 10, "nodes": NODES}
         | {"drift": 1e-3 if high(i, j) else 1e-6}
@@ -65,7 +65,7 @@ def table(method: str, high) -> pd.DataFrame:
 
 
 def judge(verdict, *tables):
-    """The verdict on these tables together."""
+    """A page's verdict on these maps of energy drifts together."""
     return verdict(lambda name: pd.concat(tables))
 
 

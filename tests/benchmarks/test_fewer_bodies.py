@@ -47,7 +47,7 @@ def longitude(*names: str, light: tuple[str, ...] = ()) -> float:
 
 @cache
 def question_and_truth(accuracy=1e-4, quantity="jupiter.longitude", *light: str):
-    """(a question about the planets, the true value of its observable); ``light`` bodies have no mass."""
+    """(a question to `advise` about the planets, the true value of its quantity); ``light`` bodies are massless."""
     question = ask(system().massless(*light) if light else system(), t_end=T, accuracy=accuracy, quantity_name=quantity)
     return question, truths.truth(question.problem, question.quantity, T)
 

@@ -30,7 +30,7 @@ IDS = [f.id for f in FIGURES]
 
 @pytest.fixture(scope="module")
 def curves(tmp_path_factory):
-    """The rows of all figures in quick mode, read back from a CSV file."""
+    """The rows of all figures of the talks, measured in quick mode and read back from a CSV file."""
     path = tmp_path_factory.mktemp("curves") / "curves.csv"
     rows = [row for figure in FIGURES if figure.measure for row in figure.rows(quick=True)]
     pd.DataFrame(rows).to_csv(path, index=False)
@@ -47,7 +47,7 @@ def saved_figures(curves, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def drawings(curves):
-    """The matplotlib figures of errors and differences, by id."""
+    """{figure's id: matplotlib figure} of the talks' figures of errors and differences."""
     wanted = [f for f in FIGURES if any(word in f.id for word in ("energy", "invariants", "convergence"))]
     return {f.id: f.draw(curves[curves["figure"] == f.id])[0] for f in wanted}
 

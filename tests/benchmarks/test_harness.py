@@ -182,7 +182,7 @@ def test_control_other_tasks_measure_other_rows(todo, rows):
 
 
 def ladder(order=2, uncertainty=1e-20, floor=0.0, **more):
-    """Rows at seven step sizes with the error h^order + floor."""
+    """Fabricated rows of a method at seven step sizes with the error h^order + floor."""
     base = {"purpose": ORDER, "scene": "s", "method": "m", "problem": "x", "status": "ok", "declared_order": order}
     steps = [0.1 / 2**k for k in range(7)]
     return [
@@ -264,7 +264,7 @@ def test_number_within_its_band_passes():
 
 
 def test_band_of_methods_that_choose_a_root():
-    """The band is wider for the trajectory, not for the energy."""
+    """A larger change of the trajectory's error than usual is accepted, but not of the energy error."""
     scene = BY_ID["kepler-t1"]
     stored = table_of(scene.id)
     row = stored.index[(stored["method"] == "scheme-iv") & (stored["global_error"] > 1e-6)][0]

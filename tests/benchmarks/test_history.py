@@ -16,7 +16,7 @@ METHODS = ("a", "b", "c")
 
 
 def table(noise=0.0, seed=0) -> pd.DataFrame:
-    """A table of three methods on four problems, with relative noise in the times."""
+    """A fabricated table of three methods on four problems, with relative noise in the times."""
     rng = np.random.default_rng(seed)
     rows = [
         {"method": m, "problem": f"p{k}", "h": h, "status": "ok", "reason": "", "global_error": h**2, "seconds": 1 / h}

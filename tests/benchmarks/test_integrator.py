@@ -341,7 +341,7 @@ def test_output_of_a_step_goes_to_stderr(capsys):
 
 
 def test_kepler_part_of_a_bare_system_is_found():
-    """Methods that `advise` names for a system run on that system."""
+    """A Wisdom-Holman method, which `advise` may name, runs on a Kepler problem given by its formula only."""
     system = pb.Hamiltonian(q="x y", p="u v", H="(u**2 + v**2)/2 - 1/sqrt(x**2 + y**2)")
     start = {"q0": [1.0, 0.0], "p0": [0.0, 1.1]}
     end = pb.integrate(system, "wisdom-holman", h=5.0, t_end=10.0, **start)

@@ -189,7 +189,7 @@ def test_worst_of_all_tolerances_counts():
 
 
 def part(value: float, slope: float = 0.0) -> dict:
-    """The row of a long run: error, slope +- 1e-12, over a time of 500."""
+    """The fabricated row of a long run to t = 500: the size of its error and the error's slope in time +- 1e-12."""
     return {"value": value, "slope": slope, "low": slope - 1e-12, "high": slope + 1e-12, "scale": 1.0, "steps": 2500,
             "time": 500.0}  # fmt: skip
 
@@ -237,7 +237,7 @@ def test_worst_of_several_verdicts():
 
 
 def verdicts(decision, claimed, rows) -> tuple[str, str]:
-    """(verdict of a certificate, verdict of an audit)."""
+    """(verdict of a certificate, verdict of an audit) that a decision rule gives on a claimed value from these rows."""
     rows = [{"status": "ok"} | r for r in rows]
     return decision(claimed, rows, CERTIFICATE)[0], decision(claimed, rows, AUDIT)[0]
 

@@ -18,7 +18,7 @@ def test_check_needs_a_control_that_fails():
 
 
 def of(**columns):
-    """A function that returns the same table for every name."""
+    """A page's data: a function that returns a table with these columns for every name."""
     return lambda name: pd.DataFrame(columns)
 
 

@@ -27,7 +27,7 @@ def build_problem(name, e):
 
 
 def worst(found, names=("phase", "perihelion", "anomaly")):
-    """The largest of these errors, in absolute value."""
+    """The largest absolute value among the named errors of a comparison with Kepler's orbit."""
     return max(float(np.abs(getattr(found, n)).max()) for n in names)
 
 
@@ -239,7 +239,7 @@ def test_perturbed_starts_are_one_ulp_away():
 
 
 def test_each_draw_is_compared_with_its_own_orbit(monkeypatch):
-    """The exact phases of the perturbed starts differ; the truncation error is common to all."""
+    """Randomly perturbed starts have exact phases of their own; the truncation error is common to all."""
     p, c = build_problem("kepler", 0.2), integrator("heyoka")
     truth = kepler.truth(p)
     setting = comparison.tolerances(c)[0]

@@ -17,7 +17,7 @@ OWN, THEIRS = "gauss-8", "heyoka"
 
 
 def run(method: str, phase: float, low: float | None = None, high: float | None = None, **more) -> dict:
-    """The row of a run over 100 orbits with its phase error (rad) and the error's interval."""
+    """The fabricated row of a run over 100 orbits: its phase error (rad) and the error's interval."""
     return {
         "problem": "kepler", "e": 0.2, "mu": 0.0, "status": "ok", "orbits": 100.0, "phase growth": 1.0,
         "method": method, "kind": "phasebench" if method == OWN else "heyoka", "setting": "adaptive",
@@ -26,13 +26,13 @@ def run(method: str, phase: float, low: float | None = None, high: float | None 
 
 
 def time(method: str, us: float, spread: float = 0.0, setting: str = "adaptive") -> dict:
-    """The row of a time per orbit in us, +- spread."""
+    """The fabricated row of a method's time per orbit in us, +- spread."""
     own = {"problem": "kepler", "e": 0.2, "method": method, "setting": setting}
     return own | {"us per orbit": us, "us, low": us - spread, "us, high": us + spread}
 
 
 def tables(runs: list[dict], times: list[dict], **growth) -> dict:
-    """The tables of the page; ``growth`` replaces values in the last rows of the runs."""
+    """The fabricated tables of the Kepler page; ``growth`` replaces values in the rows at the end of each run."""
     key = ("problem", "e", "method", "setting")
     ends = {"orbits": 100.0, "energy": 1e-13, "momentum": 1e-15, "phase": 1e-10, "perihelion": 1e-12}
     rows = [{k: r[k] for k in key} | ends | growth for r in runs]
@@ -143,7 +143,7 @@ def test_nine_in_ten_phase_errors_must_be_linear():
 
 
 def cost(method: str, seconds: float, error: float = 1e-9, problem: str = "kepler") -> dict:
-    """The row of a timed run."""
+    """The fabricated row of a timed run: seconds and error of a method on a problem."""
     return {"problem": problem, "method": method, "status": "ok", "seconds": seconds, "error": error}
 
 

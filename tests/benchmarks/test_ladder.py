@@ -1,4 +1,4 @@
-"""Parts of the ladder of step sizes, on fabricated rungs: sizes, stopping rules, interpolation between rungs."""
+"""Runs of a method at ever smaller steps, on fabricated runs: sizes, stopping rules, interpolation between runs."""
 
 from __future__ import annotations
 
@@ -119,7 +119,7 @@ def task(quantity) -> Task:
     ],
 )
 def test_run_is_timed_without_output_where_it_matters(monkeypatch, quantity, seconds, cheapest, clocked):
-    """Neither a long run without rows nor one more than six times slower than the cheapest is timed again."""
+    """A run is timed again without output unless it is long without rows, or six times slower than the cheapest."""
     rk4 = integrator("rk4")
     of = type(rk4).run
     monkeypatch.setattr(type(rk4), "run", lambda *given, **more: _after(of(*given, **more), seconds))
@@ -130,7 +130,7 @@ def test_run_is_timed_without_output_where_it_matters(monkeypatch, quantity, sec
 
 
 def _after(solution, seconds):
-    """The solution with other seconds."""
+    """A copy of a solution whose run time is ``seconds``."""
     names = ("t", "q", "p", "status", "reason", "counts")
     return SimpleNamespace(seconds=seconds, **{name: getattr(solution, name) for name in names})
 

@@ -89,7 +89,10 @@ def test_functions_are_compiled_without_the_cache(tmp_path, monkeypatch):
 
 
 def costs(power=1.0, times=1.5, system="toda", rebound=None, memory=1.0):
-    """A table of one system: time grows as d^power, ours is ``times`` that of C, memory as d^memory."""
+    """Fabricated costs per step of one system against d: our time grows as d^power, memory as d^memory.
+
+    Ours is ``times`` the time of C; ``rebound`` is the ratio to REBOUND's.
+    """
     rows = []
     for d in (16, 64, 256, 1024, 4096):
         row = {"system": system, "method": "m", "d": d, "values": "tuple" if d <= TUPLE_LIMIT else "array"}
@@ -100,7 +103,7 @@ def costs(power=1.0, times=1.5, system="toda", rebound=None, memory=1.0):
 
 
 def judge(verdict, **tables):
-    """The verdict on these tables."""
+    """The page's verdict on fabricated tables, given as name=table."""
     return verdict({large.COSTS: None, large.MADE: None, **tables}.get)
 
 
@@ -120,7 +123,7 @@ def test_two_sizes_give_no_exponent():
 
 @pytest.mark.parametrize(("low", "outcome"), [(1.0, PASS), (1.09, PASS), (1.11, FINDING)])
 def test_cost_is_too_steep_only_with_its_whole_interval(monkeypatch, low, outcome):
-    """The upper end is far above the work exponent each time."""
+    """The exponent of the cost fails by the lower end of its interval; the upper end is far too large each time."""
     row = {"system": "toda", "expected": 1, "time": 1.5, "time, low": low, "time, high": 2.0}
     monkeypatch.setattr(page, "exponents", lambda costs: pd.DataFrame([row]))
     assert judge(page.scaling, large=costs()).outcome == outcome
@@ -144,7 +147,7 @@ def test_worst_ratio_to_c_of_large_systems_is_judged():
 
 
 def seconds_table(seconds=(1.0, 4.0, 11.0), loops=1.0):
-    """A table of compilation times: formulae at d = 8, 16, 32 and loops at d = 10000."""
+    """A fabricated table of compilation times: H by a formula at d = 8, 16, 32, and by loops at d = 10000."""
     rows = [("toda", "formula", d, s) for d, s in zip((8, 16, 32), seconds, strict=True)]
     rows.append(("toda", "loops", 10_000, loops))
     return pd.DataFrame(rows, columns=["system", "route", "d", "seconds"])

@@ -42,7 +42,15 @@ def test_large_long_step_skips_full_matrices(monkeypatch):
 
 
 def rows(power=1.0, long=0.1, short=3.0, apart=1e-15, memory=1.0, solved=True, wide=1.2):
-    """A table of one lattice; the intervals of ratios extend by the factor ``wide``."""
+    """Fabricated costs of one lattice at four d, the banded Newton solver beside the usual one.
+
+    Parameters
+    ----------
+    power, memory : exponents in d of the banded solver's time and memory
+    short, long : ratio of times, banded over usual, at a short and a long step; intervals extend by the factor ``wide``
+    apart : distance of the end states of both solvers
+    solved : whether the banded solver solves the steps at the largest d
+    """
     out = []
     for d in (32, 128, 2048, 10_000):
         for step, times in (("short", short), ("long", long)):
@@ -56,7 +64,7 @@ def rows(power=1.0, long=0.1, short=3.0, apart=1e-15, memory=1.0, solved=True, w
 
 
 def judge(verdict, table):
-    """The verdict on a table."""
+    """The page's verdict on a table of solver costs."""
     return verdict({solvers.TABLE: table}.get)
 
 
@@ -77,7 +85,7 @@ def test_both_solvers_must_agree():
 
 @pytest.mark.parametrize(("ratio", "outcome"), [(0.1, PASS), (0.9, FINDING), (1.5, FINDING)])
 def test_long_step_is_faster_by_its_whole_interval(ratio, outcome):
-    """The interval reaches from ratio / 1.2 to 1.2 ratio."""
+    """The verdict is on the whole interval of the ratio of times, from ratio / 1.2 to 1.2 ratio."""
     found = judge(solvers_page.faster, rows(long=ratio))
     assert found.measured == Range(ratio / 1.2, ratio * 1.2)
     assert found.outcome == outcome

@@ -148,7 +148,7 @@ def test_failed_step_between_scan_points_is_not_stable():
 
 
 def test_pole_does_not_end_the_scan():
-    """Entries of 1e5 on an interval, with trace 0 and determinant 1."""
+    """A map with entries of 1e5 on an interval, trace 0 and determinant 1 is stable at every z."""
 
     def step(z):
         size = 1e5 if abs(z - 3) < 0.4 else 1.0
@@ -158,7 +158,7 @@ def test_pole_does_not_end_the_scan():
 
 
 def test_rounding_of_a_large_matrix_is_not_instability():
-    """Trace 1/2 and determinant 1 up to rounding; the control has determinant 3."""
+    """Large matrices with trace 1/2 and determinant 1 up to rounding are stable, with determinant 3 (control) not."""
     a = 1e7 * np.random.default_rng(3).uniform(-2, 2, 50)
     rotations = [np.array([[x, 1e7], [(x * (0.5 - x) - 1) / 1e7, 0.5 - x]]) for x in a]
     assert min(np.linalg.det(M) for M in rotations) < 0.999 or max(np.linalg.det(M) for M in rotations) > 1.001
@@ -168,7 +168,7 @@ def test_rounding_of_a_large_matrix_is_not_instability():
 
 
 def test_symplectic_interval_ended_by_growth_is_stable():
-    """Trace 2.5 below z = 1 and 0 above; determinant 1 up to z = 2, then larger."""
+    """The trace is 2.5 below z = 1, then 0; the determinant is 1 up to z = 2, then larger: stable from 1 to 2."""
     found = stability(lambda z: np.array([[2.5 * (z < 1), -max(1.0, z - 1)], [1.0, 0.0]]))
     assert same(found.intervals, [(1, 2)])
 

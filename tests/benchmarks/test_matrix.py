@@ -128,7 +128,10 @@ def test_errors_near_the_doubt_do_not_enter_an_order():
 
 
 def test_variable_steps_have_the_length_of_fixed_ones():
-    """sigma = r^(3/2) at the start: r is near 5 on the geodesic, sigma < 1 on the Kepler orbit."""
+    """Steps of an adaptive method are divided by sigma = r^(3/2) at the start where that is above 1.
+
+    r is near 5 on the geodesic; sigma < 1 on the Kepler orbit.
+    """
     import numpy as np
 
     from phasebench.benchmarks.problems import problem

@@ -69,7 +69,7 @@ def test_printed_columns_equal_the_talks():
 
 
 def entries(scheme: str, lam: str, *measured: float) -> list[dict]:
-    """Rows of a printed column with these measured values."""
+    """Rows of a column printed in the talk (for a scheme and lambda) beside these measured values."""
     column = printed.PRINTED[scheme, lam or None]
     rows = zip(printed.STEPS[1:], column, measured, strict=True)
     return [
@@ -142,7 +142,7 @@ def test_lost_roots_fail_the_bench(row, lost):
 
 @pytest.fixture(scope="module")
 def ways():
-    """{recipe: its column} for three recipes."""
+    """{name of a recipe, a way to compute the talk's printed differences: its column} for three recipes."""
     wanted = ("Scheme IV, one step more", "Scheme I, lambda = -51/50, in q alone", "Scheme I, lambda = -2/5")
     found = problem("henon-heiles:chaotic")
     return {r.name: r.column(found) for r in recipes.RECIPES if r.name in wanted}
@@ -158,7 +158,7 @@ def test_nearest_recipes_have_known_columns(ways):
 
 
 def test_recipe_with_one_step_more():
-    """At t = 1 + h the states for h and 2 h differ by h times the velocity: the column halves."""
+    """States one step after t = 1 differ, between h and 2 h, by h times the velocity: the column halves with h."""
     recipe = recipes.Recipe("", method("implicit-midpoint"), beyond=1)
     column = recipe.column(problem("henon-heiles:chaotic"))
     assert all(1.95 < a / b < 2.05 for a, b in pairwise(column))
@@ -171,7 +171,7 @@ def test_agreeing_entries_are_counted_in_units_of_a_digit(units, agree):
 
 
 def recipe_table(**agree: int) -> pd.DataFrame:
-    """A table of recipes with their numbers of agreeing entries, and Scheme IV's column."""
+    """A fabricated table of recipes: the number of printed entries with which each agrees, Scheme IV's included."""
     rows = {recipes.CLAIM: 4} | agree
     return pd.DataFrame([{"recipe": k, "0.01": 1.0, "0.005": 0.5, "entries that agree": n} for k, n in rows.items()])
 
@@ -361,7 +361,7 @@ def test_control_wrong_loop_is_detected(right, wrong, monkeypatch):
 
 @needs_compiler
 def test_kicks_are_merged_only_on_request():
-    """Merging changes the last digits of the state."""
+    """The C loop merges neighbouring kicks, which changes the last digits of the state, only on request."""
     made = problem("pendulum")
     assert c_loop.source(made.system) == c_loop.source(made.system, False) != c_loop.source(made.system, True)
     ends = {merged: c_loop.Loop(made, merged).run(0.1, 1000)[1].tolist() for merged in (False, True)}

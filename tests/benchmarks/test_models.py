@@ -59,7 +59,7 @@ def pericentre(e, mu):
 
 
 def test_averaged_model_is_first_order_in_mu():
-    """Its radial period and advance are wrong by O(mu^2), the Kepler period by O(mu)."""
+    """The averaged model's radial period and advance are wrong by O(mu^2), the Kepler model's period by O(mu)."""
     wrong = {}
     for mu in (1e-3, 1e-4):
         averaged = one_body.kepler_models(0.3, mu)[2]
@@ -77,7 +77,7 @@ def test_averaged_model_is_first_order_in_mu():
 
 
 def test_soft_chain_is_accurate_to_its_order_in_omega():
-    """The difference times omega^2 falls with omega if all terms of that order are there, else it stays."""
+    """The model's error times omega^2 falls with omega if the model has all terms of that order; else it stays."""
     far = {}
     for omega in (50.0, 150.0):
         true = end(problem("fpu", omega=omega), 2.0)[:3]
@@ -137,7 +137,7 @@ def test_linear_waves_lack_only_the_nonlinear_term():
 
 
 def test_uncertainty_of_a_model_reference():
-    """Three times the difference of its two finest runs (here of error 1 / steps), and at least a few round-offs."""
+    """It is three times the difference of the two finest runs (here of error 1 / steps), at least some round-off."""
     model = SimpleNamespace(steps=[1, 2, 4], quantity=END_STATE, values=lambda id, steps: np.array([1 + 1 / steps]))
     values, uncertainty = measure.reference(model)
     assert list(values) == [1.125]
@@ -162,7 +162,7 @@ def test_measured_errors_of_the_pendulum_models():
 
 
 def test_models_of_several_sizes_in_one_process():
-    """Prepared runs with array states, one size after the other."""
+    """Prepared runs of models with different d, whose states are arrays, do not disturb each other."""
     (ladder,) = (x for x in LADDERS if x.id == "klein-gordon-points")
     full = ladder.rungs[-1].make()
     for rung in (*ladder.rungs[1::-1], ladder.rungs[-1]):
@@ -178,7 +178,11 @@ def test_models_of_several_sizes_in_one_process():
 
 
 def scene(name="s", errors=(1e-2, 1e-5), integration=1e-14, scale=(1.0, 2.0, 10.0), full_off=1e-13):
-    """The tables of a scene; an error of 10^-n costs ``scale`` times n seconds."""
+    """(models, runs): fabricated tables of two or more models of one problem.
+
+    ``errors`` are modelling errors of the simplified models; a run of a model with error 10^-n takes ``scale`` times n
+    seconds.
+    """
     names = (A, B, C)[: len(errors)] + (C,)
     rows = [
         {"scene": name, "rung": k, "model": m, "full": m == C, "d": 1, "modelling error": e, "uncertainty": 1e-15}
@@ -194,7 +198,7 @@ def scene(name="s", errors=(1e-2, 1e-5), integration=1e-14, scale=(1.0, 2.0, 10.
 
 
 def judge(verdict, *scenes):
-    """The verdict on these scenes."""
+    """A page's verdict on the tables of these fabricated scenes."""
     models_, runs = (pd.concat(frames, ignore_index=True) for frames in zip(*scenes, strict=True))
     return verdict({measure.MODELS: models_, measure.RUNS: runs}.get)
 

@@ -47,10 +47,10 @@ STEPS = {
 
 @pytest.fixture
 def made_up(monkeypatch):
-    """Replace `advance`, so that a method takes the step named by its id; return these methods by name."""
+    """{name: method} of made-up steps; `multiprecision.advance` is replaced by the step named by a method's id."""
 
     def advance(system, record, y, h, steps=1):
-        f, h = system.vector_field(MULTIPRECISION), multiprecision.exactly(h, MULTIPRECISION)
+        f, h = system.vector_field(MULTIPRECISION), multiprecision.to_number(h, MULTIPRECISION)
         for _ in range(steps):
             y = STEPS[record.id](lambda x: f(0, x), y, h)
         return y
@@ -69,7 +69,9 @@ def off(found, exact):
 
 @pytest.mark.parametrize(("T", "most"), [(Fraction(1, 64), 1e-34), (Fraction(1, 4), 1e-34), (1, 1e-20)])
 def test_extrapolation_within_its_stated_uncertainty(T, most):
-    end, doubt = multiprecision.extrapolate(lambda y: -2 * y, vector([3, 1]), multiprecision.exactly(T, MULTIPRECISION))
+    end, doubt = multiprecision.extrapolate(
+        lambda y: -2 * y, vector([3, 1]), multiprecision.to_number(T, MULTIPRECISION)
+    )
     exact = mpmath.exp(-2 * mpmath.mpf(T.numerator) / T.denominator)
     assert off(end, (3 * exact, exact)) <= mpmath.mpf(str(doubt))
     assert 0 < doubt < most
@@ -109,7 +111,7 @@ def test_order_is_observed(made_up, name, order):
 
 @pytest.mark.parametrize("order", [2, 6])
 def test_symplecticity_defect(made_up, order):
-    """From the full Jacobian; for a high order, from a pair of vectors."""
+    """It is measured from the full Jacobian; for a high order, from one pair of tangent vectors."""
     found = {name: multiprecision.defect(replace(m, order=order), "pendulum") for name, m in made_up.items()}
     assert max(found[name] for name in ("leapfrog", "kick first", "drift first")) < 1e-20
     assert found["euler"] > 1e-5
@@ -149,8 +151,8 @@ def test_wrong_coefficient_is_detected(monkeypatch):
     """Kick by a fraction a of h, drift, kick by b: only methods with a few coefficients are tested."""
 
     def advance(system, record, y, h, steps=1):
-        field, h = system.vector_field(MULTIPRECISION), multiprecision.exactly(h, MULTIPRECISION)
-        a, b, *_ = (multiprecision.exactly(x, MULTIPRECISION) for x in record.data)
+        field, h = system.vector_field(MULTIPRECISION), multiprecision.to_number(h, MULTIPRECISION)
+        a, b, *_ = (multiprecision.to_number(x, MULTIPRECISION) for x in record.data)
         for _ in range(steps):
             y = kick(lambda x: field(0, x), y, a * h)
             y = kick(lambda x: field(0, x), drift(lambda x: field(0, x), y, h), b * h)

@@ -31,14 +31,14 @@ def name(request):
 
 
 def case(name, cells=N, strength=1.0):
-    """(equation, initial values y, tangent vectors, dx)."""
+    """(equation, initial values y, tangent vectors, grid spacing dx) of a wave equation on ``cells`` grid cells."""
     dx = LENGTH / cells
     y, *tangents = spacetime.CASES[name].data(dx * np.arange(cells))
     return MODULES[name].multisymplectic(strength), y, tangents, dx
 
 
 def residual_row(name, chosen, h=0.01, steps=3, cells=9, strength=1.0):
-    """The row of residuals of the local laws."""
+    """The measured residuals of the local conservation laws of a box scheme, as a row of the results."""
     equation, y, tangents, dx = case(name, cells, strength)
     space = chosen.division(equation, cells, dx)
     return laws.measure(
@@ -47,7 +47,7 @@ def residual_row(name, chosen, h=0.01, steps=3, cells=9, strength=1.0):
 
 
 def units(row, law=laws.TWO_FORM):
-    """The residual of a law in units of round-off."""
+    """The residual of a local conservation law, relative to its unit of round-off."""
     return row[law] / row[f"{law}, round-off"]
 
 
@@ -96,7 +96,7 @@ def test_equation_holds_at_the_stages(name, id):
     k = equation.slopes
     (step,) = run(equation, chosen, y, dx, 0.02, 1)
     for Y, T in zip(step.Y, step.T, strict=True):
-        z, rate = space.lifted(Y), space.lifted(T)
+        z, rate = space.lift(Y), space.lift(T)
         z_x = np.concatenate([space.slope(z[:, :-k]), space.back(z[:, -k:])], axis=1)
         rest = rate @ equation.K.T + z_x @ equation.L.T - equation.gradient(z)
         assert np.abs(rest).max() < 1e-12
@@ -152,7 +152,7 @@ def test_tangents_with_a_variable_parameter_keep_energy(name):
 
 
 def test_tableaus_are_the_textbooks():
-    """Gauss, Radau IIA, the midpoint rule and symplectic Euler."""
+    """The box schemes have the tableaus of Gauss, Radau IIA, the midpoint rule and symplectic Euler."""
     made, off = schemes.__wrapped__(), np.sqrt(3) / 6
     wanted = {
         "gauss-box": ([[1 / 4, 1 / 4 - off], [1 / 4 + off, 1 / 4]], [1 / 2, 1 / 2]),
@@ -175,7 +175,7 @@ def test_repr_of_a_scheme_omits_its_tableau():
 
 
 def canonical_system(space) -> Hamiltonian:
-    """The canonical system of the nonlinear Schroedinger equation on a grid."""
+    """The nonlinear Schroedinger equation on the grid of ``space`` as a canonical Hamiltonian system."""
     D = sp.Matrix(space.slope(np.eye(space.N)))
     q, p = (sp.symbols([f"{x}{j}" for j in range(space.N)], real=True) for x in "qp")
     bending = sum(((D * sp.Matrix(x)).T * (D * sp.Matrix(x)))[0] for x in (q, p)) / 2
@@ -187,7 +187,10 @@ def canonical_system(space) -> Hamiltonian:
     [("euler-box", "symplectic-euler-p"), ("preissmann-box", "implicit-midpoint")],
 )
 def test_box_scheme_is_a_method_in_time(id, method):
-    """Against the kernels of the package, which share no code with it; half the step is the control."""
+    """A box scheme equals a method of the package on the equation discretized in space; control: half the step.
+
+    Both share no code.
+    """
     equation, y, _, dx = case("nls", FEW)
     chosen = scheme(id)
     system = canonical_system(chosen.division(equation, FEW, dx))
@@ -199,7 +202,7 @@ def test_box_scheme_is_a_method_in_time(id, method):
 
 
 def test_staggered_grid_is_that_of_the_wave_problems(name):
-    """Central differences in space, as in the registered problems."""
+    """The staggered grid has the central differences in space of the registered wave problems."""
     made = problem(name, N=N, L=LENGTH)
     equation, y, _, dx = case(name)
     q, p = np.split(y.T.ravel() * np.sqrt(dx), 2)
@@ -318,7 +321,7 @@ LADDER = [*(("time", 17, 0.1 / 2**k) for k in range(4)), *(("space", n, 0.01) fo
 
 
 def table() -> pd.DataFrame:
-    """Consistent rows of an EQUIP and an AVF box."""
+    """Fabricated, consistent result rows of two box schemes, one by an EQUIP method and one by AVF."""
     rows = []
     for id, declared, keeps, size in (("equip-box", True, "total", 1e-15), ("avf-box", False, "cell", 1e-4)):
         for falls, cells, h in [("time", 17, 0.1 / 2**k) for k in range(4)] + [
@@ -361,7 +364,7 @@ def test_verdict_follows_its_rows(name):
 
 
 def replace_column(changes) -> pd.DataFrame:
-    """The table with other values in a column of a scheme."""
+    """The fabricated table changed by {(scheme's id, column): a value or a function of the scheme's rows}."""
     frame = table()
     for (id, column), value in changes.items():
         here = frame["id"] == id

@@ -13,7 +13,10 @@ ROUND_OFF = 1e-15
 
 
 def scheme(id: str, declared: bool, keeps: str, **changed) -> list[dict]:
-    """The rows of a scheme; ``changed`` maps a column to {row number: value}."""
+    """Fabricated result rows of a box scheme that conserves energy as ``keeps`` says, in each "cell" or in "total".
+
+    ``declared``: whether it is multisymplectic; ``changed``: {column: {row number: value}}.
+    """
     rows = []
     for falls, cells, h in SIZES:
         values = {
@@ -33,14 +36,14 @@ def scheme(id: str, declared: bool, keeps: str, **changed) -> list[dict]:
 
 
 def judge(verdict, equip=None, avf=None):
-    """The verdict on an EQUIP and an AVF box with these changed values."""
+    """The page's verdict on fabricated rows of an EQUIP and an AVF box; changes are {column: {row number: value}}."""
     rows = scheme("equip-box", True, "total", **(equip or {})) + scheme("avf-box", False, "cell", **(avf or {}))
     return verdict({spacetime.TABLE: pd.DataFrame(rows)}.get)
 
 
 @pytest.mark.parametrize(("units", "kept"), [(10, 1), (50, 0)])
 def test_worst_run_decides_on_the_law(units, kept):
-    """Ten units of round-off still count as round-off."""
+    """A local law holds if its largest residual over all runs is at most ten units of round-off."""
     found = judge(spacetime_page.two_form, {laws.TWO_FORM: {2: units * ROUND_OFF}})
     assert found.measured == Count(kept, 1)
     assert found.outcome == (PASS if kept else FAIL)
@@ -71,7 +74,7 @@ def test_steps_without_a_root_are_added_up():
 
 
 def test_residuals_at_round_off_have_no_order():
-    """The last of the ladder is exactly ten units; the others fall as h^4."""
+    """An order needs three residuals above ten units of round-off; those at round-off are left out."""
     last = {laws.ENERGY: {3: 10 * ROUND_OFF}}
     assert judge(spacetime_page.energy_order, last).measured == Count(1, 1)
     none = {laws.ENERGY: dict.fromkeys(range(4), ROUND_OFF)}

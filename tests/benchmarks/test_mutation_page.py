@@ -9,7 +9,10 @@ from phasebench.benchmarks.page.verdict import FAIL, FINDING, MISSING, PASS, Cou
 
 
 def score_table(survived=0, same=True, folder="b", left=()):
-    """A score of two files; the second has ``survived`` mutants; files in ``left`` have none tried."""
+    """A fabricated mutation score of two files; ``survived`` mutants of the second survive.
+
+    Mutants of the files in ``left`` were not tried.
+    """
     row = {"judged": True, "mutants": 99, "tried": 40, "killed": 40, "survived": 0, "as judged": True}
     other = {"tried": 40 + survived, "survived": survived, "as judged": same}
     none = {name: 0 * value for name, value in row.items()}
@@ -18,7 +21,7 @@ def score_table(survived=0, same=True, folder="b", left=()):
 
 
 def judge(verdict, **values):
-    """The verdict on a score."""
+    """The page's verdict on a fabricated mutation score; ``values`` are arguments of `score_table`."""
     return verdict({"mutation": score_table(**values)}.get)
 
 

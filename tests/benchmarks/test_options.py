@@ -33,7 +33,7 @@ from phasebench.integrators.stepping.kernel import prepare
 
 
 def errors(best: float = 0.5, constant: float = 1e-3, uncertainty: float = 1e-12, id: str = "scheme-iii"):
-    """Errors with their minimum at lambda = ``best``, at two step sizes."""
+    """Fabricated errors against lambda at two step sizes, smallest at lambda = ``best``."""
     lams = np.arange(-48, 73) / 24
     return pd.DataFrame(
         [
@@ -85,7 +85,7 @@ def test_scene_without_one_half_is_left_out():
 
 
 def costs(low: float = 1.0, half: float = 2.0):
-    """Costs at lambda = 0, 1/2 and 1: the largest stable h, at 1/2 equal to ``half``."""
+    """Fabricated costs at lambda = 0, 1/2, 1: gradients per step, largest stable h (``half`` at 1/2, else ``low``)."""
     rows = [
         {"lam": x, "largest h": low if x != 0.5 else half, "gradients per step": 5 + x + (x > 0)}
         for x in (0.0, 0.5, 1.0)
@@ -108,7 +108,7 @@ def test_lambda_of_the_longest_stable_step():
 
 
 def rungs(knob: str, scene: str = "a", spread: float = 0.01, **power):
-    """Ladders with power laws: setting -> (order, cost of a step)."""
+    """Fabricated runs at 24 step sizes for each setting of an option, given as setting=(order, us per step)."""
     out = []
     for setting, (order, cost) in power.items():
         for k in range(24):
@@ -124,12 +124,12 @@ RISING = {"2": (2, 1.0), "4": (4, 5.0), "8": (8, 20.0)}
 
 
 def on_rungs(verdict, *tables: pd.DataFrame):
-    """The verdict on these ladders."""
+    """A page's verdict on fabricated runs at several settings of an option."""
     return verdict({ladders.TABLE: pd.concat(tables)}.get)
 
 
 def settings(option: str, **power) -> list[str]:
-    """The cheapest settings, from the largest error to the smallest."""
+    """The cheapest settings of an option, from large to small errors; ``power``: setting=(order, cost of a step)."""
     return findings.cheapest(rungs(option, **power), option)["setting"].tolist()
 
 
@@ -208,14 +208,17 @@ def test_scenes_won_by_other_methods_are_named_in_order():
 
 
 def rules(own: float = 1e-15, dear: float = 1.5):
-    """Energy errors and times by the number of nodes; ``own`` and ``dear`` are those of the adaptive quadrature."""
+    """Fabricated energy errors and times of quadratures with n nodes.
+
+    ``own`` and ``dear`` are the energy error, and the time relative to four nodes, of the adaptive quadrature.
+    """
     fixed = [{"nodes": n, "energy error": max(10.0 ** (-4 * n), 1e-16), "ns per step": 100.0 * n} for n in (1, 2, 4, 6)]
     rows = [*fixed, {"nodes": nodes.CONFIRMED, "energy error": own, "ns per step": 400 * dear}]
     return pd.DataFrame(rows).assign(scene="a", h=0.1, status="ok")
 
 
 def quadratures(*tables: pd.DataFrame):
-    """The verdicts on the energy and on the cost of the adaptive quadrature, which confirms itself."""
+    """(verdict on the energy, verdict on the cost) of the adaptive quadrature, from fabricated tables."""
     data = {nodes.TABLE: pd.concat(tables)}.get
     return verdicts.quadrature(data), verdicts.quadrature_cost(data)
 
@@ -239,7 +242,11 @@ def test_costs_on_several_scenes_are_a_range():
 
 
 def round_off_rows(plain: float = 1e-12, floor: float = 1e-4, doubles: float = 1e-6):
-    """Round-off after 10 and 100 steps by kind of summation, with the error floor of single precision."""
+    """Fabricated round-off after 10 and 100 steps: in single precision, and in double with plain and compensated sums.
+
+    ``floor`` is the error of single precision, ``doubles`` that of double precision, ``plain`` the round-off of plain
+    sums.
+    """
     rows = [
         {"steps": steps, "h": 1 / steps, "arithmetic": kind, "round-off rms": off * steps / 100, "error": error}
         for steps in (10, 100)
@@ -253,7 +260,7 @@ def round_off_rows(plain: float = 1e-12, floor: float = 1e-4, doubles: float = 1
 
 
 def sums(table: pd.DataFrame):
-    """The verdicts on compensated summation and on single precision."""
+    """(verdict on compensated summation, verdict on single precision) from a fabricated table of round-off."""
     data = {arithmetic.ERRORS: table}.get
     return verdicts.compensation(data), verdicts.single(data)
 
@@ -277,7 +284,7 @@ def test_error_floor_of_single_precision():
 
 
 def passing_tables(**changes) -> dict:
-    """Tables on which every verdict passes, with some replaced."""
+    """All tables of the pages on options, fabricated so that every verdict passes, some of them replaced."""
     other = {LOW: (1, 1.0), MIDDLE: (3, 3.0)}
     ladder = [
         rungs(ladders.COMPOSITION, **RISING),
@@ -341,7 +348,7 @@ def test_page_with_one_table_or_none(tmp_path):
 
 
 def test_table_keeps_the_order_of_the_scenes():
-    """In the order of measurement, not of the names."""
+    """The pages' tables list scenes in the order of measurement, not of their names."""
     names = ("z", "a", "m")
     ladder = pd.concat([rungs(ladders.COMPOSITION, s, **RISING) for s in names])
     found = page.table({ladders.TABLE: ladder}.get)
@@ -512,7 +519,10 @@ def test_every_setting_reaches_a_certified_end():
 
 
 def solver_rows(engine: float = 18.0, fixed: float = 24.0, simple: float = 20.0, tolerance: float = 1e-6, **more):
-    """Rows of all solvers; starting from five steps saves two evaluations; tolerances up to ``tolerance`` suffice."""
+    """Fabricated evaluations per step of all solvers of implicit steps, of which ``engine`` is in use.
+
+    A start extrapolated from five steps saves two evaluations; tolerances up to ``tolerance`` are sufficient.
+    """
     rows = []
     for solver, most in ((solvers.FIXED, fixed), (solvers.SIMPLE, simple)):
         status = "ok" if most < np.inf else "not-converged"
@@ -526,17 +536,17 @@ def solver_rows(engine: float = 18.0, fixed: float = 24.0, simple: float = 20.0,
 
 
 def _starts(most: float):
-    """(start, evaluations): two fewer from five steps than from zero."""
+    """((start, evaluations), ...): extrapolation from five steps takes two evaluations fewer than a start from zero."""
     return (solvers.ZERO, most), (solvers.FIVE, most - 2)
 
 
 def solving(*tables: pd.DataFrame):
-    """The verdict on the solver of implicit steps."""
+    """The page's verdict on the solver of implicit steps that is in use, from fabricated evaluations of all solvers."""
     return verdicts.solving({solvers.TABLE: pd.concat(tables)}.get)
 
 
 def test_engine_is_compared_with_the_best_solver():
-    """The best setting of the loop takes 18 evaluations."""
+    """The solver in use passes at about the 18 evaluations of the best alternative, and fails at 27."""
     good, bad = solving(solver_rows()), solving(solver_rows(engine=27.0))
     assert (good.outcome, good.measured) == (PASS, Range(1, 1))
     assert solving(solver_rows(engine=19.7)).outcome == PASS

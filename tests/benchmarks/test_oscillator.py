@@ -86,7 +86,7 @@ def test_trace_just_below_2_has_no_touch():
 
 
 def test_gauss_touches_where_its_phase_is_pi():
-    """R = (1 - z^2/12 + i z/2) / (1 - z^2/12 - i z/2) is -1 at z^2 = 12."""
+    """The stability function R = (1 - z^2/12 + i z/2) / (1 - z^2/12 - i z/2) is -1 at z^2 = 12."""
     found = oscillator.find(integrator("gauss-2"))
     assert found.limit is None
     assert np.allclose(found.touches, [math.sqrt(12)], atol=1e-6)
@@ -188,7 +188,10 @@ def test_undefined_step_does_not_end_the_scan():
 
 
 def replace_runs(monkeypatch, stays) -> list[tuple[float, int]]:
-    """Replace runs: stable where ``stays(z)``; return the list of (z, steps) of the runs made."""
+    """Replace long runs on the oscillator by made-up ones, stable where ``stays(z)`` with z = h omega.
+
+    Returns the list of the (z, steps) of the runs made, which grows.
+    """
     made: list[tuple[float, int]] = []
 
     def lost(chosen, z: float, steps: int) -> str:

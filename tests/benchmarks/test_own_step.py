@@ -13,7 +13,7 @@ HENON = problem("henon-heiles:box")
 
 
 def ran(step, **more):
-    """The solution of five steps on the Henon-Heiles problem."""
+    """The solution of five steps of the user's function on the Henon-Heiles problem."""
     return own_step.integrate_step(HENON, own_step.from_function(step), h=0.1, steps=5, **more)
 
 

@@ -26,7 +26,10 @@ def frame(*rows: dict, **same) -> pd.DataFrame:
 
 @pytest.fixture
 def fix_orders(monkeypatch):
-    """A function that fixes the fitted orders: method -> (order minus declared order, half-width, points)."""
+    """A function that fabricates observed orders and returns the page's data.
+
+    Its arguments: method=(order minus declared order, half-width of its interval, number of points).
+    """
 
     def tell(**of):
         found = [
@@ -110,7 +113,7 @@ def test_declared_flag_is_written_as_yes_or_no():
 
 
 def over(name: str, *of: tuple[float, str, float]) -> list[dict]:
-    """Rows of a method on oscillatory systems, each (h omega / pi, status, largest energy error)."""
+    """Fabricated runs of a method on oscillatory systems, each (h omega / pi, status, largest energy error)."""
     columns = (oscillatory.RATIO, "status", oscillatory.ENERGY)
     return [{"method": name, oscillatory.OSCILLATORY: r[2]} | dict(zip(columns, r, strict=True)) for r in of]
 
@@ -187,7 +190,7 @@ CERTIFIED = {
 
 
 def reference_data(*changes: dict):
-    """The page's data: a certified reference with these changes in each row."""
+    """The page's data: a table of certified references, one row with each of these changes."""
     return {"references": frame(*changes, **CERTIFIED)}.get
 
 
@@ -236,7 +239,7 @@ def test_smallest_uncertainty_between_states_is_named():
 @pytest.mark.parametrize(("limited", "outside", "holds"), [(1, 0, True), (20, 3, True), (20, 4, False), (100, 11, True),
                                                            (100, 12, False), (1, 1, False)])  # fmt: skip
 def test_five_percent_of_runs_may_miss_the_horizon(limited, outside, holds):
-    """Plus three standard deviations: 5 + 6.5 of 100, 1 + 2.9 of 20, 0.05 + 0.65 of 1."""
+    """Allowed are 5% plus three standard deviations: 5 + 6.5 of 100, 1 + 2.9 of 20, 0.05 + 0.65 of 1."""
     short = {"horizon": 5.0, "earliest": 4.0, "latest": 6.0}
     rows = [short | {"long double leaves": 9.0 if k < outside else 5.0} for k in range(limited)]
     assert references.horizons(reference_data(*rows)).outcome == (PASS if holds else FAIL)
@@ -262,7 +265,7 @@ LONG = {
 
 
 def long_runs(*changes: dict):
-    """The page's data: long runs with these changes in each row."""
+    """The page's data: a table of long runs, one row with each of these changes."""
     return {"rows": frame(*({"method": c["id"]} | c for c in changes), **LONG)}.get
 
 

@@ -111,7 +111,7 @@ def test_answer_counts_methods_by_property(monkeypatch):
 
 @pytest.fixture
 def problems(monkeypatch):
-    """A function that fixes the problems: each (d, number of letters of H), with d orbits."""
+    """A function that replaces the registered problems by made-up ones, each (d, length of the text of H)."""
 
     def make(*of: tuple[int, int], source: str = "someone"):
         made = []
@@ -202,7 +202,7 @@ def test_direct_dependencies_are_shown():
 
 @pytest.fixture
 def section(monkeypatch):
-    """A talk of one section with a statement of each verdict, and one more that holds."""
+    """A made-up talk of one section: six statements, one for each verdict and a second that holds."""
     statements = [
         SimpleNamespace(
             where=f"({k})", kind="remark", words=f"w{k}", page="p", judgement=lambda data, v=v: Judgement(v, "seen")

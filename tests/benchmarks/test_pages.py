@@ -63,7 +63,7 @@ def silent(line: str) -> None:
 
 
 class Said(NamedTuple):
-    """What a page shows for the committed rows; rows of an older format are left out."""
+    """What a page shows for the committed tables: the data that it reads, its verdicts and its table."""
 
     data: report.Data
     verdicts: list[Verdict]
@@ -120,7 +120,7 @@ def page_texts(built_report):
 
 @pytest.fixture(scope="module")
 def conclusions(page_texts):
-    """{page id: (outcome, answer) for the committed tables}, which take seconds."""
+    """{page id: (outcome, answer)}, what each page concludes from the committed tables."""
     return {page.id: conclusion(page, page_texts[page.id].data) for page in PAGES}
 
 
@@ -239,7 +239,7 @@ def committed_tables():
 
 
 def draw(figure, path):
-    """Draw every artist in place at low resolution, as layout and compression take most of the time."""
+    """Draw every artist of a figure at low resolution without layout, and leave an empty file in place of the image."""
     figure.set_layout_engine("none")
     figure.set_dpi(20)
     with style.settings():
@@ -330,7 +330,7 @@ def test_dates_of_rows_from_several_runs():
 
 
 def with_states(tmp_path, states: list[str], **columns):
-    """The speed page for a table of ratios whose rows have these states: (index entry, text of the page)."""
+    """(index entry, text) of the speed page if the rows of its table are current or outdated (``states``)."""
     shutil.copytree(DATA, tmp_path / "data")
     path = tmp_path / "data" / "ratios.csv"
     rows = pd.read_csv(path)
@@ -428,7 +428,7 @@ def test_figures_are_redrawn_if_their_code_changes(speed, monkeypatch):
     [("speed", "speed.page"), ("options", "options.figures"), ("trade-duffing", "trade.scene_page")],
 )
 def test_figure_depends_on_the_module_that_draws_it(id, module):
-    """Not on the module of the decorator that adapts it to the tables."""
+    """The module recorded for a figure is the one that draws it, not that of the decorator around its function."""
     (page,) = [p for p in PAGES if p.id == id]
     assert drawn.module_of(page.figures) == f"phasebench.benchmarks.experiments.{module}"
 

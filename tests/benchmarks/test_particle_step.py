@@ -100,7 +100,7 @@ def test_a_step_of_ones_own_is_the_method(name):
 
 
 def test_a_step_of_q_and_p_keeps_its_arguments():
-    """The names x and v alone do not make it one of velocities, nor does the requirement alone."""
+    """A step is one of (x, v) only if it names them and requires a magnetic field; neither alone suffices."""
     for step, requires in ((midpoint, ("magnetic",)), (drift_only, ("separable",))):
         assert own_step.OwnStep("mine", step, {}, requires).step is step
     assert own(drift_only).step is not drift_only
@@ -144,7 +144,7 @@ def test_the_battery_of_charged_particles():
 
 
 def verdicts(step, claims: dict) -> dict:
-    """{claim: verdict} of the claims alone, of a step on charged particles."""
+    """{claim: verdict} from a certificate of these claims alone for a step of charged particles."""
     found = certificate.certify(step, claims, ("magnetic",), alone=True)
     return {j.name: j.verdict for j in found.claims}
 

@@ -54,7 +54,7 @@ def test_regular_scene_is_measured_at_its_end():
 
 @pytest.mark.parametrize(("id", "size"), [("stormer-verlet", {"h": 0.05}), ("heyoka", {"h": None, "tol": 1e-15})])
 def test_chaotic_scene_is_measured_before_its_horizon(id, size):
-    """At the last stored time: a long double run is accurate to 1e-13 there, runs in doubles are far worse."""
+    """The error is measured at the last stored time before the horizon, where long double is accurate to 1e-13."""
     row = sweep.measure(sweep.Task(CHAOTIC.id, id, (), **size), repeats=1)
     assert row["status"] == "ok"
     assert row["energy_max_early"] <= row["energy_max"]

@@ -1,4 +1,4 @@
-"""Rank of a step among the Pareto fronts of the trade-off: stored fronts, gradient evaluations, the printed line."""
+"""Rank of a user's step among stored Pareto fronts of cost and error: the fronts, evaluations, the printed line."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def test_evaluations_needed_for_an_error(runs, wanted, expected):
 
 
 def run_of(integrator, evaluations, error, scene="kepler-orbit", status="ok"):
-    """The row of a run of the trade-off."""
+    """A fabricated row of the trade-off between cost and error: one run of an integrator."""
     row = {"scene": scene, "integrator": integrator, "id": integrator.partition("(")[0]}
     return row | {"evaluations": evaluations, "error": error, "status": status}
 
@@ -90,7 +90,10 @@ def test_ladder_ends_at_a_small_error_or_without_gain(errors, ended):
 
 
 def rank(monkeypatch, errors, adaptive=False, each=2):
-    """The rank of an integrator with these errors at ``each`` evaluations a step; None is a failed run."""
+    """The row that ranks an integrator, whose runs have these errors (None: failed), among the stored Pareto fronts.
+
+    ``each``: gradient evaluations per step.
+    """
     rungs = iter(errors)
 
     def measured(subject, entry, problem, t_end, size):

@@ -87,7 +87,7 @@ def relative(found, expected) -> float:
 
 @cache
 def by_ias15():
-    """Final states by REBOUND's IAS15."""
+    """(positions, velocities) of the random planetary system after `YEARS`, by REBOUND's IAS15."""
     sim = rebounds(random_bodies())
     sim.move_to_com()
     sim.integrator = "ias15"

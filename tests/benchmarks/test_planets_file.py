@@ -19,7 +19,7 @@ def parse(text):
 
 
 def numbers(found):
-    """(name, mass, position, velocity) of every body as a flat tuple."""
+    """A tuple of numbers for each body read from a file: its name, mass, position and velocity."""
     return [(b.name, b.mass, *map(float, (*b.x, *b.v))) for b in found.members]
 
 

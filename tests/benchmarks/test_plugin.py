@@ -66,7 +66,7 @@ def test_unused_plugin_imports_nothing_heavy(tmp_path):
 
 
 def test_commands_of_the_tutorials_workflow():
-    """`.ci/plugin` runs the same commands."""
+    """The tutorial's workflow runs the commands that `.ci/plugin` runs."""
     workflow = "".join(re.findall(r"```yaml\n(.*?)```", TUTORIAL, re.DOTALL))
     claims = "--requires separable --claim order=2"
     assert re.findall(r"- run: (.*)", workflow) == [

@@ -95,7 +95,7 @@ def test_double_pendulum_chaotic_and_regular_orbits():
     ("orbit", "alpha"), [("one-well", -1.0), ("near-separatrix", -1.0), ("both-wells", -1.0), ("one-well", 1.5)]
 )
 def test_duffing_is_an_elliptic_function(orbit, alpha):
-    """NIST DLMF 22.19(ii)."""
+    """The Duffing oscillator's orbit is the elliptic function of NIST DLMF 22.19(ii)."""
     problem = make_problem(f"duffing:{orbit}", alpha=alpha)
     (a,) = problem.q0
     with mpmath.workdps(30):

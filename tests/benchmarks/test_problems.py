@@ -164,7 +164,7 @@ def energy(name, **parameters):
 
 
 def test_literature_values():
-    """Wang, Bo & Cai (talk), (27)-(30); Hairer, Lubich & Wanner 2006, I.2 and exercise I.12."""
+    """Values printed by Wang, Bo & Cai (talk), (27)-(30), and Hairer, Lubich & Wanner 2006, I.2 and exercise I.12."""
     assert energy("henon-heiles:box") == pytest.approx(0.02, rel=1e-15)
     assert energy("henon-heiles:chaotic") == pytest.approx(1 / 6, rel=1e-15)
     assert energy("kepler") == pytest.approx(-0.5, rel=1e-14)

@@ -29,7 +29,7 @@ def measure(scene, id: str, h: float) -> dict:
 
 
 def outside(scene, row: dict, id: str, h: float) -> set[str]:
-    """The columns of a row that are outside the bands of the scene's stored table."""
+    """The columns of a newly measured row that differ from the scene's stored table by more than the tolerance."""
     stored, _ = error_tables.load(scene.id)
     (known,) = stored[(stored["method"] == id) & (stored["h"] == h)].to_dict("records")
     bands = {

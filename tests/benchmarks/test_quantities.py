@@ -19,7 +19,7 @@ from phasebench.integrators.errors import InvalidInput
 
 
 def rows(t, q, p, status="ok"):
-    """A solution with these rows."""
+    """A stand-in for a solution with these times and states."""
     return SimpleNamespace(t=np.array(t), q=np.array(q, float), p=np.array(p, float), status=status)
 
 
@@ -116,7 +116,7 @@ def test_section_ignores_motion_along_the_orbit():
 
 @pytest.mark.parametrize(("label", "t"), [("kepler", 200 * pi), ("henon-heiles:box", 1000.0), ("duffing", 200.0)])
 def test_uncertainty_of_a_long_double_reference(label, t, monkeypatch):
-    """It bounds the distance from the certified state, which has some thirty digits."""
+    """The stated uncertainty bounds the distance from the certified state, which has some thirty digits."""
     made = problem(label)
     t = t if label != "kepler" else made.start.times[-1]
     state = quantity(made, "end-state")

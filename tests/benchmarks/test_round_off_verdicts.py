@@ -20,7 +20,7 @@ def data(**tables):
 
 
 def ensemble(label="a", kind=brouwer.USUAL, energy=0.5, phase=0.5, units=1.0, steps=1000, mean=0.5, **more) -> dict:
-    """The row of an ensemble whose exponents are known to +-0.03."""
+    """The fabricated row of an ensemble's round-off: exponents of growth +-0.03, size in units of round-off, mean."""
     row = {"label": label, "kind": kind, "h": 0.02, "steps": steps, "starts": 100, "in units": units}
     row |= {verdicts.MEAN: mean}
     for name, x in (("energy", energy), ("phase", phase)):
@@ -38,13 +38,13 @@ JUDGED = {"energy": verdicts.energy, "phase": verdicts.phase, "size": verdicts.s
 
 
 def law(*rows) -> dict:
-    """Each verdict on these ensembles and the control."""
+    """{name: verdict} of all of the page's verdicts on Brouwer's law, from these ensembles and the control's."""
     table = pd.DataFrame([*rows, CONTROL])
     return {name: judge(data(extremes_growth=table)) for name, judge in JUDGED.items()}
 
 
 def findings(*rows) -> list[str]:
-    """The names of the verdicts that are findings on these rows."""
+    """The names of those verdicts on Brouwer's law that are findings on these rows."""
     return [name for name, found in law(*rows).items() if found.outcome == FINDING]
 
 
@@ -65,7 +65,7 @@ ABOVE = verdicts.ABOVE + 0.031
     ],
 )
 def test_growth_size_and_bias_have_separate_verdicts(changes, wrong):
-    """Each fails beyond its tolerance only."""
+    """Each fails only if its own quantity exceeds its tolerance."""
     assert findings(ensemble(), ensemble("b", **changes), long_run()) == wrong
 
 
@@ -190,7 +190,15 @@ def test_error_in_units_of_eps_h_sqrt_n(h):
 
 
 def residues(beside=0.5, product=0.8, whole=0.5, plain=100.0, without=None):
-    """The verdict on the explanation by controls: energy exponents, and the error of plain sums in units."""
+    """The verdict on the explanation of the energy drift at h that are simple fractions, from fabricated control runs.
+
+    Parameters
+    ----------
+    beside, product, whole : exponents of growth of the energy error slightly off the fraction, with exact products, and
+        with velocity and force computed from the whole compensated state
+    plain : error of plain sums in units of round-off
+    without : label of a row to leave out
+    """
     rows = [
         ensemble("b", brouwer.ASIDE_OF, energy=beside),
         ensemble(controls.HALF, brouwer.HAND, energy=product),

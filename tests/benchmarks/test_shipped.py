@@ -1,4 +1,4 @@
-"""The shipped tables: saved and loaded unchanged, and each file equals what its rows give."""
+"""The shipped tables: saved and loaded unchanged, and each file equals what is derived anew from its rows."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def records(name: str) -> list[dict]:
 
 
 def competition():
-    """The rows and integrators that the stored prior knows; methods added since have not competed."""
+    """(runs, integrators) from which the stored prior of `advise` was made, leaving out methods added since."""
     ran, named = advice.competition(records(advice.RUNS))
     return ran, named & prior.TABLE.load().competitors
 
@@ -73,7 +73,7 @@ EARLIER = {"models": ("error", "seconds")}
 
 
 def lines(text: str, name: str) -> list[tuple]:
-    """The distinct lines of a file, without the columns in `EARLIER`."""
+    """The distinct rows of a CSV text as tuples, without the columns in `EARLIER`, which are older than the rows."""
     left = [tuple(v for k, v in r.items() if k not in EARLIER.get(name, ())) for r in csv.DictReader(io.StringIO(text))]
     return list(dict.fromkeys(left)) if name in EARLIER else left
 

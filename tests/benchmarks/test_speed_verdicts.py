@@ -12,12 +12,12 @@ from phasebench.benchmarks.page.verdict import FAIL, FINDING, PASS, Count
 
 
 def ratio(median: float, wanted: float | None = 1.4, spread: float = 0.05, name: str = "Verlet / C loop") -> dict:
-    """The row of a ratio of times, with its target ``wanted``."""
+    """The fabricated row of a ratio of times per step, median +- spread, with the largest value ``wanted`` of it."""
     return {"ratio": name, "median": median, page.LOW: median - spread, page.HIGH: median + spread, page.WANTED: wanted}
 
 
 def judge(verdict, table: str, *rows: dict):
-    """The verdict on a table with these rows."""
+    """The page's verdict on a fabricated table with these rows."""
     return verdict({table: pd.DataFrame(rows)}.get)
 
 
@@ -64,7 +64,7 @@ def test_answer_has_the_ranges_of_steps_and_c_loops():
 
 
 def test_speed_targets():
-    """The project's promise: a step takes at most this many times as long as the compared one."""
+    """The largest ratios of times per step that the project promises: Stormer-Verlet to a C loop, and two schemes."""
     assert {k: v[2] for k, v in speed.RATIOS.items() if v[2]} == {
         "Stormer-Verlet / C loop": 1.05,
         "Scheme I(1/3) / C Stormer-Verlet": 10,

@@ -22,7 +22,7 @@ def warm(what: str, seconds: float) -> dict:
 
 
 def judge(verdict, table: str, *rows: dict):
-    """The verdict on a table with these rows."""
+    """The page's verdict on a fabricated table with these rows."""
     return verdict({table: pd.DataFrame(rows)}.get)
 
 

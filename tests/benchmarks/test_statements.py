@@ -71,7 +71,7 @@ class Tables:
 
 
 def corrupt(frame, error=1e-9):
-    """The table with every value in `BAD` columns wrong and the energy error replaced."""
+    """A table with all values of the columns in `BAD` replaced by wrong ones, and the energy error by ``error``."""
     frame = frame.assign(energy_error=error) if "energy_error" in frame else frame
     for column in ("area", "measure"):
         if column in frame:
@@ -155,7 +155,7 @@ def test_every_check_is_used(tables):
 
 
 class Column:
-    """A table without rows that records which checks are looked up."""
+    """Stand-in for the table of checks: it has no rows and adds the checks that are looked up to the set ``asked``."""
 
     def __init__(self, asked):
         self.asked = asked
@@ -233,7 +233,7 @@ LIMITS = {
 
 
 def replace_columns(tables, table, **columns):
-    """The committed tables with other values in the rows of a check, or in all rows of a table."""
+    """A function name -> committed table; columns of ``table`` are replaced in all rows, or in those of a ``check``."""
     id = columns.pop("check", None)
     frame = tables(table).copy()
     rows = frame["check"] == id if id else slice(None)
@@ -244,7 +244,7 @@ def replace_columns(tables, table, **columns):
 
 @pytest.fixture(scope="module")
 def asking():
-    """Check -> the statements that look it up."""
+    """{id of a check, a measurement that statements of the talks refer to: the statements that look it up}."""
     found = {}
     for _, s in ALL:
         asked = set()
@@ -363,7 +363,11 @@ def test_worst_of_two_tables_counts(where, table, column, tables):
 
 @pytest.fixture
 def curve(tables):
-    """A function (words, figure, panel, column, row, value) -> verdict on the statement with that value in the row."""
+    """A function that changes one value of a figure's curves and returns the verdict on a statement about the figure.
+
+    Its arguments: the statement's words; figure, panel, column and row of the value; the new value or a function of the
+    old.
+    """
 
     def judged(words, figure, panel, column, row, value):
         s, frame = next(s for _, s in ALL if s.words == words), tables("talk_curves").copy()

@@ -38,7 +38,7 @@ def rows(folder, name="toys"):
 
 
 def timeless(folder):
-    """All tables of a folder without the columns that differ between two runs."""
+    """All tables of a folder without the columns that differ between two runs: times and digests."""
     return {
         name: [{k: v for k, v in r.items() if k not in ("seconds", "spent", "digest")} for r in rows(folder, name)]
         for name in toy_cells.TABLES
@@ -46,7 +46,7 @@ def timeless(folder):
 
 
 def measured_now(outcome):
-    """The numbers of the cells that this run measured and stored."""
+    """The numbers n of the toy cells that this run measured and stored."""
     return [c.key["n"] for c in outcome.cells if c.id in outcome.entries and c not in outcome.plan.done]
 
 

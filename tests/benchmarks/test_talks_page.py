@@ -10,7 +10,7 @@ from phasebench.benchmarks.page.verdict import FAIL, FINDING, PASS, Count
 
 
 def of_rows(verdict, figure: str, *rows: dict):
-    """The verdict on these curves of a figure."""
+    """A page's verdict on these fabricated curves of a figure."""
     return verdict({page.TABLE: pd.DataFrame(rows).assign(figure=figure)}.get)
 
 

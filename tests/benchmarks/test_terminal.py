@@ -12,7 +12,7 @@ from phasebench.benchmarks.cli import app
 from phasebench.benchmarks.cli.run import _cells
 from phasebench.benchmarks.problems.questions import QUESTIONS
 from phasebench.benchmarks.problems.scenes import SCENES
-from phasebench.integrators.errors import unknown
+from phasebench.integrators.errors import unknown_name
 
 
 def call(*arguments):
@@ -72,7 +72,7 @@ def test_unwritable_folder_is_named(tmp_path):
 
 
 def test_name_is_suggested_once():
-    assert str(unknown("method", "heyok", ["heyoka", "heyoka", "rk4"])).count("heyoka") == 1
+    assert str(unknown_name("method", "heyok", ["heyoka", "heyoka", "rk4"])).count("heyoka") == 1
     assert call("integrate", "pendulum", "heyok", "--h", "0.1", "--t-end", "1")[2].count("heyoka?") == 1
 
 

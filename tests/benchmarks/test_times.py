@@ -21,7 +21,7 @@ def rung(seconds, steps, scene="kepler-orbit", integrator=times.REFERENCE, statu
 
 
 def choice(accuracy, ours, peer, scene="kepler-orbit"):
-    """A row with the fastest integrators of both sides at an accuracy."""
+    """A fabricated row: the fastest of our methods and the fastest peer at an accuracy, each a dict of columns."""
     sides = {f"{side} {x}": v for side, of in (("ours", ours), ("peer", peer)) for x, v in of.items()}
     return {"scene": scene, "accuracy": accuracy} | sides
 
@@ -80,7 +80,10 @@ MINE, REFERENCE = np.full(9, 3e-3), np.full(9, 1e-4)
 
 
 def test_factor_is_measured_through_the_reference():
-    """100 evaluations take 30 runs of the reference; 50 take 15, which is 30 times the stored share 0.5."""
+    """A step's time over the fastest stored method's, which takes 0.5 of a reference run by the stored table.
+
+    100 evaluations take 30 reference runs; 50 take 15, a factor of 30.
+    """
     found = times.times_row(ROW, KNOWN, 100.0, {"mine": MINE, "reference": REFERENCE})
     assert [(e["error"], e["fastest"]) for e in found["errors"]] == [(1e-2, "a"), (1e-4, "b")]
     assert [e["factor"] for e in found["errors"]] == pytest.approx([30.0, 60.0])
@@ -106,7 +109,10 @@ def test_interval_is_that_of_the_rounds():
     ids=["own", "ours"],
 )
 def test_runs_that_are_timed_alternately(target, requires, runs, monkeypatch):
-    """The timed run is that of the rung with the stated evaluations; "python" is timed for a step in Python only."""
+    """A step in Python (also its calls: "python") or a method ("mine") alternates with a reference method.
+
+    The timed run has the number of steps with the stated number of evaluations.
+    """
     monkeypatch.setattr(place, "MOST", 2000)
     chosen, seen = subject(target, {}, requires), {}
 

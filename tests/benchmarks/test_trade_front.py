@@ -1,4 +1,4 @@
-"""The trade-off front: ladders and final timings of integrators with known laws of error and time."""
+"""The trade-off between cost and error: runs at ever finer steps, and final timings, of stand-ins with known errors."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from phasebench.benchmarks.problems.questions import QUESTIONS, down_to
 
 
 class Law:
-    """An integrator with the error (steps / scale)^-order down to a floor, and `step` seconds per step."""
+    """A stand-in for an integrator: error (steps / scale)^-order, at least ``floor``, and ``step`` seconds per step."""
 
     def __init__(
         self,
@@ -50,7 +50,7 @@ class Law:
         self.fails, self.failing = fails, failing  # runs with fewer steps fail, after this many seconds
 
     def run(self, problem, t_end, steps, save_every, **more):
-        """A solution whose final state is off by the law's error."""
+        """A solution whose final state is off by the error that the number of steps gives."""
         self.seen.append(steps)
         error = max((steps / self.scale) ** -self.order, self.floor)
         counts = {"steps": steps, "gradient": steps}
@@ -67,7 +67,7 @@ class Law:
 
 @pytest.fixture(autouse=True)
 def _laws_tell_their_time(monkeypatch):
-    """Replace the clock: a law's run takes the seconds that it returns."""
+    """Let each stand-in integrator (`Law`) be timed as the seconds that its run states, not by the clock."""
     of_others = Clocks.of
 
     def of(self, c, *, steps=None, tol=None):
@@ -81,13 +81,13 @@ def _laws_tell_their_time(monkeypatch):
 
 
 def task(last: int = 12) -> Task:
-    """A question about a final state whose true value is 0."""
+    """A question of the trade-off about the end of a pendulum run, whose true value is set to 0."""
     made = problem("pendulum:swinging")
     return Task(made, 100.0, quantity(made, "end-state"), Truth(np.zeros(2), 0.0, ""), down_to(last))
 
 
 def climb_laws(*laws: Law, last: int = 12):
-    """(the question, the ladders of the laws, run one after another)."""
+    """(the question, the runs of each stand-in integrator at ever finer steps); one integrator after another."""
     asked, known = task(last), Known()
     return asked, [race.enter(asked, law, known) for law in laws]
 
@@ -130,14 +130,14 @@ def test_slow_failures_are_limited_in_total_time():
 
 
 def test_one_slow_failure_does_not_end_a_ladder():
-    """The first run may include compilation."""
+    """A single slow run that fails may be the first one, which includes compilation."""
     _, (one,) = climb_laws(Law("one", 4, 1e-8, fails=60, failing=2 * race.WASTED))
     assert [r.status for r in one.rungs][:2] == ["no-root", "ok"]
     assert not one.dropped
 
 
 class Loose(Law):
-    """An adaptive peer that fails slowly at loose tolerances."""
+    """A stand-in for an adaptive peer that fails slowly at loose tolerances."""
 
     def __init__(self, label: str, loosest: float):
         super().__init__(label, 1, 1e-8, side=PEERS)
@@ -162,7 +162,7 @@ def test_peer_that_fails_at_loose_tolerances_is_retried():
 
 
 class Newton(Law):
-    """An implicit method whose wide steps take longer than its fine ones."""
+    """A stand-in for an implicit method whose runs with wide steps take longer than those with fine ones."""
 
     def run(self, problem, t_end, steps, save_every, **more):
         """A run whose time is inversely proportional to its number of steps."""
@@ -182,14 +182,14 @@ def test_hopeless_first_run_is_not_widened():
 
 
 class Halting(Law):
-    """An adaptive peer whose error is constant over a range of tolerances."""
+    """A stand-in for an adaptive peer whose error stays at ``at`` over three decades of tolerance."""
 
     def __init__(self, at: float):
         super().__init__("halting", 4, 1e-8, side=PEERS)
         self.adaptive, self.at = True, at
 
     def run(self, problem, t_end, save_every, tol, **more):
-        """A run whose error is its tolerance, except for three decades, where it is `at`."""
+        """A run whose error is its tolerance, except for the three decades up to ``at``, where it is ``at``."""
         error = self.at if self.at / 3000 < tol <= self.at else tol
         return super().run(problem, t_end, self.scale * error**-0.25, save_every)
 
@@ -246,7 +246,7 @@ def test_method_that_catches_up_is_kept():
 
 
 class Implicit(Law):
-    """A method whose wide steps need many evaluations; if ``told`` is False, it counts one per step."""
+    """A stand-in for a method whose wide steps need many evaluations; unless ``told``, it reports one per step."""
 
     def __init__(self, *law, told: bool, **more):
         super().__init__(*law, **more)
@@ -261,7 +261,7 @@ class Implicit(Law):
 
 
 def test_cost_of_wide_implicit_steps_is_not_extrapolated():
-    """An error above 1 in seven times the best time for 1e-12; finer steps are nearly as cheap as the best."""
+    """The widest steps have errors above 1 in seven times the best time for 1e-12; fine ones are nearly cheapest."""
     fast = Law("fast", 8, 1e-6)
     _, (_, late) = climb_laws(fast, Implicit("late", 16, 1e-6, scale=200.0, told=True))
     assert late.rungs[0].error > 1
@@ -286,7 +286,10 @@ def test_hopeless_method_ends_at_a_multiple_of_the_best():
 
 
 def test_bracket_is_the_last_miss_and_the_next_rung():
-    """An error that is small by chance at a wide step does not count, nor do rungs at round-off."""
+    """An accuracy lies between the last run that misses it and the next finer one that meets it.
+
+    An error that is small by chance at a wide step does not count, nor do runs at round-off.
+    """
     errors = [0.5, 1e-10, 1e-2, 1e-4, 1e-11, 5e-9, 5e-9]
     rungs = [Rung(2**k, None, "ok", e, 1e-6 * 2**k, 2**k, 0) for k, e in enumerate(errors)]
     low, meeting = bracket(rungs, 2e-9)
@@ -344,10 +347,13 @@ def test_refined_step_just_meets_the_accuracy():
 
 
 class Lucky(Law):
-    """A law whose error vanishes from 620 to 679 steps; from 680 to 1053 it is that of 620."""
+    """A stand-in for an integrator whose error vanishes by chance at 620 to 679 steps.
+
+    From 680 to 1053 steps its error is that of 620.
+    """
 
     def run(self, problem, t_end, steps, save_every, **more):
-        """A run of the law with these exceptions."""
+        """A run with the usual error except where it vanishes or is that of 620 steps."""
         told = super().run(problem, t_end, steps, save_every)
         if 620 <= steps < 680:
             told.q[-1] = 1e-12
@@ -438,7 +444,7 @@ def test_selection_for_many_degrees_of_freedom():
 
 
 def test_heyoka_competes_in_both_modes():
-    """Also with its built-in model in both modes."""
+    """Compiled in compact mode and not, for H from its formula and for heyoka's built-in model."""
     for name, other, model in (
         ("kepler", "heyoka(compact_mode)", "fixed_centres"),
         ("outer-solar-system", "heyoka(compact_mode=False)", "nbody"),
@@ -508,7 +514,7 @@ def test_scene_with_a_real_peer_and_real_methods():
 
 
 class Tolerant(Law):
-    """An adaptive integrator whose error is the square of its tolerance."""
+    """A stand-in for an adaptive integrator whose error is the square of its tolerance."""
 
     def __init__(self, label: str = "tolerant", side=PEERS):
         super().__init__(label, 4, 1e-8, side=side)
@@ -555,7 +561,7 @@ def test_cost_after_a_failed_run_is_that_of_the_next():
 
 @pytest.mark.parametrize(("seconds", "count"), [(0.01, 3), (0.04, 3), (0.1, 2), (10.0, 2)])
 def test_slow_final_has_fewer_finalists(seconds, count):
-    """Where a run takes a tenth of a second, there are two finalists of each side instead of three."""
+    """If a run takes 0.1 s, two integrators of each side are timed again at the end instead of three."""
     many = [Law(f"{side}{k}", 4, 1.0, side=side) for side in (OURS, PEERS) for k in range(5)]
     rung = Rung(100, None, "ok", 1e-6, seconds, 100, 0)
     found = front.finalists(task(), [race.Climb(c, [rung], "", False) for c in many], 1e-3)
@@ -564,7 +570,7 @@ def test_slow_final_has_fewer_finalists(seconds, count):
 
 @pytest.mark.parametrize(("seconds", "rounds"), [(1e-6, 15), (0.06, 10), (60.0, 6)])
 def test_number_of_rounds_in_a_final(seconds, rounds, monkeypatch):
-    """With six runs the range covers the median with 97 %; with five, with 94 %."""
+    """With six runs their range covers the median time with probability 97 %; with five, 94 %."""
     asked = []
     monkeypatch.setattr(front.timing, "in_turns", lambda work, n: asked.append(n) or {k: np.ones(n) for k in work})
     rung = Rung(100, None, "ok", 1e-6, seconds / 2, 100, 0)

@@ -18,9 +18,9 @@ SCENE = "toda"
 
 
 def row(accuracy=1e-6, steps=(100, 50), seconds=(1e-5, 2e-5), spread=0.01, evaluations=800, scene=SCENE, **more):
-    """A row at one accuracy; ``steps`` and ``seconds`` are of our best method and of the best peer.
+    """A fabricated row of the trade-off at one accuracy; pairs are (our best method, the best peer).
 
-    A side whose steps are None misses the accuracy.
+    A side whose steps are None does not reach the accuracy.
     """
     out = {"scene": scene, "quantity": "end-state", "accuracy": accuracy}
     for side, n, s in zip((OURS, PEERS), steps, seconds, strict=True):
@@ -34,7 +34,7 @@ def row(accuracy=1e-6, steps=(100, 50), seconds=(1e-5, 2e-5), spread=0.01, evalu
 
 
 def runs(price=1e-9, error=1e-9, scene=SCENE, kind="phasebench"):
-    """A run of 1000 evaluations at ``price`` seconds each."""
+    """A fabricated table of one run with 1000 gradient evaluations that take ``price`` seconds each."""
     told = {"integrator": "gauss-4", "kind": kind, "evaluations": 1000, "seconds": 1000 * price, "error": error}
     return pd.DataFrame([{"scene": scene} | told])
 
@@ -44,7 +44,7 @@ def data(*rows, rungs=None):
 
 
 def one(**given):
-    """The only cell with a ratio above 1."""
+    """The reason found for a fabricated row in which our method takes longer than the peer's."""
     found = reasons.above(pd.DataFrame([row(**given)]), runs(1e-8))
     assert len(found) == 1
     return found.iloc[0]
@@ -86,7 +86,7 @@ def test_factors_multiply_to_the_ratio():
 
 
 def test_unexplained_cell_is_a_finding():
-    """A peer without a number of steps: the ratio has no factors."""
+    """A peer that reports no number of steps: the ratio of times cannot be split into factors."""
     rows = [row(10.0**-k, seconds=(1e-5, 5e-6), steps=(100, 0)) for k in (5, 6)]
     said = ratios_page.explanations(data(*rows, row(1e-7, seconds=(1e-5, 5e-6)), rungs=runs(1e-8)))
     assert (said.outcome, said.measured) == (FINDING, Count(1, 3))
@@ -127,14 +127,14 @@ def test_unreached_cell_names_our_smallest_error():
 
 
 def scenes(slow: int, every=QUESTIONS):
-    """Every scene at ten accuracies; the first ``slow`` cells have ratio 2."""
+    """Fabricated rows of every scene at ten accuracies; in the first ``slow`` rows ours takes twice the peer's time."""
     rows = [row(10.0**-k, scene=q.id) for q in every for k in range(1, 11)]
     return rows[slow:] + [r | {"ratio": 2.0, "ratio low": 1.9, "ratio high": 2.1} for r in rows[:slow]]
 
 
 @pytest.mark.parametrize(("slow", "outcome"), [(0, PASS), (18, PASS), (19, FINDING)])
 def test_95_percent_of_cells_must_be_no_slower(slow, outcome):
-    """Of 370 cells, 18 are 4.9 % and 19 are 5.1 %."""
+    """Of 370 pairs (scene, accuracy), 18 slower ones are 4.9 % and 19 are 5.1 %."""
     said = ratios_page.share(data(*scenes(slow)))
     assert (said.outcome, said.measured) == (outcome, Count(370 - slow, 370))
     assert said.where.startswith(QUESTIONS[0].id if slow else "")
@@ -220,7 +220,7 @@ def test_text_of_a_cell_has_its_factors_and_growth():
 
 
 def test_evaluations_equal_to_the_peers_time():
-    """800 at 1.25e-8 s take all of our 10 us; at half that price they take the peer's time."""
+    """Our 10 us are 800 evaluations at 1.25e-8 s; at half that price they alone take as long as the peer's run."""
     assert reasons.above(pd.DataFrame([row(seconds=(1e-5, 5e-6))]), runs(6.25e-9)).iloc[0]["reason"] == reasons.REST
 
 

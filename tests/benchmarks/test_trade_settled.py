@@ -13,7 +13,10 @@ from phasebench.benchmarks.measure.timing import OURS, PEERS
 
 
 def random_sweeps(scatter: float, seed: int, cells: int = 200, base: float = 1e-3):
-    """(finals of the first sweep, rows of two more) for integrators whose median times scatter between sweeps."""
+    """(times of the first sweep, rows of two more) of integrators whose median times scatter between sweeps.
+
+    A sweep times the fastest integrators of every scene once more.
+    """
     rng = np.random.default_rng(seed)
     finals, times = [], []
     for k in range(cells):
@@ -35,7 +38,7 @@ def test_intervals_cover_a_third_sweep(scatter):
 
 
 def test_control_intervals_of_one_sweep_do_not_cover(monkeypatch):
-    """Without the scatter between sweeps, half of the third sweep lies outside."""
+    """If intervals leave out the scatter between sweeps, half of the third sweep's times lie outside."""
     monkeypatch.setattr(settled, "LEVEL", 0.0)
     for inside, total in coverage(*random_sweeps(0.1, 0)).values():
         assert inside / total < 0.6
@@ -70,7 +73,7 @@ def test_ratios_are_of_the_best_by_both_sweeps():
 
 
 def choices(finals: pd.DataFrame) -> pd.DataFrame:
-    """The choices of the first sweep."""
+    """The fastest integrator of each side in each scene, and the ratio of their times, from the first sweep."""
     rows = []
     for (scene, accuracy), part in finals.groupby(["scene", "accuracy"]):
         row = {"scene": scene, "accuracy": accuracy}
@@ -113,7 +116,10 @@ def test_pages_receive_the_joined_choices():
 
 
 def test_further_sweep_times_the_stored_finals(tmp_path):
-    """At their steps or tolerances; an unmeasured scene has none."""
+    """A further sweep times the integrators of the stored table, with the stored steps or tolerances.
+
+    An unmeasured scene has none.
+    """
     lines = [
         "scene,accuracy,side,integrator,h,tol,seconds",
         "pendulum-short,0.001,ours,stormer-verlet,0.05,,1e-5",

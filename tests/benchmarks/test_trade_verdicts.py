@@ -33,7 +33,10 @@ SIDES = (OURS, PEERS)
 
 
 def row(accuracy: float = 1e-3, ratio=(0.5, 0.4, 0.6), ours="gauss-5", peer="heyoka", scene=SCENE, **more) -> dict:
-    """A choice of both sides; a side is None where it misses the accuracy."""
+    """A fabricated row of the trade-off at one accuracy: our fastest method and the fastest peer.
+
+    ``ratio`` is the ratio of their times (median, low, high); a side is None if it does not reach the accuracy.
+    """
     about = {"scene": scene, "problem": "kepler", "quantity": "end-state", "t_end": 6.28, "accuracy": accuracy}
     about |= {"reference": "certified", "reference uncertainty": 1e-15}
     for side, name, seconds in ((OURS, ours, ratio[0]), (PEERS, peer, 1.0)):
@@ -46,7 +49,7 @@ def row(accuracy: float = 1e-3, ratio=(0.5, 0.4, 0.6), ours="gauss-5", peer="hey
 
 
 def judge(verdict, *rows: dict):
-    """The verdict on these choices."""
+    """The page's verdict on fabricated rows of fastest integrators."""
     return verdict({front.CHOICES: pd.DataFrame(rows)}.get)
 
 
@@ -80,7 +83,7 @@ def test_cheaper_side(name):
 
 
 def final_of(**intervals) -> pd.DataFrame:
-    """The finals of one cell: integrator -> interval of its median time; the median is the lower end."""
+    """Fabricated final timings at one accuracy: integrator=(low, high), the interval of its median, here ``low``."""
     rows = [{"integrator": k, "seconds": low, "low": low, "high": high} for k, (low, high) in intervals.items()]
     return pd.DataFrame(rows).assign(scene=SCENE, accuracy=1e-3)
 
@@ -240,7 +243,7 @@ def test_table_has_a_scene_of_every_problem():
 
 
 def finals(*members, scene=SCENE, accuracy=1e-3) -> list[dict]:
-    """Finalists, each (name, seconds, low, high)."""
+    """Fabricated rows of final timings at one accuracy, each from (integrator, median seconds, low, high)."""
     names = ("integrator", "seconds", "low", "high")
     return [{"scene": scene, "accuracy": accuracy} | dict(zip(names, m, strict=True)) for m in members]
 
@@ -284,7 +287,7 @@ def test_repeated_scenes_are_cells():
 
 
 def test_repeated_sweep_is_independent(monkeypatch):
-    """Its rows are the finals of a complete sweep."""
+    """The rows of a repetition are the final timings of a complete sweep measured anew."""
     swept = []
 
     def measured(scene):
@@ -331,7 +334,7 @@ def test_figures_have_at_most_nine_curves(tmp_path):
 
 @pytest.fixture
 def clock(monkeypatch):
-    """A function that sets the times of the next integrations, in milliseconds."""
+    """A function that sets the run times, in milliseconds, that the next integrations report."""
     times: list[float] = []
 
     def told(run):

@@ -23,7 +23,10 @@ LOOKED = replace(ENERGY, values=lambda problem, t, q, p: t, rows=4, kept=False, 
 
 
 def runs(monkeypatch, one: float, other: float, *displaced: float) -> None:
-    """Replace the references by ones that end in (q, 0), and remove the certified state."""
+    """Replace the reference by made-up runs that end in (q, 0): one, another, and some from displaced starts.
+
+    The certified state is removed.
+    """
     rows = [np.array([[q, 0.0]], dtype=np.longdouble) for q in (one, other, *(displaced or (one,)))]
     found = followed.FollowedOrbit(followed.TAYLOR, np.array([1.0]), rows[0], rows[1], rows[2:])
     monkeypatch.setattr(followed, "follow", lambda problem, times: found)

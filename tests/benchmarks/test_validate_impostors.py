@@ -42,7 +42,10 @@ def euler(system, q, p, h):
 
 
 def repeat_changes(step, calls: int = 400):
-    """(change of repeated calls, change of calls beside them, number of sampled calls) after a run of a step."""
+    """(change of repeated calls, change of calls with states close by, number of sampled calls) after a run of a step.
+
+    A change is the distance between what the step function returned in the run and returns when called again.
+    """
     heard, kept = repeats.listening(build_integrator(step), 0)
     Stepper(heard, HENON_HEILES).run(HENON_HEILES.start(0), 0.1, calls)
     again, beside = repeats.repeat_calls(heard, kept)
@@ -50,7 +53,7 @@ def repeat_changes(step, calls: int = 400):
 
 
 def after(first, then, from_call: int, to_call: float = np.inf):
-    """A step that is ``first``, but ``then`` from call ``from_call`` to call ``to_call``."""
+    """A step function that is ``first``, but ``then`` between its calls number ``from_call`` and ``to_call``."""
     count = [0]
 
     def step(system, q, p, h):
@@ -106,7 +109,7 @@ def test_sample_of_calls_is_small_and_uniform():
 
 
 def pieces(by: float):
-    """A leapfrog that adds ``by`` to q where the first component is above 0.1."""
+    """A faulty leapfrog step function that is discontinuous: it adds ``by`` to q where q_1 > 0.1."""
 
     def step(system, q, p, h):
         return leapfrog(system, q + (by if q[0] > 0.1 else 0.0), p, h)
@@ -132,7 +135,7 @@ ENERGY = {"value": 1e-4, "time": 500.0, "scale": 1.0, "steps": 2400}
 
 
 def verdict_on(claim: str, value=True, **rows) -> str:
-    """The verdict on one claim for a correct step with some tables replaced."""
+    """The certificate's verdict on one claim, from fabricated measurements of a correct step, some tables replaced."""
     return next(j for j in judgements({claim: value}, Tables(GOOD | rows)) if j.name == claim).verdict
 
 

@@ -31,7 +31,7 @@ def frame(*rows: dict, **same) -> pd.DataFrame:
 
 
 def judge(verdict, **tables):
-    """The verdict on these tables."""
+    """A page's verdict on these fabricated tables, given as name=table."""
     return verdict(tables.get)
 
 
@@ -58,14 +58,14 @@ def test_order_without_a_window_is_not_as_declared():
 
 
 def ladder(name: str, order: float, bend: float = 0.0, points: int = 4) -> list[dict]:
-    """Rows of errors h^order; ``bend`` perturbs them alternately."""
+    """Fabricated rows of a method with errors h^order at halved h; ``bend`` shifts them alternately up and down."""
     h = 0.1 / 2.0 ** np.arange(points)
     wave = np.exp(bend * np.array([1, -1, -1, 1, 1, -1])[:points])
     return [{"method": name, "h": x, "global_error": e} for x, e in zip(h, h**order * wave, strict=True)]
 
 
 def in_doubles(*ladders) -> pd.DataFrame:
-    """A table of these ladders with the declared order 2."""
+    """One table of these fabricated rows of runs in double precision, all with the declared order 2."""
     same = {"purpose": "order", "status": "ok", "scene": "s", "problem": "x", "kind": "phasebench"}
     return frame(*(r for rows in ladders for r in rows), **same, declared_order=2, reference_uncertainty=0.0)
 
@@ -141,14 +141,14 @@ def test_structure_is_judged_by_the_threshold(declared, others):
     assert judge(declared, structure=defects(("a", True, 0.0)).iloc[:0]) is None
 
 
-@pytest.mark.parametrize("rows", [(("a", True, 1.1e-22),), (("b", False, 0.9e-22),)])
-def test_volume_is_judged_by_the_threshold_on_both_sides(rows):
-    good = defects(("c", True, 0.9e-22), ("d", False, 1.1e-22))
-    found = judge(structure.volume, structure=good)
-    assert (found.outcome, found.measured) == (PASS, Count(2, 2))
-    found = judge(structure.volume, structure=pd.concat([good, defects(*rows)]))
-    assert (found.outcome, found.measured, found.where) == (FAIL, Count(2, 3), rows[0][0])
-    assert judge(structure.volume, structure=good[good["property"] != "volume"]).outcome == MISSING
+def test_volume_is_kept_where_declared_and_by_no_control():
+    fine = judge(structure.volume, structure=defects(("a", True, 0.9e-22), ("b", False, 1.1e-22)))
+    assert (fine.outcome, fine.measured) == (PASS, Count(2, 2))
+    for wrong in (("c", True, 1.1e-22), ("c", False, 0.9e-22)):
+        judged = judge(structure.volume, structure=defects(("a", True, 0.0), wrong))
+        assert (judged.outcome, judged.measured, judged.where) == (FAIL, Count(1, 2), "c")
+    none = defects(("a", True, 0.0))
+    assert judge(structure.volume, structure=none[none["property"] != "volume"]).outcome == MISSING
 
 
 def test_defects_nearest_to_the_threshold_are_shown():
@@ -419,7 +419,7 @@ def test_bench_requires_schemes_iv_v_to_round_off(change, off):
 
 
 def resonant(name: str, **errors: float) -> list[dict]:
-    """Rows of a method over h omega / pi; the key p_10 has the error at 1.0."""
+    """Fabricated rows of a method's energy errors on oscillatory systems; p_10 is the error at h omega / pi = 1.0."""
     same = {"method": name, "status": "ok", "reason": ""}
     return [
         same | {oscillatory.RATIO: int(k[2:]) / 10, oscillatory.ENERGY: e, oscillatory.OSCILLATORY: 2 * e}
@@ -440,7 +440,7 @@ def test_methods_without_an_energy_loss_are_counted():
 
 
 def losses(*rows) -> dict[str, str]:
-    """{method: where its energy is lost}, from the page's table."""
+    """{method: the step sizes at which its energy is lost}, as the page's table shows them."""
     shown = oscillatory.table({"oscillatory": frame(*rows)}.get).frame
     return dict(zip(shown["method"], shown["where it is lost"], strict=True))
 

@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 
 from phasebench.benchmarks.problems import klein_gordon, nls, problem
-from phasebench.integrators.compile.codegen import MULTIPRECISION, exactly, precision, vector
+from phasebench.integrators.compile.codegen import MULTIPRECISION, precision, to_number, vector
 from phasebench.integrators.driver import integrate
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
-from phasebench.integrators.systems.hand import HandHamiltonian, plain
+from phasebench.integrators.systems.hand import HandHamiltonian, uncompiled_loop
 from phasebench.integrators.values import vector as arrays
 from support.values import value
 
@@ -25,9 +25,11 @@ ROUND_OFF = 1e-13
 
 
 def loop(name, function, N, arithmetic="double"):
-    """A loop of a problem, not compiled."""
+    """A wave problem's handwritten loop of this name, such as "field", for N grid points, not compiled."""
     module = MODULES[name]
-    return plain(function, getattr(module, function), [exactly(c, arithmetic) for c in module.constants(N, LENGTH)])
+    return uncompiled_loop(
+        function, getattr(module, function), [to_number(c, arithmetic) for c in module.constants(N, LENGTH)]
+    )
 
 
 def state(d, seed=3):
@@ -48,7 +50,7 @@ def small(name) -> Hamiltonian:
 
 
 def from_formula(system, q, p):
-    """(H_p, -H_q, H, M) from the formula; H is known to eps M."""
+    """(H_p, -H_q, H, M) at (q, p) from the formula of H; M is the scale of its round-off eps M."""
     y = value(*q), value(*p)
     dq, dp = system.field()(*y, 0.0, 0.0)
     return np.array(dq), np.array(dp), *system.energy()(*y)

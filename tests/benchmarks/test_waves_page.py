@@ -16,7 +16,7 @@ def run(method: str, **values) -> dict:
 
 
 def judge(verdict, *rows):
-    """The verdict on these rows."""
+    """The page's verdict on these fabricated rows."""
     return verdict({"pde": pd.DataFrame(rows)}.get)
 
 

@@ -22,7 +22,7 @@ PAIR = {
 
 
 def judge(verdict, table: str, *rows: dict):
-    """The verdict on a table with these rows."""
+    """The page's verdict on a fabricated table with these rows."""
     return verdict({table: pd.DataFrame(rows)}.get)
 
 
@@ -83,7 +83,7 @@ def test_cost_is_the_median_on_the_slowest_problem(ratio, holds):
 
 
 def rival(method: str, cost: float, error: float = 1e-10, spread: float = 0.1, **more) -> dict:
-    """The row of a method: energy error and cost per step in ns, +- spread."""
+    """The fabricated row of a method: energy error, and cost per step in ns +- spread."""
     kind = "rebound" if method.startswith("rebound") else "phasebench"
     row = {"problem": "solar", "kind": kind, "method": method, "h": 100.0, "status": "ok", "reason": ""}
     return row | {page.ERROR: error, page.COST: cost, page.LOW: cost - spread, page.HIGH: cost + spread} | more

@@ -57,7 +57,7 @@ def test_compilation_depends_on_the_place(monkeypatch, where, expected):
 
 
 def runs(pid: int) -> bool:
-    """True if a process with this id runs; False for a zombie."""
+    """True if a process with this id is running; False for a zombie."""
     state = Path(f"/proc/{pid}/stat")
     return state.exists() and state.read_text().rpartition(")")[2].split()[0] != "Z"
 

@@ -69,7 +69,7 @@ def test_commands_of_the_documents_run(arguments, folder):
 
 
 def test_output_in_readme_is_what_the_command_prints():
-    """Of the command whose output holds no time."""
+    """Of the one command in the README whose output holds no time."""
     refresh = runpy.run_path(str(ROOT / "docs" / "readme.py"))
     stability = next(b for b in refresh["BLOCK"].finditer(DOCUMENTS["README.md"]) if "stability" in b[1])
     assert refresh["refreshed"](stability[0]) == stability[0]

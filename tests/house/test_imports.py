@@ -114,7 +114,7 @@ def test_imports_point_one_way(path):
 
 
 def upwards(folder: str, room: str, names: set[str]) -> set[str]:
-    """Subpackages of `folder` above ``room`` that a source in ``room`` imports."""
+    """Subpackages on a level above ``room`` that a source in ``room``, a subpackage of ``folder``, imports."""
     level = {r: i for i, rooms in enumerate(ROOMS[folder]) for r in rooms}
     here = {n.split(".")[2] for n in names if n.startswith(f"phasebench.{folder}.") and n.count(".") >= 2}
     return {r for r in here if r in level and level[r] > level[room]}
@@ -131,7 +131,7 @@ def test_subpackages_import_downwards(path):
 
 
 def elsewhere(experiment: str, names: set[str]) -> set[str]:
-    """Other experiments, and products other than its own, among the modules that an experiment imports."""
+    """Other experiments, and parts of advice or certificates, among the modules that an experiment imports."""
     own = {f"experiments.{experiment}", experiment}
     rooms = {
         ".".join(n.split(".")[2:4]) if ".experiments." in n else n.split(".")[2] for n in names if n.count(".") > 2

@@ -29,7 +29,7 @@ from pathlib import Path
 assert Path(pb.__file__).is_relative_to({site!r}), pb.__file__
 s = pb.integrate("pendulum", "stormer-verlet", h=0.1, t_end=1)
 assert s.status == "ok"
-assert coefficients.polished("pefrl")
+assert coefficients.polished_numbers("pefrl")
 assert bibliography.cited(["pefrl", "pendulum"])
 assert stored.find(pb.problem("pendulum")).ends
 assert all(len(error_tables.load(s.id)[0]) for s in SCENES)
@@ -92,7 +92,7 @@ def test_an_installation_is_complete(installation, elsewhere):
 
 
 def files(folder: Path) -> set[str]:
-    """Relative paths of the files below a folder that Python or the suite reads."""
+    """Relative paths of the files below a folder, without documentation and bytecode."""
     found = (p for p in folder.rglob("*") if p.is_file() and p.suffix != ".md" and "__pycache__" not in p.parts)
     return {p.relative_to(folder.parent).as_posix() for p in found}
 

@@ -27,13 +27,13 @@ PERIOD = 2 * np.pi
 
 
 def end(solution):
-    """End state (q, p) of a run that must be ok."""
+    """End state (q, p) of a solution; fail if its status is not "ok"."""
     assert solution.status == "ok", solution.reason
     return np.concatenate([solution.q[-1], solution.p[-1]])
 
 
 def distance_after_periods(id, e, h, periods=10):
-    """(distance from the initial state after whole periods, gradient evaluations)."""
+    """(distance from the initial state after whole Kepler periods, gradient evaluations) of a variable-step method."""
     made = problem("kepler", e=e)
     t_end = periods * PERIOD
     s = integrate(made, id, t_end=t_end, steps=round(t_end / h), save_every=0)
@@ -51,7 +51,7 @@ TURNING = Hamiltonian(
 
 
 def there_and_back(id, h, n, reflected=True, system=ORBIT.system, mirror=(1, 1)):
-    """Distance from the start after n steps forth and n steps back, with momenta (and density) reversed in between.
+    """Distance from the start after n steps forth and n back, with momenta (and step density) reversed in between.
 
     The reversal multiplies the coordinates by ``mirror`` and the momenta by -``mirror``. Without ``reflected`` the
     density is not reversed (control).
@@ -99,7 +99,7 @@ def test_the_initial_density_is_half_a_step_ahead(id):
 
 
 def test_density_and_its_rate_near_two_singularities(tmp_path, monkeypatch):
-    """The monitor G is the rate of change of log(1 / sigma) along the motion."""
+    """The density of steps is a function of both distances; its logarithm's rate G is checked by differences."""
     monkeypatch.setenv("PHASEBENCH_CACHE", str(tmp_path))  # the generated code is tested, not a cached copy
     names = ["sqrt(x**2 + y**2)", "sqrt((x - 3)**2 + y**2)"]
     H = "u**2/4 + v**2 - " + " - ".join(f"1/{r}" for r in names)
@@ -141,7 +141,7 @@ def test_eccentric_orbits_cost_less_than_with_fixed_steps():
 
 
 def test_an_orbit_in_a_rotating_frame():
-    """For ten periods, with fewer evaluations than fixed steps."""
+    """Ten Kepler periods in a rotating frame are more accurate, with fewer evaluations, than with fixed steps."""
     made = problem("kepler", e=0.9)
     q, p, t_end = np.array(made.q0), np.array(made.p0), 10 * PERIOD
     turn = np.array([[np.cos(RATE * t_end), np.sin(RATE * t_end)], [-np.sin(RATE * t_end), np.cos(RATE * t_end)]])
@@ -161,7 +161,7 @@ def test_very_eccentric_orbits_close():
 
 
 def energies(id, h):
-    """(t, H - H0) of a run over 300 periods."""
+    """(t, H - H0) of a run of a variable-step method over 300 periods of an eccentric Kepler orbit."""
     s = integrate(ORBIT, id, h=h, t_end=300 * PERIOD, save_every=7)
     assert s.status == "ok"
     H = ORBIT.system.observe(ORBIT.system.H, s.q, s.p)
@@ -198,7 +198,7 @@ def test_a_fall_into_the_singularity_ends_as_a_collision(id):
 
 
 def test_a_lost_density_ends_the_run():
-    """With too long a step the density leaves its range; the run stops with a status."""
+    """With too long a step the density of steps leaves its range; the run stops with a status."""
     made = problem("kepler", e=0.9)
     run = lay_out(prepare(BY_ID["stormer-verlet-adaptive"], made.system), 2, 20.0, made.q0, made.p0, DOUBLE)
     assert run(np.zeros((1, 2)), np.zeros((1, 2)), np.zeros((1, 1)), 50) == (0, OUT_OF_STEP)
@@ -219,7 +219,7 @@ def test_missing_traits_of_a_system_are_reported():
 
 
 def short():
-    """{method: end state} of short runs."""
+    """{method: end state} of twelve steps of each method on the Kepler orbit."""
     return {id: end(integrate(ORBIT, id, h=0.2, steps=12, save_every=5)).tolist() for id in BY_ID}
 
 

@@ -21,7 +21,7 @@ OF_EACH_FAMILY = sorted({m.family: m.id for m in METHODS}.values())
 
 
 def build_problem(id):
-    """A problem that has what the method requires."""
+    """A registered problem on which the method with this id runs."""
     return next(x for x in PROBLEMS if BY_ID[id].lacks(x.system) is None)
 
 
@@ -78,7 +78,7 @@ def test_control_an_implicit_step_on_arrays_allocates():
 
 
 def is_step(part) -> bool:
-    """Whether a field of a step is itself the step of another method."""
+    """Whether a field of a method's step (a NamedTuple) is itself the step of another method."""
     return isinstance(part, tuple) and hasattr(part, "_fields")
 
 
@@ -101,7 +101,7 @@ def test_only_arrays_are_compiled_with_the_runtime():
 
 
 def test_control_the_compiler_refuses_allocations():
-    """The option makes compilation fail; it is not a mere hint."""
+    """Without Numba's runtime, code that allocates does not compile: the option is not a mere hint."""
 
     def allocates(n):
         return np.empty(n).sum() * 0.0

@@ -40,7 +40,7 @@ PATHS = ("avf", "pavf-p", "itoh-abe-c")
 
 @pytest.fixture
 def one_by_one():
-    """Function that runs with the nodes evaluated one after the other."""
+    """Function that runs a method with its quadrature nodes evaluated one after the other, not in SIMD lanes."""
     return partial(two_degrees.one_by_one, averaged)
 
 
@@ -110,7 +110,7 @@ def test_systems_without_lanes_take_nodes_one_by_one():
 
 def test_lanes_serve_from_three_nodes_on(monkeypatch):
     """Two nodes are exact for a polynomial of degree 4, three for degree 6."""
-    monkeypatch.setattr(averaged, "in_lanes", lambda system: True)
+    monkeypatch.setattr(averaged, "compiles_in_lanes", lambda system: True)
     served = [averaged.serves(of(f"p1**2/2 + p2**2/2 + q1**{n} + q1*q2"), DOUBLE) for n in (2, 4, 5, 6)]
     assert served == [False, False, True, True]
 
@@ -122,7 +122,7 @@ def test_short_steps_use_the_smallest_rules(name):
 
 
 def test_a_step_on_a_quadratic_energy_is_a_cayley_transform():
-    """As for the implicit midpoint rule."""
+    """For quadratic H the averaged vector field method is the implicit midpoint rule."""
     K, h, steps, zero, one = np.array([[2.0, 1.0], [1.0, 3.0]]), 0.1, 50, np.zeros((2, 2)), np.eye(2)
     half = h / 2 * np.block([[zero, one], [-K, zero]])
     exact = np.linalg.matrix_power(np.linalg.solve(np.eye(4) - half, np.eye(4) + half), steps) @ [0.7, 0.5, 0.2, -0.3]
@@ -135,12 +135,15 @@ def test_a_step_on_a_quadratic_energy_is_a_cayley_transform():
 
 
 def standing(H, id):
-    """A run with steps of length 0: each is solved by the first sweep and confirmed by the next rule."""
+    """A prepared run with steps of length 0.
+
+    Each step is solved by the first fixed-point sweep and confirmed by the next quadrature rule.
+    """
     return lay_out(prepare(method(id), of(H)), 2, 0.0, [0.7, 0.5], [0.2, -0.3], DOUBLE)
 
 
 def one_step(run):
-    """Take one step and return the index of the rule that the next step begins with."""
+    """Take one step of a prepared run and return the index of the quadrature rule with which the next step begins."""
     assert run(np.zeros((1, 2)), np.zeros((1, 2)), np.zeros((1, 1)), 1) == (1, 0)
     return run.counts.rule
 

@@ -60,7 +60,7 @@ def test_a_run_forth_and_back_returns():
     ],
 )
 def test_the_sign_of_h_follows_from_the_span(asked, found):
-    """Sign and number of steps found from (h, t_end, steps, t0)."""
+    """``asked`` is (h, t_end, steps, t0); ``found`` is (h with its sign, number of steps)."""
     assert grid(*asked) == pytest.approx(found)
 
 

@@ -24,7 +24,7 @@ from phasebench.integrators.driver import (
     UNSTABLE,
     integrate,
 )
-from phasebench.integrators.errors import InvalidInput, unknown
+from phasebench.integrators.errors import InvalidInput, unknown_name
 from phasebench.integrators.registry import METHODS, method
 from phasebench.integrators.request import grid
 from phasebench.integrators.systems.formula import FUNCTIONS, parse
@@ -49,7 +49,7 @@ def test_an_unknown_name_lists_the_known_ones():
     with pytest.raises(InvalidInput, match=r"known are .*, avf, .* more \(`phasebench list`\)"):
         method("qqqqqqqqqq")
     with pytest.raises(InvalidInput, match=r"known are one, two$"):
-        raise unknown("number", "qqqqqqqqqq", ["two", "one"])
+        raise unknown_name("number", "qqqqqqqqqq", ["two", "one"])
 
 
 @pytest.mark.parametrize("record", METHODS, ids=lambda m: m.id)
@@ -112,7 +112,7 @@ def test_an_invalid_grid_is_refused(arguments, message):
 
 
 def test_a_step_is_lengthened_by_one_percent_at_most():
-    """It may be shortened by any amount so that it divides the span."""
+    """So that h divides the span it may be shortened by any amount, but lengthened by 1 % at most."""
     assert grid(h=0.995, t_end=2.0) == (1.0, 2)
     assert grid(h=1.2, t_end=2.0) == (1.0, 2)
     assert grid(t_end=2.8, steps=1) == (2.8, 1)
@@ -166,7 +166,7 @@ OTHERS = [x for x, m in ALL.items() if not m.lacks(LOTKA.system)]
 
 @pytest.mark.parametrize("label", OTHERS)
 def test_methods_that_fit_the_system_run(uncompiled, label):
-    """Measured without compilation; traits are checked before anything is compiled."""
+    """Run without compilation, as a system is checked for what the method needs before anything is compiled."""
     assert uncompiled("integrators/test_bad_input.py")[label] == OK
 
 

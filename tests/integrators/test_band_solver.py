@@ -11,7 +11,7 @@ from numba import njit
 
 from phasebench.integrators.compile import codegen
 from phasebench.integrators.stepping import banded
-from phasebench.integrators.stepping.banded import Room, band_of, band_solver, columns, forget, forgotten, substitute
+from phasebench.integrators.stepping.banded import Room, band_of, band_solver, columns, forget, is_stale, substitute
 from phasebench.integrators.stepping.solve import NOT_FINITE, SOLVED, STALLED
 from support.values import value
 
@@ -24,7 +24,11 @@ REACH = [np.flatnonzero(column) for column in np.array(NEAR).T]
 
 
 class Equations(NamedTuple):
-    """G_i(x) = c_i + sum_j M_ij (x_j + bend x_j^2), with the round-off of numbers of size ``large``; q sets d."""
+    """The equations x = G(x) with G_i(x) = c_i + sum_j M_ij (x_j + bend x_j^2).
+
+    G has the round-off of numbers of size ``large``; ``first`` and ``unit`` are the scales of both halves of the
+    unknowns; the length of ``q`` is d, half their number.
+    """
 
     M: np.ndarray
     c: np.ndarray
@@ -42,7 +46,7 @@ def compile_unless_off(f):
 
 @compile_unless_off
 def row(i, x, e):
-    """The i-th component of G."""
+    """The i-th component of G(x) for the equations e."""
     s = e.c[0, i]
     for j in range(N):
         s = s + e.M[i, j] * (x[j] + e.bend * x[j] * x[j])
@@ -56,7 +60,7 @@ def _G(x, e):
 
 @compile_unless_off
 def lengths(x, g, e):
-    """The scales passed to the solver: three times the unit of each half of the unknowns."""
+    """The scales of x that the solver asks for: three times the units of the two halves of the unknowns."""
     return 3.0 * e.first, 3.0 * e.unit
 
 
@@ -64,7 +68,7 @@ solve = band_solver(_G if codegen.compiled() else lambda x, e: np.array(_G(x, e)
 
 
 class Made:
-    """Equations x = G(x) and the work array for their matrix, with guard rows on both sides."""
+    """Test equations x = G(x) with a banded derivative, and the solver's work array with guard rows on both sides."""
 
     SPARE, AT = 2, 1
 
@@ -84,7 +88,7 @@ class Made:
         return Equations(self.M, self.c[None], self.bend, self.large, self.first, self.unit, value(*[1.0] * (N // 2)))
 
     def solved(self, start=0.0, span=1.0):
-        """(x, evaluations, status) of the solver."""
+        """(solution x, evaluations of G, status) of the banded Newton solver."""
         x, *rest = solve(self.equations(), value(*[start] * N), span, EPS, self.band, self.room)
         return np.array(x), *rest
 
@@ -93,7 +97,7 @@ class Made:
         return np.abs(x - self.c - self.M @ (x + self.bend * x**2)).max()
 
     def inverse(self):
-        """The inverse matrix that the stored factors represent."""
+        """The inverse of the Newton matrix, from its stored factors."""
         out, place = np.zeros((N, N)), self.band.place
         for j in range(N):
             table = np.zeros((1, N))
@@ -125,7 +129,7 @@ def test_linear_equations_need_one_matrix(seed, unit):
     colours = len(made.band.owner)
     assert colours == 5
     assert colours + 2 <= evaluations <= colours + 5
-    assert not forgotten(made.work, made.AT, columns(made.band))
+    assert not is_stale(made.work, made.AT, columns(made.band))
     again, fewer, status = made.solved()
     assert status == SOLVED
     np.testing.assert_allclose(again / scales, exact / scales, rtol=0, atol=1e-12 * np.abs(exact / scales).max())
@@ -191,11 +195,11 @@ def test_equations_with_large_terms_are_solved_to_round_off(large):
 
 
 def test_unsolvable_equations_drop_their_matrix():
-    """The equation x = x + x^2 + 1."""
+    """For x = x + x^2 + 1 the solver stops and marks its matrix as stale."""
     made = Made(M=np.eye(N), bend=1.0, c=np.ones(N))
     _, evaluations, status = made.solved(start=0.3)
     assert status in (STALLED, NOT_FINITE)
-    assert forgotten(made.work, made.AT, columns(made.band))
+    assert is_stale(made.work, made.AT, columns(made.band))
     assert evaluations > 25
 
 
@@ -203,7 +207,7 @@ def test_a_singular_matrix_is_not_solved():
     made = Made(M=np.eye(N), c=np.ones(N))
     _, evaluations, status = made.solved()
     assert status == STALLED
-    assert forgotten(made.work, made.AT, columns(made.band))
+    assert is_stale(made.work, made.AT, columns(made.band))
     assert evaluations == 2 * (1 + len(made.band.owner)), "each of the two ways has seen it"
 
 
@@ -212,7 +216,7 @@ def test_an_overflow_is_reported_as_not_finite():
     made = Made(first=2.0**1000, unit=2.0**1000, c=1.7e308 * np.array([1, -1, 1, -1, 1, -1]))
     with np.errstate(all="ignore"):
         assert made.solved()[2] == NOT_FINITE
-    assert forgotten(made.work, made.AT, columns(made.band))
+    assert is_stale(made.work, made.AT, columns(made.band))
 
 
 def test_full_newton_takes_over_from_simplified_newton():

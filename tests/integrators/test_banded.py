@@ -12,11 +12,11 @@ from scipy.linalg import solve_banded
 from phasebench.benchmarks.problems import fpu, klein_gordon, n_body, nls, problem, toda
 from phasebench.integrators import Hamiltonian, InvalidInput, integrate
 from phasebench.integrators.families.banded import structure_of
-from phasebench.integrators.outcome import unsolved
+from phasebench.integrators.outcome import solver_failure
 from phasebench.integrators.prepared import lay_out, prepare
 from phasebench.integrators.registry import method
 from phasebench.integrators.stepping import banded, structure
-from phasebench.integrators.systems.hand import HandHamiltonian, of_unit_masses
+from phasebench.integrators.systems.hand import HandHamiltonian, unit_mass_field
 
 EPS = np.finfo(float).eps
 #: Name -> (module, constants, d, step where fixed-point iteration converges, step where it does not).
@@ -40,7 +40,7 @@ def lattice(name, d=None, constants=None):
 
 
 def ends(system, id, start, h, steps=15, **parameters):
-    """(solution, end state) of a run."""
+    """(solution, end state) of a run from these initial data."""
     s = integrate(system, id, h=h, steps=steps, parameters=parameters, **start)
     return s, np.concatenate([s.q[-1], s.p[-1]])
 
@@ -176,7 +176,7 @@ def test_unsolvable_equations_are_reported():
     ("id", "d", "advised"), [("scheme-iii", 21, True), ("scheme-iii", 20, False), ("gauss-2", 21, False)]
 )
 def test_banded_is_suggested_for_large_systems(id, d, advised):
-    assert ("or try solver='banded'" in unsolved(method(id).family, d).advice) == advised
+    assert ("or try solver='banded'" in solver_failure(method(id).family, d).advice) == advised
 
 
 def test_a_useless_matrix_is_replaced():
@@ -240,7 +240,7 @@ for _name in ("__mul__", "__rmul__", "__truediv__", "__rtruediv__", "__sub__", "
 
 
 def operations(n, width):
-    """Number of operations to factorize and to solve once."""
+    """Number of arithmetic operations to factorize a banded matrix and to solve with it once."""
     A = np.zeros((n, 3 * width + 2), object)
     A[:, : 2 * width + 1] = np.random.default_rng(1).normal(size=(n, 2 * width + 1))
     A[...] = np.vectorize(CountedFloat, otypes=[object])(A)
@@ -277,7 +277,7 @@ def test_matrix_size_grows_linearly_with_the_lattice(name):
 
 
 def ring(n, f=lambda x: x * x):
-    """(function of neighbour differences on a ring, list with an entry per evaluation)."""
+    """(function of neighbour differences of x on a ring, list that gets an entry at each evaluation)."""
     calls = []
 
     def slope(x):
@@ -291,9 +291,9 @@ def ring(n, f=lambda x: x * x):
 def test_a_ring_has_a_band_of_width_two(n):
     """The sparsity of a ring is detected and numbered so that its band is narrow."""
     f, calls = ring(n)
-    reach = structure.found(f, [np.linspace(1, 2, n)])
+    reach = structure.find_structure(f, [np.linspace(1, 2, n)])
     assert all(set(r) == {(j - 1) % n, j, (j + 1) % n} for j, r in enumerate(reach))
-    place, width = structure.ordered(reach)
+    place, width = structure.band_order(reach)
     assert sorted(place) == list(range(n))
     assert width <= 2
     assert len(calls) < 12 * (1 + np.log2(n))
@@ -302,7 +302,7 @@ def test_a_ring_has_a_band_of_width_two(n):
 def test_colours_share_no_row():
     rng = np.random.default_rng(2)
     reach = [np.unique(rng.integers(0, 40, size=4)) for _ in range(40)]
-    colours = structure.coloured(reach, 40)
+    colours = structure.colour_columns(reach, 40)
     owner = structure.owners(reach, colours)
     for j, rows in enumerate(reach):
         assert (owner[colours[j], rows] == j).all()
@@ -313,28 +313,28 @@ def test_colours_and_widths_of_a_diagonal_and_a_chain():
     alone, chain = [[j] for j in range(7)], [[i for i in (j - 1, j, j + 1) if 0 <= i < 7] for j in range(7)]
     for reach, colours, width in ((alone, 1, 0), (chain, 3, 1)):
         reach = [np.array(rows) for rows in reach]
-        assert set(structure.coloured(reach, 7)) == set(range(colours))
-        assert structure.ordered(reach)[1] == width
+        assert set(structure.colour_columns(reach, 7)) == set(range(colours))
+        assert structure.band_order(reach)[1] == width
 
 
 def test_probes_that_are_not_finite_are_skipped():
     f, _ = ring(9, np.sqrt)
     with pytest.raises(InvalidInput, match="finite at none"):
-        structure.found(f, [np.arange(9.0)])
-    reach = structure.found(lambda x: np.sqrt(x) + np.roll(x, 1), [-np.ones(9), np.ones(9)])
+        structure.find_structure(f, [np.arange(9.0)])
+    reach = structure.find_structure(lambda x: np.sqrt(x) + np.roll(x, 1), [-np.ones(9), np.ones(9)])
     assert all(set(r) == {j, (j + 1) % 9} for j, r in enumerate(reach))
 
 
 def test_probes_at_which_a_function_raises_are_skipped():
     for f in (math.sqrt, lambda x: math.exp(1000 * abs(min(x, 0))), lambda x: 1 / max(x, 0)):
-        reach = structure.found(lambda x, f=f: np.array([f(z) for z in x]), [-np.ones(9), np.ones(9)])
+        reach = structure.find_structure(lambda x, f=f: np.array([f(z) for z in x]), [-np.ones(9), np.ones(9)])
         assert [list(rows) for rows in reach] == [[i] for i in range(9)]
     with pytest.raises(InvalidInput, match="finite at none"):
-        structure.found(lambda x: np.array([math.sqrt(z) for z in x]), [-np.ones(9)])
+        structure.find_structure(lambda x: np.array([math.sqrt(z) for z in x]), [-np.ones(9)])
 
 
 def test_a_hidden_dependence_is_reported():
-    """A function whose branch hides a dependence at the probes."""
+    """A function is refused if a branch hides a dependence at the points where its sparsity is probed."""
 
     def honest(x):
         return x + np.roll(x, 1)
@@ -344,9 +344,9 @@ def test_a_hidden_dependence_is_reported():
         return honest(x) + np.where(np.arange(len(x)) == 4, 3 * far, 0.0)
 
     at = [np.linspace(1, 2, 12)]
-    assert len(structure.found(honest, at)) == 12
+    assert len(structure.find_structure(honest, at)) == 12
     with pytest.raises(InvalidInput, match="component 4 depends on more"):
-        structure.found(hiding, at)
+        structure.find_structure(hiding, at)
 
 
 def hiding_chain():
@@ -365,7 +365,7 @@ def hiding_chain():
     def energy(k):
         return lambda q, p: ((p * p).sum() / 2 + 0 * k, 1.0)
 
-    return {"grad_V": grad_V, "field": lambda k: of_unit_masses(grad_V(-k)), "energy": energy}
+    return {"grad_V": grad_V, "field": lambda k: unit_mass_field(grad_V(-k)), "energy": energy}
 
 
 def test_a_system_with_hidden_dependences_is_refused():

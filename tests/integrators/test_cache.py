@@ -75,7 +75,7 @@ def test_an_entry_copied_to_another_name_is_ignored(place):
 
 def compile_or_load(name="plus|1", options=vector.TUPLES):
     """(compiled function, whether it was loaded from the cache)."""
-    function = machine.compiled(lambda x: x + 1.0, SIGNATURE, dict(options), name)
+    function = machine.load_or_compile(lambda x: x + 1.0, SIGNATURE, dict(options), name)
     return function, sum(function.stats.cache_hits.values()) == 1
 
 
@@ -122,7 +122,7 @@ def test_machine_code_with_a_missing_file_is_compiled_again(place, suffix):
 
 @pytest.mark.parametrize("content", [b"", b"no pickle", b"\x80\x04K\x01.", b"cphasebench.nothing\nsuch\n."])
 def test_unusable_content_is_compiled_again(place, content):
-    """Sealed, so that the seal does not tell."""
+    """An entry whose content cannot be loaded, though its seal is valid, is compiled again."""
     compile_or_load()
     (home,) = place.iterdir()
     for path in files(place):
@@ -141,7 +141,7 @@ from phasebench.integrators.compile import machine
 from phasebench.integrators.values import vector
 import numba, numpy as np
 number = numba.types.float64(numba.types.float64)
-made = machine.compiled(lambda x: np.zeros(2)[1] + x, number, dict(vector.ARRAYS), "x|allocates")
+made = machine.load_or_compile(lambda x: np.zeros(2)[1] + x, number, dict(vector.ARRAYS), "x|allocates")
 print(made(1.5), sum(made.stats.cache_hits.values()))
 """
     run = [subprocess.run([sys.executable, "-c", script], capture_output=True, text=True) for _ in range(2)]
@@ -155,7 +155,7 @@ def test_a_part_can_be_called_on_its_own(place):
     def part(x):
         return x * 2.0
 
-    whole = machine.compiled(lambda x: part(x) + 1.0, SIGNATURE, dict(vector.TUPLES), "whole|1")
+    whole = machine.load_or_compile(lambda x: part(x) + 1.0, SIGNATURE, dict(vector.TUPLES), "whole|1")
     assert whole(1.5) == 4.0
     assert part(1.5) == 3.0
     assert numba.njit(lambda x: part(x))(1.5) == 3.0
@@ -241,7 +241,7 @@ def test_concurrent_writers_leave_complete_entries(place):
 
 def _hold(seconds: float, holds, content: bytes | None) -> None:
     """Hold the lock of entry a.py for some seconds, then write it if there is content."""
-    with cache.alone("a.py"):
+    with cache.hold_lock("a.py"):
         holds.set()
         time.sleep(seconds)
         if content is not None:
@@ -250,7 +250,10 @@ def _hold(seconds: float, holds, content: bytes | None) -> None:
 
 @contextmanager
 def holder(seconds: float, content: bytes | None = None):
-    """Run `_hold` in another process; yields the process once it has the lock."""
+    """Context in which another process holds the lock of entry a.py for ``seconds``, then writes ``content``, if any.
+
+    Yields the process.
+    """
     fork = multiprocessing.get_context("fork")
     holds = fork.Event()
     process = fork.Process(target=_hold, args=(seconds, holds, content))
@@ -264,19 +267,19 @@ def holder(seconds: float, content: bytes | None = None):
 def seconds_to_lock() -> float:
     """Seconds until this process gets the lock of entry a.py."""
     started = time.monotonic()
-    with cache.alone("a.py"):
+    with cache.hold_lock("a.py"):
         return time.monotonic() - started
 
 
 def test_a_second_process_waits_and_finds_the_entry(place):
-    with holder(0.5, SEVERAL), cache.alone("a.py"):
+    with holder(0.5, SEVERAL), cache.hold_lock("a.py"):
         assert cache.read("a.py") == SEVERAL
     assert [p.name for p in place.iterdir()] == ["a.py"]
 
 
 def test_existing_or_other_entries_are_not_waited_for(place):
     with holder(30.0):
-        with cache.alone("b.py"):
+        with cache.hold_lock("b.py"):
             pass
         cache.write("a.py", SEVERAL)
         assert seconds_to_lock() < 5
@@ -304,7 +307,7 @@ def test_waiting_ends_after_patience(place, monkeypatch):
 
 
 def test_a_lock_is_released_after_an_error(place):
-    with pytest.raises(ValueError), cache.alone("a.py"):
+    with pytest.raises(ValueError), cache.hold_lock("a.py"):
         raise ValueError
     assert seconds_to_lock() < 5
     assert not list(place.iterdir())
@@ -422,7 +425,7 @@ def test_files_removed_by_another_process_are_skipped(place, monkeypatch):
 
 def test_without_a_folder_nothing_waits(place, monkeypatch):
     monkeypatch.setattr(cache, "folder", lambda: None)
-    with cache.alone("a.py"):
+    with cache.hold_lock("a.py"):
         pass
     assert not place.exists()
 

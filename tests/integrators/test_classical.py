@@ -49,7 +49,7 @@ def drift(q, p, by):
 
 
 def euler(where):
-    """Residual function of z1 = z0 + h f(z), with z chosen by ``where`` from (q0, p0) and (q1, p1)."""
+    """Residual function of the step z1 = z0 + h f(z), with z chosen by ``where`` from (q0, p0) and (q1, p1)."""
 
     def residual(q0, p0, q1, p1):
         """z1 - z0 - h f(z)."""

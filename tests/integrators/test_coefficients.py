@@ -14,11 +14,19 @@ import numpy as np
 import pytest
 
 from phasebench.integrators import coefficients
-from phasebench.integrators.coefficients import BY_NAME, DAMAGED, TABLES, __main__, polished, steps
+from phasebench.integrators.coefficients import BY_NAME, DAMAGED, TABLES, __main__, polished_numbers, steps
 from phasebench.integrators.coefficients.fractions import DIGITS, substeps, suzuki, triple_jump
 from phasebench.integrators.coefficients.gauss import gauss
 from phasebench.integrators.coefficients.order_conditions import classical_order
-from phasebench.integrators.coefficients.polish import entry, independent, jacobian, locate, polish, residual, starting
+from phasebench.integrators.coefficients.polish import (
+    entry,
+    independent_rows,
+    jacobian,
+    locate,
+    polish,
+    residual,
+    starting_values,
+)
 from phasebench.integrators.coefficients.table import Table, is_exact, unit, value
 from phasebench.integrators.driver import integrate
 from phasebench.integrators.errors import InvalidInput
@@ -62,7 +70,7 @@ def distance(x, y):
 
 @named
 def test_polished_numbers_agree_with_the_published_digits(table):
-    moved = distance(polished(table.name), starting(table))
+    moved = distance(polished_numbers(table.name), starting_values(table))
     assert moved <= table.accuracy
     if table.good is not None:
         printed = 10 * max(unit(x) for x in table.published if not is_exact(x))
@@ -73,9 +81,9 @@ def test_polished_numbers_agree_with_the_published_digits(table):
 @named
 def test_polishing_keeps_exact_numbers_and_meets_conditions(table):
     """Numbers published as exact stay; the order conditions hold to round-off."""
-    for text, number in zip(table.published, polished(table.name), strict=True):
+    for text, number in zip(table.published, polished_numbers(table.name), strict=True):
         assert not is_exact(text) or number == value(text)
-    assert max(map(abs, residual(table, polished(table.name)))) < ROUND_OFF
+    assert max(map(abs, residual(table, polished_numbers(table.name)))) < ROUND_OFF
 
 
 #: Number of order conditions counted by hand: words per degree, only odd degrees for a symmetric method.
@@ -91,30 +99,30 @@ COUNTED = {
 
 @pytest.mark.parametrize("name", COUNTED)
 def test_the_number_of_order_conditions(name):
-    assert len(residual(BY_NAME[name], polished(name))) == COUNTED[name]
+    assert len(residual(BY_NAME[name], polished_numbers(name))) == COUNTED[name]
 
 
 @pytest.mark.parametrize("name", AGAIN)
 def test_polishing_again_finds_the_same_numbers(name):
-    assert distance(polish(BY_NAME[name]), polished(name)) < ROUND_OFF
+    assert distance(polish(BY_NAME[name]), polished_numbers(name)) < ROUND_OFF
 
 
 def test_control_polishing_from_another_start():
     """In a family the nearest member to the start is found; an isolated solution is found from any near start."""
     free, isolated = BY_NAME["sofroniou-spaletta-6"], BY_NAME["yoshida-6b"]
-    first, *others = starting(free)
-    assert distance(polish(free, [first + mpmath.mpf("1e-15"), *others]), polished(free.name)) > 1e-17
-    start = [x + mpmath.mpf("1e-12") for x in starting(isolated)]
-    assert distance(polish(isolated, start), polished(isolated.name)) < ROUND_OFF
+    first, *others = starting_values(free)
+    assert distance(polish(free, [first + mpmath.mpf("1e-15"), *others]), polished_numbers(free.name)) > 1e-17
+    start = [x + mpmath.mpf("1e-12") for x in starting_values(isolated)]
+    assert distance(polish(isolated, start), polished_numbers(isolated.name)) < ROUND_OFF
 
 
 @pytest.mark.parametrize("name", ["blanes-moan-s6", "pefrl"])
 def test_polished_numbers_are_the_nearest_of_their_family(name):
     """x - x0 is orthogonal to the tangent space of the family, to the digits of the Jacobian."""
     table = BY_NAME[name]
-    moved = np.array([a - b for a, b in zip(polished(name), starting(table), strict=True)])
-    J = jacobian(table, polished(name), range(len(moved)))
-    rows = J[independent(J)]
+    moved = np.array([a - b for a, b in zip(polished_numbers(name), starting_values(table), strict=True)])
+    J = jacobian(table, polished_numbers(name), range(len(moved)))
+    rows = J[independent_rows(J)]
     factors = np.array(list(mpmath.lu_solve((rows @ rows.T).tolist(), list(rows @ moved))), dtype=object)
     assert len(rows) < len(moved)
     assert max(abs(moved - rows.T @ factors)) < mpmath.mpf("1e-38") < mpmath.mpf("1e-20") * max(abs(moved))
@@ -122,20 +130,20 @@ def test_polished_numbers_are_the_nearest_of_their_family(name):
 
 @pytest.fixture
 def edit_table(monkeypatch):
-    """Function that adds a table, or replaces the one of the same name."""
+    """Function that adds a coefficient table to the registered ones, or replaces the one of the same name."""
 
     def enter(table):
         monkeypatch.setitem(BY_NAME, table.name, table)
         monkeypatch.setattr(__main__, "TABLES", tuple(BY_NAME.values()))
-        coefficients.about.cache_clear()
+        coefficients.describe.cache_clear()
         return table
 
     yield enter
-    coefficients.about.cache_clear()
+    coefficients.describe.cache_clear()
 
 
 def test_polished_numbers_belong_to_the_current_tables():
-    assert {name: entry["published"] for name, entry in coefficients.stored().items()} == {
+    assert {name: entry["published"] for name, entry in coefficients.read_polished().items()} == {
         t.name: t.digest for t in TABLES
     }
 
@@ -143,17 +151,17 @@ def test_polished_numbers_belong_to_the_current_tables():
 def test_an_edited_table_is_polished_on_demand(edit_table, tmp_path, monkeypatch):
     """Its method uses the edited numbers at once and warns until the command has stored them."""
     table = BY_NAME["blanes-moan-s6"]
-    before = polished(table.name)
+    before = polished_numbers(table.name)
     edit_table(replace(table, a=("0.209515106713362", *table.a[1:])))
     with pytest.warns(UserWarning, match=r"blanes-moan-s6 is new or was edited.*python -m phasebench\.integrators"):
-        after = polished(table.name)
+        after = polished_numbers(table.name)
     assert 1e-12 < distance(before, after) < 1e-9
     assert max(map(abs, residual(BY_NAME[table.name], after))) < ROUND_OFF
     path = tmp_path / "polished.json"
     monkeypatch.setattr(__main__, "POLISHED", path)
     __main__.main([])
     written = json.loads(path.read_text())
-    changed = [name for name, entry in written.items() if entry != coefficients.stored()[name]]
+    changed = [name for name, entry in written.items() if entry != coefficients.read_polished()[name]]
     assert changed == [table.name]
     assert distance([value(x) for part in "ab" for x in written[table.name][part]], after) == 0
 
@@ -161,7 +169,7 @@ def test_an_edited_table_is_polished_on_demand(edit_table, tmp_path, monkeypatch
 def test_new_tables_are_polished_and_wrong_orders_refused(edit_table):
     edit_table(replace(BY_NAME["pefrl"], name="pefrl-again"))
     with pytest.warns(UserWarning, match="pefrl-again is new"):
-        assert distance(polished("pefrl-again"), polished("pefrl")) == 0
+        assert distance(polished_numbers("pefrl-again"), polished_numbers("pefrl")) == 0
     edit_table(replace(BY_NAME["ruth-3"], b=("7/24", "3/4", "1/24")))
     with pytest.warns(UserWarning, match="edited"), pytest.raises(ArithmeticError, match="ruth-3"):
         splittings.weights(BY_NAME["ruth-3"])
@@ -171,7 +179,7 @@ def test_tables_without_stored_numbers_warn(edit_table):
     """The warning, which is an error in tests, names the command to run."""
     edit_table(replace(BY_NAME["pefrl"], name="pefrl-again"))
     with pytest.raises(UserWarning, match=r"pefrl-again is new.* is polished now; .*python -m phasebench\.integrators"):
-        polished("pefrl-again")
+        polished_numbers("pefrl-again")
 
 
 #: Leapfrog with a wrong digit in its kick.
@@ -181,12 +189,12 @@ OLD = {"b": ["as it was"]}
 
 @pytest.fixture
 def command(monkeypatch, tmp_path, capsys):
-    """Function (tables, stored numbers, names) -> (file that the command writes, what it prints)."""
+    """Function (tables, stored numbers, names) -> (written file, output) of the command that refines coefficients."""
 
     def run(tables, kept, *names):
         monkeypatch.setattr(coefficients, "TABLES", tuple(tables))
         monkeypatch.setattr(coefficients, "BY_NAME", {t.name: t for t in tables})
-        monkeypatch.setattr(coefficients, "stored", lambda: kept)
+        monkeypatch.setattr(coefficients, "read_polished", lambda: kept)
         monkeypatch.setattr(coefficients, "POLISHED", path := tmp_path / "polished.json")
         monkeypatch.setattr(sys, "argv", ["command", *names])
         runpy.run_path(__main__.__file__, run_name="__main__")
@@ -228,7 +236,7 @@ def test_the_command_reports_each_table_at_once(command, monkeypatch):
 
 def test_the_command_leaves_current_entries_byte_identical(command):
     before = coefficients.POLISHED.read_text()
-    assert command(TABLES, coefficients.stored()) == (before, "")
+    assert command(TABLES, coefficients.read_polished()) == (before, "")
 
 
 def test_the_command_refuses_an_unknown_name(command, tmp_path):
@@ -239,7 +247,7 @@ def test_the_command_refuses_an_unknown_name(command, tmp_path):
 
 @pytest.mark.parametrize("name", ["forest-ruth", "pefrl"])
 def test_stored_numbers_equal_those_of_the_command(name):
-    assert entry(BY_NAME[name]) == coefficients.stored()[name]
+    assert entry(BY_NAME[name]) == coefficients.read_polished()[name]
 
 
 def test_accuracy_of_printed_numbers():
@@ -253,7 +261,7 @@ def test_accuracy_of_printed_numbers():
 
 def test_a_start_without_a_near_solution_is_refused():
     table = BY_NAME["ruth-3"]
-    wrong = [x + mpmath.mpf("1e-9") for x in starting(table)]
+    wrong = [x + mpmath.mpf("1e-9") for x in starting_values(table)]
     with pytest.raises(ArithmeticError, match="ruth-3"):
         polish(table, wrong)
 
@@ -262,13 +270,13 @@ def test_a_start_without_a_near_solution_is_refused():
 def test_a_damaged_number_is_located_and_corrected(name):
     """The worst one first; the correction agrees with the true number far better than the damaged one."""
     table = BY_NAME[name]
-    numbers, left = starting(table, DAMAGED[name]), dict(DAMAGED[name])
+    numbers, left = starting_values(table, DAMAGED[name]), dict(DAMAGED[name])
     while left:
         k, mended = locate(table, numbers)
         true = value(table.published[k])
         assert abs(mended - true) < mpmath.mpf("1e-6") * abs(value(left.pop(k)) - true)
         numbers[k] = true
-    assert distance(numbers, starting(table)) == 0
+    assert distance(numbers, starting_values(table)) == 0
 
 
 def without(text, digits):
@@ -300,14 +308,14 @@ def test_closed_forms():
 @pytest.mark.parametrize("name", ELSEWHERE)
 def test_a_table_published_twice_is_the_same(name):
     texts = ELSEWHERE[name].split()
-    assert distance(polished(name), [value(x) for x in texts]) <= 10 * max(map(unit, texts))
+    assert distance(polished_numbers(name), [value(x) for x in texts]) <= 10 * max(map(unit, texts))
 
 
 # -- records ---------------------------------------------------------------------------------------------------------
 
 
 def letters(found):
-    """[letter, weight] of the drifts A and kicks B that substeps (c, mu, lambda) consist of, neighbours merged."""
+    """[letter, weight] of the drifts A and kicks B in substeps (length c, mu, lambda), neighbours merged."""
     out = []
     for c, _, lam in found:
         for letter in "BA" if lam == 1 else "AB":
@@ -362,7 +370,7 @@ STEP, STEPS = 0.05, 20
 
 
 def by_hand(table, q, p):
-    """End state of the pendulum after applying the table's kicks and drifts in order."""
+    """End state of a pendulum run from (q, p), with the kicks and drifts of a coefficient table applied in order."""
     for _ in range(STEPS):
         for letter, w in steps(table.name):
             if letter == "B":
@@ -390,15 +398,15 @@ def test_a_nystrom_splitting_refuses_another_kinetic_energy():
 
 def test_composition_by_name_equals_composition_by_fractions():
     base = method("implicit-midpoint")
-    a, b = compositions.composed(base, "kahan-li-6"), compositions.composed(base, steps("kahan-li-6"))
+    a, b = compositions.compose(base, "kahan-li-6"), compositions.compose(base, steps("kahan-li-6"))
     assert a.data == b.data == method("implicit-midpoint-kahan-li-6").data
     assert (b.order, b.symmetric) == (6, True)
-    assert compositions.composed(base, [Fraction(1, 2), "0.5"]).order == 2
-    assert compositions.composed(base, list(map(float, steps("kahan-li-6")))).order == 6
+    assert compositions.compose(base, [Fraction(1, 2), "0.5"]).order == 2
+    assert compositions.compose(base, list(map(float, steps("kahan-li-6")))).order == 6
 
 
 def test_a_composition_keeps_the_parameters_of_its_base():
-    m = compositions.composed(method("scheme-iii"), "forest-ruth")
+    m = compositions.compose(method("scheme-iii"), "forest-ruth")
     for lam in (Fraction(1, 3), Fraction(-2)):
         made, known = m(lam=lam).data[1], method("scheme-iii-yoshida-4", lam=lam).data[1]
         assert [row[1:] for row in made] == [row[1:] for row in known]
@@ -406,21 +414,21 @@ def test_a_composition_keeps_the_parameters_of_its_base():
 
 
 def test_a_composition_of_unequal_fractions_is_not_symmetric():
-    made = compositions.composed(method("stormer-verlet"), [Fraction(1, 3), Fraction(2, 3)])
+    made = compositions.compose(method("stormer-verlet"), [Fraction(1, 3), Fraction(2, 3)])
     assert (made.order, made.symmetric) == (2, False)
 
 
 def test_nested_compositions_number_their_roots():
-    twice = compositions.composed(method("scheme-iv"), [Fraction(1, 2), Fraction(1, 2)])
+    twice = compositions.compose(method("scheme-iv"), [Fraction(1, 2), Fraction(1, 2)])
     assert [row[2] for row in twice.data] == [0, 1]
-    assert [row[2] for row in compositions.composed(twice, "forest-ruth").data] == [0, 1, 2, 3, 4, 5]
+    assert [row[2] for row in compositions.compose(twice, "forest-ruth").data] == [0, 1, 2, 3, 4, 5]
 
 
 def test_fractions_must_add_up_to_one():
     base = method("stormer-verlet")
-    assert compositions.composed(base, ["0.5", "0.5000000000005"]).order == 2
+    assert compositions.compose(base, ["0.5", "0.5000000000005"]).order == 2
     with pytest.raises(InvalidInput, match="not to 1"):
-        compositions.composed(base, ["0.5", "0.500000000005"])
+        compositions.compose(base, ["0.5", "0.500000000005"])
 
 
 @pytest.mark.parametrize(
@@ -437,11 +445,11 @@ def test_fractions_must_add_up_to_one():
 )
 def test_invalid_compositions_are_refused(base, fractions, message):
     with pytest.raises(InvalidInput, match=message):
-        compositions.composed(base, fractions)
+        compositions.compose(base, fractions)
 
 
 def test_a_parameter_that_breaks_symmetry_is_refused():
-    m = compositions.composed(method("scheme-i", lam=Fraction(1, 2)), "kahan-li-6")
+    m = compositions.compose(method("scheme-i", lam=Fraction(1, 2)), "kahan-li-6")
     assert m.symmetric
     with pytest.raises(InvalidInput, match="not symmetric"):
         m(lam=Fraction(1, 3))

@@ -97,7 +97,7 @@ CONDITIONS = [
 
 @pytest.mark.parametrize(("which", "orders"), CONDITIONS)
 def test_simplifying_assumptions(which, orders):
-    """With control: one wrong coefficient violates them."""
+    """The tableaus satisfy the assumptions B, C and D; control: one wrong coefficient violates them."""
     kind, s, second = which
     with mpmath.workdps(DIGITS):
         A, conjugate, b, c = tableaus.runge_kutta(kind, s)
@@ -231,7 +231,7 @@ def test_control_any_wrong_coefficient_of_dop853_is_seen():
 
 
 def doubles(id, system):
-    """(A^q, A^p, c, w^q) in doubles as the kernel uses them."""
+    """The coefficients that a method's kernel uses in double precision: (A for q, A for p, nodes c, weights of q)."""
     step = prepare(BY_ID[id], system).step
     if isinstance(step, Lanes):  # lane i of row j holds A_ij
         s = step.stages
@@ -269,7 +269,7 @@ def mean_momentum_error(id):
 
 
 def test_angular_momentum_does_not_drift(monkeypatch):
-    """Control: with plainly rounded coefficients it drifts."""
+    """The mean error of long runs is not significant; control: with plainly rounded coefficients it is."""
     mean, doubt = mean_momentum_error(BY_ID["gauss-2"])
     assert abs(mean) < 4 * doubt
     with monkeypatch.context() as patch:
@@ -287,7 +287,7 @@ LENGTHS = (0.1, 0.0987654321, 0.1234567891, 0.5000000001, 0.9999999999, 7.0 / 3,
 
 @pytest.mark.parametrize("s", range(2, 9))
 def test_weights_of_lanes_add_up_to_the_step(s):
-    step = gauss_lanes.laned(s, SYSTEMS["henon-heiles"]()[0], codegen.DOUBLE)
+    step = gauss_lanes.build_lanes(s, SYSTEMS["henon-heiles"]()[0], codegen.DOUBLE)
     for h in LENGTHS:
         table = np.ones((1, len(step.like)))
         write_weights(step, h, table)
@@ -325,11 +325,11 @@ def phase_error(id):
 
 @pytest.mark.parametrize("lanes", [True, False])
 def test_the_phase_error_has_no_bias(monkeypatch, lanes):
-    """Control: with plainly rounded weights it has."""
+    """The mean phase error is not significant; control: with plainly rounded weights it is."""
     monkeypatch.setattr("phasebench.integrators.compile.preparation.ENABLED", False)
     if not lanes:
         monkeypatch.setattr(gauss_lanes, "serves", lambda s, system: False)
-    laned = gauss_lanes.laned
+    laned = gauss_lanes.build_lanes
 
     def spoiled(*arguments):
         step = laned(*arguments)
@@ -340,7 +340,7 @@ def test_the_phase_error_has_no_bias(monkeypatch, lanes):
     assert phase_error("gauss-4") < 4
     with monkeypatch.context() as patch:
         if lanes:
-            patch.setattr(gauss_lanes, "laned", spoiled)
+            patch.setattr(gauss_lanes, "build_lanes", spoiled)
         else:
             patch.setattr(tableaus, "rounded_weights", lambda b, unit: b)
         tableaus.tableau.cache_clear()
@@ -375,15 +375,15 @@ HESSIANS = {
 
 @cache
 def quadratic(name):
-    """The system with the Hessian of that name."""
+    """The system with quadratic H whose matrix of second derivatives has this name in `HESSIANS`."""
     q, p = ["q1", "q2"], ["p1", "p2"]
     terms = zip(HESSIANS[name].ravel() / 2, product(q + p, repeat=2), strict=True)
     return Hamiltonian(q=q, p=p, H=" + ".join(f"({k})*{a}*{b}" for k, (a, b) in terms if k))
 
 
 def stages(id, name, h=0.5):
-    """(equations of a step with random increments, index of their first row); the rows before are filled with 9."""
-    prepared = collocation.stage_by_stage(BY_ID[id], quadratic(name), codegen.DOUBLE)
+    """(stage equations of one step on a quadratic H, first row of their random increments); earlier rows hold 9."""
+    prepared = collocation.prepare_stage_by_stage(BY_ID[id], quadratic(name), codegen.DOUBLE)
     step, s, at = prepared.step._replace(h=h, eps=EPS), prepared.stages, 3 * prepared.stages
     memory, q, p = np.full((at + 3 * s, prepared.width), 9.0), value(0.7, -0.2), value(0.4, 1.1)
     memory[at : at + s] = np.random.default_rng(s).normal(size=(s, prepared.width))
@@ -393,7 +393,7 @@ def stages(id, name, h=0.5):
 
 
 def by_matrices(e, K, x):
-    """h B f at the nodes for increments x, computed from the tableau and the Hessian."""
+    """The increments h B f that one sweep must return for increments x, from the tableau and the Hessian K."""
     step, h = e.step, e.step.h
     q, p = np.array(e.q), np.array(e.p)
     if step.field is None:
@@ -405,7 +405,7 @@ def by_matrices(e, K, x):
 @pytest.mark.parametrize("name", HESSIANS)
 @pytest.mark.parametrize("id", ["gauss-3", "lobatto-iiia-iiib-3", "radau-iia-3", "hbvm-4-2", "hbvm-6-3"])
 def test_a_sweep_evaluates_the_slopes_at_the_nodes(id, name):
-    """It returns the norms of the change and of the new increments."""
+    """A sweep writes h B f at the nodes, and returns the norms of the change and of the new increments."""
     (e, at), K = stages(id, name), HESSIANS[name]
     x = e.memory[at : at + e.stages].copy()
     told = collocation.sweep(e, at, at + e.stages)
@@ -488,13 +488,13 @@ def test_cpg_1_is_the_averaged_vector_field_method(name):
 
 
 def planar(rest):
-    """H = |p|^2/2 + rest with d = 2, so that all of them share kernels."""
+    """H = |p|^2/2 + rest with d = 2, a common d so that compiled kernels are shared."""
     return Hamiltonian(q="q1 q2", p="p1 p2", H=f"p1**2/2 + p2**2/2 + {rest}")
 
 
 @pytest.mark.parametrize("id", [m.id for m in METHODS if m.id.startswith("hbvm")])
 def test_hbvm_conserves_polynomials_up_to_degree_4_only(id):
-    """2k/s = 4 for all of them."""
+    """HBVM(k, s) conserves a polynomial H of degree 2k/s at most, which is 4 for all of these methods."""
     lost = {}
     for name, V in (("quartic", "q1**2/2 + q1**4 + q1**2*q2**2/3"), ("sextic", "q1**2/2 + q1**6 + q1**2*q2**2/3")):
         system = planar(V)
@@ -550,7 +550,7 @@ NYSTROM, GENERAL = "q1**4", "q1**2*p1**2/10"
 
 
 def stiff(rest: str) -> str:
-    """H with one fast coordinate and an additional term."""
+    """The formula of an H with one fast coordinate, q1, and an additional term."""
     return f"p1**2/2 + p2**2/2 + {OMEGA**2}*q1**2/2 + q2**2/2 + q1*q2 + {rest}"
 
 

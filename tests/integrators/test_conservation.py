@@ -23,18 +23,27 @@ H, STEPS = 0.1, 20_000
 HIGH, LONGER = 8, 5
 #: Factor for the family "field", whose drift is below round-off for short steps.
 FIELD = 25
+#: Methods whose defect of symplecticity is of a far higher order than their error.
+ALMOST_SYMPLECTIC = {"extended-midpoint-4"}
+#: Methods that are another one if H is separable, as it is here: what that one declares is seen.
+IF_SEPARABLE = {"pihajoki-2": "stormer-verlet"}
+
+
+def record_if_separable(label):
+    """The record that declares how a method conserves invariants of a separable H."""
+    return ALL[IF_SEPARABLE.get(label, label)]
 
 
 def longer(label):
-    """Factor by which the method's steps are longer."""
+    """Factor by which a method's steps are longer here: more for high orders and for the family "field"."""
     if ALL[label].family == "field":
         return FIELD
-    return LONGER if ALL[label].order >= HIGH else 1
+    return LONGER if ALL[label].order >= HIGH or label in ALMOST_SYMPLECTIC else 1
 
 
 @cache
 def energies(label):
-    """(solution, t, H - H0) on the box orbit to t = 2000; H0 = 0.02."""
+    """(solution, t, H - H0) of a method on the Henon-Heiles box orbit to t = 2000; H0 = 0.02."""
     s = integrate(BOX, ALL[label], h=H * longer(label), steps=STEPS // longer(label))
     E = BOX.system.observe(BOX.system.H, s.q, s.p)
     return s, s.t, E - E[0]
@@ -42,14 +51,17 @@ def energies(label):
 
 @cache
 def momenta(label):
-    """(solution, t, L - L0) on the perturbed Kepler problem to t = 120; L0 = 0.8."""
+    """(solution, t, L - L0) of a method on the perturbed Kepler problem to t = 120; the angular momentum L0 is 0.8."""
     s = integrate(KEPLER, ALL[label], h=0.01 * longer(label), steps=12_000 // longer(label))
     L = KEPLER.system.observe(KEPLER.invariants["angular-momentum"], s.q, s.p)
     return s, s.t, L - L[0]
 
 
 def verdict(declared, s, t, error, value):
-    """(whether the errors of an invariant of size ``value`` confirm the declared class, description)."""
+    """(whether an invariant's errors confirm the declared class of conservation, description).
+
+    The invariant has the size ``value``; ``t`` and ``error`` are along the solution s.
+    """
     unit = np.finfo(float).eps * abs(value)
     greatest = np.abs(error).max()
     if declared in (EXACT, ROUND_OFF):
@@ -73,7 +85,7 @@ def applies(m, made):
 
 @pytest.mark.parametrize("label", [x for x, m in ALL.items() if applies(m, BOX)])
 def test_energy(label):
-    right, shown = verdict(ALL[label].energy, *energies(label), 0.02)
+    right, shown = verdict(record_if_separable(label).energy, *energies(label), 0.02)
     s = energies(label)[0]
     if not right and ALL[label].energy == ROUND_OFF and s.counts["fallbacks"]:
         good = ~np.isnan(s.parameter) if ALL[label].family in ("schemes_iv_v", "equip") else np.ones(len(s.q) - 1, bool)
@@ -84,7 +96,7 @@ def test_energy(label):
 
 @pytest.mark.parametrize("label", [x for x, m in ALL.items() if applies(m, KEPLER)])
 def test_quadratic_invariants(label):
-    right, shown = verdict(ALL[label].quadratic, *momenta(label), 0.8)
+    right, shown = verdict(record_if_separable(label).quadratic, *momenta(label), 0.8)
     assert right, f"declared {ALL[label].quadratic}, shown: {shown}"
 
 

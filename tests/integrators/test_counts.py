@@ -6,18 +6,19 @@ import pytest
 
 from phasebench.benchmarks.measure.battery import SYSTEMS
 from phasebench.integrators.driver import integrate
-from phasebench.integrators.records.projection import projected
+from phasebench.integrators.records.projection import projection_method
 from support import counts, stiff
 
 
 @pytest.fixture(scope="module")
 def counts_of(of_each):
-    """Function label -> counts of `support.counts.of`."""
+    """Function: label of a method -> its counts from `support.counts.of`, as reported and as called."""
     return of_each(counts)
 
 
 #: Families that never solve an equation; "parametric" and its projections do if H is not separable.
-EXPLICIT = {"runge_kutta", "splitting", "relaxation", "trigonometric", "wisdom_holman", "magnetic"}
+EXPLICIT = {"runge_kutta", "splitting", "relaxation", "trigonometric", "wisdom_holman", "magnetic", "force_gradient"}
+EXPLICIT |= {"extended"}
 EXPLICIT_ONES = {"variational-trapezoidal", "stormer-verlet-adaptive"}
 #: Families whose steps vary.
 VARYING = ("adaptive", "field")
@@ -33,7 +34,7 @@ def test_every_evaluation_is_counted_once(counts_of, label):
 
 @pytest.mark.parametrize("label", counts.ALL)
 def test_kernel_and_solution_report_the_same_counts(counts_of, label):
-    """Except steps where they vary: a solution counts steps of length h, a prepared run those that were taken."""
+    """With variable steps the solution counts steps of length h, the kernel of a prepared run those that were taken."""
     own = {"steps"} if counts.ALL[label].family in VARYING else set()
     for name, told in counts_of(label).items():
         for key in set(counts.TOLD) - own:
@@ -42,7 +43,7 @@ def test_kernel_and_solution_report_the_same_counts(counts_of, label):
 
 @pytest.mark.parametrize("label", counts.ALL)
 def test_steps_are_counted_and_only_long_ones_need_newton(counts_of, label):
-    """Variable-step methods may take more or fewer steps."""
+    """Methods of fixed steps count every step; Newton's method is used in the runs with long steps only."""
     for name, told in counts_of(label).items():
         assert told["steps"] == counts.STEPS or counts.ALL[label].family in VARYING, name
         assert (told["newton"] > 0) == (name in counts.LONG), name
@@ -60,7 +61,7 @@ def test_iterations_are_evaluations_of_implicit_methods(counts_of, label):
 def test_a_projection_counts_iterations_like_its_base(base):
     for name in ("henon-heiles", "coupled"):
         system, q, p = SYSTEMS[name]()
-        told = [integrate(system, m, h=counts.H, steps=3, q0=q, p0=p).counts for m in (base, projected(base))]
+        told = [integrate(system, m, h=counts.H, steps=3, q0=q, p0=p).counts for m in (base, projection_method(base))]
         assert told[1]["gradient"] > told[0]["gradient"]
         assert {bool(of["iterations"]) for of in told} == {told[0]["iterations"] > 0}
 

@@ -21,7 +21,7 @@ from phasebench.integrators.families import averaged, discrete_gradient
 from phasebench.integrators.families.averaged import coupled
 from phasebench.integrators.record import ROUND_OFF
 from phasebench.integrators.registry import METHODS, method
-from phasebench.integrators.stepping.kernel import fixed, prepare
+from phasebench.integrators.stepping.kernel import freeze, prepare
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
 from support.values import value
 
@@ -36,7 +36,7 @@ UNIT, VISIBLE = 4e-15, 1e-6
 
 
 def energy_error(name, id, h, steps):
-    """Largest energy error of a run that must be ok."""
+    """Largest energy error of a run; fail if its status is not "ok"."""
     system, q, p = SYSTEMS[name]()
     s = integrate(system, id, h=h, steps=steps, q0=q, p0=p)
     assert s.status == "ok", s.reason
@@ -96,7 +96,7 @@ def product(id, name, seed, spoil=lambda step: step):
 
 
 def pairing(i, x):
-    """g . x for the increment i = J^-1 g."""
+    """The product g . x of a gradient g and x, given the increment i = J^-1 g."""
     d = len(x) // 2
     return np.array(i[:d]) @ x[d:] - np.array(i[d:]) @ x[:d]
 
@@ -123,7 +123,7 @@ def test_control_a_perturbed_weight_breaks_the_identity(id):
 def test_control_a_block_left_out_breaks_the_identity():
     def spoil(step):
         assert list(step.blocks) == [4]
-        return step._replace(blocks=fixed([3]).astype(step.blocks.dtype))
+        return step._replace(blocks=freeze([3]).astype(step.blocks.dtype))
 
     found, difference = product("itoh-abe", "coupled", 0, spoil)
     assert abs(found - difference) > 1e-3
@@ -181,7 +181,7 @@ def substep(name, y, h, discrete_gradient_of):
 
 
 def direct(id, name):
-    """End state of one step by the formulas of this file."""
+    """End state of one step by the formulas written in this file."""
     _, q, p = SYSTEMS[name]()
     d = len(q)
     single, halves = [[i] for i in range(2 * d)], [list(range(d, 2 * d)), list(range(d))]
@@ -227,7 +227,7 @@ DIRECT = (
 
 
 def step(id, name):
-    """End state of one step by `integrate`."""
+    """End state of one step of a method by `integrate`."""
     system, q, p = SYSTEMS[name]()
     s = integrate(system, id, h=H, steps=1, q0=q, p0=p)
     return np.concatenate([s.q[-1], s.p[-1]])
@@ -286,7 +286,7 @@ def test_arrays_and_tuples_agree(id, monkeypatch):
 
 @pytest.mark.parametrize("name", ["henon-heiles", "pendulum", "coupled"])
 def test_long_steps_conserve_energy_to_the_last_unit(name):
-    """The search for a goes on while the energy error still falls."""
+    """The iteration for Gonzalez' discrete gradient goes on while the energy error still falls."""
     system, q, p = SYSTEMS[name]()
     s = integrate(system, "gonzalez", h=0.8 if name == "pendulum" else 0.4, steps=40, q0=q, p0=p)
     E = system.observe(system.H, s.q, s.p)

@@ -11,7 +11,7 @@ import pytest
 
 from phasebench import integrators
 from phasebench.integrators import Hamiltonian
-from phasebench.integrators.outcome import approach, escaped, judged, passed
+from phasebench.integrators.outcome import describe_approach, describe_crossing, describe_escape, judge
 from phasebench.integrators.systems.hamiltonian import PartitionedSystem
 
 OSCILLATOR = Hamiltonian(q="q", p="p", H="p**2/2 + q**2/2")
@@ -32,13 +32,13 @@ def rows(*states):
 
 @pytest.mark.parametrize(("p", "status"), [(1.0, "ok"), (1.001, "inaccurate")])
 def test_energy_error_up_to_half_the_terms_is_ok(p, status):
-    """H = 1/2 at the start, then 1; the sizes of its terms add up to 1."""
-    assert judged(OSCILLATOR, T, *rows((1, 0), (1, p))).status == status
+    """H grows from 1/2 to 1, where the sizes of its terms add up to 1: this is accepted, a little more is not."""
+    assert judge(OSCILLATOR, T, *rows((1, 0), (1, p))).status == status
 
 
 def test_the_reported_time_is_that_of_the_first_bad_row():
     energy = np.where(T < 40, 1.0, np.where(T < 70, 3.0, 9.0))
-    said = judged(OSCILLATOR, T, np.sqrt(energy)[:, None], np.zeros((100, 1))).reason
+    said = judge(OSCILLATOR, T, np.sqrt(energy)[:, None], np.zeros((100, 1))).reason
     assert "from t = 40 on" in said
 
 
@@ -46,7 +46,7 @@ def test_an_error_relative_to_the_mean_of_all_rows_is_dated():
     """The error exceeds its limit relative to the mean over all rows, not to the mean up to that row."""
     energy = np.r_[1.0, np.full(9, 100.0), np.full(990, 1.0)]
     t = np.arange(1000.0)
-    assert "from t = 1 on" in judged(OSCILLATOR, t, np.sqrt(energy)[:, None], np.zeros((1000, 1))).reason
+    assert "from t = 1 on" in judge(OSCILLATOR, t, np.sqrt(energy)[:, None], np.zeros((1000, 1))).reason
 
 
 def is_bounded(error):
@@ -54,7 +54,7 @@ def is_bounded(error):
     amplitude = np.sqrt(2 * (0.5 + np.array(error)))
     amplitude[0] = 1.0
     return (
-        "comes and goes" in judged(OSCILLATOR, np.arange(len(error)), amplitude[:, None], 0 * amplitude[:, None]).reason
+        "comes and goes" in judge(OSCILLATOR, np.arange(len(error)), amplitude[:, None], 0 * amplitude[:, None]).reason
     )
 
 
@@ -73,25 +73,25 @@ def test_bounded_and_growing_energy_errors_are_told_apart():
 
 
 def test_growth_with_conserved_energy_is_reported():
-    """A free fall along y."""
+    """A free fall along y, to 200 times the initial size, is reported unless its energy is lost before."""
     t = np.linspace(0, 20, 41)
     Q, P = np.stack([1 + 0 * t, t**2 / 2], 1), np.stack([0 * t, t], 1)
-    said = escaped(PLANE, Q, P)
+    said = describe_escape(PLANE, Q, P)
     assert "grown to 200:" in said
     assert "may escape" in said
-    assert escaped(PLANE, Q[:6], P[:6]) == "", "it has not grown by much"
-    assert escaped(PLANE, Q[:1], P[:1]) == "", "one row"
+    assert describe_escape(PLANE, Q[:6], P[:6]) == "", "it has not grown by much"
+    assert describe_escape(PLANE, Q[:1], P[:1]) == "", "one row"
     lost = np.where(t[:, None] > 3, 3 * P, P)
-    assert escaped(PLANE, Q, lost) == "", "the energy is lost before it has grown"
+    assert describe_escape(PLANE, Q, lost) == "", "the energy is lost before it has grown"
     sideways = np.stack([t**2 / 2, 1 + 0 * t], 1), np.stack([t, 0 * t], 1)
     along_x = Hamiltonian(q="x y", p="u v", H="(u**2 + v**2)/2 - x")
-    assert "grown to 200:" in escaped(along_x, *sideways)
-    assert "grown to 200:" in escaped(PLANE, 0 * Q + [0.001, 1] * Q, P), "what is small beside it has no say"
+    assert "grown to 200:" in describe_escape(along_x, *sideways)
+    assert "grown to 200:" in describe_escape(PLANE, 0 * Q + [0.001, 1] * Q, P), "what is small beside it has no say"
 
 
 def test_growth_needs_an_energy_to_be_reported():
-    assert escaped(NO_ENERGY, *rows((1, 0), (1000, 0))) == ""
-    assert approach(NO_ENERGY, *rows((1, 0), (1000, 0)), 0.1) is None
+    assert describe_escape(NO_ENERGY, *rows((1, 0), (1000, 0))) == ""
+    assert describe_approach(NO_ENERGY, *rows((1, 0), (1000, 0)), 0.1) is None
 
 
 # -- singularities ----------------------------------------------------------------------------------------------------
@@ -104,10 +104,10 @@ def fall(q, H=-1.0):
 
 def test_a_last_step_longer_than_the_distance_is_reported():
     near, far = (0.01, fall(0.01)), (0.5, fall(0.5))
-    assert "the step 1.41" in approach(WELL, *rows(far, far, near), 0.1)
-    assert "the distance 0.01 " in approach(WELL, *rows(far, far, near), 0.1)
-    assert approach(WELL, *rows(near, near, far), 0.1) is None
-    assert "the step 1.41" in approach(WELL, *rows(near), 0.1), "it is the first one too"
+    assert "the step 1.41" in describe_approach(WELL, *rows(far, far, near), 0.1)
+    assert "the distance 0.01 " in describe_approach(WELL, *rows(far, far, near), 0.1)
+    assert describe_approach(WELL, *rows(near, near, far), 0.1) is None
+    assert "the step 1.41" in describe_approach(WELL, *rows(near), 0.1), "it is the first one too"
 
 
 #: A plane with a singularity at the origin; the tests pass it along x at the distance 0.1.
@@ -125,23 +125,23 @@ X = [-5, -0.3, -0.1, 0.1, 5]
 
 
 def test_an_encounter_is_reported_where_energy_is_lost():
-    assert passed(KEPLER, T, *flyby(X, 1.0), 0.2) is None, "kept"
-    assert passed(KEPLER, T, *flyby(X, np.array([1, 1, 1, 1, 0.95])), 0.2) is None, "less than a tenth"
-    said = passed(KEPLER, T, *flyby(X, np.array([1, 1, 1, 1, 0.8])), 0.2)
+    assert describe_crossing(KEPLER, T, *flyby(X, 1.0), 0.2) is None, "kept"
+    assert describe_crossing(KEPLER, T, *flyby(X, np.array([1, 1, 1, 1, 0.95])), 0.2) is None, "less than a tenth"
+    said = describe_crossing(KEPLER, T, *flyby(X, np.array([1, 1, 1, 1, 0.8])), 0.2)
     assert "near t = 1 " in said, "the first of several"
     assert "at distance 0.316 " in said
     assert f"length {0.2 * flyby(X, 1.0)[1][1, 0]:.3g} " in said
     after = np.array([1, 0.8, 0.8, 0.8, 0.8])
-    assert "near t = 1 " in passed(KEPLER, T, *flyby(X, after), 0.2), "lost against the start"
+    assert "near t = 1 " in describe_crossing(KEPLER, T, *flyby(X, after), 0.2), "lost against the start"
     before = np.array([1, 5, 5, 1, 1])
-    assert passed(KEPLER, T, *flyby([-5, -4, -4, -0.1, 0.1], before), 0.2) is None, "elsewhere"
-    assert passed(KEPLER, T, *flyby(X, np.array([1, 1, 1, 1, 0.8])), 0.01) is None, "short steps"
+    assert describe_crossing(KEPLER, T, *flyby([-5, -4, -4, -0.1, 0.1], before), 0.2) is None, "elsewhere"
+    assert describe_crossing(KEPLER, T, *flyby(X, np.array([1, 1, 1, 1, 0.8])), 0.01) is None, "short steps"
 
 
 def test_a_head_on_motion_is_reported_at_its_first_row():
     Q, P = flyby(X, 1.0)
     Q[2:4, 1] = 0.0
-    assert "head-on after t = 2;" in passed(KEPLER, T, Q, P, 0.2)
+    assert "head-on after t = 2;" in describe_crossing(KEPLER, T, Q, P, 0.2)
 
 
 # -- arguments of public functions ------------------------------------------------------------------------------------

@@ -29,10 +29,10 @@ def test_smaller_root_without_a_root_and_for_a_tiny_constant():
 
 def test_attempts_are_solved_to_the_accuracy_needed():
     """The tolerance of an attempt is a hundredth of the error expected, but not below round-off."""
-    assert model.eased(1.0, UNIT) == model.eased(-1.0, UNIT) == pytest.approx(1e10, rel=1e-14)
-    assert model.eased(2.0**14, 1.0) == pytest.approx(163.84, rel=1e-14)
+    assert model.residual_factor(1.0, UNIT) == model.residual_factor(-1.0, UNIT) == pytest.approx(1e10, rel=1e-14)
+    assert model.residual_factor(2.0**14, 1.0) == pytest.approx(163.84, rel=1e-14)
     for E, unit in ((1e4, 1.0), (9e3, 1.0), (0.0, 1.0), (1.0, 0.0), (np.inf, 1.0), (np.nan, 1.0), (1.0, np.nan)):
-        assert model.eased(E, unit) == (100.0 if E == 1e4 else 1.0)
+        assert model.residual_factor(E, unit) == (100.0 if E == 1e4 else 1.0)
 
 
 def test_a_parabola_goes_through_its_three_points():
@@ -47,11 +47,11 @@ def test_a_slope_is_extrapolated_quadratically_in_time():
     """Slopes measured at the steps 0, ..., 3 and predicted for the following ones."""
     models = model_of(slope=5.0)
     for n in range(4):
-        model.grow_old(models, 0)
+        model.extrapolate_slope(models, 0)
         model.renew(models, 0, 2.0 + 0.3 * n - 0.07 * n * n)
         assert models[0, model.AGE] == 0
     for n in range(4, 8):
-        assert model.grow_old(models, 0) == pytest.approx(2.0 + 0.3 * n - 0.07 * n * n, rel=1e-13)
+        assert model.extrapolate_slope(models, 0) == pytest.approx(2.0 + 0.3 * n - 0.07 * n * n, rel=1e-13)
         assert models[0, model.AGE] == n - 3
 
 
@@ -59,7 +59,7 @@ def test_a_rarely_measured_slope_is_extrapolated_linearly():
     models = model_of(slope=1.0)
     for n in (3, 6, 9):
         for _ in range(3):
-            guess = model.grow_old(models, 0)
+            guess = model.extrapolate_slope(models, 0)
         model.renew(models, 0, 1.0 + 0.5 * n)
     assert guess == pytest.approx(5.5)
     assert models[0, [model.SLOPE, model.RATE, model.BEND]] == pytest.approx([5.5, 0.5, 0.0])
@@ -69,7 +69,7 @@ def test_the_bend_is_the_second_difference_of_the_slope():
     models = model_of(slope=1.0)
     for n in (3, 6, 9):
         for _ in range(3):
-            model.grow_old(models, 0)
+            model.extrapolate_slope(models, 0)
         model.renew(models, 0, 1.0 + 0.5 * n - 0.25 * n * n)
     assert models[0, model.BEND] == pytest.approx(-0.5)
 
@@ -99,7 +99,7 @@ def test_the_limits_within_which_a_model_is_trusted(limit, beyond):
         """Whether a model with these numbers is trusted."""
         models = model_of(before, curvature)
         models[0, [model.STREAK, model.AGE, model.MISSED]] = streak, age, missed
-        return model.trusted(NEAR, models, 0, predicted, 0.25, 0.25)
+        return model.is_trusted(NEAR, models, 0, predicted, 0.25, 0.25)
 
     assert trusted(**limit)
     assert not trusted(**beyond)
@@ -109,7 +109,7 @@ def test_the_limits_within_which_a_model_is_trusted(limit, beyond):
 
 
 def trusted_model(slope=1.0, curvature=0.0, missed=1e-4, age=0.0, unit=UNIT, streak=1.0):
-    """A model that the next step trusts."""
+    """A model of the energy error with these numbers, in which the next step trusts to predict its root."""
     models = model_of(slope, curvature)
     models[0, [model.MISSED, model.AGE, model.UNIT, model.STREAK]] = missed, age, unit, streak
     return models
@@ -199,7 +199,10 @@ def test_a_root_that_may_not_be_the_nearest_is_not_followed():
 
 
 def search(errors):
-    """(result, model) of a search whose attempts have these errors, in units of round-off, at any x."""
+    """(result, model afterwards) of a root search in which attempt n has the error errors[n], in units of round-off.
+
+    The errors do not depend on the parameter x.
+    """
     models = trusted_model(missed=0.0, unit=EXACT)
     return look([0.0], models, 0.0625, errors=errors, unit=EXACT), models
 
@@ -240,7 +243,7 @@ def test_the_fourth_attempt_may_miss_by_eight_units():
 
 
 def test_secants_need_errors_two_units_apart():
-    """E = 600, then -2 or -2.5: the slope of the model is used in the first case, the secant's in the second."""
+    """Energy errors of 600, then -2 or -2.5 units of round-off: the next slope is the model's, then the secant's."""
     for second, slope in ((-2.0, 1.0), (-2.5, 602.5 / 600)):
         s, models = search([600.0, second, 0.0])
         assert s.tried[2, 0] - s.tried[1, 0] == pytest.approx(-second * EXACT / slope, rel=1e-4, abs=0)

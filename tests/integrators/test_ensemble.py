@@ -26,12 +26,12 @@ def starts(name, n=N, spread=0.02):
 
 
 def alone(made, id, Q, P, i, parameters=None, **options):
-    """`integrate` the i-th orbit."""
+    """The solution of `integrate` for the i-th orbit alone."""
     return integrate(made, id, q0=Q[i], p0=P[i], parameters=parameters, **options)
 
 
 def assert_same(ensemble, i, solution):
-    """The i-th orbit of an ensemble has the rows, end and status of a solution."""
+    """Assert that the i-th orbit of an ensemble has the rows, end and status of a solution."""
     rows = len(solution.q)
     np.testing.assert_array_equal(ensemble.Q[i, :rows], solution.q)
     np.testing.assert_array_equal(ensemble.P[i, :rows], solution.p)

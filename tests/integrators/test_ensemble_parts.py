@@ -23,8 +23,8 @@ from phasebench.integrators import (
     section,
     trajectory,
 )
-from phasebench.integrators.errors import InvalidInput, unknown
-from phasebench.integrators.outcome import passed
+from phasebench.integrators.errors import InvalidInput, unknown_name
+from phasebench.integrators.outcome import describe_crossing
 from phasebench.integrators.registry import BY_ID, method
 from phasebench.integrators.systems.hamiltonian import PartitionedSystem
 from support.marks import compiled
@@ -35,7 +35,7 @@ NO_ENERGY = PartitionedSystem(q="q", p="p", dq=["p"], dp=["-q"])
 
 
 def of(n, system=OSCILLATOR, id="stormer-verlet", **options):
-    """Ensemble of n orbits of the system from q = 1, 2, ..., n, p = 0."""
+    """The ensemble of n orbits of a system from q = 1, 2, ..., n, p = 0."""
     Q = np.arange(1.0, n + 1)[:, None]
     return integrate_ensemble(system, id, Q, 0 * Q, **{"h": 0.1, "steps": 3} | options)
 
@@ -44,7 +44,7 @@ def of(n, system=OSCILLATOR, id="stormer-verlet", **options):
 
 
 def test_orbits_go_in_lanes_if_enough_or_if_requested(monkeypatch):
-    monkeypatch.setattr(batches, "able", lambda system, record: record.id == "stormer-verlet")
+    monkeypatch.setattr(batches, "runs_in_lanes", lambda system, record: record.id == "stormer-verlet")
     orbits = ensemble.begin(OSCILLATOR, "stormer-verlet", np.ones((9, 1)), np.ones((9, 1)), 0.1, None, 3, None, 0)
     for asked, enough, expected in (
         (None, 9, True),
@@ -110,11 +110,11 @@ def test_orbits_that_ended_badly_are_redone():
         3,
     )
     for system, doubtful in ((OSCILLATOR, [1, 2, 3]), (NO_ENERGY, [1, 2])):
-        orbits = batches.Orbits.begun(system, *state)
+        orbits = batches.Orbits.create(system, *state)
         orbits.Q, orbits.P = Q, P
-        assert batches.doubtful(orbits, n).tolist() == doubtful
-        assert batches.doubtful(orbits, n[2:]).tolist() == doubtful[-len(set(doubtful) & {2, 3}) :]
-    assert batches.doubtful(orbits, n[:0]).tolist() == []
+        assert batches.find_doubtful(orbits, n).tolist() == doubtful
+        assert batches.find_doubtful(orbits, n[2:]).tolist() == doubtful[-len(set(doubtful) & {2, 3}) :]
+    assert batches.find_doubtful(orbits, n[:0]).tolist() == []
 
 
 def test_orbits_near_a_singularity_are_redone():
@@ -122,11 +122,11 @@ def test_orbits_near_a_singularity_are_redone():
     Q = np.array([[[1.0], [0.5]], [[1.0], [0.01]]])
     P = np.sqrt(2 / Q)
     state = (Q[:, 0], P[:, 0], np.full(2, 0.01), np.ones(2, int), np.ones(2, int), [method("rk4")], np.zeros(2, int), 2)
-    orbits = batches.Orbits.begun(well, *state)
+    orbits = batches.Orbits.create(well, *state)
     orbits.Q, orbits.P = Q, P
-    assert batches.doubtful(orbits, np.arange(2)).tolist() == [1]
+    assert batches.find_doubtful(orbits, np.arange(2)).tolist() == [1]
     orbits.h[:] = 1e-5
-    assert batches.doubtful(orbits, np.arange(2)).tolist() == []
+    assert batches.find_doubtful(orbits, np.arange(2)).tolist() == []
 
 
 def test_encounters_that_lose_energy_are_redone():
@@ -143,15 +143,15 @@ def test_encounters_that_lose_energy_are_redone():
     P[1, 1, 1] = np.sqrt(2 / 1.0 - 0.2 + 0.04)
     P[3, 1, 1], P[3, 3, 1] = np.sqrt(2 / 1.0 - 0.5), P[0, 3, 1]
     h, whole = np.full(4, 0.3), np.ones(4, int)
-    orbits = batches.Orbits.begun(plane, Q[:, 0], P[:, 0], h, 3 * whole, whole, [method("rk4")], 0 * whole, 4)
+    orbits = batches.Orbits.create(plane, Q[:, 0], P[:, 0], h, 3 * whole, whole, [method("rk4")], 0 * whole, 4)
     orbits.Q, orbits.P = Q, P
-    assert batches.doubtful(orbits, np.arange(4)).tolist() == [0, 3]
+    assert batches.find_doubtful(orbits, np.arange(4)).tolist() == [0, 3]
     for i in range(4):
-        said = passed(plane, 0.3 * np.arange(4), Q[i], P[i], 0.3)
+        said = describe_crossing(plane, 0.3 * np.arange(4), Q[i], P[i], 0.3)
         assert (said is not None) == (i in (0, 3)), "what `integrate` would say"
-    assert batches.doubtful(orbits, np.array([1, 2])).tolist() == []
+    assert batches.find_doubtful(orbits, np.array([1, 2])).tolist() == []
     orbits.h[:] = 0.1
-    assert batches.doubtful(orbits, np.arange(4)).tolist() == []
+    assert batches.find_doubtful(orbits, np.arange(4)).tolist() == []
 
 
 # -- orbits one by one ------------------------------------------------------------------------------------------------
@@ -168,7 +168,7 @@ def test_orbits_one_by_one_equal_those_of_integrate(monkeypatch, piece, threads)
     q, h = np.array([[0.1], [0.2], [5.0], [0.4], [0.5], [0.6]]), np.array([0.1, 0.2, 0.3, 0.05, 0.1, 0.15])
     steps, every = np.full(6, 7), np.full(6, 3)
     cliff = Hamiltonian(q="q", p="p", H="p**2/2 - exp(q)")  # a step from q = 5 has no solution
-    orbits = batches.Orbits.begun(cliff, q, 0 * q, h, steps, every, kinds, kind, 4)
+    orbits = batches.Orbits.create(cliff, q, 0 * q, h, steps, every, kinds, kind, 4)
     told = []
     assert sorted(scalar_fallback.run(orbits, np.arange(5), threads, told.append).tolist()) == [2, 4]
     assert sum(told) == 3
@@ -261,7 +261,7 @@ def test_an_unknown_parameter_lists_the_known_ones():
 def test_at_most_twenty_names_are_listed():
     names = [f"n{k:02}" for k in range(23)]
     for known, more in ((20, ""), (21, " and 1 more "), (23, " and 3 more ")):
-        said = str(unknown("number", "qqqqqq", names[:known]))
+        said = str(unknown_name("number", "qqqqqq", names[:known]))
         assert said.count(", n") == 19
         assert more in said
         assert (" more " in said) == bool(more)
@@ -276,12 +276,12 @@ def crossings(x, v=None, at=0.0, sign=1.0):
     v = np.gradient(x) if v is None else np.array(v, dtype=float)
     free, steps = Hamiltonian(q="q", p="p", H="p**2/2"), len(x) - 1
     asked = ensemble.request(free, "rk4", [x[:1]], [v[:1]], 1.0, None, steps, None, 1)
-    orbits = section.watched(asked, 0, at, sign > 0)
+    orbits = section.prepare_orbits(asked, 0, at, sign > 0)
     q, p = (np.ascontiguousarray(y[None, 1:, None, None]) for y in (x, v))
     search = section.Search(orbits, np.zeros(1, int), 1)
     for first in range(0, steps, 2):  # in pieces of two rows
         search(first, *(np.ascontiguousarray(y[:, first : first + 2]) for y in (q, p)))
-    made = section.concluded(orbits, 0.0)
+    made = section.build_section(orbits, 0.0)
     assert (made.q == at).all()
     assert len(made.orbit) == len(made.t) == len(made.p)
     return made.t.tolist(), made.p[:, 0].tolist()

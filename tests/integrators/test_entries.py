@@ -1,4 +1,4 @@
-"""Kernels call generated functions by an entry of C's conventions in which the function's code stands."""
+"""Kernels call generated functions through an entry with C's calling convention that holds the function's code."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def test_python_and_kernels_call_the_same_function(d, again, tmp_path, monkeypat
     if again == "loaded":
         compile_sum(d, tmp_path, monkeypatch)
     f, T = compile_sum(d, tmp_path, monkeypatch)
-    call = numba.njit(T(types.FunctionType(T(T)), T), **vector.TUPLES)(lambda f, x: vector.of(f, x, x))
+    call = numba.njit(T(types.FunctionType(T(T)), T), **vector.TUPLES)(lambda f, x: vector.apply(f, x, x))
     x = tuple(0.3 + np.arange(d))
     assert call(f, x) == f(x)
     np.testing.assert_allclose(f(x), [x[i] * x[i - 1] + i + 0.5 for i in range(d)], rtol=1e-15)

@@ -26,7 +26,11 @@ BOX, KEPLER = problem("henon-heiles:box"), problem("perturbed-kepler")
 
 
 def butcher(s, alpha):
-    """(A(alpha), b), arrays in the working precision, with A(alpha) = P (X_s - alpha V) P^-1."""
+    """(A(alpha), b) of the EQUIP method, arrays in the working precision: A(alpha) = P (X_s - alpha V) P^-1.
+
+    P: Legendre polynomials at the s Gauss nodes; X_s: the Gauss method's matrix in this basis; V: one skew pair of
+    entries.
+    """
     A, _, b, c = tableaus.runge_kutta("gauss", s)
     P = mpmath.matrix([tableaus.legendre(s, x) for x in c])
     V = mpmath.zeros(s, s)
@@ -84,7 +88,7 @@ ROTATION = Hamiltonian(
 
 
 def errors(id):
-    """(solution, largest error of H after steps with a root, largest error of N)."""
+    """(solution, largest energy error after steps with a root, largest error of the system's other invariant)."""
     s = integrate(ROTATION, BY_ID.get(id, id), h=0.25, steps=400, q0=[0.8, 0.1], p0=[-0.2, 0.6])
     H, N = (ROTATION.observe(e, s.q, s.p) for e in (ROTATION.H, *ROTATION.invariants))
     rooted = slice(1, None) if not id.startswith("gauss-equip") else np.flatnonzero(~np.isnan(s.parameter)) + 1
@@ -164,7 +168,7 @@ LANED = {
 
 
 def of(name) -> Hamiltonian:
-    """The system of that name."""
+    """The system whose H has this name in `LANED`."""
     return Hamiltonian(q="q1 q2", p="p1 p2", H=LANED[name])
 
 
@@ -185,7 +189,7 @@ def test_stages_in_lanes_reach_the_state_of_single_stages(monkeypatch, name):
 
 
 def end(system, id, state):
-    """End state after fifty steps."""
+    """End state after fifty steps of a method from ``state``, a dict of q0 and p0."""
     s = integrate(system, id, h=0.1, steps=50, **state)
     return np.concatenate([s.q[-1], s.p[-1]])
 

@@ -25,7 +25,7 @@ INVALID = "invalid"
 
 
 def at(q, p, **options):
-    """Options with the initial state (q, p)."""
+    """Options of `integrate` with the initial state (q, p) of one degree of freedom."""
     return options | {"q0": [q], "p0": [p]}
 
 
@@ -134,7 +134,7 @@ def test_an_extreme_input_has_its_status(made, method, options, status, words):
 @pytest.mark.parametrize("method", ["stormer-verlet", "implicit-midpoint"])
 @pytest.mark.parametrize("unit", [2.0**400, 2.0**-400, 1e150, 1e-150])
 def test_linear_motion_does_not_depend_on_units(method, unit):
-    """For powers of two exactly."""
+    """In units that are powers of two the states are the same bit for bit, in others to round-off."""
     plain, scaled = (integrate(OSCILLATOR, method, **at(x, 0.25 * x, h=0.1, steps=1000)) for x in (1.0, unit))
     assert scaled.status == "ok"
     error = np.abs(scaled.q / unit - plain.q).max()

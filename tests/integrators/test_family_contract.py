@@ -32,7 +32,7 @@ def step(method, y, orbit, counts):
     last_q, last_p = method.field(q, p, method.h, 0.0)
     counts.gradient += 2
     half = 0.5 * method.h
-    return advanced(y, scale(half, plus(first_q, last_q)), scale(half, plus(first_p, last_p))), SOLVED
+    return update(y, scale(half, plus(first_q, last_q)), scale(half, plus(first_p, last_p))), SOLVED
 
 run = loop(step)
 IN_LANES = True
@@ -43,7 +43,7 @@ def prepare(method, system, arithmetic):
 
 
 def example() -> str:
-    """The code of the contract's docstring."""
+    """The example code in the docstring of `kernel`, the contract of a family."""
     lines = inspect.getdoc(kernel).partition("would be::\n")[2].splitlines()
     end = next(i for i, line in enumerate(lines) if line.startswith("1. "))
     return textwrap.dedent("\n".join(lines[:end]))
@@ -57,7 +57,10 @@ FAMILIES = {
 
 
 def pair_of(name: str, patch) -> tuple:
-    """(A method of the family of this name, the method that it is); its module lasts as long as the patch."""
+    """(a method of the family written in this test, the built-in method that it must equal).
+
+    The family's module is removed with the patch.
+    """
     text, twin = FAMILIES[name]
     module = ModuleType(f"phasebench.integrators.families.{name}")
     for source in (vector, solve, kernel, loop):
@@ -121,7 +124,7 @@ def test_orbits_in_lanes_end_as_one_alone(pair):
 
 
 def differences_in_many_digits() -> dict[str, float]:
-    """Name -> distance of the ends of both methods of a pair after 5 steps with 40 digits."""
+    """{family: distance between the end states of its method and of the built-in one} after 5 steps with 40 digits."""
     system, found = pb.Hamiltonian(**SMALL), {}
     start = {"q0": [0.5, 0.2], "p0": [0.1, 0.4], "arithmetic": codegen.MULTIPRECISION}
     with codegen.precision(40), pytest.MonkeyPatch.context() as patch:

@@ -28,13 +28,13 @@ COUPLED = Hamiltonian(q="x y", p="u v", H="(u**2 + v**2)*(1 + x**2/4)/2 + x**2/2
 
 
 def end(solution):
-    """End state (q, p) of a run that must be ok."""
+    """End state (q, p) of a solution; fail if its status is not "ok"."""
     assert solution.status == "ok", solution.reason
     return np.concatenate([solution.q[-1], solution.p[-1]])
 
 
 def lengths(system, id, h, q0, p0, every, rows=1):
-    """(length of the next step, of the last step, time, counts) after some rows."""
+    """(length of the next step, length of the last step, time, counts) after a run that stored some rows."""
     run = lay_out(prepare(BY_ID[id], system), system.d, h, q0, p0, DOUBLE)
     shape = (rows, system.d)
     assert run(np.zeros(shape), np.zeros(shape), np.zeros((rows, 1)), every)[1] == 0
@@ -95,7 +95,7 @@ def test_the_growth_of_steps_is_bounded():
 
 
 def same_with_all_rows(system, id, q0, p0, t_end):
-    """The end is the same with all rows stored and with none."""
+    """Assert that a run reaches the same end with all rows stored and with none."""
     every, none = (integrate(system, id, h=0.02, t_end=t_end, q0=q0, p0=p0, save_every=n) for n in (1, 0))
     assert np.array_equal(end(every), end(none))
     assert every.t[-1] == t_end
@@ -140,7 +140,7 @@ def test_missing_traits_of_a_system_are_reported():
 
 
 def short():
-    """{"method system": end state} of short runs."""
+    """{"method system": end state} of twelve steps of each method on two systems."""
     systems = {"kepler": (KEPLER.system, KEPLER.q0, KEPLER.p0), "coupled": (COUPLED, [0.6, -0.8], [0.3, 0.5])}
     return {
         f"{id} {name}": end(integrate(system, id, h=0.2, steps=12, save_every=5, q0=q0, p0=p0)).tolist()

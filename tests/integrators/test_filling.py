@@ -34,7 +34,7 @@ TWO = (
 @pytest.mark.parametrize(("text", "sizes"), [(ONE, (2,)), (TWO, (2, 3))], ids=["one", "two"])
 def test_the_in_place_version_writes_what_the_function_returns(text, sizes):
     found = []
-    for build in (lambda arithmetic: text, inplace.written(lambda arithmetic: text)):
+    for build in (lambda arithmetic: text, inplace.write_in_place(lambda arithmetic: text)):
         namespace = {"value": np.array}
         exec(build(DOUBLE), namespace)
         found.append(namespace["f"])
@@ -83,7 +83,7 @@ def method(order=2):
 
 @pytest.fixture
 def keeping(tmp_path, monkeypatch):
-    """Switch the cache on, in an empty folder, as if kernels were compiled."""
+    """Switch the cache on disk on, in an empty folder, as if kernels were compiled."""
     monkeypatch.setenv("PHASEBENCH_CACHE", str(tmp_path / "cache"))
     monkeypatch.setattr(preparation, "ENABLED", True)
     monkeypatch.setattr(codegen, "compiled", lambda: True)

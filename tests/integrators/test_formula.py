@@ -149,7 +149,7 @@ LARGE = [
 
 
 def shorter(text):
-    """Test id of a text."""
+    """A formula's text, shortened for use as the id of a test."""
     return ascii(text)[:40] if isinstance(text, str) else ""
 
 
@@ -189,7 +189,7 @@ def test_expensive_formulas_are_refused_at_once(text):
 )
 @pytest.mark.timeout(60)
 def test_accepted_formulas_can_be_used(text):
-    """For the largest formulas within the limits, traits and derivatives take seconds."""
+    """Traits and derivatives of the largest formulas within the limits take seconds."""
     started = time.process_time()
     system = Hamiltonian(q="q", p="p", H=text)
     assert system.traits["canonical"]
@@ -372,7 +372,7 @@ def test_names_found_in_a_text():
 
 
 def test_the_limit_on_terms():
-    """(q + p + 1)**98 has 4950 terms."""
+    """(q + p + 1)**98, with 4950 terms, is accepted; the next power has more than 5000."""
     assert parse("(q + p + 1)**98", VARIABLES)  # 99 * 100 / 2 = 4950 terms
     assert TERMS == 5000
     with pytest.raises(InvalidInput, match="5000 terms"):

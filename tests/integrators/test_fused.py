@@ -9,8 +9,10 @@ import pytest
 from llvmlite import binding
 
 from phasebench.integrators.values import vector
+from phasebench.integrators.values.fma import exact_fma
 from phasebench.integrators.values.fma import fma as fused
 from phasebench.integrators.values.lanes import put, take
+from support.marks import compiled
 
 WIDTH, A = 8, 0.3
 LIKE = (0.0,) * WIDTH
@@ -32,15 +34,15 @@ def fma(a, v, y):
 
 @numba.njit(**vector.ARRAYS)
 def in_arrays(x, c, v):
-    """Apply the sums in place, on arrays."""
-    vector.moved(x, c, A, v)
+    """Add A v to x with compensations c, in place, by `add_product_in_place` on arrays."""
+    vector.add_product_in_place(x, c, A, v)
 
 
 @numba.njit
 def in_tuples(x, c, v):
-    """Apply the sums in place, in tuples of two."""
+    """Add A v to x with compensations c, in place, by `add_product_in_place` on tuples of two numbers."""
     for i in range(0, len(x), 2):
-        s, r = vector.moved((x[i], x[i + 1]), (c[i], c[i + 1]), A, (v[i], v[i + 1]))
+        s, r = vector.add_product_in_place((x[i], x[i + 1]), (c[i], c[i + 1]), A, (v[i], v[i + 1]))
         x[i], x[i + 1] = s
         c[i], c[i + 1] = r
 
@@ -48,23 +50,23 @@ def in_tuples(x, c, v):
 @numba.njit
 def _rows(x, c, v):
     for i in range(len(x)):
-        s, r = vector.moved((take(x, i, LIKE),), (take(c, i, LIKE),), A, (take(v, i, LIKE),))
+        s, r = vector.add_product_in_place((take(x, i, LIKE),), (take(c, i, LIKE),), A, (take(v, i, LIKE),))
         put(x, i, s[0], LIKE)
         put(c, i, r[0], LIKE)
 
 
 def in_lanes(x, c, v):
-    """Apply the sums in place, in lanes."""
+    """Add A v to x with compensations c, in place, in SIMD lanes."""
     _rows(*(z.reshape(-1, WIDTH) for z in (x, c, v)))
 
 
 def product_rounded(x, c, v):
-    """Control: sums whose product is rounded before it is added."""
+    """Control: add A v to x with compensations c, in place, where the product is rounded before it is added."""
     x[:], c[:] = vector.add(x.copy(), c.copy(), A * v)
 
 
 def sums(how):
-    """(sums, compensations) computed by a function."""
+    """(sums, their compensations) that ``how(x, c, v)``, one of the functions above, leaves in copies of numbers."""
     x, c, v = (z.copy() for z in numbers())
     how(x, c, v)
     return x, c
@@ -96,6 +98,31 @@ def over_the_bound(how):
 def test_the_error_stays_within_its_bound():
     assert [over_the_bound(how) for how in (in_arrays, in_tuples, in_lanes)] == [0, 0, 0]
     assert over_the_bound(product_rounded) > 5
+
+
+@numba.njit
+def _exact(a, x, y, out):
+    for i in range(0, len(out), 2):
+        out[i, 0] = exact_fma(a[i, 0], x[i, 0], y[i, 0])
+        put(out, i + 1, exact_fma(-take(a, i + 1, LIKE), take(x, i + 1, LIKE), 1.0), LIKE)
+
+
+@compiled
+def test_exact_fma_rounds_once_on_every_processor():
+    """Numbers, and lanes with a number; the control rounds the product before it is added."""
+    a, x, y = np.random.default_rng(2).normal(size=(3, 20, WIDTH))
+    y[::2] = -(a * x)[::2]  # both sums cancel
+    x[1::2] = 1 / a[1::2]
+    found = np.zeros_like(a)
+    _exact(a, x, y, found)
+
+    def once(a, x, y):
+        return np.vectorize(lambda a, x, y: float(Fraction(a) * Fraction(x) + Fraction(y)))(a, x, y)
+
+    assert np.array_equal(found[::2, 0], once(a, x, y)[::2, 0])
+    assert np.array_equal(found[1::2], once(-a, x, 1.0)[1::2])
+    assert not np.array_equal(found[1::2], (1.0 - a * x)[1::2])
+    assert not np.array_equal(found[::2, 0], (a * x + y)[::2, 0])
 
 
 def test_without_compilation_it_is_a_product_and_a_sum():

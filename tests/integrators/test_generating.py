@@ -27,7 +27,7 @@ def system_of(name):
 
 
 def talk_terms(H, v, u):
-    """K_1, K_2, K_3 as in the talk."""
+    """[K_1, K_2, K_3], the first terms of the generating function of H in powers of h, by the talk's formulas."""
     Hu, Hv = sp.Matrix([H.diff(x) for x in u]), sp.Matrix([H.diff(x) for x in v])
     Huu, Hvv = sp.hessian(H, u), sp.hessian(H, v)
     Huv = sp.Matrix(len(u), len(v), lambda i, j: H.diff(u[i], v[j]))  # rows u, columns v, as in (13)
@@ -77,7 +77,10 @@ def test_control_a_shifted_lambda_changes_k3():
 
 
 def residual(K, system, lam, point, t):
-    """|dS/dt - H(u - (1 - lam) S_v, v + lam S_u)| at a point and a time, to 50 digits."""
+    """The residual of the Hamilton-Jacobi equation, |S_t - H(u - (1 - lam) S_v, v + lam S_u)|, to 50 digits.
+
+    K: the terms of S = sum of t^i K_i(u, v); ``point``: values of the variables.
+    """
     S = sum(k.xreplace({LAMBDA: lam}) * t ** (i + 1) for i, k in enumerate(K))
     rate = sum((i + 1) * k.xreplace({LAMBDA: lam}) * t**i for i, k in enumerate(K))
     moved = {x: at(x + lam * S.diff(y), point) for x, y in zip(system.q, system.p, strict=True)}

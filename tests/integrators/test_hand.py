@@ -13,8 +13,8 @@ import sympy as sp
 from phasebench.benchmarks.problems import fpu, problem, toda
 from phasebench.benchmarks.problems.user_file import load
 from phasebench.integrators import Hamiltonian, InvalidInput, integrate
-from phasebench.integrators.compile.codegen import MULTIPRECISION, TUPLE_LIMIT, exactly, precision, vector
-from phasebench.integrators.systems.hand import HandHamiltonian, of_unit_masses, plain
+from phasebench.integrators.compile.codegen import MULTIPRECISION, TUPLE_LIMIT, precision, to_number, vector
+from phasebench.integrators.systems.hand import HandHamiltonian, uncompiled_loop, unit_mass_field
 
 PATH = str(Path(__file__).parents[2] / "examples" / "problems" / "chain.py")
 CHAIN = load(PATH)
@@ -27,7 +27,7 @@ LOOPS = {
 
 
 def chain(N, k):
-    """(q, p, H) of the example problem."""
+    """(symbols q, symbols p, H) of a chain of N double wells with springs of stiffness k, the example problem."""
     q, p = sp.symbols(f"q:{N}", real=True), sp.symbols(f"p:{N}", real=True)
     wells = sum((x**2 - 1) ** 2 / 4 for x in q)
     return q, p, sum(x**2 for x in p) / 2 + k * sum((b - a) ** 2 for a, b in pairwise(q)) / 2 + wells
@@ -35,14 +35,14 @@ def chain(N, k):
 
 def values(module, constants, q, p, arithmetic="double"):
     """Values (q', p', grad V, H, size of H) of the loops at a state, run as Python."""
-    of = [exactly(c, arithmetic) for c in constants]
+    of = [to_number(c, arithmetic) for c in constants]
     H, M = module.energy(*of)(q, p)
-    field, grad_V = (plain(name, getattr(module, name), of) for name in ("field", "grad_V"))
+    field, grad_V = (uncompiled_loop(name, getattr(module, name), of) for name in ("field", "grad_V"))
     return np.concatenate([*field(q, p, 0.0, 0.0), grad_V(q), [H, M]])
 
 
 def by_formula(q_names, p_names, H, q, p):
-    """The same values from the formula, at 40 digits."""
+    """(q', p', grad V, H, size of H's terms) at a state from the formula of H, with exact derivatives."""
     at = dict(zip((*q_names, *p_names), map(sp.Float, (*map(str, q), *map(str, p)), [60] * 2 * len(q)), strict=True))
     dq, dp = ([sp.diff(H, x) for x in names] for names in (p_names, q_names))
     terms = sum(sp.Abs(t) for t in sp.Add.make_args(H))
@@ -91,12 +91,12 @@ def test_stiff_springs_by_loops_and_by_formula_agree(monkeypatch):
 
 
 def springs_that_return():
-    """Loops for springs of stiffness k that return arrays."""
+    """{loop's name: loop} for springs of stiffness k; the loops return new arrays."""
     return {"field": lambda k: lambda q, p, h, lam: (p.copy(), -k * q), "grad_V": lambda k: lambda q: k * q}
 
 
 def springs_that_write():
-    """The same loops writing into given arrays."""
+    """The loops of `springs_that_return`, writing into given arrays instead."""
 
     def grad_V(k):
         def f(q, g):
@@ -105,7 +105,7 @@ def springs_that_write():
 
         return f
 
-    return {"field": lambda k: of_unit_masses(grad_V(-k)), "grad_V": grad_V}
+    return {"field": lambda k: unit_mass_field(grad_V(-k)), "grad_V": grad_V}
 
 
 def springs_energy(k):

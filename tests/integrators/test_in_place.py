@@ -11,7 +11,7 @@ from numba import types
 
 from phasebench.integrators import Hamiltonian
 from phasebench.integrators.compile import codegen, preparation
-from phasebench.integrators.families import runge_kutta, splitting
+from phasebench.integrators.families import force_gradient, runge_kutta, splitting
 from phasebench.integrators.prepared import prepare
 from phasebench.integrators.registry import method
 from phasebench.integrators.stepping import kernel
@@ -23,6 +23,8 @@ FAMILY = {
     "symplectic-euler-q": splitting,
     "rk4": runge_kutta,
     "dop853": runge_kutta,
+    "chin-4a": force_gradient,
+    "hessian-free-adada": force_gradient,
 }
 
 
@@ -35,7 +37,7 @@ def system(d):
 
 
 class Start:
-    """A system of d degrees of freedom with initial data."""
+    """Stand-in for a problem: a system of d degrees of freedom with initial data."""
 
     def __init__(self, d):
         self.system = system(d)
@@ -52,7 +54,7 @@ def end(problem, id, kind):
 
 
 @pytest.mark.processor
-@pytest.mark.parametrize("id", ["mclachlan-atela-4", "rk4"])
+@pytest.mark.parametrize("id", ["mclachlan-atela-4", "rk4", "chin-4a", "hessian-free-adada"])
 def test_arrays_and_tuples_agree_bit_by_bit(id, monkeypatch):
     monkeypatch.setattr(preparation, "ENABLED", False)
     problem = Start(FAMILY[id].MOST + 1)
@@ -113,7 +115,7 @@ def test_other_families_stay_on_tuples(id):
 
 @pytest.mark.parametrize("id", [*FAMILY, *NOT_IN_PLACE])
 def test_only_in_place_kernels_use_in_place_functions(id, monkeypatch):
-    """Only from the family's size on."""
+    """Families with kernels that work in place, and no others, ask for in-place functions from their size on."""
     asked = []
     monkeypatch.setattr(inplace, "in_place_version", lambda system, arithmetic, most: asked.append(most) or system)
     kernel.prepare(method(id), system(2))

@@ -25,14 +25,14 @@ LANES = 8
 
 @njit(**TUPLES)
 def _advance(step, h, steps, memory):
-    at = planet_lanes._placed(step, planet_lanes._opened(memory, step.like).y)
+    at = planet_lanes._add_distances(step, planet_lanes._read_state(memory, step.like).y)
     for _ in range(steps):
         at = planet_lanes._drift(step, at, h, memory)
     planet_lanes._save(memory, at, step.like)
 
 
 def step_of(mu, mass):
-    """The kernel's step with only its Kepler part."""
+    """The step of the Wisdom-Holman kernel in lanes, without an interaction: bodies with these mu and masses."""
     part = SimpleNamespace(mu=[sp.Rational(x) for x in mu], masses=[sp.Rational(x) for x in mass])
     empty = np.zeros((0, LANES))
     like = (0.0,) * LANES
@@ -54,7 +54,7 @@ def flow(q, v, h, steps=1, mu=None, mass=None):
 
 
 def alone(q, v, h, steps=1):
-    """The same for each body by `kepler_flow`."""
+    """(q, v, compensation of each), arrays (n, 3), of bodies after steps of length h, by the scalar `kepler_flow`."""
     table = array(kepler_flow.constants(DOUBLE), DOUBLE)
     X = [np.array([a, b, 0 * a, 0 * a]) for a, b in zip(q, v, strict=True)]
     for _ in range(steps):
@@ -77,7 +77,7 @@ def orbits(e, anomalies):
 
 
 def energy_and_momentum(q, v):
-    """(energy, angular momentum) of each body."""
+    """(energy, angular momentum) of each body on its Kepler orbit."""
     r = np.sqrt((q**2).sum(1))
     return (v**2).sum(1) / 2 - 1 / r, np.linalg.norm(np.cross(q, v), axis=1)
 

@@ -15,7 +15,7 @@ from phasebench.integrators.stepping import kepler_flow, kepler_lanes
 from phasebench.integrators.stepping.kernel import array
 from phasebench.integrators.values.lanes import put, take
 from phasebench.integrators.values.masks import select
-from phasebench.integrators.values.vector import TUPLES, inlined
+from phasebench.integrators.values.vector import TUPLES, inline
 from support.marks import compiled
 
 EPS = float(np.finfo(float).eps)
@@ -54,7 +54,10 @@ def test_reciprocals_as_sums_of_two_doubles():
 
 @pytest.fixture(scope="module")
 def lanes():
-    """The functions compiled for rows of lanes; ``in_one`` evaluates the Stumpff functions only once."""
+    """Functions of `kepler_lanes` compiled to act on rows of arrays: ``root``, ``motion``, ``in_one``.
+
+    ``in_one`` is the motion with a single evaluation of the Stumpff functions.
+    """
 
     @njit(**TUPLES)
     def root(rows, out):
@@ -72,7 +75,7 @@ def lanes():
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(kepler_lanes, "EVALUATIONS", 1)
-        once = inlined(kepler_lanes.in_lanes.py_func)
+        once = inline(kepler_lanes.motion_in_lanes.py_func)
 
         @njit(**TUPLES)
         def in_one(rows, out, h):
@@ -85,7 +88,7 @@ def lanes():
 
 @njit(**TUPLES)
 def keep(m, out):
-    """Write a motion into rows; row 4 is 1 where it is not solved."""
+    """Write f - 1, g, f', g' - 1 and 1/r of a motion into rows 0 to 3 and 5; row 4 is 1 in unsolved lanes."""
     put(out, 0, m.f, LIKE)
     put(out, 1, m.g, LIKE)
     put(out, 2, m.df, LIKE)
@@ -108,7 +111,10 @@ def test_a_square_root_and_its_inverse_from_a_guess(lanes):
 
 
 def starts(e, mu=2.5, a=1.7):
-    """(rows (r0, 1/r0, eta, beta, mu) of bodies at eight places of an orbit, unit of time)."""
+    """(rows (r0, 1/r0, eta, beta, mu) of bodies at eight places of a Kepler orbit, unit of time).
+
+    r0: distance; eta: q . v; beta: twice the negative energy of the orbit; mu: gravitational parameter.
+    """
     E = np.linspace(-2.8, 3.1, W)
     r, n = a * (1 - e * np.cos(E)), (mu / a**3) ** 0.5
     eta = n * a * a * e * np.sin(E)
@@ -116,7 +122,7 @@ def starts(e, mu=2.5, a=1.7):
 
 
 def alone(rows, h):
-    """(f - 1, g, f', g' - 1) of each body by `kepler_flow`."""
+    """(f - 1, g, f', g' - 1) of each body over the time h, by the scalar `kepler_flow`."""
     return np.array([kepler_flow.coefficients(r, eta, beta, mu, h, EPS, TABLE)[:4] for r, _, eta, beta, mu in rows.T]).T
 
 

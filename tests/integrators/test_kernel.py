@@ -36,12 +36,12 @@ def test_ragged_rows_are_padded_with_zeros():
 def test_coefficients_are_read_only_and_integers_stay_integers():
     assert kernel.numbers([Fraction(1, 4), 2], DOUBLE).tolist() == [0.25, 2]
     given = [1, 2]
-    for made in (kernel.numbers(given, DOUBLE), kernel.fixed(given), kernel.fixed(np.array(given))):
+    for made in (kernel.numbers(given, DOUBLE), kernel.freeze(given), kernel.freeze(np.array(given))):
         with pytest.raises(ValueError, match="read-only"):
             made[0] = 5
-    assert kernel.fixed(given).dtype.kind == "i"
+    assert kernel.freeze(given).dtype.kind == "i"
     other = np.array(given)
-    kernel.fixed(other)
+    kernel.freeze(other)
     other[0] = 7  # the array passed in is unchanged
 
 
@@ -51,7 +51,7 @@ def test_zeros_have_the_type_of_the_arithmetic():
     with codegen.precision(30):
         made = kernel.zeros((1, 2), MULTIPRECISION)
     assert made.dtype == object
-    assert [type(x) for x in made[0]] == [type(codegen.exactly(0, MULTIPRECISION))] * 2
+    assert [type(x) for x in made[0]] == [type(codegen.to_number(0, MULTIPRECISION))] * 2
     assert made.tolist() == [[0, 0]]
 
 
@@ -66,7 +66,7 @@ def test_small_compiled_vectors_are_tuples():
         assert isinstance(made, tuple) == is_tuple
         assert {type(float(0)), np.float64} >= {type(x) for x in made}
     with codegen.precision(30):
-        many = kernel.value([codegen.exactly(1, MULTIPRECISION)] * 2, 2, MULTIPRECISION)
+        many = kernel.value([codegen.to_number(1, MULTIPRECISION)] * 2, 2, MULTIPRECISION)
     assert many.dtype == object
 
 
@@ -74,7 +74,7 @@ def test_small_compiled_vectors_are_tuples():
 
 
 class Step(NamedTuple):
-    """A toy step with a function, coefficients, a tuple and the step size."""
+    """The step of a toy method, with a function, coefficients, a tuple and the step size."""
 
     f: Any
     c: np.ndarray
@@ -84,18 +84,18 @@ class Step(NamedTuple):
 
 def run(step, carry, samples, counts):
     """Toy kernel: each step adds h f(q) to q."""
-    y = vector.opened(carry)
+    y = vector.read_state(carry)
     for row in range(len(samples.q)):
         for _ in range(samples.every):
-            y = vector.State(vector.axpy(step.h, vector.of(step.f, y.q, y.q), y.q), y.p, y.lost_q, y.lost_p)
+            y = vector.State(vector.axpy(step.h, vector.apply(step.f, y.q, y.q), y.q), y.p, y.lost_q, y.lost_p)
             counts.steps += 1
-        vector.keep(samples, row, y)
-    vector.close(carry, y)
+        vector.write_sample(samples, row, y)
+    vector.write_state(carry, y)
     return len(samples.q), 0
 
 
 def prepare(f=None, rest=(1.0, 3), **more):
-    """`Prepared` of the toy kernel."""
+    """A `Prepared` of the toy kernel with the function f, the tuple ``rest`` and other fields."""
     return Prepared(run, Step(f, kernel.numbers([1, 2], DOUBLE), rest), width=2, stages=1, **more)
 
 
@@ -125,7 +125,9 @@ def test_cached_entries_are_not_prepared_again(monkeypatch):
     monkeypatch.setattr(preparation, "entry", lambda method, system: f"{method} of {system}")
     monkeypatch.setattr(preparation, "read", kept.get)
     monkeypatch.setattr(preparation, "write", kept.__setitem__)
-    monkeypatch.setattr(kernel, "_made", lambda method, system, arithmetic: made.append(arithmetic) or f"{arithmetic}")
+    monkeypatch.setattr(
+        kernel, "_prepare", lambda method, system, arithmetic: made.append(arithmetic) or f"{arithmetic}"
+    )
     assert kernel.prepare("a", "b") == kernel.prepare("a", "b", DOUBLE) == DOUBLE
     assert made == [DOUBLE]
     assert kept == {"a of b": DOUBLE}

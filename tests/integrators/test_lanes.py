@@ -34,7 +34,7 @@ RANDOM = np.random.default_rng(0)
 
 
 def over(function):
-    """Compile a function of lanes so that it maps an array."""
+    """Compile a function of one row of SIMD lanes, and return it as a function of an array."""
 
     @numba.njit
     def each(x, y):
@@ -54,7 +54,7 @@ LANED = {name: over(getattr(elementary, name)) for name in ("sin", "cos", "exp",
 
 
 def units(name, x):
-    """Errors of a function in lanes, in units in the last place."""
+    """Errors of an elementary function in SIMD lanes at the points x, in units in the last place."""
     y = LANED[name](x)
     with mpmath.workdps(40):
         exact = [getattr(mpmath, name)(mpmath.mpf(float(a))) for a in x]
@@ -222,7 +222,7 @@ def end(solution):
 
 
 def both(monkeypatch, made, s, **run):
-    """(run with the stages in lanes, run with the stages one by one)."""
+    """(run with the stages in SIMD lanes, run with the stages one by one) of Gauss's method with s stages."""
     lanes = integrate(made, f"gauss-{s}", **run)
     with monkeypatch.context() as patch:
         patch.setattr(gauss_lanes, "serves", lambda s, system: False)
@@ -269,7 +269,7 @@ FIELDS = {
 
 
 def of_fields(name):
-    """A system of `FIELDS`, two uncoupled Lotka-Volterra pairs ("species"), or a field without an energy."""
+    """The system of this name in `FIELDS`; "species" is two uncoupled Lotka-Volterra pairs, "no energy" has no H."""
     if name == "species":
         u, v, x, y = sp.symbols("u v x y", positive=True)
         B = sp.Matrix([[0, 0, -u * v, 0], [0, 0, 0, -x * y], [u * v, 0, 0, 0], [0, x * y, 0, 0]])
@@ -292,7 +292,7 @@ def test_every_kind_of_field_agrees_with_its_formula(monkeypatch, name):
 
 @pytest.mark.parametrize("place", [(0, 1), (2, 0)])
 def test_control_a_wrong_coefficient_breaks_symplecticity(place):
-    """Seen because the Jacobian of a step is no longer symplectic."""
+    """A coefficient off by 1e-4 shows in the Jacobian of a step, which is no longer symplectic."""
 
     def defect(spoil):
         """Defect of the symplectic form with one coefficient changed."""
@@ -307,7 +307,7 @@ def test_control_a_wrong_coefficient_breaks_symplecticity(place):
 
 
 def advance(prepared, k, by):
-    """State after one step with component k of the start changed."""
+    """State after one step of a prepared method, with component k of the initial state changed."""
     y = np.array([1.7, 1.1, 0.2, 0.3])
     y[k] += by
     Q, P = np.zeros((1, 2)), np.zeros((1, 2))
@@ -344,7 +344,7 @@ def test_coupled_masses_are_supported_in_lanes(monkeypatch):
 @pytest.mark.parametrize("s", [2, 3, 4, 5, 8])
 def test_the_number_of_lanes_and_unused_lanes(s):
     """Unused lanes repeat the first stage with weight zero, so that functions are evaluated at regular points only."""
-    step = gauss_lanes.laned(s, BOX.system, "double")
+    step = gauss_lanes.build_lanes(s, BOX.system, "double")
     lanes = len(step.like)
     assert lanes / 2 < s <= lanes
     (c, b), A = step.nodes[:2], step.A
@@ -356,9 +356,9 @@ def test_the_number_of_lanes_and_unused_lanes(s):
 
 @pytest.mark.parametrize("s", [2, 3, 5, 8])
 def test_double_coefficients_are_exactly_symplectic(s):
-    """For kicks and for both increments as unknowns."""
+    """In both forms of the stage equations: kicks as the unknowns, and both increments (dq, dp)."""
     for made, kicks in ((BOX.system, True), (of_fields("quartic"), False)):
-        step = gauss_lanes.laned(s, made, "double")
+        step = gauss_lanes.build_lanes(s, made, "double")
         assert (step.inverse_mass is not None) == kicks
         A, c = ([Fraction(x) for x in rows] for rows in (step.A[:s, :s].T.ravel(), step.nodes[0, :s]))
         for i in range(s):
@@ -369,10 +369,10 @@ def test_double_coefficients_are_exactly_symplectic(s):
 
 
 def test_coefficients_have_the_digits_in_use(monkeypatch):
-    """Whether or not functions for lanes exist in this process."""
+    """Coefficients for lanes have the digits of the working precision even where no functions for lanes exist."""
     monkeypatch.setattr(gauss_lanes, "functions", lambda *_: (None, None))
     with precision(30):
-        step = gauss_lanes.laned(3, BOX.system, MULTIPRECISION)
+        step = gauss_lanes.build_lanes(3, BOX.system, MULTIPRECISION)
         for (c, b), *found in zip(gauss_legendre(3), step.nodes[0], step.nodes[1], strict=False):
             assert max(abs(mpmath.mpf(str(x)) - y) for x, y in zip(found, (c, b), strict=True)) < 1e-28
 
@@ -389,7 +389,7 @@ STIFF = "p1**2/2 + p2**2/6 + 1250*q1**2 + q2**2/2 + q1*q2"
 
 @pytest.mark.parametrize("rest", ["q1**4", "q1**2*p1**2/10"])
 def test_newton_in_lanes_takes_over(monkeypatch, rest):
-    """For kicks and for both increments as unknowns."""
+    """In both forms of the stage equations: kicks as the unknowns, and both increments (dq, dp)."""
     stiff = Hamiltonian(q="q1 q2", p="p1 p2", H=f"{STIFF} + {rest}")
     lanes, rows = both(monkeypatch, stiff, 3, h=0.2, steps=20, q0=[0.9, 0.2], p0=[3.0, -0.4])
     assert lanes.counts["newton"] == rows.counts["newton"] == 20
@@ -410,7 +410,7 @@ def test_newton_scales_differences_by_what_moves(h, moving):
 
 @pytest.mark.parametrize("rest", ["q1**4", "q1**2*p1**2/10"])
 def test_a_run_writes_all_of_its_memory(rest):
-    """Except for fewer rows than the unit in which it is allocated."""
+    """A run overwrites the memory allocated for it; fewer rows than one unit of allocation remain."""
     stiff = Hamiltonian(q="q1 q2", p="p1 p2", H=f"{STIFF} + {rest}")
     layout = lay_out(prepare(method("gauss-3"), stiff), 2, 0.2, np.array([0.9, 0.2]), np.array([3.0, -0.4]))
     layout.carry.memory.fill(0.123)

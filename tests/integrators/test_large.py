@@ -22,13 +22,13 @@ from phasebench.integrators.values import inplace
 from phasebench.integrators.values.vector import (
     add,
     add_product,
+    add_product_in_place,
     axpy,
     bump,
     head,
     join,
     load,
     minus,
-    moved,
     plus,
     scale,
     store,
@@ -43,7 +43,7 @@ ROUND_OFF = 1e-12
 
 @pytest.fixture(scope="module")
 def chain() -> Hamiltonian:
-    """The chain of D particles."""
+    """The Fermi-Pasta-Ulam chain of D particles as a system."""
     q, p = sp.symbols(f"q:{D}", real=True), sp.symbols(f"p:{D}", real=True)
     r = [b - a for a, b in zip((0, *q), (*q, 0), strict=True)]
     V = sum(x**2 / 2 + ALPHA * x**3 / 3 + BETA * x**4 / 4 for x in r)
@@ -62,7 +62,7 @@ def force(q):
 
 
 def energy(q, p):
-    """H of the chain."""
+    """H of the chain at (q, p), by NumPy."""
     r = np.diff(np.concatenate([[0.0], q, [0.0]]))
     return p @ p / 2 + (r**2 / 2 + float(ALPHA) * r**3 / 3 + float(BETA) * r**4 / 4).sum()
 
@@ -116,7 +116,7 @@ LOOPS = {
 
 
 def end(solution):
-    """End state (q, p) of a run that must be ok."""
+    """End state (q, p) of a solution; fail if its status is not "ok"."""
     assert solution.status == "ok", solution.reason
     return np.concatenate([solution.q[-1], solution.p[-1]])
 
@@ -239,7 +239,7 @@ def test_the_in_place_sum_is_the_compensated_sum():
 
     @numba.njit
     def same_place(x, c, v):
-        return moved(x, c, 0.3, v)
+        return add_product_in_place(x, c, 0.3, v)
 
     x, v = np.random.default_rng(8).normal(size=(2, D))
     wanted = x, np.zeros(D)

@@ -166,7 +166,10 @@ def norm2(v):
 
 
 class Mirror:
-    """B and E of the magnetic mirror, A and the constants, by hand."""
+    """A charged particle in a magnetic mirror, written by hand: E(x), B(x), vector potential A(x), mass.
+
+    E and B are divided by the mass; ``slowness`` is 1/c^2, or 0 if the particle is not relativistic.
+    """
 
     mass, slowness = mpmath.mpf(1), mpmath.mpf(0)
 
@@ -182,7 +185,7 @@ class Mirror:
 
 
 class Planar(Mirror):
-    """The same of the charged particle in the plane."""
+    """The charged particle in the plane, written by hand: E(x), B(x), vector potential A(x)."""
 
     def E(self, x):
         R = mpmath.sqrt(norm2(x))
@@ -197,7 +200,7 @@ class Planar(Mirror):
 
 
 class Relativistic(Mirror):
-    """The same of `battery.relativistic_particle`: H = 2 sqrt(1 + |p - A|^2) + phi."""
+    """`battery.relativistic_particle` by hand: H = 2 sqrt(1 + |p - A|^2) + phi."""
 
     mass, slowness = mpmath.mpf(1) / 2, mpmath.mpf(1) / 4
 
@@ -214,7 +217,7 @@ class Relativistic(Mirror):
 
 
 class RelativisticPlane(Mirror):
-    """The same of H = sqrt(1 + u^2 + (v - x - x^3 / 3)^2) - 4 x / 5 + y^2 / 2."""
+    """A relativistic particle in the plane by hand: H = sqrt(1 + u^2 + (v - x - x^3 / 3)^2) - 4 x / 5 + y^2 / 2."""
 
     slowness = mpmath.mpf(1)
 
@@ -238,7 +241,7 @@ BY_HAND = {
 
 @cache
 def case(name: str) -> tuple:
-    """(system, q, p) of a name in `BY_HAND`."""
+    """(system, q, p): the system of a name in `BY_HAND`, and an initial state."""
     if name in SYSTEMS:
         return SYSTEMS[name]()
     return plane("sqrt(1 + u**2 + (v - x - x**3/3)**2) - 4*x/5 + y**2/2"), (0.3, -0.4), (0.5, 0.9)
@@ -249,14 +252,14 @@ def gamma(of, u):
 
 
 def turn_boris(of, u, B, h):
-    """Solve w - u = (w + u) x B h / (2 gamma)."""
+    """Boris's rotation of u: solve w - u = (w + u) x B h / (2 gamma(u)) for w."""
     half = hat(B) * (h / 2 / gamma(of, u))
     one = mpmath.eye(3)
     return mpmath.lu_solve(one - half, (one + half) * u)
 
 
 def turn_higuera_cary(of, u, B, h):
-    """Solve w - u = (w + u) x B h / (2 gamma of the mean), by fixed-point iteration on gamma."""
+    """Higuera and Cary's rotation of u: solve w - u = (w + u) x B h / (2 gamma) for w, gamma at (u + w) / 2."""
     g, one = gamma(of, u), mpmath.eye(3)
     for _ in range(400):
         half = hat(B) * (h / 2 / g)
@@ -268,7 +271,7 @@ def turn_higuera_cary(of, u, B, h):
 
 
 def turn_exactly(of, u, B, h):
-    """exp of the matrix of the rotation, by its Taylor series."""
+    """The exact rotation of u by B over the time h: exp of its matrix, by the Taylor series."""
     M, term, total = hat(B) * (h / gamma(of, u)), mpmath.eye(3), mpmath.eye(3)
     for k in range(1, 60):
         term = term * M / k
@@ -280,7 +283,7 @@ TURNS = {"boris": turn_boris, "higuera-cary": turn_higuera_cary, "he-splitting-2
 
 
 def plain_step(of, turn, x, u, h):
-    """Drift, half a kick, the rotation, half a kick, drift."""
+    """One step (x, u) -> (x, u): half a drift, half a kick by E, the rotation by B, half a kick, half a drift."""
     x = x + h / 2 * u / gamma(of, u)
     E, B = of.E(x), of.B(x)
     u = turn(of, u + h / 2 * E, B, h) + h / 2 * E
@@ -288,7 +291,7 @@ def plain_step(of, turn, x, u, h):
 
 
 def plain_run(id: str, name: str, h, steps: int) -> np.ndarray:
-    """(q, p) after some steps, in 40 digits."""
+    """(q, p) after some steps of the method with this id, written here without the package, in 40 digits."""
     system, q, p = case(name)
     of, d = BY_HAND[name], system.d
     with mpmath.workdps(40):
@@ -414,7 +417,7 @@ def test_where_the_field_vanishes_no_angle_is_divided_by():
 
 
 def form_of_fields(system, x) -> np.ndarray:
-    """The matrix K(x) of the two-form dx ^ m du + B in (x, u)."""
+    """The matrix K(x) of the two-form dx ^ m du + B in (x, u), which a symplectic step preserves."""
     found, d = magnetic.particle(system), system.d
     B = [float(b.subs(dict(zip(system.q, x, strict=True)))) * float(found.mass) for b in found.B]
     if d == 2:
@@ -426,7 +429,7 @@ def form_of_fields(system, x) -> np.ndarray:
 
 
 def step_in_velocities(system, id, h):
-    """The step as a map of (x, u)."""
+    """One step of a method as a map of (x, u), where u = (p - A(x)) / m."""
     shift, mass, d = magnetic.shift(system), float(magnetic.constants(system)[0]), system.d
 
     def f(y):
@@ -441,7 +444,10 @@ def step_in_velocities(system, id, h):
 @pytest.mark.parametrize("name", MAGNETIC)
 @pytest.mark.parametrize("id", ["boris", "higuera-cary", "he-splitting-2", "implicit-midpoint", "gauss-4", "rk4"])
 def test_K_symplecticity_is_symplecticity_in_p(id, name):
-    """M^T K(x1) M = K(x0) of symplectic methods alone; volume of (x, u) also of those for charged particles."""
+    """A step with Jacobian M in (x, u) has M^T K(x1) M = K(x0) if and only if it is symplectic in (q, p).
+
+    The methods for charged particles that are not symplectic still preserve the volume of (x, u).
+    """
     system, q, p = SYSTEMS[name]()
     h, d = 0.3, system.d
     f = step_in_velocities(system, id, h)

@@ -15,7 +15,7 @@ from numba import njit
 from phasebench.integrators.stepping.solve import FIXED_POINT_LIMIT, NOT_FINITE, SOLVED, solver
 from phasebench.integrators.values import masks
 from phasebench.integrators.values.lanes import Lanes, put, take
-from phasebench.integrators.values.masks import alike, count, either, number, outlived, select
+from phasebench.integrators.values.masks import broadcast_like, count, fails, number, retire_lanes, select, where
 from phasebench.integrators.values.vector import TUPLES, jit
 from support.marks import compiled
 
@@ -34,7 +34,7 @@ COMPARED = (operator.lt, operator.le, operator.gt, operator.ge, operator.eq, ope
 @njit(**TUPLES)
 def _compare(table, out, two):
     a, b = take(table, 0, LIKE), take(table, 1, LIKE)
-    one, zero = alike(1.0, a), alike(0, a)
+    one, zero = broadcast_like(1.0, a), broadcast_like(0, a)
     k = 0
     for held in (a < b, a <= b, a > b, a >= b, a == b, a != b):
         put(out, k, select(held, one, zero), LIKE)
@@ -56,7 +56,7 @@ def test_comparisons_of_lanes_with_lanes_and_numbers():
 @njit(**TUPLES)
 def _combine(table, out):
     x = take(table, 0, LIKE)
-    one, zero = alike(1.0, x), alike(0.0, x)
+    one, zero = broadcast_like(1.0, x), broadcast_like(0.0, x)
     low, odd = x < 4, take(table, 1, LIKE) == 1
     for k, held in enumerate((low & odd, low | odd, ~low, ~low & ~odd)):
         put(out, k, select(held, one, zero), LIKE)
@@ -80,15 +80,16 @@ def _choose(table, out):
     put(out, 1, pair[1], LIKE)
     put(out, 2, select(held, x, 7), LIKE)
     put(out, 3, select(held, 0.5, y), LIKE)
-    put(out, 4, either(held, x, y), LIKE)
-    kept, more = outlived(x < 3, x < 2, (x, y))
+    put(out, 4, where(held, x, y), LIKE)
+    kept, more = retire_lanes(x < 3, x < 2, (x, y))
     put(out, 5, kept[0], LIKE)
     put(out, 6, kept[1], LIKE)
+    put(out, 7, select(fails(held), x, y), LIKE)
     return number(held), more
 
 
 def test_select_works_lane_by_lane():
-    x, y, out = np.arange(8.0), 7 - np.arange(8.0), np.empty((7, WIDTH))
+    x, y, out = np.arange(8.0), 7 - np.arange(8.0), np.empty((8, WIDTH))
     assert _choose(np.array([x, y]), out) == (4, True)
     held = x < y
     rows = [
@@ -100,23 +101,24 @@ def test_select_works_lane_by_lane():
     ]
     assert out[:5].tolist() == [np.where(held, a, b).tolist() for a, b in rows]
     lost = (x < 3) & ~(x < 2)
-    for row, z in zip(out[5:], (x, y), strict=True):
+    for row, z in zip(out[5:7], (x, y), strict=True):
         np.testing.assert_array_equal(row, np.where(lost, np.nan, z))
+    assert out[7].tolist() == np.where(held, y, x).tolist()
 
 
 @njit(**TUPLES)
 def _of_one(x, y):
-    return either(x < y, x, y), number(x < y), outlived(True, False, x), outlived(True, True, x)
+    return where(x < y, x, y), number(x < y), fails(x < y), retire_lanes(True, False, x), retire_lanes(True, True, x)
 
 
 def test_the_condition_of_a_single_orbit_is_a_bool():
     for f in (_of_one, _of_one.py_func):
-        assert f(1.0, 2.0) == (1.0, 1, (1.0, False), (1.0, True))
-        assert f(3.0, 2.0) == (2.0, 0, (3.0, False), (3.0, True))
+        assert f(1.0, 2.0) == (1.0, 1, False, (1.0, False), (1.0, True))
+        assert f(3.0, 2.0) == (2.0, 0, True, (3.0, False), (3.0, True))
 
 
 def test_the_number_of_lanes_follows_from_the_processor(monkeypatch):
-    """Two registers of doubles."""
+    """There are as many lanes as doubles in two of the processor's vector registers."""
     for features, doubles in (("+avx512f,+avx", 8), ("-avx512f,+avx", 4), ("+sse2,-avx", 2), ("", 2)):
         monkeypatch.setattr(masks.config, "CPU_FEATURES", features)
         assert masks._native() == doubles
@@ -173,7 +175,7 @@ def test_types_that_hold_lanes_are_recognized():
 
 
 class Line(NamedTuple):
-    """The equation x = factor x + constant."""
+    """The coefficients of the equation x = factor x + constant."""
 
     factor: Any
     constant: Any
@@ -181,19 +183,22 @@ class Line(NamedTuple):
 
 @jit
 def line(x, e):
-    """factor x + constant."""
+    """Right-hand side of the equation: factor x + constant."""
     return (e.factor * x[0] + e.constant,)
 
 
 @jit
 def of_one(x, g, e):
-    """The scales of the unknown, the increment of a variable of size 1."""
+    """The scales that the solver asks for, of the unknown and of its variable: both 1."""
     return 1.0, 1.0
 
 
 @pytest.fixture(scope="module")
 def solvers():
-    """Functions (factor, constant, start, span) -> results: of the scalar solver, and of the solver in lanes."""
+    """(scalar solver, solver in SIMD lanes) of x = factor x + constant.
+
+    Each is a function (factor, constant, start, span) -> results.
+    """
     solve, work = solver(line, of_one), np.zeros((4, 4))
 
     @njit(**TUPLES)

@@ -1,11 +1,11 @@
-"""Records by id, and the names of the field that are suggested for methods that have another here."""
+"""Methods and peers are found by id; another name from the literature raises an error that suggests the id."""
 
 from __future__ import annotations
 
 import pytest
 
 import phasebench as pb
-from phasebench.integrators.names import ALIASES, plain
+from phasebench.integrators.names import ALIASES, normalize
 from phasebench.integrators.registry import BY_ID
 from phasebench.reference.peers import BY_ID as PEERS
 
@@ -24,8 +24,8 @@ def test_names_of_the_field_are_suggested_and_not_taken(name, meant):
 
 def test_aliases_name_what_exists_and_are_no_ids():
     assert {id for ids in ALIASES.values() for id in ids} <= {*BY_ID, *PEERS}
-    assert all(plain(name) == name for name in ALIASES)
-    assert not {plain(id) for id in BY_ID} & {*ALIASES}
+    assert all(normalize(name) == name for name in ALIASES)
+    assert not {normalize(id) for id in BY_ID} & {*ALIASES}
 
 
 def test_records_go_by_id_and_by_position():

@@ -15,19 +15,19 @@ ROUND_OFF = 1e-12
 
 @pytest.fixture(scope="module")
 def here():
-    """End states in this process, compiled."""
+    """{method: {system: [status, end state]}} of runs compiled in this process."""
     assert compiled()
     return plain.end_states()
 
 
 @pytest.fixture(scope="module")
 def there(uncompiled):
-    """End states without compilation."""
+    """{method: {system: [status, end state]}} of the same runs without compilation."""
     return uncompiled("support/plain.py")
 
 
 def read(row):
-    """The end state in a row of `plain.end_states`."""
+    """The end state, an array, from a row [status, numbers in hexadecimal] of `support.plain.end_states`."""
     return np.array([float.fromhex(x) for x in row[1]])
 
 

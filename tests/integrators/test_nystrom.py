@@ -46,7 +46,7 @@ STARTS = {
 
 
 def run(system, method, name, steps=40):
-    """All states (q, p) of a run that must be ok, array (rows, 2 d)."""
+    """All states (q, p) of a run, array (rows, 2 d); fail if its status is not "ok"."""
     q, p = STARTS[name]
     s = integrate(system, method, h=0.02, steps=steps, q0=q, p0=p)
     assert s.status == "ok"
@@ -125,7 +125,10 @@ def test_extrapolated_starts_save_iterations(kind):
 
 
 def weights(lam, rounded=False):
-    """Exact sums of the two weights in a substep of Scheme III, as prepared or (``rounded``) rounded independently."""
+    """Sums of the two weights in each substep of Scheme III, as exact fractions of the doubles.
+
+    The weights are those prepared, or (``rounded``) 1 - lambda and lambda rounded independently.
+    """
     step = kernels.prepare(method("scheme-iii", lam=lam), SYSTEMS["henon-heiles"]()).step
     pairs = zip(step.mu, step.lam, strict=True) if not rounded else [(float(1 - lam), float(lam))]
     return {Fraction(float(mu)) + Fraction(float(weight)) for mu, weight in pairs}

@@ -17,7 +17,7 @@ from phasebench.integrators.stepping import orbit_lanes
 from phasebench.integrators.stepping.kernel import COUNTS, Prepared, Samples, numbers
 from phasebench.integrators.stepping.solve import LEVELS
 from phasebench.integrators.values import vector
-from phasebench.integrators.values.lane_memory import block_type, changed_type, table_type
+from phasebench.integrators.values.lane_memory import block_type, table_type, type_with_block
 from phasebench.integrators.values.lanes import Lanes
 from phasebench.integrators.values.masks import LANES
 from support.marks import compiled
@@ -34,15 +34,15 @@ DOUBLE = types.float64
 def test_orbits_are_packed_into_blocks(n, shape):
     """Orbit i is lane i % W of block i // W; unused lanes are padded."""
     rows = np.random.default_rng(n).normal(size=(n, *shape))
-    blocks = orbit_lanes.in_blocks(rows, 7.0)
+    blocks = orbit_lanes.to_blocks(rows, 7.0)
     assert blocks.shape == (-(-n // W), *shape, W)
     assert blocks.flags.c_contiguous
     for i in range(n):
         np.testing.assert_array_equal(blocks[i // W, ..., i % W], rows[i])
     assert (blocks == 7).sum() == (len(blocks) * W - n) * np.prod(shape, initial=1.0)
     if shape:
-        np.testing.assert_array_equal(orbit_lanes.of_blocks(blocks, n), rows)
-    assert np.isnan(orbit_lanes.in_blocks(rows)).sum() == (blocks == 7).sum()
+        np.testing.assert_array_equal(orbit_lanes.from_blocks(blocks, n), rows)
+    assert np.isnan(orbit_lanes.to_blocks(rows)).sum() == (blocks == 7).sum()
 
 
 def test_padding_of_steps_and_weights():
@@ -64,8 +64,8 @@ def test_tables_hold_starts_and_stage_memory(d, stages, width):
     prepared = SimpleNamespace(stages=stages, width=width)
     state, memory, work = orbit_lanes.tables_of(prepared, Q, P)
     assert state.shape == (2, 4 + stages, max(2, d), W)
-    np.testing.assert_array_equal(orbit_lanes.of_blocks(state[:, 0, :d], W + 1), Q)
-    np.testing.assert_array_equal(orbit_lanes.of_blocks(state[:, 1, :d], W + 1), P)
+    np.testing.assert_array_equal(orbit_lanes.from_blocks(state[:, 0, :d], W + 1), Q)
+    np.testing.assert_array_equal(orbit_lanes.from_blocks(state[:, 1, :d], W + 1), P)
     assert np.isnan(state[1, :2, :d, 1:]).all()
     assert not state[:, 2:].any()
     assert not state[:, :2, d:].any()
@@ -94,7 +94,7 @@ SMALL = Hamiltonian(q="x y", p="u v", H="u**2/2 + v**2/2 + x**2*y**2 + x**2 + y*
     ],
 )
 def test_methods_with_kernels_for_lanes(id, expected):
-    assert orbit_lanes.able(SMALL, method(id)) == expected
+    assert orbit_lanes.runs_in_lanes(SMALL, method(id)) == expected
 
 
 @compiled
@@ -102,19 +102,19 @@ def test_large_and_hand_written_systems_are_not_supported():
     for d, expected in ((orbit_lanes.MOST, True), (orbit_lanes.MOST + 1, False)):
         q, p = ([f"{x}{i}" for i in range(d)] for x in "qp")
         H = " + ".join(f"{x}**2/2" for x in (*q, *p))
-        assert orbit_lanes.able(Hamiltonian(q=q, p=p, H=H), method("stormer-verlet")) == expected
+        assert orbit_lanes.runs_in_lanes(Hamiltonian(q=q, p=p, H=H), method("stormer-verlet")) == expected
     for system, expected in (
         (SimpleNamespace(made=None, loops={}), True),
         (SimpleNamespace(made=None, loops={"field": 1}), False),
         (SimpleNamespace(loops={}), False),
     ):
-        assert orbit_lanes.in_lanes(system) == expected
+        assert orbit_lanes.compiles_in_lanes(system) == expected
 
 
 def test_without_compilation_there_are_no_lanes(monkeypatch):
     monkeypatch.setattr(codegen, "compiled", lambda: False)
-    assert not orbit_lanes.in_lanes(SMALL)
-    assert not orbit_lanes.able(SMALL, BY_ID["stormer-verlet"])
+    assert not orbit_lanes.compiles_in_lanes(SMALL)
+    assert not orbit_lanes.runs_in_lanes(SMALL, BY_ID["stormer-verlet"])
 
 
 def test_the_lane_version_of_a_system_is_made_once():
@@ -151,7 +151,7 @@ def test_the_type_of_a_block():
 
 
 class Step(NamedTuple):
-    """Step of a toy method with coefficients c."""
+    """The step of a toy method with coefficients c and step size h."""
 
     c: np.ndarray
     h: float = 0.0
@@ -161,7 +161,7 @@ def test_fields_that_differ_between_orbits_are_lanes():
     kinds = [types.Array(DOUBLE, 1, "C", readonly=True), DOUBLE]
     record = types.BaseTuple.from_types(tuple(kinds), Step)
     given = types.BaseTuple.from_types((types.Array(DOUBLE, 2, "C"),), orbit_lanes.OfSteps)
-    made = changed_type(record, given)
+    made = type_with_block(record, given)
     assert made.types == (kinds[0], LANES)
     assert made.instance_class is Step
 
@@ -171,15 +171,15 @@ def test_fields_that_differ_between_orbits_are_lanes():
 
 def run(step, orbit, samples, counts):
     """Toy kernel: q grows by h c_0 p per step; the parameter of a row is h; the memory counts rows."""
-    y = vector.opened(orbit)
+    y = vector.read_state(orbit)
     for row in range(len(samples.q)):
         for _ in range(samples.every):
             y = vector.State(vector.axpy(step.h * step.c[0], y.p, y.q), y.p, y.lost_q, y.lost_p)
             counts.steps += 1
-        vector.keep(samples, row, y)
+        vector.write_sample(samples, row, y)
         samples.parameter[row, 0] = step.h
         orbit.memory[1, 0] = orbit.memory[1, 0] + 1.0
-    vector.close(orbit, y)
+    vector.write_state(orbit, y)
     return len(samples.q), 0
 
 
@@ -198,9 +198,9 @@ def test_a_kernel_is_called_for_every_block():
     loop(prepared.step, varying, tables, (0.0,) * d, samples, counts)
     for row in range(rows):
         wanted = Q + 0.5 * h[:, None] * (row + 1) * every * P
-        np.testing.assert_allclose(orbit_lanes.of_blocks(q[:, row], n), wanted, rtol=0, atol=1e-14)
-        np.testing.assert_array_equal(orbit_lanes.of_blocks(p[:, row], n), P)
-        np.testing.assert_array_equal(orbit_lanes.of_blocks(samples.parameter[:, row], n)[:, 0], h)
+        np.testing.assert_allclose(orbit_lanes.from_blocks(q[:, row], n), wanted, rtol=0, atol=1e-14)
+        np.testing.assert_array_equal(orbit_lanes.from_blocks(p[:, row], n), P)
+        np.testing.assert_array_equal(orbit_lanes.from_blocks(samples.parameter[:, row], n)[:, 0], h)
     np.testing.assert_array_equal(tables.state[:, 0, :d], q[:, -1])
     assert counts["steps"].tolist() == [rows * every] * 3
     assert (tables.memory[:, 1] == rows).all()

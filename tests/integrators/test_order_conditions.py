@@ -18,7 +18,7 @@ from phasebench.integrators.coefficients.order_conditions import (
     classical_order,
     conditions,
     excess,
-    leading,
+    leading_norms,
     normal_form,
     odd_words,
     residuals,
@@ -38,7 +38,7 @@ def full_precision():
 
 
 def parametrize_tables(tables):
-    """Parametrize over tables, with their names as ids."""
+    """Decorator that runs a test for each coefficient table, with the tables' names as ids."""
     return pytest.mark.parametrize("table", tables, ids=lambda t: t.name)
 
 
@@ -48,7 +48,7 @@ def test_the_order_is_the_declared_one(table):
     steps = coefficients.steps(table.name)
     found = residuals(table.kind, steps, max(table.order) + 1)
     assert excess(found, table.order) < TOLERANCE
-    assert min(leading(found, table.order)) > VISIBLE
+    assert min(leading_norms(found, table.order)) > VISIBLE
 
 
 @parametrize_tables(TABLES)
@@ -65,7 +65,7 @@ def test_control_a_coefficient_off_by_1e_12_is_seen(table):
 
 
 def shift(steps, k, by):
-    """The coefficients with number k changed by ``by``."""
+    """The coefficients of a splitting with number k changed by ``by``."""
     out = list(steps)
     out[k] = out[k] + by if not isinstance(out[k], tuple) else (out[k][0], out[k][1] + by)
     return out
@@ -82,7 +82,10 @@ def neighbour(steps, k):
 
 @parametrize_tables(NYSTROM)
 def test_nystrom_splittings_need_quadratic_kinetic_energy(table):
-    """For general vector fields it is lower, except for symmetric methods of order 4, as the relation has degree 4."""
+    """For general vector fields their order is lower, except for symmetric methods of order 4.
+
+    The relation between commutators that a quadratic kinetic energy implies has degree 4.
+    """
     lower = classical_order("splitting", coefficients.steps(table.name)) < table.classical_order
     assert lower == (table.classical_order > 4 or not table.symmetric)
 

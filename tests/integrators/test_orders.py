@@ -6,7 +6,7 @@ import pytest
 
 from phasebench.benchmarks.measure.battery import NON_SEPARABLE, expected_order, systems
 from phasebench.benchmarks.measure.multiprecision import observed_order
-from phasebench.integrators.compile.codegen import MULTIPRECISION, exactly, precision
+from phasebench.integrators.compile.codegen import MULTIPRECISION, precision, to_number
 from phasebench.integrators.registry import BY_ID, METHODS
 from support.exact import ALL, SAME_KIND, bare_substeps, cells, shortest
 
@@ -81,4 +81,4 @@ def fractions(m):
 def test_fractions_of_substeps_add_up_to_one(m):
     """In the imported records; fractions rounded to doubles would cause a clock error of 1e-16."""
     with precision(50):
-        assert abs(sum(exactly(c, MULTIPRECISION) for c in fractions(m)) - 1) < 1e-40
+        assert abs(sum(to_number(c, MULTIPRECISION) for c in fractions(m)) - 1) < 1e-40

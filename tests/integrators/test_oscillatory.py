@@ -16,7 +16,7 @@ from phasebench.benchmarks.measure.step_map import jacobian, symplecticity_defec
 from phasebench.benchmarks.problems import problem
 from phasebench.benchmarks.problems.fpu import oscillatory_energies
 from phasebench.integrators import Hamiltonian
-from phasebench.integrators.compile.codegen import MULTIPRECISION, exactly, precision
+from phasebench.integrators.compile.codegen import MULTIPRECISION, precision, to_number
 from phasebench.integrators.driver import integrate
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.records.oscillatory import METHODS
@@ -50,7 +50,7 @@ def fpu(**parameters):
 
 
 def slow(q):
-    """-grad U of the slow potential for m = 3, written by hand."""
+    """Force -grad U of the slow potential of the Fermi-Pasta-Ulam problem for m = 3, written by hand."""
     x, y = q[:3], q[3:]
     soft = np.array([x[0] - y[0], x[1] - y[1] - x[0] - y[0], x[2] - y[2] - x[1] - y[1], x[2] + y[2]]) ** 3
     signs = np.array([[1, -1, 0, 0], [0, 1, -1, 0], [0, 0, 1, 1], [-1, -1, 0, 0], [0, -1, -1, 0], [0, 0, -1, 1]])
@@ -62,7 +62,7 @@ STATE = np.array([0.9, -0.4, 0.3, 0.02, -0.015, 0.01]), np.array([0.8, 0.1, -0.5
 
 
 def step(id, h, system=None, state=STATE, **parameters):
-    """State (q, p) after one step, array (2, d)."""
+    """State (q, p) after one step of a method from ``state``, array (2, d); the Fermi-Pasta-Ulam chain by default."""
     s = integrate(system or fpu(), id, h=h, steps=1, q0=state[0], p0=state[1], parameters=parameters)
     return np.array([s.q[-1], s.p[-1]])
 
@@ -163,7 +163,7 @@ def test_the_harmonic_oscillator_is_exact_for_any_step(id, h):
 
 
 def defect(id, system, state, h=0.6):
-    """Defect of the symplectic form of one step."""
+    """Largest violation of symplecticity in one step of a method."""
 
     def advance(y):
         return step(id, h, system, y.reshape(2, -1)).ravel()
@@ -185,7 +185,7 @@ def test_symplectic_if_and_only_if_the_filters_match(id):
 
 
 def deviations(id, x, t_end):
-    """(status, greatest errors of H and of the oscillatory energy I) for h omega = x."""
+    """(status, greatest errors of H and of the oscillatory energy I) of a method's run with h omega = x."""
     (row,) = oscillatory.errors([method(id)], [x / math.pi], t_end).to_dict("records")
     return row["status"], row["energy error"], row["oscillatory energy error"]
 
@@ -260,9 +260,9 @@ def test_shears_give_the_rotation_to_all_digits(digits, x):
     """The cosine is s (1 - a b), where a b, its distance from 1 or -1, is at most 1."""
     with precision(digits):
         prepared = kernel.prepare(method("deuflhard"), fpu().system, MULTIPRECISION)
-        h = exactly(x / OMEGA, MULTIPRECISION)
+        h = to_number(x / OMEGA, MULTIPRECISION)
         _, _, a, b, s = prepared.begin(prepared.step._replace(h=h), *STATE).filters[:, -1]
-        wanted = exactly(mpmath.cos(mpmath.mpf(x / OMEGA) * 50), MULTIPRECISION)
+        wanted = to_number(mpmath.cos(mpmath.mpf(x / OMEGA) * 50), MULTIPRECISION)
         assert abs(s * (1 - a * b) - wanted) < 10.0 ** (2 - digits)
         assert 0 <= a * b <= 1
 

@@ -12,7 +12,7 @@ import phasebench as pb
 from phasebench.benchmarks.problems import PROBLEMS, problem
 from phasebench.integrators import Hamiltonian, integrate, outcome
 from phasebench.integrators.compile import codegen
-from phasebench.integrators.outcome import judged, unsolved
+from phasebench.integrators.outcome import judge, solver_failure
 from phasebench.reference.peers.run import ending
 
 OSCILLATOR = Hamiltonian(q="q", p="p", H="p**2/2 + q**2/2")
@@ -25,8 +25,8 @@ def circle(amplitude):
 
 
 def verdict(energy, system=OSCILLATOR):
-    """Outcome for rows whose energy is ``energy`` times the initial one from t = 50 on."""
-    return judged(system, T, *circle(np.where(T < 50.0, 1.0, energy**0.5)))
+    """Outcome reported for a made-up circular orbit whose energy is ``energy`` times the initial one from t = 50 on."""
+    return judge(system, T, *circle(np.where(T < 50.0, 1.0, energy**0.5)))
 
 
 @pytest.mark.parametrize(
@@ -51,9 +51,9 @@ def test_the_scale_omits_constants_and_bounds_cosines():
 
 def test_a_single_bad_row_is_seen():
     Q, P = circle(np.where(T[500] == T, 2.0, 1.0))
-    assert judged(OSCILLATOR, T, Q, P).status == "inaccurate"
+    assert judge(OSCILLATOR, T, Q, P).status == "inaccurate"
     keep = T[500] != T
-    assert judged(OSCILLATOR, T[keep], Q[keep], P[keep]).status == "ok"
+    assert judge(OSCILLATOR, T[keep], Q[keep], P[keep]).status == "ok"
 
 
 def test_a_large_scale_at_the_start_excuses_no_error():
@@ -63,7 +63,7 @@ def test_a_large_scale_at_the_start_excuses_no_error():
     v = np.sqrt(2 * (1.0 + 1 / r))
     Q, P = (np.stack([x, 0 * x], axis=1) for x in (r, v))
     Q[0], P[0] = problem("kepler", e=0.9999).q0, problem("kepler", e=0.9999).p0
-    assert judged(kepler, r, Q, P).status == "inaccurate"
+    assert judge(kepler, r, Q, P).status == "inaccurate"
 
 
 def test_an_orbit_past_a_saddle_is_ok():
@@ -128,17 +128,17 @@ def test_bounded_chaos_does_not_count_as_growth():
         jumps = [x]
         for _ in T[1:]:
             jumps.append(4 * jumps[-1] * (1 - jumps[-1]))
-        statuses.add(judged(OSCILLATOR, T, *circle(np.sqrt(1 + 30 * np.array(jumps)))).status)
+        statuses.add(judge(OSCILLATOR, T, *circle(np.sqrt(1 + 30 * np.array(jumps)))).status)
     assert statuses == {"inaccurate"}
 
 
 def test_overflow_and_underflow():
     assert verdict(1e300).status == "unstable"
-    assert judged(OSCILLATOR, T, *circle(1e-170 * np.exp(T / 10))).status == "ok"  # below the normal numbers
+    assert judge(OSCILLATOR, T, *circle(1e-170 * np.exp(T / 10))).status == "ok"  # below the normal numbers
 
 
 def accurate() -> dict[str, list]:
-    """{orbit and spacing of rows: [status, reason]} after accurate steps of every problem's orbits."""
+    """{orbit and spacing of rows: [status, reason]} of short accurate runs on every orbit of every problem."""
     ends = {}
     for made in (problem(name).at(orbit.name) for name in PROBLEMS for orbit in problem(name).orbits):
         for every in (1, 0):
@@ -228,7 +228,7 @@ if __name__ == "__main__":
 
 def test_the_report_of_an_unsolved_stage_names_its_solver():
     few, many = 2, codegen.TUPLE_LIMIT + 1
-    assert unsolved("banded", many).what.startswith("Newton's method in a band")
-    assert "fixed point nor Newton's method" in unsolved("collocation", many).what
-    assert [bool(unsolved("parametric", d).advice) for d in (few, many)] == [False, True]
-    assert not unsolved("collocation", many).advice
+    assert solver_failure("banded", many).what.startswith("Newton's method in a band")
+    assert "fixed point nor Newton's method" in solver_failure("collocation", many).what
+    assert [bool(solver_failure("parametric", d).advice) for d in (few, many)] == [False, True]
+    assert not solver_failure("collocation", many).advice

@@ -36,7 +36,7 @@ CASES = [("hbvm-8-4", "masses"), ("hbvm-8-4", "degree 6"), *(("cpg-2", name) for
 
 @pytest.fixture
 def one_by_one():
-    """Function that runs with the nodes evaluated one after the other."""
+    """Function that runs a method with its quadrature nodes evaluated one after the other, not in SIMD lanes."""
     return partial(two_degrees.one_by_one, path_lanes)
 
 
@@ -54,14 +54,14 @@ def test_lanes_reach_the_state_of_single_nodes(one_by_one, id, name):
 
 @pytest.mark.parametrize(("table", "place"), [("A", (0, 1)), ("B", (4, 1)), ("drift", (2, 0)), ("drift", (0, 0))])
 def test_control_a_wrong_coefficient_is_seen(one_by_one, monkeypatch, table, place):
-    laned = path_lanes.laned
+    laned = path_lanes.build_path
 
     def spoiled(*arguments):
         step = laned(*arguments)
         getattr(step, table)[place] += 1e-9
         return step
 
-    monkeypatch.setattr(path_lanes, "laned", spoiled)
+    monkeypatch.setattr(path_lanes, "build_path", spoiled)
     made = of(KICKS["degree 6"])
     lanes = run(made, "hbvm-8-4")[0]
     monkeypatch.undo()
@@ -80,7 +80,7 @@ def test_newton_takes_over_when_the_iteration_diverges(one_by_one, rest):
 
 @pytest.mark.parametrize("id", ["cpg-2", "hbvm-8-4", "gauss-3", "gauss-equip-3"])
 def test_an_unsolvable_step_ends_a_run(id):
-    """Its first increments overflow."""
+    """A step whose first increments overflow ends the run with a status."""
     made = of("p1**2/2 + p2**2/2 + q1**6 + q2**4")
     assert not isinstance(prepare(method(id), made).step, collocation.Collocation)
     s = integrate(made, id, h=10.0, steps=3, q0=[1e50, 0.5], p0=[0.2, -0.3])
@@ -90,7 +90,7 @@ def test_an_unsolvable_step_ends_a_run(id):
 
 @pytest.mark.parametrize("rest", ["q1**4", "cos(q1)"])
 def test_newton_with_two_rows_takes_equally_many_evaluations(one_by_one, rest):
-    """Except for a row of nodes for which one evaluation serves twice."""
+    """Two rows of lanes take as many evaluations as nodes one by one, but for a row where one serves twice."""
     stiff = of(f"p1**2/2 + p2**2/6 + 1250*q1**2 + q2**2/2 + q1*q2 + {rest}")
     (lanes, n), (nodes, m) = run(stiff, "hbvm-8-4", 0.1, 3), one_by_one(stiff, "hbvm-8-4", 0.1, 3)
     assert n["newton"] == m["newton"] == 3
@@ -112,8 +112,11 @@ def test_systems_without_lanes_take_nodes_one_by_one():
 
 @pytest.mark.parametrize("s", [1, 2, 3, 4])
 def test_the_matrix_of_the_path_of_q(s):
-    """In double precision it is skew except for the first entry; Newton's method may start at ``like``, zero."""
-    step = path_lanes.laned(s, [s], SYSTEMS["henon-heiles"]()[0], "double")
+    """The matrix of Legendre polynomials by their integrals is exactly skew in doubles but for its first entry.
+
+    Newton's method may start at ``like``, zero.
+    """
+    step = path_lanes.build_path(s, [s], SYSTEMS["henon-heiles"]()[0], "double")
     X = step.drift[1 : 1 + s, :s].T
     rule = quadrature.gauss_legendre(s + 1)
     for m in range(s):
@@ -128,7 +131,7 @@ def test_the_matrix_of_the_path_of_q(s):
 
 
 def exact_rules(id, system):
-    """(c, b) of each rule as the kernel has them, as fractions."""
+    """Yield the (nodes c, weights b) of each quadrature rule as the kernel has them, in exact fractions."""
     step = prepare(method(id), system).step
     first = 0
     while first < len(step.rows):
@@ -185,6 +188,6 @@ def growth(monkeypatch, plain):
 
 
 def test_the_energy_error_has_no_bias(monkeypatch):
-    """Control: with plainly rounded nodes it has."""
+    """The mean energy error is not significant; control: with plainly rounded nodes it is."""
     monkeypatch.setattr("phasebench.integrators.compile.preparation.ENABLED", False)
     assert growth(monkeypatch, plain=False) < 4 < 6 < growth(monkeypatch, plain=True)

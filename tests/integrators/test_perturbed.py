@@ -17,7 +17,7 @@ WITH_COEFFICIENTS = [m.id for m in METHODS if 0 < len(list(leaves(m.data))) <= M
 
 @pytest.mark.parametrize("id", WITH_COEFFICIENTS)
 def test_a_changed_coefficient_shows(measured, id):
-    """The error of a step grows at least tenfold, or symplecticity or symmetry is lost."""
+    """Each change makes the error of a step at least ten times larger, or destroys symplecticity or symmetry."""
     found, m = measured("perturbation_effects")[id], BY_ID[id]
     assert len(found["rows"]) == len(list(leaves(m.data)))
     for row in found["rows"]:

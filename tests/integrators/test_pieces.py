@@ -19,7 +19,10 @@ ROOT = Hamiltonian(q="q", p="p", H="p**2/2 + sqrt(q)")
 
 
 class Kernel:
-    """Made-up kernel that counts steps in q. At the step ``end`` it stops with ``code`` or sets q = ``worth``."""
+    """Made-up kernel that counts steps in q; at the step ``end`` it stops with ``code`` or sets q = ``worth``.
+
+    Each step adds ``missing`` to the count of fallbacks.
+    """
 
     def __init__(self, end=None, code=solve.SOLVED, worth=None, missing=0.0):
         self.end, self.code, self.worth, self.missing = end, code, worth, missing
@@ -56,7 +59,7 @@ def ran(kernel, steps=10, every=1, system=MOVED, timeout=None, missed="", piece=
 
 @pytest.fixture
 def small(monkeypatch):
-    """At most five steps per call of the kernel."""
+    """Limit each call of the kernel to five steps."""
     monkeypatch.setattr(trajectory, "PIECE", 5)
 
 
@@ -93,17 +96,17 @@ def test_the_length_of_pieces_adapts_to_their_duration():
     assert Pace(None, 7).steps == 7
     pace = Pace(100.0, 7)
     assert pace.steps == 64
-    pace.took(0.06)
+    pace.adapt(0.06)
     assert pace.steps == 64, "long enough to be told the progress"
-    pace.took(0.04)
+    pace.adapt(0.04)
     assert pace.steps == 256
     hurried = Pace(0.1)
-    hurried.took(0.006)
+    hurried.adapt(0.006)
     assert hurried.steps == 64, "a twentieth of the time that there is"
-    hurried.took(0.004)
+    hurried.adapt(0.004)
     assert hurried.steps == 256
     for _ in range(20):
-        hurried.took(0.0)
+        hurried.adapt(0.0)
     assert hurried.steps == PIECE
 
 
@@ -185,7 +188,7 @@ def test_a_stop_after_great_growth_is_a_divergence(size, status):
     t = Trajectory(MOVED, [0.0], [1.0], 0.5, 10, 1, "double")
     t.advance(kernel, Pace(None, 1))
     t.filled, t.reached = 1, 1
-    t._stopped(solve.STALLED)
+    t._explain_stop(solve.STALLED)
     assert t.status == status
     assert (f"the state has grown to {size:.3g}" in t.reason) == (status == "diverged")
 

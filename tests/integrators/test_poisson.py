@@ -25,7 +25,7 @@ ROUND_OFF = 1e-13
 
 
 def three(v, H, **more):
-    """y' = v(y) x grad H in three variables and a constant fourth; Poisson if v . curl v = 0, as for a gradient v."""
+    """y' = v(y) x grad H for y1, y2, y3 and a constant y4; a Poisson system if v . curl v = 0, as for a gradient v."""
     y = sp.symbols("y1:5", real=True)
     v = [sp.sympify(e, locals={str(s): s for s in y}) for e in v]
     B = sp.zeros(4, 4)
@@ -63,7 +63,7 @@ def test_the_structure_is_skew_and_satisfies_jacobi(system):
 
 
 def test_control_a_structure_without_the_jacobi_identity():
-    """v = (y2, 0, 1) has v . curl v = -1."""
+    """B(y) from v = (y2, 0, 1), which has v . curl v = -1, violates the Jacobi identity."""
     system = three(["y2", "0", "1"], BODY)
     assert any(e != 0 for e in jacobi_defects(system.B, (*system.q, *system.p)))
 

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from numba import types
 
 from phasebench.integrators.compile import codegen, printing
-from phasebench.integrators.compile.codegen import DOUBLE, MULTIPRECISION, exactly, precision
+from phasebench.integrators.compile.codegen import DOUBLE, MULTIPRECISION, precision, to_number
 from phasebench.integrators.errors import InvalidInput
 
 DIGITS = 40
@@ -31,27 +31,27 @@ def test_fractions_are_rounded_as_by_mpmath(x, shift):
     x *= Fraction(2) ** shift
     with precision(DIGITS):
         other = mpmath.mpf(x.numerator) / x.denominator
-        assert many(exactly(x, MULTIPRECISION)) == Fraction(*map(int, mpmath.libmp.to_rational(other._mpf_)))
-        assert exactly(other, MULTIPRECISION) == exactly(x, MULTIPRECISION)
+        assert many(to_number(x, MULTIPRECISION)) == Fraction(*map(int, mpmath.libmp.to_rational(other._mpf_)))
+        assert to_number(other, MULTIPRECISION) == to_number(x, MULTIPRECISION)
 
 
 @given(st.floats(allow_nan=False, allow_infinity=False))
 def test_a_double_is_converted_exactly(x):
     with precision(DIGITS):
-        assert many(exactly(x, MULTIPRECISION)) == Fraction(x)
+        assert many(to_number(x, MULTIPRECISION)) == Fraction(x)
 
 
 def test_text_and_constants_have_all_digits():
     with precision(DIGITS):
-        assert abs(exactly("0.1", MULTIPRECISION) - exactly(Fraction(1, 10), MULTIPRECISION)) < 1e-40
-        assert exactly(0.1, MULTIPRECISION) != exactly("0.1", MULTIPRECISION), "the control: the double is another"
-        assert mpmath.mpf(str(exactly(mpmath.mp.pi, MULTIPRECISION))) == +mpmath.mp.pi
+        assert abs(to_number("0.1", MULTIPRECISION) - to_number(Fraction(1, 10), MULTIPRECISION)) < 1e-40
+        assert to_number(0.1, MULTIPRECISION) != to_number("0.1", MULTIPRECISION), "the control: the double is another"
+        assert mpmath.mpf(str(to_number(mpmath.mp.pi, MULTIPRECISION))) == +mpmath.mp.pi
 
 
 @pytest.mark.parametrize("arithmetic", [DOUBLE, MULTIPRECISION])
 def test_epsilon_is_the_round_off_of_one(arithmetic):
     with precision(DIGITS):
-        one, eps = (exactly(1, arithmetic), codegen.epsilon(arithmetic))
+        one, eps = (to_number(1, arithmetic), codegen.epsilon(arithmetic))
         assert type(one) is type(eps)
         assert one + eps > one
         assert one + eps / 4 == one
@@ -130,7 +130,7 @@ def test_generated_functions_keep_all_digits(expression, header):
     with precision(DIGITS):
         value = f(codegen.vector([Fraction(2, 3)]), codegen.vector([Fraction(5, 7)]))
         expected = sp.N(expression.subs({x: sp.Rational(2, 3), y: sp.Rational(5, 7)}), DIGITS + 10)
-        error = abs(value - exactly(mpmath.mpf(str(expected)), MULTIPRECISION))
+        error = abs(value - to_number(mpmath.mpf(str(expected)), MULTIPRECISION))
     assert error < 1e-37
     assert abs(float(value) - value) > 1e-20, "the control: a double has not these digits"
 

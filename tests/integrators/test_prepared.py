@@ -114,7 +114,7 @@ def test_an_end_with_an_infinite_half_is_reported(H, h, p0, finite):
 
 
 class _Started:
-    """A system with initial data."""
+    """Stand-in for a problem: a system of one degree of freedom with initial data."""
 
     def __init__(self, system):
         self.system, self.q0, self.p0 = system, [1.0], [1.0]

@@ -27,7 +27,8 @@ from phasebench.integrators.registry import BY_ID, METHODS, method
 #: or values of a gradient's path of a step, or the nodes of its quadrature.
 PUBLISHED = {
     (False, False, DRIFT, DRIFT): """
-        explicit-euler 1/1, implicit-euler 1/1, rk4 4/4, radau-iia-2 3/2, radau-iia-3 5/3, dop853 8/12
+        explicit-euler 1/1, implicit-euler 1/1, rk4 4/4, radau-iia-2 3/2, radau-iia-3 5/3, dop853 8/12,
+        extended-midpoint-4 4/7
     """,
     (False, True, BOUNDED, ROUND_OFF): """
         symplectic-euler-p 1/1, symplectic-euler-q 1/1, scheme-i 1/1, scheme-i-adjoint 1/1, scheme-ii 2/1,
@@ -56,7 +57,16 @@ PUBLISHED = {
         lobatto-iiia-iiib-4 6/4, variational-midpoint 2/1, variational-trapezoidal 2/2, variational-gauss-2
         4/2, variational-gauss-3 6/3, variational-lobatto-3 4/3, variational-lobatto-4 6/4, variational-2-3
         4/3, wisdom-holman 2/1, wisdom-holman-saba-2 2/2, wisdom-holman-saba-4 2/4, wisdom-holman-aba-8-6-4
-        4/7, wisdom-holman-aba-10-6-4 4/8
+        4/7, wisdom-holman-aba-10-6-4 4/8,
+        blanes-casas-sanz-serna-2 2/4, blanes-casas-sanz-serna-3 2/6, blanes-casas-sanz-serna-4 2/8,
+        predescu-3 2/6, omelyan-2 2/4, takahashi-imada 2/1, chin-4a 4/2, chin-4b 4/2, chin-4c 4/3,
+        chin-4d 4/3, omelyan-4-2f2g-v 4/2, omelyan-4-3f3g-v 4/3, omelyan-4-3f2g-v 4/3,
+        omelyan-4-3f1g-v 4/3, omelyan-4-3f3g-p 4/3, omelyan-4-3f2g-p 4/3, omelyan-4-3f1g-p 4/3,
+        omelyan-4-4f2g-vg 4/4, omelyan-4-4f2g-v 4/4, omelyan-4-5f2g-v 4/5, omelyan-4-5f2g-p 4/5,
+        omelyan-4-5f1g-v 4/5, omelyan-4-5f1g-p 4/5, omelyan-6-4f3g-v 6/4, omelyan-6-5f5g-v 6/5,
+        omelyan-6-5f4g-v 6/5, omelyan-6-5f5g-p 6/5, omelyan-6-5f3g-p 6/5, sabac-2 4/3, sabac-3 4/4,
+        sabac-4 4/5, sbabc-2 4/2,
+        jayawardana-ohsawa-2 2, jayawardana-ohsawa-4 4
     """,
     (True, False, ROUND_OFF, ROUND_OFF): """
         scheme-iv 2/1, scheme-v 2/2, scheme-iv-v 2/3, scheme-v-iv 2/3, scheme-iv-yoshida-4 4/3,
@@ -77,6 +87,12 @@ PUBLISHED = {
         stormer-verlet-adaptive 2, sofroniou-spaletta-10-adaptive 10, gauss-4-adaptive 8, gauss-6-adaptive 12,
         gauss-8-adaptive 16
     """,
+    (False, False, BOUNDED, BOUNDED): """
+        tao-2 2, tao-4 4, tao-6 6
+    """,
+    (False, False, NONE, NONE): """
+        pihajoki-2 2
+    """,
     (False, False, DRIFT, ROUND_OFF): """
         gauss-4-field 8, gauss-6-field 12, gauss-8-field 16
     """,
@@ -94,7 +110,10 @@ PUBLISHED = {
         rk4-projected-invariants 4
     """,
     (True, False, BOUNDED, BOUNDED): """
-        gautschi 2, hochbruck-lubich 2, hairer-lubich 2, grimm-hochbruck 2
+        gautschi 2, hochbruck-lubich 2, hairer-lubich 2, grimm-hochbruck 2,
+        hessian-free-badab 4/2, hessian-free-adada 4/2, hessian-free-abadaba 4/3,
+        hessian-free-adadada 4/3, hessian-free-abadabadaba 4/5, hessian-free-badadadab 6/4,
+        hessian-free-badadadadab 6/5
     """,
     (True, True, BOUNDED, BOUNDED): """
         deuflhard 2, mollified-impulse 2, r-respa 2, imex 2
@@ -113,13 +132,14 @@ def parts(m) -> int | None:
         "equip": lambda: m.data[0],
         "poisson": lambda: m.data[0],
         "variational": lambda: m.data[2],
+        "force_gradient": lambda: sum(any(row[1:]) for row in m.data[0][1:]),
     }
     by_family |= dict.fromkeys(("schemes_iv_v", "averaged", "discrete_gradient"), lambda: len(m.data))
     return by_family[m.family]() if m.family in by_family else None
 
 
 def declarations(m) -> tuple:
-    """The properties of a record in the order of `PUBLISHED`."""
+    """The declared (symmetric, symplectic, energy, quadratic invariants, order, number of parts) of a method."""
     return m.symmetric, m.symplectic, m.energy, m.quadratic, m.order, parts(m)
 
 
@@ -153,6 +173,8 @@ PARTS = {
     "wisdom_holman": lambda data: data[:2],
     "averaged": lambda data: [[row[0] for row in data]],
     "discrete_gradient": lambda data: [data],
+    "extended": lambda data: data[:1],
+    "semiexplicit": lambda data: data,
 }
 
 
@@ -170,6 +192,7 @@ def test_default_parameters():
         "generating-function": {"order": 3, "lam": third},
         "r-respa": {"substeps": 10},
         "wisdom-holman-corrector": {"corrector": 17},
+        **{f"tao-{order}": {"omega": 20} for order in (2, 4, 6)},
     }
 
 
@@ -250,22 +273,22 @@ def test_the_record_of_a_projection():
     rk4, midpoint = method("rk4"), method("implicit-midpoint")
     further = ("canonical", "further invariants")
     made = {
-        ("projected onto the energy", "rk4-projected-energy", ("canonical",)): projection.projected("rk4"),
+        ("projected onto the energy", "rk4-projected-energy", ("canonical",)): projection.projection_method("rk4"),
         (
             "projected onto the energy and the further invariants",
             "rk4-projected-invariants",
             further,
-        ): projection.projected(rk4, onto="invariants"),
+        ): projection.projection_method(rk4, onto="invariants"),
         (
             "symmetric projection onto the energy",
             "implicit-midpoint-symmetric-projection",
             ("canonical",),
-        ): projection.projected(midpoint, symmetric=True),
+        ): projection.projection_method(midpoint, symmetric=True),
         (
             "symmetric projection onto the energy and the further invariants",
             "implicit-midpoint-symmetric-projection-invariants",
             further,
-        ): projection.projected(midpoint, "invariants", True),
+        ): projection.projection_method(midpoint, "invariants", True),
     }
     for (name, id, requires), m in made.items():
         assert m.name.endswith(f", {name}")
@@ -275,13 +298,13 @@ def test_the_record_of_a_projection():
 
 def test_the_record_of_a_relaxation():
     """Ketcheson 2019: a step counts as its relaxed length, or as h (incremental direction), which loses one order."""
-    m, other = projection.relaxed("rk4"), projection.relaxed("rk4", adjust_time=False)
+    m, other = projection.relaxation_method("rk4"), projection.relaxation_method("rk4", adjust_time=False)
     assert (m.id, m.order, other.id, other.order) == ("rk4-relaxation", 4, "rk4-incremental-direction", 3)
     assert (m.name.rpartition(", ")[2], other.name.rpartition(", ")[2]) == (
         "relaxation aimed at times n h",
         "incremental direction technique",
     )
-    assert projection.relaxed(replace(method("rk4"), requires=("canonical", "separable"))).requires == (
+    assert projection.relaxation_method(replace(method("rk4"), requires=("canonical", "separable"))).requires == (
         "canonical",
         "separable",
     )
@@ -308,7 +331,7 @@ def test_splittings_of_generalized_order_name_it():
 
 def test_choosing_the_same_solver_again_changes_nothing():
     once = method("implicit-midpoint", solver="banded")
-    assert solvers.solved(once, "banded") is once
+    assert solvers.with_solver(once, "banded") is once
     assert once.family == "banded"
 
 

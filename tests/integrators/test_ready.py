@@ -19,7 +19,7 @@ PENDULUM = {"q": "q", "p": "p", "H": "p**2/2 - cos(q)"}
 
 
 def end(system):
-    """End of a short run."""
+    """End state of a short run of the system."""
     return integrate(system, "scheme-i", h=0.1, steps=5, q0=[1.0], p0=[0.2]).q[-1]
 
 
@@ -73,7 +73,7 @@ def pendulum():
 
 
 def shell_of(system, key="a key"):
-    """A deferred copy of a system, which knows only facts until its formula is needed."""
+    """A copy of a system that does not read its formula until it is needed."""
     return deferred.shell(system, key, pendulum)
 
 
@@ -113,7 +113,7 @@ def test_a_mapping_with_known_names_computes_values_on_access():
 
 @pytest.fixture
 def keeping(monkeypatch):
-    """Switch the cache of prepared steps on."""
+    """Switch on the cache of what methods prepare."""
     monkeypatch.setattr(preparation, "ENABLED", True)
     yield
     preparation._read.cache_clear()
@@ -123,7 +123,7 @@ def keeping(monkeypatch):
 @pytest.mark.parametrize("id", ["scheme-v", "gauss-8", "stormer-verlet-symmetric-projection", "gauss-equip-3"])
 def test_a_prepared_step_is_read_as_it_was_written(id):
     system, record = problem("pendulum").system, method(id)
-    made = kernel._made(record, system, "double")
+    made = kernel._prepare(record, system, "double")
     name = preparation.entry(record, system)
     preparation.write(name, made)
     preparation._read.cache_clear()
@@ -154,4 +154,4 @@ def test_a_damaged_entry_is_prepared_again():
     preparation._read.cache_clear()
     assert preparation.read(name) is None
     assert cache.read(name) is None
-    assert kernel.prepare(record, system).run is kernel._made(record, system, "double").run
+    assert kernel.prepare(record, system).run is kernel._prepare(record, system, "double").run

@@ -13,7 +13,7 @@ from phasebench.integrators.compile.codegen import DOUBLE
 from phasebench.integrators.driver import integrate
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.families import relaxation
-from phasebench.integrators.families.relaxation import relaxed
+from phasebench.integrators.families.relaxation import relaxation_method
 from phasebench.integrators.records.projection import METHODS
 from phasebench.integrators.registry import method
 from phasebench.integrators.stepping.kernel import prepare, value
@@ -27,20 +27,20 @@ LONGER = {"dop853-relaxation": 8}
 
 
 def error(P, s):
-    """Greatest relative error of H."""
+    """Greatest relative error of H along a solution s of the problem P."""
     H = P.system.observe(P.system.H, s.q, s.p)
     return np.abs(H / H[0] - 1).max()
 
 
 def end(s):
-    """End state (q, p) of a run."""
+    """End state (q, p) of a solution."""
     return np.concatenate([s.q[-1], s.p[-1]])
 
 
 @pytest.mark.parametrize(("P", "h"), [(BOX, 0.05), (KEPLER, 0.01)], ids=["box", "kepler"])
 @pytest.mark.parametrize("id", RELAXED)
 def test_energy_is_conserved_to_round_off(P, h, id):
-    """Control: without relaxation it drifts."""
+    """With relaxation H is conserved to round-off; control: without it H drifts."""
     h *= LONGER.get(id, 1)
     s, plain = (integrate(P, m, h=h, t_end=1000) for m in (RELAXED[id], RELAXED[id].data[0]))
     assert s.status == "ok"
@@ -91,7 +91,7 @@ def test_control_without_adjusted_time_an_order_is_lost():
     exact = end(integrate(P, "rk4", h=0.001, t_end=10))
     observed = []
     for adjust in (True, False):
-        m = relaxed(base, adjust_time=adjust)
+        m = relaxation_method(base, adjust_time=adjust)
         e = [np.abs(end(integrate(P, m, h=x, t_end=10)) - exact).max() for x in h]
         observed.append(order(h, e))
         assert m.order == round(observed[-1].value)
@@ -112,12 +112,12 @@ def test_steps_equal_a_plain_implementation(adjust):
         d = step / 6 * (k1 + 2 * k2 + 2 * k3 + f(0, y + step * k3))
         gamma = brentq(lambda g, y=y, d=d: H(y + g * d) - H0, 0.9, 1.1, xtol=1e-15)
         y, t = y + gamma * d, t + gamma * step if adjust else (n + 1) * h
-    s = integrate(BOX, relaxed("rk4", adjust_time=adjust), h=h, steps=40)
+    s = integrate(BOX, relaxation_method("rk4", adjust_time=adjust), h=h, steps=40)
     assert s.status == "ok"
     assert np.abs(end(s) - y).max() < 1e-11
     plain = integrate(BOX, "rk4", h=h, steps=40)
     assert np.abs(end(plain) - y).max() > 1e-6
-    other = integrate(BOX, relaxed("rk4", adjust_time=not adjust), h=h, steps=40)
+    other = integrate(BOX, relaxation_method("rk4", adjust_time=not adjust), h=h, steps=40)
     assert np.abs(end(other) - y).max() > 1e-6
 
 
@@ -144,11 +144,14 @@ def test_a_step_without_a_root_is_a_counted_base_step():
 @pytest.mark.parametrize("id", ["explicit-euler", "stormer-verlet"])
 def test_methods_of_order_one_are_refused(id):
     with pytest.raises(InvalidInput, match="order 2 or more"):
-        relaxed(id)
+        relaxation_method(id)
 
 
 def search(c, start=-1.0):
-    """(gamma, found, evaluations) of the search with H(y + gamma d) = (start + gamma)^2 / 2 and target -c."""
+    """(gamma, whether it is a root, evaluations) of the relaxation's root search with a made-up energy.
+
+    The energy is H(y + gamma d) = (start + gamma)^2 / 2 and its target -c.
+    """
     system = problem("harmonic-oscillator").system
     step = prepare(method("rk4-relaxation"), system).step._replace(H0=-c, eps=2.0**-52)
     there, one, nothing = (value([x], 1, DOUBLE) for x in (start, 1.0, 0.0))
@@ -183,9 +186,10 @@ UNIT = 2.0**-40
 
 
 def along_a_line(error, told=1.0, rounding=0.0):
-    """(final error in units, found, evaluations) of the search with H = x and an initial error in units of round-off.
+    """(final error in units, whether it is a root, evaluations) of the relaxation's root search with H = x.
 
-    Newton's method is given ``told`` times the slope; H is farther from 0 than x by ``rounding`` units.
+    ``error``: initial error in units of round-off. Newton's method is given ``told`` times the slope; H is farther from
+    0 than x by ``rounding`` units.
     """
 
     @jit

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from phasebench.integrators import Hamiltonian, driver, request
-from phasebench.integrators.compile.codegen import MULTIPRECISION, exactly, precision
+from phasebench.integrators.compile.codegen import MULTIPRECISION, precision, to_number
 from phasebench.integrators.driver import integrate
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.request import MOST, check_timeout, grid, initial, spacing
@@ -20,13 +20,13 @@ OSCILLATOR = Hamiltonian(q="q", p="p", H="p**2/2 + q**2/2")
 
 
 class StartedProblem:
-    """A problem with one initial state."""
+    """Stand-in for a problem with one initial state."""
 
     system, q0, p0 = PLANE, (1.0, 2.0), (3.0, 4.0)
 
 
 def expect_refusal(message: str):
-    """Expect InvalidInput with this message."""
+    """Context that expects InvalidInput with this message."""
     return pytest.raises(InvalidInput, match=message)
 
 
@@ -125,7 +125,7 @@ def test_rows_are_multiples_of_the_spacing_and_the_last():
 
 
 def test_the_number_of_rows_is_limited(monkeypatch):
-    """With d = 2, eleven rows are 22 numbers."""
+    """The numbers of all rows are limited: with d = 2, eleven rows are 22 numbers."""
     monkeypatch.setattr(request, "LARGEST", 22)
     assert request.request(StartedProblem(), h=0.1, steps=10).steps == 10
     assert request.request(StartedProblem(), h=0.1, steps=30, save_every=3).every == 3
@@ -239,7 +239,7 @@ def many() -> dict:
         for name, asked in runs.items():
             s = integrate(OSCILLATOR, "stormer-verlet", q0=third, p0=third, arithmetic=MULTIPRECISION, **asked)
             lost = abs(3 * s.q[0, 0] - 1) + abs(10 * s.h - 1)
-            lost += abs(s.q[-1, 0] - exactly(end, MULTIPRECISION))
+            lost += abs(s.q[-1, 0] - to_number(end, MULTIPRECISION))
             found[name] = [len(s.t), s.counts["steps"], float(s.t[-1]), float(lost), s.status, s.reason]
     return found
 

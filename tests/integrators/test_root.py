@@ -62,7 +62,7 @@ def test_zero_is_solved_again_if_its_error_is_small():
 
 @pytest.mark.parametrize("followed", [True, False])
 def test_the_root_of_the_model_is_tried_first(followed):
-    """The model is exact and stays unchanged."""
+    """The model of E is exact here: the search tries its root after 0, and leaves it unchanged."""
     models = model_of(-1.4, 1.0)
     s = look([0.125, -1.4, 1.0], models, followed=followed)
     root = model.smaller_root(0.125, -1.4, 1.0)
@@ -124,7 +124,7 @@ def test_a_search_after_following_extrapolates_the_slope(streak):
 
 @pytest.mark.parametrize(("curvature", "followed"), [(7.0, True), (8.0, False)])
 def test_a_root_is_followed_if_the_model_has_no_other_near(curvature, followed):
-    """At x = 0.1 the slope is 1 + 0.2 c; 0.3 times that must exceed 0.1 c."""
+    """At x = 0.1 the slope is 1 + 0.2 c with curvature c; 0.3 times that must exceed 0.1 c."""
     models = model_of(1.0, curvature)
     models[0, [model.STREAK, model.UNIT]] = 1.0, UNIT
     s = look([-0.1 - 0.01 * curvature, 1.0, curvature], models, predicted=0.1)
@@ -233,7 +233,7 @@ OUT = Search(radius=2.0, first=0.05, near=0.0, ratio=2.0, points=5, slack=0.0)
 
 
 def outwards(c, search=OUT, **options):
-    """(result, places tried above zero, places tried below zero) of an outward search."""
+    """(result, parameters tried above 0, parameters tried below 0) of a search outwards for a root of a polynomial."""
     s = look(c, search=search, **options)
     begins = np.flatnonzero(s.tried[:, 1] == FIRST)[1:3]
     above, below = np.split(s.tried, begins)[1:]

@@ -10,7 +10,7 @@ import pytest
 from phasebench.integrators.stepping import solve
 from phasebench.integrators.stepping.kernel import COUNTS
 from phasebench.integrators.stepping.solve import NOT_FINITE, SOLVED, STALLED, Change
-from phasebench.integrators.values.vector import axpy, distance, inlined, load, scale, size, store
+from phasebench.integrators.values.vector import axpy, distance, inline, load, scale, size, store
 from support.values import value
 
 EPS = np.finfo(float).eps
@@ -65,7 +65,7 @@ def test_rules_confirm_each_other_if_both_halves_agree():
 
 
 class MovedState(NamedTuple):
-    """Stand-in for equations with the state (q, p)."""
+    """Stand-in for stage equations, of which only the state (q, p) is read."""
 
     q: Any
     p: Any
@@ -75,7 +75,7 @@ def test_scales_of_coordinates_and_momenta_are_separate():
     q, p, x, g = (0.5, -0.25), (8.0, 1.0), (1.0, -2.0, 4.0, 0.125), (3.0, 4.0, -16.0, 2.0)
 
     def lengths(of_q, of_p):
-        """The scales of the unknowns with q in units of `of_q` and p in units of `of_p`."""
+        """The scales that the solver uses for fixed unknowns, with q in units of `of_q` and p in units of `of_p`."""
         units = np.array([of_q, of_q, of_p, of_p])
         moved = MovedState(value(*np.multiply(q, of_q)), value(*np.multiply(p, of_p)))
         return solve.lengths_of_both(value(*units * x), value(*units * g), moved)
@@ -129,7 +129,7 @@ def test_the_largest_pivot_is_used():
 
 
 class Ring(NamedTuple):
-    """x_j = offset + factor x_{j + 1} + constant_j - offset for the rows of a ring."""
+    """Linear test equations for rows of unknowns in a ring: x_j = offset + factor x_{j + 1} + constant_j - offset."""
 
     memory: np.ndarray
     stages: int
@@ -139,9 +139,9 @@ class Ring(NamedTuple):
     offset: float
 
 
-@inlined
+@inline
 def sweep(e, old, new):
-    """Evaluate all rows; return the norms of the change and of the new rows."""
+    """Evaluate all rows of the ring's equations; return the norms of the change and of the new rows."""
     delta, length = 0.0, 0.0
     for j in range(e.stages):
         x = load(e.memory, old + (j + 1) % e.stages, e.like)
@@ -154,9 +154,9 @@ def sweep(e, old, new):
     return delta, length
 
 
-@inlined
+@inline
 def linearize(e, at, span, work):
-    """Write the Jacobian of the equations."""
+    """Write the Jacobian of the ring's equations into ``work``."""
     n = len(e.like)
     for j in range(e.stages * n):
         for i in range(e.stages * n):
@@ -172,7 +172,7 @@ AT = 2
 
 
 def ring(factor, constants, start=None, offset=0.0):
-    """The equations, with memory that holds the start at row `AT`."""
+    """Test equations of a ring, with a memory in which the start of the iteration is at row `AT`."""
     memory = np.full((AT + 4 * STAGES, D), 9.0)
     memory[AT : AT + STAGES] = 0.0 if start is None else start
     table = np.vstack([constants, np.full((STAGES, D), offset)])
@@ -180,13 +180,13 @@ def ring(factor, constants, start=None, offset=0.0):
 
 
 def solution(factor, constants):
-    """Exact solution without the offset, by NumPy."""
+    """Exact solution of the ring's equations without the offset, by NumPy."""
     matrix = np.eye(STAGES) - factor * np.roll(np.eye(STAGES), 1, axis=1)
     return np.linalg.solve(matrix, constants)
 
 
 def solve_counted(e, span=1.0):
-    """((sweeps, Newton iterations, status), rows of the solution)."""
+    """((sweeps, Newton iterations, status), rows of the solution) of the row solver."""
     with np.errstate(all="ignore"):
         found = solve_rows(e, AT, span, EPS, np.zeros((STAGES * D, STAGES * D + 1)))
     assert (e.memory[:AT] == 9).all(), "rows before the unknowns are others'"
@@ -240,7 +240,7 @@ def test_unsolvable_rows_are_reported():
 
 
 class Step(NamedTuple):
-    """Stand-in for a step with a list of quadrature rules."""
+    """Stand-in for a method's step that has a list of quadrature rules."""
 
     h: float
     eps: float
@@ -249,7 +249,7 @@ class Step(NamedTuple):
 
 
 class RoundedRows(NamedTuple):
-    """x_j = factor x_j + constants of row j for the rule in use."""
+    """Test equations x_j = factor x_j + constant_j, with constants of their own for each quadrature rule."""
 
     memory: np.ndarray
     stages: int
@@ -261,7 +261,7 @@ class RoundedRows(NamedTuple):
     counts: Any
 
 
-@inlined
+@inline
 def by_rule(e, old, new):
     """Evaluate all rows with the rule in use; return the norms of the change and of the new rows."""
     delta, length = 0.0, 0.0
@@ -274,19 +274,19 @@ def by_rule(e, old, new):
     return delta, length
 
 
-@inlined
+@inline
 def no_derivative(e, at, span, work):
     """Stand-in for a Jacobian, which is not needed."""
     return 0
 
 
-@inlined
+@inline
 def from_row(e, x, y):
-    """Change between two rows."""
+    """Norm of the change from a row of unknowns x to y."""
     return solve.change(x, y)
 
 
-confirm = solve.confirmer(solve.row_solver(by_rule, no_derivative), by_rule, solve.by_rows(from_row))
+confirm = solve.confirmer(solve.row_solver(by_rule, no_derivative), by_rule, solve.changes_by_row(from_row))
 
 
 def solve_digits(digits, rule=0):
@@ -334,6 +334,6 @@ def test_the_change_of_rows_is_the_total_change():
     step = Step(0.1, EPS, np.array([1]), np.array([1]))
     counts = np.zeros(1, COUNTS).view(np.recarray)[0]
     e = RoundedRows(memory, 3, value(0.0, 0.0), value(1.0), value(0.5), step, memory, counts)
-    found = solve.by_rows(from_row)(e, 0, 3)
+    found = solve.changes_by_row(from_row)(e, 0, 3)
     moved = np.abs(memory[3:] - memory[:3]).sum(0)
     assert tuple(found) == pytest.approx((*moved, *np.abs(memory[3:]).sum(0)), rel=1e-14)

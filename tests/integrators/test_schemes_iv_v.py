@@ -37,13 +37,13 @@ HARD = (
 
 @cache
 def solution(label, name, parameters, h, steps):
-    """(problem, solution) of a case, cached."""
+    """(problem, solution) of the method with this label on a problem; computed once."""
     made = problem(name, **dict(parameters))
     return made, integrate(made, EQUIP[label], h=h, steps=steps)
 
 
 def run(label, case):
-    """(problem, solution) of a case."""
+    """(problem, solution) of a method in a case (problem's name, its parameters, h, steps)."""
     name, parameters, h, steps = case
     return solution(label, name, tuple(parameters.items()), h, steps)
 
@@ -292,7 +292,7 @@ ROOTLESS = {"q0": [0.1365, 0.0292], "p0": [-0.1373, 0.0245]}
 
 
 def take_step(id, parameters=None, h=0.1, **start):
-    """(end, lambda, fallbacks) of one step."""
+    """(end state, lambda of the step, number of fallbacks) of one step of a method."""
     s = integrate(BOX, id, h=h, steps=1, parameters=parameters, **(start or ROOTLESS))
     return np.concatenate([s.q[-1], s.p[-1]]), s.parameter[0], s.counts["fallbacks"]
 

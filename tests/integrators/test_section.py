@@ -75,7 +75,7 @@ def test_crossings_do_not_depend_on_lanes_threads_or_pieces(monkeypatch, method)
     """In lanes, one by one, by `integrate` (Scheme V), and in calls of two rows or of many."""
     found = [box(20, method=method, threads=k) for k in (1, 2)]
     monkeypatch.setattr(sections, "ROOM", 1)
-    monkeypatch.setattr(sections.Watched, "group", 8)
+    monkeypatch.setattr(sections.SectionOrbits, "group", 8)
     found += [box(20, method=method, lanes=False), box(20, method=method)]
     assert len(found[0]) > 500
     assert (np.diff(found[0].orbit) >= 0).all()

@@ -18,7 +18,7 @@ from support.values import value
 
 
 def of(V, **options):
-    """H = |p|^2 / 2 + V."""
+    """The system with H = |p|^2 / 2 + V."""
     return Hamiltonian(q="x y", p="u v", H=f"(u**2 + v**2)/2 + {V}", **options)
 
 
@@ -132,7 +132,7 @@ def test_the_distance_of_an_expanded_formula_is_exact():
 
 
 def test_the_step_density_handles_signed_distances():
-    """V = 1/(x - 2)**2, at x < 2."""
+    """The step density is right where the distance is negative: V = 1/(x - 2)**2 at x < 2."""
     system = of("1/(x - 2)**2")
     monitor = adaptive.monitor(system, DOUBLE)
     q, p, dt = np.array([1.5, 0.6]), np.array([0.7, -0.3]), 1e-5

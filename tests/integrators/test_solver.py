@@ -31,7 +31,7 @@ WORK = np.zeros((8, 8))
 
 
 def equation(f):
-    """Compile a function whose result is a vector."""
+    """Compile a function whose result is a vector, for use as an equation x = G(x)."""
     return njit(f) if codegen.compiled() else lambda *arguments: np.array(f(*arguments))
 
 
@@ -42,7 +42,7 @@ ZERO = value(0.0, 0.0)
 
 
 def table(values, slots=1, slot=0):
-    """Memory of the increments of earlier steps."""
+    """The solver's memory of the increments of earlier steps, filled with (v, -2 v) for v in ``values``."""
     memory = np.zeros(((LEVELS + 1) * slots, 2))
     for known, v in enumerate(values):
         remember(memory, slot, slots, known, value(float(v), -2.0 * float(v)))
@@ -97,12 +97,12 @@ def infinite(x, arguments):
 
 @njit
 def of_one(x, g, arguments):
-    """The scales of both unknowns, increments of variables of size 1."""
+    """The scales that the solver asks for, of both unknowns: 1, as for increments of variables of size 1."""
     return 1.0, 1.0
 
 
 def called(solve):
-    """A solver that Python can call: it is an operation of compiled code."""
+    """Make a solver, which only compiled code can call, callable from Python."""
     return njit(lambda arguments, x, span, eps, work: solve(arguments, x, span, eps, work), **vector.TUPLES)
 
 
@@ -110,7 +110,7 @@ solve_affine, solve_none, solve_infinite = (called(solver(G, of_one)) for G in (
 
 
 def fixed_point(factor, constant):
-    """Solution of the affine equation."""
+    """Exact solution of `affine` with this factor and constant."""
     return constant / (1 - factor), constant / (1 + 0.5 * factor)
 
 
@@ -152,7 +152,7 @@ def test_the_limit_on_iterations_and_newtons_differences():
 
 @equation
 def of_their_size(x, g, arguments):
-    """Scales of the size of the unknowns themselves."""
+    """The scales that the solver asks for: the sizes of the unknowns themselves."""
     return abs(x[0]) + abs(g[0]), abs(x[1]) + abs(g[1])
 
 
@@ -175,7 +175,7 @@ def in_two_units(x, arguments):
 
 @njit
 def of_their_units(x, g, arguments):
-    """The true scales of the unknowns."""
+    """The scales that the solver asks for: the true units of both unknowns."""
     return 1.0, UNIT
 
 

@@ -21,7 +21,7 @@ OSCILLATOR = problem("harmonic-oscillator")
 
 
 def step_matrix(lam, z):
-    """Matrix of one step; its columns are the images of (1, 0) and (0, 1)."""
+    """Matrix of one step of Scheme I on the oscillator at z = h omega: its columns are the images of unit vectors."""
     columns = []
     for q, p in ((1.0, 0.0), (0.0, 1.0)):
         s = integrate(OSCILLATOR, method("scheme-i", lam=lam), h=z, steps=1, q0=[q], p0=[p])
@@ -36,7 +36,7 @@ def trace(lam, z):
 
 
 def grows(lam, z, steps=4000):
-    """Whether the state grows beyond 1e4 or the run stops."""
+    """Whether Scheme I grows beyond 1e4 on the oscillator at z = h omega, or its run stops."""
     s = integrate(OSCILLATOR, method("scheme-i", lam=lam), h=z, steps=steps, q0=[1.0], p0=[0.3])
     return s.status not in (OK, INACCURATE, UNSTABLE) or max(np.abs(s.q).max(), np.abs(s.p).max()) > 1e4
 

@@ -13,7 +13,7 @@ BOUND = 1e-12
 
 @pytest.fixture(scope="module")
 def results_of(of_each):
-    """Function label -> results of `support.stiff`."""
+    """Function: label of a method -> its results from `support.stiff.of`, runs with steps solved by Newton's method."""
     return of_each(stiff)
 
 

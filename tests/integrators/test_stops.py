@@ -9,7 +9,7 @@ from support import stops
 
 @pytest.fixture(scope="module")
 def results_of(of_each):
-    """Function label -> results of `support.stops`."""
+    """Function: label of a method -> its results from `support.stops.of`, runs that end early."""
     return of_each(stops)
 
 

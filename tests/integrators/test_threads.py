@@ -9,7 +9,7 @@ import time
 import pytest
 
 from phasebench.integrators import threads
-from phasebench.integrators.threads import MANY, Slices, shared
+from phasebench.integrators.threads import MANY, Slices, map_slices
 
 
 def numbers(parts) -> list[int]:
@@ -20,7 +20,7 @@ def numbers(parts) -> list[int]:
 @pytest.mark.parametrize("n", [0, 1, 2, 7, MANY - 1, MANY, 1000])
 @pytest.mark.parametrize("count", [1, 2, 5])
 def test_every_piece_is_done_once(n, count):
-    assert numbers(shared(lambda part: part, n, count)) == list(range(n))
+    assert numbers(map_slices(lambda part: part, n, count)) == list(range(n))
 
 
 def test_slices_for_several_threads_become_smaller():
@@ -33,19 +33,19 @@ def test_slices_for_several_threads_become_smaller():
 
 def test_short_work_is_not_split_into_tiny_slices():
     slices = Slices(1000, 2)
-    slices.took(slice(40, 50), threads.LEAST / 10)
+    slices.adapt(slice(40, 50), threads.LEAST / 10)
     assert [part.stop - part.start for part in slices] == [250, 188, 141, 106, 100, 100, 100, 15]
 
 
 def test_long_work_is_split_into_single_pieces():
     slices = Slices(100, 2)
-    slices.took(slice(0, 10), 100 * threads.LEAST)
+    slices.adapt(slice(0, 10), 100 * threads.LEAST)
     assert slices.fewest == 1
 
 
 def test_a_single_thread_is_not_timed_first():
-    assert list(shared(lambda part: part, MANY, 1)) == [slice(0, MANY)]
-    first, *_ = shared(lambda part: part, MANY, 2)
+    assert list(map_slices(lambda part: part, MANY, 1)) == [slice(0, MANY)]
+    first, *_ = map_slices(lambda part: part, MANY, 2)
     assert first == slice(0, 1)
 
 
@@ -56,14 +56,14 @@ def test_work_of_one_slice_uses_no_second_thread(monkeypatch):
 
     monkeypatch.setattr(threads, "Slices", Known)
     monkeypatch.setattr(threads, "_helpers", None)  # would fail if called
-    assert list(shared(lambda part: part, MANY, 2)) == [slice(0, 1), slice(1, MANY)]
+    assert list(map_slices(lambda part: part, MANY, 2)) == [slice(0, 1), slice(1, MANY)]
     with pytest.raises(TypeError):
-        list(shared(lambda part: part, MANY + 1, 2))
+        list(map_slices(lambda part: part, MANY + 1, 2))
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="there is no fork")
 def test_a_forked_child_does_not_inherit_threads():
-    assert numbers(part for part, _ in shared(slow, 4, 2)) == [0, 1, 2, 3]
+    assert numbers(part for part, _ in map_slices(slow, 4, 2)) == [0, 1, 2, 3]
     assert threads._helpers.cache_info().currsize > 0
     child = os.fork()
     if child == 0:
@@ -78,11 +78,11 @@ def slow(part: slice):
 
 
 def test_long_work_is_shared_and_short_work_is_not(monkeypatch):
-    assert len({who for _, who in shared(slow, MANY, 2)}) == 2
+    assert len({who for _, who in map_slices(slow, MANY, 2)}) == 2
     monkeypatch.setattr(threads, "_helpers", None)  # would fail if called
-    assert numbers(shared(lambda part: part, MANY, 2)) == list(range(MANY))
+    assert numbers(map_slices(lambda part: part, MANY, 2)) == list(range(MANY))
     with pytest.raises(TypeError):
-        list(shared(slow, MANY, 2))
+        list(map_slices(slow, MANY, 2))
 
 
 def test_a_busy_thread_is_not_waited_for():
@@ -90,7 +90,7 @@ def test_a_busy_thread_is_not_waited_for():
     running = pool.submit(blocked.wait, 8)
     began = time.monotonic()
     try:
-        found = list(shared(slow, 8, 2))
+        found = list(map_slices(slow, 8, 2))
         assert time.monotonic() - began < 6
     finally:
         blocked.set()
@@ -115,5 +115,5 @@ def test_an_exception_on_any_thread_ends_the_work(here):
 
     n = MANY - 1
     with pytest.raises(ZeroDivisionError):
-        list(shared(work, n, 2))
+        list(map_slices(work, n, 2))
     assert len(done) == 1

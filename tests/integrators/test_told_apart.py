@@ -25,7 +25,7 @@ def times(k):
 
 def symbol(k, name):
     """Linker symbol of a compiled function without Numba's running number."""
-    made = machine.compiled(times(k), NUMBER, TUPLES, name)
+    made = machine.load_or_compile(times(k), NUMBER, TUPLES, name)
     return re.sub(r"B\dv\d+", "", next(iter(made.overloads.values())).fndesc.mangled_name)
 
 
@@ -35,7 +35,7 @@ def test_functions_with_different_content_have_other_symbols():
 
 
 def part(k):
-    """A part of a kernel that is made with a constant."""
+    """The qualified name of a compiled part of a kernel that multiplies by the constant k."""
     return vector.jit(times(k)).py_func.__qualname__
 
 
@@ -46,7 +46,7 @@ def test_parts_with_different_content_have_other_names():
 
 def test_a_function_has_only_its_declared_signature():
     """Passed on with another signature it is refused instead of being called wrongly."""
-    made = machine.compiled(times(2.0), NUMBER, TUPLES, "times|2")
+    made = machine.load_or_compile(times(2.0), NUMBER, TUPLES, "times|2")
     assert made.nopython_signatures == [NUMBER]
     with pytest.raises(TypeError, match="No matching definition"):
         made(1.0 + 1j)
@@ -59,4 +59,4 @@ def test_closures_can_be_compiled():
 
         return inner(2.0 * x)
 
-    assert machine.compiled(outer, NUMBER, TUPLES, "outer|inner")(1.5) == 4.5
+    assert machine.load_or_compile(outer, NUMBER, TUPLES, "outer|inner")(1.5) == 4.5

@@ -24,7 +24,7 @@ ROUND_OFF, VISIBLE = 1e-13, 1e-10
 
 @cache
 def end(id, name="henon-heiles"):
-    """End state (q, p) of a run that must be ok."""
+    """End state (q, p) of a run of a method on a problem; fail if its status is not "ok"."""
     system, q, p = SYSTEMS[name]()
     s = integrate(system, id, h=H, steps=STEPS, q0=q, p0=p)
     assert s.status == "ok", s.reason
@@ -40,12 +40,12 @@ INVERSE_MASS = ((2, 0.5), (0.5, 1))
 
 @cache
 def heavy():
-    """A system with this kinetic energy."""
+    """A system with d = 2 whose kinetic energy, p1^2 + p1 p2 / 2 + p2^2, has a full mass matrix."""
     return Hamiltonian(q="q1 q2", p="p1 p2", H="p1**2 + p1*p2/2 + p2**2/2 + q1**4/4 + q1*q2**2 + cos(q2)")
 
 
 def rule(quadrature, nodes):
-    """[(node, weight)] from NumPy's Legendre polynomials, refined in the working precision."""
+    """[(node, weight)] of Gauss or Lobatto quadrature on [0, 1], in the working precision."""
     base = np.polynomial.legendre.Legendre.basis(nodes if quadrature == "gauss" else nodes - 1)
     roots = list(base.roots()) if quadrature == "gauss" else [-1.0, *base.deriv().roots(), 1.0]
     t = [mpmath.mpf(x) for x in roots]
@@ -81,7 +81,11 @@ def action(points, h, quadrature):
 
 
 def residual(id, spoil=0):
-    """Residual of p0 = -dL_d/dq0, p1 = dL_d/dq1 with the inner control points stationary, for one step."""
+    """Residual of the discrete Euler-Lagrange equations p0 = -dL_d/dq0, p1 = dL_d/dq1 for one step.
+
+    L_d is the discrete Lagrangian of the q at both ends, stationary in the inner control points; ``spoil`` changes the
+    first weight (control).
+    """
     degree, quadrature, nodes = method(id).data
     system, q0, p0 = heavy(), (0.3, -0.5), (0.4, 0.7)
     s = integrate(system, id, h=H, steps=1, q0=q0, p0=p0)
@@ -92,7 +96,7 @@ def residual(id, spoil=0):
         size = 2 * (degree - 1)
 
         def slope(flat, i):
-            """Derivative of L_d by the i-th coordinate of all control points."""
+            """Derivative of the discrete Lagrangian by the i-th coordinate of all control points."""
 
             def along(x):
                 moved = [*flat[:i], x, *flat[i + 1 :]]
@@ -138,7 +142,7 @@ def test_control_a_changed_action_is_not_stationary():
 
 
 def collocation(nodes):
-    """(A, b) of collocation at the nodes, in doubles."""
+    """(A, b) of the collocation method with these nodes, in doubles."""
     c = np.array(nodes)
     powers = np.vander(c, increasing=True)
     k = np.arange(1, len(c) + 1)
@@ -188,7 +192,7 @@ def test_with_minimal_quadrature_it_is_a_known_method(id):
 
 
 def test_with_more_nodes_it_is_a_new_method():
-    """The differences are also the control of the equalities."""
+    """Its steps differ from those of the known methods, which differ from one another too (control)."""
     assert set(IDS) == {*OTHERS, "variational-2-3"}
     ends = [*(f() for f in OTHERS.values()), end("variational-2-3")]
     for i, a in enumerate(ends):

@@ -23,7 +23,7 @@ X, Y, C = np.random.default_rng(4).normal(size=(3, MANY)) * np.array([[1.0], [1.
 
 
 def each(x, y, c, A):
-    """Results of every operation."""
+    """Results of every operation on vectors x, y, compensations c and rows A: (vectors, numbers)."""
     t, lost = vector.add(x, c, y)
     s, rest = vector.add_product(x, c, 0.5, y)
     moved = vector.axpy(0.5, x, y), vector.scale(0.5, x), vector.plus(x, y), vector.minus(x, y)
@@ -32,7 +32,7 @@ def each(x, y, c, A):
 
 
 def numpy_results(x, y, c, A):
-    """The same results by NumPy."""
+    """The results of `each`, computed by NumPy."""
     bumped, t = x.copy(), (x + c) + y
     bumped[1] += 0.25
     half = len(x) // 2
@@ -45,7 +45,7 @@ def numpy_results(x, y, c, A):
 
 
 def check(found, d):
-    """The results equal those of NumPy."""
+    """Assert that the results ``found`` of `each` on vectors of length d equal those of NumPy."""
     wanted = numpy_results(X[:d], Y[:d], C[:d], np.array([X, Y]))
     for a, b in zip(found[0], wanted[0], strict=True):
         # Exact even if product and sum are fused, as the factors are 1/2.
@@ -89,9 +89,9 @@ def test_a_state_is_written_and_read_unchanged():
         from phasebench.integrators.stepping.kernel import Carry
 
         carry = Carry(carry.state, np.zeros((1, 1)), np.zeros((1, 1)), carry.zero)
-    vector.close(carry, y)
+    vector.write_state(carry, y)
     assert carry.state.tolist() == [[1, 2, 0], [3, 4, 0], [5, 6, 0], [7, 8, 0], [0, 0, 0]]
-    for read in (vector.opened, vector.held):
+    for read in (vector.read_state, vector.view_state):
         assert [tuple(x) for x in read(carry)] == [(1, 2), (3, 4), (5, 6), (7, 8)]
 
 
@@ -99,7 +99,7 @@ def test_a_state_is_advanced_with_compensation():
     one = value(1.0)
     y = State(one, value(2.0), value(0.0), value(0.0))
     tiny = value(2.0**-60)
-    q, p, lost_q, lost_p = vector.advanced(y, tiny, value(-(2.0**-55)))
+    q, p, lost_q, lost_p = vector.update(y, tiny, value(-(2.0**-55)))
     assert (q[0], p[0], lost_q[0], lost_p[0]) == (1.0, 2.0, 2.0**-60, -(2.0**-55))
 
 
@@ -108,7 +108,7 @@ def test_a_row_stores_coordinates_and_momenta():
 
     zero = value(0.0, 0.0)
     samples = Samples(np.zeros((2, 2)), np.zeros((2, 2)), np.zeros((2, 1)), 1)
-    vector.keep(samples, 1, State(value(1.0, 2.0), value(3.0, 4.0), zero, zero))
+    vector.write_sample(samples, 1, State(value(1.0, 2.0), value(3.0, 4.0), zero, zero))
     assert samples.q.tolist() == [[0, 0], [1, 2]]
     assert samples.p.tolist() == [[0, 0], [3, 4]]
 
@@ -127,12 +127,12 @@ def test_types_that_hold_vectors():
 
 @compiled
 def test_compilation_options():
-    """`inlined` functions are inlined into callers; a caller says whether the runtime is used."""
+    """`inline` functions are inlined into callers; whether memory is managed (``_nrt``) is the caller's option."""
 
     def f(x):
         return x
 
-    for made, inline in ((vector.jit(f), "never"), (vector.inlined(f), "always")):
+    for made, inline in ((vector.jit(f), "never"), (vector.inline(f), "always")):
         assert made.targetoptions.get("inline", "never") == inline
         assert "_nrt" not in made.targetoptions
         assert made.targetoptions["fastmath"] == {"contract"}
@@ -159,8 +159,8 @@ def test_functions_of_vectors_allocate_for_arrays_only():
 
 
 def call(f, x, old):
-    """`velocity`, and `of` with a vector to overwrite."""
-    return vector.velocity(f, x), vector.of(f, x, old)
+    """Results of `velocity`, and of `apply` where a vector may be overwritten, for the function f."""
+    return vector.velocity(f, x), vector.apply(f, x, old)
 
 
 @compiled
@@ -177,8 +177,8 @@ call_compiled = numba.njit(call)
 
 
 def numbers_times(f, x, old):
-    """`of` with an array of factors for f."""
-    return vector.of(f, x, old)
+    """Result of `apply` where f is an array of factors in place of a function."""
+    return vector.apply(f, x, old)
 
 
 @compiled
@@ -189,14 +189,14 @@ def test_an_array_in_place_of_a_function_means_factors():
     x, old = np.array([1.0, 2.0]), np.zeros(2)
     assert numba.njit(**ARRAYS)(numbers_times)(f, x, old) is not None
     assert (old.tolist(), x.tolist()) == ([2.0, 6.0], [1.0, 2.0]), "written over"
-    assert vector.of(f, x, old).tolist() == [2.0, 6.0]
+    assert vector.apply(f, x, old).tolist() == [2.0, 6.0]
 
 
 def in_the_place(A, x, c, v):
-    """Rows, halves and a compensated sum, which overwrite arrays."""
+    """Results of `rows`, `halves` and a compensated sum, where they may overwrite arrays."""
     first, second = vector.rows(A, 0, 1, v)
     left, right = vector.halves(A, 2, v)
-    x, c = vector.moved(x, c, 0.5, v)
+    x, c = vector.add_product_in_place(x, c, 0.5, v)
     return (first, second, left, right), (x, c)
 
 

@@ -52,13 +52,16 @@ PLANETS, H = "outer-solar-system", 100.0
 
 
 def by_label(label):
-    """The method of a label."""
+    """The method of a label such as "id" or "id(corrector=n)"."""
     id, _, value = label.partition("(corrector=")
     return method(id, corrector=int(value[:-1])) if value else method(id)
 
 
 def first_orders():
-    """{label: observed orders of the error to first order in the perturbation}; "wrong sign" is the control."""
+    """{method: observed orders of the part of its error that is of first order in the perturbation}.
+
+    "wrong sign" is the control.
+    """
     from phasebench.benchmarks.measure.multiprecision import advance, flow
 
     out = {}
@@ -86,7 +89,7 @@ def planets(ids=FAMILY):
 
 
 def _planets(id):
-    """[states in hexadecimal, counts] of one method."""
+    """[states in hexadecimal, counts] of one method on the outer solar system, in two pieces."""
     made = problem(PLANETS)
     layout = lay_out(prepare(method(id), made.system), made.system.d, H, made.q0, made.p0)
     states = np.zeros((2, 2, made.system.d))
@@ -96,13 +99,13 @@ def _planets(id):
 
 
 def end(s):
-    """End state (q, p) of a run that must be ok."""
+    """End state (q, p) of a solution; fail if its status is not "ok"."""
     assert s.status == "ok", s.reason
     return np.concatenate([s.q[-1], s.p[-1]])
 
 
 def elsewhere(system, q, p, t):
-    """State at time t by SciPy's DOP853."""
+    """State of a system at time t from (q, p), by SciPy's DOP853."""
     from scipy.integrate import solve_ivp
 
     return solve_ivp(system.vector_field(), (0, t), [*q, *p], method="DOP853", rtol=1e-13, atol=1e-15).y[:, -1]
@@ -188,7 +191,7 @@ def test_the_potential_of_two_bodies():
 
 
 def planar(part):
-    """Two bodies in the plane with this Kepler part."""
+    """A system of two bodies in the plane with this declared Kepler part."""
     q, p = sp.symbols("x1 x2 y1 y2", real=True), sp.symbols("u1 u2 v1 v2", real=True)
     r = sp.sqrt((q[2] - q[0]) ** 2 + (q[3] - q[1]) ** 2)
     H = (p[0] ** 2 + p[1] ** 2) / 2 + (p[2] ** 2 + p[3] ** 2) / sp.Rational(1, 2) - 1 / (4 * r)
@@ -295,7 +298,7 @@ def motion(r0, inverse, eta, beta, mu, h, eps, table, memory, row, like):
 
 
 def root(square, guess):
-    """Stand-in for `kepler_lanes.root`, whose guess must be near."""
+    """Stand-in for `kepler_lanes.root`, the square root and its inverse; fails if ``guess`` is not near."""
     assert np.abs(square * guess**2 - 1).max() < 1e-12
     return np.sqrt(square), 1 / np.sqrt(square)
 
@@ -312,7 +315,9 @@ def in_lanes(monkeypatch):
             monkeypatch.setattr(planet_lanes, name, function)
         monkeypatch.setattr(kepler_lanes, "motion", motion)
         monkeypatch.setattr(kepler_lanes, "root", root)
-        monkeypatch.setattr(planet_pairs, "codegen", SimpleNamespace(compiled=lambda: True, exactly=codegen.exactly))
+        monkeypatch.setattr(
+            planet_pairs, "codegen", SimpleNamespace(compiled=lambda: True, to_number=codegen.to_number)
+        )
 
     return begin
 
@@ -337,7 +342,7 @@ def test_planets_compiled_and_uncompiled_agree(uncompiled, in_lanes, id):
 
 @pytest.mark.parametrize("part", [jacobi([1, 2], 1), jacobi([1] * 17, 1), KeplerPart(3, (1, sp.sqrt(2), 1), (0, 1, 1))])
 def test_kepler_parts_without_lanes(in_lanes, part):
-    """The system is not inspected for these Kepler parts."""
+    """For these Kepler parts lanes are not used, whatever the rest of the system is."""
     in_lanes()
     assert planet_pairs.prepare(part, None, {}) is None
 

@@ -93,7 +93,7 @@ def copied(folder: Path) -> Path:
 
 @contextmanager
 def judge(folder: Path):
-    """Start a process with a copy of the project and yield a function that sends it a job and returns its verdict."""
+    """Start a process with a copy of the project; yield a function that sends it a job and returns the verdict."""
     ours, theirs = CHILDREN.Pipe()
     process = CHILDREN.Process(target=worker.serve, args=(str(copied(folder)), theirs))
     process.start()
@@ -117,7 +117,7 @@ class Trial:
     ----------
     path : the file, from the root of the project
     reach : which tests reach which line
-    asked : the parsed arguments of the command
+    asked : the parsed command-line arguments
     """
 
     def __init__(self, path: str, reach: Reach, asked: argparse.Namespace):
@@ -158,13 +158,13 @@ class Trial:
         return [test for test in tests if self.reach.seconds(test) <= self.within]
 
     def failing(self, ask) -> str | None:
-        """A test that fails with the unmodified file, or None; such a test would fail for every mutant."""
+        """A test that fails on the unmodified file, or None; such a test would seem to notice every mutant."""
         tests = self._affordable(0, lambda test: -self.reach.seconds(test))
         code, seconds = (ROOT / self.path).read_text(), sum(map(self.reach.seconds, tests))
         return ask(worker.Job(self.path, code, tuple(tests), self.files, self.known_tests, seconds))
 
     def judged(self, mutant: Mutant, ask) -> str:
-        """Verdict on a mutant: killed, survived or not reached."""
+        """Verdict on a mutant: killed, survived, or not reached by any test. ``ask`` runs a job."""
         tests = self.tests(mutant)
         if not self.files:
             return UNREACHED
@@ -175,7 +175,7 @@ class Trial:
         return KILLED if by else SURVIVED
 
     def score(self, said: dict[str, str]) -> score.Score:
-        """The entry of ``score.csv`` from the verdicts of this run."""
+        """The entry of ``score.csv`` from this run's verdicts, {mutant id: verdict}."""
         counts = Counter(said.values())
         survived = tuple(i for i, of in said.items() if of in (SURVIVED, UNREACHED))
         killed = len(self.tried) - len(survived) if self.known else counts[KILLED]
@@ -183,7 +183,7 @@ class Trial:
 
 
 def tried(trial: Trial, ask) -> dict[str, str]:
-    """Judge the mutants of a file, print the survivors, and return {mutant id: verdict}."""
+    """Judge the mutants of a file, print those that no test notices, and return {mutant id: verdict}."""
     said, began = {}, time.monotonic()
     for mutant in trial.todo():
         said[mutant.id] = trial.judged(mutant, ask)

@@ -92,7 +92,7 @@ class Recorder:
 
 
 def _record(database: str, root: str, tests: list[str]) -> None:
-    """Run tests under Coverage.py and add what they reach and cost to the database."""
+    """Run tests under Coverage.py and add to the database which lines they reach and their seconds."""
     folders = [f"{root}/{folder}/*" for folder in FOLDERS]
     coverage = Coverage(data_file=database, include=folders, config_file=False)
     coverage.load()
@@ -110,7 +110,7 @@ def _record(database: str, root: str, tests: list[str]) -> None:
 
 
 class Reach:
-    """The recorded reach of the tests.
+    """Which tests reach which line, as recorded in a coverage database.
 
     Parameters
     ----------

@@ -17,7 +17,7 @@ KEPT = Path(__file__).with_name("score.csv")
 
 @dataclass(frozen=True)
 class Score:
-    """The score of one file.
+    """The mutation score of one file.
 
     Attributes
     ----------
@@ -68,7 +68,7 @@ def table(scores: dict[str, Score], root: Path) -> list[tuple]:
 
 
 def same(of: Score, root: Path) -> bool:
-    """Whether a file has not changed since it was judged."""
+    """Whether a file has not changed since its mutants were judged."""
     return digest(root / of.path) == of.hash
 
 

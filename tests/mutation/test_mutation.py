@@ -106,7 +106,7 @@ TEN = 10
 
 @pytest.fixture
 def module(tmp_path, monkeypatch):
-    """(names, swapped): names of a module made from OLD; swapped(before, after) puts the edited functions in place."""
+    """(names of a module made from OLD, a function that replaces the code of the functions that an edit changes)."""
     monkeypatch.syspath_prepend(TOOL)
     import swap
 
@@ -200,7 +200,7 @@ def test_kernels_count_as_python_without_compilation(monkeypatch):
 
 
 def test_a_mutant_gets_cached_sources_but_no_machine_code(monkeypatch, tmp_path):
-    """`lend` copies cached sources into the mutant's cache, but no machine code, and copies rather than links them."""
+    """`lend` copies (does not link) cached sources, but no machine code, into the mutant's cache."""
     monkeypatch.syspath_prepend(TOOL)
     import worker
 

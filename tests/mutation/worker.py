@@ -169,7 +169,7 @@ class Worker:
         gc.freeze()
 
     def _changed(self, job: Job, original: str, run: Callable[[], str | None]) -> str | None:
-        """Result of `run` while the file in the copy holds the mutant, for subprocesses of tests that read it."""
+        """Result of ``run`` while the file in the copy holds the mutant, for subprocesses of tests that read it."""
         if self.kept and not job.path.startswith(GENERATING):
             lend(self.kept, self.cache / self.kept.name)
         try:
@@ -196,7 +196,7 @@ class Worker:
         return self.session.recv()
 
     def close(self) -> None:
-        """End the session."""
+        """End the child process that has collected tests."""
         if self.session is not None:
             self.session.send(None)
         self.session = self.about = None
@@ -210,7 +210,7 @@ def change(file: Path, text: str) -> None:
 
 
 def lend(kept: Path, place: Path) -> None:
-    """Copy the entries of a cache except machine code into another."""
+    """Copy all entries of the cache folder ``kept`` except machine code into the folder ``place``."""
     place.mkdir(parents=True, exist_ok=True)
     for entry in kept.iterdir() if kept.is_dir() else ():
         if entry.suffix in (".py", ".json"):
@@ -279,7 +279,7 @@ def noticed(items: dict, tests: tuple[str, ...], known: frozenset[str]) -> str |
 
 
 def _session(connection, file: str, files: tuple[str, ...]) -> None:
-    """Collect tests once, then judge each set of changed functions that arrives in a child."""
+    """Collect the tests of files once, then judge in a child process each set of changed functions that is received."""
 
     def loop(items: dict, failed: bool) -> None:
         CALLED.disable()
@@ -297,7 +297,7 @@ def _session(connection, file: str, files: tuple[str, ...]) -> None:
 
 
 def _with(made: dict, items: dict, tests: tuple[str, ...], known: frozenset[str], changes: list) -> str | None:
-    """Replace the code of functions in place and return the first test that fails."""
+    """Replace the code of functions in place, run the tests and return the first one that fails, or None."""
     for where, code in changes:
         for function in made.get(where, ()):
             function.__code__ = marshal.loads(code)
@@ -305,7 +305,7 @@ def _with(made: dict, items: dict, tests: tuple[str, ...], known: frozenset[str]
 
 
 def alone(job: Job) -> str | None:
-    """The first test that fails in a session of its own; "collection" if a file cannot be imported."""
+    """The first test of a job that fails in a pytest session of its own, or None; "collection" if an import fails."""
     found: list[str | None] = ["collection"]
 
     def loop(items: dict, failed: bool) -> None:
@@ -317,7 +317,7 @@ def alone(job: Job) -> str | None:
 
 
 def anew(job: Job) -> str | None:
-    """The first test that fails after a file, and all that imports it, has been imported again."""
+    """The first test of a job that fails after the mutated file and its importers are imported again, or None."""
     CALLED.disable()
     forget(Path(job.path).resolve())
     return alone(job)
@@ -338,7 +338,7 @@ def forget(file: Path) -> None:
 
 
 def project() -> dict:
-    """The loaded modules of the project by name."""
+    """{name: loaded module} of the project."""
     found = {name: m for name, m in sys.modules.items() if name.partition(".")[0] == "phasebench"}
     return {name: m for name, m in found.items() if getattr(m, "__file__", None)}
 

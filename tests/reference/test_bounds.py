@@ -24,7 +24,7 @@ STILL_MORE = Precision(300, "1e-66")
 
 
 def errors(made, ends, precision=STILL_MORE) -> list[float]:
-    """Error of each state against a run of our own with more bits."""
+    """Error of each certified state against a run with more bits."""
     times = [e.t for e in ends]
     rows = taylor.states(made.system, taylor.Bits(precision.bits), made.q0, made.p0, times, precision.tolerance)
     return [stored.distance(e.texts, map(str, row)) for e, row in zip(ends, rows, strict=True)]
@@ -102,7 +102,7 @@ def test_numbers_of_many_bits_are_exact(bits):
 
 @pytest.fixture(scope="module")
 def measurements():
-    """What `examine` measures of the orbit, computed once for all tests."""
+    """The measurements of an orbit from which its certificate is checked, computed once for all tests."""
     made, known = problem(ORBIT), stored.find(problem(ORBIT))
     path = along(made, [e.t for e in known.ends], check.AGAIN)
     said = others.words(made, made.start.times, path, horizon.neighbour(made, path.grid, path.near))
@@ -111,7 +111,7 @@ def measurements():
 
 @pytest.fixture
 def use_measurements(measurements, monkeypatch):
-    """Let `check` use the stored measurements."""
+    """Let the check of a certificate use the measurements already made."""
     path, rounding, said = measurements
     monkeypatch.setattr(check, "along", lambda *a: path)
     monkeypatch.setattr(horizon, "rounding", lambda *a: rounding)
@@ -120,14 +120,14 @@ def use_measurements(measurements, monkeypatch):
 
 
 def at_end(**changed):
-    """Function that changes fields of the last state of a certificate."""
+    """Function that returns a certificate with fields of its last state changed: name=function of the state."""
     return lambda c: replace(
         c, ends=(*c.ends[:-1], replace(c.ends[-1], **{k: f(c.ends[-1]) for k, f in changed.items()}))
     )
 
 
 def digit(place: int):
-    """Function that changes one decimal of q1 by 5."""
+    """Function that returns a certificate with one decimal of q1 in its last state changed by 5."""
 
     def other(end):
         text = end.q_text[0]
@@ -138,7 +138,7 @@ def digit(place: int):
 
 
 def later(name: str, points: float):
-    """Function that moves a time of a certificate by grid points."""
+    """Function that returns a certificate with a time of it (``name``) moved by some grid points."""
     return lambda c: replace(c, **{name: getattr(c, name) + points * c.spacing})
 
 
@@ -193,7 +193,7 @@ def test_command_and_cell_fail_on_a_changed_file(use_measurements, what, tmp_pat
 
 
 def end(**check_of) -> stored.End:
-    """A state with one check by another solver."""
+    """A made-up state of a certificate, with one check by another solver."""
     said = stored.Check("another", **check_of)
     return stored.End(1.0, ("0.78",), ("0.1",), 1e-20, 1e-15, 0.0, (said,))
 
@@ -265,7 +265,7 @@ def test_the_horizon_for_exponential_growth():
 
 
 def test_the_horizon_is_robust_to_displacement_and_order(chaotic):
-    """Their effect exceeds that of another machine's round-off."""
+    """The horizon stays in its band for another displacement and tolerance, which change more than another machine."""
     other = horizon.rounding(problem(CHAOTIC), GRID, horizon.OTHER)
     low, high = chaotic.band
     assert all(a <= t <= b for a, t, b in zip(low, other.span(), high, strict=True))

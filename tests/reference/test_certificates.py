@@ -38,7 +38,7 @@ def largest(made, state) -> int:
 
 
 def halves(z):
-    """The halves (q, p) of a state."""
+    """(q, p) of a state z = (q, p)."""
     return z[: len(z) // 2], z[len(z) // 2 :]
 
 
@@ -140,17 +140,17 @@ def rewrite(path, change) -> None:
 
 
 def without_time(content):
-    """Remove a time."""
+    """Remove the time of a state from a certificate's content."""
     del content["references"][0]["ends"][0]["t"]
 
 
 def with_word(content):
-    """Replace a number by a word."""
+    """Replace a number of a certificate's content by a word."""
     content["references"][0]["ends"][0]["q_text"][0] = "half"
 
 
 def with_too_few(content):
-    """Remove a component."""
+    """Remove a component of a state from a certificate's content."""
     content["references"][0]["ends"][0]["q_text"].pop()
 
 
@@ -194,7 +194,7 @@ def test_a_changed_problem_is_refused():
 
 @pytest.fixture(scope="module")
 def short():
-    """A new certificate of the pendulum to t = 10."""
+    """A newly computed certificate of the pendulum, with states at t = 1 and 10."""
     return make.certify(problem("pendulum:swinging"), [1.0, 10.0], grid_points=20)
 
 
@@ -262,7 +262,7 @@ def run(*arguments):
 
 
 def outcome(known, **changed):
-    """Result of a recheck in which everything holds."""
+    """The result of rechecking a certificate in which everything holds, with some fields changed."""
     span = horizon.Span(known.horizon, known.earliest, known.latest)
     errors = tuple(e.uncertainty / 4 for e in known.ends)
     told = check.Outcome(known, errors, span, known.t_end, known.ends[-1].long_double, known.growth, known.rate, ())

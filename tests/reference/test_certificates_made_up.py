@@ -24,7 +24,7 @@ def about(value, rel: float = 1e-6):
 
 
 def fake_problem(times=(1.0, 2.0, 4.0), d: int = 1) -> SimpleNamespace:
-    """Stand-in for a problem, with the fields that certificates need."""
+    """Stand-in for a problem with stored times, with the fields that the making of certificates reads."""
     system = OSCILLATOR if d == 1 else Hamiltonian(q="a b", p="c d", H="(c**2 + d**2)/2 + a**2 + b**2")
     start = SimpleNamespace(name="start", times=times)
     q, p = (1.0,) * d, (0.0,) * d
@@ -32,7 +32,10 @@ def fake_problem(times=(1.0, 2.0, 4.0), d: int = 1) -> SimpleNamespace:
 
 
 def path(grid, rows=None, near=None) -> along.Along:
-    """An orbit at rest at (1, 0), or with these rows as decimal strings."""
+    """An orbit on a grid of times, at rest at (1, 0) or with these rows as decimal strings.
+
+    ``near``: the same orbit in long double.
+    """
     number = taylor.Bits(PRECISION.bits)
     rows = [[number(x) for x in row] for row in (rows or [["1", "0"]] * len(grid))]
     near = np.array([[1.0, 0.0]] * len(grid)) if near is None else near
@@ -54,7 +57,7 @@ def certificate(**changed) -> stored.Certificate:
 
 @pytest.fixture
 def still(monkeypatch):
-    """Replace Taylor runs by (t, -2 t) at the requested times."""
+    """Replace Taylor runs by ones whose state at a time t is (t, -2 t)."""
     monkeypatch.setattr(
         taylor, "states", lambda system, fp, q, p, times, tol=None: np.array([[t, -2 * t] for t in times])
     )
@@ -186,7 +189,10 @@ def test_gauss_and_ias15_report_at_the_times(monkeypatch):
 
 @pytest.fixture
 def ias15(monkeypatch):
-    """IAS15 replaced by runs that end at (t + tol, 0; 0, 0) after 400 steps: (calls, status to return)."""
+    """Replace IAS15 by runs that end at q = (t + tol, 0), p = 0 after 400 steps.
+
+    The fixture is (list of calls, list whose only element is the status that runs return).
+    """
     asked, status = [], ["ok"]
 
     def run(problem, peer, tol, t_end):
@@ -221,7 +227,7 @@ def test_the_round_off_of_ias15_is_a_random_walk(ias15, monkeypatch):
 
 
 def outcome(known, *errors: float, wrong=()) -> check.Outcome:
-    """The outcome of a check with these errors."""
+    """The outcome of checking a certificate, with these errors of its states and these faults (``wrong``)."""
     return check.Outcome(known, errors, horizon.Span(3.0, 2.0, 4.0), 3.0, 1e-19, 1.0, None, wrong)
 
 
@@ -328,7 +334,7 @@ def test_missing_folders_are_created(tmp_path):
 
 
 class Flow:
-    """Stand-in for an integrator whose state does not change."""
+    """Stand-in for a Taylor integrator: its time advances and its state does not change."""
 
     def __init__(self):
         self.state, self.time = np.ones(2, np.longdouble), np.longdouble(0)

@@ -25,7 +25,7 @@ WALL = "p**2/2 + exp(-40*q) + q"
 @pytest.mark.processor
 @pytest.mark.parametrize("label", SAMPLE)
 def test_uncertainties_at_arbitrary_times_hold(label):
-    """At a few of the experiment's times; its page has all."""
+    """The stated uncertainty bounds the error at a few of the times that the experiment's page has."""
     made = problem(label)
     rows = odd.error_rows(made, odd.times(made)[:: odd.TIMES // 4])
     assert odd.beyond(rows) == []
@@ -104,7 +104,7 @@ def test_the_horizon_ends_where_the_runs_part(monkeypatch):
 
 
 def wall(q: float):
-    """The problem of the wall, started at rest at q."""
+    """The problem of the wall (a potential `WALL` of one coordinate), started at rest at q."""
     return from_formula(WALL, [q], [0.0], {})
 
 

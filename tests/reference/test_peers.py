@@ -238,7 +238,7 @@ def test_the_texts_of_records_are_complete():
 
 
 def test_the_scope_in_words_agrees_with_lacks():
-    """On a canonical, non-separable H exactly the peers for any system run."""
+    """For a canonical, non-separable H `lacks` admits exactly the peers whose scope is any system."""
     made = problem("double-pendulum")
     peers = [p for p in PEERS if not p.id.endswith("-numba")]  # these need compilation
     able = {p.id for p in peers if p.lacks(made, made.system) is None}
@@ -350,7 +350,7 @@ def test_older_scipy_interfaces_count_evaluations(solver, monkeypatch):
 
 @pytest.mark.parametrize("where", [("q", 2, 0), ("q", 2, 1), ("p", 2, 0), ("p", 2, 1)])
 def test_a_single_nan_ends_the_rows(where):
-    """In any component; rows after it may be finite."""
+    """A NaN in any component of a row ends the rows, even if later ones are finite."""
     name, row, component = where
     rows = {"q": np.ones((4, 2)), "p": np.ones((4, 2))}
     rows[name][row, component] = np.nan
@@ -362,7 +362,7 @@ def test_a_single_nan_ends_the_rows(where):
 
 
 class FakeSystem(SimpleNamespace):
-    """Stand-in for a system with given energies."""
+    """Stand-in for a system whose energies are given as H."""
 
     def observe(self, H, q, p):
         return np.asarray(H)
@@ -380,7 +380,7 @@ class FakeSystem(SimpleNamespace):
 )
 def test_energy_errors_mean_collision_or_divergence(energies, status, rows, monkeypatch):
     monkeypatch.setattr(outcome, "energy_unit", lambda *_: 1.0)
-    monkeypatch.setattr(outcome, "judged", lambda *_: ("judged", ""))
+    monkeypatch.setattr(outcome, "judge", lambda *_: ("judged", ""))
     system, times, states = FakeSystem(H=energies, singular=True), np.array([0.0, 1.0, 2.0]), np.zeros((3, 1))
     found, reason, good = run.ending(system, times, states, states, None)
     assert (found, good) == (status, rows)

@@ -60,13 +60,13 @@ def cached_problem(name):
 
 @lru_cache(maxsize=32)
 def truth(name):
-    """Reference rows at the quarters of the span."""
+    """Reference states at the quarters of a problem's time span."""
     end, steps = SPANS[name]
     return reference(cached_problem(name), [end / steps * (steps // 4) * k for k in range(5)], certify=False)
 
 
 def solve(name, peer, refinement=1, tol=None):
-    """Solution with rows at the quarters of the span; it must be ok."""
+    """A peer's solution with rows at the quarters of the problem's span; fail if its status is not "ok"."""
     end, steps = SPANS[name]
     steps *= refinement
     s = integrate_peer(cached_problem(name), peer, h=end / steps, steps=steps, save_every=steps // 4, tol=tol)
@@ -83,7 +83,7 @@ def error(name, solution) -> float:
 
 
 def able(peers):
-    """Parameters (peer, problem) of all pairs that work."""
+    """Test parameters (peer, problem) for all problems that each peer can integrate."""
     return [
         pytest.param(p, name, id=f"{p.id}:{name}")
         for p in peers
@@ -189,7 +189,7 @@ def test_the_number_of_steps_to_a_row_is_not_truncated():
     assert int(0.3 / 0.1) == 2
 
     def asked(h, stride):
-        """The times passed to galpy."""
+        """(times requested from galpy, steps between rows, options) for steps h and a row every ``stride`` steps."""
         start, system = np.zeros(2), cached_problem("henon-heiles").system
         return galpy._times("leapfrog_c", False, Task(system, system, start, start, h, [0, stride], [0.0], None))
 

@@ -62,7 +62,7 @@ def test_lanes_equal_a_single_orbit(name):
 
 
 class Differing:
-    """An integrator with one lane that deviates at a row."""
+    """A heyoka integrator of several lanes, wrapped so that its last lane deviates by 1e-15 at one row."""
 
     def __init__(self, kept, row):
         self.kept, self.row = kept, row
@@ -174,7 +174,7 @@ def test_the_variants_of_a_peer():
 
 @pytest.mark.parametrize("id", IDS)
 def test_integrators_are_cached_and_restarted(id):
-    """Another orbit, a divergence or another tolerance between two runs has no effect."""
+    """A run is not affected by one before it with another orbit, tolerance or a divergence."""
     made = problem("henon-heiles:box")
     first = integrate_peer(made, id, h=0.5, t_end=T_END)
     integrate_peer(made, id, h=0.5, t_end=3.0, q0=[0.0, 50.0], p0=[0.0, 50.0])

@@ -55,7 +55,7 @@ def truth(name="pendulum", end=END):
 
 
 def error(chosen, system_or_problem, steps, **start):
-    """Error of a run at its end."""
+    """Error of a peer's run with this number of steps, at its end."""
     end = LONGER.get(chosen.id, END)
     solution = integrate_peer(system_or_problem, chosen, steps=steps, t_end=end, save_every=0, **start)
     assert solution.status == "ok", solution.reason
@@ -63,7 +63,7 @@ def error(chosen, system_or_problem, steps, **start):
 
 
 def has_order(chosen, system_or_problem, order, steps, **start) -> bool:
-    """Whether the observed order equals the given one."""
+    """Whether the order observed from runs with ``steps`` and twice as many steps is the given one."""
     errors = [error(chosen, system_or_problem, n, **start) for n in (steps, 2 * steps)]
     return bool(abs(np.log2(errors[0] / errors[1]) - order) < 0.35)
 
@@ -92,7 +92,7 @@ def test_desolvers_integrators_and_claims():
 
 
 def test_desolvers_orders():
-    """Names tell the claimed orders; five measured orders differ from them."""
+    """The orders in the names of desolver's methods are the claimed ones; five measured orders differ."""
     measured = {"rk8713m": 7, "symplectic-euler": 2, "babs9o7h": 4, "abas5o6h": 4, "radau-iia-3": 1}
     for p in desolver.PEERS:
         told = re.search(r"order (\d+)", p.name)
@@ -239,7 +239,7 @@ def test_peers_for_any_system_run_on_non_separable_ones(id, name):
 
 
 def test_the_declared_half_goes_first(monkeypatch):
-    """In two of pyhamsys's lists this is declared together with the order."""
+    """Two of pyhamsys's lists of methods declare which half of the splitting goes first together with the order."""
     need("pyhamsys")
     first, split = [], pyhamsys._separable_system
 
@@ -362,7 +362,7 @@ def test_rows_end_before_a_failing_newton_step():
 
 
 def test_a_second_run_compiles_nothing():
-    """For any number of calls of the loop."""
+    """Whatever the number of calls of the compiled loop is."""
     need("diffrax-euler")
     with diffrax.double_precision():
         first, loop = diffrax._compile.__wrapped__("Euler", diffrax.WHOLE, truth()[0].system)
@@ -373,7 +373,7 @@ def test_a_second_run_compiles_nothing():
 
 
 def test_the_loop_is_first_compiled_for_its_own_output(monkeypatch):
-    """As in longer runs; some versions of JAX compile the loop separately for such a state."""
+    """diffrax's loop is called at once with its own output, for which some versions of JAX compile it separately."""
     need("diffrax-euler")
     taken, steps = [], diffrax._steps
 

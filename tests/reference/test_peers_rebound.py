@@ -48,7 +48,7 @@ def cached_problem(name, **parameters):
 
 @lru_cache(maxsize=32)
 def truth(name):
-    """Reference coordinates at the end of the span."""
+    """Reference q at the end of a problem's time span."""
     parameters, end, _ = SPANS[name]
     return reference(problem(name, **parameters), [end], certify=False).q[0]
 
@@ -187,7 +187,7 @@ LADDERS = {2: 40, 4: 28, 6: 20, 8: 20, 10: 14}
 
 
 def ladder(name, peer, first):
-    """Observed orders between runs with numbers of steps in the ratio sqrt(2)."""
+    """Orders of a peer observed between runs whose numbers of steps have the ratio sqrt(2), from ``first`` on."""
     counts = [round(first * 2 ** (k / 2)) for k in range(3)]
     errors = [distance(name, peer, n) for n in counts]
     return np.diff(np.log(errors)) / -np.diff(np.log(counts))
@@ -221,7 +221,10 @@ def test_the_order_of_a_splitting_follows_from_its_description():
 
 @pytest.mark.lowest
 def test_the_lazy_kernel_has_order_2_between_bodies():
-    """Measured with REBOUND 5.2.2; the composition kernel and SABA's lazy corrector have order 4 there."""
+    """WHFast's lazy kernel in the n-body problem; the composition kernel and SABA's lazy corrector have order 4 there.
+
+    Measured with REBOUND 5.2.2.
+    """
     assert np.abs(ladder("n-body", BY_ID["rebound-whfast"], 40) - 2).max() < 0.1
     assert np.abs(ladder("n-body", BY_ID["rebound-whfast-composition"], 28) - 4).max() < 0.1
     assert np.abs(ladder("n-body", BY_ID["rebound-saba-cl-2"], 28) - 4).max() < 0.1
@@ -436,7 +439,7 @@ def test_other_modes_of_ias15_have_a_larger_least_tolerance(mode):
 
 @pytest.mark.timeout(60)
 def test_an_escape_in_finite_time_ends_the_run():
-    """REBOUND limits neither distances nor the number of steps, which would shrink for ever."""
+    """A run whose orbit escapes in finite time is ended here: REBOUND would shrink its steps for ever."""
     solution = integrate_peer(problem("henon-heiles:chaotic"), "rebound-bs", tol=1e-2, t_end=1e4, steps=1)
     assert solution.status == "diverged"
     assert "farther away than 1e+12" in solution.reason

@@ -117,7 +117,7 @@ def test_defaults_and_rows_equal_scipys(solver):
 
 @pytest.mark.parametrize(("t_end", "rows", "steps"), [(1e-3, 4, 1), (10.0, 200, 90)])
 def test_several_rows_within_a_step_lie_on_the_orbit(t_end, rows, steps):
-    """All in a single step, or a few in each."""
+    """With all rows in a single step, or a few rows in each step."""
     made = problem("kepler")
     solution = integrate_peer(made, "scipy-dop853", t_end=t_end, steps=rows, tol=1e-9)
     assert (solution.status, len(solution.t)) == ("ok", rows + 1)

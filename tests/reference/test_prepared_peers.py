@@ -21,7 +21,10 @@ REMEMBERS = ("rebound-ias15", "rebound-bs")
 
 
 def runs(name: str):
-    """Every competing peer that supports a problem, except heyoka's slow-to-compile variants without compact mode."""
+    """Yield (problem, peer) for the peers that support the problem.
+
+    heyoka's variants without compact mode, which take long to compile, are left out.
+    """
     made = problem(name)
     for p in competing():
         if p.lacks(made, made.system) is None and "compact_mode=False" not in p.id:

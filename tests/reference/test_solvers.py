@@ -29,7 +29,7 @@ def distance(found, solution) -> np.ndarray:
 
 
 def bare(system, q0, p0):
-    """Stand-in for a problem."""
+    """Stand-in for a problem: a system with an initial state and nothing else."""
     return SimpleNamespace(system=system, q0=q0, p0=p0)
 
 
@@ -177,7 +177,7 @@ def third() -> SimpleNamespace:
 
 
 def third_error() -> float:
-    """Error of the Taylor run of this oscillator at t = 10."""
+    """Error of the Taylor run of the oscillator q'' = -q/3 at t = 10."""
     found = reference(third(), [10.0], certify=False)
     with mpmath.workdps(40):
         w = 1 / mpmath.sqrt(3)

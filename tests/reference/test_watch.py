@@ -14,7 +14,7 @@ from phasebench.reference.solvers import gauss, taylor, watch
 
 @pytest.fixture
 def clock(monkeypatch):
-    """A mocked clock, set through its only element."""
+    """The list of one number that replaces the clock, in seconds."""
     now = [0.0]
     monkeypatch.setattr(watch.time, "perf_counter", lambda: now[0])
     return now

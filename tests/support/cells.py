@@ -1,4 +1,4 @@
-"""Some cells (problem, method) of the structure matrix without compilation: ``python cells.py`` prints JSON."""
+"""Some rows of the table of every method on every problem, without compilation; a script that prints JSON."""
 
 from __future__ import annotations
 

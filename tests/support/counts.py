@@ -52,7 +52,7 @@ def watch(system, calls: Counter):
     other._functions = {}
 
     def made(kind, *rest):
-        function = kind_of_system.made(other, kind, *rest)
+        function = kind_of_system.make_function(other, kind, *rest)
 
         def called(*arguments):
             calls[kind] += 1
@@ -60,7 +60,7 @@ def watch(system, calls: Counter):
 
         return called
 
-    other.made = made
+    other.make_function = made
     return other
 
 
@@ -84,7 +84,7 @@ def runs(label: str) -> dict:
 def of(label: str) -> dict:
     """{run: counts} of a method: those of the solution, "called" (counted calls) and "kernel" (counts of the kernel).
 
-    Stages in lanes are switched off here, except in the run "lanes" of Gauss methods, where each call serves all
+    Stages in SIMD lanes are switched off, except in the run "lanes" of Gauss methods, where each call serves all
     stages; other tests compare lane kernels with the ones that work row by row.
     """
     found = {}
@@ -100,7 +100,10 @@ def of(label: str) -> dict:
 
 
 def in_lanes(label: str) -> dict:
-    """As `of`, for steps of a Gauss method with its stages in lanes, solved by Newton's method."""
+    """Counts of a Gauss method with its stages in SIMD lanes, on steps that Newton's method solves.
+
+    "called" is the number of counted evaluations, "kernel" and the other keys are the kernel's own counts.
+    """
     prepared, calls = prepare(ALL[label], stiff.SYSTEM), []
     f, stages = prepared.step.f, prepared.step.stages
 
@@ -114,7 +117,10 @@ def in_lanes(label: str) -> dict:
 
 
 def kernel_counts(prepared, d: int, h: float, q, p) -> dict:
-    """Counts of a kernel that is called as `integrate` calls it: for two steps, then for the last one."""
+    """Counts of steps, gradients, fallbacks and Newton solves of a kernel called as `integrate` calls it.
+
+    It is called for two steps, then for the rest.
+    """
     run = lay_out(prepared, d, h, q, p)
     for every in (2, STEPS - 2):
         run(np.zeros((1, d)), np.zeros((1, d)), np.zeros((1, 1)), every)

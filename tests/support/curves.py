@@ -43,7 +43,7 @@ class Curve(NamedTuple):
 
 @jit
 def attempt(x, start, ease, e):
-    """The step with parameter x, recorded in ``tried``; its state is x itself."""
+    """Take the made-up step e with parameter x, its end state being x itself, and record it in ``tried``."""
     n = int(e.many[0, 0])
     e.tried[n, 0], e.tried[n, 1], e.tried[n, 2] = x, start, ease
     e.many[0, 0] = n + 1
@@ -62,7 +62,7 @@ FIND = {followed: finder(attempt, followed) for followed in (True, False)}
 
 
 class Found(NamedTuple):
-    """The root, whether it was found, the attempt that belongs to it, and all attempts before."""
+    """Result of a root search: x, whether it is a root, the state, E and status of its attempt, and all attempts."""
 
     x: float
     found: bool

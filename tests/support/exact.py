@@ -21,7 +21,7 @@ ALL = by_label(variants() + high_order_variants())
 
 
 def one_of_each_kind(names: list[str]) -> list[str]:
-    """The systems without those that another one in the list stands for."""
+    """The names of systems without those for which another one in the list stands (`SAME_KIND`)."""
     return [n for n in names if SAME_KIND.get(n) not in names]
 
 
@@ -60,12 +60,12 @@ def systems_for(what: str, label: str) -> list[str]:
 
 
 def cells(what: str) -> list[tuple[str, str]]:
-    """(label, system) of all cells measured here."""
+    """All (label of a method, system) for which a measurement is made in this module."""
     return [(label, name) for label in ALL for name in systems_for(what, label)]
 
 
 def measurements(what: str) -> dict:
-    """A measurement of `multiprecision`, {label: {system: value}}, restricted to the cells of this module."""
+    """Results of a measurement of `multiprecision` on this module's methods and systems: {label: {system: value}}."""
     if what not in multiprecision.CELLS:
         return multiprecision.MEASUREMENTS[what]()
     out: dict = {label: {} for label in ALL}

@@ -31,7 +31,7 @@ class Lazily(Mapping):
 
 
 def lazy_measurements(what: str) -> Mapping:
-    """Like `exact.measurements`, but computed on access."""
+    """Results of a multiprecision measurement, {method's label: {system: value}}, computed on first access."""
     if what not in multiprecision.CELLS:
         with precision(multiprecision.DIGITS):
             return measurements(what)

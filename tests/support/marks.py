@@ -1,4 +1,4 @@
-"""Marks of tests."""
+"""Pytest marks that several test files use."""
 
 from __future__ import annotations
 

@@ -21,7 +21,10 @@ FEWEST = {"gauss": "gauss-2", "hbvm": "hbvm-4-2", "gauss-equip": "gauss-equip-2"
 
 
 def systems_for(m) -> list[str]:
-    """Systems on which a method runs here; the second one only for one number of nodes of each kind."""
+    """Names of the systems on which a method runs here.
+
+    Of methods that differ only in their numbers of nodes, one runs on the second system.
+    """
     kind = re.sub(r"(-\d+)+$", "", m.id)
     return [n for n in NAMES if runs_on(m, n) and (n == NAMES[0] or FEWEST.get(kind, m.id) == m.id)]
 

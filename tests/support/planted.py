@@ -33,5 +33,5 @@ def as_peer(record) -> Peer:
 
 
 def control(id: str) -> Peer:
-    """The method of that id as a peer."""
+    """The method of this project with that id, as a peer."""
     return as_peer(method(id))

@@ -61,6 +61,9 @@ METHODS = (
     "deuflhard",
     "hairer-lubich",
     "cohen-hairer-2",
+    "tao-2",
+    "pihajoki-2",
+    "jayawardana-ohsawa-2",
 )
 #: Adjoint methods, except where the adjoint is the same method with 1 - lambda.
 ADJOINTS = {"explicit-euler": "implicit-euler", "symplectic-euler-p": "symplectic-euler-q", "pavf": "pavf-adjoint"}
@@ -68,9 +71,10 @@ WITH_LAMBDA = ("scheme-i", "scheme-ii", "generating-function")
 
 
 class Slip(NamedTuple):
-    """A planted fault: the first suitable entry of a field of the kernel's step, or ``all`` of them, is off by `SLIP`.
+    """A planted fault: a coefficient of a method's step is off by the relative amount `SLIP`.
 
-    ``breaks`` and ``keeps`` list the properties that the fault destroys and those that it does not.
+    It is the first entry of the array ``field`` other than 0 and 1, or ``all`` such entries. ``breaks`` and ``keeps``
+    list the properties that the fault destroys and those that it does not.
     """
 
     id: str
@@ -95,6 +99,7 @@ SLIPS = (
     Slip("avf", "c", ("energy", "symmetry"), ("linear",), all=True),
     Slip("pavf", "c", ("energy", "adjoint"), all=True),
     Slip("hbvm-4-2", "B", ("energy",)),
+    Slip("jayawardana-ohsawa-2", "a", (), ("symplecticity", "bilinear", "linear")),  # for any lengths of substeps
 )
 
 
@@ -106,12 +111,12 @@ def lam_of(record, case: Case):
 
 
 def start(case: Case):
-    """Initial state (q, p) of a case."""
+    """Initial state (q, p) of a random system, as one vector."""
     return vector([*case.q, *case.p])
 
 
 def symplecticity(record, case: Case):
-    """Defect of the symplectic form on one pair of tangent vectors."""
+    """Defect of the symplectic form, on one pair of tangent vectors, in a step on a random system."""
     record, h = lam_of(record, case)
     return pair_defect(lambda y: advance(case.system, record, y, h), start(case))
 
@@ -150,19 +155,19 @@ def change(quantity: Callable, record, case: Case):
 
 
 def energy(record, case: Case):
-    """Change of H in two steps."""
+    """Change of H of a random system in two steps."""
     H = case.system.energy("multiprecision")
     return change(lambda q, p: H(q, p)[0], record, case)
 
 
 def linear(record, case: Case):
-    """Change of the case's linear invariant in two steps."""
+    """Change of a random system's linear invariant w.(q, p) in two steps."""
     w = np.array(case.linear, dtype=object)
     return change(lambda q, p: w @ np.concatenate([q, p]), record, case)
 
 
 def bilinear(record, case: Case):
-    """Change of the case's invariant q.D p in two steps."""
+    """Change of a random system's invariant q.D p in two steps."""
     D = np.array(case.bilinear, dtype=object)
     return change(lambda q, p: q @ D @ p, record, case)
 
@@ -179,7 +184,7 @@ def kind(record) -> str:
 
 
 def systems(what: str, record) -> tuple[Callable, str, int] | None:
-    """(strategy, kind, largest d) of the cases for a property of a method; None if it is not measured."""
+    """How to draw random systems for a property of a method, (strategy, kind, largest d); None if not measured."""
     # The code generated for a generating function grows with the order and with d.
     of, largest = kind(record), {"generating-function": 1, "scheme-ii": 2}.get(record.id, 3)
     if what not in ("linear", "bilinear"):
@@ -196,7 +201,10 @@ def examples(what: str, record) -> int:
 
 
 def measure_property(what: str, id: str) -> dict:
-    """{"drawn", "judged": numbers of cases, "worst": largest defect, "case": where it occurs}."""
+    """The largest violation of a property by a method over random systems.
+
+    {"drawn", "judged": numbers of systems, "worst": largest defect, "case": where it occurs}.
+    """
     record = method(id)
     found = {"drawn": 0, "judged": 0, "worst": 0.0, "case": ""}
     for case in draw_cases(*systems(what, record), examples(what, record)):
@@ -215,13 +223,16 @@ def measure_property(what: str, id: str) -> dict:
 
 @cache
 def draw_cases(strategy: Callable, kind: str, largest: int, n: int) -> list[Case]:
-    """n cases of a kind, the same for every method, so that code is generated once."""
+    """n random cases of a kind, the same ones for every method, so that code is generated once."""
     return draws(strategy(kind, largest), n)
 
 
 @contextmanager
 def plant(slip: Slip):
-    """Plant the fault in the method's family; entries 0 and 1 are structure and stay, except in a field of signs."""
+    """Context in which a method's coefficients have the planted fault.
+
+    Entries 0 and 1 are structure and stay, except in a field of signs.
+    """
     family = importlib.import_module(f"phasebench.integrators.families.{method(slip.id).family}")
     right = family.prepare
 
@@ -248,7 +259,7 @@ def cells() -> list[tuple[str, str]]:
 
 
 def of_all() -> dict:
-    """{property: {method or label of a slip: `measure_property`}}."""
+    """{property: {method or label of a planted fault: result of `measure_property`}}."""
     out: dict = {what: {} for what in MEASURES}
     for what, id in cells():
         out[what][id] = measure_property(what, id)
@@ -277,7 +288,7 @@ def ends() -> list[dict]:
 
 
 def run(case: Case, id: str) -> dict:
-    """Status and end state of a run in double precision, in hexadecimal."""
+    """{"status", "end"} of a run of a method in double precision; the end state is in hexadecimal."""
     record, h = lam_of(method(id), case)
     q, p = ([float(x) for x in y] for y in (case.q, case.p))
     s = integrate(case.system, record, h=float(h), steps=STEPS, q0=q, p0=p)

@@ -70,7 +70,7 @@ def names(d: int) -> tuple[list[str], list[str]]:
 
 
 def squares(atoms) -> str:
-    """Formula of half the sum of squares of the atoms."""
+    """Text of half the sum of squares of the expressions ``atoms``."""
     return "(" + " + ".join(f"({a})**2" for a in atoms) + ")/2"
 
 
@@ -100,7 +100,7 @@ def masses(draw, p):
 
 @st.composite
 def complete(draw, d, H, **facts):
-    """Add a state without zero components, a step and lambda to a formula."""
+    """Draw a state without zero components, a step and lambda for a formula H: a `Case`."""
     component = st.sampled_from([Fraction(s * n, 16) for n in range(2, 15) for s in (1, -1)])
     state = st.lists(component, min_size=d, max_size=d).map(tuple)
     h = draw(st.sampled_from([Fraction(1, n) for n in (32, 40, 64)]))
@@ -146,7 +146,10 @@ def with_linear(draw, kind="any", largest=LARGEST):
 
 
 def rotation(q, p):
-    """(D, atoms) for rotations of the first two coordinates; the others are unrestricted."""
+    """Functions that rotations of (q1, q2) and (p1, p2) leave unchanged: (D, their formulae), with q.D p the invariant.
+
+    Any H of these formulae keeps q.D p. The other coordinates are formulae themselves.
+    """
     D = np.zeros((len(q), len(q)), int)
     D[0, 1], D[1, 0] = 1, -1
     atoms = [f"{q[0]}**2 + {q[1]}**2", f"{p[0]}**2 + {p[1]}**2", f"{q[0]}*{p[0]} + {q[1]}*{p[1]}"]
@@ -154,7 +157,7 @@ def rotation(q, p):
 
 
 def dilation(q, p):
-    """(D, atoms) for q -> s q, p -> p / s in the first two coordinates; the others are unrestricted."""
+    """As `rotation`, for dilations q -> s q, p -> p / s of the first two coordinates: (D, the unchanged formulae)."""
     D = np.diag([1, 1, *[0] * (len(q) - 2)])
     return D, [f"{x}*{v}" for x in q[:2] for v in p[:2]] + [*q[2:], *p[2:]]
 

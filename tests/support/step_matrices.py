@@ -31,22 +31,22 @@ def product(*matrices):
 
 
 def splitting(drifts, kicks):
-    """Splitting method that applies kick k before drift k."""
+    """Step matrix of the splitting method that applies kick k before drift k."""
     return product(*(M for a, b in zip(drifts, kicks, strict=True) for M in (kick(b), drift(a))))
 
 
 def two_stages(b):
-    """Symmetric splitting with kicks b, 1 - 2 b, b and drifts 1/2 between them."""
+    """Step matrix of the symmetric splitting with kicks b, 1 - 2 b, b and drifts 1/2 between them."""
     return product(kick(b), drift(HALF), kick(1 - 2 * b), drift(HALF), kick(b))
 
 
 def verlets(*fractions):
-    """Composition of Stormer-Verlet steps of these fractions."""
+    """Step matrix of a composition of Stormer-Verlet steps of these fractions."""
     return product(*(M for c in fractions for M in (kick(c / 2), drift(c), kick(c / 2))))
 
 
 def parametric(*substeps):
-    """Composition of substeps (c, lam) of dq = c z (p + lam dp), dp = -c z (q + (1 - lam) dq)."""
+    """Step matrix of a composition of substeps (c, lam): dq = c z (p + lam dp), dp = -c z (q + (1 - lam) dq)."""
     total = sp.eye(2)
     for c, lam in substeps:
         x = c * Z
@@ -56,7 +56,7 @@ def parametric(*substeps):
 
 
 def runge_kutta(A, b, conjugate=None):
-    """Partitioned Runge-Kutta method with tableau A for q and ``conjugate`` for p (default A)."""
+    """Step matrix of a partitioned Runge-Kutta method with tableau A for q and ``conjugate`` for p (default A)."""
     A, s = sp.Matrix(A), len(b)
     C = A if conjugate is None else sp.Matrix(conjugate)
     left = sp.eye(2 * s)
@@ -85,9 +85,10 @@ def pade(above: int, below: int):
 
 
 def first_end(M):
-    """End of the interval of stable steps that begins at 0: 0 if there is none, infinity if it is unbounded.
+    """The z at which the interval of stable steps from 0 ends; M(z) is a step matrix on the oscillator.
 
-    The eigenvalues lie in the unit disc if 1 - tr + det, 1 + tr + det and 1 - det are not negative (Jury).
+    0 if there is no such interval, infinity if it is unbounded. The eigenvalues lie in the unit disc if 1 - tr + det, 1
+    + tr + det and 1 - det are not negative (Jury).
     """
     trace, det = M.trace(), M[0, 0] * M[1, 1] - M[0, 1] * M[1, 0]
     ends = [_first_loss(margin) for margin in (1 - trace + det, 1 + trace + det, 1 - det)]
@@ -95,7 +96,7 @@ def first_end(M):
 
 
 def _first_loss(margin):
-    """Smallest z >= 0 beyond which a margin is negative."""
+    """Smallest z >= 0 beyond which a rational function of z is negative; infinity if none."""
     above, below = (sp.Poly(sp.expand(part), Z) for part in sp.fraction(sp.together(margin)))
     if all(abs(c) < TINY for c in above.all_coeffs()):
         return sp.oo

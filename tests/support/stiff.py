@@ -41,12 +41,16 @@ METHODS = _methods()
 
 
 def solve(system, m, start, **options):
-    """Solution after `STEPS` steps."""
+    """Solution of a system by method m after `STEPS` steps from ``start`` = (q, p)."""
     return integrate(system, m, h=H, steps=STEPS, q0=start[0], p0=start[1], **options)
 
 
 def of(label: str) -> dict:
-    """Runs of a method forwards, backwards and in multiprecision: counts of steps and Newton solves, errors, energy."""
+    """Results of a method on the stiff system: forwards, back again, and in multiprecision.
+
+    Counts of steps and Newton solves, the distance from the start after the way back, the difference from
+    multiprecision, and the range of the energy.
+    """
     m = METHODS[label]
     there = solve(SYSTEM, m, START)
     home = solve(BACK, m, (there.q[-1], there.p[-1]))

@@ -34,7 +34,7 @@ ALL = _methods()
 
 
 def of(label: str) -> dict:
-    """{spacing of rows: [status, steps taken, gradient evaluations, rows]} of a method."""
+    """How a method's run ends early: {spacing of rows: [status, steps taken, gradient evaluations, rows]}."""
     ends = {}
     with np.errstate(all="ignore"):
         for every in (1, 5, 0):

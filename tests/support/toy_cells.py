@@ -14,42 +14,42 @@ TABLES = ("toys", "toy_parts")
 
 
 def measure(n: int, seconds: float = 0.0) -> dict:
-    """A row of the table toys and n % 3 rows of toy_parts."""
+    """A made-up measurement for tests of the store: one row of the table toys and n % 3 rows of toy_parts."""
     time.sleep(seconds)
     parts = [{"n": n, "part": k} for k in range(n % 3)]
     return {"toys": [{"n": n, "x": n / 7, "name": f"cell, {n}", "seconds": time.perf_counter()}], "toy_parts": parts}
 
 
 def measure_moved(n: int, seconds: float = 0.0) -> dict:
-    """Like `measure`, with one number changed."""
+    """The made-up measurement `measure` with one number changed."""
     found = measure(n, seconds)
     found["toys"][0]["x"] = 0.29
     return found
 
 
 def core(n: int) -> dict:
-    """A row with the CPU cores that the process may use, after 0.3 seconds."""
+    """A row with the CPU cores on which the process may run, after 0.3 seconds."""
     time.sleep(0.3)
     return {"toys": [{"n": n, "x": sorted(os.sched_getaffinity(0)), "name": "", "seconds": time.time()}]}
 
 
 def fail(n: int) -> dict:
-    """Raise ValueError."""
+    """A made-up measurement that raises ValueError."""
     raise ValueError(f"there is no {n}")
 
 
 def measure_dated(n: int) -> dict:
-    """A row with a column whose name is reserved."""
+    """A made-up measurement whose row has a column with a reserved name, "date"."""
     return {"toys": [{"n": n, "date": "today"}], "toy_parts": []}
 
 
 def lack(n: int) -> dict:
-    """Raise Unavailable."""
+    """A made-up measurement that raises Unavailable."""
     raise Unavailable("no compiler")
 
 
 def double(x: float) -> dict:
-    """Twice a number, and the id of the process."""
+    """Twice a number, and the id of the process, as a row."""
     return {"twice": 2 * x, "process": os.getpid()}
 
 
@@ -110,14 +110,14 @@ def judge_never(id: str) -> tuple[dict, bool]:
 
 
 def cell(n: int, seconds: float = 0.0, version: int = 1, function=measure, **more) -> Cell:
-    """The n-th cell."""
+    """The n-th made-up cell, i.e. a task of a run: a function to call, its arguments and the tables that it fills."""
     arguments = (n, seconds) if function is measure else (n,)
     about = {"where": ALONE if n % 2 else POOL, "names": frozenset({f"n{n}"})} | more
     return Cell("toys", TABLES, {"n": n}, function, arguments, content(n, version), **about)
 
 
 def cells(count: int, **more) -> list[Cell]:
-    """The first ``count`` cells."""
+    """The first ``count`` made-up cells."""
     return [cell(n, **more) for n in range(count)]
 
 

@@ -23,6 +23,9 @@ def run(system, id, h=0.1, steps=50):
 
 
 def one_by_one(family, *arguments):
-    """Like `run`, with a kernel that evaluates the nodes one after the other."""
+    """(end state, counts) of a run by a kernel of ``family`` that evaluates the nodes one after the other.
+
+    The arguments are those of `run`.
+    """
     with patch.object(family, "serves", lambda *_: False):
         return run(*arguments)

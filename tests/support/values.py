@@ -6,5 +6,5 @@ from phasebench.integrators.stepping import kernel
 
 
 def value(*components: float):
-    """The vector with these components."""
+    """The state vector with these components, of the type that kernels use."""
     return kernel.value(components, len(components))

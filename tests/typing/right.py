@@ -13,14 +13,14 @@ Floats = NDArray[np.float64]
 
 
 def leapfrog(system: pb.System, q: Floats, p: Floats, h: float) -> tuple[Floats, Floats]:
-    """A step of one's own."""
+    """A leapfrog step as a user would write it, with types."""
     p = p - h / 2 * system.dH_dq(q, p)
     q = q + h * system.dH_dp(q, p)
     return q, p - h / 2 * system.dH_dq(q, p)
 
 
 def integrate() -> None:
-    """One orbit: with a method, a peer, a step of one's own."""
+    """Type-check and run integrations of one orbit: with a method, a peer, a step of one's own."""
     pendulum = pb.Hamiltonian(q="q", p="p", H="p**2/2 - cos(q)")
     solution: pb.Solution = pb.integrate(pendulum, "scheme-v", h=0.1, t_end=10, q0=[2.0], p0=[0.0])
     status: str = solution.status
@@ -39,14 +39,14 @@ def integrate() -> None:
 
 
 def prepare() -> None:
-    """Many short runs."""
+    """Type-check and run a prepared integrator, for many short runs."""
     run = pb.prepare("pendulum", "stormer-verlet")
     q, p, status = run(0.01, 100)
     print(q[0] + p[0], status.upper())
 
 
 def many() -> None:
-    """An ensemble and a section."""
+    """Type-check and run an ensemble of orbits and a Poincare section."""
     Q, P = np.array([[0.0, 0.1], [0.0, 0.2]]), np.tile([0.3, 0.0], (2, 1))
     found: pb.Ensemble = pb.integrate_ensemble("henon-heiles", "stormer-verlet", Q, P, h=0.01, t_end=1.0)
     print(found, found.status.tolist(), found.seconds, len(found.to_frame()))
@@ -55,20 +55,20 @@ def many() -> None:
 
 
 def problem_of_one_s_own() -> pb.Problem:
-    """A problem from its parts."""
+    """A problem made from its parts: a Hamiltonian and an initial state."""
     system = pb.Hamiltonian(q="q", p="p", H="p**2/2 + q**4/4")
     return pb.Problem("mine", "quartic", "own", system, (pb.Orbit("start", (1.0,), (0.0,)),))
 
 
 def stable() -> None:
-    """The stability on the oscillator."""
+    """Type-check and run the stability interval of a method on the oscillator."""
     found: pb.Stability = pb.stability("scheme-i", parameters={"lam": 0.25})
     limit: float | None = found.limit
     print(found, limit, found.intervals[0][0])
 
 
 def questions() -> None:
-    """What takes seconds to minutes; checked, and not run."""
+    """Type-check advice, certificates, work-precision and audit; not run, as they take seconds to minutes."""
     advice: pb.Advice = pb.advise(problem_of_one_s_own(), t_end=10.0, accuracy=1e-6)
     if advice.choice is not None:
         print(advice.choice.command, advice.choice.seconds, advice.verified)

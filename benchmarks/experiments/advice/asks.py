@@ -91,7 +91,10 @@ OUTSIDE = (
 
 
 class TypedRequest(NamedTuple):
-    """A request as it is typed: the words that name the problem, and the options; ``outside``: it is a formula."""
+    """A request for advice as it is typed: the words that name the problem, and the options.
+
+    ``outside``: the problem is a formula, in no registry.
+    """
 
     name: str
     words: tuple[str, ...]
@@ -111,13 +114,13 @@ def draw(seed: int = SEED, registered: int = REGISTERED, formulas: int = FORMULA
 
 
 def _draw_evenly(rng, members: int, wanted: int) -> np.ndarray:
-    """Draw ``wanted`` indices below ``members``, each of them equally often up to one."""
+    """Draw ``wanted`` indices from range(``members``) with the generator ``rng``, each equally often to within one."""
     whole, rest = divmod(wanted, members)
     return np.concatenate([np.tile(np.arange(members), whole), rng.permutation(members)[:rest]])
 
 
 def _ask(rng, name: str, field: Field, outside: bool) -> TypedRequest:
-    """Draw a request for advice at random: span, quantity and accuracy within the ranges of ``field``.
+    """Draw a request for advice with the generator ``rng``: span, quantity and accuracy within the ranges of ``field``.
 
     ``outside`` is True if the problem is in no registry.
     """

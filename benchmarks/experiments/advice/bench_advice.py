@@ -1,4 +1,4 @@
-"""Every advised command meets the requested accuracy when it is run again, and refusals give a reason."""
+"""Checks of the advice: every advised command meets the requested accuracy when rerun, and refusals give a reason."""
 
 from __future__ import annotations
 

@@ -100,7 +100,7 @@ class Runs:
         return Run(size, told.status == OK, error(self.ask.problem, quantity, told, self.true), seconds)
 
     def solution(self, part: float = 1.0, **more):
-        """Integrate over the share ``part`` of the span."""
+        """Integrate over the first ``part`` (a share from 0 to 1) of the span; ``more``: options of the run."""
         return self.integrator.run(self.ask.problem, t_end=part * self.ask.t_end, **more)
 
     def size_argument(self, size: float) -> dict[str, float]:
@@ -135,7 +135,7 @@ class Best(NamedTuple):
 
 
 def everybody(ask) -> Iterator[Integrator]:
-    """The installed integrators that can handle the request, `FIRST` before the others."""
+    """Yield the installed integrators that can handle a request (its problem and invariants), heyoka first."""
     for record in sorted((*METHODS, *PEERS), key=lambda r: r.id != FIRST):
         c = Integrator(record)
         if c.id in LEFT_OUT or c.kind in SLOW or not c.installed or c.lacks(ask.problem):

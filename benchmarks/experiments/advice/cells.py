@@ -1,4 +1,4 @@
-"""The measurements of the advice: requests are advised, rerun in a fresh process, compared with brute force."""
+"""Measurements (`Cell`) of the advice: requests are advised, rerun in a fresh process, compared with brute force."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ LIMIT, ROUNDS = 6.0, 9
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """The measurements (`Cell`): one for each group of requests; in the quick tier one group, without brute force."""
+    """List the measurements (`Cell`), one for each group of requests; if ``quick``, one group without brute force."""
     if quick:
         return [_cell("quick", ASKS[:QUICK], False)]
     groups = [ASKS[i : i + GROUP] for i in range(0, len(ASKS), GROUP)]
@@ -49,7 +49,10 @@ def _cell(name: str, group: tuple[TypedRequest, ...], against_all: bool) -> Cell
 
 
 def measure_rows(group: str, names: tuple[str, ...], against_all: bool) -> Rows:
-    """Compute the rows of a group of requests, with the errors of the advised commands when run again."""
+    """Advise on each request of a group and rerun the advised commands: a row for each, by table name.
+
+    ``names`` selects the requests; with ``against_all`` some are also compared with the brute-force search.
+    """
     members = [a for a in ASKS if a.name in names]
     rows = [row(a, against_all and int(a.name) % EVERY == 0) | {"group": group} for a in members]
     advised = [r for r in rows if r["command"]]
@@ -60,7 +63,7 @@ def measure_rows(group: str, names: tuple[str, ...], against_all: bool) -> Rows:
 
 
 def asked_of(a: TypedRequest) -> Ask:
-    """Build the request object that the command line would build."""
+    """Build the request object from a typed request, as the command line does."""
     from phasebench.benchmarks.problems import problem
     from phasebench.benchmarks.problems.user import from_formula
 
@@ -99,7 +102,7 @@ def row(a: TypedRequest, against_all: bool) -> dict[str, Any]:
 
 
 def _against(question: Ask, choice: dict[str, Any]) -> dict[str, Any]:
-    """Find the fastest integrator by brute force, and time the advised one against it in alternating rounds."""
+    """Find the fastest integrator by brute force, and time the advised ``choice`` against it in alternating rounds."""
     true = truths.truth(question.problem, question.quantity, question.t_end)
     found = brute.best(question, true)
     if found is None:

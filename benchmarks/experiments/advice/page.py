@@ -1,4 +1,4 @@
-"""Does the advice meet the accuracy that was asked for, and how far from the fastest is it?"""
+"""The page on advice: does it meet the requested accuracy, and how far from the fastest integrator is it?"""
 
 from __future__ import annotations
 
@@ -38,12 +38,12 @@ def _keeps_energy(id: str) -> bool:
 
 
 def _with_advice(table: pd.DataFrame) -> pd.DataFrame:
-    """The requests that were given advice."""
+    """Select the requests that were given advice."""
     return table[table["choice"].notna()]
 
 
 def _with_brute_force(table: pd.DataFrame) -> pd.DataFrame:
-    """The requests for which brute force looked for the fastest."""
+    """Select the requests for which brute force looked for the fastest integrator."""
     return table[table["ratio"].notna()] if "ratio" in table else table.head(0)
 
 
@@ -96,7 +96,7 @@ def refusals(table: pd.DataFrame) -> Verdict:
 
 
 def answer(data: Data) -> str | None:
-    """How often the advice meets its accuracy, and how often it is about as fast as the fastest."""
+    """A sentence: how often the advice meets its accuracy, and how often it is about as fast as the fastest."""
     table = data(TABLE)
     if table is None or table.empty:
         return None
@@ -110,7 +110,7 @@ def answer(data: Data) -> str | None:
 
 @of(TABLE)
 def draw(table: pd.DataFrame, folder) -> list[Picture] | None:
-    """The advised integration's time over the fastest's, by accuracy."""
+    """Draw the advised integration's time over the fastest's, by requested accuracy."""
     told = _with_brute_force(table)
     if told.empty:
         return None
@@ -133,7 +133,7 @@ def draw(table: pd.DataFrame, folder) -> list[Picture] | None:
 
 @of(TABLE)
 def table(found: pd.DataFrame) -> Table:
-    """The requests that are refused or not met, then those farthest from the fastest."""
+    """The page's table: requests that were refused or missed their accuracy, then those farthest from the fastest."""
     ratio = found["ratio"] if "ratio" in found else pd.Series(np.nan, found.index)
     wrong = ~true(found["met"]) if "met" in found else pd.Series(True, found.index)
     place = found.assign(wrong=wrong, far=ratio.fillna(0.0)).sort_values(
@@ -161,7 +161,7 @@ def table(found: pd.DataFrame) -> Table:
 
 
 def _by_construction(advised: pd.DataFrame) -> str:
-    """A sentence: how many requests for the energy got a method that keeps it on any orbit, right or wrong."""
+    """A sentence: how many requests for the energy got a method that keeps it at any step, even on a wrong orbit."""
     energy = advised[advised["quantity"] == ENERGY] if "quantity" in advised else advised.head(0)
     conserved = sum(map(_keeps_energy, energy["choice"]))
     return (
@@ -173,7 +173,7 @@ def _by_construction(advised: pd.DataFrame) -> str:
 
 @of(TABLE)
 def _full_table(found: pd.DataFrame) -> pd.DataFrame:
-    """All requests."""
+    """Every request with its advice, its errors and its times: the measured table as it is."""
     return found
 
 

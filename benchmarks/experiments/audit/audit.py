@@ -21,8 +21,8 @@ from phasebench.benchmarks.judge.verdict import CONTRADICTED
 from phasebench.benchmarks.measure.integrator import Integrator, integrator
 from phasebench.benchmarks.measure.tabular import TabularResult
 from phasebench.benchmarks.store.cells import ALONE, Cell, Rows, content
-from phasebench.integrators.errors import unknown
-from phasebench.integrators.keywords import checked_names
+from phasebench.integrators.errors import unknown_name
+from phasebench.integrators.keywords import check_names
 from phasebench.integrators.record import Method
 from phasebench.integrators.registry import method
 from phasebench.reference.peers import Peer
@@ -42,13 +42,13 @@ QUICK = {False: ("order", "symplecticity"), True: ("tolerance", "reversibility")
 
 @dataclass(repr=False)
 class Audit(TabularResult):
-    """The result of an audit.
+    """The result of an audit of established integrators (peers: those of other packages).
 
     Attributes
     ----------
-    rows : of each measure of each peer on each problem
-    claims : a row for each claim, with its verdict
-    remarks : lines of text
+    rows : a row for each measure of each peer on each problem
+    claims : a row for each claim of a peer, with its verdict
+    remarks : sentences on structures that are kept but not claimed
     """
 
     rows: list[dict[str, Any]] = field(default_factory=list)
@@ -75,7 +75,7 @@ class Audit(TabularResult):
 
 
 def select(names: Iterable | None = None) -> list[Integrator]:
-    """The integrators with the given ids, packages or records; all peers where ``names`` is None.
+    """The integrators with the given ids, packages or records; all peers (those of other packages) where None.
 
     Raises InvalidInput for an unknown name, suggesting the nearest.
     """
@@ -90,14 +90,14 @@ def select(names: Iterable | None = None) -> list[Integrator]:
         elif of := [p for p in PEERS if p.package == name]:
             out += map(integrator, of)
         else:
-            raise unknown("peer or package", name, [*BY_ID, *{p.package for p in PEERS}, *CONTROLS])
+            raise unknown_name("peer or package", name, [*BY_ID, *{p.package for p in PEERS}, *CONTROLS])
     first: dict[str, Integrator] = {}
     for chosen in out:
         first.setdefault(chosen.id, chosen)
     return list(first.values())
 
 
-@checked_names
+@check_names
 def audit(
     names: Iterable[str | Peer | Method] | None = None,
     *,
@@ -106,7 +106,7 @@ def audit(
     budget: float = BUDGET,
     isolate: bool = True,
 ) -> Audit:
-    """Measure peers and judge their claims.
+    """Measure peers (integrators of other packages) and judge what their packages claim of them.
 
     Parameters
     ----------
@@ -151,7 +151,7 @@ def _is_registered(peer: Integrator) -> bool:
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """The measurements (`Cell`): one for each peer, control and script, two for each package; no quick tier."""
+    """List the measurements (`Cell`): one for each peer, control and script, and two for each package."""
     if quick:
         return []
     from phasebench.reference.peers import PEERS
@@ -176,7 +176,7 @@ def _cell(id: str, record, names: tuple[str, ...]) -> Cell:
 
 
 def measure_rows(id: str) -> Rows:
-    """The rows and claims of a peer or a control."""
+    """Audit one integrator: a row for each measure on each problem, and a row for each judged claim, by table name."""
     found = audit([id])
     return {"audit": found.rows, "audit_claims": found.claims}
 

@@ -13,7 +13,7 @@ from phasebench.benchmarks.judge.verdict import HOLDS
 
 
 def off(rows, claims) -> list[str]:
-    """A line for each declaration of a control that was measured and is not confirmed."""
+    """A line for each property that a control (a method of this project) declares and its measurement contradicts."""
     measured = {(r["peer"], r["measure"]) for r in rows}
     return [
         f"{c['peer']}: {c['claim']} {c['verdict']}: {c['measured']} {c['reason']}"

@@ -127,7 +127,7 @@ def truth(case: Case) -> Truth:
 
 
 def able(peer, wanted) -> Iterator[Case]:
-    """The cases of ``wanted`` that a peer can integrate."""
+    """Yield the cases of ``wanted`` that a peer, an integrator of another package, can integrate."""
     for case in wanted:
         made = problem(case)
         if peer.lacks(made) is None:

@@ -42,6 +42,6 @@ def orders(rows: list[dict], claims: list[dict], directory: Path, name: str = "a
 
 
 def _offset(peers: list[str], peer: str) -> float:
-    """The vertical offset of a peer's mark within its package's line."""
+    """Vertical offset of a peer's mark within its package's line of the figure; ``peers``: all of that package."""
     names = list(dict.fromkeys(peers))
     return 0.6 * (names.index(peer) / max(1, len(names) - 1) - 0.5)

@@ -73,12 +73,12 @@ class RunFailed(Exception):
 
 
 def never(seconds: float = 0.0) -> bool:
-    """The budget check of an unlimited budget: always False."""
+    """A budget check for measurements without a time limit: always False."""
     return False
 
 
 def run(peer, case: Case, h: float, steps: int, state=None, every: int = 0, tol=None, fine=("ok",)):
-    """Integrate a case and return the solution; raise Failed unless its status is one of ``fine``."""
+    """Integrate a case with a peer and return the solution; raise RunFailed unless its status is one of ``fine``."""
     q, p = cases.start(case) if state is None else state
     try:
         s = peer.run(cases.problem(case), h=h, steps=steps, q0=q, p0=p, save_every=every, tol=tol)
@@ -97,7 +97,7 @@ def _high(peer) -> bool:
 
 
 def order(peer, case: Case, late: Callable[..., bool] = never) -> dict:
-    """Measure the order in h, with its interval and the window of steps that it is fitted on."""
+    """Measure the order in h, with its interval and the window of steps of the fit; ``late()``: the time is over."""
     truth = cases.truth(case)
     h, error, why = [], [], ""
     found = metrics.order(h, error)
@@ -145,7 +145,7 @@ def order(peer, case: Case, late: Callable[..., bool] = never) -> dict:
 
 
 def asymptotic(h, error, noise: float):
-    """(order, change of the order inside its window) of errors (m,) over falling steps h (m,)."""
+    """Fit the order to errors (m,) at falling steps h (m,): (order and interval, half its change inside the window)."""
     # At steps finer than that of the least error round-off accumulates; it also affects errors near the least.
     least = int(np.nanargmin(error)) + 1
     if least < len(h):
@@ -163,7 +163,7 @@ def asymptotic(h, error, noise: float):
 
 
 def _bend(found, h, error) -> float:
-    """Half the difference between the slopes of the finer and the coarser half of an order's window."""
+    """Half the difference of the error's log-log slopes over the finer and the coarser half of an order's window."""
     if found.points < 3:
         return 0.0
     inside = (h <= found.first) & (h >= found.last)
@@ -204,7 +204,10 @@ MEASURED = {"symplecticity": _symplectic_defect, "reversibility": _reverse_dista
 
 @lru_cache(maxsize=256)
 def _controls(measure: str, case: Case, h: float, steps: int) -> tuple[float, float]:
-    """The floor that a symplectic, reversible method shows, and the defect of the classical Runge-Kutta method."""
+    """Measure a defect of two controls: (of a symplectic, reversible method, of the classical Runge-Kutta method).
+
+    ``measure`` is "symplecticity" or "reversibility"; the first number is the floor of what can be resolved.
+    """
     known = next(c for c in map(integrator, SYMPLECTIC) if list(cases.able(c, (case,))))
     return max(MEASURED[measure](known, case, h, steps)), MEASURED[measure](integrator(CLASSICAL), case, h, steps)[0]
 
@@ -215,7 +218,7 @@ def _own_error(peer, case: Case, h: float, steps: int) -> float:
 
 
 def _structure(measure: str, peer, case: Case, steps: int) -> dict:
-    """Measure a defect beside the controls', and its power of h where it is broken."""
+    """Measure a peer's symplecticity or reversibility defect, and two controls'; if broken, also its power of h."""
     h, high = case.h, _high(peer)
     try:
         h = LONGER * case.h if high else case.h
@@ -269,7 +272,7 @@ def _tolerances(peer) -> list[float]:
 
 
 def energy(peer, case: Case, late: Callable[..., bool] = never) -> dict:
-    """Measure the largest error of H and the slope of its drift, on a run as long as the budget allows."""
+    """Measure the largest error of H and the slope of its drift, on a run as long as the time budget allows."""
     system = cases.problem(case).system
     tol = None
     if peer.adaptive:
@@ -300,7 +303,7 @@ def _matrix(peer, case: Case, h: float, steps: int = 1) -> np.ndarray:
 
 
 def stability(peer, case: Case, late: Callable[..., bool] = never) -> dict:
-    """Find the stable intervals of h omega; ``value`` is the end of the first, ``reason`` why a scan ended early."""
+    """Find the stable intervals of h omega; ``value``: end of the first; ``reason``: why the scan ended early."""
     end = ""
 
     def step_matrix(h: float) -> np.ndarray | None:

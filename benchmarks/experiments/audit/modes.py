@@ -52,12 +52,12 @@ def row(chosen: Integrator) -> dict:
 
 
 def _head(chosen: Integrator) -> dict:
-    """The columns that identify an integrator's row."""
+    """The columns that identify an integrator in a row: package, version, id and the like."""
     return {"package": chosen.kind, "version": version_of(chosen.kind) or "absent", "peer": chosen.id, "mode": None}
 
 
 def _bare(chosen: Integrator, case: cases.Case) -> None:
-    """Run a few steps; of a peer through its package alone, without this project's wrapper."""
+    """Take a few steps of a case; a peer is called through its package alone, without this project's wrapper."""
     made = cases.problem(case)
     if not isinstance(chosen.record, Peer):
         chosen.run(made, h=case.h, steps=STEPS)
@@ -69,12 +69,12 @@ def _bare(chosen: Integrator, case: cases.Case) -> None:
 
 
 def judge(id: str) -> tuple[dict, bool]:
-    """An integrator's row, and whether the process still adds small numbers correctly."""
+    """Run an integrator and test the floating-point mode: (its row, whether small numbers still add correctly)."""
     return row(integrator(id)), floating.gradual()
 
 
 def measure(ids: tuple[str, ...]) -> Rows:
-    """Compute the rows of some integrators, each in a process whose mode was right when it began."""
+    """Run integrators, each in a process whose floating-point mode was right when it began: a row for each."""
     rows: list[dict] = []
     with Worker() as worker:
         for id in ids:
@@ -93,7 +93,7 @@ def measure(ids: tuple[str, ...]) -> Rows:
 
 
 def cells(controls: Sequence[str]) -> list[Cell]:
-    """The measurements (`Cell`): one for each package, and one for the controls."""
+    """List the measurements (`Cell`): one for each package's integrators, and one for ``controls``, ids of methods."""
     packages: dict[str, list] = {}
     for p in PEERS:
         packages.setdefault(p.package, []).append(p)

@@ -1,4 +1,4 @@
-"""The audit of the established integrators: which claims hold, which are contradicted, and what was measured."""
+"""The page on established integrators: which claims of their packages hold, which do not, and what was measured."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ def records(frame) -> list[dict]:
 
 
 def _present(found: pd.DataFrame) -> pd.DataFrame:
-    """The rows that record whether each integrator's package could be loaded."""
+    """Select the rows that record whether each integrator's package could be loaded."""
     return found[(found["measure"] == "package") & (found["package"] != OWN)]
 
 
 def _claims(found: pd.DataFrame, claimed: pd.DataFrame) -> pd.DataFrame:
-    """The claims of the integrators that were audited."""
+    """Select the claims of the integrators that were audited."""
     there = _present(found)
     return claimed[claimed["peer"].isin(there[there["status"] == "ok"]["peer"])]
 
@@ -42,7 +42,7 @@ GOOD, BAD = (judge.HOLDS, judge.UNDERSTATED), (judge.IN_PART, judge.CONTRADICTED
 
 
 def _split(frame: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """The rows that could be judged, and those of them that do not hold."""
+    """Split claims or statements: (those that could be judged, those of them that do not hold)."""
     return frame[frame["verdict"].isin([*GOOD, *BAD])], frame[frame["verdict"].isin(BAD)]
 
 
@@ -103,7 +103,7 @@ def left_as_found(found: pd.DataFrame) -> Verdict | None:
 
 
 def _other_mode(found: pd.DataFrame) -> pd.DataFrame:
-    """The integrators that left another floating-point mode."""
+    """Select the integrators that left the process in another floating-point mode than they found."""
     return found[(found["status"] == "ok") & (found["mode"] != modes.KEPT)]
 
 
@@ -131,7 +131,7 @@ def controls(found: pd.DataFrame, claimed: pd.DataFrame) -> Verdict | None:
 
 
 def answer(data: Data) -> str | None:
-    """How many claims and statements do not hold, and of which packages."""
+    """A sentence: how many claims and statements do not hold, and of which packages."""
     claimed, stated = claims(data), statements(data)
     parts = []
     if claimed is not None:
@@ -155,7 +155,7 @@ def _count_unaudited(left: pd.DataFrame | None) -> str:
 
 @of("audit", "audit_claims")
 def draw(found: pd.DataFrame, claimed: pd.DataFrame, folder) -> list[Picture] | None:
-    """The figure of measured minus claimed orders."""
+    """Draw the measured minus the claimed orders of the packages' integrators."""
     rows = [r for r in records(found) if r["package"] != OWN]
     file = figures.orders(rows, records(claimed), folder)
     if file is None:
@@ -168,7 +168,7 @@ def draw(found: pd.DataFrame, claimed: pd.DataFrame, folder) -> list[Picture] | 
 
 
 def table(data: Data) -> Table | None:
-    """The findings: contradicted and understated statements, then claims not covered by them, then failures to run."""
+    """The table of findings: statements contradicted or understated, other such claims, failures to run."""
     stated, found, claimed = (data(name) for name in ("audit_statements", "audit", "audit_claims"))
     lines, spoken = [], set()
     if stated is not None and len(stated):
@@ -202,7 +202,7 @@ def table(data: Data) -> Table | None:
 
 
 def _statement_line(r) -> dict:
-    """The table's line for a statement."""
+    """A line of the findings' table: a statement of a package's documentation, what was measured, and the verdict."""
     return {
         "package": f"{r.package} {r.version}",
         "said": f"[“{markdown.plain(_quote(r.said, r.where))}”]({r.link})",
@@ -214,7 +214,7 @@ def _statement_line(r) -> dict:
 
 
 def _claim(r) -> dict:
-    """The table's line for a claim."""
+    """A line of the findings' table: a peer's claim, what was measured, and the verdict."""
     return {
         "package": f"{r.package} {r.version}",
         "said": f"{r.peer}: {r.claim}",
@@ -225,7 +225,7 @@ def _claim(r) -> dict:
 
 
 def _changes(package: str, version: str, mode: str, part: pd.DataFrame) -> dict:
-    """The table's line for integrators of a package that change the floating-point mode."""
+    """A line of the findings' table: a package's integrators (``part``) that leave the floating-point mode ``mode``."""
     return {
         "package": f"{package} {version}",
         "said": f"(nothing) {join_list(list(part['peer']), 3)}",
@@ -244,7 +244,7 @@ def _quote(text: str, where: str) -> str:
 
 @of("audit_statements")
 def statements_table(stated: pd.DataFrame) -> pd.DataFrame:
-    """Every statement with its words, what its script printed and what would mend it."""
+    """A line for each tested statement: its words, what its script printed, and what would mend it."""
     return stated[["package", "said", "where", "verdict", "printed", "mend", "script"]].astype(object).fillna("")
 
 

@@ -10,13 +10,13 @@ from .statements import SCRIPTS, Statement, row, run
 
 
 def measure_rows(script: str) -> Rows:
-    """Run a script and return the rows of the statements that it tests."""
+    """Run a script that tests statements of a package's documentation: a row for each statement, with its verdict."""
     found = run(SCRIPTS / f"{script}.py")
     return {"audit_statements": [row(s, *found) for s in BY_SCRIPT[script]]}
 
 
 def cells() -> list[Cell]:
-    """The measurements (`Cell`): one for each script."""
+    """List the measurements (`Cell`), one for each script."""
     return [_cell(script, members) for script, members in BY_SCRIPT.items()]
 
 

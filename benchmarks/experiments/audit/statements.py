@@ -59,12 +59,12 @@ class Statement:
 
     @property
     def path(self) -> Path:
-        """Path of its script."""
+        """Path of the script that tests this statement."""
         return SCRIPTS / f"{self.script}.py"
 
 
 def near(k: int, order: float) -> Callable[[Values], str]:
-    """A verdict on an order: the k-th value should be ``order``; a higher one is understated."""
+    """Make a judge of an order: holds if the k-th printed value is ``order``; understated if it is higher."""
 
     def verdict(values: Values) -> str:
         apart = float(values[k]) - order
@@ -78,7 +78,7 @@ def near(k: int, order: float) -> Callable[[Values], str]:
 
 
 def below(bound: float, *which: int) -> Callable[[Values], str]:
-    """A verdict: the |values| (all, or those at ``which``) are at most ``bound``; contradicted above 10 times that."""
+    """Make a judge: |values| (all, or those at ``which``) are at most ``bound``; contradicted above 10 times that."""
 
     def verdict(values: Values) -> str:
         largest = max(abs(float(values[k])) for k in (which or range(len(values))))
@@ -88,38 +88,42 @@ def below(bound: float, *which: int) -> Callable[[Values], str]:
 
 
 def every(*verdicts: Callable[[Values], str]) -> Callable[[Values], str]:
-    """The worst of several verdicts; understated only if none of them is worse."""
+    """Make a judge that returns the worst of several verdicts; "understated" only if none of them is worse."""
     return lambda values: worst(v(values) for v in verdicts)
 
 
 def a_l_stable(values: Values) -> str:
-    """The verdict on A- and L-stability, from pairs (max |R| - 1 on the imaginary axis, |R| far out)."""
+    """Judge A- and L-stability from pairs (max |R| - 1 on the imaginary axis, |R| far out) of stability functions R."""
     above, far = max(map(float, values[::2])), max(map(float, values[1::2]))
     return HOLDS if above <= ROUND_OFF and far < 1e-4 else CONTRADICTED
 
 
 def constant_steps(values: Values) -> str:
-    """The verdict on constant steps: all steps in each printed list are equal."""
+    """Judge whether the steps are constant: the step sizes within each printed list are equal."""
     return HOLDS if all(len(set(v.split(", "))) == 1 for v in values) else CONTRADICTED
 
 
 def same(i: int, j: int) -> Callable[[Values], str]:
-    """A verdict: the i-th and the j-th printed value are the same text."""
+    """Make a judge: holds if the i-th and the j-th printed value are the same text, else contradicted."""
     return lambda values: HOLDS if values[i] == values[j] else CONTRADICTED
 
 
 def differs(k: int) -> Callable[[Values], str]:
-    """A verdict: the k-th value, a difference that there should be, is above 0."""
+    """Make a judge: holds if the k-th printed value, a difference of two runs that should differ, is above 0."""
     return lambda values: HOLDS if float(values[k]) > 0 else CONTRADICTED
 
 
 def judge_denial(flag: int, difference: int) -> Callable[[Values], str]:
-    """A verdict on a structure that a flag denies: understated if the method equals one that has it, to round-off."""
+    """Make a judge of a package's flag that denies a structure, such as symplectic = False.
+
+    Understated if the printed value at ``flag`` is False while the one at ``difference``, the distance from a method
+    that has the structure, is round-off.
+    """
     return lambda v: UNDERSTATED if v[flag] == "False" and float(v[difference]) < ROUND_OFF else HOLDS
 
 
 def steps_near(asked: tuple[float, ...], apart: float) -> Callable[[Values], str]:
-    """A verdict: the steps taken are the requested ones to a relative difference of ``apart``."""
+    """Make a judge: holds if the printed step sizes equal those in ``asked`` to a relative difference of ``apart``."""
     return lambda values: (
         HOLDS if all(abs(float(v) / a - 1) <= apart for v, a in zip(values, asked, strict=True)) else CONTRADICTED
     )

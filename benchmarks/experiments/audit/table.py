@@ -18,27 +18,27 @@ WIDTH = 100
 
 
 def half_width(row) -> float:
-    """Half the width of a row's interval."""
+    """Half the width of the confidence interval in a row."""
     return (row["high"] - row["low"]) / 2
 
 
 def letter(problem: str) -> str:
-    """The letter that stands for a problem in a cell; its name if it has none."""
+    """The letter that stands for a problem in the table's cells; the problem's name if it has none."""
     return BY_NAME[problem].letter if problem in BY_NAME else problem
 
 
 def legend(rows: Iterable[dict]) -> str:
-    """The meaning of the letters, for the problems in the rows."""
+    """A text that says which letter stands for which of the problems in the rows."""
     return ", ".join(f"{letter(p)} {p}" for p in dict.fromkeys(r["problem"] for r in rows if r["problem"]))
 
 
 def _order(row) -> str:
-    """A measured order, or "no window"."""
+    """Format the measured order in a row, or "no window" if no range of steps shows one."""
     return "no window" if row.get("value") is None else f"{row['value']:.2f} +- {half_width(row):.2f}"
 
 
 def _structure(row) -> str:
-    """A defect, and whether it is broken or unclear."""
+    """Format the symplecticity or reversibility defect in a row, with "broken" or "unclear" where it is."""
     if row.get("bitwise"):
         return "0 bitwise"
     word = {True: "", False: " broken", None: " unclear"}[
@@ -48,7 +48,7 @@ def _structure(row) -> str:
 
 
 def _energy(row) -> str:
-    """The largest error, its kind, and the slope of the drift."""
+    """Format a row's largest energy error, whether it is round-off, bounded or drifts, and the slope of the drift."""
     word = {ROUND_OFF: "round-off", BOUNDED: "bounded", DRIFT: "drifts", None: "open"}[kind(row)]
     if word == "open" and row["value"] > LARGE * row["scale"]:
         word = "large"
@@ -56,7 +56,7 @@ def _energy(row) -> str:
 
 
 def _stability(row) -> str:
-    """The stability limit, or all stable intervals."""
+    """Format the end of the first stable interval of h omega in a row, and any later ones."""
     pieces = [tuple(map(float, piece.split(".."))) for piece in (row.get("intervals") or "").split()]
     if row.get("unconditional"):
         return f"none up to {row['value']:g}"
@@ -70,12 +70,12 @@ def _stability(row) -> str:
 
 
 def _cost(row) -> str:
-    """Microseconds a step, else a unit of time."""
+    """Format a row's microseconds a step; where steps are not counted, microseconds a unit of time."""
     return f"{row['per_time']:.3g} a unit of time" if row["value"] is None else f"{row['value']:.3g}"
 
 
 def _tolerance(row) -> str:
-    """The errors at `TOLERANCES`, then those at other tolerances."""
+    """Format an adaptive peer's errors at each of `TOLERANCES`, then at its other tolerances."""
     parts = ["-" if row.get(k) is None else f"{row[k]:.0e}" for k in ERRORS]
     others = [k for k in row if k.startswith("error_") and k not in ERRORS and row[k] is not None]
     return ", ".join(parts + [f"{row[k]:.0e} at {k.removeprefix('error_')}" for k in others])
@@ -115,7 +115,7 @@ def cell(rows: Iterable[dict], measure: str) -> str:
 
 
 def lines(rows: list[dict], claims: list[dict], adaptive: bool) -> list[dict]:
-    """A line for each peer of fixed or of adaptive steps, with its claims beside the measurements."""
+    """A dict for each peer of fixed (or, if ``adaptive``, of adaptive) steps: its claims beside its measurements."""
     out = []
     for id in dict.fromkeys(r["peer"] for r in rows if bool(r["adaptive"]) is adaptive):
         mine = [r for r in rows if r["peer"] == id]
@@ -173,7 +173,7 @@ def show(found, console=None) -> None:
 
 
 def _pairs(line: dict):
-    """The measures of one integrator as a table of two columns, without those that were not made."""
+    """A table of two columns, measure and value, for one integrator's ``line``; measures not made are left out."""
     from rich.table import Table
     from rich.text import Text
 

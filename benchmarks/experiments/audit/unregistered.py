@@ -31,7 +31,7 @@ def _classes(namespace, base, without: Iterable[str] = ()) -> set[str]:
 
 
 def _peers(package: str):
-    """The peers of a package."""
+    """The registered peers (integrators of other packages) that belong to ``package``."""
     return next(m for m in PACKAGES if m.PEERS[0].package == package).PEERS
 
 
@@ -154,7 +154,7 @@ LOOKS: dict[str, Callable[[], list[str]]] = {
 
 
 def measure_rows(package: str) -> Rows:
-    """A row for each integrator or option of a package that is not audited; one row without a name if there is none."""
+    """A row for each integrator or option of a package that the audit leaves out; one without a name if none is."""
     about = {"package": package, "version": version_of(package) or "absent"}
     try:
         names, reason = LOOKS[package](), ""
@@ -164,7 +164,7 @@ def measure_rows(package: str) -> Rows:
 
 
 def cells() -> list[Cell]:
-    """The measurements (`Cell`): one for each package."""
+    """List the measurements (`Cell`), one for each package."""
     return [_cell(p) for p in LOOKS]
 
 

@@ -27,7 +27,7 @@ PREPARE = "package"
 
 
 def row(peer, measure: str, case_name: str = "", seconds: float = float("inf")) -> dict:
-    """Compute the row of one measure in this process; after ``seconds`` no further run is begun.
+    """Measure a peer ("order", "energy", ...) on a case in this process: its row; no run begins after ``seconds``.
 
     The budget does not include the reference states, which are computed once for all peers.
     """
@@ -63,7 +63,7 @@ def row(peer, measure: str, case_name: str = "", seconds: float = float("inf")) 
 
 
 def blank(peer, measure: str, case_name: str = "") -> dict:
-    """A row without measured values."""
+    """A row that names a peer, a measure and a case, with status "ok" and no measured values yet."""
     peer = integrator(peer)
     return {
         "package": peer.kind,
@@ -79,7 +79,7 @@ def blank(peer, measure: str, case_name: str = "") -> dict:
 
 
 def _prepare(peer) -> dict:
-    """Load the package and take one step on each case, so that everything is compiled."""
+    """Load the peer's package and take one step on each case, so that everything is compiled before the time counts."""
     try:
         peer.load()
     except ImportError as error:
@@ -102,7 +102,7 @@ def shared_worker() -> Worker:
 
 
 def row_elsewhere(peer, measure: str, case_name: str = "", seconds: float = LOADING) -> dict:
-    """Call `row` in the worker process; a process that dies or is killed yields a row with that reason."""
+    """Measure a peer on a case in the worker process: its row; if the process dies or is killed, with that reason."""
     worker = shared_worker()
     limit = PATIENCE * seconds + MORE + (LOADING if worker.process is None else 0.0)
     answer = worker.call(row, peer.id, measure, case_name, seconds, seconds=limit)

@@ -1,4 +1,4 @@
-"""The tables of coefficients have the orders that they declare."""
+"""Check that the published tables of splitting and composition coefficients have the orders that they declare."""
 
 from __future__ import annotations
 
@@ -6,6 +6,6 @@ from phasebench.benchmarks.experiments.catalogue.cells import cells  # noqa: F40
 
 
 def bench_coefficients(measured_rows):
-    """Every table has the order that it declares."""
+    """Every published table of coefficients has the order that it declares."""
     wrong = [r for r in measured_rows("coefficients") if r["order"] != r["declared order"]]
     assert not wrong, wrong

@@ -1,4 +1,4 @@
-"""The measurements of the catalogue: tables of coefficients, installed dependencies, scores of mutation tests."""
+"""Measurements (`Cell`) of the catalogue: tables of coefficients, installed dependencies, scores of mutation tests."""
 
 from __future__ import annotations
 
@@ -16,7 +16,10 @@ MUTANTS = "mutation"
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """Three measurements, or two without the suite's own tests installed; none in the quick tier."""
+    """List the measurements (`Cell`): coefficients, dependencies and, if the suite's tests are there, their mutations.
+
+    None if ``quick``.
+    """
     if quick:
         return []
     numbers = sorted((sources.ROOT / "integrators" / "coefficients").glob("*.json"))
@@ -35,16 +38,16 @@ def cells(quick: bool = False) -> list[Cell]:
 
 
 def measure_rows() -> Rows:
-    """The rows on tables of coefficients, on repaired misprints, and on digits printed beyond the correct ones."""
+    """Check the tables of coefficients: rows on orders, on repaired misprints, on digits beyond the correct ones."""
     frames = (coefficients.frame(), coefficients.repairs(), coefficients.loose())
     return {name: frame.to_dict("records") for name, frame in zip(TABLES, frames, strict=True)}
 
 
 def dependency_rows() -> Rows:
-    """The rows of the installed dependencies."""
+    """A row for each installed package that this one needs, with licence and size."""
     return {INSTALLED: dependencies.frame()}
 
 
 def mutation_rows() -> Rows:
-    """The rows of the files that mutation tests cover."""
+    """A row for each source file with its score in the mutation tests (how many deliberate faults the tests notice)."""
     return {MUTANTS: mutation.frame()}

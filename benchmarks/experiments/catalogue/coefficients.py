@@ -8,8 +8,8 @@ import pandas as pd
 from phasebench.integrators import coefficients
 from phasebench.integrators.coefficients import DAMAGED, TABLES
 from phasebench.integrators.coefficients.fractions import DIGITS
-from phasebench.integrators.coefficients.order_conditions import TOLERANCE, conditions, excess, leading, residuals
-from phasebench.integrators.coefficients.polish import locate, starting
+from phasebench.integrators.coefficients.order_conditions import TOLERANCE, conditions, excess, leading_norms, residuals
+from phasebench.integrators.coefficients.polish import locate, starting_values
 
 
 def _digits(x) -> str:
@@ -40,8 +40,8 @@ def frame() -> pd.DataFrame:
         for t in TABLES:
             steps = coefficients.steps(t.name)
             found = residuals(t.kind, steps, max(t.order) + 1)
-            before = residuals(t.kind, t.steps(starting(t)), max(t.order))
-            about = coefficients.about(t.name)
+            before = residuals(t.kind, t.steps(starting_values(t)), max(t.order))
+            about = coefficients.describe(t.name)
             order = observed_order(found, max(t.order) + 1, len(t.order))
             stages = (
                 len(steps) if t.gamma else sum(letter == "B" for letter, _ in steps) - (t.first == "B" and t.symmetric)
@@ -58,7 +58,7 @@ def frame() -> pd.DataFrame:
                     "polished residual": _digits(excess(found, t.order)),
                     "moved by": about["moved"],
                     "sum of sizes": f"{float(about['sum_of_sizes']):.3f}",
-                    "error constant": ", ".join(_digits(x) for x in leading(found, t.order)),
+                    "error constant": ", ".join(_digits(x) for x in leading_norms(found, t.order)),
                     "source": t.source,
                 }
             )
@@ -66,12 +66,12 @@ def frame() -> pd.DataFrame:
 
 
 def repairs() -> pd.DataFrame:
-    """A row for each misprinted number: the one that the order conditions point to, and the value they imply."""
+    """A row for each misprinted coefficient: its place, the printed number, the one that the order conditions give."""
     rows = []
     with mpmath.workdps(DIGITS):
         for name, damaged in DAMAGED.items():
             t = coefficients.table(name)
-            numbers = starting(t, damaged)
+            numbers = starting_values(t, damaged)
             for _ in damaged:
                 residual = excess(residuals(t.kind, t.steps(numbers), max(t.order)), t.order)
                 k, mended = locate(t, numbers)
@@ -85,12 +85,12 @@ def repairs() -> pd.DataFrame:
                         "residual with it": _digits(residual),
                     }
                 )
-                numbers[k] = starting(t)[k]
+                numbers[k] = starting_values(t)[k]
     return pd.DataFrame(rows)
 
 
 def loose() -> pd.DataFrame:
-    """A row for each table that was printed with more digits than are correct."""
+    """A row for each coefficient table printed with more digits than are correct: decimals printed, decimals right."""
     rows = [
         {
             "table": t.name,

@@ -22,7 +22,7 @@ FOLDERS, TESTS = ("benchmarks", "integrators", "reference"), "bench_"
 
 
 def frame(score: Path = SCORE, root: Path = sources.ROOT) -> list[dict[str, object]]:
-    """A row for each file that was judged, and for each that was not."""
+    """A row for each source file: numbers of mutants, tried and killed, or that the file was not judged."""
     lines = _lines(score)
     rows = [_row(of, root) for of in lines]
     none = {"judged": False, **dict.fromkeys((*COUNTS, "survived"), 0), "as judged": False}

@@ -47,7 +47,7 @@ def detection(mutation: pd.DataFrame) -> Verdict:
 
 @of("mutation")
 def answer(mutation: pd.DataFrame) -> str:
-    """In how many files no fault was tried, and how many faults are noticed in the others."""
+    """A sentence: in how many files no fault was tried, and how many faults are noticed in the others."""
     tried = int((mutation["tried"] > 0).sum())
     return (
         f"In {len(mutation) - tried} of the suite's {len(mutation)} source files this was not tested; in the other "
@@ -57,7 +57,7 @@ def answer(mutation: pd.DataFrame) -> str:
 
 @of("mutation")
 def table(mutation: pd.DataFrame) -> Table:
-    """A line for each folder, with the number of files in which no fault was tried."""
+    """The page's table: mutants tried and killed in each folder, and the number of files in which none was tried."""
     folders = mutation.groupby(_folder(mutation))
     lines = folders[COUNTS].sum()
     lines.insert(0, "files", folders.size())
@@ -72,7 +72,7 @@ def table(mutation: pd.DataFrame) -> Table:
 
 @of("mutation")
 def full_table(mutation: pd.DataFrame) -> pd.DataFrame:
-    """A line for each file, judged or not."""
+    """A line for each source file, with its mutants if any were tried."""
     return mutation
 
 

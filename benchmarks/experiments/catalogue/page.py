@@ -29,7 +29,7 @@ ZERO = 1e-40
 
 
 def count_methods(data: Data) -> str:
-    """How many methods there are, and how many declare each property."""
+    """A sentence: how many methods there are, and how many declare each property."""
     return (
         f"{len(METHODS)} methods of {len({m.family for m in METHODS})} families: "
         f"{sum(m.symplectic for m in METHODS)} are declared symplectic, {sum(m.symmetric for m in METHODS)} symmetric, "
@@ -38,7 +38,7 @@ def count_methods(data: Data) -> str:
 
 
 def _families(data: Data) -> Table:
-    """A line for each family: its methods, and how many declare each property."""
+    """A line for each family of methods: how many there are, and how many of them declare each property."""
     lines = []
     for family in dict.fromkeys(m.family for m in METHODS):
         members = [m for m in METHODS if m.family == family]
@@ -93,7 +93,7 @@ def _formula(H) -> str:
 
 
 def count_problems(data: Data) -> str:
-    """How many problems and orbits there are, and of what size."""
+    """A sentence: how many problems and orbits there are, and of how many degrees of freedom."""
     sizes = [p.system.d for p in _problems()]
     return (
         f"{len(sizes)} problems with {sum(len(p.orbits) for p in _problems())} orbits, of {min(sizes)} to {max(sizes)} "
@@ -102,7 +102,7 @@ def count_problems(data: Data) -> str:
 
 
 def _problem_table(data: Data) -> Table:
-    """A line for each problem."""
+    """A line for each benchmark problem."""
     lines = []
     for made in _problems():
         lines.append(
@@ -154,18 +154,18 @@ PROBLEMS_PAGE = Page(
 
 
 def _largest(coefficients: pd.DataFrame, when: str) -> float:
-    """The largest residual of the order conditions, ``when`` "published" or "polished"."""
+    """The largest residual of the order conditions over all tables of "published" or "polished" coefficients."""
     return float(coefficients[f"{when} residual"].max())
 
 
 def _has_order(coefficients: pd.DataFrame) -> pd.Series:
-    """True for each table with the order that it declares."""
+    """True for each coefficient table whose residuals show exactly the order that it declares."""
     return coefficients["order"].astype(str) == coefficients["declared order"].astype(str)
 
 
 @of("coefficients")
 def orders(coefficients: pd.DataFrame) -> Verdict:
-    """Whether the coefficients satisfy the conditions of the declared order, and not of the next."""
+    """Whether the coefficient tables satisfy the conditions of the declared order, and not those of the next."""
     good = _has_order(coefficients)
     return Verdict(
         "Every table satisfies the conditions of its declared order, and not of the next",
@@ -179,7 +179,7 @@ def orders(coefficients: pd.DataFrame) -> Verdict:
 
 @of("coefficients")
 def polished_residuals(coefficients: pd.DataFrame) -> Verdict:
-    """Whether the residuals vanish after polishing the coefficients."""
+    """Whether the residuals of the order conditions vanish after polishing the coefficients to many digits."""
     return Verdict(
         "After polishing the largest residual of the order conditions vanishes",
         _largest(coefficients, "polished"),
@@ -191,7 +191,7 @@ def polished_residuals(coefficients: pd.DataFrame) -> Verdict:
 
 @of("coefficients")
 def judge_tables(coefficients: pd.DataFrame) -> str:
-    """How many tables have their declared order, and how far polishing lowers the residuals."""
+    """A sentence: how many coefficient tables have their declared order, and how far polishing lowers the residuals."""
     before, after = (_largest(coefficients, when) for when in ("published", "polished"))
     return (
         f"{int(_has_order(coefficients).sum())} of {len(coefficients)} tables of splitting and composition coefficients "
@@ -200,7 +200,7 @@ def judge_tables(coefficients: pd.DataFrame) -> str:
 
 
 def _least(data: Data) -> Table | None:
-    """The table with the least error constant, for each kind and order."""
+    """For each kind of method and order, the coefficient table with the smallest error constant."""
     coefficients, repairs = data("coefficients"), data("repairs")
     if coefficients is None or coefficients.empty:
         return None
@@ -255,7 +255,7 @@ COPYLEFT, COMPARED = "GPL-", ("rebound",)
 
 
 def _copyleft(dependencies: pd.DataFrame) -> list[str]:
-    """The packages under the GPL; the LGPL does not count."""
+    """The names of the installed packages under the GPL; the LGPL does not count."""
     licences = dependencies["licence"].fillna("")
     bound = licences.str.contains(COPYLEFT) & ~licences.str.contains(f"L{COPYLEFT}")
     return list(dependencies[bound]["package"])
@@ -290,7 +290,7 @@ def licences(dependencies: pd.DataFrame) -> Verdict:
 
 @of("dependencies")
 def weigh(dependencies: pd.DataFrame) -> str:
-    """How large an installation is, and what of it is under the GPL."""
+    """A sentence: how large an installation is, and what of it is under the GPL."""
     largest = dependencies.nlargest(3, "MB")
     named = join_list([f"{name} {size:.0f} MB" for name, size in zip(largest["package"], largest["MB"], strict=True)])
     return (

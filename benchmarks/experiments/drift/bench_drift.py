@@ -1,4 +1,4 @@
-"""The 95 % interval of a drift covers the true drift about as often as it should, where the oscillation is resolved."""
+"""Check that the 95 % interval of a drift covers the true drift often enough, where the oscillation is resolved."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from phasebench.benchmarks.experiments.drift.page import LEAST, is_resolved
 
 
 def off(rows) -> list[str]:
-    """A line for each kind of series whose oscillation is resolved but whose intervals cover too seldom."""
+    """A line for each kind of series with a resolved oscillation whose intervals miss the true drift too often."""
     return [
         f"{r['kind']}, {r['periods']:g} periods in {r['points']} points: covered in {r['covered']:.3f}"
         for r in rows
@@ -16,6 +16,6 @@ def off(rows) -> list[str]:
 
 
 def bench_coverage(measured_rows):
-    """The intervals of every resolved kind of series cover the true drift often enough."""
+    """The drift intervals of every kind of series with a resolved oscillation cover the true drift often enough."""
     wrong = off(measured_rows("drift_coverage"))
     assert not wrong, "\n".join(wrong)

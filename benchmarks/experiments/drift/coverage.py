@@ -49,7 +49,7 @@ def series(kind: str, periods: float, points: int, generator: np.random.Generato
 
 
 def coverage_row(kind: str, periods: float, points: int, drawn: int = DRAWN) -> dict:
-    """The row of a kind of series: the shares of intervals that cover the drift, and their median half-widths."""
+    """Draw series of a kind and count the drift intervals that cover the true drift: a row of shares and widths."""
     generator = np.random.default_rng(zlib.crc32(f"{kind} {periods} {points}".encode()))
     ours, lines = [], []
     for _ in range(drawn):
@@ -65,7 +65,7 @@ def coverage_row(kind: str, periods: float, points: int, drawn: int = DRAWN) -> 
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """The measurements (`Cell`): one for each kind of series, length and number of periods; none in the quick tier."""
+    """List the measurements (`Cell`), one for each kind of series, length and number of periods; none if ``quick``."""
     found = [(k, p, n) for k in KINDS for n in LENGTHS for p in PERIODS if n >= SAMPLED * p]
     return [] if quick else [_cell(*of) for of in found]
 
@@ -83,5 +83,5 @@ def _cell(kind: str, periods: float, points: int) -> Cell:
 
 
 def measure_rows(kind: str, periods: float, points: int) -> Rows:
-    """The row of a kind of series."""
+    """Count how often drift intervals cover the true drift on one kind of artificial series: a row, by table name."""
     return {"drift_coverage": [coverage_row(kind, periods, points)]}

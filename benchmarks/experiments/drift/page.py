@@ -26,18 +26,18 @@ def is_resolved(periods: float) -> bool:
 
 
 def _resolved_rows(table: pd.DataFrame) -> pd.DataFrame:
-    """The rows whose oscillation is resolved."""
+    """Select the kinds of series whose oscillation has enough periods in the whole time to be told from a drift."""
     return table[table["periods"].map(is_resolved)]
 
 
 def _kinds(table: pd.DataFrame) -> pd.Series:
-    """The share of draws covered, for each kind of series."""
+    """For each kind of series, the share of drawn series whose interval covers the true drift."""
     return _resolved_rows(table).groupby("kind", sort=False)["covered"].mean()
 
 
 @of("drift_coverage")
 def kinds(table: pd.DataFrame) -> Verdict | None:
-    """Whether the intervals cover the known drift of each kind of series as often as they claim."""
+    """Whether the drift intervals cover the known drift of each kind of series as often as they claim."""
     shares = _kinds(table)
     if shares.empty:
         return None
@@ -53,7 +53,7 @@ def kinds(table: pd.DataFrame) -> Verdict | None:
 
 @of("drift_coverage")
 def lengths(table: pd.DataFrame) -> Verdict | None:
-    """Whether the intervals cover often enough for each length of a series and each period."""
+    """Whether the drift intervals cover often enough for each length of a series and each number of periods."""
     told = _resolved_rows(table)
     if told.empty:
         return None
@@ -99,7 +99,7 @@ def bounded_energy(rows: pd.DataFrame) -> Verdict | None:
 
 @of("rows")
 def drifting(rows: pd.DataFrame) -> Verdict | None:
-    """Whether the intervals of all methods declared to drift exclude 0."""
+    """Whether the drift intervals of all methods declared to drift exclude 0."""
     ran = _drifting(rows)
     if ran.empty:
         return None
@@ -115,7 +115,7 @@ def drifting(rows: pd.DataFrame) -> Verdict | None:
 
 @of("rows")
 def controls(rows: pd.DataFrame) -> Verdict | None:
-    """Whether every control was measured; without controls the test for drifting methods could not fail."""
+    """Whether every control, a method that must drift, was measured; without them the drift test could not fail."""
     if _intervals(rows).empty:
         return None
     there = [id for id in CONTROLS if (_drifting(rows)["id"] == id).any()]
@@ -137,7 +137,7 @@ def _drifting(rows: pd.DataFrame) -> pd.DataFrame:
 
 
 def answer(data: Data) -> str | None:
-    """How often the intervals cover a known drift, and 0 in runs of bounded methods."""
+    """A sentence: how often the intervals cover a known drift, and how often 0 in runs of bounded energy error."""
     table, rows = data("drift_coverage"), data("rows")
     parts = []
     if table is not None and len(shares := _kinds(table)):
@@ -149,7 +149,7 @@ def answer(data: Data) -> str | None:
 
 @of("drift_coverage")
 def draw(table: pd.DataFrame, folder) -> list[Picture]:
-    """Coverage over the number of periods, a panel for each length."""
+    """Draw the coverage of the drift's interval over the number of periods, a panel for each length of series."""
     lengths = sorted(table["points"].unique())
     with style.settings():
         figure, (panels,) = style.panels(1, len(lengths), 3.3, sharey=True)
@@ -176,7 +176,7 @@ def draw(table: pd.DataFrame, folder) -> list[Picture]:
 
 @of("drift_coverage")
 def table(found: pd.DataFrame) -> Table:
-    """The rows whose coverage is farthest from the nominal one, resolved oscillations first."""
+    """The page's table: the series whose coverage is farthest from the nominal one, resolved oscillations first."""
     far = (found["covered"] - CONFIDENCE).abs()
     told = found["periods"].map(is_resolved)
     shown = found.assign(far=far, told=told).sort_values(["told", "far"], ascending=False, kind="stable").head(ROWS)
@@ -186,7 +186,7 @@ def table(found: pd.DataFrame) -> Table:
 
 @of("drift_coverage")
 def _full_table(found: pd.DataFrame) -> pd.DataFrame:
-    """All rows."""
+    """The coverage of every kind of series: the measured table as it is."""
     return found
 
 

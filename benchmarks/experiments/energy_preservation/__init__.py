@@ -1,1 +1,1 @@
-"""Do Schemes IV and V keep the energy, and what does it cost?"""
+"""Experiment: do Schemes IV and V, which choose a parameter lambda in each step, keep the energy, and at which cost?"""

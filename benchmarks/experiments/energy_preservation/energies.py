@@ -1,4 +1,7 @@
-"""Schemes IV and V and their alternating variants to t = 1000: errors of invariants, and steps without a root."""
+"""Energy-preserving Schemes IV and V, alone and alternating, to t = 1000: errors of H, and steps without a root lambda.
+
+In each step a scheme solves the energy's equation for its parameter lambda; not every step has such a root.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +20,7 @@ LADDER = (0.2, 0.1, 0.05, 0.02, 0.01, 0.005)
 
 
 def _row(found, scheme: str, h: float):
-    """Integrate with a scheme and with the implicit midpoint rule: (the scheme's solution, its row)."""
+    """Integrate with a scheme to t = 1000 beside the implicit midpoint rule: (its solution, a row of the errors)."""
     path = integrate(found, scheme, h=h, t_end=1000.0)
     plain = integrate(found, "implicit-midpoint", h=h, t_end=1000.0)
     system = found.system
@@ -53,7 +56,7 @@ def _row(found, scheme: str, h: float):
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """The measurements (`Cell`): one for each scheme and step on each problem; none in the quick tier."""
+    """List the measurements (`Cell`), one for each scheme and step on each problem; none if ``quick``."""
     return [] if quick else [_cell(name, scheme, h) for name in PROBLEMS for scheme in SCHEMES for h in LADDER]
 
 
@@ -71,7 +74,7 @@ def _cell(name: str, scheme: str, h: float) -> Cell:
 
 
 def measure_rows(name: str, scheme: str, h: float) -> Rows:
-    """The row of a scheme at a step size; steps without a root are scanned for one by an independent method."""
+    """Measure a scheme's energy error at step h; steps without a root lambda are scanned independently for one."""
     found = problem(name)
     path, row = _row(found, scheme, h)
     steps = np.flatnonzero(np.isnan(path.parameter))

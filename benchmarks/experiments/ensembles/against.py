@@ -50,7 +50,7 @@ PEER = "heyoka-batch"
 
 
 class Rung(NamedTuple):
-    """A run of a ladder: the integrator's label, the kind of its size (step ``h`` or tolerance ``tol``), the size."""
+    """One run of an integrator: its label ``who``, the ``kind`` of its size (step "h" or tolerance "tol"), the size."""
 
     who: str
     kind: str
@@ -58,7 +58,7 @@ class Rung(NamedTuple):
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """The measurements (`Cell`): one for each problem."""
+    """List the measurements (`Cell`), one for each problem."""
     return [
         Cell(
             "ensembles",
@@ -76,7 +76,10 @@ def cells(quick: bool = False) -> list[Cell]:
 
 
 def exact(system, Q: np.ndarray, P: np.ndarray) -> np.ndarray:
-    """Reference end states by heyoka in long double, rounded: array (n, 2 d); raises Unavailable without it."""
+    """Integrate an ensemble to `T_END` with heyoka in long double: end states rounded to double, array (n, 2 d).
+
+    Raises Unavailable if that precision is not there.
+    """
     from phasebench.reference.solvers import taylor
 
     try:
@@ -115,7 +118,7 @@ def _batches(system, tol: float, width: int, y: np.ndarray) -> Callable[[], np.n
 
 
 def _ours(system, id: str, h: float, Q, P) -> Callable[[], np.ndarray]:
-    """A function that integrates the ensemble to `T_END`; NaN for orbits that fail."""
+    """A function that integrates Q, P with the method ``id`` of this project to `T_END`: end states, NaN if failed."""
 
     def run() -> np.ndarray:
         e = integrate_ensemble(system, id, Q, P, t_end=T_END, steps=round(T_END / h), threads=1)
@@ -132,7 +135,7 @@ def widths() -> tuple[int, ...]:
 
 
 def measure_rows(name: str) -> Rows:
-    """Measure the error and the cost of every rung of every ladder, intermediate rungs included."""
+    """Measure error and cost of an orbit for both sides at every step or tolerance: a row for each, by table name."""
     found = problem(name)
     system, (Q, P) = found.system, starts(found, ORBITS)
     truth = exact(system, Q[:JUDGED], P[:JUDGED])
@@ -164,13 +167,16 @@ def measure_rows(name: str) -> Rows:
 
 
 def in_order(rungs: Iterable[Rung]) -> list[Rung]:
-    """Sort rungs by integrator, then from the longest step or the loosest tolerance on."""
+    """Sort runs by integrator, then from the longest step or the loosest tolerance on."""
     first = list(dict.fromkeys(rung.who for rung in rungs))
     return sorted(rungs, key=lambda rung: (first.index(rung.who), -rung.value))
 
 
 def between(errors: Mapping[Rung, float]) -> list[Rung]:
-    """The rungs to insert: between neighbours whose errors enclose one of `ERRORS` and are `SPAN` or more apart."""
+    """The runs to insert between neighbouring steps or tolerances.
+
+    A geometric mean is inserted where the two errors enclose one of `ERRORS` and differ by a factor `SPAN` or more.
+    """
     out = []
     for a, b in pairwise(in_order(errors)):
         low, high = sorted((errors[a], errors[b]))
@@ -194,5 +200,5 @@ def worst(ends: np.ndarray, truth: np.ndarray) -> float:
 
 
 def orbits_of(kind: str) -> int:
-    """The number of orbits of one run, by the kind of its rung: heyoka's (``tol``) or ours (``h``)."""
+    """The number of orbits that a run integrates: heyoka's, whose ``kind`` of size is "tol", or ours, "h"."""
     return JUDGED if kind == "tol" else ORBITS

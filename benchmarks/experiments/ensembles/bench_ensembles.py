@@ -1,4 +1,4 @@
-"""Ensembles: every orbit arrives, and SIMD lanes end where the scalar kernel ends."""
+"""Checks of ensembles of orbits: every orbit reaches its end, and SIMD lanes end where the scalar kernel ends."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ APART = 1e-11
 
 
 def cells(quick: bool = False) -> list:
-    """The measurements of `lanes`, `against` and `maps`."""
+    """List the measurements of `lanes`, `against` and `maps`."""
     return lanes.cells(quick) + against.cells(quick) + maps.cells(quick)
 
 
 def off(rows) -> list[str]:
-    """A line for each ensemble that does not arrive, or ends away from the scalar kernel."""
+    """A line for each ensemble with an orbit that fails, or that ends elsewhere than with the scalar kernel."""
     out = []
     for r in rows:
         if r["method"] == lanes.CEILING:

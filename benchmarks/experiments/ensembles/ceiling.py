@@ -1,4 +1,4 @@
-"""The best speed-up that a machine's cores give: a compiled loop that needs neither memory nor Python."""
+"""The best speed-up that a machine's cores give, measured with a compiled loop that needs neither memory nor Python."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ WIDTH, STEPS, H = 64, 4_000_000, 0.01
 
 
 def _loop(state, steps, h):
-    """Leapfrog steps of independent oscillators; state is an array (2, n) of q and p."""
+    """Take leapfrog steps of independent oscillators in place; state is an array (2, n) of q and p."""
     for _ in range(steps):
         for i in range(state.shape[1]):
             state[1, i] -= h * state[0, i]
@@ -26,13 +26,13 @@ def _loop(state, steps, h):
 
 
 def compile_loop() -> Callable:
-    """The compiled loop, which releases the interpreter's lock."""
+    """Compile the leapfrog loop so that it releases the interpreter's lock."""
     signature = types.void(types.Array(types.float64, 2, "C"), types.int64, types.float64)
-    return entry(machine.compiled(_loop, signature, {"nogil": True, "error_model": "numpy"}, "ceiling"))
+    return entry(machine.load_or_compile(_loop, signature, {"nogil": True, "error_model": "numpy"}, "ceiling"))
 
 
 def speed_up(cores: int, rounds: int, steps: int = STEPS) -> Median:
-    """Measure how much more work the loop does on ``cores`` threads than on one, in alternating rounds."""
+    """Measure how much more work the leapfrog loop does on ``cores`` threads than on one, in alternating rounds."""
     loop = compile_loop()
 
     def work() -> None:

@@ -14,14 +14,14 @@ OURS, HEYOKA = "ours", "heyoka"
 
 
 def least(rows: pd.DataFrame, error: float) -> tuple[str, Median]:
-    """The cheapest integrator of one side at an error, and its cost; ("", NOWHERE) if none reaches it."""
+    """The cheapest integrator in ``rows`` with at most ``error``, and its cost; ("", NOWHERE) if none reaches it."""
     costs = {name: at(rungs, error) for name, rungs in rows.groupby("integrator", sort=False)}
     name = min(costs, key=lambda k: costs[k].value, default=None)
     return ("", NOWHERE) if name is None or costs[name] is NOWHERE else (name, costs[name])
 
 
 def cost_table(frame: pd.DataFrame) -> pd.DataFrame:
-    """A row for each problem and error: the cheapest of each side, the ratio of their costs, and the cheaper side."""
+    """For each problem and error: our cheapest run and heyoka's, the ratio of their costs, and the cheaper side."""
     rows = []
     for problem, part in frame.groupby("problem", sort=False):
         for error in ERRORS:

@@ -1,4 +1,4 @@
-"""The cost of an orbit's step in SIMD lanes against the scalar kernel, and on all cores against one."""
+"""The cost of a step of one orbit: in SIMD lanes against the scalar kernel, and on all cores against one."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ CEILING = "(a bare loop)"
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """The measurements (`Cell`): one for each method on each problem, and one for the ceiling."""
+    """List the measurements (`Cell`): one for each method on each problem, one for the speed-up that cores can give."""
     in_lanes = [(*case, ORBITS) for case in CASES]
     alone = [(name, id, (), steps, n) for name, id, steps, n in ALONE_CASES]
     return [_cell(*case) for case in (*in_lanes, *alone)] + [_ceiling_cell()]
@@ -76,7 +76,7 @@ def _ceiling_cell() -> Cell:
 
 
 def ceiling_row() -> Rows:
-    """The row of the speed-up of a bare loop on all cores."""
+    """Measure the speed-up of a loop without memory access on all cores: the limit for any ensemble, as a row."""
     available = cores()
     row = {"problem": "", "method": CEILING, "in lanes": False, "cores": available, "status": "ok"}
     return {TABLE: [row | _with_interval("speed-up", ceiling.speed_up(available, ROUNDS))]}
@@ -89,7 +89,7 @@ def starts(found, n: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def measure_rows(name: str, id: str, parameters: tuple, steps: int, n: int) -> Rows:
-    """Measure nanoseconds of an orbit's step: with the scalar kernel, in an ensemble on one core, and on all."""
+    """Measure nanoseconds of a step of one orbit: by the scalar kernel, in an ensemble on one core, on all cores."""
     found, chosen = problem(name), method(id, **dict(parameters))
     Q, P = starts(found, n)
 
@@ -125,12 +125,12 @@ def _clock(run, steps: int) -> Callable[[], float]:
 
 
 def _with_interval(column: str, value) -> dict:
-    """The columns of a value and its interval."""
+    """The columns of a measured value: ``column`` itself, and the ends of its confidence interval."""
     return {column: value.value, f"{column}, low": value.low, f"{column}, high": value.high}
 
 
 def _differences(found, chosen, ensemble, Q, P, steps: int) -> dict:
-    """Compare the ends of some orbits with `integrate`: how many agree to the last bit, and the largest distance."""
+    """Compare an ensemble's end states with single runs: how many agree to the last bit, and the largest distance."""
     same, largest = 0, 0.0
     for i in range(min(COMPARED, len(Q))):
         s = integrate(found, chosen, h=H, steps=steps, q0=Q[i], p0=P[i], save_every=0)

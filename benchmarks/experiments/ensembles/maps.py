@@ -27,7 +27,7 @@ CORNERS = ((-0.45, -0.5), (0.7, 0.5))
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """The measurements (`Cell`): one for each map."""
+    """List the measurements (`Cell`), one for the Poincare section and one for the map of chaos."""
     return [
         Cell(
             "ensembles",
@@ -52,7 +52,7 @@ def on_plane(q2: np.ndarray, p2: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def random_starts(n: int) -> tuple[np.ndarray, np.ndarray]:
-    """n random starts on the plane, arrays (n, 2)."""
+    """n random starts (q, p) on the section q1 = 0, p1 > 0 with H = `ENERGY`, arrays (n, 2)."""
     random = np.random.default_rng(1)
     Q, P = on_plane(*(random.uniform(low, high, 20 * n) for low, high in zip(*CORNERS, strict=True)))
     there = np.isfinite(P[:, 0])
@@ -67,12 +67,12 @@ def grid() -> tuple[np.ndarray, np.ndarray]:
 
 
 def measure_rows(name: str) -> Rows:
-    """The rows of a map."""
+    """Compute the Poincare section or the map of chaos, by ``name``: its rows, by table name."""
     return {TABLE: _section() if name == SECTION else _chaos()}
 
 
 def _section() -> list[dict]:
-    """The rows of the Poincare section, one for each orbit."""
+    """Compute the Poincare section: a row for each orbit, with its points."""
     made = problem(PROBLEM)
     Q, P = random_starts(ORBITS)
     section(made, METHOD, Q, P, of="q1", h=STEP, steps=4)  # compiles
@@ -88,7 +88,7 @@ def _section() -> list[dict]:
 
 
 def _chaos() -> list[dict]:
-    """The rows of the map of chaos, one for each line of the grid."""
+    """Compute the map of chaos: a row for each line of the grid of starts, with the growth of distances along it."""
     made = problem(PROBLEM)
     Q, P = grid()
     inside = np.isfinite(P[:, 0])

@@ -21,7 +21,7 @@ _compared = once(cost_table)
 
 
 def _wide(frame: pd.DataFrame) -> pd.DataFrame:
-    """The ensembles that ran in lanes."""
+    """Select the ensembles that ran in SIMD lanes."""
     return frame[frame["in lanes"].astype(bool) & (frame["status"] == "ok")]
 
 
@@ -47,7 +47,7 @@ def _name(row) -> str:
 
 @of(against.TABLE)
 def beside_heyoka(frame: pd.DataFrame) -> Verdict | None:
-    """Whether an orbit costs no more than in heyoka's batches at equal error."""
+    """Whether an orbit of an ensemble costs no more than in heyoka's batches at equal error."""
     judged = _reached_rows(frame)
     if judged.empty:
         return None
@@ -66,7 +66,7 @@ def beside_heyoka(frame: pd.DataFrame) -> Verdict | None:
 
 
 def _reached_rows(frame: pd.DataFrame) -> pd.DataFrame:
-    """The problems and errors that at least one side reaches."""
+    """Select the problems and errors that at least one side, ours or heyoka, reaches."""
     table = _compared(frame)
     return table[table["cheaper"] != timing.NONE]
 
@@ -98,7 +98,7 @@ def parallel(frame: pd.DataFrame) -> Verdict | None:
 
 @of(lanes.TABLE, against.TABLE)
 def answer(frame: pd.DataFrame, costs: pd.DataFrame) -> str | None:
-    """The gain of lanes, and how often an orbit costs less than heyoka's."""
+    """A sentence: how much SIMD lanes gain, and how often an orbit costs less here than in heyoka's batches."""
     wide, judged = _wide(frame), _reached_rows(costs)
     if wide.empty:
         return None
@@ -112,7 +112,7 @@ def answer(frame: pd.DataFrame, costs: pd.DataFrame) -> str | None:
 
 @of(maps.TABLE)
 def draw_maps(frame: pd.DataFrame, folder) -> list[Picture]:
-    """The Poincare section, and the chaos of the grid of starts."""
+    """Draw the Poincare section, and the chaos of the grid of starts."""
     section, grid = (frame[frame["map"] == name].sort_values("line") for name in (maps.SECTION, maps.GRID))
     with style.settings():
         figure, ((left, right),) = style.panels(1, 2, 3.4, sharey=True)
@@ -140,7 +140,7 @@ def draw_maps(frame: pd.DataFrame, folder) -> list[Picture]:
 
 @of(against.TABLE)
 def draw_costs(frame: pd.DataFrame, folder) -> list[Picture]:
-    """The error of the worst orbit over the cost of an orbit, a panel for each problem."""
+    """Draw the error of the worst orbit over the cost of an orbit, a panel for each problem."""
     problems, looks = list(dict.fromkeys(frame["problem"])), style.looks()
     with style.settings():
         figure, (panels,) = style.panels(1, len(problems), 3.0, sharey=False)
@@ -160,13 +160,13 @@ def draw_costs(frame: pd.DataFrame, folder) -> list[Picture]:
 
 
 def draw(data, folder) -> list[Picture]:
-    """Both figures, where there are rows."""
+    """Draw the maps of Henon-Heiles, and error over cost against heyoka; a figure without data is left out."""
     return [*(draw_maps(data, folder) or ()), *(draw_costs(data, folder) or ())]
 
 
 @of(lanes.TABLE)
 def table(frame: pd.DataFrame) -> Table:
-    """The time of a step and the speed-ups of each ensemble."""
+    """The page's table: the time of a step of one orbit, and the speed-ups by lanes and by cores, of each ensemble."""
     columns = ["problem", "method", "in lanes", "ns scalar", "ns ensemble", "gain", "gain, low", "gain, high"]
     columns += ["ns all cores", "cores", "speed-up", "speed-up, low", "speed-up, high", "largest difference"]
     caption = (
@@ -179,7 +179,7 @@ def table(frame: pd.DataFrame) -> Table:
 
 @of(against.TABLE)
 def full_table(frame: pd.DataFrame) -> pd.DataFrame:
-    """The comparison of costs for every problem and error."""
+    """For every problem and error: this project's and heyoka's cheapest run, and the ratio of their costs."""
     return _compared(frame)
 
 

@@ -1,4 +1,4 @@
-"""Limits of methods: known stability limits are met and confirmed by long runs, adaptive peers reach e = `HARD`."""
+"""Checks: known stability limits are met and confirmed by long runs; adaptive peers follow Kepler to e = `HARD`."""
 
 from __future__ import annotations
 
@@ -21,20 +21,20 @@ def unlike(rows) -> list[str]:
 
 
 def unconfirmed_limits(rows) -> list[str]:
-    """A line for each method with long runs that do not end as its step matrix predicts."""
+    """A line for each method that has long runs not ending (bounded or growing) as its step matrix predicts."""
     return [
         f"{r['label']}: {r['confirmed']} of {r['runs']}" for r in rows if r.get("runs") and r["confirmed"] < r["runs"]
     ]
 
 
 def bench_known_limits(measured_rows):
-    """Every published or derived stability limit is met to its digits."""
+    """Every published or derived stability limit is measured again to its digits."""
     wrong = unlike(measured_rows("extremes_published"))
     assert not wrong, "\n".join(wrong)
 
 
 def bench_closed_form(measured_rows):
-    """Scheme I's limit is 2 / |1 - 2 lambda| to ten digits."""
+    """Scheme I's measured stability limit is 2 / |1 - 2 lambda| to ten digits."""
     rows = measured_rows("extremes_scheme_i")
     off = [
         r["lam"] for r in rows if r["limit"] != r["closed form"] and not abs(r["limit"] / r["closed form"] - 1) < SHARP
@@ -49,14 +49,14 @@ def bench_long_runs(measured_rows):
 
 
 def bench_encounters(measured_rows):
-    """Adaptive peers keep the error small up to an eccentricity of `HARD`."""
+    """Adaptive peers (of other packages) keep the error of Kepler orbits small up to the eccentricity `HARD`."""
     adaptive = [r for r in measured_rows("extremes_encounters") if r["kind"] == "adaptive" and r["e"] <= HARD]
     lost = [f"{r['method']}, e = {r['e']}: {r['error']:.1e}" for r in adaptive if not r["held"]]
     assert not lost, "\n".join(lost)
 
 
 def bench_small_denominators(measured_rows):
-    """Round-off does not drift at steps beside simple fractions, nor if the force sees the whole state."""
+    """Round-off does not make the energy drift slightly off simple fractions, nor if the force sees the whole state."""
     rows = measured_rows("extremes_growth")
     free = [r for r in rows if r["kind"] == brouwer.ASIDE_OF or r["label"] == controls.WHOLE]
     drifting = [f"{r['label']}, h = {r['h']!r}" for r in free if r["energy low"] > ENERGY + ABOVE]

@@ -79,7 +79,7 @@ TABLES = ("extremes_growth", "extremes_growth_curves")
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """The measurements (`Cell`): one for each ensemble of runs, one for the long run; none in the quick tier."""
+    """List the measurements (`Cell`), one for each ensemble of runs and one for the long run; none if ``quick``."""
     runs = [*RUNS, ("stormer-verlet", {}, PLAIN, LONG)]
     return [] if quick else [_cell(*run) for run in runs]
 
@@ -101,7 +101,7 @@ def _cell(id: str, values: dict, h: float, steps: int) -> Cell:
 
 
 def _method(id: str) -> str:
-    """The method whose step matrix applies: Stormer-Verlet for the hand-written controls."""
+    """The id of the method whose step matrix applies: that of Stormer-Verlet for the hand-written controls."""
     return "stormer-verlet" if id in controls.KINDS else id
 
 
@@ -111,7 +111,7 @@ def label(id: str, values: dict) -> str:
 
 
 def _kind(id: str, values: dict, h: float) -> str:
-    """The kind of a run: written by hand, at a simple fraction, slightly off one, or usual."""
+    """The kind of a run: a hand-written control, at a simple fraction of h or lambda, slightly off one, or usual."""
     if id in controls.KINDS:
         return HAND
     if h in (DECIMAL, TENTH) or values.get("lam") == THIRD:
@@ -179,7 +179,7 @@ def runs(id: str, values: dict, h: float, steps: int, starts, rows: int = ROWS) 
 
 
 def measure_rows(id: str, values: dict, h: float, steps: int) -> Rows:
-    """The row of a method, and the rms errors over all starts as a function of the number of steps."""
+    """Integrate the oscillator from many starts: a row of the growth of round-off, and rows of rms errors over n."""
     rows = [0, *(ROWS // 2**k for k in range(9, -1, -1))]
     n = np.array(rows) * (steps // ROWS)
     starts = starts_of(STARTS if steps < LONG else 1)
@@ -193,7 +193,10 @@ def measure_rows(id: str, values: dict, h: float, steps: int) -> Rows:
 
 
 def summary(n, h: float, energy, phase=None) -> dict:
-    """The columns that summarize errors, arrays (starts, m), at step numbers n (m,); ``phase`` may be None."""
+    """The columns that summarize energy and phase errors at step numbers n (m,): rms, bias, growth.
+
+    ``energy`` and ``phase`` are arrays (starts, m); ``phase`` may be None.
+    """
     rms = float(np.sqrt((energy[:, -1] ** 2).mean()))
     row = {"starts": len(energy), "energy rms": rms}
     if phase is not None:
@@ -209,7 +212,7 @@ def summary(n, h: float, energy, phase=None) -> dict:
 
 
 def curves(row: dict, n, energy, phase) -> list[dict]:
-    """The rms errors over the number of steps, as rows identified by the run in ``row``."""
+    """Rows of the rms energy and phase errors at each step number in ``n``, identified by the run in ``row``."""
     key = {name: row[name] for name in ("label", "h", "steps")}
     each = zip(n, np.sqrt((energy**2).mean(0)), np.sqrt((phase**2).mean(0)), strict=True)
     return [key | {"n": int(k), "energy": float(e), "phase": float(f)} for k, e, f in each]

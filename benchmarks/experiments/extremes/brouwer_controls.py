@@ -57,7 +57,7 @@ def careful(h: float, share: float, every: int, rows: int, q: float, p: float):
 
 
 def runner(kind: str, h: float, rows: int):
-    """A compiled function (q, p, steps) -> (Q, P), arrays (rows + 1,), for one of `KINDS`."""
+    """Compile a control, one of `KINDS`: a function (q, p, steps) -> (Q, P), arrays (rows + 1,)."""
     import numba
 
     if kind == PLAIN:

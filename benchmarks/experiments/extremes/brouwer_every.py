@@ -31,7 +31,7 @@ TABLE = "extremes_growth_every"
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """The measurements (`Cell`): one for each method that is symplectic or keeps the energy; none in the quick tier."""
+    """List the measurements (`Cell`), one for each method that is symplectic or keeps the energy; none if ``quick``."""
     return [] if quick else [_cell(m.id) for m in METHODS if m.symplectic or m.energy == "round-off"]
 
 
@@ -43,7 +43,7 @@ def _cell(id: str) -> Cell:
 
 
 def steps_of(id: str) -> int:
-    """The number of steps of a run: the cheaper a step, the more."""
+    """The number of steps that a method runs: the cheaper its step, the more."""
     chosen = BY_ID[id]
     if chosen.family == "schemes_iv_v":
         return DEAR
@@ -57,7 +57,7 @@ def steps_of(id: str) -> int:
 
 
 def measure_rows(id: str, values: dict, label: str) -> Rows:
-    """The row of a method's ensemble; without an ensemble the row has the reason."""
+    """Measure the growth of a method's round-off over an ensemble of orbits: a row; with the reason if it cannot."""
     made, steps = problem(brouwer.PROBLEM), steps_of(id)
     row = {"label": label, "method": id, "h": H, "steps": steps, "reason": BY_ID[id].lacks(made.system) or ""}
     told = None if row["reason"] else how(id, values)
@@ -72,12 +72,15 @@ def measure_rows(id: str, values: dict, label: str) -> Rows:
     by, M = told
     with mpmath.workdps(brouwer.DIGITS):
         energy, phase = (x[:, 1:] for x in brouwer.errors(M, n, Q[:, rows], P[:, rows]))
-    row |= {"by": by, "in lanes": batches.able(made.system, BY_ID[id])}
+    row |= {"by": by, "in lanes": batches.runs_in_lanes(made.system, BY_ID[id])}
     return {TABLE: [row | brouwer.summary(n[1:], H, energy, phase if by == EXACT else None)]}
 
 
 def how(id: str, values: dict):
-    """(how the energy's error is measured, the matrix that defines |w|^2), or None where neither way applies."""
+    """Choose how a method's energy error is measured: (name of the way, step matrix whose invariant |w|^2 is used).
+
+    None if neither an exact step matrix is known nor H is kept.
+    """
     with mpmath.workdps(brouwer.DIGITS):
         if exact_maps.has_exact_map(id):
             return EXACT, exact_maps.exact_matrix(id, values, H)

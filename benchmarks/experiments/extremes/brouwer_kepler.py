@@ -25,7 +25,7 @@ H, STEPS, ECCENTRICITIES = 0.0987654321, 262_144, (0.1, 0.6)
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """The single measurement, of one ensemble; none in the quick tier."""
+    """List the single measurement (`Cell`), of one ensemble of orbits; none if ``quick``."""
     needs = content("growth-kepler", record(METHOD), ProblemKey(PROBLEM), code=[__name__])
     key = {"label": LABEL, "h": H, "steps": STEPS}
     return (
@@ -60,7 +60,7 @@ def _starts(count: int):
 
 
 def measure_rows() -> Rows:
-    """The row of the ensemble, and its curves."""
+    """Measure round-off of Wisdom-Holman's method on Kepler orbits: a row on its growth, and rows of rms errors."""
     made, every = problem(PROBLEM), STEPS // brouwer.ROWS
     rows = [0, *(brouwer.ROWS // 2**k for k in range(9, -1, -1))]
     n = np.array(rows) * every

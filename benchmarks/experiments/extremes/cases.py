@@ -34,7 +34,7 @@ SEEN, SECONDS = 1000, 4.0
 
 @dataclass(frozen=True)
 class Case:
-    """An orbit on which methods are pushed.
+    """An orbit on which methods are pushed to their largest step.
 
     Attributes
     ----------
@@ -76,7 +76,7 @@ BY_ID = {c.id: c for c in CASES}
 
 @lru_cache(maxsize=32)
 def size(case: Case) -> float:
-    """The minimum along the orbit of the sum of the absolute values of H's terms."""
+    """The least, along the orbit, of the sum of the absolute values of H's terms."""
     made = problem(case.problem)
     truth = integrate(made, TRUTH, h=made.pace.step / FINE, steps=TIMES, q0=case.q, p0=case.p)
     terms = sp.Add.make_args(sp.expand(made.system.H))
@@ -108,7 +108,7 @@ def crossings(x, middle: float) -> int:
 
 
 def strays(case: Case, Q, span: float, every_step: bool) -> str:
-    """Judge rows Q over a time ``span`` by the course of the orbit: `OK`, `WRONG` or `CLOCK`."""
+    """Judge rows Q over a time ``span`` by the ranges and the rate of the true orbit: `OK`, `WRONG` or `CLOCK`."""
     known = course(case)
     room = MARGIN * (known.high - known.low)
     if case.ranged and ((known.low - room > Q).any() or (known.high + room < Q).any()):
@@ -120,7 +120,7 @@ def strays(case: Case, Q, span: float, every_step: bool) -> str:
 
 
 def judge_run(case: Case, method: str, h: float, steps: int, parameters: dict | None = None) -> str:
-    """Run a method on a case and judge it: `OK`, a status of the driver, `LOST`, `WRONG` or `CLOCK`."""
+    """Run a method on a case and judge it: `OK`, the status of a run that stopped, `LOST`, `WRONG` or `CLOCK`."""
     made = problem(case.problem)
     s = integrate(
         made,

@@ -1,4 +1,4 @@
-"""The measurements (`Cell`) of all parts of this experiment."""
+"""All measurements (`Cell`) of the experiment on limits: stability, long times, close encounters, stiffness."""
 
 from __future__ import annotations
 
@@ -36,5 +36,5 @@ PARTS = (
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """The measurements of all parts."""
+    """List the measurements of all modules of this experiment."""
     return [cell for part in PARTS for cell in part.cells(quick)]

@@ -39,7 +39,7 @@ TABLES = ("extremes_meetings",)
 
 @dataclass(frozen=True)
 class Encounter:
-    """A scene: a problem, the time of a certified state, the numbers of steps to try, and the integrators."""
+    """A problem with a close encounter, the time of a certified state, the numbers of steps to try, the integrators."""
 
     id: str
     problem: str
@@ -76,7 +76,7 @@ BY_SCENE = {e.id: e for e in ENCOUNTERS}
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """The measurements (`Cell`): one for each scene and integrator."""
+    """List the measurements (`Cell`), one for each scene and integrator."""
     return [] if quick else [_cell(e, id) for e in ENCOUNTERS for id in e.methods]
 
 
@@ -95,7 +95,7 @@ def distance(q, known) -> float:
 
 
 def measure_rows(scene: str, id: str) -> Rows:
-    """The rows of an integrator in a scene, one for each rung of its ladder."""
+    """Run an integrator through a close encounter at ever smaller steps or tolerances: a row for each."""
     encounter, rows = BY_SCENE[scene], []
     for asked, kind, s, known in _runs(encounter, id):
         if s.status == SKIPPED:
@@ -109,7 +109,7 @@ def measure_rows(scene: str, id: str) -> Rows:
 
 
 def _runs(encounter: Encounter, id: str):
-    """Yield (steps or tolerance, kind, solution, coordinates of the reference) for each rung of a ladder."""
+    """Yield (steps or tolerance, kind, solution, coordinates of the reference) for ever smaller steps or tolerances."""
     made = problem(encounter.problem)
     known = [float(x) for x in stored.end(made, encounter.t_end).q]
     if id.endswith(TRANSFORMED):
@@ -128,7 +128,10 @@ def _runs(encounter: Encounter, id: str):
 
 
 def _of_transformed(made, encounter: Encounter, id: str):
-    """Like `_runs`, for a method applied to Poincare's transformed Hamiltonian."""
+    """Yield (steps, "transformed", solution, reference coordinates) for a method on Poincare's transformed Hamiltonian.
+
+    One for each number of steps of the encounter; the reference is computed at the time at which the run ends.
+    """
     system = TransformedHamiltonian(made.system)
     q0, p0 = system.start(made.q0, made.p0)
     pace = 1 / float(system.observe(system.time_scale, np.array([q0]), np.array([p0]))[0])
@@ -141,7 +144,7 @@ def _of_transformed(made, encounter: Encounter, id: str):
 
 
 def cheapest(table: pd.DataFrame, by: str = "steps") -> pd.DataFrame:
-    """For each scene and method, the rung within the error `HELD` with the fewest steps, else that of least error."""
+    """For each scene and method, the run within the error `HELD` with the fewest steps, else that of least error."""
     ordered = table.assign(held=table["error"] <= HELD).sort_values(["held", by], ascending=[False, True])
     held = ordered[ordered["held"]].drop_duplicates(["scene", "method"])
     rest = ordered[~ordered["held"]].sort_values("error", kind="stable").drop_duplicates(["scene", "method"])

@@ -36,7 +36,7 @@ TABLES = ("extremes_solvers",)
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """The measurements (`Cell`): one for each map."""
+    """List the measurements (`Cell`), one for each map."""
     return [] if quick else [_cell(*of) for of in MAPS]
 
 
@@ -47,7 +47,7 @@ def _cell(id: str, on: str, over: str) -> Cell:
 
 
 def measure_rows(id: str, on: str, over: str) -> Rows:
-    """The rows of a map, one for each point."""
+    """Classify runs of an implicit method over (h, lambda) if ``over`` is "lam", else over (h, e): a row for each."""
     values, steps = (LAMBDAS, H_PENDULUM) if over == "lam" else (ECCENTRICITIES, H_KEPLER)
     made, rows = problem(on), []
     for value in values:
@@ -68,7 +68,7 @@ def _pericentre(e: float):
 
 
 def outcome(made, s) -> str:
-    """Classify a run: `LOST`, a status, `MISSED`, `NEWTON` or `FIXED_POINT`."""
+    """Classify a run by how its equations were solved: `LOST`, a status, `MISSED`, `NEWTON` or `FIXED_POINT`."""
     H = made.system.observe(made.system.H, s.q, s.p)
     with np.errstate(all="ignore"):
         if not np.abs(H - H[0]).max() <= max(abs(H[0]), 0.1):

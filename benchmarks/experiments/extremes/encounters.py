@@ -52,7 +52,7 @@ TABLES = ("extremes_encounters",)
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """The measurements (`Cell`): one for each integrator; none in the quick tier."""
+    """List the measurements (`Cell`), one for each integrator; none if ``quick``."""
     return [] if quick else [_cell(id) for id in (*FIXED, *step_changing_methods(), *OTHERS)]
 
 
@@ -70,13 +70,16 @@ def apocentre(q0, p0) -> tuple[float, float]:
 
 
 def error(s, far: float) -> float:
-    """The largest relative distance from the exact apocentre over rows 1, 3, 5, ...; infinite if rows are missing."""
+    """The largest distance from the exact apocentre over rows 1, 3, 5, ... of a run with a row each half orbit.
+
+    It is relative to ``far``, the apocentre's distance from the centre; infinite if rows are missing.
+    """
     q = s.q[1::2]
     return float(np.hypot(q[:, 0] + far, q[:, 1]).max() / far) if len(q) >= ORBITS else np.inf
 
 
 def measure_rows(id: str) -> Rows:
-    """The rows of an integrator, one for each eccentricity: its first run within `HELD`, else its best."""
+    """Run an integrator on Kepler orbits at each eccentricity: a row with the first run within `HELD`, or the best."""
     rows = []
     for e in ECCENTRICITIES:
         made = problem("kepler", e=e)
@@ -98,7 +101,10 @@ def measure_rows(id: str) -> Rows:
 
 
 def _ladder_runs(chosen, made, half: float, far: float):
-    """Yield (steps, solution) for each rung of the ladder."""
+    """Yield (steps in half a period, solution) for ever smaller steps.
+
+    ``half``: half the period; ``far``: the distance of the apocentre from the centre.
+    """
     last = np.inf
     for m in LADDER:
         # The longest run is skipped if the error before it is too large for one more rung to suffice.
@@ -110,6 +116,6 @@ def _ladder_runs(chosen, made, half: float, far: float):
 
 
 def _adaptive(chosen, made, half: float):
-    """Yield (tolerance, solution) for each tolerance."""
+    """Yield (tolerance, solution) for ever smaller tolerances; ``half`` is half the period."""
     for tol in TOLERANCES:
         yield tol, chosen.run(made, h=half, steps=2 * ORBITS - 1, tol=max(tol, chosen.record.least))

@@ -17,7 +17,7 @@ from phasebench.benchmarks.page.verdict import EVERY, Count, Verdict
 
 @of(TABLE)
 def adaptive(table: pd.DataFrame) -> Verdict:
-    """Whether every integrator with adaptive steps reaches the wanted error in its scenes."""
+    """Whether every integrator with adaptive steps reaches the wanted error in every close encounter that it runs."""
     rows = close_encounters.cheapest(table)
     rows = rows[rows["kind"] == "adaptive"]
     lost = [f"{r.method}, {r.scene}" for r in rows[~rows["held"]].itertuples()]
@@ -32,7 +32,7 @@ def adaptive(table: pd.DataFrame) -> Verdict:
 
 @of(TABLE)
 def answer(table: pd.DataFrame) -> str:
-    """For each scene the fewest steps of each kind that reach the wanted error, and the kinds that fail."""
+    """A sentence: in each scene the fewest steps of each kind that reach the wanted error, and the kinds that fail."""
     parts = []
     for scene, rows in close_encounters.cheapest(table).groupby("scene", sort=False):
         fewest = rows[rows["held"]].groupby("kind", sort=False)["steps"].min()
@@ -45,7 +45,7 @@ def answer(table: pd.DataFrame) -> str:
 @of(TABLE)
 @style.styled
 def draw(table: pd.DataFrame, folder) -> list[Picture]:
-    """The error over the steps, a panel for each scene."""
+    """Draw the error over the number of steps, a panel for each scene."""
     scenes = list(dict.fromkeys(table["scene"]))
     figure, (panels,) = style.panels(1, len(scenes), 3.8)
     for axes, scene in zip(panels, scenes, strict=True):
@@ -64,7 +64,7 @@ def draw(table: pd.DataFrame, folder) -> list[Picture]:
 
 @of(TABLE)
 def table(met: pd.DataFrame) -> Table:
-    """For each integrator the successful run with the fewest steps, or its best one."""
+    """The page's table: for each scene and integrator the successful run with the fewest steps, else its best one."""
     order = ["scene", "held", "steps"]
     rows = close_encounters.cheapest(met).sort_values(order, ascending=[True, False, True]).head(ROWS)
     shown = rows[["scene", "method", "kind", "steps", "evaluations", "error", "status"]]
@@ -78,7 +78,7 @@ def table(met: pd.DataFrame) -> Table:
 
 @of(TABLE)
 def full_table(met: pd.DataFrame) -> pd.DataFrame:
-    """All rows, one for each rung of a ladder."""
+    """Every run through the close encounters, at every step or tolerance."""
     return met
 
 

@@ -32,7 +32,7 @@ OTHERS = ("r-respa",)
 
 
 def has_exact_map(id: str) -> bool:
-    """True if the matrix of a method can be computed here."""
+    """True if the exact matrix of a method's step on the oscillator can be computed here."""
     return id not in OTHERS and BY_ID[SAME.get(id, id)].family in BY_FAMILY
 
 
@@ -47,7 +47,7 @@ def _number(x):
 
 
 def _parametric(data, h):
-    """The matrix of a composition of steps by generating functions, each with its own c h, mu and lambda."""
+    """The matrix of a step composed of generating-function steps, each with its own c h, mu and lambda."""
     order, substeps = data
     one, total = mpmath.mpf(1), mpmath.eye(2)
     for c, mu, lam in substeps:
@@ -72,7 +72,7 @@ def _generating(order: int, h, lam) -> list:
 
 
 def _splitting(data, h):
-    """The matrix of a splitting into drifts and kicks."""
+    """The matrix of a step of a splitting into drifts and kicks, on the oscillator."""
     drifts, kicks = ([*map(_number, part)] for part in data)
     total = mpmath.eye(2)
     for k in range(max(len(drifts), len(kicks))):
@@ -84,7 +84,7 @@ def _splitting(data, h):
 
 
 def _collocation(data, h):
-    """The matrix of a (partitioned) Runge-Kutta method, from its stage equations."""
+    """The matrix of a step of a (partitioned) Runge-Kutta method on the oscillator, from its stage equations."""
     A, C, b, _ = runge_kutta(*data)
     s = len(b)
     left, start = mpmath.eye(2 * s), mpmath.matrix(2 * s, 2)  # Q - h A P = q, P + h C Q = p
@@ -98,7 +98,7 @@ def _collocation(data, h):
 
 
 def _rotation(data, h):
-    """The matrix of a method that is exact on the oscillator."""
+    """The matrix of a step of a method that is exact on the oscillator."""
     omega = mpmath.mpf(problem("harmonic-oscillator").parameters.get("omega", 1))
     c, s = mpmath.cos(h * omega), mpmath.sin(h * omega)
     return mpmath.matrix([[c, s / omega], [-omega * s, c]])

@@ -1,4 +1,4 @@
-"""The figures of the page on extremes."""
+"""Figures on the limits of methods: stability, close encounters, stiffness, round-off, implicit solvers, resonances."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def curves(axes, table: pd.DataFrame, by: str, x: str, y: str, names=None, span=
 
 
 def best(table: pd.DataFrame, by: str, value: str, worst: bool = False) -> list:
-    """The names in a column, sorted by their least value (``worst``: their largest)."""
+    """The names in the column ``by``, sorted by their least ``value`` (with ``worst`` by their largest)."""
     groups = table.groupby(by)[value]
     return list((groups.max() if worst else groups.min()).sort_values().index)
 
@@ -59,7 +59,7 @@ def pieces(text) -> list[tuple[float, float]]:
 
 @style.styled
 def intervals(linear: pd.DataFrame, folder) -> Picture:
-    """Stable intervals of h omega, for the methods with the most gaps between them."""
+    """Draw the stable intervals of h omega, for the methods with the most gaps between them."""
     known = linear[linear["intervals"].notna() & np.isfinite(linear["limit"]) & ~linear["label"].str.contains("lam=")]
     shown = known.sort_values(["gaps", "limit"], ascending=False).head(BARS).sort_values("limit")
     figure, ((axes,),) = style.panels(1, 1, 4.4)
@@ -77,7 +77,7 @@ def intervals(linear: pd.DataFrame, folder) -> Picture:
 
 @style.styled
 def encounter_errors(table: pd.DataFrame, folder) -> Picture:
-    """The error on Kepler orbits over 1 - e."""
+    """Draw the error on Kepler orbits over 1 - e."""
     figure, (panels,) = style.panels(1, 2, 4.0, sharey=True)
     table = table.assign(near=1 - table["e"])
     for axes, fixed in zip(panels, (True, False), strict=True):
@@ -97,7 +97,7 @@ def encounter_errors(table: pd.DataFrame, folder) -> Picture:
 
 @style.styled
 def stiffness(table: pd.DataFrame, folder) -> Picture:
-    """The largest change of FPU's adiabatic invariant over h omega."""
+    """Draw the largest change of the oscillatory energy of the Fermi-Pasta-Ulam problem over h omega."""
     omegas = sorted(table["omega"].unique())
     omegas = omegas[1::2] or omegas
     figure, (panels,) = style.panels(1, len(omegas), 3.4, sharey=True)
@@ -115,7 +115,7 @@ def stiffness(table: pd.DataFrame, folder) -> Picture:
 
 @style.styled
 def growth(table: pd.DataFrame, folder) -> Picture:
-    """The rms round-off errors of energy and phase over the number of steps."""
+    """Draw the rms round-off errors of energy and phase over the number of steps."""
     figure, (panels,) = style.panels(1, 2, 3.8)
     drawn = {run: _run_name(*run) for run in GROWING}
     runs = [drawn.get(run) for run in zip(table["label"], table["h"], strict=True)]
@@ -142,7 +142,7 @@ def _run_name(label: str, h: float) -> str:
 
 @style.styled
 def solvers(table: pd.DataFrame, folder) -> Picture:
-    """Maps of the outcomes of implicit solvers over (h, lambda) and (h, e)."""
+    """Draw maps over (h, lambda) and (h, e) of how implicit equations were solved, or not."""
     from matplotlib.colors import ListedColormap
     from matplotlib.patches import Patch
 
@@ -168,7 +168,7 @@ def solvers(table: pd.DataFrame, folder) -> Picture:
 
 @style.styled
 def resonances(table: pd.DataFrame, folder) -> Picture:
-    """Maps of the growth factor of a step over the two frequencies of coupled oscillators."""
+    """Draw maps of a step's growth factor over the two frequencies of coupled oscillators."""
     methods = list(dict.fromkeys(table["method"]))
     figure, (panels,) = style.panels(1, len(methods), 2.3, sharey=True)
     for axes, id in zip(panels, methods, strict=True):
@@ -189,7 +189,7 @@ def resonances(table: pd.DataFrame, folder) -> Picture:
 
 @style.styled
 def regions(table: pd.DataFrame, folder) -> Picture:
-    """Boundaries |R(z)| = 1 of stability regions in the complex plane."""
+    """Draw the boundaries |R(z)| = 1 of stability regions in the complex plane."""
     x, y = np.meshgrid(np.linspace(-7.5, 12, 391), np.linspace(0, 8, 161))
     z = x + 1j * y
     figure, ((axes,),) = style.panels(1, 1, 3.0)
@@ -211,7 +211,7 @@ def regions(table: pd.DataFrame, folder) -> Picture:
 
 @style.styled
 def lambdas(table: pd.DataFrame, folder) -> Picture:
-    """The largest step that survives over lambda, a panel for each orbit."""
+    """Draw the largest step that survives over the parameter lambda of a scheme, a panel for each orbit."""
     orbits = list(dict.fromkeys(table["orbit"]))
     figure, (panels,) = style.panels(1, len(orbits), 2.8, sharey=True)
     for axes, orbit in zip(panels, orbits, strict=True):

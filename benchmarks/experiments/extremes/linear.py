@@ -35,14 +35,14 @@ TABLES = ("extremes_linear", "extremes_scheme_i", "extremes_published")
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """The measurements (`Cell`): one for each method and parameter, one for Scheme I's sweep, one for known limits."""
+    """List the measurements (`Cell`): one for each method and parameter, for Scheme I's sweep, and for known limits."""
     if quick:
         return []
     return [_sweep(), _limits_cell(), *(_cell(m.id, p) for m in METHODS for p in parameters(m) if _able(m))]
 
 
 def parameters(method) -> list[dict[str, str]]:
-    """The parameter values at which a method is measured: its defaults, and the sweep of lambda where it has one."""
+    """The parameters at which a method's stability is measured: its defaults, and a sweep of lambda if it has one."""
     free = set(method.parameters) == {"lam"} and method.order <= HIGHEST
     swept = [{"lam": value} for value in SWEPT] if free else []
     own = {k: str(v) for k, v in method.parameters.items()}
@@ -50,7 +50,7 @@ def parameters(method) -> list[dict[str, str]]:
 
 
 def _able(method) -> bool:
-    """True if a method does not require structure that the oscillator lacks."""
+    """True if the oscillator has all the structure that a method requires."""
     return not {"Poisson structure", "further invariants", "kepler part"} & {
         r.partition("(")[0] for r in method.requires
     }
@@ -76,7 +76,10 @@ def _limits_cell() -> Cell:
 
 
 def measure_rows(id: str, values: dict[str, str]) -> Rows:
-    """The row of a method; only its label if it cannot integrate the oscillator."""
+    """Find a method's stable intervals of h omega and confirm them by long runs: a row.
+
+    It has only the method's label if the oscillator lacks what the method requires.
+    """
     chosen = integrator(id, parameters=values)
     if chosen.lacks(problem(oscillator.PROBLEM)):
         return {TABLES[0]: [{"label": chosen.label, "method": id, "how": "not on the oscillator"}]}
@@ -146,7 +149,7 @@ def confirm(chosen, found: oscillator.Found) -> tuple[int, int]:
 
 
 def _near(z: float, touches) -> bool:
-    """True if z is so close to a touch of |tr M| = 2 that round-off decides on stability."""
+    """True if h omega = z is so near to a point where |tr M| only touches 2 that round-off decides on stability."""
     return any(abs(z - t) < 1e-6 for t in touches)
 
 
@@ -163,12 +166,12 @@ def _radius(chosen, z: float) -> float:
 
 
 def _growing(chosen) -> float:
-    """The smallest of a few steps h omega at which growth shows in a long run; 0 if there is none."""
+    """The smallest of a few values of h omega at which growth shows in a long run; 0 if there is none."""
     return next((z for z in (0.1, 0.3, 0.5, 0.9) if _depth(chosen, z) ** 0.5 * STEPS > 2 * math.log(GROWTH)), 0.0)
 
 
 def sweep() -> Rows:
-    """The rows of Scheme I over lambda, with the closed form of its limit."""
+    """Find Scheme I's stability limit at each lambda: rows with its closed form."""
     rows = []
     for value in SCHEME_I:
         found = oscillator.find(integrator("scheme-i", parameters={"lam": value}))
@@ -186,7 +189,7 @@ def sweep() -> Rows:
 
 
 def measure_known_limits() -> Rows:
-    """The rows of known limits, with the measured ones."""
+    """Measure every known stability limit again: rows with both values."""
     rows = []
     for limit in published.LIMITS:
         chosen = integrator(published.STEPS.get(limit.method, limit.method), parameters=limit.parameters)

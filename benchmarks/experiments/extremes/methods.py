@@ -1,4 +1,4 @@
-"""The methods that are pushed: one of each kind, and all methods with transformed time in the registry."""
+"""The methods that are pushed to their limits: one of each kind, and all registered ones with transformed time."""
 
 from __future__ import annotations
 
@@ -40,5 +40,5 @@ def _families(method) -> list[str]:
 
 
 def record(id: str):
-    """A method's record."""
+    """The registered method with this id."""
     return BY_ID[id]

@@ -1,4 +1,4 @@
-"""The page on extremes: how far each method can be pushed before it fails."""
+"""The page on the limits of methods: how far each can be pushed before it fails."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ DRAWN = {
 
 
 def draw(data, folder) -> list[Picture]:
-    """The figures of all tables that have rows."""
+    """Draw the figures of all tables that have rows."""
     found = {name: data(name) for name in DRAWN}
     return [draw_(found[name], folder) for name, draw_ in DRAWN.items() if found[name] is not None and len(found[name])]
 
@@ -49,7 +49,10 @@ def _step(value) -> str:
 
 
 def summary(linear, steps, met, grown) -> pd.DataFrame:
-    """A row for each representative method and each with transformed time; tables that are None are left out."""
+    """For each representative method: stability limit, largest steps, largest eccentricity, round-off, how it fails.
+
+    The arguments are the tables that these come from; columns of a table that is None are left out.
+    """
     worst = verdicts.reach(met) if met is not None else {}
     out = []
     for id in (*REPRESENTATIVE, *step_changing_methods()):
@@ -73,7 +76,7 @@ def summary(linear, steps, met, grown) -> pd.DataFrame:
 
 
 def table(data) -> Table | None:
-    """How far each method goes, in every test."""
+    """The page's table: how far each representative method goes in every test (see `summary`)."""
     tables = [data(name) for name in ("extremes_linear", "extremes_steps", "extremes_encounters", "extremes_growth")]
     if all(t is None for t in tables):
         return None
@@ -86,13 +89,13 @@ def table(data) -> Table | None:
 
 
 def full_table(data) -> pd.DataFrame | None:
-    """The stable intervals of every method."""
+    """The stable intervals of h omega of every method."""
     linear = data("extremes_linear")
     return None if linear is None else linear.drop(columns=["method"])
 
 
 def answer(data: Data) -> str | None:
-    """How many known limits are met, how many integrators follow the closest encounter, how round-off grows."""
+    """A sentence: known limits that are met, integrators that follow the closest encounter, growth of round-off."""
     limits, met = verdicts.known_limits(data), verdicts.close(data)
     grown, table = round_off.energy(data), data("extremes_encounters")
     parts = [f"{limits.measured.n} of {limits.measured.of} known stability limits are met"] if limits else []

@@ -46,12 +46,12 @@ class Limit:
 
     @property
     def evidence(self) -> str:
-        """ "derived", "printed", or both."""
+        """How the limit is known: "derived", "printed", or both."""
         return " and ".join(name for name in ("derived", "printed") if getattr(self, name))
 
 
 def _runge_kutta(rows, weights):
-    """The step function of an explicit Runge-Kutta method, from the rows of its matrix and its weights."""
+    """Make the step function of an explicit Runge-Kutta method from the rows of its matrix and its weights."""
 
     def step(system, q, p, h):
         slopes = []

@@ -1,4 +1,4 @@
-"""The largest step that survives, by bisection on a geometric grid of steps, and how the next larger one fails.
+"""The largest step at which runs survive, by bisection on a geometric grid of steps, and how the next larger one fails.
 
 Survival is not monotone in the step: the result is the end of the first stable interval seen when the step is doubled.
 """
@@ -28,7 +28,7 @@ TABLES = ("extremes_steps", "extremes_lambda")
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """The measurements (`Cell`): one for each method, and one for each swept scheme on each orbit."""
+    """List the measurements (`Cell`), one for each method, and one for each scheme with swept lambda on each orbit."""
     return [] if quick else [*(_cell(id) for id in REPRESENTATIVE), *(_swept(id, on) for id in SWEPT for on in ON)]
 
 
@@ -67,7 +67,7 @@ def largest(survives, first: float) -> tuple[float, str]:
 
 
 def _survives(case: cases.Case, id: str, steps: int, parameters: dict | None = None):
-    """A function from h to the judgement of a run on the case; a short run comes first to save time."""
+    """Make a function from h to the judgement of a run of ``steps`` on the case; a short run first saves time."""
 
     def survives(h: float) -> str:
         found = cases.judge_run(case, id, h, FIRST, parameters)
@@ -77,7 +77,7 @@ def _survives(case: cases.Case, id: str, steps: int, parameters: dict | None = N
 
 
 def measure_rows(id: str) -> Rows:
-    """The rows of a method, one for each orbit."""
+    """Search a method's largest surviving step on each orbit: a row with it, and how the next larger step fails."""
     rows = []
     for case in cases.CASES:
         made = problem(case.problem)
@@ -89,7 +89,7 @@ def measure_rows(id: str) -> Rows:
 
 
 def swept(id: str, on: str) -> Rows:
-    """The rows of a scheme on an orbit, one for each lambda."""
+    """Search a scheme's largest surviving step on one orbit at each lambda of `LAMBDAS`: a row for each."""
     rows, case = [], cases.BY_ID[on]
     for value in LAMBDAS:
         lam = float(Fraction(value))

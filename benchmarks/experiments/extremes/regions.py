@@ -16,13 +16,13 @@ TABLES = ("extremes_regions",)
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """The single measurement, of all methods; none in the quick tier."""
+    """List the single measurement (`Cell`), of all methods; none if ``quick``."""
     needs = content("regions", *(BY_ID[id] for id in (*EXPLICIT, *IMPLICIT)), code=[__name__])
     return [] if quick else [Cell("extremes", TABLES, {"regions": True}, measure_rows, (), needs, frozenset())]
 
 
 def measure_rows() -> Rows:
-    """The rows of all methods: coefficients of numerator and denominator, the highest power first."""
+    """Compute every method's stability function: rows with the coefficients of its numerator and denominator."""
     rows = []
     for id in (*EXPLICIT, *IMPLICIT):
         above, below = stability_function(*_tableau(id))

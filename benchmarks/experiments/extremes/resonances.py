@@ -30,7 +30,7 @@ TABLES = ("extremes_resonances",)
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """The measurements (`Cell`): one for each method."""
+    """List the measurements (`Cell`), one for each method."""
     return [] if quick else [_cell(id) for id in METHODS]
 
 
@@ -50,13 +50,13 @@ class CoupledOscillators:
 
 
 def radius(run, h: float) -> float:
-    """The spectral radius of the matrix of a step h."""
+    """The spectral radius of the matrix of a step h of a prepared run."""
     columns = [np.concatenate(run(h, 1, unit[:2], unit[2:])[:2]) for unit in np.eye(4)]
     return float(np.abs(np.linalg.eigvals(np.array(columns).T)).max())
 
 
 def measure_rows(id: str) -> Rows:
-    """The rows of a method, one for each ratio of frequencies and step."""
+    """Compute the spectral radius of a method's step on coupled oscillators: a row for each frequency ratio and h."""
     rows = []
     for ratio in RATIOS:
         run, w = prepare(CoupledOscillators(ratio), record(id)), float(ratio)

@@ -1,4 +1,4 @@
-"""The verdicts on the growth of round-off over long times."""
+"""Verdicts on round-off over long times: how fast energy and phase errors grow, their size, and their bias."""
 
 from __future__ import annotations
 
@@ -32,13 +32,13 @@ def exponent(row, name: str) -> str:
 
 
 def critical(rows: pd.DataFrame) -> float:
-    """The |mean|, in standard errors, that one of these ensembles exceeds by chance with probability `CHANCE`."""
+    """The |mean error|, in standard errors, that any of these ensembles exceeds with probability `CHANCE` by chance."""
     each = 1 - (1 - CHANCE) ** (1 / len(rows))
     return float(stats.t.ppf(1 - each / 2, rows["starts"].min() - 1))
 
 
 def _rows_with_mean(rows: pd.DataFrame) -> pd.DataFrame:
-    """The ensembles that have a mean error."""
+    """Select the ensembles that have a mean energy error."""
     return rows[rows[MEAN].notna()] if MEAN in rows else rows.iloc[:0]
 
 
@@ -51,7 +51,7 @@ def biased_ensembles(rows: pd.DataFrame) -> pd.DataFrame:
 
 
 def overtaken(row) -> float:
-    """The number of steps after which a bias, growing as n, is as large as the random walk."""
+    """The number of steps after which a bias, growing as n, is as large as the random walk, growing as n^(1/2)."""
     return row["steps"] * row["starts"] / row[MEAN] ** 2
 
 
@@ -65,7 +65,7 @@ def _biased_where(row) -> str:
 
 
 def _tables(data: Data) -> list[pd.DataFrame]:
-    """The ensembles at chosen steps, without the controls, and the ensembles of every method; nonempty ones."""
+    """The nonempty tables of ensembles: those at chosen steps, without controls, and those of every method."""
     chosen, all_ = data("extremes_growth"), data("extremes_growth_every")
     tables = [] if chosen is None or chosen.empty else [chosen[chosen["kind"] != brouwer.HAND]]
     tables += [] if all_ is None or all_.empty else [all_[all_["reason"].astype(object).fillna("") == ""]]
@@ -73,13 +73,13 @@ def _tables(data: Data) -> list[pd.DataFrame]:
 
 
 def ensembles(data: Data, column: str) -> pd.DataFrame:
-    """All ensembles of methods that have a value in a column."""
+    """The ensembles of all tables that have a value in the column ``column``."""
     tables = [table[table[column].notna()] for table in _tables(data) if column in table]
     return pd.concat(tables, ignore_index=True) if tables else pd.DataFrame()
 
 
 def _growth(data: Data, name: str, law: float) -> tuple[Count, Exactly, str, str]:
-    """The arguments of a verdict on growth: how many exponents are not surely above the law, and which are."""
+    """The arguments of a verdict on growth: how many exponents of an error surely exceed ``law``, and which."""
     rows = ensembles(data, f"{name} exponent")
     fast = rows[rows[f"{name} low"] > law + ABOVE]
     names = [f"{_where(row)}: n^{row[f'{name} exponent']:.2f}" for _, row in fast.iterrows()]
@@ -87,7 +87,7 @@ def _growth(data: Data, name: str, law: float) -> tuple[Count, Exactly, str, str
 
 
 def energy(data: Data) -> Verdict | None:
-    """Whether the energy's round-off grows no faster than n^(1/2), Brouwer's law, at every step."""
+    """Whether the energy error by round-off grows no faster than n^(1/2), Brouwer's law, at every step size."""
     if ensembles(data, "energy exponent").empty:
         return None
     return Verdict(
@@ -96,7 +96,7 @@ def energy(data: Data) -> Verdict | None:
 
 
 def phase(data: Data) -> Verdict | None:
-    """Whether the phase's round-off grows no faster than n^(3/2)."""
+    """Whether the phase error by round-off grows no faster than n^(3/2)."""
     if ensembles(data, "phase exponent").empty:
         return None
     return Verdict("The phase's round-off grows no faster than n^(3/2)", *_growth(data, "phase", PHASE))
@@ -119,7 +119,7 @@ def size(data: Data) -> Verdict | None:
 
 
 def bias(data: Data) -> Verdict | None:
-    """Whether no ensemble's mean error is larger than chance explains.
+    """Whether no ensemble's mean energy error is larger than chance explains.
 
     Ensembles whose lambda or step is near a fraction of small numerator and denominator are left out: their round-off
     repeats itself.
@@ -140,7 +140,7 @@ def bias(data: Data) -> Verdict | None:
 
 
 def faster(rows: pd.DataFrame) -> pd.Series:
-    """True for each ensemble whose energy exponent surely exceeds the law's by more than `ABOVE`."""
+    """True for each ensemble whose energy error surely grows faster than n^(1/2), by `ABOVE` in the exponent."""
     return rows["energy low"] > ENERGY + ABOVE
 
 
@@ -176,7 +176,7 @@ def controls(table: pd.DataFrame) -> Verdict | None:
 
 
 def answer(data: Data) -> str | None:
-    """In how many ensembles the energy's round-off follows the law, and at which steps it drifts."""
+    """A sentence: in how many ensembles the energy's round-off follows Brouwer's law, and at which steps it drifts."""
     rows = ensembles(data, "energy exponent")
     if rows.empty:
         return None

@@ -57,7 +57,7 @@ TABLES = ("extremes_springs",)
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """The measurements (`Cell`): one for each method."""
+    """List the measurements (`Cell`), one for each method."""
     return [] if quick else [_cell(*run) for run in RUNS]
 
 
@@ -67,7 +67,7 @@ def _cell(id: str, nodes: int, steps: int) -> Cell:
 
 
 class Turns:
-    """A step as a rotation of a spring: ``matrices`` and ``angles`` at each h omega in ``z``, while it is stable."""
+    """A method's step on a spring as a rotation: ``matrices`` and ``angles`` at each h omega in ``z`` while stable."""
 
     def __init__(self, id: str, z):
         chosen = integrator(id)
@@ -89,7 +89,7 @@ class Turns:
 
 
 def _sine(M) -> float:
-    """The sine of the rotation angle of M, with its sign."""
+    """The sine, with its sign, of the angle by which the 2 x 2 step matrix M rotates."""
     return float(np.sqrt(max(0.0, 1 - (np.trace(M) / 2) ** 2)) * np.sign(M[0, 1] - M[1, 0]))
 
 
@@ -104,7 +104,7 @@ def grid(id: str, nodes: int) -> np.ndarray:
 
 
 class Springs:
-    """Runs of a method for any two frequencies with a single compilation.
+    """Runs of a method on the Fermi-Pasta-Ulam problem for any two frequencies, with a single compilation.
 
     A trigonometric method is given the frequencies; for all others they are extra coordinates at rest.
     """
@@ -139,7 +139,7 @@ class Springs:
 
 
 def drift(Q, P, fast) -> float:
-    """The largest change of a window's mean energy, relative; ``fast`` is the stiff springs' energy, array (n,)."""
+    """The largest relative change of the mean energy over the parts of a run; ``fast``: energy of the springs, (n,)."""
     with np.errstate(all="ignore"):
         squares = [s * s for s in soft_springs(Q[:2], Q[2:])]
         energy = sum(s * s for s in squares) / 4 + (P[0] ** 2 + P[1] ** 2) / 2 + fast
@@ -150,7 +150,7 @@ def drift(Q, P, fast) -> float:
 
 
 def measure_rows(id: str, nodes: int, steps: int) -> Rows:
-    """The rows of a method, one for each pair of frequencies with the smaller one first."""
+    """Measure the energy drift of the two stiff springs: a row for each pair of frequencies, the smaller one first."""
     run, turns, rows = Springs(id), Turns(id, grid(id, nodes)), []
     for i in range(len(turns.z)):
         for j in range(i, len(turns.z)):

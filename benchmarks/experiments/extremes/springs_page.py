@@ -25,7 +25,7 @@ SHOWN = 200
 
 
 def lines(order: int, last: float) -> list[tuple[int, int, int]]:
-    """(k1, k2, n) of the lines k1 x + k2 y = 2 n, n > 0, that pass through 0 < x, y <= ``last`` (angles in pi)."""
+    """(k1, k2, n) of the resonance lines k1 x + k2 y = 2 n, n > 0, through 0 < x, y <= ``last`` (angles in pi)."""
     found = []
     for k1 in range(order + 1):
         for k2 in range(-order, order + 1):
@@ -36,14 +36,14 @@ def lines(order: int, last: float) -> list[tuple[int, int, int]]:
 
 
 def distance(x, y, order: int = ORDER):
-    """The distance of points (x, y), angles in units of pi, from the nearest line; an array as x."""
+    """The distance of points (x, y), angles in units of pi, from the nearest resonance line; an array as x."""
     x, y = np.asarray(x, float), np.asarray(y, float)
     all_ = [np.abs(a * x + b * y - 2 * n) / np.hypot(a, b) for a, b, n in lines(order, max(x.max(), y.max()) + 0.1)]
     return np.min(all_, axis=0) if all_ else np.full(x.shape, np.inf)
 
 
 def square(rows: pd.DataFrame) -> np.ndarray:
-    """A method's drift over both angles as a symmetric array (n, n), since the springs may be exchanged."""
+    """A method's energy drift over both rotation angles as a symmetric array (n, n): the springs may be exchanged."""
     i, j = (rows[f"node {k}"].to_numpy(int) - rows["node 1"].min() for k in (1, 2))
     out = np.full((j.max() + 1, j.max() + 1), np.nan)
     out[i, j] = out[j, i] = rows["drift"].clip(upper=TOP)
@@ -51,7 +51,10 @@ def square(rows: pd.DataFrame) -> np.ndarray:
 
 
 def crests(drift: np.ndarray) -> np.ndarray:
-    """A boolean array as ``drift`` (n, n): True on a crest along a row, a column or a diagonal."""
+    """A boolean array as ``drift`` (n, n): True at a local maximum along a row, a column or a diagonal.
+
+    There the drift is no less than at both neighbours, and at least `HIGH` times that at the nodes beyond them.
+    """
     n = len(drift)
     wide = np.pad(drift, 2, constant_values=np.inf)  # nodes at the border are no crests
 
@@ -67,7 +70,7 @@ def crests(drift: np.ndarray) -> np.ndarray:
 
 
 def summary_table(table: pd.DataFrame) -> pd.DataFrame:
-    """A row for each method: the numbers of nodes and crests, the shares of both on lines, the drifts."""
+    """For each method: numbers of grid nodes and crests of the drift, how many lie on resonance lines, the drifts."""
     out = []
     for method, rows in table.groupby("method", sort=False):
         drift, nodes = square(rows), int(rows["nodes"].iloc[0])
@@ -86,7 +89,7 @@ def summary_table(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def _shares(table: pd.DataFrame) -> pd.DataFrame:
-    """The methods with crests: the share of crests on lines, and its ratio to the share of all nodes."""
+    """For methods with crests of the drift: the share on resonance lines, and its ratio to the share of all nodes."""
     rows = summary_table(table)
     rows = rows[rows["crests"] > 0].set_index("method")
     share = rows["crests on lines"] / rows["crests"]
@@ -122,7 +125,7 @@ def above_chance(table: pd.DataFrame) -> Verdict | None:
 
 @of("extremes_springs")
 def answer(table: pd.DataFrame) -> str | None:
-    """How many crests lie on lines, and what share of all nodes does."""
+    """A sentence: how many crests of the drift lie on resonance lines, and what share of all grid nodes does."""
     rows = _shares(table)
     if rows.empty:
         return None
@@ -133,7 +136,7 @@ def answer(table: pd.DataFrame) -> str | None:
 
 @style.styled
 def draw(table: pd.DataFrame, folder) -> Picture:
-    """Maps of the drift over (h omega_1, h omega_2), with resonance lines below the diagonal."""
+    """Draw maps of the energy drift over (h omega_1, h omega_2), with resonance lines below the diagonal."""
     methods = list(dict.fromkeys(table["method"]))
     figure, panels = style.panels(2, -(-len(methods) // 2), 4.9)
     for axes, id in zip(panels.flat, methods, strict=False):
@@ -173,7 +176,7 @@ def _lines(axes, z, angle) -> None:
 
 @of("extremes_springs")
 def table(rows: pd.DataFrame) -> Table:
-    """A row for each method: nodes, crests and drifts."""
+    """The page's table: for each method the grid nodes, the crests of the drift, both on resonance lines, drifts."""
     shown = summary_table(rows)
     shown["on lines"] = shown["on lines"].map("{:.0%}".format)
     shown["highest crest"] = shown["highest crest"].map(lambda x: "" if pd.isna(x) else number(x, 2))
@@ -186,13 +189,13 @@ def table(rows: pd.DataFrame) -> Table:
 
 @of("extremes_springs")
 def full_table(rows: pd.DataFrame) -> pd.DataFrame:
-    """The nodes with the largest drift of each method; the CSV has all."""
+    """For each method the grid nodes with the largest energy drift."""
     return rows.sort_values("drift", ascending=False).groupby("method", sort=False).head(SHOWN)
 
 
 @of("extremes_springs")
 def figures(rows: pd.DataFrame, folder) -> list[Picture]:
-    """The maps of the drift."""
+    """Draw the maps of the energy drift, as a list of one picture."""
     return [draw(rows, folder)]
 
 

@@ -37,7 +37,7 @@ TABLES = ("extremes_stiffness",)
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """The measurements (`Cell`): one for each method."""
+    """List the measurements (`Cell`), one for each method."""
     return [] if quick else [_cell(id) for id in METHODS]
 
 
@@ -48,7 +48,7 @@ def _cell(id: str) -> Cell:
 
 
 def measure_rows(id: str) -> Rows:
-    """The rows of a method, one for each omega and h omega."""
+    """Measure the changes of H and of the oscillatory energy I under a method: a row for each omega and h omega."""
     rows = []
     for omega in OMEGAS:
         made = problem("fpu", omega=omega)
@@ -71,13 +71,13 @@ def measure_rows(id: str) -> Rows:
 
 
 def _change(values) -> float:
-    """The largest relative change from the first value; infinite if any is not finite."""
+    """The largest relative change of a series from its first value; infinite if any value is not finite."""
     change = np.abs(values / values[0] - 1)
     return float(change.max()) if np.isfinite(change).all() else np.inf
 
 
 def cliff(table) -> float:
-    """The largest h omega up to which I changes by less than `CLIFF`; 0 if it does at none."""
+    """The largest h omega up to which the oscillatory energy I changes by less than `CLIFF`; 0 if it never does."""
     last = 0.0
     for row in table.sort_values("h omega").itertuples(index=False):
         if not row[list(table.columns).index("I changes")] < CLIFF:

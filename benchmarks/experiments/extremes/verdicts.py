@@ -67,7 +67,7 @@ def long_runs(linear: pd.DataFrame) -> Verdict:
 
 
 def reach(table: pd.DataFrame) -> pd.Series:
-    """Integrator -> the largest eccentricity such that its error is small there and at all smaller ones; else 0."""
+    """For each integrator the largest eccentricity up to which its error on Kepler orbits stays small; 0 if none."""
     out = {}
     for method, rows in table.groupby("method", sort=False):
         rows = rows.sort_values("e")
@@ -77,7 +77,7 @@ def reach(table: pd.DataFrame) -> pd.Series:
 
 
 def kind(method: str, measured: str) -> str:
-    """The kind of an integrator's steps; "Kepler-solving" where it solves the Kepler problem exactly."""
+    """The kind of an integrator's steps: ``measured``, or "Kepler-solving" if it solves the Kepler problem exactly."""
     family = BY_ID[method].family if method in BY_ID else ""
     return "Kepler-solving" if family == "wisdom_holman" or method in KEPLERIAN else measured
 

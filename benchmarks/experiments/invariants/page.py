@@ -21,7 +21,7 @@ LIMITS = (-16, 0)
 
 
 def _energy_preserving(rows: pd.DataFrame) -> pd.DataFrame:
-    """The runs of energy-preserving methods in which every step had a solution."""
+    """Select the runs of energy-preserving methods in which every step had a solution."""
     ran = completed_runs(rows)
     return ran[(ran["declared"] == ROUND_OFF) & ~(ran["fallbacks"] > 0) & ~ran["few nodes"].astype(bool)]
 
@@ -46,14 +46,14 @@ def energy(rows: pd.DataFrame) -> Verdict | None:
 
 
 def _drifting(rows: pd.DataFrame) -> pd.DataFrame:
-    """The runs on canonical systems with an energy drift above round-off."""
+    """Select the runs on canonical systems with an energy drift above round-off."""
     ran = completed_runs(rows)
     return ran[ran["canonical"] & ran["drifts"] & (ran["energy_max"] > NOISE)]
 
 
 @of("rows")
 def drifting(rows: pd.DataFrame) -> Verdict | None:
-    """Whether no method drifts that is declared not to."""
+    """Whether no method has an energy drift that is declared to have none."""
     ran = completed_runs(rows)
     others = ran[ran["canonical"] & (ran["declared"] != DRIFT)]
     if not ran["canonical"].any():
@@ -72,7 +72,7 @@ def drifting(rows: pd.DataFrame) -> Verdict | None:
 
 
 def _momentum_preserving(rows: pd.DataFrame) -> pd.DataFrame:
-    """The runs with an angular momentum of methods declared to keep it."""
+    """Select the runs that measure the angular momentum, of methods declared to keep it."""
     ran = completed_runs(rows)
     ran = ran[ran["angular-momentum_max"].notna()]
     keeps = [i in BY_ID and BY_ID[i].quadratic == ROUND_OFF for i in ran["id"]]
@@ -97,7 +97,7 @@ def momentum(rows: pd.DataFrame) -> Verdict | None:
 
 @of("rows")
 def answer(rows: pd.DataFrame) -> str | None:
-    """How well energy and angular momentum are kept, and which methods drift."""
+    """A sentence: how well energy and angular momentum are kept, and which methods drift."""
     if completed_runs(rows).empty:
         return None
     parts = []
@@ -115,7 +115,7 @@ def answer(rows: pd.DataFrame) -> str | None:
 
 @of("rows")
 def draw(rows: pd.DataFrame, folder) -> list[Picture] | None:
-    """A map of the largest energy errors at the largest step: a line for each scene, a column for each method."""
+    """Draw the largest energy errors at the largest step as a map: a line for each scene, a column for each method."""
     ran = completed_runs(rows)
     if ran.empty:
         return None
@@ -150,7 +150,7 @@ def draw(rows: pd.DataFrame, folder) -> list[Picture] | None:
 
 
 def _line(r, why: str) -> dict:
-    """A line of the table, with the reason ``why`` it is shown."""
+    """A line of the page's table for the run ``r``; ``why`` says for which reason it is shown."""
     drift = "" if pd.isna(r["energy_drift"]) else f"{r['energy_drift']:.1e}"
     line = {"why": why, "method": r["method"], "scene": r["scene"], "h": r["h"], "energy error": r["energy_max"]}
     return line | {"drift a unit of time": drift, "status": r["status"]}
@@ -158,7 +158,7 @@ def _line(r, why: str) -> dict:
 
 @of("rows")
 def table(rows: pd.DataFrame) -> Table | None:
-    """The smallest energy errors of each declared class, then the largest drifts, then runs that stopped early."""
+    """The page's table: smallest energy errors of each declared class, largest drifts, runs that stopped early."""
     ran, runs = completed_runs(rows), long_runs(rows)
     lines = []
     for declared in CLASSES[:2]:
@@ -179,7 +179,7 @@ def table(rows: pd.DataFrame) -> Table | None:
 
 @of("rows")
 def _full_table(rows: pd.DataFrame) -> pd.DataFrame:
-    """Each long scene and method at its largest step."""
+    """The row of each method in each long scene at its largest step."""
     ran = long_runs(rows).dropna(subset=["h"])
     ran = ran.loc[ran.groupby(["scene", "method"], sort=False)["h"].idxmax()]
     columns = {"scene": "scene", "method": "method", "declared": "declared", "h": "h", "energy_max": "energy error"}

@@ -1,4 +1,4 @@
-"""Kepler with and without the Schwarzschild term, compared with the established integrators (`comparison`, `cost`)."""
+"""Checks of the Kepler comparison, with and without the Schwarzschild term (`comparison`, `cost`)."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ AWAY, BEST = 1e-9, 1e-6
 
 
 def cells(quick: bool = False):
-    """The measurements: the long runs, the time of an orbit, and error against cost."""
+    """List the measurements: the long runs, the time of an orbit, and error against cost."""
     return [*comparison.cells(quick), *times.cells(quick), *cost.cells(quick)]
 
 
@@ -43,7 +43,7 @@ def bench_kepler(measured_rows, complete):
 
 
 def bench_kepler_cost(measured_rows, complete):
-    """Some peer comes near the reference; otherwise one of the two solves another problem."""
+    """Some integrator of another package comes near the reference; else one of the two solves another problem."""
     rows = [r for r in measured_rows("kepler_cost") if r["kind"] != "phasebench" and r["status"] == "ok"]
     wrong = unsolved_problems(rows, "error", "{problem}") if complete("kepler_cost") else []
     assert not wrong, "\n".join(wrong)

@@ -86,12 +86,12 @@ TAYLOR = "Taylor, long double"
 
 
 def contenders() -> list[Integrator]:
-    """All integrators that are compared."""
+    """List all integrators that are compared on Kepler orbits."""
     return [c for members in GROUPS.values() for c in members]
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """The measurements (`Cell`): one for each integrator and the reference, on each orbit; none in the quick tier."""
+    """List the measurements (`Cell`), one for each integrator and the reference, on each orbit; none if ``quick``."""
     if quick:
         return []
     members = [(group, k, c) for group, of in GROUPS.items() for k, c in enumerate(of)]
@@ -121,7 +121,7 @@ def _cell(name: str, e: float, measure, arguments: tuple, c: Integrator | str) -
 
 @cache
 def orbit(name: str, e: float):
-    """The problem, its exact solution, and the columns that describe them in every row."""
+    """Build a Kepler orbit of eccentricity e: (problem, exact solution, columns that describe both in every row)."""
     mu = MU * ((1 - e**2) / (1 - AT**2)) ** 2 if name == "perturbed-kepler" else 0.0
     made = problem(name, e=e, **({"mu": mu} if mu else {}))
     exact = kepler.truth(made)
@@ -131,7 +131,7 @@ def orbit(name: str, e: float):
 
 
 def steps(n: int) -> Setting:
-    """The setting of ``n`` steps an orbit."""
+    """The setting for ``n`` steps an orbit."""
     return Setting(f"{n} steps", n)
 
 
@@ -141,7 +141,7 @@ def tolerances(c: Integrator) -> list[Setting]:
 
 
 def _reference(made, exact, orbits: int):
-    """The Taylor reference measured like a run: its errors are those of the measurement itself."""
+    """Measure the Taylor reference like a run: (row of the run, errors on the way); these are the measurement's own."""
     index = [2 * k + 1 for k in runs.sample_orbits(orbits)]
     when = kepler.times(exact.period / 2, index, exactly=False)
     grid = [exact.period / 2 * n for n in index]
@@ -156,21 +156,21 @@ def _reference(made, exact, orbits: int):
 
 
 def _rows(about: dict, one: dict, per_orbit: int | None, run: dict, samples: list[dict]) -> Rows:
-    """The row of a run, and the rows of its errors after 1, 3, 10, ... orbits."""
+    """Combine columns on the orbit (``about``), the integrator (``one``) and a run: its row, and rows of its errors."""
     row = about | one | {"steps per orbit": per_orbit} | run
     where = {"problem": about["problem"], "e": about["e"]} | one
     return {"kepler": [row], "kepler_growth": [where | s | {"status": run["status"]} for s in samples]}
 
 
 def reference(name: str, e: float) -> Rows:
-    """The rows of the Taylor reference."""
+    """Measure the Taylor reference on one orbit: its rows, by table name."""
     made, exact, about = orbit(name, e)
     one = {"method": TAYLOR, "kind": "reference", "group": "", "setting": "reference"}
     return _rows(about, one, None, *_reference(made, exact, ORBITS))
 
 
 def measure_rows(name: str, e: float, group: str, position: int) -> Rows:
-    """The rows of an integrator at all its settings: errors, and the perihelion's advance a radial period."""
+    """Follow one orbit with an integrator at all its settings: errors, and the perihelion's advance a radial period."""
     _, _, about = orbit(name, e)
     c = GROUPS[group][position]
     out: Rows = {"kepler": [], "kepler_growth": []}
@@ -182,13 +182,13 @@ def measure_rows(name: str, e: float, group: str, position: int) -> Rows:
 
 
 def _adaptive(c: Integrator, name: str, e: float) -> Iterator[tuple[Setting, dict, list[dict]]]:
-    """Yield (setting, run, samples) for each tolerance."""
+    """Yield (setting, row of the run, its errors after 1, 3, 10, ... orbits) for each tolerance."""
     for setting in tolerances(c):
         yield setting, *_run(c, name, e, setting)
 
 
 def _ladder(c: Integrator, name: str, e: float) -> list[tuple[Setting, dict, list[dict]]]:
-    """The runs of a method of fixed step: the standard number of steps, then finer and wider steps while useful."""
+    """Run a method of fixed step: at the standard number of steps, then finer and wider ones while they are useful."""
     made, exact, _ = orbit(name, e)
     # Seconds a step, from the standard step, or from the shortest one where the standard one fails.
     costs = (runs.seconds_per_orbit(c, made, exact.period, steps(n), FEW) / n for n in (STANDARD, LADDER[-1]))
@@ -205,19 +205,22 @@ def _ladder(c: Integrator, name: str, e: float) -> list[tuple[Setting, dict, lis
 
 
 def _precise(ladder: list[tuple[Setting, dict, list[dict]]]) -> str:
-    """The reason why finer steps are of no use; empty if they are."""
+    """The reason why steps finer than those of a ladder of runs are of no use; empty if they are of use."""
     run = ladder[-1][1]
     return "skipped" if run["status"] == SKIPPED else "followed" if run["phase, high"] <= FOLLOWED else ""
 
 
 def _end_reason(ladder: list[tuple[Setting, dict, list[dict]]]) -> str:
-    """The reason why wider steps are of no use; empty if they are."""
+    """The reason why steps wider than those of a ladder of runs are of no use; empty if they are of use."""
     run = ladder[-1][1]
     return "failed" if run["status"] != OK else "lost" if run["phase, low"] > USEFUL else ""
 
 
 def _run(c: Integrator, name: str, e: float, setting: Setting) -> tuple[dict, list[dict]]:
-    """A run and its growth; where round-off may decide, its phase error is the median over neighbouring starts."""
+    """Follow one orbit at one setting: (the run's row, its errors after 1, 3, 10, ... orbits).
+
+    Where round-off may decide, the phase error is the median over neighbouring starts.
+    """
     made, exact, _ = orbit(name, e)
     run, samples = runs.follow(c, made, exact, setting, ORBITS, None if c.adaptive else TIMEOUT)
     if run["status"] == OK and not c.adaptive:

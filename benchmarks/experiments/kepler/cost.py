@@ -54,7 +54,7 @@ LONG, ROUNDS = 0.2, 5
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """The measurements (`Cell`): one for each integrator on each problem; none in the quick tier."""
+    """List the measurements (`Cell`), one for each integrator on each problem; none if ``quick``."""
     return [] if quick else [_cell(name, k, c) for name in PROBLEMS for k, c in enumerate(_integrators())]
 
 
@@ -79,12 +79,12 @@ def _cell(name: str, position: int, c: Integrator) -> Cell:
 
 @cache
 def _truth(name: str):
-    """The certified end state."""
+    """The certified state of a problem after 100.5 revolutions."""
     return taylor.reference(problem(name), [ORBITS * 2 * pi])
 
 
 def measure_rows(name: str, position: int) -> Rows:
-    """The rows of an integrator, one for each step size or tolerance."""
+    """Measure an integrator's end error and warm time: a row for each step size or tolerance."""
     c, t_end = _integrators()[position], ORBITS * 2 * pi
     rows = []
     if c.adaptive:

@@ -20,7 +20,7 @@ QUANTITIES = {
 
 
 def errors(rows, names: list[str], directory: Path, name: str) -> str:
-    """Draw the four errors over the number of orbits, a column for each eccentricity; return the file's name.
+    """Draw errors in energy, angular momentum, phase and perihelion over the orbits, by eccentricity; the file's name.
 
     Parameters
     ----------

@@ -170,7 +170,11 @@ def exact_orbit(q, p, mu: float = 0.0, digits: int = DIGITS):
 
 @dataclass(frozen=True)
 class Truth:
-    """The exact solution from q0, p0: energy, angular momentum, and the rates of its angles in 2^-TICK turns a time."""
+    """The exact orbit from q0, p0: H, angular momentum L, and the rates of its angles in units of 2^-TICK turns a time.
+
+    ``start``: elements of q0, p0; ``advance``: of the pericentre in a radial ``period``; ``anomaly``, ``perihelion``:
+    rates of the mean anomaly and of the perihelion.
+    """
 
     mu: float
     H: np.longdouble
@@ -219,12 +223,12 @@ def times(h: float, index: Sequence[int], exactly: bool = True) -> list[int]:
 
 
 def _turns(rate: int, when: int) -> int:
-    """The angle after a time at a rate, in units of 2^-TICK turns."""
+    """The angle, in units of 2^-TICK turns, after the time ``when`` (units of 2^-TICK) at a rate."""
     return rate * when >> TICK
 
 
 def _angle(rate: int, when: Sequence[int]) -> np.ndarray:
-    """The angles in [0, 2 pi) after each of the times."""
+    """The angles in [0, 2 pi) after each of the times ``when`` at a rate in units of 2^-TICK turns a time."""
     return np.array([_turns(rate, t) % 2**TICK / 2**TICK for t in when]) * 2 * np.pi
 
 
@@ -272,7 +276,7 @@ def measured_advance(exact: Truth, when: int, perihelion: float, anomaly: float)
 
 
 def advances(exact: Truth, when: Sequence[int], found: Errors, row: int) -> dict[str, float]:
-    """The measured advance at a row and its error; empty without the perturbation."""
+    """The advance of the perihelion up to a row of ``found``, and its error; empty without the Schwarzschild term."""
     if not exact.mu:
         return {}
     measured = measured_advance(exact, when[row], found.perihelion[row], found.anomaly[row])

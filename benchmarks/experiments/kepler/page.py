@@ -36,20 +36,20 @@ KEY = ["problem", "e", "method", "setting"]
 
 
 def ends(runs: pd.DataFrame, growth: pd.DataFrame) -> pd.DataFrame:
-    """The runs, without the reference, joined with the errors at their ends."""
+    """Join each run, except the reference, with its errors at the end."""
     last = growth.sort_values("orbits").groupby(KEY, sort=False, as_index=False).last()
     joined = runs.merge(last[[*KEY, "energy", "momentum", "phase", "perihelion"]], on=KEY, how="left")
     return joined[joined["kind"] != "reference"]
 
 
 def _completed_runs(runs: pd.DataFrame, growth: pd.DataFrame) -> pd.DataFrame:
-    """The runs that reached their end with a phase error."""
+    """Select the runs that reached their end and have a phase error."""
     joined = ends(runs, growth)
     return joined[(joined["status"] == "ok") & joined["phase"].notna()]
 
 
 def _who(row) -> str:
-    """An integrator with its setting."""
+    """A text: an integrator with its setting."""
     return row["method"] if row["setting"] == "adaptive" else f"{row['method']} ({row['setting']})"
 
 
@@ -73,7 +73,7 @@ COSTS = ("us, low", "us per orbit", "us, high")
 
 
 def cheapest(runs: pd.DataFrame, times: pd.DataFrame) -> pd.DataFrame:
-    """The cheapest integrator of each side for each orbit and phase error, over the longest runs."""
+    """For each orbit and phase error, the cheapest integrator of ours and of the peers, over the longest runs."""
     ran = runs[(runs["status"] == "ok") & (runs["kind"] != "reference")].merge(times, on=KEY).dropna(subset=[*COSTS])
     lines = []
     for (name, e), members in ran.groupby(["problem", "e"], sort=False):
@@ -90,7 +90,7 @@ def cheapest(runs: pd.DataFrame, times: pd.DataFrame) -> pd.DataFrame:
 
 @of("kepler", TIMES)
 def costs(runs: pd.DataFrame, times: pd.DataFrame) -> Verdict | None:
-    """Whether our methods are the cheapest to follow the phase at least as often as the peers."""
+    """Whether our methods are the cheapest at a phase error at least as often as integrators of other packages."""
     lines = cheapest(runs, times)
     if lines.empty:
         return None
@@ -110,7 +110,7 @@ def costs(runs: pd.DataFrame, times: pd.DataFrame) -> Verdict | None:
 
 @of("kepler", "kepler_growth")
 def laws(runs: pd.DataFrame, growth: pd.DataFrame) -> Verdict | None:
-    """Whether phase errors above round-off grow linearly with time."""
+    """Whether phase errors above round-off grow linearly with time; runs at a chosen tolerance are left out."""
     finished = _completed_runs(runs, growth)
     if "phase growth" not in finished:
         return None
@@ -149,7 +149,7 @@ def clocks(runs: pd.DataFrame, growth: pd.DataFrame) -> Verdict:
 
 @of("kepler", TIMES)
 def answer(runs: pd.DataFrame, times: pd.DataFrame) -> str | None:
-    """How often each side is the cheapest to follow the phase, and the time of an orbit."""
+    """A sentence: how often ours or the peers are the cheapest to follow the phase, and the time of an orbit."""
     lines = cheapest(runs, times)
     if lines.empty:
         return None
@@ -175,7 +175,7 @@ def settings_tried(cost: pd.DataFrame) -> dict[str, pd.Series]:
 
 
 def _settings_sentence(cost: pd.DataFrame) -> str:
-    """A sentence for the caption on the settings of peers."""
+    """A sentence for the caption: which settings of heyoka and IAS15 were tried, and what they cost."""
     parts = []
     for name, ratios in settings_tried(cost).items():
         settings = (f"{method.removeprefix('rebound-')} {number(x, 2)}" for method, x in ratios.items())
@@ -186,7 +186,7 @@ def _settings_sentence(cost: pd.DataFrame) -> str:
 
 
 def draw(data, folder) -> list[Picture]:
-    """The errors over the orbits, and the error against time for both sides."""
+    """Draw the errors over the orbits, and the error against time for our methods and other packages."""
     growth, cost = data("kepler_growth"), data("kepler_cost")
     pictures = []
     if growth is not None and len(growth):
@@ -213,7 +213,7 @@ def draw(data, folder) -> list[Picture]:
 
 @of("kepler", TIMES)
 def table(runs: pd.DataFrame, times: pd.DataFrame) -> Table | None:
-    """The cheapest integrator of each side for each orbit and phase error."""
+    """The page's table: for each orbit and phase error, the cheapest integrator of ours and of the peers."""
     lines = cheapest(runs, times)
     if lines.empty:
         return None

@@ -18,7 +18,7 @@ TABLE = "kepler_times"
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """The measurements (`Cell`): one for each orbit; none in the quick tier."""
+    """List the measurements (`Cell`), one for each orbit; none if ``quick``."""
     return [] if quick else [_cell(name, e) for name in PROBLEMS for e in ECCENTRICITIES]
 
 
@@ -43,7 +43,7 @@ def _settings(c: Integrator) -> list[Setting]:
 
 
 def measure_rows(name: str, e: float) -> Rows:
-    """Measure microseconds of an orbit for every integrator and setting; NaN for those that fail."""
+    """Time an orbit with every integrator and setting, in microseconds: a row for each; NaN for those that fail."""
     made, exact, _ = comparison.orbit(name, e)
 
     def work(c: Integrator, setting: Setting):

@@ -1,4 +1,4 @@
-"""Cost over d: our steps end where those in C end, and implicit steps are solved."""
+"""Checks of cost over degrees of freedom d: our steps end where those in C end, and implicit steps are solved."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from phasebench.benchmarks.experiments.large.solvers_page import SAME
 
 
 def cells(quick: bool = False) -> list:
-    """The measurements: the cost of explicit steps, and the solvers of implicit ones."""
+    """List the measurements: the cost of explicit steps, and the solvers of implicit ones."""
     return large.cells(quick) + solvers.cells(quick)
 
 
@@ -22,14 +22,14 @@ def bench_costs(measured_rows):
 
 
 def bench_made(measured_rows):
-    """Every system gets compiled functions from loops at the largest size."""
+    """Hand-written loops are compiled for every system at its largest size (more than 9000 degrees of freedom)."""
     rows = measured_rows(large.MADE)
     for system in {r["system"] for r in rows}:
         assert max(r["d"] for r in rows if (r["system"], r["route"]) == (system, "loops")) > 9000, system
 
 
 def bench_solvers(measured_rows):
-    """The banded solver solves every step, and ends where the usual solver does."""
+    """Newton's method with banded matrices solves every implicit step, and ends where the usual solver does."""
     wrong = [
         f"{r['system']} of d = {r['d']}, h = {r['h']}"
         for r in measured_rows(solvers.TABLE)

@@ -1,4 +1,4 @@
-"""The same systems in plain C, without compensated sums and checks, compiled by `gcc -O3 -march=native`."""
+"""The systems of `systems` in plain C, without compensated sums and checks, compiled by `gcc -O3 -march=native`."""
 
 from __future__ import annotations
 
@@ -102,7 +102,10 @@ void steps(long d, long n, double h, const double *c, double *q, double *p, doub
 
 
 class Loop:
-    """The steps of a system compiled from C; raises RuntimeError without a C compiler or if it rejects the source."""
+    """A C loop over the steps of a method, compiled with a system's gradient or field ``slope`` in C.
+
+    Raises RuntimeError without a C compiler, or if it rejects the source.
+    """
 
     def __init__(self, slope: str, method: str):
         self._steps = load_source(f"#include <math.h>\n{slope}{STEPS[method]}").steps

@@ -36,7 +36,7 @@ CONFIDENCE = 0.95
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """The measurements (`Cell`): one for each system and size, one for compiling each system; no quick tier."""
+    """List the measurements (`Cell`), one for each system and size, and one for compiling each system."""
     if quick:
         return []
     sizes = [(s.name, d) for s in SYSTEMS.values() for d in sorted({s.size(d) for d in SIZES})]
@@ -62,7 +62,7 @@ def _cell(table: str, key: dict, measure: Callable, arguments: tuple) -> Cell:
 
 
 def costs(name: str, d: int) -> Rows:
-    """Measure the cost of a step at a size, ours and the others' in alternating rounds.
+    """Measure the cost of a step of a system at a size, by this project, C and REBOUND in alternating rounds.
 
     Raises
     ------
@@ -116,7 +116,7 @@ def enough(seconds: Callable[[int], float]) -> int:
 
 
 def _clock(run: Callable[[], object]) -> Callable[[], float]:
-    """A function that calls ``run`` and returns the seconds."""
+    """A function that calls ``run`` and returns the seconds that it takes."""
 
     def seconds() -> float:
         started = time.perf_counter()
@@ -171,7 +171,7 @@ def getting_ready(make: Callable[[], SimpleNamespace]) -> float:
 
 @contextmanager
 def nothing_kept() -> Iterator[None]:
-    """Run the block with an empty cache of compiled functions."""
+    """Context manager that runs its block with an empty cache of compiled functions."""
     from phasebench.integrators.compile import codegen
     from phasebench.integrators.systems import hand
 
@@ -179,7 +179,7 @@ def nothing_kept() -> Iterator[None]:
     with tempfile.TemporaryDirectory() as folder:
         os.environ["PHASEBENCH_CACHE"] = folder
         codegen._ready.clear()
-        hand._compiled.cache_clear()
+        hand._compile.cache_clear()
         try:
             yield
         finally:

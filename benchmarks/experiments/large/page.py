@@ -22,7 +22,7 @@ SHOWN = (8, 24, 128, 1024, 10_000)
 
 
 def exponents(costs: pd.DataFrame) -> pd.DataFrame:
-    """The exponents of time and memory of each system from `MANY` on, with their intervals."""
+    """For each system, the exponents of d in the time and the memory of a step from `MANY` on, with their intervals."""
     rows = []
     for name, part in costs[costs["d"] >= MANY].groupby("system", sort=False):
         if len(part) < 3:
@@ -35,7 +35,7 @@ def exponents(costs: pd.DataFrame) -> pd.DataFrame:
 
 
 def at(row) -> str:
-    """Format the system and the size of a row."""
+    """Format the system of a row and its number of degrees of freedom."""
     return f"{row['system']}, d = {int(row['d'])}"
 
 
@@ -73,7 +73,7 @@ def beside(costs: pd.DataFrame) -> Verdict | None:
 
 
 def _many(costs: pd.DataFrame) -> pd.DataFrame:
-    """The rows from `MANY` degrees of freedom on."""
+    """Select the rows from `MANY` degrees of freedom on."""
     return costs[costs["d"] >= MANY]
 
 
@@ -95,7 +95,7 @@ def loops(made: pd.DataFrame) -> Verdict | None:
 
 @of(COSTS)
 def answer(costs: pd.DataFrame) -> str | None:
-    """How the time of a step grows with d, and its ratio to the time in C."""
+    """A sentence: how the time of a step grows with d, and its ratio to the time in C."""
     found = exponents(costs)
     if found.empty:
         return None
@@ -111,7 +111,7 @@ def answer(costs: pd.DataFrame) -> str | None:
 
 @of(COSTS)
 def draw(costs: pd.DataFrame, folder) -> list[Picture]:
-    """Nanoseconds of a step over d, a panel for each system."""
+    """Draw nanoseconds of a step over d, a panel for each system."""
     names = list(dict.fromkeys(costs["system"]))
     with style.settings():
         figure, (panels,) = style.panels(1, len(names), 2.9, sharey=True)
@@ -133,7 +133,10 @@ def draw(costs: pd.DataFrame, folder) -> list[Picture]:
 
 
 def table(data: Data) -> Table | None:
-    """A few sizes of each system; the caption says up to which size functions are derived from a formula."""
+    """The page's table: the cost of a step at a few sizes of each system.
+
+    The caption says up to which size functions are derived from a formula.
+    """
     costs, made = data(COSTS), data(MADE)
     if costs is None or costs.empty:
         return None
@@ -161,7 +164,7 @@ def largest_derived(made: pd.DataFrame) -> dict[str, int]:
 
 @of(MADE)
 def full_table(made: pd.DataFrame) -> pd.DataFrame:
-    """Seconds to make each system's functions."""
+    """For every system and size, the seconds to generate and compile its functions."""
     return made
 
 

@@ -37,7 +37,7 @@ LATTICES = {"fpu": Steps(0.01, 0.2), "toda": Steps(0.1, 3.0), "nls": Steps(0.02,
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """The measurements (`Cell`): one for each lattice."""
+    """List the measurements (`Cell`), one for each lattice."""
     return [] if quick else [_cell(name) for name in LATTICES]
 
 
@@ -49,7 +49,7 @@ def _cell(name: str) -> Cell:
 
 
 def measure_rows(name: str) -> Rows:
-    """The rows of a lattice, one for each size and step."""
+    """Compare the solvers of implicit steps on a lattice: a row for each size and step."""
     return {TABLE: [row(name, d, step) for d in SIZES for step in Steps._fields]}
 
 
@@ -79,7 +79,7 @@ def _trial_state(run: PreparedRun, h: float) -> np.ndarray | None:
 
 
 def _time_columns(runs: dict[str, PreparedRun], h: float) -> dict:
-    """The columns with each solver's nanoseconds of a step, and their ratio."""
+    """Time both solvers in alternating rounds: columns with each one's nanoseconds of a step of h, and their ratio."""
     steps = {who: max(FEWEST, enough(lambda n, run=run: _clock(lambda: run(h, n))())) for who, run in runs.items()}
     work = {who: _clock(lambda run=run, n=steps[who]: run(h, n)) for who, run in runs.items()}
     times = {who: seconds / steps[who] * 1e9 for who, seconds in in_turns(work, ROUNDS).items()}
@@ -94,7 +94,7 @@ def _time_columns(runs: dict[str, PreparedRun], h: float) -> dict:
 
 
 def _sought(problem) -> dict:
-    """The column with the seconds to find the band's structure, which is done once for a system."""
+    """The column with the seconds to find the banded structure of a problem's equations, which is done once."""
     started = time.perf_counter()
     structure_of(problem.system, 1)
     return {"s, structure": time.perf_counter() - started}

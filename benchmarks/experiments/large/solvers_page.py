@@ -19,7 +19,7 @@ SHOWN = (32, 128, 2048, 10_000)
 
 
 def _long(rows: pd.DataFrame) -> pd.DataFrame:
-    """The rows of steps too long for the fixed-point iteration."""
+    """Select the rows of steps too long for the fixed-point iteration to contract."""
     return rows[rows["step"] == "long"]
 
 
@@ -44,7 +44,7 @@ def solves(rows: pd.DataFrame) -> Verdict | None:
 
 @of(TABLE)
 def same(rows: pd.DataFrame) -> Verdict | None:
-    """Whether both solvers end at the same state."""
+    """Whether banded Newton and the usual solver end at the same state."""
     both = rows.dropna(subset=["apart"])
     if both.empty:
         return None
@@ -76,7 +76,7 @@ def faster(rows: pd.DataFrame) -> Verdict | None:
 
 
 def _exponents(rows: pd.DataFrame) -> pd.DataFrame:
-    """The exponents of d in the time of a long step, with its lower bound, and in the memory, by lattice."""
+    """For each lattice, the exponents of d in banded Newton's time of a long step (with its lower bound) and memory."""
     found = []
     for name, part in _long(rows).groupby("system", sort=False):
         timed = part.dropna(subset=["ns, banded"])
@@ -105,7 +105,7 @@ def scaling(rows: pd.DataFrame) -> Verdict | None:
 
 @of(TABLE)
 def where_it_contracts(rows: pd.DataFrame) -> Verdict | None:
-    """Whether banded Newton is never faster where the fixed-point iteration contracts."""
+    """Whether banded Newton is never faster at steps at which the fixed-point iteration contracts."""
     short = rows[rows["step"] == "short"].dropna(subset=["banded / usual"])
     sooner = short[short["banded / usual, high"] < 1]
     return Verdict(
@@ -119,7 +119,7 @@ def where_it_contracts(rows: pd.DataFrame) -> Verdict | None:
 
 @of(TABLE)
 def answer(rows: pd.DataFrame) -> str | None:
-    """The ratio of banded Newton's time to the usual solver's, at long and at short steps."""
+    """A sentence: the ratio of banded Newton's time to the usual solver's, at long and at short steps."""
     parts = [rows[rows["step"] == step]["banded / usual"].dropna() for step in ("long", "short")]
     if any(part.empty for part in parts):
         return None
@@ -130,7 +130,7 @@ def answer(rows: pd.DataFrame) -> str | None:
 
 @of(TABLE)
 def table(rows: pd.DataFrame) -> Table:
-    """The rows of the sizes in `SHOWN`."""
+    """The page's table: both solvers' times and memory at the sizes in `SHOWN`."""
     columns = ["system", "d", "h", "by", "ns, usual", "ns, banded", "banded / usual", "banded / usual, low"]
     columns += ["banded / usual, high", "evaluations, usual", "evaluations, banded", "kB, usual", "kB, banded"]
     caption = (
@@ -142,7 +142,7 @@ def table(rows: pd.DataFrame) -> Table:
 
 @of(TABLE)
 def full_table(rows: pd.DataFrame) -> pd.DataFrame:
-    """Every size, with the intervals, the distance of the ends, and the seconds to find the structure."""
+    """Both solvers at every size: times with intervals, distance of the end states, seconds to find the band."""
     return rows
 
 

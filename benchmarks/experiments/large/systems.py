@@ -1,4 +1,4 @@
-"""Lattices and bodies of any size: their formulae, their loops, initial values, and their gradient in C.
+"""Lattices and gravitating bodies of any size: Hamiltonian as a formula and as loops, initial values, gradient in C.
 
 Up to `codegen.TUPLE_LIMIT` degrees of freedom a system is derived from its formula; above, it runs on the hand-written
 loops of its problem's module, without a formula.
@@ -31,13 +31,13 @@ class Large:
 
     Attributes
     ----------
-    name, module : of the problem
+    name, module : name of the problem, and the module that defines it
     unit : d is a multiple of it
-    method : id of the method: one gradient a step, or four fields
+    method : id of the method that integrates it: one evaluation of the gradient a step, or four of the vector field
     h : step size
     formula : d -> (q, p, H)
     constants : d -> the constants of its loops
-    C : C source of its gradient, or field
+    C : C source of its gradient, or vector field
     pairs : whether all pairs interact, so that a step costs O(d^2)
     """
 
@@ -90,7 +90,7 @@ def _bodies(d: int):
 
 
 def _waves(module: ModuleType, unit: int):
-    """The functions (formula, constants) of a wave on grid points `SPACING` apart."""
+    """The functions (d -> formula, d -> constants) of a wave equation on a grid, with ``unit`` unknowns a point."""
 
     def formula(d: int):
         return module.formula(d // unit, SPACING * (d // unit))

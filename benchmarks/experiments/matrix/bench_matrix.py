@@ -1,4 +1,4 @@
-"""Checks of the matrix: the measured properties of every method on every problem agree with the declared ones."""
+"""Check that the measured properties of every method on every problem agree with the declared ones."""
 
 from __future__ import annotations
 

@@ -58,7 +58,10 @@ def _build_problem(name: str):
 
 @cache
 def _at(name: str, places: int):
-    """(system, state after `LATER`, unit of time) of a problem; ``places``, the working digits, only keys the cache."""
+    """Build a problem and a state on its orbit at `LATER`: (system, state, unit of time).
+
+    ``places``, the working digits, only tells cached results apart.
+    """
     made = _build_problem(name)
     unit = mpmath.mpf(made.pace.unit)
     y = flow(made.system, [*made.q0, *made.p0], LATER * unit)[0]
@@ -85,7 +88,10 @@ def _parts(chosen: Method, system, y) -> int:
 
 
 def _order(chosen: Method, name: str) -> dict:
-    """The order over `SPAN`; if that is not the declared one (two error terms may compete), over a smaller span."""
+    """Measure the order over the time `SPAN`; if it is not the declared one, again over a smaller time.
+
+    Two error terms may compete.
+    """
     system, y, unit = _at(name, mpmath.mp.dps)
     parts = _parts(chosen, system, y)
     row: dict = {}
@@ -183,7 +189,7 @@ WITHOUT_ROUND_OFF = ("order", "symplecticity", "reversibility")
 
 
 def cell(chosen: Method, name: str) -> dict:
-    """The row of a method on a problem: its measurements, or the reasons why there are none."""
+    """Measure a method on a problem: a row of order, defects and energy error, or the reasons why there are none."""
     row = {"method": chosen.id, "problem": name, "declared_order": chosen.order, "symplectic": chosen.symplectic}
     row |= {"symmetric": chosen.symmetric, "energy_class": chosen.energy, "quadratic_class": chosen.quadratic}
     system = _at(name, DIGITS)[0]
@@ -244,7 +250,7 @@ def explanation(row: dict, contradiction: str) -> str:
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """A cell for each method on each problem; no cell if ``quick``."""
+    """List the measurements (`Cell`), one for each method on each problem; none if ``quick``."""
     return [] if quick else [_cell(m, name) for name in PROBLEMS for m in METHODS]
 
 
@@ -262,6 +268,6 @@ def _cell(chosen: Method, name: str) -> Cell:
 
 
 def measure_rows(id: str, name: str) -> Rows:
-    """The row of a method on a problem; the process that runs it compiles nothing."""
+    """Measure a method on a problem: its row, by table name; the process that runs it compiles nothing."""
     with precision(DIGITS):
         return {"matrix": [cell(BY_ID[id], name)]}

@@ -1,4 +1,4 @@
-"""The page of the matrix: measured properties of every method on every problem beside the declared ones."""
+"""The page on every method on every problem: measured order, defects and energy error beside what is declared."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def declarations(frame: pd.DataFrame) -> Verdict:
 
 
 def _short(frame: pd.DataFrame, explained: bool) -> set[tuple[str, str]]:
-    """The (method, problem) pairs that contradict a declaration; with ``explained`` also those with a known reason."""
+    """The (method, problem) pairs that contradict a declaration for no known reason; with ``explained`` all that do."""
     return {(r["method"], r["problem"]) for r, _, why in _shortfalls(frame) if explained or not why}
 
 
@@ -95,7 +95,7 @@ def answer(frame: pd.DataFrame) -> str:
 
 @of("matrix")
 def draw(frame: pd.DataFrame, folder) -> list[Picture]:
-    """A map of the kind (`KINDS`) of every pair: a line for each problem, a column for each method."""
+    """Draw a map of every pair's kind (one of `KINDS`): a line for each problem, a column for each method."""
     from matplotlib.colors import ListedColormap
     from matplotlib.patches import Patch
 
@@ -174,7 +174,7 @@ def table(frame: pd.DataFrame) -> Table | None:
 
 @of("matrix")
 def _full_table(frame: pd.DataFrame) -> pd.DataFrame:
-    """The measurements of the pairs that ran, on five problems."""
+    """The measured order, defects and energy error of every method on five of the problems."""
     ran = frame[frame["reason"].isna()] if "reason" in frame else frame
     columns = ["method", "problem", "declared_order", "order", "symplecticity", "reversibility", "energy"]
     small = ran[ran["problem"].isin(["henon-heiles", "kepler", "pendulum", "outer-solar-system", "lotka-volterra"])]

@@ -1,1 +1,1 @@
-"""Experiment: which model of a scene suffices, at which accuracy?"""
+"""Experiment: which simplified model of a physical system suffices at which accuracy?"""

@@ -1,4 +1,4 @@
-"""Checks of the models: every modelling error is known, and the full models end at the true values."""
+"""Checks of models of a physical system: modelling errors are known, and the full models end at the true values."""
 
 from __future__ import annotations
 
@@ -10,12 +10,15 @@ FULL = 1e-9
 
 
 def cells(quick: bool = False) -> list:
-    """A cell for each scene."""
+    """List the measurements (`Cell`), one for each scene (a physical system, a time span and a quantity)."""
     return measure.cells(quick)
 
 
 def vague(rows) -> list[str]:
-    """Messages about models with an error not known to a share `KNOWN`, and full models with wrong end values."""
+    """Messages about models whose modelling error is known less well than to the share `KNOWN` of itself.
+
+    Full models are listed if their values at the end are farther than `FULL` from the true ones.
+    """
     out = []
     for r in rows:
         where = f"{r['scene']}, {r['model']}"

@@ -1,4 +1,4 @@
-"""Which model suffices at an accuracy, and the time it saves, computed from the tables of models and of runs."""
+"""Which model of a physical system suffices at an accuracy, and the time it saves, from the measured tables."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def cost(runs: pd.DataFrame, accuracy: float) -> float:
 
 
 def of_scene(models: pd.DataFrame, runs: pd.DataFrame) -> list[tuple[pd.Series, pd.DataFrame]]:
-    """(row, runs) of each model of one scene, from the simplest to the full one."""
+    """Pair each model of one scene with its runs, from the simplest to the full model: (row of the model, its runs)."""
     return [(m, runs[runs["rung"] == m["rung"]]) for _, m in models.sort_values("rung").iterrows()]
 
 
@@ -53,13 +53,13 @@ def table(models: pd.DataFrame, runs: pd.DataFrame) -> pd.DataFrame:
 
 
 def scenes(models: pd.DataFrame, runs: pd.DataFrame):
-    """(scene, its models, its runs) for each scene."""
+    """Yield (scene, its models, their runs) for each scene of the two tables."""
     for scene, mine in models.groupby("scene", sort=False):
         yield scene, mine, runs[runs["scene"] == scene]
 
 
 def rungs(models: pd.DataFrame, runs: pd.DataFrame) -> pd.DataFrame:
-    """A row for each model that is simpler than the full one of its scene.
+    """A row for each model that is simpler than the full model of its scene: what it saves, and how well it is chosen.
 
     ``gain``: the full model's time over this one's, both at twice its modelling error; ``wasted``: the time of its
     integration to `FINE` over that of one to its modelling error, where that is larger than `FINE`; ``nearer``: whether

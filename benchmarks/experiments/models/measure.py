@@ -1,4 +1,4 @@
-"""Modelling errors of the models of a scene, and the times and errors of their integrations.
+"""Modelling errors of simplified models of a problem (its scene), and the times and errors of their integrations.
 
 A model's reference is the finest run of the last of `METHODS`; its uncertainty is `SAFETY` times the distance to a run
 with half as many steps.  The modelling error is the distance of the reference, mapped to the full problem's state, from
@@ -43,7 +43,7 @@ SLOW = Quantity(
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """A cell for each scene."""
+    """List the measurements (`Cell`), one for each scene (a problem, a time span and a quantity)."""
     return [_cell(ladder) for ladder in LADDERS]
 
 
@@ -66,13 +66,13 @@ def _cell(ladder: Ladder) -> Cell:
 
 
 def quantity_of(full, name: str) -> Quantity:
-    """The quantity of that name: `SLOW`, or one of the problem's."""
+    """The quantity with this name: the positions of the soft chain, `SLOW`, or one that the full problem defines."""
     return SLOW if name == SLOW.name else named_quantities.quantity(full, name)
 
 
 @dataclass
 class Model:
-    """A rung of a ladder, ready to run.
+    """A model of a scene (a simplified problem with a map to the full one), ready to run.
 
     Attributes
     ----------
@@ -100,7 +100,7 @@ class Model:
         return self.rung.rate * self.ladder.t_end / steps
 
     def values(self, id: str, steps: int) -> np.ndarray | None:
-        """The full problem's quantity, computed from a run of this model; None if the run fails."""
+        """The full problem's quantity, computed from a run of this model by a method ``id``; None if the run fails."""
         run = self.runs[id]
         q, p, code = run(self.h(steps), steps)
         if code != run.SOLVED:
@@ -110,7 +110,7 @@ class Model:
         return quantities.values(self.full, self.quantity, SimpleNamespace(t=t, q=rows[0], p=rows[1]))
 
     def clock(self, id: str, steps: int) -> Callable[[], float]:
-        """A function that times a run and returns seconds; for a short run, the mean of many."""
+        """A function that times a run of the method ``id`` and returns seconds; for a short run, the mean of many."""
         run, h = self.runs[id], self.h(steps)
         began = time.perf_counter()
         run(h, steps)
@@ -126,14 +126,14 @@ class Model:
 
 
 def prepare_model(ladder: Ladder, rung: Rung, full) -> Model:
-    """Build the problem of a rung, and prepare its runs."""
+    """Build the problem of a model and prepare runs of it by each of `METHODS`; ``full``: the full problem."""
     made = rung.make()
     runs = {id: prepare(made, id) for id in METHODS}
     return Model(ladder, rung, full, quantity_of(full, ladder.quantity), made, runs)
 
 
 def reference(model: Model) -> tuple[np.ndarray, float]:
-    """(values, uncertainty) of the finest run of a model."""
+    """Run a model at its finest step: (values of the quantity, their uncertainty)."""
     finest = 2 * model.steps[-1]
     one, other = (model.values(METHODS[-1], n) for n in (finest, finest // 2))
     rounding = 4 * np.finfo(float).eps * float(np.abs(one).max())
@@ -141,7 +141,7 @@ def reference(model: Model) -> tuple[np.ndarray, float]:
 
 
 def measure_rows(id: str) -> Rows:
-    """Measure a scene's ladder of models: by table, a row a model, and a row a run of one."""
+    """Measure all models of a scene: a row for each model with its modelling error, and one for each timed run."""
     ladder = BY_ID[id]
     full = ladder.rungs[-1].make()
     true = truth(full, quantity_of(full, ladder.quantity), ladder.t_end)

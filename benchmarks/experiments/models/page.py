@@ -1,4 +1,4 @@
-"""The page of the models: which model of a scene suffices at an accuracy, and the time it saves."""
+"""The page on models of a physical system: which suffices at an accuracy, and how much time it saves."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ COLUMNS = 3
 
 @of(MODELS, RUNS)
 def nearer(models: pd.DataFrame, runs: pd.DataFrame) -> Verdict | None:
-    """Whether every model is nearer to the full one than the next simpler model."""
+    """Whether each model has a smaller modelling error than the next simpler model."""
     rungs = choice.rungs(models, runs)
     if rungs.empty:
         return None
@@ -40,7 +40,7 @@ def nearer(models: pd.DataFrame, runs: pd.DataFrame) -> Verdict | None:
 
 @of(MODELS, RUNS)
 def savings(models: pd.DataFrame, runs: pd.DataFrame) -> Verdict | None:
-    """Whether a simpler model is no slower than the full one at its own accuracy."""
+    """Whether a simpler model takes no longer than the full one at an error as large as its modelling error."""
     rungs = choice.rungs(models, runs)
     known = rungs[np.isfinite(rungs["gain"].astype(float))]
     if known.empty:
@@ -88,7 +88,7 @@ def answer(models: pd.DataFrame, runs: pd.DataFrame) -> str:
 
 
 def envelope(runs: pd.DataFrame, modelling: float) -> tuple[np.ndarray, np.ndarray]:
-    """(seconds, errors against the full model) of the runs that no faster run beats, by ascending seconds."""
+    """(seconds, errors + ``modelling``) of the runs that no faster run beats: their errors against the full model."""
     ordered = runs.sort_values("seconds")
     errors = np.minimum.accumulate(ordered["error"].to_numpy(float))
     keep = np.diff(errors, prepend=np.inf) < 0
@@ -97,7 +97,10 @@ def envelope(runs: pd.DataFrame, modelling: float) -> tuple[np.ndarray, np.ndarr
 
 @of(MODELS, RUNS)
 def draw(models: pd.DataFrame, runs: pd.DataFrame, folder) -> list[Picture]:
-    """Error against the full model over seconds, a panel for each scene; a level curve shows needlessly fine steps."""
+    """Draw the error against the full model over seconds, a panel for each scene.
+
+    A curve that becomes level shows that finer steps are needless.
+    """
     scenes = list(choice.scenes(models, runs))
     rows = -(-len(scenes) // COLUMNS)
     with style.settings():
@@ -124,7 +127,7 @@ def draw(models: pd.DataFrame, runs: pd.DataFrame, folder) -> list[Picture]:
 
 @of(MODELS, RUNS)
 def table(models: pd.DataFrame, runs: pd.DataFrame) -> Table:
-    """The fastest sufficient model of each scene at each accuracy."""
+    """The page's table: the fastest sufficient model of each scene at each accuracy."""
     chosen = choice.table(models, runs)
     out = []
     for scene, mine in chosen.groupby("scene", sort=False):
@@ -144,7 +147,7 @@ def table(models: pd.DataFrame, runs: pd.DataFrame) -> Table:
 
 @of(MODELS, RUNS)
 def full_table(models: pd.DataFrame, runs: pd.DataFrame) -> pd.DataFrame:
-    """The rows of every model that is simpler than the full one."""
+    """For every simplified model its modelling error, the time it saves, and the time wasted by too fine steps."""
     return choice.rungs(models, runs)
 
 

@@ -35,7 +35,7 @@ TIMED, ROUNDS = 100_000, 15
 
 
 class Run(NamedTuple):
-    """An orbit to a time with a certified state, and the numbers of steps to take."""
+    """A problem with its orbit, an end time with a certified state, and the numbers of steps to take."""
 
     problem: str
     t_end: float
@@ -49,7 +49,7 @@ SCENES = (
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """Two cells for each orbit, one of its round-off and one of its times; no cell if ``quick``."""
+    """List the measurements (`Cell`), one of the round-off and one of the times of each orbit; none if ``quick``."""
     return [] if quick else [*(_cell(k) for k in range(len(SCENES))), *(_time_cell(k) for k in range(len(SCENES)))]
 
 
@@ -92,7 +92,10 @@ def plain(system, q: np.ndarray, p: np.ndarray, h: float, steps: int, kind) -> n
 
 
 def ends(made, h: float, steps: int) -> dict[str, np.ndarray]:
-    """Arithmetic -> end states (`STARTS`, 2 d), also of the compensated method; raises RuntimeError if a run stops."""
+    """End states by arithmetic: name -> array (`STARTS`, 2 d), for plain sums and for the compensated method.
+
+    Raises RuntimeError if a run stops.
+    """
     q, p = starts(made)
     found = {name: plain(made.system, q, p, h, steps, kind) for name, kind in TYPES.items()}
     ours = integrate_ensemble(made, METHOD, q, p, h=h, steps=steps)
@@ -102,7 +105,10 @@ def ends(made, h: float, steps: int) -> dict[str, np.ndarray]:
 
 
 def measure_rows(k: int) -> Rows:
-    """The rows of an orbit, one for each arithmetic and step; raises Unavailable without a wider long double."""
+    """Measure the round-off of each arithmetic at each step on an orbit: a row for each.
+
+    Raises Unavailable if long double is no wider than double.
+    """
     if np.finfo(np.longdouble).nmant + 1 < BITS:
         raise Unavailable("long double is no wider than double on this machine")
     name, t_end, numbers = SCENES[k]
@@ -122,7 +128,7 @@ def measure_rows(k: int) -> Rows:
 
 
 def measure_time_rows(k: int) -> Rows:
-    """The row of an orbit: the times of a compensated and of a plain step; raises Unavailable without a C compiler."""
+    """Time compensated steps beside plain ones in C on an orbit: a row; raises Unavailable without a C compiler."""
     name, t_end, numbers = SCENES[k]
     made, h = problem(name), t_end / numbers[-1]
     try:

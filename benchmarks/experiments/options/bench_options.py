@@ -1,4 +1,4 @@
-"""Checks of the options: every run completes, and known relations hold that are no verdict of a page."""
+"""Checks of the measurements of the methods' options: runs complete, and relations hold that no page judges."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ REACHED = 1e-2
 
 
 def short(rows) -> list[str]:
-    """Messages about the settings whose smallest error is above `REACHED`."""
+    """Messages about the settings of an option whose smallest error is above `REACHED`."""
     least: dict = {}
     for r in rows:
         key = (r["knob"], r["scene"], r["setting"])
@@ -30,7 +30,7 @@ def bench_lambda(measured_rows):
 
 
 def bench_largest_steps(measured_rows):
-    """At lambda = 1/2 the largest step that survives is at least the scene's own."""
+    """At lambda = 1/2 the largest step that survives is at least the step of the scene."""
     rows = [r for r in measured_rows(lambdas.COSTS) if r["lam"] == HALF]
     off = [f"{r['method']} on {r['scene']}" for r in rows if not r["largest h"] >= r["h"]]
     assert not off, "\n".join(off)
@@ -57,12 +57,12 @@ def bench_arithmetic(measured_rows):
 
 
 def bench_costs_of_sums(measured_rows):
-    """The ratio of compensated to plain time is positive."""
+    """The ratio of the times of compensated and of plain sums is positive."""
     assert all(r["ratio"] > 0 for r in measured_rows(arithmetic.COSTS))
 
 
 def bench_solvers(measured_rows):
-    """Newton's method solves every case to round-off, and ends with the same error as the engine."""
+    """Newton's method solves every case to round-off, with the same error as the solver inside the integrators."""
     rows = measured_rows(solvers.TABLE)
     own = {(r["scene"], r["h"]): r["error"] for r in rows if r["solver"] == solvers.ENGINE}
     newton = [r for r in rows if r["solver"] == solvers.NEWTON]

@@ -1,4 +1,4 @@
-"""The figures of the two pages on options."""
+"""Figures on the methods' options: lambda, orders, energy-preserving methods, quadrature nodes, summation, solvers."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ SMALLEST = 1e-17
 
 @style.styled
 def over_lambda(errors: pd.DataFrame, costs: pd.DataFrame, folder) -> Picture:
-    """Error, evaluations and largest step over lambda; a column for each scheme, a curve for each scene."""
+    """Draw error, evaluations and largest step over lambda; a column for each scheme, a curve for each scene."""
     errors = errors[errors["finer"] == errors["finer"].min()]
     methods, scenes = list(dict.fromkeys(errors["method"])), list(dict.fromkeys(errors["scene"]))
     figure, panels = style.panels(3, len(methods), 6.4, sharex=True, sharey="row")
@@ -71,7 +71,7 @@ def _legend(axes, columns: int) -> None:
 
 
 def _first(rungs: pd.DataFrame, option: str) -> pd.DataFrame:
-    """The rows of an option on its first scene."""
+    """Select the rows of an option on its first scene (orbit and end time)."""
     part = rungs[rungs["knob"] == option]
     return part[part["scene"] == part["scene"].iloc[0]] if len(part) else part
 
@@ -90,7 +90,7 @@ def _side_by_side(parts: list[pd.DataFrame], drawn, label: str):
 
 @style.styled
 def orders(rungs: pd.DataFrame, folder) -> Picture | None:
-    """Error against time for compositions by order, and for generating functions by r."""
+    """Draw error against time for compositions by order, and for generating functions by their order r."""
     made = _side_by_side(
         [_first(rungs, option) for option in (ladders.COMPOSITION, ladders.GENERATING)], _ladder, "error at the end"
     )
@@ -111,7 +111,7 @@ def _scenes(table: pd.DataFrame) -> list[pd.DataFrame]:
 
 @style.styled
 def keepers(rungs: pd.DataFrame, folder) -> Picture | None:
-    """Error against time of the methods that keep the energy."""
+    """Draw error against time for the methods that keep the energy."""
     made = _side_by_side(_scenes(findings.usable(rungs, ladders.ENERGY)), _ladder, "error at the end")
     if made is None:
         return None
@@ -122,7 +122,7 @@ def keepers(rungs: pd.DataFrame, folder) -> Picture | None:
 
 @style.styled
 def solving(table: pd.DataFrame, folder) -> Picture | None:
-    """The tolerance of the stage equations: evaluations against error, at the smaller step of each scene."""
+    """Draw error against evaluations as the stage equations are solved to ever tighter tolerances, by solver."""
 
     def panel(axes, part: pd.DataFrame) -> None:
         part = part[
@@ -145,7 +145,7 @@ def solving(table: pd.DataFrame, folder) -> Picture | None:
 
 @style.styled
 def floors(rules: pd.DataFrame, sums: pd.DataFrame, folder) -> Picture:
-    """AVF's energy error over the nodes of its quadrature; round-off of Stormer-Verlet over the steps."""
+    """Draw AVF's energy error over the nodes of its quadrature, and the round-off of Stormer-Verlet over the steps."""
     figure, ((left, right),) = style.panels(1, 2, 3.9)
     fixed = rules[rules["nodes"] != nodes.CONFIRMED]
     _curves(left, fixed, ["scene", "h"], "nodes", "energy error", lambda scene, h: f"{scene}, h = {h:g}")
@@ -168,7 +168,7 @@ def _tables(data, *names: str) -> dict[str, pd.DataFrame]:
 
 
 def draw(data, folder) -> list[Picture]:
-    """The figures of lambda, of orders and of energy-preserving methods."""
+    """Draw the figures of lambda, of orders and of energy-preserving methods."""
     has = _tables(data, lambdas.ERRORS, lambdas.COSTS, ladders.TABLE)
     out = []
     if {lambdas.ERRORS, lambdas.COSTS} <= set(has):
@@ -179,7 +179,7 @@ def draw(data, folder) -> list[Picture]:
 
 
 def draw_numerics(data, folder) -> list[Picture]:
-    """The figures of nodes, sums, precision and solvers."""
+    """Draw the figures of quadrature nodes, summation, precision and solvers."""
     has = _tables(data, nodes.TABLE, arithmetic.ERRORS, solvers.TABLE)
     out = []
     if {nodes.TABLE, arithmetic.ERRORS} <= set(has):

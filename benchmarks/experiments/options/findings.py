@@ -20,7 +20,10 @@ KEPT, FLOOR = 1e-12, 1e-13
 
 
 def best_lambdas(errors: pd.DataFrame) -> pd.DataFrame:
-    """Rows by scene, method and step: the lambda of least trajectory error; the error at 1/2 over it (``gain``)."""
+    """For each scene, method and step: the lambda of least trajectory error, and how many times larger it is at 1/2.
+
+    ``finer`` tells the step, ``gain`` is the factor, ``half is best`` whether it is at most `SAME`.
+    """
     rows = []
     for (scene, id, finer), part in errors.groupby(["scene", "method", "finer"], sort=False):
         part = part[np.isfinite(part["trajectory"]) & (part["trajectory"] > part["uncertainty"])]
@@ -35,7 +38,7 @@ def best_lambdas(errors: pd.DataFrame) -> pd.DataFrame:
 
 
 def longest(costs: pd.DataFrame) -> pd.DataFrame:
-    """A row for each scene and method: the lambda that allows the longest step, and whether 1/2 allows it too."""
+    """For each scene and method, the lambda that allows the longest step, and whether 1/2 allows it too."""
     rows = []
     for (scene, id), part in costs.groupby(["scene", "method"], sort=False):
         half = part[part["lam"] == HALF]
@@ -55,7 +58,7 @@ def usable(rungs: pd.DataFrame, option: str) -> pd.DataFrame:
 
 @once
 def cheapest(rungs: pd.DataFrame, option: str) -> pd.DataFrame:
-    """A row for each scene and error: the fastest setting, settings tied with it, the slowest time over its own."""
+    """For each scene and error: the fastest setting, settings tied with it, and the slowest one's time over its own."""
     rows = []
     for scene, part in usable(rungs, option).groupby("scene", sort=False):
         for error in ERRORS:
@@ -77,7 +80,10 @@ def power(error: float) -> str:
 
 
 def quadratures(table: pd.DataFrame) -> pd.DataFrame:
-    """A row for each scene and step: the fewest nodes that keep the energy, their cost, the cost of AVF's own rule."""
+    """For each scene and step of the averaged vector field method: the fewest nodes that keep H, and what they cost.
+
+    The cost is against one node, and that of the method's own rule against the fewest nodes.
+    """
     rows = []
     for (scene, h), part in table[table["status"] == OK].groupby(["scene", "h"], sort=False):
         fixed = part[part["nodes"] != nodes.CONFIRMED].sort_values("nodes")
@@ -94,7 +100,7 @@ def quadratures(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def sums(table: pd.DataFrame) -> pd.DataFrame:
-    """A row for each scene at its most steps: round-off of plain over compensated sums, least error in single."""
+    """For each scene at its most steps: round-off of plain over that of compensated sums, least error in single."""
     rows = []
     for scene, part in table.groupby("scene", sort=False):
         last = part[part["steps"] == part["steps"].max()].set_index("arithmetic")
@@ -110,12 +116,12 @@ def sums(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def solving(table: pd.DataFrame) -> pd.DataFrame:
-    """A row for each scene and step: the solver of the stage equations that needs the fewest evaluations.
+    """For each scene and step, the solver of the stage equations that needs the fewest evaluations.
 
     ``solver``, ``start``, ``fewest``: the best setting of the plain loop (`solvers.Loop`) and its evaluations;
-    ``engine``: the engine's evaluations over ``fewest``; ``fixed``, ``simplified``: the evaluations of fixed point and
-    simplified Newton from the best start, NaN without convergence; ``loosest``: the largest tolerance of these two that
-    changes the end error by less than a factor `SAME`; ``saved``: the share of evaluations that it saves.
+    ``engine``: the evaluations of the integrators' own solver over ``fewest``; ``fixed``, ``simplified``: those of
+    fixed point and simplified Newton from the best start, NaN without convergence; ``loosest``: the largest tolerance
+    of these two that changes the end error by less than a factor `SAME`; ``saved``: the share of evaluations saved.
     """
     rows = []
     for (scene, h), part in table[table["status"] == OK].groupby(["scene", "h"], sort=False):

@@ -33,7 +33,10 @@ Setting = tuple[str, dict]
 
 
 class Ladder(NamedTuple):
-    """An option on an orbit to a time with a certified state, with ``fewest`` * 2^(k/2) steps for k < ``rungs``."""
+    """An option and an orbit with an end time: ``rungs`` runs of ``fewest`` * 2^(k/2) steps, k = 0, 1, ....
+
+    There is a certified state at the end time.
+    """
 
     option: str
     problem: str
@@ -81,12 +84,12 @@ SETTINGS: dict[str, dict[str, Setting]] = {
 
 
 def settings_of(option: str) -> dict[str, Method]:
-    """Name of a setting -> its method, for one option."""
+    """The settings of an option: name -> the method with that setting."""
     return {name: method(id, **values) for name, (id, values) in SETTINGS[option].items()}
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """A cell for each option and orbit."""
+    """List the measurements (`Cell`), one for each option and orbit."""
     return [] if quick else [_cell(k) for k in range(len(LADDERS))]
 
 
@@ -100,14 +103,14 @@ def _cell(k: int) -> Cell:
 
 
 def numbers_of_steps(ladder: Ladder) -> list[int]:
-    """The numbers of steps of a ladder, ascending."""
+    """The numbers of steps to run an option with, ascending."""
     return [round(ladder.fewest * 2 ** (k / 2)) for k in range(ladder.rungs)]
 
 
 def measure_rows(k: int) -> Rows:
-    """The rows of an option on an orbit, one for each setting and step; failed runs have no time.
+    """Measure error and time of every setting of an option at every step on one orbit: a row for each.
 
-    Raises Unavailable if the orbit has no certified state at the end.
+    Failed runs have no time.  Raises Unavailable if the orbit has no certified state at the end.
     """
     ladder = LADDERS[k]
     made = problem(ladder.problem)
@@ -132,7 +135,7 @@ def _call(run, h: float, steps: int):
 
 
 def _rung(made, record: Method, t_end: float, steps: int, end) -> dict:
-    """The row of one run: status, errors, and numbers of gradient evaluations and of steps without a root."""
+    """Run a method once: a row of status, errors, and numbers of gradient evaluations and of steps without a root."""
     h = t_end / steps
     run = integrate(made, record, h=h, steps=steps, save_every=max(1, steps // ROWS))
     with np.errstate(all="ignore"):

@@ -28,7 +28,7 @@ METHODS = ("scheme-i", "scheme-iii", "scheme-iii-suzuki-4")
 
 
 class Sight(NamedTuple):
-    """An orbit, its end time and the number of steps; each of `FINER` multiplies that number in a run of its own."""
+    """An orbit, its end time and a number of steps, which each of `FINER` multiplies in a run of its own."""
 
     problem: str
     t_end: float
@@ -57,7 +57,7 @@ def grid(parts: int) -> list[Fraction]:
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """A cell for each scene and method; no cell if ``quick``."""
+    """List the measurements (`Cell`), one for each scene and method; none if ``quick``."""
     return [] if quick else [_cell(k, id) for k in range(len(SCENES)) for id in METHODS]
 
 
@@ -116,7 +116,10 @@ def largest(made, id: str, lams, h: float) -> list[float]:
 
 
 def measure_rows(k: int, id: str) -> Rows:
-    """The rows of a method on a scene, one for each lambda; raises Unavailable if the reference solution fails."""
+    """Measure a method's errors, cost and largest step at each lambda on one orbit: a row for each lambda.
+
+    Raises Unavailable if the reference solution fails.
+    """
     from phasebench.reference.solvers.taylor import ReferenceFailed
 
     name, t_end, steps = SCENES[k]

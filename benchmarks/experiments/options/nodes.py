@@ -18,7 +18,7 @@ from phasebench.integrators.compile.codegen import DOUBLE
 from phasebench.integrators.families.averaged import rules
 from phasebench.integrators.prepared import Layout, lay_out
 from phasebench.integrators.registry import method
-from phasebench.integrators.stepping.kernel import Prepared, array, fixed, prepare
+from phasebench.integrators.stepping.kernel import Prepared, array, freeze, prepare
 from phasebench.integrators.stepping.solve import SOLVED
 
 TABLE, METHOD = "knobs_nodes", "avf"
@@ -27,7 +27,7 @@ STEPS, ROUNDS = 2000, 7
 
 
 class Pace(NamedTuple):
-    """An orbit, and the step sizes to integrate it with."""
+    """A problem with its orbit, and the step sizes to integrate it with."""
 
     problem: str
     sizes: tuple[float, ...]
@@ -41,7 +41,7 @@ SCENES = (
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """A cell for each orbit; no cell if ``quick``."""
+    """List the measurements (`Cell`), one for each orbit; none if ``quick``."""
     return [] if quick else [_cell(k) for k in range(len(SCENES))]
 
 
@@ -53,12 +53,12 @@ def _cell(k: int) -> Cell:
 
 
 def with_nodes(prepared: Prepared, n: int) -> Prepared:
-    """The prepared kernel with the n-node rule only; unchanged if n is `CONFIRMED`."""
+    """Restrict the prepared kernel to the quadrature rule with n nodes; unchanged if n is `CONFIRMED`."""
     if n == CONFIRMED:
         return prepared
     lanes = len(prepared.step.like or (0.0,))
     nodes, rows, c, b = rules(Degree(2 * n), lanes, DOUBLE)
-    step = prepared.step._replace(nodes=fixed(nodes), rows=fixed(rows), c=array(c, DOUBLE), b=array(b, DOUBLE))
+    step = prepared.step._replace(nodes=freeze(nodes), rows=freeze(rows), c=array(c, DOUBLE), b=array(b, DOUBLE))
     return Prepared(**(vars(prepared) | {"step": step}))
 
 
@@ -69,7 +69,7 @@ class Degree(NamedTuple):
 
 
 class Run:
-    """A run of AVF with n nodes and step h from the problem's initial state."""
+    """A run of the averaged vector field method with n quadrature nodes and step h from the problem's initial state."""
 
     def __init__(self, made, n: int, h: float):
         self.made = made
@@ -93,7 +93,7 @@ class Run:
 
 
 def measure_rows(k: int) -> Rows:
-    """The rows of an orbit, one for each step and number of nodes."""
+    """Measure energy error and cost of the averaged vector field method: a row for each step and number of nodes."""
     name, sizes = SCENES[k]
     made = problem(name)
     runs = {(h, n): Run(made, n, h) for h in sizes for n in (*NODES, CONFIRMED)}

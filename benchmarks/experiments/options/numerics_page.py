@@ -1,4 +1,4 @@
-"""The page of the options that change how a step is computed: nodes, solvers, sums, precision."""
+"""The page of the options that change how a step is computed: quadrature nodes, stage solvers, summation, precision."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def _span(values: pd.Series) -> str:
 
 
 def answer(data: Data) -> str | None:
-    """A sentence: the benefit of compensated sums, of nodes, and the cost of the stage solver."""
+    """A sentence: what compensated sums and quadrature nodes gain, and what solving the stage equations costs."""
     rules, stages, ends = (table_or_none(data, name) for name in TABLES[:3])
     parts = []
     if ends is not None and len(found := findings.sums(ends)):
@@ -84,7 +84,7 @@ def answer(data: Data) -> str | None:
 
 
 def table(data: Data) -> Table | None:
-    """The benefit and the cost of each option's best setting, a line for each scene."""
+    """The page's table: gain and cost of each option's best setting, a line for each scene."""
     rules, stages, ends, costs = (table_or_none(data, name) for name in TABLES)
     rows = [] if rules is None else _nodes(rules)
     rows += [] if stages is None else _solvers(stages)

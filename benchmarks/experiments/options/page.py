@@ -13,12 +13,12 @@ TABLES = (lambdas.ERRORS, lambdas.COSTS, ladders.TABLE)
 
 
 def line(option: str, scene: str, setting: str, gives: str, costs: str) -> dict:
-    """A row of the page's table of best settings."""
+    """A line of the page's table: the best setting of an option in a scene, what it gives, and what it costs."""
     return {"option": option, "scene": scene, "best setting": setting, "gives": gives, "costs": costs}
 
 
 def times(x: float) -> str:
-    """A factor as text, such as 1.4 times."""
+    """Format a factor as text, such as "1.4 times"."""
     return f"{number(float(x), 2)} times"
 
 
@@ -37,7 +37,7 @@ def _lambdas(errors: pd.DataFrame, costs: pd.DataFrame | None) -> list[dict]:
 
 
 def _dearer(row, costs: pd.DataFrame | None) -> str:
-    """A text: gradient evaluations of a step at the measured lambda nearest to the best one, over those at 1/2."""
+    """A text: gradient evaluations a step near the best lambda over those at 1/2; empty if not measured."""
     if costs is None:
         return ""
     part = costs[(costs["scene"] == row["scene"]) & (costs["method"] == row["method"])]
@@ -79,7 +79,7 @@ def answer(data: Data) -> str | None:
 
 
 def _best(found: pd.DataFrame) -> str:
-    """The fastest settings at the smallest error that any scene reaches."""
+    """A text: the fastest settings at the smallest error that any scene reaches."""
     return " or ".join(found[found["error"] == found["error"].min()]["setting"].unique())
 
 
@@ -98,7 +98,7 @@ def table(data: Data) -> Table | None:
 
 @of(ladders.TABLE)
 def full_table(rungs: pd.DataFrame) -> pd.DataFrame | None:
-    """The fastest setting of each option on each scene at every error."""
+    """For each option and scene, the fastest setting at every error."""
     out = pd.concat([findings.cheapest(rungs, option).assign(option=option) for option in ladders.SETTINGS])
     if out.empty:
         return None

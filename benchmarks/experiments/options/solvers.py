@@ -1,8 +1,9 @@
 r"""Solvers of the stage equations of a Gauss method: fixed point or Newton, starting values, tolerances.
 
-The engine offers no choice: it iterates the fixed point from a start extrapolated over five steps, changes to Newton's
-method if that does not contract, and always goes to round-off.  The same equations for the slopes,
-:math:`K_i = f(y + h\sum_j a_{ij}K_j)`, are therefore solved here in a plain loop that counts evaluations:
+The solver inside the integrators (the engine) offers no choice: it iterates the fixed point from a start extrapolated
+over five steps, changes to Newton's method if that does not contract, and always goes to round-off.  The same equations
+for the slopes, :math:`K_i = f(y + h\sum_j a_{ij}K_j)`, are therefore solved here in a plain loop that counts
+evaluations:
 
 - fixed point: K is replaced by the right-hand side;
 - simplified Newton: :math:`(1 - hA\otimes J)\,\Delta K = f - K` with the Jacobian J at the start of the step;
@@ -43,7 +44,7 @@ STEPS, MOST, EPS = 200, 60, float(np.finfo(float).eps)
 
 
 class Pace(NamedTuple):
-    """An orbit, and the step sizes to integrate it with."""
+    """A problem with its orbit, and the step sizes to integrate it with."""
 
     problem: str
     sizes: tuple[float, ...]
@@ -58,7 +59,7 @@ SCENES = (
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """A cell for each orbit; no cell if ``quick``."""
+    """List the measurements (`Cell`), one for each orbit; none if ``quick``."""
     return [] if quick else [_cell(k) for k in range(len(SCENES))]
 
 
@@ -108,7 +109,7 @@ class Loop:
         return np.array([self.f(y) for y in self.y + self.h * self.gauss.A @ K])
 
     def first(self) -> np.ndarray:
-        """The starting values K of the iteration, array (s, 2 d)."""
+        """The starting values of the slopes K for the iteration, array (s, 2 d)."""
         if not self.last or self.start == ZERO:
             return np.zeros((STAGES, len(self.y)))
         if self.start == POLYNOMIAL:
@@ -117,7 +118,7 @@ class Loop:
         return sum((-1) ** j * comb(m, j + 1) * K for j, K in enumerate(self.last))
 
     def matrix(self, K: np.ndarray) -> np.ndarray | None:
-        """The matrix of Newton's linear equations at K; None for the fixed point."""
+        """The matrix of Newton's linear equations at the slopes K; None for the fixed-point iteration."""
         if self.solver == FIXED:
             return None
         if self.solver == SIMPLE:
@@ -130,7 +131,7 @@ class Loop:
         return np.eye(K.size) - self.h * np.vstack(rows)
 
     def step(self) -> bool:
-        """Take a step; False if its equations are not solved."""
+        """Take a step of the Gauss method; False if its stage equations are not solved."""
         K, last, size = self.first(), np.inf, np.abs(self.y).max()
         matrix = self.matrix(K)
         for k in range(MOST):
@@ -162,7 +163,10 @@ class Loop:
 
 
 def measure_rows(k: int) -> Rows:
-    """The rows of an orbit, one for each step and setting, and one for each step with the engine's own counts."""
+    """Measure evaluations and error of every solver, start and tolerance on an orbit: a row for each at each step.
+
+    One more row for each step has the counts of the solver inside the integrators.
+    """
     name, sizes = SCENES[k]
     made = problem(name)
     field = made.system.vector_field()

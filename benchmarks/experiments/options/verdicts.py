@@ -1,4 +1,4 @@
-"""The verdicts of the two pages on options."""
+"""Verdicts on the methods' options: whether the defaults are the best, and whether costlier settings pay."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ DEAR = 2.0
 
 
 def coarse(errors: pd.DataFrame) -> pd.DataFrame:
-    """The rows of `findings.best_lambdas` at the larger step."""
+    """Select the larger of the two steps from the best lambdas (`findings.best_lambdas`)."""
     found = findings.best_lambdas(errors)
     return found[found["finer"] == found["finer"].min()] if len(found) else found
 
 
 @of(lambdas.ERRORS)
 def half_is_best(errors: pd.DataFrame) -> Verdict | None:
-    """Whether lambda = 1/2 has the smallest error of the trajectory."""
+    """Whether lambda = 1/2 has the smallest error along the trajectory, in every scheme and scene."""
     found = coarse(errors)
     if found.empty:
         return None
@@ -39,7 +39,7 @@ def half_is_best(errors: pd.DataFrame) -> Verdict | None:
 
 @of(lambdas.COSTS)
 def half_is_longest(costs: pd.DataFrame) -> Verdict | None:
-    """Whether lambda = 1/2 allows the longest step."""
+    """Whether lambda = 1/2 allows the longest step, in every scheme and scene."""
     found = findings.longest(costs)
     if found.empty:
         return None
@@ -87,7 +87,7 @@ def higher_r_pays(rungs: pd.DataFrame) -> Verdict | None:
 
 
 def r(setting: str) -> int:
-    """The order parameter r of a generating function's setting."""
+    """Parse the order r of a generating function from the name of its setting."""
     return ladders.SETTINGS[ladders.GENERATING][setting][1]["order"]
 
 
@@ -110,7 +110,7 @@ def _case(row) -> str:
 
 @of(nodes.TABLE)
 def quadrature(table: pd.DataFrame) -> Verdict | None:
-    """Whether AVF's own quadrature keeps the energy."""
+    """Whether the averaged vector field method's own choice of quadrature nodes keeps the energy."""
     found = findings.quadratures(table)
     if found.empty:
         return None
@@ -127,7 +127,7 @@ def quadrature(table: pd.DataFrame) -> Verdict | None:
 
 @of(nodes.TABLE)
 def quadrature_cost(table: pd.DataFrame) -> Verdict | None:
-    """Whether AVF's own quadrature takes at most `DEAR` times as long as the fewest nodes that keep the energy."""
+    """Whether AVF with its own quadrature takes at most `DEAR` times as long as with the fewest nodes that keep H."""
     found = findings.quadratures(table)
     if found.empty:
         return None
@@ -143,7 +143,7 @@ def quadrature_cost(table: pd.DataFrame) -> Verdict | None:
 
 @of(solvers.TABLE)
 def solving(table: pd.DataFrame) -> Verdict | None:
-    """Whether the engine needs about as few evaluations for the stage equations as the best solver tried."""
+    """Whether the integrators' own solver of the stage equations needs about as few evaluations as the best tried."""
     found = findings.solving(table)
     if found.empty:
         return None

@@ -10,7 +10,7 @@ ROUND_OFF, VISIBLE = 1e-26, 1e-22
 
 
 def orders_off(rows) -> list[str]:
-    """Messages about rows whose order is at least `GATE` above or below the declared one."""
+    """Messages about measured orders that are at least `GATE` above or below the declared ones."""
     return [
         f"{r['method']} on {r['problem']}: {r['order']:.3f}, declared {r['declared']}"
         for r in rows

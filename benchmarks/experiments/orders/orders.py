@@ -1,4 +1,4 @@
-"""Orders and structure without round-off: a cell is a method on a system, measured in 40 digits or more."""
+"""Orders and structure of every method without round-off, measured in 40 digits or more."""
 
 from __future__ import annotations
 
@@ -13,7 +13,10 @@ CODE = ("phasebench.benchmarks.measure.multiprecision", "phasebench.benchmarks.m
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """A cell for each method on each system, and one for each property of a method; no cell if ``quick``."""
+    """List the measurements (`Cell`): one for each method on each system, one for each property of a method.
+
+    None if ``quick``.
+    """
     if quick:
         return []
     return [_order(*of) for of in multiprecision.cells("orders")] + [
@@ -53,7 +56,7 @@ def _structure(name: str, label: str) -> Cell:
 
 
 def order(label: str, problem: str) -> Rows:
-    """The row of a method's observed order on a system; raises RuntimeError if it cannot be measured."""
+    """Measure a method's order on a system in many digits: a row; raises RuntimeError if it cannot be measured."""
     chosen = multiprecision.methods()[label]
     row = _measure_or_raise("orders", label, problem)
     found = multiprecision.observed_order(row)
@@ -63,7 +66,7 @@ def order(label: str, problem: str) -> Rows:
 
 
 def structure(name: str, label: str) -> Rows:
-    """The row of a method's largest defect of a property over all systems; raises RuntimeError if one is missing."""
+    """Measure a method's largest defect of a property over all systems: a row; RuntimeError if one is missing."""
     systems = [system for known, system in multiprecision.cells(name) if known == label]
     defects = {system: _measure_or_raise(name, label, system) for system in systems}
     declared = getattr(multiprecision.methods()[label], PROPERTIES[name])

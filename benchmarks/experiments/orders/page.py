@@ -23,7 +23,7 @@ BELOW = 0.5
 
 @once
 def in_doubles(rows: pd.DataFrame) -> pd.DataFrame:
-    """The orders of this project's methods in double precision: deviation from the declared order, half-width of interval."""
+    """Select this project's orders in double precision: deviation from the declared order, half-width of interval."""
     records = rows.astype(object).where(rows.notna(), None).to_dict("records")
     found = pd.DataFrame(orders(records))
     if found.empty:
@@ -87,7 +87,7 @@ def answer(data: Data) -> str | None:
 
 @of("multiprecision")
 def draw(multiprecision: pd.DataFrame, folder) -> list[Picture]:
-    """The deviation of every measured order from the declared one."""
+    """Draw the deviation of every measured order from the declared one."""
     problems = list(dict.fromkeys(multiprecision["problem"]))
     declared = sorted(multiprecision["declared"].unique())
     with style.settings():

@@ -30,7 +30,7 @@ FIRST, LAST = 0.1, 4.5
 
 
 def methods() -> tuple[Method, ...]:
-    """Every method for a fast linear part, and Stormer-Verlet."""
+    """List every method for a fast linear part, and Stormer-Verlet."""
     return (*METHODS, method("stormer-verlet"))
 
 
@@ -85,7 +85,7 @@ PARTS = 40
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """A cell for each method, with its rows over h omega; no cell if ``quick``."""
+    """List the measurements (`Cell`), one for each method; none if ``quick``."""
     return [] if quick else [_cell(m) for m in methods()]
 
 
@@ -102,6 +102,6 @@ def _cell(chosen: Method) -> Cell:
 
 
 def measure_rows(id: str) -> Rows:
-    """The rows of a method, one for each h omega."""
+    """Measure a method's errors on the Fermi-Pasta-Ulam problem: a row for each h omega."""
     frame = errors([method(id)], multiples(PARTS))
     return {"oscillatory": frame.astype(object).where(frame.notna(), None).to_dict("records")}

@@ -97,7 +97,7 @@ def answer(frame: pd.DataFrame) -> str:
 
 @of("oscillatory")
 def draw(frame: pd.DataFrame, directory: Path) -> list[Picture]:
-    """Errors of H and I against h omega / pi, a panel for each method."""
+    """Draw the errors of H and I against h omega / pi, a panel for each method."""
     names = list(dict.fromkeys(frame["method"]))
     columns = 3
     with style.settings():
@@ -134,7 +134,7 @@ def draw(frame: pd.DataFrame, directory: Path) -> list[Picture]:
 
 @of("oscillatory")
 def table(frame: pd.DataFrame) -> Table:
-    """The summary of the runs, a row for each method."""
+    """The page's table: at how many step sizes each method loses the energy, and its errors."""
     caption = (
         f"Greatest errors over a run. Lost: no finite end, a step refused, or an error of H of {number(LOST)} or more; "
         f"near a multiple of π: within {NEAR} π of it. Medians are over the step sizes at which the energy is not lost."
@@ -144,7 +144,7 @@ def table(frame: pd.DataFrame) -> Table:
 
 @of("oscillatory")
 def _full_table(frame: pd.DataFrame) -> pd.DataFrame:
-    """The step sizes at which the energy is lost."""
+    """The runs that lose the energy, with their step sizes."""
     columns = ["method", RATIO, "status", ENERGY, OSCILLATORY]
     return frame[_energy_lost(frame)][columns]
 

@@ -12,7 +12,10 @@ NEAR = 0.1
 
 
 def cells(quick: bool = False):
-    """A cell for each printed column; unless ``quick``, also the scans of roots and the recipes."""
+    """List the measurements (`Cell`), one for each printed column of the talk's tables.
+
+    Unless ``quick``, also the scans for roots of Scheme IV and the attempts to explain its column.
+    """
     return [*printed.cells(quick), *recipes.cells(quick)]
 
 
@@ -34,7 +37,7 @@ def off(rows) -> list[str]:
 
 
 def scans_without_root(rows) -> list[str]:
-    """Messages about the scans in which a step of Scheme IV has no root within `NEAR` of 1/2."""
+    """Messages about scans in which some step of Scheme IV has no root lambda within `NEAR` of 1/2."""
     ends = ("nearest root, least", "nearest root, greatest")
     return [
         f"h = {r['h']}: a step lost its root near 1/2"
@@ -50,6 +53,6 @@ def bench_printed(measured_rows):
 
 
 def bench_root_scan(measured_rows):
-    """An exhaustive scan for roots finds one near 1/2 in every step of Scheme IV."""
+    """An exhaustive scan of lambda finds a root near 1/2 in every step of Scheme IV."""
     wrong = scans_without_root(measured_rows("riddle"))
     assert not wrong, "\n".join(wrong)

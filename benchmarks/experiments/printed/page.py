@@ -26,7 +26,7 @@ def _agreeing(entries: pd.DataFrame) -> Count:
 
 @of("printed")
 def agreement(printed: pd.DataFrame) -> Verdict | None:
-    """Whether the printed entries of the other schemes are reproduced."""
+    """Whether the printed entries of all schemes but Scheme IV are reproduced."""
     _, rest = _split_schemes(printed)
     if rest.empty:
         return None
@@ -52,7 +52,7 @@ def scheme_iv(printed: pd.DataFrame) -> Verdict | None:
 
 @of("riddle")
 def roots(scans: pd.DataFrame) -> Verdict:
-    """Whether every step of Scheme IV has a root near 1/2, so that no other branch is taken."""
+    """Whether every step of Scheme IV has a root lambda near 1/2, so that no other branch of roots is taken."""
     steps, without = int(scans["steps"].sum()), int(scans["without a root"].sum())
     closest = (scans["far root closest to 1/2"] - 0.5).abs().min()
     return Verdict(
@@ -102,7 +102,7 @@ def _entries(columns: pd.DataFrame) -> list[str]:
 
 @of("printed")
 def draw(printed: pd.DataFrame, folder) -> list[Picture]:
-    """Left: distances of measured from printed entries; right: Scheme IV's printed and measured columns."""
+    """Draw distances of measured from printed entries (left), and Scheme IV's printed and measured columns (right)."""
     iv, rest = _split_schemes(printed)
     with style.settings():
         figure, ((left, right),) = style.panels(1, 2, 2.9)

@@ -54,13 +54,13 @@ def unit(printed: str) -> float:
 
 
 def ends(made, chosen) -> list[np.ndarray]:
-    """The states (q, p) at t = 1 for each of the talk's steps."""
+    """Integrate a problem with a method to t = 1 at each of the talk's steps: the end states (q, p)."""
     found = [integrate(made, chosen, h=h, t_end=1.0, save_every=0) for h in STEPS]
     return [end_state(s) for s in found]
 
 
 def column_rows(scheme: str, lam: str | None) -> Iterator[dict]:
-    """The rows of one column: h, printed, refinement difference, its order, global error, distance in printed units."""
+    """Reproduce a printed column: rows of h, printed entry, refinement difference, order, error, distance in digits."""
     made = problem("henon-heiles:chaotic")
     chosen = method(scheme, **({} if lam is None else {"lam": lam}))
     true = truth(SCENE)
@@ -83,7 +83,7 @@ def column_rows(scheme: str, lam: str | None) -> Iterator[dict]:
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """A cell for each printed column; Scheme I at 1/3 is also in the quick tier."""
+    """List the measurements (`Cell`), one for each printed column; that of Scheme I at 1/3 is in the quick tier."""
     return [_cell(scheme, lam, (scheme, lam) == ("scheme-i", "1/3")) for scheme, lam in PRINTED]
 
 
@@ -102,10 +102,10 @@ def _cell(scheme: str, lam: str | None, handful: bool) -> Cell:
 
 
 def column(scheme: str, lam: str | None) -> Rows:
-    """The rows of one printed column, by table."""
+    """Reproduce one printed column of the talk's tables: its rows, by table name."""
     return {"printed": list(column_rows(scheme, lam))}
 
 
 def table() -> list[dict]:
-    """The rows of every printed column."""
+    """Reproduce every printed column: all rows."""
     return [row for column in PRINTED for row in column_rows(*column)]

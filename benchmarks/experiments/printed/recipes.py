@@ -25,7 +25,7 @@ from .printed import AGREEMENT, PRINTED, SCHEME_IV, STEPS, unit
 
 @dataclass(frozen=True)
 class Recipe:
-    """A candidate computation: a method, a number of steps beyond t = 1, and whether only q is compared."""
+    """A candidate for how a printed column was computed: a method, steps beyond t = 1, whether only q is compared."""
 
     name: str
     method: Method
@@ -33,7 +33,7 @@ class Recipe:
     q_alone: bool = False
 
     def column(self, found: Problem) -> list[float]:
-        """The refinement differences of the problem ``found`` at the talk's steps."""
+        """The refinement differences ||y_h - y_2h|| of this computation on a problem at the talk's steps."""
         kept = slice(found.system.d if self.q_alone else None)
         states = [
             end_state(integrate(found, self.method, h=h, steps=round(1 / h) + self.beyond, save_every=0)) for h in STEPS
@@ -63,7 +63,7 @@ def agreeing(column: Sequence[float]) -> int:
 
 
 def columns() -> list[dict]:
-    """The rows of the printed column and of each of `RECIPES`, on the talk's test problem."""
+    """A row for the printed column, and one for each of `RECIPES`, with the number of entries that agree."""
     found = problem("henon-heiles:chaotic")
     known = {CLAIM: [float(t) for t in PRINTED[SCHEME_IV]]} | {r.name: r.column(found) for r in RECIPES}
     heads = [f"{h:g}" for h in STEPS[1:]]
@@ -74,7 +74,7 @@ def columns() -> list[dict]:
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """A cell for the scan of roots at each printed step, and one for the recipes; no cell if ``quick``."""
+    """List the measurements (`Cell`): the scan of roots at each printed step, and the recipes; none if ``quick``."""
     scheme, problem_of = method("scheme-iv"), ProblemKey("henon-heiles:chaotic")
     names = frozenset({"henon-heiles", "scheme-iv"})
 
@@ -89,12 +89,12 @@ def cells(quick: bool = False) -> list[Cell]:
 
 
 def measure_scan_rows(h: float) -> Rows:
-    """The rows of a scan of all roots in every step of Scheme IV: a summary, and the roots not nearest to 1/2."""
+    """Scan every step of Scheme IV for all roots lambda: rows of a summary, and of the roots not nearest to 1/2."""
     s = along(problem("henon-heiles:chaotic"), "scheme-iv", h, 1.0)
     roots = [{"h": h, "t": i * s.h, "lambda": float(lam)} for i, r in enumerate(s.roots) for lam in r[1:]]
     return {"riddle": [row | {"h": h} for row in summary([s])], "riddle_roots": roots}
 
 
 def recipes() -> Rows:
-    """Rows that compare each candidate reading of the paper with its printed column, by table."""
+    """Compare each candidate computation with the printed column of Scheme IV: the rows, by table name."""
     return {"riddle_columns": columns()}

@@ -7,12 +7,12 @@ from phasebench.benchmarks.experiments.references.odd import ODD, beyond
 
 
 def bench_references(measured_rows):
-    """Every stated uncertainty and horizon is confirmed; a cell that fails makes `measured` fail."""
+    """Every stated uncertainty and horizon of the reference states is confirmed (each measurement asserts its own)."""
     wrong = [f"{r['problem']}: {r['changed']}" for r in measured_rows("references") if r["changed"]]
     assert not wrong, "\n".join(wrong)
 
 
 def bench_odd_times(measured_rows):
-    """Between stored times, no reference state has an error above its uncertainty."""
+    """No reference state between the stored times has an error above its uncertainty."""
     wrong = beyond(measured_rows(ODD))
     assert not wrong, "\n".join(wrong)

@@ -1,4 +1,4 @@
-"""Cells that measure the stated errors and horizons of the certified references again, by other means."""
+"""Measurements (`Cell`) that check the stated errors and horizons of the certified references by other means."""
 
 from __future__ import annotations
 
@@ -16,7 +16,10 @@ CODE = (
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """A cell for each certified orbit, and one for its states between stored times (`odd`); no cell if ``quick``."""
+    """List the measurements (`Cell`): one for each certified orbit, one for its states between stored times (`odd`).
+
+    None if ``quick``.
+    """
     return [] if quick else [*(_cell(label) for label in labels()), *odd.cells()]
 
 
@@ -34,7 +37,7 @@ def _cell(label: str) -> Cell:
 
 
 def measure_rows(label: str) -> Rows:
-    """The row of a reference; raises AssertionError if one of its stated numbers is not confirmed."""
+    """Measure an orbit's stored reference states again: a row; AssertionError if a stated number is not confirmed."""
     outcome = check.recheck(problem(label))
     shows = f"phasebench certify {label} shows it"
     assert not outcome.wrong, f"{label}: {'; '.join(outcome.wrong)}; {shows}"

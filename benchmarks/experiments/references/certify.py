@@ -13,7 +13,7 @@ from phasebench.benchmarks.measure.tabular import TabularResult
 from phasebench.benchmarks.problems import labels
 from phasebench.benchmarks.problems import problem as problem_of
 from phasebench.integrators.errors import InvalidInput
-from phasebench.integrators.keywords import checked_names
+from phasebench.integrators.keywords import check_names
 
 from .rows import row
 
@@ -30,13 +30,13 @@ PRINTED = ("problem", "t_end", "error", "uncertainty", "horizon", "second solver
 
 @dataclass(frozen=True, repr=False)
 class References(TabularResult):
-    """Stored references, measured again.
+    """Stored reference states, measured again.
 
     Attributes
     ----------
     rows : a dict for each orbit: error, uncertainty, horizon, the distance of other solvers, what does not hold
     holds : whether every statement holds and another solver agrees with every state
-    wrong : the labels of those of which it does not
+    wrong : labels of the orbits with a statement that does not hold
     """
 
     rows: tuple[dict[str, Any], ...]
@@ -44,7 +44,7 @@ class References(TabularResult):
     wrong: tuple[str, ...]
 
     def to_frame(self) -> pd.DataFrame:
-        """A row for each orbit."""
+        """A row for each orbit: error, uncertainty, horizon, distances of other solvers."""
         import pandas as pd
 
         return pd.DataFrame(list(self.rows))
@@ -107,7 +107,7 @@ def certify(
 def certify(
     problem: str, *, t_end: float, time_limit: float = ..., progress: Callable[[str], None] = ...
 ) -> CertifiedState: ...
-@checked_names
+@check_names
 def certify(
     problem: str | Sequence[str] = (),
     *,
@@ -144,10 +144,10 @@ def certify(
 
 
 def recheck(names: Sequence[str], progress: Callable[[str], None], update: bool = False) -> list[Outcome]:
-    """Measure the stored certificates of these labels again.
+    """Measure the stored reference states of these problems again.
 
-    With ``update`` they are computed anew, and each that holds is stored at once. ``progress`` is called with the label
-    of the next.
+    With ``update`` they are computed anew, and each that holds is stored at once.  ``progress`` is called with the
+    label of each problem before it is measured.
     """
     from phasebench.reference.certificates import check, make, stored
 
@@ -182,7 +182,7 @@ def certify_end(made: Problem, t_end: float, time_limit: float, progress: Callab
 
 
 def _state(name: str, t_end: float, time_limit: float, progress: Callable[[str], None]) -> CertifiedState:
-    """Certify the state of the problem of this name at a time."""
+    """Certify the state of the problem ``name`` at ``t_end`` and return it as a `CertifiedState`."""
     made = problem_of(name)
     new = certify_end(made, t_end, time_limit, progress)
     (end,) = new.ends

@@ -28,7 +28,7 @@ MANY, TOLERANCE, LARGEST, QUADRUPLE = 240, "1e-60", 9, 113
 
 
 def cells() -> list[Cell]:
-    """A cell for each orbit with stored states."""
+    """List the measurements (`Cell`), one for each orbit with stored states."""
     return [_cell(label) for label in labels()]
 
 
@@ -80,7 +80,7 @@ def error_rows(made, at: list[float]) -> list[dict[str, object]]:
 
 
 def measure_rows(label: str) -> Rows:
-    """The rows of an orbit at random times, by table."""
+    """Judge an orbit's reference states at random times: a row for each, by table name."""
     made = problem(label)
     return {ODD: error_rows(made, times(made))}
 

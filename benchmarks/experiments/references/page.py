@@ -38,12 +38,15 @@ COLUMNS = {
 
 
 def judged_rows(frame: pd.DataFrame) -> pd.DataFrame:
-    """The rows with a measured error; rows stored in an older format have none."""
+    """Select the rows with a measured error; those stored in an older format have none."""
     return frame[frame["error"].notna()] if "error" in frame else frame.head(0)
 
 
 def of_references(function):
-    """Decorate a function of the judged rows like `of`: it takes ``data``, and returns None if there are no such rows."""
+    """Decorator: a function of the rows of references becomes one of ``data``, which gives tables by name.
+
+    It returns None if there are no rows with a measured error.
+    """
 
     @of("references")
     @functools.wraps(function)
@@ -89,7 +92,7 @@ def odd_times(frame: pd.DataFrame) -> Verdict:
 
 @of_references
 def second(frame: pd.DataFrame) -> Verdict:
-    """Whether no other solver disagrees."""
+    """Whether no other solver differs from a reference state beyond the uncertainties of both."""
     apart = frame[frame["disagree"] > 0]
     return Verdict(
         "No other solver disagrees beyond the uncertainties of both",
@@ -118,7 +121,7 @@ def comparisons(frame: pd.DataFrame) -> Verdict:
 
 @of_references
 def horizons(frame: pd.DataFrame) -> Verdict | None:
-    """Whether a long double run on this machine leaves the limit within the interval predicted from random rounding."""
+    """Whether a long double run loses its accuracy within the time interval predicted from random rounding."""
     leaves = frame["long double leaves"]
     limited = frame[(frame["earliest"] < frame["t_end"]) | (leaves < frame["t_end"])]
     if limited.empty:
@@ -137,7 +140,7 @@ def horizons(frame: pd.DataFrame) -> Verdict | None:
 
 
 def answer(data: Data) -> str | None:
-    """A sentence: how many references are confirmed, their largest uncertainty, and how many have a horizon before t_end."""
+    """A sentence: how many references are confirmed, their largest uncertainty, how many lose accuracy before t_end."""
     frame, odd = data("references"), data(ODD)
     rows = pd.DataFrame() if frame is None else judged_rows(frame)
     if len(rows):
@@ -154,7 +157,7 @@ def answer(data: Data) -> str | None:
 
 @of_references
 def draw(frame: pd.DataFrame, folder) -> list[Picture]:
-    """Left: errors of the stored digits with their uncertainties; right: horizons with their intervals."""
+    """Draw the errors of the stored digits with their uncertainties (left), and the horizons with intervals (right)."""
     shown = frame.sort_values("uncertainty").reset_index(drop=True)
     y = np.arange(len(shown))
     with style.settings():
@@ -184,7 +187,7 @@ def draw(frame: pd.DataFrame, folder) -> list[Picture]:
 
 @of_references
 def table(frame: pd.DataFrame) -> Table:
-    """The orbits with exponential divergence or an interval that begins before the end, then the least certain ones."""
+    """The page's table: orbits that diverge exponentially or may lose accuracy before t_end, then the least certain."""
     hard = frame["rate"].notna() | (frame["earliest"] < frame["t_end"])
     shown = pd.concat([frame[hard], frame[~hard].nlargest(10, "uncertainty")])
     caption = (

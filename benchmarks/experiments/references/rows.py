@@ -1,4 +1,4 @@
-"""The row of a rechecked certified reference, for the command's table and for the report."""
+"""The row on a certified reference state that was measured again, for the command's table and for the report."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from phasebench.reference.certificates.check import Outcome
 
 
 def row(outcome: Outcome) -> dict[str, object]:
-    """The row of a rechecked reference: error, horizon, distances of other solvers, and statements not confirmed."""
+    """A row on a reference state that was measured again: errors, horizon, other solvers, statements not confirmed."""
     known, ratios = outcome.certificate, outcome.ratios
     last = known.ends[-1]
     first = last.checks[0]

@@ -1,4 +1,4 @@
-"""Checks of the warm times of every method, of their ratios, and of the cost of a call of a peer."""
+"""Checks of the warm times of every method, of their ratios, and of what calling another package's integrator costs."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from phasebench.integrators.registry import method
 
 
 def cells(quick: bool = False):
-    """The cells of steps, of ratios and of calls."""
+    """List the measurements (`Cell`) of the times of steps, of ratios of two times, and of calls of peers."""
     return speed.cells(quick) + calls.cells(quick)
 
 
@@ -25,7 +25,7 @@ def bench_times(measured_rows):
 
 
 def bench_ratios(measured_rows):
-    """Every ratio is positive and lies in its interval; the page judges its size."""
+    """Every ratio of the step times of two methods, or of one and a C loop, is positive and lies in its interval."""
     wrong = [
         r["ratio"] for r in measured_rows("ratios") if not 0 < r["median, low"] <= r["median"] <= r["median, high"]
     ]
@@ -33,7 +33,7 @@ def bench_ratios(measured_rows):
 
 
 def bench_calls(measured_rows):
-    """Every ratio of a prepared run to a bare script is positive and lies in its interval; the page judges its size."""
+    """Every ratio of a peer's prepared run to a bare script of its package is positive and lies in its interval."""
     wrong = [r for r in measured_rows(calls.TABLE) if not 0 < r["ratio, low"] <= r["ratio"] <= r["ratio, high"]]
     assert not wrong, wrong
 
@@ -41,7 +41,7 @@ def bench_calls(measured_rows):
 @pytest.mark.parametrize("name", speed.PROBLEMS)
 @pytest.mark.parametrize("variant", list(variants()), ids=lambda v: method(v[0], **dict(v[1])).label)
 def bench_method(benchmark, name, variant):
-    """The same times with the statistics of pytest-benchmark, if an option --benchmark-* is given."""
+    """Time a method's prepared run with pytest-benchmark, if an option --benchmark-* is given."""
     found, chosen = problem(name), method(variant[0], **dict(variant[1]))
     if chosen.lacks(found.system):
         pytest.skip(chosen.lacks(found.system))

@@ -99,7 +99,7 @@ BARE: dict[str, tuple] = {
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """A cell for each peer; no cell if ``quick``."""
+    """List the measurements (`Cell`), one for each peer; none if ``quick``."""
     return [] if quick else [_cell(id) for id in BARE]
 
 
@@ -119,7 +119,7 @@ def _cell(id: str) -> Cell:
 
 
 def measure_rows(id: str) -> Rows:
-    """The row of a peer: microseconds of a prepared and of a bare call, timed in turns, and the time allowed."""
+    """Time a peer's prepared run and a bare script of its package in turns: a row in microseconds, with the limit."""
     record, adaptive, script = BARE[id]
     made = problem(PROBLEM)
     run, bare = prepare_peer(made, record(), tol=TOL if adaptive else None), script(made)

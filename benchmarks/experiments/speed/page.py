@@ -1,4 +1,4 @@
-"""The page of the times of a step, and of their ratios with the limits wanted."""
+"""The page of the times of a step, and of their ratios (to a C loop, or of two methods) with the limits wanted."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ COLUMNS = ["ratio", "median", LOW, HIGH, WANTED]
 
 @of("ratios")
 def limits(ratios: pd.DataFrame) -> Verdict | None:
-    """Whether every ratio is at most its wanted limit."""
+    """Whether every ratio of step times, to a C loop or of two methods, is at most its wanted limit."""
     limited = ratios.reindex(columns=COLUMNS).dropna(subset=WANTED)
     if limited.empty:
         return None
@@ -39,7 +39,7 @@ def limits(ratios: pd.DataFrame) -> Verdict | None:
 
 @of(CALLS)
 def call_overhead(calls: pd.DataFrame) -> Verdict:
-    """Whether a peer's prepared run takes hardly longer than a bare script of its package."""
+    """Whether a run of a peer (another package's integrator) takes hardly longer here than in a bare script."""
     worst = calls.loc[calls["ratio"].idxmax()]
     return Verdict(
         "A peer's prepared run takes no longer than a bare script of its package",
@@ -69,7 +69,7 @@ def answer(speed: pd.DataFrame, ratios: pd.DataFrame) -> str | None:
 
 @of("ratios")
 def draw(ratios: pd.DataFrame, folder) -> list[Picture]:
-    """The ratios with their intervals."""
+    """Draw the ratios of step times with their intervals."""
     ratios, y = ratios.reindex(columns=COLUMNS), np.arange(len(ratios))
     with style.settings():
         figure, ((axes,),) = style.panels(1, 1, 1.0 + 0.2 * len(ratios))
@@ -88,7 +88,7 @@ def draw(ratios: pd.DataFrame, folder) -> list[Picture]:
 
 @of("ratios")
 def table(ratios: pd.DataFrame) -> Table:
-    """The ratios with their intervals and limits."""
+    """The page's table: ratios of step times with their intervals and limits."""
     caption = "Ratios of the times of a step, taken round by round in one run, the competitors in turns."
     return Table(ratios.reindex(columns=COLUMNS).head(ROWS), caption)
 

@@ -33,7 +33,7 @@ RATIOS = {
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """A cell for each method on each problem, and one for each ratio."""
+    """List the measurements (`Cell`), one for each method on each problem, and one for each ratio."""
     able = [(n, *of) for n in PROBLEMS for of in variants() if not method(of[0]).lacks(problem(n).system)]
     return [_time(*of) for of in able] + [_ratio(what, name) for what in RATIOS for name in _on(what)]
 
@@ -77,7 +77,7 @@ def _ratio(what: str, name: str) -> Cell:
 
 
 def measure_method_rows(name: str, id: str, parameters: tuple) -> Rows:
-    """The row of a method on a problem: the time of a compiled step without output, and the energy error."""
+    """Measure a method on a problem: a row with the time of a compiled step without output, and the energy error."""
     found, chosen = problem(name), method(id, **dict(parameters))
     full = integrate(found, chosen, h=H, steps=STEPS)
     E = found.system.observe(found.system.H, full.q, full.p)
@@ -104,7 +104,7 @@ def _work(found, id: str, steps: int):
 
 
 def measure_ratio_rows(what: str, name: str) -> Rows:
-    """The row of a ratio of two times, measured in turns.
+    """Measure the ratio ``what`` of two step times (a key of `RATIOS`) on a problem, in turns: its row.
 
     Raises
     ------

@@ -7,7 +7,7 @@ from phasebench.benchmarks.experiments.start.start import cells  # noqa: F401
 
 
 def bench_cold(measured_rows):
-    """Every first integration succeeds and takes time; the page judges how long."""
+    """Every first integration, which compiles everything, succeeds and takes time; the page judges how long."""
     wrong = [
         f"{r['method']} on {r['problem']}: {r['status']}, {r['seconds']} s"
         for r in measured_rows(start.COLD)

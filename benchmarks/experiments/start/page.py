@@ -1,4 +1,4 @@
-"""The page of cold and warm starts beside the times wanted."""
+"""The page of the times to a first result: cold starts, which compile everything, and warm ones, which do not."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def warm_start(warm: pd.DataFrame) -> Verdict | None:
 
 
 def _commands(warm: pd.DataFrame) -> pd.Series:
-    """The seconds of each warm command; infinite if not measured."""
+    """The seconds of each timed command of the command line, with all code compiled; infinite if not measured."""
     return warm[warm["what"] != start.FLOOR].set_index("what")["seconds"].fillna(np.inf)
 
 
@@ -63,7 +63,7 @@ def answer(cold: pd.DataFrame, warm: pd.DataFrame) -> str | None:
 
 @of(start.COLD)
 def draw(cold: pd.DataFrame, folder) -> list[Picture]:
-    """Seconds of the cold starts, a bar for each."""
+    """Draw the seconds of the cold starts, a bar for each."""
     cold = cold.sort_values("seconds", ascending=False)
     y = np.arange(len(cold))
     with style.settings():
@@ -80,7 +80,7 @@ def draw(cold: pd.DataFrame, folder) -> list[Picture]:
 
 
 def table(data: Data) -> Table | None:
-    """Cold starts, the longest first, then the warm ones."""
+    """The page's table: seconds of the cold starts, the longest first, then of the warm ones."""
     cold, warm = data(start.COLD), data(start.WARM)
     parts = []
     if warm is not None and len(warm):

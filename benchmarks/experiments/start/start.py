@@ -58,6 +58,8 @@ FIRSTS = (
             "stormer-verlet-symmetric-projection",
             "rk4-relaxation",
             "cohen-hairer-3",
+            "tao-6",
+            "jayawardana-ohsawa-4",
         )
     ),
     First("gautschi", "fpu", (("m", 2),)),
@@ -91,7 +93,7 @@ print(json.dumps({"before": started, "seconds": time.process_time() - started, "
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """A cell for each cold start, and one for all warm ones, which are timed in turns."""
+    """List the measurements (`Cell`), one for each cold start, and one for all warm ones, which are timed in turns."""
     return [*map(_cold, FIRSTS), _warm()]
 
 
@@ -124,7 +126,7 @@ def _label(first: First) -> str:
 
 
 def cold(id: str, name: str, parameters: tuple = (), cache: str | None = None) -> Rows:
-    """The row of a first integration in a new process, with an empty cache or with the cache folder ``cache``."""
+    """Time a first integration in a new process, with an empty cache or with the folder ``cache``: its row."""
     with tempfile.TemporaryDirectory() as empty:
         told = json.dumps([id, name, parameters, H, STEPS])
         found = json.loads(_run(["-c", SCRIPT, told], PHASEBENCH_CACHE=cache or empty).splitlines()[-1])
@@ -134,7 +136,7 @@ def cold(id: str, name: str, parameters: tuple = (), cache: str | None = None) -
 
 
 def warm() -> Rows:
-    """A row for each command, and one for the import of Numba."""
+    """Time the commands of `COMMANDS` in processes that compile nothing, and the import of Numba: a row for each."""
     work: dict[str, Callable[[], object]] = {FLOOR: partial(_run, ["-c", FLOOR])}
     for command in COMMANDS:
         words = ["-m", "phasebench.benchmarks", *command, "--h", str(H), "--steps", str(STEPS), "--json"]

@@ -92,7 +92,7 @@ def answer(structure: pd.DataFrame) -> str:
 
 @of("structure")
 def draw(structure: pd.DataFrame, folder) -> list[Picture]:
-    """Every defect, sorted, a panel for each property; methods declared to have it are drawn apart from the others."""
+    """Draw every defect, sorted, a panel for each property; methods declared to have it are told from the others."""
     there = [name for name in PROPERTIES if (structure["property"] == name).any()]
     with style.settings():
         figure, (panels,) = style.panels(1, len(there), 3.0, sharey=True)

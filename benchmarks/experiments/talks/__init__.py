@@ -1,1 +1,1 @@
-"""Experiment: the figures and statements of the two talks."""
+"""Experiment: the figures and statements of two talks on symplectic integration, measured again."""

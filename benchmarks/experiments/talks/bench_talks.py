@@ -1,4 +1,4 @@
-"""Measures the rows from which the talks' figures are drawn and their statements are judged."""
+"""Measure the rows from which the talks' figures are drawn and their statements are judged."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from phasebench.benchmarks.experiments.talks.record import TABLE
 
 
 def bench_talks(measured_rows, complete):
-    """Every figure has its curves; `measured` fails if one could not be measured."""
+    """Every figure of the talks has its curves; `measured_rows` fails if one could not be measured."""
     assert measured_rows(TABLE) or not complete(TABLE)
 
 
 def bench_checks(measured_rows, complete):
-    """Every check of a statement has a row."""
+    """Every small measurement that tests a statement of the talks has a row."""
     assert {r["check"] for r in measured_rows(CHECKED)} == {c.id for c in CHECKS} or not complete(CHECKED)

@@ -1,4 +1,4 @@
-"""The cells of the talks: one for the curves of each figure, and one for each check of a statement."""
+"""The measurements (`Cell`) for the talks: the curves of each figure, and each check of a statement."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from .record import TABLE, Figure
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """A cell for each figure with measured curves and for each check; no cell if ``quick``."""
+    """List the measurements (`Cell`), one for each figure with measured curves and each check; none if ``quick``."""
     return [] if quick else [*(_cell(f) for f in FIGURES if f.measure), *checks.cells()]
 
 
@@ -23,5 +23,5 @@ def _cell(figure: Figure) -> Cell:
 
 
 def measure_rows(id: str) -> Rows:
-    """The rows of a figure's curves, by table."""
+    """Measure the curves of the figure with this id: a row for each curve, by table name."""
     return {TABLE: next(f for f in FIGURES if f.id == id).rows()}

@@ -18,7 +18,7 @@ BY_ID: dict[str, Probe] = {c.id: c for c in CHECKS}
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """A cell for each check; no cell if ``quick``."""
+    """List the measurements (`Cell`), one for each check; none if ``quick``."""
     return [] if quick else [_cell(check) for check in CHECKS]
 
 
@@ -33,7 +33,7 @@ def _module(measure: Callable) -> str:
 
 
 def measure_rows(id: str) -> Rows:
-    """The row of a check, by table."""
+    """Measure the number of a check of a statement, and its control: a row, by table name."""
     check = BY_ID[id]
     value, control = check.measure()
     row = {"check": id, "value": float(value), "control": float(control), "what": check.what, "against": check.against}

@@ -66,7 +66,7 @@ def pendulum(y):
 
 
 def defect(step: Callable, y) -> float:
-    """The symplecticity defect of the Jacobian of a map at y."""
+    """The symplecticity defect max |M^T J M - J| of the Jacobian M of a map at y."""
     return step_map.symplecticity_defect(step_map.jacobian(step, np.array(y, float)))
 
 

@@ -65,7 +65,7 @@ def first_integral() -> tuple[float, float]:
 
 
 def oriented_areas() -> tuple[float, float]:
-    """Distance of xi^T J eta from the sum of oriented areas, y = (p, q); control: with the other sign of J."""
+    """Distance of xi^T J eta from the sum of oriented areas in the (p_i, q_i) planes; control: with J^T for J."""
     xi, eta = _random(2, 6)
     areas = sum(xi[i] * eta[3 + i] - xi[3 + i] * eta[i] for i in range(3))
     return abs(xi @ J(3) @ eta - areas), abs(xi @ J(3).T @ eta - areas)
@@ -91,7 +91,7 @@ def poincare() -> tuple[float, float]:
 
 
 def group() -> tuple[float, float]:
-    """Distance of phi_0.7 after phi_0.3 from phi_1, for the Henon-Heiles flow; control: from phi_1.1."""
+    """Distance of phi_0.7 after phi_0.3 from phi_1, phi_t the Henon-Heiles flow; control: from phi_1.1."""
     y = flow(henon_heiles, 0.7)(flow(henon_heiles, 0.3)(POINT))
     return np.abs(y - flow(henon_heiles, 1.0)(POINT)).max(), np.abs(y - flow(henon_heiles, 1.1)(POINT)).max()
 
@@ -103,7 +103,10 @@ def _asymmetry(field, y) -> float:
 
 
 def locally_hamiltonian() -> tuple[float, float]:
-    """The larger of asymmetry of J f and defect of the flow, Henon-Heiles; control: the smaller, damped pendulum."""
+    """Whether a field is locally Hamiltonian, by asymmetry of J f and defect of the flow: the larger, Henon-Heiles.
+
+    The control is the smaller of the two for the damped pendulum.
+    """
     both = [
         (_asymmetry(f, y), defect(flow(f, 0.5), y)) for f, y in ((henon_heiles, POINT), (damped_pendulum, SWINGING))
     ]
@@ -133,7 +136,7 @@ def lotka_volterra() -> tuple[float, float]:
 
 
 def level_curves() -> tuple[float, float]:
-    """The rate of I along the Lotka-Volterra field; control: of I with the coefficient 1.9 instead of 2."""
+    """The rate of I = ln u - u + 2 ln v - v along the Lotka-Volterra field; control: with the coefficient 1.9 for 2."""
     u, v = np.random.default_rng(7).uniform(0.5, 4, (2, 20))
 
     def rate(two):
@@ -143,7 +146,7 @@ def level_curves() -> tuple[float, float]:
 
 
 def species() -> tuple[float, float]:
-    """The rise of u's growth rate with v, and of v's growth rate with u: a predator's rises with its prey."""
+    """How much u's growth rate rises with v, and v's with u, in Lotka-Volterra: a predator's rises with its prey."""
 
     def growth(x, y):
         return (y - 2), (1 - x)
@@ -154,7 +157,7 @@ def species() -> tuple[float, float]:
 
 @cache
 def _invariant_changes(id: str, orbit: str, early: int, steps: int) -> tuple[float, float]:
-    """The largest change of I over the first ``early`` steps of h = 0.12 and over all ``steps``."""
+    """The largest change of the Lotka-Volterra invariant over ``early`` steps of h = 0.12, and over all ``steps``."""
     made = problem(f"lotka-volterra:{orbit}")
     s = integrate(made, id, h=0.12, steps=steps)
     values = made.system.observe(made.system.H, s.q, s.p)
@@ -162,14 +165,17 @@ def _invariant_changes(id: str, orbit: str, early: int, steps: int) -> tuple[flo
 
 
 def invariant_growth(id: str, orbit: str) -> tuple[float, float]:
-    """The relative growth of the largest change of I from 120 to 12000 steps; control: implicit Euler, 12 to 120."""
+    """The relative growth of the largest change of the Lotka-Volterra invariant from 120 to 12000 steps.
+
+    The control is that of implicit Euler, from 12 to 120 steps.
+    """
     early, all_of_it = _invariant_changes(id, orbit, 120, 12000)
     first, then = _invariant_changes("implicit-euler", "4-8", 12, 120)
     return all_of_it / early - 1, then / first - 1
 
 
 def damps() -> tuple[float, float]:
-    """The largest factor of the energy in an implicit Euler step, h = 0.1, 1, 10; control: explicit Euler."""
+    """The largest growth factor of the oscillator's energy under implicit Euler, h = 0.1, 1, 10; control: explicit."""
 
     def factor(id):
         made = problem("harmonic-oscillator")

@@ -59,7 +59,7 @@ def special_values() -> tuple[float, float]:
 
 
 def adjoint() -> tuple[float, float]:
-    """Error of undoing a step with 1 - lambda by a step -h with lambda; control: a step with lambda by lambda."""
+    """Error of undoing a step of Scheme I(1 - lambda) by a step -h with lambda; control: one with lambda by lambda."""
 
     def back(first, lam):
         return np.abs(step("scheme-i", -STEP, lam=lam)(step("scheme-i", lam=first)(POINT)) - POINT).max()
@@ -73,7 +73,7 @@ def any_parameter() -> tuple[float, float]:
 
 
 def residual(lam, y, Y, h: float) -> float:
-    """The residual of Scheme I's equations on Henon-Heiles for a step from y to Y."""
+    """The residual of Scheme I's equations with parameter ``lam`` on Henon-Heiles for a step h from y to Y."""
     lam = float(lam)
     q, p, Q, P = y[:2], y[2:], Y[:2], Y[2:]
     middle = np.hstack([lam * q + (1 - lam) * Q, lam * P + (1 - lam) * p])
@@ -81,7 +81,7 @@ def residual(lam, y, Y, h: float) -> float:
 
 
 def form(lam) -> tuple[float, float]:
-    """The residual of the printed equations at a computed step of Scheme I; control: of those for lambda + 1/10."""
+    """The residual of Scheme I's printed equations at a computed step; control: of those for lambda + 1/10."""
     Y = step("scheme-i", lam=lam)(POINT)
     return residual(lam, POINT, Y, STEP), residual(lam + Fraction(1, 10), POINT, Y, STEP)
 
@@ -101,7 +101,10 @@ def nystrom() -> tuple[float, float]:
 
 
 def _form_of(M, lam: float) -> np.ndarray:
-    """The matrix d(Q - q, -(P - p)) / d(u, v) of a map with Jacobian M in (q, p): symmetric iff the form is exact."""
+    """The matrix d(Q - q, -(P - p)) / d(u, v) of a map with Jacobian M in (q, p), symmetric iff the form is exact.
+
+    u = lam P + (1 - lam) p and v = lam q + (1 - lam) Q.
+    """
     d = len(M) // 2
     (Qq, Qp), (Pq, Pp) = ((row[:, :d], row[:, d:]) for row in (M[:d], M[d:]))
     one = np.eye(d)
@@ -111,7 +114,7 @@ def _form_of(M, lam: float) -> np.ndarray:
 
 
 def exact_form() -> tuple[float, float]:
-    """The largest asymmetry of `_form_of` for the flow, over seven lambda; control: for a Runge-Kutta step."""
+    """The largest asymmetry of `_form_of` for the exact flow, over seven lambda; control: for a Runge-Kutta step."""
 
     def asymmetry(moved):
         M = step_map.jacobian(moved, POINT)
@@ -141,7 +144,7 @@ def hamilton_jacobi() -> tuple[float, float]:
 
 
 def coefficients() -> tuple[float, float]:
-    """Distance of K_2, K_3 of the recursion from the printed ones, non-separable H; control: K_3 with 1/3 for 1/6."""
+    """Distance of a generating function's K_2, K_3, by recursion, from the printed ones; control: a wrong K_3."""
     u, v = sp.symbols("p1 p2"), sp.symbols("q1 q2")
     H = (u[0] ** 2 + u[1] ** 2) / 2 + v[0] ** 2 * v[1] + u[0] * v[1] ** 2 + u[0] ** 2 * v[0]
     lam = sp.Rational(5, 7)
@@ -175,7 +178,7 @@ def momentum(id: str, **parameters) -> float:
 
 
 def mass_is_lost() -> tuple[float, float]:
-    """The largest change of the mass at lambda = 1/3; control: at 1/2."""
+    """The largest change of the Schroedinger equation's mass under Scheme I at lambda = 1/3; control: at 1/2."""
     return mass(Fraction(1, 3)), mass(Fraction(1, 2))
 
 
@@ -236,7 +239,7 @@ def henon_heiles_data() -> tuple[float, float]:
 
 
 def henon_heiles_potential() -> tuple[float, float]:
-    """Distance of the registered Henon-Heiles H from (27), (28); control: with 1/3 for 2/3."""
+    """Distance of the registered Henon-Heiles H from the talk's (27), (28); control: another cubic coefficient."""
     q, p = np.random.default_rng(7).normal(size=(2, 20, 2))
     system = problem("henon-heiles").system
     values = system.observe(system.H, q, p)

@@ -35,7 +35,7 @@ VALUES = ("-1", "1/3", "3/2")
 
 
 def labels(id: str) -> tuple[str, ...]:
-    """The labels of a method at the values of lambda, except 1/2, for which orders and structure are measured."""
+    """The labels, such as "scheme-i(lam=1/3)", of a method at each lambda for which its order is measured."""
     return tuple(f"{id}(lam={lam})" for lam in VALUES)
 
 
@@ -97,7 +97,7 @@ def box(column: str, bound: float):
 
 @on_rows("talk_curves", figure="perturbed-kepler-parameter", panel="lambda")
 def middling(rows):
-    """Judge: the median of the lambda that Schemes IV and V choose is near 1/2."""
+    """Judge: the median of the lambda that Schemes IV and V choose in their steps is near 1/2."""
     apart = (rows["median"] - 0.5).abs().max()
     text = f"median of |λ − 1/2| up to {number(apart, 2)}, range {number(rows['low'].min(), 2)} to "
     return judgement(apart < 0.1, f"{text}{number(rows['high'].max(), 2)}")

@@ -75,7 +75,7 @@ def _span(rows) -> str:
 
 
 def _boundary(axes, orbit: str, reach: float) -> None:
-    """Draw the curve U(q) = H0, which no orbit of that energy crosses."""
+    """Draw the curve U(q) = H0, which no orbit of that energy crosses, in the square |q1|, |q2| <= ``reach``."""
     start = measure.start(f"henon-heiles:{orbit}")
     system = start.system
     q = np.stack([x.ravel() for x in np.meshgrid(*2 * [np.linspace(-reach, reach, 241)])], axis=1)

@@ -73,7 +73,7 @@ def for_log_axis(e) -> np.ndarray:
 
 
 def floor_note(errors: Iterable[np.ndarray]) -> str:
-    """The caption's sentence about zeros; empty if there are none."""
+    """The caption's sentence about zeros drawn at `FLOOR`; empty if no error is zero."""
     return f" Zeros are drawn at {number(FLOOR)}." if any((e == 0).any() for e in errors) else ""
 
 

@@ -29,7 +29,7 @@ def _of(curves: pd.DataFrame, *figures: str) -> pd.DataFrame:
 
 
 def _area_changes(curves: pd.DataFrame) -> pd.Series:
-    """The largest change of the area of the pendulum's set under each map."""
+    """The largest change of the area of a set under each map of the pendulum."""
     faces = _of(curves, "pendulum-area").dropna(subset=["area"])
     return faces.groupby("panel", sort=False)["area"].agg(lambda a: (a - a.iloc[0]).abs().max())
 
@@ -51,7 +51,7 @@ def areas(curves: pd.DataFrame) -> Verdict | None:
 
 @of(TABLE)
 def euler_area(curves: pd.DataFrame) -> Verdict | None:
-    """Whether explicit Euler, the control, changes the area."""
+    """Whether explicit Euler, the control, changes the area of a set on the pendulum."""
     change = _area_changes(curves)
     if EULERS[0] not in change:
         return None
@@ -99,14 +99,14 @@ def answer_level_curves(curves: pd.DataFrame) -> str | None:
 
 
 def _well(curves: pd.DataFrame) -> pd.DataFrame:
-    """The largest energy error and number of steps without a root of AVF, Schemes IV and V on Henon-Heiles."""
+    """For AVF, Schemes IV and V on Henon-Heiles: the largest energy error, and the steps without a root lambda."""
     runs = _of(curves, "henon-heiles-preserving-energy")
     return runs.groupby("curve", sort=False)[["energy_error", "fallbacks"]].max()
 
 
 @of(TABLE)
 def energies(curves: pd.DataFrame) -> Verdict | None:
-    """Whether schemes that find a root in every step preserve the energy of Henon-Heiles."""
+    """Whether schemes that find a root lambda in every step preserve the energy of Henon-Heiles."""
     worst = _well(curves)
     kept = worst[worst["fallbacks"] == 0]["energy_error"]
     if kept.empty:
@@ -165,7 +165,7 @@ def answer_well(curves: pd.DataFrame) -> str | None:
 
 
 def _both(curves: pd.DataFrame) -> pd.DataFrame:
-    """The largest errors of energy and angular momentum of each scheme on perturbed Kepler."""
+    """For each scheme on perturbed Kepler: the largest errors of energy and of angular momentum."""
     runs = _of(curves, "perturbed-kepler-preserving-invariants")
     return runs.pivot_table(index="curve", columns="panel", values="largest", sort=False)
 
@@ -187,7 +187,7 @@ def momenta(curves: pd.DataFrame) -> Verdict | None:
 
 @of(TABLE)
 def turns(curves: pd.DataFrame) -> Verdict | None:
-    """The verdict on the rate at which the apocentre of the perturbed Kepler problem turns, beside the exact flow's."""
+    """Whether the apocentre of perturbed Kepler turns at the rate of the exact flow."""
     runs = _of(curves, "perturbed-kepler-preserving-orbits").dropna(subset=["turn"])
     turn = runs.set_index("curve")["turn"]
     others = turn.drop("exact flow", errors="ignore")
@@ -217,7 +217,7 @@ def answer_kepler(data: Data) -> str | None:
 
 
 def _slopes(curves: pd.DataFrame) -> pd.DataFrame:
-    """The observed orders, each with the order of its scheme as `expected`."""
+    """The observed orders of the refinement differences, each with the order of its scheme as `expected`."""
     rows = _of(curves, "convergence-schemes-i-iii", "convergence-compositions").dropna(subset=["order"])
     orders = {title: order for title, (_, order) in (convergence.SCHEMES | convergence.COMPOSITIONS).items()}
     return rows.assign(expected=rows["panel"].map(orders).fillna(rows["curve"].map(orders)))
@@ -225,7 +225,7 @@ def _slopes(curves: pd.DataFrame) -> pd.DataFrame:
 
 @of(TABLE)
 def slopes(curves: pd.DataFrame) -> Verdict | None:
-    """Whether the observed orders equal the orders of the schemes."""
+    """Whether the refinement differences fall with the orders of the schemes."""
     rows = _slopes(curves)
     if rows.empty:
         return None
@@ -259,7 +259,7 @@ VALUES = {
 
 
 def _table(section: str, data) -> Table | None:
-    """The runs of a section's figures with at least one number of `VALUES`, those with its first quantity first."""
+    """The table of a section's page: the runs of its figures that have an error, area, order or turn to show."""
     curves = data(TABLE)
     if curves is None or curves.empty:
         return None

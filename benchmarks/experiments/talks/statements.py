@@ -33,7 +33,7 @@ class Section:
 
     @property
     def statements_of(self) -> str:
-        """A phrase that names the statements by talk and subject."""
+        """A phrase that names the section's statements by talk and subject."""
         return f"statements of the {self.talk} about {self.subject}"
 
     @property

@@ -33,12 +33,12 @@ def judgement_table(section: Section, data: Data) -> pd.DataFrame:
 
 
 def everything(data: Data) -> pd.DataFrame:
-    """The rows of the statements of all sections."""
+    """The judged statements of all sections of both talks, a row for each."""
     return pd.concat([judgement_table(section, data) for section in SECTIONS], ignore_index=True)
 
 
 def of_measured(function):
-    """Decorator: the function of statements returns None if none of them was measured."""
+    """Decorator: the function of rows of statements returns None if no statement among them was measured."""
 
     @functools.wraps(function)
     def of_rows(rows: pd.DataFrame, *more):
@@ -48,28 +48,28 @@ def of_measured(function):
 
 
 def _places(rows: pd.DataFrame) -> str:
-    """A text with the places in the talk of the first three statements."""
+    """A text with the places in the talk of the first three statements in ``rows``."""
     names = list(dict.fromkeys(rows["where"]))
     return "; ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
 
 
 @of_measured
 def contradictions(rows: pd.DataFrame) -> Verdict:
-    """Whether no statement is contradicted."""
+    """Whether no statement of the talks is contradicted."""
     some = rows[rows["verdict"] == CONTRADICTED]
     return Verdict("No statement is contradicted", Count(len(some), len(rows)), NONE, "statements", _places(some))
 
 
 @of_measured
 def conditional(rows: pd.DataFrame) -> Verdict:
-    """Whether no statement holds only under a further condition."""
+    """Whether no statement of the talks holds only under a further condition."""
     some = rows[rows["verdict"] == WHERE]
     return Verdict("No statement needs a condition", Count(len(some), len(rows)), NONE, "statements", _places(some))
 
 
 @of_measured
 def complete(rows: pd.DataFrame) -> Verdict:
-    """Whether every testable statement was measured."""
+    """Whether every testable statement of the talks was measured."""
     some = rows[rows["verdict"] == MISSING]
     return Verdict("No statement is left unmeasured", Count(len(some), len(rows)), NONE, "statements", _places(some))
 

@@ -1,7 +1,7 @@
-"""Repeatability: a second, independent sweep of a few scenes, drawn with a seed from those that take little time.
+"""Repeatability: a second, independent measurement of a few scenes, drawn with a seed from those that take little time.
 
-The second sweep takes nothing from the first: it searches steps, drops integrators, refines and times them again, in a
-cell of its own.
+It takes nothing from the first: it searches steps, drops integrators, refines and times them again, in a measurement
+(`Cell`) of its own.
 """
 
 from __future__ import annotations
@@ -38,10 +38,10 @@ CHEAP = (
 
 
 def scenes() -> list[str]:
-    """The ids of the scenes that are measured twice."""
+    """The ids of the scenes that are measured twice, to see whether the results repeat."""
     return sorted(random.Random(SEED).sample(CHEAP, COUNT))
 
 
 def measure_rows(scene: str) -> Rows:
-    """The rows of the finals of a scene's second sweep, by table."""
+    """Measure a scene a second time from scratch: rows of the finalists at each accuracy, by table name."""
     return {TABLE: front.measure_rows(scene)[front.FINALS]}

@@ -1,4 +1,4 @@
-"""Measures every method and peer on every scene, and compares the methods' errors with the stored error tables.
+"""Measure every method and peer on every scene, and compare the methods' errors with the stored error tables.
 
 Peers have rows in the report but not in the stored tables: their numbers change with releases of other packages, which
 is no regression here.
@@ -29,7 +29,7 @@ LAST_DIGITS = compare.Band(5e-5, 0.0)
 
 
 def cells(quick: bool = False):
-    """The cells of the sweep."""
+    """List the measurements of every method and peer on every scene."""
     return sweep.cells(quick)
 
 
@@ -38,7 +38,7 @@ def _regressions(scene) -> tuple[str, ...]:
 
 
 def _table(rows, scene) -> pd.DataFrame:
-    """The rows of this project's methods on a scene, with the columns that are stored."""
+    """Select this project's methods on a scene, with the columns that are stored."""
     frame = pd.DataFrame([r for r in rows if r.get("kind", OURS) == OURS])
     status = ["status"] if scene.regular else []
     uncertain = ["reference_uncertainty"] if scene.regular else []
@@ -47,7 +47,10 @@ def _table(rows, scene) -> pd.DataFrame:
 
 
 def _bands(scene, columns, chooses: bool) -> dict[str, compare.Band]:
-    """Column -> tolerance band on a scene; wider for trajectories if the methods choose between roots (``chooses``)."""
+    """The tolerance band of each column on a scene.
+
+    Wider for trajectories if the methods choose between roots lambda in a step (``chooses``).
+    """
     return {"status": compare.EXACT} | {
         c: compare.Band(
             CHOICE if chooses and c in TRAJECTORY else scene.relative,
@@ -94,7 +97,10 @@ def _update(rows, scene, notes: list[str]) -> None:
 
 
 def changes(old: pd.DataFrame | None, new: pd.DataFrame) -> str:
-    """A text of the changes from ``old`` (None: no table) to ``new``, a line each; small ones are only counted."""
+    """A text of the changes from an old to a new error table (``old`` None: there was none), a line each.
+
+    Small changes are only counted.
+    """
     if old is None:
         return f"new table of {len(new)} rows"
     lines = [f"- column {c}" for c in old if c not in new] + [f"+ column {c}" for c in new if c not in old]

@@ -1,4 +1,4 @@
-"""Measures the fastest integrators of every scene at every accuracy, and checks the rows."""
+"""Measure the fastest integrators of every scene at every accuracy, and check the rows."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from phasebench.benchmarks.store.cells import ALONE, Cell, ProblemKey, content, 
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """The cells of the scenes measured twice, which are fast, then of all scenes, then of further sweeps.
+    """List the measurements: of the fast scenes that are measured twice, of all scenes, then of further timings.
 
-    Further sweeps time the finals that are stored now; finals that this run measures get theirs in the next run.
-    No cell if ``quick``.
+    Further timings repeat the stored finals; those that this run measures are timed again in the next one.
+    None if ``quick``.
     """
     if quick:
         return []
@@ -60,7 +60,7 @@ def _cell(question: Question, tables: tuple[str, ...], sweep: ModuleType) -> Cel
 
 
 def bench_front(measured_rows):
-    """Every finalist meets the accuracy, and its time lies within its interval."""
+    """Every finalist meets its accuracy, and its time lies within its interval."""
     rows = measured_rows(front.FINALS) + measured_rows(again.TABLE)
     wrong = [r for r in rows if not (r["error"] <= r["accuracy"] and 0 < r["low"] <= r["seconds"] <= r["high"])]
     assert not wrong, wrong

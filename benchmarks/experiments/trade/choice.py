@@ -1,4 +1,4 @@
-"""The fastest integrator at each accuracy, and its side, from the tables of the front."""
+"""The fastest integrator at each accuracy, ours or a peer (another package's), from the measured tables."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ SAME = 1e-6
 
 
 def cheaper(row) -> str:
-    """The faster side in a row of the choices: `OURS`, `PEERS`, `TIED`, or `NONE` if no side reaches the accuracy."""
+    """The faster side in a row on an accuracy: `OURS`, `PEERS`, `TIED`, or `NONE` if neither reaches the accuracy."""
     there = {side: isinstance(row.get(f"{side} integrator"), str) for side in (OURS, PEERS)}
     if not all(there.values()):
         return next((side for side, is_ in there.items() if is_), NONE)
@@ -33,7 +33,7 @@ def cheaper(row) -> str:
 
 @once
 def choices(front: pd.DataFrame) -> pd.DataFrame:
-    """The table of choices with the column ``cheaper``, the faster side."""
+    """Add the column ``cheaper``, the faster side, to the table of both sides' fastest integrators at each accuracy."""
     columns = [f"{side} {x}" for side in (OURS, PEERS) for x in ("integrator", "seconds")]
     columns += ["ratio", "ratio low", "ratio high"]
     whole = front.reindex(columns=[*front.columns, *(c for c in columns if c not in front)])
@@ -41,24 +41,24 @@ def choices(front: pd.DataFrame) -> pd.DataFrame:
 
 
 def at(found: pd.DataFrame, accuracy: float) -> pd.DataFrame:
-    """The rows of the choices at one accuracy."""
+    """Select the rows at one accuracy from the table of fastest integrators."""
     return found[np.isclose(found["accuracy"], accuracy, rtol=SAME, atol=0)]
 
 
 def counts(found: pd.DataFrame) -> tuple[int, int, int, int]:
-    """Numbers of rows: (ours faster, a peer faster, tied, accuracy not reached)."""
+    """Count cases (scene and accuracy): (ours faster, a peer faster, tied, accuracy not reached by either)."""
     number = found["cheaper"].value_counts()
     return tuple(int(number.get(who, 0)) for who in (OURS, PEERS, TIED, NONE))
 
 
 def winner(row) -> str:
-    """The fastest integrator of a row, by the median even in a tie; empty if none reaches the accuracy."""
+    """The fastest integrator of a case, by the median time even in a tie; empty if none reaches the accuracy."""
     sides = [s for s in (OURS, PEERS) if isinstance(row[f"{s} integrator"], str)]
     return row[f"{min(sides, key=lambda s: row[f'{s} seconds'])} integrator"] if sides else ""
 
 
 class Agreement(NamedTuple):
-    """Agreement of two sweeps on the fastest integrator.
+    """Agreement of two independent measurements on the fastest integrator.
 
     ``pairs``: number of (scene, accuracy) in both; ``same``: with the same winner; ``tied``: with tied winners;
     ``apart``: a text for each of the others.
@@ -71,7 +71,7 @@ class Agreement(NamedTuple):
 
 
 def agreement(finals: pd.DataFrame, again: pd.DataFrame) -> Agreement:
-    """The agreement of two sweeps on the fastest integrator.
+    """Compare the fastest integrators of two independent measurements.
 
     Two winners are tied if both are finalists in one sweep, and their intervals there, widened by `TIE`, overlap.
     """
@@ -93,7 +93,7 @@ def agreement(finals: pd.DataFrame, again: pd.DataFrame) -> Agreement:
 
 
 def _meet(part: pd.DataFrame, names: Iterable[str]) -> bool:
-    """Whether the intervals of two integrators overlap in one final; False if one is not in it."""
+    """Whether the time intervals of two integrators overlap in one case; False if one was not timed in it."""
     members = [part[part["integrator"] == name] for name in names]
     if any(m.empty for m in members):
         return False
@@ -101,7 +101,7 @@ def _meet(part: pd.DataFrame, names: Iterable[str]) -> bool:
 
 
 def integrators_to_draw(finals: pd.DataFrame, side: str, most: int) -> list[str]:
-    """The ``most`` integrators of a side that are its fastest at the largest number of accuracies, for a figure."""
+    """The ``most`` integrators of a side that are its fastest at the largest number of accuracies."""
     part = finals[finals["side"] == side]
     if part.empty:
         return []

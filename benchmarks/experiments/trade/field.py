@@ -39,7 +39,7 @@ FIRST = ("heyoka", "heyoka-high-accuracy", "rebound-ias15", "stormer-verlet", "p
 
 @cache
 def competitors() -> tuple[Integrator, ...]:
-    """All competitors, those of `FIRST` before the others."""
+    """List all competitors, methods and peers, those of `FIRST` before the others."""
     ours = [integrator(id, parameters=dict(parameters)) for id, parameters in variants()]
     found = {c.label: c for c in (*ours, *map(Integrator, peers()))}
     first = [found.pop(id) for id in FIRST if id in found]
@@ -47,7 +47,7 @@ def competitors() -> tuple[Integrator, ...]:
 
 
 def peers() -> list:
-    """The peers of the packages that this project depends on, also with settings that are not in the registry."""
+    """List the integrators of the packages that this project depends on, also with settings not in the registry."""
     registered = [p for p in PEERS if p.package in peer_rows.PACKAGES and p.id not in LEFT_OUT]
     modes = [rebound.ias15(mode) for mode in rebound.ADAPTIVE_MODES[1:]]
     return [*registered, *heyoka.variants(), *modes, *rebound.TRIED, scipy.fast("ode"), scipy.fast("odeint")]

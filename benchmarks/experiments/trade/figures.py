@@ -1,4 +1,4 @@
-"""The figures of the trade: ratios of the two sides over all scenes, and the work-precision diagram of a scene."""
+"""The figures on the fastest integrators: ratios of times over all scenes, and a scene's work-precision diagram."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ SATURATED, FLOOR = 8.0, 1e-16
 
 @style.styled
 def ratios(found: pd.DataFrame, folder) -> Picture:
-    """A coloured field for each scene and accuracy: this project's best time over the best peer's."""
+    """Draw a coloured field for each scene and accuracy: this project's best time over the best peer's."""
     from matplotlib.colors import LinearSegmentedColormap
 
     scenes = list(dict.fromkeys(found["scene"]))
@@ -62,7 +62,7 @@ def _ratio(row) -> float:
 
 @style.styled
 def work_precision(question: Question, finals: pd.DataFrame, rungs: pd.DataFrame, folder) -> Picture:
-    """Errors over seconds and over steps for the integrators that win most often, with the front."""
+    """Draw a scene's errors over seconds and over steps, for the integrators that win most often and the fastest."""
     figure, (panels,) = style.panels(1, 2, 3.6, sharey=True)
     looks = iter(style.looks())
     for side, most in CURVES.items():

@@ -1,4 +1,4 @@
-"""The front of a scene: the fastest integrators of each side at every accuracy, found by a search over steps.
+"""Search over steps for a scene's fastest integrators, of this project and of peers, at every accuracy: its front.
 
 Each integrator that can do the problem runs at ever smaller steps or tolerances, its climb, until it is dropped
 (`ladder.race`), methods compared with methods and peers with peers.  For every accuracy the climbs are interpolated
@@ -65,7 +65,7 @@ def task_of(scene: str) -> Task:
 
 
 def climbs(task: Task) -> tuple[list[Climb], dict[str, str], Known]:
-    """(climbs of all competitors, label -> reason for those that do not compete, known costs of errors)."""
+    """Run all competitors at ever smaller steps: (their climbs, label -> reason for those left out, known costs)."""
     can, cannot = entrants(task)
     known = {side: Known() for side in (True, False)}
     climbed = [race.enter(task, c, known[ours(c)]) for c in can]
@@ -73,7 +73,7 @@ def climbs(task: Task) -> tuple[list[Climb], dict[str, str], Known]:
 
 
 def entrants(task: Task) -> tuple[list[Integrator], dict[str, str]]:
-    """(integrators that compete, label -> reason for the others), for the problem and its time span."""
+    """Select who competes: (integrators for this problem and time span, label -> reason for the others)."""
     can, cannot = able(task.problem)
     if task.t_end <= FARTHEST * task.problem.pace.step:
         return can, cannot
@@ -82,7 +82,7 @@ def entrants(task: Task) -> tuple[list[Integrator], dict[str, str]]:
 
 
 def near(task: Task, one: Climb, known: Known) -> bool:
-    """Whether one run of a climb takes at most `NEAR` times the least known time at its error."""
+    """Whether some run of a climb (ever smaller steps) takes at most `NEAR` times the least known time at its error."""
     told = (r for r in one.rungs if r.error <= task.testable_accuracies[0])
     return any(r.seconds <= NEAR * known.seconds(r.error) for r in told)
 
@@ -107,14 +107,14 @@ def finalists(task: Task, climbed: list[Climb], wanted: float) -> list[Finalist]
 
 
 def quickest(members: list[Finalist], most: int) -> list[Finalist]:
-    """At most ``most`` finalists within `MARGIN` of the fastest, each integrator with its fastest run."""
+    """At most ``most`` of these finalists whose time is within `MARGIN` of the fastest, each with its fastest run."""
     ordered = list({m.integrator.label: m for m in sorted(members, key=lambda m: -m.rung.seconds)}.values())
     ordered.sort(key=lambda m: m.rung.seconds)
     return [m for m in ordered[:most] if m.rung.seconds <= MARGIN * ordered[0].rung.seconds]
 
 
 def twins(task: Task, member: Finalist, wanted: float) -> list[Finalist]:
-    """The other modes and forms of a heyoka finalist, at its tolerance or a tighter one that meets the accuracy."""
+    """Finalists for the other modes and equation forms of a heyoka finalist, at its tolerance or a tighter one."""
     if not isinstance(member.integrator.record, Peer):
         return []
     out = []
@@ -145,7 +145,7 @@ def time_finalists(task: Task, members: list[Finalist]) -> list[np.ndarray]:
 
 
 def final(task: Task, members: list[Finalist], wanted: float) -> tuple[list[dict], dict]:
-    """(rows of the finalists at an accuracy, row with the fastest of each side and their ratio)."""
+    """Time the finalists at an accuracy: (a row for each, a row with the fastest of each side and their ratio)."""
     seconds = time_finalists(task, members) if members else []
     rows = []
     for m, s in zip(members, seconds, strict=True):
@@ -177,7 +177,7 @@ SHOWN = ("integrator", "h", "tol", "steps", "evaluations", "error", "seconds", "
 
 
 def _run_columns(task: Task, c: Integrator, rung: Rung) -> dict[str, Any]:
-    """The columns of a row that describe a run."""
+    """The columns of a row that describe a run of an integrator: its size, error and counts."""
     h = task.t_end / rung.steps if rung.steps else None
     return {
         "integrator": c.label,
@@ -193,7 +193,7 @@ def _run_columns(task: Task, c: Integrator, rung: Rung) -> dict[str, Any]:
 
 
 def measure_rows(scene: str) -> Rows:
-    """The rows of a scene, by table."""
+    """Measure a scene: rows of the fastest integrators, of all finalists, of their runs, and of those dropped."""
     task = task_of(scene)
     climbed, cannot, known = climbs(task)
     # Finest accuracy first: a wide step that meets it is then known for the coarser ones too.

@@ -1,4 +1,4 @@
-"""The page of the trade: the fastest integrator at each accuracy, for every scene."""
+"""The page on the trade between error and time: the fastest integrator at each accuracy, for every scene."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ ONE_EACH = {q.problem.partition(":")[0]: q.id for q in reversed(QUESTIONS)}.valu
 
 @of_choices()
 def wins(rows: pd.DataFrame) -> Verdict:
-    """Whether this project's methods win at least half of the decided cases."""
+    """Whether this project's methods are the fastest in at least half of the decided cases (scene and accuracy)."""
     found = choices(rows)
     ours, peers, _, _ = counts(found)
     lost = [_case(row) for _, row in found[found["cheaper"] == PEERS].iterrows()]
@@ -77,7 +77,7 @@ def _by_construction(row: pd.Series) -> bool:
 
 @of_choices()
 def scenes_with_rows(rows: pd.DataFrame) -> Verdict:
-    """Whether every scene has rows."""
+    """Whether every scene was measured."""
     left = [q.id for q in QUESTIONS if q.id not in set(rows["scene"])]
     return Verdict(
         "Every scene was measured",
@@ -90,7 +90,7 @@ def scenes_with_rows(rows: pd.DataFrame) -> Verdict:
 
 @of(FINALS, again.TABLE)
 def twice(finals: pd.DataFrame, second: pd.DataFrame) -> Verdict:
-    """Whether a repeated sweep has the same fastest integrators, or ones tied with them."""
+    """Whether a repeated measurement has the same fastest integrators, or ones tied with them."""
     found = agreement(finals, second)
     return Verdict(
         "The sweep made again names the same fastest integrator, or a tied one",
@@ -104,7 +104,7 @@ def twice(finals: pd.DataFrame, second: pd.DataFrame) -> Verdict:
 
 @of(FINALS, TIMES)
 def intervals(finals: pd.DataFrame, times: pd.DataFrame) -> Verdict | None:
-    """Whether the intervals from the first two sweeps contain the times and ratios of the third."""
+    """Whether the intervals from two measurements contain the times and ratios of a third."""
     shares = {what: inside / total for what, (inside, total) in coverage(finals, times).items() if total}
     if not shares:
         return None
@@ -120,7 +120,7 @@ def intervals(finals: pd.DataFrame, times: pd.DataFrame) -> Verdict | None:
 
 @of_choices()
 def answer(rows: pd.DataFrame) -> str:
-    """A sentence: how often each side is the fastest, and the integrator that wins most often."""
+    """A sentence: how often our methods or peers are the fastest, and the integrator that wins most often."""
     found = choices(rows)
     ours, peers, tied, _ = counts(found)
     names = Counter(winner(row) for row in found[found["cheaper"] == OURS].to_dict("records"))
@@ -134,13 +134,13 @@ def answer(rows: pd.DataFrame) -> str:
 
 @of_choices()
 def draw(rows: pd.DataFrame, folder) -> list[Picture]:
-    """The ratio of the two sides' times for every scene and accuracy."""
+    """Draw the ratio of the two sides' times (ours and the peers') for every scene and accuracy."""
     return [figures.ratios(choices(rows), folder)]
 
 
 @of_choices()
 def table(rows: pd.DataFrame) -> Table | None:
-    """The fastest integrator at each accuracy of `SHOWN`, for one scene of each problem."""
+    """The page's table: the fastest integrator at each accuracy of `SHOWN`, for one scene of each problem."""
     found = choices(rows)
     lines = []
     for scene in ONE_EACH:
@@ -160,7 +160,7 @@ def table(rows: pd.DataFrame) -> Table | None:
 
 
 def _cell(part: pd.DataFrame) -> str:
-    """The fastest integrator of a scene at an accuracy, with the ratio of the two sides."""
+    """A text: the fastest integrator of a scene at an accuracy, and our time over the best peer's."""
     if part.empty:
         return ""
     row = part.iloc[0]
@@ -172,7 +172,7 @@ def _cell(part: pd.DataFrame) -> str:
 
 @of_choices()
 def _full_table(rows: pd.DataFrame) -> pd.DataFrame:
-    """The choices of every scene and accuracy."""
+    """Both sides' fastest integrators in every scene at every accuracy."""
     found = choices(rows)
     sides = [f"{side} {x}" for side in (OURS, PEERS) for x in ("integrator", "h", "tol", "error", "seconds")]
     columns = ["scene", "quantity", "accuracy", *sides, "ratio", "ratio low", "ratio high", "cheaper"]

@@ -1,4 +1,4 @@
-"""The rows of peers in a sweep: which peers run, at which steps or tolerances, and what is measured.
+"""The rows of peers (other packages' integrators) in a sweep: which run, at which steps, and what is measured.
 
 A sweep has the peers of the packages that this project depends on.  A fixed-step peer runs at a scene's steps, an
 adaptive one over `TOLERANCES` (its rows have ``tol``, and no h).  Two runs are made: one without output for the time,
@@ -38,7 +38,7 @@ LONG = 0.3
 
 
 def swept(quick: bool = False) -> list[Peer]:
-    """The peers of a sweep; only a few if ``quick``."""
+    """List the peers (integrators of other packages) that run in the sweep; only a few if ``quick``."""
     return [p for p in PEERS if p.package in PACKAGES and (not quick or p.id in QUICK)]
 
 
@@ -65,7 +65,7 @@ def sizes(peer: Peer, scene: Scene, quick: bool = False) -> list[tuple[float | N
 
 
 def measure(scene: Scene, peer: Peer, h: float | None, tol: float | None, repeats: int) -> dict[str, Any]:
-    """What is measured of a peer on a scene at a step or a tolerance."""
+    """Measure a peer on a scene at a step or a tolerance: a dict of status, time, counts and errors."""
     problem = problem_of(scene.problem)
     row = head(scene, problem, peer, peer.package, peer.package)
     row |= {"h": h, "tol": tol}
@@ -94,7 +94,7 @@ def measure(scene: Scene, peer: Peer, h: float | None, tol: float | None, repeat
 
 
 def _with_rows(problem, peer: Peer, scene: Scene, h: float | None, tol: float | None):
-    """(run with rows, number of steps between rows or, for an adaptive peer, None)."""
+    """Run a peer with output for its invariants: (solution, steps between rows or, if it is adaptive, None)."""
     if peer.adaptive:
         steps = ADAPTIVE if scene.purpose == DRIFT else round(scene.t_end / scene.steps[0])
         return integrate_peer(problem, peer, tol=tol, t_end=scene.t_end, steps=steps), None

@@ -1,4 +1,4 @@
-"""Cells for a user's run on the scenes of the trade: an integrator's errors and times from wide steps to round-off."""
+"""Measurements (`Cell`) for a user's run: an integrator's errors and times on a scene, from wide steps to round-off."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ PURPOSE = "trade"
 
 
 def swept() -> list[Method | Peer]:
-    """All methods and peers that a run measures."""
+    """List all methods and peers that a user's run measures."""
     return [*METHODS, *peer_rows.swept()]
 
 
 def cells(questions: Iterable[Question], only: Callable[[Method | Peer], bool] | None = None) -> list[Cell]:
-    """A cell for each method and peer for which ``only`` is true on each scene."""
+    """List the measurements (`Cell`), one for each scene and each method or peer for which ``only`` is true."""
     chosen = [m for m in swept() if only is None or only(m)]
     return [_cell(question, m) for question in questions for m in chosen]
 
@@ -46,7 +46,7 @@ def _cell(question: Question, chosen: Method | Peer) -> Cell:
 
 
 def measure_rows(question_id: str, method_id: str) -> Rows:
-    """The rows of an integrator on a scene, by table."""
+    """Measure errors and times of an integrator on a scene, over its steps or tolerances: a row for each."""
     question = BY_ID[question_id]
     problem, chosen = question.build_problem(), integrator(method_id)
     head = {"scene": question.id, "purpose": PURPOSE}

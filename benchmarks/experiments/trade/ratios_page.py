@@ -25,7 +25,7 @@ DRAWN = [reason for reason in MEANING if reason != UNREACHED]
 
 @of_choices()
 def share(front: pd.DataFrame) -> Verdict:
-    """Whether this project takes no longer than the best peer in nearly all cells."""
+    """Whether this project takes no longer than the best peer in nearly all cases (scene and accuracy)."""
     found = cells(front)
     slow = found[~(found["ratio"] <= WANTED)]
     return Verdict(
@@ -38,7 +38,7 @@ def share(front: pd.DataFrame) -> Verdict:
 
 
 def _slowest(slow: pd.DataFrame) -> str:
-    """A text: the scene with the most slow cells, and their number."""
+    """A text: the scene with the most cases in which a peer is faster, and their number."""
     if slow.empty:
         return ""
     scenes = slow.groupby("scene", sort=False).size()
@@ -47,7 +47,7 @@ def _slowest(slow: pd.DataFrame) -> str:
 
 @of_choices()
 def everywhere(front: pd.DataFrame) -> Verdict:
-    """Whether, at each accuracy, this project takes no longer in nearly all scenes."""
+    """Whether, at each accuracy, this project takes no longer than the best peer in nearly all scenes."""
     found = cells(front)
     shares = (found["ratio"] <= WANTED).groupby(found["accuracy"]).mean().sort_index(ascending=False)
     return Verdict(
@@ -61,7 +61,7 @@ def everywhere(front: pd.DataFrame) -> Verdict:
 
 @of_choices(RUNGS)
 def explanations(front: pd.DataFrame, rungs: pd.DataFrame) -> Verdict | None:
-    """Whether the measured steps and evaluations explain every cell in which this project is slower."""
+    """Whether the measured steps and evaluations explain every case in which this project is slower."""
     found = above(front, rungs)
     if found.empty:
         return None
@@ -77,7 +77,7 @@ def explanations(front: pd.DataFrame, rungs: pd.DataFrame) -> Verdict | None:
 
 @of_choices()
 def answer(front: pd.DataFrame) -> str:
-    """A sentence: in how many cells a peer is faster, and in how many by more than the scatter of the times."""
+    """A sentence: in how many cases a peer is faster, and in how many by more than the scatter of the times."""
     found = cells(front)
     slow = found[~(found["ratio"] <= WANTED)]
     certain = slow[~(slow["ratio low"] <= WANTED)]
@@ -92,7 +92,7 @@ def answer(front: pd.DataFrame) -> str:
 @of_choices(RUNGS)
 @style.styled
 def draw(front: pd.DataFrame, rungs: pd.DataFrame, folder) -> list[Picture]:
-    """Left: share of cells in which this project is no slower, by accuracy; right: factors of the other ratios."""
+    """Draw the share of cases in which this project is no slower, by accuracy, and the factors of the other ratios."""
     found, slow = cells(front), above(front, rungs)
     figure, ((left, right),) = style.panels(1, 2, 3.4)
     by = found.groupby("accuracy")
@@ -121,7 +121,7 @@ def draw(front: pd.DataFrame, rungs: pd.DataFrame, folder) -> list[Picture]:
 
 
 def _side(row, side: str) -> str:
-    """A text: the best integrator of a side with its step or tolerance."""
+    """A text: the best integrator of a side, "ours" or the peers', with its step or tolerance."""
     name, h, tol = (row[f"{side} {x}"] for x in ("integrator", "h", "tol"))
     if not isinstance(name, str):
         return "none"
@@ -137,7 +137,7 @@ def _interval(row) -> str:
 
 @of_choices(RUNGS)
 def table(front: pd.DataFrame, rungs: pd.DataFrame) -> Table | None:
-    """The slowest cell of every scene, then the next slowest ones, up to `ROWS` lines."""
+    """The page's table: the slowest case of every scene, then the next slowest ones, up to `ROWS` lines."""
     found = above(front, rungs)
     if found.empty:
         return None

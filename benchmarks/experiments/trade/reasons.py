@@ -1,4 +1,4 @@
-r"""Reasons why this project's best method takes longer than the best peer, computed from the tables of the trade.
+r"""Reasons why this project's best method takes longer than the best peer, computed from measured steps and times.
 
 On either side, the time t is the number of steps n times the time of a step (primes mark the peer):
 
@@ -46,7 +46,7 @@ MEANING = {
 
 
 def cells(front: pd.DataFrame) -> pd.DataFrame:
-    """A row for each scene and accuracy that a side reaches; the ratio is 0 if only ours does, inf if only a peer."""
+    """A row for each case (scene and accuracy) that a side reaches; ratio 0 if only ours does, inf if only a peer."""
     found = choices(front)
     ours, peer = (found[f"{side} integrator"].notna() for side in (OURS, PEERS))
     alone = np.select([ours & ~peer, peer & ~ours], [0.0, inf], nan)
@@ -55,7 +55,7 @@ def cells(front: pd.DataFrame) -> pd.DataFrame:
 
 
 def above(front: pd.DataFrame, rungs: pd.DataFrame) -> pd.DataFrame:
-    """The cells with a ratio above `WANTED`, the largest first, each with the factors of its ratio and the reason.
+    """The cases with a ratio above `WANTED`, the largest first, each with the factors of its ratio and the reason.
 
     Added columns: ``steps`` and ``step``, the two factors of the ratio; ``per step``, evaluations in a step of our
     method; ``share``, the share of its time that they take at the scene's `price`; ``evaluations alone``, the ratio
@@ -74,13 +74,16 @@ def above(front: pd.DataFrame, rungs: pd.DataFrame) -> pd.DataFrame:
 
 
 def price(rungs: pd.DataFrame) -> float:
-    """The least seconds per evaluation of this project's methods in these runs; NaN if there are none."""
+    """The least seconds per gradient evaluation of this project's methods in these runs; NaN if there are none."""
     own = rungs[(rungs["kind"] == PROJECT) & (rungs["evaluations"] > 0) & (rungs["seconds"] > 0)]
     return float((own["seconds"] / own["evaluations"]).min()) if len(own) else nan
 
 
 def _parts(row: dict, cheapest: float) -> dict[str, float]:
-    """The columns ``steps``, ``step``, ``per step``, ``share`` and ``evaluations alone`` of `above`."""
+    """The factors of a case's ratio and the share of the evaluations in our time: five columns described in `above`.
+
+    They are ``steps``, ``step``, ``per step``, ``share`` and ``evaluations alone``.
+    """
     n, m = (row[f"{side} steps"] for side in (OURS, PEERS))
     steps = n / m if m else nan
     evaluations = row[f"{OURS} evaluations"]
@@ -90,7 +93,10 @@ def _parts(row: dict, cheapest: float) -> dict[str, float]:
 
 
 def _growth(row: dict, scene: pd.DataFrame) -> dict[str, float]:
-    """The columns ``until``, ``ours grew`` and ``peer grew`` of `above`."""
+    """How both sides' numbers of steps grew since ours was fast enough.
+
+    The columns ``until``, ``ours grew`` and ``peer grew`` of `above`.
+    """
     before = scene[(scene["accuracy"] > row["accuracy"]) & (scene["ratio"] <= WANTED)]
     if before.empty:
         return {"until": nan, "ours grew": nan, "peer grew": nan}

@@ -1,7 +1,7 @@
-"""Further sweeps: the stored finals of a scene are timed again, later and in another process.
+"""Further timings: the stored finalists of a scene are timed again, later and in another process.
 
-The runs repeat the steps and tolerances of the stored finals, without a search.  The pages join the first and the
-second sweep (`settled`); the third shows how often the intervals from these two contain a new time.
+The runs repeat the steps and tolerances of the stored finalists, without a search.  The pages join the first and the
+second timing (`settled`); the third shows how often the intervals from these two contain a new time.
 """
 
 from __future__ import annotations
@@ -39,12 +39,12 @@ def _stored_finals(folder: Path) -> dict[str, tuple[Final, ...]]:
 
 
 def finals(scene: str, folder: Path = DATA) -> tuple[Final, ...]:
-    """The stored finals of a scene; empty if the scene was not measured."""
+    """The stored finalists of a scene at each accuracy; empty if the scene was not measured."""
     return _stored_finals(folder).get(scene, ())
 
 
 def measure_rows(scene: str, sweep: int, stored: tuple[Final, ...]) -> Rows:
-    """The rows of a further sweep: times of every final of a scene, timed in turns at each accuracy."""
+    """Time the stored finalists of a scene again, in turns at each accuracy: a row for each; ``sweep``: its number."""
     question = BY_ID[scene]
     made, by_label = question.build_problem(), {c.label: c for c in competitors()}
     clocks = clock.Clocks(made, question.t_end)

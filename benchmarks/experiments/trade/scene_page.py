@@ -1,4 +1,4 @@
-"""The pages of the scenes of the trade: work-precision diagram, and the fastest integrators at each error."""
+"""A page for each scene: work-precision diagram, and the fastest integrators at each error."""
 
 from __future__ import annotations
 
@@ -30,7 +30,10 @@ TRUTHS = {
 
 
 def _scene(question: Question, *names: str) -> Callable:
-    """Decorate a function of a scene's rows in these tables: it takes ``data``; None without rows in the first."""
+    """Decorator: a function of one scene's rows in the tables ``names`` becomes one of ``data``.
+
+    ``data`` gives tables by name.  The result is None if the scene has no rows in the first table.
+    """
 
     def decorate(function):
         def of_rows(*given):
@@ -45,7 +48,7 @@ def _scene(question: Question, *names: str) -> Callable:
 def _wins(question: Question) -> Callable:
     @_scene(question, CHOICES)
     def wins(rows: pd.DataFrame) -> Verdict:
-        """Whether this project's methods are the fastest at least as often as the peers."""
+        """Whether this project's methods are the fastest in a scene at least as often as the peers."""
         found = choices(rows)
         ours, peers, _, _ = counts(found)
         lost = [f"{a:g}" for a in found.loc[found["cheaper"] == PEERS, "accuracy"]]
@@ -86,7 +89,7 @@ def _truth(rows: pd.DataFrame) -> str:
 def _compilation(question: Question) -> Callable:
     @_scene(question, DROPPED)
     def compilation(rows: pd.DataFrame) -> Verdict | None:
-        """Whether no integrator was dropped because it does not compile."""
+        """Whether no integrator was dropped in a scene because it does not compile."""
         if "why" not in rows or rows["why"].isna().all():
             return None
         uncompiled = rows.loc[rows["why"].str.startswith(UNCOMPILED, na=False), "integrator"]
@@ -104,7 +107,7 @@ def _compilation(question: Question) -> Callable:
 def _answer(question: Question) -> Callable:
     @_scene(question, CHOICES)
     def answer(rows: pd.DataFrame) -> str:
-        """A sentence: how often each side is the fastest, and the winners at the largest and smallest error."""
+        """A sentence: how often ours or peers are the fastest, and the winners at the largest and the least error."""
         found = choices(rows)
         ours, peers, _, _ = counts(found)
         reached = [row for row in found.sort_values("accuracy").to_dict("records") if winner(row)]
@@ -157,7 +160,7 @@ def _draw(question: Question) -> Callable:
 
 
 def page_of(question: Question) -> Page:
-    """The page of a scene."""
+    """Build the page of a scene (a problem, end time, quantity and accuracies)."""
     return Page(
         id=f"trade-{question.id}",
         question=f"{question.problem}, {question.about}: which integrator is the fastest?",

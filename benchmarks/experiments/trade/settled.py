@@ -1,7 +1,7 @@
-r"""Times and ratios of the trade from several sweeps, with prediction intervals for a further sweep.
+r"""Times of integrators, and their ratios, from several timings (sweeps), with prediction intervals for a further one.
 
 Times scatter less between the rounds of one sweep than between processes.  Two sweeps show how much: if :math:`d` are
-the differences of the logarithms of their medians, over all finals that take about as long, then
+the differences of the logarithms of their medians, over all finalists that take about as long, then
 
 .. math:: \ln \frac{t_3}{\sqrt{t_1 t_2}} \quad\text{is distributed as}\quad \sqrt{3/4}\; d ,
 
@@ -36,7 +36,7 @@ KEY = ["scene", "accuracy", "side", "integrator"]
 
 
 def sweeps(finals: pd.DataFrame, times: pd.DataFrame | None) -> pd.DataFrame:
-    """The seconds of every final: a row for each final, a column for each sweep (NaN if not measured)."""
+    """The seconds of every finalist at each accuracy: a row for each, a column for each timing (NaN: not measured)."""
     parts = [finals[[*KEY, "seconds"]].assign(sweep=1)]
     if times is not None and len(times):
         parts.append(times[[*KEY, "seconds", "sweep"]])
@@ -46,9 +46,9 @@ def sweeps(finals: pd.DataFrame, times: pd.DataFrame | None) -> pd.DataFrame:
 
 
 def pairs(table: pd.DataFrame) -> pd.DataFrame:
-    """Ratios of our time to the peer's, a row for each scene and accuracy, a column for each sweep.
+    """Ratios of our best time to the best peer's: a row for each scene and accuracy, a column for each timing.
 
-    Each side has its best integrator by the joined sweeps; ``shorter`` is the shorter of the two times, in seconds.
+    Each side has its best integrator by the joined timings; ``shorter`` is the shorter of the two times, in seconds.
     """
     mean = np.exp(np.log(table[list(JOINED)]).mean(axis=1)).rename("mean").reset_index()
     best = mean.loc[mean.groupby(["scene", "accuracy", "side"])["mean"].idxmin(), KEY]
@@ -65,7 +65,7 @@ def pairs(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def join_sweeps(values: pd.DataFrame, size: pd.Series) -> pd.DataFrame:
-    """Columns ``value``, ``low``, ``high`` from a table with a column for each sweep.
+    """Join the timings of each row to a value and its interval: columns ``value``, ``low``, ``high``.
 
     ``size``, in seconds, decides the class of a row.
     """
@@ -86,7 +86,7 @@ def join_sweeps(values: pd.DataFrame, size: pd.Series) -> pd.DataFrame:
 
 
 def coverage(finals: pd.DataFrame, times: pd.DataFrame) -> dict[str, tuple[int, int]]:
-    """For "times" and "ratios": (number of the third sweep's in the intervals of the first two, number of all)."""
+    """For "times" and "ratios": (how many of the third timing lie in the intervals of the first two, number of all)."""
     table = sweeps(finals, times)
     ratios = pairs(table)
     out = {}
@@ -98,7 +98,7 @@ def coverage(finals: pd.DataFrame, times: pd.DataFrame) -> dict[str, tuple[int, 
 
 
 def join_choices(front: pd.DataFrame, finals: pd.DataFrame, times: pd.DataFrame | None) -> pd.DataFrame:
-    """The choices from the joined sweeps: best of each side, times, ratio; ``front`` itself if there is one sweep."""
+    """The fastest of each side, times and ratio from the joined timings; ``front`` itself if there is only one."""
     if times is None or "sweep" not in times or not (times["sweep"] == JOINED[1]).any():
         return front
     table = sweeps(finals, times)
@@ -130,7 +130,10 @@ _last: list = [(), None]
 
 
 def of_choices(*names: str) -> Callable:
-    """Decorate a function of the choices (`join_choices`) and the tables ``names``, like `page.of`; takes ``data``."""
+    """Decorator: a function of the fastest integrators (`join_choices`) and the tables ``names`` takes ``data``.
+
+    ``data`` is a function that gives tables by name.
+    """
 
     def decorate(function: Callable) -> Callable:
         of_tables = of(CHOICES, *names)(function)

@@ -1,4 +1,4 @@
-"""The sweep of all methods and peers over all scenes: a row for each (scene, method, parameters, h or tolerance).
+"""Measure all methods and peers on all scenes: a row for each (scene, method, parameters, h or tolerance).
 
 A row has two error columns: ``global_error``, the maximum norm over (q, p) of the difference from the reference at
 ``global_error_time``, with the reference's uncertainty there; and ``refinement_difference``, the difference from the
@@ -44,7 +44,7 @@ HANDFUL = ("explicit-euler", "stormer-verlet", "rk4", "pefrl", "implicit-midpoin
 
 @dataclass(frozen=True)
 class Task:
-    """One row to be measured, as text and numbers that can be sent to another process."""
+    """One row to be measured (scene, method, parameters, step or tolerance), as data for another process."""
 
     scene: str
     method: str
@@ -54,7 +54,7 @@ class Task:
     tol: float | None = None
 
     def build(self) -> Method | Peer:
-        """The method with its parameters, or the peer."""
+        """Build the method with its parameters, or the peer, of this task."""
         return integrator(self.method, parameters=dict(self.parameters)).record
 
 
@@ -95,7 +95,7 @@ def _twice(scene: str, id: str, parameters: tuple, h: float) -> np.ndarray | Non
 
 
 def measure(task: Task, repeats: int = REPEATS) -> dict[str, Any]:
-    """Measure the row of a task."""
+    """Measure the errors, invariants and time of a task: its row."""
     scene, chosen = BY_ID[task.scene], task.build()
     tier = {"tier": "quick" if task.quick else "full"}
     if isinstance(chosen, Peer):
@@ -132,19 +132,19 @@ def _errors(scene: Scene, task: Task, solution: Solution) -> dict[str, float]:
 
 
 def run(todo: list[Task], repeats: int = REPEATS) -> list[dict[str, Any]]:
-    """Measure the rows of tasks."""
+    """Measure tasks one after the other: their rows."""
     return [measure(task, repeats) for task in todo]
 
 
 def measure_rows(todo: tuple[Task, ...], repeats: int) -> Rows:
-    """The rows of the tasks of a cell, by table."""
+    """Measure the tasks of a cell, each several times: their rows, by table name."""
     return {"rows": run(list(todo), repeats)}
 
 
 def cells(
     quick: bool = False, scenes: Iterable[Scene] = SCENES, only: Callable[[Method | Peer], bool] | None = None
 ) -> list[Cell]:
-    """A cell for each method and peer on each scene, with its rows over the steps or tolerances."""
+    """List the measurements (`Cell`), one for each method and peer on each scene, over its steps or tolerances."""
     groups: dict[tuple[str, str, tuple], list[Task]] = {}
     for task in tasks(scenes, quick, only or (lambda chosen: True)):
         groups.setdefault((task.scene, task.method, task.parameters), []).append(task)

@@ -10,7 +10,7 @@ from phasebench.integrators.record import ROUND_OFF
 
 
 def cells(quick: bool = False) -> list:
-    """The cells of the semi-discretized equations, and of the box schemes."""
+    """List the measurements (`Cell`) of the semi-discretized equations, and of the box schemes."""
     return waves.cells(quick) + spacetime.cells(quick)
 
 

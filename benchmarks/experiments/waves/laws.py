@@ -1,4 +1,4 @@
-r"""The local conservation laws of box schemes, in every cell of space-time.
+r"""Residuals of the local conservation laws of box schemes, in every cell of space-time.
 
 A step gives the densities d at :math:`t_n` and :math:`t_{n+1}`, and the fluxes f through the ends of the cells as the
 weighted sum over the stages; the residual of a law in a cell is
@@ -26,14 +26,14 @@ EPS = float(np.finfo(float).eps)
 
 @dataclass
 class Residuals:
-    """The largest residual of a law so far, its largest term, and the size of one unit of round-off."""
+    """The largest residual of a conservation law so far, its largest term, and the size of one unit of round-off."""
 
     worst: float = 0.0
     term: float = 0.0
     unit: float = 0.0
 
     def add(self, terms, unit: float) -> None:
-        """Include the terms (change, flow) of a step, arrays (N,)."""
+        """Include one step: the density's change and the flux difference of the law, arrays (N,), over the cells."""
         change, flow = terms
         self.worst = max(self.worst, float(np.abs(change + flow).max()))
         self.term = max(self.term, float(np.abs(change).max()), float(np.abs(flow).max()))
@@ -57,30 +57,30 @@ def step_flux(scheme: Scheme, flux, *stages):
 
 
 def two_form(space: Division, scheme: Scheme, pair: tuple[Tangent, Tangent], h: float):
-    """The terms (change, flow) of the multisymplectic law for a pair of tangents, arrays (N,)."""
+    """The terms (change, flux difference) of the multisymplectic law for a pair of tangents, arrays (N,) over cells."""
     u, v = pair
     K = space.equation.K[: space.equation.moving, : space.equation.moving]
 
     def density(a, b):
         return np.einsum("mi,ij,mj->m", a, K, b)
 
-    flux = step_flux(scheme, space.two_form, space.lifted(u.Y), space.lifted(v.Y))
+    flux = step_flux(scheme, space.two_form, space.lift(u.Y), space.lift(v.Y))
     return (density(u.end, v.end) - density(u.start, v.start)) / h, space.divergence(flux)
 
 
 def _law(space, scheme, step: Step, h, density, flux):
-    z, rate = space.lifted(step.Y), space.lifted(step.T)
-    change = (density(space.lifted(step.end)) - density(space.lifted(step.start))) / h
+    z, rate = space.lift(step.Y), space.lift(step.T)
+    change = (density(space.lift(step.end)) - density(space.lift(step.start))) / h
     return change, space.divergence(step_flux(scheme, flux, z, rate))
 
 
 def energy(space: Division, scheme: Scheme, step: Step, h: float):
-    """The terms (change, flow) of the energy law, arrays (N,)."""
+    """The terms (change, flux difference) of the energy law in a step, arrays (N,) over cells."""
     return _law(space, scheme, step, h, space.energy, space.energy_flux)
 
 
 def momentum(space: Division, scheme: Scheme, step: Step, h: float):
-    """The terms (change, flow) of the momentum law, arrays (N,)."""
+    """The terms (change, flux difference) of the momentum law in a step, arrays (N,) over cells."""
     return _law(space, scheme, step, h, space.momentum, space.momentum_flux)
 
 

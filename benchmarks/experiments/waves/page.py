@@ -41,7 +41,7 @@ def _charge(frame: pd.DataFrame) -> tuple[Count, str]:
 
 @of("pde")
 def energy(frame: pd.DataFrame) -> Verdict:
-    """Whether methods declared to preserve the energy do so, in the steps that have a root."""
+    """Whether methods declared to preserve the energy do so, in the steps that have a root lambda."""
     count, lost = _energy(frame)
     return Verdict("Methods declared to keep the energy do, to round-off", count, EVERY, "runs", lost, FAIL)
 
@@ -55,7 +55,7 @@ def charge(frame: pd.DataFrame) -> Verdict:
 
 @of("pde")
 def roots(frame: pd.DataFrame) -> Verdict | None:
-    """Whether every step of Schemes IV and V has a root."""
+    """Whether every step of Schemes IV and V has a root lambda of the energy's equation."""
     ran = _ran(frame)
     if ran.empty:
         return None
@@ -84,7 +84,7 @@ def answer(frame: pd.DataFrame) -> str | None:
 
 @of("pde")
 def draw(frame: pd.DataFrame, folder) -> list[Picture] | None:
-    """Energy error against time, a panel for each problem."""
+    """Draw the energy error against time, a panel for each problem."""
     ran = _ran(frame)
     if ran.empty:
         return None
@@ -124,7 +124,7 @@ COLUMNS = {
 
 @of("pde")
 def table(frame: pd.DataFrame) -> Table:
-    """The row of each method on each problem at its smallest step."""
+    """The page's table: each method on each problem at its smallest step."""
     least = frame.loc[frame.groupby(["problem", "method"], sort=False)["h"].idxmin()]
     caption = "Every method on every problem, at its smallest step."
     return Table(least[list(COLUMNS)].rename(columns=COLUMNS).head(ROWS), caption)

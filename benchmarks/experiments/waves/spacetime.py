@@ -85,14 +85,14 @@ CASES = {
 
 
 def ladder(case: Case, chosen: Scheme) -> list[tuple[str, int, float, int]]:
-    """(`IN_TIME` or `IN_SPACE`, N, h, number of steps) of every run of a scheme."""
+    """The runs of a scheme: (`IN_TIME` or `IN_SPACE`, number N of cells, h, number of steps) of each."""
     h = case.longest_euler if chosen.id == "euler-box" else case.longest
     in_time = [(IN_TIME, CELLS[0], h / 2**k, LONG * 2**k) for k in range(HALVINGS + 1)]
     return in_time + [(IN_SPACE, N, h / 2**HALVINGS, FEW) for N in CELLS]
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """A cell for each equation, scheme, step and mesh; no cell if ``quick``."""
+    """List the measurements (`Cell`), one for each equation, scheme, step and mesh; none if ``quick``."""
     if quick:
         return []
     return [_cell(c, s, *rung) for c in CASES.values() for s in schemes().values() for rung in ladder(c, s)]

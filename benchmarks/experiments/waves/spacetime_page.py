@@ -27,7 +27,7 @@ KEPT = 1e-12
 
 
 def ran(frame: pd.DataFrame) -> pd.DataFrame:
-    """The completed runs, with columns ``... is kept``: whether the residual of a law is round-off."""
+    """Select the completed runs; add columns ``... is kept``: whether the residual of a law is round-off."""
     part = frame[frame["status"] == "ok"].copy()
     for name in (TWO_FORM, FOLLOWS, ENERGY):
         part[f"{name} is kept"] = part[name] <= UNITS * part[f"{name}, round-off"]
@@ -61,7 +61,10 @@ def orders(frame: pd.DataFrame) -> pd.DataFrame:
 
 
 def _of_cases(function):
-    """Decorate a function of the rows of `orders`: it takes ``data``, and returns None if there are no rows."""
+    """Decorator: a function of the rows of `orders` becomes one of ``data``, which gives tables by name.
+
+    It returns None if there are no rows.
+    """
 
     @of(TABLE)
     @functools.wraps(function)
@@ -131,7 +134,7 @@ def answer(rows: pd.DataFrame) -> str | None:
 
 @of(TABLE)
 def draw(frame: pd.DataFrame, folder) -> list[Picture] | None:
-    """Residuals of the multisymplectic law and of the energy law over the step."""
+    """Draw the residuals of the multisymplectic law and of the energy law over the step."""
     rows = ran(frame)
     rows = rows[rows["falls"] == IN_TIME]
     if rows.empty:
@@ -173,7 +176,7 @@ COLUMNS = {
 
 @_of_cases
 def table(rows: pd.DataFrame) -> Table:
-    """Residuals, orders and errors of totals, a row for each equation and scheme."""
+    """The page's table: residuals, orders and errors of totals, a row for each equation and scheme."""
     caption = "The largest values over all runs of a case; an order is empty where the residual is round-off."
     total = rows[rows["keeps"] == "total"]
     if len(total):

@@ -9,12 +9,12 @@ APART = 1e-8
 
 
 def cells(quick: bool = False):
-    """The cells of the pairs, and of all splittings together."""
+    """List the measurements (`Cell`) of the pairs of equal splittings, and of all splittings together."""
     return [*pairs.cells(quick), *rivals.cells(quick)]
 
 
 def off(rows) -> list[str]:
-    """Messages about the pairs whose early positions differ by `APART` or more."""
+    """Messages about the splittings whose early positions differ from REBOUND's by `APART` or more."""
     return [
         f"{r['method']} on {r['problem']}, h = {r['h']}: {r['distance of early positions']:.1e} from REBOUND's"
         for r in rows

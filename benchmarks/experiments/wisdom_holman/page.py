@@ -31,7 +31,7 @@ VECTORS, SCALAR = "rebound-whfast512-corrector-17", "rebound-whfast-corrector-17
 
 @of("wisdom_holman")
 def same(frame: pd.DataFrame) -> Verdict | None:
-    """Whether the energy errors of the same splitting equal REBOUND's."""
+    """Whether this project's energy errors equal REBOUND's for the same splitting and step."""
     truncated = frame[(frame[ERROR] > ROUND_OFF) & (frame[THEIR_ERROR] > ROUND_OFF)]
     if truncated.empty:
         return None
@@ -49,7 +49,7 @@ def same(frame: pd.DataFrame) -> Verdict | None:
 
 @of("wisdom_holman")
 def cost(frame: pd.DataFrame) -> Verdict:
-    """Whether a step takes at most `SLOWER` times REBOUND's time on every problem."""
+    """Whether a step takes at most `SLOWER` times as long as REBOUND's of the same splitting, on every problem."""
     medians = frame.groupby("problem", sort=False)["time ratio"].median()
     return Verdict(
         "A step keeps up with REBOUND's on every problem",
@@ -101,7 +101,7 @@ def winners(rivals: pd.DataFrame) -> Verdict | None:
 
 
 def _scores(lines: pd.DataFrame) -> tuple[int, ...]:
-    """Numbers of cases: (this project is faster, REBOUND is faster, tied)."""
+    """Count cases (problem and energy error): (this project is faster, REBOUND is faster, tied)."""
     return tuple(int((lines["cheaper"] == who).sum()) for who in (OURS, PEERS, TIED))
 
 
@@ -131,7 +131,7 @@ def vector_gain(rivals: pd.DataFrame) -> pd.Series:
 
 
 def _vectors(rivals: pd.DataFrame) -> str:
-    """The caption's sentence on WHFast512."""
+    """A sentence for the caption: how many times as fast WHFast512 is as WHFast, or why it did not run."""
     gain = vector_gain(rivals)
     if len(gain):
         low, high = number(gain.min(), 2), number(gain.max(), 2)
@@ -141,13 +141,13 @@ def _vectors(rivals: pd.DataFrame) -> str:
 
 
 def draw(data, folder) -> list[Picture]:
-    """Two figures: energy error against time of the pairs, and the fronts of all splittings."""
+    """Draw energy error against time of the equal splittings, and the fastest of all splittings."""
     return [p for p in (_pairs(data, folder), _fronts(data, folder)) if p is not None]
 
 
 @of("wisdom_holman")
 def _pairs(frame: pd.DataFrame, folder) -> Picture:
-    """Energy error against time of this project's splittings and of the same ones in REBOUND."""
+    """Draw energy error against time of this project's splittings and of the same ones in REBOUND."""
     methods = list(dict.fromkeys(frame["method"]))
 
     def curves(axes, part):
@@ -168,7 +168,7 @@ def _pairs(frame: pd.DataFrame, folder) -> Picture:
 
 @of(TABLE)
 def _fronts(rivals: pd.DataFrame, folder) -> Picture | None:
-    """The front of each side: the rows that no other of that side beats in both error and time."""
+    """Draw the front of each side: the runs that no other of that side beats in both error and time."""
     ran = rivals[(rivals["status"] == "ok") & rivals[COST].notna()]
     if ran.empty:
         return None
@@ -204,7 +204,7 @@ def _panels(frame: pd.DataFrame, curves, folder, file: str) -> str:
 
 @of(TABLE)
 def table(rivals: pd.DataFrame) -> Table | None:
-    """The fastest splitting of each side at each energy error."""
+    """The page's table: the fastest splitting of each side at each energy error."""
     lines = cheapest(rivals)
     if lines.empty:
         return None

@@ -27,7 +27,7 @@ TABLE = "wisdom_holman_rivals"
 
 
 def rivals() -> list[Integrator]:
-    """All competitors: this project's splittings, the corrected one with each corrector, then REBOUND's."""
+    """List all competitors: this project's splittings, the corrected one with each corrector, then REBOUND's."""
     ours = [m for m in METHODS if m.family == "wisdom_holman" and not m.parameters]
     corrected = [method("wisdom-holman-corrector", corrector=n) for n in CORRECTORS]
     theirs = [p for p in PEERS if p.id.startswith(SPLIT)]
@@ -35,7 +35,7 @@ def rivals() -> list[Integrator]:
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """A cell for each problem; no cell if ``quick``."""
+    """List the measurements (`Cell`), one for each problem; none if ``quick``."""
     return [] if quick else [_cell(case) for case in CASES]
 
 
@@ -56,7 +56,7 @@ def _cell(case: str) -> Cell:
 
 
 def measure_rows(case: str) -> Rows:
-    """The rows of all competitors on a case, one for each step."""
+    """Measure energy error and cost of all competitors on a case, timed in turns: a row for each at each step."""
     name, parameters, steps, _ = CASES[case]
     made = problem(name, **parameters)
     rows = {(c.label, h): _row(case, made, c, h) for c in rivals() for h in steps}

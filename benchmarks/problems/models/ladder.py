@@ -19,7 +19,7 @@ Lift = Callable[[Problem, np.ndarray, np.ndarray, np.ndarray], tuple[np.ndarray,
 
 
 def identity(full, t, q, p):
-    """Map a model's rows to the full problem's, where both have the same (q, p)."""
+    """Map a model's rows to the full problem's (``full``) if both have the same variables: return (q, p)."""
     return q, p
 
 
@@ -32,8 +32,8 @@ class Rung:
     name : its name in tables
     make : makes its problem
     lift : maps rows of its solution to rows of the full problem's
-    rate : its own time over the scene's
-    steps : its coarsest number of steps; 0: the ladder's
+    rate : the model's time over that of the full problem
+    steps : its coarsest number of steps; 0: that of the ladder
     """
 
     name: str

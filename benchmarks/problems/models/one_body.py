@@ -40,7 +40,7 @@ def pendulum_models(amplitude: float) -> tuple[Rung, ...]:
 
 
 def _pendulum(q, p) -> Problem:
-    """The pendulum from (q, p); the registered orbit, whose states are certified, if it is the same."""
+    """The pendulum started at (q, p); if that is the registered orbit, this one, whose states are certified."""
     swinging = problem("pendulum:swinging")
     return swinging if (swinging.q0, swinging.p0) == (q, p) else with_start(swinging, q, p)
 

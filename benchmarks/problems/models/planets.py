@@ -17,7 +17,10 @@ MASSLESS = gravity.MASSLESS
 
 
 def bodies(names: tuple[str, ...], massless: tuple[str, ...] = ()) -> Callable[[], Problem]:
-    """A function that makes the problem of some of the bodies, started as in the full one."""
+    """A function that makes the problem of the named bodies of the outer solar system, started as in the full one.
+
+    Those in ``massless`` are test particles.
+    """
 
     def make() -> Problem:
         q, p, pairs, distances, _ = gravity.bodies(len(names), "xyz", first=0)
@@ -31,7 +34,7 @@ def bodies(names: tuple[str, ...], massless: tuple[str, ...] = ()) -> Callable[[
 
 
 def about_the_sun(name: str) -> Callable[[], Problem]:
-    """A function that makes the problem of a massless body about the fixed Sun."""
+    """A function that makes the problem of the body ``name``, massless, about the fixed Sun."""
 
     def make() -> Problem:
         q, p = sp.symbols("x y z", real=True), sp.symbols("u v w", real=True)

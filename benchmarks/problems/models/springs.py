@@ -12,7 +12,10 @@ from .ladder import Rung, model_problem
 
 
 def soft_chain(order: int, omega: float = fpu.PARAMETERS["omega"]) -> Problem:
-    """The chain of soft springs with terms in 1 / omega^2: none (0), those of constant spring energies (1), all (2)."""
+    """The chain with only the soft springs moving; ``order`` tells the terms in 1 / omega^2 that the stiff ones add.
+
+    0: none, 1: those of constant spring energies, 2: all.
+    """
     full = problem("fpu", omega=omega)
     m = full.system.d // 2
     q0, q1, p0 = full.system.q[:m], full.system.q[m:], full.system.p[:m]

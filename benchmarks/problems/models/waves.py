@@ -45,7 +45,7 @@ def interpolate(full, t, q, p):
 
 
 def lattice(N: int) -> Rung:
-    """The model that has only N points on the same period."""
+    """The model of the Klein-Gordon equation with only N points on the same period."""
     return Rung(f"{N} points", lambda: problem("klein-gordon", N=N), interpolate)
 
 

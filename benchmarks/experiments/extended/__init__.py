@@ -1,0 +1,1 @@
+"""Experiment: are the explicit methods in extended phase space what their papers claim?"""

@@ -1,0 +1,38 @@
+"""Checks of the sampling experiment: acceptances are probabilities, and no run without the Hessian fails."""
+
+from __future__ import annotations
+
+from phasebench.benchmarks.experiments.sampling import acceptance, hessian_free, limits
+
+
+def cells(quick: bool = False):
+    """The cells of the acceptance, of the stability limits, and of the energy without the Hessian."""
+    return [*acceptance.cells(quick), *limits.cells(quick), *hessian_free.cells(quick)]
+
+
+def off(rows) -> list[str]:
+    """A line for each acceptance that is no probability within its interval."""
+    return [
+        f"{r['method']} on {r['target']}, {r['budget']}: {r['acceptance']}"
+        for r in rows
+        if not 0 <= r["low"] <= r["acceptance"] <= r["high"] <= 1
+    ]
+
+
+def bench_acceptance(measured_rows):
+    """Every acceptance is a probability within its interval."""
+    wrong = off(measured_rows(acceptance.TABLE))
+    assert not wrong, "\n".join(wrong)
+
+
+def bench_limits(measured_rows):
+    """Every method is stable up to some step."""
+    wrong = [r["method"] for r in measured_rows(limits.TABLE) if not r["limit"] > 0]
+    assert not wrong, wrong
+
+
+def bench_hessian_free(measured_rows):
+    """Every orbit reaches the end."""
+    wrong = [r["method"] for r in measured_rows(hessian_free.CHAOTIC) if r["failed"]]
+    wrong += [f"{r['method']} on {r['problem']}" for r in measured_rows(hessian_free.REGULAR) if r["status"] != "ok"]
+    assert not wrong, wrong

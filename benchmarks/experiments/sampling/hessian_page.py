@@ -1,0 +1,170 @@
+"""The page of Hessian-free force gradients: does their energy drift?"""
+
+from __future__ import annotations
+
+import pandas as pd
+
+from phasebench.benchmarks import style
+from phasebench.benchmarks.page.markdown import number
+from phasebench.benchmarks.page.page import ROWS, Page, Picture, Table, of
+from phasebench.benchmarks.page.verdict import EVERY, FAIL, Count, Range, Verdict, at_least, at_most
+
+from .hessian_free import CHAOTIC, CONTROL, ORBIT_STEPS, ORBITS, REGULAR, REGULAR_STEPS, STEPS, H
+
+#: Share of the 95 % intervals that should hold zero, of so few.
+LEAST = 0.85
+#: Largest change on a regular orbit, in units of the oscillation.
+STILL = 1e-6
+#: Largest spread of chaotic orbits, in units of the one with the Hessian.
+SAME = 2.0
+PARTNER = "with the Hessian"
+
+
+def _free(frame: pd.DataFrame) -> pd.DataFrame:
+    return frame[frame[PARTNER].fillna("") != ""]
+
+
+def _zero(rows: pd.DataFrame, claim: str) -> Verdict | None:
+    if rows.empty:
+        return None
+    holds = (rows["low"] <= 0) & (rows["high"] >= 0)
+    wrong = rows[~holds]
+    where = wrong["method"].iloc[0] if len(wrong) else ""
+    return Verdict(claim, Count(int(holds.sum()), len(rows)), at_least(LEAST), "methods", where=where)
+
+
+@of(CHAOTIC)
+def drifts(frame: pd.DataFrame) -> Verdict | None:
+    """Whether the mean energy of chaotic orbits drifts without the Hessian."""
+    return _zero(_free(frame), "On chaotic orbits the interval of a Hessian-free drift holds zero")
+
+
+@of(CHAOTIC)
+def symplectic(frame: pd.DataFrame) -> Verdict | None:
+    """The same with the Hessian: symplectic steps."""
+    rows = frame.drop(_free(frame).index)
+    claim = "On chaotic orbits the interval holds zero with the Hessian, too"
+    return _zero(rows[rows["method"] != CONTROL], claim)
+
+
+@of(CHAOTIC)
+def control(frame: pd.DataFrame) -> Verdict | None:
+    """Whether a drift would be seen: that of a Runge-Kutta method."""
+    rows = frame[frame["method"] == CONTROL]
+    if rows.empty:
+        return None
+    seen = (rows["low"] > 0) | (rows["high"] < 0)
+    claim = "The drift of a Runge–Kutta method is seen: its interval excludes zero"
+    return Verdict(claim, Count(int(seen.sum()), len(rows)), EVERY, "methods", where=CONTROL, otherwise=FAIL)
+
+
+def ratios(frame: pd.DataFrame) -> pd.Series:
+    """Spread of the energies without the Hessian over that with it, by method."""
+    spread, free = frame.set_index("method")["spread"], _free(frame).set_index("method")
+    return (free["spread"] / free[PARTNER].map(spread)).dropna()
+
+
+@of(CHAOTIC)
+def spreads(frame: pd.DataFrame) -> Verdict | None:
+    """Whether the energies of chaotic orbits spread more without the Hessian."""
+    found = ratios(frame)
+    if found.empty:
+        return None
+    return Verdict(
+        "Energies of chaotic orbits spread no further without the Hessian",
+        Range(found.min(), found.max()),
+        at_most(SAME),
+        "times the spread with it",
+        where=found.idxmax(),
+    )
+
+
+@of(REGULAR)
+def regular(frame: pd.DataFrame) -> Verdict | None:
+    """Whether the energy of a regular orbit stays."""
+    rows = _free(frame)
+    if rows.empty:
+        return None
+    moved = rows["change"] / rows["oscillation"]
+    worst = rows.loc[moved.idxmax()]
+    return Verdict(
+        "On regular orbits the Hessian-free energy does not drift",
+        float(moved.max()),
+        at_most(STILL),
+        "of its oscillation",
+        where=f"{worst['method']} on {worst['problem']}",
+    )
+
+
+@of(CHAOTIC)
+def answer(frame: pd.DataFrame) -> str | None:
+    """How many drift, and how far the energies spread."""
+    rows, found = _free(frame), ratios(frame)
+    if found.empty:
+        return None
+    drifting = int(((rows["low"] > 0) | (rows["high"] < 0)).sum())
+    text = f"{drifting} of {len(rows)} Hessian-free methods show a linear energy drift; on chaotic orbits energies"
+    return f"{text} spread up to {number(found.max(), 2)} times as far as with the Hessian ({found.idxmax()})."
+
+
+@of(CHAOTIC)
+def draw(frame: pd.DataFrame, folder) -> list[Picture]:
+    """The change of the energy with its interval, in units of the spread with the Hessian."""
+    rows = _free(frame)
+    spread = frame.set_index("method")["spread"]
+    with style.settings():
+        figure, ((axes,),) = style.panels(1, 1, 3.0)
+        for k, label in enumerate(("without the Hessian", PARTNER)):
+            at = rows if k == 0 else frame.set_index("method").loc[rows[PARTNER]].reset_index()
+            unit = rows[PARTNER].map(spread).to_numpy()
+            scale = at["change"].abs().to_numpy() / at["drift"].abs().to_numpy() / unit
+            middle = at["drift"].to_numpy() * scale
+            half = (at["high"] - at["low"]).to_numpy() / 2 * scale
+            place = [i + 0.15 * (2 * k - 1) for i in range(len(rows))]
+            axes.errorbar(middle, place, xerr=half, fmt="o", color=(style.ORANGE, style.BLUE)[k], label=label)
+        axes.axvline(0, color="0.7", linewidth=0.8)
+        axes.set_yticks(range(len(rows)), rows["method"])
+        axes.set_xscale("symlog", linthresh=1.0)
+        axes.set_xlabel("mean change of the energy over the run / spread with the Hessian")
+        style.legend_above(figure, axes, 2)
+    caption = f"Mean change of the energy of {ORBITS} chaotic orbits, with 95 % intervals."
+    return [Picture(style.save(figure, folder, "hessian_free.png"), "changes of the energy", caption)]
+
+
+@of(CHAOTIC)
+def table(frame: pd.DataFrame) -> Table:
+    """The chaotic runs of every method."""
+    columns = ["method", PARTNER, "drift", "low", "high", "spread", "oscillation"]
+    return Table(frame[columns].head(ROWS), "Chaotic orbits: drift with its interval, spread at the end, oscillation.")
+
+
+@of(REGULAR)
+def _full_table(frame: pd.DataFrame) -> pd.DataFrame:
+    return frame
+
+
+PAGE = Page(
+    id="hessian_free",
+    question="Does the energy of Hessian-free force gradients drift?",
+    tables=(CHAOTIC, REGULAR),
+    setting=(
+        "Such a kick takes a second force at q − (2 c h²/b) M⁻¹∇V: symmetric, volume-preserving, not symplectic.",
+        "Chaotic: H = |p|²/2 + x²y²/2 + (x⁴ + y⁴)/40 = 1, "
+        f"{ORBITS} random starts, h = {H:g}, {STEPS} steps; last tenth less first tenth.",
+        f"Regular: {', '.join(ORBIT_STEPS)}, {REGULAR_STEPS} steps; the slope of the energy without its oscillation.",
+        "Each is compared with a method of the same drifts and kicks that has the Hessian and is symplectic.",
+        "Of chaotic orbits the mean change is the drift; the standard deviation between orbits is the spread.",
+    ),
+    verdicts=(drifts, symplectic, control, spreads, regular),
+    answer=answer,
+    figures=draw,
+    table=table,
+    whole=_full_table,
+    limits=(
+        "The partner with the Hessian has the same structure, but for most methods slightly other numbers.",
+        f"Of seven 95 % intervals one may miss zero by chance: {LEAST:.0%} are asked for.",
+        f"Still is a change up to {STILL:g} of the oscillation; as far is up to {SAME:g} times the spread.",
+        "One system, one step size: a longer run or step may show a drift that these intervals hide.",
+    ),
+    command="pytest benchmarks/experiments/sampling",
+)

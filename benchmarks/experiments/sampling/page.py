@@ -1,0 +1,166 @@
+"""The page of Hamiltonian Monte Carlo: the expected acceptance at equal numbers of evaluations, stability limits."""
+
+from __future__ import annotations
+
+import pandas as pd
+
+from phasebench.benchmarks import style
+from phasebench.benchmarks.page.markdown import number
+from phasebench.benchmarks.page.page import ROWS, Page, Picture, Table, of
+from phasebench.benchmarks.page.verdict import EVERY, NONE, Count, Verdict
+
+from . import limits
+from .acceptance import BUDGETS, DRAWS, GRADIENTS, STAGES, TABLE, TIME, VERLET
+
+#: Budgets that both targets have.
+COMMON = sorted(set.intersection(*map(set, BUDGETS.values())))
+#: Smallest rejection that the figure shows.
+FLOOR = 1e-4
+
+
+def best(frame: pd.DataFrame, methods) -> pd.DataFrame:
+    """The rows of the method among ``methods`` that accepts most, one for each target and budget."""
+    rows = frame[frame["method"].isin(methods)]
+    return rows.loc[rows.groupby(["target", "budget"], sort=False)["acceptance"].idxmax()].set_index(
+        ["target", "budget"]
+    )
+
+
+def _stages(frame: pd.DataFrame, target: str) -> Verdict | None:
+    rows = frame[frame["target"] == target]
+    if rows.empty:
+        return None
+    several, verlet = best(rows, [m for m in STAGES if m != VERLET]), best(rows, [VERLET])
+    both = several.join(verlet.add_suffix(" of Verlet"), how="inner")
+    ahead = both["low"] > both["high of Verlet"]
+    behind = [budget for (_, budget), won in ahead.items() if not won]
+    return Verdict(
+        f"A splitting of several stages accepts more than Störmer–Verlet, {target} target",
+        Count(int(ahead.sum()), len(ahead)),
+        EVERY,
+        "numbers of evaluations",
+        where=f"{', '.join(map(str, behind))} evaluations" if behind else "",
+    )
+
+
+@of(TABLE)
+def gaussian(frame: pd.DataFrame) -> Verdict | None:
+    """Whether more stages pay on the Gaussian target."""
+    return _stages(frame, "Gaussian")
+
+
+@of(TABLE)
+def quartic(frame: pd.DataFrame) -> Verdict | None:
+    """Whether more stages pay on the target that is not Gaussian."""
+    return _stages(frame, "quartic")
+
+
+@of(TABLE)
+def gradients(frame: pd.DataFrame) -> Verdict | None:
+    """Whether a force gradient accepts more than every splitting."""
+    with_gradient, without = best(frame, GRADIENTS), best(frame, STAGES)
+    both = with_gradient.join(without.add_suffix(" without"), how="inner")
+    ahead = both["low"] > both["high without"]
+    first = both[ahead].index
+    return Verdict(
+        "A force gradient accepts more than every splitting at equal evaluations",
+        Count(int(ahead.sum()), len(ahead)),
+        NONE,
+        "targets and numbers of evaluations",
+        where=f"{first[0][0]}, {first[0][1]} evaluations" if len(first) else "",
+    )
+
+
+@of(limits.TABLE)
+def printed(frame: pd.DataFrame) -> Verdict | None:
+    """Whether the measured stability limits are the printed ones."""
+    known = frame[frame["printed"].fillna("").astype(str) != ""]
+    if known.empty:
+        return None
+    right = [limits.agrees(r["limit"], str(r["printed"])) for _, r in known.iterrows()]
+    wrong = known[[not x for x in right]]
+    return Verdict(
+        "Stability limits round to those that the authors print",
+        Count(sum(right), len(right)),
+        EVERY,
+        "limits",
+        where=f"{wrong['method'].iloc[0]}, printed {wrong['printed'].iloc[0]}" if len(wrong) else "",
+    )
+
+
+@of(TABLE)
+def answer(frame: pd.DataFrame) -> str | None:
+    """The best splitting of each target beside Stormer-Verlet, at a number of evaluations that both have."""
+    budget, parts = COMMON[-1], []
+    for target in BUDGETS:
+        rows = frame[(frame["target"] == target) & (frame["budget"] == budget)].set_index("method")
+        if VERLET not in rows.index:
+            return None
+        name = rows["acceptance"].idxmax()
+        mine, verlet = (number(100 * (1 - rows.loc[m, "acceptance"]), 2) for m in (name, VERLET))
+        parts.append(f"{name} rejects {mine} % of {target} proposals, Störmer–Verlet {verlet} %")
+    return f"At {budget} evaluations {'; '.join(parts)}."
+
+
+@of(TABLE)
+def draw(frame: pd.DataFrame, folder) -> list[Picture]:
+    """Rejections over the number of evaluations, a panel for each target."""
+    with style.settings():
+        figure, (panels,) = style.panels(1, len(BUDGETS), 3.4, sharey=True)
+        for axes, target in zip(panels, BUDGETS, strict=True):
+            rows = frame[frame["target"] == target]
+            for k, (method, part) in enumerate(rows.groupby("method", sort=False)):
+                line = ":" if method in GRADIENTS else "-" if k < len(style.CURVES) else "--"
+                look = style.curve(k % len(style.CURVES)) | {"linestyle": line}
+                rejected = (1 - part["acceptance"]).clip(lower=FLOOR)
+                axes.loglog(part["budget"], rejected, label=method, **look)
+            axes.set(title=f"{target} target", xlabel="evaluations in a run")
+            axes.grid(color="0.93", linewidth=0.5)
+            style.plain_ticks(axes.xaxis)
+        panels[0].set_ylabel("share rejected")
+        style.legend_above(figure, panels[0], 3)
+    caption = "Share of proposals that are rejected over the evaluations of a run. Dotted lines: force gradients."
+    return [Picture(style.save(figure, folder, "sampling.png"), "rejected proposals over the cost", caption)]
+
+
+@of(TABLE, limits.TABLE)
+def table(frame: pd.DataFrame, stable: pd.DataFrame) -> Table:
+    """The acceptance of every method at the numbers of evaluations that both targets have, and its stability limit."""
+    shown = frame[frame["budget"].isin(COMMON)].pivot_table(
+        index=["target", "method"], columns="budget", values="acceptance", sort=False
+    )
+    shown.columns = [f"accepted at {c}" for c in shown.columns]
+    limit = stable.set_index("method")[["evaluations per step", "limit", "limit per evaluation"]]
+    shown = shown.reset_index().join(limit, on="method")
+    return Table(shown.head(ROWS), "Accepted shares, and the stability limits of h ω whole and per evaluation.", 4)
+
+
+@of(TABLE)
+def _full_table(frame: pd.DataFrame) -> pd.DataFrame:
+    return frame
+
+
+PAGE = Page(
+    id="sampling",
+    question="Which explicit splitting accepts most in Hamiltonian Monte Carlo?",
+    tables=(TABLE, limits.TABLE),
+    setting=(
+        "H = |p|²/2 + Σ v(2 i qᵢ), i = 1 … 8, with v = x²/2 (Gaussian) or v = x²/2 + x⁴/4 (quartic).",
+        f"{DRAWS} independent draws (q, p) of the density exp(−H); a run over T = {TIME:g} from each.",
+        "Accepted is the mean of min(1, exp(−ΔH)): the expected acceptance in the stationary state, without a chain.",
+        "All methods have the same number of gradients in a run; a kick with a force gradient counts as two.",
+        "Stability limits are those of the step's matrix on the harmonic oscillator.",
+    ),
+    verdicts=(gaussian, quartic, gradients, printed),
+    answer=answer,
+    figures=draw,
+    table=table,
+    whole=_full_table,
+    limits=(
+        "More is said where the 95 % intervals do not overlap; methods share their draws, so that this is strict.",
+        "A run that fails or leaves the finite numbers counts as rejected.",
+        "Acceptance alone is no efficiency of sampling: how far a proposal moves is the same for all, as T is.",
+        "Eight frequencies in a ratio of one to eight; other spectra may rank the methods otherwise.",
+    ),
+    command="pytest benchmarks/experiments/sampling",
+)

@@ -1,0 +1,229 @@
+r"""Splittings with modified kicks for H = p . M^-1 p / 2 + V(q): drifts, kicks, and gradients of the force.
+
+.. math::
+    p \leftarrow p - b_k h\,\nabla V(q) + c_k h^3\,G(q),\qquad q \leftarrow q + a_k h\,M^{-1} p,\qquad
+    G = \nabla\bigl(\nabla V\cdot M^{-1}\nabla V\bigr) = 2 V'' M^{-1}\nabla V .
+
+The modified kick is the flow of :math:`b_k h V - c_k h^3\,\nabla V\cdot M^{-1}\nabla V`, a function of q alone, so that
+the step is symplectic.  The product :math:`V'' v` is derived from H as the gradient of :math:`v\cdot\nabla V`, as a
+whole: no matrix of second derivatives is formed.  Without the Hessian the kick is that of a second force,
+
+.. math::
+    p \leftarrow p - b_k h\,\nabla V\Bigl(q - \frac{2 c_k h^2}{b_k}\,M^{-1}\nabla V(q)\Bigr),
+
+equal to the above up to :math:`h^5`: symmetric and volume-preserving, not symplectic.  It serves loops that have no
+formula.
+
+The step is symmetric: its last kick is its first, and at one q with the first of the next step, with which it is
+merged; it is parted where a row is stored.  A modified kick counts as two evaluations of the gradient.
+
+Source: S. A. Chin, Phys. Lett. A 226 (1997) 344-348; I. P. Omelyan, I. M. Mryglod, R. Folk, Comput. Phys. Commun. 151
+(2003) 272-314; K. Schaefers, J. Finkenrath, M. Guenther, F. Knechtli, arXiv:2403.10370 (without the Hessian), after H.
+Yin, R. D. Mawhinney, PoS Lattice 2011, 051.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import types
+
+from phasebench.integrators.compile import codegen
+from phasebench.integrators.compile.lazy import sympy as sp
+from phasebench.integrators.stepping.kernel import Prepared, numbers
+from phasebench.integrators.stepping.loop import loop
+from phasebench.integrators.stepping.solve import SOLVED
+from phasebench.integrators.values import inplace
+from phasebench.integrators.values.vector import (
+    add_product_in_place,
+    apply,
+    axpy,
+    in_place,
+    inline,
+    overload_by_kind,
+    rows,
+    scale,
+    view_state,
+)
+
+#: Orbits may be integrated side by side.
+IN_LANES = True
+#: Up to this many degrees of freedom values are tuples, as in `splitting`.
+MOST = 10
+
+
+class ForceGradient(NamedTuple):
+    """Fractions a of the drifts, weights b of the kicks and c of the gradients, by rows: drift k, then kick k.
+
+    ``product`` is (q, v) -> V''(q) v; None where the kick is that of two forces.  ``dT`` is as in
+    `splitting.Splitting`.
+    """
+
+    dT: Callable | np.ndarray | None
+    dV: Callable
+    product: Callable | None
+    a: np.ndarray
+    b: np.ndarray
+    c: np.ndarray
+    h: float = 0.0
+    eps: float = 0.0
+
+
+class Moving(NamedTuple):
+    """The state; the slope of the kicks that meet at its q, p' = -h weight slope; room for a velocity and a point."""
+
+    q: Any
+    p: Any
+    lost_q: Any
+    lost_p: Any
+    slope: Any
+    weight: Any
+    velocity: Any
+    place: Any
+
+
+def _combined(b, g, c, k):
+    for i in range(len(g)):
+        g[i] = b * g[i] + c * k[i]
+    return g
+
+
+def _displaced(x, a, v, out):
+    for i in range(len(x)):
+        out[i] = x[i] + a * v[i]
+    return out
+
+
+@in_place(_displaced)
+def displaced(x, a, v, out):
+    """x + a v, written over ``out`` where these are arrays."""
+    return axpy(a, v, x)
+
+
+@in_place(_combined)
+def combined(b, g, c, k):
+    """b g + c k, written over g where these are arrays."""
+    return axpy(c, k, scale(b, g))
+
+
+def second_force(product, dV, b, c, q, slope, v, place):
+    """(b, grad V(q - 2 c / b v)): the modified kick without the Hessian, written over ``slope``."""
+    return b, apply(dV, displaced(q, -2.0 * c / b, v, place), slope)
+
+
+def modified_kick(product, dV, b, c, q, slope, v, place):
+    """(weight, slope) of a modified kick, p' = -h weight slope, from slope = grad V(q) and v = M^-1 slope."""
+    if product is None:
+        return second_force(product, dV, b, c, q, slope, v, place)
+    return 1.0 + 0.0 * b, combined(b, slope, -2.0 * c, product(q, v))
+
+
+def _of_values(product, dV, b, c, q, slope, v, place):
+    """Choose the implementation for values from the type of ``product``."""
+    if isinstance(product, (types.NoneType, types.Omitted)):
+        return second_force
+    return lambda product, dV, b, c, q, slope, v, place: (
+        1.0 + 0.0 * b,
+        combined(b, slope, -2.0 * c, product(q, v)),
+    )
+
+
+def _of_arrays(product, dV, b, c, q, slope, v, place):
+    """Choose the implementation for arrays from the type of ``product``."""
+
+    def written(product, dV, b, c, q, slope, v, place):
+        product(q, v, place)
+        return 1.0, combined(b, slope, -2.0 * c, place)
+
+    return second_force if isinstance(product, (types.NoneType, types.Omitted)) else written
+
+
+overload_by_kind(modified_kick, _of_values, _of_arrays)
+
+
+@inline
+def evaluate(method, q, b, c, y, counts):
+    """(weight, slope) of the kick with the weights b and c at q; arrays of y are overwritten."""
+    slope = apply(method.dV, q, y.slope)
+    counts.gradient += 1
+    if c == 0:
+        return b, slope
+    counts.gradient += 1
+    v = apply(method.dT, slope, y.velocity)
+    return modified_kick(method.product, method.dV, b, c * (method.h * method.h), q, slope, v, y.place)
+
+
+@inline
+def kicked(y, h):
+    """Kick the momenta: p - h y.weight y.slope, with the slope (grad V, or its modification) that the state carries."""
+    p, lost_p = add_product_in_place(y.p, y.lost_p, -h * y.weight, y.slope)
+    return Moving(y.q, p, y.lost_q, lost_p, y.slope, y.weight, y.velocity, y.place)
+
+
+def begin(method, carry, counts):
+    """Read the state and evaluate the kicks that meet at it; arrays are the carry's own rows, which steps overwrite."""
+    y = view_state(carry)
+    slope, velocity = rows(carry.state, 4, 5, carry.zero)
+    place, _ = rows(carry.state, 6, 6, carry.zero)
+    b, c = 2 * method.b[0], 2 * method.c[0]
+    y = Moving(y.q, y.p, y.lost_q, y.lost_p, slope, b, velocity, place)
+    if b != 0 or c != 0:
+        weight, slope = evaluate(method, y.q, b, c, y, counts)
+        y = Moving(y.q, y.p, y.lost_q, y.lost_p, slope, weight, velocity, place)
+    return y
+
+
+def start(method, y):
+    """Apply the first kick; that of the following steps is part of the last kick before them."""
+    return kicked(y, method.h / 2) if method.b[0] != 0 or method.c[0] != 0 else y
+
+
+def step(method, y, carry, counts):
+    """Drift and kick in turn; the last kick includes the next step's first, its equal."""
+    h, last = method.h, len(method.a) - 1
+    for k in range(1, last + 1):
+        velocity = apply(method.dT, y.p, y.velocity)
+        q, lost_q = add_product_in_place(y.q, y.lost_q, method.a[k] * h, velocity)  # exp(a_k h A), a drift
+        p, lost_p, slope, weight = y.p, y.lost_p, y.slope, y.weight
+        b, c = method.b[k], method.c[k]
+        if k == last:
+            b, c = 2 * b, 2 * c
+        if b != 0 or c != 0:
+            weight, slope = evaluate(method, q, b, c, y, counts)
+            p, lost_p = add_product_in_place(p, lost_p, -h * weight, slope)  # exp(b_k h B + c_k h^3 C), a modified kick
+        y = Moving(q, p, lost_q, lost_p, slope, weight, y.velocity, y.place)
+    return y, SOLVED
+
+
+def finish(method, y):
+    """Take back the next step's first kick, half of the last one."""
+    return kicked(y, -method.h / 2) if method.b[0] != 0 or method.c[0] != 0 else y
+
+
+run = loop(step, begin, start, finish)
+
+
+def hessian_product(system, arithmetic):
+    """Make (q, v) -> V''(q) v from the formula of H: the gradient of v . grad V(q) by q."""
+    T = codegen.value_type(system.d, system.fills)
+    v = sp.symbols(f"direction_0:{system.d}")
+
+    def results():
+        slope = sum(x * sp.diff(system.potential, q) for x, q in zip(v, system.q, strict=True))
+        return [[sp.diff(slope, q) for q in system.q]]
+
+    return system.make_function("hessian product", [("q", system.q), ("v", v)], results, T(T, T), arithmetic)
+
+
+def prepare(method, system, arithmetic, fills=True):
+    """Make the kernel of rows (a, b, c): a drift, then a kick; the first row has the first kick alone."""
+    weights, hessian_free = method.data
+    a, b, c = (numbers(column, arithmetic) for column in zip(*weights, strict=True))
+    masses = getattr(system, "inverse_masses", None) if fills else None
+    system = inplace.in_place_version(system, arithmetic, MOST) if fills else system
+    dT = numbers(masses, arithmetic) if masses else system.grad_T(arithmetic)
+    product = None if hessian_free else hessian_product(system, arithmetic)
+    step = ForceGradient(dT, system.grad_V(arithmetic), product, a, b, c)
+    return Prepared(run, step, 1, 3, implicit=False, arrays=system.fills)

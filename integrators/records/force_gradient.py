@@ -1,0 +1,41 @@
+"""Splittings with modified kicks, from the tables of `coefficients.force_gradient`."""
+
+from __future__ import annotations
+
+import mpmath
+
+from phasebench.integrators.coefficients import force_gradient
+from phasebench.integrators.record import BOUNDED, ROUND_OFF, Method
+
+
+def rows(steps) -> tuple[tuple, ...]:
+    """Rows (a, b, c) of substeps: a drift and the kick after it; the first row is the first kick, or zero."""
+    zero = mpmath.mpf(0)
+    out = [[zero, zero, zero]]
+    for letter, weight, c in steps:
+        if letter == "A":
+            out.append([weight, zero, zero])
+        else:
+            out[-1][1:] = weight, c
+    return tuple(map(tuple, out))
+
+
+def _record(table: force_gradient.ForceGradientTable) -> Method:
+    free = table.hessian_free
+    return Method(
+        id=table.name,
+        name=f"{table.source}: {'Hessian-free force gradient' if free else 'force gradient'}",
+        family="force_gradient",
+        order=table.classical_order,
+        symmetric=table.symmetric,
+        symplectic=not free,
+        energy=BOUNDED,
+        quadratic=BOUNDED if free else ROUND_OFF,
+        source=table.source,
+        cite=table.cite,
+        requires=("separable", "quadratic kinetic energy"),
+        data=(rows(force_gradient.steps(table.name)), free),
+    )
+
+
+METHODS: tuple[Method, ...] = tuple(map(_record, force_gradient.TABLES))

@@ -1,0 +1,217 @@
+"""Acceptance of Hamiltonian Monte Carlo, the energy of Hessian-free steps, and the verdicts of both pages."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from phasebench.benchmarks.experiments.sampling import (
+    acceptance,
+    bench_sampling,
+    hessian_free,
+    hessian_page,
+    limits,
+    page,
+)
+from phasebench.benchmarks.page.verdict import FAIL, FINDING, PASS, Count
+from phasebench.integrators.coefficients import sampling as tables
+from phasebench.integrators.coefficients.order_conditions import classical_order
+from phasebench.integrators.registry import BY_ID
+
+# -- the methods -------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("table", tables.TABLES, ids=lambda t: t.name)
+def test_splittings_for_sampling_have_order_2_with_the_numbers_as_printed(table):
+    steps = tables.steps(table.name)
+    assert classical_order("splitting", steps) == 2
+    letter, weight = steps[0]
+    assert classical_order("splitting", [(letter, weight + 1e-9), *steps[1:]], tolerance=1e-12) == 0, "the control"
+
+
+@pytest.mark.parametrize("id", acceptance.EVALUATIONS)
+def test_evaluations_per_step_are_those_of_the_method(id):
+    """By the counts of a run, in which the first kick of the first step comes on top."""
+    q, p = acceptance.draws("quartic", 1)
+    found = acceptance.integrate_ensemble(acceptance.system("quartic"), id, q, p, h=0.001, steps=100)
+    assert found.counts["gradient"] // 100 == acceptance.EVALUATIONS[id]
+
+
+def test_limits_are_rounded_to_the_printed_digits():
+    assert limits.agrees(5.3537, "5.35")
+    assert not limits.agrees(4.6618, "4.67")
+
+
+# -- acceptance --------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("target", acceptance.TARGETS)
+def test_draws_have_the_moments_of_the_target(target):
+    """Means of (w q)^2 and p^2 over draws, against one-dimensional quadrature, within four standard errors."""
+    q, p = acceptance.draws(target, 4000)
+    x = np.linspace(-8, 8, 4001)
+    density = np.exp(-(x**2 / 2 + (x**4 / 4 if target == "quartic" else 0)))
+    wanted = (x**2 * density).sum() / density.sum()
+    squares = (q * 2 * np.arange(1, acceptance.D + 1)) ** 2
+    assert abs(squares.mean() - wanted) < 4 * squares.std() / math.sqrt(squares.size)
+    assert abs((p**2).mean() - 1) < 4 * math.sqrt(2 / p.size)
+    assert (wanted < 0.6) == (target == "quartic"), "the control: a normal x has the mean 1"
+
+
+def test_acceptance_by_stormer_verlet_is_that_of_a_plain_run():
+    """Stormer-Verlet in NumPy from the same draws."""
+    budget, n = 48, 500
+    q, p = acceptance.draws("quartic", n)
+    omega, h = 2.0 * np.arange(1, acceptance.D + 1), acceptance.TIME / budget
+
+    def gradient(q):
+        return omega * (omega * q + (omega * q) ** 3)
+
+    def energy(q, p):
+        return (p**2 / 2 + (omega * q) ** 2 / 2 + (omega * q) ** 4 / 4).sum(axis=1)
+
+    x, v = q.copy(), p.copy()
+    with np.errstate(all="ignore"):
+        for _ in range(budget):
+            v = v - h / 2 * gradient(x)
+            x = x + h * v
+            v = v - h / 2 * gradient(x)
+        error = energy(x, v) - energy(q, p)
+        accepted = np.where(np.isfinite(error), np.exp(-np.clip(error, 0, 700)), 0.0)
+    found = acceptance.acceptance("quartic", acceptance.VERLET, budget, n)
+    assert found["acceptance"] == pytest.approx(accepted.mean(), abs=0.01)
+    assert found["low"] < found["acceptance"] < found["high"]
+    assert 0.3 < accepted.mean() < 0.9, "the control: it is no trivial share"
+
+
+def test_hessian_free_kicks_are_the_same_on_a_gaussian_target():
+    """There gradients are linear, and a second force is exact."""
+    both = [acceptance.acceptance("Gaussian", id, 48, 200)["acceptance"] for id in ("chin-4a", "hessian-free-badab")]
+    assert both[0] == pytest.approx(both[1], abs=1e-12)
+
+
+# -- the energy without the Hessian ------------------------------------------------------------------------------------
+
+
+def test_partners_have_the_structure_of_the_hessian_free_method():
+    """Drifts, kicks and gradients stand at the same places."""
+    for free, partner in hessian_free.WITH.items():
+        shapes = [[tuple(bool(x) for x in row) for row in BY_ID[id].data[0]] for id in (free, partner)]
+        assert shapes[0] == shapes[1], free
+
+
+def test_chaotic_rows_show_the_drift_of_a_runge_kutta_method():
+    rows = {m: hessian_free.chaotic(m, steps=20_000) for m in ("hessian-free-badab", "chin-4a", "rk4")}
+    for m in ("hessian-free-badab", "chin-4a"):
+        assert rows[m]["failed"] == 0
+        assert abs(rows[m]["change"]) < 1e-5
+    assert rows["rk4"]["high"] < 0
+    assert hessian_free.starts(hessian_free.quartic())[0].shape == (hessian_free.ORBITS, 2)
+
+
+def test_the_interval_of_a_mean():
+    """Student's, for 0, 1, 2: 1 +- 4.3027 / 3^(1/2)."""
+    mean, low, high = hessian_free.student(np.array([0.0, 1.0, 2.0]))
+    assert (mean, high - mean, mean - low) == pytest.approx((1.0, *[4.302652729911275 / math.sqrt(3)] * 2))
+
+
+# -- the pages ---------------------------------------------------------------------------------------------------------
+
+
+def accepted(**shares) -> pd.DataFrame:
+    """Rows of both targets and all budgets; ``shares`` are acceptances by method, others accept 0.5."""
+    rows = [
+        {"target": t, "method": m, "budget": b, "evaluations per step": n, "h": 0.1, "acceptance": a}
+        | {"low": a - 0.01, "high": a + 0.01, "failed": 0, "median energy error": 0.1}
+        for t, budgets in acceptance.BUDGETS.items()
+        for b in budgets
+        for m, n in acceptance.EVALUATIONS.items()
+        for a in [shares.get(m.replace("-", "_"), 0.5)]
+    ]
+    return pd.DataFrame(rows)
+
+
+def test_verdicts_on_the_acceptance():
+    better = {acceptance.TABLE: accepted(predescu_3=0.9)}.get
+    assert [v.outcome for v in page.PAGE.judge(better)] == [PASS, PASS, PASS]
+    equal = {acceptance.TABLE: accepted()}.get
+    assert page.gaussian(equal).measured == Count(0, len(acceptance.BUDGETS["Gaussian"]))
+    assert page.quartic(equal).outcome == FINDING
+    gradients = page.gradients({acceptance.TABLE: accepted(chin_4a=0.9)}.get)
+    assert gradients.outcome == FINDING
+    assert gradients.measured.n == gradients.measured.of
+    assert "predescu-3 rejects 10 %" in page.answer(better)
+
+
+def test_verdict_on_the_printed_limits():
+    rows = pd.DataFrame(
+        [{"method": "a", "limit": 4.672, "printed": "4.67"}, {"method": "b", "limit": 2.0, "printed": ""}]
+    )
+    assert page.printed({limits.TABLE: rows}.get).outcome == PASS
+    rows.loc[0, "limit"] = 4.6618
+    assert page.printed({limits.TABLE: rows}.get).outcome == FINDING
+    assert page.printed({limits.TABLE: rows.iloc[[1]]}.get) is None
+
+
+def energies(**changes) -> pd.DataFrame:
+    """Chaotic rows without a drift, of spread 1; ``changes`` are those of one method's columns."""
+    rows = pd.DataFrame(
+        [
+            {"method": m, "with the Hessian": hessian_free.WITH.get(m, ""), "drift": 0.1, "low": -1.0, "high": 1.0}
+            | {"change": 0.1, "spread": 1.0, "oscillation": 2.0, "failed": 0}
+            for m in hessian_free.METHODS
+        ]
+        + [{"method": hessian_free.CONTROL, "with the Hessian": "", "drift": -2.0, "low": -3.0, "high": -1.0}]
+    )
+    for m, columns in changes.items():
+        for name, x in columns.items():
+            rows.loc[rows["method"] == m.replace("_", "-"), name] = x
+    return rows
+
+
+def test_verdicts_on_the_energy_without_the_hessian():
+    def judge(verdict, rows):
+        return verdict({hessian_free.CHAOTIC: rows}.get)
+
+    four = (hessian_page.drifts, hessian_page.symplectic, hessian_page.control, hessian_page.spreads)
+    assert [judge(v, energies()).outcome for v in four] == [PASS] * 4
+    drifting = {"low": 0.5}
+    assert (
+        judge(hessian_page.drifts, energies(hessian_free_badab=drifting, hessian_free_adada=drifting)).outcome
+        == FINDING
+    )
+    assert judge(hessian_page.symplectic, energies(chin_4a=drifting, chin_4b=drifting)).outcome == FINDING
+    assert judge(hessian_page.control, energies(rk4={"high": 1.0})).outcome == FAIL
+    wide = judge(hessian_page.spreads, energies(hessian_free_badab={"spread": 9.0}))
+    assert (wide.outcome, wide.measured.high, wide.where) == (FINDING, 9.0, "hessian-free-badab")
+    assert hessian_page.answer({hessian_free.CHAOTIC: energies(hessian_free_badab=drifting)}.get).startswith("1 of 7")
+
+
+def test_verdict_on_regular_orbits():
+    row = {
+        "method": "hessian-free-badab",
+        "with the Hessian": "chin-4a",
+        "problem": "p",
+        "change": 1e-9,
+        "oscillation": 1.0,
+    }
+    rows = pd.DataFrame([row])
+    assert hessian_page.regular({hessian_free.REGULAR: rows}.get).outcome == PASS
+    assert hessian_page.regular({hessian_free.REGULAR: rows.assign(change=1e-3)}.get).outcome == FINDING
+
+
+def test_checks_of_the_rows():
+    assert bench_sampling.off(accepted().to_dict("records")) == []
+    assert len(bench_sampling.off(accepted(pefrl=1.5).to_dict("records"))) == 8
+
+
+def test_pages_draw_and_list_their_rows(tmp_path):
+    rows, stable = accepted(), pd.DataFrame([limits.measure_rows("chin-4a")[limits.TABLE][0]])
+    data = {acceptance.TABLE: rows, limits.TABLE: stable, hessian_free.CHAOTIC: energies()}.get
+    for made in (page.PAGE, hessian_page.PAGE):
+        (picture,) = made.figures(data, tmp_path)
+        assert (tmp_path / picture.file).exists()
+        assert 0 < len(made.table(data).frame) <= 25
