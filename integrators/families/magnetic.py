@@ -3,8 +3,8 @@ r"""Splittings for a charged particle: drifts, and pushes by the fields E and B 
 The particle's x and :math:`u = \gamma\dot x` (`systems.magnetic`) move in turns,
 
 .. math::
-    x \leftarrow x + a_k h\,u/\gamma,\qquad
-    u \leftarrow u + \tfrac{b_k h}2 E,\quad u \leftarrow R u,\quad u \leftarrow u + \tfrac{b_k h}2 E .
+    x \leftarrow x + \tfrac{b_k h}2 u/\gamma,\quad u \leftarrow u + \tfrac{b_k h}2 E,\quad u \leftarrow R u,\quad
+    u \leftarrow u + \tfrac{b_k h}2 E,\quad x \leftarrow x + \tfrac{b_k h}2 u/\gamma,\qquad k = 0, 1, \dots
 
 R turns u about B: with a vector t along B, whose length is the tangent of half the angle,
 
@@ -20,9 +20,9 @@ The rules differ in t, with :math:`\tau = \tfrac{b_k h}2 B` and u as R finds it:
 - exact: :math:`t = \tau\,\tan\theta/(\gamma\theta),\ \theta = |\tau|/\gamma(u)`, the flow of
   :math:`\dot u = \dot x\times B`.
 
-Each substep is a shear or turns u by an angle that the turning does not change, so that volume is kept.  The last drift
-of a step and the first of the next are one, parted where a row is stored.  There :math:`p = mu + A(x)`; u goes on as it
-was, with what rounding lost.
+Each substep is a shear or turns u by an angle that the turning does not change, so that volume is kept.  Drifts that
+follow one another are one, also the last of a step and the first of the next, parted where a row is stored.  There
+:math:`p = mu + A(x)`; u goes on as it was, with what rounding lost.
 
 Sources: J. P. Boris, Proc. Fourth Conf. Num. Sim. Plasmas (1970) 3-67; A. V. Higuera, J. R. Cary, Phys. Plasmas 24
 (2017) 052104; Y. He, Y. Sun, J. Liu, H. Qin, J. Comput. Phys. 281 (2015) 135-147.
@@ -31,7 +31,6 @@ Sources: J. P. Boris, Proc. Fourth Conf. Num. Sim. Plasmas (1970) 3-67; A. V. Hi
 from __future__ import annotations
 
 from collections.abc import Callable
-from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -66,7 +65,7 @@ TINY = 1e-300
 
 
 class Magnetic(NamedTuple):
-    """What a step needs: fractions of h of the drifts a and of the pushes b between them, and the rule of rotation.
+    """What a step needs: fractions b of h of the symmetric steps that are composed, and the rule of rotation.
 
     ``fields`` is x -> (E, B), ``shift`` x -> A / m; ``slowness`` is (1 / c^2,), None where nothing is relativistic.
     """
@@ -75,7 +74,6 @@ class Magnetic(NamedTuple):
     fields: Callable
     shift: Callable
     mass: np.ndarray
-    a: np.ndarray
     b: np.ndarray
     rule: int
     h: float = 0.0
@@ -200,25 +198,23 @@ def begin(method, carry, counts):
 
 def start(method, y):
     """Apply a step's first drift; in the steps after it that drift is part of the last drift of the step before."""
-    return apply_drift(method, y, method.a[0] * method.h)
+    return apply_drift(method, y, 0.5 * method.b[0] * method.h)
 
 
 def step(method, y, carry, counts):
     """Push and drift in turn; the last drift includes the next step's first. Returns (state, status)."""
-    h, last = method.h, len(method.b) - 1
-    for k in range(len(method.b)):
-        y = apply_push(method, y, method.b[k] * h)  # exp(b_k h (E and B))
-        drift = method.a[k + 1] * h
-        if k == last:
-            drift += method.a[0] * h
-        y = apply_drift(method, y, drift)  # exp(a_k h A)
+    h, b = method.h, method.b
+    for k in range(len(b)):
+        following = b[k + 1] if k + 1 < len(b) else b[0]
+        y = apply_push(method, y, b[k] * h)
+        y = apply_drift(method, y, 0.5 * (b[k] + following) * h)
     counts.gradient += len(method.b)
     return y, SOLVED
 
 
 def finish(method, y):
     """Undo the next step's first drift, and compute p from u."""
-    y = apply_drift(method, y, -(method.a[0] * method.h))
+    y = apply_drift(method, y, -0.5 * method.b[0] * method.h)
     p, lost_p = momentum(y.u, y.lost_u, method.shift(y.q), method.mass[0])
     return ParticleState(y.q, p, y.lost_q, lost_p, y.u, y.lost_u)
 
@@ -228,17 +224,14 @@ run = loop(step, begin, start, finish)
 
 def prepare(method, system, arithmetic):
     """Prepare the kernel of data (rule of rotation, fractions of h of the symmetric steps that are composed)."""
-    rule, pushes = method.data
-    halves = [g / 2 for g in pushes]
-    drifts = [halves[0], *(x + y for x, y in pairwise(halves)), halves[-1]]
+    rule, fractions = method.data
     mass, slowness = magnetic.constants(system)
     step = Magnetic(
         numbers([slowness], arithmetic) if slowness else None,
         magnetic.fields(system, arithmetic),
         magnetic.shift(system, arithmetic),
         numbers([mass], arithmetic),
-        numbers(drifts, arithmetic),
-        numbers(pushes, arithmetic),
+        numbers(fractions, arithmetic),
         RULES[rule],
     )
     return Prepared(run, step, 1, 2, implicit=False)

@@ -147,6 +147,8 @@ def test_volume_is_kept_where_declared_and_by_no_control():
     for wrong in (("c", True, 1.1e-22), ("c", False, 0.9e-22)):
         judged = judge(structure.volume, structure=defects(("a", True, 0.0), wrong))
         assert (judged.outcome, judged.measured, judged.where) == (FAIL, Count(1, 2), "c")
+    none = defects(("a", True, 0.0))
+    assert judge(structure.volume, structure=none[none["property"] != "volume"]).outcome == MISSING
 
 
 def test_defects_nearest_to_the_threshold_are_shown():
@@ -155,7 +157,8 @@ def test_defects_nearest_to_the_threshold_are_shown():
     )
     shown = structure.table({"structure": many}.get).frame
     first = shown[shown["property"] == "symplecticity"]
-    assert list(first["method"]) == [*(f"y{k}" for k in range(6)), *(f"n{k}" for k in range(8, 2, -1))]
+    assert list(first["method"]) == [*(f"y{k}" for k in range(4)), *(f"n{k}" for k in range(8, 4, -1))]
+    assert len(shown) == 24
     assert set(shown["declared"]) == {"yes", "no"}
 
 
