@@ -21,30 +21,41 @@ PARTNER = "with the Hessian"
 
 
 def _free(frame: pd.DataFrame) -> pd.DataFrame:
-    return frame[frame[PARTNER].fillna("") != ""]
+    return frame[frame[PARTNER].notna() & (frame[PARTNER].astype(str) != "")]
 
 
-def _zero(rows: pd.DataFrame, claim: str) -> Verdict | None:
-    if rows.empty:
-        return None
+def _zero(rows: pd.DataFrame) -> tuple[Count, str]:
+    """How many intervals hold zero, and the first method whose interval does not."""
     holds = (rows["low"] <= 0) & (rows["high"] >= 0)
     wrong = rows[~holds]
-    where = wrong["method"].iloc[0] if len(wrong) else ""
-    return Verdict(claim, Count(int(holds.sum()), len(rows)), at_least(LEAST), "methods", where=where)
+    return Count(int(holds.sum()), len(rows)), wrong["method"].iloc[0] if len(wrong) else ""
 
 
 @of(CHAOTIC)
-def drifts(frame: pd.DataFrame) -> Verdict | None:
+def drifts(frame: pd.DataFrame) -> Verdict:
     """Whether the mean energy of chaotic orbits drifts without the Hessian."""
-    return _zero(_free(frame), "On chaotic orbits the interval of a Hessian-free drift holds zero")
+    measured, where = _zero(_free(frame))
+    return Verdict(
+        "On chaotic orbits the interval of a Hessian-free drift holds zero",
+        measured,
+        at_least(LEAST),
+        "methods",
+        where=where,
+    )
 
 
 @of(CHAOTIC)
-def symplectic(frame: pd.DataFrame) -> Verdict | None:
+def symplectic(frame: pd.DataFrame) -> Verdict:
     """The same with the Hessian: symplectic steps."""
     rows = frame.drop(_free(frame).index)
-    claim = "On chaotic orbits the interval holds zero with the Hessian, too"
-    return _zero(rows[rows["method"] != CONTROL], claim)
+    measured, where = _zero(rows[rows["method"] != CONTROL])
+    return Verdict(
+        "On chaotic orbits the interval holds zero with the Hessian, too",
+        measured,
+        at_least(LEAST),
+        "methods",
+        where=where,
+    )
 
 
 @of(CHAOTIC)
@@ -54,8 +65,14 @@ def control(frame: pd.DataFrame) -> Verdict | None:
     if rows.empty:
         return None
     seen = (rows["low"] > 0) | (rows["high"] < 0)
-    claim = "The drift of a Runge–Kutta method is seen: its interval excludes zero"
-    return Verdict(claim, Count(int(seen.sum()), len(rows)), EVERY, "methods", where=CONTROL, otherwise=FAIL)
+    return Verdict(
+        "The drift of a Runge–Kutta method is seen: its interval excludes zero",
+        Count(int(seen.sum()), len(rows)),
+        EVERY,
+        "methods",
+        where=CONTROL,
+        otherwise=FAIL,
+    )
 
 
 def ratios(frame: pd.DataFrame) -> pd.Series:
