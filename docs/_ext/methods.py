@@ -217,6 +217,8 @@ def listed_coefficients(m: Method) -> str:
             return columns("c_k b_k", list(c), list(b))
     if m.family == "wisdom_holman":
         return columns("a_k b_k", *m.data[:2])
+    if m.family == "force_gradient":
+        return columns("a_k b_k c_k", *zip(*m.data[0], strict=True))
     return ""
 
 
