@@ -11,8 +11,8 @@ drift (position).
 Sources: M. Takahashi, M. Imada, J. Phys. Soc. Jpn. 53 (1984) 3765-3769; S. A. Chin, Phys. Lett. A 226 (1997) 344-348;
 S. A. Chin, C. R. Chen, J. Chem. Phys. 117 (2002) 1409-1415; I. P. Omelyan, I. M. Mryglod, R. Folk, Phys. Rev. E 66
 (2002) 026701 and Comput. Phys. Commun. 151 (2003) 272-314; J. Laskar, P. Robutel, Celest. Mech. Dyn. Astron. 80 (2001)
-39-62 (correctors); K. Schaefers et al., arXiv:2403.10370 (Hessian-free), whose numbers are those of the authors'
-program openQCD_force-gradient.
+39-62 (correctors); K. Schaefers et al., arXiv:2403.10370 (Hessian-free).  Omelyan's numbers are as the program MDevolve
+lists them with their equations, the Hessian-free ones as the authors' program openQCD_force-gradient does.
 """
 
 from __future__ import annotations

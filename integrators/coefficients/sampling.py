@@ -1,4 +1,4 @@
-"""Splittings of order 2 for sampling and molecular dynamics: more stages than Stormer-Verlet, smaller energy errors.
+"""Splittings of order 2 for sampling and molecular dynamics, with more stages than Stormer-Verlet.
 
 Their numbers are choices that minimise an error, not solutions of order conditions: they are used as printed, and each
 last one is what the others leave of the step.
@@ -8,8 +8,8 @@ expected energy error of Hamiltonian Monte Carlo on Gaussian targets; C. Predesc
 I. P. Omelyan, I. M. Mryglod, R. Folk, Comput. Phys. Commun. 151 (2003) 272-314 (minimum norm; the velocity version is
 ``mclachlan-s2``).
 
-The trace of ``blanes-casas-sanz-serna-3`` on the oscillator is meant to touch -2 at h omega = 2.976: of 14 digits it
-passes -2 by 1e-14, which no double shows.
+The trace of ``blanes-casas-sanz-serna-3`` on the oscillator touches -2 at h omega = 2.976; with the 14 printed digits it
+passes -2 there by 3.0e-27, which no double shows.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from __future__ import annotations
 import mpmath
 
 from .fractions import DIGITS
-from .polish import starting_values
+from .polish import starting
 from .table import Table
 
 _BCSS, _OMELYAN, _PREDESCU = ("blanes2014",), ("omelyan2003",), ("predescu2012",)
@@ -80,4 +80,4 @@ def steps(name: str) -> list[tuple[str, mpmath.mpf]]:
     """The sequence of pairs (letter, weight) of a table."""
     table = BY_NAME[name]
     with mpmath.workdps(DIGITS):
-        return table.steps(starting_values(table))
+        return table.steps(starting(table))

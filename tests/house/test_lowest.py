@@ -18,7 +18,7 @@ from phasebench.integrators import integrate
 from phasebench.integrators.registry import METHODS
 
 ROOT = Path(__file__).resolve().parents[2]
-PROBLEMS = [problem(name) for name in ("henon-heiles:box", "perturbed-kepler")]
+PROBLEMS = [problem(name) for name in ("henon-heiles:box", "perturbed-kepler", "magnetic-mirror")]
 #: The first method of each family.
 FIRST = {m.family: m for m in reversed(METHODS)}
 #: Bound on the error of any method over so short a span.
