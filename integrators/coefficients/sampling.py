@@ -8,8 +8,8 @@ expected energy error of Hamiltonian Monte Carlo on Gaussian targets; C. Predesc
 I. P. Omelyan, I. M. Mryglod, R. Folk, Comput. Phys. Commun. 151 (2003) 272-314 (minimum norm; the velocity version is
 ``mclachlan-s2``).
 
-The trace of ``blanes-casas-sanz-serna-3`` on the oscillator touches -2 at h omega = 2.976; with the 14 printed digits it
-passes -2 there by 3.0e-27, which no double shows.
+The trace of ``blanes-casas-sanz-serna-3`` on the oscillator touches -2 at h omega = 2.976; with its 14 digits it passes
+-2 there by 3e-27, which no double shows.
 """
 
 from __future__ import annotations
