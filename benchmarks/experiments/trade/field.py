@@ -30,7 +30,16 @@ LEFT_OUT = {
 #: Degrees of freedom up to which all of this project's methods compete; the families that compete above, together with
 #: Gauss methods and, if H is separable, parametric methods with one stage per substep.
 SMALL = 4
-PRACTICAL = ("splitting", "runge_kutta", "relaxation", "adaptive", "field", "wisdom_holman", "trigonometric")
+PRACTICAL = (
+    "splitting",
+    "force_gradient",
+    "runge_kutta",
+    "relaxation",
+    "adaptive",
+    "field",
+    "wisdom_holman",
+    "trigonometric",
+)
 #: Largest number of stage unknowns of a Gauss method above `SMALL`: a dense Newton step costs its cube.
 UNKNOWNS = 512
 #: Competitors that are measured first; their times are the ones that the others have to beat.
