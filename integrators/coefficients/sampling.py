@@ -17,7 +17,7 @@ from __future__ import annotations
 import mpmath
 
 from .fractions import DIGITS
-from .polish import starting
+from .polish import starting_values
 from .table import Table
 
 _BCSS, _OMELYAN, _PREDESCU = ("blanes2014",), ("omelyan2003",), ("predescu2012",)
@@ -80,4 +80,4 @@ def steps(name: str) -> list[tuple[str, mpmath.mpf]]:
     """The sequence of pairs (letter, weight) of a table."""
     table = BY_NAME[name]
     with mpmath.workdps(DIGITS):
-        return table.steps(starting(table))
+        return table.steps(starting_values(table))
