@@ -128,6 +128,7 @@ def answer(frame: pd.DataFrame) -> str | None:
 def draw(frame: pd.DataFrame, folder) -> list[Picture]:
     """The change of the energy with its interval, in units of the spread with the Hessian."""
     rows = _free(frame)
+    rows = rows[rows[PARTNER].isin(frame["method"])]
     spread = frame.set_index("method")["spread"]
     with style.settings():
         figure, ((axes,),) = style.panels(1, 1, 3.0)
