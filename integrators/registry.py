@@ -11,6 +11,7 @@ from .record import Method
 from .records import (
     adaptive,
     classical,
+    collected,
     collocation,
     compositions,
     energy,
@@ -37,6 +38,7 @@ _RECORDS: tuple[Method, ...] = (
     *force_gradient.METHODS,
     *sampling.METHODS,
     *compositions.METHODS,
+    *collected.METHODS,
     *processed.METHODS,
     *collocation.METHODS,
     *adaptive.METHODS,

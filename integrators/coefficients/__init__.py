@@ -16,17 +16,11 @@ import mpmath
 
 from phasebench.integrators.errors import unknown_name
 
-from . import collected, compositions, gauss, nystrom, splittings
+from . import compositions, gauss, nystrom, splittings
 from .fractions import DIGITS
 from .table import Table, value
 
-TABLES: tuple[Table, ...] = (
-    *compositions.TABLES,
-    *splittings.TABLES,
-    *gauss.TABLES,
-    *nystrom.TABLES,
-    *collected.TABLES,
-)
+TABLES: tuple[Table, ...] = (*compositions.TABLES, *splittings.TABLES, *gauss.TABLES, *nystrom.TABLES)
 BY_NAME = {t.name: t for t in TABLES}
 #: Numbers as they stand in damaged copies of a table, {name: {index: text}}.  Of the first table a copy has two digits
 #: exchanged in one number and three too many in another; of the second a digit is lost in several programs' tables.

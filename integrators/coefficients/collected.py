@@ -17,11 +17,12 @@ import mpmath
 
 from .fractions import DIGITS
 from .gauss import legendre
+from .polished_file import PolishedFile
 from .table import Table
 
 
-def _composition(name: str, order: int, source: str, cite: str, gamma: str) -> Table:
-    return Table(name, "composition", (order,), source, (cite,), gamma=tuple(gamma.split()))
+def _composition(name: str, order: int, source: str, cite: str, gamma: str, good: int | None = None) -> Table:
+    return Table(name, "composition", (order,), source, (cite,), gamma=tuple(gamma.split()), good=good)
 
 
 def _splitting(
@@ -180,6 +181,7 @@ TABLES: tuple[Table, ...] = (
         "-0.866485197373761372803661767454208401679117010 -0.00803583920385358749646880826318191806393661063 "
         "0.939801567135683337900037741418097674632505563 0.02690013604768968151437422144441685467297755661 "
         "-0.96376482882809517296569667203020781823356536486",
+        good=35,
     ),
     _splitting(
         "efrl",
@@ -331,6 +333,7 @@ TABLES: tuple[Table, ...] = (
         "0.0457031020401841003192648096559 -0.216814341025322492810152535338 0.163168264552484857133047358600 "
         "-0.0857080319814376219389850039430 0.0265745810650523466142922093591 "
         "-0.0365538332992893220147096150675 0.2905378474324980624246844089084",
+        good=25,
     ),
     _order_8(
         "BAB",
@@ -346,3 +349,7 @@ TABLES: tuple[Table, ...] = (
         "0.23727993283454019629529422156631",
     ),
 )
+FILE = PolishedFile("phasebench.integrators.coefficients.collected", TABLES)
+
+if __name__ == "__main__":
+    FILE.write()

@@ -19,25 +19,17 @@ collected in S. Blanes, F. Casas, A. Murua, Acta Numerica 33 (2024) 1-161, table
 from __future__ import annotations
 
 import hashlib
-import json
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
-from pathlib import Path
 
 import mpmath
 
-from phasebench.integrators.errors import unknown_name
-
 from .fractions import DIGITS, mirror
-from .order_conditions import excess, residuals
-from .polish import polish, starting_values
-from .table import Table, is_exact, value
+from .polished_file import PolishedFile
+from .table import Table
 
 #: Stands for the number that the others determine.
 IMPLIED = "*"
-COMMAND = "python -m phasebench.integrators.coefficients.processed"
 
 
 @dataclass(frozen=True)
@@ -116,13 +108,9 @@ def inverse(steps: Sequence) -> list:
     return [(x[0], -x[1]) if isinstance(x, tuple) else -x for x in reversed(steps)]
 
 
-def _composition(
-    name: str, order: int, source: str, cite: str, gamma: str, processor: str, repeat: tuple[int, ...] = ()
-) -> ProcessedTable:
+def _composition(name: str, order: int, source: str, cite: str, gamma: str, processor: str, **more) -> ProcessedTable:
     fractions, half = tuple(gamma.split()), tuple(processor.split())
-    return ProcessedTable(
-        name, "composition", (order,), source, (cite,), gamma=fractions, repeat=repeat, processor=half
-    )
+    return ProcessedTable(name, "composition", (order,), source, (cite,), gamma=fractions, processor=half, **more)
 
 
 def _near_integrable(name: str, order: tuple[int, ...], first: str, a: str, b: str, drifts: str, kicks: str):
@@ -214,6 +202,7 @@ TABLES: tuple[ProcessedTable, ...] = (
         "-0.1899795533199732 0.1548256472553489 -0.3594148033156072 0.3430345669677392 0.5334030283695922 "
         "0.009116042043427756",
         repeat=(5, 1, 1, 1, 1, 1, 1, 1),
+        good=8,
     ),
     _two_stages(),
     _near_integrable(
@@ -238,72 +227,20 @@ TABLES: tuple[ProcessedTable, ...] = (
         "0.3776113804258454",
     ),
 )
-BY_NAME = {t.name: t for t in TABLES}
-#: The polished numbers by name, each with the digest of its table.
-POLISHED = Path(__file__).with_name("processed.json")
-
-
-@cache
-def stored() -> dict[str, dict]:
-    """The contents of the file of polished numbers."""
-    return json.loads(POLISHED.read_text()) if POLISHED.exists() else {}
-
-
-def entry(table: ProcessedTable) -> dict:
-    """What the file of polished numbers holds of a table: numbers, residuals before and after, the largest change."""
-    before, after = starting_values(table), polish(table)
-    with mpmath.workdps(DIGITS):
-        texts = [x if is_exact(x) else mpmath.nstr(y, DIGITS) for x, y in zip(table.published, after, strict=True)]
-        errors = [residuals(table.kind, table.steps(x), max(table.order)) for x in (before, list(map(value, texts)))]
-        return {
-            "published": table.digest,
-            "numbers": texts,
-            "residual_before": mpmath.nstr(excess(errors[0], table.order), 3),
-            "residual_after": mpmath.nstr(excess(errors[1], table.order), 3),
-            "moved": mpmath.nstr(max(abs(x - y) for x, y in zip(before, after, strict=True)), 3),
-        }
-
-
-@cache
-def numbers(name: str) -> tuple[mpmath.mpf, ...]:
-    """The numbers of a table, polished to 60 digits; raises InvalidInput for an unknown name."""
-    if name not in BY_NAME:
-        raise unknown_name("table of coefficients", name, BY_NAME)
-    table, known = BY_NAME[name], stored().get(name, {})
-    if known.get("published") != table.digest:
-        warnings.warn(f"{name} is new or was edited and is polished now; to keep the numbers: {COMMAND}", stacklevel=2)
-        known = entry(table)
-    with mpmath.workdps(DIGITS):
-        return tuple(map(value, known["numbers"]))
+FILE = PolishedFile("phasebench.integrators.coefficients.processed", TABLES)
 
 
 def kernel(name: str) -> list:
     """The substeps of a table's kernel, polished: fractions, or pairs (letter, weight)."""
     with mpmath.workdps(DIGITS):
-        return BY_NAME[name].kernel(numbers(name))
+        return FILE.table(name).kernel(FILE.numbers(name))
 
 
 def pre(name: str) -> list:
     """The substeps of a table's processor, polished: fractions, or pairs (letter, weight)."""
     with mpmath.workdps(DIGITS):
-        return BY_NAME[name].pre(numbers(name))
-
-
-def steps(name: str) -> list:
-    """The processor, the kernel and the processor's inverse of a table, polished."""
-    with mpmath.workdps(DIGITS):
-        return BY_NAME[name].steps(numbers(name))
-
-
-def main() -> None:
-    """Write the file of polished numbers: tables that are new or were edited are polished."""
-    data = {}
-    for t in TABLES:
-        known = stored().get(t.name, {})
-        data[t.name] = known if known.get("published") == t.digest else entry(t)
-        print(f"{t.name}: {data[t.name]['residual_before']} -> {data[t.name]['residual_after']}", flush=True)
-    POLISHED.write_text(json.dumps(data, indent=1) + "\n")
+        return FILE.table(name).pre(FILE.numbers(name))
 
 
 if __name__ == "__main__":
-    main()
+    FILE.write()

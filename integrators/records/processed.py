@@ -16,24 +16,24 @@ from phasebench.integrators.record import BOUNDED, ROUND_OFF, Method
 
 def letters(steps: Iterable) -> list[tuple[str, mpmath.mpf]]:
     """Substeps as pairs (letter, weight): a fraction g is a kick of g/2, a drift of g and a kick of g/2."""
-    out = []
-    for x in steps:
-        out += [x] if isinstance(x, tuple) else [("B", x / 2), ("A", x), ("B", x / 2)]
-    return out
+    with mpmath.workdps(DIGITS):
+        parts = [[x] if isinstance(x, tuple) else [("B", x / 2), ("A", x), ("B", x / 2)] for x in steps]
+    return [x for part in parts for x in part]
 
 
 def rows(steps: Iterable[tuple[str, mpmath.mpf]]) -> tuple[tuple[mpmath.mpf, mpmath.mpf], ...]:
     """Rows (drift, kick) of pairs (letter, weight), neighbours of one letter merged; the first drift may be zero."""
     out = []
-    for letter, weight in steps:
-        if letter == "A" and out and out[-1][1] == 0:
-            out[-1][0] += weight
-        elif letter == "A":
-            out.append([weight, mpmath.mpf(0)])
-        elif out:
-            out[-1][1] += weight
-        else:
-            out.append([mpmath.mpf(0), weight])
+    with mpmath.workdps(DIGITS):
+        for letter, weight in steps:
+            if letter == "A" and out and out[-1][1] == 0:
+                out[-1][0] += weight
+            elif letter == "A":
+                out.append([weight, mpmath.mpf(0)])
+            elif out:
+                out[-1][1] += weight
+            else:
+                out.append([mpmath.mpf(0), weight])
     return tuple(map(tuple, out))
 
 
@@ -46,9 +46,7 @@ def weights(steps: Iterable[tuple[str, mpmath.mpf]]) -> tuple[tuple, tuple]:
 
 
 def _record(table: processed.ProcessedTable) -> Method:
-    with mpmath.workdps(DIGITS):
-        kernel, pre = letters(processed.kernel(table.name)), letters(processed.pre(table.name))
-        data = weights(kernel), rows(pre)
+    kernel, pre = letters(processed.kernel(table.name)), letters(processed.pre(table.name))
     generalised = f" of generalised order ({','.join(map(str, table.order))})" if len(table.order) > 1 else ""
     return Method(
         id=table.name,
@@ -62,8 +60,8 @@ def _record(table: processed.ProcessedTable) -> Method:
         source=table.source,
         cite=(*table.cite, "blanes-casas-murua2024"),
         requires=("separable",),
-        data=data,
+        data=(weights(kernel), rows(pre)),
     )
 
 
-METHODS: tuple[Method, ...] = tuple(map(_record, processed.TABLES))
+METHODS: tuple[Method, ...] = tuple(map(_record, processed.FILE.tables.values()))

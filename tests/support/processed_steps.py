@@ -63,8 +63,8 @@ def of(id: str) -> dict:
     """Distances from the plain runs and of spoiled plain runs, and their ends."""
     out = {"distance": [], "control": [], "ends": []}
     with precision(DIGITS):
-        table = processed.BY_NAME[id]
-        numbers = [value(x) for x in processed.stored()[id]["numbers"]]
+        table = processed.FILE.tables[id]
+        numbers = [value(x) for x in processed.FILE.stored[id]["numbers"]]
         pre, kernel = table.pre(numbers), table.kernel(numbers)
         post = [(x[0], -x[1]) if isinstance(x, tuple) else -x for x in pre[::-1]]
         last = pre[-1]
@@ -81,4 +81,4 @@ def of(id: str) -> dict:
 
 
 if __name__ == "__main__":
-    print(json.dumps({"result": {id: of(id) for id in processed.BY_NAME}}))
+    print(json.dumps({"result": {id: of(id) for id in processed.FILE.tables}}))

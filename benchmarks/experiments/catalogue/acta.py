@@ -14,7 +14,7 @@ import mpmath
 import pandas as pd
 
 from phasebench.integrators import coefficients
-from phasebench.integrators.coefficients import force_gradient, processed, sampling
+from phasebench.integrators.coefficients import collected, force_gradient, processed, sampling
 from phasebench.integrators.coefficients.fractions import DIGITS
 from phasebench.integrators.coefficients.order_conditions import TOLERANCE, residuals
 from phasebench.integrators.coefficients.polish import starting_values
@@ -27,6 +27,7 @@ NYSTROM, GRADIENT = "Nystrom splitting", "force gradient"
 PERTURBED = "splitting for A + eps B"
 #: Kind -> the number of the survey's table, of the rows that a program quotes.
 NUMBERED = {COMPOSITION: "8.1", PERTURBED: "8.5"}
+FILES = (collected.FILE, processed.FILE)
 NO_SOURCE = "no public source with its numbers was found"
 
 
@@ -198,7 +199,7 @@ LISTED: tuple[Listed, ...] = (
 @cache
 def find_table(id: str) -> Table:
     """The table of coefficients of a listed method."""
-    for tables in (coefficients.BY_NAME, processed.BY_NAME, force_gradient.BY_NAME, sampling.BY_NAME):
+    for tables in (coefficients.BY_NAME, *(f.tables for f in FILES), force_gradient.BY_NAME, sampling.BY_NAME):
         if id in tables:
             return tables[id]
     raise KeyError(id)
@@ -208,8 +209,9 @@ def numbers_of(table: Table) -> list[mpmath.mpf]:
     """The numbers that the method runs on, in the order of `Table.published`."""
     if table.name in coefficients.BY_NAME:
         return list(coefficients.polished_numbers(table.name))
-    if table.name in processed.BY_NAME:
-        return list(processed.numbers(table.name))
+    for file in FILES:
+        if table.name in file.tables:
+            return list(file.numbers(table.name))
     if table.name in force_gradient.BY_NAME:
         return list(map(value, force_gradient.stored()[table.name]["numbers"]))
     return starting_values(table)
