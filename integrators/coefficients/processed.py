@@ -130,10 +130,10 @@ def _near_integrable(name: str, order: tuple[int, ...], first: str, a: str, b: s
 
 
 def _two_stages() -> ProcessedTable:
-    """The kernel of two stages, in closed form."""
+    """The kernel of two stages, whose numbers have a closed form: fractions, which polishing keeps."""
     with mpmath.workdps(DIGITS):
         root = mpmath.sqrt(1 + 2 / mpmath.sqrt(3))
-        less, more = (mpmath.nstr((1 + sign * root) / 2, DIGITS) for sign in (-1, 1))
+        less, more = (f"{mpmath.nstr((1 + sign * root) / 2, DIGITS)}/1" for sign in (-1, 1))
     source = "Blanes, Casas & Ros 2000, processed, (6,4,3)"
     return ProcessedTable(
         "blanes-casas-ros-p2",

@@ -27,6 +27,8 @@ NYSTROM, GRADIENT = "Nystrom splitting", "force gradient"
 PERTURBED = "splitting for A + eps B"
 #: Kind -> the number of the survey's table, of the rows that a program quotes.
 NUMBERED = {COMPOSITION: "8.1", PERTURBED: "8.5"}
+#: Numbers of more decimals are of a closed form.
+CLOSED = 50
 FILES = (collected.FILE, processed.FILE)
 NO_SOURCE = "no public source with its numbers was found"
 
@@ -218,16 +220,16 @@ def numbers_of(table: Table) -> list[mpmath.mpf]:
 
 
 def digits(table: Table, numbers: list[mpmath.mpf]) -> tuple[int | None, int | None]:
-    """(decimals printed, decimals that hold) of the number of a table of which the fewest hold; None of exact ones.
+    """(decimals printed, decimals that hold) of the number of a table of which the most are wrong.
 
-    A number's decimals hold as far as it is within one unit of the polished one.
+    A number's decimals hold as far as it is within one unit of the polished one.  None of exact numbers and closed forms.
     """
     found = []
     with mpmath.workdps(DIGITS):
         for text, x, y in zip(table.published, starting_values(table), numbers, strict=True):
-            if is_exact(text):
-                continue
             printed, far = len(text.partition(".")[2]), abs(x - y)
+            if is_exact(text) or printed > CLOSED:
+                continue
             right = printed if far <= unit(text) else max(0, int(mpmath.floor(-mpmath.log10(far))))
             found.append((right - printed, printed, right))
     return min(found)[1:] if found else (None, None)
