@@ -116,6 +116,12 @@ def count_listed(acta: pd.DataFrame) -> str:
     )
 
 
+def _digits(row: pd.Series) -> str:
+    """How many of the printed decimals hold, as "14 of 15"; "" where none are rounded."""
+    printed, right = row["digits printed"], row["digits that hold"]
+    return "" if pd.isna(printed) else f"{right:.0f} of {printed:.0f}"
+
+
 @of("acta")
 def _missing_and_worst(acta: pd.DataFrame) -> Table:
     """The rows that are not here, the processed ones, then those of which the fewest digits hold."""
@@ -124,13 +130,14 @@ def _missing_and_worst(acta: pd.DataFrame) -> Table:
     rank[acta["processed"].astype(bool)] += 100.0
     rank[acta["id"].fillna("") == ""] += 1000.0
     shown = acta.loc[rank.sort_values(ascending=False, kind="stable").index].head(ROWS)
-    columns = ["table", "kind", "stages", "printed order", "work", "id", "order", "kernel order"]
-    columns += ["digits printed", "digits that hold", "why not"]
+    columns = ["table", "kind", "stages", "printed order", "work", "id", "order", "kernel order", "why not"]
+    texts = shown[columns].astype(object).where(shown[columns].notna(), "")
+    texts.insert(len(columns) - 1, "digits that hold", shown.apply(_digits, axis=1))
     caption = (
         "The rows that are not here, the processed methods, and those of which the fewest printed digits hold; `order` "
         "is by the order conditions, with the processor. data/acta.csv has every row."
     )
-    return Table(shown[columns].fillna(""), caption)
+    return Table(texts, caption)
 
 
 @of("acta")
@@ -156,7 +163,8 @@ PAGE = Page(
     limits=(
         "The survey's text was not at hand. `table` names its table where a public program transcribes the row; the other "
         "rows are methods of the works that it collects, and methods of its own may be missing.",
-        "Digits are those of the copy that was read, at times longer than the printed ones.",
+        "Digits are those of the copy that was read, at times more than were printed. Decimals are counted from the point: a "
+        "small number of as many significant digits as the others has its last ones beyond what holds.",
         "An order (p, q, …) is that of the terms in ε, ε², …; the printed one may leave out the last.",
     ),
     command="pytest benchmarks/experiments/catalogue",
