@@ -13,6 +13,9 @@ from phasebench.integrators.coefficients import processed
 from phasebench.integrators.coefficients.fractions import DIGITS
 from phasebench.integrators.record import BOUNDED, ROUND_OFF, Method
 
+#: Orders where T is quadratic, [B, [B, [B, A]]] = 0, of tables whose order is lower otherwise; to the digits printed.
+QUADRATIC = {"blanes-casas-ros-p2": 4, "blanes-casas-ros-p4": 6}
+
 
 def letters(steps: Iterable) -> list[tuple[str, mpmath.mpf]]:
     """Substeps as pairs (letter, weight): a fraction g is a kick of g/2, a drift of g and a kick of g/2."""
@@ -52,14 +55,14 @@ def _record(table: processed.ProcessedTable) -> Method:
         id=table.name,
         name=f"{table.source}: processed {'composition' if table.gamma else 'splitting'}{generalised}",
         family="processed",
-        order=table.classical_order,
+        order=QUADRATIC.get(table.name, table.classical_order),
         symmetric=False,
         symplectic=True,
         energy=BOUNDED,
         quadratic=ROUND_OFF,
         source=table.source,
         cite=(*table.cite, "blanes-casas-murua2024"),
-        requires=("separable",),
+        requires=("separable", *(("quadratic kinetic energy",) if table.name in QUADRATIC else ())),
         data=(weights(kernel), rows(pre)),
     )
 

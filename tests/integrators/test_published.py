@@ -34,8 +34,8 @@ PUBLISHED = {
         generating-function 3/1, mclachlan-atela-2 2/3, mclachlan-atela-3 3/5, ruth-3 3/5, mclachlan-atela-4
         4/4, mclachlan-atela-5 5/6, calvo-sanz-serna-4 4/5, wisdom-holman-corrector 2/1,
         blanes-p7-6 6/8, blanes-casas-murua-p11-6 6/12, blanes-casas-murua-p13-6 6/14,
-        blanes-casas-murua-p13-8 8/14, blanes-casas-murua-p23-10 10/24, blanes-casas-ros-p2 3/2,
-        blanes-casas-ros-p3 4/3, blanes-casas-ros-p4 4/5
+        blanes-casas-murua-p13-8 8/14, blanes-casas-murua-p23-10 10/24, blanes-casas-ros-p2 4/2,
+        blanes-casas-ros-p3 4/3, blanes-casas-ros-p4 6/5
     """,
     (True, True, BOUNDED, ROUND_OFF): """
         implicit-midpoint 2/1, stormer-verlet 2/2, stormer-verlet-dkd 2/2, scheme-iii 2/2,

@@ -15,8 +15,8 @@ from phasebench.integrators.coefficients.table import value
 from phasebench.integrators.compile.codegen import MULTIPRECISION, precision
 from phasebench.integrators.driver import integrate
 
-#: T is not quadratic.
-SYSTEM = Hamiltonian(q="q1 q2", p="p1 p2", H="p1**2 + p1*p2 + p2**4/4 + cos(q1)/3 + q1**2*q2**2/2 + q2**4/4")
+#: A mass matrix that is not diagonal.
+SYSTEM = Hamiltonian(q="q1 q2", p="p1 p2", H="p1**2 + p1*p2 + p2**2 + cos(q1)/3 + q1**2*q2**2/2 + q2**4/4")
 START = (0.5, -0.3), (0.25, 0.375)
 H, STEPS, DIGITS = 1 / 32, (1, 50), 40
 #: Change of the processor's first number in the control.
@@ -32,7 +32,7 @@ def kick(state, h):
 def drift(state, h):
     """exp(h A), by hand."""
     x, y, u, v = state
-    return x + h * (2 * u + v), y + h * (u + v**3), u, v
+    return x + h * (2 * u + v), y + h * (u + 2 * v), u, v
 
 
 def act(state, steps, h):
