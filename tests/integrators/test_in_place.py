@@ -23,6 +23,7 @@ FAMILY = {
     "symplectic-euler-q": splitting,
     "rk4": runge_kutta,
     "dop853": runge_kutta,
+    "blanes-p7-6": splitting,
     "chin-4a": force_gradient,
     "hessian-free-adada": force_gradient,
 }
@@ -54,7 +55,7 @@ def end(problem, id, kind):
 
 
 @pytest.mark.processor
-@pytest.mark.parametrize("id", ["mclachlan-atela-4", "rk4", "chin-4a", "hessian-free-adada"])
+@pytest.mark.parametrize("id", ["mclachlan-atela-4", "blanes-p7-6", "rk4", "chin-4a", "hessian-free-adada"])
 def test_arrays_and_tuples_agree_bit_by_bit(id, monkeypatch):
     monkeypatch.setattr(preparation, "ENABLED", False)
     problem = Start(FAMILY[id].MOST + 1)

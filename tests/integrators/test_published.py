@@ -33,7 +33,10 @@ PUBLISHED = {
     (False, True, BOUNDED, ROUND_OFF): """
         symplectic-euler-p 1/1, symplectic-euler-q 1/1, scheme-i 1/1, scheme-i-adjoint 1/1, scheme-ii 2/1,
         generating-function 3/1, mclachlan-atela-2 2/3, mclachlan-atela-3 3/5, ruth-3 3/5, mclachlan-atela-4
-        4/4, mclachlan-atela-5 5/6, calvo-sanz-serna-4 4/5, wisdom-holman-corrector 2/1
+        4/4, mclachlan-atela-5 5/6, calvo-sanz-serna-4 4/5, wisdom-holman-corrector 2/1,
+        blanes-p7-6 6/8, blanes-casas-murua-p11-6 6/12, blanes-casas-murua-p13-6 6/14,
+        blanes-casas-murua-p13-8 8/14, blanes-casas-murua-p23-10 10/24, blanes-casas-ros-p2 4/2,
+        blanes-casas-ros-p3 4/3, blanes-casas-ros-p4 6/5
     """,
     (True, True, BOUNDED, ROUND_OFF): """
         implicit-midpoint 2/1, stormer-verlet 2/2, stormer-verlet-dkd 2/2, scheme-iii 2/2,
@@ -66,7 +69,14 @@ PUBLISHED = {
         omelyan-4-5f1g-v 4/5, omelyan-4-5f1g-p 4/5, omelyan-6-4f3g-v 6/4, omelyan-6-5f5g-v 6/5,
         omelyan-6-5f4g-v 6/5, omelyan-6-5f5g-p 6/5, omelyan-6-5f3g-p 6/5, sabac-2 4/3, sabac-3 4/4,
         sabac-4 4/5, sbabc-2 4/2,
-        jayawardana-ohsawa-2 2, jayawardana-ohsawa-4 4
+        jayawardana-ohsawa-2 2, jayawardana-ohsawa-4 4,
+        kahan-li-6b 6/18, kahan-li-8b 8/34, kahan-li-10-31 10/62, kahan-li-10-33 10/66,
+        sofroniou-spaletta-6-11 6/22, sofroniou-spaletta-8-19 8/38, sofroniou-spaletta-10-31 10/62,
+        sofroniou-spaletta-10-33 10/66, tsitouras-10 10/66, efrl 4/8, vefrl 4/8, sbab-2 2/4, sbab-3 2/6,
+        sbab-4 2/8, mclachlan-aba-84 4/10, mclachlan-bab-84 4/10, aba-104 4/14, abah-844 4/12, abah-864 4/16,
+        abah-1064 4/18, babh-844 4/12, babh-864 4/16, blanes-casas-escorihuela-srkn18a 8/18,
+        blanes-casas-escorihuela-srkn19a 8/19, blanes-casas-escorihuela-srkn17b 8/18,
+        blanes-casas-escorihuela-srkn18b 8/19, blanes-casas-escorihuela-srkn19b 8/20
     """,
     (True, False, ROUND_OFF, ROUND_OFF): """
         scheme-iv 2/1, scheme-v 2/2, scheme-iv-v 2/3, scheme-v-iv 2/3, scheme-iv-yoshida-4 4/3,
@@ -132,6 +142,7 @@ def parts(m) -> int | None:
         "equip": lambda: m.data[0],
         "poisson": lambda: m.data[0],
         "variational": lambda: m.data[2],
+        "processed": lambda: sum(b != 0 for b in m.data[0][1]),
         "force_gradient": lambda: sum(any(row[1:]) for row in m.data[0][1:]),
     }
     by_family |= dict.fromkeys(("schemes_iv_v", "averaged", "discrete_gradient"), lambda: len(m.data))

@@ -7,16 +7,17 @@ import hashlib
 from phasebench.benchmarks.store import sources
 from phasebench.benchmarks.store.cells import Cell, Rows, content
 
-from . import coefficients, dependencies, mutation
+from . import acta, coefficients, dependencies, mutation
 
 TABLES = ("coefficients", "repairs", "loose_digits")
 
 INSTALLED = "dependencies"
 MUTANTS = "mutation"
+ACTA = "acta"
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """List the measurements (`Cell`): coefficients, dependencies and, if the suite's tests are there, their mutations.
+    """List the measurements (`Cell`): coefficients, the Acta's methods, dependencies and, where tests are, mutations.
 
     None if ``quick``.
     """
@@ -27,6 +28,7 @@ def cells(quick: bool = False) -> list[Cell]:
     wanted = (sources.ROOT / "pyproject.toml").read_text()
     made = [
         Cell("catalogue", TABLES, {}, measure_rows, (), content(*digests, code=[coefficients.__name__])),
+        Cell("catalogue", (ACTA,), {}, listed_rows, (), content(*digests, code=[acta.__name__])),
         Cell(
             "catalogue", (INSTALLED,), {}, dependency_rows, (), content(wanted, code=[dependencies.__name__]), own=True
         ),
@@ -41,6 +43,11 @@ def measure_rows() -> Rows:
     """Check the tables of coefficients: rows on orders, on repaired misprints, on digits beyond the correct ones."""
     frames = (coefficients.frame(), coefficients.repairs(), coefficients.loose())
     return {name: frame.to_dict("records") for name, frame in zip(TABLES, frames, strict=True)}
+
+
+def listed_rows() -> Rows:
+    """A row for each method that the Acta's survey collects: its id here, its order, its digits that hold."""
+    return {ACTA: acta.frame().to_dict("records")}
 
 
 def dependency_rows() -> Rows:

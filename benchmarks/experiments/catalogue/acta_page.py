@@ -1,0 +1,171 @@
+"""The page on the methods that the Acta's survey of splitting methods collects."""
+
+from __future__ import annotations
+
+import pandas as pd
+
+from phasebench.benchmarks.page.markdown import join_list
+from phasebench.benchmarks.page.page import ROWS, Page, Table, of
+from phasebench.benchmarks.page.verdict import EVERY, FAIL, Count, Verdict
+
+from .acta import NO_SOURCE
+
+
+def _has_numbers(acta: pd.DataFrame) -> pd.Series:
+    """True for each listed method whose coefficients are published where they could be read."""
+    return acta["why not"].fillna("") != NO_SOURCE
+
+
+def _here(acta: pd.DataFrame) -> pd.DataFrame:
+    """The rows of the listed methods that are here."""
+    return acta[acta["id"].fillna("") != ""]
+
+
+@of("acta")
+def coverage(acta: pd.DataFrame) -> Verdict:
+    """Whether every listed method whose coefficients are published is here."""
+    published = acta[_has_numbers(acta)]
+    missing = list(published[published["id"].fillna("") == ""]["work"])
+    return Verdict(
+        "Every listed method whose coefficients were found is here",
+        Count(len(published) - len(missing), len(published)),
+        EVERY,
+        "methods",
+        where=join_list(missing, 3) if missing else "",
+    )
+
+
+@of("acta")
+def sources(acta: pd.DataFrame) -> Verdict:
+    """Whether the coefficients of every listed method are published where they could be read."""
+    found = _has_numbers(acta)
+    return Verdict(
+        "The coefficients of every listed method were found",
+        Count(int(found.sum()), len(acta)),
+        EVERY,
+        "rows",
+        where=join_list(list(acta[~found]["work"]), 3) if not found.all() else "",
+    )
+
+
+def _agrees(row: pd.Series) -> bool:
+    """True if the computed order begins with the printed one, which may leave out the last powers of eps."""
+    printed, order = str(row["printed order"]).split(","), str(row["order"]).split(",")
+    return order[: len(printed)] == printed and (len(printed) > 1 or len(order) == 1)
+
+
+@of("acta")
+def orders(acta: pd.DataFrame) -> Verdict:
+    """Whether the order conditions give every method that is here its printed order."""
+    here = _here(acta)
+    good = here.apply(_agrees, axis=1)
+    return Verdict(
+        "The order conditions give every method its printed order, and no more",
+        Count(int(good.sum()), len(here)),
+        EVERY,
+        "methods",
+        where=join_list(list(here[~good]["id"]), 4) if not good.all() else "",
+        otherwise=FAIL,
+    )
+
+
+@of("acta")
+def printed_digits(acta: pd.DataFrame) -> Verdict | None:
+    """Whether all printed digits hold of every method with rounded numbers."""
+    rounded = _here(acta).dropna(subset=["digits printed"])
+    if rounded.empty:
+        return None
+    short = rounded[rounded["digits that hold"] < rounded["digits printed"]]
+    lost = short["digits printed"] - short["digits that hold"]
+    worst = short.loc[lost.idxmax()] if len(short) else None
+    return Verdict(
+        "Every printed digit holds",
+        Count(len(rounded) - len(short), len(rounded)),
+        EVERY,
+        "methods",
+        where=f"{worst['id']}: {worst['digits that hold']:.0f} of {worst['digits printed']:.0f}" if len(short) else "",
+    )
+
+
+@of("acta")
+def processors(acta: pd.DataFrame) -> Verdict | None:
+    """Whether a processor raises the order of every kernel."""
+    here = _here(acta)
+    made = here[here["processed"].astype(bool)]
+    if made.empty:
+        return None
+    same = made[made["kernel order"].astype(str) == made["order"].astype(str)]
+    return Verdict(
+        "Every processed kernel has a lower order without its processor",
+        Count(len(made) - len(same), len(made)),
+        EVERY,
+        "methods",
+        where=join_list(list(same["id"]), 4) if len(same) else "",
+        otherwise=FAIL,
+    )
+
+
+@of("acta")
+def count_listed(acta: pd.DataFrame) -> str:
+    """A sentence: how many listed methods are here, how many of them processed, and which kinds lack a source."""
+    here = _here(acta)
+    return (
+        f"{len(here)} splitting and composition methods that the Acta's survey collects are here, "
+        f"{int(here['processed'].astype(bool).sum())} of them processed; "
+        f"of {int((~_has_numbers(acta)).sum())} groups no numbers were found."
+    )
+
+
+def _digits(row: pd.Series) -> str:
+    """How many of the printed decimals hold, as "14 of 15"; "" where none are rounded."""
+    printed, right = row["digits printed"], row["digits that hold"]
+    return "" if pd.isna(printed) else f"{right:.0f} of {printed:.0f}"
+
+
+@of("acta")
+def _missing_and_worst(acta: pd.DataFrame) -> Table:
+    """The rows that are not here, the processed ones, then those of which the fewest digits hold."""
+    lost = acta["digits printed"].astype(float) - acta["digits that hold"].astype(float)
+    rank = lost.fillna(-1.0)
+    rank[acta["processed"].astype(bool)] += 100.0
+    rank[acta["id"].fillna("") == ""] += 1000.0
+    shown = acta.loc[rank.sort_values(ascending=False, kind="stable").index].head(ROWS)
+    columns = ["table", "kind", "stages", "printed order", "work", "id", "order", "kernel order", "why not"]
+    texts = shown[columns].astype(object).where(shown[columns].notna(), "")
+    texts.insert(len(columns) - 1, "digits that hold", shown.apply(_digits, axis=1))
+    caption = (
+        "The rows that are not here, the processed methods, and those of which the fewest printed digits hold; `order` "
+        "is by the order conditions, with the processor. data/acta.csv has every row."
+    )
+    return Table(texts, caption)
+
+
+@of("acta")
+def _all(acta: pd.DataFrame) -> pd.DataFrame:
+    return acta
+
+
+PAGE = Page(
+    id="acta",
+    question="Which of the splitting methods that the Acta collects are here, and do their digits hold?",
+    tables=("acta",),
+    setting=(
+        "The survey is Blanes, Casas and Murua, *Splitting methods for differential equations*, Acta Numerica 33 (2024).",
+        "Orders are computed from the coefficients, as on the page [coefficients](coefficients.md). A printed decimal holds "
+        "if the number is within one unit of it of the nearest solution of the order conditions.",
+        "A processed method is P Kⁿ P⁻¹ for n steps: a step costs the kernel K, and the processor P gives its order. P and "
+        "its inverse act where a state is stored.",
+    ),
+    verdicts=(coverage, sources, orders, printed_digits, processors),
+    answer=count_listed,
+    table=_missing_and_worst,
+    whole=_all,
+    limits=(
+        "The survey's text was not at hand. `table` names its table where a public program transcribes the row; the other "
+        "rows are methods of the works that it collects, and methods of its own may be missing.",
+        "Digits are those of the copy that was read, at times more than were printed. Decimals are counted from the point: a "
+        "small number of as many significant digits as the others has its last ones beyond what holds.",
+        "An order (p, q, …) is that of the terms in ε, ε², …; the printed one may leave out the last.",
+    ),
+    command="pytest benchmarks/experiments/catalogue",
+)

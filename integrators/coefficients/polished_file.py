@@ -1,0 +1,87 @@
+"""`PolishedFile`: the polished numbers of tables in a JSON file beside them, each with the digest of its table."""
+
+from __future__ import annotations
+
+import json
+import warnings
+from collections.abc import Sequence
+from functools import cached_property
+from pathlib import Path
+
+import mpmath
+
+from phasebench.integrators.errors import unknown_name
+
+from .fractions import DIGITS
+from .order_conditions import excess, residuals
+from .polish import polish, starting_values
+from .table import Table, is_exact, value
+
+
+class PolishedFile:
+    """The tables of a module and the file of their polished numbers, which the module's command writes.
+
+    Parameters
+    ----------
+    module : the module's full name; its file of numbers has that name's last part
+    tables : the module's tables
+    """
+
+    def __init__(self, module: str, tables: Sequence[Table]) -> None:
+        self.command = f"python -m {module}"
+        self.path = Path(__file__).with_name(f"{module.rpartition('.')[2]}.json")
+        self.tables = {t.name: t for t in tables}
+
+    @cached_property
+    def stored(self) -> dict[str, dict]:
+        """The contents of the file: name of a table -> its entry."""
+        return json.loads(self.path.read_text()) if self.path.exists() else {}
+
+    def table(self, name: str) -> Table:
+        """The table of that name; raises InvalidInput for an unknown one."""
+        if name not in self.tables:
+            raise unknown_name("table of coefficients", name, self.tables)
+        return self.tables[name]
+
+    def numbers(self, name: str) -> tuple[mpmath.mpf, ...]:
+        """The numbers of a table to 60 digits, in the order of `Table.published`.
+
+        A table that is not in the file is polished, with a warning; raises InvalidInput for an unknown name.
+        """
+        table, known = self.table(name), self.stored.get(name, {})
+        if known.get("published") != table.digest:
+            message = f"{name} is new or was edited and is polished now; to keep the numbers: {self.command}"
+            warnings.warn(message, stacklevel=2)
+            known = self.stored[name] = entry(table)
+        with mpmath.workdps(DIGITS):
+            return tuple(map(value, known["numbers"]))
+
+    def steps(self, name: str) -> list:
+        """All substeps of a table, polished: fractions, or pairs (letter, weight)."""
+        with mpmath.workdps(DIGITS):
+            return self.table(name).steps(self.numbers(name))
+
+    def write(self) -> None:
+        """Write the file: polish the tables that are new or were edited, keep the other entries, print the changes."""
+        data = {}
+        for name, table in self.tables.items():
+            data[name] = self.stored.get(name, {})
+            if data[name].get("published") != table.digest:
+                data[name] = entry(table)
+                print(f"{name}: {data[name]['residual_before']} -> {data[name]['residual_after']}", flush=True)
+        self.path.write_text(json.dumps(data, indent=1) + "\n")
+
+
+def entry(table: Table) -> dict:
+    """The entry of a table: polished numbers, residuals before and after, the largest change of a number."""
+    before, after = starting_values(table), polish(table)
+    with mpmath.workdps(DIGITS):
+        texts = [x if is_exact(x) else mpmath.nstr(y, DIGITS) for x, y in zip(table.published, after, strict=True)]
+        errors = [residuals(table.kind, table.steps(x), max(table.order)) for x in (before, list(map(value, texts)))]
+        return {
+            "published": table.digest,
+            "numbers": texts,
+            "residual_before": mpmath.nstr(excess(errors[0], table.order), 3),
+            "residual_after": mpmath.nstr(excess(errors[1], table.order), 3),
+            "moved": mpmath.nstr(max(abs(x - y) for x, y in zip(before, after, strict=True)), 3),
+        }

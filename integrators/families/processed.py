@@ -1,0 +1,137 @@
+r"""Processed splittings :math:`P K^n P^{-1}` for a separable H = T(p) + V(q): steps cost their kernel K alone.
+
+The kernel is a `splitting`.  ``start`` applies the processor P, drifts and kicks in turn, to the state of a row, and
+``finish`` takes it back where a row is stored: with a row after every step both are paid in every step.
+
+P and its inverse evaluate the gradient in functions that have no counts: ``start`` leaves the number for both in the
+state, and the first step after it adds that to the counts.
+
+Reference: J. C. Butcher, Lecture Notes in Math. 109 (1969) 133-139 (effective order); S. Blanes, F. Casas, A. Murua,
+SIAM J. Sci. Comput. 27 (2006) 1817-1843.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from phasebench.integrators.stepping.kernel import Carry, Prepared, numbers
+from phasebench.integrators.stepping.loop import loop
+from phasebench.integrators.stepping.solve import SOLVED
+from phasebench.integrators.values.vector import add_product_in_place, apply, inline, rows, view_state
+
+from . import splitting
+from .splitting import GRADIENT, VELOCITY
+
+if TYPE_CHECKING:
+    from phasebench.integrators.record import Method
+    from phasebench.integrators.systems.hamiltonian import Hamiltonian
+
+#: Orbits may be integrated side by side.
+IN_LANES = True
+
+
+class Processed(NamedTuple):
+    """Fractions of h: of the kernel a and b as in `splitting.Splitting`, of the processor's drifts and kicks in turn.
+
+    ``dT`` is as in `splitting.Splitting`.
+    """
+
+    dT: Callable | np.ndarray | None
+    dV: Callable
+    a: np.ndarray
+    b: np.ndarray
+    drifts: np.ndarray
+    kicks: np.ndarray
+    h: float = 0.0
+    eps: float = 0.0
+
+
+class ProcessedState(NamedTuple):
+    """The state (q, p), room for a gradient of V and a velocity, and evaluations that are not yet counted."""
+
+    q: Any
+    p: Any
+    lost_q: Any
+    lost_p: Any
+    gradient: Any
+    velocity: Any
+    evaluations: int
+
+
+@inline
+def drift(method: Processed, y: ProcessedState, h) -> ProcessedState:
+    """The state after a drift over the time h, exp(h A): q + h grad T(p)."""
+    velocity = apply(method.dT, y.p, y.velocity)
+    q, lost_q = add_product_in_place(y.q, y.lost_q, h, velocity)
+    return ProcessedState(q, y.p, lost_q, y.lost_p, y.gradient, velocity, y.evaluations)
+
+
+@inline
+def kick(method: Processed, y: ProcessedState, h) -> ProcessedState:
+    """The state after a kick over the time h, exp(h B): p - h grad V(q)."""
+    gradient = apply(method.dV, y.q, y.gradient)
+    p, lost_p = add_product_in_place(y.p, y.lost_p, -h, gradient)
+    return ProcessedState(y.q, p, y.lost_q, lost_p, gradient, y.velocity, y.evaluations + 1)
+
+
+def begin(method: Processed, carry: Carry, counts: np.record) -> ProcessedState:
+    """Read the state where the last call left it; steps overwrite arrays in the carry's rows."""
+    y = view_state(carry)
+    gradient, velocity = rows(carry.state, GRADIENT, VELOCITY, carry.zero)
+    return ProcessedState(y.q, y.p, y.lost_q, y.lost_p, gradient, velocity, 0)
+
+
+def start(method: Processed, y: ProcessedState) -> ProcessedState:
+    """Apply the processor, and the first kick of the first step; count the evaluations of `finish` as well."""
+    for k in range(len(method.kicks)):
+        if method.drifts[k] != 0:
+            y = drift(method, y, method.drifts[k] * method.h)
+        if method.kicks[k] != 0:
+            y = kick(method, y, method.kicks[k] * method.h)
+    inverse = y.evaluations  # it kicks as often
+    if method.b[0] != 0:
+        y = kick(method, y, method.b[0] * method.h)
+        inverse += 1
+    return ProcessedState(y.q, y.p, y.lost_q, y.lost_p, y.gradient, y.velocity, y.evaluations + inverse)
+
+
+def step(method: Processed, y: ProcessedState, carry: Carry, counts: np.record) -> tuple[ProcessedState, int]:
+    """Drift and kick in turn; the last kick includes the next step's first. Returns (state, status)."""
+    last = len(method.a) - 1
+    for k in range(1, last + 1):
+        y = drift(method, y, method.a[k] * method.h)
+        fraction = method.b[k]
+        if k == last:
+            fraction += method.b[0]
+        if fraction != 0:
+            y = kick(method, y, fraction * method.h)
+    counts.gradient += y.evaluations
+    return ProcessedState(y.q, y.p, y.lost_q, y.lost_p, y.gradient, y.velocity, 0), SOLVED
+
+
+def finish(method: Processed, y: ProcessedState) -> ProcessedState:
+    """Undo the next step's first kick and the processor, before a row is stored; `start` has counted this."""
+    if method.b[0] != 0:
+        y = kick(method, y, -method.b[0] * method.h)
+    for k in range(len(method.kicks) - 1, -1, -1):
+        if method.kicks[k] != 0:
+            y = kick(method, y, -method.kicks[k] * method.h)
+        if method.drifts[k] != 0:
+            y = drift(method, y, -method.drifts[k] * method.h)
+    return ProcessedState(y.q, y.p, y.lost_q, y.lost_p, y.gradient, y.velocity, 0)
+
+
+run = loop(step, begin, start, finish)
+
+
+def prepare(method: Method, system: Hamiltonian, arithmetic: str, fills: bool = True) -> Prepared:
+    """Prepare the kernel of data ((a, b) of a splitting, rows (drift, kick) of the processor)."""
+    weights, processor = method.data
+    made = splitting.prepare(replace(method, data=weights), system, arithmetic, fills)
+    drifts, kicks = (numbers(column, arithmetic) for column in zip(*processor, strict=True))
+    dT, dV, a, b, *_ = made.step
+    return replace(made, run=run, step=Processed(dT, dV, a, b, drifts, kicks))

@@ -1,0 +1,70 @@
+"""Processed splittings, from the tables of `coefficients.processed`.
+
+Compositions are of Stormer-Verlet's method, kick-drift-kick.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import mpmath
+
+from phasebench.integrators.coefficients import processed
+from phasebench.integrators.coefficients.fractions import DIGITS
+from phasebench.integrators.record import BOUNDED, ROUND_OFF, Method
+
+#: Orders where T is quadratic, [B, [B, [B, A]]] = 0, of tables whose order is lower otherwise; to the digits printed.
+QUADRATIC = {"blanes-casas-ros-p2": 4, "blanes-casas-ros-p4": 6}
+
+
+def letters(steps: Iterable) -> list[tuple[str, mpmath.mpf]]:
+    """Substeps as pairs (letter, weight): a fraction g is a kick of g/2, a drift of g and a kick of g/2."""
+    with mpmath.workdps(DIGITS):
+        parts = [[x] if isinstance(x, tuple) else [("B", x / 2), ("A", x), ("B", x / 2)] for x in steps]
+    return [x for part in parts for x in part]
+
+
+def rows(steps: Iterable[tuple[str, mpmath.mpf]]) -> tuple[tuple[mpmath.mpf, mpmath.mpf], ...]:
+    """Rows (drift, kick) of pairs (letter, weight), neighbours of one letter merged; the first drift may be zero."""
+    out = []
+    with mpmath.workdps(DIGITS):
+        for letter, weight in steps:
+            if letter == "A" and out and out[-1][1] == 0:
+                out[-1][0] += weight
+            elif letter == "A":
+                out.append([weight, mpmath.mpf(0)])
+            elif out:
+                out[-1][1] += weight
+            else:
+                out.append([mpmath.mpf(0), weight])
+    return tuple(map(tuple, out))
+
+
+def weights(steps: Iterable[tuple[str, mpmath.mpf]]) -> tuple[tuple, tuple]:
+    """Weights (a, b) of drifts and kicks, kick b_k before drift a_k, as `splittings.weights` has them."""
+    drifts, kicks = zip(*rows(steps), strict=True)
+    if drifts[0] == 0:
+        return drifts[1:], kicks
+    return drifts, (mpmath.mpf(0), *kicks)
+
+
+def _record(table: processed.ProcessedTable) -> Method:
+    kernel, pre = letters(processed.kernel(table.name)), letters(processed.pre(table.name))
+    generalised = f" of generalised order ({','.join(map(str, table.order))})" if len(table.order) > 1 else ""
+    return Method(
+        id=table.name,
+        name=f"{table.source}: processed {'composition' if table.gamma else 'splitting'}{generalised}",
+        family="processed",
+        order=QUADRATIC.get(table.name, table.classical_order),
+        symmetric=False,
+        symplectic=True,
+        energy=BOUNDED,
+        quadratic=ROUND_OFF,
+        source=table.source,
+        cite=(*table.cite, "blanes-casas-murua2024"),
+        requires=("separable", *(("quadratic kinetic energy",) if table.name in QUADRATIC else ())),
+        data=(weights(kernel), rows(pre)),
+    )
+
+
+METHODS: tuple[Method, ...] = tuple(map(_record, processed.FILE.tables.values()))

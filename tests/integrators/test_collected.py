@@ -1,0 +1,101 @@
+"""Tables collected in the Acta's survey: orders from the coefficients, digits, records made from them, their file."""
+
+from __future__ import annotations
+
+import json
+
+import mpmath
+import pytest
+
+from phasebench.integrators.coefficients import BY_NAME, collected, polished_file
+from phasebench.integrators.coefficients.collected import FILE, TABLES
+from phasebench.integrators.coefficients.fractions import DIGITS
+from phasebench.integrators.coefficients.order_conditions import (
+    TOLERANCE,
+    VISIBLE,
+    excess,
+    leading_norms,
+    residuals,
+)
+from phasebench.integrators.coefficients.polish import starting_values
+from phasebench.integrators.coefficients.table import Table, is_exact, unit, value
+from phasebench.integrators.errors import InvalidInput
+from phasebench.integrators.records import collected as records
+from phasebench.integrators.records import compositions, splittings
+from phasebench.integrators.registry import method
+
+each = pytest.mark.parametrize("table", TABLES, ids=lambda t: t.name)
+ERROR = mpmath.mpf("1e-12")
+#: Leapfrog with a wrong digit in its kick.
+MADE_UP = Table("made-up", "splitting", (2,), "made up", (), a=("1",), b=("0.50000001",))
+
+
+@pytest.fixture(autouse=True)
+def full_precision():
+    with mpmath.workdps(DIGITS):
+        yield
+
+
+@each
+def test_the_order_is_the_declared_one(table):
+    """All residuals up to the order vanish; for each power of epsilon one of the next degree does not."""
+    found = residuals(table.kind, FILE.steps(table.name), max(table.order) + 1)
+    assert excess(found, table.order) < TOLERANCE
+    assert min(leading_norms(found, table.order)) > VISIBLE
+
+
+@each
+def test_control_a_number_off_by_1e_12_is_seen(table):
+    for k in range(len(table.published)):
+        moved = list(FILE.numbers(table.name))
+        moved[k] += ERROR
+        assert excess(residuals(table.kind, table.steps(moved), 3), (min(3, *table.order),)) > TOLERANCE
+
+
+@each
+def test_polished_numbers_agree_with_the_published_digits(table):
+    stored = FILE.stored[table.name]
+    assert stored["published"] == table.digest, FILE.command
+    numbers = list(map(value, stored["numbers"]))
+    moved = max(abs(x - y) for x, y in zip(starting_values(table), numbers, strict=True))
+    assert moved <= table.accuracy
+    assert all(not is_exact(text) or x == value(text) for text, x in zip(table.published, numbers, strict=True))
+    if table.good is not None:
+        assert moved > 10 * max(unit(x) for x in table.published if not is_exact(x)), "all its digits hold"
+        assert moved > table.accuracy / 10, "more of its decimals hold than it says"
+
+
+def test_names_and_methods_are_new():
+    assert not set(FILE.tables) & set(BY_NAME)
+    data = [(m.family, m.data) for m in (*splittings.METHODS, *compositions.METHODS, *records.METHODS)]
+    assert len(set(data)) == len(data)
+
+
+@pytest.mark.parametrize("n", [1, 2, 3, 5])
+def test_lobatto_rules_are_exact_up_to_degree_2n_1(n):
+    nodes, weights = collected.lobatto(n)
+    for degree in range(2 * n):
+        assert abs(mpmath.fdot(weights, [x**degree for x in nodes]) - mpmath.mpf(1) / (degree + 1)) < 1e-55
+    assert abs(mpmath.fdot(weights, [x ** (2 * n) for x in nodes]) - mpmath.mpf(1) / (2 * n + 1)) > 1e-9
+
+
+def test_the_8_4_splittings_are_those_of_mclachlan():
+    """McLachlan 1995, BIT, the digits of the first number."""
+    assert mpmath.nstr(FILE.numbers("mclachlan-aba-84")[0], 15) == "0.0753469602698929"
+    assert method("mclachlan-aba-84").order == 4
+
+
+def test_the_file_polishes_what_is_new_and_keeps_the_rest(tmp_path, monkeypatch, capsys):
+    file = polished_file.PolishedFile("phasebench.integrators.coefficients.collected", [MADE_UP, TABLES[0]])
+    monkeypatch.setattr(file, "path", tmp_path / "numbers.json")
+    monkeypatch.setattr(file, "stored", {TABLES[0].name: FILE.stored[TABLES[0].name], "gone": {}})
+    file.write()
+    written = json.loads(file.path.read_text())
+    assert list(written) == ["made-up", TABLES[0].name]
+    assert value(written["made-up"]["numbers"][1]) == mpmath.mpf("0.5")
+    assert written[TABLES[0].name] == FILE.stored[TABLES[0].name]
+    assert capsys.readouterr().out.startswith("made-up: 2.0e-8 -> ")
+    with pytest.warns(UserWarning, match=r"made-up is new.*python -m phasebench\.integrators\.coefficients\.collected"):
+        assert file.steps("made-up")[0] == ("B", mpmath.mpf("0.5"))
+    with pytest.raises(InvalidInput, match="did you mean made-up"):
+        file.numbers("made-op")

@@ -1,0 +1,84 @@
+"""Runs of processed methods beside a plain implementation in 40 digits: ``python processed_steps.py`` prints JSON.
+
+Run with NUMBA_DISABLE_JIT=1, as multiprecision needs.
+"""
+
+from __future__ import annotations
+
+import json
+
+import mpmath
+
+from phasebench.integrators import Hamiltonian
+from phasebench.integrators.coefficients import processed
+from phasebench.integrators.coefficients.table import value
+from phasebench.integrators.compile.codegen import MULTIPRECISION, precision
+from phasebench.integrators.driver import integrate
+
+#: A mass matrix that is not diagonal.
+SYSTEM = Hamiltonian(q="q1 q2", p="p1 p2", H="p1**2 + p1*p2 + p2**2 + cos(q1)/3 + q1**2*q2**2/2 + q2**4/4")
+START = (0.5, -0.3), (0.25, 0.375)
+H, STEPS, DIGITS = 1 / 32, (1, 50), 40
+#: Change of the processor's first number in the control.
+SPOILED = mpmath.mpf("1e-18")
+
+
+def kick(state, h):
+    """exp(h B), by hand."""
+    x, y, u, v = state
+    return x, y, u - h * (-mpmath.sin(x) / 3 + x * y**2), v - h * (x**2 * y + y**3)
+
+
+def drift(state, h):
+    """exp(h A), by hand."""
+    x, y, u, v = state
+    return x + h * (2 * u + v), y + h * (u + 2 * v), u, v
+
+
+def act(state, steps, h):
+    """Apply fractions g, each half a kick, a drift and half a kick, or pairs (letter, weight), to a state."""
+    for x in steps:
+        if isinstance(x, tuple):
+            state = (drift if x[0] == "A" else kick)(state, x[1] * h)
+        else:
+            state = kick(drift(kick(state, x * h / 2), x * h), x * h / 2)
+    return state
+
+
+def plain(pre, kernel, post, steps):
+    """End of a run: the processor, the kernel so many times, the inverse of the processor."""
+    h, state = mpmath.mpf(H), tuple(map(mpmath.mpf, (*START[0], *START[1])))
+    state = act(state, pre, h)
+    for _ in range(steps):
+        state = act(state, kernel, h)
+    return act(state, post, h)
+
+
+def apart(a, b) -> float:
+    """Largest difference of two sequences."""
+    return float(max(abs(x - y) for x, y in zip(a, b, strict=True)))
+
+
+def of(id: str) -> dict:
+    """Distances from the plain runs and of spoiled plain runs, and their ends."""
+    out = {"distance": [], "control": [], "ends": []}
+    with precision(DIGITS):
+        table = processed.FILE.tables[id]
+        numbers = [value(x) for x in processed.FILE.stored[id]["numbers"]]
+        pre, kernel = table.pre(numbers), table.kernel(numbers)
+        post = [(x[0], -x[1]) if isinstance(x, tuple) else -x for x in pre[::-1]]
+        last = pre[-1]
+        other = [*pre[:-1], (last[0], last[1] + SPOILED) if isinstance(last, tuple) else last + SPOILED]
+        for steps in STEPS:
+            wanted = plain(pre, kernel, post, steps)
+            s = integrate(
+                SYSTEM, id, h=H, steps=steps, q0=START[0], p0=START[1], save_every=steps, arithmetic=MULTIPRECISION
+            )
+            out["distance"].append(apart([mpmath.mpf(str(x)) for x in (*s.q[-1], *s.p[-1])], wanted))
+            out["control"].append(apart(plain(other, kernel, post, steps), wanted))
+            out["ends"].append([float(x) for x in wanted])
+    return out
+
+
+if __name__ == "__main__":
+    print(json.dumps({"result": {id: of(id) for id in processed.FILE.tables}}))
