@@ -11,6 +11,7 @@ from numba.core import cgutils, types
 from numba.extending import intrinsic
 from numba.np import arrayobj
 
+from .lanes import offset_address
 from .masks import LANES
 
 
@@ -36,7 +37,7 @@ def _view(context, builder, array_type, array, block):
     source = arrayobj.make_array(array_type)(context, builder, array)
     shape, strides = (cgutils.unpack_tuple(builder, x) for x in (source.shape, source.strides))
     pointer = ir.VectorType(ir.DoubleType(), LANES.n).as_pointer()
-    address = cgutils.pointer_add(builder, source.data, builder.mul(block, strides[0]), pointer)
+    address = offset_address(builder, source.data, builder.mul(block, strides[0]), pointer)
     kind = block_type(array_type)
     if kind is LANES:
         return builder.load(address, align=8)

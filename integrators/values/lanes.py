@@ -145,13 +145,22 @@ def operation(compiled):
 # -- rows of a table --------------------------------------------------------------------------------------------------
 
 
+def offset_address(builder, pointer, offset, kind=None):
+    """Emit the address ``offset`` bytes after a pointer, as a pointer of the LLVM type ``kind`` (by default the same).
+
+    LLVM knows that it stays within the pointer's array. Of an address made of integers it once lost that, and Newton's
+    method read a row of stages in lanes as it was before it was written.
+    """
+    address = builder.gep(builder.bitcast(pointer, ir.IntType(8).as_pointer()), [offset])
+    return builder.bitcast(address, kind or pointer.type)
+
+
 def _row_address(context, builder, table_type, table, row, n):
     """Emit the address of the first n numbers of a row."""
     array = context.make_array(table_type)(context, builder, table)
     strides = array.strides
     offset = builder.mul(row, builder.extract_value(strides, 0))
-    address = builder.add(builder.ptrtoint(array.data, offset.type), offset)
-    return builder.inttoptr(address, ir.PointerType(ir.VectorType(NUMBER, n)))
+    return offset_address(builder, array.data, offset, ir.PointerType(ir.VectorType(NUMBER, n)))
 
 
 @intrinsic

@@ -23,6 +23,7 @@ from numba.np import arrayobj
 from phasebench.integrators.compile.options import ARRAYS, COMMON, TUPLES
 
 from .fma import fma
+from .lanes import offset_address
 
 
 def _holds_vectors(t) -> bool:
@@ -405,7 +406,7 @@ def _part_of_row(typing_context, A, i, first, n):
         size, width = context.get_constant(types.intp, 8), cgutils.unpack_tuple(builder, source.strides)[0]
         offset = builder.add(builder.mul(row, width), builder.mul(first, size))
         out = arrayobj.make_array(kind)(context, builder)
-        place = cgutils.pointer_add(builder, source.data, offset)
+        place = offset_address(builder, source.data, offset)
         arrayobj.populate_array(out, data=place, shape=[n], strides=[size], itemsize=size, meminfo=None)
         return out._getvalue()
 

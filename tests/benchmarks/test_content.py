@@ -117,7 +117,7 @@ def copy(tmp_path_factory):
         ("benchmarks/page/markdown.py", "import math", "import cmath", set()),
         ("integrators/values/vector.py", '"""', '"""Another word. ', set()),
         ("integrators/families/splitting.py", "\n\n\ndef", "\n\n# a remark\n\ndef", set()),
-        ("integrators/families/splitting.py", "def step(method, y", "def step(method, y: Moving", set()),
+        ("integrators/families/splitting.py", "def step(method: Splitting", "def step(method: object", set()),
     ],
 )
 def test_edit_changes_the_modules_that_import_it(copy, file, old, new, moved):

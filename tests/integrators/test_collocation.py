@@ -625,3 +625,15 @@ def test_only_differences_of_nodes_are_rounded():
     A, c = mpmath.matrix([[0, 0], ["0.3", 0]]), [mpmath.mpf(0), mpmath.mpf(1)]
     assert tableaus.nystrom_rounded(A, c, mpmath.mpf(2) ** -50) == (A, c)
     assert tableaus.nystrom_rounded(A, [mpmath.mpf(0), A[1, 0]], mpmath.mpf(2) ** -50)[0] != A, "the control"
+
+
+@pytest.mark.processor
+@pytest.mark.parametrize("s", [1, 2, 3, 4, 5, 8])
+def test_newton_solves_steps_too_long_for_the_fixed_point(s):
+    """Gauss's methods have no limit on the oscillator, however many lanes their stages take."""
+    made = Hamiltonian(q="q", p="p", H="p**2/2 + q**2/2")
+    for h in (10.0, 200.0):
+        solution = integrate(made, f"gauss-{s}", h=h, steps=6, q0=[1.0], p0=[0.0])
+        assert solution.status == "ok"
+        assert solution.counts["newton"] == 6
+        assert np.abs(solution.q**2 + solution.p**2 - 1).max() < 1e-11

@@ -211,3 +211,20 @@ def test_stability_limits_follow_from_the_step_matrix(id):
     wanted = float(exact.first_end(exact.product(*parts)))
     found = oscillator.find(integrator(id)).limit
     assert found == pytest.approx(wanted, rel=2e-6 if id == "chin-4a" else 1e-9), "2 3^(1/2), a double root, of chin-4a"
+
+
+def trace_error(weight: float, h: float) -> float:
+    """tr M - 2 cos h of a step drift, kick, drift on the oscillator whose kick is p - (h - 2 weight h^3) q."""
+    drift, kick = np.array([[1.0, h / 2], [0.0, 1.0]]), np.array([[1.0, 0.0], [-(h - 2 * weight * h**3), 1.0]])
+    return float(np.trace(drift @ kick @ drift) - 2 * np.cos(h))
+
+
+def test_takahashi_imada_has_effective_order_four():
+    """A trace does not change under conjugation: the order of its error less two is that of the best conjugate."""
+    weight = float(next(m for m in METHODS if m.id == "takahashi-imada").data[0][1][2])
+    orders = [np.log2(trace_error(w, 0.2) / trace_error(w, 0.1)) for w in (weight, 1.001 * weight)]
+    assert orders[0] == pytest.approx(6, abs=0.05)
+    assert orders[1] < 5.5, "the control"
+    made = Hamiltonian(q="q", p="p", H="p**2/2 + q**2/2")
+    first, second = (integrate(made, "takahashi-imada", h=0.2, steps=1, q0=[q], p0=[1 - q]) for q in (1.0, 0.0))
+    assert first.q[-1, 0] + second.p[-1, 0] - 2 * np.cos(0.2) == pytest.approx(trace_error(weight, 0.2), rel=1e-6)

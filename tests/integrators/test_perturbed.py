@@ -12,6 +12,9 @@ from phasebench.benchmarks.measure.multiprecision import MOST, leaves
 from phasebench.integrators.registry import BY_ID, METHODS
 
 VISIBLE = 1e-15
+#: Coefficients that what is declared does not fix: any weight of the gradient has order 2; the record's is the one of
+#: effective order 4 (test_force_gradient.py).
+FREE = {("takahashi-imada", (0, 1, 2))}
 WITH_COEFFICIENTS = [m.id for m in METHODS if 0 < len(list(leaves(m.data))) <= MOST]
 
 
@@ -23,6 +26,8 @@ def test_a_changed_coefficient_shows(measured, id):
     for row in found["rows"]:
         if m.family == "schemes_iv_v" and m.data[row["path"][0]][3]:
             continue  # an alternative substep, which is not used here
+        if (id, tuple(row["path"])) in FREE:
+            continue
         lost = row["error"] >= 10 * found["error"]
         lost |= m.symplectic and row.get("symplecticity", 0) > VISIBLE
         lost |= m.symmetric and row.get("symmetry", 0) > VISIBLE

@@ -35,8 +35,8 @@ LOSE_LINEAR = {
     "tao-2",
     "pihajoki-2",
 }
-#: Families that require more than a formula or choose their own step sizes.
-ELSEWHERE = {"adaptive", "field", "wisdom_holman"}
+#: Families that require more than a formula of any kind, or choose their own step sizes: they have tests of their own.
+ELSEWHERE = {"adaptive", "field", "wisdom_holman", "magnetic", "force_gradient", "processed"}
 
 
 def is_declared(what: str, id: str) -> bool:
