@@ -13,19 +13,19 @@ from .acta import NO_SOURCE
 
 def _has_numbers(acta: pd.DataFrame) -> pd.Series:
     """True for each listed method whose coefficients are published where they could be read."""
-    return acta["why not"].fillna("") != NO_SOURCE
+    return acta["why not"].astype(object).fillna("") != NO_SOURCE
 
 
 def _here(acta: pd.DataFrame) -> pd.DataFrame:
     """The rows of the listed methods that are here."""
-    return acta[acta["id"].fillna("") != ""]
+    return acta[acta["id"].astype(object).fillna("") != ""]
 
 
 @of("acta")
 def coverage(acta: pd.DataFrame) -> Verdict:
     """Whether every listed method whose coefficients are published is here."""
     published = acta[_has_numbers(acta)]
-    missing = list(published[published["id"].fillna("") == ""]["work"])
+    missing = list(published[published["id"].astype(object).fillna("") == ""]["work"])
     return Verdict(
         "Every listed method whose coefficients were found is here",
         Count(len(published) - len(missing), len(published)),
@@ -128,7 +128,7 @@ def _missing_and_worst(acta: pd.DataFrame) -> Table:
     lost = acta["digits printed"].astype(float) - acta["digits that hold"].astype(float)
     rank = lost.fillna(-1.0)
     rank[acta["processed"].astype(bool)] += 100.0
-    rank[acta["id"].fillna("") == ""] += 1000.0
+    rank[acta["id"].astype(object).fillna("") == ""] += 1000.0
     shown = acta.loc[rank.sort_values(ascending=False, kind="stable").index].head(ROWS)
     columns = ["table", "kind", "stages", "printed order", "work", "id", "order", "kernel order", "why not"]
     texts = shown[columns].astype(object).where(shown[columns].notna(), "")
@@ -150,7 +150,7 @@ PAGE = Page(
     question="Which of the splitting methods that the Acta collects are here, and do their digits hold?",
     tables=("acta",),
     setting=(
-        "The survey is Blanes, Casas and Murua, *Splitting methods for differential equations*, Acta Numerica 33 (2024).",
+        "The survey is Blanes, Casas and Murua, Splitting methods for differential equations, Acta Numerica 33 (2024).",
         "Orders are computed from the coefficients, as on the page [coefficients](coefficients.md). A printed decimal holds "
         "if the number is within one unit of it of the nearest solution of the order conditions.",
         "A processed method is P Kⁿ P⁻¹ for n steps: a step costs the kernel K, and the processor P gives its order. P and "
