@@ -121,22 +121,22 @@ def defects(*of: tuple[str, bool, float]) -> pd.DataFrame:
 
 
 BOTH = [
-    (structure.symplectic, structure.others_not_symplectic),
-    (structure.symmetric, structure.others_not_symmetric),
+    (structure.symplectic, structure.others_not_symplectic, structure.LEAST["symplecticity"]),
+    (structure.symmetric, structure.others_not_symmetric, structure.LEAST["symmetry"]),
 ]
 
 
-@pytest.mark.parametrize(("declared", "others"), BOTH, ids=structure.PROPERTIES[:2])
-def test_structure_is_judged_by_the_threshold(declared, others):
+@pytest.mark.parametrize(("declared", "others", "least"), BOTH, ids=structure.PROPERTIES[:2])
+def test_structure_is_judged_by_the_threshold(declared, others, least):
     def both(*of):
         return [judge(verdict, structure=defects(*of)) for verdict in (declared, others)]
 
-    having, lacking = both(("a", True, 0.9e-22), ("b", False, 1.1e-22), ("c", True, 1e-30))
+    having, lacking = both(("a", True, 0.9e-22), ("b", False, 1.1 * least), ("c", True, 1e-30))
     assert (having.outcome, having.measured, having.where) == (PASS, 0.9e-22, "a")
     assert (lacking.outcome, lacking.measured) == (PASS, Count(0, 1))
     broken, fine = both(("a", True, 1.1e-22), ("b", False, 1e-3), ("d", False, 1e-5))
     assert (broken.outcome, broken.where, fine.outcome) == (FAIL, "a", PASS)
-    fine, hidden = both(("a", True, 0.0), ("b", False, 0.9e-22))
+    fine, hidden = both(("a", True, 0.0), ("b", False, 0.9 * least))
     assert (fine.outcome, hidden.outcome, hidden.measured, hidden.where) == (PASS, FAIL, Count(1, 1), "b")
     assert judge(declared, structure=defects(("a", True, 0.0)).iloc[:0]) is None
 

@@ -100,6 +100,9 @@ PUBLISHED = {
     (False, False, BOUNDED, BOUNDED): """
         tao-2 2, tao-4 4, tao-6 6
     """,
+    (True, False, NONE, NONE): """
+        boris 2, higuera-cary 2, he-splitting-2 2, he-splitting-4 4
+    """,
     (False, False, NONE, NONE): """
         pihajoki-2 2
     """,

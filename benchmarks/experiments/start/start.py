@@ -47,6 +47,8 @@ FIRSTS = (
         for id in (
             "rk4",
             "stormer-verlet",
+            "chin-4a",
+            "blanes-p7-6",
             "generating-function",
             "scheme-v",
             "gauss-8",
