@@ -25,7 +25,9 @@ def file_and_object(name: str) -> tuple[str, str]:
 
 
 def load(path: str, what: str = "problem") -> types.ModuleType:
-    """Load a user's file as a module; ``what`` it defines ("problem", "method") is for messages.
+    """Load a user's file as a module, once a process until its text changes.
+
+    ``what`` it defines ("problem", "method") is for messages.
 
     Imports relative to the package of problems work in it, so that a copy of one of its modules runs as it is.
 
@@ -45,13 +47,20 @@ def load(path: str, what: str = "problem") -> types.ModuleType:
         text = file.read_bytes()
     except OSError as error:
         raise InvalidInput(f"{path} cannot be read: {error.strerror}") from None
-    name = f"{__package__}.user_{hashlib.sha256(str(file.resolve()).encode()).hexdigest()[:12]}"
+    # Named by its text too: what an earlier load defined can be pickled after the file was loaded again.
+    name = f"{__package__}.user_{hashlib.sha256(str(file.resolve()).encode() + text).hexdigest()[:12]}"
+    if name in sys.modules:
+        return sys.modules[name]
     module = types.ModuleType(name)
     module.__file__, module.__package__ = str(file.resolve()), __package__
     with users_code(path, "the file"):
         code = compile(text, path, "exec")
         sys.modules[name] = module  # dataclasses look up their module here
-        exec(code, module.__dict__)
+        try:
+            exec(code, module.__dict__)
+        except BaseException:
+            del sys.modules[name]
+            raise
     return module
 
 

@@ -9,6 +9,7 @@ stored too (`machine`).  Within a process the same key always gives the same fun
 from __future__ import annotations
 
 import hashlib
+import re
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -61,15 +62,19 @@ def _kind_of(signature) -> str:
     return "array" if any(isinstance(t, types.Array) and t.ndim == 1 for t in signature.args) else "tuple"
 
 
+#: Style -> the constructors of a vector and of a number.
+CONSTRUCTORS = {
+    "tuple": ("", "float"),
+    "array": ("np.array", "float"),
+    "mpfr": ("vector", "mpfr"),
+    "numpy": ("np.array", ""),
+}
+
+
 def _finish(text: str, style: str) -> str:
     """Replace the placeholders ``value`` and ``number`` by constructors of the style: tuple, array, mpfr or numpy."""
-    if style == "tuple":
-        return text.replace("value((", "((").replace("number(", "float(")
-    if style == "array":
-        return text.replace("value((", "np.array((").replace("number(", "float(")
-    if style == "mpfr":
-        return text.replace("value((", "vector((").replace("number(", "mpfr(")
-    return text.replace("value((", "np.array((").replace("number(", "(")
+    value, number = CONSTRUCTORS[style]
+    return re.sub(r"\bnumber\(", f"{number}(", text.replace("value((", f"{value}(("))
 
 
 #: The generated functions of this process, by the digest of what each was generated from.
@@ -141,7 +146,7 @@ def _load(digest: str, text: str, style: str, signature):
 def load_columnwise(text: str):
     """Return the function ``f`` that the text defines, as f(q, p) of NumPy arrays q, p of shape (d, n)."""
     namespace = vars(np) | {"np": np, "asin": np.arcsin, "acos": np.arccos, "atan": np.arctan}
-    exec(text.replace("value((", "np.array((").replace("number(", "("), namespace)
+    exec(_finish(text, "numpy"), namespace)
     return namespace["f"]
 
 

@@ -104,8 +104,8 @@ def test_large_and_hand_written_systems_are_not_supported():
         H = " + ".join(f"{x}**2/2" for x in (*q, *p))
         assert orbit_lanes.runs_in_lanes(Hamiltonian(q=q, p=p, H=H), method("stormer-verlet")) == expected
     for system, expected in (
-        (SimpleNamespace(made=None, loops={}), True),
-        (SimpleNamespace(made=None, loops={"field": 1}), False),
+        (SimpleNamespace(make_function=None, loops={}), True),
+        (SimpleNamespace(make_function=None, loops={"field": 1}), False),
         (SimpleNamespace(loops={}), False),
     ):
         assert orbit_lanes.compiles_in_lanes(system) == expected

@@ -51,7 +51,7 @@ def test_a_single_thread_is_not_timed_first():
 
 def test_work_of_one_slice_uses_no_second_thread(monkeypatch):
     class Known(Slices):
-        def took(self, part, seconds):
+        def adapt(self, part, seconds):
             self.fewest = MANY - 1
 
     monkeypatch.setattr(threads, "Slices", Known)
