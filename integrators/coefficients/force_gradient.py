@@ -18,24 +18,20 @@ lists them with their equations, the Hessian-free ones as the authors' program o
 from __future__ import annotations
 
 import hashlib
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cache
 from itertools import zip_longest
-from pathlib import Path
 
 import mpmath
 import numpy as np
 
-from phasebench.integrators.errors import unknown_name
-
 from . import gauss
 from .fractions import DIGITS, mirror
 from .order_conditions import normal_form
-from .polish import DIFFERENCE, starting_values
+from .polish import DIFFERENCE
 from .polish import polish as nearest_solution
-from .table import Table, is_exact, value
+from .polished_file import PolishedFile
+from .table import Table
 
 #: A drift ("A", a, 0) or a modified kick ("B", b, c).
 Substep = tuple[str, mpmath.mpf, mpmath.mpf]
@@ -140,44 +136,9 @@ def polish(table: ForceGradientTable) -> list[mpmath.mpf]:
     return nearest_solution(table, residual=residual, jacobian=_jacobian)
 
 
-#: The polished numbers by name, each with the digest of its table.
-POLISHED = Path(__file__).with_name("force_gradient.json")
-
-
-@cache
-def stored() -> dict[str, dict]:
-    """The contents of the file of polished numbers."""
-    return json.loads(POLISHED.read_text()) if POLISHED.exists() else {}
-
-
-@cache
-def steps(name: str) -> tuple[Substep, ...]:
-    """The polished substeps of a table; raises InvalidInput for an unknown name."""
-    if name not in BY_NAME:
-        raise unknown_name("table of coefficients", name, BY_NAME)
-    table, known = BY_NAME[name], stored().get(name, {})
-    with mpmath.workdps(DIGITS):
-        current = known.get("published") == table.digest
-        return tuple(table.steps([value(x) for x in known["numbers"]] if current else polish(table)))
-
-
-def entry(table: ForceGradientTable) -> dict:
-    """What the file of polished numbers holds of a table."""
-    numbers = polish(table)
-    with mpmath.workdps(DIGITS):
-        texts = [x if is_exact(x) else mpmath.nstr(y, DIGITS) for x, y in zip(table.published, numbers, strict=True)]
-        moved = max(abs(x - y) for x, y in zip(starting_values(table), numbers, strict=True))
-        return {"published": table.digest, "numbers": texts, "moved": mpmath.nstr(moved, 3)}
-
-
-def main() -> None:
-    """Write the file of polished numbers: tables that are new or were edited are polished."""
-    data = {}
-    for t in TABLES:
-        known = stored().get(t.name, {})
-        data[t.name] = known if known.get("published") == t.digest else entry(t)
-        print(f"{t.name}: moved by {data[t.name]['moved']}", flush=True)
-    POLISHED.write_text(json.dumps(data, indent=1) + "\n")
+def excess(table: ForceGradientTable, numbers: Sequence[mpmath.mpf]) -> mpmath.mpf:
+    """The largest entry of `residual`."""
+    return max(map(abs, residual(table, numbers)))
 
 
 def _table(name: str, order: int, source: str, cite: tuple[str, ...], first: str, a: str, b: str, c: str):
@@ -429,7 +390,7 @@ TABLES: tuple[ForceGradientTable, ...] = (
         "0 0.00263743598047 -0.000586445610932",
     ),
 )
-BY_NAME = {t.name: t for t in TABLES}
+FILE = PolishedFile("phasebench.integrators.coefficients.force_gradient", TABLES, polish, excess)
 
 if __name__ == "__main__":
-    main()
+    FILE.write()

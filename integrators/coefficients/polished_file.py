@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cached_property
 from pathlib import Path
 
@@ -18,6 +18,11 @@ from .polish import polish, starting_values
 from .table import Table, is_exact, value
 
 
+def excess_of_words(table: Table, numbers: Sequence[mpmath.mpf]) -> mpmath.mpf:
+    """The largest coefficient of a splitting's or composition's error that the table's order needs to vanish."""
+    return excess(residuals(table.kind, table.steps(numbers), max(table.order)), table.order)
+
+
 class PolishedFile:
     """The tables of a module and the file of their polished numbers, which the module's command writes.
 
@@ -25,12 +30,21 @@ class PolishedFile:
     ----------
     module : the module's full name; its file of numbers has that name's last part
     tables : the module's tables
+    polish : function (table) -> the solution of its order conditions that is nearest to the published numbers
+    excess : function (table, numbers) -> the largest of the coefficients of its error that its order needs to vanish
     """
 
-    def __init__(self, module: str, tables: Sequence[Table]) -> None:
+    def __init__(
+        self,
+        module: str,
+        tables: Sequence[Table],
+        polish: Callable[[Table], list[mpmath.mpf]] = polish,
+        excess: Callable[[Table, Sequence[mpmath.mpf]], mpmath.mpf] = excess_of_words,
+    ) -> None:
         self.command = f"python -m {module}"
         self.path = Path(__file__).with_name(f"{module.rpartition('.')[2]}.json")
         self.tables = {t.name: t for t in tables}
+        self.polish, self.excess = polish, excess
 
     @cached_property
     def stored(self) -> dict[str, dict]:
@@ -52,7 +66,7 @@ class PolishedFile:
         if known.get("published") != table.digest:
             message = f"{name} is new or was edited and is polished now; to keep the numbers: {self.command}"
             warnings.warn(message, stacklevel=2)
-            known = self.stored[name] = entry(table)
+            known = self.stored[name] = self.entry(table)
         with mpmath.workdps(DIGITS):
             return tuple(map(value, known["numbers"]))
 
@@ -67,21 +81,19 @@ class PolishedFile:
         for name, table in self.tables.items():
             data[name] = self.stored.get(name, {})
             if data[name].get("published") != table.digest:
-                data[name] = entry(table)
+                data[name] = self.entry(table)
                 print(f"{name}: {data[name]['residual_before']} -> {data[name]['residual_after']}", flush=True)
         self.path.write_text(json.dumps(data, indent=1) + "\n")
 
-
-def entry(table: Table) -> dict:
-    """The entry of a table: polished numbers, residuals before and after, the largest change of a number."""
-    before, after = starting_values(table), polish(table)
-    with mpmath.workdps(DIGITS):
-        texts = [x if is_exact(x) else mpmath.nstr(y, DIGITS) for x, y in zip(table.published, after, strict=True)]
-        errors = [residuals(table.kind, table.steps(x), max(table.order)) for x in (before, list(map(value, texts)))]
-        return {
-            "published": table.digest,
-            "numbers": texts,
-            "residual_before": mpmath.nstr(excess(errors[0], table.order), 3),
-            "residual_after": mpmath.nstr(excess(errors[1], table.order), 3),
-            "moved": mpmath.nstr(max(abs(x - y) for x, y in zip(before, after, strict=True)), 3),
-        }
+    def entry(self, table: Table) -> dict:
+        """The entry of a table: polished numbers, residuals before and after, the largest change of a number."""
+        before, after = starting_values(table), self.polish(table)
+        with mpmath.workdps(DIGITS):
+            texts = [x if is_exact(x) else mpmath.nstr(y, DIGITS) for x, y in zip(table.published, after, strict=True)]
+            return {
+                "published": table.digest,
+                "numbers": texts,
+                "residual_before": mpmath.nstr(self.excess(table, before), 3),
+                "residual_after": mpmath.nstr(self.excess(table, list(map(value, texts))), 3),
+                "moved": mpmath.nstr(max(abs(x - y) for x, y in zip(before, after, strict=True)), 3),
+            }

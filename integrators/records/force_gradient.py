@@ -34,7 +34,7 @@ def _record(table: force_gradient.ForceGradientTable) -> Method:
         source=table.source,
         cite=table.cite,
         requires=("separable", "quadratic kinetic energy"),
-        data=(rows(force_gradient.steps(table.name)), free),
+        data=(rows(force_gradient.FILE.steps(table.name)), free),
     )
 
 

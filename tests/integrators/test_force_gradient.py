@@ -46,14 +46,14 @@ def largest(residuals) -> mpmath.mpf:
 @each_table
 def test_the_order_follows_from_the_coefficients(table):
     """All words up to the order vanish; one of the next degree does not."""
-    found = tables.residuals(tables.steps(table.name), table.order[0] + 1)
+    found = tables.residuals(tables.FILE.steps(table.name), table.order[0] + 1)
     assert largest(found[:-1]) < ROUND_OFF
     assert largest(found[-1:]) > VISIBLE
 
 
 @each_table
 def test_control_a_number_off_by_1e_12_is_seen(table):
-    steps = list(tables.steps(table.name))
+    steps = list(tables.FILE.steps(table.name))
     for k, (letter, weight, c) in enumerate(steps):
         moved = [(letter, weight + VISIBLE, c)] + ([(letter, weight, c + VISIBLE)] if letter == "B" else [])
         for other in moved[: 1 if table.order[0] == 2 else 2]:
@@ -63,7 +63,7 @@ def test_control_a_number_off_by_1e_12_is_seen(table):
 
 @each_table
 def test_polished_numbers_agree_with_the_published_digits(table):
-    stored = tables.stored()[table.name]
+    stored = tables.FILE.stored[table.name]
     assert stored["published"] == table.digest, "python -m phasebench.integrators.coefficients.force_gradient"
     with mpmath.workdps(DIGITS):
         for text, number in zip(table.published, stored["numbers"], strict=True):
@@ -73,8 +73,8 @@ def test_polished_numbers_agree_with_the_published_digits(table):
 
 @pytest.mark.parametrize("name", ["chin-4b", "omelyan-4-3f1g-p"])
 def test_polishing_again_finds_the_same_numbers(name):
-    table = tables.BY_NAME[name]
-    assert tables.entry(table) == tables.stored()[name]
+    table = tables.FILE.table(name)
+    assert tables.FILE.entry(table) == tables.FILE.stored[name]
     with pytest.raises(ArithmeticError, match="has not the order 6"):
         tables.polish(replace(table, order=(6,)))
 
@@ -87,22 +87,22 @@ def test_order_6_without_the_hessian_needs_one_more_condition(name):
         return abs(mpmath.fsum(c * c / b for letter, b, c in steps if letter == "B"))
 
     with mpmath.workdps(DIGITS):
-        assert sum_of(tables.steps(name)) < ROUND_OFF
-        assert sum_of(tables.steps("omelyan-6-5f3g-p")) > 1e-5
+        assert sum_of(tables.FILE.steps(name)) < ROUND_OFF
+        assert sum_of(tables.FILE.steps("omelyan-6-5f3g-p")) > 1e-5
 
 
 def test_correctors_are_those_of_rebound():
     """REBOUND's `reb_saba_cc` for SABA_2 to SABA_4, whose halves stand at either end of the step."""
     known = {2: 0.01116454968463011276968973577, 3: 0.005634593363122809402267823769, 4: 0.003396775048208601331532}
     for n, c in known.items():
-        first, *_, last = tables.steps(f"sabac-{n}")
+        first, *_, last = tables.FILE.steps(f"sabac-{n}")
         assert first[1] == last[1] == 0
         assert float(first[2] + last[2]) == pytest.approx(c, rel=1e-15)
 
 
 def test_chin_4a_with_a_plain_kick_has_order_2():
     """The gradient is what makes the order 4."""
-    without = [(letter, weight, 0 * c) for letter, weight, c in tables.steps("chin-4a")]
+    without = [(letter, weight, 0 * c) for letter, weight, c in tables.FILE.steps("chin-4a")]
     assert largest(tables.residuals(without, 2)) < ROUND_OFF < largest(tables.residuals(without, 3))
 
 
@@ -205,7 +205,7 @@ def test_stability_limits_follow_from_the_step_matrix(id):
         return sp.Matrix([[1, 0], [-b * exact.Z + 2 * c * exact.Z**3, 1]])
 
     parts = []
-    for letter, weight, c in tables.steps(id):
+    for letter, weight, c in tables.FILE.steps(id):
         a, c = (sp.Float(str(x), exact.DIGITS) for x in (weight, c))
         parts.append(exact.drift(a) if letter == "A" else kick(a, c))
     wanted = float(exact.first_end(exact.product(*parts)))

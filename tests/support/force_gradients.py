@@ -89,7 +89,7 @@ def of(id: str) -> dict:
     """Distances from the plain runs and of spoiled plain runs, their ends, and structure defects of a step."""
     free, out = ALL[id].data[1], {"distance": [], "control": [], "ends": []}
     with precision(DIGITS):
-        weights = closed_forms().get(id, rows(tables.steps(id)))
+        weights = closed_forms().get(id, rows(tables.FILE.steps(id)))
         for steps in STEPS:
             wanted = plain(weights, free, steps)
             s = integrate(SYSTEM, id, h=H, steps=steps, q0=START[0], p0=START[1], arithmetic=MULTIPRECISION)

@@ -18,7 +18,7 @@ from phasebench.integrators.coefficients import collected, force_gradient, proce
 from phasebench.integrators.coefficients.fractions import DIGITS
 from phasebench.integrators.coefficients.order_conditions import TOLERANCE, residuals
 from phasebench.integrators.coefficients.polish import starting_values
-from phasebench.integrators.coefficients.table import Table, is_exact, unit, value
+from phasebench.integrators.coefficients.table import Table, is_exact, unit
 
 from .coefficients import observed_order
 
@@ -29,7 +29,7 @@ PERTURBED = "splitting for A + eps B"
 NUMBERED = {COMPOSITION: "8.1", PERTURBED: "8.5"}
 #: Numbers of more decimals are of a closed form.
 CLOSED = 50
-FILES = (collected.FILE, processed.FILE)
+FILES = (collected.FILE, processed.FILE, force_gradient.FILE)
 NO_SOURCE = "no public source with its numbers was found"
 
 
@@ -201,7 +201,7 @@ LISTED: tuple[Listed, ...] = (
 @cache
 def find_table(id: str) -> Table:
     """The table of coefficients of a listed method."""
-    for tables in (coefficients.BY_NAME, *(f.tables for f in FILES), force_gradient.BY_NAME, sampling.BY_NAME):
+    for tables in (coefficients.BY_NAME, *(f.tables for f in FILES), sampling.BY_NAME):
         if id in tables:
             return tables[id]
     raise KeyError(id)
@@ -214,8 +214,6 @@ def numbers_of(table: Table) -> list[mpmath.mpf]:
     for file in FILES:
         if table.name in file.tables:
             return list(file.numbers(table.name))
-    if table.name in force_gradient.BY_NAME:
-        return list(map(value, force_gradient.stored()[table.name]["numbers"]))
     return starting_values(table)
 
 
@@ -237,7 +235,7 @@ def digits(table: Table, numbers: list[mpmath.mpf]) -> tuple[int | None, int | N
 
 def order_of(table: Table, numbers: list[mpmath.mpf]) -> tuple[int, ...]:
     """The order that the order conditions show of a table's method."""
-    if table.name in force_gradient.BY_NAME:
+    if table.name in force_gradient.FILE.tables:
         return _order_of_gradients(table, numbers)
     limit = max(table.order) + 1
     return observed_order(residuals(table.kind, table.steps(numbers), limit), limit, len(table.order))
