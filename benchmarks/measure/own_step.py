@@ -22,7 +22,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -97,6 +97,12 @@ class OwnStep:
         return OwnStep, (self.id, self.step, self.claims, self.requires, self.where)
 
 
+NO_FIELDS = (
+    "the fields E and B are those of a charged particle: "
+    "write step(system, x, v, h), its arguments so named, and REQUIRES = ('magnetic',)"
+)
+
+
 class System:
     """The system as a step sees it: H and its derivatives at q and p, arrays (d,).
 
@@ -117,11 +123,12 @@ class System:
         """The system as a charged particle with fields E and B, for a step written in positions and velocities."""
         return particle_step.Particle(self.whole, DOUBLE, self.evaluations)
 
-    def __getattr__(self, name: str):
-        if name in ("E", "B"):
-            words = "write step(system, x, v, h), its arguments so named, and REQUIRES = ('magnetic',)"
-            raise AttributeError(f"the fields E and B are those of a charged particle: {words}")
-        raise AttributeError(f"'System' object has no attribute '{name}'")
+    @property
+    def E(self) -> NoReturn:
+        """Raises AttributeError with a hint: the fields of a charged particle are given to a step(system, x, v, h)."""
+        raise AttributeError(NO_FIELDS)
+
+    B = E
 
     def _state(self, q: ArrayLike, p: ArrayLike) -> Floats:
         return np.concatenate([_vector(x, f"the system is called with {n}", self.d) for n, x in (("q", q), ("p", p))])
