@@ -158,6 +158,9 @@ QUESTIONS: tuple[Question, ...] = (
         "charged-particle", "charged-particle", 1000.0, "drift-angle", down_to(12), "how far it has drifted at t = 1000"
     ),
     Question(
+        "magnetic-mirror", "magnetic-mirror", 1000.0, "end-state", down_to(11), "a particle in a mirror, at t = 1000"
+    ),
+    Question(
         "schwarzschild-azimuth",
         "schwarzschild:precessing",
         1000.0,

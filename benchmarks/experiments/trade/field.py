@@ -32,7 +32,9 @@ LEFT_OUT = {
 SMALL = 4
 PRACTICAL = (
     "splitting",
+    "processed",
     "force_gradient",
+    "extended",
     "runge_kutta",
     "relaxation",
     "adaptive",
