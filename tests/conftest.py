@@ -13,6 +13,7 @@ import atexit
 import contextlib
 import ctypes
 import functools
+import gc
 import io
 import json
 import runpy
@@ -54,8 +55,21 @@ LONGEST = (
 )
 
 
-def pytest_collection_modifyitems(items):
-    """Run the files of `LONGEST` first."""
+#: Objects are allocated between two searches for cycles: with the compiler's in memory each search is a long one.
+gc.set_threshold(200_000, 20, 100)
+
+
+def pytest_addoption(parser):
+    """Add the option of ``pytest tests``."""
+    parser.addoption("--thorough", action="store_true", help="run the tests that are marked thorough, too")
+
+
+def pytest_collection_modifyitems(config, items):
+    """Run the files of `LONGEST` first; leave out thorough tests unless they are asked for."""
+    if not config.getoption("--thorough"):
+        left = [item for item in items if item.get_closest_marker("thorough")]
+        config.hook.pytest_deselected(items=left)
+        items[:] = [item for item in items if not item.get_closest_marker("thorough")]
     places = {f"{name}.py": place for place, name in enumerate(LONGEST)}
     items.sort(key=lambda item: places.get(item.path.name, len(places)))
 

@@ -10,7 +10,7 @@ from phasebench.benchmarks.experiments.large import solvers, solvers_page
 from phasebench.benchmarks.page.verdict import FAIL, FINDING, MISSING, PASS, Count, Range
 
 
-@pytest.mark.parametrize("step", ["short", "long"])
+@pytest.mark.parametrize("step", [pytest.param("short", marks=pytest.mark.thorough), "long"])
 def test_row_of_both_solvers(step, monkeypatch):
     monkeypatch.setattr(solvers, "ROUNDS", 1)
     row = solvers.row("toda", 24, step)

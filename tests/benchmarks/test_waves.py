@@ -196,7 +196,7 @@ def errors(name, method, **parameters):
         ("scheme-i", {"lam": "1/3"}, False, False, True),
         ("scheme-iii", {"lam": "1/3"}, False, False, True),
         ("symplectic-euler-q", {}, False, False, True),
-        ("avf", {}, True, False, False),
+        pytest.param("avf", {}, True, False, False, marks=pytest.mark.thorough),
         ("rk4", {}, False, False, False),
     ],
     ids=lambda x: str(x),

@@ -9,9 +9,10 @@ from numba.core.registry import cpu_target
 from numba.core.runtime import _nrt_python, rtsys
 
 from phasebench.benchmarks.problems import problem
-from phasebench.integrators.compile import codegen
+from phasebench.integrators.compile import codegen, machine
 from phasebench.integrators.prepared import prepare as prepared_run
 from phasebench.integrators.registry import METHODS
+from phasebench.integrators.stepping import kernel as stepping
 from phasebench.integrators.stepping.kernel import kernel, prepare
 
 PROBLEMS = [problem(name) for name in ("henon-heiles", "perturbed-kepler", "magnetic-mirror")]
@@ -83,11 +84,16 @@ def is_step(part) -> bool:
 
 
 @pytest.mark.parametrize("id", BY_ID)
-def test_kernels_are_compiled_without_the_runtime(id):
+def test_kernels_are_compiled_without_the_runtime(id, monkeypatch):
     """The kernel and its functions are compiled without Numba's runtime, which would do the allocating."""
+    asked = []
     system = build_problem(id).system
     prepared = prepare(BY_ID[id], system)
-    assert kernel(prepared, system.d).targetoptions["_nrt"] is False
+    with monkeypatch.context() as patch:
+        patch.setattr(stepping, "_kernels", {})
+        patch.setattr(machine, "load_or_compile", lambda *arguments: asked.append(arguments))
+        kernel(prepared, system.d)
+    assert [options["_nrt"] for _, _, options, _ in asked] == [False]
     functions = [f for part in (prepared.step, *filter(is_step, prepared.step)) for f in part if callable(f)]
     assert functions
     for f in functions:

@@ -267,7 +267,7 @@ def test_equivalent_paths_give_the_averaged_vector_field():
 # -- states that are arrays -------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("id", ["itoh-abe-c", "gonzalez"])
+@pytest.mark.parametrize("id", [pytest.param("itoh-abe-c", marks=pytest.mark.thorough), "gonzalez"])
 def test_arrays_and_tuples_agree(id, monkeypatch):
     made = problem("henon-heiles")
     ends = []

@@ -130,7 +130,10 @@ def test_the_flow_is_a_poisson_map():
     assert defect("rk4", steps=100) < NOTHING
 
 
-@pytest.mark.parametrize("method", ["implicit-midpoint", "rk4", "explicit-euler", "cohen-hairer-1"])
+@pytest.mark.parametrize(
+    "method",
+    ["implicit-midpoint", "rk4", "explicit-euler", pytest.param("cohen-hairer-1", marks=pytest.mark.thorough)],
+)
 def test_control_other_methods_are_not_poisson_maps(method):
     assert defect(method, h=0.2) > VISIBLE
 
@@ -181,7 +184,9 @@ def as_poisson(system):
 
 
 @pytest.mark.parametrize("name", ["pendulum", "henon-heiles"])
-@pytest.mark.parametrize(("ours", "theirs"), [("cohen-hairer-1", "avf"), ("cohen-hairer-2", "cpg-2")])
+@pytest.mark.parametrize(
+    ("ours", "theirs"), [("cohen-hairer-1", "avf"), pytest.param("cohen-hairer-2", "cpg-2", marks=pytest.mark.thorough)]
+)
 def test_on_canonical_systems_it_is_a_known_method(name, ours, theirs):
     made = problem(name)
     system, start = as_poisson(made.system), {"q0": made.q0, "p0": made.p0}

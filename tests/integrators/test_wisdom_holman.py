@@ -269,7 +269,9 @@ def test_sums_of_inverse_distances_are_recognized():
     assert (weight, row) == (3, [2, -sp.Rational(1, 2), 0])
 
 
-@pytest.mark.parametrize(("extra", "limit"), [(0, 20), (sp.Rational(1, 1000), 20), (0, 1)])
+@pytest.mark.parametrize(
+    ("extra", "limit"), [(0, 20), (sp.Rational(1, 1000), 20), pytest.param(0, 1, marks=pytest.mark.thorough)]
+)
 def test_bodies_in_lanes_move_as_others(extra, limit, monkeypatch):
     """With an additional potential there are no lanes; with limit 1 states are arrays."""
     monkeypatch.setattr(codegen, "TUPLE_LIMIT", limit)
