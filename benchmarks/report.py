@@ -49,6 +49,7 @@ from phasebench.benchmarks.experiments.start.page import PAGE as START
 from phasebench.benchmarks.experiments.structure.page import PAGE as STRUCTURE
 from phasebench.benchmarks.experiments.talks.page import PAGES as FIGURES
 from phasebench.benchmarks.experiments.talks.statements_page import PAGES as TALKS
+from phasebench.benchmarks.experiments.trade.gauss_page import PAGE as GAUSS_16
 from phasebench.benchmarks.experiments.trade.page import PAGE as TRADE
 from phasebench.benchmarks.experiments.trade.ratios_page import PAGE as TRADE_RATIOS
 from phasebench.benchmarks.experiments.trade.scene_page import PAGES as TRADE_SCENES
@@ -68,6 +69,7 @@ from .store import tables as results
 PAGES: tuple[Page, ...] = (
     TRADE,
     TRADE_RATIOS,
+    GAUSS_16,
     ADVICE,
     MODELS,
     OPTIONS,
