@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import json
+import pickle
 from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner
 
 from phasebench.benchmarks.cli import app
-from phasebench.benchmarks.problems import file_and_orbit, problem, user
+from phasebench.benchmarks.problems import file_and_orbit, problem, user, user_file
 from phasebench.integrators import Hamiltonian, integrate
 from phasebench.integrators.errors import InvalidInput
 
@@ -234,3 +235,24 @@ def test_two_degrees_of_freedom():
 def test_invalid_formula_is_refused(H):
     with pytest.raises(InvalidInput, match="give a SymPy expression"):
         Hamiltonian(q="q", p="p", H=H)
+
+
+def test_file_is_one_module_until_its_text_changes(tmp_path):
+    """What an earlier load defined can be pickled after a later one."""
+    path = tmp_path / "mine.py"
+    path.write_text("def f(x):\n    return x\n")
+    first, second = (user_file.load(str(path)) for _ in range(2))
+    assert second is first
+    path.write_text("def f(x):\n    return 2 * x\n")
+    changed = user_file.load(str(path))
+    assert (pickle.loads(pickle.dumps(first.f))(3), pickle.loads(pickle.dumps(changed.f))(3)) == (3, 6)
+
+
+def test_file_that_raises_is_not_kept(tmp_path):
+    path = tmp_path / "mine.py"
+    path.write_text("import os\nif 'MINE' not in os.environ:\n    raise ValueError('no MINE')\nk = 3\n")
+    with pytest.raises(InvalidInput, match=r"line 3: ValueError: no MINE"):
+        user_file.load(str(path))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("MINE", "1")
+        assert user_file.load(str(path)).k == 3
