@@ -139,13 +139,21 @@ def confirm(chosen, found: oscillator.Found) -> tuple[int, int]:
     elif limit == 0:
         asked = [(linear_growth, True)] if (linear_growth := _growing(chosen)) else []
     else:
-        asked = [(limit * (1 - BESIDE), False), (limit * (1 + BESIDE), True)]
-        if len(found.intervals) > 1 and found.intervals[1][0] < limit * (1 + 2 * BESIDE):
-            asked.pop()
+        asked = [(limit * (1 - BESIDE), False), *((z, True) for z in _beyond(chosen, found))]
         middles = [(a + b) / 2 for a, b in found.intervals[1:] if b is not None]
         asked += [(z, False) for z in middles if not _near(z, found.touches)]
         asked += [((a + b) / 2, True) for a, b in _gaps(found) if _depth(chosen, (a + b) / 2) > DEEP]
     return sum(grows(chosen, z) is expected for z, expected in asked), len(asked)
+
+
+def _beyond(chosen, found: oscillator.Found) -> list[float]:
+    """The first h omega past the limit at which growth shows, else the nearest; none if a stable interval is nearer.
+
+    Where |tr M| leaves 2 by a power of the distance, as at a multiple root, it hardly grows beside the limit.
+    """
+    following = found.intervals[1][0] if len(found.intervals) > 1 else math.inf
+    tried = [z for k in (1, 10, 100) if (z := found.limit * (1 + k * BESIDE)) * (1 + BESIDE) < following]
+    return [z for z in tried if _depth(chosen, z) > DEEP][:1] or tried[:1]
 
 
 def _near(z: float, touches) -> bool:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import pandas as pd
 
 from phasebench.benchmarks import style
 from phasebench.benchmarks.judge.evidence import NO_DEFECT as NOTHING
-from phasebench.benchmarks.measure.multiprecision import DIGITS
+from phasebench.benchmarks.measure.battery import by_label, high_order_variants, variants
+from phasebench.benchmarks.measure.multiprecision import DIGITS, digits
 from phasebench.benchmarks.page.markdown import join_list
 from phasebench.benchmarks.page.page import ROWS, Page, Picture, Table, of
 from phasebench.benchmarks.page.verdict import EVERY, FAIL, NONE, Count, Verdict, at_most
@@ -19,6 +22,21 @@ PROPERTIES = ("symplecticity", "symmetry", "volume")
 SHOWN = 4
 #: A method without a property has a defect above this; processed ones are symmetric to a high power of h.
 LEAST = dict.fromkeys(PROPERTIES, NOTHING) | {"symmetry": 1e-27}
+#: Above this order a step is measured with more digits, half of which a defect must exceed.
+HIGH = 8
+
+
+@cache
+def _visible(label: str, name: str) -> float:
+    """The least defect in a property by which a method is seen to lack it."""
+    method = by_label(variants() + high_order_variants()).get(label)
+    return LEAST[name] if method is None or method.order <= HIGH else 10.0 ** (-digits(method) / 2)
+
+
+def _hides(structure: pd.DataFrame) -> pd.Series:
+    """Whether each row's defect is too small to be seen."""
+    least = [_visible(*key) for key in zip(structure["method"], structure["property"], strict=True)]
+    return structure["defect"] <= least
 
 
 def _methods(structure: pd.DataFrame, name: str, declared: bool) -> pd.DataFrame:
@@ -36,7 +54,7 @@ def _largest(structure: pd.DataFrame, name: str) -> dict:
 def _hidden(structure: pd.DataFrame, name: str) -> dict:
     """Arguments of a verdict: all methods that are not declared to have a property lack it."""
     lacking = _methods(structure, name, False)
-    hidden = list(lacking[lacking["defect"] <= LEAST[name]]["method"])
+    hidden = list(lacking[_hides(lacking)]["method"])
     measured = {"measured": Count(len(hidden), len(lacking)), "where": join_list(hidden, 3) if hidden else ""}
     return measured | {"expected": NONE, "unit": "methods", "otherwise": FAIL}
 
@@ -86,7 +104,7 @@ def volume(structure: pd.DataFrame) -> Verdict:
 @of("structure")
 def answer(structure: pd.DataFrame) -> str:
     """A sentence: how many step maps are as declared in each property."""
-    hidden = structure["defect"] <= structure["property"].map(LEAST)
+    hidden = _hides(structure)
     right = structure[hidden.where(~structure["declared"], structure["defect"] <= NOTHING) == structure["declared"]]
     there = [name for name in PROPERTIES if (structure["property"] == name).any()]
     counts = [f"{(right['property'] == x).sum()} of {(structure['property'] == x).sum()} in {x}" for x in there]
