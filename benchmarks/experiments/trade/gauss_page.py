@@ -83,25 +83,28 @@ def _ends(rungs: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame]:
     return found.loc[by.idxmax()].set_index("scene"), found.loc[by.idxmin()].set_index("scene")
 
 
-def _verdict(claim: str, holds: pd.Series, ratio: pd.Series) -> Verdict:
-    """The verdict on a claim that ``holds`` on some scenes; it names the one where it fails by the largest factor."""
+def _counted(holds: pd.Series, ratio: pd.Series) -> dict:
+    """Arguments of a verdict: on how many scenes a claim ``holds``, and where it fails by the largest factor."""
     wrong = np.log(ratio[~holds]).abs()
     where = "" if wrong.empty else f"{wrong.idxmax()}: {number(ratio[wrong.idxmax()])} times"
-    return Verdict(claim, Count(int(holds.sum()), len(holds)), EVERY, "scenes", where=where)
+    measured = Count(int(holds.sum()), len(holds))
+    return {"measured": measured, "expected": EVERY, "unit": "scenes", "where": where}
 
 
 @of(RUNGS)
 def fine(rungs: pd.DataFrame) -> Verdict:
     """Whether Gauss is the faster at the smallest error that both reach, on every scene."""
     ratio = _ends(rungs)[1]["ratio"]
-    return _verdict("At the smallest error that both reach, Gauss of order 16 is the faster", ratio <= 1, ratio)
+    return Verdict(
+        "At the smallest error that both reach, Gauss of order 16 is the faster", **_counted(ratio <= 1, ratio)
+    )
 
 
 @of(RUNGS)
 def coarse(rungs: pd.DataFrame) -> Verdict:
     """Whether an explicit method is the faster at the largest error, on every scene."""
     ratio = _ends(rungs)[0]["ratio"]
-    return _verdict("At the largest error an explicit method is the faster", ratio >= 1, ratio)
+    return Verdict("At the largest error an explicit method is the faster", **_counted(ratio >= 1, ratio))
 
 
 @of(RUNGS)
