@@ -18,7 +18,6 @@ from phasebench.integrators.coefficients.order_conditions import (
     residuals,
 )
 from phasebench.integrators.coefficients.polish import polish, starting_values
-from phasebench.integrators.coefficients.polished_file import entry
 from phasebench.integrators.coefficients.table import is_exact, value
 from phasebench.integrators.driver import integrate
 from phasebench.integrators.ensemble import integrate_ensemble
@@ -95,7 +94,7 @@ def test_numbers_that_are_left_out_follow_from_sums(table):
 
 def test_polishing_again_finds_the_same_numbers():
     table = FILE.tables["blanes-casas-ros-p3"]
-    assert entry(table) == FILE.stored[table.name]
+    assert FILE.entry(table) == FILE.stored[table.name]
     with pytest.raises(ArithmeticError):
         polish(replace(table, order=(8, 6, 4)))
 
