@@ -121,8 +121,8 @@ def defects(*of: tuple[str, bool, float]) -> pd.DataFrame:
 
 
 BOTH = [
-    (structure.symplectic, structure.others_not_symplectic, structure.LEAST["symplecticity"]),
-    (structure.symmetric, structure.others_not_symmetric, structure.LEAST["symmetry"]),
+    (structure.symplectic, structure.others_not_symplectic, structure.NOTHING),
+    (structure.symmetric, structure.others_not_symmetric, structure.NOTHING),
 ]
 
 
@@ -139,6 +139,16 @@ def test_structure_is_judged_by_the_threshold(declared, others, least):
     fine, hidden = both(("a", True, 0.0), ("b", False, 0.9 * least))
     assert (fine.outcome, hidden.outcome, hidden.measured, hidden.where) == (PASS, FAIL, Count(1, 1), "b")
     assert judge(declared, structure=defects(("a", True, 0.0)).iloc[:0]) is None
+
+
+def test_high_orders_are_seen_by_their_digits():
+    """Gauss of order 16 is measured in 128 digits: a defect far above half of them is one, and one below is not."""
+    for others, off in ((structure.others_not_symplectic, 1e-23), (structure.others_not_symmetric, 1e-26)):
+        judged = [judge(others, structure=defects((m, False, off))) for m in ("gauss-8-field", "rk4-relaxation")]
+        assert [x.outcome for x in judged] == [PASS, FAIL]
+        assert judge(others, structure=defects(("gauss-8-field", False, 1e-65))).outcome == FAIL
+    rows = [{"method": "gauss-8-field", "property": "symplecticity", "defect": x} for x in (1e-23, 1e-65)]
+    assert [len(bench_orders.structure_off([r | {"declared": d}])) for r in rows for d in (False, True)] == [0, 1, 1, 0]
 
 
 def test_volume_is_kept_where_declared_and_by_no_control():

@@ -7,22 +7,17 @@ from fractions import Fraction
 import pytest
 
 from phasebench.benchmarks.measure.battery import by_label, high_order_variants, variants
-from phasebench.benchmarks.measure.multiprecision import digits
+from phasebench.benchmarks.measure.visible import least_visible
 
 ROUND_OFF, VISIBLE = 1e-30, 1e-22
-#: A processor of many stages is even in h to a high order, so that the defect of a processed method is small.
-NEARLY = 1e-25
-HIGH = 8
 ALL = by_label(variants() + high_order_variants())
 #: Methods with lambda that are not symmetric; the adjoint of a symmetric method is itself.
 WITH_LAMBDA = [label for label, m in by_label(variants()).items() if "lam" in m.parameters and not m.symmetric]
 
 
 def threshold(label):
-    """Threshold above which a defect is visible: lower for high orders, which are measured with more digits."""
-    if ALL[label].family == "processed" and ALL[label].order <= HIGH:
-        return NEARLY
-    return VISIBLE if ALL[label].order <= HIGH else 10.0 ** (-digits(ALL[label]) / 2)
+    """Threshold above which a defect is visible."""
+    return least_visible(label, "symmetry")
 
 
 def numbers(row):

@@ -5,19 +5,18 @@ from __future__ import annotations
 import pytest
 
 from phasebench.benchmarks.measure.battery import by_label, high_order_variants, variants
-from phasebench.benchmarks.measure.multiprecision import digits
+from phasebench.benchmarks.measure.visible import least_visible
 
 #: Bound on the error of difference Jacobians with 40 digits, and the least visible defect.
 ROUND_OFF, VISIBLE = 1e-26, 1e-22
-HIGH = 8
 ALL = by_label(variants() + high_order_variants())
 SYMPLECTIC = [label for label, m in ALL.items() if m.symplectic]
 OTHERS = [label for label, m in ALL.items() if not m.symplectic]
 
 
 def threshold(label):
-    """Threshold above which a defect is visible: lower for high orders, which are measured with more digits."""
-    return VISIBLE if ALL[label].order <= HIGH else 10.0 ** (-digits(ALL[label]) / 2)
+    """Threshold above which a defect is visible."""
+    return least_visible(label, "symplecticity")
 
 
 def numbers(row):

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from phasebench.benchmarks.experiments.orders.orders import cells  # noqa: F401
 from phasebench.benchmarks.experiments.orders.page import GATE
+from phasebench.benchmarks.measure.visible import least_visible
 
-#: In 40 digits, the defect of a method that has a property is below the first, of one that lacks it above the second.
-ROUND_OFF, VISIBLE = 1e-26, 1e-22
+#: The defect of a method that has a property is below this.
+ROUND_OFF = 1e-26
 
 
 def orders_off(rows) -> list[str]:
@@ -19,11 +20,16 @@ def orders_off(rows) -> list[str]:
 
 
 def structure_off(rows) -> list[str]:
-    """Messages about defects that contradict the method's declaration, or lie between `ROUND_OFF` and `VISIBLE`."""
+    """Messages about defects that contradict the method's declaration, or are neither round-off nor visible."""
+
+    def right(r) -> bool:
+        least = least_visible(r["method"], r["property"])
+        return r["defect"] <= min(ROUND_OFF, least) if r["declared"] else r["defect"] >= least
+
     return [
         f"{r['method']}: {r['property']} declared {r['declared']}, defect {r['defect']:.1e}"
         for r in rows
-        if (r["defect"] <= ROUND_OFF) != r["declared"] or ROUND_OFF < r["defect"] < VISIBLE
+        if not right(r)
     ]
 
 

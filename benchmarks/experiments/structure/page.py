@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from functools import cache
-
 import numpy as np
 import pandas as pd
 
 from phasebench.benchmarks import style
 from phasebench.benchmarks.judge.evidence import NO_DEFECT as NOTHING
-from phasebench.benchmarks.measure.battery import by_label, high_order_variants, variants
-from phasebench.benchmarks.measure.multiprecision import DIGITS, digits
+from phasebench.benchmarks.measure.multiprecision import DIGITS
+from phasebench.benchmarks.measure.visible import HIGH, NEARLY, least_visible
 from phasebench.benchmarks.page.markdown import join_list
 from phasebench.benchmarks.page.page import ROWS, Page, Picture, Table, of
 from phasebench.benchmarks.page.verdict import EVERY, FAIL, NONE, Count, Verdict, at_most
@@ -20,23 +18,12 @@ FLOOR = 1e-42
 PROPERTIES = ("symplecticity", "symmetry", "volume")
 #: Methods shown of each property, of those declared to have it and of the others.
 SHOWN = 4
-#: A method without a property has a defect above this; processed ones are symmetric to a high power of h.
-LEAST = dict.fromkeys(PROPERTIES, NOTHING) | {"symmetry": 1e-27}
-#: Above this order a step is measured with more digits, half of which a defect must exceed.
-HIGH = 8
-
-
-@cache
-def _visible(label: str, name: str) -> float:
-    """The least defect in a property by which a method is seen to lack it."""
-    method = by_label(variants() + high_order_variants()).get(label)
-    return LEAST[name] if method is None or method.order <= HIGH else 10.0 ** (-digits(method) / 2)
 
 
 def _hides(structure: pd.DataFrame) -> pd.Series:
-    """Whether each row's defect is too small to be seen."""
-    least = [_visible(*key) for key in zip(structure["method"], structure["property"], strict=True)]
-    return structure["defect"] <= least
+    """Whether each row's defect is too small for the method to be seen to lack the property."""
+    keys = zip(structure["method"], structure["property"], strict=True)
+    return structure["defect"] <= [least_visible(*key) for key in keys]
 
 
 def _methods(structure: pd.DataFrame, name: str, declared: bool) -> pd.DataFrame:
@@ -177,6 +164,7 @@ PAGE = Page(
     whole=_full_table,
     limits=(
         f"A defect of at most {NOTHING:g} counts as none: a smaller one on all systems would pass unseen.",
+        f"Above order {HIGH} a method is seen to lack a property by half of the digits that it is measured in, a processed one to lack symmetry from {NEARLY:g} on.",
         "Schemes IV and V choose λ from the state, so that their maps are not symplectic; with λ held fixed they are.",
     ),
     command="pytest benchmarks/experiments/orders",

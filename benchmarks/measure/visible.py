@@ -1,0 +1,33 @@
+"""The least defect of a step map by which a method is seen to lack a structure; a smaller one may be a measurement's.
+
+Defects are those of `multiprecision`, in 40 digits, or in more for high orders.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+
+from phasebench.benchmarks.judge.evidence import NO_DEFECT
+from phasebench.integrators.record import Method
+
+from . import multiprecision
+
+#: Above this order the defect of a step is so small that only the digits in which it is measured set a bound.
+HIGH = 8
+#: A processor of many stages is even in h to a high order, so that a processed method is nearly symmetric.
+NEARLY = 1e-25
+
+
+@cache
+def _methods() -> dict[str, Method]:
+    return multiprecision.methods()
+
+
+def least_visible(label: str, name: str) -> float:
+    """The bound for a method's label and a property: "symplecticity", "symmetry" or "volume"."""
+    method = _methods().get(label)
+    if method is None:
+        return NO_DEFECT
+    if method.order > HIGH:
+        return 10.0 ** (-multiprecision.digits(method) / 2)
+    return NEARLY if name == "symmetry" and method.family == "processed" else NO_DEFECT
