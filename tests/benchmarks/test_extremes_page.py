@@ -21,6 +21,7 @@ from phasebench.benchmarks.experiments.extremes import (
     encounters_page,
     exact_maps,
     figures,
+    linear,
     page,
     push,
     regions,
@@ -182,6 +183,23 @@ def test_exact_matrix_is_the_methods_matrix(id, values):
     with mpmath.workdps(brouwer.DIGITS):
         M = np.array(exact_maps.exact_matrix(id, values, 0.3).tolist(), float)
     assert np.allclose(M, oscillator.matrix(integrator(id, parameters=values), 0.3), rtol=0, atol=4e-16)
+
+
+def test_limit_at_a_triple_root_is_confirmed_where_growth_shows():
+    """Of chin-4a tr M + 2 = (12 - z^2)^3 / 432; Stormer-Verlet's trace leaves -2 with a slope, at once."""
+    chosen = integrator("chin-4a")
+    M = oscillator.matrix(chosen, 3.0)
+    assert np.trace(M) + 2 == pytest.approx(3**3 / 432, rel=1e-12)
+    found = oscillator.find(chosen)
+    assert found.limit == pytest.approx(math.sqrt(12), rel=2e-6)
+    assert not linear.grows(chosen, found.limit * (1 + linear.BESIDE))
+    assert linear._beyond(chosen, found) == [found.limit * (1 + 100 * linear.BESIDE)]
+    assert linear.confirm(chosen, found) == (2, 2)
+    verlet = integrator("stormer-verlet")
+    found = oscillator.find(verlet)
+    assert linear._beyond(verlet, found) == [found.limit * (1 + linear.BESIDE)]
+    following = dataclasses.replace(found, intervals=(*found.intervals, (found.limit * (1 + linear.BESIDE), None)))
+    assert linear._beyond(verlet, following) == []
 
 
 def test_energy_and_phase_error_of_known_orbits():

@@ -13,7 +13,7 @@ import pandas as pd
 
 from phasebench.benchmarks import style
 from phasebench.benchmarks.page.markdown import number
-from phasebench.benchmarks.page.page import ROWS, Page, Picture, Table, of
+from phasebench.benchmarks.page.page import ROWS, Page, Picture, Table, of, once
 from phasebench.benchmarks.page.verdict import EVERY, Count, Verdict
 from phasebench.benchmarks.problems.questions import BY_ID as QUESTIONS
 from phasebench.integrators.registry import BY_ID
@@ -40,6 +40,7 @@ def is_explicit(id: str, separable: bool) -> bool:
     return order == 1 and separable and all({mu, lam} == {0, 1} for _, mu, lam in substeps)
 
 
+@once
 def ratios(rungs: pd.DataFrame) -> pd.DataFrame:
     """A row for each scene and error that both reach: both times (s), their ratio, and the fastest explicit method.
 
@@ -109,7 +110,7 @@ def coarse(rungs: pd.DataFrame) -> Verdict:
 
 @of(RUNGS)
 def answer(rungs: pd.DataFrame) -> str:
-    """A sentence: on how many scenes Gauss becomes the faster, and from which error, also on the planets."""
+    """The page's answer: on how many scenes Gauss becomes faster than explicit methods, and from which error."""
     found = crossings(rungs)
     ever = found.dropna()
     if ever.empty:
