@@ -122,7 +122,7 @@ class Data:
         return self._read(name)[0]
 
     def provenance(self, name: str) -> pd.DataFrame:
-        """Provenance columns of a table on disk (date, machine, ...), one row per measured row."""
+        """When, where and by which version each row of a stored table was measured: a frame of these columns."""
         path = self.folder / "data" / f"{name}.csv"
         return pd.read_csv(path, usecols=lambda column: column in results.PROVENANCE, low_memory=False)
 

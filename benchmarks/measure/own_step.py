@@ -269,7 +269,7 @@ def integrate_step(
 
 
 def _steps(step, seen: System, asked, rows, deadline) -> tuple[int, int, bool]:
-    """Take the steps and save states in ``rows``; return (rows filled, steps taken, True if time ran out)."""
+    """Take the asked steps, save states in ``rows``; return (rows filled, steps taken, True if time ran out)."""
     q, p, row = asked.q, asked.p, 1
     for n in range(1, asked.steps + 1):
         try:

@@ -82,7 +82,7 @@ _ready: dict = {}
 
 
 def function(key: str, build, signature, arithmetic: str = DOUBLE):
-    """Return the function whose text ``build(arithmetic)`` writes, ready for the kernels.
+    """Return the function that the Python text ``build(arithmetic)`` defines, compiled or in multiprecision.
 
     Parameters
     ----------

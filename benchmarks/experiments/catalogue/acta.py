@@ -52,7 +52,7 @@ class Listed:
 
 
 def _rows(kind: str, text: str) -> tuple[Listed, ...]:
-    """Rows of lines "stages | order | work | ids"; an id a row."""
+    """The listed methods of a kind, from lines "stages | order | publication | ids"; one for each id."""
     out = []
     for line in text.strip().splitlines():
         stages, order, work, ids = (x.strip() for x in line.split("|"))
