@@ -27,9 +27,9 @@ import numpy as np
 
 #: Spacing of the scan, and its end.
 SPACING, LAST = 0.05, 10.0
-#: Allowances in the margins: for the solver of an implicit step (times the matrix's size), and for rounding of the
-#: determinant (times the size squared).
-SLACK, ROUNDING = 1e-10, 1e-14
+#: Allowances in the margins: for the solver of an implicit step (times the matrix's size), for rounding of the
+#: determinant (times the size squared), and, times the size, this many times the measured noise of the entries.
+SLACK, ROUNDING, NOISY = 1e-10, 1e-14, 10.0
 #: Largest difference between the matrix of two steps and the square of one, for a step that keeps only the state.
 SQUARE = 1e-9
 #: Accuracy of the boundaries.
@@ -70,12 +70,13 @@ class Stability:
         return tuple((a[1], b[0]) for a, b in pairwise(self.intervals))
 
 
-def margins(M) -> np.ndarray:
-    """Jury's three margins of a matrix (2, 2), plus an allowance for round-off."""
+def margins(M, noise: float = 0.0) -> np.ndarray:
+    """Jury's three margins of a matrix (2, 2) whose entries have this noise, plus an allowance for round-off."""
     M = np.asarray(M, dtype=float)
     trace, det = M[0, 0] + M[1, 1], M[0, 0] * M[1, 1] - M[0, 1] * M[1, 0]
     size = np.abs(M).max()
-    return np.array([1 - trace + det, 1 + trace + det, 1 - det]) + SLACK * (1 + size) + min(ROUNDING * size**2, 1)
+    allowance = (SLACK + NOISY * noise) * (1 + size) + min(ROUNDING * size**2, 1)
+    return np.array([1 - trace + det, 1 + trace + det, 1 - det]) + allowance
 
 
 def _with_bounded(three: np.ndarray) -> np.ndarray:
@@ -91,7 +92,10 @@ def radius(M) -> float:
 
 
 def stability(
-    step_matrix: Callable[[float], np.ndarray | None], last: float = LAST, spacing: float = SPACING
+    step_matrix: Callable[[float], np.ndarray | None],
+    last: float = LAST,
+    spacing: float = SPACING,
+    noise: Callable[[float], float] = lambda z: 0.0,
 ) -> Stability:
     """Find the stable steps of a linear map.
 
@@ -99,6 +103,7 @@ def stability(
     ----------
     step_matrix : z -> the matrix of a step, shape (2, 2); None if the step fails
     last, spacing : end and spacing of the scan
+    noise : z -> the error of the matrix's entries, where a solver's error exceeds `SLACK`
     """
     seen: dict[float, tuple[np.ndarray, float]] = {}
 
@@ -107,7 +112,9 @@ def stability(
         if z not in seen:
             M = step_matrix(z)
             taken = M is not None and np.isfinite(M).all()
-            seen[z] = (_with_bounded(margins(M)), float(np.abs(M).max())) if taken else (np.full(4, -1.0), np.inf)
+            seen[z] = (np.full(4, -1.0), np.inf)
+            if taken:
+                seen[z] = (_with_bounded(margins(M, noise(z))), float(np.abs(M).max()))
         return seen[z]
 
     def at(z: float) -> np.ndarray:

@@ -59,6 +59,8 @@ LONG, FIRST, GROWN, COARSE, SHARPNESS, HOPELESS = 10_000, 100, 10.0, 0.25, 1e-3,
 LEAST = 1e-3
 #: Steps z at which the map is tested for linearity.
 ASKED = (0.3, 0.9)
+#: States whose images show the noise of a step's matrix.
+STATES = ((0.6, -0.8), (0.8, 0.6))
 TRACE, RUNS = "trace of the step map", "long runs"
 
 StepMatrix = Callable[[float], "np.ndarray | None"]
@@ -153,13 +155,25 @@ def find(chosen: Integrator) -> Found:
         raise InvalidInput(lack)
     if not linear(chosen):
         return of_runs(chosen)
-    return of_matrix(lambda z: matrix(chosen, z))
+    return of_matrix(lambda z: matrix(chosen, z), lambda z: noise(chosen, z))
 
 
-def of_matrix(step_matrix: StepMatrix) -> Found:
-    """The stable steps z of a linear map, from its matrix as a function of z."""
+def noise(chosen: Integrator, z: float) -> float:
+    """The error of the step matrix's entries at z: how far its products with two states are from their images.
+
+    It is round-off, except where the substeps of an implicit step amplify the error of its solver.
+    """
+    M = matrix(chosen, z)
+    images = [end(chosen, z, 1, state) for state in STATES]
+    if M is None or any(y is None for y in images):
+        return 0.0
+    return float(max(np.abs(y - M @ state).max() for y, state in zip(images, STATES, strict=True)))
+
+
+def of_matrix(step_matrix: StepMatrix, noise: Callable[[float], float] = lambda z: 0.0) -> Found:
+    """The stable steps z of a linear map, from its matrix and the error of its entries as functions of z."""
     known = _cache_matrices(step_matrix)
-    pieces, scanned = _pieces(known)
+    pieces, scanned = _pieces(known, noise)
     reason = "" if scanned else "no step can be taken"
     intervals = [
         (a if a == 0 else _sharp(known, a, +1), _sharp(known, b, -1) if b < scanned else None) for a, b in pieces
@@ -168,13 +182,13 @@ def of_matrix(step_matrix: StepMatrix) -> Found:
     return Found(tuple(intervals), tuple(touches), scanned, TRACE, reason)
 
 
-def _pieces(step_matrix: StepMatrix) -> tuple[list[tuple[float, float]], float]:
+def _pieces(step_matrix: StepMatrix, noise: Callable[[float], float]) -> tuple[list[tuple[float, float]], float]:
     """(stable intervals of z, end of the scan) of a linear map; a longer scan follows if the first ends stable."""
-    first = linear_stability.stability(step_matrix)
+    first = linear_stability.stability(step_matrix, noise=noise)
     pieces, last = list(first.intervals), linear_stability.LAST
     if not pieces or pieces[-1][1] < last:
         return pieces, first.scanned
-    second = linear_stability.stability(step_matrix, FAR, WIDE)
+    second = linear_stability.stability(step_matrix, FAR, WIDE, noise)
     rest = [(a, b) for a, b in second.intervals if b > last]
     if rest and rest[0][0] < last:
         pieces[-1] = (pieces[-1][0], rest.pop(0)[1])

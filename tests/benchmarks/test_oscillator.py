@@ -233,13 +233,32 @@ def test_run_is_lost_by_its_status_or_by_growth():
     assert [ends("unstable", *end) for end in ((1.0, 0.5), (grown, 0.0))] == ["unstable", "unstable"]
 
 
+def test_solver_noise_is_no_gap_and_a_gap_beside_it_is_found():
+    """Noise of 1e-8 in the entries, above the allowance for a solver, moves the determinant of a rotation off 1."""
+
+    def noisy(z):
+        draws = np.random.default_rng(int(z * 1e9)).uniform(-1e-8, 1e-8, (2, 2))
+        growth = 1.001 if 5 < z < 6 else 1.0
+        return growth * np.array([[np.cos(0.3), np.sin(0.3)], [-np.sin(0.3), np.cos(0.3)]]) + draws
+
+    assert len(oscillator.of_matrix(noisy).intervals) > 10
+    (first, second) = oscillator.of_matrix(noisy, lambda z: 1e-8).intervals
+    assert first == (0.0, pytest.approx(5.0, abs=1e-6)) and second == (pytest.approx(6.0, abs=1e-6), None)
+
+
+def test_noise_of_a_step_is_measured():
+    """The substeps of the composed method amplify its solver's error where h omega is large."""
+    assert oscillator.noise(integrator("jayawardana-ohsawa-4"), 50.0) > 1e-8
+    assert oscillator.noise(integrator("jayawardana-ohsawa-4"), 1.0) < 1e-14
+
+
 def test_scan_that_ends_stable_is_extended(monkeypatch):
     def scans(*second):
         found = iter(
             [linear_stability.Stability(((0.0, 2.0), (3.0, 10.0)), 10.0), linear_stability.Stability(second, 90.0)]
         )
-        monkeypatch.setattr(linear_stability, "stability", lambda *scan: next(found))
-        return oscillator._pieces(None)
+        monkeypatch.setattr(linear_stability, "stability", lambda *scan, **more: next(found))
+        return oscillator._pieces(None, lambda z: 0.0)
 
     assert scans((0.0, 2.0), (3.0, 12.0), (20.0, 90.0)) == ([(0.0, 2.0), (3.0, 12.0), (20.0, 90.0)], 90.0)
     assert scans((0.0, 2.0), (3.0, 10.0), (20.0, 90.0)) == ([(0.0, 2.0), (3.0, 10.0), (20.0, 90.0)], 90.0)
