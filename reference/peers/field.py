@@ -1,4 +1,4 @@
-"""Right-hand sides for solvers that call a Python function (t, y) -> y' with y = (q, p)."""
+"""Right-hand sides for solvers that call a Python function of y = (q, p): y' whole, or its two halves."""
 
 from __future__ import annotations
 
@@ -43,3 +43,22 @@ def right_hand_side(system):
     from phasebench.integrators.compile import codegen
 
     return compiled_field(system) if codegen.compiled() else system.vector_field()
+
+
+@lru_cache(maxsize=KEPT)
+def split_gradients(system):
+    """Compiled functions y -> V'(q) and y -> T'(p) for H = T(p) + V(q), on arrays y = (q, p) of shape (2 d,)."""
+    import numba
+
+    from phasebench.integrators.compile import codegen
+    from phasebench.integrators.values import vector
+
+    d, load, zero = system.d, vector.load, (0.0,) * system.d
+    grad_V, grad_T = system.grad_V(), system.grad_T() or numba.njit(lambda p: p)
+    if codegen.compiled() and codegen.value_kind(d) == "tuple":
+        half = numba.njit(lambda y, i: load(y.reshape(2, d), i, zero))
+    else:
+        half = numba.njit(lambda y, i: y.reshape(2, d)[i])
+    slope = numba.njit(lambda y: grad_V(half(y, 0)))
+    velocity = numba.njit(lambda y: grad_T(half(y, 1)))
+    return slope, velocity

@@ -29,7 +29,7 @@ import numpy as np
 
 from phasebench.integrators.errors import InvalidInput
 
-from .field import right_hand_side
+from .field import right_hand_side, split_gradients
 from .record import NOT_FINITE, Claims, Peer, Run, Task, split_alone
 
 #: Largest number of steps in one call of pyhamsys, and in one with two copies coupled by omega.
@@ -45,25 +45,17 @@ def _flows(system):
     """Compiled maps (h, t, y) -> y: (the flow of V and then T, the flow of T and then V)."""
     import numba
 
-    from phasebench.integrators.compile import codegen
-    from phasebench.integrators.values import vector
-
-    d, grad_V, load, zero = system.d, system.grad_V(), vector.load, (0.0,) * system.d
-    grad_T = system.grad_T() or numba.njit(lambda p: p)
-    if codegen.compiled() and codegen.value_kind(d) == "tuple":
-        half = numba.njit(lambda y, i: load(y.reshape(2, d), i, zero))
-    else:
-        half = numba.njit(lambda y, i: y.reshape(2, d)[i])
+    d, (gradient, rate) = system.d, split_gradients(system)
 
     @numba.njit
     def kick(h, y):
-        slope = grad_V(half(y, 0))
+        slope = gradient(y)
         for i in range(d):
             y[d + i] -= h * slope[i]
 
     @numba.njit
     def drift(h, y):
-        velocity = grad_T(half(y, 1))
+        velocity = rate(y)
         for i in range(d):
             y[i] += h * velocity[i]
 

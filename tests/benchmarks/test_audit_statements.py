@@ -19,6 +19,8 @@ from phasebench.benchmarks.page.verdict import FINDING, PASS, Count
 from phasebench.reference.peers import BY_ID
 
 OK = "1.0e-16"
+#: The orders that SUNDIALS states, of q and of H.
+SPRK = tuple(f"{x:.2f}" for x in (1, 2, 2, 2, 3, 3, 4, 6, 8, 4, 5, 4, 5) for _ in "qH")
 #: script -> (values for which its statements hold, values for which they do not, the verdict on the latter).
 VALUES = {
     "galpy_dt": (("1e-15", "1.8", OK), ("1.8", "1e-15", OK), CONTRADICTED),
@@ -47,6 +49,12 @@ VALUES = {
     "scipy_orders": (("3.0", "5.04", "7.97"), ("3.0", "4.04", "7.97"), CONTRADICTED),
     "galpy_ias15_tolerance": (("1e-3", "1e-2"), ("0.0e+00", "1e-2"), CONTRADICTED),
     "heyoka_tolerance": (("3.6e-14", "4.1e-14"), ("3.6e-14", "4.1e-11"), CONTRADICTED),
+    "sundials_orders": (SPRK, (*SPRK[:18], "3.03", *SPRK[19:]), CONTRADICTED),
+    "sundials_time_dependent": (("2.01", "3.99", "6.0", "0.5"), ("2.01", "1.00", "6.0", "1.0"), CONTRADICTED),
+    "sundials_relaxation": (("std::bad_cast", "0", "0"), ("std::bad_cast",) * 3, CONTRADICTED),
+    "sundials_names": (("5", "5", "10", "10"), ("5", "6", "10", "10"), CONTRADICTED),
+    "sundials_compensated": (("1.6e-14", "4.4e-16"), ("1.6e-14", "1.5e-14"), CONTRADICTED),
+    "sundials_kepler": ((OK,) * 9, (*(OK,) * 8, "1.2e-08"), CONTRADICTED),
 }
 
 
@@ -73,7 +81,11 @@ def documentation(where: str) -> str:
     return found.__doc__ if callable(found) else f"{last} = {found}" if owner else ""
 
 
-@pytest.mark.parametrize("statement", [s for s in STATEMENTS if s.where], ids=lambda s: f"{s.script}-{s.where}")
+#: A guide does not come with its package.
+INSTALLED = [s for s in STATEMENTS if s.where and not s.where.startswith("guide:")]
+
+
+@pytest.mark.parametrize("statement", INSTALLED, ids=lambda s: f"{s.script}-{s.where}")
 def test_quotation_is_in_the_installed_package(statement):
     pytest.importorskip(statement.package, exc_type=ImportError)
     text = " ".join(documentation(statement.where).split())
@@ -210,6 +222,11 @@ def test_failing_or_silent_script_judges_nothing(tmp_path, monkeypatch):
         ("rebound_leapfrog_order_4", UNDERSTATED),
         ("gala_rk5_coefficients", CONTRADICTED),
         ("desolver_radau_iia_3", CONTRADICTED),
+        ("sundials_orders", CONTRADICTED),
+        ("sundials_time_dependent", CONTRADICTED),
+        ("sundials_relaxation", CONTRADICTED),
+        ("sundials_names", CONTRADICTED),
+        ("sundials_kepler", HOLDS),
     ],
 )
 def test_scripts_give_the_verdicts_of_the_page(script, verdict):
@@ -310,7 +327,8 @@ def test_unused_rebound_options_are_listed(monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("package", "left"), [("desolver", ["DIRK3LStable"]), ("gala", [""]), ("pyhamsys", [""]), ("galpy", [""])]
+    ("package", "left"),
+    [("desolver", ["DIRK3LStable"]), ("gala", [""]), ("pyhamsys", [""]), ("galpy", [""]), ("sundials4py", [""])],
 )
 def test_unregistered_names_of_other_packages(package, left):
     pytest.importorskip(package)

@@ -233,7 +233,7 @@ def test_the_texts_of_records_are_complete():
         for words in (p.name, p.about, p.source, p.scope, p.claims.source):
             assert words == words.strip(" ;,")
             assert not any(wrong in words for wrong in ("  ", "; ;", ";;", "None", "{", "}")), words
-        assert p.about.count(";") >= (p.package in ("desolver", "gala", "galpy", "pyhamsys"))
+        assert p.about.count(";") >= (p.package in ("desolver", "gala", "galpy", "pyhamsys", "sundials4py"))
         assert p.name.endswith(", adaptive") == p.id.endswith("-adaptive")
 
 

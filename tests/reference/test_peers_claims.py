@@ -1,7 +1,7 @@
 """Claims and options of the peers whose packages cannot be queried for them.
 
 They are written down a second time here, as read in the documentation of the versions of 2026. Claims of desolver,
-pyhamsys and diffrax are compared with the packages in `test_peers_packages`.
+pyhamsys and diffrax are compared with the packages in `test_peers_packages`, SUNDIALS's in `test_peers_sundials`.
 """
 
 from __future__ import annotations
@@ -90,7 +90,7 @@ galpy-odeint                  - -   -   -
 """
 WORDS = {"-": None, "yes": True, "no": False}
 LINES = {line.split()[0]: line.split()[1:] for line in SAID.strip().splitlines()}
-OTHERS = ("desolver", "pyhamsys", "diffrax")
+OTHERS = ("desolver", "pyhamsys", "diffrax", "sundials4py")
 MINE = [p for p in PEERS if p.package not in OTHERS]
 
 

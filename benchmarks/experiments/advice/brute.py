@@ -39,7 +39,7 @@ PART, HOPELESS = 1 / 50, 20.0
 SLACK, ROUND_OFF = 0.02, 8 * float(np.finfo(float).eps)
 #: The integrator tried first, which sets a time to beat; integrators left out: batches of orbits, loops in Python.
 FIRST, LEFT_OUT = "heyoka", ("heyoka-batch",)
-SLOW = ("gala", "galpy", "desolver", "pyhamsys", "diffrax")
+SLOW = ("gala", "galpy", "desolver", "pyhamsys", "diffrax", "sundials4py")
 
 
 class Run(NamedTuple):

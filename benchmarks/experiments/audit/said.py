@@ -30,6 +30,10 @@ REBOUND = "https://rebound.readthedocs.io/en/latest/integrators/"
 DIFFRAX = "https://docs.kidger.site/diffrax/api/solvers/ode_solvers"
 SCIPY = "https://docs.scipy.org/doc/scipy/reference/generated/scipy.integrate.{}.html"
 HEYOKA = "https://bluescarni.github.io/heyoka.py/"
+SUNDIALS = "https://sundials.readthedocs.io/en/latest/arkode/{}_link.html"
+SUNDIALS_EXAMPLE = "https://github.com/LLNL/sundials/tree/main/examples/arkode/C_serial"
+#: The orders of the methods of the script sundials_orders, each printed for q and for H.
+SUNDIALS_ORDERS = tuple(order for order in (1, 2, 2, 2, 3, 3, 4, 6, 8, 4, 5, 4, 5) for _ in "qH")
 
 STATEMENTS = (
     Statement(
@@ -330,6 +334,68 @@ STATEMENTS = (
         HEYOKA,
         below(1e-12),
         "pendulum to t = 70000: energy error {0}, with high_accuracy {1}; billions of steps were not tried",
+    ),
+    Statement(
+        "sundials_orders",
+        "sundials4py",
+        "SPRKStep provides schemes with order of accuracy and conservation equal to q = {1,2,3,4,5,6,8,10}",
+        "guide:ARKODE, Mathematical Considerations, SPRKStep",
+        SUNDIALS.format("Mathematics"),
+        every(*(near(k, order) for k, order in enumerate(SUNDIALS_ORDERS))),
+        "orders of MCLACHLAN_4_4 and 5_6: {18} and {20} with T = exp(p) - p, {22} and {24} with p^2 / 2; others hold",
+        LOWER,
+        "say that these two are Nystrom methods: T quadratic",
+    ),
+    Statement(
+        "sundials_time_dependent",
+        "sundials4py",
+        "typically arise from the separable Hamiltonian system H(t, p, q) = T(t, p) + V(t, q)",
+        "guide:ARKODE, Mathematical Considerations, SPRKStep",
+        SUNDIALS.format("Mathematics"),
+        every(near(0, 2), near(1, 4), near(2, 6)),
+        "with V(t, q): LEAPFROG_2_2 {0}, MCLACHLAN_4_4 {1}, YOSHIDA_6_8 {2}; leapfrog's force is at t + {3} h",
+        LOWER,
+        "f1 at the sum of the a before the stage, f2 at the sum of the a-hat",
+    ),
+    Statement(
+        "sundials_relaxation",
+        "sundials4py",
+        "For such problems, ARKODE supports relaxation methods",
+        "guide:ARKODE, Mathematical Considerations, Relaxation Methods",
+        SUNDIALS.format("Mathematics"),
+        lambda values: HOLDS if "0" in values else CONTRADICTED,
+        "from Python the relaxation function cannot be called: {0}",
+        STRUCTURE,
+        "take the table of functions from ARKodeMem in arkode_relaxfn_wrapper",
+    ),
+    Statement(
+        "sundials_names",
+        "sundials4py",
+        "For SPRK methods, the naming convention is SPRK-NAME-S-Q",
+        "guide:ARKODE, Appendix: Butcher tables",
+        SUNDIALS.format("Butcher"),
+        every(same(0, 1), same(2, 3)),
+        "MCLACHLAN_5_6 has {1} stages, SOFRONIOU_10_36 has {3}: the order comes first",
+        LABEL,
+        "say SPRK-NAME-Q-S",
+    ),
+    Statement(
+        "sundials_compensated",
+        "sundials4py",
+        "it is significantly more robust to roundoff error accumulation",
+        "guide:ARKODE, Mathematical Considerations, SPRKStep",
+        SUNDIALS.format("Mathematics"),
+        lambda values: HOLDS if float(values[0]) > 3 * float(values[1]) else CONTRADICTED,
+        "error of the angular momentum over 40,000 steps: {0} with plain sums, {1} with compensated ones",
+    ),
+    Statement(
+        "sundials_kepler",
+        "sundials4py",
+        "t = 50.0000, H(p,q)-H0 = -5.3723049984188975e-06",
+        "guide:SUNDIALS, examples/arkode/C_serial, ark_kepler_*.out",
+        SUNDIALS_EXAMPLE,
+        below(ROUND_OFF),
+        "differences from nine stored answers: {0}, {1}, {2}, {3}, {4}, {5}, {6}, {7} and {8}",
     ),
 )  # fmt: skip
 

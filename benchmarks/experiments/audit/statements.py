@@ -38,7 +38,8 @@ class Statement:
     script : name of the script in `SCRIPTS` that tests it, without the ending
     package : the package
     said : the words, quoted
-    where : source of the words: "module:name" (documentation or value), "readme:package" or "rebound:integrator"
+    where : source of the words: "module:name" (documentation or value), "readme:package", "rebound:integrator", or
+        "guide:section" of documentation that does not come with the package
     link : where they can be read
     verdict : function from the printed values, in their order, to a verdict
     shows : format string that makes a short text of the printed values

@@ -94,6 +94,14 @@ def _diffrax() -> list[str]:
     ]
 
 
+def _sundials4py() -> list[str]:
+    """The symplectic methods of SUNDIALS's SPRKStep that no peer uses; its other integrators claim no structure."""
+    from phasebench.reference.peers.sundials4py import load
+
+    found = [n for n in dir(load().arkode) if re.fullmatch(r"ARKODE_SPRK_\w+_\d+_\d+", n)]
+    return _missing_names("sundials4py", found, lambda peer: peer.name)
+
+
 def _heyoka() -> list[str]:
     """heyoka's integrators in precisions other than double."""
     import heyoka as hy
@@ -149,7 +157,8 @@ def _options(name: str, integrator) -> dict[str, list[str]]:
 
 
 LOOKS: dict[str, Callable[[], list[str]]] = {
-    f.__name__.removeprefix("_"): f for f in (_heyoka, _rebound, _scipy, _gala, _galpy, _desolver, _pyhamsys, _diffrax)
+    f.__name__.removeprefix("_"): f
+    for f in (_heyoka, _rebound, _scipy, _gala, _galpy, _desolver, _pyhamsys, _diffrax, _sundials4py)
 }
 
 

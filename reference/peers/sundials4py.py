@@ -1,0 +1,187 @@
+r"""The symplectic methods of SUNDIALS as peers: ARKODE's SPRKStep, through its Python interface sundials4py.
+
+For :math:`H = T(p) + V(q)` a step of s stages with coefficients a and :math:`\hat a` is, for i = 1, ..., s,
+
+.. math:: p \leftarrow p - h \hat a_i V'(q), \qquad q \leftarrow q + h a_i T'(p).
+
+Every method is a peer with the plain sums that are the package's default, and another one, ``-compensated``, with
+ARKodeSetUseCompensatedSums: the increment of a whole step is added to the state with compensation.  A step is a call of
+ARKodeEvolve in the mode ARK_ONE_STEP, so that every step is h, and no row is interpolated.
+
+MCLACHLAN_4_4 and MCLACHLAN_5_6 meet the order conditions of Nystrom methods alone: they have order 3 where T is not
+quadratic.  All methods have order 1 where H depends on time (the script ``sundials_time_dependent`` of the audit).
+
+The wheel of sundials4py needs Python 3.12 or newer; on older ones these peers are told as not installed.
+
+Source: C. J. Balos et al., SUNDIALS 7.9, ARKODE user guide, SPRKStep; the methods' own, below.
+"""
+
+from __future__ import annotations
+
+import importlib
+import sys
+import time
+from functools import lru_cache
+
+import numpy as np
+
+from phasebench.integrators.record import BOUNDED
+
+from .field import split_gradients
+from .record import NOT_FINITE, Claims, Peer, Run, Task, split_alone
+
+#: The oldest Python for which the package has a wheel.
+OLDEST = (3, 12)
+GUIDE = "https://sundials.readthedocs.io/en/latest/arkode/Mathematics_link.html"
+CLAIMED = f"{GUIDE}, SPRKStep; orders in the table of Butcher tables, Symplectic partitioned Butcher tables"
+ABOUT = (
+    "a Python loop over steps, each a call of ARKodeEvolve; right-hand sides are Python that calls functions compiled "
+    "by Numba"
+)
+
+
+def load(name: str = "sundials4py"):
+    """Import sundials4py; the error on a Python that is too old for its wheel says so."""
+    try:
+        return importlib.import_module(name)
+    except ImportError as error:
+        if sys.version_info < OLDEST:
+            here, oldest = (".".join(map(str, v[:2])) for v in (sys.version_info, OLDEST))
+            raise ImportError(f"its wheel needs Python {oldest} or newer, and this is {here}") from error
+        raise
+
+
+@lru_cache(maxsize=1)
+def _context():
+    """The package's context of this process."""
+    from sundials4py import core
+
+    status, context = core.SUNContext_Create(core.SUN_COMM_NULL)
+    if status != core.SUN_SUCCESS:
+        raise RuntimeError(f"SUNContext_Create returned {status}")
+    return context
+
+
+@lru_cache(maxsize=128)
+def _callbacks(system):
+    """SPRKStep's two right-hand sides (t, y, y', user data) -> 0: of p, and of q."""
+    import numba
+    from sundials4py import core
+
+    d, (gradient, rate), array = system.d, split_gradients(system), core.N_VGetArrayPointer
+
+    @numba.njit("void(float64[::1], float64[::1])", error_model="numpy")
+    def force(y, out):
+        slope = gradient(y)
+        for i in range(d):
+            out[d + i] = -slope[i]
+
+    @numba.njit("void(float64[::1], float64[::1])", error_model="numpy")
+    def velocity(y, out):
+        speed = rate(y)
+        for i in range(d):
+            out[i] = speed[i]
+
+    def of_p(t, y, slope, data):
+        force(array(y), array(slope))
+        return 0
+
+    def of_q(t, y, slope, data):
+        velocity(array(y), array(slope))
+        return 0
+
+    return of_p, of_q
+
+
+def _integrator(method: str, compensated: bool, system, state: np.ndarray, h: float):
+    """(SPRKStep's integrator with constant step h, the vector that holds its state): ``state`` is overwritten."""
+    from sundials4py import arkode, core
+
+    vector = core.N_VMake_Serial(len(state), state, _context())
+    integrator = arkode.SPRKStepCreate(*_callbacks(system), 0.0, vector, _context())
+    memory = integrator.get()
+    for code in (
+        arkode.SPRKStepSetMethodName(memory, method),
+        arkode.ARKodeSetUseCompensatedSums(memory, int(compensated)),
+        arkode.ARKodeSetFixedStep(memory, h),
+    ):
+        if code:
+            raise RuntimeError(f"SPRKStep with {method} and the step {h:g} returned {code}")
+    return integrator, vector
+
+
+def _build_run(method: str, compensated: bool):
+    def run(task: Task) -> Run:
+        from sundials4py import arkode
+
+        state, numbers = task.state, task.numbers
+        integrator, vector = _integrator(method, compensated, task.system, state, task.h)
+        memory, evolve, mode = integrator.get(), arkode.ARKodeEvolve, arkode.ARK_ONE_STEP
+        end = task.h * max(task.steps, 1)
+        rows = np.empty((len(numbers), len(state)))
+        rows[0] = state
+        row, failure = 1, None
+        started = time.perf_counter()
+        while row < len(numbers) and failure is None:
+            for _ in range(numbers[row] - numbers[row - 1]):
+                code, reached = evolve(memory, end, vector, mode)
+                if code < 0:
+                    failure = f"ARKodeEvolve returned {code} after t = {reached:.6g}"
+                    break
+            else:
+                rows[row], row = state, row + 1
+                if not np.isfinite(state).all():
+                    failure = NOT_FINITE
+        seconds = time.perf_counter() - started
+        steps = arkode.ARKodeGetNumSteps(memory)[1]
+        evaluations = max(arkode.ARKodeGetNumRhsEvals(memory, part)[1] for part in (0, 1))
+        return Run.of_states(rows[:row], steps, evaluations, seconds, failure)
+
+    return run
+
+
+def sprk(name: str, source: str, about: str = "", *, compensated: bool = False) -> Peer:
+    """The record of SPRKStep with the method ``name``, of ARKODE_SPRK_name, whose numbers are order and stages."""
+    order, stages = map(int, name.split("_")[-2:])
+    sums = "ARKodeSetUseCompensatedSums on" if compensated else "plain sums, the package's default"
+    return Peer(
+        f"sundials-{name.lower().replace('_', '-')}{'-compensated' if compensated else ''}",
+        f"SUNDIALS's ARKODE_SPRK_{name}{', compensated sums' if compensated else ''}",
+        package="sundials4py",
+        adaptive=False,
+        order=order,
+        license="BSD-3-Clause",
+        about="; ".join(filter(None, [f"{stages} stages" if stages > 1 else "1 stage", about, sums, ABOUT])),
+        source=source,
+        run=_build_run(f"ARKODE_SPRK_{name}", compensated),
+        scope="H = T(p) + V(q)",
+        lacks=split_alone("SPRKStep's stages update q and p in turn: H must be T(p) + V(q)"),
+        claims=Claims(order=order, symplectic=True, energy=BOUNDED, source=CLAIMED),
+        load=load,
+        settings={"ARKodeSetUseCompensatedSums": compensated},
+    )
+
+
+MCLACHLAN = "McLachlan & Atela 1992, Nonlinearity 5, 541-562"
+CANDY = "Candy & Rozmus 1991, J. Comput. Phys. 92, 230-256"
+NYSTROM = "order {} where T is quadratic, 3 where it is not"
+
+METHODS = (
+    ("EULER_1_1", "Hairer, Lubich & Wanner 2006, I.1.2; kicks first"),
+    ("LEAPFROG_2_2", "Hairer, Lubich & Wanner 2006, I.1.4; drift-kick-drift"),
+    ("PSEUDO_LEAPFROG_2_2", "Hairer, Lubich & Wanner 2006, I.1.4; kick-drift-kick"),
+    ("MCLACHLAN_2_2", MCLACHLAN),
+    ("RUTH_3_3", "Ruth 1983, IEEE Trans. Nucl. Sci. 30, 2669-2671"),
+    ("MCLACHLAN_3_3", MCLACHLAN),
+    ("MCLACHLAN_4_4", MCLACHLAN, NYSTROM.format(4)),
+    ("CANDY_ROZMUS_4_4", CANDY),
+    ("MCLACHLAN_5_6", MCLACHLAN, NYSTROM.format(5)),
+    ("YOSHIDA_6_8", "Yoshida 1990, Phys. Lett. A 150, 262-268"),
+    ("SUZUKI_UMENO_8_16", "Suzuki & Umeno 1993; McLachlan 1995, SIAM J. Sci. Comput. 16, 151-168"),
+    ("SOFRONIOU_10_36", "Sofroniou & Spaletta 2005, Optim. Methods Softw. 20, 597-613"),
+)
+
+PEERS: tuple[Peer, ...] = (
+    *(sprk(*arguments) for arguments in METHODS),
+    *(sprk(*arguments, compensated=True) for arguments in METHODS),
+)
