@@ -1,4 +1,4 @@
-"""SUNDIALS's symplectic methods as peers: claims, stored answers, orders, steps, and what is told where it is absent."""
+"""SUNDIALS's symplectic methods as peers: claims, stored answers, orders, steps, and what is told without it."""
 
 from __future__ import annotations
 
