@@ -12,6 +12,7 @@ from __future__ import annotations
 from phasebench.integrators.compile import lazy as _lazy
 
 _HOMES = {
+    "ConstrainedHamiltonian": "systems.constrained",
     "Ensemble": "ensemble",
     "Hamiltonian": "systems.hamiltonian",
     "PartitionedSystem": "systems.hamiltonian",

@@ -157,6 +157,8 @@ def initial(problem, q0=None, p0=None, exact: bool = False):
         H = system.energies(state[0][None], state[1][None])[0]
         if not isfinite(H):
             raise InvalidInput(f"the energy of the initial state is {H}: it is at a singularity or outside H's domain")
+    if not exact and system.constrained:
+        system.check_start(*state)
     size = 1.0 if exact else max(np.abs(numbers).max() for numbers in state)
     if size > 0 and not SMALLEST <= size <= GREATEST:
         raise InvalidInput(f"the state's largest number is {size:.3g}; choose units in which it is nearer to 1")

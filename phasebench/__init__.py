@@ -52,6 +52,7 @@ if TYPE_CHECKING:
     from phasebench.integrators.registry import METHODS as METHODS
     from phasebench.integrators.registry import method as method
     from phasebench.integrators.statuses import STATUSES as STATUSES
+    from phasebench.integrators.systems.constrained import ConstrainedHamiltonian as ConstrainedHamiltonian
     from phasebench.integrators.systems.hamiltonian import Hamiltonian as Hamiltonian
     from phasebench.reference.peers import PEERS as PEERS
     from phasebench.reference.peers import Peer as Peer
@@ -65,6 +66,7 @@ _HOMES = {
     "Audit": "benchmarks.experiments.audit.audit",
     "Certificate": "benchmarks.certificate.result",
     "CertifiedState": "benchmarks.experiments.references.certify",
+    "ConstrainedHamiltonian": "integrators",
     "Drift": "benchmarks.measure.series",
     "Ensemble": "benchmarks.measure.ensembles",
     "Hamiltonian": "integrators",

@@ -8,6 +8,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Sequence
 from functools import lru_cache
+from typing import Any, NamedTuple
 
 import sympy as sp
 from sympy.printing.pycode import PythonCodePrinter
@@ -18,6 +19,19 @@ from .codegen import DOUBLE, MAX_POWER, MULTIPRECISION, cached_text
 INTEGER_LIMIT = 2**63
 #: Longest product of equal factors that is written out; longer ones are built from halves.
 MAX_FACTORS = 12
+
+
+class Program(NamedTuple):
+    """Results with the intermediate results that they refer to.
+
+    Attributes
+    ----------
+    definitions : (symbol, expression), each after those that it refers to
+    results : as of `source`
+    """
+
+    definitions: Sequence[tuple[Any, Any]]
+    results: Sequence[Any]
 
 
 class _Printer(PythonCodePrinter):
@@ -116,8 +130,10 @@ def source(
     """Return the text of a function of ``arguments`` (each a name and a vector of symbols, or a single symbol).
 
     ``results`` lists vectors (lists of expressions) and single expressions; the function returns them as a tuple, each
-    vector as ``value(...)``.  Raises ValueError if an expression has a symbol that is not an argument.
+    vector as ``value(...)``.  They may be a `Program`.  Raises ValueError if an expression has a symbol that is not an
+    argument.
     """
+    definitions, results = results if isinstance(results, Program) else ((), results)
     renamed: dict[sp.Symbol, sp.Symbol] = {}
     lines = [f"def {name}({', '.join(n for n, _ in arguments)}):"]
     for n, symbols in arguments:
@@ -128,8 +144,9 @@ def source(
             renamed[s] = sp.Symbol(f"{n}_{i}")
             lines.append(f"    {n}_{i} = {n}[{i}]")
     flat = [e for r in results for e in (r if isinstance(r, (list, tuple)) else [r])]
-    flat = [sp.sympify(e).xreplace(renamed) for e in flat]
-    unknown = set().union(*(e.free_symbols for e in flat)) - set(renamed.values()) if flat else set()
+    flat = [sp.sympify(e).xreplace(renamed) for e in (*(e for _, e in definitions), *flat)]
+    names = {*renamed.values(), *(s for s, _ in definitions)}
+    unknown = set().union(*(e.free_symbols for e in flat)) - names if flat else set()
     if unknown:
         raise ValueError(
             f"the formula has symbols that are neither coordinates nor momenta: {sorted(map(str, unknown))}"
@@ -137,7 +154,8 @@ def source(
     defined, flat = _share_roots(flat)
     shared, flat = sp.cse([*(e for _, e in defined), *flat], symbols=(sp.Symbol(f"c{i}_") for i in range(10**9)))
     roots = dict(zip((s for s, _ in defined), flat[: len(defined)], strict=True))
-    flat = flat[len(defined) :]
+    named, flat = flat[len(defined) :][: len(definitions)], flat[len(defined) + len(definitions) :]
+    roots |= zip((s for s, _ in definitions), named, strict=True)
     printer = _Printer(arithmetic)
     pending = [*shared, *roots.items()]
     known = set(renamed.values())

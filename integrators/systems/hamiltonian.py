@@ -75,6 +75,10 @@ class PartitionedSystem:
     quadratic_kinetic = False
     #: Whether y' = B(y) grad H(y) with a structure matrix B that the system knows.
     poisson = False
+    #: Whether coordinates are bound by constraints (`constrained`).
+    constrained = False
+    #: Intermediate results (symbol, expression) that `sides` refer to.
+    definitions: tuple[tuple[Any, Any], ...] = ()
     #: What the cache knows the system by (see `deferred`); nothing where it is made of expressions.
     key = ""
     #: Functions written by hand, by name.
@@ -162,7 +166,19 @@ class PartitionedSystem:
             "singular distances": bool(singularities.steering_distances(self)),
             "elementary derivatives": self.canonical and not self.loops and self.elementary,
             "magnetic": magnetic.kind(self),
+            "constrained": self.constrained,
+            "constant mass matrix": self.constant_mass,
         }
+
+    @property
+    def constant_mass(self) -> bool:
+        """True if H = p . M^-1 p / 2 + V(q) with a constant M."""
+        return self.quadratic_kinetic
+
+    @property
+    def sides(self) -> tuple[Any, ...]:
+        """The 2 d right-hand sides, in which symbols may stand for intermediate results (`definitions`)."""
+        return (*self.dq, *self.dp)
 
     @property
     def elementary(self) -> bool:

@@ -92,9 +92,11 @@ def right_hand_side(system):
 
     names = sp.symbols([f"x_{i}" for i in range(2 * system.d)])
     given = dict(zip((*system.q, *system.p), names, strict=True))
-    sides = [walk(e.xreplace(given)) for e in (*system.dq, *system.dp)]
+    sides = [walk(e.xreplace(given)) for e in system.sides]
+    steps = [(symbol, walk(e.xreplace(given))) for symbol, e in system.definitions]
     values = [number(c, LONG) for c in constants]
-    f = sp.lambdify([*names, *constants.values()], sides, modules="numpy", cse=True)
+    cse = (lambda exprs: (steps, exprs)) if steps else True
+    f = sp.lambdify([*names, *constants.values()], sides, modules="numpy", cse=cse)
 
     def F(Y):
         out = np.empty_like(Y)

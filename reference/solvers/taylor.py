@@ -87,7 +87,10 @@ def equations(system, fp) -> list:
     import heyoka as hy
 
     variables = {x: hy.expression(f"x{i}") for i, x in enumerate((*system.q, *system.p))}
-    sides = (translate(e, variables, fp) for e in (*system.dq, *system.dp))
+    known = dict(variables)
+    for symbol, e in system.definitions:
+        known[symbol] = translate(e, known, fp)
+    sides = (translate(e, known, fp) for e in system.sides)
     return list(zip(variables.values(), sides, strict=True))
 
 

@@ -136,7 +136,11 @@ def test_traits_of_every_kind():
     assert (bare.has_energy, bare.polynomial_degree) == (False, None)
     assert PartitionedSystem(q="q", p="p", dq=["p"], dp=["-q"], energy="p**2 + q**2").polynomial_degree == 2
     every = of("p**2/2 + q**2/2 + q**3", singular=("q",), invariants=("p",), frequencies=(1,), kepler=object())
-    assert every.traits == dict.fromkeys(every.traits, True) | {"polynomial degree": 3, "magnetic": ""}
+    assert every.traits == dict.fromkeys(every.traits, True) | {
+        "polynomial degree": 3,
+        "magnetic": "",
+        "constrained": False,
+    }
     assert {*bare.traits} == {*every.traits}
     assert of("p**2/2 + q").traits | {"polynomial degree": None} == bare.traits | dict.fromkeys(
         ("canonical", "separable", "quadratic kinetic energy", "Poisson structure", "elementary derivatives"), True

@@ -1,0 +1,457 @@
+r"""Hamiltonian systems with holonomic constraints g(q) = 0, with multipliers :math:`\lambda`:
+
+.. math::
+    \dot q = H_p,\qquad \dot p = -H_q - G(q)^T\lambda,\qquad g(q) = 0,\qquad G = g_q .
+
+Differentiated once, the constraint is the *hidden* one, :math:`G H_p = 0`: the motion is on the manifold of all (q, p)
+that fulfil both.  Differentiated twice it determines the multipliers as functions of (q, p),
+
+.. math::
+    (G H_{pp} G^T)\,\lambda = (G H_p)_q H_p - G H_{pp} H_q ,
+
+which makes the *index-reduced* system :math:`\dot q = H_p, \dot p = -H_q - G^T\lambda(q, p)`: an ordinary differential
+equation, on which any method runs.  Along it G H_p is constant and g grows linearly, so that errors leave the manifold.
+
+The equations of the multipliers are eliminated symbol by symbol: a function is a sequence of intermediate results
+(`printing.Program`), since the closed form of a solution grows exponentially with their number.
+
+Source: E. Hairer, C. Lubich, G. Wanner, Geometric Numerical Integration (2006), VII.1, (1.5)-(1.9); E. Hairer,
+G. Wanner, Solving Ordinary Differential Equations II (1996), VII.1.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Sequence
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numba import types
+from numpy.typing import ArrayLike
+
+from phasebench.integrators.compile import codegen
+from phasebench.integrators.compile.codegen import DOUBLE
+from phasebench.integrators.compile.lazy import sympy as sp
+from phasebench.integrators.errors import InvalidInput
+from phasebench.integrators.values import lane_formulae
+
+from .formula import parse
+from .hamiltonian import Floats, Formula, Hamiltonian, Names, PartitionedSystem, _symbols
+
+if TYPE_CHECKING:
+    from phasebench.integrators.compile.printing import Program
+
+#: A start is on the manifold if its constraints are at most this many units of their round-off.
+SLACK = 64.0
+#: Iterations of a projection onto the manifold, and the change that ends it.
+PROJECTIONS, SETTLED = 200, 1e-15
+#: The least ratio of singular values of constraints that are independent.
+INDEPENDENT = 1e-10
+#: Intermediate results of the closed form of the multipliers, at most.
+LARGEST_CLOSED = 60
+
+
+class Elimination:
+    """Linear equations solved symbol by symbol, without pivots: ``steps`` are the intermediate results, in order.
+
+    Parameters
+    ----------
+    letter : what the names of the intermediate results begin with
+    steps : the list to which they are appended, as (symbol, expression)
+    """
+
+    def __init__(self, letter: str, steps: list[tuple[Any, Any]]):
+        self.letter, self.steps = letter, steps
+
+    def name(self, e: Any) -> Any:
+        """A symbol that stands for the expression; numbers and symbols stand for themselves."""
+        if e.is_number or e.is_Symbol:
+            return e
+        symbol = sp.Symbol(f"{self.letter}{len(self.steps)}_", real=True)
+        self.steps.append((symbol, e))
+        return symbol
+
+    def solve(self, A: Any, b: Sequence[Any]) -> list[Any]:
+        """The solution x of A x = b, with A of shape (m, m); zeros of A cost nothing."""
+        m = len(b)
+        A = [[self.name(A[i, j]) for j in range(m)] for i in range(m)]
+        b, pivots = [self.name(x) for x in b], []
+        for k in range(m):
+            pivots.append(self.name(1 / A[k][k]))
+            for i in range(k + 1, m):
+                if A[i][k] == 0:
+                    continue
+                factor = self.name(A[i][k] * pivots[k])
+                for j in range(k + 1, m):
+                    if A[k][j] != 0:
+                        A[i][j] = self.name(A[i][j] - factor * A[k][j])
+                b[i] = self.name(b[i] - factor * b[k])
+        x: list[Any] = [None] * m
+        for k in reversed(range(m)):
+            x[k] = self.name((b[k] - sum(A[k][j] * x[j] for j in range(k + 1, m))) * pivots[k])
+        return x
+
+
+class ConstrainedHamiltonian(PartitionedSystem):
+    """The Hamiltonian system of H(q, p) under holonomic constraints g_k(q) = 0.
+
+    Its right-hand side is the index-reduced one, so that every method for ordinary differential equations runs on it,
+    and drifts off the manifold; methods for constraints (`families.constrained`) stay on it.
+
+    Parameters
+    ----------
+    q, p : sequences of symbols or names, of equal length d
+    H : expression, or a formula as text (parsed, never evaluated as Python); G H_pp G^T must be regular
+    constraints : m < d expressions g_k(q) or formulae, each to be zero; text may be an equation, "x**2 + y**2 = 1"
+    singular : expressions, optional
+        Distances that vanish where H is singular; found in H if not given.
+    invariants : expressions, optional
+        What the flow on the manifold keeps besides H and the constraints.
+
+    Attributes
+    ----------
+    constraints : the expressions g_k(q)
+    hidden : the expressions (G H_p)_k
+    free : the `Hamiltonian` without constraints
+
+    Raises
+    ------
+    InvalidInput
+        If a constraint has a momentum or no coordinate, or there are as many constraints as coordinates.
+
+    Examples
+    --------
+    >>> pendulum = ConstrainedHamiltonian(q="x y", p="u v", H="(u**2 + v**2)/2 + y", constraints=["x**2 + y**2 = 1"])
+    >>> pendulum.hidden
+    (2*u*x + 2*v*y,)
+    """
+
+    constrained = True
+
+    def __init__(
+        self,
+        *,
+        q: Names,
+        p: Names,
+        H: Formula,
+        constraints: Sequence[Formula] | str,
+        singular: Sequence[Formula] | None = None,
+        invariants: Sequence[Formula] = (),
+    ):
+        q, p = _symbols(q), _symbols(p)
+        self.free = Hamiltonian(q=q, p=p, H=H, singular=singular)
+        PartitionedSystem.__init__(
+            self, q=q, p=p, dq=self.free.dq, dp=self.free.dp, energy=self.free.H, invariants=invariants
+        )
+        #: The force -H_q without constraints.
+        self.force = self.dp
+        del self.dp
+        self.singular, self.softened = self.free.singular, self.free.softened
+        given = [constraints] if isinstance(constraints, (str, sp.Basic)) else list(constraints)
+        self.constraints = tuple(self._constraint(e) for e in given)
+        self._check_number()
+        self.hidden = tuple(
+            sp.Add(*(sp.diff(g, x) * v for x, v in zip(self.q, self.dq, strict=True))) for g in self.constraints
+        )
+
+    def _constraint(self, given: Formula) -> Any:
+        """A constraint as an expression; raises InvalidInput for one that is no g(q)."""
+        if isinstance(given, str) and given.count("=") == 1:
+            left, right = (parse(side, {str(s): s for s in (*self.q, *self.p)}) for side in given.split("="))
+            e = self._formula(left - right)
+        else:
+            e = self._formula(given)
+        momenta = sorted(map(str, e.free_symbols & {*self.p}))
+        if momenta:
+            raise InvalidInput(
+                f"the constraint '{given}' has the momentum {momenta[0]}; only holonomic constraints g(q) = 0 are "
+                "meant: that velocities are tangent to them follows"
+            )
+        if not e.free_symbols:
+            raise InvalidInput(f"the constraint '{given}' has none of the coordinates {', '.join(map(str, self.q))}")
+        return e
+
+    def _check_number(self) -> None:
+        m = len(self.constraints)
+        if m == 0:
+            raise InvalidInput("there is no constraint; without one the system is a Hamiltonian")
+        if m >= self.d:
+            what = "more constraints than coordinates" if m > self.d else "as many constraints as coordinates"
+            raise InvalidInput(f"there are {what}, {m} and {self.d}: nothing could move; leave constraints out")
+
+    # -- the index-reduced system -------------------------------------------------------------------------------------
+
+    @cached_property
+    def G(self) -> Any:
+        """The matrix g_q of shape (m, d)."""
+        return sp.Matrix([[sp.diff(g, x) for x in self.q] for g in self.constraints])
+
+    @cached_property
+    def _mobility(self) -> Any:
+        """The matrix H_pp of shape (d, d): the inverse of the mass matrix where that is constant."""
+        return sp.Matrix([[sp.diff(v, x) for x in self.p] for v in self.dq])
+
+    @cached_property
+    def reduced(self) -> Program:
+        """The index-reduced right-hand sides with the intermediate results of their multipliers."""
+        from phasebench.integrators.compile.printing import Program
+
+        steps: list = []
+        elimination = Elimination("k", steps)
+        GM = self.G * self._mobility
+        rates = [
+            sum(sp.diff(w, x) * v for x, v in zip(self.q, self.dq, strict=True))
+            + sum(GM[i, j] * f for j, f in enumerate(self.force))
+            for i, w in enumerate(self.hidden)
+        ]
+        multipliers = elimination.solve(GM * self.G.T, rates)
+        dp = [f - sum(self.G[i, j] * x for i, x in enumerate(multipliers)) for j, f in enumerate(self.force)]
+        return Program(tuple(steps), [list(self.dq), dp])
+
+    @property
+    def definitions(self) -> tuple[tuple[Any, Any], ...]:
+        """The intermediate results (symbol, expression) that `sides` refer to, each after those that it needs."""
+        return self.reduced.definitions
+
+    @property
+    def sides(self) -> tuple[Any, ...]:
+        """The 2 d right-hand sides, in which symbols stand for intermediate results (`definitions`)."""
+        dq, dp = self.reduced.results
+        return (*dq, *dp)
+
+    @cached_property
+    def dp(self) -> tuple[Any, ...]:  # type: ignore[override]
+        """The right-hand sides p' in closed form; raises InvalidInput where that would be too long."""
+        if len(self.definitions) > LARGEST_CLOSED:
+            raise InvalidInput(
+                f"p' of {len(self.constraints)} constraints has no short closed form; what asks for one cannot run"
+            )
+        known: dict = {}
+        for symbol, e in self.definitions:
+            known[symbol] = e.xreplace(known)
+        return tuple(e.xreplace(known) for e in self.reduced.results[1])
+
+    @cached_property
+    def content(self) -> str:
+        """The hash of the formulae that the generated functions depend on."""
+        text = "|".join([*map(str, (self.q, self.p)), *map(sp.srepr, (self.H, *self.constraints))])
+        return hashlib.sha256(text.encode()).hexdigest()
+
+    @property
+    def elementary(self) -> bool:
+        """True if the system can be evaluated in SIMD lanes (`PartitionedSystem.elementary`)."""
+        few = codegen.value_kind(self.d) == "tuple"
+        return few and lane_formulae.supported([*(e for _, e in self.definitions), *self.sides])
+
+    @property
+    def constant_mass(self) -> bool:
+        """True if H = p . M^-1 p / 2 + V(q) with a constant M."""
+        return self.free.quadratic_kinetic
+
+    def field(self, arithmetic: str = DOUBLE, order: int = 1):
+        """The index-reduced vector field as a function f(q, p, h, lam) -> (q', p')."""
+        if order != 1:
+            raise InvalidInput("a system with constraints has no generating function in its coordinates")
+        T, number = codegen.value_type(self.d, self.fills), types.float64
+        arguments = [("q", self.q), ("p", self.p), ("h", sp.Symbol("h")), ("lam", sp.Symbol("lam"))]
+        signature = types.Tuple((T, T))(T, T, number, number)
+        return self.make_function("field-1", arguments, lambda: self.reduced, signature, arithmetic)
+
+    def rates(self, Q: Any, P: Any) -> Floats:
+        """The index-reduced vector field y' = (q', p') at each row of Q, P (n, d): array (2 d, n)."""
+        return self._columns("rates", lambda: (self.definitions, list(self.sides)), Q, P)
+
+    def _columns(self, name: str, make: Callable[[], tuple], Q: Any, P: Any) -> Floats:
+        """Values of expressions, ``make()`` -> (definitions, expressions), at rows Q, P (n, d): array (len, n)."""
+        from phasebench.integrators.compile.printing import Program, source
+
+        if ("columns", name) not in self._functions:
+            entry = f"w-{hashlib.sha256(f'{name}|{self.content}'.encode()).hexdigest()[:24]}.py"
+
+            def text() -> str:
+                return source("f", [("q", self.q), ("p", self.p)], Program(*make()), DOUBLE)
+
+            self._functions["columns", name] = codegen.load_columnwise(codegen.cached_text(entry, text))
+        with np.errstate(all="ignore"):
+            found = self._functions["columns", name](np.asarray(Q, float).T, np.asarray(P, float).T)
+        many = found if isinstance(found, tuple) else (found,)
+        return np.array([np.broadcast_to(x, len(Q)).astype(float) for x in many])
+
+    # -- functions that methods for constraints ask for ---------------------------------------------------------------
+
+    def grad_V(self, arithmetic: str = DOUBLE):
+        """The function q -> grad V(q) of a separable H."""
+        T = codegen.value_type(self.d, self.fills)
+        return self.make_function("grad_V", [("q", self.q)], lambda: [[-f for f in self.force]], T(T), arithmetic)
+
+    def grad_T(self, arithmetic: str = DOUBLE):
+        """The function p -> M^-1 p of an H with a constant mass matrix; None if that is p itself."""
+        if self.free.unit_mass:
+            return None
+        T = codegen.value_type(self.d, self.fills)
+        return self.make_function("grad_T", [("p", self.p)], lambda: [list(self.dq)], T(T), arithmetic)
+
+    def restore(self, arithmetic: str = DOUBLE):
+        r"""The function (q, q0) -> :math:`G(q_0)^T\mu`, a step of Newton's method for g(q - M^-1 G(q_0)^T mu) = 0.
+
+        :math:`\mu = \bigl(G(q) M^{-1} G(q_0)^T\bigr)^{-1} g(q)`.
+        """
+        from phasebench.integrators.compile.printing import Program
+
+        first = tuple(sp.Symbol(f"{x}_first_", real=True) for x in self.q)
+        T = codegen.value_type(self.d)
+
+        def results():
+            steps: list = []
+            G0 = self.G.xreplace(dict(zip(self.q, first, strict=True)))
+            mu = Elimination("k", steps).solve(self.G * self._mobility * G0.T, self.constraints)
+            return Program(tuple(steps), [self._pull(G0, mu)])
+
+        return self.make_function("restore", [("q", self.q), ("first", first)], results, T(T, T), arithmetic)
+
+    def normal(self, arithmetic: str = DOUBLE):
+        r"""The function (q, p) -> :math:`G^T(G M^{-1} G^T)^{-1} G M^{-1} p`, the part of p that leaves the manifold."""
+        from phasebench.integrators.compile.printing import Program
+
+        T = codegen.value_type(self.d)
+
+        def results():
+            steps: list = []
+            mu = Elimination("k", steps).solve(self.G * self._mobility * self.G.T, self.hidden)
+            return Program(tuple(steps), [self._pull(self.G, mu)])
+
+        return self.make_function("normal", [("q", self.q), ("p", self.p)], results, T(T, T), arithmetic)
+
+    def _pull(self, G: Any, mu: Sequence[Any]) -> list[Any]:
+        """The d components of G^T mu."""
+        return [sp.Add(*(G[i, j] * x for i, x in enumerate(mu))) for j in range(self.d)]
+
+    # -- the manifold -------------------------------------------------------------------------------------------------
+
+    def defects(self, Q: ArrayLike, P: ArrayLike) -> tuple[Floats, Floats]:
+        """(g, G H_p) at each row of Q, P (n, d): arrays (m, n)."""
+        found = self._columns("defects", lambda: ((), [*self.constraints, *self.hidden]), Q, P)
+        return found[: len(found) // 2], found[len(found) // 2 :]
+
+    def _rounding(self, Q: Any, P: Any) -> Floats:
+        """Round-off of the constraints and hidden constraints at rows of Q, P: array (2 m, n)."""
+
+        def sizes():
+            return (), [
+                sp.Add(
+                    *(sp.Abs(t) for t in sp.Add.make_args(e)),
+                    *(sp.Abs(x * sp.diff(e, x)) for x in sorted(e.free_symbols, key=str)),
+                )
+                for e in (*self.constraints, *self.hidden)
+            ]
+
+        return float(np.finfo(float).eps) * self._columns("rounding", sizes, Q, P)
+
+    @cached_property
+    def _numbers(self) -> Callable[[Floats, Floats], tuple]:
+        """The function (q, p) -> (g, G, G H_p, H_pp) of arrays (d,)."""
+        parts = [sp.Matrix(self.constraints), self.G, sp.Matrix(self.hidden), self._mobility]
+        f = sp.lambdify([(*self.q, *self.p)], parts, "numpy", cse=True)
+
+        def values(q, p):
+            g, G, w, M = (np.asarray(x, float) for x in f((*map(float, q), *map(float, p))))
+            return g[:, 0], G, w[:, 0], M
+
+        return values
+
+    def __getstate__(self):
+        """The state for pickling, without functions."""
+        return {k: v for k, v in super().__getstate__().items() if k != "_numbers"}
+
+    def nearest(self, q: ArrayLike, p: ArrayLike) -> tuple[Floats, Floats] | None:
+        """The nearest state (q, p) on the manifold, in the metric of the mass matrix; None if none is found.
+
+        First the q of least distance (q - q_0) . M (q - q_0) with g(q) = 0, then the p nearest in the metric of M^-1
+        with G H_p = 0.  M is the inverse of H_pp at the start.
+        """
+        first, start = np.array(q, float), np.array(p, float)
+        with np.errstate(all="ignore"):
+            M = self._numbers(first, start)[3]
+            if not np.isfinite(M).all() or np.linalg.eigvalsh((M + M.T) / 2)[0] <= 0:
+                M = np.eye(self.d)
+            try:
+                found, way = first, start
+                for _ in range(PROJECTIONS):
+                    g, G, _, _ = self._numbers(found, start)
+                    new = first - M @ G.T @ np.linalg.solve(G @ M @ G.T, g + G @ (first - found))
+                    change, found = np.abs(new - found).max(), new
+                    if not change > SETTLED * np.abs(found).max():
+                        break
+                for _ in range(PROJECTIONS):
+                    _, G, w, inverse = self._numbers(found, way)
+                    step = G.T @ np.linalg.solve(G @ inverse @ G.T, w)
+                    way = way - step
+                    if not np.abs(step).max() > SETTLED * np.abs(way).max():
+                        break
+            except np.linalg.LinAlgError:
+                return None
+        good = np.isfinite([found, way]).all() and self._worst(found, way) is None
+        return (found, way) if good else None
+
+    def _worst(self, q: Floats, p: Floats) -> tuple[str, Any, float] | None:
+        """(kind, expression, value) of the constraint that a state violates most; None where it is on the manifold."""
+        values = np.concatenate(self.defects(q[None], p[None]))[:, 0]
+        excess = np.abs(values) / np.maximum(self._rounding(q[None], p[None])[:, 0], 1e-300)
+        k = int(np.argmax(np.where(np.isfinite(excess), excess, np.inf)))
+        if excess[k] <= SLACK:
+            return None
+        m = len(self.constraints)
+        return ("constraint" if k < m else "hidden constraint", (*self.constraints, *self.hidden)[k], float(values[k]))
+
+    def check_start(self, q: Floats, p: Floats) -> None:
+        """Raise InvalidInput for a start (q, p), arrays (d,), off the manifold, or where constraints are redundant."""
+        self._check_independent(q, p)
+        worst = self._worst(q, p)
+        if worst is None:
+            return
+        kind, expression, value = worst
+        text = f"the start is not on the constraints: the {kind} {expression} is {value:.3g} there, not 0"
+        found = self.nearest(q, p)
+        if found is None:
+            raise InvalidInput(f"{text}, and no consistent start was found near it")
+        raise InvalidInput(
+            f"{text}; the nearest consistent start is q0 = {found[0].tolist()}, p0 = {found[1].tolist()}"
+        )
+
+    def _check_independent(self, q: Floats, p: Floats) -> None:
+        """Raise InvalidInput where G has not full rank, or G H_pp G^T is singular."""
+        with np.errstate(all="ignore"):
+            _, G, _, M = self._numbers(q, p)
+        if not (np.isfinite(G).all() and np.isfinite(M).all()):
+            raise InvalidInput("the slopes of the constraints are not finite at the start")
+        sizes = np.linalg.norm(G, axis=1)
+        for k, size in enumerate(sizes):
+            if size == 0:
+                raise InvalidInput(
+                    f"the constraint {self.constraints[k]} has no slope at the start: its G is zero there"
+                )
+        scaled = G / sizes[:, None]
+        values = np.linalg.svd(scaled, compute_uv=False)
+        if values[-1] < INDEPENDENT * values[0]:
+            rank = int((values >= INDEPENDENT * values[0]).sum())
+            raise InvalidInput(
+                f"the constraints are redundant at the start: {len(sizes)} of rank {rank}; leave "
+                f"{', '.join(self._redundant(scaled))} out"
+            )
+        gram = scaled @ M @ scaled.T
+        values = np.linalg.svd(gram, compute_uv=False)
+        if values[-1] < INDEPENDENT * values[0]:
+            raise InvalidInput("the multipliers are not determined at the start: G H_pp G^T is singular there")
+
+    def _redundant(self, scaled: Floats) -> list[str]:
+        """The constraints whose slopes depend on those of the ones before them; ``scaled`` are the slopes, length 1."""
+        kept: list = []
+        out = []
+        for k, row in enumerate(scaled):
+            trial = np.array([*kept, row])
+            if np.linalg.svd(trial, compute_uv=False)[-1] < 1e-8:
+                out.append(str(self.constraints[k]))
+            else:
+                kept.append(row)
+        return out
