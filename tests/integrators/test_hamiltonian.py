@@ -143,7 +143,15 @@ def test_traits_of_every_kind():
     }
     assert {*bare.traits} == {*every.traits}
     assert of("p**2/2 + q").traits | {"polynomial degree": None} == bare.traits | dict.fromkeys(
-        ("canonical", "separable", "quadratic kinetic energy", "Poisson structure", "elementary derivatives"), True
+        (
+            "canonical",
+            "separable",
+            "quadratic kinetic energy",
+            "Poisson structure",
+            "elementary derivatives",
+            "constant mass matrix",
+        ),
+        True,
     )
 
 
