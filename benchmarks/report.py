@@ -22,6 +22,7 @@ from phasebench.benchmarks.experiments.advice.page import PAGE as ADVICE
 from phasebench.benchmarks.experiments.audit.page import PAGE as AUDIT
 from phasebench.benchmarks.experiments.catalogue.page import PAGES as CATALOGUE
 from phasebench.benchmarks.experiments.drift.page import PAGE as DRIFT
+from phasebench.benchmarks.experiments.elsewhere.page import PAGE as ELSEWHERE
 from phasebench.benchmarks.experiments.energy_preservation.page import PAGE as ENERGY_PRESERVATION
 from phasebench.benchmarks.experiments.ensembles.page import PAGE as ENSEMBLES
 from phasebench.benchmarks.experiments.extended.page import PAGE as EXTENDED
@@ -95,6 +96,7 @@ PAGES: tuple[Page, ...] = (
     SAMPLING,
     HESSIAN_FREE,
     AUDIT,
+    ELSEWHERE,
     REFERENCES,
     SPEED,
     START,

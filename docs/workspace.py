@@ -18,7 +18,7 @@ REPOSITORY = Path(__file__).resolve().parents[1]
 os.environ |= {"NO_COLOR": "1", "TERM": "dumb", "COLUMNS": "100", "PYTHONWARNINGS": "ignore"}
 os.environ["PATH"] = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
 os.chdir(tempfile.mkdtemp(prefix="phasebench-page-"))
-for name in ("leapfrog.py", "mislabelled_order.py", "truncated_coefficients.py", "planets.csv"):
+for name in ("leapfrog.py", "mislabelled_order.py", "truncated_coefficients.py", "planets.csv", "elsewhere.csv"):
     shutil.copy(REPOSITORY / "examples" / name, name)
 
 colours, lines, _ = zip(*style.CURVES, strict=True)

@@ -24,6 +24,7 @@ from .certify import certify
 from .cite import cite
 from .compare import compare
 from .drift import drift
+from .elsewhere import elsewhere
 from .integrate import integrate
 from .listing import list_
 from .report import report
@@ -61,6 +62,7 @@ COMMANDS = {
     "validate": Entry(validate, "./my_step.py --output my-certificate"),
     "stability": Entry(stability, "scheme-i --param lam=1/2"),
     "drift": Entry(drift, "energies.csv"),
+    "elsewhere": Entry(elsewhere, "elsewhere.csv --method pefrl"),
     "cache": Entry(cache, "--json"),
 }
 

@@ -216,7 +216,8 @@ def run_example(tmp_path_factory):
     """A function: name of a command -> (exit code, output) of its example, run once in a folder of this module."""
     folder, results = tmp_path_factory.mktemp("examples"), {}
     shutil.copy(ROOT / "examples" / "leapfrog.py", folder / "my_step.py")
-    shutil.copy(ROOT / "examples" / "energies.csv", folder)
+    for name in ("energies.csv", "elsewhere.csv"):
+        shutil.copy(ROOT / "examples" / name, folder)
 
     def run(name: str):
         for before in AFTER.get(name, ()):

@@ -1,0 +1,120 @@
+"""Compare rows measured elsewhere with this suite's methods: errors at the same number of evaluations, never times.
+
+A file's rows get their errors here, against the certified reference.  Methods of this suite are run on the same problem
+with as many evaluations as each of its rows took, or fewer.  Where a file's method has the coefficients of one here
+(`TWINS`), that one is run with the same step: the energy errors of both have to agree, which tests the file and us.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from phasebench.benchmarks.measure.integrator import Integrator, integrator
+from phasebench.benchmarks.store import elsewhere
+from phasebench.benchmarks.store.cells import Cell, ProblemKey, Rows, content
+from phasebench.benchmarks.store.elsewhere import Elsewhere
+from phasebench.integrators.errors import InvalidInput
+from phasebench.integrators.registry import method
+
+FOLDER = Path(__file__).parent
+THEIRS, OURS = "elsewhere", "elsewhere_own"
+#: Methods of this suite that are run beside the rows.
+METHODS = ("stormer-verlet", "pefrl", "mclachlan-atela-5", "blanes-moan-srkn14a", "gauss-4")
+#: (package, method there) -> the method here that has its coefficients.
+TWINS = {
+    ("SUNDIALS", "ARKODE_SPRK_EULER_1_1"): "symplectic-euler-p",
+    ("SUNDIALS", "ARKODE_SPRK_LEAPFROG_2_2"): "stormer-verlet-dkd",
+    ("SUNDIALS", "ARKODE_SPRK_PSEUDO_LEAPFROG_2_2"): "stormer-verlet",
+    ("SUNDIALS", "ARKODE_SPRK_MCLACHLAN_2_2"): "mclachlan-atela-2",
+    ("SUNDIALS", "ARKODE_SPRK_RUTH_3_3"): "ruth-3",
+    ("SUNDIALS", "ARKODE_SPRK_MCLACHLAN_3_3"): "mclachlan-atela-3",
+    ("SUNDIALS", "ARKODE_SPRK_MCLACHLAN_4_4"): "mclachlan-atela-4",
+    ("SUNDIALS", "ARKODE_SPRK_MCLACHLAN_5_6"): "mclachlan-atela-5",
+    ("SUNDIALS", "ARKODE_SPRK_YOSHIDA_6_8"): "yoshida-6a",
+}
+#: Largest number of evaluations of a run here, largest number of runs of a method, and the steps that tell its price.
+MOST, RUNS, TRIAL = 400_000, 12, 20
+
+
+def compare(file: Elsewhere, methods: Sequence[str] | None = None) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+    """(the rows of a file with errors and twins, the rows of methods with about as many evaluations).
+
+    ``methods`` are by default those of `METHODS` that can integrate the problem.
+
+    Raises
+    ------
+    InvalidInput
+        If a given method is unknown, cannot integrate the problem, or takes no fixed step.
+    """
+    theirs = [row | _twin(file, row) for row in elsewhere.errors(file)]
+    budgets = sorted({row["evaluations"] for row in theirs if row["evaluations"] <= MOST})
+    budgets = budgets[:: max(1, -(-len(budgets) // RUNS))]
+    ours = []
+    for name in METHODS if methods is None else methods:
+        chosen = integrator(name)
+        lack = chosen.lacks(file.problem)
+        if lack and methods is None:
+            continue
+        if lack or chosen.adaptive:
+            raise InvalidInput(f"'{name}' cannot be compared: {lack or 'it takes no fixed step'}")
+        ours += _ladder(file, chosen, budgets)
+    return theirs, ours
+
+
+def _ladder(file: Elsewhere, chosen: Integrator, budgets: Sequence[int]) -> list[dict[str, Any]]:
+    """The runs of a method with at most so many evaluations each."""
+    trial = chosen.run(file.problem, h=file.t_end / max(budgets, default=TRIAL), steps=TRIAL)
+    price = max(1, round(trial.counts["gradient"] / TRIAL))
+    counts = sorted({(budget - 1) // price for budget in budgets if budget > price})
+    rows = [{"file": file.path.name, "method": chosen.id} | _run(file, chosen, n) for n in counts]
+    return [r for r in rows if r["evaluations"]]
+
+
+def _run(file: Elsewhere, chosen: Integrator, steps: int) -> dict[str, Any]:
+    """A run over the span of a file: its step, evaluations, errors, status."""
+    made, t_end = file.problem, file.t_end
+    s = chosen.run(made, h=t_end / steps, steps=steps, save_every=0)
+    out = {"h": t_end / steps, "steps": steps, "evaluations": s.counts["gradient"], "status": s.status}
+    blank = {"energy_error": None, "error": None, "uncertainty": None, "reason": s.reason}
+    if s.status != "ok":
+        return out | blank
+    start, end = made.system.observe(made.system.H, s.q[[0, -1]], s.p[[0, -1]])
+    return out | {"energy_error": float(end - start)} | elsewhere.state_error(made, t_end, s.q[-1], s.p[-1])
+
+
+def _twin(file: Elsewhere, row: dict[str, Any]) -> dict[str, Any]:
+    """The method here with the coefficients of a row's, and its energy error with the same step; None without one."""
+    twin = TWINS.get((row["package"], row["method"]))
+    if twin is None or row["h"] is None or row["evaluations"] > MOST:
+        return {"twin": twin, "twin_energy_error": None}
+    steps = round(file.t_end / row["h"])
+    found = _run(file, integrator(twin), steps) if abs(steps * row["h"] / file.t_end - 1) < elsewhere.SAME else {}
+    return {"twin": twin, "twin_energy_error": found.get("energy_error")}
+
+
+def cells(quick: bool = False) -> list[Cell]:
+    """List the measurements (`Cell`), one for each file of this folder."""
+    return [] if quick else [_cell(path) for path in sorted(FOLDER.glob("*.csv"))]
+
+
+def _cell(path: Path) -> Cell:
+    name, parameters, package = elsewhere.problem_key(path)
+    used = dict.fromkeys([*METHODS, *(twin for (of, _), twin in TWINS.items() if of == package)])
+    key = ProblemKey(name, tuple(parameters.items()))
+    return Cell(
+        "elsewhere",
+        (THEIRS, OURS),
+        {"file": path.name},
+        measure_rows,
+        (path.name,),
+        content(path.read_text(encoding="utf-8"), key, *map(method, used), code=[__name__]),
+        frozenset({"elsewhere", package, key.id}),
+    )
+
+
+def measure_rows(name: str) -> Rows:
+    """The rows of a file of this folder and of this suite's methods beside them, by table."""
+    theirs, ours = compare(elsewhere.read(FOLDER / name))
+    return {THEIRS: theirs, OURS: ours}

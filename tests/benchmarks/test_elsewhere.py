@@ -1,0 +1,280 @@
+"""Rows measured elsewhere: what a file must have, each refusal, the errors computed here, the example of SUNDIALS."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from typer.testing import CliRunner
+
+from phasebench.benchmarks.cli import app
+from phasebench.benchmarks.experiments.elsewhere import bench_elsewhere, measure, page
+from phasebench.benchmarks.experiments.elsewhere.measure import OURS, THEIRS
+from phasebench.benchmarks.page.verdict import FINDING, PASS
+from phasebench.benchmarks.problems import problem
+from phasebench.benchmarks.store import elsewhere
+from phasebench.integrators import InvalidInput
+from phasebench.reference.solvers.taylor import reference
+
+EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
+SUNDIALS = measure.FOLDER / "sundials-kepler.csv"
+#: A file that is right: the pendulum to t = 2, its exact end state to a double, and one that is off by 1e-6.
+MADE = problem("pendulum")
+
+
+def exact() -> np.ndarray:
+    """The state (q, p) of the pendulum at t = 2."""
+    truth = reference(MADE, [2.0], certify=False)
+    return np.array([truth.q[-1, 0], truth.p[-1, 0]])
+
+
+@pytest.fixture(scope="module")
+def good() -> str:
+    """The text of a file that is right."""
+    q, p = map(float, exact())
+    energy = float(MADE.system.observe(MADE.system.H, np.array([MADE.q0]), np.array([MADE.p0]))[0])
+    return f"""# phasebench-elsewhere: 1
+# package: Somewhere.jl
+# version: 1.2
+# language: Julia 1.11
+# machine: AMD Ryzen, Linux
+# problem: pendulum
+# q0: {MADE.q0[0]!r}
+# p0: {MADE.p0[0]!r}
+# energy: {energy!r}
+# t_end: 2
+method,h,steps,evaluations,q1,p1
+Exact,0.1,20,60,{q!r},{p!r}
+Off,0.1,20,60,{q + 1e-6!r},{p!r}
+"""
+
+
+@pytest.fixture
+def read(tmp_path):
+    """A function: text of a file -> its content."""
+
+    def of(text: str):
+        path = tmp_path / "rows.csv"
+        path.write_text(text, encoding="utf-8")
+        return elsewhere.read(path)
+
+    return of
+
+
+# -- reading ------------------------------------------------------------------------------------------------------
+
+
+def test_errors_are_computed_against_the_reference(read, good):
+    found = read(good)
+    assert found.by == "Somewhere.jl 1.2, Julia 1.11"
+    exactly, off = elsewhere.errors(found)
+    assert exactly["error"] <= 2e-15
+    assert off["error"] == pytest.approx(1e-6, rel=1e-6)
+    assert 0 < off["uncertainty"] < 1e-13
+    assert off["energy_error"] == pytest.approx(np.sin(exact()[0]) * 1e-6, rel=1e-4)
+    assert (off["h"], off["tol"], off["steps"], off["evaluations"]) == (0.1, None, 20, 60)
+    assert (off["package"], off["language"], off["made_on"]) == ("Somewhere.jl", "Julia 1.11", "AMD Ryzen, Linux")
+
+
+Q0 = repr(MADE.q0[0])
+#: (what is replaced, by what, words of the refusal).
+REFUSED = {
+    "another version": ("elsewhere: 1", "elsewhere: 2", "format '2'.*reads format 1"),
+    "no version": ("# phasebench-elsewhere: 1\n", "", "does not begin with '# phasebench-elsewhere: 1'"),
+    "unknown problem": ("problem: pendulum", "problem: pendlum", "did you mean.*pendulum"),
+    "unknown parameter": ("# q0", "# set: e=0.6\n# q0", "e"),
+    "parameter without a value": ("# q0", "# set: e\n# q0", "must be like 'e=0.6"),
+    "other initial data": (f"q0: {Q0}", "q0: 0.25", f"q0 is 0.25, and of pendulum.* it is {Q0}"),
+    "another energy": ("energy: ", "energy: 7", "initial energy is .* there, and .* here"),
+    "no machine": ("# machine: AMD Ryzen, Linux\n", "", "header lacks machine"),
+    "unknown entry": ("# machine", "# machin", "machin.*did you mean.*machine"),
+    "a line that is no entry": ("# machine: AMD Ryzen, Linux", "# AMD Ryzen", "not '# name: value'"),
+    "a span that is none": ("t_end: 2", "t_end: -2", "t_end is -2; it must be positive"),
+    "a time that is no number": ("t_end: 2", "t_end: two", "t_end is 'two'; it must be a finite number"),
+    "no evaluations": (",evaluations,", ",", "lacks the column evaluations"),
+    "half a state": (",q1,p1", ",q1", "lacks the column p1"),
+    "no step": ("method,h,", "method,", "lacks the column h .or tol"),
+    "times": (",steps,", ",seconds,", "times of another machine are not compared.*'seconds'"),
+    "unknown column": (",steps,", ",stepz,", "stepz.*did you mean.*steps"),
+    "a column twice": (",steps,", ",evaluations,", "'evaluations' twice"),
+    "no rows": ("Exact,", "", "has no rows"),
+    "a value too many": ("Exact,0.1", "Exact,0.1,0.1", "row 1 has 7 values for 6 columns"),
+    "a step of 0": ("Exact,0.1", "Exact,0.0", "row 1: h is 0.0; it must be positive"),
+    "neither step nor tolerance": ("Exact,0.1", "Exact,", "row 1: give h or tol"),
+    "half an evaluation": ("20,60", "20,60.5", "evaluations is 60.5; it must be a whole number"),
+    "evaluations that are not there": ("20,60", "20,", "row 1 has no number of evaluations"),
+    "a state that is not finite": ("20,60,", "20,60,nan", "q1 is 'nan"),
+    "no method": ("Exact,", ",", "row 1 names no method"),
+}
+
+
+@pytest.mark.parametrize("why", REFUSED)
+def test_a_file_that_cannot_be_compared_is_refused(read, good, why):
+    old, new, words = REFUSED[why]
+    text = good.replace(old, new, 1)
+    if why == "no rows":
+        text = good[: good.index("Exact,")]
+    elif why in ("no evaluations", "half a state", "no step"):
+        text = "\n".join(
+            ",".join(line.split(",")[: text.splitlines()[10].count(",") + 1]) for line in text.splitlines()
+        )
+    assert text != good
+    with pytest.raises(InvalidInput, match=f"(?s)rows.csv.*{words}"):
+        read(text)
+
+
+def test_digits_are_asked_for_and_a_stated_energy_error_is_checked(read, good):
+    q, p = exact()
+    head = good[: good.index("method,")]
+    with pytest.raises(InvalidInput, match="has 5 digits; write all 17"):
+        read(f"{head}method,h,evaluations,q1,p1\nA,0.1,20,{q:.4e},{p:.4e}\n")
+    row = f"{head}method,tol,evaluations,energy_error,q1,p1\nA,1e-3,20,{{}},{q!r},{p!r}\n".replace("np.float64", "")
+    row = row.replace("(", "").replace(")", "")
+    assert read(row.format("1e-16")).rows[0]["energy_error"] == pytest.approx(0, abs=1e-14)
+    with pytest.raises(InvalidInput, match="energy_error is 1e-09, and that of its state"):
+        read(row.format("1e-9"))
+
+
+def test_a_file_that_is_not_there_is_refused(tmp_path):
+    with pytest.raises(InvalidInput, match="cannot be read"):
+        elsewhere.read(tmp_path / "none.csv")
+
+
+def test_past_the_horizon_of_a_chaotic_orbit_there_is_no_error(read):
+    made = problem("henon-heiles:chaotic")
+    energy = float(made.system.observe(made.system.H, np.array([made.q0]), np.array([made.p0]))[0])
+    q0, p0 = (", ".join(map(repr, x)) for x in (made.q0, made.p0))
+    head = "# phasebench-elsewhere: 1\n# package: A\n# version: 1\n# language: C\n# machine: B\n"
+    head += f"# problem: {made.label}\n# q0: {q0}\n# p0: {p0}\n# energy: {energy!r}\n# t_end: 5000\n"
+    digits = "0.1234567890123456"
+    found = read(f"{head}method,h,evaluations,q1,q2,p1,p2\nX,0.1,9,{digits},{digits},{digits},{digits}\n")
+    (row,) = elsewhere.errors(found)
+    assert row["error"] is None
+    assert "horizon" in row["reason"]
+
+
+# -- the stored answers of SUNDIALS -------------------------------------------------------------------------------
+
+
+def test_the_example_has_the_answers_that_sundials_stores():
+    found = elsewhere.read(SUNDIALS)
+    assert len(found.rows) == 72
+    stored = {(r["method"], r["h"]): (r["evaluations"], r["energy_error"], r["stated"]) for r in found.rows}
+    assert stored["ARKODE_SPRK_MCLACHLAN_4_4", 0.1] == (2000, -5.3723049984188975e-06, {"angular-momentum": 0.0})
+    assert stored["ARKODE_SPRK_EULER_1_1", 1e-3][:2] == (50001, -1.2973337429578180e-03)
+    assert stored["ARKODE_SPRK_YOSHIDA_6_8", 0.1 / 2**7][1] == -2.0872192862952943e-14
+
+
+def test_methods_here_have_the_energy_errors_of_sundials(tmp_path):
+    text = SUNDIALS.read_text().splitlines()
+    rows = [line for line in text[13:] if ",0.1," in line or ",0.05," in line]
+    path = tmp_path / "few.csv"
+    path.write_text("\n".join(text[:13] + rows))
+    theirs, ours = measure.compare(elsewhere.read(path), ["pefrl"])
+    assert len(theirs) == 10
+    assert max(abs(r["energy_error"] - r["twin_energy_error"]) for r in theirs) < page.SAME
+    assert all(r["error"] is None and r["reason"] for r in theirs)
+    budgets = {r["evaluations"] for r in theirs}
+    assert all(r["evaluations"] <= max(budgets) and r["error"] > 0 for r in ours)
+    assert bench_elsewhere.energies_off(theirs) == []
+    moved = [theirs[0] | {"energy_error": theirs[0]["energy_error"] + 1e-11}]
+    assert len(bench_elsewhere.energies_off(moved)) == 1
+    with pytest.raises(InvalidInput, match="'heyoka' cannot be compared: it takes no fixed step"):
+        measure.compare(elsewhere.read(path), ["heyoka"])
+
+
+def test_a_cell_depends_on_its_files_text(tmp_path, monkeypatch):
+    (cell,) = measure.cells()
+    assert measure.cells(quick=True) == []
+    assert {"elsewhere", "SUNDIALS", "kepler"} <= cell.names
+    monkeypatch.setattr(measure, "FOLDER", tmp_path)
+    (tmp_path / SUNDIALS.name).write_text(SUNDIALS.read_text().replace("-5.3723049984188975e-06", "-5.3e-06"))
+    (other,) = measure.cells()
+    assert (other.id, other.content != cell.content) == (cell.id, True)
+
+
+# -- the page -----------------------------------------------------------------------------------------------------
+
+
+def tables(apart: float = 0.0, error: float | None = None):
+    head = {"file": "a.csv", "problem": "kepler", "package": "A", "version": "1", "language": "C", "method": "m"}
+    rows = [
+        head
+        | {"h": 0.1 / k, "tol": None, "evaluations": 100 * k, "energy_error": 1e-5 / k**4, "error": error}
+        | {"uncertainty": 1e-14, "twin": "pefrl", "twin_energy_error": 1e-5 / k**4 + apart * (k == 2)}
+        for k in (1, 2, 4)
+    ]
+    own = [
+        {
+            "file": "a.csv",
+            "method": "pefrl",
+            "evaluations": n,
+            "energy_error": -1e-3 / n,
+            "error": 1e-2 / n,
+            "status": s,
+        }
+        for n, s in ((90, "ok"), (390, "ok"), (395, "unstable"), (500, "ok"))
+    ]
+    return {THEIRS: pd.DataFrame(rows), OURS: pd.DataFrame(own)}
+
+
+def test_a_difference_decides():
+    for apart, outcome, n in ((0.9e-12, PASS, 3), (1.1e-12, FINDING, 2)):
+        verdict = page.reproduced(tables(apart).get)
+        assert (verdict.outcome, verdict.measured.n, verdict.measured.of) == (outcome, n, 3)
+    assert page.reproduced(lambda name: None) is None
+    assert f"{len(tables()[THEIRS])} rows of A (C)" in page.answer(tables().get)
+
+
+def test_the_reference_has_to_be_more_certain_than_the_errors():
+    assert page.certain(tables().get) is None
+    for error, outcome in ((1.1e-14, PASS), (0.9e-14, FINDING)):
+        assert page.certain(tables(error=error).get).outcome == outcome
+
+
+def test_the_table_has_the_best_of_ours_with_no_more_evaluations(tmp_path):
+    frame = page.table(tables().get).frame
+    assert list(frame["evaluations"]) == [100, 400]
+    assert list(frame["its error"]) == ["1.11e-05", "2.56e-06"]
+    assert set(frame[page.BY]) == {"A 1, C"}
+    assert list(page.table(tables(error=1e-6).get).frame["its error"]) == ["1.11e-04", "2.56e-05"]
+    (picture,) = page.draw(tables().get, tmp_path)
+    assert (tmp_path / picture.file).exists() or list(tmp_path.rglob(picture.file))
+
+
+# -- the command --------------------------------------------------------------------------------------------------
+
+
+def test_the_command_prints_errors_and_refuses_what_it_cannot_compare(tmp_path):
+    told = CliRunner().invoke(app, ["elsewhere", str(EXAMPLES / "elsewhere.csv"), "--method", "pefrl", "--json"])
+    assert told.exit_code == 0
+    found = json.loads(told.stdout)
+    assert found["phasebench-elsewhere"] == 1
+    errors = [r["error"] for r in found["rows"]]
+    assert errors == sorted(errors, reverse=True)
+    assert errors[-1] < 1e-9 < 1e-6 < errors[0]
+    assert {r["method"] for r in found["own"]} == {"pefrl"}
+    bad = tmp_path / "bad.csv"
+    bad.write_text("method,h\n")
+    assert CliRunner().invoke(app, ["elsewhere", str(bad)]).exit_code == 2
+
+
+def test_the_example_is_what_its_script_writes():
+    """Versions and the last digits are those of the machine that ran it."""
+    text = (EXAMPLES / "elsewhere.csv").read_text().splitlines()
+    done = subprocess.run(
+        [sys.executable, str(EXAMPLES / "elsewhere_rows.py")], capture_output=True, text=True, check=True
+    )
+    here = done.stdout.splitlines()
+    assert "phasebench" not in (EXAMPLES / "elsewhere_rows.py").read_text().replace("phasebench-elsewhere", "").replace(
+        "`phasebench elsewhere` without phasebench", ""
+    )
+    assert [line.partition(":")[0] for line in here[:11]] == [line.partition(":")[0] for line in text[:11]]
+    for mine, kept in zip(here[11:], text[11:], strict=True):
+        new, old = (np.array(line.split(",")[3:], dtype=float) for line in (mine, kept))
+        assert new == pytest.approx(old, rel=1e-9, abs=1e-12)
