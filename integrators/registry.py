@@ -14,6 +14,7 @@ from .records import (
     collected,
     collocation,
     compositions,
+    constrained,
     energy,
     extended,
     force_gradient,
@@ -51,6 +52,7 @@ _RECORDS: tuple[Method, ...] = (
     *kepler.METHODS,
     *poisson.METHODS,
     *magnetic.METHODS,
+    *constrained.METHODS,
 )
 
 BY_ID = {m.id: m for m in _RECORDS}

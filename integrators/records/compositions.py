@@ -29,7 +29,8 @@ def compose(base: Method, fractions: str | Sequence, **facts) -> Method:
 
     Parameters
     ----------
-    base : a symmetric record of order 2, of the family "parametric" or "schemes_iv_v"; its parameters stay parameters
+    base : a symmetric record of order 2, of the family "parametric", "schemes_iv_v" or "rattle"; its parameters stay
+        parameters
     fractions : the name of a composition in `coefficients`, or all the fractions
     facts : fields of the record that are to differ (id, name, source, order, ...); without an order it is computed
         from the fractions
@@ -74,7 +75,7 @@ def _order(gamma) -> int:
 
 
 def _data(base: Method, gamma) -> tuple:
-    if base.family not in ("parametric", "schemes_iv_v"):
+    if base.family not in ("parametric", "schemes_iv_v", "rattle"):
         raise InvalidInput(f"'{base.label}' is of the family {base.family}; parametric and equip can be composed")
     if not base.symmetric or base.order != 2:
         kind = "symmetric" if base.symmetric else "not symmetric"
@@ -82,6 +83,9 @@ def _data(base: Method, gamma) -> tuple:
     if base.family == "parametric":
         order, substeps = base.data
         return order, tuple((times(g, c), mu, lam) for g in gamma for c, mu, lam in substeps)
+    if base.family == "rattle":
+        fractions, project = base.data
+        return tuple(times(g, c) for g in gamma for c in fractions), project
     groups = 1 + max(row[2] for row in base.data)
     return tuple(
         (times(g, c), sign, k * groups + group, a) for k, g in enumerate(gamma) for c, sign, group, a in base.data

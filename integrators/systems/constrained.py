@@ -295,11 +295,11 @@ class ConstrainedHamiltonian(PartitionedSystem):
     def restore(self, arithmetic: str = DOUBLE):
         r"""The function (q, q0) -> :math:`G(q_0)^T\mu`, a step of Newton's method for g(q - M^-1 G(q_0)^T mu) = 0.
 
-        :math:`\mu = \bigl(G(q) M^{-1} G(q_0)^T\bigr)^{-1} g(q)`.
+        :math:`\mu = \bigl(G(q) M^{-1} G(q_0)^T\bigr)^{-1} g(q)`; M is constant.
         """
         from phasebench.integrators.compile.printing import Program
 
-        first = tuple(sp.Symbol(f"{x}_first_", real=True) for x in self.q)
+        first = self._named("first")
         T = codegen.value_type(self.d)
 
         def results():
@@ -322,6 +322,65 @@ class ConstrainedHamiltonian(PartitionedSystem):
             return Program(tuple(steps), [self._pull(self.G, mu)])
 
         return self.make_function("normal", [("q", self.q), ("p", self.p)], results, T(T, T), arithmetic)
+
+    def free_field(self, arithmetic: str = DOUBLE):
+        """The function (q, p, h, lam) -> (H_p, -H_q), the field without constraints."""
+        T, number = codegen.value_type(self.d), types.float64
+        arguments = [("q", self.q), ("p", self.p), ("h", sp.Symbol("h")), ("lam", sp.Symbol("lam"))]
+        signature = types.Tuple((T, T))(T, T, number, number)
+        results = [list(self.dq), list(self.force)]
+        return self.make_function("free field", arguments, lambda: results, signature, arithmetic)
+
+    def mobility(self, arithmetic: str = DOUBLE):
+        """The function (q, p, x) -> H_pp x."""
+        T = codegen.value_type(self.d)
+        x = self._named("x")
+        arguments = [("q", self.q), ("p", self.p), ("x", x)]
+        results = lambda: [list(self._mobility * sp.Matrix(x))]  # noqa: E731
+        return self.make_function("mobility", arguments, results, T(T, T, T), arithmetic)
+
+    def pull(self, arithmetic: str = DOUBLE):
+        """The function (q, x) -> G(q)^T x, of the first m components of x (d,)."""
+        T, x = codegen.value_type(self.d), self._named("x")
+        arguments = [("q", self.q), ("x", x)]
+        return self.make_function("pull", arguments, lambda: [self._pull(self.G, self._first(x))], T(T, T), arithmetic)
+
+    def multipliers(self, arithmetic: str = DOUBLE):
+        r"""The function (q, q0, p0) -> :math:`\bigl(G(q) H_{pp}(q_0, p_0) G(q_0)^T\bigr)^{-1} g(q)`, padded to d numbers."""
+        from phasebench.integrators.compile.printing import Program
+
+        T = codegen.value_type(self.d)
+        first, way = self._named("first"), self._named("way")
+
+        def results():
+            steps: list = []
+            at_start = dict(zip((*self.q, *self.p), (*first, *way), strict=True))
+            matrix = self.G * self._mobility.xreplace(at_start) * self.G.xreplace(at_start).T
+            found = Elimination("k", steps).solve(matrix, self.constraints)
+            return Program(tuple(steps), [[*found, *[sp.Integer(0)] * (self.d - len(found))]])
+
+        arguments = [("q", self.q), ("first", first), ("way", way)]
+        return self.make_function("multipliers", arguments, results, T(T, T, T), arithmetic)
+
+    def offset(self, arithmetic: str = DOUBLE):
+        r"""The function q -> :math:`G^T(G G^T)^{-1} g`, a step of Newton's method to the constraints."""
+        from phasebench.integrators.compile.printing import Program
+
+        T = codegen.value_type(self.d)
+
+        def results():
+            steps: list = []
+            mu = Elimination("k", steps).solve(self.G * self.G.T, self.constraints)
+            return Program(tuple(steps), [self._pull(self.G, mu)])
+
+        return self.make_function("offset", [("q", self.q)], results, T(T), arithmetic)
+
+    def _named(self, letter: str) -> tuple[Any, ...]:
+        """d symbols that are no variables of the system."""
+        return tuple(sp.Symbol(f"{x}_{letter}_", real=True) for x in self.q)
+
+    def _first(self, x: Sequence[Any]) -> Sequence[Any]:
+        return x[: len(self.constraints)]
 
     def _pull(self, G: Any, mu: Sequence[Any]) -> list[Any]:
         """The d components of G^T mu."""

@@ -1,0 +1,198 @@
+r"""RATTLE and SHAKE: kicks and drifts that keep constraints g(q) = 0, for H = p . M^-1 p / 2 + V(q).
+
+.. math::
+    p_{1/2} = p_0 - \tfrac h2\bigl(\nabla V(q_0) + G(q_0)^T\lambda\bigr),\qquad
+    q_1 = q_0 + h M^{-1} p_{1/2},\qquad g(q_1) = 0, \\
+    p_1 = p_{1/2} - \tfrac h2\bigl(\nabla V(q_1) + G(q_1)^T\mu\bigr),\qquad G(q_1) M^{-1} p_1 = 0
+
+is RATTLE, composed over fractions of h for a higher order.  The first multiplier puts q on the constraints, the second
+p on the hidden ones.  SHAKE has the same q, and as p the mean of the momenta before and after,
+:math:`p_n = M(q_{n+1} - q_{n-1})/2h`, which is off the hidden constraints.
+
+The unknown is :math:`w = \tfrac{h^2}2 G(q_0)^T\lambda`.  Newton's method for :math:`g(\bar q - M^{-1}w) = 0`,
+
+.. math::
+    w \leftarrow w + G(q_0)^T\bigl(G(q) M^{-1} G(q_0)^T\bigr)^{-1} g(q),\qquad q = \bar q - M^{-1} w ,
+
+starts from the values of earlier steps, and ends where w moves q by less than round-off.
+
+RATTLE is symmetric, symplectic on the manifold of both constraints, and of order 2.  SHAKE keeps
+:math:`\sum dq_i\wedge dp_i` too, since :math:`G\,dq = 0`.
+
+Sources: J.-P. Ryckaert, G. Ciccotti, H. J. C. Berendsen, J. Comput. Phys. 23 (1977) 327-341 (SHAKE); H. C. Andersen,
+J. Comput. Phys. 52 (1983) 24-34 (RATTLE); B. Leimkuhler, R. D. Skeel, J. Comput. Phys. 112 (1994) 117-125; E. Hairer,
+C. Lubich, G. Wanner, Geometric Numerical Integration (2006), VII.1.3-1.4.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from phasebench.integrators.stepping.kernel import Carry, Prepared, numbers
+from phasebench.integrators.stepping.loop import loop
+from phasebench.integrators.stepping.solve import (
+    NOT_FINITE,
+    SOLVED,
+    STALLED,
+    fixed_point,
+    predict,
+    remember,
+    replace,
+)
+from phasebench.integrators.values.masks import overload_in_lanes
+from phasebench.integrators.values.vector import (
+    add,
+    add_product,
+    inline,
+    minus,
+    plus,
+    read_state,
+    scale,
+    size,
+    velocity,
+)
+
+if TYPE_CHECKING:
+    from phasebench.integrators.record import Method
+    from phasebench.integrators.systems.constrained import ConstrainedHamiltonian
+
+#: Orbits may be integrated side by side.
+IN_LANES = True
+
+
+class Rattle(NamedTuple):
+    """What a step needs: fractions b of h of the steps that are composed, and whether p is projected (else SHAKE's).
+
+    ``dT`` is p -> M^-1 p, None where that is p itself; ``restore`` and ``normal`` are those of `constrained`.
+    """
+
+    dT: Callable | None
+    dV: Callable
+    restore: Callable
+    normal: Callable
+    b: np.ndarray
+    project: bool
+    h: float = 0.0
+    eps: float = 0.0
+
+
+class RattleState(NamedTuple):
+    """The state (q, p), what rounding lost of either, and the gradient of V at q."""
+
+    q: Any
+    p: Any
+    lost_q: Any
+    lost_p: Any
+    gradient: Any
+
+
+class Drift(NamedTuple):
+    """The arguments of the equation of w: q + lost + ``move`` - M^-1 w is to be on the constraints."""
+
+    method: Rattle
+    q: Any
+    lost: Any
+    move: Any
+
+
+@inline
+def sweep(e, w, active):
+    """One step of Newton's method: (the new w, how far it moves q, the size of q)."""
+    moved = minus(e.move, velocity(e.method.dT, w))
+    q, _ = add(e.q, e.lost, moved)
+    dw = e.method.restore(q, e.q)
+    return replace(active, w, plus(w, dw)), size(velocity(e.method.dT, dw)), size(q)
+
+
+iterate = fixed_point(sweep)
+
+
+def _solve(e, start, span, eps):
+    w, sweeps, solved = iterate(e, start, span, eps)
+    if not solved:
+        w, more, solved = iterate(e, scale(0.0, start), span, eps)
+        sweeps += more
+    if solved:
+        return w, sweeps, SOLVED
+    return w, sweeps, STALLED if size(w) < np.inf else NOT_FINITE
+
+
+def _solve_lanes(e, start, span, eps):
+    w, sweeps, _ = iterate(e, start, span, eps)
+    return w, sweeps, SOLVED if (size(w) < np.inf) & (span < np.inf) else NOT_FINITE
+
+
+#: Solve for w from a start: (w, sweeps, status); in lanes a w that is not found is NaN.
+solve = overload_in_lanes(_solve, _solve_lanes)
+
+
+@inline
+def drift(method, y, h, start):
+    """The w of a drift over h from the state y, which has had its kick: (w, the move of q, sweeps, status)."""
+    move = scale(h, velocity(method.dT, y.p))
+    start = method.normal(y.q, start)  # earlier ones were along the G^T of other places
+    w, sweeps, status = solve(Drift(method, y.q, y.lost_q, move), start, size(y.q), method.eps)
+    return w, minus(move, velocity(method.dT, w)), sweeps, status
+
+
+@inline
+def kick(y, h):
+    """The state after a kick over h without constraints."""
+    p, lost_p = add_product(y.p, y.lost_p, -h, y.gradient)
+    return RattleState(y.q, p, y.lost_q, lost_p, y.gradient)
+
+
+@inline
+def pull(y, a, w):
+    """The state with a w added to p."""
+    p, lost_p = add_product(y.p, y.lost_p, a, w)
+    return RattleState(y.q, p, y.lost_q, lost_p, y.gradient)
+
+
+def begin(method: Rattle, carry: Carry, counts: np.record) -> RattleState:
+    """Read the state where the last call left it, and evaluate grad V."""
+    y = read_state(carry)
+    counts.gradient += 1
+    return RattleState(y.q, y.p, y.lost_q, y.lost_p, method.dV(y.q))
+
+
+def step(method: Rattle, y: RattleState, carry: Carry, counts: np.record) -> tuple[RattleState, int]:
+    """Take the composed steps in turn; returns (state, status)."""
+    first, n, found = y, len(method.b), SOLVED
+    for k in range(n):
+        if found == SOLVED:
+            h = method.b[k] * method.h
+            start = predict(carry.memory, k, n, counts.steps, carry.zero)
+            y = kick(y, 0.5 * h)
+            w, moved, _, found = drift(method, y, h, start)
+            remember(carry.memory, k, n, counts.steps, w)
+            y = pull(y, -1.0 / h, w)
+            q, lost_q = add(y.q, y.lost_q, moved)  # q is on the constraints
+            y = kick(RattleState(q, y.p, lost_q, y.lost_p, method.dV(q)), 0.5 * h)
+            counts.gradient += 1
+            if method.project:
+                y = pull(y, -1.0, method.normal(q, y.p))  # and p on the hidden ones
+            elif found == SOLVED:
+                following, _, _, found = drift(method, kick(y, 0.5 * h), h, scale(2.0, w))
+                y = pull(y, -0.5 / h, following)
+    return y if found == SOLVED else first, found
+
+
+run = loop(step, begin)
+
+
+def prepare(method: Method, system: ConstrainedHamiltonian, arithmetic: str) -> Prepared:
+    """Prepare the kernel of data (fractions of h of the steps that are composed, True to project p)."""
+    fractions, project = method.data
+    step = Rattle(
+        system.grad_T(arithmetic),
+        system.grad_V(arithmetic),
+        system.restore(arithmetic),
+        system.normal(arithmetic),
+        numbers(fractions, arithmetic),
+        bool(project),
+    )
+    return Prepared(run, step, system.d, len(fractions), implicit=False)

@@ -1,0 +1,66 @@
+"""Methods for constraints g(q) = 0: RATTLE, SHAKE, a composition, and collocation on the manifold.
+
+``symplectic`` is meant on the manifold of the constraints and the hidden ones: the map keeps the two-form of phase
+space for tangents of the manifold.
+"""
+
+from __future__ import annotations
+
+from phasebench.integrators.record import BOUNDED, NONE, Method
+
+from .compositions import compose
+
+HLW = "Hairer, Lubich & Wanner 2006"
+
+
+def constrained(*, symmetric: bool = True, requires: tuple[str, ...] = (), **facts) -> Method:
+    """A method that is symplectic on the manifold of its constraints."""
+    facts = {"symplectic": True, "energy": BOUNDED, "quadratic": NONE, "requires": ("constrained", *requires)} | facts
+    return Method(symmetric=symmetric, **facts)
+
+
+def rattle(*, project: bool = True, **facts) -> Method:
+    """The step of RATTLE; without ``project`` SHAKE's."""
+    return constrained(family="rattle", order=2, requires=("constant mass matrix",), data=((1,), project), **facts)
+
+
+def lobatto(s: int) -> Method:
+    """The Lobatto IIIA-IIIB pair of s stages on the manifold."""
+    return constrained(
+        id=f"lobatto-iiia-iiib-constrained-{2 * s - 2}",
+        name=f"Lobatto IIIA - IIIB on the manifold of constraints, {s} stages",
+        family="manifold",
+        order=2 * s - 2,
+        source=f"Jay 1996; {HLW}, VII.1.5",
+        cite=("jay1996", "hairer2006"),
+        data=(s,),
+    )
+
+
+RATTLE = rattle(
+    id="rattle",
+    name="RATTLE: Stormer-Verlet with constraints",
+    source=f"Andersen 1983; Leimkuhler & Skeel 1994; {HLW}, VII.1.4",
+    cite=("andersen1983", "leimkuhler-skeel1994", "hairer2006"),
+)
+
+METHODS: tuple[Method, ...] = (
+    RATTLE,
+    rattle(
+        id="shake",
+        name="SHAKE: RATTLE's q, and p from their differences, off the hidden constraints",
+        source=f"Ryckaert, Ciccotti & Berendsen 1977; {HLW}, VII.1.4",
+        cite=("ryckaert1977", "leimkuhler-skeel1994", "hairer2006"),
+        project=False,
+        symmetric=False,
+    ),
+    compose(
+        RATTLE,
+        "forest-ruth",
+        id="rattle-yoshida-4",
+        name="RATTLE, composed of three steps by the triple jump",
+        source="Yoshida 1990; Reich 1996; the triple jump of rattle",
+        cite=("andersen1983", "yoshida1990", "reich1996"),
+    ),
+    *(lobatto(s) for s in (2, 3, 4)),
+)
