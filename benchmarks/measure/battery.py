@@ -9,9 +9,11 @@ from itertools import product
 import sympy as sp
 
 from phasebench.benchmarks.problems import problem
+from phasebench.benchmarks.problems.base import Orbit, Problem
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.record import Method
 from phasebench.integrators.registry import METHODS
+from phasebench.integrators.systems.constrained import ConstrainedHamiltonian
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
 
 #: Parameter name -> the values to test; other parameters keep their default.
@@ -85,6 +87,25 @@ def relativistic_particle() -> Hamiltonian:
     return Hamiltonian(q="x y z", p="px py pz", H=f"2*sqrt(1 + {square}) + x**2*y/4 - y*z/3 + z**4/8")
 
 
+def on_sphere() -> ConstrainedHamiltonian:
+    """A particle on the unit sphere in an anharmonic potential."""
+    H = "(u**2 + v**2 + w**2)/2 + z + x**2*y/2 - z**2*x/3"
+    return ConstrainedHamiltonian(q="x y z", p="u v w", H=H, constraints=["x**2 + y**2 + z**2 = 1"])
+
+
+def rods() -> ConstrainedHamiltonian:
+    """A double pendulum of two rods in the plane, of masses 1 and 2, with a spring; d = 4 and two constraints."""
+    H = "(u1**2 + v1**2)/2 + (u2**2 + v2**2)/4 + y1 + 2*y2 + x2**2*y1/4"
+    rods = ["x1**2 + y1**2 = 1", "(x2 - x1)**2 + (y2 - y1)**2 = 1"]
+    return ConstrainedHamiltonian(q="x1 y1 x2 y2", p="u1 v1 u2 v2", H=H, constraints=rods)
+
+
+def on_ellipsoid() -> ConstrainedHamiltonian:
+    """A non-separable H on an ellipsoid."""
+    H = "(u**2 + v**2)/2*(1 + z**2/4) + w**2/2 + x*v/4 + u*w*y/3 + x**2*y/2 + z"
+    return ConstrainedHamiltonian(q="x y z", p="u v w", H=H, constraints=["x**2 + 2*y**2 + 3*z**2 = 1"])
+
+
 #: Name -> a cached function that returns (system, q, p).
 SYSTEMS = {
     "pendulum": cache(lambda: _of("pendulum:swinging")),
@@ -96,6 +117,9 @@ SYSTEMS = {
     "coupled": cache(lambda: (coupled_double_well(), (0.4, -0.6), (0.5, 0.3))),
     "charged-particle": cache(lambda: _of("charged-particle")),
     "magnetic-mirror": cache(lambda: _of("magnetic-mirror")),
+    "on-sphere": cache(lambda: (on_sphere(), (1.0, 0.0, 0.0), (0.0, 0.5, -0.75))),
+    "rods": cache(lambda: (rods(), (1.0, 0.0, 1.0, 1.0), (0.0, 0.5, -0.75, 1.0))),
+    "on-ellipsoid": cache(lambda: (on_ellipsoid(), (1.0, 0.0, 0.0), (0.0, 0.5, -0.75))),
     "relativistic-particle": cache(lambda: (relativistic_particle(), (0.3, -0.5, 0.4), (0.4, 0.6, -0.3))),
 }
 #: Systems on which formulae of high order stay short; enough for long compositions that solve an equation per substep.
@@ -108,6 +132,8 @@ NON_SEPARABLE = ("tao", "coupled")
 #: Systems of charged particles, for the methods that require one, and methods measured there besides, as controls.
 MAGNETIC = ("charged-particle", "magnetic-mirror", "relativistic-particle")
 CONTROLS = ("explicit-euler", "rk4", "implicit-midpoint", "gauss-4")
+#: Systems with constraints, for the methods that require them.
+CONSTRAINED = ("on-sphere", "rods", "on-ellipsoid")
 #: Methods superconverge at turning points by symmetry, so orders are measured from this time of the orbit on.
 LATER = 0.4
 
@@ -115,6 +141,12 @@ LATER = 0.4
 def _of(name: str):
     whole = problem(name)
     return whole.system, whole.q0, whole.p0
+
+
+def as_problem(name: str) -> Problem:
+    """The system with this name and its initial state as a problem."""
+    system, q, p = SYSTEMS[name]()
+    return Problem(name, name, "", system, (Orbit("start", tuple(map(float, q)), tuple(map(float, p))),))
 
 
 def runs_on(method: Method, name: str) -> bool:
@@ -128,9 +160,15 @@ def systems(method: Method, few: bool | None = None) -> list[str]:
         return [n for n in SHORT if runs_on(method, n)]
     if "magnetic" in method.requires:
         return [n for n in MAGNETIC if runs_on(method, n)]
+    if "constrained" in method.requires:
+        return [n for n in CONSTRAINED if runs_on(method, n)]
     few = method.order > LOW_ORDER if few is None else few
     fast = "linear fast part" in method.requires
-    names = [n for n in SYSTEMS if n not in MAGNETIC and runs_on(method, n) and (fast or n != "two-frequencies")]
+    names = [
+        n
+        for n in SYSTEMS
+        if n not in (*MAGNETIC, *CONSTRAINED) and runs_on(method, n) and (fast or n != "two-frequencies")
+    ]
     return [n for n in names if n in FEW] or names if few and not fast else names
 
 
@@ -153,3 +191,9 @@ def expected_order(method: Method, name: str) -> int:
 def canonical(name: str) -> bool:
     """True if a system is canonical, so that its step maps can be symplectic."""
     return SYSTEMS[name]()[0].canonical
+
+
+def keeps_a_form(name: str) -> bool:
+    """True if step maps on a system can be symplectic, in phase space or on the manifold of its constraints."""
+    system = SYSTEMS[name]()[0]
+    return system.canonical or system.constrained

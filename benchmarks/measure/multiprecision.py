@@ -26,15 +26,15 @@ from .battery import (
     LOW_ORDER,
     SYSTEMS,
     by_label,
-    canonical,
     high_order_variants,
+    keeps_a_form,
     magnetic,
     runs_on,
     systems,
     variants,
 )
 from .metrics import order
-from .step_map import jacobian, pair_defect, return_distance, symplecticity_defect, volume
+from .step_map import jacobian, pair_defect, restricted_defect, return_distance, symplecticity_defect, volume
 
 DIGITS = 40
 SPAN = Fraction(1, 256)
@@ -142,6 +142,14 @@ def errors(record: Method, name: str) -> dict:
     return {"h": [float(SPAN / n) for n in ladder], "error": [float(e) for e in error], "doubt": float(doubt)}
 
 
+def retraction(system):
+    """The map from states (2 d,) near the manifold of a system with constraints to states on it; None of any other."""
+    if not system.constrained:
+        return None
+    d = system.d
+    return lambda y: np.concatenate(system.retract(y[:d], y[d:], MULTIPRECISION))
+
+
 def step_of(record: Method) -> Fraction:
     """The step size at which a method's defects of symplecticity and symmetry are measured."""
     return VARIABLE_STEP if record.family in ("adaptive", "field") else STEP
@@ -151,8 +159,11 @@ def defect(record: Method, name: str) -> float:
     """The symplecticity defect of a method's step on the named system; at high order, of one pair of vectors only."""
     system, y = start(name)
     h = step_of(record)
+    retract = retraction(system)
     if record.order > LOW_ORDER:
-        return float(pair_defect(lambda x: advance(system, record, x, h), y))
+        return float(pair_defect(lambda x: advance(system, record, x, h), y, retract))
+    if retract is not None:
+        return float(restricted_defect(lambda x: advance(system, record, x, h), retract, y, displacement()))
     return float(symplecticity_defect(jacobian(lambda x: advance(system, record, x, h), y, displacement())))
 
 
@@ -173,7 +184,7 @@ def volume_defect(record: Method, name: str) -> float:
 #: Measurement -> (function of a method and a system, systems for a method).
 CELLS = {
     "orders": (errors, systems),
-    "symplecticity": (defect, lambda m: [n for n in systems(m, few=True) if canonical(n)]),
+    "symplecticity": (defect, lambda m: [n for n in systems(m, few=True) if keeps_a_form(n)]),
     "symmetry": (distance, lambda m: systems(m, few=True)),
     "volume": (volume_defect, magnetic),
 }
@@ -270,7 +281,7 @@ def perturbation_effects():
     """
     out = {}
     for record in METHODS:
-        name = next((n for n in systems(record, few=True)[::-1] if canonical(n)), None)
+        name = next((n for n in systems(record, few=True)[::-1] if keeps_a_form(n)), None)
         if name and 0 < len(list(leaves(record.data))) <= MOST:
             with precision(digits(record)):
                 out[record.id] = perturbation_row(record, name)

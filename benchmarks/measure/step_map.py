@@ -75,6 +75,16 @@ def volume(step: Callable, y, *displacements) -> tuple[float, float]:
     return float(abs(found[0])), float(abs(found[-1] - found[0]))
 
 
+def restricted_defect(step: Callable, retract: Callable, y, delta=None):
+    """max |M^T J M - N^T J N| for the Jacobians M, N at y of ``step`` after ``retract``, and of ``retract`` alone.
+
+    ``retract`` maps states near y to a manifold, so that N has its tangents as columns: zero where the step keeps the
+    two-form on the manifold.
+    """
+    M, N = jacobian(lambda x: step(retract(x)), y, delta), jacobian(retract, y, delta)
+    return np.max(np.abs(form_residual(M) - form_residual(N)))
+
+
 def pair_symplecticity(step: Callable, y, pairs, *displacements) -> tuple[float, float]:
     """`symplecticity` from pairs of vectors, relative to the terms of the form: four steps per vector in any dimension.
 
@@ -100,8 +110,10 @@ def derivative(step: Callable, y, w, delta):
     return (8 * near - far) / (12 * delta)
 
 
-def pair_defect(step: Callable, y):
+def pair_defect(step: Callable, y, retract: Callable | None = None):
     """|omega(M u, M v) - omega(u, v)| for one pair of tangent vectors in general position, M the Jacobian of ``step``.
+
+    With ``retract``, which maps states near y to a manifold, u and v are made tangents of it.
 
     The components of the vectors are of the size of those of y, and the defect is relative to the terms of omega(u, v).
 
@@ -114,6 +126,10 @@ def pair_defect(step: Callable, y):
 
     d, delta = len(y) // 2, epsilon(MULTIPRECISION) ** (1 / 3)
     u, v = (vector([mpmath.cos(k * (i + 1)) * (abs(x) or 1) for i, x in enumerate(y)]) for k in (1, 2))
+    if retract is not None:
+        whole, inner = step, retract
+        u, v = ((inner(y + delta * w) - inner(y - delta * w)) / (2 * delta) for w in (u, v))
+        step = lambda x: whole(inner(x))  # noqa: E731
     Mu, Mv = ((step(y + delta * w) - step(y - delta * w)) / (2 * delta) for w in (u, v))
     terms = abs(u[:d]) @ abs(v[d:]) + abs(u[d:]) @ abs(v[:d])
     return abs(Mu[:d] @ Mv[d:] - Mu[d:] @ Mv[:d] - (u[:d] @ v[d:] - u[d:] @ v[:d])) / terms

@@ -6,9 +6,9 @@ With the coefficients a of IIIA and :math:`\hat a` of IIIB, of s stages, and :ma
     Q_i = q_0 + h\sum_j a_{ij} H_p(Q_j, P_j),\qquad
     P_i = p_0 + h\sum_j \hat a_{ij}\bigl(f(Q_j, P_j) - G(Q_j)^T\Lambda_j\bigr),\qquad g(Q_i) = 0,
 
-where :math:`Q_1 = q_0,\ Q_s = q_1` and no stage has :math:`\Lambda_s`, which puts
-:math:`p_1 = p_0 + h\sum_j b_j(f_j - G_j^T\Lambda_j)` on the hidden constraints, :math:`G H_p(q_1, p_1) = 0`.  The method
-is symmetric, symplectic on the manifold, and of order 2s - 2; s = 2 is RATTLE where H is separable.
+where :math:`Q_1 = q_0,\ Q_s = q_1`, and no stage has :math:`\Lambda_s`: that puts
+:math:`p_1 = p_0 + h\sum_j b_j(f_j - G_j^T\Lambda_j)` on the hidden constraints, :math:`G H_p(q_1, p_1) = 0`.  It is
+symmetric, symplectic on the manifold, and of order 2s - 2; s = 2 is RATTLE where H is separable.
 
 Unknown are, for each stage, :math:`x_j = h b_j H_p`, :math:`z_j = h b_j (f_j - G_j^T\Lambda_j)` and
 :math:`h^2\Lambda_j`.  A sweep evaluates H_p and f at the stages, and then corrects the multipliers by Newton's method

@@ -46,6 +46,8 @@ if TYPE_CHECKING:
 SLACK = 64.0
 #: Iterations of a projection onto the manifold, and the change that ends it.
 PROJECTIONS, SETTLED = 200, 1e-15
+#: Steps of Newton's method from a state near the manifold.
+RETRACTIONS = 8
 #: The least ratio of singular values of constraints that are independent.
 INDEPENDENT = 1e-10
 #: Intermediate results of the closed form of the multipliers, at most.
@@ -346,7 +348,7 @@ class ConstrainedHamiltonian(PartitionedSystem):
         return self.make_function("pull", arguments, lambda: [self._pull(self.G, self._first(x))], T(T, T), arithmetic)
 
     def multipliers(self, arithmetic: str = DOUBLE):
-        r"""The function (q, q0, p0) -> :math:`\bigl(G(q) H_{pp}(q_0, p_0) G(q_0)^T\bigr)^{-1} g(q)`, padded to d numbers."""
+        r"""The function (q, q0, p0) -> :math:`\bigl(G(q) H_{pp}(q_0, p_0) G(q_0)^T\bigr)^{-1} g(q)`, then zeros."""
         from phasebench.integrators.compile.printing import Program
 
         T = codegen.value_type(self.d)
@@ -452,6 +454,23 @@ class ConstrainedHamiltonian(PartitionedSystem):
                 return None
         good = np.isfinite([found, way]).all() and self._worst(found, way) is None
         return (found, way) if good else None
+
+    def retract(self, q: Any, p: Any, arithmetic: str = DOUBLE) -> tuple[Any, Any]:
+        """The state on the manifold that Newton's method finds along G^T from (q, p), arrays (d,) in the arithmetic."""
+        if arithmetic == DOUBLE:
+            for _ in range(RETRACTIONS):
+                g, G, _, _ = self._numbers(q, p)
+                q = q - G.T @ np.linalg.solve(G @ G.T, g)
+            for _ in range(RETRACTIONS):
+                _, G, w, M = self._numbers(q, p)
+                p = p - G.T @ np.linalg.solve(G @ M @ G.T, w)
+            return q, p
+        offset, normal = self.offset(arithmetic), self.normal(arithmetic)
+        for _ in range(RETRACTIONS):
+            q = q - offset(q)
+        for _ in range(RETRACTIONS):
+            p = p - normal(q, p)
+        return q, p
 
     def _worst(self, q: Floats, p: Floats) -> tuple[str, Any, float] | None:
         """(kind, expression, value) of the constraint that a state violates most; None where it is on the manifold."""

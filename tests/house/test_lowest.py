@@ -13,12 +13,14 @@ import numpy as np
 import pytest
 from packaging.requirements import Requirement
 
+from phasebench.benchmarks.measure.battery import as_problem
 from phasebench.benchmarks.problems import problem
 from phasebench.integrators import integrate
 from phasebench.integrators.registry import METHODS
 
 ROOT = Path(__file__).resolve().parents[2]
 PROBLEMS = [problem(name) for name in ("henon-heiles:box", "perturbed-kepler", "magnetic-mirror")]
+PROBLEMS.append(as_problem("on-sphere"))
 #: The first method of each family.
 FIRST = {m.family: m for m in reversed(METHODS)}
 #: Bound on the error of any method over so short a span.

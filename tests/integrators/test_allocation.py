@@ -8,6 +8,7 @@ import pytest
 from numba.core.registry import cpu_target
 from numba.core.runtime import _nrt_python, rtsys
 
+from phasebench.benchmarks.measure.battery import as_problem
 from phasebench.benchmarks.problems import problem
 from phasebench.integrators.compile import codegen, machine
 from phasebench.integrators.prepared import prepare as prepared_run
@@ -16,6 +17,7 @@ from phasebench.integrators.stepping import kernel as stepping
 from phasebench.integrators.stepping.kernel import kernel, prepare
 
 PROBLEMS = [problem(name) for name in ("henon-heiles", "perturbed-kepler", "magnetic-mirror")]
+PROBLEMS.append(as_problem("on-sphere"))
 BY_ID = {m.id: m for m in METHODS}
 #: A method of each family, whose methods differ in their numbers alone: all of them are compiled without the runtime.
 OF_EACH_FAMILY = sorted({m.family: m.id for m in METHODS}.values())

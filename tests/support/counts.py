@@ -15,7 +15,7 @@ from unittest.mock import patch
 import numpy as np
 import sympy as sp
 
-from phasebench.benchmarks.measure.battery import LOW_ORDER, MAGNETIC, SYSTEMS, by_label, runs_on, variants
+from phasebench.benchmarks.measure.battery import CONSTRAINED, LOW_ORDER, MAGNETIC, SYSTEMS, by_label, runs_on, variants
 from phasebench.integrators.driver import integrate
 from phasebench.integrators.families import gauss_lanes
 from phasebench.integrators.prepared import lay_out
@@ -31,13 +31,15 @@ FEW = 2
 LONG = ("stiff", "body", "lanes")
 #: The counts of a solution that are compared.
 TOLD = ("gradient", "steps", "newton", "fallbacks", "iterations")
+#: Functions of constraints.
+CONSTRAINTS = ("restore", "normal", "multipliers", "pull", "mobility")
 #: Prefixes of functions that do not count as gradient or field evaluations.
-OTHERS = ("structure", "energy", "grad_T", "constraint", "velocity", "rate", "density", "A / m")
+OTHERS = ("structure", "energy", "grad_T", "constraint", "velocity", "rate", "density", "A / m", *CONSTRAINTS)
 
 
 def systems(m) -> list[str]:
     """Names of the systems on which a method's calls are counted."""
-    names = MAGNETIC if "magnetic" in m.requires else NAMES
+    names = {"magnetic": MAGNETIC, "constrained": CONSTRAINED}.get(m.requires[0], NAMES) if m.requires else NAMES
     return [name for name in names if runs_on(m, name)][:FEW]
 
 
