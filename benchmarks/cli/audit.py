@@ -56,11 +56,15 @@ def _own_steps_are_validated(names: list[str]) -> None:
 
 def _stated(packages: set[str], progress) -> list[dict]:
     """Verdicts on statements in the packages' documentation, from the scripts that test them."""
-    from phasebench.benchmarks.experiments.audit import statement_cells
+    from phasebench.benchmarks.experiments.audit import statement_cells, statements
+    from phasebench.benchmarks.store.cells import Unavailable
 
     rows = []
     for script, members in statement_cells.BY_SCRIPT.items():
         if members[0].package in packages:
             progress(script)
-            rows += statement_cells.measure_rows(script)["audit_statements"]
+            try:
+                rows += statement_cells.measure_rows(script)["audit_statements"]
+            except Unavailable as error:
+                rows += [statements.row(s, [], "", str(error)) for s in members]
     return rows

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
@@ -124,6 +125,14 @@ def split_alone(why: str) -> Callable[[Any, Any], str | None]:
     return lacks
 
 
+def older_python(oldest: tuple[int, int] | None) -> str | None:
+    """Why a package that needs this Python (major, minor) cannot be installed here; None if it can."""
+    if oldest is None or sys.version_info[:2] >= oldest:
+        return None
+    here, needed = (".".join(map(str, version[:2])) for version in (sys.version_info, oldest))
+    return f"it needs Python {needed} or newer, and this is {here}"
+
+
 @dataclass(frozen=True)
 class Peer:
     """An integrator from another package.
@@ -147,6 +156,7 @@ class Peer:
     least : the smallest tolerance that it accepts
     ahead : True if it cannot integrate backwards in time
     settings : options of the package that are set, by their names there
+    python : the oldest Python that the package can be installed for, (major, minor); None if it is this project's
     """
 
     id: str
@@ -168,6 +178,7 @@ class Peer:
     ahead: bool = False
     parameters: Mapping[str, Any] = field(default_factory=dict)
     settings: Mapping[str, Any] = field(default_factory=dict)
+    python: tuple[int, int] | None = None
 
     @property
     def label(self) -> str:

@@ -19,7 +19,6 @@ Source: C. J. Balos et al., SUNDIALS 7.9, ARKODE user guide, SPRKStep; the metho
 from __future__ import annotations
 
 import importlib
-import sys
 import time
 from functools import lru_cache
 
@@ -28,7 +27,7 @@ import numpy as np
 from phasebench.integrators.record import BOUNDED
 
 from .field import split_gradients
-from .record import NOT_FINITE, Claims, Peer, Run, Task, split_alone
+from .record import NOT_FINITE, Claims, Peer, Run, Task, older_python, split_alone
 
 #: The oldest Python for which the package has a wheel.
 OLDEST = (3, 12)
@@ -45,10 +44,7 @@ def load(name: str = "sundials4py"):
     try:
         return importlib.import_module(name)
     except ImportError as error:
-        if sys.version_info < OLDEST:
-            here, oldest = (".".join(map(str, v[:2])) for v in (sys.version_info, OLDEST))
-            raise ImportError(f"its wheel needs Python {oldest} or newer, and this is {here}") from error
-        raise
+        raise ImportError(older_python(OLDEST) or error) from error
 
 
 @lru_cache(maxsize=1)
@@ -159,6 +155,7 @@ def sprk(name: str, source: str, about: str = "", *, compensated: bool = False) 
         claims=Claims(order=order, symplectic=True, energy=BOUNDED, source=CLAIMED),
         load=load,
         settings={"ARKodeSetUseCompensatedSums": compensated},
+        python=OLDEST,
     )
 
 

@@ -71,7 +71,7 @@ def documentation(where: str) -> str:
         sim = importlib.import_module("rebound").Simulation()
         sim.integrator = path
         return sim.integrator.__doc__
-    if module in ("galpy.orbit", "desolver.integrators"):
+    if module in ("galpy.orbit", "desolver.integrators", "sundials4py.arkode"):
         importlib.import_module(f"phasebench.reference.peers.{module.split('.')[0]}").load()
     found = importlib.import_module(module)
     for name in path.split("."):

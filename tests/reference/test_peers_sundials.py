@@ -10,7 +10,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from phasebench.benchmarks.experiments.audit import audit, modes, python, statement_cells, unregistered
 from phasebench.benchmarks.problems import problem
+from phasebench.benchmarks.store.cells import Unavailable
 from phasebench.integrators import Hamiltonian, InvalidInput, integrate
 from phasebench.reference.peers import integrate_peer, sundials4py
 from phasebench.reference.solvers.taylor import reference
@@ -73,13 +75,32 @@ def test_the_records_do_not_import_the_package():
 def test_without_the_package_a_run_is_skipped_and_says_which_python_it_needs(monkeypatch):
     monkeypatch.setitem(sys.modules, "sundials4py", None)
     here = sys.version_info
-    for version, why in ((sundials4py.OLDEST, "sundials4py"), ((3, 11, 9), "Python 3.12 or newer, and this is 3.11")):
+    for version, why in (
+        (sundials4py.OLDEST, "sundials4py"),
+        ((3, 11, 9), "it needs Python 3.12 or newer, and this is 3.11"),
+    ):
         monkeypatch.setattr(sys, "version_info", version)
         s = integrate_peer(problem("pendulum"), "sundials-leapfrog-2-2", h=0.1, steps=3)
         assert s.status == "skipped"
         assert re.search(f"{why}.*pip install sundials4py", s.reason)
         assert ("needs Python" in s.reason) == (version < sundials4py.OLDEST)
     monkeypatch.setattr(sys, "version_info", here)
+
+
+def test_stored_rows_stay_where_the_python_is_too_old(monkeypatch):
+    monkeypatch.setattr(sys, "version_info", (3, 11, 9))
+    measures = (
+        (audit.measure_rows, "sundials-leapfrog-2-2"),
+        (modes.measure, ("sundials-leapfrog-2-2",)),
+        (statement_cells.measure_rows, "sundials_orders"),
+        (unregistered.measure_rows, "sundials4py"),
+    )
+    for measure, argument in measures:
+        with pytest.raises(Unavailable, match=r"sundials4py: it needs Python 3\.12 or newer, and this is 3\.11"):
+            measure(argument)
+    assert python.require("scipy") is None
+    monkeypatch.setattr(sys, "version_info", (3, 12, 0))
+    assert python.require("sundials4py") is None
 
 
 def test_only_separable_systems_are_taken():

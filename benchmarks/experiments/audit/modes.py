@@ -18,6 +18,7 @@ from phasebench.reference.installed import version_of
 from phasebench.reference.peers import PEERS, Peer, Task, floating
 
 from . import cases
+from .python import require
 
 TABLE = "audit_modes"
 #: Steps of a run; the problem that is preferred, as packages have forces of their own for it and compile little.
@@ -75,6 +76,7 @@ def judge(id: str) -> tuple[dict, bool]:
 
 def measure(ids: tuple[str, ...]) -> Rows:
     """Run integrators, each in a process whose floating-point mode was right when it began: a row for each."""
+    require(integrator(ids[0]).kind)
     rows: list[dict] = []
     with Worker() as worker:
         for id in ids:

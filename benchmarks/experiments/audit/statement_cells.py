@@ -5,12 +5,14 @@ from __future__ import annotations
 from phasebench.benchmarks.store.cells import POOL, Cell, Rows, content
 from phasebench.reference.installed import version_of
 
+from .python import require
 from .said import BY_SCRIPT
 from .statements import SCRIPTS, Statement, row, run
 
 
 def measure_rows(script: str) -> Rows:
     """Run a script that tests statements of a package's documentation: a row for each statement, with its verdict."""
+    require(BY_SCRIPT[script][0].package)
     found = run(SCRIPTS / f"{script}.py")
     return {"audit_statements": [row(s, *found) for s in BY_SCRIPT[script]]}
 

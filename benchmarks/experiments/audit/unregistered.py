@@ -13,6 +13,8 @@ from phasebench.benchmarks.store.cells import Cell, Rows, content
 from phasebench.reference.installed import version_of
 from phasebench.reference.peers import PACKAGES
 
+from .python import require
+
 #: REBOUND's integrators that are not for general Hamiltonian systems, with the reason.
 OTHERWISE = {"sei": "of the shearing sheet alone", "none": "it moves nothing"}
 #: Options of REBOUND that select a method, and the values of those whose documentation does not list them.
@@ -164,6 +166,7 @@ LOOKS: dict[str, Callable[[], list[str]]] = {
 
 def measure_rows(package: str) -> Rows:
     """A row for each integrator or option of a package that the audit leaves out; one without a name if none is."""
+    require(package)
     about = {"package": package, "version": version_of(package) or "absent"}
     try:
         names, reason = LOOKS[package](), ""

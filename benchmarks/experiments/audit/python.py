@@ -1,0 +1,14 @@
+"""Packages that the running Python is too old for: their stored rows stay, measured with a newer one."""
+
+from __future__ import annotations
+
+from phasebench.benchmarks.store.cells import Unavailable
+from phasebench.reference.peers import PEERS
+from phasebench.reference.peers.record import older_python
+
+
+def require(package: str) -> None:
+    """Raise Unavailable if a package cannot be installed for this Python; one that is merely absent passes."""
+    why = older_python(next((p.python for p in PEERS if p.package == package), None))
+    if why is not None:
+        raise Unavailable(f"{package}: {why}")
