@@ -34,8 +34,12 @@ TWINS = {
     ("SUNDIALS", "ARKODE_SPRK_MCLACHLAN_5_6"): "mclachlan-atela-5",
     ("SUNDIALS", "ARKODE_SPRK_YOSHIDA_6_8"): "yoshida-6a",
 }
-#: Largest number of evaluations of a run here, largest number of runs of a method, and the steps that tell its price.
-MOST, RUNS, TRIAL = 400_000, 12, 20
+#: Largest number of evaluations of a run here, of runs of a method, and of tries to stay within as many evaluations.
+MOST, RUNS, TRIES = 400_000, 12, 40
+#: Least share of a budget of evaluations that a run takes: with fewer it is not compared.
+USED = 0.5
+#: Largest factor between the numbers of steps of two tries.
+SHORTEN = 1.25
 
 
 def compare(file: Elsewhere, methods: Sequence[str] | None = None) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
@@ -64,24 +68,41 @@ def compare(file: Elsewhere, methods: Sequence[str] | None = None) -> tuple[list
 
 
 def _ladder(file: Elsewhere, chosen: Integrator, budgets: Sequence[int]) -> list[dict[str, Any]]:
-    """The runs of a method with at most so many evaluations each."""
-    trial = chosen.run(file.problem, h=file.t_end / max(budgets, default=TRIAL), steps=TRIAL)
-    price = max(1, round(trial.counts["gradient"] / TRIAL))
-    counts = sorted({(budget - 1) // price for budget in budgets if budget > price})
-    rows = [{"file": file.path.name, "method": chosen.id} | _run(file, chosen, n) for n in counts]
-    return [r for r in rows if r["evaluations"]]
+    """The runs of a method that take each budget of evaluations, or down to `USED` of it; others are left out."""
+    rows: dict[int, dict[str, Any]] = {}
+    price = 1.0
+    for budget in sorted(budgets, reverse=True):
+        steps = int(budget / price)
+        for _ in range(TRIES):
+            if steps < 1:
+                break
+            row = _run(file, chosen, steps)
+            share = row["evaluations"] / budget
+            if share <= 1:
+                if share >= USED:
+                    price = row["evaluations"] / steps
+                    rows[steps] = {"file": file.path.name, "method": chosen.id} | row
+                break
+            # An implicit method's steps become dearer as they become longer.
+            steps = min(steps - 1, int(steps / min(share, SHORTEN)))
+    return [rows[steps] | _errors(file, rows[steps]) for steps in sorted(rows)]
 
 
 def _run(file: Elsewhere, chosen: Integrator, steps: int) -> dict[str, Any]:
-    """A run over the span of a file: its step, evaluations, errors, status."""
-    made, t_end = file.problem, file.t_end
-    s = chosen.run(made, h=t_end / steps, steps=steps, save_every=0)
-    out = {"h": t_end / steps, "steps": steps, "evaluations": s.counts["gradient"], "status": s.status}
-    blank = {"energy_error": None, "error": None, "uncertainty": None, "reason": s.reason}
-    if s.status != "ok":
-        return out | blank
-    start, end = made.system.observe(made.system.H, s.q[[0, -1]], s.p[[0, -1]])
-    return out | {"energy_error": float(end - start)} | elsewhere.state_error(made, t_end, s.q[-1], s.p[-1])
+    """A run over the span of a file: its step, evaluations, status, and its end state."""
+    h = file.t_end / steps
+    s = chosen.run(file.problem, h=h, steps=steps, save_every=0)
+    out = {"h": h, "steps": steps, "evaluations": s.counts["gradient"], "status": s.status, "reason": s.reason}
+    return out | {"q": s.q, "p": s.p}
+
+
+def _errors(file: Elsewhere, row: dict[str, Any]) -> dict[str, Any]:
+    """The errors of a run's end state, which they replace."""
+    q, p = row.pop("q"), row.pop("p")
+    if row["status"] != "ok":
+        return {"energy_error": None, "error": None, "uncertainty": None}
+    start, end = file.problem.system.observe(file.problem.system.H, q[[0, -1]], p[[0, -1]])
+    return {"energy_error": float(end - start)} | elsewhere.state_error(file.problem, file.t_end, q[-1], p[-1])
 
 
 def _twin(file: Elsewhere, row: dict[str, Any]) -> dict[str, Any]:
@@ -90,8 +111,9 @@ def _twin(file: Elsewhere, row: dict[str, Any]) -> dict[str, Any]:
     if twin is None or row["h"] is None or row["evaluations"] > MOST:
         return {"twin": twin, "twin_energy_error": None}
     steps = round(file.t_end / row["h"])
-    found = _run(file, integrator(twin), steps) if abs(steps * row["h"] / file.t_end - 1) < elsewhere.SAME else {}
-    return {"twin": twin, "twin_energy_error": found.get("energy_error")}
+    if abs(steps * row["h"] / file.t_end - 1) > elsewhere.SAME:
+        return {"twin": twin, "twin_energy_error": None}
+    return {"twin": twin, "twin_energy_error": _errors(file, _run(file, integrator(twin), steps))["energy_error"]}
 
 
 def cells(quick: bool = False) -> list[Cell]:
