@@ -6,6 +6,7 @@ and invariants after every step, the rows to be written, and the end state, whos
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
@@ -63,6 +64,7 @@ def integrate(
     param: options.Parameters = [],  # noqa: B006
     set_: options.Settings = [],  # noqa: B006
     hamiltonian: options.Formula = None,
+    constraint: options.Constraints = [],  # noqa: B006
     q: options.Coordinates = None,
     p: options.Momenta = None,
     time_limit: Annotated[float | None, options.time_limit("The status is then timeout. Default: no limit.")] = None,
@@ -91,7 +93,7 @@ def integrate(
         q0, p0 = numbers(q, "q"), numbers(p, "p")
         _check_order(problem, method)
         _check_output(output, every)
-        chosen_problem = made(problem, hamiltonian, values(set_, "set"), q0, p0)
+        chosen_problem = made(problem, hamiltonian, values(set_, "set"), q0, p0, constraint)
         parameters |= pairs(param, "--param")
         with compilation_shown(not as_json):
             from phasebench.benchmarks.measure.integrator import integrator
@@ -108,17 +110,21 @@ def integrate(
     raise typer.Exit(0 if result["status"] == "ok" else WRONG)
 
 
-def made(name: str | None, hamiltonian: str | None, parameters: dict[str, float], q0, p0):
+def made(
+    name: str | None, hamiltonian: str | None, parameters: dict[str, float], q0, p0, constraints: Sequence[str] = ()
+):
     """The problem called ``name``, or that of the formula ``hamiltonian``, which ``name`` then labels."""
     from phasebench.benchmarks.problems import PROBLEMS, file_and_orbit, problem
 
     if hamiltonian is None:
+        if constraints:
+            raise InvalidInput("--constraint goes with --hamiltonian; a problem of a file or a name brings its own")
         return problem(name, **parameters)
     if name is not None and (name.partition(":")[0] in PROBLEMS or file_and_orbit(name)[0]):
         raise InvalidInput(f"both the problem '{name}' and --hamiltonian are given; leave out one of them")
     from phasebench.benchmarks.problems.user import from_formula
 
-    return from_formula(hamiltonian, q0, p0, parameters, id=name)
+    return from_formula(hamiltonian, q0, p0, parameters, id=name, constraints=constraints)
 
 
 def _check_order(problem: str | None, method: str | None) -> None:

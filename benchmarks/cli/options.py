@@ -99,6 +99,14 @@ Formula = Annotated[
         help="Instead of PROBLEM, a formula of H in q, p or q1, p1, q2, ...: 'p**2/2 - cos(q)'.",
     ),
 ]
+Constraints = Annotated[
+    list[str],
+    typer.Option(
+        "--constraint",
+        metavar="FORMULA",
+        help="With --hamiltonian, a constraint g(q) = 0: 'q1**2 + q2**2 = 1'; repeat it.",
+    ),
+]
 Coordinates = Annotated[
     str | None,
     typer.Option("--q", metavar="NUMBERS", help="Initial coordinates: 0,0.82. Default: those of the problem."),

@@ -19,6 +19,7 @@ def workprecision(
     quantity: Annotated[str, options.quantity()] = "end-state",
     set_: options.Settings = [],  # noqa: B006
     hamiltonian: options.Formula = None,
+    constraint: options.Constraints = [],  # noqa: B006
     q: options.Coordinates = None,
     p: options.Momenta = None,
     output: Annotated[Path | None, options.output("FILE", "A figure: .png, .svg or .pdf.")] = None,
@@ -40,7 +41,7 @@ def workprecision(
         if output is not None:
             check_file(output, SUFFIXES)
         q0, p0 = numbers(q, "q"), numbers(p, "p")
-        chosen = made(problem, hamiltonian, values(set_, "set"), q0, p0)
+        chosen = made(problem, hamiltonian, values(set_, "set"), q0, p0, constraint)
         start = {} if hamiltonian is not None else {"q0": q0, "p0": p0}
         with telling("workprecision") as tell:
             span = end_time(t_end, chosen)

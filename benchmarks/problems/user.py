@@ -27,6 +27,7 @@ import numpy as np
 from phasebench.integrators.compile.lazy import sympy as sp
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.systems import deferred, formula
+from phasebench.integrators.systems.constrained import ConstrainedHamiltonian
 from phasebench.integrators.systems.hamiltonian import Hamiltonian, PartitionedSystem
 
 from . import user_file
@@ -85,6 +86,7 @@ def from_formula(
     p: Sequence[float] | None,
     constants: Mapping[str, float] | None = None,
     id: str | None = None,
+    constraints: Sequence[str] = (),
 ) -> Problem:
     """The canonical problem of a Hamiltonian that is typed as text, in q and p or in q1 .. qd and p1 .. pd.
 
@@ -94,6 +96,7 @@ def from_formula(
     q, p : d numbers each, the initial state
     constants : values of the other names in the formula, taken as exact doubles
     id : its name; by default the formula
+    constraints : formulae or equations of constraints g(q) = 0; the system is a `ConstrainedHamiltonian` then
 
     Raises
     ------
@@ -102,7 +105,7 @@ def from_formula(
         initial state that does not fit.
     """
     constants = real_parameters("the formula", constants or {}, constants or {})
-    names = formula.names(text)
+    names = sorted({x for part in (text, *constraints) for side in part.split("=") for x in formula.names(side)})
     d = _degrees(names)
     numbers = [""] if d == 0 else [str(i) for i in range(1, d + 1)]
     variables = [f"{x}{i}" for x in "qp" for i in numbers]
@@ -128,20 +131,29 @@ def from_formula(
             raise InvalidInput(f"--{name} has {len(value)} components; the formula has d = {len(numbers)}")
     orbit = Orbit("start", *(_state(Orbit("start", q, p), name, len(numbers), "the formula") for name in "qp"))
     start = orbit.q if len(numbers) > 1 else ()
-    key = deferred.key_of("formula", text, variables, sorted(constants.items()), start)
-    system = deferred.system(key, partial(_of_formula, text, variables, constants, start))
-    _check_start(system, orbit, "the formula")
+    bound = tuple(constraints)
+    key = deferred.key_of("formula", text, variables, sorted(constants.items()), start, *([bound] if bound else []))
+    system = deferred.system(key, partial(_of_formula, text, variables, constants, start, bound))
+    _check_start(system, orbit, "the formula", "--q={} --p={}")
     name = id or text.strip()
     return Problem(name, "a formula", "the command line", system, (orbit,), parameters=constants)
 
 
 def _of_formula(
-    text: str, names: Sequence[str], constants: Mapping[str, float], start: tuple[float, ...]
-) -> Hamiltonian:
+    text: str,
+    names: Sequence[str],
+    constants: Mapping[str, float],
+    start: tuple[float, ...],
+    constraints: Sequence[str] = (),
+) -> PartitionedSystem:
     """The system of a formula in the variables ``names``, first q, then p; ``start``, q0, is for its Kepler part."""
     variables = {name: sp.Symbol(name, real=True) for name in names}
-    H = formula.parse(text, variables | {k: sp.Rational(v) for k, v in constants.items()})
+    known = variables | {k: sp.Rational(v) for k, v in constants.items()}
+    H = formula.parse(text, known)
     symbols, d = list(variables.values()), len(names) // 2
+    if constraints:
+        bound = [formula.parse_equation(g, known) for g in constraints]
+        return ConstrainedHamiltonian(q=symbols[:d], p=symbols[d:], H=H, constraints=bound)
     return with_kepler_part(Hamiltonian(q=symbols[:d], p=symbols[d:], H=H), start)
 
 
@@ -245,8 +257,14 @@ def _state(orbit: Orbit, name: str, d: int, where: str) -> tuple[float, ...]:
     return value
 
 
-def _check_start(system: PartitionedSystem, orbit: Orbit, where: str) -> None:
+def _check_start(system: PartitionedSystem, orbit: Orbit, where: str, paste: str = "q={}, p={}") -> None:
+    """Raise InvalidInput for a start at which H or the rates are not finite, or that is off the constraints."""
     q, p = np.array([orbit.q]), np.array([orbit.p])
+    if system.constrained:
+        try:
+            system.check_start(q[0], p[0], paste)
+        except InvalidInput as error:
+            raise InvalidInput(f"{where}: {error}") from None
     energy = system.energies(q, p)[0]
     if system.loops and not isinstance(system.H, sp.Basic):  # loops without a formula
         rates = system.vector_field()(0.0, np.concatenate([q[0], p[0]]))
@@ -273,13 +291,14 @@ def _check_distances(system: PartitionedSystem, q, p, where: str) -> None:
 
 def _check_kept(system: PartitionedSystem, expression: sp.Expr, orbit: Orbit, what: str) -> None:
     """Raise InvalidInput if an expression I is no invariant: dI/dt along the flow is not zero at or near the start."""
-    variables, sides = (*system.q, *system.p), (*system.dq, *system.dp)
+    variables, sides = (*system.q, *system.p), system.sides
+    steps = list(system.definitions)
     if not expression.free_symbols:
         raise InvalidInput(f"{what} is the constant {expression}")
     rates = [expression.diff(x) * dx for x, dx in zip(variables, sides, strict=True)]
     rng = np.random.default_rng(0)
     with mpmath.workdps(DIGITS):
-        f = sp.lambdify([variables], [expression, *rates], "mpmath", cse=True)
+        f = sp.lambdify([variables], [expression, *rates], "mpmath", cse=(lambda e: (steps, e)) if steps else True)
         start = [mpmath.mpf(x) for x in (*orbit.q, *orbit.p)]
         for n in range(POINTS):
             moved = (
@@ -290,6 +309,9 @@ def _check_kept(system: PartitionedSystem, expression: sp.Expr, orbit: Orbit, wh
                     for x, u in zip(start, rng.uniform(-1, 1, len(start)), strict=True)
                 ]
             )
+            if system.constrained and n:
+                near = np.array(moved, float)
+                moved = [mpmath.mpf(x) for x in np.concatenate(system.retract(near[: system.d], near[system.d :]))]
             try:
                 value, *terms = f(moved)
                 good = all(mpmath.isfinite(x) and mpmath.im(x) == 0 for x in (value, *terms))

@@ -44,7 +44,7 @@ def provenance(problem, **more) -> dict:
     import sympy as sp
 
     system = problem.system
-    formulae = "|".join(sp.srepr(e) for e in (sp.sympify(system.H), *system.dq, *system.dp))
+    formulae = "|".join(sp.srepr(e) for e in (sp.sympify(system.H), *system.sides, *(e for _, e in system.definitions)))
     data = repr((tuple(map(float, problem.q0)), tuple(map(float, problem.p0))))
     return {
         "problem": problem.label,

@@ -36,7 +36,7 @@ from phasebench.integrators.compile.lazy import sympy as sp
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.values import lane_formulae
 
-from .formula import parse
+from .formula import parse_equation
 from .hamiltonian import Floats, Formula, Hamiltonian, Names, PartitionedSystem, _symbols
 
 if TYPE_CHECKING:
@@ -159,11 +159,9 @@ class ConstrainedHamiltonian(PartitionedSystem):
 
     def _constraint(self, given: Formula) -> Any:
         """A constraint as an expression; raises InvalidInput for one that is no g(q)."""
-        if isinstance(given, str) and given.count("=") == 1:
-            left, right = (parse(side, {str(s): s for s in (*self.q, *self.p)}) for side in given.split("="))
-            e = self._formula(left - right)
-        else:
-            e = self._formula(given)
+        if isinstance(given, str):
+            given = parse_equation(given, {str(s): s for s in (*self.q, *self.p)})
+        e = self._formula(given)
         momenta = sorted(map(str, e.free_symbols & {*self.p}))
         if momenta:
             raise InvalidInput(
@@ -482,8 +480,11 @@ class ConstrainedHamiltonian(PartitionedSystem):
         m = len(self.constraints)
         return ("constraint" if k < m else "hidden constraint", (*self.constraints, *self.hidden)[k], float(values[k]))
 
-    def check_start(self, q: Floats, p: Floats) -> None:
-        """Raise InvalidInput for a start (q, p), arrays (d,), off the manifold, or where constraints are redundant."""
+    def check_start(self, q: Floats, p: Floats, paste: str = "q0={}, p0={}") -> None:
+        """Raise InvalidInput for a start (q, p), arrays (d,), off the manifold, or where constraints are redundant.
+
+        The message tells the nearest start on the manifold in the form ``paste``.
+        """
         self._check_independent(q, p)
         worst = self._worst(q, p)
         if worst is None:
@@ -493,9 +494,10 @@ class ConstrainedHamiltonian(PartitionedSystem):
         found = self.nearest(q, p)
         if found is None:
             raise InvalidInput(f"{text}, and no consistent start was found near it")
-        raise InvalidInput(
-            f"{text}; the nearest consistent start is q0 = {found[0].tolist()}, p0 = {found[1].tolist()}"
-        )
+        lists = ([float(x) for x in part] for part in found)
+        bare = paste.startswith("--")
+        texts = (str(x).strip("[]").replace(" ", "") if bare else str(x) for x in lists)
+        raise InvalidInput(f"{text}; the nearest consistent start is {paste.format(*texts)}")
 
     def _check_independent(self, q: Floats, p: Floats) -> None:
         """Raise InvalidInput where G has not full rank, or G H_pp G^T is singular."""

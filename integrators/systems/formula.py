@@ -63,6 +63,14 @@ def parse(text: str, variables: Mapping[str, sp.Expr]) -> sp.Expr:
     return expression
 
 
+def parse_equation(text: str, variables: Mapping[str, sp.Expr]) -> sp.Expr:
+    """Parse a formula, or an equation "left = right" as left - right; raises InvalidInput as `parse`."""
+    if text.count("=") != 1:
+        return parse(text, variables)
+    left, right = (parse(side, variables) for side in text.split("="))
+    return left - right
+
+
 def names(text: str) -> list[str]:
     """The names in a formula that are not called as functions, sorted; raises InvalidInput as `parse`."""
     try:
