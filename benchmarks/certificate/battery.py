@@ -2,7 +2,8 @@
 
 A step that is right on one kind of system only, or at one state only, must not pass: d is 1, 2, 4 and 6, the kinetic
 energy is not always |p|^2 / 2, and a seed moves every component of a state.  A step that requires a charged particle
-is certified on `magnetic` systems instead: in the plane and in space, with fields E and B that vary, and masses.
+is certified on `magnetic` systems instead: in the plane and in space, with fields E and B that vary, and masses; one
+that requires constraints on `constrained` systems, in doubles.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from functools import cache
 
 import numpy as np
 
-from phasebench.benchmarks.measure.battery import coupled_double_well, tao
+from phasebench.benchmarks.measure.battery import SYSTEMS, coupled_double_well, tao
 from phasebench.integrators.compile.codegen import MULTIPRECISION
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
@@ -57,8 +58,13 @@ class Entry:
         draws = np.random.default_rng([seed, *self.name.encode()]).uniform(-1, 1, len(self.state))
         state = np.array(self.state)
         if self.share:
-            return state + draws * np.where(state == 0, NUDGED * self.sizes, MOVED * state)
+            return self.on_manifold(state + draws * np.where(state == 0, NUDGED * self.sizes, MOVED * state))
         return state + MOVED * draws
+
+    def on_manifold(self, state: np.ndarray) -> np.ndarray:
+        """The state, moved to the constraints of the system if it has any; array (2 d,)."""
+        d, system = len(state) // 2, self.system
+        return np.concatenate(system.retract(state[:d], state[d:])) if system.constrained else state
 
     @property
     def sizes(self) -> np.ndarray:
@@ -128,6 +134,18 @@ def magnetic() -> tuple[Entry, ...]:
 
 
 @cache
+def constrained() -> tuple[Entry, ...]:
+    """Systems with constraints, on which everything is measured of a step that requires some."""
+    states = {
+        "on-sphere": (0.8, 0.36, 0.48, 0.3, 0.7, -0.5),
+        "rods": (0.8, 0.6, 0.2, 1.4, 0.4, 0.5, -0.75, 1.0),
+        "on-ellipsoid": (0.6, 0.4, 0.3, 0.3, 0.5, -0.75),
+    }
+    systems = {name: SYSTEMS[name]()[0] for name in states}
+    return tuple(Entry(n, systems[n], y, n != "on-ellipsoid", lasting=True, share=True) for n, y in states.items())
+
+
+@cache
 def oscillator() -> Entry:
     """The harmonic oscillator of frequency 1, as an entry of the battery."""
     return Entry("harmonic-oscillator", _one("p**2/2 + q**2/2"), (0.8, 0.3))
@@ -135,7 +153,7 @@ def oscillator() -> Entry:
 
 def find_entry(name: str) -> Entry:
     """The system (`Entry`) of the battery with this name."""
-    return next(e for e in (*entries(), *lasting(), *magnetic(), oscillator()) if e.name == name)
+    return next(e for e in (*entries(), *lasting(), *magnetic(), *constrained(), oscillator()) if e.name == name)
 
 
 def of_problem(problem) -> Entry:

@@ -48,9 +48,9 @@ def state_between_steps(subject: Subject, entries: list[Entry], seed: int) -> li
     for entry in entries:
         stepper, y = Stepper(subject, entry), entry.start(seed)
         h = H * entry.unit
-        once = stepper(y, h)
+        once = stepper.advance(y, h)
         stepper(once, h)
-        rows.append({"on": entry.name, "what": "the same step twice", "value": _distance(stepper(y, h), once)})
+        rows.append({"on": entry.name, "what": "the same step twice", "value": _distance(stepper.advance(y, h), once)})
     pairs = list(combinations(entries, 2))[:3] or [(entries[0], entries[0])]
     for a, b in pairs:
         steppers = [Stepper(subject, x) for x in (a, b)]
@@ -59,7 +59,7 @@ def state_between_steps(subject: Subject, entries: list[Entry], seed: int) -> li
         if a is b:
             alone[1] = steppers[1].run(y[1], H * b.unit, TURNS)[-1]
         for _ in range(TURNS):
-            y = [s(x, H * s.entry.unit) for s, x in zip(steppers, y, strict=True)]
+            y = [s.advance(x, H * s.entry.unit) for s, x in zip(steppers, y, strict=True)]
         away = max(_distance(x, z) for x, z in zip(y, alone, strict=True))
         rows.append({"on": f"{a.name} and {b.name}", "what": "steps in turns", "value": away})
     return rows

@@ -62,6 +62,10 @@ def _row(entry: Entry, rows, h: float, steps: int) -> dict:
         names = {str(s): s for s in (*system.q, *system.p)}
         I = system.observe(parse(entry.invariant, names), Q, P)  # noqa: E741
         row[entry.kind] = conservation(t, I, float(np.abs(I).max())) | {"steps": steps}
+    if system.constrained:
+        defects = np.concatenate(system.defects(Q, P))
+        scale = float(system.rounding(Q, P).max()) / EPS
+        row["constraints"] = conservation(t, np.linalg.norm(defects, axis=0), scale) | {"steps": steps}
     row["curve"] = [[float(x), float(e)] for x, e in zip(t[:: steps // 400], H[:: steps // 400] - H[0], strict=True)]
     return row
 

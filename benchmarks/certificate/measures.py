@@ -8,6 +8,7 @@ from typing import Protocol
 from phasebench.benchmarks.judge import judge
 from phasebench.benchmarks.judge.checks import CHECKS
 from phasebench.benchmarks.judge.evidence import Tables
+from phasebench.benchmarks.measure.own_step import CONSTRAINED
 from phasebench.integrators.compile.codegen import DOUBLE, MULTIPRECISION
 
 from . import adaptive, battery, behaviour, conservation, repeats, structure
@@ -29,6 +30,8 @@ DEFECTS = {
 }
 #: The trait of the systems on which volume is measured without a claim.
 MAGNETIC = "magnetic"
+#: Why steps on constraints are measured in doubles.
+ON_MANIFOLD = "a step on constraints solves for multipliers"
 
 #: The optional measures.
 EVERYTHING = {*DEFECTS, "stability", "long", "round_off", "place"}
@@ -60,7 +63,9 @@ def fill_tables(chosen: Subject, run: Run, own: list[Entry], tell) -> list[dict]
     charged = MAGNETIC in chosen.own.requires
     if not charged and "volume" not in chosen.own.claims:
         wanted.discard("volume")
-    entries = _able(chosen, own or (battery.magnetic() if charged else battery.entries()), tables)
+    bound = CONSTRAINED in chosen.own.requires
+    battery_of = battery.constrained if bound else battery.magnetic if charged else battery.entries
+    entries = _able(chosen, own or battery_of(), tables)
     run.doubles = "an adaptive integrator has no step" if chosen.adaptive else ""
     try:
         if chosen.adaptive:
@@ -68,7 +73,7 @@ def fill_tables(chosen: Subject, run: Run, own: list[Entry], tell) -> list[dict]
             if not run.alone and not own:
                 _place(chosen, tables, tell)
         else:
-            several = [e for e in battery.magnetic() if e.lasting] if charged else battery.lasting()
+            several = [e for e in battery_of() if e.lasting] if charged or bound else battery.lasting()
             lasting = _able(chosen, own or several, tables) if "long" in wanted else []
             run.doubles = _step(heard, tables, run.seed, tell, wanted, entries, lasting)
         times = _times(heard, tables, tell)
@@ -100,7 +105,7 @@ def _step(chosen: Subject, tables: Tables, seed: int, tell, wanted, entries, las
     tell("what it does to its input")
     tables.rows["input"] = behaviour.input_changed(chosen, entries, seed)
     tell("whether it takes many digits")
-    doubles = behaviour.arithmetic(chosen, entries, seed)
+    doubles = ON_MANIFOLD if entries[0].system.constrained else behaviour.arithmetic(chosen, entries, seed)
     arithmetics = (DOUBLE,) if doubles else (MULTIPRECISION, DOUBLE)
     tell("errors from small and large states")
     tables.rows["states"] = _first_that_runs(lambda a: states(chosen, entries, seed, a), arithmetics)

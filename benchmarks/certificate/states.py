@@ -48,6 +48,7 @@ def draw_entry(entry: Entry, sizes: tuple[float, float], seed: int) -> Entry:
     rng = np.random.default_rng([4, seed, *entry.name.encode()])
     if entry.share:
         state, sizes = entry.start(seed + 1000) * (1 + 0.1 * rng.uniform(-1, 1, len(entry.state))), entry.size
+        state = entry.on_manifold(state)
     else:
         state = rng.choice([-1, 1], len(entry.state)) * rng.uniform(0.6, 1.0, len(entry.state))
         state *= np.repeat(sizes, len(state) // 2)

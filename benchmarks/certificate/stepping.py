@@ -97,7 +97,18 @@ class Stepper:
         self.system = own_step.System(whole) if self.arithmetic == DOUBLE else Exact(whole)
 
     def __call__(self, y: np.ndarray, h) -> np.ndarray:
-        """The state after one step from y, array (2 d,); raises StepFailed."""
+        """The state after one step from y, array (2 d,), moved to the system's constraints; raises StepFailed."""
+        return self.advance(self.retract(y), h)
+
+    def retract(self, y: np.ndarray) -> np.ndarray:
+        """The state on the constraints of the system near y, array (2 d,); y itself where there are none."""
+        system = self.entry.system
+        if not system.constrained:
+            return y
+        return np.concatenate(system.retract(y[: system.d], y[system.d :], self.arithmetic))
+
+    def advance(self, y: np.ndarray, h) -> np.ndarray:
+        """The state after one step from y as it is, array (2 d,); raises StepFailed."""
         d = self.system.d
         return self._state(self.raw(y[:d].copy(), y[d:].copy(), self.number(h)))
 
@@ -137,7 +148,7 @@ class Stepper:
         y = self.state(y)
         rows = [y]
         for n in range(1, steps + 1):
-            y = self(y, h)
+            y = self.advance(y, h)
             if self.arithmetic == DOUBLE and not np.isfinite(y).all():
                 break
             if n % every == 0:

@@ -7,6 +7,8 @@ measured on a few pairs of vectors.  Reversibility is measured where H(q, -p) = 
 
 A defect far above the floor is not round-off.  A structure is kept if the defect is at the floor and the step's own
 error :math:`|\Phi_h - \varphi_h|` is far above it; a step without error would show nothing.
+
+A step on constraints is measured on their manifold: symplecticity is that of tangents of the manifold.
 """
 
 from __future__ import annotations
@@ -72,7 +74,10 @@ def symplecticity(stepper: Stepper, y, h) -> tuple[float, float]:
     """(symplecticity defect of the step h at y, its round-off noise)."""
     double, name = stepper.arithmetic == DOUBLE, stepper.entry.name
     displacements = (DISPLACEMENT, 2 * DISPLACEMENT) if double else (to_number(TINY, MULTIPRECISION),)
-    if len(y) <= JACOBIAN and not stepper.entry.share:
+    if stepper.entry.system.constrained:
+        found = [step_map.restricted(lambda x: stepper(x, h), stepper.retract, y, delta) for delta in displacements]
+        value, noise = float(np.abs(found[0]).max()), float(np.abs(found[-1] - found[0]).max())
+    elif len(y) <= JACOBIAN and not stepper.entry.share:
         value, noise = step_map.symplecticity(lambda x: stepper(x, h), y, *displacements)
     else:
         draws = np.random.default_rng([1, *name.encode()]).uniform(0.5, 1.0, (PAIRS, 2, len(y)))
@@ -92,13 +97,13 @@ def volume(stepper: Stepper, y, h) -> tuple[float, float]:
 
 def symmetry(stepper: Stepper, y, h) -> tuple[float, float]:
     """(symmetry defect: distance from y after a step h and a step -h; noise 0)."""
-    there, back = (lambda x: stepper(x, h)), (lambda x: stepper(x, -h))
+    there, back = (lambda x: stepper.advance(x, h)), (lambda x: stepper.advance(x, -h))
     return float(step_map.return_distance(there, back, y, stepper.entry.sizes)), 0.0
 
 
 def reversibility(stepper: Stepper, y, h) -> tuple[float, float]:
     """(reversibility defect: distance from y after a step, -p, a step and -p; noise 0)."""
-    return float(step_map.reversibility_defect(lambda x: stepper(x, h), y, sizes=stepper.entry.sizes)), 0.0
+    return float(step_map.reversibility_defect(lambda x: stepper.advance(x, h), y, sizes=stepper.entry.sizes)), 0.0
 
 
 def smooth(stepper: Stepper, seed: int) -> float:

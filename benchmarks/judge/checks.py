@@ -234,6 +234,7 @@ CHECKS: dict[str, Check] = {
         _conservation("energy", "energy: {}", "preserved", BOUNDED, DRIFT),
         _conservation("bilinear", "bilinear invariants: {}", "preserved"),
         _conservation("quadratic", "quadratic invariants: {}", "preserved"),
+        _conservation("constraints", "constraints: {}", "preserved"),
         _positive("stability", "the limit of h omega", "stability", stability, "stability"),
         _positive("tolerance", "the most that an error is of the tolerance", "tolerance", tolerance),
     )

@@ -34,7 +34,7 @@ from .battery import (
     variants,
 )
 from .metrics import order
-from .step_map import jacobian, pair_defect, restricted_defect, return_distance, symplecticity_defect, volume
+from .step_map import jacobian, pair_defect, restricted, return_distance, symplecticity_defect, volume
 
 DIGITS = 40
 SPAN = Fraction(1, 256)
@@ -163,7 +163,7 @@ def defect(record: Method, name: str) -> float:
     if record.order > LOW_ORDER:
         return float(pair_defect(lambda x: advance(system, record, x, h), y, retract))
     if retract is not None:
-        return float(restricted_defect(lambda x: advance(system, record, x, h), retract, y, displacement()))
+        return float(np.max(np.abs(restricted(lambda x: advance(system, record, x, h), retract, y, displacement()))))
     return float(symplecticity_defect(jacobian(lambda x: advance(system, record, x, h), y, displacement())))
 
 

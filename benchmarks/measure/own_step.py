@@ -11,7 +11,9 @@ A file is plain Python::
     REQUIRES = ("separable",)
 
 q and p are read-only arrays (d,); the step returns new ones.  CLAIMS and REQUIRES (traits that the system must have)
-are optional.  With ``REQUIRES = ("magnetic",)`` it may be ``step(system, x, v, h)``, see `particle_step`.
+are optional.  With ``REQUIRES = ("magnetic",)`` it may be ``step(system, x, v, h)``, see `particle_step`.  With
+``REQUIRES = ("constrained",)`` it is a step on the manifold of constraints g(q) = 0: it has ``system.g(q)`` (m,) and
+``system.G(q)`` = g_q (m, d), and ``dH_dq``, ``dH_dp`` are those of H without them.
 """
 
 from __future__ import annotations
@@ -88,7 +90,8 @@ class OwnStep:
         kind = system.traits[particle_step.TRAIT]
         if kind and kind != CLASSICAL and isinstance(self.step, particle_step.InMomenta):
             return f"a step of (x, v) is of a particle that is not relativistic, and this one is {kind}"
-        return record.lacks(self.id, ("canonical", *self.requires), system)
+        kinds = () if CONSTRAINED in self.requires else ("canonical",)
+        return record.lacks(self.id, (*kinds, *self.requires), system)
 
     def __reduce__(self):
         """Pickle a step from a file by its path; it is read again by the receiving process."""
@@ -97,6 +100,12 @@ class OwnStep:
         return OwnStep, (self.id, self.step, self.claims, self.requires, self.where)
 
 
+#: The trait that a step on constraints requires.
+CONSTRAINED = "constrained"
+NO_CONSTRAINTS = (
+    "the system has no constraints g: those of a ConstrainedHamiltonian are given to a step with "
+    "REQUIRES = ('constrained',)"
+)
 NO_FIELDS = (
     "the fields E and B are those of a charged particle: "
     "write step(system, x, v, h), its arguments so named, and REQUIRES = ('magnetic',)"
@@ -116,7 +125,8 @@ class System:
     def __init__(self, system: Any):
         self.d: int
         self.d, self.evaluations, self.whole = system.d, [0, 0], system
-        self._system, self._field = system, system.vector_field()
+        free = system.free if system.constrained else system
+        self._system, self._field = system, free.vector_field()
 
     @cached_property
     def particle(self) -> particle_step.Particle:
@@ -142,6 +152,19 @@ class System:
         """The gradient of H by p, array (d,)."""
         self.evaluations[1] += 1
         return self._field(0.0, self._state(q, p))[: self.d]
+
+    def g(self, q: ArrayLike) -> Floats:
+        """The constraints g(q), array (m,); AttributeError with a hint where the system has none."""
+        return self._constraints(q)[0]
+
+    def G(self, q: ArrayLike) -> Floats:
+        """The slopes g_q of the constraints, array (m, d); AttributeError with a hint where the system has none."""
+        return self._constraints(q)[1]
+
+    def _constraints(self, q: ArrayLike) -> tuple[Floats, Floats]:
+        if not self._system.constrained:
+            raise AttributeError(NO_CONSTRAINTS)
+        return self._system.constraint_values(_vector(q, "the constraints are called with q", self.d))
 
     def H(self, q: ArrayLike, p: ArrayLike) -> float:
         """The energy at q, p."""

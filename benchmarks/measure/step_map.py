@@ -75,14 +75,14 @@ def volume(step: Callable, y, *displacements) -> tuple[float, float]:
     return float(abs(found[0])), float(abs(found[-1] - found[0]))
 
 
-def restricted_defect(step: Callable, retract: Callable, y, delta=None):
-    """max |M^T J M - N^T J N| for the Jacobians M, N at y of ``step`` after ``retract``, and of ``retract`` alone.
+def restricted(step: Callable, retract: Callable, y, delta=None):
+    """M^T J M - N^T J N for the Jacobians M, N at y of ``step`` after ``retract``, and of ``retract`` alone.
 
     ``retract`` maps states near y to a manifold, so that N has its tangents as columns: zero where the step keeps the
     two-form on the manifold.
     """
     M, N = jacobian(lambda x: step(retract(x)), y, delta), jacobian(retract, y, delta)
-    return np.max(np.abs(form_residual(M) - form_residual(N)))
+    return form_residual(M) - form_residual(N)
 
 
 def pair_symplecticity(step: Callable, y, pairs, *displacements) -> tuple[float, float]:

@@ -393,7 +393,7 @@ class ConstrainedHamiltonian(PartitionedSystem):
         found = self._columns("defects", lambda: ((), [*self.constraints, *self.hidden]), Q, P)
         return found[: len(found) // 2], found[len(found) // 2 :]
 
-    def _rounding(self, Q: Any, P: Any) -> Floats:
+    def rounding(self, Q: Any, P: Any) -> Floats:
         """Round-off of the constraints and hidden constraints at rows of Q, P: array (2 m, n)."""
 
         def sizes():
@@ -419,9 +419,20 @@ class ConstrainedHamiltonian(PartitionedSystem):
 
         return values
 
+    @cached_property
+    def constraint_values(self) -> Callable[[Floats], tuple[Floats, Floats]]:
+        """The function q -> (g, G) of arrays (d,): arrays (m,) and (m, d)."""
+        f = sp.lambdify([self.q], [sp.Matrix(self.constraints), self.G], "numpy", cse=True)
+
+        def values(q):
+            g, G = (np.asarray(x, float) for x in f(tuple(map(float, q))))
+            return g[:, 0], G
+
+        return values
+
     def __getstate__(self):
         """The state for pickling, without functions."""
-        return {k: v for k, v in super().__getstate__().items() if k != "_numbers"}
+        return {k: v for k, v in super().__getstate__().items() if k not in ("_numbers", "constraint_values")}
 
     def nearest(self, q: ArrayLike, p: ArrayLike) -> tuple[Floats, Floats] | None:
         """The nearest state (q, p) on the manifold, in the metric of the mass matrix; None if none is found.
@@ -473,7 +484,7 @@ class ConstrainedHamiltonian(PartitionedSystem):
     def _worst(self, q: Floats, p: Floats) -> tuple[str, Any, float] | None:
         """(kind, expression, value) of the constraint that a state violates most; None where it is on the manifold."""
         values = np.concatenate(self.defects(q[None], p[None]))[:, 0]
-        excess = np.abs(values) / np.maximum(self._rounding(q[None], p[None])[:, 0], 1e-300)
+        excess = np.abs(values) / np.maximum(self.rounding(q[None], p[None])[:, 0], 1e-300)
         k = int(np.argmax(np.where(np.isfinite(excess), excess, np.inf)))
         if excess[k] <= SLACK:
             return None
