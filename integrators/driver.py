@@ -84,7 +84,7 @@ def integrate(
         q, p = codegen.vector(q), codegen.vector(p)
     else:
         system, q, p, h, steps, every, t0 = request(
-            problem, h=h, t_end=t_end, steps=steps, q0=q0, p0=p0, save_every=save_every, t0=t0
+            problem, h=h, t_end=t_end, steps=steps, q0=q0, p0=p0, save_every=save_every, t0=t0, tangent=record.tangent
         )
     lack = record.lacks(system)
     if lack:

@@ -361,13 +361,16 @@ def _methods(method, parameters: Mapping, n: int) -> tuple[list[Method], np.ndar
 
 
 def check_starts(orbits: Orbits) -> Orbits:
-    """Mark orbits whose initial state is not finite or has no finite energy as "invalid"; returns the orbits."""
+    """Mark orbits whose start is not finite, has no finite energy or is off the constraints as "invalid"."""
     good = np.isfinite(orbits.q).all(1) & np.isfinite(orbits.p).all(1)
     if orbits.system.has_energy:
         good &= np.isfinite(orbits.system.energies(orbits.q, orbits.p))
+    tangent = np.array([m.tangent for m in orbits.kinds])[orbits.kind]
+    if orbits.system.constrained:
+        good &= orbits.system.on_manifold(orbits.q, orbits.p, tangent)
     for i in np.flatnonzero(~good):
         try:
-            initial(orbits.system, orbits.q[i], orbits.p[i])
+            initial(orbits.system, orbits.q[i], orbits.p[i], tangent=bool(tangent[i]))
         except InvalidInput as error:
             orbits.status[i], orbits.reason[i] = INVALID, str(error)
     return orbits

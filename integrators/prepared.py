@@ -104,7 +104,7 @@ class PreparedRun:
     SOLVED, STALLED, NOT_FINITE = OK, NOT_CONVERGED, DIVERGED
 
     def __init__(self, problem: Any, method: Method, q0: State | None = None, p0: State | None = None):
-        system, q, p = initial(problem, q0, p0)
+        system, q, p = initial(problem, q0, p0, tangent=method.tangent)
         lack = method.lacks(system)
         if lack:
             raise InvalidInput(lack)

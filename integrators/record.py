@@ -30,6 +30,7 @@ class Method:
     volume : its step map, which is not symplectic, keeps the volume of phase space; False where nothing is declared
     energy, quadratic : how the energy and invariants of the form q.D p of canonical systems are kept, one of
         `ROUND_OFF`, `BOUNDED`, `DRIFT`, or `NONE` where it is not kept and no more is declared
+    tangent : on systems with constraints, its momenta fulfil the hidden constraints
     source, cite : author, year, equation; and the keys of the works in ``bibliography.bib``
     requires : traits of the system it cannot do without
     parameters : names and values of its parameters
@@ -47,6 +48,7 @@ class Method:
     cite: tuple[str, ...] = ()
     requires: tuple[str, ...] = ()
     volume: bool = False
+    tangent: bool = True
     parameters: Mapping[str, Any] = field(default_factory=dict)
     data: tuple[Any, ...] = ()
     with_parameters: Callable[..., dict[str, Any]] | None = None

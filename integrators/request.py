@@ -45,11 +45,13 @@ class Request(NamedTuple):
         return [*range(0, self.steps, self.every), self.steps]
 
 
-def request(problem, *, h=None, t_end=None, steps=None, q0=None, p0=None, save_every=1, t0=0.0) -> Request:
+def request(
+    problem, *, h=None, t_end=None, steps=None, q0=None, p0=None, save_every=1, t0=0.0, tangent=True
+) -> Request:
     """Check the arguments of a run and return them as a `Request`; raises InvalidInput."""
     h, steps = grid(h, t_end, steps, t0)
     every = spacing(save_every, steps)
-    system, q, p = initial(problem, q0, p0)
+    system, q, p = initial(problem, q0, p0, tangent=tangent)
     rows = 1 + -(-steps // every)
     if rows * system.d > LARGEST:
         room = f"{rows:.3g} rows of d = {system.d} do not fit in memory"
@@ -127,10 +129,11 @@ def check_timeout(timeout) -> None:
         raise InvalidInput(f"timeout is {timeout!r}; it must be a positive number of seconds")
 
 
-def initial(problem, q0=None, p0=None, exact: bool = False):
+def initial(problem, q0=None, p0=None, exact: bool = False, tangent: bool = True):
     """(system, q, p): a problem's system and initial state, arrays (d,) of doubles; as they are given if ``exact``.
 
-    Raises InvalidInput where they do not fit or H is not finite there.
+    Raises InvalidInput where they do not fit, H is not finite there, or they are off the constraints of the system;
+    unless they need not be ``tangent``, off the hidden ones too.
     """
     system = getattr(problem, "system", problem)
     if not hasattr(system, "vector_field"):
@@ -158,7 +161,7 @@ def initial(problem, q0=None, p0=None, exact: bool = False):
         if not isfinite(H):
             raise InvalidInput(f"the energy of the initial state is {H}: it is at a singularity or outside H's domain")
     if not exact and system.constrained:
-        system.check_start(*state)
+        system.check_start(*state, tangent=tangent)
     size = 1.0 if exact else max(np.abs(numbers).max() for numbers in state)
     if size > 0 and not SMALLEST <= size <= GREATEST:
         raise InvalidInput(f"the state's largest number is {size:.3g}; choose units in which it is nearer to 1")

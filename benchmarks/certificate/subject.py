@@ -17,6 +17,7 @@ from phasebench.benchmarks.measure.own_step import OwnStep
 from phasebench.benchmarks.problems import user_file
 from phasebench.integrators.errors import InvalidInput, unknown_name
 from phasebench.integrators.names import unknown_method
+from phasebench.integrators.prepared import prepare
 from phasebench.integrators.record import Method
 from phasebench.integrators.registry import BY_ID as METHODS
 from phasebench.reference.peers import BY_ID as PEERS
@@ -166,7 +167,16 @@ def _binds(function: Callable, names: tuple[str, ...], where: str) -> None:
 def _of_registered(chosen: Integrator) -> Subject:
     """The subject of a registered method or peer, called one step at a time, in doubles."""
 
+    prepared: dict = {}
+
     def step(system, q, p, h):
+        if system.whole.constrained and isinstance(chosen.record, Method):  # measures call it beside the constraints
+            if system.whole not in prepared:
+                prepared[system.whole] = prepare(system.whole, chosen.record, q0=q, p0=p)
+            q, p, status = prepared[system.whole](h, 1, q, p)
+            if status != "ok":
+                raise ArithmeticError(status)
+            return q, p
         end = chosen.run(system.whole, h=h, steps=1, q0=q, p0=p, save_every=0)
         if end.status != "ok":
             raise ArithmeticError(f"{end.status}: {end.reason}")

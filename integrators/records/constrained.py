@@ -53,6 +53,7 @@ METHODS: tuple[Method, ...] = (
         cite=("ryckaert1977", "leimkuhler-skeel1994", "hairer2006"),
         project=False,
         symmetric=False,
+        tangent=False,
     ),
     compose(
         RATTLE,

@@ -481,23 +481,33 @@ class ConstrainedHamiltonian(PartitionedSystem):
             p = p - normal(q, p)
         return q, p
 
-    def _worst(self, q: Floats, p: Floats) -> tuple[str, Any, float] | None:
-        """(kind, expression, value) of the constraint that a state violates most; None where it is on the manifold."""
+    def _worst(self, q: Floats, p: Floats, tangent: bool = True) -> tuple[str, Any, float] | None:
+        """(kind, expression, value) of the constraint that a state violates most; None where it is on the manifold.
+
+        Only where p must be ``tangent`` the hidden constraints count.
+        """
         values = np.concatenate(self.defects(q[None], p[None]))[:, 0]
         excess = np.abs(values) / np.maximum(self.rounding(q[None], p[None])[:, 0], 1e-300)
+        m = len(self.constraints)
+        excess = excess if tangent else excess[:m]
         k = int(np.argmax(np.where(np.isfinite(excess), excess, np.inf)))
         if excess[k] <= SLACK:
             return None
-        m = len(self.constraints)
         return ("constraint" if k < m else "hidden constraint", (*self.constraints, *self.hidden)[k], float(values[k]))
 
-    def check_start(self, q: Floats, p: Floats, paste: str = "q0={}, p0={}") -> None:
+    def on_manifold(self, Q: Floats, P: Floats, tangent: Any = True) -> np.ndarray:
+        """True for each row of Q, P (n, d) that is on the constraints, and if ``tangent`` on the hidden ones: (n,)."""
+        good = np.abs(np.array(self.defects(Q, P))) <= SLACK * self.rounding(Q, P).reshape(2, -1, len(Q))
+        return good[0].all(0) & (good[1].all(0) | ~np.broadcast_to(tangent, len(Q)))
+
+    def check_start(self, q: Floats, p: Floats, paste: str = "q0={}, p0={}", tangent: bool = True) -> None:
         """Raise InvalidInput for a start (q, p), arrays (d,), off the manifold, or where constraints are redundant.
 
-        The message tells the nearest start on the manifold in the form ``paste``.
+        The message tells the nearest start on the manifold in the form ``paste``.  Only where p must be ``tangent`` the
+        hidden constraints are checked.
         """
         self._check_independent(q, p)
-        worst = self._worst(q, p)
+        worst = self._worst(q, p, tangent)
         if worst is None:
             return
         kind, expression, value = worst
