@@ -71,6 +71,7 @@ class SolverFailure(NamedTuple):
 
 UNSOLVED = SolverFailure("neither the fixed point nor Newton's method solves the stage equation", "")
 IN_A_BAND = SolverFailure("Newton's method in a band does not solve the stage equation", "")
+ON_CONSTRAINTS = SolverFailure("no multipliers were found that keep the constraints in the step", "")
 ADVISED = UNSOLVED._replace(advice=", or try solver='banded' where variables act on few others, as in a lattice")
 
 
@@ -78,6 +79,8 @@ def solver_failure(family: str, d: int) -> SolverFailure:
     """The message on an unsolved stage equation for a family and d degrees of freedom."""
     if family == "banded":
         return IN_A_BAND
+    if family in ("rattle", "manifold"):
+        return ON_CONSTRAINTS
     return ADVISED if family == "parametric" and value_kind(d) == "array" else UNSOLVED
 
 

@@ -10,6 +10,9 @@ A map that is not linear (a projection, a parameter chosen in every step), or wh
 is judged by long runs: stable if the run ends well and the state stays below `GROWN` times the initial size.  Ends are
 then known to the relative accuracy `SHARPNESS`.
 
+A method that requires constraints is judged on the oscillator in the plane that is bound to a line: with linear
+constraints it is a method for the motion within them.
+
 Source: Hairer, Lubich, Wanner, Geometric Numerical Integration (2006), I.5 and IX.3.
 """
 
@@ -20,17 +23,19 @@ from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from phasebench.benchmarks.problems import problem as problem_of
+from phasebench.benchmarks.problems.base import Orbit, Problem
 from phasebench.integrators.driver import OK
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.keywords import Parameters, method_parameters
 from phasebench.integrators.prepared import PreparedRun, prepare
 from phasebench.integrators.record import Method
 from phasebench.integrators.stepping import kernel
+from phasebench.integrators.systems.constrained import ConstrainedHamiltonian
 from phasebench.reference.peers import Peer
 
 from . import linear_stability
@@ -96,28 +101,45 @@ def _oscillator():
     return problem_of(PROBLEM)
 
 
+@lru_cache(maxsize=1)
+def _on_a_line() -> Problem:
+    """The oscillator in the plane, bound to the line along (1, 1)."""
+    H = "(u**2 + v**2 + x**2 + y**2)/2"
+    system = ConstrainedHamiltonian(q="x y", p="u v", H=H, constraints=["x - y"])
+    return Problem(PROBLEM, PROBLEM, "", system, (Orbit("start", (1.0, 1.0), (0.0, 0.0)),))
+
+
+def _problem(chosen: Integrator) -> tuple[Any, np.ndarray]:
+    """(the oscillator as an integrator can be given it, the direction (d,) in which it moves)."""
+    if "constrained" in getattr(chosen.record, "requires", ()):
+        return _on_a_line(), np.full(2, 0.5**0.5)
+    return _oscillator(), np.ones(1)
+
+
 _last: list = [None, None]
 
 
-def _prepare(record: Method) -> PreparedRun:
+def _prepare(record: Method, problem: Any) -> PreparedRun:
     """The prepared run of a method on the oscillator; the last one is cached."""
     if _last[0] is not record:
-        _last[:] = record, prepare(_oscillator(), record)
+        _last[:] = record, prepare(problem, record)
     return _last[1]
 
 
 def end(chosen: Integrator, z: float, steps: int, state=(1.0, 0.0)) -> np.ndarray | None:
     """The state (q, p) after ``steps`` steps of z, even if not finite; None if a step fails."""
+    problem, way = _problem(chosen)
+    q, p = state[0] * way, state[1] * way
     if isinstance(chosen.record, Method):
-        run = _prepare(chosen.record)
+        run = _prepare(chosen.record, problem)
         try:
             with np.errstate(all="ignore"):
-                q, p, code = run(z, steps, state[:1], state[1:])
+                q, p, code = run(z, steps, q, p)
         except InvalidInput:  # the method is not defined at this step (a resonance of its filter)
             return None
-        return None if code == run.STALLED else np.concatenate([q, p])
-    s = chosen.run(_oscillator(), h=z, steps=steps, q0=state[:1], p0=state[1:], save_every=0)
-    return np.concatenate([s.q[-1], s.p[-1]]) if len(s.t) > 1 else None
+        return None if code == run.STALLED else np.array([q @ way, p @ way])
+    s = chosen.run(problem, h=z, steps=steps, q0=q, p0=p, save_every=0)
+    return np.array([s.q[-1] @ way, s.p[-1] @ way]) if len(s.t) > 1 else None
 
 
 def matrix(chosen: Integrator, z: float) -> np.ndarray | None:
@@ -131,7 +153,7 @@ def linear(chosen: Integrator) -> bool:
 
     False for a method that may fall back in a step, without what it claims to conserve (`Prepared.missed`).
     """
-    if isinstance(chosen.record, Method) and kernel.prepare(chosen.record, _oscillator().system).missed:
+    if isinstance(chosen.record, Method) and kernel.prepare(chosen.record, _problem(chosen)[0].system).missed:
         return False
     for z in ASKED:
         M = matrix(chosen, z)
@@ -150,7 +172,7 @@ def find(chosen: Integrator) -> Found:
     """The stable steps of an integrator on the oscillator; raises InvalidInput if it cannot integrate that."""
     if chosen.adaptive:
         raise InvalidInput(f"'{chosen.id}' takes a tolerance, no step: it has no stability limit in h")
-    lack = chosen.lacks(_oscillator())
+    lack = chosen.lacks(_problem(chosen)[0])
     if lack:
         raise InvalidInput(lack)
     if not linear(chosen):

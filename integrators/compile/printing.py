@@ -169,7 +169,10 @@ def source(
     parts = []
     for r in results:
         if isinstance(r, (list, tuple)):
-            parts.append(f"value(({', '.join(next(texts) for _ in r)},))")
+            items = [next(texts) for _ in r]
+            if all(text.lstrip("-").isdigit() for text in items):  # an array of integers would be one of int64
+                items = [f"{text}.0" for text in items]
+            parts.append(f"value(({', '.join(items)},))")
         else:
             parts.append(f"number({next(texts)})")
     lines.append(f"    return {', '.join(parts)}")

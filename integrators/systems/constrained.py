@@ -446,13 +446,8 @@ class ConstrainedHamiltonian(PartitionedSystem):
             if not np.isfinite(M).all() or np.linalg.eigvalsh((M + M.T) / 2)[0] <= 0:
                 M = np.eye(self.d)
             try:
-                found, way = first, start
-                for _ in range(PROJECTIONS):
-                    g, G, _, _ = self._numbers(found, start)
-                    new = first - M @ G.T @ np.linalg.solve(G @ M @ G.T, g + G @ (first - found))
-                    change, found = np.abs(new - found).max(), new
-                    if not change > SETTLED * np.abs(found).max():
-                        break
+                found = self._nearest(first, start, M)
+                way = start
                 for _ in range(PROJECTIONS):
                     _, G, w, inverse = self._numbers(found, way)
                     step = G.T @ np.linalg.solve(G @ inverse @ G.T, w)
@@ -463,6 +458,26 @@ class ConstrainedHamiltonian(PartitionedSystem):
                 return None
         good = np.isfinite([found, way]).all() and self._worst(found, way) is None
         return (found, way) if good else None
+
+    def _nearest(self, first: Floats, p: Floats, M: Floats) -> Floats:
+        """The q of least distance from ``first`` in the metric of M^-1 with g(q) = 0; may be NaN."""
+        found = first
+        for _ in range(PROJECTIONS):  # least squares with the constraints made linear
+            g, G, _, _ = self._numbers(found, p)
+            new = first - M @ G.T @ np.linalg.solve(G @ M @ G.T, g + G @ (first - found))
+            change, found = np.abs(new - found).max(), new
+            if not change > SETTLED * np.abs(found).max():
+                return found
+        from scipy.optimize import minimize
+
+        W = np.linalg.inv(M)
+        bound = {"type": "eq", "fun": lambda q: self._numbers(q, p)[0], "jac": lambda q: self._numbers(q, p)[1]}
+        distance = {"fun": lambda q: (q - first) @ W @ (q - first) / 2, "jac": lambda q: W @ (q - first)}
+        found = minimize(**distance, x0=first, method="SLSQP", constraints=[bound], options={"maxiter": 500}).x
+        for _ in range(RETRACTIONS):
+            g, G, _, _ = self._numbers(found, p)
+            found = found - M @ G.T @ np.linalg.solve(G @ M @ G.T, g)
+        return found
 
     def retract(self, q: Any, p: Any, arithmetic: str = DOUBLE) -> tuple[Any, Any]:
         """The state on the manifold that Newton's method finds along G^T from (q, p), arrays (d,) in the arithmetic."""
