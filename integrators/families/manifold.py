@@ -70,7 +70,8 @@ X, Z, MULTIPLIER, ROWS = range(4)
 class Manifold(NamedTuple):
     """What a step needs: functions of the system (`systems.constrained`) and coefficients.
 
-    ``A_q``, ``A_p`` are a and hat a divided by the weights ``b`` (s, 1), ``C`` is the inverse of the matrix C.
+    ``A_q``, ``A_p`` are a and hat a divided by the weights ``b`` (s, 1), ``C`` is the inverse of the matrix C, and
+    ``noise`` (1, 1) how much it magnifies the round-off of constraints.
     """
 
     field: Callable
@@ -82,6 +83,7 @@ class Manifold(NamedTuple):
     A_p: np.ndarray
     b: np.ndarray
     C: np.ndarray
+    noise: np.ndarray
     h: float = 0.0
     eps: float = 0.0
 
@@ -170,7 +172,7 @@ def step(method: Manifold, y: State, carry: Carry, counts: np.record) -> tuple[S
     e = Stages(method, y.q, y.p, memory, like, at + 2 * n)
     for r in range(n):
         store(memory, at + r, predict(memory, r, n, counts.steps, like))
-    span = size(y.q) + abs(method.h) * size(y.p)
+    span = method.noise[0, 0] * (size(y.q) + abs(method.h) * size(y.p))
     rows, sweeps, solved = iterate(e, (at, at + n), span, method.eps)
     if not solved:
         for r in range(n):
@@ -206,6 +208,7 @@ def prepare(method: Method, system: ConstrainedHamiltonian, arithmetic: str) -> 
         b = mpmath.diag([row[i] for i, row in enumerate(found.B)])
         product = mpmath.matrix(found.A_q) * b * mpmath.matrix(found.A_p) * b
         C = mpmath.inverse(product[1:, : s - 1]).tolist()
+        noise = 1 + sum(b[k, k] * abs(x) for k, row in enumerate(C) for x in row)
     step = Manifold(
         system.free_field(arithmetic),
         system.multipliers(arithmetic),
@@ -216,5 +219,6 @@ def prepare(method: Method, system: ConstrainedHamiltonian, arithmetic: str) -> 
         array(found.A_p, arithmetic),
         array(([row[i]] for i, row in enumerate(found.B)), arithmetic),
         array(C, arithmetic),
+        array([[noise]], arithmetic),
     )
     return Prepared(run, step, system.d, ROWS * s, linear=1)

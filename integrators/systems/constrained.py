@@ -556,8 +556,7 @@ class ConstrainedHamiltonian(PartitionedSystem):
                 f"{', '.join(self._redundant(scaled))} out"
             )
         gram = scaled @ M @ scaled.T
-        values = np.linalg.svd(gram, compute_uv=False)
-        if values[-1] < INDEPENDENT * values[0]:
+        if np.linalg.svd(gram, compute_uv=False)[-1] <= INDEPENDENT * np.linalg.norm(M, 2):
             raise InvalidInput("the multipliers are not determined at the start: G H_pp G^T is singular there")
 
     def _redundant(self, scaled: Floats) -> list[str]:
