@@ -61,7 +61,8 @@ class Solution:
         """The problem's invariants besides the energy: by name, arrays (n,) of their values."""
         if hasattr(self.problem, "invariants") and hasattr(self.problem, "invariant"):
             return {name: self.problem.invariant(name, self.q, self.p) for name in self.problem.invariants}
-        return {str(e): self.system.observe(e, self.q, self.p) for e in self.system.invariants}
+        kept = {str(e): e for e in self.system.invariants} | self.system.bound
+        return {name: self.system.observe(e, self.q, self.p) for name, e in kept.items()}
 
     def __repr__(self) -> str:
         """A few lines of text: the method, how the run ended, the time span and the last state."""

@@ -87,7 +87,7 @@ class Problem:
     def __post_init__(self):
         given = self.invariants
         if isinstance(given, dict) and getattr(self.system, "constrained", False):
-            given = dict(given) | _of_constraints(self.system)
+            given = given | self.system.bound
             object.__setattr__(self, "invariants", given)
         if isinstance(given, dict) and any(isinstance(e, str) for e in given.values()):
             object.__setattr__(self, "invariants", {name: self._formula(name, e) for name, e in given.items()})
@@ -136,12 +136,6 @@ class Problem:
     def label(self) -> str:
         """``id:orbit``, or the id alone if there is only one orbit."""
         return self.id if len(self.orbits) == 1 else f"{self.id}:{self.start.name}"
-
-
-def _of_constraints(system) -> dict[str, Formula]:
-    """The constraints of a system and its hidden ones, which the flow keeps, by the names of invariants."""
-    kinds = {"constraint": system.constraints, "hidden constraint": system.hidden}
-    return {f"{kind} {k}": e for kind, found in kinds.items() for k, e in enumerate(found, 1)}
 
 
 @dataclass(frozen=True)

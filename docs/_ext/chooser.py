@@ -25,6 +25,7 @@ from phasebench.reference.peers import PEERS
 
 #: Class of problem -> (what it is, for a person; the condition on its system), the first that holds counts.
 CLASSES = {
+    "constrained": ("bound by constraints g(q) = 0", lambda s: s.constrained),
     "poisson": ("Poisson system (not canonical)", lambda s: not s.canonical),
     "bodies": ("many bodies (three or more)", lambda s: len(s.singular) >= BODIES),
     "non-separable": ("non-separable: H(q, p)", lambda s: not s.separable),

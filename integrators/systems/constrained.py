@@ -232,6 +232,12 @@ class ConstrainedHamiltonian(PartitionedSystem):
             known[symbol] = e.xreplace(known)
         return tuple(e.xreplace(known) for e in self.reduced.results[1])
 
+    @property
+    def bound(self) -> dict[str, Any]:
+        """The constraints and the hidden ones by the names under which solutions tell them as invariants."""
+        kinds = {"constraint": self.constraints, "hidden constraint": self.hidden}
+        return {f"{kind} {k}": e for kind, found in kinds.items() for k, e in enumerate(found, 1)}
+
     @cached_property
     def content(self) -> str:
         """The hash of the formulae that the generated functions depend on."""

@@ -171,6 +171,11 @@ class PartitionedSystem:
         }
 
     @property
+    def bound(self) -> dict[str, Any]:
+        """The constraints of a system that has some, by name."""
+        return {}
+
+    @property
     def constant_mass(self) -> bool:
         """True if H = p . M^-1 p / 2 + V(q) with a constant M."""
         return self.quadratic_kinetic

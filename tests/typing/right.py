@@ -32,6 +32,8 @@ def integrate() -> None:
     pb.integrate("henon-heiles:box", "scheme-i", h=0.1, steps=10, parameters={"lam": Fraction(1, 3)})
     pb.integrate("henon-heiles:box", pb.method("scheme-i", lam=-1), h=0.1, steps=10, q0=np.array([0.0, 0.1]))
     pb.integrate("henon-heiles:box", "heyoka", t_end=1.0, tol=1e-9)
+    bound = pb.ConstrainedHamiltonian(q="x y", p="u v", H="(u**2 + v**2)/2 + y", constraints=["x**2 + y**2 = 1"])
+    print(pb.integrate(bound, "rattle", h=0.1, steps=10, q0=[0.6, -0.8], p0=[0.8, 0.6]).invariants())
     low: float = pb.drift([float(t) for t in range(50)], [0.0] * 50).interval[0]
     record: pb.Method = pb.METHODS["rk4"]
     print(low, record.order, pb.STATUSES["ok"].remedy)
