@@ -349,7 +349,9 @@ class ConstrainedHamiltonian(PartitionedSystem):
         """The function (q, x) -> G(q)^T x, of the first m components of x (d,)."""
         T, x = codegen.value_type(self.d), self._named("x")
         arguments = [("q", self.q), ("x", x)]
-        return self.make_function("pull", arguments, lambda: [self._pull(self.G, self._first(x))], T(T, T), arithmetic)
+        return self.make_function(
+            "transposed slopes", arguments, lambda: [self._pull(self.G, self._first(x))], T(T, T), arithmetic
+        )
 
     def multipliers(self, arithmetic: str = DOUBLE):
         r"""The function (q, q0, p0) -> :math:`\bigl(G(q) H_{pp}(q_0, p_0) G(q_0)^T\bigr)^{-1} g(q)`, then zeros."""

@@ -32,7 +32,7 @@ LONG = ("stiff", "body", "lanes")
 #: The counts of a solution that are compared.
 TOLD = ("gradient", "steps", "newton", "fallbacks", "iterations")
 #: Functions of constraints.
-CONSTRAINTS = ("restore", "normal", "multipliers", "pull", "mobility")
+CONSTRAINTS = ("restore", "normal", "multipliers", "transposed slopes", "mobility")
 #: Prefixes of functions that do not count as gradient or field evaluations.
 OTHERS = ("structure", "energy", "grad_T", "constraint", "velocity", "rate", "density", "A / m", *CONSTRAINTS)
 
