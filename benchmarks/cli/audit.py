@@ -10,6 +10,7 @@ from phasebench.integrators.errors import InvalidInput
 
 from . import completion, options
 from .shared import invalid_input, out, print_json, telling
+from .shared import show as print_table
 
 
 def audit(
@@ -26,9 +27,21 @@ def audit(
     scripts: Annotated[
         bool, typer.Option("--scripts", help="Run the scripts that test what documentation says, too.")
     ] = False,
+    tables: Annotated[
+        bool,
+        typer.Option("--tables", help="Check coefficient tables in packages' sources instead."),
+    ] = False,
     as_json: options.Json = False,
 ) -> None:
     """Measure the integrators of established packages, by default all, and show which of their claims hold."""
+    if tables:
+        with invalid_input(), telling("audit") as tell:
+            checked = _check_tables(package, tell)
+        if as_json:
+            print_json(checked)
+        else:
+            _show_tables(checked)
+        return
     from phasebench.benchmarks.experiments.audit.audit import audit as measure
     from phasebench.benchmarks.experiments.audit.table import show
 
@@ -68,3 +81,27 @@ def _stated(packages: set[str], progress) -> list[dict]:
             except Unavailable as error:
                 rows += [statements.row(s, [], "", str(error)) for s in members]
     return rows
+
+
+def _check_tables(packages: list[str], tell) -> list[dict]:
+    """A row for each transcribed table of these packages, or of all: its order by the conditions, its digits."""
+    from phasebench.benchmarks.experiments.catalogue import transcribed
+
+    known = {t.package.casefold(): t.package for t in transcribed.read()}
+    unknown = next((p for p in packages if p.casefold() not in known), None)
+    if unknown is not None:
+        raise InvalidInput(f"no table of '{unknown}' is transcribed, only of {', '.join(sorted(known.values()))}")
+    chosen = {p.casefold() for p in packages} or known
+    rows = []
+    for table in transcribed.read():
+        if table.package.casefold() in chosen:
+            tell(f"{table.package}, {table.name}")
+            rows.append(transcribed.check(table))
+    return rows
+
+
+def _show_tables(rows: list[dict]) -> None:
+    """Print one line for each checked table."""
+    columns = ["package", "name", "stated order", "named order", "order", "digits printed", "digits that hold", "kind"]
+    texts = [{c: "" if r[c] is None else str(r[c]) for c in columns} for r in rows]
+    print_table(f"{len(rows)} tables; the order is by the order conditions", texts)

@@ -243,7 +243,8 @@ def test_solver_noise_is_no_gap_and_a_gap_beside_it_is_found():
 
     assert len(oscillator.of_matrix(noisy).intervals) > 10
     (first, second) = oscillator.of_matrix(noisy, lambda z: 1e-8).intervals
-    assert first == (0.0, pytest.approx(5.0, abs=1e-6)) and second == (pytest.approx(6.0, abs=1e-6), None)
+    assert first == (0.0, pytest.approx(5.0, abs=1e-6))
+    assert second == (pytest.approx(6.0, abs=1e-6), None)
 
 
 def test_noise_of_a_step_is_measured():

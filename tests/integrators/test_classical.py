@@ -8,10 +8,10 @@ import pytest
 
 from phasebench.benchmarks.problems import problem
 from phasebench.integrators.coefficients.table import value
+from phasebench.integrators.coefficients.trees import DIGITS, order_residual, vector
 from phasebench.integrators.driver import integrate
 from phasebench.integrators.records import projection
 from phasebench.integrators.registry import method
-from support.trees import DIGITS, order_residual, vector
 
 #: The Henon-Heiles problem, whose kernels other tests compile too.
 P = problem("henon-heiles:chaotic")

@@ -18,6 +18,7 @@ from phasebench.benchmarks.measure.metrics import slope
 from phasebench.benchmarks.problems import problem
 from phasebench.integrators import Hamiltonian
 from phasebench.integrators.coefficients import dop853, quadrature, tableaus
+from phasebench.integrators.coefficients.trees import DIGITS, order_residual, trees, vector
 from phasebench.integrators.compile import codegen
 from phasebench.integrators.driver import integrate
 from phasebench.integrators.families import collocation, gauss_lanes, path_lanes, stage_lanes
@@ -27,8 +28,9 @@ from phasebench.integrators.records.collocation import METHODS, hbvm
 from phasebench.integrators.stepping.kernel import COUNTS, prepare
 from phasebench.integrators.values.lanes import put
 from phasebench.integrators.values.vector import jit
-from support.trees import DIGITS, EPS, order_residual, trees, vector
 from support.values import value
+
+EPS = np.finfo(float).eps
 
 BY_ID = {m.id: m for m in METHODS}
 BOX, KEPLER = problem("henon-heiles:box"), problem("perturbed-kepler")

@@ -12,13 +12,15 @@ from phasebench.benchmarks.measure.battery import SYSTEMS
 from phasebench.benchmarks.problems import problem
 from phasebench.integrators import Hamiltonian
 from phasebench.integrators.coefficients import tableaus
+from phasebench.integrators.coefficients.trees import DIGITS, order_residual
 from phasebench.integrators.compile.codegen import MULTIPRECISION, precision, vector
 from phasebench.integrators.driver import integrate
 from phasebench.integrators.families import equip as gauss_equip
 from phasebench.integrators.prepared import lay_out
 from phasebench.integrators.records.collocation import METHODS
 from phasebench.integrators.stepping.kernel import prepare
-from support.trees import DIGITS, EPS, order_residual
+
+EPS = np.finfo(float).eps
 
 BY_ID = {m.id: m for m in METHODS}
 IDS = ["gauss-equip-2", "gauss-equip-3", "gauss-equip-4"]

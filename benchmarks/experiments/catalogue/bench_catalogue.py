@@ -1,11 +1,22 @@
-"""Check that the published tables of splitting and composition coefficients have the orders that they declare."""
+"""Check published tables of coefficients, and those in the sources of packages: the orders that they show."""
 
 from __future__ import annotations
 
+import pandas as pd
+
 from phasebench.benchmarks.experiments.catalogue.cells import cells  # noqa: F401
+from phasebench.benchmarks.experiments.catalogue.transcribed_page import measured_orders
+from phasebench.benchmarks.page.verdict import PASS
 
 
 def bench_coefficients(measured_rows):
     """Every published table of coefficients has the order that it declares."""
     wrong = [r for r in measured_rows("coefficients") if r["order"] != r["declared order"]]
     assert not wrong, wrong
+
+
+def bench_transcribed(measured_rows):
+    """Integrations have the order that the order conditions show of each table transcribed from a package."""
+    verdict = measured_orders(lambda name: pd.DataFrame(measured_rows(name)))
+    assert verdict is not None
+    assert verdict.outcome == PASS, verdict

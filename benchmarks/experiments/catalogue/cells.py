@@ -5,15 +5,16 @@ from __future__ import annotations
 import hashlib
 
 from phasebench.benchmarks.store import sources
-from phasebench.benchmarks.store.cells import Cell, Rows, content
+from phasebench.benchmarks.store.cells import UNCOMPILED, Cell, Rows, content
 
-from . import acta, coefficients, dependencies, mutation
+from . import acta, coefficients, dependencies, mutation, transcribed
 
 TABLES = ("coefficients", "repairs", "loose_digits")
 
 INSTALLED = "dependencies"
 MUTANTS = "mutation"
 ACTA = "acta"
+TRANSCRIBED = "transcribed"
 
 
 def cells(quick: bool = False) -> list[Cell]:
@@ -29,6 +30,7 @@ def cells(quick: bool = False) -> list[Cell]:
     made = [
         Cell("catalogue", TABLES, {}, measure_rows, (), content(*digests, code=[coefficients.__name__])),
         Cell("catalogue", (ACTA,), {}, listed_rows, (), content(*digests, code=[acta.__name__])),
+        *map(_transcribed, transcribed.read()),
         Cell(
             "catalogue", (INSTALLED,), {}, dependency_rows, (), content(wanted, code=[dependencies.__name__]), own=True
         ),
@@ -37,6 +39,17 @@ def cells(quick: bool = False) -> list[Cell]:
         about = content(*mutation.digests(), code=[mutation.__name__])
         made.append(Cell("catalogue", (MUTANTS,), {}, mutation_rows, (), about))
     return made
+
+
+def _transcribed(table: transcribed.Transcribed) -> Cell:
+    about = content(repr(table), code=[transcribed.__name__])
+    key = {"package": table.package, "name": table.name}
+    return Cell("catalogue", (TRANSCRIBED,), key, transcribed_row, (table.package, table.name), about, where=UNCOMPILED)
+
+
+def transcribed_row(package: str, name: str) -> Rows:
+    """What order conditions and integrations show of a table of a package's source: a row."""
+    return {TRANSCRIBED: [transcribed.row(transcribed.find(package, name))]}
 
 
 def measure_rows() -> Rows:

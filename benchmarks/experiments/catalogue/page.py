@@ -14,7 +14,7 @@ from phasebench.benchmarks.problems.base import Problem
 from phasebench.integrators.record import ROUND_OFF
 from phasebench.integrators.registry import METHODS
 
-from . import acta_page, describe, mutation_page
+from . import acta_page, describe, mutation_page, transcribed_page
 
 KINDS = {
     "composition": "symmetric compositions of a symmetric base of order 2",
@@ -324,4 +324,12 @@ DEPENDENCIES_PAGE = Page(
     command="pytest benchmarks/experiments/catalogue",
 )
 
-PAGES = (METHODS_PAGE, PROBLEMS_PAGE, COEFFICIENTS_PAGE, acta_page.PAGE, DEPENDENCIES_PAGE, mutation_page.PAGE)
+PAGES = (
+    METHODS_PAGE,
+    PROBLEMS_PAGE,
+    COEFFICIENTS_PAGE,
+    acta_page.PAGE,
+    transcribed_page.PAGE,
+    DEPENDENCIES_PAGE,
+    mutation_page.PAGE,
+)

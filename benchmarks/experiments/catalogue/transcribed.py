@@ -1,0 +1,333 @@
+"""Tables of coefficients as they stand in the sources of packages, held against order conditions and against ours.
+
+The numbers are in ``transcribed.toml`` with repository, path, line and date: facts, transcribed by a script from the
+sources and compared with them again.  The order that the conditions show is confirmed by integrations in many digits,
+in the sequence of substeps in which the package composes the numbers.
+"""
+
+from __future__ import annotations
+
+import re
+import tomllib
+import zlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import cache
+from itertools import chain, pairwise
+from pathlib import Path
+from typing import Any
+
+import mpmath
+import numpy as np
+
+from phasebench.benchmarks.measure import multiprecision
+from phasebench.benchmarks.measure.metrics import Order
+from phasebench.benchmarks.measure.metrics import order as fit_order
+from phasebench.integrators.coefficients import trees
+from phasebench.integrators.coefficients.fractions import DIGITS, mirror
+from phasebench.integrators.coefficients.order_conditions import residuals
+from phasebench.integrators.compile.codegen import precision
+from phasebench.integrators.compile.lazy import sympy as sp
+from phasebench.integrators.record import BOUNDED, NONE, Method
+from phasebench.integrators.systems.formula import parse
+
+from .acta import find_table, numbers_of
+
+FILE = Path(__file__).with_name("transcribed.toml")
+RUNGE_KUTTA, COMPOSITION, NEAR_INTEGRABLE = "runge-kutta", "composition", "near-integrable"
+#: A residual of the order conditions up to this many times what a change of the last digits makes is rounding; so is
+#: what is below `COMPUTED`, for numbers that are computed, not printed.
+ROUNDED, COMPUTED = 10, mpmath.mpf("1e-40")
+#: The change of the last digits: one unit, or this part of the number, which a double hardly resolves; signs by a seed.
+DOUBLE, SEED = Fraction(1, 10**15), 1
+#: How numbers are changed: not at all, in the last printed digit, or in the last one that doubles resolve too.
+EXACT, PRINTED, DOUBLES = range(3)
+#: Decimals of fewer digits are choices, not rounded numbers.
+CHOICE = 12
+#: Orders are measured on this system, over the first of these times on which the errors are above the numbers' rounding:
+#: (time, numbers of steps).
+SYSTEM = "henon-heiles"
+SPANS = ((Fraction(1, 256), (1, 2, 3, 4)), (Fraction(1, 2), (3, 4, 6, 8, 12, 16, 24)))
+#: Parts of the time in each of which the reference is extrapolated.
+PIECES = 32
+#: An order of at most this many powers of h is looked for beyond the one that is stated.
+BEYOND = 1
+_DECIMAL = re.compile(r"\d+\.\d+")
+_NUMBER = re.compile(r"\d+\.\d*|\d{7,}")
+
+
+@dataclass(frozen=True)
+class Transcribed:
+    """A table of a package.
+
+    Attributes
+    ----------
+    package, repository, path, line, commit, date : where it stands
+    name, kind : what the package calls it; how its order is computed
+    stated : the order that the package states, () where it states none
+    named : the order of the published method it is named after, where none is stated
+    ours : the name of the table here with the same numbers, "" if there is none
+    numbers : "gamma", "a", "b" or "A" -> the numbers, as texts
+    first, mirrored : the letter of the first substep; True if only the first half stands there
+    used, remark : what it is used for where that is no integration of motion; what else is to be said
+    """
+
+    package: str
+    repository: str
+    path: str
+    line: int
+    commit: str
+    date: str
+    name: str
+    kind: str
+    stated: tuple[int, ...]
+    named: tuple[int, ...]
+    ours: str
+    numbers: Mapping[str, Sequence[Any]]
+    first: str
+    mirrored: bool
+    used: str = ""
+    remark: str = ""
+
+    @property
+    def expected(self) -> tuple[int, ...]:
+        """The order that is stated, else that of the method it is named after."""
+        return self.stated or self.named
+
+    @property
+    def texts(self) -> list[str]:
+        """Every number as text."""
+        rows = [*self.numbers.get("A", ()), *(self.numbers.get(k, ()) for k in ("gamma", "a", "b"))]
+        return [text for row in rows for text in row]
+
+    @property
+    def decimals(self) -> int | None:
+        """Decimals of the number printed with the fewest, None if all are computed."""
+        return min((len(x.partition(".")[2]) for x in printed(self)), default=None)
+
+    def steps(self, change: int = EXACT) -> list:
+        """The whole sequence of substeps: fractions of a composition, or pairs (letter, weight); see `evaluate`."""
+        if self.kind == COMPOSITION:
+            gamma = [evaluate(x, change) for x in self.numbers["gamma"]]
+            return list(mirror(gamma)) if self.mirrored else gamma
+        waiting = {k: [evaluate(x, change) for x in self.numbers[k.lower()]] for k in "AB"}
+        letter, half = self.first, []
+        while waiting[letter]:
+            half.append((letter, waiting[letter].pop(0)))
+            letter = "B" if letter == "A" else "A"
+        if waiting[letter]:
+            raise ValueError(f"the drifts and kicks of {self.package}, {self.name} do not alternate")
+        return list(mirror(half)) if self.mirrored else half
+
+
+@cache
+def read() -> tuple[Transcribed, ...]:
+    """Every transcribed table, in the order of the file."""
+    out = []
+    for row in tomllib.loads(FILE.read_text(encoding="utf-8"))["table"]:
+        numbers = {key: row.pop(key) for key in ("gamma", "a", "b", "A") if key in row}
+        row = row | {"stated": tuple(row.pop("order", ())), "named": tuple(row.pop("named", ()))}
+        mirrored, first, ours = row.pop("mirror", False), row.pop("first", ""), row.pop("ours", "")
+        out.append(Transcribed(**row, numbers=numbers, mirrored=mirrored, first=first, ours=ours))
+    return tuple(out)
+
+
+def find(package: str, name: str) -> Transcribed:
+    """The table of that package and name."""
+    return next(t for t in read() if (t.package, t.name) == (package, name))
+
+
+@cache
+def evaluate(text: str, change: int = EXACT) -> mpmath.mpf:
+    """The value of a number or expression in `DIGITS` digits; its decimals are exact, not doubles.
+
+    ``change`` (`PRINTED`, `DOUBLES`) moves the last digit of every rounded number in it, up or down.
+    """
+    decimals: dict[str, Any] = {}
+
+    def name(found: re.Match) -> str:
+        value = Fraction(found[0])
+        if change and _is_rounded(found[0]):
+            value += shift(found[0], change)
+        decimals[f"x{len(decimals)}_"] = sp.Rational(value)
+        return [*decimals][-1]
+
+    with mpmath.workdps(DIGITS):
+        return mpmath.mpf(str(sp.N(parse(_NUMBER.sub(name, text), decimals), DIGITS + 10)))
+
+
+def _is_rounded(number: str) -> bool:
+    """True for a decimal of many digits, and for a long integer, which is of a rational approximation."""
+    return "." not in number or len(number.partition(".")[2]) >= CHOICE
+
+
+def shift(number: str, change: int) -> Fraction:
+    """The change of a rounded number's last digit, up or down by its text and `SEED`."""
+    sign = 1 if zlib.crc32(f"{SEED} {number}".encode()) % 2 else -1
+    relative = DOUBLE * Fraction(number)
+    if "." not in number:
+        return sign * relative
+    unit = Fraction(1, 10 ** len(number.partition(".")[2]))
+    return sign * (unit if change == PRINTED else max(unit, relative))
+
+
+def printed(table: Transcribed) -> list[str]:
+    """The decimals that are printed as rounded numbers, each once."""
+    found = (x for text in table.texts for x in _DECIMAL.findall(text))
+    return list(dict.fromkeys(filter(_is_rounded, found)))
+
+
+def tableau(table: Transcribed, change: int = EXACT) -> tuple[np.ndarray, np.ndarray]:
+    """The matrix (s, s) and weights (s,) of a Runge-Kutta method; ``change`` as in `evaluate`."""
+    b = np.array([evaluate(x, change) for x in table.numbers["b"]], dtype=object)
+    A = np.full((len(b), len(b)), mpmath.mpf(0), dtype=object)
+    for i, row in enumerate(table.numbers["A"], 1):
+        A[i, : len(row)] = [evaluate(x, change) for x in row]
+    return A, b
+
+
+def _residuals(table: Transcribed, limit: int, change: int = EXACT) -> dict[tuple[int, int], mpmath.mpf]:
+    """(degree, power of eps) -> the largest residual of its order conditions."""
+    if table.kind == RUNGE_KUTTA:
+        A, b = tableau(table, change)
+        return {(n, 0): trees.order_residual(A, b, [n]) for n in range(1, limit + 1)}
+    found = residuals(table.kind, table.steps(change), limit)
+    return {key: max(map(abs, r), default=mpmath.mpf(0)) for key, r in found.items()}
+
+
+def order_of(table: Transcribed) -> tuple[tuple[int, ...], float]:
+    """(the order that the order conditions show, the largest residual up to the expected order)."""
+    limit, powers = max(table.expected) + BEYOND, len(table.expected)
+    found, shifted = _residuals(table, limit), _residuals(table, limit, change=DOUBLES)
+    kept = {key for key in found if key[0] <= table.expected[min(max(key[1], 1), powers) - 1]}
+    rounding = max(abs(shifted[key] - found[key]) for key in kept)
+    wrong = {key for key, r in found.items() if r > max(COMPUTED, ROUNDED * rounding)}
+    orders = []
+    for k in range(1, powers + 1):
+        above = [n for n, j in wrong if max(j, 1) == k or (k == powers and j > k)]
+        orders.append(min(above, default=limit + 1) - 1)
+    return tuple(orders), float(max(found[key] for key in kept))
+
+
+def weights(table: Transcribed, change: int) -> tuple[tuple, tuple]:
+    """Weights (a, b) of drifts and kicks, a kick before its drift; a composition is of drift-kick-drift."""
+    steps = table.steps(change)
+    if table.kind == COMPOSITION:
+        halves = [0, *steps, 0]
+        drifts = [("A", (g + after) / 2) for g, after in pairwise(halves)]
+        kicks = [("B", g) for g in steps]
+        steps = [*chain(*zip(drifts, kicks, strict=False)), drifts[-1]]
+    kicks = [] if steps[0][0] == "B" else [mpmath.mpf(0)]
+    return tuple(w for s, w in steps if s == "A"), (*kicks, *(w for s, w in steps if s == "B"))
+
+
+def method_of(table: Transcribed, change: int = EXACT) -> Method:
+    """A method that runs the table's numbers as its package composes them; ``change`` as in `evaluate`."""
+    if table.kind == RUNGE_KUTTA:
+        A, b = tableau(table, change)
+        kind = {"family": "runge_kutta", "data": (*(tuple(row[:i]) for i, row in enumerate(A)), tuple(b))}
+    else:
+        kind = {"family": "splitting", "data": weights(table, change)}
+    facts = {"order": table.expected[-1], "symmetric": False, "symplectic": False, "energy": BOUNDED, "quadratic": NONE}
+    return Method(id="transcribed", name=table.name, source=table.path, **facts, **kind)
+
+
+@cache
+def _reference(digits: int, span: Fraction) -> tuple:
+    """(system, initial state, state at time ``span``, its uncertainty) in so many digits."""
+    with precision(digits):
+        system, y = multiprecision.start(SYSTEM)
+        return system, y, *multiprecision.flow(system, y, span, PIECES)
+
+
+def measured_order(table: Transcribed, rounding: float) -> Order:
+    """The order of integrations in many digits, composed as the package does; NaN where rounding hides it.
+
+    Left out are errors up to three times what a change of the numbers' last digits makes, and up to ten times what
+    residuals of the order conditions by ``rounding`` make.
+    """
+    with mpmath.workdps(DIGITS):
+        records = method_of(table), method_of(table, PRINTED)
+    digits = multiprecision.digits(records[0])
+    for span, ladder in SPANS:
+        system, y, end, doubt = _reference(digits, span)
+        with precision(digits):
+            ends = [multiprecision.advance(system, records[0], y, span / n, n) for n in ladder]
+            moved = multiprecision.advance(system, records[1], y, span / ladder[0], ladder[0])
+            noise = max(10 * doubt, 3 * max(abs(moved - ends[0])), 10 * rounding * float(span))
+            errors = [float(max(abs(x - end))) for x in ends]
+        found = fit_order([float(span / n) for n in ladder], errors, noise=float(noise))
+        if found.points:
+            break
+    return found
+
+
+def _candidates(ours: str) -> list[mpmath.mpf]:
+    """The numbers of a table here, and the halves of its substeps between adjoint pairs."""
+    table = find_table(ours)
+    numbers = numbers_of(table)
+    steps = table.steps(numbers)
+    weights = [s if table.gamma else s[1] for s in steps]
+    halves, last = [], mpmath.mpf(0)
+    for w in weights:
+        last = w - last
+        halves.append(last)
+    return [y for x in (*numbers, *weights, *halves) for y in (x, x / 2)]
+
+
+def digits_that_hold(table: Transcribed) -> tuple[int | None, int | None]:
+    """(decimals printed, decimals that hold) of the printed number of which the most are wrong; None without ours.
+
+    A number's decimals hold as far as it is within one unit of them of a number of the table here.
+    """
+    rounded = printed(table)
+    if not table.ours or not rounded or table.kind == RUNGE_KUTTA:
+        return None, None
+    near = [abs(y) for y in _candidates(table.ours)]
+    found = []
+    with mpmath.workdps(DIGITS):
+        for text in rounded:
+            decimals = len(text.partition(".")[2])
+            far = min(abs(mpmath.mpf(text) - y) for y in near)
+            right = decimals if far <= mpmath.mpf(10) ** -decimals else max(0, int(mpmath.floor(-mpmath.log10(far))))
+            found.append((right - decimals, decimals, right))
+    return min(found)[1:]
+
+
+def _text(order: Sequence[int]) -> str:
+    return ",".join(map(str, order))
+
+
+def check(table: Transcribed) -> dict[str, Any]:
+    """What order conditions and comparison show of a table: a row."""
+    with mpmath.workdps(DIGITS):
+        orders, residual = order_of(table)
+        decimals, right = digits_that_hold(table)
+    return {
+        "package": table.package,
+        "name": table.name,
+        "repository": table.repository,
+        "path": table.path,
+        "line": table.line,
+        "commit": table.commit,
+        "read": table.date,
+        "kind": table.kind,
+        "stated order": _text(table.stated),
+        "named order": _text(table.named),
+        "order": _text(orders),
+        "residual": residual,
+        "ours": table.ours,
+        "digits printed": decimals,
+        "digits that hold": right,
+        "used": table.used,
+        "remark": table.remark,
+    }
+
+
+def row(table: Transcribed) -> dict[str, Any]:
+    """What is found of a table, with the order of integrations; in an uncompiled process."""
+    found = check(table)
+    met = all(int(p) >= q for p, q in zip(found["order"].split(","), table.expected, strict=True))
+    measured = measured_order(table, found["residual"] if met else 0.0)
+    return found | {"measured order": measured.value, "low": measured.low, "high": measured.high}
