@@ -22,6 +22,12 @@ PROBLEMS: dict[str, tuple[str, str, tuple[str, ...]]] = {
     "nls": ("nls", "nonlinear Schroedinger equation on N points", ("plane-wave", "soliton")),
     "klein-gordon": ("klein_gordon", "complex Klein-Gordon equation on N points", ("collision",)),
     "double-pendulum": ("double_pendulum", "double pendulum", ("chaotic", "regular")),
+    "double-pendulum-cartesian": (
+        "double_pendulum_cartesian",
+        "double pendulum, two points by constraints",
+        ("regular", "chaotic"),
+    ),
+    "spherical-pendulum": ("spherical_pendulum", "spherical pendulum, on the sphere by a constraint", ("tilted",)),
     "duffing": ("duffing", "Duffing oscillator", ("one-well", "near-separatrix", "both-wells")),
     "quadrupole-boson": ("quadrupole_boson", "quadrupole boson Hamiltonian", ("benchmark", "h20")),
     "figure-eight": ("three_body", "figure eight of three bodies", ("simo",)),

@@ -158,13 +158,20 @@ class Certificate:
 
 
 def evaluate(problem, expressions: Sequence, q: Sequence, p: Sequence) -> list:
-    """The values of expressions at a state (doubles or decimal strings), in mpmath's working precision."""
+    """The values of expressions at a state (doubles or decimal strings), in mpmath's working precision.
+
+    The expressions may refer to the system's intermediate results.
+    """
     import mpmath
     import sympy as sp
 
     system = problem.system
-    f = sp.lambdify([*system.q, *system.p], list(expressions), modules="mpmath")
-    return f(*(mpmath.mpf(x if isinstance(x, str) else float(x)) for x in (*q, *p)))
+    names = [*system.q, *system.p]
+    values = [mpmath.mpf(x if isinstance(x, str) else float(x)) for x in (*q, *p)]
+    for symbol, e in system.definitions:
+        values.append(sp.lambdify(names, e, modules="mpmath")(*values))
+        names.append(symbol)
+    return sp.lambdify(names, list(expressions), modules="mpmath")(*values)
 
 
 def fingerprint(problem) -> str:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import sympy as sp
 from mpmath import mpf
+from scipy.integrate import solve_ivp
 
 from phasebench.benchmarks.problems import duffing, lennard_jones, n_body, three_body, toda
 from phasebench.integrators.driver import integrate
@@ -424,3 +425,39 @@ def test_plummer_sphere():
 def test_invalid_parameters_are_refused(name, parameters, message):
     with pytest.raises(InvalidInput, match=message):
         make_problem(name, **parameters)
+
+
+@pytest.mark.parametrize(("orbit", "t", "most"), [("regular", 100.0, 1e-12), ("chaotic", 10.0, 1e-11)])
+def test_double_pendulum_is_the_same_in_both_coordinates(orbit, t, most):
+    """The certified states of both, in Cartesian coordinates; they start apart by the rounding of sines."""
+    angles, points = (
+        at(make_problem(f"{id}:{orbit}"), t)[0] for id in ("double-pendulum", "double-pendulum-cartesian")
+    )
+    (a, b), (pa, pb) = angles
+    c = np.cos(a - b)
+    da, db = np.linalg.solve(np.array([[2.0, c], [c, 1.0]]), [pa, pb])
+    one, two = np.array([np.sin(a), -np.cos(a)]), np.array([np.sin(b), -np.cos(b)])
+    u, v = da * np.array([np.cos(a), np.sin(a)]), db * np.array([np.cos(b), np.sin(b)])
+    q, p = np.concatenate([one, one + two]), np.concatenate([u, u + v])
+    assert np.abs(q - points[0]).max() < most
+    assert np.abs(p - points[1]).max() < most
+    assert np.abs(q - at(make_problem(f"double-pendulum-cartesian:{orbit}"), 1.0)[0][0]).max() > 1e-3
+
+
+def test_spherical_pendulum_is_that_of_its_angles():
+    """The certified state beside an integration in spherical angles, by SciPy."""
+    problem = make_problem("spherical-pendulum")
+    ((q, p),) = at(problem, 10.0)
+    x, y, z = problem.q0
+    u, v, w = problem.p0
+    L = x * v - y * u
+
+    def field(_, s):  # theta from the downward vertical, its rate, phi
+        theta, rate, _ = s
+        return [rate, L**2 * np.cos(theta) / np.sin(theta) ** 3 - np.sin(theta), L / np.sin(theta) ** 2]
+
+    start = [np.arccos(-z), w / np.sin(np.arccos(-z)), np.arctan2(y, x)]
+    theta, rate, phi = solve_ivp(field, (0, 10), start, "DOP853", rtol=1e-12, atol=1e-13).y[:, -1]
+    expected = [np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), -np.cos(theta)]
+    assert np.abs(expected - np.array(q)).max() < 1e-10
+    assert abs(rate * np.sin(theta) - p[2]) < 1e-10

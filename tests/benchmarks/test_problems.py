@@ -24,7 +24,22 @@ def state(made, seed=0):
     """A random point near the initial state, in rationals, so that expressions can be evaluated to any precision."""
     rng = np.random.default_rng(seed)
     values = [*made.q0, *made.p0]
-    return [sp.Rational(round(v * 10**6 + int(rng.integers(-5000, 5000)) + 0.5), 10**6) for v in values]
+    values = [sp.Rational(round(v * 10**6 + int(rng.integers(-5000, 5000)) + 0.5), 10**6) for v in values]
+    return on_manifold(made.system, values) if made.system.constrained else values
+
+
+def on_manifold(system, values):
+    """The state that Gauss and Newton's method finds near a state, where all constraints vanish, as rationals."""
+    bound = [*system.constraints, *system.hidden]
+    names = [*system.q, *system.p]
+    f = sp.lambdify([names], bound, "mpmath")
+    J = sp.lambdify([names], [[e.diff(x) for x in names] for e in bound], "mpmath")
+    with mpmath.workdps(2 * DIGITS):
+        y = mpmath.matrix([mpmath.mpf(v.p) / v.q for v in values])
+        for _ in range(10):
+            A = mpmath.matrix(J(list(y)))
+            y = y - A.T * mpmath.lu_solve(A * A.T, mpmath.matrix(f(list(y))))
+        return [sp.Rational(int(mpmath.nint(x * mpmath.mpf(10) ** (2 * DIGITS))), 10 ** (2 * DIGITS)) for x in y]
 
 
 def numbers(made, expressions, values):
