@@ -21,6 +21,7 @@ import pandas as pd
 from phasebench.benchmarks.experiments.advice.page import PAGE as ADVICE
 from phasebench.benchmarks.experiments.audit.page import PAGE as AUDIT
 from phasebench.benchmarks.experiments.catalogue.page import PAGES as CATALOGUE
+from phasebench.benchmarks.experiments.constraints.page import PAGE as CONSTRAINTS
 from phasebench.benchmarks.experiments.drift.page import PAGE as DRIFT
 from phasebench.benchmarks.experiments.elsewhere.page import PAGE as ELSEWHERE
 from phasebench.benchmarks.experiments.energy_preservation.page import PAGE as ENERGY_PRESERVATION
@@ -91,6 +92,7 @@ PAGES: tuple[Page, ...] = (
     WISDOM_HOLMAN,
     OSCILLATORY,
     EXTENDED,
+    CONSTRAINTS,
     WAVES,
     MULTISYMPLECTIC,
     SAMPLING,

@@ -1,0 +1,1 @@
+"""Experiment: do methods for constraints stay on the manifold, and keep the energy?"""

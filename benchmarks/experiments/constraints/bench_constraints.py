@@ -1,0 +1,18 @@
+"""Checks of methods for constraints: they stay on the manifold, and RATTLE's energy does not drift."""
+
+from __future__ import annotations
+
+import pandas as pd
+import pytest
+
+from phasebench.benchmarks.experiments.constraints.measure import cells  # noqa: F401
+from phasebench.benchmarks.experiments.constraints.page import drift, kept, left, same
+from phasebench.benchmarks.page.verdict import PASS
+
+
+@pytest.mark.parametrize("verdict", [kept, left, same, drift])
+def bench_constraints(measured_rows, verdict):
+    """Constraints and energy are kept where they are to be, and the control leaves the manifold."""
+    found = verdict(lambda name: pd.DataFrame(measured_rows(name)))
+    assert found is not None
+    assert found.outcome == PASS, found

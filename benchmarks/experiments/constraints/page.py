@@ -1,0 +1,175 @@
+"""The page of methods for systems with constraints."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pandas as pd
+
+from phasebench.benchmarks import style
+from phasebench.benchmarks.page.markdown import number
+from phasebench.benchmarks.page.page import Data, Page, Picture, Table, of
+from phasebench.benchmarks.page.verdict import FAIL, Verdict, at_least, at_most
+
+from .measure import CARTESIAN, DRIFT, MANIFOLD, SPHERE, STEP, STEPS, TOLERANCE
+
+#: Constraints that are kept are kept to this; a method that leaves the manifold is further off than that.
+KEPT, LEFT = 1e-14, 1e-9
+#: A drift of the energy up to this in a unit of time is round-off.
+NO_DRIFT = 1e-15
+#: The double pendulum ends within this of the state that is certified in angles.
+SAME = 1e-13
+#: The tolerances of packages of molecular dynamics: GROMACS's shake-tol, and OpenMM's setConstraintTolerance.
+USUAL = 1e-4
+
+
+@of(MANIFOLD)
+def kept(rows: pd.DataFrame) -> Verdict | None:
+    """Whether methods for constraints keep them and the hidden ones to round-off; SHAKE's p are off the hidden ones."""
+    bound = rows[rows["bound"].astype(bool)]
+    if bound.empty:
+        return None
+    hidden = bound["hidden constraint"].where(bound["method"] != "shake", 0.0)
+    off = pd.concat([bound["constraint"], hidden], axis=1).max(axis=1)
+    worst = bound.loc[off.idxmax()]
+    return Verdict(
+        "Methods for constraints keep them and the hidden ones to round-off",
+        float(off.max()),
+        at_most(KEPT),
+        where=f"{worst['method']} on {worst['problem']}",
+        otherwise=FAIL,
+    )
+
+
+@of(MANIFOLD)
+def left(rows: pd.DataFrame) -> Verdict | None:
+    """Whether an explicit method on the index-reduced equations leaves the manifold: the control."""
+    explicit = rows[rows["method"] == "rk4"]
+    if explicit.empty:
+        return None
+    nearest = explicit.loc[explicit["constraint"].idxmin()]
+    return Verdict(
+        "The fourth-order Runge-Kutta method on the index-reduced equations leaves the manifold",
+        float(nearest["constraint"]),
+        at_least(LEFT),
+        where=str(nearest["problem"]),
+        otherwise=FAIL,
+    )
+
+
+@of(MANIFOLD)
+def same(rows: pd.DataFrame) -> Verdict | None:
+    """Whether the double pendulum in Cartesian coordinates ends in its certified state."""
+    found = rows[(rows["problem"] == CARTESIAN) & (rows["method"] == "lobatto-iiia-iiib-constrained-6")]
+    if found.empty:
+        return None
+    return Verdict(
+        "The double pendulum in Cartesian coordinates ends in its certified state",
+        float(found["error"].max()),
+        at_most(SAME),
+        where="lobatto-iiia-iiib-constrained-6",
+        otherwise=FAIL,
+    )
+
+
+@of(DRIFT)
+def drift(rows: pd.DataFrame) -> Verdict:
+    """Whether the energy of RATTLE drifts over a million steps."""
+    row = rows.iloc[0]
+    return Verdict(
+        "The energy of RATTLE drifts by no more than round-off",
+        float(max(abs(row["low"]), abs(row["high"]))),
+        at_most(NO_DRIFT),
+        "per unit of time",
+        where=f"{row['problem']}, {row['steps']:.0f} steps",
+        otherwise=FAIL,
+    )
+
+
+@of(TOLERANCE)
+def loose(rows: pd.DataFrame) -> Verdict | None:
+    """Whether multipliers iterated to the usual tolerance of molecular dynamics leave the energy without drift."""
+    usual = rows[rows["tolerance"] == USUAL]
+    if usual.empty:
+        return None
+    return Verdict(
+        "RATTLE iterated to a usual tolerance keeps the energy as the converged one does",
+        float(abs(usual.iloc[0]["slope"])),
+        at_most(NO_DRIFT),
+        "per unit of time",
+        where=f"tolerance {number(USUAL)}",
+    )
+
+
+def answer(data: Data) -> str | None:
+    """A sentence: what is kept, and what a tolerance costs."""
+    found = [verdict(data) for verdict in (kept, drift, loose)]
+    if None in found:
+        return None
+    manifold, energy, tolerance = (v.measured for v in found)
+    return (
+        f"Methods for constraints stay on the manifold to {number(manifold)}; RATTLE's energy drifts by "
+        f"{number(energy)} per unit of time, iterated to a tolerance of {number(USUAL)} by {number(tolerance)}."
+    )
+
+
+@of(DRIFT, TOLERANCE)
+def draw(converged: pd.DataFrame, rows: pd.DataFrame, folder: Path) -> list[Picture]:
+    """The drift of the energy against the tolerance."""
+    with style.settings():
+        figure, ((axes,),) = style.panels(1, 1, 3.4)
+        axes.loglog(rows["tolerance"], rows["slope"].abs(), label="plain RATTLE, iterated", **style.curve(0))
+        axes.axhline(abs(converged.iloc[0]["slope"]), color="0.4", linestyle="--", label="rattle")
+        axes.set(xlabel="tolerance of the constraints", ylabel="|drift of H| per unit of time")
+        axes.grid(color="0.93", linewidth=0.5)
+        style.legend_above(figure, axes, 2)
+    caption = (
+        f"Drift of the energy over {STEPS} steps of h = {STEP} on the spherical pendulum, against the tolerance to which the "
+        "constraint is iterated. Dashed: `rattle`, whose multipliers are solved to round-off."
+    )
+    return [
+        Picture(style.save(figure, folder, "constraints.png"), "drift of the energy against the tolerance", caption)
+    ]
+
+
+@of(MANIFOLD)
+def table(rows: pd.DataFrame) -> Table:
+    """What each method keeps on each problem."""
+    columns = ["problem", "method", "constraint", "hidden constraint", "energy", "error", "uncertainty", "evaluations"]
+    caption = (
+        "Largest change of a constraint, of a hidden one and of the energy, the error of the end state with the reference's "
+        "uncertainty, and evaluations of the forces a step."
+    )
+    return Table(rows[columns], caption)
+
+
+@of(MANIFOLD)
+def _all(rows: pd.DataFrame) -> pd.DataFrame:
+    return rows
+
+
+PAGE = Page(
+    id="constraints",
+    question="Do methods for constraints stay on the manifold, and keep the energy?",
+    tables=(MANIFOLD, DRIFT, TOLERANCE),
+    setting=(
+        "q' = H_p, p' = -H_q - Gᵀλ with g(q) = 0: the motion is on the manifold where g and its rate G H_p, the hidden "
+        "constraint, vanish.",
+        f"A spherical pendulum ({SPHERE}) and a double pendulum in Cartesian coordinates ({CARTESIAN}).",
+        "Ordinary methods run on the index-reduced equations, with λ as a function of (q, p) from the twice differentiated "
+        "constraint.",
+        f"Long runs: {STEPS} steps of h = {STEP} on the spherical pendulum; the drift is the slope of H with its interval.",
+    ),
+    verdicts=(kept, left, same, drift, loose),
+    answer=answer,
+    figures=draw,
+    table=table,
+    whole=_all,
+    limits=(
+        "The tolerance is of one constraint; GROMACS's `shake-tol` is 1e-4 and OpenMM's default 1e-5, relative to a length. "
+        "Their other constraint solvers (LINCS, SETTLE) are not measured here.",
+        "The certified state of the double pendulum in Cartesian coordinates agrees with that in angles: a test compares them.",
+        "That the methods are symplectic on the manifold is measured without round-off, with controls, by the tests.",
+    ),
+    command="pytest benchmarks/experiments/constraints",
+)
