@@ -17,7 +17,7 @@ EXACT, ROUND_OFF, BOUNDED, DRIFT, NONE = "exact", "round-off", "bounded", "drift
 
 @dataclass(frozen=True, kw_only=True)
 class Method:
-    """A one-step method.
+    """A method.
 
     Attributes
     ----------
@@ -34,6 +34,8 @@ class Method:
     source, cite : author, year, equation; and the keys of the works in ``bibliography.bib``
     requires : traits of the system it cannot do without
     parameters : names and values of its parameters
+    earlier : how many states besides the last one a step is taken from; the first steps are then another method's.
+        Where it is not 0 a step is no map of phase space: ``symmetric`` is said of the recursion
     """
 
     id: str
@@ -49,6 +51,7 @@ class Method:
     requires: tuple[str, ...] = ()
     volume: bool = False
     tangent: bool = True
+    earlier: int = 0
     parameters: Mapping[str, Any] = field(default_factory=dict)
     data: tuple[Any, ...] = ()
     with_parameters: Callable[..., dict[str, Any]] | None = None
@@ -70,6 +73,11 @@ class Method:
         if not self.parameters:
             return self.id
         return f"{self.id}({', '.join(f'{k}={v}' for k, v in self.parameters.items())})"
+
+    @property
+    def one_step(self) -> bool:
+        """True if a step is a map of phase space, which can have a structure."""
+        return self.earlier == 0
 
     @property
     def keeps_volume(self) -> bool:

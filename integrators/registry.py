@@ -19,6 +19,7 @@ from .records import (
     extended,
     force_gradient,
     magnetic,
+    multistep,
     oscillatory,
     parametric,
     poisson,
@@ -53,6 +54,7 @@ _RECORDS: tuple[Method, ...] = (
     *poisson.METHODS,
     *magnetic.METHODS,
     *constrained.METHODS,
+    *multistep.METHODS,
 )
 
 BY_ID = {m.id: m for m in _RECORDS}

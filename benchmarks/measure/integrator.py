@@ -102,7 +102,8 @@ class Integrator:
             return record.claims
         if isinstance(record, OwnStep):
             return Claims(*map(record.claims.get, ("order", "symplectic", "reversible", "energy")), record.id)
-        return Claims(record.order, record.symplectic, record.symmetric, record.energy, "the registry of methods")
+        reversible = record.symmetric and record.one_step
+        return Claims(record.order, record.symplectic, reversible, record.energy, "the registry of methods")
 
     @property
     def installed(self) -> bool:

@@ -41,6 +41,8 @@ SPAN = Fraction(1, 256)
 LADDER = (1, 2, 3, 4)
 #: Ladder for methods whose step depends on the vector field: the last step before a row is cut, so steps must be many.
 FIELD_LADDER = (24, 32, 48)
+#: Ladder for methods that need earlier states, as multiples of their number: the first steps are another method's.
+MULTISTEP_LADDER = (64, 96, 128)
 STEP = Fraction(1, 40)
 #: Step for the defects of methods with variable steps, whose defect is as small as their error.
 VARIABLE_STEP = Fraction(3, 10)
@@ -137,9 +139,16 @@ def advance(system, record, y, h, steps=1):
 def errors(record: Method, name: str) -> dict:
     """A method's errors at time `SPAN` on the named system for several steps h, and the reference's uncertainty."""
     system, y, end, doubt = reference(name)
-    ladder = FIELD_LADDER if record.family == "field" else LADDER
-    error = [max(abs(advance(system, record, y, SPAN / n, n) - end)) for n in ladder]
-    return {"h": [float(SPAN / n) for n in ladder], "error": [float(e) for e in error], "doubt": float(doubt)}
+    steps = ladder(record)
+    error = [max(abs(advance(system, record, y, SPAN / n, n) - end)) for n in steps]
+    return {"h": [float(SPAN / n) for n in steps], "error": [float(e) for e in error], "doubt": float(doubt)}
+
+
+def ladder(record: Method) -> tuple[int, ...]:
+    """The numbers of steps to time `SPAN` from which a method's order is measured."""
+    if not record.one_step:
+        return tuple(n * record.earlier for n in MULTISTEP_LADDER)
+    return FIELD_LADDER if record.family == "field" else LADDER
 
 
 def retraction(system):
@@ -184,8 +193,8 @@ def volume_defect(record: Method, name: str) -> float:
 #: Measurement -> (function of a method and a system, systems for a method).
 CELLS = {
     "orders": (errors, systems),
-    "symplecticity": (defect, lambda m: [n for n in systems(m, few=True) if keeps_a_form(n)]),
-    "symmetry": (distance, lambda m: systems(m, few=True)),
+    "symplecticity": (defect, lambda m: [n for n in systems(m, few=True) if m.one_step and keeps_a_form(n)]),
+    "symmetry": (distance, lambda m: systems(m, few=True) if m.one_step else []),
     "volume": (volume_defect, magnetic),
 }
 

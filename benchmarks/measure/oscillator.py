@@ -13,6 +13,9 @@ then known to the relative accuracy `SHARPNESS`.
 A method that requires constraints is judged on the oscillator in the plane that is bound to a line: with linear
 constraints it is a method for the motion within them.
 
+The stable steps of a multistep method follow from the roots of rho(z) + (h omega)^2 sigma(z), in closed form
+(`coefficients.multistep`); long runs beside the limit are made to confirm it.
+
 Source: Hairer, Lubich, Wanner, Geometric Numerical Integration (2006), I.5 and IX.3.
 """
 
@@ -29,6 +32,7 @@ import numpy as np
 
 from phasebench.benchmarks.problems import problem as problem_of
 from phasebench.benchmarks.problems.base import Orbit, Problem
+from phasebench.integrators.coefficients.multistep import Multistep, stable_intervals
 from phasebench.integrators.driver import OK
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.keywords import Parameters, method_parameters
@@ -67,6 +71,9 @@ ASKED = (0.3, 0.9)
 #: States whose images show the noise of a step's matrix.
 STATES = ((0.6, -0.8), (0.8, 0.6))
 TRACE, RUNS = "trace of the step map", "long runs"
+ROOTS = "closed form: the roots of rho(z) + (h omega)^2 sigma(z)"
+#: Relative distance from a multistep method's limit at which long runs are made.
+BESIDE = 1e-3
 
 StepMatrix = Callable[[float], "np.ndarray | None"]
 
@@ -80,8 +87,8 @@ class Found:
     intervals : pairs (from, to) of z in order; ``to`` is None if the interval reaches the end of the scan
     touches : values of z inside an interval at which the trace of a linear map reaches 2 or -2 and turns back
     scanned : end of the scan
-    how : `TRACE` or `RUNS`
-    reason : why the scan ended early, or how the first unstable run failed
+    how : `TRACE`, `RUNS` or `ROOTS`
+    reason : why the scan ended early, how the first unstable run failed, or how runs beside a known limit ended
     """
 
     intervals: tuple[tuple[float, float | None], ...]
@@ -175,6 +182,8 @@ def find(chosen: Integrator) -> Found:
     lack = chosen.lacks(_problem(chosen)[0])
     if lack:
         raise InvalidInput(lack)
+    if not getattr(chosen.record, "one_step", True):
+        return of_roots(chosen)
     if not linear(chosen):
         return of_runs(chosen)
     return of_matrix(lambda z: matrix(chosen, z), lambda z: noise(chosen, z))
@@ -299,6 +308,16 @@ def of_runs(chosen: Integrator) -> Found:
     return Found(tuple(intervals), (), scan[-1], RUNS, why[0] if why else "")
 
 
+def of_roots(chosen: Integrator) -> Found:
+    """The stable steps z of a multistep method, by the roots of its polynomials; ``reason``: runs beside the limit."""
+    intervals = tuple(stable_intervals(Multistep(*chosen.record.data)))
+    limit = intervals[0][1] if intervals else 0.0
+    ends = []
+    for z in (limit * (1 - BESIDE), limit * (1 + BESIDE)):
+        ends.append(f"{failure_of_run(chosen, z, LONG) or 'bounded'} at {z:.6g}")
+    return Found(intervals, (), FAR, ROOTS, f"runs of {LONG} steps: {', '.join(ends)}")
+
+
 def _bisect(stays: Callable[[float], bool], good: float, bad: float) -> float:
     """The last stable step between a stable and an unstable one; 0 if no step above `LEAST` is stable."""
     while abs(bad - good) > max(SHARPNESS * max(bad, good), LEAST):
@@ -340,7 +359,7 @@ class Stability(TabularResult):
     limit : the end of the interval that begins at 0; 0 if every step grows, None if it has no end
     intervals : pairs (from, to) in order; ``to`` is None if it lies beyond ``scanned``
     touches : values inside an interval at which the trace of a linear map reaches 2 or -2 and turns back
-    scanned, how, reason : the end of the scan; `TRACE` or `RUNS`; why the scan ended early
+    scanned, how, reason : the end of the scan; `TRACE`, `RUNS` or `ROOTS`; why the scan ended early, or runs beside it
     """
 
     method: str

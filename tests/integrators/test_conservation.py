@@ -38,6 +38,8 @@ def longer(label):
     """Factor by which a method's steps are longer here: more for high orders and for the family "field"."""
     if ALL[label].family == "field":
         return FIELD
+    if not ALL[label].one_step:  # high orders of them are stable for short steps only
+        return 1
     return LONGER if ALL[label].order >= HIGH or label in ALMOST_SYMPLECTIC else 1
 
 

@@ -126,7 +126,8 @@ PUBLISHED = {
         gautschi 2, hochbruck-lubich 2, hairer-lubich 2, grimm-hochbruck 2,
         hessian-free-badab 4/2, hessian-free-adada 4/2, hessian-free-abadaba 4/3,
         hessian-free-adadada 4/3, hessian-free-abadabadaba 4/5, hessian-free-badadadab 6/4,
-        hessian-free-badadadadab 6/5
+        hessian-free-badadadadab 6/5,
+        quinlan-tremaine-8 8/8, quinlan-tremaine-10 10/10, quinlan-tremaine-12 12/12, quinlan-tremaine-14 14/14
     """,
     (True, True, BOUNDED, BOUNDED): """
         deuflhard 2, mollified-impulse 2, r-respa 2, imex 2
@@ -135,7 +136,7 @@ PUBLISHED = {
 
 
 def parts(m) -> int | None:
-    """Number of stages, substeps or nodes of a step."""
+    """Number of stages, substeps or nodes of a step, or of steps of a multistep method."""
     by_family = {
         "parametric": lambda: len(m.data[1]),
         "runge_kutta": lambda: len(m.data[-1]),
@@ -143,6 +144,7 @@ def parts(m) -> int | None:
         "wisdom_holman": lambda: len(m.data[1]),
         "collocation": lambda: m.data[1],
         "equip": lambda: m.data[0],
+        "multistep": lambda: m.earlier + 1,
         "poisson": lambda: m.data[0],
         "variational": lambda: m.data[2],
         "processed": lambda: sum(b != 0 for b in m.data[0][1]),

@@ -11,7 +11,7 @@ from phasebench.benchmarks.measure.visible import least_visible
 ROUND_OFF, VISIBLE = 1e-26, 1e-22
 ALL = by_label(variants() + high_order_variants())
 SYMPLECTIC = [label for label, m in ALL.items() if m.symplectic]
-OTHERS = [label for label, m in ALL.items() if not m.symplectic]
+OTHERS = [label for label, m in ALL.items() if m.one_step and not m.symplectic]
 
 
 def threshold(label):

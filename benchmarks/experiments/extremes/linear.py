@@ -121,7 +121,7 @@ def grows(chosen, z: float) -> bool:
     M = oscillator.matrix(chosen, z)
     if M is None:
         return True
-    rate = -math.log(max(_radius(chosen, z), 1e-9))
+    rate = -math.log(max(_radius(chosen, z), 1e-9)) if chosen.record.one_step else 0.0
     y = oscillator.end(chosen, z, STEPS if rate <= 0 else max(1, min(STEPS, int(DAMPED / rate))))
     return y is None or not np.isfinite(y).all() or bool(np.abs(y).max() > GROWTH * (1 + np.abs(M).max()))
 
@@ -134,7 +134,9 @@ def confirm(chosen, found: oscillator.Found) -> tuple[int, int]:
     if found.how == oscillator.RUNS:
         return 0, 0
     limit = found.limit
-    if limit is None:
+    if found.how == oscillator.ROOTS:
+        asked = [(limit * (1 - BESIDE), False), (limit * (1 + BESIDE), True)]
+    elif limit is None:
         asked = [(z, False) for z in BEYOND if z < found.scanned and not _near(z, found.touches)]
     elif limit == 0:
         asked = [(linear_growth, True)] if (linear_growth := _growing(chosen)) else []

@@ -23,7 +23,15 @@ import sympy as sp
 
 from phasebench.benchmarks.measure import metrics, step_map
 from phasebench.benchmarks.measure.hbvm import too_few_nodes
-from phasebench.benchmarks.measure.multiprecision import DIGITS, SPAN, advance, digits, flow, observed_order
+from phasebench.benchmarks.measure.multiprecision import (
+    DIGITS,
+    MULTISTEP_LADDER,
+    SPAN,
+    advance,
+    digits,
+    flow,
+    observed_order,
+)
 from phasebench.benchmarks.problems import PROBLEMS, problem
 from phasebench.benchmarks.store.cells import UNCOMPILED, Cell, ProblemKey, Rows, content
 from phasebench.integrators.compile.codegen import MULTIPRECISION, epsilon, precision
@@ -94,14 +102,15 @@ def _order(chosen: Method, name: str) -> dict:
     """
     system, y, unit = _at(name, mpmath.mp.dps)
     parts = _parts(chosen, system, y)
+    counts = LADDER if chosen.one_step else tuple(n * chosen.earlier for n in MULTISTEP_LADDER)
     row: dict = {}
     for span in (SPAN, SPAN / FINER):
         end, doubt = _truth(name, span, mpmath.mp.dps)
-        error = [max(abs(advance(system, chosen, y, span * unit / n / parts, n * parts) - end)) for n in LADDER]
+        error = [max(abs(advance(system, chosen, y, span * unit / n / parts, n * parts) - end)) for n in counts]
         if max(error) <= DOUBTS * doubt + EXACT * epsilon(MULTIPRECISION) * max(abs(end)):
             return {"order_reason": "exact"}
         found = observed_order(
-            {"h": [float(span / n) for n in LADDER], "error": [float(e) for e in error], "doubt": float(doubt)}
+            {"h": [float(span / n) for n in counts], "error": [float(e) for e in error], "doubt": float(doubt)}
         )
         row = {"order": found.value, "low": found.low, "high": found.high, "points": found.points, "h": float(span)}
         if abs(found.value - chosen.order) < GATE:
@@ -109,7 +118,13 @@ def _order(chosen: Method, name: str) -> dict:
     return row
 
 
+#: Why a method that needs earlier states has no defects of a step.
+NO_MAP = "a step is no map of phase space"
+
+
 def _symplecticity(chosen: Method, name: str) -> dict:
+    if not chosen.one_step:
+        return {"symplecticity_reason": NO_MAP}
     system, y, unit = _at(name, mpmath.mp.dps)
     if not system.canonical:
         return {"symplecticity_reason": "not canonical"}
@@ -117,6 +132,8 @@ def _symplecticity(chosen: Method, name: str) -> dict:
 
 
 def _reversibility(chosen: Method, name: str) -> dict:
+    if not chosen.one_step:
+        return {"reversibility_reason": NO_MAP}
     system, y, unit = _at(name, mpmath.mp.dps)
     if not system.canonical:
         return {"reversibility_reason": "not canonical"}
