@@ -39,14 +39,14 @@ def longer(label):
     if ALL[label].family == "field":
         return FIELD
     if not ALL[label].one_step:  # high orders of them are stable for short steps only
-        return 1
+        return 0.5
     return LONGER if ALL[label].order >= HIGH or label in ALMOST_SYMPLECTIC else 1
 
 
 @cache
 def energies(label):
     """(solution, t, H - H0) of a method on the Henon-Heiles box orbit to t = 2000; H0 = 0.02."""
-    s = integrate(BOX, ALL[label], h=H * longer(label), steps=STEPS // longer(label))
+    s = integrate(BOX, ALL[label], h=H * longer(label), steps=int(STEPS / longer(label)))
     E = BOX.system.observe(BOX.system.H, s.q, s.p)
     return s, s.t, E - E[0]
 
@@ -54,7 +54,7 @@ def energies(label):
 @cache
 def momenta(label):
     """(solution, t, L - L0) of a method on the perturbed Kepler problem to t = 120; the angular momentum L0 is 0.8."""
-    s = integrate(KEPLER, ALL[label], h=0.01 * longer(label), steps=12_000 // longer(label))
+    s = integrate(KEPLER, ALL[label], h=0.01 * longer(label), steps=int(12_000 / longer(label)))
     L = KEPLER.system.observe(KEPLER.invariants["angular-momentum"], s.q, s.p)
     return s, s.t, L - L[0]
 
