@@ -27,6 +27,7 @@ from phasebench.benchmarks.measure.metrics import order as fit_order
 from phasebench.integrators.coefficients import trees
 from phasebench.integrators.coefficients.fractions import DIGITS, mirror
 from phasebench.integrators.coefficients.order_conditions import residuals
+from phasebench.integrators.coefficients.table import Table
 from phasebench.integrators.compile.codegen import precision
 from phasebench.integrators.compile.lazy import sympy as sp
 from phasebench.integrators.record import BOUNDED, NONE, Method
@@ -111,14 +112,12 @@ class Transcribed:
         if self.kind == COMPOSITION:
             gamma = [evaluate(x, change) for x in self.numbers["gamma"]]
             return list(mirror(gamma)) if self.mirrored else gamma
-        waiting = {k: [evaluate(x, change) for x in self.numbers[k.lower()]] for k in "AB"}
-        letter, half = self.first, []
-        while waiting[letter]:
-            half.append((letter, waiting[letter].pop(0)))
-            letter = "B" if letter == "A" else "A"
-        if waiting[letter]:
-            raise ValueError(f"the drifts and kicks of {self.package}, {self.name} do not alternate")
-        return list(mirror(half)) if self.mirrored else half
+        a, b = ([evaluate(x, change) for x in self.numbers[k]] for k in "ab")
+        weights = {"a": tuple(self.numbers["a"]), "b": tuple(self.numbers["b"])}
+        form = Table(
+            self.name, self.kind, self.expected, self.path, (), first=self.first, symmetric=self.mirrored, **weights
+        )
+        return form.steps([*a, *b])
 
 
 @cache
