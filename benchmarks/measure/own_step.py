@@ -65,8 +65,9 @@ class OwnStep:
     where: str = ""
     again: Callable[[str], OwnStep] | None = None
 
-    #: For the same interface as a method; a step has no parameters.
+    #: For the same interface as a method; a step has no parameters, and starts from a state on all constraints.
     parameters = {}  # noqa: RUF012
+    tangent = one_step = True
 
     def __post_init__(self):
         if particle_step.TRAIT in self.requires and particle_step.in_velocities(self.step):

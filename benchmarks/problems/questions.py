@@ -53,6 +53,17 @@ QUESTIONS: tuple[Question, ...] = (
     Question("pendulum-short", "pendulum:swinging", 10.0, "end-state", down_to(13), "the state after one swing"),
     Question("pendulum-long", "pendulum:swinging", 1000.0, "end-state", down_to(11), "the state after 120 swings"),
     Question("pendulum-energy", "pendulum:rotating", 1e5, "energy", down_to(10), "the energy over 35,000 rotations"),
+    Question(
+        "spherical-pendulum", "spherical-pendulum", 100.0, "end-state", down_to(12), "the state after 20 oscillations"
+    ),
+    Question(
+        "double-pendulum-cartesian",
+        "double-pendulum-cartesian:regular",
+        100.0,
+        "end-state",
+        down_to(12),
+        "two points by constraints after 12 oscillations",
+    ),
     Question("kepler-orbit", "kepler", 2 * pi, "end-state", down_to(13), "the state after one revolution, e = 0.6"),
     Question("kepler-phase", "kepler", 200 * pi, "phase", down_to(11), "where the planet is after 100 revolutions"),
     Question(

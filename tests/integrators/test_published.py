@@ -129,6 +129,11 @@ PUBLISHED = {
         hessian-free-badadadadab 6/5,
         quinlan-tremaine-8 8/8, quinlan-tremaine-10 10/10, quinlan-tremaine-12 12/12, quinlan-tremaine-14 14/14
     """,
+    (True, True, BOUNDED, NONE): """
+        rattle 2, rattle-yoshida-4 4, lobatto-iiia-iiib-constrained-2 2, lobatto-iiia-iiib-constrained-4 4,
+        lobatto-iiia-iiib-constrained-6 6
+    """,
+    (False, True, BOUNDED, NONE): "shake 2",
     (True, True, BOUNDED, BOUNDED): """
         deuflhard 2, mollified-impulse 2, r-respa 2, imex 2
     """,

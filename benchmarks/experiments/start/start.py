@@ -62,6 +62,7 @@ FIRSTS = (
             "cohen-hairer-3",
             "tao-6",
             "jayawardana-ohsawa-4",
+            "quinlan-tremaine-14",
         )
     ),
     First("gautschi", "fpu", (("m", 2),)),
@@ -69,6 +70,8 @@ FIRSTS = (
     First("gauss-8-field", "perturbed-kepler"),
     First("wisdom-holman-corrector", "perturbed-kepler"),
     First("he-splitting-4", "magnetic-mirror"),
+    First("rattle-yoshida-4", "double-pendulum-cartesian"),
+    First("lobatto-iiia-iiib-constrained-6", "double-pendulum-cartesian"),
     First("stormer-verlet", "henon-heiles"),
     First("gauss-equip-4", "henon-heiles"),
     First("gauss-equip-4", "schwarzschild"),
