@@ -181,13 +181,21 @@ def _line(role: str, c: dict[str, Any], orbit: bool) -> dict[str, str]:
     }
 
 
+def can_be_installed(candidate: dict[str, str]) -> bool:
+    """True unless the package of a dropped peer needs a newer Python than this one."""
+    from phasebench.reference.peers.record import older_python
+    from phasebench.reference.peers.registry import BY_ID
+
+    return older_python(BY_ID[candidate["integrator"]].python) is None
+
+
 def _dropped(dropped: list[dict[str, str]], each: bool) -> None:
     """Print how many integrators were dropped for which reason; list ``each``, or only those that were run."""
     kinds = Counter(_kind(d["why"]) for d in dropped)
     text = ", ".join(f"{n} {kind}" for kind, n in kinds.most_common())
     if text:
         out.print(f"not advised: {text}", highlight=False, markup=False, soft_wrap=True)
-    missing = {d["why"].split()[0] for d in dropped if _kind(d["why"]) == NOT_INSTALLED}
+    missing = {d["why"].split()[0] for d in dropped if _kind(d["why"]) == NOT_INSTALLED and can_be_installed(d)}
     if missing:
         names = " ".join(sorted(missing))
         out.print(f"to try those, too: pip install {names}", highlight=False, markup=False, soft_wrap=True)

@@ -10,11 +10,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from phasebench.benchmarks.cli.advise import can_be_installed
 from phasebench.benchmarks.experiments.audit import audit, modes, python, statement_cells, unregistered
 from phasebench.benchmarks.problems import problem
 from phasebench.benchmarks.store.cells import Unavailable
 from phasebench.integrators import Hamiltonian, InvalidInput, integrate
-from phasebench.reference.peers import integrate_peer, sundials4py
+from phasebench.reference.peers import integrate_peer, record, sundials4py
 from phasebench.reference.solvers.taylor import reference
 
 PEERS = {p.id: p for p in sundials4py.PEERS}
@@ -184,3 +185,12 @@ def test_another_method_or_another_sign_shows(package):
     assert abs(ends[0] - ends[1]) > 1e-7
     with pytest.raises(RuntimeError, match="returned"):
         sundials4py._integrator("ARKODE_SPRK_NONE_9_9", False, made.system, np.ones(2), 0.1)
+
+
+def test_advice_does_not_send_for_a_package_that_this_python_cannot_have(monkeypatch):
+    """The hint how to install what was left out names the package from its oldest Python on."""
+    dropped = {"integrator": "sundials-mclachlan-4-4"}
+    for version, allowed in (((3, 11), False), ((3, 12), True)):
+        monkeypatch.setattr(record.sys, "version_info", version)
+        assert can_be_installed(dropped) == allowed
+    assert can_be_installed({"integrator": "gala-leapfrog"})
