@@ -29,6 +29,7 @@ from phasebench.benchmarks.experiments.ensembles.page import PAGE as ENSEMBLES
 from phasebench.benchmarks.experiments.extended.page import PAGE as EXTENDED
 from phasebench.benchmarks.experiments.extremes.encounters_page import PAGE as EXTREMES_ENCOUNTERS
 from phasebench.benchmarks.experiments.extremes.limits_page import PAGE as EXTREMES_LIMITS
+from phasebench.benchmarks.experiments.extremes.multistep_page import PAGE as EXTREMES_MULTISTEP
 from phasebench.benchmarks.experiments.extremes.page import PAGE as EXTREMES
 from phasebench.benchmarks.experiments.extremes.round_off_page import PAGE as EXTREMES_ROUND_OFF
 from phasebench.benchmarks.experiments.extremes.springs_page import PAGE as EXTREMES_SPRINGS
@@ -88,6 +89,7 @@ PAGES: tuple[Page, ...] = (
     EXTREMES_ROUND_OFF,
     EXTREMES_ENCOUNTERS,
     EXTREMES_SPRINGS,
+    EXTREMES_MULTISTEP,
     KEPLER,
     WISDOM_HOLMAN,
     OSCILLATORY,

@@ -141,7 +141,8 @@ PAGE = Page(
     whole=full_table,
     limits=(
         "More on pages of their own: [known limits](extremes-limits.md), [three bodies and a zoom-whirl orbit](extremes-encounters.md), "
-        "[step-size resonances](extremes-springs.md), [round-off](extremes-round-off.md).",
+        "[step-size resonances](extremes-springs.md), [multistep methods](extremes-multistep.md), "
+        "[round-off](extremes-round-off.md).",
         "A gap between stable steps in which the trace exceeds 2 by less than 1e-10 is not counted; beyond h ω = 10 intervals "
         "narrower than 0.25 may be missed.",
         "Survival is not monotone in h: the largest step is the end of the first interval that doublings of h find.",
