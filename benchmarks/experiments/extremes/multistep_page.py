@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -43,28 +44,30 @@ def decided(rows: pd.DataFrame) -> pd.Series:
     return ((grown >= SURE) | (grown < QUIET)) & ((rows["e"] == 0) | (rows["first"] < SMALL))
 
 
-def _agreement(rows: pd.DataFrame, claim: str) -> Verdict | None:
+def _agreement(rows: pd.DataFrame) -> dict[str, Any] | None:
+    """Arguments of a verdict that orbits are lost where theory says so; None without rows."""
     sure = rows[decided(rows)]
     if sure.empty:
         return None
     right = lost(sure) == (sure["rate"] * multistep.ORBITS >= SURE)
     wrong = [f"{r.method} at {r.N:g} steps an orbit" for r in sure[~right].itertuples()]
-    return Verdict(claim, Count(int(right.sum()), len(sure)), EVERY, "step sizes", join_list(wrong, 3) if wrong else "")
+    count = Count(int(right.sum()), len(sure))
+    return {"measured": count, "expected": EVERY, "unit": "step sizes", "where": join_list(wrong, 3) if wrong else ""}
 
 
 @of("extremes_multistep")
 def circle(table: pd.DataFrame) -> Verdict | None:
     """Whether circular orbits are lost where the closed form says so."""
-    return _agreement(
-        table[table["e"] == 0], "A circular orbit is lost at the steps at which its linear theory is unstable"
-    )
+    found = _agreement(table[table["e"] == 0])
+    return found and Verdict("A circular orbit is lost at the steps at which its linear theory is unstable", **found)
 
 
 @of("extremes_multistep")
 def ellipse(table: pd.DataFrame) -> Verdict | None:
     """Whether eccentric orbits are lost where a Floquet multiplier exceeds 1."""
-    return _agreement(
-        table[table["e"] > 0], "An eccentric orbit is lost at the steps at which a Floquet multiplier exceeds one"
+    found = _agreement(table[table["e"] > 0])
+    return found and Verdict(
+        "An eccentric orbit is lost at the steps at which a Floquet multiplier exceeds one", **found
     )
 
 
