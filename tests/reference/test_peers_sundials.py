@@ -160,6 +160,16 @@ def test_leapfrogs_are_ours(package):
         assert theirs.counts["gradient"] in (600, 1200), "version 7.9 leaves out forces whose coefficient is 0"
 
 
+def test_what_stood_in_memory_before_does_not_matter(package):
+    made = problem("henon-heiles:box")
+    for _ in range(20):
+        left_behind = [np.full(4, np.nan) for _ in range(1000)]
+        del left_behind
+        s = integrate_peer(made, "sundials-leapfrog-2-2", h=0.05, steps=1)
+        assert s.status == "ok"
+        assert s.counts["steps"] == 1
+
+
 def test_compensated_sums_lose_less_of_the_angular_momentum(package):
     made = problem("kepler", e=0.6)
     lost = []

@@ -347,6 +347,17 @@ STATEMENTS = (
         "say that these two are Nystrom methods: T quadratic",
     ),
     Statement(
+        "sundials_memory",
+        "sundials4py",
+        "This is the classic Leapfrog/Verlet method and the default 2nd order method.",
+        "guide:ARKODE 7.5, Appendix: Butcher tables, ARKODE_SPRK_LEAPFROG_2_2",
+        SUNDIALS.format("Butcher"),
+        below(0),
+        "of 100 runs in memory that held NaN before {0} end with NaN (PSEUDO_LEAPFROG_2_2: {1})",
+        WRONG,
+        "set the stage's slope to 0 where its coefficient is 0: version 7.9 multiplies what stood in memory by it",
+    ),
+    Statement(
         "sundials_time_dependent",
         "sundials4py",
         "the component partitioned IVP is given by p' = f1(t, q), q' = f2(t, p)",

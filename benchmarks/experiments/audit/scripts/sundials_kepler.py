@@ -21,11 +21,17 @@ radius = lambda q: root(q[0] * q[0] + q[1] * q[1])  # noqa: E731
 H = lambda y: 0.5 * (y[2] * y[2] + y[3] * y[3]) - 1.0 / radius(y)  # noqa: E731
 force = lambda t, y, out, _: array(out).__setitem__(slice(2, 4), -array(y)[:2] / pow(radius(array(y)), 3.0)) or 0  # noqa: E731
 speed = lambda t, y, out, _: array(out).__setitem__(slice(2), array(y)[2:]) or 0  # noqa: E731
+START = [0.4, 0.0, 0.0, root(1.6 / 0.4)]
 for method, (h, stored) in STORED.items():
-    y = np.array([0.4, 0.0, 0.0, root(1.6 / 0.4)])
+    y = np.array(START)
     vector = core.N_VMake_Serial(4, y, context)
     integrator = arkode.SPRKStepCreate(force, speed, 0.0, vector, context)
     memory, start = integrator.get(), H(y)
+    arkode.SPRKStepSetMethodName(memory, "ARKODE_SPRK_EULER_1_1")
+    arkode.ARKodeSetFixedStep(memory, h)
+    arkode.ARKodeEvolve(memory, h, vector, arkode.ARK_ONE_STEP)  # sets memory, see sundials_memory
+    y[:] = START
+    arkode.ARKodeReset(memory, 0.0, vector)
     codes = [arkode.SPRKStepSetMethodName(memory, f"ARKODE_SPRK_{method}"), arkode.ARKodeSetFixedStep(memory, h)]
     codes += [arkode.ARKodeSetMaxNumSteps(memory, 100_000), arkode.ARKodeSetStopTime(memory, 50.0)]
     arkode.ARKodeEvolve(memory, 50.0, vector, arkode.ARK_NORMAL)

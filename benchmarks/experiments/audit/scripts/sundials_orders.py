@@ -19,8 +19,12 @@ def errors(method, n, T, rate):
     speed = lambda t, y, out, _: array(out).__setitem__(0, rate(array(y)[1])) or 0  # noqa: E731
     vector = core.N_VMake_Serial(2, y, context)
     integrator = arkode.SPRKStepCreate(force, speed, 0.0, vector, context)
-    arkode.SPRKStepSetMethodName(integrator.get(), f"ARKODE_SPRK_{method}")
+    arkode.SPRKStepSetMethodName(integrator.get(), "ARKODE_SPRK_EULER_1_1")
     arkode.ARKodeSetFixedStep(integrator.get(), END / n)
+    arkode.ARKodeEvolve(integrator.get(), END, vector, arkode.ARK_ONE_STEP)  # sets memory, see sundials_memory
+    y[:] = START
+    arkode.SPRKStepSetMethodName(integrator.get(), f"ARKODE_SPRK_{method}")
+    arkode.ARKodeReset(integrator.get(), 0.0, vector)
     for _ in range(n):
         energy.append(T(y[1]) + np.exp(y[0]) - y[0])
         arkode.ARKodeEvolve(integrator.get(), END, vector, arkode.ARK_ONE_STEP)

@@ -20,8 +20,12 @@ def end(method, n):
     y = np.array(START)
     vector = core.N_VMake_Serial(2, y, context)
     integrator = arkode.SPRKStepCreate(force, speed, 0.0, vector, context)
-    arkode.SPRKStepSetMethodName(integrator.get(), f"ARKODE_SPRK_{method}")
+    arkode.SPRKStepSetMethodName(integrator.get(), "ARKODE_SPRK_EULER_1_1")
     arkode.ARKodeSetFixedStep(integrator.get(), END / n)
+    arkode.ARKodeEvolve(integrator.get(), END, vector, arkode.ARK_ONE_STEP)  # sets memory, see sundials_memory
+    y[:] = START
+    arkode.SPRKStepSetMethodName(integrator.get(), f"ARKODE_SPRK_{method}")
+    arkode.ARKodeReset(integrator.get(), 0.0, vector)
     for _ in range(n):
         arkode.ARKodeEvolve(integrator.get(), END, vector, arkode.ARK_ONE_STEP)
     return y
