@@ -355,7 +355,7 @@ STATEMENTS = (
         below(0),
         "of 100 runs in memory that held NaN before {0} end with NaN (PSEUDO_LEAPFROG_2_2: {1})",
         WRONG,
-        "set the stage's slope to 0 where its coefficient is 0: version 7.9 multiplies what stood in memory by it",
+        "leave the stage out where its coefficient is 0, not only its evaluation",
     ),
     Statement(
         "sundials_time_dependent",
