@@ -6,7 +6,7 @@ from phasebench.benchmarks.measure.integrator import Integrator
 
 #: Problem -> (families or ids of our methods, integrators of REBOUND) that are exact for it.
 EXACT = {
-    "kepler": ({"wisdom_holman"}, {"whfast", "whfast512", "saba", "mercurius", "trace"}),
+    "kepler": ({"wisdom_holman", "fcirk"}, {"whfast", "whfast512", "saba", "mercurius", "trace"}),
     "harmonic-oscillator": (
         {"gautschi", "deuflhard", "mollified-impulse", "hochbruck-lubich", "hairer-lubich", "grimm-hochbruck"},
         set(),

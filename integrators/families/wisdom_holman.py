@@ -169,7 +169,7 @@ def _substeps(kicks):
 
 
 @jit
-def _drift(step, X, h):
+def drift(step, X, h):
     """Move all bodies along their Kepler orbits over the time h, exp(h A): updates the rows (Q, P, lost parts) of X."""
     n = step.dimension
     for k in range(len(step.mu)):
@@ -177,7 +177,7 @@ def _drift(step, X, h):
 
 
 @jit
-def _convert(matrix, X, row, n, Y, out):
+def convert(matrix, X, row, n, Y, out):
     """Multiply a row of X, bodies of n components each, by the matrix; write row ``out`` of Y."""
     for k in range(len(matrix)):
         for i in range(n):
@@ -191,9 +191,9 @@ def _convert(matrix, X, row, n, Y, out):
 def _kick(step, X, h, carry, counts):
     """Change P by the interaction over the time h, exp(h B), in the rows of X; overwrites rows 4 to 6 of memory."""
     memory, n = carry.memory, step.dimension
-    _convert(step.back, X, 0, n, memory, 4)
+    convert(step.back, X, 0, n, memory, 4)
     store(memory, 5, step.dB(load(memory, 4, carry.zero)))
-    _convert(step.back.T, memory, 5, n, memory, 6)
+    convert(step.back.T, memory, 5, n, memory, 6)
     for i in range(len(carry.zero)):
         X[1, i], X[3, i] = add(X[1, i], X[3, i], -h * memory[6, i])
     counts.gradient += 1
@@ -204,7 +204,7 @@ def _correct(step, X, sign, carry, counts):
     """Apply the symplectic corrector (sign 1) or its inverse (-1), the corrector run backwards, to the rows of X."""
     rows = len(step.corrector)
     for k in range(rows):
-        _drift(step, X, step.corrector[k, 0] * step.h)
+        drift(step, X, step.corrector[k, 0] * step.h)
         if k + 1 < rows:
             _kick(step, X, sign * step.corrector[k, 1] * step.h, carry, counts)
 
@@ -220,31 +220,31 @@ def run(step, carry, samples, counts):
     between = (a[stages, 0] + a[0, 0]) * h
     lead = between
     if counts.steps == 0:
-        _convert(step.change, state, 0, n, memory, 0)
-        _convert(step.back.T, state, 1, n, memory, 1)
+        convert(step.change, state, 0, n, memory, 0)
+        convert(step.back.T, state, 1, n, memory, 1)
         store(state, 0, load(memory, 0, zero))
         store(state, 1, load(memory, 1, zero))
         _correct(step, state, 1, carry, counts)
         lead = a[0, 0] * h
     for row in range(len(samples.q)):
         for _ in range(samples.every):
-            _drift(step, state, lead)  # exp(a_0 h A), with the last of the step before
+            drift(step, state, lead)  # exp(a_0 h A), with the last of the step before
             for k in range(stages):
                 if k > 0:
-                    _drift(step, state, a[k, 0] * h)  # exp(a_k h A)
+                    drift(step, state, a[k, 0] * h)  # exp(a_k h A)
                 _kick(step, state, a[k, 1] * h, carry, counts)  # exp(b_k h B)
             lead = between
         for i in range(4):
             store(memory, i, load(state, i, zero))
-        _drift(step, memory, a[stages, 0] * h)
+        drift(step, memory, a[stages, 0] * h)
         _correct(step, memory, -1, carry, counts)
-        _convert(step.back, memory, 0, n, samples.q, row)
-        _convert(step.change.T, memory, 1, n, samples.p, row)
+        convert(step.back, memory, 0, n, samples.q, row)
+        convert(step.change.T, memory, 1, n, samples.p, row)
     counts.steps += len(samples.q) * samples.every
     return len(samples.q), 0
 
 
-def _check(system: Hamiltonian) -> None:
+def check_kinetic_energy(system: Hamiltonian) -> None:
     """Raise InvalidInput unless T is the sum of |P_k|^2 / (2 m_k) in the declared variables."""
     part, d = system.kepler, system.d
     if not system.quadratic_kinetic or len(part.masses) * part.dimension != d:
@@ -263,7 +263,7 @@ def _check(system: Hamiltonian) -> None:
 def prepare(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
     """Prepare the kernel: drifts, kicks and corrector from ``method.data``, and the gradient of the interaction."""
     part = system.kepler
-    _check(system)
+    check_kinetic_energy(system)
     drifts, kicks, order = method.data
     rows = [[a, b] for a, b in zip(drifts, (*kicks, 0), strict=True)]
     change = part.matrix

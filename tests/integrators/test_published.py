@@ -39,7 +39,7 @@ PUBLISHED = {
         blanes-casas-ros-p3 4/3, blanes-casas-ros-p4 6/5
     """,
     (True, True, BOUNDED, ROUND_OFF): """
-        implicit-midpoint 2/1, stormer-verlet 2/2, stormer-verlet-dkd 2/2, scheme-iii 2/2,
+        implicit-midpoint 2/1, stormer-verlet 2/2, stormer-verlet-dkd 2/2, scheme-iii 2/2, fcirk 16/8,
         scheme-iii-yoshida-4 4/6, scheme-iii-yoshida-6 6/18, scheme-iii-suzuki-4 4/10, scheme-iii-suzuki-6
         6/50, blanes-moan-s6 4/12, blanes-moan-s10 6/20, mclachlan-s2 2/4, mclachlan-s4 4/8, mclachlan-s5
         4/10, pefrl 4/8, aba-864 4/14, aba-1064 4/16, saba-2 2/4, saba-3 2/6, saba-4 2/8, blanes-moan-srkn6b
@@ -150,6 +150,7 @@ def parts(m) -> int | None:
         "collocation": lambda: m.data[1],
         "equip": lambda: m.data[0],
         "multistep": lambda: m.earlier + 1,
+        "fcirk": lambda: m.data[0],
         "poisson": lambda: m.data[0],
         "variational": lambda: m.data[2],
         "processed": lambda: sum(b != 0 for b in m.data[0][1]),
@@ -213,6 +214,7 @@ def test_default_parameters():
         "generating-function": {"order": 3, "lam": third},
         "r-respa": {"substeps": 10},
         "wisdom-holman-corrector": {"corrector": 17},
+        "fcirk": {"stages": 8},
         **{f"tao-{order}": {"omega": 20} for order in (2, 4, 6)},
     }
 

@@ -79,7 +79,7 @@ def reach(table: pd.DataFrame) -> pd.Series:
 def kind(method: str, measured: str) -> str:
     """The kind of an integrator's steps: ``measured``, or "Kepler-solving" if it solves the Kepler problem exactly."""
     family = BY_ID[method].family if method in BY_ID else ""
-    return "Kepler-solving" if family == "wisdom_holman" or method in KEPLERIAN else measured
+    return "Kepler-solving" if family in ("wisdom_holman", "fcirk") or method in KEPLERIAN else measured
 
 
 @of("extremes_encounters")

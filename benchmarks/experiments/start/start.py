@@ -69,6 +69,7 @@ FIRSTS = (
     First("gauss-8-adaptive", "perturbed-kepler"),
     First("gauss-8-field", "perturbed-kepler"),
     First("wisdom-holman-corrector", "perturbed-kepler"),
+    First("fcirk", "perturbed-kepler"),
     First("he-splitting-4", "magnetic-mirror"),
     First("rattle-yoshida-4", "double-pendulum-cartesian"),
     First("lobatto-iiia-iiib-constrained-6", "double-pendulum-cartesian"),

@@ -40,6 +40,8 @@ PRACTICAL = (
     "adaptive",
     "field",
     "wisdom_holman",
+    "fcirk",
+    "multistep",
     "trigonometric",
 )
 #: Largest number of stage unknowns of a Gauss method above `SMALL`: a dense Newton step costs its cube.
