@@ -1,4 +1,4 @@
-"""The command line, a module per command: ``python -m benchmarks``, installed as ``phasebench``.
+"""The command line, a module per command: ``python -m phasebench``, installed as ``phasebench``.
 
 A new command is a function in a module of its own, entered in `COMMANDS` with an example that a test runs.  Options
 that several commands have are in `options`, their old spellings in `spellings`.  Heavy packages load only in the

@@ -49,7 +49,7 @@ def output(line: str, folder: Path) -> str:
     if path.exists():
         return path.read_text(encoding="utf-8")
     words = shlex.split(line)
-    words = [sys.executable, "-m", "phasebench.benchmarks", *words[1:]] if words[0] == "phasebench" else words
+    words = [sys.executable, "-m", "phasebench", *words[1:]] if words[0] == "phasebench" else words
     run = [subprocess.run(words, cwd=HERE.parents[1], capture_output=True, text=True, timeout=LIMIT,
                           env=os.environ | {"COLUMNS": str(WIDTH), "NO_COLOR": "1"}) for _ in range(2)][-1]  # fmt: skip
     if run.returncode:

@@ -16,8 +16,7 @@ import pytest
 from rich.console import Console
 from typer.testing import CliRunner
 
-from phasebench.benchmarks.__main__ import app
-from phasebench.benchmarks.cli import shared
+from phasebench.benchmarks.cli import app, shared
 from phasebench.benchmarks.cli.integrate import shortened
 from phasebench.benchmarks.problems import PROBLEMS, problem
 from phasebench.benchmarks.problems.questions import QUESTIONS
@@ -103,7 +102,7 @@ import json, runpy, sys
 for arguments in {commands!r}:
     sys.argv = ["phasebench", *arguments]
     try:
-        runpy.run_module("benchmarks", run_name="__main__")
+        runpy.run_module("phasebench", run_name="__main__")
     except SystemExit:
         pass
 print("\\n" + json.dumps([m for m in {heavy!r} if m in sys.modules]))
@@ -223,7 +222,7 @@ def test_module_lists_in_less_than_two_seconds():
         return usage.ru_utime + usage.ru_stime
 
     before = spent()
-    command = [sys.executable, "-m", "benchmarks", "list", "methods", "--json"]
+    command = [sys.executable, "-m", "phasebench", "list", "methods", "--json"]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
     assert spent() - before < 2
     assert [row["method"] for row in strict(done.stdout)] == REGISTERED["methods"]

@@ -131,7 +131,7 @@ def test_warm_commands_alternate_with_the_import_of_numba(monkeypatch):
     assert [r["what"] for r in rows] == [start.FLOOR, *(" ".join(c) for c in start.COMMANDS)]
     assert [(r["seconds"], r["low"], r["high"]) for r in rows] == [(2.0, 1.0, 3.0)] * len(rows)
     assert given["rounds"] == start.ROUNDS
-    assert ran[1][:5] == ["-m", "phasebench.benchmarks", "integrate", "pendulum", "stormer-verlet"]
+    assert ran[1][:5] == ["-m", "phasebench", "integrate", "pendulum", "stormer-verlet"]
 
 
 def test_failed_process_raises():

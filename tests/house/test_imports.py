@@ -60,7 +60,7 @@ ROOMS = {
         ("experiments",),
         ("report",),
         ("cli",),
-        ("__main__", "conftest"),
+        ("conftest",),
     ),
 }
 HEAVY = ("heyoka", "rebound", "matplotlib", "pandas", "scipy")

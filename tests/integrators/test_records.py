@@ -8,7 +8,7 @@ import pytest
 from typer.testing import CliRunner
 
 from phasebench.benchmarks import bibliography
-from phasebench.benchmarks.__main__ import app
+from phasebench.benchmarks.cli import app
 from phasebench.benchmarks.problems import PROBLEMS, problem
 from phasebench.integrators.record import BOUNDED, DRIFT, EXACT, NONE, ROUND_OFF
 from phasebench.integrators.registry import BY_ID, METHODS, method

@@ -145,7 +145,7 @@ def warm() -> Rows:
     """Time the commands of `COMMANDS` in processes that compile nothing, and the import of Numba: a row for each."""
     work: dict[str, Callable[[], object]] = {FLOOR: partial(_run, ["-c", FLOOR])}
     for command in COMMANDS:
-        words = ["-m", "phasebench.benchmarks", *command, "--h", str(H), "--steps", str(STEPS), "--json"]
+        words = ["-m", "phasebench", *command, "--h", str(H), "--steps", str(STEPS), "--json"]
         work[" ".join(command)] = partial(_run, words)
     rows = []
     for what, rounds in time_in_turns(work, ROUNDS).items():
