@@ -89,11 +89,29 @@ class Method:
         return lacks(self.id, self.requires, system)
 
 
+#: What gives a system a trait that methods require: trait -> what its H is, or what declares it.
+TRAITS = {
+    "canonical": "the equations of motion come from an H(q, p)",
+    "separable": "H = T(p) + V(q)",
+    "quadratic kinetic energy": "H = T(p) + V(q) with T quadratic in p",
+    "constant mass matrix": "H = p . M^-1 p / 2 + V(q) with a constant M",
+    "linear fast part": "H = |p|^2 / 2 + sum of w_i^2 q_i^2 / 2 + U(q), the w_i declared as frequencies=",
+    "Kepler part": "bodies that orbit a central one, declared as kepler= or by a table of planets",
+    "Poisson structure": "y' = B(y) grad H(y) with a structure matrix B(y), as lotka-volterra has",
+    "further invariants": "invariants besides the energy, declared as invariants=",
+    "singular distances": "distances that vanish where H is singular, in its formula or declared as singular=",
+    "elementary derivatives": "few coordinates, and derivatives made of powers, sin, cos, exp, sinh, cosh and tanh",
+    "magnetic": "H = |p - A(x)|^2 / (2 m) + phi(x) in 2 or 3 dimensions, curl A not zero",
+    "constrained": "constraints g(q) = 0, declared as a ConstrainedHamiltonian or by --constraint",
+}
+
+
 def lacks(id: str, requires: Iterable[str], system) -> str | None:
     """The reason why a method with this id and these required traits cannot run on ``system``, or None if it can."""
     for trait in requires:
         if not system.traits[trait]:
-            return f"method '{id}' requires a system with the trait '{trait}', which this one lacks"
+            why = f"which this one lacks: {TRAITS[trait]}"
+            return f"method '{id}' requires a system with the trait '{trait}', {why}"
     return None
 
 

@@ -11,6 +11,7 @@ from phasebench.benchmarks import bibliography
 from phasebench.benchmarks.cli import app
 from phasebench.benchmarks.problems import PROBLEMS, problem
 from phasebench.integrators.record import BOUNDED, DRIFT, EXACT, NONE, ROUND_OFF
+from phasebench.integrators.record import TRAITS as MEANINGS
 from phasebench.integrators.registry import BY_ID, METHODS, method
 
 TRAITS = set(problem("pendulum").system.traits)
@@ -31,6 +32,7 @@ def test_a_record_is_complete(id):
     assert m.order >= 1
     assert {m.energy, m.quadratic} <= {EXACT, ROUND_OFF, BOUNDED, DRIFT, NONE}
     assert set(m.requires) <= TRAITS, "no system has such a trait"
+    assert set(m.requires) <= set(MEANINGS), "what gives a system this trait is not said"
     assert m.cite
     assert set(m.cite) <= set(bibliography.entries()), "the bibliography lacks a key"
 
