@@ -16,6 +16,7 @@ _HOMES = {
     "Ensemble": "ensemble",
     "Hamiltonian": "systems.hamiltonian",
     "PartitionedSystem": "systems.hamiltonian",
+    "RigidBody": "systems.rigid",
     "InvalidInput": "errors",
     "METHODS": "registry",
     "Method": "record",

@@ -26,6 +26,7 @@ from .records import (
     poisson,
     processed,
     projection,
+    rigid,
     sampling,
     solvers,
     splittings,
@@ -56,6 +57,7 @@ _RECORDS: tuple[Method, ...] = (
     *poisson.METHODS,
     *magnetic.METHODS,
     *constrained.METHODS,
+    *rigid.METHODS,
     *multistep.METHODS,
 )
 

@@ -54,6 +54,7 @@ if TYPE_CHECKING:
     from phasebench.integrators.statuses import STATUSES as STATUSES
     from phasebench.integrators.systems.constrained import ConstrainedHamiltonian as ConstrainedHamiltonian
     from phasebench.integrators.systems.hamiltonian import Hamiltonian as Hamiltonian
+    from phasebench.integrators.systems.rigid import RigidBody as RigidBody
     from phasebench.reference.peers import PEERS as PEERS
     from phasebench.reference.peers import Peer as Peer
     from phasebench.reference.peers.prepared import PreparedPeer as PreparedPeer
@@ -81,6 +82,7 @@ _HOMES = {
     "PreparedPeer": "reference.peers.prepared",
     "PreparedRun": "integrators.prepared",
     "Problem": "benchmarks.problems.base",
+    "RigidBody": "integrators",
     "STATUSES": "integrators.statuses",
     "References": "benchmarks.experiments.references.certify",
     "Section": "benchmarks.measure.ensembles",

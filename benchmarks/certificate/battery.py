@@ -14,7 +14,7 @@ from functools import cache
 
 import numpy as np
 
-from phasebench.benchmarks.measure.battery import SYSTEMS, coupled_double_well, tao
+from phasebench.benchmarks.measure.battery import RIGID, SYSTEMS, coupled_double_well, tao
 from phasebench.integrators.compile.codegen import MULTIPRECISION
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
@@ -146,6 +146,17 @@ def constrained() -> tuple[Entry, ...]:
 
 
 @cache
+def rigid() -> tuple[Entry, ...]:
+    """Rigid bodies, on which everything is measured of a step that requires one."""
+    found = {name: SYSTEMS[name]() for name in RIGID}
+    return tuple(Entry(name, body, (*q, *p), False, lasting=True, share=True) for name, (body, q, p) in found.items())
+
+
+#: Trait -> the systems on which everything is measured of a step that requires it.
+BY_TRAIT = {"magnetic": magnetic, "constrained": constrained, "rigid body": rigid}
+
+
+@cache
 def oscillator() -> Entry:
     """The harmonic oscillator of frequency 1, as an entry of the battery."""
     return Entry("harmonic-oscillator", _one("p**2/2 + q**2/2"), (0.8, 0.3))
@@ -153,7 +164,8 @@ def oscillator() -> Entry:
 
 def find_entry(name: str) -> Entry:
     """The system (`Entry`) of the battery with this name."""
-    return next(e for e in (*entries(), *lasting(), *magnetic(), *constrained(), oscillator()) if e.name == name)
+    special = (e for of in BY_TRAIT.values() for e in of())
+    return next(e for e in (*entries(), *lasting(), *special, oscillator()) if e.name == name)
 
 
 def of_problem(problem) -> Entry:

@@ -8,7 +8,6 @@ from typing import Protocol
 from phasebench.benchmarks.judge import judge
 from phasebench.benchmarks.judge.checks import CHECKS
 from phasebench.benchmarks.judge.evidence import Tables
-from phasebench.benchmarks.measure.own_step import CONSTRAINED
 from phasebench.integrators.compile.codegen import DOUBLE, MULTIPRECISION
 
 from . import adaptive, battery, behaviour, conservation, repeats, structure
@@ -63,8 +62,8 @@ def fill_tables(chosen: Subject, run: Run, own: list[Entry], tell) -> list[dict]
     charged = MAGNETIC in chosen.own.requires
     if not charged and "volume" not in chosen.own.claims:
         wanted.discard("volume")
-    bound = CONSTRAINED in chosen.own.requires
-    battery_of = battery.constrained if bound else battery.magnetic if charged else battery.entries
+    special = next((of for trait, of in battery.BY_TRAIT.items() if trait in chosen.own.requires), None)
+    battery_of = special or battery.entries
     entries = _able(chosen, own or battery_of(), tables)
     run.doubles = "an adaptive integrator has no step" if chosen.adaptive else ""
     try:
@@ -73,7 +72,7 @@ def fill_tables(chosen: Subject, run: Run, own: list[Entry], tell) -> list[dict]
             if not run.alone and not own:
                 _place(chosen, tables, tell)
         else:
-            several = [e for e in battery_of() if e.lasting] if charged or bound else battery.lasting()
+            several = [e for e in special() if e.lasting] if special else battery.lasting()
             lasting = _able(chosen, own or several, tables) if "long" in wanted else []
             run.doubles = _step(heard, tables, run.seed, tell, wanted, entries, lasting)
         times = _times(heard, tables, tell)

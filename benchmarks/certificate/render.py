@@ -22,7 +22,7 @@ from phasebench.integrators.errors import InvalidInput
 
 from . import figures
 from .adaptive import T_END
-from .battery import constrained, entries, magnetic
+from .battery import BY_TRAIT, entries
 from .result import Certificate
 from .stepping import DIGITS
 from .structure import STEPS
@@ -162,7 +162,7 @@ def _place(certificate: Certificate) -> pd.DataFrame:
 def _systems(certificate: Certificate) -> str:
     """A sentence on the systems it was measured on, and what they leave out."""
     names = list(dict.fromkeys(r["on"] for r in certificate.tables.of("order")))
-    battery = {e.name: e.system.d for e in (*entries(), *magnetic(), *constrained())}
+    battery = {e.name: e.system.d for of in (entries, *BY_TRAIT.values()) for e in of()}
     if not names or not set(names) <= set(battery):
         return f"Measured on {', '.join(names) or 'no system'}: what shows on others alone is not seen."
     dimensions = sorted({battery[name] for name in names})

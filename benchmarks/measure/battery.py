@@ -15,6 +15,7 @@ from phasebench.integrators.record import Method
 from phasebench.integrators.registry import METHODS
 from phasebench.integrators.systems.constrained import ConstrainedHamiltonian
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
+from phasebench.integrators.systems.rigid import RigidBody
 
 #: Parameter name -> the values to test; other parameters keep their default.
 VALUES = {
@@ -106,6 +107,20 @@ def on_ellipsoid() -> ConstrainedHamiltonian:
     return ConstrainedHamiltonian(q="x y z", p="u v w", H=H, constraints=["x**2 + 2*y**2 + 3*z**2 = 1"])
 
 
+def asymmetric_top() -> RigidBody:
+    """A body of three different moments in an anisotropic potential."""
+    return RigidBody(moments=(1, "3/2", 2), V="r33 + r13/2 - r12*r31/3")
+
+
+def nearly_symmetric_top() -> RigidBody:
+    """A heavy top, its smallest moment on the axis of its centre of mass; the other two are near each other."""
+    return RigidBody(moments=("1/2", 1, "11/10"), V="r31")
+
+
+def _turned(body: RigidBody, momentum: tuple[float, ...]):
+    return body, *(tuple(map(float, x)) for x in body.start(attitude=(0.8, 0.48, 0.0, -0.36), momentum=momentum))
+
+
 #: Name -> a cached function that returns (system, q, p).
 SYSTEMS = {
     "pendulum": cache(lambda: _of("pendulum:swinging")),
@@ -120,6 +135,8 @@ SYSTEMS = {
     "on-sphere": cache(lambda: (on_sphere(), (1.0, 0.0, 0.0), (0.0, 0.5, -0.75))),
     "rods": cache(lambda: (rods(), (1.0, 0.0, 1.0, 1.0), (0.0, 0.5, -0.75, 1.0))),
     "on-ellipsoid": cache(lambda: (on_ellipsoid(), (1.0, 0.0, 0.0), (0.0, 0.5, -0.75))),
+    "asymmetric-top": cache(lambda: _turned(asymmetric_top(), (0.4, -0.9, 0.6))),
+    "nearly-symmetric-top": cache(lambda: _turned(nearly_symmetric_top(), (0.5, 0.6, -0.7))),
     "relativistic-particle": cache(lambda: (relativistic_particle(), (0.3, -0.5, 0.4), (0.4, 0.6, -0.3))),
 }
 #: Systems on which formulae of high order stay short; enough for long compositions that solve an equation per substep.
@@ -134,6 +151,10 @@ MAGNETIC = ("charged-particle", "magnetic-mirror", "relativistic-particle")
 CONTROLS = ("explicit-euler", "rk4", "implicit-midpoint", "gauss-4")
 #: Systems with constraints, for the methods that require them.
 CONSTRAINED = ("on-sphere", "rods", "on-ellipsoid")
+#: Rigid bodies, for the methods that require one.
+RIGID = ("asymmetric-top", "nearly-symmetric-top")
+#: Trait -> the systems on which methods are tested that require it; no other method is tested on them.
+BY_TRAIT = {"magnetic": MAGNETIC, "constrained": CONSTRAINED, "rigid body": RIGID}
 #: Methods superconverge at turning points by symmetry, so orders are measured from this time of the orbit on.
 LATER = 0.4
 
@@ -158,17 +179,12 @@ def systems(method: Method, few: bool | None = None) -> list[str]:
     """Names of the systems on which a method is tested; ``few`` limits them (default: for high orders)."""
     if method.parameters.get("order", 0) in HIGH or (method.family == "schemes_iv_v" and method.order > LOW_ORDER):
         return [n for n in SHORT if runs_on(method, n)]
-    if "magnetic" in method.requires:
-        return [n for n in MAGNETIC if runs_on(method, n)]
-    if "constrained" in method.requires:
-        return [n for n in CONSTRAINED if runs_on(method, n)]
+    for trait, special in BY_TRAIT.items():
+        if trait in method.requires:
+            return [n for n in special if runs_on(method, n)]
     few = method.order > LOW_ORDER if few is None else few
-    fast = "linear fast part" in method.requires
-    names = [
-        n
-        for n in SYSTEMS
-        if n not in (*MAGNETIC, *CONSTRAINED) and runs_on(method, n) and (fast or n != "two-frequencies")
-    ]
+    fast, special = "linear fast part" in method.requires, {n for names in BY_TRAIT.values() for n in names}
+    names = [n for n in SYSTEMS if n not in special and runs_on(method, n) and (fast or n != "two-frequencies")]
     return [n for n in names if n in FEW] or names if few and not fast else names
 
 

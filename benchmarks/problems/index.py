@@ -37,6 +37,8 @@ PROBLEMS: dict[str, tuple[str, str, tuple[str, ...]]] = {
         "free rigid body in Andoyer's variables",
         ("around-e3", "around-e1", "near-separatrix"),
     ),
+    "free-rigid-body": ("free_rigid_body", "free rigid body in quaternions", ("tumbling", "wobbling")),
+    "heavy-top": ("heavy_top", "heavy top in quaternions", ("nutating", "slow")),
     "charged-particle": ("charged_particle", "charged particle in a magnetic field", ("drift",)),
     "magnetic-mirror": ("magnetic_mirror", "charged particle in a magnetic mirror", ("trapped",)),
     "schwarzschild": (

@@ -56,6 +56,8 @@ QUESTIONS: tuple[Question, ...] = (
     Question(
         "spherical-pendulum", "spherical-pendulum", 100.0, "end-state", down_to(12), "the state after 20 oscillations"
     ),
+    Question("free-rigid-body", "free-rigid-body:tumbling", 100.0, "end-state", down_to(12), "six turns over"),
+    Question("heavy-top", "heavy-top:nutating", 100.0, "end-state", down_to(12), "the state after 33 nutations"),
     Question(
         "double-pendulum-cartesian",
         "double-pendulum-cartesian:regular",

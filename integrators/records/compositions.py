@@ -29,8 +29,8 @@ def compose(base: Method, fractions: str | Sequence, **facts) -> Method:
 
     Parameters
     ----------
-    base : a symmetric record of order 2, of the family "parametric", "schemes_iv_v" or "rattle"; its parameters stay
-        parameters
+    base : a symmetric record of order 2, of the family "parametric", "schemes_iv_v", "rattle" or "rigid"; its
+        parameters stay parameters
     fractions : the name of a composition in `coefficients`, or all the fractions
     facts : fields of the record that are to differ (id, name, source, order, ...); without an order it is computed
         from the fractions
@@ -75,7 +75,7 @@ def _order(gamma) -> int:
 
 
 def _data(base: Method, gamma) -> tuple:
-    if base.family not in ("parametric", "schemes_iv_v", "rattle"):
+    if base.family not in ("parametric", "schemes_iv_v", "rattle", "rigid"):
         raise InvalidInput(f"'{base.label}' is of the family {base.family}; parametric and equip can be composed")
     if not base.symmetric or base.order != 2:
         kind = "symmetric" if base.symmetric else "not symmetric"
@@ -83,6 +83,9 @@ def _data(base: Method, gamma) -> tuple:
     if base.family == "parametric":
         order, substeps = base.data
         return order, tuple((times(g, c), mu, lam) for g in gamma for c, mu, lam in substeps)
+    if base.family == "rigid":
+        scheme, fractions = base.data
+        return scheme, tuple(times(g, c) for g in gamma for c in fractions)
     if base.family == "rattle":
         fractions, project = base.data
         return tuple(times(g, c) for g in gamma for c in fractions), project

@@ -77,6 +77,8 @@ class PartitionedSystem:
     poisson = False
     #: Whether coordinates are bound by constraints (`constrained`).
     constrained = False
+    #: Whether the system is a rigid body in quaternions (`rigid`).
+    rigid = False
     #: Intermediate results (symbol, expression) that `sides` refer to.
     definitions: tuple[tuple[Any, Any], ...] = ()
     #: What the cache knows the system by (see `deferred`); nothing where it is made of expressions.
@@ -167,6 +169,7 @@ class PartitionedSystem:
             "elementary derivatives": self.canonical and not self.loops and self.elementary,
             "magnetic": magnetic.kind(self),
             "constrained": self.constrained,
+            "rigid body": self.rigid,
             "constant mass matrix": self.constant_mass,
         }
 

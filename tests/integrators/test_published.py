@@ -127,6 +127,7 @@ PUBLISHED = {
         hessian-free-badab 4/2, hessian-free-adada 4/2, hessian-free-abadaba 4/3,
         hessian-free-adadada 4/3, hessian-free-abadabadaba 4/5, hessian-free-badadadab 6/4,
         hessian-free-badadadadab 6/5,
+        lie-midpoint 2,
         quinlan-tremaine-8 8/8, quinlan-tremaine-10 10/10, quinlan-tremaine-12 12/12, quinlan-tremaine-14 14/14
     """,
     (True, True, BOUNDED, NONE): """
@@ -135,7 +136,8 @@ PUBLISHED = {
     """,
     (False, True, BOUNDED, NONE): "shake 2",
     (True, True, BOUNDED, BOUNDED): """
-        deuflhard 2, mollified-impulse 2, r-respa 2, imex 2
+        deuflhard 2, mollified-impulse 2, r-respa 2, imex 2, rigid-dlm 2, rigid-reich 2, moser-veselov 2,
+        rigid-dlm-suzuki-4 4, rigid-reich-suzuki-4 4, rigid-reich-kahan-li-6 6
     """,
 }
 

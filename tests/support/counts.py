@@ -15,7 +15,7 @@ from unittest.mock import patch
 import numpy as np
 import sympy as sp
 
-from phasebench.benchmarks.measure.battery import CONSTRAINED, LOW_ORDER, MAGNETIC, SYSTEMS, by_label, runs_on, variants
+from phasebench.benchmarks.measure.battery import BY_TRAIT, LOW_ORDER, SYSTEMS, by_label, runs_on, variants
 from phasebench.integrators.driver import integrate
 from phasebench.integrators.families import gauss_lanes
 from phasebench.integrators.prepared import lay_out
@@ -39,7 +39,7 @@ OTHERS = ("structure", "energy", "grad_T", "constraint", "velocity", "rate", "de
 
 def systems(m) -> list[str]:
     """Names of the systems on which a method's calls are counted."""
-    names = {"magnetic": MAGNETIC, "constrained": CONSTRAINED}.get(m.requires[0], NAMES) if m.requires else NAMES
+    names = BY_TRAIT.get(m.requires[0], NAMES) if m.requires else NAMES
     return [name for name in names if runs_on(m, name)][:FEW]
 
 

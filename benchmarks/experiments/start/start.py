@@ -73,6 +73,8 @@ FIRSTS = (
     First("he-splitting-4", "magnetic-mirror"),
     First("rattle-yoshida-4", "double-pendulum-cartesian"),
     First("lobatto-iiia-iiib-constrained-6", "double-pendulum-cartesian"),
+    First("rigid-reich-suzuki-4", "heavy-top"),
+    First("moser-veselov", "heavy-top"),
     First("stormer-verlet", "henon-heiles"),
     First("gauss-equip-4", "henon-heiles"),
     First("gauss-equip-4", "schwarzschild"),

@@ -1,0 +1,47 @@
+r"""A free rigid body in space: its attitude as a quaternion, three axes of different moments.
+
+.. math::
+    H = \frac{L_1^2}{2 I_1} + \frac{L_2^2}{2 I_2} + \frac{L_3^2}{2 I_3},\qquad L_k = \tfrac12\,p\cdot(q\,e_k),
+
+with the quaternions e_k = i, j, k (`systems.rigid`).  The momentum in space is conserved, and its size G: with the
+energy E the body's axis of rotation goes round the largest or the smallest axis as 2 E is below or above G^2 / I_2.
+
+Start: q = 1 and the momenta L about the body's axes.  "tumbling" begins close to the middle axis, about which rotation
+is unstable: the body turns over again and again (Dzhanibekov's effect).
+"""
+
+from __future__ import annotations
+
+from phasebench.integrators.errors import InvalidInput
+from phasebench.integrators.systems.rigid import RigidBody
+
+from .base import Orbit, Pace, Problem, decades
+
+PARAMETERS = {"I1": 1.0, "I2": 2.0, "I3": 2.5}
+STARTS = {
+    "tumbling": ((0.0625, 2.0, 0.0625), "close to the middle axis, L = (1/16, 2, 1/16)"),
+    "wobbling": ((0.5, 0.25, 2.0), "around the axis of the largest moment, L = (1/2, 1/4, 2)"),
+}
+
+
+def make(**parameters: float) -> Problem:
+    """The body with the principal moments of inertia ``I1``, ``I2``, ``I3``."""
+    for name, value in parameters.items():
+        if not value > 0:
+            raise InvalidInput(f"{name} of the rigid body is {value}; it must be positive")
+    body = RigidBody(moments=[parameters[name] for name in PARAMETERS])
+    states = {name: body.start(attitude=(1, 0, 0, 0), momentum=L) for name, (L, _) in STARTS.items()}
+    return Problem(
+        id="free-rigid-body",
+        name="free rigid body, its attitude as a quaternion",
+        source="Landau & Lifshitz, Mechanics (1976), section 37; variables: Miller et al. 2002; data: this suite",
+        cite=("landau1976", "miller2002"),
+        system=body,
+        orbits=tuple(
+            Orbit(name, tuple(map(float, q)), tuple(map(float, p)), STARTS[name][1], decades(100.0))
+            for name, (q, p) in states.items()
+        ),
+        invariants=body.kept,
+        parameters=parameters,
+        pace=Pace(),
+    )

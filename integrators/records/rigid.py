@@ -1,0 +1,65 @@
+"""Methods for a rigid body in quaternions: splittings, Moser and Veselov's, a midpoint rule, and compositions."""
+
+from __future__ import annotations
+
+from phasebench.integrators.families.rigid import AXES, MIDPOINT, MOSER_VESELOV, TOP
+from phasebench.integrators.record import BOUNDED, Method
+
+from .compositions import compose
+
+
+def rigid(id: str, name: str, scheme: str, source: str, cite: tuple[str, ...], *, symplectic: bool = True) -> Method:
+    """A symmetric method of order 2."""
+    return Method(
+        id=id,
+        name=name,
+        family="rigid",
+        order=2,
+        symmetric=True,
+        symplectic=symplectic,
+        energy=BOUNDED,
+        quadratic=BOUNDED,
+        source=source,
+        cite=cite,
+        requires=("rigid body",),
+        data=(scheme, (1,)),
+    )
+
+
+DLM = rigid(
+    "rigid-dlm",
+    "rigid body: turns about the axes 3, 2, 1, 2, 3",
+    AXES,
+    "Dullweber, Leimkuhler & McLachlan 1997; Miller et al. 2002 in quaternions",
+    ("dullweber1997", "miller2002"),
+)
+REICH = rigid(
+    "rigid-reich",
+    "rigid body: a symmetric top between turns about the axis that is left",
+    TOP,
+    "Reich 1994; Touma & Wisdom 1994",
+    ("reich1994", "touma-wisdom1994"),
+)
+
+METHODS: tuple[Method, ...] = (
+    DLM,
+    REICH,
+    rigid(
+        "moser-veselov",
+        "rigid body: the discrete equations of Moser and Veselov, kicks by the potential around them",
+        MOSER_VESELOV,
+        "Moser & Veselov 1991; Hairer & Vilmart 2006 in quaternions",
+        ("moser-veselov1991", "hairer-vilmart2006"),
+    ),
+    rigid(
+        "lie-midpoint",
+        "rigid body: the midpoint rule for the momentum, and its Cayley transform for the attitude",
+        MIDPOINT,
+        "Austin, Krishnaprasad & Wang 1993",
+        ("austin1993",),
+        symplectic=False,
+    ),
+    compose(DLM, "suzuki-4"),
+    compose(REICH, "suzuki-4"),
+    compose(REICH, "kahan-li-6"),
+)

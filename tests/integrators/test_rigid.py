@@ -1,0 +1,275 @@
+"""Rigid bodies in quaternions: the equations, and the methods beside steps of rotation matrices in 30 digits."""
+
+from __future__ import annotations
+
+import mpmath
+import numpy as np
+import pytest
+
+import phasebench as pb
+from phasebench.benchmarks.measure.battery import RIGID, SYSTEMS
+from phasebench.benchmarks.problems import problem
+from phasebench.integrators import InvalidInput, RigidBody, integrate, integrate_ensemble
+from phasebench.integrators.records.compositions import compose
+from phasebench.integrators.registry import BY_ID, METHODS
+
+IDS = [m.id for m in METHODS if m.family == "rigid"]
+MOMENTS = (1, "3/2", 2)
+FREE, HEAVY = RigidBody(moments=MOMENTS), RigidBody(moments=MOMENTS, V="r33 + r13/2")
+#: V of `HEAVY` is the sum of WEIGHTS[i][j] R[i][j].
+WEIGHTS = [[0, 0, 0.5], [0, 0, 0], [0, 0, 1]]
+ATTITUDE, MOMENTUM = (0.8, 0.48, 0.0, -0.36), (0.4, -0.9, 0.6)
+DIGITS = 30
+
+
+# -- plain steps of a rotation matrix R and the momenta L in the body --------------------------------------------------
+
+
+def hat(v):
+    return mpmath.matrix([[0, -v[2], v[1]], [v[2], 0, -v[0]], [-v[1], v[0], 0]])
+
+
+def turn(v):
+    """The matrix that turns by the vector v, by its power series."""
+    return mpmath.expm(hat(v), method="taylor")
+
+
+def kicked(R, L, h, weights):
+    """V changes by R -> R turn(e_k a) as the sum of weights (R hat(e_k))_ij."""
+    out = []
+    for k in range(3):
+        image = R * hat([mpmath.mpf(i == k) for i in range(3)])
+        out.append(L[k] - h * mpmath.fsum(weights[i][j] * image[i, j] for i in range(3) for j in range(3)))
+    return out
+
+
+def turned(R, L, v):
+    """The body after a turn by v about an axis of its own: its momentum in space stays."""
+    Q = turn(v)
+    return R * Q, list(Q.T * mpmath.matrix(L))
+
+
+def axis(R, L, k, c, h):
+    return turned(R, L, [h * c * L[k] if i == k else mpmath.mpf(0) for i in range(3)])
+
+
+def plain_dlm(R, L, h, inertia):
+    for k, part in ((2, 2), (1, 2), (0, 1), (1, 2), (2, 2)):
+        R, L = axis(R, L, k, 1 / inertia[k], h / part)
+    return R, L
+
+
+def plain_reich(R, L, h, inertia):
+    """The flow of a top with I_2 = I_3 as one turn in space and one in the body; its axes are 2 and 3 here."""
+    R, L = axis(R, L, 2, 1 / inertia[2] - 1 / inertia[1], h / 2)
+    m = list(R * mpmath.matrix(L))
+    R = turn([h * x / inertia[1] for x in m]) * R
+    L = list(R.T * mpmath.matrix(m))
+    R, L = axis(R, L, 0, 1 / inertia[0] - 1 / inertia[1], h)
+    return axis(R, L, 2, 1 / inertia[2] - 1 / inertia[1], h / 2)
+
+
+def plain_moser_veselov(R, L, h, inertia):
+    """The turn Q with Q J - J Q^T = h hat(L), J = tr(I)/2 - I, by Newton's method for its vector."""
+    J = mpmath.diag([sum(inertia) / 2 - x for x in inertia])
+
+    def missing(*v):
+        Q = turn(v)
+        M = Q * J - J * Q.T - h * hat(L)
+        return [M[2, 1], M[0, 2], M[1, 0]]
+
+    return turned(R, L, list(mpmath.findroot(missing, [h * x / i for x, i in zip(L, inertia, strict=True)])))
+
+
+def plain_midpoint(R, L, h, inertia):
+    """Euler's equations by the implicit midpoint rule; the turn is the Cayley transform of its mean velocity."""
+
+    def missing(*new):
+        mean = [(a + b) / 2 for a, b in zip(L, new, strict=True)]
+        rate = hat(mean) * mpmath.matrix([x / i for x, i in zip(mean, inertia, strict=True)])
+        return [b - a - h * r for a, b, r in zip(L, new, rate, strict=True)]
+
+    new = list(mpmath.findroot(missing, L))
+    A = hat([h * (a + b) / (4 * i) for a, b, i in zip(L, new, inertia, strict=True)])
+    one = mpmath.eye(3)
+    return R * (one + A) * (one - A) ** -1, new
+
+
+PLAIN = {
+    "rigid-dlm": plain_dlm,
+    "rigid-reich": plain_reich,
+    "moser-veselov": plain_moser_veselov,
+    "lie-midpoint": plain_midpoint,
+}
+
+
+def matrix_of(q):
+    w, x, y, z = q
+    return mpmath.matrix(
+        [
+            [w * w + x * x - y * y - z * z, 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), w * w - x * x + y * y - z * z, 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), w * w - x * x - y * y + z * z],
+        ]
+    ) / (w * w + x * x + y * y + z * z)
+
+
+@pytest.mark.parametrize("id", PLAIN)
+def test_steps_are_those_of_rotation_matrices_in_30_digits(id):
+    q, p = HEAVY.start(attitude=ATTITUDE, momentum=MOMENTUM)
+    h, n = 0.125, 50
+    s = integrate(HEAVY, id, h=h, steps=n, q0=q, p0=p)
+    with mpmath.workdps(DIGITS):
+        inertia = [mpmath.mpf(x.p) / x.q for x in HEAVY.moments]
+        R, L = matrix_of(list(map(mpmath.mpf, q))), list(map(mpmath.mpf, HEAVY.momentum(q, p)))
+        rows = [(R, L)]
+        for _ in range(n):
+            L = kicked(R, L, mpmath.mpf(h) / 2, WEIGHTS)
+            R, L = PLAIN[id](R, L, mpmath.mpf(h), inertia)
+            L = kicked(R, L, mpmath.mpf(h) / 2, WEIGHTS)
+            rows.append((R, L))
+        matrices = np.array([np.array(R.tolist(), float) for R, _ in rows])
+        momenta = np.array([list(map(float, L)) for _, L in rows])
+    away = np.abs(HEAVY.matrix(s.q) - matrices).max(axis=(1, 2)) + np.abs(HEAVY.momentum(s.q, s.p) - momenta).max(
+        axis=1
+    )
+    assert away[1] < 2e-15
+    assert away.max() < 1e-13
+    other = integrate(HEAVY, next(x for x in PLAIN if x != id), h=h, steps=1, q0=q, p0=p)
+    assert np.abs(HEAVY.matrix(other.q[1]) - matrices[1]).max() > 1e-6, "the control: another method's step"
+
+
+# -- the system --------------------------------------------------------------------------------------------------------
+
+
+def test_the_equations_are_eulers():
+    """By differences of H alone: L' = L x I^-1 L - torque, R' = R hat(I^-1 L)."""
+    q, p = HEAVY.start(attitude=ATTITUDE, momentum=MOMENTUM)
+    h = 1e-4
+    s = integrate(HEAVY, "gauss-8", h=h, steps=2, q0=q, p0=p)
+    L, R = HEAVY.momentum(s.q, s.p), HEAVY.matrix(s.q)
+    velocity = L[1] / np.array([1, 1.5, 2])
+    torque = [
+        np.sum(np.array(WEIGHTS) * (R[1] @ np.array(hat([float(i == k) for i in range(3)]).tolist(), float)))
+        for k in range(3)
+    ]
+    assert (L[2] - L[0]) / (2 * h) == pytest.approx(np.cross(L[1], velocity) - torque, abs=1e-8)
+    spin = R[1] @ np.array(hat(velocity).tolist(), float)
+    assert (R[2] - R[0]) / (2 * h) == pytest.approx(spin, abs=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("body", "kept"),
+    [
+        (FREE, {"momentum-1", "momentum-2", "momentum-3"}),
+        (HEAVY, set()),
+        (RigidBody(moments=(1, 2, 2), V="r31"), {"momentum-3", "axis-momentum-1"}),
+        (RigidBody(moments=(1, 2, 2), V="r33"), {"momentum-3"}),
+        (RigidBody(moments=(2, 2, 1), V="r31**2 + r32**2"), {"momentum-3", "axis-momentum-3"}),
+        (RigidBody(moments=(1, 1, 1)), {f"{x}momentum-{k}" for x in ("", "axis-") for k in (1, 2, 3)}),
+    ],
+)
+def test_what_is_kept_is_found(body, kept):
+    assert set(body.kept) == kept | {"length", "radial-momentum"}
+    q, p = body.start(attitude=ATTITUDE, momentum=MOMENTUM)
+    s = integrate(body, "rigid-reich-kahan-li-6", h=0.05, steps=200, q0=q, p0=p)
+    moving = body.momentum(s.q, s.p)
+    in_space = np.einsum("nij,nj->ni", body.matrix(s.q), moving)
+    for k in range(3):
+        for name, values in ((f"momentum-{k + 1}", in_space[:, k]), (f"axis-momentum-{k + 1}", moving[:, k])):
+            change = np.ptp(values)
+            assert change < 1e-13 if name in kept else change > 1e-3, name
+
+
+def test_a_potential_in_quaternions_is_that_of_the_matrix():
+    one = RigidBody(moments=MOMENTS, V="2*r31 + r22")
+    other = RigidBody(moments=MOMENTS, V="4*(q1*q3 - q0*q2) + q0**2 - q1**2 + q2**2 - q3**2")
+    q, p = one.start(attitude=ATTITUDE, momentum=MOMENTUM)
+    ends = [integrate(b, "gauss-8", h=0.1, steps=20, q0=q, p0=p).q[-1] for b in (one, other)]
+    assert ends[0] == pytest.approx(ends[1], abs=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("moments", "V", "said"),
+    [
+        ((1, 2), "0", "three positive numbers"),
+        ((1, 2, -1), "0", "three positive numbers"),
+        ((1, 2, "x"), "0", "three positive numbers"),
+        ((1, 2, float("nan")), "0", "three positive numbers"),
+        ((1, 1, 2.5), "0", "no body has the moments 1, 1, 5/2"),
+        (MOMENTS, "r44", "r44"),
+        (MOMENTS, "p0*r33", "p0"),
+    ],
+)
+def test_bad_bodies(moments, V, said):
+    with pytest.raises(InvalidInput, match=said):
+        RigidBody(moments=moments, V=V)
+
+
+@pytest.mark.parametrize(
+    ("attitude", "momentum"), [((1, 0, 0), (1, 0, 0)), ((0, 0, 0, 0), (1, 0, 0)), ((1, 0, 0, 0), 1)]
+)
+def test_bad_starts(attitude, momentum):
+    with pytest.raises(InvalidInput, match="an attitude is a quaternion"):
+        FREE.start(attitude=attitude, momentum=momentum)
+
+
+def test_other_systems_are_no_rigid_bodies():
+    with pytest.raises(InvalidInput, match="declared as a RigidBody"):
+        pb.integrate("pendulum", "rigid-dlm", h=0.1, steps=1)
+    assert not problem("rigid-body").system.traits["rigid body"], "in Andoyer's variables"
+
+
+# -- structure ---------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("id", IDS)
+def test_a_free_body_keeps_its_momentum_in_space_and_a_rotation_matrix(id):
+    q, p = FREE.start(attitude=ATTITUDE, momentum=MOMENTUM)
+    s = integrate(FREE, id, h=0.2, steps=20_000, q0=q, p0=p, save_every=1000)
+    R, L = FREE.matrix(s.q), FREE.momentum(s.q, s.p)
+    substeps = len(BY_ID[id].data[1])
+    assert np.abs(np.einsum("nij,nj->ni", R, L) - R[0] @ L[0]).max() < 5e-15 * substeps
+    assert np.abs((s.q**2).sum(axis=1) - 1).max() < 2e-15 * substeps
+    assert np.abs(np.einsum("nij,nkj->nik", R, R) - np.eye(3)).max() < 4e-15
+    energy = s.energy()
+    assert np.ptp(energy) < (2e-15 if id == "lie-midpoint" else 0.02)
+    other = integrate(FREE, "rk4", h=0.2, steps=20_000, q0=q, p0=p, save_every=1000)
+    assert np.abs((other.q**2).sum(axis=1) - 1).max() > 1e-6, "the control"
+
+
+def test_a_symmetric_top_is_the_flow_of_a_symmetric_body():
+    body = RigidBody(moments=(2, 1, 2))
+    q, p = body.start(attitude=ATTITUDE, momentum=MOMENTUM)
+    one, many = (integrate(body, "rigid-reich", h=4 / n, steps=n, q0=q, p0=p) for n in (1, 64))
+    assert one.q[-1] == pytest.approx(many.q[-1], abs=2e-15)
+    other = [integrate(body, "rigid-dlm", h=4 / n, steps=n, q0=q, p0=p).q[-1] for n in (1, 64)]
+    assert np.abs(other[0] - other[1]).max() > 1e-2, "the control"
+
+
+def test_orbits_side_by_side_are_those_alone():
+    body, q, p = SYSTEMS[RIGID[0]]()
+    starts = np.array(p) * (1 + np.linspace(0, 0.1, 9))[:, None]
+    for id in ("rigid-reich", "moser-veselov", "lie-midpoint"):
+        many = integrate_ensemble(body, id, h=0.1, steps=50, Q=np.tile(q, (9, 1)), P=starts)
+        for k in (0, 4, 8):
+            alone = integrate(body, id, h=0.1, steps=50, q0=q, p0=starts[k])
+            assert many.q[k] == pytest.approx(alone.q[-1], abs=1e-14)
+
+
+def test_a_step_too_long_for_moser_and_veselov_says_so():
+    q, p = FREE.start(attitude=ATTITUDE, momentum=(3.0, -2.0, 4.0))
+    s = integrate(FREE, "moser-veselov", h=2.0, steps=5, q0=q, p0=p)
+    assert s.status == "not-converged"
+    assert s.reason
+
+
+def test_a_composition_of_ones_own():
+    mine = compose(BY_ID["rigid-reich"], "forest-ruth")
+    assert mine.order == 4
+    q, p = HEAVY.start(attitude=ATTITUDE, momentum=MOMENTUM)
+    truth = integrate(HEAVY, "gauss-8", h=0.05, t_end=2.0, q0=q, p0=p, save_every=0).q[-1]
+    errors = [
+        np.abs(integrate(HEAVY, mine, h=2 / n, steps=n, q0=q, p0=p, save_every=0).q[-1] - truth).max() for n in (40, 80)
+    ]
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(4, abs=0.1)
