@@ -45,6 +45,7 @@ from phasebench.benchmarks.experiments.orders.page import PAGE as ORDERS
 from phasebench.benchmarks.experiments.oscillatory.page import PAGE as OSCILLATORY
 from phasebench.benchmarks.experiments.printed.page import PAGE as PRINTED
 from phasebench.benchmarks.experiments.references.page import PAGE as REFERENCES
+from phasebench.benchmarks.experiments.rigid.page import PAGE as RIGID
 from phasebench.benchmarks.experiments.sampling.hessian_page import PAGE as HESSIAN_FREE
 from phasebench.benchmarks.experiments.sampling.page import PAGE as SAMPLING
 from phasebench.benchmarks.experiments.speed.page import PAGE as SPEED
@@ -95,6 +96,7 @@ PAGES: tuple[Page, ...] = (
     OSCILLATORY,
     EXTENDED,
     CONSTRAINTS,
+    RIGID,
     WAVES,
     MULTISYMPLECTIC,
     SAMPLING,
