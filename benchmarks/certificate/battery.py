@@ -149,7 +149,7 @@ def constrained() -> tuple[Entry, ...]:
 def rigid() -> tuple[Entry, ...]:
     """Rigid bodies, on which everything is measured of a step that requires one."""
     found = {name: SYSTEMS[name]() for name in RIGID}
-    return tuple(Entry(name, body, (*q, *p), False, lasting=True, share=True) for name, (body, q, p) in found.items())
+    return tuple(Entry(name, body, (*q, *p), lasting=True, share=True) for name, (body, q, p) in found.items())
 
 
 #: Trait -> the systems on which everything is measured of a step that requires it.

@@ -312,7 +312,7 @@ def prepare(method: Method, system: RigidBody, arithmetic: str) -> Prepared:
     if scheme in (MOSER_VESELOV, MIDPOINT):
         moments, inverse = (numbers([0, *x], arithmetic) for x in (system.moments, [1 / m for m in system.moments]))
         step = Implicit(dV, b, moments, inverse, scheme == MIDPOINT)
-        return Prepared(run_implicit, step, system.d, len(fractions), implicit=False)
+        return Prepared(run_implicit, step, system.d, len(fractions), implicit=False, linear=system.d)
     kinds, strengths = zip(*_turns(scheme, system), strict=True)
     step = Turns(dV, b, np.array(kinds), numbers(strengths, arithmetic))
     return Prepared(run, step, 1, 1, implicit=False)

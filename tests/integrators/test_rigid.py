@@ -7,11 +7,14 @@ import numpy as np
 import pytest
 
 import phasebench as pb
+from phasebench.benchmarks.measure import multiprecision
 from phasebench.benchmarks.measure.battery import RIGID, SYSTEMS
 from phasebench.benchmarks.problems import problem
 from phasebench.integrators import InvalidInput, RigidBody, integrate, integrate_ensemble
+from phasebench.integrators.prepared import lay_out
 from phasebench.integrators.records.compositions import compose
-from phasebench.integrators.registry import BY_ID, METHODS
+from phasebench.integrators.registry import BY_ID, METHODS, method
+from phasebench.integrators.stepping.kernel import prepare
 
 IDS = [m.id for m in METHODS if m.family == "rigid"]
 MOMENTS = (1, "3/2", 2)
@@ -262,6 +265,20 @@ def test_a_step_too_long_for_moser_and_veselov_says_so():
     s = integrate(FREE, "moser-veselov", h=2.0, steps=5, q0=q, p0=p)
     assert s.status == "not-converged"
     assert s.reason
+
+
+def test_a_long_step_is_solved_by_newton_in_memory_of_its_own():
+    body, q, p = SYSTEMS[RIGID[0]]()
+    for id in ("moser-veselov", "lie-midpoint"):
+        assert lay_out(prepare(method(id), body), body.d, 1.5, q, p).carry.work.shape == (5, 5)
+    s = integrate(body, "lie-midpoint", h=1.5, steps=50, q0=q, p0=p)
+    assert (s.status, s.counts["newton"] > 0) == ("ok", True)
+
+
+def test_every_method_is_measured_on_rigid_bodies():
+    """Without round-off, by `measure.multiprecision`: orders and structure."""
+    for what in ("orders", "symplecticity", "symmetry"):
+        assert {x for x in multiprecision.cells(what) if x[0] in IDS} == {(id, name) for id in IDS for name in RIGID}
 
 
 def test_a_composition_of_ones_own():

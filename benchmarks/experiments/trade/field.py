@@ -42,6 +42,7 @@ PRACTICAL = (
     "wisdom_holman",
     "fcirk",
     "multistep",
+    "rigid",
     "trigonometric",
 )
 #: Largest number of stage unknowns of a Gauss method above `SMALL`: a dense Newton step costs its cube.
