@@ -17,6 +17,7 @@ _HOMES = {
     "Hamiltonian": "systems.hamiltonian",
     "PartitionedSystem": "systems.hamiltonian",
     "RigidBody": "systems.rigid",
+    "SplitHamiltonian": "systems.parts",
     "InvalidInput": "errors",
     "METHODS": "registry",
     "Method": "record",

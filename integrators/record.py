@@ -103,6 +103,7 @@ TRAITS = {
     "elementary derivatives": "few coordinates, and derivatives made of powers, sin, cos, exp, sinh, cosh and tanh",
     "magnetic": "H = |p - A(x)|^2 / (2 m) + phi(x) in 2 or 3 dimensions, curl A not zero",
     "rigid body": "a body about a fixed point, declared as a RigidBody",
+    "parts": "H as a sum of parts with exact flows, declared as a SplitHamiltonian or by --part",
     "constrained": "constraints g(q) = 0, declared as a ConstrainedHamiltonian or by --constraint",
 }
 

@@ -23,6 +23,7 @@ from .records import (
     multistep,
     oscillatory,
     parametric,
+    parts,
     poisson,
     processed,
     projection,
@@ -58,6 +59,7 @@ _RECORDS: tuple[Method, ...] = (
     *magnetic.METHODS,
     *constrained.METHODS,
     *rigid.METHODS,
+    *parts.METHODS,
     *multistep.METHODS,
 )
 

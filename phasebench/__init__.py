@@ -54,6 +54,7 @@ if TYPE_CHECKING:
     from phasebench.integrators.statuses import STATUSES as STATUSES
     from phasebench.integrators.systems.constrained import ConstrainedHamiltonian as ConstrainedHamiltonian
     from phasebench.integrators.systems.hamiltonian import Hamiltonian as Hamiltonian
+    from phasebench.integrators.systems.parts import SplitHamiltonian as SplitHamiltonian
     from phasebench.integrators.systems.rigid import RigidBody as RigidBody
     from phasebench.reference.peers import PEERS as PEERS
     from phasebench.reference.peers import Peer as Peer
@@ -87,6 +88,7 @@ _HOMES = {
     "References": "benchmarks.experiments.references.certify",
     "Section": "benchmarks.measure.ensembles",
     "Solution": "benchmarks.measure.solution",
+    "SplitHamiltonian": "integrators",
     "Stability": "benchmarks.measure.oscillator",
     "System": "benchmarks.measure.own_step",
     "WorkPrecision": "benchmarks.workprecision",

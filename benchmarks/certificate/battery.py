@@ -14,7 +14,7 @@ from functools import cache
 
 import numpy as np
 
-from phasebench.benchmarks.measure.battery import RIGID, SYSTEMS, coupled_double_well, tao
+from phasebench.benchmarks.measure.battery import PARTS, RIGID, SYSTEMS, coupled_double_well, tao
 from phasebench.integrators.compile.codegen import MULTIPRECISION
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
@@ -152,8 +152,18 @@ def rigid() -> tuple[Entry, ...]:
     return tuple(Entry(name, body, (*q, *p), lasting=True, share=True) for name, (body, q, p) in found.items())
 
 
+@cache
+def parts() -> tuple[Entry, ...]:
+    """Systems of parts with exact flows, on which everything is measured of a step that requires some."""
+    found = {name: SYSTEMS[name]() for name in PARTS}
+    return tuple(
+        Entry(name, system, (*q, *p), name == "geodesic", lasting=True, share=True)
+        for name, (system, q, p) in found.items()
+    )
+
+
 #: Trait -> the systems on which everything is measured of a step that requires it.
-BY_TRAIT = {"magnetic": magnetic, "constrained": constrained, "rigid body": rigid}
+BY_TRAIT = {"magnetic": magnetic, "constrained": constrained, "rigid body": rigid, "parts": parts}
 
 
 @cache

@@ -15,6 +15,7 @@ from phasebench.integrators.record import Method
 from phasebench.integrators.registry import METHODS
 from phasebench.integrators.systems.constrained import ConstrainedHamiltonian
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
+from phasebench.integrators.systems.parts import SplitHamiltonian
 from phasebench.integrators.systems.rigid import RigidBody
 
 #: Parameter name -> the values to test; other parameters keep their default.
@@ -117,6 +118,24 @@ def nearly_symmetric_top() -> RigidBody:
     return RigidBody(moments=("1/2", 1, "11/10"), V="r31")
 
 
+def geodesic() -> SplitHamiltonian:
+    """A body near a black hole, off the equatorial plane, in four parts."""
+    parts = ["u**2/2", "-u**2/r", "v**2/(2*r**2)", "-1/(2 - 4/r) + 8/(r**2*sin(f)**2)"]
+    return SplitHamiltonian(q="r f", p="u v", parts=parts)
+
+
+def many_parts() -> SplitHamiltonian:
+    """A polynomial of parts of every kind."""
+    parts = [
+        "(q1**2 + 2*p1**2)/2",
+        "q2*p2*(1 + q1**2)/5",
+        "p2**2/2 + p1**3/9",
+        "q1*q2**2/3 + q2**4/4 + q2**2/2",
+        "q1**2*p1*q2/7",
+    ]
+    return SplitHamiltonian(q="q1 q2", p="p1 p2", parts=parts)
+
+
 def _turned(body: RigidBody, momentum: tuple[float, ...]):
     return body, *(tuple(map(float, x)) for x in body.start(attitude=(0.8, 0.48, 0.0, -0.36), momentum=momentum))
 
@@ -137,6 +156,8 @@ SYSTEMS = {
     "on-ellipsoid": cache(lambda: (on_ellipsoid(), (1.0, 0.0, 0.0), (0.0, 0.5, -0.75))),
     "asymmetric-top": cache(lambda: _turned(asymmetric_top(), (0.4, -0.9, 0.6))),
     "nearly-symmetric-top": cache(lambda: _turned(nearly_symmetric_top(), (0.5, 0.6, -0.7))),
+    "geodesic": cache(lambda: (geodesic(), (10.0, 1.3), (0.1, 2.5))),
+    "many-parts": cache(lambda: (many_parts(), (0.4, -0.6), (0.5, 0.3))),
     "relativistic-particle": cache(lambda: (relativistic_particle(), (0.3, -0.5, 0.4), (0.4, 0.6, -0.3))),
 }
 #: Systems on which formulae of high order stay short; enough for long compositions that solve an equation per substep.
@@ -153,8 +174,10 @@ CONTROLS = ("explicit-euler", "rk4", "implicit-midpoint", "gauss-4")
 CONSTRAINED = ("on-sphere", "rods", "on-ellipsoid")
 #: Rigid bodies, for the methods that require one.
 RIGID = ("asymmetric-top", "nearly-symmetric-top")
+#: Systems of parts with exact flows, for the methods that require some.
+PARTS = ("geodesic", "many-parts")
 #: Trait -> the systems on which methods are tested that require it; no other method is tested on them.
-BY_TRAIT = {"magnetic": MAGNETIC, "constrained": CONSTRAINED, "rigid body": RIGID}
+BY_TRAIT = {"magnetic": MAGNETIC, "constrained": CONSTRAINED, "rigid body": RIGID, "parts": PARTS}
 #: Methods superconverge at turning points by symmetry, so orders are measured from this time of the orbit on.
 LATER = 0.4
 

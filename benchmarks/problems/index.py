@@ -46,6 +46,12 @@ PROBLEMS: dict[str, tuple[str, str, tuple[str, ...]]] = {
         "geodesics of the Schwarzschild metric",
         ("precessing", "zoom-whirl", "isco", "photon-sphere"),
     ),
+    "magnetized-schwarzschild": (
+        "magnetized_schwarzschild",
+        "charged particle around a black hole in a magnetic field",
+        ("inner", "outer"),
+    ),
+    "kerr": ("kerr", "geodesics of the Kerr metric, in a time that splits H", ("bound",)),
     "lennard-jones": ("lennard_jones", "frozen argon crystal of seven atoms", ("argon",)),
     "n-body": ("n_body", "gravitational N-body problem", ("pythagorean",)),
 }

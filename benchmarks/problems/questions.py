@@ -56,6 +56,15 @@ QUESTIONS: tuple[Question, ...] = (
     Question(
         "spherical-pendulum", "spherical-pendulum", 100.0, "end-state", down_to(12), "the state after 20 oscillations"
     ),
+    Question(
+        "magnetized-schwarzschild",
+        "magnetized-schwarzschild:inner",
+        1000.0,
+        "end-state",
+        down_to(12),
+        "a charge around a black hole in a magnetic field",
+    ),
+    Question("kerr", "kerr", 1000.0, "end-state", down_to(12), "a body around a rotating black hole"),
     Question("free-rigid-body", "free-rigid-body:tumbling", 100.0, "end-state", down_to(12), "six turns over"),
     Question("heavy-top", "heavy-top:nutating", 100.0, "end-state", down_to(12), "the state after 33 nutations"),
     Question(

@@ -267,7 +267,10 @@ def entry(kernel: Callable) -> Callable:
 
 
 def _tuple_type(fields, kind=None):
-    return types.BaseTuple.from_types(tuple(fields), kind)
+    fields = tuple(fields)
+    if kind is None and len(set(fields)) == 1:  # as Numba says, without its warning about functions
+        return types.UniTuple(fields[0], len(fields))
+    return types.BaseTuple.from_types(fields, kind)
 
 
 def _type(x):

@@ -79,6 +79,8 @@ class PartitionedSystem:
     constrained = False
     #: Whether the system is a rigid body in quaternions (`rigid`).
     rigid = False
+    #: The parts of H with exact flows (`parts`).
+    parts: tuple[Any, ...] = ()
     #: Intermediate results (symbol, expression) that `sides` refer to.
     definitions: tuple[tuple[Any, Any], ...] = ()
     #: What the cache knows the system by (see `deferred`); nothing where it is made of expressions.
@@ -170,6 +172,7 @@ class PartitionedSystem:
             "magnetic": magnetic.kind(self),
             "constrained": self.constrained,
             "rigid body": self.rigid,
+            "parts": len(self.parts),
             "constant mass matrix": self.constant_mass,
         }
 

@@ -18,7 +18,7 @@ def counts_of(of_each):
 
 #: Families that never solve an equation; "parametric" and its projections do if H is not separable.
 EXPLICIT = {"runge_kutta", "splitting", "processed", "force_gradient", "relaxation", "trigonometric", "wisdom_holman"}
-EXPLICIT |= {"magnetic", "extended"}
+EXPLICIT |= {"magnetic", "extended", "parts"}
 #: Equations of constraints, or of turns, alone are solved, without the gradient.
 EXPLICIT |= {"rattle", "rigid"}
 EXPLICIT_ONES = {"variational-trapezoidal", "stormer-verlet-adaptive"}

@@ -37,7 +37,7 @@ LOSE_LINEAR = {
 }
 #: Families that require more than a formula of any kind, or choose their own step sizes: they have tests of their own.
 ELSEWHERE = {"adaptive", "field", "wisdom_holman", "magnetic", "force_gradient", "processed"}
-ELSEWHERE |= {"rattle", "manifold", "multistep", "fcirk", "rigid"}
+ELSEWHERE |= {"rattle", "manifold", "multistep", "fcirk", "rigid", "parts"}
 
 
 def is_declared(what: str, id: str) -> bool:

@@ -36,10 +36,12 @@ PUBLISHED = {
         4/4, mclachlan-atela-5 5/6, calvo-sanz-serna-4 4/5, wisdom-holman-corrector 2/1,
         blanes-p7-6 6/8, blanes-casas-murua-p11-6 6/12, blanes-casas-murua-p13-6 6/14,
         blanes-casas-murua-p13-8 8/14, blanes-casas-murua-p23-10 10/24, blanes-casas-ros-p2 4/2,
-        blanes-casas-ros-p3 4/3, blanes-casas-ros-p4 6/5
+        blanes-casas-ros-p3 4/3, blanes-casas-ros-p4 6/5,
+        abc-processed-6 6/22
     """,
     (True, True, BOUNDED, ROUND_OFF): """
         implicit-midpoint 2/1, stormer-verlet 2/2, stormer-verlet-dkd 2/2, scheme-iii 2/2, fcirk 16/8,
+        abc-2 2/2, abc-4 4/12, abc-6 6/20, abc-yoshida-4 4/6,
         scheme-iii-yoshida-4 4/6, scheme-iii-yoshida-6 6/18, scheme-iii-suzuki-4 4/10, scheme-iii-suzuki-6
         6/50, blanes-moan-s6 4/12, blanes-moan-s10 6/20, mclachlan-s2 2/4, mclachlan-s4 4/8, mclachlan-s5
         4/10, pefrl 4/8, aba-864 4/14, aba-1064 4/16, saba-2 2/4, saba-3 2/6, saba-4 2/8, blanes-moan-srkn6b
@@ -153,6 +155,7 @@ def parts(m) -> int | None:
         "equip": lambda: m.data[0],
         "multistep": lambda: m.earlier + 1,
         "fcirk": lambda: m.data[0],
+        "parts": lambda: len(m.data[0]),
         "poisson": lambda: m.data[0],
         "variational": lambda: m.data[2],
         "processed": lambda: sum(b != 0 for b in m.data[0][1]),

@@ -75,6 +75,7 @@ FIRSTS = (
     First("lobatto-iiia-iiib-constrained-6", "double-pendulum-cartesian"),
     First("rigid-reich-suzuki-4", "heavy-top"),
     First("moser-veselov", "heavy-top"),
+    First("abc-6", "kerr"),
     First("stormer-verlet", "henon-heiles"),
     First("gauss-equip-4", "henon-heiles"),
     First("gauss-equip-4", "schwarzschild"),

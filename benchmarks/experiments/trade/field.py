@@ -43,6 +43,7 @@ PRACTICAL = (
     "fcirk",
     "multistep",
     "rigid",
+    "parts",
     "trigonometric",
 )
 #: Largest number of stage unknowns of a Gauss method above `SMALL`: a dense Newton step costs its cube.

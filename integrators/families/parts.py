@@ -1,0 +1,132 @@
+r"""Splitting methods for H = H_1 + ... + H_n, a sum of parts with exact flows.
+
+With the step of order 1 through all parts, and its adjoint,
+
+.. math::
+    \chi_h = e^{h H_n}\cdots e^{h H_1},\qquad \chi^*_h = e^{h H_1}\cdots e^{h H_n},
+
+a step is a composition :math:`\chi^{(*)}_{c_s h}\cdots\chi^{(*)}_{c_1 h}`; that of Strang, :math:`\chi^*_{h/2}
+\chi_{h/2}`, has order 2.  A splitting of two parts with weights a, b is such a composition, whose order conditions are
+the same, so that its coefficients serve here (`coefficients.fractions.substeps`).
+
+Neighbouring flows of one part are one.  A processed method is :math:`P K^n P^{-1}` with K, P such compositions, see
+`processed`; P is applied where a state is taken up and undone where a row is stored.
+
+Every flow is symplectic, and so is their product.  Each flow counts as an evaluation.
+
+Sources: R. I. McLachlan, SIAM J. Sci. Comput. 16 (1995) 151-168 (compositions with the adjoint); Y. Wang, W. Sun, F.
+Liu, X. Wu, Astrophys. J. 907 (2021) 66; S. Blanes, F. Casas, A. Murua, Acta Numerica 33 (2024), section 3.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import mpmath
+import numpy as np
+
+from phasebench.integrators.coefficients.fractions import DIGITS
+from phasebench.integrators.stepping.kernel import Carry, Prepared, freeze, numbers
+from phasebench.integrators.stepping.loop import loop
+from phasebench.integrators.stepping.solve import SOLVED
+from phasebench.integrators.values.vector import inline, read_state, update
+
+if TYPE_CHECKING:
+    from phasebench.integrators.record import Method
+    from phasebench.integrators.systems.parts import SplitHamiltonian
+
+#: Orbits may be integrated side by side.
+IN_LANES = True
+
+
+class Parts(NamedTuple):
+    """What a step needs: the flows of the parts, and which flow is taken over which fraction of h, in turn.
+
+    ``before`` and ``after`` are the flows of the processor and of its inverse, none where there is no processor.
+    """
+
+    flows: tuple[Any, ...]
+    part: np.ndarray
+    a: np.ndarray
+    before: np.ndarray
+    before_a: np.ndarray
+    after: np.ndarray
+    after_a: np.ndarray
+    h: float = 0.0
+    eps: float = 0.0
+
+
+class PartsState(NamedTuple):
+    """The state (q, p), what rounding lost of either, and flows that are not yet counted."""
+
+    q: Any
+    p: Any
+    lost_q: Any
+    lost_p: Any
+    flows: int
+
+
+@inline
+def flow(flows, parts, fractions, y, h):
+    """The state after the flows of ``parts`` over ``fractions`` of h, in turn."""
+    for k in range(len(parts)):
+        dq, dp = flows[parts[k]](y.q, y.p, fractions[k] * h)
+        q, p, lost_q, lost_p = update(y, dq, dp)
+        y = PartsState(q, p, lost_q, lost_p, y.flows)
+    return y
+
+
+def begin(method: Parts, carry: Carry, counts: np.record) -> PartsState:
+    """Read the state where the last call left it."""
+    y = read_state(carry)
+    return PartsState(y.q, y.p, y.lost_q, y.lost_p, 0)
+
+
+def start(method: Parts, y: PartsState) -> PartsState:
+    """Apply the processor, if there is one; its flows, and those of its inverse, are counted by the next step."""
+    y = flow(method.flows, method.before, method.before_a, y, method.h)
+    return PartsState(y.q, y.p, y.lost_q, y.lost_p, y.flows + 2 * len(method.before))
+
+
+def step(method: Parts, y: PartsState, carry: Carry, counts: np.record) -> tuple[PartsState, int]:
+    """Take all flows in turn; returns (state, status)."""
+    y = flow(method.flows, method.part, method.a, y, method.h)
+    counts.gradient += len(method.part) + y.flows
+    return PartsState(y.q, y.p, y.lost_q, y.lost_p, 0), SOLVED
+
+
+def finish(method: Parts, y: PartsState) -> PartsState:
+    """Undo the processor, before a row is stored."""
+    return flow(method.flows, method.after, method.after_a, y, method.h)
+
+
+run = loop(step, begin, start, finish)
+
+
+def flows(substeps: Iterable[Sequence[Any]], n: int) -> tuple[list[int], list[Any]]:
+    """The flows (parts, fractions of h) of substeps (c, mu, lambda) through n parts, neighbours of one part merged.
+
+    lambda = 1 goes from the first part to the last, lambda = 0 back.
+    """
+    parts: list[int] = []
+    fractions: list[Any] = []
+    for c, _, lam in substeps:
+        for k in range(n) if lam == 1 else reversed(range(n)):
+            if parts and parts[-1] == k:
+                fractions[-1] = fractions[-1] + c
+            else:
+                parts.append(k)
+                fractions.append(c)
+    return parts, fractions
+
+
+def prepare(method: Method, system: SplitHamiltonian, arithmetic: str) -> Prepared:
+    """Prepare the kernel of data (substeps of a step, substeps of the processor)."""
+    n = len(system.parts)
+    with mpmath.workdps(DIGITS):
+        step, before = (flows(substeps, n) for substeps in method.data)
+        after = list(reversed(before[0])), [-c for c in reversed(before[1])]
+    rows = [x for parts, a in (step, before, after) for x in (freeze(np.array(parts, int)), numbers(a, arithmetic))]
+    found = tuple(system.part_flow(k, arithmetic) for k in range(n))
+    return Prepared(run, Parts(found, *rows), 1, 1, implicit=False)

@@ -1,0 +1,90 @@
+"""Splitting methods through any number of parts with exact flows: Strang's, compositions, processed ones."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+import mpmath
+
+from phasebench.integrators import coefficients
+from phasebench.integrators.coefficients import processed
+from phasebench.integrators.coefficients.fractions import DIGITS, substeps
+from phasebench.integrators.record import BOUNDED, ROUND_OFF, Method
+
+HALF = Fraction(1, 2)
+STRANG = ((HALF, 0, 1), (HALF, 1, 0))
+MCLACHLAN = "with parts as McLachlan 1995"
+
+
+def strang(fractions) -> tuple[tuple, ...]:
+    """The substeps of Strang's steps over these fractions of h."""
+    with mpmath.workdps(DIGITS):
+        return tuple((f / 2, *half[1:]) for f in fractions for half in STRANG)
+
+
+def parts(id: str, name: str, order: int, source: str, cite: tuple[str, ...], data: tuple, *, symmetric: bool = True):
+    """The record of a method of substeps through all parts."""
+    return Method(
+        id=id,
+        name=name,
+        family="parts",
+        order=order,
+        symmetric=symmetric,
+        symplectic=True,
+        energy=BOUNDED,
+        quadratic=ROUND_OFF,
+        source=source,
+        cite=cite,
+        requires=("parts",),
+        data=data,
+    )
+
+
+def composed(id: str, order: int, table: str) -> Method:
+    """The composition of the step through all parts and its adjoint with the weights of a splitting of two parts."""
+    found = coefficients.table(table)
+    return parts(
+        id,
+        f"splitting through all parts, with the weights of {table}",
+        order,
+        f"{found.source}; {MCLACHLAN}",
+        (*found.cite, "mclachlan1995"),
+        (substeps(coefficients.steps(table)), ()),
+    )
+
+
+def processed_parts(id: str, table: str) -> Method:
+    """A processed composition of Strang's step through all parts."""
+    found = processed.FILE.tables[table]
+    return parts(
+        id,
+        f"processed splitting through all parts, with the weights of {table}",
+        found.classical_order,
+        f"{found.source}; {MCLACHLAN}",
+        (*found.cite, "mclachlan1995"),
+        (strang(processed.kernel(table)), strang(processed.pre(table))),
+        symmetric=False,
+    )
+
+
+METHODS: tuple[Method, ...] = (
+    parts(
+        "abc-2",
+        "Strang splitting through all parts",
+        2,
+        "Strang 1968; Wang, Sun, Liu & Wu 2021",
+        ("strang1968", "wang2021"),
+        (STRANG, ()),
+    ),
+    parts(
+        "abc-yoshida-4",
+        "splitting through all parts, three Strang steps by the triple jump",
+        4,
+        "Yoshida 1990; Wang, Sun, Liu & Wu 2021",
+        ("yoshida1990", "wang2021"),
+        (strang(coefficients.steps("forest-ruth")), ()),
+    ),
+    composed("abc-4", 4, "blanes-moan-s6"),
+    composed("abc-6", 6, "blanes-moan-s10"),
+    processed_parts("abc-processed-6", "blanes-casas-murua-p11-6"),
+)
