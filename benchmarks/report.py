@@ -44,6 +44,7 @@ from phasebench.benchmarks.experiments.options.page import PAGE as OPTIONS
 from phasebench.benchmarks.experiments.orders.page import PAGE as ORDERS
 from phasebench.benchmarks.experiments.oscillatory.page import PAGE as OSCILLATORY
 from phasebench.benchmarks.experiments.printed.page import PAGE as PRINTED
+from phasebench.benchmarks.experiments.printed_numbers.page import PAGE as PRINTED_NUMBERS
 from phasebench.benchmarks.experiments.references.page import PAGE as REFERENCES
 from phasebench.benchmarks.experiments.rigid.page import PAGE as RIGID
 from phasebench.benchmarks.experiments.sampling.hessian_page import PAGE as HESSIAN_FREE
@@ -79,6 +80,7 @@ PAGES: tuple[Page, ...] = (
     OPTIONS,
     OPTIONS_NUMERICS,
     PRINTED,
+    PRINTED_NUMBERS,
     ORDERS,
     STRUCTURE,
     MATRIX,

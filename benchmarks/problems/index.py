@@ -16,6 +16,7 @@ PROBLEMS: dict[str, tuple[str, str, tuple[str, ...]]] = {
     "perturbed-kepler": ("perturbed_kepler", "Kepler problem with the Schwarzschild term", ("e",)),
     "henon-heiles": ("henon_heiles", "Henon-Heiles", ("chaotic", "box")),
     "outer-solar-system": ("outer_solar_system", "the Sun and five outer planets", ("september-1994",)),
+    "solar-system": ("solar_system", "the Sun and eight planets", ("j2000",)),
     "lotka-volterra": ("lotka_volterra", "Lotka-Volterra in its own variables", ("2-2", "4-8", "4-2", "6-2")),
     "lotka-volterra-log": ("lotka_volterra_log", "Lotka-Volterra in logarithms", ("2-2", "4-8", "4-2", "6-2")),
     "fpu": ("fpu", "Fermi-Pasta-Ulam with stiff springs", ("one-spring",)),

@@ -11,6 +11,7 @@ from math import pi
 import numpy as np
 
 from phasebench.benchmarks.measure import clock
+from phasebench.benchmarks.measure.energy import energy_error
 from phasebench.benchmarks.measure.integrator import integrator
 from phasebench.benchmarks.measure.timing import in_turns, median, ratio
 from phasebench.benchmarks.problems import problem
@@ -34,12 +35,6 @@ CASES = {
     "outer-solar-system": ("outer-solar-system", {}, [50.0, 100.0, 200.0, 400.0], 500_000.0),
 }
 ROWS, TIMED, ROUNDS = 200, 5_000, 15
-
-
-def energy_error(made, q, p) -> float:
-    """The largest relative energy error of states q, p, arrays (n, d)."""
-    E = made.system.observe(made.system.H, q, p)
-    return float(np.abs(E / E[0] - 1).max())
 
 
 def cells(quick: bool = False) -> list[Cell]:

@@ -8,6 +8,7 @@ timed in turns in one cell, so that a busy machine slows all of them.
 from __future__ import annotations
 
 from phasebench.benchmarks.measure import clock
+from phasebench.benchmarks.measure.energy import energy_error
 from phasebench.benchmarks.measure.integrator import Integrator
 from phasebench.benchmarks.measure.timing import in_turns, median
 from phasebench.benchmarks.problems import problem
@@ -17,7 +18,7 @@ from phasebench.integrators.records.wisdom_holman import CORRECTORS
 from phasebench.integrators.registry import METHODS, method
 from phasebench.reference.peers import PEERS, rebound
 
-from .pairs import CASES, ROWS, energy_error
+from .pairs import CASES, ROWS
 
 #: Steps of a timed run, enough for one synchronization not to matter; rounds.
 TIMED, ROUNDS = 2_500, 11

@@ -1,0 +1,1 @@
+"""Experiment: are numbers that papers print on integrators measured here, too?"""

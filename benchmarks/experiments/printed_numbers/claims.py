@@ -1,0 +1,359 @@
+"""The printed numbers, each with its verdict on the rows: what is printed, where, and why they differ."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import inf
+
+import numpy as np
+import pandas as pd
+
+from phasebench.benchmarks.page.markdown import number
+from phasebench.benchmarks.page.page import Data, of
+from phasebench.benchmarks.page.verdict import Between, Range, Verdict, at_least, at_most
+
+from . import brouwer, minimum_norm, planets, timed
+from .minimum_norm import LEAPFROG, MINIMUM_NORM, MOMENTA, POSITIONS
+
+#: A number printed with "about" is met within this factor.
+ABOUT = 2.0
+#: Less than this gain is "no better".
+NO_BETTER = 3.0
+#: The smallest energy error of doubles that is asked for, and all of them.
+SMALLEST = 1e-14
+ERRORS = tuple(10.0**-k for k in range(8, 15))
+INNER, GIANTS = ("mercury", "venus", "earth", "mars"), timed.GIANTS
+#: Steps of the minimum-norm comparison up to which the order is seen; the rms error at which steps are compared.
+SMALL, EQUAL = 1 / 16, 1e-3
+ENERGY = "energy error"
+
+
+def _about(value: float) -> Between:
+    return Between(value / ABOUT, value * ABOUT)
+
+
+# -- Farres et al. 2013 -----------------------------------------------------------------------------------------------
+
+
+def fewest(rows: pd.DataFrame, error: float, column: str = ENERGY) -> pd.Series:
+    """Method -> the fewest evaluations with which its error is at most ``error``, sorted; infinite if it never is."""
+    met = rows[rows[column] <= error]
+    found = met.groupby("method")["evaluations"].min().astype(float)
+    return found.reindex(rows["method"].unique(), fill_value=inf).sort_values(kind="stable")
+
+
+def _lead(rows: pd.DataFrame, error: float, column: str) -> tuple[float, str]:
+    """(evaluations of the cheapest other method over those of (10,6,4), its id)."""
+    found = fewest(rows, error, column)
+    others = found.drop(planets.BEST)
+    return float(others.iloc[0] / found[planets.BEST]), str(others.index[0])
+
+
+@of(planets.EVALUATIONS)
+def preference(rows: pd.DataFrame) -> Verdict | None:
+    """Whether (10,6,4) needs the fewest evaluations at the smallest energy error."""
+    if not fewest(rows, SMALLEST)[planets.BEST] < inf:
+        return None
+    lead, other = _lead(rows, SMALLEST, ENERGY)
+    return Verdict(
+        "On eight planets ABA(10,6,4) needs the fewest evaluations at the smallest energy error",
+        lead if lead < inf else 1e3,
+        at_least(1.0),
+        "times fewer",
+        where=f"to {SMALLEST:g}; next {other}" if lead < inf else f"to {SMALLEST:g}; no other reaches it",
+    )
+
+
+@of(planets.EVALUATIONS)
+def everywhere(rows: pd.DataFrame) -> Verdict:
+    """The evaluations of the cheapest other method over those of (10,6,4), over all energy errors."""
+    leads = {e: _lead(rows, e, ENERGY) for e in ERRORS[:-1]}
+    worst = min(leads, key=lambda e: leads[e][0])
+    known = [lead for lead, _ in leads.values()]
+    return Verdict(
+        "On eight planets ABA(10,6,4) needs the fewest evaluations at every larger energy error",
+        Range(min(known), max(known)),
+        at_least(1.0),
+        "times fewer",
+        where=f"to {worst:g}: {leads[worst][1]}",
+    )
+
+
+@of(planets.EVALUATIONS)
+def by_state(rows: pd.DataFrame) -> Verdict | None:
+    """The same, judged by the positions after a century, at an error that most reach."""
+    error = 1e-8
+    lead, other = _lead(rows, error, "position error")
+    if not 0 < lead < inf:
+        return None
+    return Verdict(
+        "ABA(10,6,4) needs the fewest evaluations for the planets' places after a century",
+        lead,
+        at_least(1.0),
+        "times fewer",
+        where=f"to {error:g} AU: {other}",
+    )
+
+
+# -- Rein, Brown & Tamayo 2019 ----------------------------------------------------------------------------------------
+
+
+def gains(rows: pd.DataFrame, one: str, other: str, names: tuple[str, ...]) -> pd.Series:
+    """Planet -> the size of the error of its perihelion's rate by one integrator over that by another."""
+    at = rows[rows["planet"].isin(names)].pivot_table(index="planet", columns="method", values="rate error", sort=False)
+    if one not in at or other not in at:
+        return pd.Series(dtype=float)
+    return (at[one] / at[other]).abs()
+
+
+@of(planets.PERIHELIA)
+def energies(rows: pd.DataFrame) -> Verdict | None:
+    """The energy error of WHFast over that with the corrector of order 17."""
+    found = rows.groupby("method")[ENERGY].first()
+    if not {planets.PLAIN, planets.CORRECTED} <= set(found.index):
+        return None
+    return Verdict(
+        "Symplectic correctors make the energy error a thousand times smaller",
+        float(found[planets.PLAIN] / found[planets.CORRECTED]),
+        _about(1000.0),
+        "times",
+        where=f"h = {number(planets.STEP)} days",
+    )
+
+
+def _rates(rows: pd.DataFrame, names: tuple[str, ...], claim: str) -> Verdict | None:
+    found = gains(rows, planets.PLAIN, planets.CORRECTED, names)
+    if found.empty:
+        return None
+    return Verdict(
+        claim, Range(found.min(), found.max()), at_most(NO_BETTER), "times smaller", where=str(found.idxmax())
+    )
+
+
+@of(planets.PERIHELIA)
+def inner(rows: pd.DataFrame) -> Verdict | None:
+    """Whether the corrector leaves the rates of the inner planets' perihelia no better."""
+    return _rates(rows, INNER, "Symplectic correctors make no inner planet's perihelion rate better")
+
+
+@of(planets.PERIHELIA)
+def giants(rows: pd.DataFrame) -> Verdict | None:
+    """Whether the corrector leaves the rates of the giant planets' perihelia no better."""
+    return _rates(rows, GIANTS, "Symplectic correctors make no giant planet's perihelion rate better")
+
+
+@of(planets.PERIHELIA)
+def same_energy(rows: pd.DataFrame) -> Verdict | None:
+    """The rates' errors with the corrector over those of SABAC2, whose energy error is the same."""
+    found = gains(rows, planets.CORRECTED, "rebound-saba-cm-2", INNER)
+    if found.empty:
+        return None
+    return Verdict(
+        "SABAC2, with the corrected method's energy error, has better perihelion rates",
+        Range(found.min(), found.max()),
+        at_least(NO_BETTER),
+        "times smaller",
+        where=str(found.idxmin()),
+    )
+
+
+# -- Takaishi & de Forcrand 2006 --------------------------------------------------------------------------------------
+
+
+def _curve(rows: pd.DataFrame, name: str, id: str, first: str, length: float) -> pd.DataFrame:
+    chosen = (rows["potential"] == name) & (rows["method"] == id) & (rows["first"] == first)
+    return rows[chosen & (rows["length"] == length)].sort_values("h")
+
+
+def ratios(rows: pd.DataFrame, name: str) -> list[float]:
+    """Leapfrog's rms error over the other's at the same small step, for each first variable and length."""
+    out: list[float] = []
+    for first in (POSITIONS, MOMENTA):
+        for length in minimum_norm.LENGTHS:
+            a, b = (_curve(rows, name, id, first, length).set_index("h")["rms"] for id in (LEAPFROG, MINIMUM_NORM))
+            out += list((a / b)[(a / b).index <= SMALL])
+    return out
+
+
+def longer(rows: pd.DataFrame, name: str) -> list[float]:
+    """The step of the minimum-norm splitting over leapfrog's at the rms error `EQUAL`, likewise."""
+    out: list[float] = []
+    for first in (POSITIONS, MOMENTA):
+        for length in minimum_norm.LENGTHS:
+            steps = []
+            for id in (LEAPFROG, MINIMUM_NORM):
+                curve = _curve(rows, name, id, first, length)
+                logs = np.log(curve[["rms", "h"]].to_numpy())
+                steps.append(np.exp(np.interp(np.log(EQUAL), logs[:, 0], logs[:, 1], left=np.nan, right=np.nan)))
+            out.append(float(steps[1] / steps[0]))
+    return [x for x in out if x == x]
+
+
+def _smaller(rows: pd.DataFrame, name: str, claim: str) -> Verdict | None:
+    found = ratios(rows, name)
+    return Verdict(claim, Range(min(found), max(found)), _about(10.0), "times") if found else None
+
+
+@of(minimum_norm.TABLE)
+def anharmonic(rows: pd.DataFrame) -> Verdict | None:
+    """Whether the rms energy error is about ten times smaller on the anharmonic oscillator."""
+    return _smaller(rows, "anharmonic", "The minimum-norm splitting's energy error is about a tenth of leapfrog's")
+
+
+@of(minimum_norm.TABLE)
+def gaussian(rows: pd.DataFrame) -> Verdict | None:
+    """Whether it is on the harmonic oscillator."""
+    return _smaller(rows, "oscillator", "So it is on a Gaussian distribution")
+
+
+@of(minimum_norm.TABLE)
+def step(rows: pd.DataFrame) -> Verdict | None:
+    """Whether the step may be about three times as long."""
+    found = longer(rows, "anharmonic")
+    if not found:
+        return None
+    return Verdict("Its step can be about three times as long", Range(min(found), max(found)), _about(3.0), "times")
+
+
+@of(minimum_norm.TABLE)
+def efficiency(rows: pd.DataFrame) -> Verdict | None:
+    """Whether it is some 50 % more efficient: the step's gain over the evaluations'."""
+    found = [100 * (x / minimum_norm.FORCES[MINIMUM_NORM] - 1) for x in longer(rows, "anharmonic")]
+    if not found:
+        return None
+    return Verdict("It is some 50 % more efficient", Range(min(found), max(found)), _about(50.0), "%")
+
+
+# -- Brouwer's law ----------------------------------------------------------------------------------------------------
+
+
+def _law(rows: pd.DataFrame, id: str, claim: str) -> Verdict | None:
+    row = rows[(rows["integrator"] == id) & rows["tolerance"].isna()]
+    if row.empty:
+        return None
+    low, a, high = (float(row.iloc[0][c]) for c in ("low", "exponent", "high"))
+    spread = max(high - a, a - low)
+    where = f"{number(low)} to {number(high)} (95 %), {row.iloc[0]['orbits']} orbits, {row.iloc[0]['starts']} starts"
+    return Verdict(claim, a, Between(0.5 - spread, 0.5 + spread), where=where)
+
+
+@of(brouwer.TABLE)
+def ias15(rows: pd.DataFrame) -> Verdict | None:
+    """Whether IAS15's energy error grows as the square root of time."""
+    return _law(rows, "rebound-ias15", "IAS15's energy error grows as the square root of time")
+
+
+@of(brouwer.TABLE)
+def heyoka(rows: pd.DataFrame) -> Verdict | None:
+    """Whether heyoka's does."""
+    return _law(rows, "heyoka", "heyoka's energy error grows as the square root of time")
+
+
+@of(brouwer.TABLE)
+def gauss(rows: pd.DataFrame) -> Verdict | None:
+    """Whether that of this suite's Gauss method of order 16 does."""
+    return _law(rows, "gauss-8", "The energy error of Gauss of order 16 grows as the square root of time")
+
+
+@of(brouwer.TABLE)
+def splitting(rows: pd.DataFrame) -> Verdict | None:
+    """Whether that of this suite's Wisdom-Holman splitting does."""
+    return _law(rows, "wisdom-holman", "Wisdom–Holman's energy error grows as the square root of time")
+
+
+@of(brouwer.TABLE)
+def smallest(rows: pd.DataFrame) -> Verdict | None:
+    """IAS15's rms energy error at the end over that of the best of this suite."""
+    end = rows[rows["tolerance"].isna()].set_index("integrator")["rms"]
+    ours = end[end.index.isin(("gauss-8", "wisdom-holman"))]
+    if "rebound-ias15" not in end or ours.empty:
+        return None
+    return Verdict(
+        "IAS15's energy error at the end is the smallest",
+        float(end["rebound-ias15"] / ours.min()),
+        at_most(1.0),
+        "times the best of this suite",
+        where=str(ours.idxmin()),
+    )
+
+
+# -- timed ------------------------------------------------------------------------------------------------------------
+
+
+@of(timed.VECTORS)
+def vectors(rows: pd.DataFrame) -> Verdict:
+    """How many times WHFast512 is as fast as WHFast."""
+    where = rows.loc[rows["gain"].idxmin()]
+    return Verdict(
+        "WHFast512 is up to 4.7 times as fast as WHFast",
+        float(rows["gain"].max()),
+        _about(4.7),
+        "times",
+        where=f"least {number(rows['gain'].min())} ({where['corrector']}, h = {number(where['h'])})",
+    )
+
+
+def _against(rows: pd.DataFrame, id: str, printed: float, claim: str) -> Verdict | None:
+    row = rows[rows["integrator"] == id]
+    if row.empty:
+        return None
+    found, ours = row.iloc[0], rows[rows["integrator"] == timed.TRACE].iloc[0]
+    where = f"energy error {number(found[ENERGY])}, TRACE's {number(ours[ENERGY])}"
+    return Verdict(claim, float(found["times TRACE"]), _about(printed), "times", where=where)
+
+
+@of(timed.ENCOUNTERS)
+def mercurius(rows: pd.DataFrame) -> Verdict | None:
+    """How many times TRACE is as fast as MERCURIUS."""
+    return _against(rows, timed.RIVALS[0], 12.0, "TRACE is 12 times as fast as MERCURIUS in close encounters")
+
+
+@of(timed.ENCOUNTERS)
+def trace(rows: pd.DataFrame) -> Verdict | None:
+    """How many times TRACE is as fast as IAS15."""
+    return _against(rows, timed.RIVALS[1], 15.0, "TRACE is 15 times as fast as IAS15 in violent scattering")
+
+
+# -- all of them ------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Printed:
+    """A printed number: its verdict, what is printed, why the measured one differs, and where it is printed."""
+
+    verdict: Callable[[Data], Verdict | None]
+    printed: str
+    why: str
+    source: str
+
+
+FARRES = "Farrés et al. 2013, abstract (1208.0716)"
+REIN = "Rein, Brown & Tamayo 2019, abstract (1908.03468)"
+TAKAISHI = "Takaishi & de Forcrand 2006, abstract (hep-lat/0505020)"
+LU = "Lu, Hernandez & Rein 2024, abstract (MNRAS 533, 3708)"
+PRINTED = (
+    Printed(preference, "(10,6,4) preferred", "", FARRES),
+    Printed(everywhere, "(10,6,4) preferred", "they ask for round-off; above it fewer stages do", FARRES),
+    Printed(by_state, "(10,6,4) preferred", "they judge by the energy; ε²h² needs longer than a century", FARRES),
+    Printed(energies, "three orders of magnitude", "depends on h: the corrected error falls faster", REIN),
+    Printed(inner, "no better", "ε²h² turns the perihelion; a corrector removes εh² alone", REIN),
+    Printed(giants, "no better", "starts off the shadow orbit decide here; they have 20 Myr", REIN),
+    Printed(same_energy, "higher order is better", "SABAC2 has no term ε²h²", REIN),
+    Printed(anharmonic, "about 10", "which variable is moved first, and the length", TAKAISHI),
+    Printed(gaussian, "about 10", "linear forces see one combination of both error terms", TAKAISHI),
+    Printed(step, "about 3", "the square root of the errors' ratio", TAKAISHI),
+    Printed(efficiency, "about 50 %", "the step's gain over two forces a step", TAKAISHI),
+    Printed(ias15, "t^1/2, 10⁹ orbits", "one planet, fewer orbits", "Rein & Spiegel 2015, abstract (1409.4779)"),
+    Printed(heyoka, "t^1/2", "one planet, fewer orbits", "Biscani & Izzo 2021; quoted at second hand"),
+    Printed(gauss, "t^1/2", "", "ours beside them"),
+    Printed(splitting, "t^1/2", "", "ours beside them"),
+    Printed(
+        smallest, "accurate to round-off", "IAS15's sums are compensated, as ours are", "Rein & Spiegel 2015, title"
+    ),
+    Printed(
+        vectors, "up to 4.7", "another processor and version", "Javaheri, Rein & Tamayo 2023, abstract (2307.05683)"
+    ),
+    Printed(mercurius, "12 (13 in the preprint)", "another scene: giants with heavier masses", LU),
+    Printed(trace, "15 (20 in the preprint)", "another scene: four planets, few encounters", LU),
+)

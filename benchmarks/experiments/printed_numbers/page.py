@@ -1,0 +1,139 @@
+"""The page of printed numbers: what papers print on integrators, beside what is measured here."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pandas as pd
+
+from phasebench.benchmarks import style
+from phasebench.benchmarks.page.markdown import number
+from phasebench.benchmarks.page.page import Data, Page, Picture, Table, of
+from phasebench.benchmarks.page.verdict import FINDING, MISSING, PASS
+
+from . import brouwer, claims, minimum_norm, planets, timed
+from .claims import PRINTED
+
+TABLES = (
+    planets.EVALUATIONS,
+    planets.PERIHELIA,
+    minimum_norm.TABLE,
+    brouwer.TABLE,
+    timed.VECTORS,
+    timed.ENCOUNTERS,
+)
+GAUSS_16 = {
+    "claim": "IRKGL16-SIMD beats explicit symplectic methods at high precision",
+    "printed": "it can",
+    "measured": "see page gauss-16",
+    "outcome": "see there",
+    "why they differ": "from which error on depends on the scene",
+    "where": "",
+    "source": "Antoñana, Makazaga & Murua 2026, abstract (2511.03655v2)",
+}
+
+
+def _lines(data: Data) -> pd.DataFrame:
+    """A row for each printed number, whether it is measured or not."""
+    rows = []
+    for one in PRINTED:
+        found = one.verdict(data)
+        told = found.row() if found is not None else {"claim": _claim(one), "measured": "", "outcome": MISSING}
+        row = {"claim": told["claim"], "printed": one.printed, "measured": told["measured"], "outcome": told["outcome"]}
+        row |= {"why they differ": one.why, "where": told.get("where it is worst", ""), "source": one.source}
+        rows.append(row)
+    return pd.DataFrame([*rows, GAUSS_16])
+
+
+def _claim(one) -> str:
+    return str(one.verdict.__doc__).strip().rstrip(".")
+
+
+def answer(data: Data) -> str | None:
+    """A sentence: how many printed numbers are measured here, and how many are not."""
+    outcomes = [found.outcome for one in PRINTED if (found := one.verdict(data)) is not None]
+    judged = [o for o in outcomes if o != MISSING]
+    if not judged:
+        return None
+    return (
+        f"Of {len(judged)} printed numbers {judged.count(PASS)} are measured here, too, {judged.count(FINDING)} are not: most "
+        "of these hold on one kind of problem only."
+    )
+
+
+def table(data: Data) -> Table | None:
+    """Every printed number: printed, measured, verdict, why they differ, source."""
+    if all(data(name) is None for name in TABLES):
+        return None
+    caption = f"Printed with “about” is met within a factor of {claims.ABOUT:g}; “no better” means by less than {claims.NO_BETTER:g} times."
+    return Table(_lines(data), caption)
+
+
+def draw(data: Data, folder: Path) -> list[Picture]:
+    """Draw the planets' splittings, and energies beside perihelia."""
+    return [p for p in (_splittings(data, folder), _perihelia(data, folder)) if p is not None]
+
+
+@of(planets.EVALUATIONS)
+def _splittings(rows: pd.DataFrame, folder: Path) -> Picture:
+    with style.settings():
+        figure, ((left, right),) = style.panels(1, 2, 3.2)
+        for k, (name, part) in enumerate(rows.groupby("method", sort=False)):
+            look = style.curve(k % len(style.CURVES))
+            left.loglog(part["evaluations"], part[claims.ENERGY], label=name, **look)
+            right.loglog(part["evaluations"], part["position error"], label=name, **look)
+        for axes, title in ((left, "relative energy error"), (right, "position error (AU)")):
+            axes.set(xlabel="evaluations over a century", title=title)
+            axes.grid(color="0.93", linewidth=0.5)
+        style.legend_above(figure, left, 3)
+        file = style.save(figure, folder, "printed-numbers-planets.png")
+    return Picture(
+        file, "splittings on eight planets", "Left: the largest energy error. Right: positions after a century."
+    )
+
+
+@of(planets.PERIHELIA)
+def _perihelia(rows: pd.DataFrame, folder: Path) -> Picture:
+    with style.settings():
+        figure, ((axes,),) = style.panels(1, 1, 3.4)
+        for k, name in enumerate(claims.INNER):
+            part = rows[rows["planet"] == name]
+            axes.loglog(
+                part[claims.ENERGY], part["rate error"].abs(), label=name, **style.curve(k) | {"linestyle": "none"}
+            )
+        axes.set(xlabel="relative energy error", ylabel="error of the perihelion's rate (arcsec/yr)")
+        axes.grid(color="0.93", linewidth=0.5)
+        style.legend_above(figure, axes, 4)
+        file = style.save(figure, folder, "printed-numbers-perihelia.png")
+    caption = (
+        f"WHFast without and with correctors, SABA4, SABAC and ours at h = {number(planets.STEP)} days over {planets.YEARS} years. "
+        "From right to left the energy error falls; the rates' errors do not follow it."
+    )
+    return Picture(file, "energy errors beside perihelia", caption)
+
+
+PAGE = Page(
+    id="printed-numbers",
+    question="Are the numbers that papers print on integrators measured here, too?",
+    tables=TABLES,
+    setting=(
+        "Farrés, Rein: the Sun and eight planets from JPL's elements at J2000, Jacobi coordinates; a century against "
+        f"certified states, {planets.YEARS} years against ABA(10,6,4).",
+        "Takaishi: ⟨ΔH²⟩^½ of trajectories over exp(−H) by Gauss's rule, V = q²/2 and q²/2 + q⁴/4, both orders of a step.",
+        f"Brouwer: {brouwer.STARTS} Kepler orbits of e = 0.2, {brouwer.ORBITS} revolutions, the power of n in the rms energy error.",
+        "WHFast512: the eight planets, in turns with WHFast. TRACE: the giants with "
+        f"{timed.HEAVIER:g} times their masses, {timed.YEARS:g} years, h = {timed.SHARE:g} of Jupiter's period.",
+    ),
+    verdicts=(claims.preference, claims.inner, claims.anharmonic, claims.ias15, claims.vectors),
+    answer=answer,
+    figures=draw,
+    table=table,
+    limits=(
+        "Of the papers the abstracts were read; the scenes are this suite's, not the papers'. Biscani and Izzo's is quoted at second hand.",
+        "Evaluations of a corrector, which acts at rows only, are not counted.",
+        "Secular frequencies need millions of years; rates over ten thousand contain oscillations of the giants' perihelia.",
+        "WHFast512 needs AVX512: where the processor or REBOUND's build lacks it, its row is missing.",
+        f"Exponents are compared with 1/2 within their own 95 % interval; heyoka at tolerance {brouwer.CONTROL[1]:g} is the control.",
+    ),
+    command="pytest benchmarks/experiments/printed_numbers",
+)

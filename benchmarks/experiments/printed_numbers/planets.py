@@ -1,0 +1,133 @@
+r"""Eight planets: error against evaluations of splittings, and energy errors beside errors of the perihelia's rates.
+
+- **Splittings**: over a century, the largest relative energy error of a run and the distance of its end from the
+  certified state, against the evaluations of the planets' forces on each other; a corrector's, at rows only, are not
+  counted.
+- **Perihelia**: the longitude of a perihelion is the direction of :math:`e = v\times L/\mu - r/|r|` about the Sun in
+  the ecliptic.  Its rate's error is the slope of a line fitted to its difference from that of a run of ABA(10,6,4), whose
+  own uncertainty is the same slope between steps h and h/2.
+
+Source: A. Farres et al., Celest. Mech. Dyn. Astron. 116 (2013) 141; H. Rein, G. Brown, D. Tamayo, Mon. Not. R. Astron.
+Soc. 490 (2019) 5122.
+"""
+
+from __future__ import annotations
+
+from math import degrees
+
+import numpy as np
+
+from phasebench.benchmarks.measure.energy import energy_error
+from phasebench.benchmarks.measure.integrator import integrator
+from phasebench.benchmarks.problems import problem
+from phasebench.benchmarks.store.cells import Cell, ProblemKey, Rows, Unavailable, content
+from phasebench.integrators.driver import OK, SKIPPED
+from phasebench.reference.certificates import stored
+
+EVALUATIONS, PERIHELIA = "printed_numbers_evaluations", "printed_numbers_perihelia"
+PROBLEM, YEAR = "solar-system", 365.25
+#: Splittings and their evaluations a step (of REBOUND's: Blanes et al. 2013, table 3).
+BEST = "wisdom-holman-aba-10-6-4"
+STAGES = {
+    "wisdom-holman": 1,
+    "wisdom-holman-corrector": 1,
+    "wisdom-holman-saba-2": 2,
+    "wisdom-holman-saba-4": 4,
+    "wisdom-holman-aba-8-6-4": 7,
+    BEST: 8,
+    "rebound-saba-10-4": 7,
+    "rebound-saba-h-8-4-4": 6,
+    "rebound-saba-h-8-6-4": 8,
+    "rebound-saba-h-10-6-4": 9,
+}
+#: Days of the runs, the last time of a certified state; stored rows; numbers of evaluations.
+CENTURY, ROWS = 36525.0, 100
+LADDER = tuple(round(2400 * 2 ** (k / 2)) for k in range(11))
+#: Step in days, length in years and rows of the runs whose perihelia are compared.
+STEP, YEARS, LINES = YEAR / 60, 10_000, 1000
+PLAIN, CORRECTED = "rebound-whfast-plain", "rebound-whfast-corrector-17"
+SECULAR = (
+    PLAIN,
+    *(f"rebound-whfast-corrector-{n}" for n in (3, 5, 7, 11)),
+    CORRECTED,
+    "rebound-whfast-modifiedkick",
+    "rebound-saba-4",
+    *(f"rebound-saba-cm-{n}" for n in (1, 2, 4)),
+    "wisdom-holman",
+    "wisdom-holman-corrector",
+)
+ARCSECONDS = 3600.0
+
+
+def cells(quick: bool = False) -> list[Cell]:
+    """A cell for each splitting, and one for all perihelia; none if ``quick``."""
+    if quick:
+        return []
+    one = [_cell(EVALUATIONS, {"method": id}, evaluations, (id,), (id,), LADDER, STAGES[id]) for id in STAGES]
+    return [*one, _cell(PERIHELIA, {}, perihelia, (), (BEST, *SECULAR), STEP, YEARS)]
+
+
+def _cell(table: str, key: dict, measure, arguments: tuple, ids: tuple, *parts) -> Cell:
+    records = [integrator(id).record for id in ids]
+    needs = content(table, *records, ProblemKey(PROBLEM), *parts, code=[__name__])
+    names = frozenset({PROBLEM, *ids, *(id.partition("-")[0] for id in ids if id.startswith("rebound"))})
+    return Cell("printed_numbers", (table,), key, measure, arguments, needs, names)
+
+
+def _run(made, id: str, h: float, steps: int, rows: int):
+    """A run with as many rows; raises Unavailable without its package, RuntimeError if it fails."""
+    s = integrator(id).run(made, h=h, steps=steps, save_every=steps // rows)
+    if s.status == SKIPPED:
+        raise Unavailable(s.reason)
+    if s.status != OK:
+        raise RuntimeError(f"{id}: {s.reason}")
+    return s
+
+
+def evaluations(id: str) -> Rows:
+    """A row for each step of a splitting over a century: evaluations, energy error, distance from the certified end."""
+    made, rows = problem(PROBLEM), []
+    end = stored.end(made, CENTURY)
+    if end is None:
+        raise RuntimeError(f"no state of {PROBLEM} at t = {CENTURY} is stored; phasebench certify {PROBLEM} --update")
+    for wanted in LADDER:
+        steps = ROWS * max(1, round(wanted / STAGES[id] / ROWS))
+        s = _run(made, id, CENTURY / steps, steps, ROWS)
+        row = {"method": id, "h": CENTURY / steps, "evaluations": steps * STAGES[id]}
+        row |= {"energy error": energy_error(made, s.q, s.p), "position error": float(np.abs(s.q[-1] - end.q).max())}
+        rows.append(row | {"uncertainty": end.uncertainty})
+    return {EVALUATIONS: rows}
+
+
+def longitudes(made, q, p) -> np.ndarray:
+    """The longitudes of all perihelia in radians, continuous in time, array (planets, n), of states (n, d)."""
+    masses, G = np.array(made.bodies.masses), made.bodies.units.G
+    x = q.reshape(len(q), -1, 3)
+    v = p.reshape(len(p), -1, 3) / masses[:, None]
+    r, u = x[:, 1:] - x[:, :1], v[:, 1:] - v[:, :1]
+    mu = G * (masses[0] + masses[1:])[:, None]
+    e = np.cross(u, np.cross(r, u)) / mu - r / np.linalg.norm(r, axis=2, keepdims=True)
+    return np.unwrap(np.arctan2(e[..., 1], e[..., 0]), axis=0).T
+
+
+def rate(t, values) -> float:
+    """The slope of a line fitted to angles in radians at times t in days, in seconds of arc a year."""
+    return float(np.polyfit((t - t.mean()) / YEAR, values - values[0], 1)[0]) * degrees(1.0) * ARCSECONDS
+
+
+def perihelia() -> Rows:
+    """A row for each integrator and planet: energy error, error of the perihelion's rate, and its uncertainty."""
+    made = problem(PROBLEM)
+    steps = LINES * round(YEARS * YEAR / STEP / LINES)
+    true, coarse = (_run(made, BEST, STEP / k, steps * k, LINES) for k in (2, 1))
+    exact = longitudes(made, true.q, true.p)
+    doubt = longitudes(made, coarse.q, coarse.p) - exact
+    rows = []
+    for id in SECULAR:
+        s = _run(made, id, STEP, steps, LINES)
+        off, energy = longitudes(made, s.q, s.p) - exact, energy_error(made, s.q, s.p)
+        for k, name in enumerate(made.bodies.names[1:]):
+            row = {"method": id, "planet": name, "h": STEP, "years": YEARS, "energy error": energy}
+            row |= {"rate": rate(true.t, exact[k]), "rate error": rate(true.t, off[k])}
+            rows.append(row | {"uncertainty": abs(rate(true.t, doubt[k]))})
+    return {PERIHELIA: rows}
