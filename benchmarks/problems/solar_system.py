@@ -60,7 +60,7 @@ def make() -> Problem:
         tuple(x for row in where for x in row),
         tuple(m * v for m, row in zip(found.masses, velocities, strict=True) for v in row),
         "the elements at the epoch J2000",
-        decades(36525.0),
+        decades(3652.5),
     )
     return PlanetarySystem(
         id="solar-system",
@@ -78,6 +78,6 @@ def make() -> Problem:
         orbits=(start,),
         invariants=kept,
         time_unit=found.units.time,
-        pace=Pace(unit=9.0, step=3.0, span=45.0, later=15.0),
+        pace=Pace(unit=9.0, step=3.0, span=150.0, later=15.0),
         bodies=found,
     )

@@ -25,7 +25,8 @@ PROBLEM, VALUES = "kepler", {"e": 0.2}
 STARTS, ORBITS, ROWS, SEED, SPREAD = 24, 10_000, 100, 33, 1e-3
 #: Integrator -> tolerance, or None for its own; steps an orbit of a method with fixed steps.
 CONTROL = ("heyoka", 1e-9)
-RUNS = (("rebound-ias15", None), ("heyoka", None), ("gauss-8", None), ("wisdom-holman", None), CONTROL)
+OWN = ("rebound-ias15", "heyoka", "rebound-whfast-plain", "gauss-8", "wisdom-holman")
+RUNS = (*((id, None) for id in OWN), CONTROL)
 STEPS = 30
 RESAMPLED = 400
 

@@ -1,8 +1,8 @@
 r"""The rms energy error of a trajectory of hybrid Monte Carlo: leapfrog beside the minimum-norm splitting of order 2.
 
 Positions and momenta are distributed as :math:`e^{-H}`, and :math:`\langle\Delta H^2\rangle^{1/2}` is taken over
-that distribution by Gauss's rule: nothing is drawn.  The equality :math:`\langle e^{-\Delta H}\rangle = 1` of volume-preserving
-methods checks the rule.
+that distribution by Gauss's rule: nothing is drawn.  The equality :math:`\langle e^{-\Delta H}\rangle = 1` of
+volume-preserving methods checks the rule.
 
 A step that begins with the momenta is a step that begins with the positions of H(-p, q), whose flow is the same.
 
@@ -25,6 +25,7 @@ LEAPFROG, MINIMUM_NORM = "stormer-verlet-dkd", "omelyan-2"
 #: Evaluations of the force a step.
 FORCES = {LEAPFROG: 1, MINIMUM_NORM: 2}
 POSITIONS, MOMENTA = "positions", "momenta"
+#: Lengths of trajectories; numbers of steps in a unit of time.
 LENGTHS, STEPS = (1.0, 2.0), (4, 6, 8, 12, 16, 24, 32)
 #: Nodes of Gauss's rule in each variable.
 NODES = 40
@@ -79,8 +80,8 @@ def measure_rows(name: str, id: str, first: str) -> Rows:
     rows = []
     for length in LENGTHS:
         for steps in STEPS:
-            d, weights = jumps(name, id, first, length, steps)
-            row = {"potential": name, "method": id, "first": first, "length": length, "h": length / steps}
+            d, weights = jumps(name, id, first, length, round(length * steps))
+            row = {"potential": name, "method": id, "first": first, "length": length, "h": 1 / steps}
             row |= {"rms": float(np.sqrt(weights @ d**2)), "off": float(weights @ np.expm1(-d))}
             rows.append(row)
     return {TABLE: rows}

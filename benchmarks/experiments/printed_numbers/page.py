@@ -88,7 +88,7 @@ def _splittings(rows: pd.DataFrame, folder: Path) -> Picture:
         style.legend_above(figure, left, 3)
         file = style.save(figure, folder, "printed-numbers-planets.png")
     return Picture(
-        file, "splittings on eight planets", "Left: the largest energy error. Right: positions after a century."
+        file, "splittings on eight planets", "Left: the largest energy error. Right: positions after a decade."
     )
 
 
@@ -117,7 +117,7 @@ PAGE = Page(
     question="Are the numbers that papers print on integrators measured here, too?",
     tables=TABLES,
     setting=(
-        "Farrés, Rein: the Sun and eight planets from JPL's elements at J2000, Jacobi coordinates; a century against "
+        "Farrés, Rein: the Sun and eight planets from JPL's elements at J2000, Jacobi coordinates; a century, a decade against "
         f"certified states, {planets.YEARS} years against ABA(10,6,4).",
         "Takaishi: ⟨ΔH²⟩^½ of trajectories over exp(−H) by Gauss's rule, V = q²/2 and q²/2 + q⁴/4, both orders of a step.",
         f"Brouwer: {brouwer.STARTS} Kepler orbits of e = 0.2, {brouwer.ORBITS} revolutions, the power of n in the rms energy error.",
