@@ -201,7 +201,7 @@ def test_steps_and_efficiency_follow_from_the_ratio():
 
 def law_rows(a: float) -> pd.DataFrame:
     """A row of IAS15 with an exponent and an interval of 0.05 on both sides."""
-    row = {"integrator": "rebound-ias15", "tolerance": np.nan, "starts": 24, "orbits": 10, "rms": 1e-14}
+    row = {"integrator": "rebound-ias15", "tolerance": np.nan, "starts": 24, "orbits": 10, "rms": 1e-14, "bias": 0.1}
     return pd.DataFrame([row | {"exponent": a, "low": a - 0.05, "high": a + 0.05}])
 
 

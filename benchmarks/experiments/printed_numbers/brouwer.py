@@ -91,7 +91,7 @@ def exponent(error) -> tuple[float, float, float]:
 
 
 def measure_rows(id: str, tol: float | None) -> Rows:
-    """The row of an integrator: the exponent with its interval, and the rms energy error at the end."""
+    """The row of an integrator: the exponent with its interval, the rms energy error at the end, its mean over that."""
     error = errors(id, tol)
     a, low, high = exponent(error)
     row = {
@@ -103,4 +103,6 @@ def measure_rows(id: str, tol: float | None) -> Rows:
         "low": low,
         "high": high,
     }
-    return {TABLE: [row | {"rms": float(np.sqrt((error[:, -1] ** 2).mean()))}]}
+    end = error[:, -1]
+    rms = float(np.sqrt((end**2).mean()))
+    return {TABLE: [row | {"rms": rms, "bias": float(end.mean() / rms)}]}

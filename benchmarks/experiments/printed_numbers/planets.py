@@ -44,7 +44,7 @@ STAGES = {
 CENTURY, ROWS, DECADE = 36525.0, 100, 10
 LADDER = tuple(round(2400 * 2 ** (k / 2)) for k in range(11))
 #: Step in days, length in years and rows of the runs whose perihelia are compared.
-STEP, YEARS, LINES = YEAR / 60, 10_000, 1000
+STEP, YEARS, LINES = YEAR / 60, 30_000, 3000
 PLAIN, CORRECTED = "rebound-whfast-plain", "rebound-whfast-corrector-17"
 SECULAR = (
     PLAIN,
