@@ -43,6 +43,20 @@ def test_the_solar_system_has_the_published_elements():
     assert np.abs(off[2]) < 1e-6, "the Earth's orbit lies in the ecliptic"
 
 
+#: The rates of the mean longitudes that JPL publishes beside the elements, degrees a century; not used in the problem.
+RATES = (149472.67411175, 58517.81538729, 35999.37244981, 19140.30268499, 3034.74612775, 1222.49362201, 428.48202785)
+RATES += (218.45945325,)
+
+
+def test_published_rates_of_longitudes_are_the_orbits_mean_motions():
+    """Kepler's third law gives JPL's rates from its semi-major axes: a wrong digit of an axis shows."""
+    G, masses = SOLAR.bodies.units.G, np.array(SOLAR.bodies.masses)
+    a = np.array(SOLAR.bodies.semi_axes())
+    motions = np.degrees(np.sqrt(G * (1 + masses[1:]) / a**3)) * 36525
+    np.testing.assert_allclose(motions[:4], RATES[:4], rtol=2e-5)
+    np.testing.assert_allclose(motions[4:], RATES[4:], rtol=3e-3)
+
+
 def test_the_earth_is_where_it_was_at_j2000():
     """The Astronomical Almanac: longitude 100.38 degrees, 0.98333 AU from the Sun, shortly before the perihelion."""
     earth = np.array(SOLAR.q0[9:12]) - SOLAR.q0[:3]
