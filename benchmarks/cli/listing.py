@@ -67,9 +67,10 @@ def _scenes() -> list[Row]:
 
 
 def _peers() -> list[Row]:
+    from phasebench.reference.installed import version_of
     from phasebench.reference.peers import PEERS
 
-    installed = {package: _version(package) for package in dict.fromkeys(p.package for p in PEERS)}
+    installed = {package: version_of(package) for package in dict.fromkeys(p.package for p in PEERS)}
     return [
         {
             "peer": p.id,
@@ -85,16 +86,6 @@ def _peers() -> list[Row]:
         }
         for p in PEERS
     ]
-
-
-def _version(package: str) -> str | None:
-    """The installed version of a package, without importing it; None if there is none."""
-    from importlib.metadata import PackageNotFoundError, version
-
-    try:
-        return version(package)
-    except PackageNotFoundError:
-        return None
 
 
 TABLES: dict[Kind, Callable[[], list[Row]]] = {

@@ -12,63 +12,20 @@ are one, as in the compiled kernels.
 from __future__ import annotations
 
 import ctypes
-import os
-import re
-import shutil
-import subprocess
-import tempfile
 import time
-from pathlib import Path
 
 import numpy as np
 import sympy as sp
 
-from phasebench.integrators.compile import printing
-from phasebench.integrators.compile.codegen import DOUBLE
+from phasebench.reference.native import compiler, load_source, statements
 
-
-def compiler() -> str | None:
-    """The path of the C compiler: $CC, gcc or cc; None if there is none."""
-    for name in (os.environ.get("CC"), "gcc", "cc"):
-        if name and shutil.which(name):
-            return shutil.which(name)
-    return None
-
-
-def load_source(text: str) -> ctypes.CDLL:
-    """Compile C source and load its functions; raises RuntimeError without a C compiler or if compilation fails."""
-    cc = compiler()
-    if cc is None:
-        raise RuntimeError("no C compiler: install gcc or set CC")
-    with tempfile.TemporaryDirectory() as folder:
-        source, library = Path(folder) / "loop.c", Path(folder) / "loop.so"
-        source.write_text(text)
-        command = [cc, "-O3", "-march=native", "-shared", "-fPIC", str(source), "-o", str(library), "-lm"]
-        done = subprocess.run(command, capture_output=True, text=True)
-        if done.returncode:
-            raise RuntimeError(f"{cc} failed: {done.stderr.strip()}")
-        return ctypes.CDLL(str(library))
-
-
-def _statements(energy: sp.Expr, name: str, variables) -> tuple[str, list[str]]:
-    """C code of the gradient of ``energy`` by ``variables`` (named ``name`` in C): (statements, components)."""
-    text = printing.source("f", [(name, variables)], [[sp.diff(energy, x) for x in variables]], DOUBLE)
-    lines = [line.strip() for line in text.splitlines()[1:]]
-    body = [f"double {line};" for line in lines[len(variables) : -1]]
-    inner = re.fullmatch(r"return value\(\((.*),\)\)", lines[-1]).group(1)
-    parts, depth, start = [], 0, 0
-    for i, c in enumerate(inner + ","):
-        depth += (c == "(") - (c == ")")
-        if c == "," and depth == 0:
-            parts.append(inner[start:i].strip())
-            start = i + 1
-    return " ".join(body), parts
+__all__ = ["Loop", "compiler", "load_source", "source"]
 
 
 def source(system, merged: bool = False) -> str:
     """The C source of ``leapfrog(steps, h, state)``, state = (q, p); for separable H with quadratic T."""
-    of_V, forces = _statements(system.potential, "q", system.q)
-    of_T, velocities = _statements(system.kinetic, "p", system.p)
+    of_V, forces = statements([sp.diff(system.potential, x) for x in system.q], ("q", system.q))
+    of_T, velocities = statements([sp.diff(system.kinetic, x) for x in system.p], ("p", system.p))
     d = range(system.d)
     gradient = " ".join([of_V, *(f"g_{i} = {part};" for i, part in enumerate(forces))])
     drift = " ".join([of_T, *(f"q_{i} += h * ({v});" for i, v in enumerate(velocities))])

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +25,7 @@ from phasebench.integrators.registry import method as method_of
 from phasebench.integrators.registry import parameter_names
 from phasebench.integrators.systems.hamiltonian import PartitionedSystem
 from phasebench.reference import peers
+from phasebench.reference.installed import is_installed
 from phasebench.reference.peers import Claims, Peer, integrate_peer
 from phasebench.reference.peers.prepared import PreparedPeer, prepare_peer
 
@@ -108,10 +108,7 @@ class Integrator:
     @property
     def installed(self) -> bool:
         """True unless it is a peer whose package is not installed."""
-        try:
-            return not isinstance(self.record, Peer) or find_spec(self.record.package) is not None
-        except ValueError:  # the package was removed from the imported modules
-            return False
+        return not isinstance(self.record, Peer) or is_installed(self.record.package)
 
     def load(self) -> None:
         """Import the package of a peer; raises ImportError if it is not installed."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from phasebench.integrators.errors import InvalidInput
+from phasebench.reference.installed import how_to_install
 
 from . import floating
 from .record import Peer, Run, Task
@@ -72,7 +73,10 @@ def integrate_peer(
             run = integrator.run(task)
     except ImportError as error:
         run = Run.stuck(task, 0, 0, 0.0)
-        status, reason = SKIPPED, f"{integrator.package} cannot be imported ({error}); pip install {integrator.package}"
+        status, reason = (
+            SKIPPED,
+            f"{integrator.package} cannot be imported ({error}); {how_to_install(integrator.package)}",
+        )
     else:
         status, reason, rows = ending(system, asked.t0 + times, run.q, run.p, run.failure)
         run = run._replace(q=run.q[:rows], p=run.p[:rows])

@@ -12,6 +12,7 @@ from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.keywords import State
 from phasebench.integrators.outcome import NOT_CONVERGED, OK
 from phasebench.integrators.request import initial
+from phasebench.reference.installed import how_to_install
 
 from .record import Peer, Start
 from .run import tolerance
@@ -113,5 +114,5 @@ def prepare_peer(problem, peer: Peer, *, tol: float | None = None, q0=None, p0=N
         return PreparedPeer(peer, Start(problem, system, q, p, tolerance(peer, tol)))
     except ImportError as error:
         raise InvalidInput(
-            f"{peer.package} cannot be imported ({error}): install it (pip install {peer.package})"
+            f"{peer.package} cannot be imported ({error}): install it ({how_to_install(peer.package)})"
         ) from None

@@ -167,7 +167,7 @@ def test_row_of_a_peer_has_the_columns_of_a_method(id, size):
 def test_unsuitable_peer_has_one_row_with_the_reason(monkeypatch):
     for id, why in (("rebound-whfast", "Kepler"), ("heyoka", "pip install heyoka")):
         if id == "heyoka":
-            monkeypatch.setattr("phasebench.benchmarks.measure.integrator.find_spec", lambda name: None)
+            monkeypatch.setattr("phasebench.benchmarks.measure.integrator.is_installed", lambda name: False)
         todo = sweep.tasks([BY_ID["pendulum-t2"]], only=lambda m, id=id: m.id == id)
         (row,) = sweep.run(todo, repeats=1)
         assert (row["status"], row["method"]) == ("skipped", id)

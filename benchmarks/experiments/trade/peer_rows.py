@@ -19,6 +19,7 @@ from phasebench.benchmarks.problems import problem as problem_of
 from phasebench.benchmarks.problems.scenes import DRIFT, Scene
 from phasebench.integrators.driver import INVALID, OK, SKIPPED
 from phasebench.integrators.errors import InvalidInput
+from phasebench.reference.installed import how_to_install
 from phasebench.reference.peers import PEERS, Peer, integrate_peer
 
 #: The peers' packages that this project depends on; other peers are only in the audit.
@@ -45,7 +46,7 @@ def swept(quick: bool = False) -> list[Peer]:
 def lacks(peer: Peer, scene: Scene) -> str | None:
     """The reason why a peer cannot run a scene, or None."""
     if not Integrator(peer).installed:
-        return f"{peer.package} is not installed; pip install {peer.package}"
+        return f"{peer.package} is not installed; {how_to_install(peer.package)}"
     made = problem_of(scene.problem)
     return peer.lacks(made, made.system)
 

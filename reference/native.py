@@ -1,0 +1,116 @@
+"""C and C++ code of a system's equations: written, compiled by the user's compiler, and loaded.
+
+The statements are those of the compiled kernels.  Everything is compiled with the same flags, `FLAGS`.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import re
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Sequence
+from functools import cache
+from pathlib import Path
+from typing import NamedTuple
+
+import sympy as sp
+
+from phasebench.integrators.compile import printing
+from phasebench.integrators.compile.codegen import DOUBLE
+
+FLAGS = ("-O3", "-march=native", "-shared", "-fPIC")
+#: Language -> (variable that names its compiler, usual names, ending of a source file).
+LANGUAGES = {"C": ("CC", ("gcc", "cc"), "c"), "C++": ("CXX", ("g++", "c++"), "cpp")}
+
+
+class Library(NamedTuple):
+    """A library in C or C++ that is reached by its headers.
+
+    Attributes
+    ----------
+    language : "C" or "C++"
+    header, version : a header, and the macro in it that holds the version as text
+    install : the command that installs it with a compiler
+    """
+
+    language: str
+    header: str
+    version: str
+    install: str
+
+
+LIBRARIES = {
+    "boost": Library("C++", "boost/version.hpp", "BOOST_LIB_VERSION", "apt install g++ libboost-dev"),
+    "gsl": Library("C", "gsl/gsl_version.h", "GSL_VERSION", "apt install gcc libgsl-dev"),
+}
+
+
+def compiler(language: str = "C") -> str | None:
+    """The path of the compiler, that of $CC (of $CXX for C++) or a usual one; None if there is none."""
+    variable, names, _ = LANGUAGES[language]
+    for name in (os.environ.get(variable), *names):
+        if name and shutil.which(name):
+            return shutil.which(name)
+    return None
+
+
+@cache
+def _version(library: Library, path: str) -> str | None:
+    """The version that a library's header states to the compiler at ``path``; None if it finds no header."""
+    text = f"#include <{library.header}>\nversion {library.version}\n"
+    language = library.language.lower()
+    done = subprocess.run([path, "-E", "-P", "-x", language, "-"], input=text, capture_output=True, text=True)
+    found = re.search(r'version "(\S+)"', done.stdout)
+    return found[1].replace("_", ".") if done.returncode == 0 and found else None
+
+
+def library_version(package: str) -> str | None:
+    """The version of one of `LIBRARIES`; None without its headers or without a compiler."""
+    library = LIBRARIES[package]
+    path = compiler(library.language)
+    return _version(library, path) if path else None
+
+
+def load_library(package: str) -> None:
+    """Find one of `LIBRARIES` and a compiler; raises ImportError that names the one that is missing."""
+    library = LIBRARIES[package]
+    if compiler(library.language) is None:
+        raise ImportError(f"there is no {library.language} compiler")
+    if library_version(package) is None:
+        raise ImportError(f"the compiler finds no {library.header}")
+
+
+def load_source(text: str, language: str = "C", libraries: Sequence[str] = ()) -> ctypes.CDLL:
+    """Compile source and load its functions; raises RuntimeError without a compiler or if compilation fails."""
+    path = compiler(language)
+    if path is None:
+        raise RuntimeError(f"no {language} compiler: install gcc or set {LANGUAGES[language][0]}")
+    with tempfile.TemporaryDirectory() as folder:
+        source, library = Path(folder) / f"loop.{LANGUAGES[language][2]}", Path(folder) / "loop.so"
+        source.write_text(text)
+        command = [path, *FLAGS, str(source), "-o", str(library), *(f"-l{name}" for name in (*libraries, "m"))]
+        done = subprocess.run(command, capture_output=True, text=True)
+        if done.returncode:
+            raise RuntimeError(f"{path} failed: {done.stderr.strip()}")
+        return ctypes.CDLL(str(library))
+
+
+def statements(expressions: Sequence[sp.Expr], *arguments: tuple[str, Sequence[sp.Symbol]]) -> tuple[str, list[str]]:
+    """C code of expressions: (statements, the expressions after them).
+
+    ``arguments`` are (letter, variables); the i-th variable is letter_i in C.
+    """
+    text = printing.source("f", list(arguments), [list(expressions)], DOUBLE)
+    lines = [line.strip() for line in text.splitlines()[1:]]
+    body = [f"double {line};" for line in lines[sum(len(v) for _, v in arguments) : -1]]
+    inner = re.fullmatch(r"return value\(\((.*),\)\)", lines[-1])[1]
+    parts, depth, start = [], 0, 0
+    for i, c in enumerate(inner + ","):
+        depth += (c == "(") - (c == ")")
+        if c == "," and depth == 0:
+            parts.append(inner[start:i].strip())
+            start = i + 1
+    return " ".join(body), parts
