@@ -15,6 +15,7 @@ from __future__ import annotations
 import ctypes
 import time
 from functools import lru_cache
+from itertools import pairwise
 
 import numpy as np
 
@@ -146,7 +147,7 @@ def _fixed(run_steps, task: Task) -> Run:
     """Take a peer's fixed steps; ``run_steps`` is (y, h, n, counts) -> 0, or a code if it failed."""
     y, counts, numbers = task.state, np.zeros(3, dtype=np.int64), task.numbers
     rows, total, seconds, failure = [y.copy()], np.zeros(3, dtype=np.int64), 0.0, None
-    for before, number in zip(numbers[:-1], numbers[1:], strict=True):
+    for before, number in pairwise(numbers):
         started = time.perf_counter()
         code = run_steps(y, task.h, number - before, counts)
         seconds += time.perf_counter() - started
