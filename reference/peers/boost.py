@@ -4,8 +4,8 @@ The state is std::array, whose size the compiler knows; flags are those of the b
 steps are ``integrate_n_steps``; a controlled stepper is ``make_controlled(tol, tol, stepper)`` in ``integrate_times``,
 whose first step is 0.01, that of the documentation's examples, or the spacing of rows where that is less.
 
-The symplectic steppers take q' = f(p) and p' = g(q).  Those of McLachlan are Runge-Kutta-Nystrom methods: their order
-is that of quadratic T.  The header of the second one includes nothing of what it needs, so the program does first.
+The symplectic steppers take q' = f(p) and p' = g(q).  The header of sb3a_m4_mclachlan does not include its base class:
+the program does.
 
 Source: K. Ahnert, M. Mulansky, AIP Conf. Proc. 1389 (2011) 1586-1589.
 """

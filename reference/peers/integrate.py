@@ -73,10 +73,8 @@ def integrate_peer(
             run = integrator.run(task)
     except ImportError as error:
         run = Run.stuck(task, 0, 0, 0.0)
-        status, reason = (
-            SKIPPED,
-            f"{integrator.package} cannot be imported ({error}); {how_to_install(integrator.package)}",
-        )
+        how = how_to_install(integrator.package)
+        status, reason = SKIPPED, f"{integrator.package} cannot be imported ({error}); {how}"
     else:
         status, reason, rows = ending(system, asked.t0 + times, run.q, run.p, run.failure)
         run = run._replace(q=run.q[:rows], p=run.p[:rows])

@@ -45,7 +45,7 @@ ROOMS = {
         ("ensemble",),
         ("section",),
     ),
-    "reference": (("files", "installed"), ("solvers",), ("peers",), ("certificates",)),
+    "reference": (("files", "native"), ("installed",), ("solvers",), ("peers",), ("certificates",)),
     "benchmarks": (
         ("style",),
         ("problems",),
