@@ -14,12 +14,10 @@ import tempfile
 from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
-import sympy as sp
-
-from phasebench.integrators.compile import printing
-from phasebench.integrators.compile.codegen import DOUBLE
+if TYPE_CHECKING:
+    import sympy as sp
 
 FLAGS = ("-O3", "-march=native", "-shared", "-fPIC")
 #: Language -> (variable that names its compiler, usual names, ending of a source file).
@@ -103,6 +101,9 @@ def statements(expressions: Sequence[sp.Expr], *arguments: tuple[str, Sequence[s
 
     ``arguments`` are (letter, variables); the i-th variable is letter_i in C.
     """
+    from phasebench.integrators.compile import printing
+    from phasebench.integrators.compile.codegen import DOUBLE
+
     text = printing.source("f", list(arguments), [list(expressions)], DOUBLE)
     lines = [line.strip() for line in text.splitlines()[1:]]
     body = [f"double {line};" for line in lines[sum(len(v) for _, v in arguments) : -1]]

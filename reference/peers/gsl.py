@@ -15,8 +15,6 @@ from __future__ import annotations
 
 from functools import lru_cache
 
-import sympy as sp
-
 from phasebench.reference.native import load_library, load_source, statements
 
 from .boost import KEPT, STEP_LIMIT, runs
@@ -97,6 +95,8 @@ int times(double *y, const double *t, long n, double h, double tol, double *rows
 
 def source(system, name: str) -> str:
     """The C source of a stepper's program for a system."""
+    import sympy as sp
+
     d = system.d
     arguments = [("q", system.q), ("p", system.p)]
     read = " ".join(f"const double {a}_{i} = x[{i + k * d}];" for k, a in enumerate("qp") for i in range(d))
