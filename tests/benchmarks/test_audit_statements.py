@@ -50,6 +50,7 @@ VALUES = {
     "galpy_ias15_tolerance": (("1e-3", "1e-2"), ("0.0e+00", "1e-2"), CONTRADICTED),
     "heyoka_tolerance": (("3.6e-14", "4.1e-14"), ("3.6e-14", "4.1e-11"), CONTRADICTED),
     "sundials_orders": (SPRK, (*SPRK[:18], "3.03", *SPRK[19:]), CONTRADICTED),
+    "boost_velocity_verlet": (("1.02", "1"), ("2.00", "1"), UNDERSTATED),
     "sundials_memory": (("0", "0"), ("100", "0"), CONTRADICTED),
     "sundials_time_dependent": (("2.01", "3.99", "6.0", "0.5"), ("2.01", "1.00", "6.0", "1.0"), CONTRADICTED),
     "sundials_relaxation": (("std::bad_cast", "0", "0"), ("std::bad_cast",) * 3, CONTRADICTED),

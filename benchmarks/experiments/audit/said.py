@@ -29,6 +29,7 @@ PYHAMSYS = "https://github.com/cchandre/pyhamsys"
 REBOUND = "https://rebound.readthedocs.io/en/latest/integrators/"
 DIFFRAX = "https://docs.kidger.site/diffrax/api/solvers/ode_solvers"
 SCIPY = "https://docs.scipy.org/doc/scipy/reference/generated/scipy.integrate.{}.html"
+BOOST = "https://www.boost.org/doc/libs/1_74_0/boost/numeric/odeint/stepper/velocity_verlet.hpp"
 HEYOKA = "https://bluescarni.github.io/heyoka.py/"
 SUNDIALS = "https://sundials.readthedocs.io/en/latest/arkode/{}_link.html"
 SUNDIALS_EXAMPLE = "https://github.com/LLNL/sundials/tree/main/examples/arkode/C_serial"
@@ -407,6 +408,17 @@ STATEMENTS = (
         SUNDIALS_EXAMPLE,
         below(ROUND_OFF),
         "differences from nine stored answers: {0}, {1}, {2}, {3}, {4}, {5}, {6}, {7} and {8}",
+    ),
+    Statement(
+        "boost_velocity_verlet",
+        "boost",
+        "static const order_type order_value = 1;",
+        "guide:Boost 1.74, boost/numeric/odeint/stepper/velocity_verlet.hpp, class velocity_verlet",
+        BOOST,
+        near(0, 1),
+        "order {0} on q'' = 1 - exp(q); order() returns {1}",
+        LABEL,
+        "set order_value to 2",
     ),
 )  # fmt: skip
 
