@@ -17,7 +17,7 @@ WIDTH, LINES = 100, 9
 def output(command: str) -> str:
     """What a command prints on a terminal of `WIDTH` columns; the first `LINES` lines, cut at the width."""
     environment = os.environ | {"COLUMNS": str(WIDTH)}
-    words = [sys.executable, "-m", "phasebench.benchmarks", *command.split()[1:]]
+    words = [sys.executable, "-m", "phasebench", *command.split()[1:]]
     done = subprocess.run(words, cwd=ROOT, env=environment, capture_output=True, text=True, check=False)
     if not done.stdout:
         raise SystemExit(f"{command} prints nothing: {done.stderr}")

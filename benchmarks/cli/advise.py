@@ -59,6 +59,7 @@ def advise(
     set_: options.Settings = [],  # noqa: B006
     hamiltonian: options.Formula = None,
     constraint: options.Constraints = [],  # noqa: B006
+    part: options.Parts = [],  # noqa: B006
     q: options.Coordinates = None,
     p: options.Momenta = None,
     why: Annotated[bool, typer.Option("--why", help="List every integrator that fell out, and why.")] = False,
@@ -79,8 +80,8 @@ def advise(
         if t_end is None:
             raise InvalidInput("give --t-end: where does the integration end?")
         q0, p0 = numbers(q, "q"), numbers(p, "p")
-        chosen = made(problem, hamiltonian, values(set_, "set"), q0, p0, constraint)
-        words = _words(problem, hamiltonian, chosen, set_, q, p, constraint)
+        chosen = made(problem, hamiltonian, values(set_, "set"), q0, p0, constraint, part)
+        words = _words(problem, hamiltonian, chosen, set_, q, p, constraint, part)
         if hamiltonian is None:
             from phasebench.benchmarks.measure.global_error import with_start
 
@@ -107,7 +108,7 @@ def advise(
     raise typer.Exit(0 if answer["choice"] and answer["verified"] else WRONG)
 
 
-def _words(problem, hamiltonian, chosen, set_, q, p, constraints=()) -> list[str]:
+def _words(problem, hamiltonian, chosen, set_, q, p, constraints=(), parts=()) -> list[str]:
     """The words that name the problem on a command line, as the user gave them."""
     from phasebench.benchmarks.problems import file_and_orbit
 
@@ -115,6 +116,7 @@ def _words(problem, hamiltonian, chosen, set_, q, p, constraints=()) -> list[str
     words = [] if problem is None else [problem if own else chosen.label]
     words += ["--hamiltonian", hamiltonian] if hamiltonian is not None else []
     words += [word for g in constraints for word in ("--constraint", g)]
+    words += [word for part in parts for word in ("--part", part)]
     for name, value in [("--set", x) for x in set_] + [("--q", q), ("--p", p)]:
         words += [name, value] if value is not None else []
     return words

@@ -65,6 +65,7 @@ def integrate(
     set_: options.Settings = [],  # noqa: B006
     hamiltonian: options.Formula = None,
     constraint: options.Constraints = [],  # noqa: B006
+    part: options.Parts = [],  # noqa: B006
     q: options.Coordinates = None,
     p: options.Momenta = None,
     time_limit: Annotated[float | None, options.time_limit("The status is then timeout. Default: no limit.")] = None,
@@ -93,7 +94,7 @@ def integrate(
         q0, p0 = numbers(q, "q"), numbers(p, "p")
         _check_order(problem, method)
         _check_output(output, every)
-        chosen_problem = made(problem, hamiltonian, values(set_, "set"), q0, p0, constraint)
+        chosen_problem = made(problem, hamiltonian, values(set_, "set"), q0, p0, constraint, part)
         parameters |= pairs(param, "--param")
         with compilation_shown(not as_json):
             from phasebench.benchmarks.measure.integrator import integrator
@@ -111,20 +112,27 @@ def integrate(
 
 
 def made(
-    name: str | None, hamiltonian: str | None, parameters: dict[str, float], q0, p0, constraints: Sequence[str] = ()
+    name: str | None,
+    hamiltonian: str | None,
+    parameters: dict[str, float],
+    q0,
+    p0,
+    constraints: Sequence[str] = (),
+    parts: Sequence[str] = (),
 ):
     """The problem called ``name``, or that of the formula ``hamiltonian``, which ``name`` then labels."""
     from phasebench.benchmarks.problems import PROBLEMS, file_and_orbit, problem
 
     if hamiltonian is None:
-        if constraints:
-            raise InvalidInput("--constraint goes with --hamiltonian; a problem of a file or a name brings its own")
+        if constraints or parts:
+            option = "--constraint" if constraints else "--part"
+            raise InvalidInput(f"{option} goes with --hamiltonian; a problem of a file or a name brings its own")
         return problem(name, **parameters)
     if name is not None and (name.partition(":")[0] in PROBLEMS or file_and_orbit(name)[0]):
         raise InvalidInput(f"both the problem '{name}' and --hamiltonian are given; leave out one of them")
     from phasebench.benchmarks.problems.user import from_formula
 
-    return from_formula(hamiltonian, q0, p0, parameters, id=name, constraints=constraints)
+    return from_formula(hamiltonian, q0, p0, parameters, id=name, constraints=constraints, parts=parts)
 
 
 def _check_order(problem: str | None, method: str | None) -> None:

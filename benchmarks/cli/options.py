@@ -107,6 +107,14 @@ Constraints = Annotated[
         help="With --hamiltonian, a constraint g(q) = 0: 'q1**2 + q2**2 = 1'; repeat it.",
     ),
 ]
+Parts = Annotated[
+    list[str],
+    typer.Option(
+        "--part",
+        metavar="FORMULA",
+        help="With --hamiltonian, a part of H with an exact flow: '-p1**2/q1'; repeat it for all parts.",
+    ),
+]
 Coordinates = Annotated[
     str | None,
     typer.Option("--q", metavar="NUMBERS", help="Initial coordinates: 0,0.82. Default: those of the problem."),

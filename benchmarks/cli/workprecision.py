@@ -20,6 +20,7 @@ def workprecision(
     set_: options.Settings = [],  # noqa: B006
     hamiltonian: options.Formula = None,
     constraint: options.Constraints = [],  # noqa: B006
+    part: options.Parts = [],  # noqa: B006
     q: options.Coordinates = None,
     p: options.Momenta = None,
     output: Annotated[Path | None, options.output("FILE", "A figure: .png, .svg or .pdf.")] = None,
@@ -41,7 +42,7 @@ def workprecision(
         if output is not None:
             check_file(output, SUFFIXES)
         q0, p0 = numbers(q, "q"), numbers(p, "p")
-        chosen = made(problem, hamiltonian, values(set_, "set"), q0, p0, constraint)
+        chosen = made(problem, hamiltonian, values(set_, "set"), q0, p0, constraint, part)
         start = {} if hamiltonian is not None else {"q0": q0, "p0": p0}
         with telling("workprecision") as tell:
             span = end_time(t_end, chosen)

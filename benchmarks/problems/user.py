@@ -29,6 +29,7 @@ from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.systems import deferred, formula
 from phasebench.integrators.systems.constrained import ConstrainedHamiltonian
 from phasebench.integrators.systems.hamiltonian import Hamiltonian, PartitionedSystem
+from phasebench.integrators.systems.parts import SplitHamiltonian
 
 from . import user_file
 from .base import Orbit, Problem
@@ -87,6 +88,7 @@ def from_formula(
     constants: Mapping[str, float] | None = None,
     id: str | None = None,
     constraints: Sequence[str] = (),
+    parts: Sequence[str] = (),
 ) -> Problem:
     """The canonical problem of a Hamiltonian that is typed as text, in q and p or in q1 .. qd and p1 .. pd.
 
@@ -97,6 +99,7 @@ def from_formula(
     constants : values of the other names in the formula, taken as exact doubles
     id : its name; by default the formula
     constraints : formulae or equations of constraints g(q) = 0; the system is a `ConstrainedHamiltonian` then
+    parts : formulae of parts with exact flows, whose sum is H; the system is a `SplitHamiltonian` then
 
     Raises
     ------
@@ -105,7 +108,9 @@ def from_formula(
         initial state that does not fit.
     """
     constants = real_parameters("the formula", constants or {}, constants or {})
-    names = sorted({x for part in (text, *constraints) for side in part.split("=") for x in formula.names(side)})
+    names = sorted(
+        {x for part in (text, *constraints, *parts) for side in part.split("=") for x in formula.names(side)}
+    )
     d = _degrees(names)
     numbers = [""] if d == 0 else [str(i) for i in range(1, d + 1)]
     variables = [f"{x}{i}" for x in "qp" for i in numbers]
@@ -131,9 +136,12 @@ def from_formula(
             raise InvalidInput(f"--{name} has {len(value)} components; the formula has d = {len(numbers)}")
     orbit = Orbit("start", *(_state(Orbit("start", q, p), name, len(numbers), "the formula") for name in "qp"))
     start = orbit.q if len(numbers) > 1 else ()
-    bound = tuple(constraints)
-    key = deferred.key_of("formula", text, variables, sorted(constants.items()), start, *([bound] if bound else []))
-    system = deferred.system(key, partial(_of_formula, text, variables, constants, start, bound))
+    if constraints and parts:
+        raise InvalidInput("constraints and parts are given; a system has the one or the other")
+    bound, parts = tuple(constraints), tuple(parts)
+    more = [bound] if bound else [parts, "parts"] if parts else []
+    key = deferred.key_of("formula", text, variables, sorted(constants.items()), start, *more)
+    system = deferred.system(key, partial(_of_formula, text, variables, constants, start, bound, parts))
     _check_start(system, orbit, "the formula", "--q={} --p={}")
     name = id or text.strip()
     return Problem(name, "a formula", "the command line", system, (orbit,), parameters=constants)
@@ -145,6 +153,7 @@ def _of_formula(
     constants: Mapping[str, float],
     start: tuple[float, ...],
     constraints: Sequence[str] = (),
+    parts: Sequence[str] = (),
 ) -> PartitionedSystem:
     """The system of a formula in the variables ``names``, first q, then p; ``start``, q0, is for its Kepler part."""
     variables = {name: sp.Symbol(name, real=True) for name in names}
@@ -154,6 +163,9 @@ def _of_formula(
     if constraints:
         bound = [formula.parse_equation(g, known) for g in constraints]
         return ConstrainedHamiltonian(q=symbols[:d], p=symbols[d:], H=H, constraints=bound)
+    if parts:
+        given = [formula.parse(part, known) for part in parts]
+        return SplitHamiltonian(q=symbols[:d], p=symbols[d:], parts=given, H=H)
     return with_kepler_part(Hamiltonian(q=symbols[:d], p=symbols[d:], H=H), start)
 
 

@@ -37,7 +37,7 @@ def files() -> Files:
 
 def command_line() -> str:
     """A section for each command."""
-    parts = ["# Command line\n", "`phasebench COMMAND`, or `python -m phasebench.benchmarks COMMAND`.\n"]
+    parts = ["# Command line\n", "`phasebench COMMAND`, or `python -m phasebench COMMAND`.\n"]
     for name, command in typer.main.get_command(cli.app).commands.items():
         context = typer.Context(command, info_name=f"phasebench {name}")
         pieces = " ".join(piece for p in command.params for piece in p.get_usage_pieces(context))

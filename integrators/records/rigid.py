@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from phasebench.integrators.families.rigid import AXES, MIDPOINT, MOSER_VESELOV, TOP
 from phasebench.integrators.record import BOUNDED, Method
 
 from .compositions import compose
@@ -29,14 +28,14 @@ def rigid(id: str, name: str, scheme: str, source: str, cite: tuple[str, ...], *
 DLM = rigid(
     "rigid-dlm",
     "rigid body: turns about the axes 3, 2, 1, 2, 3",
-    AXES,
+    "axes",
     "Dullweber, Leimkuhler & McLachlan 1997; Miller et al. 2002 in quaternions",
     ("dullweber1997", "miller2002"),
 )
 REICH = rigid(
     "rigid-reich",
     "rigid body: a symmetric top between turns about the axis that is left",
-    TOP,
+    "top",
     "Reich 1994; Touma & Wisdom 1994",
     ("reich1994", "touma-wisdom1994"),
 )
@@ -47,14 +46,14 @@ METHODS: tuple[Method, ...] = (
     rigid(
         "moser-veselov",
         "rigid body: the discrete equations of Moser and Veselov, kicks by the potential around them",
-        MOSER_VESELOV,
+        "moser-veselov",
         "Moser & Veselov 1991; Hairer & Vilmart 2006 in quaternions",
         ("moser-veselov1991", "hairer-vilmart2006"),
     ),
     rigid(
         "lie-midpoint",
         "rigid body: the midpoint rule for the momentum, and its Cayley transform for the attitude",
-        MIDPOINT,
+        "midpoint",
         "Austin, Krishnaprasad & Wang 1993",
         ("austin1993",),
         symplectic=False,

@@ -97,13 +97,6 @@ class SplitHamiltonian(Hamiltonian):
         self._derive(q=q, p=p, H=whole, singular=singular, invariants=invariants)
         self._flows = tuple(_flow(part, text, self.q, self.p) for part, text in zip(self.parts, given, strict=True))
 
-    @property
-    def elementary(self) -> bool:
-        """True if the system, and the flows of its parts, can be evaluated in SIMD lanes."""
-        from phasebench.integrators.values import lane_formulae
-
-        return super().elementary and all(lane_formulae.supported([*dq, *dp]) for dq, dp in self._flows)
-
     def part_flow(self, k: int, arithmetic: str = DOUBLE):
         """The function (q, p, t) -> (change of q, change of p) of the exact flow of part k."""
         T = codegen.value_type(self.d)

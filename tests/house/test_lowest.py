@@ -20,7 +20,7 @@ from phasebench.integrators.registry import METHODS
 
 ROOT = Path(__file__).resolve().parents[2]
 PROBLEMS = [problem(name) for name in ("henon-heiles:box", "perturbed-kepler", "magnetic-mirror")]
-PROBLEMS.append(as_problem("on-sphere"))
+PROBLEMS += [as_problem(name) for name in ("on-sphere", "asymmetric-top", "many-parts")]
 #: The first method of each family.
 FIRST = {m.family: m for m in reversed(METHODS)}
 #: Bound on the error of any method over so short a span.

@@ -1,0 +1,235 @@
+"""Hamiltonians of parts with exact flows, and splitting methods through all of them."""
+
+from __future__ import annotations
+
+import json
+
+import mpmath
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import phasebench as pb
+from phasebench.benchmarks.cli import app
+from phasebench.benchmarks.measure import multiprecision
+from phasebench.benchmarks.measure.battery import PARTS, SYSTEMS
+from phasebench.benchmarks.problems import problem
+from phasebench.integrators import Hamiltonian, InvalidInput, SplitHamiltonian, integrate, integrate_ensemble
+from phasebench.integrators.families.parts import flows
+from phasebench.integrators.registry import METHODS
+
+IDS = [m.id for m in METHODS if m.family == "parts"]
+#: Parts of every kind; among the monomials a = b, a > b, a < b, a negative power, and c a function of variables.
+KINDS = (
+    "p2**2/2 + p1**3/9",
+    "sin(q1)*exp(q2)/3",
+    "p2**2/(2*q1**2)",
+    "(q1**2 + 2*p1**2)/2",
+    "(q1**2 - p1**2)/3 + p2**4",
+    "-p1**2/q1",
+    "q1*p1*(1 + sin(q2))/5",
+    "q1**3*p1/5",
+    "q1**2*p1**2*q2/3",
+    "p1/q1**2*exp(p2)",
+    "q1*p1*3/4 + q2*p2**2/7",
+)
+Q, P = (0.7, 0.4), (0.3, -0.6)
+
+
+def split(*parts: str, **more) -> SplitHamiltonian:
+    return SplitHamiltonian(q="q1 q2", p="p1 p2", parts=parts, **more)
+
+
+@pytest.mark.parametrize("part", KINDS)
+def test_a_derived_flow_is_that_of_its_part(part):
+    dq, dp = split(part, "p2**2").part_flow(0)(Q, P, 0.3)
+    alone = Hamiltonian(q="q1 q2", p="p1 p2", H=part)
+    s = integrate(alone, "gauss-8", h=0.01, steps=30, q0=list(Q), p0=list(P))
+    moved = np.array([*Q, *P]) + [*dq, *dp]
+    assert np.abs(moved - [*s.q[-1], *s.p[-1]]).max() < 1e-15 * 5
+    far = np.array([*Q, *P]) + np.concatenate(split(part, "p2**2").part_flow(0)(Q, P, 0.31))
+    assert np.abs(far - moved).max() > 1e-4, "the control: another time"
+
+
+def test_a_small_change_loses_no_digits():
+    """The exact changes of r and p by -p^2/r over a short time, in 50 digits."""
+    system = SplitHamiltonian(q="r", p="p", parts=["-p**2/r", "p**2/2"])
+    with mpmath.workdps(50):
+        r, p, t = mpmath.mpf(7.5), mpmath.mpf(0.3), mpmath.mpf(2.0**-30)
+        u = 1 - 3 * t * p / r**2
+        exact = r * (mpmath.cbrt(u) ** 2 - 1), p * (mpmath.cbrt(u) - 1)
+    (dr,), (dp,) = system.part_flow(0)((7.5,), (0.3,), 2.0**-30)
+    assert dr == pytest.approx(float(exact[0]), rel=1e-15)
+    assert dp == pytest.approx(float(exact[1]), rel=1e-15)
+
+
+@pytest.mark.parametrize(
+    "part",
+    ["(1 - 2/q1)*p1**2/2", "sin(q1)*p1", "q1*p1*q2*p2", "q1**2 + p1**2 + q1*p1", "p1**2*q1**(1/2)", "p1**2/2 + q1**4"],
+)
+def test_a_part_without_a_known_flow_is_named(part):
+    with pytest.raises(InvalidInput) as told:
+        split(part, "p2**2")
+    assert f"'{part}'" in str(told.value)
+    assert "split it further" in str(told.value)
+
+
+@pytest.mark.parametrize(
+    ("parts", "more", "said"),
+    [
+        (["p1**2"], {}, "at least two"),
+        (["p1**2/2", "q1**2/2"], {"H": "p1**2/2 + q1**2"}, r"do not add up to H: q1\*\*2/2 is left"),
+        (["p1**2/2", "q1*x"], {}, "x"),
+    ],
+)
+def test_bad_parts(parts, more, said):
+    with pytest.raises(InvalidInput, match=said):
+        split(*parts, **more)
+
+
+def test_a_sum_that_is_H_is_accepted():
+    made = split("p1**2/2", "(q1 + q2)**2/2", H="p1**2/2 + q1**2/2 + q1*q2 + q2**2/2")
+    assert made.traits["parts"] == 2
+    assert not Hamiltonian(q="q", p="p", H="p**2/2 + q**2").traits["parts"]
+
+
+# -- the methods -------------------------------------------------------------------------------------------------------
+
+
+def plain_flows(r, f, u, v, t):
+    """The flows of the parts of the battery's geodesic over the time t, each a function of (r, f, u, v)."""
+
+    def second(r, f, u, v):
+        root = mpmath.cbrt((r * r - 3 * t * u) ** 2 / r)
+        return root, f, u * mpmath.cbrt((r * r - 3 * t * u) / r**2), v
+
+    def last(r, f, u, v):
+        def V(r, f):
+            return -1 / (2 - 4 / r) + 8 / (r**2 * mpmath.sin(f) ** 2)
+
+        du = -mpmath.diff(lambda x: V(x, f), r)
+        dv = -mpmath.diff(lambda x: V(r, x), f)
+        return r, f, u + t * du, v + t * dv
+
+    return (
+        lambda r, f, u, v: (r + t * u, f, u, v),
+        second,
+        lambda r, f, u, v: (r, f + t * v / r**2, u + t * v * v / r**3, v),
+        last,
+    )
+
+
+def plain_strang(y, h):
+    half, whole = plain_flows(*y, h / 2), plain_flows(*y, h)
+    for k in (0, 1, 2):
+        y = half[k](*y)
+    y = whole[3](*y)
+    for k in (2, 1, 0):
+        y = half[k](*y)
+    return y
+
+
+def test_strang_steps_are_those_of_a_plain_implementation_in_30_digits():
+    system, q, p = SYSTEMS["geodesic"]()
+    s = integrate(system, "abc-2", h=0.5, steps=50, q0=q, p0=p)
+    other = integrate(system, "abc-yoshida-4", h=0.5, steps=50, q0=q, p0=p)
+    with mpmath.workdps(30):
+        root = mpmath.cbrt(2)
+        fractions = 1 / (2 - root), -root / (2 - root), 1 / (2 - root)
+        y = z = tuple(map(mpmath.mpf, (*q, *p)))
+        rows, composed = [y], [z]
+        for _ in range(50):
+            y = plain_strang(y, mpmath.mpf(0.5))
+            for c in fractions:
+                z = plain_strang(z, c / 2)
+            rows.append(y)
+            composed.append(z)
+    for found, exact in ((s, rows), (other, composed)):
+        away = np.abs(np.hstack([found.q, found.p]) - np.array(exact, float)).max(axis=1)
+        assert away[1] < 4e-15
+        assert away.max() < 1e-13
+    assert np.abs(np.array(rows[1], float) - np.array(composed[1], float)).max() > 1e-7, "the control"
+
+
+def test_neighbours_of_one_part_are_one():
+    assert flows([(1, 0, 1), (2, 1, 0)], 3) == ([0, 1, 2, 1, 0], [1, 1, 3, 2, 2])
+    assert flows([(1, 1, 0), (2, 0, 1)], 3) == ([2, 1, 0, 1, 2], [1, 1, 3, 2, 2])
+
+
+def test_every_method_is_measured_on_parts():
+    """Without round-off, by `measure.multiprecision`: orders and structure."""
+    for what in ("orders", "symplecticity", "symmetry"):
+        assert {x for x in multiprecision.cells(what) if x[0] in IDS} == {(id, name) for id in IDS for name in PARTS}
+
+
+def test_two_parts_are_a_splitting():
+    """With T and V as parts the composition is the splitting whose weights it has."""
+    made = SplitHamiltonian(q="q", p="p", parts=["-cos(q)", "p**2/2"])
+    pendulum = Hamiltonian(q="q", p="p", H="p**2/2 - cos(q)")
+    for id, own in (("abc-4", "blanes-moan-s6"), ("abc-6", "blanes-moan-s10")):
+        a, b = (integrate(x, m, h=0.3, steps=40, q0=[1.0], p0=[0.5]) for x, m in ((made, id), (pendulum, own)))
+        assert np.abs(a.q - b.q).max() < 2e-14
+
+
+def test_orbits_side_by_side_are_those_alone():
+    system, q, p = SYSTEMS["many-parts"]()
+    starts = np.array(p) * (1 + np.linspace(0, 0.1, 9))[:, None]
+    many = integrate_ensemble(system, "abc-4", h=0.1, steps=50, Q=np.tile(q, (9, 1)), P=starts)
+    for k in (0, 4, 8):
+        alone = integrate(system, "abc-4", h=0.1, steps=50, q0=q, p0=starts[k])
+        assert many.q[k] == pytest.approx(alone.q[-1], abs=1e-14)
+
+
+# -- problems ----------------------------------------------------------------------------------------------------------
+
+
+def test_carters_constant_is_kept_and_kerr_without_spin_is_schwarzschild():
+    made = problem("kerr")
+    a, E, L = (made.parameters[x] for x in ("a", "E", "L"))
+    s = pb.integrate(made, "abc-6", h=1.0, t_end=2000.0)
+    theta, pt = s.q[:, 1], s.p[:, 1]
+    carter = pt**2 + np.cos(theta) ** 2 * (a**2 * (1 - E**2) + L**2 / np.sin(theta) ** 2)
+    assert np.ptp(carter) < 1e-12 * carter[0]
+    assert np.ptp(theta) > 0.1
+    assert abs(s.energy()[0]) < 1e-15
+    still, free = problem("kerr", a=0), problem("magnetized-schwarzschild", beta=0.0)
+    ends = [pb.integrate(x, "gauss-8", h=1.0, t_end=300.0).q[-1] for x in (still, free)]
+    assert ends[0] == pytest.approx(ends[1], rel=1e-11)
+
+
+@pytest.mark.parametrize(
+    ("name", "parameters", "said"),
+    [
+        ("kerr", {"a": 1.5}, "the spin a is 1.5"),
+        ("kerr", {"E": 0.5}, "no orbit passes r = 11"),
+        ("magnetized-schwarzschild", {"L": 50.0}, "no orbit passes r = 11"),
+    ],
+)
+def test_bad_parameters(name, parameters, said):
+    with pytest.raises(InvalidInput, match=said):
+        problem(name, **parameters)
+
+
+def test_parts_on_the_command_line():
+    H, parts = "p1**2/2 - p1**2/q1 + p2**2/(2*q1**2) - 1/q1", ("p1**2/2", "-p1**2/q1", "p2**2/(2*q1**2) - 1/q1")
+    words = [
+        "integrate",
+        "abc-2",
+        "--hamiltonian",
+        H,
+        "--q",
+        "10,0",
+        "--p",
+        "0,4",
+        "--h",
+        "1",
+        "--steps",
+        "5",
+        "--json",
+    ]
+    told = CliRunner().invoke(app, [*words, *(w for part in parts for w in ("--part", part))])
+    assert json.loads(told.stdout)["status"] == "ok"
+    fewer = json.loads(CliRunner().invoke(app, [*words, "--part", parts[0], "--part", parts[2]]).stdout)
+    assert fewer["reason"] == "the parts do not add up to H: -p1**2/q1 is left"
+    both = json.loads(CliRunner().invoke(app, [*words, "--part", parts[0], "--constraint", "q1 = 10"]).stdout)
+    assert both["reason"] == "constraints and parts are given; a system has the one or the other"
