@@ -43,6 +43,7 @@ from phasebench.benchmarks.experiments.options.numerics_page import PAGE as OPTI
 from phasebench.benchmarks.experiments.options.page import PAGE as OPTIONS
 from phasebench.benchmarks.experiments.orders.page import PAGE as ORDERS
 from phasebench.benchmarks.experiments.oscillatory.page import PAGE as OSCILLATORY
+from phasebench.benchmarks.experiments.parts.page import PAGE as PARTS
 from phasebench.benchmarks.experiments.printed.page import PAGE as PRINTED
 from phasebench.benchmarks.experiments.printed_numbers.page import PAGE as PRINTED_NUMBERS
 from phasebench.benchmarks.experiments.references.page import PAGE as REFERENCES
@@ -99,6 +100,7 @@ PAGES: tuple[Page, ...] = (
     EXTENDED,
     CONSTRAINTS,
     RIGID,
+    PARTS,
     WAVES,
     MULTISYMPLECTIC,
     SAMPLING,

@@ -79,8 +79,8 @@ class PartitionedSystem:
     constrained = False
     #: Whether the system is a rigid body in quaternions (`rigid`).
     rigid = False
-    #: The parts of H with exact flows (`parts`).
-    parts: tuple[Any, ...] = ()
+    #: Whether H is a sum of parts with exact flows (`parts`).
+    split = False
     #: Intermediate results (symbol, expression) that `sides` refer to.
     definitions: tuple[tuple[Any, Any], ...] = ()
     #: What the cache knows the system by (see `deferred`); nothing where it is made of expressions.
@@ -172,7 +172,7 @@ class PartitionedSystem:
             "magnetic": magnetic.kind(self),
             "constrained": self.constrained,
             "rigid body": self.rigid,
-            "parts": len(self.parts),
+            "parts": self.split,
             "constant mass matrix": self.constant_mass,
         }
 

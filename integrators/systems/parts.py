@@ -68,9 +68,11 @@ class SplitHamiltonian(Hamiltonian):
     Examples
     --------
     >>> one = SplitHamiltonian(q="r f", p="u v", parts=["u**2/2", "-u**2/r", "v**2/(2*r**2) - 1/r"])
-    >>> one.traits["parts"]
-    3
+    >>> one.traits["parts"], len(one.parts)
+    (True, 3)
     """
+
+    split = True
 
     def __init__(
         self,

@@ -1,0 +1,194 @@
+"""The page of splittings through many parts."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from phasebench.benchmarks import style
+from phasebench.benchmarks.page.markdown import number
+from phasebench.benchmarks.page.page import Data, Page, Picture, Table, of
+from phasebench.benchmarks.page.verdict import FAIL, Verdict, at_least, at_most
+
+from .measure import ACCURACY, ENERGY, PROBLEMS, SPAN, H
+
+#: The spread of a bounded energy over all steps is at most this many times that over a tenth; one that grows, `GROWS`.
+BOUNDED, GROWS = 2.0, 5.0
+#: An order is what is declared if it is as near as this.
+NEAR = 0.3
+#: "Several orders of magnitude" is at least two.
+ORDERS = 100.0
+
+
+def _growth(rows: pd.DataFrame) -> pd.Series:
+    return rows["all"] / rows["first"]
+
+
+def _where(row: pd.Series) -> str:
+    return f"{row['method']} on {row['problem']}"
+
+
+@of(ENERGY)
+def bounded(rows: pd.DataFrame) -> Verdict | None:
+    """Whether the energy of explicit splittings through parts stays bounded."""
+    own = rows[rows["split"].astype(bool)]
+    if own.empty:
+        return None
+    growth = _growth(own)
+    return Verdict(
+        "The energy of explicit splittings through parts stays bounded",
+        float(growth.max()),
+        at_most(BOUNDED),
+        "times the spread over the first tenth",
+        where=_where(own.loc[growth.idxmax()]),
+    )
+
+
+@of(ENERGY)
+def grows(rows: pd.DataFrame) -> Verdict | None:
+    """Whether the energy of a Runge-Kutta method grows: the control."""
+    explicit = rows[rows["method"] == "rk4"]
+    if explicit.empty:
+        return None
+    growth = _growth(explicit)
+    return Verdict(
+        "The energy of the fourth-order Runge-Kutta method grows",
+        float(growth.min()),
+        at_least(GROWS),
+        "times the spread over the first tenth",
+        where=_where(explicit.loc[growth.idxmin()]),
+        otherwise=FAIL,
+    )
+
+
+@of(ACCURACY)
+def orders(rows: pd.DataFrame) -> Verdict | None:
+    """Whether splittings through parts have their orders: each run's last order above round-off."""
+    told = rows[rows["order"].notna() & rows["split"].astype(bool)]
+    if told.empty:
+        return None
+    last = told.sort_values("h").groupby(["method", "problem"]).head(1)
+    off = (last["order"] - last["declared"]).abs()
+    return Verdict(
+        "Splittings through parts converge with the declared order",
+        float(off.max()),
+        at_most(NEAR),
+        "from the declared order",
+        where=_where(last.loc[off.idxmax()]),
+        otherwise=FAIL,
+    )
+
+
+def _ratios(rows: pd.DataFrame, worse: str, better: str) -> pd.Series:
+    """The errors of one method over those of another at the least step, by problem."""
+    least = rows[np.isclose(rows["h"], rows["h"].min())]
+    errors = least.pivot_table(index="problem", columns="method", values="error")
+    return (errors[worse] / errors[better]).dropna() if {worse, better} <= set(errors) else pd.Series(dtype=float)
+
+
+@of(ACCURACY)
+def optimized(rows: pd.DataFrame) -> Verdict | None:
+    """Whether an optimized composition is as much better than Yoshida's as is said."""
+    ratios = _ratios(rows, "abc-yoshida-4", "abc-4")
+    if ratios.empty:
+        return None
+    return Verdict(
+        "An optimized composition is orders of magnitude better than Yoshida's at one step",
+        float(ratios.min()),
+        at_least(ORDERS),
+        "times smaller error",
+        where=str(ratios.idxmin()),
+    )
+
+
+@of(ACCURACY)
+def midpoint(rows: pd.DataFrame) -> Verdict | None:
+    """Whether Strang's splitting is as accurate as the implicit midpoint rule."""
+    ratios = _ratios(rows, "implicit-midpoint", "abc-2")
+    if ratios.empty:
+        return None
+    return Verdict(
+        "At one step Strang's splitting is as accurate as the implicit midpoint rule",
+        float(ratios.min()),
+        at_least(1.0),
+        "times smaller error",
+        where=str(ratios.idxmin()),
+    )
+
+
+def answer(data: Data) -> str | None:
+    """A sentence: boundedness, and what the optimized composition gains."""
+    found = [verdict(data) for verdict in (bounded, grows, optimized)]
+    if None in found:
+        return None
+    kept, grown, gain = (v.measured for v in found)
+    return (
+        f"The energy's spread grows at most {number(kept)} times with splittings through parts, {number(grown)} times with "
+        f"rk4; an optimized composition is at least {number(gain)} times better than Yoshida's."
+    )
+
+
+@of(ACCURACY)
+def draw(rows: pd.DataFrame, folder: Path) -> list[Picture]:
+    """The error of the end state against the step."""
+    with style.settings():
+        figure, (panels,) = style.panels(1, 2, 3.4)
+        for axes, name in zip(panels, PROBLEMS, strict=True):
+            shown = rows[(rows["problem"] == name) & (rows["method"] != "gauss-4")]
+            for k, (method, part) in enumerate(shown.groupby("method", sort=False)):
+                axes.loglog(part["h"], part["error"], label=method, **style.curve(k))
+            axes.set(xlabel="step h", ylabel="error of the end state", title=name)
+            steps = sorted(shown["h"].unique())
+            axes.set_xticks(steps, [f"{h:g}" for h in steps])
+            axes.tick_params(which="minor", labelbottom=False)
+            axes.grid(color="0.93", linewidth=0.5)
+        style.legend_above(figure, panels[0], 4)
+    caption = f"Errors at t = {SPAN:g} against the certified states."
+    return [Picture(style.save(figure, folder, "parts.png"), "error against step", caption)]
+
+
+@of(ACCURACY)
+def table(rows: pd.DataFrame) -> Table:
+    """The errors at one step."""
+    one = rows[np.isclose(rows["h"], 1.0)]
+    columns = ["problem", "method", "error", "uncertainty", "order", "evaluations"]
+    caption = (
+        "At h = 1: the error of the end state with the reference's uncertainty, the order from this step and twice it, and "
+        "evaluations a step: flows of a part for splittings through parts, of the whole field for the others."
+    )
+    return Table(one[columns], caption)
+
+
+@of(ACCURACY)
+def _all(rows: pd.DataFrame) -> pd.DataFrame:
+    return rows
+
+
+PAGE = Page(
+    id="parts",
+    question="Do explicit splittings through many parts do around black holes what is said of them?",
+    tables=(ACCURACY, ENERGY),
+    setting=(
+        "H is a sum of parts whose exact flows are known: five for Kerr's geodesics, in a time chosen for that, and four for a "
+        "charge around a Schwarzschild black hole in a magnetic field.",
+        "`abc-2` is Strang's splitting, `abc-yoshida-4` three of its steps, `abc-4` and `abc-6` are optimized compositions, "
+        "`abc-processed-6` is processed.",
+        f"Long runs: a million steps of h = {H:g}.",
+        "Claims: bounded energies, and better than implicit methods of the same order (Wang et al. 2021, Wu et al. 2021); "
+        "optimized compositions several orders of magnitude better than Yoshida's (Zhou et al. 2022, arXiv:2201.02922).",
+    ),
+    verdicts=(bounded, grows, orders, optimized, midpoint),
+    answer=answer,
+    figures=draw,
+    table=table,
+    whole=_all,
+    limits=(
+        "Of the papers the abstracts were read; orbits and steps are this suite's. Their optimized methods are of the same "
+        "class as `abc-4`, not shown to be the same.",
+        "A flow of a part costs less than the whole field; times are in the trade.",
+        "That a composition costs twice a step of Yoshida's is in the table, not in the ratio.",
+    ),
+    command="pytest benchmarks/experiments/parts",
+)
