@@ -95,6 +95,7 @@ TRAITS = {
     "separable": "H = T(p) + V(q)",
     "quadratic kinetic energy": "H = T(p) + V(q) with T quadratic in p",
     "constant mass matrix": "H = p . M^-1 p / 2 + V(q) with a constant M",
+    "polynomial degree": "H is a polynomial in q and p",
     "linear fast part": "H = |p|^2 / 2 + sum of w_i^2 q_i^2 / 2 + U(q), the w_i declared as frequencies=",
     "Kepler part": "bodies that orbit a central one, declared as kepler= or by a table of planets",
     "Poisson structure": "y' = B(y) grad H(y) with a structure matrix B(y), as lotka-volterra has",

@@ -47,7 +47,8 @@ def make(a: float, E: float, L: float) -> Problem:
     r, theta, pr, pt = sp.symbols("r theta p_r p_theta", real=True)
     a_, E_, L_ = map(sp.Rational, (a, E, L))
     sine, cosine = sp.sin(theta), sp.cos(theta)
-    W = (L_ / sine - a_ * E_ * sine) ** 2 - ((r**2 + a_**2) * E_ - a_ * L_) ** 2 / (r**2 - 2 * r + a_**2)
+    hole = r**2 - 2 * r + a_**2
+    W = (L_ / sine - a_ * E_ * sine) ** 2 - ((r**2 + a_**2) * E_ - a_ * L_) ** 2 / hole
     parts = [pr**2 / 2, -(pr**2) / r, pt**2 / (2 * r**2), (W + r**2 + a_**2 * cosine**2) / (2 * r**2)]
     if a:
         parts.insert(2, a_**2 * pr**2 / (2 * r**2))
@@ -56,8 +57,8 @@ def make(a: float, E: float, L: float) -> Problem:
         name="geodesics of the Kerr metric, in a time that splits H",
         source="Carter 1968; Wu, Wang, Sun & Liu 2021, Astrophys. J. 914, 63; data: this suite",
         cite=("carter1968", "wu2021"),
-        system=SplitHamiltonian(q=[r, theta], p=[pr, pt], parts=parts, singular=[r - 2]),
+        system=SplitHamiltonian(q=[r, theta], p=[pr, pt], parts=parts, singular=[sp.numer(sp.together(hole))]),
         orbits=(Orbit("bound", (RADIUS, pi / 2), (0.0, sqrt(square)), "from r = 11 with p_r = 0", decades(1000.0)),),
         parameters={"a": a, "E": E, "L": L},
-        pace=Pace(),
+        pace=Pace(unit=36.0, step=7.0, span=115.0, later=40.0),
     )

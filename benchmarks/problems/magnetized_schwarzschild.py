@@ -59,5 +59,5 @@ def make(E: float, L: float, beta: float) -> Problem:
             for name, x in RADII.items()
         ),
         parameters={"E": E, "L": L, "beta": beta},
-        pace=Pace(),
+        pace=Pace(unit=36.0, step=7.0, span=115.0, later=40.0),
     )

@@ -102,17 +102,19 @@ class SplitHamiltonian(Hamiltonian):
     def part_flow(self, k: int, arithmetic: str = DOUBLE):
         """The function (q, p, t) -> (change of q, change of p) of the exact flow of part k."""
         T = codegen.value_type(self.d)
-        arguments = [("q", self.q), ("p", self.p), ("t", TIME)]
+        arguments = [("q", self.q), ("p", self.p), ("t", _time())]
         signature = types.Tuple((T, T))(T, T, types.float64)
         name = f"flow of the part {sp.srepr(self.parts[k])}"
         return self.make_function(name, arguments, lambda: [list(x) for x in self._flows[k]], signature, arithmetic)
 
 
-TIME = sp.Symbol("t", real=True)
+def _time() -> Any:
+    """The symbol of the time of a flow."""
+    return sp.Symbol("t", real=True)
 
 
 def _flow(part: Any, text: Formula, q: tuple[Any, ...], p: tuple[Any, ...]) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
-    """The changes of q and of p by the exact flow of a part over `TIME`; raises InvalidInput where it is not known."""
+    """The changes of q and of p by the exact flow of a part over `_time`; raises InvalidInput where it is not known."""
     dq, dp = {x: sp.Integer(0) for x in q}, {x: sp.Integer(0) for x in p}
     for piece in _pieces(part, q, p):
         for changes in (_shear, _monomial, _square):
@@ -148,8 +150,8 @@ def _pairs(F: Any, q: tuple[Any, ...], p: tuple[Any, ...]) -> list[tuple[Any, An
 def _shear(F: Any, q: tuple[Any, ...], p: tuple[Any, ...]) -> dict | None:
     if _pairs(F, q, p):
         return None
-    changes = {x: TIME * sp.diff(F, y) for x, y in zip(q, p, strict=True) if F.has(y)}
-    return changes | {y: -TIME * sp.diff(F, x) for x, y in zip(q, p, strict=True) if F.has(x)}
+    changes = {x: _time() * sp.diff(F, y) for x, y in zip(q, p, strict=True) if F.has(y)}
+    return changes | {y: -_time() * sp.diff(F, x) for x, y in zip(q, p, strict=True) if F.has(x)}
 
 
 def _monomial(F: Any, q: tuple[Any, ...], p: tuple[Any, ...]) -> dict | None:
@@ -162,13 +164,13 @@ def _monomial(F: Any, q: tuple[Any, ...], p: tuple[Any, ...]) -> dict | None:
         return None
     a, b = int(a), int(b)
     c = sp.simplify(F / (x**a * y**b))
-    changes = {s: TIME * sp.diff(c, r) * x**a * y**b for s, r in zip(q, p, strict=True) if c.has(r)}
-    changes |= {r: -TIME * sp.diff(c, s) * x**a * y**b for s, r in zip(q, p, strict=True) if c.has(s)}
+    changes = {s: _time() * sp.diff(c, r) * x**a * y**b for s, r in zip(q, p, strict=True) if c.has(r)}
+    changes |= {r: -_time() * sp.diff(c, s) * x**a * y**b for s, r in zip(q, p, strict=True) if c.has(s)}
     if a == b:
-        z = a * TIME * c * (x * y) ** (a - 1)
+        z = a * _time() * c * (x * y) ** (a - 1)
         grown, shrunk = (2 * sp.sinh(s * z / 2) * sp.exp(s * z / 2) for s in (1, -1))
     else:
-        tau, sign = (b - a) * TIME * c * x ** (a - 1) * y ** (b - 1), 1 if b > a else -1
+        tau, sign = (b - a) * _time() * c * x ** (a - 1) * y ** (b - 1), 1 if b > a else -1
         grown, shrunk = (_power_less_one(tau, m * sign, abs(b - a)) for m in (b, -a))
     return changes | {x: x * grown, y: y * shrunk}
 
@@ -191,8 +193,8 @@ def _square(F: Any, q: tuple[Any, ...], p: tuple[Any, ...]) -> dict | None:
     A, C = 2 * terms[2, 0], 2 * terms[0, 2]
     if A * C > 0:
         w = sp.sqrt(A * C)
-        less, s = -2 * sp.sin(w * TIME / 2) ** 2, sp.sin(w * TIME) / w
+        less, s = -2 * sp.sin(w * _time() / 2) ** 2, sp.sin(w * _time()) / w
     else:
         w = sp.sqrt(-A * C)
-        less, s = 2 * sp.sinh(w * TIME / 2) ** 2, sp.sinh(w * TIME) / w
+        less, s = 2 * sp.sinh(w * _time() / 2) ** 2, sp.sinh(w * _time()) / w
     return {x: less * x + C * s * y, y: less * y - A * s * x}

@@ -15,6 +15,7 @@ from phasebench.benchmarks.page.verdict import FAIL, FINDING, PASS, Count
 from phasebench.benchmarks.problems import problem
 from phasebench.integrators import integrate
 from phasebench.integrators.registry import method
+from phasebench.reference import native
 
 # -- the printed columns -----------------------------------------------------------------------------------------------
 
@@ -385,6 +386,6 @@ def test_c_loop_needs_a_quadratic_kinetic_energy():
 
 
 def test_missing_c_compiler_is_reported(monkeypatch):
-    monkeypatch.setattr(c_loop, "compiler", lambda: None)
+    monkeypatch.setattr(native, "compiler", lambda language="C": None)
     with pytest.raises(RuntimeError, match="no C compiler"):
         c_loop.Loop(problem("pendulum"))

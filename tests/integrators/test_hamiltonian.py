@@ -140,6 +140,8 @@ def test_traits_of_every_kind():
         "polynomial degree": 3,
         "magnetic": "",
         "constrained": False,
+        "rigid body": False,
+        "parts": False,
     }
     assert {*bare.traits} == {*every.traits}
     assert of("p**2/2 + q").traits | {"polynomial degree": None} == bare.traits | dict.fromkeys(

@@ -32,9 +32,12 @@ def test_a_record_is_complete(id):
     assert m.order >= 1
     assert {m.energy, m.quadratic} <= {EXACT, ROUND_OFF, BOUNDED, DRIFT, NONE}
     assert set(m.requires) <= TRAITS, "no system has such a trait"
-    assert set(m.requires) <= set(MEANINGS), "what gives a system this trait is not said"
     assert m.cite
     assert set(m.cite) <= set(bibliography.entries()), "the bibliography lacks a key"
+
+
+def test_what_gives_a_system_a_trait_is_said_of_every_trait():
+    assert set(MEANINGS) == TRAITS
 
 
 def test_every_work_of_the_bibliography_is_cited():

@@ -111,8 +111,13 @@ def test_a_base_with_momenta_is_not_a_distance():
     assert system.singular == system.softened == ()
 
 
-#: Singularities of registered formulas that are not declared: r = 0, inside the horizon of Schwarzschild.
-BEYOND = {"schwarzschild": {"r"}}
+#: Singularities of registered formulas that are not declared: inside the horizon, on the axis, |q| = 0 of a quaternion.
+BEYOND = {
+    "schwarzschild": {"r"},
+    "magnetized-schwarzschild": {"r", "sin(theta)"},
+    "kerr": {"r", "sin(theta)"},
+    "heavy-top": {"sqrt(q0**2 + q1**2 + q2**2 + q3**2)"},
+}
 
 
 @pytest.mark.parametrize("id", [id for id in PROBLEMS if isinstance(problem(id).system, Hamiltonian)])
