@@ -107,7 +107,10 @@ class RigidBody(Hamiltonian):
 
     def start(self, *, attitude: ArrayLike, momentum: ArrayLike) -> tuple[Floats, Floats]:
         """The state (q, p) of an attitude, a quaternion of any length, and momenta (3,) about the body's axes."""
-        q, L = np.asarray(attitude, float), np.asarray(momentum, float)
+        try:
+            q, L = np.asarray(attitude, float), np.asarray(momentum, float)
+        except (TypeError, ValueError):
+            q = L = np.zeros(0)
         if q.shape != (4,) or L.shape != (3,) or not (np.isfinite(q).all() and np.isfinite(L).all()) or not q.any():
             raise InvalidInput("an attitude is a quaternion, four numbers that are not all 0; a momentum three numbers")
         q = q / np.sqrt(q @ q)

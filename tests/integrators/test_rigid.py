@@ -210,7 +210,7 @@ def test_bad_bodies(moments, V, said):
 
 
 @pytest.mark.parametrize(
-    ("attitude", "momentum"), [((1, 0, 0), (1, 0, 0)), ((0, 0, 0, 0), (1, 0, 0)), ((1, 0, 0, 0), 1)]
+    ("attitude", "momentum"), [((1, 0, 0), (1, 0, 0)), ((0, 0, 0, 0), (1, 0, 0)), ((1, 0, 0, 0), 1), ("x", (1, 0, 0))]
 )
 def test_bad_starts(attitude, momentum):
     with pytest.raises(InvalidInput, match="an attitude is a quaternion"):
