@@ -6,15 +6,18 @@ The statements are those of the compiled kernels.  Everything is compiled with t
 from __future__ import annotations
 
 import ctypes
+import functools
+import hashlib
 import os
 import re
 import shutil
 import subprocess
 import tempfile
 from collections.abc import Sequence
-from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
+
+from phasebench.integrators.compile import cache
 
 if TYPE_CHECKING:
     import sympy as sp
@@ -55,7 +58,7 @@ def compiler(language: str = "C") -> str | None:
     return None
 
 
-@cache
+@functools.cache
 def _version(library: Library, path: str) -> str | None:
     """The version that a library's header states to the compiler at ``path``; None if it finds no header."""
     text = f"#include <{library.header}>\nversion {library.version}\n"
@@ -82,18 +85,35 @@ def load_library(package: str) -> None:
 
 
 def load_source(text: str, language: str = "C", libraries: Sequence[str] = ()) -> ctypes.CDLL:
-    """Compile source and load its functions; raises RuntimeError without a compiler or if compilation fails."""
+    """Load the functions of source, compiled once for this machine and kept in the folder of compiled code.
+
+    Raises RuntimeError without a compiler or if compilation fails.
+    """
     path = compiler(language)
     if path is None:
         raise RuntimeError(f"no {language} compiler: install gcc or set {LANGUAGES[language][0]}")
+    made_by = Path(path).resolve()
+    known = {name: library_version(name) for name in LIBRARIES if LIBRARIES[name].language == language}
+    facts = [text, language, *libraries, *FLAGS, str(made_by), made_by.stat().st_mtime_ns, known]
+    name = f"c-{hashlib.sha256(repr(facts).encode()).hexdigest()}.so"
     with tempfile.TemporaryDirectory() as folder:
-        source, library = Path(folder) / f"loop.{LANGUAGES[language][2]}", Path(folder) / "loop.so"
-        source.write_text(text)
-        command = [path, *FLAGS, str(source), "-o", str(library), *(f"-l{name}" for name in (*libraries, "m"))]
-        done = subprocess.run(command, capture_output=True, text=True)
-        if done.returncode:
-            raise RuntimeError(f"{path} failed: {done.stderr.strip()}")
+        library, kept = Path(folder) / "loop.so", cache.read(name)
+        if kept is None:
+            _compile(path, text, language, libraries, library)
+            cache.write(name, library.read_bytes())
+        else:
+            library.write_bytes(kept)
         return ctypes.CDLL(str(library))
+
+
+def _compile(path: str, text: str, language: str, libraries: Sequence[str], target: Path) -> None:
+    """Compile source by the compiler at ``path`` into the shared library ``target``."""
+    source = target.with_suffix(f".{LANGUAGES[language][2]}")
+    source.write_text(text)
+    command = [path, *FLAGS, str(source), "-o", str(target), *(f"-l{name}" for name in (*libraries, "m"))]
+    done = subprocess.run(command, capture_output=True, text=True)
+    if done.returncode:
+        raise RuntimeError(f"{path} failed: {done.stderr.strip()}")
 
 
 def statements(expressions: Sequence[sp.Expr], *arguments: tuple[str, Sequence[sp.Symbol]]) -> tuple[str, list[str]]:

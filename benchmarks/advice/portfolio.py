@@ -16,7 +16,7 @@ from .ask import Ask
 #: Peers that integrate many orbits at once: their time is not that of one orbit.
 LANES = ("heyoka-batch",)
 #: Packages tried last: their step loops or right-hand sides run in Python, or take seconds to compile.
-SLOW = ("gala", "galpy", "desolver", "pyhamsys", "diffrax", "sundials4py")
+SLOW = ("gala", "galpy", "desolver", "pyhamsys", "diffrax", "sundials4py", "boost", "gsl", "pynamicalsys")
 #: The peer tried first: it runs on any problem, and its steps tell how fast the orbit moves.
 FIRST = "heyoka"
 

@@ -183,10 +183,16 @@ def quadratic(system: Hamiltonian, arithmetic: str, order=1):
     return (system.field(arithmetic, order), None, None), 2 * system.d
 
 
+def is_splitting(method: Method) -> bool:
+    """Whether a parametric method is explicit on separable systems: its substeps are symplectic Euler's."""
+    order, substeps = method.data
+    return order == 1 and all({mu, lam} == {0, 1} for _, mu, lam in substeps)
+
+
 def prepare(method: Method, system: Hamiltonian, arithmetic: str, fills: bool = True) -> Prepared:
     """Prepare the kernel: a splitting for separable H and symplectic Euler substeps; Nystrom if T is quadratic."""
     order, substeps = method.data
-    if order == 1 and system.separable and all({mu, lam} == {0, 1} for _, mu, lam in substeps):
+    if system.separable and is_splitting(method):
         return splitting.from_substeps(substeps, system, arithmetic, fills)
     c, weights_mu, weights_lam = array(zip(*substeps, strict=True), arithmetic)
     for k, (_, mu, lam) in enumerate(substeps):

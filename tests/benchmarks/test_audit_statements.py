@@ -330,7 +330,10 @@ def test_unused_rebound_options_are_listed(monkeypatch):
 
 @pytest.mark.parametrize(
     ("package", "left"),
-    [("desolver", ["DIRK3LStable"]), ("gala", [""]), ("pyhamsys", [""]), ("galpy", [""]), ("sundials4py", [""])],
+    [
+        ("desolver", ["DIRK3LStable"]),
+        *((package, [""]) for package in ("gala", "pyhamsys", "galpy", "sundials4py", "pynamicalsys")),
+    ],
 )
 def test_unregistered_names_of_other_packages(package, left):
     pytest.importorskip(package)

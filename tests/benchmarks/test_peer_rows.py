@@ -102,12 +102,13 @@ def test_no_error_without_a_row_at_the_time():
 # -- peers in a sweep --------------------------------------------------------------------------------------------------
 
 
-def test_swept_peers_belong_to_required_packages():
+def test_swept_peers_belong_to_required_packages_or_to_compiled_ones():
     project = tomllib.loads((sources.ROOT / "pyproject.toml").read_text())["project"]
     required = {re.split("[>=<;]", x)[0] for x in project["dependencies"]}
     swept = peer_rows.swept()
-    assert {p.package for p in swept} == set(peer_rows.PACKAGES) <= required
-    assert {p.id for p in PEERS.values() if p.package in required} == {p.id for p in swept}
+    assert {p.package for p in swept} - set(peer_rows.OPTIONAL) == set(peer_rows.PACKAGES) <= required
+    assert not required & set(peer_rows.OPTIONAL)
+    assert {p.id for p in PEERS.values() if p.package in {*required, *peer_rows.OPTIONAL}} == {p.id for p in swept}
     assert {p.id for p in peer_rows.swept(quick=True)} == set(peer_rows.QUICK)
     assert {*peer_rows.SLOW, *peer_rows.QUICK} <= {p.id for p in swept}
     assert "scipy-lsoda" not in peer_rows.QUICK  # selected by name, it also runs in the quick tier

@@ -236,7 +236,8 @@ def test_the_texts_of_records_are_complete():
         for words in (p.name, p.about, p.source, p.scope, p.claims.source):
             assert words == words.strip(" ;,")
             assert not any(wrong in words for wrong in ("  ", "; ;", ";;", "None", "{", "}")), words
-        assert p.about.count(";") >= (p.package in ("desolver", "gala", "galpy", "pyhamsys", "sundials4py"))
+        several = p.package in ("desolver", "gala", "galpy", "pyhamsys", "sundials4py", "pynamicalsys")
+        assert p.about.count(";") >= several
         assert p.name.endswith(", adaptive") == p.id.endswith("-adaptive")
 
 
@@ -255,6 +256,7 @@ def test_the_scope_in_words_agrees_with_lacks():
         "diffrax",
         "boost",
         "gsl",
+        "pynamicalsys",
     }
 
 
@@ -312,6 +314,8 @@ WAYS = {
     "desolver-dopri45-adaptive": True,
     "pyhamsys-verlet": False,
     "diffrax-euler": False,
+    "pynamicalsys-verlet": True,
+    "pynamicalsys-midpoint": False,
 }
 
 

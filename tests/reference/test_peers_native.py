@@ -132,3 +132,23 @@ def test_a_header_that_is_not_there_has_no_version():
 def test_records_compile_and_import_nothing():
     code = "import subprocess; subprocess.run = None; import phasebench.reference.peers"
     subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_source_is_compiled_once_and_a_damaged_library_is_compiled_anew(tmp_path, monkeypatch):
+    if native.compiler() is None:
+        pytest.skip("there is no C compiler")
+    monkeypatch.setenv("PHASEBENCH_CACHE", str(tmp_path))
+    made, compile_it = [], native._compile
+    monkeypatch.setattr(native, "_compile", lambda *all: made.append(1) or compile_it(*all))
+    text = "double three(void) { return 3; }"
+
+    def answer(source: str) -> float:
+        function = native.load_source(source).three
+        function.restype = native.ctypes.c_double
+        return function()
+
+    assert [answer(text), answer(text), len(made)] == [3.0, 3.0, 1]
+    assert [answer(text.replace("3;", "4;")), len(made)] == [4.0, 2]
+    for kept in tmp_path.glob("*/c-*.so"):
+        kept.write_bytes(kept.read_bytes()[:-1] + b"x")
+    assert [answer(text), len(made)] == [3.0, 3]

@@ -1,4 +1,4 @@
-"""The integrators of desolver, pyhamsys and diffrax as peers: list, claims, orders, steps, restrictions."""
+"""desolver's, pyhamsys's, diffrax's and pynamicalsys's integrators as peers: claims, orders, steps, restrictions."""
 
 from __future__ import annotations
 
@@ -15,10 +15,11 @@ import pytest
 
 from phasebench.benchmarks.problems import problem
 from phasebench.integrators import Hamiltonian, InvalidInput, integrate
-from phasebench.reference.peers import desolver, diffrax, integrate_peer, pyhamsys
+from phasebench.reference.peers import desolver, diffrax, integrate_peer, pyhamsys, pynamicalsys
+from phasebench.reference.peers.prepared import prepare_peer
 from phasebench.reference.solvers.taylor import reference
 
-PACKAGES = {"desolver": desolver, "pyhamsys": pyhamsys, "diffrax": diffrax}
+PACKAGES = {"desolver": desolver, "pyhamsys": pyhamsys, "diffrax": diffrax, "pynamicalsys": pynamicalsys}
 PEERS = {p.id: p for module in PACKAGES.values() for p in module.PEERS}
 FIXED = [id for id, p in PEERS.items() if not p.adaptive]
 ADAPTIVE = [id for id, p in PEERS.items() if p.adaptive]
@@ -141,7 +142,10 @@ def test_diffrax_solvers_and_claims():
         assert ("Symplectic method" in getattr(package, name).__doc__) is bool(chosen.claims.symplectic), name
 
 
-@pytest.mark.parametrize(("package", "license"), [("desolver", "MIT"), ("pyhamsys", "BSD"), ("diffrax", "Apache")])
+LICENSES = [("desolver", "MIT"), ("pyhamsys", "BSD"), ("diffrax", "Apache"), ("pynamicalsys", "GPL")]
+
+
+@pytest.mark.parametrize(("package", "license"), LICENSES)
 def test_the_license_is_that_of_the_package(package, license):
     need(package)
     told = importlib.metadata.metadata(package)
@@ -162,7 +166,10 @@ def test_a_peer_has_its_order_on_the_pendulum(id):
     assert has_order(chosen, truth()[0], order, FINER.get(id, STEPS[order]))
 
 
-@pytest.mark.parametrize("id", ["desolver-rk4", "pyhamsys-verlet", "pyhamsys-verlet-extended", "diffrax-midpoint"])
+@pytest.mark.parametrize(
+    "id",
+    ["desolver-rk4", "pyhamsys-verlet", "pyhamsys-verlet-extended", "diffrax-midpoint", "pynamicalsys-midpoint"],
+)
 def test_a_wrong_sign_of_the_force_is_seen(id):
     chosen, made = need(id), truth()[0]
     start = {"q0": made.q0, "p0": made.p0}
@@ -188,6 +195,9 @@ def test_rows_equal_the_ends_of_shorter_runs(id):
         ("desolver-implicit-midpoint", "implicit-midpoint", 1e-11),  # it shortens steps in between
         ("pyhamsys-verlet", "stormer-verlet", 1e-12),
         ("diffrax-semi-implicit-euler", "symplectic-euler-q", 1e-12),
+        ("pynamicalsys-verlet", "stormer-verlet", 1e-12),
+        ("pynamicalsys-yoshida-4", "forest-ruth", 1e-12),
+        ("pynamicalsys-midpoint", "implicit-midpoint", 1e-9),  # its residuals are below 1e-12, not at round-off
     ],
 )
 def test_exactly_n_steps_of_length_h_are_taken(id, method, tolerance):
@@ -431,3 +441,17 @@ def test_jaxs_double_precision_is_switched_back():
     before = jnp.ones(1).dtype
     integrate_peer(truth()[0], chosen, h=0.1, steps=3)
     assert jnp.ones(1).dtype == before
+
+
+def test_pynamicalsys_prepared_runs_end_where_others_do_and_a_run_longer_than_a_piece_is_one():
+    made, n = truth()[0], pynamicalsys.PIECE + 5
+    for chosen in (need(p.id) for p in pynamicalsys.PEERS):
+        rows = integrate_peer(made, chosen, h=1e-3, steps=n, save_every=pynamicalsys.PIECE - 1)
+        assert (rows.status, rows.t.tolist()) == ("ok", [0.0, *(1e-3 * k for k in (pynamicalsys.PIECE - 1, n))])
+        q, p, status = prepare_peer(made, chosen)(1e-3, n)
+        assert (status, *q, *p) == ("ok", *rows.q[-1], *rows.p[-1])
+    made, size = problem(NOT_SEPARABLE), {"h": 0.01, "steps": 100, "save_every": 0}
+    theirs, ours = integrate_peer(made, pynamicalsys.PEERS[2], **size), integrate(made, "implicit-midpoint", **size)
+    assert np.abs(theirs.q[-1] - ours.q[-1]).max() < 1e-9
+    stuck = integrate_peer(BLOWN_UP, need("pynamicalsys-midpoint"), h=0.5, steps=400, q0=[3.0], p0=[3.0])
+    assert stuck.status in ("not-converged", "diverged")

@@ -83,6 +83,15 @@ def _pyhamsys() -> list[str]:
     return _missing_names("pyhamsys", (m for m in known if "#" not in m), lambda peer: peer.name)
 
 
+def _pynamicalsys() -> list[str]:
+    """pynamicalsys's integrators of Hamiltonian systems that no peer uses."""
+    from pynamicalsys import HamiltonianSystem
+
+    return _missing_names(
+        "pynamicalsys", HamiltonianSystem.available_integrators(), lambda peer: peer.settings["integrator"]
+    )
+
+
 def _diffrax() -> list[str]:
     """diffrax's deterministic solvers that no peer uses."""
     import diffrax as package
@@ -160,7 +169,7 @@ def _options(name: str, integrator) -> dict[str, list[str]]:
 
 LOOKS: dict[str, Callable[[], list[str]]] = {
     f.__name__.removeprefix("_"): f
-    for f in (_heyoka, _rebound, _scipy, _gala, _galpy, _desolver, _pyhamsys, _diffrax, _sundials4py)
+    for f in (_heyoka, _rebound, _scipy, _gala, _galpy, _desolver, _pyhamsys, _diffrax, _sundials4py, _pynamicalsys)
 }
 
 

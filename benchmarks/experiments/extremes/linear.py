@@ -51,9 +51,7 @@ def parameters(method) -> list[dict[str, str]]:
 
 def _able(method) -> bool:
     """True if the oscillator has all the structure that a method requires."""
-    return not {"Poisson structure", "further invariants", "kepler part"} & {
-        r.partition("(")[0] for r in method.requires
-    }
+    return not {"Poisson structure", "further invariants"} & {r.partition("(")[0] for r in method.requires}
 
 
 def _cell(id: str, values: dict[str, str]) -> Cell:

@@ -3,7 +3,8 @@
 Peers run as fast as their packages can: heyoka with and without ``high_accuracy`` and ``compact_mode`` (if it compiles
 in `race.PREPARING` seconds); REBOUND's WHFast with ``safe_mode`` 0, its correctors, kernels and coordinates, IAS15 in
 each of its adaptive modes, SABA, leapfrog, JANUS, EOS and BS; SciPy's solvers with right-hand sides compiled by Numba,
-and its older interfaces, whose loops are compiled as well.  `LEFT_OUT` lists peers that do not compete, and why.
+and its older interfaces, whose loops are compiled as well; Boost.odeint in compiled C++ and pynamicalsys with Numba,
+where installed.  `LEFT_OUT` lists peers that do not compete, and why.
 
 On problems of more than `SMALL` degrees of freedom only some of this project's methods compete (`practical`).
 """
@@ -62,8 +63,8 @@ def competitors() -> tuple[Integrator, ...]:
 
 
 def peers() -> list:
-    """List the integrators of the packages that this project depends on, also with settings not in the registry."""
-    registered = [p for p in PEERS if p.package in peer_rows.PACKAGES and p.id not in LEFT_OUT]
+    """List the integrators of the packages that compete, also with settings that are not in the registry."""
+    registered = [p for p in PEERS if p.package in (*peer_rows.PACKAGES, *peer_rows.OPTIONAL) and p.id not in LEFT_OUT]
     modes = [rebound.ias15(mode) for mode in rebound.ADAPTIVE_MODES[1:]]
     return [*registered, *heyoka.variants(), *modes, *rebound.TRIED, scipy.fast("ode"), scipy.fast("odeint")]
 

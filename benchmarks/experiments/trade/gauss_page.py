@@ -16,6 +16,7 @@ from phasebench.benchmarks.page.markdown import number
 from phasebench.benchmarks.page.page import ROWS, Page, Picture, Table, of, once
 from phasebench.benchmarks.page.verdict import EVERY, Count, Verdict
 from phasebench.benchmarks.problems.questions import BY_ID as QUESTIONS
+from phasebench.integrators.families import parametric
 from phasebench.integrators.registry import BY_ID
 
 from .field import FIRST
@@ -36,8 +37,7 @@ def is_explicit(id: str, separable: bool) -> bool:
     method = BY_ID[id]
     if method.family != "parametric":
         return method.family in EXPLICIT
-    order, substeps = method.data
-    return order == 1 and separable and all({mu, lam} == {0, 1} for _, mu, lam in substeps)
+    return separable and parametric.is_splitting(method)
 
 
 @once

@@ -1,10 +1,10 @@
 """The rows of peers (other packages' integrators) in a sweep: which run, at which steps, and what is measured.
 
-A sweep has the peers of the packages that this project depends on.  A fixed-step peer runs at a scene's steps, an
-adaptive one over `TOLERANCES` (its rows have ``tol``, and no h).  Two runs are made: one without output for the time,
-the counts and the error at the end, and one with rows for the invariants; on a chaotic scene, a third ends at the time
-of its error.  The first has no output because an integrator without interpolation would end steps at the rows.  A
-fixed-step peer has at most `MOST` rows, at every ``rows_every``-th step.
+A sweep has the peers of the packages that this project depends on, and of those in `OPTIONAL` that are installed.  A
+fixed-step peer runs at a scene's steps, an adaptive one over `TOLERANCES` (its rows have ``tol``, and no h).  Two runs
+are made: one without output for the time, the counts and the error at the end, and one with rows for the invariants; on
+a chaotic scene, a third ends at the time of its error.  The first has no output because an integrator without
+interpolation would end steps at the rows.  A fixed-step peer has at most `MOST` rows, at every ``rows_every``-th step.
 """
 
 from __future__ import annotations
@@ -22,8 +22,10 @@ from phasebench.integrators.errors import InvalidInput
 from phasebench.reference.installed import how_to_install
 from phasebench.reference.peers import PEERS, Peer, integrate_peer
 
-#: The peers' packages that this project depends on; other peers are only in the audit.
+#: The peers' packages that this project depends on.
 PACKAGES = ("heyoka", "rebound", "scipy")
+#: Packages whose peers are measured, too, where they are installed: compiled, with compiled right-hand sides.
+OPTIONAL = ("boost", "pynamicalsys")
 TOLERANCES = (1e-6, 1e-9, 1e-12, 1e-15)
 #: Number of steps or tolerances of a peer on the long scenes; slow peers, which run only the loosest tolerance there.
 SIZES = 2
@@ -40,7 +42,7 @@ LONG = 0.3
 
 def swept(quick: bool = False) -> list[Peer]:
     """List the peers (integrators of other packages) that run in the sweep; only a few if ``quick``."""
-    return [p for p in PEERS if p.package in PACKAGES and (not quick or p.id in QUICK)]
+    return [p for p in PEERS if p.package in (*PACKAGES, *OPTIONAL) and (not quick or p.id in QUICK)]
 
 
 def lacks(peer: Peer, scene: Scene) -> str | None:

@@ -1,0 +1,213 @@
+r"""pynamicalsys's symplectic integrators as peers: velocity Verlet, Yoshida's method of order 4, the midpoint rule.
+
+The package's loops are Numba's, and so are the functions that it is given: the gradients of T and V, or, for the
+implicit midpoint rule, the equations of motion and the Hessian of H, from which Newton's method solves a step until its
+residual is below ``tol`` (1e-12, the package's default).
+
+`HamiltonianSystem.trajectory` returns all states and takes steps ahead only.  A run is split into pieces of at most
+`PIECE` steps, which begin at the last state of the piece before; states between rows are dropped.
+
+Source: M. Rolim Sales et al., pynamicalsys, https://github.com/mrolims/pynamicalsys.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import time
+from functools import lru_cache
+
+import numpy as np
+
+from .record import NOT_FINITE, Claims, Peer, Run, Start, Task, split_alone
+
+#: Largest number of steps in one call, which returns the state after each.
+PIECE = 16_384
+CANONICAL = "its equations are q' = dH/dp and p' = -dH/dq: the variables must be canonical"
+
+
+@lru_cache(maxsize=128)
+def _functions(system):
+    """Compiled functions on arrays (d,) and unused parameters: the gradients of T and V, the equations, the Hessian."""
+    import numba
+    from numba import types
+
+    from phasebench.integrators.compile import codegen
+    from phasebench.integrators.values import vector
+
+    d, load, zero = system.d, vector.load, (0.0,) * system.d
+    if codegen.compiled() and codegen.value_kind(d) == "tuple":
+        read = numba.njit(lambda x: load(x.reshape(1, d), 0, zero))
+    else:
+        read = numba.njit(lambda x: x)
+    field, value = system.field(), codegen.value_type(d)
+
+    def second_derivatives():
+        matrix = system.hessian()
+        return [list(matrix[i, k * d : (k + 1) * d]) for i in range(2 * d) for k in (0, 1)]
+
+    arguments, signature = [("q", system.q), ("p", system.p)], types.UniTuple(value, 4 * d)(value, value)
+    hessian = system.make_function("hessian", arguments, second_derivatives, signature, codegen.DOUBLE)
+
+    @numba.njit(error_model="numpy")
+    def equations(q, p, parameters):
+        velocity, force = field(read(q), read(p), 0.0, 0.0)
+        of_q, of_p = np.empty(d), np.empty(d)
+        for i in range(d):
+            of_q[i], of_p[i] = velocity[i], force[i]
+        return of_q, of_p
+
+    @numba.njit(error_model="numpy")
+    def matrix(q, p, parameters):
+        halves, found = hessian(read(q), read(p)), np.empty((2 * d, 2 * d))
+        for i in range(2 * d):
+            for j in range(d):
+                found[i, j], found[i, d + j] = halves[2 * i][j], halves[2 * i + 1][j]
+        return found
+
+    if not system.separable:
+        return {"eom": equations, "hess_H": matrix}
+    grad_T, grad_V = system.grad_T() or numba.njit(lambda p: p), system.grad_V()
+
+    @numba.njit(error_model="numpy")
+    def of_kinetic(p, parameters):
+        velocity, found = grad_T(read(p)), np.empty(d)
+        for i in range(d):
+            found[i] = velocity[i]
+        return found
+
+    @numba.njit(error_model="numpy")
+    def of_potential(q, parameters):
+        slope, found = grad_V(read(q)), np.empty(d)
+        for i in range(d):
+            found[i] = slope[i]
+        return found
+
+    return {"eom": equations, "hess_H": matrix, "grad_T": of_kinetic, "grad_V": of_potential}
+
+
+def _system(system):
+    """pynamicalsys's system with the functions of one of this project's."""
+    from pynamicalsys import HamiltonianSystem
+
+    return HamiltonianSystem(**_functions(system), degrees_of_freedom=system.d, number_of_parameters=0)
+
+
+def _states(made, y, h: float, n: int):
+    """The states (q, p) after 1, ..., n steps from y, array (n, 2 d); None where a step was not solved."""
+    d = len(y) // 2
+    with contextlib.redirect_stdout(io.StringIO()):
+        try:
+            return made.trajectory(y[:d], y[d:], n * h)[1:, 1:]
+        except (RuntimeError, np.linalg.LinAlgError):
+            return None
+
+
+def _build_run(name: str, gradients: int):
+    def run(task: Task) -> Run:
+        made, y, h = _system(task.system), task.state, task.h
+        made.integrator(name, time_step=h)
+        _states(made, y, h, 1)
+        rows, steps, seconds, failure = [y[None]], 0, 0.0, None
+        numbers = np.array(task.numbers)
+        while steps < task.steps and failure is None:
+            n = min(PIECE, task.steps - steps)
+            started = time.perf_counter()
+            states = _states(made, y, h, n)
+            seconds += time.perf_counter() - started
+            if states is None:
+                failure = f"Newton's method did not converge within {n} steps after {steps}"
+                break
+            inside = numbers[(numbers > steps) & (numbers <= steps + n)] - steps - 1
+            rows.append(states[inside])
+            steps, y = steps + n, states[-1].copy()
+            failure = None if np.isfinite(y).all() else NOT_FINITE
+        return Run.of_states(np.concatenate(rows), steps, gradients * steps, seconds, failure)
+
+    return run
+
+
+def _build_prepare(name: str):
+    def prepare(start: Start):
+        from .prepared import SOLVED, STALLED, Calls
+
+        made, begin, end = _system(start.system), start.state, [start.state]
+        made.integrator(name, time_step=1e-6)
+        _states(made, begin, 1e-6, 1)
+
+        def restart(y) -> None:
+            begin[:] = y
+
+        def advance(h: float, n: int) -> int:
+            made.integrator(name, time_step=h)
+            y = begin
+            while n:
+                states = _states(made, y, h, min(n, PIECE))
+                if states is None:
+                    return STALLED
+                y, n = states[-1], n - len(states)
+            end[0] = y
+            return SOLVED
+
+        return Calls(restart, advance, lambda: np.array(end[0]))
+
+    return prepare
+
+
+def _canonical(problem, system) -> str | None:
+    """The `Peer.lacks` of the midpoint rule: a reason if the variables are not canonical, else None."""
+    return None if system.canonical else CANONICAL
+
+
+def _peer(id: str, name: str, title: str, order: int, gradients: int, about: str, source: str) -> Peer:
+    facts = {"lacks": _canonical, "scope": "any canonical H"}
+    if gradients:
+        why = "it takes the gradients of T(p) and V(q): H must be T(p) + V(q)"
+        facts = {"lacks": split_alone(why), "scope": "H = T(p) + V(q)"}
+    return Peer(
+        f"pynamicalsys-{id}",
+        f"pynamicalsys's {title}",
+        package="pynamicalsys",
+        adaptive=False,
+        order=order,
+        license="GPL-3.0",
+        about=f"{about}; loops and right-hand sides are compiled by Numba, every state is stored",
+        source=source,
+        run=_build_run(name, gradients),
+        prepare=_build_prepare(name),
+        claims=Claims(order=order, symplectic=True, source="docstrings of HamiltonianSystem and of its step functions"),
+        ahead=True,
+        settings={"integrator": name},
+        **facts,
+    )
+
+
+PEERS: tuple[Peer, ...] = (
+    _peer(
+        "verlet",
+        "vv2",
+        "velocity Verlet",
+        2,
+        2,
+        "kick-drift-kick, both kicks evaluated",
+        "Verlet 1967, Phys. Rev. 159, 98-103",
+    ),
+    _peer(
+        "yoshida-4",
+        "svy4",
+        "Yoshida of order 4",
+        4,
+        6,
+        "three steps of velocity Verlet, all kicks evaluated",
+        "Yoshida 1990, Phys. Lett. A 150, 262-268",
+    ),
+    _peer(
+        "midpoint",
+        "imp",
+        "implicit midpoint rule",
+        2,
+        0,
+        "Newton's method to a residual of 1e-12, the package's default",
+        "Hairer, Lubich & Wanner 2006, II.1.3",
+    ),
+)
