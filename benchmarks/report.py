@@ -33,12 +33,14 @@ from phasebench.benchmarks.experiments.extremes.multistep_page import PAGE as EX
 from phasebench.benchmarks.experiments.extremes.page import PAGE as EXTREMES
 from phasebench.benchmarks.experiments.extremes.round_off_page import PAGE as EXTREMES_ROUND_OFF
 from phasebench.benchmarks.experiments.extremes.springs_page import PAGE as EXTREMES_SPRINGS
+from phasebench.benchmarks.experiments.field_says.page import PAGE as FIELD_SAYS
 from phasebench.benchmarks.experiments.invariants.page import PAGE as INVARIANTS
 from phasebench.benchmarks.experiments.kepler.page import PAGE as KEPLER
 from phasebench.benchmarks.experiments.large.page import PAGE as LARGE
 from phasebench.benchmarks.experiments.large.solvers_page import PAGE as LARGE_SOLVERS
 from phasebench.benchmarks.experiments.matrix.page import PAGE as MATRIX
 from phasebench.benchmarks.experiments.models.page import PAGE as MODELS
+from phasebench.benchmarks.experiments.molecules.page import PAGE as MOLECULES
 from phasebench.benchmarks.experiments.options.numerics_page import PAGE as OPTIONS_NUMERICS
 from phasebench.benchmarks.experiments.options.page import PAGE as OPTIONS
 from phasebench.benchmarks.experiments.orders.page import PAGE as ORDERS
@@ -52,6 +54,7 @@ from phasebench.benchmarks.experiments.sampling.hessian_page import PAGE as HESS
 from phasebench.benchmarks.experiments.sampling.page import PAGE as SAMPLING
 from phasebench.benchmarks.experiments.speed.page import PAGE as SPEED
 from phasebench.benchmarks.experiments.start.page import PAGE as START
+from phasebench.benchmarks.experiments.statistics.page import PAGE as STATISTICS
 from phasebench.benchmarks.experiments.structure.page import PAGE as STRUCTURE
 from phasebench.benchmarks.experiments.talks.page import PAGES as FIGURES
 from phasebench.benchmarks.experiments.talks.statements_page import PAGES as TALKS
@@ -82,6 +85,8 @@ PAGES: tuple[Page, ...] = (
     OPTIONS_NUMERICS,
     PRINTED,
     PRINTED_NUMBERS,
+    FIELD_SAYS,
+    STATISTICS,
     ORDERS,
     STRUCTURE,
     MATRIX,
@@ -106,6 +111,7 @@ PAGES: tuple[Page, ...] = (
     SAMPLING,
     HESSIAN_FREE,
     AUDIT,
+    MOLECULES,
     ELSEWHERE,
     REFERENCES,
     SPEED,

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from phasebench.benchmarks.ladder.exact import exact
 from phasebench.benchmarks.measure import conservation_claims
-from phasebench.benchmarks.measure.integrator import Integrator
+from phasebench.benchmarks.measure.integrator import OURS, Integrator
 from phasebench.integrators.registry import METHODS
 from phasebench.reference.peers import PEERS
 
@@ -15,8 +15,8 @@ from .ask import Ask
 
 #: Peers that integrate many orbits at once: their time is not that of one orbit.
 LANES = ("heyoka-batch",)
-#: Packages tried last: their step loops or right-hand sides run in Python, or take seconds to compile.
-SLOW = ("gala", "galpy", "desolver", "pyhamsys", "diffrax", "sundials4py", "boost", "gsl", "pynamicalsys")
+#: Kinds of integrators tried first: loops or right-hand sides of other packages run in Python, or compile for seconds.
+FIRST_KINDS = (OURS, "heyoka", "rebound", "scipy")
 #: The peer tried first: it runs on any problem, and its steps tell how fast the orbit moves.
 FIRST = "heyoka"
 
@@ -42,7 +42,7 @@ def portfolio(ask: Ask, accuracy: float) -> tuple[list[tuple[Integrator, float]]
     expected = prior.factors(id, accuracy, [i.id for i in able])
     turns = _in_turn([i for i in able if exact(i, ask.problem)])
     expected |= dict.fromkeys(turns, 0.0)  # the measurements behind the prior leave them out
-    by_hope = sorted(able, key=lambda i: (i.id != FIRST, i.kind in SLOW, expected[i.id], turns.get(i.id, 0)))
+    by_hope = sorted(able, key=lambda i: (i.id != FIRST, i.kind not in FIRST_KINDS, expected[i.id], turns.get(i.id, 0)))
     return [(i, expected[i.id]) for i in by_hope], dropped
 
 

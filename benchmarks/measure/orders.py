@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,15 @@ from phasebench.integrators.driver import OK
 
 from . import metrics
 from .integrator import OURS
+
+
+def successive(errors: Iterable[float], floors: Iterable[float]) -> list[float]:
+    """The order between each step and the one before it, twice as long; nan for the first and below a floor."""
+    found, before = [], np.nan
+    for error, floor in zip(errors, floors, strict=True):
+        found.append(float(np.log2(before / error)) if error > floor else np.nan)
+        before = error
+    return found
 
 
 def orders(rows: list[dict[str, Any]], column: str = "global_error") -> list[dict[str, Any]]:

@@ -15,43 +15,28 @@ from a start that is given by the state alone.
   a chord method, takes its tolerances from an adaptive step-size control, which is not used here.
 
 Left out are the solvers of stochastic equations, and HalfSolver, which adds an error estimate to another solver.
-Double precision is switched on only during the calls made here.
+Double precision is switched on only during the calls made here (`jax_loop`).
 
 Source: P. Kidger, On Neural Differential Equations, PhD thesis, University of Oxford (2021).
 """
 
 from __future__ import annotations
 
-import contextlib
-import time
 from functools import lru_cache
 
 import numpy as np
 
-from .record import Claims, Peer, Run, Task, anything, split_alone
+from .jax_loop import COST, Loop, Method, jax_function, run_loop
+from .record import Claims, Peer, anything, split_alone
 
 #: rtol and atol for implicit equations, and the largest number of iterations.
 ROOT, ITERATIONS = 1e-12, 30
-#: Rows per call of the compiled loop; fixed, since the compiled code depends on it.
-ROWS = 256
 #: Size of the cache of compiled loops.
 KEPT = 256
 SOLVERS = "https://docs.kidger.site/diffrax/api/solvers/ode_solvers"
 
 WHOLE, HALVES, IMEX = "the field", "the equations of q and of p in turn", "explicit in q, implicit in p"
 IMPLICIT = ("ImplicitEuler", "Kvaerno3", "Kvaerno4", "Kvaerno5", "Sil3", "KenCarp3", "KenCarp4", "KenCarp5")
-
-
-@contextlib.contextmanager
-def double_precision():
-    """A context that uses JAX in double precision on the CPU, in this thread only."""
-    import jax
-
-    switch = getattr(jax, "enable_x64", None)
-    if not callable(switch):  # older versions of JAX
-        from jax.experimental import enable_x64 as switch
-    with switch(True), jax.default_device(jax.local_devices(backend="cpu")[0]):
-        yield
 
 
 def solver(name: str):
@@ -65,15 +50,6 @@ def solver(name: str):
     return getattr(diffrax, name)(root_finder=newton, root_find_max_steps=ITERATIONS)
 
 
-def _function(variables, expressions):
-    """A function from values of the variables (one or two arrays) to a JAX array of the expressions."""
-    import jax.numpy as jnp
-    import sympy as sp
-
-    evaluate = sp.lambdify(variables, list(expressions), modules="jax", cse=True)
-    return lambda *values: jnp.array(evaluate(*values))
-
-
 def _terms(system, split: str):
     """diffrax's terms of the system for a state (2 d,), or for `HALVES` a pair of arrays (d,)."""
     import diffrax
@@ -81,15 +57,15 @@ def _terms(system, split: str):
 
     d = system.d
     if split == HALVES:
-        velocity, force = _function([system.p], system.dq), _function([system.q], system.dp)
+        velocity, force = jax_function([system.p], system.dq), jax_function([system.q], system.dp)
         return (
             diffrax.ODETerm(lambda t, p, args: velocity(p)),
             diffrax.ODETerm(lambda t, q, args: force(q)),
         )
     both = [system.q, system.p]
-    dq, dp = _function(both, system.dq), _function(both, system.dp)
+    dq, dp = jax_function(both, system.dq), jax_function(both, system.dp)
     if split == WHOLE:
-        field = _function(both, [*system.dq, *system.dp])
+        field = jax_function(both, [*system.dq, *system.dp])
         return diffrax.ODETerm(lambda t, y, args: field(y[:d], y[d:]))
     still = np.zeros(d)
     return diffrax.MultiTerm(
@@ -99,69 +75,31 @@ def _terms(system, split: str):
 
 
 @lru_cache(maxsize=KEPT)
-def _compile(name: str, split: str, system):
-    """(initial solver state from y and h, compiled loop over steps) of a solver, both already compiled."""
+def _compile(name: str, split: str, system) -> Loop:
+    """The compiled loop over the steps of a solver."""
     import diffrax
-    import jax
     import jax.numpy as jnp
 
     method, terms, multistep, d = solver(name), _terms(system, split), name == "LeapfrogMidpoint", system.d
 
-    def first(y, h):
+    def begin(y, h):
         y = (y[:d], y[d:]) if split == HALVES else y
         return y, method.init(terms, jnp.zeros_like(h), h, y, None)
 
-    def loop(state, h, begin, end, index):
-        """(rows (ROWS, 2 d) at the step numbers ``index``, new state, first step that failed or -1)."""
-        rows = jnp.zeros((ROWS, 2 * d))
+    def step(k, h, carried):
+        y, inner = carried
+        t0, t1 = (k * h, (k + 1) * h) if multistep else (jnp.zeros_like(h), h)
+        y, _, _, inner, result = method.step(terms, t0, t1, y, None, inner, False)
+        return (y, inner), result != diffrax.RESULTS.successful
 
-        def step(k, carried):
-            (y, inner), rows, row, failed = carried
-            t0, t1 = (k * h, (k + 1) * h) if multistep else (jnp.zeros_like(h), h)
-            y, _, _, inner, result = method.step(terms, t0, t1, y, None, inner, False)
-            wanted = index[row] == k + 1
-            flat = jnp.concatenate(y) if split == HALVES else y
-            rows = rows.at[row].set(jnp.where(wanted, flat, rows[row]))
-            failed = jnp.where((failed < 0) & (result != diffrax.RESULTS.successful), k + 1, failed)
-            return (y, inner), rows, row + wanted, failed
+    def state(carried):
+        return jnp.concatenate(carried[0]) if split == HALVES else carried[0]
 
-        state, rows, _, failed = jax.lax.fori_loop(begin, end, step, (state, rows, jnp.array(0), jnp.array(-1)))
-        return rows, state, failed
-
-    both = jax.jit(first), jax.jit(loop)
-    for _ in range(2):  # the state returned by the loop may cause a second compilation
-        _steps(*both, np.full(2 * d, 0.5), 1e-3, np.arange(1, ROWS + 2))
-    return both
-
-
-def _steps(first, loop, y, h: float, index):
-    """(rows at the step numbers ``index`` up to a failure, the step that failed or -1)."""
-    h, rows, begin = np.float64(h), [], 0
-    state = first(y, h)
-    for i in range(0, len(index), ROWS):
-        part = index[i : i + ROWS]
-        padded = np.full(ROWS, -1)
-        padded[: len(part)] = part
-        reached, state, failed = loop(state, h, begin, int(part[-1]), padded)
-        failed, begin = int(failed), int(part[-1])
-        rows.append(np.asarray(reached)[: len(part) if failed < 0 else int((part < failed).sum())])
-        if failed >= 0:
-            return np.vstack(rows), failed
-    return np.vstack(rows), -1
+    return Loop(Method(begin, step, state), d)
 
 
 def _build_run(name: str, split: str):
-    def run(task: Task) -> Run:
-        y = task.state
-        with double_precision():
-            first, loop = _compile(name, split, task.system)
-            began = time.perf_counter()
-            rows, failed = _steps(first, loop, y, task.h, np.asarray(task.numbers[1:]))
-            seconds = time.perf_counter() - began
-        failure = f"Newton's method fails in step {failed}" if failed > 0 else None
-        return Run.of_states(np.vstack([y, rows]), task.steps, 0, seconds, failure)
-
-    return run
+    return lambda task: run_loop(lambda: _compile(name, split, task.system), task)
 
 
 _lacks_halves = split_alone("its two terms are q' of p alone and p' of q alone: H must be T(p) + V(q)")
@@ -169,7 +107,6 @@ _lacks_halves = split_alone("its two terms are q' of p alone and p' of q alone: 
 
 def _peer(id, name, title, order, source, about="", *, split=WHOLE, symplectic=None) -> Peer:
     about = "; ".join(filter(None, [about, "" if split == WHOLE else f"terms: {split}"]))
-    cost = f"a compiled JAX loop; the time includes its dispatch and the copying of rows, {ROWS} a call"
     return Peer(
         f"diffrax-{id}",
         f"diffrax's {title}",
@@ -177,7 +114,7 @@ def _peer(id, name, title, order, source, about="", *, split=WHOLE, symplectic=N
         adaptive=False,
         order=order,
         license="Apache-2.0",
-        about=f"{about}; {cost}" if about else cost,
+        about=f"{about}; {COST}" if about else COST,
         source=source,
         run=_build_run(name, split),
         scope="H = T(p) + V(q)" if split == HALVES else "any",

@@ -4,11 +4,47 @@ from __future__ import annotations
 
 from phasebench.integrators.names import Records, unknown_method
 
-from . import boost, desolver, diffrax, gala, galpy, gsl, heyoka, pyhamsys, pynamicalsys, rebound, scipy, sundials4py
+from . import (
+    ase,
+    blackjax,
+    boost,
+    desolver,
+    diffrax,
+    gala,
+    galpy,
+    gsl,
+    heyoka,
+    jax_md,
+    mujoco,
+    openmm,
+    pyhamsys,
+    pynamicalsys,
+    rebound,
+    scipy,
+    sundials4py,
+)
 from .record import Peer
 
 #: First the packages that the suite depends on, then those of the extra ``peers``.
-PACKAGES = (heyoka, rebound, scipy, gala, galpy, desolver, pyhamsys, diffrax, sundials4py, boost, gsl, pynamicalsys)
+PACKAGES = (
+    heyoka,
+    rebound,
+    scipy,
+    gala,
+    galpy,
+    desolver,
+    pyhamsys,
+    diffrax,
+    sundials4py,
+    boost,
+    gsl,
+    pynamicalsys,
+    blackjax,
+    openmm,
+    ase,
+    jax_md,
+    mujoco,
+)
 
 BY_ID = {p.id: p for package in PACKAGES for p in package.PEERS}
 

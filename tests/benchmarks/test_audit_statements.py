@@ -8,6 +8,7 @@ import importlib
 import importlib.metadata
 import json
 import re
+from pathlib import Path
 
 import pandas as pd
 import pytest
@@ -35,6 +36,13 @@ VALUES = {
     "gala_rk5_coefficients": (("0.4", OK), (OK, "0.4"), CONTRADICTED),
     "gala_dopri853_order": (("5.0",), ("7.93",), UNDERSTATED),
     "gala_dopri853_defaults": (("1e-6", "1e-6", "1e-5"), ("1e-5", "1e-6", "0.00e+00"), CONTRADICTED),
+    "blackjax_stability": (("2.000", "4.662", "2.553"), ("1.4", "3.0", "2.553"), CONTRADICTED),
+    "blackjax_midpoint": ((OK, OK, OK, OK), ("2.4e-06", OK, OK, OK), CONTRADICTED),
+    "mujoco_free_body": (("0", "-0.56", "50000", "2.89", "2.00"), ("4", "0.1", "50000", "2.89", "1.0"), CONTRADICTED),
+    "mujoco_rk4": (("1.5e-04", *("2.0e-01",) * 3), ("1.5e-01", *("2.0e-02",) * 3), CONTRADICTED),
+    "jax_md_step": (("float64", "0.1", "0.0e+00"), ("float64", "0.10000000149011612", "1.5e-08"), CONTRADICTED),
+    "openmm_variable_verlet": (("4.0e-02", "1.4e-04"), ("1.4e-04", "4.0e-02"), CONTRADICTED),
+    "pynamicalsys_newton": (("a state", "a state"), ("a state", "RuntimeError"), CONTRADICTED),
     "pyhamsys_projection": (("symmetric", "1e-3"), ("midpoint", "0.0e+00"), CONTRADICTED),
     "pyhamsys_extension": ((OK, OK), (OK, "3.2e-08"), CONTRADICTED),
     "pyhamsys_step": (("0.0995", "0.0299", "0.1", "1.0"), ("0.0995", "0.0299", "0.0391", "0.2"), CONTRADICTED),
@@ -69,6 +77,8 @@ def documentation(where: str) -> str:
     if module == "readme":
         told = importlib.metadata.metadata(path)
         return told.get_payload() or told["Description"]
+    if module == "source":
+        return Path(importlib.import_module(path).__file__).read_text()
     if module == "rebound":
         sim = importlib.import_module("rebound").Simulation()
         sim.integrator = path

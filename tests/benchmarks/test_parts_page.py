@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
 import pandas as pd
 import pytest
 
@@ -40,10 +39,3 @@ def outcomes(accuracy=ACCURACY, energy=ENERGY):
 )
 def test_verdicts_follow_the_rows(changed, expected):
     assert outcomes(**changed) == expected
-
-
-def test_orders_stop_where_rounding_is_seen():
-    rows = [{"error": e, "uncertainty": 1e-16} for e in (1e-2, 2.5e-3, 1e-14)]
-    found = measure.orders(rows)
-    assert np.isnan([found[0], found[2]]).all()
-    assert found[1] == pytest.approx(2)

@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 
 from phasebench.benchmarks.experiments.rigid import measure, page
+from phasebench.benchmarks.measure.orders import successive
 from phasebench.benchmarks.page.verdict import FAIL, FINDING, PASS
 
 ROW = {"bodies": True, "orthogonality": 1e-16, "momentum": 1e-16, "h": 0.1, "order": 2.0, "declared": 2}
@@ -51,6 +52,6 @@ def test_an_angle_is_that_of_the_turn_between_attitudes():
 
 
 def test_orders_stop_where_rounding_is_seen():
-    found = measure.orders([1e-2, 2.5e-3, 1e-12])
+    found = successive([1e-2, 2.5e-3, 1e-12], [1e-11] * 3)
     assert np.isnan([found[0], found[2]]).all()
     assert found[1] == pytest.approx(2)

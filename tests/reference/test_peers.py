@@ -236,7 +236,16 @@ def test_the_texts_of_records_are_complete():
         for words in (p.name, p.about, p.source, p.scope, p.claims.source):
             assert words == words.strip(" ;,")
             assert not any(wrong in words for wrong in ("  ", "; ;", ";;", "None", "{", "}")), words
-        several = p.package in ("desolver", "gala", "galpy", "pyhamsys", "sundials4py", "pynamicalsys")
+        several = p.package in (
+            "desolver",
+            "gala",
+            "galpy",
+            "pyhamsys",
+            "sundials4py",
+            "pynamicalsys",
+            "blackjax",
+            "openmm",
+        )
         assert p.about.count(";") >= several
         assert p.name.endswith(", adaptive") == p.id.endswith("-adaptive")
 
@@ -257,6 +266,8 @@ def test_the_scope_in_words_agrees_with_lacks():
         "boost",
         "gsl",
         "pynamicalsys",
+        "blackjax",
+        "mujoco",
     }
 
 
@@ -314,6 +325,12 @@ WAYS = {
     "desolver-dopri45-adaptive": True,
     "pyhamsys-verlet": False,
     "diffrax-euler": False,
+    "blackjax-velocity-verlet": True,
+    "openmm-verlet": True,
+    "openmm-custom-velocity-verlet": True,
+    "openmm-variable-verlet-adaptive": False,
+    "ase-velocity-verlet": True,
+    "jax-md-nve": True,
     "pynamicalsys-verlet": True,
     "pynamicalsys-midpoint": False,
 }

@@ -90,7 +90,20 @@ galpy-odeint                  - -   -   -
 """
 WORDS = {"-": None, "yes": True, "no": False}
 LINES = {line.split()[0]: line.split()[1:] for line in SAID.strip().splitlines()}
-OTHERS = ("desolver", "pyhamsys", "diffrax", "sundials4py", "boost", "gsl", "pynamicalsys")
+OTHERS = (
+    "desolver",
+    "pyhamsys",
+    "diffrax",
+    "sundials4py",
+    "boost",
+    "gsl",
+    "pynamicalsys",
+    "blackjax",
+    "openmm",
+    "ase",
+    "jax_md",
+    "mujoco",
+)
 MINE = [p for p in PEERS if p.package not in OTHERS]
 
 

@@ -15,11 +15,24 @@ import pytest
 
 from phasebench.benchmarks.problems import problem
 from phasebench.integrators import Hamiltonian, InvalidInput, integrate
-from phasebench.reference.peers import desolver, diffrax, integrate_peer, pyhamsys, pynamicalsys
+from phasebench.reference.peers import (
+    ase,
+    blackjax,
+    desolver,
+    diffrax,
+    integrate_peer,
+    jax_loop,
+    jax_md,
+    mujoco,
+    openmm,
+    pyhamsys,
+    pynamicalsys,
+)
 from phasebench.reference.peers.prepared import prepare_peer
 from phasebench.reference.solvers.taylor import reference
 
-PACKAGES = {"desolver": desolver, "pyhamsys": pyhamsys, "diffrax": diffrax, "pynamicalsys": pynamicalsys}
+MODULES = (desolver, pyhamsys, diffrax, pynamicalsys, blackjax, openmm, ase, jax_md, mujoco)
+PACKAGES = {m.PEERS[0].package: m for m in MODULES}
 PEERS = {p.id: p for module in PACKAGES.values() for p in module.PEERS}
 FIXED = [id for id, p in PEERS.items() if not p.adaptive]
 ADAPTIVE = [id for id, p in PEERS.items() if p.adaptive]
@@ -39,7 +52,7 @@ BLOWN_UP = Hamiltonian(q="q", p="p", H="p**2/2 - q**4/4")
 
 def need(id: str):
     """The peer; skip the test if its package is not installed."""
-    package = id.split("-")[0]
+    package = PEERS[id].package if id in PEERS else id.split("-")[0]
     try:
         PACKAGES[package].PEERS[0].load(package)
     except ImportError:
@@ -142,7 +155,17 @@ def test_diffrax_solvers_and_claims():
         assert ("Symplectic method" in getattr(package, name).__doc__) is bool(chosen.claims.symplectic), name
 
 
-LICENSES = [("desolver", "MIT"), ("pyhamsys", "BSD"), ("diffrax", "Apache"), ("pynamicalsys", "GPL")]
+LICENSES = [
+    ("desolver", "MIT"),
+    ("pyhamsys", "BSD"),
+    ("diffrax", "Apache"),
+    ("pynamicalsys", "GPL"),
+    ("blackjax", "Apache"),
+    ("openmm", "MIT"),
+    ("ase", "LGPL"),
+    ("jax_md", "Apache"),
+    ("mujoco", "Apache"),
+]
 
 
 @pytest.mark.parametrize(("package", "license"), LICENSES)
@@ -195,6 +218,13 @@ def test_rows_equal_the_ends_of_shorter_runs(id):
         ("desolver-implicit-midpoint", "implicit-midpoint", 1e-11),  # it shortens steps in between
         ("pyhamsys-verlet", "stormer-verlet", 1e-12),
         ("diffrax-semi-implicit-euler", "symplectic-euler-q", 1e-12),
+        ("blackjax-velocity-verlet", "stormer-verlet", 1e-12),
+        ("openmm-verlet", "stormer-verlet", 1e-12),
+        ("openmm-custom-velocity-verlet", "stormer-verlet", 1e-12),
+        ("ase-velocity-verlet", "stormer-verlet", 1e-12),
+        ("jax-md-nve", "stormer-verlet", 1e-6),  # its step is 0.05 in single precision
+        ("mujoco-euler", "symplectic-euler-p", 1e-12),
+        ("blackjax-implicit-midpoint-converged", "implicit-midpoint", 1e-12),
         ("pynamicalsys-verlet", "stormer-verlet", 1e-12),
         ("pynamicalsys-yoshida-4", "forest-ruth", 1e-12),
         ("pynamicalsys-midpoint", "implicit-midpoint", 1e-9),  # its residuals are below 1e-12, not at round-off
@@ -237,6 +267,7 @@ def test_an_adaptive_peer_roughly_meets_its_tolerance(id):
     [
         ("desolver-rk108", NOT_SEPARABLE),
         ("pyhamsys-bm6-extended", NOT_SEPARABLE),
+        ("mujoco-rk4", NOT_SEPARABLE),
         ("diffrax-dopri8", NOT_SEPARABLE),
         ("desolver-rk108", "lotka-volterra"),
         ("diffrax-kencarp5", "lotka-volterra"),
@@ -364,7 +395,7 @@ def test_a_run_ends_with_the_piece_in_which_it_overflows():
 def test_rows_end_before_a_failing_newton_step():
     stiff = Hamiltonian(q="q", p="p", H="p**2/2 - q**4/4")
     solution = integrate_peer(stiff, need("diffrax-kvaerno3"), h=0.5, steps=10, q0=[1.0], p0=[1.0])
-    failed = int(re.match(r"Newton's method fails in step (\d+);", solution.reason).group(1))
+    failed = int(re.match(r"its equations were not solved in step (\d+);", solution.reason).group(1))
     assert failed > 1
     assert len(solution.t) == failed
     every_third = integrate_peer(stiff, need("diffrax-kvaerno3"), h=0.5, steps=10, q0=[1.0], p0=[1.0], save_every=3)
@@ -374,27 +405,27 @@ def test_rows_end_before_a_failing_newton_step():
 def test_a_second_run_compiles_nothing():
     """Whatever the number of calls of the compiled loop is."""
     need("diffrax-euler")
-    with diffrax.double_precision():
-        first, loop = diffrax._compile.__wrapped__("Euler", diffrax.WHOLE, truth()[0].system)
-        before = loop._cache_size()
-        rows, failed = diffrax._steps(first, loop, np.array([1.0, 0.0]), 1e-3, np.arange(1, 2 * diffrax.ROWS + 3))
-    assert (len(rows), failed) == (2 * diffrax.ROWS + 2, -1)
-    assert loop._cache_size() == before
+    with jax_loop.double_precision():
+        loop = diffrax._compile.__wrapped__("Euler", diffrax.WHOLE, truth()[0].system)
+        before = loop._loop._cache_size()
+        rows, failed = loop.rows(np.array([1.0, 0.0]), 1e-3, np.arange(1, 2 * jax_loop.ROWS + 3))
+    assert (len(rows), failed) == (2 * jax_loop.ROWS + 2, -1)
+    assert loop._loop._cache_size() == before
 
 
 def test_the_loop_is_first_compiled_for_its_own_output(monkeypatch):
     """diffrax's loop is called at once with its own output, for which some versions of JAX compile it separately."""
     need("diffrax-euler")
-    taken, steps = [], diffrax._steps
+    taken, rows = [], jax_loop.Loop.rows
 
-    def noted(first, loop, y, h, index):
-        taken.append(len(index))
-        return steps(first, loop, y, h, index)
+    def noted(self, y, h, numbers):
+        taken.append(len(numbers))
+        return rows(self, y, h, numbers)
 
-    monkeypatch.setattr(diffrax, "_steps", noted)
-    with diffrax.double_precision():
+    monkeypatch.setattr(jax_loop.Loop, "rows", noted)
+    with jax_loop.double_precision():
         diffrax._compile.__wrapped__("Euler", diffrax.WHOLE, truth()[0].system)
-    assert min(taken) > diffrax.ROWS
+    assert min(taken) > jax_loop.ROWS
 
 
 # -- pitfalls of the packages -------------------------------------------------------------------------------------
@@ -455,3 +486,38 @@ def test_pynamicalsys_prepared_runs_end_where_others_do_and_a_run_longer_than_a_
     assert np.abs(theirs.q[-1] - ours.q[-1]).max() < 1e-9
     stuck = integrate_peer(BLOWN_UP, need("pynamicalsys-midpoint"), h=0.5, steps=400, q0=[3.0], p0=[3.0])
     assert stuck.status in ("not-converged", "diverged")
+
+
+@pytest.mark.parametrize(("id", "order"), [(p.id, p.order) for p in mujoco.PEERS])
+def test_mujocos_models_are_those_of_the_problems(id, order):
+    chosen = need(id)
+    for name, n in (("double-pendulum:regular", 200), ("free-rigid-body", 200)):
+        made = problem(name)
+        fine = integrate(made, "gauss-8", h=0.02, steps=100, save_every=0)
+        exact, errors = np.concatenate([fine.q[-1], fine.p[-1]]), []
+        for steps in (n, 2 * n):
+            end = integrate_peer(made, chosen, t_end=2.0, steps=steps, save_every=0)
+            errors.append(np.abs(np.concatenate([end.q[-1], end.p[-1]]) - exact).max())
+        assert abs(np.log2(errors[0] / errors[1]) - order) < 0.4 or errors[1] < 1e-13, name
+    with pytest.raises(InvalidInput, match="here pendulum, double-pendulum, free-rigid-body"):
+        integrate_peer(problem("kepler"), chosen, h=0.1, steps=1)
+    with pytest.raises(InvalidInput, match="has m1 = 1"):
+        integrate_peer(problem("double-pendulum", m1=2), chosen, h=0.1, steps=1)
+
+
+def test_jax_md_rounds_the_step_to_single_precision():
+    """Its step is exact where single precision holds it."""
+    made, chosen = truth()[0], need("jax-md-nve")
+    for h, apart in ((0.0625, 0.0), (0.05, 7e-10)):
+        theirs, ours = integrate_peer(made, chosen, h=h, steps=64), integrate(made, "stormer-verlet", h=h, steps=64)
+        assert abs(np.abs(theirs.q - ours.q).max() / 3.2 - apart) < max(1e-13, 3 * apart)
+
+
+def test_openmms_variable_steps_keep_positions_and_momenta_at_one_time():
+    made, chosen = problem("kepler", e=0.3), need("openmm-variable-verlet-adaptive")
+    energies = [
+        abs(integrate_peer(made, chosen, t_end=3.0, steps=1, tol=tol).energy()[-1] - made.system.energies(*start)[0])
+        for start in [([made.q0], [made.p0])]
+        for tol in (1e-4, 1e-6)
+    ]
+    assert 3 < energies[0] / energies[1] < 300

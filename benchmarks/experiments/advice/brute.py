@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from phasebench.benchmarks.measure import clock, conservation_claims
-from phasebench.benchmarks.measure.integrator import Integrator
+from phasebench.benchmarks.measure.integrator import OURS, Integrator
 from phasebench.benchmarks.measure.quantities import Truth, error
 from phasebench.integrators.driver import OK
 from phasebench.integrators.errors import InvalidInput
@@ -39,7 +39,7 @@ PART, HOPELESS = 1 / 50, 20.0
 SLACK, ROUND_OFF = 0.02, 8 * float(np.finfo(float).eps)
 #: The integrator tried first, which sets a time to beat; integrators left out: batches of orbits, loops in Python.
 FIRST, LEFT_OUT = "heyoka", ("heyoka-batch",)
-SLOW = ("gala", "galpy", "desolver", "pyhamsys", "diffrax", "sundials4py")
+COMPILED = (OURS, "heyoka", "rebound", "scipy", "boost", "gsl", "pynamicalsys")
 
 
 class Run(NamedTuple):
@@ -138,7 +138,7 @@ def everybody(ask) -> Iterator[Integrator]:
     """Yield the installed integrators that can handle a request (its problem and invariants), heyoka first."""
     for record in sorted((*METHODS, *PEERS), key=lambda r: r.id != FIRST):
         c = Integrator(record)
-        if c.id in LEFT_OUT or c.kind in SLOW or not c.installed or c.lacks(ask.problem):
+        if c.id in LEFT_OUT or c.kind not in COMPILED or not c.installed or c.lacks(ask.problem):
             continue
         if not conservation_claims.refusal(c, ask.conserve):
             yield c

@@ -27,6 +27,11 @@ GALPY = "https://docs.galpy.org/en/latest/"
 DESOLVER = "https://github.com/Microno95/desolver"
 PYHAMSYS = "https://github.com/cchandre/pyhamsys"
 REBOUND = "https://rebound.readthedocs.io/en/latest/integrators/"
+BLACKJAX = "https://blackjax-devs.github.io/blackjax/autoapi/blackjax/mcmc/integrators/index.html"
+MUJOCO = "https://mujoco.readthedocs.io/en/stable/computation/index.html#numerical-integration"
+OPENMM = "https://docs.openmm.org/latest/userguide/theory/04_integrators.html"
+JAX_MD = "https://jax-md.readthedocs.io/en/main/jax_md.simulate.html"
+PYNAMICALSYS = "https://pynamicalsys.readthedocs.io"
 DIFFRAX = "https://docs.kidger.site/diffrax/api/solvers/ode_solvers"
 SCIPY = "https://docs.scipy.org/doc/scipy/reference/generated/scipy.integrate.{}.html"
 BOOST = "https://www.boost.org/doc/libs/1_74_0/boost/numeric/odeint/stepper/velocity_verlet.hpp"
@@ -183,6 +188,95 @@ STATEMENTS = (
         "error {0} by default, {1} at these; {2} apart from rtol = 1e-6, atol = 1e-12, SciPy's",
         LOWER,
         "pass the tolerances that are said to SciPy",
+    ),
+    Statement(
+        "blackjax_stability",
+        "blackjax",
+        "It is numerically stable for values of the step size that range between 0 and 2",
+        "source:blackjax.mcmc.integrators",
+        BLACKJAX,
+        near(0, 2),
+        "H = (p² + q²)/2: velocity_verlet is stable to h = {0}, yoshida to {1}, mclachlan to {2}",
+    ),
+    Statement(
+        "blackjax_stability",
+        "blackjax",
+        "guarantees a stability interval length approximately equal to 4.67",
+        "source:blackjax.mcmc.integrators",
+        BLACKJAX,
+        near(1, 4.67),
+        "H = (p² + q²)/2: yoshida is stable to h = {1}; it is of order 2, not Yoshida's method of order 4",
+    ),
+    Statement(
+        "blackjax_midpoint",
+        "blackjax",
+        "Symplectic, time-reversible, integrators for Hamiltonian trajectories.",
+        "source:blackjax.mcmc.integrators",
+        BLACKJAX,
+        below(1e-9, 0, 1),
+        "implicit_midpoint, 100 steps and back: {0} from the start; with convergence_tol = 1e-15 {2}",
+        STRUCTURE,
+        "solve to round-off, or say that the default tolerance, 1e-6, is that of the structure",
+        covers=(("blackjax-implicit-midpoint", "symplectic"), ("blackjax-implicit-midpoint", "reversible")),
+    ),
+    Statement(
+        "mujoco_free_body",
+        "mujoco",
+        "The kinetic energy of a spinning free body is non-increasing in the absence of applied force.",
+        "guide:Gyroscopic derivatives for free bodies",
+        MUJOCO,
+        below(0, 0),
+        "implicitfast, 50000 steps of a tumbling body: energy gained in {0}, changed by {1}; by Euler {3}",
+    ),
+    Statement(
+        "mujoco_free_body",
+        "mujoco",
+        "tumbling motion is mildly damped, at a rate scaling like (h|ω|)² per step",
+        "guide:Gyroscopic derivatives for free bodies",
+        MUJOCO,
+        near(4, 2),
+        "the loss of a step goes as h to the power {4}",
+    ),
+    Statement(
+        "mujoco_rk4",
+        "mujoco",
+        "RK4 is qualitatively better than the single-step methods, both in terms of stability and accuracy, even when "
+        "the timestep is decreased by a factor of 4",
+        "guide:4th-order Runge-Kutta (RK4)",
+        MUJOCO,
+        lambda values: HOLDS if float(values[0]) < 0.1 * min(map(float, values[1:])) else CONTRADICTED,
+        "energy error on a double pendulum: RK4 {0}; at a quarter of its step Euler {1}, implicit {3}",
+    ),
+    Statement(
+        "openmm_variable_verlet",
+        "openmm",
+        "for a given average step size, it will not conserve energy as precisely over long time periods",
+        "guide:VariableVerletIntegrator",
+        OPENMM,
+        lambda values: HOLDS if float(values[0]) > float(values[1]) else CONTRADICTED,
+        "drift of the energy over 1000 Kepler orbits: {0}; with as many equal steps {1}",
+    ),
+    Statement(
+        "jax_md_step",
+        "jax_md",
+        "Floating point number specifying the timescale (step size) of the simulation",
+        "jax_md.simulate:nve",
+        JAX_MD,
+        below(1e-15, 2),
+        "with positions of {0} and dt = 0.1 a step is {1}",
+        LOWER,
+        "keep dt in the positions' precision: velocity_verlet casts it to float32",
+    ),
+    Statement(
+        "pynamicalsys_newton",
+        "pynamicalsys",
+        "a warning is printed and the best available (unconverged) result is returned",
+        "pynamicalsys.hamiltonian_systems.fixed_step:implicit_midpoint_step",
+        PYNAMICALSYS,
+        lambda values: HOLDS if values[1] == "a state" else CONTRADICTED,
+        "a step that is not solved ends as {1}",
+        LABEL,
+        "say that it raises RuntimeError, as it does after printing",
     ),
     Statement(
         "pyhamsys_projection",

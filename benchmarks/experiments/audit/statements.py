@@ -39,7 +39,7 @@ class Statement:
     package : the package
     said : the words, quoted
     where : source of the words: "module:name" (documentation or value), "readme:package", "rebound:integrator", or
-        "guide:section" of documentation that does not come with the package
+        "guide:section" of documentation that does not come with the package, or "source:module" of its texts
     link : where they can be read
     verdict : function from the printed values, in their order, to a verdict
     shows : format string that makes a short text of the printed values

@@ -92,6 +92,35 @@ def _pynamicalsys() -> list[str]:
     )
 
 
+def _blackjax() -> list[str]:
+    """BlackJAX's integrators that no peer uses."""
+    from blackjax.mcmc import integrators
+
+    names = (n for n in integrators.__all__ if "isokinetic" not in n)
+    return [
+        *_missing_names("blackjax", names),
+        *(f"{n} (its flow is not Hamiltonian)" for n in integrators.__all__ if "isokinetic" in n),
+    ]
+
+
+def _openmm() -> list[str]:
+    """OpenMM's integrators that no peer uses: all have heat baths, or combine others."""
+    import openmm
+
+    from phasebench.reference.peers.openmm import CUSTOM, VARIABLE, VERLET
+
+    found = {n for n in _classes(openmm, openmm.Integrator) if n not in (VERLET, VARIABLE, CUSTOM, "Integrator")}
+    return sorted(found)
+
+
+def _mujoco() -> list[str]:
+    """MuJoCo's integrators that no peer uses."""
+    from mujoco import mjtIntegrator
+
+    names = {n.removeprefix("mjINT_").lower() for n in mjtIntegrator.__members__}
+    return sorted(names - {p.id.removeprefix("mujoco-") for p in _peers("mujoco")})
+
+
 def _diffrax() -> list[str]:
     """diffrax's deterministic solvers that no peer uses."""
     import diffrax as package
@@ -169,7 +198,21 @@ def _options(name: str, integrator) -> dict[str, list[str]]:
 
 LOOKS: dict[str, Callable[[], list[str]]] = {
     f.__name__.removeprefix("_"): f
-    for f in (_heyoka, _rebound, _scipy, _gala, _galpy, _desolver, _pyhamsys, _diffrax, _sundials4py, _pynamicalsys)
+    for f in (
+        _heyoka,
+        _rebound,
+        _scipy,
+        _gala,
+        _galpy,
+        _desolver,
+        _pyhamsys,
+        _diffrax,
+        _sundials4py,
+        _pynamicalsys,
+        _blackjax,
+        _openmm,
+        _mujoco,
+    )
 }
 
 

@@ -44,6 +44,21 @@ def decided(rows: pd.DataFrame) -> pd.Series:
     return ((grown >= SURE) | (grown < QUIET)) & ((rows["e"] == 0) | (rows["first"] < SMALL))
 
 
+def undecided(rows: pd.DataFrame) -> str:
+    """A sentence: the steps at which theory is not asked, and those of them at which it would be wrong; "" if none."""
+    far = (rows["e"] > 0) & ~(rows["first"] < SMALL)
+    grown = rows["rate"] * multistep.ORBITS
+    sure = rows[far & ((grown >= SURE) | (grown < QUIET))]
+    wrong = sure[lost(sure) != (sure["rate"] * multistep.ORBITS >= SURE)]
+    if wrong.empty:
+        return ""
+    names = (f"{id} up to {own['N'].max():g} steps an orbit" for id, own in wrong.groupby("method", sort=False))
+    return (
+        f" Of {len(sure)} steps whose energy error exceeds {SMALL:g} at first, where theory is not asked, it would be wrong at "
+        f"{len(wrong)}: {join_list(list(names), 4)}."
+    )
+
+
 def _agreement(rows: pd.DataFrame) -> dict[str, Any] | None:
     """Arguments of a verdict that orbits are lost where theory says so; None without rows."""
     sure = rows[decided(rows)]
@@ -171,7 +186,7 @@ def table(rows: pd.DataFrame) -> Table:
         f"Steps an orbit, {multistep.APART:g} apart up to {multistep.LAST:g}, at which {multistep.ORBITS} orbits are lost (the energy "
         f"error grows {LOST:g}-fold or to {WHOLE:g}), or their error grows more than {GROWN:g}-fold: resonances."
     )
-    return Table(pd.DataFrame(out), caption)
+    return Table(pd.DataFrame(out), caption + undecided(rows))
 
 
 @of("extremes_multistep")

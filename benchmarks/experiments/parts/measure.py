@@ -7,11 +7,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from itertools import pairwise
 
 import numpy as np
 
 from phasebench.benchmarks.measure.global_error import end_error
+from phasebench.benchmarks.measure.orders import successive
 from phasebench.benchmarks.problems import problem as problem_of
 from phasebench.benchmarks.store.cells import Cell, ProblemKey, Rows, content
 from phasebench.integrators.driver import integrate
@@ -56,18 +56,10 @@ def accuracy(id: str, name: str) -> Rows:
         row = {"method": id, "problem": name, "split": id in SPLIT, "status": s.status, "h": SPAN / steps}
         row |= {"error": found["global_error"], "uncertainty": found["reference"]["uncertainty"]}
         rows.append(row | {"evaluations": s.counts["gradient"] / steps, "declared": BY_ID[id].order})
-    for row, order in zip(rows, orders(rows), strict=True):
+    floors = [max(ROUNDING, ABOVE * r["uncertainty"]) for r in rows]
+    for row, order in zip(rows, successive([r["error"] for r in rows], floors), strict=True):
         row["order"] = order
     return {ACCURACY: rows}
-
-
-def orders(rows: list[dict]) -> list[float]:
-    """The order between each step and the longer one before it; nan for the first and where rounding is seen."""
-    found = [np.nan]
-    for a, b in pairwise(rows):
-        seen = b["error"] > max(ROUNDING, ABOVE * b["uncertainty"])
-        found.append(float(np.log2(a["error"] / b["error"])) if seen else np.nan)
-    return found
 
 
 def energy(id: str, name: str) -> Rows:

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
 from math import inf, nan
 
 import numpy as np
 import pandas as pd
 
 from phasebench.benchmarks.page.markdown import number
-from phasebench.benchmarks.page.page import Data, of
+from phasebench.benchmarks.page.page import of
+from phasebench.benchmarks.page.quoted import Quoted
 from phasebench.benchmarks.page.verdict import Between, Range, Verdict, at_least, at_most
 
 from . import brouwer, minimum_norm, planets, timed
@@ -364,44 +363,34 @@ def trace(rows: pd.DataFrame) -> Verdict | None:
 # -- all of them ------------------------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class Printed:
-    """A printed number: its verdict, what is printed, why the measured one differs, and where it is printed."""
-
-    verdict: Callable[[Data], Verdict | None]
-    printed: str
-    why: str
-    source: str
-
-
 OURS = "of this suite, beside them"
 FARRES = "Farrés et al. 2013, abstract (1208.0716)"
 REIN = "Rein, Brown & Tamayo 2019, abstract (1908.03468)"
 TAKAISHI = "Takaishi & de Forcrand 2006, abstract (hep-lat/0505020)"
 LU = "Lu, Hernandez & Rein 2024, abstract (MNRAS 533, 3708)"
 PRINTED = (
-    Printed(preference, "(10,6,4) preferred", "", FARRES),
-    Printed(everywhere, "(10,6,4) preferred", "they ask for round-off; above it fewer stages do", FARRES),
-    Printed(by_state, "(10,6,4) preferred", "they judge by the energy; ε²h² needs longer than a decade", FARRES),
-    Printed(energies, "three orders of magnitude", "depends on h: the corrected error falls faster", REIN),
-    Printed(inner, "no better", "ε²h² turns the perihelion; a corrector removes εh² alone", REIN),
-    Printed(giants, "no better", "here the start, off by εh², decides: SABAC1, without ε²h², errs alike", REIN),
-    Printed(same_energy, "higher order is better", "SABAC2 has no term ε²h²", REIN),
-    Printed(anharmonic, "about 10", "theirs is lattice QCD, ours one oscillator", TAKAISHI),
-    Printed(gaussian, "about 10", "linear forces see one combination of both error terms", TAKAISHI),
-    Printed(step, "about 3", "the square root of the errors' ratio", TAKAISHI),
-    Printed(efficiency, "about 50 %", "theirs is lattice QCD, ours one oscillator", TAKAISHI),
-    Printed(ias15, "t^1/2, 10⁹ orbits", "one planet, fewer orbits", "Rein & Spiegel 2015, abstract (1409.4779)"),
-    Printed(heyoka, "t^1/2", "one planet, fewer orbits", "Biscani & Izzo 2021; quoted at second hand"),
-    Printed(whfast, "t^1/2 for small steps", "one planet", "Rein & Tamayo 2015, abstract (1506.01084)"),
-    Printed(gauss, "t^1/2", "", OURS),
-    Printed(splitting, "t^1/2", "its round-off has a mean at this step", OURS),
-    Printed(
+    Quoted(preference, "(10,6,4) preferred", "", FARRES),
+    Quoted(everywhere, "(10,6,4) preferred", "they ask for round-off; above it fewer stages do", FARRES),
+    Quoted(by_state, "(10,6,4) preferred", "they judge by the energy; ε²h² needs longer than a decade", FARRES),
+    Quoted(energies, "three orders of magnitude", "depends on h: the corrected error falls faster", REIN),
+    Quoted(inner, "no better", "ε²h² turns the perihelion; a corrector removes εh² alone", REIN),
+    Quoted(giants, "no better", "here the start, off by εh², decides: SABAC1, without ε²h², errs alike", REIN),
+    Quoted(same_energy, "higher order is better", "SABAC2 has no term ε²h²", REIN),
+    Quoted(anharmonic, "about 10", "theirs is lattice QCD, ours one oscillator", TAKAISHI),
+    Quoted(gaussian, "about 10", "linear forces see one combination of both error terms", TAKAISHI),
+    Quoted(step, "about 3", "the square root of the errors' ratio", TAKAISHI),
+    Quoted(efficiency, "about 50 %", "theirs is lattice QCD, ours one oscillator", TAKAISHI),
+    Quoted(ias15, "t^1/2, 10⁹ orbits", "one planet, fewer orbits", "Rein & Spiegel 2015, abstract (1409.4779)"),
+    Quoted(heyoka, "t^1/2", "one planet, fewer orbits", "Biscani & Izzo 2021; quoted at second hand"),
+    Quoted(whfast, "t^1/2 for small steps", "one planet", "Rein & Tamayo 2015, abstract (1506.01084)"),
+    Quoted(gauss, "t^1/2", "", OURS),
+    Quoted(splitting, "t^1/2", "its round-off has a mean at this step", OURS),
+    Quoted(
         smallest, "accurate to round-off", "IAS15's sums are compensated, as ours are", "Rein & Spiegel 2015, title"
     ),
-    Printed(
+    Quoted(
         vectors, "up to 4.7", "another processor and version", "Javaheri, Rein & Tamayo 2023, abstract (2307.05683)"
     ),
-    Printed(mercurius, "12 (13 in the preprint)", "another scene: giants with heavier masses", LU),
-    Printed(trace, "15 (20 in the preprint)", "another scene: four planets, few encounters", LU),
+    Quoted(mercurius, "12 (13 in the preprint)", "another scene: giants with heavier masses", LU),
+    Quoted(trace, "15 (20 in the preprint)", "another scene: four planets, few encounters", LU),
 )

@@ -7,9 +7,9 @@ from pathlib import Path
 import pandas as pd
 
 from phasebench.benchmarks import style
+from phasebench.benchmarks.page import quoted
 from phasebench.benchmarks.page.markdown import number
 from phasebench.benchmarks.page.page import Data, Page, Picture, Table, of
-from phasebench.benchmarks.page.verdict import FINDING, MISSING, PASS
 
 from . import brouwer, claims, minimum_norm, planets, timed
 from .claims import OURS, PRINTED
@@ -33,29 +33,12 @@ GAUSS_16 = {
 }
 
 
-def _lines(data: Data) -> pd.DataFrame:
-    """A row for each printed number, whether it is measured or not."""
-    rows = []
-    for one in PRINTED:
-        found = one.verdict(data)
-        told = found.row() if found is not None else {"claim": _claim(one), "measured": "", "outcome": MISSING}
-        row = {"claim": told["claim"], "printed": one.printed, "measured": told["measured"], "outcome": told["outcome"]}
-        row |= {"why they differ": one.why, "where": told.get("where it is worst", ""), "source": one.source}
-        rows.append(row)
-    return pd.DataFrame([*rows, GAUSS_16])
-
-
-def _claim(one) -> str:
-    return str(one.verdict.__doc__).strip().rstrip(".")
-
-
 def answer(data: Data) -> str | None:
     """A sentence: how many printed numbers are measured here, and how many are not."""
-    others = [one for one in PRINTED if one.source != OURS]
-    judged = [found.outcome for one in others if (found := one.verdict(data)) is not None and found.outcome != MISSING]
-    if not judged:
+    found = quoted.count(data, (one for one in PRINTED if one.source != OURS))
+    if found is None:
         return None
-    return f"Of {len(judged)} printed numbers {judged.count(PASS)} are measured here, too; {judged.count(FINDING)} are not."
+    return f"Of {found[0]} printed numbers {found[1]} are measured here, too; {found[2]} are not."
 
 
 def table(data: Data) -> Table | None:
@@ -63,7 +46,7 @@ def table(data: Data) -> Table | None:
     if all(data(name) is None for name in TABLES):
         return None
     caption = f"Printed with “about” is met within a factor of {claims.ABOUT:g}; “no better” means by less than {claims.NO_BETTER:g} times."
-    return Table(_lines(data), caption)
+    return Table(pd.concat([quoted.lines(data, PRINTED), pd.DataFrame([GAUSS_16])], ignore_index=True), caption)
 
 
 def draw(data: Data, folder: Path) -> list[Picture]:

@@ -12,10 +12,10 @@ The angle of the turn from one attitude q to another r is :math:`4\arcsin(\min|q
 from __future__ import annotations
 
 from collections.abc import Callable
-from itertools import pairwise
 
 import numpy as np
 
+from phasebench.benchmarks.measure.orders import successive
 from phasebench.benchmarks.problems import problem as problem_of
 from phasebench.benchmarks.store.cells import Cell, ProblemKey, Rows, content
 from phasebench.integrators.driver import integrate
@@ -93,17 +93,9 @@ def attitude(id: str, name: str) -> Rows:
             "declared": BY_ID[id].order,
         }
         rows.append(row)
-    for row, order in zip(rows, orders([r["degrees"] for r in rows]), strict=True):
+    for row, order in zip(rows, successive([r["degrees"] for r in rows], [ROUNDING] * len(rows)), strict=True):
         row["order"] = order
     return {ATTITUDE: rows}
-
-
-def orders(degrees: list[float]) -> list[float]:
-    """The order between each step and the longer one before it; nan for the first and where rounding is seen."""
-    found = [np.nan]
-    for a, b in pairwise(degrees):
-        found.append(float(np.log2(a / b)) if b > ROUNDING else np.nan)
-    return found
 
 
 def symmetry(delta: float) -> Rows:

@@ -128,7 +128,7 @@ def answer(rows: pd.DataFrame) -> str:
     return (
         f"Over {found['scene'].nunique()} scenes at errors from {found['accuracy'].max():g} to "
         f"{found['accuracy'].min():g}, phasebench's integrators{often} are the fastest in {ours} of {len(found)} "
-        f"cases, heyoka, REBOUND or SciPy in {peers}; {tied} tie."
+        f"cases, other packages in {peers}; {tied} tie."
     )
 
 
@@ -195,7 +195,7 @@ PAGE = Page(
         "own call. Whole sweeps are repeated later.",
         "Peers at their best: heyoka's own models and translated equations, high_accuracy and compact_mode on and "
         "off, tolerances to the machine epsilon; SciPy's DOP853, LSODA and Radau with compiled right-hand sides, "
-        "ode and odeint.",
+        "ode and odeint; Boost.odeint in C++ by the flags of the bare C loop, and pynamicalsys.",
         "REBOUND: safe_mode 0 and extra forces compiled to C; every corrector, kernel and system of coordinates of "
         "WHFast, IAS15 in four adaptive modes down to the least epsilon, SABA, leapfrog, JANUS, EOS, BS.",
     ),

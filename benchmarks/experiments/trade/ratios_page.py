@@ -81,9 +81,7 @@ def answer(front: pd.DataFrame) -> str:
     found = cells(front)
     slow = found[~(found["ratio"] <= WANTED)]
     certain = slow[~(slow["ratio low"] <= WANTED)]
-    text = (
-        f"In {len(slow)} of {len(found)} cases (a scene, an error) heyoka, REBOUND or SciPy is faster than phasebench"
-    )
+    text = f"In {len(slow)} of {len(found)} cases (a scene, an error) another package is faster than phasebench"
     if certain.empty:
         return f"{text}, in none beyond the times' scatter."
     return f"{text}; in {len(certain)} beyond the times' scatter: {join_list(certain['scene'].unique(), 2)}."
@@ -178,7 +176,7 @@ PAGE = Page(
     tables=(CHOICES, FINALS, TIMES, RUNGS),
     setting=(
         f"A cell is one of {len(QUESTIONS)} scenes and an error from 0.1 to 1e-13 that some integrator reaches. Its "
-        "ratio is the time of this project's fastest method over that of the fastest of heyoka, REBOUND and SciPy "
+        "ratio is the time of this project's fastest method over that of the fastest of other packages "
         "at their best settings.",
         "Both run in turns, warm, without output; the interval of a ratio is where a further sweep lies. All is "
         "from the rows of [the trade](trade.md), which says how they are measured and shows every ratio.",

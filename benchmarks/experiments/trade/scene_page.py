@@ -116,7 +116,7 @@ def _answer(question: Question) -> Callable:
         fine, coarse = reached[0], reached[-1]
         return (
             f"Of {len(found)} errors from {found['accuracy'].max():g} to {found['accuracy'].min():g}, phasebench is "
-            f"the fastest at {ours}, heyoka, REBOUND or SciPy at {peers}: {winner(coarse)} for "
+            f"the fastest at {ours}, other packages at {peers}: {winner(coarse)} for "
             f"{coarse['accuracy']:g}, {winner(fine)} for {fine['accuracy']:g}."
         )
 

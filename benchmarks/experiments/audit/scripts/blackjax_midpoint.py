@@ -1,0 +1,31 @@
+"""BlackJAX's implicit midpoint rule: 100 steps of 0.1 there and back on a pendulum, and max |M^T J M - J| of a step.
+
+Both at its default tolerance and at convergence_tol = 1e-15, the second for comparison.
+"""
+
+import blackjax.mcmc.integrators as package
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+jax.config.update("jax_enable_x64", True)
+J = np.array([[0.0, 1.0], [-1.0, 0.0]])
+density, kinetic = (lambda q: jnp.cos(q[0])), (lambda p, position: 0.5 * p[0] ** 2)
+
+for told, options in (("default", {}), ("1e-15", {"convergence_tol": 1e-15})):
+    step = package.implicit_midpoint(density, kinetic, **options)
+
+    def run(y, h, n, step=step):
+        state = package.new_integrator_state(density, y[:1], y[1:])
+        state = jax.lax.fori_loop(0, n, lambda _, s: step(s, h), state)
+        return jnp.concatenate([state.position, state.momentum])
+
+    run = jax.jit(run)
+    start = np.array([1.0, 0.5])
+    back = np.abs(run(run(start, 0.1, 100), -0.1, 100) - start).max()
+    d = 1e-3
+    ends = [(run(start + d * e, 0.1, 1) - run(start - d * e, 0.1, 1)) / (2 * d) for e in np.eye(2)]
+    finer = [(run(start + d * e / 2, 0.1, 1) - run(start - d * e / 2, 0.1, 1)) / d for e in np.eye(2)]
+    M = np.array([(4 * f - c) / 3 for c, f in zip(ends, finer, strict=True)]).T
+    print(f"distance from the start, tolerance {told} = {back:.1e}")
+    print(f"max |M^T J M - J|, tolerance {told} = {np.abs(M.T @ J @ M - J).max():.1e}")

@@ -1,0 +1,304 @@
+"""The statements, each with its verdict on the rows: the words, where they stand, and why the measurement differs."""
+
+from __future__ import annotations
+
+from math import inf
+
+import pandas as pd
+
+from phasebench.benchmarks.page.markdown import number
+from phasebench.benchmarks.page.page import of
+from phasebench.benchmarks.page.quoted import Quoted
+from phasebench.benchmarks.page.verdict import EVERY, Between, Count, Range, Verdict, at_least, at_most
+
+from . import cost, encounters, energy, growth, orders
+
+#: A power of time is met within this.
+NEAR = 0.1
+#: The errors of the state for which evaluations are compared.
+ERRORS = tuple(10.0**-k for k in range(1, 11))
+#: The energy error of doubles that counts as machine precision.
+MACHINE = 1e-14
+MCATE2, VERLET = "mclachlan-atela-2", "stormer-verlet"
+#: The table of another page, which has ensembles of longer runs.
+BROUWER = "printed_numbers_brouwer"
+
+
+# -- OrdinaryDiffEq.jl ------------------------------------------------------------------------------------------------
+
+
+def _powers(rows: pd.DataFrame, column: str, symplectic: bool, power: float) -> dict:
+    """Arguments of a verdict that the powers of time in a column, of methods of one kind, are ``power``."""
+    found = rows[rows["symplectic"] == symplectic].set_index("called")[column]
+    worst = (found - power).abs().idxmax()
+    expected = Between(power - NEAR, power + NEAR)
+    return {"measured": Range(found.min(), found.max()), "expected": expected, "unit": "power of t", "where": worst}
+
+
+@of(growth.TABLE)
+def bounded(rows: pd.DataFrame) -> Verdict:
+    """Whether the energy errors of symplectic methods stay bounded."""
+    return Verdict("The energy error of symplectic methods is bounded", **_powers(rows, "energy power", True, 0.0))
+
+
+@of(growth.TABLE)
+def linear(rows: pd.DataFrame) -> Verdict:
+    """Whether the energy errors of symplectic methods drift linearly."""
+    return Verdict("The energy error of symplectic methods drifts linearly", **_powers(rows, "energy power", True, 1.0))
+
+
+@of(growth.TABLE)
+def quadratic(rows: pd.DataFrame) -> Verdict:
+    """Whether the energy errors of other methods grow quadratically."""
+    return Verdict("The energy error of other methods grows quadratically", **_powers(rows, "energy power", False, 2.0))
+
+
+@of(growth.TABLE)
+def positions(rows: pd.DataFrame) -> Verdict:
+    """Whether the position errors of symplectic methods grow linearly."""
+    return Verdict(
+        "The position error of symplectic methods grows linearly", **_powers(rows, "position power", True, 1.0)
+    )
+
+
+@of(growth.TABLE)
+def other_positions(rows: pd.DataFrame) -> Verdict:
+    """Whether the position errors of other methods grow quadratically."""
+    return Verdict(
+        "The position error of other methods grows quadratically", **_powers(rows, "position power", False, 2.0)
+    )
+
+
+def fewest(rows: pd.DataFrame) -> pd.DataFrame:
+    """(problem, error) -> evaluations with which each method's error is at most that; infinite if it never is."""
+    found = {}
+    for (name, id), part in rows.groupby(["problem", "method"], sort=False):
+        for error in ERRORS:
+            met = part[part["error"] <= error]["evaluations"]
+            found[name, error, id] = float(met.min()) if len(met) else inf
+    return pd.Series(found).unstack()
+
+
+@of(cost.TABLE)
+def than_verlet(rows: pd.DataFrame) -> Verdict:
+    """Whether McAte2 needs fewer evaluations than VelocityVerlet."""
+    ratio = (lambda f: f[VERLET] / f[MCATE2])(fewest(rows)).replace(inf, float("nan")).dropna()
+    return Verdict(
+        "McAte2 needs fewer evaluations than VelocityVerlet for the same error",
+        Range(ratio.min(), ratio.max()),
+        at_least(1.0),
+        "times fewer",
+        where="{} to {:g}".format(*ratio.idxmin()),
+    )
+
+
+@of(cost.TABLE)
+def efficient(rows: pd.DataFrame) -> Verdict:
+    """Whether McAte2 or McAte3 needs the fewest evaluations in most cases."""
+    found = fewest(rows)
+    found = found[found.min(axis=1) < inf]
+    best = found.idxmin(axis=1)
+    first = int(best.isin([MCATE2, "mclachlan-atela-3"]).sum())
+    most = str(best.map(cost.METHODS).value_counts().index[0])
+    return Verdict(
+        "McAte2 or McAte3 needs the fewest evaluations in most applications",
+        100 * first / len(best),
+        at_least(50.0),
+        "% of problems and errors",
+        where=f"most often {most}",
+    )
+
+
+@of(cost.TABLE)
+def loose(rows: pd.DataFrame) -> Verdict:
+    """How many times as many evaluations as the best McAte2 needs."""
+    found = fewest(rows)
+    ratio = (found[MCATE2] / found.min(axis=1)).replace(inf, float("nan")).dropna()
+    return Verdict(
+        "McAte2 is optimal in efficiency",
+        Range(ratio.min(), ratio.max()),
+        at_most(1.1),
+        "times the fewest evaluations",
+        where="{} to {:g}".format(*ratio.idxmax()),
+    )
+
+
+def _order(rows: pd.DataFrame, id: str, T: str) -> float:
+    return float(rows[(rows["method"] == id) & (rows["T"] == T)]["order"].iloc[0])
+
+
+@of(orders.TABLE)
+def fourth(rows: pd.DataFrame) -> Verdict:
+    """Whether McAte4 has order 4 for a quadratic kinetic energy alone."""
+    there, other = (_order(rows, "mclachlan-atela-4", T) for T in (orders.QUADRATIC, orders.OTHER))
+    return Verdict(
+        "McAte4 loses its order where the kinetic energy is not quadratic",
+        other,
+        at_most(3.5),
+        where=f"order {number(there)} where it is",
+    )
+
+
+@of(orders.TABLE)
+def fifth(rows: pd.DataFrame) -> Verdict:
+    """Whether McAte5 has order 5 for every kinetic energy."""
+    there, other = (_order(rows, "mclachlan-atela-5", T) for T in (orders.QUADRATIC, orders.OTHER))
+    return Verdict(
+        "McAte5 is of fifth order for every kinetic energy",
+        other,
+        Between(4.9, 5.1),
+        where=f"T = {orders.OTHER}; order {number(there)} where T is quadratic",
+    )
+
+
+# -- SciMLBenchmarks.jl -----------------------------------------------------------------------------------------------
+
+
+def _energy(rows: pd.DataFrame, name: str, id: str) -> pd.Series:
+    """Time -> the largest energy error up to it."""
+    return rows[(rows["problem"] == name) & (rows["integrator"] == id)].set_index("t")["energy error"]
+
+
+def _over(rows: pd.DataFrame, symplectic: str, name: str) -> pd.Series:
+    """Time -> KahanLi8's energy error over the smallest of the other integrators."""
+    others = [_energy(rows, name, id) for id in energy.RUNS if id not in (energy.COMPENSATED, energy.PLAIN)]
+    return _energy(rows, name, symplectic) / pd.concat(others, axis=1).min(axis=1)
+
+
+@of(energy.TABLE)
+def short(rows: pd.DataFrame) -> Verdict:
+    """Whether KahanLi8's energy error over short times is larger than that of other methods."""
+    found = _over(rows, energy.COMPENSATED, "henon-heiles")
+    plain = _over(rows, energy.PLAIN, "henon-heiles")
+    return Verdict(
+        "Over short times KahanLi8's energy error is larger than that of other accurate methods",
+        float(found.iloc[0]),
+        at_least(1.0),
+        "times the smallest other",
+        where=f"t = {found.index[0]:g}; {number(plain.iloc[0])} with plain sums",
+    )
+
+
+def _later(rows: pd.DataFrame, name: str) -> dict:
+    """Arguments of a verdict that KahanLi8's energy error, beside the smallest other, falls as time grows."""
+    found = _over(rows, energy.PLAIN, name).dropna()
+    ends = (f"{number(found.iloc[k])} at t = {found.index[k]:g}" for k in (0, -1))
+    told = f"plain sums; {', '.join(ends)}"
+    return {
+        "measured": float(found.iloc[-1] / found.iloc[0]),
+        "expected": at_most(1.0),
+        "unit": "times",
+        "where": told,
+    }
+
+
+@of(energy.TABLE)
+def later(rows: pd.DataFrame) -> Verdict:
+    """Whether it is less noticeable as time grows, on Henon-Heiles."""
+    return Verdict("As time grows KahanLi8's energy error is less noticeable", **_later(rows, "henon-heiles"))
+
+
+@of(energy.TABLE)
+def later_boson(rows: pd.DataFrame) -> Verdict:
+    """Whether it is on the quadrupole boson."""
+    return Verdict(
+        "On the quadrupole boson, too, it is less noticeable as time grows", **_later(rows, "quadrupole-boson")
+    )
+
+
+@of(energy.TABLE)
+def harder(rows: pd.DataFrame) -> Verdict | None:
+    """Whether the energy errors of other methods are larger on the quadrupole boson."""
+    ratio = {}
+    for id in energy.RUNS:
+        one, other = (_energy(rows, name, id).get(1e3) for name in energy.SCENES)
+        if one and other and id not in (energy.COMPENSATED, energy.PLAIN):
+            ratio[id] = other / one
+    if not ratio:
+        return None
+    return Verdict(
+        "On the quadrupole boson the energy errors of other methods are significantly larger",
+        Range(min(ratio.values()), max(ratio.values())),
+        at_least(2.0),
+        "times",
+        where=f"t = 1000; {min(ratio, key=lambda k: ratio[k])}",
+    )
+
+
+# -- REBOUND and heyoka -----------------------------------------------------------------------------------------------
+
+
+@of(encounters.TABLE)
+def machine(rows: pd.DataFrame) -> Verdict:
+    """Whether IAS15 is accurate down to machine precision for most eccentricities."""
+    good = int((rows["energy error"] <= MACHINE).sum())
+    worst = rows.loc[rows["energy error"].idxmax()]
+    return Verdict(
+        "IAS15 keeps the energy of Kepler orbits to machine precision",
+        Count(good, len(rows)),
+        EVERY,
+        "eccentricities",
+        where=f"e = {worst['e']:g}: {number(worst['energy error'])}",
+    )
+
+
+@of(BROUWER)
+def taylor(rows: pd.DataFrame) -> Verdict | None:
+    """Whether heyoka's rms energy error is at machine precision after many steps."""
+    row = rows[(rows["integrator"] == "heyoka") & rows["tolerance"].isna()]
+    if row.empty:
+        return None
+    return Verdict(
+        "heyoka's energy error is at machine precision after a long run",
+        float(row["rms"].iloc[0]),
+        at_most(MACHINE),
+        where="10000 revolutions, rms of 24 orbits",
+    )
+
+
+GUIDE = "OrdinaryDiffEq.jl, documentation of OrdinaryDiffEqSymplecticRK, August 2026"
+HENON, BOSON = (f"SciMLBenchmarks.jl, {name} energy conservation, July 2026" for name in ("Hénon–Heiles", "boson"))
+IAS15, HEYOKA = "REBOUND 5, documentation of IAS15", "heyoka.py, README"
+SAID = (
+    Quoted(bounded, "Bounded energy error over long time periods", "", GUIDE),
+    Quoted(linear, "Linear energy drift instead of quadratic", "it is the position's error that grows linearly", GUIDE),
+    Quoted(
+        quadratic,
+        "standard integrators have energy error growing quadratically",
+        "it is the position's error that grows quadratically; the energy's grows linearly",
+        GUIDE,
+    ),
+    Quoted(positions, "a linear drift ... of this trajectory (v6.96)", "", GUIDE),
+    Quoted(other_positions, "Normal integrators tend to have a quadratic ... drift (v6.96)", "", GUIDE),
+    Quoted(than_verlet, "VelocityVerlet: less efficient in terms of accuracy than McAte2", "", GUIDE),
+    Quoted(
+        loose,
+        "McAte2 (second-order, optimal efficiency)",
+        "among methods of second order it may be; higher orders need fewer evaluations",
+        GUIDE,
+    ),
+    Quoted(
+        efficient,
+        "For computational efficiency: McAte2 or McAte3",
+        "errors from 0.1 down to 1e-10 are asked for; at the largest it is closer",
+        GUIDE,
+    ),
+    Quoted(fourth, "McAte4 (requires quadratic kinetic energy)", "", GUIDE),
+    Quoted(fifth, "McAte5: Fifth-order", "it is a Nyström method, as McAte4 is, and no condition is named", GUIDE),
+    Quoted(
+        short,
+        "its energy error fluctuations are larger than for other methods",
+        "with compensated sums they are the smallest; theirs are plain",
+        HENON,
+    ),
+    Quoted(later, "if the simulation time is increased, the energy error ... is less noticeable", "", HENON),
+    Quoted(later_boson, "the energy error of the symplectic methods is less noticeable", "", BOSON),
+    Quoted(harder, "the energy error for the other integration methods increased significantly", "", BOSON),
+    Quoted(machine, "in most cases accurate down to machine precision", "", IAS15),
+    Quoted(
+        taylor,
+        "the ability to maintain machine precision accuracy over tens of billions of timesteps",
+        "1e6 steps here; round-off grows as the root of time",
+        HEYOKA,
+    ),
+)

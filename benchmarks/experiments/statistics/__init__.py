@@ -1,0 +1,1 @@
+"""Experiment: statistics of chaotic orbits, and the largest steps at which integrators still give them."""

@@ -1,0 +1,138 @@
+"""Verdicts on statistics of chaotic orbits: which steps give them to 1 %, and whether order and structure matter."""
+
+from __future__ import annotations
+
+from math import inf
+
+import pandas as pd
+
+from phasebench.benchmarks.page.markdown import number
+from phasebench.benchmarks.page.page import of
+from phasebench.benchmarks.page.verdict import EVERY, Count, Range, Verdict, at_least, at_most
+from phasebench.integrators.registry import BY_ID
+
+from .measure import EXACT, SIGMAS, TABLE, WANTED
+
+#: Standard errors within which a statistic is that of the exact flow.
+SAME = 3.0
+RK4 = "rk4"
+#: Symplectic methods of RK4's order.
+FOURTH = ("forest-ruth", "calvo-sanz-serna-4", "gauss-4")
+
+
+def bounds(rows: pd.DataFrame, exact: pd.DataFrame) -> pd.DataFrame:
+    """The rows with the error of the statistic and its bound, both as shares of the statistic."""
+    known = exact.set_index("scene")
+    value = rows["scene"].map(known["exact"])
+    unsure = rows["standard error"] + rows["scene"].map(known["uncertainty"])
+    out = rows.assign(error=(rows["mean"] - value).abs() / value.abs())
+    return out.assign(bound=out["error"] + SIGMAS * unsure / value.abs())
+
+
+def fewest(rows: pd.DataFrame, exact: pd.DataFrame) -> pd.DataFrame:
+    """(scene, method) -> the first row from which on all finer ones are within 1 %; evaluations infinite if none is."""
+    found = []
+    for (scene, method), part in bounds(rows, exact).groupby(["scene", "method"], sort=False):
+        part = part.sort_values("k")
+        met = (part["bound"] <= WANTED).to_numpy()
+        first = next((i for i in range(len(met)) if met[i:].all()), None)
+        row = part.iloc[-1 if first is None else first].to_dict()
+        found.append(row | ({"evaluations": inf} if first is None else {}) | {"scene": scene, "method": method})
+    return pd.DataFrame(found)
+
+
+def by_scene(rows: pd.DataFrame, exact: pd.DataFrame) -> pd.DataFrame:
+    """Scene x method -> the fewest evaluations in a unit of time for 1 %; infinite if it was not reached."""
+    return fewest(rows, exact).pivot(index="scene", columns="method", values="evaluations").fillna(inf)
+
+
+@of(EXACT)
+def sound(exact: pd.DataFrame) -> Verdict | None:
+    """Whether fine runs of the ensembles have the averages that are known exactly."""
+    known = exact[exact["known"].astype(bool)]
+    if known.empty:
+        return None
+    off = ((known["mean"] - known["exact"]) / known["standard error"]).abs()
+    worst = known.loc[off.idxmax(), "scene"]
+    return Verdict(
+        "Fine runs have the averages over the surface of constant energy",
+        Count(int((off <= SAME).sum()), len(known)),
+        EVERY,
+        "scenes",
+        where=f"{worst}: {number(off.max())} standard errors",
+    )
+
+
+def _best(found: pd.DataFrame, chosen) -> pd.Series:
+    columns = [m for m in found if chosen(m)]
+    return found[columns].min(axis=1)
+
+
+@of(TABLE, EXACT)
+def orders(rows: pd.DataFrame, exact: pd.DataFrame) -> Verdict:
+    """Whether methods of order 4 and more have no advantage over those of order 2."""
+    found = by_scene(rows, exact)
+    ratio = _best(found, lambda m: BY_ID[m].order <= 2) / _best(found, lambda m: BY_ID[m].order >= 4)
+    return Verdict(
+        "For statistics of chaotic orbits higher order is no practical advantage",
+        Range(ratio.min(), ratio.max()),
+        at_most(1.0),
+        "times the evaluations of order 4 or more, by order 2",
+        where=str(ratio.idxmax()),
+    )
+
+
+@of(TABLE, EXACT)
+def structure(rows: pd.DataFrame, exact: pd.DataFrame) -> Verdict:
+    """Whether a symplectic method of order 4 needs fewer evaluations than RK4."""
+    found = by_scene(rows, exact)
+    ratio = found[RK4] / found[[m for m in FOURTH if m in found]].min(axis=1)
+    return Verdict(
+        "For statistics a symplectic method of order 4 is cheaper than RK4",
+        Range(ratio.min(), ratio.max()),
+        at_least(1.0),
+        "times the evaluations, by RK4",
+        where=str(ratio.idxmin()),
+    )
+
+
+@of(TABLE, EXACT)
+def leapfrog(rows: pd.DataFrame, exact: pd.DataFrame) -> Verdict:
+    """How many times as many evaluations as the cheapest method leapfrog needs."""
+    found = by_scene(rows, exact)
+    ratio = found["stormer-verlet"] / found.min(axis=1)
+    best = found.idxmin(axis=1)[ratio.idxmax()]
+    return Verdict(
+        "Leapfrog gives statistics to 1 % at the least cost",
+        Range(ratio.min(), ratio.max()),
+        at_most(1.0),
+        "times the fewest evaluations",
+        where=f"{ratio.idxmax()}: {best}",
+    )
+
+
+def drifts(rows: pd.DataFrame, exact: pd.DataFrame) -> pd.DataFrame:
+    """The rows within 1 %, with the late statistic's error beyond its uncertainty, as a share (drift)."""
+    known = rows["scene"].map(exact.set_index("scene")["exact"])
+    late = ((rows["late"] - known).abs() - SAME * rows["late error"]) / known.abs()
+    at = bounds(rows, exact)
+    return at[(at["bound"] <= WANTED) & exact.set_index("scene")["known"].reindex(at["scene"]).to_numpy(bool)].assign(
+        drift=late
+    )
+
+
+@of(TABLE, EXACT)
+def lasting(rows: pd.DataFrame, exact: pd.DataFrame) -> Verdict | None:
+    """Whether symplectic methods that are within 1 % over all times are so at late times, too."""
+    found = drifts(rows, exact)
+    found = found[found["symplectic"].astype(bool)]
+    if found.empty:
+        return None
+    worst = found.loc[found["drift"].idxmax()]
+    return Verdict(
+        "Where symplectic methods give a statistic they give it at late times too",
+        Count(int((found["drift"] <= WANTED).sum()), len(found)),
+        EVERY,
+        "rows",
+        where=f"{worst['scene']}: {worst['method']}",
+    )

@@ -1,0 +1,99 @@
+"""The page of statistics: the largest steps at which integrators still give averages over chaotic orbits."""
+
+from __future__ import annotations
+
+from math import inf
+from pathlib import Path
+
+import pandas as pd
+
+from phasebench.benchmarks import style
+from phasebench.benchmarks.page.markdown import number
+from phasebench.benchmarks.page.page import Page, Picture, Table, of
+
+from . import claims, measure
+from .measure import EXACT, TABLE
+from .scenes import SCENES
+
+#: Methods that the figure shows.
+SHOWN = ("symplectic-euler-q", "stormer-verlet", "calvo-sanz-serna-4", "blanes-moan-srkn6b", "rk4", "dop853")
+
+
+@of(TABLE, EXACT)
+def answer(rows: pd.DataFrame, exact: pd.DataFrame) -> str:
+    """A sentence: which method is the cheapest most often, and how many times as dear leapfrog and RK4 are."""
+    found = claims.by_scene(rows, exact)
+    best = found.idxmin(axis=1).value_counts()
+    leapfrog, rk4 = ((found[id] / found.min(axis=1)).median() for id in ("stormer-verlet", "rk4"))
+    return (
+        f"Statistics to 1 % cost least by {best.index[0]}, on {best.iloc[0]} of {len(found)} scenes; in the median "
+        f"leapfrog costs {number(leapfrog)} times as much as the cheapest, RK4 {number(rk4)} times."
+    )
+
+
+@of(TABLE, EXACT)
+def table(rows: pd.DataFrame, exact: pd.DataFrame) -> Table:
+    """Evaluations in a unit of time for 1 %, for each scene and method."""
+    found = claims.by_scene(rows, exact)
+    known = exact.set_index("scene")
+    shown = pd.DataFrame(
+        {
+            "scene": list(found.index),
+            "exact": [number(known["exact"][s]) for s in found.index],
+            "standard error": [number(known["standard error"][s]) for s in found.index],
+            **{m: ["" if x == inf else number(x) for x in found[m]] for m in measure.METHODS if m in found},
+        }
+    )
+    caption = (
+        "Evaluations of the gradient in a unit of time at the largest step from which on the error and "
+        f"{claims.SIGMAS:g} standard errors are within 1 %; empty where none was or the method cannot."
+    )
+    return Table(shown, caption)
+
+
+@of(TABLE, EXACT)
+def draw(rows: pd.DataFrame, exact: pd.DataFrame, folder: Path) -> list[Picture]:
+    """Draw the errors of the statistics against evaluations, a panel for each scene."""
+    found = claims.bounds(rows, exact)
+    with style.settings():
+        figure, panels = style.panels(2, 3, 2.4)
+        for axes, id in zip([a for row in panels for a in row], SCENES, strict=True):
+            for k, method in enumerate(SHOWN):
+                part = found[(found["scene"] == id) & (found["method"] == method)]
+                axes.loglog(part["evaluations"], 100 * part["error"], label=method, **style.curve(k))
+            axes.axhline(100 * measure.WANTED, color="0.4", linewidth=0.8)
+            axes.set(title=id)
+            axes.grid(color="0.93", linewidth=0.5)
+            style.plain_ticks(axes.xaxis)
+        for axes in panels[-1]:
+            axes.set_xlabel("evaluations in a unit of time")
+        for row in panels:
+            row[0].set_ylabel("error of the statistic (%)")
+        style.legend_above(figure, panels[0][0], 3)
+        file = style.save(figure, folder, "statistics.png")
+    caption = "The line is 1 %. Errors level off at the statistical uncertainty of the ensembles."
+    return [Picture(file, "errors of statistics", caption)]
+
+
+def _scene(s) -> str:
+    what = f"share of crossings of {s.plane} = 0 with {s.formula} > 0" if s.plane else f"mean of {s.formula}"
+    return f"{s.id}: {what}, {s.orbits} orbits to t = {s.span:g}" + (f", E = {s.energy:g}" if s.energy else "")
+
+
+PAGE = Page(
+    id="statistics",
+    question="Which integrator gives statistics of chaotic orbits at the least cost, and does structure matter?",
+    tables=(TABLE, EXACT),
+    setting=(*(_scene(s) for s in SCENES.values()),),
+    verdicts=(claims.sound, claims.orders, claims.structure, claims.leapfrog, claims.lasting),
+    answer=answer,
+    figures=draw,
+    table=table,
+    limits=(
+        "Cost is evaluations of the gradient: methods that iterate or solve equations pay for it besides.",
+        "The ladder of steps is coarse, factors of 1.3 to 1.5; a step in between may do.",
+        "Averages over the whole surface count regular islands, too: they are no averages of one chaotic orbit.",
+        "Lyapunov exponents to 1 % need far larger ensembles, and are not here.",
+    ),
+    command="pytest benchmarks/experiments/statistics",
+)

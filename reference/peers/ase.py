@@ -1,0 +1,83 @@
+r"""ASE's velocity Verlet as a peer: atoms on lines, with the masses of :math:`H = \sum p_i^2 / 2 m_i + V(q)`.
+
+Forces come from a calculator in Python around this project's compiled gradient of V: the time is that of Python.  ASE's
+units, eV = amu Angstrom^2 / t^2 with its own unit of time t, need no factors.
+
+Source: A. H. Larsen et al., J. Phys.: Condens. Matter 29 (2017) 273002.
+"""
+
+from __future__ import annotations
+
+import time
+from itertools import pairwise
+
+import numpy as np
+
+from . import masses
+from .field import split_gradients
+from .record import NOT_FINITE, Claims, Peer, Run, Task
+
+
+def _atoms(system, y: np.ndarray):
+    """ASE's atoms at the state (q, p), with a calculator that counts its calls."""
+    from ase import Atoms
+    from ase.calculators.calculator import Calculator, all_changes
+
+    slope, d = split_gradients(system)[0], system.d
+
+    class Potential(Calculator):
+        implemented_properties = ("energy", "forces")
+        calls = 0
+
+        def calculate(self, atoms=None, properties=("forces",), system_changes=all_changes):
+            super().calculate(atoms, properties, system_changes)
+            self.calls += 1
+            state = np.concatenate([atoms.positions[:, 0], np.zeros(d)])
+            self.results = {"energy": 0.0, "forces": masses.on_lines(-np.array(slope(state)))}
+
+    atoms = Atoms(numbers=[1] * d, positions=masses.on_lines(y[:d]), masses=masses.masses(system))
+    atoms.set_momenta(masses.on_lines(y[d:]))
+    atoms.calc = Potential()
+    return atoms
+
+
+def _run(task: Task) -> Run:
+    from ase.md.verlet import VelocityVerlet
+
+    atoms = _atoms(task.system, task.state)
+    dynamics = VelocityVerlet(atoms, timestep=task.h, logfile=None)
+    rows, seconds, failure, steps = [task.state], 0.0, None, 0
+    for before, number in pairwise(task.numbers):
+        started = time.perf_counter()
+        dynamics.run(number - before)
+        seconds += time.perf_counter() - started
+        y = np.concatenate([atoms.positions[:, 0], atoms.get_momenta()[:, 0]])
+        steps = number
+        if not np.isfinite(y).all():
+            failure = NOT_FINITE
+            break
+        rows.append(y)
+    return Run.of_states(np.array(rows), steps, atoms.calc.calls, seconds, failure)
+
+
+DOCUMENTED = "https://ase-lib.org/ase/md.html"
+
+PEERS: tuple[Peer, ...] = (
+    Peer(
+        "ase-velocity-verlet",
+        "ASE's VelocityVerlet",
+        package="ase",
+        adaptive=False,
+        order=2,
+        license="LGPL-2.1-or-later",
+        about="Python loop; forces by a calculator around this project's compiled gradient",
+        source="Verlet 1967, Phys. Rev. 159, 98-103",
+        run=_run,
+        scope=masses.SCOPE,
+        lacks=masses.lacks,
+        claims=Claims(
+            energy="bounded",
+            source=f'"this preserves the particle number, volume ..., and the energy", {DOCUMENTED}',
+        ),
+    ),
+)

@@ -1,0 +1,142 @@
+r"""BlackJAX's integrators of Hamiltonian Monte Carlo as peers, compiled by JAX in double precision.
+
+BlackJAX integrates :math:`H = -\log\pi(q) + T(p)`: here the density's logarithm is -V.  Its implicit midpoint rule
+takes a kinetic energy T(p, q), here the whole H with a constant density, and iterates until two iterates differ by less
+than ``convergence_tol``: 1e-6, its default, or `CLOSE`; it takes no notice of iterations that do not converge.
+
+Left out are the isokinetic integrators: their flows are not Hamiltonian in (q, p).
+
+Source: A. Cabezas et al., BlackJAX: Composable Bayesian inference in JAX, arXiv:2402.10797 (2024).
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+from .jax_loop import COST, Loop, Method, jax_function, run_loop
+from .record import Claims, Peer, split_alone
+
+#: Distance of iterates to which the implicit midpoint rule is solved, if not to the package's default.
+CLOSE = 1e-15
+DOCUMENTED = "https://blackjax-devs.github.io/blackjax/autoapi/blackjax/mcmc/integrators/index.html"
+CLAIMED = f'"Symplectic, time-reversible, integrators for Hamiltonian trajectories", {DOCUMENTED}'
+
+
+@lru_cache(maxsize=128)
+def _compile(name: str, tol: float | None, system) -> Loop:
+    """The compiled loop over the steps of an integrator."""
+    import blackjax.mcmc.integrators as package
+    import jax.numpy as jnp
+
+    d = system.d
+    if name == "implicit_midpoint":
+        energy = jax_function([system.q, system.p], [system.H])
+        options = {} if tol is None else {"convergence_tol": tol}
+
+        def density(q):
+            return 0.0 * jnp.sum(q)
+
+        one_step = package.implicit_midpoint(density, lambda p, position: energy(position, p)[0], **options)
+    else:
+        potential, kinetic = (
+            jax_function([of], [part]) for of, part in ((system.q, system.potential), (system.p, system.kinetic))
+        )
+
+        def density(q):
+            return -potential(q)[0]
+
+        one_step = getattr(package, name)(density, lambda p: kinetic(p)[0])
+
+    def begin(y, h):
+        return package.new_integrator_state(density, y[:d], y[d:])
+
+    def state(carried):
+        return jnp.concatenate([carried.position, carried.momentum])
+
+    return Loop(Method(begin, lambda k, h, carried: (one_step(carried, h), jnp.array(False)), state), d)
+
+
+def _peer(id: str, name: str, title: str, order: int, gradients: int, about: str, source: str, tol=None) -> Peer:
+    split = name != "implicit_midpoint"
+    why = "its kinetic energy is of the momentum, its density of the position: H must be T(p) + V(q)"
+    return Peer(
+        f"blackjax-{id}",
+        f"BlackJAX's {title}",
+        package="blackjax",
+        adaptive=False,
+        order=order,
+        license="Apache-2.0",
+        about=f"{about}; {COST}",
+        source=source,
+        run=lambda task: run_loop(lambda: _compile(name, tol, task.system), task, gradients),
+        scope="H = T(p) + V(q)" if split else "any canonical H",
+        lacks=split_alone(why) if split else _not_canonical,
+        claims=Claims(symplectic=True, reversible=True, source=f"{name}: {CLAIMED}"),
+        settings={} if tol is None else {"convergence_tol": tol},
+    )
+
+
+def _not_canonical(problem, system) -> str | None:
+    """The `Peer.lacks` of the midpoint rule: a reason if the variables are not canonical, else None."""
+    return None if system.canonical else "it takes derivatives of H by q and p: the variables must be canonical"
+
+
+MIDPOINT = "Hairer, Lubich & Wanner 2006, II.1.3; Brofos & Lederman 2021, arXiv:2102.07139"
+
+PEERS: tuple[Peer, ...] = (
+    _peer(
+        "velocity-verlet",
+        "velocity_verlet",
+        "velocity Verlet",
+        2,
+        1,
+        "one gradient a step",
+        "Bou-Rabee & Sanz-Serna 2018, Acta Numer. 27, 113-206",
+    ),
+    _peer(
+        "mclachlan",
+        "mclachlan",
+        "mclachlan",
+        2,
+        2,
+        "two gradients a step, kicks first; the minimum-norm splitting",
+        "McLachlan 1995, SIAM J. Sci. Comput. 16, 151-168",
+    ),
+    _peer(
+        "yoshida",
+        "yoshida",
+        "yoshida",
+        2,
+        3,
+        "three gradients a step; of order 2, not Yoshida's method of order 4",
+        "McLachlan 1995, SIAM J. Sci. Comput. 16, 151-168, by its documentation",
+    ),
+    _peer(
+        "omelyan",
+        "omelyan",
+        "omelyan",
+        4,
+        5,
+        "five gradients a step",
+        "Omelyan, Mryglod & Folk 2003, Comput. Phys. Commun. 151, 272-314",
+    ),
+    _peer(
+        "implicit-midpoint",
+        "implicit_midpoint",
+        "implicit midpoint rule",
+        2,
+        0,
+        "solved until two iterates differ by less than 1e-6, its default",
+        MIDPOINT,
+    ),
+    _peer(
+        "implicit-midpoint-converged",
+        "implicit_midpoint",
+        "implicit midpoint rule, solved to round-off",
+        2,
+        0,
+        f"solved until two iterates differ by less than {CLOSE:g}, or 100 times",
+        MIDPOINT,
+        CLOSE,
+    ),
+)

@@ -1,0 +1,107 @@
+"""What peers in JAX share: double precision, expressions as JAX functions, and a compiled loop over steps with rows."""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from .record import Run, Task
+
+#: Rows per call of the compiled loop; fixed, since the compiled code depends on it.
+ROWS = 256
+#: What a peer's time includes, for its record.
+COST = f"a compiled JAX loop; the time includes its dispatch and the copying of rows, {ROWS} a call"
+
+
+@contextlib.contextmanager
+def double_precision():
+    """A context that uses JAX in double precision on the CPU, in this thread only."""
+    import jax
+
+    switch = getattr(jax, "enable_x64", None)
+    if not callable(switch):  # older versions of JAX
+        from jax.experimental import enable_x64 as switch
+    with switch(True), jax.default_device(jax.local_devices(backend="cpu")[0]):
+        yield
+
+
+def jax_function(variables, expressions):
+    """A function from values of the variables (one or two arrays) to a JAX array of the expressions."""
+    import jax.numpy as jnp
+    import sympy as sp
+
+    evaluate = sp.lambdify(variables, list(expressions), modules="jax", cse=True)
+    return lambda *values: jnp.array(evaluate(*values))
+
+
+class Method(NamedTuple):
+    """A package's method on a system, in functions that JAX can compile.
+
+    Attributes
+    ----------
+    begin : (y, h) -> what the method carries from step to step, of a state y = (q, p), array (2 d,)
+    step : (number of the step before, h, carried) -> (carried, True if the step failed)
+    state : (carried) -> the state (q, p), array (2 d,)
+    """
+
+    begin: Callable[[Any, Any], Any]
+    step: Callable[[Any, Any, Any], tuple[Any, Any]]
+    state: Callable[[Any], Any]
+
+
+class Loop:
+    """The compiled loop over the steps of a `Method` on a system of ``d`` degrees of freedom."""
+
+    def __init__(self, method: Method, d: int):
+        import jax
+        import jax.numpy as jnp
+
+        def loop(carried, h, begin, end, index):
+            """(rows (ROWS, 2 d) at the step numbers ``index``, what is carried, first step that failed or -1)."""
+
+            def step(k, given):
+                carried, rows, row, failed = given
+                carried, wrong = method.step(k, h, carried)
+                wanted = index[row] == k + 1
+                rows = rows.at[row].set(jnp.where(wanted, method.state(carried), rows[row]))
+                failed = jnp.where((failed < 0) & wrong, k + 1, failed)
+                return carried, rows, row + wanted, failed
+
+            given = carried, jnp.zeros((ROWS, 2 * d)), jnp.array(0), jnp.array(-1)
+            carried, rows, _, failed = jax.lax.fori_loop(begin, end, step, given)
+            return rows, carried, failed
+
+        self._begin, self._loop = jax.jit(method.begin), jax.jit(loop)
+        for _ in range(2):  # what the loop returns may cause a second compilation
+            self.rows(np.full(2 * d, 0.5), 1e-3, np.arange(1, ROWS + 2))
+
+    def rows(self, y, h: float, numbers) -> tuple[np.ndarray, int]:
+        """(rows at the step numbers, array (n, 2 d), up to a failure; the step that failed or -1)."""
+        h, rows, begin = np.float64(h), [], 0
+        carried = self._begin(y, h)
+        for i in range(0, len(numbers), ROWS):
+            part = numbers[i : i + ROWS]
+            padded = np.full(ROWS, -1)
+            padded[: len(part)] = part
+            reached, carried, failed = self._loop(carried, h, begin, int(part[-1]), padded)
+            failed, begin = int(failed), int(part[-1])
+            rows.append(np.asarray(reached)[: len(part) if failed < 0 else int((part < failed).sum())])
+            if failed >= 0:
+                return np.vstack(rows), failed
+        return np.vstack(rows), -1
+
+
+def run_loop(loop: Callable[[], Loop], task: Task, gradients: int = 0) -> Run:
+    """Run a task by ``loop()``, which is compiled first; ``gradients`` is the number of evaluations in a step."""
+    y = task.state
+    with double_precision():
+        compiled = loop()
+        began = time.perf_counter()
+        rows, failed = compiled.rows(y, task.h, np.asarray(task.numbers[1:]))
+        seconds = time.perf_counter() - began
+    failure = f"its equations were not solved in step {failed}" if failed > 0 else None
+    return Run.of_states(np.vstack([y, rows]), task.steps, gradients * task.steps, seconds, failure)

@@ -1,0 +1,27 @@
+"""What peers of molecular dynamics share: H = sum p_i^2 / 2 m_i + V(q) as particles on lines, with masses."""
+
+from __future__ import annotations
+
+import numpy as np
+
+WHY = "its particles have masses: H must be a sum of p_i^2 / 2 m_i, and V(q)"
+SCOPE = "H = sum p_i^2 / 2 m_i + V(q)"
+
+
+def lacks(problem, system) -> str | None:
+    """The `Peer.lacks` of a peer whose particles have masses: a reason against other H, else None."""
+    return None if system.canonical and system.separable and system.diagonal else WHY
+
+
+def masses(system) -> np.ndarray:
+    """The masses m_i, array (d,)."""
+    import sympy as sp
+
+    return np.array([1 / float(sp.diff(v, p)) for v, p in zip(system.dq, system.p, strict=True)])
+
+
+def on_lines(x) -> np.ndarray:
+    """Places or velocities of particles on parallel lines, array (d, 3), of their coordinates, array (d,)."""
+    places = np.zeros((len(x), 3))
+    places[:, 0] = x
+    return places

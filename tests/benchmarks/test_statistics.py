@@ -1,0 +1,107 @@
+"""Statistics of chaotic orbits: ensembles, exact averages, and verdicts that follow the rows."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from phasebench.benchmarks.experiments.statistics import bench_statistics, claims, measure, page, scenes
+from phasebench.benchmarks.page.verdict import FINDING, PASS
+from phasebench.benchmarks.problems import problem
+
+SCENES = scenes.SCENES
+KNOWN = [id for id, s in SCENES.items() if s.energy is not None]
+
+
+@pytest.mark.parametrize("id", KNOWN)
+def test_starts_lie_on_the_surface_and_their_average_is_the_exact_one(id):
+    scene = replace(SCENES[id], orbits=20_000)
+    q, p = scenes.start(scene)
+    assert np.abs(problem(scene.problem).system.energies(q, p) - scene.energy).max() < 1e-10
+    if scene.kind == scenes.MEAN:
+        values = scenes.quantity(scene)(q, p)
+        assert abs(values.mean() - scenes.exact(scene)) < 4 * values.std() / np.sqrt(len(q))
+    again = scenes.start(scene)[0]
+    assert np.array_equal(again, q)
+
+
+def test_exact_averages_of_a_harmonic_oscillator_are_known(monkeypatch):
+    """At a small energy Henon-Heiles is an oscillator: <q2^2> = E / 2, and crossings are on both sides alike."""
+    for kind, plane, value in ((scenes.MEAN, "", 5e-7), (scenes.SECTION, "q1", 0.5)):
+        monkeypatch.setitem(scenes.BOXES, "henon-heiles", 2e-3)
+        scene = replace(SCENES["henon-heiles-mean"], energy=1e-6, kind=kind, plane=plane)
+        scene = replace(scene, formula="q2**2" if kind == scenes.MEAN else "q2")
+        assert abs(scenes.exact(scene) / value - 1) < 2e-3
+
+
+def test_atoms_have_the_energy_of_the_problem_and_no_momentum():
+    q, p = scenes.start(SCENES["argon-mean"])
+    made = problem("lennard-jones")
+    assert np.abs((p**2).sum(axis=1) - (np.array(made.p0) ** 2).sum()).max() < 1e-12
+    assert np.abs(p.reshape(len(p), -1, 2).sum(axis=1)).max() < 1e-12
+    assert (q == made.q0).all()
+
+
+@pytest.mark.parametrize("id", ["henon-heiles-mean", "henon-heiles-section", "double-pendulum-mean"])
+def test_an_ensemble_keeps_its_average(monkeypatch, id):
+    """And a method that loses energy does not: explicit Euler at the same step."""
+    scene = replace(SCENES[id], orbits=64, span=SCENES[id].span / 10)
+    mean, error = measure.statistic(measure.averages(scene, "gauss-4", 8)[0])
+    assert abs(mean - scenes.exact(scene)) < 4 * error
+    if id == "henon-heiles-mean":
+        off, spread = measure.statistic(measure.averages(scene, "explicit-euler", 8)[0])
+        assert not abs(off - scenes.exact(scene)) < 4 * spread
+
+
+def rows(**constants) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Rows of one scene, whose statistic is 1: method -> (constant, order), errors of constant / evaluations^order."""
+    out = []
+    for method, (size, order) in constants.items():
+        for k in measure.LADDER:
+            mean = 1 + size / k**order
+            row = {"scene": "henon-heiles-mean", "method": method, "symplectic": method != "rk4", "k": k}
+            row |= {"evaluations": 4.0 * k, "mean": mean, "standard error": 1e-3, "late": mean, "late error": 1e-3}
+            out.append(row)
+    exact = {"scene": "henon-heiles-mean", "exact": 1.0, "uncertainty": 0.0, "known": True}
+    return pd.DataFrame(out), pd.DataFrame([exact | {"mean": 1.0005, "standard error": 1e-3}])
+
+
+def of(table, exact):
+    return lambda name: {measure.TABLE: table, measure.EXACT: exact}.get(name)
+
+
+METHODS = {"stormer-verlet": (1.0, 2), "calvo-sanz-serna-4": (1.0, 4), "rk4": (100.0, 4)}
+
+
+def test_the_largest_step_is_the_one_from_which_all_finer_ones_are_within_1_percent():
+    table, exact = rows(**METHODS)
+    found = claims.by_scene(table, exact).loc["henon-heiles-mean"]
+    assert found.to_dict() == {"stormer-verlet": 4.0 * 12, "calvo-sanz-serna-4": 4.0 * 4, "rk4": 4.0 * 12}
+    table.loc[(table["method"] == "rk4") & (table["k"] == 32), "mean"] = 1.5
+    assert claims.by_scene(table, exact).loc["henon-heiles-mean", "rk4"] == 4.0 * 48
+    table.loc[table["method"] == "rk4", "standard error"] = 0.1
+    assert claims.by_scene(table, exact).loc["henon-heiles-mean", "rk4"] == np.inf
+
+
+def test_verdicts_follow_the_rows():
+    data = of(*rows(**METHODS))
+    names = (claims.sound, claims.orders, claims.structure, claims.leapfrog, claims.lasting)
+    assert [f(data).outcome for f in names] == [PASS, FINDING, PASS, FINDING, PASS]
+    dear = of(*rows(**METHODS | {"stormer-verlet": (0.001, 2), "rk4": (0.01, 4)}))
+    assert [f(dear).outcome for f in names[1:4]] == [PASS, FINDING, PASS]
+    table, exact = rows(**METHODS)
+    late = table.assign(late=1.1)
+    assert claims.lasting(of(late, exact)).outcome == FINDING
+    assert claims.sound(of(table, exact.assign(mean=1.1))).outcome == FINDING
+    assert bench_statistics.off(exact.assign(mean=1.1).to_dict("records"))
+    assert not bench_statistics.off(exact.to_dict("records"))
+    assert page.answer(data).startswith("Statistics to 1 % cost least by calvo-sanz-serna-4, on 1 of 1 scenes")
+
+
+def test_methods_that_need_a_separable_system_are_left_out_where_it_is_none():
+    assert not measure.able("double-pendulum-mean", "blanes-moan-srkn6b")
+    assert measure.able("double-pendulum-mean", "rk4")
+    assert measure.able("henon-heiles-mean", "blanes-moan-srkn6b")
