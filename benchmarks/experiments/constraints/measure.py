@@ -2,7 +2,7 @@ r"""Methods for constraints beside ordinary ones on the index-reduced equations,
 
 - **Manifold**: the largest constraint and hidden constraint over `SPAN`, the largest error of the energy, the error of
   the end state, the evaluations of a step.
-- **Drift**: the slope of the energy over a million steps of `rattle`, with its interval.
+- **Drift**: the slope of the energy over a million steps of `rattle`, with its interval; on a molecule, too (`butane`).
 - **Tolerance**: the same of a plain RATTLE whose multipliers are iterated until the constraints are within a tolerance,
   as packages of molecular dynamics do.  One iteration for :math:`\tfrac12(|q|^2 - 1) = 0` moves q by
   :math:`-\frac{|q|^2 - 1}{2\,q\cdot q_0}\,q_0`; the momentum is projected with the last q.
@@ -25,9 +25,13 @@ from phasebench.benchmarks.store.cells import Cell, ProblemKey, Rows, content
 from phasebench.integrators.driver import integrate
 from phasebench.integrators.registry import BY_ID
 
+from . import butane
+
 MANIFOLD, DRIFT, TOLERANCE = "constraints_manifold", "constraints_drift", "constraints_tolerance"
 SPHERE, CARTESIAN = "spherical-pendulum", "double-pendulum-cartesian:regular"
 PROBLEMS = (SPHERE, CARTESIAN)
+#: The molecule of long runs, and its step: 4 fs.
+MOLECULE, MOLECULE_STEP = "butane", 0.02
 #: Those for constraints, and ordinary ones on the index-reduced equations.
 BOUND = (
     "rattle",
@@ -55,7 +59,10 @@ def cells(quick: bool = False) -> list[Cell]:
         for name in PROBLEMS
         for id in (*BOUND, *ORDINARY)
     ]
-    long = [_cell(DRIFT, {"method": "rattle"}, long_run, (), BY_ID["rattle"], ProblemKey(SPHERE))]
+    long = [
+        _cell(DRIFT, {"problem": name}, long_run, (name,), BY_ID["rattle"], *needs)
+        for name, needs in ((SPHERE, (ProblemKey(SPHERE),)), (MOLECULE, ()))
+    ]
     loose = [_cell(TOLERANCE, {"tolerance": tol}, loose_run, (tol,), ProblemKey(SPHERE)) for tol in TOLERANCES]
     return runs + long + loose
 
@@ -86,7 +93,7 @@ def manifold(id: str, name: str) -> Rows:
     return {MANIFOLD: [row | {"error": error["global_error"], "uncertainty": error["reference"]["uncertainty"]}]}
 
 
-def _slope(t: np.ndarray, energy: np.ndarray) -> dict[str, float]:
+def _slope(t: np.ndarray, energy: np.ndarray, h: float = STEP) -> dict[str, float]:
     found = drift(t, energy - energy[0])
     return {
         "slope": found.value,
@@ -94,14 +101,20 @@ def _slope(t: np.ndarray, energy: np.ndarray) -> dict[str, float]:
         "high": found.high,
         "oscillation": float(np.abs(energy - energy[0]).max()),
         "steps": STEPS,
-        "h": STEP,
+        "h": h,
     }
 
 
-def long_run() -> Rows:
-    """The energy's drift over `STEPS` steps of `rattle`: a row."""
-    s = integrate(problem_of(SPHERE), "rattle", h=STEP, steps=STEPS, save_every=STEPS // SAMPLES)
-    return {DRIFT: [{"method": "rattle", "problem": SPHERE, "status": s.status} | _slope(s.t, s.energy())]}
+def long_run(name: str) -> Rows:
+    """The energy's drift over `STEPS` steps of `rattle` on a problem or on the molecule: a row."""
+    size = {"steps": STEPS, "save_every": STEPS // SAMPLES}
+    if name == MOLECULE:
+        q, p = butane.start()
+        s = integrate(butane.system(), "rattle", h=MOLECULE_STEP, q0=q, p0=p, **size)
+    else:
+        s = integrate(problem_of(name), "rattle", h=STEP, **size)
+    row = {"method": "rattle", "problem": name, "status": s.status}
+    return {DRIFT: [row | _slope(s.t, s.energy(), s.h)]}
 
 
 def loose_run(tol: float) -> Rows:
