@@ -36,8 +36,8 @@ def test_growth_of_a_symplectic_method_and_of_one_that_is_not(monkeypatch):
     monkeypatch.setattr(growth, "ORBITS", 100)
     found = {id: growth.measure_rows(id)[growth.TABLE][0] for id in ("calvo-sanz-serna-4", "rk4")}
     for id, (of_energy, of_position) in {"calvo-sanz-serna-4": (0, 1), "rk4": (1, 2)}.items():
-        assert abs(found[id]["energy power"] - of_energy) < 0.05
-        assert abs(found[id]["position power"] - of_position) < 0.05
+        assert abs(found[id]["energy power"] - of_energy) < 0.12
+        assert abs(found[id]["position power"] - of_position) < 0.12
 
 
 def test_orders_with_both_kinetic_energies():

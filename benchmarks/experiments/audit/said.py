@@ -216,7 +216,7 @@ STATEMENTS = (
         below(1e-9, 0, 1),
         "implicit_midpoint, 100 steps and back: {0} from the start; with convergence_tol = 1e-15 {2}",
         STRUCTURE,
-        "solve to round-off, or say that the default tolerance, 1e-6, is that of the structure",
+        "solve to round-off, or say that structure is kept to the tolerance alone",
         covers=(("blackjax-implicit-midpoint", "symplectic"), ("blackjax-implicit-midpoint", "reversible")),
     ),
     Statement(

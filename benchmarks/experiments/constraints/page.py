@@ -109,8 +109,8 @@ def answer(data: Data) -> str | None:
         return None
     manifold, energy, tolerance = (v.measured for v in found)
     return (
-        f"Methods for constraints stay on the manifold to {number(manifold)}; RATTLE's energy stays in {energy.n} of "
-        f"{energy.of} long runs; iterated to a tolerance of {number(USUAL)} it drifts by {number(tolerance)} per unit of time."
+        f"Methods for constraints stay on the manifold to {number(manifold)}; RATTLE's energy does not drift in {energy.n} of "
+        f"{energy.of} long runs, iterated to {number(USUAL)} by {number(tolerance)} per unit of time."
     )
 
 
