@@ -151,9 +151,13 @@ def test_verdicts_on_orders_energies_and_ias15():
     assert [f(noisy).outcome for f in (claims.short, claims.later)] == [PASS, FINDING]
     assert claims.harder(quiet).outcome == FINDING
 
-    for worst, outcome in ((2e-15, PASS), (1e-13, FINDING)):
-        rows = pd.DataFrame({"e": [0.0, 0.9], "energy error": [1e-15, worst]})
+    for worse, outcome in ((1, PASS), (2, FINDING)):
+        rows = pd.DataFrame({"e": [0.0, 0.6, 0.9], "energy error": [1e-15] * (3 - worse) + [1e-13] * worse})
         assert claims.machine(of(**{encounters.TABLE: rows})).outcome == outcome
+
+    for power, outcome in ((0.52, PASS), (0.7, FINDING)):
+        row = {"integrator": "heyoka", "tolerance": np.nan, "exponent": power, "low": power - 0.1, "high": power + 0.1}
+        assert claims.taylor(of(**{claims.BROUWER: pd.DataFrame([row | {"rms": 6e-14}])})).outcome == outcome
 
 
 def test_the_answer_counts_the_statements():

@@ -13,7 +13,7 @@ from phasebench.benchmarks.page.verdict import FINDING, PASS
 from phasebench.benchmarks.problems import problem
 
 SCENES = scenes.SCENES
-KNOWN = [id for id, s in SCENES.items() if s.energy is not None]
+KNOWN = [id for id, s in SCENES.items() if s.known]
 
 
 @pytest.mark.parametrize("id", KNOWN)
@@ -49,11 +49,34 @@ def test_atoms_have_the_energy_of_the_problem_and_no_momentum():
 def test_an_ensemble_keeps_its_average(monkeypatch, id):
     """And a method that loses energy does not: explicit Euler at the same step."""
     scene = replace(SCENES[id], orbits=64, span=SCENES[id].span / 10)
-    mean, error = measure.statistic(measure.averages(scene, "gauss-4", 8)[0])
+    found = measure.sums(scene, "gauss-4", 8)
+    mean, error = measure.statistic(found.total, found.number)
     assert abs(mean - scenes.exact(scene)) < 4 * error
     if id == "henon-heiles-mean":
-        off, spread = measure.statistic(measure.averages(scene, "explicit-euler", 8)[0])
+        lost = measure.sums(scene, "explicit-euler", 8)
+        off, spread = measure.statistic(lost.total, lost.number)
         assert not abs(off - scenes.exact(scene)) < 4 * spread
+
+
+def test_a_share_of_crossings_counts_crossings_and_not_orbits():
+    """An orbit that crosses more often counts more; the error is that of the ratio (Cochran 1977, section 6.4)."""
+    rng = np.random.default_rng(5)
+    number = rng.integers(1, 40, 400).astype(float)
+    total = rng.binomial(number.astype(int), np.where(number > 20, 0.8, 0.3)).astype(float)
+    value, error = measure.statistic(total, number)
+    assert value == total.sum() / number.sum()
+    assert abs(value - (total / number).mean()) > 5 * error  # the mean over orbits is another number
+    drawn = rng.integers(0, 400, (2000, 400))
+    spread = (total[drawn].sum(axis=1) / number[drawn].sum(axis=1)).std()
+    assert abs(error / spread - 1) < 0.1
+
+
+def test_exponents_of_chaotic_orbits_are_positive_and_those_of_an_oscillator_are_not():
+    scene = replace(SCENES["henon-heiles-exponent"], orbits=16, span=200.0)
+    chaotic = measure.sums(scene, "kahan-li-8", 2)
+    regular = measure.sums(replace(scene, energy=0.01), "kahan-li-8", 2)
+    assert np.median(chaotic.total) > 0.08 > 0.04 > regular.total.max()
+    assert chaotic.ended == 0
 
 
 def rows(**constants) -> tuple[pd.DataFrame, pd.DataFrame]:
@@ -65,7 +88,7 @@ def rows(**constants) -> tuple[pd.DataFrame, pd.DataFrame]:
             row = {"scene": "henon-heiles-mean", "method": method, "symplectic": method != "rk4", "k": k}
             row |= {"evaluations": 4.0 * k, "mean": mean, "standard error": 1e-3, "late": mean, "late error": 1e-3}
             out.append(row)
-    exact = {"scene": "henon-heiles-mean", "exact": 1.0, "uncertainty": 0.0, "known": True}
+    exact = {"scene": "henon-heiles-mean", "exact": 1.0, "known": True}
     return pd.DataFrame(out), pd.DataFrame([exact | {"mean": 1.0005, "standard error": 1e-3}])
 
 
@@ -84,6 +107,16 @@ def test_the_largest_step_is_the_one_from_which_all_finer_ones_are_within_1_perc
     assert claims.by_scene(table, exact).loc["henon-heiles-mean", "rk4"] == 4.0 * 48
     table.loc[table["method"] == "rk4", "standard error"] = 0.1
     assert claims.by_scene(table, exact).loc["henon-heiles-mean", "rk4"] == np.inf
+
+
+def test_a_scene_that_no_method_reaches_names_none():
+    table, exact = rows(**METHODS)
+    table["standard error"] = 0.1
+    assert claims.by_scene(table, exact).empty
+    data = of(table, exact)
+    assert page.answer(data).startswith("No method reaches")
+    assert [f(data) for f in (claims.orders, claims.structure, claims.leapfrog, claims.lasting)] == [None] * 4
+    assert list(page.table(data).frame["scene"]) == ["henon-heiles-mean"]
 
 
 def test_verdicts_follow_the_rows():

@@ -10,6 +10,7 @@ from phasebench.benchmarks.experiments.trade.field import peers as competing
 from phasebench.benchmarks.measure.integrator import Integrator
 from phasebench.benchmarks.problems import problem
 from phasebench.integrators.errors import InvalidInput
+from phasebench.reference.installed import is_installed
 from phasebench.reference.peers import PEERS, floating, integrate_peer
 from phasebench.reference.peers.prepared import PreparedPeer, prepare_peer
 
@@ -23,11 +24,11 @@ REMEMBERS = ("rebound-ias15", "rebound-bs")
 def runs(name: str):
     """Yield (problem, peer) for the peers that support the problem.
 
-    heyoka's variants without compact mode, which take long to compile, are left out.
+    Packages that are not installed are left out, and heyoka's variants without compact mode, slow to compile.
     """
     made = problem(name)
     for p in competing():
-        if p.lacks(made, made.system) is None and "compact_mode=False" not in p.id:
+        if is_installed(p.package) and p.lacks(made, made.system) is None and "compact_mode=False" not in p.id:
             yield made, p
 
 

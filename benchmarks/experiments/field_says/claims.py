@@ -9,7 +9,7 @@ import pandas as pd
 from phasebench.benchmarks.page.markdown import number
 from phasebench.benchmarks.page.page import of
 from phasebench.benchmarks.page.quoted import Quoted
-from phasebench.benchmarks.page.verdict import EVERY, Between, Count, Range, Verdict, at_least, at_most
+from phasebench.benchmarks.page.verdict import Between, Count, Range, Verdict, at_least, at_most
 
 from . import cost, encounters, energy, growth, orders
 
@@ -234,9 +234,9 @@ def machine(rows: pd.DataFrame) -> Verdict:
     good = int((rows["energy error"] <= MACHINE).sum())
     worst = rows.loc[rows["energy error"].idxmax()]
     return Verdict(
-        "IAS15 keeps the energy of Kepler orbits to machine precision",
+        "In most cases IAS15 keeps the energy of Kepler orbits to machine precision",
         Count(good, len(rows)),
-        EVERY,
+        at_least(0.5),
         "eccentricities",
         where=f"e = {worst['e']:g}: {number(worst['energy error'])}",
     )
@@ -244,20 +244,23 @@ def machine(rows: pd.DataFrame) -> Verdict:
 
 @of(BROUWER)
 def taylor(rows: pd.DataFrame) -> Verdict | None:
-    """Whether heyoka's rms energy error is at machine precision after many steps."""
+    """Whether heyoka's energy error grows no faster than round-off must, with the root of time."""
     row = rows[(rows["integrator"] == "heyoka") & rows["tolerance"].isna()]
     if row.empty:
         return None
+    power, low, high, rms = (float(row[x].iloc[0]) for x in ("exponent", "low", "high", "rms"))
+    wide = max(high - power, power - low)
     return Verdict(
-        "heyoka's energy error is at machine precision after a long run",
-        float(row["rms"].iloc[0]),
-        at_most(MACHINE),
-        where="10000 revolutions, rms of 24 orbits",
+        "heyoka's energy error stays round-off: it grows with the root of time",
+        power,
+        Between(0.5 - wide, 0.5 + wide),
+        "power of t",
+        where=f"after 10000 revolutions {number(rms)} rms",
     )
 
 
-GUIDE = "OrdinaryDiffEq.jl, documentation of OrdinaryDiffEqSymplecticRK, August 2026"
-HENON, BOSON = (f"SciMLBenchmarks.jl, {name} energy conservation, July 2026" for name in ("Hénon–Heiles", "boson"))
+GUIDE = "OrdinaryDiffEqSymplecticRK.jl, documentation, August 2026"
+HENON, BOSON = (f"SciMLBenchmarks.jl, {name}, July 2026" for name in ("Hénon–Heiles", "boson"))
 IAS15, HEYOKA = "REBOUND 5, documentation of IAS15", "heyoka.py, README"
 SAID = (
     Quoted(bounded, "Bounded energy error over long time periods", "", GUIDE),
@@ -265,7 +268,7 @@ SAID = (
     Quoted(
         quadratic,
         "standard integrators have energy error growing quadratically",
-        "it is the position's error that grows quadratically; the energy's grows linearly",
+        "the position's error does; the energy's grows linearly",
         GUIDE,
     ),
     Quoted(positions, "a linear drift ... of this trajectory (v6.96)", "", GUIDE),
@@ -274,13 +277,13 @@ SAID = (
     Quoted(
         loose,
         "McAte2 (second-order, optimal efficiency)",
-        "among methods of second order it may be; higher orders need fewer evaluations",
+        "of second order perhaps; methods of higher order need fewer",
         GUIDE,
     ),
     Quoted(
         efficient,
         "For computational efficiency: McAte2 or McAte3",
-        "errors from 0.1 down to 1e-10 are asked for; at the largest it is closer",
+        "errors from 0.1 to 1e-10 are asked for; at the largest it is closer",
         GUIDE,
     ),
     Quoted(fourth, "McAte4 (requires quadratic kinetic energy)", "", GUIDE),
@@ -297,8 +300,8 @@ SAID = (
     Quoted(machine, "in most cases accurate down to machine precision", "", IAS15),
     Quoted(
         taylor,
-        "the ability to maintain machine precision accuracy over tens of billions of timesteps",
-        "1e6 steps here; round-off grows as the root of time",
+        "maintain machine precision accuracy over tens of billions of timesteps",
+        "",
         HEYOKA,
     ),
 )

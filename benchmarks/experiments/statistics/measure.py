@@ -1,16 +1,21 @@
 r"""The bias of a statistic by an integrator at a step, with its statistical uncertainty over the ensemble.
 
-Every orbit gives one average over its rows; their mean is the statistic, and its standard error is that of their
-spread.  Rows of the last tenth give a second statistic: an error that grows with time shows there.  The step divides
-the time between rows.
+Every orbit gives a sum over its rows and their number; the statistic is the ratio of the totals, and its standard error
+that of the residuals (W. G. Cochran, Sampling Techniques (1977), section 6.4).  Where the exact statistic is not known
+the residuals are those of the differences from `FINE`, orbit by orbit.  Rows of the last tenth give a second statistic:
+an error that grows with time shows there.  The step divides the time between rows.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import lru_cache
 from math import nan
 
 import numpy as np
 
+from phasebench.benchmarks.measure import lyapunov
 from phasebench.benchmarks.problems import problem
 from phasebench.benchmarks.store.cells import Cell, ProblemKey, Rows, content
 from phasebench.integrators.driver import OK
@@ -19,7 +24,7 @@ from phasebench.integrators.registry import BY_ID
 from phasebench.integrators.section import section
 
 from . import scenes
-from .scenes import FINE, SCENES, SECTION, Scene
+from .scenes import EXPONENT, FINE, SCENES, SECTION, Scene
 
 TABLE, EXACT = "statistics", "statistics_exact"
 #: Symplectic methods, by order, and methods that are not.
@@ -45,6 +50,8 @@ MOST, ENOUGH = 192, 3
 WANTED, SETTLING = 0.01, 0.2
 #: Standard errors that an error's bound has on top.
 SIGMAS = 2.0
+#: Orbits that are integrated at once.
+BLOCK = 4096
 
 
 def cells(quick: bool = False) -> list[Cell]:
@@ -73,35 +80,79 @@ def _reference_cell(id: str) -> Cell:
     return Cell("statistics", (EXACT,), {"scene": id}, measure_reference, (id,), needs, frozenset({scene.problem}))
 
 
-def averages(scene: Scene, method: str, k: int) -> tuple[np.ndarray, np.ndarray, float]:
-    """(each orbit's average, that over the last tenth, evaluations of an orbit in the time of a row).
+@dataclass(frozen=True)
+class Sums:
+    """What an ensemble gives.
 
-    Averages are arrays (orbits,), NaN for an orbit that ended early or without a crossing.
+    Attributes
+    ----------
+    total, number : arrays (orbits,), each orbit's sum over its rows or crossings, and their number; NaN if it ended
+    late, late_number : those over the last tenth of the time
+    evaluations : of the gradient, by an orbit in the time of a row
     """
-    made, (q, p), of = problem(scene.problem), scenes.start(scene), scenes.quantity(scene)
+
+    total: np.ndarray
+    number: np.ndarray
+    late: np.ndarray
+    late_number: np.ndarray
+    evaluations: float
+
+    @property
+    def ended(self) -> int:
+        """How many orbits ended early."""
+        return int(np.isnan(self.total).sum())
+
+
+def sums(scene: Scene, method: str, k: int) -> Sums:
+    """What the ensemble of a scene gives with k steps between rows."""
+    measured = {SECTION: _crossings, EXPONENT: _exponents}.get(scene.kind, _rows)
+    parts = [measured(scene, method, k, q, p) for q, p in _blocks(scene)]
+    columns = [np.concatenate([getattr(s, name) for s in parts]) for name in ("total", "number", "late", "late_number")]
+    return Sums(*columns, parts[0].evaluations)
+
+
+def _blocks(scene: Scene) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    q, p = scenes.start(scene)
+    for first in range(0, len(q), BLOCK):
+        yield q[first : first + BLOCK], p[first : first + BLOCK]
+
+
+def _integrated(scene: Scene, method: str, k: int, q: np.ndarray, p: np.ndarray):
+    """(the run with its rows, evaluations of an orbit in the time of a row)."""
     steps = round(scene.span / scene.row)
-    size = {"h": scene.row / k, "steps": steps * k}
-    if scene.kind == SECTION:
-        found = section(made, method, q, p, of=scene.plane, **size)
-        values, late = of(found.q, found.p), found.t > 0.9 * scene.span
-        n = len(q)
-        means = [
-            np.bincount(found.orbit[part], values[part], n) / np.maximum(np.bincount(found.orbit[part], minlength=n), 1)
-            for part in (np.ones(len(values), bool), late)
-        ]
-        for mean in means:
-            mean[found.status != OK] = nan
-        evaluations = evaluations_of(made, method) * k
-        return means[0], means[1], evaluations
-    run = integrate_ensemble(made, method, q, p, **size, save_every=k)
-    rows = of(run.Q, run.P)
+    run = integrate_ensemble(problem(scene.problem), method, q, p, h=scene.row / k, steps=steps * k, save_every=k)
+    return run, run.counts["gradient"] / len(q) / steps
+
+
+def _rows(scene: Scene, method: str, k: int, q: np.ndarray, p: np.ndarray) -> Sums:
+    run, evaluations = _integrated(scene, method, k, q, p)
+    rows = scenes.quantity(scene)(run.Q, run.P)
     first = round(SETTLING * rows.shape[1]) if scene.energy is None else 0
     rows[run.status != OK] = nan
-    return (
-        rows[:, first:].mean(axis=1),
-        rows[:, -rows.shape[1] // 10 :].mean(axis=1),
-        run.counts["gradient"] / len(q) / steps,
-    )
+    rows, late = rows[:, first:], rows[:, -rows.shape[1] // 10 :]
+    number = (np.full(len(q), float(x.shape[1])) for x in (rows, late))
+    return Sums(rows.sum(axis=1), next(number), late.sum(axis=1), next(number), evaluations)
+
+
+def _crossings(scene: Scene, method: str, k: int, q: np.ndarray, p: np.ndarray) -> Sums:
+    made, steps = problem(scene.problem), round(scene.span / scene.row) * k
+    found = section(made, method, q, p, of=scene.plane, h=scene.row / k, steps=steps)
+    values, late, n, out = scenes.quantity(scene)(found.q, found.p), found.t > 0.9 * scene.span, len(q), []
+    for part in (np.ones(len(values), bool), late):
+        orbit = found.orbit[part]
+        out += [np.bincount(orbit, values[part], n), np.bincount(orbit, minlength=n).astype(float)]
+    for column in out:
+        column[found.status != OK] = nan
+    return Sums(*out, evaluations_of(made, method) * k)
+
+
+def _exponents(scene: Scene, method: str, k: int, q: np.ndarray, p: np.ndarray) -> Sums:
+    run, evaluations = _integrated(scene, method, k, q, p)
+    system, t = problem(scene.problem).system, np.arange(run.Q.shape[1]) * scene.row
+    found = np.array([lyapunov.exponent(system, t, Q, P) for Q, P in zip(run.Q, run.P, strict=True)])
+    found[run.status != OK] = nan
+    one, none = np.ones(len(q)), np.full(len(q), nan)
+    return Sums(found, one, none, none, evaluations)
 
 
 def evaluations_of(made, method: str) -> float:
@@ -111,18 +162,23 @@ def evaluations_of(made, method: str) -> float:
     return run.counts["gradient"] / 50
 
 
-def statistic(found: np.ndarray) -> tuple[float, float]:
-    """The mean over orbits, and its standard error; NaN if an orbit ended early."""
-    return float(found.mean()), float(found.std(ddof=1) / np.sqrt(len(found)))
+def statistic(total: np.ndarray, number: np.ndarray) -> tuple[float, float]:
+    """The ratio of the totals over orbits, and its standard error; NaN if an orbit ended early."""
+    value = total.sum() / number.sum()
+    return float(value), float((total - value * number).std(ddof=1) / number.mean() / np.sqrt(len(total)))
+
+
+@lru_cache(maxsize=2)
+def _fine(scene: Scene) -> Sums:
+    return sums(scene, *FINE)
 
 
 def measure_reference(id: str) -> Rows:
-    """The exact statistic and its uncertainty, and the ensemble's own: a row."""
+    """The exact statistic, or that of `FINE`, and the ensemble's own: a row."""
     scene = SCENES[id]
-    mean, error = statistic(averages(scene, *FINE)[0])
-    known = scene.energy is not None
-    value = scenes.exact(scene) if known else mean
-    row = {"scene": id, "exact": value, "uncertainty": 0.0 if known else error, "known": known}
+    fine = _fine(scene)
+    mean, error = statistic(fine.total, fine.number)
+    row = {"scene": id, "exact": scenes.exact(scene) if scene.known else mean, "known": scene.known}
     return {EXACT: [row | {"mean": mean, "standard error": error}]}
 
 
@@ -130,15 +186,17 @@ def measure_rows(id: str, method: str) -> Rows:
     """The statistic at every step of the ladder: a row for each."""
     scene = SCENES[id]
     rows, met = [], 0
-    exact = scenes.exact(scene) if scene.energy is not None else statistic(averages(scene, *FINE)[0])[0]
+    exact = scenes.exact(scene) if scene.known else statistic(_fine(scene).total, _fine(scene).number)[0]
     for k in LADDER:
-        all_rows, late, evaluations = averages(scene, method, k)
-        (mean, error), (mean_late, error_late) = statistic(all_rows), statistic(late)
-        ended = int(np.isnan(all_rows).sum())
+        found = sums(scene, method, k)
+        mean, error = statistic(found.total, found.number)
+        if not scene.known:
+            error = statistic(found.total - _fine(scene).total, found.number)[1]
+        late, late_error = statistic(found.late, found.late_number)
         row = {"scene": id, "method": method, "symplectic": method in SYMPLECTIC, "k": k, "h": scene.row / k}
-        row |= {"evaluations": evaluations / scene.row, "mean": mean, "standard error": error, "ended": ended}
-        rows.append(row | {"late": mean_late, "late error": error_late})
+        row |= {"evaluations": found.evaluations / scene.row, "mean": mean, "standard error": error}
+        rows.append(row | {"ended": found.ended, "late": late, "late error": late_error})
         met += abs(mean - exact) + SIGMAS * error <= WANTED * abs(exact)
-        if evaluations > MOST or met >= ENOUGH:
+        if found.evaluations > MOST or met >= ENOUGH:
             break
     return {TABLE: rows}
