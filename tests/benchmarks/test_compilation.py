@@ -154,6 +154,13 @@ def formula() -> list[str]:
     return ["--hamiltonian", f"p**2/2 + {1 + next(CONSTANTS) / 1024!r}*q**4/4", "--q", "1", "--p", "0"]
 
 
+@pytest.fixture
+def few(monkeypatch):
+    """`advise` of the command and of the Python interface tries these integrators alone."""
+    monkeypatch.setattr(advise, "__defaults__", ((), of("heyoka", "stormer-verlet", "rk4")))
+
+
+@pytest.mark.usefixtures("few")
 def test_command_begins_with_the_warning(break_compilation):
     break_compilation()
     line = ["advise", *formula(), "--t-end", "2", "--accuracy", "1e-4", "--time-limit", "3"]
@@ -164,6 +171,7 @@ def test_command_begins_with_the_warning(break_compilation):
     assert not {f["integrator"] for f in told["failed"]} & {d["integrator"] for d in told["dropped"]}
 
 
+@pytest.mark.usefixtures("few")
 def test_python_interface_warns(break_compilation):
     break_compilation()
     with pytest.warns(UserWarning, match="None of this project's methods"):
