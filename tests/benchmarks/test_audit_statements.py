@@ -17,6 +17,7 @@ from phasebench.benchmarks.experiments.audit import page, statement_cells, state
 from phasebench.benchmarks.experiments.audit.said import BY_SCRIPT, STATEMENTS
 from phasebench.benchmarks.judge.verdict import CONTRADICTED, HOLDS, UNDERSTATED, UNJUDGED
 from phasebench.benchmarks.page.verdict import FINDING, PASS, Count
+from phasebench.reference.installed import how_to_install, is_installed
 from phasebench.reference.peers import BY_ID
 
 OK = "1.0e-16"
@@ -343,11 +344,30 @@ def test_unused_rebound_options_are_listed(monkeypatch):
     [
         ("desolver", ["DIRK3LStable"]),
         *((package, [""]) for package in ("gala", "pyhamsys", "galpy", "sundials4py", "pynamicalsys")),
+        ("gsl", ["bsimp", "msadams", "msbdf", "rk1imp", "rk2", "rkck", "rkf45"]),
     ],
 )
 def test_unregistered_names_of_other_packages(package, left):
-    pytest.importorskip(package)
+    if not is_installed(package):
+        pytest.skip(how_to_install(package))
     assert names(package) == left
+
+
+@pytest.mark.parametrize(
+    ("package", "named", "used"),
+    [
+        ("boost", "velocity_verlet", "symplectic_rkn_sb3a_m4_mclachlan"),
+        ("boost", "rosenbrock4", "runge_kutta_dopri5"),
+        ("ase", "Langevin", "VelocityVerlet"),
+        ("jax_md", "nvt_nose_hoover", "nve"),
+    ],
+)
+def test_a_peer_is_not_among_those_that_are_left_out(package, named, used):
+    if not is_installed(package):
+        pytest.skip(how_to_install(package))
+    found = names(package)
+    assert named in found
+    assert used not in found
 
 
 def test_every_package_is_searched():

@@ -7,10 +7,15 @@ from __future__ import annotations
 
 import inspect
 import re
+import subprocess
 from collections.abc import Callable, Iterable
+from importlib import import_module
+from pathlib import Path
+from pkgutil import iter_modules
 
 from phasebench.benchmarks.store.cells import Cell, Rows, content
 from phasebench.reference.installed import version_of
+from phasebench.reference.native import LIBRARIES, compiler, load_library
 from phasebench.reference.peers import PACKAGES
 
 from .python import require
@@ -24,6 +29,10 @@ FLAGS = {
     ("whfast", "corrector2"): ("1",),
     ("whfast512", "corrector"): ("17",),
 }
+
+#: A header of Boost.odeint's steppers that defines no integrator of its own, and what ends a simulation of JAX-MD.
+PART = re.compile("base|categories|controlled|controller|dense_out|generation|generic|result|extrapolation")
+PAIR = re.compile(r"return init_fn, (step|apply|block)_fn\s*$")
 
 
 def _classes(namespace, base, without: Iterable[str] = ()) -> set[str]:
@@ -111,6 +120,48 @@ def _openmm() -> list[str]:
 
     found = {n for n in _classes(openmm, openmm.Integrator) if n not in (VERLET, VARIABLE, CUSTOM, "Integrator")}
     return sorted(found)
+
+
+def _preprocessed(package: str, header: str) -> str:
+    """What the compiler makes of a header of a library, with the path of each file that it includes."""
+    load_library(package)
+    command = [compiler(LIBRARIES[package].language), "-E", "-x", LIBRARIES[package].language.lower(), "-"]
+    return subprocess.run(command, input=f"#include <{header}>\n", capture_output=True, text=True, check=True).stdout
+
+
+def _boost() -> list[str]:
+    """Boost.odeint's steppers that no peer uses, by their headers: controlled and dense ones are made of others."""
+    text = _preprocessed("boost", "boost/numeric/odeint/stepper/euler.hpp")
+    folder = Path(re.search(r'"(\S*/odeint/stepper/)euler.hpp"', text)[1])
+    used = tuple(p.id.removeprefix("boost-").removesuffix("-adaptive").replace("-", "_") for p in _peers("boost"))
+    used = (*used, "runge_kutta4")  # of boost-rk4
+    found = (f.stem for f in folder.glob("*.hpp") if not PART.search(f.stem))
+    return sorted(n for n in found if not n.endswith(used))
+
+
+def _gsl() -> list[str]:
+    """GSL's steppers that no peer uses."""
+    text = _preprocessed("gsl", "gsl/gsl_odeiv2.h")
+    found = set(re.findall(r"gsl_odeiv2_step_type\s*\*\s*gsl_odeiv2_step_(\w+);", text))
+    return sorted(found - {p.id.removeprefix("gsl-").removesuffix("-adaptive") for p in _peers("gsl")})
+
+
+def _ase() -> list[str]:
+    """ASE's dynamics that no peer uses: all have heat baths or barostats."""
+    import ase.md
+    from ase.md.md import MolecularDynamics
+
+    modules = [import_module(f"ase.md.{m.name}") for m in iter_modules(ase.md.__path__)]
+    base = ("MolecularDynamics", "VelocityVerlet")
+    return sorted({n for m in modules for n in _classes(m, MolecularDynamics, base)})
+
+
+def _jax_md() -> list[str]:
+    """JAX-MD's simulations that no peer uses: all have heat baths or barostats."""
+    from jax_md import simulate
+
+    found = (n for n, f in vars(simulate).items() if inspect.isfunction(f) and PAIR.search(inspect.getsource(f)))
+    return sorted(n for n in found if n != "nve")
 
 
 def _mujoco() -> list[str]:
@@ -212,6 +263,10 @@ LOOKS: dict[str, Callable[[], list[str]]] = {
         _blackjax,
         _openmm,
         _mujoco,
+        _boost,
+        _gsl,
+        _ase,
+        _jax_md,
     )
 }
 
