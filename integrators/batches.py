@@ -211,7 +211,7 @@ def pieces(steps: int, every: int, most: int | None = None) -> Iterator[tuple[in
 
 
 def _share(batch: Batch, part: slice, orbits: Orbits) -> tuple[dict[str, int], int]:
-    """Integrate the orbits of a slice of a batch, group by group; returns (counts, number of orbits)."""
+    """Integrate the orbits of a slice of a batch, so many at once: (counts of evaluations, number of orbits)."""
     total, n = Counter(), len(batch.members[part])
     first, last = part.start, part.start + n
     for begin in range(first, last, orbits.group or n):

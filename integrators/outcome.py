@@ -63,7 +63,13 @@ class Outcome(NamedTuple):
 
 
 class SolverFailure(NamedTuple):
-    """The message on a stage equation that was not solved, and advice besides a smaller step."""
+    """What a user is told where the equations of a step were not solved.
+
+    Attributes
+    ----------
+    what : the message
+    advice : what may help, other than a smaller step
+    """
 
     what: str
     advice: str

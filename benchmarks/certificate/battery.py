@@ -119,7 +119,7 @@ def lasting() -> tuple[Entry, ...]:
 
 @cache
 def magnetic() -> tuple[Entry, ...]:
-    """Charged particles in confining potentials, on which everything is measured of a step that requires one."""
+    """Systems of charged particles in confining potentials, on which methods for nothing else are certified."""
     plane = "((p1 + q2*(1 + q1**2)/2)**2 + (p2 - q1*(1 + q2**2)/3)**2)/2 + q1**2/2 + q1*q2**2/3 + q2**4/4"
     tilted = "(px + y*(1 + z**2)/2)**2 + (py - x*(1 + z**2)/2 - z**2/4)**2 + (pz - x*y/3)**2"
     heavy = f"({tilted})/4 + x**2*y/4 - y*z/3 + (x**2 + y**2 + z**2)**2/8"

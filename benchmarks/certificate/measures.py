@@ -41,9 +41,14 @@ OTHERWISE = 1e-8
 
 
 class Run(Protocol):
-    """The state of a certification that measures read and fill.
+    """What the functions that measure for a certificate are given.
 
-    Its seed, whether only what is claimed is measured (``alone``), the tables, and why only doubles were used.
+    Attributes
+    ----------
+    seed : of the drawn systems and states
+    alone : True if only what the method claims is measured
+    tables : the rows measured so far, to which theirs are added
+    doubles : why the method ran in double precision only; "" if it did not
     """
 
     seed: int

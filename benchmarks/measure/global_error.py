@@ -84,7 +84,7 @@ def orbit_horizon(problem, t_end: float) -> float:
 
 
 def past(reach: float, t_end: float) -> str:
-    """Why no error of a state can be given at ``t_end``, past the orbit's horizon ``reach``; "" if it is not past."""
+    """Why no error of a state can be given at ``t_end``: it is later than the orbit's horizon ``reach``; else ""."""
     if t_end <= reach:
         return ""
     return (

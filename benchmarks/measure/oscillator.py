@@ -359,7 +359,9 @@ class Stability(TabularResult):
     limit : the end of the interval that begins at 0; 0 if every step grows, None if it has no end
     intervals : pairs (from, to) in order; ``to`` is None if it lies beyond ``scanned``
     touches : values inside an interval at which the trace of a linear map reaches 2 or -2 and turns back
-    scanned, how, reason : the end of the scan; `TRACE`, `RUNS` or `ROOTS`; why the scan ended early, or runs beside it
+    scanned : the z at which the scan ended
+    how : by what stability was decided: `TRACE`, `RUNS` or `ROOTS`
+    reason : why the scan ended early, or what runs showed that were made to check it; "" if neither
     """
 
     method: str

@@ -1,4 +1,4 @@
-"""The least defect of a step map by which a method is seen to lack a structure; a smaller one may be a measurement's.
+"""The least defect of a step map that shows that a method lacks a structure; smaller ones may be errors of measurement.
 
 Defects are those of `multiprecision`, in 40 digits, or in more for high orders.
 """

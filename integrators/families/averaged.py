@@ -323,9 +323,10 @@ def coupled(path: str, system: Hamiltonian) -> bool:
 
 
 def rules(system: Hamiltonian, width: int, arithmetic: str) -> tuple[list, list, list, list]:
-    """The quadrature rules (nodes, rows, c, b): an exact one for a polynomial H, else rules of rising size.
+    """Quadrature rules of rising size, up to one that is exact where H is a polynomial, as columns (n, groups, c, b).
 
-    Each row has the number of nodes and of rows of its rule, and nodes c with weights b, ``width`` of them in lanes.
+    A rule of n nodes takes as many items of each column as it has ``groups`` of ``width`` nodes, which are evaluated
+    side by side: an item of c has the nodes of a group, tuples (width,), and one of b their weights, 0 for padding.
     """
     digits, known = (40, RULES) if arithmetic == DOUBLE else (mpmath.mp.dps, LARGE)
     found = []

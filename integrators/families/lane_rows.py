@@ -140,7 +140,11 @@ def enter(e, ring, known, at):
 
 
 def ender(sums):
-    """Make the function (e, at, y, zero) -> state after a step; ``sums(inverse_mass, e, at)`` adds its increments."""
+    """Make the function (e, at, y, zero) -> the state after a step, from the solved equation e of the step.
+
+    ``sums(inverse_mass, e, at)`` writes the increments of q and p to the memory of e, from the stages at the position
+    ``at`` of it; they are added to the state y.  ``zero`` is a number of the type of the states' components.
+    """
 
     @inline
     def end(e, at, y, zero):

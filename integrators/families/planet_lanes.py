@@ -180,7 +180,7 @@ def _write_bodies(x, table, row, n, memory, like):
 
 @jit
 def _write_start(step, carry, counts):
-    """Write the initial state, in the transformed variables and with the corrector applied, to the memory."""
+    """Write the start of a run to ``carry.memory``: transformed to Jacobi's coordinates, with the corrector applied."""
     memory, like, n = carry.memory, step.like, len(step.bodies)
     q = _transform(step, TO_JACOBI_Q, _read_bodies(carry.state, 0, n, memory, like))
     p = _transform(step, TO_JACOBI_P, _read_bodies(carry.state, 1, n, memory, like))

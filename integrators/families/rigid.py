@@ -227,7 +227,13 @@ def step(method: Turns, y: BodyState, carry: Carry, counts: np.record) -> tuple[
 
 
 class Turn(NamedTuple):
-    """The arguments of an implicit step's equation: ``target`` is h L / 2."""
+    """What the equation for the rotation of an implicit step depends on.
+
+    Attributes
+    ----------
+    method : the method, with the body's moments of inertia
+    target : h L / 2, L the angular momentum about the body's axes, three numbers
+    """
 
     method: Implicit
     target: Any

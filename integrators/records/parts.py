@@ -23,7 +23,10 @@ def strang(fractions) -> tuple[tuple, ...]:
 
 
 def parts(id: str, name: str, order: int, source: str, cite: tuple[str, ...], data: tuple, *, symmetric: bool = True):
-    """The record of a method of substeps through all parts."""
+    """The record of a method whose substeps go through the flows of all parts of H, in order or backwards.
+
+    ``data`` are the substeps as fractions of a step, and the processor's where there is one.
+    """
     return Method(
         id=id,
         name=name,

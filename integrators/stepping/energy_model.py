@@ -127,10 +127,11 @@ def is_trusted(search: Search, models: np.ndarray, row: int, predicted: float, c
 
 
 def follower(attempt: Callable) -> Callable:
-    """Make the function that follows a root from step to step, from ``attempt`` as in `root.finder`.
+    """Make the function that finds the parameter x of a step at which its energy error E(x) is zero.
 
-    It is a function (search, models, row, predicted, c1, arguments) -> (x, found, the attempt at x); c1 is the model's
-    slope, extrapolated.
+    ``attempt`` makes a step at a given x (`root.finder`).  The function made, (search, models, row, predicted, c1,
+    arguments) -> (x, found, the attempt at x), begins at ``predicted`` and follows the root that earlier steps had:
+    ``models[row]`` has what they told of E, and c1 is the slope of E, extrapolated from theirs.
     """
 
     @inline

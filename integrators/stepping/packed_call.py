@@ -113,9 +113,10 @@ def _compile(run, block) -> PackedCall:
 
 
 def _in_memory(t):
-    """Make the functions read, take, write and bytes_of for values of the Numba type t at an address; returned by name.
+    """Make functions for values of the Numba type t that lie at an address: a dict of them by name.
 
-    ``take`` hands the reference over; ``bytes_of()`` is the size of a value.
+    ``read(address)`` gives the value; ``take(address)`` too, with the reference that the memory held;
+    ``write(address, value)`` stores one; ``bytes_of()`` is its size.
     """
 
     def place(context, builder, address):

@@ -73,7 +73,11 @@ class PoissonSystem(PartitionedSystem):
         self.B = B
 
     def gradient(self, arithmetic: str = DOUBLE):
-        """Make the function (q, p, h, lam) -> (H_q, H_p), with the arguments of a field."""
+        """Make the function (q, p, h, lam) -> (H_q, H_p) of tuples or arrays (d,).
+
+        h and lam are ignored: they are there so that it can stand where a vector field of a step h and a parameter
+        lambda is called.
+        """
         T, number = codegen.value_type(self.d), types.float64
         h, lam = sp.symbols("h lam")
         arguments = [("q", self.q), ("p", self.p), ("h", h), ("lam", lam)]

@@ -77,7 +77,7 @@ def _peer(id: str, name: str, title: str, order: int, gradients: int, about: str
 
 
 def _not_canonical(problem, system) -> str | None:
-    """The `Peer.lacks` of the midpoint rule: a reason if the variables are not canonical, else None."""
+    """Why the midpoint rule cannot integrate a system: its variables are not canonical; None if they are."""
     return None if system.canonical else "it takes derivatives of H by q and p: the variables must be canonical"
 
 

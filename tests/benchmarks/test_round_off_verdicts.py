@@ -44,7 +44,7 @@ def law(*rows) -> dict:
 
 
 def findings(*rows) -> list[str]:
-    """The names of those verdicts on Brouwer's law that are findings on these rows."""
+    """The names of those verdicts on Brouwer's law that are a "finding" on these rows: the claim does not hold."""
     return [name for name, found in law(*rows).items() if found.outcome == FINDING]
 
 

@@ -1,4 +1,4 @@
-"""Time of our best method over the best peer's: shares, reasons, verdicts that pass and fail."""
+"""Ratios of the best method's time to the best peer's: their shares, the reasons told, verdicts that pass and fail."""
 
 from __future__ import annotations
 

@@ -179,7 +179,7 @@ def test_small_and_large_states_find_another_step(wrong, found):
 
 
 def test_error_that_does_not_fall_has_order_minus_one():
-    """Momenta are clipped at 7: the error is as large as the state for any h."""
+    """Momenta are clipped at 7: the error of a step does not depend on h, which is h^0 = h^(order + 1)."""
 
     def clipped(system, q, p, h):
         q, p = leapfrog(system, q, p, h)

@@ -98,7 +98,7 @@ def test_growth_needs_an_energy_to_be_reported():
 
 
 def fall(q, H=-1.0):
-    """Momentum of a fall towards the singularity at q with energy H."""
+    """The momentum at q of a fall towards the singularity of H = p^2 / 2 - 1 / q."""
     return -np.sqrt(2 * (H + 1 / q))
 
 

@@ -90,7 +90,7 @@ def test_a_batch_is_computed_in_the_pieces_of_a_trajectory(monkeypatch, steps, e
 
 
 def test_no_call_follows_the_last_step():
-    """A row of a million steps takes five calls, and none follows the last step."""
+    """Ten rows of a million steps each take fifty calls of the kernel; no empty call follows the last step."""
     assert len(list(batches.pieces(10**7, 10**6))) == 50
     assert list(batches.pieces(2, 3)) == [(0, 1, 2)]
 

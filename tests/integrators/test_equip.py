@@ -90,7 +90,10 @@ ROTATION = Hamiltonian(
 
 
 def errors(id):
-    """(solution, largest energy error after steps with a root, largest error of the system's other invariant)."""
+    """(a run's solution, its largest energy error, the largest error of the system's other invariant).
+
+    The energy error is that after steps whose parameter alpha could be found: other steps do not keep the energy.
+    """
     s = integrate(ROTATION, BY_ID.get(id, id), h=0.25, steps=400, q0=[0.8, 0.1], p0=[-0.2, 0.6])
     H, N = (ROTATION.observe(e, s.q, s.p) for e in (ROTATION.H, *ROTATION.invariants))
     rooted = slice(1, None) if not id.startswith("gauss-equip") else np.flatnonzero(~np.isnan(s.parameter)) + 1

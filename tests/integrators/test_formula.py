@@ -333,7 +333,7 @@ leaves = st.one_of(st.sampled_from([Q, P, sp.pi]), st.integers(-9, 9).map(sp.Int
 @settings(max_examples=100, deadline=None)
 @given(st.recursive(leaves, _grown, max_leaves=5))
 def test_printed_expressions_are_read_back(expression):
-    """Only numbers beyond the limits are refused."""
+    """The text of an expression is read as the same expression, or refused for the size of a number in it."""
     try:
         found = parse(str(expression), VARIABLES)
     except InvalidInput as error:

@@ -156,7 +156,7 @@ RULES = [
 
 @pytest.mark.parametrize(("id", "name"), RULES)
 def test_double_rules_integrate_linear_functions_exactly(id, name):
-    """Otherwise energy and phase would change by the same fraction of round-off in every step."""
+    """Rules rounded to doubles do; else every step would add the same round-off to energy and phase."""
     for c, b in exact_rules(id, SYSTEMS[name]()[0]):
         assert sum(b) == 1
         assert all(x + y == 1 for x, y in zip(c, reversed(c), strict=True))

@@ -14,7 +14,10 @@ SPLITTER = 2.0**27 + 1
 
 
 def plain(h: float, every: int, rows: int, q: float, p: float):
-    """Integrate with plain sums: (Q, P), arrays (rows + 1,), a row after every ``every`` steps."""
+    """Integrate the oscillator H = (p^2 + q^2) / 2 by leapfrog without compensated sums, from the state q, p.
+
+    Returns arrays Q, P (rows + 1,): the start, and the state after each ``every`` steps of length h.
+    """
     Q, P = np.empty(rows + 1), np.empty(rows + 1)
     Q[0], P[0] = q, p
     for i in range(rows):

@@ -94,7 +94,7 @@ class Course(NamedTuple):
 
 @lru_cache(maxsize=32)
 def course(case: Case) -> Course:
-    """Compute the course of a regular orbit, by a long run of `TRUTH`."""
+    """Compute the extent and the frequency of a case's regular orbit, by a long run of the method `TRUTH`."""
     made = problem(case.problem)
     truth = integrate(made, TRUTH, h=made.pace.step / FINE, steps=LONGER, q0=case.q, p0=case.p)
     low, high = truth.q.min(axis=0), truth.q.max(axis=0)

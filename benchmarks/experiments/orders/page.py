@@ -125,7 +125,7 @@ def _format_rows(found: pd.DataFrame) -> pd.DataFrame:
 
 @of("rows")
 def table(rows: pd.DataFrame) -> Table | None:
-    """The pairs whose order in double precision is not the declared one."""
+    """The pairs of a method and a problem whose order in double precision is not the declared one; None without rows."""
     found = in_doubles(rows)
     if found.empty:
         return None

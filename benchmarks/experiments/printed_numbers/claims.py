@@ -204,7 +204,10 @@ def longer(rows: pd.DataFrame, name: str) -> list[float]:
 
 
 def _smaller(rows: pd.DataFrame, name: str) -> dict | None:
-    """Arguments of a verdict that the rms energy error is about ten times smaller; None without rows."""
+    """The keyword arguments of a `Verdict` that the minimum-norm method has a tenth of leapfrog's rms energy error.
+
+    They are of the problem or target ``name``; None if it has no rows.
+    """
     found = ratios(rows, name)
     return {"measured": Range(min(found), max(found)), "expected": _about(10.0), "unit": "times"} if found else None
 
