@@ -176,7 +176,7 @@ class Crossings:
         return self._filled
 
     def add(self, points: np.ndarray, owners: np.ndarray) -> None:
-        """Append points (m, 2 d + 1) with the numbers of their orbits (m,)."""
+        """Append points, rows (t, q, p) of an array (m, 2 d + 1), with the numbers of their orbits (m,)."""
         with self._lock:
             first, self._filled = self._filled, self._filled + len(points)
             if self._filled > len(self.points):

@@ -99,7 +99,11 @@ class Task:
         return tuple(a for a in self.accuracies if self.truth.uncertainty <= a)
 
     def run(self, c: Integrator, size: dict[str, Any], *, bare: bool = False, timeout: float = inf):
-        """Integrate with ``size``, steps or tol; saves the rows that the quantity needs, or none if ``bare``."""
+        """Integrate with the integrator c and ``size``, {"steps": n} or {"tol": x}: its solution.
+
+        It has the rows that the quantity needs, or none between start and end if ``bare``; c is stopped after
+        ``timeout`` seconds if it can be.
+        """
         rows = {**size, "save_every": 0} if bare else self.quantity.grid(**size)
         stop = {"timeout": timeout} if c.stoppable and isfinite(timeout) else {}
         return c.run(self.problem, t_end=self.t_end, **rows, **stop)

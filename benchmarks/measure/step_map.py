@@ -141,7 +141,10 @@ def return_distance(there: Callable, back: Callable, y, sizes=1):
 
 
 def reversibility_defect(step: Callable, y, rho=None, sizes=1):
-    """`return_distance` of the map rho step rho after step; the array rho (m,) by default reverses p."""
+    """The distance of rho(step(rho(step(y)))) from y (m,), as `return_distance` measures it in units of ``sizes``.
+
+    ``rho`` (m,) has the signs of the components; by default it reverses p.
+    """
     y = np.asarray(y)
     rho = np.repeat([1, -1], len(y) // 2) if rho is None else rho
     return return_distance(step, lambda z: rho * step(rho * z), y, sizes)

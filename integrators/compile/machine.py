@@ -74,7 +74,7 @@ def with_functions(f: Callable, functions: dict[str, Callable]) -> Callable:
 
 
 def _without_closure(f: Callable) -> Callable:
-    """Return ``f``, or where it is a closure a function that it is compiled into (see `with_functions`)."""
+    """Return ``f``; where it is a closure, a function without one that calls it and into which it is compiled."""
     if not f.__closure__:
         return f
     names = ", ".join(inspect.signature(f).parameters)

@@ -232,7 +232,10 @@ def skew(s: int, nodes):
 
 
 def prepare(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
-    """Prepare the kernel of data (s,): stages in lanes if the system allows it, Nystrom form if T is quadratic."""
+    """Prepare the kernel of EQUIP with s stages, the method's one datum.
+
+    Stages stand in lanes if the system allows it; the Nystrom form is taken if T is quadratic.
+    """
     (s,) = method.data
     if serves(s, system):
         inner = gauss_lanes.prepare(s, system, arithmetic)

@@ -1,9 +1,12 @@
 r"""Functions shared by the kernels `stage_lanes` and `path_lanes`, which have stages or quadrature nodes in SIMD lanes.
 
-Their equations, a NamedTuple, are of unknowns in ``stages`` rows of the ``memory``, a component each, in as many lanes
-as ``like`` has: increments of q and p or, where the step's ``inverse_mass`` is not None, of p alone (kicks).  The
-step's f(memory) reads places from the first rows and writes to as many that follow.  From the row ``base`` on stand the
-rows `ORIGIN` to `DP`; from `FREE` on the kernel keeps what it needs.
+Their equations are a NamedTuple with a ``memory``, a table whose columns are the lanes: as many as the value ``like``
+has.  The unknowns are increments of q and p or, where the step's ``inverse_mass`` is not None, of p alone (kicks).  The
+rows of the memory are:
+
+- from 0 on: the places (q, p) at which the step's f(memory) evaluates, a component in each row;
+- after them: what f writes, the slopes there, as many rows;
+- from ``base`` on: the rows `ORIGIN` to `DP`, explained below; from ``base + FREE`` on what the kernel itself keeps.
 """
 
 from __future__ import annotations

@@ -264,7 +264,10 @@ run = loop(step)
 
 
 def build_path(s: int, rules: Sequence[int], system: Hamiltonian, arithmetic: str) -> Path:
-    """The coefficients of degree s for quadrature rules of the given sizes, with the system's functions in lanes."""
+    """What a step of a method needs whose path is a polynomial of degree s, for quadrature rules of ``rules`` nodes each.
+
+    The coefficients are padded to groups of `WIDTH` nodes, which the system's functions evaluate side by side.
+    """
     digits = 40 if arithmetic == DOUBLE else mpmath.mp.dps + 10
     unit = mpmath.mpf(2) ** (-52 if arithmetic == DOUBLE else 1 - mpmath.mp.prec)
     tableaus = [tableau("hbvm", s, k, False, digits, unit) for k in rules]
@@ -309,7 +312,7 @@ def serves(s: int, rules: Sequence[int], system: Hamiltonian) -> bool:
 
 
 def prepare(s: int, rules: Sequence[int], system: Hamiltonian, arithmetic: str) -> Prepared:
-    """Prepare the kernel of degree s, with quadrature rules of the given sizes."""
+    """Prepare the kernel of a method whose path is a polynomial of degree s, with rules of ``rules`` nodes each."""
     step = build_path(s, rules, system, arithmetic)
     unknowns = components(step.inverse_mass, system.d)
     rows = FREE + (7 + step.steps) * unknowns

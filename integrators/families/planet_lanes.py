@@ -53,7 +53,7 @@ class Planets(NamedTuple):
 
 
 class Places(NamedTuple):
-    """State of all bodies in lanes, with the distances |Q| and their inverses; both are 1 where motion is free."""
+    """The state of all bodies in lanes, with |Q| and 1 / |Q|, which are 1 for bodies that move without attraction."""
 
     y: State
     r: object

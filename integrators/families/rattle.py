@@ -100,7 +100,11 @@ class Drift(NamedTuple):
 
 @inline
 def sweep(e, w, active):
-    """One step of Newton's method: (the new w, how far it moves q, the size of q)."""
+    """One step of Newton's method for the impulse w (d,) that holds q on the constraints, in the ``active`` lanes.
+
+    ``e`` is the equation: the state before, and the move without constraints.  Returns (the new w, how far it moves
+    q, the size of q).
+    """
     moved = minus(e.move, velocity(e.method.dT, w))
     q, _ = add(e.q, e.lost, moved)
     dw = e.method.restore(q, e.q)

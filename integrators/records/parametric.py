@@ -13,7 +13,10 @@ TALK = "Wang, Bo & Cai (talk)"
 
 
 def scheme_i(lam):
-    """The substep (c, mu, lambda) of Scheme I with the parameter lam: (1, 1 - lam, lam)."""
+    """The substep (c, mu, lambda) of Scheme I of the parameterized family with the parameter lam: (1, 1 - lam, lam).
+
+    c is its share of the step; it evaluates the field at mu (q, P) + lambda (Q, p), old and new states (q, p), (Q, P).
+    """
     return (1, 1 - lam, lam)
 
 

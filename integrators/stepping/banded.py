@@ -105,7 +105,10 @@ def factorize(A: np.ndarray, at: int, n: int, width: int) -> bool:
 
 @jit
 def substitute(A: np.ndarray, at: int, n: int, width: int, table: np.ndarray, row: int) -> None:
-    """Solve with a factorized band matrix; the right-hand side, a row of ``table``, becomes the solution."""
+    """Solve A x = b with a band matrix of n rows that `factorize` left in A from the row ``at`` on.
+
+    b is the first n numbers of ``table[row]``, which become x; the band has ``width`` diagonals on each side.
+    """
     for k in range(n):
         pivot = int(A[at + k, 3 * width + 1])
         b = table[row, pivot]
@@ -138,8 +141,10 @@ def is_stale(work: np.ndarray, at: int, end: int) -> bool:
 def band_solver(G: Callable, lengths: Callable) -> Callable:
     """Make the solver of x = G(x, arguments) by Newton's method in a band; ``lengths`` as in `solve.solver`.
 
-    It is a function (arguments, start, span, eps, band, room) -> (x, evaluations, status). The factorized matrix stays
-    in the room for the next equation of its kind, until `forget`. The arguments have a field q.
+    It is a function (arguments, start, span, eps, band, room) -> (x, evaluations of G, status of `solve`): ``start``
+    (n,) is the first x, ``span`` the length of a step beside which the smallest change of x counts, eps the relative
+    rounding, ``band`` the places of the unknowns in it, and ``room`` the memory.  The factorized matrix stays in the
+    room for the next equation of its kind, until `forget`.  The arguments have a field q.
     """
 
     @jit

@@ -71,7 +71,11 @@ def predict(memory: np.ndarray, first: int, stages: int, known: int, like: Any) 
 
 @inline
 def predict_number(memory: np.ndarray, first: int, stages: int, known: int) -> float:
-    """Extrapolate a number as `predict` does, from a ring in the first column of ``memory``."""
+    """Extrapolate a number from its values in the last steps, as `predict` does vectors.
+
+    They stand in the first column of ``memory``, in every ``stages``-th of its rows from ``first`` on, as a ring
+    buffer; ``known`` steps were made so far.
+    """
     m = min(known, LEVELS)
     x = 0.0
     for back in range(LEVELS, 0, -1):
@@ -138,9 +142,9 @@ def newton_converged(delta: float, last: float, unit: float, noise: float) -> bo
 
 
 class Change(NamedTuple):
-    """Distance of the unknowns of two quadrature rules, and their size, for q and for p.
+    """How far the unknowns move from one quadrature rule to the next, and how large they are, for q and for p.
 
-    They are kept apart: if momenta are far smaller than coordinates, a joint norm hides their error.
+    q and p are kept apart: if momenta are far smaller than coordinates, a joint norm hides their error.
     """
 
     q: float
@@ -254,7 +258,7 @@ def newton_method(improve: Callable) -> Callable:
     """Make Newton's method: a function (equations, x, span, eps, work) -> (x, sweeps, status).
 
     ``improve(equations, x, span, eps, work)`` makes the linear equations at x and solves them; it returns (new x, its
-    distance from x, its size, sweeps, status).
+    distance from x, its size, sweeps that it took, status).  span, eps and the memory ``work`` are passed on to it.
     """
 
     @jit

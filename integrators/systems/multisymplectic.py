@@ -180,7 +180,7 @@ class Staggered(Division):
 
     @cached_property
     def _upper(self) -> np.ndarray:
-        """The matrix L_+: of the equation's matrix L the block that acts on the slopes w, zero elsewhere."""
+        """The matrix L_+: the block of the equation's matrix L that acts on the slopes w, with zeros elsewhere."""
         m = self.equation.moving
         upper = np.zeros_like(self.equation.L)
         upper[:m, m:] = self.equation.L[:m, m:]

@@ -123,7 +123,7 @@ def test_two_sizes_give_no_exponent():
 
 @pytest.mark.parametrize(("low", "outcome"), [(1.0, PASS), (1.09, PASS), (1.11, FINDING)])
 def test_cost_is_too_steep_only_with_its_whole_interval(monkeypatch, low, outcome):
-    """The exponent of the cost fails by the lower end of its interval; the upper end is far too large each time."""
+    """The verdict fails only if the lower end of the exponent's interval is too large; the upper end always is."""
     row = {"system": "toda", "expected": 1, "time": 1.5, "time, low": low, "time, high": 2.0}
     monkeypatch.setattr(page, "exponents", lambda costs: pd.DataFrame([row]))
     assert judge(page.scaling, large=costs()).outcome == outcome

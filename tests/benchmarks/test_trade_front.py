@@ -493,7 +493,10 @@ def test_rows_are_kept_near_the_fastest_only():
 
 
 def test_scene_with_a_real_peer_and_real_methods():
-    """heyoka against two methods of this project on a short pendulum."""
+    """On a short pendulum heyoka and the better of two methods are chosen, with errors just below the allowed one.
+
+    The other method is left out, with the reason that it takes too many times as long.
+    """
     asked = front.task_of("pendulum-short")
     known = Known()
     found = [

@@ -73,7 +73,7 @@ def test_bounded_and_growing_energy_errors_are_told_apart():
 
 
 def test_growth_with_conserved_energy_is_reported():
-    """A free fall along y, to 200 times the initial size, is reported unless its energy is lost before."""
+    """That a fall along y grows to 200 times the initial size is told, unless its energy was lost before that."""
     t = np.linspace(0, 20, 41)
     Q, P = np.stack([1 + 0 * t, t**2 / 2], 1), np.stack([0 * t, t], 1)
     said = describe_escape(PLANE, Q, P)

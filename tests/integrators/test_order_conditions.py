@@ -53,7 +53,7 @@ def test_the_order_is_the_declared_one(table):
 
 @parametrize_tables(TABLES)
 def test_control_a_coefficient_off_by_1e_12_is_seen(table):
-    """Also a change that preserves the sums, where a coefficient of the same kind loses what another gains."""
+    """It leaves a residual, also where another coefficient of the same kind makes up for it in the sum."""
     steps = coefficients.steps(table.name)
     degree = min(3, min(table.order))
     for k in range(len(steps)):

@@ -175,7 +175,7 @@ def in_two_units(x, arguments):
 
 @njit
 def of_their_units(x, g, arguments):
-    """The scales that the solver asks for: the true units of both unknowns."""
+    """The sizes of the two unknowns, which the solver asks for: those in which they are of the order of 1."""
     return 1.0, UNIT
 
 

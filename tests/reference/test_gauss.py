@@ -122,7 +122,7 @@ def test_the_horizon_ends_before_the_limit_is_first_exceeded():
     grid, size = [1.0, 2.0, 3.0, 4.0], np.array([1.0, 1.0, 10.0, 1.0])
 
     def within(*distances: float) -> float:
-        """The horizon of these distances."""
+        """The time up to which an orbit with these distances at `grid` stays within 0.1 of its size."""
         return horizon.within(grid, np.array(distances), size, 0.1)
 
     assert within(0.0, 0.1, 1.0, 0.1) == 4.0, "relative to the size, and the limit itself is within"

@@ -218,9 +218,10 @@ def numbers_of(table: Table) -> list[mpmath.mpf]:
 
 
 def digits(table: Table, numbers: list[mpmath.mpf]) -> tuple[int | None, int | None]:
-    """(decimals printed, decimals that hold) of the number of a table of which the most are wrong.
+    """How many decimals of a table's worst number are printed, and how many of them are right.
 
-    A number's decimals hold as far as it is within one unit of the polished one.  None of exact numbers and closed forms.
+    The worst is that with the most wrong decimals.  A decimal is right if the number is within one unit of it from that of
+    ``numbers``, which solves the order conditions.  (None, None) if all numbers are exact or closed forms.
     """
     found = []
     with mpmath.workdps(DIGITS):

@@ -49,7 +49,7 @@ def sources(acta: pd.DataFrame) -> Verdict:
 
 
 def _agrees(row: pd.Series) -> bool:
-    """True if the computed order begins with the printed one, which may leave out the last powers of eps."""
+    """True if a generalized order that is printed, such as (8, 4), has the first numbers of the computed one."""
     printed, order = str(row["printed order"]).split(","), str(row["order"]).split(",")
     return order[: len(printed)] == printed and (len(printed) > 1 or len(order) == 1)
 

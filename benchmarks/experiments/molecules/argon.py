@@ -65,7 +65,10 @@ def _openmm(best: bool) -> tuple[str, Report]:
 
 
 def _ase(best: bool) -> tuple[str, Report]:
-    """ASE's VelocityVerlet with its Lennard-Jones calculator."""
+    """(what it is, the energies of a run) of ASE's VelocityVerlet with its Lennard-Jones calculator.
+
+    Without ``best`` the calculator has its default cutoff; with it the potential is whole.
+    """
     from ase import Atoms
     from ase.calculators.lj import LennardJones
     from ase.md.verlet import VelocityVerlet

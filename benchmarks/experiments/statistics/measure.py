@@ -156,7 +156,7 @@ def _exponents(scene: Scene, method: str, k: int, q: np.ndarray, p: np.ndarray) 
 
 
 def evaluations_of(made, method: str) -> float:
-    """Evaluations of the gradient in a step."""
+    """How many gradients a step of a method evaluates on the problem ``made``."""
     q, p = np.array([made.q0]), np.array([made.p0])
     run = integrate_ensemble(made, method, q, p, h=made.pace.step, steps=50)
     return run.counts["gradient"] / 50

@@ -25,7 +25,10 @@ def _random(*shape: int) -> np.ndarray:
 
 
 def lagrange() -> tuple[float, float]:
-    """Difference of Lagrange's and the registered Hamilton's equations, double pendulum; control: other gravity."""
+    """Largest difference of the momenta's rates by Lagrange's equations from those of the registered double pendulum.
+
+    And as a control the same with another gravity in Lagrange's equations.
+    """
     a, b, u, v, p1, p2 = sp.symbols("q1 q2 u v p1 p2", real=True)
     T = u**2 + v**2 / 2 + u * v * sp.cos(a - b)
     momenta = [sp.diff(T, x) for x in (u, v)]

@@ -221,7 +221,10 @@ def degenerate() -> tuple[float, float]:
 
 
 def solvable() -> tuple[float, float]:
-    """Distance of `_exponent` from 1 at a point in general position; control: the energy error with lambda = 1/2."""
+    """The distance from 1 of the power of h in |lambda - 1/2| of Scheme IV, at a point in general position.
+
+    And as a control the energy error of a step from there with lambda = 1/2.
+    """
     slope, _ = _exponent(POINT)
     made = _system()
     y = step("scheme-i", lam=Fraction(1, 2))(POINT)

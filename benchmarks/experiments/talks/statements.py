@@ -38,7 +38,7 @@ class Section:
 
     @property
     def question(self) -> str:
-        """The page's title."""
+        """The question that the section's page answers, its title."""
         return f"Do the {self.statements_of} hold?"
 
 

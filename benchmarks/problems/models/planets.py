@@ -75,7 +75,10 @@ def planet_models() -> tuple[Rung, ...]:
 
 
 def particle_models() -> tuple[Rung, ...]:
-    """The models of Saturn's motion: a test particle of the Sun, of Sun and Jupiter; one of three bodies, of all."""
+    """The models of Saturn's motion, coarse to fine.
+
+    Saturn is a test particle that the Sun attracts, or Sun and Jupiter; then a body of mass beside these two, or all.
+    """
     three = ("sun", "jupiter", "saturn")
     return (
         Rung("test particle of the Sun", about_the_sun("saturn"), of_bodies("saturn")),

@@ -1,4 +1,4 @@
-"""ERKStep with relaxation by H of a pendulum: whether ARKODE can call the function, in each form that Python allows."""
+"""ERKStep with relaxation for a pendulum: whether ARKODE can call a Python function for H, in each form it may have."""
 
 import numpy as np
 from sundials4py import arkode, core
