@@ -264,7 +264,7 @@ run = loop(step)
 
 
 def build_path(s: int, rules: Sequence[int], system: Hamiltonian, arithmetic: str) -> Path:
-    """What a step of a method needs whose path is a polynomial of degree s, for quadrature rules of ``rules`` nodes each.
+    """What a step of a method needs whose path is a polynomial of degree s, with quadrature rules of ``rules`` nodes.
 
     The coefficients are padded to groups of `WIDTH` nodes, which the system's functions evaluate side by side.
     """
