@@ -96,7 +96,7 @@ def volume(stepper: Stepper, y, h) -> tuple[float, float]:
 
 
 def symmetry(stepper: Stepper, y, h) -> tuple[float, float]:
-    """(symmetry defect: distance from y after a step h and a step -h; noise 0)."""
+    """(the distance from y after a step h and a step -h, its noise: 0, as rounding is part of that distance)."""
     there, back = (lambda x: stepper.advance(x, h)), (lambda x: stepper.advance(x, -h))
     return float(step_map.return_distance(there, back, y, stepper.entry.sizes)), 0.0
 

@@ -17,7 +17,10 @@ from .fractions import DIGITS
 
 
 def lengths_of_a(fractions: Sequence[mpmath.mpf]) -> list[mpmath.mpf]:
-    """The lengths of the substeps A of composed steps over these fractions of h, one more than there are steps."""
+    """The lengths of the substeps A, as fractions of h, of steps A B A that are composed over these fractions of h.
+
+    A's that meet are one: there is one more than there are steps.
+    """
     with mpmath.workdps(DIGITS):
         half = [f / 2 for f in fractions]
         return [x + y for x, y in zip([0, *half], [*half, 0], strict=True)]

@@ -89,7 +89,10 @@ def _times_generator(b, c, series: list[np.ndarray]) -> list[np.ndarray]:
 
 
 def _times_drift(a, series: list[np.ndarray]) -> list[np.ndarray]:
-    """exp(a A) times a series."""
+    """The product exp(a A) S of series in h: item n of ``series`` has the coefficients of all words of n letters A, B.
+
+    A word that begins with A stands in the first half of its item.
+    """
     out = [x.copy() for x in series]
     for n in range(1, len(series)):
         factor = mpmath.mpf(1)

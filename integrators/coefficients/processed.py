@@ -71,7 +71,7 @@ class ProcessedTable(Table):
         return parts
 
     def _times(self, part: str) -> list[int]:
-        """How many times each number of a part stands in its sequence."""
+        """How many times each number of a part, in the file's order, is used in the sequence of its substeps."""
         n = len(getattr(self, part))
         if part == "processor" or not self.palindromic:
             return [1] * n

@@ -59,7 +59,7 @@ class DiscreteGradient(NamedTuple):
 
 
 class Increment(NamedTuple):
-    """Arguments of the equation of a substep of length h from (q, p), for a given a."""
+    """Arguments of the equation of a substep of length h from (q, p), at the value a of its parameter."""
 
     field: Callable
     q: Any

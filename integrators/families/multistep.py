@@ -111,7 +111,15 @@ class MultistepState(NamedTuple):
 
 
 class Start(NamedTuple):
-    """Arguments of the stage equations of a first step: h v = h M^-1 p, and the row of the first kick in ``memory``."""
+    """Arguments of the stage equations of a first step, by Gauss's method.
+
+    Attributes
+    ----------
+    method : the multistep method, with the coefficients of Gauss's method
+    q, v : the coordinates, and the step h times the velocities M^-1 p
+    memory, at : where the kicks of the stages stand, and the row of the first
+    zero : a zero of the type of q
+    """
 
     method: Multistep
     q: Any

@@ -104,7 +104,10 @@ solve = solver(shift)
 
 
 def step(method, y, carry, counts):
-    """Solve for mu, starting from its values in earlier steps; then move both copies once more."""
+    """A step from y: find the projection's multiplier mu for which the two copies agree after the step, then make it.
+
+    The iteration starts from the mu of earlier steps, in ``carry.memory``.  Returns (the new state, status).
+    """
     mu = predict(carry.memory, 0, 1, counts.steps, join(carry.zero, carry.zero))
     e = Shift(method, y.q, y.p)
     mu, evaluations, newton, status = solve(e, mu, size(y.q) + size(y.p), method.eps, carry.work)

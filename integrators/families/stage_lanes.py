@@ -137,9 +137,10 @@ def exact_weights(step, h):
 
 @inline
 def sweep(e, old, new):
-    """Apply the right-hand side G to the increments in the rows ``old``; write the result to the rows ``new``.
+    """A fixed-point iteration of the equations e: increments stand in the memory's rows from ``old`` on.
 
-    Returns (the distance of old and new, the size of new).
+    The next ones are written to the rows from ``new`` on.  Returns (how far they are from the old ones, their size),
+    both sums of magnitudes.
     """
     step, memory = e.step, e.memory
     places(step.inverse_mass, e, old)

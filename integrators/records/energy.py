@@ -33,7 +33,11 @@ def gonzalez(**facts):
 
 
 def compose_with_adjoint(path, fractions=(Fraction(1),)):
-    """Substeps that alternate the map of ``path`` and its adjoint, each over half of every fraction of the step."""
+    """The substeps (length, path, direction) of a composition of a first-order map with its adjoint.
+
+    For each of the fractions of the step the map and then its adjoint go over half of it; ``path`` is the order in
+    which the map changes coordinates.
+    """
     return [(times(f, HALF), path, direction) for f in fractions for direction in (FORTH, BACK)]
 
 

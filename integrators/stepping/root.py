@@ -168,7 +168,11 @@ def finder(attempt: Callable, followed: bool = True) -> Callable:
 
     @jit
     def nearer_side(x, E0, ease, models, row, arguments):
-        """The guess x, or one of the other sign if by E(-x) a root is nearer there; also updates the model."""
+        """The guess x, or one of the other sign where a step with -x shows that the energy error has a nearer root.
+
+        E0 is the energy error at 0, ``ease`` how easily equations may count as solved (`residual_factor`).  The slope
+        and curvature that E0, E(x) = 0 and E(-x) imply are written to ``models[row]``.
+        """
         forbid_inlining()
         beyond = eased_attempt(-x, ALONG, ease, arguments)
         if beyond.status != SOLVED:

@@ -243,9 +243,10 @@ class PartitionedSystem:
         return self._functions[kind, arithmetic]
 
     def field(self, arithmetic: str = DOUBLE, order: int = 1):
-        """The vector field as a function f(q, p, h, lam) -> (q', p').
+        """The vector field as a function f(q, p, h, lam) -> (q', p') in an arithmetic; h and lam are ignored.
 
-        For ``order`` r > 1 it is (S_u, -S_v) / h of the generating function S(u, v), truncated after h^r.
+        For ``order`` r > 1 it is (S_p, -S_q), S the generating function of the parameterized family with the parameter
+        lam, divided by h and truncated after h^r: a step with it has order r.
         """
         T, number = codegen.value_type(self.d, self.fills), types.float64
         h, lam = sp.Symbol("h", positive=True), generating.LAMBDA

@@ -98,7 +98,7 @@ class Division:
         return force @ inverse.T
 
     def jacobian(self, y):
-        """The derivative of `field` at y: array (N (n - k), N (n - k))."""
+        """The derivative of `field` at y (N m,): array (N m, N m), of N points with m values that are not slopes."""
         m, k = self.equation.moving, self.equation.slopes
         inverse, L = self._parts
         local = inverse @ self.equation.hessian(self.lift(y))[:, :m, :m]

@@ -157,7 +157,7 @@ def _to_galpy(q, p, line: bool) -> list[float]:
 
 
 def _from_galpy(rows, d: int, line: bool):
-    """q and p, arrays (n, d), from rows in galpy's coordinates."""
+    """q and p, arrays (n, d), of galpy's rows (R, vR, vT, phi), (R, vR, vT, z, vz, phi), or (x, vx) on a ``line``."""
     if line:
         return rows[:, :1], rows[:, 1:2]
     R, vR, vT, phi = rows[:, 0], rows[:, 1], rows[:, 2], rows[:, -1]

@@ -47,7 +47,7 @@ def residual_row(name, chosen, h=0.01, steps=3, cells=9, strength=1.0):
 
 
 def units(row, law=laws.TWO_FORM):
-    """The residual of a local conservation law, relative to its unit of round-off."""
+    """The residual of a local conservation law in a row of the table, in units of the round-off expected of it."""
     return row[law] / row[f"{law}, round-off"]
 
 

@@ -1,4 +1,4 @@
-"""The interval of a median covers, and the cheaper of two costs is named on either side."""
+"""Intervals of medians hold the true median as often as they say, and of two costs the cheaper one is named."""
 
 from __future__ import annotations
 

@@ -92,7 +92,7 @@ def test_sums_over_a_row_in_pairs_of_terms(id):
 
 
 def test_a_slope_is_evaluated_at_the_increments():
-    """`_evaluate_arrays` writes the slope into its row and turns the increments into the point of evaluation."""
+    """`_evaluate_arrays` writes the field at (q + dq, p + dp) into the given row of a memory and keeps q and p."""
     q, p, dq, dp = np.array([1.0, 2.0]), np.array([3.0, 5.0]), np.array([0.25, 0.5]), np.array([-0.5, 0.125])
     evaluate, memory = runge_kutta._evaluate_arrays(*[None] * 8), np.zeros((3, 4))
     evaluate(lambda q, p, h, _: (10 * p + h, -q), q, p, dq, dp, 0.5, memory, 1)

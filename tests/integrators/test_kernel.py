@@ -206,7 +206,7 @@ def test_the_types_of_a_step():
 
 @compiled
 def test_steps_that_write_into_arrays_do_not_allocate():
-    """Such steps are recognized by a function without a return value."""
+    """A step whose function returns nothing is taken to write into its arguments, and compiled without allocation."""
     made = types.Array(types.float64, 1, "C")
 
     @numba.njit(types.none(made, made), **vector.ARRAYS)

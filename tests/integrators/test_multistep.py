@@ -431,7 +431,7 @@ def drift(chosen, orbits: int) -> tuple[float, float]:
 
 
 def test_energy_has_no_drift_and_stormers_method_has():
-    """Over 2,000 orbits; the control is an unsymmetric method of nearly that order, by the same kernel."""
+    """Over 2,000 orbits; the control, Stormer's unsymmetric method of order 7 by the same kernel, drifts over 20."""
     slope, around = drift(record(8), 2000)
     assert slope < 2e-11
     assert around < 2e-10

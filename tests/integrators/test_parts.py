@@ -159,7 +159,7 @@ def test_neighbours_of_one_part_are_one():
 
 
 def test_every_method_is_measured_on_parts():
-    """Without round-off, by `measure.multiprecision`: orders and structure."""
+    """Their orders, symplecticity and symmetry without round-off are among the cells of `measure.multiprecision`."""
     for what in ("orders", "symplecticity", "symmetry"):
         assert {x for x in multiprecision.cells(what) if x[0] in IDS} == {(id, name) for id in IDS for name in PARTS}
 

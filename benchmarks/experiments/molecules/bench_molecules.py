@@ -1,4 +1,4 @@
-"""Checks of the molecules: this suite's own rows are sound."""
+"""Checks of the molecules: this suite's RATTLE keeps a rigid water's distances and momenta to round-off."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Checks of cold and warm starts: every run ends with a result."""
+"""Checks of the times of processes that start with an empty or a filled cache: each ends with a result."""
 
 from __future__ import annotations
 

@@ -37,7 +37,10 @@ def image(id: str) -> tuple[np.ndarray, np.ndarray]:
 
 
 def areas(xi, eta) -> np.ndarray:
-    """The oriented areas of a parallelogram's projections onto the planes (p_i, q_i), array (d,)."""
+    """The oriented areas of the projections onto the planes (p_i, q_i) of the parallelogram of xi and eta: array (d,).
+
+    Both are arrays (2 d,).
+    """
     return np.array([measure.polygon_area(_project(xi, eta, i)) for i in range(len(xi) // 2)])
 
 

@@ -115,7 +115,7 @@ def energy_order(rows: pd.DataFrame) -> Verdict:
 
 @_of_cases
 def momentum(rows: pd.DataFrame) -> Verdict:
-    """Whether the residual of the momentum law has the order in space, not more or less."""
+    """Whether the residual of the discrete momentum law falls with the second power of the grid's spacing."""
     rows = rows[rows["declared"]]
     near = _all(rows, (rows["momentum order"] - IN_SPACE_ORDER).abs() < NEAR)
     return Verdict("The residual of the momentum law falls as Δx²", *near)

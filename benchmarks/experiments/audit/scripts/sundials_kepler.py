@@ -1,4 +1,4 @@
-"""SPRKStep's stored answers of the Kepler problem, e = 0.6: H - H0 at t = 50 with ark_kepler's first step, run anew."""
+"""SUNDIALS's example ark_kepler (e = 0.6) run again: H - H0 at t = 50 with its step, beside the answer it stores."""
 
 import numpy as np
 from sundials4py import arkode, core
