@@ -71,7 +71,7 @@ class PolishedFile:
             return tuple(map(value, known["numbers"]))
 
     def steps(self, name: str) -> list:
-        """All substeps of a table by polished numbers, which solve its order conditions: fractions, or (letter, weight)."""
+        """The substeps of a table with the numbers that solve its order conditions: fractions, or (letter, weight)."""
         with mpmath.workdps(DIGITS):
             return self.table(name).steps(self.numbers(name))
 
