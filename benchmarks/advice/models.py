@@ -62,9 +62,10 @@ def _scene(lines: list[dict[str, str]]) -> Scene:
 
 
 def scene_of(ask: Ask) -> Scene | None:
-    """The stored models for a question's problem and quantity, of the shortest span that covers its own; None if none.
+    """The stored simplified systems for a question's problem and quantity; None if there are none.
 
-    If several ladders of models have that span, their models are merged.
+    They are those measured over the shortest time that is not below the question's; if several scenes have it, theirs
+    together.
     """
     problem, name = ask.problem, ask.quantity.name
     near = [
@@ -128,7 +129,11 @@ def _off(found: dict[str, Any]) -> str:
 
 
 def build(models, runs) -> Iterator[dict[str, object]]:
-    """The lines of `models.csv` from measured tables: the modelling error of each model, and its timed runs."""
+    """Yield the lines of `models.csv` from two measured tables.
+
+    ``models`` has for each simplified system how far it puts the scene's quantity off (its modelling error), ``runs``
+    the errors and times of integrators on it.
+    """
     for id, rungs in models.groupby("scene", sort=False):
         ladder = BY_ID[id]
         full = ladder.rungs[-1].make()

@@ -37,11 +37,11 @@ GRADIENTS = ("discrete_gradient", "projection")
 
 @dataclass(frozen=True)
 class PlanetarySystem(Problem):
-    """A problem of bodies about a central one.
+    """A problem of bodies that move about a central one.
 
     Attributes
     ----------
-    bodies : the table that it is made of
+    bodies : the bodies, the central one first, with their masses, positions and velocities (`Bodies`)
     """
 
     bodies: Bodies | None = None

@@ -20,7 +20,7 @@ WORDS |= {"kyr": ("yr", 1000), "Myr": ("yr", 10**6), "Gyr": ("yr", 10**9)}
 
 
 class Units(NamedTuple):
-    """The units of a system's numbers."""
+    """The names of the units of a system's lengths, times and masses, keys of `LENGTHS`, `TIMES` and `MASSES`."""
 
     length: str = "AU"
     time: str = "day"

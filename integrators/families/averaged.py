@@ -241,7 +241,7 @@ def mean(x, e):
 
 @inline
 def lengths(x, g, e):
-    """Sizes of coordinates and momenta at the unknown x, for the lengths of finite differences; g is G(x)."""
+    """(size of q, size of p) at the iterate x, which scale finite differences; g is G(x), e has the equations."""
     return _lengths(e.step.field, x, g, e)
 
 

@@ -307,7 +307,10 @@ run = loop(step)
 
 
 def prepare(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
-    """Prepare the kernel of data (kind, s) or ("hbvm", s, k): stages or nodes in lanes if the system allows it."""
+    """Prepare the kernel of a method whose ``data`` is (kind, s), or ("hbvm", s, k).
+
+    Its stages or nodes are evaluated in lanes if the system allows it.
+    """
     kind, s, *_ = method.data
     if kind == "gauss" and gauss_lanes.serves(s, system):
         return gauss_lanes.prepare(s, system, arithmetic)

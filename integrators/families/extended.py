@@ -168,7 +168,10 @@ run = loop(step, begin, start, finish)
 
 
 def prepare(method, system, arithmetic):
-    """Make the kernel of data (fractions of the composed steps, omega), where omega is None without a bond."""
+    """Prepare the kernel of a method whose ``data`` is (fractions of h of composed steps, omega).
+
+    omega is None where nothing binds the two copies.
+    """
     fractions, omega = method.data
     none = [0] * len(fractions)
     bonds, before, after = none, fractions, none

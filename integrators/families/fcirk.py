@@ -193,7 +193,7 @@ def run(step, carry, samples, counts):
 
 
 def prepare(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
-    """Prepare the kernel of data (number of stages,)."""
+    """Prepare the kernel of a method whose ``data`` is (number of stages,)."""
     (s,) = method.data
     part = system.kepler
     check_kinetic_energy(system)

@@ -198,7 +198,7 @@ def step(method, y, carry, counts):
 
 
 def finish(method, y):
-    """Take back the next step's first kick, half of the last one."""
+    """The state y without that half of its last kick that is the next step's first, with which it was merged."""
     return apply_kick(y, -method.h / 2) if method.b[0] != 0 or method.c[0] != 0 else y
 
 

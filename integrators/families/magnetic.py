@@ -147,7 +147,10 @@ gamma = dispatch_on_none(lambda slowness, u: 1.0, lambda slowness, u: _gamma_squ
 
 
 def _mean_gamma(slowness, u, tau):
-    """The factor gamma of the mean of u before and after the rotation, for the method of Higuera and Cary."""
+    """The Lorentz factor of the mean of u = gamma v before and after the rotation (Higuera and Cary).
+
+    ``slowness`` is 1 / c^2, u the value before it, and tau the vector of half its angle, q B h / (2 m).
+    """
     square, parallel = dot(tau, tau), along(u, tau)
     sigma = _gamma_square(slowness, u) - square
     return (0.5 * (sigma + (sigma * sigma + 4.0 * (square + slowness[0] * parallel * parallel)) ** 0.5)) ** 0.5
@@ -223,7 +226,10 @@ run = loop(step, begin, start, finish)
 
 
 def prepare(method, system, arithmetic):
-    """Prepare the kernel of data (rule of rotation, fractions of h of the symmetric steps that are composed)."""
+    """Prepare the kernel of a method whose ``data`` is (name of the rotation's rule, fractions of h).
+
+    Symmetric steps over the fractions are composed.
+    """
     rule, fractions = method.data
     mass, slowness = magnetic.constants(system)
     step = Magnetic(

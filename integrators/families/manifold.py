@@ -199,7 +199,7 @@ run = loop(step)
 
 
 def prepare(method: Method, system: ConstrainedHamiltonian, arithmetic: str) -> Prepared:
-    """Prepare the kernel of data (s,), the number of stages."""
+    """Prepare the kernel of a method whose ``data`` is (s,), the number of stages."""
     (s,) = method.data
     digits = 40 if arithmetic == DOUBLE else mpmath.mp.dps + 10
     unit = mpmath.mpf(2) ** (-52 if arithmetic == DOUBLE else 1 - mpmath.mp.prec)

@@ -278,7 +278,10 @@ run = loop(step, begin, finish=finish)
 
 
 def prepare(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
-    """Prepare the kernel of data (alpha, numerators of beta, their denominator); beta_0 and beta_k are zero."""
+    """Prepare the kernel of a method whose ``data`` is (alpha, numerators of beta, their denominator).
+
+    beta_0 and beta_k are zero.
+    """
     alpha, numerators, denominator = method.data
     k = len(alpha) - 1
     digits = 40 if arithmetic == DOUBLE else mpmath.mp.dps + 10

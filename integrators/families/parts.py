@@ -122,7 +122,7 @@ def flows(substeps: Iterable[Sequence[Any]], n: int) -> tuple[list[int], list[An
 
 
 def prepare(method: Method, system: SplitHamiltonian, arithmetic: str) -> Prepared:
-    """Prepare the kernel of data (substeps of a step, substeps of the processor)."""
+    """Prepare the kernel of a method whose ``data`` is (substeps of a step, substeps of the processor)."""
     n = len(system.parts)
     with mpmath.workdps(DIGITS):
         step, before = (flows(substeps, n) for substeps in method.data)

@@ -113,7 +113,7 @@ class Equations(NamedTuple):
 
 @inline
 def combine(weights, i, e, rows):
-    """The sum over j of ``weights[i, j]`` times the increment in row ``rows + j`` of the memory."""
+    """The sum over j of ``weights[i, j]`` times the increment in row ``rows + j`` of the memory of the equations e."""
     x = e.like
     for j in range(e.stages):
         x = axpy(weights[i, j], load(e.memory, rows + j, e.like), x)
@@ -219,7 +219,10 @@ def coefficients(s: int, rules: tuple[int, ...], digits: int):
 
 
 def prepare(method: Method, system: PoissonSystem, arithmetic: str) -> Prepared:
-    """Prepare the kernel of data (s,): one exact quadrature rule for a polynomial H, else rules of rising size."""
+    """Prepare the kernel of a method whose ``data`` is (s,), the degree of its path.
+
+    A polynomial H has one exact quadrature rule, another H rules of rising size.
+    """
     (s,) = method.data
     if system.canonical:
         return collocation.prepare(replace(method, data=("cpg", s)), system, arithmetic)

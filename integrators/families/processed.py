@@ -129,7 +129,10 @@ run = loop(step, begin, start, finish)
 
 
 def prepare(method: Method, system: Hamiltonian, arithmetic: str, fills: bool = True) -> Prepared:
-    """Prepare the kernel of data ((a, b) of a splitting, rows (drift, kick) of the processor)."""
+    """Prepare the kernel of a method whose ``data`` is (the splitting's (a, b), the processor's rows (drift, kick)).
+
+    All numbers are fractions of h; ``fills`` is that of `splitting.prepare`.
+    """
     weights, processor = method.data
     made = splitting.prepare(replace(method, data=weights), system, arithmetic, fills)
     drifts, kicks = (numbers(column, arithmetic) for column in zip(*processor, strict=True))

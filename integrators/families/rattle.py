@@ -189,7 +189,7 @@ run = loop(step, begin)
 
 
 def prepare(method: Method, system: ConstrainedHamiltonian, arithmetic: str) -> Prepared:
-    """Prepare the kernel of data (fractions of h of the steps that are composed, True to project p)."""
+    """Prepare the kernel of a method whose ``data`` is (fractions of h of composed steps, True to project p)."""
     fractions, project = method.data
     step = Rattle(
         system.grad_T(arithmetic),

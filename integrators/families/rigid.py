@@ -312,7 +312,7 @@ def _turns(scheme: str, system: RigidBody) -> list[tuple[int, Any]]:
 
 
 def prepare(method: Method, system: RigidBody, arithmetic: str) -> Prepared:
-    """Prepare the kernel of data (scheme, fractions of h of the steps that are composed)."""
+    """Prepare the kernel of a method whose ``data`` is (scheme, fractions of h of the steps that are composed)."""
     scheme, fractions = method.data
     dV, b = system.grad_V(arithmetic), numbers(fractions, arithmetic)
     if scheme in (MOSER_VESELOV, MIDPOINT):

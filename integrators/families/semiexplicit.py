@@ -125,7 +125,7 @@ run = loop(step)
 
 
 def prepare(method, system, arithmetic):
-    """Make the kernel of data (fractions of the composed steps,)."""
+    """Prepare the kernel of a method whose ``data`` is (fractions of the composed steps,)."""
     (fractions,) = method.data
     lengths = (numbers(x, arithmetic) for x in (lengths_of_a(fractions), fractions))
     step = Semiexplicit(system.field(arithmetic), *lengths)

@@ -135,7 +135,10 @@ def from_substeps(substeps, system: Hamiltonian, arithmetic: str, fills: bool = 
 
 
 def prepare(method: Method, system: Hamiltonian, arithmetic: str, fills: bool = True) -> Prepared:
-    """Prepare the kernel of data (a, b): for each k a kick of b_k, then a drift of a_k; ends may be zero."""
+    """Prepare the kernel of a method whose ``data`` is (a, b), fractions of h.
+
+    For each k there is a kick of b_k, then a drift of a_k; those at the ends may be zero.
+    """
     a, b = method.data
     parts = [part for drift, kick in zip_longest(a, b, fillvalue=0) for part in ((True, kick), (False, drift))]
     return _prepare([(kick, fraction) for kick, fraction in parts if fraction != 0], system, arithmetic, fills)

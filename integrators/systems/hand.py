@@ -126,7 +126,7 @@ def uncompiled_loop(name: str, loop: Callable, constants) -> Callable:
 
 
 class MissingFormula:
-    """Stands in the place of H in a system that has loops and no formula; raises InvalidInput when it is used."""
+    """Stands for H in a system given by hand-written loops without a formula; raises InvalidInput when it is used."""
 
     def _sympy_(self):
         raise InvalidInput("this system has loops and no formula to derive anything from; give its H as an expression")

@@ -165,7 +165,7 @@ def _row_address(context, builder, table_type, table, row, n):
 
 @intrinsic
 def _take(typing_context, table, row, like):
-    """Implementation of `take` in compiled code."""
+    """What `take` compiles to: read a row of a table as lanes, as many as ``like`` has."""
 
     def codegen(context, builder, sig, args):
         n = like.count

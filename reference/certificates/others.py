@@ -25,9 +25,9 @@ TOLERANCES = (1e-9, 1e-11)
 
 
 def words(problem, times: Sequence[float], path: Along, apart: np.ndarray) -> list[tuple[Check, ...]]:
-    """Compare the orbit ``path`` with each other solver at each of the times: a `Check` for each.
+    """Compare the orbit ``path`` with other solvers at each of the times: for each time a `Check` for each solver.
 
-    ``apart`` is the distance of `horizon.neighbour` on the grid.
+    ``apart`` has the orbit's distances from a neighbouring one (`horizon.neighbour`) at the times of ``path.grid``.
     """
     unit = np.maximum(upto(path.size), apart / horizon.SHIFT)
     if problem.system.constrained:

@@ -123,7 +123,7 @@ def test_limit_error_of_an_inconsistent_step():
 
 
 def test_errors_are_relative_to_the_size_of_the_state():
-    """A step that does nothing has the displacement of the orbit over the size of its end as error."""
+    """The error of a step that does nothing is the orbit's displacement, relative to the size of its end."""
     row = order.ladder(stepper(lambda system, q, p, h: (q + 0 * h, p + 0 * h), DOUBLE), 1)
     start, (end, _) = PENDULUM.start(1), order.flow(PENDULUM, 1, battery.SPAN)
     end = end.astype(float)

@@ -140,7 +140,7 @@ def test_options_of_pytest_are_flags_where_the_commands_have_flags():
 
 
 def parse(name: str, *arguments: str) -> dict:
-    """Parse a command's arguments, with what it requires besides, without running it."""
+    """The values of a command's parameters for some arguments, and "x" for all that it requires; it is not run."""
     command = typer.main.get_command(app).commands[name]
     required = ["x" for p in command.params if p.required]
     return command.make_context(name, [*required, *arguments]).params

@@ -148,7 +148,7 @@ def test_coefficient_is_replaced_in_place():
 
 
 def test_wrong_coefficient_is_detected(monkeypatch):
-    """Kick by a fraction a of h, drift, kick by b: only methods with a few coefficients are tested."""
+    """A kick over a h, a drift over h, a kick over b h: with a wrong b the order and the symmetry are not found."""
 
     def advance(system, record, y, h, steps=1):
         field, h = system.vector_field(MULTIPRECISION), multiprecision.to_number(h, MULTIPRECISION)

@@ -47,7 +47,7 @@ def test_atoms_have_the_energy_of_the_problem_and_no_momentum():
 
 @pytest.mark.parametrize("id", ["henon-heiles-mean", "henon-heiles-section", "double-pendulum-mean"])
 def test_an_ensemble_keeps_its_average(monkeypatch, id):
-    """And a method that loses energy does not: explicit Euler at the same step."""
+    """By Gauss's method an ensemble keeps the exact average; by explicit Euler at the same step it does not."""
     scene = replace(SCENES[id], orbits=64, span=SCENES[id].span / 10)
     found = measure.sums(scene, "gauss-4", 8)
     mean, error = measure.statistic(found.total, found.number)

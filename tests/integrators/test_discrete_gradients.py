@@ -295,7 +295,7 @@ def test_long_steps_conserve_energy_to_the_last_unit(name):
 
 
 def test_a_step_that_misses_the_energy_is_counted_once():
-    """Outside its separatrix the pendulum is integrated with too long steps."""
+    """A rotating pendulum with steps that are too long: each after which the energy is off is among ``fallbacks``."""
     system = problem("pendulum").system
     s = integrate(system, "gonzalez", h=2.0, steps=6, q0=[0.0], p0=[2.5])
     E = system.observe(system.H, s.q, s.p)

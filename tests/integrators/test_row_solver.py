@@ -263,7 +263,10 @@ class RoundedRows(NamedTuple):
 
 @inline
 def by_rule(e, old, new):
-    """Evaluate all rows with the rule in use; return the norms of the change and of the new rows."""
+    """A fixed-point iteration by the rule that ``e.counts`` names: rows ``new`` of the memory from its rows ``old``.
+
+    Returns (distance of new and old rows, size of the new ones).
+    """
     delta, length = 0.0, 0.0
     for j in range(e.stages):
         x = load(e.memory, old + j, e.like)

@@ -159,7 +159,7 @@ def test_functions_of_vectors_allocate_for_arrays_only():
 
 
 def call(f, x, old):
-    """Results of `velocity`, and of `apply` where a vector may be overwritten, for the function f."""
+    """What `velocity` and `apply` give for a function f at x; ``old`` is a vector that `apply` may overwrite."""
     return vector.velocity(f, x), vector.apply(f, x, old)
 
 

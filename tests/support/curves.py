@@ -43,7 +43,10 @@ class Curve(NamedTuple):
 
 @jit
 def attempt(x, start, ease, e):
-    """Take the made-up step e with parameter x, its end state being x itself, and record it in ``tried``."""
+    """Stand in for a step with the parameter x, whose energy error is the made-up curve that e describes.
+
+    Its end state is x q; x, ``start`` and ``ease`` are recorded in ``e.tried``.
+    """
     n = int(e.many[0, 0])
     e.tried[n, 0], e.tried[n, 1], e.tried[n, 2] = x, start, ease
     e.many[0, 0] = n + 1

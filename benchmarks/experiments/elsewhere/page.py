@@ -61,7 +61,7 @@ def certain(theirs: pd.DataFrame) -> Verdict | None:
 
 
 def answer(data: Data) -> str | None:
-    """A sentence: how many rows of which packages there are, and how many energy errors are the same here."""
+    """A sentence: how many rows other packages measured elsewhere, and how many energy errors this suite measures, too."""
     theirs, verdict = data(THEIRS), reproduced(data)
     if theirs is None or theirs.empty:
         return None

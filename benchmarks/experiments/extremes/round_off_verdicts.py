@@ -96,7 +96,7 @@ def energy(data: Data) -> Verdict | None:
 
 
 def phase(data: Data) -> Verdict | None:
-    """Whether the phase error by round-off grows no faster than n^(3/2)."""
+    """Whether the phase error by round-off grows no faster than n^(3/2) in the number n of steps."""
     if ensembles(data, "phase exponent").empty:
         return None
     return Verdict("The phase's round-off grows no faster than n^(3/2)", *_growth(data, "phase", PHASE))

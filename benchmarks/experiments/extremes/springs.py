@@ -139,7 +139,10 @@ class Springs:
 
 
 def drift(Q, P, fast) -> float:
-    """The largest relative change of the mean energy over the parts of a run; ``fast``: energy of the springs, (n,)."""
+    """How far the mean energy in any of `WINDOWS` parts of a run is from that in the first, relative to the start's.
+
+    Q and P are arrays (d, n) of n rows, and ``fast`` (n,) is the energy of the stiff springs; inf if it is not finite.
+    """
     with np.errstate(all="ignore"):
         squares = [s * s for s in soft_springs(Q[:2], Q[2:])]
         energy = sum(s * s for s in squares) / 4 + (P[0] ** 2 + P[1] ** 2) / 2 + fast

@@ -100,7 +100,10 @@ def quadratures(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def sums(table: pd.DataFrame) -> pd.DataFrame:
-    """For each scene at its most steps: round-off of plain over that of compensated sums, least error in single."""
+    """A row for each scene at its largest number of steps: the gain of compensated sums, the error of single precision.
+
+    The gain is the round-off with plain sums over that with compensated ones; of single precision, the least error.
+    """
     rows = []
     for scene, part in table.groupby("scene", sort=False):
         last = part[part["steps"] == part["steps"].max()].set_index("arithmetic")

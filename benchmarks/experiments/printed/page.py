@@ -96,7 +96,7 @@ def answer(printed: pd.DataFrame) -> str:
 
 
 def _entries(columns: pd.DataFrame) -> list[str]:
-    """The names of the columns that hold entries, one for each step."""
+    """The names of the columns with entries of the printed table, one for each step size."""
     return [c for c in columns if c not in ("recipe", "entries that agree")]
 
 

@@ -54,7 +54,7 @@ def unit(printed: str) -> float:
 
 
 def ends(made, chosen) -> list[np.ndarray]:
-    """Integrate a problem with a method to t = 1 at each of the talk's steps: the end states (q, p)."""
+    """The end states (q, p), arrays (2 d,), of a problem with a method at t = 1, for each step size of `STEPS`."""
     found = [integrate(made, chosen, h=h, t_end=1.0, save_every=0) for h in STEPS]
     return [end_state(s) for s in found]
 

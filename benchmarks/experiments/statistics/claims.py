@@ -89,7 +89,7 @@ def orders(rows: pd.DataFrame, exact: pd.DataFrame) -> Verdict | None:
 
 @of(TABLE, EXACT)
 def structure(rows: pd.DataFrame, exact: pd.DataFrame) -> Verdict | None:
-    """Whether a symplectic method of order 4 needs fewer evaluations than RK4."""
+    """Whether some symplectic method of order 4 needs fewer evaluations than RK4 for a statistic to 1 %."""
     found = by_scene(rows, exact)
     if found.empty:
         return None

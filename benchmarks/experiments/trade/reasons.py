@@ -46,7 +46,10 @@ MEANING = {
 
 
 def cells(front: pd.DataFrame) -> pd.DataFrame:
-    """A row for each case (scene and accuracy) that a side reaches; ratio 0 if only ours does, inf if only a peer."""
+    """A row for each case (scene and accuracy) that a side reaches, with the ratio of our time to the best peer's.
+
+    It is 0 if only a method of ours reaches it, inf if only a peer does.
+    """
     found = choices(front)
     ours, peer = (found[f"{side} integrator"].notna() for side in (OURS, PEERS))
     alone = np.select([ours & ~peer, peer & ~ours], [0.0, inf], nan)
