@@ -104,7 +104,7 @@ def test_statements_are_counted_and_the_worst_is_named():
         ("order = 4", "pack:Solver.order", "Solver.order = 4"),
         ("order = 4", "pack:Solver.digits", "order = 4"),
         ("x" * page.QUOTED, "mod:f", "x" * page.QUOTED),
-        ("word " * 9 + "worse", "mod:f", ("word " * 9).strip() + " …"),
+        ("word " * 9 + "worse", "mod:f", ("word " * (page.QUOTED // 5)).strip() + " …"),
     ],
     ids=["short", "attribute", "another", "just", "long"],
 )

@@ -102,7 +102,11 @@ METHODS = {"stormer-verlet": (1.0, 2), "calvo-sanz-serna-4": (1.0, 4), "rk4": (1
 def test_the_largest_step_is_the_one_from_which_all_finer_ones_are_within_1_percent():
     table, exact = rows(**METHODS)
     found = claims.by_scene(table, exact).loc["henon-heiles-mean"]
-    assert found.to_dict() == {"stormer-verlet": 4.0 * 12, "calvo-sanz-serna-4": 4.0 * 4, "rk4": 4.0 * 12}
+    assert found[found < np.inf].to_dict() == {
+        "stormer-verlet": 4.0 * 12,
+        "calvo-sanz-serna-4": 4.0 * 4,
+        "rk4": 4.0 * 12,
+    }
     table.loc[(table["method"] == "rk4") & (table["k"] == 32), "mean"] = 1.5
     assert claims.by_scene(table, exact).loc["henon-heiles-mean", "rk4"] == 4.0 * 48
     table.loc[table["method"] == "rk4", "standard error"] = 0.1

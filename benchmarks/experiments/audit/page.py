@@ -16,7 +16,7 @@ from .statements import NEAR, SEVERITIES
 
 OWN = "phasebench"
 #: Characters of a statement that the table quotes; the CSV has the whole statement.
-QUOTED = 48
+QUOTED = 32
 
 
 def records(frame) -> list[dict]:
@@ -205,7 +205,7 @@ def _statement_line(r) -> dict:
     """A line of the findings' table: a statement of a package's documentation, what was measured, and the verdict."""
     return {
         "package": f"{r.package} {r.version}",
-        "said": f"[“{markdown.plain(_quote(r.said, r.where))}”]({r.link})",
+        "said": f"[“{markdown.plain(_quote(r.said, r.where))}”]({r.link.removesuffix('index.html')})",
         "measured": r.shows,
         "verdict": f"{r.verdict}: {r.severity}" if r.severity else r.verdict,
         "what would mend it": r.mend,

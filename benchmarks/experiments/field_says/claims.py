@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import product
 from math import inf
 
 import pandas as pd
@@ -76,13 +77,17 @@ def fewest(rows: pd.DataFrame) -> pd.DataFrame:
         for error in ERRORS:
             met = part[part["error"] <= error]["evaluations"]
             found[name, error, id] = float(met.min()) if len(met) else inf
-    return pd.Series(found).unstack()
+    return pd.Series(found).unstack().reindex(columns=list(cost.METHODS)).fillna(inf)
 
 
 @of(cost.TABLE)
-def than_verlet(rows: pd.DataFrame) -> Verdict:
+def than_verlet(rows: pd.DataFrame) -> Verdict | None:
     """Whether McAte2 needs fewer evaluations than VelocityVerlet."""
-    ratio = (lambda f: f[VERLET] / f[MCATE2])(fewest(rows)).replace(inf, float("nan")).dropna()
+    found = fewest(rows)[[VERLET, MCATE2]]
+    found = found[found.max(axis=1) < inf]
+    ratio = found[VERLET] / found[MCATE2]
+    if ratio.empty:
+        return None
     return Verdict(
         "McAte2 needs fewer evaluations than VelocityVerlet for the same error",
         Range(ratio.min(), ratio.max()),
@@ -93,10 +98,12 @@ def than_verlet(rows: pd.DataFrame) -> Verdict:
 
 
 @of(cost.TABLE)
-def efficient(rows: pd.DataFrame) -> Verdict:
+def efficient(rows: pd.DataFrame) -> Verdict | None:
     """Whether McAte2 or McAte3 needs the fewest evaluations in most cases."""
     found = fewest(rows)
     found = found[found.min(axis=1) < inf]
+    if found.empty:
+        return None
     best = found.idxmin(axis=1)
     first = int(best.isin([MCATE2, "mclachlan-atela-3"]).sum())
     most = str(best.map(cost.METHODS).value_counts().index[0])
@@ -110,10 +117,12 @@ def efficient(rows: pd.DataFrame) -> Verdict:
 
 
 @of(cost.TABLE)
-def loose(rows: pd.DataFrame) -> Verdict:
+def loose(rows: pd.DataFrame) -> Verdict | None:
     """How many times as many evaluations as the best McAte2 needs."""
     found = fewest(rows)
     ratio = (found[MCATE2] / found.min(axis=1)).replace(inf, float("nan")).dropna()
+    if ratio.empty:
+        return None
     return Verdict(
         "McAte2 is optimal in efficiency",
         Range(ratio.min(), ratio.max()),
@@ -123,13 +132,20 @@ def loose(rows: pd.DataFrame) -> Verdict:
     )
 
 
+def _has_all(rows: pd.DataFrame, **values) -> bool:
+    """Whether there is a row for each combination of values of the columns."""
+    return set(product(*values.values())) <= set(zip(*(rows[c] for c in values), strict=True))
+
+
 def _order(rows: pd.DataFrame, id: str, T: str) -> float:
     return float(rows[(rows["method"] == id) & (rows["T"] == T)]["order"].iloc[0])
 
 
 @of(orders.TABLE)
-def fourth(rows: pd.DataFrame) -> Verdict:
+def fourth(rows: pd.DataFrame) -> Verdict | None:
     """Whether McAte4 has order 4 for a quadratic kinetic energy alone."""
+    if not _has_all(rows, method=["mclachlan-atela-4"], T=[orders.QUADRATIC, orders.OTHER]):
+        return None
     there, other = (_order(rows, "mclachlan-atela-4", T) for T in (orders.QUADRATIC, orders.OTHER))
     return Verdict(
         "McAte4 loses its order where the kinetic energy is not quadratic",
@@ -140,8 +156,10 @@ def fourth(rows: pd.DataFrame) -> Verdict:
 
 
 @of(orders.TABLE)
-def fifth(rows: pd.DataFrame) -> Verdict:
+def fifth(rows: pd.DataFrame) -> Verdict | None:
     """Whether McAte5 has order 5 for every kinetic energy."""
+    if not _has_all(rows, method=["mclachlan-atela-5"], T=[orders.QUADRATIC, orders.OTHER]):
+        return None
     there, other = (_order(rows, "mclachlan-atela-5", T) for T in (orders.QUADRATIC, orders.OTHER))
     return Verdict(
         "McAte5 is of fifth order for every kinetic energy",
@@ -166,8 +184,10 @@ def _over(rows: pd.DataFrame, symplectic: str, name: str) -> pd.Series:
 
 
 @of(energy.TABLE)
-def short(rows: pd.DataFrame) -> Verdict:
+def short(rows: pd.DataFrame) -> Verdict | None:
     """Whether KahanLi8's energy error over short times is larger than that of other methods."""
+    if not _has_all(rows, problem=["henon-heiles"], integrator=energy.RUNS):
+        return None
     found = _over(rows, energy.COMPENSATED, "henon-heiles")
     plain = _over(rows, energy.PLAIN, "henon-heiles")
     return Verdict(
@@ -179,8 +199,10 @@ def short(rows: pd.DataFrame) -> Verdict:
     )
 
 
-def _later(rows: pd.DataFrame, name: str) -> dict:
-    """Arguments of a verdict that KahanLi8's energy error, beside the smallest other, falls as time grows."""
+def _later(rows: pd.DataFrame, name: str) -> dict | None:
+    """The arguments of a verdict that KahanLi8's energy error, over the smallest other, falls as time grows."""
+    if not _has_all(rows, problem=[name], integrator=energy.RUNS):
+        return None
     found = _over(rows, energy.PLAIN, name).dropna()
     ends = (f"{number(found.iloc[k])} at t = {found.index[k]:g}" for k in (0, -1))
     told = f"plain sums; {', '.join(ends)}"
@@ -193,17 +215,17 @@ def _later(rows: pd.DataFrame, name: str) -> dict:
 
 
 @of(energy.TABLE)
-def later(rows: pd.DataFrame) -> Verdict:
+def later(rows: pd.DataFrame) -> Verdict | None:
     """Whether it is less noticeable as time grows, on Henon-Heiles."""
-    return Verdict("As time grows KahanLi8's energy error is less noticeable", **_later(rows, "henon-heiles"))
+    found = _later(rows, "henon-heiles")
+    return found and Verdict("As time grows KahanLi8's energy error is less noticeable", **found)
 
 
 @of(energy.TABLE)
-def later_boson(rows: pd.DataFrame) -> Verdict:
+def later_boson(rows: pd.DataFrame) -> Verdict | None:
     """Whether it is on the quadrupole boson."""
-    return Verdict(
-        "On the quadrupole boson, too, it is less noticeable as time grows", **_later(rows, "quadrupole-boson")
-    )
+    found = _later(rows, "quadrupole-boson")
+    return found and Verdict("On the quadrupole boson, too, it is less noticeable as time grows", **found)
 
 
 @of(energy.TABLE)

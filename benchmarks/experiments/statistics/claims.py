@@ -11,7 +11,7 @@ from phasebench.benchmarks.page.page import of
 from phasebench.benchmarks.page.verdict import EVERY, Count, Range, Verdict, at_least, at_most
 from phasebench.integrators.registry import BY_ID
 
-from .measure import EXACT, SIGMAS, TABLE, WANTED
+from .measure import EXACT, METHODS, SIGMAS, TABLE, WANTED
 
 #: Standard errors within which a statistic is that of the exact flow.
 SAME = 3.0
@@ -45,7 +45,8 @@ def by_scene(rows: pd.DataFrame, exact: pd.DataFrame) -> pd.DataFrame:
 
     Scenes that no method reaches are left out.
     """
-    found = fewest(rows, exact).pivot(index="scene", columns="method", values="evaluations").fillna(inf)
+    found = fewest(rows, exact).pivot(index="scene", columns="method", values="evaluations")
+    found = found.reindex(columns=list(METHODS)).fillna(inf)
     return found[found.min(axis=1) < inf]
 
 
@@ -93,7 +94,7 @@ def structure(rows: pd.DataFrame, exact: pd.DataFrame) -> Verdict | None:
     found = by_scene(rows, exact)
     if found.empty:
         return None
-    ratio = found[RK4] / found[[m for m in FOURTH if m in found]].min(axis=1)
+    ratio = found[RK4] / found[list(FOURTH)].min(axis=1)
     return Verdict(
         "For statistics a symplectic method of order 4 is cheaper than RK4",
         Range(ratio.min(), ratio.max()),

@@ -44,7 +44,7 @@ def table(rows: pd.DataFrame, exact: pd.DataFrame) -> Table:
             "scene": list(found.index),
             "exact": [number(known["exact"][s]) for s in found.index],
             "standard error": [number(known["standard error"][s]) for s in found.index],
-            **{m: ["" if x == inf else number(x) for x in found[m]] for m in measure.METHODS if m in found},
+            **{m: ["" if x == inf else number(x) for x in found[m]] for m in measure.METHODS},
         }
     )
     caption = (
@@ -68,7 +68,7 @@ def draw(rows: pd.DataFrame, exact: pd.DataFrame, folder: Path) -> list[Picture]
                 part = found[(found["scene"] == id) & (found["method"] == method)]
                 axes.loglog(part["evaluations"], 100 * part["error"], label=method, **style.curve(k))
             axes.axhline(100 * measure.WANTED, color="0.4", linewidth=0.8)
-            axes.set(title=id)
+            axes.set_title(id, fontsize="small")
             axes.grid(color="0.93", linewidth=0.5)
             style.plain_ticks(axes.xaxis)
         figure.supxlabel("evaluations of the gradient in a unit of time", fontsize="medium")
