@@ -22,7 +22,7 @@ NOTHING = "Not measured in this folder."
 Data = Callable[[str], pd.DataFrame | None]
 
 #: Largest numbers of lines of setting, of verdicts, and of rows in a table.
-SETTING, VERDICTS, ROWS = 5, 5, 30
+SETTING, VERDICTS, ROWS = 5, 5, 25
 #: Largest numbers of words in an answer and in a claim.
 ANSWER, CLAIM = 30, 15
 

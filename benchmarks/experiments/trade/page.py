@@ -9,7 +9,7 @@ import pandas as pd
 from phasebench.benchmarks.ladder.race import KEEP, LOSING, PREPARING
 from phasebench.benchmarks.measure.timing import NONE, OURS, PEERS, TIED
 from phasebench.benchmarks.page.markdown import join_list, number
-from phasebench.benchmarks.page.page import Page, Picture, Table, of
+from phasebench.benchmarks.page.page import ROWS, Page, Picture, Table, of
 from phasebench.benchmarks.page.verdict import EVERY, FAIL, Count, Range, Verdict, at_least, at_most
 from phasebench.benchmarks.problems.questions import QUESTIONS
 from phasebench.integrators.record import ROUND_OFF
@@ -154,9 +154,9 @@ def table(rows: pd.DataFrame) -> Table | None:
     caption = (
         "The fastest integrator at each error. In brackets: the time of this project's best method divided by the "
         f"best peer's (below 1 we are faster); = marks a tie (the ratio's interval comes within a factor {TIE} of "
-        "1), alone that only one side reaches the error. One scene of each problem; every scene has a page."
+        f"1), alone that only one side reaches the error. One scene of a problem, {ROWS} at most; every scene has a page."
     )
-    return Table(pd.DataFrame(lines[::-1]), caption)
+    return Table(pd.DataFrame(lines[::-1][:ROWS]), caption)
 
 
 def _cell(part: pd.DataFrame) -> str:
