@@ -170,7 +170,7 @@ def judge(system, t, Q, P, advice: str = "take a smaller h") -> Outcome:
 
 
 def grows(error: np.ndarray, first: float) -> bool:
-    """True if an energy error grows along the run; ``error`` is its size in each row, array (n,), from the first.
+    """True if the energy error grows along a run; ``error`` (n,) is its magnitude in each row, that of the start first.
 
     ``first`` is the size of H's terms in the first row.
     """

@@ -104,7 +104,7 @@ def displace(x, a, v, out):
 
 @in_place(_combine)
 def combine(b, g, c, k):
-    """b g + c k, written over g where these are arrays."""
+    """b g + c k, of V's gradient g and the second term k of a modified kick, both (d,); written over an array g."""
     return axpy(c, k, scale(b, g))
 
 

@@ -124,7 +124,7 @@ sums = dispatch_on_none(_end_both, _end_kicks)
 
 @inline
 def exact_weights(step, h):
-    """The weights h b_i, rounded such that they add up to h; else time would be off by the same share in every step.
+    """The weights h b_i in lanes, rounded such that their sum is h exactly; else every step would misstate time alike.
 
     They are multiples of half the last place of h, except in the middle, which takes the rest. No
     partial sum is rounded.

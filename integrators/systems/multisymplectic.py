@@ -52,7 +52,7 @@ class Equation:
 
     @property
     def moving(self) -> int:
-        """The number of components of y, the part of z that evolves in time."""
+        """How many components of the unknown z evolve in time: those that are not slopes in space."""
         return len(self.K) - self.slopes
 
 

@@ -30,7 +30,7 @@ FUSED, ANY_ORDER = ("contract",), ("contract", "reassoc", "nsz")
 
 
 class Lanes(types.Type):
-    """The Numba type of n doubles in lanes."""
+    """The Numba type of n doubles side by side in a vector register, one in each lane."""
 
     def __init__(self, n: int):
         self.n = n

@@ -17,8 +17,8 @@ from phasebench.benchmarks.experiments.audit import page, statement_cells, state
 from phasebench.benchmarks.experiments.audit.said import BY_SCRIPT, STATEMENTS
 from phasebench.benchmarks.judge.verdict import CONTRADICTED, HOLDS, UNDERSTATED, UNJUDGED
 from phasebench.benchmarks.page.verdict import FINDING, PASS, Count
-from phasebench.reference.installed import how_to_install, is_installed
 from phasebench.reference.peers import BY_ID
+from support.needs import need
 
 OK = "1.0e-16"
 #: The orders that SUNDIALS states, of q and of H.
@@ -348,8 +348,7 @@ def test_unused_rebound_options_are_listed(monkeypatch):
     ],
 )
 def test_unregistered_names_of_other_packages(package, left):
-    if not is_installed(package):
-        pytest.skip(how_to_install(package))
+    need(package)
     assert names(package) == left
 
 
@@ -363,8 +362,7 @@ def test_unregistered_names_of_other_packages(package, left):
     ],
 )
 def test_a_peer_is_not_among_those_that_are_left_out(package, named, used):
-    if not is_installed(package):
-        pytest.skip(how_to_install(package))
+    need(package)
     found = names(package)
     assert named in found
     assert used not in found

@@ -7,17 +7,16 @@ import pytest
 
 from phasebench.benchmarks.problems import problem
 from phasebench.integrators import InvalidInput, integrate
-from phasebench.reference.installed import is_installed
 from phasebench.reference.native import LIBRARIES
 from phasebench.reference.peers import PEERS, integrate_peer
+from support.needs import need
 
 
 @pytest.mark.parametrize("peer", PEERS, ids=lambda p: p.id)
 def test_a_peer_integrates_backwards(peer):
     if peer.package in LIBRARIES:
         pytest.skip("test_peers_native tries it")
-    if not is_installed(peer.package):
-        pytest.skip(f"{peer.package} is not installed")
+    need(peer.package)
     made = next(
         (p for p in map(problem, ("pendulum", "kepler", "henon-heiles:box")) if not peer.lacks(p, p.system)), None
     )

@@ -15,6 +15,7 @@ from phasebench.integrators import InvalidInput, integrate
 from phasebench.reference import installed, native
 from phasebench.reference.peers import boost, gsl, integrate_peer
 from phasebench.reference.peers.prepared import prepare_peer
+from support import needs
 
 PEERS = {p.id: p for p in (*boost.PEERS, *gsl.PEERS)}
 FIXED = [id for id, p in PEERS.items() if not p.adaptive]
@@ -27,8 +28,7 @@ STEPS = {1: (400, 800), 2: (60, 120), 4: (60, 120), 5: (40, 80), 8: (10, 20)}
 
 def need(id: str):
     """The peer; the test is skipped where its headers or a compiler are missing."""
-    if not installed.is_installed(PEERS[id].package):
-        pytest.skip(f"not here: {installed.how_to_install(PEERS[id].package)}")
+    needs.need(PEERS[id].package)
     return PEERS[id]
 
 

@@ -17,8 +17,6 @@ from phasebench.reference.peers.prepared import PreparedPeer, prepare_peer
 #: Problem -> span: both kinds of gravity in REBOUND, and a potential.
 SPANS = {"kepler": 6.0, "henon-heiles:box": 5.0, "figure-eight": 2.0}
 TOL, STEPS = 1e-9, 100
-#: heyoka's integrators that are tried: at its defaults, and with its models and options.
-HEYOKA = ("heyoka", "heyoka-high-accuracy(model=nbody, compact_mode)", "heyoka(model=fixed_centres, compact_mode)")
 #: Peers that start with the order or polynomial of the previous run, so that results vary within the tolerance.
 REMEMBERS = ("rebound-ias15", "rebound-bs")
 
@@ -26,12 +24,11 @@ REMEMBERS = ("rebound-ias15", "rebound-bs")
 def runs(name: str):
     """Yield (problem, peer) for the peers that support the problem.
 
-    Packages that are not installed are left out, and most of heyoka's variants, which differ in what it compiles.
+    Packages that are not installed are left out, and heyoka's variants without compact mode, slow to compile.
     """
     made = problem(name)
     for p in competing():
-        variant = p.package == "heyoka" and p.id not in HEYOKA
-        if is_installed(p.package) and p.lacks(made, made.system) is None and not variant:
+        if is_installed(p.package) and p.lacks(made, made.system) is None and "compact_mode=False" not in p.id:
             yield made, p
 
 

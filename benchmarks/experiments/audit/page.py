@@ -205,7 +205,7 @@ def _statement_line(r) -> dict:
     """A line of the findings' table: a statement of a package's documentation, what was measured, and the verdict."""
     return {
         "package": f"{r.package} {r.version}",
-        "said": f"[“{markdown.plain(_quote(r.said, r.where))}”]({r.link.removesuffix('index.html')})",
+        "said": f"[“{markdown.plain(_quote(r.said, r.where))}”]({r.link})",
         "measured": r.shows,
         "verdict": f"{r.verdict}: {r.severity}" if r.severity else r.verdict,
         "what would mend it": r.mend,

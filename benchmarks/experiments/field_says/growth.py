@@ -37,7 +37,7 @@ PHASES = 100
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """A cell for each method; none if ``quick``."""
+    """List the measurements (`Cell`), one for each method; none if ``quick``."""
     return [] if quick else [_cell(id) for id in (*SYMPLECTIC, *STANDARD)]
 
 

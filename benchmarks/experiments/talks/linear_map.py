@@ -58,7 +58,10 @@ def _measure(quick: bool) -> list[dict]:
 
 @style.styled
 def parallelograms(rows):
-    """(figure, caption): the parallelogram and its images under two methods, in both planes."""
+    """(figure, caption) of a parallelogram and its images under two methods, projected onto both planes (p_i, q_i).
+
+    ``rows`` has a line for each of the three panels, with the two vectors as texts.
+    """
     figure, grid = style.panels(2, 3, 4.4, sharex=True, sharey=True)
     for column, r in enumerate(rows.itertuples()):
         xi, eta = unpack(r.x), unpack(r.y)
