@@ -38,6 +38,15 @@ def _times(a: list[sp.Expr], b: list[sp.Expr], order: int) -> list[sp.Expr]:
     return c
 
 
+def gradient(e: sp.Expr, variables: Sequence[sp.Symbol]) -> list[sp.Expr]:
+    """The derivatives of ``e`` by each variable; of a long sum only the terms that contain the variable are derived."""
+    terms: dict[sp.Symbol, list[sp.Expr]] = {x: [] for x in variables}
+    for term in sp.Add.make_args(e):
+        for x in term.free_symbols & terms.keys():
+            terms[x].append(term)
+    return [sp.diff(sp.Add(*found), x) for x, found in terms.items()]
+
+
 def coefficients(H: sp.Expr, q: Sequence[sp.Symbol], p: Sequence[sp.Symbol], order: int, lam=None) -> list[sp.Expr]:
     """The coefficients K_1, ..., K_order of the generating function, as expressions in v = q, u = p and ``lam``.
 
@@ -58,13 +67,10 @@ def coefficients(H: sp.Expr, q: Sequence[sp.Symbol], p: Sequence[sp.Symbol], ord
         return derivatives[indices]
 
     for i in range(1, order):
-        shifts = []
-        for x in p:  # v + lambda S_u
-            shifts.append([sp.Integer(0), *(lam * sp.diff(k, x) for k in K)])
-        for x in q:  # u - (1 - lambda) S_v
-            shifts.append([sp.Integer(0), *((lam - 1) * sp.diff(k, x) for k in K)])
-        shifts = [[tidy(c) for c in s] for s in shifts]
-        total = sp.Integer(0)
+        v = zip(*(gradient(k, p) for k in K), strict=True)  # v + lambda S_u
+        u = zip(*(gradient(k, q) for k in K), strict=True)  # u - (1 - lambda) S_v
+        shifts = [[sp.Integer(0), *(tidy(s * d) for d in x)] for s, side in ((lam, v), (lam - 1, u)) for x in side]
+        terms = []
         products: dict[tuple[int, ...], list[sp.Expr]] = {(): [sp.Integer(1)]}
         for degree in range(1, i + 1):
             for indices in combinations_with_replacement(range(len(variables)), degree):
@@ -76,8 +82,8 @@ def coefficients(H: sp.Expr, q: Sequence[sp.Symbol], p: Sequence[sp.Symbol], ord
                 multiplicity = 1
                 for k in set(indices):
                     multiplicity *= factorial(indices.count(k))
-                total += D * c / multiplicity
-        K.append(tidy(total / (i + 1)))
+                terms.append(D * c / multiplicity)
+        K.append(tidy(sp.Add(*terms) / (i + 1)))
     return K
 
 

@@ -255,8 +255,12 @@ class PartitionedSystem:
             if order == 1:
                 return [list(self.dq), list(self.dp)]
             K = generating.coefficients(self.H, self.q, self.p, order)
-            S = sum(k * h**i for i, k in enumerate(K))
-            return [[sp.diff(S, x) for x in self.p], [-sp.diff(S, x) for x in self.q]]
+            by_p, by_q = ([generating.gradient(k, x) for k in K] for x in (self.p, self.q))
+            powers = [h**i for i in range(order)]
+            return [
+                [sign * sp.Add(*map(sp.Mul, powers, row)) for row in zip(*sides, strict=True)]
+                for sign, sides in ((1, by_p), (-1, by_q))
+            ]
 
         arguments = [("q", self.q), ("p", self.p), ("h", h), ("lam", lam)]
         signature = types.Tuple((T, T))(T, T, number, number)
