@@ -56,8 +56,14 @@ def _of_kicks(system: Hamiltonian, lanes: int, arithmetic: str, digits: int) -> 
 
 def _of_both(system: Hamiltonian, lanes: int, arithmetic: str) -> tuple[Callable, None]:
     """(The vector field of q and p as a function of lanes, None)."""
+
+    def results():
+        from phasebench.integrators.compile.printing import Program
+
+        return Program(system.definitions, [list(system.sides)])
+
     arguments = [("q", system.q), ("p", system.p)]
-    return lane_formulae.function("field", arguments, lambda: [*system.dq, *system.dp], lanes, system, arithmetic), None
+    return lane_formulae.function("field", arguments, results, lanes, system, arithmetic), None
 
 
 def functions(system: Hamiltonian, lanes: int, arithmetic: str, digits: int) -> tuple[Callable, np.ndarray | None]:

@@ -42,15 +42,18 @@ def function(
 ):
     """Return the compiled function f(B) of named vectors of symbols in n lanes.
 
-    ``results`` takes no arguments and returns a list of expressions; it is called only if the text is not in the cache.
+    ``results`` takes no arguments and returns a list of expressions, or a `printing.Program` of one such list; it is
+    called only if the text is not in the cache.
     """
     rows = sum(len(symbols) for _, symbols in arguments)
 
     def text(arithmetic):
         from phasebench.integrators.compile import printing
 
-        expressions = results()
-        formula = printing.source("g", arguments, [expressions], arithmetic)
+        found = results()
+        program = found if isinstance(found, printing.Program) else printing.Program((), [found])
+        (expressions,) = program.results
+        formula = printing.source("g", arguments, program, arithmetic)
         begins = [sum(len(symbols) for _, symbols in arguments[:i]) for i in range(len(arguments))]
         values = [
             f"({''.join(f'take(B, {first + k}, LIKE), ' for k in range(len(symbols)))})"

@@ -11,7 +11,7 @@ from phasebench.benchmarks.page.markdown import number
 from phasebench.benchmarks.page.page import Data, Page, Picture, Table, of
 from phasebench.benchmarks.page.verdict import EVERY, FAIL, Count, Verdict, at_least, at_most
 
-from .measure import CARTESIAN, DRIFT, MANIFOLD, MOLECULE_STEP, SPHERE, STEP, STEPS, TOLERANCE
+from .measure import CARTESIAN, DRIFT, LONG, MANIFOLD, SPHERE, STEPS, TOLERANCE
 
 #: Constraints that are kept are kept to this; a method that leaves the manifold is further off than that.
 KEPT, LEFT = 1e-14, 1e-9
@@ -126,7 +126,7 @@ def draw(converged: pd.DataFrame, rows: pd.DataFrame, folder: Path) -> list[Pict
         axes.grid(color="0.93", linewidth=0.5)
         style.legend_above(figure, axes, 2)
     caption = (
-        f"Drift of the energy over {STEPS} steps of h = {STEP} on the spherical pendulum, against the tolerance to which the "
+        f"Drift of the energy over {STEPS} steps of h = {LONG[SPHERE]} on the spherical pendulum, against the tolerance to which the "
         "constraint is iterated. Dashed: `rattle`, whose multipliers are solved to round-off."
     )
     return [
@@ -160,8 +160,8 @@ PAGE = Page(
         f"A spherical pendulum ({SPHERE}) and a double pendulum in Cartesian coordinates ({CARTESIAN}).",
         "Ordinary methods run on the index-reduced equations, with λ as a function of (q, p) from the twice differentiated "
         "constraint.",
-        f"Long runs: {STEPS} steps of h = {STEP} on the spherical pendulum; the drift is the slope of H with its interval.",
-        f"A molecule: n-butane of four atoms, fixed bonds and angles, torsion of Ryckaert and Bellemans, steps of h = {MOLECULE_STEP}, "
+        f"Long runs: {STEPS} steps of h = {LONG[SPHERE]} on the spherical pendulum; the drift is the slope of H with its interval.",
+        f"A molecule: n-butane of four atoms, fixed bonds and angles, torsion of Ryckaert and Bellemans, steps of h = {LONG['butane']}, "
         "4 fs.",
     ),
     verdicts=(kept, left, same, drift, loose),
