@@ -160,6 +160,37 @@ def test_verdicts_on_orders_energies_and_ias15():
         assert claims.taylor(of(**{claims.BROUWER: pd.DataFrame([row | {"rms": 6e-14}])})).outcome == outcome
 
 
+def rival(id, error, time=1.0, problem=claims.PLANETS, h=1.0):
+    """A row of REBOUND's: an integrator's energy error and time with a step on a problem."""
+    row = {"problem": problem, "kind": "rebound", "method": id, "h": h}
+    return row | {"energy error": error, "ns a unit of time": time}
+
+
+def of_rivals(*rows):
+    return of(**{claims.RIVALS: pd.DataFrame(rows)})
+
+
+def test_the_fastest_of_rebound_s_splittings_is_counted_by_error():
+    for time, n, outcome in ((3.0, 10, PASS), (0.5, 0, FINDING)):
+        found = claims.planets(of_rivals(rival("rebound-whfast", 1e-14), rival("rebound-saba-4", 1e-14, time)))
+        assert (found.measured.n, found.measured.of, found.outcome) == (n, 10, outcome)
+    elsewhere = rival("rebound-saba-4", 1e-14, 0.1, "perturbed-kepler, e = 0.2")
+    found = claims.planets(of_rivals(rival("rebound-whfast", 1e-9), elsewhere))
+    assert (found.measured.n, found.measured.of) == (6, 6)
+    assert claims.planets(of_rivals(rival("rebound-whfast", np.nan, np.nan))) is None
+
+
+def test_the_best_corrector_and_kernel_are_counted():
+    for last, outcome in ((1e-10, PASS), (3e-9, FINDING)):
+        errors = dict.fromkeys(claims.CORRECTORS, 2e-9) | {3: 1e-9, 11: 4e-9, 17: last}
+        rows = [rival(claims.CORRECTORS[n], x) for n, x in errors.items()]
+        assert claims.correctors(of_rivals(*rows)).outcome == outcome
+    assert claims.correctors(of_rivals(*rows[:4])) is None
+    for time, outcome in ((0.5, PASS), (2.0, FINDING)):
+        found = claims.kernels(of_rivals(rival("rebound-whfast", 1e-14, time), rows[4] | {"energy error": 1e-14}))
+        assert found.outcome == outcome
+
+
 def test_the_answer_counts_the_statements():
     told = page.answer(of(field_says_growth=growth_rows()))
     assert told == "Of 5 statements 3 hold on the problems they name; 2 do not."

@@ -2,7 +2,7 @@ r"""Methods for constraints beside ordinary ones on the index-reduced equations,
 
 - **Manifold**: the largest constraint and hidden constraint over `SPAN`, the largest error of the energy, the error of
   the end state, the evaluations of a step.
-- **Drift**: the slope of the energy over a million steps of `rattle`, with its interval, on the sphere and on a molecule.
+- **Drift**: the slope of the energy over a million steps of `rattle`, with its interval, on a sphere and on a molecule.
 - **Tolerance**: the same of a plain RATTLE whose multipliers are iterated to a tolerance of the constraints,
   as packages of molecular dynamics do.  One iteration for :math:`\tfrac12(|q|^2 - 1) = 0` moves q by
   :math:`-\frac{|q|^2 - 1}{2\,q\cdot q_0}\,q_0`; the momentum is projected with the last q.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from itertools import product
 from math import inf
 
@@ -18,11 +19,25 @@ from . import cost, encounters, energy, growth, orders
 NEAR = 0.1
 #: The errors of the state for which evaluations are compared.
 ERRORS = tuple(10.0**-k for k in range(1, 11))
+#: The energy errors for which times are compared.
+ENERGIES = tuple(10.0**-k for k in range(4, 14))
 #: The energy error of doubles that counts as machine precision.
 MACHINE = 1e-14
 MCATE2, VERLET = "mclachlan-atela-2", "stormer-verlet"
 #: The table of another page, which has ensembles of longer runs.
 BROUWER = "printed_numbers_brouwer"
+#: The table of another page, with the energy errors and times of all of REBOUND's Wisdom-Holman settings.
+RIVALS = "wisdom_holman_rivals"
+PLANETS = "outer-solar-system"
+#: WHFast with each kernel and corrector 17, by the kernel's name.
+KERNELS = {
+    "rebound-whfast": "lazy",
+    "rebound-whfast-corrector-17": "default",
+    "rebound-whfast-modifiedkick": "modified kick",
+    "rebound-whfast-composition": "composition",
+}
+#: WHFast's correctors with the default kernel; energy errors nearer than this are equal.
+CORRECTORS, EQUAL = {n: f"rebound-whfast-corrector-{n}" for n in (3, 5, 7, 11, 17)}, 1.05
 
 
 # -- OrdinaryDiffEq.jl ------------------------------------------------------------------------------------------------
@@ -281,9 +296,77 @@ def taylor(rows: pd.DataFrame) -> Verdict | None:
     )
 
 
+def _cheapest(rows: pd.DataFrame) -> dict[tuple[str, float], str]:
+    """(problem, energy error) -> the method that reaches the error in the least time, where any does."""
+    found = {}
+    for error, (name, part) in product(ENERGIES, rows.groupby("problem")):
+        met = part[part["energy error"] <= error]
+        if len(met):
+            found[name, error] = met.loc[met["ns a unit of time"].idxmin(), "method"]
+    return found
+
+
+def _settings(rows: pd.DataFrame) -> pd.DataFrame:
+    """The rows of REBOUND's integrators that were timed."""
+    return rows[(rows["kind"] == "rebound") & rows["ns a unit of time"].notna()]
+
+
+@of(RIVALS)
+def planets(rows: pd.DataFrame) -> Verdict | None:
+    """Whether one of WHFast's settings is the fastest of REBOUND's Wisdom-Holman integrators on the outer planets."""
+    found = _settings(rows)
+    best = _cheapest(found[found["problem"] == PLANETS])
+    if not best:
+        return None
+    others = {error: id for (_, error), id in best.items() if not id.startswith("rebound-whfast")}
+    return Verdict(
+        "On the outer planets WHFast is the fastest of REBOUND's Wisdom-Holman integrators",
+        Count(len(best) - len(others), len(best)),
+        at_least(0.5),
+        "energy errors",
+        where=", ".join(f"{id} to {error:g}" for error, id in others.items()),
+    )
+
+
+@of(RIVALS)
+def correctors(rows: pd.DataFrame) -> Verdict | None:
+    """Whether WHFast's energy error is smallest with corrector 11 or 17, for most problems and steps."""
+    found = _settings(rows).pivot_table(index=["problem", "h"], columns="method", values="energy error")
+    found = found.reindex(columns=list(CORRECTORS.values())).dropna()
+    if found.empty:
+        return None
+    high = found[[CORRECTORS[11], CORRECTORS[17]]].min(axis=1) / found.min(axis=1)
+    name, h = high.idxmax()
+    return Verdict(
+        "Corrector 11 or 17 gives WHFast its smallest energy error in most cases",
+        Count(int((high <= EQUAL).sum()), len(high)),
+        at_least(0.5),
+        "problems and steps",
+        where=f"{name}, h = {h:.3g}: {number(high.max())} times the smallest",
+    )
+
+
+@of(RIVALS)
+def kernels(rows: pd.DataFrame) -> Verdict | None:
+    """Whether WHFast's lazy kernel is often the fastest of its kernels for an energy error."""
+    found = _settings(rows)
+    best = _cheapest(found[found["method"].isin(KERNELS)])
+    if not best:
+        return None
+    others = Counter(KERNELS[id] for id in best.values() if KERNELS[id] != "lazy")
+    return Verdict(
+        "The lazy kernel is often the fastest of WHFast's kernels for an energy error",
+        Count(len(best) - others.total(), len(best)),
+        at_least(0.5),
+        "problems and errors",
+        where=", ".join(f"{kernel} {n}" for kernel, n in others.most_common()),
+    )
+
+
 GUIDE = "OrdinaryDiffEqSymplecticRK.jl, documentation, August 2026"
 HENON, BOSON = (f"SciMLBenchmarks.jl, {name}, July 2026" for name in ("Hénon–Heiles", "boson"))
 IAS15, HEYOKA = "REBOUND 5, documentation of IAS15", "heyoka.py, README"
+WHFAST, OLDER = "REBOUND 5, documentation of WHFast", "REBOUND 4, documentation of integrators"
 SAID = (
     Quoted(bounded, "Bounded energy error over long time periods", "", GUIDE),
     Quoted(linear, "Linear energy drift instead of quadratic", "it is the position's error that grows linearly", GUIDE),
@@ -320,6 +403,9 @@ SAID = (
     Quoted(later_boson, "the energy error of the symplectic methods is less noticeable", "", BOSON),
     Quoted(harder, "the energy error for the other integration methods increased significantly", "", BOSON),
     Quoted(machine, "in most cases accurate down to machine precision", "", IAS15),
+    Quoted(planets, "the best choice for systems in which there is a dominant central object", "", WHFAST),
+    Quoted(correctors, "For high accuracy simulation set this value to 11 or 17", "", WHFAST),
+    Quoted(kernels, "Lazy implementer's modified kick. This is often the best option", "", OLDER),
     Quoted(
         taylor,
         "maintain machine precision accuracy over tens of billions of timesteps",

@@ -54,7 +54,7 @@ def draw(rows: pd.DataFrame, folder: Path) -> list[Picture]:
 PAGE = Page(
     id="field-says",
     question="Does what packages' guides say of integrators hold?",
-    tables=(*TABLES, claims.BROUWER),
+    tables=(*TABLES, claims.BROUWER, claims.RIVALS),
     setting=(
         f"Growth: a Kepler orbit of e = 0.2, {growth.ORBITS} revolutions, the power of n in the largest energy error of a "
         "revolution and in the position's error after it.",
@@ -62,7 +62,8 @@ PAGE = Page(
         f"{len(cost.METHODS)} methods of OrdinaryDiffEq.jl's list that are here.",
         "Energy: the starts and times of SciMLBenchmarks.jl, KahanLi8 with h = 0.01, in compensated and in plain sums; for "
         "Vern9, DPRKN12 and their Taylor methods stand DOP853 and heyoka.",
-        f"IAS15: Kepler orbits, {encounters.ORBITS} revolutions, energies in extended precision.",
+        f"IAS15: Kepler orbits, {encounters.ORBITS} revolutions, energies in extended precision. WHFast: all its settings and "
+        "SABA, energy error and time (the page of Wisdom-Holman splittings).",
     ),
     verdicts=(claims.bounded, claims.linear, claims.than_verlet, claims.fifth, claims.short),
     answer=answer,
