@@ -68,7 +68,7 @@ def make(phi: float) -> Problem:
         cite=("ryckaert1975", "ryckaert1977"),
         system=system,
         orbits=(
-            Orbit("turning", tuple(q), tuple(p), f"{phi:g} radians from trans, turning as a whole", decades(100.0)),
+            Orbit("turning", tuple(q), tuple(p), f"{phi:g} radians from trans, turning as a whole", decades(10.0)),
         ),
         invariants={f"angular-momentum-{x}": e for x, e in zip("xyz", angular, strict=True)},
         parameters={"phi": phi},

@@ -60,7 +60,7 @@ def make(**parameters: float) -> Problem:
                 tuple(float(x) for point in start for x in point),
                 tuple(float(x) for v in momenta for x in v),
                 "a corner of a cube with three neighbours, turning about its centre of mass",
-                decades(100.0),
+                decades(10.0),
             ),
         ),
         invariants=invariants,

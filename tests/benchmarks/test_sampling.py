@@ -11,6 +11,7 @@ import pytest
 from phasebench.benchmarks.experiments.sampling import (
     acceptance,
     bench_sampling,
+    cost,
     hessian_free,
     hessian_page,
     limits,
@@ -146,6 +147,30 @@ def test_verdicts_on_the_acceptance():
     assert "predescu-3 rejects 10 %" in page.answer(better)
 
 
+def test_verdict_on_the_time_of_an_accepted_proposal():
+    def judge(**times):
+        rows = [
+            {"target": t, "method": m, "budget": b, "ns an accepted proposal": times.get(m.replace("-", "_"), 2.0) * b}
+            for t in acceptance.TARGETS
+            for m in acceptance.STAGES
+            for b in (1, 2)
+        ]
+        return page.cheapest({cost.TABLE: pd.DataFrame(rows)}.get)
+
+    assert judge(predescu_3=1.0).outcome == PASS
+    assert judge(predescu_3=1.0).measured.high == 0.5
+    assert judge(stormer_verlet=1.0).outcome == FINDING
+
+
+def test_time_of_a_proposal_is_measured_with_its_acceptance(monkeypatch):
+    monkeypatch.setattr(cost, "ROUNDS", 2)
+    monkeypatch.setattr(cost, "EVALUATIONS", {"stormer-verlet": 1})
+    monkeypatch.setattr(cost, "BUDGETS", {"Gaussian": (36,)})
+    (row,) = cost.measure_rows("Gaussian")[cost.TABLE]
+    assert row["acceptance"] == acceptance.acceptance("Gaussian", "stormer-verlet", 36)["acceptance"]
+    assert row["ns an accepted proposal"] == row["ns a proposal"] / row["acceptance"] > row["ns a proposal"]
+
+
 def test_verdict_on_the_printed_limits():
     rows = pd.DataFrame(
         [{"method": "a", "limit": 4.672, "printed": "4.67"}, {"method": "b", "limit": 2.0, "printed": ""}]
@@ -210,7 +235,8 @@ def test_checks_of_the_rows():
 
 def test_pages_draw_and_list_their_rows(tmp_path):
     rows, stable = accepted(), pd.DataFrame([limits.measure_rows("chin-4a")[limits.TABLE][0]])
-    data = {acceptance.TABLE: rows, limits.TABLE: stable, hessian_free.CHAOTIC: energies()}.get
+    times = rows.assign(**{"ns an accepted proposal": 1.0})
+    data = {acceptance.TABLE: rows, limits.TABLE: stable, cost.TABLE: times, hessian_free.CHAOTIC: energies()}.get
     for made in (page.PAGE, hessian_page.PAGE):
         (picture,) = made.figures(data, tmp_path)
         assert (tmp_path / picture.file).exists()

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from phasebench.benchmarks.experiments.sampling import acceptance, hessian_free, limits
+from phasebench.benchmarks.experiments.sampling import acceptance, cost, hessian_free, limits
 
 
 def cells(quick: bool = False):
-    """The cells of the acceptance, of the stability limits, and of the energy without the Hessian."""
-    return [*acceptance.cells(quick), *limits.cells(quick), *hessian_free.cells(quick)]
+    """The cells of the acceptance and its time, of the stability limits, and of the energy without the Hessian."""
+    return [*acceptance.cells(quick), *cost.cells(quick), *limits.cells(quick), *hessian_free.cells(quick)]
 
 
 def off(rows) -> list[str]:
@@ -23,6 +23,14 @@ def bench_acceptance(measured_rows):
     """Every acceptance is a probability within its interval."""
     wrong = off(measured_rows(acceptance.TABLE))
     assert not wrong, "\n".join(wrong)
+
+
+def bench_cost(measured_rows):
+    """Every proposal takes time, and every method accepts some."""
+    rows = measured_rows(cost.TABLE)
+    wrong = [f"{r['method']} on {r['target']}" for r in rows if not r["ns a proposal"] > 0]
+    wrong += [id for id in {r["method"] for r in rows} if not any(r["acceptance"] for r in rows if r["method"] == id)]
+    assert not wrong, wrong
 
 
 def bench_limits(measured_rows):
