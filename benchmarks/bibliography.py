@@ -21,7 +21,7 @@ FILES = (
 
 @cache
 def entries() -> dict[str, str]:
-    """BibTeX key -> the text of its entry."""
+    """Return all entries of the two bibliography files as a dict: BibTeX key -> text of the entry."""
     text = "\n".join(path.read_text() for path in FILES)
     by_key = {m[1]: m[0].strip() for m in re.finditer(r"^@\w+\{([^,\s]+),.*?^\}$", text, re.MULTILINE | re.DOTALL)}
     assert len(by_key) == len(re.findall(r"^@", text, re.MULTILINE)), "an entry does not end with a brace of its own"
@@ -29,9 +29,10 @@ def entries() -> dict[str, str]:
 
 
 def bibtex(names: Iterable[str]) -> str:
-    """The BibTeX entries that these methods and problems cite, each once, sorted by key.
+    """Return the BibTeX entries that the named methods and problems cite, each once, sorted by key, as one text.
 
-    Raises InvalidInput for a name that is neither, with the nearest known name.
+    ``names`` are ids of methods, ``problem`` or ``problem:orbit``.  Raises InvalidInput, which suggests the nearest
+    known name, for any other name.
     """
     keys: set[str] = set()
     for name in names:

@@ -128,7 +128,10 @@ def outcome(request, pytestconfig, quick) -> run.Outcome:
 
 @pytest.fixture
 def measured_rows(outcome, request):
-    """A function: table's name -> the rows measured by this run; fails if a measurement of the experiment failed."""
+    """Return a function: name of a table -> its rows measured by this run; fail if a measurement of them failed.
+
+    "Of them" means: of the experiment (folder of ``benchmarks/experiments``) to which the requesting test belongs.
+    """
     experiment = Path(request.path).parent.name
     failed = [f"{c.label}: {outcome.failed[c.id]}" for c in outcome.cells if _fails(outcome, c, experiment)]
     assert not failed, "cells that could not be measured:\n" + "\n".join(failed)
@@ -141,7 +144,7 @@ def _fails(outcome, cell, experiment: str) -> bool:
 
 @pytest.fixture
 def complete(outcome):
-    """A function: table's name -> True if this run measured all its rows."""
+    """Return a function: name of a table -> True if this run measured all rows of that table."""
 
     def is_complete(table: str) -> bool:
         members = [c for c in outcome.cells if table in c.tables]

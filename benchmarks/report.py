@@ -128,7 +128,10 @@ QUICK = "This is the quick tier: few steps, few rounds; it shows that the suite 
 
 
 class Data:
-    """Reads the tables of a report folder, each once; with ``stale`` also rows of an earlier version of the code."""
+    """Read the tables of a report folder by name, each file once, as ``data("front")``.
+
+    With ``stale`` the tables include rows that an earlier version of the code measured.
+    """
 
     def __init__(self, folder: Path, stale: bool = True):
         self.folder, self.stale = folder, stale
@@ -140,7 +143,7 @@ class Data:
         return self._read(name)[0]
 
     def provenance(self, name: str) -> pd.DataFrame:
-        """When, where and by which version each row of a stored table was measured: a frame of these columns."""
+        """The columns of a stored table that say when, where and by which version of the code each row was measured."""
         path = self.folder / "data" / f"{name}.csv"
         return pd.read_csv(path, usecols=lambda column: column in results.PROVENANCE, low_memory=False)
 
@@ -164,7 +167,15 @@ class Data:
 
 @dataclass(frozen=True)
 class _Written:
-    """A page that was written: its outcome, answer, figures and table, from which the entry page is made."""
+    """A page of the report after it was written, with what the entry page and the HTML version need of it.
+
+    Attributes
+    ----------
+    page : the definition of the page
+    outcome, answer : the verdict in a word, and a sentence that answers the page's question
+    pictures, table : the figures of the page, and the table that it shows, or None
+    all_rows : the complete table, of which the page may show a part, without the provenance columns; or None
+    """
 
     page: Page
     outcome: str
@@ -283,7 +294,10 @@ def _remove_pages(folder: Path) -> None:
 
 
 def _replace(target: Path, folder: Path) -> None:
-    """Move every file of ``target`` to its place in ``folder``; the entry page comes last, so that its links work."""
+    """Move every file of ``target`` to the same relative path in ``folder``, the entry page last.
+
+    So the links of the entry page never lead to a page that is not there yet.
+    """
     entry = ("README.md", "index.html")
     files = sorted((p for p in target.rglob("*") if p.is_file()), key=lambda p: p.name in entry)
     for path in files:

@@ -80,11 +80,11 @@ def panels(rows: int, columns: int, height: float, **options: Any) -> tuple[Figu
 
 @functools.cache
 def _figure_class() -> type[Figure]:
-    """Matplotlib's Figure, which a notebook shows whether pyplot is loaded or not."""
+    """Return a subclass of matplotlib's Figure that a notebook displays even if pyplot is not loaded."""
     from matplotlib.figure import Figure
 
     class NotebookFigure(Figure):
-        """A figure with its PNG for a notebook."""
+        """A figure that renders itself as PNG for a notebook."""
 
         def _repr_png_(self) -> bytes:
             picture = io.BytesIO()

@@ -65,7 +65,7 @@ class WorkPrecision(TabularResult):
         return f"error of the {first['quantity']} of {first['problem']}, t = 0 to {first['t_end']:g}"
 
     def table(self) -> Iterable[dict[str, str]]:
-        """A line for each integrator: the seconds of its cheapest run at each accuracy, and its least error."""
+        """Yield a dict for each integrator: the seconds of its cheapest run at each accuracy, and its least error."""
         for method in self.methods:
             ended = [r for r in self.rows if r["method"] == method and r["status"] == "ok"]
             line = {"method": method}
@@ -158,7 +158,10 @@ def workprecision(
 
 
 def promising(problem, t_end: float, quantity: str) -> list[Integrator]:
-    """The `CHOSEN` most promising methods of this project, then as many peers, for a middling accuracy (`MIDDLE`)."""
+    """Return the `CHOSEN` methods of this project expected to be fastest at the error `MIDDLE`, then as many peers.
+
+    Peers are integrators of other packages.  Expected times come from stored measurements.
+    """
     members = [i for i, _ in portfolio(ask(problem, t_end=t_end, accuracy=MIDDLE, quantity_name=quantity), MIDDLE)[0]]
     own, others = ([i for i in members if (i.kind == OURS) is side][:CHOSEN] for side in (True, False))
     return [*own, *others]
@@ -180,7 +183,10 @@ def improving(rows: Sequence[dict[str, Any]]) -> tuple[list[dict[str, Any]], lis
 
 
 def side(kind: str) -> tuple[str, str]:
-    """(line style, text in the legend) of an integrator's ``kind``: this project's, the user's own step, or a peer."""
+    """Return (line style, text in the legend) for an integrator's ``kind``.
+
+    There are three: a method of this project, the user's own step, and a peer (an integrator of another package).
+    """
     return {OURS: ("-", "phasebench"), YOURS: ("-.", "own step")}.get(kind, ("--", "peer"))
 
 

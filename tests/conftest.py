@@ -1,4 +1,7 @@
-"""Fixtures of the suite. Some results are measured without compilation, in a subprocess unless it is off here too."""
+"""Fixtures and hooks of the tests.
+
+Some results are computed without compilation: in a subprocess, unless compilation is off in this process, too.
+"""
 
 from __future__ import annotations
 
@@ -60,12 +63,12 @@ gc.set_threshold(200_000, 20, 100)
 
 
 def pytest_addoption(parser):
-    """Add the option of ``pytest tests``."""
+    """Add the command-line option --thorough of ``pytest tests``."""
     parser.addoption("--thorough", action="store_true", help="run the tests that are marked thorough, too")
 
 
 def pytest_collection_modifyitems(config, items):
-    """Run the files of `LONGEST` first; leave out thorough tests unless they are asked for."""
+    """Run the test files of `LONGEST` first; leave out tests marked thorough without the option --thorough."""
     if not config.getoption("--thorough"):
         left = [item for item in items if item.get_closest_marker("thorough")]
         config.hook.pytest_deselected(items=left)
@@ -76,7 +79,7 @@ def pytest_collection_modifyitems(config, items):
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config, log):
-    """Send all tests of a file to one worker, in the order of `items`, so that no measurement is repeated."""
+    """Let pytest-xdist send all tests of a file to one worker, in their order, so that no measurement is repeated."""
     from xdist.scheduler import LoadFileScheduling
 
     config.option.loadscopereorder = False
@@ -84,7 +87,10 @@ def pytest_xdist_make_scheduler(config, log):
 
 
 def pytest_runtest_teardown():
-    """Switch denormal numbers back on: WHFast512 switches them off if called without `integrate_peer`."""
+    """Restore the processor's floating-point mode after a test if denormal numbers are flushed to zero.
+
+    REBOUND's WHFast512 switches them off if it is called without `integrate_peer`.
+    """
     if float("2.2250738585072014e-308") * float("0.5") == 0:
         ctypes.CDLL(None).fesetenv(ctypes.c_void_p(-1))  # FE_DFL_ENV of the C libraries that run there
 
@@ -101,7 +107,7 @@ def _run_uncompiled(script: str, *arguments: str):
 
 @functools.cache
 def _here(script: str, *arguments: str):
-    """The result that a script of tests/ prints as JSON, run in this process, where compilation is off."""
+    """Run a script of tests/ in this process, where compilation is off; return the result that it prints as JSON."""
     with pytest.MonkeyPatch.context() as patch, contextlib.redirect_stdout(io.StringIO()) as printed:
         patch.setattr(sys, "argv", [script, *arguments])
         runpy.run_path(str(HERE / script), run_name="__main__")
@@ -109,7 +115,10 @@ def _here(script: str, *arguments: str):
 
 
 def _result(script: str, *arguments: str):
-    """The result that a script of tests/ prints, run without compilation; fail with its stderr if it failed."""
+    """Run a script of tests/ without compilation and return the result that it prints.
+
+    Raises AssertionError, with the script's error output, if it failed.
+    """
     result = _run_uncompiled(script, *arguments) if codegen.compiled() else _here(script, *arguments)
     assert not isinstance(result, str), f"{script} {' '.join(arguments)} failed:\n{result}"
     return result
@@ -117,7 +126,7 @@ def _result(script: str, *arguments: str):
 
 @pytest.fixture(scope="session", autouse=True)
 def nothing_that_families_prepare_is_kept():
-    """Let families of methods prepare coefficients anew, not from the cache, because tests modify families."""
+    """Let the modules of methods compute their coefficients anew, not from a cache: tests modify these modules."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(preparation, "ENABLED", False)
         yield
@@ -131,16 +140,19 @@ def importable(monkeypatch):
 
 @pytest.fixture(scope="session")
 def uncompiled():
-    """Function (script, arguments) -> the result that the script prints with NUMBA_DISABLE_JIT=1, once per session."""
+    """A function (script, arguments) -> the result that a script of tests/ prints with NUMBA_DISABLE_JIT=1.
+
+    In a subprocess each script runs only once per session.
+    """
     return _result
 
 
 @pytest.fixture(scope="session")
 def of_each(uncompiled):
-    """A function: module of `support` -> function: label of a method -> result of the module's ``of(label)``.
+    """A function that maps a module of `support` to a function: label of a method -> result of the module's ``of``.
 
-    The module is run as a script without compilation and prints all labels at once; in a process without compilation
-    only the requested label is computed.
+    The module is run as a script without compilation, for all labels at once; in a process without compilation only the
+    requested label is computed.
     """
 
     def function(module):
@@ -161,8 +173,8 @@ def _measure(name: str):
 
 @pytest.fixture(scope="session")
 def measured():
-    """A function: name of a measurement in `measure.multiprecision` -> its results {method's label: result}.
+    """A function that maps the name of a measurement in `measure.multiprecision` to its results, by method's label.
 
-    The systems are those of `support.exact`.
+    The systems on which methods are measured are those of `support.exact`.
     """
     return _measure if codegen.compiled() else functools.cache(lazily.lazy_measurements)

@@ -48,7 +48,13 @@ SECOND = "scipy-dop853"
 
 
 def advise(ask: Ask, problem_words: Sequence[str] = (), portfolio_of=portfolio) -> dict[str, Any]:
-    """Answer a question with the dict that --json prints; ``problem_words`` name the problem on a command line."""
+    """Search for the integration that answers a question; return the answer, the dict that --json prints.
+
+    Parameters
+    ----------
+    problem_words : the words that name the problem on a command line; by default they are made from the problem
+    portfolio_of : (ask, accuracy) -> (integrators to try in order, integrators left out), as `portfolio`
+    """
     began = time.process_time()
     answer: dict[str, Any] = {
         "problem": ask.problem.label,
@@ -174,7 +180,11 @@ def tied(first: Candidate, other: Candidate) -> bool:
 
 
 def end_state_error(candidate: Candidate) -> float | None:
-    """Distance (max norm) of the end state from heyoka's; None unless the quantity is a conserved one."""
+    """Distance (max norm over q and p) of a candidate's end state from that of heyoka, an accurate Taylor integrator.
+
+    None unless the quantity of the question is a conserved one, whose error says nothing of the orbit; also None if
+    heyoka is not applicable to the problem, or one of the two runs fails.
+    """
     task, heyoka = candidate.trial.task, integrator(FIRST)
     if not task.quantity.kept or heyoka.lacks(task.problem):
         return None
@@ -186,7 +196,10 @@ def end_state_error(candidate: Candidate) -> float | None:
 
 
 def lost_orbit(candidate: Candidate, off: float | None) -> str:
-    """A note that a conserved quantity says nothing of the orbit, if the end state is far ``off``; else ""."""
+    """A note that the orbit is wrong although the conserved quantity is accurate; "" if the orbit is right.
+
+    ``off`` is the error of the end state (`end_state_error`), or None if unknown.
+    """
     made = candidate.trial.task.problem
     size = max(map(abs, (*made.q0, *made.p0)))
     if off is None or off <= LOST * size:
@@ -198,7 +211,10 @@ def lost_orbit(candidate: Candidate, off: float | None) -> str:
 
 
 def singularity_note(problem) -> str:
-    """A note that H was too long to search for its singular distances, which variable steps need; else ""."""
+    """A note that singular distances (where H is infinite) were not searched for, since H is too long; else "".
+
+    Variable steps need these distances; the user can declare them.
+    """
     if not singularities.unsearched(problem.system):
         return ""
     return "H has too long a denominator for singular distances to be found in it; declare them with singular="
@@ -212,7 +228,13 @@ def sharing(order: Sequence[Candidate]) -> str:
 
 
 def _second(found: Search) -> dict[str, Any]:
-    """The integrator other than heyoka that came nearest to the reference, and how near; runs `SECOND` if needed."""
+    """Confirm the reference by an integrator other than heyoka; run `SECOND` if none of those tried is near enough.
+
+    Returns
+    -------
+    dict
+        ``second``, the id of the integrator nearest to the reference; ``distance``, how near; ``confirmed``, a bool
+    """
     near = max(found.ask.accuracy or 0.0, CONFIRMED * float(np.abs(found.true.values).max()))
     others = [t for t in found.trials if t.integrator.kind != "heyoka"]
     nearest = _nearest(others)
@@ -231,7 +253,10 @@ def _nearest(trials: Sequence[Trial]) -> tuple[float, str | None]:
 
 
 def _tenfold(found: Search, order: list[Candidate], problem_words: Sequence[str]) -> dict[str, Any] | None:
-    """The cheapest run at a tenth of the accuracy, among the first few candidates; None if that cannot be told."""
+    """The cheapest run at a tenth of the accuracy by one of the first few candidates, as a row of the answer.
+
+    None if the reference is not known that well, or no candidate reaches that accuracy in the time left.
+    """
     accuracy, best = found.ask.accuracy / 10, None
     if found.true.uncertainty > KNOWN * accuracy:
         return None

@@ -61,7 +61,10 @@ def ask(
     limit=None,
     progress: Callable[[str], None] = lambda line: None,
 ) -> Ask:
-    """Check the arguments and make the question; raises InvalidInput for one that cannot be used."""
+    """Check the arguments of `advise` and build the question (see `Ask`); raise InvalidInput for an unusable one.
+
+    Exactly one of ``accuracy`` and ``budget`` (seconds) must be given.
+    """
     t_end = _positive("t_end", span(t_end, getattr(problem, "time_unit", "")))
     given = None if limit is None else _positive("time_limit", limit)
     limit = given or (STORED if prior.is_stored(problem.id) else NEW)

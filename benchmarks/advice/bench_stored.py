@@ -16,7 +16,7 @@ RUNS, MODELS = "front_rungs", ("models", "models_runs")
 
 
 def competition(rows) -> tuple[pd.DataFrame, set[str]]:
-    """(successful runs with a column ``problem``, ids of the integrators that took part), runs of single orbits only.
+    """Return (successful runs of single orbits, with a column ``problem``; ids of the integrators that took part).
 
     ``rows`` are the stored runs of all integrators at many errors (`experiments.trade`).
     """

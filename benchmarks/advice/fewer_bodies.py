@@ -90,14 +90,20 @@ class Models:
 
 
 def _solution(t, x, v, bodies: Bodies) -> SimpleNamespace:
-    """A solution with rows t, q = x and p = m v."""
+    """A solution object with times ``t`` (rows,), positions ``q`` = x and momenta ``p`` = m v, arrays (rows, 3 N)."""
     return SimpleNamespace(t=t, q=x, p=v * np.repeat(bodies.masses, SPACE))
 
 
 def smallest_model(models: Models, allowed: float) -> tuple[Model, dict[str, dict[str, float]]]:
-    """(model of the fewest bodies with an error of at most ``allowed``, body -> errors if only it is changed).
+    """Find the model of the fewest bodies whose error is at most ``allowed``.
 
     Each body but the central one is tried left out and as a test particle; leaving it out is preferred.
+
+    Returns
+    -------
+    tuple
+        The model, and a dict: body -> the errors of the models in which only this body is left out (``left_out``), or
+        made a test particle (``test_particle``)
     """
     bodies, alone, hopeful = models.bodies, {}, []
     for body in bodies.names[1:]:
@@ -201,7 +207,10 @@ def _saves(ask: Ask, models: Models, model: Model, full: Candidate, accuracy: fl
 
 
 def _truth(models: Models, model: Model, problem, wanted: Quantity) -> Truth:
-    """The true value of the quantity in a model, from the run that judged the model."""
+    """The true value of the quantity in the model's own dynamics, from a reference run of the model in doubles.
+
+    For a conserved quantity, the true value in the full system.
+    """
     if wanted.kept:
         return models.true
     x, v = models.rows(model)

@@ -20,7 +20,10 @@ LEAST = 1e-17
 
 @style.styled
 def advice(found: Advice) -> Figure:
-    """Draw seconds against error, a colour and a mark for each role, the other candidates grey."""
+    """Draw seconds against error: each recommended integration with its own colour and marker, the others grey.
+
+    Raises InvalidInput if nothing is recommended.
+    """
     if found.choice is None:
         raise InvalidInput(f"there is nothing to draw: {found.why}")
     figure, ((axes,),) = style.panels(1, 1, 3.6)

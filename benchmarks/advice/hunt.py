@@ -44,7 +44,11 @@ MIDDLE = 1e-6
 
 
 class Candidate:
-    """An integrator with a run that meets the accuracy or the time budget, and its measured times."""
+    """An integrator with a run that meets the accuracy or the time budget, and its measured times.
+
+    ``trial`` has the integrator and its runs on the problem; ``rung`` is the run that meets the accuracy: its step or
+    tolerance, error and seconds.
+    """
 
     def __init__(self, trial: Trial, rung: Rung):
         self.trial, self.rung, self.seconds = trial, rung, rung.seconds
@@ -83,7 +87,10 @@ class Candidate:
 
 
 class Search:
-    """A search in progress: its question, the runs made, the candidates found, the integrators dropped."""
+    """A search for the cheapest integration: the question, the runs made, the candidates found, integrators dropped.
+
+    ``true`` is the true value of the question's quantity, ``began`` the processor time (seconds) of the beginning.
+    """
 
     def __init__(self, ask: Ask, true: Truth, began: float):
         self.ask, self.true, self.began = ask, true, began
@@ -124,6 +131,7 @@ class Search:
     def try_all(self, members: Sequence[tuple[Integrator, float]]) -> None:
         """Try the integrators in turn; drop those that time does not allow or that are expected to be far too dear.
 
+        ``members`` are (integrator, expected time over that of the cheapest), in the order in which they are tried.
         This project's methods are compared only with the cheapest of themselves, and peers with the cheapest peer.
         """
         dear = {side: HOPELESS * min([x for i, x in members if _own(i) is side], default=1.0) for side in SIDES}

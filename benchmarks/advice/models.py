@@ -62,10 +62,10 @@ def _scene(lines: list[dict[str, str]]) -> Scene:
 
 
 def scene_of(ask: Ask) -> Scene | None:
-    """The stored simplified systems for a question's problem and quantity; None if there are none.
+    """The stored simplified models of a question's problem, measured for its quantity; None if there are none.
 
-    They are those measured over the shortest time that is not below the question's; if several scenes have it, theirs
-    together.
+    Of several stored spans, the shortest one that covers the span of the question is taken; if several scenes have
+    that span, their models are joined.
     """
     problem, name = ask.problem, ask.quantity.name
     near = [
@@ -82,7 +82,9 @@ def scene_of(ask: Ask) -> Scene | None:
 
 
 def lower(ask: Ask) -> dict[str, Any] | None:
-    """The cheapest simplified model that meets the accuracy; None for a problem without a ladder, or a time budget.
+    """The cheapest simplified model that meets the accuracy.
+
+    None for a problem without stored models, and for a question with a time budget.
 
     Returns
     -------
@@ -131,8 +133,8 @@ def _off(found: dict[str, Any]) -> str:
 def build(models, runs) -> Iterator[dict[str, object]]:
     """Yield the lines of `models.csv` from two measured tables.
 
-    ``models`` has for each simplified system how far it puts the scene's quantity off (its modelling error), ``runs``
-    the errors and times of integrators on it.
+    ``models`` (DataFrame) has a row per scene and simplified model, with the error that the simplification causes in
+    the scene's quantity (the modelling error); ``runs`` has the errors and times of integrators on each model.
     """
     for id, rungs in models.groupby("scene", sort=False):
         ladder = BY_ID[id]

@@ -29,7 +29,14 @@ class Dropped(NamedTuple):
 
 
 def portfolio(ask: Ask, accuracy: float) -> tuple[list[tuple[Integrator, float]], list[Dropped]]:
-    """([(integrator, expected time / time of the cheapest)] in the order to try, integrators not to try)."""
+    """Select the integrators to try on a question's problem.
+
+    Returns
+    -------
+    tuple
+        A list of (integrator, expected time over that of the cheapest integrator) in the order to try, and a list of
+        the integrators that are not tried, with the reasons
+    """
     able, dropped = [], []
     for record in (*METHODS, *PEERS):
         integrator = Integrator(record)
@@ -47,7 +54,10 @@ def portfolio(ask: Ask, accuracy: float) -> tuple[list[tuple[Integrator, float]]
 
 
 def _in_turn(members: list[Integrator]) -> dict[str, int]:
-    """Integrator -> its rank within its kind; sorted by rank, the kinds (this project, each package) take turns."""
+    """Return a dict: id of an integrator -> its rank (0, 1, ...) among those of its kind.
+
+    Kinds are this project and each other package.  Sorted by rank, integrators of different kinds alternate.
+    """
     kinds: dict[str, list[str]] = {}
     for i in members:
         kinds.setdefault(i.kind, []).append(i.id)

@@ -37,7 +37,10 @@ def decade(accuracy: float) -> int:
 
 
 def factors(problem_id: str, accuracy: float, ids: Iterable[str]) -> dict[str, float]:
-    """Integrator -> expected time over that of the cheapest: on this problem, else the mean over all problems."""
+    """Return a dict: integrator -> expected time over that of the cheapest integrator, at an accuracy.
+
+    It is the stored factor on this problem or, if the problem is not stored, the geometric mean over all problems.
+    """
     at, ids, (all_, competitors) = decade(accuracy), list(ids), TABLE.load()
     if problem_id in all_ and at in all_[problem_id]:
         here = all_[problem_id][at]
@@ -55,7 +58,7 @@ def _mean(values: list[float], tables: int) -> float:
 
 
 def build(rows, competitors: Iterable[str] = ()) -> list[dict[str, object]]:
-    """The lines of `prior.csv` from rows (scene, problem, id, error, seconds) of runs that ended well.
+    """Compute the lines of `prior.csv` from the successful runs, a DataFrame (scene, problem, id, error, seconds).
 
     A problem with several scenes gets their geometric mean; an integrator that misses the error in a scene counts as
     `LARGEST` there.  ``competitors`` are all integrators that took part: each gets a line with the problem `ANY`.

@@ -110,7 +110,10 @@ class Advice(TabularResult):
         return frame
 
     def plot(self) -> Figure:
-        """A work-precision diagram: error against seconds of all that met the accuracy, the roles by name."""
+        """A work-precision diagram: error against seconds of all integrations that met the accuracy.
+
+        The recommended ones (choice, own, peer, runner-up, next) are named in the legend.
+        """
         from .figures import advice
 
         return advice(self)

@@ -18,7 +18,11 @@ TOLERANCES = (1e-4, 1e-6, 1e-8, 1e-10)
 
 
 def end(subject: Subject, entry: Entry, y, tol: float) -> tuple[np.ndarray, int]:
-    """(state at `T_END`, evaluations of the gradients) of a run; raises StepFailed, or InputChanged."""
+    """Run an adaptive integrator from the state y, array (2 d,), to `T_END` at a tolerance.
+
+    Returns (end state, array (2 d,); number of evaluations of dH/dq and dH/dp together).  Raises StepFailed if the run
+    fails, and InputChanged if it changes the q or p that it was given.
+    """
     system, d = own_step.System(entry.system), entry.system.d
     q, p = y[:d].copy(), y[d:].copy()
     with report_failures(subject, f"the run on {entry.name} with tol = {tol:g}"):
@@ -37,7 +41,14 @@ class InputChanged(Exception):
 
 
 def tolerances(subject: Subject, entry: Entry, seed: int) -> dict:
-    """A row: error, energy error and evaluations for each tolerance, and whether a repeated run ends the same."""
+    """Run an adaptive integrator on a system at each of `TOLERANCES`; return a row for the certificate.
+
+    Returns
+    -------
+    dict
+        ``on``, the system; ``tolerances``; ``errors`` of the end state, relative to its largest component; ``energy``,
+        the errors of H; ``evaluations`` of the gradients; ``repeats``, whether a repeated run ends in the same state
+    """
     y, errors, energies, counts = entry.start(seed), [], [], []
     truth = flow(entry, seed, T_END, 32)[0].astype(float)
     size, d = float(np.abs(truth).max()), entry.system.d

@@ -39,7 +39,8 @@ class Entry:
     lasting : whether long runs are made on it
     unit : the unit of time, a power of two; steps are fractions of it
     size : the sizes of q and of p, the units of errors and defects
-    share : whether a seed moves each component by a share of itself, as in a user's own problem
+    share : True if a seed moves each component by a fraction of itself, as in a user's own problem, else by up to
+        `MOVED`
     """
 
     name: str
@@ -119,7 +120,7 @@ def lasting() -> tuple[Entry, ...]:
 
 @cache
 def magnetic() -> tuple[Entry, ...]:
-    """Systems of charged particles in confining potentials, on which methods for nothing else are certified."""
+    """The battery for steps that require a charged particle: particles in magnetic fields and confining potentials."""
     plane = "((p1 + q2*(1 + q1**2)/2)**2 + (p2 - q1*(1 + q2**2)/3)**2)/2 + q1**2/2 + q1*q2**2/3 + q2**4/4"
     tilted = "(px + y*(1 + z**2)/2)**2 + (py - x*(1 + z**2)/2 - z**2/4)**2 + (pz - x*y/3)**2"
     heavy = f"({tilted})/4 + x**2*y/4 - y*z/3 + (x**2 + y**2 + z**2)**2/8"
@@ -135,7 +136,7 @@ def magnetic() -> tuple[Entry, ...]:
 
 @cache
 def constrained() -> tuple[Entry, ...]:
-    """Systems with constraints, on which everything is measured of a step that requires some."""
+    """The battery for steps that require a system with holonomic constraints."""
     states = {
         "on-sphere": (0.8, 0.36, 0.48, 0.3, 0.7, -0.5),
         "rods": (0.28, -0.96, 0.88, -1.76, 0.1, 0.2, -0.3, 0.1),
@@ -147,14 +148,14 @@ def constrained() -> tuple[Entry, ...]:
 
 @cache
 def rigid() -> tuple[Entry, ...]:
-    """Rigid bodies, on which everything is measured of a step that requires one."""
+    """The battery for steps that require a rigid body."""
     found = {name: SYSTEMS[name]() for name in RIGID}
     return tuple(Entry(name, body, (*q, *p), lasting=True, share=True) for name, (body, q, p) in found.items())
 
 
 @cache
 def parts() -> tuple[Entry, ...]:
-    """Systems of parts with exact flows, on which everything is measured of a step that requires some."""
+    """The battery for steps that require H to be a sum of parts whose flows are known exactly."""
     found = {name: SYSTEMS[name]() for name in PARTS}
     return tuple(
         Entry(name, system, (*q, *p), name == "geodesic", lasting=True, share=True)

@@ -26,7 +26,7 @@ AREA = 1e-12
 
 
 def runs(subject: Subject, entries: list[Entry], seed: int) -> list[dict]:
-    """A row for each system: whether a few steps run, and their evaluations of dH/dq and dH/dp."""
+    """Take a few steps on each system; return a row for each: whether they run, and gradient evaluations a step."""
     rows = []
     for entry in entries:
         stepper = Stepper(subject, entry)
@@ -43,7 +43,11 @@ def runs(subject: Subject, entries: list[Entry], seed: int) -> list[dict]:
 
 
 def state_between_steps(subject: Subject, entries: list[Entry], seed: int) -> list[dict]:
-    """Rows with the change in results when a step is repeated, and when steps on two systems alternate."""
+    """Measure whether a step has memory: how much its results change when it is called again, or for another system.
+
+    A row for each system has the difference between a step and the same step repeated; a row for each of up to three
+    pairs of systems the difference that steps on both in alternation make.  A function without memory has 0.
+    """
     rows = []
     for entry in entries:
         stepper, y = Stepper(subject, entry), entry.start(seed)
@@ -70,7 +74,10 @@ def _distance(x, y) -> float:
 
 
 def input_changed(subject: Subject, entries: list[Entry], seed: int) -> list[dict]:
-    """A row for each system: how much a step changes its input, and how much the next step changes its result."""
+    """A row for each system: how much a step changes the arrays q and p that it is given (``value``).
+
+    ``later`` is how much the next call changes the arrays that the first call returned.
+    """
     rows = []
     for entry in entries:
         stepper, y = Stepper(subject, entry), entry.start(seed)
@@ -104,7 +111,11 @@ def arithmetic(subject: Subject, entries: list[Entry], seed: int) -> str:
 
 
 def stability(subject: Subject) -> dict:
-    """The row of the linear stability limit on the harmonic oscillator, or of the reason why there is none."""
+    """Measure the linear stability limit, in h omega, on the harmonic oscillator; return a row for the certificate.
+
+    Without a limit the row has the ``reason``: too many evaluations, a step that is not linear here, or a solver that
+    does not converge.
+    """
     entry = oscillator()
     stepper = Stepper(subject, entry)
     stepper(stepper.state((1.0, 0.0)), 1.0)

@@ -11,7 +11,10 @@ RUNS, CHOICES = "front_rungs", "front"
 
 
 def bench_fronts(outcome, complete, update):
-    """Write `fronts.csv` and `times.csv`: the fewest evaluations and the least time known at each error, by scene."""
+    """Write `fronts.csv` and `times.csv`: the fewest evaluations and the least time known for each scene and error.
+
+    A scene is a problem with a span and a quantity whose error counts.
+    """
     if not update or not complete(RUNS):
         pytest.skip("fronts and times are made with --update-tables where all of the trade is measured")
     fronts.TABLE.save(outcome.rows(RUNS))

@@ -36,7 +36,10 @@ def cost_rows(tables: Tables, times: Iterable[Mapping[str, Any]]) -> list[dict[s
 
 
 def format_costs(tables: Tables, times: Iterable[Mapping[str, Any]]) -> list[str]:
-    """Lines of text: a table of `cost_rows`, the smallest error that is not met alone, and what times include."""
+    """Format `cost_rows` as lines of text; a scene's table ends at the first error that the integrator does not meet.
+
+    Lines below the table say how well times are known, and what a gradient called from Python costs.
+    """
     times = list(times)
     rows = _until_not_met(cost_rows(tables, times))
     if not rows:

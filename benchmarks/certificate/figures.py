@@ -1,4 +1,4 @@
-"""A certificate's figures: the order's ladder with its window, the energy error over time, stability."""
+"""Figures of a certificate: error against step, energy error over time, linear stability, error against evaluations."""
 
 from __future__ import annotations
 

@@ -49,7 +49,7 @@ def within(limit: float, measure: Callable, unfinished: Callable, tell: Callable
     ----------
     measure : (tell, checkpoint) -> certificate; it calls ``checkpoint`` with what was measured so far
     unfinished : (last checkpoint or None, what was being measured, why it ended, whether the time is over) ->
-        certificate, called where ``measure`` does not return
+        certificate, called if ``measure`` does not return; "why" is a text, or the places of the stack at a time-out
     tell : called with what is being measured
 
     Raises

@@ -1,4 +1,4 @@
-"""Makes all measures of an integrator, in order; what it keeps between calls is measured last."""
+"""Measure all properties of an integrator for its certificate, one after the other; its memory between calls last."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ OTHERWISE = 1e-8
 
 
 class Run(Protocol):
-    """What the functions that measure for a certificate are given.
+    """The state of a certification, which the measuring functions read and to whose tables they add.
 
     Attributes
     ----------
@@ -58,7 +58,12 @@ class Run(Protocol):
 
 
 def fill_tables(chosen: Subject, run: Run, own: list[Entry], tell) -> list[dict]:
-    """Fill the tables of a run; return rows of its times relative to the fastest stored integrator."""
+    """Measure an integrator and fill the tables of its certification ``run``.
+
+    ``own`` are the user's own problems as entries, measured in place of the battery; ``tell`` is called with the name
+    of each measure.  Returns a row for each scene on which the integrator was timed: its time relative to the fastest
+    stored integrator.
+    """
     tables, times = run.tables, []
     heard, calls = repeats.listening(chosen, run.seed)
     claimed = [CHECKS[name] for name in chosen.own.claims]
@@ -98,7 +103,11 @@ def _able(chosen: Subject, entries, tables: Tables) -> list[Entry]:
 
 
 def _step(chosen: Subject, tables: Tables, seed: int, tell, wanted, entries, lasting) -> str:
-    """Measure a step and fill the tables; return why it was measured in doubles only, or ""."""
+    """Measure a step on ``entries``, its long runs on ``lasting``, and fill the tables.
+
+    ``wanted`` are names of the measures to make.  Returns why the step was measured in doubles only, or "" if it was
+    measured in many digits.
+    """
     if not entries:
         return ""
     tell("first steps")
@@ -153,7 +162,7 @@ def _step(chosen: Subject, tables: Tables, seed: int, tell, wanted, entries, las
 
 
 def _state(chosen: Subject, calls: repeats.Calls, entries, tables: Tables, seed: int, tell) -> None:
-    """Measure whether the step keeps a state between calls: on the same object, after all other measures."""
+    """Measure whether the step has memory between calls, after all other measures of the same step object."""
     if any(r["status"] != "ok" for r in tables.of("runs")) or not tables.of("runs"):
         return
     tell("what it keeps between calls")
@@ -165,7 +174,10 @@ def _state(chosen: Subject, calls: repeats.Calls, entries, tables: Tables, seed:
 
 
 def _place(chosen: Subject, tables: Tables, tell) -> None:
-    """Compare an integrator's evaluations with the fewest stored, unless it fails grossly."""
+    """Compare an integrator's gradient evaluations with the fewest stored at the same error.
+
+    Nothing is compared if the integrator fails grossly (`judge.gross_failure`).
+    """
     if judge.gross_failure(judge.judgements({}, tables)):
         return
     for scene in scenes(chosen):
@@ -183,7 +195,10 @@ def _times(chosen: Subject, tables: Tables, tell) -> list[dict]:
 
 
 def _first_that_runs(measure: Callable[[str], dict], arithmetics) -> dict:
-    """``measure`` in the first arithmetic that the step accepts; StepFailed is raised from the last one only."""
+    """Return what ``measure`` returns in the first of the arithmetics that the step accepts.
+
+    StepFailed is raised only if the last arithmetic fails, too.
+    """
     for arithmetic in arithmetics[:-1]:
         try:
             return measure(arithmetic)

@@ -53,7 +53,10 @@ FIT = tuple(2.0 ** (-k / 2) for k in range(4, 15))
 
 @dataclass(frozen=True)
 class Series:
-    """The relative coefficients eps_1, eps_2, ... of the error's power series in h (see the module)."""
+    """Power series in h of the error of one step, as relative coefficients.
+
+    ``terms`` are eps_1, eps_2, ...: the size of the coefficient of h^k in the error over that in the exact flow.
+    """
 
     terms: tuple[float, ...]
 
@@ -69,14 +72,17 @@ class Series:
 
 @lru_cache(maxsize=64)
 def flow(entry: Entry, seed: int, h: float | object, pieces: int = 4):
-    """(exact state after a time h from the seed's start, its uncertainty), in `DIGITS` digits."""
+    """(exact state after a time h from the entry's initial state for a seed, its uncertainty), in `DIGITS` digits."""
     with precision(DIGITS):
         return multiprecision.flow(entry.system, entry.start(seed), h, pieces)
 
 
 @lru_cache(maxsize=64)
 def nearby(entry: Entry, seed: int) -> list:
-    """Exact states after 0, 1, 2, ... times `CLOSE` units of time from the seed's start, in `SERIES_DIGITS` digits."""
+    """Exact states after 0, 1, 2, ... times `CLOSE` units of time from the entry's initial state for a seed.
+
+    They have `SERIES_DIGITS` digits.
+    """
     with precision(SERIES_DIGITS):
         field, y = entry.system.vector_field(MULTIPRECISION), vector(entry.start(seed))
         close = to_number(CLOSE * entry.unit, MULTIPRECISION)
@@ -111,7 +117,7 @@ def series(stepper: Stepper, seed: int) -> Series:
 
 
 def ladder(stepper: Stepper, seed: int, noise: float = 0.0) -> dict:
-    """The errors at the end of the same span, divided into ever more steps.
+    """The errors at the end of one span that is divided into more and more steps.
 
     Returns
     -------
@@ -127,7 +133,10 @@ def _ladder(steps, away, noise: float) -> dict:
 
 
 def ladder_errors(stepper: Stepper, seed: int, noise: float = 0.0) -> tuple[np.ndarray, np.ndarray, float]:
-    """(h (n,), signed errors (n, 2 d), noise) of a ladder, errors in units of the state's largest component."""
+    """Integrate one span with n step sizes; return (h (n,), signed errors at its end (n, 2 d), noise).
+
+    Errors are in units of the state's largest component, NaN where a run fails; ``noise`` is their round-off.
+    """
     entry, double = stepper.entry, stepper.arithmetic == DOUBLE
     span = SPAN * Fraction(entry.unit)
     truth, doubt = flow(entry, seed, span)
@@ -151,7 +160,10 @@ def ladder_errors(stepper: Stepper, seed: int, noise: float = 0.0) -> tuple[np.n
 
 
 def rungs(stepper: Stepper) -> tuple[int, ...]:
-    """The numbers of steps of the ladder; fewer for a step of many evaluations in many digits."""
+    """The numbers of steps into which the span of the order's measurement is divided.
+
+    In many digits they are fewer for a step that needs many gradient evaluations.
+    """
     if stepper.arithmetic == DOUBLE:
         return LADDER
     before = sum(stepper.system.evaluations)
@@ -165,8 +177,9 @@ def numerical(failure: StepFailed) -> bool:
 
 
 def order(stepper: Stepper, seed: int) -> dict:
-    """The row of a step's measured order: order, window, errors over a ladder of steps h.
+    """Measure the order of a step on a system; return the row of the certificate.
 
+    The row has the order, its interval, the window of h to which it is fitted, and the errors over a ladder of steps h.
     In many digits it also has the terms of the error's power series in h, in doubles the `constant`.
     """
     row = {"on": stepper.entry.name, "arithmetic": stepper.arithmetic}

@@ -55,7 +55,15 @@ def scenes(subject: Subject) -> list[str]:
 
 
 def place(subject: Subject, scene: str) -> dict:
-    """A row: for each error on a scene, the gradient evaluations that the integrator needs, and the fewest stored."""
+    """Compare the integrator's gradient evaluations on a scene with the fewest stored ones, at several errors.
+
+    Returns
+    -------
+    dict
+        The scene; ``curve``, pairs (evaluations, error) of the runs; ``sizes``, their numbers of steps or tolerances;
+        ``errors``, a dict for each error: evaluations needed (None if it is not met), the cheapest stored integrator,
+        its evaluations, and the ratio of the two (``factor``)
+    """
     question = fronts.question(scene)
     problem = question.build_problem()
     entry = Entry(scene, problem.system, (*problem.q0, *problem.p0))
@@ -117,7 +125,7 @@ def _run_registered(subject: Subject, entry: Entry, problem, t_end: float, size:
 
 
 def end_reason(runs: list[Run], adaptive: bool) -> str:
-    """Why a ladder of runs ends after the last of ``runs``; "" if it goes on."""
+    """Why no finer run follows the last of ``runs``; "" if one does."""
     last, errors = runs[-1], [r.error for r in runs]
     if last.error <= fronts.ERRORS[-1]:
         return "the smallest error is met"

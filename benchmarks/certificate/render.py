@@ -37,7 +37,10 @@ TITLES = {PASS: "PASS", FAIL: "FAIL", OPEN: "NOT JUDGED"}
 
 
 def write(certificate: Certificate, folder: str | Path) -> list[Path]:
-    """Write the files into a folder, made if missing, and return their paths; raises InvalidInput if it cannot."""
+    """Write a certificate as JSON, Markdown and HTML with its figures into a folder; return the three paths.
+
+    The folder is made if missing.  Raises InvalidInput if it cannot be written to.
+    """
     folder = writable(folder)
     try:
         drawings = [d for d in (draw(certificate.tables) for draw in figures.DRAWINGS.values()) if d is not None]
@@ -123,7 +126,7 @@ def _claims(certificate: Certificate) -> pd.DataFrame:
 
 
 def _systems_table(certificate: Certificate) -> pd.DataFrame:
-    """A row for each system: order, defects, evaluations."""
+    """The table "Measured" of a certificate: a row for each system, with order, structure defects and evaluations."""
     tables = certificate.tables
     rows: dict[str, dict] = {}
     for r in tables.of("runs"):
@@ -146,7 +149,7 @@ def _systems_table(certificate: Certificate) -> pd.DataFrame:
 
 
 def _place(certificate: Certificate) -> pd.DataFrame:
-    """A row for each scene and error: evaluations needed, beside the fewest stored."""
+    """The table of gradient evaluations: a row for each scene and error, those needed beside the fewest stored."""
     rows = []
     for r in certificate.tables.of("place"):
         for e in r["errors"]:
@@ -160,7 +163,7 @@ def _place(certificate: Certificate) -> pd.DataFrame:
 
 
 def _systems(certificate: Certificate) -> str:
-    """A sentence on the systems it was measured on, and what they leave out."""
+    """A sentence on the systems on which the integrator was measured, and that other systems may show more."""
     names = list(dict.fromkeys(r["on"] for r in certificate.tables.of("order")))
     battery = {e.name: e.system.d for of in (entries, *BY_TRAIT.values()) for e in of()}
     if not names or not set(names) <= set(battery):

@@ -46,7 +46,14 @@ class Call:
 
 @dataclass
 class Calls:
-    """A step that records a random sample of its calls, fewer of them as calls get more."""
+    """A wrapper of a step that records a random sample of its calls, a smaller share of them the more there are.
+
+    Attributes
+    ----------
+    step, seed : the wrapped step, and the seed of the sample
+    kept, count : the recorded calls, and the number of all calls
+    listening : whether calls are recorded
+    """
 
     step: Any
     seed: int
@@ -82,13 +89,19 @@ def listening(subject: Subject, seed: int) -> tuple[Subject, Calls]:
 
 
 def unheard(subject: Subject) -> Subject:
-    """The subject without the recorder, for calls next to a jump, which `repeat_calls` would take for memory."""
+    """The subject with its step no longer wrapped in the recorder of calls, so that calls are not recorded.
+
+    It is used where steps are taken next to a jump of the map: repeated, they would look like memory.
+    """
     step = subject.own.step
     return replace(subject, own=replace(subject.own, step=step.step)) if isinstance(step, Calls) else subject
 
 
 def repeat_calls(subject: Subject, calls: Calls) -> list[dict]:
-    """Rows: how much results change when recorded calls are repeated, and when they are made close to these states."""
+    """Two rows on a step's memory: how much results differ when recorded calls are repeated in another order (first).
+
+    The second row has the largest jump between a recorded result and results from states close by.
+    """
     calls.listening = False
     rng, kept = np.random.default_rng([6, calls.seed]), calls.kept
     worst = {"on": "all systems", "what": f"{len(kept)} of {calls.count} calls once more, last", "value": 0.0}

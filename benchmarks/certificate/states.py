@@ -31,7 +31,10 @@ NOISE = 1e-13
 
 
 def states(subject: Subject, entries: list[Entry], seed: int, arithmetic: str) -> list[dict]:
-    """A row for each drawn state: errors of steps that are halved, and how far doubles are from 40 digits."""
+    """A row for each drawn state: errors of single steps of h, h/2, h/4, and the order that they show.
+
+    ``doubles`` is the relative distance of the step in doubles from the one in many digits, 0 if only doubles are used.
+    """
     able = [e for e in entries if e.system.traits["polynomial degree"] and not e.share] or [
         e for e in entries if e.share
     ]

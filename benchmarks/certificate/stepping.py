@@ -77,7 +77,7 @@ class Exact:
 
 @dataclass
 class Stepper:
-    """A subject's step on a system, as a function (y, h) -> y.
+    """An integrator's step on one system, as a function (y, h) -> y of states y = (q, p).
 
     Attributes
     ----------
@@ -158,7 +158,10 @@ class Stepper:
 
 @contextlib.contextmanager
 def report_failures(subject: Subject, what: str):
-    """Turn exceptions of the user's code into StepFailed with file and line, and send its prints to stderr."""
+    """Context manager: turn exceptions of the user's code into StepFailed with file and line; send prints to stderr.
+
+    ``what`` says what was being done, for the message.
+    """
     try:
         with contextlib.redirect_stdout(sys.stderr), np.errstate(all="ignore"):
             yield

@@ -37,7 +37,11 @@ SMOOTH = 1e-24
 
 
 def structure_row(stepper: Stepper, seed: int, defect: Callable) -> dict:
-    """The row of a structure (such as symplecticity), at the first step size of `STEPS` that decides if it is kept."""
+    """Measure whether a step keeps a structure, at the first step size of `STEPS` that decides it; return a row.
+
+    ``defect`` is (stepper, y, h) -> (defect, its noise), such as `symplecticity`.  The row has the system, h, the
+    defect (``value``), the floor below which it is round-off, and the step's ``own`` error.
+    """
     rows, why = [], ""
     for h in STEPS:
         try:

@@ -50,7 +50,7 @@ WIDE = 2.0
 
 
 class Fastest(NamedTuple):
-    """The fastest integrator at an error, and its time over that of the stored run of the reference method."""
+    """The fastest integrator at an error; ``share`` is its time over that of the reference method's stored run."""
 
     integrator: str
     share: float
@@ -58,7 +58,13 @@ class Fastest(NamedTuple):
 
 @dataclass(frozen=True)
 class StoredTimes:
-    """Stored times of a scene: steps and evaluations of the reference method's run; error -> fastest integrator."""
+    """Stored times of a scene (problem and span).
+
+    Attributes
+    ----------
+    steps, evaluations : of the stored run of the reference method
+    fastest : error -> the fastest integrator, and its time over that of this run
+    """
 
     steps: int
     evaluations: float
@@ -204,7 +210,7 @@ def _seconds(chosen: Subject, problem, t_end: float, size: float) -> float:
 def times_row(
     row: Mapping[str, Any], known: StoredTimes, evaluations: float, seconds: Mapping[str, Any]
 ) -> dict[str, Any]:
-    """The row of a certified step: at each error that it reaches, its time over that of the fastest stored integrator.
+    """Estimate, at each error that an integrator reaches, its time over that of the fastest stored one; return a row.
 
     ``seconds`` are of runs of the step and of a reference method, timed alternately; ``known`` has the stored times.
     """

@@ -38,9 +38,13 @@ ENDINGS = ("Every run ends with a status:", *(f"{name}: {s.meaning}" for name, s
 
 
 class Entry(NamedTuple):
-    """A command: a function, whose signature typer reads and whose docstring is the help; an example's arguments.
+    """A command of the command line.
 
-    ``notes`` are lines of the help above the example.
+    Attributes
+    ----------
+    run : the function, whose signature typer reads and whose docstring is the help
+    example : the arguments of an example, shown in the help
+    notes : lines of the help above the example
     """
 
     run: Callable[..., None]
@@ -101,7 +105,7 @@ app = application(COMMANDS)
 
 
 def main() -> None:
-    """Run the command line; only the command that is called is set up, which starts faster."""
+    """Run the command line on the arguments of the process; set up only the command that is called, to start faster."""
     gc.freeze()
     gc.set_threshold(YOUNG)
     only = {name: COMMANDS[name] for name in sys.argv[1:2] if name in COMMANDS}

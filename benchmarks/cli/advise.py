@@ -123,7 +123,10 @@ def _words(problem, hamiltonian, chosen, set_, q, p, constraints=(), parts=()) -
 
 
 def _print(answer: dict[str, Any], why: bool = False) -> None:
-    """Print the answer: a table, a command to paste, and why others were dropped (with ``why``, each of them)."""
+    """Print the answer of `advise` (the dict of --json) as a table, a command to paste, and why others were dropped.
+
+    With ``why`` the reason of each dropped integrator is printed, else their number for each kind of reason.
+    """
     warn(answer["warning"])
     warn(answer["shared"])
     wanted = f"{answer['quantity']} of {answer['problem']} to t = {answer['t_end']:g}"
@@ -150,9 +153,10 @@ def _print(answer: dict[str, Any], why: bool = False) -> None:
 
 
 def _roles(answer: dict[str, Any]) -> list[tuple[str, dict[str, Any]]]:
-    """(roles, integration) for each printed row: the choice, the others by time, the choice at a tenth of the accuracy.
+    """Return the printed rows of an answer as pairs (text of the roles, dict of the integration).
 
-    If a time budget was given instead of an accuracy, the others are sorted by error.
+    The choice comes first; the others are sorted by time or, if a time budget was given instead of an accuracy, by
+    error; the best at a tenth of the accuracy comes last.
     """
     seen: dict[str, list[str]] = {}
     rows = {}
@@ -170,7 +174,10 @@ def _roles(answer: dict[str, Any]) -> list[tuple[str, dict[str, Any]]]:
 
 
 def _line(role: str, c: dict[str, Any], orbit: bool) -> dict[str, str]:
-    """A printed row of one integration (``c``) and its role; with ``orbit`` a column for the end state's error."""
+    """A row of the printed table: one integration ``c``, as texts by column, with its role in the last column.
+
+    With ``orbit`` there is a column for the error of the end state.
+    """
     off = c.get("end_state_error")
     size = f"tol {c['tol']:.3g}" if "tol" in c else f"h {c['h']:.4g}"
     return {

@@ -84,7 +84,10 @@ def _stated(packages: set[str], progress) -> list[dict]:
 
 
 def _check_tables(packages: list[str], tell) -> list[dict]:
-    """A row for each transcribed table of these packages, or of all: its order by the conditions, its digits."""
+    """Check the coefficient tables transcribed from the sources of these packages, or of all if none is named.
+
+    A row for each table has the order that the order conditions give, and how many of its digits hold.
+    """
     from phasebench.benchmarks.experiments.catalogue import transcribed
 
     known = {t.package.casefold(): t.package for t in transcribed.read()}

@@ -71,7 +71,10 @@ def _print(state: dict) -> None:
 
 
 def tasks() -> list[tuple[str, int, tuple[str, ...]]]:
-    """The compilations to do: (family of methods, degrees of freedom d, problems of that d); no two share a kernel."""
+    """Return the compilations that --build makes: (family of methods, degrees of freedom d, problems of that d).
+
+    No two of them share a compiled kernel, so that processes can do them in parallel.
+    """
     from phasebench.benchmarks.problems import PROBLEMS, problem
     from phasebench.integrators import METHODS
 
@@ -83,7 +86,10 @@ def tasks() -> list[tuple[str, int, tuple[str, ...]]]:
 
 
 def made(task: tuple[str, int, tuple[str, ...]]) -> tuple[int, list[str]]:
-    """Compile a family's kernels, and the functions they call, for some problems; return (number of runs, failures)."""
+    """Compile the kernels of a family of methods, and the functions they call, for the problems of a task of `tasks`.
+
+    Returns (number of methods compiled for problems, texts of the failures).
+    """
     from phasebench.benchmarks.problems import problem
     from phasebench.integrators import METHODS
     from phasebench.integrators.driver import warm

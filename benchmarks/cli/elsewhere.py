@@ -1,4 +1,7 @@
-"""``elsewhere``: rows of other languages' integrators, made on their own machine, beside this suite's methods."""
+"""``elsewhere``: compare results of integrators in other languages, run on another machine, with this suite's methods.
+
+The results come as a CSV file, a row for each run.
+"""
 
 from __future__ import annotations
 

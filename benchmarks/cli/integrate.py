@@ -120,7 +120,11 @@ def made(
     constraints: Sequence[str] = (),
     parts: Sequence[str] = (),
 ):
-    """The problem called ``name``, or that of the formula ``hamiltonian``, which ``name`` then labels."""
+    """Return the problem called ``name``, or the one of the formula ``hamiltonian``; ``name`` is then its label.
+
+    ``parameters`` are values of the problem's parameters; ``constraints`` (g(q) = 0) and ``parts`` (of H, with exact
+    flows) are formulas that go with ``hamiltonian``.
+    """
     from phasebench.benchmarks.problems import PROBLEMS, file_and_orbit, problem
 
     if hamiltonian is None:
@@ -146,14 +150,24 @@ def _check_order(problem: str | None, method: str | None) -> None:
 
 
 def _label(word: str) -> tuple[str | None, str | None]:
-    """(label, method) from the one word given with a formula: a label if it is the name of a problem, else a method."""
+    """Return (label, method) from the only word given besides a formula of H; one of the two is None.
+
+    The word is a label for the formula's problem if it is the name of a known problem, else it names the method.
+    """
     from phasebench.benchmarks.problems import PROBLEMS
 
     return (word, None) if word.partition(":")[0] in PROBLEMS else (None, word)
 
 
 class Wanted(NamedTuple):
-    """The outputs requested besides the end state: its error, a quantity's error, a file with every Nth row."""
+    """The outputs requested besides the end state.
+
+    Attributes
+    ----------
+    error : whether to report the error of the end state
+    quantity : the quantity whose error to report, or None
+    output, every : the file for the trajectory, or None; it gets every Nth row
+    """
 
     error: bool
     quantity: str | None
@@ -208,7 +222,7 @@ def _errors(problem, integrator, solution, wanted: Wanted, tol, common: dict) ->
 
 
 def _result(problem, solution, extremes, parameters: dict[str, Any]) -> dict[str, Any]:
-    """The JSON object of ``integrate``, without errors against a reference."""
+    """The result of the command ``integrate`` as a JSON object (dict), without errors against a reference."""
     from phasebench.benchmarks.measure.solution import stability_hint
 
     def error(extreme) -> dict[str, float | None]:
@@ -233,7 +247,7 @@ def _result(problem, solution, extremes, parameters: dict[str, Any]) -> dict[str
 
 
 def shortened(state: list[float]) -> str:
-    """The components in full precision as text; of more than `MANY` only the first and last."""
+    """The components of a state in full precision as text; of more than `MANY` only the first and last `SHOWN`."""
     if len(state) <= MANY:
         return ", ".join(map(repr, state))
     first, last = (", ".join(map(repr, part)) for part in (state[:SHOWN], state[-SHOWN:]))

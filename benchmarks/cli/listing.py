@@ -15,7 +15,7 @@ from .shared import invalid_input, print_json, show
 
 
 class Kind(StrEnum):
-    """What can be listed."""
+    """What the command ``list`` can list."""
 
     methods = "methods"
     problems = "problems"
@@ -158,14 +158,20 @@ def _chosen(kind: Kind, rows: list[Row], wanted: Mapping[str, Any]) -> list[Row]
 
 
 def _values(cell) -> list:
-    """The option values that match a table cell: itself or its entries, or "nothing"; of problem:orbit also problem."""
+    """The values of an option that match a table cell: the cell itself, or its entries if it is a list.
+
+    An empty list is matched by "nothing", a text ``problem:orbit`` also by ``problem``.
+    """
     if isinstance(cell, list):
         return cell or ["nothing"]
     return [cell, cell.partition(":")[0]] if isinstance(cell, str) else [cell]
 
 
 def _is(cell, value) -> bool:
-    """True if a table cell matches an option's value; a yes/no value for a version asks whether there is one."""
+    """True if a table cell matches an option's value.
+
+    In a column that is not of yes and no (a package's installed version), True matches any value, False matches None.
+    """
     return (
         (cell is not None) == value
         if isinstance(value, bool) and not isinstance(cell, bool)

@@ -50,7 +50,7 @@ def report(
 
 @contextmanager
 def _written(folder: Path) -> Iterator[None]:
-    """A context in which an error while writing to the folder becomes InvalidInput."""
+    """Context manager: turn an OSError raised inside, while writing to the folder, into InvalidInput."""
     try:
         yield
     except OSError as error:

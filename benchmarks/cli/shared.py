@@ -52,7 +52,7 @@ def warn(message: str | None) -> None:
 
 @contextmanager
 def compilation_shown(wanted: bool) -> Iterator[None]:
-    """Show on a terminal's status line what is being compiled."""
+    """Context manager: inside it a terminal's status line shows what is being compiled, if ``wanted``."""
     from phasebench.integrators.compile import progress
 
     shown: list[str] = []
@@ -74,7 +74,10 @@ def compilation_shown(wanted: bool) -> Iterator[None]:
 
 @contextmanager
 def telling(what: str) -> Iterator[Callable[[str], None]]:
-    """Give a function that shows a line of progress: in a terminal's status line, else on stderr, ever more rarely."""
+    """Context manager that gives a function to show a line of progress, in a terminal's status line titled ``what``.
+
+    Without a terminal the lines are printed on stderr, more and more rarely.
+    """
     if err.is_terminal:
         with err.status(what) as status:
             yield status.update
@@ -113,7 +116,10 @@ def width() -> int | None:
 
 
 def show(title: str, rows: list[dict[str, str]]) -> None:
-    """Print a table with as many columns as fit, in their order; the last one is cut if need be."""
+    """Print a table with as many columns as fit the width of the output, in their order; cut the last if need be.
+
+    ``rows`` are dicts of texts by column.
+    """
     from rich.table import Table
     from rich.text import Text
 

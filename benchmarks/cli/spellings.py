@@ -34,7 +34,10 @@ class Command(TyperCommand):
 
 
 def translate(args: list[str], old: Mapping[str, str]) -> tuple[list[str], list[str]]:
-    """Replace old spellings, also as ``--old=value``; returns the arguments, and a line for each old spelling found."""
+    """Replace old spellings of options in command-line arguments, also in the form ``--old=value``.
+
+    ``old`` maps old to new spellings.  Returns the new arguments, and a notice for each old spelling found.
+    """
     result: list[str] = []
     found: dict[str, str] = {}
     words = iter(args)

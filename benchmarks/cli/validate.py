@@ -127,7 +127,10 @@ def _say(text: str) -> None:
 
 
 def folded(line: str) -> str:
-    """The line in pieces of at most `WIDEST` characters, indented after the first; options to be copied stay whole."""
+    """Fold a line of output into lines of at most `WIDEST` characters, all but the first indented.
+
+    A line with options to be copied (--claim) is not folded.
+    """
     if len(line) <= WIDEST or " --claim " in line:
         return line
     within = " " * (len(line) - len(line.lstrip()) + 4)

@@ -190,7 +190,10 @@ def tolerance(claimed: float, tables: Tables) -> Judgement:
 
 
 def hint(bad: list[dict], rows: list[dict]) -> str:
-    """Advice to restrict a claim to separable H if it fails only on systems where H is not T + V; else empty."""
+    """Advice to restrict a claim to separable H if it fails only on systems whose H is not T(p) + V(q); else "".
+
+    ``bad`` are the rows of the systems on which the claim fails, ``rows`` those of all systems.
+    """
     wrong, right = set(systems(bad)), set(systems(rows)) - set(systems(bad))
     split = any(r.get("separable") for r in bad)
     return "; on H = T(p) + V(q) it is so: say REQUIRES = ('separable',)" if wrong and right and not split else ""

@@ -64,7 +64,10 @@ def _open(rows: list[dict], told: list[dict], separable: bool) -> bool:
 
 
 def structure(claimed: bool, rows: list[dict], standard: Standard) -> Decision:
-    """Verdict on a structure of the step map, claimed or denied; one system that breaks it decides."""
+    """Verdict on a structure of the step map (such as symplecticity), claimed or denied, with the rows that decide.
+
+    One system on which the structure is broken decides.
+    """
     tells = shows_structure if standard.everywhere else keeps_structure
     broken, whole = ([r for r in rows if tells(r) is x] for x in (False, True))
     if broken:
@@ -77,7 +80,10 @@ def structure(claimed: bool, rows: list[dict], standard: Standard) -> Decision:
 
 
 def conservation(claimed: str, rows: list[dict], standard: Standard) -> Decision:
-    """Verdict on how an invariant is conserved; a drift on one system counts as a drift."""
+    """Verdict on a claim of how an invariant is conserved ("preserved", "bounded", ...), with the rows that decide.
+
+    A drift on one system contradicts the claim that the error is bounded.
+    """
     if claimed not in FITS:
         return UNJUDGED, []
     fits = FITS[claimed]

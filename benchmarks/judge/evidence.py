@@ -85,12 +85,15 @@ def is_bounded(row) -> bool | None:
 
 
 def round_off(row) -> float:
-    """Upper bound of the round-off error of the energy in a row, by Brouwer's law."""
+    """Upper bound of the round-off error of the energy after the steps of a row, by Brouwer's law (as their root)."""
     return BROUWER * EPS * row["scale"] * sqrt(row["steps"])
 
 
 def kind(row) -> str | None:
-    """How the row conserves the invariant: `ROUND_OFF`, `BOUNDED`, `DRIFT`, or None if unclear."""
+    """The kind of error of an invariant along a long run: `ROUND_OFF`, `BOUNDED`, `DRIFT`, or None if unclear.
+
+    ``row`` has the largest error, the slope of the error with its interval, and the time of the run.
+    """
     if row["value"] <= round_off(row):
         return ROUND_OFF
     stays = is_bounded(row)

@@ -41,7 +41,9 @@ def judgement(check: Check, value, tables: Tables) -> Judgement:
 
 
 def verdict(found: list[Judgement], claims: Mapping[str, Any]) -> str:
-    """The certificate's verdict: FAIL if a claim is contradicted, PASS if there are claims and all hold, else OPEN."""
+    """The verdict of a certificate: "fail" if a claim or requirement is contradicted, "pass" if claims were made and
+    all hold, else "not-judged".
+    """
     kinds = {j.verdict for j in found}
     if CONTRADICTED in kinds:
         return FAIL
@@ -63,7 +65,7 @@ def gross_failure(found: list[Judgement]) -> str:
 
 
 def offers(claims: Mapping[str, Any], tables: Tables) -> list[str]:
-    """Properties that were measured but not claimed, written as arguments of ``--claim``."""
+    """Properties that hold in the measurements but were not claimed, written as arguments of ``--claim``."""
     out = []
     for name, check in CHECKS.items():
         if name not in claims and tables.of(check.measure):

@@ -90,7 +90,7 @@ def consistent(tables: Tables) -> Judgement:
 
 
 def _elsewhere(tables: Tables) -> Judgement | None:
-    """The judgement that the step is inconsistent at small or large states; None if no such state was found."""
+    """The judgement that the step is inconsistent from states of some size; None if it is consistent from all."""
     for row in tables.of("states"):
         if below(row, 1):
             why = f"its error in a step falls as h^{row['order'] + 1:.2f} on {row['on']}: this is no step of the system"

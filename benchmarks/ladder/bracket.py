@@ -56,7 +56,7 @@ def bracket(rungs: Sequence[R], wanted: float) -> tuple[R | None, list[R]]:
 
 
 def share(coarse: float, fine: float, wanted: float) -> float:
-    """Position of the error ``wanted`` between two errors, on a log scale: 0 at the coarse one, 1 at the fine."""
+    """Position of the error ``wanted`` between the errors of two runs, on a log scale: 0 at ``coarse``, 1 at ``fine``."""
     return log(coarse / wanted) / log(coarse / max(fine, 1e-300))
 
 

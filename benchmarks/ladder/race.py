@@ -79,7 +79,11 @@ class Climb:
 
 
 def enter(task: Task, c: Integrator, known: Known) -> Climb:
-    """Run an integrator at ever finer steps while it may still be the cheapest; dropped if it does not compile."""
+    """Run an integrator at ever finer steps for as long as it may still be the cheapest; return its runs.
+
+    ``known`` are the runs of the integrators before it, to which its own are added.  An integrator that does not
+    compile is dropped, with no runs.
+    """
     entrant = Entrant(task, c, known)
     try:
         with naming(c.label):
@@ -99,9 +103,10 @@ def sizes(task: Task, c: Integrator) -> Iterator[dict]:
 
 
 def wider(task: Task, c: Integrator, rung: Rung, known: Known) -> list[Rung]:
-    """Runs of ever fewer steps before a first run that already meets the coarsest accuracy, until one misses it.
+    """Make runs of wider steps if the first run already meets the coarsest accuracy; return them, the coarsest first.
 
-    They also end at a `hopeless` one: implicit equations that only Newton's method solves take longer in wider steps.
+    Each has half the steps of the one before, until a run misses that accuracy or is `hopeless`: implicit equations
+    that only Newton's method solves take longer in wider steps.
     """
     out: list[Rung] = []
     steps = rung.steps
@@ -164,7 +169,10 @@ class Entrant:
         return rung
 
     def end_reason(self, rungs: list[Rung]) -> str:
-        """Why no finer run follows the last one, or ""; inserts wider runs before a first one that is too fine."""
+        """Why no finer run follows the last one; "" if one does.
+
+        If the first run is finer than needed, runs of wider steps are made and inserted before it.
+        """
         rung = rungs[-1]
         if len(rungs) == 1 and rung.error <= self.task.testable_accuracies[0]:
             rungs[:0] = wider(self.task, self.c, rung, self.known)

@@ -17,9 +17,10 @@ APART = 0.95
 
 
 def refine(task: Task, c: Integrator, rungs: list[Rung], wanted: float) -> Rung:
-    """The cheapest run that meets the error ``wanted``, with further runs between the two around it.
+    """Find the cheapest run that meets the error ``wanted``.
 
-    The further runs are added to ``rungs``, an integrator's runs from coarse to fine.
+    Further runs are made between the two runs whose errors enclose ``wanted``, and added to ``rungs``, an integrator's
+    runs from coarse to fine.
     """
     low, (high, *_) = bracket(rungs, wanted)
     for _ in range(REFINED if low is not None else 0):

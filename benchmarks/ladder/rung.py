@@ -99,10 +99,10 @@ class Task:
         return tuple(a for a in self.accuracies if self.truth.uncertainty <= a)
 
     def run(self, c: Integrator, size: dict[str, Any], *, bare: bool = False, timeout: float = inf):
-        """Integrate with the integrator c and ``size``, {"steps": n} or {"tol": x}: its solution.
+        """Integrate the problem with the integrator c at ``size``, {"steps": n} or {"tol": x}; return the solution.
 
-        It has the rows that the quantity needs, or none between start and end if ``bare``; c is stopped after
-        ``timeout`` seconds if it can be.
+        The solution has the output rows that the quantity needs, or none between start and end if ``bare``; c is
+        stopped after ``timeout`` seconds if it can be.
         """
         rows = {**size, "save_every": 0} if bare else self.quantity.grid(**size)
         stop = {"timeout": timeout} if c.stoppable and isfinite(timeout) else {}
@@ -137,7 +137,11 @@ class Task:
         return Rung(steps, tol, found.status, error, seconds, *counts, found.reason)
 
     def beaten(self, c: Integrator, seconds: float, cheapest: float) -> bool:
-        """True if a method of this project is too slow beside the cheapest for a timed run to be compiled."""
+        """True if a method is so much slower than the cheapest that compiling its run without output is not worth it.
+
+        ``seconds`` are those of its run with output, ``cheapest`` those of the fastest other integrator at its error.
+        False for peers, whose runs need no compilation.
+        """
         if not isinstance(c.record, Method) or self.clocks.ready(c) or not self.quantity.aligned:
             return False  # a run with the many rows of an unaligned quantity says little of one without
         return seconds - OVERHEAD > WORTH * cheapest
@@ -152,7 +156,10 @@ class Task:
         return timed()
 
     def retime(self, c: Integrator, rung: Rung) -> Rung:
-        """The run with the least of its time and `AGAIN` more timings; unchanged if failed, long or not prepared."""
+        """Time a run `AGAIN` more times and return it with the least of all its times.
+
+        It is returned unchanged if it failed, takes long, or its timed run is not compiled.
+        """
         unprepared = isinstance(c.record, Method) and not self.clocks.ready(c)
         if not rung.ok or rung.seconds > LONG or unprepared:
             return rung

@@ -115,7 +115,10 @@ def _bad(trial: Trial, accuracy: float) -> Rung | None:
 
 
 def _close(good: Rung, bad: Rung | None) -> bool:
-    """True if no run coarser than ``good`` is worth trying: the next coarser one, ``bad``, misses the accuracy."""
+    """True if no run between ``good`` and ``bad`` is worth trying, since their costs are close.
+
+    ``good`` is the coarsest run that meets the accuracy, ``bad`` the finest coarser one that misses it, or None.
+    """
     if bad is None:
         return good.taken <= 1 or (good.tol is not None and good.tol >= LOOSEST)
     if good.tol is not None:

@@ -93,7 +93,7 @@ class Trial:
         return done.seconds / PART if done.status == OK else 0.0
 
     def failure(self) -> str:
-        """Status and reason, as text, of the finest run."""
+        """How the finest run ended, as text: its status and the reason of its failure."""
         if not self.rungs:
             return DIVERGED
         rung = self.sorted_rungs[-1]

@@ -1,1 +1,1 @@
-"""Measurements: mostly pure functions of trajectories and integrators."""
+"""Measurements of errors, orders, conservation, stability and time; mostly pure functions of trajectories."""

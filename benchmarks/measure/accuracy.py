@@ -1,8 +1,9 @@
-"""Errors of a sweep's runs against the certified reference, and how they conserve the invariants.
+"""Errors of an integrator's runs on a scene against a certified reference, and their errors of the invariants.
 
-The reference is a stored state of the orbit's certificate, hence the same on every machine.  The error is taken at the
-scene's end or, for an orbit with sensitive dependence, at the last stored time before the certificate's horizon.  Up
-to the horizon, rounding to long double stays within 1e-13 of the state (`reference.certificates.horizon`): an error in
+A scene is a problem on an orbit with a time span and step sizes.  The reference is a stored state of the orbit's
+certificate (stored states with their uncertainty), hence the same on every machine.  The error is taken at the scene's
+end or, for an orbit with sensitive dependence, at the last stored time before the certificate's horizon.  Up to the
+horizon, rounding to long double stays within 1e-13 of the state (`reference.certificates.horizon`): an error in
 doubles is then far above the uncertainty of a stored state, and not yet as large as the orbit.
 """
 
@@ -35,15 +36,15 @@ STORED, COMPUTED = "stored", "computed"
 
 @dataclass(frozen=True)
 class Truth:
-    """The true state of an orbit at a time.
+    """The true state of an orbit at one time, with its uncertainty.
 
     Attributes
     ----------
     t : the time
-    texts : (q, p) as 2 d decimal strings
+    texts : the components of (q, p) as 2 d decimal strings
     uncertainty : of the state, in the max norm
     horizon : the last time up to which errors of trajectories are meaningful
-    source : "stored", or "computed" if no certificate has this time
+    source : "stored" in the orbit's certificate, or "computed" now since no certificate has this time
     """
 
     t: float
@@ -53,14 +54,21 @@ class Truth:
     source: str
 
     def error(self, state) -> float:
-        """Error in the max norm of a state (q, p), array (2 d,) of doubles; computed without round-off."""
+        """Return the max norm of ``state`` minus the true state; ``state`` is (q, p), an array (2 d,) of doubles.
+
+        Differences are taken in 50 decimal digits, so that they have no round-off.
+        """
         with localcontext(prec=50):
             return float(max(abs(Decimal(float(x)) - Decimal(y)) for x, y in zip(state, self.texts, strict=True)))
 
 
 @cache
 def truth(scene: str) -> Truth:
-    """The true state of a scene's orbit: at its end, or if that is past the horizon, at the last stored time before."""
+    """Return the true state of a scene's orbit at the scene's end, from its certificate or computed now.
+
+    If the end is past the horizon of a chaotic orbit, return the last stored state before the horizon.  ``scene`` is
+    the scene's id.
+    """
     wanted = BY_ID[scene]
     problem = problem_of(wanted.problem)
     certificate = stored.find(problem)
@@ -83,7 +91,11 @@ def _compute_truth(problem, t: float) -> Truth:
 
 
 def head(scene: Scene, problem, chosen, kind: str, *packages: str) -> dict[str, Any]:
-    """The first columns of a result row: scene, problem, integrator (``chosen``, a method or peer), versions."""
+    """Return the first columns of a row of results, name -> value: what was integrated, by what, with which versions.
+
+    ``chosen`` is the method or the peer (an integrator of another package), ``kind`` its origin; the versions are those
+    of phasebench, NumPy, Numba and the further ``packages``.
+    """
     used = ("phasebench", "numpy", "numba", *packages)
     return {
         "scene": scene.id,
@@ -99,12 +111,17 @@ def head(scene: Scene, problem, chosen, kind: str, *packages: str) -> dict[str, 
 
 
 def end_state(solution, row: int = -1) -> np.ndarray:
-    """(q, p) in the last row of a solution or a reference, or in another row, array (2 d,)."""
+    """Return the state (q, p), array (2 d,), in the last row of a solution or a reference, or in row ``row``."""
     return np.concatenate([solution.q[row], solution.p[row]])
 
 
 def trajectory_error(scene: Scene, solution: Solution) -> dict[str, float | str]:
-    """Columns with a solution's error against the true state of the scene; no error if no row has that state's time."""
+    """Return columns of a row of results, name -> value, with a solution's error against the scene's true state.
+
+    They are ``reference_horizon``, ``reference_uncertainty``, ``global_error`` (max norm) and ``global_error_time``,
+    and ``reference`` if the true state is computed, not stored.  Only the horizon is there if no row of the solution
+    has the time of the true state, or if that is past the horizon.
+    """
     true = truth(scene.id)
     out: dict[str, float | str] = {"reference_horizon": true.horizon}
     rows = np.flatnonzero(np.abs(solution.t - true.t) <= ROUND_OFF * true.t)
@@ -116,7 +133,11 @@ def trajectory_error(scene: Scene, solution: Solution) -> dict[str, float | str]
 
 
 def invariants(problem, solution: Solution, t_end: float) -> dict[str, float]:
-    """Columns with the largest error of the energy and of each invariant, and the energy's drift with 95 % interval."""
+    """Return columns of a row of results, name -> value, with a solution's errors of the energy and the invariants.
+
+    They are the largest absolute error of each, the energy's error at the end and over the first `EARLY` of the span,
+    and the energy's drift with its 95 % interval.  What cannot be computed (too few rows, a failed run) is left out.
+    """
     out: dict[str, float] = {}
     H = problem.system.observe(problem.system.H, solution.q, solution.p)
     good = np.isfinite(H)

@@ -1,4 +1,4 @@
-"""The systems and the variants of methods for tests over the whole registry."""
+"""The test systems and the methods with parameter values on which every method of the registry is tested."""
 
 from __future__ import annotations
 
@@ -35,7 +35,11 @@ def _build_if_valid(record: Method, values: dict) -> list[Method]:
 
 
 def variants(methods=METHODS, **values) -> list[Method]:
-    """Every method at every tested value of its parameters; ``values`` adds or replaces entries of `VALUES`."""
+    """Return every method at every combination of tested parameter values that it accepts.
+
+    The values are those of `VALUES`; ``values``, name -> values, adds or replaces entries.  Other parameters keep their
+    default, and so do all parameters of a method of order above `LOW_ORDER`, unless its order is a parameter.
+    """
     values = VALUES | values
     members = []
     for record in methods:
@@ -53,79 +57,88 @@ def variants(methods=METHODS, **values) -> list[Method]:
 
 
 def high_order_variants() -> list[Method]:
-    """The methods whose order is a parameter, each at every high order in `HIGH`."""
+    """Return the methods that have their order as a parameter, each at every high order in `HIGH`."""
     return variants([m for m in METHODS if "order" in m.parameters], order=HIGH)
 
 
 def by_label(methods) -> dict[str, Method]:
-    """A dict label -> method; asserts that the labels are unique."""
+    """Return the dict label (id with parameters) -> method of some methods; assert that the labels are unique."""
     table = {m.label: m for m in methods}
     assert len(table) == len(methods)
     return table
 
 
 def tao() -> Hamiltonian:
-    """H = (q^2 + 1)(p^2 + 1)/2: M. Tao, Phys. Rev. E 94 (2016) 043303."""
+    """Make the non-separable test system H = (q^2 + 1)(p^2 + 1)/2: M. Tao, Phys. Rev. E 94 (2016) 043303."""
     return Hamiltonian(q="q", p="p", H="(q**2 + 1)*(p**2 + 1)/2")
 
 
 def coupled_double_well() -> Hamiltonian:
-    """A double well with velocity-dependent coupling, d = 2, symmetric neither in q and p nor in 1 and 2."""
+    """Make a double well with velocity-dependent coupling, d = 2, without symmetry under q <-> p or 1 <-> 2."""
     return Hamiltonian(
         q="q1 q2", p="p1 p2", H="(p1**2 + p2**2)/2 + q1*p1*p2/4 + (q1**2 - 1)**2/4 + q2**2/2 + q1**2*q2*p2/3"
     )
 
 
 def two_frequencies() -> Hamiltonian:
-    """Henon-Heiles with frequencies 1 and 3/2; with equal ones a filter is a scalar, and every filter symplectic."""
+    """Make a Henon-Heiles system with the frequencies 1 and 3/2, to test methods with filter functions.
+
+    With equal frequencies a filter would be a multiple of the identity, and every filtered method symplectic.
+    """
     H = "(p1**2 + p2**2)/2 + (q1**2 + 9*q2**2/4)/2 + q1**2*q2 - q2**3/3"
     return Hamiltonian(q="q1 q2", p="p1 p2", H=H, frequencies=[1, sp.Rational(3, 2)])
 
 
 def relativistic_particle() -> Hamiltonian:
-    """A relativistic charged particle in a magnetic mirror with an electric potential; m = 1/2, c = 2."""
+    """Make a relativistic charged particle in a magnetic mirror with an electric potential; m = 1/2, c = 2."""
     A = ("-y*(1 + z**2/4)/2", "x*(1 + z**2/4)/2", "0")
     square = " + ".join(f"(p{k} - ({a}))**2" for k, a in zip("xyz", A, strict=True))
     return Hamiltonian(q="x y z", p="px py pz", H=f"2*sqrt(1 + {square}) + x**2*y/4 - y*z/3 + z**4/8")
 
 
 def on_sphere() -> ConstrainedHamiltonian:
-    """A particle on the unit sphere in an anharmonic potential."""
+    """Make a particle on the unit sphere in an anharmonic potential: d = 3, one constraint."""
     H = "(u**2 + v**2 + w**2)/2 + z + x**2*y/2 - z**2*x/3"
     return ConstrainedHamiltonian(q="x y z", p="u v w", H=H, constraints=["x**2 + y**2 + z**2 = 1"])
 
 
 def rods() -> ConstrainedHamiltonian:
-    """A double pendulum of two rods in the plane, of masses 1 and 2, with a spring; d = 4 and two constraints."""
+    """Make a double pendulum in Cartesian coordinates: masses 1 and 2 on two rigid rods, d = 4, two constraints.
+
+    A cubic term of the potential couples the masses.
+    """
     H = "(u1**2 + v1**2)/2 + (u2**2 + v2**2)/4 + y1 + 2*y2 + x2**2*y1/4"
     rods = ["x1**2 + y1**2 = 1", "(x2 - x1)**2 + (y2 - y1)**2 = 1"]
     return ConstrainedHamiltonian(q="x1 y1 x2 y2", p="u1 v1 u2 v2", H=H, constraints=rods)
 
 
 def on_ellipsoid() -> ConstrainedHamiltonian:
-    """A non-separable H on an ellipsoid."""
+    """Make a system with a non-separable H on an ellipsoid: d = 3, one constraint."""
     H = "(u**2 + v**2)/2*(1 + z**2/4) + w**2/2 + x*v/4 + u*w*y/3 + x**2*y/2 + z"
     return ConstrainedHamiltonian(q="x y z", p="u v w", H=H, constraints=["x**2 + 2*y**2 + 3*z**2 = 1"])
 
 
 def asymmetric_top() -> RigidBody:
-    """A body of three different moments in an anisotropic potential."""
+    """Make a rigid body with three different moments of inertia in an anisotropic potential of its attitude."""
     return RigidBody(moments=(1, "3/2", 2), V="r33 + r13/2 - r12*r31/3")
 
 
 def nearly_symmetric_top() -> RigidBody:
-    """A heavy top, its smallest moment on the axis of its centre of mass; the other two are near each other."""
+    """Make a heavy top with the moments of inertia 1/2, 1, 11/10: the last two are nearly equal.
+
+    The axis of the smallest moment passes through the centre of mass.
+    """
     return RigidBody(moments=("1/2", 1, "11/10"), V="r31")
 
 
 def geodesic() -> SplitHamiltonian:
-    """A body near a black hole, off the equatorial plane, in four parts."""
+    """Make the geodesics near a Schwarzschild black hole off the equatorial plane, H a sum of four solvable parts."""
     parts = ["u**2/2", "-u**2/r", "v**2/(2*r**2)", "-1/(2 - 4/r) + 8/(r**2*sin(f)**2)"]
     return SplitHamiltonian(q="r f", p="u v", parts=parts)
 
 
 def many_parts() -> SplitHamiltonian:
-    """A polynomial of parts of every kind."""
+    """Make a polynomial H, d = 2, as a sum of five parts that have exact flows of all kinds (`systems.parts`)."""
     parts = [
         "(q1**2 + 2*p1**2)/2",
         "q2*p2*(1 + q1**2)/5",
@@ -188,18 +201,21 @@ def _of(name: str):
 
 
 def as_problem(name: str) -> Problem:
-    """The system with this name and its initial state as a problem."""
+    """Make a `Problem` of a test system, a key of `SYSTEMS`, with its initial state as the only orbit."""
     system, q, p = SYSTEMS[name]()
     return Problem(name, name, "", system, (Orbit("start", tuple(map(float, q)), tuple(map(float, p))),))
 
 
 def runs_on(method: Method, name: str) -> bool:
-    """True if the system with this name meets the method's requirements."""
+    """True if a test system, ``name`` in `SYSTEMS`, has all traits that the method requires."""
     return method.lacks(SYSTEMS[name]()[0]) is None
 
 
 def systems(method: Method, few: bool | None = None) -> list[str]:
-    """Names of the systems on which a method is tested; ``few`` limits them (default: for high orders)."""
+    """Return the names of the test systems, keys of `SYSTEMS`, on which a method is tested.
+
+    ``few`` restricts them to `FEW` if any of these fits; by default it is True for an order above `LOW_ORDER`.
+    """
     if method.parameters.get("order", 0) in HIGH or (method.family == "schemes_iv_v" and method.order > LOW_ORDER):
         return [n for n in SHORT if runs_on(method, n)]
     for trait, special in BY_TRAIT.items():
@@ -212,15 +228,19 @@ def systems(method: Method, few: bool | None = None) -> list[str]:
 
 
 def magnetic(method: Method) -> list[str]:
-    """Names of the magnetic systems on which volume preservation is measured; [] if the method is for other systems."""
+    """Return the names of the magnetic systems on which a method's preservation of phase-space volume is measured.
+
+    [] for a method that neither requires a magnetic system nor is one of the `CONTROLS`.
+    """
     measured = "magnetic" in method.requires or method.id in CONTROLS
     return [n for n in MAGNETIC if runs_on(method, n)] if measured else []
 
 
 def expected_order(method: Method, name: str) -> int:
-    """The order expected on a system: the declared one, or higher if the method happens to be symmetric there.
+    """Return the order of convergence that a method should show on a test system, a key of `SYSTEMS`.
 
-    If H = T(p) + V(q), averages along a path of two blocks do not depend on the order of the blocks.
+    It is the declared order, or 2 for a partitioned averaged vector field (or Itoh-Abe) method of two blocks on a
+    separable H = T(p) + V(q): the result does not depend on the order of the blocks there, so that it is symmetric.
     """
     system = SYSTEMS[name]()[0]
     blocks = {"pavf": 2, "pavf-adjoint": 2, "itoh-abe": 2 * system.d}.get(method.id)
@@ -228,11 +248,14 @@ def expected_order(method: Method, name: str) -> int:
 
 
 def canonical(name: str) -> bool:
-    """True if a system is canonical, so that its step maps can be symplectic."""
+    """True if a test system, a key of `SYSTEMS`, is canonical, so that step maps on it can be symplectic."""
     return SYSTEMS[name]()[0].canonical
 
 
 def keeps_a_form(name: str) -> bool:
-    """True if step maps on a system can be symplectic, in phase space or on the manifold of its constraints."""
+    """True if step maps on a test system can be symplectic, in phase space or on the manifold of its constraints.
+
+    ``name`` is a key of `SYSTEMS`.
+    """
     system = SYSTEMS[name]()[0]
     return system.canonical or system.constrained

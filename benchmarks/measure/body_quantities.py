@@ -20,12 +20,18 @@ Vectors = Callable[..., np.ndarray]
 
 
 def position(problem, body: int, q, p) -> np.ndarray:
-    """The position of a body relative to the central one: from q (n, d), array (n, 3)."""
+    """Return the position of a body relative to the central body at n times, array (n, 3).
+
+    ``body`` is its index (0: the central one); q has shape (n, d), body after body.  problem and p are not used.
+    """
     return q[:, SPACE * body : SPACE * (body + 1)] - q[:, :SPACE]
 
 
 def _cartesian(name: str, component: int) -> Callable:
-    """Make the observable of a body's coordinate: components 0-2 position, 3-5 velocity, in the frame of the table."""
+    """Make the function (problem, body, q, p) -> array (n,) of one coordinate or velocity component of a body.
+
+    ``component`` is 0-2 for x, y, z and 3-5 for vx, vy, vz, in the frame of the table of bodies.
+    """
     axis = component % SPACE
 
     def value(problem, body: int, q, p) -> np.ndarray:
@@ -64,7 +70,10 @@ KINDS: dict[str, tuple[str, str, Callable, bool]] = {
 
 
 def of_body(name: str, body: int, kind: str) -> Quantity:
-    """A quantity of the body with this name and index, at the end of a run."""
+    """Make the `Quantity` that measures ``kind`` (a key of `KINDS`, such as "longitude") of a body at a run's end.
+
+    ``name`` and ``body`` are the body's name and index.
+    """
     about, unit, value, angle = KINDS[kind]
 
     def values(problem, t, q, p) -> np.ndarray:
@@ -74,14 +83,14 @@ def of_body(name: str, body: int, kind: str) -> Quantity:
 
 
 def of_bodies(problem) -> Iterator[Quantity]:
-    """All quantities of the bodies of a problem; none if it has no ``bodies``."""
+    """Yield a `Quantity` for every body and kind (longitude, distance, x, ...) of a problem; none without bodies."""
     found = getattr(problem, "bodies", None)
     for body, name in enumerate(found.names if found is not None else ()):
         yield from (of_body(name, body, kind) for kind in KINDS if body or found.frame != HELIOCENTRIC)
 
 
 def body_of(problem, quantity: Quantity) -> str | None:
-    """The name of the body that a quantity belongs to; None if it does not belong to one."""
+    """Return the name of the body of a quantity such as jupiter.longitude; None if it is not a body's quantity."""
     found = getattr(problem, "bodies", None)
     name, mark, kind = quantity.name.rpartition(".")
     return name if found is not None and mark and kind in KINDS and name in found.names else None

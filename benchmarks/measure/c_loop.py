@@ -1,4 +1,4 @@
-r"""A bare C loop of Stormer-Verlet for the same formula, with which the speed of compiled steps is compared.
+r"""A bare C loop of Stormer-Verlet for a problem's formula of H, the yardstick for the speed of compiled steps.
 
 .. math::
     p \leftarrow p - \tfrac h2 g,\quad q \leftarrow q + h\,\nabla T(p),\quad g \leftarrow \nabla V(q),\quad
@@ -23,7 +23,11 @@ __all__ = ["Loop", "compiler", "load_source", "source"]
 
 
 def source(system, merged: bool = False) -> str:
-    """The C source of ``leapfrog(steps, h, state)``, state = (q, p); for separable H with quadratic T."""
+    """Return the C source of ``leapfrog(steps, h, state)``, which updates state = (q, p) by Stormer-Verlet steps.
+
+    The system's H is separable with a quadratic T; ``merged`` joins the last half kick of a step with the first of the
+    next.
+    """
     of_V, forces = statements([sp.diff(system.potential, x) for x in system.q], ("q", system.q))
     of_T, velocities = statements([sp.diff(system.kinetic, x) for x in system.p], ("p", system.p))
     d = range(system.d)
@@ -54,7 +58,10 @@ void leapfrog(long steps, double h, double *y) {{
 
 
 class Loop:
-    """The compiled C loop of a problem; raises RuntimeError if it cannot be compiled or T is not quadratic."""
+    """A problem's compiled Stormer-Verlet loop in C; raises RuntimeError if it does not compile or T is not quadratic.
+
+    ``merged`` joins the last half kick of a step with the first of the next.
+    """
 
     def __init__(self, problem, merged: bool = False):
         if not getattr(problem.system, "quadratic_kinetic", False):
@@ -65,7 +72,7 @@ class Loop:
         self._leapfrog.restype = None
 
     def run(self, h: float, steps: int) -> tuple[float, np.ndarray]:
-        """(seconds of ``steps`` steps, the final state (q, p), array (2 d,))."""
+        """Run the loop from the initial state; return (seconds taken, final state (q, p) as an array (2 d,))."""
         y = np.array([*self.problem.q0, *self.problem.p0])
         started = time.perf_counter()
         self._leapfrog(steps, h, y.ctypes.data)

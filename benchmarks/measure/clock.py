@@ -1,9 +1,10 @@
 """Times one integration in the same way for methods and peers: a prepared, warm run without output.
 
-The measured time is that of `advance`: the reset to the initial state and the integrator's own call.  A first run is
-not counted.  Runs shorter than `LEAST` are repeated until they last that long together, each from a start that
-differs in the last digits, so that no processor adapts to one orbit.  CPU time of the thread is measured beside wall
-time: a reading in which they differ by more than `SHARED` was disturbed by other processes and is repeated.
+Peers are integrators of other packages.  The measured time is that of a prepared run's ``advance``: the reset to the
+initial state and the integrator's own call.  A first run is not counted.  Runs shorter than `LEAST` are repeated until
+they last that long together, each from a start that differs in the last digits, so that no processor adapts to one
+orbit.  CPU time of the thread is measured beside wall time: a reading in which they differ by more than `SHARED` was
+disturbed by other processes and is repeated.
 """
 
 from __future__ import annotations
@@ -33,7 +34,14 @@ EPS = float(np.finfo(float).eps)
 
 @dataclass
 class Sharing:
-    """Counts of time measurements: all, those repeated since the core was shared, those that stayed disturbed."""
+    """Counts of time measurements that other processes on the same core disturbed.
+
+    Attributes
+    ----------
+    readings : all time measurements
+    repeated : those found disturbed, which are repeated if repetitions are left
+    disturbed : integrations whose last repetition was still disturbed
+    """
 
     readings: int = 0
     repeated: int = 0
@@ -51,14 +59,14 @@ class Sharing:
 
 @dataclass
 class Clock:
-    """A callable that times one integration.
+    """A callable without arguments that times one integration and returns its seconds.
 
     Attributes
     ----------
-    run : a prepared run
-    size : the arguments of its `advance`: (h, steps) or (t_end,)
-    start : (q0, p0), arrays (d,)
-    sharing : counts disturbed readings
+    run : a prepared (compiled) run, with the methods ``restart(q, p)`` and ``advance(*size)``
+    size : the arguments of ``advance``: (h, steps), or (t_end,) if the integrator is adaptive
+    start : the initial state (q0, p0), arrays (d,)
+    sharing : counts the measurements that other processes disturbed
     """
 
     run: Any
@@ -84,7 +92,7 @@ class Clock:
         return seconds
 
     def _is_undisturbed(self, shared: bool) -> bool:
-        """Count a time measurement; True unless other processes shared the core during it (``shared``)."""
+        """Count a time measurement, and return ``not shared``: True unless other processes shared the core."""
         self.sharing.readings += 1
         self.sharing.repeated += shared
         return not shared
@@ -104,7 +112,7 @@ class Clock:
         return once, shared
 
     def _reading(self, starts: list) -> tuple[float, bool]:
-        """(mean seconds of a run from each start, True if the core was shared)."""
+        """Time a run from each start (q, p); return (mean seconds, True if other processes shared the core)."""
         restart, advance, size, spent = self.run.restart, self.run.advance, self.size, 0.0
         clock = time.perf_counter
         thread, wall = time.thread_time(), clock()
@@ -127,9 +135,9 @@ def clock(
     run=None,
     sharing: Sharing | None = None,
 ) -> Clock:
-    """The timer (`Clock`) of an integrator on a problem to ``t_end``, with a number of steps or a tolerance.
+    """Make the timer (`Clock`) of an integrator on a problem to ``t_end``, with a number of steps or a tolerance.
 
-    ``run`` is its prepared run, if there is one already.
+    ``run`` is the integrator's prepared run, None to prepare it now; ``sharing`` counts disturbed measurements.
     """
     run = integrator.prepare(problem, tol=tol) if run is None else run
     size = (t_end,) if integrator.adaptive else (t_end / steps, steps)
@@ -137,7 +145,11 @@ def clock(
 
 
 def call(integrator, problem, *, t_end: float, steps: int | None = None, tol: float | None = None, run=None) -> float:
-    """The overhead of a call in seconds, from one that integrates one step, or the share `SHORTEST` of the span."""
+    """Measure the overhead of calling an integrator: the seconds of a call that integrates almost nothing.
+
+    The call takes one step of size t_end / steps or, if the integrator is adaptive, integrates to `SHORTEST` t_end.
+    ``run`` is the integrator's prepared run, None to prepare it now.
+    """
     if integrator.adaptive:
         return clock(integrator, problem, t_end=SHORTEST * t_end, tol=tol, run=run)()
     return clock(integrator, problem, t_end=t_end / steps, steps=1, run=run)()
@@ -145,12 +157,12 @@ def call(integrator, problem, *, t_end: float, steps: int | None = None, tol: fl
 
 @dataclass
 class Clocks:
-    """The clocks of several integrators on one problem, each prepared once per tolerance.
+    """Timers of several integrators on one problem, each integrator prepared once per tolerance.
 
     Attributes
     ----------
     problem, t_end : the problem, and the time to which it is integrated
-    sharing : counts disturbed readings
+    sharing : counts the measurements that other processes disturbed
     """
 
     problem: Any
@@ -163,7 +175,7 @@ class Clocks:
         return (integrator.label, tol) in self._runs
 
     def of(self, integrator, *, steps: int | None = None, tol: float | None = None) -> Clock:
-        """The timer (`Clock`) of an integrator with a number of steps or a tolerance."""
+        """Return the timer (`Clock`) of an integrator with a number of steps or a tolerance."""
         key = (integrator.label, tol)
         if key not in self._runs:
             self._runs[key] = integrator.prepare(self.problem, tol=tol)
@@ -171,6 +183,6 @@ class Clocks:
         return clock(integrator, self.problem, **size, run=self._runs[key], sharing=self.sharing)
 
     def call(self, integrator, *, steps: int | None = None, tol: float | None = None) -> float:
-        """The overhead in seconds of calling an integrator, from a call that integrates almost nothing (`call`)."""
+        """Measure the overhead in seconds of calling an integrator, by a call that integrates almost nothing."""
         size = {"t_end": self.t_end, "steps": steps, "tol": tol}
         return call(integrator, self.problem, **size, run=self._runs.get((integrator.label, tol)))

@@ -29,7 +29,10 @@ FORM = 'write {"a": [...], "b": [...]} for a splitting or {"A": [[...]], "b": [.
 
 
 def from_file(path: str) -> OwnStep:
-    """The step of a JSON file; raises InvalidInput if the file cannot be read or does not hold coefficients."""
+    """Make the step of a splitting or Runge-Kutta method from a JSON file of coefficients.
+
+    Raises InvalidInput if the file cannot be read or does not hold coefficients.
+    """
     try:
         record = json.loads(Path(path).read_text(encoding="utf-8"), parse_float=str)
     except OSError as error:
@@ -40,7 +43,11 @@ def from_file(path: str) -> OwnStep:
 
 
 def own_step(record, name: str) -> OwnStep:
-    """The step of a record of coefficients; raises InvalidInput for a record that is malformed."""
+    """Make the step of a splitting or Runge-Kutta method from its coefficients.
+
+    ``record`` maps "a" and "b", or "A" and "b", to lists of numbers, as in a JSON file; ``name`` becomes the step's id
+    and is named in messages.  Raises InvalidInput for a malformed record.
+    """
     if not isinstance(record, Mapping):
         raise InvalidInput(f"{name} is a {type(record).__name__}; {FORM}")
     strange = [str(key) for key in record if key not in KEYS]
@@ -68,7 +75,7 @@ def _numbers(values, key: str, name: str) -> list[Fraction]:
 
 
 def _in(coefficient: Fraction, h):
-    """A coefficient times h, rounded once, in the precision of h."""
+    """Return an exact coefficient times h, in the precision of h (a double or a multiprecision number)."""
     if isinstance(h, float):
         return float(coefficient) * h
     return h * coefficient.numerator / coefficient.denominator
@@ -119,7 +126,10 @@ def _tableau(record, name: str):
 
 
 def _explicit(slope, y, A, h) -> list:
-    """The stage derivatives k_i of an explicit Runge-Kutta step from y with matrix A; ``slope`` is the vector field."""
+    """Return the stage derivatives k_i of an explicit Runge-Kutta step of size h from y.
+
+    ``slope`` is the vector field, A the tableau's strictly lower triangular matrix, rows of exact fractions.
+    """
     slopes: list = []
     for row in A:
         slopes.append(slope(y + sum(_in(x, h) * k for x, k in zip(row, slopes, strict=False) if x)))
@@ -127,7 +137,11 @@ def _explicit(slope, y, A, h) -> list:
 
 
 def _implicit(slope, y, A, h) -> list:
-    """The stage derivatives of an implicit Runge-Kutta step, iterated until their change no longer falls."""
+    """Return the stage derivatives k_i of an implicit Runge-Kutta step of size h from y, by fixed-point iteration.
+
+    ``slope`` is the vector field, A the tableau's matrix.  The iteration ends when the change no longer falls; raises
+    ArithmeticError if it still falls after `ITERATIONS` iterations.
+    """
     rows = [[_in(x, h) for x in row] for row in A]
     slopes, last = [slope(y)] * len(A), None
     for _ in range(ITERATIONS):

@@ -20,14 +20,14 @@ FAILED = "failed"
 
 
 class Failed(NamedTuple):
-    """An integrator that does not compile, and the first line of the error."""
+    """An integrator (its name) that does not compile, and why: type and first line of the error."""
 
     integrator: str
     why: str
 
 
 def compilation_error(error: BaseException) -> str | None:
-    """Type and first line of a compilation error; None for any other error."""
+    """Return type and first line of an error that was raised while compiling; None for any other error."""
     if not any(_compiles(name) for name in _modules(error)):
         return None
     first = next((line.strip() for line in str(error).splitlines() if line.strip()), "")
@@ -44,7 +44,7 @@ class NotCompiled(Exception):
 
 @contextmanager
 def naming(integrator: str) -> Iterator[None]:
-    """A context that raises `NotCompiled` with the integrator's name for a compilation error inside."""
+    """A context manager: a compilation error inside becomes a `NotCompiled` that names the integrator."""
     try:
         yield
     except Exception as error:
@@ -55,7 +55,7 @@ def naming(integrator: str) -> Iterator[None]:
 
 
 def _modules(error: BaseException) -> Iterator[str]:
-    """The names of the modules in an error's traceback."""
+    """Yield the names of the modules in an error's traceback."""
     frame = error.__traceback__
     while frame is not None:
         yield frame.tb_frame.f_globals.get("__name__", "")
@@ -67,14 +67,18 @@ def _compiles(name: str) -> bool:
 
 
 def row_failures(rows: Sequence[Mapping[str, Any]]) -> tuple[list[dict[str, str]], str]:
-    """(integrators that do not compile, a sentence on them) from rows with ``id``, ``kind``, ``status``, ``reason``."""
+    """Return (the integrators that do not compile, a sentence that names them) from rows of results.
+
+    A row has ``id``, ``kind`` (origin), ``status`` and ``reason``.  Each integrator that does not compile becomes a
+    dict with the keys ``integrator`` and ``why``; the sentence is "" if all compile.
+    """
     failed = [Failed(r["id"], r["reason"]) for r in rows if r["status"] == FAILED]
     own = [r["status"] for r in rows if r["kind"] == OURS]
     return [f._asdict() for f in failed], failure_summary(failed, bool(own) and set(own) == {FAILED})
 
 
 def failure_summary(failed: Sequence[Failed], all_own: bool) -> str:
-    """A sentence that names the integrators that do not compile, with the first reason; "" if there are none.
+    """Return a sentence that names the integrators that do not compile, with the first reason; "" if all compile.
 
     ``all_own`` is True if none of this project's methods that were tried compiled.
     """

@@ -9,17 +9,18 @@ from .metrics import invariant_error
 
 
 def conservation(t, values, scale: float) -> dict[str, float]:
-    """A row of the largest error of an invariant along a run, and of its drift.
+    """Return a row of results, name -> number: the largest error of an invariant along a run, and its drift.
 
     Parameters
     ----------
     t, values : arrays (n,): equidistant times, and the invariant's values
-    scale : the size of the invariant's terms
+    scale : the size of the invariant's terms, which is copied to the row
 
     Returns
     -------
     dict
-        value, the largest error; slope with interval low, high: the drift per unit of time; time, the end; scale
+        value: the largest absolute error; slope: the drift per unit of time, with the 95 % interval low, high; time:
+        the last time; scale
     """
     found, slope = invariant_error(values), drift(t, values - values[0])
     moved = {"slope": slope.value, "low": slope.low, "high": slope.high}
@@ -27,7 +28,10 @@ def conservation(t, values, scale: float) -> dict[str, float]:
 
 
 def energy(system, t, q, p) -> tuple[np.ndarray, dict[str, float]]:
-    """(H along rows q, p (n, d), array (n,); the row of its error and drift, of scale max |H| + max |p.q'|)."""
+    """Return (H at each row of q, p, array (n,); the row of its error and drift as `conservation` makes it).
+
+    t has shape (n,), q and p have shape (n, d); the row's scale is max |H| + max |p.q'|.
+    """
     H = system.observe(system.H, q, p)
     kinetic = sum(system.observe(e, q, p) * p[:, i] for i, e in enumerate(system.dq))
     return H, conservation(t, H, float(np.abs(H).max() + np.abs(kinetic).max()))

@@ -35,18 +35,25 @@ EPS = float(np.finfo(float).eps)
 
 
 def claim_names(problem) -> list[str]:
-    """The names of all conservation properties that a user can demand for a problem."""
+    """Return the names of all properties that a user can demand of an integration of a problem.
+
+    They are "symplectic", "reversible", "energy", "momentum" and the names of the problem's invariants.
+    """
     return [SYMPLECTIC, REVERSIBLE, ENERGY, MOMENTUM, *problem.invariants]
 
 
 def check(problem, name: str) -> None:
-    """Raise InvalidInput, with the nearest known name, for a name that cannot be demanded."""
+    """Raise InvalidInput, with the nearest known name, if ``name`` is not in `claim_names` of the problem."""
     if name not in claim_names(problem):
         raise unknown_name("conserved quantity", str(name), claim_names(problem))
 
 
 def declaration(integrator: Integrator, name: str) -> bool | None:
-    """True or False if the integrator declares to conserve ``name`` or not; None if it declares nothing."""
+    """Return whether an integrator is declared to have the property ``name`` (`claim_names`); None if unknown.
+
+    For a peer or a user's own step, "symplectic" and "reversible" are False unless stated, and all else is None.  For a
+    method of this project only an invariant of the problem is None.
+    """
     record = integrator.record
     if integrator.kind == OURS:
         return {
@@ -62,16 +69,21 @@ def declaration(integrator: Integrator, name: str) -> bool | None:
 
 
 def refusal(integrator: Integrator, conserve) -> str | None:
-    """Why an integrator is not tried: it declares not to conserve some of ``conserve``; None if it is tried."""
+    """Return why an integrator is not tried: which of the names ``conserve`` it is declared to lack; None if none."""
     lacking = [name for name in conserve if declaration(integrator, name) is False]
     whose = "its package does not state" if isinstance(integrator.record, Peer) else "it is not declared to keep or be"
     return f"{whose} what has to be conserved: {', '.join(lacking)}" if lacking else None
 
 
 def broken(integrator: Integrator, ask, size: dict) -> str | None:
-    """A sentence on what a run does not conserve of ``ask.conserve``; None if it conserves all that can be measured.
+    """Run an integrator and return a sentence on the first demanded property that fails; None if none does.
 
-    ``size`` is {"steps": number} or {"tol": tolerance}.
+    Symplecticity is measured for fixed steps, reversibility not at all; invariants are compared over the run's rows.
+
+    Parameters
+    ----------
+    ask : the user's question: ``conserve`` (demanded properties, see `claim_names`), ``problem`` and ``t_end``
+    size : the accuracy of the run, {"steps": number} or {"tol": tolerance}
     """
     names = [name for name in ask.conserve if name not in (SYMPLECTIC, REVERSIBLE)]
     for name, (error, bound) in _errors(integrator, ask, size, names).items():
@@ -85,7 +97,11 @@ def broken(integrator: Integrator, ask, size: dict) -> str | None:
 
 
 def expressions(problem, name: str) -> dict[str, sp.Expr]:
-    """Name -> expression of the invariants that ``name`` stands for; momentum stands for those bilinear in q and p."""
+    """Return the invariants that a demanded property ``name`` stands for, name -> SymPy expression.
+
+    "energy" stands for H, "momentum" for all invariants of the problem of the form q.D p + b.p, and the name of an
+    invariant for itself.
+    """
     if name == ENERGY:
         return {ENERGY: problem.system.H}
     if name != MOMENTUM:
@@ -95,7 +111,7 @@ def expressions(problem, name: str) -> dict[str, sp.Expr]:
 
 
 def _bilinear(expression, q, p) -> bool:
-    """True if an expression is linear in p and at most linear in q: q.D p + b.p."""
+    """True if an expression has the form q.D p + b.p: linear in p and at most linear in q."""
     try:
         polynomial = sp.Poly(expression, *q, *p)
     except sp.PolynomialError:
@@ -105,7 +121,11 @@ def _bilinear(expression, q, p) -> bool:
 
 
 def _errors(integrator, ask, size, names) -> dict[str, tuple[float, float]]:
-    """Invariant -> (largest error, bound of round-off) over the rows of a run; ``size`` is its steps or tolerance."""
+    """Run an integrator; return invariant -> (largest error over the rows, bound of the error by round-off).
+
+    ``ask`` has the problem and t_end, ``size`` the number of steps or the tolerance; ``names`` are the demanded
+    properties (see `expressions`).  If the run fails, the error is infinite.
+    """
     wanted = {k: e for name in names for k, e in expressions(ask.problem, name).items()}
     if not wanted:
         return {}
@@ -124,17 +144,17 @@ def _errors(integrator, ask, size, names) -> dict[str, tuple[float, float]]:
 
 
 def rows(size: dict) -> dict:
-    """The keyword arguments of a run with ``size`` (its steps or tol) and about `ROWS` output rows."""
+    """Return the keyword arguments of `Integrator.run` with ``size`` (steps or tol) and about `ROWS` output rows."""
     if "steps" in size:
         return size | {"save_every": max(1, size["steps"] // ROWS)}
     return size | {"steps": ROWS, "save_every": 1}
 
 
 def symplecticity_defect(integrator: Integrator, problem, h: float) -> float:
-    """The symplecticity defect of one step of size h at the initial state, with q and p scaled to unit size.
+    """Return max |M^T J M - J| for the Jacobian M of a step of size h at the initial state, q and p of unit size.
 
-    0 if finite differences cannot resolve it, as a second displacement shows.  A planetary system is reduced to
-    its massive bodies, since the momenta of test particles cannot be displaced.
+    It is 0 if finite differences cannot resolve it: two displacements then give different values.  A planetary system
+    is reduced to its massive bodies, since the momenta of test particles cannot be displaced.
     """
     if hasattr(problem, "massive"):
         problem = problem.massive()
@@ -157,6 +177,6 @@ def symplecticity_defect(integrator: Integrator, problem, h: float) -> float:
 
 
 def _sizes(integrator: Integrator, problem, h: float) -> list[float]:
-    """The largest |q_i| and |p_i| over the first `LOOKED` steps of size h; 1 in place of 0."""
+    """Return [largest |q_i|, largest |p_i|] over the first `LOOKED` steps of size h; 1 in place of 0."""
     solution = integrator.run(problem, h=h, steps=LOOKED)
     return [float(np.nanmax(np.abs(x))) or 1.0 for x in (solution.q, solution.p)]

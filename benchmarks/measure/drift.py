@@ -50,7 +50,7 @@ GOLDEN = (5**0.5 - 1) / 2
 
 
 def drift(t, error) -> Slope:
-    """The secular slope of ``error`` over equidistant times ``t``, arrays (n,), with its interval.
+    """Return the secular slope of ``error`` over equidistant times ``t``, arrays (n,), with its 95 % interval.
 
     Raises ValueError for fewer than `POINTS` points.
     """
@@ -62,9 +62,10 @@ def drift(t, error) -> Slope:
 
 
 def signed_ranks(x) -> Slope:
-    """The Hodges-Lehmann centre of symmetric independent numbers, array (n,), n >= 6: the median of all pairs' means.
+    """Return the Hodges-Lehmann centre of independent numbers x, array (n,), n >= 6, as a `Slope` with its interval.
 
-    The interval is the shortest one from signed ranks with a probability of at least `CONFIDENCE`.
+    The centre is the median of the means of all pairs, each number also paired with itself; the numbers are assumed
+    symmetric about it.  The interval is the shortest one from signed ranks with a probability of at least `CONFIDENCE`.
     """
     i, j = np.triu_indices(len(x))
     means = np.sort((x[i] + x[j]) / 2)
@@ -74,7 +75,7 @@ def signed_ranks(x) -> Slope:
 
 @cache
 def _outside(n: int) -> int:
-    """How many of the sorted pairwise means of n numbers lie beyond each end of the signed-rank interval."""
+    """Return how many of the sorted pairwise means of n numbers lie below (and above) the signed-rank interval."""
     ways = np.ones(1)
     for rank in range(1, n + 1):
         ways = np.convolve(ways, np.eye(1, rank + 1, 0)[0] + np.eye(1, rank + 1, rank)[0])
@@ -83,7 +84,7 @@ def _outside(n: int) -> int:
 
 
 def window(n: int) -> np.ndarray:
-    """The averaging window w(x) = exp(4 - 1 / (x (1 - x))) at the midpoints of n equal cells of (0, 1), array (n,)."""
+    """Return the averaging window w(x) = exp(4 - 1 / (x (1 - x))) at the midpoints of n equal parts of (0, 1)."""
     x = (np.arange(n) + 0.5) / n
     return np.exp(4 - 1 / (x * (1 - x)))
 
@@ -100,7 +101,10 @@ def _average(t, error) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _slopes(t, error) -> np.ndarray:
-    """The slope in each block, array (BLOCKS,); block lengths follow the golden ratio."""
+    """Return the weighted slope of ``error`` over ``t``, arrays (n,), in each of `BLOCKS` blocks, array (BLOCKS,).
+
+    The blocks' unequal lengths follow multiples of the golden ratio modulo 1.
+    """
     lengths = 1 + UNEQUAL * (2 * (np.arange(1, BLOCKS + 1) * GOLDEN % 1) - 1)
     edges = np.round(np.append(0, np.cumsum(lengths)) / lengths.sum() * len(t)).astype(int)
     out = []
@@ -112,7 +116,7 @@ def _slopes(t, error) -> np.ndarray:
 
 
 def without_lines(t, error) -> np.ndarray:
-    """``error`` at equidistant ``t``, arrays (n,), minus its significant slow oscillation."""
+    """Return ``error`` at equidistant ``t``, arrays (n,), minus the significant spectral lines fitted to it."""
     scale = np.ptp(error)
     if not scale > 0:
         return error
@@ -133,7 +137,7 @@ def without_lines(t, error) -> np.ndarray:
 
 
 def _remove_lines(x, y, weight, frequencies, fit) -> np.ndarray:
-    """The series y(x) minus its fitted sines and cosines; the fit is repeated on the residual to reduce round-off.
+    """Return the series y(x) minus its fitted sines and cosines; a fit of the residual then reduces round-off.
 
     ``fit`` has the coefficients of 1, x, the cosines and the sines of ``frequencies``; 1 and x are not subtracted.
     """
@@ -158,7 +162,10 @@ def _size(rest, weight) -> float:
 
 
 def _line(signal) -> float | None:
-    """The frequency (periods in the series) of the highest spectral peak of a signal; None if it does not stand out."""
+    """Return the frequency (periods in the series) of a signal's highest spectral peak; None if it is too low.
+
+    A peak is too low if it is less than `ABOVE` times the spectrum around it.
+    """
     n = len(signal)
     power = np.abs(np.fft.rfft(signal, FINE * n)) ** 2
     at = np.arange(len(power)) / FINE
@@ -174,7 +181,7 @@ def _line(signal) -> float | None:
 
 
 def _columns(x, frequencies) -> np.ndarray:
-    """The columns 1, x, cos and sin of 2 pi x f for each of k frequencies f, array (n, 2 + 2 k)."""
+    """Return the columns 1, x, then cos and sin of 2 pi x f for each of k frequencies f, array (n, 2 + 2 k)."""
     angle = 2 * np.pi * np.outer(x, frequencies)
     return np.hstack([np.ones((len(x), 1)), x[:, None], np.cos(angle), np.sin(angle)])
 
@@ -188,7 +195,10 @@ def _least_squares(columns, y, weight) -> np.ndarray:
 
 
 def _refine(x, y, weight, frequencies) -> np.ndarray:
-    """The frequencies of the oscillations in y(x) after `REFINED` Gauss-Newton steps of at most a third of a period."""
+    """Improve the frequencies (periods in the series) of the oscillations fitted to y(x), and return them.
+
+    Takes `REFINED` Gauss-Newton steps, each of at most a third of a period; ``weight`` (n,) weighs the points.
+    """
     fit = _fit(x, y, weight, frequencies)
     for _ in range(REFINED):
         columns = np.hstack([_columns(x, frequencies), _fit_derivatives(x, frequencies, fit)])
@@ -198,7 +208,10 @@ def _refine(x, y, weight, frequencies) -> np.ndarray:
 
 
 def _fit_derivatives(x, frequencies, fit) -> np.ndarray:
-    """The derivatives of the fitted oscillations at x (n,) by each of the k frequencies, array (n, k)."""
+    """Return the derivatives of the fitted oscillations at x (n,) by each of k frequencies, array (n, k).
+
+    ``fit`` (2 + 2 k,) has the coefficients of 1, x, the cosines and the sines.
+    """
     k = len(frequencies)
     angle = 2 * np.pi * np.outer(x, frequencies)
     return 2 * np.pi * x[:, None] * (np.cos(angle) * fit[2 + k : 2 + 2 * k] - np.sin(angle) * fit[2 : 2 + k])

@@ -1,4 +1,4 @@
-"""The energy error of rows of states, relative to the first."""
+"""The largest relative energy error along a trajectory."""
 
 from __future__ import annotations
 
@@ -6,6 +6,6 @@ import numpy as np
 
 
 def energy_error(made, q, p) -> float:
-    """The largest relative energy error of states q, p, arrays (n, d), of a problem."""
+    """Return the largest |H / H_0 - 1| over states q, p, arrays (n, d), of the problem ``made``; H_0 is the first H."""
     E = made.system.observe(made.system.H, q, p)
     return float(np.abs(E / E[0] - 1).max())

@@ -32,10 +32,13 @@ HEAD = 10
 
 
 class Ensemble(ensemble.Ensemble):
-    """Orbits with their statuses; attributes are those of `integrators.ensemble.Ensemble`."""
+    """The end states of many integrated orbits with a status each, which can be plotted and made a DataFrame.
+
+    Attributes are those of `integrators.ensemble.Ensemble`.
+    """
 
     def to_frame(self) -> pd.DataFrame:
-        """A pandas DataFrame with a row for each orbit: its end state, h, status and reason."""
+        """Return a pandas DataFrame with a row for each orbit: end time t, end state by names, h, status and reason."""
         import pandas as pd
 
         ends = np.hstack([self.q, self.p])
@@ -43,7 +46,7 @@ class Ensemble(ensemble.Ensemble):
         return pd.DataFrame(columns | {"h": self.h, "status": self.status, "reason": self.reason})
 
     def plot(self) -> Figure:
-        """A figure of the end states in the plane of the first q and p, a mark for each status."""
+        """Return a figure of the end states in the plane of the first q and p, with a marker for each status."""
         from . import figures
 
         return figures.ensemble(self)
@@ -53,17 +56,23 @@ class Ensemble(ensemble.Ensemble):
 
 
 class Section(sections.Section):
-    """Crossings of a plane; attributes are those of `integrators.section.Section`."""
+    """A Poincare section: the crossings of a plane by orbits, which can be plotted and made a DataFrame.
+
+    Attributes are those of `integrators.section.Section`.
+    """
 
     def to_frame(self) -> pd.DataFrame:
-        """A pandas DataFrame with a row for each crossing: orbit, t, the coordinates and the momenta by name."""
+        """Return a pandas DataFrame with a row for each crossing: index of the orbit, t, coordinates and momenta."""
         import pandas as pd
 
         states = np.hstack([self.q, self.p])
         return pd.DataFrame({"orbit": self.orbit, "t": self.t} | {x: states[:, k] for k, x in enumerate(self.names)})
 
     def plot(self) -> Figure:
-        """A figure of the crossings in the plane of another q and its p; raises InvalidInput for d = 1."""
+        """Return a figure of the crossings in the plane of another coordinate and its momentum.
+
+        Raises InvalidInput for d = 1.
+        """
         from . import figures
 
         return figures.section(self)
@@ -107,6 +116,7 @@ def integrate_ensemble(
     Returns
     -------
     Ensemble
+        The end states (saved states, if asked for) and the status of each orbit.
 
     Raises
     ------
@@ -158,7 +168,7 @@ def section(
     Returns
     -------
     Section
-        Orbit, t, q and p of each crossing: 8 (2 d + 2) bytes.
+        Index of the orbit, t, q and p of each crossing, which take 8 (2 d + 2) bytes of memory.
 
     Raises
     ------
@@ -180,7 +190,7 @@ def section(
 
 
 def _fields(found: Any) -> dict[str, Any]:
-    """The fields of a dataclass by name."""
+    """Return the fields of a dataclass as a dict name -> value."""
     return {f.name: getattr(found, f.name) for f in fields(found)}
 
 
@@ -189,7 +199,10 @@ def _problem(problem):
 
 
 def _method(method) -> str | Method | OwnStep:
-    """The id of a method, a method, or a user's own step; raises InvalidInput for a peer."""
+    """Return the id or the record of a method of this project, or a user's own step (`OwnStep`).
+
+    Raises InvalidInput for a peer, an integrator of another package.
+    """
     if isinstance(method, Method):
         return method
     if isinstance(method, Integrator):
@@ -202,7 +215,10 @@ def _method(method) -> str | Method | OwnStep:
 
 
 def _run(orbits: Orbits, method, lanes, threads, progress):
-    """Integrate the orbits; return (which of them ran in lanes, seconds)."""
+    """Integrate the orbits by a method or, one after the other, by a user's own step.
+
+    Returns (which of them ran in SIMD lanes, seconds).
+    """
     if not isinstance(method, OwnStep):
         return ensemble.run(orbits, lanes, threads, progress)
     if lanes:

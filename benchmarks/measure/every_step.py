@@ -34,11 +34,13 @@ SHORT, PARTS, SHARE = 0.25, 6, 1 / 200
 
 
 class Extreme:
-    """The deviation of a number from its first value: the largest absolute one so far, and the last.
+    """The deviation of a series of numbers from its first finite value, updated as the run goes on.
 
     Attributes
     ----------
-    worst, end : None until there are two finite values
+    first : the first finite value, or None
+    worst : the largest absolute deviation so far; None until there are two finite values
+    end : the signed deviation of the last finite value; None until there are two
     """
 
     def __init__(self):
@@ -57,7 +59,13 @@ class Extreme:
 
 
 class Extremes:
-    """The deviations (`Extreme`) of the energy and of a problem's invariants along a run."""
+    """The deviations of the energy and of a problem's invariants from their first values along a run.
+
+    Attributes
+    ----------
+    energy : an `Extreme`, the largest and the last deviation of H
+    invariants : name -> `Extreme`
+    """
 
     def __init__(self, problem):
         self.problem, self.energy = problem, Extreme()
@@ -72,7 +80,13 @@ class Extremes:
 
 
 class WatchedRun(NamedTuple):
-    """A run: the solution with its saved rows, and the extreme deviations of energy and invariants over all steps."""
+    """A run of which every step was observed.
+
+    Attributes
+    ----------
+    solution : the solution with its saved rows
+    extremes : the largest and last deviations of the energy and the invariants over all steps
+    """
 
     solution: Solution
     extremes: Extremes
@@ -81,13 +95,15 @@ class WatchedRun(NamedTuple):
 def watch(
     problem, integrator: Integrator, *, every: int | None = None, tol: float | None = None, timeout=None, **common
 ) -> WatchedRun:
-    """Run an integrator once, and observe every step.
+    """Run an integrator once on a problem, save some rows, and evaluate the energy and the invariants at every step.
+
+    Of a peer, an integrator of another package, only the rows that it returns are evaluated.
 
     Parameters
     ----------
-    every : keep every Nth row, and the last; None: as many as there is room for
+    every : keep every Nth row, and the last; None: as many rows as there is room for
     tol, timeout : as in `Integrator.run`
-    common : h, t_end, steps, q0, p0
+    common : h, t_end, steps, q0, p0, as in `Integrator.run`
     """
     extremes = Extremes(problem)
     record = integrator.record
@@ -101,7 +117,7 @@ def watch(
 
 
 def _spacing(problem, every: int | None, common: dict) -> int:
-    """Number of steps between saved rows; raises InvalidInput if the rows do not fit in memory.
+    """Return the number of steps between saved rows; raise InvalidInput if the rows do not fit in memory.
 
     ``every`` is the number asked for, None for as many rows as there is room for; ``common`` has h, t_end, steps.
     """
@@ -118,7 +134,10 @@ def _spacing(problem, every: int | None, common: dict) -> int:
 
 
 class ThinnedTrajectory(Trajectory):
-    """A trajectory that passes every row to the observer ``seen``, and keeps every Nth."""
+    """A trajectory that passes the state after every step to the function ``seen``, and saves every Nth state.
+
+    ``seen`` takes arrays Q, P (n, d) of successive states.
+    """
 
     def __init__(
         self, seen: Callable[[np.ndarray, np.ndarray], None], system, q, p, h, steps: int, every: int, *words, t0=0.0
@@ -135,7 +154,10 @@ class ThinnedTrajectory(Trajectory):
         return self.status == OK and self.reached < self.steps
 
     def advance(self, run, pace: Pace) -> None:
-        """Integrate one piece of the run into the buffer, observe its rows, and save every Nth."""
+        """Integrate one piece of the run into a buffer, pass its rows to ``seen``, and save every Nth.
+
+        ``run`` is the compiled kernel, ``pace`` has the number of steps of the piece and the time limit.
+        """
         n = min(len(self._buffer[2]), pace.steps, self.steps - self.reached)
         kept = self.q, self.p, self.parameter, self.filled
         self.q, self.p, self.parameter, self.filled = *self._buffer, 0
@@ -174,7 +196,11 @@ class ThinnedTrajectory(Trajectory):
         self._last[:] = Q[-1], P[-1]
 
     def _telling(self, Q, P) -> list[int]:
-        """Indices of rows by which a piece is judged: the worst energy error, and the first row near a singularity."""
+        """Return the indices of the rows of a piece that are kept besides, for the judgement of the run.
+
+        They are the row of the largest energy error and the first row close enough to a singularity to be reached in a
+        step.
+        """
         found = []
         if self.system.has_energy:
             start = self.system.energies(self.q[:1], self.p[:1])[0]
@@ -245,9 +271,11 @@ def _of_peer(problem, integrator: Integrator, extremes: Extremes, tol, common: d
 
 
 def seconds(problem, integrator: Integrator, watched: WatchedRun, *, tol: float | None = None, **common) -> float:
-    """Seconds of a warm run without output; that of a long run is estimated from the observed one (``watched``).
+    """Return the seconds of a run without output after compilation, for comparison with other integrators.
 
-    The observed seconds are then scaled by the ratio of times, without and with observation, of short parts of it.
+    A short run is repeated without output.  For a run of more than `SHORT` seconds the time is estimated: the seconds
+    of the observed run (``watched``) are multiplied by the ratio of the times that short parts of it take without and
+    with observation.  ``tol`` and ``common`` (h, t_end, steps, q0, p0) are those of the run.
     """
     solution = watched.solution
     steps, h = solution.counts["steps"], solution.h

@@ -23,7 +23,10 @@ HEIGHT = 3.2
 
 @style.styled
 def solution(found: Solution) -> Figure:
-    """Draw H - H(0) over time, and the orbit in (q, p), or in (q1, q2) of several degrees of freedom."""
+    """Draw a solution in two panels: H - H(0) over time, and the orbit in (q, p), or in (q1, q2) if d > 1.
+
+    Without an energy the first panel has the first coordinate over time.
+    """
     system, title = found.system, f"{found.method.label}, h = {found.h:.6g}: {found.status}"
     figure, ((left, right),) = style.panels(1, 2, HEIGHT)
     some = slice(None, None, 1 + len(found.t) // POINTS)
@@ -47,7 +50,10 @@ def solution(found: Solution) -> Figure:
 
 @style.styled
 def section(found: Section) -> Figure:
-    """Draw the crossings in one plane of coordinates, a colour for each of the first orbits."""
+    """Draw the crossings of a Poincare section in the plane of another coordinate and its momentum, coloured by orbit.
+
+    Raises InvalidInput for one degree of freedom.
+    """
     names, d = found.names, found.q.shape[1]
     if d < 2:
         raise InvalidInput("a section of one degree of freedom is a few points: see to_frame()")
@@ -64,7 +70,7 @@ def section(found: Section) -> Figure:
 
 @style.styled
 def ensemble(found: Ensemble) -> Figure:
-    """Draw the end states of the orbits in the plane of the first q and p, a mark for each status."""
+    """Draw the end states of an ensemble's orbits in the plane of the first q and p, with a marker for each status."""
     figure, ((axes,),) = style.panels(1, 1, 4.2)
     d = found.q.shape[1]
     for look, status in zip(style.looks(), _statuses(found.status), strict=False):
@@ -77,6 +83,6 @@ def ensemble(found: Ensemble) -> Figure:
 
 
 def _statuses(status: np.ndarray) -> list[str]:
-    """The different statuses, the most frequent first."""
+    """Return the different statuses among those of the orbits, array (n,), the most frequent first."""
     names, numbers = np.unique(status.astype(str), return_counts=True)
     return [str(names[k]) for k in np.argsort(-numbers)]

@@ -26,9 +26,9 @@ KNOWN = 0.01
 
 
 def with_start(problem, q0=None, p0=None):
-    """The problem from another initial state q0, p0, arrays (d,), under a new id without a certificate.
+    """Return a problem with another initial state q0, p0, arrays (d,), under a new id that has no certificate.
 
-    A bare system, which needs q0 and p0, is wrapped in a problem.
+    The problem is returned unchanged if neither is given.  A bare system, which needs both, is wrapped in a problem.
     """
     if not isinstance(problem, Problem):
         system, q, p = initial(problem, q0, p0)
@@ -42,7 +42,10 @@ def with_start(problem, q0=None, p0=None):
 
 
 def onwards(problem, solution, span: float):
-    """(problem, solution, span) with times rising from 0: integration back in time becomes forward, with -H for H.
+    """Return (problem, solution, span) with times that rise from 0; ``span`` is t_end - t0, negative for back in time.
+
+    The solution returned has only t (n,), q and p (n, d).  A run back in time becomes a run forward in time of the
+    problem with -H in place of H.
 
     Raises InvalidInput for a negative span of a system that is not canonical or has no formula of H.
     """
@@ -58,9 +61,11 @@ def onwards(problem, solution, span: float):
 
 
 def end_error(problem, solution, span: float) -> dict[str, Any]:
-    """``global_error``, the max norm over (q, p) at the end, and the ``reference`` used for it.
+    """Return the error of a solution's last state and the reference used: a dict {global_error, reference}.
 
-    The error is None past the horizon, and if the reference fails or is too uncertain; ``reference`` has the reason.
+    ``global_error`` is the max norm over (q, p).  It is None if ``span`` (t_end - t0) exceeds the horizon of the orbit,
+    and if the reference fails or is too uncertain.  ``reference`` is a dict with uncertainty, horizon and source, and
+    with a reason if there is no error.
     """
     problem, solution, t_end = onwards(problem, solution, span)
     try:
@@ -76,7 +81,10 @@ def end_error(problem, solution, span: float) -> dict[str, Any]:
 
 
 def orbit_horizon(problem, t_end: float) -> float:
-    """The last time to which a reference can follow the orbit, from its certificate or computed; at most ``t_end``."""
+    """Return the last time, at most ``t_end``, to which a reference in long double can follow the problem's orbit.
+
+    It is read from the orbit's certificate, or computed.
+    """
     certificate = stored.find(problem) if hasattr(problem, "orbits") else None
     if certificate is not None and t_end <= certificate.t_end:
         return min(certificate.horizon, t_end)
@@ -84,7 +92,7 @@ def orbit_horizon(problem, t_end: float) -> float:
 
 
 def past(reach: float, t_end: float) -> str:
-    """Why no error of a state can be given at ``t_end``: it is later than the orbit's horizon ``reach``; else ""."""
+    """Return a sentence why a state has no error at ``t_end``, later than the orbit's horizon ``reach``; else ""."""
     if t_end <= reach:
         return ""
     return (
@@ -94,7 +102,7 @@ def past(reach: float, t_end: float) -> str:
 
 
 def vague(true: Truth) -> str:
-    """The reason why a reference is too uncertain; "" if its uncertainty is at most `KNOWN` of its size."""
+    """Return a sentence if a reference value is too uncertain; "" if its uncertainty is at most `KNOWN` of its size."""
     size = float(np.abs(true.values).max())
     if true.uncertainty <= KNOWN * size:
         return ""
@@ -102,7 +110,7 @@ def vague(true: Truth) -> str:
 
 
 def unknown_truth(problem, wanted: Quantity, t_end: float, true: Truth) -> str:
-    """The reason why no error of a quantity can be given at ``t_end`` against its true value; "" if one can.
+    """Return the reason why a quantity has no meaningful error at ``t_end`` against its true value; "" if it has one.
 
     Raises reference.solvers.taylor.ReferenceFailed if the horizon of a state cannot be computed.
     """
@@ -111,7 +119,10 @@ def unknown_truth(problem, wanted: Quantity, t_end: float, true: Truth) -> str:
 
 
 def known_truth(problem, wanted: Quantity, t_end: float) -> Truth:
-    """The true value of a quantity at ``t_end``; raises InvalidInput, with the reason, if no error can be given."""
+    """Return the true value of a quantity at ``t_end``, with its uncertainty.
+
+    Raises InvalidInput, with the reason, if the value cannot be computed or is too uncertain to measure errors with.
+    """
     try:
         true = truths.truth(problem, wanted, t_end)
         why = unknown_truth(problem, wanted, t_end, true)
@@ -123,9 +134,11 @@ def known_truth(problem, wanted: Quantity, t_end: float) -> Truth:
 
 
 def quantity_error(problem, integrator: Integrator, wanted: Quantity, t_end: float, size: dict) -> dict[str, Any]:
-    """The error of a quantity, from a run of its own with the rows that it needs; ``size`` is steps or tol.
+    """Run an integrator and return the error of a quantity, a dict {quantity, error, uncertainty}.
 
-    The error is None, with the reason, for a state past the horizon and if the reference is too uncertain.
+    The run saves the rows that the quantity needs; ``size`` is {"steps": number} or {"tol": tolerance}.  The error is
+    None, and the dict has a ``reason``, for a state past the horizon and if the reference fails or is too uncertain.
+    Raises InvalidInput if the quantity needs a multiple of some number of steps and ``size`` is none.
     """
     try:
         true = truths.truth(problem, wanted, t_end)

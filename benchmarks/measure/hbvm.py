@@ -1,4 +1,4 @@
-"""The degree of H up to which a Hamiltonian boundary value method keeps the energy.
+"""The degree of a polynomial H up to which a Hamiltonian boundary value method (HBVM) conserves the energy.
 
 Source: L. Brugnano, F. Iavernaro, D. Trigiante, J. Numer. Anal. Ind. Appl. Math. 5 (2010) 17-37.
 """
@@ -7,9 +7,10 @@ from __future__ import annotations
 
 
 def too_few_nodes(method: str, system) -> bool:
-    """True if HBVM(k, s) has too few nodes for a system's H: it conserves polynomials of degree at most 2k/s.
+    """True if HBVM(k, s) has too few nodes k to conserve a system's H.
 
-    ``method`` is an id; False for other methods.
+    It conserves polynomials of degree at most 2k/s; for an H that is no polynomial the answer is True.  ``method`` is
+    an id, "hbvm-k-s"; for the id of any other method the answer is False.
     """
     kind, *sizes = method.split("-")
     if kind != "hbvm":

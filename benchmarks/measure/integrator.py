@@ -1,4 +1,4 @@
-"""`Integrator`: one interface, with ``run``, to a method of this project, a peer or a user's own step."""
+"""`Integrator`: one interface, with ``run``, to a method of this project, of another package (peer) or of a user."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ AnyProblem = str | Path | Problem | PartitionedSystem
 
 @dataclass(frozen=True)
 class Integrator:
-    """A method, a peer or a user's own step, behind one interface.
+    """A method of this project, a peer (integrator of another package) or a user's own step, behind one interface.
 
     Attributes
     ----------
@@ -116,11 +116,11 @@ class Integrator:
             self.record.load(self.record.package)
 
     def _refused(self, problem: Any) -> str | None:
-        """Why a problem rejects the integrator; None if it does not, and for a bare system."""
+        """Return why a problem rejects the integrator as unsuitable; None if it does not, and for a bare system."""
         return problem.refuses(self.record) if hasattr(problem, "refuses") else None
 
     def lacks(self, problem: Any) -> str | None:
-        """Why the integrator cannot integrate a problem, or None if it can."""
+        """Return the reason why the integrator cannot integrate a problem or a bare system, or None if it can."""
         system = getattr(problem, "system", problem)
         refused = self._refused(problem)
         if refused:
@@ -135,7 +135,11 @@ class Integrator:
         q0: State | None = None,
         p0: State | None = None,
     ) -> PreparedRun | PreparedPeer:
-        """A prepared run on a problem, for repeated short calls; raises InvalidInput if there is none, and as `run`."""
+        """Make a prepared (compiled) run on a problem, for repeated short calls: ``run(h, steps)`` or ``run(t_end)``.
+
+        Raises InvalidInput for a user's own step, which has none, for a tolerance given to a method with fixed steps,
+        and as `run` does.
+        """
         if isinstance(self.record, Peer):
             return prepare_peer(problem, self.record, tol=tol, q0=q0, p0=p0)
         if tol is not None:
@@ -158,7 +162,9 @@ class Integrator:
         save_every: int = 1,
         timeout: float | None = None,
     ) -> Solution:
-        """Integrate ``problem``; an adaptive integrator takes ``tol``, and ``h`` as the spacing of its rows.
+        """Integrate ``problem`` and return the solution; the arguments are those of `integrate`.
+
+        An adaptive integrator takes ``tol``, and ``h`` as the spacing of its rows.
 
         A ``timeout`` has no effect on an integrator that is not `stoppable`.  Raises InvalidInput as
         `integrators.driver.integrate` does, and for a tolerance given to an integrator with fixed steps.
@@ -176,7 +182,7 @@ class Integrator:
 
 
 def parameters_of(method: object) -> list[str]:
-    """The names of a method's parameters, from its id, its record or an `Integrator`; [] for anything else."""
+    """Return the names of a method's parameters; ``method`` is its id, record or `Integrator`, [] for anything else."""
     record = method.record if isinstance(method, Integrator) else method
     return parameter_names(record) if isinstance(record, (str, Method)) else []
 
@@ -185,7 +191,7 @@ def parameters_of(method: object) -> list[str]:
 def integrator(
     method: str | Path | Method | Peer | OwnStep | Integrator | Step, *, parameters: Parameters | None = None
 ) -> Integrator:
-    """The integrator for an id, a path, a record or a function.
+    """Make the `Integrator` of a method of this project, a peer (another package's integrator) or a user's own step.
 
     Parameters
     ----------
@@ -222,7 +228,7 @@ def integrator(
 
 
 def _mapping(parameters: object) -> dict[str, Value]:
-    """The parameters as a dict; raises InvalidInput for what maps no names to values."""
+    """Return a method's parameters as a dict, {} for None; raise InvalidInput unless they map names to values."""
     if parameters is None:
         return {}
     if not isinstance(parameters, Mapping) or not all(isinstance(name, str) for name in parameters):

@@ -58,7 +58,10 @@ class Stability:
 
     @property
     def limit(self) -> float | None:
-        """The end of the interval that begins at 0: 0 if there is none, None if it reaches the end of the scan."""
+        """The end of the stable interval that begins at z = 0.
+
+        It is 0 if no stable interval begins there, and None if the interval reaches the end of the scan.
+        """
         if not self.intervals or self.intervals[0][0] > 0:
             return 0.0
         end = self.intervals[0][1]
@@ -66,12 +69,16 @@ class Stability:
 
     @property
     def windows(self) -> tuple[tuple[float, float], ...]:
-        """The intervals of unstable steps between stable ones."""
+        """The intervals (from, to) of unstable z between the stable ones."""
         return tuple((a[1], b[0]) for a, b in pairwise(self.intervals))
 
 
 def margins(M, noise: float = 0.0) -> np.ndarray:
-    """Jury's three margins of a matrix (2, 2) whose entries have this noise, plus an allowance for round-off."""
+    """Return Jury's three stability margins of a matrix (2, 2), plus an allowance for round-off and ``noise``.
+
+    They are 1 - tr M + det M, 1 + tr M + det M and 1 - det M, all >= 0 if M is stable; ``noise`` is the error of the
+    entries.
+    """
     M = np.asarray(M, dtype=float)
     trace, det = M[0, 0] + M[1, 1], M[0, 0] * M[1, 1] - M[0, 1] * M[1, 0]
     size = np.abs(M).max()
@@ -80,14 +87,17 @@ def margins(M, noise: float = 0.0) -> np.ndarray:
 
 
 def _with_bounded(three: np.ndarray) -> np.ndarray:
-    """Jury's three margins and a fourth, bounded one with the sign of the lesser of the first two."""
+    """Append to Jury's three margins a fourth, bounded one with the sign of the lesser of the first two: array (4,).
+
+    It keeps its sign at a pole of the trace, where the first two change sign through infinity.
+    """
     first, second, _ = three
     product = -1.0 if max(first, second) < 0 else first * second / (first**2 + second**2)
     return np.append(three, product)
 
 
 def radius(M) -> float:
-    """The spectral radius of a matrix: the growth per step in the long run."""
+    """Return the spectral radius of a matrix: the growth per step in the long run."""
     return float(np.abs(np.linalg.eigvals(M)).max())
 
 
@@ -97,12 +107,12 @@ def stability(
     spacing: float = SPACING,
     noise: Callable[[float], float] = lambda z: 0.0,
 ) -> Stability:
-    """Find the stable steps of a linear map.
+    """Find the stable steps z = h omega of a method whose map on the harmonic oscillator is linear.
 
     Parameters
     ----------
     step_matrix : z -> the matrix of a step, shape (2, 2); None if the step fails
-    last, spacing : end and spacing of the scan
+    last, spacing : end and spacing of the scan of z
     noise : z -> the error of the matrix's entries, where a solver's error exceeds `SLACK`
     """
     seen: dict[float, tuple[np.ndarray, float]] = {}
@@ -130,9 +140,10 @@ def stability(
 
 
 def _scan(look, last: float, spacing: float) -> list[float]:
-    """The scanned values of z, up to the first failed step, or to the end of a unit of z with hopeless growth.
+    """Scan z at multiples of ``spacing`` up to ``last``, and return the values of z that were scanned.
 
-    ``look`` gives (the four margins, largest entry of the step's matrix) at z.
+    The scan ends early before the first failed step, and once entries of the step's matrix have exceeded `HOPELESS`
+    over a unit of z.  ``look`` is a function z -> (the four margins, largest entry of the matrix).
     """
     scan: list[float] = []
     since = None
@@ -149,7 +160,7 @@ def _scan(look, last: float, spacing: float) -> list[float]:
 
 
 def _roots(at, scan: list[float]) -> Iterator[float]:
-    """The z at which one of the four stability margins ``at(z)`` changes sign, between the points of the scan."""
+    """Yield every z between points of the scan at which one of the four stability margins ``at(z)`` changes sign."""
     from scipy.optimize import brentq
 
     for i in range(4):
@@ -163,7 +174,7 @@ def _roots(at, scan: list[float]) -> Iterator[float]:
 
 
 def _with_extrema(f, scan: list[float]) -> list[float]:
-    """The scan, plus extrema between its points at which f has another sign than at the neighbours."""
+    """Return the points of a scan, plus extrema of f between them where f has another sign than at the neighbours."""
     from scipy.optimize import minimize_scalar
 
     points = list(scan)
@@ -180,9 +191,10 @@ def _with_extrema(f, scan: list[float]) -> list[float]:
 
 
 def _grows_from_the_start(at, scan: list[float], piece: tuple[float, float]) -> bool:
-    """True if a stable interval from 0 is spurious: the growth, a power of z, is at first within the allowance.
+    """True if a stable interval ``piece`` = (0, end) is spurious: the map grows, at first by less than the allowance.
 
-    Such an interval ends where the determinant exceeds 1 and is nowhere below 1; for explicit Euler it is 1 + z^2.
+    In such an interval the determinant, which is 1 + z^2 for explicit Euler, is nowhere below 1, and beyond the end it
+    exceeds 1 by more than the allowance for round-off.  ``at`` gives the margins at z.
     """
     start, end = piece
     if start > 0 or end >= scan[-1]:
@@ -192,7 +204,7 @@ def _grows_from_the_start(at, scan: list[float], piece: tuple[float, float]) -> 
 
 
 def _merge(pieces):
-    """Merge intervals (start, end), in order, that touch."""
+    """Merge those of the intervals (start, end), given in order, that touch; return the list of intervals."""
     out: list[tuple[float, float]] = []
     for start, end in pieces:
         if out and start - out[-1][1] <= 0:

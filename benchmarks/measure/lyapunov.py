@@ -23,7 +23,10 @@ TERMS, SQUARINGS = 8, 4
 
 @lru_cache(maxsize=16)
 def _derivatives(system):
-    """(vector field, Jacobian) as functions of (q, p), array (2 d, n): arrays (2 d, n) and (n, 2 d, 2 d)."""
+    """Return (f, J), functions of states (q, p) given as an array (2 d, n).
+
+    f gives the vector field, array (2 d, n); J gives its Jacobian, array (n, 2 d, 2 d).
+    """
     variables = [*system.q, *system.p]
     field = sp.Matrix([*system.dq, *system.dp])
     jacobian = field.jacobian(variables)
@@ -38,7 +41,10 @@ def _derivatives(system):
 
 
 def exponent(system, t, q, p) -> float:
-    """The largest Lyapunov exponent over rows at times t (n,), q and p (n, d); NaN if a row is not finite."""
+    """Return the largest Lyapunov exponent of an orbit from its rows at times t (n,), q and p (n, d).
+
+    It is in units of 1 / t, and NaN if a row is not finite.
+    """
     y = np.concatenate([q, p], axis=1).T
     if not np.isfinite(y).all():
         return float("nan")
@@ -54,7 +60,7 @@ def exponent(system, t, q, p) -> float:
 
 
 def _exp(X: np.ndarray) -> np.ndarray:
-    """The exponentials of matrices (n, m, m), by scaling and squaring of the power series."""
+    """Return the exponentials of n matrices, array (n, m, m), by scaling and squaring of the power series."""
     X = X / 2.0**SQUARINGS
     out = term = np.broadcast_to(np.eye(X.shape[1]), X.shape)
     for k in range(1, TERMS + 1):
@@ -66,7 +72,7 @@ def _exp(X: np.ndarray) -> np.ndarray:
 
 
 def _log_norm(M: np.ndarray) -> float:
-    """The logarithm of the Frobenius norm of the product M[n-1] ... M[0]."""
+    """Return the logarithm of the Frobenius norm of the product M[n-1] ... M[0]; M has shape (n, m, m)."""
     logs = np.zeros(len(M))
     while True:
         size = np.linalg.norm(M, axis=(1, 2))

@@ -1,4 +1,4 @@
-r"""Errors and orders: pure functions of arrays (drifts: `drift`; defects of a step: `step_map`).
+r"""Errors of invariants, slopes and orders of convergence: pure functions of arrays.
 
 Observed order: least squares of log error on log h, :math:`\log e = \log C + p \log h`, over the asymptotic window,
 with the two-sided Student-t interval of the slope.
@@ -19,7 +19,7 @@ WELL_KNOWN = 0.01
 
 @dataclass(frozen=True)
 class Slope:
-    """A slope with its two-sided 95 % interval."""
+    """A slope, ``value``, with its two-sided 95 % interval from ``low`` to ``high``."""
 
     value: float
     low: float
@@ -28,10 +28,13 @@ class Slope:
 
 @dataclass(frozen=True)
 class Order:
-    """An observed order with its two-sided 95 % interval and its window.
+    """An observed order of convergence with its two-sided 95 % interval, and the window of steps h that it is from.
 
-    ``first`` and ``last`` are the largest and the smallest h of the window, ``points`` its number of points; all are
-    NaN and ``points`` is 0 if fewer than 3 points are left.
+    Attributes
+    ----------
+    value, low, high : the order and its interval
+    first, last : the largest and the smallest h of the window
+    points : number of points in the window; 0, and all else NaN, if fewer than 3 points can be used
     """
 
     value: float
@@ -44,14 +47,14 @@ class Order:
 
 @dataclass(frozen=True)
 class InvariantError:
-    """The deviation of an invariant from its first value: the largest absolute one, and the signed one at the end."""
+    """The deviation of an invariant from its first value: ``max`` is the largest absolute one, ``end`` the last one."""
 
     max: float
     end: float
 
 
 def slope(x, y) -> Slope:
-    """The least-squares slope of y on x, arrays (n,) with n >= 3, with its interval.
+    """Return the least-squares slope of y on x, arrays (n,) with n >= 3, with its 95 % interval.
 
     Raises ValueError for fewer points or if all x are equal.
     """
@@ -69,12 +72,12 @@ def slope(x, y) -> Slope:
 
 
 def power(h, error) -> Slope:
-    """The exponent p of error = C h^p, from arrays (n,) of n >= 3 positive numbers, with its interval."""
+    """Fit error = C h^p to arrays (n,) of n >= 3 positive numbers, and return the exponent p with its 95 % interval."""
     return slope(np.log(h), np.log(error))
 
 
 def order(h, error, noise: float = 0.0, ceiling: float = np.inf) -> Order:
-    """The observed order of ``error`` as h falls, in the asymptotic window.
+    """Return the observed order of convergence of ``error`` as the step h falls, in the asymptotic window.
 
     A line is fitted to each run of at least 3 neighbouring points; the window is the run with the narrowest interval of
     the slope.  Coarse steps (not yet asymptotic) and fine ones (round-off) bend the line and widen the interval, as do
@@ -114,11 +117,11 @@ def order(h, error, noise: float = 0.0, ceiling: float = np.inf) -> Order:
 
 
 def invariant_error(values) -> InvariantError:
-    """The error of an invariant along a trajectory, values (n,), against its first value; NaN if any value is NaN."""
+    """Return the error of an invariant along a trajectory, values (n,), against its first value; NaN if one is NaN."""
     error = np.asarray(values) - np.asarray(values)[0]
     return InvariantError(np.max(np.abs(error)), error[-1])
 
 
 def refinement_difference(coarse, fine):
-    """The max norm of the difference of the states (q, p) reached with steps h and h/2."""
+    """Return the max norm of the difference of two states (q, p), reached with steps h (``coarse``) and h/2."""
     return np.max(np.abs(np.asarray(coarse) - np.asarray(fine)))

@@ -1,6 +1,6 @@
-"""Measurements without round-off.
+"""Errors of methods and structural defects of their steps, measured in multiprecision, so without round-off.
 
-Each measurement runs every method of the registry on every system of `battery` that the method can integrate,
+Each measurement runs every method of the registry on the test systems of `battery` that the method can integrate,
 uncompiled, with 40 digits or more.  The reference is Gragg's extrapolated explicit midpoint rule, which shares only the
 vector field with the methods.
 """
@@ -61,7 +61,9 @@ AMPLIFIED = sum(
 
 
 def extrapolate(f, y, T):
-    """(y(T), its uncertainty) of y' = f(y) by extrapolation of the explicit midpoint rule (W. B. Gragg 1965).
+    """Solve y' = f(y) from y over a time T, by extrapolation of the explicit midpoint rule (W. B. Gragg 1965).
+
+    Returns (y(T), its uncertainty in the max norm), y being an array of multiprecision numbers.
 
     The uncertainty is the change in the last column, which shows the convergence, plus a bound of round-off.
     """
@@ -83,7 +85,7 @@ def extrapolate(f, y, T):
 
 
 def flow(system, y, T, pieces=8):
-    """(y(T), uncertainty) of a system's flow, by `extrapolate` over ``pieces`` equal parts of T."""
+    """Return (y(T), its uncertainty) of a system's flow from y = (q, p), by `extrapolate` on ``pieces`` parts of T."""
     f = system.vector_field(MULTIPRECISION)
     y, T, doubt = vector(y), to_number(T, MULTIPRECISION), 0
     for _ in range(pieces):
@@ -93,12 +95,15 @@ def flow(system, y, T, pieces=8):
 
 
 def digits(record: Method) -> int:
-    """The working digits for a method, so that its error along the ladder is far above round-off."""
+    """Return the decimal digits in which a method is measured, so many that its errors are far above round-off."""
     return max(DIGITS, 8 * record.order)
 
 
 def start(name):
-    """(system, a state on its orbit that is no turning point) of the named system, in the working precision."""
+    """Return (system, state (q, p)) of a test system, ``name`` in `battery.SYSTEMS`, in the working precision.
+
+    The state is on the system's orbit away from turning points, at which symmetry would raise the observed order.
+    """
     return _start(name, mpmath.mp.dps)
 
 
@@ -112,7 +117,10 @@ def _start(name, digits):
 
 
 def reference(name):
-    """(system, initial state, exact state at time `SPAN`, its uncertainty) of a named system, in working precision."""
+    """Return (system, initial state, state at time `SPAN`, its uncertainty) of a test system, in working precision.
+
+    ``name`` is a key of `battery.SYSTEMS`; the later state is computed by extrapolation (`flow`).
+    """
     return _reference(name, mpmath.mp.dps)
 
 
@@ -123,12 +131,15 @@ def _reference(name, digits):
 
 
 def displacement():
-    """The displacement for a Jacobian by finite differences, in the working precision."""
+    """Return the displacement for a Jacobian by fourth-order differences: the working round-off to the power 1/5."""
     return epsilon(MULTIPRECISION) ** 0.2
 
 
 def advance(system, record, y, h, steps=1):
-    """The state after some steps; raises ArithmeticError if the integration fails."""
+    """Return the state after ``steps`` steps h of a method from y = (q, p), array (2 d,), in multiprecision.
+
+    Raises ArithmeticError if the integration fails.
+    """
     d = system.d
     s = integrate(system, record, h=h, steps=steps, q0=y[:d], p0=y[d:], arithmetic=MULTIPRECISION, save_every=0)
     if s.status != "ok":
@@ -137,7 +148,10 @@ def advance(system, record, y, h, steps=1):
 
 
 def errors(record: Method, name: str) -> dict:
-    """A method's errors at time `SPAN` on the named system for several steps h, and the reference's uncertainty."""
+    """Return a method's errors on a test system at time `SPAN` for several steps: {h, error, doubt}.
+
+    ``h`` and ``error`` are lists, the errors in the max norm; ``doubt`` is the uncertainty of the reference.
+    """
     system, y, end, doubt = reference(name)
     steps = ladder(record)
     error = [max(abs(advance(system, record, y, SPAN / n, n) - end)) for n in steps]
@@ -145,14 +159,14 @@ def errors(record: Method, name: str) -> dict:
 
 
 def ladder(record: Method) -> tuple[int, ...]:
-    """The numbers of steps to time `SPAN` from which a method's order is measured."""
+    """Return the numbers of steps to time `SPAN` with which a method is run to measure its order."""
     if not record.one_step:
         return tuple(n * record.earlier for n in MULTISTEP_LADDER)
     return FIELD_LADDER if record.family == "field" else LADDER
 
 
 def retraction(system):
-    """The map from states (2 d,) near the manifold of a system with constraints to states on it; None of any other."""
+    """Make the map from states (2 d,) near a system's constraint manifold to states on it; None without constraints."""
     if not system.constrained:
         return None
     d = system.d
@@ -160,12 +174,16 @@ def retraction(system):
 
 
 def step_of(record: Method) -> Fraction:
-    """The step size at which a method's defects of symplecticity and symmetry are measured."""
+    """Return the step size at which a method's defects of symplecticity, symmetry and volume are measured."""
     return VARIABLE_STEP if record.family in ("adaptive", "field") else STEP
 
 
 def defect(record: Method, name: str) -> float:
-    """The symplecticity defect of a method's step on the named system; at high order, of one pair of vectors only."""
+    """Return the symplecticity defect max |M^T J M - J| of a method's step on a test system, M its Jacobian.
+
+    With constraints it is that of the two-form on the manifold.  For an order above `LOW_ORDER` it is the change of the
+    two-form of one pair of vectors only.
+    """
     system, y = start(name)
     h = step_of(record)
     retract = retraction(system)
@@ -177,7 +195,10 @@ def defect(record: Method, name: str) -> float:
 
 
 def distance(record: Method, name: str, back: Method | None = None) -> float:
-    """The distance from the start after a step h with ``record`` and a step -h with ``back`` (default: ``record``)."""
+    """Return the distance from the start after a step h with ``record`` and a step -h with ``back``, on a test system.
+
+    ``back`` is a method, by default ``record`` itself: the distance is then the defect of symmetry.
+    """
     system, y = start(name)
     h = step_of(record)
     there, again = (lambda x: advance(system, record, x, h)), (lambda x: advance(system, back or record, x, -h))
@@ -185,7 +206,7 @@ def distance(record: Method, name: str, back: Method | None = None) -> float:
 
 
 def volume_defect(record: Method, name: str) -> float:
-    """|det M - 1| for the Jacobian M of one step of a method on the named system."""
+    """Return |det M - 1| for the Jacobian M of one step of a method on a test system, a key of `battery.SYSTEMS`."""
     system, y = start(name)
     return volume(lambda x: advance(system, record, x, step_of(record)), y, displacement())[0]
 
@@ -200,12 +221,19 @@ CELLS = {
 
 
 def cells(what: str) -> list[tuple[str, str]]:
-    """(method's label, system's name) of every pair on which the measurement ``what``, a key of `CELLS`, is made."""
+    """Return the pairs (method's label, test system's name) on which the measurement ``what`` is made.
+
+    ``what`` is "orders", "symplecticity", "symmetry" or "volume".
+    """
     return [(m.label, n) for m in methods().values() for n in CELLS[what][1](m)]
 
 
 def measure(what: str, label: str, name: str):
-    """Measure ``what`` (a key of `CELLS`) for a method's label and a system's name; if it fails, the error as text."""
+    """Make the measurement ``what`` of the method with a label on the test system ``name``, and return its result.
+
+    ``what`` is "orders", "symplecticity", "symmetry" or "volume".  If the measurement fails, the result is the error's
+    text.
+    """
     record = methods()[label]
     with precision(digits(record)):
         try:
@@ -216,12 +244,15 @@ def measure(what: str, label: str, name: str):
 
 @cache
 def methods() -> dict[str, Method]:
-    """Label -> method, for all methods that are measured."""
+    """Return the dict label -> method of all methods, with parameter values, that are measured."""
     return by_label(variants() + high_order_variants())
 
 
 def everywhere(what: str) -> dict:
-    """Make the measurement ``what``, a key of `CELLS`, for all methods and systems: {label: {system: result}}."""
+    """Make the measurement ``what`` for all methods on all their test systems: {method's label: {system: result}}.
+
+    ``what`` is "orders", "symplecticity", "symmetry" or "volume".
+    """
     out: dict = {label: {} for label in methods()}
     for label, name in cells(what):
         out[label][name] = measure(what, label, name)
@@ -229,10 +260,12 @@ def everywhere(what: str) -> dict:
 
 
 def frozen():
-    """Repeat a step of the energy-preserving Schemes IV and V by Schemes I and III with the lambda that it chose.
+    """Repeat a step of the energy-preserving Schemes IV and V by Schemes I and III with the same parameter lambda.
 
-    Returns {id: {system: {defect, distance, lam}}}: the symplecticity defect of the step with lambda fixed, and the
-    distance of its end from that of the energy-preserving step.
+    In each step Schemes IV and V choose lambda so that H is conserved; Schemes I and III are the same at a fixed lambda.
+
+    Returns {id: {system: {defect, distance, lam}}}: the symplecticity defect of the step with lambda fixed, the
+    distance of its end from that of the energy-preserving step, and lambda.
     """
     out = {}
     for free, fixed in (("scheme-iv", "scheme-i"), ("scheme-v", "scheme-iii")):
@@ -251,10 +284,11 @@ def frozen():
 
 
 def adjoint():
-    """Test that the adjoint of a method with parameter lam has 1 - lam: {label: {system: {adjoint, itself}}}.
+    """Measure whether the adjoint of a method with a parameter lam is the same method with 1 - lam.
 
-    The two distances are from the start, after a step h and a step -h with the method at 1 - lam or at lam.  Symmetric
-    methods are left out, as they are their own adjoints.
+    Returns {method's label: {system: {adjoint, itself}}}, two distances from the start: after a step h of the method at
+    lam, and a step -h of the method at 1 - lam (``adjoint``) or at lam (``itself``).  Symmetric methods, which are their
+    own adjoints, are left out.
     """
     out = {}
     for record in variants():
@@ -268,7 +302,10 @@ def adjoint():
 
 
 def leaves(data, path=()):
-    """(path, number) of every coefficient in a record's data that is not an integer."""
+    """Yield (path, number) for every coefficient in a method's nested tuples ``data`` that is not an integer.
+
+    A path is a tuple of indices, one for each level of the tuples.
+    """
     for i, x in enumerate(data):
         if isinstance(x, tuple):
             yield from leaves(x, (*path, i))
@@ -277,16 +314,18 @@ def leaves(data, path=()):
 
 
 def replace_at(data, path, value):
-    """A copy of nested tuples with another value at a path."""
+    """Return a copy of nested tuples ``data`` with another value at ``path``, a sequence of indices."""
     i, *rest = path
     return (*data[:i], replace_at(data[i], rest, value) if rest else value, *data[i + 1 :])
 
 
 def perturbation_effects():
-    """The effect of each coefficient's relative perturbation by `SLIP` on a step: {id: {system, error, rows}}.
+    """Measure how much a relative perturbation of each coefficient by `SLIP` changes a step of its method.
 
-    ``rows`` has the path of each coefficient and the step's error; if that is less than ten times the unperturbed one,
-    also the defects of symplecticity and symmetry.
+    Shows whether a misprint in a coefficient would be detected.  Returns {method's id: {system, error, rows}}, where
+    ``error`` is that of the unperturbed step.  ``rows`` has a dict for each coefficient: its path in the method's data
+    and the step's error; if that is less than ten times the unperturbed one, also the defects of symplecticity and
+    symmetry.
     """
     out = {}
     for record in METHODS:
@@ -298,7 +337,10 @@ def perturbation_effects():
 
 
 def perturbation_row(record: Method, name: str) -> dict:
-    """The effect of changing each coefficient by `SLIP` on a step of system ``name``; see `perturbation_effects`."""
+    """Measure how a relative perturbation of each coefficient of a method by `SLIP` changes a step on a test system.
+
+    Returns {system, error, rows}, see `perturbation_effects`.
+    """
     system, y = start(name)
     end = flow(system, y, SHORT_STEP, pieces=1)[0]
 
@@ -316,9 +358,9 @@ def perturbation_row(record: Method, name: str) -> dict:
 
 
 def control_errors():
-    """Measure `errors` of methods whose first coefficient is made 1/8 too large, a negative control of the orders.
+    """Measure the errors of methods with a wrong first coefficient, 1/8 too large: a negative control of the orders.
 
-    For one method of each family with coefficients in its record: {id: {system: row}}.
+    One method of each family that has coefficients is taken.  Returns {method's id: {system: result of `errors`}}.
     """
     out: dict = {}
     families = {m.family: m for m in reversed(METHODS) if m.order <= LOW_ORDER and list(leaves(m.data))}
@@ -330,7 +372,10 @@ def control_errors():
 
 
 def observed_order(row):
-    """The observed order from the result of `errors`; errors up to ten times the reference's uncertainty are noise."""
+    """Return the observed order (`metrics.Order`) from ``row``, a result of `errors`: {h, error, doubt}.
+
+    Errors up to ten times the reference's uncertainty, ``doubt``, are left out.
+    """
     return order(row["h"], row["error"], noise=10 * row["doubt"])
 
 

@@ -1,4 +1,4 @@
-r"""Quantities of particular problems, in the terms of their fields.
+r"""Quantities whose errors are measured on particular problems, such as the perihelion or the adiabatic invariant.
 
 ``perihelion`` is the direction of the Laplace-Runge-Lenz vector :math:`A = p\times L - q/|q|`; ``phase`` an orbit's
 polar angle; a planet's longitude is relative to the Sun.  ``section`` is the point where the orbit, continued from the
@@ -29,7 +29,10 @@ FAR = 100.0
 
 
 def _angle(y: Callable, x: Callable, name: str, about: str) -> Quantity:
-    """A quantity: the angle of the direction (x, y) at the end of a run; x and y are functions of (problem, q, p)."""
+    """Make the quantity "angle of the direction (x, y) at the end of a run", in radians modulo 2 pi.
+
+    x and y are functions of (problem, q, p); ``name`` and ``about`` are the quantity's name and description.
+    """
 
     def values(problem, t, q, p) -> np.ndarray:
         return np.arctan2(y(problem, q[-1:], p[-1:]), x(problem, q[-1:], p[-1:]))
@@ -126,7 +129,7 @@ def _average(problem, t, q, p) -> np.ndarray:
 
 
 def kinetic(problem) -> sp.Expr:
-    """The sum of the terms of H that contain momenta."""
+    """Return the sum of the terms of a problem's H that contain momenta, as an expression."""
     momenta = set(problem.system.p)
     return sp.Add(*(e for e in sp.Add.make_args(sp.expand(problem.system.H)) if e.free_symbols & momenta))
 
@@ -167,7 +170,7 @@ NAMED: dict[str, tuple[Quantity, ...]] = {
 
 
 def problem_quantities(problem) -> Iterator[Quantity]:
-    """A problem's own quantities: those of all its orbits, those of this orbit, and those of its bodies."""
+    """Yield the quantities special to a problem: those of all its orbits, of its chosen orbit, and of its bodies."""
     id, label = getattr(problem, "id", ""), getattr(problem, "label", "")
     yield from NAMED.get(id, ())
     if label != id:
@@ -176,13 +179,13 @@ def problem_quantities(problem) -> Iterator[Quantity]:
 
 
 def quantities(problem) -> Mapping[str, Quantity]:
-    """Name -> quantity for a problem: the general ones, then its own."""
+    """Return name -> quantity for a problem: end state, trajectory and energy, then those special to the problem."""
     general = [x for x in GENERAL if x is not ENERGY or getattr(problem.system, "H", None) is not None]
     return {x.name: x for x in (*general, *problem_quantities(problem))}
 
 
 def quantity(problem, name: str) -> Quantity:
-    """The quantity of a problem with this name; raises InvalidInput with the nearest known name."""
+    """Return the quantity of a problem with this name; raise InvalidInput, with the nearest known name, if unknown."""
     known = quantities(problem)
     if name not in known:
         raise unknown_name(f"quantity of '{getattr(problem, 'label', problem)}'", name, known)

@@ -15,7 +15,10 @@ from .integrator import OURS
 
 
 def successive(errors: Iterable[float], floors: Iterable[float]) -> list[float]:
-    """The order between each step and the one before it, twice as long; nan for the first and below a floor."""
+    """Return the observed orders log2(e_{k-1} / e_k) from errors e_k at successively halved steps.
+
+    The first order is NaN, and so is each whose error e_k is not above its floor (the size of round-off).
+    """
     found, before = [], np.nan
     for error, floor in zip(errors, floors, strict=True):
         found.append(float(np.log2(before / error)) if error > floor else np.nan)
@@ -24,10 +27,14 @@ def successive(errors: Iterable[float], floors: Iterable[float]) -> list[float]:
 
 
 def orders(rows: list[dict[str, Any]], column: str = "global_error") -> list[dict[str, Any]]:
-    """The measured order of convergence of each (scene, method), with its window and 95 % interval.
+    """Measure the order of convergence of each method on each scene, from rows of results at several steps.
 
-    Used are the ``ok`` rows with a fixed step of scenes whose purpose is the order, with an error above the noise (the
-    reference's uncertainty, round-off).
+    A scene is a problem with a time span and steps.  Used are the rows with status ``ok`` and a fixed step of scenes
+    whose purpose is the order; ``column`` is that of the errors, of which those in the noise (a hundred times the reference's
+    uncertainty, or round-off) are left out.
+
+    Returns a dict for each (scene, method): scene, problem, method, kind (origin), declared order, observed order with
+    its 95 % interval (low, high), and its window of steps (points, h_first, h_last).
     """
     groups: dict[tuple[str, str], list[dict]] = {}
     for r in rows:

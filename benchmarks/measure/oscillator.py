@@ -80,14 +80,14 @@ StepMatrix = Callable[[float], "np.ndarray | None"]
 
 @dataclass(frozen=True)
 class Found:
-    """The stable steps of an integrator on the harmonic oscillator, z = h omega.
+    """The stable steps z = h omega of an integrator on the harmonic oscillator, as the search found them.
 
     Attributes
     ----------
     intervals : pairs (from, to) of z in order; ``to`` is None if the interval reaches the end of the scan
     touches : values of z inside an interval at which the trace of a linear map reaches 2 or -2 and turns back
     scanned : end of the scan
-    how : `TRACE`, `RUNS` or `ROOTS`
+    how : by what stability was decided, in words: `TRACE` (of the step matrix), `RUNS` (long ones), `ROOTS`
     reason : why the scan ended early, how the first unstable run failed, or how runs beside a known limit ended
     """
 
@@ -99,7 +99,7 @@ class Found:
 
     @property
     def limit(self) -> float | None:
-        """The end of the interval that begins at 0: 0 if there is none, None if it has no end."""
+        """The end of the stable interval that begins at z = 0; 0 if none begins there, None if it has no known end."""
         return self.intervals[0][1] if self.intervals and self.intervals[0][0] == 0 else 0.0
 
 
@@ -110,14 +110,14 @@ def _oscillator():
 
 @lru_cache(maxsize=1)
 def _on_a_line() -> Problem:
-    """The oscillator in the plane, bound to the line along (1, 1)."""
+    """Make the oscillator in the plane with the constraint x = y, for methods that require constraints."""
     H = "(u**2 + v**2 + x**2 + y**2)/2"
     system = ConstrainedHamiltonian(q="x y", p="u v", H=H, constraints=["x - y"])
     return Problem(PROBLEM, PROBLEM, "", system, (Orbit("start", (1.0, 1.0), (0.0, 0.0)),))
 
 
 def _problem(chosen: Integrator) -> tuple[Any, np.ndarray]:
-    """(the oscillator as an integrator can be given it, the direction (d,) in which it moves)."""
+    """Return (the oscillator, the unit vector (d,) along which it moves), with a constraint if the integrator needs one."""
     if "constrained" in getattr(chosen.record, "requires", ()):
         return _on_a_line(), np.full(2, 0.5**0.5)
     return _oscillator(), np.ones(1)
@@ -127,14 +127,17 @@ _last: list = [None, None]
 
 
 def _prepare(record: Method, problem: Any) -> PreparedRun:
-    """The prepared run of a method on the oscillator; the last one is cached."""
+    """Return a method's prepared (compiled) run on the oscillator; that of the last method is cached."""
     if _last[0] is not record:
         _last[:] = record, prepare(problem, record)
     return _last[1]
 
 
 def end(chosen: Integrator, z: float, steps: int, state=(1.0, 0.0)) -> np.ndarray | None:
-    """The state (q, p) after ``steps`` steps of z, even if not finite; None if a step fails."""
+    """Return the oscillator's state (q, p), array (2,), after ``steps`` steps z = h omega from ``state``.
+
+    It may be infinite or NaN; None if a step fails.
+    """
     problem, way = _problem(chosen)
     q, p = state[0] * way, state[1] * way
     if isinstance(chosen.record, Method):
@@ -150,15 +153,15 @@ def end(chosen: Integrator, z: float, steps: int, state=(1.0, 0.0)) -> np.ndarra
 
 
 def matrix(chosen: Integrator, z: float) -> np.ndarray | None:
-    """The matrix (2, 2) of a linear step z = h omega of the oscillator; None if the step fails."""
+    """Return the matrix (2, 2) of a step z = h omega on the oscillator, if it is linear; None if the step fails."""
     columns = [end(chosen, z, 1, state) for state in ((1.0, 0.0), (0.0, 1.0))]
     return None if any(c is None for c in columns) else np.array(columns).T
 
 
 def linear(chosen: Integrator) -> bool:
-    """True if the step map is linear and nothing but the state passes from one step to the next.
+    """True if an integrator's step on the oscillator is a linear map of the state alone, so that its matrix decides.
 
-    False for a method that may fall back in a step, without what it claims to conserve (`Prepared.missed`).
+    False for a method that may replace a failed step by a simpler one, which does not conserve what the method claims.
     """
     if isinstance(chosen.record, Method) and kernel.prepare(chosen.record, _problem(chosen)[0].system).missed:
         return False
@@ -176,7 +179,10 @@ def linear(chosen: Integrator) -> bool:
 
 
 def find(chosen: Integrator) -> Found:
-    """The stable steps of an integrator on the oscillator; raises InvalidInput if it cannot integrate that."""
+    """Find the stable steps z = h omega of an integrator on the oscillator, by the way that suits its map.
+
+    Raises InvalidInput if it is adaptive or cannot integrate the oscillator.
+    """
     if chosen.adaptive:
         raise InvalidInput(f"'{chosen.id}' takes a tolerance, no step: it has no stability limit in h")
     lack = chosen.lacks(_problem(chosen)[0])
@@ -190,9 +196,10 @@ def find(chosen: Integrator) -> Found:
 
 
 def noise(chosen: Integrator, z: float) -> float:
-    """The error of the step matrix's entries at z: how far its products with two states are from their images.
+    """Return the error of the entries of an integrator's step matrix M at z, 0 if a step fails.
 
-    It is round-off, except where the substeps of an implicit step amplify the error of its solver.
+    It is the largest distance between M y and the state after a step from y, for two states y.  It is round-off, except
+    where the substeps of an implicit step amplify the error of its solver.
     """
     M = matrix(chosen, z)
     images = [end(chosen, z, 1, state) for state in STATES]
@@ -202,7 +209,7 @@ def noise(chosen: Integrator, z: float) -> float:
 
 
 def of_matrix(step_matrix: StepMatrix, noise: Callable[[float], float] = lambda z: 0.0) -> Found:
-    """The stable steps z of a linear map, from its matrix and the error of its entries as functions of z."""
+    """Find the stable steps z of a linear map from its matrix (2, 2) and the error of its entries, functions of z."""
     known = _cache_matrices(step_matrix)
     pieces, scanned = _pieces(known, noise)
     reason = "" if scanned else "no step can be taken"
@@ -214,7 +221,10 @@ def of_matrix(step_matrix: StepMatrix, noise: Callable[[float], float] = lambda 
 
 
 def _pieces(step_matrix: StepMatrix, noise: Callable[[float], float]) -> tuple[list[tuple[float, float]], float]:
-    """(stable intervals of z, end of the scan) of a linear map; a longer scan follows if the first ends stable."""
+    """Return (stable intervals of z, end of the scan) of a linear map, to scan accuracy.
+
+    A longer and coarser scan follows if the map is stable up to the end of the first.
+    """
     first = linear_stability.stability(step_matrix, noise=noise)
     pieces, last = list(first.intervals), linear_stability.LAST
     if not pieces or pieces[-1][1] < last:
@@ -238,7 +248,7 @@ def _cache_matrices(step_matrix: StepMatrix) -> StepMatrix:
 
 
 def _margins(step_matrix: StepMatrix, z: float) -> tuple[np.ndarray, float]:
-    """(Jury's three stability margins of the matrix at z, a bound of their round-off)."""
+    """Return (Jury's three stability margins of the matrix at z, array (3,); a bound of their round-off)."""
     M = step_matrix(z)
     if M is None or not np.isfinite(M).all():
         return np.full(3, -1.0), 0.0
@@ -251,7 +261,10 @@ def _margin(z: float, step_matrix: StepMatrix, i: int) -> float:
 
 
 def _sharp(step_matrix: StepMatrix, z: float, inside: int) -> float:
-    """The end of an interval near z, the root of the margin that changes sign; ``inside`` is the stable side (+-1)."""
+    """Refine the end of a stable interval near z: the root of the stability margin that changes sign there.
+
+    ``inside`` is +1 if larger z are stable, -1 if smaller ones are.  Returns z itself if no margin changes sign.
+    """
     from scipy.optimize import brentq
 
     away = 1e-9 * z
@@ -267,7 +280,7 @@ def _sharp(step_matrix: StepMatrix, z: float, inside: int) -> float:
 
 
 def _touches(step_matrix: StepMatrix, a: float, b: float) -> list[float]:
-    """The values of z in (a, b) at which the trace has an extremum at 2 or -2."""
+    """Return the values of z in (a, b) at which the trace of the step matrix has an extremum at 2 or -2."""
     from scipy.optimize import minimize_scalar
 
     def room(z: float) -> float:
@@ -285,7 +298,10 @@ def _touches(step_matrix: StepMatrix, a: float, b: float) -> list[float]:
 
 
 def of_runs(chosen: Integrator) -> Found:
-    """The steps z at which an integrator's nonlinear map stays bounded on the oscillator, found by long runs."""
+    """Find the steps z = h omega at which an integrator stays bounded on the oscillator, by long runs.
+
+    This is for maps that are not linear, so that no matrix decides.
+    """
     why: list[str] = []
 
     def stays(z: float) -> bool:
@@ -309,7 +325,10 @@ def of_runs(chosen: Integrator) -> Found:
 
 
 def of_roots(chosen: Integrator) -> Found:
-    """The stable steps z of a multistep method, by the roots of its polynomials; ``reason``: runs beside the limit."""
+    """Find the stable steps z of a multistep method from the roots of rho(x) + z^2 sigma(x).
+
+    ``reason`` of the result tells how long runs just below and just above the limit ended.
+    """
     intervals = tuple(stable_intervals(Multistep(*chosen.record.data)))
     limit = intervals[0][1] if intervals else 0.0
     ends = []
@@ -319,7 +338,10 @@ def of_roots(chosen: Integrator) -> Found:
 
 
 def _bisect(stays: Callable[[float], bool], good: float, bad: float) -> float:
-    """The last stable step between a stable and an unstable one; 0 if no step above `LEAST` is stable."""
+    """Return the last stable step between a stable one, ``good``, and an unstable one, ``bad``, by bisection.
+
+    ``stays`` tells whether a step is stable.  The accuracy is relative, `SHARPNESS`, but not better than `LEAST`.
+    """
     while abs(bad - good) > max(SHARPNESS * max(bad, good), LEAST):
         middle = (good + bad) / 2
         good, bad = (middle, bad) if stays(middle) else (good, middle)
@@ -327,7 +349,10 @@ def _bisect(stays: Callable[[float], bool], good: float, bad: float) -> float:
 
 
 def failure_of_run(chosen: Integrator, z: float, steps: int) -> str:
-    """How a run of ``steps`` steps z = h omega on the oscillator failed: its status, or "grown"; "" if it did not."""
+    """Return how a run of ``steps`` steps z = h omega on the oscillator failed; "" if it did not.
+
+    It is the status of the run, or "grown" if q or p exceeded `GROWN` times the initial size.
+    """
     s = chosen.run(_oscillator(), h=z, steps=steps, save_every=max(1, steps // 200))
     if s.status != OK:
         return s.status
@@ -335,7 +360,10 @@ def failure_of_run(chosen: Integrator, z: float, steps: int) -> str:
 
 
 def row(chosen: Integrator) -> dict:
-    """The result of ``stability`` as a dict, for the command and for Python; None stands for no end."""
+    """Return an integrator's stable steps on the oscillator as a dict for JSON, the output of ``phasebench stability``.
+
+    Its keys are method, params, limit, intervals, how, touches, scanned and reason, as in `Stability`.
+    """
     found = find(chosen)
     return {
         "method": chosen.id,
@@ -374,7 +402,7 @@ class Stability(TabularResult):
     reason: str
 
     def to_frame(self) -> pd.DataFrame:
-        """One row: method, params, limit, intervals, how, touches, scanned, reason."""
+        """Return a DataFrame of one row: method, params, limit, intervals, how, touches, scanned, reason."""
         import pandas as pd
 
         line = {
@@ -406,7 +434,7 @@ class Stability(TabularResult):
 def stability(
     method: str | Path | Method | Peer | Integrator | Step, *, parameters: Parameters | None = None
 ) -> Stability:
-    """All stable intervals of h omega on the harmonic oscillator.
+    """Find all intervals of z = h omega in which a method is stable on the harmonic oscillator.
 
     Parameters
     ----------
@@ -416,6 +444,7 @@ def stability(
     Returns
     -------
     Stability
+        The intervals, the stability limit, and how they were found.
 
     Raises
     ------

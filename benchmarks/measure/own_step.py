@@ -46,16 +46,17 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class OwnStep:
-    """A user's own step.
+    """A user's own one-step method, given as a Python function, with what the user claims of it.
 
     Attributes
     ----------
     id : the function's name, or the path of its file
     step : (system, q, p, h) -> (q, p), see `System`
-    claims : any of `judge.checks.CHECKS`
-    requires : traits that the system must have
+    claims : name -> value of claimed properties such as "order" and "symplectic" (`judge.checks.CHECKS`)
+    requires : traits that the system must have, such as "separable"
     where : the file of its code, as in a traceback
-    again : path -> the step, reads its file once more when it is unpickled; None if the step is not from a file
+    again : path -> the step, a function that reads its file once more when the step is unpickled; None if the step is
+        not from a file
     """
 
     id: str
@@ -84,7 +85,10 @@ class OwnStep:
         return self.claims.get("order")
 
     def lacks(self, system) -> str | None:
-        """Why the step cannot run on ``system``, or None if it can."""
+        """Return the reason why the step cannot run on ``system``, or None if it can.
+
+        Raises InvalidInput for a required trait that does not exist.
+        """
         for trait in self.requires:
             if trait not in system.traits:
                 raise unknown_name("trait of systems", trait, system.traits)
@@ -95,7 +99,7 @@ class OwnStep:
         return record.lacks(self.id, (*kinds, *self.requires), system)
 
     def __reduce__(self):
-        """Pickle a step from a file by its path; it is read again by the receiving process."""
+        """Pickle a step from a file by its path, so that the receiving process reads the file again."""
         if self.again is not None:
             return self.again, (self.id,)
         return OwnStep, (self.id, self.step, self.claims, self.requires, self.where)
@@ -114,12 +118,12 @@ NO_FIELDS = (
 
 
 class System:
-    """The system as a step sees it: H and its derivatives at q and p, arrays (d,).
+    """The argument ``system`` of a user's step function: H and its derivatives at q and p, arrays (d,).
 
     Attributes
     ----------
     d : degrees of freedom
-    evaluations : numbers of evaluations of `dH_dq` and of `dH_dp`
+    evaluations : [number of evaluations of `dH_dq`, number of evaluations of `dH_dp`]
     whole : the underlying system
     """
 
@@ -136,7 +140,7 @@ class System:
 
     @property
     def E(self) -> NoReturn:
-        """Raises AttributeError with a hint: the fields of a charged particle are given to a step(system, x, v, h)."""
+        """Raise AttributeError with a hint: only a step(system, x, v, h) is given the fields of a charged particle."""
         raise AttributeError(NO_FIELDS)
 
     B = E
@@ -155,11 +159,11 @@ class System:
         return self._field(0.0, self._state(q, p))[: self.d]
 
     def g(self, q: ArrayLike) -> Floats:
-        """The constraints g(q), array (m,); AttributeError with a hint where the system has none."""
+        """The constraints g(q), array (m,); raises AttributeError, with a hint, if the system has none."""
         return self._constraints(q)[0]
 
     def G(self, q: ArrayLike) -> Floats:
-        """The slopes g_q of the constraints, array (m, d); AttributeError with a hint where the system has none."""
+        """The Jacobian g_q of the constraints, array (m, d); raises AttributeError, with a hint, if there are none."""
         return self._constraints(q)[1]
 
     def _constraints(self, q: ArrayLike) -> tuple[Floats, Floats]:
@@ -178,7 +182,7 @@ Step = Callable[[System, Floats, Floats, float], tuple[ArrayLike, ArrayLike]]
 
 
 def from_function(step: Callable) -> OwnStep:
-    """The step given by a function (system, q, p, h) -> (q, p); raises InvalidInput if it takes other arguments."""
+    """Make an `OwnStep` of a function (system, q, p, h) -> (q, p); raise InvalidInput if it takes other arguments."""
     code = getattr(step, "__code__", None) or getattr(type(step).__call__, "__code__", None)
     where = code.co_filename if code else "the step"
     try:
@@ -191,9 +195,9 @@ def from_function(step: Callable) -> OwnStep:
 
 
 def from_file(path: str | Path) -> OwnStep:
-    """The step of a Python file (``./mine.py``, ``./mine.py:object.step``), with its ``CLAIMS`` and ``REQUIRES``.
+    """Make an `OwnStep` of a Python file (``./mine.py``, ``./mine.py:object.step``).
 
-    For ``object.step`` they are taken from the object if it has any, else from the file.
+    Its ``CLAIMS`` and ``REQUIRES`` are, for ``object.step``, those of the object if it has any, else those of the file.
 
     Raises
     ------
@@ -206,8 +210,9 @@ def from_file(path: str | Path) -> OwnStep:
 
 
 def find_step(path: str, name: str) -> tuple[Any, Callable]:
-    """(owner, function) for ``./mine.py:object.function``, or for the function ``name`` of ``./mine.py``.
+    """Load a user's Python file and return (owner, function), the function of a step and what declares its claims.
 
+    The function is that of the path ``./mine.py:object.function``, or ``name`` in the file of the path ``./mine.py``.
     The owner declares the claims: the object if it has CLAIMS or REQUIRES, else the file's module.
 
     Raises
@@ -232,7 +237,10 @@ def find_step(path: str, name: str) -> tuple[Any, Callable]:
 
 
 def build_own_step(path: str, module, function: Callable) -> OwnStep:
-    """The step of a user's function with the CLAIMS and REQUIRES of its owner (a module or an object)."""
+    """Make an `OwnStep` of a user's function, with the CLAIMS and REQUIRES of its owner, a module or an object.
+
+    ``path`` becomes its id.  Raises InvalidInput for malformed CLAIMS or REQUIRES.
+    """
     requires = getattr(module, "REQUIRES", ())
     requires = (requires,) if isinstance(requires, str) else requires
     if not isinstance(requires, (tuple, list)) or not all(isinstance(x, str) for x in requires):
@@ -293,7 +301,11 @@ def integrate_step(
 
 
 def _steps(step, seen: System, asked, rows, deadline) -> tuple[int, int, bool]:
-    """Take the asked steps, save states in ``rows``; return (rows filled, steps taken, True if time ran out)."""
+    """Take the steps of a run, and save states in ``rows``; return (rows filled, steps taken, True if time ran out).
+
+    ``asked`` is the checked request (q, p, h, steps, every), ``rows`` an array (2, n, d) of q and p, ``deadline`` a time
+    of ``time.perf_counter`` or None.  The run stops at a state that is not finite.
+    """
     q, p, row = asked.q, asked.p, 1
     for n in range(1, asked.steps + 1):
         try:
@@ -317,13 +329,16 @@ def _steps(step, seen: System, asked, rows, deadline) -> tuple[int, int, bool]:
 
 
 def _frozen(x: np.ndarray) -> np.ndarray:
-    """Make an array read-only, and return a view of it, which cannot be made writable."""
+    """Make an array read-only, and return a view of it that cannot be made writable."""
     x.flags.writeable = False
     return x.view()
 
 
 def check_pair(pair, d: int) -> tuple[np.ndarray, np.ndarray]:
-    """The (q, p) that a step returned, copied to new arrays; raises InvalidInput for anything else."""
+    """Check what a user's step returned, and copy it to new arrays q, p (d,).
+
+    Raises InvalidInput unless ``pair`` holds two arrays (d,) of real numbers.
+    """
     two = len(pair) == 2 if isinstance(pair, (tuple, list)) else np.ndim(pair) == 2 and len(pair) == 2
     if not two:
         raise InvalidInput(f"step returned {_short_text(pair)}; it must return q, p")
@@ -331,7 +346,7 @@ def check_pair(pair, d: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _vector(x, what: str, d: int) -> np.ndarray:
-    """x as a new array (d,) of doubles; raises InvalidInput with a message that begins with ``what``."""
+    """Return x as a new array (d,) of doubles; raise InvalidInput, its message beginning with ``what``, if x is none."""
     try:
         if np.iscomplexobj(x):
             raise TypeError
@@ -344,6 +359,6 @@ def _vector(x, what: str, d: int) -> np.ndarray:
 
 
 def _short_text(x) -> str:
-    """A value as short text for an error message."""
+    """Return a value as short text for an error message."""
     text = repr(x)
     return text if len(text) <= 60 else f"{type(x).__name__} {text[:60]} ..."

@@ -1,6 +1,6 @@
-r"""A user's own step of a charged particle: ``step(system, x, v, h)`` with ``system.E(x)`` and ``system.B(x)``.
+r"""A user's own step for a charged particle in positions and velocities: ``step(system, x, v, h)``.
 
-A file with ``REQUIRES = ("magnetic",)`` may write its step in positions and velocities::
+It calls the fields ``system.E(x)`` and ``system.B(x)``.  A file with ``REQUIRES = ("magnetic",)`` may have such a step::
 
     def step(system, x, v, h):
         x = x + h / 2 * v
@@ -12,7 +12,7 @@ A file with ``REQUIRES = ("magnetic",)`` may write its step in positions and vel
         return x + h / 2 * v, v
 
 x, v, E and B have three components.  In a problem in the plane, the third of x, v and E is 0, B is along z, and the
-third components that the step returns are not used.  All else takes it for a step of (q, p): `InMomenta` converts.
+third components that the step returns are not used.  `InMomenta` makes it a step of (q, p), as all other code expects.
 """
 
 from __future__ import annotations
@@ -32,12 +32,14 @@ TRAIT = "magnetic"
 
 
 class Particle:
-    """A charged particle as a step of (x, v) sees it, x' = v, v' = E(x) + v x B(x); all arrays (3,).
+    """The argument ``system`` of a user's step in (x, v): a charged particle, x' = v, v' = E(x) + v x B(x).
+
+    x, v, E and B are arrays (3,), also for motion in the plane.
 
     Attributes
     ----------
     d : 3
-    evaluations : numbers of evaluations of `E` and of `B`, shared with the system
+    evaluations : [number of evaluations of `E`, number of evaluations of `B`], the same list as the system's
     """
 
     d = 3
@@ -65,11 +67,11 @@ class Particle:
         return self._energy(q, self._value(self.momentum(x, v)))[0]
 
     def momentum(self, x, v) -> np.ndarray:
-        """The canonical momentum p = m v + A(x), array (d,) of the system's d."""
+        """The canonical momentum p = m v + A(x), array (d,) with d = 2 for motion in the plane, else 3."""
         return self._mass * (self._array(self._value(v)) + self._array(self._call(self._shift, x)))
 
     def state(self, q, p) -> tuple[np.ndarray, np.ndarray]:
-        """Position and velocity (x, v), arrays (3,), of the canonical state q, p."""
+        """Return position and velocity (x, v), arrays (3,), of the canonical state q, p, arrays (d,)."""
         v = np.asarray(p) / self._mass - self._array(self._call(self._shift, q))
         return self._spatial(q), self._spatial(v)
 
@@ -93,13 +95,13 @@ class Particle:
 
 
 class InMomenta:
-    """Adapts a step (particle, x, v, h) -> (x, v) to a step (system, q, p, h) -> (q, p)."""
+    """A step (system, q, p, h) -> (q, p) made from a user's step (particle, x, v, h) -> (x, v)."""
 
     def __init__(self, step: Callable[..., tuple[Any, Any]]):
         self.step, self.__name__ = step, getattr(step, "__name__", type(step).__name__)
 
     def __call__(self, system, q, p, h):
-        """Convert q, p to x, v, take the step, and convert back; an invalid result is returned as it is."""
+        """Convert q, p to x, v, take the user's step, and return (q, p); an invalid result is returned as it is."""
         particle = system.particle
         x, v = particle.state(q, p)
         x.flags.writeable = v.flags.writeable = q.flags.writeable and p.flags.writeable
@@ -113,7 +115,7 @@ class InMomenta:
 
 
 def in_velocities(step: Callable) -> bool:
-    """True if a function's arguments are named as those of a step of (x, v)."""
+    """True if the second and third argument of a step function are named x and v: a step in velocities."""
     try:
         return list(inspect.signature(step).parameters)[1:3] == ["x", "v"]
     except (TypeError, ValueError):

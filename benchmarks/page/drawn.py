@@ -35,7 +35,7 @@ def module_of(draw: Callable) -> str:
 
 @functools.cache
 def _data_digests() -> tuple[str, ...]:
-    """Digests of the data files that a module may read by name, and the versions of the libraries."""
+    """Digests of the data files on which figures may depend, and the versions of the drawing libraries."""
     from importlib.metadata import version
 
     rooms = [sources.path_of(room) for room in sources.DATA]
@@ -50,7 +50,7 @@ def _source(module: str) -> str:
 
 
 class _Reading:
-    """Hands out the tables of a page and records the names of those that were read."""
+    """A wrapper of a page's data (name -> table) that records in ``names`` which tables were read."""
 
     def __init__(self, data):
         self._data, self.names = data, set()

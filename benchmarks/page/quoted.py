@@ -1,4 +1,4 @@
-"""What others print, beside what is measured here: a record for each statement, and the table of all of them."""
+"""Compare printed numbers and statements of others with measurements: a record for each, and the table of them."""
 
 from __future__ import annotations
 
@@ -13,7 +13,15 @@ from .verdict import FINDING, MISSING, PASS, Verdict
 
 @dataclass(frozen=True)
 class Quoted:
-    """A printed number or statement: its verdict, the words, why the measurement differs, and where it is printed."""
+    """A printed number or statement that a measurement tests.
+
+    Attributes
+    ----------
+    verdict : data -> `Verdict`, None if it was not measured; its docstring is the claim in words
+    printed : the number or the words that are printed
+    why : why the measurement differs, or ""
+    source : where it is printed
+    """
 
     verdict: Callable[[Data], Verdict | None]
     printed: str
@@ -22,7 +30,10 @@ class Quoted:
 
 
 def lines(data: Data, quoted: Iterable[Quoted]) -> pd.DataFrame:
-    """A row for each statement, whether it is measured or not."""
+    """The table of printed statements: a row for each, also for one that was not measured.
+
+    Columns: claim, printed, measured, outcome, why they differ, where, source.
+    """
     rows = []
     for one in quoted:
         found = one.verdict(data)
@@ -38,6 +49,6 @@ def _claim(one: Quoted) -> str:
 
 
 def count(data: Data, quoted: Iterable[Quoted]) -> tuple[int, int, int] | None:
-    """(how many statements are judged, hold, do not hold); None if none is judged."""
+    """Return (number of statements judged, number that hold, number that do not hold); None if none is judged."""
     judged = [found.outcome for one in quoted if (found := one.verdict(data)) is not None and found.outcome != MISSING]
     return (len(judged), judged.count(PASS), judged.count(FINDING)) if judged else None

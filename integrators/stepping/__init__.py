@@ -1,1 +1,1 @@
-"""What steps are built from: the loop, stage solvers, the root finder, Kepler's flow; the contract of a family."""
+"""What methods are built from: the loop over steps, solvers of stage equations, a root finder, Kepler's flow."""

@@ -1,12 +1,13 @@
-r"""Newton's method for stage equations x = G(x) of a narrow band: a step costs as much as the lattice is long.
+r"""Newton's method for stage equations x = G(x) whose Jacobian is banded: the cost is linear in the unknowns.
 
-Simplified Newton: the matrix 1 - G' is made by differences, a colour of columns at once (`structure`), factorized by
-Gaussian elimination with row interchanges inside of the band, and kept from step to step; where a move is more than
-`SLOW` times the last it is made again.  Where that fails, every iterate gets its own.  The residual is exact, so that
-the solution is one to round-off, as that of `solve.solver`.
+Simplified Newton: the matrix 1 - G' is computed by finite differences, one for all columns of a *colour*, which have no
+row in common (`structure`).  It is factorized by Gaussian elimination with row interchanges inside of the band, and
+kept from step to step; when a correction is longer than `SLOW` times the one before, the matrix is computed again.
+Where simplified Newton fails, every iterate gets its own matrix.  The residual is exact, so that the solution is
+accurate to round-off, like that of `solve.solver`.
 
-Equations start from zero.  A start extrapolated from earlier steps, as of the fixed point, saves an iteration or two of
-eight at small steps; at those that are too long for the fixed point it costs several, and matrices besides.
+The iteration starts from zero.  A start extrapolated from earlier steps, as for the fixed point, saves an iteration or
+two of eight at small steps; at steps that are too long for the fixed point it costs several, and further matrices.
 
 References: G. H. Golub, C. F. Van Loan, Matrix Computations (2013), 4.3.5 (bands); E. Hairer, G. Wanner, Solving
 Ordinary Differential Equations II (1996), IV.8 (when to make the matrix again).
@@ -24,20 +25,23 @@ from phasebench.integrators.values.vector import inline, jit, load, minus, plus,
 from .solve import NEWTON_LIMIT, SOLVED, STALLED, difference, near, newton_method
 from .structure import band_order, colour_columns, owners
 
-#: The matrix is made again if a move is longer than this share of the one before.
+#: The matrix is computed again if a correction is longer than this share of the one before.
 SLOW = 0.3
 #: Largest number of iterations for an equation.
 LIMIT = 60
 
 
 class Band(NamedTuple):
-    """The sparsity of a banded matrix.
+    """The sparsity of a matrix (n, n) that is banded when its unknowns are reordered.
+
+    Unknowns are coloured so that each equation depends on at most one unknown of each colour: then one finite
+    difference gives all columns of a colour.
 
     Attributes
     ----------
-    width : half-width of the band, in the order of ``place``
-    place, colour : arrays (n,): place in the order, and colour, of each unknown
-    owner : array (colours, n): the unknown of a colour that an equation depends on, -1 if none
+    width : half-width of the band after reordering
+    place, colour : arrays (n,): position in the new order, and colour, of each unknown
+    owner : array (colours, n): for each colour and equation the unknown of that colour in the equation, -1 if none
     """
 
     width: int
@@ -47,7 +51,13 @@ class Band(NamedTuple):
 
 
 class Room(NamedTuple):
-    """Memory of a banded solver: two rows of ``memory`` from ``spare`` on; the matrix, rows of ``work`` from ``at``."""
+    """Memory of a banded solver.
+
+    Attributes
+    ----------
+    memory, spare : the solver overwrites the rows ``spare`` and ``spare + 1`` of the array ``memory``
+    work, at : the factorized matrix is in the rows of the array ``work`` from ``at`` on
+    """
 
     memory: np.ndarray
     spare: int
@@ -56,7 +66,10 @@ class Room(NamedTuple):
 
 
 def band_of(reach: Sequence[np.ndarray]) -> Band:
-    """The band of 1 - G' where column j of G' has nonzeros in the rows reach[j]; raises InvalidInput if it is wide."""
+    """Find the `Band` of 1 - G', given the rows reach[j] in which column j of the Jacobian G' has nonzeros.
+
+    Raises InvalidInput if the band is too wide (`structure.MOST`).
+    """
     from .kernel import freeze
 
     n = len(reach)
@@ -68,7 +81,7 @@ def band_of(reach: Sequence[np.ndarray]) -> Band:
 
 @jit
 def columns(band: Band) -> int:
-    """Number of columns that store the factorized matrix: the band, as much fill-in, and each row's pivot."""
+    """Number of columns of the array that stores the factorized matrix: band, fill-in, and each row's pivot."""
     return 3 * band.width + 2
 
 
@@ -80,7 +93,11 @@ def columns(band: Band) -> int:
 
 @jit
 def factorize(A: np.ndarray, at: int, n: int, width: int) -> bool:
-    """Factorize a band matrix, n rows of A from ``at`` on, in place by elimination with pivots; False if singular."""
+    """Factorize a band matrix in place by Gaussian elimination with row interchanges; returns False if it is singular.
+
+    Its n rows are those of A from ``at`` on; entry (i, j) stands in column j - i + ``width``, with ``width`` the
+    half-width of the band.
+    """
     for k in range(n):
         last, end = min(n, k + width + 1), min(n, k + 2 * width + 1)
         pivot = k
@@ -125,13 +142,13 @@ def substitute(A: np.ndarray, at: int, n: int, width: int, table: np.ndarray, ro
 
 @jit
 def forget(work: np.ndarray, at: int, end: int) -> None:
-    """Mark the matrix in the rows from ``at`` on, of ``end`` columns, as stale: it has to be computed again."""
+    """Mark the matrix in the rows of ``work`` from ``at`` on, of ``end`` columns, as one to be computed again."""
     work[at, end - 1] = -1.0
 
 
 @jit
 def is_stale(work: np.ndarray, at: int, end: int) -> bool:
-    """True if the matrix in the rows from ``at`` on has to be computed again."""
+    """True if the matrix in the rows of ``work`` from ``at`` on, of ``end`` columns, is marked by `forget`."""
     return work[at, end - 1] < 0
 
 
@@ -141,15 +158,15 @@ def is_stale(work: np.ndarray, at: int, end: int) -> bool:
 def band_solver(G: Callable, lengths: Callable) -> Callable:
     """Make the solver of x = G(x, arguments) by Newton's method in a band; ``lengths`` as in `solve.solver`.
 
-    It is a function (arguments, start, span, eps, band, room) -> (x, evaluations of G, status of `solve`): ``start``
-    (n,) is the first x, ``span`` the length of a step beside which the smallest change of x counts, eps the relative
-    rounding, ``band`` the places of the unknowns in it, and ``room`` the memory.  The factorized matrix stays in the
-    room for the next equation of its kind, until `forget`.  The arguments have a field q.
+    The solver is a function (arguments, start, span, eps, band, room) -> (x, evaluations of G, status as in `solve`).
+    ``start`` (n,) is the first x, ``span`` the size of the variables in which G varies, ``eps`` the machine epsilon,
+    ``band`` the `Band` of 1 - G', and ``room`` the `Room`, in which the factorized matrix stays for the next equation
+    of the same kind, until `forget`.  ``arguments`` is passed to G; it is a NamedTuple with a field q.
     """
 
     @jit
     def linearize(arguments, x, g, span, eps, band, room):
-        """Factorize the matrix of 1 - G' at x, with g = G(x); False if it is singular."""
+        """Compute 1 - G' at x by finite differences, with g = G(x), and factorize it; returns False if singular."""
         memory, spare, work, at, width = room.memory, room.spare, room.work, room.at, band.width
         n, d = len(x), len(arguments.q)
         first, second = lengths(x, g, arguments)
@@ -175,7 +192,7 @@ def band_solver(G: Callable, lengths: Callable) -> Callable:
 
     @jit
     def move(x, g, band, room):
-        """Solve the linear equations of the factorized matrix with the right-hand side g - x."""
+        """Return Newton's correction of x: solve (1 - G') dx = g - x with the factorized matrix in ``room``."""
         memory, spare, n = room.memory, room.spare, len(x)
         store(memory, spare, minus(g, x))
         for i in range(n):
@@ -187,7 +204,7 @@ def band_solver(G: Callable, lengths: Callable) -> Callable:
 
     @jit
     def simplified_newton(arguments, start, span, eps, band, room):
-        """Iterate from the start with the stored matrix, or with one computed on the way (simplified Newton)."""
+        """Simplified Newton from the start, with the stored matrix or a new one; (x, evaluations, status)."""
         work, at, end = room.work, room.at, columns(band)
         x, last = start, np.inf
         evaluations, made = 0, 0
@@ -222,7 +239,7 @@ def band_solver(G: Callable, lengths: Callable) -> Callable:
 
     @inline
     def improve(arguments, x, span, eps, work):
-        """One step of Newton's method for x = G(x) from x: compute the matrix 1 - G' there and solve with it."""
+        """Make one step of Newton's method from x: (new x, its distance from x, its size, evaluations of G, status)."""
         band, room = work
         g, evaluations = G(x, arguments), 1 + len(band.owner)
         if not linearize(arguments, x, g, span, eps, band, room):

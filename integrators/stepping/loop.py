@@ -1,19 +1,20 @@
-"""The loop over rows and steps: it calls a family's ``step``, fills rows, and stores the state between calls.
+"""The loop over the steps of a run: it calls a method's ``step``, and stores every so many steps a row of output.
 
-`loop` makes a family's ``run`` from the functions
+A *family* is a module for one kind of method (`kernel`).  `loop` makes its compiled loop, the *kernel* ``run``, from
 
 - ``step(method, y, carry, counts)`` -> (y, status): one step from y; ``method`` is the family's NamedTuple with h and
   eps, the status `solve.SOLVED` or why the step could not be taken.  It adds its evaluations, solves by Newton's method
   and fallbacks to ``counts``; ``counts.steps`` is the number of steps before it.
-- ``begin(method, carry, counts)`` -> y: what a step starts from, read where the last call left it; by default the
-  `vector.State` (q, p, what rounding lost of q, of p).  A y of one's own has these fields and others.
-- ``start(method, y)`` -> y and ``finish(method, y)`` -> y: before the first step after a row, and before the next row.
-  A method whose steps share a substep, as the last kick of one is the first of the next, parts them there.
+- ``begin(method, carry, counts)`` -> y: what a step starts from, read from ``carry``, where the last call of the kernel
+  left it; by default the `vector.State` (q, p, what rounding lost of q, of p).  Another y has these fields and more.
+- ``start(method, y)`` -> y and ``finish(method, y)`` -> y: called before the first step after a row, and before the
+  next row is stored.  If successive steps share a substep, as the last kick of one is the first of the next, ``finish``
+  completes the last step and ``start`` begins the next one.
 
-A step that chooses a parameter writes it to ``counts.parameter``, NaN if it found none; ``parameter=True`` tells the
-loop to enter that of each row's last step in the samples.
+A step that chooses a parameter writes it to ``counts.parameter``, NaN if it found none; with ``parameter=True`` the
+loop stores that of the last step before each row.
 
-`time_loop` is the loop of methods that choose the length of their steps: ``reach`` integrates to the time of a row.
+`time_loop` makes the loop of methods that choose the length of their steps: ``reach`` integrates to the time of a row.
 """
 
 from __future__ import annotations
@@ -71,31 +72,39 @@ def loop(
     finish: Callable = _keep_state,
     parameter: bool = False,
 ) -> Callable:
-    """Make the kernel (method, carry, samples, counts) -> (rows filled, status) from a family's functions."""
+    """Make the kernel, the loop over steps, of a family from its functions, which this module's docstring describes.
+
+    The kernel is (method, carry, samples, counts) -> (number of rows filled, status).  It starts from the state in
+    ``carry`` (`kernel.Carry`), fills ``samples`` (`kernel.Samples`) with a row every ``samples.every`` steps, and writes
+    the last state to ``carry``.
+    """
     enter = _enter_parameter if parameter else _ignore_parameter
     functions = {"begin": begin, "start": start, "step": step, "finish": finish, "enter": enter}
     return _bind(_run, step.__module__, {name: inline(f) for name, f in functions.items()})
 
 
 def _bind(run: Callable, family: str, functions: dict[str, Callable]) -> Callable:
-    """Return ``run`` with these functions, under the name ``family.run``, by which it is cached and pickled."""
+    """Return a copy of ``run`` with these functions as globals, under the name ``family.run``, used to cache it."""
     made = machine.with_functions(run, functions)
     made.__module__, made.__name__, made.__qualname__ = family, "run", "run"
     return made
 
 
-#: Where the state's spare rows count the multiples of h up to which a method that chooses its steps has been asked.
+#: Entry of ``carry.state`` with the time of the last row of output in units of h, for methods that choose their steps.
 ASKED = OWN + 2, 0
 
 
 def time_loop(resume: Callable, reach: Callable, leave: Callable) -> Callable:
-    """Make the kernel of a method that chooses the lengths of its steps.
+    """Make the kernel (method, carry, samples, counts) -> (rows filled, status) of methods with variable steps.
 
-    - ``resume(method, carry, y)`` -> clock: where the last call left it (`leave`); makes the first.
+    Its rows are the states at multiples of ``samples.every`` h.  It is made from the functions
+
+    - ``resume(method, carry, y)`` -> clock: the time and what else the step control needs, as the last call left it
+      (``leave``), or at the start of a run.
     - ``reach(method, carry, y, clock, until, every, counts)`` -> (y, clock, there, status): steps to the last state y
-      before the time ``until``, and from there to the state ``there`` at that time, by a step that the orbit does not
-      take.
-    - ``leave(carry, clock)`` keeps the clock for the next call.
+      before the time ``until``, and from there to the state ``there`` at that time, by a step that is used for the
+      output alone and does not belong to the orbit.
+    - ``leave(carry, clock)`` stores the clock for the next call.
     """
 
     functions = {"resume": resume, "reach": reach, "leave": leave}

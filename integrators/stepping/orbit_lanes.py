@@ -1,9 +1,10 @@
-"""Run a family's kernel on several orbits at once in SIMD lanes: 4.0 to 6.4 times as fast as one orbit after another.
+"""Integrate several orbits at once in SIMD lanes, several times as fast as one orbit after another.
 
-The factors are of Stormer-Verlet with 8 lanes (d = 1 to 3).  Nothing of a family is written twice.  The system hands
-out its functions compiled for lanes (`twin`), the family prepares its step from them as from any system's, and its
-``run`` is compiled with lanes in the place of numbers: in the state, in h and in the weights that differ from orbit to
-orbit (`VARYING`).  A compiled loop calls it block by block, without the interpreter's lock.
+Each lane of a vector register holds a number of another orbit.  The code of a method is not written twice: a copy of
+the system (`twin`) has its functions compiled for lanes, the method's family prepares its step from these functions as
+from those of any system, and its kernel ``run`` is compiled with lanes in place of doubles: in the state, in h and in
+the weights that differ from orbit to orbit (`VARYING`).  A compiled loop calls the kernel for one *block* of orbits
+after another, as many as there are lanes, without the interpreter's lock.
 """
 
 from __future__ import annotations
@@ -33,13 +34,19 @@ VARYING = ("h", *WEIGHTS)
 
 
 class OfSteps(NamedTuple):
-    """Step sizes that differ from orbit to orbit: array (blocks, lanes)."""
+    """Step sizes h of all orbits, for kernels in lanes: array (blocks of orbits, lanes)."""
 
     h: Any
 
 
 class OfWeights(NamedTuple):
-    """Step sizes (blocks, lanes) and weights of substeps (blocks, substeps, lanes) that differ between orbits."""
+    """Step sizes and weights of substeps of all orbits, for kernels in lanes.
+
+    Attributes
+    ----------
+    h : step sizes, array (blocks of orbits, lanes)
+    mu, lam : the fields of the step with these names, arrays (blocks, substeps, lanes)
+    """
 
     h: Any
     mu: Any
@@ -47,7 +54,10 @@ class OfWeights(NamedTuple):
 
 
 class Tables(NamedTuple):
-    """State and memory of all orbits: arrays (blocks, rows, components, lanes), named as in `kernel.Carry`."""
+    """State, memory and work space of all orbits: arrays (blocks of orbits, rows, components, lanes).
+
+    The block of each array is what one call of the kernel gets as the field of `kernel.Carry` with the same name.
+    """
 
     state: Any
     memory: Any
@@ -55,19 +65,19 @@ class Tables(NamedTuple):
 
 
 def compiles_in_lanes(system) -> bool:
-    """True if the system's functions can be compiled for lanes (`twin`)."""
+    """True if the system's functions can be compiled for SIMD lanes (`twin`); hand-written loops cannot."""
     return hasattr(system, "make_function") and not system.loops and codegen.compiled()
 
 
 def runs_in_lanes(system, method) -> bool:
-    """True if the method can integrate orbits of the system in lanes; methods with their own stages in lanes cannot."""
+    """True if the method can integrate several orbits of the system at once, each in a SIMD lane."""
     if method.family == "adaptive" and len(method.data) == 1:
         return False
     return getattr(family_of(method), "IN_LANES", False) and system.d <= MOST and compiles_in_lanes(system)
 
 
 def _lanes_for_numbers(t, lanes: Lanes):
-    """The Numba type t with lanes in place of doubles."""
+    """Return the Numba type t, a number or a tuple, with the type ``lanes`` in place of every double."""
     if t == types.float64:
         return lanes
     if isinstance(t, types.BaseTuple):
@@ -75,12 +85,12 @@ def _lanes_for_numbers(t, lanes: Lanes):
     return t
 
 
-#: System -> number of lanes -> its twin.
+#: System -> number of lanes -> its copy with functions compiled for so many lanes (`twin`).
 _twins: WeakKeyDictionary = WeakKeyDictionary()
 
 
 def twin(system, lanes: Lanes = LANES):
-    """The system with its functions compiled for lanes; repeated calls return the same object."""
+    """Return a copy of the system with functions compiled for SIMD lanes; repeated calls return the same object."""
     known = _twins.setdefault(system, {})
     if lanes.n not in known:
         known[lanes.n] = _make_twin(system, lanes)
@@ -102,7 +112,7 @@ def _make_twin(system, lanes: Lanes):
 
 
 def _block_loop(run, step, varying, tables, zero, samples, counts):
-    """Call the kernel ``run`` for every block of orbits."""
+    """Call the kernel ``run`` for every block of orbits, with its part of each array; the arguments are as in `loop`."""
     for b in range(len(counts)):
         orbit = Carry(block_of(tables.state, b), block_of(tables.memory, b), block_of(tables.work, b), zeros_of(zero))
         rows = Samples(block_of(samples.q, b), block_of(samples.p, b), block_of(samples.parameter, b), samples.every)
@@ -114,10 +124,12 @@ _BLOCKS = types.Array(types.float64, 4, "C")
 
 
 def loop(prepared: Prepared, varying: tuple, d: int) -> Callable:
-    """Compile the loop (step, varying, tables, zero, samples, counts) -> None over blocks of orbits.
+    """Compile the loop (step, varying, tables, zero, samples, counts) -> None over blocks of orbits in lanes.
 
-    It calls the kernel of ``prepared``, which is made for the `twin` of a system; ``varying`` are the step sizes and
-    weights that differ by orbit.
+    The loop calls the kernel of ``prepared``, which is made for the `twin` of a system of d degrees of freedom.  Its
+    arguments are the kernel's: ``step`` is the family's NamedTuple, ``varying`` an `OfSteps` or `OfWeights` that
+    replaces fields of it, ``tables`` a `Tables`, ``zero`` a tuple of d zeros, ``samples`` a `kernel.Samples` of arrays
+    (blocks, rows, components, lanes) to fill, and ``counts`` an array of records `kernel.COUNTS`, one for each block.
     """
     scalar = _type(prepared.step)
     given = _type(varying)
@@ -167,7 +179,7 @@ def varying_of(h: np.ndarray, weights: dict[str, np.ndarray]) -> tuple:
 
 
 def tables_of(prepared: Prepared, Q: np.ndarray, P: np.ndarray) -> Tables:
-    """Allocate the state and memory of orbits that start at the rows of Q, P, arrays (n, d)."""
+    """Allocate the arrays `Tables` of orbits in lanes, with states that start at the rows of Q, P, arrays (n, d)."""
     q, p = to_blocks(Q), to_blocks(P)
     blocks, d, width = q.shape
     state = np.zeros((blocks, OWN + prepared.stages, max(2, d), width))

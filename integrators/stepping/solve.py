@@ -6,11 +6,12 @@ far below the round-off of x, or until it no longer falls.  Where the iteration 
 over on :math:`x - G(x)`, with a difference Jacobian (its error only slows the convergence: the residual is exact): from
 the start, and where that fails from zero.
 
-Both iterations are written once (`fixed_point`, `newton_method`).  Unknowns that fit into registers are values
-(`solver`), also in lanes; those of many stages are the rows of a memory (`row_solver`), those of a lattice an array
-whose matrix is a band (`banded`).  Their starts are extrapolated from earlier steps (`predict`, `remember`).
+Both iterations are written once (`fixed_point`, `newton_method`).  Unknowns that fit into registers are tuples
+(`solver`), also of SIMD lanes; unknowns of many stages are rows of a two-dimensional array (`row_solver`), and those of
+a lattice an array whose Jacobian is banded (`banded`).  Starting values are extrapolated from earlier steps (`predict`,
+`remember`).
 
-Integrals whose rule depends on the state are confirmed by the next finer rule (`unchanged`).
+In equations with integrals, a quadrature rule is confirmed by the next finer one (`unchanged`, `refinement`).
 
 Reference: E. Hairer, C. Lubich, G. Wanner, Geometric Numerical Integration (2006), VIII.5-6.
 """
@@ -48,18 +49,19 @@ _EXTRAPOLATION = np.array(
     [[(-1) ** j * comb(m, j + 1) if j < m else 0 for j in range(LEVELS)] for m in range(LEVELS + 1)], dtype=float
 )
 FIXED_POINT_LIMIT = 40
-#: The iteration stops when its error is this share of round-off: a larger one has a bias and accumulates linearly in
-#: time.
+#: The iteration stops when its error is this share of round-off: a larger error has a bias, and accumulates linearly
+#: in time.
 SHARE = 1e-3
 NEWTON_LIMIT = 25
 
 
 @inline
 def predict(memory: np.ndarray, first: int, stages: int, known: int, like: Any) -> Any:
-    """Extrapolate an equation's starting value from its solutions in the last steps, by a polynomial.
+    """Extrapolate the starting value of a stage equation from its solutions in the last steps, by a polynomial.
 
-    At most LEVELS of the ``known`` solutions are used; the start is zero without any. They are the rows first,
-    first + stages, ... of ``memory``, a ring. The newest is added last, so that only one product waits for it.
+    ``known`` is the number of steps made so far, of which the last LEVELS at most are used; without any the result is
+    zero.  Their solutions are the rows first, first + stages, ... of ``memory``, a ring buffer; the result is a value
+    of the kind and length of ``like``.  The newest is added last, so that only one product waits for it.
     """
     m = min(known, LEVELS)
     x = scale(0.0, like)
@@ -71,10 +73,10 @@ def predict(memory: np.ndarray, first: int, stages: int, known: int, like: Any) 
 
 @inline
 def predict_number(memory: np.ndarray, first: int, stages: int, known: int) -> float:
-    """Extrapolate a number from its values in the last steps, as `predict` does vectors.
+    """Extrapolate a number from its values in the last steps by a polynomial, as `predict` extrapolates vectors.
 
-    They stand in the first column of ``memory``, in every ``stages``-th of its rows from ``first`` on, as a ring
-    buffer; ``known`` steps were made so far.
+    The values stand in the first column of ``memory``, in the rows first, first + stages, ..., as a ring buffer;
+    ``known`` is the number of steps made so far.
     """
     m = min(known, LEVELS)
     x = 0.0
@@ -85,13 +87,13 @@ def predict_number(memory: np.ndarray, first: int, stages: int, known: int) -> f
 
 @inline
 def remember(memory: np.ndarray, first: int, stages: int, known: int, x: Any) -> None:
-    """Store x, the solution of step number ``known``, in the ring that `predict` reads."""
+    """Store x, a stage equation's solution in step number ``known``, in the ring buffer that `predict` reads."""
     store(memory, first + known % LEVELS * stages, x)
 
 
 @inline
 def copy(memory: np.ndarray, old: int, new: int, stages: int, like: Any) -> None:
-    """Copy ``stages`` unknowns from the rows ``old``, ... of ``memory`` to the rows ``new``, ..."""
+    """Copy ``stages`` rows of ``memory`` from row ``old`` on to row ``new`` on, as many components as ``like`` has."""
     for j in range(stages):
         store(memory, new + j, load(memory, old + j, like))
 
@@ -101,7 +103,10 @@ def copy(memory: np.ndarray, old: int, new: int, stages: int, like: Any) -> None
 
 @inline
 def near(delta, last, unit):
-    """True if the error left after the changes ``last``, then ``delta`` is far below ``unit``, the round-off of x."""
+    """True if a contracting iteration has an error far below ``unit``, the round-off of its x.
+
+    ``last`` and ``delta`` are the lengths of its last two changes of x, by which the error is estimated.
+    """
     return (last < np.inf) & (delta * delta <= SHARE * unit * (last - delta))
 
 
@@ -109,7 +114,8 @@ def near(delta, last, unit):
 def converged(delta: Any, last: Any, length: Any, span: Any, eps: float) -> Any:
     """True if a fixed-point iteration is at round-off, judged by its last two changes ``delta`` and ``last``.
 
-    ``length`` is the size of the unknowns, ``span`` that of the variables in which their equation varies.
+    ``length`` is the size of the unknowns, ``span`` that of the variables in which their equation varies, ``eps`` the
+    machine epsilon.  In lanes the result is a mask.
     """
     unit = eps * length
     return (
@@ -121,10 +127,11 @@ def converged(delta: Any, last: Any, length: Any, span: Any, eps: float) -> Any:
 
 @inline
 def lengths_of_both(x: Any, g: Any, e: NamedTuple) -> tuple[float, float]:
-    """Sizes of the coordinates and of the momenta at increments x, for the lengths of finite differences.
+    """Sizes (1-norms) of the coordinates and of the momenta in a step, for the lengths of finite differences.
 
-    They are kept apart: if momenta are far smaller than coordinates, a difference of the coordinates' length would
-    leave the momenta's range, and one of the momenta's length would be lost in the coordinates' round-off.
+    ``e`` has the fields q and p, the start of the step; x and g = G(x) are increments, first those of q, then of p.  If
+    momenta are far smaller than coordinates, a difference of the coordinates' length would leave the momenta's range,
+    and one of the momenta's length would be lost in the coordinates' round-off: hence two sizes.
     """
     return size(e.q) + size(head(x)) + size(head(g)), size(e.p) + size(tail(x)) + size(tail(g))
 
@@ -137,14 +144,23 @@ def difference(length: float, span: float, eps: float) -> float:
 
 @inline
 def newton_converged(delta: float, last: float, unit: float, noise: float) -> bool:
-    """True if Newton's method has reached round-off, or is near it and no longer converging."""
+    """True if Newton's method has reached round-off, or is near it and no longer converging.
+
+    ``delta`` is the length of its last correction and ``last`` of the one before; ``unit`` is the round-off of the
+    unknowns, ``noise`` that of the variables in which their equations vary.
+    """
     return delta <= unit or (delta >= 0.5 * last and delta <= 1e3 * (unit + noise))
 
 
 class Change(NamedTuple):
-    """How far the unknowns move from one quadrature rule to the next, and how large they are, for q and for p.
+    """How far the unknowns, increments of q and p, move from one quadrature rule to the next.
 
-    q and p are kept apart: if momenta are far smaller than coordinates, a joint norm hides their error.
+    There are two numbers for each: if momenta are far smaller than coordinates, a joint norm hides their error.
+
+    Attributes
+    ----------
+    q, p : 1-norms of the change of the increments of q and of p
+    size_q, size_p : 1-norms of the increments themselves
     """
 
     q: float
@@ -155,15 +171,17 @@ class Change(NamedTuple):
 
 @inline
 def change(old: Any, new: Any) -> Change:
-    """The `Change` (distances and sizes) from the increments ``old`` to ``new``, each of q and p."""
+    """The `Change` from increments ``old`` to ``new``, the first half of each of q, the second of p."""
     return Change(distance(head(old), head(new)), distance(tail(old), tail(new)), size(head(new)), size(tail(new)))
 
 
 @inline
 def unchanged(move: Change, last: Change, noise: float, eps: float) -> tuple[bool, bool]:
-    """(True if a finer quadrature rule changed nothing, True if it changed no more than round-off).
+    """Test whether a finer quadrature rule has confirmed the one before: (sure, ended).
 
-    ``last`` is the change before, ``noise`` the size of the terms that an increment sums up.
+    ``move`` is the `Change` to the finer rule, ``last`` the one before it; ``noise`` is the size of the terms that an
+    increment sums up, eps the machine epsilon.  sure: the change is at the round-off of the increments.  ended: it is
+    that, or it no longer falls and is at the round-off of the terms.
     """
     sure_q, sure_p = move.q <= 16 * eps * move.size_q, move.p <= 16 * eps * move.size_p
     ended_q = sure_q or (move.q > 0.5 * last.q and move.q <= 64 * eps * (move.size_q + noise))
@@ -176,7 +194,10 @@ def unchanged(move: Change, last: Change, noise: float, eps: float) -> tuple[boo
 
 @jit
 def gauss(A: np.ndarray, n: int) -> bool:
-    """Solve n equations in place by elimination with pivots; column n of A is the right side. False if singular."""
+    """Solve n linear equations by Gaussian elimination with row interchanges; returns False if they are singular.
+
+    The matrix is A[:n, :n], which is overwritten; column n of A is the right-hand side, and becomes the solution.
+    """
     for j in range(n):
         pivot = j
         for i in range(j + 1, n):
@@ -207,7 +228,8 @@ def _started_in_lanes(x, span):
     return (size(x) < np.inf) & (span < np.inf), broadcast_like(np.inf, span), broadcast_like(0.0, span)
 
 
-#: (where to iterate, the change before the first, how often it grew); not where x or ``span`` is not finite in lanes.
+#: Function (x, span) -> (where to iterate, the length of the change before the first, how often it grew) with which a
+#: fixed-point iteration begins; it excludes the lanes in which x or ``span`` is not finite.
 started = overload_in_lanes(_started, _started_in_lanes)
 
 
@@ -219,16 +241,17 @@ def _replace_in_lanes(active, x, new):
     return where(active, new, x)
 
 
-#: The new x in lanes that are active, and the old one in the others; of a number the new one, since its loop goes on.
+#: Function (active, x, new) -> the new x in the lanes that are active, the old one in the others; for a scalar the new x.
 replace = overload_in_lanes(_replace, _replace_in_lanes)
 
 
 def fixed_point(sweep: Callable) -> Callable:
-    """Make the iteration x -> G(x) to round-off, for numbers and for lanes of them.
+    """Make the function that iterates x -> G(x) to round-off, for scalars and for SIMD lanes.
 
-    It is a function (equations, x, span, eps) -> (x, sweeps, True if solved). ``sweep(equations, x, active)`` returns
-    (G(x) where ``active`` holds, its distance from x, its size). Each lane stops where it would stop alone, and keeps
-    its value while the others go on; one that is not solved becomes NaN. Sweeps of lanes are added up.
+    The function is (equations, x, span, eps) -> (x, number of sweeps, True if solved), with ``span`` the size of the
+    variables in which G varies.  ``sweep(equations, x, active)`` returns (G(x) in the lanes where ``active`` holds, its
+    distance from x, its size).  Each lane stops where it would stop alone, and keeps its value while the others go on;
+    a lane that is not solved becomes NaN.  The number of sweeps is the sum over the lanes.
     """
 
     @inline
@@ -255,10 +278,11 @@ def fixed_point(sweep: Callable) -> Callable:
 
 
 def newton_method(improve: Callable) -> Callable:
-    """Make Newton's method: a function (equations, x, span, eps, work) -> (x, sweeps, status).
+    """Make Newton's method: a function (equations, x, span, eps, work) -> (x, number of sweeps, status).
 
     ``improve(equations, x, span, eps, work)`` makes the linear equations at x and solves them; it returns (new x, its
-    distance from x, its size, sweeps that it took, status).  span, eps and the memory ``work`` are passed on to it.
+    distance from x, its size, evaluations of the equations, here called sweeps, that it took, status).  ``span`` is the
+    size of the variables in which the equations vary, ``work`` the memory for a matrix.
     """
 
     @jit
@@ -284,14 +308,15 @@ def newton_method(improve: Callable) -> Callable:
 
 
 def solver(G: Callable, lengths: Callable = lengths_of_both) -> Callable:
-    """Make the solver of x = G(x, arguments): fixed point to round-off, Newton's method if it does not contract.
+    """Make the solver of x = G(x, arguments): fixed point to round-off, Newton's method if that does not contract.
 
-    It is a function (arguments, start, span, eps, work) -> (x, evaluations of G, 1 if Newton's method was used else 0,
-    status). ``lengths(x, G(x), arguments)`` gives the sizes of the variables that the two halves of x belong to;
-    ``span`` is the size of the variables in which G varies, ``work`` room for a matrix, at least (n + 1, n + 1).
+    The solver is a function (arguments, start, span, eps, work) -> (x, evaluations of G, 1 if Newton's method was used
+    else 0, status), for x a tuple or array of n numbers.  ``lengths(x, G(x), arguments)`` gives the sizes of the
+    variables to which the two halves of x belong; ``span`` is the size of the variables in which G varies, ``work`` an
+    array for a matrix, at least (n + 1, n + 1).  The status is SOLVED, STALLED or NOT_FINITE.
 
-    Lanes have the fixed point alone: the orbit of one that becomes NaN is integrated again by the scalar kernel. Their
-    status is SOLVED if any lane is.
+    For SIMD lanes there is no Newton's method: a lane that the fixed point does not solve becomes NaN, and its orbit is
+    integrated again by the scalar kernel.  Their status is SOLVED if any lane is solved.
     """
 
     @inline
@@ -337,7 +362,7 @@ def solver(G: Callable, lengths: Callable = lengths_of_both) -> Callable:
         return x, k + evaluations, 1, status
 
     def solve_lanes(arguments, start, span, eps, work):
-        """Solve x = G(x, arguments) in lanes, by fixed point."""
+        """Solve x = G(x, arguments) in lanes, by fixed point; (x, evaluations, 0, status)."""
         x, evaluations, _ = iterate(arguments, start, span, eps)
         return x, evaluations, 0, SOLVED if (size(x) < np.inf) & (span < np.inf) else NOT_FINITE
 
@@ -348,18 +373,19 @@ def solver(G: Callable, lengths: Callable = lengths_of_both) -> Callable:
 
 
 def row_solver(sweep: Callable, linearize: Callable) -> Callable:
-    """Make the solver of x = G(x) for unknowns in rows of a memory: fixed point, then Newton's method.
+    """Make the solver of x = G(x) for unknowns in rows of an array: fixed point, Newton's method where that fails.
 
-    It is a function (equations, at, span, eps, work) -> (sweeps, sweeps that Newton's method took, status). The
-    unknowns are the rows at, ..., at + stages - 1, which hold the start and then the solution; the 3 ``stages`` rows
-    after them are overwritten. ``equations`` is a NamedTuple with the fields memory, stages, and like, a zero of the
-    kind of a row.
+    The solver is a function (equations, at, span, eps, work) -> (sweeps of the fixed point, sweeps that Newton's method
+    took, status); a sweep is an evaluation of G.  ``equations`` is a NamedTuple with the fields ``memory``, the array,
+    ``stages``, the number of rows of x, and ``like``, a zero of the kind and length of a row.  The unknowns are the
+    rows at, ..., at + stages - 1, which hold the start and then the solution; the 3 ``stages`` rows after them are
+    overwritten.
 
-    - ``sweep(equations, old, new)`` writes G of the rows ``old`` to the rows ``new``; returns (their distance, the size
-      of the new).
-    - ``linearize(equations, at, span, work)`` writes the matrix of 1 - G' into ``work``, by differences of length
-      `difference`, and G itself to the rows at + stages; may use the ``stages`` rows after those. Returns the number of
-      sweeps that cost as much.
+    - ``sweep(equations, old, new)`` writes G of the rows from ``old`` on to the rows from ``new`` on; it returns (the
+      distance between them, the size of the new ones).
+    - ``linearize(equations, at, span, work)`` writes the matrix 1 - G' into ``work``, by differences of length
+      `difference`, and G itself to the rows from at + stages on; it may use the ``stages`` rows after those.  It
+      returns the number of sweeps that cost as much.
     """
 
     @inline
@@ -370,7 +396,7 @@ def row_solver(sweep: Callable, linearize: Callable) -> Callable:
 
     @inline
     def improve(equations, at, span, eps, work):
-        """One step of Newton's method, by elimination; changes the unknowns in the rows ``at``, ..."""
+        """Make one step of Newton's method on the unknowns in the rows from ``at`` on; returns as in `newton_method`."""
         memory, stages, n = equations.memory, equations.stages, len(equations.like)
         order = stages * n
         sweeps = linearize(equations, at, span, work)
@@ -393,7 +419,7 @@ def row_solver(sweep: Callable, linearize: Callable) -> Callable:
 
     @inline
     def solve(equations, at, span, eps, work):
-        """Solve from the start in the rows ``at``, ...; returns (sweeps, sweeps of Newton's method, status)."""
+        """Solve from the start in the rows from ``at`` on; returns (sweeps, sweeps of Newton's method, status)."""
         memory, stages, like = equations.memory, equations.stages, equations.like
         start = at + 3 * stages
         copy(memory, at, start, stages, like)
@@ -415,7 +441,10 @@ def row_solver(sweep: Callable, linearize: Callable) -> Callable:
 
 
 def changes_by_row(change: Callable) -> Callable:
-    """Make ``changes`` of `confirmer` from ``change(equations, x, y)``, the `Change` from a row x to a row y."""
+    """Make the function (equations, old, new) -> the `Change` of unknowns in rows, summed over rows, for `confirmer`.
+
+    ``change(equations, x, y)`` returns the `Change` from a row x to a row y; ``old`` and ``new`` are the first rows.
+    """
 
     @inline
     def changes(e, old, new):
@@ -430,25 +459,26 @@ def changes_by_row(change: Callable) -> Callable:
 
 @inline
 def single(rows: np.ndarray) -> bool:
-    """True if there is only one quadrature rule; ``rows[i]`` is the number of rows of row i's rule."""
+    """True if a table of coefficients has only one quadrature rule; rows[i] is the number of rows of row i's rule."""
     return rows[0] == len(rows)
 
 
 def refinement(solve: Callable, sweep: Callable, by_rule: Callable, cost: Callable) -> Callable:
     """Make the solver of equations with integrals: by finer and finer quadrature rules, until one confirms the last.
 
-    It is a function (equations, x, span, noise, work, counts) -> (x, status), from the start x by the rule whose first
-    row is ``counts.rule`` and by finer ones.
+    The solver is a function (equations, x, span, noise, work, counts) -> (x, status).  It begins at x with the rule
+    whose first row in the table of coefficients is ``counts.rule``, and goes on with the finer rules after it.
 
-    - ``solve`` is that of a `solver`; ``sweep(equations, x)`` iterates once, and returns (the new x,
-      the `Change` to it).
-    - ``by_rule(equations, rule)`` makes the equations with that rule, ``cost(equations, rule)`` the evaluations that a
-      sweep takes.
-    - ``span`` is the size of the variables, ``noise`` that of the terms that an increment sums up. The equations have
-      the field step, and the step the fields eps and ``rows``: for each row of coefficients, the rows of its rule.
+    - ``solve`` is a function as `solver` makes; ``sweep(equations, x)`` iterates once, and returns (the new x, the
+      `Change` to it).
+    - ``by_rule(equations, rule)`` returns the equations with the rule whose first row is ``rule``,
+      ``cost(equations, rule)`` the number of evaluations that a sweep with it takes.
+    - ``span`` is the size of the variables, ``noise`` that of the terms that an increment sums up.  The equations have
+      the field ``step``, and the step the fields ``eps`` and ``rows``: for each row of coefficients, the number of rows
+      of its rule.
 
-    The confirming sweep is an iterate of the finer rule, so that it is not wasted. A step that the largest rule leaves
-    unconfirmed is a fallback.
+    The confirming sweep is an iterate of the finer rule, so that it is not wasted.  A step that the largest rule leaves
+    unconfirmed is counted in ``counts.fallbacks``, evaluations in ``counts.gradient``.
     """
 
     @inline
@@ -481,11 +511,12 @@ def refinement(solve: Callable, sweep: Callable, by_rule: Callable, cost: Callab
 
 
 def confirmer(solve: Callable, sweep: Callable, changes: Callable) -> Callable:
-    """Make the `refinement` of unknowns in rows of a memory, x being the first row.
+    """Make the solver of `refinement` for unknowns in rows of an array; its x is the number of their first row.
 
-    ``solve``, ``sweep`` and the equations are those of `row_solver`; the functions read the rule from
-    ``equations.counts.rule``, and the step also has ``nodes``: for each row of coefficients, the nodes of its rule.
-    ``changes(equations, old, new)`` is the `Change` from the unknowns in the rows ``old`` to those in the rows ``new``.
+    ``solve`` is made by `row_solver` from ``sweep``, and the equations are as there.  Both functions read the rule from
+    ``equations.counts.rule``; the step also has the field ``nodes``: for each row of coefficients, the number of nodes
+    of its rule.  ``changes(equations, old, new)`` is the `Change` from the unknowns in the rows from ``old`` on to
+    those in the rows from ``new`` on.
     """
 
     @inline

@@ -1,9 +1,9 @@
-"""Find which unknown acts on which equation, by probing; order unknowns so that their matrix has a narrow band.
+"""Find the sparsity of a Jacobian by probing its function, and reorder its unknowns for a narrow band.
 
-A component that is not a number makes all that it acts on not a number.  Blocks of components are probed, then their
-halves; blocks that act on different equations are probed at once, so that a lattice takes about as many evaluations as
-log2 of its length, times a few.  What a function hides from such a probe (a comparison) shows in its differences along
-random directions, which the matrix must reproduce.
+If a component of the argument is NaN, all results that depend on it are NaN.  Blocks of components are set to NaN, then
+their halves; blocks that act on different equations are probed at once, so that a lattice takes about as many
+evaluations as log2 of its length, times a few.  A dependence that does not show in this way (a comparison) shows in
+finite differences along random directions, which the sparse matrix must reproduce.
 
 The order of unknowns is that of Cuthill and McKee, reversed: from a site outwards, so that a ring is folded and its
 ends need no correction.  Columns that share no equation have a colour in common, and one difference.
@@ -22,14 +22,15 @@ from phasebench.integrators.errors import InvalidInput
 
 #: Equations that need more colours than this, or a wider band, are not those of a lattice.
 MOST = 64
-#: Largest relative disagreement of a directional difference with the sum over the columns.
+#: Largest relative disagreement of a directional difference with the sum over the columns; relative length of these
+#: differences; seed of the random directions.
 APART, STEP, SEED = 1e-3, 1e-5, 5
 
 
 def find_structure(f: Callable, points: Sequence[np.ndarray]) -> list[np.ndarray]:
-    """For each component of x, find the components of f(x) that depend on it; f maps n numbers to n.
+    """For each component of x, find the indices of the components of f(x) that depend on it; f maps n numbers to n.
 
-    f is probed, and the result checked, at the first of the ``points`` where f is finite.
+    Probes f, and checks the result, at the first of the ``points``, arrays (n,), where f is finite.
 
     Raises
     ------
@@ -78,9 +79,10 @@ def _halves(low: int, high: int) -> list[tuple[int, int]]:
 
 
 def colour_columns(reach: Sequence[np.ndarray], n: int) -> list[int]:
-    """Colour the columns of a matrix so that no two of one colour have a row in common; the colour of each, an integer.
+    """Colour the columns of a sparse matrix so that no two of one colour have nonzeros in the same row.
 
-    Raises InvalidInput if that takes more than `MOST` colours.
+    ``reach[j]`` are the rows of the nonzeros of column j, ``n`` is the number of rows.  Returns each column's colour,
+    an integer from 0.  Raises InvalidInput if that takes more than `MOST` colours.
     """
     taken, colours = [0] * n, []
     for rows in reach:
@@ -101,7 +103,10 @@ def _dense(why: str) -> str:
 
 
 def owners(reach: Sequence[np.ndarray], colours: Sequence[int]) -> np.ndarray:
-    """The column that each colour has in each row of a matrix: array (colours, rows), -1 if there is none."""
+    """For each colour and row, find the column of this colour with a nonzero there: array (colours, rows), else -1.
+
+    ``reach[j]`` are the rows of the nonzeros of column j, ``colours[j]`` is its colour (`colour_columns`).
+    """
     out = np.full((1 + max(colours), len(reach)), -1)
     for j, (rows, colour) in enumerate(zip(reach, colours, strict=True)):
         out[colour, rows] = j
@@ -109,7 +114,10 @@ def owners(reach: Sequence[np.ndarray], colours: Sequence[int]) -> np.ndarray:
 
 
 def _check(f: Callable, at: np.ndarray, reach: Sequence[np.ndarray]) -> None:
-    """Raise InvalidInput unless the nonzeros found reproduce the differences of f along random directions."""
+    """Raise InvalidInput unless a Jacobian with these nonzeros reproduces differences of f along random directions.
+
+    ``at`` is the point, ``reach[j]`` are the rows of the nonzeros of column j.
+    """
     colours = np.array(colour_columns(reach, len(at)))
     owner = owners(reach, colours)
     step = STEP * (1 + np.abs(at).max())
@@ -128,9 +136,10 @@ def _check(f: Callable, at: np.ndarray, reach: Sequence[np.ndarray]) -> None:
 
 
 def band_order(reach: Sequence[np.ndarray]) -> tuple[np.ndarray, int]:
-    """(place of each unknown in an order that makes the band of the matrix narrow, the band's half-width).
+    """Order the unknowns of a sparse matrix so that its band is narrow (reverse Cuthill-McKee).
 
-    Raises InvalidInput if that is more than `MOST`.
+    ``reach[j]`` are the rows of the nonzeros of column j.  Returns (position of each unknown in the order, half-width
+    of the band).  Raises InvalidInput if the half-width is more than `MOST`.
     """
     from scipy.sparse import csr_matrix
     from scipy.sparse.csgraph import reverse_cuthill_mckee

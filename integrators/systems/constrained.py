@@ -55,19 +55,19 @@ LARGEST_CLOSED = 60
 
 
 class Elimination:
-    """Linear equations solved symbol by symbol, without pivots: ``steps`` are the intermediate results, in order.
+    """Symbolic Gaussian elimination without pivoting, which gives each intermediate result a symbol of its own.
 
     Parameters
     ----------
-    letter : what the names of the intermediate results begin with
-    steps : the list to which they are appended, as (symbol, expression)
+    letter : the first letter of the symbols of intermediate results
+    steps : the list to which intermediate results are appended in order, as (symbol, expression)
     """
 
     def __init__(self, letter: str, steps: list[tuple[Any, Any]]):
         self.letter, self.steps = letter, steps
 
     def name(self, e: Any) -> Any:
-        """A symbol that stands for the expression; numbers and symbols stand for themselves."""
+        """Append the expression to ``steps`` and return its new symbol; numbers and symbols are returned unchanged."""
         if e.is_number or e.is_Symbol:
             return e
         symbol = sp.Symbol(f"{self.letter}{len(self.steps)}_", real=True)
@@ -75,7 +75,7 @@ class Elimination:
         return symbol
 
     def solve(self, A: Any, b: Sequence[Any]) -> list[Any]:
-        """The solution x of A x = b, with A of shape (m, m); zeros of A cost nothing."""
+        """Return the solution x of A x = b, a list of m symbols or numbers; A is a matrix (m, m), b a sequence (m,)."""
         m = len(b)
         A = [[self.name(A[i, j]) for j in range(m)] for i in range(m)]
         b, pivots = [self.name(x) for x in b], []
@@ -98,8 +98,9 @@ class Elimination:
 class ConstrainedHamiltonian(PartitionedSystem):
     """The Hamiltonian system of H(q, p) under holonomic constraints g_k(q) = 0.
 
-    Its right-hand side is the index-reduced one, so that every method for ordinary differential equations runs on it,
-    and drifts off the manifold; methods for constraints (`families.constrained`) stay on it.
+    Its right-hand side is the index-reduced one, in which the multipliers are functions of (q, p).  Every method for
+    ordinary differential equations runs on it, but drifts off the manifold of the constraints; methods for constraints
+    (`families.constrained`) stay on the manifold.
 
     Parameters
     ----------
@@ -109,12 +110,12 @@ class ConstrainedHamiltonian(PartitionedSystem):
     singular : expressions, optional
         Distances that vanish where H is singular; found in H if not given.
     invariants : expressions, optional
-        What the flow on the manifold keeps besides H and the constraints.
+        Quantities that the flow on the manifold conserves besides H and the constraints.
 
     Attributes
     ----------
     constraints : the expressions g_k(q)
-    hidden : the expressions (G H_p)_k
+    hidden : the expressions (G H_p)_k of the hidden constraints, with G = g_q: the time derivatives of the g_k
     free : the `Hamiltonian` without constraints
 
     Raises
@@ -184,7 +185,7 @@ class ConstrainedHamiltonian(PartitionedSystem):
 
     @cached_property
     def G(self) -> Any:
-        """The matrix g_q of shape (m, d)."""
+        """The Jacobian g_q of the constraints, a matrix of expressions of shape (m, d)."""
         return sp.Matrix([[sp.diff(g, x) for x in self.q] for g in self.constraints])
 
     @cached_property
@@ -194,7 +195,7 @@ class ConstrainedHamiltonian(PartitionedSystem):
 
     @cached_property
     def reduced(self) -> Program:
-        """The index-reduced right-hand sides with the intermediate results of their multipliers."""
+        """The index-reduced right-hand sides [q', p'], with the intermediate results of the multipliers in p'."""
         from phasebench.integrators.compile.printing import Program
 
         steps: list = []
@@ -216,7 +217,7 @@ class ConstrainedHamiltonian(PartitionedSystem):
 
     @property
     def sides(self) -> tuple[Any, ...]:
-        """The 2 d right-hand sides, in which symbols stand for intermediate results (`definitions`)."""
+        """The 2 d right-hand sides, q' before p', in which symbols stand for intermediate results (`definitions`)."""
         dq, dp = self.reduced.results
         return (*dq, *dp)
 
@@ -234,7 +235,10 @@ class ConstrainedHamiltonian(PartitionedSystem):
 
     @property
     def bound(self) -> dict[str, Any]:
-        """The constraints and the hidden ones by the names under which solutions tell them as invariants."""
+        """The constraints g_k and hidden constraints (G H_p)_k: name -> expression.
+
+        Solutions report them as invariants under these names, "constraint 1", ..., "hidden constraint 1", ...
+        """
         kinds = {"constraint": self.constraints, "hidden constraint": self.hidden}
         return {f"{kind} {k}": e for kind, found in kinds.items() for k, e in enumerate(found, 1)}
 
@@ -256,7 +260,7 @@ class ConstrainedHamiltonian(PartitionedSystem):
         return self.free.quadratic_kinetic
 
     def field(self, arithmetic: str = DOUBLE, order: int = 1):
-        """The index-reduced vector field as a function f(q, p, h, lam) -> (q', p')."""
+        """Make the index-reduced vector field, a function f(q, p, h, lam) -> (q', p') that ignores h and lam."""
         if order != 1:
             raise InvalidInput("a system with constraints has no generating function in its coordinates")
         T, number = codegen.value_type(self.d, self.fills), types.float64
@@ -287,7 +291,7 @@ class ConstrainedHamiltonian(PartitionedSystem):
     # -- functions that methods for constraints ask for ---------------------------------------------------------------
 
     def grad_V(self, arithmetic: str = DOUBLE):
-        """The function q -> grad V(q) of a separable H."""
+        """Make the function q -> grad V(q) of a separable H, without the constraint forces."""
         T = codegen.value_type(self.d, self.fills)
         return self.make_function("grad_V", [("q", self.q)], lambda: [[-f for f in self.force]], T(T), arithmetic)
 
@@ -338,7 +342,7 @@ class ConstrainedHamiltonian(PartitionedSystem):
         return self.make_function("free field", arguments, lambda: results, signature, arithmetic)
 
     def mobility(self, arithmetic: str = DOUBLE):
-        """The function (q, p, x) -> H_pp x."""
+        """Make the function (q, p, x) -> H_pp(q, p) x, the product of a matrix (d, d) and a vector (d,)."""
         T = codegen.value_type(self.d)
         x = self._named("x")
         arguments = [("q", self.q), ("p", self.p), ("x", x)]
@@ -346,7 +350,7 @@ class ConstrainedHamiltonian(PartitionedSystem):
         return self.make_function("mobility", arguments, results, T(T, T, T), arithmetic)
 
     def pull(self, arithmetic: str = DOUBLE):
-        """The function (q, x) -> G(q)^T x, of the first m components of x (d,)."""
+        """Make the function (q, x) -> G(q)^T x, which uses only the first m components of x (d,)."""
         T, x = codegen.value_type(self.d), self._named("x")
         arguments = [("q", self.q), ("x", x)]
         return self.make_function(
@@ -354,7 +358,10 @@ class ConstrainedHamiltonian(PartitionedSystem):
         )
 
     def multipliers(self, arithmetic: str = DOUBLE):
-        r"""The function (q, q0, p0) -> :math:`\bigl(G(q) H_{pp}(q_0, p_0) G(q_0)^T\bigr)^{-1} g(q)`, then zeros."""
+        r"""Make the function (q, q0, p0) -> :math:`\bigl(G(q) H_{pp}(q_0, p_0) G(q_0)^T\bigr)^{-1} g(q)`.
+
+        The m components of the result are padded with zeros to d.
+        """
         from phasebench.integrators.compile.printing import Program
 
         T = codegen.value_type(self.d)
@@ -371,7 +378,7 @@ class ConstrainedHamiltonian(PartitionedSystem):
         return self.make_function("multipliers", arguments, results, T(T, T, T), arithmetic)
 
     def offset(self, arithmetic: str = DOUBLE):
-        r"""The function q -> :math:`G^T(G G^T)^{-1} g`, a step of Newton's method to the constraints."""
+        r"""Make the function q -> :math:`G^T(G G^T)^{-1} g`: q minus it is a step of Newton's method for g(q) = 0."""
         from phasebench.integrators.compile.printing import Program
 
         T = codegen.value_type(self.d)
@@ -384,7 +391,7 @@ class ConstrainedHamiltonian(PartitionedSystem):
         return self.make_function("offset", [("q", self.q)], results, T(T), arithmetic)
 
     def _named(self, letter: str) -> tuple[Any, ...]:
-        """d symbols that are no variables of the system."""
+        """Return d new symbols, none of them a variable of the system, with ``letter`` in their names."""
         return tuple(sp.Symbol(f"{x}_{letter}_", real=True) for x in self.q)
 
     def _first(self, x: Sequence[Any]) -> Sequence[Any]:
@@ -397,12 +404,12 @@ class ConstrainedHamiltonian(PartitionedSystem):
     # -- the manifold -------------------------------------------------------------------------------------------------
 
     def defects(self, Q: ArrayLike, P: ArrayLike) -> tuple[Floats, Floats]:
-        """(g, G H_p) at each row of Q, P (n, d): arrays (m, n)."""
+        """Values (g, G H_p) of the constraints and hidden constraints at each row of Q, P (n, d): two arrays (m, n)."""
         found = self._columns("defects", lambda: ((), [*self.constraints, *self.hidden]), Q, P)
         return found[: len(found) // 2], found[len(found) // 2 :]
 
     def rounding(self, Q: Any, P: Any) -> Floats:
-        """Round-off of the constraints and hidden constraints at rows of Q, P: array (2 m, n)."""
+        """Estimate the round-off of constraints, then hidden constraints, at rows of Q, P (n, d): array (2 m, n)."""
 
         def sizes():
             return (), [
@@ -417,7 +424,7 @@ class ConstrainedHamiltonian(PartitionedSystem):
 
     @cached_property
     def _numbers(self) -> Callable[[Floats, Floats], tuple]:
-        """The function (q, p) -> (g, G, G H_p, H_pp) of arrays (d,)."""
+        """The function (q, p) -> (g, G, G H_p, H_pp) of arrays (d,): arrays (m,), (m, d), (m,) and (d, d)."""
         parts = [sp.Matrix(self.constraints), self.G, sp.Matrix(self.hidden), self._mobility]
         f = sp.lambdify([(*self.q, *self.p)], parts, "numpy", cse=True)
 
@@ -439,7 +446,7 @@ class ConstrainedHamiltonian(PartitionedSystem):
         return values
 
     def __getstate__(self):
-        """The state for pickling, without functions."""
+        """The attributes for pickling, without compiled functions, which are made again when they are needed."""
         return {k: v for k, v in super().__getstate__().items() if k not in ("_numbers", "constraint_values")}
 
     def nearest(self, q: ArrayLike, p: ArrayLike) -> tuple[Floats, Floats] | None:
@@ -505,9 +512,10 @@ class ConstrainedHamiltonian(PartitionedSystem):
         return q, p
 
     def _worst(self, q: Floats, p: Floats, tangent: bool = True) -> tuple[str, Any, float] | None:
-        """(kind, expression, value) of the constraint that a state violates most; None where it is on the manifold.
+        """Find the constraint that a state (q, p) violates most; None if the state is on the manifold to round-off.
 
-        Only where p must be ``tangent`` the hidden constraints count.
+        Returns ("constraint" or "hidden constraint", its expression, its value).  Hidden constraints count only if
+        ``tangent``.
         """
         values = np.concatenate(self.defects(q[None], p[None]))[:, 0]
         excess = np.abs(values) / np.maximum(self.rounding(q[None], p[None])[:, 0], 1e-300)
@@ -519,15 +527,18 @@ class ConstrainedHamiltonian(PartitionedSystem):
         return ("constraint" if k < m else "hidden constraint", (*self.constraints, *self.hidden)[k], float(values[k]))
 
     def on_manifold(self, Q: Floats, P: Floats, tangent: Any = True) -> np.ndarray:
-        """True for each row of Q, P (n, d) that is on the constraints, and if ``tangent`` on the hidden ones: (n,)."""
+        """True for each row of Q, P (n, d) on the constraints, and if ``tangent`` on the hidden ones: array (n,).
+
+        ``tangent`` is a truth value, or one for each row.
+        """
         good = np.abs(np.array(self.defects(Q, P))) <= SLACK * self.rounding(Q, P).reshape(2, -1, len(Q))
         return good[0].all(0) & (good[1].all(0) | ~np.broadcast_to(tangent, len(Q)))
 
     def check_start(self, q: Floats, p: Floats, paste: str = "q0={}, p0={}", tangent: bool = True) -> None:
         """Raise InvalidInput for a start (q, p), arrays (d,), off the manifold, or where constraints are redundant.
 
-        The message tells the nearest start on the manifold in the form ``paste``.  Only where p must be ``tangent`` the
-        hidden constraints are checked.
+        The message gives the nearest start on the manifold, in the form of the format string ``paste``.  Hidden
+        constraints are checked only if p must be ``tangent`` to the constraints.
         """
         self._check_independent(q, p)
         worst = self._worst(q, p, tangent)
@@ -568,7 +579,10 @@ class ConstrainedHamiltonian(PartitionedSystem):
             raise InvalidInput("the multipliers are not determined at the start: G H_pp G^T is singular there")
 
     def _redundant(self, scaled: Floats) -> list[str]:
-        """The constraints whose slopes depend on those of the ones before them; ``scaled`` are the slopes, length 1."""
+        """The constraints, as text, whose gradients depend linearly on those of earlier constraints.
+
+        ``scaled`` (m, d) has the gradients as rows, each of length 1.
+        """
         kept: list = []
         out = []
         for k, row in enumerate(scaled):

@@ -1,9 +1,10 @@
-"""Stand-ins for systems, so that SymPy is not loaded where all that a run needs of a system is in the cache.
+"""Stand-ins for systems, so that SymPy is not loaded if all that a run needs of a system is in the cache.
 
-A system that is made from text, or by code whose hash is known, has a *key*, the hash of that text or code.  The cache
-keeps, under the key, what the system is asked for (its traits, the text of its functions), and a *shell* of it: an
-object of its class that knows the number of degrees of freedom, its key and its recipe.  Whatever else is asked of a
-shell, such as H itself, has the recipe make the system, of which the shell then takes everything.
+A system that is made from text, or by code whose hash is known, has a *key*, the hash of that text or code.  Under the
+key the cache stores the system's traits, the source text of its functions, and a stand-in, called its *shell*: an
+object of the system's class that holds a few facts (`FACTS`, such as the number of degrees of freedom), the key, and
+the *recipe*, a function that builds the system.  When another attribute of the shell is read, such as H, the recipe
+builds the system, and the shell takes over all of its attributes (`complete`).
 """
 
 from __future__ import annotations
@@ -15,19 +16,19 @@ from typing import Any
 
 from phasebench.integrators.compile import cache
 
-#: What a shell knows of its system.
+#: The attributes of its system that a shell holds.
 FACTS = ("d", "content", "has_energy", "singularities")
 
 
 def key_of(*parts: object) -> str:
-    """A hash that identifies what is made from these parts, by their text."""
+    """Return a hash, 24 hexadecimal digits, of the ``repr`` of the parts; it identifies what is made from them."""
     return hashlib.sha256(repr(parts).encode()).hexdigest()[:24]
 
 
 def shell(system, key: str, recipe: Callable[[], Any]):
-    """Make the stand-in of a system: it holds a few facts, and makes the system by ``recipe`` when more is needed.
+    """Make the stand-in of a system: an object that holds its `FACTS` and calls ``recipe()`` when more is needed.
 
-    The system gets the key, too; ``recipe`` can be pickled.
+    Sets ``system.key`` to the key, too.  ``recipe`` builds the system; it must be picklable.
     """
     system.key = key
     out = type(system).__new__(type(system))
@@ -37,7 +38,10 @@ def shell(system, key: str, recipe: Callable[[], Any]):
 
 
 def complete(system, name: str) -> bool:
-    """Turn a stand-in into the whole system if that has an attribute ``name``; True if the attribute is there now."""
+    """Build the system behind a stand-in when its attribute ``name`` is read, and copy its attributes to the stand-in.
+
+    Returns True if the attribute is there now, False if the system has none of that name.
+    """
     own = vars(system)
     recipe = own.get("_recipe")
     if recipe is None or name not in own.get("_waiting", ()):
@@ -48,7 +52,7 @@ def complete(system, name: str) -> bool:
 
 
 def load(name: str):
-    """The object pickled under a name in the cache, or None if there is none that can be read."""
+    """Return the object that is pickled under a name in the cache, or None if there is none that can be read."""
     content = cache.read(name)
     try:
         return None if content is None else pickle.loads(content)
@@ -58,7 +62,7 @@ def load(name: str):
 
 
 def system(key: str, recipe: Callable[[], Any]):
-    """The system with the key: a stand-in from the cache, or made by ``recipe``, in which case a stand-in is cached."""
+    """Return the system with the key: its stand-in from the cache, or ``recipe()``, whose stand-in is then cached."""
     entry = f"s-{key}.pickle"
     found = load(entry)
     if found is None:
@@ -68,7 +72,7 @@ def system(key: str, recipe: Callable[[], Any]):
 
 
 class Named(Mapping):
-    """A mapping whose names are known, and whose values ``recipe()`` makes when one is read."""
+    """A read-only mapping with known names; each look-up takes the value from the mapping that ``recipe()`` returns."""
 
     def __init__(self, names, recipe: Callable[[], Mapping]):
         self._names, self._recipe = tuple(names), recipe

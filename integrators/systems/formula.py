@@ -21,14 +21,14 @@ NAMES = ("sin", "cos", "tan", "exp", "log", "sqrt", "sinh", "cosh", "tanh", "asi
 #: Name in a formula -> SymPy's.
 FUNCTIONS = {name: name for name in NAMES} | {"ln": "log", "abs": "Abs", "Abs": "Abs"}
 CONSTANTS = {"pi": "pi", "e": "E"}
-#: Of a text: its characters, and brackets in brackets.
+#: Limits of a text: the number of its characters, and the depth of its nested brackets.
 LONGEST, DEEPEST = 10_000, 25
-#: Of an exponent: its size and its denominator.
+#: Limits of an exponent: its size and its denominator.
 LARGEST_POWER, LARGEST_ROOT = 100, 1000
 #: Digits of an integer as it is typed; bits of a numerator or denominator that numbers combine to:
 #: generated code divides two doubles, and those end there.
 DIGITS, BITS = 30, 1023
-#: Of what is read: nodes of its tree, and terms once its products and powers are multiplied out.
+#: Limits of an expression: nodes of its tree, and terms after its products and powers are multiplied out.
 NODES, TERMS = 20_000, 5_000
 SHOWN = 60
 
@@ -37,17 +37,18 @@ _NUMBER = re.compile(r"(?<![\w.])(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?")
 
 
 def parse(text: str, variables: Mapping[str, sp.Expr]) -> sp.Expr:
-    """The expression that ``text`` writes in ``variables``, numbers and the functions of `FUNCTIONS`.
+    """Parse a formula in ``variables``, numbers and the functions of `FUNCTIONS`; return it as a SymPy expression.
 
     Parameters
     ----------
     text : the formula
-    variables : name -> symbol, or the number that a name stands for; they come before the constants pi and e
+    variables : name -> symbol, or the number that a name stands for; they take precedence over the constants pi and e
 
     Raises
     ------
     InvalidInput
-        For anything else, naming it; for a formula that is not real and finite, or larger than the limits.
+        For anything else in the text, which the message names; for a formula that is not real and finite, or larger
+        than the limits of the module.
     """
     try:
         expression = _read(_tree(text), variables, 0)
@@ -114,7 +115,10 @@ def _tree(text: str) -> ast.expr:
 
 
 def _chain(node: ast.BinOp, kinds: tuple[type, ...]) -> list[tuple[type, ast.expr]]:
-    """The operands of a - b + c with their operators, without recursion: a sum of a thousand terms is not deep."""
+    """List the operands of a chain such as a - b + c, in order, as pairs (class of the operator before it, operand).
+
+    The loop replaces a recursion, so that a sum of a thousand terms does not count as deeply nested.
+    """
     operands: list[tuple[type, ast.expr]] = []
     while isinstance(node, ast.BinOp) and isinstance(node.op, kinds):
         operands.append((type(node.op), node.right))
@@ -184,7 +188,7 @@ def _name(name: str, variables: Mapping[str, sp.Expr]) -> sp.Expr:
 def _check_number(e: sp.Expr) -> sp.Expr:
     """Return ``e`` if its numbers are short and, if constant, it is a finite real double; else raise InvalidInput.
 
-    So no SymPy function is ever handed a number that it would take long to evaluate.
+    This guarantees that SymPy never gets a number that it would take long to evaluate.
     """
     coefficient = e.as_coeff_Mul()[0]
     if coefficient.is_Rational and _bits(coefficient) > BITS and sp.Rational(float(coefficient)) != coefficient:
@@ -307,7 +311,7 @@ def _check_count(n: int) -> int:
 
 
 def time_hint(n: int) -> str:
-    """The hint on how to give an H that depends on the time t: time is coordinate number n of a system without t."""
+    """Return the hint, for error messages, on how to enter an H that depends on t: time becomes coordinate number n."""
     return (
         f"H depends on the time t: make time a coordinate, write q{n} for t and add p{n} to H, as in "
         f"p1**2/2 - q1*cos(q{n}) + p{n}; it starts from q{n} = 0 and any p{n}, such as 0"

@@ -28,7 +28,7 @@ def __getattr__(name: str):
 
 
 def _times(a: list[sp.Expr], b: list[sp.Expr], order: int) -> list[sp.Expr]:
-    """The product of two power series in t, to t**order."""
+    """The product of two power series in t, truncated after t**order; a series is the list of its coefficients."""
     c = [sp.Integer(0)] * (order + 1)
     for i, x in enumerate(a):
         if x != 0:
@@ -39,7 +39,7 @@ def _times(a: list[sp.Expr], b: list[sp.Expr], order: int) -> list[sp.Expr]:
 
 
 def gradient(e: sp.Expr, variables: Sequence[sp.Symbol]) -> list[sp.Expr]:
-    """The derivatives of ``e`` by each variable; of a long sum only the terms that contain the variable are derived."""
+    """The list of derivatives of ``e`` by each variable; terms of a sum without the variable are skipped, for speed."""
     terms: dict[sp.Symbol, list[sp.Expr]] = {x: [] for x in variables}
     for term in sp.Add.make_args(e):
         for x in term.free_symbols & terms.keys():

@@ -1,7 +1,9 @@
-r"""Systems from formulae: their properties (traits), and the functions that kernels need, derived on demand.
+r"""Hamiltonian and other partitioned systems, given by formulae: SymPy expressions or text.
 
-A `Hamiltonian` is :math:`\dot q = H_p, \dot p = -H_q`; a `PartitionedSystem` any :math:`\dot q = a(q, p)`,
-:math:`\dot p = b(q, p)` (Lotka-Volterra in its own variables).
+A `Hamiltonian` is the system :math:`\dot q = H_p, \dot p = -H_q`; a `PartitionedSystem` is any
+:math:`\dot q = a(q, p)`, :math:`\dot p = b(q, p)`, such as Lotka-Volterra in its own variables.  A system knows its
+properties (*traits*, such as separable), which decide what methods apply, and generates on demand the compiled
+functions (vector field, gradients, energy) that an integrator's loop calls.
 """
 
 from __future__ import annotations
@@ -58,11 +60,11 @@ class PartitionedSystem:
     q, p : sequences of symbols or names, of equal length d
     dq, dp : sequences of d expressions or formulae, the right-hand sides
     energy : expression or formula, optional
-        The invariant that takes the energy's place in tables.
+        The invariant that is reported as the energy.
     singular : expressions, optional
         Distances that vanish where the system is singular.
     invariants : expressions, optional
-        What the flow keeps besides the energy.
+        Further quantities that the exact flow conserves.
 
     Raises
     ------
@@ -83,13 +85,13 @@ class PartitionedSystem:
     split = False
     #: Intermediate results (symbol, expression) that `sides` refer to.
     definitions: tuple[tuple[Any, Any], ...] = ()
-    #: What the cache knows the system by (see `deferred`); nothing where it is made of expressions.
+    #: Hash that identifies the system in the cache (see `deferred`); empty if it is made of SymPy expressions.
     key = ""
     #: Functions written by hand, by name.
     loops: Mapping[str, Callable] = {}
-    #: What a twin's functions are compiled for, where that is not numbers.
+    #: What the functions are compiled for if not for doubles, such as "8 lanes" (SIMD vectors of 8 doubles).
     variant = ""
-    #: Whether functions write into arrays that they are handed (`inplace.in_place_version`).
+    #: Whether functions write their results into arrays passed as arguments (`inplace.in_place_version`).
     fills = False
 
     def __init__(
@@ -126,7 +128,7 @@ class PartitionedSystem:
     if not TYPE_CHECKING:
 
         def __getattr__(self, name: str):
-            # What a shell has not got; of any other system nothing is left to be found.
+            # A stand-in (`deferred`) builds the system now; on any other system the attribute does not exist.
             if deferred.complete(self, name):
                 return getattr(self, name)
             raise AttributeError(f"'{type(self).__name__}' object has no attribute '{name}'")
@@ -154,7 +156,7 @@ class PartitionedSystem:
 
     @cached_property
     def traits(self) -> dict[str, object]:
-        """The properties that methods may require or use: name -> value."""
+        """The properties that decide which methods apply, such as "separable": name -> value, mostly booleans."""
         return self.recall("traits", self._traits)
 
     def _traits(self) -> dict[str, object]:
@@ -178,7 +180,7 @@ class PartitionedSystem:
 
     @property
     def bound(self) -> dict[str, Any]:
-        """The constraints of a system that has some, by name."""
+        """The constraint expressions by name; empty here, since only `ConstrainedHamiltonian` has constraints."""
         return {}
 
     @property
@@ -188,14 +190,15 @@ class PartitionedSystem:
 
     @property
     def sides(self) -> tuple[Any, ...]:
-        """The 2 d right-hand sides, in which symbols may stand for intermediate results (`definitions`)."""
+        """The 2 d right-hand sides, q' before p'; symbols may stand for intermediate results (`definitions`)."""
         return (*self.dq, *self.dp)
 
     @property
     def elementary(self) -> bool:
-        """True if the system can be evaluated in SIMD lanes: few degrees of freedom, and functions that lanes have.
+        """True if the vector field can be evaluated at several states at once, in SIMD lanes (one state each).
 
-        The derivatives are made of integer and half-integer powers, sin, cos, exp, sinh, cosh and tanh.
+        That takes few degrees of freedom, and right-hand sides made of sums, products, integer and half-integer powers,
+        sin, cos, exp, sinh, cosh and tanh alone.
         """
         from phasebench.integrators.values import lane_formulae
 
@@ -209,7 +212,7 @@ class PartitionedSystem:
         return self.quadratic_kinetic and all(e.free_symbols <= {p} for e, p in zip(self.dq, self.p, strict=True))
 
     def recall(self, name: str, find: Callable[[], object]):
-        """The result of ``find()``, a fact about the formulae that JSON can write; from the cache if there."""
+        """Return ``find()``, a JSON-serializable property called ``name``; from the cache on disk if stored there."""
         if not self.key:
             return find()
         entry = f"k-{deferred.key_of(name, self.key)}.json"
@@ -224,11 +227,16 @@ class PartitionedSystem:
         return hashlib.sha256(text.encode()).hexdigest()
 
     def __getstate__(self):
-        """The state for pickling, without compiled functions: they are made again from the formulae, in any process."""
+        """The attributes for pickling, without compiled functions, which are generated again when they are needed."""
         return self.__dict__ | {"_functions": {}}
 
     def make_function(self, kind: str, arguments, results, signature, arithmetic: str):
-        """Generate a compiled function of named arguments; ``results()`` makes its expressions if not cached."""
+        """Generate a function of the system, compiled or in multiprecision, once for each ``kind`` and arithmetic.
+
+        ``kind`` is a label that identifies the function in the cache, ``arguments`` are pairs (name, symbol or vector
+        of symbols), ``signature`` is the Numba signature.  ``results()`` returns the expressions of the results, as
+        `printing.source` takes them; it is called only if the function's text is not in the cache.
+        """
 
         def text(arithmetic: str) -> str:
             from phasebench.integrators.compile import printing
@@ -243,10 +251,11 @@ class PartitionedSystem:
         return self._functions[kind, arithmetic]
 
     def field(self, arithmetic: str = DOUBLE, order: int = 1):
-        """The vector field as a function f(q, p, h, lam) -> (q', p') in an arithmetic; h and lam are ignored.
+        """Generate the vector field, a function f(q, p, h, lam) -> (q', p') of vectors of d numbers.
 
-        For ``order`` r > 1 it is (S_p, -S_q), S the generating function of the parameterized family with the parameter
-        lam, divided by h and truncated after h^r: a step with it has order r.
+        For ``order`` 1 it ignores h and lam.  For ``order`` r > 1 the result is (S_p, -S_q), with S the generating
+        function of the parameterized family (`generating`) with the parameter lam, divided by h and truncated after
+        h^r: a step of length h with it has order r.
         """
         T, number = codegen.value_type(self.d, self.fills), types.float64
         h, lam = sp.Symbol("h", positive=True), generating.LAMBDA
@@ -267,7 +276,10 @@ class PartitionedSystem:
         return self.make_function(f"field-{order}", arguments, results, signature, arithmetic)
 
     def energy(self, arithmetic: str = DOUBLE):
-        """energy(q, p) -> (H, M): H is known to eps M, by the rounding of its terms and of the state."""
+        """Generate the function (q, p) -> (H, M), where eps M estimates the round-off of H.
+
+        M is the sum of the absolute values of H's terms and of every x H_x, x a coordinate or momentum.
+        """
         T = codegen.value_type(self.d)
         signature = types.UniTuple(types.float64, 2)(T, T)
 
@@ -279,12 +291,12 @@ class PartitionedSystem:
 
     @cached_property
     def constant(self) -> float:
-        """The additive constant of H, a term without variables."""
+        """The additive constant of H, that is its term without variables; 0 if there is none."""
         return self.recall("constant", lambda: float(self.H.as_coeff_Add()[0]))
 
     @cached_property
     def _size(self) -> sp.Expr:
-        """The sum of the absolute terms of H but for a constant; for a sine or cosine its amplitude."""
+        """The sum of the absolute values of H's terms without the constant, with 1 in place of each sine and cosine."""
 
         def size(factor: sp.Expr) -> sp.Expr:
             base, n = factor.as_base_exp()
@@ -301,7 +313,10 @@ class PartitionedSystem:
         return self._along(codegen.load_columnwise(self._text(expression)), Q, P)
 
     def evaluate(self, name: str, expression: Callable[[], Any], Q: ArrayLike, P: ArrayLike) -> Floats:
-        """Values of one of the system's own expressions at the rows Q, P; ``expression()`` makes it if not cached."""
+        """Values of one of the system's own expressions at each row of Q, P (n, d): array (n,).
+
+        ``name`` is its name in the cache; ``expression()`` derives it, and is called only if it is not cached.
+        """
         if not self.key:
             return self.observe(expression(), Q, P)
         if ("observed", name) not in self._functions:
@@ -357,7 +372,7 @@ class PartitionedSystem:
             return np.sqrt(sum(self.evaluate(f"dq{k}", lambda k=k: self.dq[k], Q, P) ** 2 for k in range(self.d)))
 
     def vector_field(self, arithmetic: str = DOUBLE):
-        """The function y -> y' on arrays y = (q, p) of shape (2 d,), for solvers of other packages."""
+        """Make the function (t, y) -> y' of arrays y = (q, p) of shape (2 d,), for other packages; t is ignored."""
         field, d = self.field(arithmetic), self.d
         tuples = codegen.compiled() and arithmetic == DOUBLE and codegen.value_kind(d) == "tuple"
 
@@ -374,7 +389,7 @@ def _flatten(given) -> list:
 
 
 def _derive_system(given: dict) -> Hamiltonian:
-    """Make the system from its formulae as text, with all derivations; the recipe of a stand-in (`deferred`)."""
+    """Build a `Hamiltonian` from its constructor's arguments as text; this is the recipe of a stand-in (`deferred`)."""
     system = Hamiltonian.__new__(Hamiltonian)
     system._derive(**given)
     return system
@@ -388,14 +403,14 @@ class Hamiltonian(PartitionedSystem):
     q, p : sequences of symbols or names, of equal length d
     H : expression, or a formula as text (parsed, never evaluated as Python)
     singular : expressions, optional
-        Distances that vanish where H is singular.  Where they are not given they are found in H (`singularities`),
-        with the softened ones, which cannot vanish; an empty tuple says that there are none.
+        Distances that vanish where H is singular.  By default they are found in H (`singularities`), together with
+        softened ones such as sqrt(r^2 + eps^2), which cannot vanish; an empty tuple says that there are none.
     invariants : expressions, optional
-        What the flow keeps besides H.
+        Further quantities that the exact flow conserves.
     frequencies : d numbers, optional
         Declares the fast linear part: H = |p|^2 / 2 + sum omega_i^2 q_i^2 / 2 + U(q) with a slow U.
     kepler : optional
-        Declares the Kepler part; see `wisdom_holman`.
+        Declares the Kepler part, the two-body problems into which a Wisdom-Holman method splits H (`wisdom_holman`).
 
     Raises
     ------
@@ -405,7 +420,7 @@ class Hamiltonian(PartitionedSystem):
 
     Notes
     -----
-    Of formulae as text the system is a shell where the cache knows them (`deferred`).
+    A system given as text that is in the cache is a stand-in, which derives expressions when they are read: `deferred`.
 
     Examples
     --------
@@ -498,7 +513,7 @@ class Hamiltonian(PartitionedSystem):
 
     @cached_property
     def inverse_masses(self) -> tuple[sp.Rational, ...] | None:
-        """1 / m_i of H = sum p_i^2 / 2 m_i + V(q) with rational masses, not all of them one; None of any other H."""
+        """1 / m_i of H = sum p_i^2 / 2 m_i + V(q) with rational masses, not all of them one; None for any other H."""
         if not self.quadratic_kinetic or self.unit_mass:
             return None
         found = tuple(sp.diff(v, p) for v, p in zip(self.dq, self.p, strict=True))
@@ -550,5 +565,5 @@ class Hamiltonian(PartitionedSystem):
         )
 
     def hessian(self) -> sp.Matrix:
-        """The matrix of second derivatives of H by (q, p)."""
+        """The matrix of second derivatives of H with respect to (q, p), of shape (2 d, 2 d), as expressions."""
         return sp.hessian(self.H, [*self.q, *self.p])

@@ -1,26 +1,27 @@
-r"""Hamiltonians whose functions are loops written by hand: lattices, wave equations on points, many bodies.
+r"""Hamiltonians whose functions are loops written by hand: lattices, wave equations on a grid, many bodies.
 
 The functions that every step calls are not derived from a formula: at hundreds of variables its text is long and slow
 to compile.  A loop compiles in a second and serves 10,000 variables as it does 30.
 
 The contract of the loops:
 
-1. Each is made by a function of the constants: ``loops={"grad_V": grad_V}`` with ``def grad_V(a, b): def f(q): ...;
-   return f``.  The constants come as doubles, or as numbers of many digits; a loop holds no rounded number of its own.
-2. ``energy``: (q, p) -> (H, M).  M is what the round-off of H is in units of: the sum of the sizes of its terms and of
-   every \|x_i H_{x_i}\|.
+1. Each loop is made by a function of the constants: ``loops={"grad_V": grad_V}`` with ``def grad_V(a, b): def f(q):
+   ...; return f``.  The constants come as doubles, or as multiprecision numbers; a loop holds no rounded number itself.
+2. ``energy``: (q, p) -> (H, M).  The round-off of H is about M times the machine epsilon: M is the sum of the absolute
+   values of H's terms and of every \|x_i H_{x_i}\|.
 3. ``field``: (q, p, h, lam) -> (H_p, -H_q); h and lam are not used.
-   Or, faster, (q, p, h, lam, dq, dp): it writes them into the arrays dq and dp.
-4. ``grad_V``: q -> grad V(q), or (q, g): it writes it into the array g.  It is given where H = \|p\|^2 / 2 + V(q): the
-   system then is separable with unit masses.  With ``frequencies``, ``grad_U`` besides: the gradient of V without the
-   linear springs.
-5. q and p are arrays (d,) of doubles when Numba compiles the loop, object arrays when it runs on many digits: plain
-   loops over components, sums and products; ``x**0.5`` is a root.  What is returned is new: the arguments stay as they
-   are.  Arrays to write into hold anything, and are not q and p; a loop that
-   writes allocates none.
-6. A function that loops call is a `part`, never one that Numba inlines (``inline="always"``): closures that take slices
-   of their arguments gave wrong values where they were inlined, without a warning.
-7. The formula H may be left out.  Then what derives from it (peers, methods that need second derivatives) says so.
+   Or, faster, (q, p, h, lam, dq, dp): the loop writes H_p and -H_q into the arrays dq and dp.
+4. ``grad_V``: q -> grad V(q), or (q, g): the loop writes the gradient into the array g.  It is given if
+   H = \|p\|^2 / 2 + V(q): the system then is separable with unit masses.  With ``frequencies``, ``grad_U`` is given
+   too: the gradient of V without the linear springs.
+5. q and p are arrays (d,) of doubles when Numba compiles the loop, object arrays in multiprecision: use plain loops
+   over components, sums and products; ``x**0.5`` is a root.  Return new arrays, and leave the arguments as they are.
+   Arrays to write into hold arbitrary values at first, and are never q or p; a loop that writes into them allocates no
+   others.
+6. A function that loops call is decorated by `part`, never inlined by Numba (``inline="always"``): closures that take
+   slices of their arguments gave wrong values when they were inlined, without a warning.
+7. The formula H may be left out.  Then all that derives from it (integrators of other packages, methods that need
+   second derivatives) raises InvalidInput.
 
 Test the loops against the formula at a small size: ``tests/integrators/test_hand.py`` shows how, and a lattice of
 10,000 sites beside it.
@@ -48,12 +49,15 @@ from .hamiltonian import Hamiltonian, _symbols
 
 
 def part(loop: Callable) -> Callable:
-    """Make a hand-written loop callable from other loops when they are compiled."""
+    """Make a hand-written loop callable from other loops when Numba compiles them; use it as a decorator."""
     return register_jitable(**vector.COMMON)(loop)
 
 
 def unit_mass_field(force: Callable) -> Callable:
-    """Make the loop of the field (p, -grad V) from ``force``, a loop (q, out) that writes -grad V."""
+    """Make the loop (q, p, h, lam, dq, dp) that writes the vector field (p, -grad V) into dq and dp.
+
+    ``force`` is a loop (q, out) that writes -grad V(q) into the array ``out``; h and lam are ignored.
+    """
     force = part(force)
 
     def f(q, p, h, lam, dq, dp):
@@ -68,7 +72,8 @@ def unit_mass_field(force: Callable) -> Callable:
 def _compile(name: str, loop: Callable, constants: tuple[float, ...], fills: bool, d: int):
     """Compile a user's loop for these constants, once in a process.
 
-    ``name`` is "energy", "field", "grad_V" or "grad_U"; ``fills``: the compiled loop writes its results into arrays.
+    ``name`` is "energy", "field", "grad_V" or "grad_U", and ``loop`` a function of the constants that returns the loop
+    for d degrees of freedom.  With ``fills`` the compiled loop writes its results into arrays, else it returns them.
     """
     source = Path(inspect.getfile(loop)).read_bytes()  # of helpers too
     content = f"{loop.__qualname__}|{constants}|{hashlib.sha256(source).hexdigest()}"
@@ -80,7 +85,7 @@ def _compile(name: str, loop: Callable, constants: tuple[float, ...], fills: boo
     )
 
 
-#: Name of a loop -> its signature as one that returns, of the type of a state.
+#: Name of a loop -> a function that maps the Numba type of q to the signature of the loop that returns its results.
 SIGNATURES = {
     "energy": lambda T: types.UniTuple(types.float64, 2)(T, T),
     "field": lambda T: types.Tuple((T, T))(T, T, types.float64, types.float64),
@@ -90,9 +95,10 @@ SIGNATURES = {
 
 
 def _adapt(loop: Callable, given: int, fills: bool) -> tuple[Callable, bool]:
-    """(a user's loop as one that writes its results if ``fills``, else as one that returns them; True if it writes).
+    """Convert a user's loop to the wanted form: to write its results into arrays if ``fills``, else to return them.
 
-    ``given`` is the number of its arguments without those to write into.
+    Returns (the converted loop, True if the user's loop writes).  ``given`` is the number of arguments of the loop, not
+    counting arrays to write into; a loop that has more is one that writes.
     """
     writes = len(inspect.signature(loop).parameters) > given
     if writes == fills:
@@ -126,7 +132,7 @@ def uncompiled_loop(name: str, loop: Callable, constants) -> Callable:
 
 
 class MissingFormula:
-    """Stands for H in a system given by hand-written loops without a formula; raises InvalidInput when it is used."""
+    """Stands for the formula H of a system given by loops alone; raises InvalidInput when SymPy has to read it."""
 
     def _sympy_(self):
         raise InvalidInput("this system has loops and no formula to derive anything from; give its H as an expression")
@@ -141,18 +147,19 @@ class HandHamiltonian(Hamiltonian):
     Parameters
     ----------
     q, p : sequences of symbols or names, of equal length d, more than `codegen.TUPLE_LIMIT`
-    H : expression, trusted to be what the loops compute; None where there is none
-    loops : name -> a function of the constants that returns the loop (see this module's contract)
-    constants : exact numbers (integers, fractions), handed to the loops in the arithmetic at hand
-    degree : of a polynomial H
-    invariants : expressions, or functions of the rows Q, P
-    singular : distances that vanish where H is singular, as expressions or functions of the rows Q, P
+    H : expression, trusted to be what the loops compute; None if there is no formula
+    loops : "energy", "field", "grad_V" or "grad_U" -> a function of the constants that returns the loop (the module
+        `hand` says what each has to do); the first two are required
+    constants : exact numbers (integers, fractions), passed to those functions as doubles or multiprecision numbers
+    degree : the degree of H if it is a polynomial, else None
+    invariants : conserved quantities, as expressions or as functions of arrays Q, P of shape (n, d)
+    singular : distances that vanish where H is singular, in the same forms
     frequencies : d numbers, as in `Hamiltonian`
 
     Raises
     ------
     InvalidInput
-        If d is so small that compiled states are tuples, or a loop is missing that every system needs.
+        If d is at most `codegen.TUPLE_LIMIT`, or a required loop is missing.
 
     Examples
     --------
@@ -250,7 +257,10 @@ class HandHamiltonian(Hamiltonian):
         return np.array([np.linalg.norm(field(q, p, 0.0, 0.0)[0]) for q, p in rows])
 
     def scale(self, Q, P):
-        """The size of H's terms at each row of Q, P (n, d), a third of M of the user's loop: array (n,)."""
+        """The size of H's terms at each row of Q, P (n, d): array (n,).
+
+        It is estimated as a third of the round-off unit M of H that the user's energy loop returns.
+        """
         Q, P = np.ascontiguousarray(Q, float), np.ascontiguousarray(P, float)
         energy = self.energy()
         with np.errstate(all="ignore"):
@@ -264,7 +274,10 @@ class HandHamiltonian(Hamiltonian):
             return np.array([energy(q, p)[0] for q, p in zip(Q, P, strict=True)], float)
 
     def observe(self, expression, Q, P):
-        """Values of an expression in (q, p), or of a function of (Q, P), at the rows Q, P; H by the user's loop."""
+        """Values of an expression in (q, p), or of a function of (Q, P), at each row of Q, P (n, d): array (n,).
+
+        The formula H itself is evaluated by the user's loop.
+        """
         Q, P = np.ascontiguousarray(Q, float), np.ascontiguousarray(P, float)
         if expression is self.H:
             return self.energies(Q, P)

@@ -15,9 +15,9 @@ with curl A not zero; the charge is within A and phi.  With :math:`p = mu + A(x)
 (:math:`\gamma = 1` in the first case).  In the plane B is along z.  A frame that rotates with the angular velocity
 :math:`\Omega` is a field :math:`B = 2\Omega`.
 
-Whatever is added to A with its curl zero changes p and nothing else.  A map of (x, u) keeps volume where it does in (x,
-p), since p is u sheared and scaled; it keeps the two-form :math:`dx\wedge m\,du + B` (is *K-symplectic*) where it is
-symplectic in (x, p).
+Adding to A a field whose curl is zero changes p and nothing else.  A map of (x, u) preserves volume if it does so in
+(x, p), since p is u sheared and scaled; it preserves the two-form :math:`dx\wedge m\,du + B` (is *K-symplectic*) if it
+is symplectic in (x, p).
 
 Source: Y. He, Y. Sun, J. Liu, H. Qin, J. Comput. Phys. 281 (2015) 135-147; A. V. Higuera, J. R. Cary, Phys.
 Plasmas 24 (2017) 052104.
@@ -51,10 +51,10 @@ class Particle:
 
     Attributes
     ----------
-    A, phi : the vector potential (d expressions) and the potential
-    mass : m
-    slowness : 1 / c^2; 0 where it is not relativistic
-    E, B : the fields, d expressions each; in the plane B is (B_z, 0)
+    A, phi : the vector potential (d expressions) and the scalar potential, with the charge in both
+    mass : the mass m
+    slowness : 1 / c^2, with c the speed of light; 0 for a classical particle
+    E, B : the electric and magnetic field over m, d expressions each; in the plane B is (B_z, 0)
     """
 
     A: tuple[Any, ...]
@@ -80,7 +80,7 @@ def kind(system) -> str:
 
 
 def particle(system) -> Particle | None:
-    """The potentials and fields of a system; None if it is not a charged particle in a magnetic field."""
+    """The potentials and fields of a system, found in its H; None if it is no charged particle in a magnetic field."""
     if system not in _particles:
         _particles[system] = _recognize(system)
     return _particles[system]
@@ -116,7 +116,7 @@ def _square(f, p) -> tuple[Any, tuple, Any] | None:
 
 
 def _varies(f) -> bool:
-    """True if f has different values at two places, which is quick to see; to expand f may take seconds."""
+    """True if f has different values at two points: a quick test for a constant; False if that is not shown."""
     names = sorted(f.free_symbols, key=str)
     places = ({x: sp.Rational(31 * (i + 1) % (37 + k), 29) for i, x in enumerate(names)} for k in range(2))
     values = [f.evalf(subs=place) for place in places]
@@ -151,7 +151,7 @@ def _of(system, A, phi, mass, slowness) -> Particle | None:
 
 
 def _short(e):
-    """The shorter of an expression and its simplified form."""
+    """Return the shorter of an expression and its simplified form; a long expression is returned as it is."""
     if sp.count_ops(e) > LONG:
         return e
     simplified = sp.simplify(e)
@@ -172,7 +172,7 @@ def constants(system) -> tuple[Any, Any]:
 
 
 def fields(system, arithmetic: str = DOUBLE):
-    """Make the function x -> (E, B) of the electric and magnetic field at a place."""
+    """Make the function x -> (E, B) of the electric and magnetic field, both divided by the mass, at a position x."""
     T = codegen.value_type(system.d)
 
     def results():
@@ -183,7 +183,7 @@ def fields(system, arithmetic: str = DOUBLE):
 
 
 def shift(system, arithmetic: str = DOUBLE):
-    """Make the function x -> A / m, by which p / m exceeds u; A is the vector potential."""
+    """Make the function x -> A(x) / m of the vector potential A over the mass: p / m = u + A / m."""
     T = codegen.value_type(system.d)
 
     def results():

@@ -1,4 +1,4 @@
-r"""Multisymplectic equations :math:`K z_t + L z_x = \nabla S(z)` in one space dimension, and how space is divided.
+r"""Multisymplectic equations :math:`K z_t + L z_x = \nabla S(z)` in one space dimension, discretized in space.
 
 K and L are skew.  Three local laws hold at every point of space-time, for solutions U, V of the linearized equation:
 
@@ -10,13 +10,13 @@ K and L are skew.  Three local laws hold at every point of space-time, for solut
 (conservation of multisymplecticity, energy and momentum).  Here z = (y, w): y evolves in time, q before p, and w are
 the slopes of the first components of y.
 
-Space is a period of N cells.  In each of two divisions w is a difference of y, w = D y, and :math:`-D^T` acts on w, so
-that y obeys a canonical Hamiltonian system:
+Space is a period of N cells.  In either of two discretizations (*divisions*) w is a difference of y, w = D y, and
+:math:`-D^T` acts on w, so that y obeys a canonical Hamiltonian system:
 
 - `Box`, the midpoint rule in space: :math:`z_{m+1/2} = (\zeta_m + \zeta_{m+1})/2` and
   :math:`z_x = (\zeta_{m+1} - \zeta_m)/\Delta x` of values at the nodes; N is odd, then the cells' means determine them.
 - `Staggered`, the symplectic Euler rule in space, :math:`L_+ = ` the part of L that acts on w: w is the backward
-  difference, its own is the forward one, together the central second difference.
+  difference of y, and its own derivative the forward difference; together they are the central second difference.
 
 Source: T. J. Bridges, S. Reich, Phys. Lett. A 284 (2001) 184-193; B. Moore, S. Reich, Numer. Math. 95 (2003) 625-652.
 """
@@ -34,13 +34,15 @@ from phasebench.integrators.errors import InvalidInput
 
 @dataclass(frozen=True)
 class Equation:
-    """A multisymplectic equation whose S is the sum of a function of y and a quadratic one of w.
+    """A multisymplectic equation K z_t + L z_x = grad S(z) for z = (y, w); w are slopes in space of components of y.
+
+    S is the sum of a function of y and a quadratic function of w.
 
     Attributes
     ----------
-    K, L : arrays (n, n), skew
-    S, gradient, hessian : of arrays (..., n), with values of shape (...), (..., n) and (..., n, n)
-    slopes : the number k of components of w; y has the other n - k, half of them q
+    K, L : skew matrices, arrays (n, n)
+    S, gradient, hessian : functions of arrays z (..., n), with values of shape (...), (..., n) and (..., n, n)
+    slopes : the number k of components of w; y has the other n - k, the first half of them q, the others p
     """
 
     K: np.ndarray
@@ -63,7 +65,10 @@ def _form(a, B, b):
 
 @dataclass(frozen=True)
 class Division:
-    """A discretization of a periodic space by ``N`` cells of width ``dx``: the base class of `Box` and `Staggered`."""
+    """A discretization of an ``equation`` on a periodic interval of ``N`` cells of width ``dx``.
+
+    It is the base class of `Box` and `Staggered`.  States are arrays with cells and components as their last two axes.
+    """
 
     equation: Equation
     N: int
@@ -91,14 +96,14 @@ class Division:
         return -D.T @ D
 
     def field(self, y):
-        """The right-hand side: y_t for an array y of shape (N, n - k)."""
+        """The right-hand side of the equation discretized in space: y_t, for an array y of shape (N, n - k)."""
         inverse, L = self._parts
         z = self.lift(y)
         force = self.equation.gradient(z)[..., : y.shape[-1]] - self.back(z[..., y.shape[-1] :]) @ L.T
         return force @ inverse.T
 
     def jacobian(self, y):
-        """The derivative of `field` at y (N m,): array (N m, N m), of N points with m values that are not slopes."""
+        """The derivative of `field` at y (N, m), array (N m, N m); m is the number of components of y in a cell."""
         m, k = self.equation.moving, self.equation.slopes
         inverse, L = self._parts
         local = inverse @ self.equation.hessian(self.lift(y))[:, :m, :m]
@@ -108,7 +113,7 @@ class Division:
         return full.reshape(self.N * m, self.N * m)
 
     def divergence(self, flux):
-        """The discrete divergence of a flux: its difference between the ends of each cell over the width."""
+        """The discrete divergence, array (..., N), of a flux (..., N) through the left ends of the cells."""
         return (np.roll(flux, -1, axis=-1) - flux) / self.dx
 
     def total_energy(self, y) -> float:
@@ -117,7 +122,7 @@ class Division:
 
 
 class Box(Division):
-    """The midpoint rule in space; fluxes are those of the values at the nodes, which are the ends of cells."""
+    """The midpoint rule in space: unknowns are means over cells, fluxes are taken at the nodes, the ends of cells."""
 
     def __post_init__(self):
         """Raise InvalidInput for an even number of cells: then values in cells do not determine those at nodes."""
@@ -127,14 +132,14 @@ class Box(Division):
 
     @cached_property
     def _inverse(self) -> np.ndarray:
-        """The inverse of the matrix of the means of neighbours: alternating signs."""
+        """The inverse, array (N, N), of the matrix that takes means of neighbours; its entries are 1 and -1."""
         return np.linalg.inv((np.eye(self.N) + np.roll(np.eye(self.N), 1, axis=1)) / 2).round()
 
     def nodes(self, z):
         """The values of z at the cells' left ends, from z in the cells.
 
-        They are the means of neighbouring cells and what these miss, of the size of the second difference: the
-        alternating sum of z itself would lose digits.
+        The values are means of neighbouring cells plus a correction of the size of the second difference; the
+        alternating sum of z, which gives them directly, would lose digits.
         """
         left, right = np.roll(z, 1, axis=-2), np.roll(z, -1, axis=-2)
         return (left + z) / 2 - self._inverse @ ((right - z) - (z - left)) / 4

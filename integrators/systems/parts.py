@@ -36,7 +36,7 @@ from phasebench.integrators.errors import InvalidInput
 from .formula import parse
 from .hamiltonian import Formula, Hamiltonian, Names, _expression, _symbols
 
-#: What is said of a part without a known flow.
+#: The end of the error message for a part without a known flow.
 KINDS = (
     "a part may be a function of variables without their conjugates (V(q), T(p), p2**2/q1**2), a monomial "
     "c*q1**a*p1**b, or a*q1**2 + b*p1**2; split it further"
@@ -51,14 +51,16 @@ class SplitHamiltonian(Hamiltonian):
     Parameters
     ----------
     q, p : sequences of symbols or names, of equal length d
-    parts : at least two expressions or formulae of the kinds that the module names
+    parts : at least two expressions or formulae
+        The exact flow of each must be known: a shear, a monomial or a square (see the module `parts`), or a sum of
+        these in different degrees of freedom.
     H : expression or formula, optional
-        What the parts have to add up to.
-    singular, invariants : as of `Hamiltonian`
+        The Hamiltonian, to check that the parts add up to it.
+    singular, invariants : as in `Hamiltonian`
 
     Attributes
     ----------
-    parts : the expressions
+    parts : the parts as expressions
 
     Raises
     ------
@@ -100,7 +102,7 @@ class SplitHamiltonian(Hamiltonian):
         self._flows = tuple(_flow(part, text, self.q, self.p) for part, text in zip(self.parts, given, strict=True))
 
     def part_flow(self, k: int, arithmetic: str = DOUBLE):
-        """The function (q, p, t) -> (change of q, change of p) of the exact flow of part k."""
+        """Make the function (q, p, t) -> (change of q, change of p) of the exact flow of part k over the time t."""
         T = codegen.value_type(self.d)
         arguments = [("q", self.q), ("p", self.p), ("t", _time())]
         signature = types.Tuple((T, T))(T, T, types.float64)
@@ -109,12 +111,15 @@ class SplitHamiltonian(Hamiltonian):
 
 
 def _time() -> Any:
-    """The symbol of the time of a flow."""
+    """The symbol t that stands for the time of a flow in its formulae."""
     return sp.Symbol("t", real=True)
 
 
 def _flow(part: Any, text: Formula, q: tuple[Any, ...], p: tuple[Any, ...]) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
-    """The changes of q and of p by the exact flow of a part over `_time`; raises InvalidInput where it is not known."""
+    """The changes of q and of p, d expressions each, by the exact flow of a part over the time `_time`.
+
+    Raises InvalidInput, which quotes the part's ``text``, if no exact flow is known.
+    """
     dq, dp = {x: sp.Integer(0) for x in q}, {x: sp.Integer(0) for x in p}
     for piece in _pieces(part, q, p):
         for changes in (_shear, _monomial, _square):
@@ -129,7 +134,7 @@ def _flow(part: Any, text: Formula, q: tuple[Any, ...], p: tuple[Any, ...]) -> t
 
 
 def _pieces(part: Any, q: tuple[Any, ...], p: tuple[Any, ...]) -> list[Any]:
-    """The sums of the terms that share degrees of freedom; constants are left out."""
+    """Split a part into a list of sums that have no degree of freedom in common; leave constants out."""
     groups: list[tuple[set[int], Any]] = []
     for term in sp.Add.make_args(sp.expand(part)):
         degrees = {i for i, pair in enumerate(zip(q, p, strict=True)) if term.free_symbols & set(pair)}
@@ -143,7 +148,7 @@ def _pieces(part: Any, q: tuple[Any, ...], p: tuple[Any, ...]) -> list[Any]:
 
 
 def _pairs(F: Any, q: tuple[Any, ...], p: tuple[Any, ...]) -> list[tuple[Any, Any]]:
-    """The coordinates in F whose momenta are in F, too, with these."""
+    """The conjugate pairs (q_i, p_i) of which both are in F."""
     return [(x, y) for x, y in zip(q, p, strict=True) if F.has(x) and F.has(y)]
 
 

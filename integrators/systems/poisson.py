@@ -1,11 +1,11 @@
-r"""Poisson systems :math:`\dot y = B(y)\nabla H(y)`, y = (q, p): B skew with the Jacobi identity
+r"""Poisson systems :math:`\dot y = B(y)\nabla H(y)`, y = (q, p), with a skew matrix B that fulfils the Jacobi identity
 
 .. math::
     \sum_{l}\Bigl(\frac{\partial B_{ij}}{\partial y_l} B_{lk} + \frac{\partial B_{jk}}{\partial y_l} B_{li}
     + \frac{\partial B_{ki}}{\partial y_l} B_{lj}\Bigr) = 0 \quad\text{for all } i, j, k .
 
-Functions C with :math:`B\nabla C = 0` are Casimirs: kept by the flow of every H.  A map is a Poisson map where its
-Jacobian M satisfies :math:`M B(y_0) M^T = B(y_1)`; the flow is.
+Functions C with :math:`B\nabla C = 0` are Casimirs: the flow of every H conserves them.  A map y_0 -> y_1 is a Poisson
+map if its Jacobian M satisfies :math:`M B(y_0) M^T = B(y_1)`; the exact flow is a Poisson map.
 
 Source: E. Hairer, C. Lubich, G. Wanner, Geometric Numerical Integration (2006), VII.2, (2.8)-(2.10), and VII.4.
 """
@@ -73,10 +73,9 @@ class PoissonSystem(PartitionedSystem):
         self.B = B
 
     def gradient(self, arithmetic: str = DOUBLE):
-        """Make the function (q, p, h, lam) -> (H_q, H_p) of tuples or arrays (d,).
+        """Make the function (q, p, h, lam) -> (H_q, H_p) of tuples or arrays (d,); it ignores h and lam.
 
-        h and lam are ignored: they are there so that it can stand where a vector field of a step h and a parameter
-        lambda is called.
+        It has these arguments so that it can replace a vector field that depends on a step h and a parameter lambda.
         """
         T, number = codegen.value_type(self.d), types.float64
         h, lam = sp.symbols("h lam")
@@ -91,7 +90,7 @@ class PoissonSystem(PartitionedSystem):
         )
 
     def structure(self, arithmetic: str = DOUBLE):
-        """Make the function (q, p, a, b) -> B(q, p) (a, b): the structure matrix times a vector, in halves."""
+        """Make the function (q, p, a, b) -> the two halves of B(q, p) (a, b), the structure matrix times a vector."""
         T, d = codegen.value_type(self.d), self.d
         a, b = (sp.symbols([f"{n}{i}_" for i in range(d)]) for n in ("a", "b"))
 

@@ -13,8 +13,8 @@ With :math:`e_k` the quaternion i, j or k and the product of quaternions, the mo
 .. math::
     L_k = \tfrac12\,p\cdot(q\,e_k),\qquad H = \sum_k \frac{L_k^2}{2 I_k} + V(R).
 
-V does not change with |q|, so that |q| and p.q, which mean nothing, stay what they are: 1 and 0.  Momentum in space is
-R L; what of it V leaves unchanged is found, and declared as an invariant.
+V does not depend on |q|, so that |q| and p.q, which have no physical meaning, keep their initial values 1 and 0.  The
+angular momentum in space is R L; components of it that V conserves are found, and declared as invariants.
 
 Source: T. F. Miller III et al., J. Chem. Phys. 116 (2002) 8649-8659, equations (9)-(14).
 """
@@ -42,7 +42,7 @@ ENTRIES = tuple(f"r{i}{j}" for i in "123" for j in "123")
 
 
 def product(a: Sequence[Any], b: Sequence[Any]) -> list[Any]:
-    """The product of two quaternions."""
+    """The product of two quaternions, each a sequence of four components, the real part first."""
     (a0, a1, a2, a3), (b0, b1, b2, b3) = a, b
     return [
         a0 * b0 - a1 * b1 - a2 * b2 - a3 * b3,
@@ -58,7 +58,7 @@ def unit(k: int) -> list[int]:
 
 
 def rotation(q: Sequence[Any]) -> list[list[Any]]:
-    """The rows of the matrix that turns vectors of the body into those of space, for q of any length."""
+    """The three rows of the rotation matrix of a quaternion q of any length; it turns body vectors into space."""
     conjugate = [q[0], -q[1], -q[2], -q[3]]
     square = sum(x * x for x in q)
     columns = [[x / square for x in product(product(q, unit(k)), conjugate)[1:]] for k in range(3)]
@@ -72,18 +72,19 @@ class RigidBody(Hamiltonian):
     ----------
     moments : three principal moments of inertia, positive, none larger than the sum of the others
     V : formula or expression, optional
-        The potential energy in the entries r11, ..., r33 of the rotation matrix, or in q0, ..., q3.  Default: free.
+        The potential energy in the entries r11, ..., r33 of the rotation matrix, or in q0, ..., q3.  Default: 0, the
+        free body.
 
     Attributes
     ----------
     moments : the moments as exact numbers
     V : the potential as an expression in q
-    kept : what the flow keeps besides H, name -> expression
+    kept : the invariants besides H, name -> expression
 
     Raises
     ------
     InvalidInput
-        For moments that no body has, or a formula of anything else.
+        For moments that no body has, or if V has other symbols.
 
     Examples
     --------
@@ -129,7 +130,7 @@ class RigidBody(Hamiltonian):
         return np.moveaxis(np.array([[np.asarray(x) for x in row] for row in rotation(q)]), (0, 1), (-2, -1))
 
     def grad_V(self, arithmetic: str = DOUBLE):
-        """The function q -> grad V(q); None of a free body."""
+        """Make the function q -> grad V(q) of quaternions; None for a free body."""
         if self.V == 0:
             return None
         T = codegen.value_type(self.d)
@@ -139,13 +140,13 @@ class RigidBody(Hamiltonian):
 
     @cached_property
     def pair(self) -> tuple[int, int, int]:
-        """The axes as (a, b, c): the moments of a and b are the nearest ones, measured by 1/I."""
+        """The axes 0, 1, 2 in the order (a, b, c) in which 1/I_a and 1/I_b differ least."""
         orders = [(0, 1, 2), (0, 2, 1), (1, 2, 0)]
         return min(orders, key=lambda axes: abs(1 / self.moments[axes[0]] - 1 / self.moments[axes[1]]))
 
 
 def _moments(given: Sequence[Any]) -> tuple[Any, ...]:
-    """Three moments of inertia as exact numbers."""
+    """Convert three moments of inertia to exact numbers; raises InvalidInput if no body has them."""
     try:
         found = tuple(sp.Rational(Fraction(x) if isinstance(x, (str, float, int)) else x) for x in given)
     except (TypeError, ValueError, ZeroDivisionError, OverflowError):
@@ -159,7 +160,7 @@ def _moments(given: Sequence[Any]) -> tuple[Any, ...]:
 
 
 def _potential(given: Formula, q: tuple[Any, ...]) -> Any:
-    """V as an expression in q that does not change with |q|."""
+    """Convert V to an expression in q that does not depend on |q|, with formulae in place of the entries of R."""
     entries = {name: sp.Symbol(name, real=True) for name in ENTRIES}
     if isinstance(given, str):
         given = parse(given, entries | {str(x): x for x in q})
@@ -176,7 +177,11 @@ def _potential(given: Formula, q: tuple[Any, ...]) -> Any:
 
 
 def _kept(V: Any, q: Sequence[Any], p: Sequence[Any], L: Sequence[Any], moments: Sequence[Any]) -> dict[str, Any]:
-    """What the flow keeps besides H: |q|^2, p.q, and momenta about axes around which nothing changes."""
+    """The invariants besides H, name -> expression.
+
+    They are |q|^2, p.q, the momentum about each axis of space rotations about which leave V unchanged, and that about
+    each axis of the body for which this holds and the other two moments of inertia are equal.
+    """
 
     def unchanged(turned: list[Any]) -> bool:
         return sp.simplify(sum(sp.diff(V, x) * rate for x, rate in zip(q, turned, strict=True))) == 0

@@ -1,11 +1,13 @@
-"""Find the distances to the singularities of a formula: in negative powers, logarithms and poles of tangents.
+"""Find where a Hamiltonian is singular, as distances: expressions that vanish at its singularities.
 
-Of 1/sqrt(x**2 + y**2), written in any way, it is r = sqrt(x**2 + y**2); of 1/(q - 1)**2 and log(q - 1) it is q - 1.  A
-base that is a sum of squares and a positive number, as in 1/sqrt(r**2 + 0.01), has a *softened* distance: it cannot
-vanish, so it is nothing to collide with, but steps have to follow it as they follow r.
+Singularities come from negative powers, logarithms and poles of tangents.  The distance of 1/sqrt(x**2 + y**2), written
+in any way, is r = sqrt(x**2 + y**2); that of 1/(q - 1)**2 and of log(q - 1) is q - 1.  If the base of a power is a sum
+of squares and a positive number, as in 1/sqrt(r**2 + 0.01), the distance is *softened*: it cannot vanish, so that
+nothing collides, but variable steps have to follow it as they follow r.
 
-A quadratic base is decided exactly, by completing squares.  Of any other one it is searched for zeros by numbers, from
-seeded points; one that has none is a softened distance if it is a polynomial, and else regular (2 + cos(q), cosh(q)).
+Whether a quadratic base vanishes is decided exactly, by completing squares.  Any other base is searched for zeros
+numerically, from seeded random points; one without a zero gives a softened distance if it is a polynomial, and else no
+distance at all, since it is regular (2 + cos(q), cosh(q)).
 """
 
 from __future__ import annotations
@@ -17,9 +19,10 @@ import numpy as np
 
 from phasebench.integrators.compile.lazy import sympy as sp
 
-#: Boxes in which zeros of a base are searched, and the points in each; the share of the typical size that is zero.
+#: Half-widths of the boxes in which zeros of a base are searched, the points in each, and the share of the typical size
+#: of the base below which a value counts as zero.
 BOXES, POINTS, ZERO = (0.3, 1.0, 4.0, 16.0), 200, 1e-9
-#: Nothing is searched where a base has more operations than this: fractions within fractions take minutes.
+#: No distances are searched for if a base has more operations than this: fractions within fractions take minutes.
 LONGEST = 30
 #: A polynomial of a higher degree in more variables than these is not factorized.
 FACTORIZED = 4
@@ -33,7 +36,10 @@ class Distances(NamedTuple):
 
 
 def find(H: sp.Expr, coordinates: Sequence[sp.Symbol], momenta: Sequence[sp.Symbol]) -> Distances:
-    """The distances to the singularities of H in the coordinates; bases of powers that contain momenta are left out."""
+    """Find the distances to the singularities of H in the coordinates.
+
+    Bases that contain momenta are left out.  There are no distances if a base has more operations than `LONGEST`.
+    """
     found: dict[bool, dict[sp.Expr, None]] = {True: {}, False: {}}
     bases = list(dict.fromkeys(_bases(H, {*coordinates}, {*momenta})))
     if any(map(_too_long, bases)):
@@ -68,7 +74,10 @@ def size(distance: sp.Expr) -> sp.Expr:
 
 
 def density(distances: Iterable[sp.Expr], q: Sequence[sp.Symbol], dq: Sequence[sp.Expr]) -> tuple[sp.Expr, sp.Expr]:
-    r"""(:math:`1/\sigma^2 = \sum_k |r_k|^{-3}` of the distances r_k, its time derivative along the motion q' = dq)."""
+    r"""Return two expressions: :math:`1/\sigma^2 = \sum_k |r_k|^{-3}` and its time derivative along the motion q' = dq.
+
+    The r_k are the ``distances``; variable steps are chosen proportional to :math:`\sigma`.
+    """
     terms, rates = [], []
     for r in distances:
         term = size(r) ** -3
@@ -82,9 +91,9 @@ def density(distances: Iterable[sp.Expr], q: Sequence[sp.Symbol], dq: Sequence[s
 
 
 def _bases(H: sp.Expr, coordinates: set, momenta: set) -> Iterator[sp.Expr]:
-    """Yield the expressions whose zeros are singularities of H: bases of negative powers, arguments of logarithms, ...
+    """Yield the expressions whose zeros are singularities of H, if they have coordinates and no momenta.
 
-    A tangent contributes its cosine.
+    They are the bases of negative powers, the arguments of logarithms, and for each tangent the cosine of its argument.
     """
     for e in sp.preorder_traversal(H):
         if isinstance(e, sp.Pow) and e.exp.is_number and e.exp.is_negative:
@@ -100,7 +109,7 @@ def _bases(H: sp.Expr, coordinates: set, momenta: set) -> Iterator[sp.Expr]:
 
 
 def _factors(base: sp.Expr) -> Iterator[sp.Expr]:
-    """Yield the factors of a base, without their powers, since it is zero where one of them is."""
+    """Yield the factors of an expression, without their powers: the expression is zero where one of them is."""
     exact = base.replace(lambda e: e.is_Float, lambda e: sp.Rational(float(e)))
     numerator = sp.fraction(sp.together(exact))[0]
     for f in sp.Mul.make_args(numerator):
@@ -151,7 +160,7 @@ def _of_quadratic(polynomial, variables) -> tuple[sp.Expr, bool]:
 def _squares(F: sp.Expr, variables) -> tuple[list[tuple], sp.Rational | None]:
     """Complete squares in a quadratic polynomial: ([(a, x), ...], least value) of sum a x^2 + least value.
 
-    The least value is None where there is none.  Where it is nearly zero it is known to all digits in this form alone.
+    The least value is None if F is not bounded below.  It is exact, so that one near zero loses no digits.
     """
     squares = []
     for x in variables:
@@ -165,9 +174,9 @@ def _squares(F: sp.Expr, variables) -> tuple[list[tuple], sp.Rational | None]:
 
 
 def _sign(F: sp.Expr, variables) -> int:
-    """Search a factor F for zeros by numbers: 0 if it changes its sign, +-1 if it touches zero, +-2 if it has none.
+    """Search a factor F for zeros numerically: 0 if it changes its sign, +-1 if it touches zero, +-2 if it has none.
 
-    The sign of the result is F's.
+    The sign of the result is the sign of F.
     """
     from scipy.optimize import minimize
 

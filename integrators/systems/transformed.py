@@ -1,12 +1,12 @@
-r"""Poincare's transformation of time: a Hamiltonian whose fixed steps are variable ones in time.
+r"""Poincare's transformation of time: fixed steps of the transformed Hamiltonian are variable steps in time.
 
 .. math::
     K(q, t, p, p_t) = \sigma(q)\,\bigl(H(q, p) + p_t\bigr),\qquad \frac{dt}{d\tau} = \sigma(q),
 
-with time as one more coordinate and, as its momentum, minus the energy.  From :math:`p_t = -H(q_0, p_0)` on K = 0 the
-flow of K in the fictitious time :math:`\tau` passes the states of the flow of H.  K is a Hamiltonian like any other: a
-symplectic method of the registry is symplectic in this extended phase space, its step h is one of :math:`\tau`, and the
-time of a row is its last coordinate.  K is not separable, whatever H is.
+with time as one more coordinate and, as its momentum, minus the energy.  Started with :math:`p_t = -H(q_0, p_0)`, so
+that K = 0, the flow of K in the fictitious time :math:`\tau` passes through the states of the flow of H.  K is a
+Hamiltonian like any other: a symplectic method is symplectic in this extended phase space, its step h is a step of
+:math:`\tau`, and the time of a stored state is its last coordinate.  K is not separable, whatever H is.
 
 Source: K. Zare, V. Szebehely, Celest. Mech. 11 (1975) 469-482; E. Hairer, Appl. Numer. Math. 25 (1997) 219-227; S.
 Reich, SIAM J. Numer. Anal. 36 (1999) 1549-1570.
@@ -24,9 +24,9 @@ from .singularities import size, steering_distances
 
 
 def distance_scale(system) -> sp.Expr:
-    r"""The scale :math:`\sigma = (\sum_k r_k^{-3})^{-1/2}` of the distances to the singularities of a system.
+    r"""The default scale of time :math:`\sigma = (\sum_k r_k^{-3})^{-1/2}`, an expression in the coordinates.
 
-    Raises InvalidInput where it declares none as formulae.
+    The r_k are the distances to the singularities of the system.  Raises InvalidInput if it has none as formulae.
     """
     distances = steering_distances(system)
     if not distances or not all(isinstance(r, sp.Expr) for r in distances):
@@ -35,12 +35,14 @@ def distance_scale(system) -> sp.Expr:
 
 
 class TransformedHamiltonian(Hamiltonian):
-    """The system of K = sigma (H + p_t), in which time is transformed, for a canonical system of H.
+    """The canonical system of K = sigma (H + p_t), in which time is transformed: dt/dtau = sigma.
+
+    Its coordinates are those of H and the time t, its momenta those of H and p_t, which is minus the energy.
 
     Parameters
     ----------
-    system : Hamiltonian, the system of H, of d degrees of freedom; this one has d + 1
-    scale : expression or formula in the coordinates, positive: sigma; at first `distance_scale`
+    system : Hamiltonian, the system of H, of d degrees of freedom; the transformed system has d + 1
+    scale : expression or formula in the coordinates, positive: sigma; default `distance_scale`
 
     Raises
     ------

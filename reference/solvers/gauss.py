@@ -15,7 +15,7 @@ Source: E. Hairer, C. Lubich, G. Wanner, Geometric Numerical Integration (2006),
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cache
+from functools import cache, partial
 from typing import NamedTuple
 
 import numpy as np
@@ -95,8 +95,7 @@ def right_hand_side(system):
     sides = [walk(e.xreplace(given)) for e in system.sides]
     steps = [(symbol, walk(e.xreplace(given))) for symbol, e in system.definitions]
     values = [number(c, LONG) for c in constants]
-    cse = (lambda exprs: (steps, exprs)) if steps else True
-    f = sp.lambdify([*names, *constants.values()], sides, modules="numpy", cse=cse)
+    f = sp.lambdify([*names, *constants.values()], sides, modules="numpy", cse=partial(_share, steps))
 
     def F(Y):
         out = np.empty_like(Y)
@@ -105,6 +104,22 @@ def right_hand_side(system):
         return out
 
     return F
+
+
+def _share(steps, sides):
+    """([(symbol, expression)], sides in terms of the symbols): definitions and common subexpressions, in their order.
+
+    ``steps`` are the definitions (symbol, expression) that ``sides``, a list of expressions, may contain.
+    """
+    import sympy as sp
+
+    shared, found = sp.cse([*(e for _, e in steps), *sides])
+    pending = dict(shared) | dict(zip((s for s, _ in steps), found, strict=False))
+    order = []
+    while pending:
+        ready = [s for s, e in pending.items() if not e.free_symbols & pending.keys()]
+        order += [(s, pending.pop(s)) for s in ready]
+    return order, found[len(steps) :]
 
 
 def run(system, q0, p0, marks, times, disturb: Callable[[np.ndarray], np.ndarray] = lambda y: y) -> np.ndarray:

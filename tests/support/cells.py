@@ -1,4 +1,4 @@
-"""Some rows of the table of every method on every problem, without compilation; a script that prints JSON."""
+"""Compute some rows of the table of every method on every problem, without compilation; a script that prints JSON."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Counts that a run reports, and how often it really called the system's functions: ``python counts.py`` prints JSON.
+"""Compare the counts that a run reports with the calls of the system's functions: ``python counts.py`` prints JSON.
 
 Run with NUMBA_DISABLE_JIT=1: calls of a compiled function cannot be counted.
 """
@@ -38,7 +38,7 @@ OTHERS = ("structure", "energy", "grad_T", "constraint", "velocity", "rate", "de
 
 
 def systems(m) -> list[str]:
-    """Names of the systems on which a method's calls are counted."""
+    """Return the names of the systems on which the calls of the method m are counted."""
     names = BY_TRAIT.get(m.requires[0], NAMES) if m.requires else NAMES
     return [name for name in names if runs_on(m, name)][:FEW]
 
@@ -49,7 +49,7 @@ LANED = [x for x, m in ALL.items() if m.data[:1] == ("gauss",) and gauss_lanes.s
 
 
 def watch(system, calls: Counter):
-    """Copy of the system whose functions count their calls by kind in `calls`."""
+    """Return a copy of the system whose functions (gradient, field, ...) count their calls, by kind, in ``calls``."""
     other, kind_of_system = copy.copy(system), type(system)
     other._functions = {}
 
@@ -67,14 +67,17 @@ def watch(system, calls: Counter):
 
 
 def body() -> PoissonSystem:
-    """A rigid body with a quartic term, y' = y x grad H, and a fourth variable that is constant."""
+    """Return a Poisson system: a rigid body y' = y x grad H with a quartic term, and a constant fourth variable."""
     x, y, z, rest = sp.symbols("x y z rest", real=True)
     B = [[0, -z, y, 0], [z, 0, -x, 0], [-y, x, 0, 0], [0, 0, 0, 0]]
     return PoissonSystem(q=[x, y], p=[z, rest], B=B, H=x**2 / 2 + y**2 / 3 + z**2 / 5 + x**4 / 20 + y * z / 4)
 
 
 def runs(label: str) -> dict:
-    """{name: (system, h, start)} of the runs of a method; those in `LONG` are solved by Newton's method."""
+    """Return the runs of the method with this label: {name of the run: (system, step h, initial (q, p))}.
+
+    Steps of the runs named in `LONG` are so long that their equations are solved by Newton's method.
+    """
     found = {}
     for name in systems(ALL[label]):
         system, *start = SYSTEMS[name]()
@@ -84,10 +87,12 @@ def runs(label: str) -> dict:
 
 
 def of(label: str) -> dict:
-    """{run: counts} of a method: those of the solution, "called" (counted calls) and "kernel" (counts of the kernel).
+    """Run the method with this label and count evaluations: {name of the run: counts}.
 
-    Stages in SIMD lanes are switched off, except in the run "lanes" of Gauss methods, where each call serves all
-    stages; other tests compare lane kernels with the ones that work row by row.
+    Counts are those that the solution reports, by name; "called", the calls counted in the system's functions; and
+    "kernel", the counts of the compiled step loop (kernel) when it is called directly.  The evaluation of all stages at
+    once in SIMD lanes is switched off, except in the run "lanes" of Gauss methods, where each call serves all stages;
+    other tests compare kernels with lanes with those that evaluate one stage after the other.
     """
     found = {}
     for name, (system, h, (q, p)) in runs(label).items():
@@ -102,9 +107,10 @@ def of(label: str) -> dict:
 
 
 def in_lanes(label: str) -> dict:
-    """Counts of a Gauss method with its stages in SIMD lanes, on steps that Newton's method solves.
+    """Count the evaluations of a Gauss method whose stages share SIMD lanes, on steps that Newton's method solves.
 
-    "called" is the number of counted evaluations, "kernel" and the other keys are the kernel's own counts.
+    Returns a dict: "called" is the number of evaluations counted from outside, "kernel" a dict of the kernel's own
+    counts, which are also the other entries.
     """
     prepared, calls = prepare(ALL[label], stiff.SYSTEM), []
     f, stages = prepared.step.f, prepared.step.stages
@@ -119,9 +125,10 @@ def in_lanes(label: str) -> dict:
 
 
 def kernel_counts(prepared, d: int, h: float, q, p) -> dict:
-    """Counts of steps, gradients, fallbacks and Newton solves of a kernel called as `integrate` calls it.
+    """Call a prepared step loop (kernel) as `integrate` does and return its counts, by the names in `TOLD`.
 
-    It is called for two steps, then for the rest.
+    It is called for two steps, then for the rest of `STEPS`.  d is the number of degrees of freedom, h the step, q and
+    p the initial state.
     """
     run = lay_out(prepared, d, h, q, p)
     for every in (2, STEPS - 2):

@@ -1,4 +1,4 @@
-"""Steps whose energy error E(x) is a prescribed function, to test the search for its roots."""
+"""Made-up steps whose energy error E(x) is a given function of a parameter x, to test the search for its roots."""
 
 from __future__ import annotations
 
@@ -25,9 +25,16 @@ class Curve(NamedTuple):
 
     E(x) = c_0 + c_1 x + ... + c_4 x^4 for ``below`` < x < ``above``; elsewhere the step has no solution.
 
-    E is larger by ``jump`` from x = 0.3 on. Its round-off is ``unit``; an attempt that is allowed a larger error by
-    ``ease`` errs by the fraction ``blur`` of it. Attempts are recorded in ``tried`` as (x, start, ease, units added to
-    E).
+    Attributes
+    ----------
+    y : the state at the start of the step
+    c : the five coefficients of E
+    unit : the unit of round-off of E
+    below, above : the ends of the interval of x in which the step has a solution
+    blur : an attempt whose equations need be solved only to ``ease`` units errs by the fraction ``blur`` of them
+    jump : E is larger by this from x = 0.3 on
+    tried : array, a row (x, start, ease, units added to E) for each attempt
+    many : array (1, 1), the number of attempts so far
     """
 
     y: State
@@ -43,9 +50,10 @@ class Curve(NamedTuple):
 
 @jit
 def attempt(x, start, ease, e):
-    """Stand in for a step with the parameter x, whose energy error is the made-up curve that e describes.
+    """Stand in for a step with the parameter x, whose energy error is the made-up curve of e, a `Curve`.
 
-    Its end state is x q; x, ``start`` and ``ease`` are recorded in ``e.tried``.
+    Returns an `Attempt`: an end state with x times q, E, its unit of round-off and a status.  x, ``start`` and ``ease``
+    are recorded in ``e.tried``.
     """
     n = int(e.many[0, 0])
     e.tried[n, 0], e.tried[n, 1], e.tried[n, 2] = x, start, ease
@@ -65,7 +73,15 @@ FIND = {followed: finder(attempt, followed) for followed in (True, False)}
 
 
 class Found(NamedTuple):
-    """Result of a root search: x, whether it is a root, the state, E and status of its attempt, and all attempts."""
+    """Result of a search for a root of the energy error E(x).
+
+    Attributes
+    ----------
+    x, found : the parameter, and whether it is a root
+    at : first component of q at the end of the attempt with x, by which it is recognized
+    E, status : energy error and status of that attempt
+    tried : all attempts, a row (x, start, ease, units of round-off added to E) for each
+    """
 
     x: float
     found: bool
@@ -76,7 +92,13 @@ class Found(NamedTuple):
 
 
 def look(c, models=None, predicted=np.nan, followed=True, search=NEAR, errors=(), unit=UNIT, **curve):
-    """Search for a root of the polynomial c; ``errors`` (in units of round-off) are added to the attempts in turn."""
+    """Search for a root of the energy error E(x) with the coefficients c, lowest first; return the result, a `Found`.
+
+    ``errors``, in units of round-off, are added to E in the first attempts, in turn.  ``models`` is the model of E that
+    the last step left, ``predicted`` the root extrapolated from earlier steps; ``followed`` tells whether the root may
+    be followed from step to step, ``search`` has the limits of the search.  ``curve`` may set "within" (the interval of
+    x with solutions), "blur" and "jump" of `Curve`.
+    """
     one, many, tried = value(1.0), np.zeros((1, 1)), np.zeros((1000, 4))
     tried[: len(errors), 3] = errors
     below, above = curve.get("within", (-np.inf, np.inf))
@@ -89,12 +111,12 @@ def look(c, models=None, predicted=np.nan, followed=True, search=NEAR, errors=()
 
 
 def from_roots(*roots, factor=1.0):
-    """The coefficients, lowest first, of the polynomial with these roots."""
+    """Return the coefficients, lowest first, of ``factor`` times the monic polynomial with these roots."""
     return factor * np.poly(roots)[::-1]
 
 
 def model_of(slope=0.0, curvature=0.0):
-    """The model of E that the previous step leaves: its slope and curvature."""
+    """Return a quadratic model of E(x), as the previous step leaves it, with this slope and curvature: (1, n) array."""
     models = np.zeros((1, model.NUMBERS))
     models[0, [model.SLOPE, model.CURVATURE]] = slope, curvature
     return models

@@ -1,4 +1,6 @@
-"""Measurements in multiprecision on a system of each kind, for a process with NUMBA_DISABLE_JIT=1: prints JSON.
+"""Measure properties of methods in multiprecision, on a system of each kind; a script that prints JSON.
+
+It needs a process with NUMBA_DISABLE_JIT=1.
 
 ``python exact.py NAME ...`` measures names of `multiprecision.MEASUREMENTS`. Kernels differ between separable and
 non-separable H, so every method is measured on both; of high-order compositions that differ only in their fractions,
@@ -21,24 +23,27 @@ ALL = by_label(variants() + high_order_variants())
 
 
 def one_of_each_kind(names: list[str]) -> list[str]:
-    """The names of systems without those for which another one in the list stands (`SAME_KIND`)."""
+    """Return the names of systems without those for which another one of the same kind (`SAME_KIND`) is listed."""
     return [n for n in names if SAME_KIND.get(n) not in names]
 
 
 def substeps(m: Method) -> tuple:
-    """The substeps of a composition method."""
+    """Return the substeps of a composition method, as its record holds them."""
     return m.data[1] if m.family == "parametric" else m.data
 
 
 def bare_substeps(m: Method):
-    """The substeps of a high-order composition without their lengths; None for any other method."""
+    """Return what remains of a high-order composition without the lengths of its substeps; None for other methods.
+
+    It is (family, parameter "order", set of the kinds of substeps), equal for compositions that differ in lengths only.
+    """
     if m.order <= LOW_ORDER or m.family not in ("parametric", "schemes_iv_v"):
         return None
     return m.family, m.parameters.get("order"), frozenset((row[1], row[-1]) for row in substeps(m))
 
 
 def _shortest() -> dict:
-    """{set of substeps: label of the shortest composition with it}."""
+    """Return {kinds of substeps: label of the shortest composition made of them}, for high-order compositions."""
     found: dict = {}
     for label, m in sorted(ALL.items(), key=lambda item: len(substeps(item[1]))):
         found.setdefault(bare_substeps(m), label)
@@ -49,23 +54,29 @@ SHORTEST = _shortest()
 
 
 def shortest(label: str) -> str:
-    """Label of the shortest composition with the same substeps up to their lengths, or the label itself."""
+    """Return the label of the shortest composition with the same kinds of substeps; other methods keep their label."""
     return SHORTEST.get(bare_substeps(ALL[label]), label)
 
 
 def systems_for(what: str, label: str) -> list[str]:
-    """Names of the systems on which property ``what`` of method ``label`` is measured."""
+    """Return the names of the systems on which the property ``what`` of the method with this label is measured.
+
+    A high-order composition that is not the shortest of its kind is measured on separable systems only.
+    """
     names = one_of_each_kind(multiprecision.CELLS[what][1](ALL[label]))
     return names if shortest(label) == label else [n for n in names if n not in NON_SEPARABLE]
 
 
 def cells(what: str) -> list[tuple[str, str]]:
-    """All (label of a method, system) for which a measurement is made in this module."""
+    """List all (method's label, system's name) for which this module makes the measurement ``what``."""
     return [(label, name) for label in ALL for name in systems_for(what, label)]
 
 
 def measurements(what: str) -> dict:
-    """Results of a measurement of `multiprecision` on this module's methods and systems: {label: {system: value}}."""
+    """Make the measurement ``what`` of `multiprecision` on this module's methods and systems.
+
+    Returns {method's label: {system: value}}.
+    """
     if what not in multiprecision.CELLS:
         return multiprecision.MEASUREMENTS[what]()
     out: dict = {label: {} for label in ALL}

@@ -19,7 +19,7 @@ only_there = pytest.mark.skipif(
 
 
 def flush(on: bool = True) -> None:
-    """Switch flushing to zero on or off."""
+    """Switch on or off that the processor flushes denormal numbers to zero."""
     library = ctypes.CDLL(None)
     environment = ctypes.create_string_buffer(floating.ROOM)
     library.fegetenv(environment)

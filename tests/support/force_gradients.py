@@ -1,4 +1,4 @@
-"""Steps of force gradients beside a plain implementation in 30 digits and more: ``python force_gradients.py``.
+"""Compare force-gradient methods with a plain implementation in 40 digits: ``python force_gradients.py``.
 
 Run with NUMBA_DISABLE_JIT=1, as multiprecision needs; prints JSON.
 """
@@ -28,22 +28,26 @@ SPOILED = mpmath.mpf("1e-18")
 
 
 def gradient(x, y):
-    """grad V, by hand."""
+    """Return grad V at (x, y), written by hand for the potential of `SYSTEM`."""
     return -mpmath.sin(x) / 3 + x * y**2 + y**3 / 5, x**2 * y + y**3 + 3 * x * y**2 / 5
 
 
 def hessian(x, y):
-    """V_xx, V_xy, V_yy, by hand."""
+    """Return (V_xx, V_xy, V_yy) at (x, y), written by hand for the potential of `SYSTEM`."""
     return -mpmath.cos(x) / 3 + y**2, 2 * x * y + 3 * y**2 / 5, x**2 + 3 * y**2 + 6 * x * y / 5
 
 
 def velocity(u, v):
-    """M^-1 p, by hand."""
+    """Return M^-1 p for p = (u, v), written by hand for the mass matrix M of `SYSTEM`."""
     return 2 * u + v, u + 2 * v
 
 
 def plain(weights, free, steps):
-    """End of a run: for each (a, b, c) a drift, then a kick, with the Hessian or ``free`` of it."""
+    """Integrate `SYSTEM` by a force-gradient method, programmed plainly; return the end state (x, y, u, v).
+
+    Each (a, b, c) of ``weights`` is a drift by a h, then a kick by b h with the force gradient's weight c.  The force
+    gradient is that of the Hessian, or, if ``free``, a gradient at a shifted position.
+    """
     (x, y), (u, v) = (tuple(map(mpmath.mpf, part)) for part in START)
     h = mpmath.mpf(H)
     for _ in range(steps):
@@ -63,7 +67,7 @@ def plain(weights, free, steps):
 
 
 def closed_forms():
-    """Weights (a, b, c) in closed form, as the papers have them."""
+    """Return {method's id: weights (a, b, c) of drifts, kicks and force gradients}, in closed form, from the papers."""
     one, root = mpmath.mpf(1), mpmath.sqrt(3)
     side, c = (1 - 1 / root) / 2, (2 - root) / 48
     third = [(0, one / 6, 0), (one / 2, 2 * one / 3, one / 72), (one / 2, one / 6, 0)]
@@ -81,12 +85,16 @@ def closed_forms():
 
 
 def apart(a, b) -> float:
-    """Largest difference of two sequences."""
+    """Return the largest difference of two sequences, entry by entry."""
     return float(max(abs(x - y) for x, y in zip(a, b, strict=True)))
 
 
 def of(id: str) -> dict:
-    """Distances from the plain runs and of spoiled plain runs, their ends, and structure defects of a step."""
+    """Compare the force-gradient method ``id`` with the plain implementation.
+
+    Returns a dict: "distance" from plain runs, "control" (distance of plain runs with slightly wrong weights) and
+    "ends" (end states), for each number of `STEPS`, and the defects of `structure`.
+    """
     free, out = ALL[id].data[1], {"distance": [], "control": [], "ends": []}
     with precision(DIGITS):
         weights = closed_forms().get(id, rows(tables.FILE.steps(id)))
@@ -101,7 +109,10 @@ def of(id: str) -> dict:
 
 
 def structure(id: str) -> dict:
-    """Defects of the volume and of the symplectic form of a step on Henon-Heiles."""
+    """Return the defects "volume", |det J - 1|, and "form", |J^T Omega J - Omega|, of a step on Henon-Heiles.
+
+    J is the Jacobian of a step of the method ``id``, Omega the symplectic form.
+    """
     system, y = start("henon-heiles")
     J = jacobian(lambda x: advance(system, method(id), x, mpmath.mpf(1) / 8), y, displacement())
     M = mpmath.matrix([[mpmath.mpf(str(x)) for x in row] for row in J])

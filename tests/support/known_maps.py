@@ -1,4 +1,4 @@
-"""Step matrices on the oscillator against the exact ones of the methods' formulas; a script that prints JSON."""
+"""Compare step matrices on the harmonic oscillator with the exact ones of the methods' formulas; prints JSON."""
 
 from __future__ import annotations
 
@@ -16,7 +16,10 @@ H = 0.3
 
 
 def of(id: str) -> float:
-    """Largest difference of a method's step matrix on the oscillator from the exact matrix of its formula."""
+    """Return the largest difference of a method's step matrix on the oscillator from the exact matrix of its formula.
+
+    ``id`` is the method's; the step is `H`.
+    """
     with mpmath.workdps(brouwer.DIGITS):
         exact = np.array(exact_maps.exact_matrix(id, {}, H).tolist(), float)
     return float(np.abs(exact - oscillator.matrix(integrator(id), H)).max())

@@ -1,4 +1,4 @@
-"""Multiprecision measurements in this process, which compiles nothing; each cell is measured on first access."""
+"""Multiprecision measurements in this process, which compiles nothing; each number is measured on first access."""
 
 from __future__ import annotations
 
@@ -31,7 +31,10 @@ class Lazily(Mapping):
 
 
 def lazy_measurements(what: str) -> Mapping:
-    """Results of a multiprecision measurement, {method's label: {system: value}}, computed on first access."""
+    """Return the results of the multiprecision measurement ``what``, {method's label: {system: value}}.
+
+    Each value is computed on first access, if the measurement is made system by system.
+    """
     if what not in multiprecision.CELLS:
         with precision(multiprecision.DIGITS):
             return measurements(what)

@@ -1,4 +1,7 @@
-"""End states of short runs, for a process with NUMBA_DISABLE_JIT=1: ``python plain.py`` prints JSON."""
+"""Compute end states of short runs of every method without compilation: ``python plain.py`` prints JSON.
+
+It needs a process with NUMBA_DISABLE_JIT=1.
+"""
 
 from __future__ import annotations
 
@@ -21,16 +24,19 @@ FEWEST = {"gauss": "gauss-2", "hbvm": "hbvm-4-2", "gauss-equip": "gauss-equip-2"
 
 
 def systems_for(m) -> list[str]:
-    """Names of the systems on which a method runs here.
+    """Return the names of the systems, of `NAMES`, on which the method m runs here.
 
-    Of methods that differ only in their numbers of nodes, one runs on the second system.
+    Of methods that differ only in their number of quadrature nodes, one runs on the second system.
     """
     kind = re.sub(r"(-\d+)+$", "", m.id)
     return [n for n in NAMES if runs_on(m, n) and (n == NAMES[0] or FEWEST.get(kind, m.id) == m.id)]
 
 
 def end_states():
-    """{label: {system: [status, end state]}}; numbers in hexadecimal, which is exact."""
+    """Run every method on its systems: {method's label: {system's name: [status, end state (q, p)]}}.
+
+    Numbers are texts in hexadecimal, which is exact; if a run raises, the status is the exception's text.
+    """
     out = {}
     for m in METHODS:
         out[m.label] = {}

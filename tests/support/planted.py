@@ -1,4 +1,4 @@
-"""Our own methods wrapped as peers, so that tests can plant a false claim or a failing run."""
+"""Wrap this project's methods as peers (integrators of other packages), so that tests can plant false claims."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from phasebench.reference.peers.record import Claims, Peer, Run, Task
 
 
 def as_peer(record) -> Peer:
-    """A `Method` as a peer record that claims what the method declares."""
+    """Wrap a `Method` as the record of a peer (another package's integrator) that claims what the method declares."""
 
     def run(task: Task) -> Run:
         from phasebench.integrators.driver import integrate
@@ -33,5 +33,5 @@ def as_peer(record) -> Peer:
 
 
 def control(id: str) -> Peer:
-    """The method of this project with that id, as a peer."""
+    """Return the method of this project with this id, wrapped as a peer (another package's integrator)."""
     return as_peer(method(id))

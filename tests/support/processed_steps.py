@@ -1,4 +1,4 @@
-"""Runs of processed methods beside a plain implementation in 40 digits: ``python processed_steps.py`` prints JSON.
+"""Compare processed methods with a plain implementation in 40 digits: ``python processed_steps.py`` prints JSON.
 
 Run with NUMBA_DISABLE_JIT=1, as multiprecision needs.
 """
@@ -24,19 +24,23 @@ SPOILED = mpmath.mpf("1e-18")
 
 
 def kick(state, h):
-    """exp(h B), by hand."""
+    """Apply the kick exp(h B) of `SYSTEM`, written by hand, to a state (x, y, u, v); return the new state."""
     x, y, u, v = state
     return x, y, u - h * (-mpmath.sin(x) / 3 + x * y**2), v - h * (x**2 * y + y**3)
 
 
 def drift(state, h):
-    """exp(h A), by hand."""
+    """Apply the drift exp(h A) of `SYSTEM`, written by hand, to a state (x, y, u, v); return the new state."""
     x, y, u, v = state
     return x + h * (2 * u + v), y + h * (u + 2 * v), u, v
 
 
 def act(state, steps, h):
-    """Apply fractions g, each half a kick, a drift and half a kick, or pairs (letter, weight), to a state."""
+    """Apply a sequence of substeps to a state (x, y, u, v); return the new state.
+
+    A substep is a number g, for a Stormer-Verlet step of length g h (half a kick, a drift, half a kick), or a pair of a
+    letter and a weight g, for a drift ("A") or a kick by g h.
+    """
     for x in steps:
         if isinstance(x, tuple):
             state = (drift if x[0] == "A" else kick)(state, x[1] * h)
@@ -46,7 +50,11 @@ def act(state, steps, h):
 
 
 def plain(pre, kernel, post, steps):
-    """End of a run: the processor, the kernel so many times, the inverse of the processor."""
+    """Integrate `SYSTEM` by a processed method, programmed plainly; return the end state (x, y, u, v).
+
+    The substeps ``pre`` (processor) are applied first, then ``kernel`` as often as ``steps`` says, then ``post`` (the
+    inverse of the processor).
+    """
     h, state = mpmath.mpf(H), tuple(map(mpmath.mpf, (*START[0], *START[1])))
     state = act(state, pre, h)
     for _ in range(steps):
@@ -55,12 +63,16 @@ def plain(pre, kernel, post, steps):
 
 
 def apart(a, b) -> float:
-    """Largest difference of two sequences."""
+    """Return the largest difference of two sequences, entry by entry."""
     return float(max(abs(x - y) for x, y in zip(a, b, strict=True)))
 
 
 def of(id: str) -> dict:
-    """Distances from the plain runs and of spoiled plain runs, and their ends."""
+    """Compare the processed method ``id`` with the plain implementation.
+
+    Returns a dict of lists with an entry for each number of `STEPS`: "distance" from the plain run, "control" (distance
+    of a plain run with a slightly wrong processor) and "ends" (end states).
+    """
     out = {"distance": [], "control": [], "ends": []}
     with precision(DIGITS):
         table = processed.FILE.tables[id]

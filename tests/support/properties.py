@@ -1,7 +1,8 @@
-"""Structural properties of methods over random systems, for a process with NUMBA_DISABLE_JIT=1: prints JSON.
+"""Measure structural properties of methods on random systems: symplecticity, symmetry, conservation; prints JSON.
 
-Each property of the methods in `METHODS` is measured in multiprecision, then once more with one coefficient of the
-kernel changed by the relative amount `SLIP`. Runs in double precision follow.
+It needs a process with NUMBA_DISABLE_JIT=1. Each property of the methods in `METHODS` is measured in multiprecision,
+then once more, for some, with one coefficient of the method changed by the relative amount `SLIP`. Runs in double
+precision follow.
 """
 
 from __future__ import annotations
@@ -73,8 +74,12 @@ WITH_LAMBDA = ("scheme-i", "scheme-ii", "generating-function")
 class Slip(NamedTuple):
     """A planted fault: a coefficient of a method's step is off by the relative amount `SLIP`.
 
-    It is the first entry of the array ``field`` other than 0 and 1, or ``all`` such entries. ``breaks`` and ``keeps``
-    list the properties that the fault destroys and those that it does not.
+    Attributes
+    ----------
+    id : the method
+    field : name of the array of coefficients; its first entry other than 0 and 1 is changed
+    breaks, keeps : the properties that the fault destroys, and those that it does not
+    all : True if all entries other than 0 and 1 are changed
     """
 
     id: str
@@ -104,50 +109,62 @@ SLIPS = (
 
 
 def lam_of(record, case: Case):
-    """(method with the case's lambda if it takes one, step size, which is reduced for a large lambda)."""
+    """Return (the method, with the random case's lambda if it takes one, step size).
+
+    The step is reduced for a large lambda.
+    """
     if "lam" not in record.parameters:
         return record, case.h
     return record(lam=case.lam), case.h / (1 + abs(case.lam))
 
 
 def start(case: Case):
-    """Initial state (q, p) of a random system, as one vector."""
+    """Return the initial state (q, p) of a random case, as one vector of multiprecision numbers."""
     return vector([*case.q, *case.p])
 
 
 def symplecticity(record, case: Case):
-    """Defect of the symplectic form, on one pair of tangent vectors, in a step on a random system."""
+    """Return the defect of the symplectic form, on one pair of tangent vectors, in a step of a method on a random case.
+
+    ``record`` is the method.
+    """
     record, h = lam_of(record, case)
     return pair_defect(lambda y: advance(case.system, record, y, h), start(case))
 
 
 def take_steps(record, case: Case, y, h, steps=1):
-    """State after some steps; NaN if it is the initial one, as a step that does nothing would preserve everything."""
+    """Return the state after some steps h of a method from the state y.
+
+    NaN if it is still y: a step that does nothing would preserve everything.
+    """
     end = advance(case.system, record, y, h, steps)
     return end if max(abs(end - y)) > 1e-9 else end * float("nan")
 
 
 def return_distance(record, back, h, case: Case):
-    """Distance from the start after a step h of one method and a step -h of ``back``."""
+    """Return the distance from the start after a step h of the method ``record`` and a step -h of ``back``."""
     y = start(case)
     return max(abs(take_steps(back, case, take_steps(record, case, y, h), -h) - y))
 
 
 def symmetry(record, case: Case):
-    """Distance from the start after a step h and a step -h."""
+    """Return the distance from the start after a step h and a step -h of a method: 0 if it is symmetric."""
     record, h = lam_of(record, case)
     return return_distance(record, record, h, case)
 
 
 def adjoint(record, case: Case):
-    """Distance from the start after a step h and a step -h of the adjoint method."""
+    """Return the distance from the start after a step h of a method and a step -h of its declared adjoint.
+
+    It is 0 if the other method is the adjoint.
+    """
     other = ADJOINTS.get(record.id)
     record, h = lam_of(record, case)
     return return_distance(record, method(other) if other else record(lam=1 - case.lam), h, case)
 
 
 def change(quantity: Callable, record, case: Case):
-    """Change of a function of (q, p) in two steps."""
+    """Return the change of ``quantity``, a function of (q, p), in two steps of a method on a random case."""
     record, h = lam_of(record, case)
     y = start(case)
     end = take_steps(record, case, y, h, steps=2)
@@ -155,19 +172,19 @@ def change(quantity: Callable, record, case: Case):
 
 
 def energy(record, case: Case):
-    """Change of H of a random system in two steps."""
+    """Return the change of H in two steps of a method on a random case."""
     H = case.system.energy("multiprecision")
     return change(lambda q, p: H(q, p)[0], record, case)
 
 
 def linear(record, case: Case):
-    """Change of a random system's linear invariant w.(q, p) in two steps."""
+    """Return the change of a random case's linear invariant w.(q, p) in two steps of a method."""
     w = np.array(case.linear, dtype=object)
     return change(lambda q, p: w @ np.concatenate([q, p]), record, case)
 
 
 def bilinear(record, case: Case):
-    """Change of a random system's invariant q.D p in two steps."""
+    """Return the change of a random case's invariant q.D p in two steps of a method."""
     D = np.array(case.bilinear, dtype=object)
     return change(lambda q, p: q @ D @ p, record, case)
 
@@ -176,7 +193,10 @@ MEASURES = {f.__name__: f for f in (symplecticity, symmetry, adjoint, energy, li
 
 
 def kind(record) -> str:
-    """Kind of system that a method requires, one of `random_systems.KINDS` or "fast"."""
+    """Return the kind of random system on which a method is measured, one of `random_systems.KINDS` or "fast".
+
+    "fast" is a system with a linear part of declared frequencies.
+    """
     if record.id == "hbvm-4-2":
         return "polynomial"  # of degree 4: for other H the quadrature error limits conservation
     traits = {"linear fast part": "fast", "quadratic kinetic energy": "quadratic"}
@@ -184,7 +204,10 @@ def kind(record) -> str:
 
 
 def systems(what: str, record) -> tuple[Callable, str, int] | None:
-    """How to draw random systems for a property of a method, (strategy, kind, largest d); None if not measured."""
+    """Return how to draw random systems on which the property ``what`` of a method is measured.
+
+    It is (Hypothesis strategy, kind of system, largest number d of degrees of freedom); None if it is not measured.
+    """
     # The code generated for a generating function grows with the order and with d.
     of, largest = kind(record), {"generating-function": 1, "scheme-ii": 2}.get(record.id, 3)
     if what not in ("linear", "bilinear"):
@@ -194,16 +217,20 @@ def systems(what: str, record) -> tuple[Callable, str, int] | None:
 
 
 def examples(what: str, record) -> int:
-    """Number of cases: fewer where code generation or a failing search for roots takes long."""
+    """Return the number of random systems on which the property ``what`` of a method is measured.
+
+    It is smaller where code generation, or a failing search for a root, takes long.
+    """
     if what not in ("linear", "bilinear"):
         return 10
     return 4 if record.id == "scheme-ii" or record.family in ("schemes_iv_v", "equip") else 6
 
 
 def measure_property(what: str, id: str) -> dict:
-    """The largest violation of a property by a method over random systems.
+    """Find the largest violation of the property ``what`` by the method ``id`` over random systems.
 
-    {"drawn", "judged": numbers of systems, "worst": largest defect, "case": where it occurs}.
+    Returns {"drawn": number of systems, "judged": number of those on which the steps have a solution, "worst": largest
+    defect, "case": the system where it occurs, as text}.
     """
     record = method(id)
     found = {"drawn": 0, "judged": 0, "worst": 0.0, "case": ""}
@@ -223,15 +250,18 @@ def measure_property(what: str, id: str) -> dict:
 
 @cache
 def draw_cases(strategy: Callable, kind: str, largest: int, n: int) -> list[Case]:
-    """n random cases of a kind, the same ones for every method, so that code is generated once."""
+    """Draw n random cases (systems with an initial state) of a kind, with at most ``largest`` degrees of freedom.
+
+    They are the same for every method, so that code is generated once.
+    """
     return draws(strategy(kind, largest), n)
 
 
 @contextmanager
 def plant(slip: Slip):
-    """Context in which a method's coefficients have the planted fault.
+    """Context manager in which a method's coefficients have the planted fault.
 
-    Entries 0 and 1 are structure and stay, except in a field of signs.
+    Entries 0 and 1 are structure and stay, except in an array of signs.
     """
     family = importlib.import_module(f"phasebench.integrators.families.{method(slip.id).family}")
     right = family.prepare
@@ -252,14 +282,17 @@ def plant(slip: Slip):
 
 
 def cells() -> list[tuple[str, str]]:
-    """(property, method) of all measurements of unmodified methods."""
+    """List (property, method's id) of all measurements of methods without a planted fault."""
     plain = [(what, id) for what in MEASURES if what != "adjoint" for id in METHODS]
     plain += [("adjoint", id) for id in (*ADJOINTS, *WITH_LAMBDA)]
     return [(what, id) for what, id in plain if systems(what, method(id)) is not None]
 
 
 def of_all() -> dict:
-    """{property: {method or label of a planted fault: result of `measure_property`}}."""
+    """Measure all properties of all methods, also with planted faults.
+
+    Returns {property: {method's id or label of the planted fault: result of `measure_property`}}.
+    """
     out: dict = {what: {} for what in MEASURES}
     for what, id in cells():
         out[what][id] = measure_property(what, id)
@@ -276,7 +309,10 @@ STEPS, STARTS = 10, 12
 
 
 def ends() -> list[dict]:
-    """Runs of `COMPILED` in double precision: rows with the case, the status and the end state."""
+    """Run the methods in `COMPILED` in double precision on random systems.
+
+    Returns rows, each with the method's id, the system and its initial state, the status and the end state.
+    """
     rows: list[dict] = []
     for kind, formulae in (("any", 2), ("unit", 1)):  # few formulas to compile, many states
         of_kind = cases(kind, largest=2, least=2).filter(lambda c, unit=kind == "unit": c.system.separable == unit)
@@ -288,7 +324,10 @@ def ends() -> list[dict]:
 
 
 def run(case: Case, id: str) -> dict:
-    """{"status", "end"} of a run of a method in double precision; the end state is in hexadecimal."""
+    """Run a method on a random case in double precision: {"status": ..., "end": end state (q, p)}.
+
+    The numbers are texts in hexadecimal, which is exact.
+    """
     record, h = lam_of(method(id), case)
     q, p = ([float(x) for x in y] for y in (case.q, case.p))
     s = integrate(case.system, record, h=float(h), steps=STEPS, q0=q, p0=p)

@@ -28,10 +28,17 @@ LAMBDAS = st.one_of(st.fractions(-1, 2, max_denominator=8), st.fractions(-40, 40
 
 @dataclass(frozen=True)
 class Case:
-    """A random H of d degrees of freedom with an initial state, a step h and lambda.
+    """A random Hamiltonian with an initial state, a step and a parameter of methods.
 
-    ``fast``: frequencies of a declared linear part; ``linear``: coefficients of an invariant linear in (q, p);
-    ``bilinear``: rows of D of an invariant q.D p.
+    Attributes
+    ----------
+    d : number of degrees of freedom
+    H : formula of the Hamiltonian in q1, ..., qd, p1, ..., pd
+    q, p : the initial state
+    h, lam : the step, and lambda for the methods that take it
+    fast : frequencies of a declared linear part, or ()
+    linear : coefficients of an invariant linear in (q, p), or ()
+    bilinear : rows of D of an invariant q.D p, or ()
     """
 
     d: int
@@ -46,7 +53,7 @@ class Case:
 
     @classmethod
     def read(cls, fields: dict) -> Case:
-        """The case from a dict read from JSON, with fractions as text."""
+        """Make a case from a dict that was read from JSON, with fractions as text; invariants are left out."""
         d, H, q, p, h, lam, fast = (fields[x] for x in ("d", "H", "q", "p", "h", "lam", "fast"))
         return cls(
             d, H, *(tuple(map(Fraction, x)) for x in (q, p)), Fraction(h), Fraction(lam), tuple(map(Fraction, fast))
@@ -59,24 +66,28 @@ class Case:
 
 @cache
 def system(d: int, H: str, fast: tuple = ()) -> Hamiltonian:
-    """The Hamiltonian of a formula in q1, ..., qd, p1, ..., pd."""
+    """Build the `Hamiltonian` of a formula in q1, ..., qd, p1, ..., pd; ``fast`` has frequencies of a linear part."""
     q, p = names(d)
     return Hamiltonian(q=q, p=p, H=H, frequencies=fast)
 
 
 def names(d: int) -> tuple[list[str], list[str]]:
-    """Names of the variables: (q1, ..., qd), (p1, ..., pd)."""
+    """Return the names of the variables: (["q1", ..., "qd"], ["p1", ..., "pd"])."""
     return [f"q{i + 1}" for i in range(d)], [f"p{i + 1}" for i in range(d)]
 
 
 def squares(atoms) -> str:
-    """Text of half the sum of squares of the expressions ``atoms``."""
+    """Return the formula, as text, of half the sum of squares of the expressions ``atoms``."""
     return "(" + " + ".join(f"({a})**2" for a in atoms) + ")/2"
 
 
 @st.composite
 def term(draw, atoms, polynomial, degree):
-    """Formula of a monomial of degree 2 to ``degree``, or of a function of a linear combination of atoms."""
+    """Draw a formula (a Hypothesis strategy): a monomial in atoms, or a function of a linear combination of them.
+
+    ``atoms`` are expressions as text.  A monomial has a degree from 2 to ``degree``; if ``polynomial``, only monomials
+    are drawn.
+    """
     c = draw(WHOLE)
     name = "" if polynomial else draw(st.sampled_from(("", "sin", "cos", "exp", "sqrt")))
     if not name:
@@ -88,19 +99,25 @@ def term(draw, atoms, polynomial, degree):
 
 
 def terms(atoms, polynomial=False, degree=4):
-    """Formula of a sum of two or three terms; choose a low ``degree`` if the atoms are quadratic themselves."""
+    """Return a Hypothesis strategy for formulas: sums of two or three terms (see `term`) in the expressions ``atoms``.
+
+    Choose a low ``degree`` if the atoms are quadratic themselves.
+    """
     return st.lists(term(atoms, polynomial, degree), min_size=2, max_size=3).map(" + ".join)
 
 
 @st.composite
 def masses(draw, p):
-    """A kinetic energy p.M^-1 p / 2 with a diagonal M of unequal entries."""
+    """Draw the formula of a kinetic energy p.M^-1 p / 2 with a diagonal M (a Hypothesis strategy)."""
     return " + ".join(f"{draw(st.sampled_from((1, 2, 3)))}*{x}**2/2" for x in p)
 
 
 @st.composite
 def complete(draw, d, H, **facts):
-    """Draw a state without zero components, a step and lambda for a formula H: a `Case`."""
+    """Draw a state without zero components, a step and lambda for a formula H: a `Case` (a Hypothesis strategy).
+
+    ``facts`` are further fields of the case.
+    """
     component = st.sampled_from([Fraction(s * n, 16) for n in range(2, 15) for s in (1, -1)])
     state = st.lists(component, min_size=d, max_size=d).map(tuple)
     h = draw(st.sampled_from([Fraction(1, n) for n in (32, 40, 64)]))
@@ -109,7 +126,10 @@ def complete(draw, d, H, **facts):
 
 @st.composite
 def cases(draw, kind="any", largest=LARGEST, least=1):
-    """A system of a kind of `KINDS`, or "fast" with a declared linear part, with least <= d <= largest."""
+    """Draw a `Case` of a kind of `KINDS`, or "fast" with a declared linear part (a Hypothesis strategy).
+
+    The number d of degrees of freedom is between ``least`` and ``largest``.
+    """
     d = draw(st.integers(least, largest))
     q, p = names(d)
     if kind == "fast":
@@ -130,7 +150,10 @@ def cases(draw, kind="any", largest=LARGEST, least=1):
 
 @st.composite
 def with_linear(draw, kind="any", largest=LARGEST):
-    """A system with a linear invariant w.(q, p); for a kind other than "any" a weighted total momentum."""
+    """Draw a `Case` whose H has a linear invariant w.(q, p) (a Hypothesis strategy).
+
+    For a kind other than "any" the invariant is a weighted total momentum, and T is quadratic.
+    """
     d = draw(st.integers(2, largest))
     q, p = names(d)
     if kind != "any":
@@ -146,9 +169,10 @@ def with_linear(draw, kind="any", largest=LARGEST):
 
 
 def rotation(q, p):
-    """Functions that rotations of (q1, q2) and (p1, p2) leave unchanged: (D, their formulae), with q.D p the invariant.
+    """Return (D, formulas of functions that rotations of (q1, q2) and (p1, p2) leave unchanged).
 
-    Any H of these formulae keeps q.D p. The other coordinates are formulae themselves.
+    Any H that is a function of these formulas has the invariant q.D p, D an array (d, d). The formulas include all
+    other coordinates and momenta. ``q`` and ``p`` are names or formulas of the variables.
     """
     D = np.zeros((len(q), len(q)), int)
     D[0, 1], D[1, 0] = 1, -1
@@ -157,15 +181,22 @@ def rotation(q, p):
 
 
 def dilation(q, p):
-    """As `rotation`, for dilations q -> s q, p -> p / s of the first two coordinates: (D, the unchanged formulae)."""
+    """Return (D, formulas of functions that dilations q -> s q, p -> p / s of a plane leave unchanged).
+
+    The plane is that of the first two coordinates.  Any H that is a function of these formulas has the invariant q.D p,
+    as for `rotation`.
+    """
     D = np.diag([1, 1, *[0] * (len(q) - 2)])
     return D, [f"{x}*{v}" for x in q[:2] for v in p[:2]] + [*q[2:], *p[2:]]
 
 
 @st.composite
 def with_bilinear(draw, kind="any", largest=LARGEST):
-    """A system with an invariant q.D p: rotations or dilations of a plane in sheared coordinates, or a central force if
-    the kind asks for a quadratic T."""
+    """Draw a `Case` whose H has an invariant q.D p (a Hypothesis strategy).
+
+    H is unchanged by rotations or dilations of a plane in sheared coordinates; for a kind other than "any", T is
+    quadratic and the force central.
+    """
     d = draw(st.integers(2, largest))
     q, p = names(d)
     if kind != "any":
@@ -181,12 +212,12 @@ def with_bilinear(draw, kind="any", largest=LARGEST):
 
 
 def rows(D) -> tuple[tuple[int, ...], ...]:
-    """Rows of a matrix as tuples of int."""
+    """Return the rows of a matrix as tuples of int."""
     return tuple(tuple(map(int, row)) for row in D)
 
 
 def draws(strategy, n: int) -> list[Case]:
-    """n cases of a strategy, the same ones on every call."""
+    """Draw n cases from a Hypothesis strategy, the same ones on every call."""
     found: list[Case] = []
 
     @settings(max_examples=n, derandomize=True, database=None, deadline=None, suppress_health_check=list(HealthCheck))

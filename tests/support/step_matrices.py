@@ -1,4 +1,7 @@
-"""Exact step matrices on the oscillator q' = z p, p' = -z q, from the published coefficients of methods."""
+"""Exact step matrices of methods on the oscillator q' = z p, p' = -z q, from their published coefficients.
+
+A step matrix maps (q, p) to the state after one step of length 1; its entries are functions of the symbol z = `Z`.
+"""
 
 from __future__ import annotations
 
@@ -13,17 +16,17 @@ DIGITS, TINY, NEAR = 60, sp.Float("1e-45"), sp.Float("1e-18")
 
 
 def kick(c):
-    """Matrix of p -> p - c z q on (q, p)."""
+    """Return the matrix of the kick p -> p - c z q on (q, p)."""
     return sp.Matrix([[1, 0], [-c * Z, 1]])
 
 
 def drift(c):
-    """Matrix of q -> q + c z p on (q, p)."""
+    """Return the matrix of the drift q -> q + c z p on (q, p)."""
     return sp.Matrix([[1, c * Z], [0, 1]])
 
 
 def product(*matrices):
-    """Product of step matrices, the first argument applied first."""
+    """Return the product of step matrices, the first argument applied first."""
     total = sp.eye(2)
     for M in matrices:
         total = (M * total).applyfunc(sp.expand)
@@ -31,22 +34,28 @@ def product(*matrices):
 
 
 def splitting(drifts, kicks):
-    """Step matrix of the splitting method that applies kick k before drift k."""
+    """Return the step matrix of the splitting method that applies kick k before drift k, k = 1, 2, ...
+
+    ``drifts`` and ``kicks`` are their lengths, equally many.
+    """
     return product(*(M for a, b in zip(drifts, kicks, strict=True) for M in (kick(b), drift(a))))
 
 
 def two_stages(b):
-    """Step matrix of the symmetric splitting with kicks b, 1 - 2 b, b and drifts 1/2 between them."""
+    """Return the step matrix of the symmetric splitting with kicks b, 1 - 2 b, b and drifts 1/2 between them."""
     return product(kick(b), drift(HALF), kick(1 - 2 * b), drift(HALF), kick(b))
 
 
 def verlets(*fractions):
-    """Step matrix of a composition of Stormer-Verlet steps of these fractions."""
+    """Return the step matrix of a composition of Stormer-Verlet steps whose lengths are these fractions of the step."""
     return product(*(M for c in fractions for M in (kick(c / 2), drift(c), kick(c / 2))))
 
 
 def parametric(*substeps):
-    """Step matrix of a composition of substeps (c, lam): dq = c z (p + lam dp), dp = -c z (q + (1 - lam) dq)."""
+    """Return the step matrix of a composition of substeps (c, lam) of Scheme I.
+
+    A substep is dq = c z (p + lam dp), dp = -c z (q + (1 - lam) dq).
+    """
     total = sp.eye(2)
     for c, lam in substeps:
         x = c * Z
@@ -56,7 +65,10 @@ def parametric(*substeps):
 
 
 def runge_kutta(A, b, conjugate=None):
-    """Step matrix of a partitioned Runge-Kutta method with tableau A for q and ``conjugate`` for p (default A)."""
+    """Return the step matrix of a partitioned Runge-Kutta method with weights b.
+
+    The tableau is A for q, and ``conjugate`` (default A) for p.
+    """
     A, s = sp.Matrix(A), len(b)
     C = A if conjugate is None else sp.Matrix(conjugate)
     left = sp.eye(2 * s)
@@ -69,7 +81,10 @@ def runge_kutta(A, b, conjugate=None):
 
 
 def pade(above: int, below: int):
-    """Matrix of the method whose stability function is the Pade approximation of exp with these degrees."""
+    """Return the step matrix of the method whose stability function is a Pade approximation of exp.
+
+    ``above`` and ``below`` are the degrees of its numerator and denominator.
+    """
     x = sp.Symbol("x")
 
     def series(k, j):
@@ -85,10 +100,10 @@ def pade(above: int, below: int):
 
 
 def first_end(M):
-    """The z at which the interval of stable steps from 0 ends; M(z) is a step matrix on the oscillator.
+    """Return the z at which the interval of stable steps from 0 ends; M(z) is a step matrix on the oscillator.
 
-    0 if there is no such interval, infinity if it is unbounded. The eigenvalues lie in the unit disc if 1 - tr + det, 1
-    + tr + det and 1 - det are not negative (Jury).
+    0 if there is no such interval, infinity if it is unbounded. The eigenvalues lie in the unit disc if 1 - tr + det,
+    1 + tr + det and 1 - det are not negative (Jury).
     """
     trace, det = M.trace(), M[0, 0] * M[1, 1] - M[0, 1] * M[1, 0]
     ends = [_first_loss(margin) for margin in (1 - trace + det, 1 + trace + det, 1 - det)]
@@ -96,7 +111,7 @@ def first_end(M):
 
 
 def _first_loss(margin):
-    """Smallest z >= 0 beyond which a rational function of z is negative; infinity if none."""
+    """Return the smallest z >= 0 just beyond which a rational function of z is negative; infinity if there is none."""
     above, below = (sp.Poly(sp.expand(part), Z) for part in sp.fraction(sp.together(margin)))
     if all(abs(c) < TINY for c in above.all_coeffs()):
         return sp.oo
@@ -112,7 +127,7 @@ def _first_loss(margin):
 
 
 def _roots(poly):
-    """Roots of a polynomial, without multiplicity if its coefficients are rational."""
+    """Return the complex roots of a polynomial, without multiplicity if its coefficients are rational."""
     if poly.degree() <= 0:
         return []
     exactly = poly.sqf_part() if poly.domain.is_ZZ or poly.domain.is_QQ else poly

@@ -1,4 +1,6 @@
-"""Runs with steps too long for fixed-point iteration, solved by Newton's method: ``python stiff.py`` prints JSON.
+"""Run implicit methods with steps too long for fixed-point iteration: ``python stiff.py`` prints JSON.
+
+Newton's method solves the equations.
 
 H = (p1^2 + p2^2)/2 + 200 q1^2 + q2^2/2 + q1^2 q2^2/2 + q1^4/4 with h = 0.3, which is 6 over the largest frequency.
 """
@@ -25,12 +27,12 @@ FAMILIES = {"parametric", "collocation", "variational", "averaged", "discrete_gr
 
 
 def _explicit(m) -> bool:
-    """Whether a step solves no equations on a separable system."""
+    """Return whether a step of the method m solves no equations on a separable system."""
     return m.family == "parametric" and parametric.is_splitting(m)
 
 
 def _methods() -> dict:
-    """One method of each combination of family, symmetry, order and requirements, by label."""
+    """Select one implicit method for each combination of family, symmetry, order and requirements, by label."""
     found: dict = {}
     for m in variants(lam=(Fraction(1, 3),), order=(2,)):
         if m.order <= LOW_ORDER and m.family in FAMILIES and not _explicit(m) and m.lacks(SYSTEM) is None:
@@ -42,15 +44,15 @@ METHODS = _methods()
 
 
 def solve(system, m, start, **options):
-    """Solution of a system by method m after `STEPS` steps from ``start`` = (q, p)."""
+    """Integrate a system by the method m over `STEPS` steps `H` from ``start`` = (q, p); return the solution."""
     return integrate(system, m, h=H, steps=STEPS, q0=start[0], p0=start[1], **options)
 
 
 def of(label: str) -> dict:
-    """Results of a method on the stiff system: forwards, back again, and in multiprecision.
+    """Run the method with this label on the stiff system: forwards, back again with -H, and in multiprecision.
 
-    Counts of steps and Newton solves, the distance from the start after the way back, the difference from
-    multiprecision, and the range of the energy.
+    Returns a dict: "steps" and "newton", counts of steps and Newton solves of the three runs; "back", the distance from
+    the start after the way back; "apart", the difference from multiprecision; "energy", the range of the energy.
     """
     m = METHODS[label]
     there = solve(SYSTEM, m, START)

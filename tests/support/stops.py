@@ -1,4 +1,6 @@
-"""How runs end early, for different spacings of the stored rows: ``python stops.py`` prints JSON.
+"""Run methods on an orbit that escapes, to see how runs end early: ``python stops.py`` prints JSON.
+
+Runs with different spacings of the stored rows must end alike.
 
 H = (p1^2 + p2^2)/2 - q1^4 + q2^2/2, where q1 escapes to infinity in finite time: implicit equations lose their
 solution, explicit steps overflow.
@@ -22,7 +24,7 @@ RUNAWAY = Hamiltonian(q="x y", p="u v", H="(u**2 + v**2)/2 - x**4 + y**2/2")
 
 
 def _methods() -> dict:
-    """A few methods of each family, explicit and implicit, by label."""
+    """Select a few methods of each family, explicit and implicit, by label."""
     found: dict = {}
     for m in variants(lam=(Fraction(1, 3),), order=(2,)):
         if m.order <= LOW_ORDER and m.family not in SLOW and m.lacks(RUNAWAY) is None:
@@ -34,7 +36,10 @@ ALL = _methods()
 
 
 def of(label: str) -> dict:
-    """How a method's run ends early: {spacing of rows: [status, steps taken, gradient evaluations, rows]}."""
+    """Run the method with this label until it ends early, for several spacings of the stored rows.
+
+    Returns {spacing: [status, steps taken, gradient evaluations, stored rows (q, p)]}.
+    """
     ends = {}
     with np.errstate(all="ignore"):
         for every in (1, 5, 0):

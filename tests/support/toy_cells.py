@@ -1,4 +1,8 @@
-"""Quick artificial cells for tests; ``python -m support.toy_cells FOLDER COUNT`` measures them into a folder."""
+"""Quick made-up measurements for tests of how measurements are run and stored.
+
+A measurement is a `Cell`: a function, its arguments and the tables that its rows go to.  The command
+``python -m support.toy_cells FOLDER COUNT`` runs some of them and stores their tables in a folder.
+"""
 
 from __future__ import annotations
 
@@ -14,54 +18,57 @@ TABLES = ("toys", "toy_parts")
 
 
 def measure(n: int, seconds: float = 0.0) -> dict:
-    """A made-up measurement for tests of the store: one row of the table toys and n % 3 rows of toy_parts."""
+    """Make a measurement up, after a pause: one row of the table "toys" and n % 3 rows of "toy_parts"."""
     time.sleep(seconds)
     parts = [{"n": n, "part": k} for k in range(n % 3)]
     return {"toys": [{"n": n, "x": n / 7, "name": f"cell, {n}", "seconds": time.perf_counter()}], "toy_parts": parts}
 
 
 def measure_moved(n: int, seconds: float = 0.0) -> dict:
-    """The made-up measurement `measure` with one number changed."""
+    """Make up the measurement `measure` with one number changed."""
     found = measure(n, seconds)
     found["toys"][0]["x"] = 0.29
     return found
 
 
 def core(n: int) -> dict:
-    """A row with the CPU cores on which the process may run, after 0.3 seconds."""
+    """Wait for 0.3 seconds; return a row with the CPU cores on which the process may run."""
     time.sleep(0.3)
     return {"toys": [{"n": n, "x": sorted(os.sched_getaffinity(0)), "name": "", "seconds": time.time()}]}
 
 
 def fail(n: int) -> dict:
-    """A made-up measurement that raises ValueError."""
+    """Stand for a measurement that fails: raise ValueError."""
     raise ValueError(f"there is no {n}")
 
 
 def measure_dated(n: int) -> dict:
-    """A made-up measurement whose row has a column with a reserved name, "date"."""
+    """Make up a measurement whose row has a column with a reserved name, "date"."""
     return {"toys": [{"n": n, "date": "today"}], "toy_parts": []}
 
 
 def lack(n: int) -> dict:
-    """A made-up measurement that raises Unavailable."""
+    """Stand for a measurement that needs something that is not installed: raise Unavailable."""
     raise Unavailable("no compiler")
 
 
 def double(x: float) -> dict:
-    """Twice a number, and the id of the process, as a row."""
+    """Return a row with twice a number, and the id of the process that computes it."""
     return {"twice": 2 * x, "process": os.getpid()}
 
 
 def start_a_worker(path: str) -> None:
-    """Start a worker, write its process id to a file and let it sleep for a minute."""
+    """Start a worker process, write its process id to the file ``path`` and let it sleep for a minute."""
     worker = Worker()
     Path(path).write_text(str(worker.call(os.getpid).value))
     worker.call(time.sleep, 60)
 
 
 def start(path: str, n: int) -> dict:
-    """Start a subprocess that writes its id to a file and sleeps for a minute, and wait for it."""
+    """Start a subprocess that writes its id to the file ``path`` and sleeps for a minute, and wait for it.
+
+    Then return the made-up measurement n.
+    """
     import subprocess
 
     late = f"import os, time; open({path!r}, 'w').write(str(os.getpid())); time.sleep(60)"
@@ -70,12 +77,12 @@ def start(path: str, n: int) -> dict:
 
 
 def die(n: int) -> dict:
-    """End the process with exit code 3."""
+    """Stand for a measurement that crashes: end the process with exit code 3."""
     os._exit(3)
 
 
 def die_of(*arguments) -> None:
-    """End the process with exit code 3, with any arguments."""
+    """End the process with exit code 3, whatever the arguments are."""
     os._exit(3)
 
 
@@ -84,40 +91,43 @@ JUDGED: list[str] = []
 
 
 def judge_well(id: str) -> tuple[dict, bool]:
-    """(row with the process id, True): the process stays usable."""
+    """Stand for judging an integrator: (row with the process id, True: the process may be used again)."""
     JUDGED.append(id)
     return {"peer": id, "in": os.getpid()}, True
 
 
 def judge_badly(id: str) -> tuple[dict, bool]:
-    """(row with the process id, False): the process must not be used again."""
+    """Stand for judging an integrator: (row with the process id, False: the process must not be used again)."""
     return {"peer": id, "in": os.getpid()}, False
 
 
 def judge_dying_of_rk4(id: str) -> tuple[dict, bool]:
-    """End the process if id is "rk4", else like `judge_well`."""
+    """Stand for judging an integrator that may crash: end the process if id is "rk4", else do as `judge_well`."""
     return die_of() if id == "rk4" else judge_well(id)
 
 
 def judge_dying_second(id: str) -> tuple[dict, bool]:
-    """End the process unless this is the first call in it."""
+    """Do as `judge_well` in the first call in a process; end the process in the second one."""
     return die_of() if JUDGED else judge_well(id)
 
 
 def judge_never(id: str) -> tuple[dict, bool]:
-    """Sleep for a minute."""
+    """Stand for judging an integrator that never ends: sleep for a minute."""
     time.sleep(60)
 
 
 def cell(n: int, seconds: float = 0.0, version: int = 1, function=measure, **more) -> Cell:
-    """The n-th made-up cell, i.e. a task of a run: a function to call, its arguments and the tables that it fills."""
+    """Make the n-th made-up `Cell`: a function to call, its arguments and the tables that its rows go to.
+
+    Cells of another ``version`` count as changed; ``more`` are further fields.
+    """
     arguments = (n, seconds) if function is measure else (n,)
     about = {"where": ALONE if n % 2 else POOL, "names": frozenset({f"n{n}"})} | more
     return Cell("toys", TABLES, {"n": n}, function, arguments, content(n, version), **about)
 
 
 def cells(count: int, **more) -> list[Cell]:
-    """The first ``count`` made-up cells."""
+    """Make the first ``count`` made-up measurements (`Cell`); ``more`` are further arguments of `cell`."""
     return [cell(n, **more) for n in range(count)]
 
 

@@ -1,4 +1,4 @@
-"""State vectors as kernels use them: tuples if compiled, arrays on plain NumPy."""
+"""State vectors as the compiled step loops (kernels) use them: tuples if compiled, arrays on plain NumPy."""
 
 from __future__ import annotations
 
@@ -6,5 +6,5 @@ from phasebench.integrators.stepping import kernel
 
 
 def value(*components: float):
-    """The state vector with these components, of the type that kernels use."""
+    """Return the state vector with these components, of the type that the compiled step loops (kernels) use."""
     return kernel.value(components, len(components))

@@ -1,4 +1,7 @@
-"""Checks of the warm times of every method, of their ratios, and of what calling another package's integrator costs."""
+"""Checks of the step times of every method, of their ratios, and of the overhead of calling another package.
+
+All times are warm: code is compiled before the clock starts.
+"""
 
 from __future__ import annotations
 
@@ -12,12 +15,15 @@ from phasebench.integrators.registry import method
 
 
 def cells(quick: bool = False):
-    """List the measurements (`Cell`) of the times of steps, of ratios of two times, and of calls of peers."""
+    """List the experiment's measurements: step times, ratios of two step times, and calls of other packages.
+
+    A measurement is a `Cell`: a function, its arguments and the tables that its rows go to.
+    """
     return speed.cells(quick) + calls.cells(quick)
 
 
 def bench_times(measured_rows):
-    """Every time of a step is positive."""
+    """Check that every measured time of a step is positive."""
     wrong = [
         f"{r['method']} on {r['problem']}: {r['ns per step']}" for r in measured_rows("speed") if r["ns per step"] <= 0
     ]
@@ -25,7 +31,10 @@ def bench_times(measured_rows):
 
 
 def bench_ratios(measured_rows):
-    """Every ratio of the step times of two methods, or of one and a C loop, is positive and lies in its interval."""
+    """Check that every ratio of step times, of two methods or of a method and a C loop, is positive.
+
+    The median must lie within its own confidence interval.
+    """
     wrong = [
         r["ratio"] for r in measured_rows("ratios") if not 0 < r["median, low"] <= r["median"] <= r["median, high"]
     ]
@@ -33,7 +42,10 @@ def bench_ratios(measured_rows):
 
 
 def bench_calls(measured_rows):
-    """Every ratio of a peer's prepared run to a bare script of its package is positive and lies in its interval."""
+    """Check that each ratio of a peer's time here to its time in a bare script is positive and within its interval.
+
+    A peer is another package's integrator.
+    """
     wrong = [r for r in measured_rows(calls.TABLE) if not 0 < r["ratio, low"] <= r["ratio"] <= r["ratio, high"]]
     assert not wrong, wrong
 
@@ -41,7 +53,10 @@ def bench_calls(measured_rows):
 @pytest.mark.parametrize("name", speed.PROBLEMS)
 @pytest.mark.parametrize("variant", list(variants()), ids=lambda v: method(v[0], **dict(v[1])).label)
 def bench_method(benchmark, name, variant):
-    """Time a method's prepared run with pytest-benchmark, if an option --benchmark-* is given."""
+    """Time a compiled run of a method on a problem with pytest-benchmark, if an option --benchmark-* is given.
+
+    ``name`` is the problem's; ``variant`` is (method id, its parameters as pairs).
+    """
     found, chosen = problem(name), method(variant[0], **dict(variant[1]))
     if chosen.lacks(found.system):
         pytest.skip(chosen.lacks(found.system))

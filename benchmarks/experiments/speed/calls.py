@@ -1,7 +1,7 @@
-"""Overhead of a peer's prepared run over a bare script that calls the same package directly.
+"""Overhead of running another package's integrator (a peer) through this project instead of calling it directly.
 
-The bare scripts follow the package's documentation for repeated integrations: the state is reset in place, and the
-package's own function is called, with nothing between.
+A prepared run, built and compiled once by this project, is timed in turns with a bare script.  The script follows the
+package's documentation for repeated integrations: it resets the state in place and calls the package's own function.
 """
 
 from __future__ import annotations
@@ -99,7 +99,7 @@ BARE: dict[str, tuple] = {
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """List the measurements (`Cell`), one for each peer; none if ``quick``."""
+    """List the measurements (`Cell`), one for each peer (another package's integrator); none if ``quick``."""
     return [] if quick else [_cell(id) for id in BARE]
 
 
@@ -119,7 +119,11 @@ def _cell(id: str) -> Cell:
 
 
 def measure_rows(id: str) -> Rows:
-    """Time a peer's prepared run and a bare script of its package in turns: a row in microseconds, with the limit."""
+    """Time this project's call of a peer (another package's integrator) and a bare script of its package, in turns.
+
+    Returns {table: [row]}: both times per integration in microseconds, their ratio with its interval, the largest time
+    allowed, and whether the call is within it.
+    """
     record, adaptive, script = BARE[id]
     made = problem(PROBLEM)
     run, bare = prepare_peer(made, record(), tol=TOL if adaptive else None), script(made)

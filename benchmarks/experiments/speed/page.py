@@ -1,4 +1,4 @@
-"""The page of the times of a step, and of their ratios (to a C loop, or of two methods) with the limits wanted."""
+"""The report's page "speed": times of one step, and their ratios (to a C loop, or of two methods) with limits."""
 
 from __future__ import annotations
 
@@ -22,7 +22,10 @@ COLUMNS = ["ratio", "median", LOW, HIGH, WANTED]
 
 @of("ratios")
 def limits(ratios: pd.DataFrame) -> Verdict | None:
-    """Whether every ratio of step times, to a C loop or of two methods, is at most its wanted limit."""
+    """Judge whether every ratio of step times (to a C loop, or of two methods) is at most the limit set for it.
+
+    None if no ratio has a limit.
+    """
     limited = ratios.reindex(columns=COLUMNS).dropna(subset=WANTED)
     if limited.empty:
         return None
@@ -39,7 +42,10 @@ def limits(ratios: pd.DataFrame) -> Verdict | None:
 
 @of(CALLS)
 def call_overhead(calls: pd.DataFrame) -> Verdict:
-    """Whether a run of a peer (another package's integrator) takes hardly longer here than in a bare script."""
+    """Judge whether each peer (another package's integrator) takes hardly longer here than in a bare script of its own.
+
+    ``calls`` has a row for each peer; its column "within" says whether the time is within the allowed overhead.
+    """
     worst = calls.loc[calls["ratio"].idxmax()]
     return Verdict(
         "A peer's prepared run takes no longer than a bare script of its package",
@@ -53,7 +59,10 @@ def call_overhead(calls: pd.DataFrame) -> Verdict:
 
 @of("speed", "ratios")
 def answer(speed: pd.DataFrame, ratios: pd.DataFrame) -> str | None:
-    """A sentence: the range of the times of a step, and Stormer-Verlet's ratios to a C loop."""
+    """Return the page's answer, a sentence: the range of the step times, and Stormer-Verlet's ratios to a C loop.
+
+    None if no run completed.
+    """
     ran = speed.loc[speed["status"] == "ok", "ns per step"].dropna()
     loops = ratios.loc[ratios["ratio"].str.startswith(LOOP), "median"]
     if ran.empty:
@@ -69,7 +78,7 @@ def answer(speed: pd.DataFrame, ratios: pd.DataFrame) -> str | None:
 
 @of("ratios")
 def draw(ratios: pd.DataFrame, folder) -> list[Picture]:
-    """Draw the ratios of step times with their intervals."""
+    """Draw the ratios of step times with their intervals and limits; save the figure in ``folder``."""
     ratios, y = ratios.reindex(columns=COLUMNS), np.arange(len(ratios))
     with style.settings():
         figure, ((axes,),) = style.panels(1, 1, 1.0 + 0.2 * len(ratios))
@@ -88,7 +97,7 @@ def draw(ratios: pd.DataFrame, folder) -> list[Picture]:
 
 @of("ratios")
 def table(ratios: pd.DataFrame) -> Table:
-    """The page's table: ratios of step times with their intervals and limits."""
+    """Return the table of the page "speed": a row for each ratio of step times, with its interval and limit."""
     caption = "Ratios of the times of a step, taken round by round in one run, the competitors in turns."
     return Table(ratios.reindex(columns=COLUMNS).head(ROWS), caption)
 

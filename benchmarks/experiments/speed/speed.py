@@ -1,4 +1,7 @@
-"""Warm times of a step of every method, and ratios of two of them, each measured in one process."""
+"""Measure the time of one step of every method, and ratios of two step times, each ratio within one process.
+
+Times are warm: everything is compiled before, and no output is stored.
+"""
 
 from __future__ import annotations
 
@@ -33,7 +36,11 @@ RATIOS = {
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """List the measurements (`Cell`), one for each method on each problem, and one for each ratio."""
+    """List the measurements: a `Cell` for each method on each problem, and one for each ratio on each problem.
+
+    A `Cell` is a function, its arguments and the tables that its rows go to.  ``quick`` has no effect here: each cell
+    knows whether it belongs to a quick run.
+    """
     able = [(n, *of) for n in PROBLEMS for of in variants() if not method(of[0]).lacks(problem(n).system)]
     return [_time(*of) for of in able] + [_ratio(what, name) for what in RATIOS for name in _on(what)]
 
@@ -77,7 +84,11 @@ def _ratio(what: str, name: str) -> Cell:
 
 
 def measure_method_rows(name: str, id: str, parameters: tuple) -> Rows:
-    """Measure a method on a problem: a row with the time of a compiled step without output, and the energy error."""
+    """Measure the time of a step of the method ``id`` on the problem ``name``, and the method's energy error.
+
+    Returns {"speed": [row]}.  Times are of compiled runs without output, in ns per step, with an interval.
+    ``parameters`` are pairs (name, value) of the method.
+    """
     found, chosen = problem(name), method(id, **dict(parameters))
     full = integrate(found, chosen, h=H, steps=STEPS)
     E = found.system.observe(found.system.H, full.q, full.p)
@@ -104,7 +115,9 @@ def _work(found, id: str, steps: int):
 
 
 def measure_ratio_rows(what: str, name: str) -> Rows:
-    """Measure the ratio ``what`` of two step times (a key of `RATIOS`) on a problem, in turns: its row.
+    """Measure the ratio ``what`` of two step times (a key of `RATIOS`) on the problem ``name``.
+
+    Both are timed in turns in one process.  Returns {"ratios": [row]}: the median ratio, its interval and its limit.
 
     Raises
     ------

@@ -1,1 +1,1 @@
-"""Experiment: how long does it take to the first result?"""
+"""Experiment: the time until the first result of an integration, with compilation (cold) and without (warm)."""

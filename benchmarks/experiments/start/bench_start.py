@@ -1,4 +1,4 @@
-"""Checks of the times of processes that start with an empty or a filled cache: each ends with a result."""
+"""Checks of the times of processes that start with an empty or a filled cache of compiled code."""
 
 from __future__ import annotations
 
@@ -7,7 +7,10 @@ from phasebench.benchmarks.experiments.start.start import cells  # noqa: F401
 
 
 def bench_cold(measured_rows):
-    """Every first integration, which compiles everything, succeeds and takes time; the page judges how long."""
+    """Check that every first integration, which compiles all its code, succeeds and takes a positive time.
+
+    Whether the time is short enough is judged on the report's page.
+    """
     wrong = [
         f"{r['method']} on {r['problem']}: {r['status']}, {r['seconds']} s"
         for r in measured_rows(start.COLD)
@@ -17,7 +20,7 @@ def bench_cold(measured_rows):
 
 
 def bench_warm(measured_rows):
-    """No command takes less time than the import of Numba, which is part of it."""
+    """Check that each command, run with all code compiled, takes longer than the import of Numba, a part of it."""
     seconds = {r["what"]: r["seconds"] for r in measured_rows(start.WARM)}
     wrong = [f"{what}: {s} s" for what, s in seconds.items() if what != start.FLOOR and not s > seconds[start.FLOOR]]
     assert not wrong, "\n".join(wrong)

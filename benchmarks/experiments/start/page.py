@@ -1,4 +1,4 @@
-"""The page of the times to a first result: cold starts, which compile everything, and warm ones, which do not."""
+"""The report's page "start": times to a first result, of cold starts, which compile all code, and of warm ones."""
 
 from __future__ import annotations
 
@@ -17,7 +17,10 @@ COLD_WANTED, WARM_WANTED = 5.0, 0.6
 
 @of(start.COLD)
 def first(cold: pd.DataFrame) -> Verdict:
-    """Whether every first integration takes at most `COLD_WANTED`; a failed one counts as infinitely long."""
+    """Judge whether every first integration takes at most `COLD_WANTED` seconds; a failed one counts as infinite.
+
+    ``cold`` has a row for each first integration, which compiles all its code.
+    """
     seconds = cold["seconds"].where(cold["status"] == "ok").fillna(np.inf)
     longest = cold.loc[seconds.idxmax()]
     return Verdict(
@@ -31,7 +34,10 @@ def first(cold: pd.DataFrame) -> Verdict:
 
 @of(start.WARM)
 def warm_start(warm: pd.DataFrame) -> Verdict | None:
-    """Whether every command takes at most `WARM_WANTED` when all code is compiled."""
+    """Judge whether every command takes at most `WARM_WANTED` seconds when all code is compiled.
+
+    ``warm`` has a row for each command, and one for the import of Numba.
+    """
     commands = _commands(warm)
     if commands.empty:
         return None
@@ -45,13 +51,19 @@ def warm_start(warm: pd.DataFrame) -> Verdict | None:
 
 
 def _commands(warm: pd.DataFrame) -> pd.Series:
-    """The seconds of each timed command of the command line, with all code compiled; infinite if not measured."""
+    """Return the seconds of each command, timed with all code compiled, by its text; infinite if not measured.
+
+    The row of the import of Numba alone is left out.
+    """
     return warm[warm["what"] != start.FLOOR].set_index("what")["seconds"].fillna(np.inf)
 
 
 @of(start.COLD, start.WARM)
 def answer(cold: pd.DataFrame, warm: pd.DataFrame) -> str | None:
-    """A sentence: the median time of a first integration, and the time of the slowest warm command."""
+    """Return the page's answer, a sentence: the median first integration, and the slowest command with compiled code.
+
+    None if the commands or the import of Numba were not timed.
+    """
     commands, floor = _commands(warm), warm.loc[warm["what"] == start.FLOOR, "seconds"]
     if commands.empty or floor.empty:
         return None
@@ -63,7 +75,7 @@ def answer(cold: pd.DataFrame, warm: pd.DataFrame) -> str | None:
 
 @of(start.COLD)
 def draw(cold: pd.DataFrame, folder) -> list[Picture]:
-    """Draw the seconds of the cold starts, a bar for each."""
+    """Draw the seconds of the first integrations with an empty cache, a bar for each; save it in ``folder``."""
     cold = cold.sort_values("seconds", ascending=False)
     y = np.arange(len(cold))
     with style.settings():
@@ -80,7 +92,10 @@ def draw(cold: pd.DataFrame, folder) -> list[Picture]:
 
 
 def table(data: Data) -> Table | None:
-    """The page's table: seconds of the cold starts, the longest first, then of the warm ones."""
+    """Return the page's table: seconds of the cold starts (which compile), longest first, then of the warm ones.
+
+    None if neither was measured.
+    """
     cold, warm = data(start.COLD), data(start.WARM)
     parts = []
     if warm is not None and len(warm):

@@ -31,7 +31,7 @@ ROUNDS = 5
 
 
 class First(NamedTuple):
-    """A first integration: a method, a problem, and the problem's parameters."""
+    """A first integration to be timed: the method's id, the problem's name, and the problem's parameters as pairs."""
 
     method: str
     problem: str
@@ -102,7 +102,10 @@ print(json.dumps({"before": started, "seconds": time.process_time() - started, "
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """List the measurements (`Cell`), one for each cold start, and one for all warm ones, which are timed in turns."""
+    """List the measurements: a `Cell` for each cold start, and one for all warm starts, which are timed in turns.
+
+    A `Cell` is a function, its arguments and the tables that its rows go to.  ``quick`` has no effect here.
+    """
     return [*map(_cold, FIRSTS), _warm()]
 
 
@@ -135,7 +138,11 @@ def _label(first: First) -> str:
 
 
 def cold(id: str, name: str, parameters: tuple = (), cache: str | None = None) -> Rows:
-    """Time a first integration in a new process, with an empty cache or with the folder ``cache``: its row."""
+    """Time the first integration of a method on a problem in a new Python process.
+
+    Compiled code is cached in the folder ``cache``, or in an empty temporary one.  Returns {`COLD`: [row]}, with the
+    processor time of the integration in seconds and its status.
+    """
     with tempfile.TemporaryDirectory() as empty:
         told = json.dumps([id, name, parameters, H, STEPS])
         found = json.loads(_run(["-c", SCRIPT, told], PHASEBENCH_CACHE=cache or empty).splitlines()[-1])
@@ -145,7 +152,10 @@ def cold(id: str, name: str, parameters: tuple = (), cache: str | None = None) -
 
 
 def warm() -> Rows:
-    """Time the commands of `COMMANDS` in processes that compile nothing, and the import of Numba: a row for each."""
+    """Time each command of `COMMANDS` as a whole process, with all code compiled before, and the import of Numba.
+
+    Returns {`WARM`: rows}: for each the median seconds by the clock, with its interval.
+    """
     work: dict[str, Callable[[], object]] = {FLOOR: partial(_run, ["-c", FLOOR])}
     for command in COMMANDS:
         words = ["-m", "phasebench", *command, "--h", str(H), "--steps", str(STEPS), "--json"]
@@ -158,7 +168,10 @@ def warm() -> Rows:
 
 
 def _run(words: list[str], **environment: str) -> str:
-    """The output of a Python process; raises RuntimeError if it fails."""
+    """Run Python with the arguments ``words`` and further environment variables; return its standard output.
+
+    Raises RuntimeError if the process fails.
+    """
     done = subprocess.run([sys.executable, *words], capture_output=True, text=True, env=os.environ | environment)
     if done.returncode:
         raise RuntimeError(f"{' '.join(words[:4])}: {done.stderr.strip().splitlines()[-1:]}")

@@ -1,1 +1,1 @@
-"""Experiment: statistics of chaotic orbits, and the largest steps at which integrators still give them."""
+"""Experiment: statistics of chaotic orbits (averages), and the largest steps at which integrators give them right."""

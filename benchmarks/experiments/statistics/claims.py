@@ -1,4 +1,8 @@
-"""Verdicts on statistics of chaotic orbits: which steps give them to 1 %, and whether order and structure matter."""
+"""Verdicts on statistics of chaotic orbits: which steps give them to 1 %, and whether order and structure matter.
+
+The functions take two tables: ``rows``, a row for each scene (a statistic of an ensemble), method and step; and
+``exact``, a row for each scene with the exact or reference value.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +25,10 @@ FOURTH = ("forest-ruth", "calvo-sanz-serna-4", "gauss-4")
 
 
 def bounds(rows: pd.DataFrame, exact: pd.DataFrame) -> pd.DataFrame:
-    """The rows with the error of the statistic and its bound, both as shares of the statistic."""
+    """Add the columns ``error`` and ``bound`` to the measured rows, both relative to the exact statistic.
+
+    ``bound`` is the error plus `SIGMAS` standard errors.  ``exact`` has the exact value of each scene.
+    """
     known = exact.set_index("scene")
     value = rows["scene"].map(known["exact"])
     out = rows.assign(error=(rows["mean"] - value).abs() / value.abs())
@@ -29,7 +36,10 @@ def bounds(rows: pd.DataFrame, exact: pd.DataFrame) -> pd.DataFrame:
 
 
 def fewest(rows: pd.DataFrame, exact: pd.DataFrame) -> pd.DataFrame:
-    """(scene, method) -> the first row from which on all finer ones are within 1 %; evaluations infinite if none is."""
+    """Return a row for each scene and method: that of the largest step from which on all smaller ones are within 1 %.
+
+    If there is no such step, the row is that of the smallest step, with infinite ``evaluations``.
+    """
     found = []
     for (scene, method), part in bounds(rows, exact).groupby(["scene", "method"], sort=False):
         part = part.sort_values("k")
@@ -41,9 +51,9 @@ def fewest(rows: pd.DataFrame, exact: pd.DataFrame) -> pd.DataFrame:
 
 
 def by_scene(rows: pd.DataFrame, exact: pd.DataFrame) -> pd.DataFrame:
-    """Scene x method -> the fewest evaluations in a unit of time for 1 %; infinite if it was not reached.
+    """Return the fewest gradient evaluations per unit of time for 1 %: a line for each scene, a column for each method.
 
-    Scenes that no method reaches are left out.
+    Infinite if the method does not reach 1 %.  Scenes on which no method does are left out.
     """
     found = fewest(rows, exact).pivot(index="scene", columns="method", values="evaluations")
     found = found.reindex(columns=list(METHODS)).fillna(inf)
@@ -52,7 +62,10 @@ def by_scene(rows: pd.DataFrame, exact: pd.DataFrame) -> pd.DataFrame:
 
 @of(EXACT)
 def sound(exact: pd.DataFrame) -> Verdict | None:
-    """Whether fine runs of the ensembles have the averages that are known exactly."""
+    """Judge whether runs of the ensembles with small steps have the averages that are known exactly.
+
+    None if no average is known.
+    """
     known = exact[exact["known"].astype(bool)]
     if known.empty:
         return None
@@ -74,7 +87,10 @@ def _best(found: pd.DataFrame, chosen) -> pd.Series:
 
 @of(TABLE, EXACT)
 def orders(rows: pd.DataFrame, exact: pd.DataFrame) -> Verdict | None:
-    """Whether methods of order 4 and more have no advantage over those of order 2."""
+    """Judge whether methods of order 4 and more need no fewer evaluations than those of order 2 for a statistic to 1 %.
+
+    None if no method reaches 1 % on any scene.
+    """
     found = by_scene(rows, exact)
     if found.empty:
         return None
@@ -90,7 +106,7 @@ def orders(rows: pd.DataFrame, exact: pd.DataFrame) -> Verdict | None:
 
 @of(TABLE, EXACT)
 def structure(rows: pd.DataFrame, exact: pd.DataFrame) -> Verdict | None:
-    """Whether some symplectic method of order 4 needs fewer evaluations than RK4 for a statistic to 1 %."""
+    """Judge whether some symplectic method of order 4 needs at most RK4's evaluations for a statistic to 1 %."""
     found = by_scene(rows, exact)
     if found.empty:
         return None
@@ -106,7 +122,10 @@ def structure(rows: pd.DataFrame, exact: pd.DataFrame) -> Verdict | None:
 
 @of(TABLE, EXACT)
 def leapfrog(rows: pd.DataFrame, exact: pd.DataFrame) -> Verdict | None:
-    """How many times as many evaluations as the cheapest method leapfrog needs."""
+    """Judge whether leapfrog is the cheapest method for statistics to 1 %.
+
+    The measured value is its number of evaluations divided by the fewest of any method, over all scenes.
+    """
     found = by_scene(rows, exact)
     if found.empty:
         return None
@@ -122,7 +141,10 @@ def leapfrog(rows: pd.DataFrame, exact: pd.DataFrame) -> Verdict | None:
 
 
 def drifts(rows: pd.DataFrame, exact: pd.DataFrame) -> pd.DataFrame:
-    """The rows within 1 %, with the late statistic's error beyond its uncertainty, as a share (drift)."""
+    """Select the runs whose statistic is within 1 % of an exactly known value; add the column ``drift``.
+
+    ``drift`` is the relative error of the same statistic over the last tenth of the time, less `SAME` standard errors.
+    """
     known = rows["scene"].map(exact.set_index("scene")["exact"])
     late = ((rows["late"] - known).abs() - SAME * rows["late error"]) / known.abs()
     at = bounds(rows, exact).assign(drift=late)
@@ -131,7 +153,10 @@ def drifts(rows: pd.DataFrame, exact: pd.DataFrame) -> pd.DataFrame:
 
 @of(TABLE, EXACT)
 def lasting(rows: pd.DataFrame, exact: pd.DataFrame) -> Verdict | None:
-    """Whether symplectic methods that are within 1 % over all times are so at late times, too."""
+    """Judge whether symplectic methods whose statistic is within 1 % over all times have it at late times, too.
+
+    None if there is no such run.
+    """
     found = drifts(rows, exact)
     found = found[found["symplectic"].astype(bool)]
     if found.empty:

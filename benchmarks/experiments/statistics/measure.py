@@ -1,9 +1,10 @@
-r"""The bias of a statistic by an integrator at a step, with its statistical uncertainty over the ensemble.
+r"""Measure the bias that an integrator with a given step gives to a statistic, with the ensemble's uncertainty.
 
-Every orbit gives a sum over its rows and their number; the statistic is the ratio of the totals, and its standard error
-that of the residuals (W. G. Cochran, Sampling Techniques (1977), section 6.4).  Where the exact statistic is not known
-the residuals are those of the differences from `FINE`, orbit by orbit.  Rows of the last tenth give a second statistic:
-an error that grows with time shows there.  The step divides the time between rows.
+A row is a state of an orbit at an output time; the step divides the time between rows.  Every orbit gives the sum of a
+quantity over its rows, and their number.  The statistic is the ratio of the totals over orbits, and its standard error
+that of a ratio estimate (W. G. Cochran, Sampling Techniques (1977), section 6.4).  Where the exact statistic is not
+known the error is that of the differences from the reference run `FINE`, orbit by orbit.  Rows of the last tenth of the
+time give a second statistic, in which an error that grows with time shows.
 """
 
 from __future__ import annotations
@@ -55,14 +56,17 @@ BLOCK = 4096
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """A cell for each scene and method, and one for each scene's reference; none if ``quick``."""
+    """List the measurements: a `Cell` for each scene and method, and one for each scene's reference; none if ``quick``.
+
+    A `Cell` is a function, its arguments and the tables that its rows go to.
+    """
     if quick:
         return []
     return [*map(_reference_cell, SCENES), *(_cell(id, m) for id in SCENES for m in METHODS if able(id, m))]
 
 
 def able(id: str, method: str) -> bool:
-    """Whether a method can integrate a scene's problem."""
+    """Return True if the method can integrate the problem of the scene ``id``: some need a separable H."""
     coupled = SCENES[id].problem in scenes.COUPLED
     return not (coupled and {"separable", "quadratic kinetic energy"} & set(BY_ID[method].requires))
 
@@ -82,13 +86,14 @@ def _reference_cell(id: str) -> Cell:
 
 @dataclass(frozen=True)
 class Sums:
-    """What an ensemble gives.
+    """Sums of a quantity along every orbit of an ensemble, from which a statistic is computed.
 
     Attributes
     ----------
-    total, number : arrays (orbits,), each orbit's sum over its rows or crossings, and their number; NaN if it ended
-    late, late_number : those over the last tenth of the time
-    evaluations : of the gradient, by an orbit in the time of a row
+    total, number : arrays (orbits,), each orbit's sum over its output rows or crossings, and their number; the sum is
+        NaN if the orbit ended early.  For Lyapunov exponents the sum is the exponent and the number 1
+    late, late_number : the same over the last tenth of the time; NaN for exponents
+    evaluations : gradient evaluations of one orbit in the time between two output rows
     """
 
     total: np.ndarray
@@ -99,12 +104,12 @@ class Sums:
 
     @property
     def ended(self) -> int:
-        """How many orbits ended early."""
+        """The number of orbits that ended early."""
         return int(np.isnan(self.total).sum())
 
 
 def sums(scene: Scene, method: str, k: int) -> Sums:
-    """What the ensemble of a scene gives with k steps between rows."""
+    """Integrate the ensemble of a scene by a method with k steps between output rows; return its sums along orbits."""
     measured = {SECTION: _crossings, EXPONENT: _exponents}.get(scene.kind, _rows)
     parts = [measured(scene, method, k, q, p) for q, p in _blocks(scene)]
     columns = [np.concatenate([getattr(s, name) for s in parts]) for name in ("total", "number", "late", "late_number")]
@@ -118,7 +123,10 @@ def _blocks(scene: Scene) -> Iterator[tuple[np.ndarray, np.ndarray]]:
 
 
 def _integrated(scene: Scene, method: str, k: int, q: np.ndarray, p: np.ndarray):
-    """(the run with its rows, evaluations of an orbit in the time of a row)."""
+    """Integrate the initial states q, p, arrays (n, d), with k steps between output rows.
+
+    Returns (the solution, gradient evaluations of one orbit between two rows).
+    """
     steps = round(scene.span / scene.row)
     run = integrate_ensemble(problem(scene.problem), method, q, p, h=scene.row / k, steps=steps * k, save_every=k)
     return run, run.counts["gradient"] / len(q) / steps
@@ -156,14 +164,17 @@ def _exponents(scene: Scene, method: str, k: int, q: np.ndarray, p: np.ndarray) 
 
 
 def evaluations_of(made, method: str) -> float:
-    """How many gradients a step of a method evaluates on the problem ``made``."""
+    """Return the number of gradients that a step of a method evaluates on the problem ``made``, over 50 steps."""
     q, p = np.array([made.q0]), np.array([made.p0])
     run = integrate_ensemble(made, method, q, p, h=made.pace.step, steps=50)
     return run.counts["gradient"] / 50
 
 
 def statistic(total: np.ndarray, number: np.ndarray) -> tuple[float, float]:
-    """The ratio of the totals over orbits, and its standard error; NaN if an orbit ended early."""
+    """Return (statistic, its standard error): the sum of ``total`` over orbits divided by that of ``number``.
+
+    Both arguments are arrays (orbits,).  The results are NaN if an orbit ended early.
+    """
     value = total.sum() / number.sum()
     return float(value), float((total - value * number).std(ddof=1) / number.mean() / np.sqrt(len(total)))
 
@@ -174,7 +185,11 @@ def _fine(scene: Scene) -> Sums:
 
 
 def measure_reference(id: str) -> Rows:
-    """The exact statistic, or that of `FINE`, and the ensemble's own: a row."""
+    """Measure the reference of the scene ``id``: its statistic in a run by the fine method and step of `FINE`.
+
+    Returns {`EXACT`: [row]}: the exact value (that of `FINE` where none is known), and the run's mean with its standard
+    error.
+    """
     scene = SCENES[id]
     fine = _fine(scene)
     mean, error = statistic(fine.total, fine.number)
@@ -183,7 +198,10 @@ def measure_reference(id: str) -> Rows:
 
 
 def measure_rows(id: str, method: str) -> Rows:
-    """The statistic at every step of the ladder: a row for each."""
+    """Measure the statistic of the scene ``id`` by a method, for decreasing steps: {`TABLE`: a row for each step}.
+
+    The steps of `LADDER` end early once runs are expensive, or a few are within 1 %.
+    """
     scene = SCENES[id]
     rows, met = [], 0
     exact = scenes.exact(scene) if scene.known else statistic(_fine(scene).total, _fine(scene).number)[0]

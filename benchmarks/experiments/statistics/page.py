@@ -1,4 +1,4 @@
-"""The page of statistics: the largest steps at which integrators still give averages over chaotic orbits."""
+"""The report's page "statistics": the largest steps at which integrators still give averages over chaotic orbits."""
 
 from __future__ import annotations
 
@@ -22,7 +22,10 @@ SHOWN = ("symplectic-euler-q", "stormer-verlet", "calvo-sanz-serna-4", "blanes-m
 
 @of(TABLE, EXACT)
 def answer(rows: pd.DataFrame, exact: pd.DataFrame) -> str:
-    """A sentence: which method is the cheapest most often, and how many times as dear leapfrog and RK4 are."""
+    """Return the page's answer, a sentence: the method that is most often the cheapest, and the costs of two others.
+
+    The costs of leapfrog and RK4 are told relative to the cheapest method, as medians over the scenes.
+    """
     found = claims.by_scene(rows, exact)
     if found.empty:
         return "No method reaches 1 % in any scene."
@@ -36,7 +39,10 @@ def answer(rows: pd.DataFrame, exact: pd.DataFrame) -> str:
 
 @of(TABLE, EXACT)
 def table(rows: pd.DataFrame, exact: pd.DataFrame) -> Table:
-    """Evaluations in a unit of time for 1 %, for each scene and method."""
+    """Return the page's table: gradient evaluations per unit of time for an error of 1 %.
+
+    It has a row for each scene (a statistic of an ensemble) and a column for each method.
+    """
     found = claims.by_scene(rows, exact).reindex([s for s in SCENES if s in set(rows["scene"])], fill_value=inf)
     known = exact.set_index("scene")
     shown = pd.DataFrame(
@@ -56,7 +62,7 @@ def table(rows: pd.DataFrame, exact: pd.DataFrame) -> Table:
 
 @of(TABLE, EXACT)
 def draw(rows: pd.DataFrame, exact: pd.DataFrame, folder: Path) -> list[Picture]:
-    """Draw the errors of the statistics against evaluations, a panel for each scene."""
+    """Draw the errors of the statistics against gradient evaluations, a panel for each scene; save in ``folder``."""
     found = claims.bounds(rows, exact)
     with style.settings():
         figure, panels = style.panels(ROWS, -(-len(SCENES) // ROWS), 4.0)
@@ -88,7 +94,7 @@ def _scene(s) -> str:
 
 
 def _settings() -> tuple[str, ...]:
-    """The scenes, two in a line."""
+    """Return descriptions of all scenes for the page's setting, two in a line of text."""
     told = [_scene(s) for s in SCENES.values()]
     return tuple("; ".join(told[k : k + 2]) + "." for k in range(0, len(told), 2))
 

@@ -6,8 +6,8 @@ not: an average over starts and times is the average over the surface at every t
 and the direction of :math:`L^{-1}p`, :math:`M = LL^T`, is uniform; averages are sums over a fine grid.  Crossings of a
 plane have the uniform density in (q, p) on it, for unit masses.
 
-Atoms have conserved momenta besides the energy, and exponents no closed form: the reference is a run of `FINE` from the
-same starts, orbit by orbit.
+Atoms have conserved momenta besides the energy, and Lyapunov exponents no closed form: there the reference is a run
+from the same starts, orbit by orbit, by the method of order 8 and the small steps of `FINE`.
 
 Source: V. I. Arnold, Mathematical Methods of Classical Mechanics (1989), section 16 (Liouville's theorem).
 """
@@ -32,18 +32,18 @@ MEAN, SECTION, EXPONENT = "mean", "section", "exponent"
 
 @dataclass(frozen=True)
 class Scene:
-    """A statistic of an ensemble.
+    """A statistic of an ensemble of orbits, to be computed by integrators.
 
     Attributes
     ----------
-    id, problem : its name, and that of the problem
-    kind : `MEAN` of a formula in q and p; `SECTION`, the share of crossings of a plane where it is positive; or
-        `EXPONENT`, the mean of the largest Lyapunov exponents over the span
+    id, problem : the scene's name, and that of the problem
+    kind : `MEAN` of a formula in q and p; `SECTION`, the share of crossings of a plane where the formula is positive;
+        or `EXPONENT`, the mean of the largest Lyapunov exponents over the span
     formula : the quantity, in the problem's variables; "" for an exponent
-    energy : E; None for the atoms, whose starts are those of the problem with drawn momenta
-    span, row : the time of a run, and between rows
-    orbits : their number
-    plane : the coordinate that is 0 on the plane
+    energy : E of all orbits; None for the atoms, which start at the problem's positions with random momenta
+    span, row : the time of a run, and the time between two output rows
+    orbits : the number of orbits
+    plane : the coordinate that is 0 on the plane of a `SECTION`
     """
 
     id: str
@@ -58,7 +58,7 @@ class Scene:
 
     @property
     def known(self) -> bool:
-        """Whether the statistic of the exact flow is known; else it is that of `FINE` from the same starts."""
+        """True if the statistic of the exact flow is known; else a run of `FINE` from the same starts replaces it."""
         return self.kind != EXPONENT and self.energy is not None
 
 
@@ -81,7 +81,7 @@ BOXES = {"henon-heiles": 1.0, "double-pendulum": np.pi, "quadrupole-boson": 6.0}
 
 
 def _formula(scene: Scene) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
-    """The quantity as a function of q and p, arrays (..., d): an array (...)."""
+    """Return the scene's formula as a function of q and p, arrays (..., d), whose value is an array (...)."""
     import sympy as sp
 
     from phasebench.integrators.systems.formula import parse
@@ -95,14 +95,20 @@ def _formula(scene: Scene) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
 
 
 def quantity(scene: Scene) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
-    """The quantity of a `MEAN`, or 1 where that of a `SECTION` is positive and else 0, of q and p (..., d): (...)."""
+    """Return the quantity to be averaged, as a function of q and p, arrays (..., d), whose value is an array (...).
+
+    It is the formula for a `MEAN` scene; else 1 where the formula is positive and 0 elsewhere.
+    """
     found = _formula(scene)
     return found if scene.kind == MEAN else lambda q, p: (found(q, p) > 0).astype(float)
 
 
 @lru_cache(maxsize=8)
 def _energies(name: str):
-    """(V(q) of coordinates (n, d), the masses' matrices M(q) (n, d, d)) of a problem, as functions."""
+    """Return two functions of coordinates q, array (n, d): the potential V(q), (n,), and mass matrices M(q), (n, d, d).
+
+    ``name`` is the problem's.
+    """
     import sympy as sp
 
     system = problem(name).system
@@ -120,7 +126,7 @@ def _energies(name: str):
 
 
 def start(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
-    """The ensemble's initial states q, p, arrays (orbits, d), drawn by `SEED`."""
+    """Draw the ensemble's initial states: (q, p), arrays (orbits, d), from a generator with the seed `SEED`."""
     draw, made, n = np.random.default_rng(SEED), problem(scene.problem), scene.orbits
     if scene.energy is None:
         q = np.tile(made.q0, (n, 1))
@@ -142,7 +148,10 @@ def start(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _inside(scene: Scene, q: np.ndarray) -> np.ndarray:
-    """Whether coordinates (n, 2) are in the bounded part of V < E: Henon-Heiles's is its triangle."""
+    """Return whether coordinates q, array (n, 2), are in the bounded part of V < E: booleans, array (n,).
+
+    On Henon-Heiles that is the triangle around the minimum; on other problems every point passes.
+    """
     if scene.problem != "henon-heiles":
         return np.ones(len(q), bool)
     x, y = q.T
@@ -150,7 +159,10 @@ def _inside(scene: Scene, q: np.ndarray) -> np.ndarray:
 
 
 def exact(scene: Scene) -> float:
-    """The average over the surface of constant energy, or the share of crossings, by a sum over a grid."""
+    """Compute the exact statistic of a scene by a sum over a grid.
+
+    It is the average over the surface of constant energy, or the share of crossings of the plane.
+    """
     V, masses = _energies(scene.problem)
     side = BOXES[scene.problem]
     x = (np.arange(GRID) + 0.5) / GRID * 2 * side - side

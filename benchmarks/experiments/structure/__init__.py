@@ -1,1 +1,1 @@
-"""Experiment: which methods are symplectic and symmetric?"""
+"""Experiment: which methods have symplectic, symmetric and volume-preserving step maps."""

@@ -1,4 +1,8 @@
-"""The page of the symplecticity, symmetry and volume of step maps, measured without round-off."""
+"""The report's page "structure": defects of symplecticity, symmetry and volume of step maps, in multiprecision.
+
+The table ``structure`` has a row for each method and property: the defect, and whether the method is declared to have
+the property.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +25,7 @@ SHOWN = 4
 
 
 def _hides(structure: pd.DataFrame) -> pd.Series:
-    """Whether each row's defect is too small for the method to be seen to lack the property."""
+    """Return for each row (a method and a property) whether its defect is too small to show that the property fails."""
     keys = zip(structure["method"], structure["property"], strict=True)
     return structure["defect"] <= [least_visible(*key) for key in keys]
 
@@ -31,7 +35,10 @@ def _methods(structure: pd.DataFrame, name: str, declared: bool) -> pd.DataFrame
 
 
 def _largest(structure: pd.DataFrame, name: str) -> dict:
-    """Arguments of a verdict: the largest defect among methods declared to have a property is at most `NOTHING`."""
+    """Return arguments of a `Verdict` that the methods declared to have the property ``name`` have it.
+
+    Their largest defect must be at most `NOTHING`.
+    """
     having = _methods(structure, name, True)
     worst = having.loc[having["defect"].idxmax()] if len(having) else {"defect": np.nan, "method": ""}
     measured = {"measured": float(worst["defect"]), "where": worst["method"]}
@@ -39,7 +46,7 @@ def _largest(structure: pd.DataFrame, name: str) -> dict:
 
 
 def _hidden(structure: pd.DataFrame, name: str) -> dict:
-    """Arguments of a verdict: all methods that are not declared to have a property lack it."""
+    """Return arguments of a `Verdict` that all methods not declared to have the property ``name`` visibly lack it."""
     lacking = _methods(structure, name, False)
     hidden = list(lacking[_hides(lacking)]["method"])
     measured = {"measured": Count(len(hidden), len(lacking)), "where": join_list(hidden, 3) if hidden else ""}
@@ -48,32 +55,35 @@ def _hidden(structure: pd.DataFrame, name: str) -> dict:
 
 @of("structure")
 def symplectic(structure: pd.DataFrame) -> Verdict:
-    """Whether the methods declared symplectic are symplectic."""
+    """Judge whether the methods declared symplectic are symplectic, by the largest of their defects."""
     largest = _largest(structure, "symplecticity")
     return Verdict("The defect of symplecticity vanishes for methods declared symplectic", **largest)
 
 
 @of("structure")
 def others_not_symplectic(structure: pd.DataFrame) -> Verdict:
-    """Whether the other methods are not symplectic."""
+    """Judge whether no method is symplectic that is not declared to be, by the defects of their step maps."""
     return Verdict("No other method is symplectic", **_hidden(structure, "symplecticity"))
 
 
 @of("structure")
 def symmetric(structure: pd.DataFrame) -> Verdict:
-    """Whether the methods declared symmetric are symmetric."""
+    """Judge whether the methods declared symmetric are symmetric, by the largest of their defects."""
     return Verdict("The defect of symmetry vanishes for methods declared symmetric", **_largest(structure, "symmetry"))
 
 
 @of("structure")
 def others_not_symmetric(structure: pd.DataFrame) -> Verdict:
-    """Whether the other methods are not symmetric."""
+    """Judge whether no method is symmetric that is not declared to be, by the defects of their step maps."""
     return Verdict("No other method is symmetric", **_hidden(structure, "symmetry"))
 
 
 @of("structure")
 def volume(structure: pd.DataFrame) -> Verdict:
-    """Whether step maps on charged particles keep volume where they are declared to, and the controls do not."""
+    """Judge whether step maps on charged particles keep volume exactly where declared.
+
+    Controls are methods that are not declared to keep it, and must not.
+    """
     rows = structure[structure["property"] == "volume"]
     wrong = rows[(rows["defect"] <= NOTHING) != rows["declared"]]
     measured = Count(len(rows) - len(wrong), len(rows)) if len(rows) else None
@@ -90,7 +100,7 @@ def volume(structure: pd.DataFrame) -> Verdict:
 
 @of("structure")
 def answer(structure: pd.DataFrame) -> str:
-    """A sentence: how many step maps are as declared in each property."""
+    """Return the page's answer, a sentence: how many step maps are as declared, for each property."""
     hidden = _hides(structure)
     right = structure[hidden.where(~structure["declared"], structure["defect"] <= NOTHING) == structure["declared"]]
     there = [name for name in PROPERTIES if (structure["property"] == name).any()]
@@ -100,7 +110,10 @@ def answer(structure: pd.DataFrame) -> str:
 
 @of("structure")
 def draw(structure: pd.DataFrame, folder) -> list[Picture]:
-    """Draw every defect, sorted, a panel for each property; methods declared to have it are told from the others."""
+    """Draw every defect, sorted, in a panel for each property; save the figure in ``folder``.
+
+    Methods declared to have the property have another colour than those that are not.
+    """
     there = [name for name in PROPERTIES if (structure["property"] == name).any()]
     with style.settings():
         figure, (panels,) = style.panels(1, len(there), 3.0, sharey=True)
@@ -126,7 +139,10 @@ def draw(structure: pd.DataFrame, folder) -> list[Picture]:
 
 @of("structure")
 def table(structure: pd.DataFrame) -> Table:
-    """For each property, the methods whose defects are nearest to the limit `NOTHING`, from either side."""
+    """Return the page's table: for each property, the methods with defects nearest to the limit `NOTHING`.
+
+    They are the largest defects of methods declared to have the property, and the smallest of the others.
+    """
     columns = ["property", "method", "declared", "defect"]
     parts = []
     for name in PROPERTIES:

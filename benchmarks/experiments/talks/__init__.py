@@ -1,1 +1,1 @@
-"""Experiment: the figures and statements of two talks on symplectic integration, measured again."""
+"""Experiment: the figures and statements of two talks on symplectic integration, reproduced by measurements."""

@@ -9,10 +9,13 @@ from phasebench.benchmarks.experiments.talks.record import TABLE
 
 
 def bench_talks(measured_rows, complete):
-    """Every figure of the talks has its curves; `measured_rows` fails if one could not be measured."""
+    """Check that the curves of the talks' figures were measured.
+
+    ``measured_rows`` (table -> rows) fails if a measurement failed; ``complete`` tells whether a table is complete.
+    """
     assert measured_rows(TABLE) or not complete(TABLE)
 
 
 def bench_checks(measured_rows, complete):
-    """Every small measurement that tests a statement of the talks has a row."""
+    """Check that every small measurement that tests a statement of the talks has a row in its table."""
     assert {r["check"] for r in measured_rows(CHECKED)} == {c.id for c in CHECKS} or not complete(CHECKED)

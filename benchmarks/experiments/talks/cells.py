@@ -1,4 +1,7 @@
-"""The measurements (`Cell`) for the talks: the curves of each figure, and each check of a statement."""
+"""The measurements for the two talks: the curves of each figure, and each number that tests a statement.
+
+A measurement is a `Cell`: a function, its arguments and the tables that its rows go to.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +15,7 @@ from .record import TABLE, Figure
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """List the measurements (`Cell`), one for each figure with measured curves and each check; none if ``quick``."""
+    """List the measurements (`Cell`): one for each figure with curves, one for each check; none if ``quick``."""
     return [] if quick else [*(_cell(f) for f in FIGURES if f.measure), *checks.cells()]
 
 
@@ -23,5 +26,5 @@ def _cell(figure: Figure) -> Cell:
 
 
 def measure_rows(id: str) -> Rows:
-    """Measure the curves of the figure with this id: a row for each curve, by table name."""
+    """Measure the curves of the talks' figure with this id; return {`TABLE`: a row for each curve}."""
     return {TABLE: next(f for f in FIGURES if f.id == id).rows()}

@@ -1,6 +1,7 @@
-"""CHECKS: a `Probe` for each small measurement of a talk's statement that no other experiment makes.
+"""CHECKS: small measurements that test statements of the two talks and that no other experiment makes.
 
-A probe's number and its control are written into one row, from which `judging.check` judges the statement.
+Each is a `Probe`: a number and a control, the same number for a case in which the statement must fail.  Both are
+written into one row, from which `judging.check` judges the statement.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ BY_ID: dict[str, Probe] = {c.id: c for c in CHECKS}
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """List the measurements (`Cell`), one for each check; none if ``quick``."""
+    """List the measurements (`Cell`), one for each check of a talk's statement; none if ``quick``."""
     return [] if quick else [_cell(check) for check in CHECKS]
 
 
@@ -33,7 +34,10 @@ def _module(measure: Callable) -> str:
 
 
 def measure_rows(id: str) -> Rows:
-    """Measure the number of a check of a statement, and its control: a row, by table name."""
+    """Measure the number that tests a talk's statement, and its control (a case that must fail).
+
+    ``id`` is the check's.  Returns {`TABLE`: [row]} with both numbers and their descriptions.
+    """
     check = BY_ID[id]
     value, control = check.measure()
     row = {"check": id, "value": float(value), "control": float(control), "what": check.what, "against": check.against}

@@ -1,4 +1,4 @@
-"""The record `Probe`, and functions that several probes share."""
+"""The record `Probe` of a measurement that tests a talk's statement, and vector fields and maps that several share."""
 
 from __future__ import annotations
 
@@ -15,7 +15,9 @@ TABLE = "talk_checks"
 
 @dataclass(frozen=True)
 class Probe:
-    """A measurement for a statement, with a control: the same number for a case in which the statement must fail.
+    """A measurement that tests a statement of a talk, with a control.
+
+    The control is the same number for a case in which the statement must fail.
 
     Attributes
     ----------
@@ -34,7 +36,7 @@ class Probe:
 
 
 def flow(field: Callable, t: float, steps: int = 400) -> Callable:
-    """The flow map of y' = field(y) over time ``t``, computed with the classical Runge-Kutta method."""
+    """Return the flow map y -> y(t) of y' = field(y), computed by ``steps`` classical Runge-Kutta steps."""
     h = t / steps
 
     def advance(y):
@@ -50,26 +52,26 @@ def flow(field: Callable, t: float, steps: int = 400) -> Callable:
 
 
 def henon_heiles(y):
-    """The Henon-Heiles vector field at y = (q, p)."""
+    """Return the Henon-Heiles vector field at y = (q1, q2, p1, p2), array (4,)."""
     q1, q2, p1, p2 = y
     return np.array([p1, p2, -q1 - 2 * q1 * q2, -q2 - q1 * q1 + q2 * q2])
 
 
 def damped_pendulum(y):
-    """The vector field of the pendulum with friction, which is not Hamiltonian, at y = (q, p)."""
+    """Return the vector field of the pendulum with friction, which is not Hamiltonian, at y = (q, p): array (2,)."""
     return np.array([y[1], -np.sin(y[0]) - 0.1 * y[1]])
 
 
 def pendulum(y):
-    """The pendulum's vector field at y = (q, p)."""
+    """Return the pendulum's vector field at y = (q, p): array (2,)."""
     return np.array([y[1], -np.sin(y[0])])
 
 
 def defect(step: Callable, y) -> float:
-    """The symplecticity defect max |M^T J M - J| of the Jacobian M of a map at y."""
+    """Return the symplecticity defect max |M^T J M - J|, M the Jacobian of the map ``step`` at y = (q, p)."""
     return step_map.symplecticity_defect(step_map.jacobian(step, np.array(y, float)))
 
 
 def J(d: int) -> np.ndarray:
-    """The matrix (0 I; -I 0), array (2 d, 2 d)."""
+    """Return the structure matrix (0 I; -I 0) for d degrees of freedom, array (2 d, 2 d)."""
     return np.kron([[0.0, 1.0], [-1.0, 0.0]], np.eye(d))

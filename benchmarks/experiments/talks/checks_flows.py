@@ -1,6 +1,7 @@
 """Checks of the introductory talk: flows, symplectic maps, Lagrange's equations, Lotka-Volterra, first integrals.
 
-Each function without a leading underscore returns (number, control) for a `Probe`.
+Each function without a leading underscore returns (number, control): a number that is small if a statement of the talk
+holds, and the same number for a case in which the statement must fail.
 """
 
 from __future__ import annotations
@@ -25,9 +26,10 @@ def _random(*shape: int) -> np.ndarray:
 
 
 def lagrange() -> tuple[float, float]:
-    """Largest difference of the momenta's rates by Lagrange's equations from those of the registered double pendulum.
+    """Compare Lagrange's with Hamilton's equations of the double pendulum: (number, control).
 
-    And as a control the same with another gravity in Lagrange's equations.
+    The number is the largest difference of the rates of coordinates and momenta at one state; the control is that of
+    the momenta with another gravity in Lagrange's equations.
     """
     a, b, u, v, p1, p2 = sp.symbols("q1 q2 u v p1 p2", real=True)
     T = u**2 + v**2 / 2 + u * v * sp.cos(a - b)
@@ -50,7 +52,7 @@ def lagrange() -> tuple[float, float]:
 
 
 def pendulum_equations() -> tuple[float, float]:
-    """Distance of the registered pendulum's dp/dt from -sin q; control: from -q."""
+    """Return (number, control): the largest distance of this project's pendulum's dp/dt from -sin q, and from -q."""
     q, p = _random(2, 20, 1)
     system = problem("pendulum").system
     dp = system.observe(system.dp[0], q, p)
@@ -58,7 +60,7 @@ def pendulum_equations() -> tuple[float, float]:
 
 
 def first_integral() -> tuple[float, float]:
-    """The change of H along the pendulum's flow; control: with friction."""
+    """Return (number, control): the change of H along the pendulum's flow, and along the flow with friction."""
 
     def change(field):
         y = flow(field, 10.0, 4000)(SWINGING)
@@ -68,14 +70,20 @@ def first_integral() -> tuple[float, float]:
 
 
 def oriented_areas() -> tuple[float, float]:
-    """Distance of xi^T J eta from the sum of oriented areas in the (p_i, q_i) planes; control: with J^T for J."""
+    """Return (number, control): the distance of xi^T J eta from the sum of oriented areas in the (p_i, q_i) planes.
+
+    xi and eta are random vectors; the control has J^T for J.
+    """
     xi, eta = _random(2, 6)
     areas = sum(xi[i] * eta[3 + i] - xi[3 + i] * eta[i] for i in range(3))
     return abs(xi @ J(3) @ eta - areas), abs(xi @ J(3).T @ eta - areas)
 
 
 def linear_maps() -> tuple[float, float]:
-    """Defects of A^T J A = J and omega(A xi, A eta) = omega(xi, eta) for a product of shears; control: off by 1e-3."""
+    """Return (number, control): defects of A^T J A = J and omega(A xi, A eta) = omega(xi, eta) for a product of shears.
+
+    The number is the larger defect; the control is the smaller one after A is changed by 1e-3.
+    """
     S = _random(3, 3)
     one, zero = np.eye(3), np.zeros((3, 3))
     A = np.block([[one, S + S.T], [zero, one]]) @ np.block([[one, zero], [S @ S.T, one]])
@@ -89,26 +97,30 @@ def linear_maps() -> tuple[float, float]:
 
 
 def poincare() -> tuple[float, float]:
-    """The symplecticity defect of the Henon-Heiles flow at t = 1; control: of the damped pendulum's flow."""
+    """Return (number, control): the symplecticity defect of the Henon-Heiles flow, and of the damped pendulum's."""
     return defect(flow(henon_heiles, 1.0), POINT), defect(flow(damped_pendulum, 1.0), SWINGING)
 
 
 def group() -> tuple[float, float]:
-    """Distance of phi_0.7 after phi_0.3 from phi_1, phi_t the Henon-Heiles flow; control: from phi_1.1."""
+    """Return (number, control): the distance of phi_0.7 after phi_0.3 from phi_1, and from phi_1.1, at one state.
+
+    phi_t is the Henon-Heiles flow.
+    """
     y = flow(henon_heiles, 0.7)(flow(henon_heiles, 0.3)(POINT))
     return np.abs(y - flow(henon_heiles, 1.0)(POINT)).max(), np.abs(y - flow(henon_heiles, 1.1)(POINT)).max()
 
 
 def _asymmetry(field, y) -> float:
-    """The asymmetry of the Jacobian of J f, which is zero iff the field f is locally Hamiltonian."""
+    """Return max |M - M^T| for the Jacobian M of J f at y, which is zero iff the field f is locally Hamiltonian."""
     M = J(len(y) // 2) @ step_map.jacobian(field, np.array(y, float))
     return np.abs(M - M.T).max()
 
 
 def locally_hamiltonian() -> tuple[float, float]:
-    """Whether a field is locally Hamiltonian, by asymmetry of J f and defect of the flow: the larger, Henon-Heiles.
+    """Return (number, control) of the test that a field f is locally Hamiltonian iff its flow is symplectic.
 
-    The control is the smaller of the two for the damped pendulum.
+    For Henon-Heiles the number is the larger of the asymmetry of (J f)' and the symplecticity defect of the flow, both
+    of which should vanish.  The control is the smaller of the two for the damped pendulum.
     """
     both = [
         (_asymmetry(f, y), defect(flow(f, 0.5), y)) for f, y in ((henon_heiles, POINT), (damped_pendulum, SWINGING))
@@ -117,7 +129,10 @@ def locally_hamiltonian() -> tuple[float, float]:
 
 
 def integrability() -> tuple[float, float]:
-    """The integral along a closed curve of a field with a symmetric Jacobian; control: of one without."""
+    """Return (number, control): the integral along a closed curve of a plane field with a symmetric Jacobian.
+
+    The control is that of a field whose Jacobian is not symmetric.
+    """
     angle = 2 * np.pi * np.arange(64) / 64
     x, y = 0.3 + np.cos(angle), 0.2 + np.sin(angle)
     dx, dy = -np.sin(angle), np.cos(angle)
@@ -129,7 +144,10 @@ def integrability() -> tuple[float, float]:
 
 
 def lotka_volterra() -> tuple[float, float]:
-    """Distance of the registered Lotka-Volterra field from (u (v - 2), v (1 - u)); control: another coefficient."""
+    """Return (number, control): the distance of this project's Lotka-Volterra field from (u (v - 2), v (1 - u)).
+
+    The control has another coefficient in the second component.
+    """
     u, v = np.random.default_rng(7).uniform(0.5, 4, (2, 20, 1))
     system = problem("lotka-volterra").system
     du, dv = (system.observe(e, u, v) for e in (system.dq[0], system.dp[0]))
@@ -139,7 +157,10 @@ def lotka_volterra() -> tuple[float, float]:
 
 
 def level_curves() -> tuple[float, float]:
-    """The rate of I = ln u - u + 2 ln v - v along the Lotka-Volterra field; control: with the coefficient 1.9 for 2."""
+    """Return (number, control): the largest rate of I = ln u - u + 2 ln v - v along the Lotka-Volterra field.
+
+    The control has the coefficient 1.9 for 2 in I.
+    """
     u, v = np.random.default_rng(7).uniform(0.5, 4, (2, 20))
 
     def rate(two):
@@ -149,7 +170,10 @@ def level_curves() -> tuple[float, float]:
 
 
 def species() -> tuple[float, float]:
-    """How much u's growth rate rises with v, and v's with u, in Lotka-Volterra: a predator's rises with its prey."""
+    """Return how much u's growth rate rises if v rises by 1, and v's if u does, in the Lotka-Volterra equations.
+
+    The signs tell which is the predator: a predator's growth rate rises with its prey.
+    """
 
     def growth(x, y):
         return (y - 2), (1 - x)
@@ -160,7 +184,10 @@ def species() -> tuple[float, float]:
 
 @cache
 def _invariant_changes(id: str, orbit: str, early: int, steps: int) -> tuple[float, float]:
-    """The largest change of the Lotka-Volterra invariant over ``early`` steps of h = 0.12, and over all ``steps``."""
+    """Return the largest change of the Lotka-Volterra invariant over the first ``early`` steps, and over all ``steps``.
+
+    The step is h = 0.12; ``id`` is the method's, ``orbit`` names the initial values.
+    """
     made = problem(f"lotka-volterra:{orbit}")
     s = integrate(made, id, h=0.12, steps=steps)
     values = made.system.observe(made.system.H, s.q, s.p)
@@ -168,9 +195,10 @@ def _invariant_changes(id: str, orbit: str, early: int, steps: int) -> tuple[flo
 
 
 def invariant_growth(id: str, orbit: str) -> tuple[float, float]:
-    """The relative growth of the largest change of the Lotka-Volterra invariant from 120 to 12000 steps.
+    """Return (number, control): the growth of the largest change of the Lotka-Volterra invariant along a run.
 
-    The control is that of implicit Euler, from 12 to 120 steps.
+    The number is the largest change over 12000 steps of the method ``id``, divided by that over 120 steps, minus 1; the
+    control is that of implicit Euler, from 12 to 120 steps.
     """
     early, all_of_it = _invariant_changes(id, orbit, 120, 12000)
     first, then = _invariant_changes("implicit-euler", "4-8", 12, 120)
@@ -178,7 +206,10 @@ def invariant_growth(id: str, orbit: str) -> tuple[float, float]:
 
 
 def damps() -> tuple[float, float]:
-    """The largest growth factor of the oscillator's energy under implicit Euler, h = 0.1, 1, 10; control: explicit."""
+    """Return (number, control): the largest factor of the harmonic oscillator's energy in a step of implicit Euler.
+
+    Steps are 0.1, 1 and 10; the control is that of explicit Euler.
+    """
 
     def factor(id):
         made = problem("harmonic-oscillator")

@@ -1,6 +1,9 @@
 """Checks of the talk on the general integrator: forms of Scheme I, generating functions, lambda that keeps the energy.
 
-Most functions without a leading underscore return (number, control) for a `Probe`.
+Most functions without a leading underscore return (number, control): a number that is small if a statement of the talk
+holds, and the same number for a case in which the statement must fail.
+
+Scheme I(lambda) is Q = q + h H_p, P = p - h H_q at (lambda q + (1 - lambda) Q, lambda P + (1 - lambda) p).
 """
 
 from __future__ import annotations
@@ -30,13 +33,13 @@ MANY = (-10, -3, -1, 0, Fraction(1, 3), Fraction(1, 2), Fraction(3, 2), 2, Fract
 
 @cache
 def _system(sign: int = 1) -> Hamiltonian:
-    """The Henon-Heiles system; for ``sign`` = -1 with -H, so that a step h is a step -h of the original."""
+    """Return the Henon-Heiles system; for ``sign`` = -1 that of -H, whose step h is a step -h of the original."""
     made = problem("henon-heiles").system
     return made if sign == 1 else Hamiltonian(q=made.q, p=made.p, H=-made.H)
 
 
 def step(id: str, h: float = STEP, **parameters) -> Callable:
-    """The step map y -> Y of a method on Henon-Heiles; h may be negative."""
+    """Return the step map y -> Y of the method ``id`` on Henon-Heiles, y = (q1, q2, p1, p2); h may be negative."""
 
     def advance(y):
         y = np.asarray(y, float)
@@ -52,14 +55,20 @@ def _distance(a: Callable, b: Callable, y=POINT) -> float:
 
 
 def special_values() -> tuple[float, float]:
-    """Distance of Scheme I at lambda 0, 1, 1/2 from symplectic Euler and midpoint; control: at 1/3 from the nearest."""
+    """Return (number, control): distance of Scheme I at lambda 0, 1, 1/2 from symplectic Euler and midpoint steps.
+
+    The control is the distance at lambda = 1/3 from the nearest of the three.
+    """
     pairs = {0: "symplectic-euler-q", 1: "symplectic-euler-p", Fraction(1, 2): "implicit-midpoint"}
     same = max(_distance(step("scheme-i", lam=lam), step(id)) for lam, id in pairs.items())
     return same, min(_distance(step("scheme-i", lam=Fraction(1, 3)), step(id)) for id in pairs.values())
 
 
 def adjoint() -> tuple[float, float]:
-    """Error of undoing a step of Scheme I(1 - lambda) by a step -h with lambda; control: one with lambda by lambda."""
+    """Return (number, control): the error of undoing a step h of Scheme I(1 - lambda) by a step -h of Scheme I(lambda).
+
+    The control undoes a step with lambda by one with the same lambda.
+    """
 
     def back(first, lam):
         return np.abs(step("scheme-i", -STEP, lam=lam)(step("scheme-i", lam=first)(POINT)) - POINT).max()
@@ -68,12 +77,18 @@ def adjoint() -> tuple[float, float]:
 
 
 def any_parameter() -> tuple[float, float]:
-    """The largest symplecticity defect of Scheme I for lambda from -10 to 15/2; control: the Runge-Kutta method's."""
+    """Return (number, control): the largest symplecticity defect of Scheme I for lambda from -10 to 15/2.
+
+    The control is the defect of the classical Runge-Kutta method.
+    """
     return max(defect(step("scheme-i", 0.02, lam=lam), POINT) for lam in MANY), defect(step("rk4"), POINT)
 
 
 def residual(lam, y, Y, h: float) -> float:
-    """The residual of Scheme I's equations with parameter ``lam`` on Henon-Heiles for a step h from y to Y."""
+    """Return the residual, in the maximum norm, of Scheme I's equations on Henon-Heiles for a step h from y to Y.
+
+    y and Y are arrays (q1, q2, p1, p2); ``lam`` is the scheme's parameter lambda.
+    """
     lam = float(lam)
     q, p, Q, P = y[:2], y[2:], Y[:2], Y[2:]
     middle = np.hstack([lam * q + (1 - lam) * Q, lam * P + (1 - lam) * p])
@@ -81,13 +96,19 @@ def residual(lam, y, Y, h: float) -> float:
 
 
 def form(lam) -> tuple[float, float]:
-    """The residual of Scheme I's printed equations at a computed step; control: of those for lambda + 1/10."""
+    """Return (number, control): the residual of Scheme I's equations as the talk prints them, at a computed step.
+
+    The control is that of the equations for lambda + 1/10.
+    """
     Y = step("scheme-i", lam=lam)(POINT)
     return residual(lam, POINT, Y, STEP), residual(lam + Fraction(1, 10), POINT, Y, STEP)
 
 
 def nystrom() -> tuple[float, float]:
-    """Distance of the Nystrom form from Scheme I; control: without the factor 1 - lambda in its stage."""
+    """Return (number, control): the distance of a step of Scheme I from its form as a one-stage Nystrom method.
+
+    The control has no factor 1 - lambda in the Nystrom method's stage.
+    """
 
     def advance(lam, inner):
         q, v, k = POINT[:2], POINT[2:], np.zeros(2)
@@ -101,9 +122,10 @@ def nystrom() -> tuple[float, float]:
 
 
 def _form_of(M, lam: float) -> np.ndarray:
-    """The matrix d(Q - q, -(P - p)) / d(u, v) of a map with Jacobian M in (q, p), symmetric iff the form is exact.
+    """Return the matrix d(Q - q, -(P - p)) / d(u, v) of a map (q, p) -> (Q, P) with Jacobian M, array (2 d, 2 d).
 
-    u = lam P + (1 - lam) p and v = lam q + (1 - lam) Q.
+    Here u = lam P + (1 - lam) p and v = lam q + (1 - lam) Q.  The matrix is symmetric iff the differential form
+    (Q - q) du - (P - p) dv is exact, that is iff the map is symplectic.
     """
     d = len(M) // 2
     (Qq, Qp), (Pq, Pp) = ((row[:, :d], row[:, d:]) for row in (M[:d], M[d:]))
@@ -114,7 +136,11 @@ def _form_of(M, lam: float) -> np.ndarray:
 
 
 def exact_form() -> tuple[float, float]:
-    """The largest asymmetry of `_form_of` for the exact flow, over seven lambda; control: for a Runge-Kutta step."""
+    """Return (number, control): the asymmetry of d(Q - q, -(P - p)) / d(u, v) for the exact Henon-Heiles flow.
+
+    The largest over seven lambda, with u = lambda P + (1 - lambda) p, v = lambda q + (1 - lambda) Q; the control is
+    that of a Runge-Kutta step.
+    """
 
     def asymmetry(moved):
         M = step_map.jacobian(moved, POINT)
@@ -124,7 +150,10 @@ def exact_form() -> tuple[float, float]:
 
 
 def hamilton_jacobi() -> tuple[float, float]:
-    """Residual of S_t = H(u - (1 - lambda) S_v, v + lambda S_u), oscillator; control: lambda, 1 - lambda exchanged."""
+    """Return (number, control): the residual of S_t = H(u - (1 - lambda) S_v, v + lambda S_u) for the oscillator.
+
+    S is the generating function of the exact flow, a rotation; the control has lambda and 1 - lambda exchanged.
+    """
     t, delta, y = 0.3, 1e-3, np.array([0.7, -0.4])
 
     def rotation(t):
@@ -144,7 +173,10 @@ def hamilton_jacobi() -> tuple[float, float]:
 
 
 def coefficients() -> tuple[float, float]:
-    """Distance of a generating function's K_2, K_3, by recursion, from the printed ones; control: a wrong K_3."""
+    """Return (number, control): the distance of the coefficients K_2, K_3 of a generating function from the talk's.
+
+    They are computed by recursion, for one polynomial H at one point; the control is a wrong formula for K_3.
+    """
     u, v = sp.symbols("p1 p2"), sp.symbols("q1 q2")
     H = (u[0] ** 2 + u[1] ** 2) / 2 + v[0] ** 2 * v[1] + u[0] * v[1] ** 2 + u[0] ** 2 * v[0]
     lam = sp.Rational(5, 7)
@@ -164,38 +196,50 @@ def coefficients() -> tuple[float, float]:
 
 
 def mass(lam) -> float:
-    """The largest change of the mass of the nonlinear Schroedinger equation on three points under Scheme I."""
+    """Return the largest change of the mass of the nonlinear Schroedinger equation, on 3 points, under Scheme I."""
     made = problem("nls", N=3, L=5.0)
     s = integrate(made, "scheme-i", h=0.05, steps=400, parameters={"lam": lam})
     return metrics.invariant_error(made.system.observe(made.invariants["mass"], s.q, s.p)).max
 
 
 def momentum(id: str, **parameters) -> float:
-    """The largest change of the angular momentum of perturbed Kepler under a method."""
+    """Return the largest change of the angular momentum of perturbed Kepler under the method ``id``."""
     made = problem("perturbed-kepler")
     s = integrate(made, id, h=0.02, steps=1000, parameters=parameters)
     return metrics.invariant_error(made.system.observe(made.invariants["angular-momentum"], s.q, s.p)).max
 
 
 def mass_is_lost() -> tuple[float, float]:
-    """The largest change of the Schroedinger equation's mass under Scheme I at lambda = 1/3; control: at 1/2."""
+    """Return (number, control): the largest change of the Schroedinger equation's mass under Scheme I.
+
+    The number is that at lambda = 1/3, where the mass is lost; the control is that at 1/2.
+    """
     return mass(Fraction(1, 3)), mass(Fraction(1, 2))
 
 
 def momentum_is_kept() -> tuple[float, float]:
-    """The largest change of the angular momentum under Scheme I, four lambda; control: under AVF."""
+    """Return (number, control): the largest change of the angular momentum of perturbed Kepler under Scheme I.
+
+    The largest over four lambda; the control is that under the averaged vector field method (AVF).
+    """
     return max(momentum("scheme-i", lam=lam) for lam in LAMBDAS), momentum("avf")
 
 
 def singular() -> tuple[float, float]:
-    """The least singular value of Scheme IV's joint Newton matrix at h = 0; control: of its block without lambda."""
+    """Return (number, control): the least singular value of Scheme IV's Newton matrix for (q, p, lambda) at h = 0.
+
+    Scheme IV is Scheme I with lambda chosen to keep H.  The control is that of the block for (q, p) alone.
+    """
     gradient = -J(2) @ henon_heiles(POINT)
     joint = np.block([[np.eye(4), np.zeros((4, 1))], [gradient[None], np.zeros((1, 1))]])
     return tuple(np.linalg.svd(M, compute_uv=False)[-1] for M in (joint, joint[:4, :4]))
 
 
 def _exponent(y) -> tuple[float, float]:
-    """The exponent of h in |lambda(h) - 1/2| for a step of Scheme IV from y, and that distance at the smallest h."""
+    """Return (exponent of h in |lambda(h) - 1/2|, that distance at the smallest h) for steps of Scheme IV from y.
+
+    lambda(h) is the parameter that the scheme chooses to keep the energy.
+    """
     h = 0.1 / 2.0 ** np.arange(5)
     runs = [integrate(_system(), "scheme-iv", h=x, steps=1, q0=y[:2], p0=y[2:]) for x in h]
     apart = np.abs([s.parameter[0] - 0.5 for s in runs])
@@ -203,14 +247,20 @@ def _exponent(y) -> tuple[float, float]:
 
 
 def _slope(y) -> float:
-    """The rate of H_p.H_q along the Henon-Heiles flow, the coefficient of h^2 (lambda - 1/2) in the energy error."""
+    """Return the rate of H_p.H_q along the Henon-Heiles flow at y.
+
+    It is the coefficient of h^2 (lambda - 1/2) in the energy error of a step of Scheme I.
+    """
     change = step_map.jacobian(henon_heiles, y) @ henon_heiles(y)
     rate = henon_heiles(y)
     return -change[:2] @ rate[2:] - rate[:2] @ change[2:]
 
 
 def degenerate() -> tuple[float, float]:
-    """Distance of `_exponent` from 1 at a point of the orbit where `_slope` is zero; control: |lambda - 1/2| there."""
+    """Return (number, control) where the rate of H_p.H_q is 0: the distance from 1 of the order of lambda - 1/2 in h.
+
+    lambda is the parameter that Scheme IV chooses to keep the energy.  The control is |lambda - 1/2| at the smallest h.
+    """
     low, high = 1.5, 1.7
     for _ in range(50):
         middle = (low + high) / 2
@@ -221,9 +271,10 @@ def degenerate() -> tuple[float, float]:
 
 
 def solvable() -> tuple[float, float]:
-    """The distance from 1 of the power of h in |lambda - 1/2| of Scheme IV, at a point in general position.
+    """Return (number, control) at a point in general position: the distance from 1 of the order of lambda - 1/2 in h.
 
-    And as a control the energy error of a step from there with lambda = 1/2.
+    lambda is the parameter that Scheme IV chooses to keep the energy.  The control is the energy error of a step from
+    there with lambda = 1/2.
     """
     slope, _ = _exponent(POINT)
     made = _system()
@@ -233,7 +284,10 @@ def solvable() -> tuple[float, float]:
 
 
 def henon_heiles_data() -> tuple[float, float]:
-    """Distance of H of the box and chaotic orbits from 1/50 and 1/6; control: of the box orbit's from 1/6."""
+    """Return (number, control): the distance of H of the Henon-Heiles box and chaotic orbits from 1/50 and 1/6.
+
+    The control is the distance of the box orbit's H from 1/6.
+    """
     H = {}
     for orbit in ("box", "chaotic"):
         made = problem(f"henon-heiles:{orbit}")
@@ -242,7 +296,10 @@ def henon_heiles_data() -> tuple[float, float]:
 
 
 def henon_heiles_potential() -> tuple[float, float]:
-    """Distance of the registered Henon-Heiles H from the talk's (27), (28); control: another cubic coefficient."""
+    """Return (number, control): the distance of this project's Henon-Heiles H from the talk's equations (27), (28).
+
+    The control has another cubic coefficient.
+    """
     q, p = np.random.default_rng(7).normal(size=(2, 20, 2))
     system = problem("henon-heiles").system
     values = system.observe(system.H, q, p)
@@ -255,7 +312,11 @@ def henon_heiles_potential() -> tuple[float, float]:
 
 
 def kepler_data() -> tuple[float, float]:
-    """Distances of perturbed Kepler's H0 from -0.5391 and of L0 from 0.8; control: of H0 from the Kepler value -0.5."""
+    """Return (number, control): the larger distance of perturbed Kepler's H0 from -0.5391 and of its L0 from 0.8.
+
+    H0 and L0 are energy and angular momentum at the start; the control is the distance of H0 from -0.5, that of pure
+    Kepler motion.
+    """
     made = problem("perturbed-kepler")
     H, L = (float(made.system.observe(e, [made.q0], [made.p0])[0])
             for e in (made.system.H, made.invariants["angular-momentum"]))  # fmt: skip
@@ -263,7 +324,7 @@ def kepler_data() -> tuple[float, float]:
 
 
 def kepler_momentum() -> tuple[float, float]:
-    """The rate of q1 p2 - q2 p1 along perturbed Kepler's field; control: of q1 p2 + q2 p1."""
+    """Return (number, control): the largest rate of q1 p2 - q2 p1 on perturbed Kepler, and that of q1 p2 + q2 p1."""
     q, p = np.random.default_rng(7).normal(size=(2, 20, 2))
     system = problem("perturbed-kepler").system
     dq, dp = (np.stack([system.observe(e, q, p) for e in part], axis=1) for part in (system.dq, system.dp))

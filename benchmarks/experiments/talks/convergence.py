@@ -37,7 +37,10 @@ ORDINATE = r"$\|y_h - y_{2h}\|_\infty$"
 
 
 def _row(panel: str, curve: str, id: str, steps, **parameters) -> dict:
-    """The row of a curve: refinement differences of a method over doubling numbers of steps, and their order."""
+    """Measure one curve: refinement differences |y_h - y_2h| of a method over doubling numbers of steps.
+
+    Returns the curve's row, with the observed order; ``panel`` and ``curve`` say where the figure shows it.
+    """
     h, differences, runs = measure.refinement_differences(measure.start(PROBLEM), id, steps, **parameters)
     worst = next((s for s in runs if s.status != "ok"), runs[-1])
     counts = {k: sum(s.counts[k] for s in runs) for k in ("steps", "fallbacks")}
@@ -46,7 +49,7 @@ def _row(panel: str, curve: str, id: str, steps, **parameters) -> dict:
 
 
 def _steps(first: int, halvings: int) -> list[int]:
-    """Numbers of steps to t = 1: ``first``, and its doublings."""
+    """Return numbers of steps to t = 1: ``first``, and its doublings."""
     return [first * 2**k for k in range(halvings + 1)]
 
 
@@ -64,7 +67,7 @@ def _measure_compositions(quick: bool) -> list[dict]:
 
 
 def _curves(axes, rows) -> tuple[np.ndarray, list[np.ndarray]]:
-    """Draw the curves of a panel; return the step sizes, and the differences of each curve."""
+    """Draw the curves of a panel; return (the step sizes, the refinement differences of each curve)."""
     differences = []
     for k, r in enumerate(rows.itertuples()):
         h, e = unpack(r.x), unpack(r.y)
@@ -86,7 +89,10 @@ def _caption(methods: str, rows) -> str:
 
 @style.styled
 def schemes_i_to_iii(rows):
-    """(figure, caption): refinement differences of Schemes I, II and III over h, a curve for each lambda."""
+    """Draw the refinement differences of Schemes I, II and III over h, a curve for each lambda: (figure, caption).
+
+    ``rows`` has a row for each curve.
+    """
     figure, (panels,) = style.panels(1, 3, 3.0, sharey=True)
     drawn = []
     for axes, (title, (_, order)) in zip(panels, SCHEMES.items(), strict=True):
@@ -101,7 +107,10 @@ def schemes_i_to_iii(rows):
 
 @style.styled
 def preserving(rows):
-    """(figure, caption): refinement differences of AVF, Schemes IV and V over h."""
+    """Draw the refinement differences of AVF (averaged vector field), Schemes IV and V over h: (figure, caption).
+
+    ``rows`` has a row for each curve.
+    """
     figure, ((axes,),) = style.panels(1, 1, 3.4)
     h, differences = _curves(axes, rows)
     for order, line in ((1, "--"), (2, "-")):
@@ -113,7 +122,10 @@ def preserving(rows):
 
 @style.styled
 def compositions(rows):
-    """(figure, caption): refinement differences of compositions of orders 4 and 6 of Schemes III and V."""
+    """Draw the refinement differences of compositions of orders 4 and 6 of Schemes III and V: (figure, caption).
+
+    ``rows`` has a row for each curve.
+    """
     figure, ((axes,),) = style.panels(1, 1, 3.6)
     h, differences = _curves(axes, rows)
     for order, line in ((4, "-"), (6, "--")):

@@ -25,7 +25,10 @@ FIGURES: tuple[Figure, ...] = (
 
 
 def pictures(curves, section: str, folder: Path) -> list[Picture]:
-    """Draw the figures of a section from the table of curves into ``folder``; a figure without its rows is left out."""
+    """Draw the figures of a section of the talks into ``folder``; return their files, titles and captions.
+
+    ``curves`` is the table of all measured curves; a figure whose curves were not measured is left out.
+    """
     drawn = []
     for figure in FIGURES:
         rows = curves[curves["figure"] == figure.id]

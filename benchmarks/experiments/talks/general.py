@@ -1,4 +1,8 @@
-"""Statements of the talk "A general symplectic integrator for canonical Hamiltonian systems", in the talk's order."""
+"""Statements of the talk "A general symplectic integrator for canonical Hamiltonian systems", in the talk's order.
+
+Each has a judge: a function of the measured tables (table name -> rows) that returns a `Judgement`, whether the
+statement holds and the numbers that show it.
+"""
 
 from __future__ import annotations
 
@@ -35,7 +39,7 @@ VALUES = ("-1", "1/3", "3/2")
 
 
 def labels(id: str) -> tuple[str, ...]:
-    """The labels, such as "scheme-i(lam=1/3)", of a method at each lambda for which its order is measured."""
+    """Return the labels, such as "scheme-i(lam=1/3)", of a method at each lambda for which its order is measured."""
     return tuple(f"{id}(lam={lam})" for lam in VALUES)
 
 
@@ -44,7 +48,11 @@ def _generating(order_: int) -> tuple[str, ...]:
 
 
 def roots(*schemes: str, condition: str = "λ near 1/2 exists"):
-    """Judge: these schemes keep the energy in steps with a root lambda; if some have none, only under ``condition``."""
+    """Make a judge (a function of measured tables) of whether schemes keep the energy by their choice of lambda.
+
+    In each step the schemes solve for a lambda with which H is kept.  The statement holds if every step has such a
+    root and the energy is kept there to round-off; if some steps have none, it holds only under ``condition``, a text.
+    """
 
     def judge(data):
         rows = rows_of(data, "energy_preservation", scheme=list(schemes), status="ok")
@@ -65,13 +73,19 @@ def roots(*schemes: str, condition: str = "λ near 1/2 exists"):
 
 @on_rows("pde", method=list(TUNED), invariant="mass")
 def nls_mass(rows):
-    """Judge: Schemes IV and V keep the mass of the nonlinear Schroedinger equation."""
+    """Judge from measured rows whether Schemes IV and V keep the mass of the nonlinear Schroedinger equation.
+
+    These schemes choose a parameter lambda in each step so that H is kept.
+    """
     worst = rows["invariant error"].max()
     return judgement(worst <= KEPT, f"NLS mass changes by up to {number(worst, 2)}")
 
 
 def charge(data):
-    """Judge: Schemes IV and V keep angular momentum and charge, invariants of the form q.D p."""
+    """Judge whether Schemes IV and V keep angular momentum and charge, invariants of the form q.D p.
+
+    These schemes choose a parameter lambda in each step so that H is kept.  ``data`` maps a table's name to its rows.
+    """
     rows = rows_of(data, "pde", method=list(TUNED), invariant="charge")
     turns = rows_of(data, "energy_preservation", scheme=list(TUNED), problem="perturbed-kepler")
     if rows.empty or turns.empty:
@@ -81,7 +95,12 @@ def charge(data):
 
 
 def box(column: str, bound: float):
-    """Judge: a column of the EQUIP box scheme's rows is at most ``bound``."""
+    """Make a judge (a function of measured tables) of whether a residual or error of the EQUIP box scheme is small.
+
+    All values of the table's ``column`` must be at most ``bound``.
+
+    For the column "two-form", the residual of the multisymplectic law, the bound is in units of round-off.
+    """
 
     def judge(data):
         rows = rows_of(data, "multisymplectic", id="equip-box")
@@ -97,14 +116,14 @@ def box(column: str, bound: float):
 
 @on_rows("talk_curves", figure="perturbed-kepler-parameter", panel="lambda")
 def middling(rows):
-    """Judge: the median of the lambda that Schemes IV and V choose in their steps is near 1/2."""
+    """Judge from measured rows whether the median of the lambda that Schemes IV and V choose in a step is near 1/2."""
     apart = (rows["median"] - 0.5).abs().max()
     text = f"median of |λ − 1/2| up to {number(apart, 2)}, range {number(rows['low'].min(), 2)} to "
     return judgement(apart < 0.1, f"{text}{number(rows['high'].max(), 2)}")
 
 
 def exactly(scheme: str, order_: int):
-    """Judge: a scheme has the order that the talk's heading states."""
+    """Make a judge (a function of measured tables) of whether a scheme has exactly the order ``order_``."""
     return order((scheme,), order_)
 
 

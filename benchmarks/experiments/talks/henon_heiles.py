@@ -32,7 +32,7 @@ PRESERVING = {"AVF": ("avf", {}), "Scheme IV": ("scheme-iv", {}), "Scheme V": ("
 
 
 def _runs(methods, t_end: float):
-    """(orbit, label, problem, solution) of every method on both orbits."""
+    """Yield (orbit, curve label, problem, solution) of every method on both orbits, integrated to ``t_end``."""
     for orbit in ORBITS:
         start = measure.start(f"henon-heiles:{orbit}")
         for label, (id, parameters) in methods.items():
@@ -85,7 +85,10 @@ def _boundary(axes, orbit: str, reach: float) -> None:
 
 
 def _grid(rows, height: float):
-    """(figure, [(axes, row)], axes of the left column): a line of panels for each orbit, a column for each curve."""
+    """Make a figure with a line of panels for each orbit and a column for each curve.
+
+    Returns (figure, [(axes, the curve's row)], axes of the left column).
+    """
     figure, grid = style.panels(2, rows["curve"].nunique(), height, sharex="row", sharey="row")
     return figure, list(zip(grid.flat, rows.itertuples(), strict=True)), grid[:, 0]
 
@@ -110,19 +113,19 @@ def _draw_orbits(rows, methods: str, height: float):
 
 @style.styled
 def scheme_i_orbits(rows):
-    """(figure, caption): box and chaotic orbits of Scheme I."""
+    """Draw the box and chaotic orbits of Scheme I, from a row for each curve: (figure, caption)."""
     return _draw_orbits(rows, "Scheme I", 4.2)
 
 
 @style.styled
 def preserving_orbits(rows):
-    """(figure, caption): box and chaotic orbits of AVF, Schemes IV and V."""
+    """Draw the box and chaotic orbits of AVF, Schemes IV and V, from a row for each curve: (figure, caption)."""
     return _draw_orbits(rows, "AVF, Schemes IV and V", 5.1)
 
 
 @style.styled
 def sections(rows):
-    """(figure, caption): the Poincare sections of Scheme I's orbits."""
+    """Draw the Poincare sections of Scheme I's orbits, from a row for each orbit and lambda: (figure, caption)."""
     figure, panels, left = _grid(rows, 4.2)
     for axes, r in panels:
         look = {"linestyle": "none", "marker": ".", "markersize": 2.4, "markeredgewidth": 0, "color": style.BLUE}
@@ -142,7 +145,10 @@ def sections(rows):
 
 
 def _draw_energies(rows, methods: str):
-    """(figure, caption): |H - H0| over t, a panel for each orbit, a curve for each method."""
+    """Draw |H - H0| over t, a panel for each orbit, a curve for each of ``rows``: (figure, caption).
+
+    ``methods`` names the methods in the caption.
+    """
     figure, grid = style.panels(2, 1, 4.4, sharex=True)
     errors = []
     for axes, orbit in zip(grid[:, 0], ORBITS, strict=True):
@@ -165,13 +171,13 @@ def _draw_energies(rows, methods: str):
 
 @style.styled
 def scheme_i_energy(rows):
-    """(figure, caption): energy error of Scheme I."""
+    """Draw the energy error of Scheme I on Henon-Heiles over time, from a row for each curve: (figure, caption)."""
     return _draw_energies(rows, "Scheme I")
 
 
 @style.styled
 def preserving_energy(rows):
-    """(figure, caption): energy error of AVF, Schemes IV and V."""
+    """Draw the energy errors of AVF, Schemes IV and V on Henon-Heiles, from a row for each curve: (figure, caption)."""
     return _draw_energies(rows, "AVF, Schemes IV and V")
 
 

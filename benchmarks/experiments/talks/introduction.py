@@ -1,4 +1,8 @@
-"""The statements of the introductory talk, "Symplectic Integration of Hamiltonian Systems", in the talk's order."""
+"""The statements of the introductory talk, "Symplectic Integration of Hamiltonian Systems", in the talk's order.
+
+Each has a judge: a function of the measured tables (table name -> rows) that returns a `Judgement`, whether the
+statement holds and the numbers that show it.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +19,10 @@ KEPT = 1e-11
 
 
 def areas(kept: tuple[str, ...], lost: tuple[str, ...]):
-    """Judge: maps in ``kept`` keep the area of a set on the pendulum to round-off, maps in ``lost`` do not."""
+    """Make a judge of whether maps keep the area of a set in the pendulum's phase plane.
+
+    The maps named in ``kept`` must keep it to round-off, those in ``lost`` must not.
+    """
 
     def judge(data):
         rows = rows_of(data, CURVES, figure="pendulum-area")
@@ -31,7 +38,7 @@ def areas(kept: tuple[str, ...], lost: tuple[str, ...]):
 
 @on_rows(CURVES, figure="lotka-volterra-flow")
 def disc(rows):
-    """Judge: the exact flow of Lotka-Volterra keeps the measure du dv / (u v) of a disc; its area changes."""
+    """Judge from measured rows whether the exact flow of Lotka-Volterra keeps the measure du dv / (u v) of a disc."""
     change = (rows["measure"] - rows["measure"].iloc[0]).abs().max()
     area = rows["area"].max() - rows["area"].min()
     text = f"∫ du dv/(uv) of a carried disc changes by {change:.1e}, its area by {area:.2f}"
@@ -39,7 +46,10 @@ def disc(rows):
 
 
 def parallelogram(data):
-    """Judge: a midpoint step keeps omega(xi, eta) on coupled oscillators, an explicit Euler step does not."""
+    """Judge whether a midpoint step keeps omega(xi, eta) on coupled oscillators, and an explicit Euler step does not.
+
+    omega is the symplectic form, xi and eta two vectors; ``data`` maps a table's name to its rows.
+    """
     from .linear_map import areas as oriented
 
     rows = rows_of(data, CURVES, figure="linear-symplectic-map")
@@ -53,7 +63,7 @@ def parallelogram(data):
 
 @on_rows(CHECKS, check="species")
 def prey(rows):
-    """Judge: u is the prey, since its growth rate falls with v, and v's rises with u."""
+    """Judge from measured rows whether u is the prey: its growth rate would fall with v, and that of v rise with u."""
     r = rows.iloc[0]
     return judgement(r["value"] < 0 < r["control"], f"{r['what']}: {r['value']:+g}; {r['against']}: {r['control']:+g}")
 

@@ -35,12 +35,15 @@ NOTHING = Judgement(MISSING, "")
 
 
 def judgement(holds: bool, text: str) -> Judgement:
-    """A judgement that the statement holds or is contradicted, with the measured numbers as ``text``."""
+    """Return the `Judgement` that a statement holds or is contradicted, with the measured numbers as ``text``."""
     return Judgement(HOLDS if holds else CONTRADICTED, text)
 
 
 def rows_of(data, table: str, **values) -> pd.DataFrame:
-    """The rows of a table with these values in its columns (a list: one of them); empty if it was not measured."""
+    """Select the rows of a table whose columns have the given ``values``; empty if the table was not measured.
+
+    ``data`` maps a table's name to the table or None.  A list as value means that the column has one of its elements.
+    """
     frame = data(table)
     if frame is None or any(column not in frame for column in values):
         return pd.DataFrame()
@@ -50,7 +53,10 @@ def rows_of(data, table: str, **values) -> pd.DataFrame:
 
 
 def on_rows(table: str, **values) -> Callable[[Callable[[pd.DataFrame], Judgement]], Judge]:
-    """Decorator: turns a function of rows into a judge that reads them with `rows_of`."""
+    """Decorator: turn a function rows -> `Judgement` into a judge, a function of all measured tables.
+
+    The judge selects the rows of ``table`` whose columns have the given ``values``; without rows nothing is judged.
+    """
 
     def decorate(function):
         @functools.wraps(function)
@@ -68,12 +74,15 @@ def _plural(n: int, word: str) -> str:
 
 
 def untestable(why: str) -> Judge:
-    """Judge: no measurement can decide, for the reason ``why``."""
+    """Make a judge (a function of measured tables) that finds a statement not testable, for the reason ``why``."""
     return lambda data: Judgement(UNTESTABLE, why)
 
 
 def check(id: str, bound: float, least: float | None = None) -> Judge:
-    """Judge: the number of a check is at most ``bound``, and its control is above ``least`` (default: the bound)."""
+    """Make a judge (a function of measured tables) of whether the number of a check is at most ``bound``.
+
+    The check's control, the same number for a case that must fail, must be above ``least`` (default: the bound).
+    """
 
     @on_rows(CHECKS, check=id)
     def judge(rows):
@@ -87,7 +96,10 @@ def check(id: str, bound: float, least: float | None = None) -> Judge:
 
 
 def order(labels: Sequence[str], wanted: int, problem: str = "") -> Judge:
-    """Judge: these methods have the order ``wanted`` in multiprecision, not more or less, on all systems or on one."""
+    """Make a judge (a function of measured tables) of whether methods have the order ``wanted``, not more or less.
+
+    Orders are measured in multiprecision, on all systems, or on ``problem`` alone if it is given.
+    """
 
     @on_rows("multiprecision", method=list(labels), **({"problem": problem} if problem else {}))
     def judge(rows):
@@ -100,7 +112,10 @@ def order(labels: Sequence[str], wanted: int, problem: str = "") -> Judge:
 
 
 def has(labels: Sequence[str], what: str, wanted: bool = True) -> Judge:
-    """Judge: the step maps of these methods all have (``wanted``) or all lack "symplecticity" or "symmetry"."""
+    """Make a judge (a function of measured tables) of whether methods have a property (or lack it, if not ``wanted``).
+
+    ``labels`` are those of the methods; ``what`` is "symplecticity" or "symmetry".
+    """
 
     @on_rows("structure", method=list(labels), property=what)
     def judge(rows):
@@ -113,7 +128,7 @@ def has(labels: Sequence[str], what: str, wanted: bool = True) -> Judge:
 
 
 def keeps_energy(ids: Sequence[str], problem: str = "henon-heiles") -> Judge:
-    """Judge: these methods keep the energy of a problem to round-off."""
+    """Make a judge (a function of measured tables) of whether methods keep the energy of a problem to round-off."""
 
     def judge(data):
         rows = rows_of(data, "matrix", method=list(ids), problem=problem)
@@ -127,7 +142,10 @@ def keeps_energy(ids: Sequence[str], problem: str = "henon-heiles") -> Judge:
 
 
 def system(problem: str) -> Judge:
-    """Judge: on this problem the midpoint rule is symplectic or, if that is not measured, has a small energy error."""
+    """Make a judge (a function of measured tables) of whether a problem behaves as a Hamiltonian system.
+
+    On it the implicit midpoint rule must be symplectic or, if that is not measured, have a small energy error.
+    """
 
     def judge(data):
         rows = rows_of(data, "matrix", problem=problem)
@@ -145,7 +163,10 @@ def system(problem: str) -> Judge:
 
 
 def printed_entries(scheme: str, wanted: int) -> Judge:
-    """Judge: all ``wanted`` printed entries of a scheme are reproduced."""
+    """Make a judge (a function of measured tables) of whether the talk's printed errors of a scheme are reproduced.
+
+    There must be ``wanted`` entries, each within `REPRODUCED` units of its last digit.
+    """
 
     @on_rows("printed", scheme=scheme)
     def judge(rows):
@@ -159,7 +180,11 @@ def printed_entries(scheme: str, wanted: int) -> Judge:
 
 
 def curves(figure: str, column: str, bound: float, curve: Sequence[str] = (), panel: str = "", above=False) -> Judge:
-    """Judge: the largest value in a column of a figure's curves is at most ``bound`` (``above``: the least is not)."""
+    """Make a judge (a function of measured tables) of whether a column of a figure's curves stays below a bound.
+
+    The largest value must be at most ``bound``; if ``above``, the smallest one must exceed it.  ``curve`` and ``panel``
+    select some of the figure's curves.
+    """
 
     def judge(data):
         rows = rows_of(data, CURVES, figure=figure)
@@ -184,7 +209,7 @@ def curves(figure: str, column: str, bound: float, curve: Sequence[str] = (), pa
 
 
 def completed_runs(figure: str, wanted: int) -> Judge:
-    """Judge: a figure has at least ``wanted`` runs, and all of them complete."""
+    """Make a judge (a function of measured tables) of whether a figure has ``wanted`` or more runs, all completed."""
 
     @on_rows(CURVES, figure=figure)
     def judge(rows):
@@ -197,7 +222,7 @@ def completed_runs(figure: str, wanted: int) -> Judge:
 
 
 def every(*judges: Judge) -> Judge:
-    """Judge: the worst verdict of several judges, with the measurements of all."""
+    """Make a judge that returns the worst verdict of several judges, with the measurements of all."""
 
     def judge(data):
         found = [j(data) for j in judges]
@@ -208,7 +233,11 @@ def every(*judges: Judge) -> Judge:
 
 
 def where(inside: Judge, outside: Judge, condition: str) -> Judge:
-    """Judge: the statement holds only under a condition, if ``inside`` holds and ``outside`` is contradicted."""
+    """Make a judge of whether a statement holds only under a condition, given as a text.
+
+    That is so if the judge ``inside`` (with the condition) finds that it holds, and ``outside`` (without) that it is
+    contradicted; otherwise the verdict is that of ``inside``.
+    """
 
     def judge(data):
         a, b = inside(data), outside(data)

@@ -27,25 +27,25 @@ METHODS = (("implicit midpoint", "implicit-midpoint"), ("explicit Euler", "expli
 
 
 def oscillators() -> Hamiltonian:
-    """The linear system of two oscillators coupled by a spring."""
+    """Return the linear Hamiltonian system of two oscillators coupled by a spring."""
     return Hamiltonian(q="q1, q2", p="p1, p2", H="(p1**2 + p2**2)/2 + (q1**2 + 2*q2**2)/2 + (q1 - q2)**2/2")
 
 
 def image(id: str) -> tuple[np.ndarray, np.ndarray]:
-    """(A xi, A eta), where A is one step of the method on the coupled oscillators."""
+    """Return (A xi, A eta), arrays (4,), A one step of a method on coupled oscillators, xi = `XI`, eta = `ETA`."""
     return tuple(measure.carry(oscillators(), id, np.stack([XI, ETA]), STEP, 1)[1])
 
 
 def areas(xi, eta) -> np.ndarray:
-    """The oriented areas of the projections onto the planes (p_i, q_i) of the parallelogram of xi and eta: array (d,).
+    """Return the oriented areas of a parallelogram's projections onto the planes (p_i, q_i): array (d,).
 
-    Both are arrays (2 d,).
+    The vectors xi and eta, arrays (2 d,) of (q, p), span the parallelogram.
     """
     return np.array([measure.polygon_area(_project(xi, eta, i)) for i in range(len(xi) // 2)])
 
 
 def _project(xi, eta, i: int) -> np.ndarray:
-    """The corners 0, xi, xi + eta, eta projected onto the plane (p_i, q_i), array (4, 2)."""
+    """Project the corners 0, xi, xi + eta, eta of a parallelogram onto the plane (p_i, q_i): array (4, 2)."""
     d = len(xi) // 2
     corners = np.stack([0 * xi, xi, xi + eta, eta])
     return corners[:, [d + i, i]]
@@ -58,9 +58,9 @@ def _measure(quick: bool) -> list[dict]:
 
 @style.styled
 def parallelograms(rows):
-    """(figure, caption) of a parallelogram and its images under two methods, projected onto both planes (p_i, q_i).
+    """Draw a parallelogram and its images under a step of two methods, projected onto both planes (p_i, q_i).
 
-    ``rows`` has a line for each of the three panels, with the two vectors as texts.
+    ``rows`` has a row for each of the three parallelograms, with the two vectors as texts.  Returns (figure, caption).
     """
     figure, grid = style.panels(2, 3, 4.4, sharex=True, sharey=True)
     for column, r in enumerate(rows.itertuples()):

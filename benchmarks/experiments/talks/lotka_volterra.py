@@ -77,7 +77,7 @@ def _measure_methods(quick: bool) -> list[dict]:
 
 
 def _disc(axes, k: int, name: str, points) -> None:
-    """Draw the k-th image of the disc, with its time beside it."""
+    """Draw the k-th image of a disc under the flow, boundary ``points`` (n, 2), with the text ``name`` beside it."""
     colour = style.ORANGE if k == 0 else style.SKY
     axes.fill(*points.T, facecolor=colour, edgecolor="black", linewidth=0.8, alpha=0.85)
     inward = np.array([1.0, 2.0]) - points
@@ -90,7 +90,10 @@ def _disc(axes, k: int, name: str, points) -> None:
 
 @style.styled
 def exact_flow(rows):
-    """(figure, caption): the vector field, and images of a disc under the flow, with level curves."""
+    """Draw the Lotka-Volterra field, and images of a disc under its flow, with level curves: (figure, caption).
+
+    ``rows`` has a row for each image of the disc.
+    """
     system = measure.start("lotka-volterra").system
     span = (5.2, 6.2)
     figure, ((left, right),) = style.panels(1, 2, 3.5, sharex=True, sharey=True)
@@ -123,7 +126,10 @@ def exact_flow(rows):
 
 @style.styled
 def numerical_flow(rows):
-    """(figure, caption): the orbits of four methods from the talk's starting points."""
+    """Draw Lotka-Volterra orbits of four methods from the talk's starting points: (figure, caption).
+
+    ``rows`` has a row for each orbit of a method or of the exact flow.
+    """
     figure, grid = style.panels(2, 2, 5.2)
     exact = rows["curve"] == "exact flow"
     for axes, title in zip(grid.flat, rows["panel"].unique(), strict=False):

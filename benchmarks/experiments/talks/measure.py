@@ -40,45 +40,48 @@ NOISE = 1e-12
 
 @cache
 def start(name: str):
-    """The problem named ``id`` or ``id:orbit``, made only once, so that its functions stay compiled."""
+    """Return the problem named ``id`` or ``id:orbit``, made only once, so that its functions stay compiled."""
     return problems.problem(name)
 
 
 def run(problem, id: str, h: float, t_end: float, **parameters):
-    """The Solution of a problem by the method ``id`` with its ``parameters``."""
+    """Integrate a problem by the method ``id`` with its ``parameters`` and step h to ``t_end``: its `Solution`."""
     return integrate(problem, id, h=h, t_end=t_end, parameters=parameters)
 
 
 def error(problem, expression, solution) -> np.ndarray:
-    """|F - F0| of an expression F along a solution, array (n,)."""
+    """Return |F - F0| of an expression F in q and p along a solution, array (n,); F0 is its first value."""
     values = problem.system.observe(expression, solution.q, solution.p)
     return np.abs(values - values[0])
 
 
 def energy_error(problem, solution) -> np.ndarray:
-    """|H - H0| along a solution, array (n,)."""
+    """Return the energy error |H - H0| along a solution, array (n,)."""
     return error(problem, problem.system.H, solution)
 
 
 def binned_maxima(t, e, bins: int = 200):
-    """Thin a curve without losing peaks: (times, values) of the largest ``e`` in each of ``bins`` equal pieces."""
+    """Thin a curve (t, e) without losing peaks: (times, values) of the largest e in each of ``bins`` equal pieces."""
     edges = np.linspace(0, len(e), min(bins, len(e)) + 1).astype(int)
     best = np.array([a + np.argmax(e[a:b]) for a, b in pairwise(edges)])
     return t[best], e[best]
 
 
 def for_log_axis(e) -> np.ndarray:
-    """``e`` for a logarithmic axis: zeros are drawn at `FLOOR`."""
+    """Return the errors ``e`` for a logarithmic axis: values below `FLOOR`, such as zeros, are raised to `FLOOR`."""
     return np.maximum(e, FLOOR)
 
 
 def floor_note(errors: Iterable[np.ndarray]) -> str:
-    """The caption's sentence about zeros drawn at `FLOOR`; empty if no error is zero."""
+    """Return the caption's sentence about zeros drawn at `FLOOR`; empty if no error is zero."""
     return f" Zeros are drawn at {number(FLOOR)}." if any((e == 0).any() for e in errors) else ""
 
 
 def row(panel: str, curve: str, x, y, solution=None, digits: int = DIGITS, **values) -> dict:
-    """The row of one curve: panel, label, data of its run, points (x, y), and further numbers for the caption."""
+    """Make the row of one curve of a figure: panel, label, data of its run, points, and further numbers.
+
+    x and y are stored as texts of ``digits`` significant digits; ``values`` are columns for the caption.
+    """
     of_run = {}
     if solution is not None:
         of_run = {
@@ -95,14 +98,17 @@ def row(panel: str, curve: str, x, y, solution=None, digits: int = DIGITS, **val
 
 
 def thin_path(q, until: int | None = None, n: int = POINTS) -> np.ndarray:
-    """At most ``n`` of the first ``until`` points of a path, array (m, 2), about equally spaced along it."""
+    """Thin a plane path to at most ``n`` of its first ``until`` points, about equally spaced: array (m, 2)."""
     q = q[:until]
     along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(q, axis=0).T))])
     return q[np.unique(np.searchsorted(along, np.linspace(0, along[-1], n)).clip(max=len(q) - 1))]
 
 
 def troubles(rows) -> str:
-    """The caption's sentences about failed integrations, and about steps without a root lambda."""
+    """Return the caption's sentences about failed integrations, and about steps without an energy-preserving lambda.
+
+    ``rows`` has a row for each curve; the text is empty if there is nothing to report.
+    """
     text = "".join(f" {r.method}: {r.status}." for r in rows[rows["status"] != "ok"].itertuples())
     sums = rows.groupby("name", sort=False)[["fallbacks", "steps"]].sum()
     missed = [f"{int(r.fallbacks)} of {int(r.steps)} ({r.Index})" for r in sums.itertuples() if r.fallbacks]
@@ -110,9 +116,9 @@ def troubles(rows) -> str:
 
 
 def carry(problem, id: str, points, h: float, snapshots: int, substeps: int = 1, **parameters) -> np.ndarray:
-    """The images of points (q, p), array (n, 2 d), under a method: array (snapshots + 1, n, 2 d), row 0 the points.
+    """Map points (q, p), array (n, 2 d), by a method: array (snapshots + 1, n, 2 d), whose first entry is the points.
 
-    One snapshot is ``substeps`` steps h.  Raises InvalidInput if the integration of a point fails.
+    Between two snapshots are ``substeps`` steps h.  Raises InvalidInput if the integration of a point fails.
     """
     d = points.shape[1] // 2
     rows = []
@@ -127,26 +133,29 @@ def carry(problem, id: str, points, h: float, snapshots: int, substeps: int = 1,
 
 
 def enclosed_area(curve) -> float:
-    """The oriented area within a closed curve of points (q, p), array (n, 2): counterclockwise is positive."""
+    """Return the oriented area within a closed curve through points (q, p), array (n, 2); counterclockwise is positive.
+
+    It is the area of the trigonometric interpolant.
+    """
     n = len(curve)
     c = np.fft.fft(curve[:, 0] + 1j * curve[:, 1]) / n
     return float(np.pi * np.sum(np.fft.fftfreq(n, 1 / n) * np.abs(c) ** 2))
 
 
 def polygon_area(vertices) -> float:
-    """The oriented area of a polygon of vertices (x, y), array (n, 2): counterclockwise is positive."""
+    """Return the oriented area of a polygon with vertices (x, y), array (n, 2); counterclockwise is positive."""
     (x, y), (x1, y1) = vertices.T, np.roll(vertices, -1, axis=0).T
     return float(np.sum(x * y1 - x1 * y) / 2)
 
 
 def circle(centre, radius: float, n: int) -> np.ndarray:
-    """A circle of n points, array (n, 2)."""
+    """Return n points on a circle, array (n, 2)."""
     angle = 2 * np.pi * np.arange(n) / n
     return np.array(centre) + radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
 
 
 def cat(centre, size: float, n: int) -> np.ndarray:
-    """The outline of a cat's face, array (n, 2): an analytic closed curve, a circle with two ears."""
+    """Return n points on the outline of a cat's face, array (n, 2): an analytic curve, a circle with two ears."""
     angle = 2 * np.pi * np.arange(n) / n
     ears = sum(np.exp(18 * (np.cos(angle - at) - 1)) for at in (np.pi / 4, 3 * np.pi / 4))
     r = size * (1 + 0.55 * ears)
@@ -154,9 +163,9 @@ def cat(centre, size: float, n: int) -> np.ndarray:
 
 
 def section(problem, solution) -> np.ndarray:
-    """The Poincare section q1 = 0, p1 > 0 of a solution with H = |p|^2 / 2 + U(q): points (q2, p2), array (n, 2).
+    """Compute the Poincare section q1 = 0, p1 > 0 of a solution with H = |p|^2 / 2 + U(q): (q2, p2), array (n, 2).
 
-    Between two rows, cubic Hermite interpolation locates the crossing, with an error of O(h^4).
+    Between two output rows, cubic Hermite interpolation locates the crossing, with an error of O(h^4).
     """
     q, p, h = solution.q, solution.p, solution.h
     y = np.hstack([q[:, :2], p[:, 1:2]])
@@ -179,9 +188,10 @@ def section(problem, solution) -> np.ndarray:
 
 
 def refinement_differences(problem, id: str, steps, t_end: float = 1.0, **parameters):
-    """(h, max |y_h - y_2h| over q and p at ``t_end``, solutions) for n doubling numbers of ``steps``.
+    """Integrate with n doubling numbers of ``steps``, and compare the end states: (h, max |y_h - y_2h|, solutions).
 
-    The first two are arrays (n - 1,); a difference is NaN if a run failed.
+    The differences are the largest over q and p at ``t_end``; h and differences are arrays (n - 1,).  A difference is
+    NaN if a run failed.
     """
     runs = [integrate(problem, id, t_end=t_end, steps=n, save_every=0, parameters=parameters) for n in steps]
     ends = [end_state(s) + (0 if s.status == "ok" else np.nan) for s in runs]
@@ -190,7 +200,10 @@ def refinement_differences(problem, id: str, steps, t_end: float = 1.0, **parame
 
 
 def observed_order(h, differences) -> float:
-    """The log-log slope over the three smallest steps with differences above `NOISE`; NaN for fewer than two."""
+    """Fit the order: the log-log slope of ``differences`` over the three smallest h with differences above `NOISE`.
+
+    NaN if there are fewer than two such steps.
+    """
     clear = differences > NOISE
     if clear.sum() < 2:
         return float("nan")

@@ -1,4 +1,7 @@
-"""The pages of the talks' figures, one for each section, with verdicts on the measured rows."""
+"""The report's pages of the talks' figures, one for each section of the talks, with verdicts.
+
+``curves`` is the table of all measured curves: a row for each curve of a figure.
+"""
 
 from __future__ import annotations
 
@@ -29,14 +32,14 @@ def _of(curves: pd.DataFrame, *figures: str) -> pd.DataFrame:
 
 
 def _area_changes(curves: pd.DataFrame) -> pd.Series:
-    """The largest change of the area of a set under each map of the pendulum."""
+    """Return the largest change of the area of a set under each map of the pendulum, by the map's name."""
     faces = _of(curves, "pendulum-area").dropna(subset=["area"])
     return faces.groupby("panel", sort=False)["area"].agg(lambda a: (a - a.iloc[0]).abs().max())
 
 
 @of(TABLE)
 def areas(curves: pd.DataFrame) -> Verdict | None:
-    """Whether symplectic maps preserve the area of a set on the pendulum."""
+    """Judge whether symplectic maps preserve the area of a set in the pendulum's phase plane; None without rows."""
     change = _area_changes(curves).drop(["exact flow", EULERS[0]], errors="ignore")
     if change.empty:
         return None
@@ -51,7 +54,7 @@ def areas(curves: pd.DataFrame) -> Verdict | None:
 
 @of(TABLE)
 def euler_area(curves: pd.DataFrame) -> Verdict | None:
-    """Whether explicit Euler, the control, changes the area of a set on the pendulum."""
+    """Judge whether explicit Euler, the control, changes the area of a set in the pendulum's phase plane."""
     change = _area_changes(curves)
     if EULERS[0] not in change:
         return None
@@ -60,7 +63,7 @@ def euler_area(curves: pd.DataFrame) -> Verdict | None:
 
 @of(TABLE)
 def answer_areas(curves: pd.DataFrame) -> str | None:
-    """A sentence: the change of the area under each map."""
+    """Return a page's answer, a sentence: the change of the area of a set under each map of the pendulum."""
     parts = [f"{number(x, 2)} ({name})" for name, x in _area_changes(curves).items()]
     if not parts:
         return None
@@ -68,14 +71,17 @@ def answer_areas(curves: pd.DataFrame) -> str | None:
 
 
 def _invariant_changes(curves: pd.DataFrame) -> pd.Series:
-    """The largest change of the Lotka-Volterra invariant under each method."""
+    """Return the largest change of the Lotka-Volterra invariant under each method, by the method's name."""
     runs = _of(curves, "lotka-volterra-methods").dropna(subset=["energy_error"])
     return runs.groupby("panel", sort=False)["energy_error"].max()
 
 
 @of(TABLE)
 def level_curves(curves: pd.DataFrame) -> Verdict | None:
-    """Whether symplectic methods stay nearer to their level curves than both Euler methods."""
+    """Judge whether symplectic methods stay nearer to level curves of the Lotka-Volterra invariant than both Eulers do.
+
+    The Euler methods are the explicit and the implicit one.
+    """
     worst = _invariant_changes(curves)
     euler, others = worst[worst.index.isin(EULERS)], worst[~worst.index.isin(EULERS)]
     if euler.empty or others.empty:
@@ -91,7 +97,7 @@ def level_curves(curves: pd.DataFrame) -> Verdict | None:
 
 @of(TABLE)
 def answer_level_curves(curves: pd.DataFrame) -> str | None:
-    """A sentence: the largest change of the Lotka-Volterra invariant under each method."""
+    """Return a page's answer, a sentence: the largest change of the Lotka-Volterra invariant under each method."""
     parts = [f"{number(x, 2)} ({name})" for name, x in _invariant_changes(curves).sort_values().items()]
     if not parts:
         return None
@@ -99,14 +105,17 @@ def answer_level_curves(curves: pd.DataFrame) -> str | None:
 
 
 def _well(curves: pd.DataFrame) -> pd.DataFrame:
-    """For AVF, Schemes IV and V on Henon-Heiles: the largest energy error, and the steps without a root lambda."""
+    """Return a row for each of AVF, Schemes IV and V on Henon-Heiles: ``energy_error`` and ``fallbacks``, the largest.
+
+    ``fallbacks`` counts the steps in which no lambda keeps the energy.
+    """
     runs = _of(curves, "henon-heiles-preserving-energy")
     return runs.groupby("curve", sort=False)[["energy_error", "fallbacks"]].max()
 
 
 @of(TABLE)
 def energies(curves: pd.DataFrame) -> Verdict | None:
-    """Whether schemes that find a root lambda in every step preserve the energy of Henon-Heiles."""
+    """Judge whether schemes that find an energy-preserving lambda in every step keep the energy of Henon-Heiles."""
     worst = _well(curves)
     kept = worst[worst["fallbacks"] == 0]["energy_error"]
     if kept.empty:
@@ -122,7 +131,7 @@ def energies(curves: pd.DataFrame) -> Verdict | None:
 
 @of(TABLE)
 def roots(curves: pd.DataFrame) -> Verdict | None:
-    """Whether a lambda that preserves the energy is found in every step."""
+    """Judge whether Schemes IV and V find a lambda that preserves the energy of Henon-Heiles in every step."""
     missed = _well(curves)["fallbacks"]
     if missed.empty:
         return None
@@ -137,7 +146,7 @@ def roots(curves: pd.DataFrame) -> Verdict | None:
 
 @of(TABLE)
 def escapes(curves: pd.DataFrame) -> Verdict | None:
-    """Whether the orbits of Scheme I stay in the potential well."""
+    """Judge whether the orbits of Scheme I (a symplectic method with a fixed lambda) stay in Henon-Heiles' well."""
     runs = _of(curves, "henon-heiles-scheme-i-energy")
     if runs.empty:
         return None
@@ -153,7 +162,10 @@ def escapes(curves: pd.DataFrame) -> Verdict | None:
 
 @of(TABLE)
 def answer_well(curves: pd.DataFrame) -> str | None:
-    """A sentence: the energy errors of AVF, Schemes IV and V on Henon-Heiles."""
+    """Return a page's answer, a sentence: the energy errors of energy-preserving methods on Henon-Heiles.
+
+    They are AVF (averaged vector field) and Schemes IV and V, which choose a parameter lambda in each step.
+    """
     worst = _well(curves)
     if worst.empty:
         return None
@@ -165,14 +177,17 @@ def answer_well(curves: pd.DataFrame) -> str | None:
 
 
 def _both(curves: pd.DataFrame) -> pd.DataFrame:
-    """For each scheme on perturbed Kepler: the largest errors of energy and of angular momentum."""
+    """Return a row for each scheme on perturbed Kepler: the largest errors of energy and of angular momentum."""
     runs = _of(curves, "perturbed-kepler-preserving-invariants")
     return runs.pivot_table(index="curve", columns="panel", values="largest", sort=False)
 
 
 @of(TABLE)
 def momenta(curves: pd.DataFrame) -> Verdict | None:
-    """Whether Schemes IV and V keep the energy and the angular momentum of perturbed Kepler."""
+    """Judge whether Schemes IV and V keep the energy and the angular momentum of perturbed Kepler to round-off.
+
+    These schemes choose a parameter lambda in each step so that H is kept.
+    """
     largest = _both(curves).max(axis=1).reindex(BOTH)
     if largest.isna().any():
         return None
@@ -187,7 +202,7 @@ def momenta(curves: pd.DataFrame) -> Verdict | None:
 
 @of(TABLE)
 def turns(curves: pd.DataFrame) -> Verdict | None:
-    """Whether the apocentre of perturbed Kepler turns at the rate of the exact flow."""
+    """Judge whether the apocentre of perturbed Kepler turns at the rate of the exact flow, under each method."""
     runs = _of(curves, "perturbed-kepler-preserving-orbits").dropna(subset=["turn"])
     turn = runs.set_index("curve")["turn"]
     others = turn.drop("exact flow", errors="ignore")
@@ -204,7 +219,10 @@ def turns(curves: pd.DataFrame) -> Verdict | None:
 
 
 def answer_kepler(data: Data) -> str | None:
-    """A sentence: the errors of energy and angular momentum on perturbed Kepler, and of the apocentre's turn."""
+    """Return a page's answer, a sentence on perturbed Kepler: errors of energy, angular momentum and precession.
+
+    ``data`` maps a table's name to the table.
+    """
     kept, turned, parts = momenta(data), turns(data), []
     if kept:
         avf = _both(data(TABLE)).reindex(["AVF"])["angular-momentum"].iloc[0]
@@ -217,7 +235,7 @@ def answer_kepler(data: Data) -> str | None:
 
 
 def _slopes(curves: pd.DataFrame) -> pd.DataFrame:
-    """The observed orders of the refinement differences, each with the order of its scheme as `expected`."""
+    """Select the rows with an observed order of refinement differences; add the scheme's order as ``expected``."""
     rows = _of(curves, "convergence-schemes-i-iii", "convergence-compositions").dropna(subset=["order"])
     orders = {title: order for title, (_, order) in (convergence.SCHEMES | convergence.COMPOSITIONS).items()}
     return rows.assign(expected=rows["panel"].map(orders).fillna(rows["curve"].map(orders)))
@@ -225,7 +243,7 @@ def _slopes(curves: pd.DataFrame) -> pd.DataFrame:
 
 @of(TABLE)
 def slopes(curves: pd.DataFrame) -> Verdict | None:
-    """Whether the refinement differences fall with the orders of the schemes."""
+    """Judge whether the refinement differences |y_h - y_2h| fall with the orders of the schemes."""
     rows = _slopes(curves)
     if rows.empty:
         return None
@@ -240,7 +258,7 @@ def slopes(curves: pd.DataFrame) -> Verdict | None:
 
 
 def answer_slopes(data: Data) -> str | None:
-    """A sentence: how many observed slopes equal the order of their scheme."""
+    """Return a page's answer, a sentence: how many slopes of refinement differences equal the scheme's order."""
     found = slopes(data)
     if found is None:
         return None
@@ -259,7 +277,10 @@ VALUES = {
 
 
 def _table(section: str, data) -> Table | None:
-    """The table of a section's page: the runs of its figures that have an error, area, order or turn to show."""
+    """Return the table of a section's page: a row for each run of its figures with an error, area, order or precession.
+
+    None if nothing was measured.
+    """
     curves = data(TABLE)
     if curves is None or curves.empty:
         return None

@@ -32,7 +32,10 @@ CARRIERS = (
 
 
 def _grid(q, p, n: int):
-    """(Q, P, a function that evaluates an expression on them), where Q and P are a grid of n by n points."""
+    """Make a grid of n by n points of the pendulum's phase plane; ``q`` and ``p`` are its ranges (low, high).
+
+    Returns (Q, P, function that evaluates an expression in q and p on the grid), all values as arrays (n, n).
+    """
     Q, P = np.meshgrid(np.linspace(*q, n), np.linspace(*p, n))
     system = measure.start("pendulum").system
     return Q, P, lambda e: system.observe(e, Q.reshape(-1, 1), P.reshape(-1, 1)).reshape(Q.shape)
@@ -40,7 +43,10 @@ def _grid(q, p, n: int):
 
 @style.styled
 def phase_portrait(rows):
-    """(figure, caption): level curves of H, and the vector field."""
+    """Draw the pendulum's phase portrait, level curves of H and the vector field: (figure, caption).
+
+    ``rows`` is not used: nothing is measured.
+    """
     system = measure.start("pendulum").system
     span, height = (-1.5 * np.pi, 3.5 * np.pi), (-2.8, 2.8)
     figure, ((axes,),) = style.panels(1, 1, 2.75)
@@ -64,7 +70,10 @@ def phase_portrait(rows):
 
 
 def cat_images(id: str, substeps: int, vertices: int) -> np.ndarray:
-    """The outline of a cat's face and its images under a method, array (SNAPSHOTS + 1, vertices, 2)."""
+    """Return the outline of a cat's face and its images under a method on the pendulum: (SNAPSHOTS + 1, vertices, 2).
+
+    Images are `STEP` apart in time, each after ``substeps`` steps of the method ``id``.
+    """
     face = measure.cat((0.0, 1.35), 0.42, vertices)
     return measure.carry(measure.start("pendulum"), id, face, STEP / substeps, SNAPSHOTS, substeps)
 
@@ -83,7 +92,10 @@ def _measure_area(quick: bool) -> list[dict]:
 
 @style.styled
 def area(rows):
-    """(figure, caption): a cat's face and its images under the flow, symplectic methods and explicit Euler."""
+    """Draw a cat's face and its images under the pendulum's flow, symplectic methods and explicit Euler.
+
+    ``rows`` has a row for each outline.  Returns (figure, caption).
+    """
     figure, grid = style.panels(2, 2, 5.0, sharex=True, sharey=True)
     faces, eyes = (rows[rows["curve"].str.contains(word)] for word in ("face", "eye"))
     flow = {r.curve: (unpack(r.x), unpack(r.y)) for r in faces.itertuples() if r.panel == "exact flow"}

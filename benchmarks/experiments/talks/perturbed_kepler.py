@@ -42,14 +42,17 @@ def _end(quick: bool) -> float:
 
 
 def invariant_error(name: str, solution) -> np.ndarray:
-    """The error of "energy" or of "angular-momentum" along a solution, array (n,)."""
+    """Return the error |F - F0| of F = "energy" or "angular-momentum" along a perturbed Kepler solution: array (n,)."""
     kepler = _kepler()
     expression = kepler.system.H if name == "energy" else kepler.invariants[name]
     return measure.error(kepler, expression, solution)
 
 
 def precession(solution) -> float:
-    """The angle in radians by which the apocentre turns in a revolution, on average (NaN below two apocentres)."""
+    """Return the angle in radians by which the apocentre turns per revolution, on average.
+
+    NaN if the solution has fewer than two apocentres.
+    """
     q = solution.q
     r = np.hypot(*q.T)
     far = 1 + np.flatnonzero((r[1:-1] > r[:-2]) & (r[1:-1] >= r[2:]))
@@ -132,18 +135,21 @@ def _draw_orbits(rows, methods: str, height: float):
 
 @style.styled
 def scheme_i_orbits(rows):
-    """(figure, caption): orbits of Scheme I."""
+    """Draw perturbed Kepler orbits of Scheme I, from a row for each lambda: (figure, caption)."""
     return _draw_orbits(rows, "Scheme I", 2.25)
 
 
 @style.styled
 def preserving_orbits(rows):
-    """(figure, caption): orbits of AVF, Schemes IV and V."""
+    """Draw perturbed Kepler orbits of AVF, Schemes IV and V, from a row for each orbit: (figure, caption)."""
     return _draw_orbits(rows, "AVF, Schemes IV and V", 2.75)
 
 
 def _invariant_panels(axes_by_name, rows, column: str = "") -> list[np.ndarray]:
-    """Draw the error curves of a column, a panel for each invariant; return the errors."""
+    """Draw the error curves of one column of panels, a panel for each invariant; return the errors of each curve.
+
+    ``column`` is the column's title, with which the rows' panels begin ("" if there is one column).
+    """
     errors = []
     for axes, (name, label) in zip(axes_by_name, INVARIANTS.items(), strict=True):
         for k, r in enumerate(rows[rows["panel"] == f"{column} {name}".strip()].itertuples()):
@@ -164,7 +170,10 @@ def _invariants_caption(rows, errors) -> str:
 
 @style.styled
 def scheme_i_and_iii(rows):
-    """(figure, caption): energy and angular momentum errors of Schemes I and III."""
+    """Draw energy and angular momentum errors of Schemes I and III on perturbed Kepler: (figure, caption).
+
+    ``rows`` has a row for each curve.
+    """
     figure, grid = style.panels(2, 2, 4.6, sharex=True, sharey="row")
     errors = []
     for column, name in enumerate(SCHEMES):
@@ -181,7 +190,10 @@ def scheme_i_and_iii(rows):
 
 @style.styled
 def preserving_invariants(rows):
-    """(figure, caption): energy and angular momentum errors of AVF, Schemes IV and V."""
+    """Draw energy and angular momentum errors of AVF, Schemes IV and V on perturbed Kepler: (figure, caption).
+
+    ``rows`` has a row for each curve.
+    """
     figure, grid = style.panels(2, 1, 4.4, sharex=True)
     errors = _invariant_panels(grid[:, 0], rows)
     for axes in grid[:, 0]:
@@ -194,7 +206,10 @@ def preserving_invariants(rows):
 
 @style.styled
 def chosen_parameter(rows):
-    """(figure, caption): the lambda that Schemes IV and V choose along the orbit."""
+    """Draw the lambda that Schemes IV and V choose in each step of a perturbed Kepler orbit: (figure, caption).
+
+    ``rows`` has a row for each curve: the distance from the centre, and lambda for each scheme.
+    """
     figure, grid = style.panels(3, 1, 4.8, sharex=True)
     distance = rows[rows["panel"] == "distance"].iloc[0]
     grid[0, 0].plot(unpack(distance["x"]), unpack(distance["y"]), color="black")

@@ -1,4 +1,4 @@
-"""The record `Figure` of a talk's figure: id, title, section, and the functions that measure and draw it."""
+"""The record `Figure` of a talk's figure: id, title, section, and functions that measure its curves and draw it."""
 
 from __future__ import annotations
 
@@ -14,14 +14,15 @@ TABLE = "talk_curves"
 
 @dataclass(frozen=True)
 class Figure:
-    """A figure of the talks.
+    """A figure of the talks, measured and drawn again.
 
     Attributes
     ----------
-    id, title, section : kebab-case id, one line, the page it stands on
-    measure : quick -> the rows of its curves; all integration happens here; None if the figure shows only
+    id, title : its kebab-case name, and its title in one line
+    section : the section of the talks, and the page of the report, to which it belongs
+    measure : function quick -> rows, one for each curve; all integration happens here; None if the figure shows only
         formulae
-    draw : rows -> (matplotlib figure, caption); every number of the caption comes from the rows
+    draw : function rows -> (matplotlib figure, caption); every number of the caption comes from the rows
     """
 
     id: str
@@ -31,5 +32,5 @@ class Figure:
     draw: Callable[[pd.DataFrame], tuple]
 
     def rows(self, quick: bool = False) -> list[dict[str, Any]]:
-        """The measured rows, each with the figure's id."""
+        """Measure the figure's curves: a row for each, with the figure's id."""
         return [{"figure": self.id} | row for row in self.measure(quick)]

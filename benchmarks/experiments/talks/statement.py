@@ -1,4 +1,4 @@
-"""The record `Statement` of a talk's statement: its place in the talk, its content in a few words, and its judge."""
+"""The record `Statement` of a talk's statement: its place in the talk, its content, and how it is judged."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ DEFINITION, THEOREM, REMARK, TABLE, FIGURE, FORMULA, METHOD, SYSTEM = KINDS = (
 
 @dataclass(frozen=True)
 class Statement:
-    """A definition, theorem, remark, table, figure, formula, method or system of a talk.
+    """A statement of a talk: a definition, theorem, remark, table, figure, formula, method or system.
 
     Attributes
     ----------
     where : its number in the talk, or its slide
     kind : one of `KINDS`
     words : its content in a few words
-    judge : the function that decides from measured rows whether it holds
+    judge : the function of measured tables that decides whether it holds
     page : the id of the page that shows the measurement
     """
 
@@ -38,5 +38,5 @@ class Statement:
     page: str
 
     def judgement(self, data) -> Judgement:
-        """The judgement of the statement from the tables of ``data``."""
+        """Judge whether the statement holds; ``data`` maps a table's name to the measured table or None."""
         return self.judge(data)

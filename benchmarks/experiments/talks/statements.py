@@ -1,4 +1,4 @@
-"""SECTIONS: every statement of the two talks, in the talks' order."""
+"""SECTIONS: every statement of the two talks, grouped into sections in the talks' order."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ FIRST, SECOND = "introductory talk", "talk on a general integrator"
 
 @dataclass(frozen=True)
 class Section:
-    """A part of a talk that has a page.
+    """A part of a talk whose statements are judged on one page of the report.
 
     Attributes
     ----------
     id : suffix of the page's id
     subject : subject of the statements
     talk : `FIRST` or `SECOND`
-    tables : names of the tables that its judges read
-    statements : its statements in the talk's order
+    tables : names of the measured tables from which the statements are judged
+    statements : the section's statements in the talk's order
     """
 
     id: str
@@ -33,12 +33,12 @@ class Section:
 
     @property
     def statements_of(self) -> str:
-        """A phrase that names the section's statements by talk and subject."""
+        """A phrase that names the section's statements: "statements of the (talk) about (subject)"."""
         return f"statements of the {self.talk} about {self.subject}"
 
     @property
     def question(self) -> str:
-        """The question that the section's page answers, its title."""
+        """The title of the section's page: the question whether the statements hold."""
         return f"Do the {self.statements_of} hold?"
 
 

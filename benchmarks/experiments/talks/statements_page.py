@@ -1,4 +1,4 @@
-"""The pages of the talks' statements: one for each section, and one of those that do not hold as stated."""
+"""The report's pages of the talks' statements: one for each section, and one of statements that do not hold."""
 
 from __future__ import annotations
 
@@ -18,7 +18,10 @@ COLUMNS = ("talk", "where", "kind", "says", "verdict", "measured", "shown on")
 
 
 def judgement_table(section: Section, data: Data) -> pd.DataFrame:
-    """A row for each statement of a section, with its verdict and the measured numbers."""
+    """Judge the statements of a section: a row for each, with its verdict and the measured numbers.
+
+    ``data`` maps a table's name to the measured table or None.
+    """
     rows = []
     for statement in section.statements:
         found = statement.judgement(data)
@@ -33,12 +36,12 @@ def judgement_table(section: Section, data: Data) -> pd.DataFrame:
 
 
 def everything(data: Data) -> pd.DataFrame:
-    """The judged statements of all sections of both talks, a row for each."""
+    """Judge the statements of all sections of both talks: a row for each, with its verdict and the measured numbers."""
     return pd.concat([judgement_table(section, data) for section in SECTIONS], ignore_index=True)
 
 
 def of_measured(function):
-    """Decorator: the function of rows of statements returns None if no statement among them was measured."""
+    """Decorator: make a function of rows of judged statements return None if no statement among them was measured."""
 
     @functools.wraps(function)
     def of_rows(rows: pd.DataFrame, *more):
@@ -48,35 +51,41 @@ def of_measured(function):
 
 
 def _places(rows: pd.DataFrame) -> str:
-    """A text with the places in the talk of the first three statements in ``rows``."""
+    """Return a text with the places in the talk of the first three statements in ``rows``, and the number of others."""
     names = list(dict.fromkeys(rows["where"]))
     return "; ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
 
 
 @of_measured
 def contradictions(rows: pd.DataFrame) -> Verdict:
-    """Whether no statement of the talks is contradicted."""
+    """Judge whether no statement of the talks is contradicted; ``rows`` has a row for each judged statement."""
     some = rows[rows["verdict"] == CONTRADICTED]
     return Verdict("No statement is contradicted", Count(len(some), len(rows)), NONE, "statements", _places(some))
 
 
 @of_measured
 def conditional(rows: pd.DataFrame) -> Verdict:
-    """Whether no statement of the talks holds only under a further condition."""
+    """Judge whether no statement of the talks holds only under a condition that the talk does not state.
+
+    ``rows`` has a row for each judged statement.
+    """
     some = rows[rows["verdict"] == WHERE]
     return Verdict("No statement needs a condition", Count(len(some), len(rows)), NONE, "statements", _places(some))
 
 
 @of_measured
 def complete(rows: pd.DataFrame) -> Verdict:
-    """Whether every testable statement of the talks was measured."""
+    """Judge whether every testable statement of the talks was measured; ``rows`` has a row for each statement."""
     some = rows[rows["verdict"] == MISSING]
     return Verdict("No statement is left unmeasured", Count(len(some), len(rows)), NONE, "statements", _places(some))
 
 
 @of_measured
 def answer(rows: pd.DataFrame, statements_of: str) -> str:
-    """A sentence: how many statements hold, and which are contradicted."""
+    """Return a page's answer, a sentence: how many of the judged statements hold, and which are contradicted.
+
+    ``statements_of`` is the phrase that names them.
+    """
     number, wrong = rows["verdict"].value_counts(), rows[rows["verdict"] == CONTRADICTED]
     return (
         f"Of {len(rows)} {statements_of}, {number.get(HOLDS, 0)} hold, {number.get(WHERE, 0)} only under a condition; "
@@ -85,7 +94,10 @@ def answer(rows: pd.DataFrame, statements_of: str) -> str:
 
 
 def _verdicts(rows_of: Callable[[Data], pd.DataFrame]) -> tuple:
-    """The three verdicts on the statements that ``rows_of(data)`` returns, as functions of ``data``."""
+    """Return a page's three verdicts as functions of ``data``: on contradictions, conditions and missing rows.
+
+    ``rows_of`` maps ``data`` (table name -> table) to rows of judged statements.
+    """
     return tuple(lambda data, judge=judge: judge(rows_of(data)) for judge in (contradictions, conditional, complete))
 
 
@@ -106,7 +118,10 @@ def _exceptions(rows: pd.DataFrame) -> Table:
 
 
 def exceptions(data: Data) -> Table | None:
-    """The statements that do not hold as stated, contradicted ones first."""
+    """Return the table of the talks' statements that do not hold as stated, contradicted ones first.
+
+    None if nothing was measured.
+    """
     return _exceptions(everything(data))
 
 

@@ -1,1 +1,1 @@
-"""Experiment: which integrator is the fastest at each accuracy (the trade between error and time)?"""
+"""Experiment: the fastest integrator at each accuracy, that is the trade between error and time."""

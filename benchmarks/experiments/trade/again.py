@@ -1,7 +1,7 @@
-"""Repeatability: a second, independent measurement of a few scenes, drawn with a seed from those that take little time.
+"""Repeatability: measure the fastest integrators of a few scenes a second time, independently.
 
-It takes nothing from the first: it searches steps, drops integrators, refines and times them again, in a measurement
-(`Cell`) of its own.
+A scene is a problem, end time, quantity and accuracies; these are drawn with a seed from the scenes that take little
+time.  Nothing of the first measurement is used: step sizes are searched, and slow integrators dropped, once more.
 """
 
 from __future__ import annotations
@@ -38,10 +38,13 @@ CHEAP = (
 
 
 def scenes() -> list[str]:
-    """The ids of the scenes that are measured twice, to see whether the results repeat."""
+    """Return the ids of the scenes that are measured twice, to see whether the results repeat."""
     return sorted(random.Random(SEED).sample(CHEAP, COUNT))
 
 
 def measure_rows(scene: str) -> Rows:
-    """Measure a scene a second time from scratch: rows of the finalists at each accuracy, by table name."""
+    """Measure the scene with the id ``scene`` a second time from scratch.
+
+    Returns {`TABLE`: rows}: a row for each finalist (one of the few fastest integrators) at each accuracy.
+    """
     return {TABLE: front.measure_rows(scene)[front.FINALS]}

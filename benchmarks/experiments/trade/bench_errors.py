@@ -1,7 +1,7 @@
 """Measure every method and peer on every scene, and compare the methods' errors with the stored error tables.
 
-Peers have rows in the report but not in the stored tables: their numbers change with releases of other packages, which
-is no regression here.
+A scene is a problem, a time span and a list of steps.  Peers, integrators of other packages, have rows in the report
+but not in the stored tables: their numbers change with releases of their packages, which is no regression here.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ LAST_DIGITS = compare.Band(5e-5, 0.0)
 
 
 def cells(quick: bool = False):
-    """List the measurements of every method and peer on every scene."""
+    """List the measurements (`Cell`) of every method and peer (another package's integrator) on every scene."""
     return sweep.cells(quick)
 
 
@@ -38,7 +38,7 @@ def _regressions(scene) -> tuple[str, ...]:
 
 
 def _table(rows, scene) -> pd.DataFrame:
-    """Select this project's methods on a scene, with the columns that are stored."""
+    """Select the rows of this project's methods on a scene, and the columns that are stored: an error table."""
     frame = pd.DataFrame([r for r in rows if r.get("kind", OURS) == OURS])
     status = ["status"] if scene.regular else []
     uncertain = ["reference_uncertainty"] if scene.regular else []
@@ -47,9 +47,9 @@ def _table(rows, scene) -> pd.DataFrame:
 
 
 def _bands(scene, columns, chooses: bool) -> dict[str, compare.Band]:
-    """The tolerance band of each column on a scene.
+    """Return column -> tolerance band about the stored numbers, for the columns of a scene's error table.
 
-    Wider for trajectories if the methods choose between roots lambda in a step (``chooses``).
+    Bands of trajectory errors are wider if the methods choose between several roots lambda in a step (``chooses``).
     """
     return {"status": compare.EXACT} | {
         c: compare.Band(
@@ -62,7 +62,10 @@ def _bands(scene, columns, chooses: bool) -> dict[str, compare.Band]:
 
 
 def regressions(rows, stored: pd.DataFrame, scene) -> list[compare.Difference]:
-    """Measured numbers outside their bands about the stored ones, and rows that are missing on either side."""
+    """Compare measured rows of a scene with its stored error table.
+
+    Returns the numbers outside their tolerance bands, and the rows that are missing on either side.
+    """
     measured = _table(rows, scene)
     stored = stored[stored["method"].isin(measured["method"]) & stored["h"].isin(measured["h"])]
     choosing = [m.id for m in METHODS if m.family in ("schemes_iv_v", "equip")]
@@ -74,7 +77,10 @@ def regressions(rows, stored: pd.DataFrame, scene) -> list[compare.Difference]:
 
 
 def record(rows, stored: pd.DataFrame | None, scene) -> pd.DataFrame:
-    """The new table to store: measured rows replace the stored ones of the same methods."""
+    """Make a scene's new error table: measured rows replace the stored ones of the same methods.
+
+    Stored rows of methods that no longer exist are dropped; ``stored`` is None if there is no table yet.
+    """
     measured = _table(rows, scene)
     if stored is None:
         return measured
@@ -97,7 +103,7 @@ def _update(rows, scene, notes: list[str]) -> None:
 
 
 def changes(old: pd.DataFrame | None, new: pd.DataFrame) -> str:
-    """A text of the changes from an old to a new error table (``old`` None: there was none), a line each.
+    """Describe the changes from an old to a new error table in a text, a line for each; ``old`` may be None.
 
     Small changes are only counted.
     """
@@ -113,7 +119,10 @@ def changes(old: pd.DataFrame | None, new: pd.DataFrame) -> str:
 
 @pytest.mark.parametrize("scene", SCENES, ids=lambda s: s.id)
 def bench_scene(scene, measured_rows, quick, update, notes):
-    """Every measured number is in its band about the stored one; with --update-tables, the rows are stored instead."""
+    """Check that the measured errors of every method on a scene are within their bands about the stored ones.
+
+    With the option --update-tables the rows are stored instead, and the changes are added to ``notes``.
+    """
     rows = [r for r in measured_rows("rows") if r["scene"] == scene.id and r.get("kind", OURS) == OURS]
     if not rows:
         pytest.skip("no row of a method on this scene was measured")

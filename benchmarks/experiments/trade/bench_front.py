@@ -1,4 +1,4 @@
-"""Measure the fastest integrators of every scene at every accuracy, and check the rows."""
+"""Measure the fastest integrators of every scene (problem, end time, quantity) at every accuracy; check the rows."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from phasebench.benchmarks.store.cells import ALONE, Cell, ProblemKey, content, 
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """List the measurements: of the fast scenes that are measured twice, of all scenes, then of further timings.
+    """List the measurements (`Cell`) in three groups: second measurements of some scenes, all scenes, further timings.
 
-    Further timings repeat the stored finals; those that this run measures are timed again in the next one.
-    None if ``quick``.
+    Further timings repeat the stored finals, in which the few fastest integrators are timed in turns; finals that this
+    run measures are timed again in the next run.  The list is empty if ``quick``.
     """
     if quick:
         return []
@@ -60,7 +60,7 @@ def _cell(question: Question, tables: tuple[str, ...], sweep: ModuleType) -> Cel
 
 
 def bench_front(measured_rows):
-    """Every finalist meets its accuracy, and its time lies within its interval."""
+    """Check that every finalist (an integrator timed at an accuracy) meets it, and that its time is in its interval."""
     rows = measured_rows(front.FINALS) + measured_rows(again.TABLE)
     wrong = [r for r in rows if not (r["error"] <= r["accuracy"] and 0 < r["low"] <= r["seconds"] <= r["high"])]
     assert not wrong, wrong

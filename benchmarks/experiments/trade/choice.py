@@ -1,4 +1,7 @@
-"""The fastest integrator at each accuracy, ours or a peer (another package's), from the measured tables."""
+"""Select the fastest integrator at each accuracy, ours or a peer (another package's), from the measured tables.
+
+A case is a scene (problem, end time, quantity) at an accuracy; the two sides are this project's methods and peers.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +25,11 @@ SAME = 1e-6
 
 
 def cheaper(row) -> str:
-    """The faster side in a row on an accuracy: `OURS`, `PEERS`, `TIED`, or `NONE` if neither reaches the accuracy."""
+    """Return the faster side in a case: `OURS`, `PEERS`, `TIED`, or `NONE` if neither reaches the accuracy.
+
+    ``row`` (a mapping) has the fastest integrator of each side in a scene at an accuracy, and the interval of the ratio
+    of their times.  A side that alone reaches the accuracy is the faster one.
+    """
     there = {side: isinstance(row.get(f"{side} integrator"), str) for side in (OURS, PEERS)}
     if not all(there.values()):
         return next((side for side, is_ in there.items() if is_), NONE)
@@ -33,7 +40,10 @@ def cheaper(row) -> str:
 
 @once
 def choices(front: pd.DataFrame) -> pd.DataFrame:
-    """Add the column ``cheaper``, the faster side, to the table of both sides' fastest integrators at each accuracy."""
+    """Add the column ``cheaper``, the faster side (ours or the peers), to the table of fastest integrators.
+
+    ``front`` has a row for each scene and accuracy, with the fastest integrator of either side.
+    """
     columns = [f"{side} {x}" for side in (OURS, PEERS) for x in ("integrator", "seconds")]
     columns += ["ratio", "ratio low", "ratio high"]
     whole = front.reindex(columns=[*front.columns, *(c for c in columns if c not in front)])
@@ -41,18 +51,21 @@ def choices(front: pd.DataFrame) -> pd.DataFrame:
 
 
 def at(found: pd.DataFrame, accuracy: float) -> pd.DataFrame:
-    """Select the rows at one accuracy from the table of fastest integrators."""
+    """Select the rows at one accuracy from the table of fastest integrators (a row for each scene and accuracy)."""
     return found[np.isclose(found["accuracy"], accuracy, rtol=SAME, atol=0)]
 
 
 def counts(found: pd.DataFrame) -> tuple[int, int, int, int]:
-    """Count cases (scene and accuracy): (ours faster, a peer faster, tied, accuracy not reached by either)."""
+    """Count the rows, each a scene at an accuracy: (ours faster, a peer faster, tied, reached by neither)."""
     number = found["cheaper"].value_counts()
     return tuple(int(number.get(who, 0)) for who in (OURS, PEERS, TIED, NONE))
 
 
 def winner(row) -> str:
-    """The fastest integrator of a case, by the median time even in a tie; empty if none reaches the accuracy."""
+    """Return the name of the fastest integrator in a row (a scene at an accuracy); "" if none reaches the accuracy.
+
+    In a tie it is the one with the smaller median time.
+    """
     sides = [s for s in (OURS, PEERS) if isinstance(row[f"{s} integrator"], str)]
     return row[f"{min(sides, key=lambda s: row[f'{s} seconds'])} integrator"] if sides else ""
 
@@ -60,8 +73,12 @@ def winner(row) -> str:
 class Agreement(NamedTuple):
     """Agreement of two independent measurements on the fastest integrator.
 
-    ``pairs``: number of (scene, accuracy) in both; ``same``: with the same winner; ``tied``: with tied winners;
-    ``apart``: a text for each of the others.
+    Attributes
+    ----------
+    pairs : number of cases (scene and accuracy) in both
+    same : number of cases with the same fastest integrator in both
+    tied : number of cases whose two fastest integrators differ but are tied
+    apart : a text for each of the other cases
     """
 
     pairs: int
@@ -71,9 +88,10 @@ class Agreement(NamedTuple):
 
 
 def agreement(finals: pd.DataFrame, again: pd.DataFrame) -> Agreement:
-    """Compare the fastest integrators of two independent measurements.
+    """Compare the fastest integrators of two independent measurements, each with a row for each finalist timed.
 
-    Two winners are tied if both are finalists in one sweep, and their intervals there, widened by `TIE`, overlap.
+    Two winners are tied if both were timed in one of the measurements, and their time intervals there, widened by the
+    factor `TIE`, overlap.
     """
     pairs = same = tied = 0
     apart = []
@@ -93,7 +111,10 @@ def agreement(finals: pd.DataFrame, again: pd.DataFrame) -> Agreement:
 
 
 def _meet(part: pd.DataFrame, names: Iterable[str]) -> bool:
-    """Whether the time intervals of two integrators overlap in one case; False if one was not timed in it."""
+    """Return whether the time intervals of two integrators overlap; False if one was not timed.
+
+    ``part`` has the timed integrators of one scene at one accuracy.
+    """
     members = [part[part["integrator"] == name] for name in names]
     if any(m.empty for m in members):
         return False
@@ -101,7 +122,10 @@ def _meet(part: pd.DataFrame, names: Iterable[str]) -> bool:
 
 
 def integrators_to_draw(finals: pd.DataFrame, side: str, most: int) -> list[str]:
-    """The ``most`` integrators of a side that are its fastest at the largest number of accuracies."""
+    """Return the names of the ``most`` integrators that are most often the fastest of their side, over accuracies.
+
+    ``side`` is ours or the peers'; ``finals`` has the timed integrators of one scene.
+    """
     part = finals[finals["side"] == side]
     if part.empty:
         return []

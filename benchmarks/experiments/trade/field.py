@@ -1,10 +1,11 @@
 """The competitors: every method of this project that can integrate a problem, and every peer at its best settings.
 
-Peers run as fast as their packages can: heyoka with and without ``high_accuracy`` and ``compact_mode`` (if it compiles
-in `race.PREPARING` seconds); REBOUND's WHFast with ``safe_mode`` 0, its correctors, kernels and coordinates, IAS15 in
-each of its adaptive modes, SABA, leapfrog, JANUS, EOS and BS; SciPy's solvers with right-hand sides compiled by Numba,
-and its older interfaces, whose loops are compiled as well; Boost.odeint in compiled C++ and pynamicalsys with Numba,
-where installed.  `LEFT_OUT` lists peers that do not compete, and why.
+Peers are integrators of other packages.  They run as fast as their packages can: heyoka with and without
+``high_accuracy`` and ``compact_mode`` (if it compiles in `race.PREPARING` seconds); REBOUND's WHFast with
+``safe_mode`` 0, its correctors, kernels and coordinates, IAS15 in each of its adaptive modes, SABA, leapfrog, JANUS,
+EOS and BS; SciPy's solvers with right-hand sides compiled by Numba, and its older interfaces, whose loops are compiled
+as well; Boost.odeint in compiled C++ and pynamicalsys with Numba, where installed.  `LEFT_OUT` lists peers that do not
+compete, and why.
 
 On problems of more than `SMALL` degrees of freedom only some of this project's methods compete (`practical`).
 """
@@ -55,7 +56,7 @@ FIRST = ("heyoka", "heyoka-high-accuracy", "rebound-ias15", "stormer-verlet", "p
 
 @cache
 def competitors() -> tuple[Integrator, ...]:
-    """List all competitors, methods and peers, those of `FIRST` before the others."""
+    """List all competitors, this project's methods and peers (other packages'), those of `FIRST` before the others."""
     ours = [integrator(id, parameters=dict(parameters)) for id, parameters in variants()]
     found = {c.label: c for c in (*ours, *map(Integrator, peers()))}
     first = [found.pop(id) for id in FIRST if id in found]
@@ -63,14 +64,14 @@ def competitors() -> tuple[Integrator, ...]:
 
 
 def peers() -> list:
-    """List the integrators of the packages that compete, also with settings that are not in the registry."""
+    """List the competing integrators of other packages, also with settings that are not registered."""
     registered = [p for p in PEERS if p.package in (*peer_rows.PACKAGES, *peer_rows.OPTIONAL) and p.id not in LEFT_OUT]
     modes = [rebound.ias15(mode) for mode in rebound.ADAPTIVE_MODES[1:]]
     return [*registered, *heyoka.variants(), *modes, *rebound.TRIED, scipy.fast("ode"), scipy.fast("odeint")]
 
 
 def able(problem) -> tuple[list[Integrator], dict[str, str]]:
-    """(competitors that can integrate a problem, label -> reason for each of the others)."""
+    """Select who competes on a problem: (competitors that can integrate it, label -> reason for each of the others)."""
     can, cannot = [], {}
     for c in competitors():
         lack = c.lacks(problem) or ("it is exact on this problem, in one step" if exact(c, problem) else None)
@@ -84,10 +85,10 @@ def able(problem) -> tuple[list[Integrator], dict[str, str]]:
 
 
 def practical(m: Method, system) -> bool:
-    """Whether a method competes on a system, given its degrees of freedom.
+    """Return whether a method competes on a system, given its number of degrees of freedom.
 
-    Above `SMALL` the methods left out take minutes to compile: root finders around stages, averages, projections,
-    derivatives of second and higher order.
+    Up to `SMALL` all do.  Above, the methods left out take minutes to compile: root finders around stages, averages,
+    projections, derivatives of second and higher order.
     """
     if system.d <= SMALL or m.family in PRACTICAL:
         return True
@@ -98,5 +99,5 @@ def practical(m: Method, system) -> bool:
 
 
 def ours(c: Integrator) -> bool:
-    """Whether an integrator is a method of this project."""
+    """Return whether an integrator is a method of this project (not another package's)."""
     return c.kind == OURS

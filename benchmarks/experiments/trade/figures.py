@@ -20,7 +20,10 @@ SATURATED, FLOOR = 8.0, 1e-16
 
 @style.styled
 def ratios(found: pd.DataFrame, folder) -> Picture:
-    """Draw a coloured field for each scene and accuracy: this project's best time over the best peer's."""
+    """Draw a coloured square for each scene and accuracy: this project's best time over the best peer's.
+
+    ``found`` has a row for each scene and accuracy; peers are other packages' integrators.
+    """
     from matplotlib.colors import LinearSegmentedColormap
 
     scenes = list(dict.fromkeys(found["scene"]))
@@ -62,7 +65,11 @@ def _ratio(row) -> float:
 
 @style.styled
 def work_precision(question: Question, finals: pd.DataFrame, rungs: pd.DataFrame, folder) -> Picture:
-    """Draw a scene's errors over seconds and over steps, for the integrators that win most often and the fastest."""
+    """Draw a scene's work-precision diagram: errors over seconds and over steps, a curve for each integrator.
+
+    ``finals`` has the integrators timed at each accuracy, by which those that win most often are selected; ``rungs``
+    has all their runs, at ever smaller steps or tolerances.
+    """
     figure, (panels,) = style.panels(1, 2, 3.6, sharey=True)
     looks = iter(style.looks())
     for side, most in CURVES.items():

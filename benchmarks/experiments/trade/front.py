@@ -1,12 +1,13 @@
-"""Search over steps for a scene's fastest integrators, of this project and of peers, at every accuracy: its front.
+"""Search over steps for a scene's fastest integrators at every accuracy, of this project and of peers: its front.
 
-Each integrator that can do the problem runs at ever smaller steps or tolerances, its climb, until it is dropped
-(`ladder.race`), methods compared with methods and peers with peers.  For every accuracy the climbs are interpolated
-(`ladder.bracket`).  On each side at most `FINALISTS` whose cost is within `MARGIN` of the best are refined
-(`ladder.refine`).  The widest step is not always the fastest: implicit equations may take so many iterations there that
-shorter steps take less time, and then a shorter one is used.  heyoka enters in each of its modes and forms of the
-equations, however long they compile.  The finalists are timed in turns by `measure.clock`; medians and intervals here
-are those of one sweep (`settled` joins several).
+A scene is a problem, end time and quantity; peers are integrators of other packages.  Each integrator that can do the
+problem runs at ever smaller steps or tolerances (a climb), until it is dropped (`ladder.race`); methods are compared
+with methods and peers with peers.  For every accuracy the climbs are interpolated (`ladder.bracket`).  On each side at
+most `FINALISTS` integrators whose cost is within the factor `MARGIN` of the best are refined (`ladder.refine`).  The
+widest step is not always the fastest: implicit equations may take so many iterations there that shorter steps take
+less time, and then a shorter one is used.  heyoka enters in each of its modes and forms of the equations, however long
+they compile.  The finalists are timed in turns by `measure.clock`; medians and intervals here are those of one such
+measurement (`settled` joins several).
 """
 
 from __future__ import annotations
@@ -50,14 +51,20 @@ TABLES = (CHOICES, FINALS, RUNGS, DROPPED)
 
 
 class Finalist(NamedTuple):
-    """An integrator, and its run at the step or tolerance with which it meets an accuracy."""
+    """An integrator that may be the fastest at an accuracy, to be timed against others.
+
+    Attributes
+    ----------
+    integrator : the integrator, with its settings
+    rung : its run at the step or tolerance with which it meets the accuracy: size, error and seconds
+    """
 
     integrator: Integrator
     rung: Rung
 
 
 def task_of(scene: str) -> Task:
-    """The task of a scene: its problem, end time, quantity, true value and accuracies."""
+    """Build the `Task` of the scene with this id: its problem, end time, quantity, true value and accuracies."""
     question = BY_ID[scene]
     made = question.build_problem()
     wanted = quantity(made, question.quantity)
@@ -65,7 +72,11 @@ def task_of(scene: str) -> Task:
 
 
 def climbs(task: Task) -> tuple[list[Climb], dict[str, str], Known]:
-    """Run all competitors at ever smaller steps: (their climbs, label -> reason for those left out, known costs)."""
+    """Run all competitors at ever smaller steps or tolerances.
+
+    Returns (for each competitor its runs, a `Climb`; label -> reason for those left out; the least cost known at each
+    error, over all competitors).
+    """
     can, cannot = entrants(task)
     known = {side: Known() for side in (True, False)}
     climbed = [race.enter(task, c, known[ours(c)]) for c in can]
@@ -73,7 +84,7 @@ def climbs(task: Task) -> tuple[list[Climb], dict[str, str], Known]:
 
 
 def entrants(task: Task) -> tuple[list[Integrator], dict[str, str]]:
-    """Select who competes: (integrators for this problem and time span, label -> reason for the others)."""
+    """Select who competes: (integrators that can run this problem and time span, label -> reason for the others)."""
     can, cannot = able(task.problem)
     if task.t_end <= FARTHEST * task.problem.pace.step:
         return can, cannot
@@ -82,13 +93,19 @@ def entrants(task: Task) -> tuple[list[Integrator], dict[str, str]]:
 
 
 def near(task: Task, one: Climb, known: Known) -> bool:
-    """Whether some run of a climb (ever smaller steps) takes at most `NEAR` times the least known time at its error."""
+    """Return whether an integrator has a run that takes at most `NEAR` times the least known time at the run's error.
+
+    ``one`` has its runs at ever smaller steps; ``known`` the runs of all competitors.
+    """
     told = (r for r in one.rungs if r.error <= task.testable_accuracies[0])
     return any(r.seconds <= NEAR * known.seconds(r.error) for r in told)
 
 
 def finalists(task: Task, climbed: list[Climb], wanted: float) -> list[Finalist]:
-    """The finalists of both sides at an accuracy: integrators that may be the fastest, at refined sizes."""
+    """Select the finalists at the accuracy ``wanted``: on each side the few integrators that may be the fastest.
+
+    ``climbed`` has all runs of each integrator; the step or tolerance of each finalist is refined.
+    """
     out = []
     for side in (True, False):
         costs = sorted(
@@ -107,14 +124,21 @@ def finalists(task: Task, climbed: list[Climb], wanted: float) -> list[Finalist]
 
 
 def quickest(members: list[Finalist], most: int) -> list[Finalist]:
-    """At most ``most`` of these finalists whose time is within `MARGIN` of the fastest, each with its fastest run."""
+    """Select at most ``most`` finalists whose time is within the factor `MARGIN` of the fastest one's.
+
+    An integrator that occurs several times counts with its fastest run.
+    """
     ordered = list({m.integrator.label: m for m in sorted(members, key=lambda m: -m.rung.seconds)}.values())
     ordered.sort(key=lambda m: m.rung.seconds)
     return [m for m in ordered[:most] if m.rung.seconds <= MARGIN * ordered[0].rung.seconds]
 
 
 def twins(task: Task, member: Finalist, wanted: float) -> list[Finalist]:
-    """Finalists for the other modes and equation forms of a heyoka finalist, at its tolerance or a tighter one."""
+    """Return finalists for the other modes and forms of the equations of a heyoka finalist.
+
+    Each runs at the finalist's tolerance, or at a tighter one that meets the error ``wanted``.  Empty if ``member`` is
+    not heyoka.
+    """
     if not isinstance(member.integrator.record, Peer):
         return []
     out = []
@@ -132,20 +156,26 @@ def twins(task: Task, member: Finalist, wanted: float) -> list[Finalist]:
 
 
 def unrolled_beyond(record: Peer, system) -> bool:
-    """Whether heyoka would unroll more variables than `UNROLLED`, or, with ``high_accuracy``, than `taylor.COMPACT`."""
+    """Return whether a heyoka setting would unroll loops over too many variables to be compiled.
+
+    The limit is `UNROLLED` variables, or `taylor.COMPACT` with ``high_accuracy``.
+    """
     many = 2 * system.d > (taylor.COMPACT if "high-accuracy" in record.id else UNROLLED)
     return "compact_mode=False" in record.id and many
 
 
 def time_finalists(task: Task, members: list[Finalist]) -> list[np.ndarray]:
-    """The seconds of each finalist in every round, timed in turns."""
+    """Time the finalists in turns: for each an array of its seconds in every round."""
     work = {k: task.clocks.of(m.integrator, **m.rung.size) for k, m in enumerate(members)}
     found = timing.in_turns(work, rounds((m.rung.seconds for m in members), *FINAL))
     return [found[k] for k in range(len(members))]
 
 
 def final(task: Task, members: list[Finalist], wanted: float) -> tuple[list[dict], dict]:
-    """Time the finalists at an accuracy: (a row for each, a row with the fastest of each side and their ratio)."""
+    """Time the finalists at the accuracy ``wanted`` in turns.
+
+    Returns (a row for each finalist, a row with the fastest of each side, ours and the peers', and their ratio).
+    """
     seconds = time_finalists(task, members) if members else []
     rows = []
     for m, s in zip(members, seconds, strict=True):
@@ -177,7 +207,7 @@ SHOWN = ("integrator", "h", "tol", "steps", "evaluations", "error", "seconds", "
 
 
 def _run_columns(task: Task, c: Integrator, rung: Rung) -> dict[str, Any]:
-    """The columns of a row that describe a run of an integrator: its size, error and counts."""
+    """Return the columns of a row that describe a run of the integrator ``c``: step or tolerance, error and counts."""
     h = task.t_end / rung.steps if rung.steps else None
     return {
         "integrator": c.label,
@@ -193,7 +223,11 @@ def _run_columns(task: Task, c: Integrator, rung: Rung) -> dict[str, Any]:
 
 
 def measure_rows(scene: str) -> Rows:
-    """Measure a scene: rows of the fastest integrators, of all finalists, of their runs, and of those dropped."""
+    """Measure the fastest integrators of the scene with this id, at each of its accuracies.
+
+    Returns four tables, table name -> rows: the fastest of each side, all integrators timed, their runs at all steps,
+    and the integrators dropped or left out with the reason.
+    """
     task = task_of(scene)
     climbed, cannot, known = climbs(task)
     # Finest accuracy first: a wide step that meets it is then known for the coarser ones too.

@@ -1,4 +1,4 @@
-"""The page of the Gauss method of order 16 beside explicit methods: from which error on is it the faster?
+"""The report's page "gauss-16": the error below which the Gauss method of order 16 is faster than explicit methods.
 
 Its eight stages are evaluated in the lanes of vector registers, so that a sweep of its iteration costs little more than
 one evaluation.  Antonana, Makazaga and Murua published the same independently, with the claim that is judged here.
@@ -31,7 +31,10 @@ PLANETS = "outer-planets-jupiter"
 
 @cache
 def is_explicit(id: str, separable: bool) -> bool:
-    """Whether a method takes steps of one length and solves no equations, on systems that are separable or not."""
+    """Return whether the method ``id`` takes steps of one length and solves no equations.
+
+    ``separable`` says whether the system is; a peer's id gives False.
+    """
     if id not in BY_ID:
         return False
     method = BY_ID[id]
@@ -42,10 +45,11 @@ def is_explicit(id: str, separable: bool) -> bool:
 
 @once
 def ratios(rungs: pd.DataFrame) -> pd.DataFrame:
-    """A row for each scene and error that both reach: both times (s), their ratio, and the fastest explicit method.
+    """Compare Gauss of order 16 with the fastest explicit method: a row for each scene and error that both reach.
 
-    A scene ends where the search dropped all explicit methods but its first ones, which it never drops, after a better
-    one: the best is unknown there.
+    A row has both times in seconds, their ratio, and the explicit method's name.  ``rungs`` has all runs of the search.
+    The rows of a scene end at the error where the search has dropped the best explicit methods: the fastest one is
+    unknown from there on.
     """
     met = rungs[(rungs["status"] == "ok") & (rungs["seconds"] > 0)]
     rows = []
@@ -67,25 +71,31 @@ def ratios(rungs: pd.DataFrame) -> pd.DataFrame:
 
 
 def crossing(part: pd.DataFrame) -> float:
-    """The largest error from which on, for every smaller one of a scene's rows, Gauss is no slower; NaN if none."""
+    """Return the largest error at which, and at every smaller one, Gauss is no slower than explicit methods.
+
+    ``part`` has the rows of `ratios` of one scene; NaN if there is no such error.
+    """
     part = part.sort_values("accuracy")
     faster = (part["ratio"] <= 1).cummin()
     return float(part.loc[faster, "accuracy"].max()) if faster.any() else np.nan
 
 
 def crossings(rungs: pd.DataFrame) -> pd.Series:
-    """Scene -> `crossing`."""
+    """Return by scene the largest error at which, and at every smaller one, Gauss is no slower (NaN: none)."""
     return pd.Series({scene: crossing(part) for scene, part in ratios(rungs).groupby("scene", sort=False)}, dtype=float)
 
 
 def _ends(rungs: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """The rows of `ratios` at each scene's largest and at its smallest error, by scene."""
+    """Return the rows of `ratios` (Gauss against explicit) at each scene's largest error, and at its smallest."""
     by = (found := ratios(rungs)).groupby("scene", sort=False)["accuracy"]
     return found.loc[by.idxmax()].set_index("scene"), found.loc[by.idxmin()].set_index("scene")
 
 
 def _counted(holds: pd.Series, ratio: pd.Series) -> dict:
-    """Arguments of a verdict: on how many scenes a claim ``holds``, and where it fails by the largest factor."""
+    """Return arguments of a `Verdict`: on how many scenes a claim ``holds``, and where it fails by the largest factor.
+
+    ``holds`` and ``ratio`` are indexed by scene.
+    """
     wrong = np.log(ratio[~holds]).abs()
     where = "" if wrong.empty else f"{wrong.idxmax()}: {number(ratio[wrong.idxmax()])} times"
     measured = Count(int(holds.sum()), len(holds))
@@ -94,7 +104,10 @@ def _counted(holds: pd.Series, ratio: pd.Series) -> dict:
 
 @of(RUNGS)
 def fine(rungs: pd.DataFrame) -> Verdict:
-    """Whether Gauss is the faster at the smallest error that both reach, on every scene."""
+    """Judge whether Gauss of order 16 is faster than explicit methods at the smallest error, on every scene.
+
+    The smallest error is that which both reach.
+    """
     ratio = _ends(rungs)[1]["ratio"]
     return Verdict(
         "At the smallest error that both reach, Gauss of order 16 is the faster", **_counted(ratio <= 1, ratio)
@@ -103,14 +116,14 @@ def fine(rungs: pd.DataFrame) -> Verdict:
 
 @of(RUNGS)
 def coarse(rungs: pd.DataFrame) -> Verdict:
-    """Whether an explicit method is the faster at the largest error, on every scene."""
+    """Judge whether an explicit method is faster than Gauss of order 16 at the largest error, on every scene."""
     ratio = _ends(rungs)[0]["ratio"]
     return Verdict("At the largest error an explicit method is the faster", **_counted(ratio >= 1, ratio))
 
 
 @of(RUNGS)
 def answer(rungs: pd.DataFrame) -> str:
-    """The page's answer: on how many scenes Gauss becomes faster than explicit methods, and from which error."""
+    """Return the page's answer: on how many scenes Gauss becomes faster than explicit methods, and from which error."""
     found = crossings(rungs)
     ever = found.dropna()
     if ever.empty:
@@ -126,7 +139,10 @@ def answer(rungs: pd.DataFrame) -> str:
 @of(RUNGS)
 @style.styled
 def draw(rungs: pd.DataFrame, folder) -> list[Picture]:
-    """Draw the ratio of the times over the error: each scene, their median, and the planets."""
+    """Draw the ratio of Gauss' time to the best explicit method's over the error: each scene, and their median.
+
+    The outer planets have a curve of their own.
+    """
     found = ratios(rungs)
     figure, ((axes,),) = style.panels(1, 1, 3.4)
     for scene, part in found.groupby("scene", sort=False):
@@ -147,7 +163,10 @@ def draw(rungs: pd.DataFrame, folder) -> list[Picture]:
 
 @of(RUNGS)
 def table(rungs: pd.DataFrame) -> Table | None:
-    """The page's table: for each scene the error from which on Gauss is the faster, and the ratios at both ends."""
+    """Return the page's table, a row for each scene: the error from which on Gauss is faster, and ratios of times.
+
+    The ratios are those at the scene's largest and smallest error.  None without rows.
+    """
     whole = _full_table(rungs)
     if whole.empty:
         return None

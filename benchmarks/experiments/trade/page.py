@@ -1,4 +1,8 @@
-"""The page on the trade between error and time: the fastest integrator at each accuracy, for every scene."""
+"""The report's page "trade": the fastest integrator at each accuracy, for every scene.
+
+A scene is a problem, end time and quantity; a case is a scene at an accuracy.  ``rows`` has a row for each case, with
+the fastest of this project's methods and of the peers (other packages' integrators).
+"""
 
 from __future__ import annotations
 
@@ -34,7 +38,10 @@ ONE_EACH = {q.problem.partition(":")[0]: q.id for q in reversed(QUESTIONS)}.valu
 
 @of_choices()
 def wins(rows: pd.DataFrame) -> Verdict:
-    """Whether this project's methods are the fastest in at least half of the decided cases (scene and accuracy)."""
+    """Judge whether this project's methods are the fastest in at least half of the cases that are not tied.
+
+    A case is a row: a scene at an accuracy.
+    """
     found = choices(rows)
     ours, peers, _, _ = counts(found)
     lost = [_case(row) for _, row in found[found["cheaper"] == PEERS].iterrows()]
@@ -53,7 +60,10 @@ def _case(row: pd.Series) -> str:
 
 @of_choices()
 def farthest(rows: pd.DataFrame) -> Verdict | None:
-    """Whether no peer is far ahead, except by a method that preserves the requested energy by construction."""
+    """Judge whether no peer (another package's integrator) is more than `FAR` times as fast as this project's best.
+
+    Rows in which the energy is asked and the faster method preserves it by construction do not count.
+    """
     found = choices(rows)
     found = found[found["cheaper"].isin([OURS, PEERS]) & found["ratio"].notna()]
     found = found[[not _by_construction(row) for _, row in found.iterrows()]]
@@ -70,14 +80,17 @@ def farthest(rows: pd.DataFrame) -> Verdict | None:
 
 
 def _by_construction(row: pd.Series) -> bool:
-    """True if the quantity is the energy, and the faster method preserves it by construction, even on a wrong orbit."""
+    """Return True if a row asks for the energy and the faster method preserves it by construction.
+
+    Such a method has no energy error even on a wrong orbit.
+    """
     id = str(row[f"{row['cheaper']} integrator"]).partition("(")[0]
     return row["quantity"] == "energy" and id in BY_ID and BY_ID[id].energy == ROUND_OFF
 
 
 @of_choices()
 def scenes_with_rows(rows: pd.DataFrame) -> Verdict:
-    """Whether every scene was measured."""
+    """Judge whether every scene (a problem, end time and quantity) was measured."""
     left = [q.id for q in QUESTIONS if q.id not in set(rows["scene"])]
     return Verdict(
         "Every scene was measured",
@@ -90,7 +103,10 @@ def scenes_with_rows(rows: pd.DataFrame) -> Verdict:
 
 @of(FINALS, again.TABLE)
 def twice(finals: pd.DataFrame, second: pd.DataFrame) -> Verdict:
-    """Whether a repeated measurement has the same fastest integrators, or ones tied with them."""
+    """Judge whether a repeated measurement finds the same fastest integrators, or ones tied with them.
+
+    Both tables have a row for each integrator timed in a scene at an accuracy.
+    """
     found = agreement(finals, second)
     return Verdict(
         "The sweep made again names the same fastest integrator, or a tied one",
@@ -104,7 +120,10 @@ def twice(finals: pd.DataFrame, second: pd.DataFrame) -> Verdict:
 
 @of(FINALS, TIMES)
 def intervals(finals: pd.DataFrame, times: pd.DataFrame) -> Verdict | None:
-    """Whether the intervals from two measurements contain the times and ratios of a third."""
+    """Judge whether the intervals from two measurements contain the times and ratios of a third.
+
+    ``finals`` has the first measurement of every integrator timed, ``times`` the later ones.
+    """
     shares = {what: inside / total for what, (inside, total) in coverage(finals, times).items() if total}
     if not shares:
         return None
@@ -120,7 +139,10 @@ def intervals(finals: pd.DataFrame, times: pd.DataFrame) -> Verdict | None:
 
 @of_choices()
 def answer(rows: pd.DataFrame) -> str:
-    """A sentence: how often our methods or peers are the fastest, and the integrator that wins most often."""
+    """Return the page's answer, a sentence: how often our methods, and other packages, are the fastest.
+
+    It names the method of ours that wins most often.
+    """
     found = choices(rows)
     ours, peers, tied, _ = counts(found)
     names = Counter(winner(row) for row in found[found["cheaper"] == OURS].to_dict("records"))
@@ -134,13 +156,13 @@ def answer(rows: pd.DataFrame) -> str:
 
 @of_choices()
 def draw(rows: pd.DataFrame, folder) -> list[Picture]:
-    """Draw the ratio of the two sides' times (ours and the peers') for every scene and accuracy."""
+    """Draw the ratio of our best time to the best peer's for every scene and accuracy; save it in ``folder``."""
     return [figures.ratios(choices(rows), folder)]
 
 
 @of_choices()
 def table(rows: pd.DataFrame) -> Table | None:
-    """The page's table: the fastest integrator at each accuracy of `SHOWN`, for one scene of each problem."""
+    """Return the page's table: the fastest integrator at each accuracy of `SHOWN`, for one scene of each problem."""
     found = choices(rows)
     lines = []
     for scene in ONE_EACH:
@@ -160,7 +182,10 @@ def table(rows: pd.DataFrame) -> Table | None:
 
 
 def _cell(part: pd.DataFrame) -> str:
-    """A text: the fastest integrator of a scene at an accuracy, and our time over the best peer's."""
+    """Return a table entry: the fastest integrator of a scene at an accuracy, and our time over the best peer's.
+
+    ``part`` has the row of the scene at the accuracy, or none.
+    """
     if part.empty:
         return ""
     row = part.iloc[0]
@@ -172,7 +197,7 @@ def _cell(part: pd.DataFrame) -> str:
 
 @of_choices()
 def _full_table(rows: pd.DataFrame) -> pd.DataFrame:
-    """Both sides' fastest integrators in every scene at every accuracy."""
+    """Return the page's long table: for every scene and accuracy, the fastest integrator of ours and of the peers."""
     found = choices(rows)
     sides = [f"{side} {x}" for side in (OURS, PEERS) for x in ("integrator", "h", "tol", "error", "seconds")]
     columns = ["scene", "quantity", "accuracy", *sides, "ratio", "ratio low", "ratio high", "cheaper"]

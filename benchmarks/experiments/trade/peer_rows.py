@@ -1,10 +1,11 @@
-"""The rows of peers (other packages' integrators) in a sweep: which run, at which steps, and what is measured.
+"""Measure peers (other packages' integrators) on scenes: which peers run, at which steps, and what is measured.
 
-A sweep has the peers of the packages that this project depends on, and of those in `OPTIONAL` that are installed.  A
-fixed-step peer runs at a scene's steps, an adaptive one over `TOLERANCES` (its rows have ``tol``, and no h).  Two runs
-are made: one without output for the time, the counts and the error at the end, and one with rows for the invariants; on
-a chaotic scene, a third ends at the time of its error.  The first has no output because an integrator without
-interpolation would end steps at the rows.  A fixed-step peer has at most `MOST` rows, at every ``rows_every``-th step.
+Peers are those of the packages that this project depends on, and of the packages in `OPTIONAL` that are installed.  A
+fixed-step peer runs at a scene's steps, an adaptive one over `TOLERANCES` (its rows have ``tol``, and no h).  Each is
+run twice: without output for the time, the counts and the error at the end, and with output for the invariants; on a
+chaotic scene, a third run ends at the time at which the error is taken.  The first run has no output because an
+integrator without interpolation would end steps at the output times.  A fixed-step peer stores at most `MOST` states,
+one in every ``rows_every`` steps.
 """
 
 from __future__ import annotations
@@ -41,12 +42,12 @@ LONG = 0.3
 
 
 def swept(quick: bool = False) -> list[Peer]:
-    """List the peers (integrators of other packages) that run in the sweep; only a few if ``quick``."""
+    """List the peers (integrators of other packages) that are measured on the scenes; only a few if ``quick``."""
     return [p for p in PEERS if p.package in (*PACKAGES, *OPTIONAL) and (not quick or p.id in QUICK)]
 
 
 def lacks(peer: Peer, scene: Scene) -> str | None:
-    """The reason why a peer cannot run a scene, or None."""
+    """Return the reason why a peer (another package's integrator) cannot run on a scene, or None if it can."""
     if not Integrator(peer).installed:
         return f"{peer.package} is not installed; {how_to_install(peer.package)}"
     made = problem_of(scene.problem)
@@ -54,7 +55,10 @@ def lacks(peer: Peer, scene: Scene) -> str | None:
 
 
 def sizes(peer: Peer, scene: Scene, quick: bool = False) -> list[tuple[float | None, float | None]]:
-    """(h, tol) of each row of a peer on a scene, one of them None; a single row if the peer cannot run it."""
+    """List the (step h, tolerance) with which a peer runs on a scene; h or the tolerance is None.
+
+    A single pair if the peer cannot run there: the row says why.
+    """
     if peer.adaptive:
         found = [(None, tol) for tol in TOLERANCES if tol >= peer.least]
         coarse = peer.id in SLOW
@@ -68,7 +72,10 @@ def sizes(peer: Peer, scene: Scene, quick: bool = False) -> list[tuple[float | N
 
 
 def measure(scene: Scene, peer: Peer, h: float | None, tol: float | None, repeats: int) -> dict[str, Any]:
-    """Measure a peer on a scene at a step or a tolerance: a dict of status, time, counts and errors."""
+    """Measure a peer on a scene at a step or a tolerance: a row with its status, time, counts and errors.
+
+    The time is the median of up to ``repeats`` runs.
+    """
     problem = problem_of(scene.problem)
     row = head(scene, problem, peer, peer.package, peer.package)
     row |= {"h": h, "tol": tol}
@@ -97,7 +104,10 @@ def measure(scene: Scene, peer: Peer, h: float | None, tol: float | None, repeat
 
 
 def _with_rows(problem, peer: Peer, scene: Scene, h: float | None, tol: float | None):
-    """Run a peer with output for its invariants: (solution, steps between rows or, if it is adaptive, None)."""
+    """Run a peer with output, for the errors of invariants.
+
+    Returns (solution, number of steps between its output rows, or None for an adaptive peer).
+    """
     if peer.adaptive:
         steps = ADAPTIVE if scene.purpose == DRIFT else round(scene.t_end / scene.steps[0])
         return integrate_peer(problem, peer, tol=tol, t_end=scene.t_end, steps=steps), None

@@ -1,4 +1,7 @@
-"""Measurements (`Cell`) for a user's run: an integrator's errors and times on a scene, from wide steps to round-off."""
+"""Measure an integrator's errors and times on a scene, from wide steps to round-off, for a run that a user asks for.
+
+A scene is a problem, end time and quantity.
+"""
 
 from __future__ import annotations
 
@@ -21,12 +24,15 @@ PURPOSE = "trade"
 
 
 def swept() -> list[Method | Peer]:
-    """List all methods and peers that a user's run measures."""
+    """List all methods, and peers (other packages' integrators), that a user's run can measure."""
     return [*METHODS, *peer_rows.swept()]
 
 
 def cells(questions: Iterable[Question], only: Callable[[Method | Peer], bool] | None = None) -> list[Cell]:
-    """List the measurements (`Cell`), one for each scene and each method or peer for which ``only`` is true."""
+    """List the measurements (`Cell`), one for each scene and each method or peer for which ``only`` returns True.
+
+    ``questions`` are the scenes; without ``only`` all methods and peers are measured.
+    """
     chosen = [m for m in swept() if only is None or only(m)]
     return [_cell(question, m) for question in questions for m in chosen]
 
@@ -46,7 +52,11 @@ def _cell(question: Question, chosen: Method | Peer) -> Cell:
 
 
 def measure_rows(question_id: str, method_id: str) -> Rows:
-    """Measure errors and times of an integrator on a scene, over its steps or tolerances: a row for each."""
+    """Measure errors and times of an integrator on a scene, over its steps or tolerances.
+
+    The arguments are the ids of the scene and of the method or peer.  Returns {"rows": a row for each step or
+    tolerance}, or one row with the reason if the integrator cannot run.
+    """
     question = BY_ID[question_id]
     problem, chosen = question.build_problem(), integrator(method_id)
     head = {"scene": question.id, "purpose": PURPOSE}

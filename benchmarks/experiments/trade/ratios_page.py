@@ -1,4 +1,8 @@
-"""The page of the ratios of this project's best time to the best peer's, with reasons where this project is slower."""
+"""The report's page "trade-ratios": this project's best time over the best peer's, and why it is above 1 where it is.
+
+A peer is another package's integrator; a case is a scene (problem, end time, quantity) at an accuracy.  ``front`` has
+a row for each case, ``rungs`` one for each run of the search for the fastest integrators.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +29,10 @@ DRAWN = [reason for reason in MEANING if reason != UNREACHED]
 
 @of_choices()
 def share(front: pd.DataFrame) -> Verdict:
-    """Whether this project takes no longer than the best peer in nearly all cases (scene and accuracy)."""
+    """Judge whether this project takes no longer than the best peer in nearly all cases.
+
+    A case is a row of ``front``: a scene at an accuracy.
+    """
     found = cells(front)
     slow = found[~(found["ratio"] <= WANTED)]
     return Verdict(
@@ -38,7 +45,7 @@ def share(front: pd.DataFrame) -> Verdict:
 
 
 def _slowest(slow: pd.DataFrame) -> str:
-    """A text: the scene with the most cases in which a peer is faster, and their number."""
+    """Return a text: the scene with the most cases in which a peer is faster, and their number; "" if there is none."""
     if slow.empty:
         return ""
     scenes = slow.groupby("scene", sort=False).size()
@@ -47,7 +54,7 @@ def _slowest(slow: pd.DataFrame) -> str:
 
 @of_choices()
 def everywhere(front: pd.DataFrame) -> Verdict:
-    """Whether, at each accuracy, this project takes no longer than the best peer in nearly all scenes."""
+    """Judge whether, at each accuracy, this project takes no longer than the best peer in nearly all scenes."""
     found = cells(front)
     shares = (found["ratio"] <= WANTED).groupby(found["accuracy"]).mean().sort_index(ascending=False)
     return Verdict(
@@ -61,7 +68,10 @@ def everywhere(front: pd.DataFrame) -> Verdict:
 
 @of_choices(RUNGS)
 def explanations(front: pd.DataFrame, rungs: pd.DataFrame) -> Verdict | None:
-    """Whether the measured steps and evaluations explain every case in which this project is slower."""
+    """Judge whether measured steps and evaluations explain every case in which this project is slower than a peer.
+
+    None if there is no such case.
+    """
     found = above(front, rungs)
     if found.empty:
         return None
@@ -77,7 +87,10 @@ def explanations(front: pd.DataFrame, rungs: pd.DataFrame) -> Verdict | None:
 
 @of_choices()
 def answer(front: pd.DataFrame) -> str:
-    """A sentence: in how many cases a peer is faster, and in how many by more than the scatter of the times."""
+    """Return the page's answer, a sentence: in how many cases (a scene at an accuracy) a peer is faster.
+
+    It says in how many of them the whole interval of the ratio is above 1, beyond the scatter of the times.
+    """
     found = cells(front)
     slow = found[~(found["ratio"] <= WANTED)]
     certain = slow[~(slow["ratio low"] <= WANTED)]
@@ -90,7 +103,10 @@ def answer(front: pd.DataFrame) -> str:
 @of_choices(RUNGS)
 @style.styled
 def draw(front: pd.DataFrame, rungs: pd.DataFrame, folder) -> list[Picture]:
-    """Draw the share of cases in which this project is no slower, by accuracy, and the factors of the other ratios."""
+    """Draw the share of scenes in which this project is no slower, by accuracy, and the factors of the other ratios.
+
+    The factors of a ratio of times are the ratio of the numbers of steps and that of the times of a step.
+    """
     found, slow = cells(front), above(front, rungs)
     figure, ((left, right),) = style.panels(1, 2, 3.4)
     by = found.groupby("accuracy")
@@ -119,7 +135,7 @@ def draw(front: pd.DataFrame, rungs: pd.DataFrame, folder) -> list[Picture]:
 
 
 def _side(row, side: str) -> str:
-    """A text: the best integrator of a side, "ours" or the peers', with its step or tolerance."""
+    """Return a text: the best integrator of a side (ours or the peers) in a row, with its step or tolerance."""
     name, h, tol = (row[f"{side} {x}"] for x in ("integrator", "h", "tol"))
     if not isinstance(name, str):
         return "none"
@@ -135,7 +151,10 @@ def _interval(row) -> str:
 
 @of_choices(RUNGS)
 def table(front: pd.DataFrame, rungs: pd.DataFrame) -> Table | None:
-    """The page's table: the slowest case of every scene, then the next slowest ones, up to `ROWS` lines."""
+    """Return the page's table: cases in which this project is slower than a peer, with the reason.
+
+    The case with the largest ratio of each scene is taken first, then the next ones, up to `ROWS` lines.
+    """
     found = above(front, rungs)
     if found.empty:
         return None
@@ -161,7 +180,10 @@ def table(front: pd.DataFrame, rungs: pd.DataFrame) -> Table | None:
 
 @of_choices(RUNGS)
 def _full_table(front: pd.DataFrame, rungs: pd.DataFrame) -> pd.DataFrame:
-    """For each scene and accuracy our time over the best peer's, with the reason if this project is slower."""
+    """Return the page's long table: for each scene and accuracy our time over the best peer's.
+
+    The last column is the reason if this project is slower, or "".
+    """
     found, slow = cells(front), above(front, rungs)
     reasons = {(r["scene"], r["accuracy"]): sentence(r, rungs) for r in slow.to_dict("records")}
     keys = zip(found["scene"], found["accuracy"], strict=True)

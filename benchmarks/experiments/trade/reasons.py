@@ -1,5 +1,7 @@
 r"""Reasons why this project's best method takes longer than the best peer, computed from measured steps and times.
 
+A peer is another package's integrator; a case is a scene (problem, end time, quantity) at an accuracy.
+
 On either side, the time t is the number of steps n times the time of a step (primes mark the peer):
 
 .. math:: \frac{t}{t'} = \frac{n}{n'} \cdot \frac{t/n}{t'/n'} .
@@ -46,9 +48,9 @@ MEANING = {
 
 
 def cells(front: pd.DataFrame) -> pd.DataFrame:
-    """A row for each case (scene and accuracy) that a side reaches, with the ratio of our time to the best peer's.
+    """Select the cases (scene and accuracy) that ours or a peer reaches, with the ratio of our time to the best peer's.
 
-    It is 0 if only a method of ours reaches it, inf if only a peer does.
+    The ratio is 0 if only a method of ours reaches the accuracy, inf if only a peer does.
     """
     found = choices(front)
     ours, peer = (found[f"{side} integrator"].notna() for side in (OURS, PEERS))
@@ -58,7 +60,10 @@ def cells(front: pd.DataFrame) -> pd.DataFrame:
 
 
 def above(front: pd.DataFrame, rungs: pd.DataFrame) -> pd.DataFrame:
-    """The cases with a ratio above `WANTED`, the largest first, each with the factors of its ratio and the reason.
+    """Select the cases (scene and accuracy) whose ratio of our time to the best peer's is above `WANTED`.
+
+    The largest ratio comes first; each case has the factors of its ratio and the reason.  ``front`` has the fastest
+    integrator of ours and of the peers in each case, ``rungs`` all runs of the search for them.
 
     Added columns: ``steps`` and ``step``, the two factors of the ratio; ``per step``, evaluations in a step of our
     method; ``share``, the share of its time that they take at the scene's `price`; ``evaluations alone``, the ratio
@@ -77,15 +82,16 @@ def above(front: pd.DataFrame, rungs: pd.DataFrame) -> pd.DataFrame:
 
 
 def price(rungs: pd.DataFrame) -> float:
-    """The least seconds per gradient evaluation of this project's methods in these runs; NaN if there are none."""
+    """Return the least seconds per gradient evaluation of this project's methods in the runs; NaN without runs."""
     own = rungs[(rungs["kind"] == PROJECT) & (rungs["evaluations"] > 0) & (rungs["seconds"] > 0)]
     return float((own["seconds"] / own["evaluations"]).min()) if len(own) else nan
 
 
 def _parts(row: dict, cheapest: float) -> dict[str, float]:
-    """The factors of a case's ratio and the share of the evaluations in our time: five columns described in `above`.
+    """Return the factors of a case's ratio of times, and the share of the evaluations in our time.
 
-    They are ``steps``, ``step``, ``per step``, ``share`` and ``evaluations alone``.
+    They are the columns ``steps``, ``step``, ``per step``, ``share`` and ``evaluations alone`` that `above` describes.
+    ``cheapest`` is the least seconds per evaluation.
     """
     n, m = (row[f"{side} steps"] for side in (OURS, PEERS))
     steps = n / m if m else nan
@@ -96,9 +102,10 @@ def _parts(row: dict, cheapest: float) -> dict[str, float]:
 
 
 def _growth(row: dict, scene: pd.DataFrame) -> dict[str, float]:
-    """How both sides' numbers of steps grew since ours was fast enough.
+    """Return how both sides' numbers of steps grew from the last coarser accuracy at which ours was fast enough.
 
-    The columns ``until``, ``ours grew`` and ``peer grew`` of `above`.
+    They are the columns ``until``, ``ours grew`` and ``peer grew`` that `above` describes; NaN if there is no such
+    accuracy.  ``scene`` has all cases of the scene.
     """
     before = scene[(scene["accuracy"] > row["accuracy"]) & (scene["ratio"] <= WANTED)]
     if before.empty:
@@ -109,7 +116,7 @@ def _growth(row: dict, scene: pd.DataFrame) -> dict[str, float]:
 
 
 def _reason(row: dict, parts: dict[str, float]) -> str | None:
-    """The reason why a ratio is above `WANTED`, a key of `MEANING`; None if the rows do not show it."""
+    """Return the reason why a case's ratio of times is above `WANTED`, a key of `MEANING`; None if no row shows it."""
     if row["ratio"] == inf:
         return UNREACHED
     if row["ratio low"] <= WANTED:
@@ -123,7 +130,7 @@ def _reason(row: dict, parts: dict[str, float]) -> str | None:
 
 
 def sentence(row, rungs: pd.DataFrame) -> str:
-    """Say with the measured numbers why this project is slower than the best peer in this row."""
+    """Return a text that says, with the measured numbers, why this project is slower than the best peer in a row."""
     if row["reason"] == UNREACHED:
         return f"{UNREACHED}: {_nearest(row, rungs)}"
     text = f"{row['reason'] or 'not told'}: steps x {number(row['steps'], 2)}, a step's time x {number(row['step'], 2)}"
@@ -135,7 +142,7 @@ def sentence(row, rungs: pd.DataFrame) -> str:
 
 
 def _nearest(row, rungs: pd.DataFrame) -> str:
-    """A text: the least error of this project's methods on a scene."""
+    """Return a text: the least error of this project's methods on the row's scene."""
     own = rungs[(rungs["scene"] == row["scene"]) & (rungs["kind"] == PROJECT) & (rungs["error"] > 0)]
     if own.empty:
         return "no run of ours is kept"

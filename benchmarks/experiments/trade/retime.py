@@ -1,7 +1,8 @@
-"""Further timings: the stored finalists of a scene are timed again, later and in another process.
+"""Time the stored finalists of a scene again, later and in another process.
 
-The runs repeat the steps and tolerances of the stored finalists, without a search.  The pages join the first and the
-second timing (`settled`); the third shows how often the intervals from these two contain a new time.
+Finalists are the few fastest integrators at an accuracy.  The runs repeat their stored steps and tolerances, without a
+search.  The pages join the first and the second timing (`settled`); the third shows how often the intervals from these
+two contain a new time.
 """
 
 from __future__ import annotations
@@ -39,12 +40,18 @@ def _stored_finals(folder: Path) -> dict[str, tuple[Final, ...]]:
 
 
 def finals(scene: str, folder: Path = DATA) -> tuple[Final, ...]:
-    """The stored finalists of a scene at each accuracy; empty if the scene was not measured."""
+    """Read the stored finalists of a scene: its fastest integrators at each accuracy; empty if it was not measured.
+
+    Each is (accuracy, side, label, number of steps or None, tolerance or None, seconds).
+    """
     return _stored_finals(folder).get(scene, ())
 
 
 def measure_rows(scene: str, sweep: int, stored: tuple[Final, ...]) -> Rows:
-    """Time the stored finalists of a scene again, in turns at each accuracy: a row for each; ``sweep``: its number."""
+    """Time the stored finalists of a scene again, in turns at each accuracy; ``sweep`` is the number of this timing.
+
+    Returns {`TABLE`: rows}, for each finalist the median seconds with their interval.
+    """
     question = BY_ID[scene]
     made, by_label = question.build_problem(), {c.label: c for c in competitors()}
     clocks = clock.Clocks(made, question.t_end)

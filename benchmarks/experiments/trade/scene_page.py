@@ -1,4 +1,7 @@
-"""A page for each scene: work-precision diagram, and the fastest integrators at each error."""
+"""The report's page of each scene: its work-precision diagram, and the fastest integrators at each error.
+
+A scene is a problem, end time and quantity.
+"""
 
 from __future__ import annotations
 
@@ -30,9 +33,9 @@ TRUTHS = {
 
 
 def _scene(question: Question, *names: str) -> Callable:
-    """Decorator: a function of one scene's rows in the tables ``names`` becomes one of ``data``.
+    """Decorator: turn a function of one scene's rows in the tables ``names`` into a function of ``data``.
 
-    ``data`` gives tables by name.  The result is None if the scene has no rows in the first table.
+    ``data`` maps a table's name to the table.  The result is None if the scene has no rows in the first table.
     """
 
     def decorate(function):
@@ -48,7 +51,7 @@ def _scene(question: Question, *names: str) -> Callable:
 def _wins(question: Question) -> Callable:
     @_scene(question, CHOICES)
     def wins(rows: pd.DataFrame) -> Verdict:
-        """Whether this project's methods are the fastest in a scene at least as often as the peers."""
+        """Judge whether this project's methods are the fastest in a scene at least as often as the peers."""
         found = choices(rows)
         ours, peers, _, _ = counts(found)
         lost = [f"{a:g}" for a in found.loc[found["cheaper"] == PEERS, "accuracy"]]
@@ -66,7 +69,7 @@ def _wins(question: Question) -> Callable:
 def _reference(question: Question) -> Callable:
     @_scene(question, CHOICES)
     def reference(rows: pd.DataFrame) -> Verdict:
-        """Whether the reference's uncertainty is small enough for every accuracy of the scene."""
+        """Judge whether the reference's uncertainty is small enough for every accuracy of the scene."""
         return Verdict(
             "The reference is certain enough to judge every error",
             Count(len(rows), len(question.accuracies)),
@@ -79,7 +82,7 @@ def _reference(question: Question) -> Callable:
 
 
 def _truth(rows: pd.DataFrame) -> str:
-    """A text: the kind of reference and its uncertainty."""
+    """Return a text: the kind of reference against which a scene's errors are taken, and its uncertainty."""
     row = rows.iloc[0]
     kind = TRUTHS.get(row["reference"], row["reference"])
     uncertainty = row["reference uncertainty"]
@@ -89,7 +92,7 @@ def _truth(rows: pd.DataFrame) -> str:
 def _compilation(question: Question) -> Callable:
     @_scene(question, DROPPED)
     def compilation(rows: pd.DataFrame) -> Verdict | None:
-        """Whether no integrator was dropped in a scene because it does not compile."""
+        """Judge whether no integrator was dropped in a scene because it does not compile."""
         if "why" not in rows or rows["why"].isna().all():
             return None
         uncompiled = rows.loc[rows["why"].str.startswith(UNCOMPILED, na=False), "integrator"]
@@ -107,7 +110,10 @@ def _compilation(question: Question) -> Callable:
 def _answer(question: Question) -> Callable:
     @_scene(question, CHOICES)
     def answer(rows: pd.DataFrame) -> str:
-        """A sentence: how often ours or peers are the fastest, and the winners at the largest and the least error."""
+        """Return the page's answer, a sentence: how often ours and peers are the fastest, and two of the fastest.
+
+        They are those at the largest and the least error.
+        """
         found = choices(rows)
         ours, peers, _, _ = counts(found)
         reached = [row for row in found.sort_values("accuracy").to_dict("records") if winner(row)]

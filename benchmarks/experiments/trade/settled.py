@@ -1,7 +1,8 @@
 r"""Times of integrators, and their ratios, from several timings (sweeps), with prediction intervals for a further one.
 
-Times scatter less between the rounds of one sweep than between processes.  Two sweeps show how much: if :math:`d` are
-the differences of the logarithms of their medians, over all finalists that take about as long, then
+Finalists are the few fastest integrators of a scene at an accuracy, which every sweep times in turns.  Times scatter
+less between the rounds of one sweep than between processes.  Two sweeps show how much: if :math:`d` are the differences
+of the logarithms of their medians, over all finalists that take about as long, then
 
 .. math:: \ln \frac{t_3}{\sqrt{t_1 t_2}} \quad\text{is distributed as}\quad \sqrt{3/4}\; d ,
 
@@ -36,7 +37,10 @@ KEY = ["scene", "accuracy", "side", "integrator"]
 
 
 def sweeps(finals: pd.DataFrame, times: pd.DataFrame | None) -> pd.DataFrame:
-    """The seconds of every finalist at each accuracy: a row for each, a column for each timing (NaN: not measured)."""
+    """Collect the seconds of every finalist at each accuracy: a row for each, a column for each of three timings.
+
+    NaN where a timing was not made.  ``finals`` has the first timing, ``times`` the later ones (or is None).
+    """
     parts = [finals[[*KEY, "seconds"]].assign(sweep=1)]
     if times is not None and len(times):
         parts.append(times[[*KEY, "seconds", "sweep"]])
@@ -46,9 +50,10 @@ def sweeps(finals: pd.DataFrame, times: pd.DataFrame | None) -> pd.DataFrame:
 
 
 def pairs(table: pd.DataFrame) -> pd.DataFrame:
-    """Ratios of our best time to the best peer's: a row for each scene and accuracy, a column for each timing.
+    """Compute ratios of our best time to the best peer's: a row for each scene and accuracy, a column for each timing.
 
-    Each side has its best integrator by the joined timings; ``shorter`` is the shorter of the two times, in seconds.
+    ``table`` is that of `sweeps`: seconds of each finalist in each timing.  Each side has its best integrator by the
+    joined timings; the column ``shorter`` is the shorter of the two times, in seconds.
     """
     mean = np.exp(np.log(table[list(JOINED)]).mean(axis=1)).rename("mean").reset_index()
     best = mean.loc[mean.groupby(["scene", "accuracy", "side"])["mean"].idxmin(), KEY]
@@ -65,9 +70,10 @@ def pairs(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def join_sweeps(values: pd.DataFrame, size: pd.Series) -> pd.DataFrame:
-    """Join the timings of each row to a value and its interval: columns ``value``, ``low``, ``high``.
+    """Join two timings of each row to a value and its prediction interval: columns ``value``, ``low``, ``high``.
 
-    ``size``, in seconds, decides the class of a row.
+    ``values`` has a column for each timing, of times or of ratios.  ``size``, in seconds, decides the class of a row:
+    the interval's width comes from the scatter between timings of runs that take about as long.
     """
     logs = np.log(values[list(JOINED)])
     middle, apart = logs.mean(axis=1), (logs[JOINED[0]] - logs[JOINED[1]]).abs()
@@ -86,7 +92,10 @@ def join_sweeps(values: pd.DataFrame, size: pd.Series) -> pd.DataFrame:
 
 
 def coverage(finals: pd.DataFrame, times: pd.DataFrame) -> dict[str, tuple[int, int]]:
-    """For "times" and "ratios": (how many of the third timing lie in the intervals of the first two, number of all)."""
+    """Count how often a third timing lies in the intervals from the first two.
+
+    Returns {"times": ..., "ratios": ...}, each (how many lie in their interval, number of all).
+    """
     table = sweeps(finals, times)
     ratios = pairs(table)
     out = {}
@@ -98,7 +107,11 @@ def coverage(finals: pd.DataFrame, times: pd.DataFrame) -> dict[str, tuple[int, 
 
 
 def join_choices(front: pd.DataFrame, finals: pd.DataFrame, times: pd.DataFrame | None) -> pd.DataFrame:
-    """The fastest of each side, times and ratio from the joined timings; ``front`` itself if there is only one."""
+    """Select the fastest integrator of each side, with times and ratio from the joined timings.
+
+    The result has the rows and columns of ``front``, the fastest by the first timing; it is ``front`` itself if there
+    is only one timing.
+    """
     if times is None or "sweep" not in times or not (times["sweep"] == JOINED[1]).any():
         return front
     table = sweeps(finals, times)
@@ -130,9 +143,10 @@ _last: list = [(), None]
 
 
 def of_choices(*names: str) -> Callable:
-    """Decorator: a function of the fastest integrators (`join_choices`) and the tables ``names`` takes ``data``.
+    """Decorator: turn a function of the table of fastest integrators and the tables ``names`` into one of ``data``.
 
-    ``data`` is a function that gives tables by name.
+    ``data`` maps a table's name to the table.  Times and ratios of the fastest integrators are joined from several
+    timings (`join_choices`); the result is None if a table is missing.
     """
 
     def decorate(function: Callable) -> Callable:

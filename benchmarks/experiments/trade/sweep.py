@@ -1,8 +1,11 @@
 """Measure all methods and peers on all scenes: a row for each (scene, method, parameters, h or tolerance).
 
+A scene is a problem, a time span and a list of steps; peers are integrators of other packages.
+
 A row has two error columns: ``global_error``, the maximum norm over (q, p) of the difference from the reference at
 ``global_error_time``, with the reference's uncertainty there; and ``refinement_difference``, the difference from the
-same method at twice the step, as in the talk's tables.  ``seconds`` is the median of warm integrations without output.
+same method at twice the step, as in the talk's tables.  ``seconds`` is the median of warm integrations, of which all
+but a method's first are without output; a long integration is timed only once.
 
 Errors and invariants come from `accuracy`; peers are measured by `peer_rows`.
 """
@@ -44,7 +47,16 @@ HANDFUL = ("explicit-euler", "stormer-verlet", "rk4", "pefrl", "implicit-midpoin
 
 @dataclass(frozen=True)
 class Task:
-    """One row to be measured (scene, method, parameters, step or tolerance), as data for another process."""
+    """One row to be measured, as data that can be sent to another process.
+
+    Attributes
+    ----------
+    scene : id of the scene (a problem, a time span and steps)
+    method : id of the method or peer (another package's integrator)
+    parameters : the method's parameters, as pairs of name and value
+    h, tol : the step, or the tolerance of an adaptive peer; the other is None
+    quick : True if it belongs to a quick run
+    """
 
     scene: str
     method: str
@@ -54,16 +66,16 @@ class Task:
     tol: float | None = None
 
     def build(self) -> Method | Peer:
-        """Build the method with its parameters, or the peer, of this task."""
+        """Build the method with its parameters, or the peer (another package's integrator), of this task."""
         return integrator(self.method, parameters=dict(self.parameters)).record
 
 
 def tasks(
     scenes: Iterable[Scene] = SCENES, quick: bool = False, only: Callable[[Method | Peer], bool] | None = None
 ) -> list[Task]:
-    """The tasks of a sweep in the order of measurement: for each scene the methods, then the peers.
+    """List the rows to be measured, as `Task`, in the order of measurement: for each scene the methods, then the peers.
 
-    ``only`` selects among all integrators; without it, a quick sweep has only a few of the peers.
+    ``only`` selects among all integrators; without it, a quick run has only a few of the peers.
     """
     found = []
     for scene in scenes:
@@ -82,7 +94,10 @@ def tasks(
 
 @cache
 def _twice(scene: str, id: str, parameters: tuple, h: float) -> np.ndarray | None:
-    """The end state (2 d,) at twice the step, for the refinement difference; None if the run fails."""
+    """Return the end state (q, p), array (2 d,), of a method with the step 2 h; None if the run fails.
+
+    The refinement difference is the distance of the end state with the step h from this one.
+    """
     of = BY_ID[scene]
     found = integrate(
         problem_of(of.problem),
@@ -95,7 +110,10 @@ def _twice(scene: str, id: str, parameters: tuple, h: float) -> np.ndarray | Non
 
 
 def measure(task: Task, repeats: int = REPEATS) -> dict[str, Any]:
-    """Measure the errors, invariants and time of a task: its row."""
+    """Measure the errors, invariants and time of an integrator on a scene, as the task says; return its row.
+
+    The time is the median of up to ``repeats`` runs.
+    """
     scene, chosen = BY_ID[task.scene], task.build()
     tier = {"tier": "quick" if task.quick else "full"}
     if isinstance(chosen, Peer):
@@ -132,19 +150,22 @@ def _errors(scene: Scene, task: Task, solution: Solution) -> dict[str, float]:
 
 
 def run(todo: list[Task], repeats: int = REPEATS) -> list[dict[str, Any]]:
-    """Measure tasks one after the other: their rows."""
+    """Measure tasks (scene, method, step) one after the other; return a row for each."""
     return [measure(task, repeats) for task in todo]
 
 
 def measure_rows(todo: tuple[Task, ...], repeats: int) -> Rows:
-    """Measure the tasks of a cell, each several times: their rows, by table name."""
+    """Measure the tasks of one integrator on one scene, each timed ``repeats`` times: {"rows": a row for each}."""
     return {"rows": run(list(todo), repeats)}
 
 
 def cells(
     quick: bool = False, scenes: Iterable[Scene] = SCENES, only: Callable[[Method | Peer], bool] | None = None
 ) -> list[Cell]:
-    """List the measurements (`Cell`), one for each method and peer on each scene, over its steps or tolerances."""
+    """List the measurements (`Cell`), one for each method and peer on each scene, over its steps or tolerances.
+
+    ``only`` selects among the integrators; ``quick`` shortens the lists of steps.
+    """
     groups: dict[tuple[str, str, tuple], list[Task]] = {}
     for task in tasks(scenes, quick, only or (lambda chosen: True)):
         groups.setdefault((task.scene, task.method, task.parameters), []).append(task)

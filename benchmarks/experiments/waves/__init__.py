@@ -1,1 +1,1 @@
-"""Experiment: which invariants of semi-discretized wave equations are preserved?"""
+"""Experiment: which invariants and local conservation laws of discretized wave equations integrators preserve."""

@@ -1,4 +1,4 @@
-"""Checks of the wave equations: methods preserve the invariants that they are declared to preserve."""
+"""Checks on discretized wave equations: methods preserve the invariants and laws that they are declared to preserve."""
 
 from __future__ import annotations
 
@@ -10,12 +10,15 @@ from phasebench.integrators.record import ROUND_OFF
 
 
 def cells(quick: bool = False) -> list:
-    """List the measurements (`Cell`) of the semi-discretized equations, and of the box schemes."""
+    """List the measurements (`Cell`): methods on the semi-discretized wave equations, and box schemes in space-time."""
     return waves.cells(quick) + spacetime.cells(quick)
 
 
 def off(rows) -> list[str]:
-    """Messages about failed runs, and about runs whose method does not preserve an invariant as declared."""
+    """Return a message for each failed run, and for each run whose method does not preserve an invariant as declared.
+
+    The invariants are the energy, and the charge, a form q.D p.  A row is a method on a wave equation with one step.
+    """
     out = []
     for r in (r for r in rows if r["status"] != SKIPPED):
         where = f"{r['method']} on {r['problem']}, h = {r['h']}"
@@ -29,13 +32,16 @@ def off(rows) -> list[str]:
 
 
 def bench_invariants(measured_rows):
-    """Methods preserve energy and charge (a form q.D p) to round-off as declared."""
+    """Check that methods preserve energy and charge (a form q.D p) to round-off where they are declared to."""
     wrong = off(measured_rows("pde"))
     assert not wrong, "\n".join(wrong)
 
 
 def failures(rows) -> list[str]:
-    """Messages about failed runs, and box schemes that differ from their declaration of the multisymplectic law."""
+    """Return a message for each failed run, and for each box scheme that is not multisymplectic as declared.
+
+    A row is a run of a box scheme: it has the residual of the multisymplectic law, and the unit of its round-off.
+    """
     out = []
     for r in rows:
         where = f"{r['scheme']} on {r['equation']}, N = {r['N']}, h = {r['h']}"
@@ -47,6 +53,6 @@ def failures(rows) -> list[str]:
 
 
 def bench_multisymplectic(measured_rows):
-    """The multisymplectic law holds for the schemes declared multisymplectic, and fails for the others."""
+    """Check that the multisymplectic law holds for the box schemes declared multisymplectic, and fails for others."""
     wrong = failures(measured_rows(spacetime.TABLE))
     assert not wrong, "\n".join(wrong)

@@ -1,4 +1,4 @@
-r"""Residuals of the local conservation laws of box schemes, in every cell of space-time.
+r"""Residuals of the local conservation laws of box schemes, in every cell (box) of the mesh in space-time.
 
 A step gives the densities d at :math:`t_n` and :math:`t_{n+1}`, and the fluxes f through the ends of the cells as the
 weighted sum over the stages; the residual of a law in a cell is
@@ -26,38 +26,55 @@ EPS = float(np.finfo(float).eps)
 
 @dataclass
 class Residuals:
-    """The largest residual of a conservation law so far, its largest term, and the size of one unit of round-off."""
+    """The largest residual of a local conservation law over the steps so far.
+
+    Attributes
+    ----------
+    worst : the largest residual, in absolute value
+    term : the largest of the law's two terms, the density's change and the flux difference
+    unit : the size of one unit of round-off of the residual
+    """
 
     worst: float = 0.0
     term: float = 0.0
     unit: float = 0.0
 
     def add(self, terms, unit: float) -> None:
-        """Include one step: the density's change and the flux difference of the law, arrays (N,), over the cells."""
+        """Include one step: ``terms`` are the density's change and the flux difference, arrays (N,) over the cells.
+
+        ``unit`` is the size of one unit of round-off in this step.
+        """
         change, flow = terms
         self.worst = max(self.worst, float(np.abs(change + flow).max()))
         self.term = max(self.term, float(np.abs(change).max()), float(np.abs(flow).max()))
         self.unit = max(self.unit, unit)
 
     def row(self, name: str) -> dict[str, float]:
-        """The columns of a row for the law ``name``."""
+        """Return the columns of a row for the law ``name``: its residual, its largest term and the round-off unit."""
         return {name: self.worst, f"{name}, largest term": self.term, f"{name}, round-off": self.unit}
 
 
 def steepest(space: Division) -> float:
-    """The 2-norm of the discrete derivative in space."""
+    """Return the 2-norm of the discrete derivative in space, as a matrix on the N cells."""
     return float(np.linalg.norm(space.slope(np.eye(space.N)), 2))
 
 
 def step_flux(scheme: Scheme, flux, *stages):
-    """The flux of a step: the weighted sum of the stages' fluxes, or (``scheme.means``) the flux at their mean."""
+    """Return the flux of a step: the weighted sum of the stages' fluxes, or the flux at their weighted mean.
+
+    The latter if ``scheme.means``.  ``flux`` is a function of as many fields as there are ``stages``, arrays with the
+    stages along the first axis.
+    """
     if scheme.means:
         return flux(*(np.tensordot(scheme.b, x, 1) for x in stages))
     return sum(b * flux(*(x[i] for x in stages)) for i, b in enumerate(scheme.b))
 
 
 def two_form(space: Division, scheme: Scheme, pair: tuple[Tangent, Tangent], h: float):
-    """The terms (change, flux difference) of the multisymplectic law for a pair of tangents, arrays (N,) over cells."""
+    """Return the terms (density's change, flux difference) of the multisymplectic law, arrays (N,) over cells.
+
+    ``pair`` is two tangents: solutions of the linearized scheme over one step h.
+    """
     u, v = pair
     K = space.equation.K[: space.equation.moving, : space.equation.moving]
 
@@ -75,19 +92,22 @@ def _law(space, scheme, step: Step, h, density, flux):
 
 
 def energy(space: Division, scheme: Scheme, step: Step, h: float):
-    """The terms (change, flux difference) of the energy law in a step, arrays (N,) over cells."""
+    """Return the terms (density's change, flux difference) of the energy law in a step, arrays (N,) over cells."""
     return _law(space, scheme, step, h, space.energy, space.energy_flux)
 
 
 def momentum(space: Division, scheme: Scheme, step: Step, h: float):
-    """The terms (change, flux difference) of the momentum law in a step, arrays (N,) over cells."""
+    """Return the terms (density's change, flux difference) of the momentum law in a step, arrays (N,) over cells."""
     return _law(space, scheme, step, h, space.momentum, space.momentum_flux)
 
 
 def measure(space: Division, scheme: Scheme, steps: Iterable[Step], h: float, invariant) -> dict[str, float]:
-    """Measure the largest residuals of the discrete conservation laws, and the errors of energy and ``invariant``.
+    """Measure the largest residuals of the discrete conservation laws over ``steps``, and the errors of totals.
 
-    Residuals are in units of round-off; the multisymplectic law is measured on two tangents that the steps carry.
+    Returns the columns of a row: for each law the largest residual, its largest term and the size of one unit of
+    round-off; the errors of the total energy and of the total ``invariant``, a function of y; the number of steps
+    without an energy-preserving parameter, and the largest parameter.  The multisymplectic law is measured on the two
+    tangents (solutions of the linearized scheme) that belong to each step.
 
     One unit of round-off is eps (D^2 + 1 / h) times the product of two tangents, and eps D^2 / h times that of two
     values, with D from `steepest`: in the highest mode, the last digit of a value grows by this factor.

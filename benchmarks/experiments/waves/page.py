@@ -1,4 +1,7 @@
-"""The page of the semi-discretized wave equations: energy, mass, charge, and the cost of a step."""
+"""The report's page "waves": energy, mass and charge of semi-discretized wave equations, and the cost of a step.
+
+The table ``pde`` has a row for each method on each equation with each step.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +25,11 @@ def _ran(frame: pd.DataFrame) -> pd.DataFrame:
 
 
 def _count_preserving(ran: pd.DataFrame, what: str, declared: str) -> tuple[Count, str]:
-    """(count of runs that preserve ``what``, methods that do not), among the runs whose method declares it."""
+    """Return (count of the runs that preserve ``what``, text with the methods that do not).
+
+    ``what`` is "energy" or "invariant".  Only runs count whose method is declared, in the column ``declared``, to
+    preserve it to round-off.
+    """
     says = ran[ran[declared] == ROUND_OFF]
     kept = says[f"{what} is kept"]
     return Count(int(kept.sum()), len(says)), "" if kept.all() else join_list(
@@ -41,21 +48,24 @@ def _charge(frame: pd.DataFrame) -> tuple[Count, str]:
 
 @of("pde")
 def energy(frame: pd.DataFrame) -> Verdict:
-    """Whether methods declared to preserve the energy do so, in the steps that have a root lambda."""
+    """Judge whether methods declared to preserve the energy do so.
+
+    Steps of Schemes IV and V in which no lambda keeps the energy are left out.
+    """
     count, lost = _energy(frame)
     return Verdict("Methods declared to keep the energy do, to round-off", count, EVERY, "runs", lost, FAIL)
 
 
 @of("pde")
 def charge(frame: pd.DataFrame) -> Verdict:
-    """Whether methods declared to preserve invariants q.D p preserve the charge of the Klein-Gordon equation."""
+    """Judge whether methods declared to preserve invariants q.D p keep the charge of the Klein-Gordon equation."""
     count, lost = _charge(frame)
     return Verdict("Methods declared to keep invariants q·Dp keep the charge", count, EVERY, "runs", lost, FAIL)
 
 
 @of("pde")
 def roots(frame: pd.DataFrame) -> Verdict | None:
-    """Whether every step of Schemes IV and V has a root lambda of the energy's equation."""
+    """Judge whether Schemes IV and V find a lambda that keeps the energy in every step."""
     ran = _ran(frame)
     if ran.empty:
         return None
@@ -71,7 +81,7 @@ def roots(frame: pd.DataFrame) -> Verdict | None:
 
 @of("pde")
 def answer(frame: pd.DataFrame) -> str | None:
-    """A sentence: in how many runs energy and charge are preserved."""
+    """Return the page's answer, a sentence: in how many runs on wave equations energy and charge are preserved."""
     (energies, _), (charges, _) = _energy(frame), _charge(frame)
     if not energies.of:
         return None
@@ -84,7 +94,7 @@ def answer(frame: pd.DataFrame) -> str | None:
 
 @of("pde")
 def draw(frame: pd.DataFrame, folder) -> list[Picture] | None:
-    """Draw the energy error against time, a panel for each problem."""
+    """Draw the energy error against the time of an integration, a panel for each wave equation; None without runs."""
     ran = _ran(frame)
     if ran.empty:
         return None
@@ -124,7 +134,7 @@ COLUMNS = {
 
 @of("pde")
 def table(frame: pd.DataFrame) -> Table:
-    """The page's table: each method on each problem at its smallest step."""
+    """Return the page's table: a row for each method on each wave equation, at its smallest step."""
     least = frame.loc[frame.groupby(["problem", "method"], sort=False)["h"].idxmin()]
     caption = "Every method on every problem, at its smallest step."
     return Table(least[list(COLUMNS)].rename(columns=COLUMNS).head(ROWS), caption)

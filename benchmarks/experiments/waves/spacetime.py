@@ -1,4 +1,4 @@
-r"""Box schemes in space-time: measurements of their local conservation laws, with period 2 pi.
+r"""Measure the local conservation laws of box schemes for wave equations in space-time, with period 2 pi in space.
 
 Smooth data of few modes: for the nonlinear Schroedinger equation :math:`\psi = 1 + 0.4\cos x + 0.2i\sin x`, for the
 Klein-Gordon equation :math:`\phi = 1 + 0.5\cos x + 0.3i\sin x`,
@@ -33,16 +33,16 @@ IN_TIME, IN_SPACE = "time", "space"
 
 @dataclass(frozen=True)
 class Case:
-    """An equation with its initial values, tangents, invariant and longest steps.
+    """A wave equation with its initial values, tangents, invariant and longest steps.
 
     Attributes
     ----------
     name : name of the equation
     equation : its multisymplectic form
-    data : x -> (y, u, v), arrays (N, m): initial values and two tangents
-    invariant : y -> its quadratic invariant, a sum over the cells
+    data : function x -> (y, u, v), arrays (N, m): initial values and two tangents (data of the linearized equation)
+    invariant : function y -> the quadratic invariant, a sum over the mesh cells
     longest : largest step of the runs
-    longest_euler : that of the Euler box scheme, whose stability limits the step
+    longest_euler : largest step of the Euler box scheme, whose stability limits it
     """
 
     name: str
@@ -66,12 +66,12 @@ def _klein_gordon(x):
 
 
 def mass(y) -> float:
-    """The sum of |psi|^2."""
+    """Return the mass of the nonlinear Schroedinger equation, the sum of |psi|^2; y = (Re, Im) of psi, array (N, 2)."""
     return float((y**2).sum())
 
 
 def charge(y) -> float:
-    """The sum of q1 p2 - q2 p1."""
+    """Return the charge of the Klein-Gordon equation, the sum of q1 p2 - q2 p1; y = (q1, q2, p1, p2), array (N, 4)."""
     return float((y[:, 0] * y[:, 3] - y[:, 1] * y[:, 2]).sum())
 
 
@@ -85,14 +85,17 @@ CASES = {
 
 
 def ladder(case: Case, chosen: Scheme) -> list[tuple[str, int, float, int]]:
-    """The runs of a scheme: (`IN_TIME` or `IN_SPACE`, number N of cells, h, number of steps) of each."""
+    """List the runs of a box scheme on an equation: (what gets finer, number N of mesh cells, h, number of steps).
+
+    First the step h falls on one mesh (`IN_TIME`), then the mesh gets finer at one h (`IN_SPACE`).
+    """
     h = case.longest_euler if chosen.id == "euler-box" else case.longest
     in_time = [(IN_TIME, CELLS[0], h / 2**k, LONG * 2**k) for k in range(HALVINGS + 1)]
     return in_time + [(IN_SPACE, N, h / 2**HALVINGS, FEW) for N in CELLS]
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """List the measurements (`Cell`), one for each equation, scheme, step and mesh; none if ``quick``."""
+    """List the measurements (`Cell`), one for each equation, box scheme, step and mesh; none if ``quick``."""
     if quick:
         return []
     return [_cell(c, s, *rung) for c in CASES.values() for s in schemes().values() for rung in ladder(c, s)]
@@ -108,9 +111,10 @@ def _cell(case: Case, chosen: Scheme, falls: str, N: int, h: float, steps: int) 
 
 
 def measure_rows(name: str, id: str, falls: str, N: int, h: float, steps: int) -> Rows:
-    """Run the scheme ``id`` on the equation ``name`` with N cells and step h, and measure its conservation laws.
+    """Run the box scheme ``id`` on the equation ``name`` with N mesh cells and step h; measure its conservation laws.
 
-    ``falls`` says what gets finer along a series of such rows: the step, the mesh or both.
+    ``falls`` says what gets finer along a series of such rows: "time" for the step, "space" for the mesh.  Returns
+    {`TABLE`: [row]}.
     """
     case, chosen = CASES[name], scheme(id)
     row = {"equation": name, "id": id, "scheme": chosen.name, "falls": falls, "N": N, "h": h, "steps": steps}

@@ -1,4 +1,7 @@
-"""The page of box schemes in space-time: local laws that hold in every cell, and orders of the other residuals."""
+"""The report's page "multisymplectic": local laws that box schemes keep in every mesh cell, and orders of the others.
+
+The others are residuals of laws that a scheme does not keep; their orders in time or in space are measured.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +30,10 @@ KEPT = 1e-12
 
 
 def ran(frame: pd.DataFrame) -> pd.DataFrame:
-    """Select the completed runs; add columns ``... is kept``: whether the residual of a law is round-off."""
+    """Select the completed runs of box schemes; add a column "(law) is kept" for each law.
+
+    It says whether the law's residual is at most `UNITS` units of round-off.
+    """
     part = frame[frame["status"] == "ok"].copy()
     for name in (TWO_FORM, FOLLOWS, ENERGY):
         part[f"{name} is kept"] = part[name] <= UNITS * part[f"{name}, round-off"]
@@ -35,14 +41,20 @@ def ran(frame: pd.DataFrame) -> pd.DataFrame:
 
 
 def order(part: pd.DataFrame, law: str, falls: str) -> float:
-    """The order of a law's residuals in time or in space (``falls``); NaN if they are round-off."""
+    """Return the order of a law's residuals in the step or in the mesh width; NaN if they are round-off.
+
+    ``part`` has the runs of one scheme on one equation; ``falls`` is `IN_TIME` or `IN_SPACE`.
+    """
     part = part[(part["falls"] == falls) & (part[law] > UNITS * part[f"{law}, round-off"])]
     x = part["h"] if falls == IN_TIME else 1 / part["N"]
     return metrics.order(x, part[law]).value
 
 
 def orders(frame: pd.DataFrame) -> pd.DataFrame:
-    """A row for each equation and scheme: declared and measured orders, and which laws and totals are preserved."""
+    """Summarize the runs, a row for each equation and box scheme: its orders, and which laws and totals are preserved.
+
+    Orders are the declared one and those measured of the residuals of the energy and momentum laws.
+    """
     rows = []
     for (equation, id), part in ran(frame).groupby(["equation", "id"], sort=False):
         first, ladder = part.iloc[0], part[part["falls"] == IN_TIME]
@@ -61,9 +73,9 @@ def orders(frame: pd.DataFrame) -> pd.DataFrame:
 
 
 def _of_cases(function):
-    """Decorator: a function of the rows of `orders` becomes one of ``data``, which gives tables by name.
+    """Decorator: turn a function of the rows of `orders` into a function of ``data``, which maps a name to a table.
 
-    It returns None if there are no rows.
+    The result is None if there are no rows.
     """
 
     @of(TABLE)
@@ -76,14 +88,20 @@ def _of_cases(function):
 
 
 def _all(rows: pd.DataFrame, holds: pd.Series) -> tuple[Count, Exactly, str, str]:
-    """Arguments of a verdict: the count of rows where ``holds``, expected in all; the unit; the rows where it fails."""
+    """Return arguments of a `Verdict` that a property holds in all rows.
+
+    They are (count of the rows where ``holds``, the expectation "every", the unit, text with the rows where it fails).
+    """
     names = [f"{r.scheme} ({r.equation})" for r in rows[~holds].itertuples()]
     return Count(int(holds.sum()), len(rows)), EVERY, "cases", join_list(names, 4) if names else ""
 
 
 @_of_cases
 def two_form(rows: pd.DataFrame) -> Verdict:
-    """Whether the multisymplectic law holds for the schemes that are declared multisymplectic."""
+    """Judge whether the multisymplectic law holds for the box schemes that are declared multisymplectic.
+
+    ``rows`` has a row for each equation and scheme.
+    """
     rows = rows[rows["declared"]]
     kept = _all(rows, rows["two-form kept"])
     return Verdict("Multisymplectic schemes keep the two-form's law in every cell, to round-off", *kept, FAIL)
@@ -91,7 +109,7 @@ def two_form(rows: pd.DataFrame) -> Verdict:
 
 @_of_cases
 def controls(rows: pd.DataFrame) -> Verdict:
-    """Whether every other scheme breaks the multisymplectic law, in each of its runs."""
+    """Judge whether each box scheme not declared multisymplectic breaks the multisymplectic law in each of its runs."""
     rows = rows[~rows["declared"]]
     broken = _all(rows, rows["least"] > UNITS)
     return Verdict("The other schemes, the controls, break it by more than round-off", *broken, FAIL)
@@ -99,7 +117,7 @@ def controls(rows: pd.DataFrame) -> Verdict:
 
 @_of_cases
 def energy(rows: pd.DataFrame) -> Verdict:
-    """Whether the schemes built to preserve the energy, in every cell or in total, do so."""
+    """Judge whether the box schemes built to preserve the energy, in every mesh cell or in total, do so."""
     rows = rows[rows["keeps"].isin(["cell", "total"])]
     kept = rows["cell energy kept"].where(rows["keeps"] == "cell", rows["total energy error"] <= KEPT).astype(bool)
     return Verdict("Schemes built to keep the energy, of every cell or in total, keep it", *_all(rows, kept), FAIL)
@@ -107,7 +125,10 @@ def energy(rows: pd.DataFrame) -> Verdict:
 
 @_of_cases
 def energy_order(rows: pd.DataFrame) -> Verdict:
-    """Whether the residual of the energy law has the order in time of each multisymplectic scheme, not more or less."""
+    """Judge whether the residual of the energy law falls with the order in time of each multisymplectic scheme.
+
+    The measured order may be neither lower nor higher.
+    """
     rows = rows[rows["declared"]]
     near = _all(rows, (rows["energy order"] - rows["order"]).abs() < NEAR)
     return Verdict("The residual of the energy law falls with the scheme's order in time", *near)
@@ -115,7 +136,7 @@ def energy_order(rows: pd.DataFrame) -> Verdict:
 
 @_of_cases
 def momentum(rows: pd.DataFrame) -> Verdict:
-    """Whether the residual of the discrete momentum law falls with the second power of the grid's spacing."""
+    """Judge whether the residual of the discrete momentum law falls with the second power of the mesh width."""
     rows = rows[rows["declared"]]
     near = _all(rows, (rows["momentum order"] - IN_SPACE_ORDER).abs() < NEAR)
     return Verdict("The residual of the momentum law falls as Δx²", *near)
@@ -123,7 +144,10 @@ def momentum(rows: pd.DataFrame) -> Verdict:
 
 @_of_cases
 def answer(rows: pd.DataFrame) -> str | None:
-    """A sentence: the largest residual of multisymplectic schemes and the least of the others, in round-off units."""
+    """Return the page's answer, a sentence: residuals of the multisymplectic law in units of round-off.
+
+    They are the largest of the multisymplectic schemes, and the least of the others.
+    """
     kept, others = rows[rows["declared"]], rows[~rows["declared"]]
     if kept.empty:
         return None
@@ -134,7 +158,10 @@ def answer(rows: pd.DataFrame) -> str | None:
 
 @of(TABLE)
 def draw(frame: pd.DataFrame, folder) -> list[Picture] | None:
-    """Draw the residuals of the multisymplectic law and of the energy law over the step."""
+    """Draw the residuals of the multisymplectic law and of the energy law over the step h; save it in ``folder``.
+
+    ``frame`` has the runs of all box schemes; None if none completed.
+    """
     rows = ran(frame)
     rows = rows[rows["falls"] == IN_TIME]
     if rows.empty:
@@ -176,7 +203,7 @@ COLUMNS = {
 
 @_of_cases
 def table(rows: pd.DataFrame) -> Table:
-    """The page's table: residuals, orders and errors of totals, a row for each equation and scheme."""
+    """Return the page's table: residuals, orders and errors of totals, a row for each equation and box scheme."""
     caption = "The largest values over all runs of a case; an order is empty where the residual is round-off."
     total = rows[rows["keeps"] == "total"]
     if len(total):

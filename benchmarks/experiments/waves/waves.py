@@ -1,4 +1,4 @@
-"""Semi-discretized wave equations: errors of energy and of a quadratic invariant, and the cost of each method."""
+"""Measure methods on semi-discretized wave equations: errors of energy and of a quadratic invariant, and the cost."""
 
 from __future__ import annotations
 
@@ -64,9 +64,9 @@ N = 64
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """List the measurements (`Cell`), one for each method and step on each problem; none if ``quick``.
+    """List the measurements (`Cell`), one for each method and step on each wave equation.
 
-    The kernels take long to compile.
+    None if ``quick``: code for so many degrees of freedom takes long to compile.
     """
     return [] if quick else [_cell(name, id, h) for name in RUNS for id in METHODS for h in RUNS[name][0]]
 
@@ -87,5 +87,8 @@ def _cell(name: str, id: str, h: float) -> Cell:
 
 
 def measure_rows(name: str, id: str, h: float) -> Rows:
-    """Measure a method on a semi-discretized wave equation with step h: a row of errors and cost."""
+    """Measure the method ``id`` on the semi-discretized wave equation ``name`` with step h.
+
+    Returns {"pde": [row]} with the errors of energy and invariant, and the cost.
+    """
     return {"pde": [_row(name, id, N, h, RUNS[name][1])]}

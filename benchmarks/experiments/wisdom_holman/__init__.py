@@ -1,1 +1,1 @@
-"""Experiment: Wisdom-Holman splittings beside REBOUND's, in accuracy and in speed."""
+"""Experiment: this project's Wisdom-Holman splittings compared with REBOUND's, in accuracy and in speed."""

@@ -9,12 +9,12 @@ APART = 1e-8
 
 
 def cells(quick: bool = False):
-    """List the measurements (`Cell`) of the pairs of equal splittings, and of all splittings together."""
+    """List the measurements (`Cell`): pairs of equal splittings of this project and REBOUND, and all splittings."""
     return [*pairs.cells(quick), *rivals.cells(quick)]
 
 
 def off(rows) -> list[str]:
-    """Messages about the splittings whose early positions differ from REBOUND's by `APART` or more."""
+    """Return a message for each splitting whose early positions differ from REBOUND's by `APART` or more."""
     return [
         f"{r['method']} on {r['problem']}, h = {r['h']}: {r['distance of early positions']:.1e} from REBOUND's"
         for r in rows
@@ -23,13 +23,13 @@ def off(rows) -> list[str]:
 
 
 def bench_wisdom_holman(measured_rows):
-    """The same splitting gives the same early positions as REBOUND."""
+    """Check that every splitting gives the same early positions, up to round-off, as the same one in REBOUND."""
     wrong = off(measured_rows("wisdom_holman"))
     assert not wrong, "\n".join(wrong)
 
 
 def bench_rivals(measured_rows):
-    """Every splitting that ran has a positive cost within its interval."""
+    """Check that every Wisdom-Holman splitting that ran has a positive cost, within its own confidence interval."""
     ran = [r for r in measured_rows(rivals.TABLE) if r["status"] == "ok"]
     wrong = [r for r in ran if not 0 < r["ns, low"] <= r["ns a unit of time"] <= r["ns, high"]]
     assert not wrong, wrong

@@ -1,4 +1,8 @@
-"""The page of the Wisdom-Holman splittings beside REBOUND's: energy errors, cost of a step, the fastest of each side."""
+"""The report's page "wisdom_holman": this project's splittings beside REBOUND's, in energy error and cost.
+
+The table ``wisdom_holman`` has pairs of equal splittings; `TABLE` has all splittings of both sides, a row for each
+problem and step.
+"""
 
 from __future__ import annotations
 
@@ -31,7 +35,10 @@ VECTORS, SCALAR = "rebound-whfast512-corrector-17", "rebound-whfast-corrector-17
 
 @of("wisdom_holman")
 def same(frame: pd.DataFrame) -> Verdict | None:
-    """Whether this project's energy errors equal REBOUND's for the same splitting and step."""
+    """Judge whether this project's energy errors equal REBOUND's for the same splitting and step.
+
+    Errors near round-off do not count; None if all are.
+    """
     truncated = frame[(frame[ERROR] > ROUND_OFF) & (frame[THEIR_ERROR] > ROUND_OFF)]
     if truncated.empty:
         return None
@@ -49,7 +56,10 @@ def same(frame: pd.DataFrame) -> Verdict | None:
 
 @of("wisdom_holman")
 def cost(frame: pd.DataFrame) -> Verdict:
-    """Whether a step takes at most `SLOWER` times as long as REBOUND's of the same splitting, on every problem."""
+    """Judge whether a step takes at most `SLOWER` times as long as REBOUND's of the same splitting, on every problem.
+
+    The time ratio of a problem is the median over splittings and steps.
+    """
     medians = frame.groupby("problem", sort=False)["time ratio"].median()
     return Verdict(
         "A step keeps up with REBOUND's on every problem",
@@ -61,7 +71,10 @@ def cost(frame: pd.DataFrame) -> Verdict:
 
 
 def cheapest(rivals: pd.DataFrame) -> pd.DataFrame:
-    """A row for each problem and energy error: the fastest splitting of each side, its cost, and which side is faster."""
+    """Select the fastest splitting of this project and of REBOUND: a row for each problem and energy error.
+
+    A row has both splittings with their costs, and which side is faster.  ``rivals`` has all splittings at each step.
+    """
     ran = rivals[(rivals["status"] == "ok") & rivals[COST].notna()]
     lines = []
     for name, members in ran.groupby("problem", sort=False):
@@ -85,7 +98,7 @@ def _cheapest_columns(side: str, best: pd.Series | None) -> dict[str, str]:
 
 @of(TABLE)
 def winners(rivals: pd.DataFrame) -> Verdict | None:
-    """Whether this project's splittings are the fastest at an energy error at least as often as REBOUND's."""
+    """Judge whether this project's splittings are the fastest at an energy error at least as often as REBOUND's."""
     lines = cheapest(rivals)
     if lines.empty:
         return None
@@ -101,12 +114,15 @@ def winners(rivals: pd.DataFrame) -> Verdict | None:
 
 
 def _scores(lines: pd.DataFrame) -> tuple[int, ...]:
-    """Count cases (problem and energy error): (this project is faster, REBOUND is faster, tied)."""
+    """Count the rows, each a problem and an energy error: (this project is faster, REBOUND is faster, tied)."""
     return tuple(int((lines["cheaper"] == who).sum()) for who in (OURS, PEERS, TIED))
 
 
 def answer(data: Data) -> str | None:
-    """A sentence: the ratio of the times of a step, and how often either side is the fastest at an energy error."""
+    """Return the page's answer: the ratio of the step times, and how often this project or REBOUND is the fastest.
+
+    ``data`` maps a table's name to the table; None if nothing was measured.
+    """
     pairs, rivals = data("wisdom_holman"), data(TABLE)
     parts = []
     if pairs is not None and len(pairs):
@@ -124,14 +140,17 @@ def answer(data: Data) -> str | None:
 
 
 def vector_gain(rivals: pd.DataFrame) -> pd.Series:
-    """WHFast's time over WHFast512's, both with corrector 17, at each step that both ran; empty if one did not run."""
+    """Return WHFast's time over WHFast512's, both with corrector 17, by problem and step; empty if one did not run.
+
+    WHFast512 is REBOUND's version with AVX-512 vectors.
+    """
     ran = rivals[rivals["status"] == "ok"]
     of_vectors, of_one = (ran[ran["method"] == name].set_index(["problem", "h"])[COST] for name in (VECTORS, SCALAR))
     return (of_one / of_vectors).dropna()
 
 
 def _vectors(rivals: pd.DataFrame) -> str:
-    """A sentence for the caption: how many times as fast WHFast512 is as WHFast, or why it did not run."""
+    """Return a sentence for the caption: how many times as fast WHFast512 is as WHFast, or why it did not run."""
     gain = vector_gain(rivals)
     if len(gain):
         low, high = number(gain.min(), 2), number(gain.max(), 2)
@@ -141,7 +160,7 @@ def _vectors(rivals: pd.DataFrame) -> str:
 
 
 def draw(data, folder) -> list[Picture]:
-    """Draw energy error against time of the equal splittings, and the fastest of all splittings."""
+    """Draw energy error against time, of the pairs of equal splittings and of the fastest of all splittings."""
     return [p for p in (_pairs(data, folder), _fronts(data, folder)) if p is not None]
 
 
@@ -168,7 +187,10 @@ def _pairs(frame: pd.DataFrame, folder) -> Picture:
 
 @of(TABLE)
 def _fronts(rivals: pd.DataFrame, folder) -> Picture | None:
-    """Draw the front of each side: the runs that no other of that side beats in both error and time."""
+    """Draw the fronts of this project and of REBOUND: the runs that no other of their side beats in error and time.
+
+    None if no splitting ran.
+    """
     ran = rivals[(rivals["status"] == "ok") & rivals[COST].notna()]
     if ran.empty:
         return None
@@ -188,7 +210,10 @@ def _fronts(rivals: pd.DataFrame, folder) -> Picture | None:
 
 
 def _panels(frame: pd.DataFrame, curves, folder, file: str) -> str:
-    """Save a figure with a panel of energy error against time for each problem, filled by ``curves(axes, rows)``."""
+    """Save a figure with a panel of energy error against time for each problem; return the file's name.
+
+    ``curves(axes, rows)`` draws the curves of a problem; ``file`` is the name in ``folder``.
+    """
     problems = list(dict.fromkeys(frame["problem"]))
     with style.settings():
         figure, (panels,) = style.panels(1, len(problems), 3.0, sharey=True)
@@ -204,7 +229,7 @@ def _panels(frame: pd.DataFrame, curves, folder, file: str) -> str:
 
 @of(TABLE)
 def table(rivals: pd.DataFrame) -> Table | None:
-    """The page's table: the fastest splitting of each side at each energy error."""
+    """Return the page's table: the fastest splitting of this project and of REBOUND at each energy error."""
     lines = cheapest(rivals)
     if lines.empty:
         return None

@@ -1,4 +1,4 @@
-"""Wisdom-Holman splittings beside REBOUND's, at equal steps: energy error, distance of the end states, cost of a step.
+"""Compare Wisdom-Holman splittings with the same ones in REBOUND, at equal steps: energy, end states, cost of a step.
 
 REBOUND's WHFast and SABA use Jacobi coordinates and the same splittings; safe_mode = 0 joins the drifts of neighbouring
 steps and applies the corrector only for output, as the methods here always do.  WHFast's sums are not compensated.
@@ -38,7 +38,7 @@ ROWS, TIMED, ROUNDS = 200, 5_000, 15
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """List the measurements (`Cell`), one for each pair and step on each problem; none if ``quick``."""
+    """List the measurements (`Cell`): one for each pair of equal splittings, problem and step; none if ``quick``."""
     return [] if quick else [_cell(case, ours, h) for case in CASES for ours in PAIRS for h in CASES[case][2]]
 
 
@@ -59,9 +59,10 @@ def _cell(case: str, ours: str, h: float) -> Cell:
 
 
 def measure_rows(case: str, ours: str, h: float) -> Rows:
-    """Run a splitting with step h by this project and by REBOUND: a row of energy errors, distances and times.
+    """Run a splitting with step h by this project and by REBOUND, and compare energy errors, positions and times.
 
-    Raises Unavailable without REBOUND, RuntimeError if a run fails.
+    ``case`` is a key of `CASES`, ``ours`` the id of this project's method.  Returns {table: [row]}.  Raises Unavailable
+    without REBOUND, RuntimeError if a run fails.
     """
     name, parameters, _, t_end = CASES[case]
     made, both = problem(name, **parameters), {"ours": integrator(ours), "theirs": integrator(PAIRS[ours])}

@@ -1,4 +1,4 @@
-"""Every Wisdom-Holman splitting of this project and every setting of REBOUND's, over steps: energy error and cost.
+"""Measure energy error and cost of every Wisdom-Holman splitting of this project and of REBOUND, at several steps.
 
 From REBOUND: WHFast without and with each corrector, its kernels, the second corrector and other coordinates, all with
 safe_mode = 0; WHFast512 if the processor and the build have AVX512; every type of SABA.  All runs on a problem are
@@ -28,7 +28,10 @@ TABLE = "wisdom_holman_rivals"
 
 
 def rivals() -> list[Integrator]:
-    """List all competitors: this project's splittings, the corrected one with each corrector, then REBOUND's."""
+    """List all Wisdom-Holman integrators to compare: this project's, then REBOUND's in all their settings.
+
+    This project's splitting with a corrector occurs with each corrector.
+    """
     ours = [m for m in METHODS if m.family == "wisdom_holman" and not m.parameters]
     corrected = [method("wisdom-holman-corrector", corrector=n) for n in CORRECTORS]
     theirs = [p for p in PEERS if p.id.startswith(SPLIT)]
@@ -36,7 +39,7 @@ def rivals() -> list[Integrator]:
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """List the measurements (`Cell`), one for each problem; none if ``quick``."""
+    """List the measurements (`Cell`), one for all splittings on each problem; none if ``quick``."""
     return [] if quick else [_cell(case) for case in CASES]
 
 
@@ -57,7 +60,10 @@ def _cell(case: str) -> Cell:
 
 
 def measure_rows(case: str) -> Rows:
-    """Measure energy error and cost of all competitors on a case, timed in turns: a row for each at each step."""
+    """Measure energy error and cost of all Wisdom-Holman splittings on a case, a key of `CASES`, timed in turns.
+
+    Returns {`TABLE`: rows}: a row for each splitting at each step; the cost is in ns per unit of the problem's time.
+    """
     name, parameters, steps, _ = CASES[case]
     made = problem(name, **parameters)
     rows = {(c.label, h): _row(case, made, c, h) for c in rivals() for h in steps}
