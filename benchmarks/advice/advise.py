@@ -125,7 +125,10 @@ def _explain_unreached(found: Search) -> str:
 
 
 def finals(found: Search) -> list[Candidate]:
-    """Rank candidates by time, the fastest after timing them again in turns; by error if a time budget was given."""
+    """Rank the candidates of a search, the best first: by time or, if a time budget was given, by error.
+
+    The fastest, and the next of this project's methods and of the peers, are first timed again, alternately.
+    """
     if found.ask.budget is not None:
         return sorted(found.found, key=lambda c: c.rung.error)
     order = sorted(found.found, key=lambda c: c.seconds)

@@ -109,7 +109,10 @@ class Search:
         return Task(self.ask.problem, self.ask.t_end, self.ask.quantity, self.true)
 
     def cheapest(self, integrator: Integrator) -> float:
-        """Seconds of the cheapest candidate so far on the integrator's side: this project's methods, or the peers."""
+        """Seconds of the cheapest candidate so far among integrators of the same origin as ``integrator``.
+
+        The origins are two: this project's methods, and peers (integrators of other packages).
+        """
         side = integrator.kind == OURS
         return min((c.seconds for c in self.found if (c.integrator.kind == OURS) is side), default=inf)
 
@@ -215,10 +218,10 @@ def _own(integrator: Integrator) -> bool:
 
 
 def _promising(members: Sequence[tuple[Integrator, float]]) -> set[str]:
-    """Ids of the integrators expected to be cheap: on each side (this project, the peers) at most `MOST`.
+    """Ids of the integrators expected to be cheap: at most `MOST` methods of this project, and as many peers.
 
-    ``members`` are (integrator, expected time over that of the cheapest); a side's promising ones are expected within
-    `PROMISING` times its least.
+    ``members`` are (integrator, expected time over that of the cheapest).  A method counts as promising within the
+    factor `PROMISING` of the least expected time of all methods, a peer within that factor of the least of all peers.
     """
     found: set[str] = set()
     for side in SIDES:

@@ -111,7 +111,7 @@ def entries() -> tuple[Entry, ...]:
 
 @cache
 def lasting() -> tuple[Entry, ...]:
-    """The systems of the battery on which long runs are made, to see conservation."""
+    """The systems of the battery on which long runs are made, to measure the conservation of invariants."""
     central = Entry("kepler", _two(CENTRAL), (0.9, 0.1, -0.1, 1.1), True, "q1*p2 - q2*p1", "bilinear", True)
     mass = "q1**2 + p1**2 + q2**2 + p2**2"
     dimer = Entry("dimer", _two(DIMER), (0.5, 0.2, -0.3, 0.6), True, mass, "quadratic", True)
@@ -180,7 +180,9 @@ def find_entry(name: str) -> Entry:
 
 
 def of_problem(problem) -> Entry:
-    """A user's own problem, on its chosen orbit, as an entry of the battery; long runs are made on it.
+    """Make an entry of the battery (a system with a state, for certificates) from a user's own problem.
+
+    Its state is the initial state of the problem's chosen orbit, and long runs are made on it.
 
     Raises
     ------

@@ -71,5 +71,5 @@ TABLE = ShippedTable(Path(__file__).with_name("fronts.csv"), build, parse)
 
 
 def question(scene: str) -> Question:
-    """The problem, span and quantity of the scene with this id."""
+    """The scene with this id, as a `Question`: its problem, span and the quantity whose error counts."""
     return BY_ID[scene]

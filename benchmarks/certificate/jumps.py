@@ -33,7 +33,9 @@ SMALLEST, LARGEST = 0.02, 8.0
 
 
 def jumps(subject: Subject, entry: Entry, seed: int, noise: float) -> dict:
-    """A row: the largest jump along two paths of states, in units of the state's size, and its round-off floor.
+    """Search for discontinuities of the step map; return a row with the largest jump along two paths of states.
+
+    The jump (``value``) and its round-off ``floor`` are in units of the state's size.
 
     Parameters
     ----------

@@ -206,7 +206,10 @@ def _fit_order(row) -> metrics.Order:
 
 
 def _integral(found: metrics.Order, steps, away, noise: float) -> metrics.Order:
-    """The fitted order ``found``; if it is not near a whole number, the one that `fit_series` finds, if any."""
+    """Return the fitted order ``found`` or, if it is not near a whole number, the one that `fit_series` finds, if any.
+
+    ``steps`` (n,) and ``away`` (n, 2 d) are the steps and the signed errors, ``noise`` their round-off.
+    """
     if found.points and abs(found.value - round(found.value)) < GATE:
         return found
     return fit_series(steps / steps[0], away, noise) or found

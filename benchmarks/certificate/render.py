@@ -75,7 +75,7 @@ def _unwritable(folder: Path, error: OSError) -> InvalidInput:
 
 
 def finite(value: Any) -> Any:
-    """The value with None in place of NaN and infinities, which JSON lacks."""
+    """Return a nested value of dicts and lists with None in place of NaN and infinities, which JSON lacks."""
     if isinstance(value, dict):
         return {key: finite(x) for key, x in value.items()}
     if isinstance(value, (list, tuple)):

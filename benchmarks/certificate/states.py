@@ -47,7 +47,10 @@ def states(subject: Subject, entries: list[Entry], seed: int, arithmetic: str) -
 
 
 def draw_entry(entry: Entry, sizes: tuple[float, float], seed: int) -> Entry:
-    """The system at a random state with q and p of these sizes; a user's own problem at a state near its start."""
+    """Return the entry with another state, drawn at random: with q and p of the given ``sizes``, and its unit of time.
+
+    A user's own problem gets a state near its initial one instead.
+    """
     rng = np.random.default_rng([4, seed, *entry.name.encode()])
     if entry.share:
         state, sizes = entry.start(seed + 1000) * (1 + 0.1 * rng.uniform(-1, 1, len(entry.state))), entry.size

@@ -75,7 +75,7 @@ def _row(stepper: Stepper, seed: int, h: float, defect: Callable) -> dict:
 
 
 def symplecticity(stepper: Stepper, y, h) -> tuple[float, float]:
-    """(symplecticity defect of the step h at y, its round-off noise)."""
+    """Measure how far a step h from the state y is from symplectic; return (defect, round-off noise of the defect)."""
     double, name = stepper.arithmetic == DOUBLE, stepper.entry.name
     displacements = (DISPLACEMENT, 2 * DISPLACEMENT) if double else (to_number(TINY, MULTIPRECISION),)
     if stepper.entry.system.constrained:
@@ -92,7 +92,10 @@ def symplecticity(stepper: Stepper, y, h) -> tuple[float, float]:
 
 
 def volume(stepper: Stepper, y, h) -> tuple[float, float]:
-    """(|det M - 1|, M the Jacobian of the step at y in units of the components' sizes; its noise)."""
+    """Measure how far a step h from y is from volume-preserving; return (|det M - 1|, round-off noise of this number).
+
+    M is the Jacobian of the step at y, in units of the components' sizes.
+    """
     double, sizes = stepper.arithmetic == DOUBLE, stepper.state(stepper.entry.sizes)
     displacements = (DISPLACEMENT, 2 * DISPLACEMENT) if double else (to_number(TINY, MULTIPRECISION),)
     value, noise = step_map.volume(lambda x: stepper(x * sizes, h) / sizes, y / sizes, *displacements)
@@ -100,13 +103,20 @@ def volume(stepper: Stepper, y, h) -> tuple[float, float]:
 
 
 def symmetry(stepper: Stepper, y, h) -> tuple[float, float]:
-    """(the distance from y after a step h and a step -h, its noise: 0, as rounding is part of that distance)."""
+    """Measure how far a step is from symmetric; return (distance from y after a step h and a step -h, 0).
+
+    The second number is the noise, which is 0 as rounding is part of the distance.
+    """
     there, back = (lambda x: stepper.advance(x, h)), (lambda x: stepper.advance(x, -h))
     return float(step_map.return_distance(there, back, y, stepper.entry.sizes)), 0.0
 
 
 def reversibility(stepper: Stepper, y, h) -> tuple[float, float]:
-    """(reversibility defect: distance from y after a step, -p, a step and -p; noise 0)."""
+    """Measure how far a step is from reversible; return (defect, 0).
+
+    The defect is the distance from y after a step h, a change of the sign of p, a step h and another change of sign;
+    the second number is the noise, taken as 0.
+    """
     return float(step_map.reversibility_defect(lambda x: stepper.advance(x, h), y, sizes=stepper.entry.sizes)), 0.0
 
 

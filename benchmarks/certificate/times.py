@@ -72,10 +72,10 @@ class StoredTimes:
 
 
 def build(choices: Iterable[Mapping[str, Any]], rungs: Iterable[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """The lines of `times.csv`: at each error the fastest integrator, its time over that of a reference method.
+    """Compute the lines of `times.csv`: at each error the fastest integrator, its time over that of a reference method.
 
-    ``choices`` has the fastest of either side (methods, peers) at each error, ``rungs`` all stored runs.  The reference
-    method is represented by its longest run, in which the overhead of the call weighs least.
+    ``choices`` has, at each error, the fastest method of this project and the fastest peer; ``rungs`` has all stored
+    runs.  The reference method is represented by its longest run, in which the overhead of the call weighs least.
     """
     runs = [r for r in rungs if r["integrator"] == REFERENCE and r.get("status") == OK]
     lines = []
@@ -92,7 +92,10 @@ def build(choices: Iterable[Mapping[str, Any]], rungs: Iterable[Mapping[str, Any
 
 
 def _cheapest(choice: Mapping[str, Any], side: str) -> tuple[float, str]:
-    """(seconds, id) of a side's cheapest integrator; infinite if the side does not reach the error."""
+    """(seconds, id) of the cheapest integrator of a ``side``, this project's methods or the peers, in a stored row.
+
+    The seconds are infinite, and the id "", if none of them reaches the error of the row.
+    """
     seconds = choice.get(f"{side} seconds")
     if seconds in ("", None) or seconds != seconds:
         return inf, ""
@@ -131,7 +134,10 @@ def runge_kutta(system, q, p, h):
 
 
 def time_subject(chosen: Subject, row: Mapping[str, Any], run: Callable) -> dict[str, Any] | None:
-    """Time an integrator on the scene of a row of `place.place`; None if no time is stored or no error met.
+    """Time an integrator on a scene (problem and span), beside the reference method; return a row of `times_row`.
+
+    ``row`` is the comparison of evaluations on the scene, from `place.place`.  None if no time of the scene is stored,
+    or the integrator meets none of the errors.
 
     Parameters
     ----------

@@ -57,7 +57,10 @@ def certify(
 
 
 def _stored(wanted: list[str], update: bool, as_json: bool) -> bool:
-    """Recheck the certificates of these labels and print the outcome; True if all hold and the solvers agree."""
+    """Recheck the stored reference states of the problems ``wanted`` and print the outcome.
+
+    With ``update`` they are computed anew and stored.  Returns True if all hold and the solvers agree.
+    """
     outcomes = _renewed(wanted, update)
     if as_json:
         rows = [{k: None if v != v else v for k, v in _row(o).items()} for o in outcomes]  # JSON has no NaN

@@ -148,7 +148,10 @@ def show(title: str, rows: list[dict[str, str]]) -> None:
 
 
 def check_file(path: Path, endings: tuple[str, ...]) -> None:
-    """Raise InvalidInput if no file of one of these kinds can be written there; called before anything is measured."""
+    """Raise InvalidInput unless a file can be written to ``path`` and its name has one of the ``endings``.
+
+    Commands call it before anything is measured.
+    """
     if path.suffix.lower() not in endings:
         *others, last = endings
         kinds = f"{', '.join(others)} or {last}" if others else last
@@ -167,7 +170,10 @@ def end_time(text: str | None, problem) -> float | None:
 
 
 def numbers(text: str | None, name: str) -> list[float] | None:
-    """Read comma-separated numbers or fractions such as 1/3; raises InvalidInput, naming the option."""
+    """Read comma-separated numbers or fractions such as 1/3; None for None.
+
+    Raises InvalidInput, with the option ``name``, for other text.
+    """
     if text is None:
         return None
     try:

@@ -41,8 +41,9 @@ def judgement(check: Check, value, tables: Tables) -> Judgement:
 
 
 def verdict(found: list[Judgement], claims: Mapping[str, Any]) -> str:
-    """The verdict of a certificate: "fail" if a claim or requirement is contradicted, "pass" if claims were made and
-    all hold, else "not-judged".
+    """The verdict of a certificate: "pass", "fail" or "not-judged".
+
+    It is "fail" if a claim or requirement is contradicted, "pass" if claims were made and all hold.
     """
     kinds = {j.verdict for j in found}
     if CONTRADICTED in kinds:

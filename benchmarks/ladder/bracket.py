@@ -56,7 +56,10 @@ def bracket(rungs: Sequence[R], wanted: float) -> tuple[R | None, list[R]]:
 
 
 def share(coarse: float, fine: float, wanted: float) -> float:
-    """Position of the error ``wanted`` between the errors of two runs, on a log scale: 0 at ``coarse``, 1 at ``fine``."""
+    """Position of the error ``wanted`` between the errors ``coarse`` and ``fine`` of two runs, on a log scale.
+
+    It is 0 at ``coarse`` and 1 at ``fine``.
+    """
     return log(coarse / wanted) / log(coarse / max(fine, 1e-300))
 
 

@@ -119,7 +119,8 @@ class Task:
     ) -> Rung:
         """Run an integrator with ``steps`` or ``tol`` and measure error and time.
 
-        A second run, without output, is timed where the first does not tell the time, unless it is `beaten`.
+        A second run, without output, is timed if the first was short or had output rows, unless the integrator is too
+        slow anyway (`beaten`).
 
         ``cheapest`` maps an error to the least seconds in which other integrators reach it.
         """

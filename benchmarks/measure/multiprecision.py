@@ -262,7 +262,8 @@ def everywhere(what: str) -> dict:
 def frozen():
     """Repeat a step of the energy-preserving Schemes IV and V by Schemes I and III with the same parameter lambda.
 
-    In each step Schemes IV and V choose lambda so that H is conserved; Schemes I and III are the same at a fixed lambda.
+    In each step Schemes IV and V choose lambda so that H is conserved; Schemes I and III are the same with lambda
+    fixed.
 
     Returns {id: {system: {defect, distance, lam}}}: the symplecticity defect of the step with lambda fixed, the
     distance of its end from that of the energy-preserving step, and lambda.
@@ -287,8 +288,8 @@ def adjoint():
     """Measure whether the adjoint of a method with a parameter lam is the same method with 1 - lam.
 
     Returns {method's label: {system: {adjoint, itself}}}, two distances from the start: after a step h of the method at
-    lam, and a step -h of the method at 1 - lam (``adjoint``) or at lam (``itself``).  Symmetric methods, which are their
-    own adjoints, are left out.
+    lam, and a step -h of the method at 1 - lam (``adjoint``) or at lam (``itself``).  Symmetric methods, which are
+    their own adjoints, are left out.
     """
     out = {}
     for record in variants():

@@ -30,8 +30,8 @@ def orders(rows: list[dict[str, Any]], column: str = "global_error") -> list[dic
     """Measure the order of convergence of each method on each scene, from rows of results at several steps.
 
     A scene is a problem with a time span and steps.  Used are the rows with status ``ok`` and a fixed step of scenes
-    whose purpose is the order; ``column`` is that of the errors, of which those in the noise (a hundred times the reference's
-    uncertainty, or round-off) are left out.
+    whose purpose is the order; ``column`` is that of the errors, of which those in the noise (a hundred times the
+    reference's uncertainty, or round-off) are left out.
 
     Returns a dict for each (scene, method): scene, problem, method, kind (origin), declared order, observed order with
     its 95 % interval (low, high), and its window of steps (points, h_first, h_last).

@@ -117,7 +117,7 @@ def _on_a_line() -> Problem:
 
 
 def _problem(chosen: Integrator) -> tuple[Any, np.ndarray]:
-    """Return (the oscillator, the unit vector (d,) along which it moves), with a constraint if the integrator needs one."""
+    """Return (the oscillator, the unit vector (d,) along which it moves), constrained if the integrator needs that."""
     if "constrained" in getattr(chosen.record, "requires", ()):
         return _on_a_line(), np.full(2, 0.5**0.5)
     return _oscillator(), np.ones(1)

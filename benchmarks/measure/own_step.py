@@ -303,8 +303,8 @@ def integrate_step(
 def _steps(step, seen: System, asked, rows, deadline) -> tuple[int, int, bool]:
     """Take the steps of a run, and save states in ``rows``; return (rows filled, steps taken, True if time ran out).
 
-    ``asked`` is the checked request (q, p, h, steps, every), ``rows`` an array (2, n, d) of q and p, ``deadline`` a time
-    of ``time.perf_counter`` or None.  The run stops at a state that is not finite.
+    ``asked`` is the checked request (q, p, h, steps, every), ``rows`` an array (2, n, d) of q and p, ``deadline`` a
+    time of ``time.perf_counter`` or None.  The run stops at a state that is not finite.
     """
     q, p, row = asked.q, asked.p, 1
     for n in range(1, asked.steps + 1):
@@ -346,7 +346,10 @@ def check_pair(pair, d: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _vector(x, what: str, d: int) -> np.ndarray:
-    """Return x as a new array (d,) of doubles; raise InvalidInput, its message beginning with ``what``, if x is none."""
+    """Return x as a new array (d,) of doubles.
+
+    Raises InvalidInput, with a message that begins with ``what``, if x is no such array.
+    """
     try:
         if np.iscomplexobj(x):
             raise TypeError

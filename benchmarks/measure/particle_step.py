@@ -1,6 +1,6 @@
 r"""A user's own step for a charged particle in positions and velocities: ``step(system, x, v, h)``.
 
-It calls the fields ``system.E(x)`` and ``system.B(x)``.  A file with ``REQUIRES = ("magnetic",)`` may have such a step::
+It calls the fields ``system.E(x)`` and ``system.B(x)``.  A file with ``REQUIRES = ("magnetic",)`` may have one::
 
     def step(system, x, v, h):
         x = x + h / 2 * v

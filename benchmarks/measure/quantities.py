@@ -31,13 +31,14 @@ Values = Callable[[Any, np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 
 @dataclass(frozen=True)
 class Quantity:
-    """A quantity computed from a solution, and how its error is measured.
+    """A quantity computed from a solution, such as the end state or an angle, and how its error is measured.
 
     Attributes
     ----------
     name, about, unit : kebab-case name; description in a line; unit of its error
-    values : (problem, t, q, p) of rows -> the values to compare, array (m,); for a conserved quantity its error
-    rows : number of rows that it needs besides the first; 1: the end only
+    values : function (problem, t (n,), q (n, d), p (n, d)) -> the values to compare, array (m,); for a conserved
+        quantity its error
+    rows : number of rows (stored states) that it needs besides the first; 1: the end only
     aligned : True if the rows must divide the span into equal parts, like those of the reference
     angle : True if values are compared modulo 2 pi
     kept : True for a conserved quantity, compared with its own first value
@@ -55,29 +56,32 @@ class Quantity:
     statistical: bool = False
 
     def steps(self, wanted: float) -> int:
-        """The number of steps nearest to ``wanted`` with which a run has the rows that the quantity needs."""
+        """Return the number of steps nearest to ``wanted`` with which a run can have the rows the quantity needs."""
         unit = self.rows if self.aligned else 1
         return max(1, round(wanted / unit)) * unit
 
     def save_every(self, steps: int) -> int:
-        """Save every Nth state of a run of ``steps`` steps for the quantity: N; 0 if the end suffices."""
+        """Return N if every Nth state of a run of ``steps`` steps is to be saved for the quantity; 0: the end alone."""
         return 0 if self.rows == 1 else max(1, steps // self.rows)
 
     def grid(self, steps: int | None = None, tol: float | None = None) -> dict[str, Any]:
-        """Arguments of `Integrator.run` that give the rows the quantity needs, for a number of steps or a tolerance."""
+        """Return the keyword arguments of `Integrator.run` with which a run has the rows that the quantity needs.
+
+        Give a number of steps, or the tolerance of an adaptive integrator.
+        """
         if steps is not None:
             return {"steps": steps, "save_every": self.save_every(steps)}
         return {"tol": tol, "save_every": 0} if self.rows == 1 else {"tol": tol, "steps": self.rows, "save_every": 1}
 
 
 class Truth(NamedTuple):
-    """The true value of a quantity.
+    """The true value of a quantity, with its uncertainty.
 
     Attributes
     ----------
     values : array (m,)
-    uncertainty : of the values, in the unit of errors
-    source : origin of the values
+    uncertainty : of the values, in the unit of the quantity's errors
+    source : origin of the values, in words: such as "certified" (a stored state) or "long double" (runs made for it)
     rounding : effect on the values of rounding the orbit to long double, in the same unit; 0 if not computed
     """
 
@@ -96,7 +100,7 @@ def _trajectory(problem, t, q, p) -> np.ndarray:
 
 
 def scale(problem) -> float:
-    """The sum of the absolute terms of H at the start, the unit of energy errors."""
+    """Return the sum of the absolute values of the terms of a problem's H at the start, the unit of energy errors."""
     system = problem.system
     start = np.array([problem.q0]), np.array([problem.p0])
     return float(sum(abs(system.observe(term, *start)[0]) for term in sp.Add.make_args(system.H)))
@@ -125,7 +129,10 @@ GENERAL = (END_STATE, TRAJECTORY, ENERGY)
 
 
 def rows_of(quantity: Quantity, solution) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(t, q, p) of the first row and of the rows that a quantity needs; raises ValueError if some are missing."""
+    """Return (t, q, p), arrays (n,), (n, d), (n, d), of a solution's first row and of the rows a quantity needs.
+
+    These are all rows if the quantity needs no equidistant ones.  Raises ValueError if equidistant rows are missing.
+    """
     t, q, p = solution.t, solution.q, solution.p
     if not quantity.aligned:
         return t, q, p
@@ -137,13 +144,16 @@ def rows_of(quantity: Quantity, solution) -> tuple[np.ndarray, np.ndarray, np.nd
 
 
 def values(problem, quantity: Quantity, solution) -> np.ndarray:
-    """The values of a quantity from rows ``t``, ``q``, ``p`` of a solution, array (m,)."""
+    """Compute the values of a quantity, array (m,), from a solution with rows ``t``, ``q``, ``p``."""
     with np.errstate(all="ignore"):
         return np.asarray(quantity.values(problem, *rows_of(quantity, solution)), float)
 
 
 def distance(quantity: Quantity, one: np.ndarray, other: np.ndarray) -> float:
-    """The max norm of the difference of two arrays of values, modulo 2 pi for angles; infinite if not finite."""
+    """Return the max norm of the difference of two arrays (m,) of a quantity's values, modulo 2 pi for angles.
+
+    It is infinite if a value is not finite.
+    """
     apart = one - other
     if quantity.angle:
         apart = (apart + pi) % (2 * pi) - pi
@@ -152,7 +162,7 @@ def distance(quantity: Quantity, one: np.ndarray, other: np.ndarray) -> float:
 
 
 def error(problem, quantity: Quantity, solution, reference: Truth | None = None) -> float:
-    """The error of a quantity in a solution; infinite if the run did not reach its end.
+    """Return the error of a quantity computed from a solution; infinite if the run did not reach its end.
 
     Parameters
     ----------

@@ -27,13 +27,13 @@ SIGNS = {"scheme-iv": (1,), "scheme-v": (-1, 1)}
 
 @dataclass(frozen=True)
 class Scan:
-    """The roots that a scan found.
+    """The roots lambda of the energy equation of Scheme IV or V that a scan found for each step of a trajectory.
 
     Attributes
     ----------
-    h : the step
-    roots : for each step of the trajectory the roots lambda, sorted by distance from 1/2
-    low, high : for each step the lambda that the continuation reached below and above 1/2
+    h : the step size
+    roots : for each of n steps the roots lambda, an array sorted by distance from 1/2
+    low, high : arrays (n,), the lambda that the continuation reached below and above 1/2 in each step
     """
 
     h: float
@@ -43,7 +43,12 @@ class Scan:
 
 
 class _Forces:
-    """The gradient and Hessian of the potential U, for rows Q (n, d), and the inverse mass matrix of quadratic T."""
+    """The gradient (n, d) and Hessian (n, d, d) of U at rows Q (n, d), for separable H with quadratic T.
+
+    Attributes
+    ----------
+    inverse_mass : array (d, d), the inverse mass matrix of T
+    """
 
     def __init__(self, found: Problem):
         self.system = system = found.system
@@ -61,9 +66,10 @@ class _Forces:
 
 
 def _substep(forces: _Forces, Q, P, h, lam, k):
-    """Solve the stage equation of a substep for k at every row, by Newton's method from a given k.
+    """Take a substep of size h of the scheme at every row of Q, P (n, d), at the parameter lambda = ``lam``.
 
-    Returns (Q and P after the substep, k, True where it converged and is not past the fold of the solution).
+    The stage equation is solved for k (n, d) by Newton's method from a given k.  Returns (Q after the substep, P after
+    it, k, boolean array (n,): True where k converged and is not past the fold of the solution).
     """
     M, d = forces.inverse_mass, Q.shape[1]
     b = lam * (1 - lam) * h * h
@@ -84,7 +90,16 @@ def _substep(forces: _Forces, Q, P, h, lam, k):
 
 
 def scan(found: Problem, scheme: str, h: float, Q, P, H0: float, reach: float = 60.0, spacing: float = 0.02) -> Scan:
-    """Find every root lambda in [1/2 - reach, 1/2 + reach] of steps from rows Q, P, arrays (n, d), with energy H0."""
+    """Find every root lambda in [1/2 - reach, 1/2 + reach] of the energy equation, for steps h from n states.
+
+    Parameters
+    ----------
+    found : the problem
+    scheme : "scheme-iv" or "scheme-v"
+    Q, P : arrays (n, d), the states from which the steps start
+    H0 : the energy that a step must have at its end
+    reach, spacing : range and spacing of the scan of lambda
+    """
     forces, signs = _Forces(found), SIGNS[scheme]
     n = len(Q)
     roots: list[list[float]] = [[] for _ in range(n)]
@@ -118,14 +133,21 @@ def scan(found: Problem, scheme: str, h: float, Q, P, H0: float, reach: float = 
 
 
 def along(found: Problem, scheme: str, h: float, t_end: float, every: int = 1, **options) -> Scan:
-    """Scan every Nth step (``every``) of the scheme's own trajectory to ``t_end``."""
+    """Integrate by Scheme IV or V to ``t_end``, and find all roots lambda of every Nth step (N = ``every``).
+
+    ``scheme`` is "scheme-iv" or "scheme-v"; ``options`` are reach and spacing of `scan`.
+    """
     path = integrate(found, scheme, h=h, t_end=t_end)
     H0 = float(found.system.observe(found.system.H, path.q[:1], path.p[:1])[0])
     return scan(found, scheme, path.h, path.q[:-1:every], path.p[:-1:every], H0, **options)
 
 
 def summary(scans: list[Scan]) -> list[dict]:
-    """A row per scan: h, steps with 0, 1 or more roots lambda, range of the nearest ones, far ones, range scanned."""
+    """Make the rows of a table, one for each scan (a step size h) of the roots lambda of the energy equation.
+
+    A row has h, the numbers of steps without, with one and with more roots, the range of the roots nearest to 1/2, the
+    number of the others ("far") and the one closest to 1/2, and the range of lambda that was scanned in every step.
+    """
     out = []
     for s in scans:
         nearest = np.array([r[0] for r in s.roots if len(r)])

@@ -48,7 +48,7 @@ class Drift(TabularResult):
         return self.interval[0] <= 0.0 <= self.interval[1]
 
     def to_frame(self) -> pd.DataFrame:
-        """One row: slope, low, high, oscillation, method."""
+        """Return a DataFrame of one row: slope, low, high, oscillation, method."""
         import pandas as pd
 
         low, high = self.interval
@@ -56,7 +56,7 @@ class Drift(TabularResult):
         return pd.DataFrame([row])
 
     def as_dict(self) -> dict[str, Any]:
-        """The result as a dict for JSON: slope, interval, oscillation, method."""
+        """Return the result as a dict for JSON: slope, interval [low, high], oscillation, method."""
         return {
             "slope": self.slope,
             "interval": list(self.interval),
@@ -76,7 +76,7 @@ class Drift(TabularResult):
 
 
 def drift(t: Numbers, series: Numbers) -> Drift:
-    """The drift of a series over times, told apart from its oscillation, with a 95 % interval.
+    """Estimate the drift (secular slope) of an oscillating series over times, with a 95 % interval.
 
     A straight line through an oscillation has a slope of its own, and an interval that is far too narrow; here the
     oscillation is averaged and fitted first, and the interval comes from the slopes of separate blocks.
@@ -133,7 +133,7 @@ def drift(t: Numbers, series: Numbers) -> Drift:
 
 
 def _numbers(name: str, given: Numbers) -> NDArray[np.float64]:
-    """The numbers as an array (n,); raises InvalidInput for what is none, and for numbers that are not finite."""
+    """Return a list of numbers as an array (n,); raise InvalidInput, naming ``name``, unless all are finite numbers."""
     try:
         values = np.asarray(given, dtype=float)
     except (TypeError, ValueError):
@@ -147,7 +147,7 @@ def _numbers(name: str, given: Numbers) -> NDArray[np.float64]:
 
 
 def _even(t: NDArray[np.float64], error: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """(times, values): the series interpolated to as many equidistant times, by Akima's cubic."""
+    """Interpolate a series, arrays (n,), to n equidistant times by Akima's cubic; return (times, values)."""
     from scipy.interpolate import Akima1DInterpolator
 
     times = np.linspace(t[0], t[-1], len(t))

@@ -23,14 +23,14 @@ HEAD = 6
 
 
 class GlobalError(NamedTuple):
-    """The error of a solution at its end, and the accuracy of the reference.
+    """The error of a solution at its end, and the accuracy of the reference that it is measured against.
 
     Attributes
     ----------
-    error : max norm over (q, p) against the reference; NaN if there is none
+    error : max norm over (q, p) of the difference from the reference; NaN if no error can be given
     uncertainty : of the reference, in the same unit: a smaller error is not meaningful
     horizon : the time up to which the reference follows the orbit; for a chaotic orbit it may lie before the end
-    source : "certified" (a stored state) or "long double" (computed now)
+    source : "certified" (a stored state), or "long double" or "long double, Gauss" (computed now)
     reason : why there is no error, or ""
     """
 
@@ -42,25 +42,28 @@ class GlobalError(NamedTuple):
 
 
 def stability_hint(status: str, method: str) -> str:
-    """A hint for a run with status "unstable": the command that prints which steps are stable; "" for another."""
+    """Return a hint for a run with status "unstable": the command that prints the stable steps; "" for other runs."""
     where = f"`phasebench stability {method}` prints the steps that are stable on an oscillator"
     return where if status == UNSTABLE else ""
 
 
 class Solution(solution.Solution):
-    """A trajectory with its method, status and counts; attributes are those of `integrators.solution.Solution`."""
+    """The result of an integration: a trajectory (t, q, p) with its method, status and counts.
+
+    Attributes are those of `integrators.solution.Solution`.
+    """
 
     @classmethod
     def of(cls, found: solution.Solution) -> Solution:
-        """Convert a solution of the base class, to add the methods of this class."""
+        """Make a solution with the methods of this class from one of the base class."""
         given = {f.name: getattr(found, f.name) for f in fields(found)}
         hint = stability_hint(found.status, found.method.id)
         return cls(**given | {"reason": "; ".join(filter(None, (found.reason, hint)))})
 
     def error(self) -> GlobalError:
-        """The error at the end, against a certified state or a run of heyoka in long double from the same start.
+        """Compute the error at the end, against a certified state or a run in long double from the same start.
 
-        Raises InvalidInput if the solution did not reach its end, or for lack of a problem.
+        Raises InvalidInput if the solution did not reach its end, or does not hold its problem.
         """
         from . import global_error
 
@@ -75,7 +78,7 @@ class Solution(solution.Solution):
         )
 
     def to_frame(self) -> pd.DataFrame:
-        """A pandas DataFrame: t, the coordinates and momenta by name, and the energy if the system has one."""
+        """Return a pandas DataFrame: t, the coordinates and momenta by name, and the energy if the system has one."""
         import pandas as pd
 
         columns = {"t": self.t}
@@ -86,23 +89,23 @@ class Solution(solution.Solution):
         return pd.DataFrame(columns)
 
     def plot(self) -> Figure:
-        """A figure: the change of the energy over time, and the orbit in the plane of the first q and p.
+        """Return a figure of two panels: the change of the energy over time, and the orbit.
 
-        Of several degrees of freedom the second panel has the first two coordinates.  The figure shows itself in a
-        notebook; ``.savefig("orbit.png")`` writes it.
+        The orbit is drawn in the plane of q and p or, if d > 1, of the first two coordinates.  The figure shows itself
+        in a notebook; ``.savefig("orbit.png")`` writes it.
         """
         from .figures import solution
 
         return solution(self)
 
     def _repr_html_(self) -> str:
-        """The text and the first rows, for a notebook."""
+        """Return the text and some of the rows as HTML, for a notebook."""
         from html import escape
 
         return f"<pre>{escape(repr(self))}</pre>{self.to_frame().to_html(index=False, max_rows=HEAD)}"
 
     def _started(self) -> Any:
-        """The solution's problem, with the solution's first row as its initial state."""
+        """Return the solution's problem, with the solution's first row as its initial state."""
         from .global_error import with_start
 
         q, p = self.q[0], self.p[0]

@@ -1,4 +1,4 @@
-r"""Structural defects of a step, as a map of states y = (q, p), array (2 d,), in doubles or multiprecision numbers.
+r"""Structural defects of a step Phi_h, a map of states y = (q, p), array (2 d,), in doubles or multiprecision numbers.
 
 - symplecticity: :math:`\max|M^TJM - J|`, M the Jacobian by differences; in high dimensions
   :math:`|\omega(Mu, Mv) - \omega(u, v)|` for pairs of vectors u, v in general position;
@@ -17,7 +17,7 @@ import numpy as np
 
 
 def jacobian(step: Callable, y, delta=None):
-    """The Jacobian (m, m) of a map on arrays (m,), by fourth-order central differences.
+    """Return the Jacobian (m, m) of a map ``step`` on arrays (m,) at y, by fourth-order central differences.
 
     ``delta`` is the displacement, by default the fifth root of the round-off of doubles; the error is then about 1e-12
     times the fifth derivative.  For multiprecision (object arrays) pass the fifth root of the round-off there.
@@ -35,7 +35,7 @@ def jacobian(step: Callable, y, delta=None):
 
 
 def form_residual(M):
-    """M^T J M - J for M of shape (2 d, 2 d) in the order (q, p); raises ValueError for other shapes."""
+    """Return M^T J M - J for M of shape (2 d, 2 d) in the order (q, p); raise ValueError for other shapes."""
     M = np.asarray(M)
     d, odd = divmod(len(M), 2)
     if M.ndim != 2 or M.shape[0] != M.shape[1] or odd:
@@ -45,18 +45,22 @@ def form_residual(M):
 
 
 def symplecticity_defect(M):
-    """max |M^T J M - J| for M of shape (2 d, 2 d) in the order (q, p)."""
+    """Return the largest |M^T J M - J| over the entries, for M of shape (2 d, 2 d) in the order (q, p)."""
     return np.max(np.abs(form_residual(M)))
 
 
 def symplecticity(step: Callable, y, *displacements) -> tuple[float, float]:
-    """(symplecticity defect with the first displacement, its change between the first and the last displacement)."""
+    """Return (max |M^T J M - J|, its change from the first to the last displacement), M the Jacobian of a step at y.
+
+    M is computed by finite differences with each of the ``displacements``; the defect is that with the first, and the
+    change shows the error of the differences.
+    """
     residuals = [form_residual(jacobian(step, y, delta)) for delta in displacements]
     return float(np.abs(residuals[0]).max()), float(np.abs(residuals[-1] - residuals[0]).max())
 
 
 def determinant(M):
-    """The determinant of M, an array (m, m) of doubles or multiprecision numbers, by elimination with pivots."""
+    """Return the determinant of M, an array (m, m) of doubles or multiprecision numbers, by elimination with pivots."""
     M, found = np.array(M), 1
     for k in range(len(M)):
         pivot = k + int(np.argmax(np.abs(M[k:, k])))
@@ -70,27 +74,36 @@ def determinant(M):
 
 
 def volume(step: Callable, y, *displacements) -> tuple[float, float]:
-    """(|det M - 1| with the first displacement, its change between the first and the last), M the Jacobian at y."""
+    """Return (|det M - 1|, its change from the first to the last displacement), M the Jacobian of a step at y.
+
+    M is computed by finite differences with each of the ``displacements``; the defect is that with the first.
+    """
     found = [determinant(jacobian(step, y, delta)) - 1 for delta in displacements]
     return float(abs(found[0])), float(abs(found[-1] - found[0]))
 
 
 def restricted(step: Callable, retract: Callable, y, delta=None):
-    """M^T J M - N^T J N for the Jacobians M, N at y of ``step`` after ``retract``, and of ``retract`` alone.
+    """Return M^T J M - N^T J N, array (2 d, 2 d): how a step changes the two-form on a manifold.
 
-    ``retract`` maps states near y to a manifold, so that N has its tangents as columns: zero where the step keeps the
-    two-form on the manifold.
+    ``retract`` maps states near y to states on the manifold.  N is its Jacobian at y, whose columns are tangents of the
+    manifold; M is the Jacobian of ``step`` after ``retract``.  The result is zero if the step preserves the two-form.
     """
     M, N = jacobian(lambda x: step(retract(x)), y, delta), jacobian(retract, y, delta)
     return form_residual(M) - form_residual(N)
 
 
 def pair_symplecticity(step: Callable, y, pairs, *displacements) -> tuple[float, float]:
-    """`symplecticity` from pairs of vectors, relative to the terms of the form: four steps per vector in any dimension.
+    """Measure by how much a step changes the canonical two-form: omega(M u, M v) - omega(u, v), M its Jacobian at y.
+
+    The change is relative to the sizes of the terms of omega, and takes four steps per vector in any dimension.
+
+    Returns (largest absolute change over the pairs with the first displacement, largest difference between the changes
+    with the last and the first displacement).
 
     Parameters
     ----------
     pairs : pairs (u, v) of arrays (2 d,), in the arithmetic of y and of the size of its components
+    displacements : those of the finite differences
     """
     d, found = len(y) // 2, []
     for u, v in pairs:
@@ -104,16 +117,17 @@ def pair_symplecticity(step: Callable, y, pairs, *displacements) -> tuple[float,
 
 
 def derivative(step: Callable, y, w, delta):
-    """The derivative of a map at y along w, by fourth-order central differences with displacement delta."""
+    """Return the derivative of a map at y along w, by fourth-order central differences with displacement delta."""
     near = step(y + delta * w) - step(y - delta * w)
     far = step(y + 2 * delta * w) - step(y - 2 * delta * w)
     return (8 * near - far) / (12 * delta)
 
 
 def pair_defect(step: Callable, y, retract: Callable | None = None):
-    """|omega(M u, M v) - omega(u, v)| for one pair of tangent vectors in general position, M the Jacobian of ``step``.
+    """Return |omega(M u, M v) - omega(u, v)| for one pair of vectors in general position, M a step's Jacobian at y.
 
-    With ``retract``, which maps states near y to a manifold, u and v are made tangents of it.
+    omega is the canonical two-form.  ``retract``, if given, maps states near y to a manifold, to which u and v are then
+    made tangent.
 
     The components of the vectors are of the size of those of y, and the defect is relative to the terms of omega(u, v).
 
@@ -136,14 +150,14 @@ def pair_defect(step: Callable, y, retract: Callable | None = None):
 
 
 def return_distance(there: Callable, back: Callable, y, sizes=1):
-    """The max norm of back(there(y)) - y, with components in units of ``sizes``."""
+    """Return the max norm of back(there(y)) - y, with components in units of ``sizes``."""
     return np.max(np.abs((back(there(y)) - y) / sizes))
 
 
 def reversibility_defect(step: Callable, y, rho=None, sizes=1):
-    """The distance of rho(step(rho(step(y)))) from y (m,), as `return_distance` measures it in units of ``sizes``.
+    """Return the max norm of rho(step(rho(step(y)))) - y, 0 for a reversible step; components in units of ``sizes``.
 
-    ``rho`` (m,) has the signs of the components; by default it reverses p.
+    ``rho`` (m,) has the signs +-1 of the components of y (m,); by default it reverses p.
     """
     y = np.asarray(y)
     rho = np.repeat([1, -1], len(y) // 2) if rho is None else rho

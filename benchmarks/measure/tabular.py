@@ -13,28 +13,28 @@ if TYPE_CHECKING:
 
 
 class TabularResult(ABC):
-    """A result with named fields, printed as a table; `to_frame` returns its rows.
+    """Base class of a result with named fields that prints as a table; `to_frame` returns the table's rows.
 
-    Indexing and ``len`` are those of the frame.
+    Indexing, iteration and ``len`` are those of the DataFrame.
     """
 
     @abstractmethod
     def to_frame(self) -> pd.DataFrame:
-        """The rows as a pandas DataFrame."""
+        """Return the table's rows as a pandas DataFrame."""
 
     def _heading(self) -> list[str]:
-        """Lines of text above the printed table."""
+        """Return the lines of text above the printed table."""
         return []
 
     def _printed(self) -> pd.DataFrame:
-        """The rows and columns that are printed, as a DataFrame."""
+        """Return the rows and columns that are printed, as a DataFrame."""
         return self.to_frame()
 
     def __repr__(self) -> str:
         return "\n".join([*self._heading(), self._printed().to_string(index=False)])
 
     def _repr_html_(self) -> str:
-        """The printed table as HTML, for a notebook."""
+        """Return the printed table as HTML, for a notebook."""
         heading = "".join(f"<p>{escape(line)}</p>" for line in self._heading())
         return heading + self._printed().to_html(index=False)
 

@@ -1,4 +1,4 @@
-"""Comparable times: warm, interleaved, as medians with intervals and ratios per round; and which side is cheaper.
+"""Comparable times of several programs, measured in alternation after a warm-up; medians with intervals, and ratios.
 
 The interval of a median is that of order statistics: the k-th smallest and the k-th largest of n independent rounds
 enclose the median with probability 1 - 2 P(B < k), B binomial for n fair coin tosses, whatever the distribution (H. A.
@@ -23,7 +23,10 @@ OURS, PEERS, TIED, OPEN, NONE = "ours", "peer", "tie", "not decided", "none"
 
 
 class Median(NamedTuple):
-    """A median with its interval of probability `CONFIDENCE`; for few rounds the interval is their range."""
+    """A median, ``value``, with its interval (``low``, ``high``) of probability `CONFIDENCE`.
+
+    For fewer than six samples the interval is their range.
+    """
 
     value: float
     low: float
@@ -36,9 +39,9 @@ NOWHERE = Median(inf, inf, inf)
 
 @cache
 def rank(n: int, confidence: float = CONFIDENCE) -> int:
-    """The largest k with which the k-th smallest and largest of n enclose the median with probability ``confidence``.
+    """Return the largest k for which the k-th smallest and k-th largest of n samples enclose the median.
 
-    At least 1.
+    They enclose it with a probability of at least ``confidence``; for small n, where no k does, k is 1.
     """
     below, ways, k = 0, 1, 0
     most = int(Fraction(1 - confidence) / 2 * 2**n)
@@ -50,7 +53,7 @@ def rank(n: int, confidence: float = CONFIDENCE) -> int:
 
 
 def median(samples: Iterable[float]) -> Median:
-    """The median of samples with its interval; NaN if there are none."""
+    """Return the median of samples with its interval; all NaN if there are no samples."""
     ordered = sorted(map(float, samples))
     if not ordered:
         return Median(nan, nan, nan)
@@ -59,9 +62,9 @@ def median(samples: Iterable[float]) -> Median:
 
 
 def in_turns(work: Mapping[Hashable, Callable[[], float]], rounds: int = 15) -> dict[Any, np.ndarray]:
-    """Call each callable once a round; the seconds that it returns in each round, without a first one, by name.
+    """Call several callables, each once a round, and return name -> array (rounds,) of the seconds that each returned.
 
-    The order of the calls alternates from round to round.
+    The order of the calls alternates from round to round; a first round is not counted.
     """
     seconds: dict[Hashable, list[float]] = {n: [] for n in work}
     for k in range(rounds + 1):
@@ -73,7 +76,10 @@ def in_turns(work: Mapping[Hashable, Callable[[], float]], rounds: int = 15) -> 
 
 
 def time_in_turns(work: Mapping[Hashable, Callable[[], object]], rounds: int = 15) -> dict[Any, np.ndarray]:
-    """Measure the seconds that each callable takes in each of several rounds, in which they run alternately."""
+    """Measure the seconds that callables take in several rounds, each running once a round, in alternating order.
+
+    Returns name -> array (rounds,); a first round is not counted.
+    """
 
     def clock(run):
         def seconds() -> float:
@@ -87,14 +93,16 @@ def time_in_turns(work: Mapping[Hashable, Callable[[], object]], rounds: int = 1
 
 
 def ratio(a: np.ndarray, b: np.ndarray) -> Median:
-    """The median, with interval, of the ratios a / b of times measured in the same round."""
+    """Return the median, with its interval, of the ratios a / b of times measured in the same rounds, arrays (n,)."""
     return median(np.asarray(a) / np.asarray(b))
 
 
 def cheaper(ours: Median, peers: Median, tie: float = 1.0) -> str:
-    """The cheaper side: the one whose whole interval, widened by the factor ``tie``, is below the other's; else a tie.
+    """Compare the costs of our and the peers' cheapest integration to an error: return which is cheaper.
 
-    ``low`` is infinite for a side that never meets the error, ``high`` for one that may not meet it.
+    Returns "ours" or "peer" if the whole interval of one cost, widened by the factor ``tie``, is below the other's,
+    else "tie"; "none" if neither meets the error.  A cost has ``low`` infinite if the error is never met, and ``high``
+    infinite if it may not be met.
     """
     if isinf(ours.low) and isinf(peers.low):
         return NONE

@@ -1,7 +1,8 @@
 """The true value of a quantity, with its uncertainty.
 
-- For a state at the end, the certified one if it is stored for that time.  Its uncertainty is the effect on the
-  quantity of moving each component by one unit in the last place of a double, plus rounding of the values.
+- For a quantity of the end state alone, the certified state if one is stored for that time.  The uncertainty is the
+  effect on the quantity of moving each component by one unit in the last place of a double, or by the state's own
+  uncertainty if that is larger, plus rounding of the values.
 - For other quantities, two runs in long double and a few displaced ones (`reference.certificates.followed`).  The
   uncertainty is `SAFETY` times the difference between the two, plus `GROWN` times the largest growth of a rounding,
   plus rounding of the values to double.
@@ -32,7 +33,10 @@ EPS = float(np.finfo(float).eps)
 
 
 def truth(problem, quantity: Quantity, t_end: float) -> Truth:
-    """The true value of a quantity at, or up to, ``t_end``.
+    """Return the true value of a quantity of a problem's orbit at, or up to, ``t_end``, with its uncertainty.
+
+    It comes from a certified state, from runs in long double or, for a statistical quantity, from an ensemble of nearby
+    orbits; for a conserved quantity it is an error of 0.
 
     Raises
     ------
@@ -50,7 +54,11 @@ def truth(problem, quantity: Quantity, t_end: float) -> Truth:
 
 
 def of_runs(problem, quantity: Quantity, runs: FollowedOrbit) -> Truth:
-    """The true value of a quantity, with its uncertainty, from several runs of the orbit in long double."""
+    """Return the true value of a quantity, with its uncertainty, from several runs of the orbit in long double.
+
+    ``runs`` has two runs at different tolerances, whose distance shows the error, and some with random displacements,
+    which show how much the orbit magnifies rounding.
+    """
     d = problem.system.d
 
     def at(rows: np.ndarray) -> np.ndarray:
@@ -86,7 +94,7 @@ def _certified_end(problem, t_end: float):
 
 
 def _rows(t, problem, q, p) -> SimpleNamespace:
-    """A solution-like object of the rows, with the initial state prepended."""
+    """Return an object with t, q, p like a solution's: the problem's initial state, then rows q, p at the times t."""
     t = np.concatenate([[0.0], np.atleast_1d(t)])
     return SimpleNamespace(t=t, q=np.vstack([[problem.q0], q]), p=np.vstack([[problem.p0], p]))
 

@@ -1,4 +1,4 @@
-"""All methods, with the parameter values at which a sweep runs them."""
+"""All methods, with the parameter values at which experiments that compare all of them run them."""
 
 from __future__ import annotations
 
@@ -13,7 +13,11 @@ TABULATED = ("scheme-i", "scheme-ii", "scheme-iii")
 
 
 def variants(methods: Iterable[Method] = METHODS) -> Iterator[tuple[str, tuple[tuple[str, str], ...]]]:
-    """(id, parameters) of every method: `TABULATED` ones at each lam of `LAMBDAS`, those with an order at 3 and 4."""
+    """Yield (id, parameters) of every method, parameters being pairs (name, value as text), for a run of all methods.
+
+    Methods in `TABULATED` come once for each lam of `LAMBDAS`, those with a parameter ``order`` for the orders 3 and 4,
+    all others with their default parameters: ().
+    """
     for m in methods:
         if m.id in TABULATED:
             yield from ((m.id, (("lam", lam),)) for lam in LAMBDAS)

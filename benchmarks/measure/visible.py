@@ -1,6 +1,7 @@
-"""The least defect of a step map that shows that a method lacks a structure; smaller ones may be errors of measurement.
+"""The least defect of a step map that shows that a method lacks a structure, such as symplecticity.
 
-Defects are those of `multiprecision`, in 40 digits, or in more for high orders.
+Defects are those of `multiprecision`, in 40 digits, or in more for high orders; smaller ones than the least may be
+errors of measurement.
 """
 
 from __future__ import annotations
@@ -24,7 +25,10 @@ def _methods() -> dict[str, Method]:
 
 
 def least_visible(label: str, name: str) -> float:
-    """The bound for a method's label and a property: "symplecticity", "symmetry" or "volume"."""
+    """Return the least defect of a step in multiprecision that shows that a method lacks a property.
+
+    ``label`` is the method's label, ``name`` the property: "symplecticity", "symmetry" or "volume".
+    """
     method = _methods().get(label)
     if method is None:
         return NO_DEFECT

@@ -48,7 +48,7 @@ def _fold(match: re.Match) -> str:
 
 
 def _outcome(match: re.Match) -> str:
-    """Mark up a matched outcome, such as PASS or FAIL, as HTML of its colour."""
+    """Mark up a matched outcome, such as PASS or FAIL, as HTML with a class that gives its colour."""
     return f'<strong class="{match[1].lower()}">{match[1]}</strong>'
 
 

@@ -53,9 +53,10 @@ class Table:
 
 
 def of(*names: str):
-    """Decorator: turn a function of the tables called ``names`` into one of ``data``, name -> table.
+    """Decorator: turn a function whose arguments are tables into a function of ``data``, a callable name -> table.
 
-    It returns None if a table is missing or empty; further arguments (a folder of figures) follow the tables.
+    ``names`` are the names of the tables.  The new function returns None if one of them is missing or empty; its
+    further arguments (a folder of figures) are passed on after the tables.
     """
 
     def decorate(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -70,9 +71,9 @@ def of(*names: str):
 
 
 def once(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Decorator: cache a function's results for the last table only, as several verdicts of a page share them.
+    """Decorator: cache the results of a function of a table (DataFrame), for the last table only.
 
-    Further arguments are hashable.
+    Several verdicts of a page share such results.  Further arguments of the function must be hashable.
     """
     last: list = [None]
     results: dict[tuple, Any] = {}

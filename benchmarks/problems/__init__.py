@@ -1,4 +1,4 @@
-"""`problem`: a problem by its name; each has a module of its own, loaded on demand since SymPy is slow to import."""
+"""`problem` returns a test problem by its name; each has a module of its own, loaded on demand (SymPy is slow)."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def problem(name: str | Path, **parameters: float | str) -> Problem:
-    """The problem ``id`` or ``id:orbit``, with values for its parameters: ``problem("kepler", e=0.2)``.
+    """Return the problem ``id`` or ``id:orbit``, with values for its parameters: ``problem("kepler", e=0.2)``.
 
     A name with .py or a slash is the path of a user's own problem, see `benchmarks.problems.user`:
     ``problem("./my_problem.py:orbit", k=2)``.  One with .csv is a table of bodies, see `benchmarks.problems.planetary`.
@@ -51,26 +51,29 @@ def problem(name: str | Path, **parameters: float | str) -> Problem:
 
 @lru_cache(maxsize=128, typed=True)
 def _cached_problem(id: str, /, **parameters) -> Problem:
-    """The problem, the same object each time, from the cache on disk if it is there."""
+    """Return a registered problem, the same object for the same arguments, from the cache on disk if it is there."""
     from .kept import load_or_make
 
     return load_or_make(id, parameters, partial(_build, id, **parameters))
 
 
 def _build(id: str, /, **parameters) -> Problem:
-    """Build the problem ``id`` by its module, without the cache on disk."""
+    """Build the problem ``id`` by its module, without the cache on disk; raise InvalidInput for a bad parameter."""
     module = importlib.import_module(f".{PROBLEMS[id][0]}", __name__)
     return _call_make(module, **(module.PARAMETERS | real_parameters(f"problem '{id}'", module.PARAMETERS, parameters)))
 
 
 @lru_cache(maxsize=128, typed=True)
 def _call_make(module, **parameters) -> Problem:
-    """Call ``module.make`` once for each set of values; the object keeps what is derived from its formulae."""
+    """Call ``module.make`` once for each set of parameter values, and return the same problem after that.
+
+    The problem keeps what is derived from its formulae.
+    """
     return module.make(**parameters)
 
 
 def labels(names: Iterable[str] = ()) -> list[str]:
-    """The labels ``id:orbit`` that names stand for: an id stands for all its orbits, no names for all problems.
+    """Return the labels ``id:orbit`` that names stand for: an id for all its orbits, no names for all problems.
 
     Raises
     ------
@@ -90,7 +93,10 @@ def labels(names: Iterable[str] = ()) -> list[str]:
 
 
 def file_and_orbit(name: str) -> tuple[str | None, str]:
-    """(path, orbit) of ``./my_problem.py:orbit`` (a drive's colon is part of the path); (None, "") for an id."""
+    """Split ``./my_problem.py:orbit`` into (path, orbit), the orbit "" if none is named; (None, "") for an id.
+
+    The colon of a Windows drive is part of the path.
+    """
     head, _, orbit = name.rpartition(":")
     if not name.lower().endswith(".py") and head.lower().endswith(".py"):
         return head, orbit

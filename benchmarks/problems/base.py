@@ -1,4 +1,4 @@
-"""`Problem`, a system with initial data, invariants, citation and time scales; `Scene`, a problem with its steps."""
+"""`Problem`, a system with initial data, invariants, citation, time scales; `Scene`, a problem with span and steps."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ ORDER, DRIFT = "order", "drift"
 
 @dataclass(frozen=True)
 class Orbit:
-    """A named initial state.
+    """A named initial state of a problem.
 
     Attributes
     ----------
     name : kebab-case
     q, p : d doubles each, exactly the initial state
-    about : a description
-    times : rising times at which certified states are stored.  Where the flow is chaotic or unstable the last is late
-        enough for long double's horizon to fall before it, and early enough for the stored digits to hold
+    about : a description in a line
+    times : rising times at which certified (reference) states are stored.  If the flow is chaotic or unstable, the last
+        is so late that a run in long double no longer follows the orbit, and so early that the stored digits are right
     """
 
     name: str
@@ -64,10 +64,10 @@ class Problem:
     id, name, source : kebab-case id, full name, citation
     cite : the keys of the works in ``bibliography.bib``, here or among the integrators
     system : a Hamiltonian or a partitioned system; ``system.H`` is the energy
-    orbits : the first is the default
+    orbits : the named initial states; the first is the default
     invariants : name -> formula, besides the energy: text such as ``"q1*p2 - q2*p1"``, or an expression of SymPy
     orbit : the name of the chosen orbit
-    parameters : the values it was made with
+    parameters : name -> value of the parameters it was made with
     pace : the time scales of its motion
     time_unit : the unit of t, one of `units.TIMES`; empty if the problem has none
     """
@@ -93,7 +93,7 @@ class Problem:
             object.__setattr__(self, "invariants", {name: self._formula(name, e) for name, e in given.items()})
 
     def _formula(self, name: str, given: Formula) -> Formula:
-        """The formula of an invariant as an expression; raises InvalidInput for text that is none."""
+        """Return an invariant's formula, given as text or not, as an expression; raise InvalidInput for bad text."""
         if not isinstance(given, str) or not isinstance(self.system, PartitionedSystem):
             return given
         try:
@@ -102,7 +102,7 @@ class Problem:
             raise InvalidInput(f"the invariant '{name}': {error}") from None
 
     def at(self, orbit: str) -> Problem:
-        """This problem on another of its orbits; raises InvalidInput for an unknown one."""
+        """Return this problem on the orbit with this name; raise InvalidInput if it has none of this name."""
         if orbit not in {o.name for o in self.orbits}:
             if "=" in orbit:
                 raise InvalidInput(f"'{orbit}' sets a parameter; say --set {orbit}, in Python problem(..., {orbit})")
@@ -116,20 +116,23 @@ class Problem:
 
     @property
     def q0(self) -> tuple[float, ...]:
-        """The initial coordinates."""
+        """The initial coordinates of the chosen orbit."""
         return self.start.q
 
     @property
     def p0(self) -> tuple[float, ...]:
-        """The initial momenta."""
+        """The initial momenta of the chosen orbit."""
         return self.start.p
 
     def invariant(self, name: str, Q: ArrayLike, P: ArrayLike) -> NDArray[np.float64]:
-        """The values of an invariant along rows of Q, P, each of shape (n, d); an array of shape (n,)."""
+        """Return the values of the invariant ``name`` along rows of Q, P, each of shape (n, d): an array (n,)."""
         return self.system.evaluate(f"invariant {name}", lambda: self.invariants[name], Q, P)
 
     def refuses(self, record: Any) -> str | None:
-        """Why an integrator that can run on the system is unsuitable for this problem; None if it is not."""
+        """Return why an integrator that can run on the system is unsuitable for this problem; None if it is suitable.
+
+        ``record`` describes the integrator; every one is suitable here, and subclasses may refuse some.
+        """
         return None
 
     @property
@@ -140,9 +143,10 @@ class Problem:
 
 @dataclass(frozen=True)
 class Scene:
-    """A problem on an orbit over a time span with a ladder of steps.
+    """A problem on an orbit over a time span, with the step sizes at which methods are compared on it.
 
-    An *order* scene ends soon and halves its step; a *drift* scene is long and watches the invariants.
+    An *order* scene is short and halves its step, to measure orders of convergence; a *drift* scene is long, to measure
+    the errors of the invariants.
 
     Attributes
     ----------
@@ -154,7 +158,8 @@ class Scene:
         another processor rounds elementary functions and fused operations differently in the last bit, and many steps
         amplify that
     trajectory : the same as ``absolute`` for errors of the trajectory, in which round-off grows
-    regular : whether nearby trajectories stay together (else trajectory errors count only to the reference's horizon)
+    regular : whether nearby trajectories stay together; if not, trajectory errors count only to the reference's
+        horizon, the last time at which a run in long double follows the orbit
     """
 
     id: str
@@ -168,17 +173,17 @@ class Scene:
     regular: bool = True
 
     def ladder(self, quick: bool) -> tuple[float, ...]:
-        """The step sizes of a full run, or the coarser ones of a quick one."""
+        """Return the step sizes h of a full run or, if ``quick``, only the larger ones."""
         if not quick:
             return self.steps
         return self.steps[:4] if self.purpose == ORDER else self.steps[:1]
 
 
 def halvings(h: float, count: int) -> tuple[float, ...]:
-    """The ``count`` steps h, h/2, h/4, ..."""
+    """Return the ``count`` step sizes h, h/2, h/4, ..."""
     return tuple(h / 2**k for k in range(count))
 
 
 def decades(last: float) -> tuple[float, ...]:
-    """The four times last / 1000, last / 100, last / 10 and ``last``."""
+    """Return the four times last / 1000, last / 100, last / 10 and ``last``."""
     return tuple(last / 10**k for k in (3, 2, 1, 0))

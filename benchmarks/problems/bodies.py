@@ -1,4 +1,4 @@
-r"""Tables of bodies: their checks, and positions and velocities from orbital elements, about the barycentre.
+r"""Tables of gravitating bodies: checks of their rows, and positions and velocities, also from orbital elements.
 
 An orbit about the central body with the elements :math:`a, e` and :math:`\mu = G (m_0 + m)` has in its plane, with the
 eccentric anomaly E from :math:`E - e\sin E = M`,
@@ -6,7 +6,8 @@ eccentric anomaly E from :math:`E - e\sin E = M`,
 .. math:: x = a(\cos E - e),\quad y = a\sqrt{1 - e^2}\sin E,\quad
           (\dot x, \dot y) = \frac{\sqrt{\mu a}}{r}\left(-\sin E, \sqrt{1 - e^2}\cos E\right),
 
-turned by omega about z, by inc about x and by Omega about z.  All of it is computed in 40 digits and rounded once.
+turned by omega about z, by inc about x and by Omega about z.  Positions and velocities are moved to the barycentre at
+rest.  All of it is computed in 40 digits and rounded once.
 """
 
 from __future__ import annotations
@@ -41,7 +42,12 @@ Vector = tuple[mpmath.mpf, mpmath.mpf, mpmath.mpf]
 class Body:
     """A body: its mass, and its position and velocity in the frame of the table.
 
-    A test particle has ``mass`` 0; a body that is treated as a test particle has ``massive`` False.
+    Attributes
+    ----------
+    name : in lower case with dashes for spaces
+    mass : 0 for a test particle
+    x, v : position and velocity, three multiprecision numbers each
+    massive : False for a body with a mass that is treated as a test particle
     """
 
     name: str
@@ -53,7 +59,7 @@ class Body:
 
 @dataclass(frozen=True)
 class Bodies:
-    """The bodies of a system, the central one first.
+    """The bodies of a gravitating system, the central one first, with their units.
 
     Attributes
     ----------
@@ -78,7 +84,7 @@ class Bodies:
 
     @property
     def masses(self) -> tuple[float, ...]:
-        """The masses used in the integration: a test particle has `MASSLESS` times the central body's."""
+        """The masses used in the integration: a test particle gets `MASSLESS` times the central body's mass."""
         least = MASSLESS * self.members[0].mass
         return tuple(b.mass if b.massive and b.mass else least for b in self.members)
 
@@ -91,7 +97,7 @@ class Bodies:
 
     @classmethod
     def of_content(cls, content: tuple) -> Bodies:
-        """Make the bodies from their `content`, nested tuples of numbers and strings."""
+        """Make the bodies from nested tuples of numbers and strings, the `content` of others."""
         rows, of_units, frame = content
         with mpmath.workdps(DIGITS):
             members = tuple(
@@ -101,23 +107,23 @@ class Bodies:
         return cls(members, Units(*of_units), frame)
 
     def without(self, names: Iterable[str]) -> Bodies:
-        """The table without the bodies of these names."""
+        """Return the table without the bodies of these names."""
         left_out = set(names)
         return replace(self, members=tuple(b for b in self.members if b.name not in left_out))
 
     def massless(self, names: Iterable[str]) -> Bodies:
-        """The table with the bodies of these names as test particles."""
+        """Return the table with the bodies of these names as test particles."""
         light = set(names)
         return replace(self, members=tuple(replace(b, massive=False) if b.name in light else b for b in self.members))
 
     def start(self) -> tuple[list[tuple[float, ...]], list[tuple[float, ...]]]:
-        """(positions, velocities) about the barycentre at rest, rounded to doubles; a triple for each body."""
+        """Return (positions, velocities) about the barycentre at rest, lists of a triple of doubles for each body."""
         with mpmath.workdps(DIGITS):
             masses = [mpmath.mpf(b.mass) if b.massive else mpmath.mpf(0) for b in self.members]
             return _center([b.x for b in self.members], masses), _center([b.v for b in self.members], masses)
 
     def semi_axes(self) -> tuple[float, ...]:
-        """Osculating semi-major axes of the other bodies about the central one; infinite for one that escapes."""
+        """Return the osculating semi-major axes of all bodies but the central one; infinite for an unbound body."""
         centre, G = self.members[0], self.units.G
         found = []
         with mpmath.workdps(DIGITS):
@@ -128,13 +134,20 @@ class Bodies:
         return tuple(found)
 
     def order(self) -> list[int]:
-        """Indices of the bodies from the centre outwards, the order of Jacobi's coordinates."""
+        """Return the indices of the bodies by increasing semi-major axis, the central one first: Jacobi's order."""
         size = dict(enumerate(self.semi_axes(), start=1))
         return [0, *sorted(size, key=size.__getitem__)]
 
 
 def bodies(rows: Sequence[Row], units: Units, frame: str | None, where: str, heads: Sequence[str]) -> Bodies:
-    """Check the rows of a table with the columns ``heads``, and make the bodies of it.
+    """Check a table of bodies, and make the bodies of it.
+
+    Parameters
+    ----------
+    rows : pairs (where the row stands, column -> text or number), the central body first
+    units, frame : the units of all numbers; "heliocentric", "barycentric", or None if columns are orbital elements
+    where : the table, as messages name it
+    heads : the names of the columns
 
     Raises
     ------
@@ -176,7 +189,11 @@ def bodies(rows: Sequence[Row], units: Units, frame: str | None, where: str, hea
 
 
 def _columns(heads: Sequence[str], where: str) -> tuple[str, ...]:
-    """`CARTESIAN` or `ELEMENTS`, whichever the columns are; raises InvalidInput for neither or both."""
+    """Return `CARTESIAN` or `ELEMENTS`, whichever kind the columns ``heads`` are.
+
+    Raises InvalidInput, naming the table (``where``), for columns of both kinds, and for unknown, repeated or missing
+    columns.
+    """
     twice = [h for i, h in enumerate(heads) if h in heads[:i]]
     if twice:
         raise InvalidInput(f"{where}: the column {twice[0]} is there twice; leave one out")
@@ -212,9 +229,10 @@ def _frame(frame: str | None, chosen: tuple[str, ...], where: str) -> str:
 
 
 def _name(place: str, row: Mapping[str, object], names: dict[str, str]) -> str:
-    """The name of a row's body, in lower case with dashes for spaces; added to ``names``, name -> place.
+    """Return the name of a row's body, in lower case with dashes for spaces, and add it to ``names``.
 
-    Raises InvalidInput for a malformed name, and for one that ``names`` already has.
+    ``place`` is where the row stands, such as "planets.csv, line 4"; ``names`` maps the names of the rows before to
+    their places.  Raises InvalidInput for a malformed name, and for one that ``names`` already has.
     """
     given = str(row.get("name", "")).strip()
     name = "-".join(given.lower().split())
@@ -239,7 +257,10 @@ def _number(place: str, row: Mapping[str, object], column: str) -> float:
 
 
 def _central(place: str, row: Mapping[str, object], chosen: tuple[str, ...], frame: str) -> tuple[Vector, Vector]:
-    """(position, velocity) of the central body: at rest at the origin, unless the frame is barycentric."""
+    """Return (position, velocity) of the central body from its row: zero, unless the frame is barycentric.
+
+    Raises InvalidInput if the row has other numbers than 0 in a heliocentric table.
+    """
     if chosen == CARTESIAN and frame == BARYCENTRIC:
         numbers = [mpmath.mpf(_number(place, row, c)) for c in CARTESIAN]
         return tuple(numbers[:3]), tuple(numbers[3:])
@@ -257,7 +278,11 @@ def _central(place: str, row: Mapping[str, object], chosen: tuple[str, ...], fra
 
 
 def _of_elements(place: str, row: Mapping[str, object], mu) -> tuple[Vector, Vector]:
-    """(position, velocity) about the central body from a row of orbital elements, angles in degrees."""
+    """Return (position, velocity) about the central body from a row of orbital elements, angles in degrees.
+
+    mu is G times the sum of both masses; ``place`` is where the row stands.  Raises InvalidInput for an orbit that is
+    not bound.
+    """
     a, e, *angles = (mpmath.mpf(_number(place, row, c)) for c in ELEMENTS)
     if a <= 0:
         raise InvalidInput(f"{place}, column a: the semi-major axis is {float(a):g}; it must be positive")
@@ -276,7 +301,7 @@ def _of_elements(place: str, row: Mapping[str, object], mu) -> tuple[Vector, Vec
 
 
 def _anomaly(M, e):
-    """The root E of E - e sin E = M, abs(M) <= pi: by Newton's method from above, where it is monotonic."""
+    """Solve Kepler's equation E - e sin E = M for E, |M| <= pi, by Newton's method from above (monotonic there)."""
     E = min(abs(M) + e, mpmath.pi)
     for _ in range(200):
         step = (E - e * mpmath.sin(E) - abs(M)) / (1 - e * mpmath.cos(E))
@@ -287,7 +312,10 @@ def _anomaly(M, e):
 
 
 def _rotation(inc, node, pericentre) -> Callable[..., Vector]:
-    """The rotation from an orbit's plane, x towards the pericentre, to space; angles in radians."""
+    """Make the function (x, y) -> (X, Y, Z) from an orbit's plane, x towards the pericentre, to space.
+
+    Inclination, node and argument of the pericentre are in radians.
+    """
     cO, sO, co, so = mpmath.cos(node), mpmath.sin(node), mpmath.cos(pericentre), mpmath.sin(pericentre)
     ci, si = mpmath.cos(inc), mpmath.sin(inc)
 
@@ -315,7 +343,10 @@ def _center(vectors: Sequence[Vector], masses: Sequence) -> list[tuple[float, ..
 
 
 def _check_frame(found: Bodies, chosen: tuple[str, ...], where: str) -> None:
-    """Raise InvalidInput if a table declared barycentric can only be heliocentric."""
+    """Raise InvalidInput if a table declared barycentric can only be heliocentric.
+
+    Its central body is then at rest at the origin, and the barycentre elsewhere.
+    """
     first = found.members[0]
     if chosen == ELEMENTS or found.frame != BARYCENTRIC or any(first.x) or any(first.v):
         return

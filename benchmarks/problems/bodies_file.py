@@ -1,4 +1,4 @@
-"""Read a file of bodies, planets.csv: comments with units and frame, a row of column names, a row for each body."""
+"""Read a file of gravitating bodies, planets.csv: comments with units and frame, column names, a row for each body."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ COMMENTS = ("units", "frame")
 
 
 def read(path: str | Path) -> Bodies:
-    """The bodies of a file.
+    """Read the bodies of a file such as planets.csv.
 
     Raises
     ------
@@ -42,7 +42,7 @@ def _text(path: str) -> str:
 
 
 def parse(text: str, path: str) -> Bodies:
-    """The bodies of a file's text; messages name the file ``path``."""
+    """Parse a file's text to bodies; raise InvalidInput, naming the file ``path`` and the line, if it is malformed."""
     found_units, frame = None, None
     heads: list[str] = []
     top, stands, seen, rows = path, 0, {}, []

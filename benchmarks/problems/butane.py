@@ -31,7 +31,7 @@ TURN = (0.3, 0.2, -0.4)
 
 
 def _system() -> ConstrainedHamiltonian:
-    """The molecule in 12 coordinates with 5 constraints."""
+    """Make the system of the butane molecule: 12 coordinates, with 5 constraints (bonds and angles)."""
     q, p = (sp.symbols([f"{name}{k}" for k in range(1, 5) for name in names], real=True) for names in ("xyz", "uvw"))
     r = [sp.Matrix(q[3 * k : 3 * k + 3]) for k in range(4)]
     b = [r[k + 1] - r[k] for k in range(3)]
@@ -45,7 +45,10 @@ def _system() -> ConstrainedHamiltonian:
 
 
 def start(phi: float) -> tuple[np.ndarray, np.ndarray]:
-    """The state (q, p), arrays (12,), at the torsion ``phi``, turning as a whole about the centre of mass by `TURN`."""
+    """Return the state (q, p), arrays (12,), at the torsion angle ``phi`` in radians.
+
+    The molecule turns as a whole about its centre of mass with the angular velocity `TURN`.
+    """
     s, masses = sqrt(8) / 3, np.array(MASSES, dtype=float)[:, None]
     r = np.array([[-1 / 3, -s, 0], [0, 0, 0], [1, 0, 0], [4 / 3, s * cos(phi), s * sin(phi)]])
     r -= (masses * r).sum(axis=0) / masses.sum()
@@ -53,7 +56,7 @@ def start(phi: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def make(phi: float) -> Problem:
-    """Make the molecule; ``phi`` is the torsion at the start, in radians from trans."""
+    """Make the problem of the butane molecule; ``phi`` is the torsion angle at the start, in radians from trans."""
     if not abs(phi) <= pi:
         raise InvalidInput(f"the torsion phi is {phi}; it is an angle in radians from -pi to pi")
     system = _system()

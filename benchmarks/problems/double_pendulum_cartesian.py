@@ -21,7 +21,7 @@ PARAMETERS = {"m1": 1.0, "m2": 1.0, "l1": 1.0, "l2": 1.0, "g": 1.0}
 
 
 def _at_rest(a: float, b: float, l1: float, l2: float) -> tuple[float, ...]:
-    """The coordinates q at the angles a, b."""
+    """Return q = (x1, y1, x2, y2) at the angles a, b of the rods, of lengths l1, l2, from the downward vertical."""
     x, y = l1 * sin(a), -l1 * cos(a)
     return x, y, x + l2 * sin(b), y - l2 * cos(b)
 

@@ -24,7 +24,10 @@ WELLS = {"one-well": 1.2, "near-separatrix": 1.4142, "both-wells": 1.8}
 
 
 def exact(alpha, beta, a, t):
-    """q(t) from rest at the outer turning point a > 0, and the period, at mpmath's precision."""
+    """Return (q(t), period) of the Duffing oscillator from rest at the outer turning point a > 0.
+
+    Both are numbers in mpmath's working precision.
+    """
     alpha, beta, a = mpmath.mpf(alpha), mpmath.mpf(beta), mpmath.mpf(a)
     if alpha + beta * a**2 / 2 > 0:
         w = mpmath.sqrt(alpha + beta * a**2)
@@ -36,7 +39,10 @@ def exact(alpha, beta, a, t):
 
 
 def make(alpha: float, beta: float) -> Problem:
-    """The oscillator; with two wells (``alpha`` < 0) it has the orbits of `WELLS`, else "one-well" from q = 1."""
+    """Make the Duffing oscillator H = p^2/2 + alpha q^2/2 + beta q^4/4, ``beta`` > 0.
+
+    With two wells (``alpha`` < 0) it has the orbits of `WELLS`, else the orbit "one-well" from rest at q = 1.
+    """
     if not beta > 0:
         raise InvalidInput(f"beta is {beta}; it must be positive: the motion is to be bounded")
     q, p = sp.symbols("q p", real=True)

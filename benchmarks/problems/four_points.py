@@ -24,7 +24,7 @@ TURN = (0.5, 1.0, -0.25)
 
 
 def make(**parameters: float) -> Problem:
-    """Make the body of four points with the masses ``m1`` to ``m4``, all positive."""
+    """Make the problem of a free rigid body of four points with the masses ``m1`` to ``m4``, all positive."""
     for name, value in parameters.items():
         if not value > 0:
             raise InvalidInput(f"{name} of the four points is {value}; it must be positive")

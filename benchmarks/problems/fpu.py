@@ -11,7 +11,7 @@ The motion is chaotic.  The stiff springs exchange energy over times of order om
 I = I_1 + ... + I_m, :math:`I_j = (p_{1j}^2 + \omega^2 q_{1j}^2)/2`, stays within O(1/omega) of its first value over
 times exponentially long in omega: an adiabatic invariant, not an exact one (`oscillatory_energies`).
 
-More than ten stiff springs run on loops instead of derived formulae.
+More than ten stiff springs run on hand-written loops instead of derived formulae.
 """
 
 from fractions import Fraction
@@ -31,7 +31,10 @@ LARGEST = 5000
 
 
 def grad_V(w2, sign=1):
-    """Make the function f(q, g) that writes ``sign`` grad V of the springs' potential to g, w2 = omega^2."""
+    """Make the function f(q, g) that writes ``sign`` times the gradient of the springs' potential V(q) to g.
+
+    w2 is omega^2, the squared frequency of the stiff springs.
+    """
 
     def f(q, g):
         m = len(q) // 2
@@ -53,17 +56,20 @@ def grad_V(w2, sign=1):
 
 
 def grad_U(w2):
-    """Make the function f(q, g) that writes the gradient of the soft springs' potential to g."""
+    """Make the function f(q, g) that writes the gradient of the soft springs' potential to g.
+
+    w2 is omega^2; its value is not used.
+    """
     return grad_V(0 * w2)
 
 
 def field(w2):
-    """Make the function that writes the vector field (p, -grad V) of the springs, w2 = omega^2 (see `systems.hand`)."""
+    """Make the loop that writes the vector field (p, -grad V) of the springs, w2 = omega^2 (see `systems.hand`)."""
     return unit_mass_field(grad_V(w2, -1))
 
 
 def energy(w2):
-    """Make the function f(q, p) -> (H, M), w2 = omega^2; M is the unit in which H's round-off is measured."""
+    """Make the function f(q, p) -> (H, M) of the springs, w2 = omega^2; M is the unit of H's round-off."""
 
     def f(q, p):
         m = len(q) // 2
@@ -86,13 +92,19 @@ def energy(w2):
 
 
 def soft_springs(q0, q1) -> list:
-    """The expansions of the soft springs, from the left wall to the right; q0, q1 are symbols, numbers or arrays."""
+    """Return the m + 1 expansions of the soft springs from the left wall to the right.
+
+    q0 and q1 hold the m scaled displacements and the m expansions of the stiff springs: symbols, numbers or arrays.
+    """
     between = (q0[i + 1] - q1[i + 1] - q0[i] - q1[i] for i in range(len(q0) - 1))
     return [q0[0] - q1[0], *between, q0[-1] + q1[-1]]
 
 
 def formula(omega: float, m: int):
-    """(q, p, H): SymPy symbols, the soft coordinates before the stiff ones, and H as an expression."""
+    """Return (q, p, H) of the chain of m stiff springs of frequency omega: lists of SymPy symbols, and an expression.
+
+    The m soft coordinates stand before the m stiff ones.
+    """
     w = sp.Rational(omega)  # exactly the double
     q0, q1, p0, p1 = (
         sp.symbols([f"{name}{i}" for i in range(1, m + 1)], real=True) for name in ("q0", "q1", "p0", "p1")
@@ -103,7 +115,10 @@ def formula(omega: float, m: int):
 
 
 def make(omega: float, m: int) -> Problem:
-    """The problem with ``m`` stiff springs of frequency ``omega`` > 0; the orbit starts with the first one excited."""
+    """Make the Fermi-Pasta-Ulam problem with ``m`` stiff springs of frequency ``omega`` > 0.
+
+    Its orbit starts with the first stiff spring excited.
+    """
     if not omega > 0:
         raise InvalidInput(f"the frequency omega is {omega}; it must be positive")
     if m != int(m) or not 1 <= m <= LARGEST:
@@ -138,7 +153,10 @@ def make(omega: float, m: int) -> Problem:
 
 
 def oscillatory_energies(made: Problem) -> tuple[sp.Expr, ...]:
-    """The energies I_1, ..., I_m of a problem's stiff springs, as expressions; their sum is the adiabatic invariant."""
+    """Return the energies I_1, ..., I_m of the stiff springs, as expressions; their sum is the adiabatic invariant.
+
+    ``made`` is the problem.
+    """
     s = made.system
     fast = [(w, q, p) for w, q, p in zip(s.frequencies, s.q, s.p, strict=True) if w != 0]
     return tuple((p**2 + w**2 * q**2) / 2 for w, q, p in fast)

@@ -3,11 +3,12 @@ r"""A free rigid body in space: its attitude as a quaternion, three axes of diff
 .. math::
     H = \frac{L_1^2}{2 I_1} + \frac{L_2^2}{2 I_2} + \frac{L_3^2}{2 I_3},\qquad L_k = \tfrac12\,p\cdot(q\,e_k),
 
-with the quaternions e_k = i, j, k (`systems.rigid`).  The momentum in space is conserved, and its size G: with the
-energy E the body's axis of rotation goes round the largest or the smallest axis as 2 E is below or above G^2 / I_2.
+with the quaternions e_k = i, j, k (`systems.rigid`).  The angular momentum in space is conserved, and so is its size G.
+With the energy E, the angular momentum in the body goes round the axis of the largest moment of inertia if 2 E is below
+G^2 / I_2, and round that of the smallest if it is above.
 
-Start: q = 1 and the momenta L about the body's axes.  "tumbling" begins close to the middle axis, about which rotation
-is unstable: the body turns over again and again (Dzhanibekov's effect).
+Start: q = 1 and the angular momenta L about the body's axes.  "tumbling" begins close to the middle axis, about which
+rotation is unstable: the body turns over again and again (Dzhanibekov's effect).
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ STARTS = {
 
 
 def make(**parameters: float) -> Problem:
-    """The body with the principal moments of inertia ``I1``, ``I2``, ``I3``."""
+    """Make the problem of the free rigid body with principal moments of inertia ``I1``, ``I2``, ``I3``, positive."""
     for name, value in parameters.items():
         if not value > 0:
             raise InvalidInput(f"{name} of the rigid body is {value}; it must be positive")

@@ -1,4 +1,4 @@
-"""Bodies that attract each other, as formulae: coordinates, distances, invariants, H and Jacobi's Kepler part."""
+"""Formulae of bodies that attract each other: coordinates, distances, invariants, H, and its Kepler part."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ MASSLESS = 1e-20
 
 
 def bodies(N: int, axes: str, first: int = 1):
-    """Formulae of N point masses: (symbols q, symbols p, pairs (i, j), their distances, name -> invariant).
+    """Make the formulae of N point masses: (symbols q, symbols p, pairs (i, j), their distances, name -> invariant).
 
-    The axes are "xy" or "xyz"; bodies are numbered from ``first`` on; the invariants are the total momentum and
-    angular momentum.
+    The axes are "xy" or "xyz"; coordinates stand body after body, and their names count bodies from ``first`` on.  The
+    invariants are the total momentum and angular momentum.
     """
     D = len(axes)
     names = [f"{axis}{i}" for i in range(first, first + N) for axis in axes]
@@ -35,7 +35,10 @@ def bodies(N: int, axes: str, first: int = 1):
 
 
 def newton(p: Sequence[sp.Symbol], masses: Sequence, G, pairs, distances) -> sp.Expr:
-    """H = sum |p_i|^2 / (2 m_i) - sum G m_i m_j / r_ij; masses and G are exact numbers."""
+    """Return H = sum |p_i|^2 / (2 m_i) - sum G m_i m_j / r_ij as an expression; masses and G are exact numbers.
+
+    ``pairs`` and ``distances`` are those of `bodies`.
+    """
     D = len(p) // len(masses)
     T = (x**2 / (2 * masses[i // D]) for i, x in enumerate(p))
     V = (-G * masses[i] * masses[j] / r for (i, j), r in zip(pairs, distances, strict=True))
@@ -43,7 +46,10 @@ def newton(p: Sequence[sp.Symbol], masses: Sequence, G, pairs, distances) -> sp.
 
 
 def kepler_part(masses: Sequence, G, order: Sequence[int], dimension: int = 3) -> KeplerPart:
-    """The Kepler part of H in Jacobi's coordinates, the bodies taken in ``order`` (indices, the central one first)."""
+    """Return the Kepler part of H in Jacobi's coordinates: the sum of Kepler problems that Wisdom-Holman methods solve.
+
+    The bodies are taken in ``order`` (indices, the central one first); masses and G are exact numbers.
+    """
     part = jacobi([masses[i] for i in order], G, dimension)
     place = {body: column for column, body in enumerate(order)}
     change = tuple(tuple(row[place[i]] for i in range(len(masses))) for row in part.change)
@@ -51,7 +57,7 @@ def kepler_part(masses: Sequence, G, order: Sequence[int], dimension: int = 3) -
 
 
 def barycentre(q: Sequence[sp.Symbol], masses: Sequence) -> Mapping[str, sp.Expr]:
-    """Name -> expression of a coordinate of the centre of mass, which rests where the total momentum is zero."""
+    """Return name -> expression of the coordinates of the centre of mass, which rests if the total momentum is zero."""
     D, total = len(q) // len(masses), sum(masses)
     return {
         f"barycentre-{k + 1}": sp.Add(*(m / total * x for m, x in zip(masses, q[k::D], strict=True))) for k in range(D)

@@ -4,11 +4,12 @@ r"""A heavy top: a rigid body about a fixed point under gravity, its attitude as
     H = \sum_k \frac{L_k^2}{2 I_k} + x_1 R_{31} + x_3 R_{33},\qquad L_k = \tfrac12\,p\cdot(q\,e_k),
 
 with the rotation matrix R of q and (x_1, 0, x_3) the weight times the centre of mass, in the body (`systems.rigid`).
-The vertical momentum is conserved.  With the default moments and centre of mass it is Lagrange's top: the momentum
-about its axis is conserved, too, and :math:`z = R_{33}` moves as a particle in a cubic potential (Landau & Lifshitz,
-section 35).  ``I2`` or ``x1`` make it chaotic.
+The vertical angular momentum is conserved.  With the default moments and centre of mass it is Lagrange's top: the
+angular momentum about its axis is conserved, too, and :math:`z = R_{33}` moves as a particle in a cubic potential
+(Landau & Lifshitz, section 35).  Other values of ``I2`` or ``x1`` make it chaotic.
 
-Start: the axis tilted by the turn q = (4/5, 3/5, 0, 0) about the first axis, and the momenta L about the body's axes.
+Start: the axis tilted by the rotation q = (4/5, 3/5, 0, 0) about the first axis, and the angular momenta L about the
+body's axes.
 """
 
 from __future__ import annotations
@@ -26,7 +27,10 @@ STARTS = {
 
 
 def make(**parameters: float) -> Problem:
-    """The top with moments of inertia ``I1``, ``I2``, ``I3`` and its weight times the centre of mass (x1, 0, x3)."""
+    """Make the problem of the heavy top with moments of inertia ``I1``, ``I2``, ``I3``, all positive.
+
+    (``x1``, 0, ``x3``) is its weight times the centre of mass, in the body.
+    """
     for name in ("I1", "I2", "I3"):
         if not parameters[name] > 0:
             raise InvalidInput(f"{name} of the top is {parameters[name]}; it must be positive")

@@ -18,13 +18,16 @@ SCENES = (
 
 
 def _orbit(name: str, H0: float, q2: float, times: tuple[float, ...]) -> Orbit:
-    """The orbit ``name`` from q = (0, q2), p = (p1, 0) with p1 > 0 such that H = H0, rounded to double."""
+    """Make the orbit ``name`` from q = (0, q2), p = (p1, 0), where p1 > 0 is such that H = H0, rounded to double.
+
+    ``times`` are those of certified states.
+    """
     p1 = (2 * H0 - q2**2 + 2 * q2**3 / 3) ** 0.5
     return Orbit(name, (0.0, q2), (p1, 0.0), f"{name} orbit, H0 = {H0:.6g}", times)
 
 
 def make() -> Problem:
-    """Make the problem, with a chaotic and a box orbit (cited in its ``source``)."""
+    """Make the Henon-Heiles problem, with a chaotic and a box orbit (cited in its ``source``)."""
     q1, q2, p1, p2 = sp.symbols("q1 q2 p1 p2", real=True)
     U = (q1**2 + q2**2 + 2 * q1**2 * q2 - sp.Rational(2, 3) * q2**3) / 2
     return Problem(

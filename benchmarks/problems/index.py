@@ -1,4 +1,4 @@
-"""PROBLEMS, the index of all problems with their modules and orbits; and the check of parameter values."""
+"""PROBLEMS, the index of all test problems with their modules and orbits; and the check of parameter values."""
 
 from __future__ import annotations
 
@@ -61,7 +61,10 @@ PROBLEMS: dict[str, tuple[str, str, tuple[str, ...]]] = {
 
 
 def plain(value: object) -> object:
-    """A real number of any type as int or float, so that equal values share a cache entry; anything else unchanged."""
+    """Return a finite real number of any type as int or float, and anything else unchanged.
+
+    Equal values then share an entry of a cache.
+    """
     if not _finite(value):
         return value
     return int(value) if isinstance(value, Integral) else float(value)
@@ -75,7 +78,11 @@ def _finite(value: object) -> bool:
 
 
 def real_parameters(what: str, known: Iterable[str], values: Mapping[str, object]) -> dict[str, int | float]:
-    """The parameters as ints and floats; raises InvalidInput for one that is not ``known`` or no finite number."""
+    """Return parameters, name -> value, as ints and floats.
+
+    Raises InvalidInput for a name that is not ``known`` and for a value that is no finite number; ``what`` names their
+    owner in messages.
+    """
     for key, value in values.items():
         if key not in known:
             has = f"has {', '.join(known)}" if known else "has none"

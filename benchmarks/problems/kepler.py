@@ -22,13 +22,19 @@ SCENES = (
 
 
 def plane():
-    """SymPy symbols q1, q2, p1, p2, and expressions of the distance r and the angular momentum L."""
+    """Return (q1, q2, p1, p2, r, L) of motion in the plane: four SymPy symbols, and expressions.
+
+    r is the distance from the origin, L the angular momentum.
+    """
     q1, q2, p1, p2 = sp.symbols("q1 q2 p1 p2", real=True)
     return q1, q2, p1, p2, sp.sqrt(q1**2 + q2**2), q1 * p2 - q2 * p1
 
 
 def pericentre(e: float, times: tuple[float, ...]) -> Orbit:
-    """The orbit from q = (1 - e, 0), p = (0, sqrt((1 + e)/(1 - e))) in doubles; certified states at ``times``."""
+    """Make the Kepler orbit from the pericentre, q = (1 - e, 0), p = (0, sqrt((1 + e)/(1 - e))), in doubles.
+
+    ``times`` are those of certified states.  Raises InvalidInput unless 0 <= e < 1.
+    """
     if not 0 <= e < 1:
         raise InvalidInput(f"the eccentricity e is {e}; it must be at least 0 and less than 1")
     return Orbit("e", (1.0 - e, 0.0), (0.0, ((1.0 + e) / (1.0 - e)) ** 0.5), f"pericentre of eccentricity {e:g}", times)

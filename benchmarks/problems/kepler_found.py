@@ -1,4 +1,4 @@
-"""Find the Kepler part in a formula H: of bodies about a heavy one, or of one body about a centre at the origin."""
+"""Find in a formula H its Kepler part, the sum of Kepler problems that Wisdom-Holman methods solve exactly."""
 
 from __future__ import annotations
 
@@ -15,7 +15,10 @@ HEAVY = 5
 
 
 def with_kepler_part(system: PartitionedSystem, q0: Sequence[float]) -> PartitionedSystem:
-    """The system with the Kepler part found in its H; unchanged if it declares one, or none is found."""
+    """Return a system with the Kepler part found in its H; unchanged if it declares one, or none is found.
+
+    q0, the initial coordinates, orders the bodies by distance.
+    """
     if not system.canonical or system.loops or system.kepler is not None:
         return system
     part = kepler_part(system, q0)
@@ -28,10 +31,11 @@ def with_kepler_part(system: PartitionedSystem, q0: Sequence[float]) -> Partitio
 
 
 def kepler_part(system: Hamiltonian, q0: Sequence[float]) -> KeplerPart | None:
-    """The Kepler part of a system that starts at q0; None if none is found in H.
+    """Return the Kepler part of a system that starts at q0; None if none is found in H.
 
-    Bodies that attract each other (coordinates body by body) get Jacobi's coordinates, in the order of their distance
-    from the central one at q0.
+    It is found for bodies about a much heavier one, and for one body about a centre at the origin.  Bodies that attract
+    each other (coordinates body by body) get Jacobi's coordinates, in the order of their distance from the central one
+    at q0.
     """
     from phasebench.reference.peers.particles import attracting
 
@@ -48,12 +52,12 @@ def kepler_part(system: Hamiltonian, q0: Sequence[float]) -> KeplerPart | None:
 
 
 def _square(q0: Sequence[float], i: int, j: int, dimension: int) -> float:
-    """The squared distance of bodies i and j in q0, coordinates body by body in ``dimension`` axes."""
+    """Return the squared distance of bodies i and j in q0, coordinates body by body in ``dimension`` axes."""
     return sum((q0[dimension * i + k] - q0[dimension * j + k]) ** 2 for k in range(dimension))
 
 
 def _about_the_origin(system: Hamiltonian) -> KeplerPart | None:
-    """The Kepler part of H = p^2 / (2 m) - k / |q| + U(q) in the plane or in space; None for another H."""
+    """Return the Kepler part of H = p^2 / (2 m) - k / |q| + U(q) in the plane or in space; None for another H."""
     if system.d not in (2, 3) or not system.quadratic_kinetic:
         return None
     inverse = {sp.diff(v, p) for v, p in zip(system.dq, system.p, strict=True)}

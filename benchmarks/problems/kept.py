@@ -1,4 +1,4 @@
-"""A cache of problems on disk; a cached one needs SymPy only when its formulae are used (`systems.deferred`)."""
+"""A cache of problems on disk; a cached problem imports SymPy only when its formulae are used (`systems.deferred`)."""
 
 from __future__ import annotations
 
@@ -16,18 +16,21 @@ from .base import Problem
 
 @cache
 def _sources() -> str:
-    """The hash of the source of all problem modules."""
+    """Return the hash of the source of all problem modules, a part of every key of the cache."""
     folder = Path(__file__).parent
     return deferred.key_of(*(path.read_bytes() for path in sorted(folder.glob("**/*.py"))))
 
 
 def load_or_make(id: str, parameters: Mapping[str, float], make: Callable[[], Problem]) -> Problem:
-    """The registered problem ``id`` from the cache on disk, or else from ``make`` (picklable), and then cached."""
+    """Return the registered problem ``id`` from the cache on disk, or else from ``make``, and cache it.
+
+    ``make`` takes no arguments and can be pickled.
+    """
     return of_key(deferred.key_of(_sources(), id, sorted(parameters.items())), make, make)
 
 
 def of_content(content: tuple, recipe: Callable[[], Problem], make: Callable[[], Problem]) -> Problem:
-    """The problem determined by ``content`` (such as a table of bodies), from the cache on disk or from ``make``.
+    """Return the problem determined by ``content`` (such as a table of bodies), from the cache on disk or ``make``.
 
     ``recipe`` can be pickled and makes the problem again, should a cached one need its formulae.
     """
@@ -35,7 +38,9 @@ def of_content(content: tuple, recipe: Callable[[], Problem], make: Callable[[],
 
 
 def of_key(key: str, recipe: Callable[[], Problem], make: Callable[[], Problem]) -> Problem:
-    """The problem stored in the cache on disk under a key; if it is not there, from ``make``, and stored.
+    """Return the problem stored in the cache on disk under a key; if it is not there, call ``make`` and store it.
+
+    A problem whose system runs on hand-written loops is not stored.
 
     ``recipe`` can be pickled and makes the problem again, should a cached one need its formulae.
     """

@@ -37,7 +37,10 @@ RADIUS = 11.0
 
 
 def make(a: float, E: float, L: float) -> Problem:
-    """A hole of spin ``a``, |a| < 1, and a body of energy ``E`` and angular momentum ``L``."""
+    """Make the problem of a black hole of spin ``a``, |a| < 1, and a body of energy ``E``, angular momentum ``L``.
+
+    Raises InvalidInput if no such orbit passes r = `RADIUS`.
+    """
     if not abs(a) < 1:
         raise InvalidInput(f"the spin a is {a}; it must be between -1 and 1")
     delta = RADIUS**2 - 2 * RADIUS + a**2

@@ -8,8 +8,8 @@ semi-discrete equation is canonical,
     H = \tfrac12 |p|^2 + \tfrac12 |q|^2 + \sum_{j=0}^{N-1} \Bigl(\frac{(q_{j+1} - q_j)^2
     + (q_{N+j+1} - q_{N+j})^2}{2\Delta x^2} + \frac{(q_j^2 + q_{N+j}^2)^2}{4\Delta x}\Bigr)
 
-with indices periodic in each half.  Rotations of :math:`\phi` leave H as it is, so that the charge
-:math:`\sum_j q_j p_{N+j} - q_{N+j} p_j` is kept, a quadratic invariant of the form q.D p.
+with indices periodic in each half.  H is invariant under rotations of :math:`\phi`, so that the charge
+:math:`\sum_j q_j p_{N+j} - q_{N+j} p_j` is conserved, a quadratic invariant of the form q.D p.
 
 In space-time it is multisymplectic (`multisymplectic`) with z = (q, p, w), :math:`\phi = q_1 + iq_2`, p its rate, w its
 slope,
@@ -44,7 +44,10 @@ K = 1.0
 
 
 def grad_V(a, b, sign=1):
-    """Make the function f(q, g) that writes ``sign`` grad V of H = |p|^2 / 2 + V to g; a = 1 / dx^2, b = 1 / dx."""
+    """Make the function f(q, g) that writes ``sign`` times grad V to g, for H = |p|^2 / 2 + V(q) on the grid.
+
+    a = 1 / dx^2, b = 1 / dx.
+    """
 
     @part
     def at(j, left, right, x, y, g_x, g_y):
@@ -64,7 +67,7 @@ def grad_V(a, b, sign=1):
 
 
 def field(a, b):
-    """Make the function that writes the vector field (H_p, -H_q) = (p, -grad V), for a = 1 / dx^2 and b = 1 / dx."""
+    """Make the loop that writes the vector field (H_p, -H_q) = (p, -grad V), for a = 1 / dx^2 and b = 1 / dx."""
     return unit_mass_field(grad_V(a, b, -1))
 
 
@@ -91,13 +94,13 @@ def energy(a, b):
 
 
 def constants(N: int, L: float) -> tuple[Fraction, Fraction]:
-    """(1 / dx^2, 1 / dx) as exact fractions, for N points of a period L, dx = L / N."""
+    """Return (1 / dx^2, 1 / dx) as exact fractions, for N points of a period L, dx = L / N."""
     dx = Fraction(L) / N
     return 1 / dx**2, 1 / dx
 
 
 def formula(N: int, L: float):
-    """(q, p, H) of the equation on N points of a period L: SymPy symbols, and H as an expression."""
+    """Return (q, p, H) of the Klein-Gordon equation on N points of a period L: lists of 2 N symbols, an expression."""
     q, p = (sp.symbols([f"{x}{j}" for j in range(2 * N)], real=True) for x in "qp")
     a, b = (sp.Rational(c.numerator, c.denominator) for c in constants(N, L))
     bending = [a * (x[(j + 1) % N] - x[j]) ** 2 / 2 for j in range(N) for x in (q[:N], q[N:])]
@@ -106,7 +109,11 @@ def formula(N: int, L: float):
 
 
 def multisymplectic(strength: float = 1.0) -> Equation:
-    """The equation in multisymplectic form, z = (q, p, w) of two components each, its cubic term times ``strength``."""
+    """Return the Klein-Gordon equation in multisymplectic form, K z_t + L z_x = grad S(z).
+
+    z = (q, p, w) has two components for each of q, p, w: phi = q_1 + i q_2, p its rate and w its slope.  The cubic term
+    is multiplied by ``strength``.
+    """
     K, L = np.zeros((6, 6)), np.zeros((6, 6))
     K[[0, 1], [2, 3]], K[[2, 3], [0, 1]] = -1.0, 1.0
     L[[0, 1], [4, 5]], L[[4, 5], [0, 1]] = 1.0, -1.0
@@ -131,13 +138,19 @@ def multisymplectic(strength: float = 1.0) -> Equation:
 
 
 def packet(x: float, A: float, direction: int, charge: int) -> tuple[complex, complex]:
-    """(phi, phi_t) at x of a packet centred at 0 that moves in ``direction`` (1 or -1) with a charge of this sign."""
+    """Return (phi, phi_t) at x of a wave packet centred at 0 that moves in ``direction`` (1 or -1).
+
+    A is its amplitude, ``charge`` (1 or -1) the sign of its charge.
+    """
     phi = A * exp(1j * direction * charge * K * x) / cosh(x)
     return phi, -1j * charge * sqrt(1 + K**2) * phi
 
 
 def make(N: int, L: float) -> Problem:
-    """The equation on ``N`` >= 3 points of a period ``L``; many points run on hand-written loops."""
+    """Make the problem of the Klein-Gordon equation on ``N`` >= 3 points of a period ``L``.
+
+    For many points the system is made of hand-written loops in place of derived formulae.
+    """
     if int(N) != N or not 3 <= N <= LARGEST:
         raise InvalidInput(f"the number N of points is {N}; it must be an integer from 3 to {LARGEST}")
     if min(max(L, SHORTEST), LONGEST) != L:

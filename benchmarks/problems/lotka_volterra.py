@@ -18,7 +18,7 @@ SCENES = (
 
 
 def make() -> Problem:
-    """Make the problem, with four starting points (cited in its ``source``)."""
+    """Make the Lotka-Volterra problem in its own variables, with four starting points (cited in its ``source``)."""
     u, v = sp.symbols("u v", real=True)
     return Problem(
         id="lotka-volterra",

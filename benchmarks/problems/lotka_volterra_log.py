@@ -1,7 +1,7 @@
 """Lotka-Volterra in logarithms, x = ln u and y = ln v: canonical and separable, with a T(y) that is not quadratic.
 
-H = e^y - 2 y + e^x - x, so that x' = e^y - 2 and y' = 1 - e^x; H = -I of the problem in its own variables.  The orbits
-are the same; they start from the logarithms of the same points, rounded to doubles.
+H = e^y - 2 y + e^x - x, so that x' = e^y - 2 and y' = 1 - e^x; H = -I, the invariant of the problem `lotka_volterra`
+in u and v.  The orbits are the same; they start from the logarithms of the same points, rounded to doubles.
 """
 
 from math import log
@@ -16,7 +16,7 @@ PARAMETERS: dict[str, float] = {}
 
 
 def make() -> Problem:
-    """Make the problem, with the logarithms of the starting points of ``lotka-volterra``."""
+    """Make the Lotka-Volterra problem in logarithms, with the starting points of ``lotka-volterra``."""
     x, y = sp.symbols("x y", real=True)
     return Problem(
         id="lotka-volterra-log",

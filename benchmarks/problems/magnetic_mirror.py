@@ -28,7 +28,7 @@ START, VELOCITY = (0.5, 0.0, 0.0), (0.0, 0.3, 0.2)
 
 
 def make(L: float) -> Problem:
-    """Make the magnetic mirror with the length ``L`` > 0 over which the field doubles."""
+    """Make the problem of a charged particle in a magnetic mirror; the field doubles at the distance ``L`` > 0."""
     if not L > 0:
         raise InvalidInput(f"L is {L}; it must be positive: the field doubles at z = L")
     x, y, z, px, py, pz = sp.symbols("x y z px py pz", real=True)

@@ -30,7 +30,10 @@ RADII = {"inner": 11.0, "outer": 70.0}
 
 
 def start(r: float, E: float, L: float, beta: float) -> float:
-    """The p_theta of H = -1/2 at ``r``, theta = pi/2, p_r = 0; raises InvalidInput if there is none."""
+    """Return the p_theta > 0 for which H = -1/2 at ``r``, theta = pi/2, p_r = 0; raise InvalidInput if there is none.
+
+    E, L and beta are the parameters of `make`.
+    """
     square = r * r * (E * E / (1 - 2 / r) - 1) - (L - beta / 2 * r * r) ** 2
     if not square > 0:
         raise InvalidInput(f"no orbit passes r = {r:g} with E = {E:g}, L = {L:g}, beta = {beta:g}")
@@ -38,7 +41,10 @@ def start(r: float, E: float, L: float, beta: float) -> float:
 
 
 def make(E: float, L: float, beta: float) -> Problem:
-    """A particle of energy ``E`` and angular momentum ``L``; ``beta`` is the charge times the field."""
+    """Make the problem of a charged particle around a Schwarzschild black hole in a uniform magnetic field.
+
+    ``E`` and ``L`` are the particle's energy and angular momentum, ``beta`` is its charge times the field.
+    """
     r, theta, pr, pt = sp.symbols("r theta p_r p_theta", real=True)
     E_, L_, b = map(sp.Rational, (E, L, beta))
     rho = r**2 * sp.sin(theta) ** 2

@@ -35,7 +35,10 @@ PYTHAGOREAN = ((3, (1.0, 3.0, 0.0)), (4, (-2.0, -1.0, 0.0)), (5, (1.0, -1.0, 0.0
 
 
 def plummer(N: int) -> tuple[list[float], list[float]]:
-    """(positions, velocities) of a Plummer sphere of N bodies, 3 N numbers each, with the barycentre at rest at 0."""
+    """Draw a random Plummer sphere of N bodies, always the same: (positions, velocities), 3 N numbers each.
+
+    The barycentre is at rest at the origin.
+    """
     draw = Random(SEED).random
 
     def direction(size):
@@ -61,7 +64,7 @@ def plummer(N: int) -> tuple[list[float], list[float]]:
 
 
 def grad_V(strength, sign=1):
-    """Make the function f(q, g) that writes ``sign`` grad V to g, V = -sum over pairs of ``strength`` / r_ij."""
+    """Make the function f(q, g) that writes ``sign`` times grad V to g, V = -sum over pairs of ``strength`` / r_ij."""
 
     def f(q, g):
         for i in range(len(q)):
@@ -78,7 +81,7 @@ def grad_V(strength, sign=1):
 
 
 def field(strength):
-    """Make the function that writes the vector field (p, -grad V), V = -sum over pairs of ``strength`` / r_ij."""
+    """Make the loop that writes the vector field (p, -grad V), V = -sum over pairs of ``strength`` / r_ij."""
     return unit_mass_field(grad_V(strength, -1))
 
 
@@ -102,7 +105,7 @@ def energy(strength):
 
 
 def nearest(Q, P):
-    """The least distance between two bodies in each row of Q (n, 3 N): array (n,)."""
+    """Return the least distance between two bodies in each row of Q (n, 3 N): array (n,); P is not used."""
     from scipy.spatial.distance import pdist
 
     return np.array([pdist(q.reshape(-1, 3)).min() for q in Q])

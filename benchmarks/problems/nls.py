@@ -7,8 +7,8 @@ On a periodic interval of length L with :math:`\Delta x = L/N`, central differen
     H = \sum_j \frac{(q_{j+1} - q_j)^2 + (p_{j+1} - p_j)^2}{2\Delta x^2} - \frac{(q_j^2 + p_j^2)^2}{2\Delta x}
     = \Delta x\sum_j \frac{|\psi_{j+1} - \psi_j|^2}{2\Delta x^2} - \frac{|\psi_j|^4}2 .
 
-It keeps the mass :math:`\sum_j q_j^2 + p_j^2 = \Delta x\sum_j |\psi_j|^2`, a quadratic invariant of the form q.q + p.p,
-not q.D p.  The equation is integrable, this discretization is not.
+It conserves the mass :math:`\sum_j q_j^2 + p_j^2 = \Delta x\sum_j |\psi_j|^2`, a quadratic invariant of the form q.q +
+p.p, not q.D p.  The equation is integrable, this discretization is not.
 
 In space-time it is multisymplectic (`multisymplectic`) with z = (q, p, v, w), :math:`\psi = q + ip`, v + iw its slope,
 
@@ -38,7 +38,7 @@ LARGEST, SHORTEST, LONGEST = 4096, 1e-3, 500.0
 
 
 def field(a, b):
-    """Make the function that writes (H_p, -H_q) to dq, dp, a = 1 / dx^2, b = 2 / dx (see `systems.hand`)."""
+    """Make the loop that writes the vector field (H_p, -H_q) to dq, dp; a = 1 / dx^2, b = 2 / dx (`systems.hand`)."""
 
     @part
     def at(j, left, right, q, p, dq, dp):
@@ -77,13 +77,13 @@ def energy(a, b):
 
 
 def constants(N: int, L: float) -> tuple[Fraction, Fraction]:
-    """(1 / dx^2, 2 / dx) as exact fractions, for N points of a period L, dx = L / N."""
+    """Return (1 / dx^2, 2 / dx) as exact fractions, for N points of a period L, dx = L / N."""
     dx = Fraction(L) / N
     return 1 / dx**2, 2 / dx
 
 
 def formula(N: int, L: float):
-    """(q, p, H) of the equation on N points of a period L: SymPy symbols, and H as an expression."""
+    """Return (q, p, H) of the nonlinear Schroedinger equation on N points of a period L: symbols, an expression."""
     q, p = (sp.symbols([f"{x}{j}" for j in range(N)], real=True) for x in "qp")
     a, b = (sp.Rational(c.numerator, c.denominator) for c in constants(N, L))
     bending = [a * (x[(j + 1) % N] - x[j]) ** 2 / 2 for j in range(N) for x in (q, p)]
@@ -91,7 +91,10 @@ def formula(N: int, L: float):
 
 
 def multisymplectic(strength: float = 1.0) -> Equation:
-    """The equation in multisymplectic form, z = (q, p, v, w), psi = q + ip, its cubic term times ``strength``."""
+    """Return the nonlinear Schroedinger equation in multisymplectic form, K z_t + L z_x = grad S(z).
+
+    z = (q, p, v, w), psi = q + ip with the slope v + iw; the cubic term is multiplied by ``strength``.
+    """
     K, L = np.zeros((4, 4)), np.zeros((4, 4))
     K[0, 1], K[1, 0] = 1.0, -1.0
     L[[0, 1], [2, 3]], L[[2, 3], [0, 1]] = -1.0, 1.0
@@ -115,7 +118,10 @@ def multisymplectic(strength: float = 1.0) -> Equation:
 
 
 def make(N: int, L: float) -> Problem:
-    """The equation on ``N`` >= 3 points of a period ``L``; many points run on hand-written loops."""
+    """Make the problem of the nonlinear Schroedinger equation on ``N`` >= 3 points of a period ``L``.
+
+    For many points the system is made of hand-written loops in place of derived formulae.
+    """
     if int(N) != N or not 3 <= N <= LARGEST:
         raise InvalidInput(f"the number N of points is {N}; it must be an integer from 3 to {LARGEST}")
     if min(max(L, SHORTEST), LONGEST) != L:

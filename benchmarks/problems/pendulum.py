@@ -14,7 +14,7 @@ SCENES = (
 
 
 def make() -> Problem:
-    """Make the problem; one orbit swings between -2 and 2 radians, one rotates."""
+    """Make the pendulum problem; one orbit swings between -2 and 2 radians, one rotates."""
     q, p = sp.symbols("q p", real=True)
     return Problem(
         id="pendulum",

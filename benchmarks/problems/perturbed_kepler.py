@@ -16,7 +16,10 @@ SCENES = (
 
 
 def make(e: float, mu: float) -> Problem:
-    """Make the problem at eccentricity 0 <= ``e`` < 1 of the unperturbed orbit and strength ``mu`` of the term."""
+    """Make the Kepler problem with the Schwarzschild term -``mu`` / (3 r^3).
+
+    0 <= ``e`` < 1 is the eccentricity of the unperturbed orbit from the same start.
+    """
     q1, q2, p1, p2, r, L = plane()
     H = (p1**2 + p2**2) / 2 - 1 / r - sp.Rational(mu) / (3 * r**3)
     return Problem(

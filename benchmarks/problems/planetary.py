@@ -9,7 +9,7 @@ A test particle (m = 0) has no :math:`p = m v`.  It is given `MASSLESS` = 1e-20 
 does to the others is 1e-4 of a double's rounding, its own motion is that of a test particle, and H stays one canonical
 function, so that symplectic and Wisdom-Holman methods, REBOUND and the references treat it as any other body.  Methods
 that move states along the gradient of H (Gonzalez's discrete gradient, projections) are refused: a massless body has no
-weight in it, and their steps throw it off.
+weight in the gradient, and such a step would throw the body off its orbit.
 """
 
 from __future__ import annotations
@@ -47,7 +47,10 @@ class PlanetarySystem(Problem):
     bodies: Bodies | None = None
 
     def refuses(self, record: Any) -> str | None:
-        """Why a method that moves states along gradients of invariants is unsuitable, if there are test particles."""
+        """Return why a method is unsuitable for a system with test particles; None if it is suitable.
+
+        Unsuitable are methods that move states along gradients of invariants; ``record`` describes the method.
+        """
         particles = self.bodies.particles
         if not particles or getattr(record, "family", None) not in GRADIENTS:
             return None
@@ -57,19 +60,25 @@ class PlanetarySystem(Problem):
         )
 
     def massive(self) -> PlanetarySystem | None:
-        """This system without its test particles; None if only the central body is left then."""
+        """Return this system without its test particles; None if only the central body would be left."""
         particles = self.bodies.particles
         if len(particles) == len(self.bodies.members) - 1:
             return None
         return self.without(*particles) if particles else self
 
     def without(self, *names: str) -> PlanetarySystem:
-        """This system without the named bodies; the others start as in the table, about their own barycentre."""
+        """Return this system without the named bodies; the others start as in the table, about their own barycentre.
+
+        Raises InvalidInput for an unknown name, and for the central body.
+        """
         self._check(names)
         return of_bodies(self.bodies.without(names), f"{self.id} without {', '.join(names)}")
 
     def massless(self, *names: str) -> PlanetarySystem:
-        """This system with the named bodies as test particles."""
+        """Return this system with the named bodies as test particles.
+
+        Raises InvalidInput for an unknown name, and for the central body.
+        """
         self._check(names)
         return of_bodies(self.bodies.massless(names), f"{self.id} with massless {', '.join(names)}")
 
@@ -89,24 +98,24 @@ def planetary_system(
     frame: str | None = None,
     id: str = "planetary-system",
 ) -> PlanetarySystem:
-    """The problem of bodies about a central one, the first of a table.
+    """Make the gravitational problem of a table of bodies, the central one first.
 
     Parameters
     ----------
     table : the path of a file such as ``planets.csv``; a DataFrame; column -> values; or a sequence of rows.  Columns
         are ``name, m`` and either ``x, y, z, vx, vy, vz`` or ``a, e, inc, Omega, omega, M`` (angles in degrees, about
         the first body); m = 0 is a test particle
-    units : a length, a time and a mass, for a table that is no file; by default ``"AU, day, Msun"``
+    units : the units of length, time and mass, for a table that is no file; by default ``"AU, day, Msun"``
     frame : of positions and velocities in a table that is no file: ``"heliocentric"`` (about the first body) or
         ``"barycentric"``
-    id : its name; a file is named by its path
+    id : the problem's name; the problem of a file is named by its path
 
     Returns
     -------
     PlanetarySystem
-        About the barycentre at rest, with its Kepler part, the distances that may vanish, momentum, angular momentum
-        and barycentre.  Its times may have a unit, ``t_end="1e4 yr"``; it has quantities of each body, such
-        as ``jupiter.longitude``, besides the usual ones
+        The problem about the barycentre at rest, with its Kepler part, the distances that may vanish, and the
+        invariants momentum, angular momentum and barycentre.  Its times may have a unit, ``t_end="1e4 yr"``; it has
+        quantities of each body, such as ``jupiter.longitude``, besides the usual ones
 
     Raises
     ------
@@ -134,7 +143,10 @@ def _units(text: str) -> Units:
 
 
 def _rows(table) -> list[tuple[str, dict[str, Any]]]:
-    """("row 1", column -> value) for each row of a table; raises InvalidInput."""
+    """Return a pair ("row 1", column -> value) for each row of a table: a DataFrame, columns, or rows.
+
+    Raises InvalidInput for any other object, and for columns of different lengths.
+    """
     if hasattr(table, "to_dict"):
         table = table.to_dict("list")
     try:
@@ -154,14 +166,14 @@ def _rows(table) -> list[tuple[str, dict[str, Any]]]:
 
 
 def from_file(path: str | Path, **parameters) -> PlanetarySystem:
-    """The problem of a file of bodies; raises InvalidInput for any parameter, since it has none."""
+    """Make the problem of a file of bodies, planets.csv; raise InvalidInput for a parameter, since it has none."""
     if parameters:
         raise InvalidInput(f"{path} has no parameter '{next(iter(parameters))}'; change the file")
     return of_bodies(bodies_file.read(path), str(path))
 
 
 def of_bodies(found: Bodies, id: str) -> PlanetarySystem:
-    """The problem of a checked table, from the cache on disk if it is there."""
+    """Return the problem, with the given id, of a checked table of bodies, from the cache on disk if it is there."""
     content = found.content
     made = kept.of_content(("planetary", *content), partial(_build_from_content, content), lambda: _build(found))
     return replace(made, id=id, bodies=found)
@@ -204,7 +216,7 @@ def _build(found: Bodies) -> PlanetarySystem:
 
 
 def _pace(found: Bodies) -> Pace:
-    """The time scales of the innermost body's motion."""
+    """Return the time scales of the motion of the innermost body."""
     a = min(found.semi_axes())
     period = 2 * pi * sqrt(a**3 / (found.units.G * found.masses[0])) if a < float("inf") else 1.0
     return Pace(unit=period / 10, step=period / 30, span=period / 2, later=period / 6)

@@ -18,7 +18,7 @@ PARAMETERS = {"A": 1.0, "B": 0.55, "D": 0.4}
 
 
 def make(A: float, B: float, D: float) -> Problem:
-    """Make the problem with the strengths ``A``, ``B``, ``D`` of the linear, quadratic and cubic forces."""
+    """Make the quadrupole boson problem with the strengths ``A``, ``B``, ``D`` of linear, quadratic, cubic forces."""
     q0, q2, p0, p2 = sp.symbols("q0 q2 p0 p2", real=True)
     a, b, d = (sp.Rational(x) for x in (A, B, D))
     H = (

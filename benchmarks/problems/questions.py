@@ -1,8 +1,9 @@
 """QUESTIONS, the scenes on which costs are compared: a quantity of a problem at a time, and accuracies to reach.
 
-The experiment `experiments.trade` compares the costs at which integrators reach an accuracy.  (A `Scene` of `scenes` is
-another thing: it has steps at which errors are compared with stored ones.)  The accuracies range from that of a
-picture, 1e-2, to that of an ephemeris, 1e-12, as far as doubles and the reference's uncertainty allow.
+Each such scene is a `Question`.  The experiment `experiments.trade` compares the costs at which integrators reach an
+accuracy.  (A `Scene` of `scenes` is another thing: it has steps at which errors are compared with stored ones.)  The
+accuracies fall from 1e-1 (a picture needs about 1e-2, an ephemeris 1e-12) as far as doubles and the reference's
+uncertainty allow.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from math import pi
 
 
 def down_to(last: int) -> tuple[float, ...]:
-    """The accuracies 1e-1, 1e-2, ... down to ten to the minus ``last``."""
+    """Return the accuracies (errors) 1e-1, 1e-2, ... down to ten to the minus ``last``."""
     return tuple(10.0**-k for k in range(1, last + 1))
 
 
@@ -38,7 +39,7 @@ class Question:
     about: str
 
     def build_problem(self):
-        """Build the problem of the question, on its orbit."""
+        """Return the `Problem` of the question, on its orbit."""
         from . import problem
 
         return problem(self.problem)

@@ -27,7 +27,10 @@ PARAMETERS = {"I1": 2.0, "I2": 1.0, "I3": 2 / 3, "G": 1.0}
 
 
 def make(**parameters: float) -> Problem:
-    """The body with moments of inertia ``I1``, ``I2``, ``I3`` and size ``G`` of the angular momentum, all positive."""
+    """Make the problem of the free rigid body in Andoyer's variables.
+
+    ``I1``, ``I2``, ``I3`` are its moments of inertia, ``G`` is the size of its angular momentum; all are positive.
+    """
     for name, value in parameters.items():
         if not value > 0:
             raise InvalidInput(f"{name} of the rigid body is {value}; it must be positive")

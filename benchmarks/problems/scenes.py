@@ -1,7 +1,7 @@
-"""SCENES: the scenes that the modules of all problems define, the order scenes first.
+"""SCENES: the scenes that the modules of all problems define, those for orders of convergence first.
 
-A scene is defined in the module of its problem: what is integrated, how far, with which steps, and how far an error may
-differ from the stored one.
+A scene is defined in the module of its problem: what is integrated, to which time, with which steps, and by how much an
+error may differ from the stored one.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from .base import DRIFT, ORDER, Scene
 
 
 def _all_scenes() -> list[Scene]:
-    """The scenes of all modules, in the order of the problems."""
+    """Return the scenes of the modules of all problems, in the order of the problems in the index."""
     modules = (importlib.import_module(f".{module}", __package__) for module, _, _ in PROBLEMS.values())
     return [scene for module in modules for scene in getattr(module, "SCENES", ())]
 

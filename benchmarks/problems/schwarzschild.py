@@ -37,7 +37,11 @@ def _pericentre(name: str, M: float, semilatus: float, e: float, times: tuple[fl
 
 
 def make(M: float, semilatus: float, e: float) -> Problem:
-    """Mass ``M`` > 0; "precessing" has 0 <= ``e`` < 1 and semilatus rectum ``semilatus`` > 6 + 2 e in units of M."""
+    """Make the problem of geodesics in the equatorial plane of a Schwarzschild black hole of mass ``M`` > 0.
+
+    Its orbit "precessing" has the eccentricity 0 <= ``e`` < 1 and the semilatus rectum ``semilatus`` > 6 + 2 e, in
+    units of M.
+    """
     if not M > 0:
         raise InvalidInput(f"the mass M is {M}; it must be positive")
     if not 0 <= e < 1:

@@ -36,7 +36,7 @@ PLANETS = {
 
 
 def table() -> Bodies:
-    """The Sun and the planets with their positions and velocities about the Sun."""
+    """Return the table of the Sun and eight planets with their masses, positions and velocities about the Sun."""
     rows: list[dict[str, object]] = [{"name": "sun", "m": 1.0}]
     for name, (mass, a, e, inc, longitude, pericentre, node) in PLANETS.items():
         degrees = {"inc": inc, "Omega": node, "omega": _minus(pericentre, node), "M": _minus(longitude, pericentre)}
@@ -45,7 +45,7 @@ def table() -> Bodies:
 
 
 def _minus(a: str, b: str) -> float:
-    """The double next to a - b."""
+    """Return the double nearest to a - b, for numbers given as text."""
     return float(sp.Rational(a) - sp.Rational(b))
 
 

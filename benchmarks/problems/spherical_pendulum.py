@@ -6,7 +6,7 @@ r"""The spherical pendulum in Cartesian coordinates: a point on the unit sphere 
 The vertical angular momentum :math:`q_1 p_2 - q_2 p_1` is conserved.  With z the height, :math:`\dot z^2 = 2(E - gz)(1
 - z^2) - L^2`, so that z moves periodically between two circles of latitude (Landau & Lifshitz, section 14, problem 1).
 
-Start: q = (1, 0, 0), p = (0, 3/4, 1/4), which doubles hold exactly on the sphere.
+Start: q = (1, 0, 0), p = (0, 3/4, 1/4), which is exactly on the sphere and tangent to it in doubles.
 """
 
 import sympy as sp

@@ -27,7 +27,10 @@ MODULUS = 0.9
 
 
 def cnoidal(N: int, m: float, t):
-    """(q, p) of the travelling wave at time ``t``, of mean zero, at mpmath's precision."""
+    """Return (q, p) of the travelling wave at time ``t``, tuples of N numbers of mean zero in mpmath's precision.
+
+    m is the parameter of the elliptic functions, 0 < m < 1.
+    """
     m = mpmath.mpf(m)
     kappa = 2 * mpmath.ellipk(m) / N
     sn, cn, dn = (lambda u, name=name: mpmath.ellipfun(name, u, m=m) for name in ("sn", "cn", "dn"))
@@ -47,7 +50,7 @@ def cnoidal(N: int, m: float, t):
 
 
 def grad_V(sign=1):
-    """Make the function f(q, g) that writes ``sign`` grad V of the lattice to g, for any number of particles."""
+    """Make the function f(q, g) that writes ``sign`` times grad V of the Toda lattice to g, for any number N."""
 
     def f(q, g):
         last = len(q) - 1
@@ -62,12 +65,12 @@ def grad_V(sign=1):
 
 
 def field():
-    """Make the function that writes the vector field (p, -grad V) of the lattice (see `systems.hand`)."""
+    """Make the loop that writes the vector field (p, -grad V) of the Toda lattice (see `systems.hand`)."""
     return unit_mass_field(grad_V(-1))
 
 
 def energy():
-    """Make the function f(q, p) -> (H, M) of the lattice; M is the unit in which H's round-off is measured."""
+    """Make the function f(q, p) -> (H, M) of the Toda lattice; M is the unit in which H's round-off is measured."""
 
     def f(q, p):
         n = len(q)
@@ -85,13 +88,16 @@ def energy():
 
 
 def formula(N: int):
-    """(q, p, H) of the lattice of N particles: SymPy symbols, and H as an expression."""
+    """Return (q, p, H) of the Toda lattice of N particles: lists of SymPy symbols, and H as an expression."""
     q, p = (sp.symbols([f"{x}{i + 1}" for i in range(N)], real=True) for x in "qp")
     return q, p, sp.Add(*(x**2 / 2 for x in p), *(sp.exp(q[i] - q[(i + 1) % N]) for i in range(N)))
 
 
 def _traces(N: int, X, p):
-    """Power k -> trace of the k-th power of the Lax matrix divided by k, without its constant part."""
+    """Return k -> trace of the k-th power of the Lax matrix divided by k, without its constant part, k = 1 .. N.
+
+    X and p are the N symbols of exp(q_i - q_{i+1}) and of the momenta.
+    """
     L = sp.zeros(N, N)
     for i in range(N):
         L[i, i] = p[i]
@@ -108,7 +114,7 @@ def _traces(N: int, X, p):
 
 
 def make(N: int) -> Problem:
-    """The lattice of 3 <= ``N`` <= `LARGEST` particles; it has the orbit "three" only for N = 3."""
+    """Make the problem of the Toda lattice of 3 <= ``N`` <= `LARGEST` particles; only N = 3 has the orbit "three"."""
     if int(N) != N or not 3 <= N <= LARGEST:
         raise InvalidInput(f"the number N of particles is {N}; it must be an integer from 3 to {LARGEST}")
     N = int(N)

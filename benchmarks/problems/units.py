@@ -20,7 +20,7 @@ WORDS |= {"kyr": ("yr", 1000), "Myr": ("yr", 10**6), "Gyr": ("yr", 10**9)}
 
 
 class Units(NamedTuple):
-    """The names of the units of a system's lengths, times and masses, keys of `LENGTHS`, `TIMES` and `MASSES`."""
+    """The names of a system's units of length, time and mass, such as "AU", "day", "Msun"."""
 
     length: str = "AU"
     time: str = "day"
@@ -33,7 +33,10 @@ class Units(NamedTuple):
 
 
 def units(text: str, where: str) -> Units:
-    """Parse a text such as "AU, day, Msun", in any order, to units; raises InvalidInput, naming ``where``."""
+    """Parse a text such as "AU, day, Msun", in any order, to units.
+
+    Raises InvalidInput, its message beginning with ``where``, unless there is one unit of each kind.
+    """
     kinds = {"length": LENGTHS, "time": TIMES, "mass": MASSES}
     found: dict[str, str] = {}
     for word in filter(None, (x.strip() for x in re.split(r"[,\s]+", text))):
@@ -54,7 +57,9 @@ def units(text: str, where: str) -> Units:
 
 
 def span(value: float | str | None, unit: str, what: str = "t_end") -> float | None:
-    """Convert a time to a number of ``unit``; it is a number, or a text with or without a unit, as in "1e4 yr".
+    """Convert a time, a number or a text such as "1e4 yr", to a number in ``unit``; a number or None is unchanged.
+
+    A text without a unit is in ``unit``, too; ``what`` is the argument's name, for messages.
 
     Raises
     ------

@@ -44,7 +44,7 @@ POINTS, AWAY = 3, 0.01
 
 
 def from_file(path: str | Path, **parameters) -> Problem:
-    """The problem that a Python file defines.
+    """Make the problem that a user's Python file defines, and check it.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ def from_file(path: str | Path, **parameters) -> Problem:
     Returns
     -------
     Problem
-        With its parameters' values; if its id is that of a registered problem, the path replaces it.
+        It holds the values of its parameters; if its id is that of a registered problem, the path replaces the id.
 
     Raises
     ------
@@ -90,14 +90,14 @@ def from_formula(
     constraints: Sequence[str] = (),
     parts: Sequence[str] = (),
 ) -> Problem:
-    """The canonical problem of a Hamiltonian that is typed as text, in q and p or in q1 .. qd and p1 .. pd.
+    """Make the problem of a Hamiltonian that is typed as text, in q and p or in q1 .. qd and p1 .. pd.
 
     Parameters
     ----------
     text : the formula of H, as `systems.formula.parse` reads it
     q, p : d numbers each, the initial state
     constants : values of the other names in the formula, taken as exact doubles
-    id : its name; by default the formula
+    id : the problem's name; by default the formula
     constraints : formulae or equations of constraints g(q) = 0; the system is a `ConstrainedHamiltonian` then
     parts : formulae of parts with exact flows, whose sum is H; the system is a `SplitHamiltonian` then
 
@@ -155,7 +155,11 @@ def _of_formula(
     constraints: Sequence[str] = (),
     parts: Sequence[str] = (),
 ) -> PartitionedSystem:
-    """The system of a formula in the variables ``names``, first q, then p; ``start``, q0, is for its Kepler part."""
+    """Make the system of a formula of H in the variables ``names``, first all q, then all p.
+
+    ``start`` is q0, by which its Kepler part is found; ``constants``, ``constraints`` and ``parts`` are those of
+    `from_formula`.
+    """
     variables = {name: sp.Symbol(name, real=True) for name in names}
     known = variables | {k: sp.Rational(v) for k, v in constants.items()}
     H = formula.parse(text, known)
@@ -170,7 +174,10 @@ def _of_formula(
 
 
 def _degrees(names: Sequence[str]) -> int:
-    """The number d of q1 .. qd, p1 .. pd among the names; 0 for q and p themselves.  Raises InvalidInput for gaps."""
+    """Return the number d of variables q1 .. qd, p1 .. pd among the names in a formula; 0 for q and p themselves.
+
+    Raises InvalidInput if there are no variables, both kinds, or gaps in the numbers.
+    """
     numbered = {int(m[1]) for m in (re.fullmatch(r"[qp]([1-9]\d{0,3})", n) for n in names) if m}
     plain = [n for n in names if n in ("q", "p")]
     if plain and numbered:
@@ -189,13 +196,16 @@ def _degrees(names: Sequence[str]) -> int:
 
 
 def _like(default: object, value: float) -> float:
-    """The value as an int if it is whole and the default is an int: --set n=4 is a number of bodies, not 4.0."""
+    """Return a parameter's value, as an int if it is whole and the default is an int: n=4 is not 4.0."""
     whole = isinstance(default, int) and isinstance(value, float) and value.is_integer()
     return int(value) if whole else value
 
 
 def _values(module: types.ModuleType, make: Any, path: str, parameters: Mapping[str, float]) -> dict[str, float]:
-    """The values of a problem file's parameters: those given, else from PARAMETERS or the defaults of ``make``."""
+    """Return name -> value of a problem file's parameters: those given, else from PARAMETERS or ``make``'s defaults.
+
+    Raises InvalidInput for an unknown or missing parameter, and for a value that is no finite number.
+    """
     if not callable(make):
         raise InvalidInput(f"{path}: make is a {type(make).__name__}, no function")
     stated = inspect.signature(make).parameters.values()
@@ -217,9 +227,10 @@ def _values(module: types.ModuleType, make: Any, path: str, parameters: Mapping[
 
 
 def normalize(problem: Problem, where: str) -> Problem:
-    """The problem with its initial data as doubles and its invariants as expressions.
+    """Check a user's problem, and return it with initial data as doubles and invariants as expressions.
 
-    Raises InvalidInput, naming ``where``, for one that breaks the contract of problems.
+    Raises InvalidInput, naming ``where``, for a problem without an energy, with malformed or non-finite initial data,
+    or with an invariant that is not conserved.
     """
     system = problem.system
     if not isinstance(system, PartitionedSystem):
@@ -258,7 +269,7 @@ def normalize(problem: Problem, where: str) -> Problem:
 
 
 def _state(orbit: Orbit, name: str, d: int, where: str) -> tuple[float, ...]:
-    """The initial q or p (``name``) of an orbit as a tuple of d floats; raises InvalidInput unless they are finite."""
+    """Return the initial q or p (``name``) of an orbit as a tuple of d floats; raise InvalidInput unless finite."""
     given = getattr(orbit, name)
     try:
         value = tuple(float(x) for x in np.atleast_1d(given))
@@ -270,7 +281,10 @@ def _state(orbit: Orbit, name: str, d: int, where: str) -> tuple[float, ...]:
 
 
 def _check_start(system: PartitionedSystem, orbit: Orbit, where: str, paste: str = "q={}, p={}") -> None:
-    """Raise InvalidInput for a start at which H or the rates are not finite, or that is off the constraints."""
+    """Raise InvalidInput for a start where H or the vector field is not finite, at a singularity, or off constraints.
+
+    ``where`` begins the message; ``paste`` is the form in which it suggests a state on the constraints.
+    """
     q, p = np.array([orbit.q]), np.array([orbit.p])
     if system.constrained:
         try:

@@ -1,4 +1,4 @@
-"""Load a user's Python file; what is wrong with it is reported with its line."""
+"""Load a user's Python file as a module; errors in the file are reported with their line."""
 
 from __future__ import annotations
 
@@ -19,15 +19,18 @@ def is_file(name: str) -> bool:
 
 
 def file_and_object(name: str) -> tuple[str, str]:
-    """(path, "object.attribute") of ``./mine.py:object.attribute`` (a drive's colon is of the path), or (name, "")."""
+    """Split ``./mine.py:object.attribute`` into (path, "object.attribute"); return (name, "") without an object.
+
+    The colon of a Windows drive is part of the path.
+    """
     head, _, tail = name.rpartition(":")
     return (head, tail) if head.lower().endswith(".py") else (name, "")
 
 
 def load(path: str, what: str = "problem") -> types.ModuleType:
-    """Load a user's file as a module, once a process until its text changes.
+    """Load a user's Python file as a module, once in a process unless its text changes.
 
-    ``what`` it defines ("problem", "method") is for messages.
+    ``what``, which the file defines ("problem" or "method"), is for messages.
 
     Imports relative to the package of problems work in it, so that a copy of one of its modules runs as it is.
 
@@ -66,7 +69,10 @@ def load(path: str, what: str = "problem") -> types.ModuleType:
 
 @contextlib.contextmanager
 def users_code(path: str, what: str) -> Iterator[None]:
-    """A context for a user's code: its exceptions become InvalidInput with the line, its prints go to stderr."""
+    """A context manager for a user's code: its exceptions become InvalidInput with the line, prints go to stderr.
+
+    ``path`` is the file of the code, ``what`` names the code if no line is known.
+    """
     try:
         with contextlib.redirect_stdout(sys.stderr):
             yield

@@ -1,4 +1,4 @@
-"""Measures a random sample of unchanged cells again and compares it with the stored rows."""
+"""Check a random sample of unchanged cells (single measurements), measured again, against their stored rows."""
 
 from __future__ import annotations
 
@@ -6,6 +6,9 @@ from phasebench.benchmarks.store import compare
 
 
 def bench_sample(outcome):
-    """Check that re-measured numbers are within their tolerance of the stored ones; a failure names row and numbers."""
+    """Check that numbers measured again, of a random sample, are within their tolerance of the stored ones.
+
+    A failure names the rows and both numbers.
+    """
     wrong = compare.of_sample(outcome)
     assert not wrong, "\n".join(map(str, wrong))

@@ -81,7 +81,9 @@ def text(value) -> str:
 
 
 def exact(value) -> str:
-    """The data as a text that is equal if and only if they are equal, at any working precision of mpmath.
+    """Convert data to a text, for hashing; two texts are equal if and only if the data are equal.
+
+    The text does not depend on the working precision of mpmath.
 
     Raises
     ------
@@ -115,7 +117,11 @@ def record(method) -> str:
 
 
 def content(*parts: object, code: Iterable[str] = ()) -> str:
-    """The hash of data (methods and peers by their records) and of the modules in ``code`` with all their imports."""
+    """The hash of all that a measurement depends on: data, and source code, so that a changed hash means "outdated".
+
+    ``parts`` are data; methods, peers (integrators of other packages) and problems among them stand for their records
+    and the modules that define them.  ``code`` are names of further modules.  Modules count with all their imports.
+    """
     modules = list(code)
     pieces = []
     for part in parts:

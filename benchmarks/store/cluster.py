@@ -22,7 +22,10 @@ _children = threading.local()
 
 
 def call(where: str, function: Callable, arguments: Sequence) -> Answer:
-    """On a Dask worker: call a function in a child process, which is kept for the next call, and return its answer."""
+    """Call a function in a child process of a Dask worker, and return its `Answer`.
+
+    The child process is kept for the next call with the same ``where`` (how a cell is measured: compiled or not).
+    """
     known = _children.__dict__.setdefault("by_place", {})
     return known.setdefault(where, Worker(where)).call(function, *arguments)
 

@@ -48,7 +48,14 @@ class Pair(NamedTuple):
 
 
 class Difference(NamedTuple):
-    """A number outside its band, a text that changed, or a row (column `ROW`) that one table lacks."""
+    """A difference between two tables: a number outside its band, a text that changed, or a row that one table lacks.
+
+    Attributes
+    ----------
+    key : the texts that identify the row
+    column : the column, or `ROW` if a whole row is missing
+    measured, stored : the two cells, or `PRESENT` and `MISSING`
+    """
 
     key: tuple[str, ...]
     column: str
@@ -145,7 +152,10 @@ LADDERS = {"kepler": "setting"}
 
 
 def of_cell(cell: Cell, table: str, measured: Sequence[Row], stored: Sequence[Row]) -> list[Difference]:
-    """The differences between the rows of a repeated cell (one measurement) in a table and the stored rows."""
+    """Compare the rows of one table from a repeated measurement (``cell``) with the stored rows of the same cell.
+
+    Only the columns in `BANDS` are compared; [] for a table that has none.
+    """
     if table not in BANDS:
         return []
     pairs = match(measured, stored, [LADDERS[table]] if table in LADDERS else [])
@@ -159,7 +169,7 @@ def of_cell(cell: Cell, table: str, measured: Sequence[Row], stored: Sequence[Ro
 
 
 def of_sample(outcome: Outcome) -> list[Difference]:
-    """The differences between the cells (single measurements) that a run repeated as a sample, and the stored rows."""
+    """The differences between the measurements that a run repeated as a random sample and their stored rows."""
     cells = {c.id: c for c in outcome.cells}
     return [
         d

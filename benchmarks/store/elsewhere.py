@@ -1,4 +1,4 @@
-"""Rows measured elsewhere: the results of other languages' integrators, made on their own machine, read from a file.
+"""Read results of integrators in other languages, computed on another machine, from a file.
 
 A file is CSV.  Its first lines are its header, ``# name: value`` each:
 
@@ -54,7 +54,7 @@ SAME = 1e-12
 
 @dataclass(frozen=True)
 class Elsewhere:
-    """The content of a file.
+    """The content of a file of results that were computed elsewhere, by a package in another language.
 
     Attributes
     ----------
@@ -111,7 +111,7 @@ def problem_key(path: Path) -> tuple[str, dict[str, float], str]:
 
 
 def _parts(path: Path) -> tuple[dict[str, str], list[str]]:
-    """(the entries of a file's header, its other lines that are not empty)."""
+    """Read a file; return (the entries of its header, its other lines that are not empty)."""
     try:
         lines = [line for line in path.read_text(encoding="utf-8-sig").splitlines() if line.strip()]
     except (OSError, UnicodeDecodeError) as error:
@@ -260,7 +260,10 @@ def _digits(text: str) -> int:
 
 
 def _energy(where: str, made: Problem, y, stated: float | None) -> float:
-    """H - H0 of a state y = (q, p), or as stated without one; raises InvalidInput if both are there and differ."""
+    """H - H0 of an end state y = (q, p); the ``stated`` one if y is None.
+
+    Raises InvalidInput if a state and an error are given that do not agree.
+    """
     if y is None:
         return stated
     Q, P = (np.vstack([start, end]) for start, end in ((made.q0, y[: made.system.d]), (made.p0, y[made.system.d :])))
@@ -271,7 +274,7 @@ def _energy(where: str, made: Problem, y, stated: float | None) -> float:
 
 
 def errors(file: Elsewhere) -> list[dict[str, Any]]:
-    """The rows of a file with their errors, as dictionaries of plain values; ``made_on`` is the machine that they name.
+    """The rows of a file with their errors, as dictionaries of plain values; ``made_on`` is the machine in its header.
 
     ``error`` is the max norm over (q, p) of the difference from the reference at t_end, ``uncertainty`` the
     reference's; None without an end state or a reference, and ``reason`` says why.
@@ -303,7 +306,14 @@ def _error(file: Elsewhere, row: dict[str, Any]) -> dict[str, Any]:
 
 
 def state_error(made: Problem, t_end: float, q, p) -> dict[str, Any]:
-    """``error`` of a state (q, p) at ``t_end`` against the reference, its ``uncertainty``, and why there is none."""
+    """Compare a state (q, p) at ``t_end`` with the reference solution of the problem.
+
+    Returns
+    -------
+    dict
+        ``error``, max norm over (q, p); ``uncertainty`` of the reference; both None if there is no reference, and
+        ``reason`` says why
+    """
     ends = SimpleNamespace(t=np.array([0.0, t_end]), q=np.vstack([made.q0, q]), p=np.vstack([made.p0, p]))
     found = end_error(made, ends, t_end)
     reference = found["reference"]

@@ -80,7 +80,7 @@ def save(name: str, frame: pd.DataFrame, provenance: Mapping[str, object], direc
 
 
 def load(name: str, directory: Path = DIRECTORY) -> tuple[pd.DataFrame, dict]:
-    """(table with its numbers as doubles, provenance) of a stored table.
+    """Read a stored table; return (the table, with numbers as doubles; its provenance as a dict).
 
     Raises
     ------

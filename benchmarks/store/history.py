@@ -43,7 +43,7 @@ ENOUGH = 3
 
 
 class Factor(NamedTuple):
-    """Tolerance: two numbers' sizes may differ by a factor, and by anything if both are below a floor."""
+    """Tolerance for two numbers: their sizes may differ by the factor ``largest``, or both be at most ``floor``."""
 
     largest: float
     floor: float
@@ -153,7 +153,7 @@ def _pairs(old: pd.DataFrame, new: pd.DataFrame) -> tuple[list[str], list[Pair]]
 
 
 def _change(table: str, d: Difference) -> Change | None:
-    """Convert a difference between two runs to a `Change`; None for an error that only one run has."""
+    """Convert a difference between two runs to a `Change`; None if one of the runs has no number there."""
     row = ", ".join(filter(None, d.key))
     if d.column == ROW:
         return Change(GONE if d.measured == MISSING else NEW, table, row, "", "", "")

@@ -31,7 +31,14 @@ class Entry:
 
 
 class Journal:
-    """The finished cells (single measurements) of a journal file, kept on disk; InvalidInput if it is unusable."""
+    """A file of finished cells (single measurements), to which a run appends each as soon as it is measured.
+
+    Attributes
+    ----------
+    path : the file; InvalidInput is raised if it cannot be read or written
+    entries : the finished cells by id
+    unreadable : number of lines that could not be read
+    """
 
     def __init__(self, path: str | Path):
         self.path = Path(path)
@@ -102,7 +109,7 @@ def _plain(value):
 
 @contextlib.contextmanager
 def lock(folder: Path) -> Iterator[None]:
-    """Hold an exclusive lock on the run folder; raise InvalidInput if it is taken."""
+    """Context manager: hold an exclusive lock on the run folder; raise InvalidInput if it is taken."""
     try:
         import fcntl
     except ImportError:  # no file locks on this system

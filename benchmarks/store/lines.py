@@ -71,7 +71,10 @@ def write(path: Path, entries: Mapping[str, Entry], table: str) -> None:
 
 
 def _answers(cells: Sequence[Cell], jobs: int, cluster: Cluster | None) -> Iterator[tuple[Cell, workers.Answer]]:
-    """Yield each cell with its answer as soon as it is finished; in parallel runs the timed cells come last."""
+    """Measure cells; yield each with its `Answer` (rows or error) as soon as it is finished.
+
+    ``jobs`` is the number of processes, 0 for this one.  In parallel runs the timed cells come last.
+    """
     if not jobs and cluster is None:
         yield from workers.measure(cells, POOL, NEVER)
         return

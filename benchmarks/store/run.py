@@ -1,4 +1,4 @@
-"""A run: decides which cells to measure within a time budget and in which order, and writes the tables.
+"""Make a run of the benchmarks: choose which measurements ("cells") fit the time budget, make them, write the tables.
 
 New and changed cells come first, then timings from another machine, then a random sample of the rest, which is only
 compared with the stored rows.  A finished cell is written to a journal at once and the tables at the end; the next run
@@ -28,7 +28,13 @@ UNKNOWN, LONGEST = 5.0, 3.0
 
 @dataclass
 class Standing:
-    """The stored state of a cell (one measurement): content hash, machine and measuring time of its rows."""
+    """What is stored of a cell (one measurement).
+
+    Attributes
+    ----------
+    content : hash of the code and data that its rows were measured with; None if rows are missing or were edited
+    machine, spent : the machine, and the seconds that the measurement took
+    """
 
     content: str | None = None
     machine: str = ""
@@ -37,7 +43,7 @@ class Standing:
 
 @dataclass
 class Plan:
-    """The cells by the reason to measure them; each cell is in exactly one list.
+    """The cells (single measurements) of a run, sorted by the reason to measure them; each is in exactly one list.
 
     Attributes
     ----------
@@ -55,7 +61,7 @@ class Plan:
 
 @dataclass
 class Outcome:
-    """The result of a run.
+    """The result of a run of the benchmarks, whose unit is the cell (one measurement).
 
     Attributes
     ----------
@@ -63,6 +69,8 @@ class Outcome:
     sampled : rows by cell id, measured only to compare them with the stored ones
     failed : cell id -> why it could not be measured
     left : cells for which there was no time
+    seconds : experiment -> seconds spent on its cells
+    stored : the tables as they were before the run, by name
     """
 
     cells: list[Cell]
@@ -96,7 +104,7 @@ def entry(cell: Cell, answer: workers.Answer) -> Entry:
 
 
 def standing(cell: Cell, stored: dict[str, tables.Table]) -> Standing:
-    """The content hash, machine and time of a cell's stored rows; empty if they are missing or were edited."""
+    """The content hash, machine and time of a cell's stored rows; without a hash if they are missing or were edited."""
     found = tables.version(cell, stored)
     if found is None:
         return Standing()
@@ -111,7 +119,11 @@ def plan(
     machine: str,
     again: bool = False,
 ) -> Plan:
-    """Sort the cells by the reason to measure them; with ``again`` unchanged cells count as changed."""
+    """Sort the cells (single measurements) by the reason to measure them.
+
+    ``known`` has what is stored of each cell, ``entries`` the finished cells of a run that was killed, ``machine`` is
+    the name of this machine.  With ``again`` unchanged cells count as changed.
+    """
     out, alike = Plan(), provenance.same_hardware
     for cell in cells:
         kept, before = entries.get(cell.id), known[cell.id]
@@ -127,7 +139,10 @@ def plan(
 
 
 def sample(cells: Sequence[Cell], known: dict[str, Standing], seconds: float, seed: int, count: int) -> list[Cell]:
-    """A random choice of cells that takes about ``seconds`` on ``count`` cores, from each experiment in turn."""
+    """Choose cells (single measurements) at random, from each experiment in turn, that take about ``seconds`` together.
+
+    ``known`` has the time that each takes; ``count`` is the number of cores.
+    """
     rng = random.Random(seed)
     groups: dict[str, list[Cell]] = {}
     for cell in cells:
@@ -218,14 +233,20 @@ def execute(
 
 
 class _Work:
-    """Measures lists of cells for a run: pooled, uncompiled and timed ones (`Cell.where`) one kind after the other."""
+    """Measures the cells of a run: those for all cores, the timed ones and the uncompiled ones, kind after kind.
+
+    Results go into ``out`` and, as they are finished, into the journal.
+    """
 
     def __init__(self, out: Outcome, journal: Journal, known, count: int, progress, cluster: Cluster | None):
         self.out, self.journal, self.known, self.count, self.progress = out, journal, known, count, progress
         self.cluster = cluster
 
     def measure(self, cells: list[Cell], deadline: float, compared: bool = False) -> None:
-        """Measure cells until the deadline; those to be ``compared`` are not stored."""
+        """Measure cells (single measurements) until the deadline, a time of `time.monotonic`.
+
+        If they are only to be ``compared`` with stored rows (a sample), their rows are not stored.
+        """
         left = sum(self._share(c) for c in cells)
         done = 0
         lanes = {w: lane for w in (POOL, ALONE, UNCOMPILED) if (lane := [c for c in cells if c.where == w])}
@@ -261,7 +282,7 @@ class _Work:
 
 
 def _flaw(cell: Cell, rows: Rows) -> str | None:
-    """The reason why rows cannot belong to a cell, or None."""
+    """Why the measured rows (table -> rows) are not valid for the cell, such as a wrong key; None if they are valid."""
     if set(rows) != set(cell.tables):
         return f"it measured tables {sorted(rows)}, not {sorted(cell.tables)}"
     for members in rows.values():

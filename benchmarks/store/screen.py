@@ -13,7 +13,10 @@ HEADINGS = ("experiment", "measured now", "sampled", "unchanged", "not by this v
 
 @contextlib.contextmanager
 def progress(stream) -> Iterator[Callable[[str, int, int, float], None]]:
-    """A context that gives a callback for the ``progress`` of a run; it draws a bar if the stream is a terminal."""
+    """Context manager that gives the function (experiment, done, total, seconds left) to show the progress of a run.
+
+    The function draws a bar if the stream is a terminal, and does nothing otherwise.
+    """
     if not stream.isatty():
         yield lambda *_: None
         return
@@ -37,7 +40,10 @@ def progress(stream) -> Iterator[Callable[[str, int, int, float], None]]:
 
 
 def counts(outcome: Outcome) -> list[dict[str, object]]:
-    """One row per experiment: how many cells were measured, sampled, unchanged or failed, and the seconds spent."""
+    """Count a run's cells (single measurements) by experiment: a row for each, for the table that ends a run.
+
+    A row has how many cells were measured now, sampled, unchanged, not by this version, or failed, and the seconds.
+    """
     stale = {c.id for c in outcome.left} | {id for id in outcome.failed if id not in outcome.sampled}
     rows: dict[str, dict[str, object]] = {}
     for cell in outcome.cells:
@@ -59,7 +65,7 @@ def counts(outcome: Outcome) -> list[dict[str, object]]:
 
 
 def summary(outcome: Outcome, width: int = 100) -> str:
-    """The text of the table at the end of a run."""
+    """The table printed at the end of a run, as text: a line for each experiment with the numbers of `counts`."""
     from rich.console import Console
     from rich.table import Table
 

@@ -15,7 +15,7 @@ Known = TypeVar("Known")
 
 
 class ShippedTable(Generic[Known]):
-    """A CSV file computed from measured rows, and its parsed content.
+    """A CSV file that is computed from measured rows and shipped with the package, and its parsed content.
 
     Parameters
     ----------

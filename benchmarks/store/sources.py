@@ -63,7 +63,10 @@ def _run_nodes(tree: ast.AST) -> Iterator[ast.AST]:
 
 
 def essence(text: str) -> str:
-    """What a source computes: its syntax tree without comments, docstrings, annotations, and imports for these."""
+    """The part of a source file on which its results depend, as text, to be hashed.
+
+    It is the syntax tree without comments, docstrings, annotations, and the imports that only annotations need.
+    """
     return _essence(ast.parse(text))
 
 
@@ -105,14 +108,20 @@ def _file(path: Path, module: str) -> tuple[str, frozenset[str]]:
 
 
 def _depends(module: str, start: str) -> bool:
-    """True if an import of ``module`` counts for the digest of ``start``; one in `DATA` only within its own package."""
+    """True if the code of ``module``, imported directly or not by ``start``, counts for the digest of ``start``.
+
+    Modules in the packages `DATA` count only for modules of the same package.
+    """
     room = next((d for d in DATA if module == d or module.startswith(f"{d}.")), None)
     return room is None or module == start or (module != room and start.startswith(f"{room}."))
 
 
 @cache
 def closure(module: str, root: Path = ROOT) -> dict[str, str]:
-    """Module -> digest, for the module and all its direct and indirect imports, except `DATA`."""
+    """Return a dict: module -> digest of its code, for ``module`` and all that it imports, directly or not.
+
+    Modules of other projects and those in the packages `DATA` are left out.
+    """
     files: dict[str, str] = {}
     waiting = [module]
     while waiting:

@@ -29,7 +29,7 @@ Row = dict[str, str]
 
 
 def read(folder: Path, name: str, stale: bool = True):
-    """(the table ``name`` as a DataFrame, its metadata from the JSON file); (None, None) if it was not measured.
+    """Read a table of a report folder; return (DataFrame, metadata from its JSON file), or (None, None) if absent.
 
     Rows measured by an earlier version of the code are included unless ``stale`` is False; ``about["stale"]`` is their
     number.  Raises InvalidInput if the files cannot be read.
@@ -64,7 +64,14 @@ def as_csv(rows: Sequence[Mapping[str, object]], columns: Sequence[str]) -> str:
 
 
 class Table:
-    """A stored table as text, so that rows that are not measured again stay the same to the byte."""
+    """A stored table, with cells as text, so that rows that are not measured again stay the same to the byte.
+
+    Attributes
+    ----------
+    name, path : the name of the table, and its CSV file
+    rows : its rows, dicts of texts by column
+    about : the metadata in the JSON file beside it; {} if there is none
+    """
 
     def __init__(self, folder: Path, name: str):
         self.name, self.path = name, folder / f"{name}.csv"
@@ -120,7 +127,7 @@ class Table:
 
 
 def fresh_rows(entry: Entry, table: str) -> list[Row]:
-    """The rows of a finished cell in one table, as text, with their provenance."""
+    """The rows that a finished cell (one measurement) adds to one table, as text, with their columns of provenance."""
     about = {"content": entry.content, "date": entry.date, "machine": entry.machine}
     rows = {name: [{k: text(v) for k, v in row.items()} for row in members] for name, members in entry.rows.items()}
     about |= {"spent": text(round(entry.spent, 3)), "digest": digest(rows), "state": CURRENT}
@@ -128,7 +135,7 @@ def fresh_rows(entry: Entry, table: str) -> list[Row]:
 
 
 def digest(rows: Mapping[str, Sequence[Row]]) -> str:
-    """Digest of a cell's rows, by table, without provenance and empty cells."""
+    """Digest of the rows of one measurement (table -> rows), without columns of provenance and empty table cells."""
     plain = {
         name: [sorted((k, v) for k, v in row.items() if v and k not in PROVENANCE) for row in members]
         for name, members in rows.items()
@@ -138,7 +145,10 @@ def digest(rows: Mapping[str, Sequence[Row]]) -> str:
 
 
 def version(cell: Cell, stored: Mapping[str, Table]) -> str | None:
-    """The content hash of a cell's stored rows; None if they are missing, incomplete or edited."""
+    """The content hash stored with the rows of a cell (one measurement): of the code and data they were measured with.
+
+    None if rows are missing, or were edited or lost since.  ``stored`` are the tables by name.
+    """
     found = {name: stored[name].of(cell) for name in cell.tables}
     said = {(row.get("content"), row.get("digest")) for rows in found.values() for row in rows}
     if len(said) != 1:

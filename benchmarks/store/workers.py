@@ -1,4 +1,7 @@
-"""Calls functions in other processes, with a time limit and an answer even if a process dies; measures cells so."""
+"""Call functions in other processes, with a time limit and an answer even if a process dies.
+
+`measure` makes the measurements of a run ("cells") in this way.
+"""
 
 from __future__ import annotations
 
@@ -36,7 +39,7 @@ DIED, LATE = "its process died", "it did not return in time"
 
 
 class Answer(NamedTuple):
-    """The result of a call.
+    """The result of a function call in another process.
 
     Attributes
     ----------
@@ -64,8 +67,9 @@ def answer(function: Callable, arguments: Sequence) -> Answer:
 
 @contextlib.contextmanager
 def pin_to_core(pin: bool = True) -> Iterator[None]:
-    """Pin to a core that no other phasebench process has pinned; block until one is free.  No effect without affinity.
+    """Context manager: pin this process to a core that no other phasebench process has pinned; block until one is free.
 
+    It has no effect if ``pin`` is False or the system cannot pin processes.
     A locked file marks a core as taken; the system releases the lock if the process dies.
     """
     if not pin or not hasattr(os, "sched_setaffinity"):
@@ -109,7 +113,7 @@ class Worker:
 
     Parameters
     ----------
-    where : a place of `cells`, or `PINNED`
+    where : how it runs: "pool" or "alone" (with Numba), "uncompiled" (without), or "pinned" (on a core of its own)
     answers : a queue shared by several workers, which receives (worker, answer); by default one of its own
     """
 
@@ -188,11 +192,11 @@ class Worker:
 def measure(
     cells: Sequence[Cell], where: str, deadline: float, count: int = 0, cluster: Cluster | None = None
 ) -> Iterator[tuple[Cell, Answer]]:
-    """Measure cells, and yield each with its answer when it is finished, until the deadline.
+    """Measure cells, and yield each with its `Answer` (rows or error) when it is finished, until the deadline.
 
     Parameters
     ----------
-    where : a place of `cells`, or `PINNED`
+    where : how processes run: "pool" or "alone" (with Numba), "uncompiled" (without), "pinned" (each on its own core)
     deadline : a time of `time.monotonic`; cells not finished by then are stopped and not yielded
     count : number of parallel processes; 0 measures in this process
     cluster : measures instead of this machine

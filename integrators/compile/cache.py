@@ -1,4 +1,4 @@
-"""The cache of generated sources and machine code: one folder, checked when read, and never needed.
+"""The cache on disk of generated source text and machine code: one folder, checked when read, and safe to delete.
 
 The folder is $PHASEBENCH_CACHE, or else the platform's folder for caches.  Entries are in a subfolder named by the hash
 of everything that they depend on (this package's source, the versions of the packages that generate and compile, the
@@ -112,7 +112,7 @@ def folder() -> Path | None:
 
 
 def read(name: str) -> bytes | None:
-    """Return the content of an entry, or None if there is none; a damaged entry is removed."""
+    """Return the content of the cache entry ``name``, or None if there is none; a damaged entry is removed."""
     place = folder()
     if place is None:
         return None
@@ -128,7 +128,7 @@ def read(name: str) -> bytes | None:
 
 
 def write(name: str, content: bytes) -> None:
-    """Store the content as an entry, completely or not at all; a failure is logged once in a process."""
+    """Store the content as the cache entry ``name``, completely or not at all; the first failure is logged."""
     place = folder()
     try:
         if place is None:
@@ -149,7 +149,7 @@ def write(name: str, content: bytes) -> None:
 
 
 def forget(name: str) -> None:
-    """Remove an entry, if it exists: a file, or a folder of machine code."""
+    """Remove the cache entry ``name``, a file or a folder of machine code, if it exists."""
     place = folder()
     if place is not None:
         _remove(place / name)
@@ -168,14 +168,15 @@ def _remove(path: Path) -> None:
 
 
 def seal_of(name: str) -> str:
-    """Return the file that seals a folder of machine code, as an entry's name."""
+    """Return the name, as a cache entry, of the file with the hash (seal) of a folder of machine code."""
     return f"{name}/{SEAL}"
 
 
 def source_of(name: str) -> tuple[Path | None, bool]:
-    """Return (the empty source file beside which Numba keeps machine code, True if that is there and sealed).
+    """Return (the empty source file beside which Numba keeps machine code, True if its folder is complete and intact).
 
-    The file is None if nothing can be written.  A folder of damaged machine code is emptied.
+    The folder is the entry ``name`` of the cache; it is emptied if damaged.  The file is None if the cache cannot be
+    written.
     """
     place = folder()
     try:
@@ -197,7 +198,7 @@ def source_of(name: str) -> tuple[Path | None, bool]:
 
 
 def _is_sealed(home: Path) -> bool:
-    """True if the folder of machine code is complete and as it was when it was sealed."""
+    """True if a folder of machine code is complete and unchanged, by the hash stored in its file `SEAL`."""
     try:
         return (home / SEAL).read_bytes() == _content(home).encode()
     except OSError:
@@ -205,7 +206,7 @@ def _is_sealed(home: Path) -> bool:
 
 
 def seal(name: str) -> None:
-    """Seal a folder of machine code by a file with its hash; a failure is logged once in a process."""
+    """Mark a folder of machine code as complete, by a file with its hash; a failure is logged once in a process."""
     home = folder() / name
     try:
         if not (home / SEAL).exists():
@@ -226,7 +227,7 @@ def _content(home: Path) -> str:
 
 @contextmanager
 def hold_lock(name: str) -> Iterator[None]:
-    """Hold the lock of an entry while making it, so that other processes wait, and then find it.
+    """Hold the lock of a cache entry while making the entry, so that other processes wait for it, and then find it.
 
     The lock is the operating system's, on an open file, so that it ends with a process that is killed.  A process that
     has waited for `LOCK_TIMEOUT`, or that cannot lock, makes the entry as well; that costs time and nothing else.

@@ -1,6 +1,6 @@
 """Turn the source text of generated functions into functions: compiled, in plain NumPy, or in multiprecision.
 
-A generated function takes and returns the values of `vector`: tuples of doubles (compiled, small d), arrays of doubles
+A generated function takes and returns vectors of d numbers: tuples of doubles (compiled, small d), arrays of doubles
 (compiled, large d; or plain NumPy) or object arrays of MPFR numbers (`precision`).  `printing` writes the text.  The
 text is stored in `cache` under the hash of what it was generated from, so that SymPy works once; its machine code is
 stored too (`machine`).  Within a process the same key always gives the same function, whichever system asks for it.
@@ -53,7 +53,7 @@ def value_type(d: int, arrays: bool = False):
 
 
 def options(d: int) -> dict:
-    """Return the compiler options for functions of states of d components."""
+    """Return the Numba options for functions of states of d components, as keyword arguments of `numba.njit`."""
     return TUPLES if value_kind(d) == "tuple" else ARRAYS
 
 
@@ -72,7 +72,7 @@ CONSTRUCTORS = {
 
 
 def _finish(text: str, style: str) -> str:
-    """Replace the placeholders ``value`` and ``number`` by constructors of the style: tuple, array, mpfr or numpy."""
+    """Replace the placeholders ``value`` and ``number`` in a text by the constructors of the style (`CONSTRUCTORS`)."""
     value, number = CONSTRUCTORS[style]
     return re.sub(r"\bnumber\(", f"{number}(", text.replace("value((", f"{value}(("))
 
@@ -105,7 +105,7 @@ def function(key: str, build, signature, arithmetic: str = DOUBLE):
 
 
 def origin(f) -> tuple | None:
-    """Return the arguments with which `rebuild` recompiles a function, or None if it was not generated here."""
+    """Return the arguments (digest, signature) with which `rebuild` makes f again, or None if f was not generated."""
     return getattr(f, "origin", None)
 
 
@@ -158,7 +158,7 @@ def precision(digits: int) -> Iterator[None]:
 
 
 def epsilon(arithmetic: str):
-    """Return the machine epsilon of the arithmetic, at its current precision."""
+    """Return the machine epsilon of the arithmetic, a double or an MPFR number at the current precision."""
     return to_number(mpmath.mp.eps if arithmetic == MULTIPRECISION else np.finfo(float).eps, arithmetic)
 
 

@@ -2,11 +2,13 @@
 
 Numba's own cache stands beside a source file, and notices changes of that file alone.  So every function here gets a
 source file of its own, an empty one, in a subfolder of `cache` whose name is the hash of all that the machine code is
-made of.  A seal of that subfolder's files tells a damaged one, which is removed and made again.
+made of.  A file with a hash of the subfolder's files (its *seal*) shows whether it is damaged; if so, it is removed and
+made again.
 
-A kernel calls a system's functions through pointers, of the kind that Numba documents as its wrapper address protocol.
-Numba's own entry for such calls looks for exceptions and calls the function; generated functions are arithmetic, which
-raises none, and a call would cost as much as a small gradient.  `Function` has an entry in which its code stands.
+Compiled loops over steps call a system's functions through pointers, by what Numba documents as its wrapper address
+protocol.  Numba's own entry for such calls checks for exceptions and calls the function; generated functions are
+arithmetic, which raises none, and a call would cost as much as a small gradient.  The entry of a `Function` has the
+function's code inlined.
 
 References: Numba's documentation, "Notes on caching", "First-class function types", "Low-level extension API".
 """
@@ -64,9 +66,9 @@ def load_or_compile(f: Callable, signature, options: dict, name: str) -> Callabl
 
 
 def with_functions(f: Callable, functions: dict[str, Callable]) -> Callable:
-    """Return ``f`` with these compiled functions as its globals.
+    """Return a copy of ``f`` with these compiled functions, by name, added to its globals.
 
-    Where they were those of a closure Numba would keep the machine code and never find it again.
+    If ``f`` were a closure over them, Numba would store its machine code and never find it again.
     """
     made = FunctionType(f.__code__, f.__globals__ | functions, f.__name__)
     made.__module__ = f.__module__
@@ -74,7 +76,7 @@ def with_functions(f: Callable, functions: dict[str, Callable]) -> Callable:
 
 
 def _without_closure(f: Callable) -> Callable:
-    """Return ``f``; where it is a closure, a function without one that calls it and into which it is compiled."""
+    """Return ``f``, or if it is a closure, a function without free variables into which ``f`` is inlined."""
     if not f.__closure__:
         return f
     names = ", ".join(inspect.signature(f).parameters)
@@ -85,7 +87,10 @@ def _without_closure(f: Callable) -> Callable:
 
 
 def _compile(f: Callable, signature, options: dict, digest: str, source: Path | None):
-    """Compile ``f``, or load the machine code that Numba has stored beside the file ``source``."""
+    """Compile ``f`` for one signature, or load the machine code that Numba has stored beside the file ``source``.
+
+    Without ``source`` nothing is stored.  ``digest`` becomes part of the function's name (`_rename`).
+    """
     collects = gc.isenabled()
     gc.disable()  # a compilation makes many objects and few cycles; collecting would take a tenth of its time
     try:

@@ -1,8 +1,8 @@
-"""Cache what families prepare for a kernel: a method's coefficients, and the functions of a system that has a key.
+"""Cache on disk what is prepared to run a method on a system: the method's coefficients, and the system's functions.
 
-A `kernel.Prepared` is pickled with the origins of its functions (`codegen.origin`) in place of the functions.  Its
-entry is found by the value of the method and the key of the system.  One that holds any other compiled function is not
-stored.
+This is a `kernel.Prepared`.  It is pickled with the origins of its functions (`codegen.origin`) in place of the
+functions, under a name that is a hash of the pickled method and of the system's key (`deferred`).  It is not stored if
+the system has no key, or if it holds compiled functions that were not generated from formulae.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ class _MethodPickler(pickle.Pickler):
 
 
 class _FunctionPickler(pickle.Pickler):
-    """Pickles generated functions by their origins."""
+    """Pickles generated functions by their origins, from which `codegen.rebuild` makes them again."""
 
     def persistent_id(self, obj):
         if not (isinstance(obj, machine.Function) or is_jitted(obj)):
@@ -44,7 +44,7 @@ class _FunctionPickler(pickle.Pickler):
 
 
 class _FunctionUnpickler(pickle.Unpickler):
-    """Loads generated functions from their origins."""
+    """Loads what `_FunctionPickler` has written: makes generated functions again from their origins."""
 
     def persistent_load(self, origin):
         return codegen.rebuild(*origin)
@@ -65,7 +65,7 @@ _bytes: dict = {}
 
 
 def _bytes_of(method) -> bytes | None:
-    """Return the method pickled by value, or None if that is impossible."""
+    """Return a method pickled by value, from memory if it was pickled before, or None if that is impossible."""
     known = _bytes.get(id(method))
     if known is None:
         if len(_bytes) >= MAX_METHODS:
@@ -75,7 +75,7 @@ def _bytes_of(method) -> bytes | None:
 
 
 def entry(method, system) -> str | None:
-    """Return the name of the cache entry for a method on a system, or None if it cannot be stored."""
+    """Return the name of the cache entry for a method prepared for a system, or None if it cannot be stored."""
     key = getattr(system, "key", "") if ENABLED and codegen.compiled() else ""
     value = _bytes_of(method) if key else None
     if value is None:
@@ -98,7 +98,7 @@ def _read(name: str, version: str):
 
 
 def read(name: str | None):
-    """Return the prepared kernel that was stored under the name, or None."""
+    """Return the `kernel.Prepared` that was stored under the name, or None if there is none or ``name`` is None."""
     try:
         return None if name is None else _read(name, str(cache.folder()))
     except LookupError:
@@ -106,7 +106,7 @@ def read(name: str | None):
 
 
 def write(name: str | None, prepared) -> None:
-    """Store what a family prepared; do nothing if ``name`` is None or it cannot be pickled."""
+    """Store a `kernel.Prepared` under the name; do nothing if ``name`` is None or ``prepared`` cannot be pickled."""
     content = None if name is None else _pickle(_FunctionPickler, prepared)
     if content is not None:
         cache.write(name, content)

@@ -22,12 +22,12 @@ MAX_FACTORS = 12
 
 
 class Program(NamedTuple):
-    """Results with the intermediate results that they refer to.
+    """Expressions to be computed by a generated function, with intermediate results that they refer to.
 
     Attributes
     ----------
-    definitions : (symbol, expression), each after those that it refers to
-    results : as of `source`
+    definitions : intermediate results, pairs (symbol, expression), each after those that it refers to
+    results : the results, vectors (lists of expressions) and single expressions, as `source` takes them
     """
 
     definitions: Sequence[tuple[Any, Any]]
@@ -87,7 +87,7 @@ class _Printer(PythonCodePrinter):
 
 
 def _product(base: str, n: int) -> str:
-    """Return the n-th power of ``base`` as products; from equal halves if n is large, to save multiplications."""
+    """Return the text of the n-th power of ``base`` as products; of equal halves if n is large, to multiply less."""
     if n <= MAX_FACTORS:
         return "*".join([base] * n)
     half = f"({_product(base, n // 2)})"
@@ -181,6 +181,6 @@ def source(
 
 @lru_cache(maxsize=4096)
 def columnwise_text(q: tuple[sp.Symbol, ...], p: tuple[sp.Symbol, ...], expression: sp.Expr) -> str:
-    """Return the text of an expression in q and p, as a function for `codegen.load_columnwise`."""
+    """Return the source text of a function f(q, p) that evaluates an expression, for `codegen.load_columnwise`."""
     key = hashlib.sha256(" ".join(map(sp.srepr, (*q, *p, expression))).encode()).hexdigest()[:24]
     return cached_text(f"v-{key}.py", lambda: source("f", [("q", q), ("p", p)], [expression], DOUBLE))

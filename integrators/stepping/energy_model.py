@@ -1,9 +1,9 @@
 r"""A quadratic model of the energy error E(x) of a step with parameter x, to follow its root from step to step.
 
-Where the last roots have gone on smoothly and the other root of the model is far, E(0) need not be known: the first
-attempt is at the root extrapolated from earlier steps, the next ones follow the slope there, extrapolated from where it
-was measured: by the secant between attempts that are far enough apart for the round-off of H.  Where they never are,
-an attempt is put there every few steps.
+If the roots of the last steps vary smoothly, and the other root of the model is far, E(0) need not be known.  The first
+attempt of a step is at the root extrapolated from earlier steps; the next ones are Newton steps with the slope of E,
+extrapolated from the steps in which it was measured: by the secant between two attempts whose distance is large enough
+for the round-off of H.  If attempts are always too near for that, one is made farther away every few steps.
 """
 
 from __future__ import annotations
@@ -17,7 +17,8 @@ from phasebench.integrators.values.vector import State, inline
 
 from .solve import SOLVED
 
-#: Where an attempt's stage equations start from: earlier steps, the last attempt, its linear continuation in x.
+#: Where the stage equations of an attempt (a trial step) start from: the extrapolation from earlier steps, the last
+#: attempt, or the linear continuation of the last attempts in x.
 FIRST, LATEST, ALONG = map(np.int64, range(3))
 #: What a row of numbers keeps from step to step: E is about E0 + SLOPE x + CURVATURE x^2; the slope's RATE and BEND,
 #: its first and second change per step, and its AGE in steps; by how much the last root was MISSED by its prediction;
@@ -60,7 +61,7 @@ class Search(NamedTuple):
 
 
 class Attempt(NamedTuple):
-    """A trial step: the state after it, its energy error, the round-off of H, the status of its equations."""
+    """A trial step: the state ``y`` after it, its energy error E, the round-off ``unit`` of H, its solver's status."""
 
     y: State
     E: float
@@ -70,7 +71,7 @@ class Attempt(NamedTuple):
 
 @inline
 def smaller_root(c0: float, c1: float, c2: float) -> float:
-    """The root of c0 + c1 x + c2 x^2 nearest to zero; infinite if it has no real one."""
+    """The root of c0 + c1 x + c2 x^2 that is nearest to zero; infinite if there is no real root."""
     D = c1 * c1 - 4 * c0 * c2
     if not D >= 0:
         return np.inf
@@ -98,7 +99,7 @@ def muller(x0: float, x1: float, x2: float, E0: float, E1: float, E2: float) -> 
 
 @inline
 def extrapolate_slope(models: np.ndarray, row: int) -> float:
-    """The slope of the model, extrapolated from earlier steps to the step that begins."""
+    """The slope of the model in ``models[row]``, extrapolated to the step that begins; adds that step to its age."""
     age = models[row, AGE] + 1
     models[row, AGE] = age
     return models[row, SLOPE] + age * (models[row, RATE] + 0.5 * (age + 1) * models[row, BEND])
@@ -106,7 +107,7 @@ def extrapolate_slope(models: np.ndarray, row: int) -> float:
 
 @inline
 def renew(models: np.ndarray, row: int, slope: float) -> None:
-    """Store a measured slope in the model, with its rates of change from step to step."""
+    """Store a measured slope of E in the model ``models[row]``, with its first and second change per step."""
     age = models[row, AGE]
     rate = (slope - models[row, SLOPE]) / age
     models[row, BEND] = (rate - models[row, RATE]) / age
@@ -115,7 +116,10 @@ def renew(models: np.ndarray, row: int, slope: float) -> None:
 
 @inline
 def is_trusted(search: Search, models: np.ndarray, row: int, predicted: float, c1: float, slope: float) -> bool:
-    """True if by the model the ``predicted`` root is the one nearest to zero, and the prediction is accurate enough."""
+    """True if by the model the ``predicted`` root is the one nearest to zero, and the prediction is accurate enough.
+
+    c1 is the model's slope at x = 0, extrapolated to this step, and ``slope`` that at the predicted root.
+    """
     c2, room = abs(models[row, CURVATURE]), LONE * abs(slope)
     return (
         0 < models[row, STREAK] < FOLLOWED
@@ -127,16 +131,19 @@ def is_trusted(search: Search, models: np.ndarray, row: int, predicted: float, c
 
 
 def follower(attempt: Callable) -> Callable:
-    """Make the function that finds the parameter x of a step at which its energy error E(x) is zero.
+    """Make the function that follows the root x of a step's energy error E(x) from earlier steps.
 
-    ``attempt`` makes a step at a given x (`root.finder`).  The function made, (search, models, row, predicted, c1,
-    arguments) -> (x, found, the attempt at x), begins at ``predicted`` and follows the root that earlier steps had:
-    ``models[row]`` has what they told of E, and c1 is the slope of E, extrapolated from theirs.
+    ``attempt`` tries a step with a given x (`root.finder`).  The function is (search, models, row, predicted, c1,
+    arguments) -> (x, True if found, the `Attempt` at x).  It begins at the ``predicted`` root; ``models[row]`` is the
+    model of E from earlier steps, and c1 its slope at x = 0, extrapolated to this step.
     """
 
     @inline
     def approach(x, slope, models, row, arguments):
-        """Iterate to the root near x with a slope; (x, found, the last attempt, slope, True if that was measured)."""
+        """Iterate from x to a root of E nearby, beginning with the given slope of E.
+
+        Returns (x, True if found, the last `Attempt`, slope, True if the slope was measured on the way).
+        """
         c2, unit = models[row, CURVATURE], models[row, UNIT]
         ease = residual_factor(slope * models[row, MISSED], unit)
         start, xa, Ea, xb, Eb = FIRST, x, 0.0, x, 0.0
@@ -175,7 +182,7 @@ def follower(attempt: Callable) -> Callable:
 
     @inline
     def follow(search, models, row, predicted, c1, arguments):
-        """Follow the root from its prediction: (x, found, attempt); found only if surely the nearest to zero."""
+        """Follow the root from its prediction: (x, found, attempt); ``found`` only if it is surely nearest to zero."""
         slope, x = c1 + 2 * models[row, CURVATURE] * predicted, predicted
         if models[row, AGE] > AGED and abs(slope) * models[row, MISSED] < SHARP * models[row, UNIT]:
             x = x + 3 * SHARP * models[row, UNIT] / slope

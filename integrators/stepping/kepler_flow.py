@@ -40,10 +40,11 @@ ITERATIONS = 300
 
 
 def constants(arithmetic: str) -> list[list]:
-    """Rows of constants: pi and the number of terms N, then the coefficients of 2 c_2 and of 6 c_3, lowest power first.
+    """Rows of constants for Stumpff's functions: (pi, N), then the coefficients of 2 c_2 and of 6 c_3.
 
-    They are multiplied by (2 N + 2)!/2 and (2 N + 3)!/6, which makes them integers that a double holds exactly: rounded
-    coefficients would have a bias, and the energy would drift.
+    N is the highest power in the series, whose coefficients have the lowest power first.  They are multiplied by
+    (2 N + 2)!/2 and (2 N + 3)!/6, which makes them integers that a double holds exactly: rounded coefficients would
+    have a bias, and the energy would drift.
     """
     eps = mpmath.mp.eps if arithmetic == MULTIPRECISION else mpmath.mpf(2) ** -52
     terms = 1
@@ -63,7 +64,10 @@ def add(x, c, dx):
 
 @jit
 def stumpff(x, table):
-    """Stumpff's functions (c_0, c_1, c_2, c_3)(x): by their series if |x| is small, else from a quarter of x."""
+    """Stumpff's functions (c_0, c_1, c_2, c_3)(x): by their series if |x| is small, else from a quarter of x.
+
+    ``table`` is an array of the `constants`.
+    """
     y = -x
     quarters = 0
     while abs(y) > REACH and abs(y) < 1e300:
@@ -88,7 +92,10 @@ def stumpff(x, table):
 
 @jit
 def _guess(r0, eta, beta, zeta, mu, h):
-    """Starting value of the universal anomaly s: three Taylor terms of s(h), or by the mean motion for a long step."""
+    """Starting value of the universal anomaly s after the time h: Taylor series, or mean motion for a long step.
+
+    r0 = |q|, eta = q.v, beta = 2 mu/r0 - |v|^2, zeta = mu - beta r0.
+    """
     s = h / r0
     w = eta * s / r0
     z = zeta * s * s / r0
@@ -103,7 +110,9 @@ def _guess(r0, eta, beta, zeta, mu, h):
 def anomaly(r0, eta, beta, mu, h, eps, table):
     """Solve Kepler's equation for the universal anomaly s, for 0 < h at most a period: (G_1, G_2, G_3, r, evaluations).
 
-    G_k(s) are Stumpff's functions times s^k, and r is the distance at the end.
+    G_k(s) are Stumpff's functions times s^k, r is the distance at the end, and ``evaluations`` counts evaluations of
+    Stumpff's functions.  r0 = |q|, eta = q.v, beta = 2 mu/r0 - |v|^2; ``eps`` is the machine epsilon, ``table`` an
+    array of the `constants`.
     """
     zeta = mu - beta * r0
     s = _guess(r0, eta, beta, zeta, mu, h)
@@ -142,7 +151,8 @@ def anomaly(r0, eta, beta, mu, h, eps, table):
 def coefficients(r0, eta, beta, mu, h, eps, table):
     """The coefficients of Kepler's flow over the time h, of either sign: (f - 1, g, f', g' - 1, number of evaluations).
 
-    The position becomes f q + g v, the velocity f' q + g' v; r0 = |q|, eta = q.v, beta = 2 mu/r0 - |v|^2.
+    The position becomes f q + g v, the velocity f' q + g' v; r0 = |q|, eta = q.v, beta = 2 mu/r0 - |v|^2.  ``eps`` is
+    the machine epsilon, ``table`` an array of the `constants`; evaluations of Stumpff's functions are counted.
     """
     if beta > 0 and h * h * beta * beta * beta > 9 * mu * mu:  # about half a period
         period = 2 * table[NUMBERS, 0] * mu / (beta * beta**0.5)
@@ -158,10 +168,10 @@ def coefficients(r0, eta, beta, mu, h, eps, table):
 
 @jit
 def advance(X, first, dimension, mass, mu, h, eps, table):
-    """Move one body along its Kepler orbit over the time h: the components first, first + 1, ... of the rows of X.
+    """Move one body along its Kepler orbit over the time h, in place; returns the evaluations of Stumpff's functions.
 
-    X has the rows q, p and what rounding lost of them; p is ``mass`` times the velocity; with mu = 0 the motion is
-    free. Returns the evaluations of Stumpff's functions.
+    The array X has the rows q, p and what rounding lost of q and of p.  The body's components are the columns first,
+    ..., first + dimension - 1; p is ``mass`` times the velocity.  With mu = 0 the motion is free.
     """
     if mu == 0:
         for k in range(first, first + dimension):

@@ -1,11 +1,12 @@
-r"""Kepler's problem of several bodies at once, in lanes: `kepler_flow` without branches.
+r"""Kepler's problem for several bodies at once, one in each SIMD lane: `kepler_flow` without branches.
 
 With the derivatives :math:`F' = r, F'', F''' = \zeta G_0 - \beta\eta G_1, F^{(4)} = -\beta F'', F^{(5)} = -\beta F'''`
-the equation :math:`F(s + \delta) = 0` is solved by the reversion of its Taylor series to the fifth order: at s = 0 that
-is where to begin, and after one evaluation of Stumpff's functions, or two, it is exact to round-off.  The last
-correction enters the functions by their addition theorems.  All lanes are evaluated as often as the slowest needs.
+the equation :math:`F(s + \delta) = 0` is solved by the reversion of its Taylor series to the fifth order: at s = 0 this
+gives the starting value, and after one evaluation of Stumpff's functions, or two, a solution exact to round-off.  The
+last correction enters the functions by their addition theorems.  All lanes are evaluated as often as the slowest needs.
 
-What the few evaluations do not solve, a long step, one past a close pericentre, is left to `kepler_flow`, lane by lane.
+Lanes that the few evaluations do not solve (a long step, or one past a close pericentre) are left to `kepler_flow`, one
+by one.
 
 The series have `kepler_flow.constants`' coefficients, integers that are exact as doubles, and are divided by their
 common factor in two parts, lest the error of a rounded coefficient make the energy drift.
@@ -59,7 +60,7 @@ OVER_2, OVER_3 = _reciprocal(factorial(2 * TERMS + 2)), _reciprocal(factorial(2 
 
 @inline
 def root(square, guess):
-    """(square root, its inverse) of lanes, by one correction of a ``guess`` of the inverse.
+    """(square root, inverse of it) of each lane of ``square``, by one correction of a ``guess`` of the inverse.
 
     The residue is not rounded to a grid that is finer below 1 than above, which would give the inverse a bias.
     """
@@ -71,7 +72,7 @@ def root(square, guess):
 
 @inline
 def stumpff(x):
-    """Stumpff's functions (c_0, c_1, c_2, c_3)(x) of lanes."""
+    """Stumpff's functions (c_0, c_1, c_2, c_3)(x) of the numbers in SIMD lanes."""
     y = -x
     quarters = 0
     while abs(y) > REACH:
@@ -94,7 +95,10 @@ def stumpff(x):
 
 @inline
 def _reversion(delta, second, third, beta):
-    """x/delta - 1 to the fifth order for the root x of -delta + x + second x^2/2 + third x^3/6 - ..."""
+    """x/delta - 1 to the fifth order in delta, for the root x of -delta + x + second x^2/2 + third x^3/6 - ...
+
+    The further coefficients follow from the second and third and from ``beta``, as in Kepler's equation.
+    """
     a = second * delta * 0.5
     square = delta * delta
     t = beta * square
@@ -104,7 +108,14 @@ def _reversion(delta, second, third, beta):
 
 
 class Motion(NamedTuple):
-    """Kepler's flow over a time, in lanes: coefficients f - 1, g, f', g' - 1; lanes not solved; 1/r at the end."""
+    """Kepler's flow over a time, for one body in each SIMD lane.
+
+    Attributes
+    ----------
+    f, g, df, dg : the coefficients f - 1, g, f', g' - 1: q becomes f q + g v, and the velocity v becomes f' q + g' v
+    unsolved : mask of the lanes in which Kepler's equation was not solved here
+    inverse : 1/r at the end; not valid in lanes that are ``unsolved``
+    """
 
     f: Any
     g: Any
@@ -116,7 +127,11 @@ class Motion(NamedTuple):
 
 @inline
 def _begin(delta, second, third, beta):
-    """A starting value of the universal anomaly s by its Taylor series: (s, lanes where it is not trusted)."""
+    """A starting value of the universal anomaly s by its Taylor series: (s, mask of lanes where it is not trusted).
+
+    ``delta`` is h/r0; ``second`` and ``third`` are the second and third derivative of Kepler's equation at s = 0, over
+    r0.  s is 0 in lanes where it is not trusted.
+    """
     beyond = _reversion(delta, second, third, beta)
     s = delta + delta * beyond
     far = ~((abs(beyond) <= 0.5) & (abs(beta * s * s) <= LARGEST))
@@ -129,8 +144,8 @@ def _begin(delta, second, third, beta):
 def motion_in_lanes(r0, inverse, eta, beta, mu, h, eps):
     """Solve Kepler's problem over the time h in lanes; returns the `Motion`.
 
-    r0 = |q|, ``inverse`` its inverse, eta = q.v and beta = 2 mu/r0 - |v|^2. Where mu = 0 the motion is free, and r0,
-    its inverse, eta and beta have to be 1, 1, 0, 0.
+    r0 = |q|, ``inverse`` = 1/r0, eta = q.v and beta = 2 mu/r0 - |v|^2; ``eps`` is the machine epsilon.  Where mu = 0
+    the motion is free, and r0, its inverse, eta and beta have to be 1, 1, 0, 0.
     """
     zeta = mu - beta * r0
     s, far = _begin(h * inverse, eta * inverse, zeta * inverse, beta)
@@ -162,9 +177,10 @@ def motion_in_lanes(r0, inverse, eta, beta, mu, h, eps):
 
 @jit
 def _solve_one_by_one(memory, row, width, eps, table):
-    """Solve Kepler's problem lane by lane: rows (r0, eta, beta, mu, h) become (f - 1, g, f', g' - 1).
+    """Solve Kepler's problem lane by lane, by `kepler_flow.coefficients`; lanes whose h is NaN are left out.
 
-    Lanes whose h is NaN are left out.
+    The five rows of ``memory`` from ``row`` on hold (r0, eta, beta, mu, h), each for ``width`` lanes; the first four
+    become the coefficients (f - 1, g, f', g' - 1).
     """
     forbid_inlining()
     for k in range(width):
@@ -179,7 +195,8 @@ def _solve_one_by_one(memory, row, width, eps, table):
 def motion(r0, inverse, eta, beta, mu, h, eps, table, memory, row, like):
     """The `Motion` over the time h; lanes that `motion_in_lanes` leaves unsolved are solved by `kepler_flow`.
 
-    Overwrites five rows of the memory.
+    r0 = |q|, ``inverse`` = 1/r0, eta = q.v and beta = 2 mu/r0 - |v|^2; ``table`` is the array `kepler_flow.constants`.
+    Overwrites `ROWS` rows of the array ``memory`` from ``row`` on; ``like`` is a tuple as long as there are lanes.
     """
     m = motion_in_lanes(r0, inverse, eta, beta, mu, h, eps)
     if not m.unsolved:

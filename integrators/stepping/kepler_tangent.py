@@ -30,7 +30,7 @@ LARGE = 0.5
 
 @jit
 def higher(x, c2, c3, eps):
-    """Stumpff's functions (c_4, c_5)(x), from (c_2, c_3)(x) or, of a small x, by their series."""
+    """Stumpff's functions (c_4, c_5)(x), from (c_2, c_3)(x) or, if x is small, by their series to round-off ``eps``."""
     if abs(x) > LARGE:
         return (1 / (2 + 0 * x) - c2) / x, (1 / (6 + 0 * x) - c3) / x
     a = 1 / (24 + 0 * x)
@@ -45,10 +45,11 @@ def higher(x, c2, c3, eps):
 
 @jit
 def move(X, first, dimension, mass, mu, h, eps, table, spans, body, bodies):
-    """Move one body along its Kepler orbit over the time h in the rows q, p of X, without compensation.
+    """Move one body along its Kepler orbit over the time h in the rows q, p of X, without compensated summation.
 
-    Writes its universal anomaly s to ``spans[body]`` and the time of whole periods that were left out to
-    ``spans[bodies + body]``, for `kick_back`.
+    The body's components are the columns first, ..., first + dimension - 1 of X; p is ``mass`` times the velocity; with
+    mu = 0 the motion is free.  Writes the universal anomaly s to ``spans[body]`` and the time of whole periods that
+    were left out to ``spans[bodies + body]``, for `kick_back`.
     """
     spans[body], spans[bodies + body] = h * 0, h * 0
     if mu == 0:
@@ -81,9 +82,10 @@ def move(X, first, dimension, mass, mu, h, eps, table, spans, body, bodies):
 
 @jit
 def kick_back(X, first, dimension, mass, mu, h, eps, table, spans, body, bodies, kick, out):
-    """The derivative of the flow over -h at the end (q, p) of a move over h, along the change ``kick`` of p.
+    """Apply the derivative of Kepler's flow over the time -h to a change ``kick`` of p, at the end of a `move` over h.
 
-    Writes the changes of q and p to the rows ``out`` and ``out + 1`` of X; ``spans`` is what `move` wrote.
+    The end (q, p) is in the rows 0 and 1 of X; the resulting changes of q and p are written to the rows ``out`` and
+    ``out + 1``.  ``spans`` is what `move` wrote; the other arguments are as there.
     """
     if mu == 0:
         for k in range(first, first + dimension):

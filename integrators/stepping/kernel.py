@@ -1,7 +1,7 @@
-r"""A family: the step of one kind of method, and what it needs of a system.  This is its whole contract.
+r"""The contract of a family, a module that implements the step of one kind of method; compile the loop over its steps.
 
-A family is a module of `integrators.families`, named as the ``family`` of its records.  The implicit midpoint rule
-would be::
+A family is a module of `integrators.families`; the ``family`` of a method's record is its name.  Its *kernel* is the
+compiled loop that makes many steps in one call.  As a family, the implicit midpoint rule would be::
 
     class Midpoint(NamedTuple):                    # what a step needs; h and eps are set by the run
         field: Callable
@@ -39,27 +39,29 @@ would be::
         return Prepared(run, Midpoint(system.field(arithmetic)), width=2 * system.d, stages=1)
 
 1. ``step(method, y, carry, counts)`` returns (y, status).  y is a `vector.State`, status `solve.SOLVED` or why the step
-   was not taken.  `loop.loop` makes the kernel ``run`` of it, and says which functions a family may have besides:
-   ``begin`` (a state with more in it), ``start`` and ``finish`` (steps that share a substep).
+   was not taken.  `loop.loop` makes the kernel ``run`` from it, and documents further functions that a family may have:
+   ``begin`` (for a state with more fields), ``start`` and ``finish`` (for steps that share a substep).
 2. ``prepare(method, system, arithmetic)`` returns a `Prepared`: the kernel, the family's NamedTuple, and how much
-   memory a step needs.  In the tuple are functions of the system (None for one that is not there, which
-   `vector.dispatch_on_none` tells when it compiles) and coefficients in the arithmetic at hand (`array`, `numbers`).
-   It depends on the method's record and the system alone, since it is kept on disk (`preparation`).  What depends on h
-   or on the initial state (H0) is set by ``Prepared.begin``: begin(method, q, p) -> method.  Fields keep their types.
-3. q, p, increments and unknowns are values: tuples of small d, arrays of large d, lanes of several orbits, object
-   arrays of MPFR numbers.  Only the operations of `vector` touch them, so that one source runs on all.  Increments are
-   added with compensation (`vector.update`, `add_product_in_place`).
-4. A kernel is called in pieces.  What a step leaves for the next stands in ``carry`` (`Carry`): solutions of earlier
-   steps in its memory (`solve.predict`, `remember`), numbers of the family's own in the spare rows of its state.
+   memory a step needs.  The tuple holds functions of the system (None for one that the system lacks;
+   `vector.dispatch_on_none` chooses by that when it compiles) and coefficients in the given arithmetic (`array`,
+   `numbers`).  It depends on the method's record and the system alone, since it is stored on disk (`preparation`).
+   What depends on h or on the initial state (such as H0) is set by ``Prepared.begin``: begin(method, q, p) -> method,
+   which must not change the types of fields.
+3. q, p, increments and unknowns are *values*: tuples for small d, arrays for large d, tuples of SIMD lanes for several
+   orbits at once, or object arrays of MPFR numbers.  Only the operations of `vector` act on them, so that one source
+   serves all.  Increments are added by compensated summation (`vector.update`, `add_product_in_place`).
+4. A run is made by several calls of the kernel.  What a step leaves for the next is in ``carry`` (`Carry`): solutions
+   of earlier steps in its memory (`solve.predict`, `remember`), other numbers of the family in spare rows of its state.
 5. ``counts`` (`COUNTS`): a step adds its evaluations of the gradient or field, the equations that needed Newton's
    method, and fallbacks: steps that lack what the method promises.
-6. Implicit equations go to `solve.solver` or `solve.row_solver`, quadratures to be confirmed to `solve.refinement`, a
-   parameter that keeps the energy to `root.finder`.
-7. A family whose step runs on several orbits side by side says ``IN_LANES = True``: it has no branch on a state's
-   numbers (`masks.select`, `either` choose lane by lane).
+6. Implicit equations are solved by `solve.solver` or `solve.row_solver`, quadratures are confirmed by
+   `solve.refinement`, and a parameter that preserves the energy is found by `root.finder`.
+7. A family whose step can run on several orbits at once, in SIMD lanes, sets ``IN_LANES = True``: the step has no
+   branch on numbers of the state (`masks.select`, `where` choose lane by lane).
 8. A step of tuples allocates nothing.  Arrays in the NamedTuple are two-dimensional or read-only: a writable array of
-   one dimension is a value of large d.  An explicit step may work in place (`vector.in_place`); then arrays allocate
-   nothing either, and may be chosen for a smaller d (`inplace.in_place_version`, ``Prepared.arrays``).
+   one dimension is a value of large d.  An explicit step may work in place (`vector.in_place`); then a step of arrays
+   allocates nothing either, and arrays may be used from a smaller d on (`inplace.in_place_version`,
+   ``Prepared.arrays``).
 """
 
 from __future__ import annotations
@@ -85,27 +87,28 @@ if TYPE_CHECKING:
     from phasebench.integrators.record import Method
     from phasebench.integrators.systems.hamiltonian import Hamiltonian
 
-#: Names of a solution's counts.
+#: Names of the counts that a solution reports.
 TALLY = ("steps", "gradient", "hessian", "iterations", "fallbacks", "newton")
-#: What a step counts.
+#: Names of the counts that a step of a method adds to.
 COUNTED = ("steps", "gradient", "newton", "fallbacks")
 #: A kernel's counts; ``rule`` is the first row of the quadrature rule in use, ``parameter`` the last one chosen.
 COUNTS = np.dtype([*((name, np.int64) for name in (*COUNTED, "rule")), ("parameter", np.float64)])
 
 
-#: Rows of a carry's state: q, p, what rounding lost of either, and from ``OWN`` on those that are the family's own.
+#: Rows of ``Carry.state``: q, p, what rounding lost of q and of p, and from ``OWN`` on the rows that a family may use.
 Q, P, LOST_Q, LOST_P, OWN = range(5)
 
 
 class Carry(NamedTuple):
-    """What one call of a kernel hands to the next, and room for its work.
+    """What one call of a kernel, a compiled loop over steps, passes to the next call, and memory for its work.
 
     Attributes
     ----------
-    state : array, rows q, p, what rounding lost of q, and of p, then ``stages`` rows from `OWN` on, the family's own
-    memory : array (rows, width), for solutions of earlier steps
+    state : array with the rows q, p, what rounding lost of q and of p, then from `OWN` on ``Prepared.stages`` rows that
+        a family may use
+    memory : array (rows, width), for solutions of stage equations in earlier steps
     work : array, for a linear system with its right-hand side
-    zero : the zero of a value
+    zero : a vector of d zeros, of the kind that q and p have in the kernel (tuple or array)
     """
 
     state: np.ndarray
@@ -115,7 +118,14 @@ class Carry(NamedTuple):
 
 
 class Samples(NamedTuple):
-    """Arrays for the rows to store, one after every ``every`` steps: q, p, and the chosen parameter (one column)."""
+    """Arrays that a kernel fills with the states to store, one row after every ``every`` steps.
+
+    Attributes
+    ----------
+    q, p : arrays (rows, d)
+    parameter : array (rows, 1), the parameter that the last step before the row chose; unused by most methods
+    every : number of steps from row to row
+    """
 
     q: np.ndarray
     p: np.ndarray
@@ -125,20 +135,21 @@ class Samples(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Prepared:
-    """A kernel's ``run`` with everything that it needs besides the state.
+    """A method prepared for a system: its kernel, a loop over steps, with all that it needs besides the state.
 
     Attributes
     ----------
-    run, step : the kernel and its first argument, the family's NamedTuple
+    run, step : the kernel as a Python function, and its first argument, the family's NamedTuple
     width, stages : components of a stage's unknown, and the number of such unknowns in a step
     implicit, hessian : True if evaluations count as iterations, and as evaluations of higher derivatives
-    linear : unknowns of the largest linear system that the kernel solves; ``width`` by default
-    work : shape of the memory for it if that is not a full square matrix
-    arrays : True if values are arrays whatever d is: a step that works in place, on a system's
+    linear : number of unknowns of the largest linear system that the kernel solves; ``width`` by default
+    work : shape of the memory for that system if it is not a full square matrix
+    arrays : True if states are arrays whatever d is: for a step that works in place, on a system's
         `inplace.in_place_version`
-    begin : (step, q, p) -> step, completes ``step`` for a run
-    missed : what a fallback is, as the end of "n of m steps ..."; without it fallbacks do not change the status
-    apart : True if evaluations of orbits in lanes are counted for each orbit, as iterations are
+    begin : function (step, q, p) -> step that completes ``step`` for a run from the state (q, p)
+    missed : what is wrong with a step counted as a fallback, to end the message "n of m steps ..."; if it is empty,
+        fallbacks do not change the status of a solution
+    apart : True if evaluations of orbits in SIMD lanes are counted for each orbit, as iterations are
     """
 
     run: Callable
@@ -155,7 +166,7 @@ class Prepared:
     apart: bool = False
 
     def tally(self, steps: int, gradient: int, fallbacks: int = 0, newton: int = 0) -> dict[str, int]:
-        """The counts that a solution reports, name -> number, from the kernel's counts."""
+        """The counts that a solution reports, name in `TALLY` -> number, from those that the kernel counted."""
         numbers = steps, gradient, gradient if self.hessian else 0, gradient if self.implicit else 0, fallbacks, newton
         return dict(zip(TALLY, numbers, strict=True))
 
@@ -183,7 +194,7 @@ def freeze(x: Any) -> np.ndarray:
 
 
 def zeros(shape: int | tuple[int, ...], arithmetic: str) -> np.ndarray:
-    """An array of zeros: doubles or MPFR numbers."""
+    """An array of zeros, doubles or MPFR numbers by the arithmetic."""
     if arithmetic == MULTIPRECISION:
         out = np.empty(shape, dtype=object)
         out.fill(codegen.to_number(0, arithmetic))
@@ -192,19 +203,22 @@ def zeros(shape: int | tuple[int, ...], arithmetic: str) -> np.ndarray:
 
 
 def value(x: Iterable[Any], d: int, arithmetic: str = DOUBLE, arrays: bool = False) -> tuple[float, ...] | np.ndarray:
-    """The numbers x as a value (tuple or array) of a system with d degrees of freedom; ``arrays`` forces an array."""
+    """Convert the numbers x to what kernels for d degrees of freedom take: a tuple, or an array if d is large.
+
+    ``arrays`` forces an array.  It is an array, too, if nothing is compiled or in multiprecision.
+    """
     if arithmetic == DOUBLE and codegen.compiled() and codegen.value_kind(d, arrays) == "tuple":
         return tuple(map(float, x))
     return np.array(x, dtype=object if arithmetic == MULTIPRECISION else float)
 
 
 def family_of(method: Method) -> ModuleType:
-    """Return the module of the method's family."""
+    """Return the module that implements methods of this method's kind (its family)."""
     return importlib.import_module(f"phasebench.integrators.families.{method.family}")
 
 
 def prepare(method: Method, system: Hamiltonian, arithmetic: str = DOUBLE) -> Prepared:
-    """Return the kernel of ``method`` for ``system``, from the cache if it is there."""
+    """Prepare ``method`` for ``system``: its kernel, not yet compiled, with its data; from the cache if it is there."""
     entry = preparation.entry(method, system) if arithmetic == DOUBLE else None
     found = preparation.read(entry)
     if found is None:
@@ -220,7 +234,7 @@ def _prepare(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
 
 
 def keep_energy(energy: Callable) -> Callable:
-    """Make a function (step, q, p) -> step that sets the step's H0 to the energy of the initial state (q, p)."""
+    """Make a function (step, q, p) -> step that sets the field H0 of the step to the energy of the state (q, p)."""
     return partial(_set_energy, energy)
 
 
@@ -235,7 +249,7 @@ _TABLE = types.Array(types.float64, 2, "C")
 
 
 def kernel(prepared: Prepared, d: int, arithmetic: str = DOUBLE) -> Callable:
-    """Return ``prepared.run``, compiled for d degrees of freedom and stored on disk; itself if nothing is compiled."""
+    """Return ``prepared.run`` compiled for d degrees of freedom, from the cache if there; if not compiled, as it is."""
     if arithmetic == MULTIPRECISION or not codegen.compiled():
         return prepared.run
     known = _of_prepared.setdefault(prepared, {})
@@ -259,9 +273,9 @@ def _compile(prepared: Prepared, d: int) -> Callable:
 
 
 def entry(kernel: Callable) -> Callable:
-    """The function through which Python calls a compiled kernel whose arguments hold functions.
+    """Return the entry point through which Python calls a compiled kernel; a kernel not compiled is returned as it is.
 
-    Numba's dispatcher cannot type a function inside a tuple.
+    It replaces Numba's dispatcher, which cannot type a function inside a tuple, as the kernel's arguments have.
     """
     return next(iter(kernel.overloads.values())).entry_point if hasattr(kernel, "overloads") else kernel
 
@@ -274,7 +288,7 @@ def _tuple_type(fields, kind=None):
 
 
 def _type(x):
-    """The Numba type of a field of a step. Functions are pointers, so that one kernel serves every system."""
+    """The Numba type of a field of a step; functions become pointers, so that one kernel serves every system."""
     if isinstance(x, tuple):
         return _tuple_type(map(_type, x), type(x) if hasattr(x, "_fields") else None)
     if isinstance(x, machine.Function) or is_jitted(x):

@@ -75,8 +75,8 @@ def loop(
     """Make the kernel, the loop over steps, of a family from its functions, which this module's docstring describes.
 
     The kernel is (method, carry, samples, counts) -> (number of rows filled, status).  It starts from the state in
-    ``carry`` (`kernel.Carry`), fills ``samples`` (`kernel.Samples`) with a row every ``samples.every`` steps, and writes
-    the last state to ``carry``.
+    ``carry`` (`kernel.Carry`), fills ``samples`` (`kernel.Samples`) with a row every ``samples.every`` steps, and
+    writes the last state to ``carry``.
     """
     enter = _enter_parameter if parameter else _ignore_parameter
     functions = {"begin": begin, "start": start, "step": step, "finish": finish, "enter": enter}

@@ -112,7 +112,7 @@ def _make_twin(system, lanes: Lanes):
 
 
 def _block_loop(run, step, varying, tables, zero, samples, counts):
-    """Call the kernel ``run`` for every block of orbits, with its part of each array; the arguments are as in `loop`."""
+    """Call the kernel ``run`` for every block of orbits, with its part of each array; other arguments as in `loop`."""
     for b in range(len(counts)):
         orbit = Carry(block_of(tables.state, b), block_of(tables.memory, b), block_of(tables.work, b), zeros_of(zero))
         rows = Samples(block_of(samples.q, b), block_of(samples.p, b), block_of(samples.parameter, b), samples.every)

@@ -1,9 +1,9 @@
-"""Calls of a kernel with three numbers: the address of its arguments in memory, h, and the number of steps.
+"""Call a kernel, a compiled loop over steps, with three numbers: the address of its arguments, h, the number of steps.
 
-To hand a kernel its NamedTuples from Python costs tens of microseconds: every field is taken apart and brought to the
-compiler's form.  Here that is done once (`pack`); a call reads them from memory, in that form.  What was packed holds
-references to its arrays, until it is released.  The kernel is called through a pointer, as the compiled one that it is:
-compiled into its caller it would be another, slow to make and free to round elsewhere.
+To pass NamedTuples to a kernel from Python costs tens of microseconds, since each field is converted to the compiler's
+form.  Here they are converted once, and stored in memory in that form (``pack``), from where each call reads them.  The
+memory holds references to the arrays among them until they are released.  The kernel is called through a pointer:
+inlined into its caller it would have to be compiled again, and might round differently.
 """
 
 from __future__ import annotations
@@ -26,15 +26,16 @@ _NUMBERS = types.Array(types.float64, 2, "C")
 
 
 class PackedCall(NamedTuple):
-    """A kernel with its arguments in memory, and the functions that put them there.
+    """The compiled functions that store a kernel's arguments in memory, and call the kernel with them.
 
     Attributes
     ----------
     size : bytes of that memory
-    pack : (address, run, step, carry, samples, counts, start) writes the arguments
-    release : (address) drops the references that the memory holds
-    run : the kernel
-    call : (address, h, steps) -> status, from ``start``, an array (2, d), to the one row of ``samples``
+    pack : function (address, run, step, carry, samples, counts, start) that writes the arguments to memory
+    release : function (address) that drops the references that the memory holds
+    run : the kernel, a compiled loop over steps (`kernel`)
+    call : function (address, h, steps) -> status that integrates from ``start``, an array with the rows q and p, and
+        writes the final state to the only row of ``samples``
     """
 
     size: int
@@ -113,10 +114,10 @@ def _compile(run, block) -> PackedCall:
 
 
 def _in_memory(t):
-    """Make functions for values of the Numba type t that lie at an address: a dict of them by name.
+    """Make Numba intrinsics for values of the Numba type t that are stored at an address: name -> function.
 
-    ``read(address)`` gives the value; ``take(address)`` too, with the reference that the memory held;
-    ``write(address, value)`` stores one; ``bytes_of()`` is its size.
+    ``read(address)`` returns the value; ``take(address)`` returns it with the reference that the memory held;
+    ``write(address, value)`` stores a value; ``bytes_of()`` is its size in bytes.
     """
 
     def place(context, builder, address):
@@ -159,7 +160,7 @@ def _in_memory(t):
 
 
 def _with_h(t):
-    """Make the function (step, h) -> the step, a NamedTuple of Numba type t, with this h."""
+    """Make the Numba intrinsic (step, h) -> a copy of the NamedTuple ``step``, of Numba type t, with this h."""
     index = t.fields.index("h")
 
     @intrinsic

@@ -1,10 +1,10 @@
-r"""Find the root nearest to zero of the energy error E(x) of a step that has the parameter x.
+r"""Choose the parameter x of an energy-preserving step: the root nearest to zero of the step's energy error E(x).
 
-Where the model of the last steps can be trusted the root is followed (`energy_model`).  Else E(0) is looked at: if it
-is at the round-off of H already, x = 0.  If not, Muller's method goes on from the smaller root of the quadratic
-model that the last step left; the other side and the other root of the model are tried where they may be nearer.
-Where that fails, or ends far out, the stage equations are followed outwards from x = 0 to the ``radius``, or to the end
-of their branch, for the nearest change of sign; where E only jumps there is no root.
+If the quadratic model of E from the last steps can be trusted, its root is followed (`energy_model`).  Otherwise E(0)
+is computed: if it is at the round-off of H already, x = 0.  If not, Muller's method goes on from the smaller root of
+the model; the other sign of x and the other root of the model are tried if they may be nearer.  If that fails, or ends
+far from zero, the solution of the stage equations is continued outwards from x = 0 to the ``radius``, or to the end of
+its branch, up to the nearest change of sign of E; where E only jumps there is no root.
 
 Source: D. E. Muller, Math. Tables Aids Comput. 10 (1956) 208-215; M. Dowell, P. Jarratt, BIT 11 (1971) 168-174
 (Illinois); for E(x): L. Brugnano, F. Iavernaro, D. Trigiante, SIAM J. Numer. Anal. 50 (2012) 2897-2916.
@@ -48,29 +48,37 @@ MULLER_LIMIT, REFINE_LIMIT = 14, 100
 
 
 def finder(attempt: Callable, followed: bool = True) -> Callable:
-    """Make the search for the root of E(x) from ``attempt(x, start, ease, arguments)``, a step with parameter x.
+    """Make the function that finds the parameter x at which a step's energy error E(x) is zero, nearest to x = 0.
 
-    ``ease`` is how many times round-off the attempt's stage equations may be off. The search is a function (search,
-    models, row, predicted, arguments) -> (x, found, the attempt at x); x = 0 if there is no root, or if E jumps from
-    one sign to the other. The row of ``models`` keeps the quadratic model from step to step; ``predicted`` is the root
-    extrapolated from earlier steps. With ``followed=False`` it is NaN and every step searches; the code that follows
-    roots is not compiled.
+    The function is (search, models, row, predicted, arguments) -> (x, True if found, the `Attempt` at x); x = 0 if
+    there is no root, or if E jumps from one sign to the other.  ``search`` is a `Search`, the row of the array
+    ``models`` keeps the quadratic model of E from step to step, ``predicted`` is the root extrapolated from earlier
+    steps, and ``arguments``, with the field y, is passed to ``attempt``.
+
+    ``attempt(x, start, ease, arguments)`` tries a step with the parameter x and returns an `Attempt`.  ``start`` says
+    where its stage equations start from, ``ease`` how many times round-off their error may be.
+
+    With ``followed=False`` roots are not followed from step to step: ``predicted`` is NaN, every step searches, and the
+    code that follows roots is not compiled.
     """
 
     @jit
     def eased_attempt(x, start, ease, arguments):
-        """The function `attempt`, compiled once and not inlined."""
+        """Try the step with parameter x: call `attempt`, without inlining it, so that it is compiled only once."""
         forbid_inlining()
         return attempt(x, start, ease, arguments)
 
     @inline
     def apart_attempt(x, start, arguments):
-        """Try the step with parameter x, its stages solved to round-off (`attempt`); compiled once, not inlined."""
+        """Try the step with parameter x by `eased_attempt`, with its stage equations solved to round-off."""
         return eased_attempt(x, start, 1.0, arguments)
 
     @jit
     def refine(a, Ea, b, Eb, arguments):
-        """The root between a and b, where E has different signs, by secant and bisection (Illinois); (x, found)."""
+        """Find the root between a and b, where Ea = E(a) and Eb = E(b) differ in sign: (x, True if found).
+
+        It is found by the secant method with bisection (Illinois).
+        """
         x = b
         side = 0
         for k in range(REFINE_LIMIT):
@@ -96,7 +104,7 @@ def finder(attempt: Callable, followed: bool = True) -> Callable:
 
     @jit
     def continue_outwards(side, bound, search, arguments):
-        """(x, found): the root nearest zero on one side, by continuation from x = 0 to the bound."""
+        """Continue from x = 0 to ``side * bound``, side = 1 or -1, to the nearest root: (x, True if found)."""
         E0 = apart_attempt(0.0, FIRST, arguments).E
         inner, Einner, outer, Eouter = 0.0, np.inf, 0.0, E0
         for k in range(search.points):
@@ -124,7 +132,7 @@ def finder(attempt: Callable, followed: bool = True) -> Callable:
 
     @inline
     def scan(search, arguments):
-        """(x, found): the root nearest zero on the branch of the stage equations that starts at x = 0."""
+        """Find the root nearest zero on the branch of the stage equations that starts at x = 0: (x, True if found)."""
         above, found = continue_outwards(1.0, search.radius, search, arguments)
         below, second = continue_outwards(-1.0, abs(above) if found else search.radius, search, arguments)
         if second and not (found and abs(above) <= abs(below)):
@@ -133,7 +141,10 @@ def finder(attempt: Callable, followed: bool = True) -> Callable:
 
     @jit
     def chase(x, E0, unit, search, models, row, arguments):
-        """Muller's method from x, with (0, E0) as its other point; (x, found, the last attempt)."""
+        """Find a root of E by Muller's method from x, with (0, E0) as its other point; (x, found, the last attempt).
+
+        ``unit`` is the round-off of H; the slope and curvature of E that are found are written to ``models[row]``.
+        """
         forbid_inlining()
         xa, Ea, xb, Eb = 0.0, E0, 0.0, E0
         c1, c2 = 0.0, models[row, CURVATURE]  # that of the last step's model serves until there is a third point
@@ -225,7 +236,7 @@ def finder(attempt: Callable, followed: bool = True) -> Callable:
 
     @jit
     def search_anew(search, models, row, predicted, c1, arguments):
-        """Search for the root by the model with slope c1, and restart its history; (x, found, attempt at x)."""
+        """Search for the root by the model with slope c1, and restart the model's history; (x, found, attempt at x)."""
         forbid_inlining()
         known, old = models[row, STREAK] > 0, models[row, SLOPE]
         if known:

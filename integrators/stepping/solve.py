@@ -241,7 +241,7 @@ def _replace_in_lanes(active, x, new):
     return where(active, new, x)
 
 
-#: Function (active, x, new) -> the new x in the lanes that are active, the old one in the others; for a scalar the new x.
+#: Function (active, x, new) -> the new x in the active lanes, the old one in the others; for a scalar the new x.
 replace = overload_in_lanes(_replace, _replace_in_lanes)
 
 
@@ -326,7 +326,10 @@ def solver(G: Callable, lengths: Callable = lengths_of_both) -> Callable:
 
     @inline
     def improve(arguments, x, span, eps, work):
-        """One step of Newton's method from x, with a finite-difference matrix and elimination."""
+        """Make one step of Newton's method from x, with a finite-difference Jacobian, as `newton_method` requires.
+
+        Returns (new x, its distance from x, its size, evaluations of G, status).
+        """
         n = len(x)
         g = G(x, arguments)
         first, second = lengths(x, g, arguments)
@@ -396,7 +399,7 @@ def row_solver(sweep: Callable, linearize: Callable) -> Callable:
 
     @inline
     def improve(equations, at, span, eps, work):
-        """Make one step of Newton's method on the unknowns in the rows from ``at`` on; returns as in `newton_method`."""
+        """Make one step of Newton's method on the unknowns in the rows from ``at`` on; see `newton_method`."""
         memory, stages, n = equations.memory, equations.stages, len(equations.like)
         order = stages * n
         sweeps = linearize(equations, at, span, work)

@@ -159,7 +159,7 @@ class ConstrainedHamiltonian(PartitionedSystem):
         )
 
     def _constraint(self, given: Formula) -> Any:
-        """A constraint as an expression; raises InvalidInput for one that is no g(q)."""
+        """Convert a constraint to an expression g(q); raises InvalidInput if it has momenta or no coordinate."""
         if isinstance(given, str):
             given = parse_equation(given, {str(s): s for s in (*self.q, *self.p)})
         e = self._formula(given)
@@ -244,7 +244,7 @@ class ConstrainedHamiltonian(PartitionedSystem):
 
     @cached_property
     def content(self) -> str:
-        """The hash of the formulae that the generated functions depend on."""
+        """A hash of the variables, H and the constraints; generated functions are cached under it."""
         text = "|".join([*map(str, (self.q, self.p)), *map(sp.srepr, (self.H, *self.constraints))])
         return hashlib.sha256(text.encode()).hexdigest()
 
@@ -273,7 +273,10 @@ class ConstrainedHamiltonian(PartitionedSystem):
         return self._columns("rates", lambda: (self.definitions, list(self.sides)), Q, P)
 
     def _columns(self, name: str, make: Callable[[], tuple], Q: Any, P: Any) -> Floats:
-        """Values of expressions, ``make()`` -> (definitions, expressions), at rows Q, P (n, d): array (len, n)."""
+        """Values of expressions at each row of Q, P (n, d): array (number of expressions, n).
+
+        ``make()`` returns (definitions of intermediate results, expressions); ``name`` identifies them in the cache.
+        """
         from phasebench.integrators.compile.printing import Program, source
 
         if ("columns", name) not in self._functions:
@@ -303,7 +306,7 @@ class ConstrainedHamiltonian(PartitionedSystem):
         return self.make_function("grad_T", [("p", self.p)], lambda: [list(self.dq)], T(T), arithmetic)
 
     def restore(self, arithmetic: str = DOUBLE):
-        r"""The function (q, q0) -> :math:`G(q_0)^T\mu`, a step of Newton's method for g(q - M^-1 G(q_0)^T mu) = 0.
+        r"""Make the function (q, q0) -> :math:`G(q_0)^T\mu`, a step of Newton's method for g(q - M^-1 G(q_0)^T mu) = 0.
 
         :math:`\mu = \bigl(G(q) M^{-1} G(q_0)^T\bigr)^{-1} g(q)`; M is constant.
         """
@@ -334,7 +337,7 @@ class ConstrainedHamiltonian(PartitionedSystem):
         return self.make_function("normal", [("q", self.q), ("p", self.p)], results, T(T, T), arithmetic)
 
     def free_field(self, arithmetic: str = DOUBLE):
-        """The function (q, p, h, lam) -> (H_p, -H_q), the field without constraints."""
+        """Make the function (q, p, h, lam) -> (H_p, -H_q), the field without constraints; it ignores h and lam."""
         T, number = codegen.value_type(self.d), types.float64
         arguments = [("q", self.q), ("p", self.p), ("h", sp.Symbol("h")), ("lam", sp.Symbol("lam"))]
         signature = types.Tuple((T, T))(T, T, number, number)
@@ -495,7 +498,10 @@ class ConstrainedHamiltonian(PartitionedSystem):
         return found
 
     def retract(self, q: Any, p: Any, arithmetic: str = DOUBLE) -> tuple[Any, Any]:
-        """The state on the manifold that Newton's method finds along G^T from (q, p), arrays (d,) in the arithmetic."""
+        """Project a state near the manifold onto it, along G^T by Newton's method; returns (q, p).
+
+        q and p are arrays (d,) of doubles or MPFR numbers, as the arithmetic says.
+        """
         if arithmetic == DOUBLE:
             for _ in range(RETRACTIONS):
                 g, G, _, _ = self._numbers(q, p)

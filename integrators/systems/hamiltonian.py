@@ -35,7 +35,7 @@ def _symbols(names: Sequence[sp.Symbol | str] | str) -> tuple[sp.Symbol, ...]:
 
 
 def _expression(e) -> sp.Expr:
-    """Convert to a SymPy expression; raises InvalidInput for other objects, such as a Python function."""
+    """Convert a formula to a SymPy expression; raises InvalidInput for other objects, such as a Python function."""
     try:
         found = sp.sympify(e)
     except (sp.SympifyError, TypeError, AttributeError):
@@ -222,7 +222,7 @@ class PartitionedSystem:
 
     @cached_property
     def content(self) -> str:
-        """The hash of the formulae that the generated functions depend on."""
+        """A hash of the variables, right-hand sides and H; generated functions are cached under it."""
         text = "|".join([*map(str, (self.q, self.p)), *map(sp.srepr, (*self.dq, *self.dp, self.H))])
         return hashlib.sha256(text.encode()).hexdigest()
 
@@ -453,7 +453,7 @@ class Hamiltonian(PartitionedSystem):
             vars(self).update(vars(deferred.system(deferred.key_of(given), partial(_derive_system, given))))
 
     def _derive(self, *, q, p, H, singular=None, invariants=(), frequencies=(), kepler=None) -> None:
-        """Derive the system from its formulae: its right-hand sides and its distances to singularities."""
+        """Set the attributes of the system: derive right-hand sides and distances to singularities from formulae."""
         q, p = _symbols(q), _symbols(p)
         if isinstance(H, str):
             H = parse(H, {str(s): s for s in (*q, *p)})

@@ -127,7 +127,10 @@ def _adapt(loop: Callable, given: int, fills: bool) -> tuple[Callable, bool]:
 
 
 def uncompiled_loop(name: str, loop: Callable, constants) -> Callable:
-    """A user's loop for these constants, uncompiled, as a function that returns its results."""
+    """Return the user's loop for these constants, uncompiled, as a function that returns its results.
+
+    ``loop`` makes the loop from the constants; ``name`` is "energy", "field", "grad_V" or "grad_U".
+    """
     return _adapt(loop(*constants), len(SIGNATURES[name](types.float64).args), False)[0]
 
 

@@ -107,7 +107,7 @@ class RigidBody(Hamiltonian):
         self._derive(q=q, p=p, H=H, singular=(), invariants=tuple(self.kept.values()))
 
     def start(self, *, attitude: ArrayLike, momentum: ArrayLike) -> tuple[Floats, Floats]:
-        """The state (q, p) of an attitude, a quaternion of any length, and momenta (3,) about the body's axes."""
+        """The state (q, p) of an attitude, a quaternion of any length, and angular momenta (3,) about body axes."""
         try:
             q, L = np.asarray(attitude, float), np.asarray(momentum, float)
         except (TypeError, ValueError):
@@ -119,7 +119,7 @@ class RigidBody(Hamiltonian):
 
     @staticmethod
     def momentum(q: ArrayLike, p: ArrayLike) -> Floats:
-        """The momenta about the body's axes, an array (..., 3), of states q, p (..., 4)."""
+        """The angular momenta about the body's axes, an array (..., 3), of states q, p (..., 4)."""
         q, p = np.moveaxis(np.asarray(q, float), -1, 0), np.moveaxis(np.asarray(p, float), -1, 0)
         return np.stack([sum(a * b for a, b in zip(p, product(q, unit(k)), strict=True)) / 2 for k in range(3)], -1)
 

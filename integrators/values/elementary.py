@@ -99,7 +99,7 @@ def _vector(builder, number: float, n: int):
 
 @intrinsic
 def _clip(typing_context, x, low, high, beyond):
-    """Clip x to [low, high]; outside, return NaN instead if ``beyond`` is an integer."""
+    """Clip the lanes of x to [low, high]; if ``beyond`` is an integer, lanes outside become NaN instead."""
 
     def codegen(context, builder, sig, args):
         bounds = [broadcast(context, builder, a, t, x.n) for a, t in zip(args[1:3], sig.args[1:3], strict=True)]
@@ -132,7 +132,7 @@ def _power_of_two(typing_context, n):
 
 @intrinsic
 def _select_below(typing_context, x, bound, near, far):
-    """``near`` in the lanes where x < bound, else ``far``."""
+    """Choose ``near`` in the lanes where x < bound, ``far`` in the others."""
 
     def codegen(context, builder, sig, args):
         less = builder.fcmp_ordered("<", args[0], broadcast(context, builder, args[1], sig.args[1], x.n))
@@ -143,7 +143,7 @@ def _select_below(typing_context, x, bound, near, far):
 
 @intrinsic
 def _sqrt(typing_context, x):
-    """Square root of lanes."""
+    """The square root of each lane of x, by the processor's instruction."""
     return x(x), lambda context, builder, sig, args: call(builder, "sqrt", x.n, args[0])
 
 
@@ -155,7 +155,7 @@ def _round(x):
 
 @njit(**OPTIONS)
 def _reduced_sine(x, n, sign):
-    """sign * sin(x - n pi), for |x - n pi| <= pi/2."""
+    """The value sign * sin(x - n pi) in each lane, for |x - n pi| <= pi/2, by a polynomial."""
     r = ((x - n * PI[0]) - n * PI[1]) - n * PI[2]
     z = r * r
     s = sign * r
@@ -215,7 +215,7 @@ def _tanh(x):
 
 
 def _overload(name: str, of_lanes):
-    """Return a function of the module math extended to lanes (by ``of_lanes``), to MPFR numbers and to arrays."""
+    """Return the function ``name`` of the module math, extended to SIMD lanes (``of_lanes``), MPFR numbers, arrays."""
     of_number = getattr(math, name)
 
     def plain(x):

@@ -15,17 +15,17 @@ from .lanes import OPTIONS, Lanes, broadcast, call
 
 
 def fma(a, x, y):
-    """a x + y, rounded once where that is one instruction."""
+    """The number a x + y; compiled, it is rounded once if the processor has an instruction for that, else twice."""
     return a * x + y
 
 
 def exact_fma(a, x, y):
-    """a x + y, rounded once."""
+    """The number a x + y, in compiled code always rounded once."""
     return a * x + y
 
 
 def _emit(name, signature, context, builder, arguments):
-    """Emit a call of the LLVM intrinsic ``name``, which multiplies and adds."""
+    """Emit a call of the LLVM intrinsic ``name``, "fma" or "fmuladd", which multiplies and adds numbers or lanes."""
     lanes = signature.return_type
     if not isinstance(lanes, Lanes):
         return call(builder, name, 0, *arguments)
@@ -41,13 +41,13 @@ def _signature(a, x, y):
 
 @intrinsic
 def _fmuladd(typing_context, a, x, y):
-    """Implementation of `fma` in compiled code."""
+    """The Numba intrinsic to which `fma` compiles."""
     return _signature(a, x, y), lambda context, builder, s, given: _emit("fmuladd", s, context, builder, given)
 
 
 @intrinsic
 def _fma(typing_context, a, x, y):
-    """Implementation of `exact_fma` in compiled code."""
+    """The Numba intrinsic to which `exact_fma` compiles."""
     return _signature(a, x, y), lambda context, builder, s, given: _emit("fma", s, context, builder, given)
 
 

@@ -1,8 +1,9 @@
 """Versions of a system's functions that write their results into arrays passed to them, for large d.
 
-From f(q, ...) -> g or (g, k) is made f(q, ..., g) -> None or f(q, ..., g, k) -> None; `vector.writes` recognizes its
-type.  A family whose kernel can use such functions asks for the `in_place_version` of a system, and states from how
-many degrees of freedom on: avoiding allocation pays even for states that would still fit in registers.
+A function f(q, ...) -> g, or -> (g, k), becomes f(q, ..., g) -> None, or f(q, ..., g, k) -> None; `vector.writes`
+recognizes the type of such functions.  If the loop of a method can use them, it takes the `in_place_version` of a
+system, and states from how many degrees of freedom on: to avoid allocation pays even for states that would still fit in
+registers.
 """
 
 from __future__ import annotations
@@ -18,7 +19,10 @@ from phasebench.integrators.compile.codegen import DOUBLE, compiled, value_kind
 
 
 def signature(returning):
-    """Return the Numba signature of the version that writes into arrays, given that of the one that returns them."""
+    """Return the Numba signature of a function's version that writes its results into further arguments.
+
+    ``returning`` is the signature of the version that returns them.
+    """
     results = returning.return_type
     many = results.types if isinstance(results, types.BaseTuple) else (results,)
     return types.none(*returning.args, *many)
@@ -51,10 +55,11 @@ _versions: WeakKeyDictionary = WeakKeyDictionary()
 
 
 def in_place_version(system, arithmetic: str, most: int):
-    """Return the system whose functions write in place, or ``system`` itself if its states are tuples.
+    """Return a copy of the system whose functions write results into arrays; the system itself if states are tuples.
 
-    States are tuples up to ``most`` degrees of freedom, or up to `codegen.TUPLE_LIMIT` if that is smaller; they also
-    stay values where nothing is compiled or the arithmetic is not double.  Repeated calls return the same object.
+    States are tuples up to ``most`` degrees of freedom, or up to `codegen.TUPLE_LIMIT` if that is smaller.  The system
+    itself is returned, too, if nothing is compiled or the arithmetic is not double.  Repeated calls return the same
+    object.
     """
     if arithmetic != DOUBLE or not compiled() or value_kind(system.d, arrays=system.d > most) == "tuple":
         return system

@@ -40,8 +40,10 @@ def _unsupported_power(e: sp.Expr) -> bool:
 def function(
     kind: str, arguments: Sequence[tuple[str, Sequence[sp.Symbol]]], results: Callable, n: int, system, arithmetic: str
 ):
-    """Return the compiled function f(B) of named vectors of symbols in n lanes.
+    """Return the compiled function f(B) that evaluates formulae in n lanes; rows of the table B are its variables.
 
+    ``kind`` is a label that identifies the function in the cache, ``arguments`` are pairs (name, vector of symbols),
+    whose values f reads from the first rows of B, one row for each symbol; f writes its results to the rows after them.
     ``results`` takes no arguments and returns a list of expressions, or a `printing.Program` of one such list; it is
     called only if the text is not in the cache.
     """
@@ -80,5 +82,5 @@ def function(
 
 @cache
 def _operations() -> str:
-    """Return the hash of the modules whose operations are compiled into a generated function."""
+    """Return the hash of the source of `lanes` and `elementary`, whose operations generated functions contain."""
     return hashlib.sha256(b"".join(Path(m.__file__).read_bytes() for m in (lanes, elementary))).hexdigest()

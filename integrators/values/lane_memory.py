@@ -16,7 +16,7 @@ from .masks import LANES
 
 
 def table_type(ndim: int = 2) -> types.Array:
-    """Return the Numba type of an array of lanes, without assuming an alignment."""
+    """Return the Numba type of an array whose entries are vectors of SIMD lanes, without assuming an alignment."""
     return types.Array(LANES, ndim, "C", aligned=False)
 
 
@@ -33,7 +33,7 @@ def type_with_block(record, arrays):
 
 
 def _view(context, builder, array_type, array, block):
-    """Emit the view of block number ``block`` of an array."""
+    """Emit the LLVM code of a view of block number ``block`` of an array (blocks, ..., lanes), as an array of lanes."""
     source = arrayobj.make_array(array_type)(context, builder, array)
     shape, strides = (cgutils.unpack_tuple(builder, x) for x in (source.shape, source.strides))
     pointer = ir.VectorType(ir.DoubleType(), LANES.n).as_pointer()
@@ -55,7 +55,7 @@ def _view(context, builder, array_type, array, block):
 
 @intrinsic
 def block_of(typingctx, array, block):
-    """Block number ``block`` of an array of doubles (blocks, ..., lanes)."""
+    """View block number ``block`` of an array of doubles (blocks, ..., lanes) as an array of lanes (...)."""
 
     def codegen(context, builder, sig, args):
         return _view(context, builder, array, *args)
@@ -65,7 +65,10 @@ def block_of(typingctx, array, block):
 
 @intrinsic
 def with_block(typingctx, record, arrays, block):
-    """The NamedTuple ``record``, with each field named in the NamedTuple ``arrays`` replaced by that array's block."""
+    """Copy a NamedTuple, with each field that the NamedTuple ``arrays`` has, too, replaced by a block of that array.
+
+    ``block`` is the number of the block, as in `block_of`.
+    """
     result = type_with_block(record, arrays)
 
     def codegen(context, builder, sig, args):

@@ -50,7 +50,7 @@ class _Model(models.PrimitiveModel):
 
 
 def broadcast(context, builder, value, kind, n: int):
-    """Emit a scalar, or lanes, as an LLVM vector of n doubles."""
+    """Emit LLVM code that converts a scalar, or lanes, to a vector of n doubles; ``kind`` is the value's Numba type."""
     if isinstance(kind, Lanes):
         return value
     number = context.cast(builder, value, kind, types.float64)
@@ -122,9 +122,9 @@ _unary(float, lambda builder, n, x: x)
 
 
 def operation(compiled):
-    """Return a decorator by which a plain NumPy function becomes, for lanes, the intrinsic ``compiled``.
+    """Return a decorator that replaces a plain NumPy function in compiled code by the Numba intrinsic ``compiled``.
 
-    That is so where an argument is lanes, or where the last one, ``like``, is a tuple.
+    It does so for calls in which an argument is of the type `Lanes`, or a tuple, as the last argument ``like`` is.
     """
 
     def decorate(function):
@@ -156,7 +156,7 @@ def offset_address(builder, pointer, offset, kind=None):
 
 
 def _row_address(context, builder, table_type, table, row, n):
-    """Emit the address of the first n numbers of a row."""
+    """Emit the address of the first n numbers of a row of a table, as that of an LLVM vector."""
     array = context.make_array(table_type)(context, builder, table)
     strides = array.strides
     offset = builder.mul(row, builder.extract_value(strides, 0))
@@ -165,7 +165,7 @@ def _row_address(context, builder, table_type, table, row, n):
 
 @intrinsic
 def _take(typing_context, table, row, like):
-    """What `take` compiles to: read a row of a table as lanes, as many as ``like`` has."""
+    """Read a row of a table as lanes, as many as ``like`` has: the Numba intrinsic to which `take` compiles."""
 
     def codegen(context, builder, sig, args):
         n = like.count
@@ -176,7 +176,7 @@ def _take(typing_context, table, row, like):
 
 @intrinsic
 def _put(typing_context, table, row, x, like):
-    """Implementation of `put` in compiled code."""
+    """Write lanes x into a row of a table: the Numba intrinsic to which `put` compiles."""
 
     def codegen(context, builder, sig, args):
         n = like.count
@@ -189,7 +189,7 @@ def _put(typing_context, table, row, x, like):
 
 @intrinsic
 def _combine(typing_context, x, y, factor, table, row, like):
-    """Implementation of `combine` in compiled code."""
+    """Add to x a linear combination of rows of a table: the Numba intrinsic to which `combine` compiles."""
 
     def codegen(context, builder, sig, args):
         n = y.n
@@ -217,7 +217,7 @@ def _next(builder, row, j):
 
 @intrinsic
 def _polynomial(typing_context, coefficients, z, like):
-    """Implementation of `polynomial` in compiled code."""
+    """Evaluate a polynomial at each lane of z: the Numba intrinsic to which `polynomial` compiles."""
 
     def codegen(context, builder, sig, args):
         n = z.n
@@ -241,7 +241,7 @@ def _polynomial(typing_context, coefficients, z, like):
 
 @intrinsic
 def _total(typing_context, x):
-    """Implementation of `total` in compiled code."""
+    """Sum the lanes of x: the Numba intrinsic to which `total` compiles."""
 
     def codegen(context, builder, sig, args):
         kind, name = ir.VectorType(NUMBER, x.n), f"llvm.vector.reduce.fadd.v{x.n}f64"
@@ -255,13 +255,13 @@ def _total(typing_context, x):
 
 @operation(_take)
 def take(table, row, like):
-    """The row of a table as lanes, as many as ``like`` has items."""
+    """Read the row with index ``row`` of a table as lanes, as many as ``like`` has items."""
     return table[row, : len(like)].copy()
 
 
 @operation(_put)
 def put(table, row, x, like):
-    """Write lanes, or one scalar for all of them, into a row of a table; ``like`` sets their number."""
+    """Write the lanes x, or one scalar for all of them, into a row of a table; ``like`` has as many items as lanes."""
     table[row, : len(like)] = x
 
 
@@ -287,5 +287,5 @@ def polynomial(coefficients, z, like):
 
 @operation(_total)
 def total(x):
-    """The sum of the lanes."""
+    """The sum of the lanes of x, a number."""
     return np.sum(x)

@@ -1,4 +1,4 @@
-"""Conditions on SIMD lanes, and choices by them, with which one kernel integrates several orbits at once.
+"""Masks: conditions on SIMD lanes, and choices by them, so that one kernel can integrate several orbits at once.
 
 Given tuples of lanes, a kernel's source integrates as many orbits as there are lanes.  Each lane gets the scalar
 kernel's result, because +, -, *, / and the square root round the same way.  A scalar beside lanes stands for that
@@ -57,7 +57,7 @@ LANES = Lanes(2 * _native())
 @lower_cast(types.Integer, Lanes)
 @lower_cast(types.Float, Lanes)
 def _broadcast(context, builder, kind, lanes, value):
-    """Convert a scalar to lanes."""
+    """Emit LLVM code that converts a scalar to lanes, each of which gets the scalar."""
     if isinstance(kind, types.IntegerLiteral):
         kind, value = types.float64, context.get_constant(types.float64, float(kind.literal_value))
     return broadcast(context, builder, value, kind, lanes.n)
@@ -67,7 +67,7 @@ def _broadcast(context, builder, kind, lanes, value):
 
 
 def _comparison(function, sign: str):
-    """Define a comparison of lanes, which gives a mask; NaN compares as in IEEE arithmetic."""
+    """Define in Numba a comparison of SIMD lanes, which gives a `Mask`; NaN compares as in IEEE arithmetic."""
 
     @infer_global(function)
     class _Template(AbstractTemplate):
@@ -94,7 +94,7 @@ for _function, _sign in (
 
 
 def _logical(function, name: str):
-    """Define a logical operator of masks; ``name`` is that of LLVM's instruction."""
+    """Define in Numba a logical operator between masks; ``name`` is that of LLVM's instruction."""
 
     @infer_global(function)
     class _Template(AbstractTemplate):
@@ -127,7 +127,7 @@ def count(typingctx, mask):
 
 @intrinsic
 def broadcast_like(typingctx, number, lanes):
-    """The scalar in every lane, of the type of ``lanes``."""
+    """Return lanes of the type of ``lanes``, each of which has the scalar ``number``."""
 
     def codegen(context, builder, sig, args):
         return context.cast(builder, args[0], number, lanes)
@@ -137,7 +137,7 @@ def broadcast_like(typingctx, number, lanes):
 
 @infer_global(bool)
 class _Any(AbstractTemplate):
-    """Typing of bool(mask)."""
+    """Tell Numba that bool(mask) is a truth value."""
 
     def generic(self, args, kws):
         if len(args) == 1 and isinstance(args[0], Mask):
@@ -147,20 +147,20 @@ class _Any(AbstractTemplate):
 
 @lower_builtin(bool, Mask)
 def _any(context, builder, sig, args):
-    """LLVM code of bool(mask)."""
+    """Emit the LLVM code of bool(mask): True if the condition holds in any lane."""
     return _truth(context, builder, sig.args[0], types.boolean, args[0])
 
 
 @lower_cast(Mask, types.Boolean)
 def _truth(context, builder, fromty, toty, value):
-    """LLVM code of the conversion of a mask to a truth value: True if it holds in any lane."""
+    """Emit the LLVM code that converts a mask to a truth value: True if the condition holds in any lane."""
     packed = builder.bitcast(value, ir.IntType(fromty.n))
     return builder.icmp_unsigned("!=", packed, ir.Constant(packed.type, 0))
 
 
 @intrinsic
 def select(typingctx, mask, a, b):
-    """a in the lanes where the mask holds, else b; a and b are lanes or tuples of lanes."""
+    """Choose a in the lanes where the mask holds, b in the others; a and b are lanes or tuples of lanes."""
     kind = a if isinstance(a, (Lanes, types.BaseTuple)) else b
 
     def codegen(context, builder, sig, args):
@@ -177,7 +177,10 @@ def select(typingctx, mask, a, b):
 
 
 def where(condition, a, b):
-    """a if the condition holds, else b, lane by lane; a and b are numbers or tuples of them."""
+    """Choose a where the condition holds, else b; for SIMD lanes lane by lane (`select`).
+
+    a and b are numbers, lanes, or tuples of these.
+    """
     return a if condition else b
 
 
@@ -192,12 +195,15 @@ def fails(condition):
 
 
 def retire_lanes(going, kept, x):
-    """Set the lanes of x that are ``going`` but not ``kept`` to NaN; returns (x, True if work is left)."""
+    """Set the lanes of x in which ``going`` holds and ``kept`` does not to NaN; returns (x, True).
+
+    If the conditions are scalars, x is returned unchanged, with ``kept`` in place of True.
+    """
     return x, kept
 
 
 def _overload_for_masks(function, in_lanes, options=OPTIONS) -> None:
-    """Overload a function whose first argument is a condition by ``in_lanes`` where that is a mask."""
+    """Make Numba compile a function to ``in_lanes`` where its first argument, a condition, is a `Mask`."""
     names = ", ".join(function.__code__.co_varnames[: function.__code__.co_argcount])
     namespace = {"in_lanes": in_lanes, "alone": function, "Mask": Mask}
     exec(f"def typed({names}): return in_lanes if isinstance({names.split(',')[0]}, Mask) else alone", namespace)
@@ -215,7 +221,7 @@ _overload_for_masks(retire_lanes, lambda going, kept, x: (select(going & ~kept, 
 
 
 def _use_elementary(name: str) -> None:
-    """Make a function of the module math use that of `elementary` for lanes."""
+    """Make Numba compile the function ``name`` of the module math, for SIMD lanes, to that of `elementary`."""
     of_lanes = getattr(elementary, name)
 
     @overload(getattr(math, name), jit_options=OPTIONS)
@@ -248,7 +254,7 @@ def _with_lane(typingctx, x, i, value):
 
 
 def overload_lane_by_lane(function) -> None:
-    """Overload a function of one number for lanes, by calling it for each."""
+    """Overload a function of one number for SIMD lanes, by calling it for each lane."""
 
     @overload(function, jit_options=OPTIONS)
     def of_lanes(x):
@@ -297,7 +303,7 @@ def holds_lanes(arguments) -> bool:
 
 
 def overload_in_lanes(scalar, in_lanes):
-    """Return the operation of these two functions: ``in_lanes`` if an argument is in lanes, else ``scalar``."""
+    """Return a function that is ``in_lanes`` if an argument has SIMD lanes, else ``scalar``, chosen at compile time."""
     names = ", ".join(inspect.signature(scalar).parameters)
     namespace = {"__name__": __name__, "scalar": scalar, "in_lanes": in_lanes, "holds_lanes": holds_lanes}
     exec(f"def pick({names}):\n  return scalar({names})", namespace)

@@ -4,7 +4,7 @@ A kernel treats ``q`` and ``p`` as *values*.  Each operation below is one plain 
 stands on arrays of doubles and on object arrays of MPFR numbers.  Compiled, the same expression is unrolled for tuples
 of doubles (small ``d``: the state lives in registers), and left to Numba for arrays (large ``d``).
 
-``add`` is the compensated sum x + (dx + c): it returns the new value and the part of the increment that rounding
+`add` is the compensated sum x + (dx + c): it returns the new value and the part of the increment that rounding
 lost (Kahan 1965; Moller 1965, "Quasi double-precision in floating point addition", BIT 5, 37-50).
 """
 
@@ -36,17 +36,18 @@ def _holds_vectors(t) -> bool:
     return isinstance(t, types.BaseTuple) and any(map(_holds_vectors, t))
 
 
-#: A part of a kernel: neither Python nor C calls it.  What is not stated is as in the caller, but `forceinline`.
+#: Options of functions that only other compiled functions call.  An option that is not set is inherited from the
+#: caller; `forceinline` must not be.
 PART = COMMON | {"forceinline": False, "no_cfunc_wrapper": True}
 
 
 def jit(f):
-    """Compile ``f`` as a function of its own, with its caller's options."""
+    """Compile ``f`` by Numba as a function of its own, not inlined, with the options of its caller; a decorator."""
     return njit(**PART)(_rename_by_content(f))
 
 
 def inline(f):
-    """Compile ``f`` into its caller, with its caller's options; for the operations of a step."""
+    """Inline ``f`` by Numba into its caller, with the caller's options; a decorator for the operations of a step."""
     return njit(**COMMON, inline="always")(f)
 
 
@@ -79,9 +80,10 @@ forbid_inlining = (lambda: None) if config.DISABLE_JIT else _mark_noinline
 
 
 def _overload_by_source(fn, template, loop=None, loop_options=ARRAYS):
-    """Overload ``fn`` by source text: ``template(names, arguments)`` for tuples, ``loop(names, arguments)`` for arrays.
+    """Make Numba compile ``fn`` from generated source text where its arguments are tuples or arrays; returns ``fn``.
 
-    Both return the body of the function.  Without ``loop`` arrays use ``fn`` as it stands.
+    ``template(names, arguments)`` returns the body of the function for tuples, ``loop(names, arguments)`` that for
+    arrays, from the names and Numba types of the arguments.  Without ``loop`` arrays use ``fn`` as it stands.
     """
     names = list(inspect.signature(fn).parameters)
 
@@ -107,12 +109,15 @@ def _overload_by_source(fn, template, loop=None, loop_options=ARRAYS):
 
 
 def _length(arguments) -> int:
-    """Return the number of components of the first tuple among the types."""
+    """Return the number of components of the first tuple among the Numba types of arguments."""
     return next(a.count for a in arguments if isinstance(a, types.BaseTuple))
 
 
 def elementwise(outputs: int = 1):
-    """Return a decorator that makes a NumPy expression with ``outputs`` results an operation, unrolled for tuples."""
+    """Return a decorator for functions that are one NumPy expression in vectors, with ``outputs`` results.
+
+    Numba compiles the decorated function for tuples, component by component, and for arrays.
+    """
 
     def template(names, arguments):
         def call(i):
@@ -147,16 +152,19 @@ def elementwise(outputs: int = 1):
 
 
 def unroll(template, loop: str = ""):
-    """Return a decorator that makes a function an operation; for tuples of d items its body is ``template(d)``.
+    """Return a decorator for functions of vectors that Numba compiles for tuples from the source text ``template(d)``.
 
-    For arrays its body is the source ``loop``, if that is given.
+    d is the number of items of the tuples, the text the body of the function.  For arrays the body is the text
+    ``loop``; without it, the function as it stands.
     """
     on_arrays = (lambda names, arguments: loop) if loop else None
     return lambda fn: _overload_by_source(fn, lambda names, arguments: template(_length(arguments)), on_arrays)
 
 
 def sum_of(term: str):
-    """Return a decorator that makes a function the sum of ``term``, text that refers to components as ``[i]``.
+    """Return a decorator for functions of vectors that Numba compiles to the sum over i of the source text ``term``.
+
+    The text refers to components by the index ``[i]``.
 
     The sum of an array may be taken in any order, so that the compiler keeps several partial sums.
     """
@@ -171,7 +179,7 @@ def sum_of(term: str):
 
 
 def _tuple_text(items) -> str:
-    """Return the text of a tuple.
+    """Return the source text of a tuple of these items, which are source texts.
 
     Python builds a tuple of more than 30 items from a list, which Numba does not compile; so it is a sum of shorter
     ones.
@@ -181,7 +189,7 @@ def _tuple_text(items) -> str:
 
 
 def _tuple(d, item):
-    """Return the body of a function that returns d items, each ``item`` with its index filled in."""
+    """Return the source text of "return" with a tuple of d items: ``item`` with the index i filled in."""
     return "  return " + _tuple_text(item.format(i=i) for i in range(d))
 
 
@@ -283,7 +291,7 @@ def store(A, i, x):
 
 
 class State(NamedTuple):
-    """The values q and p, and the parts of them that rounding lost (compensation)."""
+    """The state of a step: the vectors q and p, and what rounding lost of each in compensated summation."""
 
     q: Any
     p: Any
@@ -323,7 +331,7 @@ def write_sample(samples, row, y):
 
 
 def dispatch_on_none(when_none, otherwise):
-    """Return the function that calls ``when_none`` if its first argument is None, else ``otherwise``.
+    """Return a function that calls ``when_none`` if its first argument is None, else ``otherwise``.
 
     Compiled code chooses by the type of the argument, when it is compiled.
     """
@@ -356,7 +364,7 @@ PLACES = COMMON | {"forceinline": True}
 
 
 def force_inline(f):
-    """Compile ``f`` into its caller with the caller's options, in every case; for what the loop calls in every step."""
+    """Let LLVM inline ``f`` into every caller, with the caller's options; a decorator for functions of every step."""
     return njit(**PLACES)(f)
 
 
@@ -378,7 +386,10 @@ def overload_by_kind(function, on_values, on_arrays):
 
 
 def in_place(on_arrays):
-    """Return a decorator: the function of values becomes ``on_arrays`` if one of the arguments is an array."""
+    """Return a decorator that makes a function compile to ``on_arrays`` if one of its arguments is a vector (array).
+
+    For tuples and SIMD lanes the decorated function itself is compiled; if ``on_arrays`` is None, for arrays too.
+    """
 
     def decorate(on_values):
         overload_by_kind(on_values, lambda *arguments: on_values, lambda *arguments: on_arrays or on_values)
@@ -414,7 +425,7 @@ def _part_of_row(typing_context, A, i, first, n):
 
 
 def _rows(A, i, j, like):
-    """Implementation of `rows` for arrays, by views."""
+    """Views of the rows i and j of A, as long as ``like``: what `rows` compiles to for arrays."""
     return _part_of_row(A, i, 0, len(like)), _part_of_row(A, j, 0, len(like))
 
 
@@ -425,7 +436,7 @@ def rows(A, i, j, like):
 
 
 def _halves(A, i, like):
-    """Implementation of `halves` for arrays, by views."""
+    """Views of two parts of row i of A, each as long as ``like``: what `halves` compiles to for arrays."""
     return _part_of_row(A, i, 0, len(like)), _part_of_row(A, i, len(like), len(like))
 
 
@@ -438,7 +449,7 @@ def halves(A, i, like):
 
 @inline
 def view_state(carry):
-    """The state stored in rows 0 to 3 of ``carry.state``, as `read_state`; for arrays, views of the rows themselves."""
+    """The `State` stored in rows 0 to 3 of ``carry.state``, like `read_state`; for arrays, views of those rows."""
     q, p = rows(carry.state, 0, 1, carry.zero)
     lost_q, lost_p = rows(carry.state, 2, 3, carry.zero)
     return State(q, p, lost_q, lost_p)
@@ -473,7 +484,10 @@ def in_registers(results, arguments) -> bool:
 
 @intrinsic
 def _call_entry(typing_context, f, x):
-    """f(x) through f's C entry: Numba's own call returns the result in memory, which the next kick would wait for."""
+    """Call f(x) through the C entry point of f, a compiled function passed as a pointer.
+
+    Numba's own call returns the result in memory, for which the operations that use it would have to wait.
+    """
 
     def codegen(context, builder, signature, arguments):
         address = cgutils.create_struct_proxy(f)(context, builder, value=arguments[0]).c_addr
@@ -483,14 +497,17 @@ def _call_entry(typing_context, f, x):
 
 
 def apply(f, x, old):
-    """f(x), written over ``old`` where it is an array; x if f is None, and f * x, componentwise, if f is an array."""
+    """Return f(x); x if f is None, and f * x, componentwise, if f is an array of coefficients.
+
+    In compiled code the result is written over ``old`` if that is an array.
+    """
     if f is None:
         return x
     return times(f, x) if isinstance(f, np.ndarray) else f(x)
 
 
 def _apply_values(f, x, old):
-    """Choose the implementation of `apply`, for x that is no array, from the types of f, x and old."""
+    """Choose what `apply` compiles to if x is no array, from the Numba types of f, x and old."""
     if isinstance(f, (types.NoneType, types.Omitted)):
         return lambda f, x, old: x
     if isinstance(f, types.Array):
@@ -501,7 +518,7 @@ def _apply_values(f, x, old):
 
 
 def _apply_arrays(f, x, old):
-    """Choose the implementation of `apply`, for an array x, from the types of f, x and old."""
+    """Choose what `apply` compiles to if x is an array, from the Numba types of f, x and old."""
 
     def fill(f, x, old):
         f(x, old)

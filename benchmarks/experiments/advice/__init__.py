@@ -1,1 +1,1 @@
-"""Does the advice meet the requested accuracy, and how close to the fastest integrator is it?"""
+"""Experiment: does the integrator that `phasebench advise` recommends meet the requested accuracy, and is it fast?"""

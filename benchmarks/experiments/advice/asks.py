@@ -1,4 +1,8 @@
-"""ASKS: sixty random requests for advice, from a fixed seed; a quarter are on formulas that are in no registry."""
+"""Draw `ASKS`, random requests for advice on which integrator to use, with a fixed seed.
+
+A request names a problem, an end time, an accuracy, a quantity, and what must be conserved.  A quarter of the requests
+are on formulas of H that are in no registry of problems.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +15,7 @@ QUICK = 2
 
 
 class Field(NamedTuple):
-    """The ranges from which requests on one problem are drawn.
+    """The ranges from which requests for advice on one problem are drawn.
 
     Attributes
     ----------
@@ -19,7 +23,7 @@ class Field(NamedTuple):
     spans : the shortest and the longest end time; t_end is log-uniform between them
     finest : accuracies are log-uniform from 10^-finest to 10^-1.5
     keep : the properties of which one may be requested to be conserved
-    own : names of the problem's own quantities, which may be requested
+    own : names of the problem's own quantities (such as "phase"), whose accuracy may be requested
     """
 
     words: tuple[str, ...]
@@ -93,7 +97,15 @@ OUTSIDE = (
 class TypedRequest(NamedTuple):
     """A request for advice as it is typed: the words that name the problem, and the options.
 
-    ``outside``: the problem is a formula, in no registry.
+    Attributes
+    ----------
+    name : number of the request, two digits
+    words : the command-line words that name the problem
+    t_end : end time of the integration
+    accuracy : largest error allowed in the quantity
+    quantity : what has to be accurate, such as "end-state", "trajectory" or "energy"
+    conserve : properties that the method must conserve, such as "symplectic"; at most one is drawn
+    outside : True if the problem is a formula, in no registry
     """
 
     name: str
@@ -122,7 +134,7 @@ def _draw_evenly(rng, members: int, wanted: int) -> np.ndarray:
 def _ask(rng, name: str, field: Field, outside: bool) -> TypedRequest:
     """Draw a request for advice with the generator ``rng``: span, quantity and accuracy within the ranges of ``field``.
 
-    ``outside`` is True if the problem is in no registry.
+    ``name`` becomes the request's name; ``outside`` is True if the problem is in no registry.
     """
     low, high = np.log10(field.spans)
     t_end = float(f"{10 ** rng.uniform(low, high):.3g}")

@@ -6,17 +6,17 @@ from phasebench.benchmarks.experiments.advice.cells import TABLE, cells  # noqa:
 
 
 def unmet(rows) -> list[str]:
-    """A line for each request whose advised command misses the accuracy when it is run again."""
+    """List a line for each request whose advised command misses the accuracy when rerun; ``rows``: table "advice"."""
     return [f"{r['ask']}: {r['command']}: {r['rerun error']}" for r in rows if r["command"] and not r["met"]]
 
 
 def bench_advice(measured_rows):
-    """Every advised command meets its accuracy when a separate process runs it."""
+    """Check that every advised command meets its accuracy when a separate process runs it."""
     rows = measured_rows(TABLE)
     assert not unmet(rows), "\n".join(unmet(rows))
 
 
 def bench_verified(measured_rows):
-    """Advice is marked as verified; a request without advice has a reason."""
+    """Check that advice is marked as verified, and that a request without advice has a reason."""
     wrong = [r["ask"] for r in measured_rows(TABLE) if not (r["verified"] if r["command"] else r["why"])]
     assert not wrong, wrong

@@ -43,7 +43,15 @@ COMPILED = (OURS, "heyoka", "rebound", "scipy", "boost", "gsl", "pynamicalsys")
 
 
 class Run(NamedTuple):
-    """A run of ``size`` steps, or at tolerance ``size``: whether it reached the end, its error and seconds."""
+    """A run of an integrator on a request for advice.
+
+    Attributes
+    ----------
+    size : number of steps, or tolerance
+    ok : True if the run reached the end
+    error : error of the requested quantity
+    seconds : time without output
+    """
 
     size: float
     ok: bool
@@ -53,13 +61,14 @@ class Run(NamedTuple):
 
 @dataclass
 class Runs:
-    """The runs of one integrator on one request, by size (number of steps, or tolerance).
+    """The runs of one integrator on one request for advice, by size (number of steps, or tolerance).
 
     Attributes
     ----------
     integrator, ask, true : the integrator, the request, and the reference values of its quantity
     longest : seconds after which a method of this project is stopped
     made : the runs so far, by size
+    clocks : timers of warm runs on the request's problem and span
     """
 
     integrator: Integrator
@@ -73,13 +82,16 @@ class Runs:
         self.clocks = clock.Clocks(self.ask.problem, self.ask.t_end)
 
     def met(self, run: Run) -> bool:
-        """True if a run meets the accuracy, with a margin for the reference's error and for round-off elsewhere."""
+        """True if a run meets the accuracy, with a margin for the reference's error and for other round-off."""
         size = float(np.abs(self.true.values).max(initial=0.0))
         slack = self.true.uncertainty + ROUND_OFF * max(size, 1.0 if self.ask.quantity.kept else 0.0)
         return run.ok and (1 + SLACK) * run.error + slack <= self.ask.accuracy
 
     def at(self, size: float) -> Run:
-        """Return the run of a size, integrating on the first call only."""
+        """Return the run of the given size (steps or tolerance), integrated on the first call and then cached.
+
+        A run that the integrator refuses has an infinite error.
+        """
         if not self.integrator.adaptive:
             size = self.ask.quantity.steps(size)
         if size not in self.made:
@@ -90,7 +102,7 @@ class Runs:
         return self.made[size]
 
     def _run(self, size: float) -> Run:
-        """Integrate at a size: the error from a run with the rows that the quantity needs, the time without output."""
+        """Integrate at a size; the seconds are of a run without output, the error of one that stores rows."""
         quantity, given = self.ask.quantity, self.size_argument(size)
         stop = {"timeout": self.longest} if self.integrator.stoppable else {}
         bare = self.solution(**given, save_every=0, **stop)
@@ -100,7 +112,10 @@ class Runs:
         return Run(size, told.status == OK, error(self.ask.problem, quantity, told, self.true), seconds)
 
     def solution(self, part: float = 1.0, **more):
-        """Integrate over the first ``part`` (a share from 0 to 1) of the span; ``more``: options of the run."""
+        """Integrate over the first ``part`` (a share from 0 to 1) of the span and return the solution.
+
+        ``more`` are options of the run, such as the number of steps.
+        """
         return self.integrator.run(self.ask.problem, t_end=part * self.ask.t_end, **more)
 
     def size_argument(self, size: float) -> dict[str, float]:
@@ -126,7 +141,15 @@ class Runs:
 
 
 class Best(NamedTuple):
-    """The fastest run and its integrator's runs; the numbers of integrators tried and of runs made."""
+    """The fastest run of all integrators that meets the accuracy, and how much was searched.
+
+    Attributes
+    ----------
+    runs : all runs of the integrator that made it
+    run : the fastest run
+    tried : number of integrators that were tried
+    count : number of runs of all integrators together
+    """
 
     runs: Runs
     run: Run

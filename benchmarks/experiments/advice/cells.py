@@ -25,7 +25,10 @@ LIMIT, ROUNDS = 6.0, 9
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """List the measurements (`Cell`), one for each group of requests; if ``quick``, one group without brute force."""
+    """List the measurements to make (`Cell`), one for each group of requests.
+
+    If ``quick``, only one group, without the brute-force search for the fastest integrator.
+    """
     if quick:
         return [_cell("quick", ASKS[:QUICK], False)]
     groups = [ASKS[i : i + GROUP] for i in range(0, len(ASKS), GROUP)]
@@ -63,7 +66,7 @@ def measure_rows(group: str, names: tuple[str, ...], against_all: bool) -> Rows:
 
 
 def asked_of(a: TypedRequest) -> Ask:
-    """Build the request object from a typed request, as the command line does."""
+    """Build the `Ask` (problem, quantity, accuracy, limits) from a typed request, as the command line does."""
     from phasebench.benchmarks.problems import problem
     from phasebench.benchmarks.problems.user import from_formula
 
@@ -76,7 +79,11 @@ def asked_of(a: TypedRequest) -> Ask:
 
 
 def row(a: TypedRequest, against_all: bool) -> dict[str, Any]:
-    """Advise on one request and return its row; `measure_rows` adds the rerun's error and ``met``."""
+    """Search advice for one request and return its row of the table "advice".
+
+    If ``against_all``, a brute-force search adds the fastest integrator and the ratio of times.  `measure_rows` adds
+    the error of the rerun and ``met``.
+    """
     question = asked_of(a)
     began, processor = time.perf_counter(), time.process_time()
     answer = advise(question, list(a.words))
@@ -102,7 +109,10 @@ def row(a: TypedRequest, against_all: bool) -> dict[str, Any]:
 
 
 def _against(question: Ask, choice: dict[str, Any]) -> dict[str, Any]:
-    """Find the fastest integrator by brute force, and time the advised ``choice`` against it in alternating rounds."""
+    """Compare the advised ``choice`` with the fastest integrator of a brute-force search, timed in alternating rounds.
+
+    Returns columns for the row: the fastest integrator, its size and error, the seconds of both, their ratio.
+    """
     true = truths.truth(question.problem, question.quantity, question.t_end)
     found = brute.best(question, true)
     if found is None:

@@ -1,4 +1,4 @@
-"""The page on advice: does it meet the requested accuracy, and how far from the fastest integrator is it?"""
+"""The report page on advice: does it meet the requested accuracy, and how far from the fastest integrator is it?"""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def true(column: pd.Series) -> pd.Series:
 
 
 def _problem_text(problem: str, outside) -> str:
-    """The problem's name, or its formula as code."""
+    """Format a problem for the table: its name, or its formula as code if it is ``outside`` the registry."""
     return code(problem) if str(outside).lower() == "true" else problem
 
 
@@ -49,7 +49,7 @@ def _with_brute_force(table: pd.DataFrame) -> pd.DataFrame:
 
 @of(TABLE)
 def met(table: pd.DataFrame) -> Verdict | None:
-    """Whether every advised command met its accuracy when it was run again."""
+    """Judge whether every advised command meets its accuracy when it is run again; None if there is no advice."""
     advised = _with_advice(table)
     if advised.empty:
         return None
@@ -67,7 +67,10 @@ def met(table: pd.DataFrame) -> Verdict | None:
 
 @of(TABLE)
 def near(table: pd.DataFrame) -> Verdict | None:
-    """Whether the advised integrations take about the time of the fastest that brute force finds."""
+    """Judge whether the advised integrations take about the time of the fastest that a brute-force search finds.
+
+    None if no request was compared.
+    """
     compared = _with_brute_force(table)
     if compared.empty:
         return None
@@ -83,7 +86,7 @@ def near(table: pd.DataFrame) -> Verdict | None:
 
 @of(TABLE)
 def refusals(table: pd.DataFrame) -> Verdict:
-    """Whether every request that brute force can meet is given advice."""
+    """Judge whether every request that the brute-force search can meet is given advice."""
     none = table[table["choice"].isna()]
     wrong = none[none["best"].notna()] if "best" in none else none.head(0)
     return Verdict(
@@ -96,7 +99,7 @@ def refusals(table: pd.DataFrame) -> Verdict:
 
 
 def answer(data: Data) -> str | None:
-    """A sentence: how often the advice meets its accuracy, and how often it is about as fast as the fastest."""
+    """Write the page's answer: how often advice meets its accuracy, and how often it is nearly the fastest."""
     table = data(TABLE)
     if table is None or table.empty:
         return None
@@ -110,7 +113,7 @@ def answer(data: Data) -> str | None:
 
 @of(TABLE)
 def draw(table: pd.DataFrame, folder) -> list[Picture] | None:
-    """Draw the advised integration's time over the fastest's, by requested accuracy."""
+    """Draw the time of the advised integration over the fastest's, by requested accuracy; None without ratios."""
     told = _with_brute_force(table)
     if told.empty:
         return None
@@ -161,7 +164,10 @@ def table(found: pd.DataFrame) -> Table:
 
 
 def _by_construction(advised: pd.DataFrame) -> str:
-    """A sentence: how many requests for the energy got a method that keeps it at any step, even on a wrong orbit."""
+    """Write how many requests for an accurate energy get a method that keeps it at any step, even on a wrong orbit.
+
+    Empty if there is none.
+    """
     energy = advised[advised["quantity"] == ENERGY] if "quantity" in advised else advised.head(0)
     conserved = sum(map(_keeps_energy, energy["choice"]))
     return (
@@ -173,7 +179,7 @@ def _by_construction(advised: pd.DataFrame) -> str:
 
 @of(TABLE)
 def _full_table(found: pd.DataFrame) -> pd.DataFrame:
-    """Every request with its advice, its errors and its times: the measured table as it is."""
+    """Return the measured table "advice" unchanged: a row for each request, with its advice, errors and times."""
     return found
 
 

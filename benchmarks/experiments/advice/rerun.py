@@ -32,6 +32,6 @@ def rerun(lines: list[str]) -> list[dict]:
 
 
 def error_of(printed: dict) -> float | None:
-    """The error that ``integrate`` printed: of the requested quantity if there is one, else of the end state."""
+    """Return the error that ``integrate`` printed: of the requested quantity if there is one, else of the end state."""
     found = printed.get("quantity_error")
     return found["error"] if found else printed.get("global_error")

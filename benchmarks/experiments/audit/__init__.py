@@ -1,1 +1,1 @@
-"""Are the established integrators what their packages claim?"""
+"""Experiment: are the established integrators of other packages what their packages claim?"""

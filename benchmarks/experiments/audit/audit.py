@@ -57,7 +57,7 @@ class Audit(TabularResult):
     remarks: list[str] = field(default_factory=list)
 
     def to_frame(self) -> pd.DataFrame:
-        """A row for each claim of each peer, with its verdict and what was measured."""
+        """Return the judged claims as a table: a row for each claim, with its verdict and what was measured."""
         import pandas as pd
 
         return pd.DataFrame(self.claims)
@@ -71,12 +71,12 @@ class Audit(TabularResult):
 
     @property
     def contradictions(self) -> list[dict[str, Any]]:
-        """The claims that a measurement contradicts."""
+        """The claims, as dicts (see `claims.judgements`), that a measurement contradicts."""
         return [c for c in self.claims if c["verdict"] == CONTRADICTED]
 
 
 def select(names: Iterable | None = None) -> list[Integrator]:
-    """The integrators with the given ids, packages or records; all peers (those of other packages) where None.
+    """Select the integrators with the given ids, packages or records; if None, all peers (those of other packages).
 
     Raises InvalidInput for an unknown name, suggesting the nearest.
     """
@@ -111,10 +111,10 @@ def audit(
 
     Parameters
     ----------
-    names : ids of peers or of controls, names of packages, or records; all peers where None
+    names : ids of peers or of controls (methods of this project), names of packages, or records; all peers where None
     quick : run two measures on one problem only
     progress : called with a line of text before each measure
-    budget : seconds of one measure of one peer
+    budget : seconds of one measure of one peer, over all its problems
     isolate : measure in a separate process, which is killed where a package does not return; a record that is in no
         registry is always measured in this process
 
@@ -152,7 +152,11 @@ def _is_registered(peer: Integrator) -> bool:
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """List the measurements (`Cell`): one for each peer, control and script, and two for each package."""
+    """List the measurements to make (`Cell`): one for each peer, control and script, and two for each package.
+
+    A peer is an integrator of another package, a control a method of this project; a script tests statements in a
+    package's documentation.  The list is empty if ``quick``.
+    """
     if quick:
         return []
     from phasebench.reference.peers import PEERS

@@ -13,7 +13,10 @@ from phasebench.benchmarks.judge.verdict import HOLDS
 
 
 def off(rows, claims) -> list[str]:
-    """A line for each property that a control (a method of this project) declares and its measurement contradicts."""
+    """List a line for each property that a control (a method of this project) declares and its measurement contradicts.
+
+    ``rows`` and ``claims`` are the rows of the tables "audit" and "audit_claims".
+    """
     measured = {(r["peer"], r["measure"]) for r in rows}
     return [
         f"{c['peer']}: {c['claim']} {c['verdict']}: {c['measured']} {c['reason']}"
@@ -23,20 +26,20 @@ def off(rows, claims) -> list[str]:
 
 
 def bench_audit(measured_rows, complete):
-    """At least one peer could be imported and measured."""
+    """Check that at least one peer (an integrator of another package) could be imported and measured."""
     rows = measured_rows("audit")
     audited = [r for r in rows if r["measure"] == "package" and r["status"] == "ok"]
     assert audited or not complete("audit"), "no peer could be audited"
 
 
 def bench_audit_controls(measured_rows):
-    """The measurements confirm everything that the controls declare."""
+    """Check that the measurements confirm everything that the controls, methods of this project, declare."""
     wrong = off(measured_rows("audit"), measured_rows("audit_claims"))
     assert not wrong, "\n".join(wrong)
 
 
 def bench_audit_modes(measured_rows):
-    """The controls leave the process's floating-point mode as they found it."""
+    """Check that the controls, methods of this project, leave the process's floating-point mode as they found it."""
     rows = [r for r in measured_rows(modes.TABLE) if r["package"] == page.OWN and r["status"] == "ok"]
     changed = [r["peer"] for r in rows if r["mode"] != modes.KEPT]
     assert not changed, ", ".join(changed)

@@ -21,7 +21,7 @@ EPS = float(np.finfo(float).eps)
 
 @dataclass(frozen=True)
 class Case:
-    """A problem of the audit; its times come from the problem's `pace`.
+    """A problem of the audit with its start, step and span, which follow from the problem's `pace` (its time scales).
 
     Attributes
     ----------
@@ -74,7 +74,7 @@ BY_NAME = {c.problem: c for c in (*CASES, OSCILLATOR)}
 
 @lru_cache(maxsize=32)
 def problem(case: Case):
-    """The problem of a case."""
+    """Build the problem of a case, with the case's parameters; the result is cached."""
     from phasebench.benchmarks.problems import problem
 
     return problem(case.problem, **dict(case.parameters))
@@ -94,7 +94,14 @@ def start(case: Case) -> tuple[np.ndarray, np.ndarray]:
 
 @dataclass(frozen=True)
 class Truth:
-    """Reference rows q, p, arrays (ROWS, d), the largest |q| and |p|, and the relative error that counts as noise."""
+    """The reference states of a case, and the error that counts as noise.
+
+    Attributes
+    ----------
+    q, p : states at `ROWS` equally spaced times, arrays (ROWS, d)
+    sizes : the largest |q| and the largest |p|, to which errors are relative
+    noise : relative error up to which a difference from these states is noise
+    """
 
     q: np.ndarray
     p: np.ndarray
@@ -135,7 +142,11 @@ def able(peer, wanted) -> Iterator[Case]:
 
 
 def select(peer, measure: str, quick: bool = False) -> list[Case]:
-    """Select the cases of a measure: two with separable H, one without; fewer for slow measures and quick runs."""
+    """Select the cases of a measure that a peer can integrate: at most two with separable H, and one or two without.
+
+    ``measure`` is "order", "symplecticity" and the like; measures other than "order" and "tolerance", and quick runs,
+    get fewer.
+    """
     if measure == "stability":
         return list(able(peer, (OSCILLATOR,)))
     split = list(able(peer, [c for c in CASES if c.separable]))

@@ -1,11 +1,11 @@
 """Judge the packages' claims from the audit's rows: they hold, are contradicted or understated, or cannot be judged.
 
-A package that does better than it claims understates; that is no contradiction.
+A package that does better than it claims understates, which is no contradiction.
 
 - Order: contradicted where at least two problems differ and none agrees (understated where all orders are higher);
   holds where at least one agrees and none differs; holds in part where problems disagree.
-- Symplectic, reversible: one problem on which the structure is broken contradicts the claim.  A structure that the
-  package denies and that is kept on all problems is understated.
+- Symplectic, reversible: one problem on which the structure is broken contradicts the claim.  If a package denies a
+  structure that is kept on all problems, its claim is understated.
 - Energy: "bounded" is contradicted by a drift; "round-off" by an error of 10 times round-off; "drifts" is understated
   where an error above round-off stays bounded on all problems.
 
@@ -26,7 +26,7 @@ KEPT = {"symplecticity": "symplectic", "reversibility": "reversible"}
 
 
 def number(x: float) -> str:
-    """Format with three significant digits."""
+    """Format a number with three significant digits."""
     return f"{x:.3g}"
 
 
@@ -40,7 +40,11 @@ def order_text(row) -> str:
 
 
 def structure_text(row) -> str:
-    """Format a defect with its floor, the defect of RK4, and the power of h with which it falls."""
+    """Format a row of a symplecticity or reversibility defect as text.
+
+    It has the defect, its floor (the smallest defect that can be resolved), RK4's defect, the integrator's own error,
+    and the power of h with which the defect falls.
+    """
     if row["status"] != "ok":
         return f"{row['status']} ({row['problem']}: {row['reason']})"
     if not has(row, "floor"):
@@ -73,7 +77,7 @@ PROPERTIES: dict[str, tuple[str, Callable[..., decide.Decision], Callable[[dict]
 
 
 def decision(name: str, claimed, rows: list[dict]) -> tuple[str, list[dict], str]:
-    """Decide on the claim of a property: (verdict, the rows that decide, reason)."""
+    """Decide on the claim of a property, a key of `PROPERTIES`: (verdict, the rows that decide, reason)."""
     _, decide_by, _, unjudged = PROPERTIES[name]
     verdict, seen = decide_by(claimed, rows, decide.AUDIT)
     if verdict == UNJUDGED:
@@ -93,7 +97,7 @@ def _words(name: str, claimed) -> str:
 
 
 def judgements(peer, version: str, rows: Iterable[dict]) -> list[dict]:
-    """Judge every claim of a peer from its rows.
+    """Judge every claim of a peer from its rows of the audit; ``version`` is that of its package.
 
     Returns
     -------
@@ -133,7 +137,10 @@ def judgements(peer, version: str, rows: Iterable[dict]) -> list[dict]:
 
 
 def remarks(rows: Iterable[dict], claimed: Iterable[dict]) -> list[str]:
-    """Sentences on structures that are kept on all problems but not claimed."""
+    """Write sentences on structures that integrators keep on all problems though their packages do not claim them.
+
+    ``rows`` are the audit's measurements, ``claimed`` the judged claims.
+    """
     rows, out = list(rows), []
     said = {(c["peer"], c["property"]) for c in claimed if not c["claim"].startswith("not ")}
     for measure, name in KEPT.items():

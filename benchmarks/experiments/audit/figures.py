@@ -14,7 +14,10 @@ SHOWN = 3.2
 
 
 def orders(rows: list[dict], claims: list[dict], directory: Path, name: str = "audit.png") -> str | None:
-    """Draw the figure from the rows and claims of an audit; return its file name, or None if there are no orders."""
+    """Draw measured minus claimed orders, from the rows and claims of an audit, and save the figure in ``directory``.
+
+    Returns its file name, or None if there are no orders.
+    """
     claimed = {c["peer"]: c for c in claims if c["property"] == "order"}
     seen = [
         r | {"apart": r["value"] - float(claimed[r["peer"]]["claim"].split()[-1])}

@@ -73,12 +73,15 @@ class RunFailed(Exception):
 
 
 def never(seconds: float = 0.0) -> bool:
-    """A budget check for measurements without a time limit: always False."""
+    """Return False: the default budget check ``late``, for measurements without a time limit."""
     return False
 
 
 def run(peer, case: Case, h: float, steps: int, state=None, every: int = 0, tol=None, fine=("ok",)):
-    """Integrate a case with a peer and return the solution; raise RunFailed unless its status is one of ``fine``."""
+    """Integrate a case with a peer and return the solution; raise RunFailed unless its status is one of ``fine``.
+
+    ``state`` (q, p) replaces the case's start; a row is stored every ``every`` steps; ``tol`` is an adaptive peer's.
+    """
     q, p = cases.start(case) if state is None else state
     try:
         s = peer.run(cases.problem(case), h=h, steps=steps, q0=q, p0=p, save_every=every, tol=tol)
@@ -174,7 +177,7 @@ def _bend(found, h, error) -> float:
 
 
 def _map(peer, case: Case, h: float, steps: int, tol=None, taken: list | None = None):
-    """The map of ``steps`` steps on states (2 d,); each call appends the number of steps taken to ``taken``."""
+    """Make the map of ``steps`` steps on states (2 d,); each call appends the number of steps taken to ``taken``."""
     d = cases.problem(case).system.d
 
     def flow(y):
@@ -213,12 +216,16 @@ def _controls(measure: str, case: Case, h: float, steps: int) -> tuple[float, fl
 
 
 def _own_error(peer, case: Case, h: float, steps: int) -> float:
-    """The distance between the ends of ``steps`` steps of h and twice as many of h / 2."""
+    """The distance between the end of ``steps`` steps of h and that of twice as many steps of h / 2."""
     return float(np.abs(end_state(run(peer, case, h, steps)) - end_state(run(peer, case, h / 2, 2 * steps))).max())
 
 
 def _structure(measure: str, peer, case: Case, steps: int) -> dict:
-    """Measure a peer's symplecticity or reversibility defect, and two controls'; if broken, also its power of h."""
+    """Measure a peer's symplecticity or reversibility defect over ``steps`` steps, beside those of the two controls.
+
+    ``measure`` is "symplecticity" or "reversibility".  The dict has the defect (``value``), its floor, that of RK4, the
+    integrator's own error and, if the structure is broken, the power of h with which the defect falls.
+    """
     h, high = case.h, _high(peer)
     try:
         h = LONGER * case.h if high else case.h
@@ -334,7 +341,7 @@ def stability(peer, case: Case, late: Callable[..., bool] = never) -> dict:
 
 
 def cost(peer, case: Case, late: Callable[..., bool] = never) -> dict:
-    """Measure warm microseconds a step; also a unit of time, for adaptive peers that do not count their steps."""
+    """Measure warm microseconds per step, and per unit of time for adaptive peers that do not count steps."""
     h, steps, tol = case.h, 100, _tolerances(peer)[1] if peer.adaptive else None
     try:
         s = run(peer, case, h, steps, tol=tol)

@@ -1,8 +1,8 @@
 """Test whether an integrator leaves the process's floating-point mode as it found it.
 
-A fresh process computes as IEEE 754 demands: 2^-1074 survives an addition.  The package is loaded and the integrator
-runs a few steps, without the restoring of the mode that `integrate_peer` does; then the addition is repeated.  All
-integrators of a package share one process until one of them changes the mode; the next gets a new process.
+In a fresh process small numbers are not flushed to zero: 2^-1074 survives an addition.  The package is loaded and the
+integrator runs a few steps, without the restoring of the mode that `integrate_peer` does; then the addition is
+repeated.  All integrators of a package share one process until one of them changes the mode; the next gets a new one.
 """
 
 from __future__ import annotations
@@ -30,7 +30,10 @@ KEPT, BY_LOADING, BY_RUN = "kept", "changed as the package is loaded", "changed 
 
 
 def row(chosen: Integrator) -> dict:
-    """Run an integrator in this process and report the mode that it leaves; "invalid" if the mode was wrong before."""
+    """Run an integrator in this process and return its row of the table, with the floating-point mode that it leaves.
+
+    The status is "invalid" if the mode was wrong before.
+    """
     out = _head(chosen)
     if not floating.gradual():
         return out | {"problem": "", "status": "invalid", "reason": "the process flushed small numbers before"}
@@ -75,7 +78,7 @@ def judge(id: str) -> tuple[dict, bool]:
 
 
 def measure(ids: tuple[str, ...]) -> Rows:
-    """Run integrators, each in a process whose floating-point mode was right when it began: a row for each."""
+    """Run integrators, each in a process whose floating-point mode was right at first: a row for each."""
     require(integrator(ids[0]).kind)
     rows: list[dict] = []
     with Worker() as worker:

@@ -1,4 +1,4 @@
-"""The page on established integrators: which claims of their packages hold, which do not, and what was measured."""
+"""The report page on established integrators: which of their packages' claims hold, and what was measured."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ QUOTED = 32
 
 
 def records(frame) -> list[dict]:
-    """The rows of a frame as dicts, with None for a missing number and "" for a missing text."""
+    """Convert a frame to a list of dicts, one a row, with None for a missing number and "" for a missing text."""
     rows = frame.astype(object).where(frame.notna(), None).to_dict("records")
     texts = ("reason", "problem", "measured", "problems", "source")
     return [r | {k: r[k] or "" for k in texts if k in r} for r in rows]
@@ -48,7 +48,7 @@ def _split(frame: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame]:
 
 @of("audit", "audit_claims")
 def claims(found: pd.DataFrame, claimed: pd.DataFrame) -> Verdict | None:
-    """Whether the claims of the packages hold."""
+    """Judge whether the claims of the packages hold; None if no claim could be judged."""
     judged, bad = _split(_claims(found, claimed))
     if judged.empty:
         return None
@@ -63,7 +63,7 @@ def claims(found: pd.DataFrame, claimed: pd.DataFrame) -> Verdict | None:
 
 
 def _packages(bad: pd.DataFrame) -> str:
-    """The packages of the rows, most rows first: "all of p", or "3 of p and 1 of q"."""
+    """Write which packages the rows are of, most rows first: "all of p", or "3 of p and 1 of q"."""
     counts = bad.groupby("package").size().sort_values(ascending=False, kind="stable")
     if len(counts) == 1:
         return f"{'all ' if len(bad) > 1 else ''}of {counts.index[0]}"
@@ -72,7 +72,7 @@ def _packages(bad: pd.DataFrame) -> str:
 
 @of("audit_statements")
 def statements(stated: pd.DataFrame) -> Verdict | None:
-    """Whether the tested statements in the packages' documentation hold."""
+    """Judge whether the tested statements in the packages' documentation hold; None if none could be judged."""
     judged, bad = _split(stated)
     if judged.empty:
         return None
@@ -88,7 +88,7 @@ def statements(stated: pd.DataFrame) -> Verdict | None:
 
 @of(modes.TABLE)
 def left_as_found(found: pd.DataFrame) -> Verdict | None:
-    """Whether runs leave the process's floating-point mode as they found it."""
+    """Judge whether runs leave the process's floating-point mode as they found it; None if none ran."""
     seen = found[(found["status"] == "ok") & (found["package"] != OWN)]
     if seen.empty:
         return None
@@ -115,7 +115,7 @@ def _by_severity(frame: pd.DataFrame) -> pd.DataFrame:
 
 @of("audit", "audit_claims")
 def controls(found: pd.DataFrame, claimed: pd.DataFrame) -> Verdict | None:
-    """Whether this project's methods, audited as controls, come out as declared."""
+    """Judge whether this project's methods, audited as controls, come out as declared; None without them."""
     own = claimed[claimed["package"] == OWN]
     if own.empty:
         return None
@@ -131,7 +131,7 @@ def controls(found: pd.DataFrame, claimed: pd.DataFrame) -> Verdict | None:
 
 
 def answer(data: Data) -> str | None:
-    """A sentence: how many claims and statements do not hold, and of which packages."""
+    """Write the page's answer: how many claims and statements do not hold, and of which packages."""
     claimed, stated = claims(data), statements(data)
     parts = []
     if claimed is not None:
@@ -148,14 +148,14 @@ def answer(data: Data) -> str | None:
 
 
 def _count_unaudited(left: pd.DataFrame | None) -> str:
-    """A sentence that counts the integrators and options not audited; empty where there are none."""
+    """Write a sentence that counts the integrators and options not audited; empty where there are none."""
     count = 0 if left is None else int((left["name"].notna() & (left["name"] != "")).sum())
     return f" Not audited: {count} integrators and options, listed in data/audit_unregistered.csv." if count else ""
 
 
 @of("audit", "audit_claims")
 def draw(found: pd.DataFrame, claimed: pd.DataFrame, folder) -> list[Picture] | None:
-    """Draw the measured minus the claimed orders of the packages' integrators."""
+    """Draw the measured minus the claimed orders of the packages' integrators; None if there are no orders."""
     rows = [r for r in records(found) if r["package"] != OWN]
     file = figures.orders(rows, records(claimed), folder)
     if file is None:
@@ -168,7 +168,7 @@ def draw(found: pd.DataFrame, claimed: pd.DataFrame, folder) -> list[Picture] | 
 
 
 def table(data: Data) -> Table | None:
-    """The table of findings: statements contradicted or understated, other such claims, failures to run."""
+    """Make the page's table of findings: statements contradicted or understated, other such claims, failures to run."""
     stated, found, claimed = (data(name) for name in ("audit_statements", "audit", "audit_claims"))
     lines, spoken = [], set()
     if stated is not None and len(stated):
@@ -202,7 +202,7 @@ def table(data: Data) -> Table | None:
 
 
 def _statement_line(r) -> dict:
-    """A line of the findings' table: a statement of a package's documentation, what was measured, and the verdict."""
+    """Make a line of the findings' table from a judged statement: its words, what was measured, and the verdict."""
     return {
         "package": f"{r.package} {r.version}",
         "said": f"[“{markdown.plain(_quote(r.said, r.where))}”]({r.link})",
@@ -214,7 +214,7 @@ def _statement_line(r) -> dict:
 
 
 def _claim(r) -> dict:
-    """A line of the findings' table: a peer's claim, what was measured, and the verdict."""
+    """Make a line of the findings' table from a judged claim: the claim, what was measured, and the verdict."""
     return {
         "package": f"{r.package} {r.version}",
         "said": f"{r.peer}: {r.claim}",
@@ -225,7 +225,7 @@ def _claim(r) -> dict:
 
 
 def _changes(package: str, version: str, mode: str, part: pd.DataFrame) -> dict:
-    """A line of the findings' table: a package's integrators (``part``) that leave the floating-point mode ``mode``."""
+    """Make a line of the findings' table: integrators (``part``) that leave the floating-point mode ``mode``."""
     return {
         "package": f"{package} {version}",
         "said": f"(nothing) {join_list(list(part['peer']), 3)}",
@@ -236,7 +236,10 @@ def _changes(package: str, version: str, mode: str, part: pd.DataFrame) -> dict:
 
 
 def _quote(text: str, where: str) -> str:
-    """The first words of a statement; for the value of an attribute, with the class before it."""
+    """Shorten a quoted statement to its first words; put the class in front of a quoted attribute, as in "A.order = 3".
+
+    ``where`` is the statement's source, "module:name".
+    """
     if (attribute := where.rpartition(".")[2]) and text.startswith(f"{attribute} = "):
         return where.partition(":")[2].rpartition(".")[0] + f".{text}"
     return text if len(text) <= QUOTED else text[:QUOTED].rsplit(" ", 1)[0] + " …"
@@ -244,7 +247,7 @@ def _quote(text: str, where: str) -> str:
 
 @of("audit_statements")
 def statements_table(stated: pd.DataFrame) -> pd.DataFrame:
-    """A line for each tested statement: its words, what its script printed, and what would mend it."""
+    """Select the columns of the page's long table: a statement, what its script printed, what would mend it."""
     return stated[["package", "said", "where", "verdict", "printed", "mend", "script"]].astype(object).fillna("")
 
 

@@ -11,14 +11,17 @@ from .statements import SCRIPTS, Statement, row, run
 
 
 def measure_rows(script: str) -> Rows:
-    """Run a script that tests statements of a package's documentation: a row for each statement, with its verdict."""
+    """Run a script that tests statements of a package's documentation: a row for each statement, with its verdict.
+
+    Returns the rows by table name.
+    """
     require(BY_SCRIPT[script][0].package)
     found = run(SCRIPTS / f"{script}.py")
     return {"audit_statements": [row(s, *found) for s in BY_SCRIPT[script]]}
 
 
 def cells() -> list[Cell]:
-    """List the measurements (`Cell`), one for each script."""
+    """List the measurements to make (`Cell`), one for each script that tests statements."""
     return [_cell(script, members) for script, members in BY_SCRIPT.items()]
 
 

@@ -65,7 +65,11 @@ class Statement:
 
 
 def near(k: int, order: float) -> Callable[[Values], str]:
-    """Make a judge of an order: holds if the k-th printed value is ``order``; understated if it is higher."""
+    """Make a judge of a measured order, a function of a script's printed values.
+
+    The statement holds if the k-th value is within `NEAR` of ``order``, is understated if it is 0.5 or more above,
+    contradicted if as much below, and not judged in between.
+    """
 
     def verdict(values: Values) -> str:
         apart = float(values[k]) - order
@@ -79,7 +83,10 @@ def near(k: int, order: float) -> Callable[[Values], str]:
 
 
 def below(bound: float, *which: int) -> Callable[[Values], str]:
-    """Make a judge: |values| (all, or those at ``which``) are at most ``bound``; contradicted above 10 times that."""
+    """Make a judge: a statement holds if |printed values| (all, or those at ``which``) are at most ``bound``.
+
+    It is contradicted if the largest is above 10 times the bound, and not judged in between.
+    """
 
     def verdict(values: Values) -> str:
         largest = max(abs(float(values[k])) for k in (which or range(len(values))))
@@ -148,7 +155,10 @@ def run(path: Path) -> tuple[list[str], str, str]:
 
 
 def row(statement: Statement, values: Values, lines: str = "", reason: str = "") -> dict:
-    """Judge a statement from its script's values; without values it is not judged, for the given reason."""
+    """Judge a statement from the values that its script printed, and return its row of the table "audit_statements".
+
+    ``lines`` is the printed text.  Without values the statement is not judged, for the given ``reason``.
+    """
     return {
         "package": statement.package,
         "version": version_of(statement.package) or "absent",

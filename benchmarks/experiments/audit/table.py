@@ -18,7 +18,7 @@ WIDTH = 100
 
 
 def half_width(row) -> float:
-    """Half the width of the confidence interval in a row."""
+    """Half the width of the confidence interval in a row of the audit."""
     return (row["high"] - row["low"]) / 2
 
 
@@ -28,7 +28,7 @@ def letter(problem: str) -> str:
 
 
 def legend(rows: Iterable[dict]) -> str:
-    """A text that says which letter stands for which of the problems in the rows."""
+    """Write which letter stands for which of the problems in the rows."""
     return ", ".join(f"{letter(p)} {p}" for p in dict.fromkeys(r["problem"] for r in rows if r["problem"]))
 
 
@@ -105,7 +105,7 @@ ALONE = ("stability", "cost")
 
 
 def cell(rows: Iterable[dict], measure: str) -> str:
-    """Format one peer's rows of a measure, each with the letter of its problem."""
+    """Format one peer's results of a measure as one text for a table, each with the letter of its problem."""
     out = []
     for row in rows:
         if row["measure"] == measure:
@@ -115,7 +115,10 @@ def cell(rows: Iterable[dict], measure: str) -> str:
 
 
 def lines(rows: list[dict], claims: list[dict], adaptive: bool) -> list[dict]:
-    """A dict for each peer of fixed (or, if ``adaptive``, of adaptive) steps: its claims beside its measurements."""
+    """Make a table line (a dict) for each peer: its claims beside its measurements.
+
+    Only peers of fixed steps are shown or, if ``adaptive``, only those of adaptive steps.
+    """
     out = []
     for id in dict.fromkeys(r["peer"] for r in rows if bool(r["adaptive"]) is adaptive):
         mine = [r for r in rows if r["peer"] == id]
@@ -173,7 +176,7 @@ def show(found, console=None) -> None:
 
 
 def _pairs(line: dict):
-    """A table of two columns, measure and value, for one integrator's ``line``; measures not made are left out."""
+    """Make a table of two columns, measure and value, of one integrator's ``line``; measures not made are left out."""
     from rich.table import Table
     from rich.text import Text
 

@@ -36,7 +36,7 @@ PAIR = re.compile(r"return init_fn, (step|apply|block)_fn\s*$")
 
 
 def _classes(namespace, base, without: Iterable[str] = ()) -> set[str]:
-    """The names of the concrete subclasses of ``base`` in a namespace, except those in ``without``."""
+    """Return the names of the concrete subclasses of ``base`` in a namespace, except those in ``without``."""
     found = {n for n, c in vars(namespace).items() if inspect.isclass(c) and issubclass(c, base) and c is not base}
     return {n for n in found if not inspect.isabstract(getattr(namespace, n))} - set(without)
 
@@ -47,20 +47,23 @@ def _peers(package: str):
 
 
 def _missing_names(package: str, names: Iterable[str], of=lambda peer: peer.claims.source) -> list[str]:
-    """The names that do not occur as a word in ``of(peer)``, by default the source of its claims, of any peer."""
+    """Return the names that no registered peer of a package uses, sorted.
+
+    A name is used if it occurs as a word in ``of(peer)``, by default the source of its claims, of any peer.
+    """
     said = {word for p in _peers(package) for word in re.findall(r"\w+", of(p))}
     return sorted(n for n in names if n not in said)
 
 
 def _scipy() -> list[str]:
-    """SciPy's solvers that no peer uses."""
+    """List SciPy's solvers that no audited integrator uses."""
     import scipy.integrate
 
     return _missing_names("scipy", _classes(scipy.integrate, scipy.integrate.OdeSolver))
 
 
 def _gala() -> list[str]:
-    """gala's integrators that no peer uses."""
+    """List gala's integrators that no audited integrator uses."""
     import gala.integrate
     from gala.integrate.core import Integrator
 
@@ -68,7 +71,7 @@ def _gala() -> list[str]:
 
 
 def _galpy() -> list[str]:
-    """galpy's integrators that no peer uses."""
+    """List galpy's integrators that no audited integrator uses."""
     from phasebench.reference.peers.galpy import load
 
     listed = re.findall(r"-\s+'(\w+)' for", load().orbit.Orbit.integrate.__doc__)
@@ -77,7 +80,7 @@ def _galpy() -> list[str]:
 
 
 def _desolver() -> list[str]:
-    """desolver's integrators that no peer uses."""
+    """List desolver's integrators that no audited integrator uses."""
     from phasebench.reference.peers.desolver import load
 
     integrators = load().integrators
@@ -86,14 +89,14 @@ def _desolver() -> list[str]:
 
 
 def _pyhamsys() -> list[str]:
-    """pyhamsys's methods that no peer uses."""
+    """List pyhamsys's methods that no audited integrator uses."""
     from pyhamsys import METHODS as known
 
     return _missing_names("pyhamsys", (m for m in known if "#" not in m), lambda peer: peer.name)
 
 
 def _pynamicalsys() -> list[str]:
-    """pynamicalsys's integrators of Hamiltonian systems that no peer uses."""
+    """List pynamicalsys's integrators of Hamiltonian systems that no audited integrator uses."""
     from pynamicalsys import HamiltonianSystem
 
     return _missing_names(
@@ -102,7 +105,7 @@ def _pynamicalsys() -> list[str]:
 
 
 def _blackjax() -> list[str]:
-    """BlackJAX's integrators that no peer uses."""
+    """List BlackJAX's integrators that no audited integrator uses."""
     from blackjax.mcmc import integrators
 
     names = (n for n in integrators.__all__ if "isokinetic" not in n)
@@ -113,7 +116,7 @@ def _blackjax() -> list[str]:
 
 
 def _openmm() -> list[str]:
-    """OpenMM's integrators that no peer uses: all have heat baths, or combine others."""
+    """List OpenMM's integrators that no audited integrator uses: all have heat baths, or combine others."""
     import openmm
 
     from phasebench.reference.peers.openmm import CUSTOM, VARIABLE, VERLET
@@ -123,14 +126,17 @@ def _openmm() -> list[str]:
 
 
 def _preprocessed(package: str, header: str) -> str:
-    """What the compiler makes of a header of a library, with the path of each file that it includes."""
+    """Return the preprocessor's output for a header of a library, with the path of each file that it includes."""
     load_library(package)
     command = [compiler(LIBRARIES[package].language), "-E", "-x", LIBRARIES[package].language.lower(), "-"]
     return subprocess.run(command, input=f"#include <{header}>\n", capture_output=True, text=True, check=True).stdout
 
 
 def _boost() -> list[str]:
-    """Boost.odeint's steppers that no peer uses, by their headers: controlled and dense ones are made of others."""
+    """List Boost.odeint's steppers that no audited integrator uses, by the names of their headers.
+
+    Controlled and dense-output steppers are left out, since they are made of others.
+    """
     text = _preprocessed("boost", "boost/numeric/odeint/stepper/euler.hpp")
     folder = Path(re.search(r'"(\S*/odeint/stepper/)euler.hpp"', text)[1])
     used = tuple(p.id.removeprefix("boost-").removesuffix("-adaptive").replace("-", "_") for p in _peers("boost"))
@@ -140,14 +146,14 @@ def _boost() -> list[str]:
 
 
 def _gsl() -> list[str]:
-    """GSL's steppers that no peer uses."""
+    """List GSL's steppers that no audited integrator uses."""
     text = _preprocessed("gsl", "gsl/gsl_odeiv2.h")
     found = set(re.findall(r"gsl_odeiv2_step_type\s*\*\s*gsl_odeiv2_step_(\w+);", text))
     return sorted(found - {p.id.removeprefix("gsl-").removesuffix("-adaptive") for p in _peers("gsl")})
 
 
 def _ase() -> list[str]:
-    """ASE's dynamics that no peer uses: all have heat baths or barostats."""
+    """List ASE's dynamics that no audited integrator uses: all have heat baths or barostats."""
     import ase.md
     from ase.md.md import MolecularDynamics
 
@@ -157,7 +163,7 @@ def _ase() -> list[str]:
 
 
 def _jax_md() -> list[str]:
-    """JAX-MD's simulations that no peer uses: all have heat baths or barostats."""
+    """List JAX-MD's simulations that no audited integrator uses: all have heat baths or barostats."""
     from jax_md import simulate
 
     found = (n for n, f in vars(simulate).items() if inspect.isfunction(f) and PAIR.search(inspect.getsource(f)))
@@ -165,7 +171,7 @@ def _jax_md() -> list[str]:
 
 
 def _mujoco() -> list[str]:
-    """MuJoCo's integrators that no peer uses."""
+    """List MuJoCo's integrators that no audited integrator uses."""
     from mujoco import mjtIntegrator
 
     names = {n.removeprefix("mjINT_").lower() for n in mjtIntegrator.__members__}
@@ -173,7 +179,7 @@ def _mujoco() -> list[str]:
 
 
 def _diffrax() -> list[str]:
-    """diffrax's deterministic solvers that no peer uses."""
+    """List diffrax's deterministic solvers that no audited integrator uses."""
     import diffrax as package
 
     stochastic = (package.AbstractItoSolver, package.AbstractStratonovichSolver, package.AbstractSRK)
@@ -186,7 +192,10 @@ def _diffrax() -> list[str]:
 
 
 def _sundials4py() -> list[str]:
-    """The symplectic methods of SUNDIALS's SPRKStep that no peer uses; its other integrators claim no structure."""
+    """List the symplectic methods of SUNDIALS's SPRKStep that no audited integrator uses.
+
+    The other integrators of SUNDIALS claim no structure.
+    """
     from phasebench.reference.peers.sundials4py import load
 
     found = [n for n in dir(load().arkode) if re.fullmatch(r"ARKODE_SPRK_\w+_\d+_\d+", n)]
@@ -194,7 +203,7 @@ def _sundials4py() -> list[str]:
 
 
 def _heyoka() -> list[str]:
-    """heyoka's integrators in precisions other than double."""
+    """List heyoka's integrators in precisions other than double."""
     import heyoka as hy
 
     kinds = sorted(n for n in dir(hy) if re.fullmatch(r"taylor_adaptive_\w+", n))
@@ -202,7 +211,7 @@ def _heyoka() -> list[str]:
 
 
 def _rebound() -> list[str]:
-    """REBOUND's integrators, and values of options that select a method, that no peer uses."""
+    """List REBOUND's integrators, and values of options that select a method, that no audited integrator uses."""
     import rebound as package
 
     from phasebench.reference.peers.rebound import PEERS
@@ -225,7 +234,7 @@ def _rebound() -> list[str]:
 
 
 def _rebounds() -> list[str]:
-    """The integrators in REBOUND's library, found by the names of their structures in the binary."""
+    """List the names of the integrators in REBOUND's library, found by the names of their structures in the binary."""
     import rebound as package
 
     with open(package.__libpath__, "rb") as library:
@@ -272,7 +281,10 @@ LOOKS: dict[str, Callable[[], list[str]]] = {
 
 
 def measure_rows(package: str) -> Rows:
-    """A row for each integrator or option of a package that the audit leaves out; one without a name if none is."""
+    """List the integrators and options of a package that the audit leaves out: a row for each, by table name.
+
+    If there is none, a single row has an empty name.
+    """
     require(package)
     about = {"package": package, "version": version_of(package) or "absent"}
     try:

@@ -63,7 +63,7 @@ def row(peer, measure: str, case_name: str = "", seconds: float = float("inf")) 
 
 
 def blank(peer, measure: str, case_name: str = "") -> dict:
-    """A row that names a peer, a measure and a case, with status "ok" and no measured values yet."""
+    """Make a row that names a peer, a measure and a case, with status "ok" and no measured values yet."""
     peer = integrator(peer)
     return {
         "package": peer.kind,
@@ -95,14 +95,17 @@ def _prepare(peer) -> dict:
 
 @cache
 def shared_worker() -> Worker:
-    """The one worker process of all audits here: it loads each package and computes each reference once."""
+    """Return the worker process that all audits share: it loads each package and each reference once."""
     worker = Worker()
     atexit.register(worker.stop)
     return worker
 
 
 def row_elsewhere(peer, measure: str, case_name: str = "", seconds: float = LOADING) -> dict:
-    """Measure a peer on a case in the worker process: its row; if the process dies or is killed, with that reason."""
+    """Measure a peer on a case in the worker process and return the row.
+
+    If the process dies or is killed after its time limit, the row has the status "invalid" or "timeout" and the reason.
+    """
     worker = shared_worker()
     limit = PATIENCE * seconds + MORE + (LOADING if worker.process is None else 0.0)
     answer = worker.call(row, peer.id, measure, case_name, seconds, seconds=limit)

@@ -1,1 +1,1 @@
-"""Which methods, problems and coefficients are there?"""
+"""Pages that list what the project has: methods, problems, coefficient tables, dependencies, mutation scores."""

@@ -1,8 +1,8 @@
-"""The methods that the Acta's survey of splitting methods collects, and what of them is here, from their tables.
+"""List the methods in the Acta Numerica survey of splitting methods, and compute which are here and how exact they are.
 
 The survey is S. Blanes, F. Casas, A. Murua, Acta Numerica 33 (2024) 1-161.  Its text was not at hand.  `LISTED` holds
-the processed methods that public programs transcribe from its tables 8.1 and 8.5 (``quoted``), and those of the works
-that it collects.
+the processed methods that public programs transcribe from its tables 8.1 and 8.5 (``quoted``), and the methods of the
+publications that the survey collects.
 """
 
 from __future__ import annotations
@@ -35,10 +35,17 @@ NO_SOURCE = "no public source with its numbers was found"
 
 @dataclass(frozen=True)
 class Listed:
-    """A method that the survey collects.
+    """A method that the Acta Numerica survey of splitting methods collects.
 
-    ``order`` is as printed; ``id`` is the method's here, "" where it is not here, for the reason ``why``; ``quoted``
-    where a program names the row of the survey's table.
+    Attributes
+    ----------
+    kind : what it is a splitting or composition of, such as `NYSTROM`
+    stages, order : as printed
+    work : the publication
+    id : the method's id in this project; "" if this project lacks it
+    why : the reason why this project lacks it
+    quoted : True if a public program names the row of the survey's table
+    processed : True if the method has a kernel and a processor
     """
 
     kind: str
@@ -52,7 +59,7 @@ class Listed:
 
 
 def _rows(kind: str, text: str) -> tuple[Listed, ...]:
-    """The listed methods of a kind, from lines "stages | order | publication | ids"; one for each id."""
+    """Parse lines "stages | order | publication | ids" into listed methods of a kind, one for each id."""
     out = []
     for line in text.strip().splitlines():
         stages, order, work, ids = (x.strip() for x in line.split("|"))
@@ -61,7 +68,7 @@ def _rows(kind: str, text: str) -> tuple[Listed, ...]:
 
 
 def _processed(kind: str, text: str, quoted: bool = True) -> tuple[Listed, ...]:
-    """Rows of processed methods, as `_rows` has them."""
+    """Parse lines as `_rows` does, into processed methods; ``quoted`` if a program names the survey's row."""
     return tuple(Listed(r.kind, r.stages, r.order, r.work, r.id, "", quoted, True) for r in _rows(kind, text))
 
 
@@ -200,7 +207,7 @@ LISTED: tuple[Listed, ...] = (
 
 @cache
 def find_table(id: str) -> Table:
-    """The table of coefficients of a listed method."""
+    """Return the coefficient table of a method of this project; raise KeyError if it has none."""
     for tables in (coefficients.BY_NAME, *(f.tables for f in FILES), sampling.BY_NAME):
         if id in tables:
             return tables[id]
@@ -208,7 +215,7 @@ def find_table(id: str) -> Table:
 
 
 def numbers_of(table: Table) -> list[mpmath.mpf]:
-    """The numbers that the method runs on, in the order of `Table.published`."""
+    """Return the coefficients that the method of a table runs on, in many digits, in the order of `Table.published`."""
     if table.name in coefficients.BY_NAME:
         return list(coefficients.polished_numbers(table.name))
     for file in FILES:
@@ -218,10 +225,11 @@ def numbers_of(table: Table) -> list[mpmath.mpf]:
 
 
 def digits(table: Table, numbers: list[mpmath.mpf]) -> tuple[int | None, int | None]:
-    """How many decimals of a table's worst number are printed, and how many of them are right.
+    """Count how many decimals of a table's worst number are printed, and how many of these are right.
 
-    The worst is that with the most wrong decimals.  A decimal is right if the number is within one unit of it from that of
-    ``numbers``, which solves the order conditions.  (None, None) if all numbers are exact or closed forms.
+    The worst is the one with the most wrong decimals.  A decimal is right if the number is within one unit of this
+    decimal from the exact number in ``numbers``, which solves the order conditions.  (None, None) if all numbers are
+    exact or closed forms.
     """
     found = []
     with mpmath.workdps(DIGITS):
@@ -235,7 +243,10 @@ def digits(table: Table, numbers: list[mpmath.mpf]) -> tuple[int | None, int | N
 
 
 def order_of(table: Table, numbers: list[mpmath.mpf]) -> tuple[int, ...]:
-    """The order that the order conditions show of a table's method."""
+    """Compute the order that the order conditions show of a table's method with these coefficients.
+
+    For A + eps B it has an entry for each power of eps, as in (8, 4).
+    """
     if table.name in force_gradient.FILE.tables:
         return _order_of_gradients(table, numbers)
     limit = max(table.order) + 1
@@ -249,7 +260,7 @@ def _order_of_gradients(table: Table, numbers: list[mpmath.mpf]) -> tuple[int]:
 
 
 def kernel_order(table: processed.ProcessedTable, numbers: list[mpmath.mpf]) -> tuple[int, ...]:
-    """The order of a processed method's kernel without its processor."""
+    """Compute the order of a processed method's kernel without its processor, in the form of `order_of`."""
     limit = max(table.order) + 1
     return observed_order(residuals(table.kind, table.kernel(numbers), limit), limit, len(table.order))
 
@@ -259,7 +270,7 @@ def _text(order: tuple[int, ...]) -> str:
 
 
 def frame() -> pd.DataFrame:
-    """A row for each listed method: where it is listed, its id here, its order, and how many of its digits hold."""
+    """Make the table "acta": a row for each listed method, with its id here, its order, and its digits that hold."""
     rows = []
     with mpmath.workdps(DIGITS):
         for m in LISTED:

@@ -1,4 +1,4 @@
-"""The page on the methods that the Acta's survey of splitting methods collects."""
+"""The report page on the methods in the Acta Numerica survey of splitting methods: which of them are here?"""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from .acta import NO_SOURCE
 
 
 def _has_numbers(acta: pd.DataFrame) -> pd.Series:
-    """True for each listed method whose coefficients are published where they could be read."""
+    """True for each listed method for which a public source with its coefficients was found."""
     return acta["why not"].astype(object).fillna("") != NO_SOURCE
 
 
 def _here(acta: pd.DataFrame) -> pd.DataFrame:
-    """The rows of the listed methods that are here."""
+    """Select the rows of the listed methods that this project has."""
     return acta[acta["id"].astype(object).fillna("") != ""]
 
 
 @of("acta")
 def coverage(acta: pd.DataFrame) -> Verdict:
-    """Whether every listed method whose coefficients are published is here."""
+    """Judge whether this project has every listed method for which coefficients were found."""
     published = acta[_has_numbers(acta)]
     missing = list(published[published["id"].astype(object).fillna("") == ""]["work"])
     return Verdict(
@@ -37,7 +37,7 @@ def coverage(acta: pd.DataFrame) -> Verdict:
 
 @of("acta")
 def sources(acta: pd.DataFrame) -> Verdict:
-    """Whether the coefficients of every listed method are published where they could be read."""
+    """Judge whether a public source with the coefficients was found for every listed method."""
     found = _has_numbers(acta)
     return Verdict(
         "The coefficients of every listed method were found",
@@ -49,14 +49,17 @@ def sources(acta: pd.DataFrame) -> Verdict:
 
 
 def _agrees(row: pd.Series) -> bool:
-    """True if a generalized order that is printed, such as (8, 4), has the first numbers of the computed one."""
+    """True if a method's printed order has the first entries of the computed one, as (8, 4) has of (8, 4, 4).
+
+    A printed order of a single number agrees only with a computed one of a single number.
+    """
     printed, order = str(row["printed order"]).split(","), str(row["order"]).split(",")
     return order[: len(printed)] == printed and (len(printed) > 1 or len(order) == 1)
 
 
 @of("acta")
 def orders(acta: pd.DataFrame) -> Verdict:
-    """Whether the order conditions give every method that is here its printed order."""
+    """Judge whether the order conditions give every listed method of this project its printed order, and no more."""
     here = _here(acta)
     good = here.apply(_agrees, axis=1)
     return Verdict(
@@ -71,7 +74,7 @@ def orders(acta: pd.DataFrame) -> Verdict:
 
 @of("acta")
 def printed_digits(acta: pd.DataFrame) -> Verdict | None:
-    """Whether all printed digits hold of every method with rounded numbers."""
+    """Judge whether all printed digits are right for every method with rounded coefficients; None if there are none."""
     rounded = _here(acta).dropna(subset=["digits printed"])
     if rounded.empty:
         return None
@@ -89,7 +92,7 @@ def printed_digits(acta: pd.DataFrame) -> Verdict | None:
 
 @of("acta")
 def processors(acta: pd.DataFrame) -> Verdict | None:
-    """Whether a processor raises the order of every kernel."""
+    """Judge whether every processed method's kernel has a lower order without its processor; None if there are none."""
     here = _here(acta)
     made = here[here["processed"].astype(bool)]
     if made.empty:
@@ -107,7 +110,7 @@ def processors(acta: pd.DataFrame) -> Verdict | None:
 
 @of("acta")
 def count_listed(acta: pd.DataFrame) -> str:
-    """A sentence: how many listed methods are here, how many of them processed, and which kinds lack a source."""
+    """Write the page's answer: how many listed methods are here, how many processed, how many groups lack numbers."""
     here = _here(acta)
     return (
         f"{len(here)} splitting and composition methods that the Acta's survey collects are here, "
@@ -117,14 +120,14 @@ def count_listed(acta: pd.DataFrame) -> str:
 
 
 def _digits(row: pd.Series) -> str:
-    """How many of the printed decimals hold, as "14 of 15"; "" where none are rounded."""
+    """Format how many of the printed decimals hold, as "14 of 15"; "" if the coefficients are not rounded."""
     printed, right = row["digits printed"], row["digits that hold"]
     return "" if pd.isna(printed) else f"{right:.0f} of {printed:.0f}"
 
 
 @of("acta")
 def _missing_and_worst(acta: pd.DataFrame) -> Table:
-    """The rows that are not here, the processed ones, then those of which the fewest digits hold."""
+    """Make the page's table: listed methods that are missing, processed ones, then those with the most wrong digits."""
     lost = acta["digits printed"].astype(float) - acta["digits that hold"].astype(float)
     rank = lost.fillna(-1.0)
     rank[acta["processed"].astype(bool)] += 100.0

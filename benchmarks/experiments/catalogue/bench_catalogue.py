@@ -1,4 +1,4 @@
-"""Check published tables of coefficients, and those in the sources of packages: the orders that they show."""
+"""Checks of the orders of published coefficient tables, and of tables in the sources of packages."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from phasebench.benchmarks.page.verdict import PASS
 
 
 def bench_coefficients(measured_rows):
-    """Every published table of coefficients has the order that it declares."""
+    """Check that every published table of coefficients has the order that it declares."""
     wrong = [r for r in measured_rows("coefficients") if r["order"] != r["declared order"]]
     assert not wrong, wrong
 
 
 def bench_transcribed(measured_rows):
-    """Integrations have the order that the order conditions show of each table transcribed from a package."""
+    """Check that integrations have the order by the order conditions, for each table transcribed from a package."""
     verdict = measured_orders(lambda name: pd.DataFrame(measured_rows(name)))
     if verdict is None:
         pytest.skip("none of its rows is measured in this run")

@@ -18,9 +18,9 @@ TRANSCRIBED = "transcribed"
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """List the measurements (`Cell`): coefficients, the Acta's methods, dependencies and, where tests are, mutations.
+    """List the measurements to make (`Cell`) on coefficients, a survey's methods, dependencies and mutation tests.
 
-    None if ``quick``.
+    Scores of mutation tests are included only if the tests were run.  The list is empty if ``quick``.
     """
     if quick:
         return []
@@ -48,26 +48,26 @@ def _transcribed(table: transcribed.Transcribed) -> Cell:
 
 
 def transcribed_row(package: str, name: str) -> Rows:
-    """What order conditions and integrations show of a table of a package's source: a row."""
+    """Check a coefficient table of a package's source by order conditions and integrations: one row, by table name."""
     return {TRANSCRIBED: [transcribed.row(transcribed.find(package, name))]}
 
 
 def measure_rows() -> Rows:
-    """Check the tables of coefficients: rows on orders, on repaired misprints, on digits beyond the correct ones."""
+    """Check this project's coefficient tables: rows on orders, on repaired misprints, on wrong printed digits."""
     frames = (coefficients.frame(), coefficients.repairs(), coefficients.loose())
     return {name: frame.to_dict("records") for name, frame in zip(TABLES, frames, strict=True)}
 
 
 def listed_rows() -> Rows:
-    """A row for each method that the Acta's survey collects: its id here, its order, its digits that hold."""
+    """Make a row for each method in the Acta Numerica survey of splittings: its id, order, and digits that hold."""
     return {ACTA: acta.frame().to_dict("records")}
 
 
 def dependency_rows() -> Rows:
-    """A row for each installed package that this one needs, with licence and size."""
+    """Make a row for each installed package that phasebench needs, with licence and size."""
     return {INSTALLED: dependencies.frame()}
 
 
 def mutation_rows() -> Rows:
-    """A row for each source file with its score in the mutation tests (how many deliberate faults the tests notice)."""
+    """Make a row for each source file with its score in the mutation tests (how many faults the tests notice)."""
     return {MUTANTS: mutation.frame()}

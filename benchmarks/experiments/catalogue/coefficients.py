@@ -1,4 +1,4 @@
-"""The coefficients of compositions and splittings: orders and error constants, computed from the numbers alone."""
+"""Compute orders and error constants of compositions and splittings from their coefficients alone."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def _digits(x) -> str:
 
 
 def observed_order(found, limit: int, powers: int) -> tuple[int, ...]:
-    """The order that residuals of order conditions show: for each power of eps the degree up to which they vanish.
+    """Derive the order from residuals of order conditions: for each power of eps the degree up to which they vanish.
 
     Parameters
     ----------
@@ -34,7 +34,7 @@ def observed_order(found, limit: int, powers: int) -> tuple[int, ...]:
 
 
 def frame() -> pd.DataFrame:
-    """A row for each table of coefficients: orders, residuals and error constants."""
+    """Make the table "coefficients": a row for each coefficient table, with orders, residuals and error constants."""
     rows = []
     with mpmath.workdps(DIGITS):
         for t in TABLES:
@@ -66,7 +66,7 @@ def frame() -> pd.DataFrame:
 
 
 def repairs() -> pd.DataFrame:
-    """A row for each misprinted coefficient: its place, the printed number, the one that the order conditions give."""
+    """Make a row for each misprinted coefficient: its place, the printed number, and the right one."""
     rows = []
     with mpmath.workdps(DIGITS):
         for name, damaged in DAMAGED.items():
@@ -90,7 +90,7 @@ def repairs() -> pd.DataFrame:
 
 
 def loose() -> pd.DataFrame:
-    """A row for each coefficient table printed with more digits than are correct: decimals printed, decimals right."""
+    """Make a row for each coefficient table printed with more digits than are right: decimals printed and right."""
     rows = [
         {
             "table": t.name,

@@ -1,4 +1,4 @@
-"""The distributions that an installation of phasebench needs, with licence and size.
+"""List the distributions that an installation of phasebench needs, with licence and size.
 
 All data come from the metadata of what is installed: the version, the licence (`License-Expression` of PEP 639, else
 `License`, else the classifiers), the size of the files, and the distributions that require it.
@@ -27,18 +27,18 @@ SHORT = {
 
 
 def key(name: str) -> str:
-    """A distribution's name in normalized form (PEP 503)."""
+    """Normalize a distribution's name (PEP 503)."""
     return re.sub(r"[-_.]+", "-", name).lower()
 
 
 def requirement_names(requires: list[str] | None, extra: str = "") -> list[str]:
-    """The names of the requirements whose markers hold in this environment."""
+    """Return the normalized names of the requirements whose environment markers hold here."""
     found = [Requirement(text) for text in requires or ()]
     return [key(r.name) for r in found if r.marker is None or r.marker.evaluate({"extra": extra})]
 
 
 def licence(about) -> str:
-    """The licence that a distribution's metadata name; empty if none."""
+    """Return the licence that a distribution's metadata ``about`` name; "" if they name none."""
     for field in ("License-Expression", "License"):
         text = " ".join((about.get(field) or "").split())
         if text and len(text) <= NAME and text.upper() != "UNKNOWN":
@@ -49,7 +49,7 @@ def licence(about) -> str:
 
 
 def frame() -> list[dict[str, object]]:
-    """A row for each distribution that is needed, direct ones first, then the largest first."""
+    """Make a row for each distribution that phasebench needs, directly required ones first, then the largest first."""
     by: dict[str, set[str]] = {}
     todo = [(name, ROOT) for name in requirement_names(metadata.requires(ROOT))]
     direct = {name for name, _ in todo}

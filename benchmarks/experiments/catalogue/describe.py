@@ -6,7 +6,7 @@ from phasebench.integrators.registry import METHODS
 
 
 def methods() -> list[dict[str, str]]:
-    """A row (column -> text) for each integration method: order, properties, requirements, parameters, source."""
+    """Make a row (column -> text) for each integration method: order, properties, requirements, parameters, source."""
     return [
         {
             "method": m.id,

@@ -1,4 +1,4 @@
-"""The score of the suite's mutation tests, as ``python tests/mutation`` stores it for each file.
+"""Read the score of the suite's mutation tests, which ``python tests/mutation`` stores for each source file.
 
 A mutant is a file with one number, sign, comparison, condition or return changed.  It is killed if a test fails,
 otherwise it survives.  A file without a score has a row too, as not judged.
@@ -22,7 +22,7 @@ FOLDERS, TESTS = ("benchmarks", "integrators", "reference"), "bench_"
 
 
 def frame(score: Path = SCORE, root: Path = sources.ROOT) -> list[dict[str, object]]:
-    """A row for each source file: numbers of mutants, tried and killed, or that the file was not judged."""
+    """Make a row for each source file: its numbers of mutants, tried and killed, or that it was not judged."""
     lines = _lines(score)
     rows = [_row(of, root) for of in lines]
     none = {"judged": False, **dict.fromkeys((*COUNTS, "survived"), 0), "as judged": False}
@@ -46,7 +46,7 @@ def _row(of: dict[str, str], root: Path) -> dict[str, object]:
 
 
 def files_without_score(lines: list[dict[str, str]], root: Path = sources.ROOT) -> list[str]:
-    """The source files in `FOLDERS` that have no score and could have mutants."""
+    """Return the paths of the source files in `FOLDERS` that have no score and could have mutants."""
     judged = {of["path"] for of in lines}
     files = {p.relative_to(root).as_posix(): p for folder in FOLDERS for p in (root / folder).rglob("*.py")}
     left = {path: p for path, p in files.items() if path not in judged and TESTS not in p.name}
@@ -54,7 +54,7 @@ def files_without_score(lines: list[dict[str, str]], root: Path = sources.ROOT) 
 
 
 def changeable(code: str) -> bool:
-    """True if a source has a function, a comparison or a number, and therefore mutants."""
+    """True if Python source has a function, a comparison or a number, and therefore mutants."""
     return any(
         isinstance(node, (ast.FunctionDef, ast.Compare))
         or (isinstance(node, ast.Constant) and type(node.value) in (int, float))
@@ -63,11 +63,11 @@ def changeable(code: str) -> bool:
 
 
 def digest(file: Path) -> str:
-    """Hash of a file's content; empty if there is no file."""
+    """Return the first digits of the SHA-256 hash of a file's content; "" if there is no file."""
     return hashlib.sha256(file.read_bytes()).hexdigest()[:12] if file.is_file() else ""
 
 
 def digests(score: Path = SCORE, root: Path = sources.ROOT) -> list[str]:
-    """The hashes on which the rows depend: of the score, of the judged files, and the names of the others."""
+    """Return what the rows depend on: hashes of the score and the scored files, and the names of the other files."""
     lines = _lines(score)
     return [digest(score), *(digest(root / of["path"]) for of in lines), *files_without_score(lines, root)]

@@ -1,4 +1,4 @@
-"""The page on the suite's own tests: which deliberate faults they notice, and in which files none were tried."""
+"""The report page on the suite's own tests: which deliberate faults they notice, and in which files none were tried."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ NOTICED = 0.95
 
 
 def _folder(mutation: pd.DataFrame) -> pd.Series:
-    """The folder of each file, at most two levels deep."""
+    """Return the folder of each file in the table, at most two levels deep."""
     return mutation["file"].map(lambda file: "/".join(file.split("/")[:-1][:2])).rename("folder")
 
 
 @of("mutation")
 def coverage(mutation: pd.DataFrame) -> Verdict:
-    """Whether faults were tried in every file."""
+    """Judge whether deliberate faults were tried in every source file."""
     tried = mutation["tried"] > 0
     left = _folder(mutation)[~tried].value_counts()
     return Verdict(
@@ -33,7 +33,7 @@ def coverage(mutation: pd.DataFrame) -> Verdict:
 
 @of("mutation")
 def detection(mutation: pd.DataFrame) -> Verdict:
-    """Whether the share of the faults tried that make a test fail is large enough."""
+    """Judge whether a test fails for a large enough share of the deliberate faults that were tried."""
     worst = mutation.loc[mutation["survived"].idxmax()]
     return Verdict(
         "A test fails for a fault that was tried",
@@ -47,7 +47,7 @@ def detection(mutation: pd.DataFrame) -> Verdict:
 
 @of("mutation")
 def answer(mutation: pd.DataFrame) -> str:
-    """A sentence: in how many files no fault was tried, and how many faults are noticed in the others."""
+    """Write the page's answer: in how many files no fault was tried, and how many faults are noticed in the others."""
     tried = int((mutation["tried"] > 0).sum())
     return (
         f"In {len(mutation) - tried} of the suite's {len(mutation)} source files this was not tested; in the other "
@@ -57,7 +57,7 @@ def answer(mutation: pd.DataFrame) -> str:
 
 @of("mutation")
 def table(mutation: pd.DataFrame) -> Table:
-    """The page's table: mutants tried and killed in each folder, and the number of files in which none was tried."""
+    """Make the page's table: mutants tried and killed in each folder, and the number of files without any tried."""
     folders = mutation.groupby(_folder(mutation))
     lines = folders[COUNTS].sum()
     lines.insert(0, "files", folders.size())
@@ -72,7 +72,7 @@ def table(mutation: pd.DataFrame) -> Table:
 
 @of("mutation")
 def full_table(mutation: pd.DataFrame) -> pd.DataFrame:
-    """A line for each source file, with its mutants if any were tried."""
+    """Return the measured table "mutation" unchanged: a row for each source file, with its numbers of mutants."""
     return mutation
 
 

@@ -1,4 +1,4 @@
-"""The pages on methods, problems, coefficients and dependencies, made from their records and tables."""
+"""Report pages on methods, problems, coefficients and dependencies, made from their records and tables."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ ZERO = 1e-40
 
 
 def count_methods(data: Data) -> str:
-    """A sentence: how many methods there are, and how many declare each property."""
+    """Write the methods page's answer: how many methods there are, and how many declare each property."""
     return (
         f"{len(METHODS)} methods of {len({m.family for m in METHODS})} families: "
         f"{sum(m.symplectic for m in METHODS)} are declared symplectic, {sum(m.symmetric for m in METHODS)} symmetric, "
@@ -38,7 +38,7 @@ def count_methods(data: Data) -> str:
 
 
 def _families(data: Data) -> Table:
-    """A line for each family of methods: how many there are, and how many of them declare each property."""
+    """Make a table with a row for each family of methods: how many there are, and how many declare each property."""
     lines = []
     for family in dict.fromkeys(m.family for m in METHODS):
         members = [m for m in METHODS if m.family == family]
@@ -83,7 +83,7 @@ METHODS_PAGE = Page(
 
 @cache
 def _problems() -> tuple[Problem, ...]:
-    """Every problem, built once."""
+    """Build every registered problem, once; the result is cached."""
     return tuple(problem(name) for name in PROBLEMS)
 
 
@@ -93,7 +93,7 @@ def _formula(H) -> str:
 
 
 def count_problems(data: Data) -> str:
-    """A sentence: how many problems and orbits there are, and of how many degrees of freedom."""
+    """Write the problems page's answer: how many problems and orbits there are, and of how many degrees of freedom."""
     sizes = [p.system.d for p in _problems()]
     return (
         f"{len(sizes)} problems with {sum(len(p.orbits) for p in _problems())} orbits, of {min(sizes)} to {max(sizes)} "
@@ -102,7 +102,7 @@ def count_problems(data: Data) -> str:
 
 
 def _problem_table(data: Data) -> Table:
-    """A line for each benchmark problem."""
+    """Make a table with a row for each benchmark problem: degrees of freedom, orbits, H, number of invariants."""
     lines = []
     for made in _problems():
         lines.append(
@@ -119,7 +119,7 @@ def _problem_table(data: Data) -> Table:
 
 
 def _orbits(data: Data) -> pd.DataFrame:
-    """A line for each orbit of each problem, with its initial values."""
+    """Make a table with a row for each orbit of each problem, with its initial values."""
     return pd.DataFrame(
         [
             {
@@ -165,7 +165,7 @@ def _has_order(coefficients: pd.DataFrame) -> pd.Series:
 
 @of("coefficients")
 def orders(coefficients: pd.DataFrame) -> Verdict:
-    """Whether the coefficient tables satisfy the conditions of the declared order, and not those of the next."""
+    """Judge whether the coefficient tables satisfy the conditions of the declared order, and not those of the next."""
     good = _has_order(coefficients)
     return Verdict(
         "Every table satisfies the conditions of its declared order, and not of the next",
@@ -179,7 +179,7 @@ def orders(coefficients: pd.DataFrame) -> Verdict:
 
 @of("coefficients")
 def polished_residuals(coefficients: pd.DataFrame) -> Verdict:
-    """Whether the residuals of the order conditions vanish after polishing the coefficients to many digits."""
+    """Judge whether the residuals of the order conditions vanish after polishing the coefficients to many digits."""
     return Verdict(
         "After polishing the largest residual of the order conditions vanishes",
         _largest(coefficients, "polished"),
@@ -191,7 +191,7 @@ def polished_residuals(coefficients: pd.DataFrame) -> Verdict:
 
 @of("coefficients")
 def judge_tables(coefficients: pd.DataFrame) -> str:
-    """A sentence: how many coefficient tables have their declared order, and how far polishing lowers the residuals."""
+    """Write the page's answer: how many coefficient tables have their declared order, and what polishing gains."""
     before, after = (_largest(coefficients, when) for when in ("published", "polished"))
     return (
         f"{int(_has_order(coefficients).sum())} of {len(coefficients)} tables of splitting and composition coefficients "
@@ -200,7 +200,7 @@ def judge_tables(coefficients: pd.DataFrame) -> str:
 
 
 def _least(data: Data) -> Table | None:
-    """For each kind of method and order, the coefficient table with the smallest error constant."""
+    """Make a table with the coefficient table of smallest error constant for each kind of method and order."""
     coefficients, repairs = data("coefficients"), data("repairs")
     if coefficients is None or coefficients.empty:
         return None
@@ -255,7 +255,7 @@ COPYLEFT, COMPARED = "GPL-", ("rebound",)
 
 
 def _copyleft(dependencies: pd.DataFrame) -> list[str]:
-    """The names of the installed packages under the GPL; the LGPL does not count."""
+    """Return the names of the installed packages under the GPL; the LGPL does not count."""
     licences = dependencies["licence"].fillna("")
     bound = licences.str.contains(COPYLEFT) & ~licences.str.contains(f"L{COPYLEFT}")
     return list(dependencies[bound]["package"])
@@ -263,7 +263,7 @@ def _copyleft(dependencies: pd.DataFrame) -> list[str]:
 
 @of("dependencies")
 def copyleft(dependencies: pd.DataFrame) -> Verdict:
-    """Whether no package is under the GPL, except those used for comparison only."""
+    """Judge that no package is under the GPL, except those used for comparison only."""
     wrong = [name for name in _copyleft(dependencies) if name not in COMPARED]
     return Verdict(
         "No package is under the GPL but those that are only compared with",
@@ -277,7 +277,7 @@ def copyleft(dependencies: pd.DataFrame) -> Verdict:
 
 @of("dependencies")
 def licences(dependencies: pd.DataFrame) -> Verdict:
-    """Whether every package states its licence."""
+    """Judge whether every installed package states its licence."""
     silent = list(dependencies[dependencies["licence"].fillna("") == ""]["package"])
     return Verdict(
         "Every package states its licence",
@@ -290,7 +290,7 @@ def licences(dependencies: pd.DataFrame) -> Verdict:
 
 @of("dependencies")
 def weigh(dependencies: pd.DataFrame) -> str:
-    """A sentence: how large an installation is, and what of it is under the GPL."""
+    """Write the page's answer: how large an installation is, and which of its packages are under the GPL."""
     largest = dependencies.nlargest(3, "MB")
     named = join_list([f"{name} {size:.0f} MB" for name, size in zip(largest["package"], largest["MB"], strict=True)])
     return (

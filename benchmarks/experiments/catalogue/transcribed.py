@@ -1,8 +1,8 @@
-"""Tables of coefficients as they stand in the sources of packages, held against order conditions and against ours.
+"""Coefficient tables as they stand in the sources of other packages, checked by order conditions and integrations.
 
 The numbers are in ``transcribed.toml`` with repository, path, line and date: facts, transcribed by a script from the
-sources and compared with them again.  The order that the conditions show is confirmed by integrations in many digits,
-in the sequence of substeps in which the package composes the numbers.
+sources and compared with them again.  They are compared with this project's tables too.  The order that the conditions
+show is confirmed by integrations in many digits, in the sequence of substeps in which the package composes the numbers.
 """
 
 from __future__ import annotations
@@ -60,18 +60,21 @@ _NUMBER = re.compile(r"\d+\.\d*|\d{7,}")
 
 @dataclass(frozen=True)
 class Transcribed:
-    """A table of a package.
+    """A coefficient table transcribed from the source of another package.
 
     Attributes
     ----------
-    package, repository, path, line, commit, date : where it stands
-    name, kind : what the package calls it; how its order is computed
+    package, repository, path, line, commit, date : where the table stands, and when it was read
+    name : what the package calls it
+    kind : "runge-kutta", "composition", "near-integrable" and the like, which decides how its order is computed
     stated : the order that the package states, () where it states none
     named : the order of the published method it is named after, where none is stated
-    ours : the name of the table here with the same numbers, "" if there is none
+    ours : the name of this project's table with the same numbers, "" if there is none
     numbers : "gamma", "a", "b" or "A" -> the numbers, as texts
-    first, mirrored : the letter of the first substep; True if only the first half stands there
-    used, remark : what it is used for where that is no integration of motion; what else is to be said
+    first : the letter of the first substep, "A" or "B"
+    mirrored : True if only the first half of a symmetric table stands there
+    used : what it is used for, if not to integrate the motion
+    remark : further words on it
     """
 
     package: str
@@ -104,11 +107,14 @@ class Transcribed:
 
     @property
     def decimals(self) -> int | None:
-        """Decimals of the number printed with the fewest, None if all are computed."""
+        """Decimals of the number printed with the fewest decimals; None if all numbers are computed, not printed."""
         return min((len(x.partition(".")[2]) for x in printed(self)), default=None)
 
     def steps(self, change: int = EXACT) -> list:
-        """The whole sequence of substeps: fractions of a composition, or pairs (letter, weight); see `evaluate`."""
+        """Return the whole sequence of substeps: fractions of a composition, or pairs (letter, weight) of a splitting.
+
+        ``change`` alters the last digits of the numbers, as in `evaluate`.
+        """
         if self.kind == COMPOSITION:
             gamma = [evaluate(x, change) for x in self.numbers["gamma"]]
             return list(mirror(gamma)) if self.mirrored else gamma
@@ -122,7 +128,7 @@ class Transcribed:
 
 @cache
 def read() -> tuple[Transcribed, ...]:
-    """Every transcribed table, in the order of the file."""
+    """Read every transcribed table of `FILE`, in its order."""
     out = []
     for row in tomllib.loads(FILE.read_text(encoding="utf-8"))["table"]:
         numbers = {key: row.pop(key) for key in ("gamma", "a", "b", "A") if key in row}
@@ -133,15 +139,16 @@ def read() -> tuple[Transcribed, ...]:
 
 
 def find(package: str, name: str) -> Transcribed:
-    """The table of that package and name."""
+    """Return the transcribed table of a package with the given name."""
     return next(t for t in read() if (t.package, t.name) == (package, name))
 
 
 @cache
 def evaluate(text: str, change: int = EXACT) -> mpmath.mpf:
-    """The value of a number or expression in `DIGITS` digits; its decimals are exact, not doubles.
+    """Evaluate a number or expression in `DIGITS` digits; its decimals are taken as exact fractions, not as doubles.
 
-    ``change`` (`PRINTED`, `DOUBLES`) moves the last digit of every rounded number in it, up or down.
+    ``change`` (`EXACT`, `PRINTED`, `DOUBLES`) moves the last digit of every rounded number in it, up or down: not at
+    all, the last printed digit, or the last one that doubles resolve too.
     """
     decimals: dict[str, Any] = {}
 
@@ -157,12 +164,12 @@ def evaluate(text: str, change: int = EXACT) -> mpmath.mpf:
 
 
 def _is_rounded(number: str) -> bool:
-    """True for a decimal of many digits, and for a long integer, which is of a rational approximation."""
+    """True if a number as text was rounded: a decimal of many digits, or a long integer of a rational approximation."""
     return "." not in number or len(number.partition(".")[2]) >= CHOICE
 
 
 def shift(number: str, change: int) -> Fraction:
-    """The change of a rounded number's last digit, up or down by its text and `SEED`."""
+    """Return the change of a rounded number's last digit; its sign depends on the number's text and on `SEED`."""
     sign = 1 if zlib.crc32(f"{SEED} {number}".encode()) % 2 else -1
     relative = DOUBLE * Fraction(number)
     if "." not in number:
@@ -172,13 +179,13 @@ def shift(number: str, change: int) -> Fraction:
 
 
 def printed(table: Transcribed) -> list[str]:
-    """The decimals that are printed as rounded numbers, each once."""
+    """Return the distinct rounded decimals in a table, as texts."""
     found = (x for text in table.texts for x in _DECIMAL.findall(text))
     return list(dict.fromkeys(filter(_is_rounded, found)))
 
 
 def tableau(table: Transcribed, change: int = EXACT) -> tuple[np.ndarray, np.ndarray]:
-    """The matrix (s, s) and weights (s,) of a Runge-Kutta method; ``change`` as in `evaluate`."""
+    """Return the matrix (s, s) and weights (s,) of a transcribed Runge-Kutta method; ``change`` as in `evaluate`."""
     b = np.array([evaluate(x, change) for x in table.numbers["b"]], dtype=object)
     A = np.full((len(b), len(b)), mpmath.mpf(0), dtype=object)
     for i, row in enumerate(table.numbers["A"], 1):
@@ -187,7 +194,7 @@ def tableau(table: Transcribed, change: int = EXACT) -> tuple[np.ndarray, np.nda
 
 
 def _residuals(table: Transcribed, limit: int, change: int = EXACT) -> dict[tuple[int, int], mpmath.mpf]:
-    """(degree, power of eps) -> the largest residual of its order conditions."""
+    """Map (degree, power of eps) -> the largest residual of a table's order conditions, up to degree ``limit``."""
     if table.kind == RUNGE_KUTTA:
         A, b = tableau(table, change)
         return {(n, 0): trees.order_residual(A, b, [n]) for n in range(1, limit + 1)}
@@ -196,7 +203,7 @@ def _residuals(table: Transcribed, limit: int, change: int = EXACT) -> dict[tupl
 
 
 def order_of(table: Transcribed) -> tuple[tuple[int, ...], float]:
-    """(the order that the order conditions show, the largest residual up to the expected order)."""
+    """Compute (the order that the order conditions show, the largest residual up to the expected order) of a table."""
     limit, powers = max(table.expected) + BEYOND, len(table.expected)
     found, shifted = _residuals(table, limit), _residuals(table, limit, change=DOUBLES)
     kept = {key for key in found if key[0] <= table.expected[min(max(key[1], 1), powers) - 1]}
@@ -210,7 +217,10 @@ def order_of(table: Transcribed) -> tuple[tuple[int, ...], float]:
 
 
 def weights(table: Transcribed, change: int) -> tuple[tuple, tuple]:
-    """Weights (a, b) of drifts and kicks, a kick before its drift; a composition is of drift-kick-drift."""
+    """Return the weights (a, b) of drifts and kicks, each kick before its drift.
+
+    A composition is one of drift-kick-drift steps; ``change`` is as in `evaluate`.
+    """
     steps = table.steps(change)
     if table.kind == COMPOSITION:
         halves = [0, *steps, 0]
@@ -222,7 +232,7 @@ def weights(table: Transcribed, change: int) -> tuple[tuple, tuple]:
 
 
 def method_of(table: Transcribed, change: int = EXACT) -> Method:
-    """A method that runs the table's numbers as its package composes them; ``change`` as in `evaluate`."""
+    """Make a `Method` that runs a table's numbers as its package composes them; ``change`` as in `evaluate`."""
     if table.kind == RUNGE_KUTTA:
         A, b = tableau(table, change)
         kind = {"family": "runge_kutta", "data": (*(tuple(row[:i]) for i, row in enumerate(A)), tuple(b))}
@@ -234,17 +244,17 @@ def method_of(table: Transcribed, change: int = EXACT) -> Method:
 
 @cache
 def _reference(digits: int, span: Fraction) -> tuple:
-    """(system, initial state, state at time ``span``, its uncertainty) in so many digits."""
+    """Compute (system, start, state at time ``span``, its uncertainty) of the problem `SYSTEM` in ``digits`` digits."""
     with precision(digits):
         system, y = multiprecision.start(SYSTEM)
         return system, y, *multiprecision.flow(system, y, span, PIECES)
 
 
 def measured_order(table: Transcribed, rounding: float) -> Order:
-    """The order of integrations in many digits, composed as the package does; NaN where rounding hides it.
+    """Measure the order by integrations in many digits, composed as the package does; NaN where rounding hides it.
 
-    Left out are errors up to three times what a change of the numbers' last digits makes, and up to ten times what
-    residuals of the order conditions by ``rounding`` make.
+    Errors are left out up to three times what a change of the numbers' last digits makes, and up to ten times what
+    residuals of the order conditions of size ``rounding`` make.
     """
     with mpmath.workdps(DIGITS):
         records = method_of(table), method_of(table, PRINTED)
@@ -263,7 +273,10 @@ def measured_order(table: Transcribed, rounding: float) -> Order:
 
 
 def _candidates(ours: str) -> list[mpmath.mpf]:
-    """The numbers of a table here, and the halves of its substeps between adjoint pairs."""
+    """Return the numbers with which a package may print this project's table ``ours``.
+
+    They are its coefficients, its weights, the halves of its substeps between adjoint pairs, and half of each.
+    """
     table = find_table(ours)
     numbers = numbers_of(table)
     steps = table.steps(numbers)
@@ -276,9 +289,10 @@ def _candidates(ours: str) -> list[mpmath.mpf]:
 
 
 def digits_that_hold(table: Transcribed) -> tuple[int | None, int | None]:
-    """(decimals printed, decimals that hold) of the printed number of which the most are wrong; None without ours.
+    """Count (decimals printed, decimals that hold) of the printed number with the most wrong decimals.
 
-    A number's decimals hold as far as it is within one unit of them of a number of the table here.
+    A number's decimals hold as far as it is within one unit of them from a number of this project's table of the same
+    method.  (None, None) if this project has no such table.
     """
     rounded = printed(table)
     if not table.ours or not rounded or table.kind == RUNGE_KUTTA:
@@ -299,7 +313,7 @@ def _text(order: Sequence[int]) -> str:
 
 
 def check(table: Transcribed) -> dict[str, Any]:
-    """What order conditions and comparison show of a table: a row."""
+    """Check a transcribed table by order conditions and against this project's table: a row, without integrations."""
     with mpmath.workdps(DIGITS):
         orders, residual = order_of(table)
         decimals, right = digits_that_hold(table)
@@ -325,7 +339,7 @@ def check(table: Transcribed) -> dict[str, Any]:
 
 
 def row(table: Transcribed) -> dict[str, Any]:
-    """What is found of a table, with the order of integrations; in an uncompiled process."""
+    """Make a row of the table "transcribed": that of `check`, and the order measured by integrations without Numba."""
     found = check(table)
     met = all(int(p) >= q for p, q in zip(found["order"].split(","), table.expected, strict=True))
     measured = measured_order(table, found["residual"] if met else 0.0)

@@ -1,4 +1,4 @@
-"""The page on tables of coefficients as they stand in the sources of packages."""
+"""The report page on coefficient tables in the sources of packages: are their orders and digits right?"""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ GATE = 0.1
 
 
 def _text(rows: pd.DataFrame, column: str) -> pd.Series:
-    """A column as text, "" where nothing stands."""
+    """Return a column as text, with "" where a value is missing."""
     return rows[column].astype(object).where(rows[column].notna(), "").astype(str)
 
 
 def _reaches(rows: pd.DataFrame, column: str) -> pd.Series:
-    """True where the order by the conditions is at least the one in ``column``, in every power of eps."""
+    """True where the order by the order conditions is at least the one in ``column``, in every power of eps."""
 
     def reached(order: str, wanted: str) -> bool:
         return all(float(p) >= float(q) for p, q in zip(order.split(","), wanted.split(","), strict=True))
@@ -42,7 +42,7 @@ def _named(rows: pd.DataFrame) -> pd.DataFrame:
 
 @of(TABLE)
 def stated_orders(rows: pd.DataFrame) -> Verdict:
-    """Whether the tables have the orders that their packages state."""
+    """Judge whether the tables have the orders that their packages state."""
     stated = _stated(rows)
     good = _reaches(stated, "stated order")
     return Verdict(
@@ -56,7 +56,7 @@ def stated_orders(rows: pd.DataFrame) -> Verdict:
 
 @of(TABLE)
 def named_orders(rows: pd.DataFrame) -> Verdict | None:
-    """Whether weights that are named after a method have that method's order."""
+    """Judge whether weights named after a method have that method's order, where the package states none."""
     named = _named(rows)
     if named.empty:
         return None
@@ -72,7 +72,7 @@ def named_orders(rows: pd.DataFrame) -> Verdict | None:
 
 @of(TABLE)
 def measured_orders(rows: pd.DataFrame) -> Verdict | None:
-    """Whether integrations, composed as in the package, have the order that the conditions show."""
+    """Judge whether integrations, composed as in the package, have the order that the order conditions show."""
     seen = rows[rows["measured order"].notna()]
     if seen.empty:
         return None
@@ -91,7 +91,7 @@ def measured_orders(rows: pd.DataFrame) -> Verdict | None:
 
 @of(TABLE)
 def printed_digits(rows: pd.DataFrame) -> Verdict | None:
-    """Whether the printed digits are those of the nearest solution of the order conditions."""
+    """Judge whether the printed digits are those of the nearest solution of the order conditions."""
     compared = rows.dropna(subset=["digits printed"])
     if compared.empty:
         return None
@@ -108,7 +108,7 @@ def printed_digits(rows: pd.DataFrame) -> Verdict | None:
 
 @of(TABLE)
 def sentence(rows: pd.DataFrame) -> str:
-    """How many tables were read, in how many packages, and how many lack their order."""
+    """Write the page's answer: how many tables were read, from how many packages, and how many lack their order."""
     stated, named = _stated(rows), _named(rows)
     wrong = int((~_reaches(stated, "stated order")).sum())
     weak = int((~_reaches(named, "named order")).sum()) if len(named) else 0
@@ -120,7 +120,7 @@ def sentence(rows: pd.DataFrame) -> str:
 
 @of(TABLE)
 def _findings(rows: pd.DataFrame) -> Table:
-    """The tables that lack an order first, then those of which the most digits are wrong, then those with a remark."""
+    """Make the page's table: coefficient tables that lack an order, those with wrong digits, those with a remark."""
     wanted = _text(rows, "stated order").where(_text(rows, "stated order") != "", _text(rows, "named order"))
     reached = _reaches(rows.assign(wanted=wanted), "wanted")
     lost = (rows["digits printed"].astype(float) - rows["digits that hold"].astype(float)).fillna(0.0)

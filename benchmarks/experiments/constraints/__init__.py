@@ -1,1 +1,1 @@
-"""Experiment: do methods for constraints stay on the manifold, and keep the energy?"""
+"""Experiment: do methods for systems with constraints stay on the manifold, and keep the energy?"""

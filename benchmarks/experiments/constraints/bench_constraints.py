@@ -12,7 +12,7 @@ from phasebench.benchmarks.page.verdict import PASS
 
 @pytest.mark.parametrize("verdict", [kept, left, same, drift])
 def bench_constraints(measured_rows, verdict):
-    """Constraints and energy are kept where they are to be, and the control leaves the manifold."""
+    """Check a verdict of the page: methods keep constraints and energy, and the control leaves the manifold."""
     found = verdict(lambda name: pd.DataFrame(measured_rows(name)))
     if found is None:
         pytest.skip("none of its rows is measured in this run")

@@ -1,9 +1,11 @@
 r"""Methods for constraints beside ordinary ones on the index-reduced equations, and RATTLE iterated to a tolerance.
 
+Three tables are measured:
+
 - **Manifold**: the largest constraint and hidden constraint over `SPAN`, the largest error of the energy, the error of
-  the end state, the evaluations of a step.
+  the end state, the evaluations per step.
 - **Drift**: the slope of the energy over a million steps of `rattle`, with its interval, on a sphere and on a molecule.
-- **Tolerance**: the same of a plain RATTLE whose multipliers are iterated to a tolerance of the constraints,
+- **Tolerance**: the slope for a plain RATTLE whose multipliers are iterated to a tolerance of the constraints,
   as packages of molecular dynamics do.  One iteration for :math:`\tfrac12(|q|^2 - 1) = 0` moves q by
   :math:`-\frac{|q|^2 - 1}{2\,q\cdot q_0}\,q_0`; the momentum is projected with the last q.
 
@@ -49,7 +51,10 @@ CODE = (__name__,)
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """A cell for each method on each problem, for the long runs, for each tolerance; none if ``quick``."""
+    """List the measurements to make (`Cell`): one for each method on each problem, each long run, each tolerance.
+
+    The list is empty if ``quick``.
+    """
     if quick:
         return []
     runs = [
@@ -67,7 +72,7 @@ def _cell(table: str, key: dict, measure: Callable, arguments: tuple, *needed) -
 
 
 def manifold(id: str, name: str) -> Rows:
-    """What a method keeps on a problem over `SPAN`: a row."""
+    """Integrate a problem over `SPAN` with a method: a row of its errors in constraints, energy and end state."""
     problem = problem_of(name)
     steps = round(SPAN / H)
     s = integrate(problem, id, h=H, steps=steps, save_every=1)
@@ -101,14 +106,14 @@ def _slope(t: np.ndarray, energy: np.ndarray, h: float) -> dict[str, float]:
 
 
 def long_run(name: str) -> Rows:
-    """The energy's drift over `STEPS` steps of `rattle` on a problem: a row."""
+    """Measure the drift of the energy over `STEPS` steps of `rattle` on a problem: one row, by table name."""
     s = integrate(problem_of(name), "rattle", h=LONG[name], steps=STEPS, save_every=STEPS // SAMPLES)
     row = {"method": "rattle", "problem": name, "status": s.status}
     return {DRIFT: [row | _slope(s.t, s.energy(), s.h)]}
 
 
 def loose_run(tol: float) -> Rows:
-    """The energy's drift over as many steps of a RATTLE iterated to a tolerance: a row."""
+    """Measure the drift of the energy over `STEPS` steps of a RATTLE iterated to the tolerance ``tol``: one row."""
     problem, h = problem_of(SPHERE), LONG[SPHERE]
     energy, iterations = loose_rattle(np.array(problem.q0), np.array(problem.p0), h, STEPS, STEPS // SAMPLES, tol)
     t = h * (STEPS // SAMPLES) * np.arange(len(energy))
@@ -117,7 +122,10 @@ def loose_run(tol: float) -> Rows:
 
 @numba.njit
 def loose_rattle(q, p, h, steps, every, tol):
-    """(energies of the stored rows, iterations) of RATTLE on the unit sphere, iterated until ||q|^2 - 1| <= tol."""
+    """Integrate the spherical pendulum by RATTLE, with the constraint iterated until ||q|^2 - 1| <= tol.
+
+    Returns (energies of the rows, one each ``every`` steps, total number of iterations).
+    """
     energies = np.empty(steps // every + 1)
     energies[0] = 0.5 * (p @ p) + q[2]
     iterations = 0

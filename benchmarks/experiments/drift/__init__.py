@@ -1,1 +1,1 @@
-"""Do the intervals of an estimated energy drift cover the true drift?"""
+"""Experiment: do the confidence intervals of an estimated energy drift cover the true drift?"""

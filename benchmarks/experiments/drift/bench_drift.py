@@ -7,7 +7,10 @@ from phasebench.benchmarks.experiments.drift.page import LEAST, is_resolved
 
 
 def off(rows) -> list[str]:
-    """A line for each kind of series with a resolved oscillation whose intervals miss the true drift too often."""
+    """List a line for each kind of series with a resolved oscillation whose intervals miss the true drift too often.
+
+    ``rows`` are those of the table "drift_coverage".
+    """
     return [
         f"{r['kind']}, {r['periods']:g} periods in {r['points']} points: covered in {r['covered']:.3f}"
         for r in rows
@@ -16,6 +19,6 @@ def off(rows) -> list[str]:
 
 
 def bench_coverage(measured_rows):
-    """The drift intervals of every kind of series with a resolved oscillation cover the true drift often enough."""
+    """Check that drift intervals cover the true drift often enough for every series with a resolved oscillation."""
     wrong = off(measured_rows("drift_coverage"))
     assert not wrong, "\n".join(wrong)

@@ -38,7 +38,7 @@ SAMPLED = 4
 
 
 def series(kind: str, periods: float, points: int, generator: np.random.Generator):
-    """Draw one series: (t, e, its drift); t, e arrays (points,)."""
+    """Draw one series: (t, e, its true drift), with arrays t and e (points,); e begins with 0."""
     white, walk, slope = KINDS[kind]
     t = np.arange(points) * STEP
     angle = 2 * np.pi * (periods * generator.uniform(0.95, 1.05) * t / t[-1] + generator.random())
@@ -49,7 +49,11 @@ def series(kind: str, periods: float, points: int, generator: np.random.Generato
 
 
 def coverage_row(kind: str, periods: float, points: int, drawn: int = DRAWN) -> dict:
-    """Draw series of a kind and count the drift intervals that cover the true drift: a row of shares and widths."""
+    """Draw series of a kind and count the drift intervals that cover the true drift.
+
+    The row has the share of intervals that cover and their median half-width, for this project's estimate and for
+    ordinary regression ("by the line").
+    """
     generator = np.random.default_rng(zlib.crc32(f"{kind} {periods} {points}".encode()))
     ours, lines = [], []
     for _ in range(drawn):
@@ -65,7 +69,10 @@ def coverage_row(kind: str, periods: float, points: int, drawn: int = DRAWN) -> 
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """List the measurements (`Cell`), one for each kind of series, length and number of periods; none if ``quick``."""
+    """List the measurements to make (`Cell`), one for each kind of series, length and number of periods.
+
+    The list is empty if ``quick``.
+    """
     found = [(k, p, n) for k in KINDS for n in LENGTHS for p in PERIODS if n >= SAMPLED * p]
     return [] if quick else [_cell(*of) for of in found]
 

@@ -1,4 +1,4 @@
-"""The page on drift intervals: tested on series with a known drift, and on methods whose energy error is bounded."""
+"""The report page on drift intervals: tested on series with a known drift, and on methods with bounded energy error."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ def _resolved_rows(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def _kinds(table: pd.DataFrame) -> pd.Series:
-    """For each kind of series, the share of drawn series whose interval covers the true drift."""
+    """Compute the share of drawn series whose interval covers the true drift, for each kind of series."""
     return _resolved_rows(table).groupby("kind", sort=False)["covered"].mean()
 
 
 @of("drift_coverage")
 def kinds(table: pd.DataFrame) -> Verdict | None:
-    """Whether the drift intervals cover the known drift of each kind of series as often as they claim."""
+    """Judge whether the drift intervals cover the known drift of each kind of series as often as they claim."""
     shares = _kinds(table)
     if shares.empty:
         return None
@@ -53,7 +53,7 @@ def kinds(table: pd.DataFrame) -> Verdict | None:
 
 @of("drift_coverage")
 def lengths(table: pd.DataFrame) -> Verdict | None:
-    """Whether the drift intervals cover often enough for each length of a series and each number of periods."""
+    """Judge whether the drift intervals cover often enough for each length of a series and each number of periods."""
     told = _resolved_rows(table)
     if told.empty:
         return None
@@ -69,21 +69,21 @@ def lengths(table: pd.DataFrame) -> Verdict | None:
 
 
 def _intervals(rows: pd.DataFrame) -> pd.DataFrame:
-    """The long runs that have a drift interval, with a column ``excludes``: the interval excludes 0."""
+    """Select the long runs that have a drift interval, with a column ``excludes``: the interval excludes 0."""
     ran = completed_runs(rows)
     ran = ran[ran["energy_drift_low"].notna() & ran["canonical"]]
     return ran.assign(excludes=ran["sure"] != 0)
 
 
 def _bounded_runs(rows: pd.DataFrame) -> pd.DataFrame:
-    """The long runs with an interval of methods declared to have a bounded energy error."""
+    """Select the long runs with a drift interval, of methods declared to have a bounded energy error."""
     ran = _intervals(rows)
     return ran[ran["declared"] == BOUNDED]
 
 
 @of("rows")
 def bounded_energy(rows: pd.DataFrame) -> Verdict | None:
-    """Whether the intervals of methods with bounded energy error contain 0, scene by scene."""
+    """Judge whether the drift intervals of methods with bounded energy error contain 0, scene by scene."""
     ran = _bounded_runs(rows)
     if ran.empty:
         return None
@@ -99,7 +99,7 @@ def bounded_energy(rows: pd.DataFrame) -> Verdict | None:
 
 @of("rows")
 def drifting(rows: pd.DataFrame) -> Verdict | None:
-    """Whether the drift intervals of all methods declared to drift exclude 0."""
+    """Judge whether the drift intervals of all methods declared to drift exclude 0."""
     ran = _drifting(rows)
     if ran.empty:
         return None
@@ -115,7 +115,7 @@ def drifting(rows: pd.DataFrame) -> Verdict | None:
 
 @of("rows")
 def controls(rows: pd.DataFrame) -> Verdict | None:
-    """Whether every control, a method that must drift, was measured; without them the drift test could not fail."""
+    """Judge whether every control, a method that must drift, was measured, since else the test could not fail."""
     if _intervals(rows).empty:
         return None
     there = [id for id in CONTROLS if (_drifting(rows)["id"] == id).any()]
@@ -131,13 +131,13 @@ def controls(rows: pd.DataFrame) -> Verdict | None:
 
 
 def _drifting(rows: pd.DataFrame) -> pd.DataFrame:
-    """The long runs of methods declared to drift, with an energy error above round-off."""
+    """Select the long runs of methods declared to drift, with an energy error above round-off."""
     ran = _intervals(rows)
     return ran[(ran["declared"] == DRIFT) & (ran["energy_max"] > NOISE)]
 
 
 def answer(data: Data) -> str | None:
-    """A sentence: how often the intervals cover a known drift, and how often 0 in runs of bounded energy error."""
+    """Write the page's answer: how often intervals cover a known drift, and how often 0 for bounded energy errors."""
     table, rows = data("drift_coverage"), data("rows")
     parts = []
     if table is not None and len(shares := _kinds(table)):
@@ -176,7 +176,7 @@ def draw(table: pd.DataFrame, folder) -> list[Picture]:
 
 @of("drift_coverage")
 def table(found: pd.DataFrame) -> Table:
-    """The page's table: the series whose coverage is farthest from the nominal one, resolved oscillations first."""
+    """Make the page's table: the series with the coverage farthest from nominal, resolved oscillations first."""
     far = (found["covered"] - CONFIDENCE).abs()
     told = found["periods"].map(is_resolved)
     shown = found.assign(far=far, told=told).sort_values(["told", "far"], ascending=False, kind="stable").head(ROWS)
@@ -186,7 +186,7 @@ def table(found: pd.DataFrame) -> Table:
 
 @of("drift_coverage")
 def _full_table(found: pd.DataFrame) -> pd.DataFrame:
-    """The coverage of every kind of series: the measured table as it is."""
+    """Return the measured table "drift_coverage" unchanged: the coverage of every kind of series."""
     return found
 
 

@@ -1,1 +1,1 @@
-"""Rows that other languages' integrators made on their own machine, beside this suite's methods."""
+"""Experiment: results of integrators in other languages, from other machines, beside this suite's methods."""

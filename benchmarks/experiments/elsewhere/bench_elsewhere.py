@@ -1,4 +1,4 @@
-"""Checks of rows measured elsewhere: methods of this suite with the same coefficients have the same energy errors."""
+"""Checks of results from other machines: methods here with the same coefficients have the same energy errors."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from phasebench.benchmarks.experiments.elsewhere.page import SAME
 
 
 def energies_off(rows) -> list[str]:
-    """Messages about rows whose energy error is not that of the same method here."""
+    """List messages about rows whose energy error differs from that of the method with the same coefficients here."""
     return [
         f"{r['method']}, h = {r['h']}: {r['energy_error']:.3e}, here {r['twin_energy_error']:.3e}"
         for r in rows
@@ -16,12 +16,12 @@ def energies_off(rows) -> list[str]:
 
 
 def bench_methods_of_the_same_coefficients(measured_rows):
-    """The energy errors stated elsewhere are reached here by methods of the same coefficients."""
+    """Check that this suite's methods reach the energy errors that other packages state for the same coefficients."""
     off = energies_off(measured_rows(THEIRS))
     assert not off, "\n".join(off)
 
 
 def bench_runs_beside_them(measured_rows):
-    """This suite's methods reach the end of every problem that rows were measured on."""
+    """Check that some run of this suite's methods, beside the rows from other machines, reaches its end."""
     rows = measured_rows(OURS)
     assert not rows or any(r["status"] == "ok" for r in rows)

@@ -1,8 +1,10 @@
-"""Compare rows measured elsewhere with this suite's methods: errors at the same number of evaluations, never times.
+"""Compare results from other machines with this suite's methods: errors at the same number of evaluations, never times.
 
-A file's rows get their errors here, against the certified reference.  Methods of this suite are run on the same problem
-with as many evaluations as each of its rows took, or fewer.  Where a file's method has the coefficients of one here
-(`TWINS`), that one is run with the same step: the energy errors of both have to agree, which tests the file and us.
+A file holds rows (method, step or tolerance, evaluations, end state or energy error) that another package produced on
+another machine.  Their errors are computed here, against the certified reference.  Methods of this suite are run on the
+same problem with as many evaluations as each of the rows took, or fewer.  If a file's method has the same coefficients
+as a method here (`TWINS`), the latter is run with the same step: the energy errors of both have to agree, which tests
+the file and this suite.
 """
 
 from __future__ import annotations
@@ -43,9 +45,10 @@ SHORTEN = 1.25
 
 
 def compare(file: Elsewhere, methods: Sequence[str] | None = None) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
-    """(the rows of a file with errors and twins, the rows of methods with about as many evaluations).
+    """Compute the errors of a file's rows, and run this suite's methods with about as many evaluations as these.
 
-    ``methods`` are by default those of `METHODS` that can integrate the problem.
+    Returns (the file's rows with errors and, where a method here has the same coefficients, its energy error; the rows
+    of this suite's methods).  ``methods`` are by default those of `METHODS` that can integrate the problem.
 
     Raises
     ------
@@ -68,7 +71,10 @@ def compare(file: Elsewhere, methods: Sequence[str] | None = None) -> tuple[list
 
 
 def _ladder(file: Elsewhere, chosen: Integrator, budgets: Sequence[int]) -> list[dict[str, Any]]:
-    """The runs of a method that take each budget of evaluations, or down to `USED` of it; others are left out."""
+    """Run a method with as many steps as each budget of evaluations allows: a row for each run.
+
+    A run that takes less than the share `USED` of its budget is left out.
+    """
     rows: dict[int, dict[str, Any]] = {}
     price = 1.0
     for budget in sorted(budgets, reverse=True):
@@ -89,7 +95,7 @@ def _ladder(file: Elsewhere, chosen: Integrator, budgets: Sequence[int]) -> list
 
 
 def _run(file: Elsewhere, chosen: Integrator, steps: int) -> dict[str, Any]:
-    """A run over the span of a file: its step, evaluations, status, and its end state."""
+    """Run a method over the span of a file: a dict of its step, evaluations, status, and its rows q, p."""
     h = file.t_end / steps
     s = chosen.run(file.problem, h=h, steps=steps, save_every=0)
     out = {"h": h, "steps": steps, "evaluations": s.counts["gradient"], "status": s.status, "reason": s.reason}
@@ -97,7 +103,7 @@ def _run(file: Elsewhere, chosen: Integrator, steps: int) -> dict[str, Any]:
 
 
 def _errors(file: Elsewhere, row: dict[str, Any]) -> dict[str, Any]:
-    """The errors of a run's end state, which they replace."""
+    """Compute the errors of a run's end state; removes the rows "q" and "p" from ``row``."""
     q, p = row.pop("q"), row.pop("p")
     if row["status"] != "ok":
         return {"energy_error": None, "error": None, "uncertainty": None}
@@ -106,7 +112,10 @@ def _errors(file: Elsewhere, row: dict[str, Any]) -> dict[str, Any]:
 
 
 def _twin(file: Elsewhere, row: dict[str, Any]) -> dict[str, Any]:
-    """The method here with the coefficients of a row's, and its energy error with the same step; None without one."""
+    """Run the method of this suite that has the same coefficients as a row's method, with the same step.
+
+    Returns its id and its energy error, as "twin" and "twin_energy_error"; None where there is no such method or run.
+    """
     twin = TWINS.get((row["package"], row["method"]))
     if twin is None or row["h"] is None or row["evaluations"] > MOST:
         return {"twin": twin, "twin_energy_error": None}
@@ -117,7 +126,7 @@ def _twin(file: Elsewhere, row: dict[str, Any]) -> dict[str, Any]:
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """List the measurements (`Cell`), one for each file of this folder."""
+    """List the measurements to make (`Cell`), one for each file of results in this folder; none if ``quick``."""
     return [] if quick else [_cell(path) for path in sorted(FOLDER.glob("*.csv"))]
 
 
@@ -137,6 +146,6 @@ def _cell(path: Path) -> Cell:
 
 
 def measure_rows(name: str) -> Rows:
-    """The rows of a file of this folder and of this suite's methods beside them, by table."""
+    """Make the rows of a file of this folder, and of this suite's methods beside these, by table name."""
     theirs, ours = compare(elsewhere.read(FOLDER / name))
     return {THEIRS: theirs, OURS: ours}

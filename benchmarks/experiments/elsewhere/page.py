@@ -1,4 +1,4 @@
-"""The page of rows measured elsewhere: stated errors beside runs here, and errors at the same evaluations."""
+"""The report page on results from other machines: their errors beside those of runs here with as many evaluations."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ BY = "measured elsewhere by"
 
 
 def _twins(theirs: pd.DataFrame) -> pd.DataFrame:
-    """The rows whose method was run here, too, with the difference of the energy errors."""
+    """Select the rows whose method was run here too, with the difference ``apart`` of the two energy errors."""
     both = theirs.dropna(subset="twin_energy_error")
     return both.assign(apart=(both["energy_error"] - both["twin_energy_error"]).abs())
 
 
 @of(THEIRS)
 def reproduced(theirs: pd.DataFrame) -> Verdict | None:
-    """Whether methods of this suite with the same coefficients reach the energy errors that the rows have."""
+    """Judge whether methods here with the same coefficients reach the energy errors measured on other machines."""
     both = _twins(theirs)
     if both.empty:
         return None
@@ -45,7 +45,7 @@ def reproduced(theirs: pd.DataFrame) -> Verdict | None:
 
 @of(THEIRS)
 def certain(theirs: pd.DataFrame) -> Verdict | None:
-    """Whether the reference is certain enough for the errors of the end states."""
+    """Judge whether the reference's uncertainty is below the errors of the end states; None without such errors."""
     rows = theirs.dropna(subset="error")
     if rows.empty:
         return None
@@ -61,7 +61,7 @@ def certain(theirs: pd.DataFrame) -> Verdict | None:
 
 
 def answer(data: Data) -> str | None:
-    """A sentence: how many rows other packages measured elsewhere, and how many energy errors this suite measures, too."""
+    """Write the page's answer: how many rows other packages made, and how many of their energy errors are met here."""
     theirs, verdict = data(THEIRS), reproduced(data)
     if theirs is None or theirs.empty:
         return None
@@ -73,7 +73,7 @@ def answer(data: Data) -> str | None:
 
 
 def _size(frame: pd.DataFrame) -> pd.Series:
-    """The error of the end state, or the size of the energy error where no state is given."""
+    """The error of the end state in each row, or the size of the energy error where no state is given."""
     return frame["error"].astype(float).fillna(frame["energy_error"].astype(float).abs())
 
 
@@ -83,7 +83,7 @@ def _kind(row) -> str:
 
 @of(THEIRS, OURS)
 def draw(theirs: pd.DataFrame, ours: pd.DataFrame, folder: Path) -> list[Picture]:
-    """The size of the energy error at the end against the evaluations, a panel for each file."""
+    """Draw the size of the energy error at the end against the evaluations, a panel for each file (at most two)."""
     files = list(dict.fromkeys(theirs["file"]))[:2]
     with style.settings():
         figure, panels = style.panels(1, len(files), 3.6)
@@ -110,7 +110,10 @@ def draw(theirs: pd.DataFrame, ours: pd.DataFrame, folder: Path) -> list[Picture
 
 
 def _best(ours: pd.DataFrame, row: pd.Series) -> dict:
-    """The method here that has the least error of the same kind with at most as many evaluations, and this error."""
+    """Find the method here with the least error of the same kind as the row's, with at most as many evaluations.
+
+    Returns its id and this error, as two columns of the page's table.
+    """
     column = "energy_error" if pd.isna(row["error"]) else "error"
     able = ours[(ours["file"] == row["file"]) & (ours["evaluations"] <= row["evaluations"]) & (ours["status"] == "ok")]
     sizes = able[column].astype(float).abs()
@@ -122,7 +125,7 @@ def _best(ours: pd.DataFrame, row: pd.Series) -> dict:
 
 @of(THEIRS, OURS)
 def table(theirs: pd.DataFrame, ours: pd.DataFrame) -> Table:
-    """Each method's coarsest row and its finest one that is compared, beside the best of this suite."""
+    """Make the page's table: each method's rows with the fewest and the most evaluations, beside this suite's best."""
     compared = theirs[theirs["evaluations"] <= MOST]
     lines = []
     for _, part in compared.groupby(["file", "method"], sort=False):
@@ -156,7 +159,7 @@ def _line(row: pd.Series, ours: pd.DataFrame) -> dict:
 
 @of(THEIRS)
 def whole(theirs: pd.DataFrame) -> pd.DataFrame:
-    """All rows measured elsewhere."""
+    """Select the columns of the page's long table: all rows measured on other machines."""
     columns = ["package", "method", "h", "tol", "evaluations", "energy_error", "error", "uncertainty", "twin"]
     return theirs[columns].replace({np.nan: None}).astype(object).fillna("")
 

@@ -1,7 +1,7 @@
 """Checks of the energy-preserving Schemes IV and V.
 
 In each step they solve the energy's equation for a parameter lambda.  Where it has a root, H0 must be kept to
-round-off; where they find none, an independent scan must find none either.
+round-off; where the schemes find none, an independent scan must find none either.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from phasebench.benchmarks.experiments.energy_preservation.energies import cells
 
 
 def off(rows) -> list[str]:
-    """Messages about completed runs: energy or angular momentum not kept, or a root lambda that the scheme missed."""
+    """List messages about completed runs: energy or angular momentum not kept, or a root lambda missed."""
     out = []
     for r in (r for r in rows if r["status"] == "ok"):
         where = f"{r['scheme']} on {r['problem']}, h = {r['h']}"
@@ -24,6 +24,6 @@ def off(rows) -> list[str]:
 
 
 def bench_energy(measured_rows):
-    """Energy and angular momentum are kept to round-off, and the solver for lambda misses no root."""
+    """Check that energy and angular momentum are kept to round-off, and that the solver for lambda misses no root."""
     wrong = off(measured_rows("energy_preservation"))
     assert not wrong, "\n".join(wrong)

@@ -1,4 +1,4 @@
-"""Energy-preserving Schemes IV and V, alone and alternating, to t = 1000: errors of H, and steps without a root lambda.
+"""Energy errors of Schemes IV and V, alone and alternating, to t = 1000, and their steps without a root lambda.
 
 In each step a scheme solves the energy's equation for its parameter lambda; not every step has such a root.
 """
@@ -20,7 +20,10 @@ LADDER = (0.2, 0.1, 0.05, 0.02, 0.01, 0.005)
 
 
 def _row(found, scheme: str, h: float):
-    """Integrate with a scheme to t = 1000 beside the implicit midpoint rule: (its solution, a row of the errors)."""
+    """Integrate with a scheme and with the implicit midpoint rule to t = 1000.
+
+    Returns (the scheme's solution, a row of the errors of both and of the steps without a root lambda).
+    """
     path = integrate(found, scheme, h=h, t_end=1000.0)
     plain = integrate(found, "implicit-midpoint", h=h, t_end=1000.0)
     system = found.system
@@ -56,7 +59,7 @@ def _row(found, scheme: str, h: float):
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """List the measurements (`Cell`), one for each scheme and step on each problem; none if ``quick``."""
+    """List the measurements to make (`Cell`), one for each scheme and step on each problem; none if ``quick``."""
     return [] if quick else [_cell(name, scheme, h) for name in PROBLEMS for scheme in SCHEMES for h in LADDER]
 
 
@@ -74,7 +77,10 @@ def _cell(name: str, scheme: str, h: float) -> Cell:
 
 
 def measure_rows(name: str, scheme: str, h: float) -> Rows:
-    """Measure a scheme's energy error at step h; steps without a root lambda are scanned independently for one."""
+    """Measure a scheme's energy error at step h: one row, by table name.
+
+    Steps in which the scheme found no root lambda are scanned independently for one.
+    """
     found = problem(name)
     path, row = _row(found, scheme, h)
     steps = np.flatnonzero(np.isnan(path.parameter))

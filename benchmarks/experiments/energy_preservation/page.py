@@ -1,4 +1,4 @@
-"""The page on the energy-preserving Schemes IV and V: energy errors, and steps that have no root of their parameter."""
+"""The report page on the energy-preserving Schemes IV and V: energy errors, and steps without a root lambda."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def _where(row) -> str:
 
 @of("energy_preservation")
 def energy_conservation(frame: pd.DataFrame) -> Verdict | None:
-    """Whether the energy error is round-off on every step whose equation for lambda has a root."""
+    """Judge whether the energy error is round-off on every step whose equation for lambda has a root."""
     ran = _completed_runs(frame, PLAIN)
     if ran.empty:
         return None
@@ -42,7 +42,7 @@ def energy_conservation(frame: pd.DataFrame) -> Verdict | None:
 
 @of("energy_preservation")
 def root_existence(frame: pd.DataFrame) -> Verdict | None:
-    """Whether the energy's equation has a root lambda in every step of Schemes IV and V."""
+    """Judge whether the energy's equation has a root lambda in every step of Schemes IV and V."""
     ran = _completed_runs(frame, PLAIN)
     if ran.empty:
         return None
@@ -59,7 +59,7 @@ def root_existence(frame: pd.DataFrame) -> Verdict | None:
 
 @of("energy_preservation")
 def root_search(frame: pd.DataFrame) -> Verdict | None:
-    """Whether the schemes' solver misses no root lambda that an independent scan finds."""
+    """Judge whether the schemes' solver misses no root lambda that an independent scan finds; None without a scan."""
     ran = _completed_runs(frame, PLAIN)
     if "scanned steps" not in ran or not ran["scanned steps"].sum():
         return None
@@ -74,7 +74,7 @@ def root_search(frame: pd.DataFrame) -> Verdict | None:
 
 @of("energy_preservation")
 def alternating(frame: pd.DataFrame) -> Verdict | None:
-    """Whether every step has a root lambda of Scheme IV or of Scheme V, in the variants that try both in turn."""
+    """Judge whether every step has a root lambda of Scheme IV or of Scheme V, in the variants that try both in turn."""
     ran = _completed_runs(frame, ALTERNATING)
     if ran[ran["scheme"] == ALTERNATING[0]].empty:
         return None
@@ -90,7 +90,7 @@ def alternating(frame: pd.DataFrame) -> Verdict | None:
 
 @of("energy_preservation")
 def answer(frame: pd.DataFrame) -> str | None:
-    """A sentence: the largest energy error, and how many steps have no root lambda."""
+    """Write the page's answer: the largest energy error, and how many steps have no root lambda."""
     ran = _completed_runs(frame, PLAIN)
     if ran.empty:
         return None
@@ -106,7 +106,7 @@ def answer(frame: pd.DataFrame) -> str | None:
 
 @of("energy_preservation")
 def draw(frame: pd.DataFrame, folder) -> list[Picture]:
-    """Draw the energy errors over h, beside those of the implicit midpoint rule."""
+    """Draw the largest energy error over h, beside that of the implicit midpoint rule, a panel for each problem."""
     problems = list(dict.fromkeys(frame["problem"]))
     midpoint = "implicit midpoint's energy error"
     curves = [("scheme-iv", WITH, "Scheme IV, steps with a root"), ("scheme-v", WITH, "Scheme V, steps with a root")]
@@ -141,7 +141,7 @@ COLUMNS = {
 
 @of("energy_preservation")
 def table(frame: pd.DataFrame) -> Table:
-    """The page's table: runs that have steps without a root lambda, then those with the largest energy errors."""
+    """Make the page's table: runs that have steps without a root lambda, then those with the largest energy errors."""
     order = frame.assign(none=frame["without a root"] == 0).sort_values(["none", WITH], ascending=[True, False])
     shown = order.head(18)[list(COLUMNS)].rename(columns=COLUMNS)
     caption = "Runs that have steps without a root, then those of the largest energy error. The next step with a root restores H₀."

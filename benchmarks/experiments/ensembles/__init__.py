@@ -1,1 +1,1 @@
-"""What does one orbit cost in an ensemble of thousands?"""
+"""Experiment: what does the integration of one orbit cost in an ensemble of thousands?"""

@@ -1,8 +1,8 @@
 """Ensembles in SIMD lanes compared with heyoka's batches: the cost of an orbit over the error of the worst orbit.
 
 The error is the largest distance, over the orbits, of the end state from heyoka's in long double.  All orbits are
-distinct.  Both sides run on one core, alternating, from arrays of initial states to arrays of end states; heyoka's
-batch integrator is reset in place.
+distinct.  This project and heyoka run on one core, alternating, from arrays of initial states to arrays of end states;
+heyoka's batch integrator is reset in place.
 """
 
 from __future__ import annotations
@@ -50,7 +50,14 @@ PEER = "heyoka-batch"
 
 
 class Rung(NamedTuple):
-    """One run of an integrator: its label ``who``, the ``kind`` of its size (step "h" or tolerance "tol"), the size."""
+    """A run of an integrator at one step or tolerance.
+
+    Attributes
+    ----------
+    who : label of the integrator
+    kind : "h" if its size is a step, "tol" if it is a tolerance
+    value : the step or tolerance
+    """
 
     who: str
     kind: str
@@ -58,7 +65,7 @@ class Rung(NamedTuple):
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """List the measurements (`Cell`), one for each problem."""
+    """List the measurements to make (`Cell`), one for each problem."""
     return [
         Cell(
             "ensembles",
@@ -76,9 +83,9 @@ def cells(quick: bool = False) -> list[Cell]:
 
 
 def exact(system, Q: np.ndarray, P: np.ndarray) -> np.ndarray:
-    """Integrate an ensemble to `T_END` with heyoka in long double: end states rounded to double, array (n, 2 d).
+    """Integrate an ensemble with starts Q, P (n, d) to `T_END` with heyoka in long double.
 
-    Raises Unavailable if that precision is not there.
+    Returns end states rounded to double, array (n, 2 d).  Raises Unavailable if that precision is not there.
     """
     from phasebench.reference.solvers import taylor
 
@@ -96,7 +103,10 @@ def exact(system, Q: np.ndarray, P: np.ndarray) -> np.ndarray:
 
 
 def _batches(system, tol: float, width: int, y: np.ndarray) -> Callable[[], np.ndarray]:
-    """A function that integrates the states y, array (n, 2 d), to `T_END` in heyoka batches of ``width``."""
+    """Make a function that integrates the states y, array (n, 2 d), to `T_END` in heyoka batches of ``width``.
+
+    It returns the end states, an array as y.
+    """
     import heyoka as hy
 
     from phasebench.reference.solvers import taylor
@@ -118,7 +128,10 @@ def _batches(system, tol: float, width: int, y: np.ndarray) -> Callable[[], np.n
 
 
 def _ours(system, id: str, h: float, Q, P) -> Callable[[], np.ndarray]:
-    """A function that integrates Q, P with the method ``id`` of this project to `T_END`: end states, NaN if failed."""
+    """Make a function that integrates Q, P (n, d) to `T_END` with the method ``id`` of this project.
+
+    It returns the end states, array (n, 2 d), with NaN for orbits that failed.
+    """
 
     def run() -> np.ndarray:
         e = integrate_ensemble(system, id, Q, P, t_end=T_END, steps=round(T_END / h), threads=1)
@@ -128,14 +141,17 @@ def _ours(system, id: str, h: float, Q, P) -> Callable[[], np.ndarray]:
 
 
 def widths() -> tuple[int, ...]:
-    """heyoka's recommended number of lanes on this processor, and twice that."""
+    """Return heyoka's recommended number of SIMD lanes on this processor, and twice that."""
     import heyoka as hy
 
     return hy.recommended_simd_size(), 2 * hy.recommended_simd_size()
 
 
 def measure_rows(name: str) -> Rows:
-    """Measure error and cost of an orbit for both sides at every step or tolerance: a row for each, by table name."""
+    """Measure error and cost of an orbit at every step of this project's methods and every tolerance of heyoka.
+
+    Returns a row for each, by table name.
+    """
     found = problem(name)
     system, (Q, P) = found.system, starts(found, ORBITS)
     truth = exact(system, Q[:JUDGED], P[:JUDGED])
@@ -173,7 +189,7 @@ def in_order(rungs: Iterable[Rung]) -> list[Rung]:
 
 
 def between(errors: Mapping[Rung, float]) -> list[Rung]:
-    """The runs to insert between neighbouring steps or tolerances.
+    """List the runs to insert between neighbouring steps or tolerances of an integrator, from the errors of those made.
 
     A geometric mean is inserted where the two errors enclose one of `ERRORS` and differ by a factor `SPAN` or more.
     """
@@ -190,7 +206,7 @@ def between(errors: Mapping[Rung, float]) -> list[Rung]:
 
 
 def worst(ends: np.ndarray, truth: np.ndarray) -> float:
-    """The error of the worst orbit; NaN if any orbit did not arrive.
+    """Compute the error of the worst orbit; NaN if any orbit did not arrive.
 
     Parameters
     ----------
@@ -200,5 +216,5 @@ def worst(ends: np.ndarray, truth: np.ndarray) -> float:
 
 
 def orbits_of(kind: str) -> int:
-    """The number of orbits that a run integrates: heyoka's, whose ``kind`` of size is "tol", or ours, "h"."""
+    """Return the number of orbits that a run integrates: heyoka's if ``kind`` is "tol", this project's if "h"."""
     return JUDGED if kind == "tol" else ORBITS

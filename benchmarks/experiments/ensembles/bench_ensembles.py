@@ -9,12 +9,12 @@ APART = 1e-11
 
 
 def cells(quick: bool = False) -> list:
-    """List the measurements of `lanes`, `against` and `maps`."""
+    """List the measurements to make (`Cell`) of `lanes`, `against` and `maps`."""
     return lanes.cells(quick) + against.cells(quick) + maps.cells(quick)
 
 
 def off(rows) -> list[str]:
-    """A line for each ensemble with an orbit that fails, or that ends elsewhere than with the scalar kernel."""
+    """List a line for each ensemble with an orbit that fails, or that ends elsewhere than with the scalar kernel."""
     out = []
     for r in rows:
         if r["method"] == lanes.CEILING:
@@ -28,13 +28,13 @@ def off(rows) -> list[str]:
 
 
 def bench_lanes(measured_rows):
-    """Every lane ends where the scalar kernel ends."""
+    """Check that every orbit of an ensemble in SIMD lanes ends where the scalar kernel ends."""
     wrong = off(measured_rows(lanes.TABLE))
     assert not wrong, "\n".join(wrong)
 
 
 def bench_against(measured_rows):
-    """Both sides reach an error of 1e-6 on every problem, so that the comparison is one of working integrators."""
+    """Check that this project and heyoka reach an error of 1e-6 on every problem, so that both work."""
     rows = measured_rows(against.TABLE)
     for problem in {r["problem"] for r in rows}:
         for side in ("ours", "heyoka"):
@@ -43,6 +43,6 @@ def bench_against(measured_rows):
 
 
 def bench_maps(measured_rows):
-    """The states on the Poincare section have the energy of the start."""
+    """Check that the states on the Poincare section have the energy of the start."""
     wrong = [r["line"] for r in measured_rows(maps.TABLE) if r["map"] == maps.SECTION and not r["energy error"] < 1e-5]
     assert not wrong, wrong

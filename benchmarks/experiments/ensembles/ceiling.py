@@ -26,13 +26,16 @@ def _loop(state, steps, h):
 
 
 def compile_loop() -> Callable:
-    """Compile the leapfrog loop so that it releases the interpreter's lock."""
+    """Compile the leapfrog loop `_loop` to a function (state, steps, h) that releases the interpreter's lock."""
     signature = types.void(types.Array(types.float64, 2, "C"), types.int64, types.float64)
     return entry(machine.load_or_compile(_loop, signature, {"nogil": True, "error_model": "numpy"}, "ceiling"))
 
 
 def speed_up(cores: int, rounds: int, steps: int = STEPS) -> Median:
-    """Measure how much more work the leapfrog loop does on ``cores`` threads than on one, in alternating rounds."""
+    """Measure how much more work the leapfrog loop does in a second on ``cores`` threads than on one.
+
+    Both run in ``rounds`` alternating rounds of ``steps`` steps; returns the ratio with its interval.
+    """
     loop = compile_loop()
 
     def work() -> None:

@@ -1,4 +1,4 @@
-"""Which costs less at equal error: this project's ensembles or heyoka's batches?"""
+"""Compare costs at equal error: this project's ensembles and heyoka's batches."""
 
 from __future__ import annotations
 
@@ -14,14 +14,17 @@ OURS, HEYOKA = "ours", "heyoka"
 
 
 def least(rows: pd.DataFrame, error: float) -> tuple[str, Median]:
-    """The cheapest integrator in ``rows`` with at most ``error``, and its cost; ("", NOWHERE) if none reaches it."""
+    """Find the cheapest integrator in ``rows`` with at most ``error``: (name, cost); ("", NOWHERE) if there is none."""
     costs = {name: at(rungs, error) for name, rungs in rows.groupby("integrator", sort=False)}
     name = min(costs, key=lambda k: costs[k].value, default=None)
     return ("", NOWHERE) if name is None or costs[name] is NOWHERE else (name, costs[name])
 
 
 def cost_table(frame: pd.DataFrame) -> pd.DataFrame:
-    """For each problem and error: our cheapest run and heyoka's, the ratio of their costs, and the cheaper side."""
+    """Make a row for each problem and error: our cheapest run, heyoka's, the ratio of costs, the cheaper one.
+
+    ``frame`` is the table "ensembles_against"; "ours" stands for this project.
+    """
     rows = []
     for problem, part in frame.groupby("problem", sort=False):
         for error in ERRORS:

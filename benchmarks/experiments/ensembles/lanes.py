@@ -1,4 +1,4 @@
-"""The cost of a step of one orbit: in SIMD lanes against the scalar kernel, and on all cores against one."""
+"""Measure the cost of a step of one orbit: in SIMD lanes against the scalar kernel, and on all cores against one."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ CEILING = "(a bare loop)"
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """List the measurements (`Cell`): one for each method on each problem, one for the speed-up that cores can give."""
+    """List the measurements to make (`Cell`): one for each method on each problem, one for a bare loop on all cores."""
     in_lanes = [(*case, ORBITS) for case in CASES]
     alone = [(name, id, (), steps, n) for name, id, steps, n in ALONE_CASES]
     return [_cell(*case) for case in (*in_lanes, *alone)] + [_ceiling_cell()]
@@ -76,20 +76,23 @@ def _ceiling_cell() -> Cell:
 
 
 def ceiling_row() -> Rows:
-    """Measure the speed-up of a loop without memory access on all cores: the limit for any ensemble, as a row."""
+    """Measure the speed-up of a bare loop without memory access on all cores, the limit for any ensemble: one row."""
     available = cores()
     row = {"problem": "", "method": CEILING, "in lanes": False, "cores": available, "status": "ok"}
     return {TABLE: [row | _with_interval("speed-up", ceiling.speed_up(available, ROUNDS))]}
 
 
 def starts(found, n: int) -> tuple[np.ndarray, np.ndarray]:
-    """n initial states within `SPREAD` of the problem's own, arrays (n, d)."""
+    """Draw n initial states within `SPREAD` of the problem's own: (Q, P), arrays (n, d)."""
     random = np.random.default_rng(0)
     return tuple(np.array(x) + SPREAD * random.uniform(-1, 1, (n, found.system.d)) for x in (found.q0, found.p0))
 
 
 def measure_rows(name: str, id: str, parameters: tuple, steps: int, n: int) -> Rows:
-    """Measure nanoseconds of a step of one orbit: by the scalar kernel, in an ensemble on one core, on all cores."""
+    """Measure nanoseconds per step of one orbit: by the scalar kernel, in an ensemble on one core, on all cores.
+
+    Returns one row, by table name, which also compares end states with the scalar kernel's.
+    """
     found, chosen = problem(name), method(id, **dict(parameters))
     Q, P = starts(found, n)
 
@@ -114,7 +117,7 @@ def measure_rows(name: str, id: str, parameters: tuple, steps: int, n: int) -> R
 
 
 def _clock(run, steps: int) -> Callable[[], float]:
-    """A function that runs once and returns the seconds of a step."""
+    """Make a function that calls ``run`` once and returns the seconds per step."""
 
     def seconds() -> float:
         began = time.perf_counter()
@@ -125,7 +128,7 @@ def _clock(run, steps: int) -> Callable[[], float]:
 
 
 def _with_interval(column: str, value) -> dict:
-    """The columns of a measured value: ``column`` itself, and the ends of its confidence interval."""
+    """Make the columns of a measured value: ``column`` itself, and the ends of its confidence interval."""
     return {column: value.value, f"{column}, low": value.low, f"{column}, high": value.high}
 
 

@@ -27,7 +27,7 @@ CORNERS = ((-0.45, -0.5), (0.7, 0.5))
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """List the measurements (`Cell`), one for the Poincare section and one for the map of chaos."""
+    """List the measurements to make (`Cell`), one for the Poincare section and one for the map of chaos."""
     return [
         Cell(
             "ensembles",
@@ -45,14 +45,14 @@ def cells(quick: bool = False) -> list[Cell]:
 
 
 def on_plane(q2: np.ndarray, p2: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The states (0, q2), (p1, p2) with p1 > 0 and H = `ENERGY`, arrays (n, 2); NaN where there is none."""
+    """Make states q = (0, q2), p = (p1, p2) with p1 > 0 and H = `ENERGY`, arrays (n, 2); NaN where there is none."""
     with np.errstate(invalid="ignore"):
         p1 = np.sqrt(2 * ENERGY - q2**2 + 2 * q2**3 / 3 - p2**2)
     return np.stack([0 * q2, q2], axis=1), np.stack([p1, p2], axis=1)
 
 
 def random_starts(n: int) -> tuple[np.ndarray, np.ndarray]:
-    """n random starts (q, p) on the section q1 = 0, p1 > 0 with H = `ENERGY`, arrays (n, 2)."""
+    """Draw n random starts (q, p) on the section q1 = 0, p1 > 0 with H = `ENERGY`, arrays (n, 2)."""
     random = np.random.default_rng(1)
     Q, P = on_plane(*(random.uniform(low, high, 20 * n) for low, high in zip(*CORNERS, strict=True)))
     there = np.isfinite(P[:, 0])
@@ -60,7 +60,7 @@ def random_starts(n: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def grid() -> tuple[np.ndarray, np.ndarray]:
-    """The starts of the grid, arrays (n, 2), one row of constant p2 after the other."""
+    """Make the starts of the grid on the section: (q, p), arrays (n, 2), one row of constant p2 after the other."""
     (left, low), (right, high) = CORNERS
     q2, p2 = np.meshgrid(np.linspace(left, right, SIDE), np.linspace(low, high, SIDE))
     return on_plane(q2.ravel(), p2.ravel())
@@ -72,7 +72,7 @@ def measure_rows(name: str) -> Rows:
 
 
 def _section() -> list[dict]:
-    """Compute the Poincare section: a row for each orbit, with its points."""
+    """Compute the Poincare section: a row for each orbit, with its points (q2, p2) packed as text."""
     made = problem(PROBLEM)
     Q, P = random_starts(ORBITS)
     section(made, METHOD, Q, P, of="q1", h=STEP, steps=4)  # compiles
@@ -88,7 +88,10 @@ def _section() -> list[dict]:
 
 
 def _chaos() -> list[dict]:
-    """Compute the map of chaos: a row for each line of the grid of starts, with the growth of distances along it."""
+    """Compute the map of chaos: a row for each line of the grid of starts.
+
+    It has the logarithms of the growth of the distance between neighbours, packed as text; NaN outside H = `ENERGY`.
+    """
     made = problem(PROBLEM)
     Q, P = grid()
     inside = np.isfinite(P[:, 0])

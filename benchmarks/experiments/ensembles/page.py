@@ -1,4 +1,4 @@
-"""The page on ensembles: the gain of SIMD lanes and of cores, costs compared with heyoka's batches, maps."""
+"""The report page on ensembles: the gain of SIMD lanes and of cores, costs compared with heyoka's batches, maps."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ _compared = once(cost_table)
 
 
 def _wide(frame: pd.DataFrame) -> pd.DataFrame:
-    """Select the ensembles that ran in SIMD lanes."""
+    """Select the rows of ensembles that ran in SIMD lanes."""
     return frame[frame["in lanes"].astype(bool) & (frame["status"] == "ok")]
 
 
 @of(lanes.TABLE)
 def gain(frame: pd.DataFrame) -> Verdict | None:
-    """Whether lanes are faster than the scalar kernel on one core, by the whole interval of the ratio."""
+    """Judge whether SIMD lanes are faster than the scalar kernel on one core, by the whole interval of the ratio."""
     wide = _wide(frame)
     if wide.empty:
         return None
@@ -47,7 +47,7 @@ def _name(row) -> str:
 
 @of(against.TABLE)
 def beside_heyoka(frame: pd.DataFrame) -> Verdict | None:
-    """Whether an orbit of an ensemble costs no more than in heyoka's batches at equal error."""
+    """Judge whether an orbit of an ensemble costs no more than in heyoka's batches at equal error."""
     judged = _reached_rows(frame)
     if judged.empty:
         return None
@@ -66,7 +66,7 @@ def beside_heyoka(frame: pd.DataFrame) -> Verdict | None:
 
 
 def _reached_rows(frame: pd.DataFrame) -> pd.DataFrame:
-    """Select the problems and errors that at least one side, ours or heyoka, reaches."""
+    """Compare costs at equal error, at the problems and errors that this project or heyoka reaches."""
     table = _compared(frame)
     return table[table["cheaper"] != timing.NONE]
 
@@ -80,7 +80,7 @@ def _range(ratios: pd.Series) -> str:
 
 @of(lanes.TABLE)
 def parallel(frame: pd.DataFrame) -> Verdict | None:
-    """Whether all cores speed up every ensemble nearly by their number, or as much as a bare loop."""
+    """Judge whether all cores speed up every ensemble nearly by their number, or as much as a bare loop."""
     bare = frame["method"] == lanes.CEILING
     ran = frame[(frame["status"] == "ok") & ~bare]
     if ran.empty:
@@ -98,7 +98,7 @@ def parallel(frame: pd.DataFrame) -> Verdict | None:
 
 @of(lanes.TABLE, against.TABLE)
 def answer(frame: pd.DataFrame, costs: pd.DataFrame) -> str | None:
-    """A sentence: how much SIMD lanes gain, and how often an orbit costs less here than in heyoka's batches."""
+    """Write the page's answer: how much SIMD lanes gain, and how often an orbit costs less than in heyoka's batches."""
     wide, judged = _wide(frame), _reached_rows(costs)
     if wide.empty:
         return None
@@ -160,13 +160,13 @@ def draw_costs(frame: pd.DataFrame, folder) -> list[Picture]:
 
 
 def draw(data, folder) -> list[Picture]:
-    """Draw the maps of Henon-Heiles, and error over cost against heyoka; a figure without data is left out."""
+    """Draw the maps of Henon-Heiles, and error over cost beside heyoka; figures without data are left out."""
     return [*(draw_maps(data, folder) or ()), *(draw_costs(data, folder) or ())]
 
 
 @of(lanes.TABLE)
 def table(frame: pd.DataFrame) -> Table:
-    """The page's table: the time of a step of one orbit, and the speed-ups by lanes and by cores, of each ensemble."""
+    """Make the page's table: for each ensemble the time of an orbit's step, and the speed-ups by lanes and by cores."""
     columns = ["problem", "method", "in lanes", "ns scalar", "ns ensemble", "gain", "gain, low", "gain, high"]
     columns += ["ns all cores", "cores", "speed-up", "speed-up, low", "speed-up, high", "largest difference"]
     caption = (
@@ -179,7 +179,7 @@ def table(frame: pd.DataFrame) -> Table:
 
 @of(against.TABLE)
 def full_table(frame: pd.DataFrame) -> pd.DataFrame:
-    """For every problem and error: this project's and heyoka's cheapest run, and the ratio of their costs."""
+    """Make the long table: this project's and heyoka's cheapest run for every problem and error, and the cost ratio."""
     return _compared(frame)
 
 

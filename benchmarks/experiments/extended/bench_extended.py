@@ -1,4 +1,4 @@
-"""Checks of the methods in extended phase space: what is declared symplectic is, and the orders on the orbit hold."""
+"""Checks of the methods in extended phase space: those declared symplectic are, and the orders on a test orbit hold."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from phasebench.benchmarks.judge.evidence import NO_DEFECT
 
 
 def maps_off(rows) -> list[str]:
-    """Messages about maps that should be symplectic and are not."""
+    """List messages about step maps that should be symplectic and are not."""
     return [
         f"{r['method']}, {r['map']}, on {r['problem']}: {r['defect']:.1e}"
         for r in rows
@@ -17,7 +17,10 @@ def maps_off(rows) -> list[str]:
 
 
 def orders_off(rows) -> list[str]:
-    """Messages about methods whose order at their smallest step is not the declared one; `SPECIAL` loses it."""
+    """List messages about methods whose order at their smallest step is not as expected.
+
+    Expected is the declared order, except of `SPECIAL`, a splitting that has to lose its order.
+    """
     finest = {r["method"]: r for r in sorted(rows, key=lambda r: -r["h"])}
     return [
         f"{name}: {r['order']:.2f}, declared {r['declared']}"
@@ -27,12 +30,12 @@ def orders_off(rows) -> list[str]:
 
 
 def bench_maps_of_copies(measured_rows):
-    """Steps of both copies, and the semiexplicit ones in the original phase space, are symplectic."""
+    """Check that steps of both copies, and semiexplicit steps in the original phase space, are symplectic."""
     off = maps_off(measured_rows(STRUCTURE))
     assert not off, "\n".join(off)
 
 
 def bench_orders_on_a_relativistic_orbit(measured_rows):
-    """Methods for every H keep their order at small steps, as does the triple jump; the special splitting does not."""
+    """Check that methods for every H and the triple jump keep their order at small steps, and `SPECIAL` does not."""
     off = orders_off(measured_rows(ORDERS))
     assert not off, "\n".join(off)

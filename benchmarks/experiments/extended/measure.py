@@ -67,7 +67,7 @@ CODE = (__name__,)
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """A cell for each map and for each method on the orbit; no cell if ``quick``."""
+    """List the measurements to make (`Cell`): one for each map of `MAPS`, one for each method on the orbit."""
     if quick:
         return []
     maps = [_cell(STRUCTURE, {"method": id, "map": of}, structure, (id, of), record_of(id)) for id, of in MAPS]
@@ -82,7 +82,7 @@ def _cell(table: str, key: dict, measure: Callable, arguments: tuple, *chosen: M
 
 
 def record_of(id: str) -> Method:
-    """The method of an id; of the projection to the midpoint also the orders that are not registered."""
+    """Return the method with an id; "extended-midpoint-2" and "-6", which are not registered, are made here."""
     kind, _, order = id.rpartition("-")
     if kind != "extended-midpoint" or order == "4":
         return method(id)
@@ -91,7 +91,7 @@ def record_of(id: str) -> Method:
 
 
 def on_orbit(id: str) -> Method:
-    """The method of an id as it is taken on the orbit."""
+    """Return the method with an id, with the parameters it has on the relativistic orbit (Tao's omega)."""
     return method(id, omega=OMEGA) if id.startswith("tao") else method(id)
 
 
@@ -99,7 +99,7 @@ def on_orbit(id: str) -> Method:
 
 
 def map_of_copies(record: Method, system: Hamiltonian) -> Callable:
-    """The map (z, h) -> z of both copies z = (q, x, p, y), an array (4 d,), by one step, in many digits."""
+    """Make the map (z, h) -> z of both copies z = (q, x, p, y), an array (4 d,), by one step, in many digits."""
     d, prepared = system.d, prepare(record, system, MULTIPRECISION)
 
     def advance(z, h):
@@ -114,7 +114,10 @@ def map_of_copies(record: Method, system: Hamiltonian) -> Callable:
 
 
 def defect(record: Method, of: str, name: str, h: Fraction) -> float:
-    """The defect of symplecticity of a step on a system of `battery`, of the map of both copies or of (q, p)."""
+    """Compute the defect of symplecticity of a step h on the system ``name`` of `battery`.
+
+    ``of`` selects the map: `BOTH` for that of both copies, `ONE` for that of (q, p) from equal copies.
+    """
     system, y = multiprecision.start(name)
     h = to_number(h, MULTIPRECISION)
     if of == ONE:
@@ -125,7 +128,7 @@ def defect(record: Method, of: str, name: str, h: Fraction) -> float:
 
 
 def structure(id: str, of: str) -> Rows:
-    """The rows of a map, one for each system: its defect at `STEP`, and the order of the defect in h."""
+    """Measure the symplecticity defect of a step map at `STEP`, and its order in h: a row for each system."""
     record = record_of(id)
     rows = []
     with precision(max(DIGITS, 12 * record.order)):
@@ -144,7 +147,7 @@ RADIUS = "sqrt(x**2 + y**2)"
 
 
 def orbit():
-    """(system of H, system of epsilon W, E^2, the state at pericentre); the state is in MPFR numbers."""
+    """Make the relativistic orbit: (system of H, system of epsilon W, E^2, the state at pericentre in MPFR numbers)."""
     semilatus, e = 1 / EPSILON, ECCENTRICITY
     squared = ((semilatus - 2) ** 2 - 4 * e**2) / (semilatus * (semilatus - 3 - e**2))
     r, E = RADIUS, f"({squared})"
@@ -156,7 +159,10 @@ def orbit():
 
 
 def special_steps(id: str) -> list[tuple[str, mpmath.mpf]]:
-    """The substeps of a splitting made for the orbit, fractions of h: Kepler flows "A", flows of the small part "B"."""
+    """Return the substeps of a splitting made for the orbit, (letter, fraction of h).
+
+    The letter is "A" for Kepler flows, "B" for flows of the small part.
+    """
     if id == SPECIAL:
         return coefficients.steps("aba-864")
     out: list = []
@@ -166,7 +172,15 @@ def special_steps(id: str) -> list[tuple[str, mpmath.mpf]]:
 
 
 def special(id: str, part: Hamiltonian, squared: Fraction, y, h, steps: int):
-    """The mean of both copies after some steps of a splitting made for the orbit."""
+    """Integrate with a splitting made for the orbit, and return the mean (q, p) of both copies, array (4,).
+
+    Parameters
+    ----------
+    id : `SPECIAL` or `JUMPED`
+    part : the system of the small part epsilon W
+    squared : E^2, which is mu of the Kepler part
+    y, h, steps : the start (4,), the step size, the number of steps
+    """
     field, table = part.field(MULTIPRECISION), array(kepler_flow.constants(MULTIPRECISION), MULTIPRECISION)
     mu, eps = to_number(squared, MULTIPRECISION), to_number(mpmath.mp.eps, MULTIPRECISION)
     one, zero = to_number(1, MULTIPRECISION), to_number(0, MULTIPRECISION)
@@ -195,7 +209,7 @@ def special(id: str, part: Hamiltonian, squared: Fraction, y, h, steps: int):
 
 
 def orders(id: str) -> Rows:
-    """The rows of a method on the orbit, one for each number of steps: its error, its order from the step before."""
+    """Measure a method's error on the relativistic orbit and its order: a row for each number of steps."""
     chosen = None if id in (SPECIAL, JUMPED) else on_orbit(id)
     about = {"method": chosen.label if chosen else id, "declared": chosen.order if chosen else 4}
     rows, last = [], None

@@ -1,4 +1,4 @@
-"""The page of the claims about methods in extended phase space."""
+"""The report page on methods in extended phase space: are their papers' claims of symplecticity and order true?"""
 
 from __future__ import annotations
 
@@ -23,7 +23,10 @@ DEFECT_ORDER = "order of the defect"
 
 
 def _defect(structure: pd.DataFrame, kind: str, map_of: str) -> dict | None:
-    """Arguments of a verdict that no step of methods of a kind has a defect; None without their rows."""
+    """Make the arguments of a verdict that steps of methods whose id begins with ``kind`` are symplectic.
+
+    ``map_of`` selects the map, `BOTH` or `ONE`; None without rows.
+    """
     part = structure[structure["method"].str.startswith(kind) & (structure["map"] == map_of)]
     if part.empty:
         return None
@@ -34,14 +37,14 @@ def _defect(structure: pd.DataFrame, kind: str, map_of: str) -> dict | None:
 
 @of(STRUCTURE)
 def tao(structure: pd.DataFrame) -> Verdict | None:
-    """Whether Tao's step is symplectic in the extended phase space, as his paper states."""
+    """Judge whether Tao's step is symplectic in the extended phase space, as his paper states."""
     found = _defect(structure, "tao", BOTH)
     return found and Verdict("Tao's step of both copies is symplectic", **found, otherwise=FAIL)
 
 
 @of(STRUCTURE)
 def semiexplicit(structure: pd.DataFrame) -> Verdict | None:
-    """Whether the semiexplicit step is symplectic in the original phase space, as its paper states."""
+    """Judge whether the semiexplicit step is symplectic in the original phase space, as its paper states."""
     found = _defect(structure, "jayawardana-ohsawa", ONE)
     if found is None:
         return None
@@ -50,19 +53,19 @@ def semiexplicit(structure: pd.DataFrame) -> Verdict | None:
 
 @of(STRUCTURE)
 def midpoint(structure: pd.DataFrame) -> Verdict | None:
-    """Whether explicit steps that end at the mean of both copies are symplectic in the original phase space."""
+    """Judge whether explicit steps that end at the mean of both copies are symplectic in the original phase space."""
     found = _defect(structure, "extended-midpoint", ONE)
     return found and Verdict("An explicit step projected to the copies' midpoint is symplectic for every H", **found)
 
 
 def _finest(orders: pd.DataFrame) -> pd.DataFrame:
-    """The row of every method's smallest step."""
+    """Select the row of every method's smallest step."""
     return orders.loc[orders.groupby("method", sort=False)["h"].idxmin()]
 
 
 @of(ORDERS)
 def general(orders: pd.DataFrame) -> Verdict | None:
-    """Whether the methods for every H keep their order on the orbit."""
+    """Judge whether the methods for every H keep their order on the relativistic orbit at small steps."""
     rows = _finest(orders[~orders["method"].isin((SPECIAL, JUMPED))].dropna(subset="order"))
     if rows.empty:
         return None
@@ -80,7 +83,7 @@ def general(orders: pd.DataFrame) -> Verdict | None:
 
 @of(ORDERS)
 def special(orders: pd.DataFrame) -> Verdict | None:
-    """Whether a splitting made for the small part loses its order where the step is small."""
+    """Judge whether a splitting made for the small relativistic part loses its order where the step is small."""
     rows = _finest(orders[orders["method"] == SPECIAL])
     if rows.empty:
         return None
@@ -94,7 +97,7 @@ def special(orders: pd.DataFrame) -> Verdict | None:
 
 
 def answer(data: Data) -> str | None:
-    """A sentence: which claims hold."""
+    """Write the page's answer: which of the methods' steps are symplectic, and in which phase space."""
     found = [verdict(data) for verdict in (tao, semiexplicit, midpoint)]
     if None in found:
         return None
@@ -106,7 +109,7 @@ def answer(data: Data) -> str | None:
 
 @of(ORDERS)
 def draw(orders: pd.DataFrame, folder: Path) -> list[Picture]:
-    """The error on the orbit against the step."""
+    """Draw the error on the relativistic orbit against the step, a curve for each method."""
     with style.settings():
         figure, ((axes,),) = style.panels(1, 1, 3.4)
         for k, (name, part) in enumerate(orders.groupby("method", sort=False)):
@@ -122,7 +125,7 @@ def draw(orders: pd.DataFrame, folder: Path) -> list[Picture]:
 
 
 def _maps(structure: pd.DataFrame) -> pd.DataFrame:
-    """A row for each map: the largest defect, and the orders in h with which it vanishes."""
+    """Summarize the symplecticity defects: a row for each map, with the largest defect and its orders in h."""
     rows = []
     for (name, map_of), part in structure.groupby(["method", "map"], sort=False):
         worst = part.loc[part["defect"].idxmax()]
@@ -134,7 +137,7 @@ def _maps(structure: pd.DataFrame) -> pd.DataFrame:
 
 @of(STRUCTURE)
 def table(structure: pd.DataFrame) -> Table:
-    """The defects of all maps."""
+    """Make the page's table: a row for each step map with its largest symplecticity defect, and its order in h."""
     caption = (
         f"Largest defect of symplecticity of a step h = {STEP} over three systems, and the order in h with which it vanishes "
         f"(blank: it is the differences' own). rk4 is the control."

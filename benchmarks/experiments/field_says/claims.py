@@ -336,13 +336,13 @@ def correctors(rows: pd.DataFrame) -> Verdict | None:
     if found.empty:
         return None
     high = found[[CORRECTORS[11], CORRECTORS[17]]].min(axis=1) / found.min(axis=1)
-    name, h = high.idxmax()
+    name, _ = high.idxmax()
     return Verdict(
         "Corrector 11 or 17 gives WHFast its smallest energy error in most cases",
         Count(int((high <= EQUAL).sum()), len(high)),
         at_least(0.5),
         "problems and steps",
-        where=f"{name}, h = {h:.3g}: {number(high.max())} times the smallest",
+        where=f"{name}: {number(high.max())} times",
     )
 
 

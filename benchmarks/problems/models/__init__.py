@@ -1,1 +1,1 @@
-"""Ladders of models: from the simplest to the full one, each with a map of its solution to the full problem's state."""
+"""Simplified models of some problems, from the simplest to the full one, with maps to full states."""

@@ -1,5 +1,6 @@
-"""`Ladder`: a scene with its models; a model is a system with a map of its solution to the full system's (q, p).
+"""`Ladder`: a problem with a span and a quantity to compute, and simplified models of it, up to the full problem.
 
+A model is a system with a map of its solution to the full system's (q, p).
 The map gives NaN for what the model does not describe, such as bodies that it leaves out.
 """
 
@@ -19,21 +20,21 @@ Lift = Callable[[Problem, np.ndarray, np.ndarray, np.ndarray], tuple[np.ndarray,
 
 
 def identity(full, t, q, p):
-    """Map a model's rows to the full problem's (``full``) if both have the same variables: return (q, p)."""
+    """Map a model's rows to the full problem's if both have the same variables: return (q, p) unchanged."""
     return q, p
 
 
 @dataclass(frozen=True)
 class Rung:
-    """A model of a scene, with the map of its solution to the full problem's.
+    """A simplified model of a problem, with the map of its solution to the full problem's.
 
     Attributes
     ----------
     name : its name in tables
-    make : makes its problem
-    lift : maps rows of its solution to rows of the full problem's
+    make : function without arguments that makes the model's problem
+    lift : function (full problem, t, q, p) -> (Q, P), which maps rows of the model's solution to rows of the full one
     rate : the model's time over that of the full problem
-    steps : its coarsest number of steps; 0: that of the ladder
+    steps : the number of steps of its coarsest run; 0: that of the `Ladder`
     """
 
     name: str
@@ -45,15 +46,15 @@ class Rung:
 
 @dataclass(frozen=True)
 class Ladder:
-    """A scene (problem, span and quantity) with its models.
+    """A full problem with a span and a quantity to compute, and its models from the simplest to the full one.
 
     Attributes
     ----------
     id : kebab-case name
-    problem, parameters : of the full problem: ``id:orbit`` and its parameters
+    problem, parameters : of the full problem: ``id:orbit``, and pairs (name, value) of its parameters
     t_end, quantity : the end of the span, and the name of the quantity to be computed
-    steps : the coarsest number of steps
-    rungs : from the simplest to the full model
+    steps : the number of steps of the coarsest run
+    rungs : the models (`Rung`), from the simplest to the full one
     """
 
     id: str
@@ -66,7 +67,7 @@ class Ladder:
 
 
 def model_problem(name: str, q, p, H, start) -> Problem:
-    """An unregistered problem of a formula H in q, p, from a start (q, p)."""
+    """Make a problem, not in the index of problems, of an expression H in the symbols q, p, from ``start`` = (q, p)."""
     return Problem(
         id=name,
         name=name,
@@ -77,5 +78,5 @@ def model_problem(name: str, q, p, H, start) -> Problem:
 
 
 def with_start(made: Problem, q, p) -> Problem:
-    """The problem ``made``, started from the state q, p."""
+    """Return the problem ``made`` with the state q, p as its initial state."""
     return replace(made, orbits=(Orbit("scene", tuple(q), tuple(p)),), orbit="")

@@ -1,4 +1,4 @@
-"""LADDERS: all scenes that have simplified models, with these models."""
+"""LADDERS: all problems (with a span and a quantity to compute) that have simplified models, with these models."""
 
 from __future__ import annotations
 

@@ -18,7 +18,7 @@ from .ladder import Lift, Rung, model_problem, with_start
 
 
 def pendulum_models(amplitude: float) -> tuple[Rung, ...]:
-    """The models of the pendulum released at rest at ``amplitude``, in radians."""
+    """Return the models of the pendulum released at rest at ``amplitude`` (radians): harmonic, sin q expanded, full."""
     q, p = sp.symbols("q p", real=True)
     start = (amplitude,), (0.0,)
 
@@ -40,13 +40,16 @@ def pendulum_models(amplitude: float) -> tuple[Rung, ...]:
 
 
 def _pendulum(q, p) -> Problem:
-    """The pendulum started at (q, p); if that is the registered orbit, this one, whose states are certified."""
+    """Return the pendulum started at (q, p), one-element tuples.
+
+    If that is the start of the registered orbit "swinging", it is this orbit, which has certified (reference) states.
+    """
     swinging = problem("pendulum:swinging")
     return swinging if (swinging.q0, swinging.p0) == (q, p) else with_start(swinging, q, p)
 
 
 def rotation(rate: float) -> Lift:
-    """A map of a model's rows to the full problem's: the rotation in the plane by the angle ``rate`` t."""
+    """Make a map of a model's rows (q, p) at times t to the full problem's: the rotation in the plane by ``rate`` t."""
 
     def lift(full, t, q, p):
         c, s = np.cos(rate * t), np.sin(rate * t)
@@ -56,9 +59,10 @@ def rotation(rate: float) -> Lift:
 
 
 def mean_semi_axis(e: float, mu: float) -> float:
-    r"""The mean semi-major axis :math:`L^2` of the orbit that starts at pericentre 1 - e.
+    r"""Return the mean semi-major axis :math:`L^2` of the orbit with the Schwarzschild term that starts at 1 - e.
 
-    With G conserved, the averaged energy :math:`-1/(2L^2) - \mu/(3L^3G^3)` equals the energy (to first order in mu).
+    The start is a pericentre of eccentricity e.  With :math:`G = \sqrt{1 - e^2}` conserved, L is such that the averaged
+    energy :math:`-1/(2L^2) - \mu/(3L^3G^3)` equals the energy (to first order in mu).
     """
     G = sqrt(1 - e**2)
     energy = -0.5 - mu / (3 * (1 - e) ** 3)
@@ -70,11 +74,12 @@ def mean_semi_axis(e: float, mu: float) -> float:
 
 
 def kepler_models(e: float, mu: float) -> tuple[Rung, ...]:
-    r"""The models of the Schwarzschild term :math:`-\mu/(3r^3)`: none, its average :math:`-\mu/(3L^3G^3)`, the term.
+    r"""Return the models of the Kepler problem with the Schwarzschild term :math:`-\mu/(3r^3)`, at eccentricity e.
 
-    The perihelion turns at :math:`\partial/\partial G = \mu/(L^3G^4)`, the mean anomaly grows by
-    :math:`\partial/\partial L = \mu/(L^4G^3)` faster (Delaunay's elements :math:`L = \sqrt a`,
-    :math:`G = \sqrt{a(1 - e^2)}`).  In "mean precession" L is that of the start, in "averaged" the mean one.
+    The term is left out, replaced by its average :math:`-\mu/(3L^3G^3)`, or kept.  On average the perihelion turns at
+    :math:`\partial/\partial G = \mu/(L^3G^4)`, the mean anomaly grows by :math:`\partial/\partial L = \mu/(L^4G^3)`
+    faster (Delaunay's elements :math:`L = \sqrt a`, :math:`G = \sqrt{a(1 - e^2)}`).  In "mean precession" L is that of
+    the start, in "averaged" the mean one.
     """
     G, a = sqrt(1 - e**2), mean_semi_axis(e, mu)
     L = sqrt(a)

@@ -1,4 +1,4 @@
-"""Models of the outer planets: a massless one about the fixed Sun, then more and more bodies."""
+"""Models of the motion of Jupiter and of Saturn: massless about the fixed Sun, then with more and more bodies."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ MASSLESS = gravity.MASSLESS
 
 
 def bodies(names: tuple[str, ...], massless: tuple[str, ...] = ()) -> Callable[[], Problem]:
-    """A function that makes the problem of the named bodies of the outer solar system, started as in the full one.
+    """Make a function that makes the problem of some bodies of the outer solar system, started as in the full problem.
 
-    Those in ``massless`` are test particles.
+    ``names`` are those of the bodies; those in ``massless`` are test particles.
     """
 
     def make() -> Problem:
@@ -34,7 +34,7 @@ def bodies(names: tuple[str, ...], massless: tuple[str, ...] = ()) -> Callable[[
 
 
 def about_the_sun(name: str) -> Callable[[], Problem]:
-    """A function that makes the problem of the body ``name``, massless, about the fixed Sun."""
+    """Make a function that makes the problem of the planet ``name``, without mass, about the fixed Sun."""
 
     def make() -> Problem:
         q, p = sp.symbols("x y z", real=True), sp.symbols("u v w", real=True)
@@ -46,7 +46,10 @@ def about_the_sun(name: str) -> Callable[[], Problem]:
 
 
 def of_bodies(*names: str) -> Lift:
-    """A map of these bodies' rows to those of all bodies: the Sun at rest if it is not among them, others NaN."""
+    """Make the map of rows (q, p) of a model with the bodies ``names`` to rows of all bodies of the outer solar system.
+
+    The Sun is at rest if it is not among the names; other bodies that the model leaves out are NaN.
+    """
 
     def lift(full, t, q, p):
         out = np.full((2, len(t), full.system.d), np.nan)
@@ -60,7 +63,7 @@ def of_bodies(*names: str) -> Lift:
 
 
 def planet_models() -> tuple[Rung, ...]:
-    """The models of Jupiter's motion: without mass about the Sun, then with more and more bodies."""
+    """Return the models of Jupiter's motion: without mass about the fixed Sun, then with more and more bodies."""
     names = tuple(BODIES)
     grown = (
         Rung(
@@ -75,9 +78,10 @@ def planet_models() -> tuple[Rung, ...]:
 
 
 def particle_models() -> tuple[Rung, ...]:
-    """The models of Saturn's motion, coarse to fine.
+    """Return the models of Saturn's motion, from the simplest to the full one.
 
-    Saturn is a test particle that the Sun attracts, or Sun and Jupiter; then a body of mass beside these two, or all.
+    Saturn is a test particle attracted by the Sun, then by Sun and Jupiter; then it has its mass beside these two, and
+    at last beside all bodies.
     """
     three = ("sun", "jupiter", "saturn")
     return (

@@ -12,9 +12,10 @@ from .ladder import Rung, model_problem
 
 
 def soft_chain(order: int, omega: float = fpu.PARAMETERS["omega"]) -> Problem:
-    """The chain with only the soft springs moving; ``order`` tells the terms in 1 / omega^2 that the stiff ones add.
+    """Make the Fermi-Pasta-Ulam chain with only the soft springs moving, the stiff ones (frequency omega) averaged.
 
-    0: none, 1: those of constant spring energies, 2: all.
+    ``order`` selects the terms in 1 / omega^2 that the stiff springs add to H: 0 none, 1 those of constant energies of
+    the stiff springs, 2 all.
     """
     full = problem("fpu", omega=omega)
     m = full.system.d // 2
@@ -36,7 +37,10 @@ def soft_chain(order: int, omega: float = fpu.PARAMETERS["omega"]) -> Problem:
 
 
 def _with_springs(full, t, q, p):
-    """Map rows of the soft chain to the full problem's: the stiff springs oscillate undisturbed at their frequency."""
+    """Map rows of the soft chain at times t to rows (q, p) of the full problem.
+
+    The stiff springs are added, oscillating undisturbed at their frequency from their initial state.
+    """
     m, w = full.system.d // 2, full.parameters["omega"]
     a, b = np.array(full.q0[m:]), np.array(full.p0[m:]) / w
     c, s = np.cos(w * t)[:, None], np.sin(w * t)[:, None]
@@ -44,8 +48,9 @@ def _with_springs(full, t, q, p):
 
 
 def fpu_models() -> tuple[Rung, ...]:
-    r"""The models of the chain: rigid stiff springs, their averaged potential, all terms of order :math:`\omega^{-2}`.
+    r"""Return the models of the Fermi-Pasta-Ulam chain, from rigid stiff springs to the full problem.
 
+    The stiff springs are rigid, or have an averaged potential, or all terms of order :math:`\omega^{-2}`, or move.
     With a spring's invariant I frozen, :math:`\langle q_1^2\rangle = I/\omega^2` adds
     :math:`\tfrac12 U_{q_1q_1}\langle q_1^2\rangle` to the slow potential.  Of the same order are what the chain does to
     the springs, :math:`-U_{q_1}^2/(2\omega^2)`, and the mean of the slow momenta at the start, which is

@@ -16,7 +16,7 @@ from .ladder import Rung
 
 
 def linear_waves() -> Problem:
-    """The Klein-Gordon equation of the full problem without its nonlinear term."""
+    """Make the problem "klein-gordon" without its nonlinear term, on the same points from the same start."""
     full = problem("klein-gordon")
     N, L = full.parameters["N"], full.parameters["L"]
     q, p, H = klein_gordon.formula(N, L)
@@ -28,7 +28,10 @@ def linear_waves() -> Problem:
 
 
 def interpolate(full, t, q, p):
-    """Map rows on n points of a period to the full problem's N points, by trigonometric interpolation."""
+    """Map rows (q, p) on n points of a period to the N points of the problem ``full`` by trigonometric interpolation.
+
+    The times t are not used.
+    """
     N = full.parameters["N"]
 
     def finer(z):
@@ -45,7 +48,7 @@ def interpolate(full, t, q, p):
 
 
 def lattice(N: int) -> Rung:
-    """The model of the Klein-Gordon equation with only N points on the same period."""
+    """Make the model (`Rung`) of the Klein-Gordon equation with only N points on the same period."""
     return Rung(f"{N} points", lambda: problem("klein-gordon", N=N), interpolate)
 
 
