@@ -1,1 +1,1 @@
-"""How far can a method be pushed: where is it stable, where does it fail, and how?"""
+"""Experiment: how far can a method be pushed; where is it stable, where does it fail, and how?"""

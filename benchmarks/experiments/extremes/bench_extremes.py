@@ -1,4 +1,4 @@
-"""Checks: known stability limits are met and confirmed by long runs; adaptive peers follow Kepler to e = `HARD`."""
+"""Checks: known stability limits are met, long runs confirm them, adaptive peers follow Kepler to e = `HARD`."""
 
 from __future__ import annotations
 
@@ -14,27 +14,27 @@ HARD = 0.999
 
 
 def unlike(rows) -> list[str]:
-    """A line for each known stability limit that the measured one does not match."""
+    """List a line for each known stability limit that the measured one does not match."""
     return [
         f"{r['method']} {r['parameters']}: {r['measured']}, known {r['known limit']}" for r in rows if not r["agrees"]
     ]
 
 
 def unconfirmed_limits(rows) -> list[str]:
-    """A line for each method that has long runs not ending (bounded or growing) as its step matrix predicts."""
+    """List a line for each method with long runs that do not end (bounded or growing) as its step matrix predicts."""
     return [
         f"{r['label']}: {r['confirmed']} of {r['runs']}" for r in rows if r.get("runs") and r["confirmed"] < r["runs"]
     ]
 
 
 def bench_known_limits(measured_rows):
-    """Every published or derived stability limit is measured again to its digits."""
+    """Check that every published or derived stability limit is measured again to its digits."""
     wrong = unlike(measured_rows("extremes_published"))
     assert not wrong, "\n".join(wrong)
 
 
 def bench_closed_form(measured_rows):
-    """Scheme I's measured stability limit is 2 / |1 - 2 lambda| to ten digits."""
+    """Check that Scheme I's measured stability limit is 2 / |1 - 2 lambda| to ten digits."""
     rows = measured_rows("extremes_scheme_i")
     off = [
         r["lam"] for r in rows if r["limit"] != r["closed form"] and not abs(r["limit"] / r["closed form"] - 1) < SHARP
@@ -43,20 +43,24 @@ def bench_closed_form(measured_rows):
 
 
 def bench_long_runs(measured_rows):
-    """Long runs near the limits, in later stable intervals and in gaps end as the step map predicts."""
+    """Check that long runs near the limits, in later stable intervals and in gaps end as the step map predicts."""
     wrong = unconfirmed_limits(measured_rows("extremes_linear"))
     assert not wrong, "\n".join(wrong)
 
 
 def bench_encounters(measured_rows):
-    """Adaptive peers (of other packages) keep the error of Kepler orbits small up to the eccentricity `HARD`."""
+    """Check that adaptive peers (of other packages) keep the error of Kepler orbits small to eccentricity `HARD`."""
     adaptive = [r for r in measured_rows("extremes_encounters") if r["kind"] == "adaptive" and r["e"] <= HARD]
     lost = [f"{r['method']}, e = {r['e']}: {r['error']:.1e}" for r in adaptive if not r["held"]]
     assert not lost, "\n".join(lost)
 
 
 def bench_small_denominators(measured_rows):
-    """Round-off does not make the energy drift slightly off simple fractions, nor if the force sees the whole state."""
+    """Check that round-off does not make the energy drift in two kinds of runs.
+
+    These are runs whose step or lambda is slightly off a simple fraction, and the control whose force sees the whole
+    compensated state.
+    """
     rows = measured_rows("extremes_growth")
     free = [r for r in rows if r["kind"] == brouwer.ASIDE_OF or r["label"] == controls.WHOLE]
     drifting = [f"{r['label']}, h = {r['h']!r}" for r in free if r["energy low"] > ENERGY + ABOVE]

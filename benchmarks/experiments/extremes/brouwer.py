@@ -106,12 +106,12 @@ def _method(id: str) -> str:
 
 
 def label(id: str, values: dict) -> str:
-    """A method's id with its parameters."""
+    """Format a method's id with its parameters, as "scheme-i(lam=1/3)"."""
     return f"{id}({', '.join(f'{k}={v}' for k, v in values.items())})" if values else id
 
 
 def _kind(id: str, values: dict, h: float) -> str:
-    """The kind of a run: a hand-written control, at a simple fraction of h or lambda, slightly off one, or usual."""
+    """Classify a run: a hand-written control, at a simple fraction of h or lambda, slightly off one, or usual."""
     if id in controls.KINDS:
         return HAND
     if h in (DECIMAL, TENTH) or values.get("lam") == THIRD:
@@ -120,7 +120,7 @@ def _kind(id: str, values: dict, h: float) -> str:
 
 
 def errors(M, n, Q, P) -> tuple[np.ndarray, np.ndarray]:
-    """(relative errors of |w|^2, errors of the phase) at step numbers n, of runs whose first column is the start.
+    """Compute (relative errors of |w|^2, errors of the phase arg w) at step numbers n, from the states of runs.
 
     The arithmetic is exact, in integers times 2^-`PLACES`; only M and theta are rounded.
 
@@ -128,7 +128,7 @@ def errors(M, n, Q, P) -> tuple[np.ndarray, np.ndarray]:
     ----------
     M : matrix of a step, in the working precision
     n : m step numbers
-    Q, P : arrays (..., m)
+    Q, P : states, arrays (..., m), whose first column is the start
 
     Returns
     -------
@@ -152,7 +152,7 @@ def errors(M, n, Q, P) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _integer(x) -> int:
-    """2^`PLACES` x, rounded to an integer."""
+    """Return 2^`PLACES` x, rounded to an integer."""
     return int(mpmath.nint(mpmath.ldexp(x, PLACES)))
 
 
@@ -161,14 +161,17 @@ _integers = np.frompyfunc(lambda x: int(math.ldexp(x, PLACES)), 1, 1)
 
 
 def starts_of(count: int) -> np.ndarray:
-    """Random starts (q, p), array (count, 2): uniform in angle, amplitudes from 1/2 to 3/2."""
+    """Draw random starts (q, p), array (count, 2): uniform in angle, amplitudes from 1/2 to 3/2."""
     generator = np.random.default_rng(SEED)
     angle, size = generator.uniform(0, 2 * np.pi, count), generator.uniform(0.5, 1.5, count)
     return np.column_stack([size * np.cos(angle), size * np.sin(angle)])
 
 
 def runs(id: str, values: dict, h: float, steps: int, starts, rows: int = ROWS) -> tuple[np.ndarray, np.ndarray]:
-    """Integrate from all starts, array (n, 2): (Q, P), arrays (n, rows + 1); an ensemble except for the controls."""
+    """Integrate the oscillator from all starts, array (n, 2): (Q, P), arrays (n, rows + 1).
+
+    Methods run as an ensemble, the hand-written controls orbit by orbit.
+    """
     if id in controls.KINDS:
         run = controls.runner(id, h, rows)
         Q, P = zip(*(run(q, p, steps) for q, p in starts), strict=True)
@@ -179,7 +182,10 @@ def runs(id: str, values: dict, h: float, steps: int, starts, rows: int = ROWS) 
 
 
 def measure_rows(id: str, values: dict, h: float, steps: int) -> Rows:
-    """Integrate the oscillator from many starts: a row of the growth of round-off, and rows of rms errors over n."""
+    """Integrate the oscillator from many starts: a row on the growth of round-off, and rows of rms errors over n.
+
+    Returns the rows by table name, as in `TABLES`.
+    """
     rows = [0, *(ROWS // 2**k for k in range(9, -1, -1))]
     n = np.array(rows) * (steps // ROWS)
     starts = starts_of(STARTS if steps < LONG else 1)
@@ -193,7 +199,7 @@ def measure_rows(id: str, values: dict, h: float, steps: int) -> Rows:
 
 
 def summary(n, h: float, energy, phase=None) -> dict:
-    """The columns that summarize energy and phase errors at step numbers n (m,): rms, bias, growth.
+    """Summarize energy and phase errors by round-off at step numbers n (m,): the columns of their rms, bias and growth.
 
     ``energy`` and ``phase`` are arrays (starts, m); ``phase`` may be None.
     """
@@ -212,7 +218,7 @@ def summary(n, h: float, energy, phase=None) -> dict:
 
 
 def curves(row: dict, n, energy, phase) -> list[dict]:
-    """Rows of the rms energy and phase errors at each step number in ``n``, identified by the run in ``row``."""
+    """Make rows of the rms energy and phase errors at each step number in ``n``, identified by the run in ``row``."""
     key = {name: row[name] for name in ("label", "h", "steps")}
     each = zip(n, np.sqrt((energy**2).mean(0)), np.sqrt((phase**2).mean(0)), strict=True)
     return [key | {"n": int(k), "energy": float(e), "phase": float(f)} for k, e, f in each]

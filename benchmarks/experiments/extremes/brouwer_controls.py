@@ -30,7 +30,11 @@ def plain(h: float, every: int, rows: int, q: float, p: float):
 
 
 def careful(h: float, share: float, every: int, rows: int, q: float, p: float):
-    """Integrate with exact products; velocity and force see ``share`` (0 or 1) of the state's lost parts."""
+    """Integrate the oscillator by leapfrog with exact products and compensated sums, from the state q, p.
+
+    Velocity and force see ``share`` (0 or 1) of the state's lost parts, which the compensated sums carry along.
+    Returns arrays Q, P (rows + 1,): the start, and the state after each ``every`` steps of length h.
+    """
     Q, P = np.empty(rows + 1), np.empty(rows + 1)
     Q[0], P[0] = q, p
     lost_q = lost_p = 0.0
@@ -60,7 +64,7 @@ def careful(h: float, share: float, every: int, rows: int, q: float, p: float):
 
 
 def runner(kind: str, h: float, rows: int):
-    """Compile a control, one of `KINDS`: a function (q, p, steps) -> (Q, P), arrays (rows + 1,)."""
+    """Compile a control, one of `KINDS`, to a function (q, p, steps) -> (Q, P), arrays (rows + 1,)."""
     import numba
 
     if kind == PLAIN:

@@ -1,8 +1,8 @@
 """Brouwer's law for every method that is symplectic or keeps the energy: the starts of `brouwer`, with fewer steps.
 
-The energy's error is that of |w|^2 by the exact matrix of a step where that is known (`exact_maps`), otherwise, for a
-method that keeps H, the error of H.  A matrix in doubles would not do: |w|^2 would then oscillate by more than the law.
-The phase error needs the exact matrix.
+The energy's error is that of |w|^2 by the exact matrix of a step where this matrix is known (`exact_maps`), otherwise,
+for a method that keeps H, the error of H.  A matrix in doubles would not do: |w|^2 would then oscillate by more than
+the law.  The phase error needs the exact matrix.
 
 A state is only known to a rounding, so that the law shows where eps h n^(1/2) is above eps.  The step is eight times
 that of the long runs, which lets the runs be short.
@@ -31,7 +31,10 @@ TABLE = "extremes_growth_every"
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """List the measurements (`Cell`), one for each method that is symplectic or keeps the energy; none if ``quick``."""
+    """List the measurements to make (`Cell`), one for each method that is symplectic or keeps the energy.
+
+    The list is empty if ``quick``.
+    """
     return [] if quick else [_cell(m.id) for m in METHODS if m.symplectic or m.energy == "round-off"]
 
 
@@ -43,7 +46,7 @@ def _cell(id: str) -> Cell:
 
 
 def steps_of(id: str) -> int:
-    """The number of steps that a method runs: the cheaper its step, the more."""
+    """Return the number of steps that a method runs: the cheaper its step, the more."""
     chosen = BY_ID[id]
     if chosen.family == "schemes_iv_v":
         return DEAR
@@ -57,7 +60,10 @@ def steps_of(id: str) -> int:
 
 
 def measure_rows(id: str, values: dict, label: str) -> Rows:
-    """Measure the growth of a method's round-off over an ensemble of orbits: a row; with the reason if it cannot."""
+    """Measure the growth of a method's round-off on the oscillator, over an ensemble of starts: one row, by table name.
+
+    If it cannot be measured, the row has the reason.
+    """
     made, steps = problem(brouwer.PROBLEM), steps_of(id)
     row = {"label": label, "method": id, "h": H, "steps": steps, "reason": BY_ID[id].lacks(made.system) or ""}
     told = None if row["reason"] else how(id, values)

@@ -1,9 +1,9 @@
-r"""Brouwer's law where the frequency depends on the energy: Wisdom-Holman's method on the Kepler problem.
+"""Brouwer's law where the frequency depends on the energy: Wisdom-Holman's method on the Kepler problem.
 
 The method solves this problem exactly, so that all errors are round-off.  On the oscillator every orbit has the same
 period, and a random walk of the energy gives the phase a random walk of its own, n^(1/2).  Here a change of the energy
-changes the period: the mean anomaly M = E - e sin E errs by the sum of the walk, n^(3/2).  Energy, semi-axis and
-anomaly are computed from the rows in extended precision.
+changes the period: the error of the mean anomaly M = E - e sin E is the sum of the random walk, n^(3/2).  Energy,
+semi-axis and anomaly are computed from the rows in extended precision.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ def cells(quick: bool = False) -> list[Cell]:
 
 
 def elements(q, p) -> tuple:
-    """(semi-major axis, mean anomaly) of a state q, p, (2,) each, of the Kepler problem, in the working precision."""
+    """Compute (semi-major axis, mean anomaly) of a Kepler state q, p, (2,) each, in the working precision."""
     x, y, u, v = (mpmath.mpf(float(c)) for c in (*q, *p))
     r = mpmath.sqrt(x**2 + y**2)
     a = 1 / (2 / r - u**2 - v**2)
@@ -43,7 +43,10 @@ def elements(q, p) -> tuple:
 
 
 def errors(n, Q, P, h: float) -> tuple[np.ndarray, np.ndarray]:
-    """(relative errors of the energy, errors of the mean anomaly) at step numbers n; row 0 of Q, P is the start."""
+    """Compute (relative errors of the energy, errors of the mean anomaly) at step numbers n, arrays as n.
+
+    Q, P are the states, arrays (m, 2); row 0 is the start.
+    """
     found = [elements(q, p) for q, p in zip(Q, P, strict=True)]
     a, first = found[0]
     rate = mpmath.mpf(h) / a ** mpmath.mpf(1.5)
@@ -52,7 +55,7 @@ def errors(n, Q, P, h: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _starts(count: int):
-    """Random pericentres of orbits with semi-major axis 1: pairs q, p."""
+    """Yield random pericentres of orbits with semi-major axis 1: pairs (q, p)."""
     generator = np.random.default_rng(brouwer.SEED)
     for e, angle in zip(generator.uniform(*ECCENTRICITIES, count), generator.uniform(0, 2 * np.pi, count), strict=True):
         speed, c, s = ((1 + e) / (1 - e)) ** 0.5, np.cos(angle), np.sin(angle)
@@ -60,7 +63,7 @@ def _starts(count: int):
 
 
 def measure_rows() -> Rows:
-    """Measure round-off of Wisdom-Holman's method on Kepler orbits: a row on its growth, and rows of rms errors."""
+    """Measure round-off of Wisdom-Holman's method on Kepler orbits: a row on its growth, rows of rms errors over n."""
     made, every = problem(PROBLEM), STEPS // brouwer.ROWS
     rows = [0, *(brouwer.ROWS // 2**k for k in range(9, -1, -1))]
     n = np.array(rows) * every

@@ -3,10 +3,10 @@ r"""The orbits on which methods are pushed to their largest step, and the judgem
 A run fails if it ends badly, or if it loses the energy: its error is as large as the terms of H, the least of
 :math:`\sum_k |H_k|`, H = H_1 + H_2 + ..., along the orbit, computed by a run of `TRUTH` with a small step.
 
-That does not convict a method that keeps the energy.  On a regular orbit a run is therefore also wrong if a coordinate
-leaves its range on the true orbit by more than `MARGIN` of it, and has a wrong clock if its first coordinate crosses
-the middle of that range less than half or more than twice as often as on the true orbit: steps longer than half a
-period cannot follow the motion, whatever they keep.  (An ellipse that precesses leaves its range: for Kepler only the
+A method that keeps the energy passes this test on any orbit.  On a regular orbit a run is therefore also wrong if a
+coordinate leaves its range on the true orbit by more than `MARGIN` of it, and has a wrong clock if its first coordinate
+crosses the middle of that range less than half or more than twice as often as on the true orbit: steps longer than half
+a period cannot follow the motion, whatever they keep.  (An ellipse that precesses leaves its range: for Kepler only the
 clock is judged.)  On other orbits a run is wrong if a coordinate leaves the range that the energy allows.  If the orbit
 itself escapes, a run that escapes with its energy kept is right.
 """
@@ -76,7 +76,7 @@ BY_ID = {c.id: c for c in CASES}
 
 @lru_cache(maxsize=32)
 def size(case: Case) -> float:
-    """The least, along the orbit, of the sum of the absolute values of H's terms."""
+    """Compute the least, along a case's orbit, of the sum of the absolute values of H's terms."""
     made = problem(case.problem)
     truth = integrate(made, TRUTH, h=made.pace.step / FINE, steps=TIMES, q0=case.q, p0=case.p)
     terms = sp.Add.make_args(sp.expand(made.system.H))
@@ -84,7 +84,14 @@ def size(case: Case) -> float:
 
 
 class Course(NamedTuple):
-    """The range of each coordinate along an orbit, and how often in a unit of time the first one crosses ``middle``."""
+    """The extent and the frequency of a case's true orbit.
+
+    Attributes
+    ----------
+    low, high : the range of each coordinate, arrays (d,)
+    middle : the value of the first coordinate whose crossings are counted
+    rate : crossings in a unit of time
+    """
 
     low: np.ndarray
     high: np.ndarray
@@ -103,12 +110,15 @@ def course(case: Case) -> Course:
 
 
 def crossings(x, middle: float) -> int:
-    """The number of times that a series crosses a value."""
+    """Count how often a series crosses the value ``middle``."""
     return int(np.count_nonzero(np.diff(np.signbit(x - middle))))
 
 
 def strays(case: Case, Q, span: float, every_step: bool) -> str:
-    """Judge rows Q over a time ``span`` by the ranges and the rate of the true orbit: `OK`, `WRONG` or `CLOCK`."""
+    """Judge rows Q of a run over a time ``span`` by the true orbit's ranges and rate: `OK`, `WRONG` or `CLOCK`.
+
+    The rate is judged only if Q has a row of every step.
+    """
     known = course(case)
     room = MARGIN * (known.high - known.low)
     if case.ranged and ((known.low - room > Q).any() or (known.high + room < Q).any()):

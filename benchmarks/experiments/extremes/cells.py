@@ -38,5 +38,5 @@ PARTS = (
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """List the measurements of all modules of this experiment."""
+    """List the measurements to make (`Cell`) of all modules of this experiment."""
     return [cell for part in PARTS for cell in part.cells(quick)]

@@ -1,13 +1,13 @@
-r"""Further close encounters: the Pythagorean problem of three bodies, and a zoom-whirl orbit about a black hole.
+"""Further close encounters: the Pythagorean problem of three bodies, and a zoom-whirl orbit about a black hole.
 
 Three bodies of masses 3, 4, 5 come as near as 4e-4 at t = 15.83 (Szebehely & Peters 1967); a zoom-whirl orbit circles
 at 4.7 M, close to the last stable circle, and swings out to 14 M (Glampedakis & Kennefick 2002).  The error is that of
 the coordinates at a certified state, relative where a coordinate is above 1.  Each integrator is run at ever smaller
-steps, or tolerances, until the error is at most `HELD` or the ladder ends.
+steps, or tolerances, until the error is at most `HELD` or the smallest is reached.
 
 MERCURIUS and TRACE need one dominating body and are left out here; `encounters` runs them on Kepler's problem.  Methods
-marked `TRANSFORMED` integrate Poincare's transformed Hamiltonian with a symplectic method; their ends are at times of
-their own and are compared with a run of `JUDGE` to the same time.
+marked `TRANSFORMED` integrate Poincare's transformed Hamiltonian with a symplectic method; their runs end at other
+times and are compared with a run of `JUDGE` to the same time.
 """
 
 from __future__ import annotations
@@ -39,7 +39,15 @@ TABLES = ("extremes_meetings",)
 
 @dataclass(frozen=True)
 class Encounter:
-    """A problem with a close encounter, the time of a certified state, the numbers of steps to try, the integrators."""
+    """A problem with a close encounter, and how it is run.
+
+    Attributes
+    ----------
+    id, problem : name of the scene, and the problem with its orbit
+    t_end : time of a certified state after the encounter
+    ladder : numbers of steps to try, in rising order
+    methods : ids of the integrators
+    """
 
     id: str
     problem: str
@@ -76,7 +84,7 @@ BY_SCENE = {e.id: e for e in ENCOUNTERS}
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """List the measurements (`Cell`), one for each scene and integrator."""
+    """List the measurements to make (`Cell`), one for each close encounter and integrator; none if ``quick``."""
     return [] if quick else [_cell(e, id) for e in ENCOUNTERS for id in e.methods]
 
 
@@ -89,13 +97,13 @@ def _cell(encounter: Encounter, id: str) -> Cell:
 
 
 def distance(q, known) -> float:
-    """The largest difference of a coordinate of q from ``known``, relative where the latter is above 1."""
+    """Compute the largest difference of a coordinate of q from ``known``, relative where ``known`` exceeds 1."""
     known = np.asarray(known, float)
     return float((np.abs(np.asarray(q) - known) / np.maximum(1, np.abs(known))).max())
 
 
 def measure_rows(scene: str, id: str) -> Rows:
-    """Run an integrator through a close encounter at ever smaller steps or tolerances: a row for each."""
+    """Run an integrator through a close encounter at ever smaller steps or tolerances: a row for each run."""
     encounter, rows = BY_SCENE[scene], []
     for asked, kind, s, known in _runs(encounter, id):
         if s.status == SKIPPED:
@@ -144,7 +152,7 @@ def _of_transformed(made, encounter: Encounter, id: str):
 
 
 def cheapest(table: pd.DataFrame, by: str = "steps") -> pd.DataFrame:
-    """For each scene and method, the run within the error `HELD` with the fewest steps, else that of least error."""
+    """Select for each scene and method the run within the error `HELD` with the fewest steps, else the best run."""
     ordered = table.assign(held=table["error"] <= HELD).sort_values(["held", by], ascending=[False, True])
     held = ordered[ordered["held"]].drop_duplicates(["scene", "method"])
     rest = ordered[~ordered["held"]].sort_values("error", kind="stable").drop_duplicates(["scene", "method"])

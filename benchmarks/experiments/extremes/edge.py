@@ -1,8 +1,8 @@
-"""Solvers at the edge of failure: maps over (h, lambda) and (h, e) of how implicit equations are solved, or not.
+"""Maps over (h, lambda) and (h, e) of how the equations of implicit methods are solved, or fail to be.
 
 Every point is a short run with one of these outcomes: solved by fixed-point iteration; solved by Newton's method where
-that no longer contracts; roots of the energy's equation missed; energy lost (a spurious solution, or another orbit); or
-the status with which the run ended.
+the iteration no longer contracts; roots of the energy's equation missed; energy lost (a spurious solution, or another
+orbit); or the status with which the run ended.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ TABLES = ("extremes_solvers",)
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """List the measurements (`Cell`), one for each map."""
+    """List the measurements to make (`Cell`), one for each map; none if ``quick``."""
     return [] if quick else [_cell(*of) for of in MAPS]
 
 
@@ -62,13 +62,13 @@ def measure_rows(id: str, on: str, over: str) -> Rows:
 
 
 def _pericentre(e: float):
-    """The start (q, p) of a Kepler orbit at its pericentre."""
+    """Return the start (q, p) of a Kepler orbit of eccentricity e at its pericentre."""
     orbit = pericentre(e, ())
     return orbit.q, orbit.p
 
 
 def outcome(made, s) -> str:
-    """Classify a run by how its equations were solved: `LOST`, a status, `MISSED`, `NEWTON` or `FIXED_POINT`."""
+    """Classify a run ``s`` by how its equations were solved: `LOST`, a status, `MISSED`, `NEWTON` or `FIXED_POINT`."""
     H = made.system.observe(made.system.H, s.q, s.p)
     with np.errstate(all="ignore"):
         if not np.abs(H - H[0]).max() <= max(abs(H[0]), 0.1):

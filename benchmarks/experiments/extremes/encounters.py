@@ -1,9 +1,9 @@
 r"""Close encounters: the Kepler problem at e up to 0.999999, over ten orbits.
 
-The error is the largest distance from the exact apocentres, relative to their distance from the centre.  There
-q = (-(a + c), 0) exactly; the semi-axis a and the period :math:`2\pi a^{3/2}` follow in extended precision from the
+The error is the largest distance from the exact apocentres, relative to their distance from the centre.  An apocentre
+is q = (-(a + c), 0) exactly; the semi-axis a and the period :math:`2\pi a^{3/2}` follow in extended precision from the
 doubles of the start, a pericentre.  A method is run at ever smaller steps (`LADDER`) until the error is at most `HELD`;
-an adaptive peer at ever smaller tolerances.
+an adaptive peer, an integrator of another package, at ever smaller tolerances.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ def _cell(id: str) -> Cell:
 
 
 def apocentre(q0, p0) -> tuple[float, float]:
-    """(half the period, distance of the apocentre) of the orbit from the pericentre (q0, 0), (0, p0)."""
+    """Compute (half the period, distance of the apocentre) of the orbit from the pericentre (q0, 0), (0, p0)."""
     with mpmath.workdps(40):
         r, v = mpmath.mpf(q0), mpmath.mpf(p0)
         a = 1 / (2 / r - v**2)
@@ -70,7 +70,7 @@ def apocentre(q0, p0) -> tuple[float, float]:
 
 
 def error(s, far: float) -> float:
-    """The largest distance from the exact apocentre over rows 1, 3, 5, ... of a run with a row each half orbit.
+    """Compute the largest distance from the exact apocentre over rows 1, 3, 5, ... of a run with a row each half orbit.
 
     It is relative to ``far``, the apocentre's distance from the centre; infinite if rows are missing.
     """

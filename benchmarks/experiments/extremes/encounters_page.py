@@ -1,4 +1,4 @@
-"""The page on close encounters of three bodies and a zoom-whirl orbit: which kind of steps follows them."""
+"""The report page on close encounters of three bodies and a zoom-whirl orbit: which kind of steps follows them."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from phasebench.benchmarks.page.verdict import EVERY, Count, Verdict
 
 @of(TABLE)
 def adaptive(table: pd.DataFrame) -> Verdict:
-    """Whether every integrator with adaptive steps reaches the wanted error in every close encounter that it runs."""
+    """Judge whether every integrator with adaptive steps reaches the wanted error in each of its close encounters."""
     rows = close_encounters.cheapest(table)
     rows = rows[rows["kind"] == "adaptive"]
     lost = [f"{r.method}, {r.scene}" for r in rows[~rows["held"]].itertuples()]
@@ -32,7 +32,10 @@ def adaptive(table: pd.DataFrame) -> Verdict:
 
 @of(TABLE)
 def answer(table: pd.DataFrame) -> str:
-    """A sentence: in each scene the fewest steps of each kind that reach the wanted error, and the kinds that fail."""
+    """Write the page's answer: in each scene the fewest steps of each kind that reach the wanted error.
+
+    It also names the kinds of steps (fixed, adaptive, transformed) that fail.
+    """
     parts = []
     for scene, rows in close_encounters.cheapest(table).groupby("scene", sort=False):
         fewest = rows[rows["held"]].groupby("kind", sort=False)["steps"].min()
@@ -45,7 +48,7 @@ def answer(table: pd.DataFrame) -> str:
 @of(TABLE)
 @style.styled
 def draw(table: pd.DataFrame, folder) -> list[Picture]:
-    """Draw the error over the number of steps, a panel for each scene."""
+    """Draw the error at the end over the number of steps, a panel for each close encounter."""
     scenes = list(dict.fromkeys(table["scene"]))
     figure, (panels,) = style.panels(1, len(scenes), 3.8)
     for axes, scene in zip(panels, scenes, strict=True):
@@ -64,7 +67,7 @@ def draw(table: pd.DataFrame, folder) -> list[Picture]:
 
 @of(TABLE)
 def table(met: pd.DataFrame) -> Table:
-    """The page's table: for each scene and integrator the successful run with the fewest steps, else its best one."""
+    """Make the page's table: for each scene and integrator the successful run with the fewest steps, else the best."""
     order = ["scene", "held", "steps"]
     rows = close_encounters.cheapest(met).sort_values(order, ascending=[True, False, True]).head(ROWS)
     shown = rows[["scene", "method", "kind", "steps", "evaluations", "error", "status"]]
@@ -78,7 +81,7 @@ def table(met: pd.DataFrame) -> Table:
 
 @of(TABLE)
 def full_table(met: pd.DataFrame) -> pd.DataFrame:
-    """Every run through the close encounters, at every step or tolerance."""
+    """Return the measured table unchanged: every run through the close encounters, at every step or tolerance."""
     return met
 
 

@@ -1,4 +1,4 @@
-r"""The matrix of a step on the oscillator in extended precision, from a method's coefficients and the double h.
+"""Compute the matrix of a step on the oscillator in extended precision, from a method's coefficients and the double h.
 
 Coefficients rounded to doubles make a slightly different method, also symplectic: |w|^2 of `brouwer` then oscillates
 without growing, and the phase error has a part linear in time.
@@ -37,7 +37,7 @@ def has_exact_map(id: str) -> bool:
 
 
 def exact_matrix(id: str, values: dict, h: float):
-    """The 2 x 2 matrix of a step of h on (q, p), in the working precision."""
+    """Compute a method's 2 x 2 matrix of a step of h on (q, p), in the working precision; ``values``: parameters."""
     made, h = method(SAME.get(id, id), **values), mpmath.mpf(h)
     return BY_FAMILY[made.family](made.data, h)
 
@@ -61,7 +61,7 @@ def _parametric(data, h):
 
 
 def _generating(order: int, h, lam) -> list:
-    """The derivatives K_qq, K_qp, K_pp of the oscillator's generating function K; K is H for order 1."""
+    """Compute the derivatives K_qq, K_qp, K_pp of the oscillator's generating function K; K is H for order 1."""
     if order == 1:
         return [mpmath.mpf(1), mpmath.mpf(0), mpmath.mpf(1)]
     q, p = sp.symbols("q p", real=True)
@@ -84,7 +84,7 @@ def _splitting(data, h):
 
 
 def _collocation(data, h):
-    """The matrix of a step of a (partitioned) Runge-Kutta method on the oscillator, from its stage equations."""
+    """Compute the step matrix of a (partitioned) Runge-Kutta method on the oscillator, from its stage equations."""
     A, C, b, _ = runge_kutta(*data)
     s = len(b)
     left, start = mpmath.eye(2 * s), mpmath.matrix(2 * s, 2)  # Q - h A P = q, P + h C Q = p

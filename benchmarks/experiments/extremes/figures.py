@@ -40,19 +40,19 @@ def curves(axes, table: pd.DataFrame, by: str, x: str, y: str, names=None, span=
 
 
 def best(table: pd.DataFrame, by: str, value: str, worst: bool = False) -> list:
-    """The names in the column ``by``, sorted by their least ``value`` (with ``worst`` by their largest)."""
+    """Sort the names in the column ``by`` by their least ``value`` (with ``worst`` by their largest)."""
     groups = table.groupby(by)[value]
     return list((groups.max() if worst else groups.min()).sort_values().index)
 
 
 def legend_below(axes) -> None:
-    """Add a legend of its own curves below a panel."""
+    """Add a legend of a panel's own curves below it."""
     handles, labels = axes.get_legend_handles_labels()
     axes.legend(handles, labels, loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=2)
 
 
 def pieces(text) -> list[tuple[float, float]]:
-    """Parse intervals stored as text, "a..b c.."; an open end is infinite."""
+    """Parse intervals stored as text, "a..b c..", into pairs (a, b); an open end is infinite."""
     parts = [] if not isinstance(text, str) else [part.partition("..")[::2] for part in text.split()]
     return [(float(a), float(b) if b else math.inf) for a, b in parts]
 
@@ -211,7 +211,7 @@ def regions(table: pd.DataFrame, folder) -> Picture:
 
 @style.styled
 def lambdas(table: pd.DataFrame, folder) -> Picture:
-    """Draw the largest step that survives over the parameter lambda of a scheme, a panel for each orbit."""
+    """Draw the largest step at which runs survive over lambda of Schemes I to III, a panel for each orbit."""
     orbits = list(dict.fromkeys(table["orbit"]))
     figure, (panels,) = style.panels(1, len(orbits), 2.8, sharey=True)
     for axes, orbit in zip(panels, orbits, strict=True):

@@ -1,4 +1,4 @@
-"""The page on stability limits: measured ones compared with derived and printed ones."""
+"""The report page on stability limits: measured ones compared with derived and printed ones."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from phasebench.benchmarks.page.page import ROWS, Data, Page, Table, of
 
 @of("extremes_published")
 def table(known: pd.DataFrame) -> Table:
-    """The page's table: measured beside known stability limits, disagreeing ones first, then finite ones."""
+    """Make the page's table: measured beside known stability limits, disagreeing ones first, then finite ones."""
     order = known.assign(endless=np.isinf(known["known limit"])).sort_values(["agrees", "endless"], kind="stable")
     shown = order.head(ROWS).astype(dict.fromkeys(("parameters", "derived", "printed"), object))
     label = shown["method"] + shown["parameters"].fillna("").map(lambda p: f" ({p})" if p else "")
@@ -33,12 +33,12 @@ def _limit(value) -> str:
 
 @of("extremes_published")
 def full_table(known: pd.DataFrame) -> pd.DataFrame:
-    """Every known stability limit of h omega with the measured one."""
+    """Make the long table: every known stability limit of h omega with the measured one."""
     return known.drop(columns=["known"])
 
 
 def answer(data: Data) -> str | None:
-    """A sentence: how many known stability limits are met, and how many long runs confirm the measured ones."""
+    """Write the page's answer: how many known stability limits are met, how many long runs confirm measured ones."""
     limits, runs = verdicts.known_limits(data), verdicts.long_runs(data)
     if limits is None or runs is None:
         return None

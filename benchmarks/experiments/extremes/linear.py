@@ -35,14 +35,14 @@ TABLES = ("extremes_linear", "extremes_scheme_i", "extremes_published")
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """List the measurements (`Cell`): one for each method and parameter, for Scheme I's sweep, and for known limits."""
+    """List the measurements to make (`Cell`): each method and parameter, Scheme I's sweep, known limits."""
     if quick:
         return []
     return [_sweep(), _limits_cell(), *(_cell(m.id, p) for m in METHODS for p in parameters(m) if _able(m))]
 
 
 def parameters(method) -> list[dict[str, str]]:
-    """The parameters at which a method's stability is measured: its defaults, and a sweep of lambda if it has one."""
+    """List the parameters at which a method's stability is measured: its defaults, and a sweep of lambda."""
     free = set(method.parameters) == {"lam"} and method.order <= HIGHEST
     swept = [{"lam": value} for value in SWEPT] if free else []
     own = {k: str(v) for k, v in method.parameters.items()}
@@ -74,9 +74,9 @@ def _limits_cell() -> Cell:
 
 
 def measure_rows(id: str, values: dict[str, str]) -> Rows:
-    """Find a method's stable intervals of h omega and confirm them by long runs: a row.
+    """Find a method's stable intervals of h omega and confirm their ends by long runs: a row, by table name.
 
-    It has only the method's label if the oscillator lacks what the method requires.
+    The row has no results if the oscillator lacks what the method requires.
     """
     chosen = integrator(id, parameters=values)
     if chosen.lacks(problem(oscillator.PROBLEM)):
@@ -106,15 +106,15 @@ def measure_rows(id: str, values: dict[str, str]) -> Rows:
 
 
 def _gaps(found: oscillator.Found) -> list[tuple[float, float]]:
-    """The unstable intervals between stable ones."""
+    """List the unstable intervals of h omega between stable ones."""
     return [(a[1], b[0]) for a, b in zip(found.intervals, found.intervals[1:], strict=False)]
 
 
 def grows(chosen, z: float) -> bool:
     """True if a long run at h omega = z grows beyond bounds, or cannot be made.
 
-    The bound is in units of the step matrix, since a bounded run may be as large; a damped run is shortened so that it
-    ends before its numbers are denormal.
+    The bound is relative to the size of the step matrix, since a bounded run may be as large as that.  A run of a
+    damping method is shortened so that it ends before its numbers are denormal.
     """
     M = oscillator.matrix(chosen, z)
     if M is None:
@@ -125,7 +125,7 @@ def grows(chosen, z: float) -> bool:
 
 
 def confirm(chosen, found: oscillator.Found) -> tuple[int, int]:
-    """Make long runs near the limit, within later stable intervals and within gaps.
+    """Make long runs near the stability limit, within later stable intervals and within gaps.
 
     Returns (number of runs that end as the step matrix predicts, number of runs).
     """
@@ -147,9 +147,10 @@ def confirm(chosen, found: oscillator.Found) -> tuple[int, int]:
 
 
 def _beyond(chosen, found: oscillator.Found) -> list[float]:
-    """The first h omega past the limit at which growth shows, else the nearest; none if a stable interval is nearer.
+    """Return a list of the first h omega past the limit at which growth shows, else the nearest one tried.
 
-    Where |tr M| leaves 2 by a power of the distance, as at a multiple root, it hardly grows beside the limit.
+    It is empty if a further stable interval is nearer.  Where |tr M| leaves 2 by a power of the distance, as at a
+    multiple root, a run hardly grows beside the limit.
     """
     following = found.intervals[1][0] if len(found.intervals) > 1 else math.inf
     tried = [z for k in (1, 10, 100) if (z := found.limit * (1 + k * BESIDE)) * (1 + BESIDE) < following]
@@ -179,7 +180,7 @@ def _growing(chosen) -> float:
 
 
 def sweep() -> Rows:
-    """Find Scheme I's stability limit at each lambda: rows with its closed form."""
+    """Find Scheme I's stability limit at each lambda of `SCHEME_I`: rows with its closed form, by table name."""
     rows = []
     for value in SCHEME_I:
         found = oscillator.find(integrator("scheme-i", parameters={"lam": value}))
@@ -197,7 +198,7 @@ def sweep() -> Rows:
 
 
 def measure_known_limits() -> Rows:
-    """Measure every known stability limit again: rows with both values."""
+    """Measure every known stability limit again: rows with both values, by table name."""
     rows = []
     for limit in published.LIMITS:
         chosen = integrator(published.STEPS.get(limit.method, limit.method), parameters=limit.parameters)

@@ -1,4 +1,4 @@
-"""The methods that are pushed to their limits: one of each kind, and all registered ones with transformed time."""
+"""The methods that are pushed to their limits: one of each kind, and those that change the step along the orbit."""
 
 from __future__ import annotations
 
@@ -30,15 +30,15 @@ TRANSFORMED = ("transform", "variable", "adaptive", "field", "sundman", "control
 
 
 def step_changing_methods() -> tuple[str, ...]:
-    """The ids of methods whose family, or that of a method they are built on, changes the step along the orbit."""
+    """Return the ids of methods that change the step along the orbit, or are built on a method that does."""
     return tuple(m.id for m in METHODS if any(word in family for family in _families(m) for word in TRANSFORMED))
 
 
 def _families(method) -> list[str]:
-    """The families of a method and of the methods that it is built on."""
+    """Return the families of a method and of the methods that it is built on."""
     return [method.family, *(f for part in method.data if hasattr(part, "family") for f in _families(part))]
 
 
 def record(id: str):
-    """The registered method with this id."""
+    """Return the registered method with this id."""
     return BY_ID[id]

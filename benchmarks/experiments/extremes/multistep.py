@@ -6,18 +6,18 @@ Errors :math:`\delta` of the recursion :math:`\sum_j\alpha_j q_{n+j} = h^2\sum_j
 
 On the circle :math:`q_n = a e^{in\varphi}`, :math:`\varphi = 2\pi/N`, with complex numbers for points, that has
 constant coefficients in the turning frame: with :math:`K = h^2/a^3 = -\rho(e^{i\varphi})/\sigma(e^{i\varphi})` and
-:math:`\rho_\pm(z) = \rho(e^{\pm i\varphi}z) - \tfrac K2\sigma(e^{\pm i\varphi}z)` they grow like the roots of
+:math:`\rho_\pm(z) = \rho(e^{\pm i\varphi}z) - \tfrac K2\sigma(e^{\pm i\varphi}z)` the errors grow like the roots of
 
 .. math:: \rho_+(z)\,\rho_-(z) - \tfrac94 K^2\,\sigma(e^{i\varphi}z)\,\sigma(e^{-i\varphi}z) = 0.
 
-On an ellipse they grow like the eigenvalues of the product of all steps of two orbits (Floquet), q being the exact
-orbit.  An orbit that is a whole number of periods of a parasitic root of rho is at a resonance: errors grow, but like
-the time.
+On an ellipse the errors grow like the eigenvalues of the product of all steps of two orbits (Floquet), q being the
+exact orbit.  An orbit that is a whole number of periods of a parasitic root of rho is at a resonance: errors grow, but
+like the time.
 
 The control is Stormer's method of order 7, which is not symmetric, by the same kernel.
 
-Sources: G. D. Quinlan, arXiv:astro-ph/9901136 (1999), whose abstract has what the page asks; the polynomial and the
-product of steps are derived here.
+Sources: G. D. Quinlan, arXiv:astro-ph/9901136 (1999), whose abstract makes the claims that the page tests; the
+polynomial and the product of steps are derived here.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ TABLES = ("extremes_multistep", "extremes_multistep_drift")
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """List the measurements (`Cell`): one for each method and eccentricity, one for each long run."""
+    """List the measurements to make (`Cell`): one for each method and eccentricity, one for each long run."""
     if quick:
         return []
     maps = [
@@ -78,7 +78,7 @@ def _cell(table: str, key: dict, measure, arguments: tuple, method: Method) -> C
 
 
 def chosen(label: str) -> Method:
-    """The method with this id, or the control."""
+    """Return the method with this id; for `CONTROL` Stormer's method of order 7."""
     if label != CONTROL:
         return BY_ID[label]
     data = tuple(stormer(7, 8))
@@ -93,7 +93,7 @@ def _numbers(table: Multistep) -> tuple[np.ndarray, np.ndarray]:
 
 
 def circular_rate(table: Multistep, N: float) -> float:
-    """The growth per orbit, log of a factor, of errors on a circular orbit with N steps an orbit."""
+    """Compute the logarithm of the factor per orbit by which errors grow on a circular orbit with N steps an orbit."""
     rho, sigma = _numbers(table)
     turn = np.exp(2j * np.pi / N * np.arange(len(rho)))
     K = -((rho @ turn) / (sigma @ turn)).real
@@ -105,7 +105,7 @@ def circular_rate(table: Multistep, N: float) -> float:
 
 
 def orbit(e: float, t: np.ndarray) -> np.ndarray:
-    """Positions (n, 2) at the times t on Kepler's orbit of semi-major axis 1 from pericentre, mu = 1."""
+    """Compute positions (n, 2) at the times t on Kepler's orbit of semi-major axis 1 from pericentre, mu = 1."""
     E = np.array(t, float)
     for _ in range(60):
         E = E - (E - e * np.sin(E) - t) / (1 - e * np.cos(E))
@@ -113,7 +113,10 @@ def orbit(e: float, t: np.ndarray) -> np.ndarray:
 
 
 def floquet_rate(table: Multistep, N: float, e: float) -> float:
-    """The growth per orbit, log of a factor, of errors on an orbit with N steps, 2 N an integer, over two orbits."""
+    """Compute the logarithm of the factor per orbit by which errors grow on an orbit of eccentricity e with N steps.
+
+    It follows from the linearized steps of two orbits, so that 2 N must be an integer.
+    """
     alpha, beta = _numbers(table)
     k, n, h = len(alpha) - 1, round(2 * N), 2 * np.pi / N
     q = orbit(e, h * np.arange(n))
@@ -137,13 +140,16 @@ def _run(method: Method, e: float, N: float, orbits: float, every: int):
 
 
 def steps_asked(table: Multistep) -> np.ndarray:
-    """The N that are asked of a method: from its limit on the oscillator on."""
+    """Return the numbers N of steps an orbit at which a method is run, from its limit on the oscillator to `LAST`."""
     limit = 2 * np.pi / stable_intervals(table)[0][1]
     return np.arange(np.ceil(limit / APART) * APART, LAST + APART / 2, APART)
 
 
 def measure_steps(id: str, e: float) -> Rows:
-    """Run a method at each number N of steps an orbit: rows of the energy error at first, at most, and the theory."""
+    """Run a method at each number N of steps an orbit: rows of energy errors, at first and at most, and growth rates.
+
+    The growth rate is that of the linear theory; the rows are by table name.
+    """
     method, rows = BY_ID[id], []
     table = Multistep(*method.data)
     for N in map(float, steps_asked(table)):
@@ -156,7 +162,10 @@ def measure_steps(id: str, e: float) -> Rows:
 
 
 def parasitic_amplitudes(method: Method, N: float, orbits: int) -> tuple[np.ndarray, np.ndarray]:
-    """(times in orbits, sizes of the differences of q) in windows of a run; an orbit's own part of them is no more."""
+    """Measure parasitic oscillations in windows of a run: (times in orbits, sizes of high differences of q).
+
+    The differences, of order `DIFFERENCE`, leave hardly anything of the orbit itself.
+    """
     s = _run(method, ECCENTRIC, N, orbits, 1)
     begin = np.linspace(len(s.q) // WINDOWS, len(s.q) - STEPS - 1, WINDOWS).astype(int)
     sizes = [np.abs(np.diff(s.q[b : b + STEPS], DIFFERENCE, axis=0)).max() for b in begin]
@@ -164,7 +173,7 @@ def parasitic_amplitudes(method: Method, N: float, orbits: int) -> tuple[np.ndar
 
 
 def measure_long(label: str, N: float) -> Rows:
-    """Integrate far with N steps an orbit: a row of the energy's drift and of parasitic growth, with intervals."""
+    """Integrate over many orbits of N steps: a row of the energy's drift and of parasitic growth, with intervals."""
     method = chosen(label)
     s = _run(method, ECCENTRIC, N, LONG if label != CONTROL and N == OFF else SHORT, EVERY)
     energy = drift(s.t / (2 * np.pi), s.energy())

@@ -1,4 +1,4 @@
-"""The page on symmetric multistep methods: at which steps Kepler's orbit is lost, and whether theory says so."""
+"""The report page on symmetric multistep methods: at which steps Kepler's orbit is lost, and whether theory agrees."""
 
 from __future__ import annotations
 
@@ -28,24 +28,30 @@ NOISE = 1e-11
 
 
 def _factor(rows: pd.DataFrame) -> pd.Series:
-    """By which factor the energy error has grown, infinite if it is as large as the energy or not finite."""
+    """Compute by which factor the energy error has grown in each run.
+
+    It is infinite if the error is as large as the energy or not finite.
+    """
     factor = rows["largest"] / rows["first"].clip(lower=NOISE)
     return factor.where(np.isfinite(rows["largest"]) & (rows["largest"] < WHOLE), np.inf)
 
 
 def lost(rows: pd.DataFrame) -> pd.Series:
-    """True where an orbit was lost."""
+    """True for each run that lost its orbit: its energy error grew by a factor `LOST` or to the size of the energy."""
     return _factor(rows) >= LOST
 
 
 def decided(rows: pd.DataFrame) -> pd.Series:
-    """True where theory decides whether errors grow in so many orbits, and the orbit is near the exact one at first."""
+    """True for each run for which theory decides whether errors grow, and which is near the exact orbit at first."""
     grown = rows["rate"] * multistep.ORBITS
     return ((grown >= SURE) | (grown < QUIET)) & ((rows["e"] == 0) | (rows["first"] < SMALL))
 
 
 def undecided(rows: pd.DataFrame) -> str:
-    """A sentence: the steps at which theory is not asked, and those of them at which it would be wrong; "" if none."""
+    """Write how many runs are too far from the exact orbit for theory, and at which of them it would be wrong.
+
+    Empty if it would be wrong in none of them.
+    """
     far = (rows["e"] > 0) & ~(rows["first"] < SMALL)
     grown = rows["rate"] * multistep.ORBITS
     sure = rows[far & ((grown >= SURE) | (grown < QUIET))]
@@ -60,7 +66,7 @@ def undecided(rows: pd.DataFrame) -> str:
 
 
 def _agreement(rows: pd.DataFrame) -> dict[str, Any] | None:
-    """Arguments of a verdict that orbits are lost where theory says so; None without rows."""
+    """Make the arguments of a verdict that orbits are lost where theory says so; None if theory decides no run."""
     sure = rows[decided(rows)]
     if sure.empty:
         return None
@@ -72,14 +78,14 @@ def _agreement(rows: pd.DataFrame) -> dict[str, Any] | None:
 
 @of("extremes_multistep")
 def circle(table: pd.DataFrame) -> Verdict | None:
-    """Whether circular orbits are lost where the closed form says so."""
+    """Judge whether circular orbits are lost at the steps at which the closed-form linear theory is unstable."""
     found = _agreement(table[table["e"] == 0])
     return found and Verdict("A circular orbit is lost at the steps at which its linear theory is unstable", **found)
 
 
 @of("extremes_multistep")
 def ellipse(table: pd.DataFrame) -> Verdict | None:
-    """Whether eccentric orbits are lost where a Floquet multiplier exceeds 1."""
+    """Judge whether eccentric orbits are lost at the steps at which a Floquet multiplier exceeds 1."""
     found = _agreement(table[table["e"] > 0])
     return found and Verdict(
         "An eccentric orbit is lost at the steps at which a Floquet multiplier exceeds one", **found
@@ -87,13 +93,13 @@ def ellipse(table: pd.DataFrame) -> Verdict | None:
 
 
 def farthest(table: pd.DataFrame) -> pd.Series:
-    """The largest number of steps an orbit with which an orbit was lost, by (e, order); 0 if none."""
+    """Find the largest number of steps an orbit with which an orbit was lost, by (e, order); 0 if none was."""
     return table["N"].where(lost(table), 0.0).groupby([table["e"], table["order"]]).max()
 
 
 @of("extremes_multistep")
 def by_order(table: pd.DataFrame) -> Verdict | None:
-    """Whether instabilities are worse for methods of high order: from pairs of orders that follow one another."""
+    """Judge whether instabilities reach smaller steps for methods of higher order, by pairs of successive orders."""
     pairs = [(e, a, b) for e, of_e in farthest(table).groupby(level=0) for a, b in pairwise(of_e[e].items())]
     if not pairs:
         return None
@@ -109,7 +115,7 @@ def by_order(table: pd.DataFrame) -> Verdict | None:
 
 @of("extremes_multistep")
 def by_frequencies(table: pd.DataFrame) -> Verdict | None:
-    """Whether more steps are unstable where the solution has more frequencies."""
+    """Judge whether more steps are unstable on an eccentric orbit, with more frequencies, than on a circular one."""
     count = lost(table).groupby([table["method"], table["e"]]).sum().unstack()
     if count.shape[1] < 2:
         return None
@@ -127,7 +133,7 @@ def by_frequencies(table: pd.DataFrame) -> Verdict | None:
 
 @of("extremes_multistep_drift")
 def bounded(table: pd.DataFrame) -> Verdict | None:
-    """Whether energy and parasitic parts stay bounded off all resonances; ``where``: the control's drift."""
+    """Judge whether energy and parasitic oscillations stay bounded off all resonances, beside the control."""
     own = table[(table["method"] != multistep.CONTROL) & (table["N"] == multistep.OFF)]
     if own.empty:
         return None
@@ -144,7 +150,7 @@ def bounded(table: pd.DataFrame) -> Verdict | None:
 
 
 def answer(data: Data) -> str | None:
-    """A sentence: the share of steps that theory foretells, and the drift of the energy elsewhere."""
+    """Write the page's answer: at how many steps theory foretells the outcome, and whether anything grows elsewhere."""
     rows, kept = [v for v in (circle(data), ellipse(data)) if v], bounded(data)
     if not rows or kept is None:
         return None
@@ -159,7 +165,7 @@ def answer(data: Data) -> str | None:
 
 
 def spans(N: np.ndarray) -> str:
-    """Numbers on the grid as text, neighbours as ranges: "59.5 to 60, 90"."""
+    """Format numbers N on the grid as text, neighbours as ranges: "59.5 to 60, 90"."""
     parts: list[list[float]] = []
     for x in map(float, N):
         if parts and x - parts[-1][1] <= multistep.APART * 1.01:
@@ -171,7 +177,7 @@ def spans(N: np.ndarray) -> str:
 
 @of("extremes_multistep")
 def table(rows: pd.DataFrame) -> Table:
-    """The page's table: for each method and eccentricity the steps an orbit at which it is lost, or an error grows."""
+    """Make the page's table: the steps an orbit at which each method loses the orbit, or its error grows."""
     out = []
     for (method, e), own in rows.groupby(["method", "e"], sort=False):
         limit = 2 * np.pi / stable_intervals(QUINLAN_TREMAINE[int(own["order"].iloc[0])])[0][1]
@@ -191,7 +197,7 @@ def table(rows: pd.DataFrame) -> Table:
 
 @of("extremes_multistep")
 def full_table(rows: pd.DataFrame) -> pd.DataFrame:
-    """The steps at which an orbit is lost or theory has it unstable."""
+    """Select the runs that lost an orbit, or should lose it by theory."""
     return rows[lost(rows) | (rows["rate"] * multistep.ORBITS >= SURE)]
 
 

@@ -1,4 +1,4 @@
-"""The page on the limits of methods: how far each can be pushed before it fails."""
+"""The report page on the limits of methods: how far each can be pushed before it fails."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ DRAWN = {
 
 
 def draw(data, folder) -> list[Picture]:
-    """Draw the figures of all tables that have rows."""
+    """Draw the figures of all tables of this experiment that have rows, each by its function in `DRAWN`."""
     found = {name: data(name) for name in DRAWN}
     return [draw_(found[name], folder) for name, draw_ in DRAWN.items() if found[name] is not None and len(found[name])]
 
@@ -49,9 +49,10 @@ def _step(value) -> str:
 
 
 def summary(linear, steps, met, grown) -> pd.DataFrame:
-    """For each representative method: stability limit, largest steps, largest eccentricity, round-off, how it fails.
+    """Make a row for each representative method: stability limit, largest steps, largest e, round-off, how it fails.
 
-    The arguments are the tables that these come from; columns of a table that is None are left out.
+    The arguments are the tables of stability, of largest steps, of close encounters and of round-off; columns of a
+    table that is None are left out.
     """
     worst = verdicts.reach(met) if met is not None else {}
     out = []
@@ -76,7 +77,7 @@ def summary(linear, steps, met, grown) -> pd.DataFrame:
 
 
 def table(data) -> Table | None:
-    """The page's table: how far each representative method goes in every test (see `summary`)."""
+    """Make the page's table: how far each representative method goes in every test (see `summary`)."""
     tables = [data(name) for name in ("extremes_linear", "extremes_steps", "extremes_encounters", "extremes_growth")]
     if all(t is None for t in tables):
         return None
@@ -89,13 +90,13 @@ def table(data) -> Table | None:
 
 
 def full_table(data) -> pd.DataFrame | None:
-    """The stable intervals of h omega of every method."""
+    """Make the long table: the stable intervals of h omega of every method; None if they were not measured."""
     linear = data("extremes_linear")
     return None if linear is None else linear.drop(columns=["method"])
 
 
 def answer(data: Data) -> str | None:
-    """A sentence: known limits that are met, integrators that follow the closest encounter, growth of round-off."""
+    """Write the page's answer: known limits met, integrators that follow the closest encounter, growth of round-off."""
     limits, met = verdicts.known_limits(data), verdicts.close(data)
     grown, table = round_off.energy(data), data("extremes_encounters")
     parts = [f"{limits.measured.n} of {limits.measured.of} known stability limits are met"] if limits else []

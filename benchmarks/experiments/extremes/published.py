@@ -31,8 +31,8 @@ class Limit:
     ----------
     method : an id, or the name of a step in `STEPS`
     value : the limit, or `UNLIMITED`
-    derived : the formula of the step's matrix from which it follows; empty if it is not derived
-    printed : the source that states it; empty if none was found
+    derived : the formula of the step's matrix from which the limit follows; empty if it is not derived
+    printed : the source that states the limit; empty if none was found
     parameters : of the method
     digits : significant digits in which a measured limit must agree
     """

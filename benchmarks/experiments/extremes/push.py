@@ -1,6 +1,7 @@
-"""The largest step at which runs survive, by bisection on a geometric grid of steps, and how the next larger one fails.
+"""Search the largest step at which runs survive, by bisection on a geometric grid, and how the next larger one fails.
 
-Survival is not monotone in the step: the result is the end of the first stable interval seen when the step is doubled.
+Survival is not monotone in the step: the result is the end of the first interval of surviving steps seen when the step
+is doubled.
 """
 
 from __future__ import annotations
@@ -28,7 +29,10 @@ TABLES = ("extremes_steps", "extremes_lambda")
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """List the measurements (`Cell`), one for each method, and one for each scheme with swept lambda on each orbit."""
+    """List the measurements to make (`Cell`): one for each method, one for each scheme with a sweep of lambda.
+
+    The list is empty if ``quick``.
+    """
     return [] if quick else [*(_cell(id) for id in REPRESENTATIVE), *(_swept(id, on) for id in SWEPT for on in ON)]
 
 
@@ -77,7 +81,7 @@ def _survives(case: cases.Case, id: str, steps: int, parameters: dict | None = N
 
 
 def measure_rows(id: str) -> Rows:
-    """Search a method's largest surviving step on each orbit: a row with it, and how the next larger step fails."""
+    """Search a method's largest surviving step on each orbit: a row with it and how the next larger step fails."""
     rows = []
     for case in cases.CASES:
         made = problem(case.problem)

@@ -1,4 +1,4 @@
-r"""Stability functions of Runge-Kutta methods, R(z) = det(I - z A + z 1 b^T) / det(I - z A), from their tableaus."""
+"""Stability functions of Runge-Kutta methods, R(z) = det(I - z A + z 1 b^T) / det(I - z A), from their tableaus."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def measure_rows() -> Rows:
 
 
 def _tableau(id: str) -> tuple[np.ndarray, np.ndarray]:
-    """The matrix A (s, s) and the weights b (s,) of a method."""
+    """Return the matrix A (s, s) and the weights b (s,) of a method."""
     if id in IMPLICIT:
         with mpmath.workdps(30):
             A, _, b, _ = runge_kutta(*IMPLICIT[id])
@@ -47,6 +47,6 @@ def _tableau(id: str) -> tuple[np.ndarray, np.ndarray]:
 
 
 def stability_function(A, b) -> tuple[np.ndarray, np.ndarray]:
-    """(numerator, denominator) of R in z, the highest power first; A (s, s), b (s,)."""
+    """Compute (numerator, denominator) of R as polynomials in z, the highest power first; A (s, s), b (s,)."""
     # det(I - z B) = z^s chi_B(1 / z): the characteristic polynomial with its coefficients reversed.
     return np.poly(A - np.outer(np.ones(len(b)), b))[::-1], np.poly(A)[::-1]

@@ -30,7 +30,7 @@ TABLES = ("extremes_resonances",)
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """List the measurements (`Cell`), one for each method."""
+    """List the measurements to make (`Cell`), one for each method; none if ``quick``."""
     return [] if quick else [_cell(id) for id in METHODS]
 
 
@@ -40,7 +40,7 @@ def _cell(id: str) -> Cell:
 
 
 class CoupledOscillators:
-    """The system of two oscillators with frequencies 1 and ``ratio``, with initial values."""
+    """Two coupled oscillators with frequencies 1 and ``ratio``, as a problem with ``system``, ``q0`` and ``p0``."""
 
     def __init__(self, ratio):
         q1, q2, p1, p2 = sp.symbols("q1 q2 p1 p2", real=True)
@@ -50,7 +50,7 @@ class CoupledOscillators:
 
 
 def radius(run, h: float) -> float:
-    """The spectral radius of the matrix of a step h of a prepared run."""
+    """Compute the spectral radius of the matrix of a step h of ``run``, a prepared (h, steps, q, p) -> (q, p, ...)."""
     columns = [np.concatenate(run(h, 1, unit[:2], unit[2:])[:2]) for unit in np.eye(4)]
     return float(np.abs(np.linalg.eigvals(np.array(columns).T)).max())
 

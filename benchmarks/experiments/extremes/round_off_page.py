@@ -1,4 +1,4 @@
-"""The page on round-off: how energy and phase errors grow over long times, and why they drift at some steps."""
+"""The report page on round-off: how energy and phase errors grow over long times, and why they drift at some steps."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from phasebench.benchmarks.page.page import ROWS, Page, Table
 
 
 def table(data) -> Table | None:
-    """The page's table of ensembles: at simple fractions of h or lambda, slightly off them, controls, worst others."""
+    """Make the page's table of ensembles: at simple fractions of h or lambda, slightly off, controls, worst others."""
     known = full_table(data)
     if known is None:
         return None
@@ -40,7 +40,7 @@ def table(data) -> Table | None:
 
 
 def full_table(data) -> pd.DataFrame | None:
-    """Every ensemble with the growth of its round-off, and the methods without an ensemble with the reason."""
+    """Make the long table: the growth of round-off in every ensemble, and the reason for each method without one."""
     known = [t for t in (data("extremes_growth"), data("extremes_growth_every")) if t is not None and len(t)]
     return pd.concat(known, ignore_index=True) if known else None
 

@@ -26,13 +26,19 @@ def named_step(h: float) -> str:
 
 
 def exponent(row, name: str) -> str:
-    """Format an exponent with its interval; empty where there is none."""
+    """Format the exponent of growth of the error ``name`` ("energy" or "phase") in a row, with its interval.
+
+    Empty where there is none.
+    """
     value, low, high = (row.get(f"{name} {part}") for part in ("exponent", "low", "high"))
     return "" if value is None or pd.isna(value) else f"{value:.2f} [{low:.2f}, {high:.2f}]"
 
 
 def critical(rows: pd.DataFrame) -> float:
-    """The |mean error|, in standard errors, that any of these ensembles exceeds with probability `CHANCE` by chance."""
+    """Compute the largest |mean error|, in standard errors, that chance explains.
+
+    Any of these ensembles exceeds it by chance with probability `CHANCE`.
+    """
     each = 1 - (1 - CHANCE) ** (1 / len(rows))
     return float(stats.t.ppf(1 - each / 2, rows["starts"].min() - 1))
 
@@ -43,7 +49,7 @@ def _rows_with_mean(rows: pd.DataFrame) -> pd.DataFrame:
 
 
 def biased_ensembles(rows: pd.DataFrame) -> pd.DataFrame:
-    """The ensembles whose mean energy error is farther from 0 than chance explains, the farthest first."""
+    """Select the ensembles whose mean energy error is farther from 0 than chance explains, the farthest first."""
     tested = _rows_with_mean(rows)
     if tested.empty:
         return tested
@@ -51,7 +57,7 @@ def biased_ensembles(rows: pd.DataFrame) -> pd.DataFrame:
 
 
 def overtaken(row) -> float:
-    """The number of steps after which a bias, growing as n, is as large as the random walk, growing as n^(1/2)."""
+    """Compute after how many steps a bias, growing as n, is as large as the random walk, growing as n^(1/2)."""
     return row["steps"] * row["starts"] / row[MEAN] ** 2
 
 
@@ -65,7 +71,7 @@ def _biased_where(row) -> str:
 
 
 def _tables(data: Data) -> list[pd.DataFrame]:
-    """The nonempty tables of ensembles: those at chosen steps, without controls, and those of every method."""
+    """Return the nonempty tables of ensembles: those at chosen steps, without controls, and those of every method."""
     chosen, all_ = data("extremes_growth"), data("extremes_growth_every")
     tables = [] if chosen is None or chosen.empty else [chosen[chosen["kind"] != brouwer.HAND]]
     tables += [] if all_ is None or all_.empty else [all_[all_["reason"].astype(object).fillna("") == ""]]
@@ -73,13 +79,16 @@ def _tables(data: Data) -> list[pd.DataFrame]:
 
 
 def ensembles(data: Data, column: str) -> pd.DataFrame:
-    """The ensembles of all tables that have a value in the column ``column``."""
+    """Select the ensembles of all tables that have a value in the column ``column``."""
     tables = [table[table[column].notna()] for table in _tables(data) if column in table]
     return pd.concat(tables, ignore_index=True) if tables else pd.DataFrame()
 
 
 def _growth(data: Data, name: str, law: float) -> tuple[Count, Exactly, str, str]:
-    """The arguments of a verdict on growth: how many exponents of an error surely exceed ``law``, and which."""
+    """Make the arguments of a verdict on growth: how many exponents of an error surely exceed ``law``, and which.
+
+    ``name`` is "energy" or "phase".
+    """
     rows = ensembles(data, f"{name} exponent")
     fast = rows[rows[f"{name} low"] > law + ABOVE]
     names = [f"{_where(row)}: n^{row[f'{name} exponent']:.2f}" for _, row in fast.iterrows()]
@@ -87,7 +96,7 @@ def _growth(data: Data, name: str, law: float) -> tuple[Count, Exactly, str, str
 
 
 def energy(data: Data) -> Verdict | None:
-    """Whether the energy error by round-off grows no faster than n^(1/2), Brouwer's law, at every step size."""
+    """Judge whether the energy error by round-off grows no faster than n^(1/2), Brouwer's law, at every step size."""
     if ensembles(data, "energy exponent").empty:
         return None
     return Verdict(
@@ -96,14 +105,14 @@ def energy(data: Data) -> Verdict | None:
 
 
 def phase(data: Data) -> Verdict | None:
-    """Whether the phase error by round-off grows no faster than n^(3/2) in the number n of steps."""
+    """Judge whether the phase error by round-off grows no faster than n^(3/2) in the number n of steps."""
     if ensembles(data, "phase exponent").empty:
         return None
     return Verdict("The phase's round-off grows no faster than n^(3/2)", *_growth(data, "phase", PHASE))
 
 
 def size(data: Data) -> Verdict | None:
-    """Whether the energy's round-off is as small as compensated sums allow."""
+    """Judge whether the energy's round-off is as small as compensated sums allow: `UNITS` times eps h n^(1/2)."""
     rows = ensembles(data, "in units")
     if rows.empty:
         return None
@@ -119,7 +128,7 @@ def size(data: Data) -> Verdict | None:
 
 
 def bias(data: Data) -> Verdict | None:
-    """Whether no ensemble's mean energy error is larger than chance explains.
+    """Judge whether no ensemble's mean energy error is larger than chance explains.
 
     Ensembles whose lambda or step is near a fraction of small numerator and denominator are left out: their round-off
     repeats itself.
@@ -146,7 +155,7 @@ def faster(rows: pd.DataFrame) -> pd.Series:
 
 @of("extremes_growth")
 def controls(table: pd.DataFrame) -> Verdict | None:
-    """Whether the controls confirm the explanation of the drift at simple fractions, and plain sums lose more.
+    """Judge whether the controls confirm the explanation of the drift at simple fractions, and plain sums lose more.
 
     The drift must vanish slightly off the fraction, persist with exact products alone, and vanish if velocity and force
     see the whole state.  None if one of the four controls was not measured.
@@ -176,7 +185,7 @@ def controls(table: pd.DataFrame) -> Verdict | None:
 
 
 def answer(data: Data) -> str | None:
-    """A sentence: in how many ensembles the energy's round-off follows Brouwer's law, and at which steps it drifts."""
+    """Write the page's answer: how many ensembles follow Brouwer's law in the energy, and at which steps it drifts."""
     rows = ensembles(data, "energy exponent")
     if rows.empty:
         return None

@@ -57,7 +57,7 @@ TABLES = ("extremes_springs",)
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """List the measurements (`Cell`), one for each method."""
+    """List the measurements to make (`Cell`), one for each method; none if ``quick``."""
     return [] if quick else [_cell(*run) for run in RUNS]
 
 
@@ -67,7 +67,13 @@ def _cell(id: str, nodes: int, steps: int) -> Cell:
 
 
 class Turns:
-    """A method's step on a spring as a rotation: ``matrices`` and ``angles`` at each h omega in ``z`` while stable."""
+    """A method's step on a spring (the oscillator) as a rotation of (omega q, p).
+
+    Attributes
+    ----------
+    z : the values of h omega, as far as the method is stable
+    matrices, angles : at each z the 2 x 2 matrix of the step, and the angle in radians by which it rotates
+    """
 
     def __init__(self, id: str, z):
         chosen = integrator(id)
@@ -79,7 +85,10 @@ class Turns:
         self.angles = np.unwrap(np.array(angles) % (2 * np.pi))
 
     def energy(self, k: int, x, p) -> np.ndarray:
-        """The energy h J theta / z of the k-th spring, which the step keeps; x = omega q, p arrays of equal shape."""
+        """Compute the energy h J theta / z of a spring with the k-th h omega, which the step keeps.
+
+        x = omega q and p are arrays of equal shape, as is the result.
+        """
         M, s = self.matrices[k], _sine(self.matrices[k])
         if abs(s) < 1e-6:  # a rotation by pi: every ellipse is kept
             action = (p**2 + x**2) / 2
@@ -89,12 +98,12 @@ class Turns:
 
 
 def _sine(M) -> float:
-    """The sine, with its sign, of the angle by which the 2 x 2 step matrix M rotates."""
+    """Compute the sine, with its sign, of the angle by which the 2 x 2 step matrix M rotates."""
     return float(np.sqrt(max(0.0, 1 - (np.trace(M) / 2) ** 2)) * np.sign(M[0, 1] - M[1, 0]))
 
 
 def grid(id: str, nodes: int) -> np.ndarray:
-    """Values of h omega at which one step rotates the oscillator by a multiple of pi / ``nodes``, in ascending order.
+    """Find the values of h omega, rising, at which one step rotates the oscillator by a multiple of pi / ``nodes``.
 
     They end at `LAST` or where the method becomes unstable.
     """
@@ -139,9 +148,10 @@ class Springs:
 
 
 def drift(Q, P, fast) -> float:
-    """How far the mean energy in any of `WINDOWS` parts of a run is from that in the first, relative to the start's.
+    """Compute the largest change of the mean energy among `WINDOWS` parts of a run, relative to that at the start.
 
-    Q and P are arrays (d, n) of n rows, and ``fast`` (n,) is the energy of the stiff springs; inf if it is not finite.
+    Changes are from the first part.  Q and P are arrays (d, n) of n rows, and ``fast`` (n,) is the energy of the stiff
+    springs; inf if it is not finite.
     """
     with np.errstate(all="ignore"):
         squares = [s * s for s in soft_springs(Q[:2], Q[2:])]
@@ -153,7 +163,7 @@ def drift(Q, P, fast) -> float:
 
 
 def measure_rows(id: str, nodes: int, steps: int) -> Rows:
-    """Measure the energy drift of the two stiff springs: a row for each pair of frequencies, the smaller one first."""
+    """Measure the energy drift of a chain with two stiff springs: a row for each pair of their frequencies."""
     run, turns, rows = Springs(id), Turns(id, grid(id, nodes)), []
     for i in range(len(turns.z)):
         for j in range(i, len(turns.z)):

@@ -1,4 +1,4 @@
-"""The page on step-size resonances: do the crests of the energy drift lie on the resonance lines of theory?"""
+"""The report page on step-size resonances: do maxima of the energy drift lie on the resonance lines of theory?"""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ SHOWN = 200
 
 
 def lines(order: int, last: float) -> list[tuple[int, int, int]]:
-    """(k1, k2, n) of the resonance lines k1 x + k2 y = 2 n, n > 0, through 0 < x, y <= ``last`` (angles in pi)."""
+    """List (k1, k2, n) of the resonance lines k1 x + k2 y = 2 n, n > 0, through 0 < x, y <= ``last`` (angles in pi)."""
     found = []
     for k1 in range(order + 1):
         for k2 in range(-order, order + 1):
@@ -36,14 +36,14 @@ def lines(order: int, last: float) -> list[tuple[int, int, int]]:
 
 
 def distance(x, y, order: int = ORDER):
-    """The distance of points (x, y), angles in units of pi, from the nearest resonance line; an array as x."""
+    """Compute the distance of points (x, y), angles in units of pi, from the nearest resonance line; an array as x."""
     x, y = np.asarray(x, float), np.asarray(y, float)
     all_ = [np.abs(a * x + b * y - 2 * n) / np.hypot(a, b) for a, b, n in lines(order, max(x.max(), y.max()) + 0.1)]
     return np.min(all_, axis=0) if all_ else np.full(x.shape, np.inf)
 
 
 def square(rows: pd.DataFrame) -> np.ndarray:
-    """A method's energy drift over both rotation angles as a symmetric array (n, n): the springs may be exchanged."""
+    """Arrange a method's energy drift over both rotation angles as an array (n, n), symmetric in the two springs."""
     i, j = (rows[f"node {k}"].to_numpy(int) - rows["node 1"].min() for k in (1, 2))
     out = np.full((j.max() + 1, j.max() + 1), np.nan)
     out[i, j] = out[j, i] = rows["drift"].clip(upper=TOP)
@@ -51,9 +51,9 @@ def square(rows: pd.DataFrame) -> np.ndarray:
 
 
 def crests(drift: np.ndarray) -> np.ndarray:
-    """A boolean array as ``drift`` (n, n): True at a local maximum along a row, a column or a diagonal.
+    """Find the crests (local maxima) of ``drift`` (n, n) along a row, a column or a diagonal: a boolean array.
 
-    There the drift is no less than at both neighbours, and at least `HIGH` times that at the nodes beyond them.
+    At a crest the drift is no less than at both neighbours, and at least `HIGH` times that at the nodes beyond them.
     """
     n = len(drift)
     wide = np.pad(drift, 2, constant_values=np.inf)  # nodes at the border are no crests
@@ -70,7 +70,7 @@ def crests(drift: np.ndarray) -> np.ndarray:
 
 
 def summary_table(table: pd.DataFrame) -> pd.DataFrame:
-    """For each method: numbers of grid nodes and crests of the drift, how many lie on resonance lines, the drifts."""
+    """Make a row for each method: how many grid nodes and crests (local maxima) of the drift lie on resonance lines."""
     out = []
     for method, rows in table.groupby("method", sort=False):
         drift, nodes = square(rows), int(rows["nodes"].iloc[0])
@@ -89,7 +89,10 @@ def summary_table(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def _shares(table: pd.DataFrame) -> pd.DataFrame:
-    """For methods with crests of the drift: the share on resonance lines, and its ratio to the share of all nodes."""
+    """Compute the share of crests (maxima of the drift) on resonance lines, and its ratio to that of all nodes.
+
+    The table has a row for each method with crests.
+    """
     rows = summary_table(table)
     rows = rows[rows["crests"] > 0].set_index("method")
     share = rows["crests on lines"] / rows["crests"]
@@ -98,7 +101,7 @@ def _shares(table: pd.DataFrame) -> pd.DataFrame:
 
 @of("extremes_springs")
 def on_lines(table: pd.DataFrame) -> Verdict | None:
-    """Whether every method's maxima of the energy drift, over step size and frequency, lie on the lines of resonance."""
+    """Judge whether every method's maxima of the energy drift, over both frequencies, lie on the lines of resonance."""
     share = _shares(table)["share"]
     if share.empty:
         return None
@@ -113,7 +116,7 @@ def on_lines(table: pd.DataFrame) -> Verdict | None:
 
 @of("extremes_springs")
 def above_chance(table: pd.DataFrame) -> Verdict | None:
-    """Verdict: energy errors peak on the predicted resonance lines more often than at randomly chosen grid points."""
+    """Judge whether maxima of the energy drift lie on resonance lines more often than grid points in general."""
     times = _shares(table)["times"]
     if times.empty:
         return None
@@ -125,7 +128,7 @@ def above_chance(table: pd.DataFrame) -> Verdict | None:
 
 @of("extremes_springs")
 def answer(table: pd.DataFrame) -> str | None:
-    """A sentence: how many crests of the drift lie on resonance lines, and what share of all grid nodes does."""
+    """Write the page's answer: how many maxima of the drift lie on resonance lines, and what share of all nodes."""
     rows = _shares(table)
     if rows.empty:
         return None
@@ -164,7 +167,7 @@ def draw(table: pd.DataFrame, folder) -> Picture:
 
 
 def _lines(axes, z, angle) -> None:
-    """Draw the resonance lines below the diagonal; z and angle (n,) are those of the nodes."""
+    """Draw the resonance lines below the diagonal; z (h omega) and angle (in pi), arrays (n,), are of the nodes."""
     fine = np.linspace(angle[0], angle[-1], 400)
     colours = {1: style.BLUE, 2: style.BLUE, 3: style.VERMILION, 4: style.GREEN}
     for k1, k2, n in lines(DRAWN, angle[-1]):
@@ -176,7 +179,7 @@ def _lines(axes, z, angle) -> None:
 
 @of("extremes_springs")
 def table(rows: pd.DataFrame) -> Table:
-    """The page's table: for each method the grid nodes, the crests of the drift, both on resonance lines, drifts."""
+    """Make the page's table: for each method how many nodes and maxima of the drift are on resonance lines."""
     shown = summary_table(rows)
     shown["on lines"] = shown["on lines"].map("{:.0%}".format)
     shown["highest crest"] = shown["highest crest"].map(lambda x: "" if pd.isna(x) else number(x, 2))
@@ -189,7 +192,7 @@ def table(rows: pd.DataFrame) -> Table:
 
 @of("extremes_springs")
 def full_table(rows: pd.DataFrame) -> pd.DataFrame:
-    """For each method the grid nodes with the largest energy drift."""
+    """Select for each method the grid nodes with the largest energy drift."""
     return rows.sort_values("drift", ascending=False).groupby("method", sort=False).head(SHOWN)
 
 

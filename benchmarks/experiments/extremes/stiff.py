@@ -1,8 +1,8 @@
-r"""Stiffness: the Fermi-Pasta-Ulam problem with omega from 50 to 10^6, at h omega from 10^-3 to 10^3.
+"""Stiffness: the Fermi-Pasta-Ulam problem with omega from 50 to 10^6, at h omega from 10^-3 to 10^3.
 
 The oscillatory energy I of the stiff springs is an adiabatic invariant: over the time of a run it changes by
-O(1/omega).  A method's cliff is the largest h omega such that its change of I stays below `CLIFF` there and at every
-smaller one.
+O(1/omega).  A method's cliff is the largest h omega such that the method changes I by less than `CLIFF` there and at
+every smaller h omega.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ TABLES = ("extremes_stiffness",)
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """List the measurements (`Cell`), one for each method."""
+    """List the measurements to make (`Cell`), one for each method; none if ``quick``."""
     return [] if quick else [_cell(id) for id in METHODS]
 
 
@@ -71,13 +71,13 @@ def measure_rows(id: str) -> Rows:
 
 
 def _change(values) -> float:
-    """The largest relative change of a series from its first value; infinite if any value is not finite."""
+    """Compute the largest relative change of a series from its first value; infinite if any value is not finite."""
     change = np.abs(values / values[0] - 1)
     return float(change.max()) if np.isfinite(change).all() else np.inf
 
 
 def cliff(table) -> float:
-    """The largest h omega up to which the oscillatory energy I changes by less than `CLIFF`; 0 if it never does."""
+    """Find the largest h omega up to which the oscillatory energy I changes by less than `CLIFF`; 0 if none."""
     last = 0.0
     for row in table.sort_values("h omega").itertuples(index=False):
         if not row[list(table.columns).index("I changes")] < CLIFF:

@@ -1,4 +1,4 @@
-"""The verdicts on stability limits and on close encounters of the Kepler problem."""
+"""Verdicts of the report on stability limits and on close encounters of the Kepler problem."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ SHARP = 1e-10
 
 @of("extremes_published")
 def known_limits(known: pd.DataFrame) -> Verdict:
-    """Whether measured stability limits equal the derived or printed ones."""
+    """Judge whether measured stability limits equal the derived or printed ones."""
     agrees = known["agrees"].astype(bool)
     wrong = join_list(list(known.loc[~agrees, "method"]), 3) if not agrees.all() else ""
     return Verdict(
@@ -34,7 +34,7 @@ def known_limits(known: pd.DataFrame) -> Verdict:
 
 @of("extremes_scheme_i")
 def closed_form(sweep: pd.DataFrame) -> Verdict | None:
-    """Whether Scheme I's limit equals its closed form at every lambda at which it is finite."""
+    """Judge whether Scheme I's limit equals its closed form at every lambda at which it is finite."""
     finite = sweep[np.isfinite(sweep["closed form"])]
     if finite.empty:
         return None
@@ -52,7 +52,7 @@ def closed_form(sweep: pd.DataFrame) -> Verdict | None:
 
 @of("extremes_linear")
 def long_runs(linear: pd.DataFrame) -> Verdict:
-    """Whether long runs near the limits stay bounded or grow as the step map predicts."""
+    """Judge whether long runs near the limits stay bounded or grow as the step map predicts."""
     ran = linear[linear["runs"].fillna(0) > 0]
     astray = list(ran[ran["confirmed"] < ran["runs"]]["label"])
     right = Count(int(ran["confirmed"].sum()), int(ran["runs"].sum()))
@@ -67,7 +67,7 @@ def long_runs(linear: pd.DataFrame) -> Verdict:
 
 
 def reach(table: pd.DataFrame) -> pd.Series:
-    """For each integrator the largest eccentricity up to which its error on Kepler orbits stays small; 0 if none."""
+    """Find for each integrator the largest eccentricity up to which its error on Kepler orbits is small; else 0."""
     out = {}
     for method, rows in table.groupby("method", sort=False):
         rows = rows.sort_values("e")
@@ -77,14 +77,14 @@ def reach(table: pd.DataFrame) -> pd.Series:
 
 
 def kind(method: str, measured: str) -> str:
-    """The kind of an integrator's steps: ``measured``, or "Kepler-solving" if it solves the Kepler problem exactly."""
+    """Name the kind of an integrator's steps: ``measured``, or "Kepler-solving" if it solves Kepler's problem."""
     family = BY_ID[method].family if method in BY_ID else ""
     return "Kepler-solving" if family in ("wisdom_holman", "fcirk") or method in KEPLERIAN else measured
 
 
 @of("extremes_encounters")
 def close(table: pd.DataFrame) -> Verdict:
-    """Whether some integrator follows Kepler's orbit at every e; ``where``: the kind of steps that fails first."""
+    """Judge whether some integrator follows Kepler's orbit at every e, and name the kind of steps that fails first."""
     worst, last = reach(table), float(table["e"].max())
     kinds = {r.method: kind(r.method, r.kind) for r in table.drop_duplicates("method").itertuples()}
     best = worst.groupby(kinds, sort=False).max()
