@@ -95,7 +95,7 @@ def right_hand_side(system):
     sides = [walk(e.xreplace(given)) for e in system.sides]
     steps = [(symbol, walk(e.xreplace(given))) for symbol, e in system.definitions]
     values = [number(c, LONG) for c in constants]
-    f = sp.lambdify([*names, *constants.values()], sides, modules="numpy", cse=partial(_share, steps))
+    f = sp.lambdify([*names, *constants.values()], sides, modules="numpy", cse=partial(share_subexpressions, steps))
 
     def F(Y):
         out = np.empty_like(Y)
@@ -106,7 +106,7 @@ def right_hand_side(system):
     return F
 
 
-def _share(steps, sides):
+def share_subexpressions(steps, sides):
     """([(symbol, expression)], sides in terms of the symbols): definitions and common subexpressions, in their order.
 
     ``steps`` are the definitions (symbol, expression) that ``sides``, a list of expressions, may contain.

@@ -1,4 +1,4 @@
-"""The report page on methods for systems with constraints: manifold, energy drift, tolerance of the iteration."""
+"""The page of methods for systems with constraints."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from phasebench.benchmarks.page.markdown import number
 from phasebench.benchmarks.page.page import Data, Page, Picture, Table, of
 from phasebench.benchmarks.page.verdict import EVERY, FAIL, Count, Verdict, at_least, at_most
 
-from .measure import CARTESIAN, DRIFT, LONG, MANIFOLD, SPHERE, STEPS, TOLERANCE
+from .measure import CARTESIAN, DRIFT, MANIFOLD, MOLECULE_STEP, SPHERE, STEP, STEPS, TOLERANCE
 
 #: Constraints that are kept are kept to this; a method that leaves the manifold is further off than that.
 KEPT, LEFT = 1e-14, 1e-9
@@ -25,10 +25,7 @@ USUAL = 1e-4
 
 @of(MANIFOLD)
 def kept(rows: pd.DataFrame) -> Verdict | None:
-    """Judge whether methods for constraints keep these and their time derivatives, the hidden ones, to round-off.
-
-    The hidden ones are not asked of SHAKE, whose momenta do not satisfy them.
-    """
+    """Whether methods for constraints keep them and the hidden ones to round-off; SHAKE's p are off the hidden ones."""
     bound = rows[rows["bound"].astype(bool)]
     if bound.empty:
         return None
@@ -46,7 +43,7 @@ def kept(rows: pd.DataFrame) -> Verdict | None:
 
 @of(MANIFOLD)
 def left(rows: pd.DataFrame) -> Verdict | None:
-    """Judge whether RK4 on the index-reduced equations, the control, leaves the manifold; None if not measured."""
+    """Whether an explicit method on the index-reduced equations leaves the manifold: the control."""
     explicit = rows[rows["method"] == "rk4"]
     if explicit.empty:
         return None
@@ -62,7 +59,7 @@ def left(rows: pd.DataFrame) -> Verdict | None:
 
 @of(MANIFOLD)
 def same(rows: pd.DataFrame) -> Verdict | None:
-    """Judge whether the double pendulum in Cartesian coordinates ends in its certified state; None if not measured."""
+    """Whether the double pendulum in Cartesian coordinates ends in its certified state."""
     found = rows[(rows["problem"] == CARTESIAN) & (rows["method"] == "lobatto-iiia-iiib-constrained-6")]
     if found.empty:
         return None
@@ -77,7 +74,7 @@ def same(rows: pd.DataFrame) -> Verdict | None:
 
 @of(DRIFT)
 def drift(rows: pd.DataFrame) -> Verdict:
-    """Judge whether RATTLE's energy is free of drift over long runs: its interval contains 0 or is all round-off."""
+    """Whether the energy of RATTLE drifts over a million steps: the interval holds 0, or all of it is round-off."""
     still = (rows["low"] <= 0) & (rows["high"] >= 0) | (rows[["low", "high"]].abs().max(axis=1) <= NO_DRIFT)
     told = (f"{r['problem']}: {number(r['low'])} to {number(r['high'])} per unit of time" for _, r in rows.iterrows())
     return Verdict(
@@ -92,7 +89,7 @@ def drift(rows: pd.DataFrame) -> Verdict:
 
 @of(TOLERANCE)
 def loose(rows: pd.DataFrame) -> Verdict | None:
-    """Judge whether RATTLE's energy is free of drift at a tolerance that is usual in molecular dynamics."""
+    """Whether multipliers iterated to the usual tolerance of molecular dynamics leave the energy without drift."""
     usual = rows[rows["tolerance"] == USUAL]
     if usual.empty:
         return None
@@ -106,7 +103,7 @@ def loose(rows: pd.DataFrame) -> Verdict | None:
 
 
 def answer(data: Data) -> str | None:
-    """Write the page's answer: how well manifold and energy are kept, and how H drifts with a loose tolerance."""
+    """A sentence: what is kept, and what a tolerance costs."""
     found = [verdict(data) for verdict in (kept, drift, loose)]
     if None in found:
         return None
@@ -119,7 +116,7 @@ def answer(data: Data) -> str | None:
 
 @of(DRIFT, TOLERANCE)
 def draw(converged: pd.DataFrame, rows: pd.DataFrame, folder: Path) -> list[Picture]:
-    """Draw the drift of the energy against the tolerance of the constraint."""
+    """The drift of the energy against the tolerance."""
     with style.settings():
         figure, ((axes,),) = style.panels(1, 1, 3.4)
         axes.loglog(rows["tolerance"], rows["slope"].abs(), label="plain RATTLE, iterated", **style.curve(0))
@@ -129,7 +126,7 @@ def draw(converged: pd.DataFrame, rows: pd.DataFrame, folder: Path) -> list[Pict
         axes.grid(color="0.93", linewidth=0.5)
         style.legend_above(figure, axes, 2)
     caption = (
-        f"Drift of the energy over {STEPS} steps of h = {LONG[SPHERE]} on the spherical pendulum, against the tolerance to which the "
+        f"Drift of the energy over {STEPS} steps of h = {STEP} on the spherical pendulum, against the tolerance to which the "
         "constraint is iterated. Dashed: `rattle`, whose multipliers are solved to round-off."
     )
     return [
@@ -139,7 +136,7 @@ def draw(converged: pd.DataFrame, rows: pd.DataFrame, folder: Path) -> list[Pict
 
 @of(MANIFOLD)
 def table(rows: pd.DataFrame) -> Table:
-    """Make the page's table: errors in constraints, energy and end state of each method on each problem."""
+    """What each method keeps on each problem."""
     columns = ["problem", "method", "constraint", "hidden constraint", "energy", "error", "uncertainty", "evaluations"]
     caption = (
         "Largest change of a constraint, of a hidden one and of the energy, the error of the end state with the reference's "
@@ -163,8 +160,8 @@ PAGE = Page(
         f"A spherical pendulum ({SPHERE}) and a double pendulum in Cartesian coordinates ({CARTESIAN}).",
         "Ordinary methods run on the index-reduced equations, with λ as a function of (q, p) from the twice differentiated "
         "constraint.",
-        f"Long runs: {STEPS} steps of h = {LONG[SPHERE]} on the spherical pendulum; the drift is the slope of H with its interval.",
-        f"A molecule: n-butane of four atoms, fixed bonds and angles, torsion of Ryckaert and Bellemans, steps of h = {LONG['butane']}, "
+        f"Long runs: {STEPS} steps of h = {STEP} on the spherical pendulum; the drift is the slope of H with its interval.",
+        f"A molecule: n-butane of four atoms, fixed bonds and angles, torsion of Ryckaert and Bellemans, steps of h = {MOLECULE_STEP}, "
         "4 fs.",
     ),
     verdicts=(kept, left, same, drift, loose),
