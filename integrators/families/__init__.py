@@ -1,1 +1,1 @@
-"""The families of integration methods: the step of each kind of method, one module each (see `stepping.kernel`)."""
+"""The families of integration methods, one module for the step of each kind of method (see `stepping.kernel`)."""

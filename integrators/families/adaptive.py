@@ -1,6 +1,6 @@
 r"""Symmetric methods with variable steps: splittings and Gauss's methods with Hairer and Soderlind's controller.
 
-They are splittings of a separable H (Stormer-Verlet and its compositions), and Gauss's methods.
+The splittings are those of a separable H: Stormer-Verlet and its compositions.
 
 Time is a function of a fictitious time in which steps are of the constant length h,
 
@@ -8,8 +8,8 @@ Time is a function of a fictitious time in which steps are of the constant lengt
     \frac{dt}{d\tau} = \sigma(q) = \Bigl(\sum_k r_k(q)^{-3}\Bigr)^{-1/2},
 
 with the distances :math:`r_k` to the singularities, declared or found in H, softened ones among them; so h is the step
-in time where the one distance that matters is 1.  The density :math:`\rho` of the steps follows :math:`1/\sigma` as a
-variable of its own, by the leapfrog rule,
+in time where one distance is 1 and the others are much larger.  The density :math:`\rho` of the steps follows
+:math:`1/\sigma` as a variable of its own, by the leapfrog rule,
 
 .. math::
     \rho_{1/2} = \frac{1}{\sigma(q_0)} + \frac h2 G(y_0),\qquad
@@ -17,15 +17,17 @@ variable of its own, by the leapfrog rule,
     G = \sigma \dot q \cdot \nabla \frac1\sigma .
 
 With a symmetric :math:`\Phi` the map of :math:`(y, \rho)` in fictitious time is symmetric, and reversible where the
-system is: the energy does not drift as with steps that look back only.  It is not symplectic.
+system is: the energy does not drift, as it does if steps are chosen by past steps alone.  It is not symplectic.
 
-A row, at a multiple of h in time, is reached by a shorter step from the last state before it.  The orbit goes on from
-that last state, so that it does not depend on which rows are kept; what leads to a row is no part of the reversible
-map.
+A row of output, the state at a multiple of h in time, is reached by a shorter step from the last state before it.  The
+orbit goes on from that last state, so that it does not depend on which rows are stored; the shorter step is no part of
+the reversible map.
 
-Orbits in lanes each have a clock of their own: one that is at its row waits for the others.
+Several orbits may be integrated side by side in SIMD lanes.  Each has a clock of its own, and an orbit that has reached
+its row waits for the others.
 
-A density that has left the neighbourhood of :math:`1/\sigma`, and steps that time does not show, end the run.
+The run ends if the density leaves the neighbourhood of :math:`1/\sigma` (by the factor `FAR`), or if a step is too
+short to change the time.
 
 Source: E. Hairer, G. Soderlind, SIAM J. Sci. Comput. 26 (2005) 1838-1851; E. Hairer, C. Lubich, G. Wanner,
 Geometric Numerical Integration (2006), VIII.3.2; stages in lanes: see `stage_lanes`.
@@ -78,10 +80,17 @@ FAR = 1e3
 
 
 class Adaptive(NamedTuple):
-    """What a variable step needs: the fields of a Gauss method or of a splitting; those of the other are None.
+    """The data of a method with variable steps, based on a Gauss method or on a splitting; unused fields are None.
 
-    Of Gauss: ``method`` in lanes and ``inverse``, the transposed matrix of `remember`; of a splitting: dT, dV, a, b.
-    ``monitor`` is the function (q, p) -> (1 / sigma, G).
+    Attributes
+    ----------
+    method : the coefficients of the Gauss method, with stages in SIMD lanes; None for a splitting
+    dT, dV : the gradients of T(p) and V(q) of a splitting, ``dT`` is None if grad T is p itself; None for a Gauss
+        method
+    a, b : fractions of a step of a splitting's drifts and kicks; None for a Gauss method
+    inverse : the matrix that `remember` applies to values of the field; None for a splitting
+    monitor : the function (q, p) -> (1 / sigma, G): the wanted density of steps and its rate of change
+    h, eps : the step size in fictitious time and the unit round-off, set by the run
     """
 
     method: stage_lanes.Lanes | None
@@ -96,7 +105,14 @@ class Adaptive(NamedTuple):
 
 
 class Clock(NamedTuple):
-    """The time and its rounding error, the density rho of the next step (of length h / rho), the last step's length."""
+    """The time of the last step's end, and what the step-size control remembers.
+
+    Attributes
+    ----------
+    t, lost : the time and its rounding error (compensation)
+    density : the density rho of the next step, whose length is h / rho
+    last : the length of the last step
+    """
 
     t: float
     lost: float
@@ -110,9 +126,11 @@ TIME, LOST, DENSITY, LAST = (OWN, 0), (OWN, 1), (OWN + 1, 0), (OWN + 1, 1)
 
 @inline
 def predict(e, first, at, ratio):
-    """Write starting values of a step's increments to the rows ``at``, ..., from the last step's polynomials of f.
+    """Extrapolate the polynomials through f of the last step to get starting values of this step's stage increments.
 
-    Their coefficients are in the rows from ``first`` on; the step is ``ratio`` times as long as the last.
+    The values h b_i f at the nodes are written to the rows from ``at`` on of ``e.memory``, a component of f in each
+    row. The polynomials' coefficients are in the rows from ``first`` on; ``ratio`` is this step's length over the last
+    one's.
     """
     nodes = e.step.nodes
     z = 1.0 + ratio * take(nodes, C, e.like)
@@ -123,8 +141,9 @@ def predict(e, first, at, ratio):
 
 @inline
 def remember(e, first, inverse):
-    """Write the coefficients of the polynomials through f at the nodes of a step to the rows from ``first`` on.
+    """Store the polynomials through f at the nodes of the step just taken, for `predict` in the next step.
 
+    Each component of f has a polynomial, whose coefficients go to a row of ``e.memory``, from the row ``first`` on.
     ``inverse`` is the matrix from values at the nodes to coefficients.
     """
     zero = 0.0 * take(e.step.nodes, C, e.like)
@@ -177,7 +196,10 @@ settle = dispatch_on_none(lambda method, step, carry, dt: None, _remember_field)
 
 @inline
 def read_clock(step, carry, y):
-    """Return the clock (time, density of steps) that the last call left in the carry, or a run's first one."""
+    """Return the `Clock` (time, density of steps) that the last call of the kernel left in ``carry``.
+
+    At the start of a run it is a new clock, whose density is computed at the state y.
+    """
     rows = carry.state
     clock = Clock(rows[TIME], rows[LOST], rows[DENSITY], rows[LAST])
     if clock.density == 0:
@@ -189,7 +211,10 @@ def read_clock(step, carry, y):
 
 @inline
 def tick(step, clock, dt, y):
-    """(clock after a step of length dt to y, True if the density is near 1 / sigma and the time has advanced)."""
+    """Advance the clock by a step of length dt that has ended at the state y; returns (new clock, True if it is valid).
+
+    It is valid if the density of steps is near 1 / sigma (within the factor `FAR`) and the step has changed the time.
+    """
     rate, change = step.monitor(y.q, y.p)
     t = (clock.t + clock.lost) + dt
     lost = (dt + clock.lost) - (t - clock.t)
@@ -199,7 +224,7 @@ def tick(step, clock, dt, y):
 
 @inline
 def plan_step(step, clock, until):
-    """(length of the next step, time left until ``until``, True if the step ends before that)."""
+    """Return (length of the next step, time left until ``until``, True if the step ends before ``until``)."""
     dt = step.h / clock.density
     left = (until - clock.t) - clock.lost
     return dt, left, (abs(dt) < abs(left)) & (left * step.h > 0)
@@ -207,7 +232,11 @@ def plan_step(step, clock, until):
 
 @inline
 def select_going(going, y, clock, following, later):
-    """(state, clock): after the step (``following``, ``later``) in the lanes ``going``, as before in the others."""
+    """Choose the state and clock of each SIMD lane: after a step in the lanes ``going``, before it in the others.
+
+    ``following`` and ``later`` are the state and clock after the step, y and ``clock`` those before.  Returns (state,
+    clock).
+    """
     y = State(
         where(going, following.q, y.q),
         where(going, following.p, y.p),
@@ -220,7 +249,7 @@ def select_going(going, y, clock, following, later):
 
 @inline
 def wind(step, carry, y, clock, until, counts):
-    """Step until the next step would pass the time ``until``; returns (state, clock, status)."""
+    """Take steps from the state y until the next one would pass the time ``until``; returns (state, clock, status)."""
     dt, _, going = plan_step(step, clock, until)
     while going:
         following, evaluations, status = attempt(step.method, step, carry, y, clock, dt, counts)
@@ -241,9 +270,9 @@ def wind(step, carry, y, clock, until, counts):
 
 @inline
 def reach(method, carry, y, clock, until, every, counts):
-    """Step to the last state before the time ``until``, and from there to the state at that time, a stored row.
+    """Step to the last state before the time ``until``, and from there to the state at that time, a row of output.
 
-    Returns (last state, clock, state at that time, status), as `loop.time_loop` requires.
+    Returns (last state, clock, state at that time, status), as `loop.time_loop` requires; ``every`` is not used.
     """
     there = y
     y, clock, status = wind(method, carry, y, clock, until, counts)
@@ -268,9 +297,10 @@ run = time_loop(read_clock, reach, leave)
 
 
 def monitor(system: Hamiltonian, arithmetic: str):
-    """Make the function (q, p) -> (1 / sigma, G) that controls the step.
+    """Make the function (q, p) -> (1 / sigma, G) that controls the lengths of steps.
 
-    1 / sigma is the density of steps that the distances to the singularities require, G the rate of its change.
+    1 / sigma is the density of steps that the distances to the singularities of H require, G is sigma times its time
+    derivative.
     """
     T = codegen.value_type(system.d)
 
@@ -285,7 +315,7 @@ def monitor(system: Hamiltonian, arithmetic: str):
 
 
 def is_gauss(method: Method) -> bool:
-    """True if the method is one of Gauss's; its data then are (number of stages,)."""
+    """True if a variable-step method is based on a Gauss method, whose data are (stages,); False if on a splitting."""
     return len(method.data) == 1
 
 
@@ -299,7 +329,7 @@ def require_lanes(method: Method, s: int, system: Hamiltonian) -> None:
 
 
 def digits(arithmetic: str) -> int:
-    """Decimal digits with which the coefficients are computed."""
+    """Decimal digits with which coefficients are computed: 40 for doubles, else 10 more than mpmath's precision."""
     return 40 if arithmetic == DOUBLE else mpmath.mp.dps + 10
 
 
@@ -309,14 +339,18 @@ def coefficients(s: int) -> mpmath.matrix:
 
 
 def inverse_of(s: int, step: stage_lanes.Lanes, arithmetic: str) -> np.ndarray:
-    """The transposed matrix from values at Gauss's s nodes to coefficients of powers, padded to the lanes."""
+    """The transposed matrix from values at Gauss's s nodes to coefficients of powers, padded with zeros to lanes."""
     with mpmath.workdps(digits(arithmetic)):
         inverse = coefficients(s)
         return array(pad_square(([inverse[k, j] for k in range(s)] for j in range(s)), len(step.like)), arithmetic)
 
 
 def prepare(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
-    """Prepare the kernel of a variable-step method: data (s,) is Gauss of s stages, (1, substeps) a splitting."""
+    """Prepare the kernel (compiled loop over steps) of a variable-step method, with its coefficients, for a system.
+
+    ``method.data`` is (s,) for Gauss's method of s stages, (1, substeps) for a splitting.  Raises InvalidInput if the
+    distances to the singularities are not formulae, or if stages cannot be evaluated in SIMD lanes.
+    """
     if not all(isinstance(r, sp.Expr) for r in singularities.steering_distances(system)):
         raise InvalidInput(f"method '{method.id}' requires the distances to the singularities as formulae")
     if not is_gauss(method):

@@ -23,9 +23,9 @@ The fixed point of this equation contracts with the square of h, that of both in
 
 The integral is a Gauss-Legendre sum: exact with ceil(m/2) nodes for a polynomial H of degree m; otherwise there is a
 list of rules of rising size, and a step takes the first that the next one confirms to round-off.  The confirming sweep
-is itself an iterate of the finer rule, so nothing of it is lost.  A step that the largest rule leaves unconfirmed is
-counted as a fallback.  The nodes of a rule are evaluated side by side, in lanes, where the system's functions can be
-had in lanes (`orbit_lanes.twin`); lanes that are left over repeat a node with the weight 0.
+is itself an iterate of the finer rule, so that no work is lost.  A step that the largest rule leaves unconfirmed is
+counted as a fallback.  The nodes of a rule are evaluated side by side in SIMD lanes if the system's functions compile
+for them (`orbit_lanes.twin`); lanes that are left over repeat a node with the weight 0.
 
 Source: G. R. W. Quispel, D. I. McLaren, J. Phys. A 41 (2008) 045206; E. Celledoni et al., M2AN 43 (2009) 645-649;
 W. Cai, H. Li, Y. Wang, J. Comput. Phys. 370 (2018) 25-42; T. Itoh, K. Abe, J. Comput. Phys. 76 (1988) 85-102.
@@ -85,14 +85,23 @@ WIDTH, FEWEST = 4, 3
 
 
 class Averaged(NamedTuple):
-    """What a step needs: substeps along paths, and quadrature rules; the unknown is the kick if ``field`` is None.
+    """The data of an averaged vector field method: substeps along paths, and quadrature rules for the averages.
 
-    Substep s takes ``fraction[s]`` of h; its components belong to the blocks ``place[s]``; its ``direction`` is the
-    path (1), the reverse path (-1) or both (0). ``path`` is None if every substep has one block only.
+    The unknown of a substep is the kick (increment of p) alone if ``field`` is None, else the increments of q and p.
 
-    A rule is a range of rows of nodes ``c`` with weights ``b``; each row has the number of its rule's ``nodes`` and
-    ``rows``. If ``like`` is None a row is one node, else as many as ``like`` has zeros, and ``field`` and ``dV`` are
-    functions of lanes.
+    Attributes
+    ----------
+    path : the vector field if a substep has several blocks, None if every substep has one block only
+    field : the vector field (q', p'); None if H = p . M^-1 p / 2 + V(q) and each path has one block
+    dT, dV : the gradients of T and V, if ``field`` is None
+    like : a zero for each node in a row if nodes are evaluated in SIMD lanes; None if a row is one node
+    place : array (substeps, 2 d), the block of each component of (q, p)
+    blocks : the number of blocks of each substep
+    direction : of each substep, 1 for the path, -1 for the reverse path, 0 for the mean over both
+    fraction : the length of each substep as a fraction of h
+    nodes, rows : for each row of the table of nodes, how many nodes and rows its quadrature rule has
+    c, b : nodes and weights, one row for each group of nodes; a rule is a range of rows
+    h, eps : the step size and the unit round-off, set by the run
     """
 
     path: Callable | None
@@ -113,9 +122,16 @@ class Averaged(NamedTuple):
 
 
 class Average(NamedTuple):
-    """Arguments of the equation of substep s of length h from (q, p), by the rule whose first row is ``rule``.
+    """Arguments of the equation of a substep of an averaged vector field method, which starts at the state (q, p).
 
-    v is M^-1 p if the unknown is the kick.
+    Attributes
+    ----------
+    step : the coefficients of the method
+    q, p : the state before the substep
+    v : M^-1 p if the unknown is the kick (increment of p) alone, else p
+    h : the length of the substep
+    s : the number of the substep
+    rule : the first row of the quadrature rule in use
     """
 
     step: Averaged
@@ -132,7 +148,7 @@ class Average(NamedTuple):
 
 @elementwise()
 def sum_lanes(x):
-    """Sum each component over its lanes."""
+    """Sum each component of the vector x over its SIMD lanes; returns a vector of numbers."""
     return total(x)
 
 
@@ -144,7 +160,7 @@ over_nodes = dispatch_on_none(lambda like, x: x, lambda like, x: sum_lanes(x))
 
 @inline
 def zero_sum(x, e):
-    """Zeros of the shape of x, in lanes where nodes are: the start of a sum over rows of nodes."""
+    """Zeros of the shape of the vector x, each in SIMD lanes if nodes are: the start of a sum over rows of nodes."""
     return scale(0.0 * of_row(e.step.like, e.step.b, e.rule), x)
 
 
@@ -153,23 +169,27 @@ def zero_sum(x, e):
 
 @elementwise()
 def path_point(direction, b, place, s, x, y):
-    """Components of the point y + w x of the path at which block b is moving and has gone the share s of its way.
+    """Components of the point y + w x of the path from y to y + x at which block b has gone the fraction s of its way.
 
-    ``place`` is the block of each component; w is 1 in blocks already moved, s in block b, 0 in the others. The reverse
-    path has ``direction`` -1.
+    ``place`` is the block of each component; w is 1 in blocks already moved, s in block b, 0 in the others.  The
+    reverse path has ``direction`` -1.
     """
     return y + (1.0 * (b == place) * s + 1.0 * (direction * (b - place) > 0)) * x
 
 
 @elementwise()
 def add_to_block(b, place, a, f, sums):
-    """sums + a f in the components that belong to block b by ``place``, sums in the others."""
+    """Add a f to ``sums`` in the components of block b, by their block numbers ``place``; others are unchanged."""
     return sums + 1.0 * (place == b) * a * f
 
 
 @inline
 def mean_one_way(direction, x, e):
-    """h times the mean of the vector field along a path, each component averaged while its own block moves."""
+    """h times the mean of the vector field along a path from (q, p), each component averaged while its own block moves.
+
+    x has the increments of q and p at the end of the path, e the arguments of the equation; ``direction`` is -1 for the
+    reverse path.  Returns a vector of 2 d components.
+    """
     step = e.step
     place = load(step.place, e.s, x)
     at_q, at_p = head(place), tail(place)
@@ -206,7 +226,7 @@ def _mean_along_line(path, x, e):
 
 @inline
 def drift(x, e):
-    """The increment of q in a substep with the kick x: h M^-1 (p + x / 2)."""
+    """The increment of q in a substep for the kick x, the increment of p: h M^-1 (p + x / 2)."""
     return scale(e.h, axpy(0.5, velocity(e.step.dT, x), e.v))
 
 
@@ -232,16 +252,17 @@ _end = dispatch_on_none(
 
 @inline
 def mean(x, e):
-    """Evaluate G(x), the right-hand side of the equation of a substep, for the unknown x.
+    """Evaluate G(x), the right-hand side of the equation x = G(x) of a substep, at the unknown x.
 
-    It is h times the mean of f (of -grad V for kicks) along the path from (q, p) to the point that x leads to.
+    G(x) is h times the mean of the vector field (of -grad V if x is a kick) along the path from (q, p) to the state
+    that the increment x leads to.
     """
     return _mean(e.step.field, x, e)
 
 
 @inline
 def lengths(x, g, e):
-    """(size of q, size of p) at the iterate x, which scale finite differences; g is G(x), e has the equations."""
+    """Sizes (of q, of p) at the iterate x of x = G(x) with arguments e, to scale finite differences; g is G(x)."""
     return _lengths(e.step.field, x, g, e)
 
 
@@ -250,19 +271,19 @@ solve_mean = solver(mean, lengths)
 
 @inline
 def by_rule(e, rule):
-    """The arguments ``e`` with another quadrature rule, given by its first row."""
+    """The arguments ``e`` of the equation of a substep, with another quadrature rule, given by its first row."""
     return Average(e.step, e.q, e.p, e.v, e.h, e.s, rule)
 
 
 @inline
 def evaluations(e, rule):
-    """Number of gradient evaluations that one evaluation of `mean` takes with the quadrature rule."""
+    """Gradient evaluations that one evaluation of `mean` takes with the quadrature rule of first row ``rule``."""
     return e.step.blocks[e.s] * (2 if e.step.direction[e.s] == 0 else 1) * e.step.nodes[rule]
 
 
 @inline
 def iterate(e, x):
-    """Iterate once from x: (the new x, the `Change` to it)."""
+    """Take one step of the fixed-point iteration from x: returns (the new x, the `Change` from the old one to it)."""
     new = mean(x, e)
     return new, change(e.step.field, x, new)
 
@@ -275,7 +296,7 @@ refine = refinement(solve_mean, iterate, by_rule, evaluations)
 
 @inline
 def substep(step, y, s, carry, counts):
-    """Take substep s from the state y with quadrature rules of rising size until one is confirmed by the next.
+    """Take substep s from the state y, with finer and finer quadrature rules until one is confirmed by the next.
 
     Returns (state, the solution x of the substep's equation, status).
     """
@@ -288,7 +309,7 @@ def substep(step, y, s, carry, counts):
 
 
 def step(method: Averaged, y: State, carry: Carry, counts: np.record) -> tuple[State, int]:
-    """Take one step from the state y, substep by substep; returns (state, status)."""
+    """Take one step from the state y, substep by substep; returns (state, status: `SOLVED` or why a substep failed)."""
     stages = len(method.fraction)
     status = SOLVED
     for s in range(stages):
@@ -314,7 +335,10 @@ PATHS = {
 
 
 def coupled(path: str, system: Hamiltonian) -> bool:
-    """True if H has a term in variables of two blocks of the path; if not, the path gives the AVF method."""
+    """True if H has a term that depends on variables of two different blocks of the path, which is a name in `PATHS`.
+
+    If not, the path gives the plain averaged vector field (AVF) method.
+    """
     place = PATHS[path](system.d)
     if len(set(place)) == 1 or (path == "momenta, coordinates" and system.separable):
         return False
@@ -323,10 +347,15 @@ def coupled(path: str, system: Hamiltonian) -> bool:
 
 
 def rules(system: Hamiltonian, width: int, arithmetic: str) -> tuple[list, list, list, list]:
-    """Quadrature rules of rising size, up to one that is exact where H is a polynomial, as columns (n, groups, c, b).
+    """Quadrature rules of rising size, up to one that is exact if H is a polynomial, as four columns (n, groups, c, b).
 
-    A rule of n nodes takes as many items of each column as it has ``groups`` of ``width`` nodes, which are evaluated
-    side by side: an item of c has the nodes of a group, tuples (width,), and one of b their weights, 0 for padding.
+    A rule of n nodes is cut into groups of ``width`` nodes, which are evaluated side by side, and takes one item of
+    each column for each group.
+
+    - n : the number of nodes of the rule
+    - groups : the number of its groups
+    - c : the nodes of the group, a tuple (width,); the first is repeated as padding
+    - b : their weights, a tuple (width,), 0 for padding
     """
     digits, known = (40, RULES) if arithmetic == DOUBLE else (mpmath.mp.dps, LARGE)
     found = []
@@ -346,7 +375,10 @@ def serves(system: Hamiltonian, arithmetic: str) -> bool:
 
 
 def prepare(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
-    """Prepare the kernel of an averaged vector field method; its data are substeps (fraction, path, direction)."""
+    """Prepare the kernel (compiled loop over steps) of an averaged vector field method for a system.
+
+    ``method.data`` are the substeps (fraction of h, name of the path in `PATHS`, direction 1, -1 or 0 for both).
+    """
     substeps = []
     for fraction, path, direction in method.data:
         if not coupled(path, system):

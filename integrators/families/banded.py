@@ -1,8 +1,9 @@
-"""The one-stage methods of `parametric`, their equations solved by Newton's method in a narrow band: for lattices.
+"""One-stage methods with a parameter (those of `parametric`) with banded Newton iterations, for lattices of many sites.
 
-The same equations in the same forms, to the same round-off; only how they are solved differs (`stepping.banded`).
-Which unknown acts on which is found when a system is prepared (`stepping.structure`).  Every substep keeps a matrix of
-its own.  Where nothing is implicit the method is that of `parametric`.
+The equations are those of `parametric`, solved to the same round-off; only the solver differs: it uses the band
+structure of the Jacobian (`stepping.banded`).  Which unknown occurs in which equation is found when a system is
+prepared (`stepping.structure`).  Every substep keeps a factorized matrix of its own from step to step.  Methods that
+are explicit on the system are prepared by `parametric`.
 """
 
 from __future__ import annotations
@@ -41,7 +42,17 @@ AT, SEED = (0.1, 1 / 3), 3
 
 
 class Banded(NamedTuple):
-    """What a step needs: the fields of `parametric.Parametric`, and the sparsity band of the stage equations."""
+    """The data of a one-stage method whose equations are solved in a narrow band.
+
+    Attributes
+    ----------
+    field : the vector field (q', p'), or None in the Nystrom form, where the unknown is the increment of p alone
+    dT, dV : the gradients of T and V in the Nystrom form, else None
+    c : lengths of the substeps as fractions of h
+    mu, lam : weights of a substep's stage: it is evaluated at (q + mu Delta q, p + lam Delta p)
+    band : the sparsity band of the stage equations
+    h, eps : the step size and the unit round-off, set by the run
+    """
 
     field: Callable | None
     dT: Callable | None
@@ -74,7 +85,10 @@ substep = dispatch_on_none(_nystrom, _general)
 
 
 def begin(method: Banded, carry: Carry, counts: np.record) -> State:
-    """Read the state before a call's first step; in the first step of a run, mark the stored matrices as stale."""
+    """Read the state from ``carry``, where the last call of the kernel (loop over steps) left it.
+
+    Before the first step of a run, mark the stored matrices of Newton's method as stale.
+    """
     if counts.steps == 0:
         for s in range(len(method.c)):
             forget(carry.work, s * len(unknown(method.field, carry.zero)), columns(method.band))
@@ -82,7 +96,7 @@ def begin(method: Banded, carry: Carry, counts: np.record) -> State:
 
 
 def step(method: Banded, y: State, carry: Carry, counts: np.record) -> tuple[State, int]:
-    """Take one step from the state y, substep by substep; returns (state, status)."""
+    """Take one step from the state y, substep by substep; returns (state, status: `SOLVED` or why a substep failed)."""
     start = unknown(method.field, carry.zero)
     status = SOLVED
     counts.newton += len(method.c)
@@ -99,7 +113,10 @@ run = loop(step, begin)
 
 
 def structure_of(system: Hamiltonian, order: int) -> list[np.ndarray]:
-    """For each unknown, the stage equations that depend on it; raises InvalidInput if that cannot be found."""
+    """Find the sparsity of the Jacobian of the stage equations: for each unknown, the equations that depend on it.
+
+    ``order`` is that of the generating function.  Raises InvalidInput if the structure cannot be found.
+    """
     (field, dT, dV), n = parametric.quadratic(system, DOUBLE, order)
     d = system.d
 
@@ -116,7 +133,10 @@ def structure_of(system: Hamiltonian, order: int) -> list[np.ndarray]:
 
 
 def prepare(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
-    """Prepare the kernel of a one-stage method, with the sparsity band of the system's stage equations."""
+    """Prepare the kernel (compiled loop over steps) of a one-stage method, with the band of its stage equations.
+
+    Methods that are explicit on the system have no equations to solve: they get the kernel of `parametric`.
+    """
     plain = parametric.prepare(method, system, arithmetic)
     if plain.run is not parametric.run:  # explicit: there is nothing to solve
         return plain

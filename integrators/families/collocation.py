@@ -1,29 +1,28 @@
 r"""Implicit Runge-Kutta methods, partitioned ones and their low-rank relatives: one kernel for every tableau.
 
-Unknown are the increments :math:`x_1, \dots, x_s` (of q and p); with nodes i = 1, ..., k
+The unknowns are the increments :math:`x_1, \dots, x_s` of q and p; with nodes i = 1, ..., k
 
 .. math::
     Z_i = y + \sum_m A_{im}\,x_m,\qquad x_j = h\sum_i B_{ji}\,f(Z_i),\qquad y_1 = y + \sum_m w_m\,x_m,
 
 where A and w may differ for q and p.
 
-- Runge-Kutta with :math:`(a_{ij}, b_j)`: k = s, :math:`A_{ij} = a_{ij}/b_j`, :math:`B = \mathrm{diag}(b)`, w = 1.
-  Then symplectic means :math:`A^q_{ij} + A^p_{ji} = 1`.  A is rounded so that this holds of the doubles, whatever b:
+- Runge-Kutta with :math:`(a_{ij}, b_j)`: k = s, :math:`A_{ij} = a_{ij}/b_j`, :math:`B = \mathrm{diag}(b)`, w = 1. Then
+  symplectic means :math:`A^q_{ij} + A^p_{ji} = 1`.  A is rounded so that its doubles fulfil this exactly, whatever b:
   else the map would be symplectic only to round-off, with a bias, and quadratic invariants would drift.
-- HBVM(k, s): :math:`A_{im} = \int_0^{c_i} P_m`, :math:`B_{ji} = b_i P_j(c_i)`, w = e_1, with the orthonormal
-  Legendre polynomials and the Gauss rule of k nodes.  It keeps a polynomial H of degree up to 2k/s; HBVM(s, s) is
-  Gauss.
-- cPG(s), the continuous Petrov-Galerkin method, is HBVM with the integrals in full: k from the degree of a polynomial
-  H; else k rises until the next rule confirms the increments to round-off (as in `averaged`).  A step
-  that the largest rule leaves unconfirmed is counted as a fallback.
+- HBVM(k, s): :math:`A_{im} = \int_0^{c_i} P_m`, :math:`B_{ji} = b_i P_j(c_i)`, w = e_1, with the orthonormal Legendre
+  polynomials and the Gauss rule of k nodes.  It keeps a polynomial H of degree up to 2k/s; HBVM(s, s) is Gauss.
+- cPG(s), the continuous Petrov-Galerkin method, is HBVM with exact integrals: k follows from the degree of a polynomial
+  H; else k rises until the next rule confirms the increments to round-off (as in `averaged`).  A step that the largest
+  rule leaves unconfirmed is counted as a fallback.
 
-For a separable H with quadratic T only the kicks are unknown (Nystrom form): with :math:`x_m` the increments of p,
+For a separable H with quadratic T only the kicks :math:`x_m`, increments of p, are unknown (Nystrom form):
 
 .. math::
     Q_i = q + c_i\,hv + hM^{-1}\sum_m \bar A_{im}\,x_m,\qquad q_1 = q + hv + hM^{-1}\sum_m \bar w_m\,x_m,\qquad
     \bar A = A^q B A^p,\quad \bar w = w^q B A^p ,
 
-symplectic where :math:`\bar A_{ij} - \bar A_{ji} = c_i - c_j` and :math:`\bar w = 1 - c`, again of the doubles.
+symplectic where :math:`\bar A_{ij} - \bar A_{ji} = c_i - c_j` and :math:`\bar w = 1 - c`, again exactly in doubles.
 
 The equations are solved by fixed point to round-off, by Newton's method with difference Jacobians of f at the nodes
 where that does not contract.  They start from the polynomial in time through the increments of the last steps.
@@ -87,12 +86,22 @@ if TYPE_CHECKING:
 
 
 class Collocation(NamedTuple):
-    """A step's coefficients: stages y + A x, increments x = h B f(stages), result y + w x, with A and w for q and p.
+    """Coefficients of an implicit Runge-Kutta method or relative: stages y + A x, increments x = h B f, end y + w x.
 
-    In the Nystrom form, where ``field`` is None, x are increments of p. A rule is a range of nodes. Each node has the
-    number of its rule's ``nodes`` and ``rows`` (the same), its time ``c[i, 0]``, and rows of A and B^T; ``diagonal``
-    tells whether B is. ``weights`` has the rows w^q, w^p; ``extrapolation`` has s rows for each number of earlier
-    steps.
+    A and w may differ for q and p.  A quadrature rule is a range of rows, one for each of its nodes.
+
+    Attributes
+    ----------
+    field : the vector field (q', p'); None in the Nystrom form, where x are the increments of p alone
+    dT, dV : the gradients of T and V in the Nystrom form, else None
+    diagonal : True if the matrix B is diagonal
+    weights : array (2, s), the rows w of q and of p
+    nodes, rows : for each node, the number of nodes of its rule (both the same)
+    c : array (nodes, 1), the times of the nodes as fractions of h
+    A_q, A_p : arrays (nodes, s), the matrix A for q and for p
+    B : array (nodes, s), the transpose of B
+    extrapolation : weights that predict increments; s rows for each number of earlier steps
+    h, eps : the step size and the unit round-off, set by the run
     """
 
     field: Callable | None
@@ -112,9 +121,17 @@ class Collocation(NamedTuple):
 
 
 class Equations(NamedTuple):
-    """Arguments of the equations for the increments of a step from (q, p), which are in rows of ``memory``.
+    """Arguments of the equations for the increments of a step from (q, p); the increments are in rows of ``memory``.
 
-    v is h M^-1 p in the Nystrom form.
+    Attributes
+    ----------
+    step : the coefficients of the method
+    q, p : the state before the step
+    v : h M^-1 p in the Nystrom form, else p
+    memory : array with the increments of this step and of earlier ones
+    zero, like : zeros of the shape of q, and of the shape of an increment
+    stages : the number of increments
+    counts : the counters of evaluations, and the quadrature rule in use
     """
 
     step: Collocation
@@ -205,8 +222,9 @@ add_increments = dispatch_on_none(
 def sweep(e, old, new):
     """Apply the right-hand side h B f to the increments in rows ``old``; write the result to rows ``new``.
 
-    Returns (the distance of old and new, the size of new). All nodes use the old increments. With the new ones at once
-    (Gauss-Seidel) a tenth fewer evaluations are needed, but each waits for the one before, which takes longer.
+    Returns (the distance between the two, the size of the result).  The iteration is of Jacobi's kind: all nodes use
+    the old increments.  Gauss-Seidel, with the new ones at once, would need a tenth fewer evaluations, but each would
+    wait for the one before, which takes longer.
     """
     step, memory, like = e.step, e.memory, e.like
     first = e.counts.rule
@@ -239,7 +257,8 @@ def sweep(e, old, new):
 def linearize(e, at, span, work):
     """Write the Jacobian 1 - G' of the equations x = G(x) at the increments in rows ``at``, ... to ``work``.
 
-    It is made by differences of f at the nodes (see `solve.row_solver`).
+    G' is made by finite differences of f at the nodes.  Returns the number of sweeps that cost as much, as
+    `solve.row_solver` requires; G(x) is left in the rows after x.
     """
     tableau, memory = e.step, e.memory
     n, first = len(e.like), e.counts.rule
@@ -285,7 +304,10 @@ def extrapolate(e, at):
 
 
 def step(method: Collocation, y: State, carry: Carry, counts: np.record) -> tuple[State, int]:
-    """Take one step from the state y; returns (state, status)."""
+    """Take one step from the state y; returns (state, status: `SOLVED` or why the stage equations could not be solved).
+
+    Stage equations start from solutions of earlier steps, kept in ``carry``; evaluations are added to ``counts``.
+    """
     memory, zero, like = carry.memory, carry.zero, unknown(method.field, carry.zero)
     stages = method.weights.shape[1]
     at = LEVELS * stages
@@ -307,9 +329,10 @@ run = loop(step)
 
 
 def prepare(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
-    """Prepare the kernel of a method whose ``data`` is (kind, s), or ("hbvm", s, k).
+    """Prepare the kernel (compiled loop over steps) of an implicit Runge-Kutta method or relative for a system.
 
-    Its stages or nodes are evaluated in lanes if the system allows it.
+    ``method.data`` is (kind, s) with s stages, or ("hbvm", s, k) with k nodes.  Stages or nodes are evaluated side by
+    side in SIMD lanes if the system allows it.
     """
     kind, s, *_ = method.data
     if kind == "gauss" and gauss_lanes.serves(s, system):
@@ -322,7 +345,7 @@ def prepare(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
 
 
 def rules_of(method: Method, system: Hamiltonian, arithmetic: str) -> Sequence[int]:
-    """The sizes of the quadrature rules that a method uses on a system, in nodes."""
+    """The numbers of nodes of the quadrature rules that a method uses on a system, in rising order."""
     kind, s, *k = method.data
     if kind == "cpg":
         return sizes(s, system.polynomial_degree, RULES if arithmetic == DOUBLE else LARGE)

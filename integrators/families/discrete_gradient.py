@@ -6,11 +6,11 @@ With y = (q, p), the increment x of a step and :math:`\bar y = y + x/2`,
     x = h J^{-1}\bigl(\nabla H(\bar y) + a\,x\bigr),\qquad
     a = \frac{H(y + x) - H(y) - \nabla H(\bar y)\cdot x}{x\cdot x} .
 
-The equation makes x orthogonal to the bracket, so that a is also the number for which H(y + x) = H(y).  That is how it
-is found here: for a given a the equation is smooth and solved to round-off, and a runs through secant steps, from the
-slope :math:`dH(y + x)/da = -x\cdot x + O(h^3)`, until H is H0 to its round-off.  The quotient itself would bring the
-round-off of H, divided by x.x, into every iterate; and with H0 as the target in place of H(y) nothing accumulates.  A
-substep in which H stays away from H0 is counted as a fallback.
+The equation makes x orthogonal to the bracket, so that a is also the number for which H(y + x) = H(y).  Here a is found
+as that root: for a given a the equation is smooth and solved to round-off, and a is improved by secant steps, the first
+with the slope :math:`dH(y + x)/da = -x\cdot x + O(h^3)`, until H equals H0 to round-off.  The quotient itself would
+bring the round-off of H, divided by x.x, into every iterate; with H0 as the target in place of H(y), energy errors do
+not accumulate.  A substep in which H stays away from H0 is counted as a fallback.
 
 Source: O. Gonzalez, J. Nonlinear Sci. 6 (1996) 449-467, equation (11).
 """
@@ -48,7 +48,16 @@ MISSED = "do not reach the energy of the start"
 
 
 class DiscreteGradient(NamedTuple):
-    """What a step needs: substeps of length ``fraction`` h, the field, the energy and its value H0 to conserve."""
+    """The data of a composition of Gonzalez' discrete gradient methods.
+
+    Attributes
+    ----------
+    field : the vector field (q', p')
+    energy : the function (q, p) -> (H, size of its terms), which sets the unit of its round-off
+    fraction : the lengths of the substeps as fractions of h
+    H0 : the energy to conserve, that of the initial state
+    h, eps : the step size and the unit round-off, set by the run
+    """
 
     field: Callable
     energy: Callable
@@ -59,7 +68,15 @@ class DiscreteGradient(NamedTuple):
 
 
 class Increment(NamedTuple):
-    """Arguments of the equation of a substep of length h from (q, p), at the value a of its parameter."""
+    """Arguments of the equation for the increment of a substep.
+
+    Attributes
+    ----------
+    field : the vector field (q', p')
+    q, p : the state before the substep
+    h : the length of the substep
+    a : the coefficient of x in the discrete gradient, held fixed while the equation is solved
+    """
 
     field: Callable
     q: Any
@@ -76,7 +93,7 @@ def square(x):
 
 @inline
 def increment(x, e):
-    """G(x) of the equation x = G(x) of a substep: h J^-1 (grad H(y + x/2) + a x)."""
+    """The right-hand side G(x) of the equation x = G(x) of a substep: h J^-1 (grad H(y + x/2) + a x)."""
     dq, dp = e.field(axpy(0.5, head(x), e.q), axpy(0.5, tail(x), e.p), e.h, 0.0)
     return join(scale(e.h, axpy(e.a, tail(x), dq)), scale(e.h, axpy(-e.a, head(x), dp)))
 
@@ -86,7 +103,7 @@ solve_increment = solver(increment)
 
 @inline
 def search(step, y, h, x, a, carry, counts):
-    """Take a substep of length h from y that ends at energy H0: find a, and the increment x that belongs to it.
+    """Take a substep of length h from y that ends at energy H0: find its coefficient a and its increment x.
 
     The arguments x and a are starting values; returns (x, a, status).
     """
@@ -116,7 +133,7 @@ def search(step, y, h, x, a, carry, counts):
 
 
 def step(method: DiscreteGradient, y: State, carry: Carry, counts: np.record) -> tuple[State, int]:
-    """Take one step from the state y, substep by substep; returns (state, status)."""
+    """Take one step from the state y, substep by substep; returns (state, status: `SOLVED` or why a substep failed)."""
     both, memory = join(carry.zero, carry.zero), carry.memory
     stages = len(method.fraction)
     ring = LEVELS * stages  # where the memory keeps the ring of each substep's a
@@ -137,7 +154,10 @@ run = loop(step)
 
 
 def prepare(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
-    """Prepare the kernel; the energy to conserve, H0, is that of the initial state."""
+    """Prepare the kernel (compiled loop over steps) of Gonzalez' discrete gradient for a system.
+
+    ``method.data`` are the substeps as fractions of h.  The energy to conserve, H0, is that of the initial state.
+    """
     energy = system.energy(arithmetic)
     step = DiscreteGradient(system.field(arithmetic), energy, numbers(method.data, arithmetic))
     return Prepared(run, step, 2 * system.d, len(step.fraction), begin=keep_energy(energy), missed=MISSED)

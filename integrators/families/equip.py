@@ -10,12 +10,12 @@ Every fixed alpha gives a symplectic, symmetric method of order 2s - 2, so every
 the root of :math:`E(\alpha) = H(y_1(\alpha)) - H_0` nearest zero.  As E(0) is O(h^(2s+1)) and the slope of E is
 O(h^(2s-1)), the root is O(h^2), and the method has the order 2s of Gauss.
 
-In the form of `collocation`, :math:`A_{ij}/b_j` loses :math:`\alpha S_{ij}`, with the skew :math:`S = P V P^T`; for
-each alpha the tableau is written anew, in Nystrom form where T is quadratic, rounded such that the conditions of
-symplecticity hold of the doubles.  The stages are evaluated in lanes where Gauss's are.
+In the form of `collocation`, :math:`\alpha S_{ij}` is subtracted from :math:`A_{ij}/b_j`, with the skew :math:`S = P V
+P^T`.  For each alpha the tableau is written anew, in Nystrom form where T is quadratic, rounded such that its doubles
+fulfil the conditions of symplecticity exactly.  Stages are evaluated in SIMD lanes where those of Gauss's methods are.
 
 Where the slope of E passes through zero a step may have no root: it is taken with alpha = 0 and counted as a fallback.
-The target stays H0, so that a later step wins the energy back.
+The target stays H0, so that a later step restores the energy.
 
 Source: L. Brugnano, F. Iavernaro, D. Trigiante, SIAM J. Numer. Anal. 50 (2012) 2897-2916.
 """
@@ -53,9 +53,20 @@ MISSED = "have no parameter near 0 that keeps the energy and were taken as Gauss
 
 
 class Equip(NamedTuple):
-    """What a step needs: the ``tableau`` in use, rewritten for each alpha; A_ij / b_j of Gauss's method, S_ij and b.
+    """The data of EQUIP, a Gauss method with a parameter alpha that conserves the energy.
 
-    Stages are in lanes unless ``f`` is None; the unknowns are kicks if ``field`` is None, else both increments.
+    Attributes
+    ----------
+    f : the field or -grad V as a function of SIMD lanes; None if stages are evaluated one by one
+    field : None if the unknowns are increments of p alone (Nystrom form), else the vector field or ``f``
+    energy : the function (q, p) -> (H, size of its terms)
+    tableau : the tableau in use, rewritten for each alpha
+    A : array (s, s), a_ij / b_j of Gauss's method
+    S : the skew array (s, s) that alpha multiplies
+    b : the weights of the Gauss rule
+    search : limits of the search for alpha
+    H0 : the energy to conserve, that of the initial state
+    h, eps : the step size and the unit round-off, set by the run
     """
 
     f: Callable | None
@@ -72,7 +83,15 @@ class Equip(NamedTuple):
 
 
 class Step(NamedTuple):
-    """Arguments of the search for alpha: the method, the state y before the step, the carry and the counts."""
+    """Arguments of the search for alpha in one step.
+
+    Attributes
+    ----------
+    step : the data of the method
+    y : the state before the step
+    carry : solutions of earlier steps, and memory
+    counts : the counters of evaluations
+    """
 
     step: Equip
     y: State
@@ -148,7 +167,7 @@ enter = dispatch_on_none(_enter_rows, _enter_lanes)
 
 @inline
 def round_to_grid(x):
-    """x rounded to a multiple of the round-off of 1: sums and differences of such numbers below 2 are exact."""
+    """Round x to a multiple of the round-off of 1, so that sums and differences of such numbers below 2 are exact."""
     return (x + 1.5) - 1.5
 
 
@@ -187,9 +206,10 @@ write = dispatch_on_none(_write_kicks, _write_both)
 
 @jit
 def attempt(alpha, start, ease, e):
-    """Take the step with the parameter alpha; returns an `Attempt` with the state after it and its energy error.
+    """Try the step with the parameter alpha; returns an `Attempt` with the state after it and its energy error.
 
-    The start of the stages is extrapolated from earlier steps, or is the last attempt's, whose alpha was near.
+    ``start`` chooses where the stages start from: the extrapolation from earlier steps (`FIRST`), or the solution of
+    the last attempt, whose alpha was near.  ``ease`` is how many times round-off the error of the stages may be.
     """
     forbid_inlining()
     step, y, counts = e.step, e.y, e.counts
@@ -207,7 +227,10 @@ find = finder(attempt, followed=False)
 
 
 def step(method: Equip, y: State, carry: Carry, counts: np.record) -> tuple[State, int]:
-    """Take one step from the state y, with the parameter alpha that conserves the energy; returns (state, status)."""
+    """Take one step from the state y, with the parameter alpha that conserves the energy; returns (state, status).
+
+    If no alpha is found the step is Gauss's (alpha = 0), and is counted in ``counts.fallbacks``.
+    """
     e = Step(method, y, carry, counts)
     alpha, found, result = find(method.search, carry.state, OWN, np.nan, e)
     if result.status != SOLVED:
@@ -223,18 +246,20 @@ run = loop(step, parameter=True)
 
 
 def skew(s: int, nodes):
-    """The skew matrix S = P V P^T at s nodes, as rows; P has the orthonormal Legendre polynomials' values there.
+    """The skew matrix S = P V P^T at s nodes, as a list of rows.
 
-    V is zero but for a 1 and a -1 in the last two rows and columns.
+    P_ij is the orthonormal Legendre polynomial of degree j - 1 at node i.  V is zero but for a 1 and a -1 in the last
+    two rows and columns.
     """
     P = [legendre(s, c) for c in nodes]
     return [[a[s - 1] * b[s - 2] - a[s - 2] * b[s - 1] for b in P] for a in P]
 
 
 def prepare(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
-    """Prepare the kernel of EQUIP with s stages, the method's one datum.
+    """Prepare the kernel (compiled loop over steps) of EQUIP for a system.
 
-    Stages stand in lanes if the system allows it; the Nystrom form is taken if T is quadratic.
+    ``method.data`` is (s,), the number of stages.  Stages are evaluated side by side in SIMD lanes if the system allows
+    it; the Nystrom form is used if T is quadratic.
     """
     (s,) = method.data
     if serves(s, system):
@@ -254,7 +279,7 @@ def prepare(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
 
 
 def _set_energy(energy, step, q, p):
-    """Complete a step for a run from (q, p): set H0 to the energy there, copy the tableau, which runs overwrite."""
+    """Complete the data of EQUIP for a run from (q, p): set H0, the energy; copy the tableau, which runs overwrite."""
     t = step.tableau
     tables = {name: x for name, x in t._asdict().items() if isinstance(x, np.ndarray) and x.flags.writeable}
     own = {name: x.copy() for name, x in tables.items()}

@@ -1,4 +1,4 @@
-r"""Explicit methods for every H by a second copy of the state, which is carried along: Tao's and Pihajoki's.
+r"""Explicit methods for every H with a second copy of the state, integrated along with it: Tao's and Pihajoki's.
 
 To the state (q, p) belongs a copy (x, y), equal to it at the start.  In the extended phase space, with the pairs (q, p)
 and (x, y), the Hamiltonian
@@ -14,13 +14,13 @@ has on equal copies the flow of H in each of them.  The flow of each part is exp
 
 Pihajoki's, without the bond C, is :math:`e^{\frac h2A}e^{hB}e^{\frac h2A}`.  Higher orders are compositions of steps.
 :math:`\omega` has the unit of p / (q t), and equal units of q and p are taken for granted: 20 suits states and times of
-size 1.  A larger one holds the copies nearer, and needs a shorter step.
-The last A of a step and the first of the next are one, taken apart where a row is stored, so that a step of Tao's takes
-three evaluations of the field, one of Pihajoki's two.
+size 1.  A larger one keeps the copies closer together, and needs a shorter step.
+The last substep A of a step is merged with the first of the next, except where a row of output is stored, so that
+Tao's step takes three evaluations of the field, Pihajoki's two.
 
-The steps are symplectic and symmetric in the extended phase space.  The map of (q, p) alone, from a copy made anew, is
-neither: rows tell q and p, and the copy is kept from row to row.  Of H = T(p) + V(q) Pihajoki's q and p are those of
-Stormer-Verlet; of other H nothing holds the copies together.
+The steps are symplectic and symmetric in the extended phase space.  The map of (q, p) alone, with a new copy in
+every step, is neither: so the copy is kept from row to row, and rows have q and p.  For H = T(p) + V(q) Pihajoki's q
+and p are those of Stormer-Verlet; for other H nothing keeps the copies together.
 
 Sources: M. Tao, Phys. Rev. E 94 (2016) 043303; P. Pihajoki, Celest. Mech. Dyn. Astron. 121 (2015)
 211-231, without its mixing maps.
@@ -59,9 +59,17 @@ COPY = 4
 
 
 class Extended(NamedTuple):
-    """The field of H, and the substeps: A over a[0] h, then for k = 1, 2, ... B, C, B and A.
+    """The field of H, and the substeps of a step: A over a[0] h, then for k = 1, 2, ... the substeps B, C, B and A.
 
-    B is taken over before[k] h and after[k] h, C over the angle 2 bond[k] h, and A over a[k] h.
+    A, B and C are the parts of the extended Hamiltonian (see the module): H(q, y), H(x, p) and the bond of the copies.
+
+    Attributes
+    ----------
+    field : the vector field (q', p')
+    a : A is taken over a[k] h
+    before, after : B is taken over before[k] h before C, over after[k] h after it
+    bond : C turns by the angle 2 bond[k] h
+    h, eps : the step size and the unit round-off, set by the run
     """
 
     field: Callable
@@ -74,7 +82,15 @@ class Extended(NamedTuple):
 
 
 class Copies(NamedTuple):
-    """The state (q, p), its copy (x, y), the field at (q, y), and the table in which the copy is kept between calls."""
+    """The state (q, p), its copy (x, y), and the field at (q, y).
+
+    Attributes
+    ----------
+    q, p, x, y : the state and the copy of q and of p
+    lost_q, lost_p, lost_x, lost_y : what rounding lost of each (compensation)
+    dq, dp : the field at (q, y)
+    rows : the table in which the copy is kept between calls of the kernel
+    """
 
     q: Any
     p: Any
@@ -91,14 +107,18 @@ class Copies(NamedTuple):
 
 @inline
 def move_copy(z, h):
-    """exp(h A): x and p move by the field at (q, y)."""
+    """Apply exp(h A) to the two copies z: x and p move by the field at (q, y); returns the new `Copies`."""
     x, lost_x = add_product_in_place(z.x, z.lost_x, h, z.dq)
     p, lost_p = add_product_in_place(z.p, z.lost_p, h, z.dp)
     return Copies(z.q, p, z.lost_q, lost_p, x, z.y, lost_x, z.lost_y, z.dq, z.dp, z.rows)
 
 
 def begin(method, carry, counts):
-    """Read the state and its copy, which at the start of a run is made, and the coefficients of the turns."""
+    """Read the state and its copy from ``carry``, and evaluate the field.
+
+    At the start of a run the copy equals the state.  The coefficients of the rotations C are computed as well, and
+    written to ``carry.memory``.
+    """
     rows = carry.state
     if counts.steps == 0:
         for k in range(4):
@@ -117,12 +137,15 @@ def begin(method, carry, counts):
 
 
 def start(method, z):
-    """Apply the first A; that of the following steps is part of the last A before them."""
+    """Apply the first substep A of a step; in later steps it is part of the last A of the step before."""
     return move_copy(z, method.a[0] * method.h)
 
 
 def step(method, z, carry, counts):
-    """Apply B, C, B and A in turn; the last A includes the next step's first."""
+    """Take a step from the two copies z: apply B, C, B and A for each composed step in turn.
+
+    Returns (copies, `SOLVED`).  The last A includes the first A of the next step.
+    """
     h, last = method.h, len(method.a) - 1
     q, p, lost_q, lost_p, x, y, lost_x, lost_y, dq, dp, rows = z
     for k in range(1, last + 1):
@@ -155,7 +178,7 @@ def step(method, z, carry, counts):
 
 
 def finish(method, z):
-    """Take back the next step's first A, and keep the copy."""
+    """Undo the next step's first substep A, which `step` has merged with its own last, and store the copy (x, y)."""
     z = move_copy(z, -method.a[0] * method.h)
     store(z.rows, COPY, z.x)
     store(z.rows, COPY + 1, z.y)
@@ -168,9 +191,10 @@ run = loop(step, begin, start, finish)
 
 
 def prepare(method, system, arithmetic):
-    """Prepare the kernel of a method whose ``data`` is (fractions of h of composed steps, omega).
+    """Prepare the kernel (compiled loop over steps) of a method with two copies of the state, for a system.
 
-    omega is None where nothing binds the two copies.
+    ``method.data`` is (fractions of h of the composed steps, omega); omega is the strength of the bond C between the
+    copies, None if there is no bond.
     """
     fractions, omega = method.data
     none = [0] * len(fractions)

@@ -1,4 +1,4 @@
-r"""Flow-composed implicit Runge-Kutta methods: Gauss's methods for what disturbs Kepler orbits, along Kepler's flow.
+r"""Flow-composed implicit Runge-Kutta methods: Gauss's methods for perturbed Kepler orbits, along Kepler's flow.
 
 H = A + B as in `wisdom_holman`: A is a sum of Kepler problems and free motions with the flow :math:`\varphi_t`, B the
 interaction of positions.  With :math:`y(t) = \varphi_{t}(w(t))` the motion is
@@ -16,9 +16,9 @@ Hamiltonian in w, and slow: F is as small as the perturbation.  A step is
 with Gauss's coefficients and the times :math:`\tau_j = (c_j - \tfrac12) h`.  It is of order 2 s, symmetric and
 symplectic, and exact without a perturbation; its error has the perturbation as a factor.
 
-The last flow of a step and the first of the next are one.  Unknown are :math:`x_j = h b_j F(\tau_j, W_j)`, solved by
-fixed point to round-off from zero; the iteration contracts by the perturbation.  Coefficients are rounded as those of
-`collocation`, so that the step is symplectic to the last digit.
+The last flow of a step is merged with the first of the next.  The unknowns are :math:`x_j = h b_j F(\tau_j, W_j)`,
+solved by fixed point to round-off from zero; the iteration contracts with the size of the perturbation.  Coefficients
+are rounded like those of `collocation`, so that the step is symplectic to the last digit.
 
 Sources: M. Antonana, J. Makazaga, A. Murua, arXiv:1711.06050 (2017) (FCIRK); M. Antonana, E. Alberdi, J. Makazaga,
 A. Murua, Celest. Mech. Dyn. Astron. 134 (2022) (s = 8, order 16); the derivative of the flow: `kepler_tangent`.
@@ -48,7 +48,20 @@ if TYPE_CHECKING:
 
 
 class FlowComposed(NamedTuple):
-    """What a step needs: a_ij / b_j, b and c - 1/2 of Gauss's method, and the fields of `wisdom_holman`."""
+    """The data of a flow-composed implicit Runge-Kutta method (FCIRK).
+
+    Attributes
+    ----------
+    dB : the gradient of the interaction by the original coordinates
+    A, b : a_ij / b_j and b_j of Gauss's method
+    times : c_j - 1/2
+    dimension : of space, 2 or 3
+    masses, mu : masses and gravitational parameters of the Kepler problems; mu = 0 for a free motion
+    change, back : the matrices of Q = change q and q = back Q, acting on bodies; Q are the variables of the Kepler
+        problems
+    series : the constants of `kepler_flow`
+    h, eps : the step size and the unit round-off, set by the run
+    """
 
     dB: Callable
     A: np.ndarray
@@ -65,7 +78,15 @@ class FlowComposed(NamedTuple):
 
 
 class Stages(NamedTuple):
-    """Arguments of the stage equations: rows q, p of ``state`` are w_0."""
+    """Arguments of the stage equations of a step.
+
+    Attributes
+    ----------
+    step : the data of the method
+    state : array whose rows 0 and 1 are q and p of w_0, from which the step starts
+    memory : array with the unknowns, overwritten
+    zero : a zero of the shape of q
+    """
 
     step: FlowComposed
     state: np.ndarray
@@ -80,7 +101,11 @@ BACK, POSITION, GRADIENT, KICK, SPANS, UNKNOWN = 2, 4, 5, 6, 7, 8
 
 @jit
 def evaluate(e, i, old):
-    """Write F(tau_i, W_i) to the rows `BACK`, `BACK` + 1 of the memory, W_i from the unknowns in the rows ``old``."""
+    """Evaluate the transported field F(tau_i, W_i) of stage i, of the formulae in the module's docstring.
+
+    W_i follows from the unknowns in the rows from ``old`` on.  The q part and the p part of F are written to the rows
+    `BACK` and `BACK` + 1 of ``e.memory``.
+    """
     step, state, memory = e.step, e.state, e.memory
     n, bodies, d = step.dimension, len(step.mu), len(e.zero)
     for k in range(d):
@@ -119,7 +144,11 @@ def evaluate(e, i, old):
 
 @inline
 def sweep(e, rows, active):
-    """Apply the right-hand side once, from the unknowns in rows[0] to rows[1]; (rows exchanged, distance, size)."""
+    """Apply the right-hand side of the stage equations to the unknowns in ``e.memory``.
+
+    They are read in the rows from rows[0] on, and the result is written to the rows from rows[1] on.  Returns (the two
+    row numbers exchanged, the distance between both, the size of the result), as `fixed_point` requires.
+    """
     old, new = rows
     step, memory = e.step, e.memory
     delta, length = 0.0, 0.0
@@ -139,7 +168,10 @@ solve = fixed_point(sweep)
 
 @jit
 def perturb(step, carry, counts):
-    """Take the Gauss step of w from the rows of the carry's state, in place; returns the status."""
+    """Take the Gauss step of the slow variables w, without Kepler's flow, on the rows of ``carry.state``, in place.
+
+    Returns the status: `SOLVED`, or `STALLED` if the stage equations could not be solved.
+    """
     state, memory, zero = carry.state, carry.memory, carry.zero
     s, d = len(step.b), len(zero)
     for row in range(UNKNOWN, UNKNOWN + 2 * s):
@@ -163,9 +195,9 @@ def perturb(step, carry, counts):
 
 
 def run(step, carry, samples, counts):
-    """The kernel: integrate the steps of the samples' rows and fill them; returns (rows filled, status).
+    """The kernel: integrate the steps between rows of output and fill the rows; returns (rows filled, status).
 
-    It has a loop of its own, since flows of two steps are merged, as in `wisdom_holman`.
+    It has a loop of its own, since Kepler flows of neighbouring steps are merged, as in `wisdom_holman`.
     """
     state, memory, zero = carry.state, carry.memory, carry.zero
     n, h = step.dimension, step.h
@@ -193,7 +225,11 @@ def run(step, carry, samples, counts):
 
 
 def prepare(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
-    """Prepare the kernel of a method whose ``data`` is (number of stages,)."""
+    """Prepare the kernel (compiled loop over steps) of a flow-composed Gauss method.
+
+    ``method.data`` is (number of stages,).  Raises InvalidInput if the kinetic energy is not that of the declared
+    Kepler problems.
+    """
     (s,) = method.data
     part = system.kepler
     check_kinetic_energy(system)

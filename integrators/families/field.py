@@ -1,31 +1,31 @@
 r"""Gauss's methods with steps that follow the field along the orbit: variable steps for any H.
 
-The polynomials through f at the nodes of a step give its derivatives at the step's end, and these the next step,
+The polynomials through f at the nodes of a step give the derivatives of f at the step's end, and these the next step,
 
 .. math::
     \Delta t = h\,\frac{\tau}{T},\qquad
     \tau^2 = \frac{|f|\,|f''| + |f'|^2}{|f'|\,|f'''| + |f''|^2}.
 
-f are the accelerations where :math:`H = \sum p_i^2 / 2 m_i + V(q)`, and :math:`T^2 = |q_0|/|q_0''|` (from :math:`q_0 =
-0`, :math:`|q_0'|/|q_0''|`).  Of any other H the shorter :math:`\tau` of q' and p' counts, and T is the longer of the
-times
+Here f are the accelerations if :math:`H = \sum p_i^2 / 2 m_i + V(q)`, and T, the time scale of the initial state, is
+:math:`T^2 = |q_0|/|q_0''|` (if :math:`q_0 = 0`, :math:`T = |q_0'|/|q_0''|`).  For any other H the shorter :math:`\tau`
+of q' and p' is used, and T is the longer of the times
 
 .. math::
     \frac{|q_0|}{\sqrt{|q_0'|^2 + |q_0|\,|q_0''|}}
 
-of q and of p; the second derivatives are differences of the field along itself.  So h is the step where the field
-changes as fast as q or p does at the start.  On a harmonic oscillator :math:`\tau` is constant, on a Kepler orbit it
-falls with the distance as :math:`r^{3/2}`.
+of q and of p; the second derivatives are differences of the field along itself.  So h is the length of a step where the
+field changes as fast as q or p does at the start.  On a harmonic oscillator :math:`\tau` is constant, on a Kepler orbit
+it falls with the distance as :math:`r^{3/2}`.
 
-A step is rejected where :math:`\tau` at its end has fallen to less than `TRUSTED` of what the step was chosen by; where
-the last derivative that its s nodes tell, :math:`|f^{(s-1)}|/|f|` to the power :math:`1/(s-1)`, is as large (a wall
-within the step, which :math:`\tau` at the end may not show); or where its equations were not solved.  It is made anew
-with the time that it found.  A step is at most `GROWTH` times the last.  All this looks back only: the map is neither
-symmetric nor reversible, and the energy may drift.  Quadratic invariants are kept.
+A step is rejected if :math:`\tau` at its end is less than `TRUSTED` times the value by which the step was chosen; if
+the highest derivative that s nodes give, as the rate :math:`(|f^{(s-1)}|/|f|)^{1/(s-1)}`, is as large as that (a steep
+wall within the step, which :math:`\tau` at the end may not show); or if its equations were not solved.  The step is
+then repeated with the length that it suggests.  A step is at most `GROWTH` times the last.  All this looks back only:
+the map is neither symmetric nor reversible, and the energy may drift.  Quadratic invariants are kept.
 
-A row, at a multiple of h in time, is reached by a shorter step from the last state before it.  The orbit goes on from
-that last state, so that it does not depend on which rows are kept: where a row's own step is rejected, the step that
-the orbit takes next decides.
+A row of output, the state at a multiple of h in time, is reached by a shorter step from the last state before it.  The
+orbit goes on from that last state, so that it does not depend on which rows are stored: where the shorter step is
+rejected, the next step of the orbit itself is tried, and decides.
 
 Source: S. J. Aarseth, in Multiple Time Scales (1985) 377-418 (the quotient); H. Rein, D. S. Spiegel, Mon. Not. R.
 Astron. Soc. 446 (2015) 1424-1437 (derivatives from the step's own polynomials, rejection at a quarter).
@@ -70,10 +70,15 @@ SHORTEST = 100_000
 
 
 class Field(NamedTuple):
-    """What a step needs: Gauss's ``method`` in lanes, ``inverse``, the matrix of `adaptive.remember`, and ``ends``.
+    """The data of Gauss's method with steps that follow the field.
 
-    The rows of ``ends`` are weights of f at the nodes that give f, f', f'', f''' and the derivative s - 1 at the end of
-    a step of length 1.
+    Attributes
+    ----------
+    method : the coefficients of Gauss's method, with stages in SIMD lanes
+    inverse : the matrix that `adaptive.remember` applies to values of the field
+    ends : rows of weights of f at the nodes, which give f, f', f'', f''' and the derivative of order s - 1 at the end
+        of a step of length 1
+    h, eps : the step size at the initial time scale, and the unit round-off, set by the run
     """
 
     method: stage_lanes.Lanes
@@ -84,7 +89,14 @@ class Field(NamedTuple):
 
 
 class Clock(NamedTuple):
-    """The time and its rounding error, lengths of the next and of the last step, h over the initial time scale T."""
+    """The time of the last step's end, and what the step-size control remembers.
+
+    Attributes
+    ----------
+    t, lost : the time and its rounding error (compensation)
+    following, last : the lengths of the next step and of the last one
+    scale : h over the time scale T of the initial state
+    """
 
     t: float
     lost: float
@@ -103,11 +115,11 @@ inertia = dispatch_on_none(lambda inverse_mass, e, k: 1.0, lambda inverse_mass, 
 
 @inline
 def inverse_square(e, step, first, last):
-    """(1 / tau^2, (|f^(s-1)| / |f|)^2) at the end of a step with s nodes, in units of the step's length.
+    """Rates of change of f at the end of a step: (1 / tau^2, (|f^(s-1)| / |f|)^2), in units of the step's length.
 
-    f is the vector field along the orbit, f^(s-1) its highest derivative that the nodes give, and the time scale tau
-    has tau^2 = (|f| |f''| + |f'|^2) / (|f'| |f'''| + |f''|^2).  Of f only the components first, ..., last - 1 count.
-    Either number is 0 if it is round-off alone.
+    f is the vector field along the orbit, f^(s-1) its highest derivative that s nodes give, and tau is its time scale,
+    tau^2 = (|f| |f''| + |f'|^2) / (|f'| |f'''| + |f''|^2).  In the second number |f|^2 is summed over the nodes.  Of f
+    only the components first, ..., last - 1 count.  Either number is 0 if it is round-off alone.
     """
     f0, f1, f2, f3, highest, whole = 0.0 * e.h, 0.0 * e.h, 0.0 * e.h, 0.0 * e.h, 0.0 * e.h, 0.0 * e.h
     for k in range(first, last):
@@ -139,9 +151,9 @@ rate = dispatch_on_none(_of_both, _of_kicks)
 
 @inline
 def _pace(e, first, last, shift):
-    """The time |y| / sqrt(|y'|^2 + |y| |y''|) of y's components first, ..., last - 1; 0 if y is 0 or does not move.
+    """The time scale |y| / sqrt(|y'|^2 + |y| |y''|) of components first, ..., last - 1 of y; 0 if y is 0 or is at rest.
 
-    f has been evaluated at y + shift y' and, in the second lane, at y - shift y'.
+    f has been evaluated at y + shift y' and, in the second SIMD lane, at y - shift y'.
     """
     size, slope, bend = 0.0 * e.h, 0.0 * e.h, 0.0 * e.h
     for k in range(first, last):
@@ -181,7 +193,10 @@ unit = dispatch_on_none(_unit_of_both, _unit_of_kicks)
 
 @inline
 def read_clock(step, carry, y):
-    """Return the clock (time, lengths of steps) that the last call left in the carry, or a run's first one."""
+    """Return the `Clock` (time, lengths of steps) that the last call of the kernel left in ``carry``.
+
+    At the start of a run it is a new clock, with the time scale of the field at the state y.
+    """
     rows = carry.state
     if rows[FOLLOWING] == 0:
         e = equations(step.method, carry, step.h)
@@ -196,10 +211,10 @@ def read_clock(step, carry, y):
 
 @inline
 def fit_step(step, carry, clock, length, trusted):
-    """Judge a step of length ``length``: (length of the next step by the field at its end, True if it is accepted).
+    """Judge a step of length ``length``: (length of the next step, True if this one is accepted).
 
-    It is rejected if the time scale of the field, or of its highest known derivative, is too short for it by more than
-    the factor ``trusted``.
+    Both follow from the field at the end of the step.  It is rejected if the time scale of the field, or of its highest
+    known derivative, fits only a step shorter than ``trusted`` times ``length``.
     """
     square, highest = rate(step.method.inverse_mass, equations(step.method, carry, length), step)
     share, rough = square**0.5, highest ** (0.5 / (step.method.stages - 1))
@@ -214,7 +229,7 @@ def fit_step(step, carry, clock, length, trusted):
 
 @inline
 def wind(step, carry, y, clock, until, most, counts):
-    """Step to the time ``until`` in at most ``most`` steps.
+    """Integrate from the state y to the time ``until`` in at most ``most`` steps, rejecting steps that are too long.
 
     Returns (last state before that time, its clock, the state at that time, status).
     """
@@ -252,7 +267,11 @@ def wind(step, carry, y, clock, until, most, counts):
 
 @inline
 def reach(method, carry, y, clock, until, every, counts):
-    """Step to the time ``until`` of a row; (last state, clock, state at that time, status), see `loop.time_loop`."""
+    """Integrate to the time ``until`` of a row of output.
+
+    Returns (last state before that time, its clock, the state at that time, status), see `loop.time_loop`; ``every`` is
+    the number of h from row to row, and limits the number of steps.
+    """
     return wind(method, carry, y, clock, until, SHORTEST * every, counts)
 
 
@@ -267,11 +286,14 @@ def leave(carry, clock):
 run = time_loop(read_clock, reach, leave)
 
 
-# -- the numbers that it is handed ------------------------------------------------------------------------------------
+# -- the coefficients of the kernel ------------------------------------------------------------------------------------
 
 
 def ends_of(s: int, step: stage_lanes.Lanes, arithmetic: str) -> np.ndarray:
-    """The weights ``Field.ends``: derivatives at 1 of the polynomials that are 1 at one node and 0 at the others."""
+    """The weights ``Field.ends``, array (5, lanes): derivatives of f at a step's end from values at its nodes.
+
+    The rows are derivatives at 1 of the polynomials of degree s - 1 that are 1 at one node and 0 at the others.
+    """
     with mpmath.workdps(adaptive.digits(arithmetic)):
         inverse = adaptive.coefficients(s)
         falling = [[mpmath.ff(k, j) for k in range(s)] for j in (*range(DERIVATIVES), s - 1)]
@@ -280,7 +302,10 @@ def ends_of(s: int, step: stage_lanes.Lanes, arithmetic: str) -> np.ndarray:
 
 
 def prepare(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
-    """Prepare the kernel of Gauss's method with s stages and variable steps; ``method.data`` is (s,)."""
+    """Prepare the kernel (compiled loop over steps) of Gauss's method with steps that follow the field.
+
+    ``method.data`` is (s,), the number of stages.
+    """
     (s,) = method.data
     lanes = gauss_lanes.build_lanes(s, system, arithmetic)
     step = Field(lanes, adaptive.inverse_of(s, lanes, arithmetic), ends_of(s, lanes, arithmetic))

@@ -11,11 +11,12 @@ whole: no matrix of second derivatives is formed.  Without the Hessian the kick 
 .. math::
     p \leftarrow p - b_k h\,\nabla V\Bigl(q - \frac{2 c_k h^2}{b_k}\,M^{-1}\nabla V(q)\Bigr),
 
-equal to the above up to :math:`h^5`: symmetric and volume-preserving, not symplectic.  It serves loops that have no
-formula.
+equal to the above up to :math:`h^5`: symmetric and volume-preserving, not symplectic.  It serves systems whose
+potential is given by a program and not by a formula.
 
-The step is symmetric: its last kick is its first, and at one q with the first of the next step, with which it is
-merged; it is parted where a row is stored.  A modified kick counts as two evaluations of the gradient.
+The step is symmetric: its last kick equals its first, and is evaluated at the same q as the first kick of the next
+step, so that the two are merged, except where a row of output is stored.  A modified kick counts as two evaluations of
+the gradient.
 
 Source: S. A. Chin, Phys. Lett. A 226 (1997) 344-348; I. P. Omelyan, I. M. Mryglod, R. Folk, Comput. Phys. Commun. 151
 (2003) 272-314; K. Schaefers, J. Finkenrath, M. Guenther, F. Knechtli, arXiv:2403.10370 (without the Hessian), after H.
@@ -55,10 +56,16 @@ MOST = 10
 
 
 class ForceGradient(NamedTuple):
-    """Fractions a of the drifts, weights b of the kicks and c of the gradients, by rows: drift k, then kick k.
+    """The data of a splitting with modified kicks; row k of a, b, c is drift k, then kick k.
 
-    ``product`` is (q, v) -> V''(q) v; None where the kick is that of two forces.  ``dT`` is as in
-    `splitting.Splitting`.
+    Attributes
+    ----------
+    dT : grad T: a function, or the array 1 / m_i if grad T is p_i / m_i, or None if it is p itself
+    dV : the function grad V
+    product : the function (q, v) -> V''(q) v; None if the modified kick is made of two forces, without the Hessian
+    a : fractions of h of the drifts
+    b, c : weights of a kick: of grad V times h, and of the gradient of the force times h^3
+    h, eps : the step size and the unit round-off, set by the run
     """
 
     dT: Callable | np.ndarray | None
@@ -72,7 +79,15 @@ class ForceGradient(NamedTuple):
 
 
 class KickState(NamedTuple):
-    """The state; the slope of the kicks that meet at its q, p' = -h weight slope; room for a velocity and a point."""
+    """The state (q, p), and the kick that ends one step and begins the next, p' = p - h weight slope.
+
+    Attributes
+    ----------
+    q, p : the state
+    lost_q, lost_p : what rounding lost of each (compensation)
+    slope, weight : the vector and the number that make the kick at q
+    velocity, place : working memory for a velocity and for a point
+    """
 
     q: Any
     p: Any
@@ -98,30 +113,40 @@ def _displace(x, a, v, out):
 
 @in_place(_displace)
 def displace(x, a, v, out):
-    """x + a v, written over ``out`` where these are arrays."""
+    """Return x + a v; for arrays the result is written to ``out``."""
     return axpy(a, v, x)
 
 
 @in_place(_combine)
 def combine(b, g, c, k):
-    """b g + c k, of V's gradient g and the second term k of a modified kick, both (d,); written over an array g."""
+    """Return b g + c k, the slope of a modified kick; for arrays it is written over g.
+
+    g is the gradient of V and k the second term of the kick, both (d,).
+    """
     return axpy(c, k, scale(b, g))
 
 
 def second_force(product, dV, b, c, q, slope, v, place):
-    """(b, grad V(q - 2 c / b v)): the modified kick without the Hessian, written over ``slope``."""
+    """The modified kick without the Hessian, by a second force: returns (weight b, slope grad V(q - 2 c / b v)).
+
+    v is M^-1 grad V(q); arrays ``slope`` and ``place`` are overwritten, ``product`` is not used.
+    """
     return b, apply(dV, displace(q, -2.0 * c / b, v, place), slope)
 
 
 def modified_kick(product, dV, b, c, q, slope, v, place):
-    """(weight, slope) of a modified kick, p' = -h weight slope, from slope = grad V(q) and v = M^-1 slope."""
+    """Compute a modified kick, p' = p - h weight slope, from slope = grad V(q) and v = M^-1 slope.
+
+    Returns (weight, slope).  b is the weight of grad V, c that of the gradient term times h^2; ``product`` is (q, v) ->
+    V''(q) v, or None for a kick by a second force.  Arrays ``slope`` and ``place`` are overwritten.
+    """
     if product is None:
         return second_force(product, dV, b, c, q, slope, v, place)
     return 1.0 + 0.0 * b, combine(b, slope, -2.0 * c, product(q, v))
 
 
 def _of_values(product, dV, b, c, q, slope, v, place):
-    """Choose the implementation for values from the type of ``product``."""
+    """Choose the code of `modified_kick` for tuples and lanes, from the Numba type of ``product``."""
     if isinstance(product, (types.NoneType, types.Omitted)):
         return second_force
     return lambda product, dV, b, c, q, slope, v, place: (
@@ -131,7 +156,7 @@ def _of_values(product, dV, b, c, q, slope, v, place):
 
 
 def _of_arrays(product, dV, b, c, q, slope, v, place):
-    """Choose the implementation for arrays from the type of ``product``."""
+    """Choose the code of `modified_kick` for arrays, from the Numba type of ``product``."""
 
     def written(product, dV, b, c, q, slope, v, place):
         product(q, v, place)
@@ -145,7 +170,10 @@ overload_by_kind(modified_kick, _of_values, _of_arrays)
 
 @inline
 def evaluate(method, q, b, c, y, counts):
-    """(weight, slope) of the kick with the weights b and c at q; arrays of y are overwritten."""
+    """Evaluate the kick with the weights b and c at q: returns (weight, slope), see `modified_kick`.
+
+    Gradients are added to ``counts``; arrays of the state y, its working memory, are overwritten.
+    """
     slope = apply(method.dV, q, y.slope)
     counts.gradient += 1
     if c == 0:
@@ -157,13 +185,16 @@ def evaluate(method, q, b, c, y, counts):
 
 @inline
 def apply_kick(y, h):
-    """Kick the momenta: p - h y.weight y.slope, with the slope (grad V, or its modification) that the state carries."""
+    """Kick the momenta by the slope that the state y carries (grad V, or its modification): p - h y.weight y.slope."""
     p, lost_p = add_product_in_place(y.p, y.lost_p, -h * y.weight, y.slope)
     return KickState(y.q, p, y.lost_q, lost_p, y.slope, y.weight, y.velocity, y.place)
 
 
 def begin(method, carry, counts):
-    """Read the state and evaluate the kicks that meet at it; arrays are the carry's own rows, which steps overwrite."""
+    """Read the state from ``carry`` and evaluate the kick at its q.
+
+    Arrays are rows of ``carry`` itself, which steps overwrite.
+    """
     y = view_state(carry)
     slope, velocity = rows(carry.state, 4, 5, carry.zero)
     place, _ = rows(carry.state, 6, 6, carry.zero)
@@ -176,12 +207,12 @@ def begin(method, carry, counts):
 
 
 def start(method, y):
-    """Apply the first kick; that of the following steps is part of the last kick before them."""
+    """Apply a step's first kick; in later steps it is part of the last kick of the step before."""
     return apply_kick(y, method.h / 2) if method.b[0] != 0 or method.c[0] != 0 else y
 
 
 def step(method, y, carry, counts):
-    """Drift and kick in turn; the last kick includes the next step's first, its equal."""
+    """Drift and kick in turn; the last kick includes the first one of the next step.  Returns (state, `SOLVED`)."""
     h, last = method.h, len(method.a) - 1
     for k in range(1, last + 1):
         velocity = apply(method.dT, y.p, y.velocity)
@@ -198,7 +229,7 @@ def step(method, y, carry, counts):
 
 
 def finish(method, y):
-    """The state y without that half of its last kick that is the next step's first, with which it was merged."""
+    """Undo the half of the last kick that begins the next step and was merged with it, before a row is stored."""
     return apply_kick(y, -method.h / 2) if method.b[0] != 0 or method.c[0] != 0 else y
 
 
@@ -206,7 +237,7 @@ run = loop(step, begin, start, finish)
 
 
 def hessian_product(system, arithmetic):
-    """Make (q, v) -> V''(q) v from the formula of H: the gradient of v . grad V(q) by q."""
+    """Make the function (q, v) -> V''(q) v from the formula of V, as the gradient of v . grad V(q) by q."""
     T = codegen.value_type(system.d, system.fills)
     v = sp.symbols(f"direction_0:{system.d}")
 
@@ -218,7 +249,11 @@ def hessian_product(system, arithmetic):
 
 
 def prepare(method, system, arithmetic, fills=True):
-    """Make the kernel of rows (a, b, c): a drift, then a kick; the first row has the first kick alone."""
+    """Prepare the kernel (compiled loop over steps) of a splitting with modified kicks for a system.
+
+    ``method.data`` is (rows (a, b, c) of a drift and the kick after it, True if the Hessian is avoided); the first row
+    has a kick alone.  ``fills`` allows functions that write their results into arrays.
+    """
     weights, hessian_free = method.data
     a, b, c = (numbers(column, arithmetic) for column in zip(*weights, strict=True))
     masses = getattr(system, "inverse_masses", None) if fills else None

@@ -1,4 +1,4 @@
-"""Prepare the kernel `stage_lanes` (Gauss's methods with stages in SIMD lanes), and tell where it is faster."""
+"""Prepare the kernel `stage_lanes`, Gauss's methods with stages in SIMD lanes, and tell where it is the faster one."""
 
 from __future__ import annotations
 
@@ -30,18 +30,18 @@ def serves(s: int, system: Hamiltonian) -> bool:
 
 
 def pad(row: Sequence, lanes: int, filler: Any) -> list:
-    """The row, filled up with ``filler`` to the length ``lanes``."""
+    """Fill up a row with ``filler`` to the length ``lanes``; returns a list."""
     return [*row, *[filler] * (lanes - len(row))]
 
 
 def pad_square(rows: Iterable[Sequence], lanes: int) -> list[list]:
-    """The rows, filled up with zeros to a square matrix of the size ``lanes``."""
+    """Fill up rows with zeros to a square matrix of ``lanes`` rows and columns; returns a list of lists."""
     rows = [pad(row, lanes, 0) for row in rows]
     return rows + [[0] * lanes] * (lanes - len(rows))
 
 
 def _of_kicks(system: Hamiltonian, lanes: int, arithmetic: str, digits: int) -> tuple[Callable, np.ndarray]:
-    """(-grad V as a function of lanes, the inverse masses)."""
+    """Make the function -grad V of SIMD lanes; returns (this function, the inverse masses as an array (1, d))."""
     forces = lane_formulae.function(
         "forces",
         [("q", system.q)],
@@ -55,7 +55,7 @@ def _of_kicks(system: Hamiltonian, lanes: int, arithmetic: str, digits: int) -> 
 
 
 def _of_both(system: Hamiltonian, lanes: int, arithmetic: str) -> tuple[Callable, None]:
-    """(The vector field of q and p as a function of lanes, None)."""
+    """Make the vector field (q', p') as a function of SIMD lanes; returns (this function, None)."""
 
     def results():
         from phasebench.integrators.compile.printing import Program
@@ -67,14 +67,20 @@ def _of_both(system: Hamiltonian, lanes: int, arithmetic: str) -> tuple[Callable
 
 
 def functions(system: Hamiltonian, lanes: int, arithmetic: str, digits: int) -> tuple[Callable, np.ndarray | None]:
-    """(``f`` of `stage_lanes.Lanes`: -grad V or the field; the inverse masses for -grad V, else None)."""
+    """Make the function that `stage_lanes.Lanes` evaluates, of ``lanes`` stages at once.
+
+    Returns (-grad V, the inverse masses (1, d)) if the kinetic energy is diagonal, else (the vector field, None).
+    """
     if system.diagonal:
         return _of_kicks(system, lanes, arithmetic, digits)
     return _of_both(system, lanes, arithmetic)
 
 
 def start_weights(extrapolation: Sequence, s: int, lanes: int) -> Iterator[list]:
-    """Rows of weights that extrapolate the increments of earlier steps: first from one step, then from two."""
+    """Yield rows of weights that extrapolate increments of earlier steps, padded to SIMD lanes.
+
+    The first rows are for a start from one earlier step, the next from two, and so on.
+    """
     for first in range(0, len(extrapolation), s):
         weights = list(zip(*extrapolation[first : first + s], strict=True))
         for step in range(0, len(weights), s):
@@ -82,7 +88,11 @@ def start_weights(extrapolation: Sequence, s: int, lanes: int) -> Iterator[list]
 
 
 def build_lanes(s: int, system: Hamiltonian, arithmetic: str) -> Lanes:
-    """Make the coefficients of Gauss's method with s stages, padded to lanes, with the system's functions in lanes."""
+    """Make the data `Lanes` of Gauss's method with s stages for a system.
+
+    The coefficients are padded to a number of lanes that is a power of two; the system's functions are compiled for
+    SIMD lanes.
+    """
     lanes = 1 << (s - 1).bit_length()
     digits = 40 if arithmetic == DOUBLE else mpmath.mp.dps + 10
     unit = mpmath.mpf(2) ** (-52 if arithmetic == DOUBLE else 1 - mpmath.mp.prec)
@@ -106,12 +116,12 @@ def build_lanes(s: int, system: Hamiltonian, arithmetic: str) -> Lanes:
 
 
 def prepare(s: int, system: Hamiltonian, arithmetic: str) -> Prepared:
-    """Prepare the kernel of Gauss's method with s stages."""
+    """Prepare the kernel (compiled loop over steps) of Gauss's method with s stages, in SIMD lanes, for a system."""
     step = build_lanes(s, system, arithmetic)
     return Prepared(run, step, *room(step, system.d), linear=len(step.like) * components(step.inverse_mass, system.d))
 
 
 def room(step: Lanes, d: int) -> tuple[int, int]:
-    """The shape of the memory that a kernel needs: (columns, number of stages that gives it enough rows)."""
+    """The memory that a kernel in SIMD lanes needs, as `Prepared` states it: (width, stages)."""
     rows = FREE + (6 + step.steps) * components(step.inverse_mass, d)
     return max(len(step.like), components(step.inverse_mass, d)), -(-rows // (3 * LEVELS + 1))

@@ -1,11 +1,11 @@
 r"""Functions shared by the kernels `stage_lanes` and `path_lanes`, which have stages or quadrature nodes in SIMD lanes.
 
-Their equations are a NamedTuple with a ``memory``, a table whose columns are the lanes: as many as the value ``like``
-has.  The unknowns are increments of q and p or, where the step's ``inverse_mass`` is not None, of p alone (kicks).  The
-rows of the memory are:
+The equations of a kernel are a NamedTuple with a ``memory``, a table whose columns are the lanes, as many as the tuple
+``like`` has items.  The unknowns are increments of q and p or, where the step's ``inverse_mass`` is not None, of p
+alone (kicks).  The rows of the memory are:
 
-- from 0 on: the places (q, p) at which the step's f(memory) evaluates, a component in each row;
-- after them: what f writes, the slopes there, as many rows;
+- from 0 on: the points (q, p), called places, at which the step's f(memory) evaluates; a component in each row;
+- after them: the values that f writes, slopes at these points, as many rows;
 - from ``base`` on: the rows `ORIGIN` to `DP`, explained below; from ``base + FREE`` on what the kernel itself keeps.
 """
 
@@ -59,9 +59,10 @@ reach = dispatch_on_none(lambda inverse_mass, e, k: 1.0, lambda inverse_mass, e,
 
 @inline
 def length(e, at, row, first, last):
-    """Size of the state's components ``first``, ..., ``last`` - 1, plus that of their unknowns x and of G(x).
+    """Size (1-norm) of the state's components ``first``, ..., ``last`` - 1, plus that of their unknowns x and of G(x).
 
-    The components are in row ``row``, the unknowns in the rows from ``at`` on.
+    The components are in row ``row`` of ``e.memory``, the unknowns in the rows from ``at`` on, G(x) in those after
+    them.
     """
     numbers, unknowns = 0.0, 0.0
     for k in range(first, last):
@@ -75,13 +76,18 @@ def length(e, at, row, first, last):
 
 
 def linearizer(sweep, places, weights, rows, spread):
-    """Make ``linearize`` of `solve.row_solver`, which writes the Jacobian by differences of f in all lanes.
+    """Make ``linearize`` of `solve.row_solver`: it writes the Jacobian 1 - G', by differences of f in all SIMD lanes.
 
-    - ``rows(e)`` = (first, last + 1) are the rows of nodes; ``places(e, at, row)`` writes the places of one to the
-      first rows.
+    It is made from the following functions, in whose arguments e are the equations, ``row`` is a row of nodes, one node
+    for each lane, and ``at`` the first row of the unknowns.
+
+    - ``sweep`` is the right-hand side G, as for `solve.row_solver`.
+    - ``places(e, at, row)`` writes the points at which f is evaluated, for one row of nodes, to the first rows of
+      memory.
     - ``weights(e)`` is what f is multiplied by.
-    - ``spread(e, row, r, k, i, x, work)`` enters x, of lane i, into the matrix: rows of component r, columns of
-      component k.
+    - ``rows(e)`` is (first row of nodes, last + 1).
+    - ``spread(e, row, r, k, i, x, work)`` enters x, the derivative in lane i of component r by component k, into
+      ``work``.
     """
 
     @inline
@@ -121,7 +127,8 @@ def linearizer(sweep, places, weights, rows, spread):
 def extrapolate(e, ring, known, at):
     """Extrapolate the increments of the last steps to the next one, as a start; write them to the rows ``at``, ...
 
-    The last steps' increments are in a ring of rows from ``ring`` on, ``known`` is the number of steps taken.
+    Those of the last steps are in a ring buffer of rows from ``ring`` on; ``known`` is the number of steps taken so
+    far.
     """
     step, memory, rows = e.step, e.memory, e.stages
     steps = min(known, step.steps)
@@ -136,17 +143,17 @@ def extrapolate(e, ring, known, at):
 
 @inline
 def enter(e, ring, known, at):
-    """Store the increments in the rows ``at``, ... of step number ``known`` in the ring that `extrapolate` reads."""
+    """Store the increments of step number ``known``, in the rows ``at``, ..., in the ring that `extrapolate` reads."""
     newest = ring + known % e.step.steps * e.stages
     for k in range(e.stages):
         put(e.memory, newest + k, take(e.memory, at + k, e.like), e.like)
 
 
 def ender(sums):
-    """Make the function (e, at, y, zero) -> the state after a step, from the solved equation e of the step.
+    """Make the function (e, at, y, zero) -> the state after a step from the state y, whose equations e are solved.
 
-    ``sums(inverse_mass, e, at)`` writes the increments of q and p to the memory of e, from the stages at the position
-    ``at`` of it; they are added to the state y.  ``zero`` is a number of the type of the states' components.
+    ``sums(inverse_mass, e, at)`` writes the increments of q and p to the memory of e, from the stage increments in the
+    rows from ``at`` on; the function adds them to y.  ``zero`` is a zero of the shape of q.
     """
 
     @inline

@@ -20,9 +20,9 @@ The rules differ in t, with :math:`\tau = \tfrac{b_k h}2 B` and u as R finds it:
 - exact: :math:`t = \tau\,\tan\theta/(\gamma\theta),\ \theta = |\tau|/\gamma(u)`, the flow of
   :math:`\dot u = \dot x\times B`.
 
-Each substep is a shear or turns u by an angle that the turning does not change, so that volume is kept.  Drifts that
-follow one another are one, also the last of a step and the first of the next, parted where a row is stored.  There
-:math:`p = mu + A(x)`; u goes on as it was, with what rounding lost.
+Each substep is a shear, or a rotation of u by an angle that the rotation does not change, so that volume is preserved.
+Neighbouring drifts are merged, also the last of a step with the first of the next, except where a row of output is
+stored.  A row has :math:`p = mu + A(x)`; the integration itself goes on with u, and with what rounding lost of it.
 
 Sources: J. P. Boris, Proc. Fourth Conf. Num. Sim. Plasmas (1970) 3-67; A. V. Higuera, J. R. Cary, Phys. Plasmas 24
 (2017) 052104; Y. He, Y. Sun, J. Liu, H. Qin, J. Comput. Phys. 281 (2015) 135-147.
@@ -65,9 +65,17 @@ TINY = 1e-300
 
 
 class Magnetic(NamedTuple):
-    """What a step needs: fractions b of h of the symmetric steps that are composed, and the rule of rotation.
+    """The data of a splitting for a charged particle.
 
-    ``fields`` is x -> (E, B), ``shift`` x -> A / m; ``slowness`` is (1 / c^2,), None where nothing is relativistic.
+    Attributes
+    ----------
+    slowness : (1 / c^2,), c the speed of light; None where the particle is not relativistic
+    fields : the function x -> (E, B), both divided by the mass
+    shift : the function x -> A / m of the vector potential A
+    mass : array (1,)
+    b : fractions of h of the symmetric steps that are composed
+    rule : the number of the rule of rotation in `RULES`
+    h, eps : the step size and the unit round-off, set by the run
     """
 
     slowness: np.ndarray | None
@@ -81,7 +89,14 @@ class Magnetic(NamedTuple):
 
 
 class ParticleState(NamedTuple):
-    """A state (q, p) with u, each with the part that rounding lost (compensation)."""
+    """A state (q, p) of a particle, and u, its velocity times the Lorentz factor.
+
+    Attributes
+    ----------
+    q, p : position and canonical momentum, p = m u + A(q)
+    lost_q, lost_p : what rounding lost of each (compensation)
+    u, lost_u : the velocity times the Lorentz factor, and what rounding lost of it
+    """
 
     q: Any
     p: Any
@@ -99,7 +114,7 @@ def dot(x, y):
 
 @unroll(lambda d: "  return 0.0 * x[0]" if d == 2 else "  return x[0] * y[0] + x[1] * y[1] + x[2] * y[2]")
 def along(x, y):
-    """The scalar product of u = x with the field y; 0 in the plane, where the field is (0, 0, y[0])."""
+    """The scalar product of the velocity x with the field y; 0 in the plane, where the field is (0, 0, y[0])."""
     return 0.0 * x[0] if len(x) == 2 else np.sum(x * y)
 
 
@@ -119,7 +134,10 @@ def cross(x, y):
 
 @elementwise(outputs=2)
 def momentum(u, lost, shift, mass):
-    """(the momentum m (u + shift), the part that rounding lost); Knuth's sum, since either may be the larger."""
+    """Compute p = m (u + shift), with shift = A / m: returns (p, what rounding lost of it).
+
+    ``lost`` is what rounding lost of u.  The sum is compensated as Knuth's, since either term may be the larger.
+    """
     s = u + shift
     part = s - u
     error = ((u - (s - part)) + (shift - part)) + lost
@@ -129,7 +147,10 @@ def momentum(u, lost, shift, mass):
 
 @elementwise(outputs=2)
 def velocity(p, lost, shift, mass):
-    """(u, the part that rounding lost) from the momentum p: u = p / m - shift, with the mass m and shift = A / m."""
+    """Compute u = p / m - shift from the momentum p, with shift = A / m: returns (u, what rounding lost of it).
+
+    ``lost`` is what rounding lost of p.
+    """
     w = p / mass
     error = (fma(-mass, w, p) + lost) / mass
     u = w - shift
@@ -147,9 +168,10 @@ gamma = dispatch_on_none(lambda slowness, u: 1.0, lambda slowness, u: _gamma_squ
 
 
 def _mean_gamma(slowness, u, tau):
-    """The Lorentz factor of the mean of u = gamma v before and after the rotation (Higuera and Cary).
+    """The Lorentz factor of the mean of u before and after the rotation, in the rule of Higuera and Cary.
 
-    ``slowness`` is 1 / c^2, u the value before it, and tau the vector of half its angle, q B h / (2 m).
+    ``slowness`` is (1 / c^2,), u the value before the rotation, and tau = h B / 2 (B divided by the mass) the vector
+    along B that sets its angle.
     """
     square, parallel = dot(tau, tau), along(u, tau)
     sigma = _gamma_square(slowness, u) - square
@@ -161,9 +183,10 @@ mean_gamma = dispatch_on_none(lambda slowness, u, tau: 1.0, _mean_gamma)
 
 @inline
 def half_turn(method, u, tau):
-    """The vector t along B that turns u by one of the rules, for tau = h B / 2: |t| is the tangent of half the angle.
+    """The vector t along B that sets the rotation of u: its length is the tangent of half the angle.
 
-    The rules' formulae stand in the module's docstring; u enters by its relativistic factor gamma.
+    tau is h B / 2 (B divided by the mass).  The formulae of the rules stand in the module's docstring; u enters by its
+    Lorentz factor alone, except in the rule of Higuera and Cary.
     """
     if method.rule == HIGUERA_CARY:
         return scale(1.0 / mean_gamma(method.slowness, u, tau), tau)
@@ -193,19 +216,19 @@ def apply_drift(method, y, h):
 
 
 def begin(method, carry, counts):
-    """Read the state (q, p) where the last call left it, and compute u from p."""
+    """Read the state (q, p) from ``carry``, where the last call of the kernel left it, and compute u from p."""
     y = read_state(carry)
     u, lost_u = velocity(y.p, y.lost_p, method.shift(y.q), method.mass[0])
     return ParticleState(y.q, y.p, y.lost_q, y.lost_p, u, lost_u)
 
 
 def start(method, y):
-    """Apply a step's first drift; in the steps after it that drift is part of the last drift of the step before."""
+    """Apply a step's first drift of q; in later steps it is part of the last drift of the step before."""
     return apply_drift(method, y, 0.5 * method.b[0] * method.h)
 
 
 def step(method, y, carry, counts):
-    """Push and drift in turn; the last drift includes the next step's first. Returns (state, status)."""
+    """Push and drift in turn; the last drift includes the first one of the next step.  Returns (state, `SOLVED`)."""
     h, b = method.h, method.b
     for k in range(len(b)):
         following = b[k + 1] if k + 1 < len(b) else b[0]
@@ -216,7 +239,7 @@ def step(method, y, carry, counts):
 
 
 def finish(method, y):
-    """Undo the next step's first drift, and compute p from u."""
+    """Undo the first drift of the next step, which `step` merged with its own last, and compute p from u."""
     y = apply_drift(method, y, -0.5 * method.b[0] * method.h)
     p, lost_p = momentum(y.u, y.lost_u, method.shift(y.q), method.mass[0])
     return ParticleState(y.q, p, y.lost_q, lost_p, y.u, y.lost_u)
@@ -226,9 +249,10 @@ run = loop(step, begin, start, finish)
 
 
 def prepare(method, system, arithmetic):
-    """Prepare the kernel of a method whose ``data`` is (name of the rotation's rule, fractions of h).
+    """Prepare the kernel (compiled loop over steps) of a splitting for a charged particle.
 
-    Symmetric steps over the fractions are composed.
+    ``method.data`` is (name of the rule of rotation in `RULES`, fractions of h of the symmetric steps that are
+    composed).
     """
     rule, fractions = method.data
     mass, slowness = magnetic.constants(system)

@@ -6,18 +6,18 @@ With the coefficients a of IIIA and :math:`\hat a` of IIIB, of s stages, and :ma
     Q_i = q_0 + h\sum_j a_{ij} H_p(Q_j, P_j),\qquad
     P_i = p_0 + h\sum_j \hat a_{ij}\bigl(f(Q_j, P_j) - G(Q_j)^T\Lambda_j\bigr),\qquad g(Q_i) = 0,
 
-where :math:`Q_1 = q_0,\ Q_s = q_1`, and no stage has :math:`\Lambda_s`: that puts
+where :math:`Q_1 = q_0,\ Q_s = q_1`, and no stage depends on :math:`\Lambda_s`, which puts
 :math:`p_1 = p_0 + h\sum_j b_j(f_j - G_j^T\Lambda_j)` on the hidden constraints, :math:`G H_p(q_1, p_1) = 0`.  It is
 symmetric, symplectic on the manifold, and of order 2s - 2; s = 2 is RATTLE where H is separable.
 
-Unknown are, for each stage, :math:`x_j = h b_j H_p`, :math:`z_j = h b_j (f_j - G_j^T\Lambda_j)` and
+The unknowns are, for each stage, :math:`x_j = h b_j H_p`, :math:`z_j = h b_j (f_j - G_j^T\Lambda_j)` and
 :math:`h^2\Lambda_j`.  A sweep evaluates H_p and f at the stages, and then corrects the multipliers by Newton's method
 with the matrix at the step's start: with :math:`C = (a\hat a)_{i > 1,\,k < s}`
 
 .. math::
     h^2\,\delta\Lambda_k = \sum_i (C^{-1})_{ki}\,\bigl(G(Q_i) H_{pp}(q_0, p_0) G(q_0)^T\bigr)^{-1} g(Q_i),
 
-and x, z by what follows of that to first order.  All that is unknown is compared in the scale of q.
+and x, z by the change that follows to first order.  All unknowns are compared in the scale of q.
 
 Sources: L. O. Jay, SIAM J. Numer. Anal. 33 (1996) 368-387; E. Hairer, C. Lubich, G. Wanner, Geometric Numerical
 Integration (2006), VII.1.5.
@@ -68,10 +68,22 @@ X, Z, MULTIPLIER, ROWS = range(4)
 
 
 class Manifold(NamedTuple):
-    """What a step needs: functions of the system (`systems.constrained`) and coefficients.
+    """The data of a Lobatto IIIA-IIIB pair on the manifold of constraints: functions of the system, and coefficients.
 
-    ``A_q``, ``A_p`` are a and hat a divided by the weights ``b`` (s, 1), ``C`` is the inverse of the matrix C, and
-    ``noise`` (1, 1) how much it magnifies the round-off of constraints.
+    The functions are those of the same names in `systems.constrained`; G is the Jacobian of the constraints g.
+
+    Attributes
+    ----------
+    field : (q, p, h, lam) -> (H_p, -H_q), without constraints
+    multipliers : (q, q0, p0) -> change of the multipliers by a Newton step
+    pull : (q, x) -> G(q)^T x
+    mobility : (q, p, x) -> H_pp x
+    normal : (q, p) -> the part of p that leaves the manifold
+    A_q, A_p : arrays (s, s), the coefficients a of IIIA and hat a of IIIB, divided by the weights
+    b : array (s, 1), the weights
+    C : the inverse of the matrix C of the module's docstring
+    noise : array (1, 1), how much that matrix magnifies the round-off of constraints
+    h, eps : the step size and the unit round-off, set by the run
     """
 
     field: Callable
@@ -89,7 +101,16 @@ class Manifold(NamedTuple):
 
 
 class Stages(NamedTuple):
-    """The arguments of the equations of a step from (q, p); the rows from ``spare`` on are overwritten."""
+    """Arguments of the equations of a step, which starts at the state (q, p).
+
+    Attributes
+    ----------
+    method : the data of the method
+    q, p : the state before the step
+    memory : array with the unknowns x, z and multipliers of the stages
+    like : a zero of the shape of q
+    spare : the first row of ``memory`` that may be overwritten
+    """
 
     method: Manifold
     q: Any
@@ -101,7 +122,7 @@ class Stages(NamedTuple):
 
 @inline
 def combine(e, A, i, at, start):
-    """The sum of ``start`` and A[i, j] times row j of the rows at, at + 3, ..."""
+    """The sum of ``start`` and A[i, j] times row number at + 3 j of ``e.memory``, over j."""
     y = start
     for j in range(len(e.method.b)):
         y = axpy(A[i, j], load(e.memory, at + ROWS * j, e.like), y)
@@ -110,7 +131,11 @@ def combine(e, A, i, at, start):
 
 @inline
 def sweep(e, rows, active):
-    """Write the new unknowns of all stages; ((new rows, old rows), their distance, their size)."""
+    """Do one iteration for the unknowns of all stages: evaluate the field, then correct the multipliers.
+
+    ``rows`` is (first row of the old unknowns, first row of the new ones) in ``e.memory``.  Returns (the two exchanged,
+    the distance between both, the size of the new).
+    """
     method, memory, like, spare = e.method, e.memory, e.like, e.spare
     old, new = rows
     s, h = len(method.b), method.h
@@ -156,7 +181,7 @@ def sweep(e, rows, active):
 
 @inline
 def tangent(e, p, active):
-    """One step of Newton's method for G H_p(q, p) = 0 along G^T: (the new p, its change, its size)."""
+    """Project p by one step of Newton's method for G H_p(q, p) = 0 along G^T: returns (new p, its change, its size)."""
     new = minus(p, e.method.normal(e.q, p))
     return new, distance(new, p), size(new)
 
@@ -165,7 +190,10 @@ iterate, project = fixed_point(sweep), fixed_point(tangent)
 
 
 def step(method: Manifold, y: State, carry: Carry, counts: np.record) -> tuple[State, int]:
-    """Solve for the stages from the values of earlier steps, then project p; returns (state, status)."""
+    """Take one step from the state y: solve for the stages, then project p; returns (state, status).
+
+    The iteration starts from values of earlier steps, and where it fails from zero.
+    """
     memory, like = carry.memory, carry.zero
     n = ROWS * len(method.b)
     at = LEVELS * n
@@ -199,7 +227,10 @@ run = loop(step)
 
 
 def prepare(method: Method, system: ConstrainedHamiltonian, arithmetic: str) -> Prepared:
-    """Prepare the kernel of a method whose ``data`` is (s,), the number of stages."""
+    """Prepare the kernel (compiled loop over steps) of a Lobatto IIIA-IIIB pair for a system with constraints.
+
+    ``method.data`` is (s,), the number of stages.
+    """
     (s,) = method.data
     digits = 40 if arithmetic == DOUBLE else mpmath.mp.dps + 10
     unit = mpmath.mpf(2) ** (-52 if arithmetic == DOUBLE else 1 - mpmath.mp.prec)

@@ -10,22 +10,23 @@ compensation,
     \sum_{j=0}^{k-2} r_j\,W_{n+1+j} = h\sum_{j=1}^{k-1}\beta_j\,g_{n+j},\qquad
     U_{n+1/2} = U_{n-1/2} + W_n,\qquad q_{n+1} = q_n + h M^{-1} U_{n+1/2},
 
-the positions and the momenta U of half steps are as long sums as those of a splitting, and round-off follows Brouwer's
-law.  A division by the denominator of the beta comes last: a factor that was rounded once and for all would change the
-masses.
+the positions and the momenta U of half steps are sums of as many terms as those of a splitting, and round-off follows
+Brouwer's law.  The division by the common denominator of the beta comes last: rounded coefficients would act like
+changed masses.
 
 **Start.**  The first k - 1 steps are those of Gauss's method with 8 stages, of order 16, in the same h.  Its kicks
 :math:`x_i = h b_i g_i` give the sums exactly: :math:`U_{n+1/2} = p_n + \sum_i (1 - c_i) x_i`.
 
-**Momenta of rows** are no part of the recursion.  They are the backward formula
+**Momenta of rows** of output are no part of the recursion.  They are computed by the backward formula
 
 .. math:: p_n = U_{n-1/2} + h\sum_{j=0}^{k-1} d_j\,g_{n-j},
 
 whose fractions d are exact for q a polynomial of degree k + 1; its error is of order k + 1 in h, one more than that of
 the positions.
 
-The state that goes from step to step is not (q, p) but k - 1 gradients, k - 2 sums, U and q: a step is no map of phase
-space.  Run backwards from that state, with the earlier ones in reversed order, the recursion returns: it is symmetric.
+The state that is passed from step to step is not (q, p) but k - 1 gradients, k - 2 sums, U and q: a step is no map of
+phase space.  Run backwards from that state, with the earlier ones in reversed order, the recursion returns: it is
+symmetric.
 
 Sources: G. D. Quinlan, S. Tremaine, Astron. J. 100 (1990) 1694-1700; the summed form after E. Hairer, C. Lubich,
 G. Wanner, Geometric Numerical Integration (2006), XV.3 and P. Console, E. Hairer, BIT 54 (2014).
@@ -80,9 +81,16 @@ STAGES = 8
 
 
 class Multistep(NamedTuple):
-    """What a step needs: -r_j, the numerators of beta_1, ..., beta_(k-1) and their denominator, and d_0, ..., d_(k-1).
+    """The data of a symmetric linear multistep method, and of Gauss's method, which takes the first steps.
 
-    A, b, c and w belong to the start: stages q + c h v + h M^-1 A x, kicks x = b h g, and w = 1 - c.
+    Attributes
+    ----------
+    dT, dV : the gradients of T and V; ``dT`` is None if grad T is p itself
+    reduced : the numbers -r_j of the recursion (see the module)
+    beta, denominator : the numerators of beta_1, ..., beta_(k-1), and their denominator
+    backward : d_0, ..., d_(k-1), weights of gradients in the formula for the momenta
+    A, b, c, w : of Gauss's method: stages q + c h v + h M^-1 A x with the kicks x = b h g, and w = 1 - c
+    h, eps : the step size and the unit round-off, set by the run
     """
 
     dT: Callable | None
@@ -100,7 +108,15 @@ class Multistep(NamedTuple):
 
 
 class MultistepState(NamedTuple):
-    """The state (q, p) with what rounding lost, the memory of earlier steps, and their number."""
+    """The state (q, p) with the memory of earlier steps.
+
+    Attributes
+    ----------
+    q, p : the state; p is up to date in stored rows only, once the recursion has started
+    lost_q, lost_p : what rounding lost of each (compensation)
+    memory : array with gradients, sums and momenta of half steps of earlier steps
+    known : the number of steps taken so far
+    """
 
     q: Any
     p: Any
@@ -140,13 +156,13 @@ def divide(x, a):
 
 @inline
 def _sums(method):
-    """The row of the first sum."""
+    """The row of ``memory`` with the first of the sums W."""
     return len(method.backward)
 
 
 @inline
 def _half_step(method):
-    """The row of U."""
+    """The row of ``memory`` with the momentum U of the half step; the row after it has what rounding lost of U."""
     return 2 * len(method.backward) - 2
 
 
@@ -155,9 +171,10 @@ def _half_step(method):
 
 @inline
 def sweep(e, x, active):
-    """Apply the right-hand side of the stage equations once; returns (x, distance of old and new kicks, size).
+    """Do one iteration of the stage equations of one of the first steps, by Gauss's method.
 
-    x holds the sums of (1 - c_i) x_i and of c_i x_i over the kicks x_i, which stand in the memory.
+    It computes new kicks x_i = h b_i g_i in ``e.memory``; x holds the sums of (1 - c_i) x_i and of c_i x_i.  Returns
+    (new x, distance of old and new kicks, size of the new), in the SIMD lanes ``active``.
     """
     m, s = e.method, len(e.method.b)
     delta, length = 0.0 * size(e.q), 0.0 * size(e.q)
@@ -182,7 +199,10 @@ solve = fixed_point(sweep)
 
 @jit
 def start_step(method, y, zero, counts):
-    """Take one of the first steps by Gauss's method and store its sums; returns (state, status)."""
+    """Take one of the first steps by Gauss's method, and store its sums for the recursion; returns (state, status).
+
+    ``zero`` is a zero of the shape of q.
+    """
     k, memory, n, at = len(method.backward), y.memory, y.known, _half_step(method)
     if n == 0:
         first = scale(-1.0, method.dV(y.q))
@@ -217,7 +237,7 @@ def start_step(method, y, zero, counts):
 
 @inline
 def recur(method, y, zero):
-    """Take one step of the recursion; the momentum of the state it returns is not computed (see `finish`)."""
+    """Take one step of the multistep recursion; returns the state, whose momentum is not computed (see `finish`)."""
     k, memory, n, at = len(method.backward), y.memory, y.known, _half_step(method)
     row = (n + 2) % k  # of the gradient that beta_1 multiplies, the oldest but one
     total = zero
@@ -239,13 +259,16 @@ def recur(method, y, zero):
 
 
 def begin(method: Multistep, carry: Carry, counts: np.record) -> MultistepState:
-    """Read the state where the last call left it."""
+    """Read the state from ``carry``, where the last call of the kernel (loop over steps) left it."""
     y = read_state(carry)
     return MultistepState(y.q, y.p, y.lost_q, y.lost_p, carry.memory, counts.steps)
 
 
 def step(method: Multistep, y: MultistepState, carry: Carry, counts: np.record) -> tuple[MultistepState, int]:
-    """Take a step: by Gauss's method until there are enough earlier states, then by the recursion."""
+    """Take a step: by Gauss's method until there are enough earlier states, then by the recursion.
+
+    Returns (state, status).
+    """
     k, status = len(method.backward), SOLVED
     if y.known < k - 1:
         y, status = start_step(method, y, carry.zero, counts)
@@ -260,7 +283,7 @@ def step(method: Multistep, y: MultistepState, carry: Carry, counts: np.record) 
 
 
 def finish(method: Multistep, y: MultistepState) -> MultistepState:
-    """Compute the momentum, before a row is stored."""
+    """Compute the momentum p of the state from earlier gradients, before a row is stored; returns the state."""
     k = len(method.backward)
     if y.known < k:
         return y
@@ -278,9 +301,9 @@ run = loop(step, begin, finish=finish)
 
 
 def prepare(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
-    """Prepare the kernel of a method whose ``data`` is (alpha, numerators of beta, their denominator).
+    """Prepare the kernel (compiled loop over steps) of a symmetric linear multistep method for a system.
 
-    beta_0 and beta_k are zero.
+    ``method.data`` is (alpha, numerators of beta, their denominator); beta_0 and beta_k are zero.
     """
     alpha, numerators, denominator = method.data
     k = len(alpha) - 1

@@ -1,6 +1,6 @@
-r"""Box schemes of multisymplectic equations: a symplectic Runge-Kutta method in time on a symplectic division of space.
+r"""Box schemes of multisymplectic equations: a symplectic Runge-Kutta method in time and a symplectic one in space.
 
-A step of the (partitioned) Runge-Kutta method (A, b) on y of the divided equation `systems.multisymplectic`,
+A step of the (partitioned) Runge-Kutta method (A, b) for y of the space-discretized equation `systems.multisymplectic`:
 
 .. math::
     K T_i + L\,D Z_i = \nabla S(Z_i),\qquad Y_i = y_n + h\sum_j a_{ij} T_j,\qquad y_{n+1} = y_n + h\sum_i b_i T_i .
@@ -12,11 +12,11 @@ cell of space-time, with the densities at :math:`t_n` and the fluxes :math:`\sum
 - Preissmann's box: the midpoint rule in both (T. J. Bridges, S. Reich, Phys. Lett. A 284 (2001) 184-193).
 - Gauss box: two Gauss nodes in time, the midpoint rule in space (S. Reich, J. Comput. Phys. 157 (2000) 473-499).
 - EQUIP box: Gauss-EQUIP in time, :math:`A(\alpha) = A - \alpha S B`, see `families.equip`: multisymplectic for every
-  fixed alpha, which is chosen in each step such that the total energy stays (C. Chen, J. Hong, C. Sim, K. Sonwu,
+  fixed alpha, which is chosen in each step such that the total energy is conserved (C. Chen, J. Hong, C. Sim, K. Sonwu,
   J. Comput. Phys. 418 (2020) 109599).
 - Controls, not multisymplectic: the averaged vector field in time, which keeps the energy in every cell
   (Y. Gong, J. Cai, Y. Wang, J. Comput. Phys. 279 (2014) 80-102), with :math:`a_{ij} = c_i b_j` of a rule that is exact
-  for the quartic S; Radau IIA; and the midpoint rule with a coefficient that is off.
+  for the quartic S; Radau IIA; and the midpoint rule with a perturbed coefficient.
 
 Stages are solved by Newton's method with the exact Jacobian to round-off; y is summed with compensation.
 """
@@ -45,18 +45,18 @@ EPS = float(np.finfo(float).eps)
 
 @dataclass(frozen=True)
 class Scheme:
-    """A box scheme: a Runge-Kutta method in time, with a discretization in space.
+    """A box scheme: a Runge-Kutta method in time with a discretization in space.
 
     Attributes
     ----------
-    id, name, source : as in the record of a method
-    division : how space is divided
-    A_q, A_p, b : the tableau in time
-    S : a skew matrix if a parameter keeps the energy, else None
-    order : in time
-    multisymplectic : True if it is declared to be
-    keeps : the energy that it is declared to keep: "total", or "cell" in every cell
-    means : True if fluxes are those of the stages' mean, not the mean of the stages' fluxes
+    id, name, source : a key, the name and the paper of the scheme
+    division : the class that discretizes space, `Box` or `Staggered`
+    A_q, A_p, b : the tableau in time: its matrix for q and for p, and its weights
+    S : a skew matrix (s, s) if a parameter alpha conserves the energy, else None
+    order : the order in time
+    multisymplectic : True if the scheme is said to conserve the multisymplectic law
+    keeps : the energy that it is said to conserve: "total", "cell" for that in every cell, or ""
+    means : True if fluxes are those of the mean of the stages, False if they are the mean of the stages' fluxes
     """
 
     id: str
@@ -73,7 +73,7 @@ class Scheme:
     means: bool = False
 
     def at(self, alpha: float) -> tuple[np.ndarray, np.ndarray]:
-        """The tableaus (A_q, A_p) for the value alpha of the parameter."""
+        """Return the tableaus (A_q, A_p), arrays (s, s), for the value alpha of the parameter."""
         less = 0.0 if self.S is None else alpha * self.S * self.b
         return self.A_q - less, self.A_p - less
 
@@ -85,7 +85,7 @@ def _collocation(kind: str, s: int) -> tuple[np.ndarray, np.ndarray, list]:
 
 @cache
 def schemes() -> dict[str, Scheme]:
-    """All box schemes, by id."""
+    """Return all box schemes as a dictionary id -> `Scheme`."""
     half, one = np.array([[0.5]]), np.array([1.0])
     gauss, b, c = _collocation("gauss", 2)
     radau, radau_b, _ = _collocation("radau-iia", 2)
@@ -109,7 +109,7 @@ def schemes() -> dict[str, Scheme]:
 
 
 def scheme(id: str) -> Scheme:
-    """Return the scheme of an id; raises InvalidInput for an unknown one, naming the nearest."""
+    """Return the box scheme of an id; raises InvalidInput for an unknown one, naming the nearest."""
     if id not in schemes():
         raise unknown_name("box scheme", id, schemes())
     return schemes()[id]
@@ -117,7 +117,13 @@ def scheme(id: str) -> Scheme:
 
 @dataclass(frozen=True)
 class Tangent:
-    """A solution of the linearized scheme over one step: at its start and end, at its stages Y, with their rates T."""
+    """A solution of the scheme linearized about one step.
+
+    Attributes
+    ----------
+    start, end : the tangent vector before and after the step, arrays (N, m): m components in N cells
+    Y, T : the tangent at the s stages and its time derivatives there, arrays (s, N, m)
+    """
 
     start: np.ndarray
     end: np.ndarray
@@ -127,10 +133,16 @@ class Tangent:
 
 @dataclass(frozen=True)
 class Step:
-    """One step: y before and after it, arrays (N, m); stages Y and their rates T, arrays (s, N, m); the parameter.
+    """One step of a box scheme.
 
-    ``tangents`` solve the scheme linearized at a fixed parameter, ``moving`` that whose parameter follows the state
-    (the same without a parameter). ``found`` is True if a parameter conserves the energy.
+    Attributes
+    ----------
+    start, end : y before and after the step, arrays (N, m): m components in N cells
+    Y, T : the stages and their time derivatives, arrays (s, N, m)
+    alpha : the parameter of the tableau; 0 if there is none
+    found : True if a parameter conserves the energy, or none is needed
+    tangents : solutions of the scheme linearized at the fixed parameter, a `Tangent` for each vector given to `run`
+    moving : the same with a parameter that follows the state, so that the energy is conserved
     """
 
     start: np.ndarray
@@ -144,7 +156,10 @@ class Step:
 
 
 class Stages:
-    """The stages of a step of size h from y with the parameter alpha: solves their equations and linearizes them."""
+    """The stages of a step of size h from y with the parameter alpha: solves the stage equations and linearizes them.
+
+    The attribute ``Y`` has the stages and ``T`` their time derivatives, arrays (s, N, m).
+    """
 
     def __init__(self, space: Division, scheme: Scheme, y, h: float, alpha: float, T=None):
         self.space, self.scheme, self.y, self.h, self.alpha = space, scheme, y, h, alpha
@@ -153,7 +168,10 @@ class Stages:
         self.T = self._solve(np.stack([space.field(y)] * len(scheme.b)) if T is None else T)
 
     def along(self, T, A=None):
-        """The increments h sum_j a_ij T_j of the stages i, for rates T; A is the tableau of the step by default."""
+        """The increments h sum_j a_ij T_j of the stages i, for time derivatives T (s, N, m): array (s, N, m).
+
+        A has a tableau for each component, array (m, s, s), by default that of the step.
+        """
         return self.h * np.einsum("cij,jnc->inc", self._A if A is None else A, T)
 
     def _solve(self, T):
@@ -183,11 +201,14 @@ class Stages:
 
     @property
     def increment(self):
-        """The increment of y over the step, h sum_i b_i T_i."""
+        """The increment of y over the step, h sum_i b_i T_i: array (N, m)."""
         return self.h * np.tensordot(self.scheme.b, self.T, 1)
 
     def linearize(self, u, more=0.0) -> Tangent:
-        """The solution of the linearized scheme that starts at u; ``more`` is a further change of the stages."""
+        """Solve the scheme linearized about the step for the tangent that starts at u (N, m); returns a `Tangent`.
+
+        ``more`` is a further change of the stages, such as that by the parameter.
+        """
         right = u + more + np.zeros_like(self.Y)
         matrix = self._matrix(self.Y)
         forced = np.stack([J @ x.ravel() for J, x in zip(self.J, right, strict=True)])
@@ -195,7 +216,7 @@ class Stages:
         return Tangent(u, u + self.h * np.tensordot(self.scheme.b, T, 1), right + self.along(T), T)
 
     def by_parameter(self) -> np.ndarray:
-        """The derivative of the stages with respect to the parameter alpha of the tableau, at fixed rates T."""
+        """The derivative of the stages by the parameter alpha, at fixed time derivatives T: array (s, N, m)."""
         d = -np.repeat(np.stack([self.scheme.S * self.scheme.b] * 2), self.y.shape[-1] // 2, axis=0)
         return self.along(self.T, d)
 
@@ -206,9 +227,10 @@ def _magnitude(space: Division, y) -> float:
 
 
 def solve_for_energy(space: Division, scheme: Scheme, y, h: float, energy: float) -> tuple[Stages, bool]:
-    """Find the parameter nearest zero with which a step from y ends at the total ``energy``, by the secant method.
+    """Find the parameter of the tableau, nearest zero, with which a step from y ends at a given total energy.
 
-    Returns (the stages with it, True); (the stages with the parameter 0, False) if none is found.
+    The equation is solved by the secant method.  Returns (the `Stages` with that parameter, True), or (those with the
+    parameter 0, False) if none is found.
     """
     first = Stages(space, scheme, y, h, 0.0)
     bound = UNITS * EPS * _magnitude(space, y)
@@ -234,7 +256,10 @@ def solve_for_energy(space: Division, scheme: Scheme, y, h: float, energy: float
 
 
 def _follow_parameter(stages: Stages, tangents, energy_is_kept: bool):
-    """Solutions of the linearized scheme whose parameter changes with the state so that energy is conserved."""
+    """Adapt the tangents of a step to a parameter that changes with the state, so that the energy is conserved.
+
+    Returns a tuple of `Tangent`; the tangents themselves if there is no parameter.
+    """
     if stages.scheme.S is None or not energy_is_kept:
         return tangents
     space = stages.space

@@ -19,8 +19,8 @@ For a separable H with quadratic T the stage :math:`\bar u` can be eliminated, w
     k = -\nabla U\bigl(q + \mu\,ch\,(v + \lambda\,ch\,M^{-1}k)\bigr),\qquad v = M^{-1}p,
 
 the one-stage Nystrom form.  The stages are written through the increments themselves, mu Delta q and lambda Delta p:
-a product such as lambda h, rounded once and for all, would break the conditions of symplecticity by a little that is
-biased, and angular momentum would drift.
+a rounded product such as lambda h would violate the conditions of symplecticity by the same small amount in every step,
+and angular momentum would drift.
 
 Source: Y. Wang, Y. Bo, W. Cai, "A general symplectic integrator for canonical Hamiltonian systems" (talk), equations
 (11)-(21) and the Nystrom form; K. Feng, H. M. Wu, M. Z. Qin, D. L. Wang, J. Comput. Math. 7 (1989) 71-96.
@@ -62,9 +62,15 @@ IN_LANES = True
 
 
 class Parametric(NamedTuple):
-    """What a step needs: substeps of length c h with the stage weights mu (of Delta q) and lam (of Delta p).
+    """The data of a one-stage method with a parameter, composed of substeps.
 
-    In the Nystrom form ``field`` is None, else dT and dV are.
+    Attributes
+    ----------
+    field : the vector field (q', p'); None in the Nystrom form, where the unknown is the increment of p alone
+    dT, dV : the gradients of T and V in the Nystrom form, else None
+    c : lengths of the substeps as fractions of h
+    mu, lam : weights of a substep's stage: it is evaluated at (q + mu Delta q, p + lam Delta p)
+    h, eps : the step size and the unit round-off, set by the run
     """
 
     field: Callable | None
@@ -78,7 +84,16 @@ class Parametric(NamedTuple):
 
 
 class Stage(NamedTuple):
-    """Arguments of the stage equation of a substep of length h from (q, p); v = grad T(p)."""
+    """Arguments of the stage equation of a substep, which starts at the state (q, p).
+
+    Attributes
+    ----------
+    step : the data of the method
+    q, p : the state before the substep
+    v : grad T(p) in the Nystrom form, else p
+    h : the length of the substep
+    mu, lam : the weights of the stage
+    """
 
     step: Any
     q: Any
@@ -91,7 +106,10 @@ class Stage(NamedTuple):
 
 @inline
 def increments(x, stage):
-    """G(x) of the stage equation for x = (Delta q, Delta p): h f(q + mu Delta q, p + lam Delta p)."""
+    """The right-hand side of the stage equation x = G(x) for the increments x = (Delta q, Delta p) of a substep.
+
+    G(x) = h f(q + mu Delta q, p + lam Delta p).
+    """
     h, lam = stage.h, stage.lam
     dq, dp = stage.step.field(axpy(stage.mu, head(x), stage.q), axpy(lam, tail(x), stage.p), h, lam)
     return join(scale(h, dq), scale(h, dp))
@@ -99,19 +117,25 @@ def increments(x, stage):
 
 @inline
 def shift(x, stage):
-    """Delta q = h M^-1 (p + lam x) of a substep, for its kick x = Delta p."""
+    """The increment of q of a substep in Nystrom form, Delta q = h M^-1 (p + lam x), for its kick x = Delta p."""
     return scale(stage.h, axpy(stage.lam, velocity(stage.step.dT, x), stage.v))
 
 
 @inline
 def kick(x, stage):
-    """G(x) of the stage equation in Nystrom form: Delta p = -h grad V(q + mu Delta q), with Delta q from the kick x."""
+    """The right-hand side G(x) of the stage equation x = G(x) in Nystrom form, for the kick x = Delta p.
+
+    G(x) = -h grad V(q + mu Delta q), with Delta q from `shift`.
+    """
     return scale(-stage.h, stage.step.dV(axpy(stage.mu, shift(x, stage), stage.q)))
 
 
 @inline
 def lengths_of_kick(x, g, stage):
-    """Size of the momenta at the kick x, twice: both halves of a kick are momenta; g is G(x)."""
+    """Size of the momenta at the kick x, twice: both halves of a kick are momenta.
+
+    It scales finite differences; g is G(x), the right-hand side of the stage equation x = G(x).
+    """
     length = size(stage.p) + size(x) + size(g)
     return length, length
 
@@ -141,10 +165,11 @@ unknown = dispatch_on_none(lambda field, zero: zero, lambda field, zero: join(ze
 
 @inline
 def advance(step, y, carry, known, first):
-    """Take step number ``known``; returns (y, evaluations, Newton solves, status).
+    """Take step number ``known`` of a one-stage method from the state y.
 
-    The start of its equations is extrapolated from earlier steps (``first``), or is the last attempt's solution if the
-    step is taken again from a state nearby.
+    Returns (state, evaluations, number of equations solved by Newton's method, status).  The start of the equations is
+    extrapolated from earlier steps if ``first`` is True; if False it is the solution of the last attempt, for a step
+    that is taken again from a state nearby.
     """
     stages = len(step.c)
     start = unknown(step.field, carry.zero)
@@ -166,7 +191,7 @@ def advance(step, y, carry, known, first):
 
 
 def step(method: Parametric, y: State, carry: Carry, counts: np.record) -> tuple[State, int]:
-    """Take one step from the state y; returns (state, status)."""
+    """Take one step from the state y; returns (state, status: `SOLVED` or why a stage equation could not be solved)."""
     y, evaluations, newtons, status = advance(method, y, carry, counts.steps, True)
     counts.gradient += evaluations
     counts.newton += newtons
@@ -177,20 +202,29 @@ run = loop(step)
 
 
 def quadratic(system: Hamiltonian, arithmetic: str, order=1):
-    """((field, dT, dV), number of components of a stage's unknown); Nystrom form if H is separable with quadratic T."""
+    """Choose the form of the stage equations: returns ((field, dT, dV), number of components of a stage's unknown).
+
+    In the Nystrom form, for a separable H with quadratic T and ``order`` 1, field is None; else dT and dV are.
+    ``order`` is that of the truncated generating function.
+    """
     if order == 1 and system.separable and system.quadratic_kinetic:
         return (None, system.grad_T(arithmetic), system.grad_V(arithmetic)), system.d
     return (system.field(arithmetic, order), None, None), 2 * system.d
 
 
 def is_splitting(method: Method) -> bool:
-    """Whether a parametric method is explicit on separable systems: its substeps are symplectic Euler's."""
+    """True if a parametric method is explicit on separable systems: its substeps are those of symplectic Euler."""
     order, substeps = method.data
     return order == 1 and all({mu, lam} == {0, 1} for _, mu, lam in substeps)
 
 
 def prepare(method: Method, system: Hamiltonian, arithmetic: str, fills: bool = True) -> Prepared:
-    """Prepare the kernel: a splitting for separable H and symplectic Euler substeps; Nystrom if T is quadratic."""
+    """Prepare the kernel (compiled loop over steps) of a one-stage method for a system.
+
+    ``method.data`` is (order of the generating function, substeps (c, mu, lambda)).  It is a splitting for separable H
+    and substeps of symplectic Euler; the Nystrom form is used if T is quadratic.  ``fills`` is that of
+    `splitting.prepare`.
+    """
     order, substeps = method.data
     if system.separable and is_splitting(method):
         return splitting.from_substeps(substeps, system, arithmetic, fills)

@@ -9,8 +9,8 @@ a step is a composition :math:`\chi^{(*)}_{c_s h}\cdots\chi^{(*)}_{c_1 h}`; that
 \chi_{h/2}`, has order 2.  A splitting of two parts with weights a, b is such a composition, whose order conditions are
 the same, so that its coefficients serve here (`coefficients.fractions.substeps`).
 
-Neighbouring flows of one part are one.  A processed method is :math:`P K^n P^{-1}` with K, P such compositions, see
-`processed`; P is applied where a state is taken up and undone where a row is stored.
+Neighbouring flows of the same part are merged.  A processed method is :math:`P K^n P^{-1}` with K, P such compositions,
+see `processed`; P is applied where integration starts from a row of output, and undone where a row is stored.
 
 Every flow is symplectic, and so is their product.  Each flow counts as an evaluation.
 
@@ -41,9 +41,15 @@ IN_LANES = True
 
 
 class Parts(NamedTuple):
-    """What a step needs: the flows of the parts, and which flow is taken over which fraction of h, in turn.
+    """The data of a splitting into parts with exact flows.
 
-    ``before`` and ``after`` are the flows of the processor and of its inverse, none where there is no processor.
+    Attributes
+    ----------
+    flows : the functions (q, p, time) -> increments (dq, dp) of the parts
+    part, a : the flows of a step in turn: number of the part, and the time as a fraction of h
+    before, before_a : the same for the processor, applied when integration starts from a row; empty without processor
+    after, after_a : the same for the inverse of the processor
+    h, eps : the step size and the unit round-off, set by the run
     """
 
     flows: tuple[Any, ...]
@@ -58,7 +64,14 @@ class Parts(NamedTuple):
 
 
 class PartsState(NamedTuple):
-    """The state (q, p), what rounding lost of either, and flows that are not yet counted."""
+    """The state (q, p) of a splitting into parts.
+
+    Attributes
+    ----------
+    q, p : the state
+    lost_q, lost_p : what rounding lost of each (compensation)
+    flows : number of flows that are evaluated but not yet added to the counts
+    """
 
     q: Any
     p: Any
@@ -69,7 +82,7 @@ class PartsState(NamedTuple):
 
 @inline
 def flow(flows, parts, fractions, y, h):
-    """The state after the flows of ``parts`` over ``fractions`` of h, in turn."""
+    """The state after the flows of the ``parts`` in turn, over ``fractions`` of h; ``flows`` are the functions."""
     for k in range(len(parts)):
         dq, dp = flows[parts[k]](y.q, y.p, fractions[k] * h)
         q, p, lost_q, lost_p = update(y, dq, dp)
@@ -78,26 +91,29 @@ def flow(flows, parts, fractions, y, h):
 
 
 def begin(method: Parts, carry: Carry, counts: np.record) -> PartsState:
-    """Read the state where the last call left it."""
+    """Read the state from ``carry``, where the last call of the kernel (loop over steps) left it."""
     y = read_state(carry)
     return PartsState(y.q, y.p, y.lost_q, y.lost_p, 0)
 
 
 def start(method: Parts, y: PartsState) -> PartsState:
-    """Apply the processor, if there is one; its flows, and those of its inverse, are counted by the next step."""
+    """Apply the processor, a change of variables that `finish` undoes, if there is one.
+
+    Its flows, and those of its inverse, are counted by the next step.
+    """
     y = flow(method.flows, method.before, method.before_a, y, method.h)
     return PartsState(y.q, y.p, y.lost_q, y.lost_p, y.flows + 2 * len(method.before))
 
 
 def step(method: Parts, y: PartsState, carry: Carry, counts: np.record) -> tuple[PartsState, int]:
-    """Take all flows in turn; returns (state, status)."""
+    """Take all flows of a step in turn; returns (state, `SOLVED`)."""
     y = flow(method.flows, method.part, method.a, y, method.h)
     counts.gradient += len(method.part) + y.flows
     return PartsState(y.q, y.p, y.lost_q, y.lost_p, 0), SOLVED
 
 
 def finish(method: Parts, y: PartsState) -> PartsState:
-    """Undo the processor, before a row is stored."""
+    """Undo the processor, the change of variables that `start` applied, before a row of output is stored."""
     return flow(method.flows, method.after, method.after_a, y, method.h)
 
 
@@ -105,9 +121,9 @@ run = loop(step, begin, start, finish)
 
 
 def flows(substeps: Iterable[Sequence[Any]], n: int) -> tuple[list[int], list[Any]]:
-    """The flows (parts, fractions of h) of substeps (c, mu, lambda) through n parts, neighbours of one part merged.
+    """List the flows (parts, fractions of h) of substeps (c, mu, lambda) through n parts, merging equal neighbours.
 
-    lambda = 1 goes from the first part to the last, lambda = 0 back.
+    Substeps with lambda = 1 go from the first part to the last, those with lambda = 0 back; mu is not used.
     """
     parts: list[int] = []
     fractions: list[Any] = []
@@ -122,7 +138,10 @@ def flows(substeps: Iterable[Sequence[Any]], n: int) -> tuple[list[int], list[An
 
 
 def prepare(method: Method, system: SplitHamiltonian, arithmetic: str) -> Prepared:
-    """Prepare the kernel of a method whose ``data`` is (substeps of a step, substeps of the processor)."""
+    """Prepare the kernel (compiled loop over steps) of a splitting into parts, for a system of such parts.
+
+    ``method.data`` is (substeps (c, mu, lambda) of a step, substeps of the processor, () if there is none).
+    """
     n = len(system.parts)
     with mpmath.workdps(DIGITS):
         step, before = (flows(substeps, n) for substeps in method.data)

@@ -1,4 +1,4 @@
-r"""The kernel of HBVM and of the continuous Petrov-Galerkin method with quadrature nodes side by side in SIMD lanes.
+r"""The kernel of HBVM and of the continuous Petrov-Galerkin method with quadrature nodes in SIMD lanes.
 
 The equations are those of `collocation`.  The path of a step is y + :math:`\sum_m r_m \int_0^\tau P_m`, and unknown are
 the increments :math:`x_0, \dots, x_{s-1}` (of q and p), the lanes of one row for each component:
@@ -14,11 +14,11 @@ and the path of q follows from that of p:
     r_m = h M^{-1}\Bigl(\delta_{m0}\,p + \sum_j X_{mj}\,x_j\Bigr),\qquad p_1 = p + x_0,\qquad
     X_{mj} = \int_0^1 P_m(\tau)\int_0^\tau P_j .
 
-X is 1/2 in its first place and skew otherwise, of the doubles too: so what the kinetic energy gains is
-:math:`\sum_m r_m\cdot x_m / h` but for what the evaluation rounds, whatever the integrals are.
+The doubles of X, too, are exactly skew except for the entry 1/2 in the first row and column: so the gain of kinetic
+energy is :math:`\sum_m r_m\cdot x_m / h` up to the round-off of the evaluation, whatever the integrals are.
 
 A rule's nodes stand in rows of as many lanes as ``like`` has; lanes that are left over repeat a node with the weight 0.
-Which rule a step takes, how its equations are solved and where they start is as in `collocation`.
+The choice of the quadrature rule, the solver and the starting values are those of `collocation`.
 
 Source: L. Brugnano, F. Iavernaro, D. Trigiante, J. Numer. Anal. Ind. Appl. Math. 5 (2010) 17-37 (HBVM); M. Antonana, J.
 Makazaga, A. Murua, arXiv 2511.03655 (2026) (stages in SIMD lanes).
@@ -52,20 +52,20 @@ WIDTH, FEWEST = 4, 3
 
 
 class Path(NamedTuple):
-    """What a step of HBVM or Petrov-Galerkin needs: the system's function and the coefficients (formulae: the module).
+    """The data of HBVM or of the continuous Petrov-Galerkin method in SIMD lanes (formulae: see the module).
 
     Attributes
     ----------
-    f : evaluates the field, or -grad V, at all nodes at once; reads the places from the first rows of the memory that
-        it is handed, and writes its values to the rows after them
-    like, terms : a zero for each lane, and for each of the s increments x_j
-    inverse_mass : 1 / m_i, one row of d numbers, if only the kicks of p are unknown; None if q and p are
+    f : evaluates the field, or -grad V, at all nodes of a row at once; it reads the points from the first rows of the
+        array that it is handed, and writes its values to the rows after them
+    like, terms : tuples of zeros, one for each lane, and one for each of the s increments x_j
+    inverse_mass : 1 / m_i, array (1, d), if only the kicks of p are unknown; None if the increments of q and p are
     drift : the row 1, 0, ..., 0, then the rows of X transposed
-    nodes, rows : for each row of nodes, how many nodes, and rows of nodes, its quadrature rule has in all
+    nodes, rows : for each row of nodes, how many nodes, and rows of nodes, its quadrature rule has
     A, B : for each row of nodes, s rows of A (a lane for each node), and a row of B for each node
-    extrapolation : rows that predict the increments from those of one and of two steps before
+    extrapolation : rows that predict the increments from those of earlier steps: from one step, then from two, ...
     steps : how many earlier steps the prediction uses at most
-    h, eps : the step size, and the unit of round-off; set by the run
+    h, eps : the step size and the unit round-off, set by the run
     """
 
     f: Callable
@@ -84,9 +84,20 @@ class Path(NamedTuple):
 
 
 class Equations(NamedTuple):
-    """Arguments of the equations for the increments from (q, p), in ``stages`` rows of the memory, as in `lane_rows`.
+    """Arguments of the equations for the increments of a step, which starts at the state (q, p).
 
-    If the unknowns are kicks, the ``stages`` rows after those of a step hold the path of q.
+    The memory is arranged as in `lane_rows`, with the unknowns in ``stages`` rows: one for each component, a lane for
+    each increment.  If the unknowns are kicks, the ``stages`` rows from ``base + FREE`` on have the path of q.
+
+    Attributes
+    ----------
+    step : the data of the method
+    q, p : the state before the step
+    memory, base : the array, and its first row of the kernel's own
+    stages : the number of components of an increment
+    like : a tuple of zeros, one for each lane
+    h : the step size
+    counts : the counters of evaluations, and the quadrature rule in use
     """
 
     step: Path
@@ -162,7 +173,10 @@ change = dispatch_on_none(_change_of_both, _change_of_kicks)
 
 @inline
 def moves(e, old, new, first, last):
-    """(distance of unknowns ``first``, ..., ``last`` - 1 in the rows ``old`` from those in ``new``, size of these)."""
+    """How far unknowns move between two iterates: (distance of those in the rows ``old`` and ``new``, size of the new).
+
+    Only the unknowns ``first``, ..., ``last`` - 1 count, the rows being ``old`` and ``new`` plus their number.
+    """
     moved, sized = 0.0, 0.0
     for k in range(first, last):
         x = take(e.memory, new + k, e.like)
@@ -172,9 +186,9 @@ def moves(e, old, new, first, last):
 
 @inline
 def places(e, path, row):
-    """Write the states at the nodes of one row, at which f is evaluated, to the first rows of the memory.
+    """Write the points of the path at which f is evaluated, for one row of nodes, to the first rows of the memory.
 
-    ``path`` is the first row of the path's coefficients.
+    ``path`` is the first row of the path's coefficients, ``row`` the row of nodes.
     """
     step, memory = e.step, e.memory
     for k in range(e.stages):
@@ -186,7 +200,7 @@ def places(e, path, row):
 def sweep(e, old, new):
     """Apply the right-hand side h B f to the increments in the rows ``old``; write the result to the rows ``new``.
 
-    Returns (the distance of old and new, the size of new).
+    Returns (the distance between the two, the size of the result).
     """
     step, memory, n = e.step, e.memory, len(e.like)
     path = path_of(step.inverse_mass, e, old)
@@ -210,7 +224,11 @@ def sweep(e, old, new):
 
 @inline
 def scatter(e, row, r, k, i, x, work):
-    """Enter x, h times the derivative of f's component r by component k at the node in lane i, into ``work``."""
+    """Enter a derivative of f at one node into the Jacobian ``work`` of the equations for the increments.
+
+    x is h times the derivative of f's component r by component k, at the node in lane i of the row of nodes ``row``.
+    The chain rule multiplies x by the weights of A and B for each pair of increments.
+    """
     n, s = len(e.like), len(e.step.terms)
     for m in range(s):
         by = x * slope(e.step.inverse_mass, e, row, i, m)
@@ -220,7 +238,7 @@ def scatter(e, row, r, k, i, x, work):
 
 @inline
 def rule(e):
-    """(first row of the nodes of the quadrature rule in use, the row after its last)."""
+    """The rows of nodes of the quadrature rule in use: returns (the first, the one after the last)."""
     return e.counts.rule, e.counts.rule + e.step.rows[e.counts.rule]
 
 
@@ -240,7 +258,7 @@ end = ender(sums)
 
 
 def step(method: Path, y: State, carry: Carry, counts: np.record) -> tuple[State, int]:
-    """Take one step from the state y; returns (state, status)."""
+    """Take one step from the state y; returns (state, status: `SOLVED` or why the equations could not be solved)."""
     rows = components(method.inverse_mass, len(carry.zero))
     if counts.steps % 16 == 0:
         counts.rule = 0
@@ -264,9 +282,10 @@ run = loop(step)
 
 
 def build_path(s: int, rules: Sequence[int], system: Hamiltonian, arithmetic: str) -> Path:
-    """What a step of a method needs whose path is a polynomial of degree s, with quadrature rules of ``rules`` nodes.
+    """Make the data `Path` of a method whose path is a polynomial of degree s.
 
-    The coefficients are padded to groups of `WIDTH` nodes, which the system's functions evaluate side by side.
+    ``rules`` are the numbers of nodes of its quadrature rules.  The coefficients are padded to groups of `WIDTH` nodes,
+    which the system's functions evaluate side by side.
     """
     digits = 40 if arithmetic == DOUBLE else mpmath.mp.dps + 10
     unit = mpmath.mpf(2) ** (-52 if arithmetic == DOUBLE else 1 - mpmath.mp.prec)
@@ -296,7 +315,10 @@ def build_path(s: int, rules: Sequence[int], system: Hamiltonian, arithmetic: st
 
 
 def skew(s: int, digits: int) -> list[list]:
-    """The matrix of the integrals of P_m times the integral of P_j, P Legendre polynomials: 1/2 at first, else skew."""
+    """The matrix X of integrals over [0, 1] of P_m times the integral of P_j, with orthonormal Legendre polynomials P.
+
+    Returns the s rows as lists of mpmath numbers; X is 1/2 in its first entry, and skew in the others.
+    """
     X = [[mpmath.mpf(0)] * s for _ in range(s)]
     X[0][0] = mpmath.mpf(1) / 2
     with mpmath.workdps(digits):
@@ -307,12 +329,18 @@ def skew(s: int, digits: int) -> list[list]:
 
 
 def serves(s: int, rules: Sequence[int], system: Hamiltonian) -> bool:
-    """True if quadrature nodes should be evaluated in SIMD lanes, and the system's functions allow it."""
+    """True if quadrature nodes should be evaluated in SIMD lanes, and the system's functions allow it.
+
+    s is the number of increments, ``rules`` are the numbers of nodes of the quadrature rules.
+    """
     return s <= WIDTH and s * rules[-1] >= FEWEST and gauss_lanes.serves(WIDTH, system)
 
 
 def prepare(s: int, rules: Sequence[int], system: Hamiltonian, arithmetic: str) -> Prepared:
-    """Prepare the kernel of a method whose path is a polynomial of degree s, with rules of ``rules`` nodes each."""
+    """Prepare the kernel (compiled loop over steps) of a method whose path is a polynomial of degree s, in SIMD lanes.
+
+    ``rules`` are the numbers of nodes of its quadrature rules.
+    """
     step = build_path(s, rules, system, arithmetic)
     unknowns = components(step.inverse_mass, system.d)
     rows = FREE + (7 + step.steps) * unknowns

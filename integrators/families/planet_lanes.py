@@ -1,13 +1,14 @@
 r"""Wisdom-Holman steps with all bodies in SIMD lanes: 5.7 to 6.2 times as fast as one body after the other.
 
-The factors are of the outer solar system (6 bodies) with four methods.  The potential is a sum of inverse distances,
+That is for the outer solar system (6 bodies) and four methods.  The potential is a sum of inverse distances,
 
 .. math:: V = -\sum_a \frac{w_a}{|D_a|},\qquad D_a = \sum_k M_{ak} Q_k,\qquad
           -\nabla_k B = -\sum_a w_a M_{ak}\frac{D_a}{|D_a|^3} + m_k\mu_k\frac{Q_k}{|Q_k|^3}.
 
-A row of three values of lanes is x, y, z of all bodies; in the kick lanes are pairs.  Q, P and what rounding lost of
-them stand in the memory between pieces of a run.  The distances at the end of a drift are one correction by Newton's
-method away from those that Kepler's flow gives, without a root or a quotient.
+The vectors of all bodies are three rows of lanes, x, y and z, with a body in each lane; in a kick the lanes are pairs
+of bodies.  Q, P and what rounding lost of them stand in the memory between calls of the kernel.  After a drift, the
+distances |Q| are those that Kepler's flow gives, improved by one correction of Newton's method, which takes no square
+root or quotient.
 """
 
 from __future__ import annotations
@@ -34,10 +35,17 @@ MU, MASS, OVER_MASS, OVER_MASS_LOW, STRENGTH, FREE = range(6)
 
 
 class Planets(NamedTuple):
-    """What a Wisdom-Holman step in lanes needs; ``substeps``, ``corrector``, ``series`` are those of `wisdom_holman`.
+    """The data of a Wisdom-Holman method in SIMD lanes; n bodies are padded to the number of lanes.
 
-    ``like`` and ``bodies`` are zeros, as many as lanes and as bodies. ``pairs`` has, for as many pairs as lanes, the
-    rows: the columns of M, a number that is added to D_x (1 if there is no pair), the weights, and the rows of M.
+    Attributes
+    ----------
+    substeps, corrector, series : as in `wisdom_holman.WisdomHolman`
+    like, bodies : tuples of zeros, one for each lane, and one for each body
+    maps : the rows of four matrices that transform vectors of bodies: columns of those to q, to Jacobi's Q and P, to p
+    parts : the rows `MU` to `FREE`, a number for each body
+    pairs : for each group of as many pairs of bodies as lanes, the rows: n columns of the matrix M, a number that is
+        added to D_x (1 for a lane without a pair), the weights w, and the rows of M
+    h, eps : the step size and the unit round-off, set by the run
     """
 
     substeps: np.ndarray
@@ -53,7 +61,13 @@ class Planets(NamedTuple):
 
 
 class Places(NamedTuple):
-    """The state of all bodies in lanes, with |Q| and 1 / |Q|, which are 1 for bodies that move without attraction."""
+    """The state of all bodies in SIMD lanes, with the distances of the Kepler motions.
+
+    Attributes
+    ----------
+    y : the `State` of Q and P, each as the three rows x, y, z of lanes
+    r, inverse : |Q| and 1 / |Q|, which are 1 for bodies that move without attraction
+    """
 
     y: State
     r: object
@@ -84,7 +98,7 @@ def _times(a, x):
 
 @inline
 def _transform(step, which, x):
-    """Transform the bodies' vectors x to other coordinates, by the matrix number ``which`` of ``step.maps``."""
+    """Transform the bodies' vectors, three rows of lanes, by the matrix number ``which`` of ``step.maps``."""
     row, n = which * len(step.bodies), step.bodies
     zero = 0 * x[0]
     return (
@@ -102,14 +116,14 @@ def _squares(step, y):
 
 @inline
 def _add_distances(step, y):
-    """Add the distances |Q| and their inverses to a state."""
+    """Compute |Q| and its inverse for the state y; returns `Places`."""
     r = sqrt(_squares(step, y))
     return Places(y, r, 1 / r)
 
 
 @inline
 def _drift(step, at, h, memory):
-    """Move all bodies along their Kepler orbits over the time h: exp(h A)."""
+    """Move all bodies along their Kepler orbits over the time h, exp(h A): returns the new `Places`."""
     like, y = step.like, at.y
     mu, mass = take(step.parts, MU, like), take(step.parts, MASS, like)
     free = take(step.parts, FREE, like) > 0
@@ -128,7 +142,7 @@ def _drift(step, at, h, memory):
 
 @inline
 def _kick(step, at, h, counts):
-    """Change the momenta by the interaction over the time h: exp(h B)."""
+    """Change the momenta by the interaction over the time h, exp(h B): returns the new `Places`."""
     like, bodies, y, Q = step.like, step.bodies, at.y, at.y.q
     strength = take(step.parts, STRENGTH, like) * (at.inverse * at.inverse * at.inverse)
     x, y_, z = strength * Q[0], strength * Q[1], strength * Q[2]
@@ -151,7 +165,10 @@ def _kick(step, at, h, counts):
 
 @jit
 def _correct(step, at, sign, memory, counts):
-    """Apply the symplectic corrector (sign 1) or its inverse (-1), which is the corrector run backwards."""
+    """Apply the symplectic corrector (sign 1) or its inverse (sign -1) to the state ``at``; returns the new `Places`.
+
+    The inverse is the corrector with its kicks reversed in sign.
+    """
     rows = len(step.corrector)
     for k in range(rows):
         at = _drift(step, at, step.corrector[k, 0] * step.h, memory)
@@ -162,7 +179,7 @@ def _correct(step, at, sign, memory, counts):
 
 @inline
 def _read_bodies(table, row, n, memory, like):
-    """Read the vectors of n bodies from a row of a table into lanes, as x, y and z."""
+    """Read vectors of n bodies from a row of a table, body after body, into lanes; returns the three rows x, y, z."""
     for i in range(SPACE):
         for j in range(len(like)):
             memory[WORK + i, j] = table[row, j * SPACE + i] if j < n else 0.0
@@ -171,7 +188,7 @@ def _read_bodies(table, row, n, memory, like):
 
 @inline
 def _write_bodies(x, table, row, n, memory, like):
-    """Write the vectors of n bodies, x, y and z in lanes, to a row of a table."""
+    """Write vectors of n bodies, given as the three rows x, y, z of lanes, to a row of a table, body after body."""
     _keep(memory, WORK, x, like)
     for i in range(SPACE):
         for j in range(n):
@@ -180,7 +197,7 @@ def _write_bodies(x, table, row, n, memory, like):
 
 @jit
 def _write_start(step, carry, counts):
-    """Write the start of a run to ``carry.memory``: transformed to Jacobi's coordinates, with the corrector applied."""
+    """Write the start of a run to ``carry.memory``: the state in Jacobi coordinates, with the corrector applied."""
     memory, like, n = carry.memory, step.like, len(step.bodies)
     q = _transform(step, TO_JACOBI_Q, _read_bodies(carry.state, 0, n, memory, like))
     p = _transform(step, TO_JACOBI_P, _read_bodies(carry.state, 1, n, memory, like))
@@ -190,7 +207,7 @@ def _write_start(step, carry, counts):
 
 @jit
 def _fill_row(step, at, samples, row, memory, counts):
-    """Fill a row of the samples: the last drift, then the corrector's inverse, applied to a copy of the state."""
+    """Fill a row of the samples from a copy of the state: finish the step by its last drift, and undo the corrector."""
     like, n, last = step.like, len(step.bodies), len(step.substeps) - 1
     at = _drift(step, at, step.substeps[last, 0] * step.h, memory)
     y = _correct(step, at, -1, memory, counts).y
@@ -217,9 +234,9 @@ def _read_state(memory, like):
 
 
 def run(step, carry, samples, counts):
-    """The kernel: integrate the steps of the samples' rows and fill them; returns (rows filled, status).
+    """The kernel: integrate the steps between rows of output and fill the rows; returns (rows filled, status 0).
 
-    It has a loop of its own, since rows need the corrector's inverse, and drifts of two steps are merged.
+    It has a loop of its own, since rows need the corrector's inverse, and drifts of neighbouring steps are merged.
     """
     memory, like, a, h = carry.memory, step.like, step.substeps, step.h
     stages = len(a) - 1

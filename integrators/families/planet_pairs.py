@@ -1,4 +1,4 @@
-"""Recognize potentials that are sums of inverse distances, and prepare the kernel `planet_lanes` for them."""
+"""Recognize potentials that are sums of inverse distances of bodies, and prepare the kernel `planet_lanes` for them."""
 
 from __future__ import annotations
 
@@ -17,7 +17,10 @@ FEWEST, MOST = 3, 16
 
 
 def distances(potential: sp.Expr, q: Sequence[sp.Symbol]) -> list[tuple[sp.Expr, list]] | None:
-    """Pairs (w_a, c_a) of a potential sum_a -w_a / |sum_j c_aj q_j|, q_j being the position of body j; else None."""
+    """Write a potential as sum_a -w_a / |sum_j c_aj q_j|: returns the pairs (w_a, c_a), or None if it is no such sum.
+
+    q are the coordinates, three for each body; q_j is the position of body j, and c_a has a number for each body.
+    """
     found = [_distance(term, q) for term in sp.Add.make_args(potential)]
     return None if None in found else found
 
@@ -38,7 +41,7 @@ def _distance(term: sp.Expr, q: Sequence[sp.Symbol]) -> tuple[sp.Expr, list] | N
 
 
 def lanes_of(bodies: int) -> int:
-    """Number of SIMD lanes that holds so many bodies: a power of two, at least 4."""
+    """Number of SIMD lanes that holds the given number of bodies: a power of two, at least 4."""
     return max(4, 1 << (bodies - 1).bit_length())
 
 
@@ -47,7 +50,7 @@ def _pad(row, lanes: int, filler=0) -> list:
 
 
 def _of_pairs(found, back: sp.Matrix, lanes: int) -> list[list]:
-    """The rows of coefficients ``planet_lanes.Planets.pairs``, from `distances` and the matrix of q = back Q."""
+    """The rows ``pairs`` of `planet_lanes.Planets`, from what `distances` has found and the matrix of q = back Q."""
     rows, n = [], back.rows
     for first in range(0, len(found), lanes):
         block = found[first : first + lanes]
@@ -59,7 +62,10 @@ def _of_pairs(found, back: sp.Matrix, lanes: int) -> list[list]:
 
 
 def _of_bodies(part, lanes: int) -> list[list]:
-    """The rows ``planet_lanes.Planets.parts``, a number for each body: mu, masses, their inverses, m mu, 1 if free."""
+    """The rows ``parts`` of `planet_lanes.Planets`: a number for each body, padded to SIMD lanes.
+
+    They are mu, the mass, its inverse as the sum of two doubles, m mu, and 1 if the motion is free.
+    """
     inverse = [1 / sp.Rational(m) for m in part.masses]
     high = [codegen.to_number(x, DOUBLE) for x in inverse]
     low = [x - sp.Rational(y) for x, y in zip(inverse, high, strict=True)]
@@ -74,9 +80,10 @@ def _of_bodies(part, lanes: int) -> list[list]:
 
 
 def prepare(part, system, tables: dict) -> Prepared | None:
-    """Prepare the kernel in lanes for a system's Kepler part; None if the system does not allow it.
+    """Prepare the kernel (compiled loop over steps) with bodies in SIMD lanes; None if the system does not allow it.
 
-    ``tables`` are the fields that it shares with the kernel that takes one body after the other.
+    ``part`` is the system's `KeplerPart`; ``tables`` are the fields of `Planets` that the kernel of one body after the
+    other has as well: substeps, corrector and series.
     """
     n = len(part.masses)
     if not codegen.compiled() or part.dimension != SPACE or not FEWEST <= n <= MOST:

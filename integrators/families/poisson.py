@@ -81,11 +81,19 @@ if TYPE_CHECKING:
 
 
 class Poisson(NamedTuple):
-    """The coefficients of a step: polynomials and quadrature rules.
+    """The coefficients of energy-preserving collocation, and functions of the Poisson system.
 
-    ``stage`` has the rows int_0^c_i l_j / b_j. A rule is a range of nodes; each node has the number of its rule's
-    ``nodes`` and ``rows`` (the same), and rows of ``inner``, int_0^tau l_j / b_j, and ``outer``, its weight times
-    l_j(tau).
+    A quadrature rule is a range of rows, one for each of its nodes tau.
+
+    Attributes
+    ----------
+    structure : (q, p, g_q, g_p) -> B(y) g, the structure matrix times a vector
+    gradient : (q, p, h, lam) -> the gradient of H
+    stage : array (s, s), int_0^c_i l_j / b_j for the collocation nodes c_i
+    nodes, rows : for each node, the number of nodes of its rule (both the same)
+    inner : array (nodes, s), int_0^tau l_j / b_j
+    outer : array (nodes, s), the weight of the node times l_j(tau)
+    h, eps : the step size and the unit round-off, set by the run
     """
 
     structure: Callable
@@ -100,7 +108,17 @@ class Poisson(NamedTuple):
 
 
 class Equations(NamedTuple):
-    """Arguments of the equations for the increments of a step from (q, p), which are in rows of ``memory``."""
+    """Arguments of the equations for the increments of a step, which starts at the state (q, p).
+
+    Attributes
+    ----------
+    step : the coefficients of the method
+    q, p : the state before the step
+    memory : array with the increments of this step and of earlier ones
+    like : a zero of the shape of an increment, 2 d components
+    stages : the number of increments
+    counts : the counters of evaluations, and the quadrature rule in use
+    """
 
     step: Poisson
     q: Any
@@ -124,7 +142,7 @@ def combine(weights, i, e, rows):
 def sweep(e, old, new):
     """Apply the right-hand side G to the increments in the rows ``old``; write the result to the rows ``new``.
 
-    Returns (the distance of old and new, the size of new).
+    Returns (the distance between the two, the size of the result).
     """
     step, memory, like = e.step, e.memory, e.like
     for j in range(e.stages):
@@ -151,7 +169,7 @@ def sweep(e, old, new):
 def linearize(e, at, span, work):
     """Write the Jacobian 1 - G' of the equations x = G(x) at the increments in rows ``at``, ... to ``work``.
 
-    It is made by differences of sweeps (see `solve.row_solver`).
+    G' is made by differences of sweeps.  Returns the number of sweeps, as `solve.row_solver` requires.
     """
     memory, n = e.memory, len(e.like)
     base, moved = at + e.stages, at + 2 * e.stages
@@ -175,7 +193,7 @@ solve = confirmer(row_solver(sweep, linearize), sweep, changes_by_row(inline(lam
 
 
 def step(method: Poisson, y: State, carry: Carry, counts: np.record) -> tuple[State, int]:
-    """Take one step from the state y; returns (state, status)."""
+    """Take one step from the state y; returns (state, status: `SOLVED` or why the equations could not be solved)."""
     memory, both = carry.memory, join(carry.zero, carry.zero)
     stages = len(method.stage)
     at = LEVELS * stages
@@ -200,7 +218,11 @@ run = loop(step)
 
 @cache
 def coefficients(s: int, rules: tuple[int, ...], digits: int):
-    """(rows of ``stage``; for each node: size of its rule, rows of ``inner`` and of ``outer``), as mpmath numbers."""
+    """The coefficients of energy-preserving collocation with s nodes, as mpmath numbers of the given digits.
+
+    Returns (rows of ``stage``, a list of (size of its rule, row of ``inner``, row of ``outer``) for each node), with
+    the names of the fields of `Poisson`; ``rules`` are the numbers of nodes of the quadrature rules.
+    """
     with mpmath.workdps(digits + 10):
         gauss_rule = gauss_legendre(s, digits)
         # ell_l / b_l = sum_j P_j(c_l) P_j: the nodes' own rule is exact for the products of degree 2s - 2
@@ -219,9 +241,10 @@ def coefficients(s: int, rules: tuple[int, ...], digits: int):
 
 
 def prepare(method: Method, system: PoissonSystem, arithmetic: str) -> Prepared:
-    """Prepare the kernel of a method whose ``data`` is (s,), the degree of its path.
+    """Prepare the kernel (compiled loop over steps) of energy-preserving collocation for a Poisson system.
 
-    A polynomial H has one exact quadrature rule, another H rules of rising size.
+    ``method.data`` is (s,), the degree of its path.  A polynomial H has one exact quadrature rule, another H rules of
+    rising size.  Canonical systems are integrated by `collocation`.
     """
     (s,) = method.data
     if system.canonical:

@@ -1,9 +1,10 @@
-r"""Processed splittings :math:`P K^n P^{-1}` for a separable H = T(p) + V(q): steps cost their kernel K alone.
+"""Processed splittings :math:`P K^n P^{-1}` for a separable H = T(p) + V(q): steps cost their kernel K alone.
 
-The kernel is a `splitting`.  ``start`` applies the processor P, drifts and kicks in turn, to the state of a row, and
-``finish`` takes it back where a row is stored: with a row after every step both are paid in every step.
+K here is a `splitting`, the step that is repeated; P, the processor, is a change of variables of drifts and kicks.
+``start`` applies P to the state of a row of output, and ``finish`` undoes it where a row is stored: with a row after
+every step both are paid in every step.
 
-P and its inverse evaluate the gradient in functions that have no counts: ``start`` leaves the number for both in the
+P and its inverse evaluate gradients in functions that have no counters: ``start`` leaves the number of both in the
 state, and the first step after it adds that to the counts.
 
 Reference: J. C. Butcher, Lecture Notes in Math. 109 (1969) 133-139 (effective order); S. Blanes, F. Casas, A. Murua,
@@ -35,9 +36,14 @@ IN_LANES = True
 
 
 class Processed(NamedTuple):
-    """Fractions of h: of the kernel a and b as in `splitting.Splitting`, of the processor's drifts and kicks in turn.
+    """The data of a processed splitting.
 
-    ``dT`` is as in `splitting.Splitting`.
+    Attributes
+    ----------
+    dT, dV : as in `splitting.Splitting`: the gradients of T (function, array 1 / m_i or None) and V
+    a, b : fractions of h of the drifts and kicks of the kernel K, as in `splitting.Splitting`
+    drifts, kicks : fractions of h of the drifts and kicks of the processor P, in turn
+    h, eps : the step size and the unit round-off, set by the run
     """
 
     dT: Callable | np.ndarray | None
@@ -51,7 +57,15 @@ class Processed(NamedTuple):
 
 
 class ProcessedState(NamedTuple):
-    """The state (q, p), room for a gradient of V and a velocity, and evaluations that are not yet counted."""
+    """The state (q, p) of a processed splitting.
+
+    Attributes
+    ----------
+    q, p : the state
+    lost_q, lost_p : what rounding lost of each (compensation)
+    gradient, velocity : working memory for a gradient of V and a velocity
+    evaluations : number of gradients evaluated but not yet added to the counts
+    """
 
     q: Any
     p: Any
@@ -79,14 +93,20 @@ def kick(method: Processed, y: ProcessedState, h) -> ProcessedState:
 
 
 def begin(method: Processed, carry: Carry, counts: np.record) -> ProcessedState:
-    """Read the state where the last call left it; steps overwrite arrays in the carry's rows."""
+    """Read the state from ``carry``, where the last call of the kernel (loop over steps) left it.
+
+    Arrays are rows of ``carry`` itself, which steps overwrite.
+    """
     y = view_state(carry)
     gradient, velocity = rows(carry.state, GRADIENT, VELOCITY, carry.zero)
     return ProcessedState(y.q, y.p, y.lost_q, y.lost_p, gradient, velocity, 0)
 
 
 def start(method: Processed, y: ProcessedState) -> ProcessedState:
-    """Apply the processor, and the first kick of the first step; count the evaluations of `finish` as well."""
+    """Apply the processor and the first kick of the first step.
+
+    The number of evaluations, those of `finish` included, is left in the state for `step` to count.
+    """
     for k in range(len(method.kicks)):
         if method.drifts[k] != 0:
             y = drift(method, y, method.drifts[k] * method.h)
@@ -100,7 +120,7 @@ def start(method: Processed, y: ProcessedState) -> ProcessedState:
 
 
 def step(method: Processed, y: ProcessedState, carry: Carry, counts: np.record) -> tuple[ProcessedState, int]:
-    """Drift and kick in turn; the last kick includes the next step's first. Returns (state, status)."""
+    """Drift and kick in turn; the last kick includes the first one of the next step.  Returns (state, `SOLVED`)."""
     last = len(method.a) - 1
     for k in range(1, last + 1):
         y = drift(method, y, method.a[k] * method.h)
@@ -114,7 +134,7 @@ def step(method: Processed, y: ProcessedState, carry: Carry, counts: np.record) 
 
 
 def finish(method: Processed, y: ProcessedState) -> ProcessedState:
-    """Undo the next step's first kick and the processor, before a row is stored; `start` has counted this."""
+    """Undo the first kick of the next step and the processor, before a row is stored; `start` has counted this."""
     if method.b[0] != 0:
         y = kick(method, y, -method.b[0] * method.h)
     for k in range(len(method.kicks) - 1, -1, -1):
@@ -129,9 +149,10 @@ run = loop(step, begin, start, finish)
 
 
 def prepare(method: Method, system: Hamiltonian, arithmetic: str, fills: bool = True) -> Prepared:
-    """Prepare the kernel of a method whose ``data`` is (the splitting's (a, b), the processor's rows (drift, kick)).
+    """Prepare the kernel (compiled loop over steps) of a processed splitting for a system.
 
-    All numbers are fractions of h; ``fills`` is that of `splitting.prepare`.
+    ``method.data`` is ((a, b) of the splitting K, rows (drift, kick) of the processor P), all fractions of h.
+    ``fills`` is that of `splitting.prepare`.
     """
     weights, processor = method.data
     made = splitting.prepare(replace(method, data=weights), system, arithmetic, fills)

@@ -16,7 +16,7 @@ round-off: with the matrix :math:`G G^T` at :math:`\tilde y`, and with the sum o
 :math:`G(\Phi_h(y))\Phi_h'(y) = G(y) + O(h^{p+1})`.  The target is the initial value, so errors do not add up.
 
 A step is taken with mu = 0 and counted as a fallback where the gradients are dependent, the iteration fails, or the
-correction is longer than the state; a later step wins back what it lost.
+correction is longer than the state; a later step restores the invariants.
 
 Sources: E. Hairer, C. Lubich, G. Wanner, Geometric Numerical Integration (2006), IV.4 (Algorithm 4.2) and V.4.1;
 E. Hairer, "Symmetric projection methods for differential equations on manifolds", BIT 40 (2000) 726-734.
@@ -72,10 +72,18 @@ PREDICTED, UNPROJECTED = 0, 2
 
 
 class Projection(NamedTuple):
-    """What a step needs: the base method's step (one of three), and the invariants: g = 0 where they equal ``target``.
+    """The data of a projected method: the step of the base method, and the invariants to which it is projected.
 
-    ``constraint``, ``gram`` and ``pull`` are those of `functions`; ``mirror`` is ``gram`` if the projection is
-    symmetric, else None.
+    One of ``explicit``, ``split`` and ``implicit`` is the base method, the others are None.
+
+    Attributes
+    ----------
+    mirror : ``gram`` if the projection is symmetric, else None
+    constraint, gram, pull : the functions made by `functions`
+    explicit, split, implicit : the base method as an explicit Runge-Kutta method, a splitting or a one-stage method
+    stages : the number of stages or substeps of the base method
+    target : the values of the invariants at the start of the run
+    h, eps : the step size and the unit round-off, set by the run
     """
 
     mirror: Callable | None
@@ -138,9 +146,9 @@ advance = dispatch_on_none(_one_stage, _explicit)
 
 @inline
 def correct(mu, r, A, work):
-    """A Newton correction of the multipliers mu: (mu - A^-1 r, True if A is regular).
+    """Do one Newton correction of the multipliers mu: returns (mu - A^-1 r, True if the matrix A is regular).
 
-    The rows of the matrix A stand one after the other.
+    mu and r are vectors (m,); A has its rows one after the other, (m m,).
     """
     m = len(r)
     for i in range(m):
@@ -155,7 +163,14 @@ def correct(mu, r, A, work):
 
 
 class Closing(NamedTuple):
-    """Arguments of the equation x = G(y + x)^T mu that ends a symmetric projection; G: Jacobian of the invariants."""
+    """Arguments of the equation x = G(y + x)^T mu, whose solution x ends a symmetric projection.
+
+    Attributes
+    ----------
+    pull : the function (q, p, mu) -> G^T mu, with G the Jacobian of the invariants
+    q, p : the state y after the step of the base method
+    mu : the multipliers
+    """
 
     pull: Callable
     q: Any
@@ -178,7 +193,7 @@ solve_closing = solver(closing)
 
 @inline
 def constraint_residual(step, y, last):
-    """The errors g(y) of the invariants: (g(y), True if they are at round-off or have stopped falling).
+    """The errors of the invariants at y: returns (g(y), True if they are at round-off or have stopped falling).
 
     ``last`` is their size in the iteration before.
     """
@@ -261,7 +276,11 @@ project = dispatch_on_none(_standard, _symmetric)
 
 
 def step(method: Projection, y: State, carry: Carry, counts: np.record) -> tuple[State, int]:
-    """Take one projected step from the state y; the parameter is the multiplier of H. Returns (state, status)."""
+    """Take one projected step from the state y; returns (state, status).
+
+    ``counts.parameter`` becomes the multiplier of H; a step that could not be projected is counted in
+    ``counts.fallbacks`` and has the parameter NaN.
+    """
     y, mu, found, status = project(method.mirror, method, y, carry, counts)
     if not found:
         counts.fallbacks += 1
@@ -273,10 +292,11 @@ run = loop(step, parameter=True)
 
 
 def functions(system: Hamiltonian, invariants, arithmetic: str):
-    """Make the functions ``constraint``, ``gram`` and ``pull`` of the invariants, for the kernel.
+    """Make the functions of the invariants that the kernel needs: returns (constraint, gram, pull).
 
-    constraint(q, p) -> (values, M) of shape (m,), the values known to eps M; gram(q, p) -> G G^T row by row, of shape
-    (m m,); pull(q, p, mu) -> the q and the p part of G^T mu.
+    - constraint(q, p) -> (values, M), both of shape (m,); the values have a round-off of eps M
+    - gram(q, p) -> the matrix G G^T, row by row, of shape (m m,); G is the Jacobian of the invariants
+    - pull(q, p, mu) -> the q and the p part of G^T mu
     """
     m, y = len(invariants), (*system.q, *system.p)
     mu = [sp.Dummy() for _ in invariants]
@@ -310,13 +330,16 @@ def functions(system: Hamiltonian, invariants, arithmetic: str):
 
 
 def _vector_type(d, n):
-    """The Numba type of n numbers in a system of d degrees of freedom."""
+    """The Numba type of n numbers in a system of d degrees of freedom: a tuple for small d, else an array."""
     tuples = codegen.value_kind(d) == "tuple"
     return types.UniTuple(types.float64, n) if tuples else types.Array(types.float64, 1, "C")
 
 
 def prepare(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
-    """Prepare the kernel: the base method's functions and coefficients, and the functions of the invariants."""
+    """Prepare the kernel (compiled loop over steps) of a projected method, with the functions of the invariants.
+
+    ``method.data`` is (base method, "invariants" to keep all of them, else only H, True for a symmetric projection).
+    """
     base, onto, symmetric = method.data
     inner = FAMILIES[base.family].prepare(base, system, arithmetic, fills=False)
     kinds = {"explicit": runge_kutta.RungeKutta, "split": splitting.Splitting, "implicit": parametric.Parametric}
@@ -341,6 +364,9 @@ def prepare(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
 
 
 def _set_target(constraint, bases, step, q, p):
-    """Complete a step for a run from (q, p): set the target values of the invariants, and the base method's step."""
+    """Complete the data of a projection for a run from (q, p): set the target values, and h of the base method.
+
+    The targets are the values of the invariants at (q, p).
+    """
     known = {name: base._replace(h=step.h, eps=step.eps) for name, base in bases.items() if base is not None}
     return step._replace(target=constraint(q, p)[0], **known)

@@ -5,9 +5,9 @@ r"""RATTLE and SHAKE: kicks and drifts that keep constraints g(q) = 0, for H = p
     q_1 = q_0 + h M^{-1} p_{1/2},\qquad g(q_1) = 0, \\
     p_1 = p_{1/2} - \tfrac h2\bigl(\nabla V(q_1) + G(q_1)^T\mu\bigr),\qquad G(q_1) M^{-1} p_1 = 0
 
-is RATTLE, composed over fractions of h for a higher order.  The first multiplier puts q on the constraints, the second
-p on the hidden ones.  SHAKE has the same q, and as p the mean of the momenta before and after,
-:math:`p_n = M(q_{n+1} - q_{n-1})/2h`, which is off the hidden constraints.
+is RATTLE; steps over fractions of h are composed for a higher order.  The first multiplier puts q on the constraints,
+the second p on the hidden ones.  SHAKE has the same q, and as p the mean of the momenta before and after, :math:`p_n =
+M(q_{n+1} - q_{n-1})/2h`, which is off the hidden constraints.
 
 The unknown is :math:`w = \tfrac{h^2}2 G(q_0)^T\lambda`.  Newton's method for :math:`g(\bar q - M^{-1}w) = 0`,
 
@@ -64,9 +64,17 @@ IN_LANES = True
 
 
 class Rattle(NamedTuple):
-    """What a step needs: fractions b of h of the steps that are composed, and whether p is projected (else SHAKE's).
+    """The data of RATTLE or SHAKE.
 
-    ``dT`` is p -> M^-1 p, None where that is p itself; ``restore`` and ``normal`` are those of `constrained`.
+    Attributes
+    ----------
+    dT : the function p -> M^-1 p; None if that is p itself
+    dV : the gradient of V
+    restore, normal : functions of `systems.constrained`: a Newton step onto the constraints, and the part of p that
+        leaves the manifold
+    b : fractions of h of the steps that are composed
+    project : True if p is projected onto the hidden constraints (RATTLE), False if it is that of SHAKE
+    h, eps : the step size and the unit round-off, set by the run
     """
 
     dT: Callable | None
@@ -80,7 +88,14 @@ class Rattle(NamedTuple):
 
 
 class RattleState(NamedTuple):
-    """The state (q, p), what rounding lost of either, and the gradient of V at q."""
+    """The state (q, p), and the gradient of V at q.
+
+    Attributes
+    ----------
+    q, p : the state
+    lost_q, lost_p : what rounding lost of each (compensation)
+    gradient : grad V(q)
+    """
 
     q: Any
     p: Any
@@ -90,7 +105,14 @@ class RattleState(NamedTuple):
 
 
 class Drift(NamedTuple):
-    """The arguments of the equation of w: q + lost + ``move`` - M^-1 w is to be on the constraints."""
+    """Arguments of the equation for w, the constraint impulse times h: it puts q + lost + move - M^-1 w on g = 0.
+
+    Attributes
+    ----------
+    method : the data of the method
+    q, lost : the coordinates before the drift, and what rounding lost of them
+    move : the move of q without constraints
+    """
 
     method: Rattle
     q: Any
@@ -100,10 +122,10 @@ class Drift(NamedTuple):
 
 @inline
 def sweep(e, w, active):
-    """One step of Newton's method for the impulse w (d,) that holds q on the constraints, in the ``active`` lanes.
+    """Do one step of Newton's method for w, the constraint impulse times h, that holds q on the constraints.
 
-    ``e`` is the equation: the state before, and the move without constraints.  Returns (the new w, how far it moves
-    q, the size of q).
+    e has the coordinates before and the move without constraints; ``active`` are the SIMD lanes to iterate.  Returns
+    (new w, how far it moves q, size of q).
     """
     moved = minus(e.move, velocity(e.method.dT, w))
     q, _ = add(e.q, e.lost, moved)
@@ -135,7 +157,11 @@ solve = overload_in_lanes(_solve, _solve_lanes)
 
 @inline
 def drift(method, y, h, start):
-    """The w of a drift over h from the state y, which has had its kick: (w, the move of q, sweeps, status)."""
+    """Drift from the state y, which has had its kick, over the time h under constraints.
+
+    Returns (w, the constraint impulse times h; the move of q; the number of iterations; status).  ``start`` is a
+    starting value of w.
+    """
     move = scale(h, velocity(method.dT, y.p))
     start = method.normal(y.q, start)  # earlier ones were along the G^T of other places
     w, sweeps, status = solve(Drift(method, y.q, y.lost_q, move), start, size(y.q), method.eps)
@@ -144,27 +170,27 @@ def drift(method, y, h, start):
 
 @inline
 def kick(y, h):
-    """The state after a kick over h without constraints."""
+    """The state after a kick by -grad V over the time h, without the forces of the constraints."""
     p, lost_p = add_product(y.p, y.lost_p, -h, y.gradient)
     return RattleState(y.q, p, y.lost_q, lost_p, y.gradient)
 
 
 @inline
 def pull(y, a, w):
-    """The state with a w added to p."""
+    """The state y with a times the vector w added to p."""
     p, lost_p = add_product(y.p, y.lost_p, a, w)
     return RattleState(y.q, p, y.lost_q, lost_p, y.gradient)
 
 
 def begin(method: Rattle, carry: Carry, counts: np.record) -> RattleState:
-    """Read the state where the last call left it, and evaluate grad V."""
+    """Read the state from ``carry``, where the last call of the kernel left it, and evaluate grad V."""
     y = read_state(carry)
     counts.gradient += 1
     return RattleState(y.q, y.p, y.lost_q, y.lost_p, method.dV(y.q))
 
 
 def step(method: Rattle, y: RattleState, carry: Carry, counts: np.record) -> tuple[RattleState, int]:
-    """Take the composed steps in turn; returns (state, status)."""
+    """Take the composed steps in turn, each a kick, a drift on the constraints and a kick; returns (state, status)."""
     first, n, found = y, len(method.b), SOLVED
     for k in range(n):
         if found == SOLVED:
@@ -189,7 +215,10 @@ run = loop(step, begin)
 
 
 def prepare(method: Method, system: ConstrainedHamiltonian, arithmetic: str) -> Prepared:
-    """Prepare the kernel of a method whose ``data`` is (fractions of h of composed steps, True to project p)."""
+    """Prepare the kernel (compiled loop over steps) of RATTLE or SHAKE for a system with constraints.
+
+    ``method.data`` is (fractions of h of the composed steps, True for RATTLE, False for SHAKE).
+    """
     fractions, project = method.data
     step = Rattle(
         system.grad_T(arithmetic),

@@ -1,4 +1,4 @@
-r"""Relaxation Runge-Kutta methods, which keep H by the length of the step.
+r"""Relaxation Runge-Kutta methods, which conserve H by adjusting the length of the step.
 
 With the increment :math:`d = \sum b_i k_i` of an explicit Runge-Kutta step of length :math:`\ell` from y,
 
@@ -53,9 +53,16 @@ AHEAD = OWN, 0
 
 
 class Relaxation(NamedTuple):
-    """What a step needs: field and tableau of a Runge-Kutta method, H, the value H0 to conserve.
+    """The data of an explicit Runge-Kutta method with relaxation.
 
-    ``adjust_time``: True if the state belongs to the relaxed time.
+    Attributes
+    ----------
+    field : the vector field (q', p')
+    energy : the function (q, p) -> (H, size of its terms), which sets the unit of its round-off
+    tableau : rows of A, then b
+    adjust_time : True if the state belongs to the relaxed time, False if each step counts as h
+    H0 : the energy to conserve, that of the initial state
+    h, eps : the step size and the unit round-off, set by the run
     """
 
     field: Callable
@@ -75,7 +82,10 @@ def dot(x, y):
 
 @inline
 def root(step, y, dq, dp):
-    """Find gamma next to 1 with H(y + gamma (dq, dp)) = H0: (gamma, True if found, evaluations of the field)."""
+    """Find gamma nearest 1 with H(y + gamma (dq, dp)) = H0 by Newton's method.
+
+    Returns (gamma, True if found, number of evaluations of the field).
+    """
     gamma = 1.0
     last = np.inf
     for k in range(LIMIT):
@@ -96,7 +106,11 @@ def root(step, y, dq, dp):
 
 
 def step(method: Relaxation, y: State, carry: Carry, counts: np.record) -> tuple[State, int]:
-    """Take one step from the state y; the parameter is gamma. Returns (state, status)."""
+    """Take one step from the state y; returns (state, `SOLVED`).
+
+    ``counts.parameter`` becomes gamma.  If there is no gamma near 1 it is NaN, the step is that of the base method, and
+    is counted in ``counts.fallbacks``.
+    """
     length = method.h - carry.state[AHEAD]
     dq, dp = runge_kutta.increment(method.field, method.tableau, length, y, carry)
     gamma, found, n = root(method, y, dq, dp)
@@ -112,7 +126,10 @@ run = loop(step, parameter=True)
 
 
 def prepare(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
-    """Prepare the kernel of a Runge-Kutta method with relaxation; ``method.data`` is (base method, adjust_time)."""
+    """Prepare the kernel (compiled loop over steps) of an explicit Runge-Kutta method with relaxation.
+
+    ``method.data`` is (base method, True to adjust the time).
+    """
     base, adjust_time = method.data
     inner = runge_kutta.prepare(base, system, arithmetic, fills=False)
     energy = system.energy(arithmetic)

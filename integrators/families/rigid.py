@@ -1,4 +1,4 @@
-r"""A rigid body in quaternions: kicks by its potential, and turns by which q and p are multiplied from the right.
+r"""Integrators of a rigid body in quaternions: kicks by its potential, and rotations of the free body.
 
 A step over h, composed over fractions of it for a higher order, is half a kick, :math:`p \leftarrow p - \tfrac h2\nabla
 V(q)`, the free body, and half a kick.  The free body moves by :math:`q \leftarrow q u,\ p \leftarrow p u` with unit
@@ -12,8 +12,8 @@ that momentum:
   :math:`\bar L = L + \tfrac h2\,\bar L\times I^{-1}\bar L` and u the Cayley transform of :math:`h I^{-1}\bar L`.
 
 Dullweber, Leimkuhler and McLachlan take the axes 3, 2, 1, 2, 3.  Reich's splitting takes the flow of a symmetric top,
-which is a spherical top and the flow of an axis (they commute), between halves of the axis that is left; the equal
-moments of the top are the nearest two.
+which is that of a spherical top and that of an axis (they commute), between two half flows of the remaining axis; the
+two moments that are nearest to each other are those that the top has equal.
 
 All but the midpoint rule are symplectic; all are symmetric and of order 2.  Unknowns are solved to round-off.
 
@@ -65,10 +65,15 @@ TINY = 1e-300
 
 
 class Turns(NamedTuple):
-    """What an explicit step needs: fractions b of h of the steps that are composed, and the turns of one of them.
+    """The data of an explicit method for a rigid body: a step is a kick, rotations and a kick.
 
-    ``kinds`` has an axis or `SPHERE` for each turn, ``strengths`` c times the fraction of h.  ``dV`` is grad V, None of
-    a free body.
+    Attributes
+    ----------
+    dV : grad V of the quaternion q; None for a free body
+    b : fractions of h of the steps that are composed
+    kinds : for each rotation, an axis 0, 1, 2 or `SPHERE` for one about the momentum
+    strengths : for each rotation, c times its fraction of h, for the flow of c L_k^2 / 2 or c |L|^2 / 2
+    h, eps : the step size and the unit round-off, set by the run
     """
 
     dV: Callable | None
@@ -80,7 +85,16 @@ class Turns(NamedTuple):
 
 
 class Implicit(NamedTuple):
-    """What an implicit step needs: the moments I and 1 / I behind a 0, and whether it is the midpoint rule."""
+    """The data of an implicit method for a rigid body: a kick, a rotation that solves an equation, and a kick.
+
+    Attributes
+    ----------
+    dV : grad V of the quaternion q; None for a free body
+    b : fractions of h of the steps that are composed
+    moments, inverse : (0, I_1, I_2, I_3), and the same of 1 / I_k
+    midpoint : True for the midpoint rule, False for Moser and Veselov
+    h, eps : the step size and the unit round-off, set by the run
+    """
 
     dV: Callable | None
     b: np.ndarray
@@ -92,7 +106,14 @@ class Implicit(NamedTuple):
 
 
 class BodyState(NamedTuple):
-    """The state (q, p), what rounding lost of either, and the gradient of V at q."""
+    """The state (q, p) of a rigid body in quaternions, and the gradient of V at q.
+
+    Attributes
+    ----------
+    q, p : the state, four numbers each
+    lost_q, lost_p : what rounding lost of each (compensation)
+    gradient : grad V(q)
+    """
 
     q: Any
     p: Any
@@ -142,19 +163,19 @@ def conjugate(x):
 
 @unroll(lambda d: "  return (w, x[1], x[2], x[3])")
 def with_real(w, x):
-    """The quaternion x with another real part w."""
+    """The quaternion x with its real part replaced by w."""
     return np.array([w, x[1], x[2], x[3]])
 
 
 @unroll(lambda d: "  return (0.0 * x[0], a[1]*x[1], a[2]*x[2], a[3]*x[3])")
 def stretch(x, a):
-    """The imaginary part of x, each component times a number of the table a."""
+    """The imaginary part of the quaternion x, each component times the number of the same index of the array a."""
     return np.array([0 * x[0], a[1] * x[1], a[2] * x[2], a[3] * x[3]])
 
 
 @inline
 def momentum(y):
-    """The momenta about the body's axes, as a quaternion: half the imaginary part of q* p."""
+    """The angular momenta L about the body's axes, as a quaternion: half the imaginary part of q* p."""
     m = scale(0.5, product(conjugate(y.q), y.p))
     return with_real(0.0 * m[0], m)
 
@@ -169,7 +190,10 @@ def moved(y, dq, dp):
 
 @inline
 def about_axis(y, image_q, image_p, strength):
-    """The state after the flow of c L_k^2 / 2, with h c = strength; ``image_q`` is q e_k, ``image_p`` p e_k."""
+    """The state after the flow of c L_k^2 / 2 about axis k over the time h, with strength = h c.
+
+    ``image_q`` is q e_k and ``image_p`` is p e_k, with e_k one of the units i, j, k.
+    """
     z = 0.25 * strength * dot(y.p, image_q)
     s, half = sin(z), sin(0.5 * z)
     less = -2.0 * half * half  # cos z - 1
@@ -178,7 +202,7 @@ def about_axis(y, image_q, image_p, strength):
 
 @inline
 def about_momentum(y, strength):
-    """The state after the flow of c |L|^2 / 2, with h c = strength: a turn about the momentum in space."""
+    """The state after the flow of c |L|^2 / 2 over h, with strength = h c: a rotation about the momentum in space."""
     m = scale(0.5, product(y.p, conjugate(y.q)))
     m = with_real(0.0 * m[0], m)
     length = dot(m, m) ** 0.5 + TINY
@@ -190,7 +214,7 @@ def about_momentum(y, strength):
 
 @inline
 def kick(y, h):
-    """The state after a kick over h."""
+    """The state after a kick by -grad V over the time h."""
     p, lost_p = add_product(y.p, y.lost_p, -h, y.gradient)
     return BodyState(y.q, p, y.lost_q, lost_p, y.gradient)
 
@@ -200,14 +224,14 @@ slope = dispatch_on_none(lambda dV, q: scale(0.0, q), lambda dV, q: dV(q))
 
 
 def begin(method: Turns | Implicit, carry: Carry, counts: np.record) -> BodyState:
-    """Read the state where the last call left it, and evaluate grad V."""
+    """Read the state from ``carry``, where the last call of the kernel left it, and evaluate grad V."""
     y = read_state(carry)
     counts.gradient += 1
     return BodyState(y.q, y.p, y.lost_q, y.lost_p, slope(method.dV, y.q))
 
 
 def step(method: Turns, y: BodyState, carry: Carry, counts: np.record) -> tuple[BodyState, int]:
-    """Take the composed steps in turn, each a kick, its turns and a kick; returns (state, status)."""
+    """Take the composed steps in turn, each a kick, rotations and a kick; returns (state, `SOLVED`)."""
     for k in range(len(method.b)):
         h = method.b[k] * method.h
         y = kick(y, 0.5 * h)
@@ -227,12 +251,12 @@ def step(method: Turns, y: BodyState, carry: Carry, counts: np.record) -> tuple[
 
 
 class Turn(NamedTuple):
-    """What the equation for the rotation of an implicit step depends on.
+    """Arguments of the equation for the rotation of an implicit step.
 
     Attributes
     ----------
-    method : the method, with the body's moments of inertia
-    target : h L / 2, L the angular momentum about the body's axes, three numbers
+    method : the data of the method, with the moments of inertia
+    target : h L / 2, with L the angular momentum about the body's axes, as a quaternion without real part
     """
 
     method: Implicit
@@ -248,7 +272,10 @@ def cross(x, y):
 
 @inline
 def equation(x, e):
-    """The next iterate: of rho after Moser and Veselov, of h/2 times the mean momentum by the midpoint rule."""
+    """The right-hand side of the equation x = G(x) for the rotation of an implicit step, at the iterate x.
+
+    x is the vector rho of Moser and Veselov, or h / 2 times the mean of L in the midpoint rule (see the module).
+    """
     if e.method.midpoint:
         return plus(e.target, cross(x, stretch(x, e.method.inverse)))
     rest = axpy(-1.0, cross(x, stretch(x, e.method.moments)), e.target)
@@ -257,7 +284,7 @@ def equation(x, e):
 
 @inline
 def lengths(x, g, e):
-    """The size of the unknown, for finite differences in either half of it."""
+    """The size of the unknown x, twice, to scale finite differences in either half of it; g is G(x)."""
     length = size(e.target) + size(x)
     return length, length
 
@@ -267,7 +294,7 @@ solve = solver(equation, lengths)
 
 @inline
 def turn_of(method, x):
-    """The quaternion u - 1 of the turn u that belongs to the solution x of `equation`."""
+    """The quaternion u - 1 of the rotation u that follows from the solution x of `equation`."""
     if method.midpoint:
         a = stretch(x, method.inverse)
         root = (1.0 + dot(a, a)) ** 0.5
@@ -277,7 +304,7 @@ def turn_of(method, x):
 
 
 def implicit_step(method: Implicit, y: BodyState, carry: Carry, counts: np.record) -> tuple[BodyState, int]:
-    """Take the composed steps in turn, each a kick, a turn that is solved for, and a kick; returns (state, status)."""
+    """Take the composed steps in turn, each a kick, an implicit rotation and a kick; returns (state, status)."""
     first, n, found = y, len(method.b), SOLVED
     for k in range(n):
         if found == SOLVED:
@@ -301,7 +328,7 @@ run_implicit = loop(implicit_step, begin)
 
 
 def _turns(scheme: str, system: RigidBody) -> list[tuple[int, Any]]:
-    """The turns of a step, (kind, c times the fraction of h), exact numbers."""
+    """The rotations of an explicit step: pairs (axis or `SPHERE`, c times the fraction of h), exact numbers."""
     inverse = [1 / moment for moment in system.moments]
     if scheme == AXES:
         return [(k, inverse[k] / (1 if k == 0 else 2)) for k in (2, 1, 0, 1, 2)]
@@ -312,7 +339,10 @@ def _turns(scheme: str, system: RigidBody) -> list[tuple[int, Any]]:
 
 
 def prepare(method: Method, system: RigidBody, arithmetic: str) -> Prepared:
-    """Prepare the kernel of a method whose ``data`` is (scheme, fractions of h of the steps that are composed)."""
+    """Prepare the kernel (compiled loop over steps) of a method for a rigid body.
+
+    ``method.data`` is (scheme: "axes", "top", "moser-veselov" or "midpoint", fractions of h of the composed steps).
+    """
     scheme, fractions = method.data
     dV, b = system.grad_V(arithmetic), numbers(fractions, arithmetic)
     if scheme in (MOSER_VESELOV, MIDPOINT):

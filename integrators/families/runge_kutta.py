@@ -46,7 +46,14 @@ MOST = 14
 
 
 class RungeKutta(NamedTuple):
-    """What a step needs: the field f, and the tableau: the rows of A, then b."""
+    """The data of an explicit Runge-Kutta method.
+
+    Attributes
+    ----------
+    field : the vector field (q', p')
+    tableau : array, the rows of the matrix A, then b
+    h, eps : the step size and the unit round-off, set by the run
+    """
 
     field: Callable
     tableau: np.ndarray
@@ -56,7 +63,7 @@ class RungeKutta(NamedTuple):
 
 @inline
 def _next_nonzero(tableau, i, j):
-    """Smallest k > j with a[i, k] != 0, else i; a are the rows of the tableau."""
+    """Return the smallest k > j with tableau[i, k] != 0, or i if there is none below i."""
     j += 1
     while j < i and tableau[i, j] == 0:
         j += 1
@@ -64,7 +71,7 @@ def _next_nonzero(tableau, i, j):
 
 
 def _total(tableau, i, h, memory, zero):
-    """The increment (dq, dp) = h sum_j a_ij k_j over j < i, for arrays (`total`); sums two terms at a time."""
+    """Sum (dq, dp) = h sum_j a_ij k_j over j < i, two terms at a time: what `total` compiles to for arrays."""
     last, n = len(tableau) - 1, 2 * len(zero)
     j = _next_nonzero(tableau, i, -1)
     a = tableau[i, j] * h if j < i else 0.0
@@ -86,9 +93,10 @@ def _total(tableau, i, h, memory, zero):
 
 @in_place(_total)
 def total(tableau, i, h, memory, zero):
-    """(dq, dp) = h sum_j a_ij k_j over j < i, the increment that leads to stage i; k_j is row j of the memory.
+    """Sum the increment (dq, dp) = h sum_j a_ij k_j over j < i that leads to stage i; k_j is row j of the memory.
 
-    For arrays the result is written to the row after the last k.
+    a are the rows of the tableau; i = number of stages gives the increment of the step.  For arrays the result is
+    written to the row after the last k.
     """
     both = join(zero, zero)
     x = both
@@ -99,14 +107,14 @@ def total(tableau, i, h, memory, zero):
 
 
 def evaluate(field, q, p, dq, dp, h, memory, i):
-    """Evaluate stage i, f(q + dq, p + dp), into row i of the memory; arrays dq and dp are overwritten."""
+    """Evaluate stage i, f(q + dq, p + dp), and write it to row i of the memory; arrays dq, dp are overwritten."""
     dq, dp = field(plus(q, dq), plus(p, dp), h, 0.0)
     store(memory, i, join(dq, dp))
 
 
 @inline
 def _shift_state(q, p, dq, dp):
-    """Overwrite the arrays dq, dp of increments by the state (q + dq, p + dp)."""
+    """Overwrite the arrays dq and dp of increments by q + dq and p + dp."""
     for k in range(len(q)):
         dq[k], dp[k] = q[k] + dq[k], p[k] + dp[k]
 
@@ -141,12 +149,15 @@ def increment(field, tableau, h, y, carry):
 
 
 def begin(method: RungeKutta, carry: Carry, counts: np.record) -> State:
-    """Read the state where the last call left it; arrays are the carry's own rows, which steps overwrite."""
+    """Read the state from ``carry``, where the last call of the kernel (loop over steps) left it.
+
+    Arrays are rows of ``carry`` itself, which steps overwrite.
+    """
     return view_state(carry)
 
 
 def step(method: RungeKutta, y: State, carry: Carry, counts: np.record) -> tuple[State, int]:
-    """Take one step from the state y; returns (state, status)."""
+    """Take one step from the state y; returns (state, `SOLVED`)."""
     dq, dp = increment(method.field, method.tableau, method.h, y, carry)
     q, lost_q = add_product_in_place(y.q, y.lost_q, 1.0, dq)
     p, lost_p = add_product_in_place(y.p, y.lost_p, 1.0, dp)
@@ -158,7 +169,10 @@ run = loop(step, begin)
 
 
 def prepare(method: Method, system: Hamiltonian, arithmetic: str, fills: bool = True) -> Prepared:
-    """Prepare the kernel of an explicit Runge-Kutta method from its tableau, ``method.data``."""
+    """Prepare the kernel (compiled loop over steps) of an explicit Runge-Kutta method for a system.
+
+    ``method.data`` is the tableau: rows of A, then b.  ``fills`` allows a field that writes its results into arrays.
+    """
     system = inplace.in_place_version(system, arithmetic, MOST) if fills else system
     step = RungeKutta(system.field(arithmetic), array(method.data, arithmetic))
     return Prepared(run, step, 2 * system.d, len(step.tableau), implicit=False, arrays=system.fills)

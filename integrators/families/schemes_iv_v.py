@@ -9,7 +9,7 @@ halves, signs -1, 1).  Every fixed x gives a symplectic map, so every quadratic 
 
 nearest to zero.  E is :math:`h^2 x\,a(y) + O(h^3)` for Scheme IV, with :math:`a = \tfrac{d}{dt}(H_p\cdot H_q)`, and a
 quadratic in x times :math:`h^3` to leading order for Scheme V.  A step without a root is taken with x = 0 and counted
-as a fallback; the target stays H0, so that a later step wins the energy back.
+as a fallback; the target stays H0, so that a later step restores the energy.
 
 A composition has several groups of substeps, each with its own root, and a group may name a second list of substeps,
 the alternative, that is tried where the first has no root.
@@ -47,10 +47,19 @@ MISSED = "have no parameter near 1/2 that keeps the energy and were taken with 1
 
 
 class AdjustedScheme(NamedTuple):
-    """What a step of Scheme IV or V needs: substeps of length c_s h with the stage weight lambda_s = 1/2 + sign_s x.
+    """The data of Scheme IV or V: substeps of length c_s h with the stage weight lambda_s = 1/2 + sign_s x.
 
-    Substeps with the same number in ``group`` share a parameter x, which conserves H = H0; those with ``alternative`` 1
-    are tried where those with 0 find no x.  In the Nystrom form ``field`` is None, else dT and dV are.
+    Attributes
+    ----------
+    energy : the function (q, p) -> (H, size of its terms), which sets the unit of its round-off
+    field : the vector field (q', p'); None in the Nystrom form, where the unknown is the increment of p alone
+    dT, dV : the gradients of T and V in the Nystrom form, else None
+    c, sign : for each substep, the fraction of h, and the sign of x in its lambda
+    group : for each substep, a number; substeps with the same number share a parameter x, which conserves H = H0
+    alternative : substeps with 1 are tried if those of their group with 0 find no x
+    search : the limits of the search for x
+    H0 : the energy to conserve, that of the initial state
+    h, eps : the step size and the unit round-off, set by the run
     """
 
     energy: Callable
@@ -68,7 +77,16 @@ class AdjustedScheme(NamedTuple):
 
 
 class Group(NamedTuple):
-    """Arguments of the search for the parameter x of a group: its substeps begin, ..., end - 1, from the state y."""
+    """Arguments of the search for the parameter x of a group of substeps.
+
+    Attributes
+    ----------
+    step : the data of the method
+    y : the state before the group
+    carry, counts : memory of earlier steps, and counters of evaluations
+    begin, end : the group is the substeps begin, ..., end - 1
+    predicted : x extrapolated from earlier steps
+    """
 
     step: AdjustedScheme
     y: State
@@ -83,8 +101,9 @@ class Group(NamedTuple):
 def attempt(x, start, ease, e):
     """Take the substeps of a group with the parameter x; returns an `Attempt` with the state and its energy error.
 
-    The memory holds the solutions of earlier steps at their roots, those of the last attempt, and their derivative by
-    x.
+    ``start`` chooses where their equations start from, ``ease`` is how many times round-off the error may be.  The
+    memory of ``e.carry`` has the solutions of earlier steps at their roots, of the last attempt, and their derivatives
+    by x.
     """
     step, memory, counts, y = e.step, e.carry.memory, e.counts, e.y
     numbers, row = e.carry.state, OWN + e.begin
@@ -120,9 +139,9 @@ find = finder(attempt)
 
 @inline
 def advance(step, y, carry, counts, first):
-    """Take the group of substeps that begins with the substep ``first``, with the parameter that conserves the energy.
+    """Take the group of substeps that begins with number ``first``, with the parameter x that conserves the energy.
 
-    Returns (state, lambda or NaN if there is no root, the number of the substep after the group, status).
+    Returns (state, lambda = 1/2 + x or NaN if there is no root, the number of the substep after the group, status).
     """
     stages, memory = len(step.c), carry.memory
     guess = unknown(step.field, carry.zero)
@@ -156,7 +175,10 @@ def advance(step, y, carry, counts, first):
 
 
 def step(method: AdjustedScheme, y: State, carry: Carry, counts: np.record) -> tuple[State, int]:
-    """Take one step from y, group by group; the parameter is lambda of the last group. Returns (state, status)."""
+    """Take one step from the state y, group of substeps by group; returns (state, status).
+
+    ``counts.parameter`` becomes lambda of the last group, NaN if it has no root.
+    """
     s, status = 0, SOLVED
     while s < len(method.c) and status == SOLVED:
         y, counts.parameter, s, status = advance(method, y, carry, counts, s)
@@ -167,7 +189,11 @@ run = loop(step, parameter=True)
 
 
 def prepare(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
-    """Prepare the kernel of Scheme IV or V; its substeps are in the Nystrom form if T is quadratic."""
+    """Prepare the kernel (compiled loop over steps) of Scheme IV or V for a system.
+
+    It is in the Nystrom form if T is quadratic.  ``method.data`` has a row (c, sign, group, alternative) for each
+    substep.
+    """
     energy = system.energy(arithmetic)
     functions, width = quadratic(system, arithmetic)
     c, sign, group, alternative = zip(*method.data, strict=True)

@@ -59,7 +59,14 @@ IN_LANES = True
 
 
 class Semiexplicit(NamedTuple):
-    """The field of H, and the substeps over a[0] h, b[0] h, a[1] h, ..., a[-1] h."""
+    """The data of a semiexplicit method: the field, and the lengths of the substeps A and B in turn.
+
+    Attributes
+    ----------
+    field : the vector field (q', p')
+    a, b : A over a[0] h, B over b[0] h, A over a[1] h, ..., A over a[-1] h
+    h, eps : the step size and the unit round-off, set by the run
+    """
 
     field: Callable
     a: np.ndarray
@@ -69,7 +76,13 @@ class Semiexplicit(NamedTuple):
 
 
 class Shift(NamedTuple):
-    """The arguments of the equation of mu."""
+    """Arguments of the equation for mu, half the distance between the two copies of the state.
+
+    Attributes
+    ----------
+    method : the data of the method
+    q, p : the state before the step
+    """
 
     method: Semiexplicit
     q: Any
@@ -78,7 +91,7 @@ class Shift(NamedTuple):
 
 @jit
 def increments(mu, e):
-    """The increments of both copies from (y + mu, y - mu), each of q and p."""
+    """The increments over a step of both copies, which start at y + mu and y - mu: two vectors of q and p."""
     field, a, b, h = e.method.field, e.method.a, e.method.b, e.method.h
     q, p = plus(e.q, head(mu)), plus(e.p, tail(mu))
     x, y = minus(e.q, head(mu)), minus(e.p, tail(mu))
@@ -95,7 +108,7 @@ def increments(mu, e):
 
 @inline
 def shift(mu, e):
-    """-(the increment of the first copy - that of the second) / 4."""
+    """The right-hand side of the equation mu = G(mu): -1/4 of the difference of the two copies' increments."""
     first, second = increments(mu, e)
     return scale(-0.25, minus(first, second))
 
@@ -104,9 +117,9 @@ solve = solver(shift)
 
 
 def step(method, y, carry, counts):
-    """A step from y: find the projection's multiplier mu for which the two copies agree after the step, then make it.
+    """Take a step from the state y: find the mu for which the two copies agree after it; returns (state, status).
 
-    The iteration starts from the mu of earlier steps, in ``carry.memory``.  Returns (the new state, status).
+    The iteration starts from the mu of earlier steps, in ``carry.memory``.
     """
     mu = predict(carry.memory, 0, 1, counts.steps, join(carry.zero, carry.zero))
     e = Shift(method, y.q, y.p)
@@ -125,7 +138,10 @@ run = loop(step)
 
 
 def prepare(method, system, arithmetic):
-    """Prepare the kernel of a method whose ``data`` is (fractions of the composed steps,)."""
+    """Prepare the kernel (compiled loop over steps) of a semiexplicit method for a system.
+
+    ``method.data`` is (fractions of h of the composed steps,).
+    """
     (fractions,) = method.data
     lengths = (numbers(x, arithmetic) for x in (lengths_of_a(fractions), fractions))
     step = Semiexplicit(system.field(arithmetic), *lengths)

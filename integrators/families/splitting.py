@@ -4,7 +4,7 @@ r"""Splitting methods for a separable H = T(p) + V(q): kicks and drifts, one ker
     p \leftarrow p - b_k h\,\nabla V(q),\qquad q \leftarrow q + a_k h\,\nabla T(p),\qquad k = 0, 1, \dots
 
 Before the drift over :math:`a_k h` the step kicks over :math:`b_k h`; ``a[0]`` is zero, ``b[0]`` the first kick.  The
-last kick of a step and the first of the next act at the same q: they are one kick, taken apart again where a row is
+last kick of a step and the first of the next act at the same q: they are merged, except where a row of output is
 stored, so that a Stormer-Verlet step costs one gradient.
 
 Reference: E. Hairer, C. Lubich, G. Wanner, Geometric Numerical Integration (2006), II.5 and V.3.
@@ -37,9 +37,14 @@ GRADIENT, VELOCITY = OWN, OWN + 1
 
 
 class Splitting(NamedTuple):
-    """Fractions of h of a splitting's drifts a and kicks b: the first kick, then drift k and kick k, k = 1, 2, ...
+    """The data of a splitting: the kick b[0], then for k = 1, 2, ... the drift a[k] and the kick b[k].
 
-    ``dT`` is the function grad T; None if that is p itself, and the array 1 / m_i if it is p_i / m_i.
+    Attributes
+    ----------
+    dT : grad T: a function, or the array 1 / m_i if grad T is p_i / m_i, or None if it is p itself
+    dV : the function grad V
+    a, b : fractions of h of the drifts and of the kicks; a[0] is not used
+    h, eps : the step size and the unit round-off, set by the run
     """
 
     dT: Callable | np.ndarray | None
@@ -51,7 +56,15 @@ class Splitting(NamedTuple):
 
 
 class SplittingState(NamedTuple):
-    """The state (q, p), the gradient of V at its q, and room for a velocity."""
+    """The state (q, p), with the gradient of V at q.
+
+    Attributes
+    ----------
+    q, p : the state
+    lost_q, lost_p : what rounding lost of each (compensation)
+    gradient : grad V(q)
+    velocity : working memory for a velocity
+    """
 
     q: Any
     p: Any
@@ -69,7 +82,10 @@ def kick(y, h):
 
 
 def begin(method: Splitting, carry: Carry, counts: np.record) -> SplittingState:
-    """Read the state where the last call left it, and evaluate grad V; steps overwrite arrays in the carry's rows."""
+    """Read the state from ``carry``, where the last call of the kernel (loop over steps) left it, and evaluate grad V.
+
+    Arrays are rows of ``carry`` itself, which steps overwrite.
+    """
     y = view_state(carry)
     gradient, velocity = rows(carry.state, GRADIENT, VELOCITY, carry.zero)
     counts.gradient += 1
@@ -77,13 +93,13 @@ def begin(method: Splitting, carry: Carry, counts: np.record) -> SplittingState:
 
 
 def start(method: Splitting, y: SplittingState) -> SplittingState:
-    """Apply a step's first kick; in the steps after it that kick is part of the last kick of the step before."""
+    """Apply a step's first kick; in later steps it is part of the last kick of the step before."""
     first = method.b[0] * method.h
     return kick(y, first) if first != 0 else y
 
 
 def step(method: Splitting, y: SplittingState, carry: Carry, counts: np.record) -> tuple[SplittingState, int]:
-    """Drift and kick in turn; the last kick includes the next step's first. Returns (state, status)."""
+    """Drift and kick in turn; the last kick includes the first one of the next step.  Returns (state, `SOLVED`)."""
     h, last = method.h, len(method.a) - 1
     q, p, lost_q, lost_p, gradient, velocity = y
     for k in range(1, last + 1):
@@ -100,7 +116,7 @@ def step(method: Splitting, y: SplittingState, carry: Carry, counts: np.record) 
 
 
 def finish(method: Splitting, y: SplittingState) -> SplittingState:
-    """Undo the next step's first kick, before a row is stored."""
+    """Undo the first kick of the next step, which `step` merged with its own last, before a row of output is stored."""
     first = method.b[0] * method.h
     return kick(y, -first) if first != 0 else y
 
@@ -109,7 +125,7 @@ run = loop(step, begin, start, finish)
 
 
 def _prepare(parts, system: Hamiltonian, arithmetic: str, fills: bool) -> Prepared:
-    """Prepare the kernel of substeps (True for a kick, fraction of h); neighbours of one kind are merged."""
+    """Prepare the kernel of substeps (True for a kick, fraction of h), merging neighbours of one kind."""
     rows = [[0, 0]]
     for kick, fraction in parts:
         if kick:
@@ -127,7 +143,10 @@ def _prepare(parts, system: Hamiltonian, arithmetic: str, fills: bool) -> Prepar
 
 
 def from_substeps(substeps, system: Hamiltonian, arithmetic: str, fills: bool = True) -> Prepared:
-    """Prepare the splitting equal to substeps (c, mu, lambda) of symplectic Euler methods; lambda = 1 kicks first."""
+    """Prepare the kernel of the splitting equal to substeps (c, mu, lambda) of symplectic Euler on a separable H.
+
+    Substeps with lambda = 1 kick first, those with lambda = 0 drift first.
+    """
     parts = []
     for c, _, lam in substeps:
         parts += [(True, c), (False, c)] if lam == 1 else [(False, c), (True, c)]
@@ -135,9 +154,10 @@ def from_substeps(substeps, system: Hamiltonian, arithmetic: str, fills: bool = 
 
 
 def prepare(method: Method, system: Hamiltonian, arithmetic: str, fills: bool = True) -> Prepared:
-    """Prepare the kernel of a method whose ``data`` is (a, b), fractions of h.
+    """Prepare the kernel (compiled loop over steps) of a splitting into drifts and kicks for a system.
 
-    For each k there is a kick of b_k, then a drift of a_k; those at the ends may be zero.
+    ``method.data`` is (a, b), fractions of h: for each k a kick of b_k, then a drift of a_k; those at the ends may be
+    zero. ``fills`` allows functions that write their results into arrays.
     """
     a, b = method.data
     parts = [part for drift, kick in zip_longest(a, b, fillvalue=0) for part in ((True, kick), (False, drift))]

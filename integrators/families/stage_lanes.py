@@ -1,12 +1,12 @@
 r"""The kernel of Gauss's methods with their stages side by side in SIMD lanes; `gauss_lanes` prepares it.
 
-The equations are those of `collocation`, with the same coefficients.  Unknown are the increments, here the lanes of one
-row for each component.  In general these are the increments :math:`x_j` of q and p,
+The equations are those of `collocation`, with the same coefficients.  The unknowns are increments: a row for each
+component, with a lane for each stage.  In general they are the increments :math:`x_j` of q and p,
 
 .. math::
     Z_i = y + \sum_j A_{ij}\,x_j,\qquad x_i = h\,b_i\,f(Z_i),\qquad y_1 = y + \sum_j x_j,
 
-with :math:`A_{ij} + A_{ji} = 1` of the doubles.  For :math:`H = \sum p_i^2 / 2 m_i + V(q)` they are the kicks alone
+with :math:`A_{ij} + A_{ji} = 1` exactly in doubles.  For :math:`H = \sum p_i^2 / 2 m_i + V(q)` they are the kicks alone
 (Nystrom form),
 
 .. math::
@@ -14,12 +14,13 @@ with :math:`A_{ij} + A_{ji} = 1` of the doubles.  For :math:`H = \sum p_i^2 / 2 
 
     q_1 = q + hv + hM^{-1}\sum_j (1 - c_j)\,x_j,\qquad p_1 = p + \sum_j x_j ,
 
-with :math:`\bar A_{ij} - \bar A_{ji} = c_i - c_j` of the doubles.  So the map is symplectic but for what the evaluation
-rounds.  All stages are evaluated at once, by a function of lanes; the stage sums are products of a matrix with lanes.
-Lanes that pad s to a power of two repeat the first stage with the weight b = 0, so that their increments are zero.
+with :math:`\bar A_{ij} - \bar A_{ji} = c_i - c_j` exactly in doubles.  So the map is symplectic up to the round-off of
+the evaluation.  All stages are evaluated at once, by a function of lanes; the stage sums are products of a matrix with
+lanes. Lanes that pad s to a power of two repeat the first stage with the weight b = 0, so that their increments are
+zero.
 
-The increments start from the polynomial through those of the last two steps, and are iterated to round-off by the one
-solver of stage equations, with Newton's method where the fixed point does not contract (`lane_rows`).
+The increments start from the polynomial through those of the last two steps, and are iterated to round-off by the
+solver `solve.row_solver`, with Newton's method where the fixed point does not contract (`lane_rows`).
 
 Source: E. Hairer, C. Lubich, G. Wanner, Geometric Numerical Integration (2006), II.2 and VIII.6; M. Antonana, J.
 Makazaga, A. Murua, arXiv 2511.03655 (2026) (stages in SIMD lanes); rounding: E. Hairer, R. McLachlan, A. Razakarivony,
@@ -46,12 +47,21 @@ C, B, LATE, BEFORE, MIDDLE = range(5)
 
 
 class Lanes(NamedTuple):
-    """The coefficients of a step, stages in lanes; in the Nystrom form (kicks only) unless ``inverse_mass`` is None.
+    """The coefficients of Gauss's method for s stages in SIMD lanes; a lane is a stage.
 
-    ``f(memory)`` is that of `lane_rows`: the field of q and p, or -grad V in the Nystrom form. ``like`` has a zero for
-    each lane, ``inverse_mass`` one row of d numbers. ``nodes`` has the rows `C` to `MIDDLE`; ``A`` the rows
-    of A transposed; ``extrapolation`` those for a start from one step, then from two.
-    Rows for lanes beyond the ``stages`` are zero, so that a kernel serves all s that take as many lanes.
+    Rows for lanes beyond the s stages are zero, so that one compiled kernel serves all s with the same number of lanes.
+
+    Attributes
+    ----------
+    f : evaluates the field, or -grad V in the Nystrom form, at all stages at once (see `lane_rows`)
+    like : a tuple of zeros, one for each lane
+    stages : the number s of stages
+    inverse_mass : 1 / m_i, array (1, d), in the Nystrom form, where increments of p alone are unknown; else None
+    nodes : the rows `C` to `MIDDLE`: nodes, weights, and helpers
+    A : array (lanes, lanes), the matrix A transposed
+    extrapolation : rows that predict the increments from those of one earlier step, then from two
+    steps : how many earlier steps the prediction uses at most
+    h, eps : the step size and the unit round-off, set by the run
     """
 
     f: Callable
@@ -67,7 +77,17 @@ class Lanes(NamedTuple):
 
 
 class Equations(NamedTuple):
-    """Arguments of the equations for increments in ``stages`` rows of the memory (`lane_rows`); ``weights`` are h b."""
+    """Arguments of the stage equations of a step; the memory is arranged as in `lane_rows`.
+
+    Attributes
+    ----------
+    step : the coefficients of the method
+    memory, base : the array, and its first row of the kernel's own
+    stages : the number of components of an increment, each in a row with a lane for each stage
+    like : a tuple of zeros, one for each lane
+    h : the step size
+    weights : h b_i in lanes
+    """
 
     step: Lanes
     memory: np.ndarray
@@ -124,10 +144,10 @@ sums = dispatch_on_none(_end_both, _end_kicks)
 
 @inline
 def exact_weights(step, h):
-    """The weights h b_i in lanes, rounded such that their sum is h exactly; else every step would misstate time alike.
+    """The weights h b_i in SIMD lanes, rounded so that their sum is h exactly.
 
-    They are multiples of half the last place of h, except in the middle, which takes the rest. No
-    partial sum is rounded.
+    Otherwise every step would misstate time by the same amount.  They are multiples of half the last place of h, except
+    in the middle, which takes the rest; so no partial sum is rounded.
     """
     b = take(step.nodes, B, step.like)
     x = (h * b + 0.5 * h) - 0.5 * h
@@ -137,9 +157,9 @@ def exact_weights(step, h):
 
 @inline
 def sweep(e, old, new):
-    """A fixed-point iteration of the equations e: increments stand in the memory's rows from ``old`` on.
+    """Apply the right-hand side of the stage equations e to the increments in the rows from ``old`` on of the memory.
 
-    The next ones are written to the rows from ``new`` on.  Returns (how far they are from the old ones, their size),
+    The result is written to the rows from ``new`` on.  Returns (the distance between the two, the size of the result),
     both sums of magnitudes.
     """
     step, memory = e.step, e.memory
@@ -156,9 +176,10 @@ def sweep(e, old, new):
 
 @inline
 def scatter(e, row, r, k, i, x, work):
-    """Enter x, the derivative of stage i's increment r by its component k, into the matrix ``work``.
+    """Enter a derivative into the Jacobian ``work`` of the stage equations.
 
-    It is multiplied by A_ij, the derivative of the stage by the increment of each stage j.
+    The derivative x, of component r of stage i's increment by the stage's component k, is multiplied by A_ij, the
+    derivative of the stage by the increment of each stage j; ``row`` is not used.
     """
     n = len(e.like)
     for j in range(n):
@@ -178,20 +199,20 @@ end = ender(sums)
 
 @inline
 def equations(step, carry, h):
-    """Make the arguments of the stage equations of a step of length h."""
+    """Make the arguments of the stage equations of a step of length h from coefficients and the memory of ``carry``."""
     rows = components(step.inverse_mass, len(carry.zero))
     return Equations(step, carry.memory, 2 * rows, rows, step.like, h, exact_weights(step, h))
 
 
 @inline
 def rows_of(e):
-    """Rows of the memory: (first row of the ring of earlier steps' increments, first row of the unknowns)."""
+    """Rows of the memory: (first row of the ring buffer of earlier steps' increments, first row of the unknowns)."""
     ring = e.base + FREE
     return ring, ring + e.step.steps * e.stages
 
 
 def step(method: Lanes, y: State, carry: Carry, counts: np.record) -> tuple[State, int]:
-    """Take one step from the state y; returns (state, status)."""
+    """Take one step from the state y; returns (state, status: `SOLVED` or why the equations could not be solved)."""
     e = equations(method, carry, method.h)
     ring, at = rows_of(e)
     begin(method.inverse_mass, e, y)

@@ -19,8 +19,8 @@ if :math:`\psi = \mathrm{sinc}(\xi)\,\phi` (up to a factor that all frequencies 
 is symplectic).  The Cayley transform in place of the rotation gives the implicit-explicit method, a power of the
 Stormer-Verlet matrix multiple time stepping.
 
-Where :math:`\psi` does not vanish with :math:`\mathrm{sinc}\,\xi`, at odd multiples of pi for the methods of Gautschi
-and of Hochbruck and Lubich, :math:`\psi_1` has a pole and the step no momentum: near one h is refused.
+Where :math:`\mathrm{sinc}\,\xi` vanishes and :math:`\psi` does not, as at odd multiples of pi for the methods of
+Gautschi and of Hochbruck and Lubich, :math:`\psi_1` has a pole and p is infinite: h near such a pole is refused.
 
 With :math:`s = \pm 1` such that :math:`c = sR_{11} \ge 0`, R is s times three shears,
 
@@ -29,8 +29,8 @@ With :math:`s = \pm 1` such that :math:`c = sR_{11} \ge 0`, R is s times three s
     b = sR_{12},\quad a = -sR_{21}/(1 + c),
 
 whose determinant is 1 whatever the rounding of a and b, and whose increments are added with compensation.  A kick and
-the shear at the same q are one, so that a step is one of Stormer-Verlet with other coefficients: there is no product
-of a rotation that rounding would make grow.
+the shear at the same q are merged, so that a step is that of Stormer-Verlet with other coefficients: no rotation
+matrix is applied, whose rounding would make the solution grow.
 
 Sources: E. Hairer, C. Lubich, G. Wanner, Geometric Numerical Integration (2006), XIII.2, equations (2.7)-(2.9);
 B. Garcia-Archilla, J. M. Sanz-Serna, R. D. Skeel, SIAM J. Sci. Comput. 20 (1999) 930-963; M. Tuckerman, B. J. Berne,
@@ -65,7 +65,14 @@ PHI, BETA, A, B, SIGN = range(5)
 
 
 class Trigonometric(NamedTuple):
-    """What a step needs: grad U of the slow potential; the rows phi, (h/2) psi_1, a, b and s of every component."""
+    """The data of an integrator for a fast linear part.
+
+    Attributes
+    ----------
+    dU : the gradient of the slow potential U
+    filters : array (5, d), the rows phi, (h/2) psi_1, a, b and s for each component (see the module)
+    h, eps : the step size and the unit round-off, set by the run
+    """
 
     dU: Callable
     filters: np.ndarray
@@ -81,12 +88,19 @@ def product(x, y):
 
 @elementwise()
 def impulse(beta, gradient, a, q):
-    """-(beta grad U + a q): half a kick by the slow force and a shear by the linear one, merged."""
+    """The merged half kick by the slow force and shear by the linear one, -(beta grad U + a q), componentwise."""
     return -(beta * gradient + a * q)
 
 
 class KickedState(NamedTuple):
-    """The state (q, p), and the kick (increment of p) evaluated at its q."""
+    """The state (q, p), and the kick (increment of p) evaluated at its q.
+
+    Attributes
+    ----------
+    q, p : the state
+    lost_q, lost_p : what rounding lost of each (compensation)
+    kick : the increment of p at q, half of which belongs to the next step
+    """
 
     q: Any
     p: Any
@@ -97,26 +111,29 @@ class KickedState(NamedTuple):
 
 @inline
 def evaluate_kick(method, q):
-    """The merged kick and shear at q: it is added to p at the end of a step and again at the begin of the next."""
+    """The merged kick and shear at q, an increment of p: it ends one step and begins the next."""
     phi, beta, a = load(method.filters, PHI, q), load(method.filters, BETA, q), load(method.filters, A, q)
     return impulse(beta, method.dU(product(phi, q)), a, q)
 
 
 def begin(method: Trigonometric, carry: Carry, counts: np.record) -> KickedState:
-    """Read the state where the last call left it, and evaluate its kick."""
+    """Read the state from ``carry``, where the last call of the kernel left it, and evaluate its kick."""
     y = read_state(carry)
     counts.gradient += 1
     return KickedState(y.q, y.p, y.lost_q, y.lost_p, evaluate_kick(method, y.q))
 
 
 def start(method: Trigonometric, y: KickedState) -> KickedState:
-    """Add the kick that begins a step; in the steps after it that is part of the kick that ends the step before."""
+    """Apply the kick that begins a step; in later steps it is part of the kick that ends the step before."""
     p, lost_p = add(y.p, y.lost_p, y.kick)
     return KickedState(y.q, p, y.lost_q, lost_p, y.kick)
 
 
 def step(method: Trigonometric, y: KickedState, carry: Carry, counts: np.record) -> tuple[KickedState, int]:
-    """Apply the linear flow, and the kick twice: at the end of this step and for the next. Returns (state, status)."""
+    """Apply the linear flow, then the kick twice: for the end of this step and the start of the next.
+
+    Returns (state, `SOLVED`).
+    """
     b, sign = load(method.filters, B, y.q), load(method.filters, SIGN, y.q)
     q, lost_q = add(y.q, y.lost_q, product(b, y.p))
     q, lost_q, p, lost_p = product(sign, q), product(sign, lost_q), product(sign, y.p), product(sign, y.lost_p)
@@ -127,7 +144,7 @@ def step(method: Trigonometric, y: KickedState, carry: Carry, counts: np.record)
 
 
 def finish(method: Trigonometric, y: KickedState) -> KickedState:
-    """Undo the kick that begins the next step, before a row is stored."""
+    """Undo the kick that begins the next step, before a row of output is stored."""
     p, lost_p = add(y.p, y.lost_p, scale(-1.0, y.kick))
     return KickedState(y.q, p, y.lost_q, lost_p, y.kick)
 
@@ -136,9 +153,10 @@ run = loop(step, begin, start, finish)
 
 
 def coefficients(h, omega, propagator, psi1, phi, *arguments):
-    """(phi, (h/2) psi_1, a, b, s) of a component of frequency omega, from mpmath numbers.
+    """Compute (phi, (h/2) psi_1, a, b, s) for a component of frequency omega, from mpmath numbers.
 
-    Raises InvalidInput if psi_1 has a pole there.
+    ``propagator``, ``psi1`` and ``phi`` are functions of xi = h omega, as in the module's docstring.  Raises
+    InvalidInput if psi_1 has a pole at xi.
     """
     x = h * omega
     strength = psi1(x)
@@ -151,7 +169,11 @@ def coefficients(h, omega, propagator, psi1, phi, *arguments):
 
 
 def prepare(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
-    """Prepare the kernel; its coefficients are computed with at least 40 digits once h is known."""
+    """Prepare the kernel (compiled loop over steps) of an integrator for a fast linear part of a system.
+
+    ``method.data`` are the arguments of `coefficients` after omega.  The coefficients are computed with at least 40
+    digits once h is known.
+    """
     step = Trigonometric(system.grad_U(arithmetic), zeros((5, system.d), arithmetic))
     return Prepared(
         run, step, 1, 1, implicit=False, begin=partial(with_filters, system.frequencies, method.data, arithmetic)
@@ -159,7 +181,10 @@ def prepare(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
 
 
 def with_filters(frequencies, data, arithmetic: str, step, q, p):
-    """Complete a step for a run: compute the coefficients for its h, the frequencies and the method's data."""
+    """Complete the data of a run: compute coefficients for its h, the frequencies and the method's data.
+
+    Returns ``step`` with its field ``filters`` set; q and p are not used.
+    """
     with mpmath.workdps(max(DIGITS, mpmath.mp.dps + 5)):
         exact = [mpmath.mpf(w.evalf(mpmath.mp.dps)) for w in frequencies]
         rows = [coefficients(mpmath.mpf(step.h), w, *data) for w in exact]

@@ -21,9 +21,9 @@ of numbers; solved, they leave the equations of the kicks :math:`k_i = b_i F_i`,
 and q1 = q^s likewise.  The result does not depend on the times of the inner control points.  The kicks are iterated to
 round-off from an extrapolated start, by Newton's method where that does not contract.
 
-The map is symplectic as :math:`a_{ij} - a_{ji} = d_i - d_j` and the row of q1 is :math:`1 - d_j`.  The latter holds of
-the doubles too, whatever the weights: an error of it, rounded once and for all, is a bias, and angular momentum would
-drift.
+The map is symplectic as :math:`a_{ij} - a_{ji} = d_i - d_j` and the row of q1 is :math:`1 - d_j`.  The latter holds
+exactly in doubles, whatever the weights: a rounding error there would be the same in every step, and angular momentum
+would drift.
 
 Source: J. E. Marsden, M. West, Acta Numerica 10 (2001) 357-514, 2.2.6 and 2.6.6; S. Ober-Bloebaum, N. Saake,
 Adv. Comput. Math. 41 (2015) 955-986.
@@ -64,9 +64,16 @@ if TYPE_CHECKING:
 
 
 class Variational(NamedTuple):
-    """The coefficients of a step: the rows a_ij, d_i of the nodes and of q1, and the weights b.
+    """The coefficients of a Galerkin variational integrator; its unknowns are the kicks k_i = b_i F_i.
 
-    Kicks before ``first`` are explicit; no other kick depends on those from ``end`` on.
+    Attributes
+    ----------
+    dT, dV : the functions M^-1 p, None if that is p itself, and grad V
+    rows : array, the rows a_ij, d_i of the nodes i and of q1
+    b : the weights of the quadrature rule
+    first : kicks before this one are explicit
+    end : no other kick depends on those from this one on
+    h, eps : the step size and the unit round-off, set by the run
     """
 
     dT: Callable | None
@@ -80,7 +87,16 @@ class Variational(NamedTuple):
 
 
 class Equations(NamedTuple):
-    """Arguments of the equations for the kicks of a step from q with velocity v; kicks are rows of ``memory``."""
+    """Arguments of the equations for the kicks of a step.
+
+    Attributes
+    ----------
+    step : the coefficients of the method
+    q, v : the coordinates and the velocity before the step
+    memory : array with the kicks of this step and of earlier ones
+    like : a zero of the shape of q
+    stages : the number of kicks
+    """
 
     step: Variational
     q: Any
@@ -92,7 +108,7 @@ class Equations(NamedTuple):
 
 @inline
 def displacement(e, i, at):
-    """The displacement of node i from q, h d_i v + h^2 M^-1 sum_j a_ij k_j, with kicks k_j in the rows ``at``, ..."""
+    """The displacement of node i from q, h d_i v + h^2 M^-1 sum_j a_ij k_j; kicks k_j are in the rows ``at``, ..."""
     rows, h = e.step.rows, e.step.h
     x = e.like
     for j in range(e.stages):
@@ -103,7 +119,7 @@ def displacement(e, i, at):
 
 @inline
 def renew(e, at, first, end):
-    """Update the kicks first, ..., end - 1, each from the newest values of the others; (their change, their size)."""
+    """Update the kicks first, ..., end - 1, each from the newest values of the others; returns (change, size)."""
     change = total = 0.0 * e.step.h
     for i in range(first, end):
         k = scale(-e.step.b[i], e.step.dV(axpy(1.0, displacement(e, i, at), e.q)))  # k_i = b_i F_i
@@ -115,7 +131,7 @@ def renew(e, at, first, end):
 
 @inline
 def sweep(e, old, new):
-    """Copy the kicks from the rows ``old`` to the rows ``new`` and update them there; (their change, their size)."""
+    """Copy the kicks from the rows ``old`` to the rows ``new``, update them there; returns (change, size)."""
     copy(e.memory, old, new, e.stages, e.like)
     return renew(e, new, e.step.first, e.step.end)
 
@@ -124,7 +140,8 @@ def sweep(e, old, new):
 def linearize(e, at, span, work):
     """Write the Jacobian 1 - G' of the equations k = G(k) for the kicks in the rows ``at``, ... to ``work``.
 
-    It is made by differences of the gradient (see `solve.row_solver`).
+    It is made by differences of the gradient; returns the number of sweeps that cost as much, as `solve.row_solver`
+    requires.
     """
     r, d, h = e.stages, len(e.like), e.step.h
     n = r * d
@@ -148,7 +165,10 @@ solve = row_solver(sweep, linearize)
 
 @inline
 def solve_kicks(e, span, carry, counts):
-    """Solve the equations for the kicks of a step, which are left in rows of the memory; returns the status."""
+    """Solve the equations for the kicks of a step, from a start extrapolated from earlier steps; returns the status.
+
+    The kicks are left in the rows of the memory from LEVELS times ``stages`` on.
+    """
     step, r = e.step, e.stages
     at = LEVELS * r
     for i in range(r):
@@ -166,7 +186,7 @@ def solve_kicks(e, span, carry, counts):
 
 
 def step(method: Variational, y: State, carry: Carry, counts: np.record) -> tuple[State, int]:
-    """Take one step from the state y; returns (state, status)."""
+    """Take one step from the state y; returns (state, status: `SOLVED` or why the kicks could not be solved for)."""
     memory, zero = carry.memory, carry.zero
     r = len(method.b)
     e = Equations(method, y.q, velocity(method.dT, y.p), memory, zero, r)
@@ -188,7 +208,7 @@ QUADRATURES = {"gauss": gauss_legendre, "lobatto": gauss_lobatto}
 
 
 def _basis(k, s):
-    """Coefficients, highest first, of the polynomial of degree s that is 1 at k/s and 0 at the other nodes."""
+    """Coefficients, highest power first, of the polynomial of degree s that is 1 at k/s and 0 at the other j/s."""
     out = [mpmath.mpf(1)]
     for j in range(s + 1):
         if j != k:
@@ -198,9 +218,10 @@ def _basis(k, s):
 
 
 def coefficients(degree, rule):
-    """The coefficients of a Galerkin variational integrator: rows (a_ij, d_i) of the nodes and of the end, weights b.
+    """The coefficients of a Galerkin variational integrator for polynomials of a degree s: rows (a_ij, d_i), weights b.
 
-    They are for polynomials of the degree and a quadrature rule [(node, weight), ...].
+    ``rule`` is a quadrature rule [(node, weight), ...].  The rows are those of its nodes and of the end of the step;
+    the last item of the list is the row of weights.
     """
     with mpmath.workdps(DIGITS):
         s, r = degree, len(rule)
@@ -219,7 +240,11 @@ def coefficients(degree, rule):
 
 
 def prepare(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
-    """Prepare the kernel: compute the coefficients from the action, and find which kicks have to be iterated."""
+    """Prepare the kernel (compiled loop over steps) of a Galerkin variational integrator for a system.
+
+    ``method.data`` is (degree, "gauss" or "lobatto", number of quadrature nodes).  The coefficients follow from the
+    action, and from them which kicks have to be iterated.
+    """
     degree, quadrature, nodes = method.data
     rows = coefficients(degree, QUADRATURES[quadrature](nodes, DIGITS))
     tiny = mpmath.mpf(10) ** (10 - DIGITS)

@@ -5,14 +5,14 @@ In the variables :math:`Q = C q, P = C^{-T} p` (for N bodies Jacobi's),
 .. math:: A = \sum_k \frac{|P_k|^2}{2 m_k} - \frac{m_k\mu_k}{|Q_k|},\qquad
           B = V(C^{-1} Q) + \sum_k \frac{m_k\mu_k}{|Q_k|},
 
-A step is a row of drifts along A and kicks by B, the last drift without a kick.  The last drift of a step and the first
-of the next are one; a stored row is finished on a copy, so that rows change nothing of the trajectory.  Q, P are kept
-between pieces of a run, and converted for rows.  Of several bodies in space whose potential is a sum of inverse
-distances `planet_lanes` takes the same steps, side by side.
+A step is a sequence of drifts along A and kicks by B, with a drift at either end.  The last drift of a step is merged
+with the first of the next; for a row of output the step is completed on a copy, so that rows do not change the
+trajectory.  Q, P are kept between calls of the kernel, and converted for rows.  If the potential is a sum of inverse
+distances of several bodies in space, `planet_lanes` takes the same steps for all bodies side by side in SIMD lanes.
 
 A symplectic corrector K is applied once at the start and undone on every row.  To first order in B the step
 :math:`e^{hA/2}e^{hB}e^{hA/2}` has every kick in its middle; with :math:`B(t) = e^{t\,\mathrm{ad}_A} B` and
-:math:`x = h\,\mathrm{ad}_A` what has to be added at the start is
+:math:`x = h\,\mathrm{ad}_A` the terms to be added at the start are
 
 .. math:: \Bigl[\frac{1}{2\sinh(x/2)} - \frac1x\Bigr] hB = h\Bigl[-\frac{x}{24} + \frac{7 x^3}{5760} - \dots\Bigr] B,
 
@@ -52,10 +52,19 @@ if TYPE_CHECKING:
 
 
 class WisdomHolman(NamedTuple):
-    """What a step needs; rows of ``substeps`` and ``corrector`` are (drift, kick), as fractions of h.
+    """The data of a Wisdom-Holman method.
 
-    A drift is along the Kepler motions, a kick by the interaction. By bodies, Q = change q and q = back Q for the
-    variables Q of the Kepler motions; ``series`` are the constants of `kepler_flow`.
+    Attributes
+    ----------
+    dB : the gradient of the interaction by the original coordinates
+    substeps, corrector : rows (drift, kick), fractions of h; a drift is along the Kepler motions, a kick by the
+        interaction
+    dimension : of space, 2 or 3
+    masses, mu : masses and gravitational parameters of the Kepler problems; mu = 0 for a free motion
+    change, back : the matrices of Q = change q and q = back Q, acting on bodies; Q are the variables of the Kepler
+        motions
+    series : the constants of `kepler_flow`
+    h, eps : the step size and the unit round-off, set by the run
     """
 
     dB: Callable
@@ -102,7 +111,10 @@ class KeplerPart:
         return total
 
     def interaction(self, system, arithmetic: str = DOUBLE):
-        """Make the function q -> gradient of the potential without its Kepler part, in the original coordinates."""
+        """Make the function q -> gradient of the interaction, the potential without its Kepler part.
+
+        q and the gradient are those of the original coordinates, arrays or tuples (d,).
+        """
         U = system.potential - self.potential(system.q)
         T = codegen.value_type(system.d)
         return system.make_function(
@@ -128,9 +140,9 @@ def jacobi(masses: Sequence, G, dimension: int = 3) -> KeplerPart:
 
 
 def corrector(order: int) -> tuple[tuple[mpmath.mpf, mpmath.mpf], ...]:
-    """The symplectic corrector of order 3, 5, 7, ...: kicks (time, strength) in units of h; () for order 1.
+    """The symplectic corrector of order 3, 5, 7, ..., as kicks ((time, strength), ...) in units of h; () for order 1.
 
-    Each pair comes in two halves, one in either order of time (Wisdom 2006); the orders 5 to 17 are WHFast's.
+    Each pair of kicks comes in two halves, one in either order of time (Wisdom 2006); the orders 5 to 17 are WHFast's.
     """
     n = (order - 1) // 2
     with mpmath.workdps(DIGITS):
@@ -156,7 +168,7 @@ def corrector(order: int) -> tuple[tuple[mpmath.mpf, mpmath.mpf], ...]:
 
 
 def _substeps(kicks):
-    """Write kicks (time, strength) as rows (drift, kick), with the drift back at the end; merge kicks at one time."""
+    """Convert kicks (time, strength) to rows (drift, kick), merging kicks at one time; the last drift is back to 0."""
     rows, at = [], mpmath.mpf(0)
     with mpmath.workdps(DIGITS):
         for time, strength in kicks:
@@ -170,7 +182,10 @@ def _substeps(kicks):
 
 @jit
 def drift(step, X, h):
-    """Move all bodies along their Kepler orbits over the time h, exp(h A): updates the rows (Q, P, lost parts) of X."""
+    """Move all bodies along their Kepler orbits over the time h, exp(h A), in place.
+
+    The rows of X are Q, P, and what rounding lost of each.
+    """
     n = step.dimension
     for k in range(len(step.mu)):
         kepler_flow.advance(X, k * n, n, step.masses[k], step.mu[k], h, step.eps, step.series)
@@ -178,7 +193,7 @@ def drift(step, X, h):
 
 @jit
 def convert(matrix, X, row, n, Y, out):
-    """Multiply a row of X, bodies of n components each, by the matrix; write row ``out`` of Y."""
+    """Multiply row ``row`` of X, positions of bodies with n components each, by the matrix; write row ``out`` of Y."""
     for k in range(len(matrix)):
         for i in range(n):
             total = X[row, i] * 0
@@ -189,7 +204,7 @@ def convert(matrix, X, row, n, Y, out):
 
 @jit
 def _kick(step, X, h, carry, counts):
-    """Change P by the interaction over the time h, exp(h B), in the rows of X; overwrites rows 4 to 6 of memory."""
+    """Kick the momenta P by the interaction over h, exp(h B), in the rows of X; overwrites rows 4 to 6 of memory."""
     memory, n = carry.memory, step.dimension
     convert(step.back, X, 0, n, memory, 4)
     store(memory, 5, step.dB(load(memory, 4, carry.zero)))
@@ -201,7 +216,7 @@ def _kick(step, X, h, carry, counts):
 
 @jit
 def _correct(step, X, sign, carry, counts):
-    """Apply the symplectic corrector (sign 1) or its inverse (-1), the corrector run backwards, to the rows of X."""
+    """Apply the symplectic corrector (sign 1), or its inverse (sign -1, kicks reversed), to the rows of X in place."""
     rows = len(step.corrector)
     for k in range(rows):
         drift(step, X, step.corrector[k, 0] * step.h)
@@ -210,9 +225,9 @@ def _correct(step, X, sign, carry, counts):
 
 
 def run(step, carry, samples, counts):
-    """The kernel: integrate the steps of the samples' rows and fill them; returns (rows filled, status).
+    """The kernel: integrate the steps between rows of output and fill the rows; returns (rows filled, status 0).
 
-    It has a loop of its own, since rows need the corrector's inverse, and drifts of two steps are merged.
+    It has a loop of its own, since rows need the corrector's inverse, and drifts of neighbouring steps are merged.
     """
     state, memory, zero = carry.state, carry.memory, carry.zero
     a, n, h = step.substeps, step.dimension, step.h
@@ -245,7 +260,7 @@ def run(step, carry, samples, counts):
 
 
 def check_kinetic_energy(system: Hamiltonian) -> None:
-    """Raise InvalidInput unless T is the sum of |P_k|^2 / (2 m_k) in the declared variables."""
+    """Raise InvalidInput unless T is the sum of |P_k|^2 / (2 m_k) in the variables of the declared Kepler part."""
     part, d = system.kepler, system.d
     if not system.quadratic_kinetic or len(part.masses) * part.dimension != d:
         raise InvalidInput(
@@ -261,7 +276,11 @@ def check_kinetic_energy(system: Hamiltonian) -> None:
 
 
 def prepare(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
-    """Prepare the kernel: drifts, kicks and corrector from ``method.data``, and the gradient of the interaction."""
+    """Prepare the kernel (compiled loop over steps) of a Wisdom-Holman method for a system.
+
+    ``method.data`` is (drifts, kicks, order of the corrector), fractions of h; the system's `KeplerPart` gives the
+    rest. For several bodies in space the kernel of `planet_lanes` is used where it applies.
+    """
     part = system.kepler
     check_kinetic_energy(system)
     drifts, kicks, order = method.data

@@ -1,1 +1,1 @@
-"""How well do the methods keep energy and angular momentum over long times?"""
+"""Experiment: how well do the methods keep energy and angular momentum over long times?"""

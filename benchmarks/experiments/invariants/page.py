@@ -1,4 +1,4 @@
-"""The page on energy and angular momentum over long times: largest errors, and drifts with their intervals."""
+"""The report page on energy and angular momentum over long times: largest errors, and drifts with their intervals."""
 
 from __future__ import annotations
 
@@ -21,13 +21,19 @@ LIMITS = (-16, 0)
 
 
 def _energy_preserving(rows: pd.DataFrame) -> pd.DataFrame:
-    """Select the runs of energy-preserving methods in which every step had a solution."""
+    """Select the completed long runs of energy-preserving methods in which every step had a solution.
+
+    Methods HBVM(k, s) with too few nodes for the degree of H are left out.
+    """
     ran = completed_runs(rows)
     return ran[(ran["declared"] == ROUND_OFF) & ~(ran["fallbacks"] > 0) & ~ran["few nodes"].astype(bool)]
 
 
 def _largest(runs: pd.DataFrame, column: str) -> tuple[float, str]:
-    """The largest error in a column, a missing one counting as infinite, with its method and scene."""
+    """Return the largest error in a column of ``runs``, and the text "method on scene" of its run.
+
+    A missing error counts as infinite.
+    """
     errors = runs[column].fillna(np.inf)
     worst = runs.loc[errors.idxmax()]
     return float(errors.max()), f"{worst['method']} on {worst['scene']}"
@@ -35,7 +41,10 @@ def _largest(runs: pd.DataFrame, column: str) -> tuple[float, str]:
 
 @of("rows")
 def energy(rows: pd.DataFrame) -> Verdict | None:
-    """Whether the energy error of energy-preserving methods is round-off."""
+    """Judge whether the energy error of energy-preserving methods is of round-off (at most `KEPT`).
+
+    ``rows`` is the table of runs; None if it has no run of such a method.
+    """
     exact = _energy_preserving(rows)
     if exact.empty:
         return None
@@ -46,14 +55,17 @@ def energy(rows: pd.DataFrame) -> Verdict | None:
 
 
 def _drifting(rows: pd.DataFrame) -> pd.DataFrame:
-    """Select the runs on canonical systems with an energy drift above round-off."""
+    """Select the completed runs on canonical systems whose energy drifts and whose energy error exceeds round-off."""
     ran = completed_runs(rows)
     return ran[ran["canonical"] & ran["drifts"] & (ran["energy_max"] > NOISE)]
 
 
 @of("rows")
 def drifting(rows: pd.DataFrame) -> Verdict | None:
-    """Whether no method has an energy drift that is declared to have none."""
+    """Judge whether the energy drifts only with methods that are declared to have a drift, on canonical systems.
+
+    ``rows`` is the table of runs; None if it has no completed run on a canonical system.
+    """
     ran = completed_runs(rows)
     others = ran[ran["canonical"] & (ran["declared"] != DRIFT)]
     if not ran["canonical"].any():
@@ -72,7 +84,7 @@ def drifting(rows: pd.DataFrame) -> Verdict | None:
 
 
 def _momentum_preserving(rows: pd.DataFrame) -> pd.DataFrame:
-    """Select the runs that measure the angular momentum, of methods declared to keep it."""
+    """Select the completed runs with a measured angular momentum, of methods declared to keep quadratic invariants."""
     ran = completed_runs(rows)
     ran = ran[ran["angular-momentum_max"].notna()]
     keeps = [i in BY_ID and BY_ID[i].quadratic == ROUND_OFF for i in ran["id"]]
@@ -81,7 +93,10 @@ def _momentum_preserving(rows: pd.DataFrame) -> pd.DataFrame:
 
 @of("rows")
 def momentum(rows: pd.DataFrame) -> Verdict | None:
-    """Whether the angular momentum is kept where it is declared to be."""
+    """Judge whether methods declared to keep quadratic invariants keep the angular momentum to `KEPT`.
+
+    ``rows`` is the table of runs; None if it has no run of such a method with a measured angular momentum.
+    """
     runs = _momentum_preserving(rows)
     if runs.empty:
         return None
@@ -97,7 +112,10 @@ def momentum(rows: pd.DataFrame) -> Verdict | None:
 
 @of("rows")
 def answer(rows: pd.DataFrame) -> str | None:
-    """A sentence: how well energy and angular momentum are kept, and which methods drift."""
+    """Write the page's answer, a sentence: how well energy and angular momentum are kept, and which methods drift.
+
+    None if no long run is completed.
+    """
     if completed_runs(rows).empty:
         return None
     parts = []
@@ -115,7 +133,11 @@ def answer(rows: pd.DataFrame) -> str | None:
 
 @of("rows")
 def draw(rows: pd.DataFrame, folder) -> list[Picture] | None:
-    """Draw the largest energy errors at the largest step as a map: a line for each scene, a column for each method."""
+    """Draw the largest energy errors as a colour map: a line for each scene, a column for each method.
+
+    A scene is an orbit with a time span.  Each error is that of the method's largest step.  None if no long run is
+    completed.
+    """
     ran = completed_runs(rows)
     if ran.empty:
         return None
@@ -150,7 +172,7 @@ def draw(rows: pd.DataFrame, folder) -> list[Picture] | None:
 
 
 def _line(r, why: str) -> dict:
-    """A line of the page's table for the run ``r``; ``why`` says for which reason it is shown."""
+    """Make a line of the page's table from a run ``r`` (a row of the runs); ``why`` is the reason why it is shown."""
     drift = "" if pd.isna(r["energy_drift"]) else f"{r['energy_drift']:.1e}"
     line = {"why": why, "method": r["method"], "scene": r["scene"], "h": r["h"], "energy error": r["energy_max"]}
     return line | {"drift a unit of time": drift, "status": r["status"]}
@@ -158,7 +180,10 @@ def _line(r, why: str) -> dict:
 
 @of("rows")
 def table(rows: pd.DataFrame) -> Table | None:
-    """The page's table: smallest energy errors of each declared class, largest drifts, runs that stopped early."""
+    """Make the page's table, of one run a row: smallest errors of each declared class, largest drifts, early stops.
+
+    ``rows`` is the table of runs; None if there is no such run.
+    """
     ran, runs = completed_runs(rows), long_runs(rows)
     lines = []
     for declared in CLASSES[:2]:
@@ -179,7 +204,7 @@ def table(rows: pd.DataFrame) -> Table | None:
 
 @of("rows")
 def _full_table(rows: pd.DataFrame) -> pd.DataFrame:
-    """The row of each method in each long scene at its largest step."""
+    """Make the page's longer table: for each method and long scene, the energy error and status at the largest step."""
     ran = long_runs(rows).dropna(subset=["h"])
     ran = ran.loc[ran.groupby(["scene", "method"], sort=False)["h"].idxmax()]
     columns = {"scene": "scene", "method": "method", "declared": "declared", "h": "h", "energy_max": "energy error"}

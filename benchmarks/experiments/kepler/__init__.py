@@ -1,1 +1,1 @@
-"""Kepler orbits: this project's methods compared with the established integrators."""
+"""Experiment: this project's methods on Kepler orbits, compared with the established integrators."""

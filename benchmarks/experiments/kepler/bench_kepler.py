@@ -1,4 +1,4 @@
-"""Checks of the Kepler comparison, with and without the Schwarzschild term (`comparison`, `cost`)."""
+"""Checks of the measurements on Kepler orbits, with and without the Schwarzschild term (`comparison`, `cost`)."""
 
 from __future__ import annotations
 
@@ -9,12 +9,15 @@ AWAY, BEST = 1e-9, 1e-6
 
 
 def cells(quick: bool = False):
-    """List the measurements: the long runs, the time of an orbit, and error against cost."""
+    """List the measurements (`Cell`): long runs, the time of an orbit, error against cost; none if ``quick``."""
     return [*comparison.cells(quick), *times.cells(quick), *cost.cells(quick)]
 
 
 def away(rows) -> list[str]:
-    """A line for each orbit where the closed form and the Taylor series differ: one of them is wrong."""
+    """Return a message for each orbit on which the closed form and the Taylor series differ by `AWAY` radians or more.
+
+    One of the two references is then wrong.  ``rows``: dicts of the table `kepler_growth`.
+    """
     return [
         f"{r['problem']}, e = {r['e']}: the closed form and the Taylor series part by {r['phase']:.2e} radians"
         for r in rows
@@ -23,7 +26,11 @@ def away(rows) -> list[str]:
 
 
 def unsolved_problems(rows, column: str, label: str) -> list[str]:
-    """A line for each problem, named by ``label``, on which no row has an error in ``column`` below `BEST`."""
+    """Return a message for each problem on which no row has an error below `BEST`.
+
+    ``rows`` are dicts, ``column`` is the key of the error, and ``label`` a format string of a row's keys, such as
+    "{problem}, e = {e}", that names the problem.
+    """
     best: dict[str, float] = {}
     for r in rows:
         error = r.get(column)
@@ -33,7 +40,11 @@ def unsolved_problems(rows, column: str, label: str) -> list[str]:
 
 
 def bench_kepler(measured_rows, complete):
-    """The closed form agrees with the Taylor series, and some integrator follows every orbit to its end."""
+    """Test that the closed form agrees with the Taylor series, and that some integrator follows every orbit to its end.
+
+    ``measured_rows`` and ``complete`` are fixtures: table name -> rows, and table name -> whether all rows are
+    measured.
+    """
     rows = measured_rows("kepler_growth")
     wrong = away(rows)
     if complete("kepler_growth"):
@@ -43,14 +54,17 @@ def bench_kepler(measured_rows, complete):
 
 
 def bench_kepler_cost(measured_rows, complete):
-    """Some integrator of another package comes near the reference; else one of the two solves another problem."""
+    """Test that some integrator of another package comes near the reference, on every problem.
+
+    Otherwise the reference and the packages solve different problems.
+    """
     rows = [r for r in measured_rows("kepler_cost") if r["kind"] != "phasebench" and r["status"] == "ok"]
     wrong = unsolved_problems(rows, "error", "{problem}") if complete("kepler_cost") else []
     assert not wrong, "\n".join(wrong)
 
 
 def bench_kepler_times(measured_rows):
-    """Every timed run has a positive cost within its interval."""
+    """Test that the cost of every timed run, in microseconds an orbit, is positive and within its interval."""
     ran = [r for r in measured_rows(times.TABLE) if r["us per orbit"] == r["us per orbit"]]
     wrong = [r for r in ran if not 0 < r["us, low"] <= r["us per orbit"] <= r["us, high"]]
     assert not wrong, wrong

@@ -86,7 +86,7 @@ TAYLOR = "Taylor, long double"
 
 
 def contenders() -> list[Integrator]:
-    """List all integrators that are compared on Kepler orbits."""
+    """List all integrators that are compared on Kepler orbits: this project's methods and those of other packages."""
     return [c for members in GROUPS.values() for c in members]
 
 
@@ -121,7 +121,11 @@ def _cell(name: str, e: float, measure, arguments: tuple, c: Integrator | str) -
 
 @cache
 def orbit(name: str, e: float):
-    """Build a Kepler orbit of eccentricity e: (problem, exact solution, columns that describe both in every row)."""
+    """Return a Kepler orbit of eccentricity e: (problem, exact solution `kepler.Truth`, columns of every row).
+
+    ``name`` is "kepler" or "perturbed-kepler".  The columns are a dict of problem, e, mu, period, and the exact and the
+    first-order advance of the perihelion a radial period, in radians.
+    """
     mu = MU * ((1 - e**2) / (1 - AT**2)) ** 2 if name == "perturbed-kepler" else 0.0
     made = problem(name, e=e, **({"mu": mu} if mu else {}))
     exact = kepler.truth(made)
@@ -131,17 +135,21 @@ def orbit(name: str, e: float):
 
 
 def steps(n: int) -> Setting:
-    """The setting for ``n`` steps an orbit."""
+    """Return the `Setting` of ``n`` steps an orbit."""
     return Setting(f"{n} steps", n)
 
 
 def tolerances(c: Integrator) -> list[Setting]:
-    """The settings of an adaptive peer, its default first."""
+    """Return the settings (`Setting`) of an adaptive integrator: its default tolerance first, then looser ones."""
     return [Setting("adaptive" if t is None else f"tolerance {t:g}", tol=t) for t in TOLERANCES.get(c.id, (None,))]
 
 
 def _reference(made, exact, orbits: int):
-    """Measure the Taylor reference like a run: (row of the run, errors on the way); these are the measurement's own."""
+    """Measure the errors of the Taylor reference: (row of the run, list of rows of its errors on the way).
+
+    ``made`` and ``exact`` are the problem and its exact solution from `orbit`.  The reference runs over ``orbits`` +
+    1/2 orbits; its errors show how accurate the measurement itself is.
+    """
     index = [2 * k + 1 for k in runs.sample_orbits(orbits)]
     when = kepler.times(exact.period / 2, index, exactly=False)
     grid = [exact.period / 2 * n for n in index]
@@ -156,21 +164,29 @@ def _reference(made, exact, orbits: int):
 
 
 def _rows(about: dict, one: dict, per_orbit: int | None, run: dict, samples: list[dict]) -> Rows:
-    """Combine columns on the orbit (``about``), the integrator (``one``) and a run: its row, and rows of its errors."""
+    """Combine columns on the orbit (``about``), the integrator (``one``) and a run into rows, by table name.
+
+    The table "kepler" gets one row, of the run; "kepler_growth" gets one for each of ``samples``, its errors on the
+    way.
+    """
     row = about | one | {"steps per orbit": per_orbit} | run
     where = {"problem": about["problem"], "e": about["e"]} | one
     return {"kepler": [row], "kepler_growth": [where | s | {"status": run["status"]} for s in samples]}
 
 
 def reference(name: str, e: float) -> Rows:
-    """Measure the Taylor reference on one orbit: its rows, by table name."""
+    """Measure the Taylor reference on the orbit of eccentricity e of the problem ``name``: rows by table name."""
     made, exact, about = orbit(name, e)
     one = {"method": TAYLOR, "kind": "reference", "group": "", "setting": "reference"}
     return _rows(about, one, None, *_reference(made, exact, ORBITS))
 
 
 def measure_rows(name: str, e: float, group: str, position: int) -> Rows:
-    """Follow one orbit with an integrator at all its settings: errors, and the perihelion's advance a radial period."""
+    """Follow one orbit with an integrator at all its settings: errors, and the perihelion's advance a radial period.
+
+    The orbit is that of eccentricity e of the problem ``name``, the integrator is ``GROUPS[group][position]``.  Returns
+    rows by table name: "kepler" (one for each run) and "kepler_growth" (the errors after 1, 3, 10, ... orbits).
+    """
     _, _, about = orbit(name, e)
     c = GROUPS[group][position]
     out: Rows = {"kepler": [], "kepler_growth": []}
@@ -182,13 +198,17 @@ def measure_rows(name: str, e: float, group: str, position: int) -> Rows:
 
 
 def _adaptive(c: Integrator, name: str, e: float) -> Iterator[tuple[Setting, dict, list[dict]]]:
-    """Yield (setting, row of the run, its errors after 1, 3, 10, ... orbits) for each tolerance."""
+    """Yield (setting, row of the run, rows of its errors after 1, 3, 10, ... orbits) for each tolerance."""
     for setting in tolerances(c):
         yield setting, *_run(c, name, e, setting)
 
 
 def _ladder(c: Integrator, name: str, e: float) -> list[tuple[Setting, dict, list[dict]]]:
-    """Run a method of fixed step: at the standard number of steps, then finer and wider ones while they are useful."""
+    """Run a method of fixed step: at the standard number of steps an orbit, then at finer and wider steps.
+
+    Finer steps end when the phase error is round-off or a run takes too long, wider ones when the phase is lost.
+    Returns (setting, row of the run, rows of its errors after 1, 3, 10, ... orbits) for each run.
+    """
     made, exact, _ = orbit(name, e)
     # Seconds a step, from the standard step, or from the shortest one where the standard one fails.
     costs = (runs.seconds_per_orbit(c, made, exact.period, steps(n), FEW) / n for n in (STANDARD, LADDER[-1]))
@@ -205,21 +225,27 @@ def _ladder(c: Integrator, name: str, e: float) -> list[tuple[Setting, dict, lis
 
 
 def _precise(ladder: list[tuple[Setting, dict, list[dict]]]) -> str:
-    """The reason why steps finer than those of a ladder of runs are of no use; empty if they are of use."""
+    """Return why steps finer than the last run's are of no use, or "" if they are of use.
+
+    ``ladder`` is the list of (setting, row of the run, rows of its errors) so far; the last has the shortest step.
+    """
     run = ladder[-1][1]
     return "skipped" if run["status"] == SKIPPED else "followed" if run["phase, high"] <= FOLLOWED else ""
 
 
 def _end_reason(ladder: list[tuple[Setting, dict, list[dict]]]) -> str:
-    """The reason why steps wider than those of a ladder of runs are of no use; empty if they are of use."""
+    """Return why steps wider than the last run's are of no use, or "" if they are of use.
+
+    ``ladder`` is the list of (setting, row of the run, rows of its errors) so far; the last has the longest step.
+    """
     run = ladder[-1][1]
     return "failed" if run["status"] != OK else "lost" if run["phase, low"] > USEFUL else ""
 
 
 def _run(c: Integrator, name: str, e: float, setting: Setting) -> tuple[dict, list[dict]]:
-    """Follow one orbit at one setting: (the run's row, its errors after 1, 3, 10, ... orbits).
+    """Follow one orbit at one setting: (the run's row, rows of its errors after 1, 3, 10, ... orbits).
 
-    Where round-off may decide, the phase error is the median over neighbouring starts.
+    Where round-off may decide, the row's phase error at the end is the median over starts an ulp apart.
     """
     made, exact, _ = orbit(name, e)
     run, samples = runs.follow(c, made, exact, setting, ORBITS, None if c.adaptive else TIMEOUT)
@@ -236,7 +262,11 @@ def _run(c: Integrator, name: str, e: float, setting: Setting) -> tuple[dict, li
 
 
 def median_phase_error(phase: float, others: Iterator[float]) -> tuple[Median, int]:
-    """The median of a phase error and those from other starts, with its interval, and their number."""
+    """Return the median of a phase error and those of other starts, with its interval, and the number of starts.
+
+    ``phase`` is the error from the problem's own start; ``others`` yields those from starts an ulp away, and is read on
+    only as long as errors differ.  Without others the interval is a factor `SPREAD` in both directions.
+    """
     drawn = [phase, *islice(others, FIRST)]
     if len(drawn) == 1:
         return Median(phase, phase / SPREAD, phase * SPREAD), 1

@@ -79,12 +79,16 @@ def _cell(name: str, position: int, c: Integrator) -> Cell:
 
 @cache
 def _truth(name: str):
-    """The certified state of a problem after 100.5 revolutions."""
+    """Return the Taylor reference of a problem, with its uncertainty, at the end of `ORBITS` revolutions."""
     return taylor.reference(problem(name), [ORBITS * 2 * pi])
 
 
 def measure_rows(name: str, position: int) -> Rows:
-    """Measure an integrator's end error and warm time: a row for each step size or tolerance."""
+    """Measure the end error and the time of warm runs of an integrator: a row for each step size or tolerance.
+
+    ``name`` is the problem, ``position`` the index of the integrator in `OURS` followed by `PEERS`.  Returns rows by
+    table name.
+    """
     c, t_end = _integrators()[position], ORBITS * 2 * pi
     rows = []
     if c.adaptive:
@@ -99,7 +103,11 @@ def measure_rows(name: str, position: int) -> Rows:
 
 
 def _row(name: str, c: Integrator, setting: str, sizes: dict, tol: float | None) -> dict:
-    """Measure the error and the time at one setting; ``sizes``: h and steps without (0) and with (1) output."""
+    """Measure the error and the time of an integrator at one setting, and return the row of the table.
+
+    ``setting`` is its text, ``tol`` the tolerance (None for a method of fixed step); ``sizes`` maps 0 and 1 to the step
+    h and the number of steps of a run without and with output.
+    """
     found, truth = problem(name), _truth(name)
 
     def run(rows: int):

@@ -20,7 +20,9 @@ QUANTITIES = {
 
 
 def errors(rows, names: list[str], directory: Path, name: str) -> str:
-    """Draw errors in energy, angular momentum, phase and perihelion over the orbits, by eccentricity; the file's name.
+    """Draw errors in energy, angular momentum, phase and perihelion over the orbits; return the file's name.
+
+    The figure has a row of panels for each quantity, a column for each eccentricity, and a curve for each method.
 
     Parameters
     ----------
@@ -61,9 +63,10 @@ def errors(rows, names: list[str], directory: Path, name: str) -> str:
 
 
 def work_precision(rows, directory: Path, name: str = "kepler-cost.png") -> tuple[str, int]:
-    """Draw the error at the end over warm seconds, ours and the peers' together: (file's name, number of curves).
+    """Draw the error at the end over the seconds of a warm run, ours and the peers' together.
 
-    ``rows`` is a DataFrame with the columns problem, method, kind, seconds and error; a panel for each problem.
+    ``rows`` is a DataFrame with the columns problem, method, kind, seconds and error; there is a panel for each
+    problem. Returns (file's name, number of curves).
     """
     ours = rows[rows["kind"] == "phasebench"]
     peers = rows[rows["kind"] != "phasebench"]
@@ -89,7 +92,10 @@ def work_precision(rows, directory: Path, name: str = "kepler-cost.png") -> tupl
 
 
 def frontier(rows: pd.DataFrame, most: int) -> list[str]:
-    """At most ``most`` methods that are the fastest at some error, sorted by how often they are."""
+    """Return at most ``most`` methods that are the fastest at some error, the one that is so most often first.
+
+    ``rows`` has the columns method, error and seconds; the errors compared are 25 values from 1e-13 to 0.1.
+    """
     wins: dict[str, int] = {}
     for wanted in np.logspace(-13, -1, 25):
         enough = rows[rows["error"] <= wanted]

@@ -105,7 +105,7 @@ def elements(q, p, mu: float = 0.0, nodes: int = NODES) -> Elements:
         x, weights = np.polynomial.legendre.leggauss(nodes)
 
         def integral(f, end):
-            """The integral of f from 0 to each end, (n,), by Gauss-Legendre quadrature."""
+            """Integrate f from 0 to each of ``end``, (n,), by Gauss-Legendre quadrature."""
             return (f(np.outer(end / 2, x + 1)) * weights).sum(1) * end / 2
 
         def over_g(u):
@@ -131,12 +131,14 @@ def elements(q, p, mu: float = 0.0, nodes: int = NODES) -> Elements:
 
 
 def first_order_advance(L: float, mu: float) -> float:
-    """The advance of the perihelion per radial period, radians, to first order in mu."""
+    """Return the advance of the perihelion per radial period, in radians, to first order in mu."""
     return 2 * np.pi * mu / L**4
 
 
 def exact_orbit(q, p, mu: float = 0.0, digits: int = DIGITS):
-    """(advance per radial period, radial period) of the orbit through doubles q, p, (2,), as mpmath numbers.
+    """Compute (advance of the perihelion per radial period, radial period) of the orbit through q, p, in many digits.
+
+    ``q`` and ``p`` are doubles, (2,); the results are mpmath numbers with ``digits`` digits.
 
     Raises InvalidInput where that orbit is not bound or falls into the centre.
     """
@@ -170,10 +172,18 @@ def exact_orbit(q, p, mu: float = 0.0, digits: int = DIGITS):
 
 @dataclass(frozen=True)
 class Truth:
-    """The exact orbit from q0, p0: H, angular momentum L, and the rates of its angles in units of 2^-TICK turns a time.
+    """The exact orbit through one state: its invariants, and the constant rates of its angles.
 
-    ``start``: elements of q0, p0; ``advance``: of the pericentre in a radial ``period``; ``anomaly``, ``perihelion``:
-    rates of the mean anomaly and of the perihelion.
+    The rates are integers in units of 2^-`TICK` turns per unit of time, so that angles at late times have no round-off.
+
+    Attributes
+    ----------
+    mu : strength of the Schwarzschild term
+    H, L : energy and angular momentum
+    start : elements of the initial state
+    advance : angle by which the pericentre advances in a radial period, radians
+    period : radial period
+    anomaly, perihelion : rates of the mean anomaly and of the perihelion
     """
 
     mu: float
@@ -187,7 +197,7 @@ class Truth:
 
 
 def invariants(q, p, mu: float) -> tuple[np.ndarray, np.ndarray]:
-    """Energy and angular momentum of states (n, 2), evaluated in long double."""
+    """Compute energy and angular momentum, arrays (n,), of states q, p (n, 2) in long double."""
     q, p = np.asarray(q, np.longdouble), np.asarray(p, np.longdouble)
     r = np.sqrt((q**2).sum(-1))
     H = (p**2).sum(-1) / 2 - 1 / r - np.longdouble(mu) / (3 * r**3)
@@ -195,7 +205,7 @@ def invariants(q, p, mu: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def truth(problem) -> Truth:
-    """The exact solution of a ``kepler`` or ``perturbed-kepler`` problem."""
+    """Return the exact solution (`Truth`) of a ``kepler`` or ``perturbed-kepler`` problem."""
     import mpmath
 
     mu = problem.parameters.get("mu", 0.0)
@@ -209,7 +219,7 @@ def truth(problem) -> Truth:
 
 
 def times(h: float, index: Sequence[int], exactly: bool = True) -> list[int]:
-    """The times of the step numbers ``index``, as integers in units of 2^-TICK.
+    """Return the times of the step numbers ``index`` with step h, as integers in units of 2^-`TICK`.
 
     For a method of fixed step they are n h without rounding; with ``exactly`` False they are n h rounded to double, as
     an adaptive integrator is asked for them.
@@ -223,20 +233,33 @@ def times(h: float, index: Sequence[int], exactly: bool = True) -> list[int]:
 
 
 def _turns(rate: int, when: int) -> int:
-    """The angle, in units of 2^-TICK turns, after the time ``when`` (units of 2^-TICK) at a rate."""
+    """Return the angle, in units of 2^-`TICK` turns, after the time ``when`` at a constant rate.
+
+    ``rate`` is in units of 2^-`TICK` turns per unit of time, ``when`` in units of 2^-`TICK`; all are integers.
+    """
     return rate * when >> TICK
 
 
 def _angle(rate: int, when: Sequence[int]) -> np.ndarray:
-    """The angles in [0, 2 pi) after each of the times ``when`` at a rate in units of 2^-TICK turns a time."""
+    """Return the angles in [0, 2 pi) after each of the times ``when`` at a constant rate, array (n,).
+
+    ``rate`` is in units of 2^-`TICK` turns per unit of time, ``when`` in units of 2^-`TICK`.
+    """
     return np.array([_turns(rate, t) % 2**TICK / 2**TICK for t in when]) * 2 * np.pi
 
 
 class Errors(NamedTuple):
-    """Signed errors, arrays (n,): energy and angular momentum relative, phase and perihelion in radians, unwrapped.
+    """Signed errors of n states of a Kepler orbit, arrays (n,), with unwrapped angles.
 
-    ``phase`` is the error of the mean longitude, ``anomaly`` of the mean anomaly.  All are NaN from the first state on
-    that is on no bound orbit; ``perihelion`` and ``anomaly`` are NaN everywhere if the exact orbit is a circle.
+    All are NaN from the first state on that is on no bound orbit; ``perihelion`` and ``anomaly`` are NaN everywhere if
+    the exact orbit is a circle.
+
+    Attributes
+    ----------
+    energy, momentum : relative errors of energy and angular momentum
+    phase : error of the mean longitude, radians
+    perihelion : error of the direction of the perihelion, radians
+    anomaly : error of the mean anomaly, radians
     """
 
     energy: np.ndarray
@@ -247,7 +270,7 @@ class Errors(NamedTuple):
 
 
 def errors(exact: Truth, when: Sequence[int], q, p) -> Errors:
-    """The errors of states q, p, arrays (n, 2), at times ``when`` (from `times`) against the exact solution.
+    """Compute the errors of states q, p, arrays (n, 2), at times ``when`` (from `times`) against the exact solution.
 
     Angles are unwrapped from row to row: rows must be so dense that an error grows by less than pi between them.
     """
@@ -257,7 +280,7 @@ def errors(exact: Truth, when: Sequence[int], q, p) -> Errors:
     turn = float(np.sign(exact.L))
 
     def away(value, expected):
-        """The difference of angles, unwrapped so that it starts near 0."""
+        """Return the difference of angles, unwrapped so that it starts near 0."""
         return np.unwrap(np.concatenate([[0.0], np.remainder(value - expected + np.pi, 2 * np.pi) - np.pi]))[1:]
 
     M = away(found.anomaly, exact.start.anomaly + anomaly)
@@ -270,13 +293,20 @@ def errors(exact: Truth, when: Sequence[int], q, p) -> Errors:
 
 
 def measured_advance(exact: Truth, when: int, perihelion: float, anomaly: float) -> float:
-    """The mean advance a radial period, radians, of an orbit whose angles have these errors at the time ``when``."""
+    """Return the mean advance of the perihelion per radial period, in radians, of a computed orbit.
+
+    ``perihelion`` and ``anomaly`` are the errors, in radians, of its angles at the time ``when`` (units of 2^-`TICK`).
+    """
     turns = _turns(exact.anomaly, when) / 2**TICK
     return (exact.advance * turns + float(np.sign(exact.L)) * perihelion) / (turns + anomaly / (2 * np.pi))
 
 
 def advances(exact: Truth, when: Sequence[int], found: Errors, row: int) -> dict[str, float]:
-    """The advance of the perihelion up to a row of ``found``, and its error; empty without the Schwarzschild term."""
+    """Return the mean advance of the perihelion a radial period up to a row, and its error, in radians.
+
+    ``found`` are the errors at the times ``when``, ``row`` the index of the row.  The dict has the keys "advance" and
+    "advance error"; it is empty without the Schwarzschild term.
+    """
     if not exact.mu:
         return {}
     measured = measured_advance(exact, when[row], found.perihelion[row], found.anomaly[row])

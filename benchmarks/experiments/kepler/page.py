@@ -1,4 +1,4 @@
-"""The page on the Kepler comparison: errors over 10^4 orbits, and error against cost, for our methods and peers."""
+"""The report page on Kepler orbits: errors over 10^4 orbits, and error against cost, of our methods and of peers."""
 
 from __future__ import annotations
 
@@ -36,7 +36,10 @@ KEY = ["problem", "e", "method", "setting"]
 
 
 def ends(runs: pd.DataFrame, growth: pd.DataFrame) -> pd.DataFrame:
-    """Join each run, except the reference, with its errors at the end."""
+    """Join each run, except those of the reference, with its errors at the end.
+
+    ``runs`` and ``growth`` are the tables "kepler" (one row a run) and "kepler_growth" (errors on the way).
+    """
     last = growth.sort_values("orbits").groupby(KEY, sort=False, as_index=False).last()
     joined = runs.merge(last[[*KEY, "energy", "momentum", "phase", "perihelion"]], on=KEY, how="left")
     return joined[joined["kind"] != "reference"]
@@ -49,15 +52,16 @@ def _completed_runs(runs: pd.DataFrame, growth: pd.DataFrame) -> pd.DataFrame:
 
 
 def _who(row) -> str:
-    """A text: an integrator with its setting."""
+    """Format an integrator with its setting (steps or tolerance) as text; ``row`` is a row of a run."""
     return row["method"] if row["setting"] == "adaptive" else f"{row['method']} ({row['setting']})"
 
 
 def _paid(members: pd.DataFrame, wanted: float) -> tuple[pd.Series | None, Median]:
-    """The cheapest run whose median phase error is at most ``wanted``, and the cost (µs an orbit) of that accuracy.
+    """Return the cheapest run with a median phase error of at most ``wanted``, and the cost of that accuracy.
 
-    The interval of the cost reaches from the lowest possible (phase errors at the lower ends of their intervals) to the
-    highest (at the upper ends).
+    The run is a row of ``members``, None if none is so accurate.  The cost is in µs an orbit; its interval of the cost
+    reaches from the lowest possible (phase errors at the lower ends of their intervals) to the highest (at the upper
+    ends).
     """
     cost = members["us per orbit"]
     reached = {c: members[members[f"phase{c}"] <= wanted] for c in (" median", ", low", ", high")}
@@ -73,7 +77,11 @@ COSTS = ("us, low", "us per orbit", "us, high")
 
 
 def cheapest(runs: pd.DataFrame, times: pd.DataFrame) -> pd.DataFrame:
-    """For each orbit and phase error, the cheapest integrator of ours and of the peers, over the longest runs."""
+    """Find, for each orbit and phase error, the cheapest integrator of ours and of the peers, among the longest runs.
+
+    ``runs`` and ``times`` are the tables of runs and of times.  The column "cheaper" says which of the two is cheaper,
+    or that they tie.
+    """
     ran = runs[(runs["status"] == "ok") & (runs["kind"] != "reference")].merge(times, on=KEY).dropna(subset=[*COSTS])
     lines = []
     for (name, e), members in ran.groupby(["problem", "e"], sort=False):
@@ -90,7 +98,10 @@ def cheapest(runs: pd.DataFrame, times: pd.DataFrame) -> pd.DataFrame:
 
 @of("kepler", TIMES)
 def costs(runs: pd.DataFrame, times: pd.DataFrame) -> Verdict | None:
-    """Whether our methods are the cheapest at a phase error at least as often as integrators of other packages."""
+    """Judge whether our methods are the cheapest at a phase error at least as often as integrators of other packages.
+
+    None without timed runs.
+    """
     lines = cheapest(runs, times)
     if lines.empty:
         return None
@@ -110,7 +121,10 @@ def costs(runs: pd.DataFrame, times: pd.DataFrame) -> Verdict | None:
 
 @of("kepler", "kepler_growth")
 def laws(runs: pd.DataFrame, growth: pd.DataFrame) -> Verdict | None:
-    """Whether phase errors above round-off grow linearly with time; runs at a chosen tolerance are left out."""
+    """Judge whether phase errors above round-off grow linearly with time.
+
+    Runs at a tolerance other than the integrator's default are left out.  None if no run has such an error.
+    """
     finished = _completed_runs(runs, growth)
     if "phase growth" not in finished:
         return None
@@ -131,7 +145,10 @@ def laws(runs: pd.DataFrame, growth: pd.DataFrame) -> Verdict | None:
 
 @of("kepler", "kepler_growth")
 def clocks(runs: pd.DataFrame, growth: pd.DataFrame) -> Verdict:
-    """Whether no adaptive method has a phase error larger than its energy error explains."""
+    """Judge whether no adaptive method has, on pure Kepler orbits, a phase error larger than its energy error explains.
+
+    An error of the energy changes the frequency; a larger phase error means that the integrator's time is wrong.
+    """
     finished = _completed_runs(runs, growth)
     adaptive = finished[(finished["mu"] == 0) & (finished["setting"] == "adaptive")]
     # The frequency is (-2 H)^(3/2): a relative energy error d changes the angle by at most 3/2 d of it.
@@ -149,7 +166,10 @@ def clocks(runs: pd.DataFrame, growth: pd.DataFrame) -> Verdict:
 
 @of("kepler", TIMES)
 def answer(runs: pd.DataFrame, times: pd.DataFrame) -> str | None:
-    """A sentence: how often ours or the peers are the cheapest to follow the phase, and the time of an orbit."""
+    """Write the page's answer, a sentence: how often ours or the peers are cheapest, and what following an orbit costs.
+
+    None without timed runs.
+    """
     lines = cheapest(runs, times)
     if lines.empty:
         return None
@@ -163,7 +183,11 @@ def answer(runs: pd.DataFrame, times: pd.DataFrame) -> str | None:
 
 
 def settings_tried(cost: pd.DataFrame) -> dict[str, pd.Series]:
-    """For heyoka and IAS15: each setting's time to the error `TRIED_TO` over the best one's, on the worse problem."""
+    """Compare the settings of heyoka and of IAS15: name -> series method -> time over that of the best setting.
+
+    A time is that to the error `TRIED_TO`; of the two problems, the larger ratio counts.  ``cost`` is the table
+    "kepler_cost".
+    """
     enough = cost[(cost["status"] == "ok") & (cost["error"] <= TRIED_TO)]
     seconds = enough.groupby(["problem", "method"], sort=False)["seconds"].min().unstack("problem")
     found = {}
@@ -175,7 +199,7 @@ def settings_tried(cost: pd.DataFrame) -> dict[str, pd.Series]:
 
 
 def _settings_sentence(cost: pd.DataFrame) -> str:
-    """A sentence for the caption: which settings of heyoka and IAS15 were tried, and what they cost."""
+    """Write a sentence for the caption: which settings of heyoka and IAS15 were tried, and their relative times."""
     parts = []
     for name, ratios in settings_tried(cost).items():
         settings = (f"{method.removeprefix('rebound-')} {number(x, 2)}" for method, x in ratios.items())
@@ -186,7 +210,10 @@ def _settings_sentence(cost: pd.DataFrame) -> str:
 
 
 def draw(data, folder) -> list[Picture]:
-    """Draw the errors over the orbits, and the error against time for our methods and other packages."""
+    """Draw two figures: the errors over the orbits, and the error against time for our methods and other packages.
+
+    ``data`` maps a table's name to the table; a figure whose table is missing is left out.
+    """
     growth, cost = data("kepler_growth"), data("kepler_cost")
     pictures = []
     if growth is not None and len(growth):
@@ -213,7 +240,10 @@ def draw(data, folder) -> list[Picture]:
 
 @of("kepler", TIMES)
 def table(runs: pd.DataFrame, times: pd.DataFrame) -> Table | None:
-    """The page's table: for each orbit and phase error, the cheapest integrator of ours and of the peers."""
+    """Make the page's table: for each orbit and phase error, the cheapest integrator of ours and of the peers.
+
+    None without timed runs.
+    """
     lines = cheapest(runs, times)
     if lines.empty:
         return None
@@ -229,7 +259,7 @@ def table(runs: pd.DataFrame, times: pd.DataFrame) -> Table | None:
 
 @of("kepler", "kepler_growth")
 def _full_table(runs: pd.DataFrame, growth: pd.DataFrame) -> pd.DataFrame:
-    """The errors at the ends of all runs."""
+    """Make the page's longer table: the errors at the end of every run except those of the reference."""
     columns = ["energy", "momentum", "phase", "phase median", "starts", "perihelion", "status"]
     return ends(runs, growth).reindex(columns=[*KEY, *columns])
 

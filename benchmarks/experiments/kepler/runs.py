@@ -29,7 +29,14 @@ POINTS = 25
 
 
 class Setting(NamedTuple):
-    """A setting of an integrator: its name, steps (of an adaptive one, rows) an orbit, and tolerance."""
+    """A setting of an integrator on a Kepler orbit.
+
+    Attributes
+    ----------
+    name : text such as "150 steps"
+    per_orbit : steps an orbit; of an adaptive integrator, rows of output an orbit
+    tol : tolerance; None for the integrator's default
+    """
 
     name: str
     per_orbit: int = 2
@@ -37,9 +44,10 @@ class Setting(NamedTuple):
 
 
 def growth(orbits, error, least: float = 10.0) -> float | None:
-    """The exponent of t with which the running maximum of |``error``|, arrays (n,), grows.
+    """Fit the exponent a with which the running maximum of |``error``| grows as t^a.
 
-    It is fitted on points equally spaced in log t from ``least`` orbits on; None if fewer than three errors are not 0.
+    ``orbits`` (times in orbits) and ``error`` are arrays (n,).  The fit is on points equally spaced in log t from
+    ``least`` orbits on; None if fewer than three errors are not 0.
     """
     orbits, error = np.asarray(orbits, float), np.abs(np.asarray(error, float))
     grown = np.maximum.accumulate(error)
@@ -52,13 +60,19 @@ def growth(orbits, error, least: float = 10.0) -> float | None:
 
 
 def seconds_per_orbit(contender: Integrator, problem, period: float, setting: Setting, orbits: int) -> float:
-    """Warm seconds an orbit, without output; NaN where the integrator fails."""
+    """Time a warm run over ``orbits`` orbits without output, and return seconds an orbit.
+
+    NaN where the integrator fails.  ``period`` is the time of an orbit.
+    """
     timed = orbit_clock(contender, problem, period, setting, orbits)
     return timed() / orbits if timed is not None else float("nan")
 
 
 def orbit_clock(contender: Integrator, problem, period: float, setting: Setting, orbits: int) -> clock.Clock | None:
-    """A clock that times ``orbits`` orbits; None where the integrator does not reach the end."""
+    """Return a clock that times ``orbits`` orbits of the integrator; None where it does not reach the end.
+
+    ``period`` is the time of an orbit.
+    """
     n = setting.per_orbit
     s = contender.run(problem, h=period / n, steps=n * orbits, save_every=0, tol=setting.tol)
     if s.status not in ("ok", "no-root"):
@@ -130,7 +144,10 @@ def follow(
 
 
 def neighbours(problem) -> list[SimpleNamespace]:
-    """The starts whose nonzero coordinates are an ulp less, the same or an ulp more, except the problem's own."""
+    """Return the starts whose nonzero coordinates are an ulp less, the same or an ulp more, except the problem's own.
+
+    Each has the attributes q0, p0 and parameters of a problem.
+    """
     state = [float(x) for x in (*problem.q0, *problem.p0)]
     near = [(x, np.nextafter(x, -np.inf), np.nextafter(x, np.inf)) if x else (x,) for x in state]
     d = len(problem.q0)
@@ -141,7 +158,10 @@ def neighbours(problem) -> list[SimpleNamespace]:
 
 
 def draws(contender: Integrator, problem, exact: Truth, setting: Setting, orbits: int) -> Iterator[float]:
-    """Yield the largest phase error from each of the `neighbours`, on every `APART`-th orbit; inf for a failed run."""
+    """Yield the largest phase error, in radians, of the run from each of the `neighbours`; inf for a failed run.
+
+    Errors are measured at every `APART`-th orbit of ``orbits``.
+    """
     n = setting.per_orbit
     size = {"h": exact.period / n, "steps": n * orbits, "save_every": n * APART, "tol": setting.tol}
     when = times(size["h"], np.arange(1, orbits // APART + 1) * n * APART, exactly=not contender.adaptive)
@@ -152,12 +172,15 @@ def draws(contender: Integrator, problem, exact: Truth, setting: Setting, orbits
 
 
 def within_orbits(contender: Integrator, problem, exact: Truth, per_orbit: int, orbits: int = 10) -> dict[str, float]:
-    """The largest relative errors of energy and angular momentum over every step of a few orbits."""
+    """Return the largest relative errors of energy and angular momentum over every step of a few orbits.
+
+    The keys are "energy, every step" and "momentum, every step".
+    """
     s = contender.run(problem, h=exact.period / per_orbit, steps=per_orbit * orbits)
     found = zip(("energy", "momentum"), invariants(s.q, s.p, exact.mu), (exact.H, exact.L), strict=True)
     return {f"{n}, every step": float(np.abs((x - y) / y).max()) for n, x, y in found}
 
 
 def sample_orbits(orbits: int) -> list[int]:
-    """1, 3, 10, 30, 100, ... up to ``orbits``."""
+    """Return the numbers 1, 3, 10, 30, 100, ... up to ``orbits``."""
     return [n for k in range(12) for n in (10**k, 3 * 10**k) if n <= orbits]

@@ -1,1 +1,1 @@
-"""What does a step cost for many degrees of freedom?"""
+"""Experiment: what does a step of an integrator cost for many degrees of freedom?"""

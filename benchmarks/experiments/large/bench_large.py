@@ -1,4 +1,4 @@
-"""Checks of cost over degrees of freedom d: our steps end where those in C end, and implicit steps are solved."""
+"""Checks of the cost of a step over the number d of degrees of freedom, for explicit and for implicit steps."""
 
 from __future__ import annotations
 
@@ -7,12 +7,15 @@ from phasebench.benchmarks.experiments.large.solvers_page import SAME
 
 
 def cells(quick: bool = False) -> list:
-    """List the measurements: the cost of explicit steps, and the solvers of implicit ones."""
+    """List the measurements (`Cell`): cost of explicit steps and solvers of implicit ones; none if ``quick``."""
     return large.cells(quick) + solvers.cells(quick)
 
 
 def bench_costs(measured_rows):
-    """Our steps end where those in C end, and both took time."""
+    """Test that our explicit steps end where the same steps in C end, and that both took time.
+
+    ``measured_rows`` is a fixture: table name -> rows.
+    """
     wrong = [
         f"{r['system']} of d = {r['d']}"
         for r in measured_rows(large.COSTS)
@@ -22,14 +25,17 @@ def bench_costs(measured_rows):
 
 
 def bench_made(measured_rows):
-    """Hand-written loops are compiled for every system at its largest size (more than 9000 degrees of freedom)."""
+    """Test that hand-written loops are compiled for every system at more than 9000 degrees of freedom."""
     rows = measured_rows(large.MADE)
     for system in {r["system"] for r in rows}:
         assert max(r["d"] for r in rows if (r["system"], r["route"]) == (system, "loops")) > 9000, system
 
 
 def bench_solvers(measured_rows):
-    """Newton's method with banded matrices solves every implicit step, and ends where the usual solver does."""
+    """Test that Newton's method with banded matrices solves every implicit step, to the end state of the usual solver.
+
+    The usual solver is the fixed-point iteration with Newton's method in full matrices where that fails.
+    """
     wrong = [
         f"{r['system']} of d = {r['d']}, h = {r['h']}"
         for r in measured_rows(solvers.TABLE)

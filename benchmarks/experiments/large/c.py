@@ -1,4 +1,7 @@
-"""The systems of `systems` in plain C, without compensated sums and checks, compiled by `gcc -O3 -march=native`."""
+"""Steps of Stormer-Verlet and of RK4 in plain C, for the Hamiltonian systems of the module `systems`.
+
+The loops have neither compensated sums nor checks, and are compiled by `gcc -O3 -march=native`.
+"""
 
 from __future__ import annotations
 
@@ -102,7 +105,9 @@ void steps(long d, long n, double h, const double *c, double *q, double *p, doub
 
 
 class Loop:
-    """A C loop over the steps of a method, compiled with a system's gradient or field ``slope`` in C.
+    """A C loop over the steps of a method, compiled with the C source of a system's gradient or vector field.
+
+    ``slope`` is that source, a C function of this name; ``method`` is a key of `STEPS`.
 
     Raises RuntimeError without a C compiler, or if it rejects the source.
     """
@@ -113,7 +118,10 @@ class Loop:
         self._steps.restype = None
 
     def run(self, q0, p0, h: float, n: int, constants) -> tuple[float, np.ndarray, np.ndarray]:
-        """Take n steps of h from q0, p0, (d,): (seconds, q, p)."""
+        """Take n steps of size h from q0, p0, (d,), and return (seconds, q, p) with the end state.
+
+        ``constants`` are the numbers on which the C source of the gradient depends.
+        """
         q, p, known = np.array(q0, float), np.array(p0, float), np.array([*map(float, constants), 0.0])
         work = np.zeros(6 * len(q))
         pointers = (x.ctypes.data for x in (known, q, p, work))

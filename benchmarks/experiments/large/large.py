@@ -1,4 +1,4 @@
-"""Cost over d: the time of a step compared with plain C and REBOUND, memory, and the compilation of a system."""
+"""Costs over the number d of degrees of freedom: time of a step beside plain C and REBOUND, memory, compilation."""
 
 from __future__ import annotations
 
@@ -62,7 +62,11 @@ def _cell(table: str, key: dict, measure: Callable, arguments: tuple) -> Cell:
 
 
 def costs(name: str, d: int) -> Rows:
-    """Measure the cost of a step of a system at a size, by this project, C and REBOUND in alternating rounds.
+    """Measure the cost of a step of a system with d degrees of freedom, by this project, C and REBOUND.
+
+    The three are timed in alternating rounds, REBOUND on gravitating bodies only.  Returns one row, by table name:
+    medians in nanoseconds a step and ratios of times with intervals, the memory of a run in kB, and the distance from
+    C's end state.
 
     Raises
     ------
@@ -100,7 +104,10 @@ def costs(name: str, d: int) -> Rows:
 
 
 def difference(system: Large, run: PreparedRun, loop: Loop, start: np.ndarray) -> float:
-    """The largest relative distance between our state and that of C after a few steps."""
+    """Return the largest relative distance between our state and that of C after a few steps from ``start``.
+
+    ``start`` is an array (2, d) of q and p; q and p are each compared in the max norm.
+    """
     d = start.shape[1]
     q, p, _ = run(system.h, FEW)
     _, x, v = loop.run(*start, system.h, FEW, system.constants(d))
@@ -108,7 +115,10 @@ def difference(system: Large, run: PreparedRun, loop: Loop, start: np.ndarray) -
 
 
 def enough(seconds: Callable[[int], float]) -> int:
-    """A number of steps, a power of two, that takes at least `SECONDS`; at most 2^20."""
+    """Return a number of steps, a power of two of at most 2^20, that takes at least `SECONDS`.
+
+    ``seconds`` runs a number of steps and returns the time that they take.
+    """
     steps = 1
     while seconds(steps) < SECONDS and steps < 2**20:
         steps *= 2
@@ -116,7 +126,7 @@ def enough(seconds: Callable[[int], float]) -> int:
 
 
 def _clock(run: Callable[[], object]) -> Callable[[], float]:
-    """A function that calls ``run`` and returns the seconds that it takes."""
+    """Return a function without arguments that calls ``run`` and returns the seconds that this takes."""
 
     def seconds() -> float:
         started = time.perf_counter()
@@ -127,7 +137,10 @@ def _clock(run: Callable[[], object]) -> Callable[[], float]:
 
 
 def rebound(system: Large, d: int, steps: int) -> Callable[[], float]:
-    """A function that times ``steps`` steps of REBOUND's leapfrog with direct summation, continuing at each call."""
+    """Return a function that times ``steps`` steps of REBOUND's leapfrog with direct summation, in seconds.
+
+    Each call continues from the state at which the last one ended.
+    """
     N = d // system.unit
     setting = particles.Setting(particles.GRAVITY, (1.0 / N,) * N, 3, 0, (1.0,) * d)
     sim, _ = particles.build(setting, *system.start(d), "leapfrog")
@@ -136,7 +149,7 @@ def rebound(system: Large, d: int, steps: int) -> Callable[[], float]:
 
 
 def array_bytes(run: PreparedRun) -> int:
-    """The bytes of the arrays that a prepared run holds."""
+    """Return the number of bytes of the arrays that a prepared run holds: state, memory of earlier steps, work."""
     carry = run._layout.carry
     return sum(a.nbytes for a in (carry.state, carry.memory, carry.work, run._start, run._end))
 
@@ -145,7 +158,11 @@ def array_bytes(run: PreparedRun) -> int:
 
 
 def measure_rows(name: str) -> Rows:
-    """Measure the seconds to make a system's functions from scratch, by size and by route (formula or loops)."""
+    """Measure the seconds to make the functions of the system ``name`` (H and its derivatives) from scratch.
+
+    Returns a row for each number d of degrees of freedom and each route: derived from a formula, or from hand-written
+    loops.
+    """
     system, rows = SYSTEMS[name], []
     for d in DERIVED:
         seconds = getting_ready(lambda d=d: system.from_formula(d))
@@ -160,7 +177,10 @@ def measure_rows(name: str) -> Rows:
 
 
 def getting_ready(make: Callable[[], SimpleNamespace]) -> float:
-    """Seconds to make a system and compile its energy and gradient (or field), from an empty cache."""
+    """Return the seconds to make a system and compile its energy and gradient (or field), from an empty cache.
+
+    ``make`` builds the problem and has no arguments.
+    """
     with nothing_kept():
         started = time.perf_counter()
         system = make().system

@@ -1,4 +1,4 @@
-"""The page on the cost of a step over the number of degrees of freedom."""
+"""The report page on the cost of a step over the number d of degrees of freedom."""
 
 from __future__ import annotations
 
@@ -22,7 +22,11 @@ SHOWN = (8, 24, 128, 1024, 10_000)
 
 
 def exponents(costs: pd.DataFrame) -> pd.DataFrame:
-    """For each system, the exponents of d in the time and the memory of a step from `MANY` on, with their intervals."""
+    """Fit, for each system, the powers of d with which the time (ours and C's) and the memory of a step grow.
+
+    ``costs`` is the table of costs, of which the rows from `MANY` degrees of freedom on count.  A row of the result has
+    each power with the ends of its interval, and the expected power: 2 if all pairs of bodies interact, else 1.
+    """
     rows = []
     for name, part in costs[costs["d"] >= MANY].groupby("system", sort=False):
         if len(part) < 3:
@@ -35,13 +39,16 @@ def exponents(costs: pd.DataFrame) -> pd.DataFrame:
 
 
 def at(row) -> str:
-    """Format the system of a row and its number of degrees of freedom."""
+    """Format the system and the number of degrees of freedom of a row as text."""
     return f"{row['system']}, d = {int(row['d'])}"
 
 
 @of(COSTS)
 def scaling(costs: pd.DataFrame) -> Verdict | None:
-    """Whether the time of a step grows no faster than the work: as d, or as d^2 if all pairs interact."""
+    """Judge whether the time of a step grows no faster than the work: as d, or as d^2 if all pairs interact.
+
+    ``costs`` is the table of costs of a step; None if it has too few sizes.
+    """
     found = exponents(costs)
     if found.empty:
         return None
@@ -58,7 +65,10 @@ def scaling(costs: pd.DataFrame) -> Verdict | None:
 
 @of(COSTS)
 def beside(costs: pd.DataFrame) -> Verdict | None:
-    """Whether a step of a large system costs about as much as in C."""
+    """Judge whether a step of a large system (d of at least `MANY`) takes at most `WANTED` times as long as in C.
+
+    ``costs`` is the table of costs of a step; None if it has no such system.
+    """
     ratios = _many(costs)["ours / C"]
     if ratios.empty:
         return None
@@ -73,13 +83,16 @@ def beside(costs: pd.DataFrame) -> Verdict | None:
 
 
 def _many(costs: pd.DataFrame) -> pd.DataFrame:
-    """Select the rows from `MANY` degrees of freedom on."""
+    """Select the rows with at least `MANY` degrees of freedom from the table of costs."""
     return costs[costs["d"] >= MANY]
 
 
 @of(MADE)
 def loops(made: pd.DataFrame) -> Verdict | None:
-    """Whether functions written as loops are compiled within `PATIENCE` seconds at any size."""
+    """Judge whether functions written by hand as loops are compiled within `PATIENCE` seconds at any size.
+
+    ``made`` is the table of compilation times; None if it has no such functions.
+    """
     by_hand = made[made["route"] == "loops"]
     if by_hand.empty:
         return None
@@ -95,7 +108,10 @@ def loops(made: pd.DataFrame) -> Verdict | None:
 
 @of(COSTS)
 def answer(costs: pd.DataFrame) -> str | None:
-    """A sentence: how the time of a step grows with d, and its ratio to the time in C."""
+    """Write the page's answer, a sentence: how the time of a step grows with d, and its ratio to the time in C.
+
+    None if the table of costs has too few sizes.
+    """
     found = exponents(costs)
     if found.empty:
         return None
@@ -111,7 +127,7 @@ def answer(costs: pd.DataFrame) -> str | None:
 
 @of(COSTS)
 def draw(costs: pd.DataFrame, folder) -> list[Picture]:
-    """Draw nanoseconds of a step over d, a panel for each system."""
+    """Draw nanoseconds of a step over d, by this project, C and REBOUND: a panel for each system."""
     names = list(dict.fromkeys(costs["system"]))
     with style.settings():
         figure, (panels,) = style.panels(1, len(names), 2.9, sharey=True)
@@ -133,9 +149,9 @@ def draw(costs: pd.DataFrame, folder) -> list[Picture]:
 
 
 def table(data: Data) -> Table | None:
-    """The page's table: the cost of a step at a few sizes of each system.
+    """Make the page's table: the cost of a step at a few sizes of each system; None if it was not measured.
 
-    The caption says up to which size functions are derived from a formula.
+    The caption says up to which size functions are derived from a formula.  ``data`` maps a table's name to the table.
     """
     costs, made = data(COSTS), data(MADE)
     if costs is None or costs.empty:
@@ -157,14 +173,17 @@ def table(data: Data) -> Table | None:
 
 
 def largest_derived(made: pd.DataFrame) -> dict[str, int]:
-    """System -> the largest d whose functions are derived from a formula within `PATIENCE`."""
+    """Return, for each system, the largest d whose functions are derived from a formula within `PATIENCE` seconds.
+
+    ``made`` is the table of compilation times.
+    """
     within = made[(made["route"] == "formula") & (made["seconds"] <= PATIENCE)]
     return {name: int(d) for name, d in within.groupby("system", sort=False)["d"].max().items()}
 
 
 @of(MADE)
 def full_table(made: pd.DataFrame) -> pd.DataFrame:
-    """For every system and size, the seconds to generate and compile its functions."""
+    """Return the page's longer table: for every system and size, the seconds to generate and compile its functions."""
     return made
 
 

@@ -27,7 +27,7 @@ SIZES, FULL, FEW, ROUNDS, FEWEST = (32, 128, 512, 2048, 10_000), 128, 3, 7, 2
 
 
 class Steps(NamedTuple):
-    """A step size at which the fixed-point iteration contracts, and one too long for it."""
+    """Two step sizes of a lattice: one at which the fixed-point iteration contracts, and one too long for it."""
 
     short: float
     long: float
@@ -49,12 +49,16 @@ def _cell(name: str) -> Cell:
 
 
 def measure_rows(name: str) -> Rows:
-    """Compare the solvers of implicit steps on a lattice: a row for each size and step."""
+    """Compare the solvers of implicit steps on the lattice ``name``: a row for each size and step, by table name."""
     return {TABLE: [row(name, d, step) for d in SIZES for step in Steps._fields]}
 
 
 def row(name: str, d: int, step: str) -> dict:
-    """Measure both solvers at one size and step: time in alternating rounds, evaluations, distance of their ends."""
+    """Measure both solvers on a lattice of d degrees of freedom at one step size, and return the row of the table.
+
+    ``step`` is "short" or "long", a field of `Steps`.  The row has times from alternating rounds, evaluations a step,
+    memory, and the relative distance of the two end states.
+    """
     problem, h = SYSTEMS[name].by_hand(d), getattr(LATTICES[name], step)
     runs = {"usual": prepare(problem, METHOD), "banded": prepare(problem, METHOD, parameters=BANDED)}
     out = {"system": name, "d": d, "step": step, "h": h} | {
@@ -73,13 +77,16 @@ def row(name: str, d: int, step: str) -> dict:
 
 
 def _trial_state(run: PreparedRun, h: float) -> np.ndarray | None:
-    """The state (2 d,) after a few steps; None if they are not solved."""
+    """Return the state (2 d,) after a few steps of size h; None if the equations of one are not solved."""
     q, p, code = run(h, FEW)
     return np.concatenate([q, p]) if code == run.SOLVED else None
 
 
 def _time_columns(runs: dict[str, PreparedRun], h: float) -> dict:
-    """Time both solvers in alternating rounds: columns with each one's nanoseconds of a step of h, and their ratio."""
+    """Time the solvers (name -> prepared run) at step size h in alternating rounds, and return columns of a row.
+
+    The columns are the nanoseconds of a step of each, with interval, and the ratio banded / usual if both are timed.
+    """
     steps = {who: max(FEWEST, enough(lambda n, run=run: _clock(lambda: run(h, n))())) for who, run in runs.items()}
     work = {who: _clock(lambda run=run, n=steps[who]: run(h, n)) for who, run in runs.items()}
     times = {who: seconds / steps[who] * 1e9 for who, seconds in in_turns(work, ROUNDS).items()}
@@ -94,7 +101,10 @@ def _time_columns(runs: dict[str, PreparedRun], h: float) -> dict:
 
 
 def _sought(problem) -> dict:
-    """The column with the seconds to find the banded structure of a problem's equations, which is done once."""
+    """Time the search for the banded structure of a problem's equations: a dict {"s, structure": seconds}.
+
+    The search is done once for a system.
+    """
     started = time.perf_counter()
     structure_of(problem.system, 1)
     return {"s, structure": time.perf_counter() - started}

@@ -1,4 +1,7 @@
-"""The page on how implicit steps of lattices are solved."""
+"""The report page on solving the implicit steps of lattices: banded Newton beside the usual solver.
+
+The usual solver is the fixed-point iteration, with Newton's method in full matrices where that fails.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +22,7 @@ SHOWN = (32, 128, 2048, 10_000)
 
 
 def _long(rows: pd.DataFrame) -> pd.DataFrame:
-    """Select the rows of steps too long for the fixed-point iteration to contract."""
+    """Select the rows of the steps that are too long for the fixed-point iteration to contract."""
     return rows[rows["step"] == "long"]
 
 
@@ -29,7 +32,7 @@ def _places(rows: pd.DataFrame) -> str:
 
 @of(TABLE)
 def solves(rows: pd.DataFrame) -> Verdict | None:
-    """Whether banded Newton solves the steps that are too long for the fixed-point iteration."""
+    """Judge whether Newton's method with banded matrices solves the steps too long for the fixed-point iteration."""
     long = _long(rows)
     solved = long["solved, banded"].astype(bool)
     return Verdict(
@@ -44,7 +47,10 @@ def solves(rows: pd.DataFrame) -> Verdict | None:
 
 @of(TABLE)
 def same(rows: pd.DataFrame) -> Verdict | None:
-    """Whether banded Newton and the usual solver end at the same state."""
+    """Judge whether banded Newton and the usual solver end at the same state, within `SAME`.
+
+    None if no row has both.
+    """
     both = rows.dropna(subset=["apart"])
     if both.empty:
         return None
@@ -61,7 +67,10 @@ def same(rows: pd.DataFrame) -> Verdict | None:
 
 @of(TABLE)
 def faster(rows: pd.DataFrame) -> Verdict | None:
-    """Whether banded Newton is faster than full matrices at long steps, by the whole interval of the ratio."""
+    """Judge whether banded Newton is faster than full matrices at long steps, by the whole interval of the ratio.
+
+    None if both are timed in no row.
+    """
     both = _long(rows).dropna(subset=["banded / usual"])
     if both.empty:
         return None
@@ -76,7 +85,10 @@ def faster(rows: pd.DataFrame) -> Verdict | None:
 
 
 def _exponents(rows: pd.DataFrame) -> pd.DataFrame:
-    """For each lattice, the exponents of d in banded Newton's time of a long step (with its lower bound) and memory."""
+    """Fit, for each lattice, the powers of d with which banded Newton's time and memory of a long step grow.
+
+    The columns of the result are system, time (the power), low (the lower end of its interval) and memory.
+    """
     found = []
     for name, part in _long(rows).groupby("system", sort=False):
         timed = part.dropna(subset=["ns, banded"])
@@ -87,7 +99,10 @@ def _exponents(rows: pd.DataFrame) -> pd.DataFrame:
 
 @of(TABLE)
 def scaling(rows: pd.DataFrame) -> Verdict | None:
-    """Whether time and memory of banded Newton grow no faster than d."""
+    """Judge whether time and memory of banded Newton grow no faster than the number d of degrees of freedom.
+
+    None if there are too few sizes.
+    """
     found = _exponents(rows)
     if found.empty:
         return None
@@ -105,7 +120,7 @@ def scaling(rows: pd.DataFrame) -> Verdict | None:
 
 @of(TABLE)
 def where_it_contracts(rows: pd.DataFrame) -> Verdict | None:
-    """Whether banded Newton is never faster at steps at which the fixed-point iteration contracts."""
+    """Judge whether banded Newton is nowhere faster at steps at which the fixed-point iteration contracts."""
     short = rows[rows["step"] == "short"].dropna(subset=["banded / usual"])
     sooner = short[short["banded / usual, high"] < 1]
     return Verdict(
@@ -119,7 +134,10 @@ def where_it_contracts(rows: pd.DataFrame) -> Verdict | None:
 
 @of(TABLE)
 def answer(rows: pd.DataFrame) -> str | None:
-    """A sentence: the ratio of banded Newton's time to the usual solver's, at long and at short steps."""
+    """Write the page's answer, a sentence: banded Newton's time over the usual solver's, at long and at short steps.
+
+    None if one of the two is not timed.
+    """
     parts = [rows[rows["step"] == step]["banded / usual"].dropna() for step in ("long", "short")]
     if any(part.empty for part in parts):
         return None
@@ -130,7 +148,7 @@ def answer(rows: pd.DataFrame) -> str | None:
 
 @of(TABLE)
 def table(rows: pd.DataFrame) -> Table:
-    """The page's table: both solvers' times and memory at the sizes in `SHOWN`."""
+    """Make the page's table: times and memory of both solvers for each lattice and step, at the sizes in `SHOWN`."""
     columns = ["system", "d", "h", "by", "ns, usual", "ns, banded", "banded / usual", "banded / usual, low"]
     columns += ["banded / usual, high", "evaluations, usual", "evaluations, banded", "kB, usual", "kB, banded"]
     caption = (
@@ -142,12 +160,15 @@ def table(rows: pd.DataFrame) -> Table:
 
 @of(TABLE)
 def full_table(rows: pd.DataFrame) -> pd.DataFrame:
-    """Both solvers at every size: times with intervals, distance of the end states, seconds to find the band."""
+    """Return the page's longer table: both solvers at every size, step by step.
+
+    It has times with intervals, the distance of the end states, and the seconds to find the band.
+    """
     return rows
 
 
 def _steps() -> str:
-    """The two step sizes of each lattice, as text."""
+    """Write the two step sizes of each lattice as text."""
     return "; ".join(f"{name}: h = {s.short:g} and {s.long:g}" for name, s in LATTICES.items())
 
 

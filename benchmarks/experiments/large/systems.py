@@ -27,7 +27,7 @@ SPACING, OMEGA, SEED = 0.5, 50.0, 7
 
 @dataclass(frozen=True)
 class Large:
-    """A system that can have any number d of degrees of freedom.
+    """A Hamiltonian system that can have any number d of degrees of freedom.
 
     Attributes
     ----------
@@ -35,8 +35,8 @@ class Large:
     unit : d is a multiple of it
     method : id of the method that integrates it: one evaluation of the gradient a step, or four of the vector field
     h : step size
-    formula : d -> (q, p, H)
-    constants : d -> the constants of its loops
+    formula : function d -> (q, p, H), symbols and an expression
+    constants : function d -> the constants of its loops, numbers
     C : C source of its gradient, or vector field
     pairs : whether all pairs interact, so that a step costs O(d^2)
     """
@@ -52,29 +52,29 @@ class Large:
     pairs: bool = False
 
     def size(self, d: int) -> int:
-        """The possible number of degrees of freedom nearest to d."""
+        """Return the number of degrees of freedom nearest to d that the system can have."""
         return self.unit * max(1 if self.unit > 1 and not self.pairs else 2, round(d / self.unit))
 
     def start(self, d: int) -> tuple[np.ndarray, np.ndarray]:
-        """Initial values q, p, (d,), from a fixed seed, of a magnitude that does not depend on d."""
+        """Return initial values q, p, (d,), from a fixed seed, of a magnitude that does not depend on d."""
         if self.pairs:
             return tuple(map(np.array, n_body.plummer(d // self.unit)))
         return tuple(0.1 * np.random.default_rng(SEED).normal(size=(2, d)))
 
     def from_formula(self, d: int) -> SimpleNamespace:
-        """The problem with functions derived from its formula."""
+        """Build the problem of d degrees of freedom with functions derived from its formula."""
         q, p, H = self.formula(d)
         return self._problem(Hamiltonian(q=q, p=p, H=H), d)
 
     def by_hand(self, d: int) -> SimpleNamespace:
-        """The problem with functions from hand-written loops."""
+        """Build the problem of d degrees of freedom with functions from hand-written loops."""
         names = ("field", "energy") if self.module is nls else ("field", "grad_V", "energy")
         loops = {name: getattr(self.module, name) for name in names}
         q, p = ([f"{x}{i}" for i in range(d)] for x in "qp")
         return self._problem(HandHamiltonian(q=q, p=p, loops=loops, constants=self.constants(d)), d)
 
     def fastest_form(self, d: int) -> SimpleNamespace:
-        """The problem in the faster form at this size: derived for small d, from loops for large d."""
+        """Build the problem in the faster form at this size: derived for small d, from loops for large d."""
         return (self.from_formula if value_kind(d) == "tuple" else self.by_hand)(d)
 
     def _problem(self, system, d: int) -> SimpleNamespace:
@@ -83,14 +83,17 @@ class Large:
 
 
 def _bodies(d: int):
-    """The formula of N = d / 3 bodies of mass 1 / N: (q, p, H), with H and p divided by the mass."""
+    """Return the formula (q, p, H) of N = d / 3 gravitating bodies of mass 1 / N, with H and p divided by the mass."""
     N = d // 3
     q, p, _, distances, _ = n_body.bodies(N, "xyz")
     return q, p, sp.Add(*(x**2 / 2 for x in p), *(-sp.Rational(1, N) / r for r in distances))
 
 
 def _waves(module: ModuleType, unit: int):
-    """The functions (d -> formula, d -> constants) of a wave equation on a grid, with ``unit`` unknowns a point."""
+    """Return the functions (d -> formula, d -> constants) of a wave equation on a grid, a pair.
+
+    ``module`` defines the equation; it has ``unit`` degrees of freedom a grid point.
+    """
 
     def formula(d: int):
         return module.formula(d // unit, SPACING * (d // unit))

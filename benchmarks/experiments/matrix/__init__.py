@@ -1,1 +1,1 @@
-"""Experiment: do measurements of every method on every problem agree with its declared properties?"""
+"""Experiment: do measurements of every method on every problem agree with the method's declared properties?"""

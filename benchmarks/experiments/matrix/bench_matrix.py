@@ -7,7 +7,10 @@ from phasebench.benchmarks.experiments.matrix.matrix import cells  # noqa: F401
 
 
 def bench_matrix(measured_rows):
-    """Every measurement is there or has a reason; every contradiction with a method's declaration is explained."""
+    """Test that every measurement exists or has a reason, and that every contradiction with a declaration is explained.
+
+    ``measured_rows`` is a fixture: table name -> rows.
+    """
     rows = measured_rows("matrix")
     for r in rows:
         assert r.get("reason") or all(k in r or f"{k}_reason" in r for k in matrix.MEASURED), r

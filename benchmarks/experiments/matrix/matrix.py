@@ -66,7 +66,7 @@ def _build_problem(name: str):
 
 @cache
 def _at(name: str, places: int):
-    """Build a problem and a state on its orbit at `LATER`: (system, state, unit of time).
+    """Build the problem ``name`` and return (system, its state at `LATER` on the orbit, unit of time).
 
     ``places``, the working digits, only tells cached results apart.
     """
@@ -83,9 +83,10 @@ def _truth(name: str, span, places: int):
 
 
 def _parts(chosen: Method, system, y) -> int:
-    """The divisor of h that, at y, undoes an adaptive method's scaling of h by the distance to the singularity.
+    """Return the divisor of h that undoes, at the state y, an adaptive method's scaling of h.
 
-    Methods of the family "field" end with a shorter step; with h / `FINER` it is one step of many.
+    Such a method scales h by the distance to the singularity.  Methods of the family "field" end with a shorter step;
+    with h / `FINER` it is one step of many.  The divisor is 1 for all other methods.
     """
     if chosen.family == "field":
         return FINER
@@ -96,9 +97,10 @@ def _parts(chosen: Method, system, y) -> int:
 
 
 def _order(chosen: Method, name: str) -> dict:
-    """Measure the order over the time `SPAN`; if it is not the declared one, again over a smaller time.
+    """Measure a method's order on the problem ``name`` over the time `SPAN`: columns of the table's row.
 
-    Two error terms may compete.
+    If the order is not the declared one, it is measured again over a smaller time, since two error terms may compete.
+    If the errors are no larger than round-off, the only column is ``order_reason``, "exact".
     """
     system, y, unit = _at(name, mpmath.mp.dps)
     parts = _parts(chosen, system, y)
@@ -164,7 +166,7 @@ def _energy(chosen: Method, name: str) -> dict:
 
 @cache
 def _bilinear(name: str) -> tuple[str, ...]:
-    """The names of a problem's invariants that are linear or of the form q.D p."""
+    """Return the names of the invariants of the problem ``name`` that are linear or of the form q.D p."""
     made = _build_problem(name)
     q, p = made.system.q, made.system.p
 
@@ -206,7 +208,10 @@ WITHOUT_ROUND_OFF = ("order", "symplecticity", "reversibility")
 
 
 def cell(chosen: Method, name: str) -> dict:
-    """Measure a method on a problem: a row of order, defects and energy error, or the reasons why there are none."""
+    """Measure a method on the problem ``name``: the row of the table, with order, defects and energy error.
+
+    Where a number is missing, the row has the reason instead.
+    """
     row = {"method": chosen.id, "problem": name, "declared_order": chosen.order, "symplectic": chosen.symplectic}
     row |= {"symmetric": chosen.symmetric, "energy_class": chosen.energy, "quadratic_class": chosen.quadratic}
     system = _at(name, DIGITS)[0]
@@ -228,7 +233,10 @@ def cell(chosen: Method, name: str) -> dict:
 
 
 def contradictions(row: dict) -> list[str]:
-    """Messages about the contradictions between a measured row and its method's declarations."""
+    """Return messages about the contradictions between a measured row and its method's declarations.
+
+    The list is empty if there are none.
+    """
     if row.get("reason"):
         return []
     found = []
@@ -285,6 +293,9 @@ def _cell(chosen: Method, name: str) -> Cell:
 
 
 def measure_rows(id: str, name: str) -> Rows:
-    """Measure a method on a problem: its row, by table name; the process that runs it compiles nothing."""
+    """Measure the method ``id`` on the problem ``name``: its row, by table name.
+
+    The process that runs this compiles nothing.
+    """
     with precision(DIGITS):
         return {"matrix": [cell(BY_ID[id], name)]}

@@ -1,4 +1,4 @@
-"""The page on every method on every problem: measured order, defects and energy error beside what is declared."""
+"""The report page on every method on every problem: measured and declared order, structure and energy behaviour."""
 
 from __future__ import annotations
 
@@ -30,7 +30,10 @@ def _cells(frame: pd.DataFrame) -> list[dict]:
 
 @once
 def _shortfalls(frame: pd.DataFrame) -> list[tuple[dict, str, str]]:
-    """(row, contradiction, explanation or "") for every contradiction with a method's declaration."""
+    """List (row, contradiction, explanation) for every contradiction with a method's declaration.
+
+    The explanation is "" if none is known.
+    """
     return [
         (r, c, matrix.explanation(r, c)) for r in _cells(frame) if not r["reason"] for c in matrix.contradictions(r)
     ]
@@ -46,13 +49,16 @@ def _higher(frame: pd.DataFrame) -> list[dict]:
 
 
 def _ran(frame: pd.DataFrame) -> int:
-    """The number of (method, problem) pairs that run; in the others the problem lacks what the method requires."""
+    """Count the (method, problem) pairs that run; in the others the problem lacks what the method requires."""
     return sum(not r["reason"] for r in _cells(frame))
 
 
 @of("matrix")
 def declarations(frame: pd.DataFrame) -> Verdict:
-    """Whether every contradiction with a method's declaration has a known reason."""
+    """Judge whether every contradiction with a method's declaration has a known reason.
+
+    ``frame`` is the table of measurements, a row for each method and problem.
+    """
     open_ = [f"{r['method']} on {r['problem']}: {c}" for r, c, why in _shortfalls(frame) if not why]
     return Verdict(
         "No pair falls short of what its method declares without a known reason",
@@ -65,13 +71,16 @@ def declarations(frame: pd.DataFrame) -> Verdict:
 
 
 def _short(frame: pd.DataFrame, explained: bool) -> set[tuple[str, str]]:
-    """The (method, problem) pairs that contradict a declaration for no known reason; with ``explained`` all that do."""
+    """Return the (method, problem) pairs that contradict a declaration for no known reason.
+
+    With ``explained`` all that contradict one are returned.
+    """
     return {(r["method"], r["problem"]) for r, _, why in _shortfalls(frame) if explained or not why}
 
 
 @of("matrix")
 def complete(frame: pd.DataFrame) -> Verdict:
-    """Whether every method was tried on every problem."""
+    """Judge whether every method was tried on every problem; ``frame`` is the table of measurements."""
     pairs = frame["method"].nunique() * frame["problem"].nunique()
     return Verdict(
         "Every method was tried on every problem",
@@ -84,7 +93,7 @@ def complete(frame: pd.DataFrame) -> Verdict:
 
 @of("matrix")
 def answer(frame: pd.DataFrame) -> str:
-    """A sentence: how many pairs are as declared, and how many have a known reason not to be."""
+    """Write the page's answer: how many pairs of a method and a problem are as declared, or not for a known reason."""
     ran, short = _ran(frame), len(_short(frame, explained=True))
     known = short - len(_short(frame, explained=False))
     return (
@@ -95,7 +104,10 @@ def answer(frame: pd.DataFrame) -> str:
 
 @of("matrix")
 def draw(frame: pd.DataFrame, folder) -> list[Picture]:
-    """Draw a map of every pair's kind (one of `KINDS`): a line for each problem, a column for each method."""
+    """Draw a map of all pairs (method, problem), coloured by kind: a line for each problem, a column for each method.
+
+    The kinds, such as "as declared" or "contradicted", are the keys of `KINDS`.
+    """
     from matplotlib.colors import ListedColormap
     from matplotlib.patches import Patch
 
@@ -141,7 +153,10 @@ def draw(frame: pd.DataFrame, folder) -> list[Picture]:
 
 
 def _group(exceptions: list[tuple[str, str, str, str]]) -> list[dict]:
-    """Table lines of exceptions (method, problem, measured, why): one for each method and reason, with one measurement."""
+    """Make table lines of exceptions: one for each method and reason, which names its problems and one measurement.
+
+    Each exception is a tuple (method, problem, measured, why).
+    """
     lines: dict[tuple[str, str, str], list[tuple[str, str]]] = {}
     for method, name, measured, why in exceptions:
         lines.setdefault((method, measured.split()[0], why), []).append((name, measured))
@@ -153,7 +168,10 @@ def _group(exceptions: list[tuple[str, str, str, str]]) -> list[dict]:
 
 @of("matrix")
 def table(frame: pd.DataFrame) -> Table | None:
-    """The exceptions: pairs that contradict a declaration, then orders above the declared ones."""
+    """Make the page's table, of exceptions: pairs that contradict a declaration, then orders above the declared ones.
+
+    None if there are none.
+    """
     short = sorted(_shortfalls(frame), key=lambda x: bool(x[2]))
     lines = _group([(r["method"], r["problem"], c, why or "NOT EXPLAINED") for r, c, why in short])
     above = sorted(_higher(frame), key=lambda r: r["declared_order"] - r["order"])
@@ -174,7 +192,7 @@ def table(frame: pd.DataFrame) -> Table | None:
 
 @of("matrix")
 def _full_table(frame: pd.DataFrame) -> pd.DataFrame:
-    """The measured order, defects and energy error of every method on five of the problems."""
+    """Make the page's longer table: measured order, defects and energy error of every method on five problems."""
     ran = frame[frame["reason"].isna()] if "reason" in frame else frame
     columns = ["method", "problem", "declared_order", "order", "symplecticity", "reversibility", "energy"]
     small = ran[ran["problem"].isin(["henon-heiles", "kepler", "pendulum", "outer-solar-system", "lotka-volterra"])]
