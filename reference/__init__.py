@@ -1,5 +1,6 @@
-"""References: exact solutions, certified extended-precision states, other packages (peers), stored error tables.
+"""What methods are compared with: exact solutions, certified states, other packages (peers), stored error tables.
 
-Modules take a problem as an argument and import none.  Importing this package is cheap: heyoka, REBOUND, SciPy, mpmath
+A certified state is one in extended precision with a bound of its error.  Modules take a problem as an argument and
+import none.  Importing this package is cheap: heyoka, REBOUND, SciPy, mpmath
 and pandas are imported by the functions that need them.
 """

@@ -1,4 +1,4 @@
-"""Versions of installed packages, and how the others are installed."""
+"""Look up versions of installed packages, and the commands that install missing ones."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from .native import LIBRARIES, library_version
 
 @cache
 def version_of(package: str) -> str | None:
-    """The installed version of a package, or of a library of headers; None if it is not installed."""
+    """The installed version of a Python package, or of a C or C++ library; None if it is not installed."""
     if package in LIBRARIES:
         return library_version(package)
     try:
@@ -21,7 +21,7 @@ def version_of(package: str) -> str | None:
 
 
 def is_installed(package: str) -> bool:
-    """Whether a package can be imported, or a library of headers and a compiler for it are there."""
+    """True if a Python package can be imported, or a C or C++ library has its headers and a compiler here."""
     if package in LIBRARIES:
         return library_version(package) is not None
     try:
@@ -31,5 +31,5 @@ def is_installed(package: str) -> bool:
 
 
 def how_to_install(package: str) -> str:
-    """The command that installs a package."""
+    """The shell command, as text, that installs a Python package or a C or C++ library."""
     return LIBRARIES[package].install if package in LIBRARIES else f"pip install {package}"

@@ -1,6 +1,6 @@
-"""C and C++ code of a system's equations: written, compiled by the user's compiler, and loaded.
+"""Write C and C++ code of a system's equations of motion, compile it by the user's compiler, and load it.
 
-The statements are those of the compiled kernels.  Everything is compiled with the same flags, `FLAGS`.
+The statements are the same as in this project's own compiled kernels.  All code is compiled with the flags `FLAGS`.
 """
 
 from __future__ import annotations
@@ -28,13 +28,13 @@ LANGUAGES = {"C": ("CC", ("gcc", "cc"), "c"), "C++": ("CXX", ("g++", "c++"), "cp
 
 
 class Library(NamedTuple):
-    """A library in C or C++ that is reached by its headers.
+    """A C or C++ library whose integrators are called from programs that include its headers.
 
     Attributes
     ----------
     language : "C" or "C++"
-    header, version : a header, and the macro in it that holds the version as text
-    install : the command that installs it with a compiler
+    header, version : a header file, and the macro in it that holds the version as text
+    install : the shell command that installs the library and a compiler
     """
 
     language: str
@@ -50,7 +50,7 @@ LIBRARIES = {
 
 
 def compiler(language: str = "C") -> str | None:
-    """The path of the compiler, that of $CC (of $CXX for C++) or a usual one; None if there is none."""
+    """The path of a compiler for "C" or "C++": $CC (or $CXX), else gcc or cc (g++ or c++); None if none is found."""
     variable, names, _ = LANGUAGES[language]
     for name in (os.environ.get(variable), *names):
         if name and shutil.which(name):
@@ -60,7 +60,7 @@ def compiler(language: str = "C") -> str | None:
 
 @functools.cache
 def _version(library: Library, path: str) -> str | None:
-    """The version that a library's header states to the compiler at ``path``; None if it finds no header."""
+    """The version in a library's header, read by the preprocessor of the compiler at ``path``; None without header."""
     text = f"#include <{library.header}>\nversion {library.version}\n"
     language = library.language.lower()
     done = subprocess.run([path, "-E", "-P", "-x", language, "-"], input=text, capture_output=True, text=True)
@@ -69,14 +69,14 @@ def _version(library: Library, path: str) -> str | None:
 
 
 def library_version(package: str) -> str | None:
-    """The version of one of `LIBRARIES`; None without its headers or without a compiler."""
+    """The version of the library ``package``, a key of `LIBRARIES`; None without its headers or a compiler."""
     library = LIBRARIES[package]
     path = compiler(library.language)
     return _version(library, path) if path else None
 
 
 def load_library(package: str) -> None:
-    """Find one of `LIBRARIES` and a compiler; raises ImportError that names the one that is missing."""
+    """Check that a library, a key of `LIBRARIES`, and its compiler are there; raise ImportError if one is missing."""
     library = LIBRARIES[package]
     if compiler(library.language) is None:
         raise ImportError(f"there is no {library.language} compiler")
@@ -85,8 +85,9 @@ def load_library(package: str) -> None:
 
 
 def load_source(text: str, language: str = "C", libraries: Sequence[str] = ()) -> ctypes.CDLL:
-    """Load the functions of source, compiled once for this machine and kept in the folder of compiled code.
+    """Compile C or C++ source to a shared library and load it; the library is cached on disk for this machine.
 
+    ``text`` is the source, ``libraries`` are the names of libraries to link.
     Raises RuntimeError without a compiler or if compilation fails.
     """
     path = compiler(language)
@@ -117,9 +118,9 @@ def _compile(path: str, text: str, language: str, libraries: Sequence[str], targ
 
 
 def statements(expressions: Sequence[sp.Expr], *arguments: tuple[str, Sequence[sp.Symbol]]) -> tuple[str, list[str]]:
-    """C code of expressions: (statements, the expressions after them).
+    """Write SymPy expressions in C: (statements that set common subexpressions, list of the expressions that use them).
 
-    ``arguments`` are (letter, variables); the i-th variable is letter_i in C.
+    ``arguments`` are pairs (letter, variables); the i-th variable is named letter_i in C.
     """
     from phasebench.integrators.compile import printing
     from phasebench.integrators.compile.codegen import DOUBLE

@@ -1,6 +1,6 @@
-"""`Along`: an orbit integrated in high precision and in long double, on one grid of times.
+"""An orbit integrated in high precision and in long double on the same grid of times (`Along`).
 
-All distances are max norms over (q, p), each the largest up to its time.
+The distance of two states is the max norm over (q, p) of their difference; arrays of distances hold running maxima.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ GRID = 400
 
 
 class Precision(NamedTuple):
-    """Mantissa bits and tolerance of a Taylor run; the tolerance sets its order."""
+    """The precision of a Taylor series run: mantissa bits, and the tolerance as decimal text, which sets the order."""
 
     bits: int
     tolerance: str
@@ -29,9 +29,9 @@ class Along(NamedTuple):
 
     Attributes
     ----------
-    precision : of the run in high precision
+    precision : bits and tolerance of the run in high precision
     grid : increasing times, including the requested ones
-    rows : its states at these times
+    rows : the high-precision states at these times, n rows of 2 d numbers
     near : the states in long double, array (n, 2 d)
     size : the max norms of the states, array (n,)
     """
@@ -47,7 +47,7 @@ class Along(NamedTuple):
         return self.rows[self.grid.index(t)]
 
     def distances(self, rows) -> np.ndarray:
-        """The largest distance up to each time between other states on the grid and the orbit, array (n,)."""
+        """The running maximum of the distance of ``rows``, other states on the grid, from this orbit's: array (n,)."""
         number = taylor.Bits(self.precision.bits)
         return upto([norm(x, y, number) for x, y in zip(rows, self.rows, strict=True)])
 
@@ -75,7 +75,7 @@ def along(problem, times: Sequence[float], precision: Precision, points: int = G
 
 
 def norm(x, y, number) -> float:
-    """The max norm of x - y for states of any precision, computed in the precision ``number``."""
+    """The max norm of x - y for states of any precision; ``number`` converts to the type in which it is computed."""
     return max(abs(float(number(a) - b)) for a, b in zip(x, y, strict=True))
 
 

@@ -1,9 +1,9 @@
-"""Verifies a certificate: everything that it states is measured again independently.
+"""Verify a certificate (stored states of an orbit, a bound of their error, a horizon) by independent measurements.
 
 - The digits: the orbit is integrated with `AGAIN`, which has other bits, order and steps than the digits and their
   uncertainty.  A stated uncertainty is wrong if it is below the error, or above `LOOSE` times it.
-- The horizon: rounding is simulated with another displacement and tolerance; the result must lie in
-  `horizon.Rounding.band`.
+- The horizon, the time up to which rounding stays below a limit: rounding is simulated with another displacement and
+  tolerance; the stated horizon must lie in the `horizon.Rounding.band` of the result.
 - The equations: Gauss's method, which shares no code with the Taylor runs, and IAS15 integrate the orbit too.
 """
 
@@ -31,12 +31,12 @@ class Outcome:
     Attributes
     ----------
     certificate : as stored, with the new comparisons with other solvers
-    errors : of its states, each the largest up to its time
-    span : the horizon, measured again
-    leaves : the time at which a run in long double on this machine left the limit
+    errors : the measured errors of the stored states, each the largest up to its time
+    span : the horizon and its interval, measured again
+    leaves : the last grid time before a run in long double on this machine is off by more than the limit
     long_double : the distance of that run from the orbit at the end
-    growth, rate : like the certificate's, measured again
-    wrong : sentences on statements that do not hold; empty if all do
+    growth, rate : how neighbouring orbits separate, as in `Certificate`, measured again
+    wrong : a sentence for each statement of the certificate that does not hold
     moved : what differs from the previously stored certificate, in words; "" if nothing does
     """
 
@@ -68,7 +68,10 @@ class Outcome:
 
 
 def examine(problem, certificate: Certificate, grid_points: int = GRID) -> Outcome:
-    """Verify what a certificate of a problem's orbit states; raises the errors of `along.along`."""
+    """Measure again what a certificate of a problem's orbit states, and compare; raises the errors of `along.along`.
+
+    ``grid_points`` is the number of times at which distances between orbits are measured.
+    """
     times = [e.t for e in certificate.ends]
     path = along(problem, times, AGAIN, grid_points)
     errors = make.errors([e.texts for e in certificate.ends], times, path)
@@ -96,7 +99,7 @@ def _times(problem, times) -> list[str]:
 
 
 def _bounds(ends: tuple[End, ...], errors) -> list[str]:
-    """Sentences on stated uncertainties that are no bounds, or too large to be useful."""
+    """A sentence for each stated uncertainty that is below the measured error, or above `LOOSE` times it."""
     wrong = []
     for end, error in zip(ends, errors, strict=True):
         if not error <= end.uncertainty <= LOOSE * error:
@@ -105,7 +108,7 @@ def _bounds(ends: tuple[End, ...], errors) -> list[str]:
 
 
 def _spans(certificate: Certificate, rounding: Rounding) -> list[str]:
-    """Sentences on a stated horizon, or ends of its interval, outside of the measured band."""
+    """A sentence for each of the stated horizon and the ends of its interval that is outside of the measured band."""
     low, high = rounding.band
     stated = Span(certificate.horizon, certificate.earliest, certificate.latest)
     same = certificate.limit == horizon.LIMIT
@@ -149,7 +152,7 @@ def renew(problem) -> Outcome:
 
 
 def describe_change(old: Certificate | None, new: Certificate) -> str:
-    """A phrase on the times at which digits differ from the stored ones, and by how much; "" if none do."""
+    """How a new certificate's states differ from the old one's, in words: times and max norms; "" if they agree."""
     if old is None:
         return "new"
     before = {e.t: e for e in old.ends}

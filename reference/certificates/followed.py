@@ -60,13 +60,16 @@ class FollowedOrbit(NamedTuple):
 
     @property
     def share(self) -> float:
-        """Factor from the displaced runs' distances to the effect of rounding; 1 if they are no longer proportional."""
+        """Factor that turns distances of displaced runs into the effect of rounding to long double.
+
+        It is `horizon.UNIT` / `DISPLACEMENT`, or 1 if a distance is too large to be proportional to the displacement.
+        """
         far = self._distances().max(axis=0) > LINEAR * self._size()
         return 1.0 if far.any() else horizon.UNIT / DISPLACEMENT
 
     @property
     def rounding(self) -> horizon.Rounding:
-        """The effect of rounding, like `horizon.rounding` but from fewer draws."""
+        """The effect of rounding to long double along the orbit, like `horizon.rounding` from fewer displaced runs."""
         grown = np.maximum.accumulate(self._distances(), axis=1) * (horizon.UNIT / DISPLACEMENT)
         return horizon.Rounding([float(t) for t in self.times], self._size(), grown)
 
@@ -103,7 +106,10 @@ def follow(problem, times) -> FollowedOrbit:
 
 
 def reach(problem, t_end: float) -> float:
-    """The horizon of a problem's orbit up to ``t_end``, to a relative accuracy of about 2 / `POINTS`."""
+    """The horizon: the time, at most ``t_end``, up to which a problem's orbit can be followed in long double.
+
+    Its relative accuracy is about 2 / `POINTS`.
+    """
     end = float(t_end)
     while True:
         times = [*(end * k / POINTS for k in range(1, POINTS)), end]
@@ -114,7 +120,7 @@ def reach(problem, t_end: float) -> float:
 
 
 def _kicks(seed: int, steps: int) -> Callable[[np.ndarray], np.ndarray]:
-    """Make a function that displaces a state at random, for about `KICKS` calls in a run of ``steps`` steps."""
+    """Make a function that displaces a state, array (2 d,), at random; for about `KICKS` calls in ``steps`` steps."""
     random = np.random.default_rng([SEED, seed])
     by = np.longdouble(DISPLACEMENT * max(1.0, steps / KICKS) ** 0.5)
     before: list[np.ndarray] = []
@@ -128,7 +134,10 @@ def _kicks(seed: int, steps: int) -> Callable[[np.ndarray], np.ndarray]:
 
 
 def _sound(problem, rows: np.ndarray, times, what: str) -> np.ndarray:
-    """The rows, if they are finite and conserve the energy; else raises ReferenceFailed."""
+    """Return the states ``rows`` if they are finite and conserve the energy; else raise ReferenceFailed.
+
+    ``what`` names the solver in the message.
+    """
     doubles = rows.astype(float)
     if not np.isfinite(doubles).all():
         bad = int(np.flatnonzero(~np.isfinite(doubles).all(axis=1))[0])
@@ -190,7 +199,7 @@ def _propagate_displaced(flow, problem, times, ends: Sequence[float], seed: int)
 
 
 def _some(ends: Sequence[float]) -> Sequence[float]:
-    """Select about `KICKS` of the ends of steps, at equal distances in their number."""
+    """Select about `KICKS` of the times ``ends`` at which steps end: every kth of them."""
     return ends[:: max(1, len(ends) // KICKS)]
 
 

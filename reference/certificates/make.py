@@ -1,4 +1,4 @@
-r"""Computes certified end states.
+r"""Compute certified states: states of an orbit in quadruple precision with a bound of their error.
 
 The digits are those of a Taylor run in quadruple precision (113 bits).  Their error is measured: the same orbit is
 integrated with `PRECISION`, which has other bits, order and steps, and the uncertainty is
@@ -82,12 +82,17 @@ def _digits(problem, times) -> list[tuple[str, ...]]:
 
 
 def errors(texts, times, path: Along) -> list[float]:
-    """The errors of decimal states at the times against a high-precision run, each the largest so far."""
+    """The max norms of decimal states minus a high-precision run's at the same times, each the largest so far.
+
+    ``texts`` has for each time the 2 d components of (q, p) as text.
+    """
     return upto([stored.distance(text, map(str, path.row(t))) for text, t in zip(texts, times, strict=True)]).tolist()
 
 
 def uncertainties(texts, times, path: Along, grown) -> list[float]:
-    """The uncertainties of decimal states; ``grown`` is the effect at each time of rounding by `horizon.UNIT`.
+    """Bounds of the errors of decimal states, one for each time.
+
+    ``grown`` is, for each time, how far a relative rounding by `horizon.UNIT` in every step has moved the state.
 
     Raises
     ------

@@ -47,7 +47,10 @@ def words(problem, times: Sequence[float], path: Along, apart: np.ndarray) -> li
 
 
 def _gauss(problem, path: Along, unit) -> tuple[np.ndarray, np.ndarray]:
-    """(distances on the grid, uncertainties) for Gauss's method; ``unit`` is the growth of a relative error of 1."""
+    """Compare the orbit with Gauss's method: (distances, the method's uncertainties), both on the grid of ``path``.
+
+    ``unit`` is, at each time, the size to which a relative error of 1 has grown.
+    """
     system, q0, p0, t_end = problem.system, problem.q0, problem.p0, path.grid[-1]
     ends = taylor.step_ends(system, np.longdouble, q0, p0, t_end)
     runs = []
@@ -63,7 +66,10 @@ def _gauss(problem, path: Along, unit) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _ias15(problem, times, unit):
-    """(states at the times at the finer tolerance, uncertainties) for REBOUND's IAS15; None if it is not applicable."""
+    """Integrate by REBOUND's IAS15: (states at the times, at the finer of two tolerances; their uncertainties).
+
+    ``unit`` is, at each time, the size to which a relative error of 1 has grown.  None if IAS15 is not applicable.
+    """
     from phasebench.reference.peers import BY_ID, integrate_peer
 
     peer = BY_ID.get("rebound-ias15")
@@ -82,5 +88,8 @@ def _ias15(problem, times, unit):
 
 
 def uncertainty(difference, round_off) -> np.ndarray:
-    """A solver's uncertainty from the differences of its two runs (running maximum) and its round-off."""
+    """A solver's uncertainty at each time: `SAFETY` times the running maximum of ``difference``, plus ``round_off``.
+
+    ``difference`` is the distance of the solver's two runs.
+    """
     return SAFETY * upto(difference) + round_off

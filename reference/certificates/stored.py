@@ -1,6 +1,6 @@
-"""Stores certified end states with their uncertainty: one JSON file per problem, verified at every reading.
+"""Store certified states of orbits with their uncertainty: one JSON file per problem, verified at every reading.
 
-An end state is the quadruple-precision run of `taylor` as decimal strings.  Its uncertainty, the horizon and the
+A state is the quadruple-precision run of `taylor` as decimal strings.  Its uncertainty, the horizon and the
 comparisons with other solvers come from `make`; nothing is integrated here.  A file is tied to its problem by the
 initial doubles, the parameters and a fingerprint: 20 digits of the energy (and of the vector field, if the system is
 not canonical) at a state near the initial one, which do not depend on how a formula is written.
@@ -51,7 +51,7 @@ class Check:
 
 @dataclass(frozen=True)
 class End:
-    """A certified state; errors are max norms over (q, p).
+    """A certified state of an orbit at one time: digits and a bound of their error.  Errors are max norms over (q, p).
 
     Attributes
     ----------
@@ -108,7 +108,7 @@ class End:
 
 @dataclass(frozen=True)
 class Certificate:
-    """The certified states of an orbit.
+    """The certified states of an orbit, and how long the orbit can be followed.
 
     Attributes
     ----------
@@ -175,7 +175,10 @@ def evaluate(problem, expressions: Sequence, q: Sequence, p: Sequence) -> list:
 
 
 def fingerprint(problem) -> str:
-    """20 digits of H (and of the vector field if the system is not canonical) at a state near the initial one."""
+    """Text that identifies a problem's formulae, however they are written: digits of H at a state near the initial one.
+
+    There are 20 digits of each number; those of the vector field follow if the system is not canonical.
+    """
     import mpmath
 
     system = problem.system

@@ -36,7 +36,10 @@ EPS = np.finfo(LONG).eps
 
 
 class Tableau(NamedTuple):
-    """A (s, s) and b (s,) as sums of two long doubles, the nodes c (s,) and their barycentric weights as doubles."""
+    """Gauss's method of s stages: A (s, s) and b (s,) as sums of two long doubles (the second is ``..._rest``).
+
+    The nodes c (s,) and their barycentric weights are doubles.
+    """
 
     A: np.ndarray
     A_rest: np.ndarray
@@ -48,7 +51,10 @@ class Tableau(NamedTuple):
 
 @cache
 def tableau() -> Tableau:
-    """The coefficients of the method; rounded ones would make energy and phase drift at a constant rate."""
+    """The coefficients of Gauss's method of `STAGES` stages, to more digits than a long double has.
+
+    Rounded coefficients would make energy and phase drift at a constant rate.
+    """
     import mpmath
 
     from phasebench.integrators.coefficients.tableaus import runge_kutta
@@ -62,7 +68,7 @@ def tableau() -> Tableau:
 
 
 def _parts(numbers) -> tuple[np.ndarray, np.ndarray]:
-    """(an object array of mpmath numbers rounded to long double, the remainders of the rounding)."""
+    """Split an array of mpmath numbers into two of long doubles: (rounded numbers, remainders of the rounding)."""
     import mpmath
 
     def long(x):
@@ -76,7 +82,7 @@ def _parts(numbers) -> tuple[np.ndarray, np.ndarray]:
 
 
 def right_hand_side(system):
-    """A function Y -> f(Y) on long double arrays (2 d, s): rows are the components of (q, p), columns are stages."""
+    """Make the system's f: a function Y -> f(Y) on long double arrays (2 d, s), rows (q, p), columns stages."""
     import sympy as sp
 
     constants: dict = {}
@@ -107,9 +113,10 @@ def right_hand_side(system):
 
 
 def share_subexpressions(steps, sides):
-    """([(symbol, expression)], sides in terms of the symbols): definitions and common subexpressions, in their order.
+    """Name common subexpressions: ([(symbol, expression), ...] in an order of evaluation, the sides in these symbols).
 
-    ``steps`` are the definitions (symbol, expression) that ``sides``, a list of expressions, may contain.
+    ``steps`` are pairs (symbol, expression) that define symbols in ``sides``, a list of expressions; the definitions
+    come back among the pairs.
     """
     import sympy as sp
 
@@ -165,7 +172,7 @@ def run(system, q0, p0, marks, times, disturb: Callable[[np.ndarray], np.ndarray
 
 
 def _extrapolation(rule: Tableau, ratio: float) -> np.ndarray:
-    """The matrix (s, s) that extrapolates a step's stages to the next one, ``ratio`` times as long.
+    """The matrix (s, s) that extrapolates the slopes of a step's stages to the next step, ``ratio`` times as long.
 
     The ratio is limited to 2: farther away the polynomial is a useless starting value.
     """
@@ -175,7 +182,11 @@ def _extrapolation(rule: Tableau, ratio: float) -> np.ndarray:
 
 
 def _stages(F, y, h, K, rule, t) -> np.ndarray:
-    """The stages K, iterated until their change is round-off or no longer falls."""
+    """Solve a step's equations for the slopes K of the stages, array (2 d, s), by fixed-point iteration.
+
+    ``F`` is the right-hand side, y the state, h the step; ``K`` is the starting value.  The iteration ends where the
+    change is round-off or no longer falls; raises ReferenceFailed, with the time ``t``, if it is large then.
+    """
     size = EPS * (np.abs(y) + np.abs(h) * np.abs(K).max(axis=1)) / 4
     best, kept, idle = np.inf, K, 0
     with np.errstate(all="ignore"):

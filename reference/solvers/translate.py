@@ -1,4 +1,4 @@
-"""Translates SymPy expressions to heyoka's: numbers are exact in the integrator's precision, and the form runs fast.
+"""Translate SymPy expressions to heyoka's: numbers are exact in the integrator's precision, and the form runs fast.
 
 heyoka's own ``from_sympy`` rejects rationals whose denominator is not a power of two and truncates long decimals to
 double, and its powers with exponents of 3 or more are NaN at base zero.  Here rationals are divided in the working
@@ -67,7 +67,7 @@ def translate(e: sp.Expr, variables: dict, fp):
         return constant(sp.Integer(1)) / value if exponent < 0 else value
 
     def unsigned(factor):
-        """(sign, factor) such that x - y and y - x give the same factor."""
+        """(sign, f) with sign * f equal to ``factor``, such that x - y and y - x give the same f."""
         base, exponent = factor.as_base_exp()
         if not (exponent.is_Integer and isinstance(base, sp.Add) and base.could_extract_minus_sign()):
             return 1, factor

@@ -40,7 +40,7 @@ class Watch:
     _told: float = 0.0
 
     def seen(self, run: str, t: float, t_end: float) -> None:
-        """Report that a run has reached t; raises TooLong if it cannot end in time."""
+        """Report that the run named ``run`` has reached the time t; raise TooLong if it cannot end within the limit."""
         now = time.perf_counter()
         if run != self._run or t < self._at:
             self._run, self._since = run, now
@@ -67,7 +67,10 @@ _watch: list[Watch] = []
 
 
 def report_time(run: str, t: float, t_end: float) -> None:
-    """Report that a run has reached t; raises TooLong if it is watched and cannot end in time."""
+    """Report that the run named ``run`` has reached t of ``t_end``; raise TooLong if its time limit cannot be met.
+
+    No effect outside of a `watching` context.
+    """
     if _watch:
         _watch[-1].seen(run, t, t_end)
 

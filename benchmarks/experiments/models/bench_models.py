@@ -1,4 +1,4 @@
-"""Checks of models of a physical system: modelling errors are known, and the full models end at the true values."""
+"""Checks of the measurements on simplified models: modelling errors are known, full models end at the true values."""
 
 from __future__ import annotations
 
@@ -15,9 +15,10 @@ def cells(quick: bool = False) -> list:
 
 
 def vague(rows) -> list[str]:
-    """Messages about models whose modelling error is known less well than to the share `KNOWN` of itself.
+    """Return messages about the models whose modelling error is not known within the share `KNOWN` of itself.
 
-    Full models are listed if their values at the end are farther than `FULL` from the true ones.
+    Full models are listed if the integration error of their reference run exceeds `FULL`.  ``rows`` are those of the
+    table of models.
     """
     out = []
     for r in rows:
@@ -30,6 +31,9 @@ def vague(rows) -> list[str]:
 
 
 def bench_known(measured_rows):
-    """Integration errors are far below modelling errors, and full models end at the true values."""
+    """Test that integration errors are far below modelling errors, and that full models end at the true values.
+
+    ``measured_rows`` is a fixture: table name -> rows.
+    """
     wrong = vague(measured_rows(measure.MODELS))
     assert not wrong, "\n".join(wrong)

@@ -1,4 +1,8 @@
-"""Which model of a physical system suffices at an accuracy, and the time it saves, from the measured tables."""
+"""Choose, from the measured tables, the model of a physical system that suffices at an accuracy, and the time it saves.
+
+A model is the full problem or a simplification of it; a scene is a full problem with a time span and a quantity, and
+has several models.  In the tables the column ``rung`` numbers a scene's models from the simplest to the full one.
+"""
 
 from __future__ import annotations
 
@@ -17,21 +21,24 @@ RUNGS = ("scene", "model", "d", "modelling error", "known to", "nearer", "second
 
 
 def cost(runs: pd.DataFrame, accuracy: float) -> float:
-    """Seconds of a model's fastest run whose integration error is at most ``accuracy``; infinite if there is none."""
+    """Return the seconds of a model's fastest run with an integration error of at most ``accuracy``, or infinity."""
     good = runs[runs["error"] <= accuracy]
     return float(good["seconds"].min()) if len(good) else inf
 
 
 def of_scene(models: pd.DataFrame, runs: pd.DataFrame) -> list[tuple[pd.Series, pd.DataFrame]]:
-    """Pair each model of one scene with its runs, from the simplest to the full model: (row of the model, its runs)."""
+    """Pair each model of one scene with its runs, from the simplest to the full model.
+
+    ``models`` and ``runs`` are the scene's rows of the two tables; a pair is (row of the model, DataFrame of its runs).
+    """
     return [(m, runs[runs["rung"] == m["rung"]]) for _, m in models.sort_values("rung").iterrows()]
 
 
 def at(models: pd.DataFrame, runs: pd.DataFrame, accuracy: float) -> tuple[str, float, bool]:
-    """(name, gain, whether it is the full one) of the fastest model of a scene that meets an accuracy.
+    """Return (name, gain, whether it is the full one) of the fastest model of a scene that meets an accuracy.
 
-    A model meets it if its modelling and integration errors add up to at most ``accuracy``; ``gain`` is the full
-    model's time over this one's.  ("none", NaN, False) if no model meets it.
+    A model meets the accuracy if its modelling and integration errors add up to at most ``accuracy``; ``gain`` is the
+    full model's time over this one's.  ("none", NaN, False) if no model meets it.
     """
     found = [(cost(own, accuracy - m["modelling error"]), m) for m, own in of_scene(models, runs)]
     best = min(range(len(found)), key=lambda i: found[i][0])
@@ -42,7 +49,10 @@ def at(models: pd.DataFrame, runs: pd.DataFrame, accuracy: float) -> tuple[str, 
 
 
 def table(models: pd.DataFrame, runs: pd.DataFrame) -> pd.DataFrame:
-    """A row for each scene and accuracy: the fastest model that suffices, and its gain over the full one (see `at`)."""
+    """Choose the fastest model that suffices: a row for each scene and accuracy, with its gain over the full model.
+
+    The accuracies are `ACCURACIES`; the columns are scene, accuracy, model, gain and full (see `at`).
+    """
     return pd.DataFrame(
         [
             dict(zip(("scene", "accuracy", "model", "gain", "full"), (scene, a, *at(mine, part, a)), strict=True))
@@ -59,11 +69,16 @@ def scenes(models: pd.DataFrame, runs: pd.DataFrame):
 
 
 def rungs(models: pd.DataFrame, runs: pd.DataFrame) -> pd.DataFrame:
-    """A row for each model that is simpler than the full model of its scene: what it saves, and how well it is chosen.
+    """Judge the simplified models: a row for each, with its modelling error and the time that it saves.
 
-    ``gain``: the full model's time over this one's, both at twice its modelling error; ``wasted``: the time of its
-    integration to `FINE` over that of one to its modelling error, where that is larger than `FINE`; ``nearer``: whether
-    its modelling error is below that of the next simpler model, or both are `LOST`.
+    Columns, among others:
+
+    - gain : the full model's time to an error of twice this model's modelling error, over this model's time to an
+      integration error as large as its modelling error
+    - known to : the uncertainty of the modelling error, as a share of it
+    - nearer : whether the modelling error is below that of the next simpler model, or both are larger than `LOST`
+    - seconds, full, seconds : the two times of which ``gain`` is the ratio
+    - wasted : the time of an integration to `FINE` over that of one to the modelling error, where that is larger
     """
     out = []
     for scene, mine, part in scenes(models, runs):

@@ -66,17 +66,18 @@ def _cell(ladder: Ladder) -> Cell:
 
 
 def quantity_of(full, name: str) -> Quantity:
-    """The quantity with this name: the positions of the soft chain, `SLOW`, or one that the full problem defines."""
+    """Return the quantity with this name: the positions of the soft chain (`SLOW`), or one of the problem ``full``."""
     return SLOW if name == SLOW.name else named_quantities.quantity(full, name)
 
 
 @dataclass
 class Model:
-    """A model of a scene (a simplified problem with a map to the full one), ready to run.
+    """A model of a scene (a simplified problem with a map of its solution to the full one's), ready to run.
 
     Attributes
     ----------
-    ladder, rung : the scene, and this model in it
+    ladder : the scene: the full problem with a time span, a quantity and all models
+    rung : this model in the scene: name, map to the full problem, rate of its time
     full : the full problem
     quantity : the number whose error is measured
     made : the model's own problem
@@ -96,11 +97,11 @@ class Model:
         return [(self.rung.steps or self.ladder.steps) * 2**k for k in range(DOUBLINGS)]
 
     def h(self, steps: int) -> float:
-        """The step size in the model's own unit of time."""
+        """Return the step size, in the model's own unit of time, of a run with this number of steps."""
         return self.rung.rate * self.ladder.t_end / steps
 
     def values(self, id: str, steps: int) -> np.ndarray | None:
-        """The full problem's quantity, computed from a run of this model by a method ``id``; None if the run fails."""
+        """Compute the full problem's quantity from a run of this model by the method ``id``; None if the run fails."""
         run = self.runs[id]
         q, p, code = run(self.h(steps), steps)
         if code != run.SOLVED:
@@ -110,7 +111,10 @@ class Model:
         return quantities.values(self.full, self.quantity, SimpleNamespace(t=t, q=rows[0], p=rows[1]))
 
     def clock(self, id: str, steps: int) -> Callable[[], float]:
-        """A function that times a run of the method ``id`` and returns seconds; for a short run, the mean of many."""
+        """Return a function that times a run of the method ``id`` and returns seconds.
+
+        A short run is repeated, and the mean is returned.
+        """
         run, h = self.runs[id], self.h(steps)
         began = time.perf_counter()
         run(h, steps)
@@ -126,14 +130,17 @@ class Model:
 
 
 def prepare_model(ladder: Ladder, rung: Rung, full) -> Model:
-    """Build the problem of a model and prepare runs of it by each of `METHODS`; ``full``: the full problem."""
+    """Build the problem of a model and prepare runs of it by each of `METHODS`.
+
+    ``ladder`` is the scene, ``rung`` the model in it, and ``full`` the full problem.
+    """
     made = rung.make()
     runs = {id: prepare(made, id) for id in METHODS}
     return Model(ladder, rung, full, quantity_of(full, ladder.quantity), made, runs)
 
 
 def reference(model: Model) -> tuple[np.ndarray, float]:
-    """Run a model at its finest step: (values of the quantity, their uncertainty)."""
+    """Run a model at its finest step, and return (values of the quantity, their uncertainty)."""
     finest = 2 * model.steps[-1]
     one, other = (model.values(METHODS[-1], n) for n in (finest, finest // 2))
     rounding = 4 * np.finfo(float).eps * float(np.abs(one).max())
@@ -141,7 +148,10 @@ def reference(model: Model) -> tuple[np.ndarray, float]:
 
 
 def measure_rows(id: str) -> Rows:
-    """Measure all models of a scene: a row for each model with its modelling error, and one for each timed run."""
+    """Measure all models of the scene ``id``: rows by table name.
+
+    The table `MODELS` has a row for each model with its modelling error, `RUNS` one for each timed run.
+    """
     ladder = BY_ID[id]
     full = ladder.rungs[-1].make()
     true = truth(full, quantity_of(full, ladder.quantity), ladder.t_end)

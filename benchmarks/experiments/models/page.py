@@ -1,4 +1,4 @@
-"""The page on models of a physical system: which suffices at an accuracy, and how much time it saves."""
+"""The report page on simplified models of a physical system: which suffices at an accuracy, and the time it saves."""
 
 from __future__ import annotations
 
@@ -24,7 +24,10 @@ COLUMNS = 3
 
 @of(MODELS, RUNS)
 def nearer(models: pd.DataFrame, runs: pd.DataFrame) -> Verdict | None:
-    """Whether each model has a smaller modelling error than the next simpler model."""
+    """Judge whether each model has a smaller modelling error than the next simpler model of the same scene.
+
+    ``models`` and ``runs`` are the tables of models and of timed runs; None if there is no simplified model.
+    """
     rungs = choice.rungs(models, runs)
     if rungs.empty:
         return None
@@ -40,7 +43,10 @@ def nearer(models: pd.DataFrame, runs: pd.DataFrame) -> Verdict | None:
 
 @of(MODELS, RUNS)
 def savings(models: pd.DataFrame, runs: pd.DataFrame) -> Verdict | None:
-    """Whether a simpler model takes no longer than the full one at an error as large as its modelling error."""
+    """Judge whether a simpler model takes no longer than the full one at an error as large as its modelling error.
+
+    ``models`` and ``runs`` are the tables of models and of timed runs; None if no two such times are known.
+    """
     rungs = choice.rungs(models, runs)
     known = rungs[np.isfinite(rungs["gain"].astype(float))]
     if known.empty:
@@ -60,7 +66,10 @@ def _name(row) -> str:
 
 @of(MODELS, RUNS)
 def integration_share(models: pd.DataFrame, runs: pd.DataFrame) -> Verdict | None:
-    """Whether integration errors are a small part of the modelling errors."""
+    """Judge whether integration errors are at most the share `KNOWN` of the modelling errors.
+
+    ``models`` and ``runs`` are the tables of models and of timed runs; None if there is no simplified model.
+    """
     rungs = choice.rungs(models, runs)
     if rungs.empty:
         return None
@@ -77,7 +86,7 @@ def integration_share(models: pd.DataFrame, runs: pd.DataFrame) -> Verdict | Non
 
 @of(MODELS, RUNS)
 def answer(models: pd.DataFrame, runs: pd.DataFrame) -> str:
-    """A sentence: in how many scenes a simpler model is the fastest, and the largest gain."""
+    """Write the page's answer, a sentence: in how many scenes a simpler model is the fastest, and the largest gain."""
     chosen = choice.table(models, runs)
     lower = chosen[~chosen["full"].astype(bool) & (chosen["model"] != "none")]
     wide, fine = (lower[lower["accuracy"] == a]["scene"].nunique() for a in ASKED)
@@ -88,7 +97,11 @@ def answer(models: pd.DataFrame, runs: pd.DataFrame) -> str:
 
 
 def envelope(runs: pd.DataFrame, modelling: float) -> tuple[np.ndarray, np.ndarray]:
-    """(seconds, errors + ``modelling``) of the runs that no faster run beats: their errors against the full model."""
+    """Return (seconds, errors against the full problem) of those runs of a model that no faster run beats.
+
+    The errors are those of the integration plus ``modelling``, the model's modelling error; both are arrays, sorted by
+    time.
+    """
     ordered = runs.sort_values("seconds")
     errors = np.minimum.accumulate(ordered["error"].to_numpy(float))
     keep = np.diff(errors, prepend=np.inf) < 0
@@ -97,7 +110,7 @@ def envelope(runs: pd.DataFrame, modelling: float) -> tuple[np.ndarray, np.ndarr
 
 @of(MODELS, RUNS)
 def draw(models: pd.DataFrame, runs: pd.DataFrame, folder) -> list[Picture]:
-    """Draw the error against the full model over seconds, a panel for each scene.
+    """Draw the error against the full model over seconds: a panel for each scene, a curve for each model.
 
     A curve that becomes level shows that finer steps are needless.
     """
@@ -127,7 +140,7 @@ def draw(models: pd.DataFrame, runs: pd.DataFrame, folder) -> list[Picture]:
 
 @of(MODELS, RUNS)
 def table(models: pd.DataFrame, runs: pd.DataFrame) -> Table:
-    """The page's table: the fastest sufficient model of each scene at each accuracy."""
+    """Make the page's table: a row for each scene, with the fastest model that suffices at each accuracy."""
     chosen = choice.table(models, runs)
     out = []
     for scene, mine in chosen.groupby("scene", sort=False):
@@ -147,7 +160,7 @@ def table(models: pd.DataFrame, runs: pd.DataFrame) -> Table:
 
 @of(MODELS, RUNS)
 def full_table(models: pd.DataFrame, runs: pd.DataFrame) -> pd.DataFrame:
-    """For every simplified model its modelling error, the time it saves, and the time wasted by too fine steps."""
+    """Make the page's longer table: each simplified model's error, the time it saves, the time too fine steps waste."""
     return choice.rungs(models, runs)
 
 

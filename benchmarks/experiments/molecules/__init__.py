@@ -1,1 +1,1 @@
-"""Experiment: packages of molecular dynamics on the same atoms and a rigid water, at defaults and at their best."""
+"""Experiment: packages of molecular dynamics on argon atoms and a rigid water, at default and at best settings."""

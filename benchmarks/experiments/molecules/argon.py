@@ -32,14 +32,18 @@ Report = Iterator[float]
 
 
 def start() -> tuple[np.ndarray, np.ndarray]:
-    """Places and velocities of the atoms in the plane z = 0, arrays (7, 3)."""
+    """Return positions and velocities of the atoms in the plane z = 0, arrays (7, 3)."""
     made = problem(PROBLEM)
     q, p = (np.reshape(x, (-1, 2)) for x in (made.q0, made.p0))
     return tuple(np.column_stack([x, np.zeros(len(x))]) for x in (q, p))
 
 
 def _openmm(best: bool) -> tuple[str, Report]:
-    """OpenMM's VerletIntegrator, its velocities moved by half a step at the start."""
+    """Set up OpenMM's VerletIntegrator: (its settings as text, iterator over the energies of a run).
+
+    The velocities are moved by half a step at the start.  With ``best`` it runs on the Reference platform, in double
+    precision.
+    """
     import openmm
 
     x, v = start()
@@ -65,9 +69,9 @@ def _openmm(best: bool) -> tuple[str, Report]:
 
 
 def _ase(best: bool) -> tuple[str, Report]:
-    """(what it is, the energies of a run) of ASE's VelocityVerlet with its Lennard-Jones calculator.
+    """Set up ASE's VelocityVerlet with its Lennard-Jones calculator: (settings as text, iterator over the energies).
 
-    Without ``best`` the calculator has its default cutoff; with it the potential is whole.
+    Without ``best`` the calculator has its default cutoff; with ``best`` the potential has none.
     """
     from ase import Atoms
     from ase.calculators.lj import LennardJones
@@ -88,7 +92,10 @@ def _ase(best: bool) -> tuple[str, Report]:
 
 
 def _jax_md(best: bool) -> tuple[str, Report]:
-    """JAX-MD's nve with its Lennard-Jones pair energy."""
+    """Set up JAX-MD's nve with its Lennard-Jones pair energy: (settings as text, iterator over the energies).
+
+    Without ``best`` it runs in single precision with the default cutoff, with ``best`` in double precision without one.
+    """
     import jax
     import jax.numpy as jnp
     from jax_md import energy, quantity, simulate, space
@@ -116,7 +123,7 @@ ENGINES: dict[str, Callable[[bool], tuple[str, Report]]] = {"openmm": _openmm, "
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """A cell for each package and setting, and one for this suite; none if ``quick``."""
+    """List the measurements (`Cell`): one for each package and setting, and one for this suite; none if ``quick``."""
     if quick:
         return []
     return [_cell("", BEST), *(_cell(name, settings) for name in ENGINES for settings in (DEFAULTS, BEST))]
@@ -130,7 +137,11 @@ def _cell(name: str, settings: str) -> Cell:
 
 
 def measure_rows(name: str, settings: str) -> Rows:
-    """The spread and the drift of the reported energy: a row; raises Unavailable without the package."""
+    """Measure the spread and the drift of the energy that a package reports: one row, by table name.
+
+    ``name`` is the package, "" for this suite; ``settings`` is `DEFAULTS` or `BEST`.  Raises Unavailable without the
+    package.
+    """
     if not name:
         s = integrate(problem(PROBLEM), METHOD, h=H, steps=STEPS, save_every=EVERY)
         told, found = "double precision, no cutoff, compensated sums", s.energy()[1:]
@@ -143,9 +154,11 @@ def measure_rows(name: str, settings: str) -> Rows:
 
 
 def summary(energies: np.ndarray) -> dict[str, float]:
-    """The mean, the spread over all rows, and the drift: the last tenth's mean less the first's, over the spread.
+    """Compute mean, spread and drift, with the drift's uncertainty, of the energies of a run, an array (rows,).
 
-    The drift's uncertainty is that of both means, from blocks of a hundredth of the rows.
+    The spread is the difference of the largest and the smallest energy; the drift is the last tenth's mean less the
+    first's, over the spread.  Its uncertainty, over the spread too, is that of both means, from blocks of a hundredth
+    of the rows.
     """
     blocks = energies[: len(energies) // 100 * 100].reshape(100, -1).mean(axis=1)
     first, last = blocks[:10], blocks[-10:]

@@ -1,4 +1,4 @@
-"""Checks of the molecules: this suite's RATTLE keeps a rigid water's distances and momenta to round-off."""
+"""Check of the measurements on molecules: this suite's RATTLE keeps a rigid water's invariants to round-off."""
 
 from __future__ import annotations
 
@@ -6,12 +6,15 @@ from phasebench.benchmarks.experiments.molecules import argon, page, water
 
 
 def cells(quick: bool = False):
-    """List the measurements (`Cell`) of the atoms and of the water; none if ``quick``."""
+    """List the measurements (`Cell`) on the argon atoms and on the water; none if ``quick``."""
     return [*argon.cells(quick), *water.cells(quick)]
 
 
 def bench_rattle(measured_rows):
-    """This suite's RATTLE keeps distances and momenta to round-off: the scene itself is sound."""
+    """Test that this suite's RATTLE keeps distances, energy and angular momentum of the water to round-off.
+
+    The problem itself is then sound.  ``measured_rows`` is a fixture: table name -> rows.
+    """
     own = [r for r in measured_rows(water.TABLE) if r["package"] == page.OURS]
     off = [r for r in own if not max(r["distances"], abs(r["energy drift"]), r["angular momentum"]) < page.ROUND_OFF]
     assert not off, str(off)

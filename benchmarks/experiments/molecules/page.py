@@ -1,4 +1,4 @@
-"""The page of molecular dynamics: what packages do to the energy of atoms and to a rigid water."""
+"""The report page on packages of molecular dynamics: what they do to the energy of atoms and to a rigid water."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ SIGMAS, ALIKE = 3.0, 1.5
 
 
 def _packages(rows: pd.DataFrame, settings: str | None = None) -> pd.DataFrame:
-    """The rows of packages, at some settings or at all."""
+    """Select the rows of packages (not those of this suite), at the given settings, or at all if None."""
     found = rows[rows["package"] != OURS]
     return found if settings is None else found[found["settings"] == settings]
 
@@ -36,7 +36,10 @@ def _name(row: Any) -> str:
 
 @of(argon.TABLE)
 def spread(rows: pd.DataFrame) -> Verdict | None:
-    """Whether the reported energy spreads as this suite's leapfrog's does, at the packages' best."""
+    """Judge whether the energy of the argon atoms that packages report spreads as this suite's leapfrog's does.
+
+    Packages run at their best settings.  ``rows`` is the table of the atoms; None without such rows.
+    """
     best = _packages(rows, BEST)
     if best.empty or OURS not in set(rows["package"]):
         return None
@@ -52,7 +55,10 @@ def spread(rows: pd.DataFrame) -> Verdict | None:
 
 @of(argon.TABLE)
 def drift(rows: pd.DataFrame) -> Verdict | None:
-    """Whether the reported energy does not drift, at all settings."""
+    """Judge whether the energy of the argon atoms that packages report does not drift, at default and at best settings.
+
+    ``rows`` is the table of the atoms; None without rows of packages.
+    """
     found = _packages(rows)
     if found.empty:
         return None
@@ -68,7 +74,10 @@ def drift(rows: pd.DataFrame) -> Verdict | None:
 
 @of(argon.TABLE)
 def potential(rows: pd.DataFrame) -> Verdict | None:
-    """Whether the defaults have the energy of the whole potential."""
+    """Judge whether packages at default settings compute the whole Lennard-Jones potential, without a cutoff's effect.
+
+    The mean energies are compared with this suite's.  ``rows`` is the table of the atoms; None without such rows.
+    """
     found = _packages(rows, DEFAULTS)
     if found.empty or OURS not in set(rows["package"]):
         return None
@@ -85,7 +94,10 @@ def potential(rows: pd.DataFrame) -> Verdict | None:
 
 @of(water.TABLE)
 def distances(rows: pd.DataFrame) -> Verdict | None:
-    """Whether packages hold a water's distances to round-off, at their best."""
+    """Judge whether packages at their best settings hold the distances in a rigid water to round-off.
+
+    ``rows`` is the table of the water; None without such rows.
+    """
     found = _packages(rows, BEST)
     if found.empty:
         return None
@@ -101,7 +113,10 @@ def distances(rows: pd.DataFrame) -> Verdict | None:
 
 @of(water.TABLE)
 def kinetic(rows: pd.DataFrame) -> Verdict | None:
-    """Whether a free water's kinetic energy stays, at all settings."""
+    """Judge whether a free rigid water keeps its kinetic energy and angular momentum, at default and at best settings.
+
+    ``rows`` is the table of the water; None without rows of packages.
+    """
     found = _packages(rows)
     if found.empty:
         return None
@@ -119,7 +134,10 @@ VERDICTS = (spread, drift, potential, distances, kinetic)
 
 
 def answer(data: Data) -> str | None:
-    """A sentence: how many runs drift, and what defaults do to the energy."""
+    """Write the page's answer, a sentence: how many runs drift, what defaults do to the energy, how rigid the water is.
+
+    None if one of the tables is missing.
+    """
     drifts, whole, held = drift(data), potential(data), distances(data)
     if drifts is None or whole is None or held is None:
         return None
@@ -131,7 +149,7 @@ def answer(data: Data) -> str | None:
 
 @of(argon.TABLE, water.TABLE)
 def table(atoms: pd.DataFrame, molecule: pd.DataFrame) -> Table:
-    """Both scenes, a row for each package and settings."""
+    """Make the page's table, of the argon atoms and of the water: a row for each package and setting."""
     both = atoms.merge(molecule, on=["package", "settings"], how="outer", sort=False)
     columns = {
         "package": "package",

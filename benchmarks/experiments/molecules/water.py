@@ -35,7 +35,7 @@ TIGHT, TIGHTEST = 1e-12, 1e-14
 
 
 def start() -> tuple[np.ndarray, np.ndarray]:
-    """Places and velocities of the atoms (3, 3), the centre of mass at rest in the origin."""
+    """Return positions and velocities of the atoms, arrays (3, 3), with the centre of mass at rest in the origin."""
     x = BOND * np.array([[0, 0, 0], [1, 0, 0], [cos(ANGLE), sin(ANGLE), 0]])
     x -= MASSES @ x / MASSES.sum()
     return x, np.cross(TURN, x)
@@ -112,7 +112,7 @@ ENGINES = {"openmm": _openmm, "ase": _ase}
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """A cell for each package and setting, and one for this suite; none if ``quick``."""
+    """List the measurements (`Cell`): one for each package and setting, and one for this suite; none if ``quick``."""
     if quick:
         return []
     return [_cell("", BEST), *(_cell(name, settings) for name in ENGINES for settings in (DEFAULTS, BEST))]
@@ -126,7 +126,11 @@ def _cell(name: str, settings: str) -> Cell:
 
 
 def measure_rows(name: str, settings: str) -> Rows:
-    """The largest errors of the distances, of the kinetic energy and of the angular momentum, relative: a row."""
+    """Measure the errors of a rigid water that turns freely by one package: one row, by table name.
+
+    ``name`` is the package, "" for this suite; ``settings`` is `DEFAULTS` or `BEST`.  Raises Unavailable without the
+    package.
+    """
     if name and not is_installed(name):
         raise Unavailable(f"{name} is not installed; {how_to_install(name)}")
     x, v = ENGINES[name](settings == BEST) if name else _ours()
@@ -134,7 +138,14 @@ def measure_rows(name: str, settings: str) -> Rows:
 
 
 def errors(x: np.ndarray, v: np.ndarray) -> dict[str, float]:
-    """Largest relative errors of the distances, of the kinetic energy and of the angular momentum (rows, 3, 3)."""
+    """Return relative errors of distances, kinetic energy and angular momentum over a run of the water.
+
+    ``x`` and ``v`` are positions and velocities, arrays (rows, 3, 3).
+
+    - distances : the largest error of the three distances
+    - energy spread, energy drift : range of the kinetic energy, last tenth's mean less the first's, over its mean
+    - angular momentum : the largest error, over its size
+    """
     first, turned = start()
     exact = [np.linalg.norm(first[a] - first[b]) for a, b in PAIRS]
     apart = max(

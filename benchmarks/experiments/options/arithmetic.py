@@ -2,8 +2,8 @@
 
 The same step map is iterated from the same starts by plain sums in single, double and extended precision (one loop of
 NumPy over all starts), and by the method itself, whose sums are compensated.  The distance of an end state from that of
-the extended run is pure round-off; for the problem's own start, the first, a certified end state gives the error too.
-The cost of compensation is the method's time over that of a C loop with plain sums, timed in turns.
+the run in extended precision is pure round-off; for the problem's own start, the first, a certified end state gives the
+error too.  The cost of compensation is the method's time over that of a C loop with plain sums, timed in turns.
 """
 
 from __future__ import annotations
@@ -35,7 +35,14 @@ TIMED, ROUNDS = 100_000, 15
 
 
 class Run(NamedTuple):
-    """A problem with its orbit, an end time with a certified state, and the numbers of steps to take."""
+    """A problem with its orbit, and the runs to make of it.
+
+    Attributes
+    ----------
+    problem : id and orbit, such as "pendulum:swinging"
+    t_end : end time, at which there is a certified state
+    steps : the numbers of steps of the runs
+    """
 
     problem: str
     t_end: float
@@ -68,19 +75,28 @@ def _time_cell(k: int) -> Cell:
 
 
 def starts(made) -> tuple[np.ndarray, np.ndarray]:
-    """Initial states (q, p), arrays (`STARTS`, d); the first is the problem's own."""
+    """Return initial states (q, p) near that of the problem ``made``, arrays (`STARTS`, d).
+
+    The first is the problem's own, the others are displaced at random with a fixed seed.
+    """
     moved = SPREAD * np.random.default_rng(SEED).uniform(-1, 1, (2, STARTS, made.system.d))
     moved[:, 0] = 0
     return np.array(made.q0) + moved[0], np.array(made.p0) + moved[1]
 
 
 def slope(system) -> Callable[[np.ndarray], list]:
-    """A function of q, array (d, starts), that gives grad V in the precision of q; V' must have no fractions."""
+    """Return a function of q, array (d, starts), that computes grad V in the precision of q.
+
+    The derivatives of V must have no fractions, which would be evaluated in double precision.
+    """
     return sp.lambdify([list(system.q)], [sp.expand(sp.diff(system.potential, x)) for x in system.q], "numpy")
 
 
 def plain(system, q: np.ndarray, p: np.ndarray, h: float, steps: int, kind) -> np.ndarray:
-    """End states (starts, 2 d) of Stormer-Verlet with plain sums in the NumPy type ``kind``, for unit masses."""
+    """Integrate by Stormer-Verlet with plain sums in the NumPy type ``kind``, for unit masses.
+
+    ``q`` and ``p`` are arrays (starts, d); returns the end states, array (starts, 2 d).
+    """
     gradient = slope(system)
     q, p, h = q.T.astype(kind), p.T.astype(kind), kind(h)
     half = h / kind(2)
@@ -92,7 +108,9 @@ def plain(system, q: np.ndarray, p: np.ndarray, h: float, steps: int, kind) -> n
 
 
 def ends(made, h: float, steps: int) -> dict[str, np.ndarray]:
-    """End states by arithmetic: name -> array (`STARTS`, 2 d), for plain sums and for the compensated method.
+    """Integrate from all `starts` in each arithmetic: name of the arithmetic -> end states, array (`STARTS`, 2 d).
+
+    The arithmetics are plain sums in single and in double precision, and compensated sums (the method itself).
 
     Raises RuntimeError if a run stops.
     """
@@ -105,7 +123,7 @@ def ends(made, h: float, steps: int) -> dict[str, np.ndarray]:
 
 
 def measure_rows(k: int) -> Rows:
-    """Measure the round-off of each arithmetic at each step on an orbit: a row for each.
+    """Measure the round-off of each arithmetic with each number of steps on the orbit ``SCENES[k]``: a row for each.
 
     Raises Unavailable if long double is no wider than double.
     """
@@ -128,7 +146,10 @@ def measure_rows(k: int) -> Rows:
 
 
 def measure_time_rows(k: int) -> Rows:
-    """Time compensated steps beside plain ones in C on an orbit: a row; raises Unavailable without a C compiler."""
+    """Time compensated steps beside plain ones in C on the orbit ``SCENES[k]``: one row, by table name.
+
+    Raises Unavailable without a C compiler.
+    """
     name, t_end, numbers = SCENES[k]
     made, h = problem(name), t_end / numbers[-1]
     try:

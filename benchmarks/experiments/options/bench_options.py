@@ -1,4 +1,4 @@
-"""Checks of the measurements of the methods' options: runs complete, and relations hold that no page judges."""
+"""Checks of the measurements of the methods' options (such as lambda, order, nodes) that no report page makes."""
 
 from __future__ import annotations
 
@@ -14,7 +14,10 @@ REACHED = 1e-2
 
 
 def short(rows) -> list[str]:
-    """Messages about the settings of an option whose smallest error is above `REACHED`."""
+    """Return messages about the settings of an option whose smallest error is above `REACHED`.
+
+    The steps tried with such a setting are too long.  ``rows`` are those of `ladders`, a row for each setting and step.
+    """
     least: dict = {}
     for r in rows:
         key = (r["knob"], r["scene"], r["setting"])
@@ -23,33 +26,36 @@ def short(rows) -> list[str]:
 
 
 def bench_lambda(measured_rows):
-    """At lambda = 1/2 every run reaches its end time."""
+    """Test that at lambda = 1/2 every run reaches its end time.
+
+    ``measured_rows`` is a fixture: table name -> rows.
+    """
     rows = [r for r in measured_rows(lambdas.ERRORS) if r["lam"] == HALF]
     off = [f"{r['method']} on {r['scene']}" for r in rows if not r["trajectory"] < float("inf")]
     assert not off, "\n".join(off)
 
 
 def bench_largest_steps(measured_rows):
-    """Schemes with lambda = 1/2 stay stable at least up to the step h at which the experiment compares all lambda."""
+    """Test that schemes with lambda = 1/2 are stable up to the step h at which all lambda are compared."""
     rows = [r for r in measured_rows(lambdas.COSTS) if r["lam"] == HALF]
     off = [f"{r['method']} on {r['scene']}" for r in rows if not r["largest h"] >= r["h"]]
     assert not off, "\n".join(off)
 
 
 def bench_ladders(measured_rows):
-    """Every setting of every option reaches an error of at most `REACHED`."""
+    """Test that every setting of every option reaches an error of at most `REACHED`."""
     wrong = short(measured_rows(ladders.TABLE))
     assert not wrong, "\n".join(wrong)
 
 
 def bench_nodes(measured_rows):
-    """The stage equations of every step are solved, with every quadrature rule."""
+    """Test that the stage equations of every step are solved, with every quadrature rule."""
     wrong = [f"{r['scene']}, {r['nodes']} nodes" for r in measured_rows(nodes.TABLE) if r["status"] != "ok"]
     assert not wrong, "\n".join(wrong)
 
 
 def bench_arithmetic(measured_rows):
-    """Single precision has more round-off than double, on every scene and for every number of steps."""
+    """Test that single precision has more round-off than double, on every orbit and for every number of steps."""
     rows = measured_rows(arithmetic.ERRORS)
     off = {(r["scene"], r["steps"], r["arithmetic"]): r["round-off rms"] for r in rows}
     wrong = [k for k, x in off.items() if k[2] == arithmetic.PLAIN and not x < off[(*k[:2], arithmetic.SINGLE)]]
@@ -57,12 +63,15 @@ def bench_arithmetic(measured_rows):
 
 
 def bench_costs_of_sums(measured_rows):
-    """The ratio of the times of compensated and of plain sums is positive."""
+    """Test that the ratio of the times of compensated and of plain sums is positive."""
     assert all(r["ratio"] > 0 for r in measured_rows(arithmetic.COSTS))
 
 
 def bench_solvers(measured_rows):
-    """Newton's method solves every case to round-off, with the same error as the solver inside the integrators."""
+    """Test that Newton's method solves every case to round-off.
+
+    Its error must be that of the solver inside the integrators.
+    """
     rows = measured_rows(solvers.TABLE)
     own = {(r["scene"], r["h"]): r["error"] for r in rows if r["solver"] == solvers.ENGINE}
     newton = [r for r in rows if r["solver"] == solvers.NEWTON]

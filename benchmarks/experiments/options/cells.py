@@ -1,4 +1,4 @@
-"""All measurements (`Cell`) of the experiment on options."""
+"""All measurements (`Cell`) of the experiment on the methods' options."""
 
 from __future__ import annotations
 
@@ -10,5 +10,5 @@ PARTS = (lambdas, ladders, nodes, arithmetic, solvers)
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """List the measurements of every module of this experiment; none if ``quick``."""
+    """List the measurements (`Cell`) of every module of this experiment; none if ``quick``."""
     return [cell for part in PARTS for cell in part.cells(quick)]

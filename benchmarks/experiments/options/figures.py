@@ -17,7 +17,10 @@ SMALLEST = 1e-17
 
 @style.styled
 def over_lambda(errors: pd.DataFrame, costs: pd.DataFrame, folder) -> Picture:
-    """Draw error, evaluations and largest step over lambda; a column for each scheme, a curve for each scene."""
+    """Draw error, gradients a step and largest step over lambda: a column for each scheme, a curve for each orbit.
+
+    ``errors`` and ``costs`` are the two tables of the module `lambdas`; ``folder`` is where the file is written.
+    """
     errors = errors[errors["finer"] == errors["finer"].min()]
     methods, scenes = list(dict.fromkeys(errors["method"])), list(dict.fromkeys(errors["scene"]))
     figure, panels = style.panels(3, len(methods), 6.4, sharex=True, sharey="row")
@@ -45,21 +48,27 @@ def over_lambda(errors: pd.DataFrame, costs: pd.DataFrame, folder) -> Picture:
 
 
 def _relative(axes, lam: pd.Series, values: pd.Series, **look) -> None:
-    """Plot a curve divided by its value at lambda = 1/2; nothing if that value is missing."""
+    """Plot ``values`` over ``lam``, divided by the value at lambda = 1/2; nothing if that value is missing.
+
+    ``look`` are keywords of the curve's style.
+    """
     half = values[lam == findings.HALF]
     if len(half) and 0 < half.iloc[0] < np.inf:
         axes.plot(lam, (values / half.iloc[0]).replace([0, np.inf], np.nan), **look)
 
 
 def _curves(axes, table: pd.DataFrame, by: list[str], x: str, y: str, name) -> None:
-    """Plot a curve for each group of a table; ``name`` turns the group's key into a label."""
+    """Plot column ``y`` over column ``x``, a curve for each group of the table by the columns ``by``.
+
+    ``name`` is a function of the values of these columns that returns the curve's label.
+    """
     for look, (key, part) in zip(style.looks(), table.groupby(by, sort=False), strict=False):
         part = part.sort_values(x)
         axes.plot(part[x], part[y].clip(lower=SMALLEST), label=name(*key), **look)
 
 
 def _ladder(axes, rungs: pd.DataFrame) -> None:
-    """Plot error against time, a curve for each setting."""
+    """Plot the error at the end against time, a curve for each setting; ``rungs`` has a row for each run."""
     arrived = rungs[(rungs["status"] == OK) & (rungs["error"] > 0)]
     _curves(axes, arrived, ["setting"], "us", "error", str)
     axes.set(xlabel="µs to the end", title=rungs["scene"].iloc[0], xscale="log", yscale="log", ylim=(1e-14, 10))
@@ -71,13 +80,16 @@ def _legend(axes, columns: int) -> None:
 
 
 def _first(rungs: pd.DataFrame, option: str) -> pd.DataFrame:
-    """Select the rows of an option on its first scene (orbit and end time)."""
+    """Select the runs of an option on the first of its scenes; a scene is an orbit with an end time."""
     part = rungs[rungs["knob"] == option]
     return part[part["scene"] == part["scene"].iloc[0]] if len(part) else part
 
 
 def _side_by_side(parts: list[pd.DataFrame], drawn, label: str):
-    """(figure, panels), one panel for each non-empty part, filled by ``drawn(axes, part)``; None if all are empty."""
+    """Draw panels side by side, one for each non-empty part of a table: (figure, panels), or None if all are empty.
+
+    ``drawn(axes, part)`` fills a panel; ``label`` is that of the vertical axis.
+    """
     parts = [part for part in parts if len(part)]
     if not parts:
         return None
@@ -90,7 +102,10 @@ def _side_by_side(parts: list[pd.DataFrame], drawn, label: str):
 
 @style.styled
 def orders(rungs: pd.DataFrame, folder) -> Picture | None:
-    """Draw error against time for compositions by order, and for generating functions by their order r."""
+    """Draw error against time for compositions by order, and for generating functions by their order r.
+
+    ``rungs`` is the table of the module `ladders`, a row for each run; None if it has no such runs.
+    """
     made = _side_by_side(
         [_first(rungs, option) for option in (ladders.COMPOSITION, ladders.GENERATING)], _ladder, "error at the end"
     )
@@ -111,7 +126,10 @@ def _scenes(table: pd.DataFrame) -> list[pd.DataFrame]:
 
 @style.styled
 def keepers(rungs: pd.DataFrame, folder) -> Picture | None:
-    """Draw error against time for the methods that keep the energy."""
+    """Draw error against time for the methods that keep the energy: a panel for each scene, a curve for each method.
+
+    ``rungs`` is the table of the module `ladders`, a row for each run; None if it has no such runs.
+    """
     made = _side_by_side(_scenes(findings.usable(rungs, ladders.ENERGY)), _ladder, "error at the end")
     if made is None:
         return None
@@ -122,7 +140,10 @@ def keepers(rungs: pd.DataFrame, folder) -> Picture | None:
 
 @style.styled
 def solving(table: pd.DataFrame, folder) -> Picture | None:
-    """Draw error against evaluations as the stage equations are solved to ever tighter tolerances, by solver."""
+    """Draw error against evaluations of runs that solve the stage equations to ever tighter tolerances, by solver.
+
+    ``table`` is that of the module `solvers`; None if no run is completed.
+    """
 
     def panel(axes, part: pd.DataFrame) -> None:
         part = part[
@@ -145,7 +166,10 @@ def solving(table: pd.DataFrame, folder) -> Picture | None:
 
 @style.styled
 def floors(rules: pd.DataFrame, sums: pd.DataFrame, folder) -> Picture:
-    """Draw AVF's energy error over the nodes of its quadrature, and the round-off of Stormer-Verlet over the steps."""
+    """Draw AVF's energy error over the nodes of its quadrature, and the round-off of Stormer-Verlet over the steps.
+
+    ``rules`` is the table of the module `nodes`, ``sums`` the table of errors of `arithmetic`.
+    """
     figure, ((left, right),) = style.panels(1, 2, 3.9)
     fixed = rules[rules["nodes"] != nodes.CONFIRMED]
     _curves(left, fixed, ["scene", "h"], "nodes", "energy error", lambda scene, h: f"{scene}, h = {h:g}")
@@ -162,13 +186,16 @@ def floors(rules: pd.DataFrame, sums: pd.DataFrame, folder) -> Picture:
 
 
 def _tables(data, *names: str) -> dict[str, pd.DataFrame]:
-    """Name -> table, of the tables that have rows."""
+    """Read tables by name from ``data``, and return those that have rows: name -> table."""
     read = {name: data(name) for name in names}
     return {name: table for name, table in read.items() if table is not None and len(table)}
 
 
 def draw(data, folder) -> list[Picture]:
-    """Draw the figures of lambda, of orders and of energy-preserving methods."""
+    """Draw the figures of lambda, of orders and of energy-preserving methods.
+
+    ``data`` maps a table's name to the table; a figure whose table is missing is left out.
+    """
     has = _tables(data, lambdas.ERRORS, lambdas.COSTS, ladders.TABLE)
     out = []
     if {lambdas.ERRORS, lambdas.COSTS} <= set(has):
@@ -179,7 +206,10 @@ def draw(data, folder) -> list[Picture]:
 
 
 def draw_numerics(data, folder) -> list[Picture]:
-    """Draw the figures of quadrature nodes, summation, precision and solvers."""
+    """Draw the figures of quadrature nodes, summation, precision and solvers.
+
+    ``data`` maps a table's name to the table; a figure whose table is missing is left out.
+    """
     has = _tables(data, nodes.TABLE, arithmetic.ERRORS, solvers.TABLE)
     out = []
     if {nodes.TABLE, arithmetic.ERRORS} <= set(has):

@@ -1,4 +1,4 @@
-"""Findings from the tables of each option: the best setting, its benefit and its cost."""
+"""Findings from the measured tables of each option of the methods: the best setting, its benefit and its cost."""
 
 from __future__ import annotations
 
@@ -20,9 +20,11 @@ KEPT, FLOOR = 1e-12, 1e-13
 
 
 def best_lambdas(errors: pd.DataFrame) -> pd.DataFrame:
-    """For each scene, method and step: the lambda of least trajectory error, and how many times larger it is at 1/2.
+    """Find, for each scene (orbit), method and step, the lambda of least trajectory error, and compare lambda = 1/2.
 
-    ``finer`` tells the step, ``gain`` is the factor, ``half is best`` whether it is at most `SAME`.
+    ``errors`` is the table of errors of the module `lambdas`.  In the result ``finer`` tells the step (the factor of
+    the number of steps), ``gain`` is the error at 1/2 over the least one, ``half is best`` is whether that is at most
+    `SAME`.
     """
     rows = []
     for (scene, id, finer), part in errors.groupby(["scene", "method", "finer"], sort=False):
@@ -38,7 +40,10 @@ def best_lambdas(errors: pd.DataFrame) -> pd.DataFrame:
 
 
 def longest(costs: pd.DataFrame) -> pd.DataFrame:
-    """For each scene and method, the lambda that allows the longest step, and whether 1/2 allows it too."""
+    """Find, for each scene (orbit) and method, the lambda that allows the longest step, and whether 1/2 allows it too.
+
+    ``costs`` is the table of costs of the module `lambdas`.
+    """
     rows = []
     for (scene, id), part in costs.groupby(["scene", "method"], sort=False):
         half = part[part["lam"] == HALF]
@@ -51,14 +56,22 @@ def longest(costs: pd.DataFrame) -> pd.DataFrame:
 
 
 def usable(rungs: pd.DataFrame, option: str) -> pd.DataFrame:
-    """The completed runs of an option; for the option `ENERGY` only those that kept the energy in every step."""
+    """Select the completed runs of an option from the table of the module `ladders`.
+
+    For the option `ENERGY` these are only the runs that kept the energy, with a solution in every step.
+    """
     rungs = rungs[(rungs["knob"] == option) & (rungs["status"] == OK)]
     return rungs[(rungs["energy error"] <= KEPT) & (rungs["fallbacks"] == 0)] if option == ladders.ENERGY else rungs
 
 
 @once
 def cheapest(rungs: pd.DataFrame, option: str) -> pd.DataFrame:
-    """For each scene and error: the fastest setting, settings tied with it, and the slowest one's time over its own."""
+    """Find, for each scene (orbit) and error of `ERRORS`, the fastest setting of an option.
+
+    ``rungs`` is the table of the module `ladders`.  In the result ``ties`` are the settings whose cost is not certainly
+    higher, ``us`` is the time in microseconds, ``costs`` maps each setting to its time, and ``dearest / cheapest`` is
+    the slowest one's time over the fastest one's.
+    """
     rows = []
     for scene, part in usable(rungs, option).groupby("scene", sort=False):
         for error in ERRORS:
@@ -75,14 +88,16 @@ def cheapest(rungs: pd.DataFrame, option: str) -> pd.DataFrame:
 
 
 def power(error: float) -> str:
-    """The nearest power of ten as text, such as 1e-6."""
+    """Format the nearest power of ten as text, such as 1e-6."""
     return f"1e{round(np.log10(error))}"
 
 
 def quadratures(table: pd.DataFrame) -> pd.DataFrame:
-    """For each scene and step of the averaged vector field method: the fewest nodes that keep H, and what they cost.
+    """Find, for each scene (orbit) and step, the fewest quadrature nodes with which the AVF method keeps H.
 
-    The cost is against one node, and that of the method's own rule against the fewest nodes.
+    AVF is the averaged vector field method; ``table`` is that of the module `nodes`.  In the result ``cost`` is the
+    time with these nodes over that with one, ``confirmed / fewest`` the time with the method's own choice of nodes over
+    that with the fewest, and ``with one`` and ``confirmed`` are energy errors.
     """
     rows = []
     for (scene, h), part in table[table["status"] == OK].groupby(["scene", "h"], sort=False):
@@ -100,9 +115,11 @@ def quadratures(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def sums(table: pd.DataFrame) -> pd.DataFrame:
-    """A row for each scene at its largest number of steps: the gain of compensated sums, the error of single precision.
+    """Compare plain and compensated sums at the largest number of steps of each scene (orbit): a row for each.
 
-    The gain is the round-off with plain sums over that with compensated ones; of single precision, the least error.
+    ``table`` is the table of errors of the module `arithmetic`.  In the result ``gain`` is the round-off with plain
+    sums over that with compensated ones, and ``floor of single`` the least error in single precision, reached at ``at
+    h``.
     """
     rows = []
     for scene, part in table.groupby("scene", sort=False):
@@ -119,12 +136,15 @@ def sums(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def solving(table: pd.DataFrame) -> pd.DataFrame:
-    """For each scene and step, the solver of the stage equations that needs the fewest evaluations.
+    """Find, for each scene (orbit) and step, the solver of the stage equations that needs the fewest evaluations.
 
-    ``solver``, ``start``, ``fewest``: the best setting of the plain loop (`solvers.Loop`) and its evaluations;
-    ``engine``: the evaluations of the integrators' own solver over ``fewest``; ``fixed``, ``simplified``: those of
-    fixed point and simplified Newton from the best start, NaN without convergence; ``loosest``: the largest tolerance
-    of these two that changes the end error by less than a factor `SAME`; ``saved``: the share of evaluations saved.
+    ``table`` is that of the module `solvers`.  Columns of the result:
+
+    - solver, start, fewest : the best setting of the plain loop (`solvers.Loop`) and its evaluations
+    - engine : the evaluations of the integrators' own solver over ``fewest``
+    - fixed, simplified : evaluations of fixed point and simplified Newton from the best start, NaN without convergence
+    - loosest : the largest tolerance of these two that changes the end error by less than a factor `SAME`
+    - saved : the share of the evaluations that this tolerance saves
     """
     rows = []
     for (scene, h), part in table[table["status"] == OK].groupby(["scene", "h"], sort=False):
@@ -142,7 +162,10 @@ def solving(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def _loosest(loop: pd.DataFrame) -> dict[str, float]:
-    """The columns ``loosest`` and ``saved`` of `solving`; NaN and 0 if no tolerance leaves the error unchanged."""
+    """Find the loosest tolerance that leaves the error unchanged: the columns ``loosest`` and ``saved`` of `solving`.
+
+    ``loop`` are the rows of one scene and step; NaN and 0 if there is no such tolerance.
+    """
     found = {"loosest": np.nan, "saved": 0.0}
     for _, part in loop[loop["start"] == solvers.FIVE].groupby("solver", sort=False):
         exact = part[part["tol"] == solvers.ROUND_OFF]

@@ -33,9 +33,15 @@ Setting = tuple[str, dict]
 
 
 class Ladder(NamedTuple):
-    """An option and an orbit with an end time: ``rungs`` runs of ``fewest`` * 2^(k/2) steps, k = 0, 1, ....
+    """An option and an orbit, with the numbers of steps of the runs to make: ``fewest`` * 2^(k/2), k = 0, 1, ....
 
-    There is a certified state at the end time.
+    Attributes
+    ----------
+    option : a key of `SETTINGS`
+    problem : id and orbit, such as "henon-heiles:box"
+    t_end : end time, at which there is a certified state
+    fewest : smallest number of steps
+    rungs : how many numbers of steps there are
     """
 
     option: str
@@ -84,12 +90,12 @@ SETTINGS: dict[str, dict[str, Setting]] = {
 
 
 def settings_of(option: str) -> dict[str, Method]:
-    """The settings of an option: name -> the method with that setting."""
+    """Return the settings of an option: name of the setting -> the method with that setting."""
     return {name: method(id, **values) for name, (id, values) in SETTINGS[option].items()}
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """List the measurements (`Cell`), one for each option and orbit."""
+    """List the measurements (`Cell`), one for each option and orbit; none if ``quick``."""
     return [] if quick else [_cell(k) for k in range(len(LADDERS))]
 
 
@@ -103,12 +109,12 @@ def _cell(k: int) -> Cell:
 
 
 def numbers_of_steps(ladder: Ladder) -> list[int]:
-    """The numbers of steps to run an option with, ascending."""
+    """Return the numbers of steps of the runs of ``ladder``, ascending."""
     return [round(ladder.fewest * 2 ** (k / 2)) for k in range(ladder.rungs)]
 
 
 def measure_rows(k: int) -> Rows:
-    """Measure error and time of every setting of an option at every step on one orbit: a row for each.
+    """Measure error and time of every setting of the option ``LADDERS[k]`` at every step on its orbit: a row for each.
 
     Failed runs have no time.  Raises Unavailable if the orbit has no certified state at the end.
     """
@@ -135,7 +141,10 @@ def _call(run, h: float, steps: int):
 
 
 def _rung(made, record: Method, t_end: float, steps: int, end) -> dict:
-    """Run a method once: a row of status, errors, and numbers of gradient evaluations and of steps without a root."""
+    """Run a method once on the problem ``made``: a row of status, errors, gradient evaluations and fallbacks.
+
+    ``end`` is the certified end state; fallbacks are steps whose equation had no root.
+    """
     h = t_end / steps
     run = integrate(made, record, h=h, steps=steps, save_every=max(1, steps // ROWS))
     with np.errstate(all="ignore"):

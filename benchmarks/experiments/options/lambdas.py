@@ -28,7 +28,14 @@ METHODS = ("scheme-i", "scheme-iii", "scheme-iii-suzuki-4")
 
 
 class Sight(NamedTuple):
-    """An orbit, its end time and a number of steps, which each of `FINER` multiplies in a run of its own."""
+    """An orbit on which all lambda are compared.
+
+    Attributes
+    ----------
+    problem : id and orbit, such as "pendulum:swinging"
+    t_end : end time
+    steps : number of steps of the coarsest run; the runs have this number times each factor of `FINER`
+    """
 
     problem: str
     t_end: float
@@ -52,7 +59,7 @@ ROWS = 50
 
 
 def grid(parts: int) -> list[Fraction]:
-    """Lambda from `LOW` to `HIGH` in steps of 1 / ``parts``."""
+    """Return the values of lambda from `LOW` to `HIGH` in steps of 1 / ``parts``."""
     return [Fraction(k, parts) for k in range(LOW * parts, HIGH * parts + 1)]
 
 
@@ -71,9 +78,10 @@ def _cell(k: int, id: str) -> Cell:
 
 
 def errors(made, id: str, lams, t_end: float, steps: int, true: np.ndarray) -> list[tuple[float, float]]:
-    """(error at the end, largest error at equidistant times) of each lambda, in the max norm; infinite if a run stops.
+    """Return (error at the end, largest error at equidistant times) for each lambda, in the max norm.
 
-    ``true`` is an array (times, 2 d): the exact states at these times.
+    ``made`` is the problem, ``id`` the method, ``lams`` are the values of lambda.  ``true`` is an array (times, 2 d):
+    the exact states at these times.  Errors are infinite if a run stops.
     """
     n = len(lams)
     found = integrate_ensemble(
@@ -92,9 +100,10 @@ def errors(made, id: str, lams, t_end: float, steps: int, true: np.ndarray) -> l
 
 
 def largest(made, id: str, lams, h: float) -> list[float]:
-    """The largest step of each lambda, among `LENGTHS` times ``h``, up to which every run of `SURVIVED` steps survives.
+    """Return, for each lambda, the largest step up to which every run of `SURVIVED` steps survives.
 
-    A run survives if its status is ok and its energy error stays below the size of H's terms; 0 if no run survives.
+    The steps tried are `LENGTHS` times ``h``.  A run survives if its status is ok and its energy error stays below the
+    size of H's terms; 0 if no run survives.
     """
     n = len(LENGTHS)
     found = integrate_ensemble(
@@ -116,9 +125,10 @@ def largest(made, id: str, lams, h: float) -> list[float]:
 
 
 def measure_rows(k: int, id: str) -> Rows:
-    """Measure a method's errors, cost and largest step at each lambda on one orbit: a row for each lambda.
+    """Measure the errors, cost and largest step of the method ``id`` at each lambda on the orbit ``SCENES[k]``.
 
-    Raises Unavailable if the reference solution fails.
+    Returns a row for each lambda, in a table of errors and in one of costs.  Raises Unavailable if the reference
+    solution fails.
     """
     from phasebench.reference.solvers.taylor import ReferenceFailed
 

@@ -1,7 +1,8 @@
-"""Energy error and cost of the averaged vector field method over the number of nodes of its quadrature.
+"""Energy error and cost of the averaged vector field method (AVF) over the number of nodes of its quadrature.
 
-The kernel of `families.averaged` gets one Gauss-Legendre rule with a fixed number of nodes.  By itself it increases the
-number until the integral is confirmed, if H is not a polynomial (`CONFIRMED`).  One node is the implicit midpoint rule.
+The kernel of `families.averaged` gets one Gauss-Legendre rule with a fixed number of nodes.  If H is not a polynomial,
+the method by itself increases the number until the integral is confirmed (`CONFIRMED`).  One node is the implicit
+midpoint rule.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ STEPS, ROUNDS = 2000, 7
 
 
 class Pace(NamedTuple):
-    """A problem with its orbit, and the step sizes to integrate it with."""
+    """A problem with its orbit (``problem``), and the step sizes to integrate it with (``sizes``)."""
 
     problem: str
     sizes: tuple[float, ...]
@@ -53,7 +54,10 @@ def _cell(k: int) -> Cell:
 
 
 def with_nodes(prepared: Prepared, n: int) -> Prepared:
-    """Restrict the prepared kernel to the quadrature rule with n nodes; unchanged if n is `CONFIRMED`."""
+    """Restrict a prepared kernel of the averaged vector field method to the quadrature rule with n nodes.
+
+    It is returned unchanged if n is `CONFIRMED`.
+    """
     if n == CONFIRMED:
         return prepared
     lanes = len(prepared.step.like or (0.0,))
@@ -63,13 +67,16 @@ def with_nodes(prepared: Prepared, n: int) -> Prepared:
 
 
 class Degree(NamedTuple):
-    """Stands in for a polynomial H of this degree: for degree 2 n, `rules` chooses n nodes."""
+    """Stands in for a system whose H is a polynomial of this degree: for degree 2 n, `rules` chooses n nodes."""
 
     polynomial_degree: int
 
 
 class Run:
-    """A run of the averaged vector field method with n quadrature nodes and step h from the problem's initial state."""
+    """A run of the averaged vector field method with n quadrature nodes and step h on the problem ``made``.
+
+    Calling it integrates `STEPS` steps from the problem's initial state into the rows of the arrays Q and P.
+    """
 
     def __init__(self, made, n: int, h: float):
         self.made = made
@@ -80,20 +87,23 @@ class Run:
         self.Q, self.P, self.parameter = np.empty(shape), np.empty(shape), np.empty((STEPS, 1))
 
     def __call__(self) -> bool:
-        """Integrate into the rows Q, P; True if every step was solved."""
+        """Integrate into the rows Q, P; return True if every step was solved."""
         self.layout.restart(self.made.q0, self.made.p0)
         rows, status = self.layout(self.Q, self.P, self.parameter, 1)
         return rows == STEPS and status == SOLVED
 
     def energy_error(self) -> float:
-        """The largest energy error over all steps, divided by the size of H's terms."""
+        """Return the largest energy error over all steps, divided by the size of H's terms."""
         start = np.array([self.made.q0]), np.array([self.made.p0])
         H = self.made.system.observe(self.made.system.H, np.vstack([start[0], self.Q]), np.vstack([start[1], self.P]))
         return float(np.abs(H - H[0]).max()) / scale(self.made)
 
 
 def measure_rows(k: int) -> Rows:
-    """Measure energy error and cost of the averaged vector field method: a row for each step and number of nodes."""
+    """Measure energy error and cost of the averaged vector field method on the orbit ``SCENES[k]``.
+
+    Returns a row for each step and number of nodes, by table name.
+    """
     name, sizes = SCENES[k]
     made = problem(name)
     runs = {(h, n): Run(made, n, h) for h in sizes for n in (*NODES, CONFIRMED)}

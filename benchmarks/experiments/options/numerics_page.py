@@ -1,4 +1,4 @@
-"""The page of the options that change how a step is computed: quadrature nodes, stage solvers, summation, precision."""
+"""The report page on options that change how a step is computed: quadrature nodes, stage solvers, sums, precision."""
 
 from __future__ import annotations
 
@@ -70,7 +70,10 @@ def _span(values: pd.Series) -> str:
 
 
 def answer(data: Data) -> str | None:
-    """A sentence: what compensated sums and quadrature nodes gain, and what solving the stage equations costs."""
+    """Write the page's answer: what compensated sums and quadrature nodes gain, and what solving stage equations costs.
+
+    ``data`` maps a table's name to the table; None if none was measured.
+    """
     rules, stages, ends = (table_or_none(data, name) for name in TABLES[:3])
     parts = []
     if ends is not None and len(found := findings.sums(ends)):
@@ -84,7 +87,10 @@ def answer(data: Data) -> str | None:
 
 
 def table(data: Data) -> Table | None:
-    """The page's table: gain and cost of each option's best setting, a line for each scene."""
+    """Make the page's table: the gain and the cost of each option's best setting, a line for each scene (orbit).
+
+    ``data`` maps a table's name to the table; None if none was measured.
+    """
     rules, stages, ends, costs = (table_or_none(data, name) for name in TABLES)
     rows = [] if rules is None else _nodes(rules)
     rows += [] if stages is None else _solvers(stages)

@@ -1,4 +1,4 @@
-"""The page of the options that change the step map: lambda, order, energy-preserving method."""
+"""The report page on options that change the step map: lambda, order, energy-preserving method."""
 
 from __future__ import annotations
 
@@ -13,7 +13,10 @@ TABLES = (lambdas.ERRORS, lambdas.COSTS, ladders.TABLE)
 
 
 def line(option: str, scene: str, setting: str, gives: str, costs: str) -> dict:
-    """A line of the page's table: the best setting of an option in a scene, what it gives, and what it costs."""
+    """Make a line of the page's table: the best setting of an option on a scene (orbit), its gain and its cost.
+
+    All arguments are texts.
+    """
     return {"option": option, "scene": scene, "best setting": setting, "gives": gives, "costs": costs}
 
 
@@ -23,7 +26,7 @@ def times(x: float) -> str:
 
 
 def table_or_none(data: Data, name: str) -> pd.DataFrame | None:
-    """A table of ``data``; None if it is missing or empty."""
+    """Return a table of ``data`` (name -> table); None if it is missing or empty."""
     found = data(name)
     return None if found is None or found.empty else found
 
@@ -37,7 +40,10 @@ def _lambdas(errors: pd.DataFrame, costs: pd.DataFrame | None) -> list[dict]:
 
 
 def _dearer(row, costs: pd.DataFrame | None) -> str:
-    """A text: gradient evaluations a step near the best lambda over those at 1/2; empty if not measured."""
+    """Write the gradient evaluations a step near the best lambda over those at 1/2, as text; "" if not measured.
+
+    ``row`` is a row of `findings.best_lambdas`, ``costs`` the table of costs of `lambdas`.
+    """
     if costs is None:
         return ""
     part = costs[(costs["scene"] == row["scene"]) & (costs["method"] == row["method"])]
@@ -64,7 +70,10 @@ def _ladders(rungs: pd.DataFrame) -> list[dict]:
 
 
 def answer(data: Data) -> str | None:
-    """A sentence: how often lambda = 1/2 is best, and which settings are fastest at the smallest error."""
+    """Write the page's answer: how often lambda = 1/2 is best, and the fastest settings at the smallest error.
+
+    ``data`` maps a table's name to the table; None if none was measured.
+    """
     errors, rungs = (table_or_none(data, name) for name in (lambdas.ERRORS, ladders.TABLE))
     parts = []
     if errors is not None and len(found := verdicts.coarse(errors)):
@@ -79,12 +88,15 @@ def answer(data: Data) -> str | None:
 
 
 def _best(found: pd.DataFrame) -> str:
-    """A text: the fastest settings at the smallest error that any scene reaches."""
+    """Write the fastest settings at the smallest error that any scene reaches; ``found``: from `findings.cheapest`."""
     return " or ".join(found[found["error"] == found["error"].min()]["setting"].unique())
 
 
 def table(data: Data) -> Table | None:
-    """The page's table: for each option and scene the best setting, what it gains and what it costs; None without data."""
+    """Make the page's table: for each option and scene (orbit) the best setting, its gain and its cost.
+
+    ``data`` maps a table's name to the table; None if none was measured.
+    """
     errors, costs, rungs = (table_or_none(data, name) for name in TABLES)
     rows = [] if errors is None else _lambdas(errors, costs)
     rows += [] if rungs is None else _ladders(rungs)
@@ -98,7 +110,10 @@ def table(data: Data) -> Table | None:
 
 @of(ladders.TABLE)
 def full_table(rungs: pd.DataFrame) -> pd.DataFrame | None:
-    """For each option and scene, the fastest setting at every error."""
+    """Make the page's longer table: for each option and scene (orbit), the fastest setting at every error.
+
+    ``rungs`` is the table of the module `ladders`.
+    """
     out = pd.concat([findings.cheapest(rungs, option).assign(option=option) for option in ladders.SETTINGS])
     if out.empty:
         return None

@@ -44,7 +44,7 @@ STEPS, MOST, EPS = 200, 60, float(np.finfo(float).eps)
 
 
 class Pace(NamedTuple):
-    """A problem with its orbit, and the step sizes to integrate it with."""
+    """A problem with its orbit (``problem``), and the step sizes to integrate it with (``sizes``)."""
 
     problem: str
     sizes: tuple[float, ...]
@@ -72,7 +72,13 @@ def _cell(k: int) -> Cell:
 
 
 class Gauss:
-    """The s-stage Gauss tableau in doubles, and the weights that extrapolate the last step's polynomial."""
+    """The s-stage Gauss tableau in doubles, and the weights that extrapolate the last step's polynomial.
+
+    Attributes
+    ----------
+    A, b, c : coefficients (s, s), weights (s,) and nodes (s,)
+    forward : matrix (s, s) from the slopes of the last step to extrapolated slopes of the next
+    """
 
     def __init__(self, s: int):
         A, _, b, c = runge_kutta("gauss", s)
@@ -83,13 +89,16 @@ class Gauss:
 
 
 def jacobian(f: Callable, y: np.ndarray, at: np.ndarray) -> np.ndarray:
-    """The Jacobian of f at y by forward differences, with ``at`` = f(y): one evaluation per variable."""
+    """Compute the Jacobian of f at y by forward differences, with ``at`` = f(y): one evaluation per variable."""
     steps = EPS**0.5 * np.maximum(np.abs(y), np.abs(y).max())
     return np.array([(f(y + step * e) - at) / step for step, e in zip(steps, np.eye(len(y)), strict=True)]).T
 
 
 class Loop:
     """A run of the Gauss method, with a choice of solver, starting values and tolerance.
+
+    ``f`` is the vector field and ``y0`` the initial state (2 d,); ``solver``, ``start`` and ``tol`` are as in
+    `SETTINGS`.
 
     Attributes
     ----------
@@ -104,12 +113,12 @@ class Loop:
         self.evaluations = self.iterations = 0
 
     def slopes(self, K: np.ndarray) -> np.ndarray:
-        """The right-hand sides f(y + h A K), array (s, 2 d)."""
+        """Compute the right-hand sides f(y + h A K) of the stage equations at the slopes K, array (s, 2 d)."""
         self.evaluations += STAGES
         return np.array([self.f(y) for y in self.y + self.h * self.gauss.A @ K])
 
     def first(self) -> np.ndarray:
-        """The starting values of the slopes K for the iteration, array (s, 2 d)."""
+        """Return the starting values of the slopes K for the iteration of the next step, array (s, 2 d)."""
         if not self.last or self.start == ZERO:
             return np.zeros((STAGES, len(self.y)))
         if self.start == POLYNOMIAL:
@@ -118,7 +127,7 @@ class Loop:
         return sum((-1) ** j * comb(m, j + 1) * K for j, K in enumerate(self.last))
 
     def matrix(self, K: np.ndarray) -> np.ndarray | None:
-        """The matrix of Newton's linear equations at the slopes K; None for the fixed-point iteration."""
+        """Compute the matrix of Newton's linear equations at the slopes K; None for the fixed-point iteration."""
         if self.solver == FIXED:
             return None
         if self.solver == SIMPLE:
@@ -131,7 +140,7 @@ class Loop:
         return np.eye(K.size) - self.h * np.vstack(rows)
 
     def step(self) -> bool:
-        """Take a step of the Gauss method; False if its stage equations are not solved."""
+        """Take a step of the Gauss method; return False if its stage equations are not solved."""
         K, last, size = self.first(), np.inf, np.abs(self.y).max()
         matrix = self.matrix(K)
         for k in range(MOST):
@@ -154,7 +163,7 @@ class Loop:
         return False
 
     def run(self, steps: int) -> bool:
-        """Take up to ``steps`` steps; False if one of them is not solved."""
+        """Take up to ``steps`` steps; return False if the equations of one of them are not solved."""
         with np.errstate(all="ignore"):
             try:
                 return all(self.step() for _ in range(steps))
@@ -163,9 +172,10 @@ class Loop:
 
 
 def measure_rows(k: int) -> Rows:
-    """Measure evaluations and error of every solver, start and tolerance on an orbit: a row for each at each step.
+    """Measure evaluations and error of every solver, start and tolerance on the orbit ``SCENES[k]``: rows by table.
 
-    One more row for each step has the counts of the solver inside the integrators.
+    There is a row for each of these at each step size, and one more for each step size with the counts of the solver
+    inside the integrators.
     """
     name, sizes = SCENES[k]
     made = problem(name)

@@ -15,14 +15,17 @@ DEAR = 2.0
 
 
 def coarse(errors: pd.DataFrame) -> pd.DataFrame:
-    """Select the larger of the two steps from the best lambdas (`findings.best_lambdas`)."""
+    """Select, from the best lambdas (`findings.best_lambdas`), the rows of the larger of the two steps."""
     found = findings.best_lambdas(errors)
     return found[found["finer"] == found["finer"].min()] if len(found) else found
 
 
 @of(lambdas.ERRORS)
 def half_is_best(errors: pd.DataFrame) -> Verdict | None:
-    """Whether lambda = 1/2 has the smallest error along the trajectory, in every scheme and scene."""
+    """Judge whether lambda = 1/2 has the smallest error along the trajectory, in every scheme and on every orbit.
+
+    ``errors`` is the table of errors of the module `lambdas`; None if no run at 1/2 can be compared.
+    """
     found = coarse(errors)
     if found.empty:
         return None
@@ -39,7 +42,10 @@ def half_is_best(errors: pd.DataFrame) -> Verdict | None:
 
 @of(lambdas.COSTS)
 def half_is_longest(costs: pd.DataFrame) -> Verdict | None:
-    """Whether lambda = 1/2 allows the longest step, in every scheme and scene."""
+    """Judge whether lambda = 1/2 allows the longest step, in every scheme and on every orbit.
+
+    ``costs`` is the table of costs of the module `lambdas`; None if it has no run at 1/2.
+    """
     found = findings.longest(costs)
     if found.empty:
         return None
@@ -54,9 +60,10 @@ def half_is_longest(costs: pd.DataFrame) -> Verdict | None:
 
 
 def _scenes(found: pd.DataFrame, good) -> tuple[Count, str] | None:
-    """(count of scenes for which ``good`` is true, text of the others); None without rows.
+    """Count the scenes (orbits) for which ``good`` is true: (count, text that names the others); None without rows.
 
-    ``good`` gets a scene's fastest settings, from the largest to the smallest error.
+    ``found`` comes from `findings.cheapest`; ``good`` gets a scene's fastest settings, from the largest to the smallest
+    error.
     """
     if found.empty:
         return None
@@ -68,7 +75,10 @@ def _scenes(found: pd.DataFrame, good) -> tuple[Count, str] | None:
 
 @of(ladders.TABLE)
 def order_rises(rungs: pd.DataFrame) -> Verdict | None:
-    """Whether the cheapest order of a composition rises as the error falls."""
+    """Judge whether the fastest order of a composition rises as the error falls, on every orbit.
+
+    ``rungs`` is the table of the module `ladders`; None if it has no completed runs of compositions.
+    """
     found = _scenes(
         findings.cheapest(rungs, ladders.COMPOSITION), lambda orders: orders.astype(int).is_monotonic_increasing
     )
@@ -79,7 +89,10 @@ def order_rises(rungs: pd.DataFrame) -> Verdict | None:
 
 @of(ladders.TABLE)
 def higher_r_pays(rungs: pd.DataFrame) -> Verdict | None:
-    """Whether the cheapest generating function at the smallest error has a higher r than at the largest."""
+    """Judge whether the fastest generating function at the smallest error has a higher r than at the largest.
+
+    ``rungs`` is the table of the module `ladders`; None if it has no completed runs of generating functions.
+    """
     found = _scenes(findings.cheapest(rungs, ladders.GENERATING), lambda names: r(names.iloc[-1]) > r(names.iloc[0]))
     return found and Verdict(
         "A generating function of higher r pays at small errors", found[0], EVERY, "scenes", where=found[1]
@@ -87,13 +100,16 @@ def higher_r_pays(rungs: pd.DataFrame) -> Verdict | None:
 
 
 def r(setting: str) -> int:
-    """Parse the order r of a generating function from the name of its setting."""
+    """Return the order r of a generating function from the name of its setting, such as "r = 3, λ = 1/2"."""
     return ladders.SETTINGS[ladders.GENERATING][setting][1]["order"]
 
 
 @of(ladders.TABLE)
 def schemes_pay(rungs: pd.DataFrame) -> Verdict | None:
-    """Whether Scheme IV or V is the fastest energy-preserving method at some error."""
+    """Judge whether Scheme IV or V is the fastest energy-preserving method at some error, on every orbit.
+
+    ``rungs`` is the table of the module `ladders`; None if it has no run that keeps the energy.
+    """
     found = _scenes(findings.cheapest(rungs, ladders.ENERGY), lambda names: names.str.startswith("scheme-").any())
     return found and Verdict(
         "Scheme IV or V is, at some error, the cheapest energy-preserving method",
@@ -110,7 +126,10 @@ def _case(row) -> str:
 
 @of(nodes.TABLE)
 def quadrature(table: pd.DataFrame) -> Verdict | None:
-    """Whether the averaged vector field method's own choice of quadrature nodes keeps the energy."""
+    """Judge whether the averaged vector field method's own choice of quadrature nodes keeps the energy.
+
+    ``table`` is that of the module `nodes`; None if it cannot decide.
+    """
     found = findings.quadratures(table)
     if found.empty:
         return None
@@ -127,7 +146,10 @@ def quadrature(table: pd.DataFrame) -> Verdict | None:
 
 @of(nodes.TABLE)
 def quadrature_cost(table: pd.DataFrame) -> Verdict | None:
-    """Whether AVF with its own quadrature takes at most `DEAR` times as long as with the fewest nodes that keep H."""
+    """Judge whether AVF with its own quadrature takes at most `DEAR` times as long as with the fewest nodes keeping H.
+
+    ``table`` is that of the module `nodes`; None if it cannot decide.
+    """
     found = findings.quadratures(table)
     if found.empty:
         return None
@@ -143,7 +165,10 @@ def quadrature_cost(table: pd.DataFrame) -> Verdict | None:
 
 @of(solvers.TABLE)
 def solving(table: pd.DataFrame) -> Verdict | None:
-    """Whether the integrators' own solver of the stage equations needs about as few evaluations as the best tried."""
+    """Judge whether the integrators' own solver of stage equations needs about as few evaluations as the best tried.
+
+    ``table`` is that of the module `solvers`; None if it cannot decide.
+    """
     found = findings.solving(table)
     if found.empty:
         return None
@@ -158,7 +183,10 @@ def solving(table: pd.DataFrame) -> Verdict | None:
 
 @of(arithmetic.ERRORS)
 def compensation(table: pd.DataFrame) -> Verdict | None:
-    """Whether compensated sums leave less round-off than plain ones."""
+    """Judge whether compensated sums leave less round-off than plain ones, on every orbit.
+
+    ``table`` is the table of errors of the module `arithmetic`; None if it cannot decide.
+    """
     found = findings.sums(table)
     if found.empty:
         return None
@@ -175,7 +203,10 @@ def compensation(table: pd.DataFrame) -> Verdict | None:
 
 @of(arithmetic.ERRORS)
 def single(table: pd.DataFrame) -> Verdict | None:
-    """Whether double precision reaches smaller errors than single precision."""
+    """Judge whether double precision reaches smaller errors than single precision, on every orbit.
+
+    ``table`` is the table of errors of the module `arithmetic`; None if it cannot decide.
+    """
     found = findings.sums(table)
     if found.empty:
         return None

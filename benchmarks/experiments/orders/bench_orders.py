@@ -11,7 +11,7 @@ ROUND_OFF = 1e-26
 
 
 def orders_off(rows) -> list[str]:
-    """Messages about measured orders that are at least `GATE` above or below the declared ones."""
+    """Return messages about the rows whose measured order is at least `GATE` above or below the declared one."""
     return [
         f"{r['method']} on {r['problem']}: {r['order']:.3f}, declared {r['declared']}"
         for r in rows
@@ -20,7 +20,11 @@ def orders_off(rows) -> list[str]:
 
 
 def structure_off(rows) -> list[str]:
-    """Messages about defects that contradict the method's declaration, or are neither round-off nor visible."""
+    """Return messages about the defects that contradict the method's declaration.
+
+    A method that declares a property must have a defect of round-off; one that does not must have a defect large enough
+    to be seen.  ``rows`` are those of the table "structure".
+    """
 
     def right(r) -> bool:
         least = least_visible(r["method"], r["property"])
@@ -34,12 +38,15 @@ def structure_off(rows) -> list[str]:
 
 
 def bench_orders_without_round_off(measured_rows):
-    """Every method at every tested parameter has its declared order on every system where it runs."""
+    """Test that every method has its declared order in multiprecision, on every system where it runs.
+
+    This includes every tested parameter of a method.  ``measured_rows`` is a fixture: table name -> rows.
+    """
     off = orders_off(measured_rows("multiprecision"))
     assert not off, "\n".join(off)
 
 
 def bench_structure_without_round_off(measured_rows):
-    """Defects of symplecticity ||M^T J M - J|| and of symmetry agree with the declarations of every method."""
+    """Test that defects of symplecticity ||M^T J M - J|| and of symmetry agree with every method's declarations."""
     off = structure_off(measured_rows("structure"))
     assert not off, "\n".join(off)

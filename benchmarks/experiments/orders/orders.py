@@ -15,7 +15,7 @@ CODE = ("phasebench.benchmarks.measure.multiprecision", "phasebench.benchmarks.m
 def cells(quick: bool = False) -> list[Cell]:
     """List the measurements (`Cell`): one for each method on each system, one for each property of a method.
 
-    None if ``quick``.
+    The list is empty if ``quick``.
     """
     if quick:
         return []
@@ -56,7 +56,10 @@ def _structure(name: str, label: str) -> Cell:
 
 
 def order(label: str, problem: str) -> Rows:
-    """Measure a method's order on a system in many digits: a row; raises RuntimeError if it cannot be measured."""
+    """Measure the order of the method with this label on a system in many digits: one row, by table name.
+
+    Raises RuntimeError if it cannot be measured.
+    """
     chosen = multiprecision.methods()[label]
     row = _measure_or_raise("orders", label, problem)
     found = multiprecision.observed_order(row)
@@ -66,7 +69,10 @@ def order(label: str, problem: str) -> Rows:
 
 
 def structure(name: str, label: str) -> Rows:
-    """Measure a method's largest defect of a property over all systems: a row; RuntimeError if one is missing."""
+    """Measure the largest defect of a property of the method ``label`` over all test systems: one row, by table name.
+
+    ``name`` is the property: "symplecticity", "symmetry" or "volume".  Raises RuntimeError if a measurement fails.
+    """
     systems = [system for known, system in multiprecision.cells(name) if known == label]
     defects = {system: _measure_or_raise(name, label, system) for system in systems}
     declared = getattr(multiprecision.methods()[label], PROPERTIES[name])

@@ -1,4 +1,4 @@
-"""The page of the measured orders of every method on every problem, beside the declared ones."""
+"""The report page on the measured orders of every method on every problem, beside the declared ones."""
 
 from __future__ import annotations
 
@@ -23,7 +23,11 @@ BELOW = 0.5
 
 @once
 def in_doubles(rows: pd.DataFrame) -> pd.DataFrame:
-    """Select this project's orders in double precision: deviation from the declared order, half-width of interval."""
+    """Compute the orders of this project's methods in double precision from the table of runs: a row for each pair.
+
+    A pair is a method and a problem.  The columns ``deviation`` and ``half`` are the difference from the declared order
+    and half the width of the order's interval.
+    """
     records = rows.astype(object).where(rows.notna(), None).to_dict("records")
     found = pd.DataFrame(orders(records))
     if found.empty:
@@ -35,13 +39,16 @@ def in_doubles(rows: pd.DataFrame) -> pd.DataFrame:
 
 
 def _off(multiprecision: pd.DataFrame) -> pd.DataFrame:
-    """The (method, problem) pairs whose order without round-off is not the declared one."""
+    """Select the pairs (method, problem) whose order in multiprecision is `GATE` or more off the declared one."""
     return multiprecision[~((multiprecision["order"] - multiprecision["declared"]).abs() < GATE)]
 
 
 @of("multiprecision")
 def exact(multiprecision: pd.DataFrame) -> Verdict:
-    """Whether every method has its declared order in multiprecision."""
+    """Judge whether every method has its declared order in multiprecision on every problem.
+
+    ``multiprecision`` is the table of these orders, a row for each pair.
+    """
     off = _off(multiprecision)
     names = [f"{r.method} on {r.problem}: {number(r.order) or 'no window'}" for r in off.itertuples()]
     return Verdict(
@@ -56,7 +63,10 @@ def exact(multiprecision: pd.DataFrame) -> Verdict:
 
 @of("rows")
 def declared_orders(rows: pd.DataFrame) -> Verdict | None:
-    """Whether no order in double precision is far below the declared one."""
+    """Judge whether no order in double precision is far below the declared one.
+
+    ``rows`` is the table of runs; None if no order can be computed from it.
+    """
     found = in_doubles(rows)
     if found.empty:
         return None
@@ -73,7 +83,10 @@ def declared_orders(rows: pd.DataFrame) -> Verdict | None:
 
 
 def answer(data: Data) -> str | None:
-    """A sentence: how many orders are as declared."""
+    """Write the page's answer, a sentence: how many pairs of a method and a problem have the declared order.
+
+    None without orders in multiprecision.
+    """
     table = data("multiprecision")
     if table is None or table.empty:
         return None
@@ -87,7 +100,7 @@ def answer(data: Data) -> str | None:
 
 @of("multiprecision")
 def draw(multiprecision: pd.DataFrame, folder) -> list[Picture]:
-    """Draw the deviation of every measured order from the declared one."""
+    """Draw the deviation of every order in multiprecision from the declared one; a marker for each problem."""
     problems = list(dict.fromkeys(multiprecision["problem"]))
     declared = sorted(multiprecision["declared"].unique())
     with style.settings():
@@ -110,7 +123,10 @@ def draw(multiprecision: pd.DataFrame, folder) -> list[Picture]:
 
 
 def _exceptions(found: pd.DataFrame) -> pd.DataFrame:
-    """The pairs whose order in doubles differs from the declared one, with a narrow interval; largest difference first."""
+    """Select the pairs whose order in doubles differs from the declared one and has a narrow interval.
+
+    ``found`` is the result of `in_doubles`; the largest difference comes first.
+    """
     off = found[(found["points"] >= POINTS) & (found["deviation"].abs() >= GATE) & (found["half"] <= GATE)]
     return off.reindex(off["deviation"].abs().sort_values(ascending=False).index)
 
@@ -125,7 +141,10 @@ def _format_rows(found: pd.DataFrame) -> pd.DataFrame:
 
 @of("rows")
 def table(rows: pd.DataFrame) -> Table | None:
-    """The pairs of a method and a problem whose order in double precision is not the declared one; None without rows."""
+    """Make the page's table: the pairs of a method and a problem whose order in doubles is not the declared one.
+
+    ``rows`` is the table of runs; None if no order can be computed from it.
+    """
     found = in_doubles(rows)
     if found.empty:
         return None

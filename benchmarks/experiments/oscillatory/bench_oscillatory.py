@@ -1,4 +1,4 @@
-"""Check of the resonances: below the stability limit of Stormer-Verlet every method completes its runs."""
+"""Check of the runs on a highly oscillatory system: below the stability limit of Stormer-Verlet all are completed."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ STABLE = 2.0
 
 
 def off(rows) -> list[str]:
-    """Messages about the runs with a step below 0.9 times the limit of Stormer-Verlet that fail."""
+    """Return messages about the failed runs with a step below 0.9 times the stability limit of Stormer-Verlet."""
     return [
         f"{r['method']} at h omega / pi = {r['h omega / pi']:.3g}: {r['status']}: {r['reason']}"
         for r in rows
@@ -20,6 +20,9 @@ def off(rows) -> list[str]:
 
 
 def bench_oscillatory(measured_rows):
-    """Below the stability limit of Stormer-Verlet every method completes its run."""
+    """Test that below the stability limit of Stormer-Verlet every method completes its run.
+
+    ``measured_rows`` is a fixture: table name -> rows.
+    """
     wrong = off(measured_rows("oscillatory"))
     assert not wrong, "\n".join(wrong)

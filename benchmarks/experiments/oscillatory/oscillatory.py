@@ -30,17 +30,17 @@ FIRST, LAST = 0.1, 4.5
 
 
 def methods() -> tuple[Method, ...]:
-    """List every method for a fast linear part, and Stormer-Verlet."""
+    """List every method for systems with a fast linear part, and Stormer-Verlet."""
     return (*METHODS, method("stormer-verlet"))
 
 
 def multiples(parts: int) -> list[float]:
-    """The grid of h omega / pi: `FIRST`, then the multiples of 1 / ``parts`` up to `LAST`."""
+    """Return the grid of h omega / pi: `FIRST` / pi, then the multiples of 1 / ``parts`` up to `LAST`."""
     return [FIRST / math.pi, *(k / parts for k in range(1, round(LAST * parts) + 1) if k / parts > FIRST / math.pi)]
 
 
 def errors(methods: Iterable[Method], ratios: Sequence[float], t_end: float = SPAN, **parameters):
-    """Errors on the Fermi-Pasta-Ulam problem, a DataFrame of one row for each method and each h omega / pi.
+    """Integrate the Fermi-Pasta-Ulam problem and return the errors: a row for each method and each h omega / pi.
 
     Parameters
     ----------
@@ -102,6 +102,6 @@ def _cell(chosen: Method) -> Cell:
 
 
 def measure_rows(id: str) -> Rows:
-    """Measure a method's errors on the Fermi-Pasta-Ulam problem: a row for each h omega."""
+    """Measure the errors of the method ``id`` on the Fermi-Pasta-Ulam problem: rows for all h omega, by table name."""
     frame = errors([method(id)], multiples(PARTS))
     return {"oscillatory": frame.astype(object).where(frame.notna(), None).to_dict("records")}

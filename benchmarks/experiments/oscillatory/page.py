@@ -1,4 +1,4 @@
-"""The page of the Fermi-Pasta-Ulam problem over h omega: stability, resonances, errors of H and of I."""
+"""The report page on the Fermi-Pasta-Ulam problem over h omega: stability, resonances, errors of H and of I."""
 
 from __future__ import annotations
 
@@ -25,12 +25,15 @@ LIMITS = (1e-6, 1e2)
 
 
 def _energy_lost(frame: pd.DataFrame) -> pd.Series:
-    """True for each run that failed or has an energy error of `LOST` or more."""
+    """Mark each run that failed or has an energy error of `LOST` or more: a boolean series."""
     return (frame["status"] != "ok") | ~(frame[ENERGY] < LOST)
 
 
 def _summary(frame: pd.DataFrame) -> pd.DataFrame:
-    """A row for each method: the number of step sizes that lose the energy, where they are, median and greatest errors."""
+    """Summarize the runs of each method: a row with the number of step sizes that lose the energy, where, and errors.
+
+    The errors of H and of the oscillatory energy I are given as medians and as greatest values.
+    """
     rows = []
     for name, part in frame.groupby("method", sort=False):
         lost = _energy_lost(part)
@@ -55,7 +58,10 @@ def _summary(frame: pd.DataFrame) -> pd.DataFrame:
 
 
 def _where(part: pd.DataFrame, lost: pd.Series) -> str:
-    """A text on where a method loses the energy: above a step, or near multiples of pi and at how many other steps."""
+    """Write where a method loses the energy: above a step, or near multiples of pi and at how many other steps.
+
+    ``part`` are the rows of the method, ``lost`` marks the runs that lose the energy; "" if none does.
+    """
     ratios = part.loc[lost, RATIO]
     if ratios.empty:
         return ""
@@ -70,7 +76,7 @@ def _where(part: pd.DataFrame, lost: pd.Series) -> str:
 
 @of("oscillatory")
 def survivors(frame: pd.DataFrame) -> Verdict:
-    """Whether some method keeps the energy at every step size."""
+    """Judge whether some method keeps the energy at every step size; ``frame`` is the table of runs."""
     summary = _summary(frame)
     worst = summary.loc[summary["energy lost"].idxmax()]
     return Verdict(
@@ -84,7 +90,7 @@ def survivors(frame: pd.DataFrame) -> Verdict:
 
 @of("oscillatory")
 def answer(frame: pd.DataFrame) -> str:
-    """A sentence: the methods that keep the energy at every step, and the smallest step at which others lose it."""
+    """Write the page's answer: the methods that keep the energy at every step, and from which step others lose it."""
     summary = _summary(frame)
     whole, others = summary[summary["energy lost"] == 0], summary[summary["energy lost"] > 0]
     names = join_list(list(whole["method"]), 2) if len(whole) else "No method"
@@ -97,7 +103,7 @@ def answer(frame: pd.DataFrame) -> str:
 
 @of("oscillatory")
 def draw(frame: pd.DataFrame, directory: Path) -> list[Picture]:
-    """Draw the errors of H and I against h omega / pi, a panel for each method."""
+    """Draw the errors of H and of the oscillatory energy I against h omega / pi, a panel for each method."""
     names = list(dict.fromkeys(frame["method"]))
     columns = 3
     with style.settings():
@@ -134,7 +140,7 @@ def draw(frame: pd.DataFrame, directory: Path) -> list[Picture]:
 
 @of("oscillatory")
 def table(frame: pd.DataFrame) -> Table:
-    """The page's table: at how many step sizes each method loses the energy, and its errors."""
+    """Make the page's table, a row for each method: at how many step sizes it loses the energy, and its errors."""
     caption = (
         f"Greatest errors over a run. Lost: no finite end, a step refused, or an error of H of {number(LOST)} or more; "
         f"near a multiple of π: within {NEAR} π of it. Medians are over the step sizes at which the energy is not lost."
@@ -144,7 +150,7 @@ def table(frame: pd.DataFrame) -> Table:
 
 @of("oscillatory")
 def _full_table(frame: pd.DataFrame) -> pd.DataFrame:
-    """The runs that lose the energy, with their step sizes."""
+    """Make the page's longer table: the runs that lose the energy, with h omega / pi, status and errors."""
     columns = ["method", RATIO, "status", ENERGY, OSCILLATORY]
     return frame[_energy_lost(frame)][columns]
 

@@ -1,4 +1,4 @@
-"""The page of splittings through many parts."""
+"""The report page on splittings of H into many parts, around black holes."""
 
 from __future__ import annotations
 
@@ -32,7 +32,11 @@ def _where(row: pd.Series) -> str:
 
 @of(ENERGY)
 def bounded(rows: pd.DataFrame) -> Verdict | None:
-    """Whether the energy of explicit splittings through parts stays bounded."""
+    """Judge whether the energy of explicit splittings into parts stays bounded.
+
+    The spread over all steps may be at most `BOUNDED` times that over the first tenth.  ``rows`` is the table of long
+    runs; None if it has no splitting.
+    """
     own = rows[rows["split"].astype(bool)]
     if own.empty:
         return None
@@ -48,7 +52,10 @@ def bounded(rows: pd.DataFrame) -> Verdict | None:
 
 @of(ENERGY)
 def grows(rows: pd.DataFrame) -> Verdict | None:
-    """Whether the energy of a Runge-Kutta method grows: the control."""
+    """Judge whether the energy of the fourth-order Runge-Kutta method, the control, grows.
+
+    ``rows`` is the table of long runs; None if it has none of this method.
+    """
     explicit = rows[rows["method"] == "rk4"]
     if explicit.empty:
         return None
@@ -65,7 +72,10 @@ def grows(rows: pd.DataFrame) -> Verdict | None:
 
 @of(ACCURACY)
 def orders(rows: pd.DataFrame) -> Verdict | None:
-    """Whether splittings through parts have their orders: each run's last order above round-off."""
+    """Judge whether splittings into parts have their declared orders: of each run, at the least step above round-off.
+
+    ``rows`` is the table of errors; None if it has no order of a splitting.
+    """
     told = rows[rows["order"].notna() & rows["split"].astype(bool)]
     if told.empty:
         return None
@@ -82,7 +92,7 @@ def orders(rows: pd.DataFrame) -> Verdict | None:
 
 
 def _ratios(rows: pd.DataFrame, worse: str, better: str) -> pd.Series:
-    """The errors of one method over those of another at the least step, by problem."""
+    """Divide the errors of the method ``worse`` by those of ``better`` at the least step: a series by problem."""
     least = rows[np.isclose(rows["h"], rows["h"].min())]
     errors = least.pivot_table(index="problem", columns="method", values="error")
     return (errors[worse] / errors[better]).dropna() if {worse, better} <= set(errors) else pd.Series(dtype=float)
@@ -90,7 +100,10 @@ def _ratios(rows: pd.DataFrame, worse: str, better: str) -> pd.Series:
 
 @of(ACCURACY)
 def optimized(rows: pd.DataFrame) -> Verdict | None:
-    """Whether an optimized composition is as much better than Yoshida's as is said."""
+    """Judge whether an optimized composition of order 4 is, as is claimed, `ORDERS` times better than Yoshida's.
+
+    Their errors are compared at the least step; ``rows`` is the table of errors, None if it lacks one of the two.
+    """
     ratios = _ratios(rows, "abc-yoshida-4", "abc-4")
     if ratios.empty:
         return None
@@ -105,7 +118,10 @@ def optimized(rows: pd.DataFrame) -> Verdict | None:
 
 @of(ACCURACY)
 def midpoint(rows: pd.DataFrame) -> Verdict | None:
-    """Whether Strang's splitting is as accurate as the implicit midpoint rule."""
+    """Judge whether Strang's splitting is as accurate as the implicit midpoint rule at the least step.
+
+    ``rows`` is the table of errors; None if it lacks one of the two.
+    """
     ratios = _ratios(rows, "implicit-midpoint", "abc-2")
     if ratios.empty:
         return None
@@ -119,7 +135,10 @@ def midpoint(rows: pd.DataFrame) -> Verdict | None:
 
 
 def answer(data: Data) -> str | None:
-    """A sentence: boundedness, and what the optimized composition gains."""
+    """Write the page's answer, a sentence: how bounded energies are, and what the optimized composition gains.
+
+    ``data`` maps a table's name to the table; None if one of the numbers was not measured.
+    """
     found = [verdict(data) for verdict in (bounded, grows, optimized)]
     if None in found:
         return None
@@ -132,7 +151,7 @@ def answer(data: Data) -> str | None:
 
 @of(ACCURACY)
 def draw(rows: pd.DataFrame, folder: Path) -> list[Picture]:
-    """The error of the end state against the step."""
+    """Draw the error of the end state against the step, a panel for each problem and a curve for each method."""
     with style.settings():
         figure, (panels,) = style.panels(1, 2, 3.4)
         for axes, name in zip(panels, PROBLEMS, strict=True):
@@ -151,7 +170,7 @@ def draw(rows: pd.DataFrame, folder: Path) -> list[Picture]:
 
 @of(ACCURACY)
 def table(rows: pd.DataFrame) -> Table:
-    """The errors at one step."""
+    """Make the page's table: the errors, orders and evaluations of each method on each problem at the step h = 1."""
     one = rows[np.isclose(rows["h"], 1.0)]
     columns = ["problem", "method", "error", "uncertainty", "order", "evaluations"]
     caption = (

@@ -1,1 +1,1 @@
-"""Experiment: are the talks' printed tables reproduced?"""
+"""Experiment: are the error tables printed in a talk on symplectic schemes reproduced?"""

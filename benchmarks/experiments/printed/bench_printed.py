@@ -1,4 +1,4 @@
-"""Checks of the talk's printed tables, entry by entry, and of the one column that is not reproduced."""
+"""Checks of the error tables printed in a talk, entry by entry, and of the one column that is not reproduced."""
 
 from __future__ import annotations
 
@@ -20,7 +20,11 @@ def cells(quick: bool = False):
 
 
 def off(rows) -> list[str]:
-    """Messages about entries that differ by more than 0.6 of the last digit, and Scheme IV if its order is not 2."""
+    """Return messages about printed entries that the measured ones miss by more than 0.6 of the last digit.
+
+    Of Scheme IV, whose column is not reproduced, there is a message if its measured order is not 2.  ``rows`` are dicts
+    of the table "printed".
+    """
     out = []
     for column, members in groupby(rows, lambda r: (r["scheme"], r["lambda"] or None)):
         members = list(members)
@@ -37,7 +41,10 @@ def off(rows) -> list[str]:
 
 
 def scans_without_root(rows) -> list[str]:
-    """Messages about scans in which some step of Scheme IV has no root lambda within `NEAR` of 1/2."""
+    """Return messages about the scans in which some step of Scheme IV has no root lambda within `NEAR` of 1/2.
+
+    ``rows`` are those of the table of scans, one for each step size h.
+    """
     ends = ("nearest root, least", "nearest root, greatest")
     return [
         f"h = {r['h']}: a step lost its root near 1/2"
@@ -47,12 +54,15 @@ def scans_without_root(rows) -> list[str]:
 
 
 def bench_printed(measured_rows):
-    """Every entry agrees to 0.6 of the last printed digit, except Scheme IV, which has order 2, as its theorem says."""
+    """Test that every printed entry agrees with the measured one to 0.6 of the last digit, except for Scheme IV.
+
+    Scheme IV must have order 2, as its theorem says.  ``measured_rows`` is a fixture: table name -> rows.
+    """
     wrong = off(measured_rows("printed"))
     assert not wrong, "\n".join(wrong)
 
 
 def bench_root_scan(measured_rows):
-    """An exhaustive scan of lambda finds a root near 1/2 in every step of Scheme IV."""
+    """Test that an exhaustive scan of lambda finds a root near 1/2 in every step of Scheme IV."""
     wrong = scans_without_root(measured_rows("riddle"))
     assert not wrong, "\n".join(wrong)

@@ -1,4 +1,4 @@
-"""The page of the talk's printed tables beside the measured ones, with the printed column of Scheme IV."""
+"""The report page on a talk's printed error tables beside the measured ones, with the printed column of Scheme IV."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from .recipes import CLAIM
 
 
 def _split_schemes(printed: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """(the entries of Scheme IV, those of all other schemes)."""
+    """Split the table of printed entries into (the entries of Scheme IV, those of all other schemes)."""
     iv = printed["scheme"] == SCHEME_IV[0]
     return printed[iv], printed[~iv]
 
@@ -26,7 +26,10 @@ def _agreeing(entries: pd.DataFrame) -> Count:
 
 @of("printed")
 def agreement(printed: pd.DataFrame) -> Verdict | None:
-    """Whether the printed entries of all schemes but Scheme IV are reproduced."""
+    """Judge whether the printed entries of all schemes but Scheme IV are reproduced.
+
+    ``printed`` is the table of entries; None if it has only Scheme IV.
+    """
     _, rest = _split_schemes(printed)
     if rest.empty:
         return None
@@ -43,7 +46,10 @@ def agreement(printed: pd.DataFrame) -> Verdict | None:
 
 @of("printed")
 def scheme_iv(printed: pd.DataFrame) -> Verdict | None:
-    """Whether Scheme IV's printed column is reproduced."""
+    """Judge whether Scheme IV's printed column is reproduced.
+
+    ``printed`` is the table of entries; None if it has fewer than three of Scheme IV.
+    """
     iv, _ = _split_schemes(printed)
     if len(iv) < 3:
         return None
@@ -52,7 +58,10 @@ def scheme_iv(printed: pd.DataFrame) -> Verdict | None:
 
 @of("riddle")
 def roots(scans: pd.DataFrame) -> Verdict:
-    """Whether every step of Scheme IV has a root lambda near 1/2, so that no other branch of roots is taken."""
+    """Judge whether every step of Scheme IV has a root lambda near 1/2, so that no other branch of roots is taken.
+
+    ``scans`` is the table of the scans for roots, a row for each step size.
+    """
     steps, without = int(scans["steps"].sum()), int(scans["without a root"].sum())
     closest = (scans["far root closest to 1/2"] - 0.5).abs().min()
     return Verdict(
@@ -66,7 +75,10 @@ def roots(scans: pd.DataFrame) -> Verdict:
 
 @of("riddle_columns")
 def explanations(columns: pd.DataFrame) -> Verdict | None:
-    """Whether no other computation, such as a constant parameter, gives Scheme IV's printed column."""
+    """Judge whether no other computation, such as a constant parameter, gives Scheme IV's printed column.
+
+    ``columns`` is the table of the computations that were tried (recipes), a row for each; None if it has none.
+    """
     recipes, entries = columns[columns["recipe"] != CLAIM], len(_entries(columns))
     if recipes.empty:
         return None
@@ -83,7 +95,10 @@ def explanations(columns: pd.DataFrame) -> Verdict | None:
 
 @of("printed")
 def answer(printed: pd.DataFrame) -> str:
-    """A sentence: how many entries are reproduced, and the orders of Scheme IV's printed and measured columns."""
+    """Write the page's answer, a sentence: how many printed entries are reproduced, and the orders of Scheme IV.
+
+    The orders are those of its printed and of its measured column.
+    """
     iv, rest = _split_schemes(printed)
     same = _agreeing(rest)
     text = f"Of Schemes I–III, AVF and V {same.n} of {same.of} printed entries are reproduced"
@@ -96,7 +111,7 @@ def answer(printed: pd.DataFrame) -> str:
 
 
 def _entries(columns: pd.DataFrame) -> list[str]:
-    """The names of the columns with entries of the printed table, one for each step size."""
+    """List the columns of the table that hold entries of the printed table, one for each step size."""
     return [c for c in columns if c not in ("recipe", "entries that agree")]
 
 
@@ -140,7 +155,7 @@ def _format_rows(printed: pd.DataFrame) -> pd.DataFrame:
 
 @of("riddle_columns")
 def table(columns: pd.DataFrame) -> Table:
-    """The computations tried for Scheme IV's printed column, those with most agreeing entries first."""
+    """Make the page's table: the computations tried for Scheme IV's printed column, those that agree most first."""
     heads = _entries(columns)
     written = columns.assign(**{c: [f"{float(x):.3e}" for x in columns[c]] for c in heads})
     shown = written.sort_values("entries that agree", ascending=False, kind="stable").rename(

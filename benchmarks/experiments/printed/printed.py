@@ -49,18 +49,25 @@ SCHEME_IV = ("scheme-iv", None)
 
 
 def unit(printed: str) -> float:
-    """One unit of the last digit of an entry such as 4.31E-03."""
+    """Return one unit of the last digit of a printed entry such as 4.31E-03."""
     return 10.0 ** (floor(log10(float(printed))) - 2)
 
 
 def ends(made, chosen) -> list[np.ndarray]:
-    """The end states (q, p), arrays (2 d,), of a problem with a method at t = 1, for each step size of `STEPS`."""
+    """Integrate the problem ``made`` by the method ``chosen`` to t = 1 with each step size of `STEPS`.
+
+    Returns the end states (q, p), arrays (2 d,).
+    """
     found = [integrate(made, chosen, h=h, t_end=1.0, save_every=0) for h in STEPS]
     return [end_state(s) for s in found]
 
 
 def column_rows(scheme: str, lam: str | None) -> Iterator[dict]:
-    """Reproduce a printed column: rows of h, printed entry, refinement difference, order, error, distance in digits."""
+    """Reproduce the printed column of a scheme at the parameter ``lam``: yield a row for each step size.
+
+    A row has h, the printed entry, the measured refinement difference, the order, the error and its uncertainty, and
+    the distance from the printed entry in units of its last digit.
+    """
     made = problem("henon-heiles:chaotic")
     chosen = method(scheme, **({} if lam is None else {"lam": lam}))
     true = truth(SCENE)
@@ -83,7 +90,7 @@ def column_rows(scheme: str, lam: str | None) -> Iterator[dict]:
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """List the measurements (`Cell`), one for each printed column; that of Scheme I at 1/3 is in the quick tier."""
+    """List the measurements (`Cell`), one for each printed column; a quick run makes that of Scheme I at 1/3 only."""
     return [_cell(scheme, lam, (scheme, lam) == ("scheme-i", "1/3")) for scheme, lam in PRINTED]
 
 
@@ -102,10 +109,10 @@ def _cell(scheme: str, lam: str | None, handful: bool) -> Cell:
 
 
 def column(scheme: str, lam: str | None) -> Rows:
-    """Reproduce one printed column of the talk's tables: its rows, by table name."""
+    """Reproduce the printed column of a scheme at the parameter ``lam``: its rows, by table name."""
     return {"printed": list(column_rows(scheme, lam))}
 
 
 def table() -> list[dict]:
-    """Reproduce every printed column: all rows."""
+    """Reproduce every printed column, and return all rows."""
     return [row for column in PRINTED for row in column_rows(*column)]

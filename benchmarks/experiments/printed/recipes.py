@@ -1,7 +1,7 @@
 """Candidates for the printed column of Scheme IV: other roots of its energy equation, other computations.
 
-The talk's table shows Scheme IV as first order.  By its theorem (lambda = 1/2 + O(h)) it is second order, as it is
-measured with the root nearest 1/2.
+The talk's table shows Scheme IV as first order.  By its theorem (lambda = 1/2 + O(h)) it is second order, and so it is
+as measured with the root nearest 1/2.
 """
 
 from __future__ import annotations
@@ -25,7 +25,15 @@ from .printed import AGREEMENT, PRINTED, SCHEME_IV, STEPS, unit
 
 @dataclass(frozen=True)
 class Recipe:
-    """A candidate for how a printed column was computed: a method, steps beyond t = 1, whether only q is compared."""
+    """A candidate for how a printed column was computed.
+
+    Attributes
+    ----------
+    name : its name in the table
+    method : the method
+    beyond : number of steps beyond t = 1
+    q_alone : whether only q is compared
+    """
 
     name: str
     method: Method
@@ -33,7 +41,7 @@ class Recipe:
     q_alone: bool = False
 
     def column(self, found: Problem) -> list[float]:
-        """The refinement differences ||y_h - y_2h|| of this computation on a problem at the talk's steps."""
+        """Compute the refinement differences ||y_h - y_2h|| of this candidate on a problem at the talk's steps."""
         kept = slice(found.system.d if self.q_alone else None)
         states = [
             end_state(integrate(found, self.method, h=h, steps=round(1 / h) + self.beyond, save_every=0)) for h in STEPS
@@ -42,7 +50,7 @@ class Recipe:
 
 
 def scheme_i(lam: str) -> Method:
-    """Scheme I with the constant parameter ``lam``."""
+    """Return Scheme I with the constant parameter ``lam``."""
     return method("scheme-i", lam=lam)
 
 
@@ -58,12 +66,15 @@ CLAIM = "printed for Scheme IV"
 
 
 def agreeing(column: Sequence[float]) -> int:
-    """The number of entries of a column that agree with Scheme IV's printed ones within `AGREEMENT` last digits."""
+    """Count the entries of a column that agree with Scheme IV's printed ones within `AGREEMENT` last digits."""
     return sum(abs(x - float(t)) <= AGREEMENT * unit(t) for x, t in zip(column, PRINTED[SCHEME_IV], strict=True))
 
 
 def columns() -> list[dict]:
-    """A row for the printed column, and one for each of `RECIPES`, with the number of entries that agree."""
+    """Compute the table of candidates: a row for the printed column of Scheme IV, and one for each of `RECIPES`.
+
+    A row has the entry at each step size, and the number of entries that agree with the printed ones.
+    """
     found = problem("henon-heiles:chaotic")
     known = {CLAIM: [float(t) for t in PRINTED[SCHEME_IV]]} | {r.name: r.column(found) for r in RECIPES}
     heads = [f"{h:g}" for h in STEPS[1:]]
@@ -74,7 +85,7 @@ def columns() -> list[dict]:
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """List the measurements (`Cell`): the scan of roots at each printed step, and the recipes; none if ``quick``."""
+    """List the measurements (`Cell`): the scan of roots at each step size, and the candidates; none if ``quick``."""
     scheme, problem_of = method("scheme-iv"), ProblemKey("henon-heiles:chaotic")
     names = frozenset({"henon-heiles", "scheme-iv"})
 
@@ -89,12 +100,15 @@ def cells(quick: bool = False) -> list[Cell]:
 
 
 def measure_scan_rows(h: float) -> Rows:
-    """Scan every step of Scheme IV for all roots lambda: rows of a summary, and of the roots not nearest to 1/2."""
+    """Scan every step of Scheme IV with step size h for all roots lambda: rows by table name.
+
+    One table has a summary of the scan, the other the roots that are not nearest to 1/2.
+    """
     s = along(problem("henon-heiles:chaotic"), "scheme-iv", h, 1.0)
     roots = [{"h": h, "t": i * s.h, "lambda": float(lam)} for i, r in enumerate(s.roots) for lam in r[1:]]
     return {"riddle": [row | {"h": h} for row in summary([s])], "riddle_roots": roots}
 
 
 def recipes() -> Rows:
-    """Compare each candidate computation with the printed column of Scheme IV: the rows, by table name."""
+    """Compare each candidate computation with the printed column of Scheme IV: rows, by table name."""
     return {"riddle_columns": columns()}

@@ -1,1 +1,1 @@
-"""Rigid bodies: what their methods keep, what an attitude costs, and what a nearly symmetric body gains."""
+"""Experiment on rigid bodies: what their methods keep, what an attitude costs, what a nearly symmetric body gains."""

@@ -1,4 +1,4 @@
-"""The page of methods for rigid bodies."""
+"""The report page on methods for rigid bodies."""
 
 from __future__ import annotations
 
@@ -28,7 +28,10 @@ def _where(row: pd.Series) -> str:
 
 @of(ATTITUDE)
 def kept(rows: pd.DataFrame) -> Verdict | None:
-    """Whether methods for rigid bodies keep the matrix orthogonal, and a free body's momentum in space."""
+    """Judge whether methods for rigid bodies keep the rotation matrix orthogonal, and a free body's momentum in space.
+
+    ``rows`` is the table of attitudes; None if it has no such method.
+    """
     own = rows[rows["bodies"].astype(bool)]
     if own.empty:
         return None
@@ -45,7 +48,10 @@ def kept(rows: pd.DataFrame) -> Verdict | None:
 
 @of(ATTITUDE)
 def left(rows: pd.DataFrame) -> Verdict | None:
-    """Whether an explicit method on the quaternion leaves the rotations at its longest step: the control."""
+    """Judge whether the fourth-order Runge-Kutta method on the quaternion, the control, leaves the rotations.
+
+    It is judged at its longest step.  ``rows`` is the table of attitudes; None if it has none of this method.
+    """
     explicit = rows[(rows["method"] == "rk4") & (rows["h"] == rows["h"].max())]
     if explicit.empty:
         return None
@@ -61,7 +67,10 @@ def left(rows: pd.DataFrame) -> Verdict | None:
 
 @of(ATTITUDE)
 def orders(rows: pd.DataFrame) -> Verdict | None:
-    """Whether attitudes have the declared order: each run's last order above round-off."""
+    """Judge whether attitudes converge with the declared order: of each run, at the least step above round-off.
+
+    ``rows`` is the table of attitudes; None if it has no order of a method for rigid bodies.
+    """
     told = rows[rows["order"].notna() & rows["bodies"].astype(bool)]
     if told.empty:
         return None
@@ -79,7 +88,11 @@ def orders(rows: pd.DataFrame) -> Verdict | None:
 
 @of(SYMMETRY)
 def gain(rows: pd.DataFrame) -> Verdict | None:
-    """Whether the gain of the splitting by a symmetric top grows as the inverse of the asymmetry."""
+    """Judge whether the gain of the splitting by a symmetric top grows as the inverse of the asymmetry.
+
+    The gain is the error of the splitting by axes over that of the one by a top.  ``rows`` has a row for each
+    asymmetry; None for fewer than three.
+    """
     if len(rows) < 3:
         return None
     slope = -np.polyfit(np.log(rows["delta"]), np.log(rows["axes"] / rows["top"]), 1)[0]
@@ -94,7 +107,10 @@ def gain(rows: pd.DataFrame) -> Verdict | None:
 
 @of(ENERGY)
 def bounded(rows: pd.DataFrame) -> Verdict | None:
-    """Whether every method, the midpoint rule as well, keeps a chaotic top's energy bounded."""
+    """Judge whether every method, the Lie midpoint rule as well, keeps a chaotic top's energy bounded.
+
+    ``rows`` is the table of long runs, a row for each method.
+    """
     growth = rows["all"] / rows["first"]
     worst = rows.loc[growth.idxmax()]
     return Verdict(
@@ -107,7 +123,10 @@ def bounded(rows: pd.DataFrame) -> Verdict | None:
 
 
 def answer(data: Data) -> str | None:
-    """A sentence: what is kept, what symmetry gains, and whose energy is not bounded."""
+    """Write the page's answer, a sentence: how well rotations are kept, and how a chaotic top's energy spreads.
+
+    ``data`` maps a table's name to the table; None if one is missing.
+    """
     found, rows = kept(data), pd.DataFrame(data(ENERGY))
     if found is None or rows.empty:
         return None
@@ -122,7 +141,7 @@ def answer(data: Data) -> str | None:
 
 @of(ATTITUDE, SYMMETRY)
 def draw(rows: pd.DataFrame, near: pd.DataFrame, folder: Path) -> list[Picture]:
-    """The attitude's error against the step, and the errors of both splittings against the asymmetry."""
+    """Draw the attitude's error against the step (left), and both splittings' errors against the asymmetry (right)."""
     with style.settings():
         figure, ((left_axes, right_axes),) = style.panels(1, 2, 3.4)
         shown = rows[(rows["problem"] == TOP) & rows["bodies"].astype(bool)]
@@ -144,7 +163,7 @@ def draw(rows: pd.DataFrame, near: pd.DataFrame, folder: Path) -> list[Picture]:
 
 @of(ATTITUDE)
 def table(rows: pd.DataFrame) -> Table:
-    """What each method keeps on each problem, at one step."""
+    """Make the page's table, a row for each method on each problem at h = 0.05: attitude errors, and what is kept."""
     one = rows[np.isclose(rows["h"], 0.05)]
     columns = ["problem", "method", "degrees", "uncertainty", "orthogonality", "momentum", "energy", "evaluations"]
     caption = (
