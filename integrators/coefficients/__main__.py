@@ -1,4 +1,7 @@
-"""Write ``polished.json``: polish the tables that are new or edited, and those named as arguments, anew."""
+"""Write ``polished.json``, the coefficients of published tables refined so that they satisfy the order conditions.
+
+The tables that are new or were edited are refined, and those that are named as arguments; other entries are kept.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +13,10 @@ from phasebench.integrators.coefficients.polish import entry
 
 
 def main(names: list[str]) -> None:
-    """Polish the tables that are new, edited or in ``names``, keep the other entries, and print the changes."""
+    """Polish the tables that are new, edited or in ``names``; write the file; print residuals before and after.
+
+    To polish is to solve the order conditions for the numbers nearest to the published ones.
+    """
     again, kept, data = {table(name).name for name in names}, read_polished(), {}
     for t in TABLES:
         data[t.name] = kept.get(t.name, {})

@@ -1,8 +1,8 @@
-r"""Splittings and compositions that the Acta's survey collects and `compositions`, `splittings`, `nystrom` do not have.
+r"""Published splittings and compositions from a survey in Acta Numerica that are not in the package's other tables.
 
-Near-integrable ones for a perturbation of two parts (ABAH, BABH), as planets have one in heliocentric coordinates, meet
-a condition more, by which the parts may be kicked in turn.  SBAB_n is the counterpart of SABA_n (`gauss`): kicks act at
-the nodes of the Lobatto formula.
+The near-integrable splittings ABAH and BABH are for a perturbation that is a sum of two parts, as for planets in
+heliocentric coordinates: they meet one more order condition, so that the parts may be kicked one after the other.
+SBAB_n is the counterpart of SABA_n (`gauss`): kicks act at the nodes of the Lobatto formula.
 
 Sources: S. Blanes, F. Casas, A. Murua, Acta Numerica 33 (2024) 1-161 (the survey); W. Kahan, R.-C. Li, Math. Comp. 66
 (1997) 1089-1099; M. Sofroniou, G. Spaletta, Optim. Methods Softw. 20 (2005) 597-613; Ch. Tsitouras, Celest. Mech. Dyn.

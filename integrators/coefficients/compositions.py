@@ -1,4 +1,7 @@
-"""Symmetric compositions of a symmetric base of order 2: the first half of the fractions, with the middle one."""
+"""Published coefficients of symmetric compositions of a symmetric method of order 2.
+
+A table lists the first half of the step fractions, the middle one included; the other half mirrors it.
+"""
 
 from __future__ import annotations
 

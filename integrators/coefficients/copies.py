@@ -1,7 +1,8 @@
-r"""Lengths of the substeps of two copies of the state, and the explicit Runge-Kutta method that they are.
+r"""Substep lengths of methods on two copies of the state, and the explicit Runge-Kutta method that they amount to.
 
-The substeps A and B of `families.extended` and `families.semiexplicit` alternate; in composed steps over fractions
-:math:`\gamma_k` of h the last A of a step and the first of the next are one:
+With the copies (q, p) and (x, y) the substeps are A, the flow of H(q, y), and B, the flow of H(x, p), as in
+`families.extended` and `families.semiexplicit`.  They alternate; in steps A B A over fractions :math:`\gamma_k` of h
+the last A of a step is merged with the first of the next, so that the lengths are
 
 .. math::
     \tfrac{\gamma_1}2,\ \gamma_1,\ \tfrac{\gamma_1 + \gamma_2}2,\ \gamma_2,\ \dots,\ \gamma_n,\ \tfrac{\gamma_n}2 .
@@ -17,9 +18,9 @@ from .fractions import DIGITS
 
 
 def lengths_of_a(fractions: Sequence[mpmath.mpf]) -> list[mpmath.mpf]:
-    """The lengths of the substeps A, as fractions of h, of steps A B A that are composed over these fractions of h.
+    """The lengths of the substeps A in composed steps A B A; lengths and ``fractions`` of the steps are in units of h.
 
-    A's that meet are one: there is one more than there are steps.
+    Neighbouring A's are merged, so that there is one length more than there are steps.
     """
     with mpmath.workdps(DIGITS):
         half = [f / 2 for f in fractions]
@@ -27,10 +28,11 @@ def lengths_of_a(fractions: Sequence[mpmath.mpf]) -> list[mpmath.mpf]:
 
 
 def midpoint_tableau(fractions: Sequence[mpmath.mpf]) -> tuple[tuple[mpmath.mpf, ...], ...]:
-    """The explicit tableau, rows of A and then b, of two equal copies that take composed steps and end at their mean.
+    """The Runge-Kutta tableau, rows of A and then b, of steps on two copies that start equal and end at their mean.
 
-    A substep moves half of the variables of both copies, and evaluates the field at the other half.  So each stage is
-    made of those before it of the other kind, with their lengths, and each has half its length for a weight.
+    ``fractions`` are those of the composed steps A B A.  A substep moves half of the variables of both copies by the
+    field at the other half.  Hence a stage depends on the earlier stages of the other kind, with their lengths as
+    coefficients, and its weight is half of its length.
     """
     with mpmath.workdps(DIGITS):
         w = [x for pair in zip(lengths_of_a(fractions), [*fractions, 0], strict=True) for x in pair][:-1]

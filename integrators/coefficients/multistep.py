@@ -1,4 +1,4 @@
-r"""Symmetric linear multistep methods for x'' = f(x): their numbers, exact checks of them, and what follows from them.
+r"""Symmetric linear multistep methods for x'' = f(x): coefficients, exact order conditions, stability.
 
 .. math::
     \sum_{j=0}^k \alpha_j\,x_{n+j} = h^2\sum_{j=0}^k \beta_j\,f_{n+j},\qquad
@@ -36,7 +36,10 @@ DIGITS = 60
 
 
 class Multistep(NamedTuple):
-    """The numbers of a method: alpha_0, ..., alpha_k, and ``denominator`` times beta_0, ..., beta_k."""
+    """The coefficients of a multistep method: alpha_0, ..., alpha_k, and the numerators of beta_0, ..., beta_k.
+
+    The numerators have the common ``denominator``.
+    """
 
     alpha: tuple[int, ...]
     numerators: tuple[int, ...]
@@ -54,7 +57,7 @@ class Multistep(NamedTuple):
 
 
 def symmetric(alpha: Sequence[int], numerators: Sequence[int], denominator: int) -> Multistep:
-    """The method whose alpha and beta are palindromes with these first halves, their middle included."""
+    """Make a symmetric multistep method from the first halves of alpha and of beta's numerators, middle included."""
     return Multistep(mirror(alpha), mirror(numerators), denominator)
 
 
@@ -100,7 +103,7 @@ def _condition(rho: Sequence, sigma: Sequence, r: int) -> Fraction:
 def stormer(order: int, k: int = 0) -> Multistep:
     """Stormer's explicit method, x_n+1 - 2 x_n + x_n-1 = h^2 (sum over ``order`` earlier f), written with k steps.
 
-    It is not symmetric, but for order 2. By default k is the order, the fewest that it can be written with.
+    Only the method of order 2 is symmetric. By default k is the order, the smallest possible number.
     """
     alpha = (*(0,) * (order - 2), 1, -2, 1)
     right = [_condition(alpha, (), r + 2) / ((r + 1) * (r + 2)) for r in range(order)]
@@ -111,7 +114,7 @@ def stormer(order: int, k: int = 0) -> Multistep:
 
 
 def divide_by_root_one(polynomial: Sequence) -> tuple:
-    """The quotient of a polynomial, lowest power first, and z - 1; ValueError if 1 is no root."""
+    """The coefficients of polynomial / (z - 1), lowest power first as in ``polynomial``; ValueError if 1 is no root."""
     out, rest = [], 0
     for a in reversed(polynomial):
         rest = rest + a
@@ -127,7 +130,7 @@ def reduced(rho: Sequence) -> tuple:
 
 
 def moments(nodes: Sequence[int], right: Sequence[Fraction]) -> tuple[Fraction, ...]:
-    """The weights w with sum_j w_j nodes_j^r = right_r, r = 0, 1, ...; as many nodes as sums."""
+    """Solve sum_j w_j nodes_j^r = right_r, r = 0, ..., n - 1, for the weights w at n nodes, in exact fractions."""
     n = len(nodes)
     rows = [[Fraction(x) ** r for x in nodes] + [Fraction(right[r])] for r in range(n)]
     for i in range(n):
@@ -149,7 +152,7 @@ def velocity_weights(k: int) -> tuple[Fraction, ...]:
 
 
 def parasitic_roots(rho: Sequence) -> list:
-    """The roots of rho but for the double one at 1, the parasitic ones, as mpmath numbers; zeros are left out."""
+    """The parasitic roots: all roots of rho except the double one at 1 and those at 0, as mpmath numbers."""
     rest = list(reduced(rho))
     while rest[0] == 0:
         rest.pop(0)

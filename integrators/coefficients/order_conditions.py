@@ -1,7 +1,7 @@
 r"""Orders of splittings and compositions from their coefficients alone, without integrating anything.
 
 A step is a product of exponentials of non-commuting letters, a series over words (the free associative algebra).
-It has order p where its coefficients of the words of degree up to p are those of the exact flow.
+It has order p if its coefficients of all words of degree up to p equal those of the exact flow.
 
 - ``splitting``: :math:`\prod_k e^{b_k B} e^{a_k A}` against :math:`e^{A + B}`, A the drift and B the kick.
 - ``nystrom``: the same where T is quadratic.  Then :math:`[B, [B, [B, A]]] = 0`, and words are equal modulo the ideal
@@ -59,7 +59,10 @@ def _times_exponential(letter: str, a, series: list[np.ndarray]) -> list[np.ndar
 
 
 def words(steps: Iterable[tuple[str, mpmath.mpf]], degree: int) -> list[np.ndarray]:
-    """Coefficients of the product of exponentials minus exp(A + B): for each degree n an array (2^n,) over words."""
+    """Coefficients of a splitting's step minus those of exp(A + B): for each degree n an array (2^n,) over words.
+
+    ``steps`` are pairs (letter, weight), of which the step is the product of exponentials.
+    """
     series = _one(degree)
     for letter, a in reversed(list(steps)):
         series = _times_exponential(letter, a, series)
@@ -105,7 +108,10 @@ def odd_words(weight: int) -> tuple[tuple[int, ...], ...]:
 
 
 def odd_residuals(fractions: Sequence[mpmath.mpf], weight: int) -> list[np.ndarray]:
-    """Coefficients of a composition of a symmetric method minus the exact flow's: arrays over `odd_words`."""
+    """Coefficients of a composition of a symmetric method minus the exact flow's, for words in Y_1, Y_3, Y_5, ...
+
+    Returns an array over `odd_words(n)` for each n = 0, ..., ``weight``.
+    """
     every = [w for n in range(weight + 1) for w in odd_words(n)]
     inverse = [1 / mpmath.factorial(k) for k in range(weight + 1)]
     series = {w: mpmath.mpf(not w) for w in every}
@@ -123,13 +129,13 @@ def odd_residuals(fractions: Sequence[mpmath.mpf], weight: int) -> list[np.ndarr
 def residuals(kind: str, steps: Sequence, degree: int) -> Residuals:
     """The differences of a method's coefficients from the exact flow's: {(degree, power of eps): array}.
 
-    The power of eps is 0 for what is not near-integrable.
+    The power of eps is 0 unless the kind is "near-integrable".
 
     Parameters
     ----------
     kind : one of `KINDS`
     steps : pairs (letter, coefficient), A the drift and B the kick; for a composition the fractions alone
-    degree : of the highest words
+    degree : the largest degree of words
     """
     with mpmath.workdps(max(DIGITS, mpmath.mp.dps)):
         if kind == "composition":

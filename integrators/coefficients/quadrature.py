@@ -28,7 +28,8 @@ RULES, LARGE = (2, 3, 4, 6, 8, 12, 16, 24, 32), (8, 12, 16, 24, 32, 48, 64)
 def sizes(s: int, degree: int | None, rules: tuple[int, ...] = RULES) -> tuple[int, ...]:
     """The sizes of the quadrature rules for integrals of grad H along a polynomial of degree s in time.
 
-    One rule that is exact, if H is a polynomial of the ``degree``; else, if that is None, rules of rising size.
+    If H is a polynomial of a known ``degree``, one size, of a rule that is exact; if that is None, the sizes among
+    ``rules`` from s on, which are tried in turn.
     """
     if degree:
         return (max(s, -(-s * degree // 2)),)
@@ -60,7 +61,7 @@ def _root(x, move: Callable, digits: int):
 
 @cache
 def gauss_legendre(nodes: int, digits: int = 40) -> list[tuple]:
-    """[(node, weight), ...] of the Gauss-Legendre rule on [0, 1], as mpmath numbers of so many digits."""
+    """[(node, weight), ...] of the Gauss-Legendre rule on [0, 1], as mpmath numbers to ``digits`` digits."""
 
     def move(x):
         values = _legendre(nodes, x)

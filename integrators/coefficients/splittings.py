@@ -1,6 +1,6 @@
 """Splittings for any separable H, as published: weights a of the drifts and b of the kicks.
 
-The first half with the middle one where they are symmetric.
+A symmetric splitting is listed by the first half of its weights, the middle one included; others in full.
 """
 
 from __future__ import annotations

@@ -52,12 +52,15 @@ def runge_kutta(kind: str, s: int) -> tuple:
 
 
 def round_to_grid(A, unit):
-    """A rounded to multiples of ``unit``: where two numbers add up to 1, the rounded ones do so exactly."""
+    """Round a matrix A to multiples of ``unit``: if two entries add up to 1, the rounded ones do so exactly."""
     return A.apply(lambda x: mpmath.nint(x / unit) * unit)
 
 
 def nystrom_rounded(A, c, unit) -> tuple:
-    """A and c rounded such that A_ij - A_ji = c_i - c_j exactly, where that is so of the exact ones."""
+    """Round A and c to multiples of ``unit`` so that A_ij - A_ji = c_i - c_j holds exactly.
+
+    Both are returned unrounded if the given A and c do not have this property.
+    """
     s = len(c)
     if A.rows != A.cols or max(abs(A[i, j] - A[j, i] - c[i] + c[j]) for i in range(s) for j in range(s)) > 1e-30:
         return A, c
@@ -69,10 +72,10 @@ def nystrom_rounded(A, c, unit) -> tuple:
 
 
 def rounded_weights(b, unit) -> list:
-    """A symmetric rule's weights rounded such that b_i = b_{k+1-i} and sum_i b_i = 1 exactly.
+    """Round the weights of a symmetric rule of k nodes so that b_i = b_{k+1-i} and sum_i b_i = 1 hold exactly.
 
-    Else a method would change the phase, and HBVM(k, s) the energy, by the same share of round-off in every step.  The
-    product with h has to be taken of what the weights have multiplied: rounded, the h b_i do not add up to h.
+    Otherwise a method would change the phase, and HBVM(k, s) the energy, by the same rounding error in every step.
+    Weighted sums must be formed before they are multiplied by h: the rounded h b_i do not add up to h.
     """
     k = len(b)
     b = [mpmath.nint(4 * x / unit) * unit / 4 for x in b]
@@ -125,9 +128,15 @@ def extrapolation(B, c) -> list[tuple]:
 
 
 class Tableau(NamedTuple):
-    """The numbers of a method with stages y + A x, increments x = h B f(stages) and result y + w x.
+    """The coefficients of a method with stages y + A x, increments x = h B f(stages) and result y + w x.
 
-    Rows w^q, w^p; the nodes c; A^q, A^p (for q and p) and B^T; weights that extrapolate x from earlier steps.
+    Attributes
+    ----------
+    weights : rows w^q and w^p, for q and for p
+    c : nodes
+    A_q, A_p : rows of A for q and for p
+    B : rows of the transpose of B
+    extrapolation : weights that predict x from earlier steps, as from `extrapolation`
     """
 
     weights: tuple

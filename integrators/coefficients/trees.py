@@ -36,7 +36,10 @@ def density(tree):
 
 
 def order_residual(A, b, orders):
-    """Largest residual of the order conditions of trees with these numbers of vertices; arrays A (s, s), b (s,)."""
+    """Largest residual of the order conditions of a Runge-Kutta method with arrays A (s, s), b (s,).
+
+    The conditions are those of all rooted trees whose numbers of vertices are in ``orders``.
+    """
     known = {}
 
     def weights(tree):
@@ -50,5 +53,5 @@ def order_residual(A, b, orders):
 
 
 def vector(x):
-    """Array of mpmath numbers."""
+    """Convert numbers to an object array of mpmath numbers."""
     return np.array([mpmath.mpf(a) for a in x], dtype=object)

@@ -44,7 +44,10 @@ SHIFT, LOST, FASTEST = 2.0**-47, 1e-3, 3.0
 
 
 class Span(NamedTuple):
-    """The horizon, and the interval in which 95 of 100 runs in long double leave the limit."""
+    """The horizon, up to which an orbit can be followed, and the interval of times (earliest, latest) of this estimate.
+
+    In the interval 95 of 100 runs in long double leave the limit.
+    """
 
     horizon: float
     earliest: float
@@ -58,7 +61,7 @@ class Rounding(NamedTuple):
     ----------
     grid : increasing times
     size : the state's max norms at these times, array (n,)
-    distances : array (draws, n), each the largest up to its time
+    distances : array (draws, n): how far rounding moves the state, from each displaced run; running maxima
     """
 
     grid: Sequence[float]
@@ -66,13 +69,16 @@ class Rounding(NamedTuple):
     distances: np.ndarray
 
     def span(self, limit: float = LIMIT) -> Span:
-        """The horizon (how long an orbit can be followed to ``limit``), and the interval of this estimate."""
+        """The horizon, the last time before the median effect of rounding exceeds ``limit``, and its interval.
+
+        The limit is relative to the state's size.
+        """
         median = np.median(self.distances, axis=0)
         return Span(*(within(self.grid, factor * median, self.size, limit) for factor in (1.0, *CENTRAL)))
 
     @property
     def band(self) -> tuple[Span, Span]:
-        """Bounds (low, high) of the span on any machine: for limits changed by -+`SHARE`, and a grid point further."""
+        """The least and largest span that another machine may find: limit changed by -+`SHARE`, one grid point more."""
         less, more = (self.span(LIMIT * factor) for factor in (1 - SHARE, 1 + SHARE))
         return Span(*(self._beside(t, -1) for t in less)), Span(*(self._beside(t, 1) for t in more))
 
@@ -82,7 +88,10 @@ class Rounding(NamedTuple):
 
 
 def rounding(problem, grid: Sequence[float], run: tuple = (DISPLACEMENT, None), seed: int = SEED, draws: int = DRAWS):
-    """The `Rounding` of a problem's orbit on a grid; ``run`` is (displacement, tolerance; None: epsilon).
+    """Simulate rounding to long double along a problem's orbit by randomly displaced runs, and return the `Rounding`.
+
+    ``grid`` are the times; ``run`` is (relative displacement, tolerance of the Taylor series), where None means the
+    epsilon of long double; ``draws`` is the number of displaced runs.
 
     Raises
     ------
@@ -106,20 +115,23 @@ def rounding(problem, grid: Sequence[float], run: tuple = (DISPLACEMENT, None), 
 def span(problem, t_end: float, points: int = 100) -> Span:
     """How long a problem's orbit can be followed: its horizon, and the interval of that estimate.
 
-    Past the horizon a rounding to long double moves the orbit by more than `LIMIT` of its size. It is sought up to
-    ``t_end`` on a grid of ``points`` times.
+    Past the horizon rounding to long double moves the orbit by more than `LIMIT` times its size.  The search covers
+    ``points`` equidistant times up to ``t_end``.
     """
     return rounding(problem, [t_end * (i + 1) / points for i in range(points)]).span()
 
 
 def _marks(grid, steps) -> list[tuple[float, bool, bool]]:
-    """(time, True if it is in the grid, True if a step ends there), sorted by time."""
+    """Merge a grid with the ends of steps: (time, True if in the grid, True if a step ends there), sorted by time."""
     kept, ends = set(grid), set(steps)
     return [(t, t in kept, t in ends) for t in sorted(kept | ends)]
 
 
 def _displaced_states(ta, problem, marks, random, by: float) -> np.ndarray:
-    """States on the grid of a run with random relative displacements up to ``by``, at the start and after each step."""
+    """Integrate with random relative displacements up to ``by``, at the start and after each step.
+
+    ``ta`` is heyoka's integrator, ``marks`` are times as from `_marks`.  Returns the states on the grid, (n, 2 d).
+    """
     long = np.longdouble
 
     def factors():

@@ -1,4 +1,4 @@
-"""Peers: the established integrators with which methods are compared; one module per package, one record each.
+"""Peers: integrators of other packages, with which methods are compared; one module per package, one record each.
 
 The ``seconds`` of a peer are those of the propagation: it is built and compiled before the clock starts, and states are
 read out after it stops (but SciPy interpolates rows between steps inside the propagation).

@@ -24,7 +24,10 @@ CLAIMED = f'"Symplectic, time-reversible, integrators for Hamiltonian trajectori
 
 @lru_cache(maxsize=128)
 def _compile(name: str, tol: float | None, system) -> Loop:
-    """The compiled loop over the steps of an integrator."""
+    """The compiled loop over the steps of BlackJAX's integrator ``name`` on a system.
+
+    ``tol`` is the ``convergence_tol`` of the implicit midpoint rule; None for the package's default.
+    """
     import blackjax.mcmc.integrators as package
     import jax.numpy as jnp
 

@@ -109,14 +109,20 @@ extern "C" int times(double *y, const double *t, long n, double h, double tol, d
 
 
 def _body(variables, expressions, arguments) -> str:
-    """C++ statements that read ``variables`` (name, source), and set slope[i] to the expressions."""
+    """Write C++ statements that define ``variables``, pairs (name, C++ expression), and set slope[i] to expression i.
+
+    ``arguments`` are the pairs (letter, SymPy variables) of `native.statements`.
+    """
     before, values = statements(expressions, *arguments)
     read = " ".join(f"const double {name} = {place};" for name, place in variables)
     return " ".join([read, before, *(f"slope[{i}] = {value};" for i, value in enumerate(values))])
 
 
 def source(system, header: str, kind: str) -> str:
-    """The C++ source of a stepper's program for a system; ``kind`` is SYMPLECTIC, FIXED or CONTROLLED."""
+    """The C++ source of a program that runs a stepper of Boost.odeint on a system.
+
+    ``header`` is the stepper's name, which its header has too; ``kind`` is SYMPLECTIC, FIXED or CONTROLLED.
+    """
     d = system.d
     if kind == SYMPLECTIC:
         of_q = _body([(f"p_{i}", f"p[{i}]") for i in range(d)], system.dq, [("p", system.p)])
@@ -138,13 +144,17 @@ def source(system, header: str, kind: str) -> str:
 
 @lru_cache(maxsize=KEPT)
 def _program(system, header: str, kind: str):
-    """The compiled function of a stepper for a system."""
+    """The compiled C function that runs a stepper (see `source`) on a system."""
     library = load_source(source(system, header, kind), "C++")
     return library.times if kind == CONTROLLED else library.steps
 
 
 def _fixed(run_steps, task: Task) -> Run:
-    """Take a peer's fixed steps; ``run_steps`` is (y, h, n, counts) -> 0, or a code if it failed."""
+    """Run a task at fixed steps by a compiled function.
+
+    ``run_steps(y, h, n, counts)`` takes n steps of h, overwrites the state y and the counts, and returns 0, or an error
+    code.
+    """
     y, counts, numbers = task.state, np.zeros(3, dtype=np.int64), task.numbers
     rows, total, seconds, failure = [y.copy()], np.zeros(3, dtype=np.int64), 0.0, None
     for before, number in pairwise(numbers):
@@ -160,7 +170,11 @@ def _fixed(run_steps, task: Task) -> Run:
 
 
 def _adaptive(run_times, task: Task) -> Run:
-    """Run an adaptive peer; ``run_times`` is (y, times, first step, tol, rows, counts) -> 0, or a code if it failed."""
+    """Run a task at adaptive steps by a compiled function.
+
+    ``run_times(y, times, first step, tol, rows, counts)`` fills the rows, the states at the times, and the counts; it
+    returns 0, or an error code.
+    """
     y, counts, times = task.state, np.zeros(3, dtype=np.int64), np.array(task.times)
     rows = np.zeros((len(times), len(y)))
     first = np.copysign(min(FIRST_STEP, abs(task.h)), task.h)
@@ -178,7 +192,7 @@ TIMES_TYPES = [*[ctypes.c_void_p] * 2, ctypes.c_long, *[ctypes.c_double] * 2, *[
 
 
 def on_arrays(function, adaptive: bool):
-    """A compiled function as one of NumPy's arrays, as `_fixed` and `_adaptive` call it."""
+    """Wrap a compiled function, which takes addresses, as one that takes NumPy arrays, for `_fixed` or `_adaptive`."""
     function.argtypes = TIMES_TYPES if adaptive else STEPS_TYPES
     function.restype = ctypes.c_int
     if not adaptive:
@@ -192,7 +206,10 @@ def on_arrays(function, adaptive: bool):
 
 
 def runs(program, adaptive: bool, default: float | None):
-    """(`Peer.run`, `Peer.prepare`) of a peer whose compiled function for a system is ``program(system)``."""
+    """Make the functions (`Peer.run`, `Peer.prepare`) of a peer with the compiled function ``program(system)``.
+
+    ``default`` is the tolerance of an adaptive peer if none is given.
+    """
 
     def run(task: Task) -> Run:
         task = task._replace(tol=task.tol or default)

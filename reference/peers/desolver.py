@@ -53,7 +53,7 @@ def integrator_class(which: str):
 
 
 def _integrator(which: str, size: int, h: float):
-    """A new integrator object with constant step h."""
+    """Make an object of the integrator class named ``which``, for ``size`` components and a constant step h."""
     integrator = integrator_class(which)((size,), dtype=np.dtype(float), rtol=TOLERANCE, atol=TOLERANCE)
     integrator.adaptation_fn = lambda _: (h, False)
     return integrator
@@ -163,7 +163,10 @@ def _run_adaptive(which: str):
 
 
 def _peer(id, which, name, order, about, source, claim=None, *, symplectic=False, adaptive=False) -> Peer:
-    """Make the record of a desolver integrator; ``order`` is measured, ``claim`` the class's own if it differs."""
+    """Make the record of desolver's integrator class ``which``.
+
+    ``order`` is the measured order, ``claim`` the order that the class states, if it differs.
+    """
     splitting = which in SPLITTING
     richardson = which.startswith(RICHARDSON)
     class_name = which.removeprefix(RICHARDSON)

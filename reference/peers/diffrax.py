@@ -51,7 +51,10 @@ def solver(name: str):
 
 
 def _terms(system, split: str):
-    """diffrax's terms of the system for a state (2 d,), or for `HALVES` a pair of arrays (d,)."""
+    """Write the system's equations as diffrax's terms, for a state of shape (2 d,).
+
+    ``split`` is `WHOLE`, `HALVES` or `IMEX`; for `HALVES` the state is a pair of arrays (d,).
+    """
     import diffrax
     import jax.numpy as jnp
 
@@ -76,7 +79,7 @@ def _terms(system, split: str):
 
 @lru_cache(maxsize=KEPT)
 def _compile(name: str, split: str, system) -> Loop:
-    """The compiled loop over the steps of a solver."""
+    """The compiled loop over the steps of diffrax's solver ``name`` on a system; ``split`` as for `_terms`."""
     import diffrax
     import jax.numpy as jnp
 

@@ -37,7 +37,7 @@ def gradual() -> bool:
 
 @contextlib.contextmanager
 def restore_environment() -> Iterator[None]:
-    """A context that restores this thread's environment (modes, rounding, flags) at its end."""
+    """A context that restores this thread's floating-point environment (modes, rounding, flags) at its end."""
     library = _library()
     if library is None:
         yield
@@ -51,7 +51,7 @@ def restore_environment() -> Iterator[None]:
 
 
 def keeping(call: Callable) -> Callable:
-    """Decorator: restore the environment of the thread after each call."""
+    """Decorator: restore the thread's floating-point environment (modes, rounding, flags) after each call."""
 
     @wraps(call)
     def kept_call(*arguments):

@@ -46,7 +46,7 @@ def _masses(system):
 
 
 def _function(system, integrator: str, calls: list):
-    """gala's function F(t, w) with w of shape (2 d, 1); calls[0] counts its calls."""
+    """Make the right-hand side F(t, w) of a system for gala, w of shape (2 d, 1); calls[0] counts its calls."""
     field, d = system.vector_field(), system.d
     masses = _masses(system) if integrator in SECOND_ORDER else None
     if masses is None:
@@ -80,7 +80,10 @@ def _warm(integrator: str) -> None:
 
 
 def _ways(integrator: str, task: Task, limit: str):
-    """(gala's times, its options, the rows to keep, steps or 0 if unknown); ``limit`` names its limit of steps."""
+    """The arguments of gala's call for a task: (times, options, index of the rows to keep, steps or 0 if unknown).
+
+    ``limit`` is the name of gala's option for the largest number of steps.
+    """
     if integrator != DOPRI853:
         return {"dt": task.h, "n_steps": task.steps}, {}, task.numbers, task.steps
     tolerances = {} if task.tol is None else {"rtol": task.tol, "atol": task.tol}

@@ -188,7 +188,7 @@ def _times(method: str, adaptive: bool, task: Task):
 
 
 def _integrate(method, potential, start, times, options):
-    """(rows (n, .) at ``times`` or None, seconds, reason of a failure or None)."""
+    """Integrate by galpy from ``start``, in its coordinates: (rows at the times or None, seconds, failure or None)."""
     from scipy.integrate import ODEintWarning
 
     orbit = load().orbit.Orbit(start)
@@ -225,7 +225,10 @@ def _hopeless(system, q: tuple, p: tuple, end: float) -> str | None:
 
 @lru_cache(maxsize=256)
 def _warm(method: str, system, own: bool):
-    """The potential, after one step before any timing that does lazy imports and set-up."""
+    """Make a system's potential for galpy and take a step in it, so that lazy imports and set-up are not timed.
+
+    The potential is one of galpy's own if ``own``, else a class in Python.  Returns the potential.
+    """
     potential = _builtin_potential(system) if own else _python_potential(system)
     line = system.d == 1 and (not own or _linear(system))
     start = _to_galpy([0.5, 0.25, 0.125][: system.d], [0.0] * system.d, line)

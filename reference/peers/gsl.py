@@ -94,7 +94,7 @@ int times(double *y, const double *t, long n, double h, double tol, double *rows
 
 
 def source(system, name: str) -> str:
-    """The C source of a stepper's program for a system."""
+    """The C source of a program that runs the GSL stepper ``name`` on a system."""
     import sympy as sp
 
     d = system.d
@@ -113,7 +113,7 @@ def source(system, name: str) -> str:
 
 @lru_cache(maxsize=KEPT)
 def _program(system, name: str):
-    """The compiled program of a stepper for a system."""
+    """The compiled program, loaded, that runs the GSL stepper ``name`` on a system."""
     return load_source(source(system, name), "C", ("gsl", "gslcblas"))
 
 

@@ -146,7 +146,10 @@ def _one(id: str, name: str, more: str, how: tuple, **facts) -> Peer:
 
 
 def compact(high_accuracy: bool, on: bool = True, model: str = TRANSLATED) -> Peer:
-    """A peer outside the registry: heyoka with ``compact_mode`` on or off and one of its forms of the equations."""
+    """Make a peer outside the registry: heyoka with ``compact_mode`` on or off, and a form of the equations.
+
+    ``model`` is one of `heyoka_forms.NAMES`; ``high_accuracy`` sums the series with compensation.
+    """
 
     def lacks(problem, system) -> str | None:
         from phasebench.reference.solvers import taylor
@@ -166,13 +169,16 @@ def compact(high_accuracy: bool, on: bool = True, model: str = TRANSLATED) -> Pe
 
 
 def variants() -> tuple[Peer, ...]:
-    """All further settings of the peers: both modes, also with each of heyoka's own models."""
+    """Peers outside the registry, for comparison: heyoka in both compact modes, with each form of the equations."""
     settings = [(high, on, model) for model in heyoka_forms.NAMES for on in (True, False) for high in (False, True)]
     return tuple(compact(*setting) for setting in settings)
 
 
 def twins(peer: Peer) -> tuple[Peer, ...]:
-    """The settings of heyoka that take the same steps as the given peer: compact or not, in each form."""
+    """The other peers of heyoka that take the same steps as ``peer``: compact mode on or off, each form of equations.
+
+    () for a peer of another package.
+    """
     if peer.package != "heyoka":
         return ()
     high = peer.id.startswith("heyoka-high-accuracy")

@@ -21,7 +21,7 @@ KEPT = 64
 
 
 class Form(NamedTuple):
-    """Equations of motion, and the positions of (q, p) in their state.
+    """Equations of motion for heyoka, and the places of (q, p) in the state that they integrate.
 
     Attributes
     ----------
@@ -56,7 +56,7 @@ def names(system) -> tuple[str, ...]:
 
 @lru_cache(maxsize=KEPT)
 def form(system, name: str) -> Form:
-    """The form of a system with this name, one of its `names`."""
+    """The equations of motion of a system in the form ``name``, one of `names(system)`."""
     import heyoka as hy
 
     from phasebench.reference.solvers import taylor

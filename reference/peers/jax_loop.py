@@ -1,4 +1,4 @@
-"""What peers in JAX share: double precision, expressions as JAX functions, and a compiled loop over steps with rows."""
+"""Code for peers in JAX: double precision, expressions as JAX functions, a compiled loop over steps that saves rows."""
 
 from __future__ import annotations
 
@@ -80,7 +80,10 @@ class Loop:
             self.rows(np.full(2 * d, 0.5), 1e-3, np.arange(1, ROWS + 2))
 
     def rows(self, y, h: float, numbers) -> tuple[np.ndarray, int]:
-        """(rows at the step numbers, array (n, 2 d), up to a failure; the step that failed or -1)."""
+        """Integrate from y = (q, p) with step h: (states after the step ``numbers``, (n, 2 d); failed step or -1).
+
+        States after a failed step are left out.
+        """
         h, rows, begin = np.float64(h), [], 0
         carried = self._begin(y, h)
         for i in range(0, len(numbers), ROWS):
@@ -96,7 +99,10 @@ class Loop:
 
 
 def run_loop(loop: Callable[[], Loop], task: Task, gradients: int = 0) -> Run:
-    """Run a task by ``loop()``, which is compiled first; ``gradients`` is the number of evaluations in a step."""
+    """Run a task by the compiled loop that ``loop()`` returns; its compilation is not timed.
+
+    ``gradients`` is the number of gradient evaluations in a step.
+    """
     y = task.state
     with double_precision():
         compiled = loop()

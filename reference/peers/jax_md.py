@@ -17,7 +17,7 @@ from .record import Claims, Peer
 
 @lru_cache(maxsize=128)
 def _compile(system) -> Loop:
-    """The compiled loop over the steps."""
+    """The compiled loop over the steps of JAX-MD's ``simulate.nve`` on a system."""
     import jax.numpy as jnp
     from jax_md import simulate
 

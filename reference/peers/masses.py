@@ -1,4 +1,4 @@
-"""What peers of molecular dynamics share: H = sum p_i^2 / 2 m_i + V(q) as particles on lines, with masses."""
+"""Code for peers of molecular dynamics: H = sum p_i^2 / 2 m_i + V(q) as particles with masses on parallel lines."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ def lacks(problem, system) -> str | None:
 
 
 def masses(system) -> np.ndarray:
-    """The masses m_i, array (d,)."""
+    """The masses m_i of a system H = sum p_i^2 / 2 m_i + V(q), array (d,)."""
     import sympy as sp
 
     return np.array([1 / float(sp.diff(v, p)) for v, p in zip(system.dq, system.p, strict=True)])
 
 
 def on_lines(x) -> np.ndarray:
-    """Places or velocities of particles on parallel lines, array (d, 3), of their coordinates, array (d,)."""
+    """Turn d numbers into positions or velocities of d particles on parallel lines: (d, 3), zero but for column 0."""
     places = np.zeros((len(x), 3))
     places[:, 0] = x
     return places

@@ -50,7 +50,7 @@ ROBOTS = "it takes models of bodies and joints: here " + ", ".join(MODELS)
 
 
 def _lacks(problem, system) -> str | None:
-    """A reason against a problem, or None."""
+    """The reason why MuJoCo's peers cannot integrate a problem; None if they can."""
     id = getattr(problem, "id", "")
     if id not in MODELS:
         return ROBOTS
@@ -59,7 +59,10 @@ def _lacks(problem, system) -> str | None:
 
 
 class _Body:
-    """A free rigid body: quaternion and angular velocity about its axes, and this project's (q, p)."""
+    """Converts a free rigid body's state from this project's (q, p) to MuJoCo's, and back.
+
+    MuJoCo's state is a position, a quaternion, and velocities, the angular one about the body's axes.
+    """
 
     def __init__(self, problem):
         self.moments = np.array([problem.parameters[k] for k in ("I1", "I2", "I3")])
@@ -76,7 +79,10 @@ class _Body:
 
 
 class _Chain:
-    """Hinges in a chain: angles from the vertical and momenta, and MuJoCo's angles between neighbours."""
+    """Converts a (double) pendulum's state from this project's (q, p), angles from the vertical, to MuJoCo's, and back.
+
+    MuJoCo's state is the angles between neighbouring bodies of the chain, and their velocities.
+    """
 
     def __init__(self, problem):
         self.field, self.d = problem.system.vector_field(), problem.system.d

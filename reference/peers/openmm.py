@@ -40,7 +40,7 @@ def _formula(system) -> str:
 
 
 def _integrator(kind: str, h: float, tol: float | None):
-    """An integrator of OpenMM."""
+    """Make OpenMM's integrator of a ``kind``: `VERLET` or `CUSTOM` with step h, `VARIABLE` with tolerance ``tol``."""
     import openmm
 
     if kind == VERLET:
@@ -77,13 +77,13 @@ class _Simulation:
         return h * forces / self.masses
 
     def start(self, y: np.ndarray) -> None:
-        """Set the state."""
+        """Set the state y = (q, p), array (2 d,)."""
         self.context.setPositions(masses.on_lines(y[: self.d]))
         v = y[self.d :] / self.masses
         self.context.setVelocities(masses.on_lines(v - self._kick(self.h / 2) if self.kind == VERLET else v))
 
     def state(self) -> np.ndarray:
-        """The state reached."""
+        """The state (q, p) reached, array (2 d,)."""
         found = self.context.getState(positions=True, velocities=True)
         q, v = (x._value[:, 0] for x in (found.getPositions(asNumpy=True), found.getVelocities(asNumpy=True)))
         if self.kind == VERLET:

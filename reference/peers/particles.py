@@ -37,7 +37,7 @@ CENTRAL, GRAVITY, POTENTIAL = "a central body", "gravity between bodies", "a pot
 
 @dataclass(frozen=True)
 class Setting:
-    """The representation of a system by particles.
+    """The representation of a system by REBOUND's particles.
 
     Attributes
     ----------
@@ -59,7 +59,7 @@ class Setting:
     gradient: Callable | None = None
 
     def place(self, i: int) -> tuple[int, int]:
-        """The place of coordinate i among the particles: (index of the particle, axis 0, 1 or 2)."""
+        """Where coordinate i is among the particles: (index of the particle, axis 0, 1 or 2)."""
         return self.first + i // self.dimension, i % self.dimension
 
 
@@ -90,7 +90,7 @@ def attracting(system):
 
 @lru_cache(maxsize=64)
 def settings(system) -> dict[str, Setting]:
-    """Kind -> representation of a system, for each kind that is possible; the most special one comes first."""
+    """The possible representations of a system by REBOUND's particles: kind -> `Setting`, most special kind first."""
     import sympy as sp
 
     split = _mass_and_terms(system)
@@ -134,12 +134,12 @@ def _bodies(q, inverse, terms):
 
 
 def _squares(pairs) -> frozenset:
-    """A key for a sum of squares of differences that does not depend on their signs."""
+    """A key for the sum of (a - b)^2 over pairs (a, b), which does not depend on the signs of the differences."""
     return frozenset(frozenset((a - b, b - a)) for a, b in pairs)
 
 
 def _differences(e) -> frozenset | None:
-    """The key of `_squares` for an inverse distance; None for other expressions."""
+    """The key, as from `_squares`, of the sum of squares in an inverse distance; None for other expressions."""
     if not (e.is_Pow and 2 * e.exp == -1 and all(s.is_Pow and s.exp == 2 for s in e.base.args)):
         return None
     return frozenset(frozenset((s.base, -s.base)) for s in e.base.args)
@@ -172,7 +172,7 @@ def extra_force(setting: Setting):
 
 
 def build(setting: Setting, q0, p0, integrator: str, options=(), extra: bool = True):
-    """(REBOUND simulation of a setting, the callback that must be kept alive, or None).
+    """Make a REBOUND simulation of a setting: (simulation, callback of the extra force, to be kept alive, or None).
 
     ``options`` are fields of the integrator; the extra force is left out unless ``extra``.
     """
@@ -205,15 +205,15 @@ def choose(sim, integrator: str, options) -> None:
 
 
 def simulation(problem, q0, p0, integrator: str, mu: float = 0.0, **options):
-    """(REBOUND simulation of a (perturbed) Kepler problem, the callback that must be kept alive, or None).
+    """Make a REBOUND simulation of a (perturbed) Kepler problem: (simulation, callback to be kept alive, or None).
 
-    The extra force acts if ``mu`` is not 0.
+    The extra force, which the callback computes, acts if ``mu`` is not 0.
     """
     return build(settings(problem.system)[CENTRAL], q0, p0, integrator, options, bool(mu))
 
 
 def jacobi_vanishes(setting: Setting, q) -> int | None:
-    """The first body in the centre of mass of those before it, so that its Jacobi coordinate is 0; else None."""
+    """The index of the first body in the centre of mass of the bodies before it (Jacobi coordinate 0); else None."""
     where = np.zeros((len(setting.masses), 3))
     for i, x in enumerate(q):
         where[setting.place(i)] = x
@@ -338,7 +338,7 @@ def run(task: Task, setting: Setting, integrator: str, options, *, adaptive: boo
 
 
 def _advance(sim, integrator: str, h: float, before: int, n: int, adaptive: bool) -> None:
-    """Advance from step number ``before`` to ``n``."""
+    """Advance a REBOUND simulation from step ``before`` to step n of length h; to the time n h if ``adaptive``."""
     if adaptive:
         sim.integrate(h * n)
         return

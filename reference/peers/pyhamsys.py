@@ -77,7 +77,7 @@ def _flows(system):
 
 
 def _separable_system(system, position_first: bool):
-    """pyhamsys's system for T(p) + V(q)."""
+    """Make pyhamsys's system for H = T(p) + V(q); the flow of T comes first in ``chi`` if ``position_first``."""
     from pyhamsys import HamSys
 
     kick_drift, drift_kick = _flows(system)
@@ -86,14 +86,14 @@ def _separable_system(system, position_first: bool):
 
 
 def _general_system(system):
-    """pyhamsys's system for any H."""
+    """Make pyhamsys's system for any H, from its equations of motion."""
     from pyhamsys import HamSys
 
     return HamSys(ndof=system.d, y_dot=right_hand_side(system))
 
 
 def _piece(system, options: dict, state, h: float, n: int):
-    """(the states after 1, ..., n steps, array (n, 2 d), the step taken)."""
+    """Take n steps of h by one call of pyhamsys: (the states after 1, ..., n steps, array (n, 2 d); the step taken)."""
     from pyhamsys import Parameters
 
     times = np.arange(max(n, 2) + 1) * h

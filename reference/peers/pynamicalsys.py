@@ -87,7 +87,7 @@ def _functions(system):
 
 
 def _system(system):
-    """pynamicalsys's system with the functions of one of this project's."""
+    """Make pynamicalsys's ``HamiltonianSystem`` from a system of this project."""
     from pynamicalsys import HamiltonianSystem
 
     return HamiltonianSystem(**_functions(system), degrees_of_freedom=system.d, number_of_parameters=0)

@@ -160,7 +160,10 @@ ADAPTIVE_MODES = ("prs23", "individual", "global", "aarseth85")
 
 
 def ias15(mode: str = ADAPTIVE_MODES[0]) -> Peer:
-    """IAS15 with one of its `ADAPTIVE_MODES`; only the default one is in the registry."""
+    """Make the record of IAS15 with one of its rules for the step size, `ADAPTIVE_MODES`; the first is the default.
+
+    Only the record with the default rule is in the registry.
+    """
     options = {} if mode == ADAPTIVE_MODES[0] else {"adaptive_mode": mode}
     return _peer(
         "ias15" if not options else f"ias15(adaptive_mode={mode})",

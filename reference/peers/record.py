@@ -101,13 +101,13 @@ class Run(NamedTuple):
 
     @classmethod
     def of_states(cls, rows, *more) -> Run:
-        """Make a run whose rows are the states (q, p), array (n, 2 d)."""
+        """Make a `Run` from rows (q, p), array (n, 2 d); ``more`` are the fields after q and p."""
         d = rows.shape[1] // 2
         return cls(rows[:, :d], rows[:, d:], *more)
 
     @classmethod
     def stuck(cls, task: Task, *more) -> Run:
-        """Make a run with the initial state as its only row."""
+        """Make a `Run` with the initial state as its only row; ``more`` are the fields after q and p."""
         return cls.of_states(task.state[None], *more)
 
 

@@ -110,7 +110,10 @@ def _calls(start: Start, integrate):
 
 
 def _failure(solver, message, before: float, steps: int) -> str | None:
-    """The reason why a run ends after this step, or None."""
+    """The reason why a run of a SciPy solver ends after this step; None if it goes on.
+
+    ``message`` is the step's result, ``before`` the time before it, ``steps`` the number of steps before it.
+    """
     if solver.status == "failed":
         return message or "SciPy gave no reason"
     if not np.isfinite(solver.y).all():
@@ -176,7 +179,7 @@ PEERS = (
 
 
 def _odeint(field, task: Task):
-    """(rows, steps, evaluations, failure or None) of LSODA with its compiled loop."""
+    """Run LSODA by SciPy's ``odeint``, whose loop is compiled: (rows, steps, evaluations, failure or None)."""
     from scipy.integrate import odeint
 
     tolerances = {"rtol": task.tol, "atol": task.tol} if task.tol is not None else {}
@@ -186,7 +189,7 @@ def _odeint(field, task: Task):
 
 
 def _dop853(field, tolerances: dict[str, float]):
-    """SciPy's `ode` with DOP853; before SciPy 1.17 it accepts Python functions only, so a compiled one is wrapped."""
+    """Make SciPy's `ode` with DOP853 for a right-hand side; before SciPy 1.17 a compiled one is wrapped in Python."""
     import scipy
     from scipy.integrate import ode
 
@@ -196,7 +199,10 @@ def _dop853(field, tolerances: dict[str, float]):
 
 
 def _ode(field, task: Task):
-    """(rows, 0, 0, failure or None) of DOP853 with its compiled loop; steps end at the rows and are not counted."""
+    """Run DOP853 by SciPy's ``ode``, whose loop is compiled: (rows, 0, 0, failure or None).
+
+    The zeros stand for steps and evaluations, which are not counted; steps end at the rows.
+    """
     tolerances = {"rtol": task.tol, "atol": task.tol} if task.tol is not None else {}
     solver = _dop853(field, tolerances).set_initial_value(task.state, 0.0)
     rows = [task.state]

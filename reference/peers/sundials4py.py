@@ -11,7 +11,7 @@ ARKodeEvolve in the mode ARK_ONE_STEP, so that every step is h, and no row is in
 MCLACHLAN_4_4 and MCLACHLAN_5_6 meet the order conditions of Nystrom methods alone: they have order 3 where T is not
 quadratic.  All methods have order 1 where H depends on time (the script ``sundials_time_dependent`` of the audit).
 
-The wheel of sundials4py needs Python 3.12 or newer; on older ones these peers are told as not installed.
+The wheel of sundials4py needs Python 3.12 or newer; on older ones these peers count as not installed.
 
 Source: C. J. Balos et al., SUNDIALS 7.9, ARKODE user guide, SPRKStep; the methods' own, below.
 """
@@ -49,7 +49,7 @@ def load(name: str = "sundials4py"):
 
 @lru_cache(maxsize=1)
 def _context():
-    """The package's context of this process."""
+    """The SUNDIALS context object of this process, created once."""
     from sundials4py import core
 
     status, context = core.SUNContext_Create(core.SUN_COMM_NULL)
@@ -90,7 +90,9 @@ def _callbacks(system):
 
 
 def _integrator(method: str, compensated: bool, system, state: np.ndarray, h: float):
-    """(SPRKStep's integrator with constant step h, the vector that holds its state): ``state`` is overwritten.
+    """Make SPRKStep's integrator with constant step h: (integrator, vector on the memory of ``state``).
+
+    Steps overwrite ``state``.
 
     A step of symplectic Euler goes before: version 7.9 never sets the vector in which it keeps a stage's slope, and a
     method whose first coefficient is 0 multiplies what stands there, NaN at worst, by that 0.
@@ -155,7 +157,7 @@ def _build_run(method: str, compensated: bool):
 
 
 def sprk(name: str, source: str, about: str = "", *, compensated: bool = False) -> Peer:
-    """The record of SPRKStep with the method ``name``, of ARKODE_SPRK_name, whose numbers are order and stages."""
+    """Make the record of SPRKStep with the method ARKODE_SPRK_<name>, a name that ends with order and stages."""
     order, stages = map(int, name.split("_")[-2:])
     sums = "ARKodeSetUseCompensatedSums on" if compensated else "plain sums, the package's default"
     return Peer(

@@ -73,7 +73,10 @@ class Reference:
     rounding: np.ndarray
 
     def horizon(self, limit: float = 1e-13) -> float:
-        """The last time up to which all uncertainties are at most ``limit`` times the state's max norm; else 0."""
+        """The last time up to which all uncertainties are at most ``limit`` times the state's max norm; else 0.
+
+        NaN if the reference has no uncertainties.
+        """
         if np.isnan(self.uncertainty).all():
             return float("nan")
         size = np.abs(np.hstack([self.q, self.p])).max(axis=1)
@@ -95,7 +98,10 @@ def equations(system, fp) -> list:
 
 
 def integrator(system, fp, tol=None):
-    """A heyoka integrator of ``system`` in the precision ``fp`` (float, numpy.longdouble, heyoka.real128, `Bits`)."""
+    """Make heyoka's integrator of ``system`` in the precision ``fp`` (float, numpy.longdouble, heyoka.real128, `Bits`).
+
+    ``tol`` is the tolerance of the Taylor series; None for heyoka's default.
+    """
     import heyoka as hy
 
     motion = equations(system, fp)
@@ -135,7 +141,7 @@ def propagate(ta, grid, run: str = "run", ends: list[float] | None = None):
 
 
 def failure(outcome) -> str | None:
-    """The reason why a propagation ended early; None if it reached its end."""
+    """The reason why a propagation ended early, from heyoka's ``taylor_outcome``; None if it reached its end."""
     import heyoka as hy
 
     why = {
@@ -147,7 +153,10 @@ def failure(outcome) -> str | None:
 
 
 def _callback_options(run: str, t_end: float, ends: list[float] | None = None) -> dict:
-    """Keyword arguments for a callback at each step, which reports to `watch` and collects ``ends``; or {}."""
+    """Keyword arguments for heyoka that set a callback at each step; {} if no callback is needed.
+
+    The callback reports the time to `watch` and appends it to ``ends``.
+    """
     if ends is None and not watch.is_watched():
         return {}
 
@@ -171,7 +180,9 @@ def extended_types():
 
 
 def states(system, fp, q0, p0, times, tol=None):
-    """The states at ``times`` (n,), increasing and positive, from the doubles q0, p0: rows (n, 2 d) of type ``fp``.
+    """Integrate from the doubles q0, p0: the states at ``times``, rows (n, 2 d) of type ``fp``.
+
+    ``times`` (n,) are increasing and positive; ``tol`` is the tolerance of the series, None for heyoka's default.
 
     Raises
     ------
