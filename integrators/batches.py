@@ -36,6 +36,7 @@ class Orbits:
     filled : array (n,), the number of good rows
     status, reason : arrays (n,) of text
     counts : name -> number of steps, evaluations, ..., summed over the orbits
+    lock : guards ``counts``, which several threads update
     """
 
     system: object
@@ -72,7 +73,7 @@ class Orbits:
         return PIECE
 
     def room(self, i: int, first: int, rows: int) -> tuple[np.ndarray, np.ndarray]:
-        """The arrays (rows, d) of q and of p to which the kernel of orbit i writes rows ``first``, ..."""
+        """The arrays (q, p), each (rows, d), to which the kernel writes rows ``first``, ... of orbit i."""
         filled = slice(1 + first, 1 + first + rows)
         return self.Q[i, filled], self.P[i, filled]
 
@@ -111,10 +112,10 @@ class Orbits:
                 self.counts[name] = self.counts.get(name, 0) + number
 
     def forget(self, members: np.ndarray) -> None:
-        """Discard what is stored of these orbits besides rows, before they are integrated again; nothing here."""
+        """Discard results other than rows of orbits that are integrated again; does nothing here (for subclasses)."""
 
     def suspects(self, members: np.ndarray) -> np.ndarray:
-        """Those of these orbits that have to be integrated again by `integrate`, which determines their status."""
+        """The indices among ``members`` of the orbits that `integrate` must integrate again to determine a status."""
         return find_doubtful(self, members)
 
 
@@ -194,9 +195,10 @@ def run(made: list[Batch], orbits: Orbits, threads: int, tell: Callable[[int], N
 
 
 def pieces(steps: int, every: int, most: int | None = None) -> Iterator[tuple[int, int, int]]:
-    """Yield (first row, rows, steps for each row) of the kernel calls, of at most ``most`` steps, that make up a run.
+    """Divide a run of ``steps`` steps into kernel calls; yield for each (first row, number of rows, steps for a row).
 
-    A row of many steps takes more than one call; the last of them leaves the state that is stored.
+    A row is stored after every ``every`` steps; a call takes at most ``most`` steps.  A row of more steps takes several
+    calls with the same first row, of which the last leaves the state that is stored.
     """
     first, most = 0, PIECE if most is None else most
     while first * every < steps:
@@ -211,7 +213,7 @@ def pieces(steps: int, every: int, most: int | None = None) -> Iterator[tuple[in
 
 
 def _share(batch: Batch, part: slice, orbits: Orbits) -> tuple[dict[str, int], int]:
-    """Integrate the orbits of a slice of a batch, so many at once: (counts of evaluations, number of orbits)."""
+    """Integrate a slice of a batch, at most `Orbits.group` orbits at once: (counts by name, number of orbits)."""
     total, n = Counter(), len(batch.members[part])
     first, last = part.start, part.start + n
     for begin in range(first, last, orbits.group or n):
@@ -220,7 +222,7 @@ def _share(batch: Batch, part: slice, orbits: Orbits) -> tuple[dict[str, int], i
 
 
 def _integrate(batch: Batch, part: slice, orbits: Orbits) -> dict[str, int]:
-    """Integrate the orbits of a slice of a batch side by side; returns the counts."""
+    """Integrate the orbits of a slice of a batch side by side in SIMD lanes; return counts by name."""
     members = batch.members[part]
     n, d, width = len(members), orbits.system.d, LANES.n
     varying = orbit_lanes.varying_of(orbits.h[members], {name: rows[part] for name, rows in batch.weights.items()})

@@ -1,7 +1,7 @@
-r"""Find where rows of orbits cross a plane :math:`x = c` of one coordinate or momentum, and store the points.
+r"""Find where orbits cross a plane :math:`x = c` of one coordinate or momentum, and store the points.
 
-Between the two rows of an orbit that have the plane between them, the flow itself is integrated to the plane, with x as
-the independent variable in the place of time (Henon 1982):
+Between two rows (stored states) of an orbit on different sides of the plane, the flow itself is integrated to the
+plane, with x as the independent variable in the place of time (Henon 1982):
 
 .. math::
     \frac{\mathrm dy}{\mathrm dx} = \frac{f(y)}{f_x(y)},\qquad \frac{\mathrm dt}{\mathrm dx} = \frac1{f_x(y)},
@@ -51,13 +51,13 @@ def _carry(field, q, p, t, k, dx, tableau, slopes, zero):
 
 
 def _find(field, q, p, last, plane, every, begin, steps, h, points, owners, work, slopes, tableau, zero):
-    """Write the crossings in the rows of blocks of orbits into ``points`` and ``owners``; returns how many.
+    """Find the crossings of a plane by orbits between their rows, write them to ``points``; return their number.
 
     q, p are rows (blocks, rows, d, lanes), each ``every`` steps after the one before; ``last`` (2, blocks, d, lanes) is
     the row before the first, at the step ``begin``, and is overwritten by the last row.  ``plane`` (1, 3) has the
-    component, its value and the sign of a crossing; ``h`` (blocks, lanes) the steps.  A point is t, q, p; its owner
-    the number of its orbit.  ``work`` (2, d) and ``slopes`` (STAGES + 1, 2 d) are room; ``tableau`` has the rows of A,
-    then b.
+    component, its value and the sign of a crossing; ``h`` (blocks, lanes) the steps.  A point is
+    t, q, p; ``owners`` gets the number of its orbit.  ``work`` (2, d) and ``slopes`` (STAGES + 1, 2 d) are work arrays;
+    ``tableau`` has the rows of A, then b, of a Runge-Kutta method; ``zero`` is the zero of a state.
     """
     k, at, sign = int(plane[0, 0]), plane[0, 1], plane[0, 2]
     blocks, rows, d, lanes = q.shape
@@ -102,9 +102,9 @@ def _find(field, q, p, last, plane, every, begin, steps, h, points, owners, work
 
 
 def _sort(points, owners, next_place):
-    """Order points in place by their orbit, those of one orbit as they are; returns nothing.
+    """Sort points in place by the orbit to which they belong, ``owners``; points of one orbit keep their order.
 
-    ``next_place`` (n, 1) has for each orbit the place of its first point; owners are overwritten.
+    ``next_place`` (n, 1) has for each orbit the row of its first point after sorting; it and owners are overwritten.
     """
     for i in range(len(owners)):
         orbit = owners[i, 0]
@@ -149,7 +149,7 @@ def finder(system) -> Callable:
 
 
 def sorter() -> Callable:
-    """Return `_sort`, compiled."""
+    """Return the compiled function that sorts crossings by orbit (`_sort`)."""
     if not codegen.compiled():
         return _sort
     if "sort" not in _compiled:
@@ -164,8 +164,8 @@ class Crossings:
 
     Attributes
     ----------
-    points : array (room, 2 d + 1) of t, q, p; the first ``len`` rows are filled
-    owners : array (room, 1), the number of the orbit of each
+    points : array (capacity, 2 d + 1) of t, q, p; as many rows as the object's ``len`` are filled
+    owners : array (capacity, 1), the number of the orbit of each point
     """
 
     def __init__(self, d: int):
@@ -200,7 +200,7 @@ class Crossings:
         self._filled = n
 
     def sort_points(self, n: int) -> tuple[np.ndarray, np.ndarray]:
-        """(points in the order of orbits and of time, how many each of n orbits has); nothing can be added then."""
+        """Sort the points by orbit and time: (points, numbers of points of the n orbits); none can be added later."""
         self._resize(self._filled)
         numbers = np.bincount(self.owners[:, 0], minlength=n)
         sorter()(self.points, self.owners, (np.cumsum(numbers) - numbers)[:, None].copy())

@@ -35,7 +35,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, repr=False)
 class Ensemble:
-    """Orbits and how they were made; n orbits of d degrees of freedom.
+    """The result of the integration of n orbits of d degrees of freedom.
 
     Attributes
     ----------
@@ -45,10 +45,11 @@ class Ensemble:
     times, Q, P : arrays (n, rows) and (n, rows, d), the rows that were kept, the first the initial state; NaN after an
         orbit has stopped
     h : array (n,), the step that each orbit took
-    methods, method : the methods, and an array (n,) with the number of each orbit's
-    counts : of all orbits together, as those of a `Solution`; of one that had to be integrated again, both times
-    in_lanes : array (n,), whether an orbit was integrated in lanes
-    seconds : of the integration on all threads together, by the clock on the wall; compiled before
+    methods, method : the different methods, and an array (n,) with the index in it of each orbit's method
+    counts : steps, evaluations, ... of all orbits together, as in a `Solution`; of an orbit that is integrated again,
+        both times
+    in_lanes : array (n,), True if an orbit was integrated in SIMD lanes
+    seconds : wall-clock time of the integration on all threads, without compilation
     system : the system that was integrated
     """
 
@@ -103,7 +104,7 @@ def tally(status: NDArray[np.object_]) -> str:
 
 
 def format_range(values: Floats) -> str:
-    """The range of the numbers as text, from least to largest; one number if all are equal."""
+    """The range of numbers as text, such as "0.1 to 0.5"; one number if all are equal."""
     low, high = float(values.min()), float(values.max())
     return f"{low:.6g}" if low == high else f"{low:.6g} to {high:.6g}"
 
@@ -134,9 +135,9 @@ def integrate_ensemble(
     t_end, steps : as in `integrate`; with steps of several lengths, ``t_end`` keeps no rows but the first and the last
     parameters : values of the method's parameters: numbers, or arrays (n,) with a value for each orbit
     save_every : store every Nth state, and the last; 0 stores the first and the last
-    lanes : whether orbits go into SIMD lanes; where that is left open, if they can and there are enough of them
-    threads : how many at once; all cores that this process may use
-    progress : called with the number of orbits that are at their end
+    lanes : True to integrate in SIMD lanes, False not to; None to do so if possible and if there are enough orbits
+    threads : the number of threads; None for all cores that this process may use
+    progress : called with the number of orbits that are finished
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""The one exception for input that cannot be used."""
+"""`InvalidInput`, the exception for input that cannot be used, and its message for unknown names."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ MANY = 20
 
 
 def unknown_name(kind: str, name: str, known: Iterable[str]) -> InvalidInput:
-    """The error for an unknown name, with the nearest known ones."""
+    """Make the error for an unknown name of a ``kind`` of things; its message lists the nearest known names."""
     known = sorted(set(known))
     near = difflib.get_close_matches(name, known, n=8, cutoff=0.6)
     more = f" and {len(known) - MANY} more (`phasebench list`)" if len(known) > MANY else ""

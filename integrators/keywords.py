@@ -1,4 +1,4 @@
-"""Keyword arguments of functions that take a method: ``parameters={...}``, its old spelling, and misspelt names."""
+"""Decorators that check keyword arguments: misspelt and renamed ones, and parameters of methods given as keywords."""
 
 from __future__ import annotations
 
@@ -83,8 +83,9 @@ def method_parameters(
 ) -> Callable[[Callable[Arguments, Result]], Callable[Arguments, Result]]:
     """Decorator of a function with an argument ``method``: accept the method's parameters as keywords, too.
 
-    They are moved to ``parameters``, with a DeprecationWarning; any other unknown keyword raises InvalidInput.  A type
-    checker sees the function's own signature.  ``names`` returns the names of the parameters of a method as given.
+    Such keywords are moved to the argument ``parameters``, with a DeprecationWarning; any other unknown keyword raises
+    InvalidInput.  A type checker sees the function's own signature.  ``names(method)`` returns the names of the
+    parameters of a method.
     """
 
     def decorate(function: Callable[Arguments, Result]) -> Callable[Arguments, Result]:

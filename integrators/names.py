@@ -1,4 +1,4 @@
-"""`Records`, a tuple of records that is indexed by id too; and methods' names in the literature, mapped to ids."""
+"""A tuple of records that can also be indexed by id (`Records`), and the ids that methods' usual names stand for."""
 
 from __future__ import annotations
 
@@ -80,7 +80,10 @@ def normalize(name: str) -> str:
 
 
 def unknown_method(name: str, known: Iterable[str], kind: str = "method") -> InvalidInput:
-    """The error for an unknown method, with the ids that the name means in the field, or else the nearest ones."""
+    """Make the error for an unknown method; its message lists the ids that the name may stand for, or the nearest ids.
+
+    ``known`` are the known ids; usual names, such as "leapfrog", are looked up in `ALIASES`.
+    """
     known = list(known)
     wanted = normalize(name)
     meant = [id for id in known if normalize(id) == wanted]

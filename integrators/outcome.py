@@ -1,28 +1,27 @@
 r"""Determine how a run ended: whether its rows (stored states) conserve the energy, and whether it met a singularity.
 
-Energy and orbit.  H is a sum of terms; M(y) is the sum of their sizes at y (`PartitionedSystem.scale`).  Rows
-:math:`y_0, ..., y_n` are not the orbit, the status is "inaccurate" or "unstable", where
+Energy and orbit.  H is a sum of terms; M(y) is the sum of their absolute values at y (`PartitionedSystem.scale`).  The
+rows :math:`y_0, ..., y_n` are taken not to be the orbit (status "inaccurate" or "unstable") if
 
 .. math::
     |H(y_i) - H(y_0)| > \tfrac12\,\max\bigl(M(y_i), \overline M\bigr)
 
-for some i, with :math:`\overline M` the mean over the rows after the first.  At such a row the error is of the size of
-what H consists of, so that kinetic and potential energy there are those of another motion, whatever the method
-promises; on an oscillator it says that H has doubled, or halved.  The measure is of the place: a blow-up carries its
-own M along, and at a close encounter, where the terms are large and cancel, an error that is small against them
-may pass and still is seen at the rows beyond.  The mean keeps an accurate orbit from being judged where it passes a
-point at which all terms vanish (a saddle with H = 0).  M(y_0) alone has no say: an orbit that starts at a pericentre
-would never be judged.
+for some i, with :math:`\overline M` the mean over the rows after the first.  At such a row the error is as large as
+the terms of H, so that kinetic and potential energy there are those of another motion, whatever the method promises; on
+an oscillator H has doubled or halved.  M is taken at the same row: in a blow-up it grows with the error, and at a close
+encounter, where the terms are large and cancel, an error that is small against them passes there, but is seen in later
+rows.  The mean prevents that an accurate orbit is rejected at a point where all terms vanish (a saddle with H = 0).
+M(y_0) is not used: an orbit that starts at a pericentre would never be rejected.
 
 Growth (`grows`).  The rows are "unstable" where the error grows, else "inaccurate": a leapfrog on an oscillator has an
 error of many times H at :math:`h\omega = 1.99`, and is bounded for all times; at 2.01 the error grows without end.
-Growth is told by the means of the error's size over four equal parts of the run: each of the last two is larger than
-the one before by the factor `RISE`.  Of an exponential, and of a drift in proportion to time, the last mean is at least
-1.4 times the one before; of a random walk 1.18 times; of what is bounded once.  An error of `BLOWN` times the terms at
-the start has grown, whatever came after.  Of few rows there are no such means, and `BLOWN_BETWEEN` alone decides.  What
-falls, as under an implicit Euler method, does not grow; nor does what a run is too short to tell.
+The criterion uses the means of the error's size over four equal parts of the run: the error grows if each of the last
+two means is larger than the mean before it by the factor `RISE`.  For exponential growth and for a linear drift the
+last mean is at least 1.4 times the mean before it, for a random walk 1.18 times, for a bounded error once.  An error of
+`BLOWN` times the terms at the start has grown, whatever follows.  If there are too few rows for such means,
+`BLOWN_BETWEEN` alone decides.  An error that falls, as with the implicit Euler method, does not grow.
 
-What conserves the energy passes however far it goes: an escape is a motion, and the problem's to tell.
+A run that conserves the energy passes however far the state goes: an escape may be the true motion.
 """
 
 from __future__ import annotations
@@ -63,12 +62,12 @@ class Outcome(NamedTuple):
 
 
 class SolverFailure(NamedTuple):
-    """What a user is told where the equations of a step were not solved.
+    """The message to the user if the equations of an implicit step were not solved.
 
     Attributes
     ----------
-    what : the message
-    advice : what may help, other than a smaller step
+    what : the message: which equations were not solved, and by which solver
+    advice : text to append on what may help besides a smaller step; "" for none
     """
 
     what: str
@@ -91,11 +90,16 @@ def solver_failure(family: str, d: int) -> SolverFailure:
 
 
 class EnergyError(NamedTuple):
-    """The energy error of each row of a trajectory.
+    """The energy error of each row (stored state) of a trajectory.
 
-    ``size``: |H - H_0|, array (n,).  ``share``: that divided by the size of H's terms (the larger of their size in the
-    row and of their mean over all rows).  ``sofar``: the same with the mean over the rows up to it, which shows when an
-    error became so large.  ``first``: the size of H's terms in the first row.
+    The size of H's terms is the sum of their absolute values.
+
+    Attributes
+    ----------
+    size : array (n,), |H - H_0|
+    share : array (n,), ``size`` divided by the larger of the size of H's terms in the row and its mean over all rows
+    sofar : array (n,), the same with the mean over the rows up to this one, which shows when an error became large
+    first : the size of H's terms in the first row
     """
 
     size: np.ndarray
@@ -105,7 +109,7 @@ class EnergyError(NamedTuple):
 
 
 def energy_error(system, Q, P) -> EnergyError | None:
-    """The energy error of finite rows Q, P, each (n, d), from the first row's energy; None where it is small."""
+    """The energy error of finite rows Q, P, each (n, d), relative to the first row's energy; None if it is small."""
     H = system.energies(Q, P)
     size = sizes(H)
     if len(H) < 2 or (size <= KEPT * np.abs(H - system.constant)).all():  # M is no less
@@ -144,15 +148,16 @@ def flag_energy_errors(H, M) -> np.ndarray:
 
 
 def _share(error, size) -> np.ndarray:
-    """error / size, 0 where the error is 0."""
+    """The energy error divided by a size, arrays of one shape; 0 where the error is 0."""
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.where(error > 0, error / size, 0.0)
 
 
 def judge(system, t, Q, P, advice: str = "take a smaller h") -> Outcome:
-    """Status and reason of a complete run from its energy error: "ok", "inaccurate" or "unstable".
+    """Determine the status of a complete run, "ok", "inaccurate" or "unstable", and its reason from the energy error.
 
-    The rows Q, P at the times t are finite; a system without an energy is "ok".
+    The rows Q, P (n, d) at the times t are finite; a run of a system without an energy is "ok".  ``advice`` ends the
+    reason.
     """
     found = energy_error(system, Q, P) if system.has_energy else None
     worst = 0.0 if found is None else found.share.max()
@@ -185,7 +190,7 @@ def grows(error: np.ndarray, first: float) -> bool:
 
 
 def _describe_bounded(error) -> str:
-    """Text to append to the reason if the energy error comes and goes without growing, else ""."""
+    """Text to append to a status's reason if the energy error oscillates without growing, else ""."""
     first, last = np.array_split(error, 2)
     if len(last) < 10 or last.max() > 1.05 * first.max() or last.min() > 0.1 * last.max():
         return ""
@@ -193,7 +198,7 @@ def _describe_bounded(error) -> str:
 
 
 def describe_escape(system, Q, P, found: EnergyError | None = None) -> str:
-    """Text to append to the reason if the state had grown large while the energy was still conserved, else ""."""
+    """Text to append to a status's reason if the state grew large while the energy was still conserved, else ""."""
     if not system.has_energy or len(Q) < 2:
         return ""
     found = energy_error(system, Q, P) if found is None else found

@@ -1,4 +1,4 @@
-"""Runs prepared for many calls: a method compiled for a problem once, then called with h and the number of steps."""
+"""Compile a method for a problem once, to integrate many times: `prepare`, then calls with h and number of steps."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ class Layout:
 
 
 def step_of(prepared: Prepared, d: int, h, q, p, arithmetic: str = DOUBLE):
-    """The kernel's first argument, the step's coefficients with h, for a run from the state (q, p)."""
+    """Make the kernel's first argument for a run from the state (q, p): the coefficients of a step, with h."""
     step = prepared.step._replace(h=float(h) if arithmetic == DOUBLE else h, eps=codegen.epsilon(arithmetic))
     if prepared.begin is not None:
         step = prepared.begin(step, *(value(x, d, arithmetic, prepared.arrays) for x in (q, p)))
@@ -90,9 +90,9 @@ class PreparedRun:
     """A method on a problem, compiled: ``run(h, steps)`` integrates and keeps no rows.
 
     Nothing is checked: h is a number, ``steps`` a positive integer, q0 and p0 have d finite numbers.  Every call starts
-    anew.  `advance` is such a call without reading the end state back: what a clock should enclose.  Methods whose step
-    depends on the initial state (those that keep H0) or in more than its length on h (the trigonometric ones) prepare
-    their step again where it is another than in the call before, which takes longer.
+    anew.  `advance` is such a call without reading the end state back: it is what should be timed.  Methods whose
+    coefficients depend on the initial state (methods that keep H0) or on h (trigonometric ones) compute them again if
+    these differ from the last call's, which takes longer.
 
     Attributes
     ----------

@@ -17,25 +17,26 @@ EXACT, ROUND_OFF, BOUNDED, DRIFT, NONE = "exact", "round-off", "bounded", "drift
 
 @dataclass(frozen=True, kw_only=True)
 class Method:
-    """A method.
+    """An integration method: its coefficients, its family (the kind of its kernel), and its declared properties.
 
     Attributes
     ----------
     id, name : its kebab-case name and its full one
-    family : the module of its kernel
-    data : what the family's kernel runs on (coefficients), exact numbers
+    family : the module, in `families`, of its kernel (the compiled loop over steps)
+    data : the coefficients for the family's kernel, exact numbers
     order : of consistency, for smooth systems that meet ``requires``
     symmetric : equal to its own adjoint
     symplectic : its step map is symplectic on canonical systems
-    volume : its step map, which is not symplectic, keeps the volume of phase space; False where nothing is declared
+    volume : its step map, which is not symplectic, conserves the volume of phase space; False if nothing is declared
     energy, quadratic : how the energy and invariants of the form q.D p of canonical systems are kept, one of
-        `ROUND_OFF`, `BOUNDED`, `DRIFT`, or `NONE` where it is not kept and no more is declared
+        `ROUND_OFF`, `BOUNDED`, `DRIFT`, or `NONE` if it is not conserved and no more is declared
     tangent : on systems with constraints, its momenta fulfil the hidden constraints
     source, cite : author, year, equation; and the keys of the works in ``bibliography.bib``
-    requires : traits of the system it cannot do without
+    requires : traits, keys of `TRAITS`, that a system must have
     parameters : names and values of its parameters
-    earlier : how many states besides the last one a step is taken from; the first steps are then another method's.
-        Where it is not 0 a step is no map of phase space: ``symmetric`` is said of the recursion
+    with_parameters : function of the parameters that returns the fields which depend on them; None without parameters
+    earlier : the number of states besides the last one that a step uses (multistep methods); the first steps are then
+        another method's.  If it is not 0, a step is no map of phase space, and ``symmetric`` refers to the recursion
     """
 
     id: str
@@ -76,7 +77,7 @@ class Method:
 
     @property
     def one_step(self) -> bool:
-        """True if a step is a map of phase space, which can have a structure."""
+        """True if a step is a map of phase space, as of one-step methods; False for multistep methods."""
         return self.earlier == 0
 
     @property

@@ -73,7 +73,7 @@ def parameter_names(method: str | Method) -> list[str]:
 
 
 def method(id: str | Method, **parameters: Value) -> Method:
-    """The method of that id, with values for its parameters: ``method("scheme-i", lam=-1)``.
+    """The record of the method with this id, with values for its parameters: ``method("scheme-i", lam=-1)``.
 
     ``solver="banded"`` solves the equations of a method of one stage in a narrow band (`records.solvers`).
 

@@ -27,7 +27,7 @@ class Request(NamedTuple):
     ----------
     system, q, p : the system and its initial state, arrays (d,)
     h, steps : the step, and how many
-    every : a row is kept after every so many steps, and after the last
+    every : the number of steps between two stored rows; the last state is stored too
     t0 : the time at the start
     """
 
@@ -62,9 +62,9 @@ def request(
 def grid(h=None, t_end=None, steps=None, t0=0.0) -> tuple[float, int]:
     """(h, steps) from two of h, t_end, steps; h is adjusted so that a whole number of steps leads from t0 to t_end.
 
-    Where t_end lies before t0 the step is negative, whatever sign h has; h and steps alone go the way that h says.
-    Raises InvalidInput where they are missing, not finite, zero, or contradict each other, and where h would grow by
-    more than 1 %; t_end and steps ask for any step.
+    If t_end lies before t0 the step is negative, whatever sign h has; given h and steps alone, the sign of h is the
+    direction.  Raises InvalidInput if numbers are missing, not finite, zero, or contradict each other, and if h would
+    grow by more than 1 %; t_end and steps alone allow any step.
     """
     for name, value in (("h", h), ("t_end", t_end), ("steps", steps), ("t0", t0)):
         real = isinstance(value, Real) and not isinstance(value, bool)
@@ -123,7 +123,7 @@ def spacing(save_every, steps: int) -> int:
 
 
 def check_timeout(timeout) -> None:
-    """Raise InvalidInput for a time limit that is no positive number of seconds."""
+    """Raise InvalidInput for a time limit that is neither None nor a positive number of seconds."""
     real = isinstance(timeout, Real) and not isinstance(timeout, bool)
     if timeout is not None and not (real and timeout > 0):
         raise InvalidInput(f"timeout is {timeout!r}; it must be a positive number of seconds")
@@ -132,8 +132,8 @@ def check_timeout(timeout) -> None:
 def initial(problem, q0=None, p0=None, exact: bool = False, tangent: bool = True):
     """(system, q, p): a problem's system and initial state, arrays (d,) of doubles; as they are given if ``exact``.
 
-    Raises InvalidInput where they do not fit, H is not finite there, or they are off the constraints of the system;
-    unless they need not be ``tangent``, off the hidden ones too.
+    Raises InvalidInput if the state does not fit the system, H is not finite there, or the state violates the system's
+    constraints; with ``tangent`` it must satisfy the hidden constraints, too.
     """
     system = getattr(problem, "system", problem)
     if not hasattr(system, "vector_field"):

@@ -1,7 +1,7 @@
-"""Integrate orbits of an ensemble one by one with a compiled kernel, on threads, where they cannot run in lanes.
+"""Integrate orbits of an ensemble one by one with a compiled kernel, on threads, if they cannot run in SIMD lanes.
 
-A kernel runs without the interpreter's lock; what goes before and after it does not, and what `integrate` does there
-for an orbit is done here for all of them at once: threads do not wait for one another.
+A kernel runs without the interpreter's lock, Python code before and after it does not.  What `integrate` does there for
+each orbit is done here for all orbits at once, so that threads do not wait for one another.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ from .threads import map_slices
 
 
 def run(orbits: Orbits, members: np.ndarray, threads: int, tell: Callable[[int], None]) -> np.ndarray:
-    """Integrate the orbits with the indices ``members`` and fill their rows; returns those left for `integrate`.
+    """Integrate the orbits with the indices ``members`` and fill their rows; return the indices left for `integrate`.
 
-    They are the orbits whose kernel stopped early, and all orbits of methods whose steps may be fallbacks, which lack
-    what the method promises.
+    Left are the orbits whose kernel stopped early, and all orbits of methods whose steps may be fallbacks: steps
+    without the property that the method promises.  ``tell`` is called with the number of orbits finished since before.
     """
     known = {k: prepare(orbits.kinds[k], orbits.system) for k in set(orbits.kind[members].tolist())}
     whole = np.array([not known[k].missed for k in orbits.kind[members].tolist()], bool)

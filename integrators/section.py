@@ -1,7 +1,7 @@
 """Poincare sections of ensembles: where orbits cross a plane of one coordinate or momentum (`crossings` finds them).
 
-Rows are looked at as they are made, and not kept: a section holds its points, and a few rows of every orbit to judge
-its energy by.
+Rows (states at steps) are searched as they are computed, and not stored: memory holds the points of the section, and a
+few rows of every orbit, by which its energy is judged.
 """
 
 from __future__ import annotations
@@ -40,10 +40,10 @@ class Section:
     orbit : array (m,), the number of the orbit
     t : array (m,), the times
     q, p : arrays (m, d)
-    status, reason : arrays (n,) of text, how each orbit ended; its crossings before are there
-    seconds : of the integration and of the search; compiled before
-    names : of the d coordinates, then of the d momenta
-    component, at : the number among ``names`` of the one that is fixed on the plane, and its value there
+    status, reason : arrays (n,) of text, how each orbit ended; crossings before its end are included
+    seconds : time of the integration and of the search, without compilation
+    names : the names of the d coordinates, then of the d momenta
+    component, at : the index in ``names`` of the coordinate or momentum that defines the plane, and its value there
     """
 
     orbit: NDArray[np.intp]
@@ -75,7 +75,15 @@ class Section:
 
 @dataclass
 class SectionOrbits(Orbits):
-    """Orbits whose rows are searched for crossings; Q and P hold the rows by which their energy is judged."""
+    """Orbits that are integrated and searched for crossings of a plane; Q and P hold a few rows, to judge the energy.
+
+    Attributes
+    ----------
+    find : the compiled search, from `crossings.finder`
+    plane : array (1, 3): index of the component in (q, p), its value on the plane, 1 for rising or -1 for falling
+    crossings : the crossings found so far
+    near : array (n,), True for orbits that came within a step of a singularity
+    """
 
     find: Callable | None = None
     plane: np.ndarray | None = None
@@ -171,7 +179,7 @@ class Search:
 
 
 def prepare_orbits(asked: ensemble.EnsembleRequest, component: int, at: float, rising: bool) -> SectionOrbits:
-    """Create the orbits of a section by the plane on which the component of that number in (q, p) is ``at``."""
+    """Create the orbits of a section by the plane (q, p)[component] = at, crossed in rising or falling direction."""
     n, d = asked.q.shape
     looks = int(np.clip(LOOKED // (2 * d * n), 1, LOOKS))
     orbits = SectionOrbits.create(*asked, 1 + looks)
@@ -247,8 +255,8 @@ def section(
     method : an id or a method
     Q, P : arrays (n, d), the initial states; one that is not finite is "invalid", and the others go on
     of, at : the coordinate or momentum by its name, such as "q1", and its value on the plane
-    rising : whether crossings with a rising coordinate count, else those with a falling one
-    every : look at every Nth step; two crossings between two looks are missed
+    rising : True to find crossings at which the coordinate rises, False for those at which it falls
+    every : search every Nth state; two crossings between two such states are missed
     h : number, or array (n,) with a step for each orbit
     t_end, steps : as in `integrate`
     parameters : values of the method's parameters: numbers, or arrays (n,) with a value for each orbit

@@ -17,18 +17,18 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, repr=False)
 class Solution:
-    """A trajectory and how it was made.
+    """The trajectory of an integration, its status, and how it was computed.
 
     Attributes
     ----------
     t : array (n,), the times; t[i] is a step number times h
     q, p : arrays (n, d), the states; row 0 is the initial one
-    status, reason : "ok", or what went wrong and what to do; the rows end before it, except that those of a run that is
-        "unstable" or "inaccurate", which are not the orbit, go on to the end
+    status, reason : "ok", or what went wrong and what to do.  Rows end before the failure; in a run that is "unstable"
+        or "inaccurate" they go on to the end, but are not the orbit
     counts : steps, evaluations of the gradient and of higher derivatives, stage iterations, Newton solves, fallbacks
     h, method : the step that was taken and the method
     parameter : array (n - 1,), the parameter lambda of Schemes IV and V in the last step of a row (NaN: no root)
-    seconds : of the kernel alone (it compiles before the clock starts)
+    seconds : time of the kernel (the compiled loop over steps) alone, without compilation
     problem : what was integrated, a problem or a system
     """
 

@@ -1,9 +1,9 @@
 """Distribute work over threads; the calling thread takes part, so that it never waits for another to begin.
 
-What there is to do is handed out in slices, as each thread asks for more (C. D. Polychronopoulos, D. J. Kuck, IEEE
-Trans. Comput. C-36 (1987) 1425-1439): half of a fair share of what is left, so that all end together whatever the
-pieces cost; but, once the first slice is timed, none that takes less than `LEAST`, which is what handing it out costs
-many times over.
+Each thread takes the next slice of the work when it has finished the last one (guided self-scheduling: C. D.
+Polychronopoulos, D. J. Kuck, IEEE Trans. Comput. C-36 (1987) 1425-1439).  A slice is half of an equal share of what is
+left, so that all threads end together whatever the items cost; once a first slice is timed, none is so short that it
+takes less than `LEAST` seconds, which is many times the cost of taking it.
 """
 
 from __future__ import annotations
@@ -72,7 +72,7 @@ class Slices:
 def map_slices(work: Callable[[slice], Found], n: int, threads: int) -> Iterator[Found]:
     """Call ``work`` on slices that together are 0 ... n - 1, on ``threads`` threads; yield results as they come.
 
-    An exception that it raises is raised here, when all threads have ended.
+    An exception in ``work`` is raised here, when all threads have ended.
     """
     first = 1 if n >= MANY and threads > 1 else 0
     slices = Slices(n, threads, first)

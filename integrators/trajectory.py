@@ -38,7 +38,7 @@ class Pace:
 
     Attributes
     ----------
-    steps : of the next call
+    steps : the number of steps in the next call
     """
 
     def __init__(self, timeout: float | None, first: int = PIECE):
@@ -65,20 +65,22 @@ def _leading(good: np.ndarray) -> int:
 def whole_rows(steps: int, every: int, filled: int, most: int) -> int:
     """The number of complete rows that one kernel call of at most ``most`` steps can fill.
 
-    ``steps`` and ``every`` (steps between rows) are the run's, of which ``filled`` rows are there.
+    The run has ``steps`` steps and a row after every ``every`` steps; ``filled`` rows are already filled.
     """
     return min(most // every, steps // every - filled)
 
 
 class Trajectory:
-    """The rows of a run, one every ``every`` steps and the last, with the run's status while it goes on.
+    """The rows (stored states) of a run, one after every ``every`` steps and the last, with the status so far.
 
     Attributes
     ----------
-    q, p, parameter : arrays; row 0 of q and p is the initial state
-    filled : rows after it that are filled
-    status, reason : how it is going
-    seconds : of the kernel alone
+    q, p : arrays (n + 1, d); row 0 is the initial state
+    parameter : array (n, 1), a parameter that the kernel finds in a step, such as lambda of Schemes IV and V; else NaN
+    filled : the number of filled rows after the initial state
+    reached : the number of the step that the last filled row belongs to
+    status, reason : the status so far, "ok" unless the run has stopped, and its reason
+    seconds : time spent in the kernel
     """
 
     def __init__(

@@ -1,8 +1,9 @@
 """Coefficients of compositions and splittings: as published, each with its source, and polished to full precision.
 
-`TABLES` holds them as published; `polished_numbers` and `steps` give them with 60 digits that satisfy the order
-conditions to 1e-50 and better.  They stand in ``polished.json``, each with a digest of the table it was made from: one
-that is new or was edited is polished when it is asked for, and the command (`__main__`) keeps the result.
+To polish is to solve the order conditions for the numbers nearest to the published ones.  `TABLES` holds the published
+numbers; `polished_numbers` and `steps` return 60 digits that satisfy the conditions to 1e-50 and better.  The polished
+numbers are stored in ``polished.json``, with a digest of the table that they were computed from.  A table that is new
+or was edited is polished on demand; the command (`__main__`) stores the result.
 """
 
 from __future__ import annotations
@@ -38,7 +39,7 @@ __all__ = ["BY_NAME", "DAMAGED", "POLISHED", "TABLES", "Table", "about", "polish
 
 
 def table(name: str) -> Table:
-    """The table of that name; raises InvalidInput for an unknown one."""
+    """The published table of coefficients with this name; raises InvalidInput for an unknown name."""
     if name not in BY_NAME:
         raise unknown_name("table of coefficients", name, BY_NAME)
     return BY_NAME[name]
@@ -52,14 +53,16 @@ def read_polished() -> dict[str, dict]:
 
 @cache
 def describe(name: str) -> dict:
-    """The polished numbers of a table, the residuals of its order conditions before and after, and the largest change.
+    """What `polish.entry` returns for the table ``name``: polished numbers, residuals of order conditions, changes.
+
+    It is read from ``polished.json``, or computed, with a warning, for a table that is not there.
 
     Raises
     ------
     InvalidInput
         For an unknown name.
     ArithmeticError
-        Where the numbers of a table that is not in ``polished.json`` have not the order that it declares.
+        If the numbers of a table that is not in ``polished.json`` do not have the order that it declares.
     """
     wanted = table(name)
     kept = read_polished().get(name, {})
@@ -72,12 +75,15 @@ def describe(name: str) -> dict:
 
 
 def polished_numbers(name: str) -> tuple[mpmath.mpf, ...]:
-    """The numbers of a table, polished to 60 digits, in the order of `Table.published`."""
+    """The numbers of the table ``name``, solved to 60 digits from its order conditions, as in `Table.published`."""
     texts = describe(name)
     with mpmath.workdps(DIGITS):
         return tuple(value(x) for part in ("gamma", "a", "b") for x in texts.get(part, ()))
 
 
 def steps(name: str) -> list:
-    """All substeps of a table, polished: fractions of a composition, or pairs (letter, weight) of a splitting."""
+    """All substeps of the table ``name`` to 60 digits: fractions of a composition, or pairs (letter, weight).
+
+    The letters of a splitting are "A" for a drift and "B" for a kick.
+    """
     return table(name).steps(polished_numbers(name))

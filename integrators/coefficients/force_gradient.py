@@ -3,10 +3,10 @@ r"""Splittings with modified kicks, :math:`e^{b h B + c h^3 C}` with :math:`C = 
 Where T is quadratic C is a kick, :math:`p \leftarrow p + c h^3\,\nabla(\nabla V\cdot M^{-1}\nabla V)`.  A step is a
 product of drifts and modified kicks, a series over words of A and B modulo :math:`[B, [B, [B, A]]] = 0`, as that of a
 Nystrom splitting (`order_conditions`); its order is the degree up to which it equals :math:`e^{A + B}`.  Tables are
-given as published, and polished to 60 digits on these conditions as the others are (`polish`): the nearest solution.
+given as published; `polish` solves these conditions for the numbers nearest to the published ones, to 60 digits.
 
-Where methods are named nF mG, a step has n forces, m of them with a gradient; V begins with a kick (velocity), P with a
-drift (position).
+In a name nF mG, a step has n forces, m of them with a gradient; V begins with a kick (velocity), P with a drift
+(position).
 
 Sources: M. Takahashi, M. Imada, J. Phys. Soc. Jpn. 53 (1984) 3765-3769; S. A. Chin, Phys. Lett. A 226 (1997) 344-348;
 S. A. Chin, C. R. Chen, J. Chem. Phys. 117 (2002) 1409-1415; I. P. Omelyan, I. M. Mryglod, R. Folk, Phys. Rev. E 66
@@ -39,9 +39,12 @@ Substep = tuple[str, mpmath.mpf, mpmath.mpf]
 
 @dataclass(frozen=True)
 class ForceGradientTable(Table):
-    """A symmetric splitting with modified kicks, as published; ``c`` has a number for each number of ``b``.
+    """A symmetric splitting with modified kicks exp(b h B + c h^3 C), as published.
 
-    ``hessian_free`` where the modified kick is that of two forces (see `residual`).
+    Attributes
+    ----------
+    c : coefficients of C = [B, [A, B]], as text, one for each number of ``b``
+    hessian_free : True if the kick is approximated by two evaluations of the force, without the Hessian (`residual`)
     """
 
     c: tuple[str, ...] = ()
@@ -49,17 +52,17 @@ class ForceGradientTable(Table):
 
     @property
     def published(self) -> tuple[str, ...]:
-        """Every number: a, b and c."""
+        """Every published number as text: a, b, and then c."""
         return self.a + self.b + self.c
 
     @property
     def digest(self) -> str:
-        """The digest of the published numbers and their use, by which polished numbers are known to be this table's."""
+        """A hash of the published numbers and their use, by which polished numbers are recognized as this table's."""
         used = self.order, self.a, self.b, self.c, self.first, self.hessian_free
         return hashlib.sha256(repr(used).encode()).hexdigest()[:16]
 
     def steps(self, numbers: Sequence[mpmath.mpf]) -> list[Substep]:
-        """The whole sequence of substeps, from numbers in the order of `published`."""
+        """All substeps, drifts ("A", a, 0) and modified kicks ("B", b, c), from numbers in the order of `published`."""
         n, m = len(self.a), len(self.a) + len(self.b)
         drifts = [("A", a, mpmath.mpf(0)) for a in numbers[:n]]
         kicks = [("B", b, c) for b, c in zip(numbers[n:m], numbers[m:], strict=True)]
@@ -68,7 +71,7 @@ class ForceGradientTable(Table):
 
 
 def _times_kick(b, c, series: list[np.ndarray]) -> list[np.ndarray]:
-    """exp(b B + c C) times a series over words by degree (`order_conditions.words`)."""
+    """The product exp(b B + c C) S of series, the former a modified kick; ``series`` S is as in `_times_drift`."""
     out, term = [x.copy() for x in series], series
     for k in range(1, len(series)):
         term = _times_generator(b / k, c / k, term)
@@ -77,7 +80,7 @@ def _times_kick(b, c, series: list[np.ndarray]) -> list[np.ndarray]:
 
 
 def _times_generator(b, c, series: list[np.ndarray]) -> list[np.ndarray]:
-    """(b B + c C) times a series; C = 2 BAB - BBA - ABB."""
+    """The product (b B + c C) S, with C = 2 BAB - BBA - ABB; ``series`` S is as in `_times_drift`."""
     out = [x * 0 for x in series]
     for n in range(1, len(series)):
         out[n][2 ** (n - 1) :] = series[n - 1] * b
@@ -103,7 +106,10 @@ def _times_drift(a, series: list[np.ndarray]) -> list[np.ndarray]:
 
 
 def residuals(steps: Sequence[Substep], degree: int) -> list[np.ndarray]:
-    """The step minus exp(A + B), by degree from 0: arrays over the normal forms of the words of that degree."""
+    """Coefficients of a step minus exp(A + B), the exact flow: for each degree 0, ..., ``degree`` an array over words.
+
+    ``steps`` are the step's substeps.  Words are reduced to normal form by [B, [B, [B, A]]] = 0.
+    """
     with mpmath.workdps(max(DIGITS, mpmath.mp.dps)):
         series = [np.full(2**n, mpmath.mpf(n == 0), dtype=object) for n in range(degree + 1)]
         for letter, weight, c in reversed(list(steps)):
@@ -112,10 +118,10 @@ def residuals(steps: Sequence[Substep], degree: int) -> list[np.ndarray]:
 
 
 def residual(table: ForceGradientTable, numbers: Sequence[mpmath.mpf]) -> np.ndarray:
-    r"""Every coefficient that the order needs to vanish: those of odd degree, as the step is symmetric.
+    r"""The error coefficients that vanish if the table has its order: those of odd degree, since the step is symmetric.
 
     A kick without the Hessian differs from the modified one by :math:`2 c^2 h^5 / b\,V'''(M^{-1}\nabla V,
-    M^{-1}\nabla V)` and terms of degree 7, so that the order 6 needs the sum of :math:`c^2 / b` to vanish, too.
+    M^{-1}\nabla V)` and terms of degree 7, so that order 6 needs the sum of :math:`c^2 / b` to vanish, too.
     """
     steps = table.steps(numbers)
     found = np.concatenate(residuals(steps, table.order[0] - 1)[1::2])
@@ -125,7 +131,7 @@ def residual(table: ForceGradientTable, numbers: Sequence[mpmath.mpf]) -> np.nda
 
 
 def _jacobian(table: ForceGradientTable, x: np.ndarray, free: Sequence[int]) -> np.ndarray:
-    """The derivatives of `residual` by the numbers of the indices ``free``, by central differences."""
+    """The Jacobian matrix of `residual` by the numbers with the indices ``free`` (columns), by central differences."""
     columns = []
     for k in free:
         above, below = x.copy(), x.copy()
@@ -140,7 +146,7 @@ def polish(table: ForceGradientTable) -> list[mpmath.mpf]:
 
 
 def excess(table: ForceGradientTable, numbers: Sequence[mpmath.mpf]) -> mpmath.mpf:
-    """The largest entry of `residual`."""
+    """The largest entry of `residual`, in absolute value, for a table with these numbers."""
     return max(map(abs, residual(table, numbers)))
 
 
@@ -161,7 +167,7 @@ def _schaefers(letters: str, order: int, a: str, b: str, c: str):
 
 
 def _corrected(n: int, half: str):
-    """SABA_n between two halves of its corrector, gradients without a kick."""
+    """Make the table of SABAC_n: SABA_n between two halves of its corrector, kicks with b = 0 and c = ``half``."""
     table = gauss.saba(n)
     source, c = f"Laskar & Robutel 2001, SABAC_{n}", " ".join([half, *["0"] * len(table.b)])
     return _table(f"sabac-{n}", 4, source, table.cite, "B", " ".join(table.a), " ".join(("0", *table.b)), c)

@@ -1,4 +1,4 @@
-r"""Step fractions of symmetric compositions that raise a symmetric method of order 2; splittings as compositions.
+r"""Step fractions of symmetric compositions that raise the order of a symmetric method; splittings as compositions.
 
 Triple jump (Yoshida): from order k to k + 2, :math:`\gamma_1 = 1/(2 - 2^{1/(k+1)})`, :math:`\gamma_2 = 1 - 2\gamma_1`.
 Suzuki's fractal: five steps, :math:`\gamma_1 = 1/(4 - 4^{1/(k+1)})`, :math:`\gamma_3 = 1 - 4\gamma_1`.
@@ -43,7 +43,7 @@ def suzuki(order: int) -> tuple[mpmath.mpf, ...]:
 
 
 def mirror(half: Sequence) -> tuple:
-    """The palindrome of a first half that ends with the middle one."""
+    """The palindrome (x_1, ..., x_m, ..., x_1) with the first half (x_1, ..., x_m), which includes the middle x_m."""
     return (*half, *reversed(half[:-1]))
 
 
@@ -62,9 +62,9 @@ NONE = mpmath.mpf(10) ** (10 - DIGITS)
 def substeps(steps: Iterable[tuple[str, mpmath.mpf]]) -> tuple[tuple, ...]:
     """Write alternating drifts ("A") and kicks ("B") as substeps (c, mu, lambda) of the two symplectic Euler methods.
 
-    The weight of a drift or kick is shared by two neighbouring substeps of lengths c (fractions of the step), so that c
-    is each weight less the last c. A substep that begins with a drift has (mu, lambda) = (1, 0), one that begins with a
-    kick (0, 1). Raises ValueError where drifts and kicks do not have the same sum.
+    The weight of a drift or kick is shared by two neighbouring substeps of lengths c (fractions of the step), so that
+    each c is a weight minus the c before it. A substep that begins with a drift has (mu, lambda) = (1, 0), one that
+    begins with a kick (0, 1). Raises ValueError if drifts and kicks do not have the same sum.
     """
     out, c = [], mpmath.mpf(0)
     with mpmath.workdps(DIGITS):

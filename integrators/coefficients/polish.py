@@ -1,6 +1,6 @@
-r"""Coefficients to full precision: the solution of the order conditions nearest to the published digits.
+r"""Compute coefficients to full precision: the solution of the order conditions nearest to the published digits.
 
-With r(x) the residuals of `order_conditions`, J(x) their Jacobian and :math:`x_0` the published digits, it is x with
+With r(x) the residuals of `order_conditions`, J(x) their Jacobian and :math:`x_0` the published digits, this is x with
 
 .. math::
     r(x) = 0, \qquad x - x_0 \in \operatorname{range} J(x)^T,
@@ -53,7 +53,7 @@ def residual(table: Table, numbers: Sequence[mpmath.mpf]) -> np.ndarray:
 
 
 def jacobian(table: Table, numbers: Sequence[mpmath.mpf], free: Sequence[int]) -> np.ndarray:
-    """The derivatives of `residual` by the numbers of the indices ``free``, by central differences."""
+    """The Jacobian matrix of `residual` by the numbers with the indices ``free`` (columns), by central differences."""
     columns = []
     for k in free:
         above, below = list(numbers), list(numbers)
@@ -83,10 +83,10 @@ def polish(
     residual: Callable = residual,
     jacobian: Callable = jacobian,
 ) -> list[mpmath.mpf]:
-    """The solution of the order conditions nearest to ``numbers`` (at first the published ones).
+    """The solution of a table's order conditions nearest to ``numbers``, by default the published ones.
 
-    ``residual(table, numbers)`` is what the conditions leave, ``jacobian(table, numbers, free)`` its derivative by the
-    numbers of the indices ``free``.
+    ``residual(table, numbers)`` returns the residuals of the conditions, ``jacobian(table, numbers, free)`` their
+    derivatives by the numbers with the indices ``free``.
 
     Raises
     ------
@@ -117,7 +117,7 @@ def polish(
 
 
 def locate(table: Table, numbers: Sequence[mpmath.mpf]) -> tuple[int, mpmath.mpf]:
-    """Find the single number whose change reduces the residual most: (its index, its corrected value).
+    """Find the number, perhaps misprinted, whose correction reduces the residuals most: (its index, corrected value).
 
     For each number the least-squares correction is computed; the one that leaves the least residual is returned.
     """
@@ -133,7 +133,11 @@ def locate(table: Table, numbers: Sequence[mpmath.mpf]) -> tuple[int, mpmath.mpf
 
 
 def entry(table: Table) -> dict:
-    """The entry of a table in the data file: polished numbers, residuals before and after, largest change, sums."""
+    """The entry of a table for ``polished.json``, a dict of texts: polished numbers, and facts about them.
+
+    The facts are the largest residual of the order conditions before and after, the largest change of a number, the sum
+    of the substeps and the sum of their absolute values.
+    """
     before, after = starting_values(table), polish(table)
     with mpmath.workdps(DIGITS):
         texts = [x if is_exact(x) else mpmath.nstr(y, DIGITS) for x, y in zip(table.published, after, strict=True)]

@@ -1,4 +1,7 @@
-"""`PolishedFile`: the polished numbers of tables in a JSON file beside them, each with the digest of its table."""
+"""Polished numbers of tables in a JSON file beside the tables' module, each with its table's digest (`PolishedFile`).
+
+Polished numbers are the solution of the order conditions that is nearest to the published numbers.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +22,7 @@ from .table import Table, is_exact, value
 
 
 def excess_of_words(table: Table, numbers: Sequence[mpmath.mpf]) -> mpmath.mpf:
-    """The largest coefficient of a splitting's or composition's error that the table's order needs to vanish."""
+    """The largest residual, in absolute value, of a splitting's or composition's order conditions at ``numbers``."""
     return excess(residuals(table.kind, table.steps(numbers), max(table.order)), table.order)
 
 
@@ -28,10 +31,10 @@ class PolishedFile:
 
     Parameters
     ----------
-    module : the module's full name; its file of numbers has that name's last part
+    module : the module's full name; the file is named by its last part, with the ending .json
     tables : the module's tables
     polish : function (table) -> the solution of its order conditions that is nearest to the published numbers
-    excess : function (table, numbers) -> the largest of the coefficients of its error that its order needs to vanish
+    excess : function (table, numbers) -> the largest residual of its order conditions, in absolute value
     """
 
     def __init__(
@@ -52,7 +55,7 @@ class PolishedFile:
         return json.loads(self.path.read_text()) if self.path.exists() else {}
 
     def table(self, name: str) -> Table:
-        """The table of that name; raises InvalidInput for an unknown one."""
+        """The published table with this name; raises InvalidInput for an unknown name."""
         if name not in self.tables:
             raise unknown_name("table of coefficients", name, self.tables)
         return self.tables[name]
@@ -86,7 +89,7 @@ class PolishedFile:
         self.path.write_text(json.dumps(data, indent=1) + "\n")
 
     def entry(self, table: Table) -> dict:
-        """The entry of a table: polished numbers, residuals before and after, the largest change of a number."""
+        """The file's entry for a table: digest, polished numbers, residuals before and after, the largest change."""
         before, after = starting_values(table), self.polish(table)
         with mpmath.workdps(DIGITS):
             texts = [x if is_exact(x) else mpmath.nstr(y, DIGITS) for x, y in zip(table.published, after, strict=True)]

@@ -1,15 +1,15 @@
-r"""Processed splittings :math:`P K P^{-1}`: a kernel K that is cheap, of an order that its processor P brings out.
+r"""Coefficients of processed splittings :math:`P K P^{-1}`: a cheap kernel K, and a processor P that raises its order.
 
-n steps are :math:`P K^n P^{-1}`: P and its inverse act where a state is stored, and a step costs the kernel alone.  The
-order is that of the whole sequence, by the conditions of `order_conditions`; the kernel alone has a lower one.  A
-processor is, substeps in the order in which they act,
+n steps are :math:`P K^n P^{-1}`: P and its inverse act only where a state is stored, and a step costs the kernel alone.
+The order is that of the whole sequence, by the conditions of `order_conditions`; the kernel alone has a lower order.
+The processor is, with substeps in the order in which they act,
 
 - for a composition of a symmetric method of order 2: steps over :math:`\gamma_1, \dots, \gamma_k`, then over
   :math:`-\gamma_1, \dots, -\gamma_k`;
 - for a splitting of A + eps B: a drift and a kick in turn.
 
-Published numbers leave out one that follows from the others, ``*``: the fractions of a kernel add up to 1, as do its
-drifts and its kicks; those of a processor to 0.  Polishing keeps that (`polish`).
+A number that follows from the others is written ``*``: the fractions of a kernel add up to 1, as do its drifts and its
+kicks; those of a processor add up to 0.  Polishing (`polish`) keeps these sums.
 
 Sources: S. Blanes, Appl. Numer. Math. 37 (2001) 289-306; S. Blanes, F. Casas, A. Murua, SIAM J. Sci. Comput. 27 (2006)
 1817-1843 (compositions); S. Blanes, F. Casas, J. Ros, Celest. Mech. Dyn. Astron. 77 (2000) 17-36 (near-integrable);
@@ -34,11 +34,15 @@ IMPLIED = "*"
 
 @dataclass(frozen=True)
 class ProcessedTable(Table):
-    """A kernel with its processor, as published.
+    """The coefficients of a processed method, kernel and processor, as published.
 
-    ``gamma``, ``a``, ``b`` and ``first`` are the kernel's, as in a symmetric `Table` (all of a and b where it is not
-    ``palindromic``); of ``gamma`` the k-th is taken ``repeat[k]`` times.  ``processor`` has the first half of the
-    fractions of a composition's, or drifts and kicks in turn.
+    Attributes
+    ----------
+    gamma, a, b, first : the kernel's, as in a symmetric `Table`; all of a and b if the kernel is not ``palindromic``
+    repeat : how many times each number of ``gamma`` is taken; () for once
+    processor : the first half of the processor's fractions for a composition, else its drifts and kicks in turn
+    palindromic : True if the kernel is a palindrome
+    symmetric : whether the whole sequence is a palindrome
     """
 
     repeat: tuple[int, ...] = ()
@@ -53,12 +57,12 @@ class ProcessedTable(Table):
 
     @property
     def digest(self) -> str:
-        """The digest of the published numbers and their use, by which polished numbers are known to be this table's."""
+        """A hash of the published numbers and their use, by which polished numbers are recognized as this table's."""
         kernel = self.kind, self.order, self.gamma, self.repeat, self.a, self.b, self.first, self.palindromic
         return hashlib.sha256(repr((*kernel, self.processor)).encode()).hexdigest()[:16]
 
     def _parts(self, numbers: Sequence[mpmath.mpf]) -> dict[str, list[mpmath.mpf]]:
-        """The numbers by part (gamma, a, b, processor), with those that are implied."""
+        """Divide numbers into the parts "gamma", "a", "b", "processor"; insert those that follow from the others."""
         left, parts = list(numbers), {}
         for part in ("gamma", "a", "b", "processor"):
             texts = getattr(self, part)
@@ -81,7 +85,7 @@ class ProcessedTable(Table):
         return [2] * (n - 1) + [1 if middle == (part == "a") else 2]
 
     def kernel(self, numbers: Sequence[mpmath.mpf]) -> list:
-        """The kernel's fractions, or pairs (letter, weight), from numbers in the order of `published`."""
+        """All substeps of the kernel, fractions or pairs (letter, weight), from numbers in the order of `published`."""
         parts = self._parts(numbers)
         if self.gamma:
             repeat = self.repeat or (1,) * len(self.gamma)
@@ -91,20 +95,20 @@ class ProcessedTable(Table):
         return steps if self.palindromic else steps[: (len(steps) + 1) // 2]
 
     def pre(self, numbers: Sequence[mpmath.mpf]) -> list:
-        """The processor's fractions, or pairs (letter, weight), in the order in which they act."""
+        """All substeps of the processor, fractions or pairs (letter, weight), in the order in which they act."""
         found = self._parts(numbers)["processor"]
         if self.gamma:
             return found + [-g for g in found]
         return [("AB"[k % 2], x) for k, x in enumerate(found)]
 
     def steps(self, numbers: Sequence[mpmath.mpf]) -> list:
-        """The whole sequence: the processor, the kernel, the processor's inverse."""
+        """All substeps of a processed step: the processor, the kernel, the processor's inverse."""
         first = self.pre(numbers)
         return first + self.kernel(numbers) + inverse(first)
 
 
 def inverse(steps: Sequence) -> list:
-    """The inverse of fractions or of pairs (letter, weight): backwards, with the other sign."""
+    """The inverse of a sequence of substeps, fractions or pairs (letter, weight): reversed, with opposite signs."""
     return [(x[0], -x[1]) if isinstance(x, tuple) else -x for x in reversed(steps)]
 
 
@@ -130,7 +134,7 @@ def _near_integrable(name: str, order: tuple[int, ...], first: str, a: str, b: s
 
 
 def _two_stages() -> ProcessedTable:
-    """The kernel of two stages, whose numbers have a closed form: fractions, which polishing keeps."""
+    """Make the table with the kernel of two stages, whose numbers have a closed form, which polishing keeps."""
     with mpmath.workdps(DIGITS):
         root = mpmath.sqrt(1 + 2 / mpmath.sqrt(3))
         less, more = (f"{mpmath.nstr((1 + sign * root) / 2, DIGITS)}/1" for sign in (-1, 1))
@@ -231,13 +235,13 @@ FILE = PolishedFile("phasebench.integrators.coefficients.processed", TABLES)
 
 
 def kernel(name: str) -> list:
-    """The substeps of a table's kernel, polished: fractions, or pairs (letter, weight)."""
+    """The substeps of the kernel of the table ``name``, to 60 digits: fractions, or pairs (letter, weight)."""
     with mpmath.workdps(DIGITS):
         return FILE.table(name).kernel(FILE.numbers(name))
 
 
 def pre(name: str) -> list:
-    """The substeps of a table's processor, polished: fractions, or pairs (letter, weight)."""
+    """The substeps of the processor of the table ``name``, to 60 digits: fractions, or pairs (letter, weight)."""
     with mpmath.workdps(DIGITS):
         return FILE.table(name).pre(FILE.numbers(name))
 

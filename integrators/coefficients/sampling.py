@@ -1,7 +1,7 @@
 """Splittings of order 2 for sampling and molecular dynamics, with more stages than Stormer-Verlet.
 
-Their numbers minimise an error and do not solve order conditions: they are used as printed, except that the last number
-of each kind follows from the others, since drifts and kicks add up to the step.
+Their numbers minimise an error and do not solve order conditions: they are used as printed, and the last number
+of each kind is computed from the others, since drifts and kicks add up to the step.
 
 Sources: S. Blanes, F. Casas, J. M. Sanz-Serna, SIAM J. Sci. Comput. 36 (2014) A1556-A1580, whose weights minimise the
 expected energy error of Hamiltonian Monte Carlo on Gaussian targets; C. Predescu et al., Mol. Phys. 110 (2012) 967-983;

@@ -16,7 +16,7 @@ EXACT_DIGITS = 6
 
 @dataclass(frozen=True)
 class Table:
-    """A symmetric composition or a splitting, as published.
+    """The coefficients of a symmetric composition or of a splitting, as published.
 
     Attributes
     ----------
@@ -29,7 +29,7 @@ class Table:
         symmetric, else all; decimal strings or fractions
     first : the letter of its first substep, "A" (drift) or "B" (kick)
     symmetric : whether the halves are mirrored
-    good : decimals to which the numbers are right, where more were printed
+    good : the number of correct decimals, if more were printed; else None
     """
 
     name: str
@@ -62,13 +62,16 @@ class Table:
 
     @property
     def accuracy(self) -> mpmath.mpf:
-        """How near the published numbers are to their polished ones: ten units of the shortest's last digit."""
+        """A bound of the distance of published from polished numbers.
+
+        It is 10^-``good`` if that is given, else ten units of the last digit of the shortest number.
+        """
         if self.good is not None:
             return mpmath.mpf(10) ** -self.good
         return 10 * max((unit(x) for x in self.published if not is_exact(x)), default=mpmath.mpf(10) ** -DIGITS)
 
     def steps(self, numbers: Sequence[mpmath.mpf]) -> list:
-        """The whole sequence, from numbers in the order of `published`: fractions, or pairs (letter, weight)."""
+        """All substeps, from numbers in the order of `published`: fractions, or pairs (letter, weight)."""
         if self.gamma:
             return list(mirror(numbers))
         parts = {"A": list(numbers[: len(self.a)]), "B": list(numbers[len(self.a) :])}
@@ -82,7 +85,7 @@ class Table:
 
 
 def is_exact(text: str) -> bool:
-    """Whether a published number is a fraction or a choice of few digits, which polishing leaves as it is."""
+    """True if a published number is a fraction or has few digits: a choice, which polishing leaves as it is."""
     return "/" in text or len(text.partition(".")[2].rstrip("0")) <= EXACT_DIGITS
 
 

@@ -1,1 +1,1 @@
-"""The records of the methods, one module for each kind of method."""
+"""The records of the integration methods (`record.Method`), one module for each kind of method."""

@@ -10,7 +10,10 @@ SOURCE = "Hairer & Soderlind 2005; Hairer, Lubich & Wanner 2006, VIII.3.2; dt = 
 
 
 def adaptive(*, id, name, order, source, cite, data=(), requires=("canonical", "singular distances")):
-    """Make the record of a method whose step follows the distance to singularities; h is the step at distance 1."""
+    """Make the record of a method whose step depends on the distance to singularities; h is the step at distance 1.
+
+    ``data`` are the coefficients for the family `adaptive`; the other arguments are fields of the record.
+    """
     return Method(
         id=id,
         name=f"{name} with a reversible control of the step; h is the step where the distance to the singularity is 1",

@@ -11,7 +11,11 @@ HLW = "Hairer, Lubich & Wanner 2006"
 
 
 def one_stage(*, id, name, substeps, source, **facts):
-    """Make the record of a method with one-stage substeps (c, mu, lambda): length c h, stage weights for q and p."""
+    """Make the record of a method of one-stage substeps (c, mu, lambda); ``facts`` are further fields of the record.
+
+    A substep has the length c h and evaluates the field at (q + mu (Q - q), p + lambda (P - p)), where (q, p) is the
+    state before the substep and (Q, P) the state after it.
+    """
     facts = {"order": 1, "symmetric": False, "symplectic": True, "energy": BOUNDED, "quadratic": ROUND_OFF} | facts
     return Method(id=id, name=name, family="parametric", data=(1, substeps), source=source, **facts)
 

@@ -1,4 +1,4 @@
-"""Records of the splittings and compositions of `coefficients.collected`: of Stormer-Verlet, as in `compositions`."""
+"""Records of the splittings, and of the compositions of Stormer-Verlet, of `coefficients.collected`."""
 
 from __future__ import annotations
 

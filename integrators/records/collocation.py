@@ -73,7 +73,7 @@ def lobatto(s):
 
 
 def radau(s):
-    """Make the record of the Radau IIA method of s stages, a control: it dissipates."""
+    """Make the record of the Radau IIA method of s stages, a dissipative method for comparison."""
     return collocation(
         id=f"radau-iia-{s}",
         name=f"Radau IIA, {s} stages",
@@ -89,7 +89,7 @@ def radau(s):
 
 
 def equip(s):
-    """Make the record of the Gauss method of s stages with a parameter that keeps the energy."""
+    """Make the record of EQUIP: the Gauss method of s stages with a parameter, chosen in each step to keep H."""
     return Method(
         id=f"gauss-equip-{s}",
         name=f"EQUIP: Gauss, {s} stages, with the parameter that keeps the energy",

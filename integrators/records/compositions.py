@@ -25,12 +25,12 @@ SUM = 1e-12
 
 
 def compose(base: Method, fractions: str | Sequence, **facts) -> Method:
-    """The composition of a symmetric method of order 2 over the given fractions of the step.
+    """Make the record of the composition of a symmetric method of order 2 over fractions of the step.
 
     Parameters
     ----------
-    base : a symmetric record of order 2, of the family "parametric", "schemes_iv_v", "rattle" or "rigid"; its
-        parameters stay parameters
+    base : the record of a symmetric method of order 2, of the family "parametric", "schemes_iv_v", "rattle" or "rigid";
+        the composition has the same parameters
     fractions : the name of a composition in `coefficients`, or all the fractions
     facts : fields of the record that are to differ (id, name, source, order, ...); without an order it is computed
         from the fractions

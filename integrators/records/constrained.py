@@ -1,7 +1,7 @@
-"""Methods for constraints g(q) = 0: RATTLE, SHAKE, a composition, and collocation on the manifold.
+"""Records of methods for constraints g(q) = 0: RATTLE, SHAKE, a composition, and collocation on the manifold.
 
-``symplectic`` is meant on the manifold of the constraints and the hidden ones: the map keeps the two-form of phase
-space for tangents of the manifold.
+The field ``symplectic`` refers to the manifold of the constraints and the hidden constraints: the map conserves the
+two-form of phase space for tangents of the manifold.
 """
 
 from __future__ import annotations
@@ -14,18 +14,21 @@ HLW = "Hairer, Lubich & Wanner 2006"
 
 
 def constrained(*, symmetric: bool = True, requires: tuple[str, ...] = (), **facts) -> Method:
-    """A method that is symplectic on the manifold of its constraints."""
+    """Make the record of a method for systems with constraints, symplectic on their manifold unless ``facts`` differ.
+
+    ``requires`` are traits of the system besides the constraints, ``facts`` further fields of the record.
+    """
     facts = {"symplectic": True, "energy": BOUNDED, "quadratic": NONE, "requires": ("constrained", *requires)} | facts
     return Method(symmetric=symmetric, **facts)
 
 
 def rattle(*, project: bool = True, **facts) -> Method:
-    """The step of RATTLE; without ``project`` SHAKE's."""
+    """Make the record of RATTLE, or of SHAKE, which does not ``project`` the momenta onto the hidden constraints."""
     return constrained(family="rattle", order=2, requires=("constant mass matrix",), data=((1,), project), **facts)
 
 
 def lobatto(s: int) -> Method:
-    """The Lobatto IIIA-IIIB pair of s stages on the manifold."""
+    """Make the record of the Lobatto IIIA-IIIB pair of s stages on the manifold of the constraints."""
     return constrained(
         id=f"lobatto-iiia-iiib-constrained-{2 * s - 2}",
         name=f"Lobatto IIIA - IIIB on the manifold of constraints, {s} stages",

@@ -23,12 +23,16 @@ def conserving_method(*, id, name, source, cite, data, **facts):
 
 
 def averaged_method(**facts):
-    """Make the record of an averaged vector field method; its data are substeps (fraction of h, path, direction)."""
+    """Make the record of an averaged vector field method from fields of the record.
+
+    ``data`` are substeps (fraction of h, path, direction): the path is the order in which coordinates change, `WHOLE`
+    (all at once), `PARTITIONED` or `COMPONENTS`; the direction is `FORTH`, `BACK` or `MEAN` (of both).
+    """
     return conserving_method(family="averaged", **facts)
 
 
 def gonzalez(**facts):
-    """Make the record of a composition of Gonzalez' discrete gradient method over fractions of the step."""
+    """Make the record of a composition of Gonzalez' discrete gradient method; ``data`` are fractions of the step."""
     return conserving_method(family="discrete_gradient", **facts)
 
 

@@ -1,7 +1,7 @@
-"""Methods in extended phase space: two copies of the state make explicit substeps of every H.
+"""Records of methods in extended phase space: with two copies of the state, substeps are explicit for every H.
 
-Those that make the copies equal again after every step, by taking the mean of both, are explicit Runge-Kutta methods
-(`coefficients.copies`).  Of such a method symplecticity for every H would need b_i^2 = 0.
+Methods that set both copies to their mean after every step are explicit Runge-Kutta methods (`coefficients.copies`);
+these cannot be symplectic for every H, which would need b_i^2 = 0.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ def _semiexplicit(order: int) -> Method:
 
 
 def midpoint_method(order: int) -> Method:
-    """The explicit method of an even order whose two copies are replaced by their mean after every step."""
+    """Make the record of the explicit method of an even order that sets both copies to their mean after each step."""
     return Method(
         id=f"extended-midpoint-{order}",
         name=f"extended phase space of order {order}, copies projected to their midpoint",

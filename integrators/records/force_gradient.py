@@ -1,4 +1,4 @@
-"""Splittings with modified kicks, from the tables of `coefficients.force_gradient`."""
+"""Records of splittings with modified kicks (force gradients), from the tables of `coefficients.force_gradient`."""
 
 from __future__ import annotations
 
@@ -9,7 +9,10 @@ from phasebench.integrators.record import BOUNDED, ROUND_OFF, Method
 
 
 def rows(steps) -> tuple[tuple, ...]:
-    """Rows (a, b, c) of substeps: a drift and the kick after it; the first row is the first kick, or zero."""
+    """Rows (a, b, c) of a step: a drift a, then a modified kick b, c; the first row has no drift, only a kick or zeros.
+
+    ``steps`` are substeps ("A", a, 0) and ("B", b, c) in turn.
+    """
     zero = mpmath.mpf(0)
     out = [[zero, zero, zero]]
     for letter, weight, c in steps:

@@ -1,7 +1,7 @@
-"""Methods for charged particles: data (rule of rotation, fractions of the step) of `families.magnetic`.
+"""Records of methods for charged particles; the data are (rule of rotation, fractions of the step).
 
-They keep volume and are not symplectic.  That of Boris keeps the energy nearly where B is constant or the potential
-quadratic; elsewhere it may drift (Hairer & Lubich 2018).
+The methods conserve volume and are not symplectic.  Boris's method nearly conserves the energy if B is constant or the
+potential quadratic; otherwise the energy may drift (Hairer & Lubich 2018).
 """
 
 from __future__ import annotations
@@ -11,7 +11,11 @@ from phasebench.integrators.record import NONE, Method
 
 
 def pusher(*, rule: str, fractions=(1,), order: int = 2, **facts) -> Method:
-    """A symmetric composition of drift, push and drift over fractions of the step."""
+    """Make the record of a symmetric composition of steps half a drift, push, half a drift, over ``fractions`` of h.
+
+    A push is half a kick by the electric field, a rotation about B, half a kick; ``rule`` names the rotation: "boris",
+    "higuera-cary" or "exact".  ``facts`` are further fields of the record.
+    """
     return Method(
         family="magnetic",
         order=order,

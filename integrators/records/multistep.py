@@ -7,7 +7,7 @@ from phasebench.integrators.record import BOUNDED, Method
 
 
 def symmetric_multistep(order: int) -> Method:
-    """Make the record of the symmetric method of Quinlan and Tremaine of an order of 8, 10, 12 or 14."""
+    """Make the record of the symmetric multistep method of Quinlan and Tremaine of order 8, 10, 12 or 14."""
     table = QUINLAN_TREMAINE[order]
     return Method(
         id=f"quinlan-tremaine-{order}",

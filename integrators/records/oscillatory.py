@@ -1,8 +1,8 @@
 """Records of trigonometric integrators and of multiple time stepping (family `trigonometric`).
 
 A trigonometric integrator is given by psi_1 = psi / sinc and phi; each record names the published psi and phi.
-Quadratic invariants q.D p of the rotations that mix components of one frequency are kept to round-off, others are not:
-the class holds for all of them.
+Quadratic invariants q.D p that belong to rotations among components of equal frequency are conserved to round-off,
+others are not; the field ``quadratic`` of a record is for all of them.
 """
 
 from __future__ import annotations
@@ -26,7 +26,11 @@ LARGEST = 10_000
 
 
 def oscillatory_method(*, id, name, source, cite, data, symplectic=False, **facts):
-    """Make the record of a symmetric method of order 2; ``data``: propagator, psi_1, phi, propagator's arguments."""
+    """Make the record of a symmetric method of order 2 for systems with a fast linear part.
+
+    ``data`` are functions of h omega: the propagator of the linear part and the filters psi_1 and phi; then further
+    arguments of the propagator.  ``facts`` are further fields of the record.
+    """
     return Method(
         id=id,
         name=name,

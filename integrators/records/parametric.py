@@ -15,13 +15,17 @@ TALK = "Wang, Bo & Cai (talk)"
 def scheme_i(lam):
     """The substep (c, mu, lambda) of Scheme I of the parameterized family with the parameter lam: (1, 1 - lam, lam).
 
-    c is its share of the step; it evaluates the field at mu (q, P) + lambda (Q, p), old and new states (q, p), (Q, P).
+    c is the length as a fraction of the step.  The field is evaluated at (q + mu (Q - q), p + lambda (P - p)), where
+    (q, p) is the old state and (Q, P) the new one.
     """
     return (1, 1 - lam, lam)
 
 
 def scheme_iii(lam, fractions=(Fraction(1),)):
-    """Substeps of Scheme III: Scheme I with 1 - lam, then with lam, over the halves of each fraction of the step."""
+    """Substeps (c, mu, lambda) of Scheme III: Scheme I with 1 - lam, then with lam, each over half of a step.
+
+    For a composition there are two such substeps for each of the ``fractions`` of the step.
+    """
     halves = ((HALF, lam, 1 - lam), (HALF, 1 - lam, lam))
     return tuple((times(f, c), mu, la) for f in fractions for c, mu, la in halves)
 
@@ -29,8 +33,8 @@ def scheme_iii(lam, fractions=(Fraction(1),)):
 def equip_rows(signs, fractions=(Fraction(1),), alternative=()):
     """Rows (c, sign, group, alternative) of Schemes IV and V: substeps of length c h with lambda = 1/2 + sign x.
 
-    Each fraction of the step is a group with its own root x.  Where the substeps of ``signs`` (alternative 0) have no
-    root, those of the signs ``alternative`` (1) are tried.
+    Each of the ``fractions`` of the step is a group of substeps with its own x, for which the energy is kept.  If there
+    is no such x with the signs ``signs`` (alternative 0), the signs ``alternative`` (1) are tried.
     """
     rows = []
     for g, f in enumerate(fractions):
@@ -40,7 +44,11 @@ def equip_rows(signs, fractions=(Fraction(1),), alternative=()):
 
 
 def parameterised_method(*, id, name, source, make, **facts):
-    """Make the record of a method with a parameter lam (1/3 by default); ``make(lam=...)`` returns its coefficients."""
+    """Make the record of a method with a parameter lam, 1/3 by default.
+
+    ``make(lam=...)`` returns the fields that depend on lam, such as the coefficients ``data``; ``facts`` are further
+    fields.
+    """
     defaults = {"lam": Fraction(1, 3)} | facts.pop("parameters", {})
     common = {"family": "parametric", "symplectic": True, "energy": BOUNDED, "quadratic": ROUND_OFF}
     common |= {"symmetric": False, "requires": ("canonical",), "cite": ("wang-talk",)} | facts

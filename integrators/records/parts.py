@@ -1,4 +1,4 @@
-"""Splitting methods through any number of parts with exact flows: Strang's, compositions, processed ones."""
+"""Records of splitting methods for an H that is a sum of any number of parts with exact flows."""
 
 from __future__ import annotations
 
@@ -17,15 +17,18 @@ MCLACHLAN = "with parts as McLachlan 1995"
 
 
 def strang(fractions) -> tuple[tuple, ...]:
-    """The substeps of Strang's steps over these fractions of h."""
+    """The substeps of Strang's steps, composed over these fractions of h: rows (c, mu, lambda), two for each fraction.
+
+    A substep has the length c h; it goes through all parts in order, (mu, lambda) = (0, 1), or backwards, (1, 0).
+    """
     with mpmath.workdps(DIGITS):
         return tuple((f / 2, *half[1:]) for f in fractions for half in STRANG)
 
 
 def parts(id: str, name: str, order: int, source: str, cite: tuple[str, ...], data: tuple, *, symmetric: bool = True):
-    """The record of a method whose substeps go through the flows of all parts of H, in order or backwards.
+    """Make the record of a method whose substeps go through the flows of all parts of H, in order or backwards.
 
-    ``data`` are the substeps as fractions of a step, and the processor's where there is one.
+    ``data`` is a pair: the substeps of a step, and those of the processor, () without a processor.
     """
     return Method(
         id=id,
@@ -44,7 +47,10 @@ def parts(id: str, name: str, order: int, source: str, cite: tuple[str, ...], da
 
 
 def composed(id: str, order: int, table: str) -> Method:
-    """The composition of the step through all parts and its adjoint with the weights of a splitting of two parts."""
+    """Make the record of a composition of the step through all parts of H with its adjoint.
+
+    Its coefficients are those of a splitting of two parts, the ``table`` of `coefficients` with this name.
+    """
     found = coefficients.table(table)
     return parts(
         id,
@@ -57,7 +63,10 @@ def composed(id: str, order: int, table: str) -> Method:
 
 
 def processed_parts(id: str, table: str) -> Method:
-    """A processed composition of Strang's step through all parts."""
+    """Make the record of a processed composition of Strang's step through all parts of H.
+
+    ``table`` is the name of a table of `coefficients.processed`.
+    """
     found = processed.FILE.tables[table]
     return parts(
         id,

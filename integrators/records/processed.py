@@ -1,6 +1,6 @@
-"""Processed splittings, from the tables of `coefficients.processed`.
+"""Records of processed splittings P K^n P^-1, from the tables of `coefficients.processed`.
 
-Compositions are of Stormer-Verlet's method, kick-drift-kick.
+The base method of compositions is Stormer-Verlet's, kick-drift-kick.
 """
 
 from __future__ import annotations
@@ -18,14 +18,20 @@ QUADRATIC = {"blanes-casas-ros-p2": 4, "blanes-casas-ros-p4": 6}
 
 
 def letters(steps: Iterable) -> list[tuple[str, mpmath.mpf]]:
-    """Substeps as pairs (letter, weight): a fraction g is a kick of g/2, a drift of g and a kick of g/2."""
+    """Write substeps as pairs (letter, weight), "A" for drifts and "B" for kicks.
+
+    A pair stays as it is; a fraction g is a step of Stormer-Verlet: a kick of g/2, a drift of g, a kick of g/2.
+    """
     with mpmath.workdps(DIGITS):
         parts = [[x] if isinstance(x, tuple) else [("B", x / 2), ("A", x), ("B", x / 2)] for x in steps]
     return [x for part in parts for x in part]
 
 
 def rows(steps: Iterable[tuple[str, mpmath.mpf]]) -> tuple[tuple[mpmath.mpf, mpmath.mpf], ...]:
-    """Rows (drift, kick) of pairs (letter, weight), neighbours of one letter merged; the first drift may be zero."""
+    """Group pairs (letter, weight) into rows (weight of a drift, weight of the kick after it).
+
+    Neighbouring pairs of the same letter are merged; the first drift is zero if the sequence begins with a kick.
+    """
     out = []
     with mpmath.workdps(DIGITS):
         for letter, weight in steps:
@@ -41,7 +47,10 @@ def rows(steps: Iterable[tuple[str, mpmath.mpf]]) -> tuple[tuple[mpmath.mpf, mpm
 
 
 def weights(steps: Iterable[tuple[str, mpmath.mpf]]) -> tuple[tuple, tuple]:
-    """Weights (a, b) of drifts and kicks, kick b_k before drift a_k, as `splittings.weights` has them."""
+    """The weights (a, b) of drifts and kicks of pairs (letter, weight): kick b_k comes before drift a_k.
+
+    b_0 is 0 if the sequence begins with a drift.
+    """
     drifts, kicks = zip(*rows(steps), strict=True)
     if drifts[0] == 0:
         return drifts[1:], kicks

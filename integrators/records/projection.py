@@ -40,13 +40,13 @@ def _derive(base: Method, facts: Callable[[Method], dict], **fixed) -> Method:
 
 
 def projection_method(base: Method | str, onto: str = "energy", symmetric: bool = False, **parameters) -> Method:
-    """The method that projects every step of ``base`` onto the initial values of invariants.
+    """Make the record of the method that projects every step of ``base`` onto the initial values of invariants.
 
     Parameters
     ----------
     base : a method of the families `runge_kutta`, `parametric` and `splitting`, or its id
     onto : "energy", or "invariants" for the energy and all further invariants that the system declares
-    symmetric : symmetric projection, for a symmetric base, instead of the standard one
+    symmetric : True for symmetric projection, which needs a symmetric base, False for standard projection
     parameters : values of the base's parameters
 
     Raises
@@ -91,12 +91,13 @@ def projection_method(base: Method | str, onto: str = "energy", symmetric: bool 
 
 
 def relaxation_method(base: Method | str, adjust_time: bool = True, **parameters) -> Method:
-    """The relaxation method of the explicit Runge-Kutta method ``base``, which keeps H by the length of its steps.
+    """Make the record of the relaxation method of an explicit Runge-Kutta method, which adapts its steps to keep H.
 
     Parameters
     ----------
     base : a method of the family `runge_kutta` of order 2 at least, or its id
-    adjust_time : count a step as long as it is; else as h, the incremental direction technique, which loses an order
+    adjust_time : True if the time advances by the relaxed length of a step; False if it advances by h, which is the
+        incremental direction technique and loses an order
     parameters : values of the base's parameters
 
     Raises

@@ -1,4 +1,4 @@
-"""Methods for a rigid body in quaternions: splittings, Moser and Veselov's, a midpoint rule, and compositions."""
+"""Records of methods for a rigid body in quaternions: splittings, Moser-Veselov, a midpoint rule, compositions."""
 
 from __future__ import annotations
 
@@ -8,7 +8,11 @@ from .compositions import compose
 
 
 def rigid(id: str, name: str, scheme: str, source: str, cite: tuple[str, ...], *, symplectic: bool = True) -> Method:
-    """A symmetric method of order 2."""
+    """Make the record of a symmetric method of order 2 for a rigid body.
+
+    ``scheme`` is the rule for the free body: "axes", "top", "moser-veselov" or "midpoint"; the other arguments are
+    fields of the record.
+    """
     return Method(
         id=id,
         name=name,

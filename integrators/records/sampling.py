@@ -1,4 +1,4 @@
-"""Splittings for sampling, from the tables of `coefficients.sampling`."""
+"""Records of splittings for sampling and molecular dynamics, from the tables of `coefficients.sampling`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Methods whose stage equations are solved by another solver than the default, which is fixed point, then Newton."""
+"""Choose the solver of a method's stage equations; the default is fixed-point iteration, then Newton's method."""
 
 from __future__ import annotations
 
@@ -13,7 +13,9 @@ SOLVERS = (BANDED,)
 
 
 def with_solver(base: Method, solver: str) -> Method:
-    """The method ``base`` with that solver, which is one more of its parameters.
+    """Return the record ``base`` with another solver of the stage equations, as a further parameter of the method.
+
+    The one solver that can be named is "banded": Newton's method for equations in a narrow band.
 
     Raises
     ------

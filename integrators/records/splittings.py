@@ -1,7 +1,7 @@
 """Records of splitting methods of kicks and drifts, from the tables of `coefficients`.
 
-Those for any separable H are data of `parametric`: compositions of symplectic Euler methods, which run on every system.
-Those that need a quadratic kinetic energy are data (a, b) of `splitting`.
+Methods for any separable H are of the family `parametric`: compositions of symplectic Euler methods, which run on every
+system.  Methods that need a quadratic kinetic energy are of the family `splitting`, with weights (a, b) as data.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ NAMES = {
 
 
 def weights(table: Table) -> tuple[tuple, tuple]:
-    """Weights (a, b) of drifts and kicks, kick b_k before drift a_k; b_0 is 0 where the table begins with a drift."""
+    """The weights (a, b) of a table's drifts and kicks: kick b_k is before drift a_k; b_0 is 0 if a drift is first."""
     stages = {"A": [], "B": [] if table.first == "B" else [mpmath.mpf(0)]}
     for letter, weight in coefficients.steps(table.name):
         stages[letter].append(weight)

@@ -8,7 +8,10 @@ MW, OS = "Marsden & West 2001, 2.6.6", "Ober-Bloebaum & Saake 2015"
 
 
 def galerkin(*, id, name, degree, quadrature, nodes, order, source=MW, cite=("marsden2001",)):
-    """Make the record of the method with polynomials of a degree and a quadrature rule of ``nodes`` nodes."""
+    """Make the record of the Galerkin variational integrator with polynomials of a ``degree`` and a quadrature rule.
+
+    ``quadrature`` is "gauss" or "lobatto", ``nodes`` the number of its nodes.
+    """
     return Method(
         id=id,
         name=name,

@@ -15,7 +15,7 @@ WISDOM_HOLMAN = (HALF, HALF), (mpmath.mpf(1),)
 
 
 def splitting(name: str) -> tuple[tuple, tuple]:
-    """(drifts, kicks) of a table of `coefficients` that begins and ends with a drift, by the table's name."""
+    """The weights (drifts, kicks) of the table ``name`` of `coefficients`, which must begin and end with a drift."""
     steps = coefficients.steps(name)
     drifts, kicks = steps[::2], steps[1::2]
     if {letter for letter, _ in drifts} != {"A"} or {letter for letter, _ in kicks} != {"B"}:

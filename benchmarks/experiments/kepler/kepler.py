@@ -174,7 +174,7 @@ def exact_orbit(q, p, mu: float = 0.0, digits: int = DIGITS):
 class Truth:
     """The exact orbit through one state: its invariants, and the constant rates of its angles.
 
-    The rates are integers in units of 2^-`TICK` turns per unit of time, so that angles at late times have no round-off.
+    The rates are integers in units of 2^-`TICK` turns per unit of time, so that angles at late times lose no digits.
 
     Attributes
     ----------

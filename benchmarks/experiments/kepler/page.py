@@ -46,7 +46,10 @@ def ends(runs: pd.DataFrame, growth: pd.DataFrame) -> pd.DataFrame:
 
 
 def _completed_runs(runs: pd.DataFrame, growth: pd.DataFrame) -> pd.DataFrame:
-    """Select the runs that reached their end and have a phase error."""
+    """Select the runs that reached their end and have a phase error, each joined with its errors at the end.
+
+    ``runs`` and ``growth`` are as in `ends`.
+    """
     joined = ends(runs, growth)
     return joined[(joined["status"] == "ok") & joined["phase"].notna()]
 

@@ -36,7 +36,10 @@ CONFIDENCE = 0.95
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """List the measurements (`Cell`), one for each system and size, and one for compiling each system."""
+    """List the measurements (`Cell`), one for each system and size, and one for compiling each system.
+
+    The list is empty if ``quick``.
+    """
     if quick:
         return []
     sizes = [(s.name, d) for s in SYSTEMS.values() for d in sorted({s.size(d) for d in SIZES})]

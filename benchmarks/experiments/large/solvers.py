@@ -37,7 +37,7 @@ LATTICES = {"fpu": Steps(0.01, 0.2), "toda": Steps(0.1, 3.0), "nls": Steps(0.02,
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """List the measurements (`Cell`), one for each lattice."""
+    """List the measurements (`Cell`), one for each lattice; none if ``quick``."""
     return [] if quick else [_cell(name) for name in LATTICES]
 
 

@@ -257,7 +257,10 @@ def contradictions(row: dict) -> list[str]:
 
 
 def explanation(row: dict, contradiction: str) -> str:
-    """The known reason for a contradiction between a row and its method's declarations; empty if there is none."""
+    """Return the known reason for a contradiction between a row and its method's declarations; "" if none is known.
+
+    ``contradiction`` is a message from `contradictions`.
+    """
     if row["method"].endswith("-relaxation") and contradiction.startswith("order"):
         return (
             "over few steps the relaxed time's offset at the end competes with the error; from 8 steps on it does not"

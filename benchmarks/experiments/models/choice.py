@@ -63,7 +63,10 @@ def table(models: pd.DataFrame, runs: pd.DataFrame) -> pd.DataFrame:
 
 
 def scenes(models: pd.DataFrame, runs: pd.DataFrame):
-    """Yield (scene, its models, their runs) for each scene of the two tables."""
+    """Yield (scene, its rows of ``models``, its rows of ``runs``) for each scene of the two tables.
+
+    A scene is a physical system with a time span and a quantity.
+    """
     for scene, mine in models.groupby("scene", sort=False):
         yield scene, mine, runs[runs["scene"] == scene]
 
@@ -73,12 +76,13 @@ def rungs(models: pd.DataFrame, runs: pd.DataFrame) -> pd.DataFrame:
 
     Columns, among others:
 
-    - gain : the full model's time to an error of twice this model's modelling error, over this model's time to an
+    - "gain" : the full model's time to an error of twice this model's modelling error, over this model's time to an
       integration error as large as its modelling error
-    - known to : the uncertainty of the modelling error, as a share of it
-    - nearer : whether the modelling error is below that of the next simpler model, or both are larger than `LOST`
-    - seconds, full, seconds : the two times of which ``gain`` is the ratio
-    - wasted : the time of an integration to `FINE` over that of one to the modelling error, where that is larger
+    - "full, seconds", "seconds" : these two times
+    - "known to" : the uncertainty of the modelling error, as a share of it
+    - "nearer" : whether the modelling error is below that of the next simpler model, or both are larger than `LOST`
+    - "wasted" : the time of this model's integration to `FINE` over that of one to its modelling error;
+      NaN if the modelling error is not larger than `FINE`
     """
     out = []
     for scene, mine, part in scenes(models, runs):

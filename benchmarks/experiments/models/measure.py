@@ -43,7 +43,7 @@ SLOW = Quantity(
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """List the measurements (`Cell`), one for each scene (a problem, a time span and a quantity)."""
+    """List the measurements (`Cell`), one for each scene (a problem, a time span and a quantity), also if ``quick``."""
     return [_cell(ladder) for ladder in LADDERS]
 
 
@@ -93,7 +93,7 @@ class Model:
 
     @property
     def steps(self) -> list[int]:
-        """The numbers of steps of the model's runs, ascending."""
+        """Return the numbers of steps of the model's runs, ascending."""
         return [(self.rung.steps or self.ladder.steps) * 2**k for k in range(DOUBLINGS)]
 
     def h(self, steps: int) -> float:

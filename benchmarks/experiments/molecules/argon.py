@@ -1,4 +1,4 @@
-"""Seven argon atoms by packages of molecular dynamics, with their Lennard-Jones forces: the energies they report.
+"""Energies that packages of molecular dynamics report of seven argon atoms with Lennard-Jones forces.
 
 Each runs at its defaults and at its best: OpenMM on its default platform (CPU, forces in single precision) and on its
 Reference platform; ASE with its cutoff at 3 sigma and with none; JAX-MD in single precision with its smooth cutoff at

@@ -87,7 +87,7 @@ def starts(made) -> tuple[np.ndarray, np.ndarray]:
 def slope(system) -> Callable[[np.ndarray], list]:
     """Return a function of q, array (d, starts), that computes grad V in the precision of q.
 
-    The derivatives of V must have no fractions, which would be evaluated in double precision.
+    The derivatives of V must have no fractions.
     """
     return sp.lambdify([list(system.q)], [sp.expand(sp.diff(system.potential, x)) for x in system.q], "numpy")
 

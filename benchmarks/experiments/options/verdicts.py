@@ -1,4 +1,7 @@
-"""Verdicts on the methods' options: whether the defaults are the best, and whether costlier settings pay."""
+"""Functions that judge the methods' options: whether the defaults are the best, and whether costlier settings pay.
+
+Each gets a measured table and returns a `Verdict` for a report page, or None if the table does not decide.
+"""
 
 from __future__ import annotations
 

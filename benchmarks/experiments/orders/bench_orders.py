@@ -1,4 +1,7 @@
-"""Checks of order, symplecticity and symmetry of every method without round-off, also on non-separable systems."""
+"""Checks of order, symplecticity, symmetry and volume of every method without round-off.
+
+They are made on non-separable systems, too.
+"""
 
 from __future__ import annotations
 
@@ -47,6 +50,10 @@ def bench_orders_without_round_off(measured_rows):
 
 
 def bench_structure_without_round_off(measured_rows):
-    """Test that defects of symplecticity ||M^T J M - J|| and of symmetry agree with every method's declarations."""
+    """Test that defects of symplecticity, symmetry and volume agree with every method's declarations.
+
+    The defect of symplecticity is ||M^T J M - J||, with M the Jacobian of a step; above a certain order it is the
+    change of the two-form of one pair of vectors.
+    """
     off = structure_off(measured_rows("structure"))
     assert not off, "\n".join(off)

@@ -1,1 +1,1 @@
-"""Splittings through many parts around black holes: energy, orders, and what their authors claim."""
+"""Experiment: splittings of H into many parts around black holes: energy, orders, and their authors' claims."""

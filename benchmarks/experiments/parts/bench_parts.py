@@ -1,4 +1,7 @@
-"""Checks of splittings through many parts: orders are declared, energies bounded, and the control's grows."""
+"""Checks of splittings of H into many parts: orders are as declared, and energies are bounded.
+
+The energy of an ordinary Runge-Kutta method (the control) must grow.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +15,10 @@ from phasebench.benchmarks.page.verdict import PASS
 
 @pytest.mark.parametrize("verdict", [bounded, grows, orders])
 def bench_parts(measured_rows, verdict):
-    """Energies are bounded, orders as declared, and the control's energy grows."""
+    """Test that splittings have bounded energies and declared orders, and that the energy of RK4, the control, grows.
+
+    ``verdict`` is a function of the page that judges one of these; ``measured_rows`` is a fixture: table name -> rows.
+    """
     found = verdict(lambda name: pd.DataFrame(measured_rows(name)))
     if found is None:
         pytest.skip("none of its rows is measured in this run")

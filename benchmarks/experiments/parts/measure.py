@@ -1,4 +1,4 @@
-"""Splittings through many parts around black holes, beside ordinary methods.
+"""Splittings of H into many parts with known flows, around black holes, beside ordinary methods.
 
 - **Accuracy**: the error of the end state against the certified one, for falling steps, with the order.
 - **Energy**: the spread of the energy over `LONG` steps, and over the first tenth of them.
@@ -30,7 +30,7 @@ CODE = (__name__,)
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """A cell for each method on each problem and for each long run; none if ``quick``."""
+    """List the measurements (`Cell`): accuracy and energy, for each method on each problem; none if ``quick``."""
     if quick:
         return []
     return [
@@ -48,7 +48,10 @@ def _cell(table: str, measure: Callable, id: str, name: str) -> Cell:
 
 
 def accuracy(id: str, name: str) -> Rows:
-    """The errors of a method on a problem, a row for each step."""
+    """Measure the errors of the method ``id`` on the problem ``name``: a row for each step size, by table name.
+
+    A row has the error of the end state, the reference's uncertainty, evaluations a step, and the observed order.
+    """
     problem, rows = problem_of(name), []
     for steps in STEPS:
         s = integrate(problem, id, h=SPAN / steps, steps=steps, save_every=0)
@@ -63,7 +66,10 @@ def accuracy(id: str, name: str) -> Rows:
 
 
 def energy(id: str, name: str) -> Rows:
-    """The spread of the energy over all steps of a long run, and over the first tenth: a row."""
+    """Measure the spread (largest less smallest value) of the energy over a long run: one row, by table name.
+
+    It is measured over all steps (``all``) and over the first tenth of them (``first``).
+    """
     s = integrate(problem_of(name), id, h=H, steps=LONG, save_every=LONG // 10_000)
     values = s.energy()
     spread = {"first": float(np.ptp(values[: len(values) // 10])), "all": float(np.ptp(values))}

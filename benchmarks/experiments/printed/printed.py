@@ -1,4 +1,4 @@
-"""The talk's printed error tables, entry by entry, beside the measured values.
+"""Error tables printed in a talk on symplectic schemes, entry by entry, beside the measured values.
 
 The tables "Convergence rates with chaotic orbits at t = 1" print the successive refinement difference ||y_h - y_2h|| in
 the maximum norm over (p, q), the first row pairing h = 0.02 with h = 0.01 (a convention that the agreement itself

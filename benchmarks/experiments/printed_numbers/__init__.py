@@ -1,1 +1,1 @@
-"""Experiment: are numbers that papers print on integrators measured here, too?"""
+"""Experiment: do measurements here reproduce numbers that papers print on integrators?"""

@@ -1,4 +1,4 @@
-"""Checks of the printed numbers: this suite's own rows are sound, and the controls are told apart."""
+"""Checks of the measurements for numbers printed in papers: this suite's own rows are sound, and controls stand out."""
 
 from __future__ import annotations
 
@@ -11,17 +11,23 @@ LINEAR = 0.9
 
 
 def cells(quick: bool = False):
-    """List the measurements (`Cell`) of all printed numbers; none if ``quick``."""
+    """List the measurements (`Cell`) for all printed numbers; none if ``quick``."""
     return [cell for part in (planets, minimum_norm, brouwer, timed) for cell in part.cells(quick)]
 
 
 def rules_off(rows) -> list[str]:
-    """Messages about averages whose rule is not accurate."""
+    """Return messages about averages over exp(-H) whose quadrature rule is not accurate.
+
+    ``rows`` are those of `minimum_norm`, with ``off``, the distance of <exp(-Delta H)> from 1.
+    """
     return [f"{r['potential']}, {r['method']}, h = {r['h']}: {r['off']:.1e}" for r in rows if not abs(r["off"]) < RULE]
 
 
 def exponents_off(rows) -> list[str]:
-    """Messages about the control, unless its error grows linearly, and about runs of round-off that grow as it does."""
+    """Return messages about rows of `brouwer` whose energy error grows with an unexpected power of time.
+
+    The control, whose truncation error dominates, must have an exponent above `LINEAR`, and runs of round-off must not.
+    """
     return [
         f"{r['integrator']}: {r['exponent']:.2f}"
         for r in rows
@@ -30,7 +36,10 @@ def exponents_off(rows) -> list[str]:
 
 
 def rates_off(rows) -> list[str]:
-    """Messages about rates of perihelia whose uncertainty is not far below the error of plain WHFast."""
+    """Return messages about rates of perihelia whose uncertainty is not far below the error of plain WHFast.
+
+    ``rows`` are those of the table of perihelia, one for each integrator and planet.
+    """
     plain = {r["planet"]: abs(r["rate error"]) for r in rows if r["method"] == planets.PLAIN}
     return [
         f"{r['planet']}: {r['uncertainty']:.1e}"
@@ -40,24 +49,27 @@ def rates_off(rows) -> list[str]:
 
 
 def bench_averages(measured_rows):
-    """The rule for averages gives <exp(-Delta H)> = 1."""
+    """Test that the quadrature rule for averages gives <exp(-Delta H)> = 1.
+
+    ``measured_rows`` is a fixture: table name -> rows.
+    """
     off = rules_off(measured_rows(minimum_norm.TABLE))
     assert not off, "\n".join(off)
 
 
 def bench_brouwer(measured_rows):
-    """Round-off grows slower than the control's truncation error, which grows linearly."""
+    """Test that round-off grows slower than the truncation error of the control, which grows linearly."""
     off = exponents_off(measured_rows(brouwer.TABLE))
     assert not off, "\n".join(off)
 
 
 def bench_perihelia(measured_rows):
-    """The rates of the perihelia are known far better than plain WHFast has them."""
+    """Test that the rates of the perihelia are known far better than plain WHFast computes them."""
     off = rates_off(measured_rows(planets.PERIHELIA))
     assert not off, "\n".join(off)
 
 
 def bench_timed(measured_rows):
-    """Every gain lies in its interval."""
+    """Test that the speed-up of WHFast512 over WHFast lies in its interval, in every row."""
     wrong = [r for r in measured_rows(timed.VECTORS) if not 0 < r["low"] <= r["gain"] <= r["high"]]
     assert not wrong, wrong

@@ -32,7 +32,7 @@ RESAMPLED = 400
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """A cell for each integrator; none if ``quick``."""
+    """List the measurements (`Cell`), one for each integrator; none if ``quick``."""
     return [] if quick else [_cell(id, tol) for id, tol in RUNS]
 
 
@@ -44,20 +44,24 @@ def _cell(id: str, tol: float | None) -> Cell:
 
 
 def starts() -> list[tuple[np.ndarray, np.ndarray]]:
-    """The initial states (q, p), the same in every run."""
+    """Return the `STARTS` initial states (q, p) of the ensemble, arrays (2,) each; they are the same in every run."""
     made, random = problem(PROBLEM, **VALUES), np.random.default_rng(SEED)
     y = np.array([made.q0, made.p0])
     return [tuple(y * (1 + SPREAD * random.uniform(-1, 1, y.shape))) for _ in range(STARTS)]
 
 
 def energies(q, p) -> np.ndarray:
-    """Kepler's energy of rows q, p (n, 2), in extended precision."""
+    """Compute Kepler's energy, array (n,), of states q, p (n, 2), in extended precision."""
     q, p = q.astype(np.longdouble), p.astype(np.longdouble)
     return (p**2).sum(axis=-1) / 2 - 1 / np.sqrt((q**2).sum(axis=-1))
 
 
 def errors(id: str, tol: float | None, orbits: int = ORBITS) -> np.ndarray:
-    """Relative energy errors after equal parts of the span, array (starts, rows); raises Unavailable, RuntimeError."""
+    """Integrate all starts by the integrator ``id``: relative energy errors after equal parts of the span.
+
+    Returns an array (starts, rows).  ``tol`` is the tolerance, None for the integrator's own.  Raises Unavailable
+    without the integrator's package, RuntimeError if a run fails.
+    """
     made, chosen = problem(PROBLEM, **VALUES), integrator(id)
     if chosen.adaptive:
         span = {"h": 2 * pi * orbits / ROWS, "steps": ROWS, "save_every": 1, "tol": tol}
@@ -76,7 +80,10 @@ def errors(id: str, tol: float | None, orbits: int = ORBITS) -> np.ndarray:
 
 
 def exponent(error) -> tuple[float, float, float]:
-    """(power of time, its 95 % interval) of the rms over the ensemble of errors, array (starts, rows)."""
+    """Fit the power of time with which the rms error of an ensemble grows: (power, low, high).
+
+    ``error`` is an array (starts, rows); low and high are the ends of the 95 % interval.
+    """
     count = error.shape[1]
     rows = np.unique(np.geomspace(1, count, 12).astype(int))
 
@@ -91,7 +98,10 @@ def exponent(error) -> tuple[float, float, float]:
 
 
 def measure_rows(id: str, tol: float | None) -> Rows:
-    """The row of an integrator: the exponent with its interval, the rms energy error at the end, its mean over that."""
+    """Measure the growth of the energy error of the integrator ``id`` at a tolerance: one row, by table name.
+
+    The row has the exponent with its interval, the rms error at the end, and ``bias``, the mean over that rms.
+    """
     error = errors(id, tol)
     a, low, high = exponent(error)
     row = {

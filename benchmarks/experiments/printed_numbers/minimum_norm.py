@@ -34,7 +34,7 @@ LEAST = 1e-18
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """A cell for each potential, method and variable that is moved first; none if ``quick``."""
+    """List the measurements (`Cell`), one for each potential, method and variable moved first; none if ``quick``."""
     if quick:
         return []
     return [_cell(name, id, first) for name in POTENTIALS for id in FORCES for first in (POSITIONS, MOMENTA)]
@@ -47,12 +47,12 @@ def _cell(name: str, id: str, first: str) -> Cell:
 
 
 def potential(name: str, q):
-    """The potential at q, an array."""
+    """Evaluate the potential of this name at q, an array."""
     return q**2 / 2 if name == "oscillator" else q**2 / 2 + q**4 / 4
 
 
 def states(name: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(q, p, weights), arrays (n,): the nodes of a rule for averages over exp(-H)."""
+    """Return (q, p, weights), arrays (n,): the nodes and weights of a rule for averages over exp(-H)."""
     x, w = np.polynomial.hermite_e.hermegauss(NODES)
     by_q = w * np.exp(x**2 / 2 - potential(name, x))
     weights = np.outer(by_q / by_q.sum(), w / w.sum()).ravel()
@@ -62,7 +62,11 @@ def states(name: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def jumps(name: str, id: str, first: str, length: float, steps: int) -> tuple[np.ndarray, np.ndarray]:
-    """(Delta H of a trajectory from each state, the weights of the states)."""
+    """Integrate a trajectory from each of the `states`: (Delta H, weights of the states), arrays (n,).
+
+    ``name`` is the potential, ``id`` the method, ``first`` the variable that a step moves first; the trajectory takes
+    ``steps`` steps over the time ``length``.
+    """
     q, p, weights = states(name)
     V = POTENTIALS[name]
     if first == POSITIONS:
@@ -76,7 +80,11 @@ def jumps(name: str, id: str, first: str, length: float, steps: int) -> tuple[np
 
 
 def measure_rows(name: str, id: str, first: str) -> Rows:
-    """A row for each length of a trajectory and step: the rms energy error, and how far <exp(-Delta H)> is from 1."""
+    """Measure the energy error of the method ``id`` in a potential: a row for each trajectory's length and step.
+
+    ``first`` is the variable that a step moves first.  A row has the rms of Delta H, and how far <exp(-Delta H)> is
+    from 1.
+    """
     rows = []
     for length in LENGTHS:
         for steps in STEPS:

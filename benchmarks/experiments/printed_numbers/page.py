@@ -1,4 +1,4 @@
-"""The page of printed numbers: what papers print on integrators, beside what is measured here."""
+"""The report page on numbers that papers print on integrators, beside those measured here."""
 
 from __future__ import annotations
 
@@ -34,7 +34,10 @@ GAUSS_16 = {
 
 
 def answer(data: Data) -> str | None:
-    """A sentence: how many printed numbers are measured here, and how many are not."""
+    """Write the page's answer, a sentence: how many printed numbers are measured here, and how many are not.
+
+    ``data`` maps a table's name to the table; None if none can be judged.
+    """
     found = quoted.count(data, (one for one in PRINTED if one.source != OURS))
     if found is None:
         return None
@@ -42,7 +45,10 @@ def answer(data: Data) -> str | None:
 
 
 def table(data: Data) -> Table | None:
-    """Every printed number: printed, measured, verdict, why they differ, source."""
+    """Make the page's table, a row for each printed number: printed, measured, verdict, why they differ, source.
+
+    ``data`` maps a table's name to the table; None if all are missing.
+    """
     if all(data(name) is None for name in TABLES):
         return None
     caption = f"Printed with “about” is met within a factor of {claims.ABOUT:g}; “no better” means by less than {claims.NO_BETTER:g} times."
@@ -50,7 +56,10 @@ def table(data: Data) -> Table | None:
 
 
 def draw(data: Data, folder: Path) -> list[Picture]:
-    """Draw the planets' splittings, and energies beside perihelia."""
+    """Draw the errors of splittings on eight planets over evaluations, and errors of perihelia over energy errors.
+
+    ``data`` maps a table's name to the table; a figure whose table is missing is left out.
+    """
     return [p for p in (_splittings(data, folder), _perihelia(data, folder)) if p is not None]
 
 

@@ -60,7 +60,7 @@ ARCSECONDS = 3600.0
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """A cell for each splitting, and one for all perihelia; none if ``quick``."""
+    """List the measurements (`Cell`): one for each splitting, and one for all perihelia; none if ``quick``."""
     if quick:
         return []
     one = [_cell(EVALUATIONS, {"method": id}, evaluations, (id,), (id,), LADDER, STAGES[id]) for id in STAGES]
@@ -75,7 +75,10 @@ def _cell(table: str, key: dict, measure, arguments: tuple, ids: tuple, *parts) 
 
 
 def _run(made, id: str, h: float, steps: int, rows: int):
-    """A run with as many rows; raises Unavailable without its package, RuntimeError if it fails."""
+    """Integrate the problem ``made`` by the integrator ``id``, with ``rows`` equally spaced rows of output.
+
+    Raises Unavailable without the integrator's package, RuntimeError if the run fails.
+    """
     s = integrator(id).run(made, h=h, steps=steps, save_every=steps // rows)
     if s.status == SKIPPED:
         raise Unavailable(s.reason)
@@ -85,7 +88,10 @@ def _run(made, id: str, h: float, steps: int, rows: int):
 
 
 def evaluations(id: str) -> Rows:
-    """A row for each step of a splitting: evaluations and energy error of a century, position error after a decade."""
+    """Measure the errors of the splitting ``id`` on eight planets: a row for each step size, by table name.
+
+    A row has the evaluations and the energy error of a century, and the position error after a decade (AU).
+    """
     made, rows = problem(PROBLEM), []
     end = stored.end(made, CENTURY * DECADE / ROWS)
     if end is None:
@@ -103,7 +109,10 @@ def evaluations(id: str) -> Rows:
 
 
 def longitudes(made, q, p) -> np.ndarray:
-    """The longitudes of all perihelia in radians, continuous in time, array (planets, n), of states (n, d)."""
+    """Compute the longitudes of all perihelia, array (planets, n), from states q, p, arrays (n, d).
+
+    They are in radians, and continuous in time.
+    """
     masses, G = np.array(made.bodies.masses), made.bodies.units.G
     x = q.reshape(len(q), -1, 3)
     v = p.reshape(len(p), -1, 3) / masses[:, None]
@@ -114,12 +123,15 @@ def longitudes(made, q, p) -> np.ndarray:
 
 
 def rate(t, values) -> float:
-    """The slope of a line fitted to angles in radians at times t in days, in seconds of arc a year."""
+    """Fit a line to angles in radians at times t in days, and return its slope in seconds of arc a year."""
     return float(np.polyfit((t - t.mean()) / YEAR, values - values[0], 1)[0]) * degrees(1.0) * ARCSECONDS
 
 
 def perihelia() -> Rows:
-    """A row for each integrator and planet: energy error, error of the perihelion's rate, and its uncertainty."""
+    """Measure the errors of the rates of all perihelia: a row for each integrator and planet, by table name.
+
+    A row has the relative energy error, the rate, its error and its uncertainty, in seconds of arc a year.
+    """
     made = problem(PROBLEM)
     steps = LINES * round(YEARS * YEAR / STEP / LINES)
     true, coarse = (_run(made, BEST, STEP / k, steps * k, LINES) for k in (2, 1))

@@ -34,7 +34,7 @@ TRACE, RIVALS = "rebound-trace", ("rebound-mercurius", "rebound-ias15")
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """A cell for each step of WHFast, and one of the close encounters; none if ``quick``."""
+    """List the measurements (`Cell`): one for each step of WHFast, one of the close encounters; none if ``quick``."""
     if quick:
         return []
     vectors = [
@@ -51,14 +51,20 @@ def _cell(table: str, key: dict, measure, arguments: tuple, ids) -> Cell:
 
 
 def heavier():
-    """The Sun and the giant planets with `HEAVIER` times their masses, from the elements of the solar system."""
+    """Build the problem of the Sun and the giant planets with `HEAVIER` times their masses.
+
+    Their elements are those of the solar system.
+    """
     table = solar_system.table()
     members = tuple(replace(b, mass=b.mass * HEAVIER) for b in table.members if b.name in GIANTS)
     return planetary.of_bodies(replace(table, members=(table.members[0], *members)), "heavier giants")
 
 
 def _able(made, ids) -> dict:
-    """Id -> integrator; raises Unavailable, with the reason, if one of them cannot run here."""
+    """Return the integrators with these ids, id -> integrator.
+
+    Raises Unavailable, with the reason, if one of them cannot run the problem ``made`` on this machine.
+    """
     found = {id: integrator(id) for id in ids}
     for chosen in found.values():
         if not chosen.installed:
@@ -70,7 +76,11 @@ def _able(made, ids) -> dict:
 
 
 def vector_rows(h: float) -> Rows:
-    """A row for each pair: the time of a step by WHFast over that by WHFast512, with its interval."""
+    """Time WHFast and WHFast512 at a step of h days: a row for each pair, with and without corrector, by table name.
+
+    ``gain`` is the time of a step by WHFast over that by WHFast512, with the ends of its interval, ``low`` and
+    ``high``.
+    """
     made = problem(PROBLEM)
     found = _able(made, [id for pair in PAIRS.values() for id in pair])
     clocks = {id: clock.clock(c, made, t_end=h * TIMED, steps=TIMED) for id, c in found.items()}
@@ -84,7 +94,10 @@ def vector_rows(h: float) -> Rows:
 
 
 def encounter_rows() -> Rows:
-    """A row for each integrator: its time over TRACE's, with its interval, and its energy error."""
+    """Time TRACE, MERCURIUS and IAS15 on close encounters of heavy giants: a row for each, by table name.
+
+    A row has the integrator's time over TRACE's, with its interval, and its energy error.
+    """
     made, ids = heavier(), (TRACE, *RIVALS)
     found, span = _able(made, ids), YEARS * 365.25
     h = SHARE * 365.25 * float(solar_system.PLANETS["jupiter"][1]) ** 1.5

@@ -1,4 +1,4 @@
-"""Checks of the certified references: their stated errors and horizons are measured again."""
+"""Checks of the certified reference states: their stated errors and horizons are measured again."""
 
 from __future__ import annotations
 
@@ -7,12 +7,15 @@ from phasebench.benchmarks.experiments.references.odd import ODD, beyond
 
 
 def bench_references(measured_rows):
-    """Every stated uncertainty and horizon of the reference states is confirmed (each measurement asserts its own)."""
+    """Test that every stated uncertainty and horizon of the reference states is confirmed.
+
+    Each measurement asserts its own as well.  ``measured_rows`` is a fixture: table name -> rows.
+    """
     wrong = [f"{r['problem']}: {r['changed']}" for r in measured_rows("references") if r["changed"]]
     assert not wrong, "\n".join(wrong)
 
 
 def bench_odd_times(measured_rows):
-    """No reference state between the stored times has an error above its uncertainty."""
+    """Test that no reference state at a time between the stored ones has an error above its uncertainty."""
     wrong = beyond(measured_rows(ODD))
     assert not wrong, "\n".join(wrong)

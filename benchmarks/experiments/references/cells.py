@@ -1,4 +1,4 @@
-"""Measurements (`Cell`) that check the stated errors and horizons of the certified references by other means."""
+"""Measurements (`Cell`) that check the stated errors and horizons of the certified reference states by other means."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ CODE = (
 def cells(quick: bool = False) -> list[Cell]:
     """List the measurements (`Cell`): one for each certified orbit, one for its states between stored times (`odd`).
 
-    None if ``quick``.
+    The list is empty if ``quick``.
     """
     return [] if quick else [*(_cell(label) for label in labels()), *odd.cells()]
 
@@ -37,7 +37,10 @@ def _cell(label: str) -> Cell:
 
 
 def measure_rows(label: str) -> Rows:
-    """Measure an orbit's stored reference states again: a row; AssertionError if a stated number is not confirmed."""
+    """Measure the stored reference states of an orbit again: one row, by table name.
+
+    ``label`` names the problem with its orbit.  Raises AssertionError if a stated number is not confirmed.
+    """
     outcome = check.recheck(problem(label))
     shows = f"phasebench certify {label} shows it"
     assert not outcome.wrong, f"{label}: {'; '.join(outcome.wrong)}; {shows}"

@@ -30,7 +30,7 @@ PRINTED = ("problem", "t_end", "error", "uncertainty", "horizon", "second solver
 
 @dataclass(frozen=True, repr=False)
 class References(TabularResult):
-    """Stored reference states, measured again.
+    """The result of measuring stored reference states again.
 
     Attributes
     ----------
@@ -44,7 +44,7 @@ class References(TabularResult):
     wrong: tuple[str, ...]
 
     def to_frame(self) -> pd.DataFrame:
-        """A row for each orbit: error, uncertainty, horizon, distances of other solvers."""
+        """Return a DataFrame, a row for each orbit: error, uncertainty, horizon, distances of other solvers."""
         import pandas as pd
 
         return pd.DataFrame(list(self.rows))
@@ -58,17 +58,17 @@ class References(TabularResult):
 
 @dataclass(frozen=True, repr=False)
 class CertifiedState(TabularResult):
-    """A state of an orbit to 34 digits.
+    """A state of an orbit to 34 digits, with its uncertainty and its comparisons with other solvers.
 
     Attributes
     ----------
-    problem, t : its label, and the time
+    problem, t : label of the problem with its orbit, and the time
     q, p : arrays (d,), rounded to double
     q_text, p_text : d decimal strings each
     uncertainty : bound of the digits' error, max norm
     horizon : the time up to which rounding to long double stays small
     agree : whether the other solvers agree
-    checks : a dict for each solver: solver, distance, its own uncertainty
+    checks : a dict for each other solver: solver, distance, its own uncertainty
     """
 
     problem: str
@@ -83,7 +83,7 @@ class CertifiedState(TabularResult):
     checks: tuple[dict[str, Any], ...]
 
     def to_frame(self) -> pd.DataFrame:
-        """A row for each component: its name and its digits as text."""
+        """Return a DataFrame, a row for each component of q and p: its name and its digits as text."""
         import pandas as pd
 
         names = [f"{x}{i}" for x, texts in (("q", self.q_text), ("p", self.p_text)) for i in range(1, len(texts) + 1)]
@@ -144,7 +144,7 @@ def certify(
 
 
 def recheck(names: Sequence[str], progress: Callable[[str], None], update: bool = False) -> list[Outcome]:
-    """Measure the stored reference states of these problems again.
+    """Measure the stored reference states of the problems with these labels again: a list of outcomes.
 
     With ``update`` they are computed anew, and each that holds is stored at once.  ``progress`` is called with the
     label of each problem before it is measured.

@@ -46,13 +46,16 @@ def _cell(label: str) -> Cell:
 
 
 def times(made, count: int = TIMES) -> list[float]:
-    """``count`` random times of an orbit, ascending, between its stored ones."""
+    """Return ``count`` random times, ascending, between the stored ones of the orbit of the problem ``made``."""
     random = np.random.default_rng([SEED, crc32(made.label.encode())])
     return sorted(float(t) for t in made.start.times[-1] * random.uniform(FIRST, 1.0, count))
 
 
 def error_rows(made, at: list[float]) -> list[dict[str, object]]:
-    """A row for each time: the error of the reference state there, and its stated uncertainty."""
+    """Measure the reference state of the problem ``made`` at the times ``at``: a row for each.
+
+    A row has the error of the state, its stated uncertainty, and the numbers from which that was estimated.
+    """
     many = made.system.d <= LARGEST
     number = taylor.Bits(MANY) if many else taylor.extended_types()[1]
     exact = taylor.states(made.system, number, made.q0, made.p0, at, TOLERANCE if many else None)
@@ -86,7 +89,7 @@ def measure_rows(label: str) -> Rows:
 
 
 def beyond(rows: list[dict]) -> list[str]:
-    """Messages about the rows whose error is above the stated uncertainty."""
+    """Return messages about the rows of a reference state whose error is above the stated uncertainty."""
     return [
         f"{r['problem']} at t = {float(r['t']):g}: {float(r['uncertainty']):.2g} is stated, the error is "
         f"{float(r['error']):.2g}"

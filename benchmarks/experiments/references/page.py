@@ -1,4 +1,4 @@
-"""The page of the certified references: their errors, horizons, and distances from other solvers."""
+"""The report page on the certified reference states: their errors, horizons, and distances from other solvers."""
 
 from __future__ import annotations
 
@@ -38,14 +38,14 @@ COLUMNS = {
 
 
 def judged_rows(frame: pd.DataFrame) -> pd.DataFrame:
-    """Select the rows with a measured error; those stored in an older format have none."""
+    """Select the rows with a measured error from the table of references; rows of an older format have none."""
     return frame[frame["error"].notna()] if "error" in frame else frame.head(0)
 
 
 def of_references(function):
-    """Decorator: a function of the rows of references becomes one of ``data``, which gives tables by name.
+    """Decorator: turn a function of the table of references into a function of ``data``, a callable name -> table.
 
-    It returns None if there are no rows with a measured error.
+    The function gets the rows with a measured error; the new function returns None if there are none.
     """
 
     @of("references")
@@ -63,7 +63,10 @@ def _problems(rows: pd.DataFrame) -> str:
 
 @of_references
 def confirmations(frame: pd.DataFrame) -> Verdict:
-    """Whether the stated errors and horizons are confirmed when they are measured again."""
+    """Judge whether the stated errors and horizons are confirmed when they are measured again.
+
+    ``frame`` is the table of references, a row for each orbit.
+    """
     wrong = frame[frame["changed"].astype(object).fillna("") != ""]
     return Verdict(
         "Errors and horizons, measured again, are as each reference states them",
@@ -77,7 +80,10 @@ def confirmations(frame: pd.DataFrame) -> Verdict:
 
 @of(ODD)
 def odd_times(frame: pd.DataFrame) -> Verdict:
-    """Whether uncertainties bound the error at times between the stored states."""
+    """Judge whether uncertainties bound the error at times between the stored states.
+
+    ``frame`` is the table of the module `odd`, a row for each orbit and time.
+    """
     good = frame["error"] <= frame["uncertainty"]
     tightest = frame.loc[(frame["uncertainty"] / frame["error"]).idxmin()]
     return Verdict(
@@ -92,7 +98,10 @@ def odd_times(frame: pd.DataFrame) -> Verdict:
 
 @of_references
 def second(frame: pd.DataFrame) -> Verdict:
-    """Whether no other solver differs from a reference state beyond the uncertainties of both."""
+    """Judge whether no other solver differs from a reference state by more than the uncertainties of both.
+
+    ``frame`` is the table of references, a row for each orbit.
+    """
     apart = frame[frame["disagree"] > 0]
     return Verdict(
         "No other solver disagrees beyond the uncertainties of both",
@@ -106,7 +115,10 @@ def second(frame: pd.DataFrame) -> Verdict:
 
 @of_references
 def comparisons(frame: pd.DataFrame) -> Verdict:
-    """Whether each state is compared with at least one other solver."""
+    """Judge whether each stored state is compared with at least one other solver that is accurate enough.
+
+    ``frame`` is the table of references, a row for each orbit.
+    """
     bare = frame[frame["unchecked"] > 0]
     states = int(frame["states"].sum())
     return Verdict(
@@ -121,7 +133,10 @@ def comparisons(frame: pd.DataFrame) -> Verdict:
 
 @of_references
 def horizons(frame: pd.DataFrame) -> Verdict | None:
-    """Whether a long double run loses its accuracy within the time interval predicted from random rounding."""
+    """Judge whether a long double run loses its accuracy within the time interval predicted from random rounding.
+
+    ``frame`` is the table of references, a row for each orbit; None if every run and interval reaches its end time.
+    """
     leaves = frame["long double leaves"]
     limited = frame[(frame["earliest"] < frame["t_end"]) | (leaves < frame["t_end"])]
     if limited.empty:
@@ -140,7 +155,10 @@ def horizons(frame: pd.DataFrame) -> Verdict | None:
 
 
 def answer(data: Data) -> str | None:
-    """A sentence: how many references are confirmed, their largest uncertainty, how many lose accuracy before t_end."""
+    """Write the page's answer: how many references are confirmed, their uncertainty, how many lose accuracy early.
+
+    ``data`` maps a table's name to the table; None if both tables are missing.
+    """
     frame, odd = data("references"), data(ODD)
     rows = pd.DataFrame() if frame is None else judged_rows(frame)
     if len(rows):
@@ -187,7 +205,10 @@ def draw(frame: pd.DataFrame, folder) -> list[Picture]:
 
 @of_references
 def table(frame: pd.DataFrame) -> Table:
-    """The page's table: orbits that diverge exponentially or may lose accuracy before t_end, then the least certain."""
+    """Make the page's table, a row for each orbit that is hard to follow, then the ten largest uncertainties.
+
+    An orbit is hard to follow if neighbours diverge exponentially, or if long double may lose accuracy before its end.
+    """
     hard = frame["rate"].notna() | (frame["earliest"] < frame["t_end"])
     shown = pd.concat([frame[hard], frame[~hard].nlargest(10, "uncertainty")])
     caption = (

@@ -1,4 +1,4 @@
-"""The row on a certified reference state that was measured again, for the command's table and for the report."""
+"""The table row on certified reference states that were measured again, for the command and for the report."""
 
 from __future__ import annotations
 
@@ -6,7 +6,10 @@ from phasebench.reference.certificates.check import Outcome
 
 
 def row(outcome: Outcome) -> dict[str, object]:
-    """A row on a reference state that was measured again: errors, horizon, other solvers, statements not confirmed."""
+    """Make the table row on an orbit whose reference states were measured again.
+
+    It has errors and uncertainties, the horizon, distances of other solvers, and the statements that are not confirmed.
+    """
     known, ratios = outcome.certificate, outcome.ratios
     last = known.ends[-1]
     first = last.checks[0]

@@ -1,4 +1,7 @@
-"""Checks of methods for rigid bodies: rotations are kept, orders are declared, and the control leaves the rotations."""
+"""Checks of methods for rigid bodies: rotation matrices stay orthogonal, and orders are as declared.
+
+The fourth-order Runge-Kutta method (the control) must leave the rotations.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +15,10 @@ from phasebench.benchmarks.page.verdict import PASS
 
 @pytest.mark.parametrize("verdict", [kept, left, orders, gain])
 def bench_rigid(measured_rows, verdict):
-    """Rotations and orders are as declared, and the control leaves the rotations."""
+    """Test that methods for rigid bodies keep rotations and have their orders, and that RK4, the control, does not.
+
+    ``verdict`` is a function of the page that judges one of these; ``measured_rows`` is a fixture: table name -> rows.
+    """
     found = verdict(lambda name: pd.DataFrame(measured_rows(name)))
     if found is None:
         pytest.skip("none of its rows is measured in this run")

@@ -40,7 +40,7 @@ CODE = (__name__,)
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """A cell for each method on each problem, for each asymmetry, for each long run; none if ``quick``."""
+    """List the measurements (`Cell`): attitudes, nearly symmetric bodies and long runs; none if ``quick``."""
     if quick:
         return []
     runs = [
@@ -61,14 +61,18 @@ def _cell(table: str, key: dict, measure: Callable, arguments: tuple, *needed) -
 
 
 def angle(q: np.ndarray, r: np.ndarray) -> float:
-    """The angle in degrees of the turn between two attitudes, quaternions of any length."""
+    """Return the angle in degrees of the turn between two attitudes q and r, quaternions (4,) of any length."""
     q, r = q / np.linalg.norm(q), r / np.linalg.norm(r)
     nearest = min(np.linalg.norm(q - r), np.linalg.norm(q + r))
     return float(np.degrees(4 * np.arcsin(min(1.0, nearest / 2))))
 
 
 def attitude(id: str, name: str) -> Rows:
-    """The errors of a method on a problem, a row for each step."""
+    """Measure the errors of the method ``id`` on the problem ``name``: a row for each step size, by table name.
+
+    A row has the attitude's error in degrees with the reference's uncertainty and the observed order, the changes of
+    |q|^2 (named orthogonality), of a free body's momentum in space and of the energy, and evaluations a step.
+    """
     problem = problem_of(name)
     truth = reference(problem, [SPAN])
     rows = []
@@ -99,7 +103,10 @@ def attitude(id: str, name: str) -> Rows:
 
 
 def symmetry(delta: float) -> Rows:
-    """The errors of both splittings on a body whose first two moments are nearly equal: a row."""
+    """Measure the errors of both splittings on a free body with the moments (1, 1 + delta, 2): one row, by table name.
+
+    The errors are the angles in degrees of `rigid-dlm` (column ``axes``) and `rigid-reich` (``top``) at the end.
+    """
     body = RigidBody(moments=(1, 1 + delta, 2))
     q, p = body.start(**START)
     steps = round(SHORT / H)
@@ -113,7 +120,10 @@ def symmetry(delta: float) -> Rows:
 
 
 def energy(id: str) -> Rows:
-    """The spread of the energy on a chaotic top over all steps, and over the first tenth: a row."""
+    """Measure the spread (largest less smallest value) of the energy on a chaotic top: one row, by table name.
+
+    It is measured over all steps of the method ``id`` (``all``) and over the first tenth of them (``first``).
+    """
     top = problem_of("heavy-top", **CHAOTIC)
     s = integrate(top, id, h=LONG_H, steps=LONG, save_every=LONG // 10_000)
     values = s.energy()
