@@ -6,7 +6,7 @@ A rational number is divided in the arithmetic of the function; a double stays e
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -124,6 +124,15 @@ def _share_roots(expressions: list[sp.Expr]) -> tuple[list[tuple[sp.Symbol, sp.E
     return defined, [rewrite(e) for e in expressions]
 
 
+def in_order_of_evaluation(definitions: Iterable[tuple[Any, Any]]) -> list[tuple[Any, Any]]:
+    """Sort definitions (symbol, expression) such that each comes after those whose symbols its expression contains."""
+    pending, order = dict(definitions), []
+    while pending:
+        ready = [s for s, e in pending.items() if not e.free_symbols & pending.keys()]
+        order += [(s, pending.pop(s)) for s in ready]
+    return order
+
+
 def source(
     name: str, arguments: Sequence[tuple[str, Sequence[sp.Symbol] | sp.Symbol]], results, arithmetic: str
 ) -> str:
@@ -157,14 +166,7 @@ def source(
     named, flat = flat[len(defined) :][: len(definitions)], flat[len(defined) + len(definitions) :]
     roots |= zip((s for s, _ in definitions), named, strict=True)
     printer = _Printer(arithmetic)
-    pending = [*shared, *roots.items()]
-    known = set(renamed.values())
-    while pending:
-        ready = [(s, e) for s, e in pending if e.free_symbols <= known]
-        for s, e in ready:
-            lines.append(f"    {s} = {printer.doprint(e)}")
-            known.add(s)
-        pending = [(s, e) for s, e in pending if s not in known]
+    lines += [f"    {s} = {printer.doprint(e)}" for s, e in in_order_of_evaluation([*shared, *roots.items()])]
     texts = iter([printer.doprint(e) for e in flat])
     parts = []
     for r in results:

@@ -56,14 +56,8 @@ def _of_kicks(system: Hamiltonian, lanes: int, arithmetic: str, digits: int) -> 
 
 def _of_both(system: Hamiltonian, lanes: int, arithmetic: str) -> tuple[Callable, None]:
     """Make the vector field (q', p') as a function of SIMD lanes; returns (this function, None)."""
-
-    def results():
-        from phasebench.integrators.compile.printing import Program
-
-        return Program(system.definitions, [list(system.sides)])
-
     arguments = [("q", system.q), ("p", system.p)]
-    return lane_formulae.function("field", arguments, results, lanes, system, arithmetic), None
+    return lane_formulae.function("field", arguments, lambda: list(system.sides), lanes, system, arithmetic), None
 
 
 def functions(system: Hamiltonian, lanes: int, arithmetic: str, digits: int) -> tuple[Callable, np.ndarray | None]:

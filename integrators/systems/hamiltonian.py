@@ -264,12 +264,12 @@ class PartitionedSystem:
             if order == 1:
                 return [list(self.dq), list(self.dp)]
             K = generating.coefficients(self.H, self.q, self.p, order)
-            by_p, by_q = ([generating.gradient(k, x) for k in K] for x in (self.p, self.q))
-            powers = [h**i for i in range(order)]
-            return [
-                [sign * sp.Add(*map(sp.Mul, powers, row)) for row in zip(*sides, strict=True)]
-                for sign, sides in ((1, by_p), (-1, by_q))
-            ]
+
+            def slopes(variables):
+                rows = zip(*(generating.gradient(k, variables) for k in K), strict=True)
+                return [sum(slope * h**i for i, slope in enumerate(row)) for row in rows]
+
+            return [slopes(self.p), [-e for e in slopes(self.q)]]
 
         arguments = [("q", self.q), ("p", self.p), ("h", h), ("lam", lam)]
         signature = types.Tuple((T, T))(T, T, number, number)

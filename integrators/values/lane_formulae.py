@@ -44,18 +44,16 @@ def function(
 
     ``kind`` is a label that identifies the function in the cache, ``arguments`` are pairs (name, vector of symbols),
     whose values f reads from the first rows of B, one row for each symbol; f writes its results to the rows after them.
-    ``results`` takes no arguments and returns a list of expressions, or a `printing.Program` of one such list; it is
-    called only if the text is not in the cache.
+    ``results`` takes no arguments and returns a list of expressions, which may refer to the system's ``definitions``;
+    it is called only if the text is not in the cache.
     """
     rows = sum(len(symbols) for _, symbols in arguments)
 
     def text(arithmetic):
         from phasebench.integrators.compile import printing
 
-        found = results()
-        program = found if isinstance(found, printing.Program) else printing.Program((), [found])
-        (expressions,) = program.results
-        formula = printing.source("g", arguments, program, arithmetic)
+        expressions = results()
+        formula = printing.source("g", arguments, printing.Program(system.definitions, [expressions]), arithmetic)
         begins = [sum(len(symbols) for _, symbols in arguments[:i]) for i in range(len(arguments))]
         values = [
             f"({''.join(f'take(B, {first + k}, LIKE), ' for k in range(len(symbols)))})"

@@ -120,13 +120,11 @@ def share_subexpressions(steps, sides):
     """
     import sympy as sp
 
+    from phasebench.integrators.compile.printing import in_order_of_evaluation
+
     shared, found = sp.cse([*(e for _, e in steps), *sides])
-    pending = dict(shared) | dict(zip((s for s, _ in steps), found, strict=False))
-    order = []
-    while pending:
-        ready = [s for s, e in pending.items() if not e.free_symbols & pending.keys()]
-        order += [(s, pending.pop(s)) for s in ready]
-    return order, found[len(steps) :]
+    defined = zip((s for s, _ in steps), found[: len(steps)], strict=True)
+    return in_order_of_evaluation([*shared, *defined]), found[len(steps) :]
 
 
 def run(system, q0, p0, marks, times, disturb: Callable[[np.ndarray], np.ndarray] = lambda y: y) -> np.ndarray:

@@ -73,3 +73,11 @@ def test_the_molecule_keeps_bonds_and_angles_and_has_the_torsion_s_energy():
     assert np.abs(momentum - momentum[0]).max() < 1e-13
     half = integrate(system, "rattle", h=measure.MOLECULE_STEP / 2, steps=400, q0=q, p0=p)
     assert 3.5 < np.ptp(s.energy()) / np.ptp(half.energy()) < 4.5
+
+
+def test_gauss_s_stages_in_lanes_run_with_five_constraints():
+    q, p = butane.start()
+    ends = [integrate(butane.system(), id, h=0.01, steps=20, q0=q, p0=p) for id in ("gauss-6", "dop853")]
+    assert all(s.status == "ok" for s in ends)
+    assert np.abs(ends[0].q[-1] - ends[1].q[-1]).max() < 1e-12
+    assert np.abs(ends[0].q[-1] - q).max() > 1e-2

@@ -165,7 +165,7 @@ def test_verdict_on_the_time_of_an_accepted_proposal():
 def test_time_of_a_proposal_is_measured_with_its_acceptance(monkeypatch):
     monkeypatch.setattr(cost, "ROUNDS", 2)
     monkeypatch.setattr(cost, "EVALUATIONS", {"stormer-verlet": 1})
-    monkeypatch.setattr(cost, "BUDGETS", {"Gaussian": (36,)})
+    monkeypatch.setattr(acceptance, "BUDGETS", {"Gaussian": (36,)})
     (row,) = cost.measure_rows("Gaussian")[cost.TABLE]
     assert row["acceptance"] == acceptance.acceptance("Gaussian", "stormer-verlet", 36)["acceptance"]
     assert row["ns an accepted proposal"] == row["ns a proposal"] / row["acceptance"] > row["ns a proposal"]
@@ -236,6 +236,9 @@ def test_checks_of_the_rows():
 def test_pages_draw_and_list_their_rows(tmp_path):
     rows, stable = accepted(), pd.DataFrame([limits.measure_rows("chin-4a")[limits.TABLE][0]])
     times = rows.assign(**{"ns an accepted proposal": 1.0})
+    untimed = page.table({acceptance.TABLE: rows, limits.TABLE: stable}.get).frame
+    assert 0 < len(untimed) <= 25
+    assert "ns an accepted proposal" not in untimed
     data = {acceptance.TABLE: rows, limits.TABLE: stable, cost.TABLE: times, hessian_free.CHAOTIC: energies()}.get
     for made in (page.PAGE, hessian_page.PAGE):
         (picture,) = made.figures(data, tmp_path)

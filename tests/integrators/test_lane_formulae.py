@@ -13,7 +13,7 @@ from phasebench.integrators.compile.codegen import DOUBLE
 from phasebench.integrators.values import lane_formulae, lanes
 
 x, y, z, w = sp.symbols("x y z w", positive=True)
-SYSTEM = SimpleNamespace(content="a toy", d=2)
+SYSTEM = SimpleNamespace(content="a toy", d=2, definitions=())
 ARGUMENTS = [("q", [x, y]), ("s", [z]), ("p", [w])]
 RESULTS = [x * y + z, sp.sin(w) / sp.sqrt(x) - y**3, sp.exp(-z) * sp.cos(x) ** 2 + sp.Rational(1, 3)]
 
@@ -76,7 +76,11 @@ def test_functions_are_keyed_by_formula_and_lanes(monkeypatch):
         key, signature = lane_formulae.function(kind, ARGUMENTS, lambda: RESULTS, n, system, DOUBLE)
         assert [a.ndim for a in signature.args] == [2]
         keys.add(key)
-    keys.add(lane_formulae.function("a", ARGUMENTS, lambda: [], 2, SimpleNamespace(content="another", d=2), DOUBLE)[0])
+    keys.add(
+        lane_formulae.function(
+            "a", ARGUMENTS, lambda: [], 2, SimpleNamespace(content="another", d=2, definitions=()), DOUBLE
+        )[0]
+    )
     assert len(keys) == 4
 
 

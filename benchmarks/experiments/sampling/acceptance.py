@@ -68,11 +68,21 @@ def draws(target: str, n: int = DRAWS) -> tuple[np.ndarray, np.ndarray]:
     return x / (2 * np.arange(1, D + 1)), p
 
 
+def budgets(target: str, method: str) -> list[int]:
+    """The numbers of evaluations of a run on a target that the method's steps divide."""
+    return [budget for budget in BUDGETS[target] if budget % EVALUATIONS[method] == 0]
+
+
+def propose(of: Hamiltonian, q: np.ndarray, p: np.ndarray, method: str, budget: int):
+    """Integrate proposals from the states q, p, arrays (n, D), with ``budget`` evaluations each, on one thread."""
+    steps = budget // EVALUATIONS[method]
+    return integrate_ensemble(of, method, q, p, h=TIME / steps, steps=steps, threads=1)
+
+
 def acceptance(target: str, method: str, budget: int, n: int = DRAWS) -> dict[str, float]:
     """The expected acceptance, its interval and the mean of the energy error; a run that fails is rejected."""
     of, (q, p) = system(target), draws(target, n)
-    steps = budget // EVALUATIONS[method]
-    found = integrate_ensemble(of, method, q, p, h=TIME / steps, steps=steps, threads=1)
+    found = propose(of, q, p, method, budget)
     reached = np.isclose(found.t, TIME)
     with np.errstate(all="ignore"):
         error = np.where(reached, of.energies(found.q, found.p) - of.energies(q, p), np.inf)
@@ -112,7 +122,6 @@ def measure_rows(target: str, method: str) -> Rows:
     return {
         TABLE: [
             about | {"budget": budget, "h": TIME * each / budget} | acceptance(target, method, budget)
-            for budget in BUDGETS[target]
-            if budget % each == 0
+            for budget in budgets(target, method)
         ]
     }

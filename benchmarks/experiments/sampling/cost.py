@@ -12,11 +12,10 @@ from math import inf
 
 from phasebench.benchmarks.measure.timing import median, time_in_turns
 from phasebench.benchmarks.store.cells import ALONE, Cell, Rows, content
-from phasebench.integrators.ensemble import integrate_ensemble
 from phasebench.integrators.registry import BY_ID
 
 from . import acceptance
-from .acceptance import BUDGETS, DRAWS, EVALUATIONS, TARGETS, TIME
+from .acceptance import DRAWS, EVALUATIONS, TARGETS
 
 TABLE = "sampling_times"
 #: Rounds of the timing.
@@ -39,10 +38,9 @@ def measure_rows(target: str) -> Rows:
     """The acceptance and the time of a proposal on a target: a row for each method and number of evaluations."""
     of, (q, p) = acceptance.system(target), acceptance.draws(target)
     runs = {
-        (id, budget): partial(integrate_ensemble, of, id, q, p, h=TIME * each / budget, steps=budget // each, threads=1)
-        for id, each in EVALUATIONS.items()
-        for budget in BUDGETS[target]
-        if budget % each == 0
+        (id, budget): partial(acceptance.propose, of, q, p, id, budget)
+        for id in EVALUATIONS
+        for budget in acceptance.budgets(target, id)
     }
     rows = []
     for (id, budget), seconds in time_in_turns(runs, ROUNDS).items():

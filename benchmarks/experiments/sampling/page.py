@@ -6,7 +6,7 @@ import pandas as pd
 
 from phasebench.benchmarks import style
 from phasebench.benchmarks.page.markdown import number
-from phasebench.benchmarks.page.page import ROWS, Page, Picture, Table, of
+from phasebench.benchmarks.page.page import ROWS, Data, Page, Picture, Table, of
 from phasebench.benchmarks.page.verdict import EVERY, NONE, Count, Range, Verdict, at_most
 
 from . import cost, limits
@@ -154,20 +154,22 @@ def draw(frame: pd.DataFrame, folder) -> list[Picture]:
     return [Picture(style.save(figure, folder, "sampling.png"), "rejected proposals over the cost", caption)]
 
 
-@of(TABLE, limits.TABLE, cost.TABLE)
-def table(frame: pd.DataFrame, stable: pd.DataFrame, times: pd.DataFrame) -> Table:
-    """The acceptance of every method, its least time an accepted proposal, and its stability limit."""
+def table(data: Data) -> Table | None:
+    """The acceptance of every method, its stability limit, and where measured its least time an accepted proposal."""
+    frame, stable, times = (data(name) for name in (TABLE, limits.TABLE, cost.TABLE))
+    if frame is None or stable is None:
+        return None
     shown = frame[frame["budget"].isin(COMMON)].pivot_table(
         index=["target", "method"], columns="budget", values="acceptance", sort=False
     )
     shown.columns = [f"accepted at {c}" for c in shown.columns]
     limit = stable.set_index("method")[["evaluations per step", "limit", "limit per evaluation"]]
-    least = _least(times)[["ns an accepted proposal", "budget"]].rename(columns={"budget": "with evaluations"})
-    shown = shown.reset_index().join(least, on=["target", "method"]).join(limit, on="method")
-    caption = (
-        "Accepted shares; the least time an accepted proposal; the stability limits of h ω whole and per evaluation."
-    )
-    return Table(shown.head(ROWS), caption, 4)
+    shown = shown.reset_index().join(limit, on="method")
+    caption = "Accepted shares, and the stability limits of h ω whole and per evaluation"
+    if times is not None:
+        least = _least(times)[["ns an accepted proposal", "budget"]].rename(columns={"budget": "with evaluations"})
+        shown, caption = shown.join(least, on=["target", "method"]), f"{caption}; the least time an accepted proposal"
+    return Table(shown.head(ROWS), f"{caption}.", 4)
 
 
 @of(TABLE)
