@@ -186,8 +186,8 @@ PAGE = Page(
         f"{DRAWS} independent draws (q, p) of the density exp(−H); a run over T = {TIME:g} from each.",
         "Accepted is the mean of min(1, exp(−ΔH)): the expected acceptance in the stationary state, without a chain.",
         "All methods have the same number of gradients in a run; a kick with a force gradient counts as two.",
-        "Time: the draws as one ensemble on one thread, all methods in turns, divided by the acceptance. Stability limits: of "
-        "the step's matrix on the harmonic oscillator.",
+        "Time: of a step in a long run of all draws on one thread, methods in turns, times the steps, divided by the "
+        "acceptance. Stability limits: of the step's matrix on the harmonic oscillator.",
     ),
     verdicts=(gaussian, quartic, gradients, cheapest, printed),
     answer=answer,
@@ -198,6 +198,7 @@ PAGE = Page(
         "More is said where the 95 % intervals do not overlap; methods share their draws, so that this is strict.",
         "A run that fails or leaves the finite numbers counts as rejected.",
         "Acceptance alone is no efficiency of sampling: how far a proposal moves is the same for all, as T is.",
+        "The least time is among the numbers of evaluations in the figure; fewer might be cheaper still.",
         "Eight frequencies in a ratio of one to eight; other spectra may rank the methods otherwise.",
     ),
     command="pytest benchmarks/experiments/sampling",
