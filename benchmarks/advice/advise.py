@@ -10,9 +10,9 @@ against the reference.
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from math import inf
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -33,6 +33,10 @@ from .hunt import LONGEST, MIDDLE, Candidate, Search
 from .known import KNOWN, true_value
 from .portfolio import FIRST, Dropped, portfolio
 
+if TYPE_CHECKING:
+    from phasebench.benchmarks.measure.integrator import Integrator
+    from phasebench.benchmarks.problems.base import Problem
+
 #: Finalists are within the factor WITHIN of the cheapest, at most FINALISTS; ROUNDS are the fewest and most rounds.
 WITHIN, FINALISTS, ROUNDS = 1.6, 6, (2, 9)
 #: The most alternatives listed besides the choice.
@@ -47,7 +51,11 @@ CONFIRMED = 1e-3
 SECOND = "scipy-dop853"
 
 
-def advise(ask: Ask, problem_words: Sequence[str] = (), portfolio_of=portfolio) -> dict[str, Any]:
+def advise(
+    ask: Ask,
+    problem_words: Sequence[str] = (),
+    portfolio_of: Callable[[Ask, float], tuple[list[tuple[Integrator, float]], list[Dropped]]] = portfolio,
+) -> dict[str, Any]:
     """Search for the integration that answers a question; return the answer, the dict that --json prints.
 
     Parameters
@@ -213,7 +221,7 @@ def lost_orbit(candidate: Candidate, off: float | None) -> str:
     )
 
 
-def singularity_note(problem) -> str:
+def singularity_note(problem: Problem) -> str:
     """A note that singular distances (where H is infinite) were not searched for, since H is too long; else "".
 
     Variable steps need these distances; the user can declare them.

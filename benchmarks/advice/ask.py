@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from math import isfinite
 from numbers import Real
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from phasebench.benchmarks.measure import conservation_claims
 from phasebench.benchmarks.measure.named_quantities import quantity
@@ -15,6 +15,9 @@ from phasebench.benchmarks.problems.units import span
 from phasebench.integrators.errors import InvalidInput
 
 from . import prior
+
+if TYPE_CHECKING:
+    from phasebench.benchmarks.problems.base import Problem
 
 
 @dataclass(frozen=True)
@@ -51,14 +54,14 @@ COMPILING = 50.0
 
 
 def ask(
-    problem,
+    problem: Problem,
     *,
-    t_end,
-    accuracy=None,
+    t_end: float | str | None,
+    accuracy: float | None = None,
     quantity_name: str = "end-state",
-    conserve=(),
-    budget=None,
-    limit=None,
+    conserve: str | Iterable[str] = (),
+    budget: float | None = None,
+    limit: float | None = None,
     progress: Callable[[str], None] = lambda line: None,
 ) -> Ask:
     """Check the arguments of `advise` and build the question (see `Ask`); raise InvalidInput for an unusable one.
@@ -88,7 +91,7 @@ def ask(
     )
 
 
-def _positive(name: str, value) -> float:
+def _positive(name: str, value: object) -> float:
     """The value as a float; raises InvalidInput unless it is a positive finite number."""
     if not isinstance(value, Real) or isinstance(value, bool) or not isfinite(value) or value <= 0:
         raise InvalidInput(f"{name} is {value!r}; it must be a positive finite number")

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable, Mapping
+from typing import TYPE_CHECKING, Any
+
 import pandas as pd
 import pytest
 
@@ -11,11 +14,14 @@ from phasebench.integrators.driver import OK
 from phasebench.integrators.registry import METHODS
 from phasebench.reference.peers import PEERS
 
+if TYPE_CHECKING:
+    from phasebench.benchmarks.store.run import Outcome
+
 #: Names of tables: all runs of the trade (`experiments.trade`); the models of scenes and their runs.
 RUNS, MODELS = "front_rungs", ("models", "models_runs")
 
 
-def competition(rows) -> tuple[pd.DataFrame, set[str]]:
+def competition(rows: Iterable[Mapping[str, Any]]) -> tuple[pd.DataFrame, set[str]]:
     """Return (successful runs of single orbits, with a column ``problem``; ids of the integrators that took part).
 
     ``rows`` are the stored runs of all integrators at many errors (`experiments.trade`).
@@ -26,14 +32,14 @@ def competition(rows) -> tuple[pd.DataFrame, set[str]]:
     return frame.assign(problem=problems), named
 
 
-def bench_prior(outcome, complete, update):
+def bench_prior(outcome: Outcome, complete: Callable[[str], bool], update: bool) -> None:
     """Write `prior.csv`: each integrator's time over that of the cheapest, by problem and power of ten of the error."""
     if not update or not complete(RUNS):
         pytest.skip("the prior is made with --update-tables where all of the trade is measured")
     prior.TABLE.save(*competition(outcome.rows(RUNS)))
 
 
-def bench_models(outcome, complete, update):
+def bench_models(outcome: Outcome, complete: Callable[[str], bool], update: bool) -> None:
     """Write `models.csv`: errors and times of the simplified models that `advise` may suggest."""
     if not update or not all(map(complete, MODELS)):
         pytest.skip("the models of advice are stored with --update-tables where all of them are measured")

@@ -10,7 +10,7 @@ integrator then runs the model at the step that meets the rest of the accuracy, 
 from __future__ import annotations
 
 from types import SimpleNamespace
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -27,6 +27,9 @@ from phasebench.reference.solvers.taylor import ReferenceFailed
 
 from .ask import Ask
 from .hunt import Candidate
+
+if TYPE_CHECKING:
+    from phasebench.benchmarks.problems.planetary import PlanetarySystem
 
 #: A model's error may be this share of the accuracy; the round-off of its runs this share of that.
 SHARE, ROUNDING = 0.5, 0.2
@@ -59,7 +62,7 @@ class Model(NamedTuple):
 class Models:
     """Runs the planetary models of a question (bodies left out or made massless) on one compiled system."""
 
-    def __init__(self, ask: Ask, true: Truth):
+    def __init__(self, ask: Ask, true: Truth) -> None:
         self.ask, self.true, self.bodies = ask, true, ask.problem.bodies
         self.flow = Attracting(len(self.bodies.members), self.bodies.units.G)
         rows = ask.quantity.rows
@@ -89,7 +92,7 @@ class Models:
             return quantities.error(self.ask.problem, self.ask.quantity, solution, self.true)
 
 
-def _solution(t, x, v, bodies: Bodies) -> SimpleNamespace:
+def _solution(t: np.ndarray, x: np.ndarray, v: np.ndarray, bodies: Bodies) -> SimpleNamespace:
     """A solution object with times ``t`` (rows,), positions ``q`` = x and momenta ``p`` = m v, arrays (rows, 3 N)."""
     return SimpleNamespace(t=t, q=x, p=v * np.repeat(bodies.masses, SPACE))
 
@@ -206,7 +209,7 @@ def _saves(ask: Ask, models: Models, model: Model, full: Candidate, accuracy: fl
     return times[full] / times[fewer]
 
 
-def _truth(models: Models, model: Model, problem, wanted: Quantity) -> Truth:
+def _truth(models: Models, model: Model, problem: PlanetarySystem, wanted: Quantity) -> Truth:
     """The true value of the quantity in the model's own dynamics, from a reference run of the model in doubles.
 
     For a conserved quantity, the true value in the full system.

@@ -50,7 +50,7 @@ class Candidate:
     tolerance, error and seconds.
     """
 
-    def __init__(self, trial: Trial, rung: Rung):
+    def __init__(self, trial: Trial, rung: Rung) -> None:
         self.trial, self.rung, self.seconds = trial, rung, rung.seconds
         #: The interval of the seconds if it was timed in turns with others.
         self.interval: tuple[float, float] | None = None
@@ -92,7 +92,7 @@ class Search:
     ``true`` is the true value of the question's quantity, ``began`` the processor time (seconds) of the beginning.
     """
 
-    def __init__(self, ask: Ask, true: Truth, began: float):
+    def __init__(self, ask: Ask, true: Truth, began: float) -> None:
         self.ask, self.true, self.began = ask, true, began
         self.found: list[Candidate] = []
         self.trials: list[Trial] = []

@@ -12,13 +12,18 @@ from collections.abc import Iterator
 from itertools import groupby
 from math import inf, isfinite
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from phasebench.benchmarks.problems.models.ladders import BY_ID
 from phasebench.benchmarks.store.shipped import ShippedTable
 
 from . import fewer_bodies, words
 from .ask import Ask
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from phasebench.benchmarks.problems.base import Problem
 
 #: Spans are equal up to this relative difference.
 SAME = 1e-9
@@ -47,7 +52,7 @@ class Scene(NamedTuple):
     rungs: tuple[Rung, ...]
 
 
-def fingerprint(problem) -> str:
+def fingerprint(problem: Problem) -> str:
     """Hash of a canonical problem's H and initial state, independent of the names of its variables."""
     return hashlib.sha256(" ".join(words.formula(problem)).encode()).hexdigest()[:16]
 
@@ -130,7 +135,7 @@ def _off(found: dict[str, Any]) -> str:
 # -- the stored lines --------------------------------------------------------------------------------------------------
 
 
-def build(models, runs) -> Iterator[dict[str, object]]:
+def build(models: pd.DataFrame, runs: pd.DataFrame) -> Iterator[dict[str, object]]:
     """Yield the lines of `models.csv` from two measured tables.
 
     ``models`` (DataFrame) has a row per scene and simplified model, with the error that the simplification causes in

@@ -10,9 +10,12 @@ from __future__ import annotations
 from collections.abc import Iterable
 from math import exp, floor, log, log10
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from phasebench.benchmarks.store.shipped import ShippedTable
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 #: Decades of the error: the exponents of ten.
 DECADES = tuple(range(-13, 0))
@@ -57,7 +60,7 @@ def _mean(values: list[float], tables: int) -> float:
     return exp(sum(map(log, values)) / len(values))
 
 
-def build(rows, competitors: Iterable[str] = ()) -> list[dict[str, object]]:
+def build(rows: pd.DataFrame, competitors: Iterable[str] = ()) -> list[dict[str, object]]:
     """Compute the lines of `prior.csv` from the successful runs, a DataFrame (scene, problem, id, error, seconds).
 
     A problem with several scenes gets their geometric mean; an integrator that misses the error in a scene counts as
@@ -74,7 +77,7 @@ def build(rows, competitors: Iterable[str] = ()) -> list[dict[str, object]]:
     return lines
 
 
-def _shares(rows, error: float) -> dict[str, float]:
+def _shares(rows: pd.DataFrame, error: float) -> dict[str, float]:
     """Integrator -> time of its cheapest run that meets the error, over that of the cheapest integrator."""
     cheapest = rows[rows["error"] <= error].groupby("id")["seconds"].min()
     return {} if cheapest.empty else (cheapest / cheapest.min()).to_dict()

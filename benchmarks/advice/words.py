@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from phasebench.benchmarks.measure.integrator import Integrator
 
 from .ask import Ask
 
+if TYPE_CHECKING:
+    from phasebench.benchmarks.problems.base import Problem
 
-def problem_arguments(problem, name: str | None = None) -> list[str] | None:
+
+def problem_arguments(problem: Problem, name: str | None = None) -> list[str] | None:
     """The command-line arguments that name a problem: an id or a file (``name``) with its parameters, or a formula.
 
     None if a command line cannot name it, as an unnamed system that is not canonical.
@@ -29,7 +32,7 @@ def problem_arguments(problem, name: str | None = None) -> list[str] | None:
     return [name, *(word for key, value in changed.items() for word in ("--set", f"{key}={value!r}"))]
 
 
-def formula(problem) -> list[str]:
+def formula(problem: Problem) -> list[str]:
     """The arguments --hamiltonian, --q and --p of a canonical problem, H written in q, p or q1, p1, ..."""
     import sympy as sp
 

@@ -17,7 +17,7 @@ T_END = 4.0
 TOLERANCES = (1e-4, 1e-6, 1e-8, 1e-10)
 
 
-def end(subject: Subject, entry: Entry, y, tol: float) -> tuple[np.ndarray, int]:
+def end(subject: Subject, entry: Entry, y: np.ndarray, tol: float) -> tuple[np.ndarray, int]:
     """Run an adaptive integrator from the state y, array (2 d,), to `T_END` at a tolerance.
 
     Returns (end state, array (2 d,); number of evaluations of dH/dq and dH/dp together).  Raises StepFailed if the run

@@ -11,6 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cache
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -18,6 +19,10 @@ from phasebench.benchmarks.measure.battery import PARTS, RIGID, SYSTEMS, coupled
 from phasebench.integrators.compile.codegen import MULTIPRECISION
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
+
+if TYPE_CHECKING:
+    from phasebench.benchmarks.problems.base import Problem
+    from phasebench.integrators.systems.hamiltonian import PartitionedSystem
 
 #: The most by which a seed moves a component of a state.
 MOVED = 0.02
@@ -73,7 +78,7 @@ class Entry:
         return np.repeat(self.size, len(self.state) // 2)
 
 
-def _two(H: str, **more) -> Hamiltonian:
+def _two(H: str, **more: Any) -> Hamiltonian:
     return Hamiltonian(q="q1 q2", p="p1 p2", H=H, **more)
 
 
@@ -179,7 +184,7 @@ def find_entry(name: str) -> Entry:
     return next(e for e in (*entries(), *lasting(), *special, oscillator()) if e.name == name)
 
 
-def of_problem(problem) -> Entry:
+def of_problem(problem: Problem) -> Entry:
     """Make an entry of the battery (a system with a state, for certificates) from a user's own problem.
 
     Its state is the initial state of the problem's chosen orbit, and long runs are made on it.
@@ -203,12 +208,12 @@ def of_problem(problem) -> Entry:
     return replace(entry, reversible=reversible, unit=time_unit(system, entry.start(0), entry.sizes))
 
 
-def _energy(system, state) -> float:
+def _energy(system: PartitionedSystem, state: np.ndarray) -> float:
     d = system.d
     return float(system.observe(system.H, state[None, :d], state[None, d:])[0])
 
 
-def time_unit(system, state: np.ndarray, sizes: np.ndarray) -> float:
+def time_unit(system: PartitionedSystem, state: np.ndarray, sizes: np.ndarray) -> float:
     """A power of two: a time in which the state moves by at most its size, and its fastest mode by at most a radian.
 
     Parameters

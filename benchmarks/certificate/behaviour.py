@@ -69,7 +69,7 @@ def state_between_steps(subject: Subject, entries: list[Entry], seed: int) -> li
     return rows
 
 
-def _distance(x, y) -> float:
+def _distance(x: np.ndarray, y: np.ndarray) -> float:
     return 0.0 if np.array_equal(x, y, equal_nan=True) else float(np.nan_to_num(np.abs(x - y).max(), nan=np.inf))
 
 
@@ -122,7 +122,7 @@ def stability(subject: Subject) -> dict:
     if "stability" not in subject.own.claims and sum(stepper.system.evaluations) > DEAR:
         return {"on": entry.name, "reason": f"not measured: more than {DEAR} evaluations a step, and not claimed"}
 
-    def matrix(z: float, steps: int = 1):
+    def matrix(z: float, steps: int = 1) -> np.ndarray | None:
         try:
             columns = [stepper.run(unit, z, steps, every=steps) for unit in ((1.0, 0.0), (0.0, 1.0))]
         except StepFailed as failure:
@@ -145,5 +145,5 @@ def stability(subject: Subject) -> dict:
     return row | {"intervals": [list(pair) for pair in found.intervals], "radius": curve}
 
 
-def _keeps(M) -> bool:
+def _keeps(M: np.ndarray | None) -> bool:
     return M is not None and abs(np.linalg.det(M) - 1) < AREA

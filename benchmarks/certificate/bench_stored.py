@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
 import pytest
 
 from phasebench.benchmarks.certificate import fronts, times
+
+if TYPE_CHECKING:
+    from phasebench.benchmarks.store.run import Outcome
 
 #: Names of tables of the trade (`experiments.trade`): all runs, and the cheapest of each side.
 RUNS, CHOICES = "front_rungs", "front"
 
 
-def bench_fronts(outcome, complete, update):
+def bench_fronts(outcome: Outcome, complete: Callable[[str], bool], update: bool) -> None:
     """Write `fronts.csv` and `times.csv`: the fewest evaluations and the least time known for each scene and error.
 
     A scene is a problem with a span and a quantity whose error counts.

@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from phasebench.benchmarks.judge import judge
 from phasebench.benchmarks.judge.evidence import Tables
@@ -24,6 +24,12 @@ from . import battery, limited
 from .measures import fill_tables
 from .result import Certificate
 from .subject import subject
+
+if TYPE_CHECKING:
+    from phasebench.benchmarks.measure.integrator import Integrator
+    from phasebench.benchmarks.measure.own_step import OwnStep
+
+    from .subject import Subject
 
 
 @dataclass
@@ -50,7 +56,7 @@ class _Run:
 
 
 def certify(
-    target,
+    target: str | Path | Callable[..., Any] | Mapping[str, Any] | Method | Peer | Integrator | OwnStep | Subject,
     claims: Mapping[str, Any] | None = None,
     requires: tuple[str, ...] = (),
     seed: int = 0,
@@ -103,7 +109,7 @@ def certify(
         run.seconds = time.perf_counter() - began
         return run.certificate(times)
 
-    def incomplete(last: _Run | None, doing: str, why, over: bool) -> Certificate:
+    def incomplete(last: _Run | None, doing: str, why: str | Sequence[tuple[str, int]], over: bool) -> Certificate:
         last = last or run
         text = limited.time_over_message(time_limit or 0.0, why, last.where, doing) if over else why
         last.tables.failed["time" if over else "raised"] = text

@@ -51,7 +51,7 @@ def long_run(subject: Subject, entry: Entry, seed: int) -> dict:
     return {"on": entry.name, "status": "diverged", "reason": why}
 
 
-def _row(entry: Entry, rows, h: float, steps: int) -> dict:
+def _row(entry: Entry, rows: np.ndarray, h: float, steps: int) -> dict:
     system, d = entry.system, entry.system.d
     Q, P = rows[:, :d], rows[:, d:]
     t = h * np.arange(len(rows))

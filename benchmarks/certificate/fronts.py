@@ -52,7 +52,7 @@ def build(rows: Iterable[Mapping[str, Any]]) -> list[dict[str, Any]]:
     return lines
 
 
-def _counts(row) -> bool:
+def _counts(row: Mapping[str, Any]) -> bool:
     method = METHODS.get(row["id"])
     gradients = method is None or not set(method.requires) & set(OTHER_WORK)
     return gradients and row.get("status") == OK and float(row["evaluations"]) > 0 and row["error"] not in ("", None)

@@ -92,11 +92,11 @@ def _jump(stepper: Stepper, path: Callable, middle: float, cell: float, h: float
         middle = t[0] + (int(np.argmax(size)) + ORDER / 2) * (t[1] - t[0])
 
 
-def _differences(values) -> np.ndarray:
+def _differences(values: np.ndarray) -> np.ndarray:
     return np.abs(np.diff(values, ORDER, axis=0)).max(axis=1)
 
 
-def _images(stepper: Stepper, path: Callable, t, h: float) -> np.ndarray:
+def _images(stepper: Stepper, path: Callable, t: np.ndarray, h: float) -> np.ndarray:
     """The states after one step h from path(t) for each t, in units of their size; up to the first failed step."""
     rows = []
     for x in t:

@@ -14,13 +14,20 @@ import tempfile
 import time
 import traceback
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from math import isfinite
 from pathlib import Path
+from typing import TYPE_CHECKING, NoReturn
 
 from phasebench.integrators.compile import progress as compilation
 from phasebench.integrators.errors import InvalidInput
+
+if TYPE_CHECKING:
+    from multiprocessing.connection import Connection
+    from types import FrameType
+
+    from .result import Certificate
 
 #: Seconds between interruptions, since a step may catch one; from the first to a dump of the stack; to the kill.
 AGAIN, NOTE, GRACE = 0.25, 1.0, 2.0
@@ -30,19 +37,19 @@ PLACE = re.compile(r'File "(?P<file>[^"]+)", line (?P<line>\d+)')
 class OutOfTime(BaseException):
     """Raised when the time is over; ``places`` are (file, line) of the stack, the innermost first."""
 
-    def __init__(self, places):
+    def __init__(self, places: Sequence[tuple[str, int]]) -> None:
         super().__init__("the time limit passed")
         self.places = places
 
 
-def time_over_message(limit: float, places, where: str = "", what: str = "") -> str:
+def time_over_message(limit: float, places: Sequence[tuple[str, int]], where: str = "", what: str = "") -> str:
     """A message that the time is over, with the line that was running: in the file ``where``, else the innermost."""
     own = [p for p in places if p[0] == where] or [p for p in places if "phasebench" not in p[0]] or places[:1]
     at = f" at {own[0][0]}, line {own[0][1]}" if own else ""
     return f"the time limit of {limit:g} s passed{f' during {what}' if what else ''}{at}: it had not returned"
 
 
-def within(limit: float, measure: Callable, unfinished: Callable, tell: Callable[[str], None]):
+def within(limit: float, measure: Callable, unfinished: Callable, tell: Callable[[str], None]) -> Certificate:
     """Call ``measure`` in a forked process for at most ``limit`` seconds and return its certificate.
 
     Parameters
@@ -96,15 +103,15 @@ def within(limit: float, measure: Callable, unfinished: Callable, tell: Callable
         return unfinished(last, doing, places, True)
 
 
-def _measure(pipe, note: Path, limit: float, measure: Callable) -> None:
+def _measure(pipe: Connection, note: Path, limit: float, measure: Callable) -> None:
     """In the forked process: measure, and send progress, checkpoints and the result through the pipe."""
     compilation.announce = nullcontext
 
-    def interrupt(number, frame):
+    def interrupt(number: int, frame: FrameType | None) -> NoReturn:
         stack = traceback.extract_stack(frame)
         raise OutOfTime([(f.filename, f.lineno) for f in reversed(stack)])
 
-    def send(kind: str, value) -> None:
+    def send(kind: str, value: object) -> None:
         pipe.send((kind, value))
 
     with note.open("w") as stream:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from typing import Protocol
 
 from phasebench.benchmarks.judge import judge
@@ -57,7 +57,7 @@ class Run(Protocol):
     doubles: str
 
 
-def fill_tables(chosen: Subject, run: Run, own: list[Entry], tell) -> list[dict]:
+def fill_tables(chosen: Subject, run: Run, own: list[Entry], tell: Callable[[str], None]) -> list[dict]:
     """Measure an integrator and fill the tables of its certification ``run``.
 
     ``own`` are the user's own problems as entries, measured in place of the battery; ``tell`` is called with the name
@@ -93,7 +93,7 @@ def fill_tables(chosen: Subject, run: Run, own: list[Entry], tell) -> list[dict]
     return times
 
 
-def _able(chosen: Subject, entries, tables: Tables) -> list[Entry]:
+def _able(chosen: Subject, entries: Iterable[Entry], tables: Tables) -> list[Entry]:
     able = [e for e in entries if chosen.lacks(e.system) is None]
     if not able:
         tables.failed["runs"] = (
@@ -102,7 +102,15 @@ def _able(chosen: Subject, entries, tables: Tables) -> list[Entry]:
     return able
 
 
-def _step(chosen: Subject, tables: Tables, seed: int, tell, wanted, entries, lasting) -> str:
+def _step(
+    chosen: Subject,
+    tables: Tables,
+    seed: int,
+    tell: Callable[[str], None],
+    wanted: set[str],
+    entries: list[Entry],
+    lasting: list[Entry],
+) -> str:
     """Measure a step on ``entries``, its long runs on ``lasting``, and fill the tables.
 
     ``wanted`` are names of the measures to make.  Returns why the step was measured in doubles only, or "" if it was
@@ -161,7 +169,9 @@ def _step(chosen: Subject, tables: Tables, seed: int, tell, wanted, entries, las
     return doubles
 
 
-def _state(chosen: Subject, calls: repeats.Calls, entries, tables: Tables, seed: int, tell) -> None:
+def _state(
+    chosen: Subject, calls: repeats.Calls, entries: list[Entry], tables: Tables, seed: int, tell: Callable[[str], None]
+) -> None:
     """Measure whether the step has memory between calls, after all other measures of the same step object."""
     if any(r["status"] != "ok" for r in tables.of("runs")) or not tables.of("runs"):
         return
@@ -173,7 +183,7 @@ def _state(chosen: Subject, calls: repeats.Calls, entries, tables: Tables, seed:
         tables.failed.setdefault("raised", str(failure))
 
 
-def _place(chosen: Subject, tables: Tables, tell) -> None:
+def _place(chosen: Subject, tables: Tables, tell: Callable[[str], None]) -> None:
     """Compare an integrator's gradient evaluations with the fewest stored at the same error.
 
     Nothing is compared if the integrator fails grossly (`judge.gross_failure`).
@@ -185,7 +195,7 @@ def _place(chosen: Subject, tables: Tables, tell) -> None:
         tables.rows.setdefault("place", []).append(place(chosen, scene))
 
 
-def _times(chosen: Subject, tables: Tables, tell) -> list[dict]:
+def _times(chosen: Subject, tables: Tables, tell: Callable[[str], None]) -> list[dict]:
     """An integrator's times relative to the fastest stored one, on the scenes where its evaluations were compared."""
     out = []
     for row in tables.of("place"):
@@ -194,7 +204,7 @@ def _times(chosen: Subject, tables: Tables, tell) -> list[dict]:
     return [x for x in out if x is not None]
 
 
-def _first_that_runs(measure: Callable[[str], dict], arithmetics) -> dict:
+def _first_that_runs(measure: Callable[[str], dict], arithmetics: Sequence[str]) -> dict:
     """Return what ``measure`` returns in the first of the arithmetics that the step accepts.
 
     StepFailed is raised only if the last arithmetic fails, too.
@@ -207,7 +217,9 @@ def _first_that_runs(measure: Callable[[str], dict], arithmetics) -> dict:
     return measure(arithmetics[-1])
 
 
-def _structure(chosen, entry, seed, defect, arithmetics) -> dict:
+def _structure(
+    chosen: Subject, entry: Entry, seed: int, defect: Callable[..., tuple[float, float]], arithmetics: Sequence[str]
+) -> dict:
     try:
         return _first_that_runs(lambda a: structure.structure_row(Stepper(chosen, entry, a), seed, defect), arithmetics)
     except StepFailed as failure:
@@ -217,7 +229,7 @@ def _structure(chosen, entry, seed, defect, arithmetics) -> dict:
         return {"on": entry.name, "status": "failed", "reason": f"with -h: {failure}"}
 
 
-def _adaptive(chosen: Subject, entries, tables: Tables, seed: int, tell) -> None:
+def _adaptive(chosen: Subject, entries: list[Entry], tables: Tables, seed: int, tell: Callable[[str], None]) -> None:
     tables.failed["all"] = "an adaptive integrator has no step map of constant h to test"
     for entry in entries:
         tell(f"tolerances on {entry.name}")

@@ -14,10 +14,12 @@ In doubles :math:`\varepsilon_1` is the limit of :math:`|\Phi_h - \varphi_h|/(h|
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import lru_cache
 from itertools import pairwise
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -27,6 +29,9 @@ from phasebench.integrators.compile.codegen import DOUBLE, MULTIPRECISION, preci
 
 from .battery import LADDER, SPAN, Entry
 from .stepping import DIGITS, StepFailed, Stepper
+
+if TYPE_CHECKING:
+    from phasebench.integrators.values.kinds import Number
 
 EPS = float(np.finfo(float).eps)
 #: Terms of the error's series, the spacing of its steps h, and the digits that their differences need.
@@ -71,7 +76,7 @@ class Series:
 
 
 @lru_cache(maxsize=64)
-def flow(entry: Entry, seed: int, h: float | object, pieces: int = 4):
+def flow(entry: Entry, seed: int, h: float | object, pieces: int = 4) -> tuple[np.ndarray, Number]:
     """(exact state after a time h from the entry's initial state for a seed, its uncertainty), in `DIGITS` digits."""
     with precision(DIGITS):
         return multiprecision.flow(entry.system, entry.start(seed), h, pieces)
@@ -90,7 +95,7 @@ def nearby(entry: Entry, seed: int) -> list:
         return [y, *ends]
 
 
-def differences(values) -> list:
+def differences(values: Sequence[np.ndarray]) -> list:
     """The coefficients of h^0, h^1, ... of the polynomial through arrays at h = 0, 1, 2, ..."""
     rows, newton = list(values), []
     for k in range(len(rows)):
@@ -128,7 +133,7 @@ def ladder(stepper: Stepper, seed: int, noise: float = 0.0) -> dict:
     return _ladder(*ladder_errors(stepper, seed, noise))
 
 
-def _ladder(steps, away, noise: float) -> dict:
+def _ladder(steps: np.ndarray, away: np.ndarray, noise: float) -> dict:
     return {"h": list(steps), "error": [float(np.abs(x).max()) for x in away], "noise": noise}
 
 
@@ -201,11 +206,11 @@ def order(stepper: Stepper, seed: int) -> dict:
     return row | _order_fields(found) | {"terms": list(terms.terms), "clean": terms.clean}
 
 
-def _fit_order(row) -> metrics.Order:
+def _fit_order(row: Mapping[str, Any]) -> metrics.Order:
     return metrics.order(row["h"], row["error"], row["noise"], SATURATED)
 
 
-def _integral(found: metrics.Order, steps, away, noise: float) -> metrics.Order:
+def _integral(found: metrics.Order, steps: np.ndarray, away: np.ndarray, noise: float) -> metrics.Order:
     """Return the fitted order ``found`` or, if it is not near a whole number, the one that `fit_series` finds, if any.
 
     ``steps`` (n,) and ``away`` (n, 2 d) are the steps and the signed errors, ``noise`` their round-off.
@@ -215,7 +220,7 @@ def _integral(found: metrics.Order, steps, away, noise: float) -> metrics.Order:
     return fit_series(steps / steps[0], away, noise) or found
 
 
-def fit_series(h, errors, noise: float) -> metrics.Order | None:
+def fit_series(h: np.ndarray, errors: np.ndarray, noise: float) -> metrics.Order | None:
     """The order p of errors c_0 h^p + c_1 h^(p+1) + ... of a ladder, if only one p explains them.
 
     If few errors are above round-off, no window of them is asymptotic.  The series is fitted by least squares; it
@@ -240,7 +245,7 @@ def fit_series(h, errors, noise: float) -> metrics.Order | None:
     return None
 
 
-def _power_series(x, e, p: int, noise: float) -> tuple[float, float]:
+def _power_series(x: np.ndarray, e: np.ndarray, p: int, noise: float) -> tuple[float, float]:
     """(residual of the fit of e by powers of x from x^p on, its first coefficient), in units of their round-off."""
     columns = np.stack([x ** (p + k) for k in range(POWERS)], axis=1) / noise
     inverse = np.linalg.pinv(columns)

@@ -9,7 +9,7 @@ machine.
 from __future__ import annotations
 
 from math import inf, isfinite
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -25,6 +25,9 @@ from .battery import Entry
 from .order import numerical
 from .stepping import StepFailed, Stepper, report_failures
 from .subject import Subject
+
+if TYPE_CHECKING:
+    from phasebench.benchmarks.problems.base import Problem
 
 #: The most evaluations of a run; the number of runs without a smaller error that ends a ladder.
 MOST, IDLE = 40_000, 2
@@ -87,13 +90,15 @@ def place(subject: Subject, scene: str) -> dict:
     return row
 
 
-def run_subject(subject: Subject, entry: Entry, problem, t_end: float, size: float):
+def run_subject(
+    subject: Subject, entry: Entry, problem: Problem, t_end: float, size: float
+) -> tuple[float, np.ndarray | None]:
     """(evaluations, state at the end or None) of a run of ``size`` steps, or at the tolerance ``size``."""
     run = _run_registered if subject.integrator is not None else _tolerance if subject.adaptive else own
     return run(subject, entry, problem, t_end, size)
 
 
-def own(subject: Subject, entry: Entry, problem, t_end: float, steps: int):
+def own(subject: Subject, entry: Entry, problem: Problem, t_end: float, steps: int) -> tuple[float, np.ndarray | None]:
     """(gradient evaluations, end state) of a run of a user's step; the state is None if the run fails numerically."""
     stepper = Stepper(subject, entry)
     try:
@@ -105,7 +110,7 @@ def own(subject: Subject, entry: Entry, problem, t_end: float, steps: int):
     return float(max(stepper.system.evaluations)), rows[-1] if len(rows) == 2 else None
 
 
-def _tolerance(subject: Subject, entry: Entry, problem, t_end: float, tol: float):
+def _tolerance(subject: Subject, entry: Entry, problem: Problem, t_end: float, tol: float) -> tuple[float, np.ndarray]:
     """(gradient evaluations, end state) of a run of a user's adaptive integrator at tolerance ``tol``."""
     system, y, d = own_step.System(entry.system), np.array(entry.state), entry.system.d
     with report_failures(subject, f"the run on {entry.name} with tol = {tol:g}"):
@@ -116,7 +121,9 @@ def _tolerance(subject: Subject, entry: Entry, problem, t_end: float, tol: float
         raise StepFailed(str(error)) from None
 
 
-def _run_registered(subject: Subject, entry: Entry, problem, t_end: float, size: float):
+def _run_registered(
+    subject: Subject, entry: Entry, problem: Problem, t_end: float, size: float
+) -> tuple[float, np.ndarray | None]:
     """(gradient evaluations, end state) of a run of a registered method or peer, which counts them itself."""
     wanted = {"tol": max(size, subject.integrator.record.least)} if subject.adaptive else {"steps": size}
     end = subject.integrator.run(problem, t_end=t_end, save_every=0, **wanted)

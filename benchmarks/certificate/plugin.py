@@ -9,10 +9,26 @@ uses the fixture.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any
+
 import pytest
 
+if TYPE_CHECKING:
+    from pathlib import Path
 
-def claims_hold(step, *, requires=(), seed: int = 0, **claims):
+    from phasebench.benchmarks.certificate.result import Certificate
+    from phasebench.integrators.record import Method
+    from phasebench.reference.peers import Peer
+
+
+def claims_hold(
+    step: str | Path | Callable[..., Any] | Mapping[str, Any] | Method | Peer,
+    *,
+    requires: str | tuple[str, ...] = (),
+    seed: int = 0,
+    **claims: Any,
+) -> Certificate:
     """Fail the test that calls it unless every claim was seen to hold.
 
     Parameters
@@ -38,6 +54,6 @@ def claims_hold(step, *, requires=(), seed: int = 0, **claims):
 
 
 @pytest.fixture(name="phasebench_claims")
-def _phasebench_claims():
+def _phasebench_claims() -> Callable[..., Certificate]:
     """A function (step, **claims) that fails the test unless every claim of the step was seen to hold."""
     return claims_hold

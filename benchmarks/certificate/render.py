@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import json
 import os
+from collections.abc import Iterable
 from math import isfinite
 from pathlib import Path
 from typing import Any
@@ -83,7 +84,7 @@ def finite(value: Any) -> Any:
     return None if isinstance(value, float) and not isfinite(value) else value
 
 
-def document(certificate: Certificate, pictures) -> str:
+def document(certificate: Certificate, pictures: Iterable[Picture]) -> str:
     """The certificate as a Markdown text, with links to its figures."""
     parts = [
         f"# Certificate: {certificate.integrator}\n",

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import contextlib
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import mpmath
 import numpy as np
@@ -18,6 +18,12 @@ from phasebench.integrators.compile.codegen import precision
 
 from .stepping import StepFailed, report_failures
 from .subject import Subject
+
+if TYPE_CHECKING:
+    from phasebench.benchmarks.measure.own_step import System
+    from phasebench.integrators.values.kinds import Number
+
+    from .stepping import Exact
 
 #: The most calls recorded, and how many of the first calls are always recorded.
 MOST, FIRST = 800, 24
@@ -61,10 +67,10 @@ class Calls:
     count: int = 0
     listening: bool = True
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         self._rng, self._every, self._next = np.random.default_rng([5, self.seed]), EVERY, 0
 
-    def __call__(self, system, q, p, h):
+    def __call__(self, system: System | Exact, q: np.ndarray, p: np.ndarray, h: Number) -> Any:
         """Call the step and return what it returns; record some of the calls."""
         self.count += 1
         if self.count < self._next or not self.listening:
@@ -116,7 +122,7 @@ def repeat_calls(subject: Subject, calls: Calls) -> list[dict]:
     return [worst, beside]
 
 
-def _repeat_call(subject: Subject, call: Call, moved: float, rng) -> np.ndarray:
+def _repeat_call(subject: Subject, call: Call, moved: float, rng: np.random.Generator) -> np.ndarray:
     """The end state of a repeated call, its initial state displaced by the share ``moved``."""
     q, p = call.q.copy(), call.p.copy()
     if moved:
@@ -136,7 +142,7 @@ def _tame(call: Call) -> bool:
     return bool(np.isfinite(away) and away < WILD * np.abs(state).max())
 
 
-def _beside(subject: Subject, call: Call, rng) -> float:
+def _beside(subject: Subject, call: Call, rng: np.random.Generator) -> float:
     """Size of the jump between a recorded call's result and results from states close by; 0 if there is none."""
     size = np.abs(np.concatenate([call.q, call.p])).max()
     ends = []
@@ -149,7 +155,7 @@ def _beside(subject: Subject, call: Call, rng) -> float:
     return float(far / size) if near < ALIKE * far else 0.0
 
 
-def _distance(x, y) -> float:
+def _distance(x: np.ndarray, y: np.ndarray) -> float:
     """The largest difference of two states; infinite if only one of two components is NaN."""
     if len(x) != len(y):
         return float("inf")

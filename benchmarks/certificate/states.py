@@ -84,7 +84,7 @@ def _row(subject: Subject, entry: Entry, seed: int, arithmetic: str) -> dict:
     }
 
 
-def _error(stepper: Stepper, entry: Entry, seed: int, y, h: float):
+def _error(stepper: Stepper, entry: Entry, seed: int, y: np.ndarray, h: float) -> tuple[float, np.ndarray | None]:
     """(relative error of a step, the state after it); (NaN, None) if the step fails numerically."""
     try:
         end = stepper(stepper.state(y), to_number(h, stepper.arithmetic))
@@ -98,7 +98,7 @@ def _error(stepper: Stepper, entry: Entry, seed: int, y, h: float):
     return float(np.abs(((end - truth) / entry.sizes).astype(float)).max()), end
 
 
-def _distance(double: Stepper, entry: Entry, y, h: float, end) -> float:
+def _distance(double: Stepper, entry: Entry, y: np.ndarray, h: float, end: np.ndarray) -> float:
     """Relative distance of the step in doubles from the one in many digits; infinite if it fails numerically."""
     try:
         other = double(y, h)

@@ -9,8 +9,10 @@ from __future__ import annotations
 import contextlib
 import sys
 import traceback
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import TYPE_CHECKING, Any
 
 import gmpy2
 import numpy as np
@@ -22,6 +24,10 @@ from phasebench.integrators.errors import InvalidInput
 
 from .battery import Entry
 from .subject import Subject
+
+if TYPE_CHECKING:
+    from phasebench.integrators.systems.hamiltonian import PartitionedSystem
+    from phasebench.integrators.values.kinds import Number
 
 #: The digits of a measurement without round-off.
 DIGITS = 40
@@ -43,7 +49,7 @@ class Exact:
     whole : the underlying system
     """
 
-    def __init__(self, system):
+    def __init__(self, system: PartitionedSystem) -> None:
         self.d, self.evaluations, self.whole = system.d, [0, 0], system
         self._field, self._energy = system.field(MULTIPRECISION), system.energy(MULTIPRECISION)
         self._last: tuple = ((), None)
@@ -53,24 +59,26 @@ class Exact:
         """The system as a charged particle with fields E and B, for a step written in positions and velocities."""
         return Particle(self.whole, MULTIPRECISION, self.evaluations)
 
-    def _slopes(self, q, p):
+    def _slopes(
+        self, q: Sequence[Number] | np.ndarray, p: Sequence[Number] | np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
         """(q', p') at a state; remembered for the next call at the same state."""
         state = (*q, *p)
         if self._last[0] != state:
             self._last = state, self._field(vector(q), vector(p), 0, 0)
         return self._last[1]
 
-    def dH_dq(self, q, p) -> np.ndarray:
+    def dH_dq(self, q: Sequence[Number] | np.ndarray, p: Sequence[Number] | np.ndarray) -> np.ndarray:
         """The gradient of H by q in many digits, array (d,)."""
         self.evaluations[0] += 1
         return -self._slopes(q, p)[1]
 
-    def dH_dp(self, q, p) -> np.ndarray:
+    def dH_dp(self, q: Sequence[Number] | np.ndarray, p: Sequence[Number] | np.ndarray) -> np.ndarray:
         """The gradient of H by p in many digits, array (d,)."""
         self.evaluations[1] += 1
         return self._slopes(q, p)[0].copy()
 
-    def H(self, q, p):
+    def H(self, q: Sequence[Number] | np.ndarray, p: Sequence[Number] | np.ndarray) -> Number:
         """The energy H(q, p)."""
         return self._energy(vector(q), vector(p))[0]
 
@@ -92,11 +100,11 @@ class Stepper:
     taken: int = 0
     system: own_step.System | Exact = field(init=False)
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         whole = self.entry.system
         self.system = own_step.System(whole) if self.arithmetic == DOUBLE else Exact(whole)
 
-    def __call__(self, y: np.ndarray, h) -> np.ndarray:
+    def __call__(self, y: np.ndarray, h: Number) -> np.ndarray:
         """The state after one step from y, array (2 d,), moved to the system's constraints; raises StepFailed."""
         return self.advance(self.retract(y), h)
 
@@ -107,31 +115,31 @@ class Stepper:
             return y
         return np.concatenate(system.retract(y[: system.d], y[system.d :], self.arithmetic))
 
-    def advance(self, y: np.ndarray, h) -> np.ndarray:
+    def advance(self, y: np.ndarray, h: Number) -> np.ndarray:
         """The state after one step from y as it is, array (2 d,); raises StepFailed."""
         d = self.system.d
         return self._state(self.raw(y[:d].copy(), y[d:].copy(), self.number(h)))
 
-    def state(self, y) -> np.ndarray:
+    def state(self, y: Sequence[Number] | np.ndarray) -> np.ndarray:
         """Convert a state to doubles or to numbers of many digits, as the stepper uses; array (2 d,)."""
         return np.array([self.number(x) for x in y], dtype=self.dtype)
 
     @property
-    def dtype(self):
+    def dtype(self) -> type:
         """The dtype of state arrays: float, or object for many digits."""
         return float if self.arithmetic == DOUBLE else object
 
-    def number(self, x):
+    def number(self, x: Number) -> Number:
         """Convert a number to a double or to one of many digits, as the stepper uses."""
         return float(x) if self.arithmetic == DOUBLE else to_number(x, MULTIPRECISION)
 
-    def raw(self, q, p, h):
+    def raw(self, q: np.ndarray, p: np.ndarray, h: Number) -> Any:
         """Call the user's step with these arrays, not copies, and return its result unchecked."""
         self.taken += 1
         with report_failures(self.subject, f"step {self.taken} on {self.entry.name}"):
             return self.subject.own.step(self.system, q, p, h)
 
-    def _state(self, pair) -> np.ndarray:
+    def _state(self, pair: Any) -> np.ndarray:
         try:
             if self.arithmetic == DOUBLE:
                 return np.concatenate(own_step.check_pair(pair, self.system.d))
@@ -143,7 +151,7 @@ class Stepper:
             raise StepFailed(f"it returned {', '.join(kinds)} where it was given numbers of many digits")
         return y
 
-    def run(self, y, h, steps: int, every: int = 1) -> np.ndarray:
+    def run(self, y: Sequence[Number] | np.ndarray, h: Number, steps: int, every: int = 1) -> np.ndarray:
         """The states at the start and after every Nth step, array (rows, 2 d); ends before one that is not finite."""
         y = self.state(y)
         rows = [y]
@@ -157,7 +165,7 @@ class Stepper:
 
 
 @contextlib.contextmanager
-def report_failures(subject: Subject, what: str):
+def report_failures(subject: Subject, what: str) -> Iterator[None]:
     """Context manager: turn exceptions of the user's code into StepFailed with file and line; send prints to stderr.
 
     ``what`` says what was being done, for the message.

@@ -14,6 +14,7 @@ A step on constraints is measured on their manifold: symplecticity is that of ta
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -23,6 +24,9 @@ from phasebench.integrators.compile.codegen import DOUBLE, MULTIPRECISION, preci
 
 from .order import EPS, flow, numerical
 from .stepping import DIGITS, StepFailed, Stepper
+
+if TYPE_CHECKING:
+    from phasebench.integrators.values.kinds import Number
 
 #: The steps h, dyadic: the second is used if the first decides nothing.
 STEPS = (0.5, 0.125)
@@ -74,7 +78,7 @@ def _row(stepper: Stepper, seed: int, h: float, defect: Callable) -> dict:
     return row | {"value": float(value), "floor": floor, "own": own}
 
 
-def symplecticity(stepper: Stepper, y, h) -> tuple[float, float]:
+def symplecticity(stepper: Stepper, y: np.ndarray, h: Number) -> tuple[float, float]:
     """Measure how far a step h from the state y is from symplectic; return (defect, round-off noise of the defect)."""
     double, name = stepper.arithmetic == DOUBLE, stepper.entry.name
     displacements = (DISPLACEMENT, 2 * DISPLACEMENT) if double else (to_number(TINY, MULTIPRECISION),)
@@ -91,7 +95,7 @@ def symplecticity(stepper: Stepper, y, h) -> tuple[float, float]:
     return value, noise + (EPS / DISPLACEMENT if double else 0.0)
 
 
-def volume(stepper: Stepper, y, h) -> tuple[float, float]:
+def volume(stepper: Stepper, y: np.ndarray, h: Number) -> tuple[float, float]:
     """Measure how far a step h from y is from volume-preserving; return (|det M - 1|, round-off noise of this number).
 
     M is the Jacobian of the step at y, in units of the components' sizes.
@@ -102,7 +106,7 @@ def volume(stepper: Stepper, y, h) -> tuple[float, float]:
     return value, noise + (EPS / DISPLACEMENT if double else 0.0)
 
 
-def symmetry(stepper: Stepper, y, h) -> tuple[float, float]:
+def symmetry(stepper: Stepper, y: np.ndarray, h: Number) -> tuple[float, float]:
     """Measure how far a step is from symmetric; return (distance from y after a step h and a step -h, 0).
 
     The second number is the noise, which is 0 as rounding is part of the distance.
@@ -111,7 +115,7 @@ def symmetry(stepper: Stepper, y, h) -> tuple[float, float]:
     return float(step_map.return_distance(there, back, y, stepper.entry.sizes)), 0.0
 
 
-def reversibility(stepper: Stepper, y, h) -> tuple[float, float]:
+def reversibility(stepper: Stepper, y: np.ndarray, h: Number) -> tuple[float, float]:
     """Measure how far a step is from reversible; return (defect, 0).
 
     The defect is the distance from y after a step h, a change of the sign of p, a step h and another change of sign;

@@ -9,7 +9,7 @@ import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from phasebench.benchmarks.measure import coefficients, own_step
 from phasebench.benchmarks.measure.integrator import Integrator, integrator
@@ -24,6 +24,15 @@ from phasebench.reference.peers import BY_ID as PEERS
 from phasebench.reference.peers import Peer
 
 from . import battery
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from phasebench.benchmarks.measure.own_step import System
+    from phasebench.integrators.systems.hamiltonian import PartitionedSystem
+    from phasebench.integrators.values.kinds import Number
+
+    from .stepping import Exact
 
 NAMED = re.compile(r"^[A-Za-z_][\w.]*:[A-Za-z_][\w.]*$")
 
@@ -53,12 +62,16 @@ class Subject:
         """True if the integrator takes a tolerance in place of a step."""
         return self.run is not None
 
-    def lacks(self, system) -> str | None:
+    def lacks(self, system: PartitionedSystem) -> str | None:
         """Why the integrator cannot run on a system, or None if it can."""
         return self.own.lacks(system) or (self.integrator.lacks(system) if self.integrator else None)
 
 
-def subject(target, claims: Mapping[str, Any] | None = None, requires: tuple[str, ...] = ()) -> Subject:
+def subject(
+    target: str | Path | Callable[..., Any] | Mapping[str, Any] | Method | Peer | Integrator | OwnStep | Subject,
+    claims: Mapping[str, Any] | None = None,
+    requires: tuple[str, ...] = (),
+) -> Subject:
     """The integrator that a target names, with claims and requirements added to its own.
 
     Parameters
@@ -84,7 +97,9 @@ def subject(target, claims: Mapping[str, Any] | None = None, requires: tuple[str
     return replace(made, own=replace(own, claims=stated, requires=wanted))
 
 
-def _build(target) -> Subject:
+def _build(
+    target: str | Path | Callable[..., Any] | Mapping[str, Any] | Method | Peer | Integrator | OwnStep | Subject,
+) -> Subject:
     if isinstance(target, (str, Path)):
         return _find(str(target))
     if isinstance(target, Subject):
@@ -169,7 +184,7 @@ def _of_registered(chosen: Integrator) -> Subject:
 
     prepared: dict = {}
 
-    def step(system, q, p, h):
+    def step(system: System | Exact, q: np.ndarray, p: np.ndarray, h: Number) -> tuple[np.ndarray, np.ndarray]:
         if system.whole.constrained and isinstance(chosen.record, Method):  # measures call it beside the constraints
             if system.whole not in prepared:
                 prepared[system.whole] = prepare(system.whole, chosen.record, q0=q, p0=p)
@@ -182,7 +197,7 @@ def _of_registered(chosen: Integrator) -> Subject:
             raise ArithmeticError(f"{end.status}: {end.reason}")
         return end.q[-1], end.p[-1]
 
-    def run(system, q, p, t_end, tol):
+    def run(system: System, q: np.ndarray, p: np.ndarray, t_end: float, tol: float) -> tuple[np.ndarray, np.ndarray]:
         end = chosen.run(system.whole, t_end=t_end, tol=max(tol, chosen.record.least), q0=q, p0=p, save_every=0)
         return end.q[-1], end.p[-1]
 

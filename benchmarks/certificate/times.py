@@ -23,7 +23,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from math import inf, isfinite
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from phasebench.benchmarks.measure import timing
 from phasebench.benchmarks.measure.compilation import Failed, NotCompiled, failure_summary, naming
@@ -36,6 +36,12 @@ from . import fronts
 from .battery import Entry
 from .place import own
 from .subject import Subject, subject
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from phasebench.benchmarks.measure.own_step import System
+    from phasebench.benchmarks.problems.base import Problem
 
 #: The reference: it ran in every scene, takes any H, and every step of it has the same number of evaluations.
 REFERENCE = "dop853"
@@ -120,10 +126,10 @@ def parse(lines: list[dict[str, str]]) -> dict[str, StoredTimes]:
 TABLE = ShippedTable(Path(__file__).with_name("times.csv"), build, parse)
 
 
-def runge_kutta(system, q, p, h):
+def runge_kutta(system: System, q: np.ndarray, p: np.ndarray, h: float) -> tuple[np.ndarray, np.ndarray]:
     """Kutta's classical fourth-order step, as a user would write it."""
 
-    def slopes(q, p):
+    def slopes(q: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         return system.dH_dp(q, p), -system.dH_dq(q, p)
 
     a, b = slopes(q, p)
@@ -192,7 +198,7 @@ def _clock(run: Callable[[], object]) -> Callable[[], float]:
     return seconds
 
 
-def _often(problem, method, t_end: float, steps: int) -> Callable[[], float]:
+def _often(problem: Problem, method: str | Method, t_end: float, steps: int) -> Callable[[], float]:
     """A function that runs a compiled method `INNER` times and returns the mean seconds of a run."""
     name = getattr(method, "id", method)
     with naming(name):
@@ -207,7 +213,7 @@ def _often(problem, method, t_end: float, steps: int) -> Callable[[], float]:
     return lambda: clocked() / INNER
 
 
-def _seconds(chosen: Subject, problem, t_end: float, size: float) -> float:
+def _seconds(chosen: Subject, problem: Problem, t_end: float, size: float) -> float:
     """The seconds that a peer reports for a run."""
     wanted = {"tol": max(size, chosen.integrator.record.least)} if chosen.adaptive else {"steps": size}
     return chosen.integrator.run(problem, t_end=t_end, save_every=0, **wanted).seconds

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections import Counter
-from typing import Annotated, Any
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -22,6 +23,9 @@ from .shared import (
     values,
     warn,
 )
+
+if TYPE_CHECKING:
+    from phasebench.benchmarks.problems.base import Problem
 
 #: The most candidates shown on a terminal, and the most reasons why others were dropped.
 SHOWN, REASONS = 10, 6
@@ -108,7 +112,16 @@ def advise(
     raise typer.Exit(0 if answer["choice"] and answer["verified"] else WRONG)
 
 
-def _words(problem, hamiltonian, chosen, set_, q, p, constraints=(), parts=()) -> list[str]:
+def _words(
+    problem: str | None,
+    hamiltonian: str | None,
+    chosen: Problem,
+    set_: Sequence[str],
+    q: str | None,
+    p: str | None,
+    constraints: Sequence[str] = (),
+    parts: Sequence[str] = (),
+) -> list[str]:
     """The words that name the problem on a command line, as the user gave them."""
     from phasebench.benchmarks.problems import file_and_orbit
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Annotated
 
 import typer
@@ -67,7 +68,7 @@ def _own_steps_are_validated(names: list[str]) -> None:
         raise InvalidInput(f"the audit is of packages; `phasebench validate {own}` judges a step of your own")
 
 
-def _stated(packages: set[str], progress) -> list[dict]:
+def _stated(packages: set[str], progress: Callable[[str], None]) -> list[dict]:
     """Verdicts on statements in the packages' documentation, from the scripts that test them."""
     from phasebench.benchmarks.experiments.audit import statement_cells, statements
     from phasebench.benchmarks.store.cells import Unavailable
@@ -83,7 +84,7 @@ def _stated(packages: set[str], progress) -> list[dict]:
     return rows
 
 
-def _check_tables(packages: list[str], tell) -> list[dict]:
+def _check_tables(packages: list[str], tell: Callable[[str], None]) -> list[dict]:
     """Check the coefficient tables transcribed from the sources of these packages, or of all if none is named.
 
     A row for each table has the order that the order conditions give, and how many of its digits hold.

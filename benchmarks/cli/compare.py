@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from . import options
 from .shared import WRONG, invalid_input, out, print_json, show
+
+if TYPE_CHECKING:
+    from phasebench.benchmarks.store.history import Change
 
 
 def compare(
@@ -48,7 +51,7 @@ def compare(
         raise typer.Exit(WRONG)
 
 
-def _line(change) -> dict[str, str]:
+def _line(change: Change) -> dict[str, str]:
     ratio = ""
     if change.ratio:
         low, high = f"{change.ratio.low:.3g}", f"{change.ratio.high:.3g}"

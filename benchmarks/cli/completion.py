@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 
 def problems(incomplete: str) -> list[str]:
     """Return the problems, and problem:orbit, that begin with the text."""
@@ -35,5 +37,5 @@ def methods_and_problems(incomplete: str) -> list[str]:
     return methods(incomplete) + problems(incomplete)
 
 
-def _matches(names, incomplete: str) -> list[str]:
+def _matches(names: Iterable[str], incomplete: str) -> list[str]:
     return [name for name in names if name.startswith(incomplete)]

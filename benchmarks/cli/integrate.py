@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
@@ -29,6 +29,12 @@ from .shared import (
     print_json,
     values,
 )
+
+if TYPE_CHECKING:
+    from phasebench.benchmarks.measure.every_step import Extreme, Extremes
+    from phasebench.benchmarks.measure.integrator import Integrator
+    from phasebench.benchmarks.problems.base import Problem
+    from phasebench.integrators.solution import Solution
 
 COUNTS = ("steps", "gradient", "hessian", "iterations", "fallbacks")
 #: Of a state with more than MANY components, SHOWN are printed at either end.
@@ -115,11 +121,11 @@ def made(
     name: str | None,
     hamiltonian: str | None,
     parameters: dict[str, float],
-    q0,
-    p0,
+    q0: Sequence[float] | None,
+    p0: Sequence[float] | None,
     constraints: Sequence[str] = (),
     parts: Sequence[str] = (),
-):
+) -> Problem:
     """Return the problem called ``name``, or the one of the formula ``hamiltonian``; ``name`` is then its label.
 
     ``parameters`` are values of the problem's parameters; ``constraints`` (g(q) = 0) and ``parts`` (of H, with exact
@@ -185,7 +191,9 @@ def _check_output(output: Path | None, every: int) -> None:
         check_file(output, trajectory.SUFFIXES)
 
 
-def _integrated(problem, integrator, wanted: Wanted, tol, time_limit, **common) -> dict[str, Any]:
+def _integrated(
+    problem: Problem, integrator: Integrator, wanted: Wanted, tol: float | None, time_limit: float | None, **common: Any
+) -> dict[str, Any]:
     """Integrate, and return the result as a JSON object with the requested outputs."""
     if time_limit is not None and not integrator.stoppable:
         raise InvalidInput(f"'{integrator.id}' cannot be stopped: leave out --time-limit")
@@ -206,7 +214,9 @@ def _integrated(problem, integrator, wanted: Wanted, tol, time_limit, **common) 
     return result
 
 
-def _errors(problem, integrator, solution, wanted: Wanted, tol, common: dict) -> dict[str, Any]:
+def _errors(
+    problem: Problem, integrator: Integrator, solution: Solution, wanted: Wanted, tol: float | None, common: dict
+) -> dict[str, Any]:
     """The error of the end state, and that of a quantity if requested, as entries of the JSON object."""
     from phasebench.benchmarks.measure import global_error as against
     from phasebench.benchmarks.measure.named_quantities import quantity
@@ -221,11 +231,11 @@ def _errors(problem, integrator, solution, wanted: Wanted, tol, common: dict) ->
     return found
 
 
-def _result(problem, solution, extremes, parameters: dict[str, Any]) -> dict[str, Any]:
+def _result(problem: Problem, solution: Solution, extremes: Extremes, parameters: dict[str, Any]) -> dict[str, Any]:
     """The result of the command ``integrate`` as a JSON object (dict), without errors against a reference."""
     from phasebench.benchmarks.measure.solution import stability_hint
 
-    def error(extreme) -> dict[str, float | None]:
+    def error(extreme: Extreme) -> dict[str, float | None]:
         return {"max": extreme.worst, "end": extreme.end}
 
     return {

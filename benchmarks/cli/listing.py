@@ -157,7 +157,7 @@ def _chosen(kind: Kind, rows: list[Row], wanted: Mapping[str, Any]) -> list[Row]
     return rows
 
 
-def _values(cell) -> list:
+def _values(cell: object) -> list:
     """The values of an option that match a table cell: the cell itself, or its entries if it is a list.
 
     An empty list is matched by "nothing", a text ``problem:orbit`` also by ``problem``.
@@ -167,7 +167,7 @@ def _values(cell) -> list:
     return [cell, cell.partition(":")[0]] if isinstance(cell, str) else [cell]
 
 
-def _is(cell, value) -> bool:
+def _is(cell: object, value: object) -> bool:
     """True if a table cell matches an option's value.
 
     In a column that is not of yes and no (a package's installed version), True matches any value, False matches None.
@@ -179,7 +179,7 @@ def _is(cell, value) -> bool:
     )
 
 
-def _text(value) -> str:
+def _text(value: object) -> str:
     """The text of a table cell."""
     if isinstance(value, bool):
         return "yes" if value else "no"

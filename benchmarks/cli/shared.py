@@ -10,11 +10,15 @@ from contextlib import contextmanager, nullcontext
 from fractions import Fraction
 from math import isfinite
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import typer
 from rich.console import Console
 
 from phasebench.integrators.errors import InvalidInput
+
+if TYPE_CHECKING:
+    from phasebench.benchmarks.problems.base import Problem
 
 out, err = Console(), Console(stderr=True)
 #: Exit codes of a run that went wrong, and of input that cannot be used.
@@ -162,7 +166,7 @@ def check_file(path: Path, endings: tuple[str, ...]) -> None:
         raise InvalidInput(f"--output {path} cannot be written")
 
 
-def end_time(text: str | None, problem) -> float | None:
+def end_time(text: str | None, problem: Problem) -> float | None:
     """The value of --t-end in the problem's unit of time; None if it is not given."""
     from phasebench.benchmarks.problems.units import span
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 from typer.core import TyperCommand
 
@@ -25,7 +26,7 @@ LISTS = ("--methods",)
 class Command(TyperCommand):
     """A command of typer whose arguments may have old spellings."""
 
-    def parse_args(self, ctx, args: list[str]) -> list[str]:
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Put new spellings in place of old ones, say so on stderr, and parse the arguments."""
         args, notices = translate(args, OLD.get(self.name or "", {}))
         for notice in () if ctx.resilient_parsing else notices:

@@ -4,13 +4,19 @@ from __future__ import annotations
 
 import io
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from phasebench.integrators.errors import InvalidInput
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from phasebench.integrators.solution import Solution
 
 SUFFIXES = (".csv", ".npz")
 
 
-def write(path: Path, solution, every: int = 1) -> int:
+def write(path: Path, solution: Solution, every: int = 1) -> int:
     """Write every Nth row of a solution, and the last; returns the number of rows, or raises InvalidInput."""
     import numpy as np
 
@@ -31,7 +37,7 @@ def write(path: Path, solution, every: int = 1) -> int:
     return len(kept)
 
 
-def _csv(t, q, p) -> str:
+def _csv(t: np.ndarray, q: np.ndarray, p: np.ndarray) -> str:
     """The trajectory as CSV text; each number has the fewest digits that give the double back."""
     d = q.shape[1]
     names = ["t", *(f"{x}{i}" for x in "qp" for i in range(1, d + 1))]

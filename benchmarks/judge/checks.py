@@ -52,7 +52,7 @@ class Check:
     needs: frozenset[str] = frozenset()
     candidates: Callable[[Tables], Iterable] = lambda tables: ()
 
-    def claim(self, value) -> str:
+    def claim(self, value: Any) -> str:
         """The claim of ``value`` in words."""
         return self.words.format(value) if self.words else self.name if value else f"not {self.name}"
 
@@ -205,11 +205,11 @@ def _orders(tables: Tables) -> tuple[int, ...]:
     return (round(min(told)),) if told and round(min(told)) > 0 else ()
 
 
-def _number(x) -> bool:
+def _number(x: object) -> bool:
     return isinstance(x, Real) and not isinstance(x, bool)
 
 
-def _structure(name: str, judge, *besides: str) -> Check:
+def _structure(name: str, judge: Callable[[Any, Tables], Judgement], *besides: str) -> Check:
     flag = ("True or False", lambda x: isinstance(x, bool))
     return Check(name, *flag, name, judge, needs=frozenset({name, *besides}), candidates=lambda tables: (True,))
 
@@ -220,7 +220,7 @@ def _conservation(name: str, words: str, *offered: str) -> Check:
     return Check(name, *one_of, "long", judge, words, frozenset({"long"}), lambda tables: offered)
 
 
-def _positive(name: str, what: str, measure: str, judge, *needs: str) -> Check:
+def _positive(name: str, what: str, measure: str, judge: Callable[[Any, Tables], Judgement], *needs: str) -> Check:
     positive = (f"a positive number, {what}", lambda x: _number(x) and 0 < x < float("inf"))
     return Check(name, *positive, measure, judge, f"{name} {{:g}}", frozenset(needs))
 
@@ -244,7 +244,7 @@ CHECKS: dict[str, Check] = {
 }  # fmt: skip
 
 
-def checked_claims(claims, where: str) -> dict[str, Any]:
+def checked_claims(claims: object, where: str) -> dict[str, Any]:
     """The claims as a dict, name -> value; raises InvalidInput, headed by ``where``, for an unknown claim or value."""
     if not isinstance(claims, Mapping):
         raise InvalidInput(f"{where} is {claims!r}; write {{'order': 2, 'symplectic': True}}")

@@ -13,8 +13,10 @@ A row may be inconclusive; the functions then return None.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from math import isnan, sqrt
+from typing import Any
 
 import numpy as np
 
@@ -47,13 +49,13 @@ class Tables:
         return self.rows.get(name, [])
 
 
-def has(row, key) -> bool:
+def has(row: Mapping[str, Any], key: str) -> bool:
     """True if the row has a number under the key (neither None nor NaN)."""
     value = row.get(key)
     return value is not None and not (isinstance(value, float) and isnan(value))
 
 
-def keeps_structure(row) -> bool | None:
+def keeps_structure(row: Mapping[str, Any]) -> bool | None:
     """True if a row shows a structure (such as symplecticity), False if it shows it broken, None if inconclusive."""
     if row.get("status", "ok") != "ok" or not has(row, "floor"):
         return None
@@ -62,17 +64,17 @@ def keeps_structure(row) -> bool | None:
     return True if min(row.get("classical", row["own"]), row["own"]) > VISIBLE * row["floor"] else None
 
 
-def between(row) -> bool:
+def between(row: Mapping[str, Any]) -> bool:
     """True if a row's structural defect is above its round-off floor, but not so far that round-off is ruled out."""
     return has(row, "floor") and row["floor"] < row["value"] <= BROKEN * row["floor"]
 
 
-def shows_structure(row) -> bool | None:
+def shows_structure(row: Mapping[str, Any]) -> bool | None:
     """True if a row shows a structure, False if it shows it broken, None if not clear or perhaps round-off."""
     return None if between(row) else keeps_structure(row)
 
 
-def is_bounded(row) -> bool | None:
+def is_bounded(row: Mapping[str, Any]) -> bool | None:
     """True if the error of an invariant is bounded over the time of the row, False if it drifts, None if unclear."""
     if row.get("status", "ok") != "ok" or not has(row, "slope"):
         return None
@@ -84,12 +86,12 @@ def is_bounded(row) -> bool | None:
     return False if moved > DRIFTS * row["value"] else None
 
 
-def round_off(row) -> float:
+def round_off(row: Mapping[str, Any]) -> float:
     """Upper bound of the round-off error of the energy after the steps of a row, by Brouwer's law (as their root)."""
     return BROUWER * EPS * row["scale"] * sqrt(row["steps"])
 
 
-def kind(row) -> str | None:
+def kind(row: Mapping[str, Any]) -> str | None:
     """The kind of error of an invariant along a long run: `ROUND_OFF`, `BOUNDED`, `DRIFT`, or None if unclear.
 
     ``row`` has the largest error, the slope of the error with its interval, and the time of the run.
@@ -100,7 +102,7 @@ def kind(row) -> str | None:
     return None if stays is None else BOUNDED if stays else DRIFT
 
 
-def agrees(row, claimed: int) -> bool | None:
+def agrees(row: Mapping[str, Any], claimed: int) -> bool | None:
     """True if the row's order is the claimed one, False if it differs, None if no order or too wide an interval."""
     if row.get("status", "ok") != "ok" or not has(row, "value"):
         return None

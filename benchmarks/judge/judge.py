@@ -31,7 +31,7 @@ def judgements(claims: Mapping[str, Any], tables: Tables) -> list[Judgement]:
     return found
 
 
-def judgement(check: Check, value, tables: Tables) -> Judgement:
+def judgement(check: Check, value: Any, tables: Tables) -> Judgement:
     """Judge one claim; if time ran out, it can only hold if the measures that it needs were completed."""
     why = tables.failed.get(check.measure) or tables.failed.get("all") or "it was not measured"
     found = check.judge(value, tables) if tables.of(check.measure) else Judgement(UNJUDGED, why=why)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from math import log10
+from typing import Any
 
 from .evidence import Tables
 from .verdict import CONTRADICTED, HOLDS, UNJUDGED, Judgement, systems
@@ -98,12 +100,12 @@ def _elsewhere(tables: Tables) -> Judgement | None:
     return None
 
 
-def below(row, order: int) -> bool:
+def below(row: Mapping[str, Any], order: int) -> bool:
     """True if the errors of single steps in a row fall more slowly with h than those of a method of this order."""
     return row["pairs"] >= PAIRS and row["order"] < order - SLOWER
 
 
-def _first(row) -> float:
+def _first(row: Mapping[str, Any]) -> float:
     return row["terms"][0] if "terms" in row else row["constant"]
 
 

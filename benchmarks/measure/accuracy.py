@@ -12,7 +12,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from decimal import Decimal, localcontext
 from functools import cache
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -24,6 +24,12 @@ from phasebench.reference.installed import version_of
 
 from . import metrics
 from .drift import POINTS, drift
+
+if TYPE_CHECKING:
+    from phasebench.benchmarks.problems.base import Problem
+    from phasebench.integrators.record import Method
+    from phasebench.reference.peers import Peer
+    from phasebench.reference.solvers.taylor import Reference
 
 #: Share of a long run in which the error of a chaotic trajectory can still be reproduced to a few digits.
 EARLY = 0.05
@@ -53,7 +59,7 @@ class Truth:
     horizon: float
     source: str
 
-    def error(self, state) -> float:
+    def error(self, state: np.ndarray) -> float:
         """Return the max norm of ``state`` minus the true state; ``state`` is (q, p), an array (2 d,) of doubles.
 
         Differences are taken in 50 decimal digits, so that they have no round-off.
@@ -81,7 +87,7 @@ def truth(scene: str) -> Truth:
     return _compute_truth(problem, wanted.t_end)
 
 
-def _compute_truth(problem, t: float) -> Truth:
+def _compute_truth(problem: Problem, t: float) -> Truth:
     from phasebench.reference.certificates import horizon
     from phasebench.reference.solvers import taylor
 
@@ -90,7 +96,7 @@ def _compute_truth(problem, t: float) -> Truth:
     return Truth(t, (*run.q_text[0], *run.p_text[0]), float(run.uncertainty[0]), reach, COMPUTED)
 
 
-def head(scene: Scene, problem, chosen, kind: str, *packages: str) -> dict[str, Any]:
+def head(scene: Scene, problem: Problem, chosen: Method | Peer, kind: str, *packages: str) -> dict[str, Any]:
     """Return the first columns of a row of results, name -> value: what was integrated, by what, with which versions.
 
     ``chosen`` is the method or the peer (an integrator of another package), ``kind`` its origin; the versions are those
@@ -110,7 +116,7 @@ def head(scene: Scene, problem, chosen, kind: str, *packages: str) -> dict[str, 
     }
 
 
-def end_state(solution, row: int = -1) -> np.ndarray:
+def end_state(solution: Solution | Reference, row: int = -1) -> np.ndarray:
     """Return the state (q, p), array (2 d,), in the last row of a solution or a reference, or in row ``row``."""
     return np.concatenate([solution.q[row], solution.p[row]])
 
@@ -132,7 +138,7 @@ def trajectory_error(scene: Scene, solution: Solution) -> dict[str, float | str]
     return out | ({"reference": COMPUTED} if true.source == COMPUTED else {})
 
 
-def invariants(problem, solution: Solution, t_end: float) -> dict[str, float]:
+def invariants(problem: Problem, solution: Solution, t_end: float) -> dict[str, float]:
     """Return columns of a row of results, name -> value, with a solution's errors of the energy and the invariants.
 
     They are the largest absolute error of each, the energy's error at the end and over the first `EARLY` of the span,

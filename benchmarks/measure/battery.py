@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from fractions import Fraction
 from functools import cache
 from itertools import product
+from typing import TYPE_CHECKING
 
 import sympy as sp
 
@@ -17,6 +19,10 @@ from phasebench.integrators.systems.constrained import ConstrainedHamiltonian
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
 from phasebench.integrators.systems.parts import SplitHamiltonian
 from phasebench.integrators.systems.rigid import RigidBody
+
+if TYPE_CHECKING:
+    from phasebench.integrators.keywords import Value
+    from phasebench.integrators.systems.hamiltonian import PartitionedSystem
 
 #: Parameter name -> the values to test; other parameters keep their default.
 VALUES = {
@@ -34,7 +40,7 @@ def _build_if_valid(record: Method, values: dict) -> list[Method]:
         return []
 
 
-def variants(methods=METHODS, **values) -> list[Method]:
+def variants(methods: Iterable[Method] = METHODS, **values: Sequence[Value]) -> list[Method]:
     """Return every method at every combination of tested parameter values that it accepts.
 
     The values are those of `VALUES`; ``values``, name -> values, adds or replaces entries.  Other parameters keep their
@@ -61,7 +67,7 @@ def high_order_variants() -> list[Method]:
     return variants([m for m in METHODS if "order" in m.parameters], order=HIGH)
 
 
-def by_label(methods) -> dict[str, Method]:
+def by_label(methods: Sequence[Method]) -> dict[str, Method]:
     """Return the dict label (id with parameters) -> method of some methods; assert that the labels are unique."""
     table = {m.label: m for m in methods}
     assert len(table) == len(methods)
@@ -149,7 +155,7 @@ def many_parts() -> SplitHamiltonian:
     return SplitHamiltonian(q="q1 q2", p="p1 p2", parts=parts)
 
 
-def _turned(body: RigidBody, momentum: tuple[float, ...]):
+def _turned(body: RigidBody, momentum: tuple[float, ...]) -> tuple[RigidBody, tuple[float, ...], tuple[float, ...]]:
     return body, *(tuple(map(float, x)) for x in body.start(attitude=(0.8, 0.48, 0.0, -0.36), momentum=momentum))
 
 
@@ -195,7 +201,7 @@ BY_TRAIT = {"magnetic": MAGNETIC, "constrained": CONSTRAINED, "rigid body": RIGI
 LATER = 0.4
 
 
-def _of(name: str):
+def _of(name: str) -> tuple[PartitionedSystem, tuple[float, ...], tuple[float, ...]]:
     whole = problem(name)
     return whole.system, whole.q0, whole.p0
 

@@ -13,16 +13,21 @@ from __future__ import annotations
 
 import ctypes
 import time
+from typing import TYPE_CHECKING
 
 import numpy as np
 import sympy as sp
 
 from phasebench.reference.native import compiler, load_source, statements
 
+if TYPE_CHECKING:
+    from phasebench.benchmarks.problems.base import Problem
+    from phasebench.integrators.systems.hamiltonian import Hamiltonian
+
 __all__ = ["Loop", "compiler", "load_source", "source"]
 
 
-def source(system, merged: bool = False) -> str:
+def source(system: Hamiltonian, merged: bool = False) -> str:
     """Return the C source of ``leapfrog(steps, h, state)``, which updates state = (q, p) by Stormer-Verlet steps.
 
     The system's H is separable with a quadratic T; ``merged`` joins the last half kick of a step with the first of the
@@ -63,7 +68,7 @@ class Loop:
     ``merged`` joins the last half kick of a step with the first of the next.
     """
 
-    def __init__(self, problem, merged: bool = False):
+    def __init__(self, problem: Problem, merged: bool = False) -> None:
         if not getattr(problem.system, "quadratic_kinetic", False):
             raise RuntimeError("the C loop is written for a separable H with a quadratic T")
         self.problem = problem

@@ -13,9 +13,16 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from math import ceil
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from phasebench.benchmarks.problems.base import Problem
+    from phasebench.integrators.prepared import PreparedRun
+    from phasebench.reference.peers.prepared import PreparedPeer
+
+    from .integrator import Integrator
 
 #: Least seconds that the runs of one reading last together, and largest number of them.
 LEAST, MOST = 1e-4, 400
@@ -126,13 +133,13 @@ class Clock:
 
 
 def clock(
-    integrator,
-    problem,
+    integrator: Integrator,
+    problem: Problem,
     *,
     t_end: float,
     steps: int | None = None,
     tol: float | None = None,
-    run=None,
+    run: PreparedRun | PreparedPeer | None = None,
     sharing: Sharing | None = None,
 ) -> Clock:
     """Make the timer (`Clock`) of an integrator on a problem to ``t_end``, with a number of steps or a tolerance.
@@ -144,7 +151,15 @@ def clock(
     return Clock(run, size, (problem.q0, problem.p0), Sharing() if sharing is None else sharing)
 
 
-def call(integrator, problem, *, t_end: float, steps: int | None = None, tol: float | None = None, run=None) -> float:
+def call(
+    integrator: Integrator,
+    problem: Problem,
+    *,
+    t_end: float,
+    steps: int | None = None,
+    tol: float | None = None,
+    run: PreparedRun | PreparedPeer | None = None,
+) -> float:
     """Measure the overhead of calling an integrator: the seconds of a call that integrates almost nothing.
 
     The call takes one step of size t_end / steps or, if the integrator is adaptive, integrates to `SHORTEST` t_end.
@@ -170,11 +185,11 @@ class Clocks:
     sharing: Sharing = field(default_factory=Sharing)
     _runs: dict[tuple, Any] = field(default_factory=dict, repr=False)
 
-    def ready(self, integrator, tol: float | None = None) -> bool:
+    def ready(self, integrator: Integrator, tol: float | None = None) -> bool:
         """True if the integrator's run at this tolerance is already prepared."""
         return (integrator.label, tol) in self._runs
 
-    def of(self, integrator, *, steps: int | None = None, tol: float | None = None) -> Clock:
+    def of(self, integrator: Integrator, *, steps: int | None = None, tol: float | None = None) -> Clock:
         """Return the timer (`Clock`) of an integrator with a number of steps or a tolerance."""
         key = (integrator.label, tol)
         if key not in self._runs:
@@ -182,7 +197,7 @@ class Clocks:
         size = {"t_end": self.t_end, "steps": steps, "tol": tol}
         return clock(integrator, self.problem, **size, run=self._runs[key], sharing=self.sharing)
 
-    def call(self, integrator, *, steps: int | None = None, tol: float | None = None) -> float:
+    def call(self, integrator: Integrator, *, steps: int | None = None, tol: float | None = None) -> float:
         """Measure the overhead in seconds of calling an integrator, by a call that integrates almost nothing."""
         size = {"t_end": self.t_end, "steps": steps, "tol": tol}
         return call(integrator, self.problem, **size, run=self._runs.get((integrator.label, tol)))

@@ -10,17 +10,23 @@ numbers or texts such as "1/6"; they are read exactly and rounded to the precisi
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from fractions import Fraction
 from itertools import zip_longest
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from phasebench.benchmarks.measure import own_step as own_steps
 from phasebench.benchmarks.measure.own_step import OwnStep
 from phasebench.integrators.errors import InvalidInput
+
+if TYPE_CHECKING:
+    from phasebench.benchmarks.certificate.stepping import Exact
+    from phasebench.benchmarks.measure.own_step import System
+    from phasebench.integrators.values.kinds import Number
 
 KEYS = ("a", "b", "A", "c", "first", "name", "claims", "requires")
 #: Largest number of fixed-point iterations for the stages of an implicit tableau.
@@ -42,7 +48,7 @@ def from_file(path: str) -> OwnStep:
     return replace(own_step(record, path), again=from_file)
 
 
-def own_step(record, name: str) -> OwnStep:
+def own_step(record: object, name: str) -> OwnStep:
     """Make the step of a splitting or Runge-Kutta method from its coefficients.
 
     ``record`` maps "a" and "b", or "A" and "b", to lists of numbers, as in a JSON file; ``name`` becomes the step's id
@@ -59,7 +65,7 @@ def own_step(record, name: str) -> OwnStep:
     return OwnStep(name, step, claims, requires)
 
 
-def _number(x, name: str) -> Fraction:
+def _number(x: object, name: str) -> Fraction:
     try:
         if isinstance(x, bool) or not isinstance(x, (int, float, str, Fraction)):
             raise ValueError
@@ -68,20 +74,20 @@ def _number(x, name: str) -> Fraction:
         raise InvalidInput(f"{name}: {x!r} is no number; write 0.25, or the text '1/4'") from None
 
 
-def _numbers(values, key: str, name: str) -> list[Fraction]:
+def _numbers(values: object, key: str, name: str) -> list[Fraction]:
     if isinstance(values, str) or not isinstance(values, Sequence) or not len(values):
         raise InvalidInput(f"{name}: {key} is {values!r}; it must be a list of numbers")
     return [_number(x, name) for x in values]
 
 
-def _in(coefficient: Fraction, h):
+def _in(coefficient: Fraction, h: Number) -> Number:
     """Return an exact coefficient times h, in the precision of h (a double or a multiprecision number)."""
     if isinstance(h, float):
         return float(coefficient) * h
     return h * coefficient.numerator / coefficient.denominator
 
 
-def _splitting(record, name: str):
+def _splitting(record: Mapping[str, Any], name: str) -> Callable[..., tuple[np.ndarray, np.ndarray]]:
     a, b = (_numbers(record[key], key, name) for key in "ab")
     first = record.get("first", "B" if len(b) > len(a) else "A")
     begin, other = (a, b) if first == "A" else (b, a)
@@ -90,7 +96,7 @@ def _splitting(record, name: str):
     turns = [[(first, x), ("B" if first == "A" else "A", y)] for x, y in zip_longest(begin, other)]
     flows = [(letter, x) for turn in turns for letter, x in turn if x is not None]
 
-    def step(system, q, p, h):
+    def step(system: System | Exact, q: np.ndarray, p: np.ndarray, h: Number) -> tuple[np.ndarray, np.ndarray]:
         for letter, x in flows:
             if letter == "A":
                 q = q + _in(x, h) * system.dH_dp(q, p)
@@ -101,7 +107,7 @@ def _splitting(record, name: str):
     return step
 
 
-def _tableau(record, name: str):
+def _tableau(record: Mapping[str, Any], name: str) -> Callable[..., tuple[np.ndarray, np.ndarray]]:
     rows, b = record["A"], _numbers(record["b"], "b", name)
     if isinstance(rows, str) or not isinstance(rows, Sequence) or len(rows) != len(b):
         raise InvalidInput(f"{name}: A must have {len(b)} rows, one for each of b")
@@ -111,10 +117,10 @@ def _tableau(record, name: str):
     explicit = all(x == 0 for i, row in enumerate(A) for x in row[i:])
     stages = _explicit if explicit else _implicit
 
-    def step(system, q, p, h):
+    def step(system: System | Exact, q: np.ndarray, p: np.ndarray, h: Number) -> tuple[np.ndarray, np.ndarray]:
         d = len(q)
 
-        def slope(y):
+        def slope(y: np.ndarray) -> np.ndarray:
             return np.concatenate([system.dH_dp(y[:d], y[d:]), -system.dH_dq(y[:d], y[d:])])
 
         y = np.concatenate([q, p])
@@ -125,7 +131,9 @@ def _tableau(record, name: str):
     return step
 
 
-def _explicit(slope, y, A, h) -> list:
+def _explicit(
+    slope: Callable[[np.ndarray], np.ndarray], y: np.ndarray, A: Sequence[Sequence[Fraction]], h: Number
+) -> list:
     """Return the stage derivatives k_i of an explicit Runge-Kutta step of size h from y.
 
     ``slope`` is the vector field, A the tableau's strictly lower triangular matrix, rows of exact fractions.
@@ -136,7 +144,9 @@ def _explicit(slope, y, A, h) -> list:
     return slopes
 
 
-def _implicit(slope, y, A, h) -> list:
+def _implicit(
+    slope: Callable[[np.ndarray], np.ndarray], y: np.ndarray, A: Sequence[Sequence[Fraction]], h: Number
+) -> list:
     """Return the stage derivatives k_i of an implicit Runge-Kutta step of size h from y, by fixed-point iteration.
 
     ``slope`` is the vector field, A the tableau's matrix.  The iteration ends when the change no longer falls; raises

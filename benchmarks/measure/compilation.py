@@ -37,7 +37,7 @@ def compilation_error(error: BaseException) -> str | None:
 class NotCompiled(Exception):
     """The error of an integrator whose kernel Numba does not compile; names it and the compiler's reason."""
 
-    def __init__(self, failed: Failed):
+    def __init__(self, failed: Failed) -> None:
         super().__init__(f"{failed.integrator} does not compile: {failed.why}")
         self.failed = failed
 

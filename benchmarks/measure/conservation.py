@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from .drift import drift
 from .metrics import invariant_error
 
+if TYPE_CHECKING:
+    from phasebench.integrators.systems.hamiltonian import PartitionedSystem
 
-def conservation(t, values, scale: float) -> dict[str, float]:
+
+def conservation(t: np.ndarray, values: np.ndarray, scale: float) -> dict[str, float]:
     """Return a row of results, name -> number: the largest error of an invariant along a run, and its drift.
 
     Parameters
@@ -27,7 +32,9 @@ def conservation(t, values, scale: float) -> dict[str, float]:
     return {"value": float(found.max)} | moved | {"time": float(t[-1]), "scale": scale}
 
 
-def energy(system, t, q, p) -> tuple[np.ndarray, dict[str, float]]:
+def energy(
+    system: PartitionedSystem, t: np.ndarray, q: np.ndarray, p: np.ndarray
+) -> tuple[np.ndarray, dict[str, float]]:
     """Return (H at each row of q, p, array (n,); the row of its error and drift as `conservation` makes it).
 
     t has shape (n,), q and p have shape (n, d); the row's scale is max |H| + max |p.q'|.

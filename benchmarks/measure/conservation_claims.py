@@ -8,7 +8,9 @@ symplecticity of a step of constant size at the initial state, :math:`\max_{ij}|
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from math import inf
+from typing import TYPE_CHECKING
 
 import numpy as np
 import sympy as sp
@@ -19,6 +21,10 @@ from phasebench.integrators.driver import OK
 from phasebench.integrators.errors import unknown_name
 from phasebench.integrators.record import EXACT, ROUND_OFF
 from phasebench.reference.peers import Peer
+
+if TYPE_CHECKING:
+    from phasebench.benchmarks.advice.ask import Ask
+    from phasebench.benchmarks.problems.base import Problem
 
 SYMPLECTIC, REVERSIBLE, ENERGY, MOMENTUM = "symplectic", "reversible", "energy", "momentum"
 #: Largest error of a conserved invariant, in units of eps times its terms times the square root of the steps.
@@ -34,7 +40,7 @@ ROWS = 1000
 EPS = float(np.finfo(float).eps)
 
 
-def claim_names(problem) -> list[str]:
+def claim_names(problem: Problem) -> list[str]:
     """Return the names of all properties that a user can demand of an integration of a problem.
 
     They are "symplectic", "reversible", "energy", "momentum" and the names of the problem's invariants.
@@ -42,7 +48,7 @@ def claim_names(problem) -> list[str]:
     return [SYMPLECTIC, REVERSIBLE, ENERGY, MOMENTUM, *problem.invariants]
 
 
-def check(problem, name: str) -> None:
+def check(problem: Problem, name: str) -> None:
     """Raise InvalidInput, with the nearest known name, if ``name`` is not in `claim_names` of the problem."""
     if name not in claim_names(problem):
         raise unknown_name("conserved quantity", str(name), claim_names(problem))
@@ -68,14 +74,14 @@ def declaration(integrator: Integrator, name: str) -> bool | None:
     return {SYMPLECTIC: bool(claims.symplectic), REVERSIBLE: bool(claims.reversible)}.get(name)
 
 
-def refusal(integrator: Integrator, conserve) -> str | None:
+def refusal(integrator: Integrator, conserve: Iterable[str]) -> str | None:
     """Return why an integrator is not tried: which of the names ``conserve`` it is declared to lack; None if none."""
     lacking = [name for name in conserve if declaration(integrator, name) is False]
     whose = "its package does not state" if isinstance(integrator.record, Peer) else "it is not declared to keep or be"
     return f"{whose} what has to be conserved: {', '.join(lacking)}" if lacking else None
 
 
-def broken(integrator: Integrator, ask, size: dict) -> str | None:
+def broken(integrator: Integrator, ask: Ask, size: dict) -> str | None:
     """Run an integrator and return a sentence on the first demanded property that fails; None if none does.
 
     Symplecticity is measured for fixed steps, reversibility not at all; invariants are compared over the run's rows.
@@ -96,7 +102,7 @@ def broken(integrator: Integrator, ask, size: dict) -> str | None:
     return None
 
 
-def expressions(problem, name: str) -> dict[str, sp.Expr]:
+def expressions(problem: Problem, name: str) -> dict[str, sp.Expr]:
     """Return the invariants that a demanded property ``name`` stands for, name -> SymPy expression.
 
     "energy" stands for H, "momentum" for all invariants of the problem of the form q.D p + b.p, and the name of an
@@ -110,7 +116,7 @@ def expressions(problem, name: str) -> dict[str, sp.Expr]:
     return {n: e for n, e in problem.invariants.items() if _bilinear(sp.sympify(e), system.q, system.p)}
 
 
-def _bilinear(expression, q, p) -> bool:
+def _bilinear(expression: sp.Expr, q: Sequence[sp.Symbol], p: Sequence[sp.Symbol]) -> bool:
     """True if an expression has the form q.D p + b.p: linear in p and at most linear in q."""
     try:
         polynomial = sp.Poly(expression, *q, *p)
@@ -120,7 +126,7 @@ def _bilinear(expression, q, p) -> bool:
     return all(sum(m[d:]) == 1 and sum(m[:d]) <= 1 for m in polynomial.monoms())
 
 
-def _errors(integrator, ask, size, names) -> dict[str, tuple[float, float]]:
+def _errors(integrator: Integrator, ask: Ask, size: dict, names: Iterable[str]) -> dict[str, tuple[float, float]]:
     """Run an integrator; return invariant -> (largest error over the rows, bound of the error by round-off).
 
     ``ask`` has the problem and t_end, ``size`` the number of steps or the tolerance; ``names`` are the demanded
@@ -150,7 +156,7 @@ def rows(size: dict) -> dict:
     return size | {"steps": ROWS, "save_every": 1}
 
 
-def symplecticity_defect(integrator: Integrator, problem, h: float) -> float:
+def symplecticity_defect(integrator: Integrator, problem: Problem, h: float) -> float:
     """Return max |M^T J M - J| for the Jacobian M of a step of size h at the initial state, q and p of unit size.
 
     It is 0 if finite differences cannot resolve it: two displacements then give different values.  A planetary system
@@ -164,7 +170,7 @@ def symplecticity_defect(integrator: Integrator, problem, h: float) -> float:
     start = np.array([*problem.q0, *problem.p0], float)
     units = np.repeat(_sizes(integrator, problem, h), d)
 
-    def step(x):
+    def step(x: np.ndarray) -> np.ndarray:
         y = x * units
         solution = integrator.run(problem, h=h, steps=1, q0=y[:d], p0=y[d:])
         end = np.concatenate([solution.q[-1], solution.p[-1]]) if solution.status == OK else np.full(2 * d, np.nan)
@@ -176,7 +182,7 @@ def symplecticity_defect(integrator: Integrator, problem, h: float) -> float:
     return float(low) if np.isfinite(high) and high <= SAME * low else 0.0
 
 
-def _sizes(integrator: Integrator, problem, h: float) -> list[float]:
+def _sizes(integrator: Integrator, problem: Problem, h: float) -> list[float]:
     """Return [largest |q_i|, largest |p_i|] over the first `LOOKED` steps of size h; 1 in place of 0."""
     solution = integrator.run(problem, h=h, steps=LOOKED)
     return [float(np.nanmax(np.abs(x))) or 1.0 for x in (solution.q, solution.p)]

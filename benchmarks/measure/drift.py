@@ -27,10 +27,14 @@ from __future__ import annotations
 
 from functools import cache
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from .metrics import CONFIDENCE, Slope
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 #: Number of blocks, and largest deviation of their lengths from the mean, as a share of it.
 BLOCKS, UNEQUAL = 12, 0.4
@@ -49,7 +53,7 @@ REFINED = 3
 GOLDEN = (5**0.5 - 1) / 2
 
 
-def drift(t, error) -> Slope:
+def drift(t: ArrayLike, error: ArrayLike) -> Slope:
     """Return the secular slope of ``error`` over equidistant times ``t``, arrays (n,), with its 95 % interval.
 
     Raises ValueError for fewer than `POINTS` points.
@@ -61,7 +65,7 @@ def drift(t, error) -> Slope:
     return signed_ranks(_slopes(t, without_lines(t, error)))
 
 
-def signed_ranks(x) -> Slope:
+def signed_ranks(x: np.ndarray) -> Slope:
     """Return the Hodges-Lehmann centre of independent numbers x, array (n,), n >= 6, as a `Slope` with its interval.
 
     The centre is the median of the means of all pairs, each number also paired with itself; the numbers are assumed
@@ -89,7 +93,7 @@ def window(n: int) -> np.ndarray:
     return np.exp(4 - 1 / (x * (1 - x)))
 
 
-def _average(t, error) -> tuple[np.ndarray, np.ndarray]:
+def _average(t: np.ndarray, error: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     apart = len(t) // SAMPLES
     if apart < 2:
         return t, error
@@ -100,7 +104,7 @@ def _average(t, error) -> tuple[np.ndarray, np.ndarray]:
     return means[0], means[1]
 
 
-def _slopes(t, error) -> np.ndarray:
+def _slopes(t: np.ndarray, error: np.ndarray) -> np.ndarray:
     """Return the weighted slope of ``error`` over ``t``, arrays (n,), in each of `BLOCKS` blocks, array (BLOCKS,).
 
     The blocks' unequal lengths follow multiples of the golden ratio modulo 1.
@@ -115,7 +119,7 @@ def _slopes(t, error) -> np.ndarray:
     return np.array(out)
 
 
-def without_lines(t, error) -> np.ndarray:
+def without_lines(t: np.ndarray, error: np.ndarray) -> np.ndarray:
     """Return ``error`` at equidistant ``t``, arrays (n,), minus the significant spectral lines fitted to it."""
     scale = np.ptp(error)
     if not scale > 0:
@@ -136,7 +140,9 @@ def without_lines(t, error) -> np.ndarray:
     return scale * _remove_lines(x, y, hann, frequencies, fit)
 
 
-def _remove_lines(x, y, weight, frequencies, fit) -> np.ndarray:
+def _remove_lines(
+    x: np.ndarray, y: np.ndarray, weight: np.ndarray, frequencies: np.ndarray, fit: np.ndarray
+) -> np.ndarray:
     """Return the series y(x) minus its fitted sines and cosines; a fit of the residual then reduces round-off.
 
     ``fit`` has the coefficients of 1, x, the cosines and the sines of ``frequencies``; 1 and x are not subtracted.
@@ -147,7 +153,7 @@ def _remove_lines(x, y, weight, frequencies, fit) -> np.ndarray:
     return rest - columns @ more + columns[:, :2] @ (fit + more[: len(fit)])[:2]
 
 
-def _sound(frequencies, fit) -> bool:
+def _sound(frequencies: np.ndarray, fit: np.ndarray) -> bool:
     """True if frequencies differ by 1 period from each other and from 0, and no amplitude exceeds the series' range.
 
     Lines that nearly cancel arise when the error is not an oscillation, for instance if it decays.
@@ -157,11 +163,11 @@ def _sound(frequencies, fit) -> bool:
     return bool(np.diff(np.sort(frequencies), prepend=0).min() >= 1 and amplitudes.max() <= 1)
 
 
-def _size(rest, weight) -> float:
+def _size(rest: np.ndarray, weight: np.ndarray) -> float:
     return float(np.linalg.norm(rest * weight))
 
 
-def _line(signal) -> float | None:
+def _line(signal: np.ndarray) -> float | None:
     """Return the frequency (periods in the series) of a signal's highest spectral peak; None if it is too low.
 
     A peak is too low if it is less than `ABOVE` times the spectrum around it.
@@ -180,21 +186,21 @@ def _line(signal) -> float | None:
     return at[top] + (low - high) / (low - 2 * middle + high) / 2 / FINE
 
 
-def _columns(x, frequencies) -> np.ndarray:
+def _columns(x: np.ndarray, frequencies: np.ndarray) -> np.ndarray:
     """Return the columns 1, x, then cos and sin of 2 pi x f for each of k frequencies f, array (n, 2 + 2 k)."""
     angle = 2 * np.pi * np.outer(x, frequencies)
     return np.hstack([np.ones((len(x), 1)), x[:, None], np.cos(angle), np.sin(angle)])
 
 
-def _fit(x, y, weight, frequencies) -> np.ndarray:
+def _fit(x: np.ndarray, y: np.ndarray, weight: np.ndarray, frequencies: np.ndarray) -> np.ndarray:
     return _least_squares(_columns(x, frequencies), y, weight)
 
 
-def _least_squares(columns, y, weight) -> np.ndarray:
+def _least_squares(columns: np.ndarray, y: np.ndarray, weight: np.ndarray) -> np.ndarray:
     return np.linalg.lstsq(columns * weight[:, None], y * weight, rcond=1e-13)[0]
 
 
-def _refine(x, y, weight, frequencies) -> np.ndarray:
+def _refine(x: np.ndarray, y: np.ndarray, weight: np.ndarray, frequencies: np.ndarray) -> np.ndarray:
     """Improve the frequencies (periods in the series) of the oscillations fitted to y(x), and return them.
 
     Takes `REFINED` Gauss-Newton steps, each of at most a third of a period; ``weight`` (n,) weighs the points.
@@ -207,7 +213,7 @@ def _refine(x, y, weight, frequencies) -> np.ndarray:
     return frequencies
 
 
-def _fit_derivatives(x, frequencies, fit) -> np.ndarray:
+def _fit_derivatives(x: np.ndarray, frequencies: np.ndarray, fit: np.ndarray) -> np.ndarray:
     """Return the derivatives of the fitted oscillations at x (n,) by each of k frequencies, array (n, k).
 
     ``fit`` (2 + 2 k,) has the coefficients of 1, x, the cosines and the sines.

@@ -25,6 +25,10 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
+    from phasebench.benchmarks.problems.base import Problem
+    from phasebench.integrators.solution import Solution
+    from phasebench.integrators.systems.hamiltonian import PartitionedSystem
+
 #: Values of a method's parameters: one for all orbits, or an array (n,).
 OrbitParameters = Mapping[str, Value | State]
 #: Rows of an ensemble or a section that a notebook shows.
@@ -194,11 +198,11 @@ def _fields(found: Any) -> dict[str, Any]:
     return {f.name: getattr(found, f.name) for f in fields(found)}
 
 
-def _problem(problem):
+def _problem(problem: AnyProblem) -> Problem | PartitionedSystem:
     return problem_of(problem) if isinstance(problem, (str, Path)) else problem
 
 
-def _method(method) -> str | Method | OwnStep:
+def _method(method: str | Path | Method | Integrator | Step) -> str | Method | OwnStep:
     """Return the id or the record of a method of this project, or a user's own step (`OwnStep`).
 
     Raises InvalidInput for a peer, an integrator of another package.
@@ -214,7 +218,13 @@ def _method(method) -> str | Method | OwnStep:
     return method if isinstance(method, str) and isinstance(chosen.record, Method) else chosen.record
 
 
-def _run(orbits: Orbits, method, lanes, threads, progress):
+def _run(
+    orbits: Orbits,
+    method: str | Method | OwnStep,
+    lanes: bool | None,
+    threads: int | None,
+    progress: Callable[[int], None] | None,
+) -> tuple[np.ndarray, float]:
     """Integrate the orbits by a method or, one after the other, by a user's own step.
 
     Returns (which of them ran in SIMD lanes, seconds).
@@ -226,7 +236,7 @@ def _run(orbits: Orbits, method, lanes, threads, progress):
     return ensemble.run_alone(orbits, _own, progress)
 
 
-def _own(orbits: Orbits, i: int):
+def _own(orbits: Orbits, i: int) -> Solution:
     return integrate_step(
         orbits.system,
         orbits.kinds[0],

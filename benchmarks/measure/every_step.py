@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -27,6 +27,14 @@ from phasebench.reference.peers import Peer
 from .integrator import Integrator
 from .own_step import OwnStep, check_pair
 
+if TYPE_CHECKING:
+    from phasebench.benchmarks.problems.base import Problem
+    from phasebench.integrators.outcome import SolverFailure
+    from phasebench.integrators.prepared import Layout
+    from phasebench.integrators.systems.hamiltonian import PartitionedSystem
+
+    from .own_step import System
+
 #: Largest number of components of q in the kept rows by default, and in the buffer.
 KEPT, BUFFER = 1_000_000, 400_000
 #: A run of more than `SHORT` seconds is timed again in `PARTS` parts of `SHARE` of its steps, a shorter one in full.
@@ -43,7 +51,7 @@ class Extreme:
     end : the signed deviation of the last finite value; None until there are two
     """
 
-    def __init__(self):
+    def __init__(self) -> None:
         self.first: float | None = None
         self.worst: float | None = None
         self.end: float | None = None
@@ -67,7 +75,7 @@ class Extremes:
     invariants : name -> `Extreme`
     """
 
-    def __init__(self, problem):
+    def __init__(self, problem: Problem) -> None:
         self.problem, self.energy = problem, Extreme()
         self.invariants = {name: Extreme() for name in problem.invariants}
 
@@ -93,7 +101,13 @@ class WatchedRun(NamedTuple):
 
 
 def watch(
-    problem, integrator: Integrator, *, every: int | None = None, tol: float | None = None, timeout=None, **common
+    problem: Problem,
+    integrator: Integrator,
+    *,
+    every: int | None = None,
+    tol: float | None = None,
+    timeout: float | None = None,
+    **common: Any,
 ) -> WatchedRun:
     """Run an integrator once on a problem, save some rows, and evaluate the energy and the invariants at every step.
 
@@ -116,7 +130,7 @@ def watch(
     return WatchedRun(run(problem, record, extremes, keep, timeout, common), extremes)
 
 
-def _spacing(problem, every: int | None, common: dict) -> int:
+def _spacing(problem: Problem, every: int | None, common: dict) -> int:
     """Return the number of steps between saved rows; raise InvalidInput if the rows do not fit in memory.
 
     ``every`` is the number asked for, None for as many rows as there is room for; ``common`` has h, t_end, steps.
@@ -140,8 +154,17 @@ class ThinnedTrajectory(Trajectory):
     """
 
     def __init__(
-        self, seen: Callable[[np.ndarray, np.ndarray], None], system, q, p, h, steps: int, every: int, *words, t0=0.0
-    ):
+        self,
+        seen: Callable[[np.ndarray, np.ndarray], None],
+        system: PartitionedSystem,
+        q: np.ndarray,
+        p: np.ndarray,
+        h: float,
+        steps: int,
+        every: int,
+        *words: str | SolverFailure,
+        t0: float = 0.0,
+    ) -> None:
         super().__init__(system, q, p, h, steps, every, DOUBLE, *words, t0=t0)
         self.seen = seen
         n = min(steps, PIECE, max(1, BUFFER // system.d))
@@ -153,7 +176,7 @@ class ThinnedTrajectory(Trajectory):
         """True while the trajectory has more steps to integrate."""
         return self.status == OK and self.reached < self.steps
 
-    def advance(self, run, pace: Pace) -> None:
+    def advance(self, run: Layout, pace: Pace) -> None:
         """Integrate one piece of the run into a buffer, pass its rows to ``seen``, and save every Nth.
 
         ``run`` is the compiled kernel, ``pace`` has the number of steps of the piece and the time limit.
@@ -195,7 +218,7 @@ class ThinnedTrajectory(Trajectory):
         self.reached += n
         self._last[:] = Q[-1], P[-1]
 
-    def _telling(self, Q, P) -> list[int]:
+    def _telling(self, Q: np.ndarray, P: np.ndarray) -> list[int]:
         """Return the indices of the rows of a piece that are kept besides, for the judgement of the run.
 
         They are the row of the largest energy error and the first row close enough to a singularity to be reached in a
@@ -217,7 +240,9 @@ class ThinnedTrajectory(Trajectory):
             self.q[self.filled], self.p[self.filled] = self._last
 
 
-def _of_method(problem, record: Method, extremes: Extremes, every: int, timeout, common: dict) -> Solution:
+def _of_method(
+    problem: Problem, record: Method, extremes: Extremes, every: int, timeout: float | None, common: dict
+) -> Solution:
     check_timeout(timeout)
     asked = request(problem, **common, save_every=every)
     system = asked.system
@@ -234,7 +259,9 @@ def _of_method(problem, record: Method, extremes: Extremes, every: int, timeout,
 # -- others -----------------------------------------------------------------------------------------------------------
 
 
-def _of_step(problem, record: OwnStep, extremes: Extremes, every: int, timeout, common: dict) -> Solution:
+def _of_step(
+    problem: Problem, record: OwnStep, extremes: Extremes, every: int, timeout: float | None, common: dict
+) -> Solution:
     d = problem.system.d
     rows = np.empty((2, max(1, min(PIECE, BUFFER // d)), d))
     filled = 0
@@ -244,7 +271,7 @@ def _of_step(problem, record: OwnStep, extremes: Extremes, every: int, timeout, 
         extremes.see(rows[0, :filled].copy(), rows[1, :filled].copy())
         filled = 0
 
-    def step(system, q, p, h):
+    def step(system: System, q: np.ndarray, p: np.ndarray, h: float) -> tuple[np.ndarray, np.ndarray]:
         nonlocal filled
         q, p = check_pair(record.step(system, q, p, h), d)
         rows[:, filled] = q, p
@@ -260,7 +287,7 @@ def _of_step(problem, record: OwnStep, extremes: Extremes, every: int, timeout, 
     return replace(whole, method=record)
 
 
-def _of_peer(problem, integrator: Integrator, extremes: Extremes, tol, common: dict) -> Solution:
+def _of_peer(problem: Problem, integrator: Integrator, extremes: Extremes, tol: float | None, common: dict) -> Solution:
     d, every = problem.system.d, 1
     if common["h"] is not None or common["steps"] is not None:
         _, steps = grid(common["h"], common["t_end"], common["steps"], common.get("t0", 0.0))
@@ -270,7 +297,9 @@ def _of_peer(problem, integrator: Integrator, extremes: Extremes, tol, common: d
     return solution
 
 
-def seconds(problem, integrator: Integrator, watched: WatchedRun, *, tol: float | None = None, **common) -> float:
+def seconds(
+    problem: Problem, integrator: Integrator, watched: WatchedRun, *, tol: float | None = None, **common: Any
+) -> float:
     """Return the seconds of a run without output after compilation, for comparison with other integrators.
 
     A short run is repeated without output.  For a run of more than `SHORT` seconds the time is estimated: the seconds

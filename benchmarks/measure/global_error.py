@@ -20,12 +20,15 @@ from phasebench.reference.solvers.taylor import ReferenceFailed
 
 if TYPE_CHECKING:
     from phasebench.benchmarks.measure.integrator import Integrator
+    from phasebench.integrators.keywords import State
+    from phasebench.integrators.solution import Solution
+    from phasebench.integrators.systems.hamiltonian import PartitionedSystem
 
 #: A reference whose uncertainty exceeds this share of the state's size gives no error.
 KNOWN = 0.01
 
 
-def with_start(problem, q0=None, p0=None):
+def with_start(problem: Problem | PartitionedSystem, q0: State | None = None, p0: State | None = None) -> Problem:
     """Return a problem with another initial state q0, p0, arrays (d,), under a new id that has no certificate.
 
     The problem is returned unchanged if neither is given.  A bare system, which needs both, is wrapped in a problem.
@@ -41,7 +44,9 @@ def with_start(problem, q0=None, p0=None):
     return replace(problem, id=f"{problem.id} from a given state", orbits=(orbit,), orbit="")
 
 
-def onwards(problem, solution, span: float):
+def onwards(
+    problem: Problem, solution: Solution | SimpleNamespace, span: float
+) -> tuple[Problem, SimpleNamespace, float]:
     """Return (problem, solution, span) with times that rise from 0; ``span`` is t_end - t0, negative for back in time.
 
     The solution returned has only t (n,), q and p (n, d).  A run back in time becomes a run forward in time of the
@@ -60,7 +65,7 @@ def onwards(problem, solution, span: float):
     return replace(problem, id=f"{problem.id} back in time", system=back), rows, -span
 
 
-def end_error(problem, solution, span: float) -> dict[str, Any]:
+def end_error(problem: Problem, solution: Solution | SimpleNamespace, span: float) -> dict[str, Any]:
     """Return the error of a solution's last state and the reference used: a dict {global_error, reference}.
 
     ``global_error`` is the max norm over (q, p).  It is None if ``span`` (t_end - t0) exceeds the horizon of the orbit,
@@ -80,7 +85,7 @@ def end_error(problem, solution, span: float) -> dict[str, Any]:
     return {"global_error": quantities.error(problem, END_STATE, solution, true), "reference": reference}
 
 
-def orbit_horizon(problem, t_end: float) -> float:
+def orbit_horizon(problem: Problem, t_end: float) -> float:
     """Return the last time, at most ``t_end``, to which a reference in long double can follow the problem's orbit.
 
     It is read from the orbit's certificate, or computed.
@@ -109,7 +114,7 @@ def vague(true: Truth) -> str:
     return f"the reference is known to {true.uncertainty:.2g} alone, of {size:.2g}"
 
 
-def unknown_truth(problem, wanted: Quantity, t_end: float, true: Truth) -> str:
+def unknown_truth(problem: Problem, wanted: Quantity, t_end: float, true: Truth) -> str:
     """Return the reason why a quantity has no meaningful error at ``t_end`` against its true value; "" if it has one.
 
     Raises reference.solvers.taylor.ReferenceFailed if the horizon of a state cannot be computed.
@@ -118,7 +123,7 @@ def unknown_truth(problem, wanted: Quantity, t_end: float, true: Truth) -> str:
     return why or ("" if wanted.kept or wanted.angle else vague(true))
 
 
-def known_truth(problem, wanted: Quantity, t_end: float) -> Truth:
+def known_truth(problem: Problem, wanted: Quantity, t_end: float) -> Truth:
     """Return the true value of a quantity at ``t_end``, with its uncertainty.
 
     Raises InvalidInput, with the reason, if the value cannot be computed or is too uncertain to measure errors with.
@@ -133,7 +138,9 @@ def known_truth(problem, wanted: Quantity, t_end: float) -> Truth:
     return true
 
 
-def quantity_error(problem, integrator: Integrator, wanted: Quantity, t_end: float, size: dict) -> dict[str, Any]:
+def quantity_error(
+    problem: Problem, integrator: Integrator, wanted: Quantity, t_end: float, size: dict
+) -> dict[str, Any]:
     """Run an integrator and return the error of a quantity, a dict {quantity, error, uncertainty}.
 
     The run saves the rows that the quantity needs; ``size`` is {"steps": number} or {"tol": tolerance}.  The error is

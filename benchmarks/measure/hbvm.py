@@ -5,8 +5,13 @@ Source: L. Brugnano, F. Iavernaro, D. Trigiante, J. Numer. Anal. Ind. Appl. Math
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
 
-def too_few_nodes(method: str, system) -> bool:
+if TYPE_CHECKING:
+    from phasebench.integrators.systems.hamiltonian import PartitionedSystem
+
+
+def too_few_nodes(method: str, system: PartitionedSystem) -> bool:
     """True if HBVM(k, s) has too few nodes k to conserve a system's H.
 
     It conserves polynomials of degree at most 2k/s; for an H that is no polynomial the answer is True.  ``method`` is

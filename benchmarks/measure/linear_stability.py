@@ -19,11 +19,15 @@ Application of the z-Transform Method (1964), 3.1.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 #: Spacing of the scan, and its end.
 SPACING, LAST = 0.05, 10.0
@@ -38,7 +42,7 @@ SHARP = 1e-10
 HOPELESS = 1e4
 
 
-def is_square(one, two) -> bool:
+def is_square(one: np.ndarray, two: np.ndarray) -> bool:
     """True if ``two``, the matrix of two steps, is ``one`` squared: a step then depends on the state alone."""
     return not np.abs(two - one @ one).max() > SQUARE
 
@@ -73,7 +77,7 @@ class Stability:
         return tuple((a[1], b[0]) for a, b in pairwise(self.intervals))
 
 
-def margins(M, noise: float = 0.0) -> np.ndarray:
+def margins(M: ArrayLike, noise: float = 0.0) -> np.ndarray:
     """Return Jury's three stability margins of a matrix (2, 2), plus an allowance for round-off and ``noise``.
 
     They are 1 - tr M + det M, 1 + tr M + det M and 1 - det M, all >= 0 if M is stable; ``noise`` is the error of the
@@ -96,7 +100,7 @@ def _with_bounded(three: np.ndarray) -> np.ndarray:
     return np.append(three, product)
 
 
-def radius(M) -> float:
+def radius(M: np.ndarray) -> float:
     """Return the spectral radius of a matrix: the growth per step in the long run."""
     return float(np.abs(np.linalg.eigvals(M)).max())
 
@@ -139,7 +143,7 @@ def stability(
     return Stability(tuple(_merge(pieces)), scan[-1])
 
 
-def _scan(look, last: float, spacing: float) -> list[float]:
+def _scan(look: Callable[[float], tuple[np.ndarray, float]], last: float, spacing: float) -> list[float]:
     """Scan z at multiples of ``spacing`` up to ``last``, and return the values of z that were scanned.
 
     The scan ends early before the first failed step, and once entries of the step's matrix have exceeded `HOPELESS`
@@ -159,13 +163,13 @@ def _scan(look, last: float, spacing: float) -> list[float]:
     return scan
 
 
-def _roots(at, scan: list[float]) -> Iterator[float]:
+def _roots(at: Callable[[float], np.ndarray], scan: list[float]) -> Iterator[float]:
     """Yield every z between points of the scan at which one of the four stability margins ``at(z)`` changes sign."""
     from scipy.optimize import brentq
 
     for i in range(4):
 
-        def f(z, i=i):
+        def f(z: float, i: int = i) -> float:
             return at(z)[i]
 
         for a, b in pairwise(_with_extrema(f, scan)):
@@ -173,7 +177,7 @@ def _roots(at, scan: list[float]) -> Iterator[float]:
                 yield brentq(f, a, b, xtol=SHARP)
 
 
-def _with_extrema(f, scan: list[float]) -> list[float]:
+def _with_extrema(f: Callable[[float], float], scan: list[float]) -> list[float]:
     """Return the points of a scan, plus extrema of f between them where f has another sign than at the neighbours."""
     from scipy.optimize import minimize_scalar
 
@@ -190,7 +194,7 @@ def _with_extrema(f, scan: list[float]) -> list[float]:
     return sorted(points)
 
 
-def _grows_from_the_start(at, scan: list[float], piece: tuple[float, float]) -> bool:
+def _grows_from_the_start(at: Callable[[float], np.ndarray], scan: list[float], piece: tuple[float, float]) -> bool:
     """True if a stable interval ``piece`` = (0, end) is spurious: the map grows, at first by less than the allowance.
 
     In such an interval the determinant, which is 1 + z^2 for explicit Euler, is nowhere below 1, and beyond the end it
@@ -203,7 +207,7 @@ def _grows_from_the_start(at, scan: list[float], piece: tuple[float, float]) -> 
     return bool(beyond[2] < 0 and all(m[2] <= 4 * SLACK for m in within))
 
 
-def _merge(pieces):
+def _merge(pieces: Iterable[tuple[float, float]]) -> list[tuple[float, float]]:
     """Merge those of the intervals (start, end), given in order, that touch; return the list of intervals."""
     out: list[tuple[float, float]] = []
     for start, end in pieces:

@@ -12,17 +12,24 @@ The exponent is :math:`\ln\|M_n\cdots M_1\| / t`; products are taken pairwise an
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import lru_cache
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import sympy as sp
+
+if TYPE_CHECKING:
+    from phasebench.integrators.systems.hamiltonian import PartitionedSystem
 
 #: Terms of the exponential series after scaling, and the number of squarings.
 TERMS, SQUARINGS = 8, 4
 
 
 @lru_cache(maxsize=16)
-def _derivatives(system):
+def _derivatives(
+    system: PartitionedSystem,
+) -> tuple[Callable[[np.ndarray], np.ndarray], Callable[[np.ndarray], np.ndarray]]:
     """Return (f, J), functions of states (q, p) given as an array (2 d, n).
 
     f gives the vector field, array (2 d, n); J gives its Jacobian, array (n, 2 d, 2 d).
@@ -34,13 +41,13 @@ def _derivatives(system):
     J = sp.lambdify(variables, list(jacobian), modules="numpy", cse=True)
     m = len(variables)
 
-    def stack(function, y):
+    def stack(function: Callable[..., Any], y: np.ndarray) -> np.ndarray:
         return np.stack([np.broadcast_to(x, y.shape[1]).astype(float) for x in function(*y)], axis=-1)
 
     return lambda y: stack(f, y).T, lambda y: stack(J, y).reshape(-1, m, m)
 
 
-def exponent(system, t, q, p) -> float:
+def exponent(system: PartitionedSystem, t: np.ndarray, q: np.ndarray, p: np.ndarray) -> float:
     """Return the largest Lyapunov exponent of an orbit from its rows at times t (n,), q and p (n, d).
 
     It is in units of 1 / t, and NaN if a row is not finite.

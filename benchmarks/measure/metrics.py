@@ -9,8 +9,12 @@ Source: N. R. Draper, H. Smith, Applied Regression Analysis (1998), 1.4 (the int
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 CONFIDENCE = 0.95
 #: Windows whose slope has a narrower half-interval count as equally good; the longest of them is taken.
@@ -53,7 +57,7 @@ class InvariantError:
     end: float
 
 
-def slope(x, y) -> Slope:
+def slope(x: ArrayLike, y: ArrayLike) -> Slope:
     """Return the least-squares slope of y on x, arrays (n,) with n >= 3, with its 95 % interval.
 
     Raises ValueError for fewer points or if all x are equal.
@@ -71,12 +75,12 @@ def slope(x, y) -> Slope:
     return Slope(float(value), float(value - half), float(value + half))
 
 
-def power(h, error) -> Slope:
+def power(h: ArrayLike, error: ArrayLike) -> Slope:
     """Fit error = C h^p to arrays (n,) of n >= 3 positive numbers, and return the exponent p with its 95 % interval."""
     return slope(np.log(h), np.log(error))
 
 
-def order(h, error, noise: float = 0.0, ceiling: float = np.inf) -> Order:
+def order(h: ArrayLike, error: ArrayLike, noise: float = 0.0, ceiling: float = np.inf) -> Order:
     """Return the observed order of convergence of ``error`` as the step h falls, in the asymptotic window.
 
     A line is fitted to each run of at least 3 neighbouring points; the window is the run with the narrowest interval of
@@ -116,12 +120,12 @@ def order(h, error, noise: float = 0.0, ceiling: float = np.inf) -> Order:
     return best or Order(nan, nan, nan, nan, nan, 0)
 
 
-def invariant_error(values) -> InvariantError:
+def invariant_error(values: ArrayLike) -> InvariantError:
     """Return the error of an invariant along a trajectory, values (n,), against its first value; NaN if one is NaN."""
     error = np.asarray(values) - np.asarray(values)[0]
     return InvariantError(np.max(np.abs(error)), error[-1])
 
 
-def refinement_difference(coarse, fine):
+def refinement_difference(coarse: ArrayLike, fine: ArrayLike) -> float:
     """Return the max norm of the difference of two states (q, p), reached with steps h (``coarse``) and h/2."""
     return np.max(np.abs(np.asarray(coarse) - np.asarray(fine)))

@@ -8,9 +8,11 @@ vector field with the methods.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from fractions import Fraction
 from functools import cache, partial
+from typing import TYPE_CHECKING, Any
 
 import mpmath
 import numpy as np
@@ -36,6 +38,12 @@ from .battery import (
 from .metrics import order
 from .step_map import jacobian, pair_defect, restricted, return_distance, symplecticity_defect, volume
 
+if TYPE_CHECKING:
+    from phasebench.integrators.systems.hamiltonian import PartitionedSystem
+    from phasebench.integrators.values.kinds import Number
+
+    from .metrics import Order
+
 DIGITS = 40
 SPAN = Fraction(1, 256)
 LADDER = (1, 2, 3, 4)
@@ -60,7 +68,7 @@ AMPLIFIED = sum(
 )
 
 
-def extrapolate(f, y, T):
+def extrapolate(f: Callable[[np.ndarray], np.ndarray], y: np.ndarray, T: Number) -> tuple[np.ndarray, Number]:
     """Solve y' = f(y) from y over a time T, by extrapolation of the explicit midpoint rule (W. B. Gragg 1965).
 
     Returns (y(T), its uncertainty in the max norm), y being an array of multiprecision numbers.
@@ -84,7 +92,9 @@ def extrapolate(f, y, T):
     return end, max(abs(end - rows[-1][-2])) + round_off
 
 
-def flow(system, y, T, pieces=8):
+def flow(
+    system: PartitionedSystem, y: np.ndarray | Sequence[Number], T: Fraction | Number, pieces: int = 8
+) -> tuple[np.ndarray, Number]:
     """Return (y(T), its uncertainty) of a system's flow from y = (q, p), by `extrapolate` on ``pieces`` parts of T."""
     f = system.vector_field(MULTIPRECISION)
     y, T, doubt = vector(y), to_number(T, MULTIPRECISION), 0
@@ -99,7 +109,7 @@ def digits(record: Method) -> int:
     return max(DIGITS, 8 * record.order)
 
 
-def start(name):
+def start(name: str) -> tuple[PartitionedSystem, np.ndarray]:
     """Return (system, state (q, p)) of a test system, ``name`` in `battery.SYSTEMS`, in the working precision.
 
     The state is on the system's orbit away from turning points, at which symmetry would raise the observed order.
@@ -108,7 +118,7 @@ def start(name):
 
 
 @cache
-def _start(name, digits):
+def _start(name: str, digits: int) -> tuple[PartitionedSystem, np.ndarray]:
     system, q, p = SYSTEMS[name]()
     y = vector([*q, *p])
     if name not in ("tao", "coupled", "two-frequencies"):
@@ -116,7 +126,7 @@ def _start(name, digits):
     return system, y
 
 
-def reference(name):
+def reference(name: str) -> tuple[PartitionedSystem, np.ndarray, np.ndarray, Number]:
     """Return (system, initial state, state at time `SPAN`, its uncertainty) of a test system, in working precision.
 
     ``name`` is a key of `battery.SYSTEMS`; the later state is computed by extrapolation (`flow`).
@@ -125,17 +135,19 @@ def reference(name):
 
 
 @cache
-def _reference(name, digits):
+def _reference(name: str, digits: int) -> tuple[PartitionedSystem, np.ndarray, np.ndarray, Number]:
     system, y = start(name)
     return system, y, *flow(system, y, SPAN)
 
 
-def displacement():
+def displacement() -> Number:
     """Return the displacement for a Jacobian by fourth-order differences: the working round-off to the power 1/5."""
     return epsilon(MULTIPRECISION) ** 0.2
 
 
-def advance(system, record, y, h, steps=1):
+def advance(
+    system: PartitionedSystem, record: Method, y: np.ndarray, h: Fraction | Number, steps: int = 1
+) -> np.ndarray:
     """Return the state after ``steps`` steps h of a method from y = (q, p), array (2 d,), in multiprecision.
 
     Raises ArithmeticError if the integration fails.
@@ -165,7 +177,7 @@ def ladder(record: Method) -> tuple[int, ...]:
     return FIELD_LADDER if record.family == "field" else LADDER
 
 
-def retraction(system):
+def retraction(system: PartitionedSystem) -> Callable[[np.ndarray], np.ndarray] | None:
     """Make the map from states (2 d,) near a system's constraint manifold to states on it; None without constraints."""
     if not system.constrained:
         return None
@@ -228,7 +240,7 @@ def cells(what: str) -> list[tuple[str, str]]:
     return [(m.label, n) for m in methods().values() for n in CELLS[what][1](m)]
 
 
-def measure(what: str, label: str, name: str):
+def measure(what: str, label: str, name: str) -> dict | float | str:
     """Make the measurement ``what`` of the method with a label on the test system ``name``, and return its result.
 
     ``what`` is "orders", "symplecticity", "symmetry" or "volume".  If the measurement fails, the result is the error's
@@ -259,7 +271,7 @@ def everywhere(what: str) -> dict:
     return out
 
 
-def frozen():
+def frozen() -> dict[str, dict[str, dict[str, float]]]:
     """Repeat a step of the energy-preserving Schemes IV and V by Schemes I and III with the same parameter lambda.
 
     In each step Schemes IV and V choose lambda so that H is conserved; Schemes I and III are the same with lambda
@@ -284,7 +296,7 @@ def frozen():
     return out
 
 
-def adjoint():
+def adjoint() -> dict[str, dict[str, dict[str, float]]]:
     """Measure whether the adjoint of a method with a parameter lam is the same method with 1 - lam.
 
     Returns {method's label: {system: {adjoint, itself}}}, two distances from the start: after a step h of the method at
@@ -302,7 +314,9 @@ def adjoint():
     return out
 
 
-def leaves(data, path=()):
+def leaves(
+    data: tuple[Any, ...], path: tuple[int, ...] = ()
+) -> Iterator[tuple[tuple[int, ...], float | Fraction | mpmath.mpf]]:
     """Yield (path, number) for every coefficient in a method's nested tuples ``data`` that is not an integer.
 
     A path is a tuple of indices, one for each level of the tuples.
@@ -314,13 +328,13 @@ def leaves(data, path=()):
             yield (*path, i), x
 
 
-def replace_at(data, path, value):
+def replace_at(data: tuple[Any, ...], path: Sequence[int], value: Number) -> tuple[Any, ...]:
     """Return a copy of nested tuples ``data`` with another value at ``path``, a sequence of indices."""
     i, *rest = path
     return (*data[:i], replace_at(data[i], rest, value) if rest else value, *data[i + 1 :])
 
 
-def perturbation_effects():
+def perturbation_effects() -> dict[str, dict]:
     """Measure how much a relative perturbation of each coefficient by `SLIP` changes a step of its method.
 
     Shows whether a misprint in a coefficient would be detected.  Returns {method's id: {system, error, rows}}, where
@@ -345,7 +359,7 @@ def perturbation_row(record: Method, name: str) -> dict:
     system, y = start(name)
     end = flow(system, y, SHORT_STEP, pieces=1)[0]
 
-    def error(m):
+    def error(m: Method) -> float:
         return float(max(abs(advance(system, m, y, SHORT_STEP) - end)))
 
     right, rows = error(record), []
@@ -358,7 +372,7 @@ def perturbation_row(record: Method, name: str) -> dict:
     return {"system": name, "error": right, "rows": rows}
 
 
-def control_errors():
+def control_errors() -> dict[str, dict[str, dict]]:
     """Measure the errors of methods with a wrong first coefficient, 1/8 too large: a negative control of the orders.
 
     One method of each family that has coefficients is taken.  Returns {method's id: {system: result of `errors`}}.
@@ -372,7 +386,7 @@ def control_errors():
     return out
 
 
-def observed_order(row):
+def observed_order(row: Mapping[str, Any]) -> Order:
     """Return the observed order (`metrics.Order`) from ``row``, a result of `errors`: {h, error, doubt}.
 
     Errors up to ten times the reference's uncertainty, ``doubt``, are left out.

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from functools import lru_cache
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import sympy as sp
@@ -21,6 +22,10 @@ from phasebench.integrators.errors import unknown_name
 from . import lyapunov
 from .body_quantities import of_bodies, position
 from .quantities import ENERGY, GENERAL, PARTS, Quantity, scale
+
+if TYPE_CHECKING:
+    from phasebench.benchmarks.problems.base import Problem
+    from phasebench.integrators.systems.hamiltonian import PartitionedSystem
 
 #: Number of rows for an average and an exponent.
 AVERAGED = 4000
@@ -34,7 +39,7 @@ def _angle(y: Callable, x: Callable, name: str, about: str) -> Quantity:
     x and y are functions of (problem, q, p); ``name`` and ``about`` are the quantity's name and description.
     """
 
-    def values(problem, t, q, p) -> np.ndarray:
+    def values(problem: Problem, t: np.ndarray, q: np.ndarray, p: np.ndarray) -> np.ndarray:
         return np.arctan2(y(problem, q[-1:], p[-1:]), x(problem, q[-1:], p[-1:]))
 
     return Quantity(name, about, "rad", values, angle=True)
@@ -44,8 +49,8 @@ def _polar(name: str, about: str) -> Quantity:
     return _angle(lambda problem, q, p: q[:, 1], lambda problem, q, p: q[:, 0], name, about)
 
 
-def _laplace(component: int):
-    def value(problem, q, p) -> np.ndarray:
+def _laplace(component: int) -> Callable[[Problem, np.ndarray, np.ndarray], np.ndarray]:
+    def value(problem: Problem, q: np.ndarray, p: np.ndarray) -> np.ndarray:
         L = q[:, 0] * p[:, 1] - q[:, 1] * p[:, 0]
         r = np.hypot(q[:, 0], q[:, 1])
         return (p[:, 1] * L if component == 0 else -p[:, 0] * L) - q[:, component] / r
@@ -59,7 +64,7 @@ DRIFT_ANGLE = _polar("drift-angle", "the polar angle of the particle about the o
 AZIMUTH = Quantity("azimuth", "the angle phi, all turns, at the end", "rad", lambda problem, t, q, p: q[-1, 2:3])
 
 
-def _rotation(problem, t, q, p) -> np.ndarray:
+def _rotation(problem: Problem, t: np.ndarray, q: np.ndarray, p: np.ndarray) -> np.ndarray:
     omega = float(problem.system.frequencies[0])
     return np.arctan2(-p[-1:, 0], omega * q[-1:, 0])
 
@@ -76,7 +81,7 @@ def _longitude(name: str, body: int) -> Quantity:
     )
 
 
-def _oscillatory(problem, t, q, p) -> np.ndarray:
+def _oscillatory(problem: Problem, t: np.ndarray, q: np.ndarray, p: np.ndarray) -> np.ndarray:
     from phasebench.benchmarks.problems.fpu import oscillatory_energies
 
     total = sum(problem.system.observe(e, q, p) for e in oscillatory_energies(problem))
@@ -93,7 +98,7 @@ ADIABATIC = Quantity(
 
 
 @lru_cache(maxsize=16)
-def _section_flow(system):
+def _section_flow(system: PartitionedSystem) -> Any:
     import heyoka as hy
 
     from phasebench.reference.solvers import taylor
@@ -103,7 +108,7 @@ def _section_flow(system):
     return hy.taylor_adaptive(plain.sys, np.zeros(2 * system.d), t_events=[event])
 
 
-def _section(problem, t, q, p) -> np.ndarray:
+def _section(problem: Problem, t: np.ndarray, q: np.ndarray, p: np.ndarray) -> np.ndarray:
     from phasebench.reference.solvers import taylor
 
     flow = _section_flow(problem.system)
@@ -123,12 +128,12 @@ SECTION = Quantity(
 )
 
 
-def _average(problem, t, q, p) -> np.ndarray:
+def _average(problem: Problem, t: np.ndarray, q: np.ndarray, p: np.ndarray) -> np.ndarray:
     T = problem.system.observe(kinetic(problem), q, p)
     return np.array([np.trapezoid(T, t) / (t[-1] - t[0]) / scale(problem)])
 
 
-def kinetic(problem) -> sp.Expr:
+def kinetic(problem: Problem) -> sp.Expr:
     """Return the sum of the terms of a problem's H that contain momenta, as an expression."""
     momenta = set(problem.system.p)
     return sp.Add(*(e for e in sp.Add.make_args(sp.expand(problem.system.H)) if e.free_symbols & momenta))
@@ -169,7 +174,7 @@ NAMED: dict[str, tuple[Quantity, ...]] = {
 }
 
 
-def problem_quantities(problem) -> Iterator[Quantity]:
+def problem_quantities(problem: Problem) -> Iterator[Quantity]:
     """Yield the quantities special to a problem: those of all its orbits, of its chosen orbit, and of its bodies."""
     id, label = getattr(problem, "id", ""), getattr(problem, "label", "")
     yield from NAMED.get(id, ())
@@ -178,13 +183,13 @@ def problem_quantities(problem) -> Iterator[Quantity]:
     yield from of_bodies(problem)
 
 
-def quantities(problem) -> Mapping[str, Quantity]:
+def quantities(problem: Problem) -> Mapping[str, Quantity]:
     """Return name -> quantity for a problem: end state, trajectory and energy, then those special to the problem."""
     general = [x for x in GENERAL if x is not ENERGY or getattr(problem.system, "H", None) is not None]
     return {x.name: x for x in (*general, *problem_quantities(problem))}
 
 
-def quantity(problem, name: str) -> Quantity:
+def quantity(problem: Problem, name: str) -> Quantity:
     """Return the quantity of a problem with this name; raise InvalidInput, with the nearest known name, if unknown."""
     known = quantities(problem)
     if name not in known:

@@ -21,7 +21,7 @@ Source: Hairer, Lubich, Wanner, Geometric Numerical Integration (2006), I.5 and 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
@@ -104,7 +104,7 @@ class Found:
 
 
 @lru_cache(maxsize=1)
-def _oscillator():
+def _oscillator() -> Problem:
     return problem_of(PROBLEM)
 
 
@@ -133,7 +133,7 @@ def _prepare(record: Method, problem: Any) -> PreparedRun:
     return _last[1]
 
 
-def end(chosen: Integrator, z: float, steps: int, state=(1.0, 0.0)) -> np.ndarray | None:
+def end(chosen: Integrator, z: float, steps: int, state: Sequence[float] = (1.0, 0.0)) -> np.ndarray | None:
     """Return the oscillator's state (q, p), array (2,), after ``steps`` steps z = h omega from ``state``.
 
     It may be infinite or NaN; None if a step fails.

@@ -24,7 +24,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -40,6 +40,12 @@ from phasebench.integrators.systems.magnetic import CLASSICAL
 from phasebench.reference.peers.run import ending
 
 from . import particle_step
+
+if TYPE_CHECKING:
+    from phasebench.benchmarks.problems.base import Problem
+    from phasebench.integrators.keywords import State
+    from phasebench.integrators.request import Request
+    from phasebench.integrators.systems.hamiltonian import PartitionedSystem
 
 Floats = NDArray[np.float64]
 
@@ -70,7 +76,7 @@ class OwnStep:
     parameters = {}  # noqa: RUF012
     tangent = one_step = True
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if particle_step.TRAIT in self.requires and particle_step.in_velocities(self.step):
             object.__setattr__(self, "step", particle_step.InMomenta(self.step))
 
@@ -84,7 +90,7 @@ class OwnStep:
         """The claimed order, or None."""
         return self.claims.get("order")
 
-    def lacks(self, system) -> str | None:
+    def lacks(self, system: PartitionedSystem) -> str | None:
         """Return the reason why the step cannot run on ``system``, or None if it can.
 
         Raises InvalidInput for a required trait that does not exist.
@@ -98,7 +104,7 @@ class OwnStep:
         kinds = () if CONSTRAINED in self.requires else ("canonical",)
         return record.lacks(self.id, (*kinds, *self.requires), system)
 
-    def __reduce__(self):
+    def __reduce__(self) -> tuple[Callable[..., OwnStep], tuple[Any, ...]]:
         """Pickle a step from a file by its path, so that the receiving process reads the file again."""
         if self.again is not None:
             return self.again, (self.id,)
@@ -127,7 +133,7 @@ class System:
     whole : the underlying system
     """
 
-    def __init__(self, system: Any):
+    def __init__(self, system: Any) -> None:
         self.d: int
         self.d, self.evaluations, self.whole = system.d, [0, 0], system
         free = system.free if system.constrained else system
@@ -236,7 +242,7 @@ def find_step(path: str, name: str) -> tuple[Any, Callable]:
     return owner, found
 
 
-def build_own_step(path: str, module, function: Callable) -> OwnStep:
+def build_own_step(path: str, module: object, function: Callable) -> OwnStep:
     """Make an `OwnStep` of a user's function, with the CLAIMS and REQUIRES of its owner, a module or an object.
 
     ``path`` becomes its id.  Raises InvalidInput for malformed CLAIMS or REQUIRES.
@@ -251,7 +257,17 @@ def build_own_step(path: str, module, function: Callable) -> OwnStep:
 
 
 def integrate_step(
-    problem, own: OwnStep, *, h=None, t_end=None, steps=None, t0=0.0, q0=None, p0=None, save_every=1, timeout=None
+    problem: Problem | PartitionedSystem,
+    own: OwnStep,
+    *,
+    h: float | None = None,
+    t_end: float | None = None,
+    steps: int | None = None,
+    t0: float = 0.0,
+    q0: State | None = None,
+    p0: State | None = None,
+    save_every: int = 1,
+    timeout: float | None = None,
 ) -> Solution:
     """Integrate ``problem`` with a user's own step, at constant h.
 
@@ -300,7 +316,9 @@ def integrate_step(
     return Solution(times[:kept], q, p, status, reason, counts, asked.h, own, unknown, seconds, problem)
 
 
-def _steps(step, seen: System, asked, rows, deadline) -> tuple[int, int, bool]:
+def _steps(
+    step: Callable[..., tuple[Any, Any]], seen: System, asked: Request, rows: np.ndarray, deadline: float | None
+) -> tuple[int, int, bool]:
     """Take the steps of a run, and save states in ``rows``; return (rows filled, steps taken, True if time ran out).
 
     ``asked`` is the checked request (q, p, h, steps, every), ``rows`` an array (2, n, d) of q and p, ``deadline`` a
@@ -334,7 +352,7 @@ def _frozen(x: np.ndarray) -> np.ndarray:
     return x.view()
 
 
-def check_pair(pair, d: int) -> tuple[np.ndarray, np.ndarray]:
+def check_pair(pair: Any, d: int) -> tuple[np.ndarray, np.ndarray]:
     """Check what a user's step returned, and copy it to new arrays q, p (d,).
 
     Raises InvalidInput unless ``pair`` holds two arrays (d,) of real numbers.
@@ -345,7 +363,7 @@ def check_pair(pair, d: int) -> tuple[np.ndarray, np.ndarray]:
     return _vector(pair[0], "step returned q", d), _vector(pair[1], "step returned p", d)
 
 
-def _vector(x, what: str, d: int) -> np.ndarray:
+def _vector(x: Any, what: str, d: int) -> np.ndarray:
     """Return x as a new array (d,) of doubles.
 
     Raises InvalidInput, with a message that begins with ``what``, if x is no such array.
@@ -361,7 +379,7 @@ def _vector(x, what: str, d: int) -> np.ndarray:
     return vector
 
 
-def _short_text(x) -> str:
+def _short_text(x: object) -> str:
     """Return a value as short text for an error message."""
     text = repr(x)
     return text if len(text) <= 60 else f"{type(x).__name__} {text[:60]} ..."

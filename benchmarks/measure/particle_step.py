@@ -19,13 +19,20 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from phasebench.integrators.compile import codegen
 from phasebench.integrators.compile.codegen import DOUBLE, to_number
 from phasebench.integrators.systems import magnetic
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from phasebench.benchmarks.certificate.stepping import Exact
+    from phasebench.benchmarks.measure.own_step import System
+    from phasebench.integrators.values.kinds import Number, Value
 
 #: The trait that such a step requires.
 TRAIT = "magnetic"
@@ -44,41 +51,41 @@ class Particle:
 
     d = 3
 
-    def __init__(self, system: Any, arithmetic: str, evaluations: list[int]):
+    def __init__(self, system: Any, arithmetic: str, evaluations: list[int]) -> None:
         self.evaluations, self._arithmetic, self._plane = evaluations, arithmetic, system.d == 2
         self._fields, self._shift = magnetic.fields(system, arithmetic), magnetic.shift(system, arithmetic)
         self._energy = system.energy(arithmetic)
         self._mass = to_number(magnetic.constants(system)[0], arithmetic)
 
-    def E(self, x) -> np.ndarray:
+    def E(self, x: ArrayLike) -> np.ndarray:
         """The electric field at x, times charge / mass."""
         self.evaluations[0] += 1
         return self._spatial(self._call(self._fields, x)[0])
 
-    def B(self, x) -> np.ndarray:
+    def B(self, x: ArrayLike) -> np.ndarray:
         """The magnetic field at x, times charge / mass."""
         self.evaluations[1] += 1
         B = self._array(self._call(self._fields, x)[1])
         return np.array([0 * B[0], 0 * B[0], B[0]], dtype=B.dtype) if self._plane else B
 
-    def H(self, x, v):
+    def H(self, x: ArrayLike, v: ArrayLike) -> Number:
         """The energy at x, v."""
         q = self._value(x)
         return self._energy(q, self._value(self.momentum(x, v)))[0]
 
-    def momentum(self, x, v) -> np.ndarray:
+    def momentum(self, x: ArrayLike, v: ArrayLike) -> np.ndarray:
         """The canonical momentum p = m v + A(x), array (d,) with d = 2 for motion in the plane, else 3."""
         return self._mass * (self._array(self._value(v)) + self._array(self._call(self._shift, x)))
 
-    def state(self, q, p) -> tuple[np.ndarray, np.ndarray]:
+    def state(self, q: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return position and velocity (x, v), arrays (3,), of the canonical state q, p, arrays (d,)."""
         v = np.asarray(p) / self._mass - self._array(self._call(self._shift, q))
         return self._spatial(q), self._spatial(v)
 
-    def _call(self, function: Callable, x):
+    def _call(self, function: Callable, x: ArrayLike) -> Any:
         return function(self._value(x))
 
-    def _value(self, x):
+    def _value(self, x: ArrayLike) -> Value:
         """The first d components of the position x, in the form that the system's compiled functions take."""
         d = 2 if self._plane else 3
         x = np.asarray(x)[:d]
@@ -86,10 +93,10 @@ class Particle:
             return codegen.vector(x)
         return tuple(map(float, x)) if codegen.compiled() else np.array(x, float)
 
-    def _array(self, x) -> np.ndarray:
+    def _array(self, x: ArrayLike) -> np.ndarray:
         return np.array(x, dtype=float if self._arithmetic == DOUBLE else object)
 
-    def _spatial(self, x) -> np.ndarray:
+    def _spatial(self, x: ArrayLike) -> np.ndarray:
         x = self._array(x)
         return np.append(x, 0 * x[0]) if self._plane else x
 
@@ -97,10 +104,10 @@ class Particle:
 class InMomenta:
     """A step (system, q, p, h) -> (q, p) made from a user's step (particle, x, v, h) -> (x, v)."""
 
-    def __init__(self, step: Callable[..., tuple[Any, Any]]):
+    def __init__(self, step: Callable[..., tuple[Any, Any]]) -> None:
         self.step, self.__name__ = step, getattr(step, "__name__", type(step).__name__)
 
-    def __call__(self, system, q, p, h):
+    def __call__(self, system: System | Exact, q: np.ndarray, p: np.ndarray, h: Number) -> Any:
         """Convert q, p to x, v, take the user's step, and return (q, p); an invalid result is returned as it is."""
         particle = system.particle
         x, v = particle.state(q, p)

@@ -14,12 +14,18 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import inf, pi
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import sympy as sp
 
 from phasebench.integrators.driver import OK
+
+if TYPE_CHECKING:
+    from types import SimpleNamespace
+
+    from phasebench.benchmarks.problems.base import Problem
+    from phasebench.integrators.solution import Solution
 
 #: Number of times for the error of a trajectory, and number of rows for a maximum or an average.
 PARTS, ROWS = 20, 997  # a prime, so that no period is looked at in few phases
@@ -91,22 +97,22 @@ class Truth(NamedTuple):
     rounding: float = 0.0
 
 
-def _end_state(problem, t, q, p) -> np.ndarray:
+def _end_state(problem: Problem, t: np.ndarray, q: np.ndarray, p: np.ndarray) -> np.ndarray:
     return np.concatenate([q[-1], p[-1]])
 
 
-def _trajectory(problem, t, q, p) -> np.ndarray:
+def _trajectory(problem: Problem, t: np.ndarray, q: np.ndarray, p: np.ndarray) -> np.ndarray:
     return np.concatenate([q[1:], p[1:]], axis=1).ravel()
 
 
-def scale(problem) -> float:
+def scale(problem: Problem) -> float:
     """Return the sum of the absolute values of the terms of a problem's H at the start, the unit of energy errors."""
     system = problem.system
     start = np.array([problem.q0]), np.array([problem.p0])
     return float(sum(abs(system.observe(term, *start)[0]) for term in sp.Add.make_args(system.H)))
 
 
-def _energy(problem, t, q, p) -> np.ndarray:
+def _energy(problem: Problem, t: np.ndarray, q: np.ndarray, p: np.ndarray) -> np.ndarray:
     H = problem.system.observe(problem.system.H, q, p)
     return np.array([np.abs(H - H[0]).max() / scale(problem)])
 
@@ -128,7 +134,7 @@ ENERGY = Quantity(
 GENERAL = (END_STATE, TRAJECTORY, ENERGY)
 
 
-def rows_of(quantity: Quantity, solution) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def rows_of(quantity: Quantity, solution: Solution | SimpleNamespace) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return (t, q, p), arrays (n,), (n, d), (n, d), of a solution's first row and of the rows a quantity needs.
 
     These are all rows if the quantity needs no equidistant ones.  Raises ValueError if equidistant rows are missing.
@@ -143,7 +149,7 @@ def rows_of(quantity: Quantity, solution) -> tuple[np.ndarray, np.ndarray, np.nd
     return t[at], q[at], p[at]
 
 
-def values(problem, quantity: Quantity, solution) -> np.ndarray:
+def values(problem: Problem, quantity: Quantity, solution: Solution | SimpleNamespace) -> np.ndarray:
     """Compute the values of a quantity, array (m,), from a solution with rows ``t``, ``q``, ``p``."""
     with np.errstate(all="ignore"):
         return np.asarray(quantity.values(problem, *rows_of(quantity, solution)), float)
@@ -161,7 +167,9 @@ def distance(quantity: Quantity, one: np.ndarray, other: np.ndarray) -> float:
     return worst if np.isfinite(worst) else inf
 
 
-def error(problem, quantity: Quantity, solution, reference: Truth | None = None) -> float:
+def error(
+    problem: Problem, quantity: Quantity, solution: Solution | SimpleNamespace, reference: Truth | None = None
+) -> float:
     """Return the error of a quantity computed from a solution; infinite if the run did not reach its end.
 
     Parameters

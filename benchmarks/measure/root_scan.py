@@ -50,7 +50,7 @@ class _Forces:
     inverse_mass : array (d, d), the inverse mass matrix of T
     """
 
-    def __init__(self, found: Problem):
+    def __init__(self, found: Problem) -> None:
         self.system = system = found.system
         if not getattr(system, "quadratic_kinetic", False):
             raise ValueError("the scan is written for a separable H with quadratic T")
@@ -58,14 +58,16 @@ class _Forces:
         self.second = [[sp.diff(g, y) for y in system.q] for g in self.first]
         self.inverse_mass = np.array(sp.hessian(system.kinetic, system.p).tolist(), float)
 
-    def gradient(self, Q):
+    def gradient(self, Q: np.ndarray) -> np.ndarray:
         return np.stack([self.system.observe(e, Q, Q) for e in self.first], axis=1)
 
-    def hessian(self, Q):
+    def hessian(self, Q: np.ndarray) -> np.ndarray:
         return np.stack([np.stack([self.system.observe(e, Q, Q) for e in row], axis=1) for row in self.second], axis=1)
 
 
-def _substep(forces: _Forces, Q, P, h, lam, k):
+def _substep(
+    forces: _Forces, Q: np.ndarray, P: np.ndarray, h: float, lam: float, k: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Take a substep of size h of the scheme at every row of Q, P (n, d), at the parameter lambda = ``lam``.
 
     The stage equation is solved for k (n, d) by Newton's method from a given k.  Returns (Q after the substep, P after
@@ -89,7 +91,16 @@ def _substep(forces: _Forces, Q, P, h, lam, k):
     return Q + h * (V + lam * h * (k @ M)), P + h * k, k, good
 
 
-def scan(found: Problem, scheme: str, h: float, Q, P, H0: float, reach: float = 60.0, spacing: float = 0.02) -> Scan:
+def scan(
+    found: Problem,
+    scheme: str,
+    h: float,
+    Q: np.ndarray,
+    P: np.ndarray,
+    H0: float,
+    reach: float = 60.0,
+    spacing: float = 0.02,
+) -> Scan:
     """Find every root lambda in [1/2 - reach, 1/2 + reach] of the energy equation, for steps h from n states.
 
     Parameters
@@ -132,7 +143,7 @@ def scan(found: Problem, scheme: str, h: float, Q, P, H0: float, reach: float = 
     return Scan(h, merged, ends[-1], ends[1])
 
 
-def along(found: Problem, scheme: str, h: float, t_end: float, every: int = 1, **options) -> Scan:
+def along(found: Problem, scheme: str, h: float, t_end: float, every: int = 1, **options: float) -> Scan:
     """Integrate by Scheme IV or V to ``t_end``, and find all roots lambda of every Nth step (N = ``every``).
 
     ``scheme`` is "scheme-iv" or "scheme-v"; ``options`` are reach and spacing of `scan`.

@@ -11,12 +11,18 @@ Source: Hairer, Lubich, Wanner, Geometric Numerical Integration (2006), V.1 and 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
-def jacobian(step: Callable, y, delta=None):
+    from phasebench.integrators.values.kinds import Number
+
+
+def jacobian(step: Callable, y: ArrayLike, delta: Number | None = None) -> np.ndarray:
     """Return the Jacobian (m, m) of a map ``step`` on arrays (m,) at y, by fourth-order central differences.
 
     ``delta`` is the displacement, by default the fifth root of the round-off of doubles; the error is then about 1e-12
@@ -34,7 +40,7 @@ def jacobian(step: Callable, y, delta=None):
     return np.array(columns).T
 
 
-def form_residual(M):
+def form_residual(M: ArrayLike) -> np.ndarray:
     """Return M^T J M - J for M of shape (2 d, 2 d) in the order (q, p); raise ValueError for other shapes."""
     M = np.asarray(M)
     d, odd = divmod(len(M), 2)
@@ -44,12 +50,12 @@ def form_residual(M):
     return M.T @ (J @ M) - J
 
 
-def symplecticity_defect(M):
+def symplecticity_defect(M: ArrayLike) -> Number:
     """Return the largest |M^T J M - J| over the entries, for M of shape (2 d, 2 d) in the order (q, p)."""
     return np.max(np.abs(form_residual(M)))
 
 
-def symplecticity(step: Callable, y, *displacements) -> tuple[float, float]:
+def symplecticity(step: Callable, y: ArrayLike, *displacements: Number) -> tuple[float, float]:
     """Return (max |M^T J M - J|, its change from the first to the last displacement), M the Jacobian of a step at y.
 
     M is computed by finite differences with each of the ``displacements``; the defect is that with the first, and the
@@ -59,7 +65,7 @@ def symplecticity(step: Callable, y, *displacements) -> tuple[float, float]:
     return float(np.abs(residuals[0]).max()), float(np.abs(residuals[-1] - residuals[0]).max())
 
 
-def determinant(M):
+def determinant(M: ArrayLike) -> Number:
     """Return the determinant of M, an array (m, m) of doubles or multiprecision numbers, by elimination with pivots."""
     M, found = np.array(M), 1
     for k in range(len(M)):
@@ -73,7 +79,7 @@ def determinant(M):
     return found
 
 
-def volume(step: Callable, y, *displacements) -> tuple[float, float]:
+def volume(step: Callable, y: ArrayLike, *displacements: Number) -> tuple[float, float]:
     """Return (|det M - 1|, its change from the first to the last displacement), M the Jacobian of a step at y.
 
     M is computed by finite differences with each of the ``displacements``; the defect is that with the first.
@@ -82,7 +88,7 @@ def volume(step: Callable, y, *displacements) -> tuple[float, float]:
     return float(abs(found[0])), float(abs(found[-1] - found[0]))
 
 
-def restricted(step: Callable, retract: Callable, y, delta=None):
+def restricted(step: Callable, retract: Callable, y: ArrayLike, delta: Number | None = None) -> np.ndarray:
     """Return M^T J M - N^T J N, array (2 d, 2 d): how a step changes the two-form on a manifold.
 
     ``retract`` maps states near y to states on the manifold.  N is its Jacobian at y, whose columns are tangents of the
@@ -92,7 +98,9 @@ def restricted(step: Callable, retract: Callable, y, delta=None):
     return form_residual(M) - form_residual(N)
 
 
-def pair_symplecticity(step: Callable, y, pairs, *displacements) -> tuple[float, float]:
+def pair_symplecticity(
+    step: Callable, y: np.ndarray, pairs: Sequence[tuple[np.ndarray, np.ndarray]], *displacements: Number
+) -> tuple[float, float]:
     """Measure by how much a step changes the canonical two-form: omega(M u, M v) - omega(u, v), M its Jacobian at y.
 
     The change is relative to the sizes of the terms of omega, and takes four steps per vector in any dimension.
@@ -116,14 +124,14 @@ def pair_symplecticity(step: Callable, y, pairs, *displacements) -> tuple[float,
     return float(np.abs(defects[:, 0]).max()), float(np.abs(defects[:, -1] - defects[:, 0]).max())
 
 
-def derivative(step: Callable, y, w, delta):
+def derivative(step: Callable, y: np.ndarray, w: np.ndarray, delta: Number) -> np.ndarray:
     """Return the derivative of a map at y along w, by fourth-order central differences with displacement delta."""
     near = step(y + delta * w) - step(y - delta * w)
     far = step(y + 2 * delta * w) - step(y - 2 * delta * w)
     return (8 * near - far) / (12 * delta)
 
 
-def pair_defect(step: Callable, y, retract: Callable | None = None):
+def pair_defect(step: Callable, y: np.ndarray, retract: Callable | None = None) -> Number:
     """Return |omega(M u, M v) - omega(u, v)| for one pair of vectors in general position, M a step's Jacobian at y.
 
     omega is the canonical two-form.  ``retract``, if given, maps states near y to a manifold, to which u and v are then
@@ -149,12 +157,14 @@ def pair_defect(step: Callable, y, retract: Callable | None = None):
     return abs(Mu[:d] @ Mv[d:] - Mu[d:] @ Mv[:d] - (u[:d] @ v[d:] - u[d:] @ v[:d])) / terms
 
 
-def return_distance(there: Callable, back: Callable, y, sizes=1):
+def return_distance(there: Callable, back: Callable, y: np.ndarray, sizes: float | np.ndarray = 1) -> Number:
     """Return the max norm of back(there(y)) - y, with components in units of ``sizes``."""
     return np.max(np.abs((back(there(y)) - y) / sizes))
 
 
-def reversibility_defect(step: Callable, y, rho=None, sizes=1):
+def reversibility_defect(
+    step: Callable, y: ArrayLike, rho: np.ndarray | None = None, sizes: float | np.ndarray = 1
+) -> Number:
     """Return the max norm of rho(step(rho(step(y)))) - y, 0 for a reversible step; components in units of ``sizes``.
 
     ``rho`` (m,) has the signs +-1 of the components of y (m,); by default it reverses p.

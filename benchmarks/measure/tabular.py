@@ -49,7 +49,7 @@ class TabularResult(ABC):
 
     if not TYPE_CHECKING:
 
-        def __getattr__(self, name: str):
+        def __getattr__(self, name: str) -> Any:
             # Until 1.0 results were DataFrames: what one has goes on working for a release.
             if name.startswith("_"):
                 raise AttributeError(f"'{type(self).__name__}' object has no attribute '{name}'")

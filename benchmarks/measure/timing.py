@@ -81,7 +81,7 @@ def time_in_turns(work: Mapping[Hashable, Callable[[], object]], rounds: int = 1
     Returns name -> array (rounds,); a first round is not counted.
     """
 
-    def clock(run):
+    def clock(run: Callable[[], object]) -> Callable[[], float]:
         def seconds() -> float:
             started = time.perf_counter()
             run()

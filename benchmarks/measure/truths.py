@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from math import pi
 from types import SimpleNamespace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -21,6 +22,9 @@ from phasebench.reference.certificates import followed, stored
 from phasebench.reference.certificates.followed import FollowedOrbit
 
 from .quantities import Quantity, Truth, distance, values
+
+if TYPE_CHECKING:
+    from phasebench.benchmarks.problems.base import Problem
 
 #: Safety factor: one of two runs with independent errors is off by more than three times their distance in few cases.
 SAFETY = 3.0
@@ -32,7 +36,7 @@ CERTIFIED, LONG_DOUBLE, ENSEMBLE, NONE = "certified", followed.TAYLOR, "ensemble
 EPS = float(np.finfo(float).eps)
 
 
-def truth(problem, quantity: Quantity, t_end: float) -> Truth:
+def truth(problem: Problem, quantity: Quantity, t_end: float) -> Truth:
     """Return the true value of a quantity of a problem's orbit at, or up to, ``t_end``, with its uncertainty.
 
     It comes from a certified state, from runs in long double or, for a statistical quantity, from an ensemble of nearby
@@ -53,7 +57,7 @@ def truth(problem, quantity: Quantity, t_end: float) -> Truth:
     return of_runs(problem, quantity, followed.follow(problem, times))
 
 
-def of_runs(problem, quantity: Quantity, runs: FollowedOrbit) -> Truth:
+def of_runs(problem: Problem, quantity: Quantity, runs: FollowedOrbit) -> Truth:
     """Return the true value of a quantity, with its uncertainty, from several runs of the orbit in long double.
 
     ``runs`` has two runs at different tolerances, whose distance shows the error, and some with random displacements,
@@ -76,10 +80,10 @@ def _rounding(quantity: Quantity, values: np.ndarray) -> float:
     return EPS * max(float(np.abs(values).max()), pi if quantity.angle else 0.0)
 
 
-def _at_certified(problem, quantity: Quantity, t_end: float, end) -> Truth:
+def _at_certified(problem: Problem, quantity: Quantity, t_end: float, end: stored.End) -> Truth:
     d, state = problem.system.d, np.concatenate([end.q, end.p])
 
-    def at(y) -> np.ndarray:
+    def at(y: np.ndarray) -> np.ndarray:
         return values(problem, quantity, _rows(t_end, problem, y[:d], y[d:]))
 
     found, apart = at(state), 0.0
@@ -89,17 +93,17 @@ def _at_certified(problem, quantity: Quantity, t_end: float, end) -> Truth:
     return Truth(found, float(np.max(apart)) + _rounding(quantity, found), CERTIFIED)
 
 
-def _certified_end(problem, t_end: float):
+def _certified_end(problem: Problem, t_end: float) -> stored.End | None:
     return stored.end(problem, t_end) if hasattr(problem, "orbits") else None
 
 
-def _rows(t, problem, q, p) -> SimpleNamespace:
+def _rows(t: float | np.ndarray, problem: Problem, q: np.ndarray, p: np.ndarray) -> SimpleNamespace:
     """Return an object with t, q, p like a solution's: the problem's initial state, then rows q, p at the times t."""
     t = np.concatenate([[0.0], np.atleast_1d(t)])
     return SimpleNamespace(t=t, q=np.vstack([[problem.q0], q]), p=np.vstack([[problem.p0], p]))
 
 
-def _ensemble(problem, quantity: Quantity, t_end: float) -> Truth:
+def _ensemble(problem: Problem, quantity: Quantity, t_end: float) -> Truth:
     from phasebench.reference.solvers import taylor
 
     flow, rng = taylor.integrator(problem.system, float, ENOUGH), np.random.default_rng(SEED)

@@ -14,6 +14,8 @@ from .index import PROBLEMS, plain, real_parameters
 from .user_file import is_file
 
 if TYPE_CHECKING:
+    from types import ModuleType
+
     from .base import Problem
 
 
@@ -50,21 +52,21 @@ def problem(name: str | Path, **parameters: float | str) -> Problem:
 
 
 @lru_cache(maxsize=128, typed=True)
-def _cached_problem(id: str, /, **parameters) -> Problem:
+def _cached_problem(id: str, /, **parameters: float | str) -> Problem:
     """Return a registered problem, the same object for the same arguments, from the cache on disk if it is there."""
     from .kept import load_or_make
 
     return load_or_make(id, parameters, partial(_build, id, **parameters))
 
 
-def _build(id: str, /, **parameters) -> Problem:
+def _build(id: str, /, **parameters: float | str) -> Problem:
     """Build the problem ``id`` by its module, without the cache on disk; raise InvalidInput for a bad parameter."""
     module = importlib.import_module(f".{PROBLEMS[id][0]}", __name__)
     return _call_make(module, **(module.PARAMETERS | real_parameters(f"problem '{id}'", module.PARAMETERS, parameters)))
 
 
 @lru_cache(maxsize=128, typed=True)
-def _call_make(module, **parameters) -> Problem:
+def _call_make(module: ModuleType, **parameters: float) -> Problem:
     """Call ``module.make`` once for each set of parameter values, and return the same problem after that.
 
     The problem keeps what is derived from its formulae.

@@ -84,7 +84,7 @@ class Problem:
     pace: Pace = PACE
     time_unit: str = ""
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         given = self.invariants
         if isinstance(given, dict) and getattr(self.system, "constrained", False):
             given = given | self.system.bound

@@ -277,7 +277,7 @@ def _central(place: str, row: Mapping[str, object], chosen: tuple[str, ...], fra
     return zero, zero
 
 
-def _of_elements(place: str, row: Mapping[str, object], mu) -> tuple[Vector, Vector]:
+def _of_elements(place: str, row: Mapping[str, object], mu: mpmath.mpf) -> tuple[Vector, Vector]:
     """Return (position, velocity) about the central body from a row of orbital elements, angles in degrees.
 
     mu is G times the sum of both masses; ``place`` is where the row stands.  Raises InvalidInput for an orbit that is
@@ -300,7 +300,7 @@ def _of_elements(place: str, row: Mapping[str, object], mu) -> tuple[Vector, Vec
     return turn(a * (c - e), a * b * s), turn(-speed * s, speed * b * c)
 
 
-def _anomaly(M, e):
+def _anomaly(M: mpmath.mpf, e: mpmath.mpf) -> mpmath.mpf:
     """Solve Kepler's equation E - e sin E = M for E, |M| <= pi, by Newton's method from above (monotonic there)."""
     E = min(abs(M) + e, mpmath.pi)
     for _ in range(200):
@@ -311,7 +311,7 @@ def _anomaly(M, e):
     return E if M >= 0 else -E
 
 
-def _rotation(inc, node, pericentre) -> Callable[..., Vector]:
+def _rotation(inc: mpmath.mpf, node: mpmath.mpf, pericentre: mpmath.mpf) -> Callable[..., Vector]:
     """Make the function (x, y) -> (X, Y, Z) from an orbit's plane, x towards the pericentre, to space.
 
     Inclination, node and argument of the pericentre are in radians.
@@ -319,7 +319,7 @@ def _rotation(inc, node, pericentre) -> Callable[..., Vector]:
     cO, sO, co, so = mpmath.cos(node), mpmath.sin(node), mpmath.cos(pericentre), mpmath.sin(pericentre)
     ci, si = mpmath.cos(inc), mpmath.sin(inc)
 
-    def turn(x, y) -> Vector:
+    def turn(x: mpmath.mpf, y: mpmath.mpf) -> Vector:
         u, w = co * x - so * y, so * x + co * y
         return cO * u - sO * ci * w, sO * u + cO * ci * w, si * w
 
@@ -330,7 +330,7 @@ def _minus(a: Vector, b: Vector) -> Vector:
     return tuple(x - y for x, y in zip(a, b, strict=True))
 
 
-def _length(a: Vector):
+def _length(a: Vector) -> mpmath.mpf:
     return mpmath.sqrt(mpmath.fsum(x * x for x in a))
 
 

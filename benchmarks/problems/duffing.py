@@ -10,6 +10,8 @@ motion is an elliptic function of time (`exact` gives q and the period):
   :math:`m = 2 + 2\alpha/\beta a^2`, of period :math:`2K(m)/\omega`.
 """
 
+from __future__ import annotations
+
 import mpmath
 import sympy as sp
 
@@ -23,7 +25,9 @@ PARAMETERS = {"alpha": -1.0, "beta": 1.0}
 WELLS = {"one-well": 1.2, "near-separatrix": 1.4142, "both-wells": 1.8}
 
 
-def exact(alpha, beta, a, t):
+def exact(
+    alpha: float | mpmath.mpf, beta: float | mpmath.mpf, a: float | mpmath.mpf, t: float | mpmath.mpf
+) -> tuple[mpmath.mpf, mpmath.mpf]:
     """Return (q(t), period) of the Duffing oscillator from rest at the outer turning point a > 0.
 
     Both are numbers in mpmath's working precision.

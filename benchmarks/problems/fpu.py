@@ -14,7 +14,11 @@ times exponentially long in omega: an adiabatic invariant, not an exact one (`os
 More than ten stiff springs run on hand-written loops instead of derived formulae.
 """
 
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
 from fractions import Fraction
+from typing import TYPE_CHECKING, Any
 
 import sympy as sp
 
@@ -25,18 +29,23 @@ from phasebench.integrators.systems.hand import HandHamiltonian, unit_mass_field
 
 from .base import Orbit, Pace, Problem, decades
 
+if TYPE_CHECKING:
+    import numpy as np
+
+    from phasebench.integrators.values.kinds import Number
+
 PARAMETERS = {"omega": 50.0, "m": 3}
 #: The most stiff springs.
 LARGEST = 5000
 
 
-def grad_V(w2, sign=1):
+def grad_V(w2: Number, sign: int = 1) -> Callable[..., None]:
     """Make the function f(q, g) that writes ``sign`` times the gradient of the springs' potential V(q) to g.
 
     w2 is omega^2, the squared frequency of the stiff springs.
     """
 
-    def f(q, g):
+    def f(q: np.ndarray, g: np.ndarray) -> None:
         m = len(q) // 2
         soft, stiff, g_soft, g_stiff = q[:m], q[m:], g[:m], g[m:]
         s = soft[0] - stiff[0]
@@ -55,7 +64,7 @@ def grad_V(w2, sign=1):
     return f
 
 
-def grad_U(w2):
+def grad_U(w2: Number) -> Callable[..., None]:
     """Make the function f(q, g) that writes the gradient of the soft springs' potential to g.
 
     w2 is omega^2; its value is not used.
@@ -63,15 +72,15 @@ def grad_U(w2):
     return grad_V(0 * w2)
 
 
-def field(w2):
+def field(w2: Number) -> Callable[..., None]:
     """Make the loop that writes the vector field (p, -grad V) of the springs, w2 = omega^2 (see `systems.hand`)."""
     return unit_mass_field(grad_V(w2, -1))
 
 
-def energy(w2):
+def energy(w2: Number) -> Callable[..., tuple[Number, Number]]:
     """Make the function f(q, p) -> (H, M) of the springs, w2 = omega^2; M is the unit of H's round-off."""
 
-    def f(q, p):
+    def f(q: np.ndarray, p: np.ndarray) -> tuple[Number, Number]:
         m = len(q) // 2
         s = q[0] - q[m]
         left = s * s * s
@@ -91,7 +100,7 @@ def energy(w2):
     return f
 
 
-def soft_springs(q0, q1) -> list:
+def soft_springs(q0: Sequence[Any] | np.ndarray, q1: Sequence[Any] | np.ndarray) -> list:
     """Return the m + 1 expansions of the soft springs from the left wall to the right.
 
     q0 and q1 hold the m scaled displacements and the m expansions of the stiff springs: symbols, numbers or arrays.
@@ -100,7 +109,7 @@ def soft_springs(q0, q1) -> list:
     return [q0[0] - q1[0], *between, q0[-1] + q1[-1]]
 
 
-def formula(omega: float, m: int):
+def formula(omega: float, m: int) -> tuple[list[sp.Symbol], list[sp.Symbol], sp.Expr]:
     """Return (q, p, H) of the chain of m stiff springs of frequency omega: lists of SymPy symbols, and an expression.
 
     The m soft coordinates stand before the m stiff ones.

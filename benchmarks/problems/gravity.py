@@ -13,7 +13,9 @@ from phasebench.integrators.families.wisdom_holman import KeplerPart, jacobi
 MASSLESS = 1e-20
 
 
-def bodies(N: int, axes: str, first: int = 1):
+def bodies(
+    N: int, axes: str, first: int = 1
+) -> tuple[list[sp.Symbol], list[sp.Symbol], list[tuple[int, int]], list[sp.Expr], dict[str, sp.Expr]]:
     """Make the formulae of N point masses: (symbols q, symbols p, pairs (i, j), their distances, name -> invariant).
 
     The axes are "xy" or "xyz"; coordinates stand body after body, and their names count bodies from ``first`` on.  The
@@ -34,7 +36,13 @@ def bodies(N: int, axes: str, first: int = 1):
     return q, p, pairs, distances, kept
 
 
-def newton(p: Sequence[sp.Symbol], masses: Sequence, G, pairs, distances) -> sp.Expr:
+def newton(
+    p: Sequence[sp.Symbol],
+    masses: Sequence,
+    G: sp.Rational | int,
+    pairs: Sequence[tuple[int, int]],
+    distances: Sequence[sp.Expr],
+) -> sp.Expr:
     """Return H = sum |p_i|^2 / (2 m_i) - sum G m_i m_j / r_ij as an expression; masses and G are exact numbers.
 
     ``pairs`` and ``distances`` are those of `bodies`.
@@ -45,7 +53,7 @@ def newton(p: Sequence[sp.Symbol], masses: Sequence, G, pairs, distances) -> sp.
     return sp.Add(*T, *V)
 
 
-def kepler_part(masses: Sequence, G, order: Sequence[int], dimension: int = 3) -> KeplerPart:
+def kepler_part(masses: Sequence, G: sp.Rational | int, order: Sequence[int], dimension: int = 3) -> KeplerPart:
     """Return the Kepler part of H in Jacobi's coordinates: the sum of Kepler problems that Wisdom-Holman methods solve.
 
     The bodies are taken in ``order`` (indices, the central one first); masses and G are exact numbers.

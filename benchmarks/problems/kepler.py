@@ -1,5 +1,7 @@
 """The Kepler problem H = |p|^2 / 2 - 1 / |q| from pericentre at eccentricity e; the period is 2 pi."""
 
+from __future__ import annotations
+
 from math import pi
 
 import sympy as sp
@@ -21,7 +23,7 @@ SCENES = (
 )
 
 
-def plane():
+def plane() -> tuple[sp.Symbol, sp.Symbol, sp.Symbol, sp.Symbol, sp.Expr, sp.Expr]:
     """Return (q1, q2, p1, p2, r, L) of motion in the plane: four SymPy symbols, and expressions.
 
     r is the distance from the origin, L the angular momentum.

@@ -7,11 +7,15 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import cache, partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from phasebench.integrators.compile import cache as store
 from phasebench.integrators.systems import deferred
 
 from .base import Problem
+
+if TYPE_CHECKING:
+    from phasebench.integrators.systems.hamiltonian import PartitionedSystem
 
 
 @cache
@@ -56,7 +60,7 @@ def of_key(key: str, recipe: Callable[[], Problem], make: Callable[[], Problem])
     return made
 
 
-def _system(recipe: Callable[[], Problem]):
+def _system(recipe: Callable[[], Problem]) -> PartitionedSystem:
     return recipe().system
 
 

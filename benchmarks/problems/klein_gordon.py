@@ -21,9 +21,13 @@ The orbit "collision" starts with two wave packets of opposite charge at x = -L/
 :math:`\omega^2 = 1 + k^2`, \|k\| = 1 and the signs of k and omega that this requires.  (The data are this suite's own.)
 """
 
+from __future__ import annotations
+
 from cmath import exp
+from collections.abc import Callable
 from fractions import Fraction
 from math import cosh, sqrt
+from typing import TYPE_CHECKING
 
 import numpy as np
 import sympy as sp
@@ -36,6 +40,9 @@ from phasebench.integrators.systems.multisymplectic import Equation
 
 from .base import Orbit, Pace, Problem
 
+if TYPE_CHECKING:
+    from phasebench.integrators.values.kinds import Number
+
 PARAMETERS = {"N": 64, "L": 40.0}
 #: The most points; the least and greatest length at which the initial data are finite.
 LARGEST, SHORTEST, LONGEST = 2048, 1e-3, 500.0
@@ -43,19 +50,19 @@ LARGEST, SHORTEST, LONGEST = 2048, 1e-3, 500.0
 K = 1.0
 
 
-def grad_V(a, b, sign=1):
+def grad_V(a: Number, b: Number, sign: int = 1) -> Callable[..., None]:
     """Make the function f(q, g) that writes ``sign`` times grad V to g, for H = |p|^2 / 2 + V(q) on the grid.
 
     a = 1 / dx^2, b = 1 / dx.
     """
 
     @part
-    def at(j, left, right, x, y, g_x, g_y):
+    def at(j: int, left: int, right: int, x: np.ndarray, y: np.ndarray, g_x: np.ndarray, g_y: np.ndarray) -> None:
         m = 1 + 2 * a + b * (x[j] * x[j] + y[j] * y[j])
         g_x[j] = sign * (m * x[j] - a * (x[left] + x[right]))
         g_y[j] = sign * (m * y[j] - a * (y[left] + y[right]))
 
-    def f(q, g):
+    def f(q: np.ndarray, g: np.ndarray) -> None:
         n = len(q) // 2
         x, y, g_x, g_y = q[:n], q[n:], g[:n], g[n:]
         at(0, n - 1, 1, x, y, g_x, g_y)
@@ -66,15 +73,15 @@ def grad_V(a, b, sign=1):
     return f
 
 
-def field(a, b):
+def field(a: Number, b: Number) -> Callable[..., None]:
     """Make the loop that writes the vector field (H_p, -H_q) = (p, -grad V), for a = 1 / dx^2 and b = 1 / dx."""
     return unit_mass_field(grad_V(a, b, -1))
 
 
-def energy(a, b):
+def energy(a: Number, b: Number) -> Callable[..., tuple[Number, Number]]:
     """Make the function f(q, p) -> (H, M); M is the unit of H's round-off, a = 1 / dx^2, b = 1 / dx."""
 
-    def f(q, p):
+    def f(q: np.ndarray, p: np.ndarray) -> tuple[Number, Number]:
         n = len(q) // 2
         H = M = 0 * q[0]
         for j in range(n):
@@ -99,7 +106,7 @@ def constants(N: int, L: float) -> tuple[Fraction, Fraction]:
     return 1 / dx**2, 1 / dx
 
 
-def formula(N: int, L: float):
+def formula(N: int, L: float) -> tuple[list[sp.Symbol], list[sp.Symbol], sp.Expr]:
     """Return (q, p, H) of the Klein-Gordon equation on N points of a period L: lists of 2 N symbols, an expression."""
     q, p = (sp.symbols([f"{x}{j}" for j in range(2 * N)], real=True) for x in "qp")
     a, b = (sp.Rational(c.numerator, c.denominator) for c in constants(N, L))
@@ -118,15 +125,15 @@ def multisymplectic(strength: float = 1.0) -> Equation:
     K[[0, 1], [2, 3]], K[[2, 3], [0, 1]] = -1.0, 1.0
     L[[0, 1], [4, 5]], L[[4, 5], [0, 1]] = 1.0, -1.0
 
-    def S(z):
+    def S(z: np.ndarray) -> np.ndarray:
         r, v, w = ((z[..., 2 * i : 2 * i + 2] ** 2).sum(-1) for i in range(3))
         return (r + v - w) / 2 + strength * r**2 / 4
 
-    def gradient(z):
+    def gradient(z: np.ndarray) -> np.ndarray:
         q, p, w = z[..., :2], z[..., 2:4], z[..., 4:]
         return np.concatenate([(1 + strength * (q**2).sum(-1, keepdims=True)) * q, p, -w], axis=-1)
 
-    def hessian(z):
+    def hessian(z: np.ndarray) -> np.ndarray:
         q = z[..., :2]
         r = (q**2).sum(-1)[..., None, None]
         H = np.zeros((*z.shape, 6))

@@ -12,9 +12,13 @@ energy divided by the mass of a body, which gives the same motion: :math:`H = \s
 More than six bodies run on loops instead of derived formulae.
 """
 
+from __future__ import annotations
+
+from collections.abc import Callable
 from fractions import Fraction
 from math import cos, pi, sin, sqrt
 from random import Random
+from typing import TYPE_CHECKING
 
 import numpy as np
 import sympy as sp
@@ -26,6 +30,9 @@ from phasebench.integrators.systems.hand import HandHamiltonian, unit_mass_field
 
 from .base import Orbit, Pace, Problem
 from .gravity import bodies
+
+if TYPE_CHECKING:
+    from phasebench.integrators.values.kinds import Number
 
 PARAMETERS = {"N": 3}
 #: The most bodies; the seed of the random start; radii beyond this are drawn again, as in the recipe.
@@ -41,7 +48,7 @@ def plummer(N: int) -> tuple[list[float], list[float]]:
     """
     draw = Random(SEED).random
 
-    def direction(size):
+    def direction(size: float) -> tuple[float, float, float]:
         z, angle = 1 - 2 * draw(), 2 * pi * draw()
         across = sqrt(1 - z * z)
         return size * across * cos(angle), size * across * sin(angle), size * z
@@ -63,10 +70,10 @@ def plummer(N: int) -> tuple[list[float], list[float]]:
     )
 
 
-def grad_V(strength, sign=1):
+def grad_V(strength: Number, sign: int = 1) -> Callable[..., None]:
     """Make the function f(q, g) that writes ``sign`` times grad V to g, V = -sum over pairs of ``strength`` / r_ij."""
 
-    def f(q, g):
+    def f(q: np.ndarray, g: np.ndarray) -> None:
         for i in range(len(q)):
             g[i] = 0 * q[i]
         for i in range(0, len(q), 3):
@@ -80,15 +87,15 @@ def grad_V(strength, sign=1):
     return f
 
 
-def field(strength):
+def field(strength: Number) -> Callable[..., None]:
     """Make the loop that writes the vector field (p, -grad V), V = -sum over pairs of ``strength`` / r_ij."""
     return unit_mass_field(grad_V(strength, -1))
 
 
-def energy(strength):
+def energy(strength: Number) -> Callable[..., tuple[Number, Number]]:
     """Make the function f(q, p) -> (H, M), V = -sum of ``strength`` / r_ij; M is the unit of H's round-off."""
 
-    def f(q, p):
+    def f(q: np.ndarray, p: np.ndarray) -> tuple[Number, Number]:
         T = U = S = 0 * q[0]
         for i in range(0, len(q), 3):
             T = T + (p[i] * p[i] + p[i + 1] * p[i + 1] + p[i + 2] * p[i + 2]) / 2
@@ -104,7 +111,7 @@ def energy(strength):
     return f
 
 
-def nearest(Q, P):
+def nearest(Q: np.ndarray, P: np.ndarray) -> np.ndarray:
     """Return the least distance between two bodies in each row of Q (n, 3 N): array (n,); P is not used."""
     from scipy.spatial.distance import pdist
 

@@ -18,8 +18,12 @@ In space-time it is multisymplectic (`multisymplectic`) with z = (q, p, v, w), :
 :math:`\psi = \operatorname{sech}(x)\,e^{2\pi i x/L}` from x = -L/2 to L/2 (periodic up to the size of its tails).
 """
 
+from __future__ import annotations
+
+from collections.abc import Callable
 from fractions import Fraction
 from math import cos, cosh, pi, sin, sqrt
+from typing import TYPE_CHECKING
 
 import numpy as np
 import sympy as sp
@@ -32,21 +36,24 @@ from phasebench.integrators.systems.multisymplectic import Equation
 
 from .base import Orbit, Pace, Problem
 
+if TYPE_CHECKING:
+    from phasebench.integrators.values.kinds import Number
+
 PARAMETERS = {"N": 64, "L": 4 * sqrt(2) * pi}
 #: The most points; the least and greatest length at which the initial data are finite.
 LARGEST, SHORTEST, LONGEST = 4096, 1e-3, 500.0
 
 
-def field(a, b):
+def field(a: Number, b: Number) -> Callable[..., None]:
     """Make the loop that writes the vector field (H_p, -H_q) to dq, dp; a = 1 / dx^2, b = 2 / dx (`systems.hand`)."""
 
     @part
-    def at(j, left, right, q, p, dq, dp):
+    def at(j: int, left: int, right: int, q: np.ndarray, p: np.ndarray, dq: np.ndarray, dp: np.ndarray) -> None:
         s = b * (q[j] * q[j] + p[j] * p[j])
         dq[j] = a * (2 * p[j] - p[left] - p[right]) - s * p[j]
         dp[j] = s * q[j] - a * (2 * q[j] - q[left] - q[right])
 
-    def f(q, p, h, lam, dq, dp):
+    def f(q: np.ndarray, p: np.ndarray, h: Number, lam: Number, dq: np.ndarray, dp: np.ndarray) -> None:
         n = len(q)
         at(0, n - 1, 1, q, p, dq, dp)
         for j in range(1, n - 1):
@@ -56,10 +63,10 @@ def field(a, b):
     return f
 
 
-def energy(a, b):
+def energy(a: Number, b: Number) -> Callable[..., tuple[Number, Number]]:
     """Make the function f(q, p) -> (H, M); M is the unit of H's round-off, a = 1 / dx^2, b = 2 / dx."""
 
-    def f(q, p):
+    def f(q: np.ndarray, p: np.ndarray) -> tuple[Number, Number]:
         n = len(q)
         H = M = 0 * q[0]
         for j in range(n):
@@ -82,7 +89,7 @@ def constants(N: int, L: float) -> tuple[Fraction, Fraction]:
     return 1 / dx**2, 2 / dx
 
 
-def formula(N: int, L: float):
+def formula(N: int, L: float) -> tuple[list[sp.Symbol], list[sp.Symbol], sp.Expr]:
     """Return (q, p, H) of the nonlinear Schroedinger equation on N points of a period L: symbols, an expression."""
     q, p = (sp.symbols([f"{x}{j}" for j in range(N)], real=True) for x in "qp")
     a, b = (sp.Rational(c.numerator, c.denominator) for c in constants(N, L))
@@ -99,14 +106,14 @@ def multisymplectic(strength: float = 1.0) -> Equation:
     K[0, 1], K[1, 0] = 1.0, -1.0
     L[[0, 1], [2, 3]], L[[2, 3], [0, 1]] = -1.0, 1.0
 
-    def S(z):
+    def S(z: np.ndarray) -> np.ndarray:
         return strength * (z[..., :2] ** 2).sum(-1) ** 2 / 2 + (z[..., 2:] ** 2).sum(-1) / 2
 
-    def gradient(z):
+    def gradient(z: np.ndarray) -> np.ndarray:
         r = (z[..., :2] ** 2).sum(-1, keepdims=True)
         return np.concatenate([2 * strength * r * z[..., :2], z[..., 2:]], axis=-1)
 
-    def hessian(z):
+    def hessian(z: np.ndarray) -> np.ndarray:
         y = z[..., :2]
         r = (y**2).sum(-1)[..., None, None]
         H = np.zeros((*z.shape, 4))

@@ -142,7 +142,7 @@ def _units(text: str) -> Units:
     return units(text, "units=") if text else Units()
 
 
-def _rows(table) -> list[tuple[str, dict[str, Any]]]:
+def _rows(table: Mapping[str, Iterable[Any]] | Iterable[Mapping[str, Any]]) -> list[tuple[str, dict[str, Any]]]:
     """Return a pair ("row 1", column -> value) for each row of a table: a DataFrame, columns, or rows.
 
     Raises InvalidInput for any other object, and for columns of different lengths.
@@ -165,7 +165,7 @@ def _rows(table) -> list[tuple[str, dict[str, Any]]]:
     return [(f"row {number}", row) for number, row in enumerate(found, start=1)]
 
 
-def from_file(path: str | Path, **parameters) -> PlanetarySystem:
+def from_file(path: str | Path, **parameters: float | str) -> PlanetarySystem:
     """Make the problem of a file of bodies, planets.csv; raise InvalidInput for a parameter, since it has none."""
     if parameters:
         raise InvalidInput(f"{path} has no parameter '{next(iter(parameters))}'; change the file")

@@ -10,6 +10,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import pi
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from .base import Problem
 
 
 def down_to(last: int) -> tuple[float, ...]:
@@ -38,7 +42,7 @@ class Question:
     accuracies: tuple[float, ...]
     about: str
 
-    def build_problem(self):
+    def build_problem(self) -> Problem:
         """Return the `Problem` of the question, on its orbit."""
         from . import problem
 

@@ -9,6 +9,11 @@ N = 3, the other is :math:`\sum p_i^3/3 + \sum X_i(p_i + p_{i+1})`.
 of parameter m with :math:`\kappa = 2K(m)/N`; w is such that the product of the X_n is 1.
 """
 
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
+
 import mpmath
 import numpy as np
 import sympy as sp
@@ -19,6 +24,9 @@ from phasebench.integrators.systems.hand import unit_mass_field
 
 from .base import Orbit, Pace, Problem, decades
 
+if TYPE_CHECKING:
+    from phasebench.integrators.values.kinds import Number
+
 PARAMETERS = {"N": 3}
 #: The most particles: from 7 on the invariants take SymPy seconds.
 LARGEST = 6
@@ -26,7 +34,7 @@ LARGEST = 6
 MODULUS = 0.9
 
 
-def cnoidal(N: int, m: float, t):
+def cnoidal(N: int, m: float, t: float | mpmath.mpf) -> tuple[list[mpmath.mpf], list[mpmath.mpf]]:
     """Return (q, p) of the travelling wave at time ``t``, tuples of N numbers of mean zero in mpmath's precision.
 
     m is the parameter of the elliptic functions, 0 < m < 1.
@@ -35,7 +43,7 @@ def cnoidal(N: int, m: float, t):
     kappa = 2 * mpmath.ellipk(m) / N
     sn, cn, dn = (lambda u, name=name: mpmath.ellipfun(name, u, m=m) for name in ("sn", "cn", "dn"))
 
-    def shape(u):
+    def shape(u: mpmath.mpf) -> mpmath.mpf:
         return 1 / sn(kappa) ** 2 - m * sn(u) ** 2
 
     w = mpmath.fprod(shape(kappa * n) for n in range(N)) ** (mpmath.mpf(-1) / (2 * N))
@@ -49,10 +57,10 @@ def cnoidal(N: int, m: float, t):
     return tuple(state)
 
 
-def grad_V(sign=1):
+def grad_V(sign: int = 1) -> Callable[..., None]:
     """Make the function f(q, g) that writes ``sign`` times grad V of the Toda lattice to g, for any number N."""
 
-    def f(q, g):
+    def f(q: np.ndarray, g: np.ndarray) -> None:
         last = len(q) - 1
         left = first = np.exp(q[last] - q[0])
         for i in range(last):
@@ -64,15 +72,15 @@ def grad_V(sign=1):
     return f
 
 
-def field():
+def field() -> Callable[..., None]:
     """Make the loop that writes the vector field (p, -grad V) of the Toda lattice (see `systems.hand`)."""
     return unit_mass_field(grad_V(-1))
 
 
-def energy():
+def energy() -> Callable[..., tuple[Number, Number]]:
     """Make the function f(q, p) -> (H, M) of the Toda lattice; M is the unit in which H's round-off is measured."""
 
-    def f(q, p):
+    def f(q: np.ndarray, p: np.ndarray) -> tuple[Number, Number]:
         n = len(q)
         H = M = 0 * q[0]
         left = np.exp(q[n - 1] - q[0])
@@ -87,13 +95,13 @@ def energy():
     return f
 
 
-def formula(N: int):
+def formula(N: int) -> tuple[list[sp.Symbol], list[sp.Symbol], sp.Expr]:
     """Return (q, p, H) of the Toda lattice of N particles: lists of SymPy symbols, and H as an expression."""
     q, p = (sp.symbols([f"{x}{i + 1}" for i in range(N)], real=True) for x in "qp")
     return q, p, sp.Add(*(x**2 / 2 for x in p), *(sp.exp(q[i] - q[(i + 1) % N]) for i in range(N)))
 
 
-def _traces(N: int, X, p):
+def _traces(N: int, X: Sequence[sp.Symbol], p: Sequence[sp.Symbol]) -> dict[int, sp.Expr]:
     """Return k -> trace of the k-th power of the Lax matrix divided by k, without its constant part, k = 1 .. N.
 
     X and p are the N symbols of exp(q_i - q_{i+1}) and of the momenta.

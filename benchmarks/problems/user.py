@@ -43,7 +43,7 @@ KEPT = 1e-12
 POINTS, AWAY = 3, 0.01
 
 
-def from_file(path: str | Path, **parameters) -> Problem:
+def from_file(path: str | Path, **parameters: float | str) -> Problem:
     """Make the problem that a user's Python file defines, and check it.
 
     Parameters
@@ -307,7 +307,7 @@ def _check_start(system: PartitionedSystem, orbit: Orbit, where: str, paste: str
     _check_distances(system, q, p, where)
 
 
-def _check_distances(system: PartitionedSystem, q, p, where: str) -> None:
+def _check_distances(system: PartitionedSystem, q: np.ndarray, p: np.ndarray, where: str) -> None:
     for i, distance in enumerate(system.distances(q, p)[:, 0] if system.singularities else (), 1):
         if not distance != 0 or not isfinite(distance):
             raise InvalidInput(

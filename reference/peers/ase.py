@@ -9,7 +9,9 @@ Source: A. H. Larsen et al., J. Phys.: Condens. Matter 29 (2017) 273002.
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,8 +19,13 @@ from . import masses
 from .field import split_gradients
 from .record import NOT_FINITE, Claims, Peer, Run, Task
 
+if TYPE_CHECKING:
+    from ase import Atoms
 
-def _atoms(system, y: np.ndarray):
+    from phasebench.integrators.systems.hamiltonian import Hamiltonian
+
+
+def _atoms(system: Hamiltonian, y: np.ndarray) -> Atoms:
     """ASE's atoms at the state (q, p), with a calculator that counts its calls."""
     from ase import Atoms
     from ase.calculators.calculator import Calculator, all_changes
@@ -29,7 +36,12 @@ def _atoms(system, y: np.ndarray):
         implemented_properties = ("energy", "forces")
         calls = 0
 
-        def calculate(self, atoms=None, properties=("forces",), system_changes=all_changes):
+        def calculate(
+            self,
+            atoms: Atoms | None = None,
+            properties: Sequence[str] = ("forces",),
+            system_changes: Sequence[str] = all_changes,
+        ) -> None:
             super().calculate(atoms, properties, system_changes)
             self.calls += 1
             state = np.concatenate([atoms.positions[:, 0], np.zeros(d)])

@@ -12,9 +12,15 @@ Source: A. Cabezas et al., BlackJAX: Composable Bayesian inference in JAX, arXiv
 from __future__ import annotations
 
 from functools import lru_cache
+from typing import TYPE_CHECKING, Any
 
 from .jax_loop import COST, Loop, Method, jax_function, run_loop
 from .record import Claims, Peer, split_alone
+
+if TYPE_CHECKING:
+    import jax
+
+    from phasebench.integrators.systems.hamiltonian import Hamiltonian, PartitionedSystem
 
 #: Distance of iterates to which the implicit midpoint rule is solved, if not to the package's default.
 CLOSE = 1e-15
@@ -23,7 +29,7 @@ CLAIMED = f'"Symplectic, time-reversible, integrators for Hamiltonian trajectori
 
 
 @lru_cache(maxsize=128)
-def _compile(name: str, tol: float | None, system) -> Loop:
+def _compile(name: str, tol: float | None, system: Hamiltonian) -> Loop:
     """The compiled loop over the steps of BlackJAX's integrator ``name`` on a system.
 
     ``tol`` is the ``convergence_tol`` of the implicit midpoint rule; None for the package's default.
@@ -36,7 +42,7 @@ def _compile(name: str, tol: float | None, system) -> Loop:
         energy = jax_function([system.q, system.p], [system.H])
         options = {} if tol is None else {"convergence_tol": tol}
 
-        def density(q):
+        def density(q: jax.Array) -> jax.Array:
             return 0.0 * jnp.sum(q)
 
         one_step = package.implicit_midpoint(density, lambda p, position: energy(position, p)[0], **options)
@@ -45,21 +51,23 @@ def _compile(name: str, tol: float | None, system) -> Loop:
             jax_function([of], [part]) for of, part in ((system.q, system.potential), (system.p, system.kinetic))
         )
 
-        def density(q):
+        def density(q: jax.Array) -> jax.Array:
             return -potential(q)[0]
 
         one_step = getattr(package, name)(density, lambda p: kinetic(p)[0])
 
-    def begin(y, h):
+    def begin(y: jax.Array, h: jax.Array) -> Any:
         return package.new_integrator_state(density, y[:d], y[d:])
 
-    def state(carried):
+    def state(carried: Any) -> jax.Array:
         return jnp.concatenate([carried.position, carried.momentum])
 
     return Loop(Method(begin, lambda k, h, carried: (one_step(carried, h), jnp.array(False)), state), d)
 
 
-def _peer(id: str, name: str, title: str, order: int, gradients: int, about: str, source: str, tol=None) -> Peer:
+def _peer(
+    id: str, name: str, title: str, order: int, gradients: int, about: str, source: str, tol: float | None = None
+) -> Peer:
     split = name != "implicit_midpoint"
     why = "its kinetic energy is of the momentum, its density of the position: H must be T(p) + V(q)"
     return Peer(
@@ -79,7 +87,7 @@ def _peer(id: str, name: str, title: str, order: int, gradients: int, about: str
     )
 
 
-def _not_canonical(problem, system) -> str | None:
+def _not_canonical(problem: Any, system: PartitionedSystem) -> str | None:
     """Why the midpoint rule cannot integrate a system: its variables are not canonical; None if they are."""
     return None if system.canonical else "it takes derivatives of H by q and p: the variables must be canonical"
 

@@ -14,14 +14,23 @@ from __future__ import annotations
 
 import ctypes
 import time
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 from itertools import pairwise
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from phasebench.reference.native import load_library, load_source, statements
 
 from .record import NOT_FINITE, Claims, Peer, Run, Start, Task, split_alone
+
+if TYPE_CHECKING:
+    import sympy as sp
+
+    from phasebench.integrators.systems.hamiltonian import PartitionedSystem
+
+    from .prepared import Calls
 
 TABLE = (
     "https://www.boost.org/doc/libs/1_74_0/libs/numeric/odeint/doc/html/boost_numeric_odeint/odeint_in_detail/"
@@ -108,7 +117,11 @@ extern "C" int times(double *y, const double *t, long n, double h, double tol, d
 """
 
 
-def _body(variables, expressions, arguments) -> str:
+def _body(
+    variables: Sequence[tuple[str, str]],
+    expressions: Sequence[sp.Expr],
+    arguments: Sequence[tuple[str, Sequence[sp.Symbol]]],
+) -> str:
     """Write C++ statements that define ``variables``, pairs (name, C++ expression), and set slope[i] to expression i.
 
     ``arguments`` are the pairs (letter, SymPy variables) of `native.statements`.
@@ -118,7 +131,7 @@ def _body(variables, expressions, arguments) -> str:
     return " ".join([read, before, *(f"slope[{i}] = {value};" for i, value in enumerate(values))])
 
 
-def source(system, header: str, kind: str) -> str:
+def source(system: PartitionedSystem, header: str, kind: str) -> str:
     """The C++ source of a program that runs a stepper of Boost.odeint on a system.
 
     ``header`` is the stepper's name, which its header has too; ``kind`` is SYMPLECTIC, FIXED or CONTROLLED.
@@ -143,13 +156,13 @@ def source(system, header: str, kind: str) -> str:
 
 
 @lru_cache(maxsize=KEPT)
-def _program(system, header: str, kind: str):
+def _program(system: PartitionedSystem, header: str, kind: str) -> Any:
     """The compiled C function that runs a stepper (see `source`) on a system."""
     library = load_source(source(system, header, kind), "C++")
     return library.times if kind == CONTROLLED else library.steps
 
 
-def _fixed(run_steps, task: Task) -> Run:
+def _fixed(run_steps: Callable[..., int], task: Task) -> Run:
     """Run a task at fixed steps by a compiled function.
 
     ``run_steps(y, h, n, counts)`` takes n steps of h, overwrites the state y and the counts, and returns 0, or an error
@@ -169,7 +182,7 @@ def _fixed(run_steps, task: Task) -> Run:
     return Run.of_states(np.array(rows), int(total[0]), int(total[1]), seconds, failure)
 
 
-def _adaptive(run_times, task: Task) -> Run:
+def _adaptive(run_times: Callable[..., int], task: Task) -> Run:
     """Run a task at adaptive steps by a compiled function.
 
     ``run_times(y, times, first step, tol, rows, counts)`` fills the rows, the states at the times, and the counts; it
@@ -191,21 +204,23 @@ STEPS_TYPES = [ctypes.c_void_p, ctypes.c_double, ctypes.c_long, ctypes.c_void_p]
 TIMES_TYPES = [*[ctypes.c_void_p] * 2, ctypes.c_long, *[ctypes.c_double] * 2, *[ctypes.c_void_p] * 2]
 
 
-def on_arrays(function, adaptive: bool):
+def on_arrays(function: Any, adaptive: bool) -> Callable[..., int]:
     """Wrap a compiled function, which takes addresses, as one that takes NumPy arrays, for `_fixed` or `_adaptive`."""
     function.argtypes = TIMES_TYPES if adaptive else STEPS_TYPES
     function.restype = ctypes.c_int
     if not adaptive:
         return lambda y, h, n, counts: function(y.ctypes.data, h, n, counts.ctypes.data)
 
-    def run(y, times, first, tol, rows, counts) -> int:
+    def run(y: np.ndarray, times: np.ndarray, first: float, tol: float, rows: np.ndarray, counts: np.ndarray) -> int:
         pointers = rows.ctypes.data, counts.ctypes.data
         return function(y.ctypes.data, times.ctypes.data, len(times), first, tol, *pointers)
 
     return run
 
 
-def runs(program, adaptive: bool, default: float | None):
+def runs(
+    program: Callable[[PartitionedSystem], Any], adaptive: bool, default: float | None
+) -> tuple[Callable[[Task], Run], Callable[[Start], Calls]]:
     """Make the functions (`Peer.run`, `Peer.prepare`) of a peer with the compiled function ``program(system)``.
 
     ``default`` is the tolerance of an adaptive peer if none is given.
@@ -215,14 +230,14 @@ def runs(program, adaptive: bool, default: float | None):
         task = task._replace(tol=task.tol or default)
         return (_adaptive if adaptive else _fixed)(on_arrays(program(task.system), adaptive), task)
 
-    def prepare(start: Start):
+    def prepare(start: Start) -> Calls:
         from .prepared import SOLVED, STALLED, Calls
 
         call = on_arrays(program(start.system), adaptive)
         begin, y, counts = start.state, start.state, np.zeros(3, dtype=np.int64)
         rows, times, tol = np.zeros((2, len(y))), np.zeros(2), start.tol or default
 
-        def restart(state) -> None:
+        def restart(state: np.ndarray) -> None:
             begin[:] = state
 
         def to_time(t_end: float) -> int:

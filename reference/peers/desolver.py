@@ -20,12 +20,19 @@ import importlib
 import io
 import time
 import warnings
+from collections.abc import Callable, Iterator
 from functools import lru_cache
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from .field import right_hand_side
 from .record import NOT_FINITE, Claims, Peer, Run, Task, anything, split_alone
+
+if TYPE_CHECKING:
+    from types import ModuleType
+
+    from phasebench.integrators.systems.hamiltonian import PartitionedSystem
 
 #: Largest number of steps of an adaptive run: near a singularity steps may shrink without end.
 STEP_LIMIT = 100_000
@@ -36,14 +43,14 @@ RICHARDSON_ROWS = 4
 RICHARDSON = "richardson "
 
 
-def load(name: str = "desolver"):
+def load(name: str = "desolver") -> ModuleType:
     """Import desolver without the line that it prints on stderr."""
     with contextlib.redirect_stderr(io.StringIO()):
         return importlib.import_module(name)
 
 
 @lru_cache(maxsize=64)
-def integrator_class(which: str):
+def integrator_class(which: str) -> type[Any]:
     """The integrator class named ``which``, or the Richardson extrapolation of it for "richardson " and a name."""
     integrators = load().integrators
     if which.startswith(RICHARDSON):
@@ -52,14 +59,14 @@ def integrator_class(which: str):
     return {c.__name__: c for c in integrators.explicit_methods() + integrators.implicit_methods()}[which]
 
 
-def _integrator(which: str, size: int, h: float):
+def _integrator(which: str, size: int, h: float) -> Any:
     """Make an object of the integrator class named ``which``, for ``size`` components and a constant step h."""
     integrator = integrator_class(which)((size,), dtype=np.dtype(float), rtol=TOLERANCE, atol=TOLERANCE)
     integrator.adaptation_fn = lambda _: (h, False)
     return integrator
 
 
-def _right_hand_side(system, sign: float = 1.0):
+def _right_hand_side(system: PartitionedSystem, sign: float = 1.0) -> Any:
     """A right-hand side (t, y) -> y' that counts its calls; ``sign`` -1 reverses time."""
     field = right_hand_side(system)
     return load().DiffRHS(lambda t, y: sign * field(float(t), y))  # t may be a 0-dimensional array
@@ -72,7 +79,7 @@ def _warm(which: str, size: int) -> None:
 
 
 @contextlib.contextmanager
-def _quiet():
+def _quiet() -> Iterator[None]:
     """Silence NumPy's warnings at a blow-up, which is detected from the rows instead."""
     with np.errstate(all="ignore"), warnings.catch_warnings():
         warnings.simplefilter("ignore")
@@ -83,7 +90,7 @@ def _stops() -> tuple[type[Exception], ...]:
     return (ArithmeticError, ValueError, np.linalg.LinAlgError, load().exception_types.FailedToMeetTolerances)
 
 
-def _run_constant(which: str):
+def _run_constant(which: str) -> Callable[[Task], Run]:
     def run(task: Task) -> Run:
         # With a negative step the Richardson integrators never end their search for an error estimate.
         state, h, numbers = task.state, np.float64(abs(task.h)), task.numbers
@@ -124,7 +131,7 @@ class _Stuck(RuntimeError):
     """Raised to end a run whose steps no longer advance."""
 
 
-def _run_adaptive(which: str):
+def _run_adaptive(which: str) -> Callable[[Task], Run]:
     def run(task: Task) -> Run:
         desolver = load()
         sign, state, tol = np.sign(task.h), task.state, task.tol
@@ -135,7 +142,7 @@ def _run_adaptive(which: str):
         row, failure = 1, None
         last = [-1.0]
 
-        def advancing(ode):
+        def advancing(ode: Any) -> None:
             if len(ode) > STEP_LIMIT:
                 raise _Stuck(f"{STEP_LIMIT} steps did not reach the end")
             if not ode.t[-1] > last[0] or not np.isfinite(ode.y[-1]).all():
@@ -162,7 +169,18 @@ def _run_adaptive(which: str):
     return run
 
 
-def _peer(id, which, name, order, about, source, claim=None, *, symplectic=False, adaptive=False) -> Peer:
+def _peer(
+    id: str,
+    which: str,
+    name: str,
+    order: int | None,
+    about: str,
+    source: str,
+    claim: int | None = None,
+    *,
+    symplectic: bool = False,
+    adaptive: bool = False,
+) -> Peer:
     """Make the record of desolver's integrator class ``which``.
 
     ``order`` is the measured order, ``claim`` the order that the class states, if it differs.

@@ -22,12 +22,21 @@ Source: P. Kidger, On Neural Differential Equations, PhD thesis, University of O
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import lru_cache
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from .jax_loop import COST, Loop, Method, jax_function, run_loop
 from .record import Claims, Peer, anything, split_alone
+
+if TYPE_CHECKING:
+    import jax
+
+    from phasebench.integrators.systems.hamiltonian import PartitionedSystem
+
+    from .record import Run, Task
 
 #: rtol and atol for implicit equations, and the largest number of iterations.
 ROOT, ITERATIONS = 1e-12, 30
@@ -39,7 +48,7 @@ WHOLE, HALVES, IMEX = "the field", "the equations of q and of p in turn", "expli
 IMPLICIT = ("ImplicitEuler", "Kvaerno3", "Kvaerno4", "Kvaerno5", "Sil3", "KenCarp3", "KenCarp4", "KenCarp5")
 
 
-def solver(name: str):
+def solver(name: str) -> Any:
     """The diffrax solver of this name, with Newton's method if it is implicit."""
     import diffrax
     import optimistix
@@ -50,7 +59,7 @@ def solver(name: str):
     return getattr(diffrax, name)(root_finder=newton, root_find_max_steps=ITERATIONS)
 
 
-def _terms(system, split: str):
+def _terms(system: PartitionedSystem, split: str) -> Any:
     """Write the system's equations as diffrax's terms, for a state of shape (2 d,).
 
     ``split`` is `WHOLE`, `HALVES` or `IMEX`; for `HALVES` the state is a pair of arrays (d,).
@@ -78,37 +87,47 @@ def _terms(system, split: str):
 
 
 @lru_cache(maxsize=KEPT)
-def _compile(name: str, split: str, system) -> Loop:
+def _compile(name: str, split: str, system: PartitionedSystem) -> Loop:
     """The compiled loop over the steps of diffrax's solver ``name`` on a system; ``split`` as for `_terms`."""
     import diffrax
     import jax.numpy as jnp
 
     method, terms, multistep, d = solver(name), _terms(system, split), name == "LeapfrogMidpoint", system.d
 
-    def begin(y, h):
+    def begin(y: jax.Array, h: jax.Array) -> tuple[Any, Any]:
         y = (y[:d], y[d:]) if split == HALVES else y
         return y, method.init(terms, jnp.zeros_like(h), h, y, None)
 
-    def step(k, h, carried):
+    def step(k: jax.Array, h: jax.Array, carried: tuple[Any, Any]) -> tuple[tuple[Any, Any], Any]:
         y, inner = carried
         t0, t1 = (k * h, (k + 1) * h) if multistep else (jnp.zeros_like(h), h)
         y, _, _, inner, result = method.step(terms, t0, t1, y, None, inner, False)
         return (y, inner), result != diffrax.RESULTS.successful
 
-    def state(carried):
+    def state(carried: tuple[Any, Any]) -> jax.Array:
         return jnp.concatenate(carried[0]) if split == HALVES else carried[0]
 
     return Loop(Method(begin, step, state), d)
 
 
-def _build_run(name: str, split: str):
+def _build_run(name: str, split: str) -> Callable[[Task], Run]:
     return lambda task: run_loop(lambda: _compile(name, split, task.system), task)
 
 
 _lacks_halves = split_alone("its two terms are q' of p alone and p' of q alone: H must be T(p) + V(q)")
 
 
-def _peer(id, name, title, order, source, about="", *, split=WHOLE, symplectic=None) -> Peer:
+def _peer(
+    id: str,
+    name: str,
+    title: str,
+    order: int,
+    source: str,
+    about: str = "",
+    *,
+    split: str = WHOLE,
+    symplectic: bool | None = None,
+) -> Peer:
     about = "; ".join(filter(None, [about, "" if split == WHOLE else f"terms: {split}"]))
     return Peer(
         f"diffrax-{id}",

@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import lru_cache
+from typing import TYPE_CHECKING
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from phasebench.integrators.systems.hamiltonian import Hamiltonian, PartitionedSystem
+    from phasebench.integrators.values.kinds import Value
 
 #: Size of the cache of compiled right-hand sides.
 KEPT = 128
 
 
 @lru_cache(maxsize=KEPT)
-def compiled_field(system):
+def compiled_field(system: PartitionedSystem) -> Callable[[float, np.ndarray], np.ndarray]:
     """A compiled function (t, y) -> y' on arrays y = (q, p) of shape (2 d,); y need not be contiguous."""
     import numba
     from numba import float64
@@ -27,7 +33,7 @@ def compiled_field(system):
         halves = numba.njit(lambda rows: (rows[0], rows[1]))
 
     @numba.njit([float64[::1](float64, float64[::1]), float64[::1](float64, float64[:])], error_model="numpy")
-    def f(t, y):
+    def f(t: float, y: np.ndarray) -> np.ndarray:
         q, p = halves(np.ascontiguousarray(y).reshape(2, d))
         dq, dp = field(q, p, 0.0, 0.0)
         out = np.empty(2 * d)
@@ -38,7 +44,7 @@ def compiled_field(system):
     return f
 
 
-def right_hand_side(system):
+def right_hand_side(system: PartitionedSystem) -> Callable[[float, np.ndarray], np.ndarray]:
     """A function (t, y) -> y' on arrays (2 d,): compiled, unless compilation is disabled."""
     from phasebench.integrators.compile import codegen
 
@@ -46,7 +52,7 @@ def right_hand_side(system):
 
 
 @lru_cache(maxsize=KEPT)
-def split_gradients(system):
+def split_gradients(system: Hamiltonian) -> tuple[Callable[[np.ndarray], Value], Callable[[np.ndarray], Value]]:
     """Compiled functions y -> V'(q) and y -> T'(p) for H = T(p) + V(q), on arrays y = (q, p) of shape (2 d,)."""
     import numba
 

@@ -11,6 +11,7 @@ import ctypes
 import struct
 from collections.abc import Callable, Iterator
 from functools import cache, wraps
+from typing import Any
 
 #: 2^-1074 from its bits, since a process that flushes cannot compute it; and a 0 that no compiler can fold.
 (LEAST,) = struct.unpack("<d", (1).to_bytes(8, "little"))
@@ -20,7 +21,7 @@ ROOM = 512
 
 
 @cache
-def _library():
+def _library() -> ctypes.CDLL | None:
     """The C library, if it has fegetenv and fesetenv; else None."""
     try:
         library = ctypes.CDLL(None)
@@ -54,7 +55,7 @@ def keeping(call: Callable) -> Callable:
     """Decorator: restore the thread's floating-point environment (modes, rounding, flags) after each call."""
 
     @wraps(call)
-    def kept_call(*arguments):
+    def kept_call(*arguments: Any) -> Any:
         with restore_environment():
             return call(*arguments)
 

@@ -15,7 +15,9 @@ Source: A. M. Price-Whelan, J. Open Source Softw. 2 (2017) 388.
 from __future__ import annotations
 
 import time
+from collections.abc import Callable, Mapping
 from functools import lru_cache
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -23,6 +25,9 @@ from phasebench.integrators.record import BOUNDED, DRIFT
 
 from .galactic import is_henon_heiles, powers
 from .record import Claims, Peer, Run, Task
+
+if TYPE_CHECKING:
+    from phasebench.integrators.systems.hamiltonian import Hamiltonian, PartitionedSystem
 
 LEAPFROG, RUTH4, RK5, DOPRI853 = "LeapfrogIntegrator", "Ruth4Integrator", "RK5Integrator", "DOPRI853Integrator"
 #: The integrators of second-order systems, q' = v.
@@ -35,7 +40,7 @@ MOST_STEPS = 10**9
 
 
 @lru_cache(maxsize=64)
-def _masses(system):
+def _masses(system: Hamiltonian) -> tuple[np.ndarray, np.ndarray] | None:
     """(M, M^-1) of a quadratic kinetic energy; None for the identity."""
     if system.unit_mass:
         return None
@@ -45,27 +50,33 @@ def _masses(system):
     return np.array(inverse.inv(), dtype=float), np.array(inverse, dtype=float)
 
 
-def _function(system, integrator: str, calls: list):
+def _function(system: PartitionedSystem, integrator: str, calls: list) -> Callable[[float, np.ndarray], np.ndarray]:
     """Make the right-hand side F(t, w) of a system for gala, w of shape (2 d, 1); calls[0] counts its calls."""
     field, d = system.vector_field(), system.d
     masses = _masses(system) if integrator in SECOND_ORDER else None
     if masses is None:
 
-        def function(t, w):
+        def function(t: float, w: np.ndarray) -> np.ndarray:
             calls[0] += 1
             return field(t, w[:, 0])[:, None]
 
         return function
     inverse = masses[1]
 
-    def function(t, w):
+    def function(t: float, w: np.ndarray) -> np.ndarray:
         calls[0] += 1
         return np.concatenate([w[d:], (inverse @ field(t, w[:, 0])[d:])[:, None]])
 
     return function
 
 
-def _call(integrator: str, function, state, times, options):
+def _call(
+    integrator: str,
+    function: Callable[[float, np.ndarray], np.ndarray],
+    state: np.ndarray,
+    times: dict[str, Any],
+    options: dict[str, Any],
+) -> tuple[Any, float]:
     """Integrate with a gala integrator at the times: (gala's Orbit, seconds)."""
     solver = _class(integrator)(function, **options)
     began = time.perf_counter()
@@ -79,7 +90,7 @@ def _warm(integrator: str) -> None:
     _call(integrator, lambda t, w: np.array([w[1], -w[0]]), np.array([1.0, 0.0]), {"dt": 0.1, "n_steps": 1}, {})
 
 
-def _ways(integrator: str, task: Task, limit: str):
+def _ways(integrator: str, task: Task, limit: str) -> tuple[dict[str, Any], dict[str, Any], list[int] | slice, int]:
     """The arguments of gala's call for a task: (times, options, index of the rows to keep, steps or 0 if unknown).
 
     ``limit`` is the name of gala's option for the largest number of steps.
@@ -90,7 +101,7 @@ def _ways(integrator: str, task: Task, limit: str):
     return {"t": task.times}, {limit: MOST_STEPS, **tolerances}, slice(None), 0
 
 
-def _run_python(integrator: str):
+def _run_python(integrator: str) -> Callable[[Task], Run]:
     def run(task: Task) -> Run:
         _warm(integrator)
         masses = _masses(task.system) if integrator in SECOND_ORDER else None
@@ -112,8 +123,8 @@ def _run_python(integrator: str):
     return run
 
 
-def _lacks_python(integrator: str):
-    def lacks(problem, system) -> str | None:
+def _lacks_python(integrator: str) -> Callable[[Any, PartitionedSystem], str | None]:
+    def lacks(problem: Any, system: PartitionedSystem) -> str | None:
         if integrator in SECOND_ORDER and not (system.canonical and system.quadratic_kinetic):
             return "it integrates q'' = a(q) alone: H must be p.M^-1 p / 2 + V(q)"
         return None
@@ -125,7 +136,7 @@ def _lacks_python(integrator: str):
 
 
 @lru_cache(maxsize=64)
-def _potential(system):
+def _potential(system: Hamiltonian) -> Any:
     """gala's Hamiltonian for a system that it has in C, after a first step with each integrator."""
     import gala.potential
 
@@ -139,13 +150,13 @@ def _potential(system):
     return hamiltonian
 
 
-def _class(integrator: str):
+def _class(integrator: str) -> type[Any]:
     import gala.integrate
 
     return getattr(gala.integrate, integrator)
 
 
-def _run_cython(integrator: str):
+def _run_cython(integrator: str) -> Callable[[Task], Run]:
     def run(task: Task) -> Run:
         hamiltonian, d = _potential(task.system), task.system.d
         state = np.zeros(hamiltonian.ndim)
@@ -166,7 +177,7 @@ def _run_cython(integrator: str):
     return run
 
 
-def _lacks_cython(problem, system) -> str | None:
+def _lacks_cython(problem: Any, system: PartitionedSystem) -> str | None:
     if is_henon_heiles(system):
         return None
     terms = powers(system)
@@ -175,7 +186,17 @@ def _lacks_cython(problem, system) -> str | None:
     return "of the potentials that gala has in C, only Kepler's and Henon and Heiles's are among the problems here"
 
 
-def _peer(id, integrator, name, order, about, source, claims, *, cython=False) -> Peer:
+def _peer(
+    id: str,
+    integrator: str,
+    name: str,
+    order: int,
+    about: str,
+    source: str,
+    claims: Mapping[str, Any],
+    *,
+    cython: bool = False,
+) -> Peer:
     adaptive = integrator == DOPRI853
     where = (
         "C through Cython; its time includes the making of an Orbit" if cython else "a step in NumPy, forces in Python"

@@ -7,15 +7,19 @@ Two kinds of potential occur among the problems here: sums of powers of the dist
 from __future__ import annotations
 
 from functools import lru_cache
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from phasebench.integrators.systems.hamiltonian import PartitionedSystem
 
 
-def unit_mass(system) -> bool:
+def unit_mass(system: PartitionedSystem) -> bool:
     """True if H = |p|^2 / 2 + V(q)."""
     return getattr(system, "unit_mass", False)
 
 
 @lru_cache(maxsize=64)
-def powers(system) -> tuple[tuple[float, float], ...] | None:
+def powers(system: PartitionedSystem) -> tuple[tuple[float, float], ...] | None:
     """Pairs (c, a) with V = sum c |q|^a up to a constant; None if V does not have this form."""
     if not unit_mass(system) or system.d > 3:
         return None
@@ -33,7 +37,7 @@ def powers(system) -> tuple[tuple[float, float], ...] | None:
 
 
 @lru_cache(maxsize=64)
-def is_henon_heiles(system) -> bool:
+def is_henon_heiles(system: PartitionedSystem) -> bool:
     """True if V = (q1^2 + q2^2) / 2 + q1^2 q2 - q2^3 / 3."""
     if not unit_mass(system) or system.d != 2:
         return False

@@ -30,13 +30,20 @@ import signal
 import threading
 import time
 import warnings
+from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
 from math import gcd
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from .galactic import is_henon_heiles, powers, unit_mass
 from .record import Claims, Peer, Run, Task
+
+if TYPE_CHECKING:
+    from types import ModuleType
+
+    from phasebench.integrators.systems.hamiltonian import Hamiltonian, PartitionedSystem
 
 METHODS_IN_WORDS = "Orbit.integrate.__doc__ of galpy 1.12.1"
 TUTORIAL = "https://docs.galpy.org/en/latest/, tutorial Integration and Plotting, available integrators"
@@ -49,7 +56,7 @@ LOST = 1e-6
 ROWS = 256
 
 
-def load(name: str = "galpy"):
+def load(name: str = "galpy") -> ModuleType:
     """Import galpy without its daily search for a newer version, which contacts a server and runs pip."""
     from unittest.mock import patch  # slow to import
 
@@ -63,7 +70,7 @@ def load(name: str = "galpy"):
 
 
 @lru_cache(maxsize=64)
-def _builtin_potential(system):
+def _builtin_potential(system: Hamiltonian) -> Any:
     """The system's potential as one of galpy's own, which its C code supports."""
     galpy = load().potential
     if is_henon_heiles(system):
@@ -82,19 +89,19 @@ def _builtin_potential(system):
     return total if system.d == 3 else galpy.toPlanarPotential(total)
 
 
-def _linear(system) -> bool:
+def _linear(system: Hamiltonian) -> bool:
     """True if V = c q^2 with d = 1."""
     terms = powers(system)
     return system.d == 1 and terms is not None and len(terms) == 1 and terms[0][1] == 2
 
 
 @lru_cache(maxsize=64)
-def _python_potential(system):
+def _python_potential(system: Hamiltonian) -> Any:
     """The system's potential as a galpy class defined in Python."""
     galpy, d, field = load().potential, system.d, system.vector_field()
     last: dict = {}
 
-    def force(*q):
+    def force(*q: float) -> np.ndarray:
         if last.get("q") != q:
             last["q"], last["force"] = q, field(0.0, np.array([*q, *q]))[d:]
         return last["force"]
@@ -102,12 +109,12 @@ def _python_potential(system):
     if d == 1:
 
         class Line(galpy.linearPotential):
-            def _force(self, x, t=0.0):
+            def _force(self, x: float | np.ndarray, t: float = 0.0) -> float:
                 return force(np.ravel(x)[0])[0]
 
         return Line(amp=1.0)
 
-    def polar(R, phi, z=()):
+    def polar(R: float, phi: float, z: tuple[float, ...] = ()) -> tuple[float, float, float]:
         c, s = np.cos(phi), np.sin(phi)
         f = force(R * c, R * s, *z)
         return c * f[0] + s * f[1], R * (c * f[1] - s * f[0]), f[-1]
@@ -117,26 +124,26 @@ def _python_potential(system):
         class Plane(galpy.planarPotential):
             isNonAxi = True
 
-            def _Rforce(self, R, phi=0.0, t=0.0):
+            def _Rforce(self, R: float, phi: float = 0.0, t: float = 0.0) -> float:
                 return polar(R, phi)[0]
 
-            def _phitorque(self, R, phi=0.0, t=0.0):
+            def _phitorque(self, R: float, phi: float = 0.0, t: float = 0.0) -> float:
                 return polar(R, phi)[1]
 
         return Plane(amp=1.0)
 
     class Space(galpy.Potential):
-        def __init__(self):
+        def __init__(self) -> None:
             super().__init__(amp=1.0)
             self.isNonAxi = True
 
-        def _Rforce(self, R, z, phi=0.0, t=0.0):
+        def _Rforce(self, R: float, z: float, phi: float = 0.0, t: float = 0.0) -> float:
             return polar(R, phi, (z,))[0]
 
-        def _phitorque(self, R, z, phi=0.0, t=0.0):
+        def _phitorque(self, R: float, z: float, phi: float = 0.0, t: float = 0.0) -> float:
             return polar(R, phi, (z,))[1]
 
-        def _zforce(self, R, z, phi=0.0, t=0.0):
+        def _zforce(self, R: float, z: float, phi: float = 0.0, t: float = 0.0) -> float:
             return polar(R, phi, (z,))[2]
 
     return Space()
@@ -145,7 +152,7 @@ def _python_potential(system):
 # -- coordinates --------------------------------------------------------------------------------------------------
 
 
-def _to_galpy(q, p, line: bool) -> list[float]:
+def _to_galpy(q: Sequence[float] | np.ndarray, p: Sequence[float] | np.ndarray, line: bool) -> list[float]:
     """The initial state in galpy's coordinates: (x, v) on a line, else (R, vR, vT, phi) or (R, vR, vT, z, vz, phi)."""
     if line:
         return [q[0], p[0]]
@@ -156,7 +163,7 @@ def _to_galpy(q, p, line: bool) -> list[float]:
     return [float(v) for v in (np.hypot(x, y), vx * c + vy * s, vy * c - vx * s, *height, phi)]
 
 
-def _from_galpy(rows, d: int, line: bool):
+def _from_galpy(rows: np.ndarray, d: int, line: bool) -> tuple[np.ndarray, np.ndarray]:
     """q and p, arrays (n, d), of galpy's rows (R, vR, vT, phi), (R, vR, vT, z, vz, phi), or (x, vx) on a ``line``."""
     if line:
         return rows[:, :1], rows[:, 1:2]
@@ -171,7 +178,7 @@ def _from_galpy(rows, d: int, line: bool):
 # -- runs ---------------------------------------------------------------------------------------------------------
 
 
-def _times(method: str, adaptive: bool, task: Task):
+def _times(method: str, adaptive: bool, task: Task) -> tuple[np.ndarray, float, dict[str, Any]]:
     """(times for galpy, steps between its rows, options) for a task."""
     h, stride = task.h, gcd(*np.diff(task.numbers).tolist())
     count = task.steps // stride
@@ -187,7 +194,9 @@ def _times(method: str, adaptive: bool, task: Task):
     return h * stride * np.arange(count * parts + 1) / parts, stride / parts, tolerances
 
 
-def _integrate(method, potential, start, times, options):
+def _integrate(
+    method: str, potential: Any, start: list[float], times: np.ndarray, options: dict[str, Any]
+) -> tuple[np.ndarray | None, float, str | None]:
     """Integrate by galpy from ``start``, in its coordinates: (rows at the times or None, seconds, failure or None)."""
     from scipy.integrate import ODEintWarning
 
@@ -209,7 +218,7 @@ def _integrate(method, potential, start, times, options):
 
 
 @lru_cache(maxsize=256)
-def _hopeless(system, q: tuple, p: tuple, end: float) -> str | None:
+def _hopeless(system: Hamiltonian, q: tuple, p: tuple, end: float) -> str | None:
     """The reason why galpy's adaptive integrators would not return from this orbit, found by heyoka; else None."""
     from phasebench.reference.solvers import taylor
 
@@ -224,7 +233,7 @@ def _hopeless(system, q: tuple, p: tuple, end: float) -> str | None:
 
 
 @lru_cache(maxsize=256)
-def _warm(method: str, system, own: bool):
+def _warm(method: str, system: Hamiltonian, own: bool) -> Any:
     """Make a system's potential for galpy and take a step in it, so that lazy imports and set-up are not timed.
 
     The potential is one of galpy's own if ``own``, else a class in Python.  Returns the potential.
@@ -236,7 +245,7 @@ def _warm(method: str, system, own: bool):
     return potential
 
 
-def _build_run(method: str, adaptive: bool):
+def _build_run(method: str, adaptive: bool) -> Callable[[Task], Run]:
     own = method.endswith("_c")
 
     def run(task: Task) -> Run:
@@ -262,8 +271,8 @@ def _build_run(method: str, adaptive: bool):
     return run
 
 
-def _lacks(method: str):
-    def lacks(problem, system) -> str | None:
+def _lacks(method: str) -> Callable[[Any, PartitionedSystem], str | None]:
+    def lacks(problem: Any, system: PartitionedSystem) -> str | None:
         if not unit_mass(system):
             return "galpy integrates H = |p|^2 / 2 + V(q) alone: bodies in a potential"
         if system.d > 3:
@@ -284,7 +293,17 @@ IN_C = "V a sum of powers of the distance, or Henon-Heiles (what galpy has in C)
 IN_PYTHON = "H = |p|^2 / 2 + V(q), d at most 3"
 
 
-def _peer(method, name, order, about, source, *, adaptive=False, claims=None, least=0.0) -> Peer:
+def _peer(
+    method: str,
+    name: str,
+    order: int | None,
+    about: str,
+    source: str,
+    *,
+    adaptive: bool = False,
+    claims: Mapping[str, Any] | None = None,
+    least: float = 0.0,
+) -> Peer:
     own = method.endswith("_c")
     cost = "compiled C" if own else "forces in Python"
     return Peer(

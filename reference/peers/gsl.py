@@ -14,11 +14,17 @@ Source: M. Galassi et al., GNU Scientific Library Reference Manual, 2.7, Ordinar
 from __future__ import annotations
 
 from functools import lru_cache
+from typing import TYPE_CHECKING
 
 from phasebench.reference.native import load_library, load_source, statements
 
 from .boost import KEPT, STEP_LIMIT, runs
 from .record import Claims, Peer
+
+if TYPE_CHECKING:
+    import ctypes
+
+    from phasebench.integrators.systems.hamiltonian import PartitionedSystem
 
 MANUAL = "https://www.gnu.org/software/gsl/doc/html/ode-initval.html, Stepping Functions"
 #: Relative and absolute size of errors to which the implicit steppers are asked to solve their stages.
@@ -93,7 +99,7 @@ int times(double *y, const double *t, long n, double h, double tol, double *rows
 """
 
 
-def source(system, name: str) -> str:
+def source(system: PartitionedSystem, name: str) -> str:
     """The C source of a program that runs the GSL stepper ``name`` on a system."""
     import sympy as sp
 
@@ -112,7 +118,7 @@ def source(system, name: str) -> str:
 
 
 @lru_cache(maxsize=KEPT)
-def _program(system, name: str):
+def _program(system: PartitionedSystem, name: str) -> ctypes.CDLL:
     """The compiled program, loaded, that runs the GSL stepper ``name`` on a system."""
     return load_source(source(system, name), "C", ("gsl", "gslcblas"))
 

@@ -13,7 +13,9 @@ Source: F. Biscani, D. Izzo, Mon. Not. R. Astron. Soc. 504 (2021) 2614-2628.
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from functools import lru_cache
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -23,6 +25,11 @@ from . import heyoka_forms
 from .heyoka_forms import TRANSLATED
 from .record import Claims, Peer, Run, Start, Task
 
+if TYPE_CHECKING:
+    from phasebench.integrators.systems.hamiltonian import PartitionedSystem
+
+    from .prepared import Calls
+
 EPS = float(np.finfo(float).eps)
 #: Size of the cache of integrators.
 KEPT = 128
@@ -30,7 +37,13 @@ DOCUMENTATION = "https://bluescarni.github.io/heyoka.py/"
 
 
 @lru_cache(maxsize=KEPT)
-def _scalar(system, tol: float, model: str = TRANSLATED, compact: bool | None = None, high_accuracy: bool = False):
+def _scalar(
+    system: PartitionedSystem,
+    tol: float,
+    model: str = TRANSLATED,
+    compact: bool | None = None,
+    high_accuracy: bool = False,
+) -> tuple[Any, heyoka_forms.Form]:
     """Make heyoka's integrator for one orbit of a system: (integrator, the `Form` of its state)."""
     import heyoka as hy
 
@@ -43,7 +56,7 @@ def _scalar(system, tol: float, model: str = TRANSLATED, compact: bool | None = 
 
 
 @lru_cache(maxsize=KEPT)
-def _batch(system, tol: float):
+def _batch(system: PartitionedSystem, tol: float) -> Any:
     import heyoka as hy
 
     one, form = _scalar(system, tol)
@@ -51,7 +64,7 @@ def _batch(system, tol: float):
     return hy.taylor_adaptive_batch(list(form.equations), zeros, tol=one.tol, compact_mode=one.compact_mode)
 
 
-def _build_run(*how):
+def _build_run(*how: str | bool | None) -> Callable[[Task], Run]:
     def run(task: Task) -> Run:
         from phasebench.reference.solvers import taylor
 
@@ -73,15 +86,15 @@ def _build_run(*how):
     return run
 
 
-def _prepare(*how):
-    def prepare(start: Start):
+def _prepare(*how: str | bool | None) -> Callable[[Start], Calls]:
+    def prepare(start: Start) -> Calls:
         from .prepared import SOLVED, STALLED, Calls
 
         kept, form = _scalar(start.system, start.tol, *how)
         ta = kept.__copy__()  # a copy, whose state belongs to this run alone
         state, begin, propagate = ta.state, ta.state.copy(), ta.propagate_until
 
-        def restart(y) -> None:
+        def restart(y: np.ndarray) -> None:
             begin[:] = form.put(y)
 
         def advance(t_end: float) -> int:
@@ -113,7 +126,7 @@ def _run_batch(task: Task) -> Run:
     return Run.of_states(rows, steps, 0, seconds, failure)
 
 
-def _peer(id: str, name: str, run, more: str, **facts) -> Peer:
+def _peer(id: str, name: str, run: Callable[[Task], Run], more: str, **facts: Any) -> Peer:
     return Peer(
         id,
         name,
@@ -136,7 +149,7 @@ def _peer(id: str, name: str, run, more: str, **facts) -> Peer:
     )
 
 
-def _one(id: str, name: str, more: str, how: tuple, **facts) -> Peer:
+def _one(id: str, name: str, more: str, how: tuple, **facts: Any) -> Peer:
     """Make the record of a peer that integrates one orbit by heyoka.
 
     ``how`` is (form of the equations, compact mode or None to decide by size, True to sum the series with
@@ -151,7 +164,7 @@ def compact(high_accuracy: bool, on: bool = True, model: str = TRANSLATED) -> Pe
     ``model`` is one of `heyoka_forms.NAMES`; ``high_accuracy`` sums the series with compensation.
     """
 
-    def lacks(problem, system) -> str | None:
+    def lacks(problem: Any, system: PartitionedSystem) -> str | None:
         from phasebench.reference.solvers import taylor
 
         if model == TRANSLATED and on == (2 * system.d > taylor.COMPACT):

@@ -8,11 +8,14 @@ heyoka's models are Newton's equations in x and v.  `NBODY` (``hy.model.nbody``)
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from . import particles
+
+if TYPE_CHECKING:
+    from phasebench.integrators.systems.hamiltonian import PartitionedSystem
 
 TRANSLATED, NBODY, CENTRE = "translated", "nbody", "fixed_centres"
 NAMES = (TRANSLATED, NBODY, CENTRE)
@@ -33,7 +36,7 @@ class Form(NamedTuple):
     at: np.ndarray | None = None
     scale: np.ndarray | None = None
 
-    def put(self, y) -> np.ndarray:
+    def put(self, y: np.ndarray) -> np.ndarray:
         """The state of heyoka's integrator for y = (q, p), an array (2 d,)."""
         if self.at is None:
             return y
@@ -41,12 +44,12 @@ class Form(NamedTuple):
         out[self.at] = self.scale * y
         return out
 
-    def get(self, states) -> np.ndarray:
+    def get(self, states: np.ndarray) -> np.ndarray:
         """(q, p) from a state or from rows of states, as new arrays (..., 2 d)."""
         return np.array(states) if self.at is None else states[..., self.at] / self.scale
 
 
-def names(system) -> tuple[str, ...]:
+def names(system: PartitionedSystem) -> tuple[str, ...]:
     """The ways in which heyoka can be given a system's equations: translated from H, or a model of heyoka's own."""
     settings = particles.settings(system)
     centre = settings.get(particles.CENTRAL)
@@ -55,7 +58,7 @@ def names(system) -> tuple[str, ...]:
 
 
 @lru_cache(maxsize=KEPT)
-def form(system, name: str) -> Form:
+def form(system: PartitionedSystem, name: str) -> Form:
     """The equations of motion of a system in the form ``name``, one of `names(system)`."""
     import heyoka as hy
 

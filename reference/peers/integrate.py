@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, Any
+
 import numpy as np
 
 from phasebench.integrators.errors import InvalidInput
@@ -11,9 +13,13 @@ from . import floating
 from .record import Peer, Run, Task
 from .run import ending, tolerance
 
+if TYPE_CHECKING:
+    from phasebench.integrators.keywords import State
+    from phasebench.integrators.solution import Solution
+
 
 def integrate_peer(
-    problem,
+    problem: Any,
     peer_id: str | Peer,
     *,
     h: float | None = None,
@@ -22,9 +28,9 @@ def integrate_peer(
     steps: int | None = None,
     t0: float = 0.0,
     save_every: int = 1,
-    q0=None,
-    p0=None,
-):
+    q0: State | None = None,
+    p0: State | None = None,
+) -> Solution:
     """Integrate ``problem`` with a peer; the process's floating-point environment is restored afterwards.
 
     Parameters

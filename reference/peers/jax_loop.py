@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import contextlib
 import time
-from collections.abc import Callable
-from typing import Any, NamedTuple
+from collections.abc import Callable, Iterator, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from .record import Run, Task
+
+if TYPE_CHECKING:
+    import jax
+    import sympy as sp
 
 #: Rows per call of the compiled loop; fixed, since the compiled code depends on it.
 ROWS = 256
@@ -18,7 +22,7 @@ COST = f"a compiled JAX loop; the time includes its dispatch and the copying of 
 
 
 @contextlib.contextmanager
-def double_precision():
+def double_precision() -> Iterator[None]:
     """A context that uses JAX in double precision on the CPU, in this thread only."""
     import jax
 
@@ -29,7 +33,7 @@ def double_precision():
         yield
 
 
-def jax_function(variables, expressions):
+def jax_function(variables: Sequence[Sequence[sp.Symbol]], expressions: Sequence[sp.Expr]) -> Callable[..., jax.Array]:
     """A function from values of the variables (one or two arrays) to a JAX array of the expressions."""
     import jax.numpy as jnp
     import sympy as sp
@@ -56,14 +60,16 @@ class Method(NamedTuple):
 class Loop:
     """The compiled loop over the steps of a `Method` on a system of ``d`` degrees of freedom."""
 
-    def __init__(self, method: Method, d: int):
+    def __init__(self, method: Method, d: int) -> None:
         import jax
         import jax.numpy as jnp
 
-        def loop(carried, h, begin, end, index):
+        def loop(
+            carried: Any, h: jax.Array, begin: jax.Array, end: jax.Array, index: jax.Array
+        ) -> tuple[jax.Array, Any, jax.Array]:
             """(rows (ROWS, 2 d) at the step numbers ``index``, what is carried, first step that failed or -1)."""
 
-            def step(k, given):
+            def step(k: jax.Array, given: tuple[Any, ...]) -> tuple[Any, ...]:
                 carried, rows, row, failed = given
                 carried, wrong = method.step(k, h, carried)
                 wanted = index[row] == k + 1
@@ -79,7 +85,7 @@ class Loop:
         for _ in range(2):  # what the loop returns may cause a second compilation
             self.rows(np.full(2 * d, 0.5), 1e-3, np.arange(1, ROWS + 2))
 
-    def rows(self, y, h: float, numbers) -> tuple[np.ndarray, int]:
+    def rows(self, y: np.ndarray, h: float, numbers: np.ndarray) -> tuple[np.ndarray, int]:
         """Integrate from y = (q, p) with step h: (states after the step ``numbers``, (n, 2 d); failed step or -1).
 
         States after a failed step are left out.

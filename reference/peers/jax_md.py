@@ -9,14 +9,20 @@ Source: S. S. Schoenholz, E. D. Cubuk, JAX, M.D.: A Framework for Differentiable
 from __future__ import annotations
 
 from functools import lru_cache
+from typing import TYPE_CHECKING, Any
 
 from . import masses
 from .jax_loop import COST, Loop, Method, jax_function, run_loop
 from .record import Claims, Peer
 
+if TYPE_CHECKING:
+    import jax
+
+    from phasebench.integrators.systems.hamiltonian import Hamiltonian
+
 
 @lru_cache(maxsize=128)
-def _compile(system) -> Loop:
+def _compile(system: Hamiltonian) -> Loop:
     """The compiled loop over the steps of JAX-MD's ``simulate.nve`` on a system."""
     import jax.numpy as jnp
     from jax_md import simulate
@@ -25,10 +31,10 @@ def _compile(system) -> Loop:
     start, step = simulate.nve(lambda R, **_: force(R[:, 0])[:, None], lambda R, dR, **_: R + dR)
     mass = jnp.array(masses.masses(system))
 
-    def begin(y, h):
+    def begin(y: jax.Array, h: jax.Array) -> Any:
         return start(None, y[:d, None], 0.0, mass=mass, momenta=y[d:, None])
 
-    def state(carried):
+    def state(carried: Any) -> jax.Array:
         return jnp.concatenate([carried.position[:, 0], carried.momentum[:, 0]])
 
     return Loop(Method(begin, lambda k, h, carried: (step(carried, dt=h), jnp.array(False)), state), d)

@@ -14,11 +14,16 @@ Source: E. Todorov, T. Erez, Y. Tassa, MuJoCo: A physics engine for model-based 
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from itertools import pairwise
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from .record import NOT_FINITE, Claims, Peer, Run, Task
+
+if TYPE_CHECKING:
+    from phasebench.integrators.systems.hamiltonian import PartitionedSystem
 
 MODEL = """
 <mujoco>
@@ -49,7 +54,7 @@ MODELS = {
 ROBOTS = "it takes models of bodies and joints: here " + ", ".join(MODELS)
 
 
-def _lacks(problem, system) -> str | None:
+def _lacks(problem: Any, system: PartitionedSystem) -> str | None:
     """The reason why MuJoCo's peers cannot integrate a problem; None if they can."""
     id = getattr(problem, "id", "")
     if id not in MODELS:
@@ -64,16 +69,16 @@ class _Body:
     MuJoCo's state is a position, a quaternion, and velocities, the angular one about the body's axes.
     """
 
-    def __init__(self, problem):
+    def __init__(self, problem: Any) -> None:
         self.moments = np.array([problem.parameters[k] for k in ("I1", "I2", "I3")])
         self.system = problem.system
 
-    def velocity(self, q, p):
+    def velocity(self, q: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         return np.concatenate([np.zeros(3), q]), np.concatenate(
             [np.zeros(3), self.system.momentum(q, p) / self.moments]
         )
 
-    def state(self, position, velocity):
+    def state(self, position: np.ndarray, velocity: np.ndarray) -> np.ndarray:
         q, p = self.system.start(attitude=position[3:], momentum=self.moments * velocity[3:])
         return np.concatenate([q, p])
 
@@ -84,22 +89,22 @@ class _Chain:
     MuJoCo's state is the angles between neighbouring bodies of the chain, and their velocities.
     """
 
-    def __init__(self, problem):
+    def __init__(self, problem: Any) -> None:
         self.field, self.d = problem.system.vector_field(), problem.system.d
 
-    def _inverse_mass(self, q):
+    def _inverse_mass(self, q: np.ndarray) -> np.ndarray:
         """The matrix A of q' = A(q) p."""
         return np.array([self.field(0.0, np.concatenate([q, e]))[: self.d] for e in np.eye(self.d)]).T
 
-    def velocity(self, q, p):
+    def velocity(self, q: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         return np.diff(q, prepend=0.0), np.diff(self._inverse_mass(q) @ p, prepend=0.0)
 
-    def state(self, position, velocity):
+    def state(self, position: np.ndarray, velocity: np.ndarray) -> np.ndarray:
         q = np.cumsum(position)
         return np.concatenate([q, np.linalg.solve(self._inverse_mass(q), np.cumsum(velocity))])
 
 
-def _build_run(integrator: str):
+def _build_run(integrator: str) -> Callable[[Task], Run]:
     def run(task: Task) -> Run:
         import mujoco
 

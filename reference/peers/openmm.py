@@ -16,13 +16,18 @@ Source: P. Eastman et al., J. Phys. Chem. B 128 (2024) 109-116; OpenMM User Guid
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from functools import lru_cache
 from itertools import pairwise
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from . import masses
 from .record import NOT_FINITE, Claims, Peer, Run, Task
+
+if TYPE_CHECKING:
+    from phasebench.integrators.systems.hamiltonian import Hamiltonian
 
 THEORY = "https://docs.openmm.org/latest/userguide/theory/04_integrators.html"
 VERLET, VARIABLE, CUSTOM = "VerletIntegrator", "VariableVerletIntegrator", "CustomIntegrator"
@@ -31,7 +36,7 @@ TOLERANCE = 1e-6
 
 
 @lru_cache(maxsize=128)
-def _formula(system) -> str:
+def _formula(system: Hamiltonian) -> str:
     """The potential as OpenMM writes formulas: particle i's coordinate is x<i+1>."""
     import sympy as sp
 
@@ -39,7 +44,7 @@ def _formula(system) -> str:
     return str(sp.N(system.potential.xreplace(renamed), 17)).replace("**", "^").replace("Abs(", "abs(")
 
 
-def _integrator(kind: str, h: float, tol: float | None):
+def _integrator(kind: str, h: float, tol: float | None) -> Any:
     """Make OpenMM's integrator of a ``kind``: `VERLET` or `CUSTOM` with step h, `VARIABLE` with tolerance ``tol``."""
     import openmm
 
@@ -58,7 +63,7 @@ def _integrator(kind: str, h: float, tol: float | None):
 class _Simulation:
     """A system in OpenMM with an integrator; states are (q, p), arrays (2 d,)."""
 
-    def __init__(self, system, kind: str, h: float, tol: float | None = None):
+    def __init__(self, system: Hamiltonian, kind: str, h: float, tol: float | None = None) -> None:
         import openmm
 
         self.kind, self.d, self.h = kind, system.d, h
@@ -93,7 +98,7 @@ class _Simulation:
         return np.concatenate([q, self.masses * v])
 
 
-def _build_run(kind: str):
+def _build_run(kind: str) -> Callable[[Task], Run]:
     adaptive = kind == VARIABLE
 
     def run(task: Task) -> Run:

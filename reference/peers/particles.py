@@ -19,15 +19,24 @@ from __future__ import annotations
 import ctypes
 import time
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import combinations, pairwise
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from . import floating
 from .record import Run, Start, Task
+
+if TYPE_CHECKING:
+    import rebound
+    import sympy as sp
+
+    from phasebench.integrators.systems.hamiltonian import PartitionedSystem
+
+    from .prepared import Calls
 
 #: Distance from the origin beyond which a body has escaped.
 FAR = 1e12
@@ -63,7 +72,7 @@ class Setting:
         return self.first + i // self.dimension, i % self.dimension
 
 
-def _mass_and_terms(system):
+def _mass_and_terms(system: PartitionedSystem) -> tuple[tuple[sp.Expr | int, ...], list[sp.Expr]] | None:
     """(the exact numbers 1/m_i, the terms of V) of H = sum p_i^2 / (2 m_i) + V(q); None for other forms of H."""
     import sympy as sp
 
@@ -82,14 +91,14 @@ def _mass_and_terms(system):
     return None if double or 0 in inverse else (inverse, V)
 
 
-def attracting(system):
+def attracting(system: PartitionedSystem) -> tuple[list[sp.Expr], sp.Expr, int] | None:
     """(masses, G, dimension), exact, of a system of gravitating bodies; None for other systems."""
     split = _mass_and_terms(system)
     return None if split is None else _bodies(system.q, *split)
 
 
 @lru_cache(maxsize=64)
-def settings(system) -> dict[str, Setting]:
+def settings(system: PartitionedSystem) -> dict[str, Setting]:
     """The possible representations of a system by REBOUND's particles: kind -> `Setting`, most special kind first."""
     import sympy as sp
 
@@ -111,7 +120,9 @@ def settings(system) -> dict[str, Setting]:
     return fitting
 
 
-def _bodies(q, inverse, terms):
+def _bodies(
+    q: Sequence[sp.Symbol], inverse: Sequence[sp.Expr | int], terms: Sequence[sp.Expr]
+) -> tuple[list[sp.Expr], sp.Expr, int] | None:
     """(masses, G, dimension) of gravitating bodies; None if the potential does not have this form."""
     for dimension in (3, 2):
         n, left = divmod(len(q), dimension)
@@ -133,12 +144,12 @@ def _bodies(q, inverse, terms):
     return None
 
 
-def _squares(pairs) -> frozenset:
+def _squares(pairs: Iterable[tuple[sp.Expr, sp.Expr]]) -> frozenset:
     """A key for the sum of (a - b)^2 over pairs (a, b), which does not depend on the signs of the differences."""
     return frozenset(frozenset((a - b, b - a)) for a, b in pairs)
 
 
-def _differences(e) -> frozenset | None:
+def _differences(e: sp.Expr) -> frozenset | None:
     """The key, as from `_squares`, of the sum of squares in an inverse distance; None for other expressions."""
     if not (e.is_Pow and 2 * e.exp == -1 and all(s.is_Pow and s.exp == 2 for s in e.base.args)):
         return None
@@ -146,7 +157,7 @@ def _differences(e) -> frozenset | None:
 
 
 @lru_cache(maxsize=64)
-def extra_force(setting: Setting):
+def extra_force(setting: Setting) -> Any:
     """The compiled callback that subtracts grad U / m from the accelerations; it must live as long as REBOUND runs."""
     from numba import cfunc, types
     from rebound import Particle, Simulation
@@ -171,7 +182,14 @@ def extra_force(setting: Setting):
     return cfunc(types.void(pointer), error_model="numpy")(space["force"])
 
 
-def build(setting: Setting, q0, p0, integrator: str, options=(), extra: bool = True):
+def build(
+    setting: Setting,
+    q0: Sequence[float] | np.ndarray,
+    p0: Sequence[float] | np.ndarray,
+    integrator: str,
+    options: Mapping[str, Any] | Sequence[tuple[str, Any]] = (),
+    extra: bool = True,
+) -> tuple[rebound.Simulation, Any]:
     """Make a REBOUND simulation of a setting: (simulation, callback of the extra force, to be kept alive, or None).
 
     ``options`` are fields of the integrator; the extra force is left out unless ``extra``.
@@ -197,14 +215,21 @@ def build(setting: Setting, q0, p0, integrator: str, options=(), extra: bool = T
     return sim, force
 
 
-def choose(sim, integrator: str, options) -> None:
+def choose(sim: rebound.Simulation, integrator: str, options: Mapping[str, Any] | Sequence[tuple[str, Any]]) -> None:
     """Set a simulation's integrator and its fields; the state of the previous integrator is dropped."""
     sim.integrator = integrator
     for name, value in dict(options).items():
         setattr(sim.integrator, name, value)
 
 
-def simulation(problem, q0, p0, integrator: str, mu: float = 0.0, **options):
+def simulation(
+    problem: Any,
+    q0: Sequence[float] | np.ndarray,
+    p0: Sequence[float] | np.ndarray,
+    integrator: str,
+    mu: float = 0.0,
+    **options: Any,
+) -> tuple[rebound.Simulation, Any]:
     """Make a REBOUND simulation of a (perturbed) Kepler problem: (simulation, callback to be kept alive, or None).
 
     The extra force, which the callback computes, acts if ``mu`` is not 0.
@@ -212,7 +237,7 @@ def simulation(problem, q0, p0, integrator: str, mu: float = 0.0, **options):
     return build(settings(problem.system)[CENTRAL], q0, p0, integrator, options, bool(mu))
 
 
-def jacobi_vanishes(setting: Setting, q) -> int | None:
+def jacobi_vanishes(setting: Setting, q: Sequence[float] | np.ndarray) -> int | None:
     """The index of the first body in the centre of mass of the bodies before it (Jacobi coordinate 0); else None."""
     where = np.zeros((len(setting.masses), 3))
     for i, x in enumerate(q):
@@ -224,7 +249,7 @@ def jacobi_vanishes(setting: Setting, q) -> int | None:
     return None
 
 
-def state(sim, setting: Setting) -> np.ndarray:
+def state(sim: rebound.Simulation, setting: Setting) -> np.ndarray:
     """The state (q, p) of a REBOUND simulation, array (2 d,)."""
     d = len(setting.inverse)
     x, v = np.empty((2, sim.N, 3))
@@ -233,7 +258,9 @@ def state(sim, setting: Setting) -> np.ndarray:
     return np.concatenate([x[at], v[at] / setting.inverse])
 
 
-def prepare(start: Start, setting: Setting, integrator: str, options, *, adaptive: bool, shortest: float):
+def prepare(
+    start: Start, setting: Setting, integrator: str, options: Mapping[str, Any], *, adaptive: bool, shortest: float
+) -> Calls:
     """The `Calls` of a prepared simulation: ``advance(t_end)`` if ``adaptive``, else ``advance(h, steps)``.
 
     A reset restores the particles, the time and the step.  IAS15 and BS keep what they predicted from their last step,
@@ -255,7 +282,7 @@ def prepare(start: Start, setting: Setting, integrator: str, options, *, adaptiv
     array = begin.ctypes.data_as(ctypes.POINTER(ctypes.c_double))
     known: list[float | None] = [None]  # the span or number of steps for which the simulation is configured
 
-    def restart(y) -> None:
+    def restart(y: np.ndarray) -> None:
         begin[:, :3][at], begin[:, 3:][at] = y[:d], y[d:] * inverse
 
     def reset(dt: float) -> None:
@@ -294,7 +321,9 @@ def prepare(start: Start, setting: Setting, integrator: str, options, *, adaptiv
     return Calls(restart, advance, lambda: state(sim, setting), (sim, force))
 
 
-def run(task: Task, setting: Setting, integrator: str, options, *, adaptive: bool, limit: float = np.inf) -> Run:
+def run(
+    task: Task, setting: Setting, integrator: str, options: Mapping[str, Any], *, adaptive: bool, limit: float = np.inf
+) -> Run:
     """Integrate a task in the representation ``setting``; ``seconds`` are those spent in REBOUND.
 
     Adaptive integrators stop at the times of the rows; the others take the exact number of steps of h, without summing
@@ -337,7 +366,7 @@ def run(task: Task, setting: Setting, integrator: str, options, *, adaptive: boo
     return Run.of_states(rows[:reached], steps, 0, spent, failure)
 
 
-def _advance(sim, integrator: str, h: float, before: int, n: int, adaptive: bool) -> None:
+def _advance(sim: rebound.Simulation, integrator: str, h: float, before: int, n: int, adaptive: bool) -> None:
     """Advance a REBOUND simulation from step ``before`` to step n of length h; to the time n h if ``adaptive``."""
     if adaptive:
         sim.integrate(h * n)

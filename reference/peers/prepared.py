@@ -56,7 +56,7 @@ class PreparedPeer:
 
     SOLVED, STALLED = STATUSES
 
-    def __init__(self, peer: Peer, start: Start):
+    def __init__(self, peer: Peer, start: Start) -> None:
         if peer.prepare is None:
             raise InvalidInput(f"'{peer.id}' has no prepared run; pb.integrate runs it")
         self.peer, self._d = peer, len(start.q)
@@ -91,7 +91,9 @@ class PreparedPeer:
         return y[:d], y[d:], STATUSES[code]
 
 
-def prepare_peer(problem, peer: Peer, *, tol: float | None = None, q0=None, p0=None) -> PreparedPeer:
+def prepare_peer(
+    problem: Any, peer: Peer, *, tol: float | None = None, q0: State | None = None, p0: State | None = None
+) -> PreparedPeer:
     """Prepare a peer on a problem for many calls, or for timing.
 
     Parameters

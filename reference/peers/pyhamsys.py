@@ -23,7 +23,9 @@ Source: C. Chandre, pyhamsys, https://github.com/cchandre/pyhamsys; P. Pihajoki,
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from functools import lru_cache
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -31,6 +33,9 @@ from phasebench.integrators.errors import InvalidInput
 
 from .field import right_hand_side, split_gradients
 from .record import NOT_FINITE, Claims, Peer, Run, Task, split_alone
+
+if TYPE_CHECKING:
+    from phasebench.integrators.systems.hamiltonian import Hamiltonian, PartitionedSystem
 
 #: Largest number of steps in one call of pyhamsys, and in one with two copies coupled by omega.
 PIECE, MOST = 256, 100_000
@@ -41,33 +46,35 @@ EXTENDED = "README of pyhamsys 0.90, Symplectic Integrators and Parameters (exte
 
 
 @lru_cache(maxsize=128)
-def _flows(system):
+def _flows(
+    system: Hamiltonian,
+) -> tuple[Callable[[float, float, np.ndarray], np.ndarray], Callable[[float, float, np.ndarray], np.ndarray]]:
     """Compiled maps (h, t, y) -> y: (the flow of V and then T, the flow of T and then V)."""
     import numba
 
     d, (gradient, rate) = system.d, split_gradients(system)
 
     @numba.njit
-    def kick(h, y):
+    def kick(h: float, y: np.ndarray) -> None:
         slope = gradient(y)
         for i in range(d):
             y[d + i] -= h * slope[i]
 
     @numba.njit
-    def drift(h, y):
+    def drift(h: float, y: np.ndarray) -> None:
         velocity = rate(y)
         for i in range(d):
             y[i] += h * velocity[i]
 
     @numba.njit("float64[::1](float64, float64, float64[::1])", error_model="numpy")
-    def kick_drift(h, t, y):
+    def kick_drift(h: float, t: float, y: np.ndarray) -> np.ndarray:
         y = y.copy()
         kick(h, y)
         drift(h, y)
         return y
 
     @numba.njit("float64[::1](float64, float64, float64[::1])", error_model="numpy")
-    def drift_kick(h, t, y):
+    def drift_kick(h: float, t: float, y: np.ndarray) -> np.ndarray:
         y = y.copy()
         drift(h, y)
         kick(h, y)
@@ -76,7 +83,7 @@ def _flows(system):
     return kick_drift, drift_kick
 
 
-def _separable_system(system, position_first: bool):
+def _separable_system(system: Hamiltonian, position_first: bool) -> Any:
     """Make pyhamsys's system for H = T(p) + V(q); the flow of T comes first in ``chi`` if ``position_first``."""
     from pyhamsys import HamSys
 
@@ -85,14 +92,14 @@ def _separable_system(system, position_first: bool):
     return HamSys(ndof=system.d, chi=chi, chi_star=chi_star)
 
 
-def _general_system(system):
+def _general_system(system: Hamiltonian) -> Any:
     """Make pyhamsys's system for any H, from its equations of motion."""
     from pyhamsys import HamSys
 
     return HamSys(ndof=system.d, y_dot=right_hand_side(system))
 
 
-def _piece(system, options: dict, state, h: float, n: int):
+def _piece(system: Any, options: dict, state: np.ndarray, h: float, n: int) -> tuple[np.ndarray, float]:
     """Take n steps of h by one call of pyhamsys: (the states after 1, ..., n steps, array (n, 2 d); the step taken)."""
     from pyhamsys import Parameters
 
@@ -120,7 +127,7 @@ def _warm() -> None:
     _piece(HamSys(y_dot=lambda t, y: -y), {"solver": "Verlet", "extension": True}, np.ones(2), 0.1, 2)
 
 
-def _build_run(solver: str, position_first: bool, extension: bool, omega: float | None):
+def _build_run(solver: str, position_first: bool, extension: bool, omega: float | None) -> Callable[[Task], Run]:
     def run(task: Task) -> Run:
         one = omega is not None
         if one and task.steps > MOST:
@@ -153,7 +160,7 @@ _lacks_splitting = split_alone(
 )
 
 
-def _lacks_canonical(problem, system) -> str | None:
+def _lacks_canonical(problem: Any, system: PartitionedSystem) -> str | None:
     if not system.canonical:
         return "two copies of phase space need H in canonical coordinates"
     return None
@@ -167,7 +174,7 @@ MEAN_ABOUT = "two copies, set to their mean after each step; symplectic in the d
 BOUND_ABOUT = f"two copies bound by omega = {OMEGA:g}; rows are their mean; symplectic in the doubled phase space"
 
 
-def _peer(solver: str, order: int, about: str, source: str, *, position_first=False, kind="") -> Peer:
+def _peer(solver: str, order: int, about: str, source: str, *, position_first: bool = False, kind: str = "") -> Peer:
     """Make the record of a pyhamsys integrator.
 
     ``kind`` is "" for T + V, "extended" for two copies of phase space set to their mean, "omega" for two coupled ones.

@@ -15,11 +15,20 @@ from __future__ import annotations
 import contextlib
 import io
 import time
+from collections.abc import Callable
 from functools import lru_cache
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from .record import NOT_FINITE, Claims, Peer, Run, Start, Task, split_alone
+
+if TYPE_CHECKING:
+    import sympy as sp
+
+    from phasebench.integrators.systems.hamiltonian import Hamiltonian, PartitionedSystem
+
+    from .prepared import Calls
 
 #: Largest number of steps in one call, which returns the state after each.
 PIECE = 16_384
@@ -27,7 +36,7 @@ CANONICAL = "its equations are q' = dH/dp and p' = -dH/dq: the variables must be
 
 
 @lru_cache(maxsize=128)
-def _functions(system):
+def _functions(system: Hamiltonian) -> dict[str, Callable[..., Any]]:
     """Compiled functions on arrays (d,) and unused parameters: the gradients of T and V, the equations, the Hessian."""
     import numba
     from numba import types
@@ -42,7 +51,7 @@ def _functions(system):
         read = numba.njit(lambda x: x)
     field, value = system.field(), codegen.value_type(d)
 
-    def second_derivatives():
+    def second_derivatives() -> list[list[sp.Expr]]:
         matrix = system.hessian()
         return [list(matrix[i, k * d : (k + 1) * d]) for i in range(2 * d) for k in (0, 1)]
 
@@ -50,7 +59,7 @@ def _functions(system):
     hessian = system.make_function("hessian", arguments, second_derivatives, signature, codegen.DOUBLE)
 
     @numba.njit(error_model="numpy")
-    def equations(q, p, parameters):
+    def equations(q: np.ndarray, p: np.ndarray, parameters: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         velocity, force = field(read(q), read(p), 0.0, 0.0)
         of_q, of_p = np.empty(d), np.empty(d)
         for i in range(d):
@@ -58,7 +67,7 @@ def _functions(system):
         return of_q, of_p
 
     @numba.njit(error_model="numpy")
-    def matrix(q, p, parameters):
+    def matrix(q: np.ndarray, p: np.ndarray, parameters: np.ndarray) -> np.ndarray:
         halves, found = hessian(read(q), read(p)), np.empty((2 * d, 2 * d))
         for i in range(2 * d):
             for j in range(d):
@@ -70,14 +79,14 @@ def _functions(system):
     grad_T, grad_V = system.grad_T() or numba.njit(lambda p: p), system.grad_V()
 
     @numba.njit(error_model="numpy")
-    def of_kinetic(p, parameters):
+    def of_kinetic(p: np.ndarray, parameters: np.ndarray) -> np.ndarray:
         velocity, found = grad_T(read(p)), np.empty(d)
         for i in range(d):
             found[i] = velocity[i]
         return found
 
     @numba.njit(error_model="numpy")
-    def of_potential(q, parameters):
+    def of_potential(q: np.ndarray, parameters: np.ndarray) -> np.ndarray:
         slope, found = grad_V(read(q)), np.empty(d)
         for i in range(d):
             found[i] = slope[i]
@@ -86,14 +95,14 @@ def _functions(system):
     return {"eom": equations, "hess_H": matrix, "grad_T": of_kinetic, "grad_V": of_potential}
 
 
-def _system(system):
+def _system(system: Hamiltonian) -> Any:
     """Make pynamicalsys's ``HamiltonianSystem`` from a system of this project."""
     from pynamicalsys import HamiltonianSystem
 
     return HamiltonianSystem(**_functions(system), degrees_of_freedom=system.d, number_of_parameters=0)
 
 
-def _states(made, y, h: float, n: int):
+def _states(made: Any, y: np.ndarray, h: float, n: int) -> np.ndarray | None:
     """The states (q, p) after 1, ..., n steps from y, array (n, 2 d); None where a step was not solved."""
     d = len(y) // 2
     with contextlib.redirect_stdout(io.StringIO()):
@@ -103,7 +112,7 @@ def _states(made, y, h: float, n: int):
             return None
 
 
-def _build_run(name: str, gradients: int):
+def _build_run(name: str, gradients: int) -> Callable[[Task], Run]:
     def run(task: Task) -> Run:
         made, y, h = _system(task.system), task.state, task.h
         made.integrator(name, time_step=h)
@@ -127,15 +136,15 @@ def _build_run(name: str, gradients: int):
     return run
 
 
-def _build_prepare(name: str):
-    def prepare(start: Start):
+def _build_prepare(name: str) -> Callable[[Start], Calls]:
+    def prepare(start: Start) -> Calls:
         from .prepared import SOLVED, STALLED, Calls
 
         made, begin, end = _system(start.system), start.state, [start.state]
         made.integrator(name, time_step=1e-6)
         _states(made, begin, 1e-6, 1)
 
-        def restart(y) -> None:
+        def restart(y: np.ndarray) -> None:
             begin[:] = y
 
         def advance(h: float, n: int) -> int:
@@ -154,7 +163,7 @@ def _build_prepare(name: str):
     return prepare
 
 
-def _canonical(problem, system) -> str | None:
+def _canonical(problem: Any, system: PartitionedSystem) -> str | None:
     """The `Peer.lacks` of the midpoint rule: a reason if the variables are not canonical, else None."""
     return None if system.canonical else CANONICAL
 

@@ -11,11 +11,19 @@ Source: H. Rein, S.-F. Liu, Astron. Astrophys. 537 (2012) A128.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
+from typing import TYPE_CHECKING, Any
+
 from phasebench.integrators.record import DRIFT, ROUND_OFF
 
 from . import particles
 from .particles import CENTRAL, GRAVITY, POTENTIAL
 from .record import Claims, Peer, Run, Start, Task
+
+if TYPE_CHECKING:
+    from phasebench.integrators.systems.hamiltonian import PartitionedSystem
+
+    from .prepared import Calls
 
 DOCUMENTATION = "https://rebound.readthedocs.io/en/latest/integrators/ and sim.integrator.__doc__ of version 5.2"
 HIGH_ORDER = "Rein, Tamayo & Brown 2019, Mon. Not. R. Astron. Soc. 489, 4632-4640"
@@ -39,7 +47,7 @@ SCOPES = {
 NEWTON = "a Kepler problem; gravity between bodies, the first in the middle"
 
 
-def _setting(kinds, forces: bool, system):
+def _setting(kinds: Iterable[str], forces: bool, system: PartitionedSystem) -> particles.Setting | None:
     """The first representation of a system among ``kinds``, with or without extra ``forces``; None if there is none."""
     settings = particles.settings(system)
     for kind in kinds:
@@ -48,8 +56,8 @@ def _setting(kinds, forces: bool, system):
     return None
 
 
-def _lacks(integrator: str, kinds, forces: bool):
-    def lacks(problem, system) -> str | None:
+def _lacks(integrator: str, kinds: tuple[str, ...], forces: bool) -> Callable[[Any, PartitionedSystem], str | None]:
+    def lacks(problem: Any, system: PartitionedSystem) -> str | None:
         from phasebench.integrators.compile.codegen import compiled
 
         settings = particles.settings(system)
@@ -88,7 +96,9 @@ def _avx512() -> bool:
     return getattr(rebound, "avx512_available", False)
 
 
-def _fields(integrator: str, setting, options: dict, tolerances, tol: float | None) -> dict:
+def _fields(
+    integrator: str, setting: particles.Setting, options: dict, tolerances: Iterable[str], tol: float | None
+) -> dict:
     """The fields of a REBOUND integrator to set, name -> value, for a setting and a tolerance."""
     fields = options | ({} if tol is None else dict.fromkeys(tolerances, tol))
     if fields.get("kernel") == "lazy" and setting.kind == CENTRAL and setting.gradient is None:
@@ -96,7 +106,9 @@ def _fields(integrator: str, setting, options: dict, tolerances, tol: float | No
     return fields
 
 
-def _build_run(integrator: str, kinds, forces: bool, options: dict, tolerances):
+def _build_run(
+    integrator: str, kinds: tuple[str, ...], forces: bool, options: dict, tolerances: tuple[str, ...]
+) -> Callable[[Task], Run]:
     def run(task: Task) -> Run:
         setting = _setting(kinds, forces, task.system)
         fields = _fields(integrator, setting, options, tolerances, task.tol)
@@ -108,8 +120,10 @@ def _build_run(integrator: str, kinds, forces: bool, options: dict, tolerances):
     return run
 
 
-def _prepare(integrator: str, kinds, forces: bool, options: dict, tolerances):
-    def prepare(start: Start):
+def _prepare(
+    integrator: str, kinds: tuple[str, ...], forces: bool, options: dict, tolerances: tuple[str, ...]
+) -> Callable[[Start], Calls]:
+    def prepare(start: Start) -> Calls:
         setting = _setting(kinds, forces, start.system)
         fields = _fields(integrator, setting, options, tolerances, start.tol)
         return particles.prepare(start, setting, integrator, fields, adaptive=bool(tolerances), shortest=SHORTEST)
@@ -125,9 +139,9 @@ def _peer(
     about: str,
     source: str,
     *,
-    kinds=ANY,
+    kinds: tuple[str, ...] = ANY,
     forces: bool = True,
-    tolerances=(),
+    tolerances: tuple[str, ...] = (),
     least: float = 0.0,
     claims: dict | None = None,
     options: dict | None = None,
@@ -197,7 +211,17 @@ ADAPTIVE = (
 )
 
 
-def _whfast(id, name, order, about, source=HIGH_ORDER, *, forces=True, claims=None, **options):
+def _whfast(
+    id: str,
+    name: str,
+    order: int,
+    about: str,
+    source: str = HIGH_ORDER,
+    *,
+    forces: bool = True,
+    claims: dict | None = None,
+    **options: Any,
+) -> Peer:
     claims = {"symplectic": True} | (claims or {})
     options = {"safe_mode": 0} | options
     return _peer(

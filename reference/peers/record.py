@@ -6,9 +6,12 @@ import importlib
 import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from phasebench.integrators.systems.hamiltonian import PartitionedSystem
 
 
 @dataclass(frozen=True)
@@ -100,18 +103,18 @@ class Run(NamedTuple):
     failure: str | None = None
 
     @classmethod
-    def of_states(cls, rows, *more) -> Run:
+    def of_states(cls, rows: np.ndarray, *more: float | str | None) -> Run:
         """Make a `Run` from rows (q, p), array (n, 2 d); ``more`` are the fields after q and p."""
         d = rows.shape[1] // 2
         return cls(rows[:, :d], rows[:, d:], *more)
 
     @classmethod
-    def stuck(cls, task: Task, *more) -> Run:
+    def stuck(cls, task: Task, *more: float | str | None) -> Run:
         """Make a `Run` with the initial state as its only row; ``more`` are the fields after q and p."""
         return cls.of_states(task.state[None], *more)
 
 
-def anything(problem, system) -> str | None:
+def anything(problem: Any, system: PartitionedSystem) -> str | None:
     """The function `Peer.lacks` of a peer that is applicable to every problem: returns None, no reason against it."""
     return None
 
@@ -119,7 +122,7 @@ def anything(problem, system) -> str | None:
 def split_alone(why: str) -> Callable[[Any, Any], str | None]:
     """Make the `Peer.lacks` of a peer for canonical H = T(p) + V(q) only; it returns ``why`` for others, else None."""
 
-    def lacks(problem, system) -> str | None:
+    def lacks(problem: Any, system: PartitionedSystem) -> str | None:
         return None if system.canonical and system.separable else why
 
     return lacks

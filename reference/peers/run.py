@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from math import isfinite
 from numbers import Real
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,11 +12,16 @@ from phasebench.integrators.errors import InvalidInput
 
 from .record import NOT_FINITE, Peer
 
+if TYPE_CHECKING:
+    from phasebench.integrators.systems.hamiltonian import PartitionedSystem
+
 #: For a singular system a relative change of the energy by more than this is a collision.
 LOST = 10.0
 
 
-def ending(system, times, q, p, failure: str | None) -> tuple[str, str, int]:
+def ending(
+    system: PartitionedSystem, times: np.ndarray, q: np.ndarray, p: np.ndarray, failure: str | None
+) -> tuple[str, str, int]:
     """(status, reason, number of good rows) of a run with rows q and p, arrays (n, d), at the first n ``times``."""
     from phasebench.integrators.outcome import COLLISION, DIVERGED, energy_unit, judge
 
@@ -35,7 +41,7 @@ def ending(system, times, q, p, failure: str | None) -> tuple[str, str, int]:
     return *judge(system, times[:rows], q, p, "take a smaller step or tolerance"), rows
 
 
-def tolerance(integrator: Peer, tol) -> float | None:
+def tolerance(integrator: Peer, tol: float | None) -> float | None:
     """The tolerance of a run, by default the peer's own; raises InvalidInput if the peer does not accept it."""
     if tol is None:
         return integrator.tol

@@ -14,12 +14,21 @@ from __future__ import annotations
 
 import time
 import warnings
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from packaging.version import Version
 
 from .field import compiled_field
 from .record import NOT_FINITE, Claims, Peer, Run, Start, Task
+
+if TYPE_CHECKING:
+    from scipy.integrate import OdeSolver, ode
+
+    from phasebench.integrators.systems.hamiltonian import PartitionedSystem
+
+    from .prepared import Calls
 
 #: SciPy's default tolerances.
 RTOL, ATOL = 1e-3, 1e-6
@@ -28,7 +37,7 @@ STEP_LIMIT = 1_000_000
 DOCUMENTATION = "https://docs.scipy.org/doc/scipy/reference/generated/scipy.integrate.{}.html"
 
 
-def _solve(solver_name: str, compiled: bool):
+def _solve(solver_name: str, compiled: bool) -> Callable[[Task], Run]:
     def run(task: Task) -> Run:
         import scipy.integrate
 
@@ -67,10 +76,10 @@ def _solve(solver_name: str, compiled: bool):
     return run
 
 
-def _prepare(solver_name: str, compiled: bool):
+def _prepare(solver_name: str, compiled: bool) -> Callable[[Start], Calls]:
     """Make the `Peer.prepare` of a SciPy solver: the loop over steps that ``solve_ivp`` makes, without rows."""
 
-    def prepare(start: Start):
+    def prepare(start: Start) -> Calls:
         import scipy.integrate
 
         solver_of = getattr(scipy.integrate, solver_name)
@@ -81,7 +90,7 @@ def _prepare(solver_name: str, compiled: bool):
     return prepare
 
 
-def _steps(solver) -> np.ndarray | None:
+def _steps(solver: OdeSolver) -> np.ndarray | None:
     """Run a solver to the end of its span and return the state there; None if it fails."""
     step, most = solver.step, STEP_LIMIT
     while solver.status == "running" and most:
@@ -90,13 +99,13 @@ def _steps(solver) -> np.ndarray | None:
     return solver.y if solver.status == "finished" else None
 
 
-def _calls(start: Start, integrate):
+def _calls(start: Start, integrate: Callable[[np.ndarray, float], np.ndarray | None]) -> Calls:
     """The `Calls` of a prepared run, given ``integrate``: (y, t_end) -> the final state, or None if it failed."""
     from .prepared import SOLVED, STALLED, Calls
 
     begin, end = start.state, [start.state]
 
-    def restart(y) -> None:
+    def restart(y: np.ndarray) -> None:
         begin[:] = y
 
     def advance(t_end: float) -> int:
@@ -109,7 +118,7 @@ def _calls(start: Start, integrate):
     return Calls(restart, advance, lambda: np.array(end[0]))
 
 
-def _failure(solver, message, before: float, steps: int) -> str | None:
+def _failure(solver: OdeSolver, message: str | None, before: float, steps: int) -> str | None:
     """The reason why a run of a SciPy solver ends after this step; None if it goes on.
 
     ``message`` is the step's result, ``before`` the time before it, ``steps`` the number of steps before it.
@@ -125,7 +134,7 @@ def _failure(solver, message, before: float, steps: int) -> str | None:
     return None
 
 
-def _off(problem, system) -> str | None:
+def _off(problem: Any, system: PartitionedSystem) -> str | None:
     """The `Peer.lacks` of a peer that needs Numba: a reason if compilation is disabled, else None."""
     from phasebench.integrators.compile import codegen
 
@@ -178,7 +187,7 @@ PEERS = (
 )
 
 
-def _odeint(field, task: Task):
+def _odeint(field: Callable[[float, np.ndarray], np.ndarray], task: Task) -> tuple[np.ndarray, int, int, str | None]:
     """Run LSODA by SciPy's ``odeint``, whose loop is compiled: (rows, steps, evaluations, failure or None)."""
     from scipy.integrate import odeint
 
@@ -188,7 +197,7 @@ def _odeint(field, task: Task):
     return rows if good else rows[:1], int(said["nst"][-1]), int(said["nfe"][-1]), None if good else said["message"]
 
 
-def _dop853(field, tolerances: dict[str, float]):
+def _dop853(field: Callable[[float, np.ndarray], np.ndarray], tolerances: dict[str, float]) -> ode:
     """Make SciPy's `ode` with DOP853 for a right-hand side; before SciPy 1.17 a compiled one is wrapped in Python."""
     import scipy
     from scipy.integrate import ode
@@ -198,7 +207,7 @@ def _dop853(field, tolerances: dict[str, float]):
     return ode(f).set_integrator("dop853", nsteps=STEP_LIMIT, **tolerances)
 
 
-def _ode(field, task: Task):
+def _ode(field: Callable[[float, np.ndarray], np.ndarray], task: Task) -> tuple[np.ndarray, int, int, str | None]:
     """Run DOP853 by SciPy's ``ode``, whose loop is compiled: (rows, 0, 0, failure or None).
 
     The zeros stand for steps and evaluations, which are not counted; steps end at the rows.
@@ -213,17 +222,17 @@ def _ode(field, task: Task):
     return np.array(rows), 0, 0, None
 
 
-def _prepare_fast(solver: str):
+def _prepare_fast(solver: str) -> Callable[[Start], Calls]:
     """Make the `Peer.prepare` of SciPy's ``odeint`` or ``ode``, which are called for the final state only."""
 
-    def prepare(start: Start):
+    def prepare(start: Start) -> Calls:
         from scipy.integrate import odeint
 
         field = compiled_field(start.system)
         tolerances = {"rtol": start.tol, "atol": start.tol} if start.tol else {}
         if solver == "odeint":
 
-            def integrate(y, t_end):
+            def integrate(y: np.ndarray, t_end: float) -> np.ndarray | None:
                 rows, said = odeint(
                     field, y, (0.0, t_end), tfirst=True, mxstep=STEP_LIMIT, full_output=True, **tolerances
                 )
@@ -232,7 +241,7 @@ def _prepare_fast(solver: str):
             return _calls(start, integrate)
         made = _dop853(field, tolerances)
 
-        def whole(y, t_end):
+        def whole(y: np.ndarray, t_end: float) -> np.ndarray | None:
             end = made.set_initial_value(y, 0.0).integrate(t_end)
             return end if made.successful() else None
 

@@ -20,7 +20,9 @@ from __future__ import annotations
 
 import importlib
 import time
+from collections.abc import Callable
 from functools import lru_cache
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -28,6 +30,11 @@ from phasebench.integrators.record import BOUNDED
 
 from .field import split_gradients
 from .record import NOT_FINITE, Claims, Peer, Run, Task, older_python, split_alone
+
+if TYPE_CHECKING:
+    from types import ModuleType
+
+    from phasebench.integrators.systems.hamiltonian import Hamiltonian
 
 #: The oldest Python for which the package has a wheel.
 OLDEST = (3, 12)
@@ -39,7 +46,7 @@ ABOUT = (
 )
 
 
-def load(name: str = "sundials4py"):
+def load(name: str = "sundials4py") -> ModuleType:
     """Import sundials4py; the error on a Python that is too old for its wheel says so."""
     try:
         return importlib.import_module(name)
@@ -48,7 +55,7 @@ def load(name: str = "sundials4py"):
 
 
 @lru_cache(maxsize=1)
-def _context():
+def _context() -> Any:
     """The SUNDIALS context object of this process, created once."""
     from sundials4py import core
 
@@ -59,7 +66,7 @@ def _context():
 
 
 @lru_cache(maxsize=128)
-def _callbacks(system):
+def _callbacks(system: Hamiltonian) -> tuple[Callable[..., int], Callable[..., int]]:
     """SPRKStep's two right-hand sides (t, y, y', user data) -> 0: of p, and of q."""
     import numba
     from sundials4py import core
@@ -67,29 +74,29 @@ def _callbacks(system):
     d, (gradient, rate), array = system.d, split_gradients(system), core.N_VGetArrayPointer
 
     @numba.njit("void(float64[::1], float64[::1])", error_model="numpy")
-    def force(y, out):
+    def force(y: np.ndarray, out: np.ndarray) -> None:
         slope = gradient(y)
         for i in range(d):
             out[d + i] = -slope[i]
 
     @numba.njit("void(float64[::1], float64[::1])", error_model="numpy")
-    def velocity(y, out):
+    def velocity(y: np.ndarray, out: np.ndarray) -> None:
         speed = rate(y)
         for i in range(d):
             out[i] = speed[i]
 
-    def of_p(t, y, slope, data):
+    def of_p(t: float, y: Any, slope: Any, data: Any) -> int:
         force(array(y), array(slope))
         return 0
 
-    def of_q(t, y, slope, data):
+    def of_q(t: float, y: Any, slope: Any, data: Any) -> int:
         velocity(array(y), array(slope))
         return 0
 
     return of_p, of_q
 
 
-def _integrator(method: str, compensated: bool, system, state: np.ndarray, h: float):
+def _integrator(method: str, compensated: bool, system: Hamiltonian, state: np.ndarray, h: float) -> tuple[Any, Any]:
     """Make SPRKStep's integrator with constant step h: (integrator, vector on the memory of ``state``).
 
     Steps overwrite ``state``.
@@ -118,7 +125,7 @@ def _integrator(method: str, compensated: bool, system, state: np.ndarray, h: fl
     return integrator, vector
 
 
-def _counts(memory) -> np.ndarray:
+def _counts(memory: Any) -> np.ndarray:
     """The integrator's counts so far: steps, evaluations of p's right-hand side and of q's."""
     from sundials4py import arkode
 
@@ -126,7 +133,7 @@ def _counts(memory) -> np.ndarray:
     return np.array([arkode.ARKodeGetNumSteps(memory)[1], *evaluations])
 
 
-def _build_run(method: str, compensated: bool):
+def _build_run(method: str, compensated: bool) -> Callable[[Task], Run]:
     def run(task: Task) -> Run:
         from sundials4py import arkode
 

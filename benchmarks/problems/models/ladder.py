@@ -6,20 +6,23 @@ The map gives NaN for what the model does not describe, such as bodies that it l
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from phasebench.benchmarks.problems.base import Orbit, Problem
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
 
+if TYPE_CHECKING:
+    import sympy as sp
+
 #: Maps (the full problem, rows t (n,), q (n, d), p (n, d) of a model) to rows (q, p) of the full one, arrays (n, D).
 Lift = Callable[[Problem, np.ndarray, np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
 
 
-def identity(full, t, q, p):
+def identity(full: Problem, t: np.ndarray, q: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Map a model's rows to the full problem's if both have the same variables: return (q, p) unchanged."""
     return q, p
 
@@ -66,7 +69,13 @@ class Ladder:
     parameters: tuple[tuple[str, Any], ...] = ()
 
 
-def model_problem(name: str, q, p, H, start) -> Problem:
+def model_problem(
+    name: str,
+    q: Sequence[sp.Symbol],
+    p: Sequence[sp.Symbol],
+    H: sp.Expr,
+    start: tuple[tuple[float, ...], tuple[float, ...]],
+) -> Problem:
     """Make a problem, not in the index of problems, of an expression H in the symbols q, p, from ``start`` = (q, p)."""
     return Problem(
         id=name,
@@ -77,6 +86,6 @@ def model_problem(name: str, q, p, H, start) -> Problem:
     )
 
 
-def with_start(made: Problem, q, p) -> Problem:
+def with_start(made: Problem, q: Sequence[float], p: Sequence[float]) -> Problem:
     """Return the problem ``made`` with the state q, p as its initial state."""
     return replace(made, orbits=(Orbit("scene", tuple(q), tuple(p)),), orbit="")

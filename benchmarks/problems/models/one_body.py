@@ -39,7 +39,7 @@ def pendulum_models(amplitude: float) -> tuple[Rung, ...]:
     )
 
 
-def _pendulum(q, p) -> Problem:
+def _pendulum(q: tuple[float, ...], p: tuple[float, ...]) -> Problem:
     """Return the pendulum started at (q, p), one-element tuples.
 
     If that is the start of the registered orbit "swinging", it is this orbit, which has certified (reference) states.
@@ -51,7 +51,7 @@ def _pendulum(q, p) -> Problem:
 def rotation(rate: float) -> Lift:
     """Make a map of a model's rows (q, p) at times t to the full problem's: the rotation in the plane by ``rate`` t."""
 
-    def lift(full, t, q, p):
+    def lift(full: Problem, t: np.ndarray, q: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         c, s = np.cos(rate * t), np.sin(rate * t)
         return tuple(np.stack([c * z[:, 0] - s * z[:, 1], s * z[:, 0] + c * z[:, 1]], axis=1) for z in (q, p))
 

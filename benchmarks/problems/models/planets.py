@@ -51,7 +51,7 @@ def of_bodies(*names: str) -> Lift:
     The Sun is at rest if it is not among the names; other bodies that the model leaves out are NaN.
     """
 
-    def lift(full, t, q, p):
+    def lift(full: Problem, t: np.ndarray, q: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         out = np.full((2, len(t), full.system.d), np.nan)
         out[:, :, :3] = 0.0
         for k, name in enumerate(names):

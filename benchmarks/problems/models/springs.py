@@ -36,7 +36,7 @@ def soft_chain(order: int, omega: float = fpu.PARAMETERS["omega"]) -> Problem:
     return model_problem(f"fpu-slow-{order}", q0, p0, H, (full.q0[:m], tuple(map(float, start))))
 
 
-def _with_springs(full, t, q, p):
+def _with_springs(full: Problem, t: np.ndarray, q: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Map rows of the soft chain at times t to rows (q, p) of the full problem.
 
     The stiff springs are added, oscillating undisturbed at their frequency from their initial state.

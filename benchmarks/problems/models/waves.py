@@ -27,14 +27,14 @@ def linear_waves() -> Problem:
     return replace(full, id="linear-klein-gordon", system=system)
 
 
-def interpolate(full, t, q, p):
+def interpolate(full: Problem, t: np.ndarray, q: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Map rows (q, p) on n points of a period to the N points of the problem ``full`` by trigonometric interpolation.
 
     The times t are not used.
     """
     N = full.parameters["N"]
 
-    def finer(z):
+    def finer(z: np.ndarray) -> np.ndarray:
         n = z.shape[1] // 2
         modes = np.fft.fft(z[:, :n] + 1j * z[:, n:], axis=1)
         wide = np.zeros((len(z), N), complex)

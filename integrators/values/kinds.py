@@ -1,0 +1,19 @@
+"""The names that annotations use for what a kernel computes with.
+
+Numba finds the types when it compiles, and one source serves several kinds of numbers, so that these names tell a
+reader more than a type checker.  Modules import them under ``if TYPE_CHECKING:``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, TypeAlias
+
+#: One number: a double, SIMD lanes (a double for each of several orbits or stages), or an MPFR number.
+Number: TypeAlias = Any
+#: d numbers, such as q, p, a gradient or an increment: a tuple for small d, an array (d,) for large d.
+Value: TypeAlias = Any
+#: A condition: True or False, or one of them for each lane.
+Condition: TypeAlias = Any
+#: A compiled function, such as a gradient or the equation of a stage.
+Function: TypeAlias = Callable[..., Any]
