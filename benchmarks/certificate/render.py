@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import errno
-import json
 import os
 from collections.abc import Iterable
-from math import isfinite
 from pathlib import Path
-from typing import Any
 
 import pandas as pd
 
@@ -17,6 +14,7 @@ from phasebench.benchmarks.judge.evidence import BROKEN, GATE, VISIBLE
 from phasebench.benchmarks.judge.requirements import REQUIRED
 from phasebench.benchmarks.judge.verdict import CONTRADICTED, FAIL, HOLDS, OPEN, PASS, UNJUDGED
 from phasebench.benchmarks.page import html, markdown
+from phasebench.benchmarks.page.json_text import json_text
 from phasebench.benchmarks.page.markdown import bullets, number, wrap
 from phasebench.benchmarks.page.page import Picture
 from phasebench.integrators.errors import InvalidInput
@@ -48,7 +46,7 @@ def write(certificate: Certificate, folder: str | Path) -> list[Path]:
         pictures = [Picture(style.save(d.figure, folder / "figures", d.file), d.title, d.caption) for d in drawings]
         text = document(certificate, pictures)
         files = {
-            "certificate.json": json.dumps(finite(certificate.as_dict()), indent=1, allow_nan=False) + "\n",
+            "certificate.json": json_text(certificate.as_dict(), indent=1) + "\n",
             "certificate.md": text,
             "certificate.html": html.document(text, folder, home=None),
         }
@@ -73,15 +71,6 @@ def writable(folder: str | Path) -> Path:
 
 def _unwritable(folder: Path, error: OSError) -> InvalidInput:
     return InvalidInput(f"the certificate cannot be written to {folder}: {error.strerror}")
-
-
-def finite(value: Any) -> Any:
-    """Return a nested value of dicts and lists with None in place of NaN and infinities, which JSON lacks."""
-    if isinstance(value, dict):
-        return {key: finite(x) for key, x in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [finite(x) for x in value]
-    return None if isinstance(value, float) and not isfinite(value) else value
 
 
 def document(certificate: Certificate, pictures: Iterable[Picture]) -> str:

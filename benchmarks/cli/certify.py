@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -10,7 +9,7 @@ import typer
 from phasebench.integrators.errors import InvalidInput
 
 from . import options
-from .shared import WRONG, end_time, err, invalid_input, out, telling
+from .shared import WRONG, end_time, err, invalid_input, out, print_json, telling
 
 if TYPE_CHECKING:
     from phasebench.benchmarks.problems.base import Problem
@@ -64,7 +63,7 @@ def _stored(wanted: list[str], update: bool, as_json: bool) -> bool:
     outcomes = _renewed(wanted, update)
     if as_json:
         rows = [{k: None if v != v else v for k, v in _row(o).items()} for o in outcomes]  # JSON has no NaN
-        print(json.dumps({"references": rows, "stored": update and all(o.holds for o in outcomes)}))
+        print_json({"references": rows, "stored": update and all(o.holds for o in outcomes)})
     else:
         _print_table(outcomes, update)
     return all(o.holds for o in outcomes)
@@ -132,7 +131,7 @@ def _one(name: str, end: str, time_limit: float, as_json: bool) -> bool:
     with telling("certify") as tell:
         new = certify_end(made, t_end, time_limit, lambda told: tell(f"certify, {told}"))
     if as_json:
-        print(json.dumps(_state(made, new)))
+        print_json(_state(made, new))
     else:
         out.print("\n".join(_lines(made, new)), highlight=False, soft_wrap=True, markup=False)
     return new.ends[0].agree

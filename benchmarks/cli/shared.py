@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-import json
 import os
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
 from fractions import Fraction
-from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import typer
 from rich.console import Console
 
+from phasebench.benchmarks.page.json_text import json_text
 from phasebench.integrators.errors import InvalidInput
 
 if TYPE_CHECKING:
@@ -99,16 +98,7 @@ def telling(what: str) -> Iterator[Callable[[str], None]]:
 
 def print_json(value: object) -> None:
     """Print a value as one line of JSON: numbers in full precision, null for NaN and infinities."""
-    print(json.dumps(_finite(value), allow_nan=False))
-
-
-def _finite(value: object) -> object:
-    """The value with None in place of NaN and infinities, which JSON lacks."""
-    if isinstance(value, dict):
-        return {key: _finite(x) for key, x in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_finite(x) for x in value]
-    return None if isinstance(value, float) and not isfinite(value) else value
+    print(json_text(value))
 
 
 def width() -> int | None:

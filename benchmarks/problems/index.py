@@ -29,6 +29,8 @@ PROBLEMS: dict[str, tuple[str, str, tuple[str, ...]]] = {
         ("regular", "chaotic"),
     ),
     "spherical-pendulum": ("spherical_pendulum", "spherical pendulum, on the sphere by a constraint", ("tilted",)),
+    "four-points": ("four_points", "free rigid body, four points by constraints", ("tumbling",)),
+    "butane": ("butane", "butane, four atoms with fixed bonds and angles", ("turning",)),
     "duffing": ("duffing", "Duffing oscillator", ("one-well", "near-separatrix", "both-wells")),
     "quadrupole-boson": ("quadrupole_boson", "quadrupole boson Hamiltonian", ("benchmark", "h20")),
     "figure-eight": ("three_body", "figure eight of three bodies", ("simo",)),

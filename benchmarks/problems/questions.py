@@ -80,6 +80,8 @@ QUESTIONS: tuple[Question, ...] = (
         down_to(12),
         "two points by constraints after 12 oscillations",
     ),
+    Question("four-points", "four-points", 10.0, "end-state", down_to(12), "a rigid body of four points, two turns"),
+    Question("butane", "butane", 10.0, "end-state", down_to(12), "a molecule of fixed bonds and angles after 2 ps"),
     Question("kepler-orbit", "kepler", 2 * pi, "end-state", down_to(13), "the state after one revolution, e = 0.6"),
     Question("kepler-phase", "kepler", 200 * pi, "phase", down_to(11), "where the planet is after 100 revolutions"),
     Question(

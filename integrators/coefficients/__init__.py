@@ -35,7 +35,18 @@ DAMAGED: dict[str, dict[int, str]] = {
 POLISHED = Path(__file__).with_name("polished.json")
 COMMAND = "python -m phasebench.integrators.coefficients"
 
-__all__ = ["BY_NAME", "DAMAGED", "POLISHED", "TABLES", "Table", "about", "polished", "steps", "stored", "table"]
+__all__ = [
+    "BY_NAME",
+    "DAMAGED",
+    "POLISHED",
+    "TABLES",
+    "Table",
+    "describe",
+    "polished_numbers",
+    "read_polished",
+    "steps",
+    "table",
+]
 
 
 def table(name: str) -> Table:

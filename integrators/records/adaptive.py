@@ -9,7 +9,7 @@ from . import classical, compositions
 SOURCE = "Hairer & Soderlind 2005; Hairer, Lubich & Wanner 2006, VIII.3.2; dt = h (sum r^-3)^(-1/2)"
 
 
-def adaptive(*, id, name, order, source, cite, data=(), requires=("canonical", "singular distances")):
+def adaptive(*, id, name, order, source, cite, requires, data=()):
     """Make the record of a method whose step depends on the distance to singularities; h is the step at distance 1.
 
     ``data`` are the coefficients for the family `adaptive`; the other arguments are fields of the record.
@@ -61,6 +61,7 @@ METHODS: tuple[Method, ...] = (
             order=2 * s,
             source=f"Butcher 1964; {SOURCE}",
             cite=("butcher1964", "hairer2005", "hairer2006"),
+            requires=("canonical", "singular distances", "elementary derivatives"),
             data=(s,),
         )
         for s in (4, 6, 8)

@@ -22,6 +22,8 @@ from . import classical, parametric
 
 #: Fractions that do not add up to the step to this are no composition.
 SUM = 1e-12
+#: Families whose symmetric methods of order 2 can be composed.
+COMPOSABLE = ("parametric", "schemes_iv_v", "rattle", "rigid")
 
 
 def compose(base: Method, fractions: str | Sequence, **facts) -> Method:
@@ -75,8 +77,8 @@ def _order(gamma) -> int:
 
 
 def _data(base: Method, gamma) -> tuple:
-    if base.family not in ("parametric", "schemes_iv_v", "rattle", "rigid"):
-        raise InvalidInput(f"'{base.label}' is of the family {base.family}; parametric and equip can be composed")
+    if base.family not in COMPOSABLE:
+        raise InvalidInput(f"'{base.label}' is of the family {base.family}; only {', '.join(COMPOSABLE)} are composed")
     if not base.symmetric or base.order != 2:
         kind = "symmetric" if base.symmetric else "not symmetric"
         raise InvalidInput(f"'{base.label}' is {kind}, of order {base.order}; a base is symmetric, of order 2")

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from phasebench.benchmarks.experiments.constraints import butane, measure, page
+from phasebench.benchmarks.experiments.constraints import measure, page
 from phasebench.benchmarks.page.verdict import FAIL, FINDING, PASS
 from phasebench.benchmarks.problems import problem
 from phasebench.integrators.driver import integrate
@@ -56,28 +56,9 @@ def test_plain_rattle_iterated_to_round_off_is_rattle():
     assert fewer < iterations
 
 
-def test_the_molecule_keeps_bonds_and_angles_and_has_the_torsion_s_energy():
-    system, rest = butane.system(), np.zeros(12)
-    for phi in (0.0, np.pi / 3, np.pi):
-        value = sum(float(a) * np.cos(phi) ** k for k, a in enumerate(butane.TORSION))
-        q = butane.start(phi)[0]
-        assert system.energies(q[None], rest[None])[0] == pytest.approx(value, abs=1e-12)
-    assert abs(sum(butane.TORSION)) < 1e-12, "trans is the valley"
-    q, p = butane.start()
-    s = integrate(system, "rattle", h=measure.MOLECULE_STEP, steps=200, q0=q, p0=p)
-    assert s.status == "ok"
-    r = s.q.reshape(-1, 4, 3)
-    for k, square in ((1, 1.0), (2, 8 / 3)):
-        assert np.abs(((r[:, k:] - r[:, :-k]) ** 2).sum(axis=2) - square).max() < 1e-14
-    momentum = np.cross(r, s.p.reshape(-1, 4, 3)).sum(axis=1)
-    assert np.abs(momentum - momentum[0]).max() < 1e-13
-    half = integrate(system, "rattle", h=measure.MOLECULE_STEP / 2, steps=400, q0=q, p0=p)
-    assert 3.5 < np.ptp(s.energy()) / np.ptp(half.energy()) < 4.5
-
-
 def test_gauss_s_stages_in_lanes_run_with_five_constraints():
-    q, p = butane.start()
-    ends = [integrate(butane.system(), id, h=0.01, steps=20, q0=q, p0=p) for id in ("gauss-6", "dop853")]
+    butane = problem("butane")
+    ends = [integrate(butane, id, h=0.01, steps=20) for id in ("gauss-6", "dop853")]
     assert all(s.status == "ok" for s in ends)
     assert np.abs(ends[0].q[-1] - ends[1].q[-1]).max() < 1e-12
-    assert np.abs(ends[0].q[-1] - q).max() > 1e-2
+    assert np.abs(ends[0].q[-1] - butane.q0).max() > 1e-2

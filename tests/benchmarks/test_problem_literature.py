@@ -11,7 +11,7 @@ import sympy as sp
 from mpmath import mpf
 from scipy.integrate import solve_ivp
 
-from phasebench.benchmarks.problems import duffing, lennard_jones, n_body, three_body, toda
+from phasebench.benchmarks.problems import butane, duffing, four_points, lennard_jones, n_body, three_body, toda
 from phasebench.integrators.driver import integrate
 from phasebench.integrators.errors import InvalidInput
 from phasebench.reference.solvers.taylor import reference
@@ -461,3 +461,43 @@ def test_spherical_pendulum_is_that_of_its_angles():
     expected = [np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), -np.cos(theta)]
     assert np.abs(expected - np.array(q)).max() < 1e-10
     assert abs(rate * np.sin(theta) - p[2]) < 1e-10
+
+
+def test_four_points_move_as_euler_s_equations_have_it():
+    """The certified state beside Euler's equations in the body's frame and the rotation matrix, by SciPy."""
+    problem = make_problem("four-points")
+    ((q, p),) = at(problem, 10.0)
+    masses = np.array([problem.parameters[f"m{k}"] for k in range(1, 5)])[:, None]
+    points, turn = np.array(four_points.POINTS, dtype=float), np.array(four_points.TURN)
+    middle = (masses * points).sum(axis=0) / masses.sum()
+    arms = points - middle
+    inertia = sum(m * (r @ r * np.eye(3) - np.outer(r, r)) for m, r in zip(masses[:, 0], arms, strict=True))
+
+    def field(_, s):  # the rotation matrix, the angular velocity in the body's frame
+        R, w = s[:9].reshape(3, 3), s[9:]
+        hat = np.array([[0, -w[2], w[1]], [w[2], 0, -w[0]], [-w[1], w[0], 0]])
+        return np.concatenate([(R @ hat).ravel(), np.linalg.solve(inertia, np.cross(inertia @ w, w))])
+
+    end = solve_ivp(field, (0, 10), [*np.eye(3).ravel(), *turn], "DOP853", rtol=1e-12, atol=1e-13).y[:, -1]
+    R, w = end[:9].reshape(3, 3), end[9:]
+    assert np.abs((middle + arms @ R.T).ravel() - q).max() < 1e-10
+    assert np.abs((masses * (np.cross(w, arms) @ R.T)).ravel() - p).max() < 1e-10
+    assert np.abs(np.array(q) - points.ravel()).max() > 0.1
+
+
+def test_butane_keeps_bonds_and_angles_and_has_the_torsion_s_energy():
+    for phi in (0.0, np.pi / 3, np.pi):
+        turned = make_problem("butane", phi=phi)
+        value = sum(float(a) * np.cos(phi) ** k for k, a in enumerate(butane.TORSION))
+        assert turned.system.energies(np.array([turned.q0]), np.zeros((1, 12)))[0] == pytest.approx(value, abs=1e-12)
+    assert abs(sum(butane.TORSION)) < 1e-12, "trans is the valley"
+    molecule = make_problem("butane")
+    s = integrate(molecule, "rattle", h=0.02, steps=200)
+    assert s.status == "ok"
+    r = s.q.reshape(-1, 4, 3)
+    for k, square in ((1, 1.0), (2, 8 / 3)):
+        assert np.abs(((r[:, k:] - r[:, :-k]) ** 2).sum(axis=2) - square).max() < 1e-14
+    for name in (f"angular-momentum-{x}" for x in "xyz"):
+        assert np.abs(s.invariants()[name] - s.invariants()[name][0]).max() < 1e-13
+    half = integrate(molecule, "rattle", h=0.01, steps=400)
+    assert 3.5 < np.ptp(s.energy()) / np.ptp(half.energy()) < 4.5

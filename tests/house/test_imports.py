@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import importlib
 import json
 import os
 import subprocess
@@ -308,3 +309,20 @@ def test_no_source_is_loaded_under_two_names():
     count, twice = fresh(f"ROOT = {str(ROOT)!r}" + TWICE)
     assert count > 40
     assert twice == {}
+
+
+def test_names_that_a_module_offers_exist():
+    texts = {p: p.read_text() for folder in MAY for p in (ROOT / folder).rglob("*.py")}
+    offering = [
+        ".".join(("phasebench", *p.relative_to(ROOT).with_suffix("").parts)).removesuffix(".__init__")
+        for p, text in texts.items()
+        if "\n__all__ = [" in text
+    ]
+    assert len(offering) >= 4
+    missing = [
+        f"{m}.{n}"
+        for m in offering
+        for n in importlib.import_module(m).__all__
+        if not hasattr(importlib.import_module(m), n)
+    ]
+    assert not missing

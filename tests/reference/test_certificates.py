@@ -37,6 +37,14 @@ def largest(made, state) -> int:
     return int(np.argmax([abs(float(s) * float(x)) for s, x in zip(slopes, z, strict=True)]))
 
 
+def off_manifold(made) -> float:
+    """The largest hidden constraint at the start, which is made of doubles: H changes by about that a unit of time."""
+    if not made.system.constrained:
+        return 0.0
+    with mpmath.workdps(50):
+        return float(max(abs(x) for x in stored.evaluate(made, made.system.hidden, made.q0, made.p0)))
+
+
 def halves(z):
     """(q, p) of a state z = (q, p)."""
     return z[: len(z) // 2], z[len(z) // 2 :]
@@ -56,7 +64,7 @@ def test_every_orbit_has_a_valid_reference(label):
     for state in ends if made.system.d < MANY else ends[-1:]:
         assert state.agree, state.checks
         assert state.uncertainty < 1e-3 * state.long_double
-        assert abs(stored.energy_change(made, state.q_text, state.p_text)) < 1e-25
+        assert abs(stored.energy_change(made, state.q_text, state.p_text)) < 1e-25 + state.t * off_manifold(made)
 
 
 @pytest.mark.parametrize("label", ["kepler", "henon-heiles:chaotic", "lotka-volterra:4-2", "outer-solar-system"])

@@ -1,9 +1,11 @@
 r"""Methods for constraints beside ordinary ones on the index-reduced equations, and RATTLE iterated to a tolerance.
 
+Three tables are measured:
+
 - **Manifold**: the largest constraint and hidden constraint over `SPAN`, the largest error of the energy, the error of
-  the end state, the evaluations of a step.
-- **Drift**: the slope of the energy over a million steps of `rattle`, with its interval; on a molecule, too (`butane`).
-- **Tolerance**: the same of a plain RATTLE whose multipliers are iterated until the constraints are within a tolerance,
+  the end state, the evaluations per step.
+- **Drift**: the slope of the energy over a million steps of `rattle`, with its interval, on a sphere and on a molecule.
+- **Tolerance**: the slope for a plain RATTLE whose multipliers are iterated to a tolerance of the constraints,
   as packages of molecular dynamics do.  One iteration for :math:`\tfrac12(|q|^2 - 1) = 0` moves q by
   :math:`-\frac{|q|^2 - 1}{2\,q\cdot q_0}\,q_0`; the momentum is projected with the last q.
 
@@ -25,13 +27,9 @@ from phasebench.benchmarks.store.cells import Cell, ProblemKey, Rows, content
 from phasebench.integrators.driver import integrate
 from phasebench.integrators.registry import BY_ID
 
-from . import butane
-
 MANIFOLD, DRIFT, TOLERANCE = "constraints_manifold", "constraints_drift", "constraints_tolerance"
 SPHERE, CARTESIAN = "spherical-pendulum", "double-pendulum-cartesian:regular"
 PROBLEMS = (SPHERE, CARTESIAN)
-#: The molecule of long runs, and its step: 4 fs.
-MOLECULE, MOLECULE_STEP = "butane", 0.02
 #: Those for constraints, and ordinary ones on the index-reduced equations.
 BOUND = (
     "rattle",
@@ -44,14 +42,19 @@ BOUND = (
 ORDINARY = ("rk4", "gauss-4")
 #: Step and time span.
 H, SPAN = 0.02, 100.0
-#: Step, number of steps, stored rows of the long runs.
-STEP, STEPS, SAMPLES = 0.05, 1_000_000, 2000
+#: Problem of a long run -> its step; 0.02 is 4 fs of the molecule.
+LONG = {SPHERE: 0.05, "butane": 0.02}
+#: Number of steps and of stored rows of the long runs.
+STEPS, SAMPLES = 1_000_000, 2000
 TOLERANCES = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12, 1e-14)
 CODE = (__name__,)
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """A cell for each method on each problem, for the long runs, for each tolerance; none if ``quick``."""
+    """List the measurements to make (`Cell`): one for each method on each problem, each long run, each tolerance.
+
+    The list is empty if ``quick``.
+    """
     if quick:
         return []
     runs = [
@@ -59,10 +62,7 @@ def cells(quick: bool = False) -> list[Cell]:
         for name in PROBLEMS
         for id in (*BOUND, *ORDINARY)
     ]
-    long = [
-        _cell(DRIFT, {"problem": name}, long_run, (name,), BY_ID["rattle"], *needs)
-        for name, needs in ((SPHERE, (ProblemKey(SPHERE),)), (MOLECULE, ()))
-    ]
+    long = [_cell(DRIFT, {"problem": n}, long_run, (n,), BY_ID["rattle"], ProblemKey(n)) for n in LONG]
     loose = [_cell(TOLERANCE, {"tolerance": tol}, loose_run, (tol,), ProblemKey(SPHERE)) for tol in TOLERANCES]
     return runs + long + loose
 
@@ -72,7 +72,7 @@ def _cell(table: str, key: dict, measure: Callable, arguments: tuple, *needed) -
 
 
 def manifold(id: str, name: str) -> Rows:
-    """What a method keeps on a problem over `SPAN`: a row."""
+    """Integrate a problem over `SPAN` with a method: a row of its errors in constraints, energy and end state."""
     problem = problem_of(name)
     steps = round(SPAN / H)
     s = integrate(problem, id, h=H, steps=steps, save_every=1)
@@ -93,7 +93,7 @@ def manifold(id: str, name: str) -> Rows:
     return {MANIFOLD: [row | {"error": error["global_error"], "uncertainty": error["reference"]["uncertainty"]}]}
 
 
-def _slope(t: np.ndarray, energy: np.ndarray, h: float = STEP) -> dict[str, float]:
+def _slope(t: np.ndarray, energy: np.ndarray, h: float) -> dict[str, float]:
     found = drift(t, energy - energy[0])
     return {
         "slope": found.value,
@@ -106,28 +106,26 @@ def _slope(t: np.ndarray, energy: np.ndarray, h: float = STEP) -> dict[str, floa
 
 
 def long_run(name: str) -> Rows:
-    """The energy's drift over `STEPS` steps of `rattle` on a problem or on the molecule: a row."""
-    size = {"steps": STEPS, "save_every": STEPS // SAMPLES}
-    if name == MOLECULE:
-        q, p = butane.start()
-        s = integrate(butane.system(), "rattle", h=MOLECULE_STEP, q0=q, p0=p, **size)
-    else:
-        s = integrate(problem_of(name), "rattle", h=STEP, **size)
+    """Measure the drift of the energy over `STEPS` steps of `rattle` on a problem: one row, by table name."""
+    s = integrate(problem_of(name), "rattle", h=LONG[name], steps=STEPS, save_every=STEPS // SAMPLES)
     row = {"method": "rattle", "problem": name, "status": s.status}
     return {DRIFT: [row | _slope(s.t, s.energy(), s.h)]}
 
 
 def loose_run(tol: float) -> Rows:
-    """The energy's drift over as many steps of a RATTLE iterated to a tolerance: a row."""
-    problem = problem_of(SPHERE)
-    energy, iterations = loose_rattle(np.array(problem.q0), np.array(problem.p0), STEP, STEPS, STEPS // SAMPLES, tol)
-    t = STEP * (STEPS // SAMPLES) * np.arange(len(energy))
-    return {TOLERANCE: [{"tolerance": tol, "problem": SPHERE, "iterations": iterations / STEPS} | _slope(t, energy)]}
+    """Measure the drift of the energy over `STEPS` steps of a RATTLE iterated to the tolerance ``tol``: one row."""
+    problem, h = problem_of(SPHERE), LONG[SPHERE]
+    energy, iterations = loose_rattle(np.array(problem.q0), np.array(problem.p0), h, STEPS, STEPS // SAMPLES, tol)
+    t = h * (STEPS // SAMPLES) * np.arange(len(energy))
+    return {TOLERANCE: [{"tolerance": tol, "problem": SPHERE, "iterations": iterations / STEPS} | _slope(t, energy, h)]}
 
 
 @numba.njit
 def loose_rattle(q, p, h, steps, every, tol):
-    """(energies of the stored rows, iterations) of RATTLE on the unit sphere, iterated until ||q|^2 - 1| <= tol."""
+    """Integrate the spherical pendulum by RATTLE, with the constraint iterated until ||q|^2 - 1| <= tol.
+
+    Returns (energies of the rows, one each ``every`` steps, total number of iterations).
+    """
     energies = np.empty(steps // every + 1)
     energies[0] = 0.5 * (p @ p) + q[2]
     iterations = 0

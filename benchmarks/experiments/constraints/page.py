@@ -1,4 +1,4 @@
-"""The page of methods for systems with constraints."""
+"""The report page on methods for systems with constraints: manifold, energy drift, tolerance of the iteration."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from phasebench.benchmarks.page.markdown import number
 from phasebench.benchmarks.page.page import Data, Page, Picture, Table, of
 from phasebench.benchmarks.page.verdict import EVERY, FAIL, Count, Verdict, at_least, at_most
 
-from .measure import CARTESIAN, DRIFT, MANIFOLD, MOLECULE_STEP, SPHERE, STEP, STEPS, TOLERANCE
+from .measure import CARTESIAN, DRIFT, LONG, MANIFOLD, SPHERE, STEPS, TOLERANCE
 
 #: Constraints that are kept are kept to this; a method that leaves the manifold is further off than that.
 KEPT, LEFT = 1e-14, 1e-9
@@ -25,7 +25,10 @@ USUAL = 1e-4
 
 @of(MANIFOLD)
 def kept(rows: pd.DataFrame) -> Verdict | None:
-    """Whether methods for constraints keep them and the hidden ones to round-off; SHAKE's p are off the hidden ones."""
+    """Judge whether methods for constraints keep these and their time derivatives, the hidden ones, to round-off.
+
+    The hidden ones are not asked of SHAKE, whose momenta do not satisfy them.
+    """
     bound = rows[rows["bound"].astype(bool)]
     if bound.empty:
         return None
@@ -43,7 +46,7 @@ def kept(rows: pd.DataFrame) -> Verdict | None:
 
 @of(MANIFOLD)
 def left(rows: pd.DataFrame) -> Verdict | None:
-    """Whether an explicit method on the index-reduced equations leaves the manifold: the control."""
+    """Judge whether RK4 on the index-reduced equations, the control, leaves the manifold; None if not measured."""
     explicit = rows[rows["method"] == "rk4"]
     if explicit.empty:
         return None
@@ -59,7 +62,7 @@ def left(rows: pd.DataFrame) -> Verdict | None:
 
 @of(MANIFOLD)
 def same(rows: pd.DataFrame) -> Verdict | None:
-    """Whether the double pendulum in Cartesian coordinates ends in its certified state."""
+    """Judge whether the double pendulum in Cartesian coordinates ends in its certified state; None if not measured."""
     found = rows[(rows["problem"] == CARTESIAN) & (rows["method"] == "lobatto-iiia-iiib-constrained-6")]
     if found.empty:
         return None
@@ -74,7 +77,7 @@ def same(rows: pd.DataFrame) -> Verdict | None:
 
 @of(DRIFT)
 def drift(rows: pd.DataFrame) -> Verdict:
-    """Whether the energy of RATTLE drifts over a million steps: the interval holds 0, or all of it is round-off."""
+    """Judge whether RATTLE's energy is free of drift over long runs: its interval contains 0 or is all round-off."""
     still = (rows["low"] <= 0) & (rows["high"] >= 0) | (rows[["low", "high"]].abs().max(axis=1) <= NO_DRIFT)
     told = (f"{r['problem']}: {number(r['low'])} to {number(r['high'])} per unit of time" for _, r in rows.iterrows())
     return Verdict(
@@ -89,7 +92,7 @@ def drift(rows: pd.DataFrame) -> Verdict:
 
 @of(TOLERANCE)
 def loose(rows: pd.DataFrame) -> Verdict | None:
-    """Whether multipliers iterated to the usual tolerance of molecular dynamics leave the energy without drift."""
+    """Judge whether RATTLE's energy is free of drift at a tolerance that is usual in molecular dynamics."""
     usual = rows[rows["tolerance"] == USUAL]
     if usual.empty:
         return None
@@ -103,7 +106,7 @@ def loose(rows: pd.DataFrame) -> Verdict | None:
 
 
 def answer(data: Data) -> str | None:
-    """A sentence: what is kept, and what a tolerance costs."""
+    """Write the page's answer: how well manifold and energy are kept, and how H drifts with a loose tolerance."""
     found = [verdict(data) for verdict in (kept, drift, loose)]
     if None in found:
         return None
@@ -116,7 +119,7 @@ def answer(data: Data) -> str | None:
 
 @of(DRIFT, TOLERANCE)
 def draw(converged: pd.DataFrame, rows: pd.DataFrame, folder: Path) -> list[Picture]:
-    """The drift of the energy against the tolerance."""
+    """Draw the drift of the energy against the tolerance of the constraint."""
     with style.settings():
         figure, ((axes,),) = style.panels(1, 1, 3.4)
         axes.loglog(rows["tolerance"], rows["slope"].abs(), label="plain RATTLE, iterated", **style.curve(0))
@@ -126,7 +129,7 @@ def draw(converged: pd.DataFrame, rows: pd.DataFrame, folder: Path) -> list[Pict
         axes.grid(color="0.93", linewidth=0.5)
         style.legend_above(figure, axes, 2)
     caption = (
-        f"Drift of the energy over {STEPS} steps of h = {STEP} on the spherical pendulum, against the tolerance to which the "
+        f"Drift of the energy over {STEPS} steps of h = {LONG[SPHERE]} on the spherical pendulum, against the tolerance to which the "
         "constraint is iterated. Dashed: `rattle`, whose multipliers are solved to round-off."
     )
     return [
@@ -136,7 +139,7 @@ def draw(converged: pd.DataFrame, rows: pd.DataFrame, folder: Path) -> list[Pict
 
 @of(MANIFOLD)
 def table(rows: pd.DataFrame) -> Table:
-    """What each method keeps on each problem."""
+    """Make the page's table: errors in constraints, energy and end state of each method on each problem."""
     columns = ["problem", "method", "constraint", "hidden constraint", "energy", "error", "uncertainty", "evaluations"]
     caption = (
         "Largest change of a constraint, of a hidden one and of the energy, the error of the end state with the reference's "
@@ -160,8 +163,8 @@ PAGE = Page(
         f"A spherical pendulum ({SPHERE}) and a double pendulum in Cartesian coordinates ({CARTESIAN}).",
         "Ordinary methods run on the index-reduced equations, with λ as a function of (q, p) from the twice differentiated "
         "constraint.",
-        f"Long runs: {STEPS} steps of h = {STEP} on the spherical pendulum; the drift is the slope of H with its interval.",
-        f"A molecule: n-butane of four atoms, fixed bonds and angles, torsion of Ryckaert and Bellemans, steps of h = {MOLECULE_STEP}, "
+        f"Long runs: {STEPS} steps of h = {LONG[SPHERE]} on the spherical pendulum; the drift is the slope of H with its interval.",
+        f"A molecule: n-butane of four atoms, fixed bonds and angles, torsion of Ryckaert and Bellemans, steps of h = {LONG['butane']}, "
         "4 fs.",
     ),
     verdicts=(kept, left, same, drift, loose),

@@ -140,9 +140,17 @@ def prepare_model(ladder: Ladder, rung: Rung, full) -> Model:
 
 
 def reference(model: Model) -> tuple[np.ndarray, float]:
-    """Run a model at its finest step, and return (values of the quantity, their uncertainty)."""
+    """Run a model at its finest step, and return (values of the quantity, their uncertainty).
+
+    Raises
+    ------
+    RuntimeError
+        If the run fails.
+    """
     finest = 2 * model.steps[-1]
     one, other = (model.values(METHODS[-1], n) for n in (finest, finest // 2))
+    if one is None or other is None:
+        raise RuntimeError(f"{METHODS[-1]} fails on the model {model.rung.name!r} with {finest} steps or half of them")
     rounding = 4 * np.finfo(float).eps * float(np.abs(one).max())
     return one, SAFETY * distance(model.quantity, one, other) + rounding
 

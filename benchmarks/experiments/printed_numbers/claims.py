@@ -44,7 +44,7 @@ def fewest(rows: pd.DataFrame, error: float, column: str = ENERGY) -> pd.Series:
 
 
 def _lead(rows: pd.DataFrame, error: float, column: str) -> tuple[float, str]:
-    """(evaluations of the cheapest other method over those of (10,6,4), its id); nan if no other was measured."""
+    """(evaluations of the cheapest other method over those of (10,6,4), its id); nan if unknown."""
     found = fewest(rows, error, column)
     others = found.drop(planets.BEST)
     if others.empty or others.iloc[0] == found[planets.BEST] == inf:
@@ -72,7 +72,7 @@ def preference(rows: pd.DataFrame) -> Verdict | None:
 @of(planets.EVALUATIONS)
 def everywhere(rows: pd.DataFrame) -> Verdict | None:
     """The evaluations of the cheapest other method over those of (10,6,4), over all energy errors."""
-    leads = {e: lead for e in ERRORS[:-1] if 0 < (lead := _lead(rows, e, ENERGY))[0] < inf}
+    leads = {e: lead for e in ERRORS[:-1] if (lead := _lead(rows, e, ENERGY))[0] < inf}
     if not leads:
         return None
     worst = min(leads, key=lambda e: leads[e][0])
@@ -91,7 +91,7 @@ def by_state(rows: pd.DataFrame) -> Verdict | None:
     """The same, judged by the positions after a decade, at an error that most reach."""
     error = 1e-8
     lead, other = _lead(rows, error, "position error")
-    if not 0 < lead < inf:
+    if not lead < inf:
         return None
     return Verdict(
         "ABA(10,6,4) needs the fewest evaluations for the planets' places after a decade",

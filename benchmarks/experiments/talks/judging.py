@@ -55,14 +55,16 @@ def rows_of(data, table: str, **values) -> pd.DataFrame:
 def on_rows(table: str, **values) -> Callable[[Callable[[pd.DataFrame], Judgement]], Judge]:
     """Decorator: turn a function rows -> `Judgement` into a judge, a function of all measured tables.
 
-    The judge selects the rows of ``table`` whose columns have the given ``values``; without rows nothing is judged.
+    The judge selects the rows of ``table`` whose columns have the given ``values``; where one of the methods asked for
+    has no row, or there is none at all, nothing is judged.
     """
 
     def decorate(function):
         @functools.wraps(function)
         def judge(data):
             rows = rows_of(data, table, **values)
-            return NOTHING if rows.empty else function(rows)
+            missing = set(values.get("method", ())) - set(rows.get("method", ()))
+            return NOTHING if rows.empty or missing else function(rows)
 
         return judge
 

@@ -129,7 +129,11 @@ def bench_scene(scene, measured_rows, quick, update, notes):
     if update and not quick:
         _update(rows, scene, notes)
         return
-    found = regressions(rows, error_tables.load(scene.id)[0], scene)
+    try:
+        stored = error_tables.load(scene.id)[0]
+    except FileNotFoundError:
+        pytest.fail(f"no errors of {scene.id} are stored; pytest benchmarks --update-tables stores them")
+    found = regressions(rows, stored, scene)
     assert not found, (
         f"{len(found)} numbers of {scene.id} left their bands (re-record with --update-tables if that is right):\n"
         + "\n".join(map(str, found))

@@ -12,26 +12,26 @@ Source: J.-P. Ryckaert, A. Bellemans, Chem. Phys. Lett. 30 (1975) 123-125 (the t
 G. Ciccotti, H. J. C. Berendsen, J. Comput. Phys. 23 (1977) 327-341 (the molecule).
 """
 
-from __future__ import annotations
-
-from functools import cache
-from math import cos, sin, sqrt
+from math import cos, pi, sin, sqrt
 
 import numpy as np
 import sympy as sp
 
+from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.systems.constrained import ConstrainedHamiltonian
 
+from .base import Orbit, Problem, decades
+
+PARAMETERS = {"phi": 1.0}
 #: Masses of CH3, CH2, CH2, CH3; coefficients of the powers of cos phi.
 MASSES = (sp.Rational(15, 14), sp.Integer(1), sp.Integer(1), sp.Rational(15, 14))
 TORSION = tuple(sp.Rational(a, 1000) for a in (1116, 1462, -1578, -368, 3156, -3788))
-#: The torsion at the start, in radians from trans, and the angular velocity of the whole molecule.
-PHI, TURN = 1.0, (0.3, 0.2, -0.4)
+#: The angular velocity of the whole molecule at the start.
+TURN = (0.3, 0.2, -0.4)
 
 
-@cache
-def system() -> ConstrainedHamiltonian:
-    """The molecule in 12 coordinates with 5 constraints."""
+def _system() -> ConstrainedHamiltonian:
+    """Make the system of the butane molecule: 12 coordinates, with 5 constraints (bonds and angles)."""
     q, p = (sp.symbols([f"{name}{k}" for k in range(1, 5) for name in names], real=True) for names in ("xyz", "uvw"))
     r = [sp.Matrix(q[3 * k : 3 * k + 3]) for k in range(4)]
     b = [r[k + 1] - r[k] for k in range(3)]
@@ -44,9 +44,41 @@ def system() -> ConstrainedHamiltonian:
     return ConstrainedHamiltonian(q=q, p=p, H=H, constraints=[*bonds, *angles])
 
 
-def start(phi: float = PHI) -> tuple[np.ndarray, np.ndarray]:
-    """The state (q, p), arrays (12,), at the torsion ``phi``, turning as a whole about the centre of mass by `TURN`."""
+def start(phi: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return the state (q, p), arrays (12,), at the torsion angle ``phi`` in radians.
+
+    The molecule turns as a whole about its centre of mass with the angular velocity `TURN`.
+    """
     s, masses = sqrt(8) / 3, np.array(MASSES, dtype=float)[:, None]
     r = np.array([[-1 / 3, -s, 0], [0, 0, 0], [1, 0, 0], [4 / 3, s * cos(phi), s * sin(phi)]])
     r -= (masses * r).sum(axis=0) / masses.sum()
     return r.ravel(), (masses * np.cross(TURN, r)).ravel()
+
+
+def make(phi: float) -> Problem:
+    """Make the problem of the butane molecule; ``phi`` is the torsion angle at the start, in radians from trans."""
+    if not abs(phi) <= pi:
+        raise InvalidInput(f"the torsion phi is {phi}; it is an angle in radians from -pi to pi")
+    system = _system()
+    r, way = ([sp.Matrix(v[3 * k : 3 * k + 3]) for k in range(4)] for v in (system.q, system.p))
+    angular = sum((x.cross(v) for x, v in zip(r, way, strict=True)), sp.zeros(3, 1))
+    q, p = start(phi)
+    return Problem(
+        id="butane",
+        name="butane, four atoms with fixed bonds and angles",
+        source="Ryckaert & Bellemans 1975, Chem. Phys. Lett. 30, 123-125 (the torsion); Ryckaert, Ciccotti & Berendsen "
+        "1977, J. Comput. Phys. 23, 327-341 (the molecule)",
+        cite=("ryckaert1975", "ryckaert1977"),
+        system=system,
+        orbits=(
+            Orbit(
+                "turning",
+                tuple(map(float, q)),
+                tuple(map(float, p)),
+                f"{phi:g} radians from trans, turning as a whole",
+                decades(10.0),
+            ),
+        ),
+        invariants={f"angular-momentum-{x}": e for x, e in zip("xyz", angular, strict=True)},
+        parameters={"phi": phi},
+    )
