@@ -36,7 +36,7 @@ Geometric Numerical Integration (2006), VIII.3.2; stages in lanes: see `stage_la
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import mpmath
 import numpy as np
@@ -70,8 +70,11 @@ from .lane_rows import FREE
 from .stage_lanes import B, C, begin, end, equations, solve
 
 if TYPE_CHECKING:
+    from phasebench.integrators.families.stage_lanes import Equations, Lanes
     from phasebench.integrators.record import Method
+    from phasebench.integrators.stepping.kernel import Carry
     from phasebench.integrators.systems.hamiltonian import Hamiltonian
+    from phasebench.integrators.values.kinds import Function, Number
 
 #: Orbits may be integrated side by side.
 IN_LANES = True
@@ -125,7 +128,7 @@ TIME, LOST, DENSITY, LAST = (OWN, 0), (OWN, 1), (OWN + 1, 0), (OWN + 1, 1)
 
 
 @inline
-def predict(e, first, at, ratio):
+def predict(e: Equations, first: int, at: int, ratio: Number) -> None:
     """Extrapolate the polynomials through f of the last step to get starting values of this step's stage increments.
 
     The values h b_i f at the nodes are written to the rows from ``at`` on of ``e.memory``, a component of f in each
@@ -140,7 +143,7 @@ def predict(e, first, at, ratio):
 
 
 @inline
-def remember(e, first, inverse):
+def remember(e: Equations, first: int, inverse: np.ndarray) -> None:
     """Store the polynomials through f at the nodes of the step just taken, for `predict` in the next step.
 
     Each component of f has a polynomial, whose coefficients go to a row of ``e.memory``, from the row ``first`` on.
@@ -153,7 +156,7 @@ def remember(e, first, inverse):
 
 
 @jit
-def kicks_and_drifts(step, y, dt):
+def kicks_and_drifts(step: Adaptive, y: State, dt: Number) -> tuple[State, int]:
     """Take a step of length dt of a splitting from the state y; returns (the state after it, evaluations of grad V)."""
     forbid_inlining()
     q, p, lost_q, lost_p = y
@@ -167,12 +170,16 @@ def kicks_and_drifts(step, y, dt):
     return State(q, p, lost_q, lost_p), evaluations
 
 
-def _split(method, step, carry, y, clock, dt, counts):
+def _split(
+    method: None, step: Adaptive, carry: Carry, y: State, clock: Any, dt: Number, counts: np.record
+) -> tuple[State, int, int]:
     y, evaluations = kicks_and_drifts(step, y, dt)
     return y, evaluations, SOLVED
 
 
-def _gauss(method, step, carry, y, clock, dt, counts):
+def _gauss(
+    method: Lanes, step: Any, carry: Carry, y: State, clock: Any, dt: Number, counts: np.record
+) -> tuple[State, int, int]:
     e = equations(method, carry, dt)
     first = e.base + FREE
     at = first + e.stages
@@ -183,7 +190,7 @@ def _gauss(method, step, carry, y, clock, dt, counts):
     return end(e, at, y, carry.zero), (sweeps + newton) * method.stages, status
 
 
-def _remember_field(method, step, carry, dt):
+def _remember_field(method: Lanes, step: Any, carry: Carry, dt: Number) -> None:
     e = equations(method, carry, dt)
     remember(e, e.base + FREE, step.inverse)
 
@@ -195,7 +202,7 @@ settle = dispatch_on_none(lambda method, step, carry, dt: None, _remember_field)
 
 
 @inline
-def read_clock(step, carry, y):
+def read_clock(step: Adaptive, carry: Carry, y: State) -> Any:
     """Return the `Clock` (time, density of steps) that the last call of the kernel left in ``carry``.
 
     At the start of a run it is a new clock, whose density is computed at the state y.
@@ -210,7 +217,7 @@ def read_clock(step, carry, y):
 
 
 @inline
-def tick(step, clock, dt, y):
+def tick(step: Adaptive, clock: Any, dt: Number, y: State) -> tuple[Any, bool]:
     """Advance the clock by a step of length dt that has ended at the state y; returns (new clock, True if it is valid).
 
     It is valid if the density of steps is near 1 / sigma (within the factor `FAR`) and the step has changed the time.
@@ -223,7 +230,7 @@ def tick(step, clock, dt, y):
 
 
 @inline
-def plan_step(step, clock, until):
+def plan_step(step: Adaptive, clock: Any, until: Number) -> tuple[Number, Number, bool]:
     """Return (length of the next step, time left until ``until``, True if the step ends before ``until``)."""
     dt = step.h / clock.density
     left = (until - clock.t) - clock.lost
@@ -231,7 +238,7 @@ def plan_step(step, clock, until):
 
 
 @inline
-def select_going(going, y, clock, following, later):
+def select_going(going: bool, y: State, clock: Any, following: State, later: Any) -> tuple[State, Any]:
     """Choose the state and clock of each SIMD lane: after a step in the lanes ``going``, before it in the others.
 
     ``following`` and ``later`` are the state and clock after the step, y and ``clock`` those before.  Returns (state,
@@ -248,7 +255,9 @@ def select_going(going, y, clock, following, later):
 
 
 @inline
-def wind(step, carry, y, clock, until, counts):
+def wind(
+    step: Adaptive, carry: Carry, y: State, clock: Any, until: Number, counts: np.record
+) -> tuple[State, Any, int]:
     """Take steps from the state y until the next one would pass the time ``until``; returns (state, clock, status)."""
     dt, _, going = plan_step(step, clock, until)
     while going:
@@ -269,7 +278,9 @@ def wind(step, carry, y, clock, until, counts):
 
 
 @inline
-def reach(method, carry, y, clock, until, every, counts):
+def reach(
+    method: Adaptive, carry: Carry, y: State, clock: Any, until: Number, every: int, counts: np.record
+) -> tuple[State, Any, State, int]:
     """Step to the last state before the time ``until``, and from there to the state at that time, a row of output.
 
     Returns (last state, clock, state at that time, status), as `loop.time_loop` requires; ``every`` is not used.
@@ -284,7 +295,7 @@ def reach(method, carry, y, clock, until, every, counts):
 
 
 @inline
-def leave(carry, clock):
+def leave(carry: Carry, clock: Any) -> None:
     """Store the clock (time, density of steps) in the carry, for the next call of the kernel."""
     rows = carry.state
     rows[TIME], rows[LOST], rows[DENSITY], rows[LAST] = clock.t, clock.lost, clock.density, clock.last
@@ -296,7 +307,7 @@ run = time_loop(read_clock, reach, leave)
 # -- the functions and numbers that it is handed ----------------------------------------------------------------------
 
 
-def monitor(system: Hamiltonian, arithmetic: str):
+def monitor(system: Hamiltonian, arithmetic: str) -> Function:
     """Make the function (q, p) -> (1 / sigma, G) that controls the lengths of steps.
 
     1 / sigma is the density of steps that the distances to the singularities of H require, G is sigma times its time
@@ -304,7 +315,7 @@ def monitor(system: Hamiltonian, arithmetic: str):
     """
     T = codegen.value_type(system.d)
 
-    def results():
+    def results() -> list:
         square, rate = singularities.density(singularities.steering_distances(system), system.q, system.dq)
         return [sp.sqrt(square), rate / (2 * square)]
 

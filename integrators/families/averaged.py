@@ -78,7 +78,9 @@ from .parametric import lengths_of_kick, unknown
 
 if TYPE_CHECKING:
     from phasebench.integrators.record import Method
+    from phasebench.integrators.stepping.solve import Change
     from phasebench.integrators.systems.hamiltonian import Hamiltonian
+    from phasebench.integrators.values.kinds import Function, Number, Value
 
 #: Nodes side by side, and the least size of the largest rule for which that is faster.
 WIDTH, FEWEST = 4, 3
@@ -147,7 +149,7 @@ class Average(NamedTuple):
 
 
 @elementwise()
-def sum_lanes(x):
+def sum_lanes(x: Value) -> Value:
     """Sum each component of the vector x over its SIMD lanes; returns a vector of numbers."""
     return total(x)
 
@@ -159,7 +161,7 @@ over_nodes = dispatch_on_none(lambda like, x: x, lambda like, x: sum_lanes(x))
 
 
 @inline
-def zero_sum(x, e):
+def zero_sum(x: Value, e: Average) -> Value:
     """Zeros of the shape of the vector x, each in SIMD lanes if nodes are: the start of a sum over rows of nodes."""
     return scale(0.0 * of_row(e.step.like, e.step.b, e.rule), x)
 
@@ -168,7 +170,7 @@ def zero_sum(x, e):
 
 
 @elementwise()
-def path_point(direction, b, place, s, x, y):
+def path_point(direction: Number, b: int, place: Value, s: Number, x: Value, y: np.ndarray) -> Value:
     """Components of the point y + w x of the path from y to y + x at which block b has gone the fraction s of its way.
 
     ``place`` is the block of each component; w is 1 in blocks already moved, s in block b, 0 in the others.  The
@@ -178,13 +180,13 @@ def path_point(direction, b, place, s, x, y):
 
 
 @elementwise()
-def add_to_block(b, place, a, f, sums):
+def add_to_block(b: int, place: Value, a: Number, f: np.ndarray, sums: np.ndarray) -> Value:
     """Add a f to ``sums`` in the components of block b, by their block numbers ``place``; others are unchanged."""
     return sums + 1.0 * (place == b) * a * f
 
 
 @inline
-def mean_one_way(direction, x, e):
+def mean_one_way(direction: Number, x: Value, e: Average) -> Value:
     """h times the mean of the vector field along a path from (q, p), each component averaged while its own block moves.
 
     x has the increments of q and p at the end of the path, e the arguments of the equation; ``direction`` is -1 for the
@@ -204,7 +206,7 @@ def mean_one_way(direction, x, e):
     return over_nodes(step.like, sums)
 
 
-def _mean_along_path(path, x, e):
+def _mean_along_path(path: Function, x: Value, e: Average) -> Value:
     direction = e.step.direction[e.s]
     if direction == 0:
         return scale(0.5, plus(mean_one_way(1.0, x, e), mean_one_way(-1.0, x, e)))
@@ -214,7 +216,7 @@ def _mean_along_path(path, x, e):
 # -- the mean along the straight line ---------------------------------------------------------------------------------
 
 
-def _mean_along_line(path, x, e):
+def _mean_along_line(path: None, x: Value, e: Average) -> Value:
     step = e.step
     sums = zero_sum(x, e)
     for row in range(e.rule, e.rule + step.rows[e.rule]):
@@ -225,12 +227,12 @@ def _mean_along_line(path, x, e):
 
 
 @inline
-def drift(x, e):
+def drift(x: Value, e: Average) -> Value:
     """The increment of q in a substep for the kick x, the increment of p: h M^-1 (p + x / 2)."""
     return scale(e.h, axpy(0.5, velocity(e.step.dT, x), e.v))
 
 
-def _kick(field, x, e):
+def _kick(field: None, x: Value, e: Average) -> Value:
     step = e.step
     sums, dq = zero_sum(x, e), drift(x, e)
     for row in range(e.rule, e.rule + step.rows[e.rule]):
@@ -251,7 +253,7 @@ _end = dispatch_on_none(
 
 
 @inline
-def mean(x, e):
+def mean(x: Value, e: Average) -> Value:
     """Evaluate G(x), the right-hand side of the equation x = G(x) of a substep, at the unknown x.
 
     G(x) is h times the mean of the vector field (of -grad V if x is a kick) along the path from (q, p) to the state
@@ -261,7 +263,7 @@ def mean(x, e):
 
 
 @inline
-def lengths(x, g, e):
+def lengths(x: Value, g: Value, e: Average) -> tuple[Number, Number]:
     """Sizes (of q, of p) at the iterate x of x = G(x) with arguments e, to scale finite differences; g is G(x)."""
     return _lengths(e.step.field, x, g, e)
 
@@ -270,19 +272,19 @@ solve_mean = solver(mean, lengths)
 
 
 @inline
-def by_rule(e, rule):
+def by_rule(e: Average, rule: int) -> Average:
     """The arguments ``e`` of the equation of a substep, with another quadrature rule, given by its first row."""
     return Average(e.step, e.q, e.p, e.v, e.h, e.s, rule)
 
 
 @inline
-def evaluations(e, rule):
+def evaluations(e: Average, rule: int) -> int:
     """Gradient evaluations that one evaluation of `mean` takes with the quadrature rule of first row ``rule``."""
     return e.step.blocks[e.s] * (2 if e.step.direction[e.s] == 0 else 1) * e.step.nodes[rule]
 
 
 @inline
-def iterate(e, x):
+def iterate(e: Average, x: Value) -> tuple[Value, Change]:
     """Take one step of the fixed-point iteration from x: returns (the new x, the `Change` from the old one to it)."""
     new = mean(x, e)
     return new, change(e.step.field, x, new)
@@ -295,7 +297,7 @@ refine = refinement(solve_mean, iterate, by_rule, evaluations)
 
 
 @inline
-def substep(step, y, s, carry, counts):
+def substep(step: Averaged, y: State, s: int, carry: Carry, counts: np.record) -> tuple[State, Value, int]:
     """Take substep s from the state y, with finer and finer quadrature rules until one is confirmed by the next.
 
     Returns (state, the solution x of the substep's equation, status).

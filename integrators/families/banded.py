@@ -36,6 +36,7 @@ from .parametric import Stage, increments, kick, lengths_of_kick, shift, unknown
 if TYPE_CHECKING:
     from phasebench.integrators.record import Method
     from phasebench.integrators.systems.hamiltonian import Hamiltonian
+    from phasebench.integrators.values.kinds import Function, Number, Value
 
 #: h and lambda at which a field of higher order is probed, and the seed of the states.
 AT, SEED = (0.1, 1 / 3), 3
@@ -68,13 +69,17 @@ class Banded(NamedTuple):
 solve_increments, solve_kick = band_solver(increments, lengths_of_both), band_solver(kick, lengths_of_kick)
 
 
-def _nystrom(field, step, y, c, mu, lam, x, room):
+def _nystrom(
+    field: None, step: Banded, y: State, c: Number, mu: Number, lam: Number, x: Value, room: Room
+) -> tuple[State, int, int]:
     stage = Stage(step, y.q, y.p, velocity(step.dT, y.p), c * step.h, mu, lam)
     x, n, status = solve_kick(stage, x, size(y.q) + size(y.p), step.eps, step.band, room)
     return update(y, shift(x, stage), x), n, status
 
 
-def _general(field, step, y, c, mu, lam, x, room):
+def _general(
+    field: Function, step: Banded, y: State, c: Number, mu: Number, lam: Number, x: Value, room: Room
+) -> tuple[State, int, int]:
     stage = Stage(step, y.q, y.p, y.p, c * step.h, mu, lam)
     x, n, status = solve_increments(stage, x, size(y.q) + size(y.p), step.eps, step.band, room)
     return update(y, head(x), tail(x)), n, status
@@ -120,7 +125,7 @@ def structure_of(system: Hamiltonian, order: int) -> list[np.ndarray]:
     (field, dT, dV), n = parametric.quadratic(system, DOUBLE, order)
     d = system.d
 
-    def slope(x):
+    def slope(x: Value) -> np.ndarray:
         if field is None:
             x = value(x, d)
             return np.array(dV(x if dT is None else dT(x)), float)

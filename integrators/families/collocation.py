@@ -83,6 +83,7 @@ from .parametric import lengths_of_kick, quadratic, unknown
 if TYPE_CHECKING:
     from phasebench.integrators.record import Method
     from phasebench.integrators.systems.hamiltonian import Hamiltonian
+    from phasebench.integrators.values.kinds import Function, Number, Value
 
 
 class Collocation(NamedTuple):
@@ -148,14 +149,14 @@ class Equations(NamedTuple):
 # -- one node: Nystrom form where ``field`` is None, else q and p ------------------------------------------------------
 
 
-def _sum_kicks(field, e, i, at):
+def _sum_kicks(field: None, e: Equations, i: int, at: int) -> Value:
     x = e.zero
     for m in range(e.stages):
         x = axpy(e.step.A_q[i, m], load(e.memory, at + m, e.zero), x)
     return x
 
 
-def _sum_both(field, e, i, at):
+def _sum_both(field: Function, e: Equations, i: int, at: int) -> Value:
     x, y = e.zero, e.zero
     for m in range(e.stages):
         z = load(e.memory, at + m, e.like)
@@ -164,25 +165,25 @@ def _sum_both(field, e, i, at):
     return join(x, y)
 
 
-def _kick(field, e, i, x):
+def _kick(field: None, e: Equations, i: int, x: Value) -> Value:
     moved = axpy(e.step.c[i, 0], e.v, scale(e.step.h, velocity(e.step.dT, x)))
     return scale(-1.0, e.step.dV(plus(e.q, moved)))
 
 
-def _both(field, e, i, x):
+def _both(field: Function, e: Equations, i: int, x: Value) -> Value:
     dq, dp = field(plus(e.q, head(x)), plus(e.p, tail(x)), e.step.h, 0.0)
     return join(dq, dp)
 
 
-def _lengths_kick(field, e, x, f):
+def _lengths_kick(field: None, e: Equations, x: Value, f: Value) -> tuple[Number, Number]:
     return lengths_of_kick(x, scale(e.step.h, f), e)
 
 
-def _lengths_both(field, e, x, f):
+def _lengths_both(field: Function, e: Equations, x: Value, f: Value) -> tuple[Number, Number]:
     return lengths_of_both(x, scale(e.step.h, f), e)
 
 
-def _moves_kicks(field, e, at):
+def _moves_kicks(field: None, e: Equations, at: int) -> tuple[Value, Value]:
     x, y = e.zero, e.zero
     for m in range(e.stages):
         z = load(e.memory, at + m, e.zero)
@@ -190,7 +191,7 @@ def _moves_kicks(field, e, at):
     return plus(e.v, scale(e.step.h, velocity(e.step.dT, x))), y
 
 
-def _moves_both(field, e, at):
+def _moves_both(field: Function, e: Equations, at: int) -> tuple[Value, Value]:
     x, y = e.zero, e.zero
     for m in range(e.stages):
         z = load(e.memory, at + m, e.like)
@@ -219,7 +220,7 @@ add_increments = dispatch_on_none(
 
 
 @inline
-def sweep(e, old, new):
+def sweep(e: Equations, old: int, new: int) -> tuple[Number, Number]:
     """Apply the right-hand side h B f to the increments in rows ``old``; write the result to rows ``new``.
 
     Returns (the distance between the two, the size of the result).  The iteration is of Jacobi's kind: all nodes use
@@ -254,7 +255,7 @@ def sweep(e, old, new):
 
 
 @inline
-def linearize(e, at, span, work):
+def linearize(e: Equations, at: int, span: Number, work: np.ndarray) -> int:
     """Write the Jacobian 1 - G' of the equations x = G(x) at the increments in rows ``at``, ... to ``work``.
 
     G' is made by finite differences of f at the nodes.  Returns the number of sweeps that cost as much, as
@@ -289,7 +290,7 @@ solve_confirmed = confirmer(solve, sweep, changes_by_row(inline(lambda e, x, y: 
 
 
 @inline
-def extrapolate(e, at):
+def extrapolate(e: Equations, at: int) -> None:
     """Extrapolate the increments of the last steps to the next one, as a start; write them to the rows ``at``, ..."""
     weights, known = e.step.extrapolation, e.counts.steps
     steps = min(known, len(weights) // e.stages)

@@ -41,6 +41,7 @@ from phasebench.integrators.values.vector import (
 if TYPE_CHECKING:
     from phasebench.integrators.record import Method
     from phasebench.integrators.systems.hamiltonian import Hamiltonian
+    from phasebench.integrators.values.kinds import Number, Value
 
 #: Largest number of secant steps for a.
 LIMIT = 12
@@ -86,13 +87,13 @@ class Increment(NamedTuple):
 
 
 @unroll(lambda d: "  return " + " + ".join(f"x[{i}] * x[{i}]" for i in range(d)))
-def square(x):
+def square(x: Value) -> Number:
     """The scalar product x . x."""
     return np.sum(x * x)
 
 
 @inline
-def increment(x, e):
+def increment(x: Value, e: Increment) -> Value:
     """The right-hand side G(x) of the equation x = G(x) of a substep: h J^-1 (grad H(y + x/2) + a x)."""
     dq, dp = e.field(axpy(0.5, head(x), e.q), axpy(0.5, tail(x), e.p), e.h, 0.0)
     return join(scale(e.h, axpy(e.a, tail(x), dq)), scale(e.h, axpy(-e.a, head(x), dp)))
@@ -102,7 +103,9 @@ solve_increment = solver(increment)
 
 
 @inline
-def search(step, y, h, x, a, carry, counts):
+def search(
+    step: DiscreteGradient, y: State, h: Number, x: Value, a: Number, carry: Carry, counts: np.record
+) -> tuple[Value, Number, int]:
     """Take a substep of length h from y that ends at energy H0: find its coefficient a and its increment x.
 
     The arguments x and a are starting values; returns (x, a, status).

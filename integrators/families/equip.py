@@ -47,6 +47,7 @@ from .parametric import unknown
 if TYPE_CHECKING:
     from phasebench.integrators.record import Method
     from phasebench.integrators.systems.hamiltonian import Hamiltonian
+    from phasebench.integrators.values.kinds import Function, Number, Value
 
 SEARCH = Search(radius=0.5, first=0.01, near=0.1, ratio=1.5, points=16, slack=8.0)
 MISSED = "have no parameter near 0 that keeps the energy and were taken as Gauss's method"
@@ -102,23 +103,23 @@ class Step(NamedTuple):
 # -- stages one by one, or in lanes -----------------------------------------------------------------------------------
 
 
-def _A_in_rows(f, t, i, j, x):
+def _A_in_rows(f: None, t: collocation.Collocation, i: int, j: int, x: Number) -> None:
     t.A_q[i, j], t.A_p[i, j] = x, x
 
 
-def _A_in_lanes(f, t, i, j, x):
+def _A_in_lanes(f: Function, t: stage_lanes.Lanes, i: int, j: int, x: Number) -> None:
     t.A[j, i] = x
 
 
-def _time_in_rows(f, t, i, late):
+def _time_in_rows(f: None, t: collocation.Collocation, i: int, late: Number) -> None:
     t.weights[0, i], t.c[i, 0] = late, 1.0 - late
 
 
-def _time_in_lanes(f, t, i, late):
+def _time_in_lanes(f: Function, t: stage_lanes.Lanes, i: int, late: Number) -> None:
     t.nodes[stage_lanes.LATE, i], t.nodes[stage_lanes.C, i] = late, 1.0 - late
 
 
-def _move_rows(f, start, eps, e):
+def _move_rows(f: None, start: int, eps: Number, e: Step) -> tuple[State, int, int, int]:
     t, y, zero, memory = e.step.tableau, e.y, e.carry.zero, e.carry.memory
     stages, at = len(e.step.b), LEVELS * len(e.step.b)
     v, like = collocation.drift(t.field, t.dT, y.p, t.h), unknown(t.field, zero)
@@ -130,7 +131,7 @@ def _move_rows(f, start, eps, e):
     return update(y, dq, dp), sweeps, newton, status
 
 
-def _move_lanes(f, start, eps, e):
+def _move_lanes(f: Function, start: int, eps: Number, e: Step) -> tuple[State, int, int, int]:
     t, y = e.step.tableau, e.y
     equations = stage_lanes.equations(t, e.carry, t.h)
     ring, at = stage_lanes.rows_of(equations)
@@ -141,12 +142,12 @@ def _move_lanes(f, start, eps, e):
     return stage_lanes.end(equations, at, y, e.carry.zero), sweeps, newton, status
 
 
-def _enter_rows(f, e):
+def _enter_rows(f: None, e: Step) -> None:
     stages, like = len(e.step.b), unknown(e.step.field, e.carry.zero)
     collocation.copy(e.carry.memory, LEVELS * stages, e.counts.steps % LEVELS * stages, stages, like)
 
 
-def _enter_lanes(f, e):
+def _enter_lanes(f: Function, e: Step) -> None:
     equations = stage_lanes.equations(e.step.tableau, e.carry, e.step.h)
     ring, at = stage_lanes.rows_of(equations)
     stage_lanes.enter(equations, ring, e.counts.steps, at)
@@ -166,12 +167,12 @@ enter = dispatch_on_none(_enter_rows, _enter_lanes)
 
 
 @inline
-def round_to_grid(x):
+def round_to_grid(x: Number) -> Number:
     """Round x to a multiple of the round-off of 1, so that sums and differences of such numbers below 2 are exact."""
     return (x + 1.5) - 1.5
 
 
-def _write_kicks(field, step, alpha):
+def _write_kicks(field: None, step: Equip, alpha: Number) -> None:
     t, A, S, b = step.tableau, step.A, step.S, step.b
     stages = len(b)
     for i in range(stages):
@@ -189,7 +190,7 @@ def _write_kicks(field, step, alpha):
             write_A(step.f, t, j, i, a - time(step.f, t, i) + time(step.f, t, j))
 
 
-def _write_both(field, step, alpha):
+def _write_both(field: Function, step: Equip, alpha: Number) -> None:
     for i in range(len(step.b)):
         for j in range(i, len(step.b)):
             a = round_to_grid(step.A[i, j] - alpha * step.S[i, j])
@@ -205,7 +206,7 @@ write = dispatch_on_none(_write_kicks, _write_both)
 
 
 @jit
-def attempt(alpha, start, ease, e):
+def attempt(alpha: Number, start: int, ease: Number, e: Step) -> Attempt:
     """Try the step with the parameter alpha; returns an `Attempt` with the state after it and its energy error.
 
     ``start`` chooses where the stages start from: the extrapolation from earlier steps (`FIRST`), or the solution of
@@ -245,7 +246,7 @@ def step(method: Equip, y: State, carry: Carry, counts: np.record) -> tuple[Stat
 run = loop(step, parameter=True)
 
 
-def skew(s: int, nodes):
+def skew(s: int, nodes: list) -> list:
     """The skew matrix S = P V P^T at s nodes, as a list of rows.
 
     P_ij is the orthonormal Legendre polynomial of degree j - 1 at node i.  V is zero but for a 1 and a -1 in the last
@@ -278,7 +279,7 @@ def prepare(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
     return replace(inner, run=run, step=step, begin=partial(_set_energy, energy), missed=MISSED)
 
 
-def _set_energy(energy, step, q, p):
+def _set_energy(energy: Function, step: Equip, q: Value, p: Value) -> Equip:
     """Complete the data of EQUIP for a run from (q, p): set H0, the energy; copy the tableau, which runs overwrite."""
     t = step.tableau
     tables = {name: x for name, x in t._asdict().items() if isinstance(x, np.ndarray) and x.flags.writeable}

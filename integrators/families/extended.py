@@ -29,7 +29,7 @@ Sources: M. Tao, Phys. Rev. E 94 (2016) 043303; P. Pihajoki, Celest. Mech. Dyn. 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import mpmath
 import numpy as np
@@ -51,6 +51,12 @@ from phasebench.integrators.values.vector import (
     scale,
     store,
 )
+
+if TYPE_CHECKING:
+    from phasebench.integrators.record import Method
+    from phasebench.integrators.stepping.kernel import Carry
+    from phasebench.integrators.systems.hamiltonian import Hamiltonian
+    from phasebench.integrators.values.kinds import Number
 
 #: Orbits may be integrated side by side.
 IN_LANES = True
@@ -106,14 +112,14 @@ class Copies(NamedTuple):
 
 
 @inline
-def move_copy(z, h):
+def move_copy(z: Copies, h: Number) -> Copies:
     """Apply exp(h A) to the two copies z: x and p move by the field at (q, y); returns the new `Copies`."""
     x, lost_x = add_product_in_place(z.x, z.lost_x, h, z.dq)
     p, lost_p = add_product_in_place(z.p, z.lost_p, h, z.dp)
     return Copies(z.q, p, z.lost_q, lost_p, x, z.y, lost_x, z.lost_y, z.dq, z.dp, z.rows)
 
 
-def begin(method, carry, counts):
+def begin(method: Extended, carry: Carry, counts: np.record) -> Copies:
     """Read the state and its copy from ``carry``, and evaluate the field.
 
     At the start of a run the copy equals the state.  The coefficients of the rotations C are computed as well, and
@@ -136,12 +142,12 @@ def begin(method, carry, counts):
     return Copies(z.q, z.p, z.lost_q, z.lost_p, x, y, lost_x, lost_y, dq, dp, rows)
 
 
-def start(method, z):
+def start(method: Extended, z: Copies) -> Copies:
     """Apply the first substep A of a step; in later steps it is part of the last A of the step before."""
     return move_copy(z, method.a[0] * method.h)
 
 
-def step(method, z, carry, counts):
+def step(method: Extended, z: Copies, carry: Carry, counts: np.record) -> tuple[Copies, int]:
     """Take a step from the two copies z: apply B, C, B and A for each composed step in turn.
 
     Returns (copies, `SOLVED`).  The last A includes the first A of the next step.
@@ -177,7 +183,7 @@ def step(method, z, carry, counts):
     return Copies(q, p, lost_q, lost_p, x, y, lost_x, lost_y, dq, dp, rows), SOLVED
 
 
-def finish(method, z):
+def finish(method: Extended, z: Copies) -> Copies:
     """Undo the next step's first substep A, which `step` has merged with its own last, and store the copy (x, y)."""
     z = move_copy(z, -method.a[0] * method.h)
     store(z.rows, COPY, z.x)
@@ -190,7 +196,7 @@ def finish(method, z):
 run = loop(step, begin, start, finish)
 
 
-def prepare(method, system, arithmetic):
+def prepare(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
     """Prepare the kernel (compiled loop over steps) of a method with two copies of the state, for a system.
 
     ``method.data`` is (fractions of h of the composed steps, omega); omega is the strength of the bond C between the

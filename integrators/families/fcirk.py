@@ -44,7 +44,9 @@ from .wisdom_holman import check_kinetic_energy, convert, drift
 
 if TYPE_CHECKING:
     from phasebench.integrators.record import Method
+    from phasebench.integrators.stepping.kernel import Carry, Samples
     from phasebench.integrators.systems.hamiltonian import Hamiltonian
+    from phasebench.integrators.values.kinds import Number
 
 
 class FlowComposed(NamedTuple):
@@ -100,7 +102,7 @@ BACK, POSITION, GRADIENT, KICK, SPANS, UNKNOWN = 2, 4, 5, 6, 7, 8
 
 
 @jit
-def evaluate(e, i, old):
+def evaluate(e: Stages, i: int, old: int) -> None:
     """Evaluate the transported field F(tau_i, W_i) of stage i, of the formulae in the module's docstring.
 
     W_i follows from the unknowns in the rows from ``old`` on.  The q part and the p part of F are written to the rows
@@ -143,7 +145,7 @@ def evaluate(e, i, old):
 
 
 @inline
-def sweep(e, rows, active):
+def sweep(e: Stages, rows: tuple[int, int], active: bool) -> tuple[tuple[int, int], Number, Number]:
     """Apply the right-hand side of the stage equations to the unknowns in ``e.memory``.
 
     They are read in the rows from rows[0] on, and the result is written to the rows from rows[1] on.  Returns (the two
@@ -167,7 +169,7 @@ solve = fixed_point(sweep)
 
 
 @jit
-def perturb(step, carry, counts):
+def perturb(step: FlowComposed, carry: Carry, counts: np.record) -> int:
     """Take the Gauss step of the slow variables w, without Kepler's flow, on the rows of ``carry.state``, in place.
 
     Returns the status: `SOLVED`, or `STALLED` if the stage equations could not be solved.
@@ -194,7 +196,7 @@ def perturb(step, carry, counts):
     return SOLVED
 
 
-def run(step, carry, samples, counts):
+def run(step: FlowComposed, carry: Carry, samples: Samples, counts: np.record) -> tuple[int, int]:
     """The kernel: integrate the steps between rows of output and fill the rows; returns (rows filled, status).
 
     It has a loop of its own, since Kepler flows of neighbouring steps are merged, as in `wisdom_holman`.

@@ -49,8 +49,12 @@ from .lane_rows import MOMENTA, ORIGIN
 from .stage_lanes import begin, equations
 
 if TYPE_CHECKING:
+    from phasebench.integrators.families.stage_lanes import Equations
     from phasebench.integrators.record import Method
+    from phasebench.integrators.stepping.kernel import Carry
     from phasebench.integrators.systems.hamiltonian import Hamiltonian
+    from phasebench.integrators.values.kinds import Number
+    from phasebench.integrators.values.vector import State
 
 #: A step is rejected if the fitting one is shorter than this share of it; a step is at most GROWTH times the last.
 TRUSTED, GROWTH = 0.25, 4.0
@@ -114,7 +118,7 @@ inertia = dispatch_on_none(lambda inverse_mass, e, k: 1.0, lambda inverse_mass, 
 
 
 @inline
-def inverse_square(e, step, first, last):
+def inverse_square(e: Equations, step: Field, first: int, last: int) -> tuple[Number, Number]:
     """Rates of change of f at the end of a step: (1 / tau^2, (|f^(s-1)| / |f|)^2), in units of the step's length.
 
     f is the vector field along the orbit, f^(s-1) its highest derivative that s nodes give, and tau is its time scale,
@@ -135,13 +139,13 @@ def inverse_square(e, step, first, last):
     return (below / above if told else 0.0 * above), (highest / whole if rough else 0.0 * above)
 
 
-def _of_both(inverse_mass, e, step):
+def _of_both(inverse_mass: None, e: Equations, step: Field) -> tuple[Number, Number]:
     d = e.stages // 2
     a, b = inverse_square(e, step, 0, d), inverse_square(e, step, d, e.stages)
     return max(a[0], b[0]), max(a[1], b[1])
 
 
-def _of_kicks(inverse_mass, e, step):
+def _of_kicks(inverse_mass: np.ndarray, e: Equations, step: Field) -> tuple[Number, Number]:
     return inverse_square(e, step, 0, e.stages)
 
 
@@ -150,7 +154,7 @@ rate = dispatch_on_none(_of_both, _of_kicks)
 
 
 @inline
-def _pace(e, first, last, shift):
+def _pace(e: Equations, first: int, last: int, shift: Number) -> Number:
     """The time scale |y| / sqrt(|y'|^2 + |y| |y''|) of components first, ..., last - 1 of y; 0 if y is 0 or is at rest.
 
     f has been evaluated at y + shift y' and, in the second SIMD lane, at y - shift y'.
@@ -164,7 +168,7 @@ def _pace(e, first, last, shift):
     return size / below**0.5 if below > 0 else 0.0 * e.h
 
 
-def _unit_of_both(inverse_mass, e, step):
+def _unit_of_both(inverse_mass: None, e: Equations, step: Field) -> Number:
     d, shift = e.stages // 2, SHIFT * abs(e.h)
     for k in range(e.stages):
         y, f = e.memory[e.base + ORIGIN, k], e.memory[e.stages + k, 0]
@@ -175,7 +179,7 @@ def _unit_of_both(inverse_mass, e, step):
     return longer if longer > 0 else 1.0 + longer
 
 
-def _unit_of_kicks(inverse_mass, e, step):
+def _unit_of_kicks(inverse_mass: np.ndarray, e: Equations, step: Field) -> Number:
     q, v, a = 0.0 * e.h, 0.0 * e.h, 0.0 * e.h
     for k in range(e.stages):
         q, v = q + abs(e.memory[e.base + ORIGIN, k]), v + abs(inverse_mass[0, k] * e.memory[e.base + MOMENTA, k])
@@ -192,7 +196,7 @@ unit = dispatch_on_none(_unit_of_both, _unit_of_kicks)
 
 
 @inline
-def read_clock(step, carry, y):
+def read_clock(step: Field, carry: Carry, y: State) -> Clock:
     """Return the `Clock` (time, lengths of steps) that the last call of the kernel left in ``carry``.
 
     At the start of a run it is a new clock, with the time scale of the field at the state y.
@@ -210,7 +214,7 @@ def read_clock(step, carry, y):
 
 
 @inline
-def fit_step(step, carry, clock, length, trusted):
+def fit_step(step: Field, carry: Carry, clock: Clock, length: Number, trusted: Number) -> tuple[Number, bool]:
     """Judge a step of length ``length``: (length of the next step, True if this one is accepted).
 
     Both follow from the field at the end of the step.  It is rejected if the time scale of the field, or of its highest
@@ -228,7 +232,9 @@ def fit_step(step, carry, clock, length, trusted):
 
 
 @inline
-def wind(step, carry, y, clock, until, most, counts):
+def wind(
+    step: Field, carry: Carry, y: State, clock: Clock, until: Number, most: int, counts: np.record
+) -> tuple[State, Clock, State, int]:
     """Integrate from the state y to the time ``until`` in at most ``most`` steps, rejecting steps that are too long.
 
     Returns (last state before that time, its clock, the state at that time, status).
@@ -266,7 +272,9 @@ def wind(step, carry, y, clock, until, most, counts):
 
 
 @inline
-def reach(method, carry, y, clock, until, every, counts):
+def reach(
+    method: Field, carry: Carry, y: State, clock: Clock, until: Number, every: int, counts: np.record
+) -> tuple[State, Clock, State, int]:
     """Integrate to the time ``until`` of a row of output.
 
     Returns (last state before that time, its clock, the state at that time, status), see `loop.time_loop`; ``every`` is
@@ -276,7 +284,7 @@ def reach(method, carry, y, clock, until, every, counts):
 
 
 @inline
-def leave(carry, clock):
+def leave(carry: Carry, clock: Clock) -> None:
     """Store the clock (time, lengths of steps) in the carry, for the next call of the kernel."""
     rows = carry.state
     rows[TIME], rows[LOST], rows[FOLLOWING], rows[LAST] = clock.t, clock.lost, clock.following, clock.last

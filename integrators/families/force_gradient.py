@@ -26,7 +26,7 @@ Yin, R. D. Mawhinney, PoS Lattice 2011, 051.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numba import types
@@ -48,6 +48,12 @@ from phasebench.integrators.values.vector import (
     scale,
     view_state,
 )
+
+if TYPE_CHECKING:
+    from phasebench.integrators.record import Method
+    from phasebench.integrators.stepping.kernel import Carry
+    from phasebench.integrators.systems.hamiltonian import Hamiltonian
+    from phasebench.integrators.values.kinds import Function, Number, Value
 
 #: Orbits may be integrated side by side.
 IN_LANES = True
@@ -99,26 +105,26 @@ class KickState(NamedTuple):
     place: Any
 
 
-def _combine(b, g, c, k):
+def _combine(b: Number, g: Value, c: Number, k: Value) -> Value:
     for i in range(len(g)):
         g[i] = b * g[i] + c * k[i]
     return g
 
 
-def _displace(x, a, v, out):
+def _displace(x: Value, a: Number, v: Value, out: Value) -> Value:
     for i in range(len(x)):
         out[i] = x[i] + a * v[i]
     return out
 
 
 @in_place(_displace)
-def displace(x, a, v, out):
+def displace(x: Value, a: Number, v: Value, out: Value) -> Value:
     """Return x + a v; for arrays the result is written to ``out``."""
     return axpy(a, v, x)
 
 
 @in_place(_combine)
-def combine(b, g, c, k):
+def combine(b: Number, g: Value, c: Number, k: Value) -> Value:
     """Return b g + c k, the slope of a modified kick; for arrays it is written over g.
 
     g is the gradient of V and k the second term of the kick, both (d,).
@@ -126,7 +132,9 @@ def combine(b, g, c, k):
     return axpy(c, k, scale(b, g))
 
 
-def second_force(product, dV, b, c, q, slope, v, place):
+def second_force(
+    product: None, dV: Function, b: Number, c: Number, q: Value, slope: Value, v: Value, place: Value
+) -> tuple[Number, Value]:
     """The modified kick without the Hessian, by a second force: returns (weight b, slope grad V(q - 2 c / b v)).
 
     v is M^-1 grad V(q); arrays ``slope`` and ``place`` are overwritten, ``product`` is not used.
@@ -134,7 +142,9 @@ def second_force(product, dV, b, c, q, slope, v, place):
     return b, apply(dV, displace(q, -2.0 * c / b, v, place), slope)
 
 
-def modified_kick(product, dV, b, c, q, slope, v, place):
+def modified_kick(
+    product: Function, dV: Function, b: Number, c: Number, q: Value, slope: Value, v: Value, place: Value
+) -> tuple[Number, Value]:
     """Compute a modified kick, p' = p - h weight slope, from slope = grad V(q) and v = M^-1 slope.
 
     Returns (weight, slope).  b is the weight of grad V, c that of the gradient term times h^2; ``product`` is (q, v) ->
@@ -145,7 +155,16 @@ def modified_kick(product, dV, b, c, q, slope, v, place):
     return 1.0 + 0.0 * b, combine(b, slope, -2.0 * c, product(q, v))
 
 
-def _of_values(product, dV, b, c, q, slope, v, place):
+def _of_values(
+    product: types.Type,
+    dV: types.Type,
+    b: types.Type,
+    c: types.Type,
+    q: types.Type,
+    slope: types.Type,
+    v: types.Type,
+    place: types.Type,
+) -> Callable:
     """Choose the code of `modified_kick` for tuples and lanes, from the Numba type of ``product``."""
     if isinstance(product, (types.NoneType, types.Omitted)):
         return second_force
@@ -155,10 +174,21 @@ def _of_values(product, dV, b, c, q, slope, v, place):
     )
 
 
-def _of_arrays(product, dV, b, c, q, slope, v, place):
+def _of_arrays(
+    product: types.Type,
+    dV: types.Type,
+    b: types.Type,
+    c: types.Type,
+    q: types.Type,
+    slope: types.Type,
+    v: types.Type,
+    place: types.Type,
+) -> Callable:
     """Choose the code of `modified_kick` for arrays, from the Numba type of ``product``."""
 
-    def written(product, dV, b, c, q, slope, v, place):
+    def written(
+        product: Function, dV: Function, b: Number, c: Number, q: Value, slope: Value, v: Value, place: Value
+    ) -> tuple[float, Value]:
         product(q, v, place)
         return 1.0, combine(b, slope, -2.0 * c, place)
 
@@ -169,7 +199,9 @@ overload_by_kind(modified_kick, _of_values, _of_arrays)
 
 
 @inline
-def evaluate(method, q, b, c, y, counts):
+def evaluate(
+    method: ForceGradient, q: Value, b: Number, c: Number, y: KickState, counts: np.record
+) -> tuple[Number, Value]:
     """Evaluate the kick with the weights b and c at q: returns (weight, slope), see `modified_kick`.
 
     Gradients are added to ``counts``; arrays of the state y, its working memory, are overwritten.
@@ -184,13 +216,13 @@ def evaluate(method, q, b, c, y, counts):
 
 
 @inline
-def apply_kick(y, h):
+def apply_kick(y: KickState, h: Number) -> KickState:
     """Kick the momenta by the slope that the state y carries (grad V, or its modification): p - h y.weight y.slope."""
     p, lost_p = add_product_in_place(y.p, y.lost_p, -h * y.weight, y.slope)
     return KickState(y.q, p, y.lost_q, lost_p, y.slope, y.weight, y.velocity, y.place)
 
 
-def begin(method, carry, counts):
+def begin(method: ForceGradient, carry: Carry, counts: np.record) -> KickState:
     """Read the state from ``carry`` and evaluate the kick at its q.
 
     Arrays are rows of ``carry`` itself, which steps overwrite.
@@ -206,12 +238,12 @@ def begin(method, carry, counts):
     return y
 
 
-def start(method, y):
+def start(method: ForceGradient, y: KickState) -> KickState:
     """Apply a step's first kick; in later steps it is part of the last kick of the step before."""
     return apply_kick(y, method.h / 2) if method.b[0] != 0 or method.c[0] != 0 else y
 
 
-def step(method, y, carry, counts):
+def step(method: ForceGradient, y: KickState, carry: Carry, counts: np.record) -> tuple[KickState, int]:
     """Drift and kick in turn; the last kick includes the first one of the next step.  Returns (state, `SOLVED`)."""
     h, last = method.h, len(method.a) - 1
     for k in range(1, last + 1):
@@ -228,7 +260,7 @@ def step(method, y, carry, counts):
     return y, SOLVED
 
 
-def finish(method, y):
+def finish(method: ForceGradient, y: KickState) -> KickState:
     """Undo the half of the last kick that begins the next step and was merged with it, before a row is stored."""
     return apply_kick(y, -method.h / 2) if method.b[0] != 0 or method.c[0] != 0 else y
 
@@ -236,19 +268,19 @@ def finish(method, y):
 run = loop(step, begin, start, finish)
 
 
-def hessian_product(system, arithmetic):
+def hessian_product(system: Hamiltonian, arithmetic: str) -> Function:
     """Make the function (q, v) -> V''(q) v from the formula of V, as the gradient of v . grad V(q) by q."""
     T = codegen.value_type(system.d, system.fills)
     v = sp.symbols(f"direction_0:{system.d}")
 
-    def results():
+    def results() -> list:
         slope = sum(x * sp.diff(system.potential, q) for x, q in zip(v, system.q, strict=True))
         return [[sp.diff(slope, q) for q in system.q]]
 
     return system.make_function("hessian product", [("q", system.q), ("v", v)], results, T(T, T), arithmetic)
 
 
-def prepare(method, system, arithmetic, fills=True):
+def prepare(method: Method, system: Hamiltonian, arithmetic: str, fills: bool = True) -> Prepared:
     """Prepare the kernel (compiled loop over steps) of a splitting with modified kicks for a system.
 
     ``method.data`` is (rows (a, b, c) of a drift and the kick after it, True if the Hessian is avoided); the first row

@@ -11,9 +11,17 @@ alone (kicks).  The rows of the memory are:
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, Any
+
 from phasebench.integrators.stepping.solve import difference
 from phasebench.integrators.values.lanes import combine, put, take, total
 from phasebench.integrators.values.vector import dispatch_on_none, inline, load, store, update
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from phasebench.integrators.values.kinds import Function, Number, Value
+    from phasebench.integrators.values.vector import State
 
 #: Rows from ``base`` on: the state that the places begin at, h M^-1 p, and the increments of q and of p over a step;
 #: before there are increments the row of DQ holds, for kicks, p.
@@ -23,13 +31,13 @@ MOMENTA = DQ
 # -- the two forms ----------------------------------------------------------------------------------------------------
 
 
-def _begin_both(inverse_mass, e, y):
+def _begin_both(inverse_mass: None, e: Any, y: State) -> None:
     store(e.memory, e.base + ORIGIN, y.q)
     for k in range(len(y.p)):
         e.memory[e.base + ORIGIN, len(y.q) + k] = y.p[k]
 
 
-def _begin_kicks(inverse_mass, e, y):
+def _begin_kicks(inverse_mass: np.ndarray, e: Any, y: State) -> None:
     memory = e.memory
     store(memory, e.base + ORIGIN, y.q)
     store(memory, e.base + MOMENTA, y.p)
@@ -37,12 +45,12 @@ def _begin_kicks(inverse_mass, e, y):
         memory[e.base + DRIFT, k] = e.h * inverse_mass[0, k] * memory[e.base + MOMENTA, k]
 
 
-def _lengths_of_both(inverse_mass, e, at):
+def _lengths_of_both(inverse_mass: None, e: Any, at: int) -> tuple[Number, Number]:
     d = e.stages // 2
     return length(e, at, e.base + ORIGIN, 0, d), length(e, at, e.base + ORIGIN, d, e.stages)
 
 
-def _lengths_of_kicks(inverse_mass, e, at):
+def _lengths_of_kicks(inverse_mass: np.ndarray, e: Any, at: int) -> tuple[Number, Number]:
     momenta = length(e, at, e.base + MOMENTA, 0, e.stages)
     return momenta, momenta
 
@@ -58,7 +66,7 @@ reach = dispatch_on_none(lambda inverse_mass, e, k: 1.0, lambda inverse_mass, e,
 
 
 @inline
-def length(e, at, row, first, last):
+def length(e: Any, at: int, row: int, first: int, last: int) -> Number:
     """Size (1-norm) of the state's components ``first``, ..., ``last`` - 1, plus that of their unknowns x and of G(x).
 
     The components are in row ``row`` of ``e.memory``, the unknowns in the rows from ``at`` on, G(x) in those after
@@ -75,7 +83,7 @@ def length(e, at, row, first, last):
 # -- Newton's method --------------------------------------------------------------------------------------------------
 
 
-def linearizer(sweep, places, weights, rows, spread):
+def linearizer(sweep: Function, places: Function, weights: Function, rows: Function, spread: Function) -> Function:
     """Make ``linearize`` of `solve.row_solver`: it writes the Jacobian 1 - G', by differences of f in all SIMD lanes.
 
     It is made from the following functions, in whose arguments e are the equations, ``row`` is a row of nodes, one node
@@ -91,7 +99,7 @@ def linearizer(sweep, places, weights, rows, spread):
     """
 
     @inline
-    def linearize(e, at, span, work):
+    def linearize(e: Any, at: int, span: Number, work: np.ndarray) -> int:
         step, memory, unknowns, n = e.step, e.memory, e.stages, len(e.like)
         sweep(e, at, at + unknowns)
         spare, (first, end) = at + 2 * unknowns, rows(e)
@@ -124,7 +132,7 @@ def linearizer(sweep, places, weights, rows, spread):
 
 
 @inline
-def extrapolate(e, ring, known, at):
+def extrapolate(e: Any, ring: int, known: int, at: int) -> None:
     """Extrapolate the increments of the last steps to the next one, as a start; write them to the rows ``at``, ...
 
     Those of the last steps are in a ring buffer of rows from ``ring`` on; ``known`` is the number of steps taken so
@@ -142,14 +150,14 @@ def extrapolate(e, ring, known, at):
 
 
 @inline
-def enter(e, ring, known, at):
+def enter(e: Any, ring: int, known: int, at: int) -> None:
     """Store the increments of step number ``known``, in the rows ``at``, ..., in the ring that `extrapolate` reads."""
     newest = ring + known % e.step.steps * e.stages
     for k in range(e.stages):
         put(e.memory, newest + k, take(e.memory, at + k, e.like), e.like)
 
 
-def ender(sums):
+def ender(sums: Function) -> Function:
     """Make the function (e, at, y, zero) -> the state after a step from the state y, whose equations e are solved.
 
     ``sums(inverse_mass, e, at)`` writes the increments of q and p to the memory of e, from the stage increments in the
@@ -157,7 +165,7 @@ def ender(sums):
     """
 
     @inline
-    def end(e, at, y, zero):
+    def end(e: Any, at: int, y: State, zero: Value) -> State:
         sums(e.step.inverse_mass, e, at)
         return update(y, load(e.memory, e.base + DQ, zero), load(e.memory, e.base + DP, zero))
 

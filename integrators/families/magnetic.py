@@ -31,7 +31,7 @@ Sources: J. P. Boris, Proc. Fourth Conf. Num. Sim. Plasmas (1970) 3-67; A. V. Hi
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -54,6 +54,12 @@ from phasebench.integrators.values.vector import (
     sum_of,
     unroll,
 )
+
+if TYPE_CHECKING:
+    from phasebench.integrators.record import Method
+    from phasebench.integrators.stepping.kernel import Carry
+    from phasebench.integrators.systems.hamiltonian import Hamiltonian
+    from phasebench.integrators.values.kinds import Number, Value
 
 #: Orbits may be integrated side by side.
 IN_LANES = True
@@ -107,13 +113,13 @@ class ParticleState(NamedTuple):
 
 
 @sum_of("x[i] * y[i]")
-def dot(x, y):
+def dot(x: Value, y: np.ndarray) -> Number:
     """The scalar product of two vectors."""
     return np.sum(x * y)
 
 
 @unroll(lambda d: "  return 0.0 * x[0]" if d == 2 else "  return x[0] * y[0] + x[1] * y[1] + x[2] * y[2]")
-def along(x, y):
+def along(x: Value, y: Value) -> Number:
     """The scalar product of the velocity x with the field y; 0 in the plane, where the field is (0, 0, y[0])."""
     return 0.0 * x[0] if len(x) == 2 else np.sum(x * y)
 
@@ -125,7 +131,7 @@ def _cross_text(d: int) -> str:
 
 
 @unroll(_cross_text)
-def cross(x, y):
+def cross(x: Value, y: np.ndarray) -> Value:
     """The vector product x times y; in the plane y is the vector (0, 0, y[0])."""
     if len(x) == 2:
         return np.array([x[1] * y[0], -(x[0] * y[0])])
@@ -133,7 +139,7 @@ def cross(x, y):
 
 
 @elementwise(outputs=2)
-def momentum(u, lost, shift, mass):
+def momentum(u: Value, lost: Value, shift: Value, mass: Number) -> tuple[Value, Value]:
     """Compute p = m (u + shift), with shift = A / m: returns (p, what rounding lost of it).
 
     ``lost`` is what rounding lost of u.  The sum is compensated as Knuth's, since either term may be the larger.
@@ -146,7 +152,7 @@ def momentum(u, lost, shift, mass):
 
 
 @elementwise(outputs=2)
-def velocity(p, lost, shift, mass):
+def velocity(p: Value, lost: Value, shift: Value, mass: Number) -> tuple[Value, Value]:
     """Compute u = p / m - shift from the momentum p, with shift = A / m: returns (u, what rounding lost of it).
 
     ``lost`` is what rounding lost of p.
@@ -159,7 +165,7 @@ def velocity(p, lost, shift, mass):
 
 
 @inline
-def _gamma_square(slowness, u):
+def _gamma_square(slowness: Value, u: Value) -> Number:
     return 1.0 + slowness[0] * dot(u, u)
 
 
@@ -167,7 +173,7 @@ def _gamma_square(slowness, u):
 gamma = dispatch_on_none(lambda slowness, u: 1.0, lambda slowness, u: _gamma_square(slowness, u) ** 0.5)
 
 
-def _mean_gamma(slowness, u, tau):
+def _mean_gamma(slowness: Value, u: Value, tau: Number) -> Number:
     """The Lorentz factor of the mean of u before and after the rotation, in the rule of Higuera and Cary.
 
     ``slowness`` is (1 / c^2,), u the value before the rotation, and tau = h B / 2 (B divided by the mass) the vector
@@ -182,7 +188,7 @@ mean_gamma = dispatch_on_none(lambda slowness, u, tau: 1.0, _mean_gamma)
 
 
 @inline
-def half_turn(method, u, tau):
+def half_turn(method: Magnetic, u: Value, tau: np.ndarray) -> Value:
     """The vector t along B that sets the rotation of u: its length is the tangent of half the angle.
 
     tau is h B / 2 (B divided by the mass).  The formulae of the rules stand in the module's docstring; u enters by its
@@ -198,7 +204,7 @@ def half_turn(method, u, tau):
 
 
 @inline
-def apply_push(method, y, h):
+def apply_push(method: Magnetic, y: ParticleState, h: Number) -> ParticleState:
     """The state after a push over the time h: half a kick by E, a rotation about B, half a kick by E."""
     E, B = method.fields(y.q)
     u = axpy(0.5 * h, E, y.u)
@@ -209,25 +215,25 @@ def apply_push(method, y, h):
 
 
 @inline
-def apply_drift(method, y, h):
+def apply_drift(method: Magnetic, y: ParticleState, h: Number) -> ParticleState:
     """The state after a drift of q over the time h."""
     q, lost_q = add_product_in_place(y.q, y.lost_q, h / gamma(method.slowness, y.u), y.u)
     return ParticleState(q, y.p, lost_q, y.lost_p, y.u, y.lost_u)
 
 
-def begin(method, carry, counts):
+def begin(method: Magnetic, carry: Carry, counts: np.record) -> ParticleState:
     """Read the state (q, p) from ``carry``, where the last call of the kernel left it, and compute u from p."""
     y = read_state(carry)
     u, lost_u = velocity(y.p, y.lost_p, method.shift(y.q), method.mass[0])
     return ParticleState(y.q, y.p, y.lost_q, y.lost_p, u, lost_u)
 
 
-def start(method, y):
+def start(method: Magnetic, y: ParticleState) -> ParticleState:
     """Apply a step's first drift of q; in later steps it is part of the last drift of the step before."""
     return apply_drift(method, y, 0.5 * method.b[0] * method.h)
 
 
-def step(method, y, carry, counts):
+def step(method: Magnetic, y: ParticleState, carry: Carry, counts: np.record) -> tuple[ParticleState, int]:
     """Push and drift in turn; the last drift includes the first one of the next step.  Returns (state, `SOLVED`)."""
     h, b = method.h, method.b
     for k in range(len(b)):
@@ -238,7 +244,7 @@ def step(method, y, carry, counts):
     return y, SOLVED
 
 
-def finish(method, y):
+def finish(method: Magnetic, y: ParticleState) -> ParticleState:
     """Undo the first drift of the next step, which `step` merged with its own last, and compute p from u."""
     y = apply_drift(method, y, -0.5 * method.b[0] * method.h)
     p, lost_p = momentum(y.u, y.lost_u, method.shift(y.q), method.mass[0])
@@ -248,7 +254,7 @@ def finish(method, y):
 run = loop(step, begin, start, finish)
 
 
-def prepare(method, system, arithmetic):
+def prepare(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
     """Prepare the kernel (compiled loop over steps) of a splitting for a charged particle.
 
     ``method.data`` is (name of the rule of rotation in `RULES`, fractions of h of the symmetric steps that are

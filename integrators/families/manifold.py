@@ -62,6 +62,7 @@ from phasebench.integrators.values.vector import (
 if TYPE_CHECKING:
     from phasebench.integrators.record import Method
     from phasebench.integrators.systems.constrained import ConstrainedHamiltonian
+    from phasebench.integrators.values.kinds import Number, Value
 
 #: The rows of a stage's unknowns: x, z and the multipliers.
 X, Z, MULTIPLIER, ROWS = range(4)
@@ -121,7 +122,7 @@ class Stages(NamedTuple):
 
 
 @inline
-def combine(e, A, i, at, start):
+def combine(e: Stages, A: np.ndarray, i: int, at: int, start: np.ndarray) -> Value:
     """The sum of ``start`` and A[i, j] times row number at + 3 j of ``e.memory``, over j."""
     y = start
     for j in range(len(e.method.b)):
@@ -130,7 +131,7 @@ def combine(e, A, i, at, start):
 
 
 @inline
-def sweep(e, rows, active):
+def sweep(e: Stages, rows: tuple[int, int], active: bool) -> tuple[tuple[int, int], Number, Number]:
     """Do one iteration for the unknowns of all stages: evaluate the field, then correct the multipliers.
 
     ``rows`` is (first row of the old unknowns, first row of the new ones) in ``e.memory``.  Returns (the two exchanged,
@@ -180,7 +181,7 @@ def sweep(e, rows, active):
 
 
 @inline
-def tangent(e, p, active):
+def tangent(e: Stages, p: Value, active: bool) -> tuple[Value, Number, Number]:
     """Project p by one step of Newton's method for G H_p(q, p) = 0 along G^T: returns (new p, its change, its size)."""
     new = minus(p, e.method.normal(e.q, p))
     return new, distance(new, p), size(new)

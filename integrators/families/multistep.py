@@ -73,6 +73,7 @@ from phasebench.integrators.values.vector import (
 if TYPE_CHECKING:
     from phasebench.integrators.record import Method
     from phasebench.integrators.systems.hamiltonian import Hamiltonian
+    from phasebench.integrators.values.kinds import Number, Value
 
 #: Orbits may be integrated side by side.
 IN_LANES = True
@@ -146,7 +147,7 @@ class Start(NamedTuple):
 
 
 @elementwise()
-def divide(x, a):
+def divide(x: Value, a: Number) -> Value:
     """The vector x / a."""
     return x / a
 
@@ -155,13 +156,13 @@ def divide(x, a):
 
 
 @inline
-def _sums(method):
+def _sums(method: Multistep) -> int:
     """The row of ``memory`` with the first of the sums W."""
     return len(method.backward)
 
 
 @inline
-def _half_step(method):
+def _half_step(method: Multistep) -> int:
     """The row of ``memory`` with the momentum U of the half step; the row after it has what rounding lost of U."""
     return 2 * len(method.backward) - 2
 
@@ -170,7 +171,7 @@ def _half_step(method):
 
 
 @inline
-def sweep(e, x, active):
+def sweep(e: Start, x: Value, active: bool) -> tuple[Value, Number, Number]:
     """Do one iteration of the stage equations of one of the first steps, by Gauss's method.
 
     It computes new kicks x_i = h b_i g_i in ``e.memory``; x holds the sums of (1 - c_i) x_i and of c_i x_i.  Returns
@@ -198,7 +199,7 @@ solve = fixed_point(sweep)
 
 
 @jit
-def start_step(method, y, zero, counts):
+def start_step(method: Multistep, y: MultistepState, zero: Value, counts: np.record) -> tuple[MultistepState, int]:
     """Take one of the first steps by Gauss's method, and store its sums for the recursion; returns (state, status).
 
     ``zero`` is a zero of the shape of q.
@@ -236,7 +237,7 @@ def start_step(method, y, zero, counts):
 
 
 @inline
-def recur(method, y, zero):
+def recur(method: Multistep, y: MultistepState, zero: Value) -> MultistepState:
     """Take one step of the multistep recursion; returns the state, whose momentum is not computed (see `finish`)."""
     k, memory, n, at = len(method.backward), y.memory, y.known, _half_step(method)
     row = (n + 2) % k  # of the gradient that beta_1 multiplies, the oldest but one

@@ -23,9 +23,10 @@ Stages are solved by Newton's method with the exact Jacobian to round-off; y is 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -34,6 +35,9 @@ from phasebench.integrators.errors import InvalidInput, unknown_name
 from phasebench.integrators.systems.multisymplectic import Box, Division, Equation, Staggered
 
 from .equip import skew
+
+if TYPE_CHECKING:
+    from phasebench.integrators.values.vector import State
 
 NEWTON_LIMIT, SECANT_LIMIT = 30, 20
 #: Newton's method may stop when its correction is below this share of the stages.
@@ -161,20 +165,20 @@ class Stages:
     The attribute ``Y`` has the stages and ``T`` their time derivatives, arrays (s, N, m).
     """
 
-    def __init__(self, space: Division, scheme: Scheme, y, h: float, alpha: float, T=None):
+    def __init__(self, space: Division, scheme: Scheme, y: State, h: float, alpha: float, T: np.ndarray = None) -> None:
         self.space, self.scheme, self.y, self.h, self.alpha = space, scheme, y, h, alpha
         m = y.shape[-1]
         self._A = np.repeat(np.stack(scheme.at(alpha)), m // 2, axis=0)
         self.T = self._solve(np.stack([space.field(y)] * len(scheme.b)) if T is None else T)
 
-    def along(self, T, A=None):
+    def along(self, T: np.ndarray, A: np.ndarray | None = None) -> np.ndarray:
         """The increments h sum_j a_ij T_j of the stages i, for time derivatives T (s, N, m): array (s, N, m).
 
         A has a tableau for each component, array (m, s, s), by default that of the step.
         """
         return self.h * np.einsum("cij,jnc->inc", self._A if A is None else A, T)
 
-    def _solve(self, T):
+    def _solve(self, T: np.ndarray) -> np.ndarray:
         before = np.inf
         for _ in range(NEWTON_LIMIT):
             Y = self.y + self.along(T)
@@ -190,7 +194,7 @@ class Stages:
             before = now
         raise ArithmeticError(f"Newton's method does not solve the stages of h = {self.h:g}; take a smaller h")
 
-    def _matrix(self, Y):
+    def _matrix(self, Y: np.ndarray) -> np.ndarray:
         s, N, m = Y.shape
         self.J = [self.space.jacobian(x) for x in Y]
         M = np.eye(s * N * m).reshape(s, N * m, s, N * m)
@@ -200,11 +204,11 @@ class Stages:
         return M.reshape(s * N * m, s * N * m)
 
     @property
-    def increment(self):
+    def increment(self) -> np.ndarray:
         """The increment of y over the step, h sum_i b_i T_i: array (N, m)."""
         return self.h * np.tensordot(self.scheme.b, self.T, 1)
 
-    def linearize(self, u, more=0.0) -> Tangent:
+    def linearize(self, u: np.ndarray, more: np.ndarray | float = 0.0) -> Tangent:
         """Solve the scheme linearized about the step for the tangent that starts at u (N, m); returns a `Tangent`.
 
         ``more`` is a further change of the stages, such as that by the parameter.
@@ -221,12 +225,12 @@ class Stages:
         return self.along(self.T, d)
 
 
-def _magnitude(space: Division, y) -> float:
+def _magnitude(space: Division, y: State) -> float:
     z = space.lift(y)
     return float(np.abs(z * space.equation.gradient(z)).sum() * space.dx)
 
 
-def solve_for_energy(space: Division, scheme: Scheme, y, h: float, energy: float) -> tuple[Stages, bool]:
+def solve_for_energy(space: Division, scheme: Scheme, y: State, h: float, energy: float) -> tuple[Stages, bool]:
     """Find the parameter of the tableau, nearest zero, with which a step from y ends at a given total energy.
 
     The equation is solved by the secant method.  Returns (the `Stages` with that parameter, True), or (those with the
@@ -235,7 +239,7 @@ def solve_for_energy(space: Division, scheme: Scheme, y, h: float, energy: float
     first = Stages(space, scheme, y, h, 0.0)
     bound = UNITS * EPS * _magnitude(space, y)
 
-    def energy_defect(stages):
+    def energy_defect(stages: Stages) -> float:
         return space.total_energy(y + stages.increment) - energy
 
     a, E = 0.0, energy_defect(first)
@@ -255,7 +259,7 @@ def solve_for_energy(space: Division, scheme: Scheme, y, h: float, energy: float
     return first, False
 
 
-def _follow_parameter(stages: Stages, tangents, energy_is_kept: bool):
+def _follow_parameter(stages: Stages, tangents: tuple[Tangent, ...], energy_is_kept: bool) -> tuple[Tangent, ...]:
     """Adapt the tangents of a step to a parameter that changes with the state, so that the energy is conserved.
 
     Returns a tuple of `Tangent`; the tangents themselves if there is no parameter.
@@ -273,7 +277,15 @@ def _follow_parameter(stages: Stages, tangents, energy_is_kept: bool):
     return tuple(stages.linearize(t.start, -np.sum(gradient * t.end) / slope * more) for t in tangents)
 
 
-def run(equation: Equation, scheme: Scheme, y, dx: float, h: float, steps: int, tangents=()) -> Iterator[Step]:
+def run(
+    equation: Equation,
+    scheme: Scheme,
+    y: np.ndarray,
+    dx: float,
+    h: float,
+    steps: int,
+    tangents: Sequence[np.ndarray] = (),
+) -> Iterator[Step]:
     """Integrate a multisymplectic equation by a box scheme, and yield each `Step`.
 
     Parameters

@@ -56,6 +56,7 @@ from . import splitting
 if TYPE_CHECKING:
     from phasebench.integrators.record import Method
     from phasebench.integrators.systems.hamiltonian import Hamiltonian
+    from phasebench.integrators.values.kinds import Function, Number, Value
 
 #: Orbits may be integrated side by side.
 IN_LANES = True
@@ -105,7 +106,7 @@ class Stage(NamedTuple):
 
 
 @inline
-def increments(x, stage):
+def increments(x: Value, stage: Stage) -> Value:
     """The right-hand side of the stage equation x = G(x) for the increments x = (Delta q, Delta p) of a substep.
 
     G(x) = h f(q + mu Delta q, p + lam Delta p).
@@ -116,13 +117,13 @@ def increments(x, stage):
 
 
 @inline
-def shift(x, stage):
+def shift(x: Value, stage: Stage) -> Value:
     """The increment of q of a substep in Nystrom form, Delta q = h M^-1 (p + lam x), for its kick x = Delta p."""
     return scale(stage.h, axpy(stage.lam, velocity(stage.step.dT, x), stage.v))
 
 
 @inline
-def kick(x, stage):
+def kick(x: Value, stage: Stage) -> Value:
     """The right-hand side G(x) of the stage equation x = G(x) in Nystrom form, for the kick x = Delta p.
 
     G(x) = -h grad V(q + mu Delta q), with Delta q from `shift`.
@@ -131,7 +132,7 @@ def kick(x, stage):
 
 
 @inline
-def lengths_of_kick(x, g, stage):
+def lengths_of_kick(x: Value, g: Value, stage: Stage) -> tuple[Number, Number]:
     """Size of the momenta at the kick x, twice: both halves of a kick are momenta.
 
     It scales finite differences; g is G(x), the right-hand side of the stage equation x = G(x).
@@ -143,13 +144,17 @@ def lengths_of_kick(x, g, stage):
 solve_increments, solve_kick = solver(increments), solver(kick, lengths_of_kick)
 
 
-def _nystrom(field, step, y, c, mu, lam, x, eps, work):
+def _nystrom(
+    field: None, step: Any, y: State, c: Number, mu: Number, lam: Number, x: Value, eps: Number, work: np.ndarray
+) -> tuple[State, Value, int, int, int]:
     stage = Stage(step, y.q, y.p, velocity(step.dT, y.p), c * step.h, mu, lam)
     x, n, used, status = solve_kick(stage, x, size(y.q) + size(y.p), eps, work)
     return update(y, shift(x, stage), x), x, n, used, status
 
 
-def _general(field, step, y, c, mu, lam, x, eps, work):
+def _general(
+    field: Function, step: Any, y: State, c: Number, mu: Number, lam: Number, x: Value, eps: Number, work: np.ndarray
+) -> tuple[State, Value, int, int, int]:
     stage = Stage(step, y.q, y.p, y.p, c * step.h, mu, lam)
     x, n, used, status = solve_increments(stage, x, size(y.q) + size(y.p), eps, work)
     return update(y, head(x), tail(x)), x, n, used, status
@@ -164,7 +169,7 @@ unknown = dispatch_on_none(lambda field, zero: zero, lambda field, zero: join(ze
 
 
 @inline
-def advance(step, y, carry, known, first):
+def advance(step: Parametric, y: State, carry: Carry, known: int, first: bool) -> tuple[State, int, int, int]:
     """Take step number ``known`` of a one-stage method from the state y.
 
     Returns (state, evaluations, number of equations solved by Newton's method, status).  The start of the equations is
@@ -201,7 +206,7 @@ def step(method: Parametric, y: State, carry: Carry, counts: np.record) -> tuple
 run = loop(step)
 
 
-def quadratic(system: Hamiltonian, arithmetic: str, order=1):
+def quadratic(system: Hamiltonian, arithmetic: str, order: int = 1) -> tuple:
     """Choose the form of the stage equations: returns ((field, dT, dV), number of components of a stage's unknown).
 
     In the Nystrom form, for a separable H with quadratic T and ``order`` 1, field is None; else dT and dV are.

@@ -35,6 +35,7 @@ from phasebench.integrators.values.vector import inline, read_state, update
 if TYPE_CHECKING:
     from phasebench.integrators.record import Method
     from phasebench.integrators.systems.parts import SplitHamiltonian
+    from phasebench.integrators.values.kinds import Function, Number
 
 #: Orbits may be integrated side by side.
 IN_LANES = True
@@ -81,7 +82,13 @@ class PartsState(NamedTuple):
 
 
 @inline
-def flow(flows, parts, fractions, y, h):
+def flow(
+    flows: tuple[Function, Function, Function, Function, Function],
+    parts: np.ndarray,
+    fractions: np.ndarray,
+    y: PartsState,
+    h: Number,
+) -> PartsState:
     """The state after the flows of the ``parts`` in turn, over ``fractions`` of h; ``flows`` are the functions."""
     for k in range(len(parts)):
         dq, dp = flows[parts[k]](y.q, y.p, fractions[k] * h)

@@ -46,6 +46,7 @@ from .lane_rows import DP, DQ, DRIFT, FREE, ORIGIN, begin, components, ender, en
 
 if TYPE_CHECKING:
     from phasebench.integrators.systems.hamiltonian import Hamiltonian
+    from phasebench.integrators.values.kinds import Number, Value
 
 #: Nodes side by side (at least as many as increments); least product of nodes and increments for which that is faster.
 WIDTH, FEWEST = 4, 3
@@ -114,7 +115,7 @@ class Equations(NamedTuple):
 # -- the two forms ----------------------------------------------------------------------------------------------------
 
 
-def _path_of_kicks(inverse_mass, e, at):
+def _path_of_kicks(inverse_mass: np.ndarray, e: Equations, at: int) -> int:
     step, memory, path = e.step, e.memory, e.base + FREE
     for k in range(e.stages):
         start = memory[e.base + DRIFT, k] * take(step.drift, 0, e.like)
@@ -123,23 +124,23 @@ def _path_of_kicks(inverse_mass, e, at):
     return path
 
 
-def _end_both(inverse_mass, e, at):
+def _end_both(inverse_mass: None, e: Equations, at: int) -> None:
     memory, d = e.memory, e.stages // 2
     for k in range(d):
         memory[e.base + DQ, k], memory[e.base + DP, k] = memory[at + k, 0], memory[at + d + k, 0]
 
 
-def _end_kicks(inverse_mass, e, at):
+def _end_kicks(inverse_mass: np.ndarray, e: Equations, at: int) -> None:
     path = path_of(inverse_mass, e, at)
     for k in range(e.stages):
         e.memory[e.base + DQ, k], e.memory[e.base + DP, k] = e.memory[path + k, 0], e.memory[at + k, 0]
 
 
-def _slope_of_both(inverse_mass, e, row, i, m):
+def _slope_of_both(inverse_mass: None, e: Equations, row: int, i: int, m: int) -> Number:
     return e.step.A[row * len(e.step.terms) + m, i]
 
 
-def _slope_of_kicks(inverse_mass, e, row, i, m):
+def _slope_of_kicks(inverse_mass: np.ndarray, e: Equations, row: int, i: int, m: int) -> Number:
     step, s = e.step, len(e.step.terms)
     x = 0.0
     for j in range(s):
@@ -147,13 +148,13 @@ def _slope_of_kicks(inverse_mass, e, row, i, m):
     return x
 
 
-def _change_of_both(inverse_mass, e, old, new):
+def _change_of_both(inverse_mass: None, e: Equations, old: int, new: int) -> Change:
     d = e.stages // 2
     (q, size_q), (p, size_p) = moves(e, old, new, 0, d), moves(e, old, new, d, e.stages)
     return Change(q, p, size_q, size_p)
 
 
-def _change_of_kicks(inverse_mass, e, old, new):
+def _change_of_kicks(inverse_mass: np.ndarray, e: Equations, old: int, new: int) -> Change:
     p, size_p = moves(e, old, new, 0, e.stages)
     return Change(0.0, p, 0.0, size_p)
 
@@ -172,7 +173,7 @@ change = dispatch_on_none(_change_of_both, _change_of_kicks)
 
 
 @inline
-def moves(e, old, new, first, last):
+def moves(e: Equations, old: int, new: int, first: int, last: int) -> tuple[Number, Number]:
     """How far unknowns move between two iterates: (distance of those in the rows ``old`` and ``new``, size of the new).
 
     Only the unknowns ``first``, ..., ``last`` - 1 count, the rows being ``old`` and ``new`` plus their number.
@@ -185,7 +186,7 @@ def moves(e, old, new, first, last):
 
 
 @inline
-def places(e, path, row):
+def places(e: Equations, path: int, row: int) -> None:
     """Write the points of the path at which f is evaluated, for one row of nodes, to the first rows of the memory.
 
     ``path`` is the first row of the path's coefficients, ``row`` the row of nodes.
@@ -197,7 +198,7 @@ def places(e, path, row):
 
 
 @inline
-def sweep(e, old, new):
+def sweep(e: Equations, old: int, new: int) -> tuple[Number, Number]:
     """Apply the right-hand side h B f to the increments in the rows ``old``; write the result to the rows ``new``.
 
     Returns (the distance between the two, the size of the result).
@@ -223,7 +224,7 @@ def sweep(e, old, new):
 
 
 @inline
-def scatter(e, row, r, k, i, x, work):
+def scatter(e: Equations, row: int, r: Value, k: int, i: int, x: Value, work: np.ndarray) -> None:
     """Enter a derivative of f at one node into the Jacobian ``work`` of the equations for the increments.
 
     x is h times the derivative of f's component r by component k, at the node in lane i of the row of nodes ``row``.
@@ -237,7 +238,7 @@ def scatter(e, row, r, k, i, x, work):
 
 
 @inline
-def rule(e):
+def rule(e: Equations) -> tuple[int, int]:
     """The rows of nodes of the quadrature rule in use: returns (the first, the one after the last)."""
     return e.counts.rule, e.counts.rule + e.step.rows[e.counts.rule]
 

@@ -14,7 +14,7 @@ root or quotient.
 from __future__ import annotations
 
 from math import sqrt
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -22,6 +22,10 @@ from phasebench.integrators.stepping import kepler_lanes
 from phasebench.integrators.values.lanes import combine, put, take
 from phasebench.integrators.values.masks import select
 from phasebench.integrators.values.vector import State, add, axpy, inline, jit
+
+if TYPE_CHECKING:
+    from phasebench.integrators.stepping.kernel import Carry, Samples
+    from phasebench.integrators.values.kinds import Number, Value
 
 #: Number of coordinates of a body.
 SPACE = 3
@@ -75,29 +79,29 @@ class Places(NamedTuple):
 
 
 @inline
-def _rows(table, first, like):
+def _rows(table: np.ndarray, first: int, like: Number) -> Value:
     return take(table, first, like), take(table, first + 1, like), take(table, first + 2, like)
 
 
 @inline
-def _keep(table, first, x, like):
+def _keep(table: np.ndarray, first: int, x: Value, like: Number) -> None:
     put(table, first, x[0], like)
     put(table, first + 1, x[1], like)
     put(table, first + 2, x[2], like)
 
 
 @inline
-def _dot(x, y):
+def _dot(x: Value, y: Value) -> Number:
     return x[0] * y[0] + x[1] * y[1] + x[2] * y[2]
 
 
 @inline
-def _times(a, x):
+def _times(a: Number, x: Value) -> Value:
     return a * x[0], a * x[1], a * x[2]
 
 
 @inline
-def _transform(step, which, x):
+def _transform(step: Planets, which: int, x: Value) -> Value:
     """Transform the bodies' vectors, three rows of lanes, by the matrix number ``which`` of ``step.maps``."""
     row, n = which * len(step.bodies), step.bodies
     zero = 0 * x[0]
@@ -109,20 +113,20 @@ def _transform(step, which, x):
 
 
 @inline
-def _squares(step, y):
+def _squares(step: Planets, y: State) -> Number:
     free = take(step.parts, FREE, step.like)
     return select(free > 0, free, _dot(y.q, y.q))
 
 
 @inline
-def _add_distances(step, y):
+def _add_distances(step: Planets, y: State) -> Places:
     """Compute |Q| and its inverse for the state y; returns `Places`."""
     r = sqrt(_squares(step, y))
     return Places(y, r, 1 / r)
 
 
 @inline
-def _drift(step, at, h, memory):
+def _drift(step: Planets, at: Places, h: Number, memory: np.ndarray) -> Places:
     """Move all bodies along their Kepler orbits over the time h, exp(h A): returns the new `Places`."""
     like, y = step.like, at.y
     mu, mass = take(step.parts, MU, like), take(step.parts, MASS, like)
@@ -141,7 +145,7 @@ def _drift(step, at, h, memory):
 
 
 @inline
-def _kick(step, at, h, counts):
+def _kick(step: Planets, at: Places, h: Number, counts: np.record) -> Places:
     """Change the momenta by the interaction over the time h, exp(h B): returns the new `Places`."""
     like, bodies, y, Q = step.like, step.bodies, at.y, at.y.q
     strength = take(step.parts, STRENGTH, like) * (at.inverse * at.inverse * at.inverse)
@@ -164,7 +168,7 @@ def _kick(step, at, h, counts):
 
 
 @jit
-def _correct(step, at, sign, memory, counts):
+def _correct(step: Planets, at: Places, sign: Number, memory: np.ndarray, counts: np.record) -> Places:
     """Apply the symplectic corrector (sign 1) or its inverse (sign -1) to the state ``at``; returns the new `Places`.
 
     The inverse is the corrector with its kicks reversed in sign.
@@ -178,7 +182,7 @@ def _correct(step, at, sign, memory, counts):
 
 
 @inline
-def _read_bodies(table, row, n, memory, like):
+def _read_bodies(table: np.ndarray, row: int, n: int, memory: np.ndarray, like: Number) -> Value:
     """Read vectors of n bodies from a row of a table, body after body, into lanes; returns the three rows x, y, z."""
     for i in range(SPACE):
         for j in range(len(like)):
@@ -187,7 +191,7 @@ def _read_bodies(table, row, n, memory, like):
 
 
 @inline
-def _write_bodies(x, table, row, n, memory, like):
+def _write_bodies(x: Value, table: np.ndarray, row: int, n: int, memory: np.ndarray, like: Number) -> None:
     """Write vectors of n bodies, given as the three rows x, y, z of lanes, to a row of a table, body after body."""
     _keep(memory, WORK, x, like)
     for i in range(SPACE):
@@ -196,7 +200,7 @@ def _write_bodies(x, table, row, n, memory, like):
 
 
 @jit
-def _write_start(step, carry, counts):
+def _write_start(step: Planets, carry: Carry, counts: np.record) -> None:
     """Write the start of a run to ``carry.memory``: the state in Jacobi coordinates, with the corrector applied."""
     memory, like, n = carry.memory, step.like, len(step.bodies)
     q = _transform(step, TO_JACOBI_Q, _read_bodies(carry.state, 0, n, memory, like))
@@ -206,7 +210,7 @@ def _write_start(step, carry, counts):
 
 
 @jit
-def _fill_row(step, at, samples, row, memory, counts):
+def _fill_row(step: Planets, at: Places, samples: Samples, row: int, memory: np.ndarray, counts: np.record) -> None:
     """Fill a row of the samples from a copy of the state: finish the step by its last drift, and undo the corrector."""
     like, n, last = step.like, len(step.bodies), len(step.substeps) - 1
     at = _drift(step, at, step.substeps[last, 0] * step.h, memory)
@@ -216,7 +220,7 @@ def _fill_row(step, at, samples, row, memory, counts):
 
 
 @inline
-def _save(memory, at, like):
+def _save(memory: np.ndarray, at: int, like: Number) -> None:
     y = at.y
     _keep(memory, STATE, y.q, like)
     _keep(memory, STATE + SPACE, y.p, like)
@@ -227,13 +231,13 @@ def _save(memory, at, like):
 
 
 @inline
-def _read_state(memory, like):
+def _read_state(memory: np.ndarray, like: Number) -> Places:
     q, p = _rows(memory, STATE, like), _rows(memory, STATE + SPACE, like)
     lost_q, lost_p = _rows(memory, STATE + 2 * SPACE, like), _rows(memory, STATE + 3 * SPACE, like)
     return Places(State(q, p, lost_q, lost_p), take(memory, DISTANCES, like), take(memory, DISTANCES + 1, like))
 
 
-def run(step, carry, samples, counts):
+def run(step: Planets, carry: Carry, samples: Samples, counts: np.record) -> tuple[int, int]:
     """The kernel: integrate the steps between rows of output and fill the rows; returns (rows filled, status 0).
 
     It has a loop of its own, since rows need the corrector's inverse, and drifts of neighbouring steps are merged.

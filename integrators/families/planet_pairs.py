@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
 
 from phasebench.integrators.coefficients.tableaus import LEVELS
 from phasebench.integrators.compile import codegen
@@ -11,6 +12,10 @@ from phasebench.integrators.compile.lazy import sympy as sp
 from phasebench.integrators.stepping.kernel import Prepared, array
 
 from .planet_lanes import ROWS, SPACE, Planets, run
+
+if TYPE_CHECKING:
+    from phasebench.integrators.families.wisdom_holman import KeplerPart
+    from phasebench.integrators.systems.hamiltonian import Hamiltonian
 
 #: Least number of bodies for which lanes are faster, and the largest one for which tables are made.
 FEWEST, MOST = 3, 16
@@ -45,11 +50,11 @@ def lanes_of(bodies: int) -> int:
     return max(4, 1 << (bodies - 1).bit_length())
 
 
-def _pad(row, lanes: int, filler=0) -> list:
+def _pad(row: Sequence, lanes: int, filler: Any = 0) -> list:
     return [*row, *[filler] * (lanes - len(row))]
 
 
-def _of_pairs(found, back: sp.Matrix, lanes: int) -> list[list]:
+def _of_pairs(found: Any, back: sp.Matrix, lanes: int) -> list[list]:
     """The rows ``pairs`` of `planet_lanes.Planets`, from what `distances` has found and the matrix of q = back Q."""
     rows, n = [], back.rows
     for first in range(0, len(found), lanes):
@@ -61,7 +66,7 @@ def _of_pairs(found, back: sp.Matrix, lanes: int) -> list[list]:
     return rows
 
 
-def _of_bodies(part, lanes: int) -> list[list]:
+def _of_bodies(part: int, lanes: int) -> list[list]:
     """The rows ``parts`` of `planet_lanes.Planets`: a number for each body, padded to SIMD lanes.
 
     They are mu, the mass, its inverse as the sum of two doubles, m mu, and 1 if the motion is free.
@@ -79,7 +84,7 @@ def _of_bodies(part, lanes: int) -> list[list]:
     ]
 
 
-def prepare(part, system, tables: dict) -> Prepared | None:
+def prepare(part: KeplerPart, system: Hamiltonian, tables: dict) -> Prepared | None:
     """Prepare the kernel (compiled loop over steps) with bodies in SIMD lanes; None if the system does not allow it.
 
     ``part`` is the system's `KeplerPart`; ``tables`` are the fields of `Planets` that the kernel of one body after the

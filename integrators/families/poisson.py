@@ -78,6 +78,7 @@ from . import collocation
 if TYPE_CHECKING:
     from phasebench.integrators.record import Method
     from phasebench.integrators.systems.poisson import PoissonSystem
+    from phasebench.integrators.values.kinds import Number, Value
 
 
 class Poisson(NamedTuple):
@@ -130,7 +131,7 @@ class Equations(NamedTuple):
 
 
 @inline
-def combine(weights, i, e, rows):
+def combine(weights: np.ndarray, i: int, e: Equations, rows: int) -> Value:
     """The sum over j of ``weights[i, j]`` times the increment in row ``rows + j`` of the memory of the equations e."""
     x = e.like
     for j in range(e.stages):
@@ -139,7 +140,7 @@ def combine(weights, i, e, rows):
 
 
 @inline
-def sweep(e, old, new):
+def sweep(e: Equations, old: int, new: int) -> tuple[Number, Number]:
     """Apply the right-hand side G to the increments in the rows ``old``; write the result to the rows ``new``.
 
     Returns (the distance between the two, the size of the result).
@@ -166,7 +167,7 @@ def sweep(e, old, new):
 
 
 @inline
-def linearize(e, at, span, work):
+def linearize(e: Equations, at: int, span: Number, work: np.ndarray) -> int:
     """Write the Jacobian 1 - G' of the equations x = G(x) at the increments in rows ``at``, ... to ``work``.
 
     G' is made by differences of sweeps.  Returns the number of sweeps, as `solve.row_solver` requires.
@@ -217,7 +218,7 @@ run = loop(step)
 
 
 @cache
-def coefficients(s: int, rules: tuple[int, ...], digits: int):
+def coefficients(s: int, rules: tuple[int, ...], digits: int) -> tuple[list, list]:
     """The coefficients of energy-preserving collocation with s nodes, as mpmath numbers of the given digits.
 
     Returns (rows of ``stage``, a list of (size of its rule, row of ``inner``, row of ``outer``) for each node), with
@@ -228,7 +229,7 @@ def coefficients(s: int, rules: tuple[int, ...], digits: int):
         # ell_l / b_l = sum_j P_j(c_l) P_j: the nodes' own rule is exact for the products of degree 2s - 2
         values = [legendre(s, c) for c, _ in gauss_rule]
 
-        def expand(basis):
+        def expand(basis: list) -> list:
             return [mpmath.fsum(a * b for a, b in zip(row, basis, strict=True)) for row in values]
 
         stage = [expand(legendre_integrals(s, c)) for c, _ in gauss_rule]

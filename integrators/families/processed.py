@@ -30,6 +30,7 @@ from .splitting import GRADIENT, VELOCITY
 if TYPE_CHECKING:
     from phasebench.integrators.record import Method
     from phasebench.integrators.systems.hamiltonian import Hamiltonian
+    from phasebench.integrators.values.kinds import Number
 
 #: Orbits may be integrated side by side.
 IN_LANES = True
@@ -77,7 +78,7 @@ class ProcessedState(NamedTuple):
 
 
 @inline
-def drift(method: Processed, y: ProcessedState, h) -> ProcessedState:
+def drift(method: Processed, y: ProcessedState, h: Number) -> ProcessedState:
     """The state after a drift over the time h, exp(h A): q + h grad T(p)."""
     velocity = apply(method.dT, y.p, y.velocity)
     q, lost_q = add_product_in_place(y.q, y.lost_q, h, velocity)
@@ -85,7 +86,7 @@ def drift(method: Processed, y: ProcessedState, h) -> ProcessedState:
 
 
 @inline
-def kick(method: Processed, y: ProcessedState, h) -> ProcessedState:
+def kick(method: Processed, y: ProcessedState, h: Number) -> ProcessedState:
     """The state after a kick over the time h, exp(h B): p - h grad V(q)."""
     gradient = apply(method.dV, y.q, y.gradient)
     p, lost_p = add_product_in_place(y.p, y.lost_p, -h, gradient)

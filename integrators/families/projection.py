@@ -58,8 +58,11 @@ from phasebench.integrators.values.vector import (
 from . import parametric, runge_kutta, splitting
 
 if TYPE_CHECKING:
+    from phasebench.integrators.families.runge_kutta import RungeKutta
+    from phasebench.integrators.families.splitting import Splitting
     from phasebench.integrators.record import Method
     from phasebench.integrators.systems.hamiltonian import Hamiltonian
+    from phasebench.integrators.values.kinds import Function, Number, Value
 
 #: The families of base methods.
 FAMILIES = {"runge_kutta": runge_kutta, "parametric": parametric, "splitting": splitting}
@@ -100,7 +103,7 @@ class Projection(NamedTuple):
 
 
 @unroll(lambda d: "  return " + " and ".join(f"abs(r[{i}]) <= a * M[{i}]" for i in range(d)))
-def within(r, a, M):
+def within(r: Value, a: Number, M: np.ndarray) -> bool:
     """True if every |r_i| is at most a times |M_i|; False if one is NaN."""
     return np.all(np.abs(r) <= a * M)
 
@@ -108,7 +111,9 @@ def within(r, a, M):
 # -- the base methods' steps ------------------------------------------------------------------------------------------
 
 
-def _kicks_and_drifts(split, step, y, carry, known, first):
+def _kicks_and_drifts(
+    split: Splitting, step: Projection, y: State, carry: Carry, known: int, first: bool
+) -> tuple[State, int, int, int]:
     q, p, lost_q, lost_p = y
     evaluations = 0
     for k in range(len(split.a)):
@@ -120,18 +125,24 @@ def _kicks_and_drifts(split, step, y, carry, known, first):
     return State(q, p, lost_q, lost_p), evaluations, 0, SOLVED
 
 
-def _substeps(split, step, y, carry, known, first):
+def _substeps(
+    split: None, step: Projection, y: State, carry: Carry, known: int, first: bool
+) -> tuple[State, int, int, int]:
     return parametric.advance(step.implicit, y, carry, known, first)
 
 
 _partitioned = dispatch_on_none(_substeps, _kicks_and_drifts)
 
 
-def _one_stage(explicit, step, y, carry, known, first):
+def _one_stage(
+    explicit: None, step: Projection, y: State, carry: Carry, known: int, first: bool
+) -> tuple[State, int, int, int]:
     return _partitioned(step.split, step, y, carry, known, first)
 
 
-def _explicit(explicit, step, y, carry, known, first):
+def _explicit(
+    explicit: RungeKutta, step: Projection, y: State, carry: Carry, known: int, first: bool
+) -> tuple[State, int, int, int]:
     dq, dp = runge_kutta.increment(explicit.field, explicit.tableau, explicit.h, y, carry)
     return update(y, dq, dp), len(explicit.tableau) - 1, 0, SOLVED
 
@@ -145,7 +156,7 @@ advance = dispatch_on_none(_one_stage, _explicit)
 
 
 @inline
-def correct(mu, r, A, work):
+def correct(mu: np.ndarray, r: Value, A: np.ndarray, work: np.ndarray) -> tuple[Value, bool]:
     """Do one Newton correction of the multipliers mu: returns (mu - A^-1 r, True if the matrix A is regular).
 
     mu and r are vectors (m,); A has its rows one after the other, (m m,).
@@ -179,7 +190,7 @@ class Closing(NamedTuple):
 
 
 @inline
-def closing(x, e):
+def closing(x: Value, e: Closing) -> Value:
     """The right-hand side G(y + x)^T mu of the equation for x that ends a symmetric projection.
 
     G is the Jacobian of the invariants, mu are the multipliers.
@@ -192,7 +203,7 @@ solve_closing = solver(closing)
 
 
 @inline
-def constraint_residual(step, y, last):
+def constraint_residual(step: Projection, y: State, last: Number) -> tuple[Value, bool]:
     """The errors of the invariants at y: returns (g(y), True if they are at round-off or have stopped falling).
 
     ``last`` is their size in the iteration before.
@@ -203,7 +214,9 @@ def constraint_residual(step, y, last):
     return r, within(r, eps, M) or (size(r) >= 0.5 * last and within(r, SLACK * eps, M))
 
 
-def _standard(mirror, step, y, carry, counts):
+def _standard(
+    mirror: None, step: Projection, y: State, carry: Carry, counts: np.record
+) -> tuple[State, Value, bool, int]:
     y1, n, used, status = advance(step.explicit, step, y, carry, counts.steps, True)
     counts.gradient += n
     counts.newton += used
@@ -229,7 +242,9 @@ def _standard(mirror, step, y, carry, counts):
     return y1, scale(0.0, step.target), False, status
 
 
-def _symmetric(mirror, step, y, carry, counts):
+def _symmetric(
+    mirror: Function, step: Projection, y: State, carry: Carry, counts: np.record
+) -> tuple[State, Value, bool, int]:
     ring = LEVELS * step.stages  # where the memory keeps the multipliers of earlier steps
     zero = scale(0.0, step.target)
     A0 = mirror(y.q, y.p)
@@ -291,7 +306,7 @@ def step(method: Projection, y: State, carry: Carry, counts: np.record) -> tuple
 run = loop(step, parameter=True)
 
 
-def functions(system: Hamiltonian, invariants, arithmetic: str):
+def functions(system: Hamiltonian, invariants: Any, arithmetic: str) -> tuple[Function, Function, Function]:
     """Make the functions of the invariants that the kernel needs: returns (constraint, gram, pull).
 
     - constraint(q, p) -> (values, M), both of shape (m,); the values have a round-off of eps M
@@ -304,14 +319,14 @@ def functions(system: Hamiltonian, invariants, arithmetic: str):
     state = [("q", system.q), ("p", system.p)]
     key = " ".join(map(sp.srepr, invariants))
 
-    def magnitude(e):
+    def magnitude(e: sp.Expr | sp.Symbol) -> sp.Expr:
         return sum(sp.Abs(t) for t in sp.Add.make_args(e)) + sum(sp.Abs(x * sp.diff(e, x)) for x in y)
 
-    def products():
+    def products() -> list:
         G = sp.Matrix([[sp.diff(e, x) for x in y] for e in invariants])
         return [list(G * G.T)]
 
-    def pull_back():
+    def pull_back() -> list:
         total = sum(a * e for a, e in zip(mu, invariants, strict=True))
         return [[sp.diff(total, x) for x in system.q], [sp.diff(total, x) for x in system.p]]
 
@@ -329,7 +344,7 @@ def functions(system: Hamiltonian, invariants, arithmetic: str):
     return constraint, gram, pull
 
 
-def _vector_type(d, n):
+def _vector_type(d: int, n: int) -> types.Type:
     """The Numba type of n numbers in a system of d degrees of freedom: a tuple for small d, else an array."""
     tuples = codegen.value_kind(d) == "tuple"
     return types.UniTuple(types.float64, n) if tuples else types.Array(types.float64, 1, "C")
@@ -363,7 +378,7 @@ def prepare(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
     )
 
 
-def _set_target(constraint, bases, step, q, p):
+def _set_target(constraint: Function, bases: dict, step: Projection, q: Value, p: Value) -> Projection:
     """Complete the data of a projection for a run from (q, p): set the target values, and h of the base method.
 
     The targets are the values of the invariants at (q, p).

@@ -58,6 +58,7 @@ from phasebench.integrators.values.vector import (
 if TYPE_CHECKING:
     from phasebench.integrators.record import Method
     from phasebench.integrators.systems.constrained import ConstrainedHamiltonian
+    from phasebench.integrators.values.kinds import Number, Value
 
 #: Orbits may be integrated side by side.
 IN_LANES = True
@@ -121,7 +122,7 @@ class Drift(NamedTuple):
 
 
 @inline
-def sweep(e, w, active):
+def sweep(e: Drift, w: Value, active: bool) -> tuple[Value, Number, Number]:
     """Do one step of Newton's method for w, the constraint impulse times h, that holds q on the constraints.
 
     e has the coordinates before and the move without constraints; ``active`` are the SIMD lanes to iterate.  Returns
@@ -136,7 +137,7 @@ def sweep(e, w, active):
 iterate = fixed_point(sweep)
 
 
-def _solve(e, start, span, eps):
+def _solve(e: Drift, start: np.ndarray, span: Number, eps: Number) -> tuple[Value, int, int]:
     w, sweeps, solved = iterate(e, start, span, eps)
     if not solved:
         w, more, solved = iterate(e, scale(0.0, start), span, eps)
@@ -146,7 +147,7 @@ def _solve(e, start, span, eps):
     return w, sweeps, STALLED if size(w) < np.inf else NOT_FINITE
 
 
-def _solve_lanes(e, start, span, eps):
+def _solve_lanes(e: Drift, start: Value, span: Number, eps: Number) -> tuple[Value, int, int]:
     w, sweeps, _ = iterate(e, start, span, eps)
     return w, sweeps, SOLVED if (size(w) < np.inf) & (span < np.inf) else NOT_FINITE
 
@@ -156,7 +157,7 @@ solve = overload_in_lanes(_solve, _solve_lanes)
 
 
 @inline
-def drift(method, y, h, start):
+def drift(method: Rattle, y: RattleState, h: Number, start: np.ndarray) -> tuple[Value, Value, int, int]:
     """Drift from the state y, which has had its kick, over the time h under constraints.
 
     Returns (w, the constraint impulse times h; the move of q; the number of iterations; status).  ``start`` is a
@@ -169,14 +170,14 @@ def drift(method, y, h, start):
 
 
 @inline
-def kick(y, h):
+def kick(y: RattleState, h: Number) -> RattleState:
     """The state after a kick by -grad V over the time h, without the forces of the constraints."""
     p, lost_p = add_product(y.p, y.lost_p, -h, y.gradient)
     return RattleState(y.q, p, y.lost_q, lost_p, y.gradient)
 
 
 @inline
-def pull(y, a, w):
+def pull(y: RattleState, a: Number, w: Value) -> RattleState:
     """The state y with a times the vector w added to p."""
     p, lost_p = add_product(y.p, y.lost_p, a, w)
     return RattleState(y.q, p, y.lost_q, lost_p, y.gradient)

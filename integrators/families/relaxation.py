@@ -39,6 +39,7 @@ from . import runge_kutta
 if TYPE_CHECKING:
     from phasebench.integrators.record import Method
     from phasebench.integrators.systems.hamiltonian import Hamiltonian
+    from phasebench.integrators.values.kinds import Number, Value
 
 LIMIT = 20
 #: Largest distance of the root from 1.
@@ -75,13 +76,13 @@ class Relaxation(NamedTuple):
 
 
 @unroll(lambda d: "  return " + " + ".join(f"x[{i}] * y[{i}]" for i in range(d)))
-def dot(x, y):
+def dot(x: Value, y: np.ndarray) -> Number:
     """The scalar product x . y."""
     return np.sum(x * y)
 
 
 @inline
-def root(step, y, dq, dp):
+def root(step: Relaxation, y: State, dq: Value, dp: Value) -> tuple[Number, bool, int]:
     """Find gamma nearest 1 with H(y + gamma (dq, dp)) = H0 by Newton's method.
 
     Returns (gamma, True if found, number of evaluations of the field).

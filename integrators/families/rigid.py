@@ -53,6 +53,7 @@ from .magnetic import dot
 if TYPE_CHECKING:
     from phasebench.integrators.record import Method
     from phasebench.integrators.systems.rigid import RigidBody
+    from phasebench.integrators.values.kinds import Number, Value
 
 #: Orbits may be integrated side by side.
 IN_LANES = True
@@ -128,7 +129,7 @@ class BodyState(NamedTuple):
         "    x[0]*y[2] - x[1]*y[3] + x[2]*y[0] + x[3]*y[1], x[0]*y[3] + x[1]*y[2] - x[2]*y[1] + x[3]*y[0])"
     )
 )
-def product(x, y):
+def product(x: Value, y: np.ndarray) -> Value:
     """The product of two quaternions."""
     w = x[0] * y[0] - x[1] * y[1] - x[2] * y[2] - x[3] * y[3]
     i = x[0] * y[1] + x[1] * y[0] + x[2] * y[3] - x[3] * y[2]
@@ -138,50 +139,50 @@ def product(x, y):
 
 
 @unroll(lambda d: "  return (-x[1], x[0], x[3], -x[2])")
-def times_i(x):
+def times_i(x: Value) -> Value:
     """The quaternion x i."""
     return np.array([-x[1], x[0], x[3], -x[2]])
 
 
 @unroll(lambda d: "  return (-x[2], -x[3], x[0], x[1])")
-def times_j(x):
+def times_j(x: Value) -> Value:
     """The quaternion x j."""
     return np.array([-x[2], -x[3], x[0], x[1]])
 
 
 @unroll(lambda d: "  return (-x[3], x[2], -x[1], x[0])")
-def times_k(x):
+def times_k(x: Value) -> Value:
     """The quaternion x k."""
     return np.array([-x[3], x[2], -x[1], x[0]])
 
 
 @unroll(lambda d: "  return (x[0], -x[1], -x[2], -x[3])")
-def conjugate(x):
+def conjugate(x: Value) -> Value:
     """The conjugate of a quaternion."""
     return np.array([x[0], -x[1], -x[2], -x[3]])
 
 
 @unroll(lambda d: "  return (w, x[1], x[2], x[3])")
-def with_real(w, x):
+def with_real(w: Number, x: Value) -> Value:
     """The quaternion x with its real part replaced by w."""
     return np.array([w, x[1], x[2], x[3]])
 
 
 @unroll(lambda d: "  return (0.0 * x[0], a[1]*x[1], a[2]*x[2], a[3]*x[3])")
-def stretch(x, a):
+def stretch(x: Value, a: np.ndarray) -> Value:
     """The imaginary part of the quaternion x, each component times the number of the same index of the array a."""
     return np.array([0 * x[0], a[1] * x[1], a[2] * x[2], a[3] * x[3]])
 
 
 @inline
-def momentum(y):
+def momentum(y: BodyState) -> Value:
     """The angular momenta L about the body's axes, as a quaternion: half the imaginary part of q* p."""
     m = scale(0.5, product(conjugate(y.q), y.p))
     return with_real(0.0 * m[0], m)
 
 
 @inline
-def moved(y, dq, dp):
+def moved(y: BodyState, dq: Value, dp: Value) -> BodyState:
     """The state y after the increments dq and dp, added with compensation."""
     q, lost_q = add(y.q, y.lost_q, dq)
     p, lost_p = add(y.p, y.lost_p, dp)
@@ -189,7 +190,7 @@ def moved(y, dq, dp):
 
 
 @inline
-def about_axis(y, image_q, image_p, strength):
+def about_axis(y: BodyState, image_q: Value, image_p: Value, strength: Number) -> BodyState:
     """The state after the flow of c L_k^2 / 2 about axis k over the time h, with strength = h c.
 
     ``image_q`` is q e_k and ``image_p`` is p e_k, with e_k one of the units i, j, k.
@@ -201,7 +202,7 @@ def about_axis(y, image_q, image_p, strength):
 
 
 @inline
-def about_momentum(y, strength):
+def about_momentum(y: BodyState, strength: Number) -> BodyState:
     """The state after the flow of c |L|^2 / 2 over h, with strength = h c: a rotation about the momentum in space."""
     m = scale(0.5, product(y.p, conjugate(y.q)))
     m = with_real(0.0 * m[0], m)
@@ -213,7 +214,7 @@ def about_momentum(y, strength):
 
 
 @inline
-def kick(y, h):
+def kick(y: BodyState, h: Number) -> BodyState:
     """The state after a kick by -grad V over the time h."""
     p, lost_p = add_product(y.p, y.lost_p, -h, y.gradient)
     return BodyState(y.q, p, y.lost_q, lost_p, y.gradient)
@@ -264,14 +265,14 @@ class Turn(NamedTuple):
 
 
 @inline
-def cross(x, y):
+def cross(x: Value, y: np.ndarray) -> Value:
     """The vector product of two imaginary quaternions."""
     z = product(x, y)
     return with_real(0.0 * z[0], z)
 
 
 @inline
-def equation(x, e):
+def equation(x: Value, e: Turn) -> Value:
     """The right-hand side of the equation x = G(x) for the rotation of an implicit step, at the iterate x.
 
     x is the vector rho of Moser and Veselov, or h / 2 times the mean of L in the midpoint rule (see the module).
@@ -283,7 +284,7 @@ def equation(x, e):
 
 
 @inline
-def lengths(x, g, e):
+def lengths(x: Value, g: Value, e: Turn) -> tuple[Number, Number]:
     """The size of the unknown x, twice, to scale finite differences in either half of it; g is G(x)."""
     length = size(e.target) + size(x)
     return length, length
@@ -293,7 +294,7 @@ solve = solver(equation, lengths)
 
 
 @inline
-def turn_of(method, x):
+def turn_of(method: Implicit, x: Value) -> Value:
     """The quaternion u - 1 of the rotation u that follows from the solution x of `equation`."""
     if method.midpoint:
         a = stretch(x, method.inverse)

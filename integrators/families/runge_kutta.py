@@ -38,6 +38,7 @@ from phasebench.integrators.values.vector import (
 if TYPE_CHECKING:
     from phasebench.integrators.record import Method
     from phasebench.integrators.systems.hamiltonian import Hamiltonian
+    from phasebench.integrators.values.kinds import Function, Number, Value
 
 #: Orbits may be integrated side by side.
 IN_LANES = True
@@ -62,7 +63,7 @@ class RungeKutta(NamedTuple):
 
 
 @inline
-def _next_nonzero(tableau, i, j):
+def _next_nonzero(tableau: np.ndarray, i: int, j: int) -> int:
     """Return the smallest k > j with tableau[i, k] != 0, or i if there is none below i."""
     j += 1
     while j < i and tableau[i, j] == 0:
@@ -70,7 +71,7 @@ def _next_nonzero(tableau, i, j):
     return j
 
 
-def _total(tableau, i, h, memory, zero):
+def _total(tableau: np.ndarray, i: int, h: Number, memory: np.ndarray, zero: Value) -> tuple[Value, Value]:
     """Sum (dq, dp) = h sum_j a_ij k_j over j < i, two terms at a time: what `total` compiles to for arrays."""
     last, n = len(tableau) - 1, 2 * len(zero)
     j = _next_nonzero(tableau, i, -1)
@@ -92,7 +93,7 @@ def _total(tableau, i, h, memory, zero):
 
 
 @in_place(_total)
-def total(tableau, i, h, memory, zero):
+def total(tableau: np.ndarray, i: int, h: Number, memory: np.ndarray, zero: Value) -> tuple[Value, Value]:
     """Sum the increment (dq, dp) = h sum_j a_ij k_j over j < i that leads to stage i; k_j is row j of the memory.
 
     a are the rows of the tableau; i = number of stages gives the increment of the step.  For arrays the result is
@@ -106,28 +107,34 @@ def total(tableau, i, h, memory, zero):
     return head(x), tail(x)
 
 
-def evaluate(field, q, p, dq, dp, h, memory, i):
+def evaluate(field: Function, q: Value, p: Value, dq: Value, dp: Value, h: Number, memory: np.ndarray, i: int) -> None:
     """Evaluate stage i, f(q + dq, p + dp), and write it to row i of the memory; arrays dq, dp are overwritten."""
     dq, dp = field(plus(q, dq), plus(p, dp), h, 0.0)
     store(memory, i, join(dq, dp))
 
 
 @inline
-def _shift_state(q, p, dq, dp):
+def _shift_state(q: Value, p: Value, dq: Value, dp: Value) -> None:
     """Overwrite the arrays dq and dp of increments by q + dq and p + dp."""
     for k in range(len(q)):
         dq[k], dp[k] = q[k] + dq[k], p[k] + dp[k]
 
 
-def _evaluate_arrays(field, q, p, dq, dp, h, memory, i):
-    def evaluate_returned(field, q, p, dq, dp, h, memory, i):
+def _evaluate_arrays(
+    field: Function, q: Value, p: Value, dq: Value, dp: Value, h: Number, memory: np.ndarray, i: int
+) -> Callable:
+    def evaluate_returned(
+        field: Function, q: Value, p: Value, dq: Value, dp: Value, h: Number, memory: np.ndarray, i: int
+    ) -> None:
         n = len(q)
         _shift_state(q, p, dq, dp)
         slope_q, slope_p = field(dq, dp, h, 0.0)
         for k in range(n):
             memory[i, k], memory[i, n + k] = slope_q[k], slope_p[k]
 
-    def evaluate_in_place(field, q, p, dq, dp, h, memory, i):
+    def evaluate_in_place(
+        field: Function, q: Value, p: Value, dq: Value, dp: Value, h: Number, memory: np.ndarray, i: int
+    ) -> None:
         _shift_state(q, p, dq, dp)
         slope_q, slope_p = halves(memory, i, q)
         field(dq, dp, h, 0.0, slope_q, slope_p)
@@ -139,7 +146,7 @@ overload_by_kind(evaluate, lambda *types: evaluate, _evaluate_arrays)
 
 
 @in_place(None)
-def increment(field, tableau, h, y, carry):
+def increment(field: Function, tableau: np.ndarray, h: Number, y: State, carry: Carry) -> tuple[Value, Value]:
     """Evaluate the stages of one step of length h from y; returns its increment (dq, dp) = h sum b_i k_i."""
     memory, stages = carry.memory, len(tableau) - 1
     for i in range(stages):

@@ -37,6 +37,7 @@ from .parametric import quadratic, substep, unknown
 if TYPE_CHECKING:
     from phasebench.integrators.record import Method
     from phasebench.integrators.systems.hamiltonian import Hamiltonian
+    from phasebench.integrators.values.kinds import Number
 
 #: Largest distance of lambda from 1/2.
 RADIUS = 2.0
@@ -98,7 +99,7 @@ class Group(NamedTuple):
 
 
 @force_inline
-def attempt(x, start, ease, e):
+def attempt(x: Number, start: int, ease: Number, e: Group) -> Attempt:
     """Take the substeps of a group with the parameter x; returns an `Attempt` with the state and its energy error.
 
     ``start`` chooses where their equations start from, ``ease`` is how many times round-off the error may be.  The
@@ -138,7 +139,9 @@ find = finder(attempt)
 
 
 @inline
-def advance(step, y, carry, counts, first):
+def advance(
+    step: AdjustedScheme, y: State, carry: Carry, counts: np.record, first: int
+) -> tuple[State, Number, int, int]:
     """Take the group of substeps that begins with number ``first``, with the parameter x that conserves the energy.
 
     Returns (state, lambda = 1/2 + x or NaN if there is no root, the number of the substep after the group, status).

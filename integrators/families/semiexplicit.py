@@ -32,7 +32,7 @@ Source: B. Jayawardana, T. Ohsawa, Math. Comput. 92 (2023) 251-281; T. Ohsawa, S
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -53,6 +53,13 @@ from phasebench.integrators.values.vector import (
     tail,
     update,
 )
+
+if TYPE_CHECKING:
+    from phasebench.integrators.record import Method
+    from phasebench.integrators.stepping.kernel import Carry
+    from phasebench.integrators.systems.hamiltonian import Hamiltonian
+    from phasebench.integrators.values.kinds import Value
+    from phasebench.integrators.values.vector import State
 
 #: Orbits may be integrated side by side.
 IN_LANES = True
@@ -90,7 +97,7 @@ class Shift(NamedTuple):
 
 
 @jit
-def increments(mu, e):
+def increments(mu: np.ndarray, e: Shift) -> tuple[Value, Value]:
     """The increments over a step of both copies, which start at y + mu and y - mu: two vectors of q and p."""
     field, a, b, h = e.method.field, e.method.a, e.method.b, e.method.h
     q, p = plus(e.q, head(mu)), plus(e.p, tail(mu))
@@ -107,7 +114,7 @@ def increments(mu, e):
 
 
 @inline
-def shift(mu, e):
+def shift(mu: np.ndarray, e: Shift) -> Value:
     """The right-hand side of the equation mu = G(mu): -1/4 of the difference of the two copies' increments."""
     first, second = increments(mu, e)
     return scale(-0.25, minus(first, second))
@@ -116,7 +123,7 @@ def shift(mu, e):
 solve = solver(shift)
 
 
-def step(method, y, carry, counts):
+def step(method: Semiexplicit, y: State, carry: Carry, counts: np.record) -> tuple[State, int]:
     """Take a step from the state y: find the mu for which the two copies agree after it; returns (state, status).
 
     The iteration starts from the mu of earlier steps, in ``carry.memory``.
@@ -137,7 +144,7 @@ def step(method, y, carry, counts):
 run = loop(step)
 
 
-def prepare(method, system, arithmetic):
+def prepare(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
     """Prepare the kernel (compiled loop over steps) of a semiexplicit method for a system.
 
     ``method.data`` is (fractions of h of the composed steps,).

@@ -27,6 +27,7 @@ from phasebench.integrators.values.vector import add_product_in_place, apply, in
 if TYPE_CHECKING:
     from phasebench.integrators.record import Method
     from phasebench.integrators.systems.hamiltonian import Hamiltonian
+    from phasebench.integrators.values.kinds import Number
 
 #: Orbits may be integrated side by side.
 IN_LANES = True
@@ -75,7 +76,7 @@ class SplittingState(NamedTuple):
 
 
 @inline
-def kick(y, h):
+def kick(y: SplittingState, h: Number) -> SplittingState:
     """The state after a kick over the time h, exp(h B): p - h grad V(q)."""
     p, lost_p = add_product_in_place(y.p, y.lost_p, -h, y.gradient)
     return SplittingState(y.q, p, y.lost_q, lost_p, y.gradient, y.velocity)
@@ -124,7 +125,7 @@ def finish(method: Splitting, y: SplittingState) -> SplittingState:
 run = loop(step, begin, start, finish)
 
 
-def _prepare(parts, system: Hamiltonian, arithmetic: str, fills: bool) -> Prepared:
+def _prepare(parts: list, system: Hamiltonian, arithmetic: str, fills: bool) -> Prepared:
     """Prepare the kernel of substeps (True for a kick, fraction of h), merging neighbours of one kind."""
     rows = [[0, 0]]
     for kick, fraction in parts:
@@ -142,7 +143,7 @@ def _prepare(parts, system: Hamiltonian, arithmetic: str, fills: bool) -> Prepar
     return Prepared(run, step, 1, 2, implicit=False, arrays=system.fills)
 
 
-def from_substeps(substeps, system: Hamiltonian, arithmetic: str, fills: bool = True) -> Prepared:
+def from_substeps(substeps: tuple, system: Hamiltonian, arithmetic: str, fills: bool = True) -> Prepared:
     """Prepare the kernel of the splitting equal to substeps (c, mu, lambda) of symplectic Euler on a separable H.
 
     Substeps with lambda = 1 kick first, those with lambda = 0 drift first.

@@ -30,7 +30,7 @@ BIT 48 (2008) 231-243.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -41,6 +41,9 @@ from phasebench.integrators.values.lanes import combine, put, take, total
 from phasebench.integrators.values.vector import State, dispatch_on_none, inline, size
 
 from .lane_rows import DP, DQ, DRIFT, FREE, ORIGIN, begin, components, ender, enter, extrapolate, linearizer
+
+if TYPE_CHECKING:
+    from phasebench.integrators.values.kinds import Number, Value
 
 #: Rows of the nodes: c, b and 1 - c; for `exact_weights`, 2 before the middle and 0 after it, then 1 in the middle.
 C, B, LATE, BEFORE, MIDDLE = range(5)
@@ -101,14 +104,14 @@ class Equations(NamedTuple):
 # -- the two forms ----------------------------------------------------------------------------------------------------
 
 
-def _places_of_both(inverse_mass, e, at):
+def _places_of_both(inverse_mass: None, e: Equations, at: int) -> None:
     step, memory = e.step, e.memory
     for k in range(e.stages):
         x = take(memory, at + k, e.like)
         put(memory, k, combine(memory[e.base + ORIGIN, k], x, 1.0, step.A, 0, e.like), e.like)
 
 
-def _places_of_kicks(inverse_mass, e, at):
+def _places_of_kicks(inverse_mass: np.ndarray, e: Equations, at: int) -> None:
     step, memory = e.step, e.memory
     c = take(step.nodes, C, e.like)
     for k in range(e.stages):
@@ -117,14 +120,14 @@ def _places_of_kicks(inverse_mass, e, at):
         put(memory, k, combine(start, x, e.h * inverse_mass[0, k], step.A, 0, e.like), e.like)
 
 
-def _end_both(inverse_mass, e, at):
+def _end_both(inverse_mass: None, e: Equations, at: int) -> None:
     memory, d = e.memory, e.stages // 2
     for k in range(d):
         memory[e.base + DQ, k] = total(take(memory, at + k, e.like))
         memory[e.base + DP, k] = total(take(memory, at + d + k, e.like))
 
 
-def _end_kicks(inverse_mass, e, at):
+def _end_kicks(inverse_mass: np.ndarray, e: Equations, at: int) -> None:
     memory = e.memory
     late = take(e.step.nodes, LATE, e.like)
     for k in range(e.stages):
@@ -143,7 +146,7 @@ sums = dispatch_on_none(_end_both, _end_kicks)
 
 
 @inline
-def exact_weights(step, h):
+def exact_weights(step: Lanes, h: Number) -> Value:
     """The weights h b_i in SIMD lanes, rounded so that their sum is h exactly.
 
     Otherwise every step would misstate time by the same amount.  They are multiples of half the last place of h, except
@@ -156,7 +159,7 @@ def exact_weights(step, h):
 
 
 @inline
-def sweep(e, old, new):
+def sweep(e: Equations, old: int, new: int) -> tuple[Number, Number]:
     """Apply the right-hand side of the stage equations e to the increments in the rows from ``old`` on of the memory.
 
     The result is written to the rows from ``new`` on.  Returns (the distance between the two, the size of the result),
@@ -175,7 +178,7 @@ def sweep(e, old, new):
 
 
 @inline
-def scatter(e, row, r, k, i, x, work):
+def scatter(e: Equations, row: int, r: Value, k: int, i: int, x: Value, work: np.ndarray) -> None:
     """Enter a derivative into the Jacobian ``work`` of the stage equations.
 
     The derivative x, of component r of stage i's increment by the stage's component k, is multiplied by A_ij, the
@@ -198,14 +201,14 @@ end = ender(sums)
 
 
 @inline
-def equations(step, carry, h):
+def equations(step: Lanes, carry: Carry, h: Number) -> Equations:
     """Make the arguments of the stage equations of a step of length h from coefficients and the memory of ``carry``."""
     rows = components(step.inverse_mass, len(carry.zero))
     return Equations(step, carry.memory, 2 * rows, rows, step.like, h, exact_weights(step, h))
 
 
 @inline
-def rows_of(e):
+def rows_of(e: Equations) -> tuple[int, int]:
     """Rows of the memory: (first row of the ring buffer of earlier steps' increments, first row of the unknowns)."""
     ring = e.base + FREE
     return ring, ring + e.step.steps * e.stages

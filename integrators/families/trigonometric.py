@@ -55,6 +55,7 @@ from phasebench.integrators.values.vector import add, elementwise, inline, load,
 if TYPE_CHECKING:
     from phasebench.integrators.record import Method
     from phasebench.integrators.systems.hamiltonian import Hamiltonian
+    from phasebench.integrators.values.kinds import Function, Number, Value
 
 #: Least number of digits of the functions of xi, whatever the arithmetic of the run.
 DIGITS = 40
@@ -81,13 +82,13 @@ class Trigonometric(NamedTuple):
 
 
 @elementwise()
-def product(x, y):
+def product(x: Value, y: np.ndarray) -> Value:
     """The componentwise product of x and y."""
     return x * y
 
 
 @elementwise()
-def impulse(beta, gradient, a, q):
+def impulse(beta: np.ndarray, gradient: Value, a: np.ndarray, q: Value) -> Value:
     """The merged half kick by the slow force and shear by the linear one, -(beta grad U + a q), componentwise."""
     return -(beta * gradient + a * q)
 
@@ -110,7 +111,7 @@ class KickedState(NamedTuple):
 
 
 @inline
-def evaluate_kick(method, q):
+def evaluate_kick(method: Trigonometric, q: Value) -> Value:
     """The merged kick and shear at q, an increment of p: it ends one step and begins the next."""
     phi, beta, a = load(method.filters, PHI, q), load(method.filters, BETA, q), load(method.filters, A, q)
     return impulse(beta, method.dU(product(phi, q)), a, q)
@@ -152,7 +153,9 @@ def finish(method: Trigonometric, y: KickedState) -> KickedState:
 run = loop(step, begin, start, finish)
 
 
-def coefficients(h, omega, propagator, psi1, phi, *arguments):
+def coefficients(
+    h: Number, omega: Number, propagator: Function, psi1: Function, phi: Function, *arguments: Number
+) -> tuple[Number, Number, Number, Number, int]:
     """Compute (phi, (h/2) psi_1, a, b, s) for a component of frequency omega, from mpmath numbers.
 
     ``propagator``, ``psi1`` and ``phi`` are functions of xi = h omega, as in the module's docstring.  Raises
@@ -180,7 +183,9 @@ def prepare(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
     )
 
 
-def with_filters(frequencies, data, arithmetic: str, step, q, p):
+def with_filters(
+    frequencies: tuple, data: tuple, arithmetic: str, step: Trigonometric, q: Value, p: Value
+) -> Trigonometric:
     """Complete the data of a run: compute coefficients for its h, the frequencies and the method's data.
 
     Returns ``step`` with its field ``filters`` set; q and p are not used.

@@ -61,6 +61,7 @@ from phasebench.integrators.values.vector import (
 if TYPE_CHECKING:
     from phasebench.integrators.record import Method
     from phasebench.integrators.systems.hamiltonian import Hamiltonian
+    from phasebench.integrators.values.kinds import Number, Value
 
 
 class Variational(NamedTuple):
@@ -107,7 +108,7 @@ class Equations(NamedTuple):
 
 
 @inline
-def displacement(e, i, at):
+def displacement(e: Equations, i: int, at: int) -> Value:
     """The displacement of node i from q, h d_i v + h^2 M^-1 sum_j a_ij k_j; kicks k_j are in the rows ``at``, ..."""
     rows, h = e.step.rows, e.step.h
     x = e.like
@@ -118,7 +119,7 @@ def displacement(e, i, at):
 
 
 @inline
-def renew(e, at, first, end):
+def renew(e: Equations, at: int, first: int, end: int) -> tuple[Number, Number]:
     """Update the kicks first, ..., end - 1, each from the newest values of the others; returns (change, size)."""
     change = total = 0.0 * e.step.h
     for i in range(first, end):
@@ -130,14 +131,14 @@ def renew(e, at, first, end):
 
 
 @inline
-def sweep(e, old, new):
+def sweep(e: Equations, old: int, new: int) -> tuple[Number, Number]:
     """Copy the kicks from the rows ``old`` to the rows ``new``, update them there; returns (change, size)."""
     copy(e.memory, old, new, e.stages, e.like)
     return renew(e, new, e.step.first, e.step.end)
 
 
 @inline
-def linearize(e, at, span, work):
+def linearize(e: Equations, at: int, span: Number, work: np.ndarray) -> int:
     """Write the Jacobian 1 - G' of the equations k = G(k) for the kicks in the rows ``at``, ... to ``work``.
 
     It is made by differences of the gradient; returns the number of sweeps that cost as much, as `solve.row_solver`
@@ -164,7 +165,7 @@ solve = row_solver(sweep, linearize)
 
 
 @inline
-def solve_kicks(e, span, carry, counts):
+def solve_kicks(e: Equations, span: Number, carry: Carry, counts: np.record) -> int:
     """Solve the equations for the kicks of a step, from a start extrapolated from earlier steps; returns the status.
 
     The kicks are left in the rows of the memory from LEVELS times ``stages`` on.
@@ -207,7 +208,7 @@ run = loop(step)
 QUADRATURES = {"gauss": gauss_legendre, "lobatto": gauss_lobatto}
 
 
-def _basis(k, s):
+def _basis(k: int, s: int) -> list:
     """Coefficients, highest power first, of the polynomial of degree s that is 1 at k/s and 0 at the other j/s."""
     out = [mpmath.mpf(1)]
     for j in range(s + 1):
@@ -217,7 +218,7 @@ def _basis(k, s):
     return out
 
 
-def coefficients(degree, rule):
+def coefficients(degree: int, rule: list) -> list:
     """The coefficients of a Galerkin variational integrator for polynomials of a degree s: rows (a_ij, d_i), weights b.
 
     ``rule`` is a quadrature rule [(node, weight), ...].  The rows are those of its nodes and of the end of the step;

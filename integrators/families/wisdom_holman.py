@@ -48,7 +48,9 @@ from . import planet_pairs
 
 if TYPE_CHECKING:
     from phasebench.integrators.record import Method
+    from phasebench.integrators.stepping.kernel import Carry, Samples
     from phasebench.integrators.systems.hamiltonian import Hamiltonian
+    from phasebench.integrators.values.kinds import Function, Number, Value
 
 
 class WisdomHolman(NamedTuple):
@@ -110,7 +112,7 @@ class KeplerPart:
             total -= m * mu / sp.sqrt(sum(x**2 for x in Q))
         return total
 
-    def interaction(self, system, arithmetic: str = DOUBLE):
+    def interaction(self, system: Hamiltonian, arithmetic: str = DOUBLE) -> Function:
         """Make the function q -> gradient of the interaction, the potential without its Kepler part.
 
         q and the gradient are those of the original coordinates, arrays or tuples (d,).
@@ -122,7 +124,7 @@ class KeplerPart:
         )
 
 
-def jacobi(masses: Sequence, G, dimension: int = 3) -> KeplerPart:
+def jacobi(masses: Sequence, G: sp.Expr, dimension: int = 3) -> KeplerPart:
     """The Kepler part of bodies in Jacobi coordinates, the central body first.
 
     Row 0 is the centre of mass, row k body k relative to the centre of mass of those before it.
@@ -167,7 +169,7 @@ def corrector(order: int) -> tuple[tuple[mpmath.mpf, mpmath.mpf], ...]:
         return (*half, *reversed(half))
 
 
-def _substeps(kicks):
+def _substeps(kicks: Value | tuple) -> list:
     """Convert kicks (time, strength) to rows (drift, kick), merging kicks at one time; the last drift is back to 0."""
     rows, at = [], mpmath.mpf(0)
     with mpmath.workdps(DIGITS):
@@ -181,7 +183,7 @@ def _substeps(kicks):
 
 
 @jit
-def drift(step, X, h):
+def drift(step: WisdomHolman, X: np.ndarray, h: Number) -> None:
     """Move all bodies along their Kepler orbits over the time h, exp(h A), in place.
 
     The rows of X are Q, P, and what rounding lost of each.
@@ -192,7 +194,7 @@ def drift(step, X, h):
 
 
 @jit
-def convert(matrix, X, row, n, Y, out):
+def convert(matrix: np.ndarray, X: np.ndarray, row: int, n: int, Y: np.ndarray, out: int) -> None:
     """Multiply row ``row`` of X, positions of bodies with n components each, by the matrix; write row ``out`` of Y."""
     for k in range(len(matrix)):
         for i in range(n):
@@ -203,7 +205,7 @@ def convert(matrix, X, row, n, Y, out):
 
 
 @jit
-def _kick(step, X, h, carry, counts):
+def _kick(step: WisdomHolman, X: np.ndarray, h: Number, carry: Carry, counts: np.record) -> None:
     """Kick the momenta P by the interaction over h, exp(h B), in the rows of X; overwrites rows 4 to 6 of memory."""
     memory, n = carry.memory, step.dimension
     convert(step.back, X, 0, n, memory, 4)
@@ -215,7 +217,7 @@ def _kick(step, X, h, carry, counts):
 
 
 @jit
-def _correct(step, X, sign, carry, counts):
+def _correct(step: WisdomHolman, X: np.ndarray, sign: int, carry: Carry, counts: np.record) -> None:
     """Apply the symplectic corrector (sign 1), or its inverse (sign -1, kicks reversed), to the rows of X in place."""
     rows = len(step.corrector)
     for k in range(rows):
@@ -224,7 +226,7 @@ def _correct(step, X, sign, carry, counts):
             _kick(step, X, sign * step.corrector[k, 1] * step.h, carry, counts)
 
 
-def run(step, carry, samples, counts):
+def run(step: WisdomHolman, carry: Carry, samples: Samples, counts: np.record) -> tuple[int, int]:
     """The kernel: integrate the steps between rows of output and fill the rows; returns (rows filled, status 0).
 
     It has a loop of its own, since rows need the corrector's inverse, and drifts of neighbouring steps are merged.

@@ -16,7 +16,7 @@ Ordinary Differential Equations II (1996), IV.8 (when to make the matrix again).
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -24,6 +24,9 @@ from phasebench.integrators.values.vector import inline, jit, load, minus, plus,
 
 from .solve import NEWTON_LIMIT, SOLVED, STALLED, difference, near, newton_method
 from .structure import band_order, colour_columns, owners
+
+if TYPE_CHECKING:
+    from phasebench.integrators.values.kinds import Number, Value
 
 #: The matrix is computed again if a correction is longer than this share of the one before.
 SLOW = 0.3
@@ -165,7 +168,7 @@ def band_solver(G: Callable, lengths: Callable) -> Callable:
     """
 
     @jit
-    def linearize(arguments, x, g, span, eps, band, room):
+    def linearize(arguments: Any, x: Value, g: Value, span: Number, eps: Number, band: Band, room: Room) -> bool:
         """Compute 1 - G' at x by finite differences, with g = G(x), and factorize it; returns False if singular."""
         memory, spare, work, at, width = room.memory, room.spare, room.work, room.at, band.width
         n, d = len(x), len(arguments.q)
@@ -191,7 +194,7 @@ def band_solver(G: Callable, lengths: Callable) -> Callable:
         return factorize(work, at, n, width)
 
     @jit
-    def move(x, g, band, room):
+    def move(x: Value, g: Value, band: Band, room: Room) -> Value:
         """Return Newton's correction of x: solve (1 - G') dx = g - x with the factorized matrix in ``room``."""
         memory, spare, n = room.memory, room.spare, len(x)
         store(memory, spare, minus(g, x))
@@ -203,7 +206,9 @@ def band_solver(G: Callable, lengths: Callable) -> Callable:
         return load(memory, spare, x)
 
     @jit
-    def simplified_newton(arguments, start, span, eps, band, room):
+    def simplified_newton(
+        arguments: Any, start: Value, span: Number, eps: Number, band: Band, room: Room
+    ) -> tuple[Value, int, int]:
         """Simplified Newton from the start, with the stored matrix or a new one; (x, evaluations, status)."""
         work, at, end = room.work, room.at, columns(band)
         x, last = start, np.inf
@@ -238,7 +243,9 @@ def band_solver(G: Callable, lengths: Callable) -> Callable:
         return x, evaluations, STALLED
 
     @inline
-    def improve(arguments, x, span, eps, work):
+    def improve(
+        arguments: Any, x: Value, span: Number, eps: Number, work: tuple[Band, Room]
+    ) -> tuple[Value, Number, Number, int, int]:
         """Make one step of Newton's method from x: (new x, its distance from x, its size, evaluations of G, status)."""
         band, room = work
         g, evaluations = G(x, arguments), 1 + len(band.owner)
@@ -251,7 +258,9 @@ def band_solver(G: Callable, lengths: Callable) -> Callable:
     newton = newton_method(improve)
 
     @inline
-    def solve(arguments, start, span, eps, band, room):
+    def solve(
+        arguments: Any, start: Value, span: Number, eps: Number, band: Band, room: Room
+    ) -> tuple[Value, int, int]:
         """Solve x = G(x) from the start by simplified Newton, then by Newton's method; (x, evaluations, status)."""
         x, evaluations, status = simplified_newton(arguments, start, span, eps, band, room)
         if status != SOLVED:

@@ -9,13 +9,16 @@ for the round-off of H.  If attempts are always too near for that, one is made f
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from phasebench.integrators.values.vector import State, inline
 
 from .solve import SOLVED
+
+if TYPE_CHECKING:
+    from phasebench.integrators.values.kinds import Number
 
 #: Where the stage equations of an attempt (a trial step) start from: the extrapolation from earlier steps, the last
 #: attempt, or the linear continuation of the last attempts in x.
@@ -139,7 +142,9 @@ def follower(attempt: Callable) -> Callable:
     """
 
     @inline
-    def approach(x, slope, models, row, arguments):
+    def approach(
+        x: Number, slope: Number, models: np.ndarray, row: int, arguments: Any
+    ) -> tuple[Number, bool, Attempt, Number, bool]:
         """Iterate from x to a root of E nearby, beginning with the given slope of E.
 
         Returns (x, True if found, the last `Attempt`, slope, True if the slope was measured on the way).
@@ -181,7 +186,9 @@ def follower(attempt: Callable) -> Callable:
         return x, found, new, slope, measured
 
     @inline
-    def follow(search, models, row, predicted, c1, arguments):
+    def follow(
+        search: Search, models: np.ndarray, row: int, predicted: Number, c1: Number, arguments: Any
+    ) -> tuple[Number, bool, Attempt]:
         """Follow the root from its prediction: (x, found, attempt); ``found`` only if it is surely nearest to zero."""
         slope, x = c1 + 2 * models[row, CURVATURE] * predicted, predicted
         if models[row, AGE] > AGED and abs(slope) * models[row, MISSED] < SHARP * models[row, UNIT]:

@@ -25,12 +25,18 @@ R. Astron. Soc. 452 (2015) 376-388 (increments, Brouwer's law); J. Wisdom, D. M.
 from __future__ import annotations
 
 from math import factorial
+from typing import TYPE_CHECKING
 
 import mpmath
 
 from phasebench.integrators.coefficients.fractions import DIGITS
 from phasebench.integrators.compile.codegen import MULTIPRECISION
 from phasebench.integrators.values.vector import inline, jit
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from phasebench.integrators.values.kinds import Number
 
 #: The rows of `constants`.
 NUMBERS, SERIES_2, SERIES_3 = 0, 1, 2
@@ -56,14 +62,14 @@ def constants(arithmetic: str) -> list[list]:
 
 
 @inline
-def add(x, c, dx):
+def add(x: Number, c: Number, dx: Number) -> tuple[Number, Number]:
     """The compensated sum of the scalars x + c and dx: (the sum, the part of it that rounding lost)."""
     t = (x + c) + dx
     return t, (dx + c) - (t - x)
 
 
 @jit
-def stumpff(x, table):
+def stumpff(x: Number, table: np.ndarray) -> tuple[Number, Number, Number, Number]:
     """Stumpff's functions (c_0, c_1, c_2, c_3)(x): by their series if |x| is small, else from a quarter of x.
 
     ``table`` is an array of the `constants`.
@@ -91,7 +97,7 @@ def stumpff(x, table):
 
 
 @jit
-def _guess(r0, eta, beta, zeta, mu, h):
+def _guess(r0: Number, eta: Number, beta: Number, zeta: Number, mu: Number, h: Number) -> Number:
     """Starting value of the universal anomaly s after the time h: Taylor series, or mean motion for a long step.
 
     r0 = |q|, eta = q.v, beta = 2 mu/r0 - |v|^2, zeta = mu - beta r0.
@@ -107,7 +113,9 @@ def _guess(r0, eta, beta, zeta, mu, h):
 
 
 @jit
-def anomaly(r0, eta, beta, mu, h, eps, table):
+def anomaly(
+    r0: Number, eta: Number, beta: Number, mu: Number, h: Number, eps: Number, table: np.ndarray
+) -> tuple[Number, Number, Number, Number, int]:
     """Solve Kepler's equation for the universal anomaly s, for 0 < h at most a period: (G_1, G_2, G_3, r, evaluations).
 
     G_k(s) are Stumpff's functions times s^k, r is the distance at the end, and ``evaluations`` counts evaluations of
@@ -148,7 +156,9 @@ def anomaly(r0, eta, beta, mu, h, eps, table):
 
 
 @jit
-def coefficients(r0, eta, beta, mu, h, eps, table):
+def coefficients(
+    r0: Number, eta: Number, beta: Number, mu: Number, h: Number, eps: Number, table: np.ndarray
+) -> tuple[Number, Number, Number, Number, int]:
     """The coefficients of Kepler's flow over the time h, of either sign: (f - 1, g, f', g' - 1, number of evaluations).
 
     The position becomes f q + g v, the velocity f' q + g' v; r0 = |q|, eta = q.v, beta = 2 mu/r0 - |v|^2.  ``eps`` is
@@ -167,7 +177,9 @@ def coefficients(r0, eta, beta, mu, h, eps, table):
 
 
 @jit
-def advance(X, first, dimension, mass, mu, h, eps, table):
+def advance(
+    X: np.ndarray, first: int, dimension: int, mass: Number, mu: Number, h: Number, eps: Number, table: np.ndarray
+) -> int:
     """Move one body along its Kepler orbit over the time h, in place; returns the evaluations of Stumpff's functions.
 
     The array X has the rows q, p and what rounding lost of q and of p.  The body's components are the columns first,

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from fractions import Fraction
 from math import factorial
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -28,6 +28,9 @@ from phasebench.integrators.values.masks import select
 from phasebench.integrators.values.vector import forbid_inlining, inline, jit
 
 from . import kepler_flow
+
+if TYPE_CHECKING:
+    from phasebench.integrators.values.kinds import Condition, Number
 
 #: The highest power in the series; with it their coefficients are integers below 2^53 times powers of two.
 TERMS = 9
@@ -59,7 +62,7 @@ OVER_2, OVER_3 = _reciprocal(factorial(2 * TERMS + 2)), _reciprocal(factorial(2 
 
 
 @inline
-def root(square, guess):
+def root(square: Number, guess: Number) -> tuple[Number, Number]:
     """(square root, inverse of it) of each lane of ``square``, by one correction of a ``guess`` of the inverse.
 
     The residue is not rounded to a grid that is finer below 1 than above, which would give the inverse a bias.
@@ -71,7 +74,7 @@ def root(square, guess):
 
 
 @inline
-def stumpff(x):
+def stumpff(x: Number) -> tuple[Number, Number, Number, Number]:
     """Stumpff's functions (c_0, c_1, c_2, c_3)(x) of the numbers in SIMD lanes."""
     y = -x
     quarters = 0
@@ -94,7 +97,7 @@ def stumpff(x):
 
 
 @inline
-def _reversion(delta, second, third, beta):
+def _reversion(delta: Number, second: Number, third: Number, beta: Number) -> Number:
     """x/delta - 1 to the fifth order in delta, for the root x of -delta + x + second x^2/2 + third x^3/6 - ...
 
     The further coefficients follow from the second and third and from ``beta``, as in Kepler's equation.
@@ -126,7 +129,7 @@ class Motion(NamedTuple):
 
 
 @inline
-def _begin(delta, second, third, beta):
+def _begin(delta: Number, second: Number, third: Number, beta: Number) -> tuple[Number, Condition]:
     """A starting value of the universal anomaly s by its Taylor series: (s, mask of lanes where it is not trusted).
 
     ``delta`` is h/r0; ``second`` and ``third`` are the second and third derivative of Kepler's equation at s = 0, over
@@ -141,7 +144,9 @@ def _begin(delta, second, third, beta):
 
 
 @inline
-def motion_in_lanes(r0, inverse, eta, beta, mu, h, eps):
+def motion_in_lanes(
+    r0: Number, inverse: Number, eta: Number, beta: Number, mu: Number, h: Number, eps: Number
+) -> Motion:
     """Solve Kepler's problem over the time h in lanes; returns the `Motion`.
 
     r0 = |q|, ``inverse`` = 1/r0, eta = q.v and beta = 2 mu/r0 - |v|^2; ``eps`` is the machine epsilon.  Where mu = 0
@@ -176,7 +181,7 @@ def motion_in_lanes(r0, inverse, eta, beta, mu, h, eps):
 
 
 @jit
-def _solve_one_by_one(memory, row, width, eps, table):
+def _solve_one_by_one(memory: np.ndarray, row: int, width: int, eps: Number, table: np.ndarray) -> None:
     """Solve Kepler's problem lane by lane, by `kepler_flow.coefficients`; lanes whose h is NaN are left out.
 
     The five rows of ``memory`` from ``row`` on hold (r0, eta, beta, mu, h), each for ``width`` lanes; the first four
@@ -192,7 +197,19 @@ def _solve_one_by_one(memory, row, width, eps, table):
 
 
 @inline
-def motion(r0, inverse, eta, beta, mu, h, eps, table, memory, row, like):
+def motion(
+    r0: Number,
+    inverse: Number,
+    eta: Number,
+    beta: Number,
+    mu: Number,
+    h: Number,
+    eps: Number,
+    table: np.ndarray,
+    memory: np.ndarray,
+    row: int,
+    like: Number,
+) -> Motion:
     """The `Motion` over the time h; lanes that `motion_in_lanes` leaves unsolved are solved by `kepler_flow`.
 
     r0 = |q|, ``inverse`` = 1/r0, eta = q.v and beta = 2 mu/r0 - |v|^2; ``table`` is the array `kepler_flow.constants`.

@@ -20,16 +20,23 @@ here.
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from phasebench.integrators.values.vector import jit
 
 from .kepler_flow import NUMBERS, anomaly, stumpff
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from phasebench.integrators.values.kinds import Number, Value
 
 #: From this argument on the higher functions follow from the lower ones without cancellation.
 LARGE = 0.5
 
 
 @jit
-def higher(x, c2, c3, eps):
+def higher(x: Number, c2: Number, c3: Number, eps: Number) -> tuple[Number, Number]:
     """Stumpff's functions (c_4, c_5)(x), from (c_2, c_3)(x) or, if x is small, by their series to round-off ``eps``."""
     if abs(x) > LARGE:
         return (1 / (2 + 0 * x) - c2) / x, (1 / (6 + 0 * x) - c3) / x
@@ -44,7 +51,19 @@ def higher(x, c2, c3, eps):
 
 
 @jit
-def move(X, first, dimension, mass, mu, h, eps, table, spans, body, bodies):
+def move(
+    X: np.ndarray,
+    first: int,
+    dimension: int,
+    mass: Number,
+    mu: Number,
+    h: Number,
+    eps: Number,
+    table: np.ndarray,
+    spans: np.ndarray,
+    body: int,
+    bodies: int,
+) -> None:
     """Move one body along its Kepler orbit over the time h in the rows q, p of X, without compensated summation.
 
     The body's components are the columns first, ..., first + dimension - 1 of X; p is ``mass`` times the velocity; with
@@ -81,7 +100,21 @@ def move(X, first, dimension, mass, mu, h, eps, table, spans, body, bodies):
 
 
 @jit
-def kick_back(X, first, dimension, mass, mu, h, eps, table, spans, body, bodies, kick, out):
+def kick_back(
+    X: np.ndarray,
+    first: int,
+    dimension: int,
+    mass: Number,
+    mu: Number,
+    h: Number,
+    eps: Number,
+    table: np.ndarray,
+    spans: np.ndarray,
+    body: int,
+    bodies: int,
+    kick: Value,
+    out: int,
+) -> None:
     """Apply the derivative of Kepler's flow over the time -h to a change ``kick`` of p, at the end of a `move` over h.
 
     The end (q, p) is in the rows 0 and 1 of X; the resulting changes of q and p are written to the rows ``out`` and

@@ -280,14 +280,14 @@ def entry(kernel: Callable) -> Callable:
     return next(iter(kernel.overloads.values())).entry_point if hasattr(kernel, "overloads") else kernel
 
 
-def _tuple_type(fields, kind=None):
+def _tuple_type(fields: Iterable[types.Type], kind: type | None = None) -> types.Type:
     fields = tuple(fields)
     if kind is None and len(set(fields)) == 1:  # as Numba says, without its warning about functions
         return types.UniTuple(fields[0], len(fields))
     return types.BaseTuple.from_types(fields, kind)
 
 
-def _type(x):
+def _type(x: Any) -> types.Type:
     """The Numba type of a field of a step; functions become pointers, so that one kernel serves every system."""
     if isinstance(x, tuple):
         return _tuple_type(map(_type, x), type(x) if hasattr(x, "_fields") else None)

@@ -10,8 +10,8 @@ after another, as many as there are lanes, without the interpreter's lock.
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable
-from typing import Any, NamedTuple
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
 from weakref import WeakKeyDictionary
 
 import numba
@@ -25,6 +25,11 @@ from phasebench.integrators.values.masks import LANES
 
 from .kernel import COUNTS, OWN, Carry, Prepared, Samples, _tuple_type, _type, entry, family_of
 from .solve import LEVELS
+
+if TYPE_CHECKING:
+    from phasebench.integrators.record import Method
+    from phasebench.integrators.systems.hamiltonian import Hamiltonian
+    from phasebench.integrators.values.kinds import Function, Value
 
 #: Largest number of degrees of freedom: beyond, a state in lanes does not fit into registers and compiles slowly.
 MOST = 8
@@ -64,19 +69,19 @@ class Tables(NamedTuple):
     work: Any
 
 
-def compiles_in_lanes(system) -> bool:
+def compiles_in_lanes(system: Hamiltonian) -> bool:
     """True if the system's functions can be compiled for SIMD lanes (`twin`); hand-written loops cannot."""
     return hasattr(system, "make_function") and not system.loops and codegen.compiled()
 
 
-def runs_in_lanes(system, method) -> bool:
+def runs_in_lanes(system: Hamiltonian, method: Method) -> bool:
     """True if the method can integrate several orbits of the system at once, each in a SIMD lane."""
     if method.family == "adaptive" and len(method.data) == 1:
         return False
     return getattr(family_of(method), "IN_LANES", False) and system.d <= MOST and compiles_in_lanes(system)
 
 
-def _lanes_for_numbers(t, lanes: Lanes):
+def _lanes_for_numbers(t: types.Type, lanes: Lanes) -> types.Type:
     """Return the Numba type t, a number or a tuple, with the type ``lanes`` in place of every double."""
     if t == types.float64:
         return lanes
@@ -89,7 +94,7 @@ def _lanes_for_numbers(t, lanes: Lanes):
 _twins: WeakKeyDictionary = WeakKeyDictionary()
 
 
-def twin(system, lanes: Lanes = LANES):
+def twin(system: Hamiltonian, lanes: Lanes = LANES) -> Hamiltonian:
     """Return a copy of the system with functions compiled for SIMD lanes; repeated calls return the same object."""
     known = _twins.setdefault(system, {})
     if lanes.n not in known:
@@ -97,12 +102,12 @@ def twin(system, lanes: Lanes = LANES):
     return known[lanes.n]
 
 
-def _make_twin(system, lanes: Lanes):
+def _make_twin(system: Hamiltonian, lanes: Lanes) -> Hamiltonian:
     other = copy.copy(system)
     other._functions, kind_of_system = {}, type(system)
     other.variant = f"{lanes.n} lanes"
 
-    def make_function(kind, arguments, results, signature, arithmetic):
+    def make_function(kind: str, arguments: Sequence, results: Callable, signature: Any, arithmetic: str) -> Callable:
         result, *given = (_lanes_for_numbers(t, lanes) for t in (signature.return_type, *signature.args))
         kind = f"{kind}, {other.variant}"
         return kind_of_system.make_function(other, kind, arguments, results, result(*given), arithmetic)
@@ -111,7 +116,9 @@ def _make_twin(system, lanes: Lanes):
     return other
 
 
-def _block_loop(run, step, varying, tables, zero, samples, counts):
+def _block_loop(
+    run: Function, step: Any, varying: tuple, tables: Carry, zero: Value, samples: Samples, counts: np.record
+) -> None:
     """Call the kernel ``run`` for every block of orbits, with its part of each array; other arguments as in `loop`."""
     for b in range(len(counts)):
         orbit = Carry(block_of(tables.state, b), block_of(tables.memory, b), block_of(tables.work, b), zeros_of(zero))

@@ -9,8 +9,8 @@ inlined into its caller it would have to be compiled again, and might round diff
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable
-from typing import NamedTuple
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numba
 import numpy as np
@@ -21,6 +21,10 @@ from phasebench.integrators.compile import machine, progress
 
 from .kernel import P, Prepared, Q, Samples, _tuple_type, entry, kernel
 from .solve import NOT_FINITE, SOLVED
+
+if TYPE_CHECKING:
+    from phasebench.integrators.stepping.kernel import Carry
+    from phasebench.integrators.values.kinds import Function
 
 _NUMBERS = types.Array(types.float64, 2, "C")
 
@@ -62,19 +66,21 @@ def packed_call(prepared: Prepared, d: int) -> PackedCall:
     return _known[key]
 
 
-def _pack(address, run, step, carry, samples, counts, start):
+def _pack(
+    address: int, run: Function, step: Any, carry: Carry, samples: Samples, counts: np.record, start: int
+) -> None:
     write(address, (run, step, carry, samples, counts, start))  # noqa: F821 (`_compile` sets the functions)
 
 
-def _release(address):
+def _release(address: int) -> None:
     take(address)  # noqa: F821
 
 
-def _size():
+def _size() -> int:
     return bytes_of()  # noqa: F821
 
 
-def _call(address, h, steps):
+def _call(address: int, h: float, steps: int) -> int:
     run, step, carry, samples, counts, start = read(address)  # noqa: F821
     d = start.shape[1]
     for rows in (carry.state, carry.memory):
@@ -95,10 +101,10 @@ def _call(address, h, steps):
     return status
 
 
-def _compile(run, block) -> PackedCall:
+def _compile(run: Function, block: types.Type) -> PackedCall:
     operations = _in_memory(block) | {"with_h": _with_h(block[1])}
 
-    def compile_and_keep(f: Callable, signature) -> Callable:
+    def compile_and_keep(f: Callable, signature: Any) -> Callable:
         options = {"error_model": "numpy", "nogil": True}
         f = machine.with_functions(f, operations)
         return entry(machine.load_or_compile(f, signature, options, f"entry-{f.__name__}|{block}"))
@@ -113,19 +119,19 @@ def _compile(run, block) -> PackedCall:
     )
 
 
-def _in_memory(t):
+def _in_memory(t: types.Type) -> dict[str, Function]:
     """Make Numba intrinsics for values of the Numba type t that are stored at an address: name -> function.
 
     ``read(address)`` returns the value; ``take(address)`` returns it with the reference that the memory held;
     ``write(address, value)`` stores a value; ``bytes_of()`` is its size in bytes.
     """
 
-    def place(context, builder, address):
+    def place(context: Any, builder: Any, address: Any) -> Any:
         return builder.inttoptr(address, context.get_value_type(t).as_pointer())
 
     @intrinsic
-    def read(typing_context, address):
-        def codegen(context, builder, signature, arguments):
+    def read(typing_context: Any, address: types.Type) -> tuple:
+        def codegen(context: Any, builder: Any, signature: Any, arguments: Sequence) -> Any:
             value = builder.load(place(context, builder, arguments[0]))
             context.nrt.incref(builder, t, value)
             return value
@@ -133,15 +139,15 @@ def _in_memory(t):
         return t(address), codegen
 
     @intrinsic
-    def take(typing_context, address):
-        def codegen(context, builder, signature, arguments):
+    def take(typing_context: Any, address: types.Type) -> tuple:
+        def codegen(context: Any, builder: Any, signature: Any, arguments: Sequence) -> Any:
             return builder.load(place(context, builder, arguments[0]))
 
         return t(address), codegen
 
     @intrinsic
-    def write(typing_context, address, value):
-        def codegen(context, builder, signature, arguments):
+    def write(typing_context: Any, address: types.Type, value: types.Type) -> tuple:
+        def codegen(context: Any, builder: Any, signature: Any, arguments: Sequence) -> Any:
             context.nrt.incref(builder, t, arguments[1])
             builder.store(arguments[1], place(context, builder, arguments[0]))
             return context.get_dummy_value()
@@ -149,8 +155,8 @@ def _in_memory(t):
         return types.none(address, t), codegen
 
     @intrinsic
-    def bytes_of(typing_context):
-        def codegen(context, builder, signature, arguments):
+    def bytes_of(typing_context: Any) -> tuple:
+        def codegen(context: Any, builder: Any, signature: Any, arguments: Sequence) -> Any:
             size = context.get_abi_sizeof(context.get_value_type(t))
             return context.get_constant(types.int64, size)
 
@@ -159,13 +165,13 @@ def _in_memory(t):
     return {"read": read, "take": take, "write": write, "bytes_of": bytes_of}
 
 
-def _with_h(t):
+def _with_h(t: types.Type) -> Function:
     """Make the Numba intrinsic (step, h) -> a copy of the NamedTuple ``step``, of Numba type t, with this h."""
     index = t.fields.index("h")
 
     @intrinsic
-    def with_h(typing_context, step, h):
-        def codegen(context, builder, signature, arguments):
+    def with_h(typing_context: Any, step: types.Type, h: types.Type) -> tuple:
+        def codegen(context: Any, builder: Any, signature: Any, arguments: Sequence) -> Any:
             value = builder.insert_value(arguments[0], arguments[1], index)
             context.nrt.incref(builder, t, value)
             return value

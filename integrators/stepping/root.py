@@ -13,6 +13,7 @@ Source: D. E. Muller, Math. Tables Aids Comput. 10 (1956) 208-215; M. Dowell, P.
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -44,6 +45,10 @@ from .energy_model import (
 )
 from .solve import LEVELS, SOLVED
 
+if TYPE_CHECKING:
+    from phasebench.integrators.stepping.energy_model import Search
+    from phasebench.integrators.values.kinds import Number
+
 MULLER_LIMIT, REFINE_LIMIT = 14, 100
 
 
@@ -63,18 +68,18 @@ def finder(attempt: Callable, followed: bool = True) -> Callable:
     """
 
     @jit
-    def eased_attempt(x, start, ease, arguments):
+    def eased_attempt(x: Number, start: int, ease: Number, arguments: Any) -> Attempt:
         """Try the step with parameter x: call `attempt`, without inlining it, so that it is compiled only once."""
         forbid_inlining()
         return attempt(x, start, ease, arguments)
 
     @inline
-    def apart_attempt(x, start, arguments):
+    def apart_attempt(x: Number, start: int, arguments: Any) -> Attempt:
         """Try the step with parameter x by `eased_attempt`, with its stage equations solved to round-off."""
         return eased_attempt(x, start, 1.0, arguments)
 
     @jit
-    def refine(a, Ea, b, Eb, arguments):
+    def refine(a: Number, Ea: Number, b: Number, Eb: Number, arguments: Any) -> tuple[Number, bool]:
         """Find the root between a and b, where Ea = E(a) and Eb = E(b) differ in sign: (x, True if found).
 
         It is found by the secant method with bisection (Illinois).
@@ -103,7 +108,7 @@ def finder(attempt: Callable, followed: bool = True) -> Callable:
         return x, False
 
     @jit
-    def continue_outwards(side, bound, search, arguments):
+    def continue_outwards(side: Number, bound: Number, search: Search, arguments: Any) -> tuple[Number, bool]:
         """Continue from x = 0 to ``side * bound``, side = 1 or -1, to the nearest root: (x, True if found)."""
         E0 = apart_attempt(0.0, FIRST, arguments).E
         inner, Einner, outer, Eouter = 0.0, np.inf, 0.0, E0
@@ -131,7 +136,7 @@ def finder(attempt: Callable, followed: bool = True) -> Callable:
         return 0.0, False
 
     @inline
-    def scan(search, arguments):
+    def scan(search: Search, arguments: Any) -> tuple[Number, bool]:
         """Find the root nearest zero on the branch of the stage equations that starts at x = 0: (x, True if found)."""
         above, found = continue_outwards(1.0, search.radius, search, arguments)
         below, second = continue_outwards(-1.0, abs(above) if found else search.radius, search, arguments)
@@ -140,7 +145,9 @@ def finder(attempt: Callable, followed: bool = True) -> Callable:
         return above, found
 
     @jit
-    def chase(x, E0, unit, search, models, row, arguments):
+    def chase(
+        x: Number, E0: Number, unit: Number, search: Search, models: np.ndarray, row: int, arguments: Any
+    ) -> tuple[Number, bool, Attempt]:
         """Find a root of E by Muller's method from x, with (0, E0) as its other point; (x, found, the last attempt).
 
         ``unit`` is the round-off of H; the slope and curvature of E that are found are written to ``models[row]``.
@@ -178,7 +185,7 @@ def finder(attempt: Callable, followed: bool = True) -> Callable:
         return x, False, new
 
     @jit
-    def nearer_side(x, E0, ease, models, row, arguments):
+    def nearer_side(x: Number, E0: Number, ease: Number, models: np.ndarray, row: int, arguments: Any) -> Number:
         """The guess x, or one of the other sign where a step with -x shows that the energy error has a nearer root.
 
         E0 is the energy error at 0, ``ease`` how easily equations may count as solved (`residual_factor`).  The slope
@@ -197,7 +204,9 @@ def finder(attempt: Callable, followed: bool = True) -> Callable:
         return nearer if abs(nearer) < abs(x) and nearer * x < 0 else -0.5 * x
 
     @inline
-    def search_out(search, models, row, predicted, arguments):
+    def search_out(
+        search: Search, models: np.ndarray, row: int, predicted: Number, arguments: Any
+    ) -> tuple[Number, bool, Attempt]:
         """Search for the root x of the energy error E(x), beginning with E(0); (x, found, the attempt at x)."""
         radius = search.radius
         ease = residual_factor(models[row, START], models[row, UNIT])
@@ -235,7 +244,9 @@ def finder(attempt: Callable, followed: bool = True) -> Callable:
         return x, found, apart_attempt(x, LATEST if found and x != 0 else FIRST, arguments)
 
     @jit
-    def search_anew(search, models, row, predicted, c1, arguments):
+    def search_anew(
+        search: Search, models: np.ndarray, row: int, predicted: Number, c1: Number, arguments: Any
+    ) -> tuple[Number, bool, Attempt]:
         """Search for the root by the model with slope c1, and restart the model's history; (x, found, attempt at x)."""
         forbid_inlining()
         known, old = models[row, STREAK] > 0, models[row, SLOPE]
@@ -256,7 +267,9 @@ def finder(attempt: Callable, followed: bool = True) -> Callable:
     follow = follower(attempt)
 
     @inline
-    def find(search, models, row, predicted, arguments):
+    def find(
+        search: Search, models: np.ndarray, row: int, predicted: Number, arguments: Any
+    ) -> tuple[Number, bool, Attempt]:
         """Find the root x of the energy error E(x), followed from earlier steps or searched; (x, found, attempt)."""
         c1 = extrapolate_slope(models, row)
         if followed and is_trusted(search, models, row, predicted, c1, c1 + 2 * models[row, CURVATURE] * predicted):

@@ -20,7 +20,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from math import comb
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -41,6 +41,9 @@ from phasebench.integrators.values.vector import (
     store,
     tail,
 )
+
+if TYPE_CHECKING:
+    from phasebench.integrators.values.kinds import Condition, Number, Value
 
 SOLVED, STALLED, NOT_FINITE, OUT_OF_STEP = 0, 1, 2, 3
 
@@ -102,7 +105,7 @@ def copy(memory: np.ndarray, old: int, new: int, stages: int, like: Any) -> None
 
 
 @inline
-def near(delta, last, unit):
+def near(delta: Number, last: Number, unit: Number) -> bool:
     """True if a contracting iteration has an error far below ``unit``, the round-off of its x.
 
     ``last`` and ``delta`` are the lengths of its last two changes of x, by which the error is estimated.
@@ -220,11 +223,11 @@ def gauss(A: np.ndarray, n: int) -> bool:
 # -- the two iterations -----------------------------------------------------------------------------------------------
 
 
-def _started(x, span):
+def _started(x: Value, span: Number) -> tuple[bool, Number, Number]:
     return True, np.inf, 0.0
 
 
-def _started_in_lanes(x, span):
+def _started_in_lanes(x: Value, span: Number) -> tuple[Condition, Number, Number]:
     return (size(x) < np.inf) & (span < np.inf), broadcast_like(np.inf, span), broadcast_like(0.0, span)
 
 
@@ -233,11 +236,11 @@ def _started_in_lanes(x, span):
 started = overload_in_lanes(_started, _started_in_lanes)
 
 
-def _replace(active, x, new):
+def _replace(active: Condition, x: Value, new: Value) -> Value:
     return new
 
 
-def _replace_in_lanes(active, x, new):
+def _replace_in_lanes(active: Condition, x: Value, new: Value) -> Value:
     return where(active, new, x)
 
 
@@ -255,7 +258,7 @@ def fixed_point(sweep: Callable) -> Callable:
     """
 
     @inline
-    def iterate(e, x, span, eps):
+    def iterate(e: Any, x: Value, span: Number, eps: Number) -> tuple:
         active, last, growth = started(x, span)
         good = True
         sweeps, k = 0, 0
@@ -286,7 +289,7 @@ def newton_method(improve: Callable) -> Callable:
     """
 
     @jit
-    def newton(equations, x, span, eps, work):
+    def newton(equations: Any, x: Value, span: Number, eps: Number, work: np.ndarray) -> tuple[Value, int, int]:
         last = np.inf
         sweeps = 0
         for _ in range(NEWTON_LIMIT):
@@ -320,12 +323,14 @@ def solver(G: Callable, lengths: Callable = lengths_of_both) -> Callable:
     """
 
     @inline
-    def sweep(arguments, x, active):
+    def sweep(arguments: Any, x: Value, active: Condition) -> tuple[Value, Number, Number]:
         new = G(x, arguments)
         return replace(active, x, new), distance(new, x), size(new)
 
     @inline
-    def improve(arguments, x, span, eps, work):
+    def improve(
+        arguments: Any, x: Value, span: Number, eps: Number, work: np.ndarray
+    ) -> tuple[Value, Number, Number, int, int]:
         """Make one step of Newton's method from x, with a finite-difference Jacobian, as `newton_method` requires.
 
         Returns (new x, its distance from x, its size, evaluations of G, status).
@@ -353,7 +358,7 @@ def solver(G: Callable, lengths: Callable = lengths_of_both) -> Callable:
 
     iterate, newton = fixed_point(sweep), newton_method(improve)
 
-    def solve(arguments, start, span, eps, work):
+    def solve(arguments: Any, start: Value, span: Number, eps: Number, work: np.ndarray) -> tuple[Value, int, int, int]:
         """Solve x = G(x, arguments) from the start; (x, evaluations, 1 if Newton's method was used else 0, status)."""
         x, k, solved = iterate(arguments, start, span, eps)
         if solved:
@@ -364,7 +369,9 @@ def solver(G: Callable, lengths: Callable = lengths_of_both) -> Callable:
             evaluations += more
         return x, k + evaluations, 1, status
 
-    def solve_lanes(arguments, start, span, eps, work):
+    def solve_lanes(
+        arguments: Any, start: Value, span: Number, eps: Number, work: np.ndarray
+    ) -> tuple[Value, int, int, int]:
         """Solve x = G(x, arguments) in lanes, by fixed point; (x, evaluations, 0, status)."""
         x, evaluations, _ = iterate(arguments, start, span, eps)
         return x, evaluations, 0, SOLVED if (size(x) < np.inf) & (span < np.inf) else NOT_FINITE
@@ -392,13 +399,15 @@ def row_solver(sweep: Callable, linearize: Callable) -> Callable:
     """
 
     @inline
-    def to_and_fro(equations, rows, active):
+    def to_and_fro(equations: Any, rows: tuple[int, int], active: Condition) -> tuple[tuple[int, int], Number, Number]:
         old, new = rows
         delta, length = sweep(equations, old, new)
         return (new, old), delta, length
 
     @inline
-    def improve(equations, at, span, eps, work):
+    def improve(
+        equations: Any, at: int, span: Number, eps: Number, work: np.ndarray
+    ) -> tuple[int, Number, Number, int, int]:
         """Make one step of Newton's method on the unknowns in the rows from ``at`` on; see `newton_method`."""
         memory, stages, n = equations.memory, equations.stages, len(equations.like)
         order = stages * n
@@ -421,7 +430,7 @@ def row_solver(sweep: Callable, linearize: Callable) -> Callable:
     iterate, newton = fixed_point(to_and_fro), newton_method(improve)
 
     @inline
-    def solve(equations, at, span, eps, work):
+    def solve(equations: Any, at: int, span: Number, eps: Number, work: np.ndarray) -> tuple[int, int, int]:
         """Solve from the start in the rows from ``at`` on; returns (sweeps, sweeps of Newton's method, status)."""
         memory, stages, like = equations.memory, equations.stages, equations.like
         start = at + 3 * stages
@@ -450,7 +459,7 @@ def changes_by_row(change: Callable) -> Callable:
     """
 
     @inline
-    def changes(e, old, new):
+    def changes(e: Any, old: int, new: int) -> Change:
         total = Change(0.0, 0.0, 0.0, 0.0)
         for j in range(e.stages):
             c = change(e, load(e.memory, old + j, e.like), load(e.memory, new + j, e.like))
@@ -485,7 +494,7 @@ def refinement(solve: Callable, sweep: Callable, by_rule: Callable, cost: Callab
     """
 
     @inline
-    def refine(e, x, span, noise, work, counts):
+    def refine(e: Any, x: int | Value, span: Number, noise: Number, work: np.ndarray, counts: np.record) -> tuple:
         rows = e.step.rows
         move = Change(np.inf, np.inf, np.inf, np.inf)
         before = counts.rule
@@ -523,12 +532,12 @@ def confirmer(solve: Callable, sweep: Callable, changes: Callable) -> Callable:
     """
 
     @inline
-    def solve_rows(e, at, span, eps, work):
+    def solve_rows(e: Any, at: int, span: Number, eps: Number, work: np.ndarray) -> tuple[int, ...]:
         sweeps, newton, status = solve(e, at, span, eps, work)
         return at, sweeps + newton, min(newton, 1), status
 
     @inline
-    def sweep_rows(e, at):
+    def sweep_rows(e: Any, at: int) -> tuple[int, Change]:
         sweep(e, at, at + e.stages)
         move = changes(e, at, at + e.stages)
         copy(e.memory, at + e.stages, at, e.stages, e.like)

@@ -15,10 +15,15 @@ J. Inst. Math. Appl. 13 (1974) 117-119 (colours).
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from phasebench.integrators.errors import InvalidInput
+
+if TYPE_CHECKING:
+    import numpy as np
+
 
 #: Equations that need more colours than this, or a wider band, are not those of a lattice.
 MOST = 64
@@ -122,7 +127,7 @@ def _check(f: Callable, at: np.ndarray, reach: Sequence[np.ndarray]) -> None:
     owner = owners(reach, colours)
     step = STEP * (1 + np.abs(at).max())
 
-    def slope(v):
+    def slope(v: np.ndarray) -> np.ndarray:
         return (f(at + step * v) - f(at - step * v)) / (2 * step)
 
     slopes = np.array([slope(1.0 * (colours == c)) for c in range(len(owner))])

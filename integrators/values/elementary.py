@@ -25,6 +25,7 @@ Source: W. J. Cody, W. Waite, Software Manual for the Elementary Functions (1980
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING, Any
 
 import gmpy2
 import numpy as np
@@ -33,6 +34,9 @@ from numba import njit, types
 from numba.extending import intrinsic, overload
 
 from .lanes import NUMBER, OPTIONS, Lanes, broadcast, call, polynomial
+
+if TYPE_CHECKING:
+    from phasebench.integrators.values.kinds import Function, Number
 
 #: Pi and log 2 as sums of parts; then the coefficients of the polynomials, lowest power first.
 PI = (3.1415926534682512, 1.215420100718692e-10, 5.825464112186712e-20)
@@ -92,16 +96,16 @@ LARGEST = 1e12
 OVERFLOW, UNDERFLOW = 710.0, -746.0
 
 
-def _vector(builder, number: float, n: int):
+def _vector(builder: Any, number: float, n: int) -> Any:
     """Return the LLVM constant with ``number`` in each of n lanes."""
     return ir.Constant(ir.VectorType(NUMBER, n), [ir.Constant(NUMBER, number)] * n)
 
 
 @intrinsic
-def _clip(typing_context, x, low, high, beyond):
+def _clip(typing_context: Any, x: types.Type, low: types.Type, high: types.Type, beyond: types.Type) -> tuple:
     """Clip the lanes of x to [low, high]; if ``beyond`` is an integer, lanes outside become NaN instead."""
 
-    def codegen(context, builder, sig, args):
+    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         bounds = [broadcast(context, builder, a, t, x.n) for a, t in zip(args[1:3], sig.args[1:3], strict=True)]
         clipped = args[0]
         for comparison, bound in zip("<>", bounds, strict=True):
@@ -114,13 +118,13 @@ def _clip(typing_context, x, low, high, beyond):
 
 
 @intrinsic
-def _power_of_two(typing_context, n):
+def _power_of_two(typing_context: Any, n: types.Type) -> tuple:
     """2**n for integers n in lanes, from -1022 to 1023."""
 
-    def codegen(context, builder, sig, args):
+    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         integers = ir.VectorType(ir.IntType(64), n.n)
 
-        def all_of(i):
+        def all_of(i: int) -> Any:
             return ir.Constant(integers, [ir.Constant(ir.IntType(64), i)] * n.n)
 
         bits = builder.bitcast(builder.fadd(args[0], _vector(builder, ROUND, n.n)), integers)
@@ -131,10 +135,10 @@ def _power_of_two(typing_context, n):
 
 
 @intrinsic
-def _select_below(typing_context, x, bound, near, far):
+def _select_below(typing_context: Any, x: types.Type, bound: types.Type, near: types.Type, far: types.Type) -> tuple:
     """Choose ``near`` in the lanes where x < bound, ``far`` in the others."""
 
-    def codegen(context, builder, sig, args):
+    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         less = builder.fcmp_ordered("<", args[0], broadcast(context, builder, args[1], sig.args[1], x.n))
         return builder.select(less, args[2], args[3])
 
@@ -142,19 +146,19 @@ def _select_below(typing_context, x, bound, near, far):
 
 
 @intrinsic
-def _sqrt(typing_context, x):
+def _sqrt(typing_context: Any, x: types.Type) -> tuple:
     """The square root of each lane of x, by the processor's instruction."""
     return x(x), lambda context, builder, sig, args: call(builder, "sqrt", x.n, args[0])
 
 
 @njit(**OPTIONS)
-def _round(x):
+def _round(x: Number) -> Number:
     """x rounded to the nearest integer."""
     return (x + ROUND) - ROUND
 
 
 @njit(**OPTIONS)
-def _reduced_sine(x, n, sign):
+def _reduced_sine(x: Number, n: int, sign: Number) -> Number:
     """The value sign * sin(x - n pi) in each lane, for |x - n pi| <= pi/2, by a polynomial."""
     r = ((x - n * PI[0]) - n * PI[1]) - n * PI[2]
     z = r * r
@@ -163,28 +167,28 @@ def _reduced_sine(x, n, sign):
 
 
 @njit(**OPTIONS)
-def _sign(n):
+def _sign(n: int) -> Number:
     """(-1)**n for integers n."""
     odd = n - 2.0 * _round(0.5 * n)
     return 1.0 - 2.0 * (odd * odd)
 
 
 @njit(**OPTIONS)
-def _sin(x):
+def _sin(x: Number) -> Number:
     x = _clip(x, -LARGEST, LARGEST, 0)
     n = _round(x * (1 / math.pi))
     return _reduced_sine(x, n, _sign(n))
 
 
 @njit(**OPTIONS)
-def _cos(x):
+def _cos(x: Number) -> Number:
     x = _clip(x, -LARGEST, LARGEST, 0)
     n = _round(x * (1 / math.pi) + 0.5)
     return _reduced_sine(x, n - 0.5, _sign(n))
 
 
 @njit(**OPTIONS)
-def _exp(x):
+def _exp(x: Number) -> Number:
     x = _clip(x, UNDERFLOW, OVERFLOW, 0.0)
     n = _round(x * (1 / math.log(2)))
     r = (x - n * LOG_2[0]) - n * LOG_2[1]
@@ -195,35 +199,35 @@ def _exp(x):
 
 
 @njit(**OPTIONS)
-def _cosh(x):
+def _cosh(x: Number) -> Number:
     e = _exp(x)
     return 0.5 * (e + 1.0 / e)
 
 
 @njit(**OPTIONS)
-def _sinh(x):
+def _sinh(x: Number) -> Number:
     e, z = _exp(x), x * x
     near = x + x * (z * polynomial(HYPERBOLIC_SINE, z, HYPERBOLIC_SINE))
     return _select_below(z, NEAR_SINE * NEAR_SINE, near, 0.5 * (e - 1.0 / e))
 
 
 @njit(**OPTIONS)
-def _tanh(x):
+def _tanh(x: Number) -> Number:
     z = x * x
     near = x + x * (z * polynomial(HYPERBOLIC_TANGENT, z, HYPERBOLIC_TANGENT))
     return _select_below(z, NEAR_TANGENT * NEAR_TANGENT, near, 1.0 - 2.0 / (_exp(2.0 * x) + 1.0))
 
 
-def _overload(name: str, of_lanes):
+def _overload(name: str, of_lanes: Any) -> Function:
     """Return the function ``name`` of the module math, extended to SIMD lanes (``of_lanes``), MPFR numbers, arrays."""
     of_number = getattr(math, name)
 
-    def plain(x):
+    def plain(x: Number) -> Number:
         if isinstance(x, np.ndarray):
             return np.array([plain(a) for a in x], x.dtype)
         return getattr(gmpy2, name)(x) if isinstance(x, type(gmpy2.mpfr(0))) else of_number(x)
 
-    def choose(x):
+    def choose(x: Number) -> Any:
         if isinstance(x, Lanes):
             return lambda x: of_lanes(x)
         return (lambda x: of_number(x)) if isinstance(x, types.Number) else None

@@ -11,14 +11,18 @@ from __future__ import annotations
 import ast
 import copy
 from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
 from weakref import WeakKeyDictionary
 
 from numba import types
 
 from phasebench.integrators.compile.codegen import DOUBLE, compiled, value_kind
 
+if TYPE_CHECKING:
+    from phasebench.integrators.systems.hamiltonian import Hamiltonian
 
-def signature(returning):
+
+def signature(returning: Any) -> Any:
     """Return the Numba signature of a function's version that writes its results into further arguments.
 
     ``returning`` is the signature of the version that returns them.
@@ -54,7 +58,7 @@ def _rewrite(text: str) -> str:
 _versions: WeakKeyDictionary = WeakKeyDictionary()
 
 
-def in_place_version(system, arithmetic: str, most: int):
+def in_place_version(system: Hamiltonian, arithmetic: str, most: int) -> Hamiltonian:
     """Return a copy of the system whose functions write results into arrays; the system itself if states are tuples.
 
     States are tuples up to ``most`` degrees of freedom, or up to `codegen.TUPLE_LIMIT` if that is smaller.  The system

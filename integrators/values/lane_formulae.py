@@ -11,6 +11,7 @@ import hashlib
 from collections.abc import Callable, Iterable, Sequence
 from functools import cache
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from numba import types
 
@@ -18,6 +19,10 @@ from phasebench.integrators.compile import codegen
 from phasebench.integrators.compile.lazy import sympy as sp
 
 from . import elementary, lanes
+
+if TYPE_CHECKING:
+    from phasebench.integrators.systems.hamiltonian import Hamiltonian
+    from phasebench.integrators.values.kinds import Function
 
 #: SymPy's names of the operations that have a lane version.
 SUPPORTED = ("Add", "Mul", "Pow", "sin", "cos", "exp", "sinh", "cosh", "tanh")
@@ -38,8 +43,13 @@ def _unsupported_power(e: sp.Expr) -> bool:
 
 
 def function(
-    kind: str, arguments: Sequence[tuple[str, Sequence[sp.Symbol]]], results: Callable, n: int, system, arithmetic: str
-):
+    kind: str,
+    arguments: Sequence[tuple[str, Sequence[sp.Symbol]]],
+    results: Callable,
+    n: int,
+    system: Hamiltonian,
+    arithmetic: str,
+) -> Function:
     """Return the compiled function f(B) that evaluates formulae in n lanes; rows of the table B are its variables.
 
     ``kind`` is a label that identifies the function in the cache, ``arguments`` are pairs (name, vector of symbols),
@@ -49,7 +59,7 @@ def function(
     """
     rows = sum(len(symbols) for _, symbols in arguments)
 
-    def text(arithmetic):
+    def text(arithmetic: str) -> str:
         from phasebench.integrators.compile import printing
 
         expressions = results()

@@ -6,6 +6,8 @@ axis of blocks before these two, and one of lanes after them.
 
 from __future__ import annotations
 
+from typing import Any
+
 from llvmlite import ir
 from numba.core import cgutils, types
 from numba.extending import intrinsic
@@ -25,14 +27,14 @@ def block_type(array: types.Array) -> types.Type:
     return table_type(array.ndim - 2) if array.ndim > 2 else LANES
 
 
-def type_with_block(record, arrays):
+def type_with_block(record: Any, arrays: Any) -> Any:
     """Return the Numba type of the result of `with_block`, for the types of its arguments."""
     kinds = dict(zip(record.fields, record.types, strict=True))
     kinds |= {name: block_type(t) for name, t in zip(arrays.fields, arrays.types, strict=True)}
     return types.BaseTuple.from_types(tuple(kinds.values()), record.instance_class)
 
 
-def _view(context, builder, array_type, array, block):
+def _view(context: Any, builder: Any, array_type: Any, array: Any, block: Any) -> Any:
     """Emit the LLVM code of a view of block number ``block`` of an array (blocks, ..., lanes), as an array of lanes."""
     source = arrayobj.make_array(array_type)(context, builder, array)
     shape, strides = (cgutils.unpack_tuple(builder, x) for x in (source.shape, source.strides))
@@ -54,24 +56,24 @@ def _view(context, builder, array_type, array, block):
 
 
 @intrinsic
-def block_of(typingctx, array, block):
+def block_of(typingctx: Any, array: types.Type, block: types.Type) -> tuple:
     """View block number ``block`` of an array of doubles (blocks, ..., lanes) as an array of lanes (...)."""
 
-    def codegen(context, builder, sig, args):
+    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         return _view(context, builder, array, *args)
 
     return block_type(array)(array, types.intp), codegen
 
 
 @intrinsic
-def with_block(typingctx, record, arrays, block):
+def with_block(typingctx: Any, record: types.Type, arrays: types.Type, block: types.Type) -> tuple:
     """Copy a NamedTuple, with each field that the NamedTuple ``arrays`` has, too, replaced by a block of that array.
 
     ``block`` is the number of the block, as in `block_of`.
     """
     result = type_with_block(record, arrays)
 
-    def codegen(context, builder, sig, args):
+    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         old, given, number = args
         out = cgutils.get_null_value(context.get_value_type(result))
         for i, name in enumerate(record.fields):
@@ -86,11 +88,11 @@ def with_block(typingctx, record, arrays, block):
 
 
 @intrinsic
-def zeros_of(typingctx, like):
+def zeros_of(typingctx: Any, like: types.Type) -> tuple:
     """A tuple of zeros in lanes, as long as the tuple ``like``."""
     kind = types.UniTuple(LANES, len(like))
 
-    def codegen(context, builder, sig, args):
+    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         return cgutils.get_null_value(context.get_value_type(kind))
 
     return kind(like), codegen

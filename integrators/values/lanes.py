@@ -13,6 +13,7 @@ lanes.
 from __future__ import annotations
 
 import operator
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from llvmlite import ir
@@ -23,6 +24,9 @@ from numba.extending import intrinsic, lower_builtin, models, overload, register
 
 from phasebench.integrators.compile.options import TUPLES
 
+if TYPE_CHECKING:
+    from phasebench.integrators.values.kinds import Function, Number
+
 OPTIONS = {"forceinline": True, **TUPLES}
 NUMBER = ir.DoubleType()
 #: LLVM flags: products and sums may be fused, as everywhere; a sum over the lanes may be taken in any order.
@@ -32,11 +36,11 @@ FUSED, ANY_ORDER = ("contract",), ("contract", "reassoc", "nsz")
 class Lanes(types.Type):
     """The Numba type of n doubles side by side in a vector register, one in each lane."""
 
-    def __init__(self, n: int):
+    def __init__(self, n: int) -> None:
         self.n = n
         super().__init__(f"lanes({n})")
 
-    def can_convert_from(self, typing_context, other):
+    def can_convert_from(self, typing_context: Any, other: types.Type) -> tuple:
         """Accept scalars: a scalar converts to the same number in every lane."""
         return Conversion.safe if isinstance(other, (types.Integer, types.Float)) else None
 
@@ -45,11 +49,11 @@ class Lanes(types.Type):
 class _Model(models.PrimitiveModel):
     """The data model of the Numba type `Lanes`: an LLVM vector of doubles."""
 
-    def __init__(self, manager, lanes):
+    def __init__(self, manager: Any, lanes: Any) -> None:
         super().__init__(manager, lanes, ir.VectorType(NUMBER, lanes.n))
 
 
-def broadcast(context, builder, value, kind, n: int):
+def broadcast(context: Any, builder: Any, value: Any, kind: Any, n: int) -> Any:
     """Emit LLVM code that converts a scalar, or lanes, to a vector of n doubles; ``kind`` is the value's Numba type."""
     if isinstance(kind, Lanes):
         return value
@@ -58,11 +62,11 @@ def broadcast(context, builder, value, kind, n: int):
     return builder.shuffle_vector(vector, vector, ir.VectorType(ir.IntType(32), n)([0] * n))
 
 
-def _index(i: int):
+def _index(i: int) -> Any:
     return ir.IntType(32)(i)
 
 
-def call(builder, name: str, n: int, *vectors, flags=()):
+def call(builder: Any, name: str, n: int, *vectors: Any, flags: Any = ()) -> Any:
     """Emit a call of the LLVM intrinsic ``name`` on vectors of n doubles; on doubles if n is 0."""
     kind, name = (ir.VectorType(NUMBER, n), f"llvm.{name}.v{n}f64") if n else (NUMBER, f"llvm.{name}.f64")
     function = builder.module.globals.get(name)
@@ -74,17 +78,17 @@ def call(builder, name: str, n: int, *vectors, flags=()):
 # -- operators --------------------------------------------------------------------------------------------------------
 
 
-def _operator(function, instruction: str) -> None:
+def _operator(function: Function, instruction: str) -> None:
     """Define a Python operator between lanes and lanes or scalars by an LLVM instruction."""
 
     @infer_global(function)
     class _(AbstractTemplate):
-        def generic(self, args, kws):
+        def generic(self, args: Any, kws: Any) -> Any:
             lanes = [t for t in args if isinstance(t, Lanes)]
             known = all(isinstance(t, (Lanes, types.Float, types.Integer)) for t in args)
             return signature(lanes[0], *args) if len(args) == 2 and lanes and known else None
 
-    def lower(context, builder, sig, args):
+    def lower(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         n = sig.return_type.n
         return getattr(builder, instruction)(
             *(broadcast(context, builder, x, t, n) for x, t in zip(args, sig.args, strict=True))
@@ -105,12 +109,12 @@ for _function, _instruction in (
     _operator(_function, _instruction)
 
 
-def _unary(function, emit) -> None:
+def _unary(function: type | Function, emit: Function) -> None:
     """Define a Python function of one argument on lanes; ``emit`` writes its LLVM code."""
 
     @infer_global(function)
     class _(AbstractTemplate):
-        def generic(self, args, kws):
+        def generic(self, args: Any, kws: Any) -> Any:
             return signature(args[0], *args) if len(args) == 1 and isinstance(args[0], Lanes) else None
 
     lower_builtin(function, Lanes)(lambda context, builder, sig, args: emit(builder, sig.return_type.n, args[0]))
@@ -121,13 +125,13 @@ _unary(abs, lambda builder, n, x: call(builder, "fabs", n, x))
 _unary(float, lambda builder, n, x: x)
 
 
-def operation(compiled):
+def operation(compiled: Any) -> Function:
     """Return a decorator that replaces a plain NumPy function in compiled code by the Numba intrinsic ``compiled``.
 
     It does so for calls in which an argument is of the type `Lanes`, or a tuple, as the last argument ``like`` is.
     """
 
-    def decorate(function):
+    def decorate(function: Function) -> Function:
         names = ", ".join(function.__code__.co_varnames[: function.__code__.co_argcount])
         namespace = {"compiled": compiled, "__name__": __name__}
         exec(f"def typed({names}): return chosen({names})", namespace)
@@ -145,7 +149,7 @@ def operation(compiled):
 # -- rows of a table --------------------------------------------------------------------------------------------------
 
 
-def offset_address(builder, pointer, offset, kind=None):
+def offset_address(builder: Any, pointer: Any, offset: Any, kind: Any = None) -> Any:
     """Emit the address ``offset`` bytes after a pointer, as a pointer of the LLVM type ``kind`` (by default the same).
 
     LLVM knows that it stays within the pointer's array. Of an address made of integers it once lost that, and Newton's
@@ -155,7 +159,7 @@ def offset_address(builder, pointer, offset, kind=None):
     return builder.bitcast(address, kind or pointer.type)
 
 
-def _row_address(context, builder, table_type, table, row, n):
+def _row_address(context: Any, builder: Any, table_type: Any, table: Any, row: Any, n: int) -> Any:
     """Emit the address of the first n numbers of a row of a table, as that of an LLVM vector."""
     array = context.make_array(table_type)(context, builder, table)
     strides = array.strides
@@ -164,10 +168,10 @@ def _row_address(context, builder, table_type, table, row, n):
 
 
 @intrinsic
-def _take(typing_context, table, row, like):
+def _take(typing_context: Any, table: types.Type, row: types.Type, like: types.Type) -> tuple:
     """Read a row of a table as lanes, as many as ``like`` has: the Numba intrinsic to which `take` compiles."""
 
-    def codegen(context, builder, sig, args):
+    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         n = like.count
         return builder.load(_row_address(context, builder, table, args[0], args[1], n), align=8)
 
@@ -175,10 +179,10 @@ def _take(typing_context, table, row, like):
 
 
 @intrinsic
-def _put(typing_context, table, row, x, like):
+def _put(typing_context: Any, table: types.Type, row: types.Type, x: types.Type, like: types.Type) -> tuple:
     """Write lanes x into a row of a table: the Numba intrinsic to which `put` compiles."""
 
-    def codegen(context, builder, sig, args):
+    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         n = like.count
         vector = broadcast(context, builder, args[2], x, n)
         builder.store(vector, _row_address(context, builder, table, args[0], args[1], n), align=8)
@@ -188,10 +192,18 @@ def _put(typing_context, table, row, x, like):
 
 
 @intrinsic
-def _combine(typing_context, x, y, factor, table, row, like):
+def _combine(
+    typing_context: Any,
+    x: types.Type,
+    y: types.Type,
+    factor: types.Type,
+    table: types.Type,
+    row: types.Type,
+    like: types.Type,
+) -> tuple:
     """Add to x a linear combination of rows of a table: the Numba intrinsic to which `combine` compiles."""
 
-    def codegen(context, builder, sig, args):
+    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         n = y.n
         sums = [None, None]
         for j in range(like.count):  # two sums, so that fewer operations wait for each other
@@ -210,19 +222,19 @@ def _combine(typing_context, x, y, factor, table, row, like):
     return Lanes(y.n)(x, y, factor, table, types.intp, like), codegen
 
 
-def _next(builder, row, j):
+def _next(builder: Any, row: Any, j: Any) -> Any:
     """Emit the sum of the indices row and j."""
     return builder.add(row, row.type(j))
 
 
 @intrinsic
-def _polynomial(typing_context, coefficients, z, like):
+def _polynomial(typing_context: Any, coefficients: types.Type, z: types.Type, like: types.Type) -> tuple:
     """Evaluate a polynomial at each lane of z: the Numba intrinsic to which `polynomial` compiles."""
 
-    def codegen(context, builder, sig, args):
+    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         n = z.n
 
-        def coefficient(k):
+        def coefficient(k: int) -> Any:
             if isinstance(coefficients, types.UniTuple):
                 return broadcast(context, builder, builder.extract_value(args[0], k), types.float64, n)
             return builder.shuffle_vector(args[0], args[0], ir.VectorType(ir.IntType(32), n)([k] * n))
@@ -240,10 +252,10 @@ def _polynomial(typing_context, coefficients, z, like):
 
 
 @intrinsic
-def _total(typing_context, x):
+def _total(typing_context: Any, x: types.Type) -> tuple:
     """Sum the lanes of x: the Numba intrinsic to which `total` compiles."""
 
-    def codegen(context, builder, sig, args):
+    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         kind, name = ir.VectorType(NUMBER, x.n), f"llvm.vector.reduce.fadd.v{x.n}f64"
         function = builder.module.globals.get(name)
         if function is None:
@@ -254,26 +266,26 @@ def _total(typing_context, x):
 
 
 @operation(_take)
-def take(table, row, like):
+def take(table: np.ndarray, row: int, like: Number) -> Number:
     """Read the row with index ``row`` of a table as lanes, as many as ``like`` has items."""
     return table[row, : len(like)].copy()
 
 
 @operation(_put)
-def put(table, row, x, like):
+def put(table: np.ndarray, row: int, x: Number, like: Number) -> None:
     """Write the lanes x, or one scalar for all of them, into a row of a table; ``like`` has as many items as lanes."""
     table[row, : len(like)] = x
 
 
 @operation(_combine)
-def combine(x, y, factor, table, row, like):
+def combine(x: Number, y: Number, factor: Number, table: np.ndarray, row: int, like: Number) -> Number:
     """x + factor * sum_j y[j] table[row + j], where j runs over the indices of ``like``; y and the result are lanes."""
     terms = [y[j] * table[row + j, : len(y)] for j in range(len(like))]
     return x + factor * sum(terms[1:], terms[0])
 
 
 @operation(_polynomial)
-def polynomial(coefficients, z, like):
+def polynomial(coefficients: np.ndarray, z: Number, like: Number) -> Number:
     """The polynomial with these coefficients, lowest power first, as many as ``like`` has items, at each lane of z.
 
     The coefficients are lanes or a tuple.  Compiled, neighbouring terms are added in pairs, then those sums in pairs,
@@ -286,6 +298,6 @@ def polynomial(coefficients, z, like):
 
 
 @operation(_total)
-def total(x):
+def total(x: Number) -> Number:
     """The sum of the lanes of x, a number."""
     return np.sum(x)

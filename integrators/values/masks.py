@@ -14,6 +14,7 @@ from __future__ import annotations
 import inspect
 import math
 import operator
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from llvmlite import binding, ir
@@ -26,11 +27,14 @@ from . import elementary
 from .lanes import OPTIONS, Lanes, broadcast
 from .vector import PLACES, scale
 
+if TYPE_CHECKING:
+    from phasebench.integrators.values.kinds import Condition, Function, Number, Value
+
 
 class Mask(types.Type):
     """The Numba type of a truth value for each of n lanes."""
 
-    def __init__(self, n: int):
+    def __init__(self, n: int) -> None:
         self.n = n
         super().__init__(f"mask({n})")
 
@@ -39,7 +43,7 @@ class Mask(types.Type):
 class _MaskModel(models.PrimitiveModel):
     """The data model of the Numba type `Mask`: an LLVM vector of n bits."""
 
-    def __init__(self, manager, mask):
+    def __init__(self, manager: Any, mask: Any) -> None:
         super().__init__(manager, mask, ir.VectorType(ir.IntType(1), mask.n))
 
 
@@ -56,7 +60,7 @@ LANES = Lanes(2 * _native())
 
 @lower_cast(types.Integer, Lanes)
 @lower_cast(types.Float, Lanes)
-def _broadcast(context, builder, kind, lanes, value):
+def _broadcast(context: Any, builder: Any, kind: Any, lanes: Any, value: Any) -> Any:
     """Emit LLVM code that converts a scalar to lanes, each of which gets the scalar."""
     if isinstance(kind, types.IntegerLiteral):
         kind, value = types.float64, context.get_constant(types.float64, float(kind.literal_value))
@@ -66,18 +70,18 @@ def _broadcast(context, builder, kind, lanes, value):
 # -- conditions -------------------------------------------------------------------------------------------------------
 
 
-def _comparison(function, sign: str):
+def _comparison(function: Function, sign: str) -> Any:
     """Define in Numba a comparison of SIMD lanes, which gives a `Mask`; NaN compares as in IEEE arithmetic."""
 
     @infer_global(function)
     class _Template(AbstractTemplate):
-        def generic(self, args, kws):
+        def generic(self, args: Any, kws: Any) -> Any:
             known = all(isinstance(a, (Lanes, types.Integer, types.Float)) for a in args)
             lanes = next((a for a in args if isinstance(a, Lanes)), None)
             return signature(Mask(lanes.n), lanes, lanes) if known and lanes is not None else None
 
     @lower_builtin(function, Lanes, Lanes)
-    def _lowered(context, builder, sig, args):
+    def _lowered(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         compare = builder.fcmp_unordered if sign == "!=" else builder.fcmp_ordered
         return compare(sign, *args)
 
@@ -93,18 +97,18 @@ for _function, _sign in (
     _comparison(_function, _sign)
 
 
-def _logical(function, name: str):
+def _logical(function: Function, name: str) -> Any:
     """Define in Numba a logical operator between masks; ``name`` is that of LLVM's instruction."""
 
     @infer_global(function)
     class _Template(AbstractTemplate):
-        def generic(self, args, kws):
+        def generic(self, args: Any, kws: Any) -> Any:
             if all(isinstance(a, Mask) for a in args):
                 return signature(args[0], *args)
             return None
 
     @lower_builtin(function, *[Mask] * (1 if name == "not_" else 2))
-    def _lowered(context, builder, sig, args):
+    def _lowered(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         return getattr(builder, name)(*args)
 
 
@@ -114,10 +118,10 @@ _logical(operator.invert, "not_")
 
 
 @intrinsic
-def count(typingctx, mask):
+def count(typingctx: Any, mask: types.Type) -> tuple:
     """The number of lanes in which a condition holds."""
 
-    def codegen(context, builder, sig, args):
+    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         bits = ir.IntType(mask.n)
         packed = builder.bitcast(args[0], bits)
         return builder.zext(builder.ctpop(packed), ir.IntType(64))
@@ -126,10 +130,10 @@ def count(typingctx, mask):
 
 
 @intrinsic
-def broadcast_like(typingctx, number, lanes):
+def broadcast_like(typingctx: Any, number: types.Type, lanes: types.Type) -> tuple:
     """Return lanes of the type of ``lanes``, each of which has the scalar ``number``."""
 
-    def codegen(context, builder, sig, args):
+    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         return context.cast(builder, args[0], number, lanes)
 
     return lanes(number, lanes), codegen
@@ -139,31 +143,31 @@ def broadcast_like(typingctx, number, lanes):
 class _Any(AbstractTemplate):
     """Tell Numba that bool(mask) is a truth value."""
 
-    def generic(self, args, kws):
+    def generic(self, args: Any, kws: Any) -> Any:
         if len(args) == 1 and isinstance(args[0], Mask):
             return signature(types.boolean, args[0])
         return None
 
 
 @lower_builtin(bool, Mask)
-def _any(context, builder, sig, args):
+def _any(context: Any, builder: Any, sig: Any, args: Any) -> Any:
     """Emit the LLVM code of bool(mask): True if the condition holds in any lane."""
     return _truth(context, builder, sig.args[0], types.boolean, args[0])
 
 
 @lower_cast(Mask, types.Boolean)
-def _truth(context, builder, fromty, toty, value):
+def _truth(context: Any, builder: Any, fromty: Any, toty: Any, value: Any) -> Any:
     """Emit the LLVM code that converts a mask to a truth value: True if the condition holds in any lane."""
     packed = builder.bitcast(value, ir.IntType(fromty.n))
     return builder.icmp_unsigned("!=", packed, ir.Constant(packed.type, 0))
 
 
 @intrinsic
-def select(typingctx, mask, a, b):
+def select(typingctx: Any, mask: types.Type, a: types.Type, b: types.Type) -> tuple:
     """Choose a in the lanes where the mask holds, b in the others; a and b are lanes or tuples of lanes."""
     kind = a if isinstance(a, (Lanes, types.BaseTuple)) else b
 
-    def codegen(context, builder, sig, args):
+    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         chosen, a, b = args
         if isinstance(kind, Lanes):
             return builder.select(chosen, a, b)
@@ -176,7 +180,7 @@ def select(typingctx, mask, a, b):
     return kind(mask, kind, kind), codegen
 
 
-def where(condition, a, b):
+def where(condition: Condition, a: Value, b: Value) -> Value:
     """Choose a where the condition holds, else b; for SIMD lanes lane by lane (`select`).
 
     a and b are numbers, lanes, or tuples of these.
@@ -184,17 +188,17 @@ def where(condition, a, b):
     return a if condition else b
 
 
-def number(condition) -> int:
+def number(condition: Condition) -> int:
     """The number of lanes in which a condition holds; 0 or 1 for a scalar condition."""
     return 1 if condition else 0
 
 
-def fails(condition):
+def fails(condition: Condition) -> bool:
     """True where the condition does not hold: its negation, for scalars and masks."""
     return not condition
 
 
-def retire_lanes(going, kept, x):
+def retire_lanes(going: Condition, kept: Condition, x: Value) -> tuple[Value, bool]:
     """Set the lanes of x in which ``going`` holds and ``kept`` does not to NaN; returns (x, True).
 
     If the conditions are scalars, x is returned unchanged, with ``kept`` in place of True.
@@ -202,7 +206,7 @@ def retire_lanes(going, kept, x):
     return x, kept
 
 
-def _overload_for_masks(function, in_lanes, options=OPTIONS) -> None:
+def _overload_for_masks(function: Function, in_lanes: Function, options: dict = OPTIONS) -> None:
     """Make Numba compile a function to ``in_lanes`` where its first argument, a condition, is a `Mask`."""
     names = ", ".join(function.__code__.co_varnames[: function.__code__.co_argcount])
     namespace = {"in_lanes": in_lanes, "alone": function, "Mask": Mask}
@@ -225,7 +229,7 @@ def _use_elementary(name: str) -> None:
     of_lanes = getattr(elementary, name)
 
     @overload(getattr(math, name), jit_options=OPTIONS)
-    def typed(x):
+    def typed(x: Number) -> Any:
         return (lambda x: of_lanes(x)) if isinstance(x, Lanes) else None
 
 
@@ -234,35 +238,35 @@ for _name in ("sin", "cos", "exp", "sqrt", "sinh", "cosh", "tanh"):
 
 
 @intrinsic
-def _lane(typingctx, x, i):
+def _lane(typingctx: Any, x: types.Type, i: types.Type) -> tuple:
     """Lane number i of x."""
 
-    def codegen(context, builder, sig, args):
+    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         return builder.extract_element(args[0], builder.trunc(args[1], ir.IntType(32)))
 
     return types.float64(x, types.intp), codegen
 
 
 @intrinsic
-def _with_lane(typingctx, x, i, value):
+def _with_lane(typingctx: Any, x: types.Type, i: types.Type, value: types.Type) -> tuple:
     """x with ``value`` in lane number i."""
 
-    def codegen(context, builder, sig, args):
+    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         return builder.insert_element(args[0], args[2], builder.trunc(args[1], ir.IntType(32)))
 
     return x(x, types.intp, types.float64), codegen
 
 
-def overload_lane_by_lane(function) -> None:
+def overload_lane_by_lane(function: Function) -> None:
     """Overload a function of one number for SIMD lanes, by calling it for each lane."""
 
     @overload(function, jit_options=OPTIONS)
-    def of_lanes(x):
+    def of_lanes(x: Number) -> Any:
         if not isinstance(x, Lanes):
             return None
         width = x.n
 
-        def impl(x):
+        def impl(x: Number) -> Any:
             out = x
             for i in range(width):
                 out = _with_lane(out, i, function(_lane(x, i)))
@@ -282,13 +286,13 @@ for _function in (
 
 
 @overload(operator.pow, jit_options=OPTIONS)
-def _power(x, n):
+def _power(x: Number, n: int) -> Any:
     """x**n of lanes x and a number n, computed for each lane."""
     if not isinstance(x, Lanes) or isinstance(n, Lanes):
         return None
     width = x.n
 
-    def impl(x, n):
+    def impl(x: Number, n: int) -> Any:
         out = x
         for i in range(width):
             out = _with_lane(out, i, _lane(x, i) ** n)
@@ -297,12 +301,12 @@ def _power(x, n):
     return impl
 
 
-def holds_lanes(arguments) -> bool:
+def holds_lanes(arguments: Any) -> bool:
     """True if lanes, or tuples of them, are among the types of the arguments."""
     return any(isinstance(getattr(a, "dtype", a), Lanes) for a in arguments)
 
 
-def overload_in_lanes(scalar, in_lanes):
+def overload_in_lanes(scalar: Function, in_lanes: Function) -> Function:
     """Return a function that is ``in_lanes`` if an argument has SIMD lanes, else ``scalar``, chosen at compile time."""
     names = ", ".join(inspect.signature(scalar).parameters)
     namespace = {"__name__": __name__, "scalar": scalar, "in_lanes": in_lanes, "holds_lanes": holds_lanes}

@@ -12,7 +12,8 @@ from __future__ import annotations
 
 import hashlib
 import inspect
-from typing import Any, NamedTuple
+from collections.abc import Callable, Iterable, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numba import config, njit, types
@@ -25,8 +26,12 @@ from phasebench.integrators.compile.options import ARRAYS, COMMON, TUPLES
 from .fma import fma
 from .lanes import offset_address
 
+if TYPE_CHECKING:
+    from phasebench.integrators.stepping.kernel import Carry, Samples
+    from phasebench.integrators.values.kinds import Function, Number, Value
 
-def _holds_vectors(t) -> bool:
+
+def _holds_vectors(t: types.Type) -> bool:
     """True if a Numba type is, or contains, a vector (d,) of doubles: a value of large d.
 
     Tables have two axes and arrays of coefficients are read-only, so that neither counts as a vector.
@@ -41,17 +46,17 @@ def _holds_vectors(t) -> bool:
 PART = COMMON | {"forceinline": False, "no_cfunc_wrapper": True}
 
 
-def jit(f):
+def jit(f: Function) -> Function:
     """Compile ``f`` by Numba as a function of its own, not inlined, with the options of its caller; a decorator."""
     return njit(**PART)(_rename_by_content(f))
 
 
-def inline(f):
+def inline(f: Function) -> Function:
     """Inline ``f`` by Numba into its caller, with the caller's options; a decorator for the operations of a step."""
     return njit(**COMMON, inline="always")(f)
 
 
-def _rename_by_content(f):
+def _rename_by_content(f: Function) -> Function:
     """Give a function that is made by another one a name that contains a hash of what it is made of.
 
     Machine code is linked by name: functions of one name, made with different constants or from different functions by
@@ -65,10 +70,10 @@ def _rename_by_content(f):
 
 
 @intrinsic
-def _mark_noinline(typing_context):
+def _mark_noinline(typing_context: Any) -> tuple:
     """Mark the function that contains this call as never to be inlined."""
 
-    def codegen(context, builder, signature, arguments):
+    def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         builder.function.attributes.add("noinline")
         return context.get_dummy_value()
 
@@ -79,7 +84,9 @@ def _mark_noinline(typing_context):
 forbid_inlining = (lambda: None) if config.DISABLE_JIT else _mark_noinline
 
 
-def _overload_by_source(fn, template, loop=None, loop_options=ARRAYS):
+def _overload_by_source(
+    fn: Function, template: Function, loop: Function | None = None, loop_options: dict = ARRAYS
+) -> Function:
     """Make Numba compile ``fn`` from generated source text where its arguments are tuples or arrays; returns ``fn``.
 
     ``template(names, arguments)`` returns the body of the function for tuples, ``loop(names, arguments)`` that for
@@ -87,7 +94,7 @@ def _overload_by_source(fn, template, loop=None, loop_options=ARRAYS):
     """
     names = list(inspect.signature(fn).parameters)
 
-    def build_function(kind, arguments):
+    def build_function(kind: Function | None, arguments: Sequence[types.Type]) -> Function:
         if kind is None:
             return fn
         namespace, text = {"__name__": __name__, "scalar": inline(fn), "np": np}, kind(names, arguments)
@@ -95,10 +102,10 @@ def _overload_by_source(fn, template, loop=None, loop_options=ARRAYS):
         exec(f"def {name}({', '.join(names)}):\n{text}", namespace)
         return namespace[name]
 
-    def for_tuples(*arguments):
+    def for_tuples(*arguments: types.Type) -> Function | None:
         return build_function(template, arguments) if any(isinstance(a, types.BaseTuple) for a in arguments) else None
 
-    def for_arrays(*arguments):
+    def for_arrays(*arguments: types.Type) -> Function | None:
         return None if any(isinstance(a, types.BaseTuple) for a in arguments) else build_function(loop, arguments)
 
     for build, options in ((for_tuples, {"forceinline": True, **TUPLES}), (for_arrays, loop_options)):
@@ -108,19 +115,19 @@ def _overload_by_source(fn, template, loop=None, loop_options=ARRAYS):
     return fn
 
 
-def _length(arguments) -> int:
+def _length(arguments: Sequence[types.Type]) -> int:
     """Return the number of components of the first tuple among the Numba types of arguments."""
     return next(a.count for a in arguments if isinstance(a, types.BaseTuple))
 
 
-def elementwise(outputs: int = 1):
+def elementwise(outputs: int = 1) -> Function:
     """Return a decorator for functions that are one NumPy expression in vectors, with ``outputs`` results.
 
     Numba compiles the decorated function for tuples, component by component, and for arrays.
     """
 
-    def template(names, arguments):
-        def call(i):
+    def template(names: Sequence[str], arguments: Sequence[types.Type]) -> str:
+        def call(i: int) -> str:
             parts = (
                 f"{n}[{i}]" if isinstance(a, types.BaseTuple) else n for n, a in zip(names, arguments, strict=True)
             )
@@ -133,7 +140,7 @@ def elementwise(outputs: int = 1):
         packed = (_tuple_text(f"r{i}[{k}]" for i in range(d)) for k in range(outputs))
         return "\n".join([*lines, f"  return {', '.join(packed)}"])
 
-    def loop(names, arguments):
+    def loop(names: Sequence[str], arguments: Sequence[types.Type]) -> str:
         """Write one pass over the components: Numba's own loop for an array expression has a single output."""
         vectors = [n for n, a in zip(names, arguments, strict=True) if isinstance(a, types.Array)]
         parts = (f"{n}[i]" if n in vectors else n for n in names)
@@ -151,7 +158,7 @@ def elementwise(outputs: int = 1):
     return lambda fn: _overload_by_source(fn, template, loop if outputs > 1 else None)
 
 
-def unroll(template, loop: str = ""):
+def unroll(template: Function, loop: str = "") -> Function:
     """Return a decorator for functions of vectors that Numba compiles for tuples from the source text ``template(d)``.
 
     d is the number of items of the tuples, the text the body of the function.  For arrays the body is the text
@@ -161,7 +168,7 @@ def unroll(template, loop: str = ""):
     return lambda fn: _overload_by_source(fn, lambda names, arguments: template(_length(arguments)), on_arrays)
 
 
-def sum_of(term: str):
+def sum_of(term: str) -> Function:
     """Return a decorator for functions of vectors that Numba compiles to the sum over i of the source text ``term``.
 
     The text refers to components by the index ``[i]``.
@@ -169,16 +176,16 @@ def sum_of(term: str):
     The sum of an array may be taken in any order, so that the compiler keeps several partial sums.
     """
 
-    def template(names, arguments):
+    def template(names: Sequence[str], arguments: Sequence[types.Type]) -> str:
         return "  return " + " + ".join(term.replace("[i]", f"[{i}]") for i in range(_length(arguments)))
 
-    def loop(names, arguments):
+    def loop(names: Sequence[str], arguments: Sequence[types.Type]) -> str:
         return f"  s = 0.0\n  for i in range(len({names[0]})):\n    s += {term}\n  return s"
 
     return lambda fn: _overload_by_source(fn, template, loop, ARRAYS | {"fastmath": {"contract", "reassoc", "nsz"}})
 
 
-def _tuple_text(items) -> str:
+def _tuple_text(items: Iterable[str]) -> str:
     """Return the source text of a tuple of these items, which are source texts.
 
     Python builds a tuple of more than 30 items from a list, which Numba does not compile; so it is a sum of shorter
@@ -188,37 +195,37 @@ def _tuple_text(items) -> str:
     return " + ".join(f"({', '.join(items[i : i + 30])},)" for i in range(0, len(items), 30))
 
 
-def _tuple(d, item):
+def _tuple(d: int, item: Callable[[int], str]) -> str:
     """Return the source text of "return" with a tuple of d items: ``item`` with the index i filled in."""
     return "  return " + _tuple_text(item.format(i=i) for i in range(d))
 
 
 @elementwise()
-def axpy(a, x, y):
+def axpy(a: Number, x: Value, y: Value) -> Value:
     """The vector a x + y."""
     return y + a * x
 
 
 @elementwise()
-def scale(a, x):
+def scale(a: Number, x: Value) -> Value:
     """The vector a x."""
     return a * x
 
 
 @elementwise()
-def plus(x, y):
+def plus(x: Value, y: Value) -> Value:
     """The vector x + y."""
     return x + y
 
 
 @elementwise()
-def minus(x, y):
+def minus(x: Value, y: Value) -> Value:
     """The vector x - y."""
     return x - y
 
 
 @elementwise(outputs=2)
-def add(x, c, dx):
+def add(x: Value, c: Value, dx: Value) -> tuple[Value, Value]:
     """The compensated sum of x + c and dx: (the sum, the part of it that rounding lost).
 
     Only one addition waits for dx, which comes last in the chain of operations of a step.  The part of c that x + c
@@ -229,7 +236,7 @@ def add(x, c, dx):
 
 
 @elementwise(outputs=2)
-def add_product(x, c, a, v):
+def add_product(x: Value, c: Value, a: Number, v: Value) -> tuple[Value, Value]:
     """The compensated sum of x + c and a v: (the sum, the part of it that rounding lost).
 
     The product a v is not rounded, neither in the sum nor in the lost part.  The error left is the rounding of (a v +
@@ -240,19 +247,19 @@ def add_product(x, c, a, v):
 
 
 @sum_of("abs(x[i])")
-def size(x):
+def size(x: Value) -> Number:
     """The 1-norm of x; NaN if a component is NaN."""
     return np.sum(np.abs(x))
 
 
 @sum_of("abs(x[i] - y[i])")
-def distance(x, y):
+def distance(x: Value, y: Value) -> Number:
     """The 1-norm of x - y; NaN if a component is NaN."""
     return np.sum(np.abs(x - y))
 
 
 @unroll(lambda d: _tuple(d, "x[{i}] + (a if i == {i} else 0.0)"))
-def bump(x, i, a):
+def bump(x: Value, i: int, a: Number) -> Value:
     """A copy of the vector x with a added to component i."""
     y = x.copy()
     y[i] = y[i] + a
@@ -260,32 +267,32 @@ def bump(x, i, a):
 
 
 @unroll(lambda d: "  return x + y")
-def join(x, y):
+def join(x: Value, y: Value) -> Value:
     """The components of x followed by those of y."""
     return np.concatenate((x, y))
 
 
 @unroll(lambda d: _tuple(d // 2, "x[{i}]"))
-def head(x):
+def head(x: Value) -> Value:
     """The first half of x."""
     return x[: len(x) // 2]
 
 
 @unroll(lambda d: f"  return ({', '.join(f'x[{i}]' for i in range(d // 2, d))},)")
-def tail(x):
+def tail(x: Value) -> Value:
     """The second half of x."""
     return x[len(x) // 2 :]
 
 
 @unroll(lambda d: _tuple(d, "A[i, {i}]"))
-def load(A, i, like):
+def load(A: np.ndarray, i: int, like: Value) -> Value:
     """Row i of the table A as a value of the same kind and length as ``like``."""
     return A[i, : len(like)].copy()
 
 
 # A loop, because assigning to a slice would compile the error message for unequal lengths into every caller.
 @unroll(lambda d: "\n".join(f"  A[i, {j}] = x[{j}]" for j in range(d)), "  for j in range(len(x)): A[i, j] = x[j]")
-def store(A, i, x):
+def store(A: np.ndarray, i: int, x: Value) -> None:
     """Write x into row i of the table A."""
     A[i, : len(x)] = x
 
@@ -300,7 +307,7 @@ class State(NamedTuple):
 
 
 @inline
-def update(y, dq, dp):
+def update(y: State, dq: Value, dp: Value) -> State:
     """The state y after the increments dq and dp, added with compensation."""
     q, lost_q = add(y.q, y.lost_q, dq)
     p, lost_p = add(y.p, y.lost_p, dp)
@@ -308,14 +315,14 @@ def update(y, dq, dp):
 
 
 @inline
-def read_state(carry):
+def read_state(carry: Carry) -> State:
     """The state stored in rows 0 to 3 of ``carry.state``: q, p and what rounding lost of each."""
     rows, zero = carry.state, carry.zero
     return State(load(rows, 0, zero), load(rows, 1, zero), load(rows, 2, zero), load(rows, 3, zero))
 
 
 @inline
-def write_state(carry, y):
+def write_state(carry: Carry, y: State) -> None:
     """Write the state y to rows 0 to 3 of ``carry.state``, from where the next call goes on."""
     store(carry.state, 0, y.q)
     store(carry.state, 1, y.p)
@@ -324,13 +331,13 @@ def write_state(carry, y):
 
 
 @inline
-def write_sample(samples, row, y):
+def write_sample(samples: Samples, row: int, y: State) -> None:
     """Write q and p of the state y into a row of the samples."""
     store(samples.q, row, y.q)
     store(samples.p, row, y.p)
 
 
-def dispatch_on_none(when_none, otherwise):
+def dispatch_on_none(when_none: Function, otherwise: Function) -> Function:
     """Return a function that calls ``when_none`` if its first argument is None, else ``otherwise``.
 
     Compiled code chooses by the type of the argument, when it is compiled.
@@ -363,12 +370,12 @@ velocity = dispatch_on_none(lambda dT, p: p, lambda dT, p: dT(p))
 PLACES = COMMON | {"forceinline": True}
 
 
-def force_inline(f):
+def force_inline(f: Function) -> Function:
     """Let LLVM inline ``f`` into every caller, with the caller's options; a decorator for functions of every step."""
     return njit(**PLACES)(f)
 
 
-def overload_by_kind(function, on_values, on_arrays):
+def overload_by_kind(function: Function, on_values: Function, on_arrays: Function) -> None:
     """Overload a function by kind of argument.
 
     ``on_values`` and ``on_arrays`` are called with the types of the arguments and return the function to compile: the
@@ -385,33 +392,33 @@ def overload_by_kind(function, on_values, on_arrays):
         overload(function, jit_options=options)(namespace["typed"])
 
 
-def in_place(on_arrays):
+def in_place(on_arrays: Function | None) -> Function:
     """Return a decorator that makes a function compile to ``on_arrays`` if one of its arguments is a vector (array).
 
     For tuples and SIMD lanes the decorated function itself is compiled; if ``on_arrays`` is None, for arrays too.
     """
 
-    def decorate(on_values):
+    def decorate(on_values: Function) -> Function:
         overload_by_kind(on_values, lambda *arguments: on_values, lambda *arguments: on_arrays or on_values)
         return on_values
 
     return decorate
 
 
-def writes(f) -> bool:
+def writes(f: Function) -> bool:
     """True if the type is that of a function that writes its results into its last arguments (`inplace`)."""
     return isinstance(f, types.FunctionType) and f.signature.return_type == types.none
 
 
 @intrinsic
-def _part_of_row(typing_context, A, i, first, n):
+def _part_of_row(typing_context: Any, A: types.Type, i: types.Type, first: types.Type, n: types.Type) -> tuple:
     """A view of n numbers of row i of A from column ``first`` on.
 
     It counts no references, which is safe because the table outlives the kernel.
     """
     kind = types.Array(types.float64, 1, "C")
 
-    def codegen(context, builder, signature, arguments):
+    def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         table, row, first, n = arguments
         source = arrayobj.make_array(signature.args[0])(context, builder, table)
         size, width = context.get_constant(types.intp, 8), cgutils.unpack_tuple(builder, source.strides)[0]
@@ -424,38 +431,38 @@ def _part_of_row(typing_context, A, i, first, n):
     return kind(A, types.intp, types.intp, types.intp), codegen
 
 
-def _rows(A, i, j, like):
+def _rows(A: np.ndarray, i: int, j: int, like: Value) -> tuple[np.ndarray, np.ndarray]:
     """Views of the rows i and j of A, as long as ``like``: what `rows` compiles to for arrays."""
     return _part_of_row(A, i, 0, len(like)), _part_of_row(A, j, 0, len(like))
 
 
 @in_place(_rows)
-def rows(A, i, j, like):
+def rows(A: np.ndarray, i: int, j: int, like: Value) -> tuple[Value, Value]:
     """Rows i and j of the table A, of the kind of ``like``; for arrays, views of the rows that may be overwritten."""
     return load(A, i, like), load(A, j, like)
 
 
-def _halves(A, i, like):
+def _halves(A: np.ndarray, i: int, like: Value) -> tuple[np.ndarray, np.ndarray]:
     """Views of two parts of row i of A, each as long as ``like``: what `halves` compiles to for arrays."""
     return _part_of_row(A, i, 0, len(like)), _part_of_row(A, i, len(like), len(like))
 
 
 @in_place(_halves)
-def halves(A, i, like):
+def halves(A: np.ndarray, i: int, like: Value) -> tuple[Value, Value]:
     """The two halves of row i of A, each of the kind of ``like``; for arrays, views that may be overwritten."""
     x = load(A, i, join(like, like))
     return head(x), tail(x)
 
 
 @inline
-def view_state(carry):
+def view_state(carry: Carry) -> State:
     """The `State` stored in rows 0 to 3 of ``carry.state``, like `read_state`; for arrays, views of those rows."""
     q, p = rows(carry.state, 0, 1, carry.zero)
     lost_q, lost_p = rows(carry.state, 2, 3, carry.zero)
     return State(q, p, lost_q, lost_p)
 
 
-def _add_product_in_place(x, c, a, v):
+def _add_product_in_place(x: Value, c: Value, a: Number, v: Value) -> tuple[Value, Value]:
     """Implementation of `add_product_in_place` for arrays: overwrites x and c."""
     for i in range(len(x)):
         t = fma(a, v[i], x[i] + c[i])
@@ -465,38 +472,38 @@ def _add_product_in_place(x, c, a, v):
 
 
 @in_place(_add_product_in_place)
-def add_product_in_place(x, c, a, v):
+def add_product_in_place(x: Value, c: Value, a: Number, v: Value) -> tuple[Value, Value]:
     """The compensated sum of x + c and a v (`add_product`), written over x and c where these are arrays."""
     return add_product(x, c, a, v)
 
 
 @unroll(lambda d: _tuple(d, "f[{i}] * x[{i}]"))
-def times(f, x):
+def times(f: Value, x: Value) -> Value:
     """The componentwise product f * x; f is an array of coefficients."""
     return f * x
 
 
-def in_registers(results, arguments) -> bool:
+def in_registers(results: types.Type, arguments: Iterable[types.Type]) -> bool:
     """True if a function maps a tuple of one or two doubles to a tuple of the same size, as C returns in registers."""
     small = isinstance(results, types.UniTuple) and results.dtype == types.float64 and results.count <= 2
     return small and tuple(arguments) == (results,)
 
 
 @intrinsic
-def _call_entry(typing_context, f, x):
+def _call_entry(typing_context: Any, f: types.Type, x: types.Type) -> tuple:
     """Call f(x) through the C entry point of f, a compiled function passed as a pointer.
 
     Numba's own call returns the result in memory, for which the operations that use it would have to wait.
     """
 
-    def codegen(context, builder, signature, arguments):
+    def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         address = cgutils.create_struct_proxy(f)(context, builder, value=arguments[0]).c_addr
         return builder.call(builder.bitcast(address, context.get_value_type(f.ftype)), arguments[1:])
 
     return f.signature.return_type(f, x), codegen
 
 
-def apply(f, x, old):
+def apply(f: Function | np.ndarray | None, x: Value, old: Value) -> Value:
     """Return f(x); x if f is None, and f * x, componentwise, if f is an array of coefficients.
 
     In compiled code the result is written over ``old`` if that is an array.
@@ -506,7 +513,7 @@ def apply(f, x, old):
     return times(f, x) if isinstance(f, np.ndarray) else f(x)
 
 
-def _apply_values(f, x, old):
+def _apply_values(f: types.Type, x: types.Type, old: types.Type) -> Callable:
     """Choose what `apply` compiles to if x is no array, from the Numba types of f, x and old."""
     if isinstance(f, (types.NoneType, types.Omitted)):
         return lambda f, x, old: x
@@ -517,14 +524,14 @@ def _apply_values(f, x, old):
     return lambda f, x, old: f(x)
 
 
-def _apply_arrays(f, x, old):
+def _apply_arrays(f: types.Type, x: types.Type, old: types.Type) -> Callable:
     """Choose what `apply` compiles to if x is an array, from the Numba types of f, x and old."""
 
-    def fill(f, x, old):
+    def fill(f: Function, x: Value, old: Value) -> Value:
         f(x, old)
         return old
 
-    def multiply(f, x, old):
+    def multiply(f: np.ndarray, x: Value, old: Value) -> Value:
         for i in range(len(x)):
             old[i] = f[i] * x[i]
         return old
