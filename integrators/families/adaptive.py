@@ -74,7 +74,7 @@ if TYPE_CHECKING:
     from phasebench.integrators.record import Method
     from phasebench.integrators.stepping.kernel import Carry
     from phasebench.integrators.systems.hamiltonian import Hamiltonian
-    from phasebench.integrators.values.kinds import Function, Number
+    from phasebench.integrators.values.kinds import Condition, Function, Number
 
 #: Orbits may be integrated side by side.
 IN_LANES = True
@@ -202,7 +202,7 @@ settle = dispatch_on_none(lambda method, step, carry, dt: None, _remember_field)
 
 
 @inline
-def read_clock(step: Adaptive, carry: Carry, y: State) -> Any:
+def read_clock(step: Adaptive, carry: Carry, y: State) -> Clock:
     """Return the `Clock` (time, density of steps) that the last call of the kernel left in ``carry``.
 
     At the start of a run it is a new clock, whose density is computed at the state y.
@@ -217,7 +217,7 @@ def read_clock(step: Adaptive, carry: Carry, y: State) -> Any:
 
 
 @inline
-def tick(step: Adaptive, clock: Any, dt: Number, y: State) -> tuple[Any, bool]:
+def tick(step: Adaptive, clock: Clock, dt: Number, y: State) -> tuple[Clock, Condition]:
     """Advance the clock by a step of length dt that has ended at the state y; returns (new clock, True if it is valid).
 
     It is valid if the density of steps is near 1 / sigma (within the factor `FAR`) and the step has changed the time.
@@ -230,7 +230,7 @@ def tick(step: Adaptive, clock: Any, dt: Number, y: State) -> tuple[Any, bool]:
 
 
 @inline
-def plan_step(step: Adaptive, clock: Any, until: Number) -> tuple[Number, Number, bool]:
+def plan_step(step: Adaptive, clock: Clock, until: Number) -> tuple[Number, Number, Condition]:
     """Return (length of the next step, time left until ``until``, True if the step ends before ``until``)."""
     dt = step.h / clock.density
     left = (until - clock.t) - clock.lost
@@ -238,7 +238,7 @@ def plan_step(step: Adaptive, clock: Any, until: Number) -> tuple[Number, Number
 
 
 @inline
-def select_going(going: bool, y: State, clock: Any, following: State, later: Any) -> tuple[State, Any]:
+def select_going(going: Condition, y: State, clock: Clock, following: State, later: Clock) -> tuple[State, Clock]:
     """Choose the state and clock of each SIMD lane: after a step in the lanes ``going``, before it in the others.
 
     ``following`` and ``later`` are the state and clock after the step, y and ``clock`` those before.  Returns (state,
@@ -256,8 +256,8 @@ def select_going(going: bool, y: State, clock: Any, following: State, later: Any
 
 @inline
 def wind(
-    step: Adaptive, carry: Carry, y: State, clock: Any, until: Number, counts: np.record
-) -> tuple[State, Any, int]:
+    step: Adaptive, carry: Carry, y: State, clock: Clock, until: Number, counts: np.record
+) -> tuple[State, Clock, int]:
     """Take steps from the state y until the next one would pass the time ``until``; returns (state, clock, status)."""
     dt, _, going = plan_step(step, clock, until)
     while going:
@@ -279,8 +279,8 @@ def wind(
 
 @inline
 def reach(
-    method: Adaptive, carry: Carry, y: State, clock: Any, until: Number, every: int, counts: np.record
-) -> tuple[State, Any, State, int]:
+    method: Adaptive, carry: Carry, y: State, clock: Clock, until: Number, every: int, counts: np.record
+) -> tuple[State, Clock, State, int]:
     """Step to the last state before the time ``until``, and from there to the state at that time, a row of output.
 
     Returns (last state, clock, state at that time, status), as `loop.time_loop` requires; ``every`` is not used.
@@ -295,7 +295,7 @@ def reach(
 
 
 @inline
-def leave(carry: Carry, clock: Any) -> None:
+def leave(carry: Carry, clock: Clock) -> None:
     """Store the clock (time, density of steps) in the carry, for the next call of the kernel."""
     rows = carry.state
     rows[TIME], rows[LOST], rows[DENSITY], rows[LAST] = clock.t, clock.lost, clock.density, clock.last

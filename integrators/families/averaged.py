@@ -170,7 +170,7 @@ def zero_sum(x: Value, e: Average) -> Value:
 
 
 @elementwise()
-def path_point(direction: Number, b: int, place: Value, s: Number, x: Value, y: np.ndarray) -> Value:
+def path_point(direction: Number, b: int, place: Value, s: Number, x: Value, y: Value) -> Value:
     """Components of the point y + w x of the path from y to y + x at which block b has gone the fraction s of its way.
 
     ``place`` is the block of each component; w is 1 in blocks already moved, s in block b, 0 in the others.  The
@@ -180,7 +180,7 @@ def path_point(direction: Number, b: int, place: Value, s: Number, x: Value, y: 
 
 
 @elementwise()
-def add_to_block(b: int, place: Value, a: Number, f: np.ndarray, sums: np.ndarray) -> Value:
+def add_to_block(b: int, place: Value, a: Number, f: Value, sums: Value) -> Value:
     """Add a f to ``sums`` in the components of block b, by their block numbers ``place``; others are unchanged."""
     return sums + 1.0 * (place == b) * a * f
 
@@ -348,7 +348,7 @@ def coupled(path: str, system: Hamiltonian) -> bool:
     return any(a != b and sp.expand(sp.diff(system.H, x, y)) != 0 for (x, a), (y, b) in combinations(variables, 2))
 
 
-def rules(system: Hamiltonian, width: int, arithmetic: str) -> tuple[list, list, list, list]:
+def rules(system: Hamiltonian, width: int, arithmetic: str) -> tuple[tuple, tuple, tuple, tuple]:
     """Quadrature rules of rising size, up to one that is exact if H is a polynomial, as four columns (n, groups, c, b).
 
     A rule of n nodes is cut into groups of ``width`` nodes, which are evaluated side by side, and takes one item of

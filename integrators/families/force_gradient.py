@@ -143,7 +143,7 @@ def second_force(
 
 
 def modified_kick(
-    product: Function, dV: Function, b: Number, c: Number, q: Value, slope: Value, v: Value, place: Value
+    product: Function | None, dV: Function, b: Number, c: Number, q: Value, slope: Value, v: Value, place: Value
 ) -> tuple[Number, Value]:
     """Compute a modified kick, p' = p - h weight slope, from slope = grad V(q) and v = M^-1 slope.
 

@@ -37,7 +37,7 @@ from phasebench.integrators.systems.multisymplectic import Box, Division, Equati
 from .equip import skew
 
 if TYPE_CHECKING:
-    from phasebench.integrators.values.vector import State
+    pass
 
 NEWTON_LIMIT, SECANT_LIMIT = 30, 20
 #: Newton's method may stop when its correction is below this share of the stages.
@@ -165,7 +165,9 @@ class Stages:
     The attribute ``Y`` has the stages and ``T`` their time derivatives, arrays (s, N, m).
     """
 
-    def __init__(self, space: Division, scheme: Scheme, y: State, h: float, alpha: float, T: np.ndarray = None) -> None:
+    def __init__(
+        self, space: Division, scheme: Scheme, y: np.ndarray, h: float, alpha: float, T: np.ndarray | None = None
+    ) -> None:
         self.space, self.scheme, self.y, self.h, self.alpha = space, scheme, y, h, alpha
         m = y.shape[-1]
         self._A = np.repeat(np.stack(scheme.at(alpha)), m // 2, axis=0)
@@ -225,12 +227,12 @@ class Stages:
         return self.along(self.T, d)
 
 
-def _magnitude(space: Division, y: State) -> float:
+def _magnitude(space: Division, y: np.ndarray) -> float:
     z = space.lift(y)
     return float(np.abs(z * space.equation.gradient(z)).sum() * space.dx)
 
 
-def solve_for_energy(space: Division, scheme: Scheme, y: State, h: float, energy: float) -> tuple[Stages, bool]:
+def solve_for_energy(space: Division, scheme: Scheme, y: np.ndarray, h: float, energy: float) -> tuple[Stages, bool]:
     """Find the parameter of the tableau, nearest zero, with which a step from y ends at a given total energy.
 
     The equation is solved by the secant method.  Returns (the `Stages` with that parameter, True), or (those with the

@@ -79,12 +79,12 @@ class Places(NamedTuple):
 
 
 @inline
-def _rows(table: np.ndarray, first: int, like: Number) -> Value:
+def _rows(table: np.ndarray, first: int, like: Value) -> Value:
     return take(table, first, like), take(table, first + 1, like), take(table, first + 2, like)
 
 
 @inline
-def _keep(table: np.ndarray, first: int, x: Value, like: Number) -> None:
+def _keep(table: np.ndarray, first: int, x: Value, like: Value) -> None:
     put(table, first, x[0], like)
     put(table, first + 1, x[1], like)
     put(table, first + 2, x[2], like)
@@ -182,7 +182,7 @@ def _correct(step: Planets, at: Places, sign: Number, memory: np.ndarray, counts
 
 
 @inline
-def _read_bodies(table: np.ndarray, row: int, n: int, memory: np.ndarray, like: Number) -> Value:
+def _read_bodies(table: np.ndarray, row: int, n: int, memory: np.ndarray, like: Value) -> Value:
     """Read vectors of n bodies from a row of a table, body after body, into lanes; returns the three rows x, y, z."""
     for i in range(SPACE):
         for j in range(len(like)):
@@ -191,7 +191,7 @@ def _read_bodies(table: np.ndarray, row: int, n: int, memory: np.ndarray, like: 
 
 
 @inline
-def _write_bodies(x: Value, table: np.ndarray, row: int, n: int, memory: np.ndarray, like: Number) -> None:
+def _write_bodies(x: Value, table: np.ndarray, row: int, n: int, memory: np.ndarray, like: Value) -> None:
     """Write vectors of n bodies, given as the three rows x, y, z of lanes, to a row of a table, body after body."""
     _keep(memory, WORK, x, like)
     for i in range(SPACE):
@@ -220,7 +220,7 @@ def _fill_row(step: Planets, at: Places, samples: Samples, row: int, memory: np.
 
 
 @inline
-def _save(memory: np.ndarray, at: int, like: Number) -> None:
+def _save(memory: np.ndarray, at: int, like: Value) -> None:
     y = at.y
     _keep(memory, STATE, y.q, like)
     _keep(memory, STATE + SPACE, y.p, like)
@@ -231,7 +231,7 @@ def _save(memory: np.ndarray, at: int, like: Number) -> None:
 
 
 @inline
-def _read_state(memory: np.ndarray, like: Number) -> Places:
+def _read_state(memory: np.ndarray, like: Value) -> Places:
     q, p = _rows(memory, STATE, like), _rows(memory, STATE + SPACE, like)
     lost_q, lost_p = _rows(memory, STATE + 2 * SPACE, like), _rows(memory, STATE + 3 * SPACE, like)
     return Places(State(q, p, lost_q, lost_p), take(memory, DISTANCES, like), take(memory, DISTANCES + 1, like))

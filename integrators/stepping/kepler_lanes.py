@@ -208,7 +208,7 @@ def motion(
     table: np.ndarray,
     memory: np.ndarray,
     row: int,
-    like: Number,
+    like: Value,
 ) -> Motion:
     """The `Motion` over the time h; lanes that `motion_in_lanes` leaves unsolved are solved by `kepler_flow`.
 

@@ -41,6 +41,7 @@ from .hamiltonian import Floats, Formula, Hamiltonian, Names, PartitionedSystem,
 
 if TYPE_CHECKING:
     from phasebench.integrators.compile.printing import Program
+    from phasebench.integrators.values.kinds import Function
 
 #: A start is on the manifold if its constraints are at most this many units of their round-off.
 SLACK = 64.0
@@ -63,7 +64,7 @@ class Elimination:
     steps : the list to which intermediate results are appended in order, as (symbol, expression)
     """
 
-    def __init__(self, letter: str, steps: list[tuple[Any, Any]]):
+    def __init__(self, letter: str, steps: list[tuple[Any, Any]]) -> None:
         self.letter, self.steps = letter, steps
 
     def name(self, e: Any) -> Any:
@@ -141,7 +142,7 @@ class ConstrainedHamiltonian(PartitionedSystem):
         constraints: Sequence[Formula] | str,
         singular: Sequence[Formula] | None = None,
         invariants: Sequence[Formula] = (),
-    ):
+    ) -> None:
         q, p = _symbols(q), _symbols(p)
         self.free = Hamiltonian(q=q, p=p, H=H, singular=singular)
         PartitionedSystem.__init__(
@@ -259,7 +260,7 @@ class ConstrainedHamiltonian(PartitionedSystem):
         """True if H = p . M^-1 p / 2 + V(q) with a constant M."""
         return self.free.quadratic_kinetic
 
-    def field(self, arithmetic: str = DOUBLE, order: int = 1):
+    def field(self, arithmetic: str = DOUBLE, order: int = 1) -> Function:
         """Make the index-reduced vector field, a function f(q, p, h, lam) -> (q', p') that ignores h and lam."""
         if order != 1:
             raise InvalidInput("a system with constraints has no generating function in its coordinates")
@@ -293,19 +294,19 @@ class ConstrainedHamiltonian(PartitionedSystem):
 
     # -- functions that methods for constraints ask for ---------------------------------------------------------------
 
-    def grad_V(self, arithmetic: str = DOUBLE):
+    def grad_V(self, arithmetic: str = DOUBLE) -> Function:
         """Make the function q -> grad V(q) of a separable H, without the constraint forces."""
         T = codegen.value_type(self.d, self.fills)
         return self.make_function("grad_V", [("q", self.q)], lambda: [[-f for f in self.force]], T(T), arithmetic)
 
-    def grad_T(self, arithmetic: str = DOUBLE):
+    def grad_T(self, arithmetic: str = DOUBLE) -> Function | None:
         """The function p -> M^-1 p of an H with a constant mass matrix; None if that is p itself."""
         if self.free.unit_mass:
             return None
         T = codegen.value_type(self.d, self.fills)
         return self.make_function("grad_T", [("p", self.p)], lambda: [list(self.dq)], T(T), arithmetic)
 
-    def restore(self, arithmetic: str = DOUBLE):
+    def restore(self, arithmetic: str = DOUBLE) -> Function:
         r"""Make the function (q, q0) -> :math:`G(q_0)^T\mu`, a step of Newton's method for g(q - M^-1 G(q_0)^T mu) = 0.
 
         :math:`\mu = \bigl(G(q) M^{-1} G(q_0)^T\bigr)^{-1} g(q)`; M is constant.
@@ -315,7 +316,7 @@ class ConstrainedHamiltonian(PartitionedSystem):
         first = self._named("first")
         T = codegen.value_type(self.d)
 
-        def results():
+        def results() -> Program:
             steps: list = []
             G0 = self.G.xreplace(dict(zip(self.q, first, strict=True)))
             mu = Elimination("k", steps).solve(self.G * self._mobility * G0.T, self.constraints)
@@ -323,20 +324,20 @@ class ConstrainedHamiltonian(PartitionedSystem):
 
         return self.make_function("restore", [("q", self.q), ("first", first)], results, T(T, T), arithmetic)
 
-    def normal(self, arithmetic: str = DOUBLE):
+    def normal(self, arithmetic: str = DOUBLE) -> Function:
         r"""The function (q, p) -> :math:`G^T(G M^{-1} G^T)^{-1} G M^{-1} p`, the part of p that leaves the manifold."""
         from phasebench.integrators.compile.printing import Program
 
         T = codegen.value_type(self.d)
 
-        def results():
+        def results() -> Program:
             steps: list = []
             mu = Elimination("k", steps).solve(self.G * self._mobility * self.G.T, self.hidden)
             return Program(tuple(steps), [self._pull(self.G, mu)])
 
         return self.make_function("normal", [("q", self.q), ("p", self.p)], results, T(T, T), arithmetic)
 
-    def free_field(self, arithmetic: str = DOUBLE):
+    def free_field(self, arithmetic: str = DOUBLE) -> Function:
         """Make the function (q, p, h, lam) -> (H_p, -H_q), the field without constraints; it ignores h and lam."""
         T, number = codegen.value_type(self.d), types.float64
         arguments = [("q", self.q), ("p", self.p), ("h", sp.Symbol("h")), ("lam", sp.Symbol("lam"))]
@@ -344,7 +345,7 @@ class ConstrainedHamiltonian(PartitionedSystem):
         results = [list(self.dq), list(self.force)]
         return self.make_function("free field", arguments, lambda: results, signature, arithmetic)
 
-    def mobility(self, arithmetic: str = DOUBLE):
+    def mobility(self, arithmetic: str = DOUBLE) -> Function:
         """Make the function (q, p, x) -> H_pp(q, p) x, the product of a matrix (d, d) and a vector (d,)."""
         T = codegen.value_type(self.d)
         x = self._named("x")
@@ -352,7 +353,7 @@ class ConstrainedHamiltonian(PartitionedSystem):
         results = lambda: [list(self._mobility * sp.Matrix(x))]  # noqa: E731
         return self.make_function("mobility", arguments, results, T(T, T, T), arithmetic)
 
-    def pull(self, arithmetic: str = DOUBLE):
+    def pull(self, arithmetic: str = DOUBLE) -> Function:
         """Make the function (q, x) -> G(q)^T x, which uses only the first m components of x (d,)."""
         T, x = codegen.value_type(self.d), self._named("x")
         arguments = [("q", self.q), ("x", x)]
@@ -360,7 +361,7 @@ class ConstrainedHamiltonian(PartitionedSystem):
             "transposed slopes", arguments, lambda: [self._pull(self.G, self._first(x))], T(T, T), arithmetic
         )
 
-    def multipliers(self, arithmetic: str = DOUBLE):
+    def multipliers(self, arithmetic: str = DOUBLE) -> Function:
         r"""Make the function (q, q0, p0) -> :math:`\bigl(G(q) H_{pp}(q_0, p_0) G(q_0)^T\bigr)^{-1} g(q)`.
 
         The m components of the result are padded with zeros to d.
@@ -370,7 +371,7 @@ class ConstrainedHamiltonian(PartitionedSystem):
         T = codegen.value_type(self.d)
         first, way = self._named("first"), self._named("way")
 
-        def results():
+        def results() -> Program:
             steps: list = []
             at_start = dict(zip((*self.q, *self.p), (*first, *way), strict=True))
             matrix = self.G * self._mobility.xreplace(at_start) * self.G.xreplace(at_start).T
@@ -380,13 +381,13 @@ class ConstrainedHamiltonian(PartitionedSystem):
         arguments = [("q", self.q), ("first", first), ("way", way)]
         return self.make_function("multipliers", arguments, results, T(T, T, T), arithmetic)
 
-    def offset(self, arithmetic: str = DOUBLE):
+    def offset(self, arithmetic: str = DOUBLE) -> Function:
         r"""Make the function q -> :math:`G^T(G G^T)^{-1} g`: q minus it is a step of Newton's method for g(q) = 0."""
         from phasebench.integrators.compile.printing import Program
 
         T = codegen.value_type(self.d)
 
-        def results():
+        def results() -> Program:
             steps: list = []
             mu = Elimination("k", steps).solve(self.G * self.G.T, self.constraints)
             return Program(tuple(steps), [self._pull(self.G, mu)])
@@ -414,7 +415,7 @@ class ConstrainedHamiltonian(PartitionedSystem):
     def rounding(self, Q: Any, P: Any) -> Floats:
         """Estimate the round-off of constraints, then hidden constraints, at rows of Q, P (n, d): array (2 m, n)."""
 
-        def sizes():
+        def sizes() -> tuple[tuple, list[Any]]:
             return (), [
                 sp.Add(
                     *(sp.Abs(t) for t in sp.Add.make_args(e)),
@@ -431,7 +432,7 @@ class ConstrainedHamiltonian(PartitionedSystem):
         parts = [sp.Matrix(self.constraints), self.G, sp.Matrix(self.hidden), self._mobility]
         f = sp.lambdify([(*self.q, *self.p)], parts, "numpy", cse=True)
 
-        def values(q, p):
+        def values(q: Floats, p: Floats) -> tuple[Floats, Floats, Floats, Floats]:
             g, G, w, M = (np.asarray(x, float) for x in f((*map(float, q), *map(float, p))))
             return g[:, 0], G, w[:, 0], M
 
@@ -442,13 +443,13 @@ class ConstrainedHamiltonian(PartitionedSystem):
         """The function q -> (g, G) of arrays (d,): arrays (m,) and (m, d)."""
         f = sp.lambdify([self.q], [sp.Matrix(self.constraints), self.G], "numpy", cse=True)
 
-        def values(q):
+        def values(q: Floats) -> tuple[Floats, Floats]:
             g, G = (np.asarray(x, float) for x in f(tuple(map(float, q))))
             return g[:, 0], G
 
         return values
 
-    def __getstate__(self):
+    def __getstate__(self) -> dict[str, Any]:
         """The attributes for pickling, without compiled functions, which are made again when they are needed."""
         return {k: v for k, v in super().__getstate__().items() if k not in ("_numbers", "constraint_values")}
 

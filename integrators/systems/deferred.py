@@ -11,10 +11,13 @@ from __future__ import annotations
 
 import hashlib
 import pickle
-from collections.abc import Callable, Iterator, Mapping
-from typing import Any
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from typing import TYPE_CHECKING, Any
 
 from phasebench.integrators.compile import cache
+
+if TYPE_CHECKING:
+    from .hamiltonian import PartitionedSystem
 
 #: The attributes of its system that a shell holds.
 FACTS = ("d", "content", "has_energy", "singularities")
@@ -25,7 +28,7 @@ def key_of(*parts: object) -> str:
     return hashlib.sha256(repr(parts).encode()).hexdigest()[:24]
 
 
-def shell(system, key: str, recipe: Callable[[], Any]):
+def shell(system: PartitionedSystem, key: str, recipe: Callable[[], Any]) -> PartitionedSystem:
     """Make the stand-in of a system: an object that holds its `FACTS` and calls ``recipe()`` when more is needed.
 
     Sets ``system.key`` to the key, too.  ``recipe`` builds the system; it must be picklable.
@@ -37,7 +40,7 @@ def shell(system, key: str, recipe: Callable[[], Any]):
     return out
 
 
-def complete(system, name: str) -> bool:
+def complete(system: PartitionedSystem, name: str) -> bool:
     """Build the system behind a stand-in when its attribute ``name`` is read, and copy its attributes to the stand-in.
 
     Returns True if the attribute is there now, False if the system has none of that name.
@@ -51,7 +54,7 @@ def complete(system, name: str) -> bool:
     return True
 
 
-def load(name: str):
+def load(name: str) -> Any:
     """Return the object that is pickled under a name in the cache, or None if there is none that can be read."""
     content = cache.read(name)
     try:
@@ -61,7 +64,7 @@ def load(name: str):
         return None
 
 
-def system(key: str, recipe: Callable[[], Any]):
+def system(key: str, recipe: Callable[[], Any]) -> PartitionedSystem:
     """Return the system with the key: its stand-in from the cache, or ``recipe()``, whose stand-in is then cached."""
     entry = f"s-{key}.pickle"
     found = load(entry)
@@ -74,10 +77,10 @@ def system(key: str, recipe: Callable[[], Any]):
 class Named(Mapping):
     """A read-only mapping with known names; each look-up takes the value from the mapping that ``recipe()`` returns."""
 
-    def __init__(self, names, recipe: Callable[[], Mapping]):
+    def __init__(self, names: Iterable[str], recipe: Callable[[], Mapping]) -> None:
         self._names, self._recipe = tuple(names), recipe
 
-    def __getitem__(self, name):
+    def __getitem__(self, name: str) -> Any:
         if name not in self._names:
             raise KeyError(name)
         return self._recipe()[name]

@@ -20,7 +20,7 @@ from math import factorial
 from phasebench.integrators.compile.lazy import sympy as sp
 
 
-def __getattr__(name: str):
+def __getattr__(name: str) -> sp.Symbol:
     # The symbol of the parameter; made with SymPy when it is asked for.
     if name == "LAMBDA":
         return sp.Symbol("lambda_", real=True)
@@ -47,7 +47,9 @@ def gradient(e: sp.Expr, variables: Sequence[sp.Symbol]) -> list[sp.Expr]:
     return [sp.diff(sp.Add(*found), x) for x, found in terms.items()]
 
 
-def coefficients(H: sp.Expr, q: Sequence[sp.Symbol], p: Sequence[sp.Symbol], order: int, lam=None) -> list[sp.Expr]:
+def coefficients(
+    H: sp.Expr, q: Sequence[sp.Symbol], p: Sequence[sp.Symbol], order: int, lam: sp.Expr | None = None
+) -> list[sp.Expr]:
     """The coefficients K_1, ..., K_order of the generating function, as expressions in v = q, u = p and ``lam``.
 
     Raises ValueError for order < 1.
@@ -87,7 +89,12 @@ def coefficients(H: sp.Expr, q: Sequence[sp.Symbol], p: Sequence[sp.Symbol], ord
     return K
 
 
-def _power(indices, shifts, products, order):
+def _power(
+    indices: tuple[int, ...],
+    shifts: list[list[sp.Expr]],
+    products: dict[tuple[int, ...], list[sp.Expr]],
+    order: int,
+) -> list[sp.Expr]:
     """The product of the power series ``shifts[i]`` for i in ``indices``; ``products`` caches those computed before."""
     if indices in products:
         return products[indices]

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -27,6 +27,9 @@ from phasebench.integrators.values import inplace
 from . import deferred, generating, magnetic, singularities
 from .formula import parse, time_hint
 
+if TYPE_CHECKING:
+    from phasebench.integrators.values.kinds import Function
+
 
 def _symbols(names: Sequence[sp.Symbol | str] | str) -> tuple[sp.Symbol, ...]:
     if isinstance(names, str):
@@ -34,7 +37,7 @@ def _symbols(names: Sequence[sp.Symbol | str] | str) -> tuple[sp.Symbol, ...]:
     return tuple(n if isinstance(n, sp.Symbol) else sp.Symbol(n, real=True) for n in names)
 
 
-def _expression(e) -> sp.Expr:
+def _expression(e: object) -> sp.Expr:
     """Convert a formula to a SymPy expression; raises InvalidInput for other objects, such as a Python function."""
     try:
         found = sp.sympify(e)
@@ -104,7 +107,7 @@ class PartitionedSystem:
         energy: Formula | None = None,
         singular: Sequence[Formula] = (),
         invariants: Sequence[Formula] = (),
-    ):
+    ) -> None:
         self.d: int
         self.H: Any
         self.q, self.p = _symbols(q), _symbols(p)
@@ -127,13 +130,13 @@ class PartitionedSystem:
 
     if not TYPE_CHECKING:
 
-        def __getattr__(self, name: str):
+        def __getattr__(self, name: str) -> Any:
             # A stand-in (`deferred`) builds the system now; on any other system the attribute does not exist.
             if deferred.complete(self, name):
                 return getattr(self, name)
             raise AttributeError(f"'{type(self).__name__}' object has no attribute '{name}'")
 
-    def _formula(self, e) -> sp.Expr:
+    def _formula(self, e: Formula) -> sp.Expr:
         if isinstance(e, str):
             e = parse(e, {str(s): s for s in (*self.q, *self.p)})
         e = _expression(e)
@@ -211,7 +214,7 @@ class PartitionedSystem:
         """True if H = sum p_i^2 / 2 m_i + V(q)."""
         return self.quadratic_kinetic and all(e.free_symbols <= {p} for e, p in zip(self.dq, self.p, strict=True))
 
-    def recall(self, name: str, find: Callable[[], object]):
+    def recall(self, name: str, find: Callable[[], object]) -> Any:
         """Return ``find()``, a JSON-serializable property called ``name``; from the cache on disk if stored there."""
         if not self.key:
             return find()
@@ -226,11 +229,18 @@ class PartitionedSystem:
         text = "|".join([*map(str, (self.q, self.p)), *map(sp.srepr, (*self.dq, *self.dp, self.H))])
         return hashlib.sha256(text.encode()).hexdigest()
 
-    def __getstate__(self):
+    def __getstate__(self) -> dict[str, Any]:
         """The attributes for pickling, without compiled functions, which are generated again when they are needed."""
         return self.__dict__ | {"_functions": {}}
 
-    def make_function(self, kind: str, arguments, results, signature, arithmetic: str):
+    def make_function(
+        self,
+        kind: str,
+        arguments: Sequence[tuple[str, Sequence[sp.Symbol] | sp.Symbol]],
+        results: Callable[[], Sequence[Any]],
+        signature: Any,
+        arithmetic: str,
+    ) -> Function:
         """Generate a function of the system, compiled or in multiprecision, once for each ``kind`` and arithmetic.
 
         ``kind`` is a label that identifies the function in the cache, ``arguments`` are pairs (name, symbol or vector
@@ -250,7 +260,7 @@ class PartitionedSystem:
             self._functions[kind, arithmetic] = codegen.function(key, text, signature, arithmetic)
         return self._functions[kind, arithmetic]
 
-    def field(self, arithmetic: str = DOUBLE, order: int = 1):
+    def field(self, arithmetic: str = DOUBLE, order: int = 1) -> Function:
         """Generate the vector field, a function f(q, p, h, lam) -> (q', p') of vectors of d numbers.
 
         For ``order`` 1 it ignores h and lam.  For ``order`` r > 1 the result is (S_p, -S_q), with S the generating
@@ -260,12 +270,12 @@ class PartitionedSystem:
         T, number = codegen.value_type(self.d, self.fills), types.float64
         h, lam = sp.Symbol("h", positive=True), generating.LAMBDA
 
-        def results():
+        def results() -> list[list[sp.Expr]]:
             if order == 1:
                 return [list(self.dq), list(self.dp)]
             K = generating.coefficients(self.H, self.q, self.p, order)
 
-            def slopes(variables):
+            def slopes(variables: Sequence[sp.Symbol]) -> list[sp.Expr]:
                 rows = zip(*(generating.gradient(k, variables) for k in K), strict=True)
                 return [sum(slope * h**i for i, slope in enumerate(row)) for row in rows]
 
@@ -275,7 +285,7 @@ class PartitionedSystem:
         signature = types.Tuple((T, T))(T, T, number, number)
         return self.make_function(f"field-{order}", arguments, results, signature, arithmetic)
 
-    def energy(self, arithmetic: str = DOUBLE):
+    def energy(self, arithmetic: str = DOUBLE) -> Function:
         """Generate the function (q, p) -> (H, M), where eps M estimates the round-off of H.
 
         M is the sum of the absolute values of H's terms and of every x H_x, x a coordinate or momentum.
@@ -283,7 +293,7 @@ class PartitionedSystem:
         T = codegen.value_type(self.d)
         signature = types.UniTuple(types.float64, 2)(T, T)
 
-        def results():
+        def results() -> list[sp.Expr]:
             terms = sum(sp.Abs(t) for t in sp.Add.make_args(self.H))
             return [self.H, terms + sum(sp.Abs(x * sp.diff(self.H, x)) for x in (*self.q, *self.p))]
 
@@ -325,7 +335,7 @@ class PartitionedSystem:
             self._functions["observed", name] = codegen.load_columnwise(text)
         return self._along(self._functions["observed", name], Q, P)
 
-    def _text(self, expression) -> str:
+    def _text(self, expression: Formula) -> str:
         from phasebench.integrators.compile import printing
 
         return printing.columnwise_text(self.q, self.p, sp.sympify(expression))
@@ -371,19 +381,19 @@ class PartitionedSystem:
         with np.errstate(all="ignore"):
             return np.sqrt(sum(self.evaluate(f"dq{k}", lambda k=k: self.dq[k], Q, P) ** 2 for k in range(self.d)))
 
-    def vector_field(self, arithmetic: str = DOUBLE):
+    def vector_field(self, arithmetic: str = DOUBLE) -> Callable[[Any, np.ndarray], np.ndarray]:
         """Make the function (t, y) -> y' of arrays y = (q, p) of shape (2 d,), for other packages; t is ignored."""
         field, d = self.field(arithmetic), self.d
         tuples = codegen.compiled() and arithmetic == DOUBLE and codegen.value_kind(d) == "tuple"
 
-        def f(t, y):
+        def f(t: Any, y: np.ndarray) -> np.ndarray:
             q, p = (tuple(map(float, y[:d])), tuple(map(float, y[d:]))) if tuples else (y[:d], y[d:])
             return np.concatenate([np.asarray(x) for x in field(q, p, 0.0, 0.0)])
 
         return f
 
 
-def _flatten(given) -> list:
+def _flatten(given: Iterable[Any]) -> list:
     """A flat list of the items given, some of which are sequences."""
     return [y for x in given for y in (x if isinstance(x, (tuple, list)) else [x])]
 
@@ -443,7 +453,7 @@ class Hamiltonian(PartitionedSystem):
         invariants: Sequence[Formula] = (),
         frequencies: Sequence[Formula | float] = (),
         kepler: Any = None,
-    ):
+    ) -> None:
         given = {"q": q, "p": p, "H": H, "invariants": invariants}
         given |= {} if singular is None else {"singular": singular}
         text = all(isinstance(x, str) for x in _flatten(given.values())) and type(self) is Hamiltonian
@@ -452,7 +462,17 @@ class Hamiltonian(PartitionedSystem):
         else:
             vars(self).update(vars(deferred.system(deferred.key_of(given), partial(_derive_system, given))))
 
-    def _derive(self, *, q, p, H, singular=None, invariants=(), frequencies=(), kepler=None) -> None:
+    def _derive(
+        self,
+        *,
+        q: Names,
+        p: Names,
+        H: Formula,
+        singular: Sequence[Formula] | None = None,
+        invariants: Sequence[Formula] = (),
+        frequencies: Sequence[Formula | float] = (),
+        kepler: Any = None,
+    ) -> None:
         """Set the attributes of the system: derive right-hand sides and distances to singularities from formulae."""
         q, p = _symbols(q), _symbols(p)
         if isinstance(H, str):
@@ -530,7 +550,7 @@ class Hamiltonian(PartitionedSystem):
         """The potential V(q) of a separable H; else None."""
         return None if self._split is None else self._split[1]
 
-    def grad_T(self, arithmetic: str = DOUBLE):
+    def grad_T(self, arithmetic: str = DOUBLE) -> Function | None:
         """The function p -> grad T(p) of a separable H; None if that is p itself."""
         if self.unit_mass:
             return None
@@ -539,7 +559,7 @@ class Hamiltonian(PartitionedSystem):
             "grad_T", [("p", self.p)], lambda: [[sp.diff(self.kinetic, x) for x in self.p]], T(T), arithmetic
         )
 
-    def grad_V(self, arithmetic: str = DOUBLE):
+    def grad_V(self, arithmetic: str = DOUBLE) -> Function:
         """The function q -> grad V(q) of a separable H."""
         T = codegen.value_type(self.d, self.fills)
         return self.make_function(
@@ -553,7 +573,7 @@ class Hamiltonian(PartitionedSystem):
             self.potential - sum(w**2 * x**2 for w, x in zip(self.frequencies, self.q, strict=True)) / 2
         )
 
-    def grad_U(self, arithmetic: str = DOUBLE):
+    def grad_U(self, arithmetic: str = DOUBLE) -> Function:
         """The function q -> grad U(q) of the slow potential U, for a system with a fast linear part."""
         T = codegen.value_type(self.d)
         return self.make_function(

@@ -31,9 +31,10 @@ from __future__ import annotations
 
 import hashlib
 import inspect
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cached_property, lru_cache
 from pathlib import Path
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 from numba import types
@@ -46,6 +47,13 @@ from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.values import inplace, vector
 
 from .hamiltonian import Hamiltonian, _symbols
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from phasebench.integrators.values.kinds import Function, Number
+
+    from .hamiltonian import Floats, Formula, Names
 
 
 def part(loop: Callable) -> Callable:
@@ -60,7 +68,7 @@ def unit_mass_field(force: Callable) -> Callable:
     """
     force = part(force)
 
-    def f(q, p, h, lam, dq, dp):
+    def f(q: np.ndarray, p: np.ndarray, h: Number, lam: Number, dq: np.ndarray, dp: np.ndarray) -> None:
         for i in range(len(p)):
             dq[i] = p[i]
         force(q, dp)
@@ -69,7 +77,7 @@ def unit_mass_field(force: Callable) -> Callable:
 
 
 @lru_cache(maxsize=256)
-def _compile(name: str, loop: Callable, constants: tuple[float, ...], fills: bool, d: int):
+def _compile(name: str, loop: Callable, constants: tuple[float, ...], fills: bool, d: int) -> Function:
     """Compile a user's loop for these constants, once in a process.
 
     ``name`` is "energy", "field", "grad_V" or "grad_U", and ``loop`` a function of the constants that returns the loop
@@ -105,20 +113,20 @@ def _adapt(loop: Callable, given: int, fills: bool) -> tuple[Callable, bool]:
         return loop, writes
     loop = part(loop)
 
-    def returning_gradient(q):
+    def returning_gradient(q: np.ndarray) -> np.ndarray:
         g = np.empty_like(q)
         loop(q, g)
         return g
 
-    def returning_field(q, p, h, lam):
+    def returning_field(q: np.ndarray, p: np.ndarray, h: Number, lam: Number) -> tuple[np.ndarray, np.ndarray]:
         dq, dp = np.empty_like(q), np.empty_like(p)
         loop(q, p, h, lam, dq, dp)
         return dq, dp
 
-    def writing_gradient(q, g):
+    def writing_gradient(q: np.ndarray, g: np.ndarray) -> None:
         g[:] = loop(q)
 
-    def writing_field(q, p, h, lam, dq, dp):
+    def writing_field(q: np.ndarray, p: np.ndarray, h: Number, lam: Number, dq: np.ndarray, dp: np.ndarray) -> None:
         dq[:], dp[:] = loop(q, p, h, lam)
 
     if given == 1:
@@ -126,7 +134,7 @@ def _adapt(loop: Callable, given: int, fills: bool) -> tuple[Callable, bool]:
     return (writing_field if fills else returning_field), writes
 
 
-def uncompiled_loop(name: str, loop: Callable, constants) -> Callable:
+def uncompiled_loop(name: str, loop: Callable, constants: Iterable[Number]) -> Callable:
     """Return the user's loop for these constants, uncompiled, as a function that returns its results.
 
     ``loop`` makes the loop from the constants; ``name`` is "energy", "field", "grad_V" or "grad_U".
@@ -137,7 +145,7 @@ def uncompiled_loop(name: str, loop: Callable, constants) -> Callable:
 class MissingFormula:
     """Stands for the formula H of a system given by loops alone; raises InvalidInput when SymPy has to read it."""
 
-    def _sympy_(self):
+    def _sympy_(self) -> NoReturn:
         raise InvalidInput("this system has loops and no formula to derive anything from; give its H as an expression")
 
     def __str__(self) -> str:
@@ -189,16 +197,16 @@ class HandHamiltonian(Hamiltonian):
     def __init__(
         self,
         *,
-        q,
-        p,
+        q: Names,
+        p: Names,
         loops: Mapping[str, Callable],
-        H=None,
-        constants=(),
+        H: sp.Expr | None = None,
+        constants: Iterable[Any] = (),
         degree: int | None = None,
-        invariants=(),
-        singular=(),
-        frequencies=(),
-    ):
+        invariants: Iterable[sp.Expr | Callable[..., Any]] = (),
+        singular: Iterable[sp.Expr | Callable[..., Any]] = (),
+        frequencies: Sequence[Formula | float] = (),
+    ) -> None:
         self.q, self.p = _symbols(q), _symbols(p)
         self.d = len(self.q)
         if codegen.value_kind(self.d) == "tuple":
@@ -224,7 +232,7 @@ class HandHamiltonian(Hamiltonian):
         """The expressions -H_q, derived from the formula at the first access."""
         return tuple(-sp.diff(self.H, x) for x in self.q)
 
-    def _loop(self, name: str, arithmetic: str):
+    def _loop(self, name: str, arithmetic: str) -> Function:
         constants = tuple(codegen.to_number(c, arithmetic) for c in self.constants)
         if arithmetic == DOUBLE and codegen.compiled():
             return _compile(name, self.loops[name], constants, self.fills, self.d)
@@ -232,19 +240,19 @@ class HandHamiltonian(Hamiltonian):
             self._functions["loop", name, arithmetic] = uncompiled_loop(name, self.loops[name], constants)
         return self._functions["loop", name, arithmetic]
 
-    def field(self, arithmetic: str = DOUBLE, order: int = 1):
+    def field(self, arithmetic: str = DOUBLE, order: int = 1) -> Function:
         """The vector field, a user's loop (q, p, h, lam) -> (q', p'); for ``order`` > 1 derived from the formula."""
         return self._loop("field", arithmetic) if order == 1 else super().field(arithmetic, order)
 
-    def grad_V(self, arithmetic: str = DOUBLE):
+    def grad_V(self, arithmetic: str = DOUBLE) -> Function:
         """The gradient of V, a user's loop q -> grad V(q)."""
         return self._loop("grad_V", arithmetic)
 
-    def grad_U(self, arithmetic: str = DOUBLE):
+    def grad_U(self, arithmetic: str = DOUBLE) -> Function:
         """The gradient of the slow potential U(q): the user's loop, or derived from the formula if there is none."""
         return self._loop("grad_U", arithmetic) if "grad_U" in self.loops else super().grad_U(arithmetic)
 
-    def energy(self, arithmetic: str = DOUBLE):
+    def energy(self, arithmetic: str = DOUBLE) -> Function:
         """The energy, a user's loop (q, p) -> (H, M), where the round-off of H is about eps M."""
         return self._loop("energy", arithmetic)
 
@@ -253,13 +261,13 @@ class HandHamiltonian(Hamiltonian):
         """The additive constant of H; 0 if there are loops and no formula."""
         return 0.0 if isinstance(self.H, MissingFormula) else super().constant
 
-    def speed(self, Q, P):
+    def speed(self, Q: ArrayLike, P: ArrayLike) -> Floats:
         """The Euclidean norm of dq/dt at each row of Q, P (n, d): array (n,), by the user's loop."""
         field = self.field()
         rows = zip(np.ascontiguousarray(Q, float), np.ascontiguousarray(P, float), strict=True)
         return np.array([np.linalg.norm(field(q, p, 0.0, 0.0)[0]) for q, p in rows])
 
-    def scale(self, Q, P):
+    def scale(self, Q: ArrayLike, P: ArrayLike) -> Floats:
         """The size of H's terms at each row of Q, P (n, d): array (n,).
 
         It is estimated as a third of the round-off unit M of H that the user's energy loop returns.
@@ -269,14 +277,14 @@ class HandHamiltonian(Hamiltonian):
         with np.errstate(all="ignore"):
             return np.array([energy(q, p)[1] for q, p in zip(Q, P, strict=True)], float) / 3
 
-    def energies(self, Q, P):
+    def energies(self, Q: ArrayLike, P: ArrayLike) -> Floats:
         """H at each row of Q, P (n, d): array (n,), by the user's loop."""
         Q, P = np.ascontiguousarray(Q, float), np.ascontiguousarray(P, float)
         energy = self.energy()
         with np.errstate(all="ignore"):
             return np.array([energy(q, p)[0] for q, p in zip(Q, P, strict=True)], float)
 
-    def observe(self, expression, Q, P):
+    def observe(self, expression: Formula | MissingFormula | Callable[..., Any], Q: ArrayLike, P: ArrayLike) -> Floats:
         """Values of an expression in (q, p), or of a function of (Q, P), at each row of Q, P (n, d): array (n,).
 
         The formula H itself is evaluated by the user's loop.

@@ -25,9 +25,10 @@ Plasmas 24 (2017) 052104.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from weakref import WeakKeyDictionary
 
 import mpmath
@@ -36,6 +37,11 @@ from numba import types
 from phasebench.integrators.compile import codegen
 from phasebench.integrators.compile.codegen import DOUBLE
 from phasebench.integrators.compile.lazy import sympy as sp
+
+if TYPE_CHECKING:
+    from phasebench.integrators.values.kinds import Function
+
+    from .hamiltonian import PartitionedSystem
 
 #: The kinds of magnetic systems: the values of the trait.
 CLASSICAL, RELATIVISTIC = "classical", "relativistic"
@@ -73,20 +79,20 @@ class Particle:
 _particles: WeakKeyDictionary = WeakKeyDictionary()
 
 
-def kind(system) -> str:
+def kind(system: PartitionedSystem) -> str:
     """The form of a Hamiltonian: "classical" or "relativistic"; "" if it is not a particle in a magnetic field."""
     found = particle(system)
     return found.kind if found else ""
 
 
-def particle(system) -> Particle | None:
+def particle(system: PartitionedSystem) -> Particle | None:
     """The potentials and fields of a system, found in its H; None if it is no charged particle in a magnetic field."""
     if system not in _particles:
         _particles[system] = _recognize(system)
     return _particles[system]
 
 
-def _recognize(system) -> Particle | None:
+def _recognize(system: PartitionedSystem) -> Particle | None:
     if not system.canonical or system.loops or system.d not in (2, 3) or system.separable:
         return None
     kinetic = _square(system.H, system.p)
@@ -99,7 +105,7 @@ def _recognize(system) -> Particle | None:
     return None
 
 
-def _square(f, p) -> tuple[Any, tuple, Any] | None:
+def _square(f: sp.Expr, p: Sequence[sp.Symbol]) -> tuple[Any, tuple, Any] | None:
     """(k, A, rest) where f is k |p - A|^2 / 2 + rest with a constant k > 0, A and rest free of p; else None."""
     slopes = [sp.diff(f, x) for x in p]
     if _varies(sp.diff(slopes[0], p[0])):
@@ -115,7 +121,7 @@ def _square(f, p) -> tuple[Any, tuple, Any] | None:
     return None if any(e.has(*p) for e in (*A, rest)) else (k, A, rest)
 
 
-def _varies(f) -> bool:
+def _varies(f: sp.Expr) -> bool:
     """True if f has different values at two points: a quick test for a constant; False if that is not shown."""
     names = sorted(f.free_symbols, key=str)
     places = ({x: sp.Rational(31 * (i + 1) % (37 + k), 29) for i, x in enumerate(names)} for k in range(2))
@@ -123,7 +129,7 @@ def _varies(f) -> bool:
     return all(v.is_Float and v.is_finite for v in values) and bool(abs(values[0] - values[1]) > abs(values[0]) / 1000)
 
 
-def _of_root(system, root) -> Particle | None:
+def _of_root(system: PartitionedSystem, root: sp.Pow) -> Particle | None:
     """The particle of H = a root + phi, if ``root`` is sqrt(M + k |p - A|^2 / 2); else None."""
     a, inside = sp.diff(system.H.subs(root, sp.Symbol("r_")), sp.Symbol("r_")), _square(root.base, system.p)
     phi = sp.expand(system.H - a * root)
@@ -137,7 +143,9 @@ def _of_root(system, root) -> Particle | None:
     return _of(system, A, phi, a * sp.sqrt(M) / square, 1 / square)
 
 
-def _of(system, A, phi, mass, slowness) -> Particle | None:
+def _of(
+    system: PartitionedSystem, A: Sequence[sp.Expr], phi: sp.Expr, mass: sp.Expr, slowness: sp.Expr
+) -> Particle | None:
     x = system.q
     if len(x) == 2:
         curl = (sp.diff(A[1], x[0]) - sp.diff(A[0], x[1]), sp.Integer(0))
@@ -150,7 +158,7 @@ def _of(system, A, phi, mass, slowness) -> Particle | None:
     return Particle(tuple(map(_short, A)), phi, mass, slowness, E, B)
 
 
-def _short(e):
+def _short(e: sp.Expr) -> sp.Expr:
     """Return the shorter of an expression and its simplified form; a long expression is returned as it is."""
     if sp.count_ops(e) > LONG:
         return e
@@ -158,7 +166,7 @@ def _short(e):
     return simplified if sp.count_ops(simplified) < sp.count_ops(e) or simplified == 0 else e
 
 
-def constants(system) -> tuple[Any, Any]:
+def constants(system: PartitionedSystem) -> tuple[Any, Any]:
     """The mass and the inverse square of the speed of light, (m, 1 / c^2): fractions, or numbers of `DIGITS` digits."""
     found = particle(system)
     with mpmath.workdps(DIGITS):
@@ -171,22 +179,22 @@ def constants(system) -> tuple[Any, Any]:
 # -- functions of the coordinates, as kernels call them ----------------------------------------------------------------
 
 
-def fields(system, arithmetic: str = DOUBLE):
+def fields(system: PartitionedSystem, arithmetic: str = DOUBLE) -> Function:
     """Make the function x -> (E, B) of the electric and magnetic field, both divided by the mass, at a position x."""
     T = codegen.value_type(system.d)
 
-    def results():
+    def results() -> list[list[Any]]:
         found = particle(system)
         return [list(found.E), list(found.B)]
 
     return system.make_function("E and B", [("q", system.q)], results, types.Tuple((T, T))(T), arithmetic)
 
 
-def shift(system, arithmetic: str = DOUBLE):
+def shift(system: PartitionedSystem, arithmetic: str = DOUBLE) -> Function:
     """Make the function x -> A(x) / m of the vector potential A over the mass: p / m = u + A / m."""
     T = codegen.value_type(system.d)
 
-    def results():
+    def results() -> list[list[Any]]:
         found = particle(system)
         return [[a / found.mass for a in found.A]]
 

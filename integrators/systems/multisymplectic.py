@@ -58,7 +58,7 @@ class Equation:
         return len(self.K) - self.slopes
 
 
-def _form(a, B, b):
+def _form(a: np.ndarray, B: np.ndarray, b: np.ndarray) -> np.ndarray:
     """The bilinear form a^T B b in each cell, for arrays a, b of shape (..., n)."""
     return np.einsum("...i,ij,...j->...", a, B, b)
 
@@ -74,12 +74,12 @@ class Division:
     N: int
     dx: float
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         """Raise InvalidInput unless there are at least 3 cells of positive width."""
         if int(self.N) != self.N or self.N < 3 or not self.dx > 0:
             raise InvalidInput(f"{self.N} cells of width {self.dx}: at least 3 of positive width are needed")
 
-    def lift(self, y):
+    def lift(self, y: np.ndarray) -> np.ndarray:
         """The variables z = (y, D y) in each cell, from arrays y of shape (..., N, n - k)."""
         return np.concatenate([y, self.slope(y[..., : self.equation.slopes])], axis=-1)
 
@@ -95,14 +95,14 @@ class Division:
         D = self.slope(np.eye(self.N))
         return -D.T @ D
 
-    def field(self, y):
+    def field(self, y: np.ndarray) -> np.ndarray:
         """The right-hand side of the equation discretized in space: y_t, for an array y of shape (N, n - k)."""
         inverse, L = self._parts
         z = self.lift(y)
         force = self.equation.gradient(z)[..., : y.shape[-1]] - self.back(z[..., y.shape[-1] :]) @ L.T
         return force @ inverse.T
 
-    def jacobian(self, y):
+    def jacobian(self, y: np.ndarray) -> np.ndarray:
         """The derivative of `field` at y (N, m), array (N m, N m); m is the number of components of y in a cell."""
         m, k = self.equation.moving, self.equation.slopes
         inverse, L = self._parts
@@ -112,11 +112,11 @@ class Division:
         full[cells, :, cells, :] += local
         return full.reshape(self.N * m, self.N * m)
 
-    def divergence(self, flux):
+    def divergence(self, flux: np.ndarray) -> np.ndarray:
         """The discrete divergence, array (..., N), of a flux (..., N) through the left ends of the cells."""
         return (np.roll(flux, -1, axis=-1) - flux) / self.dx
 
-    def total_energy(self, y) -> float:
+    def total_energy(self, y: np.ndarray) -> float:
         """The sum of the energy density over the cells, times their width."""
         return float(self.energy(self.lift(y)).sum() * self.dx)
 
@@ -124,7 +124,7 @@ class Division:
 class Box(Division):
     """The midpoint rule in space: unknowns are means over cells, fluxes are taken at the nodes, the ends of cells."""
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         """Raise InvalidInput for an even number of cells: then values in cells do not determine those at nodes."""
         super().__post_init__()
         if self.N % 2 == 0:
@@ -135,7 +135,7 @@ class Box(Division):
         """The inverse, array (N, N), of the matrix that takes means of neighbours; its entries are 1 and -1."""
         return np.linalg.inv((np.eye(self.N) + np.roll(np.eye(self.N), 1, axis=1)) / 2).round()
 
-    def nodes(self, z):
+    def nodes(self, z: np.ndarray) -> np.ndarray:
         """The values of z at the cells' left ends, from z in the cells.
 
         The values are means of neighbouring cells plus a correction of the size of the second difference; the
@@ -144,29 +144,29 @@ class Box(Division):
         left, right = np.roll(z, 1, axis=-2), np.roll(z, -1, axis=-2)
         return (left + z) / 2 - self._inverse @ ((right - z) - (z - left)) / 4
 
-    def slope(self, z):
+    def slope(self, z: np.ndarray) -> np.ndarray:
         """The space derivative in each cell: the difference of the values at its ends over its width."""
         return self.nodes((np.roll(z, -1, axis=-2) - z) / self.dx)
 
     back = slope
 
-    def two_form(self, u, v):
+    def two_form(self, u: np.ndarray, v: np.ndarray) -> np.ndarray:
         """The flux u^T L v of the symplectic form through the left ends of the cells."""
         return _form(self.nodes(u), self.equation.L, self.nodes(v))
 
-    def energy(self, z):
+    def energy(self, z: np.ndarray) -> np.ndarray:
         """The energy density S - z^T L z_x / 2 in each cell."""
         return self.equation.S(z) - _form(z, self.equation.L, self.slope(z)) / 2
 
-    def energy_flux(self, z, rate):
+    def energy_flux(self, z: np.ndarray, rate: np.ndarray) -> np.ndarray:
         """The energy flux z^T L z_t / 2 through the left ends of the cells; ``rate`` is z_t."""
         return _form(self.nodes(z), self.equation.L, self.nodes(rate)) / 2
 
-    def momentum(self, z):
+    def momentum(self, z: np.ndarray) -> np.ndarray:
         """The momentum density z^T K z_x / 2 in each cell."""
         return _form(z, self.equation.K, self.slope(z)) / 2
 
-    def momentum_flux(self, z, rate):
+    def momentum_flux(self, z: np.ndarray, rate: np.ndarray) -> np.ndarray:
         """The momentum flux S - z^T K z_t / 2 through the left ends of the cells; ``rate`` is z_t."""
         z = self.nodes(z)
         return self.equation.S(z) - _form(z, self.equation.K, self.nodes(rate)) / 2
@@ -175,11 +175,11 @@ class Box(Division):
 class Staggered(Division):
     """The symplectic Euler rule in space: w in a cell is the slope of y between it and the cell on its left."""
 
-    def slope(self, z):
+    def slope(self, z: np.ndarray) -> np.ndarray:
         """The backward difference in space, over the width of a cell."""
         return (z - np.roll(z, 1, axis=-2)) / self.dx
 
-    def back(self, w):
+    def back(self, w: np.ndarray) -> np.ndarray:
         """The forward difference in space, over the width of a cell."""
         return (np.roll(w, -1, axis=-2) - w) / self.dx
 
@@ -191,27 +191,27 @@ class Staggered(Division):
         upper[:m, m:] = self.equation.L[:m, m:]
         return upper
 
-    def _across(self, a, b):
+    def _across(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
         """The bilinear form a^T L_+ b, with a of the cell on the left."""
         return _form(np.roll(a, 1, axis=-2), self._upper, b)
 
-    def two_form(self, u, v):
+    def two_form(self, u: np.ndarray, v: np.ndarray) -> np.ndarray:
         """The flux of the symplectic form of two tangents u, v through the left ends of the cells."""
         return self._across(u, v) - self._across(v, u)
 
-    def energy(self, z):
+    def energy(self, z: np.ndarray) -> np.ndarray:
         """The energy density S + z_x^T L_+ z in each cell."""
         return self.equation.S(z) + _form(self.slope(z), self._upper, z)
 
-    def energy_flux(self, z, rate):
+    def energy_flux(self, z: np.ndarray, rate: np.ndarray) -> np.ndarray:
         """The energy flux -z_t^T L_+ z through the left ends of the cells; ``rate`` is z_t."""
         return -self._across(rate, z)
 
-    def momentum(self, z):
+    def momentum(self, z: np.ndarray) -> np.ndarray:
         """The momentum density z^T K z_x / 2 in each cell, with z_x by central differences."""
         return _form(z, self.equation.K, (self.slope(z) + self.back(z)) / 2) / 2
 
-    def momentum_flux(self, z, rate):
+    def momentum_flux(self, z: np.ndarray, rate: np.ndarray) -> np.ndarray:
         """The momentum flux S - z^T K z_t / 2 through the left ends of the cells, where w is given and y a mean."""
         m = self.equation.moving
         z, rate = z.copy(), rate.copy()

@@ -24,7 +24,7 @@ geodesics); the general monomial is derived here.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from numba import types
 
@@ -35,6 +35,9 @@ from phasebench.integrators.errors import InvalidInput
 
 from .formula import parse
 from .hamiltonian import Formula, Hamiltonian, Names, _expression, _symbols
+
+if TYPE_CHECKING:
+    from phasebench.integrators.values.kinds import Function
 
 #: The end of the error message for a part without a known flow.
 KINDS = (
@@ -85,7 +88,7 @@ class SplitHamiltonian(Hamiltonian):
         H: Formula | None = None,
         singular: Sequence[Formula] | None = None,
         invariants: Sequence[Formula] = (),
-    ):
+    ) -> None:
         q, p = _symbols(q), _symbols(p)
         names = {str(s): s for s in (*q, *p)}
         given = list(parts) if not isinstance(parts, str) else [parts]
@@ -101,7 +104,7 @@ class SplitHamiltonian(Hamiltonian):
         self._derive(q=q, p=p, H=whole, singular=singular, invariants=invariants)
         self._flows = tuple(_flow(part, text, self.q, self.p) for part, text in zip(self.parts, given, strict=True))
 
-    def part_flow(self, k: int, arithmetic: str = DOUBLE):
+    def part_flow(self, k: int, arithmetic: str = DOUBLE) -> Function:
         """Make the function (q, p, t) -> (change of q, change of p) of the exact flow of part k over the time t."""
         T = codegen.value_type(self.d)
         arguments = [("q", self.q), ("p", self.p), ("t", _time())]

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import combinations
+from typing import TYPE_CHECKING, Any
 
 from numba import types
 
@@ -25,11 +26,16 @@ from phasebench.integrators.errors import InvalidInput
 from .formula import parse
 from .hamiltonian import PartitionedSystem, _symbols
 
+if TYPE_CHECKING:
+    from phasebench.integrators.values.kinds import Function
+
+    from .hamiltonian import Formula, Names
+
 
 def jacobi_defects(B: sp.Matrix, y: Sequence[sp.Symbol]) -> list[sp.Expr]:
     """The left-hand sides of the Jacobi identity for i < j < k, simplified: all zero where B is a Poisson structure."""
 
-    def term(i, j, k):
+    def term(i: int, j: int, k: int) -> sp.Expr:
         return sum(sp.diff(B[i, j], y[m]) * B[m, k] for m in range(len(y)))
 
     return [sp.simplify(term(i, j, k) + term(j, k, i) + term(k, i, j)) for i, j, k in combinations(range(len(y)), 3)]
@@ -56,7 +62,18 @@ class PoissonSystem(PartitionedSystem):
 
     poisson = True
 
-    def __init__(self, *, q, p, B, H, dq=None, dp=None, singular=(), invariants=()):
+    def __init__(
+        self,
+        *,
+        q: Names,
+        p: Names,
+        B: sp.Matrix | Sequence[Sequence[Any]],
+        H: Formula,
+        dq: Sequence[sp.Expr] | None = None,
+        dp: Sequence[sp.Expr] | None = None,
+        singular: Sequence[Formula] = (),
+        invariants: Sequence[Formula] = (),
+    ) -> None:
         q, p = _symbols(q), _symbols(p)
         y, d = (*q, *p), len(q)
         B = sp.Matrix(B)
@@ -72,7 +89,7 @@ class PoissonSystem(PartitionedSystem):
         super().__init__(q=q, p=p, dq=given[:d], dp=given[d:], energy=H, singular=singular, invariants=invariants)
         self.B = B
 
-    def gradient(self, arithmetic: str = DOUBLE):
+    def gradient(self, arithmetic: str = DOUBLE) -> Function:
         """Make the function (q, p, h, lam) -> (H_q, H_p) of tuples or arrays (d,); it ignores h and lam.
 
         It has these arguments so that it can replace a vector field that depends on a step h and a parameter lambda.
@@ -89,12 +106,12 @@ class PoissonSystem(PartitionedSystem):
             arithmetic,
         )
 
-    def structure(self, arithmetic: str = DOUBLE):
+    def structure(self, arithmetic: str = DOUBLE) -> Function:
         """Make the function (q, p, a, b) -> the two halves of B(q, p) (a, b), the structure matrix times a vector."""
         T, d = codegen.value_type(self.d), self.d
         a, b = (sp.symbols([f"{n}{i}_" for i in range(d)]) for n in ("a", "b"))
 
-        def results():
+        def results() -> list[list[sp.Expr]]:
             product = self.B * sp.Matrix([*a, *b])
             return [product[:d], product[d:]]
 

@@ -24,7 +24,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from fractions import Fraction
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -36,6 +36,9 @@ from phasebench.integrators.errors import InvalidInput
 
 from .formula import parse
 from .hamiltonian import Floats, Formula, Hamiltonian
+
+if TYPE_CHECKING:
+    from phasebench.integrators.values.kinds import Function
 
 #: Names of the entries of the rotation matrix in a formula of V.
 ENTRIES = tuple(f"r{i}{j}" for i in "123" for j in "123")
@@ -96,7 +99,7 @@ class RigidBody(Hamiltonian):
 
     rigid = True
 
-    def __init__(self, *, moments: Sequence[Any], V: Formula = "0"):
+    def __init__(self, *, moments: Sequence[Any], V: Formula = "0") -> None:
         self.moments = _moments(moments)
         q = tuple(sp.Symbol(f"q{k}", real=True) for k in range(4))
         p = tuple(sp.Symbol(f"p{k}", real=True) for k in range(4))
@@ -129,7 +132,7 @@ class RigidBody(Hamiltonian):
         q = np.moveaxis(np.asarray(q, float), -1, 0)
         return np.moveaxis(np.array([[np.asarray(x) for x in row] for row in rotation(q)]), (0, 1), (-2, -1))
 
-    def grad_V(self, arithmetic: str = DOUBLE):
+    def grad_V(self, arithmetic: str = DOUBLE) -> Function | None:
         """Make the function q -> grad V(q) of quaternions; None for a free body."""
         if self.V == 0:
             return None

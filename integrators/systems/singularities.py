@@ -13,11 +13,14 @@ distance at all, since it is regular (2 + cos(q), cosh(q)).
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from phasebench.integrators.compile.lazy import sympy as sp
+
+if TYPE_CHECKING:
+    from .hamiltonian import PartitionedSystem
 
 #: Half-widths of the boxes in which zeros of a base are searched, the points in each, and the share of the typical size
 #: of the base below which a value counts as zero.
@@ -52,7 +55,7 @@ def find(H: sp.Expr, coordinates: Sequence[sp.Symbol], momenta: Sequence[sp.Symb
     return Distances(*(tuple(sorted(found[kind], key=sp.default_sort_key)) for kind in (True, False)))
 
 
-def unsearched(system) -> bool:
+def unsearched(system: PartitionedSystem) -> bool:
     """True if H may have singularities that were not searched for, since a base has more operations than `LONGEST`."""
     if not system.canonical or system.loops or steering_distances(system):
         return False
@@ -63,7 +66,7 @@ def _too_long(base: sp.Expr) -> bool:
     return sp.count_ops(base) > LONGEST
 
 
-def steering_distances(system) -> tuple:
+def steering_distances(system: PartitionedSystem) -> tuple:
     """The distances by which variable steps are chosen: those that vanish at singularities and softened ones."""
     return (*system.singular, *system.softened)
 
@@ -127,7 +130,7 @@ def _factors(base: sp.Expr) -> Iterator[sp.Expr]:
 # -- the distance of a factor ------------------------------------------------------------------------------------------
 
 
-def _distance(F: sp.Expr, variables) -> tuple[sp.Expr | None, bool]:
+def _distance(F: sp.Expr, variables: Sequence[sp.Symbol]) -> tuple[sp.Expr | None, bool]:
     """(distance to the zeros of a factor F, True if it vanishes somewhere); the distance is None if F is regular."""
     if F.is_polynomial():
         polynomial = sp.Poly(F, *variables)
@@ -146,7 +149,7 @@ def _distance(F: sp.Expr, variables) -> tuple[sp.Expr | None, bool]:
     return (sp.sqrt(sign * F), True) if abs(sign) == 1 else (None, False)
 
 
-def _of_quadratic(polynomial, variables) -> tuple[sp.Expr, bool]:
+def _of_quadratic(polynomial: sp.Poly, variables: Sequence[sp.Symbol]) -> tuple[sp.Expr, bool]:
     F = polynomial.as_expr()
     for sign in (1, -1):
         squares, least = _squares(sign * F, variables)
@@ -157,7 +160,7 @@ def _of_quadratic(polynomial, variables) -> tuple[sp.Expr, bool]:
     return F, True
 
 
-def _squares(F: sp.Expr, variables) -> tuple[list[tuple], sp.Rational | None]:
+def _squares(F: sp.Expr, variables: Sequence[sp.Symbol]) -> tuple[list[tuple], sp.Rational | None]:
     """Complete squares in a quadratic polynomial: ([(a, x), ...], least value) of sum a x^2 + least value.
 
     The least value is None if F is not bounded below.  It is exact, so that one near zero loses no digits.
@@ -173,7 +176,7 @@ def _squares(F: sp.Expr, variables) -> tuple[list[tuple], sp.Rational | None]:
     return squares, F
 
 
-def _sign(F: sp.Expr, variables) -> int:
+def _sign(F: sp.Expr, variables: Sequence[sp.Symbol]) -> int:
     """Search a factor F for zeros numerically: 0 if it changes its sign, +-1 if it touches zero, +-2 if it has none.
 
     The sign of the result is the sign of F.

@@ -14,6 +14,8 @@ Reich, SIAM J. Numer. Anal. 36 (1999) 1549-1570.
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from phasebench.integrators.compile.lazy import sympy as sp
@@ -22,8 +24,13 @@ from phasebench.integrators.errors import InvalidInput
 from .hamiltonian import Hamiltonian
 from .singularities import size, steering_distances
 
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
-def distance_scale(system) -> sp.Expr:
+    from .hamiltonian import Formula, PartitionedSystem
+
+
+def distance_scale(system: PartitionedSystem) -> sp.Expr:
     r"""The default scale of time :math:`\sigma = (\sum_k r_k^{-3})^{-1/2}`, an expression in the coordinates.
 
     The r_k are the distances to the singularities of the system.  Raises InvalidInput if it has none as formulae.
@@ -50,7 +57,7 @@ class TransformedHamiltonian(Hamiltonian):
         If the system is not canonical, or the scale has other symbols than its coordinates.
     """
 
-    def __init__(self, system: Hamiltonian, scale=None):
+    def __init__(self, system: Hamiltonian, scale: Formula | None = None) -> None:
         if not system.canonical:
             raise InvalidInput("only a canonical system has a transformed Hamiltonian")
         self.original = system
@@ -67,7 +74,7 @@ class TransformedHamiltonian(Hamiltonian):
         )
         self.softened = system.softened
 
-    def start(self, q0, p0) -> tuple[np.ndarray, np.ndarray]:
+    def start(self, q0: ArrayLike, p0: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
         """The initial state (q0, t = 0), (p0, -H) of this system from the original one's, arrays (d + 1,)."""
         q, p = np.asarray(q0, float), np.asarray(p0, float)
         H = self.original.observe(self.original.H, q[None], p[None])[0]

@@ -158,7 +158,7 @@ def _round(x: Number) -> Number:
 
 
 @njit(**OPTIONS)
-def _reduced_sine(x: Number, n: int, sign: Number) -> Number:
+def _reduced_sine(x: Number, n: Number, sign: Number) -> Number:
     """The value sign * sin(x - n pi) in each lane, for |x - n pi| <= pi/2, by a polynomial."""
     r = ((x - n * PI[0]) - n * PI[1]) - n * PI[2]
     z = r * r
@@ -167,7 +167,7 @@ def _reduced_sine(x: Number, n: int, sign: Number) -> Number:
 
 
 @njit(**OPTIONS)
-def _sign(n: int) -> Number:
+def _sign(n: Number) -> Number:
     """(-1)**n for integers n."""
     odd = n - 2.0 * _round(0.5 * n)
     return 1.0 - 2.0 * (odd * odd)
@@ -218,7 +218,7 @@ def _tanh(x: Number) -> Number:
     return _select_below(z, NEAR_TANGENT * NEAR_TANGENT, near, 1.0 - 2.0 / (_exp(2.0 * x) + 1.0))
 
 
-def _overload(name: str, of_lanes: Any) -> Function:
+def _overload(name: str, of_lanes: Function) -> Function:
     """Return the function ``name`` of the module math, extended to SIMD lanes (``of_lanes``), MPFR numbers, arrays."""
     of_number = getattr(math, name)
 
@@ -227,7 +227,7 @@ def _overload(name: str, of_lanes: Any) -> Function:
             return np.array([plain(a) for a in x], x.dtype)
         return getattr(gmpy2, name)(x) if isinstance(x, type(gmpy2.mpfr(0))) else of_number(x)
 
-    def choose(x: Number) -> Any:
+    def choose(x: types.Type) -> Function | None:
         if isinstance(x, Lanes):
             return lambda x: of_lanes(x)
         return (lambda x: of_number(x)) if isinstance(x, types.Number) else None

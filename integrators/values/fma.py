@@ -30,7 +30,7 @@ def exact_fma(a: Number, x: Number, y: Number) -> Number:
     return a * x + y
 
 
-def _emit(name: Any, signature: Any, context: Any, builder: Any, arguments: Any) -> Any:
+def _emit(name: str, signature: Any, context: Any, builder: Any, arguments: Any) -> Any:
     """Emit a call of the LLVM intrinsic ``name``, "fma" or "fmuladd", which multiplies and adds numbers or lanes."""
     lanes = signature.return_type
     if not isinstance(lanes, Lanes):

@@ -19,7 +19,7 @@ from numba import types
 from phasebench.integrators.compile.codegen import DOUBLE, compiled, value_kind
 
 if TYPE_CHECKING:
-    from phasebench.integrators.systems.hamiltonian import Hamiltonian
+    from phasebench.integrators.systems.hamiltonian import PartitionedSystem
 
 
 def signature(returning: Any) -> Any:
@@ -58,7 +58,7 @@ def _rewrite(text: str) -> str:
 _versions: WeakKeyDictionary = WeakKeyDictionary()
 
 
-def in_place_version(system: Hamiltonian, arithmetic: str, most: int) -> Hamiltonian:
+def in_place_version(system: PartitionedSystem, arithmetic: str, most: int) -> PartitionedSystem:
     """Return a copy of the system whose functions write results into arrays; the system itself if states are tuples.
 
     States are tuples up to ``most`` degrees of freedom, or up to `codegen.TUPLE_LIMIT` if that is smaller.  The system

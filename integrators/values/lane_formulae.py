@@ -21,7 +21,7 @@ from phasebench.integrators.compile.lazy import sympy as sp
 from . import elementary, lanes
 
 if TYPE_CHECKING:
-    from phasebench.integrators.systems.hamiltonian import Hamiltonian
+    from phasebench.integrators.systems.hamiltonian import PartitionedSystem
     from phasebench.integrators.values.kinds import Function
 
 #: SymPy's names of the operations that have a lane version.
@@ -47,7 +47,7 @@ def function(
     arguments: Sequence[tuple[str, Sequence[sp.Symbol]]],
     results: Callable,
     n: int,
-    system: Hamiltonian,
+    system: PartitionedSystem,
     arithmetic: str,
 ) -> Function:
     """Return the compiled function f(B) that evaluates formulae in n lanes; rows of the table B are its variables.

@@ -13,6 +13,7 @@ lanes.
 from __future__ import annotations
 
 import operator
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -25,7 +26,7 @@ from numba.extending import intrinsic, lower_builtin, models, overload, register
 from phasebench.integrators.compile.options import TUPLES
 
 if TYPE_CHECKING:
-    from phasebench.integrators.values.kinds import Function, Number
+    from phasebench.integrators.values.kinds import Function, Number, Value
 
 OPTIONS = {"forceinline": True, **TUPLES}
 NUMBER = ir.DoubleType()
@@ -40,7 +41,7 @@ class Lanes(types.Type):
         self.n = n
         super().__init__(f"lanes({n})")
 
-    def can_convert_from(self, typing_context: Any, other: types.Type) -> tuple:
+    def can_convert_from(self, typing_context: Any, other: types.Type) -> Conversion | None:
         """Accept scalars: a scalar converts to the same number in every lane."""
         return Conversion.safe if isinstance(other, (types.Integer, types.Float)) else None
 
@@ -66,7 +67,7 @@ def _index(i: int) -> Any:
     return ir.IntType(32)(i)
 
 
-def call(builder: Any, name: str, n: int, *vectors: Any, flags: Any = ()) -> Any:
+def call(builder: Any, name: str, n: int, *vectors: Any, flags: Sequence[str] = ()) -> Any:
     """Emit a call of the LLVM intrinsic ``name`` on vectors of n doubles; on doubles if n is 0."""
     kind, name = (ir.VectorType(NUMBER, n), f"llvm.{name}.v{n}f64") if n else (NUMBER, f"llvm.{name}.f64")
     function = builder.module.globals.get(name)
@@ -222,7 +223,7 @@ def _combine(
     return Lanes(y.n)(x, y, factor, table, types.intp, like), codegen
 
 
-def _next(builder: Any, row: Any, j: Any) -> Any:
+def _next(builder: Any, row: Any, j: int) -> Any:
     """Emit the sum of the indices row and j."""
     return builder.add(row, row.type(j))
 
@@ -266,26 +267,26 @@ def _total(typing_context: Any, x: types.Type) -> tuple:
 
 
 @operation(_take)
-def take(table: np.ndarray, row: int, like: Number) -> Number:
+def take(table: np.ndarray, row: int, like: tuple) -> Number:
     """Read the row with index ``row`` of a table as lanes, as many as ``like`` has items."""
     return table[row, : len(like)].copy()
 
 
 @operation(_put)
-def put(table: np.ndarray, row: int, x: Number, like: Number) -> None:
+def put(table: np.ndarray, row: int, x: Number, like: tuple) -> None:
     """Write the lanes x, or one scalar for all of them, into a row of a table; ``like`` has as many items as lanes."""
     table[row, : len(like)] = x
 
 
 @operation(_combine)
-def combine(x: Number, y: Number, factor: Number, table: np.ndarray, row: int, like: Number) -> Number:
+def combine(x: Number, y: Number, factor: Number, table: np.ndarray, row: int, like: tuple) -> Number:
     """x + factor * sum_j y[j] table[row + j], where j runs over the indices of ``like``; y and the result are lanes."""
     terms = [y[j] * table[row + j, : len(y)] for j in range(len(like))]
     return x + factor * sum(terms[1:], terms[0])
 
 
 @operation(_polynomial)
-def polynomial(coefficients: np.ndarray, z: Number, like: Number) -> Number:
+def polynomial(coefficients: Value, z: Number, like: tuple) -> Number:
     """The polynomial with these coefficients, lowest power first, as many as ``like`` has items, at each lane of z.
 
     The coefficients are lanes or a tuple.  Compiled, neighbouring terms are added in pairs, then those sums in pairs,

@@ -14,6 +14,7 @@ from __future__ import annotations
 import inspect
 import math
 import operator
+from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -70,7 +71,7 @@ def _broadcast(context: Any, builder: Any, kind: Any, lanes: Any, value: Any) ->
 # -- conditions -------------------------------------------------------------------------------------------------------
 
 
-def _comparison(function: Function, sign: str) -> Any:
+def _comparison(function: Function, sign: str) -> None:
     """Define in Numba a comparison of SIMD lanes, which gives a `Mask`; NaN compares as in IEEE arithmetic."""
 
     @infer_global(function)
@@ -97,7 +98,7 @@ for _function, _sign in (
     _comparison(_function, _sign)
 
 
-def _logical(function: Function, name: str) -> Any:
+def _logical(function: Function, name: str) -> None:
     """Define in Numba a logical operator between masks; ``name`` is that of LLVM's instruction."""
 
     @infer_global(function)
@@ -193,7 +194,7 @@ def number(condition: Condition) -> int:
     return 1 if condition else 0
 
 
-def fails(condition: Condition) -> bool:
+def fails(condition: Condition) -> Condition:
     """True where the condition does not hold: its negation, for scalars and masks."""
     return not condition
 
@@ -229,7 +230,7 @@ def _use_elementary(name: str) -> None:
     of_lanes = getattr(elementary, name)
 
     @overload(getattr(math, name), jit_options=OPTIONS)
-    def typed(x: Number) -> Any:
+    def typed(x: types.Type) -> Function | None:
         return (lambda x: of_lanes(x)) if isinstance(x, Lanes) else None
 
 
@@ -261,12 +262,12 @@ def overload_lane_by_lane(function: Function) -> None:
     """Overload a function of one number for SIMD lanes, by calling it for each lane."""
 
     @overload(function, jit_options=OPTIONS)
-    def of_lanes(x: Number) -> Any:
+    def of_lanes(x: types.Type) -> Function | None:
         if not isinstance(x, Lanes):
             return None
         width = x.n
 
-        def impl(x: Number) -> Any:
+        def impl(x: Number) -> Number:
             out = x
             for i in range(width):
                 out = _with_lane(out, i, function(_lane(x, i)))
@@ -286,13 +287,13 @@ for _function in (
 
 
 @overload(operator.pow, jit_options=OPTIONS)
-def _power(x: Number, n: int) -> Any:
+def _power(x: types.Type, n: types.Type) -> Function | None:
     """x**n of lanes x and a number n, computed for each lane."""
     if not isinstance(x, Lanes) or isinstance(n, Lanes):
         return None
     width = x.n
 
-    def impl(x: Number, n: int) -> Any:
+    def impl(x: Number, n: Number) -> Number:
         out = x
         for i in range(width):
             out = _with_lane(out, i, _lane(x, i) ** n)
@@ -301,7 +302,7 @@ def _power(x: Number, n: int) -> Any:
     return impl
 
 
-def holds_lanes(arguments: Any) -> bool:
+def holds_lanes(arguments: Iterable[types.Type]) -> bool:
     """True if lanes, or tuples of them, are among the types of the arguments."""
     return any(isinstance(getattr(a, "dtype", a), Lanes) for a in arguments)
 

@@ -158,7 +158,7 @@ def elementwise(outputs: int = 1) -> Function:
     return lambda fn: _overload_by_source(fn, template, loop if outputs > 1 else None)
 
 
-def unroll(template: Function, loop: str = "") -> Function:
+def unroll(template: Callable[[int], str], loop: str = "") -> Function:
     """Return a decorator for functions of vectors that Numba compiles for tuples from the source text ``template(d)``.
 
     d is the number of items of the tuples, the text the body of the function.  For arrays the body is the text
@@ -195,7 +195,7 @@ def _tuple_text(items: Iterable[str]) -> str:
     return " + ".join(f"({', '.join(items[i : i + 30])},)" for i in range(0, len(items), 30))
 
 
-def _tuple(d: int, item: Callable[[int], str]) -> str:
+def _tuple(d: int, item: str) -> str:
     """Return the source text of "return" with a tuple of d items: ``item`` with the index i filled in."""
     return "  return " + _tuple_text(item.format(i=i) for i in range(d))
 
@@ -300,10 +300,10 @@ def store(A: np.ndarray, i: int, x: Value) -> None:
 class State(NamedTuple):
     """The state of a step: the vectors q and p, and what rounding lost of each in compensated summation."""
 
-    q: Any
-    p: Any
-    lost_q: Any
-    lost_p: Any
+    q: Value
+    p: Value
+    lost_q: Value
+    lost_p: Value
 
 
 @inline
@@ -405,7 +405,7 @@ def in_place(on_arrays: Function | None) -> Function:
     return decorate
 
 
-def writes(f: Function) -> bool:
+def writes(f: types.Type) -> bool:
     """True if the type is that of a function that writes its results into its last arguments (`inplace`)."""
     return isinstance(f, types.FunctionType) and f.signature.return_type == types.none
 
