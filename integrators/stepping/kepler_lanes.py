@@ -30,7 +30,7 @@ from phasebench.integrators.values.vector import forbid_inlining, inline, jit
 from . import kepler_flow
 
 if TYPE_CHECKING:
-    from phasebench.integrators.values.kinds import Condition, Number
+    from phasebench.integrators.values.kinds import Condition, Number, Value
 
 #: The highest power in the series; with it their coefficients are integers below 2^53 times powers of two.
 TERMS = 9
