@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from threading import Lock
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,6 +18,10 @@ from .stepping.kernel import COUNTS, TALLY, Prepared, Samples, prepare
 from .stepping.orbit_lanes import LANES
 from .threads import map_slices
 from .trajectory import PIECE, whole_rows
+
+if TYPE_CHECKING:
+    from .solution import Solution
+    from .systems.hamiltonian import PartitionedSystem
 
 #: Below this many orbits the lanes are not filled, and a kernel for them need not be compiled.
 ENOUGH = LANES.n
@@ -56,7 +61,18 @@ class Orbits:
     lock: Lock = field(default_factory=Lock, repr=False)
 
     @classmethod
-    def create(cls, system, q, p, h, steps, every, kinds, kind, rows: int) -> Orbits:
+    def create(
+        cls,
+        system: PartitionedSystem,
+        q: np.ndarray,
+        p: np.ndarray,
+        h: np.ndarray,
+        steps: np.ndarray,
+        every: np.ndarray,
+        kinds: list[Method],
+        kind: np.ndarray,
+        rows: int,
+    ) -> Orbits:
         """Create the `Orbits` with room for ``rows`` rows each, of which the first, the initial state, is filled."""
         n = len(q)
         Q, P = (np.full((n, rows, system.d), np.nan) for _ in "qp")
@@ -96,7 +112,7 @@ class Orbits:
         """Record that all rows of these orbits are filled."""
         self.filled[members] = self.Q.shape[1]
 
-    def enter(self, i: int, solution) -> None:
+    def enter(self, i: int, solution: Solution) -> None:
         """Store the rows, status and counts of orbit i from its ``solution``, computed by itself outside of a batch."""
         filled = len(solution.q)
         self.Q[i], self.P[i] = np.nan, np.nan
@@ -104,7 +120,7 @@ class Orbits:
         self.filled[i] = filled
         self.conclude(i, solution)
 
-    def conclude(self, i: int, solution) -> None:
+    def conclude(self, i: int, solution: Solution) -> None:
         """Store status and reason of orbit i from its ``solution``, and add its counts to the ensemble's."""
         self.status[i], self.reason[i] = solution.status, solution.reason
         with self.lock:
@@ -137,7 +153,7 @@ class Batch:
     weights: dict[str, np.ndarray]
 
 
-def runs_in_lanes(system, method: Method) -> bool:
+def runs_in_lanes(system: PartitionedSystem, method: Method) -> bool:
     """True if orbits of the method on the system can be integrated side by side in SIMD lanes."""
     return orbit_lanes.runs_in_lanes(system, method)
 

@@ -18,6 +18,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import cache
 from threading import Lock
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numba import types
@@ -29,12 +30,26 @@ from .families.runge_kutta import total
 from .stepping.kernel import _type, entry, value
 from .values.vector import jit, join, load, plus, scale, store
 
+if TYPE_CHECKING:
+    from .systems.hamiltonian import PartitionedSystem
+    from .values.kinds import Function, Value
+
 #: The room of `Crossings` grows by so many points, or by this share of what there is.
 GROWTH, SHARE = 1 << 14, 32
 
 
 @jit
-def _carry(field, q, p, t, k, dx, tableau, slopes, zero):
+def _carry(
+    field: Function,
+    q: Value,
+    p: Value,
+    t: float,
+    k: int,
+    dx: float,
+    tableau: np.ndarray,
+    slopes: np.ndarray,
+    zero: Value,
+) -> tuple[Value, Value, float]:
     """Carry (q, p, t) along the flow until component k of (q, p) has changed by dx, by one step of order 8.
 
     ``slopes`` is room for the stages, ``zero`` the zero of a state.
@@ -50,7 +65,23 @@ def _carry(field, q, p, t, k, dx, tableau, slopes, zero):
     return plus(q, dq), plus(p, dp), t
 
 
-def _find(field, q, p, last, plane, every, begin, steps, h, points, owners, work, slopes, tableau, zero):
+def _find(
+    field: Function,
+    q: np.ndarray,
+    p: np.ndarray,
+    last: np.ndarray,
+    plane: np.ndarray,
+    every: int,
+    begin: int,
+    steps: int,
+    h: np.ndarray,
+    points: np.ndarray,
+    owners: np.ndarray,
+    work: np.ndarray,
+    slopes: np.ndarray,
+    tableau: np.ndarray,
+    zero: Value,
+) -> int:
     """Find the crossings of a plane by orbits between their rows, write them to ``points``; return their number.
 
     q, p are rows (blocks, rows, d, lanes), each ``every`` steps after the one before; ``last`` (2, blocks, d, lanes) is
@@ -101,7 +132,7 @@ def _find(field, q, p, last, plane, every, begin, steps, h, points, owners, work
     return found
 
 
-def _sort(points, owners, next_place):
+def _sort(points: np.ndarray, owners: np.ndarray, next_place: np.ndarray) -> None:
     """Sort points in place by the orbit to which they belong, ``owners``; points of one orbit keep their order.
 
     ``next_place`` (n, 1) has for each orbit the row of its first point after sorting; it and owners are overwritten.
@@ -129,7 +160,7 @@ def _tableau() -> np.ndarray:
     return np.array(dop853.tableau(), float)
 
 
-def finder(system) -> Callable:
+def finder(system: PartitionedSystem) -> Callable:
     """Return `_find` compiled for a system: (q, p, last, ..., work, slopes) -> number of crossings found."""
     field, d = system.field(), system.d
     zero, tableau = value(np.zeros(d), d), _tableau()
@@ -168,7 +199,7 @@ class Crossings:
     owners : array (capacity, 1), the number of the orbit of each point
     """
 
-    def __init__(self, d: int):
+    def __init__(self, d: int) -> None:
         self.points, self.owners = np.empty((GROWTH, 2 * d + 1)), np.empty((GROWTH, 1), np.int64)
         self._filled, self._lock = 0, Lock()
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
 
 from phasebench.integrators.compile import codegen
 from phasebench.integrators.compile.codegen import DOUBLE, MULTIPRECISION
@@ -29,17 +30,22 @@ from .request import check_timeout, initial, request, spacing
 from .solution import Solution
 from .trajectory import FIRST, PIECE, Pace, Trajectory
 
+if TYPE_CHECKING:
+    import numpy as np
+
+    from phasebench.integrators.stepping.kernel import Prepared
+
 
 def integrate(
-    problem,
+    problem: Any,
     method: str | Method,
     *,
     h: float | None = None,
     t_end: float | None = None,
     steps: int | None = None,
     t0: float = 0.0,
-    q0=None,
-    p0=None,
+    q0: Sequence[Any] | np.ndarray | None = None,
+    p0: Sequence[Any] | np.ndarray | None = None,
     save_every: int = 1,
     parameters: dict | None = None,
     arithmetic: str = DOUBLE,
@@ -95,7 +101,9 @@ def integrate(
     return _run(kernel, trajectory, record, timeout, progress, problem)
 
 
-def warm(problem, method: str | Method, *, h: float, steps: int, parameters: dict | None = None) -> Callable[[], tuple]:
+def warm(
+    problem: Any, method: str | Method, *, h: float, steps: int, parameters: dict | None = None
+) -> Callable[[], tuple]:
     """Return a function that integrates ``steps`` steps from the initial state, each time anew, and returns (q, p).
 
     Raises what `prepared.prepare` raises.
@@ -104,7 +112,14 @@ def warm(problem, method: str | Method, *, h: float, steps: int, parameters: dic
     return lambda: run(h, steps)[:2]
 
 
-def _run(kernel, trajectory: Trajectory, record: Method, timeout, progress, problem) -> Solution:
+def _run(
+    kernel: Prepared,
+    trajectory: Trajectory,
+    record: Method,
+    timeout: float | None,
+    progress: Callable[[int], None] | None,
+    problem: Any,
+) -> Solution:
     """Run the kernel until all rows of the trajectory are filled or the run stops; returns the `Solution`."""
     t = trajectory
     run = prepared.lay_out(kernel, t.system.d, t.h, t.q[0], t.p[0], t.arithmetic)

@@ -16,7 +16,7 @@ import os
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +29,9 @@ from .record import Method
 from .registry import method as method_of
 from .request import LARGEST, grid, initial, spacing
 from .threads import map_slices
+
+if TYPE_CHECKING:
+    from .keywords import State, States, Value
 
 Floats = NDArray[np.float64]
 
@@ -110,12 +113,12 @@ def format_range(values: Floats) -> str:
 
 
 def integrate_ensemble(
-    problem,
+    problem: Any,
     method: str | Method,
-    Q,
-    P,
+    Q: States,
+    P: States,
     *,
-    h=None,
+    h: float | State | None = None,
     t_end: float | None = None,
     steps: int | None = None,
     parameters: Mapping | None = None,
@@ -219,7 +222,7 @@ def _integrate_one_by_one(
 class _Progress:
     """Counts the orbits that are finished, and calls the user's ``progress`` function with their number."""
 
-    def __init__(self, told: Callable[[int], None] | None):
+    def __init__(self, told: Callable[[int], None] | None) -> None:
         self.told, self.done = told, 0
 
     def __call__(self, more: int) -> None:
@@ -273,7 +276,17 @@ def names(system: Any) -> tuple[str, ...]:
 # -- what is asked for ------------------------------------------------------------------------------------------------
 
 
-def begin(problem, method, Q, P, h, t_end, steps, parameters, save_every) -> Orbits:
+def begin(
+    problem: Any,
+    method: Any,
+    Q: States,
+    P: States,
+    h: float | State | None,
+    t_end: float | None,
+    steps: int | None,
+    parameters: Mapping[str, Value | State] | None,
+    save_every: int,
+) -> Orbits:
     """Check the arguments of `integrate_ensemble` and create the orbits, with room for rows; raises InvalidInput."""
     asked = request(problem, method, Q, P, h, t_end, steps, parameters, save_every)
     rows = 1 + -(-asked.steps // asked.every)
@@ -297,7 +310,17 @@ class EnsembleRequest(NamedTuple):
     kind: np.ndarray
 
 
-def request(problem, method, Q, P, h, t_end, steps, parameters, save_every) -> EnsembleRequest:
+def request(
+    problem: Any,
+    method: Any,
+    Q: States,
+    P: States,
+    h: float | State | None,
+    t_end: float | None,
+    steps: int | None,
+    parameters: Mapping[str, Value | State] | None,
+    save_every: int,
+) -> EnsembleRequest:
     """Check the arguments of `integrate_ensemble` and return them, for each orbit; raises InvalidInput."""
     system = getattr(problem, "system", problem)
     if not hasattr(system, "vector_field"):
@@ -315,7 +338,7 @@ def request(problem, method, Q, P, h, t_end, steps, parameters, save_every) -> E
     return EnsembleRequest(system, q, p, sizes, numbers, every, kinds, kind)
 
 
-def _grids(h, t_end, steps, n: int) -> tuple[np.ndarray, np.ndarray]:
+def _grids(h: float | State | None, t_end: float | None, steps: int | None, n: int) -> tuple[np.ndarray, np.ndarray]:
     """Step h and number of steps of each orbit, arrays (n,), from two of h, t_end and steps."""
     if np.ndim(h) == 0:
         size, number = grid(h, t_end, steps)
@@ -325,7 +348,7 @@ def _grids(h, t_end, steps, n: int) -> tuple[np.ndarray, np.ndarray]:
     return np.array([x for x, _ in grids])[which], np.array([k for _, k in grids])[which]
 
 
-def _states(name: str, rows, d: int) -> np.ndarray:
+def _states(name: str, rows: States, d: int) -> np.ndarray:
     try:
         if np.iscomplexobj(rows):
             raise TypeError
@@ -337,7 +360,7 @@ def _states(name: str, rows, d: int) -> np.ndarray:
     return out
 
 
-def _column(name: str, values, n: int) -> np.ndarray:
+def _column(name: str, values: Value | State, n: int) -> np.ndarray:
     """``values`` as an array: one number, or one for each of n orbits; raises InvalidInput for another shape."""
     out = np.asarray(values)
     if out.ndim > 1 or (out.ndim == 1 and len(out) != n):
@@ -345,7 +368,7 @@ def _column(name: str, values, n: int) -> np.ndarray:
     return out
 
 
-def _methods(method, parameters: Mapping, n: int) -> tuple[list[Method], np.ndarray]:
+def _methods(method: Any, parameters: Mapping, n: int) -> tuple[list[Method], np.ndarray]:
     """(list of the different methods, array (n,) of each orbit's index in it); parameters may differ between orbits."""
     if hasattr(method, "lacks") and not isinstance(method, Method):  # a step of the user's own
         if parameters:
@@ -382,7 +405,7 @@ def cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def _threads(threads) -> int:
+def _threads(threads: int | None) -> int:
     if threads is None:
         return cores()
     if isinstance(threads, bool) or not isinstance(threads, int) or threads < 1:

@@ -26,7 +26,7 @@ A run that conserves the energy passes however far the state goes: an escape may
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -39,6 +39,10 @@ from .statuses import NO_ROOT as NO_ROOT
 from .statuses import NOT_CONVERGED as NOT_CONVERGED
 from .statuses import SKIPPED as SKIPPED
 from .statuses import TIMEOUT as TIMEOUT
+
+if TYPE_CHECKING:
+    from .systems.hamiltonian import PartitionedSystem
+    from .values.kinds import Number
 
 #: An energy error of this share of the size of H's terms is another motion's.
 LOST = 0.5
@@ -108,7 +112,7 @@ class EnergyError(NamedTuple):
     first: float
 
 
-def energy_error(system, Q, P) -> EnergyError | None:
+def energy_error(system: PartitionedSystem, Q: np.ndarray, P: np.ndarray) -> EnergyError | None:
     """The energy error of finite rows Q, P, each (n, d), relative to the first row's energy; None if it is small."""
     H = system.energies(Q, P)
     size = sizes(H)
@@ -120,14 +124,14 @@ def energy_error(system, Q, P) -> EnergyError | None:
     return EnergyError(size, _share(size, units(M)), _share(size, np.maximum(M, sofar)), float(M[0]))
 
 
-def sizes(H) -> np.ndarray:
+def sizes(H: np.ndarray) -> np.ndarray:
     """|H - H_0| in each row, from energies H of shape (..., rows) whose first row has H_0."""
     size = np.abs(H - H[..., :1])
     size[size < np.finfo(float).tiny] = 0.0  # numbers that small have no digits
     return size
 
 
-def units(M) -> np.ndarray:
+def units(M: np.ndarray) -> np.ndarray:
     """The unit of the energy error in each row: the larger of the size M of H's terms there and M's mean over rows.
 
     M has the shape (..., rows) and is finite.
@@ -137,7 +141,7 @@ def units(M) -> np.ndarray:
     return np.maximum(M, mean)
 
 
-def flag_energy_errors(H, M) -> np.ndarray:
+def flag_energy_errors(H: np.ndarray, M: np.ndarray) -> np.ndarray:
     """True in rows whose energy H is not finite or has an error that `judge` would report; arrays (..., rows).
 
     M are the sizes of H's terms.
@@ -147,13 +151,15 @@ def flag_energy_errors(H, M) -> np.ndarray:
         return ~(np.isfinite(H) & (_share(sizes(H), units(M)) <= NOTED))
 
 
-def _share(error, size) -> np.ndarray:
+def _share(error: np.ndarray, size: np.ndarray) -> np.ndarray:
     """The energy error divided by a size, arrays of one shape; 0 where the error is 0."""
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.where(error > 0, error / size, 0.0)
 
 
-def judge(system, t, Q, P, advice: str = "take a smaller h") -> Outcome:
+def judge(
+    system: PartitionedSystem, t: np.ndarray, Q: np.ndarray, P: np.ndarray, advice: str = "take a smaller h"
+) -> Outcome:
     """Determine the status of a complete run, "ok", "inaccurate" or "unstable", and its reason from the energy error.
 
     The rows Q, P (n, d) at the times t are finite; a run of a system without an energy is "ok".  ``advice`` ends the
@@ -189,7 +195,7 @@ def grows(error: np.ndarray, first: float) -> bool:
     return bool(third > RISE * second and last > RISE * third)
 
 
-def _describe_bounded(error) -> str:
+def _describe_bounded(error: np.ndarray) -> str:
     """Text to append to a status's reason if the energy error oscillates without growing, else ""."""
     first, last = np.array_split(error, 2)
     if len(last) < 10 or last.max() > 1.05 * first.max() or last.min() > 0.1 * last.max():
@@ -197,7 +203,7 @@ def _describe_bounded(error) -> str:
     return " (it comes and goes: the step may be stable, but is far too wide)"
 
 
-def describe_escape(system, Q, P, found: EnergyError | None = None) -> str:
+def describe_escape(system: PartitionedSystem, Q: np.ndarray, P: np.ndarray, found: EnergyError | None = None) -> str:
     """Text to append to a status's reason if the state grew large while the energy was still conserved, else ""."""
     if not system.has_energy or len(Q) < 2:
         return ""
@@ -209,12 +215,12 @@ def describe_escape(system, Q, P, found: EnergyError | None = None) -> str:
     return f"; the energy was kept until the state had grown to {sizes[-1]:.3g}: the motion itself may escape"
 
 
-def energy_unit(system, Q, P) -> float:
+def energy_unit(system: PartitionedSystem, Q: np.ndarray, P: np.ndarray) -> float:
     """The absolute energy of the first row; where H's terms cancel, the sum of their absolute values."""
     return float(_unit(system.energies(Q[:1], P[:1]), system.scale(Q[:1], P[:1]))[0])
 
 
-def _unit(H, M):
+def _unit(H: np.ndarray, M: np.ndarray) -> np.ndarray:
     """|H| of energies H; where the terms of H cancel, the size M of the terms."""
     H, M = np.abs(H), np.abs(M)
     return np.where(H < KEPT * M, M, H)
@@ -223,12 +229,14 @@ def _unit(H, M):
 # -- singularities ----------------------------------------------------------------------------------------------------
 
 
-def travel(system, Q, P, h):
+def travel(
+    system: PartitionedSystem, Q: np.ndarray, P: np.ndarray, h: float | np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """(distance to the nearest singularity, length |h dq/dt| of a step) of each row."""
     return system.distances(Q, P).min(axis=0), np.abs(h) * system.speed(Q, P)
 
 
-def _aim(system, Q, P):
+def _aim(system: PartitionedSystem, Q: np.ndarray, P: np.ndarray) -> np.ndarray:
     """Sine of the angle between the velocity and the direction to the nearest singularity, for each row.
 
     A distance that is a function of the rows, not a formula, has no gradient: its sine counts as 1 (passing by).
@@ -247,7 +255,7 @@ def _aim(system, Q, P):
     return np.min(sines, axis=0)
 
 
-def describe_approach(system, Q, P, h) -> str | None:
+def describe_approach(system: PartitionedSystem, Q: np.ndarray, P: np.ndarray, h: Number) -> str | None:
     """A phrase if the next step from the last row is longer than the distance to the nearest singularity, else None."""
     if not system.singularities or Q.dtype == object:
         return None
@@ -257,7 +265,7 @@ def describe_approach(system, Q, P, h) -> str | None:
     return None
 
 
-def describe_crossing(system, t, Q, P, h) -> str | None:
+def describe_crossing(system: PartitionedSystem, t: np.ndarray, Q: np.ndarray, P: np.ndarray, h: float) -> str | None:
     """A sentence if a step jumped across a singularity, head-on or with a tenth of the energy lost; else None."""
     if not system.singularities or not system.has_energy:
         return None
@@ -277,7 +285,9 @@ def describe_crossing(system, t, Q, P, h) -> str | None:
     )
 
 
-def flag_crossings(system, Q, P, h, H, M) -> np.ndarray:
+def flag_crossings(
+    system: PartitionedSystem, Q: np.ndarray, P: np.ndarray, h: np.ndarray, H: np.ndarray, M: np.ndarray
+) -> np.ndarray:
     """True for each of n orbits for which `describe_crossing` would report a step across a singularity, array (n,).
 
     Q, P (n, rows, d) are their rows, h (n,) their steps; H (n, rows) the energies, and M the sizes of H's terms.

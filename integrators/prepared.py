@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numba
 import numpy as np
@@ -36,6 +36,9 @@ from .registry import method as method_of
 from .registry import parameter_names
 from .request import initial
 
+if TYPE_CHECKING:
+    from phasebench.integrators.values.kinds import Number
+
 Floats = NDArray[np.float64]
 #: The statuses of the codes that a kernel returns.
 STATUSES = (OK, NOT_CONVERGED, DIVERGED, NOT_CONVERGED)
@@ -50,11 +53,11 @@ class Layout:
     carry: Carry
     counts: np.record
 
-    def __call__(self, Q, P, parameter, every: int) -> tuple[int, int]:
+    def __call__(self, Q: np.ndarray, P: np.ndarray, parameter: np.ndarray, every: int) -> tuple[int, int]:
         """Fill the rows of Q, P and ``parameter``, each after ``every`` steps; (rows filled, status code)."""
         return self.kernel(self.step, self.carry, Samples(Q, P, parameter, every), self.counts)
 
-    def restart(self, q, p) -> None:
+    def restart(self, q: Sequence[Any] | np.ndarray, p: Sequence[Any] | np.ndarray) -> None:
         """Reset counts and stored earlier steps, and start from the state (q, p)."""
         self.carry.state.fill(0)
         self.carry.memory.fill(0)
@@ -63,7 +66,14 @@ class Layout:
             self.counts[name] = 0
 
 
-def step_of(prepared: Prepared, d: int, h, q, p, arithmetic: str = DOUBLE):
+def step_of(
+    prepared: Prepared,
+    d: int,
+    h: Number,
+    q: Sequence[Any] | np.ndarray,
+    p: Sequence[Any] | np.ndarray,
+    arithmetic: str = DOUBLE,
+) -> NamedTuple:
     """Make the kernel's first argument for a run from the state (q, p): the coefficients of a step, with h."""
     step = prepared.step._replace(h=float(h) if arithmetic == DOUBLE else h, eps=codegen.epsilon(arithmetic))
     if prepared.begin is not None:
@@ -71,7 +81,14 @@ def step_of(prepared: Prepared, d: int, h, q, p, arithmetic: str = DOUBLE):
     return step
 
 
-def lay_out(prepared: Prepared, d: int, h, q, p, arithmetic: str = DOUBLE) -> Layout:
+def lay_out(
+    prepared: Prepared,
+    d: int,
+    h: Number,
+    q: Sequence[Any] | np.ndarray,
+    p: Sequence[Any] | np.ndarray,
+    arithmetic: str = DOUBLE,
+) -> Layout:
     """Allocate what a kernel needs for a run with step h from the state (q, p) of d components each, and compile it."""
     order = 1 + (prepared.linear or prepared.width) if prepared.implicit or prepared.linear else 2
     carry = Carry(
@@ -103,7 +120,7 @@ class PreparedRun:
 
     SOLVED, STALLED, NOT_FINITE = OK, NOT_CONVERGED, DIVERGED
 
-    def __init__(self, problem: Any, method: Method, q0: State | None = None, p0: State | None = None):
+    def __init__(self, problem: Any, method: Method, q0: State | None = None, p0: State | None = None) -> None:
         system, q, p = initial(problem, q0, p0, tangent=method.tangent)
         lack = method.lacks(system)
         if lack:

@@ -6,10 +6,13 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from numbers import Rational, Real
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from .errors import InvalidInput
 from .keywords import Value
+
+if TYPE_CHECKING:
+    from .systems.hamiltonian import PartitionedSystem
 
 #: How well an invariant is kept.
 EXACT, ROUND_OFF, BOUNDED, DRIFT, NONE = "exact", "round-off", "bounded", "drift", "none"
@@ -110,7 +113,7 @@ TRAITS = {
 }
 
 
-def lacks(id: str, requires: Iterable[str], system) -> str | None:
+def lacks(id: str, requires: Iterable[str], system: PartitionedSystem) -> str | None:
     """The reason why a method with this id and these required traits cannot run on ``system``, or None if it can."""
     for trait in requires:
         if not system.traits[trait]:
@@ -119,7 +122,7 @@ def lacks(id: str, requires: Iterable[str], system) -> str | None:
     return None
 
 
-def _number(name: str, value, default):
+def _number(name: str, value: Value, default: str | float | Fraction) -> str | float | Fraction:
     """The value of the parameter ``name`` as an exact number: an integer if its default is one, else a fraction.
 
     A double becomes the fraction that it is, a NumPy scalar the number that it holds.
@@ -141,7 +144,7 @@ def _number(name: str, value, default):
     raise InvalidInput(f"the parameter {name} is {value!r}; it must be {kind}") from None
 
 
-def _exact(value) -> Fraction:
+def _exact(value: Value) -> Fraction:
     """Convert a number, a NumPy scalar or a text such as "1/3" to a Fraction, exactly."""
     if isinstance(value, bool) or not isinstance(value, (str, Real)):
         raise TypeError

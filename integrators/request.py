@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import isfinite
 from numbers import Real
-from typing import NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from .errors import InvalidInput
+
+if TYPE_CHECKING:
+    from .systems.hamiltonian import PartitionedSystem
 
 #: The most numbers of a trajectory, of q and as many of p (2 GB in all).
 LARGEST = 125_000_000
@@ -46,7 +50,16 @@ class Request(NamedTuple):
 
 
 def request(
-    problem, *, h=None, t_end=None, steps=None, q0=None, p0=None, save_every=1, t0=0.0, tangent=True
+    problem: Any,
+    *,
+    h: float | None = None,
+    t_end: float | None = None,
+    steps: int | None = None,
+    q0: Sequence[Any] | np.ndarray | None = None,
+    p0: Sequence[Any] | np.ndarray | None = None,
+    save_every: int = 1,
+    t0: float = 0.0,
+    tangent: bool = True,
 ) -> Request:
     """Check the arguments of a run and return them as a `Request`; raises InvalidInput."""
     h, steps = grid(h, t_end, steps, t0)
@@ -59,7 +72,9 @@ def request(
     return Request(system, q, p, h, steps, every, float(t0))
 
 
-def grid(h=None, t_end=None, steps=None, t0=0.0) -> tuple[float, int]:
+def grid(
+    h: float | None = None, t_end: float | None = None, steps: float | None = None, t0: float = 0.0
+) -> tuple[float, int]:
     """(h, steps) from two of h, t_end, steps; h is adjusted so that a whole number of steps leads from t0 to t_end.
 
     If t_end lies before t0 the step is negative, whatever sign h has; given h and steps alone, the sign of h is the
@@ -92,7 +107,7 @@ def grid(h=None, t_end=None, steps=None, t0=0.0) -> tuple[float, int]:
     return way * size, number
 
 
-def _size_steps(h: float | None, span: float, steps) -> tuple[float, int]:
+def _size_steps(h: float | None, span: float, steps: float | None) -> tuple[float, int]:
     """(h, steps) for a time span, all positive; h or steps may be None, and h is adjusted to divide the span."""
     if steps is None:
         if span / h > MOST:
@@ -114,7 +129,7 @@ def _count_steps(h: float, t_end: float) -> int:
     raise InvalidInput(f"{asked}: give one of them, or t_end and steps")
 
 
-def spacing(save_every, steps: int) -> int:
+def spacing(save_every: float, steps: int) -> int:
     """The number of steps between stored rows; with ``save_every`` 0 only the first and the last row are stored."""
     whole = isinstance(save_every, Real) and not isinstance(save_every, bool) and isfinite(save_every)
     if not whole or save_every < 0 or int(save_every) != save_every:
@@ -122,14 +137,20 @@ def spacing(save_every, steps: int) -> int:
     return min(int(save_every) or steps, steps)
 
 
-def check_timeout(timeout) -> None:
+def check_timeout(timeout: float | None) -> None:
     """Raise InvalidInput for a time limit that is neither None nor a positive number of seconds."""
     real = isinstance(timeout, Real) and not isinstance(timeout, bool)
     if timeout is not None and not (real and timeout > 0):
         raise InvalidInput(f"timeout is {timeout!r}; it must be a positive number of seconds")
 
 
-def initial(problem, q0=None, p0=None, exact: bool = False, tangent: bool = True):
+def initial(
+    problem: Any,
+    q0: Sequence[Any] | np.ndarray | None = None,
+    p0: Sequence[Any] | np.ndarray | None = None,
+    exact: bool = False,
+    tangent: bool = True,
+) -> tuple[PartitionedSystem, Any, Any]:
     """(system, q, p): a problem's system and initial state, arrays (d,) of doubles; as they are given if ``exact``.
 
     Raises InvalidInput if the state does not fit the system, H is not finite there, or the state violates the system's

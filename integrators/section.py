@@ -9,6 +9,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +23,11 @@ from .errors import InvalidInput
 from .outcome import travel
 from .stepping import orbit_lanes
 from .trajectory import PIECE
+
+if TYPE_CHECKING:
+    from .keywords import State, States
+    from .record import Method
+    from .solution import Solution
 
 #: Numbers of the rows that one call of a kernel makes, and the most rows of one orbit: they stay in the cache.
 ROOM, ROWS = 1 << 17, 1 << 12
@@ -126,7 +132,7 @@ class SectionOrbits(Orbits):
         distance, length = travel(self.system, Q.reshape(-1, d), P.reshape(-1, d), h)
         self.near[members] |= (length > distance).reshape(n, rows).any(axis=1)
 
-    def enter(self, i: int, solution) -> None:
+    def enter(self, i: int, solution: Solution) -> None:
         """Search the rows of the ``solution`` of orbit i for crossings; store its status and counts."""
         search = Search(self, np.array([i]), 1, solution.counts["steps"])
         rows = max(1, ROOM // self.system.d)
@@ -147,7 +153,7 @@ class SectionOrbits(Orbits):
 class Search:
     """Searches the rows of some orbits for crossings of a plane, block by block, as they are computed."""
 
-    def __init__(self, orbits: SectionOrbits, members: np.ndarray, width: int, steps: int | None = None):
+    def __init__(self, orbits: SectionOrbits, members: np.ndarray, width: int, steps: int | None = None) -> None:
         self._orbits, self._members = orbits, members
         self._every, self._steps = (
             int(orbits.every[members[0]]),
@@ -204,16 +210,16 @@ def build_section(orbits: SectionOrbits, seconds: float) -> Section:
 
 
 def begin(
-    problem,
-    method,
-    Q,
-    P,
+    problem: Any,
+    method: Any,
+    Q: States,
+    P: States,
     *,
     of: str,
     at: float = 0.0,
     rising: bool = True,
     every: int = 1,
-    h=None,
+    h: float | State | None = None,
     t_end: float | None = None,
     steps: int | None = None,
     parameters: Mapping | None = None,
@@ -230,16 +236,16 @@ def begin(
 
 
 def section(
-    problem,
-    method,
-    Q,
-    P,
+    problem: Any,
+    method: str | Method,
+    Q: States,
+    P: States,
     *,
     of: str,
     at: float = 0.0,
     rising: bool = True,
     every: int = 1,
-    h=None,
+    h: float | State | None = None,
     t_end: float | None = None,
     steps: int | None = None,
     parameters: Mapping | None = None,

@@ -41,7 +41,7 @@ class Slices:
     ``fewest`` is the smallest length of a slice: as many items as take `LEAST` seconds, by the last timing.
     """
 
-    def __init__(self, n: int, threads: int, first: int = 0):
+    def __init__(self, n: int, threads: int, first: int = 0) -> None:
         self._n, self._threads = n, threads
         self._next = first
         self.fewest = 1

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -23,6 +25,12 @@ from .outcome import (
 from .stepping import solve
 from .stepping.kernel import zeros
 
+if TYPE_CHECKING:
+    from .outcome import SolverFailure
+    from .prepared import Layout
+    from .systems.hamiltonian import PartitionedSystem
+    from .values.kinds import Number
+
 #: A state that has grown by this factor has escaped, whatever stopped it in the end.
 ESCAPED = 1e6
 #: A method that keeps the energy and misses it in a larger share of its steps has the status "no-root".
@@ -41,7 +49,7 @@ class Pace:
     steps : the number of steps in the next call
     """
 
-    def __init__(self, timeout: float | None, first: int = PIECE):
+    def __init__(self, timeout: float | None, first: int = PIECE) -> None:
         self.timeout = np.inf if timeout is None else timeout
         self.deadline = time.monotonic() + self.timeout
         self.steps = first if timeout is None else 64
@@ -84,8 +92,18 @@ class Trajectory:
     """
 
     def __init__(
-        self, system, q, p, h, steps: int, every: int, arithmetic: str, missed="", unsolved=UNSOLVED, t0: float = 0.0
-    ):
+        self,
+        system: PartitionedSystem,
+        q: Sequence[Any] | np.ndarray,
+        p: Sequence[Any] | np.ndarray,
+        h: Number,
+        steps: int,
+        every: int,
+        arithmetic: str,
+        missed: str = "",
+        unsolved: SolverFailure = UNSOLVED,
+        t0: float = 0.0,
+    ) -> None:
         self.system, self.h, self.steps, self.every, self.arithmetic = system, h, steps, every, arithmetic
         self.t0 = t0
         self.missed, self.unsolved = missed, unsolved  # what a fallback is, and a stage not solved, in words
@@ -115,7 +133,7 @@ class Trajectory:
         """The times of the filled rows."""
         return self.t0 + self.h * (self.index.astype(object) if self.arithmetic == MULTIPRECISION else self.index)
 
-    def advance(self, run, pace: Pace) -> None:
+    def advance(self, run: Layout, pace: Pace) -> None:
         """Make a kernel call by ``run`` (several, for a row of many steps), check new rows, update the status."""
         n = whole_rows(self.steps, self.every, self.filled, pace.steps)
         code = self._rows(run, n, pace) if n > 1 else self._row(run, pace)
@@ -126,7 +144,7 @@ class Trajectory:
             if pace.late and self.status == OK:
                 self.status = TIMEOUT
 
-    def _call(self, run, n: int, every: int, pace: Pace) -> tuple[int, int]:
+    def _call(self, run: Layout, n: int, every: int, pace: Pace) -> tuple[int, int]:
         """Fill the next n rows, ``every`` steps apart, by one kernel call; (rows filled, status code)."""
         part = slice(self.filled, self.filled + n)
         began = time.perf_counter()
@@ -136,7 +154,7 @@ class Trajectory:
         pace.adapt(took)
         return filled, code
 
-    def _rows(self, run, n: int, pace: Pace) -> int:
+    def _rows(self, run: Layout, n: int, pace: Pace) -> int:
         filled, code = self._call(run, n, self.every, pace)
         bad, reason = self._find_flaw(self.filled + 1, filled)
         if bad < filled:
@@ -145,7 +163,7 @@ class Trajectory:
         self.reached = self.filled * self.every
         return code
 
-    def _row(self, run, pace: Pace) -> int:
+    def _row(self, run: Layout, pace: Pace) -> int:
         """Fill one row by several kernel calls; store the last good state if the run stops. Returns the status code."""
         row, end = self.filled + 1, min(self.steps, (self.filled + 1) * self.every)
         began, code = self.reached, solve.SOLVED
@@ -198,7 +216,7 @@ class Trajectory:
             self.status = NOT_CONVERGED
             self.reason, self.advice = self.unsolved
 
-    def _check_fallbacks(self, run) -> None:
+    def _check_fallbacks(self, run: Layout) -> None:
         """Stop the run if nearly all steps so far are fallbacks, which lack what the method promises."""
         fallbacks = int(run.counts.fallbacks)
         if self.missed and self.reached >= FIRST and fallbacks > HOPELESS * self.reached:
@@ -225,7 +243,7 @@ class Trajectory:
         else:
             self.reason += f" {at}" if self.status == NO_ROOT else f" {at}; take a smaller h{self.advice}"
 
-    def _seen_rows(self):
+    def _seen_rows(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """(t, Q, P) of the rows and of the states checked between them."""
         Q, P = self.q[: self.filled + 1], self.p[: self.filled + 1]
         if not self.looks:

@@ -35,7 +35,7 @@ def _splitting(
     a: str,
     b: str,
     good: int | None = None,
-):
+) -> Table:
     drifts, kicks = tuple(a.split()), tuple(b.split())
     return Table(name, kind, order, source, cite, a=drifts, b=kicks, first=first, good=good)
 

@@ -8,7 +8,9 @@ from __future__ import annotations
 from .table import Table
 
 
-def _composition(name, order, source, cite, *gamma, good=None) -> Table:
+def _composition(
+    name: str, order: int, source: str, cite: tuple[str, ...], *gamma: str, good: int | None = None
+) -> Table:
     return Table(name, "composition", (order,), source, cite, gamma=gamma, good=good)
 
 

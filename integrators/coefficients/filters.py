@@ -8,7 +8,7 @@ from __future__ import annotations
 import mpmath
 
 
-def one(x):
+def one(x: mpmath.mpf) -> mpmath.mpf:
     """The filter that changes nothing: 1 for every x."""
     return mpmath.mpf(1)
 
@@ -17,33 +17,33 @@ def one(x):
 sinc = mpmath.sinc
 
 
-def sinc_squared(x):
+def sinc_squared(x: mpmath.mpf) -> mpmath.mpf:
     """The filter sinc^2 x, with sinc x = sin(x) / x."""
     return sinc(x) ** 2
 
 
-def tanc_half(x):
+def tanc_half(x: mpmath.mpf) -> mpmath.mpf:
     """The filter tan(x/2) / (x/2) = sinc^2(x/2) / sinc x; poles at the odd multiples of pi."""
     return sinc(x / 2) / mpmath.cos(x / 2)
 
 
-def hochbruck_lubich(x):
+def hochbruck_lubich(x: mpmath.mpf) -> mpmath.mpf:
     """The filter of Hochbruck and Lubich, sinc x (1 + sin^2(x/2) / 3), with sinc x = sin(x) / x."""
     return sinc(x) * (1 + mpmath.sin(x / 2) ** 2 / 3)
 
 
-def rotation(x):
+def rotation(x: mpmath.mpf) -> tuple[mpmath.mpf, mpmath.mpf, mpmath.mpf]:
     """(cos x, sinc x, sinc x): (R11, R12 / h, -R21 h / x^2) of the exact flow R of an oscillator, with x = h omega."""
     return mpmath.cos(x), sinc(x), sinc(x)
 
 
-def cayley(x):
+def cayley(x: mpmath.mpf) -> tuple[mpmath.mpf, mpmath.mpf, mpmath.mpf]:
     """(R11, R12 / h, -R21 h / x^2) of an oscillator's step R by the implicit midpoint rule, with x = h omega."""
     d = 1 + x**2 / 4
     return (1 - x**2 / 4) / d, 1 / d, 1 / d
 
 
-def verlet_power(x, n):
+def verlet_power(x: mpmath.mpf, n: int) -> tuple[mpmath.mpf, mpmath.mpf, mpmath.mpf]:
     """(R11, R12 / h, -R21 h / x^2) of n Stormer-Verlet steps (kick-drift-kick) R of an oscillator, with x = h omega.
 
     They follow from the Chebyshev polynomials T_n and U_(n-1) at 1 - (x/n)^2 / 2.

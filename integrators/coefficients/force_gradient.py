@@ -70,7 +70,7 @@ class ForceGradientTable(Table):
         return list(mirror([x for row in rows for x in row if x is not None]))
 
 
-def _times_kick(b, c, series: list[np.ndarray]) -> list[np.ndarray]:
+def _times_kick(b: mpmath.mpf, c: mpmath.mpf, series: list[np.ndarray]) -> list[np.ndarray]:
     """The product exp(b B + c C) S of series, the former a modified kick; ``series`` S is as in `_times_drift`."""
     out, term = [x.copy() for x in series], series
     for k in range(1, len(series)):
@@ -79,7 +79,7 @@ def _times_kick(b, c, series: list[np.ndarray]) -> list[np.ndarray]:
     return out
 
 
-def _times_generator(b, c, series: list[np.ndarray]) -> list[np.ndarray]:
+def _times_generator(b: mpmath.mpf, c: mpmath.mpf, series: list[np.ndarray]) -> list[np.ndarray]:
     """The product (b B + c C) S, with C = 2 BAB - BBA - ABB; ``series`` S is as in `_times_drift`."""
     out = [x * 0 for x in series]
     for n in range(1, len(series)):
@@ -91,7 +91,7 @@ def _times_generator(b, c, series: list[np.ndarray]) -> list[np.ndarray]:
     return out
 
 
-def _times_drift(a, series: list[np.ndarray]) -> list[np.ndarray]:
+def _times_drift(a: mpmath.mpf, series: list[np.ndarray]) -> list[np.ndarray]:
     """The product exp(a A) S of series in h: item n of ``series`` has the coefficients of all words of n letters A, B.
 
     A word that begins with A stands in the first half of its item.
@@ -150,23 +150,25 @@ def excess(table: ForceGradientTable, numbers: Sequence[mpmath.mpf]) -> mpmath.m
     return max(map(abs, residual(table, numbers)))
 
 
-def _table(name: str, order: int, source: str, cite: tuple[str, ...], first: str, a: str, b: str, c: str):
+def _table(
+    name: str, order: int, source: str, cite: tuple[str, ...], first: str, a: str, b: str, c: str
+) -> ForceGradientTable:
     a, b, c = (tuple(text.split()) for text in (a, b, c))
     return ForceGradientTable(name, "force-gradient", (order,), source, cite, a=a, b=b, c=c, first=first)
 
 
-def _omelyan(name: str, order: int, equation: str, first: str, a: str, b: str, c: str):
+def _omelyan(name: str, order: int, equation: str, first: str, a: str, b: str, c: str) -> ForceGradientTable:
     source = f"Omelyan, Mryglod & Folk 2003, ({equation})"
     return _table(f"omelyan-{name}", order, source, ("omelyan2003",), first, a, b, c)
 
 
-def _schaefers(letters: str, order: int, a: str, b: str, c: str):
+def _schaefers(letters: str, order: int, a: str, b: str, c: str) -> ForceGradientTable:
     source = f"Schaefers, Finkenrath, Guenther & Knechtli 2024, {letters}"
     cite, first = ("schaefers2024",), "A" if letters[0] == "A" else "B"
     return replace(_table(f"hessian-free-{letters.lower()}", order, source, cite, first, a, b, c), hessian_free=True)
 
 
-def _corrected(n: int, half: str):
+def _corrected(n: int, half: str) -> ForceGradientTable:
     """Make the table of SABAC_n: SABA_n between two halves of its corrector, kicks with b = 0 and c = ``half``."""
     table = gauss.saba(n)
     source, c = f"Laskar & Robutel 2001, SABAC_{n}", " ".join([half, *["0"] * len(table.b)])

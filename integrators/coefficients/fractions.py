@@ -14,8 +14,12 @@ Lubich, Wanner (2006), II.4.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING
 
 import mpmath
+
+if TYPE_CHECKING:
+    from fractions import Fraction
 
 DIGITS = 60
 
@@ -47,7 +51,7 @@ def mirror(half: Sequence) -> tuple:
     return (*half, *reversed(half[:-1]))
 
 
-def times(fraction: mpmath.mpf, part) -> mpmath.mpf:
+def times(fraction: mpmath.mpf | Fraction, part: mpmath.mpf | Fraction | int) -> mpmath.mpf | Fraction:
     """The product of a step fraction and an exact number, in the fractions' full precision."""
     with mpmath.workdps(DIGITS):
         if isinstance(part, mpmath.mpf):

@@ -206,7 +206,7 @@ def _product(p: Sequence, q: Sequence) -> list:
     return out
 
 
-def _value(p: Sequence, x):
+def _value(p: Sequence, x: mpmath.mpf) -> mpmath.mpf:
     total = 0 * x
     for a in reversed(p):
         total = total * x + (mpmath.mpf(a.numerator) / a.denominator if isinstance(a, Fraction) else a)
@@ -233,11 +233,11 @@ def stable_intervals(table: Multistep) -> list[tuple[float, float]]:
     return [(float(a), float(b)) for a, b in pieces]
 
 
-def _ratio(A: Sequence, B: Sequence, c):
+def _ratio(A: Sequence, B: Sequence, c: mpmath.mpf) -> mpmath.mpf:
     return -_value(A, c) / _value(B, c)
 
 
-def _stable(A: Polynomial, B: Polynomial, square) -> bool:
+def _stable(A: Polynomial, B: Polynomial, square: mpmath.mpf) -> bool:
     """True if A + H^2 B has as many different roots in (-1, 1) as its degree."""
     numbers = [
         mpmath.mpf(a.numerator) / a.denominator + square * mpmath.mpf(b.numerator) / b.denominator

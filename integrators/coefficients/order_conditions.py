@@ -44,7 +44,7 @@ def _one(degree: int) -> list[np.ndarray]:
     return series
 
 
-def _times_exponential(letter: str, a, series: list[np.ndarray]) -> list[np.ndarray]:
+def _times_exponential(letter: str, a: mpmath.mpf, series: list[np.ndarray]) -> list[np.ndarray]:
     """The product exp(a letter) times a series; entry n has the coefficients of the words of n letters."""
     out = [x.copy() for x in series]
     for n in range(1, len(series)):
@@ -174,7 +174,7 @@ def leading_norms(errors: Residuals, order: Sequence[int]) -> tuple[mpmath.mpf, 
     return tuple(norm(errors[p + 1, k]) for k, p in enumerate(order, 1))
 
 
-def classical_order(kind: str, steps: Sequence, tolerance=TOLERANCE, limit: int = 12) -> int:
+def classical_order(kind: str, steps: Sequence, tolerance: mpmath.mpf | float = TOLERANCE, limit: int = 12) -> int:
     """The largest p with every residual up to degree p below the tolerance; raises ValueError beyond ``limit``."""
     for p in range(1, limit + 1):
         errors = residuals(kind, steps, p)

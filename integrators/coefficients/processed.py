@@ -21,6 +21,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import mpmath
 
@@ -112,12 +113,16 @@ def inverse(steps: Sequence) -> list:
     return [(x[0], -x[1]) if isinstance(x, tuple) else -x for x in reversed(steps)]
 
 
-def _composition(name: str, order: int, source: str, cite: str, gamma: str, processor: str, **more) -> ProcessedTable:
+def _composition(
+    name: str, order: int, source: str, cite: str, gamma: str, processor: str, **more: Any
+) -> ProcessedTable:
     fractions, half = tuple(gamma.split()), tuple(processor.split())
     return ProcessedTable(name, "composition", (order,), source, (cite,), gamma=fractions, processor=half, **more)
 
 
-def _near_integrable(name: str, order: tuple[int, ...], first: str, a: str, b: str, drifts: str, kicks: str):
+def _near_integrable(
+    name: str, order: tuple[int, ...], first: str, a: str, b: str, drifts: str, kicks: str
+) -> ProcessedTable:
     alternating = tuple(x for pair in zip(drifts.split(), kicks.split(), strict=True) for x in pair)
     source = f"Blanes, Casas & Ros 2000, processed, ({','.join(map(str, order))})"
     return ProcessedTable(

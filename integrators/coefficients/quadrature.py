@@ -16,7 +16,7 @@ G. Wanner, Solving Ordinary Differential Equations II (1996), IV.5.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cache
 
 import mpmath
@@ -36,7 +36,7 @@ def sizes(s: int, degree: int | None, rules: tuple[int, ...] = RULES) -> tuple[i
     return tuple(k for k in rules if k >= s)
 
 
-def _legendre(n: int, x) -> list:
+def _legendre(n: int, x: mpmath.mpf) -> list:
     """The values [L_0(x), ..., L_n(x)] of the Legendre polynomials on [-1, 1]."""
     values = [mpmath.mpf(1), mpmath.mpf(x)]
     for k in range(2, n + 1):
@@ -44,12 +44,12 @@ def _legendre(n: int, x) -> list:
     return values[: n + 1]
 
 
-def _slope(n: int, x, values):
+def _slope(n: int, x: mpmath.mpf, values: Sequence[mpmath.mpf]) -> mpmath.mpf:
     """The derivative L_n'(x) of the Legendre polynomial inside (-1, 1), from ``values`` = [L_0(x), ..., L_n(x)]."""
     return n * (x * values[n] - values[n - 1]) / (x * x - 1)
 
 
-def _root(x, move: Callable, digits: int):
+def _root(x: mpmath.mpf, move: Callable, digits: int) -> mpmath.mpf:
     """The zero near x by Newton's method; ``move(x)`` is the function's value divided by its slope."""
     for _ in range(100):
         step = move(x)
@@ -63,7 +63,7 @@ def _root(x, move: Callable, digits: int):
 def gauss_legendre(nodes: int, digits: int = 40) -> list[tuple]:
     """[(node, weight), ...] of the Gauss-Legendre rule on [0, 1], as mpmath numbers to ``digits`` digits."""
 
-    def move(x):
+    def move(x: mpmath.mpf) -> mpmath.mpf:
         values = _legendre(nodes, x)
         return values[nodes] / _slope(nodes, x, values)
 
@@ -80,7 +80,7 @@ def gauss_lobatto(nodes: int, digits: int = 40) -> list[tuple]:
     """[(node, weight), ...] of the Gauss-Lobatto rule of at least 2 nodes on [0, 1]."""
     n = nodes - 1
 
-    def move(x):
+    def move(x: mpmath.mpf) -> mpmath.mpf:
         values = _legendre(n, x)
         slope = _slope(n, x, values)
         return slope * (1 - x * x) / (2 * x * slope - n * (n + 1) * values[n])  # L'' from Legendre's equation
@@ -95,7 +95,7 @@ def radau_right(nodes: int, digits: int = 40) -> list[tuple]:
     """[(node, weight), ...] of the Radau rule on [0, 1] with the right end as a node."""
     n = nodes
 
-    def move(x):
+    def move(x: mpmath.mpf) -> mpmath.mpf:
         values = _legendre(n, x)
         return (values[n] - values[n - 1]) / (_slope(n, x, values) - _slope(n - 1, x, values))
 
@@ -108,13 +108,13 @@ def radau_right(nodes: int, digits: int = 40) -> list[tuple]:
         return rule
 
 
-def legendre(count: int, c) -> list:
+def legendre(count: int, c: mpmath.mpf) -> list:
     """The values [P_0(c), ..., P_{count-1}(c)] of the Legendre polynomials that are orthonormal on [0, 1]."""
     values = _legendre(count, 2 * c - 1)
     return [mpmath.sqrt(2 * j + 1) * values[j] for j in range(count)]
 
 
-def legendre_integrals(count: int, c) -> list:
+def legendre_integrals(count: int, c: mpmath.mpf) -> list:
     """The integrals from 0 to c of the Legendre polynomials P_0, ..., P_{count-1} that are orthonormal on [0, 1]."""
     values = _legendre(count, 2 * c - 1)
     higher = [(values[j + 1] - values[j - 1]) / (2 * mpmath.sqrt(2 * j + 1)) for j in range(1, count)]

@@ -51,12 +51,12 @@ def runge_kutta(kind: str, s: int) -> tuple:
     return A, conjugate, b, c
 
 
-def round_to_grid(A, unit):
+def round_to_grid(A: mpmath.matrix, unit: mpmath.mpf) -> mpmath.matrix:
     """Round a matrix A to multiples of ``unit``: if two entries add up to 1, the rounded ones do so exactly."""
     return A.apply(lambda x: mpmath.nint(x / unit) * unit)
 
 
-def nystrom_rounded(A, c, unit) -> tuple:
+def nystrom_rounded(A: mpmath.matrix, c: Sequence[mpmath.mpf], unit: mpmath.mpf) -> tuple:
     """Round A and c to multiples of ``unit`` so that A_ij - A_ji = c_i - c_j holds exactly.
 
     Both are returned unrounded if the given A and c do not have this property.
@@ -71,7 +71,7 @@ def nystrom_rounded(A, c, unit) -> tuple:
     return A, c
 
 
-def rounded_weights(b, unit) -> list:
+def rounded_weights(b: Sequence[mpmath.mpf], unit: mpmath.mpf) -> list:
     """Round the weights of a symmetric rule of k nodes so that b_i = b_{k+1-i} and sum_i b_i = 1 hold exactly.
 
     Otherwise a method would change the phase, and HBVM(k, s) the energy, by the same rounding error in every step.
@@ -84,7 +84,7 @@ def rounded_weights(b, unit) -> list:
     return b
 
 
-def rounded_rule(c, b, unit) -> tuple[list, list]:
+def rounded_rule(c: Sequence[mpmath.mpf], b: Sequence[mpmath.mpf], unit: mpmath.mpf) -> tuple[list, list]:
     """Round a Gauss rule such that c_i + c_{k+1-i} = 1, sum_i b_i = 1 and sum_i b_i c_i = 1/2 hold exactly."""
     return [mpmath.nint(2 * x / unit) * unit / 2 for x in c], rounded_weights(b, unit)
 
@@ -108,7 +108,7 @@ def exact(kind: str, s: int, k: int) -> tuple:
     return A, A, B, mpmath.matrix([[1] + [0] * (s - 1)]), [x for x, _ in rule]
 
 
-def extrapolation(B, c) -> list[tuple]:
+def extrapolation(B: mpmath.matrix, c: Sequence[mpmath.mpf]) -> list[tuple]:
     """Weights that predict a step's s increments from those of the last m steps: s rows for each m = 1, 2, ...
 
     They are exact for f a polynomial in time of degree `DEGREE`, or of the degree that m steps determine.  Two steps
@@ -148,7 +148,7 @@ class Tableau(NamedTuple):
 
 
 @cache
-def tableau(kind: str, s: int, k: int, nystrom: bool, digits: int, unit) -> Tableau:
+def tableau(kind: str, s: int, k: int, nystrom: bool, digits: int, unit: mpmath.mpf) -> Tableau:
     """The `Tableau` of a method with s increments and k nodes, rounded to ``unit`` where symplecticity requires it."""
     with mpmath.workdps(digits):
         A, C, B, w, c = exact(kind, s, k)

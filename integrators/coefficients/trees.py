@@ -5,7 +5,9 @@ Source: E. Hairer, S. P. Norsett, G. Wanner, Solving Ordinary Differential Equat
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from functools import cache
+from typing import Any
 
 import mpmath
 import numpy as np
@@ -14,10 +16,10 @@ DIGITS = 50
 
 
 @cache
-def trees(n):
+def trees(n: int) -> tuple[tuple, ...]:
     """The rooted trees with n vertices, each a sorted tuple of its branches."""
 
-    def forests(vertices, largest):
+    def forests(vertices: int, largest: int) -> Iterator[tuple]:
         if vertices == 0:
             yield ()
         for k in range(1, min(vertices, largest) + 1):
@@ -28,21 +30,21 @@ def trees(n):
     return tuple(sorted(set(forests(n - 1, n - 1))))
 
 
-def density(tree):
+def density(tree: tuple) -> tuple[int, int]:
     """(number of vertices, density gamma) of a tree."""
     parts = [density(branch) for branch in tree]
     vertices = 1 + sum(n for n, _ in parts)
     return vertices, vertices * int(np.prod([g for _, g in parts], dtype=object))
 
 
-def order_residual(A, b, orders):
+def order_residual(A: np.ndarray, b: np.ndarray, orders: Iterable[int]) -> mpmath.mpf:
     """Largest residual of the order conditions of a Runge-Kutta method with arrays A (s, s), b (s,).
 
     The conditions are those of all rooted trees whose numbers of vertices are in ``orders``.
     """
     known = {}
 
-    def weights(tree):
+    def weights(tree: tuple) -> np.ndarray:
         if tree not in known:
             known[tree] = b * 0 + 1
             for branch in tree:
@@ -52,6 +54,6 @@ def order_residual(A, b, orders):
     return max(abs((b * weights(t)).sum() - mpmath.mpf(1) / density(t)[1]) for n in orders for t in trees(n))
 
 
-def vector(x):
+def vector(x: Iterable[Any]) -> np.ndarray:
     """Convert numbers to an object array of mpmath numbers."""
     return np.array([mpmath.mpf(a) for a in x], dtype=object)

@@ -36,7 +36,7 @@ Geometric Numerical Integration (2006), VIII.3.2; stages in lanes: see `stage_la
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import mpmath
 import numpy as np
@@ -70,7 +70,7 @@ from .lane_rows import FREE
 from .stage_lanes import B, C, begin, end, equations, solve
 
 if TYPE_CHECKING:
-    from phasebench.integrators.families.stage_lanes import Equations, Lanes
+    from phasebench.integrators.families.stage_lanes import Equations
     from phasebench.integrators.record import Method
     from phasebench.integrators.stepping.kernel import Carry
     from phasebench.integrators.systems.hamiltonian import Hamiltonian
@@ -170,16 +170,12 @@ def kicks_and_drifts(step: Adaptive, y: State, dt: Number) -> tuple[State, int]:
     return State(q, p, lost_q, lost_p), evaluations
 
 
-def _split(
-    method: None, step: Adaptive, carry: Carry, y: State, clock: Any, dt: Number, counts: np.record
-) -> tuple[State, int, int]:
+def _split(method, step, carry, y, clock, dt, counts):
     y, evaluations = kicks_and_drifts(step, y, dt)
     return y, evaluations, SOLVED
 
 
-def _gauss(
-    method: Lanes, step: Any, carry: Carry, y: State, clock: Any, dt: Number, counts: np.record
-) -> tuple[State, int, int]:
+def _gauss(method, step, carry, y, clock, dt, counts):
     e = equations(method, carry, dt)
     first = e.base + FREE
     at = first + e.stages
@@ -190,7 +186,7 @@ def _gauss(
     return end(e, at, y, carry.zero), (sweeps + newton) * method.stages, status
 
 
-def _remember_field(method: Lanes, step: Any, carry: Carry, dt: Number) -> None:
+def _remember_field(method, step, carry, dt):
     e = equations(method, carry, dt)
     remember(e, e.base + FREE, step.inverse)
 

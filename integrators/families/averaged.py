@@ -80,7 +80,7 @@ if TYPE_CHECKING:
     from phasebench.integrators.record import Method
     from phasebench.integrators.stepping.solve import Change
     from phasebench.integrators.systems.hamiltonian import Hamiltonian
-    from phasebench.integrators.values.kinds import Function, Number, Value
+    from phasebench.integrators.values.kinds import Number, Value
 
 #: Nodes side by side, and the least size of the largest rule for which that is faster.
 WIDTH, FEWEST = 4, 3
@@ -149,7 +149,7 @@ class Average(NamedTuple):
 
 
 @elementwise()
-def sum_lanes(x: Value) -> Value:
+def sum_lanes(x):
     """Sum each component of the vector x over its SIMD lanes; returns a vector of numbers."""
     return total(x)
 
@@ -170,7 +170,7 @@ def zero_sum(x: Value, e: Average) -> Value:
 
 
 @elementwise()
-def path_point(direction: Number, b: int, place: Value, s: Number, x: Value, y: Value) -> Value:
+def path_point(direction, b, place, s, x, y):
     """Components of the point y + w x of the path from y to y + x at which block b has gone the fraction s of its way.
 
     ``place`` is the block of each component; w is 1 in blocks already moved, s in block b, 0 in the others.  The
@@ -180,7 +180,7 @@ def path_point(direction: Number, b: int, place: Value, s: Number, x: Value, y: 
 
 
 @elementwise()
-def add_to_block(b: int, place: Value, a: Number, f: Value, sums: Value) -> Value:
+def add_to_block(b, place, a, f, sums):
     """Add a f to ``sums`` in the components of block b, by their block numbers ``place``; others are unchanged."""
     return sums + 1.0 * (place == b) * a * f
 
@@ -206,7 +206,7 @@ def mean_one_way(direction: Number, x: Value, e: Average) -> Value:
     return over_nodes(step.like, sums)
 
 
-def _mean_along_path(path: Function, x: Value, e: Average) -> Value:
+def _mean_along_path(path, x, e):
     direction = e.step.direction[e.s]
     if direction == 0:
         return scale(0.5, plus(mean_one_way(1.0, x, e), mean_one_way(-1.0, x, e)))
@@ -216,7 +216,7 @@ def _mean_along_path(path: Function, x: Value, e: Average) -> Value:
 # -- the mean along the straight line ---------------------------------------------------------------------------------
 
 
-def _mean_along_line(path: None, x: Value, e: Average) -> Value:
+def _mean_along_line(path, x, e):
     step = e.step
     sums = zero_sum(x, e)
     for row in range(e.rule, e.rule + step.rows[e.rule]):
@@ -232,7 +232,7 @@ def drift(x: Value, e: Average) -> Value:
     return scale(e.h, axpy(0.5, velocity(e.step.dT, x), e.v))
 
 
-def _kick(field: None, x: Value, e: Average) -> Value:
+def _kick(field, x, e):
     step = e.step
     sums, dq = zero_sum(x, e), drift(x, e)
     for row in range(e.rule, e.rule + step.rows[e.rule]):

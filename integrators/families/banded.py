@@ -36,7 +36,7 @@ from .parametric import Stage, increments, kick, lengths_of_kick, shift, unknown
 if TYPE_CHECKING:
     from phasebench.integrators.record import Method
     from phasebench.integrators.systems.hamiltonian import Hamiltonian
-    from phasebench.integrators.values.kinds import Function, Number, Value
+    from phasebench.integrators.values.kinds import Value
 
 #: h and lambda at which a field of higher order is probed, and the seed of the states.
 AT, SEED = (0.1, 1 / 3), 3
@@ -69,17 +69,13 @@ class Banded(NamedTuple):
 solve_increments, solve_kick = band_solver(increments, lengths_of_both), band_solver(kick, lengths_of_kick)
 
 
-def _nystrom(
-    field: None, step: Banded, y: State, c: Number, mu: Number, lam: Number, x: Value, room: Room
-) -> tuple[State, int, int]:
+def _nystrom(field, step, y, c, mu, lam, x, room):
     stage = Stage(step, y.q, y.p, velocity(step.dT, y.p), c * step.h, mu, lam)
     x, n, status = solve_kick(stage, x, size(y.q) + size(y.p), step.eps, step.band, room)
     return update(y, shift(x, stage), x), n, status
 
 
-def _general(
-    field: Function, step: Banded, y: State, c: Number, mu: Number, lam: Number, x: Value, room: Room
-) -> tuple[State, int, int]:
+def _general(field, step, y, c, mu, lam, x, room):
     stage = Stage(step, y.q, y.p, y.p, c * step.h, mu, lam)
     x, n, status = solve_increments(stage, x, size(y.q) + size(y.p), step.eps, step.band, room)
     return update(y, head(x), tail(x)), n, status

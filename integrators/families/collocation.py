@@ -83,7 +83,7 @@ from .parametric import lengths_of_kick, quadratic, unknown
 if TYPE_CHECKING:
     from phasebench.integrators.record import Method
     from phasebench.integrators.systems.hamiltonian import Hamiltonian
-    from phasebench.integrators.values.kinds import Function, Number, Value
+    from phasebench.integrators.values.kinds import Number
 
 
 class Collocation(NamedTuple):
@@ -149,14 +149,14 @@ class Equations(NamedTuple):
 # -- one node: Nystrom form where ``field`` is None, else q and p ------------------------------------------------------
 
 
-def _sum_kicks(field: None, e: Equations, i: int, at: int) -> Value:
+def _sum_kicks(field, e, i, at):
     x = e.zero
     for m in range(e.stages):
         x = axpy(e.step.A_q[i, m], load(e.memory, at + m, e.zero), x)
     return x
 
 
-def _sum_both(field: Function, e: Equations, i: int, at: int) -> Value:
+def _sum_both(field, e, i, at):
     x, y = e.zero, e.zero
     for m in range(e.stages):
         z = load(e.memory, at + m, e.like)
@@ -165,25 +165,25 @@ def _sum_both(field: Function, e: Equations, i: int, at: int) -> Value:
     return join(x, y)
 
 
-def _kick(field: None, e: Equations, i: int, x: Value) -> Value:
+def _kick(field, e, i, x):
     moved = axpy(e.step.c[i, 0], e.v, scale(e.step.h, velocity(e.step.dT, x)))
     return scale(-1.0, e.step.dV(plus(e.q, moved)))
 
 
-def _both(field: Function, e: Equations, i: int, x: Value) -> Value:
+def _both(field, e, i, x):
     dq, dp = field(plus(e.q, head(x)), plus(e.p, tail(x)), e.step.h, 0.0)
     return join(dq, dp)
 
 
-def _lengths_kick(field: None, e: Equations, x: Value, f: Value) -> tuple[Number, Number]:
+def _lengths_kick(field, e, x, f):
     return lengths_of_kick(x, scale(e.step.h, f), e)
 
 
-def _lengths_both(field: Function, e: Equations, x: Value, f: Value) -> tuple[Number, Number]:
+def _lengths_both(field, e, x, f):
     return lengths_of_both(x, scale(e.step.h, f), e)
 
 
-def _moves_kicks(field: None, e: Equations, at: int) -> tuple[Value, Value]:
+def _moves_kicks(field, e, at):
     x, y = e.zero, e.zero
     for m in range(e.stages):
         z = load(e.memory, at + m, e.zero)
@@ -191,7 +191,7 @@ def _moves_kicks(field: None, e: Equations, at: int) -> tuple[Value, Value]:
     return plus(e.v, scale(e.step.h, velocity(e.step.dT, x))), y
 
 
-def _moves_both(field: Function, e: Equations, at: int) -> tuple[Value, Value]:
+def _moves_both(field, e, at):
     x, y = e.zero, e.zero
     for m in range(e.stages):
         z = load(e.memory, at + m, e.like)

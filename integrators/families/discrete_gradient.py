@@ -87,7 +87,7 @@ class Increment(NamedTuple):
 
 
 @unroll(lambda d: "  return " + " + ".join(f"x[{i}] * x[{i}]" for i in range(d)))
-def square(x: Value) -> Number:
+def square(x):
     """The scalar product x . x."""
     return np.sum(x * x)
 

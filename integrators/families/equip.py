@@ -103,23 +103,23 @@ class Step(NamedTuple):
 # -- stages one by one, or in lanes -----------------------------------------------------------------------------------
 
 
-def _A_in_rows(f: None, t: collocation.Collocation, i: int, j: int, x: Number) -> None:
+def _A_in_rows(f, t, i, j, x):
     t.A_q[i, j], t.A_p[i, j] = x, x
 
 
-def _A_in_lanes(f: Function, t: stage_lanes.Lanes, i: int, j: int, x: Number) -> None:
+def _A_in_lanes(f, t, i, j, x):
     t.A[j, i] = x
 
 
-def _time_in_rows(f: None, t: collocation.Collocation, i: int, late: Number) -> None:
+def _time_in_rows(f, t, i, late):
     t.weights[0, i], t.c[i, 0] = late, 1.0 - late
 
 
-def _time_in_lanes(f: Function, t: stage_lanes.Lanes, i: int, late: Number) -> None:
+def _time_in_lanes(f, t, i, late):
     t.nodes[stage_lanes.LATE, i], t.nodes[stage_lanes.C, i] = late, 1.0 - late
 
 
-def _move_rows(f: None, start: int, eps: Number, e: Step) -> tuple[State, int, int, int]:
+def _move_rows(f, start, eps, e):
     t, y, zero, memory = e.step.tableau, e.y, e.carry.zero, e.carry.memory
     stages, at = len(e.step.b), LEVELS * len(e.step.b)
     v, like = collocation.drift(t.field, t.dT, y.p, t.h), unknown(t.field, zero)
@@ -131,7 +131,7 @@ def _move_rows(f: None, start: int, eps: Number, e: Step) -> tuple[State, int, i
     return update(y, dq, dp), sweeps, newton, status
 
 
-def _move_lanes(f: Function, start: int, eps: Number, e: Step) -> tuple[State, int, int, int]:
+def _move_lanes(f, start, eps, e):
     t, y = e.step.tableau, e.y
     equations = stage_lanes.equations(t, e.carry, t.h)
     ring, at = stage_lanes.rows_of(equations)
@@ -142,12 +142,12 @@ def _move_lanes(f: Function, start: int, eps: Number, e: Step) -> tuple[State, i
     return stage_lanes.end(equations, at, y, e.carry.zero), sweeps, newton, status
 
 
-def _enter_rows(f: None, e: Step) -> None:
+def _enter_rows(f, e):
     stages, like = len(e.step.b), unknown(e.step.field, e.carry.zero)
     collocation.copy(e.carry.memory, LEVELS * stages, e.counts.steps % LEVELS * stages, stages, like)
 
 
-def _enter_lanes(f: Function, e: Step) -> None:
+def _enter_lanes(f, e):
     equations = stage_lanes.equations(e.step.tableau, e.carry, e.step.h)
     ring, at = stage_lanes.rows_of(equations)
     stage_lanes.enter(equations, ring, e.counts.steps, at)
@@ -172,7 +172,7 @@ def round_to_grid(x: Number) -> Number:
     return (x + 1.5) - 1.5
 
 
-def _write_kicks(field: None, step: Equip, alpha: Number) -> None:
+def _write_kicks(field, step, alpha):
     t, A, S, b = step.tableau, step.A, step.S, step.b
     stages = len(b)
     for i in range(stages):
@@ -190,7 +190,7 @@ def _write_kicks(field: None, step: Equip, alpha: Number) -> None:
             write_A(step.f, t, j, i, a - time(step.f, t, i) + time(step.f, t, j))
 
 
-def _write_both(field: Function, step: Equip, alpha: Number) -> None:
+def _write_both(field, step, alpha):
     for i in range(len(step.b)):
         for j in range(i, len(step.b)):
             a = round_to_grid(step.A[i, j] - alpha * step.S[i, j])

@@ -139,13 +139,13 @@ def inverse_square(e: Equations, step: Field, first: int, last: int) -> tuple[Nu
     return (below / above if told else 0.0 * above), (highest / whole if rough else 0.0 * above)
 
 
-def _of_both(inverse_mass: None, e: Equations, step: Field) -> tuple[Number, Number]:
+def _of_both(inverse_mass, e, step):
     d = e.stages // 2
     a, b = inverse_square(e, step, 0, d), inverse_square(e, step, d, e.stages)
     return max(a[0], b[0]), max(a[1], b[1])
 
 
-def _of_kicks(inverse_mass: np.ndarray, e: Equations, step: Field) -> tuple[Number, Number]:
+def _of_kicks(inverse_mass, e, step):
     return inverse_square(e, step, 0, e.stages)
 
 
@@ -168,7 +168,7 @@ def _pace(e: Equations, first: int, last: int, shift: Number) -> Number:
     return size / below**0.5 if below > 0 else 0.0 * e.h
 
 
-def _unit_of_both(inverse_mass: None, e: Equations, step: Field) -> Number:
+def _unit_of_both(inverse_mass, e, step):
     d, shift = e.stages // 2, SHIFT * abs(e.h)
     for k in range(e.stages):
         y, f = e.memory[e.base + ORIGIN, k], e.memory[e.stages + k, 0]
@@ -179,7 +179,7 @@ def _unit_of_both(inverse_mass: None, e: Equations, step: Field) -> Number:
     return longer if longer > 0 else 1.0 + longer
 
 
-def _unit_of_kicks(inverse_mass: np.ndarray, e: Equations, step: Field) -> Number:
+def _unit_of_kicks(inverse_mass, e, step):
     q, v, a = 0.0 * e.h, 0.0 * e.h, 0.0 * e.h
     for k in range(e.stages):
         q, v = q + abs(e.memory[e.base + ORIGIN, k]), v + abs(inverse_mass[0, k] * e.memory[e.base + MOMENTA, k])

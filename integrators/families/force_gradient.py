@@ -105,26 +105,26 @@ class KickState(NamedTuple):
     place: Any
 
 
-def _combine(b: Number, g: Value, c: Number, k: Value) -> Value:
+def _combine(b, g, c, k):
     for i in range(len(g)):
         g[i] = b * g[i] + c * k[i]
     return g
 
 
-def _displace(x: Value, a: Number, v: Value, out: Value) -> Value:
+def _displace(x, a, v, out):
     for i in range(len(x)):
         out[i] = x[i] + a * v[i]
     return out
 
 
 @in_place(_displace)
-def displace(x: Value, a: Number, v: Value, out: Value) -> Value:
+def displace(x, a, v, out):
     """Return x + a v; for arrays the result is written to ``out``."""
     return axpy(a, v, x)
 
 
 @in_place(_combine)
-def combine(b: Number, g: Value, c: Number, k: Value) -> Value:
+def combine(b, g, c, k):
     """Return b g + c k, the slope of a modified kick; for arrays it is written over g.
 
     g is the gradient of V and k the second term of the kick, both (d,).
@@ -142,9 +142,7 @@ def second_force(
     return b, apply(dV, displace(q, -2.0 * c / b, v, place), slope)
 
 
-def modified_kick(
-    product: Function | None, dV: Function, b: Number, c: Number, q: Value, slope: Value, v: Value, place: Value
-) -> tuple[Number, Value]:
+def modified_kick(product, dV, b, c, q, slope, v, place):
     """Compute a modified kick, p' = p - h weight slope, from slope = grad V(q) and v = M^-1 slope.
 
     Returns (weight, slope).  b is the weight of grad V, c that of the gradient term times h^2; ``product`` is (q, v) ->
@@ -186,9 +184,7 @@ def _of_arrays(
 ) -> Callable:
     """Choose the code of `modified_kick` for arrays, from the Numba type of ``product``."""
 
-    def written(
-        product: Function, dV: Function, b: Number, c: Number, q: Value, slope: Value, v: Value, place: Value
-    ) -> tuple[float, Value]:
+    def written(product, dV, b, c, q, slope, v, place):
         product(q, v, place)
         return 1.0, combine(b, slope, -2.0 * c, place)
 

@@ -31,13 +31,13 @@ MOMENTA = DQ
 # -- the two forms ----------------------------------------------------------------------------------------------------
 
 
-def _begin_both(inverse_mass: None, e: Any, y: State) -> None:
+def _begin_both(inverse_mass, e, y):
     store(e.memory, e.base + ORIGIN, y.q)
     for k in range(len(y.p)):
         e.memory[e.base + ORIGIN, len(y.q) + k] = y.p[k]
 
 
-def _begin_kicks(inverse_mass: np.ndarray, e: Any, y: State) -> None:
+def _begin_kicks(inverse_mass, e, y):
     memory = e.memory
     store(memory, e.base + ORIGIN, y.q)
     store(memory, e.base + MOMENTA, y.p)
@@ -45,12 +45,12 @@ def _begin_kicks(inverse_mass: np.ndarray, e: Any, y: State) -> None:
         memory[e.base + DRIFT, k] = e.h * inverse_mass[0, k] * memory[e.base + MOMENTA, k]
 
 
-def _lengths_of_both(inverse_mass: None, e: Any, at: int) -> tuple[Number, Number]:
+def _lengths_of_both(inverse_mass, e, at):
     d = e.stages // 2
     return length(e, at, e.base + ORIGIN, 0, d), length(e, at, e.base + ORIGIN, d, e.stages)
 
 
-def _lengths_of_kicks(inverse_mass: np.ndarray, e: Any, at: int) -> tuple[Number, Number]:
+def _lengths_of_kicks(inverse_mass, e, at):
     momenta = length(e, at, e.base + MOMENTA, 0, e.stages)
     return momenta, momenta
 

@@ -113,13 +113,13 @@ class ParticleState(NamedTuple):
 
 
 @sum_of("x[i] * y[i]")
-def dot(x: Value, y: np.ndarray) -> Number:
+def dot(x, y):
     """The scalar product of two vectors."""
     return np.sum(x * y)
 
 
 @unroll(lambda d: "  return 0.0 * x[0]" if d == 2 else "  return x[0] * y[0] + x[1] * y[1] + x[2] * y[2]")
-def along(x: Value, y: Value) -> Number:
+def along(x, y):
     """The scalar product of the velocity x with the field y; 0 in the plane, where the field is (0, 0, y[0])."""
     return 0.0 * x[0] if len(x) == 2 else np.sum(x * y)
 
@@ -131,7 +131,7 @@ def _cross_text(d: int) -> str:
 
 
 @unroll(_cross_text)
-def cross(x: Value, y: np.ndarray) -> Value:
+def cross(x, y):
     """The vector product x times y; in the plane y is the vector (0, 0, y[0])."""
     if len(x) == 2:
         return np.array([x[1] * y[0], -(x[0] * y[0])])
@@ -139,7 +139,7 @@ def cross(x: Value, y: np.ndarray) -> Value:
 
 
 @elementwise(outputs=2)
-def momentum(u: Value, lost: Value, shift: Value, mass: Number) -> tuple[Value, Value]:
+def momentum(u, lost, shift, mass):
     """Compute p = m (u + shift), with shift = A / m: returns (p, what rounding lost of it).
 
     ``lost`` is what rounding lost of u.  The sum is compensated as Knuth's, since either term may be the larger.
@@ -152,7 +152,7 @@ def momentum(u: Value, lost: Value, shift: Value, mass: Number) -> tuple[Value, 
 
 
 @elementwise(outputs=2)
-def velocity(p: Value, lost: Value, shift: Value, mass: Number) -> tuple[Value, Value]:
+def velocity(p, lost, shift, mass):
     """Compute u = p / m - shift from the momentum p, with shift = A / m: returns (u, what rounding lost of it).
 
     ``lost`` is what rounding lost of p.
@@ -173,7 +173,7 @@ def _gamma_square(slowness: Value, u: Value) -> Number:
 gamma = dispatch_on_none(lambda slowness, u: 1.0, lambda slowness, u: _gamma_square(slowness, u) ** 0.5)
 
 
-def _mean_gamma(slowness: Value, u: Value, tau: Number) -> Number:
+def _mean_gamma(slowness, u, tau):
     """The Lorentz factor of the mean of u before and after the rotation, in the rule of Higuera and Cary.
 
     ``slowness`` is (1 / c^2,), u the value before the rotation, and tau = h B / 2 (B divided by the mass) the vector

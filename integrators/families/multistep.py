@@ -147,7 +147,7 @@ class Start(NamedTuple):
 
 
 @elementwise()
-def divide(x: Value, a: Number) -> Value:
+def divide(x, a):
     """The vector x / a."""
     return x / a
 

@@ -56,7 +56,7 @@ from . import splitting
 if TYPE_CHECKING:
     from phasebench.integrators.record import Method
     from phasebench.integrators.systems.hamiltonian import Hamiltonian
-    from phasebench.integrators.values.kinds import Function, Number, Value
+    from phasebench.integrators.values.kinds import Number, Value
 
 #: Orbits may be integrated side by side.
 IN_LANES = True
@@ -144,17 +144,13 @@ def lengths_of_kick(x: Value, g: Value, stage: Stage) -> tuple[Number, Number]:
 solve_increments, solve_kick = solver(increments), solver(kick, lengths_of_kick)
 
 
-def _nystrom(
-    field: None, step: Any, y: State, c: Number, mu: Number, lam: Number, x: Value, eps: Number, work: np.ndarray
-) -> tuple[State, Value, int, int, int]:
+def _nystrom(field, step, y, c, mu, lam, x, eps, work):
     stage = Stage(step, y.q, y.p, velocity(step.dT, y.p), c * step.h, mu, lam)
     x, n, used, status = solve_kick(stage, x, size(y.q) + size(y.p), eps, work)
     return update(y, shift(x, stage), x), x, n, used, status
 
 
-def _general(
-    field: Function, step: Any, y: State, c: Number, mu: Number, lam: Number, x: Value, eps: Number, work: np.ndarray
-) -> tuple[State, Value, int, int, int]:
+def _general(field, step, y, c, mu, lam, x, eps, work):
     stage = Stage(step, y.q, y.p, y.p, c * step.h, mu, lam)
     x, n, used, status = solve_increments(stage, x, size(y.q) + size(y.p), eps, work)
     return update(y, head(x), tail(x)), x, n, used, status

@@ -46,7 +46,7 @@ from .lane_rows import DP, DQ, DRIFT, FREE, ORIGIN, begin, components, ender, en
 
 if TYPE_CHECKING:
     from phasebench.integrators.systems.hamiltonian import Hamiltonian
-    from phasebench.integrators.values.kinds import Number, Value
+    from phasebench.integrators.values.kinds import Number
 
 #: Nodes side by side (at least as many as increments); least product of nodes and increments for which that is faster.
 WIDTH, FEWEST = 4, 3
@@ -115,7 +115,7 @@ class Equations(NamedTuple):
 # -- the two forms ----------------------------------------------------------------------------------------------------
 
 
-def _path_of_kicks(inverse_mass: np.ndarray, e: Equations, at: int) -> int:
+def _path_of_kicks(inverse_mass, e, at):
     step, memory, path = e.step, e.memory, e.base + FREE
     for k in range(e.stages):
         start = memory[e.base + DRIFT, k] * take(step.drift, 0, e.like)
@@ -124,23 +124,23 @@ def _path_of_kicks(inverse_mass: np.ndarray, e: Equations, at: int) -> int:
     return path
 
 
-def _end_both(inverse_mass: None, e: Equations, at: int) -> None:
+def _end_both(inverse_mass, e, at):
     memory, d = e.memory, e.stages // 2
     for k in range(d):
         memory[e.base + DQ, k], memory[e.base + DP, k] = memory[at + k, 0], memory[at + d + k, 0]
 
 
-def _end_kicks(inverse_mass: np.ndarray, e: Equations, at: int) -> None:
+def _end_kicks(inverse_mass, e, at):
     path = path_of(inverse_mass, e, at)
     for k in range(e.stages):
         e.memory[e.base + DQ, k], e.memory[e.base + DP, k] = e.memory[path + k, 0], e.memory[at + k, 0]
 
 
-def _slope_of_both(inverse_mass: None, e: Equations, row: int, i: int, m: int) -> Number:
+def _slope_of_both(inverse_mass, e, row, i, m):
     return e.step.A[row * len(e.step.terms) + m, i]
 
 
-def _slope_of_kicks(inverse_mass: np.ndarray, e: Equations, row: int, i: int, m: int) -> Number:
+def _slope_of_kicks(inverse_mass, e, row, i, m):
     step, s = e.step, len(e.step.terms)
     x = 0.0
     for j in range(s):
@@ -148,13 +148,13 @@ def _slope_of_kicks(inverse_mass: np.ndarray, e: Equations, row: int, i: int, m:
     return x
 
 
-def _change_of_both(inverse_mass: None, e: Equations, old: int, new: int) -> Change:
+def _change_of_both(inverse_mass, e, old, new):
     d = e.stages // 2
     (q, size_q), (p, size_p) = moves(e, old, new, 0, d), moves(e, old, new, d, e.stages)
     return Change(q, p, size_q, size_p)
 
 
-def _change_of_kicks(inverse_mass: np.ndarray, e: Equations, old: int, new: int) -> Change:
+def _change_of_kicks(inverse_mass, e, old, new):
     p, size_p = moves(e, old, new, 0, e.stages)
     return Change(0.0, p, 0.0, size_p)
 
@@ -224,7 +224,7 @@ def sweep(e: Equations, old: int, new: int) -> tuple[Number, Number]:
 
 
 @inline
-def scatter(e: Equations, row: int, r: Value, k: int, i: int, x: Value, work: np.ndarray) -> None:
+def scatter(e: Equations, row: int, r: int, k: int, i: int, x: Number, work: np.ndarray) -> None:
     """Enter a derivative of f at one node into the Jacobian ``work`` of the equations for the increments.
 
     x is h times the derivative of f's component r by component k, at the node in lane i of the row of nodes ``row``.

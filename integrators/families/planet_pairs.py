@@ -66,7 +66,7 @@ def _of_pairs(found: Any, back: sp.Matrix, lanes: int) -> list[list]:
     return rows
 
 
-def _of_bodies(part: int, lanes: int) -> list[list]:
+def _of_bodies(part: KeplerPart, lanes: int) -> list[list]:
     """The rows ``parts`` of `planet_lanes.Planets`: a number for each body, padded to SIMD lanes.
 
     They are mu, the mass, its inverse as the sum of two doubles, m mu, and 1 if the motion is free.

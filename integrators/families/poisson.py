@@ -29,7 +29,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import mpmath
 import numpy as np
@@ -77,6 +77,7 @@ from . import collocation
 
 if TYPE_CHECKING:
     from phasebench.integrators.record import Method
+    from phasebench.integrators.systems.hamiltonian import Hamiltonian
     from phasebench.integrators.systems.poisson import PoissonSystem
     from phasebench.integrators.values.kinds import Number, Value
 
@@ -122,10 +123,10 @@ class Equations(NamedTuple):
     """
 
     step: Poisson
-    q: Any
-    p: Any
+    q: Value
+    p: Value
     memory: np.ndarray
-    like: Any
+    like: Value
     stages: int
     counts: np.record
 
@@ -229,7 +230,7 @@ def coefficients(s: int, rules: tuple[int, ...], digits: int) -> tuple[list, lis
         # ell_l / b_l = sum_j P_j(c_l) P_j: the nodes' own rule is exact for the products of degree 2s - 2
         values = [legendre(s, c) for c, _ in gauss_rule]
 
-        def expand(basis: list) -> list:
+        def expand(basis: list[mpmath.mpf]) -> list[mpmath.mpf]:
             return [mpmath.fsum(a * b for a, b in zip(row, basis, strict=True)) for row in values]
 
         stage = [expand(legendre_integrals(s, c)) for c, _ in gauss_rule]
@@ -241,7 +242,7 @@ def coefficients(s: int, rules: tuple[int, ...], digits: int) -> tuple[list, lis
     return stage, table
 
 
-def prepare(method: Method, system: PoissonSystem, arithmetic: str) -> Prepared:
+def prepare(method: Method, system: Hamiltonian | PoissonSystem, arithmetic: str) -> Prepared:
     """Prepare the kernel (compiled loop over steps) of energy-preserving collocation for a Poisson system.
 
     ``method.data`` is (s,), the degree of its path.  A polynomial H has one exact quadrature rule, another H rules of

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -30,7 +30,7 @@ from .splitting import GRADIENT, VELOCITY
 if TYPE_CHECKING:
     from phasebench.integrators.record import Method
     from phasebench.integrators.systems.hamiltonian import Hamiltonian
-    from phasebench.integrators.values.kinds import Number
+    from phasebench.integrators.values.kinds import Number, Value
 
 #: Orbits may be integrated side by side.
 IN_LANES = True
@@ -68,12 +68,12 @@ class ProcessedState(NamedTuple):
     evaluations : number of gradients evaluated but not yet added to the counts
     """
 
-    q: Any
-    p: Any
-    lost_q: Any
-    lost_p: Any
-    gradient: Any
-    velocity: Any
+    q: Value
+    p: Value
+    lost_q: Value
+    lost_p: Value
+    gradient: Value
+    velocity: Value
     evaluations: int
 
 

@@ -24,7 +24,7 @@ E. Hairer, "Symmetric projection methods for differential equations on manifolds
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -58,8 +58,6 @@ from phasebench.integrators.values.vector import (
 from . import parametric, runge_kutta, splitting
 
 if TYPE_CHECKING:
-    from phasebench.integrators.families.runge_kutta import RungeKutta
-    from phasebench.integrators.families.splitting import Splitting
     from phasebench.integrators.record import Method
     from phasebench.integrators.systems.hamiltonian import Hamiltonian
     from phasebench.integrators.values.kinds import Function, Number, Value
@@ -97,13 +95,13 @@ class Projection(NamedTuple):
     split: splitting.Splitting | None
     implicit: parametric.Parametric | None
     stages: int
-    target: Any
+    target: Value
     h: float = 0.0
     eps: float = 0.0
 
 
 @unroll(lambda d: "  return " + " and ".join(f"abs(r[{i}]) <= a * M[{i}]" for i in range(d)))
-def within(r: Value, a: Number, M: np.ndarray) -> bool:
+def within(r, a, M):
     """True if every |r_i| is at most a times |M_i|; False if one is NaN."""
     return np.all(np.abs(r) <= a * M)
 
@@ -111,9 +109,7 @@ def within(r: Value, a: Number, M: np.ndarray) -> bool:
 # -- the base methods' steps ------------------------------------------------------------------------------------------
 
 
-def _kicks_and_drifts(
-    split: Splitting, step: Projection, y: State, carry: Carry, known: int, first: bool
-) -> tuple[State, int, int, int]:
+def _kicks_and_drifts(split, step, y, carry, known, first):
     q, p, lost_q, lost_p = y
     evaluations = 0
     for k in range(len(split.a)):
@@ -125,24 +121,18 @@ def _kicks_and_drifts(
     return State(q, p, lost_q, lost_p), evaluations, 0, SOLVED
 
 
-def _substeps(
-    split: None, step: Projection, y: State, carry: Carry, known: int, first: bool
-) -> tuple[State, int, int, int]:
+def _substeps(split, step, y, carry, known, first):
     return parametric.advance(step.implicit, y, carry, known, first)
 
 
 _partitioned = dispatch_on_none(_substeps, _kicks_and_drifts)
 
 
-def _one_stage(
-    explicit: None, step: Projection, y: State, carry: Carry, known: int, first: bool
-) -> tuple[State, int, int, int]:
+def _one_stage(explicit, step, y, carry, known, first):
     return _partitioned(step.split, step, y, carry, known, first)
 
 
-def _explicit(
-    explicit: RungeKutta, step: Projection, y: State, carry: Carry, known: int, first: bool
-) -> tuple[State, int, int, int]:
+def _explicit(explicit, step, y, carry, known, first):
     dq, dp = runge_kutta.increment(explicit.field, explicit.tableau, explicit.h, y, carry)
     return update(y, dq, dp), len(explicit.tableau) - 1, 0, SOLVED
 
@@ -156,7 +146,7 @@ advance = dispatch_on_none(_one_stage, _explicit)
 
 
 @inline
-def correct(mu: np.ndarray, r: Value, A: np.ndarray, work: np.ndarray) -> tuple[Value, bool]:
+def correct(mu: Value, r: Value, A: Value, work: np.ndarray) -> tuple[Value, bool]:
     """Do one Newton correction of the multipliers mu: returns (mu - A^-1 r, True if the matrix A is regular).
 
     mu and r are vectors (m,); A has its rows one after the other, (m m,).
@@ -184,9 +174,9 @@ class Closing(NamedTuple):
     """
 
     pull: Callable
-    q: Any
-    p: Any
-    mu: Any
+    q: Value
+    p: Value
+    mu: Value
 
 
 @inline
@@ -214,9 +204,7 @@ def constraint_residual(step: Projection, y: State, last: Number) -> tuple[Value
     return r, within(r, eps, M) or (size(r) >= 0.5 * last and within(r, SLACK * eps, M))
 
 
-def _standard(
-    mirror: None, step: Projection, y: State, carry: Carry, counts: np.record
-) -> tuple[State, Value, bool, int]:
+def _standard(mirror, step, y, carry, counts):
     y1, n, used, status = advance(step.explicit, step, y, carry, counts.steps, True)
     counts.gradient += n
     counts.newton += used
@@ -242,9 +230,7 @@ def _standard(
     return y1, scale(0.0, step.target), False, status
 
 
-def _symmetric(
-    mirror: Function, step: Projection, y: State, carry: Carry, counts: np.record
-) -> tuple[State, Value, bool, int]:
+def _symmetric(mirror, step, y, carry, counts):
     ring = LEVELS * step.stages  # where the memory keeps the multipliers of earlier steps
     zero = scale(0.0, step.target)
     A0 = mirror(y.q, y.p)
@@ -306,7 +292,9 @@ def step(method: Projection, y: State, carry: Carry, counts: np.record) -> tuple
 run = loop(step, parameter=True)
 
 
-def functions(system: Hamiltonian, invariants: Any, arithmetic: str) -> tuple[Function, Function, Function]:
+def functions(
+    system: Hamiltonian, invariants: Sequence[sp.Expr], arithmetic: str
+) -> tuple[Function, Function, Function]:
     """Make the functions of the invariants that the kernel needs: returns (constraint, gram, pull).
 
     - constraint(q, p) -> (values, M), both of shape (m,); the values have a round-off of eps M
@@ -319,14 +307,14 @@ def functions(system: Hamiltonian, invariants: Any, arithmetic: str) -> tuple[Fu
     state = [("q", system.q), ("p", system.p)]
     key = " ".join(map(sp.srepr, invariants))
 
-    def magnitude(e: sp.Expr | sp.Symbol) -> sp.Expr:
+    def magnitude(e: sp.Expr) -> sp.Expr:
         return sum(sp.Abs(t) for t in sp.Add.make_args(e)) + sum(sp.Abs(x * sp.diff(e, x)) for x in y)
 
-    def products() -> list:
+    def products() -> list[list[sp.Expr]]:
         G = sp.Matrix([[sp.diff(e, x) for x in y] for e in invariants])
         return [list(G * G.T)]
 
-    def pull_back() -> list:
+    def pull_back() -> list[list[sp.Expr]]:
         total = sum(a * e for a, e in zip(mu, invariants, strict=True))
         return [[sp.diff(total, x) for x in system.q], [sp.diff(total, x) for x in system.p]]
 
@@ -378,7 +366,7 @@ def prepare(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
     )
 
 
-def _set_target(constraint: Function, bases: dict, step: Projection, q: Value, p: Value) -> Projection:
+def _set_target(constraint: Function, bases: dict[str, Any], step: Projection, q: Value, p: Value) -> Projection:
     """Complete the data of a projection for a run from (q, p): set the target values, and h of the base method.
 
     The targets are the values of the invariants at (q, p).

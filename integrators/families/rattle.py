@@ -27,7 +27,7 @@ C. Lubich, G. Wanner, Geometric Numerical Integration (2006), VII.1.3-1.4.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -58,7 +58,7 @@ from phasebench.integrators.values.vector import (
 if TYPE_CHECKING:
     from phasebench.integrators.record import Method
     from phasebench.integrators.systems.constrained import ConstrainedHamiltonian
-    from phasebench.integrators.values.kinds import Number, Value
+    from phasebench.integrators.values.kinds import Condition, Number, Value
 
 #: Orbits may be integrated side by side.
 IN_LANES = True
@@ -98,11 +98,11 @@ class RattleState(NamedTuple):
     gradient : grad V(q)
     """
 
-    q: Any
-    p: Any
-    lost_q: Any
-    lost_p: Any
-    gradient: Any
+    q: Value
+    p: Value
+    lost_q: Value
+    lost_p: Value
+    gradient: Value
 
 
 class Drift(NamedTuple):
@@ -116,13 +116,13 @@ class Drift(NamedTuple):
     """
 
     method: Rattle
-    q: Any
-    lost: Any
-    move: Any
+    q: Value
+    lost: Value
+    move: Value
 
 
 @inline
-def sweep(e: Drift, w: Value, active: bool) -> tuple[Value, Number, Number]:
+def sweep(e: Drift, w: Value, active: Condition) -> tuple[Value, Number, Number]:
     """Do one step of Newton's method for w, the constraint impulse times h, that holds q on the constraints.
 
     e has the coordinates before and the move without constraints; ``active`` are the SIMD lanes to iterate.  Returns
@@ -137,7 +137,7 @@ def sweep(e: Drift, w: Value, active: bool) -> tuple[Value, Number, Number]:
 iterate = fixed_point(sweep)
 
 
-def _solve(e: Drift, start: np.ndarray, span: Number, eps: Number) -> tuple[Value, int, int]:
+def _solve(e, start, span, eps):
     w, sweeps, solved = iterate(e, start, span, eps)
     if not solved:
         w, more, solved = iterate(e, scale(0.0, start), span, eps)
@@ -147,7 +147,7 @@ def _solve(e: Drift, start: np.ndarray, span: Number, eps: Number) -> tuple[Valu
     return w, sweeps, STALLED if size(w) < np.inf else NOT_FINITE
 
 
-def _solve_lanes(e: Drift, start: Value, span: Number, eps: Number) -> tuple[Value, int, int]:
+def _solve_lanes(e, start, span, eps):
     w, sweeps, _ = iterate(e, start, span, eps)
     return w, sweeps, SOLVED if (size(w) < np.inf) & (span < np.inf) else NOT_FINITE
 
@@ -157,7 +157,7 @@ solve = overload_in_lanes(_solve, _solve_lanes)
 
 
 @inline
-def drift(method: Rattle, y: RattleState, h: Number, start: np.ndarray) -> tuple[Value, Value, int, int]:
+def drift(method: Rattle, y: RattleState, h: Number, start: Value) -> tuple[Value, Value, int, int]:
     """Drift from the state y, which has had its kick, over the time h under constraints.
 
     Returns (w, the constraint impulse times h; the move of q; the number of iterations; status).  ``start`` is a

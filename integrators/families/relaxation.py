@@ -76,7 +76,7 @@ class Relaxation(NamedTuple):
 
 
 @unroll(lambda d: "  return " + " + ".join(f"x[{i}] * y[{i}]" for i in range(d)))
-def dot(x: Value, y: np.ndarray) -> Number:
+def dot(x, y):
     """The scalar product x . y."""
     return np.sum(x * y)
 

@@ -116,11 +116,11 @@ class BodyState(NamedTuple):
     gradient : grad V(q)
     """
 
-    q: Any
-    p: Any
-    lost_q: Any
-    lost_p: Any
-    gradient: Any
+    q: Value
+    p: Value
+    lost_q: Value
+    lost_p: Value
+    gradient: Value
 
 
 @unroll(
@@ -129,7 +129,7 @@ class BodyState(NamedTuple):
         "    x[0]*y[2] - x[1]*y[3] + x[2]*y[0] + x[3]*y[1], x[0]*y[3] + x[1]*y[2] - x[2]*y[1] + x[3]*y[0])"
     )
 )
-def product(x: Value, y: np.ndarray) -> Value:
+def product(x, y):
     """The product of two quaternions."""
     w = x[0] * y[0] - x[1] * y[1] - x[2] * y[2] - x[3] * y[3]
     i = x[0] * y[1] + x[1] * y[0] + x[2] * y[3] - x[3] * y[2]
@@ -139,37 +139,37 @@ def product(x: Value, y: np.ndarray) -> Value:
 
 
 @unroll(lambda d: "  return (-x[1], x[0], x[3], -x[2])")
-def times_i(x: Value) -> Value:
+def times_i(x):
     """The quaternion x i."""
     return np.array([-x[1], x[0], x[3], -x[2]])
 
 
 @unroll(lambda d: "  return (-x[2], -x[3], x[0], x[1])")
-def times_j(x: Value) -> Value:
+def times_j(x):
     """The quaternion x j."""
     return np.array([-x[2], -x[3], x[0], x[1]])
 
 
 @unroll(lambda d: "  return (-x[3], x[2], -x[1], x[0])")
-def times_k(x: Value) -> Value:
+def times_k(x):
     """The quaternion x k."""
     return np.array([-x[3], x[2], -x[1], x[0]])
 
 
 @unroll(lambda d: "  return (x[0], -x[1], -x[2], -x[3])")
-def conjugate(x: Value) -> Value:
+def conjugate(x):
     """The conjugate of a quaternion."""
     return np.array([x[0], -x[1], -x[2], -x[3]])
 
 
 @unroll(lambda d: "  return (w, x[1], x[2], x[3])")
-def with_real(w: Number, x: Value) -> Value:
+def with_real(w, x):
     """The quaternion x with its real part replaced by w."""
     return np.array([w, x[1], x[2], x[3]])
 
 
 @unroll(lambda d: "  return (0.0 * x[0], a[1]*x[1], a[2]*x[2], a[3]*x[3])")
-def stretch(x: Value, a: np.ndarray) -> Value:
+def stretch(x, a):
     """The imaginary part of the quaternion x, each component times the number of the same index of the array a."""
     return np.array([0 * x[0], a[1] * x[1], a[2] * x[2], a[3] * x[3]])
 
@@ -261,11 +261,11 @@ class Turn(NamedTuple):
     """
 
     method: Implicit
-    target: Any
+    target: Value
 
 
 @inline
-def cross(x: Value, y: np.ndarray) -> Value:
+def cross(x: Value, y: Value) -> Value:
     """The vector product of two imaginary quaternions."""
     z = product(x, y)
     return with_real(0.0 * z[0], z)

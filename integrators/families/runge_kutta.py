@@ -36,9 +36,11 @@ from phasebench.integrators.values.vector import (
 )
 
 if TYPE_CHECKING:
+    from numba import types
+
     from phasebench.integrators.record import Method
     from phasebench.integrators.systems.hamiltonian import Hamiltonian
-    from phasebench.integrators.values.kinds import Function, Number, Value
+    from phasebench.integrators.values.kinds import Value
 
 #: Orbits may be integrated side by side.
 IN_LANES = True
@@ -71,7 +73,7 @@ def _next_nonzero(tableau: np.ndarray, i: int, j: int) -> int:
     return j
 
 
-def _total(tableau: np.ndarray, i: int, h: Number, memory: np.ndarray, zero: Value) -> tuple[Value, Value]:
+def _total(tableau, i, h, memory, zero):
     """Sum (dq, dp) = h sum_j a_ij k_j over j < i, two terms at a time: what `total` compiles to for arrays."""
     last, n = len(tableau) - 1, 2 * len(zero)
     j = _next_nonzero(tableau, i, -1)
@@ -93,7 +95,7 @@ def _total(tableau: np.ndarray, i: int, h: Number, memory: np.ndarray, zero: Val
 
 
 @in_place(_total)
-def total(tableau: np.ndarray, i: int, h: Number, memory: np.ndarray, zero: Value) -> tuple[Value, Value]:
+def total(tableau, i, h, memory, zero):
     """Sum the increment (dq, dp) = h sum_j a_ij k_j over j < i that leads to stage i; k_j is row j of the memory.
 
     a are the rows of the tableau; i = number of stages gives the increment of the step.  For arrays the result is
@@ -107,7 +109,7 @@ def total(tableau: np.ndarray, i: int, h: Number, memory: np.ndarray, zero: Valu
     return head(x), tail(x)
 
 
-def evaluate(field: Function, q: Value, p: Value, dq: Value, dp: Value, h: Number, memory: np.ndarray, i: int) -> None:
+def evaluate(field, q, p, dq, dp, h, memory, i):
     """Evaluate stage i, f(q + dq, p + dp), and write it to row i of the memory; arrays dq, dp are overwritten."""
     dq, dp = field(plus(q, dq), plus(p, dp), h, 0.0)
     store(memory, i, join(dq, dp))
@@ -121,20 +123,23 @@ def _shift_state(q: Value, p: Value, dq: Value, dp: Value) -> None:
 
 
 def _evaluate_arrays(
-    field: Function, q: Value, p: Value, dq: Value, dp: Value, h: Number, memory: np.ndarray, i: int
+    field: types.Type,
+    q: types.Type,
+    p: types.Type,
+    dq: types.Type,
+    dp: types.Type,
+    h: types.Type,
+    memory: types.Type,
+    i: types.Type,
 ) -> Callable:
-    def evaluate_returned(
-        field: Function, q: Value, p: Value, dq: Value, dp: Value, h: Number, memory: np.ndarray, i: int
-    ) -> None:
+    def evaluate_returned(field, q, p, dq, dp, h, memory, i):
         n = len(q)
         _shift_state(q, p, dq, dp)
         slope_q, slope_p = field(dq, dp, h, 0.0)
         for k in range(n):
             memory[i, k], memory[i, n + k] = slope_q[k], slope_p[k]
 
-    def evaluate_in_place(
-        field: Function, q: Value, p: Value, dq: Value, dp: Value, h: Number, memory: np.ndarray, i: int
-    ) -> None:
+    def evaluate_in_place(field, q, p, dq, dp, h, memory, i):
         _shift_state(q, p, dq, dp)
         slope_q, slope_p = halves(memory, i, q)
         field(dq, dp, h, 0.0, slope_q, slope_p)
@@ -146,7 +151,7 @@ overload_by_kind(evaluate, lambda *types: evaluate, _evaluate_arrays)
 
 
 @in_place(None)
-def increment(field: Function, tableau: np.ndarray, h: Number, y: State, carry: Carry) -> tuple[Value, Value]:
+def increment(field, tableau, h, y, carry):
     """Evaluate the stages of one step of length h from y; returns its increment (dq, dp) = h sum b_i k_i."""
     memory, stages = carry.memory, len(tableau) - 1
     for i in range(stages):

@@ -32,7 +32,7 @@ Source: B. Jayawardana, T. Ohsawa, Math. Comput. 92 (2023) 251-281; T. Ohsawa, S
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -92,12 +92,12 @@ class Shift(NamedTuple):
     """
 
     method: Semiexplicit
-    q: Any
-    p: Any
+    q: Value
+    p: Value
 
 
 @jit
-def increments(mu: np.ndarray, e: Shift) -> tuple[Value, Value]:
+def increments(mu: Value, e: Shift) -> tuple[Value, Value]:
     """The increments over a step of both copies, which start at y + mu and y - mu: two vectors of q and p."""
     field, a, b, h = e.method.field, e.method.a, e.method.b, e.method.h
     q, p = plus(e.q, head(mu)), plus(e.p, tail(mu))
@@ -114,7 +114,7 @@ def increments(mu: np.ndarray, e: Shift) -> tuple[Value, Value]:
 
 
 @inline
-def shift(mu: np.ndarray, e: Shift) -> Value:
+def shift(mu: Value, e: Shift) -> Value:
     """The right-hand side of the equation mu = G(mu): -1/4 of the difference of the two copies' increments."""
     first, second = increments(mu, e)
     return scale(-0.25, minus(first, second))

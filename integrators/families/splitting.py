@@ -27,7 +27,7 @@ from phasebench.integrators.values.vector import add_product_in_place, apply, in
 if TYPE_CHECKING:
     from phasebench.integrators.record import Method
     from phasebench.integrators.systems.hamiltonian import Hamiltonian
-    from phasebench.integrators.values.kinds import Number
+    from phasebench.integrators.values.kinds import Number, Value
 
 #: Orbits may be integrated side by side.
 IN_LANES = True
@@ -67,12 +67,12 @@ class SplittingState(NamedTuple):
     velocity : working memory for a velocity
     """
 
-    q: Any
-    p: Any
-    lost_q: Any
-    lost_p: Any
-    gradient: Any
-    velocity: Any
+    q: Value
+    p: Value
+    lost_q: Value
+    lost_p: Value
+    gradient: Value
+    velocity: Value
 
 
 @inline
@@ -125,7 +125,7 @@ def finish(method: Splitting, y: SplittingState) -> SplittingState:
 run = loop(step, begin, start, finish)
 
 
-def _prepare(parts: list, system: Hamiltonian, arithmetic: str, fills: bool) -> Prepared:
+def _prepare(parts: list[tuple[bool, Any]], system: Hamiltonian, arithmetic: str, fills: bool) -> Prepared:
     """Prepare the kernel of substeps (True for a kick, fraction of h), merging neighbours of one kind."""
     rows = [[0, 0]]
     for kick, fraction in parts:

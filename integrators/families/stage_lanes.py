@@ -30,7 +30,7 @@ BIT 48 (2008) 231-243.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -43,7 +43,7 @@ from phasebench.integrators.values.vector import State, dispatch_on_none, inline
 from .lane_rows import DP, DQ, DRIFT, FREE, ORIGIN, begin, components, ender, enter, extrapolate, linearizer
 
 if TYPE_CHECKING:
-    from phasebench.integrators.values.kinds import Number, Value
+    from phasebench.integrators.values.kinds import Number
 
 #: Rows of the nodes: c, b and 1 - c; for `exact_weights`, 2 before the middle and 0 after it, then 1 in the middle.
 C, B, LATE, BEFORE, MIDDLE = range(5)
@@ -98,20 +98,20 @@ class Equations(NamedTuple):
     stages: int
     like: tuple
     h: float
-    weights: Any
+    weights: Number
 
 
 # -- the two forms ----------------------------------------------------------------------------------------------------
 
 
-def _places_of_both(inverse_mass: None, e: Equations, at: int) -> None:
+def _places_of_both(inverse_mass, e, at):
     step, memory = e.step, e.memory
     for k in range(e.stages):
         x = take(memory, at + k, e.like)
         put(memory, k, combine(memory[e.base + ORIGIN, k], x, 1.0, step.A, 0, e.like), e.like)
 
 
-def _places_of_kicks(inverse_mass: np.ndarray, e: Equations, at: int) -> None:
+def _places_of_kicks(inverse_mass, e, at):
     step, memory = e.step, e.memory
     c = take(step.nodes, C, e.like)
     for k in range(e.stages):
@@ -120,14 +120,14 @@ def _places_of_kicks(inverse_mass: np.ndarray, e: Equations, at: int) -> None:
         put(memory, k, combine(start, x, e.h * inverse_mass[0, k], step.A, 0, e.like), e.like)
 
 
-def _end_both(inverse_mass: None, e: Equations, at: int) -> None:
+def _end_both(inverse_mass, e, at):
     memory, d = e.memory, e.stages // 2
     for k in range(d):
         memory[e.base + DQ, k] = total(take(memory, at + k, e.like))
         memory[e.base + DP, k] = total(take(memory, at + d + k, e.like))
 
 
-def _end_kicks(inverse_mass: np.ndarray, e: Equations, at: int) -> None:
+def _end_kicks(inverse_mass, e, at):
     memory = e.memory
     late = take(e.step.nodes, LATE, e.like)
     for k in range(e.stages):
@@ -146,7 +146,7 @@ sums = dispatch_on_none(_end_both, _end_kicks)
 
 
 @inline
-def exact_weights(step: Lanes, h: Number) -> Value:
+def exact_weights(step: Lanes, h: Number) -> Number:
     """The weights h b_i in SIMD lanes, rounded so that their sum is h exactly.
 
     Otherwise every step would misstate time by the same amount.  They are multiples of half the last place of h, except
@@ -178,7 +178,7 @@ def sweep(e: Equations, old: int, new: int) -> tuple[Number, Number]:
 
 
 @inline
-def scatter(e: Equations, row: int, r: Value, k: int, i: int, x: Value, work: np.ndarray) -> None:
+def scatter(e: Equations, row: int, r: int, k: int, i: int, x: Number, work: np.ndarray) -> None:
     """Enter a derivative into the Jacobian ``work`` of the stage equations.
 
     The derivative x, of component r of stage i's increment by the stage's component k, is multiplied by A_ij, the

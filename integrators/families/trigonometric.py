@@ -41,7 +41,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import mpmath
 import numpy as np
@@ -55,7 +55,7 @@ from phasebench.integrators.values.vector import add, elementwise, inline, load,
 if TYPE_CHECKING:
     from phasebench.integrators.record import Method
     from phasebench.integrators.systems.hamiltonian import Hamiltonian
-    from phasebench.integrators.values.kinds import Function, Number, Value
+    from phasebench.integrators.values.kinds import Value
 
 #: Least number of digits of the functions of xi, whatever the arithmetic of the run.
 DIGITS = 40
@@ -82,13 +82,13 @@ class Trigonometric(NamedTuple):
 
 
 @elementwise()
-def product(x: Value, y: np.ndarray) -> Value:
+def product(x, y):
     """The componentwise product of x and y."""
     return x * y
 
 
 @elementwise()
-def impulse(beta: np.ndarray, gradient: Value, a: np.ndarray, q: Value) -> Value:
+def impulse(beta, gradient, a, q):
     """The merged half kick by the slow force and shear by the linear one, -(beta grad U + a q), componentwise."""
     return -(beta * gradient + a * q)
 
@@ -103,11 +103,11 @@ class KickedState(NamedTuple):
     kick : the increment of p at q, half of which belongs to the next step
     """
 
-    q: Any
-    p: Any
-    lost_q: Any
-    lost_p: Any
-    kick: Any
+    q: Value
+    p: Value
+    lost_q: Value
+    lost_p: Value
+    kick: Value
 
 
 @inline
@@ -154,8 +154,13 @@ run = loop(step, begin, start, finish)
 
 
 def coefficients(
-    h: Number, omega: Number, propagator: Function, psi1: Function, phi: Function, *arguments: Number
-) -> tuple[Number, Number, Number, Number, int]:
+    h: mpmath.mpf,
+    omega: mpmath.mpf,
+    propagator: Callable[..., tuple[mpmath.mpf, mpmath.mpf, mpmath.mpf]],
+    psi1: Callable[[mpmath.mpf], mpmath.mpf],
+    phi: Callable[[mpmath.mpf], mpmath.mpf],
+    *arguments: int,
+) -> tuple[mpmath.mpf, mpmath.mpf, mpmath.mpf, mpmath.mpf, int]:
     """Compute (phi, (h/2) psi_1, a, b, s) for a component of frequency omega, from mpmath numbers.
 
     ``propagator``, ``psi1`` and ``phi`` are functions of xi = h omega, as in the module's docstring.  Raises

@@ -32,7 +32,7 @@ Adv. Comput. Math. 41 (2015) 955-986.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import mpmath
 import numpy as np
@@ -100,10 +100,10 @@ class Equations(NamedTuple):
     """
 
     step: Variational
-    q: Any
-    v: Any
+    q: Value
+    v: Value
     memory: np.ndarray
-    like: Any
+    like: Value
     stages: int
 
 
@@ -208,7 +208,7 @@ run = loop(step)
 QUADRATURES = {"gauss": gauss_legendre, "lobatto": gauss_lobatto}
 
 
-def _basis(k: int, s: int) -> list:
+def _basis(k: int, s: int) -> list[mpmath.mpf]:
     """Coefficients, highest power first, of the polynomial of degree s that is 1 at k/s and 0 at the other j/s."""
     out = [mpmath.mpf(1)]
     for j in range(s + 1):
@@ -218,7 +218,7 @@ def _basis(k: int, s: int) -> list:
     return out
 
 
-def coefficients(degree: int, rule: list) -> list:
+def coefficients(degree: int, rule: list[tuple[mpmath.mpf, mpmath.mpf]]) -> list[list[mpmath.mpf]]:
     """The coefficients of a Galerkin variational integrator for polynomials of a degree s: rows (a_ij, d_i), weights b.
 
     ``rule`` is a quadrature rule [(node, weight), ...].  The rows are those of its nodes and of the end of the step;

@@ -50,7 +50,7 @@ if TYPE_CHECKING:
     from phasebench.integrators.record import Method
     from phasebench.integrators.stepping.kernel import Carry, Samples
     from phasebench.integrators.systems.hamiltonian import Hamiltonian
-    from phasebench.integrators.values.kinds import Function, Number, Value
+    from phasebench.integrators.values.kinds import Function, Number
 
 
 class WisdomHolman(NamedTuple):
@@ -124,7 +124,7 @@ class KeplerPart:
         )
 
 
-def jacobi(masses: Sequence, G: sp.Expr, dimension: int = 3) -> KeplerPart:
+def jacobi(masses: Sequence, G: sp.Expr | int, dimension: int = 3) -> KeplerPart:
     """The Kepler part of bodies in Jacobi coordinates, the central body first.
 
     Row 0 is the centre of mass, row k body k relative to the centre of mass of those before it.
@@ -169,7 +169,7 @@ def corrector(order: int) -> tuple[tuple[mpmath.mpf, mpmath.mpf], ...]:
         return (*half, *reversed(half))
 
 
-def _substeps(kicks: Value | tuple) -> list:
+def _substeps(kicks: Sequence[tuple[mpmath.mpf, mpmath.mpf]]) -> list[list]:
     """Convert kicks (time, strength) to rows (drift, kick), merging kicks at one time; the last drift is back to 0."""
     rows, at = [], mpmath.mpf(0)
     with mpmath.workdps(DIGITS):

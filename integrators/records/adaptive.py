@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from phasebench.integrators.record import BOUNDED, DRIFT, ROUND_OFF, Method
 
 from . import classical, compositions
@@ -9,7 +11,16 @@ from . import classical, compositions
 SOURCE = "Hairer & Soderlind 2005; Hairer, Lubich & Wanner 2006, VIII.3.2; dt = h (sum r^-3)^(-1/2)"
 
 
-def adaptive(*, id, name, order, source, cite, requires, data=()):
+def adaptive(
+    *,
+    id: str,
+    name: str,
+    order: int,
+    source: str,
+    cite: tuple[str, ...],
+    requires: tuple[str, ...],
+    data: tuple[Any, ...] = (),
+) -> Method:
     """Make the record of a method whose step depends on the distance to singularities; h is the step at distance 1.
 
     ``data`` are the coefficients for the family `adaptive`; the other arguments are fields of the record.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from fractions import Fraction
+from typing import Any
 
 from phasebench.integrators.record import BOUNDED, DRIFT, ROUND_OFF, Method
 
@@ -10,7 +11,7 @@ HALF = Fraction(1, 2)
 HLW = "Hairer, Lubich & Wanner 2006"
 
 
-def one_stage(*, id, name, substeps, source, **facts):
+def one_stage(*, id: str, name: str, substeps: tuple[tuple[Any, Any, Any], ...], source: str, **facts: Any) -> Method:
     """Make the record of a method of one-stage substeps (c, mu, lambda); ``facts`` are further fields of the record.
 
     A substep has the length c h and evaluates the field at (q + mu (Q - q), p + lambda (P - p)), where (q, p) is the

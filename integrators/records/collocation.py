@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from phasebench.integrators.coefficients import dop853
 from phasebench.integrators.record import BOUNDED, DRIFT, ROUND_OFF, Method
 
@@ -9,13 +11,15 @@ HLW = "Hairer, Lubich & Wanner 2006"
 BIT = "Brugnano, Iavernaro & Trigiante"
 
 
-def collocation(*, id, name, order, source, cite, data, **facts):
+def collocation(
+    *, id: str, name: str, order: int, source: str, cite: tuple[str, ...], data: tuple[str | int, ...], **facts: Any
+) -> Method:
     """Make the record of an implicit multi-stage method, symmetric and symplectic unless ``facts`` say otherwise."""
     facts = {"symmetric": True, "symplectic": True, "energy": BOUNDED, "quadratic": ROUND_OFF} | facts
     return Method(id=id, name=name, family="collocation", order=order, source=source, cite=cite, data=data, **facts)
 
 
-def gauss(s):
+def gauss(s: int) -> Method:
     """Make the record of the Gauss method of s stages."""
     source = f"Butcher 1964; Sanz-Serna 1988; {HLW}, II.1.3; rounding: Hairer, McLachlan & Razakarivony 2008"
     return collocation(
@@ -28,7 +32,7 @@ def gauss(s):
     )
 
 
-def hbvm(k, s):
+def hbvm(k: int, s: int) -> Method:
     """Make the record of the Hamiltonian boundary value method with k nodes and polynomials of degree s."""
     return collocation(
         id=f"hbvm-{k}-{s}",
@@ -44,7 +48,7 @@ def hbvm(k, s):
     )
 
 
-def petrov_galerkin(s):
+def petrov_galerkin(s: int) -> Method:
     """Make the record of the continuous Petrov-Galerkin method of degree s."""
     return collocation(
         id=f"cpg-{s}",
@@ -60,7 +64,7 @@ def petrov_galerkin(s):
     )
 
 
-def lobatto(s):
+def lobatto(s: int) -> Method:
     """Make the record of the Lobatto IIIA-IIIB pair of s stages."""
     return collocation(
         id=f"lobatto-iiia-iiib-{s}",
@@ -72,7 +76,7 @@ def lobatto(s):
     )
 
 
-def radau(s):
+def radau(s: int) -> Method:
     """Make the record of the Radau IIA method of s stages, a dissipative method for comparison."""
     return collocation(
         id=f"radau-iia-{s}",
@@ -88,7 +92,7 @@ def radau(s):
     )
 
 
-def equip(s):
+def equip(s: int) -> Method:
     """Make the record of EQUIP: the Gauss method of s stages with a parameter, chosen in each step to keep H."""
     return Method(
         id=f"gauss-equip-{s}",

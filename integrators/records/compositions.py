@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING, Any
 
 import mpmath
 
@@ -20,13 +21,16 @@ from phasebench.integrators.record import Method
 
 from . import classical, parametric
 
+if TYPE_CHECKING:
+    from fractions import Fraction
+
 #: Fractions that do not add up to the step to this are no composition.
 SUM = 1e-12
 #: Families whose symmetric methods of order 2 can be composed.
 COMPOSABLE = ("parametric", "schemes_iv_v", "rattle", "rigid")
 
 
-def compose(base: Method, fractions: str | Sequence, **facts) -> Method:
+def compose(base: Method, fractions: str | Sequence, **facts: Any) -> Method:
     """Make the record of the composition of a symmetric method of order 2 over fractions of the step.
 
     Parameters
@@ -62,7 +66,7 @@ def compose(base: Method, fractions: str | Sequence, **facts) -> Method:
     return replace(base, **(named | changes | facts))
 
 
-def _exact(fractions) -> tuple[mpmath.mpf, ...]:
+def _exact(fractions: Sequence[mpmath.mpf | Fraction | float | str]) -> tuple[mpmath.mpf, ...]:
     with mpmath.workdps(DIGITS):
         gamma = tuple(times(mpmath.mpf(1), mpmath.mpf(f) if isinstance(f, (str, float)) else f) for f in fractions)
         if not abs(mpmath.fsum(gamma) - 1) < SUM:
@@ -70,13 +74,13 @@ def _exact(fractions) -> tuple[mpmath.mpf, ...]:
     return gamma
 
 
-def _order(gamma) -> int:
+def _order(gamma: tuple[mpmath.mpf, ...]) -> int:
     from phasebench.integrators.coefficients.order_conditions import classical_order
 
     return classical_order("composition", gamma, tolerance=SUM)
 
 
-def _data(base: Method, gamma) -> tuple:
+def _data(base: Method, gamma: tuple[mpmath.mpf, ...]) -> tuple:
     if base.family not in COMPOSABLE:
         raise InvalidInput(f"'{base.label}' is of the family {base.family}; only {', '.join(COMPOSABLE)} are composed")
     if not base.symmetric or base.order != 2:

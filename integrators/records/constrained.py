@@ -6,6 +6,8 @@ two-form of phase space for tangents of the manifold.
 
 from __future__ import annotations
 
+from typing import Any
+
 from phasebench.integrators.record import BOUNDED, NONE, Method
 
 from .compositions import compose
@@ -13,7 +15,7 @@ from .compositions import compose
 HLW = "Hairer, Lubich & Wanner 2006"
 
 
-def constrained(*, symmetric: bool = True, requires: tuple[str, ...] = (), **facts) -> Method:
+def constrained(*, symmetric: bool = True, requires: tuple[str, ...] = (), **facts: Any) -> Method:
     """Make the record of a method for systems with constraints, symplectic on their manifold unless ``facts`` differ.
 
     ``requires`` are traits of the system besides the constraints, ``facts`` further fields of the record.
@@ -22,7 +24,7 @@ def constrained(*, symmetric: bool = True, requires: tuple[str, ...] = (), **fac
     return Method(symmetric=symmetric, **facts)
 
 
-def rattle(*, project: bool = True, **facts) -> Method:
+def rattle(*, project: bool = True, **facts: Any) -> Method:
     """Make the record of RATTLE, or of SHAKE, which does not ``project`` the momenta onto the hidden constraints."""
     return constrained(family="rattle", order=2, requires=("constant mass matrix",), data=((1,), project), **facts)
 

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from fractions import Fraction
+from typing import TYPE_CHECKING, Any
 
 from phasebench.integrators.coefficients.fractions import suzuki, times, triple_jump
 from phasebench.integrators.record import BOUNDED, NONE, ROUND_OFF, Method
+
+if TYPE_CHECKING:
+    import mpmath
 
 HALF = Fraction(1, 2)
 GONZALEZ = "Gonzalez 1996"
@@ -15,14 +20,16 @@ WHOLE, PARTITIONED, COMPONENTS = "whole", "momenta, coordinates", "components"
 FORTH, BACK, MEAN = 1, -1, 0
 
 
-def conserving_method(*, id, name, source, cite, data, **facts):
+def conserving_method(
+    *, id: str, name: str, source: str, cite: tuple[str, ...], data: Iterable[Any], **facts: Any
+) -> Method:
     """Make the record of a method that conserves H on every canonical system."""
     facts = {"order": 2, "symmetric": True, "quadratic": BOUNDED} | facts
     common = {"symplectic": False, "energy": ROUND_OFF, "requires": ("canonical",)}
     return Method(id=id, name=name, source=source, cite=cite, data=tuple(data), **common, **facts)
 
 
-def averaged_method(**facts):
+def averaged_method(**facts: Any) -> Method:
     """Make the record of an averaged vector field method from fields of the record.
 
     ``data`` are substeps (fraction of h, path, direction): the path is the order in which coordinates change, `WHOLE`
@@ -31,12 +38,14 @@ def averaged_method(**facts):
     return conserving_method(family="averaged", **facts)
 
 
-def gonzalez(**facts):
+def gonzalez(**facts: Any) -> Method:
     """Make the record of a composition of Gonzalez' discrete gradient method; ``data`` are fractions of the step."""
     return conserving_method(family="discrete_gradient", **facts)
 
 
-def compose_with_adjoint(path, fractions=(Fraction(1),)):
+def compose_with_adjoint(
+    path: str, fractions: Iterable[Fraction | mpmath.mpf] = (Fraction(1),)
+) -> list[tuple[Fraction | mpmath.mpf, str, int]]:
     """The substeps (length, path, direction) of a composition of a first-order map with its adjoint.
 
     For each of the fractions of the step the map and then its adjoint go over half of it; ``path`` is the order in

@@ -7,6 +7,7 @@ these cannot be symplectic for every H, which would need b_i^2 = 0.
 from __future__ import annotations
 
 from fractions import Fraction
+from typing import Any
 
 import mpmath
 
@@ -21,7 +22,7 @@ ONE = (mpmath.mpf(1),)
 def _tao(order: int) -> Method:
     fractions = triple_jump(order)
 
-    def data(omega):
+    def data(omega: Fraction | float) -> dict[str, Any]:
         if omega < 0:
             raise InvalidInput(f"omega is {float(omega):g}; the copies are bound by a number that is not negative")
         return {"data": (fractions, Fraction(omega))}

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.record import BOUNDED, ROUND_OFF, Method
 
@@ -9,7 +11,7 @@ from phasebench.integrators.record import BOUNDED, ROUND_OFF, Method
 MOST, USUAL = 12, 8
 
 
-def _facts(stages):
+def _facts(stages: int) -> dict[str, Any]:
     if not 1 <= stages <= MOST:
         raise InvalidInput(f"stages is {stages}; take 1 to {MOST} of Gauss's method, for the order 2 stages")
     return {"data": (stages,), "order": 2 * stages}

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import mpmath
 
 from phasebench.integrators.coefficients import force_gradient
 from phasebench.integrators.record import BOUNDED, ROUND_OFF, Method
 
 
-def rows(steps) -> tuple[tuple, ...]:
+def rows(steps: Iterable[force_gradient.Substep]) -> tuple[tuple, ...]:
     """Rows (a, b, c) of a step: a drift a, then a modified kick b, c; the first row has no drift, only a kick or zeros.
 
     ``steps`` are substeps ("A", a, 0) and ("B", b, c) in turn.

@@ -6,11 +6,17 @@ potential quadratic; otherwise the energy may drift (Hairer & Lubich 2018).
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any
+
 from phasebench.integrators import coefficients
 from phasebench.integrators.record import NONE, Method
 
+if TYPE_CHECKING:
+    import mpmath
 
-def pusher(*, rule: str, fractions=(1,), order: int = 2, **facts) -> Method:
+
+def pusher(*, rule: str, fractions: Iterable[mpmath.mpf | int] = (1,), order: int = 2, **facts: Any) -> Method:
     """Make the record of a symmetric composition of steps half a drift, push, half a drift, over ``fractions`` of h.
 
     A push is half a kick by the electric field, a rotation about B, half a kick; ``rule`` names the rotation: "boris",

@@ -7,6 +7,8 @@ others are not; the field ``quadratic`` of a record is for all of them.
 
 from __future__ import annotations
 
+from typing import Any
+
 from phasebench.integrators.coefficients.filters import (
     cayley,
     hochbruck_lubich,
@@ -25,7 +27,16 @@ HLW = "Hairer, Lubich & Wanner 2006, XIII"
 LARGEST = 10_000
 
 
-def oscillatory_method(*, id, name, source, cite, data, symplectic=False, **facts):
+def oscillatory_method(
+    *,
+    id: str,
+    name: str,
+    source: str,
+    cite: tuple[str, ...],
+    data: tuple[Any, ...],
+    symplectic: bool = False,
+    **facts: Any,
+) -> Method:
     """Make the record of a symmetric method of order 2 for systems with a fast linear part.
 
     ``data`` are functions of h omega: the propagator of the linear part and the filters psi_1 and phi; then further
@@ -48,7 +59,7 @@ def oscillatory_method(*, id, name, source, cite, data, symplectic=False, **fact
     )
 
 
-def _respa(substeps):
+def _respa(substeps: int) -> dict[str, Any]:
     if not 1 <= substeps <= LARGEST:
         raise InvalidInput(f"substeps is {substeps}; it must be at least 1 and at most {LARGEST}")
     return {"data": (verlet_power, one, one, substeps)}

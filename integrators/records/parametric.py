@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
 from fractions import Fraction
+from typing import TYPE_CHECKING, Any
 
 from phasebench.integrators.coefficients.fractions import SCHEMES, times
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.record import BOUNDED, ROUND_OFF, Method
 
+if TYPE_CHECKING:
+    import mpmath
+
 HALF = Fraction(1, 2)
 TALK = "Wang, Bo & Cai (talk)"
 
 
-def scheme_i(lam):
+def scheme_i(lam: Fraction | float) -> tuple[int, Fraction | float, Fraction | float]:
     """The substep (c, mu, lambda) of Scheme I of the parameterized family with the parameter lam: (1, 1 - lam, lam).
 
     c is the length as a fraction of the step.  The field is evaluated at (q + mu (Q - q), p + lambda (P - p)), where
@@ -21,7 +26,9 @@ def scheme_i(lam):
     return (1, 1 - lam, lam)
 
 
-def scheme_iii(lam, fractions=(Fraction(1),)):
+def scheme_iii(
+    lam: Fraction | float, fractions: Iterable[Fraction | mpmath.mpf] = (Fraction(1),)
+) -> tuple[tuple[Fraction | mpmath.mpf, Fraction | float, Fraction | float], ...]:
     """Substeps (c, mu, lambda) of Scheme III: Scheme I with 1 - lam, then with lam, each over half of a step.
 
     For a composition there are two such substeps for each of the ``fractions`` of the step.
@@ -30,7 +37,11 @@ def scheme_iii(lam, fractions=(Fraction(1),)):
     return tuple((times(f, c), mu, la) for f in fractions for c, mu, la in halves)
 
 
-def equip_rows(signs, fractions=(Fraction(1),), alternative=()):
+def equip_rows(
+    signs: tuple[int, ...],
+    fractions: Iterable[Fraction | mpmath.mpf] = (Fraction(1),),
+    alternative: tuple[int, ...] = (),
+) -> tuple[tuple[Fraction | mpmath.mpf, int, int, int], ...]:
     """Rows (c, sign, group, alternative) of Schemes IV and V: substeps of length c h with lambda = 1/2 + sign x.
 
     Each of the ``fractions`` of the step is a group of substeps with its own x, for which the energy is kept.  If there
@@ -43,7 +54,9 @@ def equip_rows(signs, fractions=(Fraction(1),), alternative=()):
     return tuple(rows)
 
 
-def parameterised_method(*, id, name, source, make, **facts):
+def parameterised_method(
+    *, id: str, name: str, source: str, make: Callable[..., dict[str, Any]], **facts: Any
+) -> Method:
     """Make the record of a method with a parameter lam, 1/3 by default.
 
     ``make(lam=...)`` returns the fields that depend on lam, such as the coefficients ``data``; ``facts`` are further
@@ -57,7 +70,7 @@ def parameterised_method(*, id, name, source, make, **facts):
     )
 
 
-def _generating(order, lam):
+def _generating(order: int, lam: Fraction | float) -> dict[str, Any]:
     if not 1 <= order <= 6:
         raise InvalidInput(f"the generating function is derived for orders 1 to 6, not {order}")
     even = order + 1 if lam == HALF and order % 2 else order
@@ -65,7 +78,7 @@ def _generating(order, lam):
     return facts
 
 
-def _scheme_iii_composed(scheme, order):
+def _scheme_iii_composed(scheme: str, order: int) -> Method:
     return parameterised_method(
         id=f"scheme-iii-{scheme}-{order}",
         name=f"Scheme III, {scheme.capitalize()} composition of order {order}",
@@ -77,7 +90,17 @@ def _scheme_iii_composed(scheme, order):
     )
 
 
-def equip_method(*, id, name, signs, source, fractions=(Fraction(1),), order=2, alternative=(), cite=("wang-talk",)):
+def equip_method(
+    *,
+    id: str,
+    name: str,
+    signs: tuple[int, ...],
+    source: str,
+    fractions: Iterable[Fraction | mpmath.mpf] = (Fraction(1),),
+    order: int = 2,
+    alternative: tuple[int, ...] = (),
+    cite: tuple[str, ...] = ("wang-talk",),
+) -> Method:
     """Make the record of Scheme IV or V (by its ``signs``), or of their composition over ``fractions`` of the step."""
     return Method(
         id=id,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from fractions import Fraction
 
 import mpmath
@@ -16,7 +17,7 @@ STRANG = ((HALF, 0, 1), (HALF, 1, 0))
 MCLACHLAN = "with parts as McLachlan 1995"
 
 
-def strang(fractions) -> tuple[tuple, ...]:
+def strang(fractions: Iterable[mpmath.mpf]) -> tuple[tuple, ...]:
     """The substeps of Strang's steps, composed over these fractions of h: rows (c, mu, lambda), two for each fraction.
 
     A substep has the length c h; it goes through all parts in order, (mu, lambda) = (0, 1), or backwards, (1, 0).
@@ -25,7 +26,9 @@ def strang(fractions) -> tuple[tuple, ...]:
         return tuple((f / 2, *half[1:]) for f in fractions for half in STRANG)
 
 
-def parts(id: str, name: str, order: int, source: str, cite: tuple[str, ...], data: tuple, *, symmetric: bool = True):
+def parts(
+    id: str, name: str, order: int, source: str, cite: tuple[str, ...], data: tuple, *, symmetric: bool = True
+) -> Method:
     """Make the record of a method whose substeps go through the flows of all parts of H, in order or backwards.
 
     ``data`` is a pair: the substeps of a step, and those of the processor, () without a processor.

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from fractions import Fraction
+from typing import TYPE_CHECKING, Any
 
 from phasebench.integrators.coefficients.fractions import SCHEMES, times
 from phasebench.integrators.errors import InvalidInput, unknown_name
 from phasebench.integrators.record import BOUNDED, DRIFT, ROUND_OFF, Method
 
 from . import classical, collocation, compositions, energy, parametric, splittings, variational
+
+if TYPE_CHECKING:
+    from phasebench.integrators.keywords import Value
 
 ONTO = ("energy", "invariants")
 FAMILIES = ("runge_kutta", "parametric", "splitting")
@@ -20,7 +24,7 @@ MODULES = (classical, parametric, splittings, compositions, collocation, variati
 BASES = {m.id: m for module in MODULES for m in module.METHODS}
 
 
-def _method(base: Method | str, **parameters) -> Method:
+def _method(base: Method | str, **parameters: Value) -> Method:
     if isinstance(base, Method):
         return base(**parameters)
     if base not in BASES:
@@ -28,18 +32,18 @@ def _method(base: Method | str, **parameters) -> Method:
     return BASES[base](**parameters)
 
 
-def _derive(base: Method, facts: Callable[[Method], dict], **fixed) -> Method:
+def _derive(base: Method, facts: Callable[[Method], dict], **fixed: Any) -> Method:
     """Make a record from ``base`` with its parameters; ``facts(base)`` returns the fields that depend on them."""
     make = None
     if base.with_parameters is not None:
 
-        def make(**values):
+        def make(**values: Value) -> dict[str, Any]:
             return facts(base(**values))
 
     return Method(**fixed, **facts(base), parameters=base.parameters, with_parameters=make)
 
 
-def projection_method(base: Method | str, onto: str = "energy", symmetric: bool = False, **parameters) -> Method:
+def projection_method(base: Method | str, onto: str = "energy", symmetric: bool = False, **parameters: Value) -> Method:
     """Make the record of the method that projects every step of ``base`` onto the initial values of invariants.
 
     Parameters
@@ -90,7 +94,7 @@ def projection_method(base: Method | str, onto: str = "energy", symmetric: bool 
     )
 
 
-def relaxation_method(base: Method | str, adjust_time: bool = True, **parameters) -> Method:
+def relaxation_method(base: Method | str, adjust_time: bool = True, **parameters: Value) -> Method:
     """Make the record of the relaxation method of an explicit Runge-Kutta method, which adapts its steps to keep H.
 
     Parameters

@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.record import Method
+
+if TYPE_CHECKING:
+    from phasebench.integrators.keywords import Value
 
 #: The solvers that can be named: Newton's method for equations in a narrow band (`families.banded`).
 BANDED = "banded"
@@ -30,7 +34,7 @@ def with_solver(base: Method, solver: str) -> Method:
         families = "implicit methods of one stage and their compositions"
         raise InvalidInput(f"'{base.id}' has no banded solver; {families} have one, such as implicit-midpoint")
 
-    def again(solver, **values):
+    def again(solver: str, **values: Value) -> dict:
         return facts(with_solver(base(**values), solver))
 
     return replace(base, family="banded", parameters=dict(base.parameters) | {"solver": solver}, with_parameters=again)

@@ -7,7 +7,17 @@ from phasebench.integrators.record import BOUNDED, ROUND_OFF, Method
 MW, OS = "Marsden & West 2001, 2.6.6", "Ober-Bloebaum & Saake 2015"
 
 
-def galerkin(*, id, name, degree, quadrature, nodes, order, source=MW, cite=("marsden2001",)):
+def galerkin(
+    *,
+    id: str,
+    name: str,
+    degree: int,
+    quadrature: str,
+    nodes: int,
+    order: int,
+    source: str = MW,
+    cite: tuple[str, ...] = ("marsden2001",),
+) -> Method:
     """Make the record of the Galerkin variational integrator with polynomials of a ``degree`` and a quadrature rule.
 
     ``quadrature`` is "gauss" or "lobatto", ``nodes`` the number of its nodes.

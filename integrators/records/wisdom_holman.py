@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import mpmath
 
 from phasebench.integrators import coefficients
@@ -23,7 +25,7 @@ def splitting(name: str) -> tuple[tuple, tuple]:
     return tuple(x for _, x in drifts), tuple(x for _, x in kicks)
 
 
-def _record(*, id, name, source, cite, data, **facts):
+def _record(*, id: str, name: str, source: str, cite: tuple[str, ...], data: tuple[Any, ...], **facts: Any) -> Method:
     facts = {"order": 2, "symmetric": True} | facts
     return Method(
         id=id,
@@ -40,13 +42,13 @@ def _record(*, id, name, source, cite, data, **facts):
     )
 
 
-def _corrector_facts(corrector):
+def _corrector_facts(corrector: int) -> dict[str, Any]:
     if corrector not in CORRECTORS:
         raise InvalidInput(f"correctors are of the orders {', '.join(map(str, CORRECTORS))}, not {corrector}")
     return {"data": (*WISDOM_HOLMAN, corrector)}
 
 
-def _near_integrable_method(table, order, name, source, cite):
+def _near_integrable_method(table: str, order: int, name: str, source: str, cite: tuple[str, ...]) -> Method:
     return _record(
         id=f"wisdom-holman-{name}",
         name=f"{table.upper()} with Kepler drifts",

@@ -223,11 +223,11 @@ def gauss(A: np.ndarray, n: int) -> bool:
 # -- the two iterations -----------------------------------------------------------------------------------------------
 
 
-def _started(x: Value, span: Number) -> tuple[bool, Number, Number]:
+def _started(x, span):
     return True, np.inf, 0.0
 
 
-def _started_in_lanes(x: Value, span: Number) -> tuple[Condition, Number, Number]:
+def _started_in_lanes(x, span):
     return (size(x) < np.inf) & (span < np.inf), broadcast_like(np.inf, span), broadcast_like(0.0, span)
 
 
@@ -236,11 +236,11 @@ def _started_in_lanes(x: Value, span: Number) -> tuple[Condition, Number, Number
 started = overload_in_lanes(_started, _started_in_lanes)
 
 
-def _replace(active: Condition, x: Value, new: Value) -> Value:
+def _replace(active, x, new):
     return new
 
 
-def _replace_in_lanes(active: Condition, x: Value, new: Value) -> Value:
+def _replace_in_lanes(active, x, new):
     return where(active, new, x)
 
 
@@ -358,7 +358,7 @@ def solver(G: Callable, lengths: Callable = lengths_of_both) -> Callable:
 
     iterate, newton = fixed_point(sweep), newton_method(improve)
 
-    def solve(arguments: Any, start: Value, span: Number, eps: Number, work: np.ndarray) -> tuple[Value, int, int, int]:
+    def solve(arguments, start, span, eps, work):
         """Solve x = G(x, arguments) from the start; (x, evaluations, 1 if Newton's method was used else 0, status)."""
         x, k, solved = iterate(arguments, start, span, eps)
         if solved:
@@ -369,9 +369,7 @@ def solver(G: Callable, lengths: Callable = lengths_of_both) -> Callable:
             evaluations += more
         return x, k + evaluations, 1, status
 
-    def solve_lanes(
-        arguments: Any, start: Value, span: Number, eps: Number, work: np.ndarray
-    ) -> tuple[Value, int, int, int]:
+    def solve_lanes(arguments, start, span, eps, work):
         """Solve x = G(x, arguments) in lanes, by fixed point; (x, evaluations, 0, status)."""
         x, evaluations, _ = iterate(arguments, start, span, eps)
         return x, evaluations, 0, SOLVED if (size(x) < np.inf) & (span < np.inf) else NOT_FINITE
@@ -430,7 +428,7 @@ def row_solver(sweep: Callable, linearize: Callable) -> Callable:
     iterate, newton = fixed_point(to_and_fro), newton_method(improve)
 
     @inline
-    def solve(equations: Any, at: int, span: Number, eps: Number, work: np.ndarray) -> tuple[int, int, int]:
+    def solve(equations, at, span, eps, work):
         """Solve from the start in the rows from ``at`` on; returns (sweeps, sweeps of Newton's method, status)."""
         memory, stages, like = equations.memory, equations.stages, equations.like
         start = at + 3 * stages

@@ -222,12 +222,12 @@ def _overload(name: str, of_lanes: Function) -> Function:
     """Return the function ``name`` of the module math, extended to SIMD lanes (``of_lanes``), MPFR numbers, arrays."""
     of_number = getattr(math, name)
 
-    def plain(x: Number) -> Number:
+    def plain(x):
         if isinstance(x, np.ndarray):
             return np.array([plain(a) for a in x], x.dtype)
         return getattr(gmpy2, name)(x) if isinstance(x, type(gmpy2.mpfr(0))) else of_number(x)
 
-    def choose(x: types.Type) -> Function | None:
+    def choose(x):
         if isinstance(x, Lanes):
             return lambda x: of_lanes(x)
         return (lambda x: of_number(x)) if isinstance(x, types.Number) else None

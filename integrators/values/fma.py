@@ -8,7 +8,6 @@ code both are a product and a sum.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from numba import types
@@ -62,10 +61,10 @@ def _known(*arguments: types.Type) -> bool:
 
 
 @overload(fma, jit_options=OPTIONS)
-def _choose_fma(a: types.Type, x: types.Type, y: types.Type) -> Callable | None:
+def _choose_fma(a, x, y):
     return (lambda a, x, y: _fmuladd(a, x, y)) if _known(a, x, y) else None
 
 
 @overload(exact_fma, jit_options=OPTIONS)
-def _choose_exact_fma(a: types.Type, x: types.Type, y: types.Type) -> Callable | None:
+def _choose_exact_fma(a, x, y):
     return (lambda a, x, y: _fma(a, x, y)) if _known(a, x, y) else None

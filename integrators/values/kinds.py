@@ -2,6 +2,9 @@
 
 Numba finds the types when it compiles, and one source serves several kinds of numbers, so that these names tell a
 reader more than a type checker.  Modules import them under ``if TYPE_CHECKING:``.
+
+Functions that Numba chooses by the types of their arguments (`vector.dispatch_on_none`, `vector.in_place` and the like)
+have no annotations: it compares their signatures, annotations included, with those of generated functions.
 """
 
 from __future__ import annotations

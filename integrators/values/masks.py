@@ -29,7 +29,7 @@ from .lanes import OPTIONS, Lanes, broadcast
 from .vector import PLACES, scale
 
 if TYPE_CHECKING:
-    from phasebench.integrators.values.kinds import Condition, Function, Number, Value
+    from phasebench.integrators.values.kinds import Function
 
 
 class Mask(types.Type):
@@ -181,7 +181,7 @@ def select(typingctx: Any, mask: types.Type, a: types.Type, b: types.Type) -> tu
     return kind(mask, kind, kind), codegen
 
 
-def where(condition: Condition, a: Value, b: Value) -> Value:
+def where(condition, a, b):
     """Choose a where the condition holds, else b; for SIMD lanes lane by lane (`select`).
 
     a and b are numbers, lanes, or tuples of these.
@@ -189,17 +189,17 @@ def where(condition: Condition, a: Value, b: Value) -> Value:
     return a if condition else b
 
 
-def number(condition: Condition) -> int:
+def number(condition):
     """The number of lanes in which a condition holds; 0 or 1 for a scalar condition."""
     return 1 if condition else 0
 
 
-def fails(condition: Condition) -> Condition:
+def fails(condition):
     """True where the condition does not hold: its negation, for scalars and masks."""
     return not condition
 
 
-def retire_lanes(going: Condition, kept: Condition, x: Value) -> tuple[Value, bool]:
+def retire_lanes(going, kept, x):
     """Set the lanes of x in which ``going`` holds and ``kept`` does not to NaN; returns (x, True).
 
     If the conditions are scalars, x is returned unchanged, with ``kept`` in place of True.
@@ -230,7 +230,7 @@ def _use_elementary(name: str) -> None:
     of_lanes = getattr(elementary, name)
 
     @overload(getattr(math, name), jit_options=OPTIONS)
-    def typed(x: types.Type) -> Function | None:
+    def typed(x):
         return (lambda x: of_lanes(x)) if isinstance(x, Lanes) else None
 
 
@@ -262,12 +262,12 @@ def overload_lane_by_lane(function: Function) -> None:
     """Overload a function of one number for SIMD lanes, by calling it for each lane."""
 
     @overload(function, jit_options=OPTIONS)
-    def of_lanes(x: types.Type) -> Function | None:
+    def of_lanes(x):
         if not isinstance(x, Lanes):
             return None
         width = x.n
 
-        def impl(x: Number) -> Number:
+        def impl(x):
             out = x
             for i in range(width):
                 out = _with_lane(out, i, function(_lane(x, i)))
@@ -287,13 +287,13 @@ for _function in (
 
 
 @overload(operator.pow, jit_options=OPTIONS)
-def _power(x: types.Type, n: types.Type) -> Function | None:
+def _power(x, n):
     """x**n of lanes x and a number n, computed for each lane."""
     if not isinstance(x, Lanes) or isinstance(n, Lanes):
         return None
     width = x.n
 
-    def impl(x: Number, n: Number) -> Number:
+    def impl(x, n):
         out = x
         for i in range(width):
             out = _with_lane(out, i, _lane(x, i) ** n)

@@ -28,7 +28,7 @@ from .lanes import offset_address
 
 if TYPE_CHECKING:
     from phasebench.integrators.stepping.kernel import Carry, Samples
-    from phasebench.integrators.values.kinds import Function, Number, Value
+    from phasebench.integrators.values.kinds import Function, Value
 
 
 def _holds_vectors(t: types.Type) -> bool:
@@ -201,31 +201,31 @@ def _tuple(d: int, item: str) -> str:
 
 
 @elementwise()
-def axpy(a: Number, x: Value, y: Value) -> Value:
+def axpy(a, x, y):
     """The vector a x + y."""
     return y + a * x
 
 
 @elementwise()
-def scale(a: Number, x: Value) -> Value:
+def scale(a, x):
     """The vector a x."""
     return a * x
 
 
 @elementwise()
-def plus(x: Value, y: Value) -> Value:
+def plus(x, y):
     """The vector x + y."""
     return x + y
 
 
 @elementwise()
-def minus(x: Value, y: Value) -> Value:
+def minus(x, y):
     """The vector x - y."""
     return x - y
 
 
 @elementwise(outputs=2)
-def add(x: Value, c: Value, dx: Value) -> tuple[Value, Value]:
+def add(x, c, dx):
     """The compensated sum of x + c and dx: (the sum, the part of it that rounding lost).
 
     Only one addition waits for dx, which comes last in the chain of operations of a step.  The part of c that x + c
@@ -236,7 +236,7 @@ def add(x: Value, c: Value, dx: Value) -> tuple[Value, Value]:
 
 
 @elementwise(outputs=2)
-def add_product(x: Value, c: Value, a: Number, v: Value) -> tuple[Value, Value]:
+def add_product(x, c, a, v):
     """The compensated sum of x + c and a v: (the sum, the part of it that rounding lost).
 
     The product a v is not rounded, neither in the sum nor in the lost part.  The error left is the rounding of (a v +
@@ -247,19 +247,19 @@ def add_product(x: Value, c: Value, a: Number, v: Value) -> tuple[Value, Value]:
 
 
 @sum_of("abs(x[i])")
-def size(x: Value) -> Number:
+def size(x):
     """The 1-norm of x; NaN if a component is NaN."""
     return np.sum(np.abs(x))
 
 
 @sum_of("abs(x[i] - y[i])")
-def distance(x: Value, y: Value) -> Number:
+def distance(x, y):
     """The 1-norm of x - y; NaN if a component is NaN."""
     return np.sum(np.abs(x - y))
 
 
 @unroll(lambda d: _tuple(d, "x[{i}] + (a if i == {i} else 0.0)"))
-def bump(x: Value, i: int, a: Number) -> Value:
+def bump(x, i, a):
     """A copy of the vector x with a added to component i."""
     y = x.copy()
     y[i] = y[i] + a
@@ -267,32 +267,32 @@ def bump(x: Value, i: int, a: Number) -> Value:
 
 
 @unroll(lambda d: "  return x + y")
-def join(x: Value, y: Value) -> Value:
+def join(x, y):
     """The components of x followed by those of y."""
     return np.concatenate((x, y))
 
 
 @unroll(lambda d: _tuple(d // 2, "x[{i}]"))
-def head(x: Value) -> Value:
+def head(x):
     """The first half of x."""
     return x[: len(x) // 2]
 
 
 @unroll(lambda d: f"  return ({', '.join(f'x[{i}]' for i in range(d // 2, d))},)")
-def tail(x: Value) -> Value:
+def tail(x):
     """The second half of x."""
     return x[len(x) // 2 :]
 
 
 @unroll(lambda d: _tuple(d, "A[i, {i}]"))
-def load(A: np.ndarray, i: int, like: Value) -> Value:
+def load(A, i, like):
     """Row i of the table A as a value of the same kind and length as ``like``."""
     return A[i, : len(like)].copy()
 
 
 # A loop, because assigning to a slice would compile the error message for unequal lengths into every caller.
 @unroll(lambda d: "\n".join(f"  A[i, {j}] = x[{j}]" for j in range(d)), "  for j in range(len(x)): A[i, j] = x[j]")
-def store(A: np.ndarray, i: int, x: Value) -> None:
+def store(A, i, x):
     """Write x into row i of the table A."""
     A[i, : len(x)] = x
 
@@ -431,24 +431,24 @@ def _part_of_row(typing_context: Any, A: types.Type, i: types.Type, first: types
     return kind(A, types.intp, types.intp, types.intp), codegen
 
 
-def _rows(A: np.ndarray, i: int, j: int, like: Value) -> tuple[np.ndarray, np.ndarray]:
+def _rows(A, i, j, like):
     """Views of the rows i and j of A, as long as ``like``: what `rows` compiles to for arrays."""
     return _part_of_row(A, i, 0, len(like)), _part_of_row(A, j, 0, len(like))
 
 
 @in_place(_rows)
-def rows(A: np.ndarray, i: int, j: int, like: Value) -> tuple[Value, Value]:
+def rows(A, i, j, like):
     """Rows i and j of the table A, of the kind of ``like``; for arrays, views of the rows that may be overwritten."""
     return load(A, i, like), load(A, j, like)
 
 
-def _halves(A: np.ndarray, i: int, like: Value) -> tuple[np.ndarray, np.ndarray]:
+def _halves(A, i, like):
     """Views of two parts of row i of A, each as long as ``like``: what `halves` compiles to for arrays."""
     return _part_of_row(A, i, 0, len(like)), _part_of_row(A, i, len(like), len(like))
 
 
 @in_place(_halves)
-def halves(A: np.ndarray, i: int, like: Value) -> tuple[Value, Value]:
+def halves(A, i, like):
     """The two halves of row i of A, each of the kind of ``like``; for arrays, views that may be overwritten."""
     x = load(A, i, join(like, like))
     return head(x), tail(x)
@@ -462,7 +462,7 @@ def view_state(carry: Carry) -> State:
     return State(q, p, lost_q, lost_p)
 
 
-def _add_product_in_place(x: Value, c: Value, a: Number, v: Value) -> tuple[Value, Value]:
+def _add_product_in_place(x, c, a, v):
     """Implementation of `add_product_in_place` for arrays: overwrites x and c."""
     for i in range(len(x)):
         t = fma(a, v[i], x[i] + c[i])
@@ -472,13 +472,13 @@ def _add_product_in_place(x: Value, c: Value, a: Number, v: Value) -> tuple[Valu
 
 
 @in_place(_add_product_in_place)
-def add_product_in_place(x: Value, c: Value, a: Number, v: Value) -> tuple[Value, Value]:
+def add_product_in_place(x, c, a, v):
     """The compensated sum of x + c and a v (`add_product`), written over x and c where these are arrays."""
     return add_product(x, c, a, v)
 
 
 @unroll(lambda d: _tuple(d, "f[{i}] * x[{i}]"))
-def times(f: Value, x: Value) -> Value:
+def times(f, x):
     """The componentwise product f * x; f is an array of coefficients."""
     return f * x
 
@@ -503,7 +503,7 @@ def _call_entry(typing_context: Any, f: types.Type, x: types.Type) -> tuple:
     return f.signature.return_type(f, x), codegen
 
 
-def apply(f: Function | np.ndarray | None, x: Value, old: Value) -> Value:
+def apply(f, x, old):
     """Return f(x); x if f is None, and f * x, componentwise, if f is an array of coefficients.
 
     In compiled code the result is written over ``old`` if that is an array.
@@ -527,11 +527,11 @@ def _apply_values(f: types.Type, x: types.Type, old: types.Type) -> Callable:
 def _apply_arrays(f: types.Type, x: types.Type, old: types.Type) -> Callable:
     """Choose what `apply` compiles to if x is an array, from the Numba types of f, x and old."""
 
-    def fill(f: Function, x: Value, old: Value) -> Value:
+    def fill(f, x, old):
         f(x, old)
         return old
 
-    def multiply(f: np.ndarray, x: Value, old: Value) -> Value:
+    def multiply(f, x, old):
         for i in range(len(x)):
             old[i] = f[i] * x[i]
         return old

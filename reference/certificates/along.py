@@ -5,8 +5,8 @@ The distance of two states is the max norm over (q, p) of their difference; arra
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -42,17 +42,17 @@ class Along(NamedTuple):
     near: np.ndarray
     size: np.ndarray
 
-    def row(self, t: float):
+    def row(self, t: float) -> np.ndarray:
         """The high-precision state at the time t, which is in the grid."""
         return self.rows[self.grid.index(t)]
 
-    def distances(self, rows) -> np.ndarray:
+    def distances(self, rows: Sequence | np.ndarray) -> np.ndarray:
         """The running maximum of the distance of ``rows``, other states on the grid, from this orbit's: array (n,)."""
         number = taylor.Bits(self.precision.bits)
         return upto([norm(x, y, number) for x, y in zip(rows, self.rows, strict=True)])
 
 
-def along(problem, times: Sequence[float], precision: Precision, points: int = GRID) -> Along:
+def along(problem: Any, times: Sequence[float], precision: Precision, points: int = GRID) -> Along:
     """Integrate a problem's orbit to the last of the ``times``, on ``points`` grid points and these times.
 
     Raises
@@ -74,11 +74,11 @@ def along(problem, times: Sequence[float], precision: Precision, points: int = G
     return Along(precision, grid, rows, near, size)
 
 
-def norm(x, y, number) -> float:
+def norm(x: Iterable[Any], y: Iterable[Any], number: Callable[[Any], Any]) -> float:
     """The max norm of x - y for states of any precision; ``number`` converts to the type in which it is computed."""
     return max(abs(float(number(a) - b)) for a, b in zip(x, y, strict=True))
 
 
-def upto(values) -> np.ndarray:
+def upto(values: Sequence[float] | np.ndarray) -> np.ndarray:
     """The running maximum of values, array (n,)."""
     return np.maximum.accumulate(values)

@@ -9,7 +9,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from typing import Any
 
 from phasebench.integrators.errors import InvalidInput
 
@@ -67,7 +69,7 @@ class Outcome:
         return not self.wrong and all(e.agree for e in self.certificate.ends)
 
 
-def examine(problem, certificate: Certificate, grid_points: int = GRID) -> Outcome:
+def examine(problem: Any, certificate: Certificate, grid_points: int = GRID) -> Outcome:
     """Measure again what a certificate of a problem's orbit states, and compare; raises the errors of `along.along`.
 
     ``grid_points`` is the number of times at which distances between orbits are measured.
@@ -93,12 +95,12 @@ def examine(problem, certificate: Certificate, grid_points: int = GRID) -> Outco
     )
 
 
-def _times(problem, times) -> list[str]:
+def _times(problem: Any, times: list[float]) -> list[str]:
     wanted = list(problem.start.times)
     return [] if wanted == times else [f"it is stored at t = {times}, the orbit's times are {wanted}"]
 
 
-def _bounds(ends: tuple[End, ...], errors) -> list[str]:
+def _bounds(ends: tuple[End, ...], errors: Iterable[float]) -> list[str]:
     """A sentence for each stated uncertainty that is below the measured error, or above `LOOSE` times it."""
     wrong = []
     for end, error in zip(ends, errors, strict=True):
@@ -119,7 +121,7 @@ def _spans(certificate: Certificate, rounding: Rounding) -> list[str]:
     return wrong
 
 
-def recheck(problem) -> Outcome:
+def recheck(problem: Any) -> Outcome:
     """Verify the stored certificate of a problem's orbit.
 
     Raises
@@ -133,7 +135,7 @@ def recheck(problem) -> Outcome:
     return examine(problem, certificate)
 
 
-def renew(problem) -> Outcome:
+def renew(problem: Any) -> Outcome:
     """Compute the certificate of a problem's orbit anew, at the orbit's times, and verify it.
 
     Raises

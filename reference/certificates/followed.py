@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import lru_cache
-from typing import NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -25,6 +25,9 @@ from phasebench.reference.solvers.taylor import ReferenceFailed
 
 from . import horizon
 from .along import upto
+
+if TYPE_CHECKING:
+    from phasebench.integrators.systems.hamiltonian import PartitionedSystem
 
 #: Number of displaced runs, kicks in each, and seed.  s, in `DISPLACEMENT`, is large against the runs' own round-off.
 DRAWS, KICKS, SEED = 5, 128, 1
@@ -86,7 +89,7 @@ class FollowedOrbit(NamedTuple):
         return np.abs(self.one).max(axis=1).astype(float)
 
 
-def follow(problem, times) -> FollowedOrbit:
+def follow(problem: Any, times: Sequence[float] | np.ndarray) -> FollowedOrbit:
     """Integrate a problem's orbit to each of the times, which are positive and increasing.
 
     Raises
@@ -105,7 +108,7 @@ def follow(problem, times) -> FollowedOrbit:
     raise ReferenceFailed(f"the reference failed to t = {times[-1]:g}: {'; '.join(dict.fromkeys(why))}")
 
 
-def reach(problem, t_end: float) -> float:
+def reach(problem: Any, t_end: float) -> float:
     """The horizon: the time, at most ``t_end``, up to which a problem's orbit can be followed in long double.
 
     Its relative accuracy is about 2 / `POINTS`.
@@ -133,7 +136,7 @@ def _kicks(seed: int, steps: int) -> Callable[[np.ndarray], np.ndarray]:
     return kick
 
 
-def _sound(problem, rows: np.ndarray, times, what: str) -> np.ndarray:
+def _sound(problem: Any, rows: np.ndarray, times: Sequence[float] | np.ndarray, what: str) -> np.ndarray:
     """Return the states ``rows`` if they are finite and conserve the energy; else raise ReferenceFailed.
 
     ``what`` names the solver in the message.
@@ -158,12 +161,12 @@ def _sound(problem, rows: np.ndarray, times, what: str) -> np.ndarray:
 
 
 @lru_cache(maxsize=8)
-def _flows(system):
+def _flows(system: PartitionedSystem) -> list[Any]:
     long, _ = taylor.extended_types()
     return [taylor.integrator(system, long, tol) for tol in TOLERANCES]
 
 
-def _taylor(problem, times) -> FollowedOrbit:
+def _taylor(problem: Any, times: np.ndarray) -> FollowedOrbit:
     flows = _flows(problem.system)
     ends: list[float] = []
     one = _propagate(flows[0], problem, times, ends)
@@ -172,7 +175,7 @@ def _taylor(problem, times) -> FollowedOrbit:
     return FollowedOrbit(TAYLOR, times, one, other, draws)
 
 
-def _propagate(flow, problem, times, ends: list[float] | None = None) -> np.ndarray:
+def _propagate(flow: Any, problem: Any, times: np.ndarray, ends: list[float] | None = None) -> np.ndarray:
     long = np.longdouble
     taylor.start(flow, long, problem.q0, problem.p0)
     rows, _, failure = taylor.propagate(flow, np.array([0.0, *times], dtype=long), "reference", ends)
@@ -181,7 +184,7 @@ def _propagate(flow, problem, times, ends: list[float] | None = None) -> np.ndar
     return _sound(problem, rows[1:], times, "the Taylor series in long double")
 
 
-def _propagate_displaced(flow, problem, times, ends: Sequence[float], seed: int) -> np.ndarray:
+def _propagate_displaced(flow: Any, problem: Any, times: np.ndarray, ends: Sequence[float], seed: int) -> np.ndarray:
     kick, at, long = _kicks(seed, len(ends)), set(_some(ends)), np.longdouble
     wanted = set(times)
     taylor.start(flow, long, problem.q0, problem.p0)
@@ -206,7 +209,7 @@ def _some(ends: Sequence[float]) -> Sequence[float]:
 # -- Gauss's method ---------------------------------------------------------------------------------------------------
 
 
-def _gauss(problem, times) -> FollowedOrbit:
+def _gauss(problem: Any, times: np.ndarray) -> FollowedOrbit:
     from scipy.integrate import solve_ivp
 
     system, q0, p0 = problem.system, problem.q0, problem.p0

@@ -19,8 +19,8 @@ double leave the limit.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Iterable, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -87,7 +87,9 @@ class Rounding(NamedTuple):
         return times[min(max(times.index(t) + by, 0), len(times) - 1)]
 
 
-def rounding(problem, grid: Sequence[float], run: tuple = (DISPLACEMENT, None), seed: int = SEED, draws: int = DRAWS):
+def rounding(
+    problem: Any, grid: Sequence[float], run: tuple = (DISPLACEMENT, None), seed: int = SEED, draws: int = DRAWS
+) -> Rounding:
     """Simulate rounding to long double along a problem's orbit by randomly displaced runs, and return the `Rounding`.
 
     ``grid`` are the times; ``run`` is (relative displacement, tolerance of the Taylor series), where None means the
@@ -112,7 +114,7 @@ def rounding(problem, grid: Sequence[float], run: tuple = (DISPLACEMENT, None), 
     return Rounding(list(grid), np.abs(base).max(axis=1).astype(float), np.array(rows))
 
 
-def span(problem, t_end: float, points: int = 100) -> Span:
+def span(problem: Any, t_end: float, points: int = 100) -> Span:
     """How long a problem's orbit can be followed: its horizon, and the interval of that estimate.
 
     Past the horizon rounding to long double moves the orbit by more than `LIMIT` times its size.  The search covers
@@ -121,20 +123,22 @@ def span(problem, t_end: float, points: int = 100) -> Span:
     return rounding(problem, [t_end * (i + 1) / points for i in range(points)]).span()
 
 
-def _marks(grid, steps) -> list[tuple[float, bool, bool]]:
+def _marks(grid: Iterable[float], steps: Iterable[float]) -> list[tuple[float, bool, bool]]:
     """Merge a grid with the ends of steps: (time, True if in the grid, True if a step ends there), sorted by time."""
     kept, ends = set(grid), set(steps)
     return [(t, t in kept, t in ends) for t in sorted(kept | ends)]
 
 
-def _displaced_states(ta, problem, marks, random, by: float) -> np.ndarray:
+def _displaced_states(
+    ta: Any, problem: Any, marks: Sequence[tuple[float, bool, bool]], random: np.random.Generator, by: float
+) -> np.ndarray:
     """Integrate with random relative displacements up to ``by``, at the start and after each step.
 
     ``ta`` is heyoka's integrator, ``marks`` are times as from `_marks`.  Returns the states on the grid, (n, 2 d).
     """
     long = np.longdouble
 
-    def factors():
+    def factors() -> np.ndarray:
         return long(1) + long(by) * random.uniform(-1, 1, len(ta.state))
 
     taylor.start(ta, long, problem.q0, problem.p0)
@@ -152,14 +156,14 @@ def _displaced_states(ta, problem, marks, random, by: float) -> np.ndarray:
     return np.array(rows)
 
 
-def within(grid, distance, size, limit: float = LIMIT) -> float:
+def within(grid: Sequence[float] | np.ndarray, distance: np.ndarray, size: np.ndarray, limit: float = LIMIT) -> float:
     """The last time of the grid before the distance first exceeds ``limit`` times the size; 0 if there is none."""
     bad = np.flatnonzero(~(distance <= limit * size))
     last = bad[0] - 1 if len(bad) else len(grid) - 1
     return float(grid[last]) if last >= 0 else 0.0
 
 
-def neighbour(problem, grid, near) -> np.ndarray:
+def neighbour(problem: Any, grid: Sequence[float] | np.ndarray, near: np.ndarray) -> np.ndarray:
     """The largest distance so far of an orbit from one whose start is displaced by the relative `SHIFT`, array (n,).
 
     ``near`` are the states of the undisplaced orbit in long double at the times of the grid.
@@ -171,7 +175,7 @@ def neighbour(problem, grid, near) -> np.ndarray:
     return np.maximum.accumulate(np.abs(other - near).max(axis=1).astype(float))
 
 
-def growth(grid, apart, size) -> tuple[float, float | None]:
+def growth(grid: Sequence[float] | np.ndarray, apart: np.ndarray, size: np.ndarray) -> tuple[float, float | None]:
     """(k, r): the distance ``apart`` of neighbouring orbits grows as t^k, or as exp(r t); r is None if k is small.
 
     Both are from the last three quarters of the time until ``apart`` exceeds `LOST` of the state's size.

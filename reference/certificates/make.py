@@ -17,12 +17,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from decimal import Decimal
+from typing import TYPE_CHECKING, Any
 
 from phasebench.reference.solvers import taylor
 
 from . import horizon, others, stored
 from .along import GRID, Along, Precision, along, upto
 from .stored import Certificate, End
+
+if TYPE_CHECKING:
+    import numpy as np
 
 #: Precision of the run that measures the digits' error; the digits come from 113 bits and order 41.
 PRECISION = Precision(200, "1e-58")
@@ -32,7 +36,7 @@ FACTOR = 4.0
 SHARE = 1e-3
 
 
-def certify(problem, times: Sequence[float], grid_points: int = GRID) -> Certificate:
+def certify(problem: Any, times: Sequence[float], grid_points: int = GRID) -> Certificate:
     """Compute the certified states of a problem's orbit at ``times``, positive and increasing; the last is the end.
 
     Raises
@@ -74,14 +78,14 @@ def certify(problem, times: Sequence[float], grid_points: int = GRID) -> Certifi
     )
 
 
-def _digits(problem, times) -> list[tuple[str, ...]]:
+def _digits(problem: Any, times: Sequence[float]) -> list[tuple[str, ...]]:
     """The states of the quadruple-precision run at the times, as decimal strings."""
     _, quad = taylor.extended_types()
     rows = taylor.states(problem.system, quad, problem.q0, problem.p0, times)
     return [tuple(f"{Decimal(str(x)):.{stored.DIGITS - 1}e}" for x in row) for row in rows]
 
 
-def errors(texts, times, path: Along) -> list[float]:
+def errors(texts: Sequence[Sequence[str]], times: Sequence[float], path: Along) -> list[float]:
     """The max norms of decimal states minus a high-precision run's at the same times, each the largest so far.
 
     ``texts`` has for each time the 2 d components of (q, p) as text.
@@ -89,7 +93,9 @@ def errors(texts, times, path: Along) -> list[float]:
     return upto([stored.distance(text, map(str, path.row(t))) for text, t in zip(texts, times, strict=True)]).tolist()
 
 
-def uncertainties(texts, times, path: Along, grown) -> list[float]:
+def uncertainties(
+    texts: Sequence[Sequence[str]], times: Sequence[float], path: Along, grown: Sequence[float] | np.ndarray
+) -> list[float]:
     """Bounds of the errors of decimal states, one for each time.
 
     ``grown`` is, for each time, how far a relative rounding by `horizon.UNIT` in every step has moved the state.

@@ -8,6 +8,7 @@ of neighbouring trajectories.  The comparison verifies the equations and the sol
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -24,7 +25,7 @@ GAUSS, IAS15 = "Gauss of order 16, long double", "IAS15, double"
 TOLERANCES = (1e-9, 1e-11)
 
 
-def words(problem, times: Sequence[float], path: Along, apart: np.ndarray) -> list[tuple[Check, ...]]:
+def words(problem: Any, times: Sequence[float], path: Along, apart: np.ndarray) -> list[tuple[Check, ...]]:
     """Compare the orbit ``path`` with other solvers at each of the times: for each time a `Check` for each solver.
 
     ``apart`` has the orbit's distances from a neighbouring one (`horizon.neighbour`) at the times of ``path.grid``.
@@ -46,7 +47,7 @@ def words(problem, times: Sequence[float], path: Along, apart: np.ndarray) -> li
     return [tuple(checks) for checks in said]
 
 
-def _gauss(problem, path: Along, unit) -> tuple[np.ndarray, np.ndarray]:
+def _gauss(problem: Any, path: Along, unit: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Compare the orbit with Gauss's method: (distances, the method's uncertainties), both on the grid of ``path``.
 
     ``unit`` is, at each time, the size to which a relative error of 1 has grown.
@@ -65,7 +66,7 @@ def _gauss(problem, path: Along, unit) -> tuple[np.ndarray, np.ndarray]:
     return path.distances(runs[1]), uncertainty(difference, float(gauss.EPS) * walk * unit)
 
 
-def _ias15(problem, times, unit):
+def _ias15(problem: Any, times: Sequence[float], unit: np.ndarray) -> tuple[list[np.ndarray], np.ndarray] | None:
     """Integrate by REBOUND's IAS15: (states at the times, at the finer of two tolerances; their uncertainties).
 
     ``unit`` is, at each time, the size to which a relative error of 1 has grown.  None if IAS15 is not applicable.
@@ -87,7 +88,7 @@ def _ias15(problem, times, unit):
     return runs[1], uncertainty(difference, np.finfo(float).eps * np.sqrt(steps) * unit)
 
 
-def uncertainty(difference, round_off) -> np.ndarray:
+def uncertainty(difference: Sequence[float] | np.ndarray, round_off: np.ndarray | float) -> np.ndarray:
     """A solver's uncertainty at each time: `SAFETY` times the running maximum of ``difference``, plus ``round_off``.
 
     ``difference`` is the distance of the solver's two runs.

@@ -16,6 +16,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
 from decimal import Decimal, InvalidOperation, localcontext
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -157,7 +158,7 @@ class Certificate:
 # -- the fingerprint of a problem ---------------------------------------------------------------------------------
 
 
-def evaluate(problem, expressions: Sequence, q: Sequence, p: Sequence) -> list:
+def evaluate(problem: Any, expressions: Sequence, q: Sequence, p: Sequence) -> list:
     """The values of expressions at a state (doubles or decimal strings), in mpmath's working precision.
 
     The expressions may refer to the system's intermediate results.
@@ -174,7 +175,7 @@ def evaluate(problem, expressions: Sequence, q: Sequence, p: Sequence) -> list:
     return sp.lambdify(names, list(expressions), modules="mpmath")(*values)
 
 
-def fingerprint(problem) -> str:
+def fingerprint(problem: Any) -> str:
     """Text that identifies a problem's formulae, however they are written: digits of H at a state near the initial one.
 
     There are 20 digits of each number; those of the vector field follow if the system is not canonical.
@@ -189,7 +190,7 @@ def fingerprint(problem) -> str:
         return " ".join(mpmath.nstr(x, PRINT) for x in values)
 
 
-def energy_change(problem, q: Sequence, p: Sequence) -> float:
+def energy_change(problem: Any, q: Sequence, p: Sequence) -> float:
     """H at (q, p) minus H at the initial state, relative to the sum of the absolute terms of H; in 50 digits."""
     import mpmath
     import sympy as sp
@@ -288,7 +289,7 @@ def _certificate(c: dict) -> Certificate:
 # -- look-up ------------------------------------------------------------------------------------------------------
 
 
-def find(problem, directory: Path | str | None = None) -> Certificate | None:
+def find(problem: Any, directory: Path | str | None = None) -> Certificate | None:
     """The certificate of a problem's orbit at its parameters, or None if none is stored.
 
     Raises
@@ -308,7 +309,7 @@ def find(problem, directory: Path | str | None = None) -> Certificate | None:
     return certificate
 
 
-def load(problem, directory: Path | str | None = None) -> tuple[End, ...]:
+def load(problem: Any, directory: Path | str | None = None) -> tuple[End, ...]:
     """The certified states of a problem's orbit, by time; raises InvalidInput as `find` does, and if there are none."""
     certificate = find(problem, directory)
     if certificate is None:
@@ -318,7 +319,7 @@ def load(problem, directory: Path | str | None = None) -> tuple[End, ...]:
     return certificate.ends
 
 
-def end(problem, t: float, directory: Path | str | None = None) -> End | None:
+def end(problem: Any, t: float, directory: Path | str | None = None) -> End | None:
     """The certified state of a problem's orbit at exactly ``t``, or None; raises InvalidInput as `find` does."""
     certificate = find(problem, directory)
     return None if certificate is None else certificate.at(float(t))

@@ -23,7 +23,7 @@ class Attracting:
     G is the gravitational constant.
     """
 
-    def __init__(self, N: int, G: float):
+    def __init__(self, N: int, G: float) -> None:
         import heyoka as hy
 
         self.N = N

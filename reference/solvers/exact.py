@@ -14,13 +14,25 @@ Source: R. H. Battin, An Introduction to the Mathematics and Methods of Astrodyn
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
+from typing import TYPE_CHECKING, Any
+
 import numpy as np
+
+if TYPE_CHECKING:
+    import mpmath
 
 #: Extra working digits.
 GUARD = 15
 
 
-def exact(problem, times, digits: int = 40, q0=None, p0=None):
+def exact(
+    problem: Any,
+    times: Iterable[float],
+    digits: int = 40,
+    q0: Iterable[float] | None = None,
+    p0: Iterable[float] | None = None,
+) -> tuple[np.ndarray, np.ndarray] | None:
     """The exact solution at ``times``, or None if it is not known.
 
     Parameters
@@ -53,7 +65,9 @@ def exact(problem, times, digits: int = 40, q0=None, p0=None):
     return Q, P
 
 
-def _oscillator(problem, q, p):
+def _oscillator(
+    problem: Any, q: list[mpmath.mpf], p: list[mpmath.mpf]
+) -> Callable[[mpmath.mpf], tuple[list[mpmath.mpf], list[mpmath.mpf]]]:
     """The exact solution of the harmonic oscillator, a function t -> (q, p).
 
     The frequency is that of the system's force, in which omega**2 is rounded to double.
@@ -67,14 +81,16 @@ def _oscillator(problem, q, p):
     if abs(omega - nominal) > 1e-15 * nominal:
         raise ValueError(f"the force's frequency is {mpmath.nstr(omega, 17)}, the parameter omega {nominal!r}")
 
-    def flow(t):
+    def flow(t: mpmath.mpf) -> tuple[list[mpmath.mpf], list[mpmath.mpf]]:
         c, s = mpmath.cos(omega * t), mpmath.sin(omega * t)
         return [q[0] * c + p[0] / omega * s], [p[0] * c - q[0] * omega * s]
 
     return flow
 
 
-def _kepler(problem, q, p):
+def _kepler(
+    problem: Any, q: list[mpmath.mpf], p: list[mpmath.mpf]
+) -> Callable[[mpmath.mpf], tuple[list[mpmath.mpf], list[mpmath.mpf]]] | None:
     """The exact solution of the Kepler problem, a function t -> (q, p); None if the energy is not negative."""
     import mpmath
 
@@ -88,7 +104,7 @@ def _kepler(problem, q, p):
     ecosine = 1 - r0 / a
     motion = inverse / root
 
-    def flow(t):
+    def flow(t: mpmath.mpf) -> tuple[list[mpmath.mpf], list[mpmath.mpf]]:
         x = anomaly(motion * t, ecosine, sigma)
         c, s = mpmath.cos(x), mpmath.sin(x)
         r = a * (1 - ecosine * c + sigma * s)
@@ -100,7 +116,7 @@ def _kepler(problem, q, p):
     return flow
 
 
-def anomaly(M, ecosine, esine):
+def anomaly(M: mpmath.mpf, ecosine: mpmath.mpf, esine: mpmath.mpf) -> mpmath.mpf:
     """The root x of M = x - ecosine sin x + esine (1 - cos x), by Newton's method safeguarded by bisection."""
     import mpmath
 

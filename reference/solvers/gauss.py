@@ -14,15 +14,20 @@ Source: E. Hairer, C. Lubich, G. Wanner, Geometric Numerical Integration (2006),
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from functools import cache, partial
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from . import watch
 from .taylor import ReferenceFailed
 from .translate import number
+
+if TYPE_CHECKING:
+    import sympy as sp
+
+    from phasebench.integrators.systems.hamiltonian import PartitionedSystem
 
 STAGES = 8
 #: Largest number of iterations in a step.
@@ -67,31 +72,31 @@ def tableau() -> Tableau:
         return Tableau(A, A_rest, b, b_rest, np.array(c, dtype=float), np.array(weights, dtype=float))
 
 
-def _parts(numbers) -> tuple[np.ndarray, np.ndarray]:
+def _parts(numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Split an array of mpmath numbers into two of long doubles: (rounded numbers, remainders of the rounding)."""
     import mpmath
 
-    def long(x):
+    def long(x: mpmath.mpf) -> np.longdouble:
         return LONG(mpmath.nstr(x, 30))
 
-    def back(x):
+    def back(x: np.longdouble) -> mpmath.mpf:
         return mpmath.mpf(float(x)) + mpmath.mpf(float(x - LONG(float(x))))
 
     near = np.vectorize(long, otypes=[LONG])(numbers)
     return near, np.vectorize(lambda x, y: long(x - back(y)), otypes=[LONG])(numbers, near)
 
 
-def right_hand_side(system):
+def right_hand_side(system: PartitionedSystem) -> Callable[[np.ndarray], np.ndarray]:
     """Make the system's f: a function Y -> f(Y) on long double arrays (2 d, s), rows (q, p), columns stages."""
     import sympy as sp
 
     constants: dict = {}
 
-    def exact(x):
+    def exact(x: sp.Expr) -> bool:
         """True if Python's double arithmetic represents this number exactly."""
         return x.is_Integer or (x.is_Rational and x.q & (x.q - 1) == 0 and abs(x.p) < 2**53 and x.q < 2**500)
 
-    def walk(e):
+    def walk(e: sp.Expr) -> sp.Expr:
         if not e.free_symbols:
             return e if exact(e) else constants.setdefault(e, sp.Symbol(f"constant_{len(constants)}"))
         return e if e.is_Symbol else e.func(*(walk(a) for a in e.args))
@@ -103,7 +108,7 @@ def right_hand_side(system):
     values = [number(c, LONG) for c in constants]
     f = sp.lambdify([*names, *constants.values()], sides, modules="numpy", cse=partial(share_subexpressions, steps))
 
-    def F(Y):
+    def F(Y: np.ndarray) -> np.ndarray:
         out = np.empty_like(Y)
         for row, value in zip(out, f(*Y, *values), strict=True):
             row[:] = value
@@ -112,7 +117,9 @@ def right_hand_side(system):
     return F
 
 
-def share_subexpressions(steps, sides):
+def share_subexpressions(
+    steps: Sequence[tuple[sp.Symbol, sp.Expr]], sides: Iterable[sp.Expr]
+) -> tuple[list[tuple[sp.Symbol, sp.Expr]], list[sp.Expr]]:
     """Name common subexpressions: ([(symbol, expression), ...] in an order of evaluation, the sides in these symbols).
 
     ``steps`` are pairs (symbol, expression) that define symbols in ``sides``, a list of expressions; the definitions
@@ -127,7 +134,14 @@ def share_subexpressions(steps, sides):
     return in_order_of_evaluation([*shared, *defined]), found[len(steps) :]
 
 
-def run(system, q0, p0, marks, times, disturb: Callable[[np.ndarray], np.ndarray] = lambda y: y) -> np.ndarray:
+def run(
+    system: PartitionedSystem,
+    q0: Iterable[float],
+    p0: Iterable[float],
+    marks: Iterable[float],
+    times: Iterable[float],
+    disturb: Callable[[np.ndarray], np.ndarray] = lambda y: y,
+) -> np.ndarray:
     """Integrate with given steps; return the states at ``times``, an array (n, 2 d) of long doubles.
 
     Parameters
@@ -179,7 +193,9 @@ def _extrapolation(rule: Tableau, ratio: float) -> np.ndarray:
     return (L / L.sum(axis=0)).astype(LONG)
 
 
-def _stages(F, y, h, K, rule, t) -> np.ndarray:
+def _stages(
+    F: Callable[[np.ndarray], np.ndarray], y: np.ndarray, h: np.longdouble, K: np.ndarray, rule: Tableau, t: float
+) -> np.ndarray:
     """Solve a step's equations for the slopes K of the stages, array (2 d, s), by fixed-point iteration.
 
     ``F`` is the right-hand side, y the state, h the step; ``K`` is the starting value.  The iteration ends where the

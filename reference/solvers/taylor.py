@@ -9,12 +9,17 @@ Mon. Not. R. Astron. Soc. 504 (2021) 2614-2628.
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from . import watch
 from .translate import translate
+
+if TYPE_CHECKING:
+    from phasebench.integrators.systems.hamiltonian import PartitionedSystem
 
 #: Decimals of a long double as text: 21 determine it, the rest keep the text's own error out of comparisons.
 DIGITS = 25
@@ -39,7 +44,7 @@ class Bits:
         """Enough decimal digits to determine a number of this precision."""
         return int(self.bits * 0.302) + 10
 
-    def __call__(self, x):
+    def __call__(self, x: Any) -> Any:
         """Convert x (a double, an integer, a number of another precision or a text) to this precision."""
         import heyoka as hy
 
@@ -85,7 +90,7 @@ class Reference:
         return float(kept[-1]) if len(kept) else 0.0
 
 
-def equations(system, fp) -> list:
+def equations(system: PartitionedSystem, fp: type | Bits) -> list:
     """The equations of motion of ``system`` for heyoka, [(variable, right-hand side), ...], q before p."""
     import heyoka as hy
 
@@ -97,7 +102,7 @@ def equations(system, fp) -> list:
     return list(zip(variables.values(), sides, strict=True))
 
 
-def integrator(system, fp, tol=None):
+def integrator(system: PartitionedSystem, fp: type | Bits, tol: float | str | None = None) -> Any:
     """Make heyoka's integrator of ``system`` in the precision ``fp`` (float, numpy.longdouble, heyoka.real128, `Bits`).
 
     ``tol`` is the tolerance of the Taylor series; None for heyoka's default.
@@ -118,13 +123,15 @@ def integrator(system, fp, tol=None):
     )
 
 
-def start(ta, fp, q0, p0) -> None:
+def start(ta: Any, fp: type | Bits, q0: Iterable[float], p0: Iterable[float]) -> None:
     """Reset an integrator to time 0 and the state q0, p0 (doubles)."""
     ta.time = fp(0.0)
     ta.state[:] = [fp(float(x)) for x in (*q0, *p0)]
 
 
-def propagate(ta, grid, run: str = "run", ends: list[float] | None = None):
+def propagate(
+    ta: Any, grid: Sequence[Any] | np.ndarray, run: str = "run", ends: list[float] | None = None
+) -> tuple[np.ndarray, int, str | None]:
     """Integrate to the times of ``grid`` (increasing, from 0, of the integrator's type): (rows, steps, failure).
 
     ``failure`` is None if the end was reached; the times at which steps end are appended to ``ends``.  Raises
@@ -140,7 +147,7 @@ def propagate(ta, grid, run: str = "run", ends: list[float] | None = None):
     return rows, steps, failure(outcome)
 
 
-def failure(outcome) -> str | None:
+def failure(outcome: Any) -> str | None:
     """The reason why a propagation ended early, from heyoka's ``taylor_outcome``; None if it reached its end."""
     import heyoka as hy
 
@@ -160,7 +167,7 @@ def _callback_options(run: str, t_end: float, ends: list[float] | None = None) -
     if ends is None and not watch.is_watched():
         return {}
 
-    def callback(ta) -> bool:
+    def callback(ta: Any) -> bool:
         t = float(ta.time)
         watch.report_time(run, t, t_end)
         if ends is not None:
@@ -170,7 +177,7 @@ def _callback_options(run: str, t_end: float, ends: list[float] | None = None) -
     return {"callback": callback}
 
 
-def extended_types():
+def extended_types() -> tuple[type, type]:
     """The types of long double and quadruple precision; raises ReferenceFailed if the platform lacks one."""
     import heyoka as hy
 
@@ -179,7 +186,14 @@ def extended_types():
     return np.longdouble, hy.real128
 
 
-def states(system, fp, q0, p0, times, tol=None):
+def states(
+    system: PartitionedSystem,
+    fp: type | Bits,
+    q0: Iterable[float],
+    p0: Iterable[float],
+    times: Iterable[float],
+    tol: float | str | None = None,
+) -> np.ndarray:
     """Integrate from the doubles q0, p0: the states at ``times``, rows (n, 2 d) of type ``fp``.
 
     ``times`` (n,) are increasing and positive; ``tol`` is the tolerance of the series, None for heyoka's default.
@@ -202,7 +216,9 @@ def states(system, fp, q0, p0, times, tol=None):
     return rows[1:]
 
 
-def step_ends(system, fp, q0, p0, t_end) -> list[float]:
+def step_ends(
+    system: PartitionedSystem, fp: type | Bits, q0: Iterable[float], p0: Iterable[float], t_end: float
+) -> list[float]:
     """The ends of the steps, rounded to double, of an integration to ``t_end`` from the doubles q0, p0."""
     ta = integrator(system, fp)
     start(ta, fp, q0, p0)
@@ -211,7 +227,13 @@ def step_ends(system, fp, q0, p0, t_end) -> list[float]:
     return ends
 
 
-def reference(problem, times, certify: bool = True, q0=None, p0=None) -> Reference:
+def reference(
+    problem: Any,
+    times: Sequence[float] | np.ndarray,
+    certify: bool = True,
+    q0: Sequence[float] | np.ndarray | None = None,
+    p0: Sequence[float] | np.ndarray | None = None,
+) -> Reference:
     """The trajectory of ``problem`` at ``times`` in long double, with its uncertainty from quadruple precision.
 
     Parameters

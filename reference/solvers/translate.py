@@ -11,17 +11,19 @@ constants, which differ between bodies.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
 
 from phasebench.integrators.errors import InvalidInput
 
 if TYPE_CHECKING:
+    import heyoka as hy
     import sympy as sp
 
 FUNCTIONS = ("sin", "cos", "tan", "exp", "log", "sinh", "cosh", "tanh", "asin", "acos", "atan")
 
 
-def number(e: sp.Expr, fp):
+def number(e: sp.Expr, fp: Callable[[Any], Any]) -> Any:
     """The number ``e`` (without variables) in the type ``fp``, accurate to one unit in the last place."""
     import sympy as sp
 
@@ -32,7 +34,7 @@ def number(e: sp.Expr, fp):
     return fp(str(sp.N(e, getattr(fp, "digits", 50))))
 
 
-def translate(e: sp.Expr, variables: dict, fp):
+def translate(e: sp.Expr, variables: dict, fp: Callable[[Any], Any]) -> hy.expression:
     """The expression ``e`` in heyoka's ``variables`` (SymPy symbol -> heyoka variable), with numbers of type ``fp``.
 
     Raises
@@ -43,10 +45,10 @@ def translate(e: sp.Expr, variables: dict, fp):
     import heyoka as hy
     import sympy as sp
 
-    def constant(x):
+    def constant(x: sp.Expr) -> hy.expression:
         return hy.expression(number(x, fp))
 
-    def product(base, n):
+    def product(base: hy.expression, n: int) -> hy.expression:
         """base**n, n >= 1, by repeated squaring."""
         result = None
         while n:
@@ -55,7 +57,7 @@ def translate(e: sp.Expr, variables: dict, fp):
             base, n = base * base if n > 1 else base, n >> 1
         return result
 
-    def power(base, exponent):
+    def power(base: sp.Expr, exponent: sp.Expr) -> hy.expression:
         b = walk(base)
         if not exponent.is_Rational or exponent.q > 2:
             return b ** walk(exponent)
@@ -66,14 +68,14 @@ def translate(e: sp.Expr, variables: dict, fp):
         value = parts[0] if len(parts) == 1 else parts[0] * parts[1]
         return constant(sp.Integer(1)) / value if exponent < 0 else value
 
-    def unsigned(factor):
+    def unsigned(factor: sp.Expr) -> tuple[int, sp.Expr]:
         """(sign, f) with sign * f equal to ``factor``, such that x - y and y - x give the same f."""
         base, exponent = factor.as_base_exp()
         if not (exponent.is_Integer and isinstance(base, sp.Add) and base.could_extract_minus_sign()):
             return 1, factor
         return (-1 if exponent % 2 else 1), (-base) ** exponent
 
-    def multiple(x):
+    def multiple(x: sp.Mul) -> hy.expression:
         """Translate a product: factors that depend on the state, positive powers first, and then the number."""
         constants = [a for a in x.args if not a.free_symbols]
         signs, factors = zip(*(unsigned(a) for a in x.args if a.free_symbols), strict=True)
@@ -86,12 +88,12 @@ def translate(e: sp.Expr, variables: dict, fp):
 
     known: dict = {}
 
-    def walk(x):
+    def walk(x: sp.Expr) -> hy.expression:
         if x not in known:
             known[x] = _walk(x)
         return known[x]
 
-    def _walk(x):
+    def _walk(x: sp.Expr) -> hy.expression:
         if x in variables:
             return variables[x]
         if not x.free_symbols:
