@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import sys
 import traceback
+from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
 
@@ -12,13 +14,16 @@ from phasebench.benchmarks.store import run, screen
 from phasebench.benchmarks.store.cluster import Cluster
 from phasebench.integrators.errors import InvalidInput
 
+if TYPE_CHECKING:
+    from phasebench.benchmarks.store.cells import Cell
+
 ROOT = Path(__file__).resolve().parents[1]
 OUTCOME = pytest.StashKey[run.Outcome]()
 WANTED = pytest.StashKey[frozenset]()
 NOTES = pytest.StashKey[list]()
 
 
-def pytest_addoption(parser):
+def pytest_addoption(parser: pytest.Parser) -> None:
     """Add the options of ``pytest benchmarks``."""
     group = parser.getgroup("phasebench")
     group.addoption("--quick", action="store_true", help="measure a small selection, reports to reports/quick")
@@ -41,7 +46,7 @@ def pytest_addoption(parser):
     )
 
 
-def pytest_configure(config):
+def pytest_configure(config: pytest.Config) -> None:
     """Let ``-k`` select measurements, not functions, if its words name methods, peers, problems or experiments."""
     config.stash[NOTES] = []
     config.stash[WANTED] = frozenset()
@@ -65,7 +70,7 @@ def _names() -> set[str]:
 
 
 @pytest.hookimpl(trylast=True)
-def pytest_collection_modifyitems(config, items):
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Deselect the pytest-benchmark functions unless an option --benchmark-* is given."""
     if not any(a.startswith("--benchmark") for a in config.invocation_params.args):
         asked = [i for i in items if "benchmark" not in i.fixturenames]
@@ -73,31 +78,31 @@ def pytest_collection_modifyitems(config, items):
         items[:] = asked
 
 
-def _folder(config) -> Path:
+def _folder(config: pytest.Config) -> Path:
     quick = config.getoption("--quick")
     return Path(config.getoption("--reports") or ROOT / "reports" / ("quick" if quick else ""))
 
 
 @pytest.fixture(scope="session")
-def quick(pytestconfig) -> bool:
+def quick(pytestconfig: pytest.Config) -> bool:
     """True for a quick run (option --quick), which measures few cells."""
     return pytestconfig.getoption("--quick")
 
 
 @pytest.fixture(scope="session")
-def update(pytestconfig) -> bool:
+def update(pytestconfig: pytest.Config) -> bool:
     """True if the stored tables are to be re-recorded."""
     return pytestconfig.getoption("--update-tables")
 
 
 @pytest.fixture(scope="session")
-def notes(pytestconfig) -> list[str]:
+def notes(pytestconfig: pytest.Config) -> list[str]:
     """Lines printed at the end of the run; tests may append to the list."""
     return pytestconfig.stash[NOTES]
 
 
 @pytest.fixture(scope="session")
-def outcome(request, pytestconfig, quick) -> run.Outcome:
+def outcome(request: pytest.FixtureRequest, pytestconfig: pytest.Config, quick: bool) -> run.Outcome:
     """The result of the run: the collected benchmarks' cells (single measurements), measured within the time budget."""
     modules = {item.module.__name__: item.module for item in request.session.items}
     cells = [c for m in modules.values() if hasattr(m, "cells") for c in m.cells(quick)]
@@ -127,7 +132,7 @@ def outcome(request, pytestconfig, quick) -> run.Outcome:
 
 
 @pytest.fixture
-def measured_rows(outcome, request):
+def measured_rows(outcome: run.Outcome, request: pytest.FixtureRequest) -> Callable[[str], list[dict]]:
     """Return a function: name of a table -> its rows measured by this run; fail if a measurement of them failed.
 
     "Of them" means: of the experiment (folder of ``benchmarks/experiments``) to which the requesting test belongs.
@@ -138,12 +143,12 @@ def measured_rows(outcome, request):
     return outcome.rows
 
 
-def _fails(outcome, cell, experiment: str) -> bool:
+def _fails(outcome: run.Outcome, cell: Cell, experiment: str) -> bool:
     return cell.experiment == experiment and cell.id in outcome.failed
 
 
 @pytest.fixture
-def complete(outcome):
+def complete(outcome: run.Outcome) -> Callable[[str], bool]:
     """Return a function: name of a table -> True if this run measured all rows of that table."""
 
     def is_complete(table: str) -> bool:
@@ -153,7 +158,7 @@ def complete(outcome):
     return is_complete
 
 
-def pytest_sessionfinish(session):
+def pytest_sessionfinish(session: pytest.Session) -> None:
     """Write the reports; an error while writing a page fails the run."""
     config = session.config
     if OUTCOME not in config.stash:
@@ -168,7 +173,9 @@ def pytest_sessionfinish(session):
         session.exitstatus = pytest.ExitCode.TESTS_FAILED
 
 
-def pytest_terminal_summary(terminalreporter, exitstatus, config):
+def pytest_terminal_summary(
+    terminalreporter: pytest.TerminalReporter, exitstatus: int | pytest.ExitCode, config: pytest.Config
+) -> None:
     """Print a table of what was measured; after an interrupt, how to continue."""
     if exitstatus == pytest.ExitCode.INTERRUPTED:
         terminalreporter.write_line("stopped: what was measured is kept, and the same command goes on from there")

@@ -133,7 +133,7 @@ class Data:
     With ``stale`` the tables include rows that an earlier version of the code measured.
     """
 
-    def __init__(self, folder: Path, stale: bool = True):
+    def __init__(self, folder: Path, stale: bool = True) -> None:
         self.folder, self.stale = folder, stale
         self._known: dict = {}
         self._digests: dict[str, str] = {}
@@ -159,7 +159,7 @@ class Data:
             self._digests[name] = hashlib.sha256(content + bytes([self.stale])).hexdigest()[:16]
         return self._digests[name]
 
-    def _read(self, name: str):
+    def _read(self, name: str) -> tuple[pd.DataFrame, dict] | tuple[None, None]:
         if name not in self._known:
             self._known[name] = results.read(self.folder, name, self.stale)
         return self._known[name]

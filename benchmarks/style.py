@@ -9,10 +9,16 @@ from __future__ import annotations
 import functools
 import io
 import math
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from contextlib import AbstractContextManager
+
+    import numpy as np
+    from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
     from matplotlib.figure import Figure
 
 BLACK, ORANGE, SKY, GREEN, YELLOW, BLUE, VERMILION, PURPLE = (
@@ -51,18 +57,18 @@ RC = {
 }
 
 
-def settings():
+def settings() -> AbstractContextManager[None]:
     """A context in which matplotlib uses its defaults and these settings, not the user's own."""
     import matplotlib
 
     return matplotlib.rc_context(dict(matplotlib.rcParamsDefault) | RC | {"backend": "agg"})
 
 
-def styled(draw):
+def styled(draw: Callable[..., Any]) -> Callable[..., Any]:
     """Decorator: call the drawing function ``draw`` with the plot settings of this module."""
 
     @functools.wraps(draw)
-    def draw_in_style(*given):
+    def draw_in_style(*given: Any) -> Any:
         with settings():
             return draw(*given)
 
@@ -113,13 +119,13 @@ def looks() -> list[dict]:
     return [dict(zip(("color", "linestyle", "marker"), look, strict=True)) for look in (*CURVES, *more)]
 
 
-def legend_above(figure, axes, columns: int) -> None:
+def legend_above(figure: Figure, axes: Axes, columns: int) -> None:
     """Put one legend for all panels above them, so that it covers no data."""
     handles, labels = axes.get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper center", ncols=columns, handlelength=3.4)
 
 
-def decades(axes) -> None:
+def decades(axes: Axes) -> None:
     """Extend a logarithmic y axis of errors to whole powers of ten, so that small variations look small.
 
     Call it after every panel that shares the axis is drawn, since it fixes the limits.
@@ -131,7 +137,7 @@ def decades(axes) -> None:
     axes.yaxis.set_minor_formatter(NullFormatter())
 
 
-def plain_ticks(axis) -> None:
+def plain_ticks(axis: Axis) -> None:
     """Label a short logarithmic axis at 1, 2 and 5 times powers of ten, so that labels do not overlap."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
@@ -142,7 +148,7 @@ def plain_ticks(axis) -> None:
     axis.set_minor_formatter(NullFormatter())
 
 
-def slope(axes, h, values, order: int, line: str = "-") -> None:
+def slope(axes: Axes, h: np.ndarray, values: Iterable[np.ndarray], order: int, line: str = "-") -> None:
     """Draw a grey line of slope ``order`` below the curves: ``values`` lists arrays (n,) over steps ``h`` (n,)."""
     constant = 0.35 * min((v[v > 0] / h[v > 0] ** order).min() for v in values if (v > 0).any())
     axes.plot(h, constant * h**order, color=GREY, linestyle=line, linewidth=0.9, label=f"slope {order}")
@@ -153,7 +159,7 @@ def number(x: float, digits: int = 3) -> str:
     return f"{x:.{digits}g}" if math.isfinite(x) else str(x)
 
 
-def write(figure, path: Path) -> None:
+def write(figure: Figure, path: Path) -> None:
     """Write a figure as PNG with few colours, or as SVG or PDF by the path's ending; without date or version.
 
     Equal figures give equal bytes.
@@ -171,7 +177,7 @@ def write(figure, path: Path) -> None:
     _write_png(figure, path)
 
 
-def _write_png(figure, path: Path) -> None:
+def _write_png(figure: Figure, path: Path) -> None:
     import numpy as np
     from PIL import Image
 
@@ -180,7 +186,7 @@ def _write_png(figure, path: Path) -> None:
     image.save(path, format="PNG", optimize=True)
 
 
-def save(figure, directory: str | Path, name: str) -> str:
+def save(figure: Figure, directory: str | Path, name: str) -> str:
     """`write` a figure into a directory, created if missing; return its file name."""
     Path(directory).mkdir(parents=True, exist_ok=True)
     write(figure, Path(directory) / name)

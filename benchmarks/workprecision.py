@@ -28,6 +28,8 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
+    from phasebench.benchmarks.problems.base import Problem
+
 #: The accuracies of the table, and the largest number of curves in a figure.
 ACCURACIES = tuple(10.0**-k for k in range(1, 14, 2))
 CURVES = 9
@@ -157,7 +159,7 @@ def workprecision(
     return WorkPrecision(tuple(curves(made, float(t_end), wanted, chosen, progress, true)))
 
 
-def promising(problem, t_end: float, quantity: str) -> list[Integrator]:
+def promising(problem: Problem, t_end: float, quantity: str) -> list[Integrator]:
     """Return the `CHOSEN` methods of this project expected to be fastest at the error `MIDDLE`, then as many peers.
 
     Peers are integrators of other packages.  Expected times come from stored measurements.

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from itertools import dropwhile
 from math import inf
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from phasebench.benchmarks.measure import truths
 from phasebench.benchmarks.measure.compilation import FAILED, compilation_error
@@ -21,6 +21,9 @@ from .climb import climb, idle, numbers_of_steps, tolerances
 from .rung import Rung, Task
 from .trial import MOST, Trial
 
+if TYPE_CHECKING:
+    from phasebench.benchmarks.problems.base import Problem
+
 #: Ratio of successive numbers of steps.
 FINER = 1.6
 #: Rungs before the first with an error below this share of the quantity have steps that are too wide, and do not count.
@@ -32,7 +35,7 @@ LOOSEST, FEWEST = 1e-1, 4
 
 
 def curves(
-    problem,
+    problem: Problem,
     t_end: float,
     quantity: Quantity,
     integrators: Sequence[Integrator],

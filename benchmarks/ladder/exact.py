@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from phasebench.benchmarks.measure.integrator import Integrator
+
+if TYPE_CHECKING:
+    from phasebench.benchmarks.problems.base import Problem
 
 #: Problem -> (families or ids of our methods, integrators of REBOUND) that are exact for it.
 EXACT = {
@@ -16,7 +21,7 @@ EXACT = {
 REMARK = "exact for this problem: any step"
 
 
-def exact(c: Integrator, problem) -> bool:
+def exact(c: Integrator, problem: Problem) -> bool:
     """True if the integrator is exact for the problem, so that its cost does not measure the cost of an accuracy."""
     of_ours, of_rebound = EXACT.get(problem.id, (set(), set()))
     settings = getattr(c.record, "settings", {})

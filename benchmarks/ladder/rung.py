@@ -6,7 +6,7 @@ import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from math import inf, isfinite
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from phasebench.benchmarks.measure import clock, quantities
 from phasebench.benchmarks.measure.integrator import Integrator
@@ -14,6 +14,9 @@ from phasebench.benchmarks.measure.quantities import Quantity, Truth
 from phasebench.integrators.driver import INVALID, OK
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.record import Method
+
+if TYPE_CHECKING:
+    from phasebench.integrators.solution import Solution
 
 #: Shorter runs are timed by `measure.clock`; a longer run without output rows counts with its own seconds.
 SHORT = 0.05
@@ -90,7 +93,7 @@ class Task:
     accuracies: tuple[float, ...] = ()
     clocks: clock.Clocks = field(init=False, compare=False, repr=False)
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         object.__setattr__(self, "clocks", clock.Clocks(self.problem, self.t_end))
 
     @property
@@ -98,7 +101,7 @@ class Task:
         """The accuracies that are not below the uncertainty of the reference."""
         return tuple(a for a in self.accuracies if self.truth.uncertainty <= a)
 
-    def run(self, c: Integrator, size: dict[str, Any], *, bare: bool = False, timeout: float = inf):
+    def run(self, c: Integrator, size: dict[str, Any], *, bare: bool = False, timeout: float = inf) -> Solution:
         """Integrate the problem with the integrator c at ``size``, {"steps": n} or {"tol": x}; return the solution.
 
         The solution has the output rows that the quantity needs, or none between start and end if ``bare``; c is

@@ -198,13 +198,15 @@ def _grows_from_the_start(at: Callable[[float], np.ndarray], scan: list[float], 
     """True if a stable interval ``piece`` = (0, end) is spurious: the map grows, at first by less than the allowance.
 
     In such an interval the determinant, which is 1 + z^2 for explicit Euler, is nowhere below 1, and beyond the end it
-    exceeds 1 by more than the allowance for round-off.  ``at`` gives the margins at z.
+    alone is what makes the map unstable: it exceeds 1 by more than the allowance for round-off.  ``at`` gives the
+    margins at z.
     """
     start, end = piece
     if start > 0 or end >= scan[-1]:
         return False
     beyond, within = at(end * 1.01), [at(end * k / 8) for k in range(1, 8)]
-    return bool(beyond[2] < 0 and all(m[2] <= 4 * SLACK for m in within))
+    by_growth = beyond[2] < 0 <= min(beyond[:2])
+    return bool(by_growth and all(m[2] <= 4 * SLACK for m in within))
 
 
 def _merge(pieces: Iterable[tuple[float, float]]) -> list[tuple[float, float]]:

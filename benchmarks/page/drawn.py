@@ -13,10 +13,16 @@ import json
 import shutil
 from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from phasebench.benchmarks.store import sources
 
 from .page import Page, Picture
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from phasebench.benchmarks.report import Data
 
 KEPT = "drawn.json"
 LIBRARIES = ("matplotlib", "numpy", "pandas", "pillow")
@@ -52,21 +58,21 @@ def _source(module: str) -> str:
 class _Reading:
     """A wrapper of a page's data (name -> table) that records in ``names`` which tables were read."""
 
-    def __init__(self, data):
+    def __init__(self, data: Data) -> None:
         self._data, self.names = data, set()
 
-    def __call__(self, name: str):
+    def __call__(self, name: str) -> pd.DataFrame | None:
         self.names.add(name)
         return self._data(name)
 
-    def __getattr__(self, name: str):
+    def __getattr__(self, name: str) -> Any:
         return getattr(self._data, name)
 
 
 class Figures:
     """The figures of a report folder: those stored before, and those of this report."""
 
-    def __init__(self, folder: Path):
+    def __init__(self, folder: Path) -> None:
         self.folder = folder / "figures"
         self.now: dict[str, dict] = {}
         try:
@@ -74,7 +80,7 @@ class Figures:
         except (OSError, ValueError):  # missing or truncated: draw everything
             self.before = {}
 
-    def of(self, page: Page, data, target: Path) -> list[Picture]:
+    def of(self, page: Page, data: Data, target: Path) -> list[Picture]:
         """Draw a page's figures into ``target``, or copy stored ones if still valid; ``data`` is a `report.Data`."""
         entry = self.before.get(page.id)
         if entry is None or not self._same(entry, page, data):
@@ -92,7 +98,7 @@ class Figures:
         self.now[page.id] = entry
         return [Picture(*picture) for picture in entry["pictures"]]
 
-    def _same(self, entry: dict, page: Page, data) -> bool:
+    def _same(self, entry: dict, page: Page, data: Data) -> bool:
         return (
             entry["source"] == _source(module_of(page.figures))
             and all(data.digest(name) == known for name, known in entry["tables"].items())

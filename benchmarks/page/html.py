@@ -9,6 +9,7 @@ from __future__ import annotations
 import base64
 import html
 import re
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 import pandas as pd
@@ -26,7 +27,7 @@ def _style(name: str) -> str:
     return Path(__file__).with_name(name).read_text(encoding="utf-8")
 
 
-def _inline_images(folder: Path):
+def _inline_images(folder: Path) -> Callable[[re.Match], str]:
     """A function for `re.sub` that replaces an image's file name, in ``folder``, by its bytes as a data URL."""
 
     def replace(match: re.Match) -> str:
@@ -52,7 +53,7 @@ def _outcome(match: re.Match) -> str:
     return f'<strong class="{match[1].lower()}">{match[1]}</strong>'
 
 
-def _cells(values, tag: str) -> str:
+def _cells(values: Iterable, tag: str) -> str:
     return "".join(f"<{tag}>{html.escape(number(x))}</{tag}>" for x in values)
 
 

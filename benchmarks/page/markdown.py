@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 import textwrap
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
 
 import pandas as pd
 
@@ -15,7 +16,7 @@ from .verdict import Verdict
 WIDTH = 110
 
 
-def number(x, digits: int = 3) -> str:
+def number(x: Any, digits: int = 3) -> str:
     """A number with ``digits`` significant digits (0.0123, 1.23e-05); "" if it is None or NaN."""
     if x is None or (isinstance(x, float) and math.isnan(x)):
         return ""
@@ -47,7 +48,7 @@ def table(frame: pd.DataFrame, columns: Mapping[str, str] | Sequence[str] | None
     heads = [str(c) for c in frame.columns]
     widths = [max(len(h), *(len(r[i]) for r in cells), 3) if cells else max(len(h), 3) for i, h in enumerate(heads)]
 
-    def line(parts):
+    def line(parts: Iterable[str]) -> str:
         padded = (p.rjust(w) if r else p.ljust(w) for p, w, r in zip(parts, widths, right, strict=True))
         return "| " + " | ".join(padded) + " |"
 

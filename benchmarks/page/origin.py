@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 import pandas as pd
 
 from .markdown import join_list, wrap
 from .page import Page
+
+if TYPE_CHECKING:
+    from phasebench.benchmarks.report import Data
 
 
 def earlier(rows: pd.DataFrame, machines: Mapping) -> str:
@@ -37,7 +41,7 @@ def earlier(rows: pd.DataFrame, machines: Mapping) -> str:
     return text + (f"; {stale} of them by an earlier version of the code" if stale else "")
 
 
-def count_outdated(page: Page, data) -> str:
+def count_outdated(page: Page, data: Data) -> str:
     """A phrase that counts the rows of a page measured by an earlier version of the code; "" if there are none."""
     stale, whole = (
         sum(count(name) for name in page.tables if data(name) is not None)
@@ -46,7 +50,7 @@ def count_outdated(page: Page, data) -> str:
     return f"{stale} of {whole} rows measured by an earlier version of the code" if stale else ""
 
 
-def _table(name: str, data) -> str:
+def _table(name: str, data: Data) -> str:
     rows = data.provenance(name)
     said = earlier(rows, (data.about(name) or {}).get("machines", {}))
     return f"[data/{name}.csv](data/{name}.csv): {len(data(name))} rows, {said}."
@@ -60,7 +64,7 @@ def machine(about: Mapping | None) -> str:
     return f"Measured on {about['processor']}; {about['system']}; {about['versions']}; {tier}."
 
 
-def origin(page: Page, data) -> str:
+def origin(page: Page, data: Data) -> str:
     """The Markdown list of a page's command, tables and machines; ``data`` is a `report.Data`."""
     measured = [name for name in page.tables if data(name) is not None]
     missing = [name for name in page.tables if data(name) is None]

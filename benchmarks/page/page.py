@@ -52,7 +52,7 @@ class Table:
     digits: int = 3
 
 
-def of(*names: str):
+def of(*names: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     """Decorator: turn a function whose arguments are tables into a function of ``data``, a callable name -> table.
 
     ``names`` are the names of the tables.  The new function returns None if one of them is missing or empty; its
@@ -61,7 +61,7 @@ def of(*names: str):
 
     def decorate(function: Callable[..., Any]) -> Callable[..., Any]:
         @functools.wraps(function)
-        def from_data(data: Data, *more):
+        def from_data(data: Data, *more: Any) -> Any:
             tables = [data(name) for name in names]
             return None if any(t is None or t.empty for t in tables) else function(*tables, *more)
 
@@ -79,7 +79,7 @@ def once(function: Callable[..., Any]) -> Callable[..., Any]:
     results: dict[tuple, Any] = {}
 
     @functools.wraps(function)
-    def remembering(frame: pd.DataFrame, *more):
+    def remembering(frame: pd.DataFrame, *more: Any) -> Any:
         if last[0] is not frame:
             last[0] = frame
             results.clear()
@@ -90,7 +90,7 @@ def once(function: Callable[..., Any]) -> Callable[..., Any]:
     return remembering
 
 
-def _nothing(data: Data, *more) -> None:
+def _nothing(data: Data, *more: Any) -> None:
     return None
 
 

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from phasebench.benchmarks.store import compare
 
 
-def bench_sample(outcome):
+def bench_sample(outcome: Any) -> None:
     """Check that numbers measured again, of a random sample, are within their tolerance of the stored ones.
 
     A failure names the rows and both numbers.

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, is_dataclass
 from fractions import Fraction
 from functools import cache
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import mpmath
 
@@ -15,6 +15,9 @@ from phasebench.benchmarks.problems import PROBLEMS
 from phasebench.reference.certificates import stored
 
 from . import sources
+
+if TYPE_CHECKING:
+    from phasebench.integrators.record import Method
 
 #: Where a cell is measured: on all cores; on all cores, without Numba; alone on the machine, because it is timed.
 POOL, UNCOMPILED, ALONE = "pool", "uncompiled", "alone"
@@ -71,7 +74,7 @@ class Cell:
         return self.measure(*self.arguments)
 
 
-def text(value) -> str:
+def text(value: Any) -> str:
     """A value as text in the tables: doubles by their shortest digits, "" for None and NaN."""
     if value is None or value != value:
         return ""
@@ -80,7 +83,7 @@ def text(value) -> str:
     return repr(value) if isinstance(value, float) else str(value)
 
 
-def exact(value) -> str:
+def exact(value: Any) -> str:
     """Convert data to a text, for hashing; two texts are equal if and only if the data are equal.
 
     The text does not depend on the working precision of mpmath.
@@ -111,7 +114,7 @@ def exact(value) -> str:
 RECORD = ("id", "family", "order", "symmetric", "symplectic", "energy", "quadratic", "requires", "parameters", "data")
 
 
-def record(method) -> str:
+def record(method: Method) -> str:
     """A text, for hashing, of what a `Method` computes, without its descriptions."""
     return "method" + exact(tuple(getattr(method, name) for name in RECORD))
 
@@ -169,7 +172,7 @@ def _digest(modules: tuple[str, ...]) -> str:
     return sources.digest(m for m in modules if m)
 
 
-def _families(method) -> list[str]:
+def _families(method: Method) -> list[str]:
     """The modules of a method's kernel, of the driver, and of the methods that it is composed of."""
     modules = [f"phasebench.integrators.families.{method.family}", "phasebench.integrators.driver"]
     modules += [f for part in method.data if hasattr(part, "family") for f in _families(part)]

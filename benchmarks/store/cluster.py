@@ -39,7 +39,7 @@ class Cluster:
         If Dask is not installed, or no scheduler answers at the address.
     """
 
-    def __init__(self, address: str):
+    def __init__(self, address: str) -> None:
         try:
             from distributed import Client
         except ImportError:

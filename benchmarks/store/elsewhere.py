@@ -146,7 +146,7 @@ def _header(path: Path, lines: list[str]) -> dict[str, str]:
     return entries
 
 
-def _number(path, what: str, text: str) -> float:
+def _number(path: Path | str, what: str, text: str) -> float:
     try:
         value = float(text)
     except ValueError:
@@ -259,7 +259,7 @@ def _digits(text: str) -> int:
     return len(re.sub(r"[eEdD].*|[^0-9]", "", text).lstrip("0"))
 
 
-def _energy(where: str, made: Problem, y, stated: float | None) -> float:
+def _energy(where: str, made: Problem, y: np.ndarray | None, stated: float | None) -> float:
     """H - H0 of an end state y = (q, p); the ``stated`` one if y is None.
 
     Raises InvalidInput if a state and an error are given that do not agree.
@@ -305,7 +305,7 @@ def _error(file: Elsewhere, row: dict[str, Any]) -> dict[str, Any]:
     return state_error(made, file.t_end, row["q"], row["p"])
 
 
-def state_error(made: Problem, t_end: float, q, p) -> dict[str, Any]:
+def state_error(made: Problem, t_end: float, q: np.ndarray, p: np.ndarray) -> dict[str, Any]:
     """Compare a state (q, p) at ``t_end`` with the reference solution of the problem.
 
     Returns

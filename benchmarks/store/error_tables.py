@@ -26,6 +26,8 @@ from .tables import as_csv
 if TYPE_CHECKING:
     import pandas as pd
 
+    from phasebench.benchmarks.problems.base import Problem
+
 DIRECTORY = Path(reference.__file__).with_name("tables")
 REMEDY = "to record it anew: python -m pytest benchmarks --update-tables"
 CHECKSUM = "sha256"
@@ -35,11 +37,11 @@ PACKAGES = ("numpy", "numba", "heyoka", "rebound", "sympy")
 class CorruptTable(RuntimeError):
     """Raised for a damaged table; the message names the file, the fault and the remedy."""
 
-    def __init__(self, path: Path, what: str):
+    def __init__(self, path: Path, what: str) -> None:
         super().__init__(f"{path}: {what}; {REMEDY}")
 
 
-def provenance(problem, **more) -> dict:
+def provenance(problem: Problem, **more: object) -> dict:
     """The provenance of a table: digests of the problem's formulae and initial data, and package versions."""
     import sympy as sp
 

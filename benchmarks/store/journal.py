@@ -11,11 +11,15 @@ import os
 from collections.abc import Iterable, Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from phasebench.integrators.errors import InvalidInput
 from phasebench.reference.files import write_file
 
 from .cells import Rows
+
+if TYPE_CHECKING:
+    import numpy as np
 
 
 @dataclass(frozen=True)
@@ -40,7 +44,7 @@ class Journal:
     unreadable : number of lines that could not be read
     """
 
-    def __init__(self, path: str | Path):
+    def __init__(self, path: str | Path) -> None:
         self.path = Path(path)
         self.unreadable = 0
         self.entries: dict[str, Entry] = {}
@@ -102,7 +106,7 @@ def _ends(path: Path) -> bool:
         return stream.read(1) == b"\n"
 
 
-def _plain(value):
+def _plain(value: np.generic) -> Any:
     """Convert a NumPy scalar to a Python number."""
     return value.item()
 

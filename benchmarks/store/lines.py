@@ -7,7 +7,7 @@ provenance.  A cell counts as measured only if all of its rows can be read.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 from phasebench.integrators.errors import InvalidInput
@@ -85,7 +85,11 @@ def _answers(cells: Sequence[Cell], jobs: int, cluster: Cluster | None) -> Itera
 
 
 def measure(
-    path: Path, cells: Sequence[Cell], progress, jobs: int = 0, cluster: Cluster | None = None
+    path: Path,
+    cells: Sequence[Cell],
+    progress: Callable[[str, int, int, float], None],
+    jobs: int = 0,
+    cluster: Cluster | None = None,
 ) -> tuple[dict[str, Entry], list[str], int]:
     """Measure the cells that are new or changed; return (entry by cell id, failures, number of unchanged cells).
 

@@ -238,7 +238,15 @@ class _Work:
     Results go into ``out`` and, as they are finished, into the journal.
     """
 
-    def __init__(self, out: Outcome, journal: Journal, known, count: int, progress, cluster: Cluster | None):
+    def __init__(
+        self,
+        out: Outcome,
+        journal: Journal,
+        known: dict[str, Standing],
+        count: int,
+        progress: Callable[[str, int, int, float], None],
+        cluster: Cluster | None,
+    ) -> None:
         self.out, self.journal, self.known, self.count, self.progress = out, journal, known, count, progress
         self.cluster = cluster
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import io
 from collections.abc import Callable, Iterator
+from typing import TextIO
 
 from .run import Outcome
 
@@ -12,7 +13,7 @@ HEADINGS = ("experiment", "measured now", "sampled", "unchanged", "not by this v
 
 
 @contextlib.contextmanager
-def progress(stream) -> Iterator[Callable[[str, int, int, float], None]]:
+def progress(stream: TextIO) -> Iterator[Callable[[str, int, int, float], None]]:
     """Context manager that gives the function (experiment, done, total, seconds left) to show the progress of a run.
 
     The function draws a bar if the stream is a terminal, and does nothing otherwise.

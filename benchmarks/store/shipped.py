@@ -29,7 +29,7 @@ class ShippedTable(Generic[Known]):
         path: Path,
         build: Callable[..., Iterable[Mapping[str, object]]],
         parse: Callable[[list[dict[str, str]]], Known],
-    ):
+    ) -> None:
         self.path, self.build, self.parse = path, build, parse
         self._known: dict[Path, Known] = {}
 

@@ -14,6 +14,7 @@ import io
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from phasebench.integrators.errors import InvalidInput
 from phasebench.reference.files import write_file
@@ -22,13 +23,16 @@ from . import provenance, schema
 from .cells import Cell, text
 from .journal import Entry
 
+if TYPE_CHECKING:
+    import pandas as pd
+
 CURRENT, STALE = "current", "stale"
 PROVENANCE = ("content", "date", "machine", "spent", "digest", "state")
 
 Row = dict[str, str]
 
 
-def read(folder: Path, name: str, stale: bool = True):
+def read(folder: Path, name: str, stale: bool = True) -> tuple[pd.DataFrame, dict] | tuple[None, None]:
     """Read a table of a report folder; return (DataFrame, metadata from its JSON file), or (None, None) if absent.
 
     Rows measured by an earlier version of the code are included unless ``stale`` is False; ``about["stale"]`` is their
@@ -73,7 +77,7 @@ class Table:
     about : the metadata in the JSON file beside it; {} if there is none
     """
 
-    def __init__(self, folder: Path, name: str):
+    def __init__(self, folder: Path, name: str) -> None:
         self.name, self.path = name, folder / f"{name}.csv"
         self.rows: list[Row] = []
         if self.path.exists():

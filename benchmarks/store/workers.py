@@ -19,7 +19,7 @@ import time
 import traceback
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import IO, TYPE_CHECKING, Any, NamedTuple
 
 from .cells import POOL, UNCOMPILED, Cell
 from .provenance import machine
@@ -117,7 +117,7 @@ class Worker:
     answers : a queue shared by several workers, which receives (worker, answer); by default one of its own
     """
 
-    def __init__(self, where: str = POOL, answers: queue.Queue | None = None):
+    def __init__(self, where: str = POOL, answers: queue.Queue | None = None) -> None:
         self.where, self.process = where, None
         self.cell: Cell | None = None
         self._shared = answers
@@ -125,10 +125,10 @@ class Worker:
     def __enter__(self) -> Worker:
         return self
 
-    def __exit__(self, *_) -> None:
+    def __exit__(self, *_: object) -> None:
         self.stop()
 
-    def call(self, function: Callable, *arguments, seconds: float | None = None) -> Answer:
+    def call(self, function: Callable, *arguments: Any, seconds: float | None = None) -> Answer:
         """Call a module-level function and return its answer; end the process if it takes longer than ``seconds``."""
         self.send(function, arguments)
         try:
@@ -166,7 +166,7 @@ class Worker:
         self.answers = queue.Queue() if self._shared is None else self._shared
         threading.Thread(target=self._listen, args=(self.process.stdout, self.answers), daemon=True).start()
 
-    def _listen(self, stream, answers: queue.Queue) -> None:
+    def _listen(self, stream: IO[bytes], answers: queue.Queue) -> None:
         while True:
             try:
                 answers.put((self, pickle.load(stream)))

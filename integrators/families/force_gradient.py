@@ -132,9 +132,7 @@ def combine(b, g, c, k):
     return axpy(c, k, scale(b, g))
 
 
-def second_force(
-    product: None, dV: Function, b: Number, c: Number, q: Value, slope: Value, v: Value, place: Value
-) -> tuple[Number, Value]:
+def second_force(product, dV, b, c, q, slope, v, place):
     """The modified kick without the Hessian, by a second force: returns (weight b, slope grad V(q - 2 c / b v)).
 
     v is M^-1 grad V(q); arrays ``slope`` and ``place`` are overwritten, ``product`` is not used.

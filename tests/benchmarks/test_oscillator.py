@@ -49,6 +49,15 @@ def test_scheme_i_limit_next_to_a_pole(lam):
     assert len(found.intervals) == 1
 
 
+def test_scheme_i_has_one_interval_at_parameters_drawn_at_random():
+    """Its trace has a pole at 1/sqrt(lambda (lambda - 1)), where round-off is large; at 1/2 it has no limit."""
+    drawn = np.random.default_rng(31).uniform(-8, 9, 60)
+    for lam in (*(Fraction(k, 4) for k in range(-40, 45) if k != 2), *(Fraction(round(64 * x), 64) for x in drawn)):
+        found = oscillator.find(integrator("scheme-i", parameters={"lam": lam}))
+        assert found.limit == pytest.approx(float(2 / abs(1 - 2 * lam)), rel=DIGITS), lam
+        assert len(found.intervals) == 1, lam
+
+
 def test_pole_between_scan_points_is_not_the_limit():
     """tr = 2 - z^2 / (1 - 6 z^2): -2 at 0.4, infinite at 0.40825, then above 2 for all z."""
     found = linear_stability.stability(of_trace(lambda z: 2 - z**2 / (1 - 6 * z**2)))

@@ -12,6 +12,7 @@ import pytest
 import sympy as sp
 
 from phasebench.benchmarks.experiments.matrix.matrix import SMALL
+from phasebench.benchmarks.measure.manifold import nearest_state
 from phasebench.benchmarks.problems import PROBLEMS, problem
 from phasebench.benchmarks.problems.scenes import SCENES
 from phasebench.integrators.compile.codegen import compiled, value_kind
@@ -31,16 +32,9 @@ def state(made, seed=0):
 
 
 def on_manifold(system, values):
-    """The state that Gauss and Newton's method finds near a state, where all constraints vanish, as rationals."""
-    bound = [*system.constraints, *system.hidden]
-    names = [*system.q, *system.p]
-    f = sp.lambdify([names], bound, "mpmath")
-    J = sp.lambdify([names], [[e.diff(x) for x in names] for e in bound], "mpmath")
+    """The state near a state where all constraints vanish, as rationals."""
     with mpmath.workdps(2 * DIGITS):
-        y = mpmath.matrix([mpmath.mpf(v.p) / v.q for v in values])
-        for _ in range(10):
-            A = mpmath.matrix(J(list(y)))
-            y = y - A.T * mpmath.lu_solve(A * A.T, mpmath.matrix(f(list(y))))
+        y = nearest_state(system, [mpmath.mpf(v.p) / v.q for v in values])
         return [sp.Rational(int(mpmath.nint(x * mpmath.mpf(10) ** (2 * DIGITS))), 10 ** (2 * DIGITS)) for x in y]
 
 

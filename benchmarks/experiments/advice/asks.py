@@ -6,6 +6,7 @@ are on formulas of H that are in no registry of problems.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -33,11 +34,13 @@ class Field(NamedTuple):
     own: tuple[str, ...] = ()
 
 
-def _registered_field(label: str, shortest: float, longest: float, finest: int, keep=(), own=()) -> Field:
+def _registered_field(
+    label: str, shortest: float, longest: float, finest: int, keep: Sequence[str] = (), own: Sequence[str] = ()
+) -> Field:
     return Field((label,), (shortest, longest), finest, tuple(keep), tuple(own))
 
 
-def _formula(H: str, q: str, p: str, shortest: float, longest: float, finest: int, keep=()) -> Field:
+def _formula(H: str, q: str, p: str, shortest: float, longest: float, finest: int, keep: Sequence[str] = ()) -> Field:
     return Field(("--hamiltonian", H, f"--q={q}", f"--p={p}"), (shortest, longest), finest, tuple(keep))
 
 
@@ -125,13 +128,13 @@ def draw(seed: int = SEED, registered: int = REGISTERED, formulas: int = FORMULA
     return tuple(_ask(rng, f"{n:02d}", f, n > registered) for n, f in enumerate([*fields, *outside], 1))
 
 
-def _draw_evenly(rng, members: int, wanted: int) -> np.ndarray:
+def _draw_evenly(rng: np.random.Generator, members: int, wanted: int) -> np.ndarray:
     """Draw ``wanted`` indices from range(``members``) with the generator ``rng``, each equally often to within one."""
     whole, rest = divmod(wanted, members)
     return np.concatenate([np.tile(np.arange(members), whole), rng.permutation(members)[:rest]])
 
 
-def _ask(rng, name: str, field: Field, outside: bool) -> TypedRequest:
+def _ask(rng: np.random.Generator, name: str, field: Field, outside: bool) -> TypedRequest:
     """Draw a request for advice with the generator ``rng``: span, quantity and accuracy within the ranges of ``field``.
 
     ``name`` becomes the request's name; ``outside`` is True if the problem is in no registry.

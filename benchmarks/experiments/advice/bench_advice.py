@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from phasebench.benchmarks.experiments.advice.cells import TABLE, cells  # noqa: F401
 
 
-def unmet(rows) -> list[str]:
+def unmet(rows: list[dict]) -> list[str]:
     """List a line for each request whose advised command misses the accuracy when rerun; ``rows``: table "advice"."""
     return [f"{r['ask']}: {r['command']}: {r['rerun error']}" for r in rows if r["command"] and not r["met"]]
 
 
-def bench_advice(measured_rows):
+def bench_advice(measured_rows: Callable[[str], list[dict]]) -> None:
     """Check that every advised command meets its accuracy when a separate process runs it."""
     rows = measured_rows(TABLE)
     assert not unmet(rows), "\n".join(unmet(rows))
 
 
-def bench_verified(measured_rows):
+def bench_verified(measured_rows: Callable[[str], list[dict]]) -> None:
     """Check that advice is marked as verified, and that a request without advice has a reason."""
     wrong = [r["ask"] for r in measured_rows(TABLE) if not (r["verified"] if r["command"] else r["why"])]
     assert not wrong, wrong

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from math import inf
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -22,6 +22,10 @@ from phasebench.integrators.driver import OK
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.registry import METHODS
 from phasebench.reference.peers import PEERS
+
+if TYPE_CHECKING:
+    from phasebench.benchmarks.advice.ask import Ask
+    from phasebench.integrators.solution import Solution
 
 #: Factors between successive numbers of steps, in the coarse and in the fine search, and between tolerances.
 COARSE, FINE, TOLERANCE = 1.5, 1.08, 3.0
@@ -78,7 +82,7 @@ class Runs:
     made: dict[float, Run] = field(default_factory=dict)
     clocks: clock.Clocks = field(init=False)
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         self.clocks = clock.Clocks(self.ask.problem, self.ask.t_end)
 
     def met(self, run: Run) -> bool:
@@ -111,7 +115,7 @@ class Runs:
         told = self.solution(**quantity.grid(**given), **stop) if rows else bare
         return Run(size, told.status == OK, error(self.ask.problem, quantity, told, self.true), seconds)
 
-    def solution(self, part: float = 1.0, **more):
+    def solution(self, part: float = 1.0, **more: Any) -> Solution:
         """Integrate over the first ``part`` (a share from 0 to 1) of the span and return the solution.
 
         ``more`` are options of the run, such as the number of steps.
@@ -157,7 +161,7 @@ class Best(NamedTuple):
     count: int
 
 
-def everybody(ask) -> Iterator[Integrator]:
+def everybody(ask: Ask) -> Iterator[Integrator]:
     """Yield the installed integrators that can handle a request (its problem and invariants), heyoka first."""
     for record in sorted((*METHODS, *PEERS), key=lambda r: r.id != FIRST):
         c = Integrator(record)
@@ -167,7 +171,7 @@ def everybody(ask) -> Iterator[Integrator]:
             yield c
 
 
-def best(ask, true: Truth) -> Best | None:
+def best(ask: Ask, true: Truth) -> Best | None:
     """Find the fastest run of any integrator that meets the accuracy; None where none does."""
     found, tried, count, cheapest = None, 0, 0, inf
     for integrator in everybody(ask):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 import pandas as pd
 
@@ -16,6 +18,9 @@ from . import brute, cells
 from .asks import FORMULAS, REGISTERED, SEED
 from .cells import LIMIT, ROUNDS, TABLE
 
+if TYPE_CHECKING:
+    from pathlib import Path
+
 #: Advice counts as near the fastest up to this ratio of times; the share of requests that has to be near.
 NEAR, OFTEN = 1.2, 0.9
 #: The quantity that energy-preserving methods keep however wrong the orbit is.
@@ -27,7 +32,7 @@ def true(column: pd.Series) -> pd.Series:
     return column.astype(str).str.lower().eq("true")
 
 
-def _problem_text(problem: str, outside) -> str:
+def _problem_text(problem: str, outside: bool | str) -> str:
     """Format a problem for the table: its name, or its formula as code if it is ``outside`` the registry."""
     return code(problem) if str(outside).lower() == "true" else problem
 
@@ -112,7 +117,7 @@ def answer(data: Data) -> str | None:
 
 
 @of(TABLE)
-def draw(table: pd.DataFrame, folder) -> list[Picture] | None:
+def draw(table: pd.DataFrame, folder: Path) -> list[Picture] | None:
     """Draw the time of the advised integration over the fastest's, by requested accuracy; None without ratios."""
     told = _with_brute_force(table)
     if told.empty:

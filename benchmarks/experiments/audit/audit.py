@@ -167,7 +167,7 @@ def cells(quick: bool = False) -> list[Cell]:
     return own + statement_cells.cells() + unregistered.cells() + modes.cells(CONTROLS)
 
 
-def _cell(id: str, record, names: tuple[str, ...]) -> Cell:
+def _cell(id: str, record: Method | Peer, names: tuple[str, ...]) -> Cell:
     return Cell(
         "audit",
         ("audit", "audit_claims"),
@@ -187,6 +187,6 @@ def measure_rows(id: str) -> Rows:
     return {"audit": found.rows, "audit_claims": found.claims}
 
 
-def _tell(progress, id: str, what: str) -> None:
+def _tell(progress: Callable[[str], None] | None, id: str, what: str) -> None:
     if progress is not None:
         progress(f"{id}: {what}")

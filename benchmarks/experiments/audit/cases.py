@@ -8,11 +8,16 @@ The reference states come from that series, restarted from the rounded state and
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import TYPE_CHECKING
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from phasebench.benchmarks.measure.integrator import Integrator
+    from phasebench.benchmarks.problems.base import Problem
 
 #: Rows of a run that measures the order, equally spaced in time; the error is the largest over them.
 ROWS = 2
@@ -73,7 +78,7 @@ BY_NAME = {c.problem: c for c in (*CASES, OSCILLATOR)}
 
 
 @lru_cache(maxsize=32)
-def problem(case: Case):
+def problem(case: Case) -> Problem:
     """Build the problem of a case, with the case's parameters; the result is cached."""
     from phasebench.benchmarks.problems import problem
 
@@ -108,7 +113,7 @@ class Truth:
     sizes: tuple[float, float]
     noise: float
 
-    def error(self, q, p) -> float:
+    def error(self, q: np.ndarray, p: np.ndarray) -> float:
         """The largest error of rows q, p, relative to the size of the coordinates or the momenta."""
         return max(float(np.abs(x - y).max()) / s for x, y, s in zip((q, p), (self.q, self.p), self.sizes, strict=True))
 
@@ -133,7 +138,7 @@ def truth(case: Case) -> Truth:
     return Truth(Q, P, sizes, 100 * (EPS + away))
 
 
-def able(peer, wanted) -> Iterator[Case]:
+def able(peer: Integrator, wanted: Iterable[Case]) -> Iterator[Case]:
     """Yield the cases of ``wanted`` that a peer, an integrator of another package, can integrate."""
     for case in wanted:
         made = problem(case)
@@ -141,7 +146,7 @@ def able(peer, wanted) -> Iterator[Case]:
             yield case
 
 
-def select(peer, measure: str, quick: bool = False) -> list[Case]:
+def select(peer: Integrator, measure: str, quick: bool = False) -> list[Case]:
     """Select the cases of a measure that a peer can integrate: at most two with separable H, and one or two without.
 
     ``measure`` is "order", "symplecticity" and the like; measures other than "order" and "tolerance", and quick runs,

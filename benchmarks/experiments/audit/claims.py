@@ -15,12 +15,18 @@ The decisions are made by `judge.decide` with the thresholds `AUDIT`.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from typing import TYPE_CHECKING
 
 from phasebench.benchmarks.judge import decide
 from phasebench.benchmarks.judge.evidence import agrees, has, keeps_structure
 from phasebench.benchmarks.judge.verdict import UNDERSTATED, UNJUDGED
 from phasebench.benchmarks.measure.integrator import integrator
 from phasebench.integrators.record import BOUNDED, DRIFT
+
+if TYPE_CHECKING:
+    from phasebench.benchmarks.measure.integrator import Integrator
+    from phasebench.integrators.record import Method
+    from phasebench.reference.peers import Peer
 
 KEPT = {"symplecticity": "symplectic", "reversibility": "reversible"}
 
@@ -30,7 +36,7 @@ def number(x: float) -> str:
     return f"{x:.3g}"
 
 
-def order_text(row) -> str:
+def order_text(row: dict) -> str:
     """Format a row's order with its interval and problem, or the reason why it has none."""
     if row["status"] != "ok":
         return f"{row['status']} ({row['problem']}: {row['reason']})"
@@ -39,7 +45,7 @@ def order_text(row) -> str:
     return f"{row['value']:.2f} [{row['low']:.2f}, {row['high']:.2f}] ({row['problem']})"
 
 
-def structure_text(row) -> str:
+def structure_text(row: dict) -> str:
     """Format a row of a symplecticity or reversibility defect as text.
 
     It has the defect, its floor (the smallest defect that can be resolved), RK4's defect, the integrator's own error,
@@ -56,7 +62,7 @@ def structure_text(row) -> str:
     return f"{text} ({row['problem']}, h = {number(row['h'])}, {row['steps']:.0f} steps)"
 
 
-def energy_text(row) -> str:
+def energy_text(row: dict) -> str:
     """Format the largest energy error, and the slope of the drift with its interval."""
     if row["status"] != "ok":
         return f"{row['status']} ({row['problem']}: {row['reason']})"
@@ -76,7 +82,7 @@ PROPERTIES: dict[str, tuple[str, Callable[..., decide.Decision], Callable[[dict]
 }
 
 
-def decision(name: str, claimed, rows: list[dict]) -> tuple[str, list[dict], str]:
+def decision(name: str, claimed: int | bool | str, rows: list[dict]) -> tuple[str, list[dict], str]:
     """Decide on the claim of a property, a key of `PROPERTIES`: (verdict, the rows that decide, reason)."""
     _, decide_by, _, unjudged = PROPERTIES[name]
     verdict, seen = decide_by(claimed, rows, decide.AUDIT)
@@ -87,7 +93,7 @@ def decision(name: str, claimed, rows: list[dict]) -> tuple[str, list[dict], str
     return verdict, seen, f"as far as t = {max(r['time'] for r in seen):.0f} tells" if far else ""
 
 
-def _words(name: str, claimed) -> str:
+def _words(name: str, claimed: int | bool | str) -> str:
     """A claim in words, as "order 4" or "not symplectic"."""
     if name == "order":
         return f"order {claimed:.0f}"
@@ -96,7 +102,7 @@ def _words(name: str, claimed) -> str:
     return name if claimed else f"not {name}"
 
 
-def judgements(peer, version: str, rows: Iterable[dict]) -> list[dict]:
+def judgements(peer: str | Method | Peer | Integrator, version: str, rows: Iterable[dict]) -> list[dict]:
     """Judge every claim of a peer from its rows of the audit; ``version`` is that of its package.
 
     Returns

@@ -22,6 +22,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from functools import lru_cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -32,6 +33,11 @@ from phasebench.benchmarks.measure.integrator import integrator
 
 from . import cases
 from .cases import EPS, Case
+
+if TYPE_CHECKING:
+    from phasebench.benchmarks.measure.integrator import Integrator
+    from phasebench.integrators.keywords import State
+    from phasebench.integrators.solution import Solution
 
 #: The ladder of an order: numbers of steps between rows, of which a run has `cases.ROWS`.
 LADDER = tuple(sorted({round(2 ** (k / 2)) for k in range(23)}))
@@ -77,7 +83,16 @@ def never(seconds: float = 0.0) -> bool:
     return False
 
 
-def run(peer, case: Case, h: float, steps: int, state=None, every: int = 0, tol=None, fine=("ok",)):
+def run(
+    peer: Integrator,
+    case: Case,
+    h: float,
+    steps: int,
+    state: tuple[State, State] | None = None,
+    every: int = 0,
+    tol: float | None = None,
+    fine: tuple[str, ...] = ("ok",),
+) -> Solution:
     """Integrate a case with a peer and return the solution; raise RunFailed unless its status is one of ``fine``.
 
     ``state`` (q, p) replaces the case's start; a row is stored every ``every`` steps; ``tol`` is an adaptive peer's.
@@ -94,12 +109,12 @@ def run(peer, case: Case, h: float, steps: int, state=None, every: int = 0, tol=
     return s
 
 
-def _high(peer) -> bool:
+def _high(peer: Integrator) -> bool:
     """True if the known or claimed order is at least `HIGH`."""
     return max(peer.order or 0, peer.claims.order or 0) >= HIGH
 
 
-def order(peer, case: Case, late: Callable[..., bool] = never) -> dict:
+def order(peer: Integrator, case: Case, late: Callable[..., bool] = never) -> dict:
     """Measure the order in h, with its interval and the window of steps of the fit; ``late()``: the time is over."""
     truth = cases.truth(case)
     h, error, why = [], [], ""
@@ -147,7 +162,7 @@ def order(peer, case: Case, late: Callable[..., bool] = never) -> dict:
     }
 
 
-def asymptotic(h, error, noise: float):
+def asymptotic(h: np.ndarray, error: np.ndarray, noise: float) -> tuple[metrics.Order, float]:
     """Fit the order to errors (m,) at falling steps h (m,): (order and interval, half its change inside the window)."""
     # At steps finer than that of the least error round-off accumulates; it also affects errors near the least.
     least = int(np.nanargmin(error)) + 1
@@ -165,7 +180,7 @@ def asymptotic(h, error, noise: float):
     return found, _bend(found, h, error)
 
 
-def _bend(found, h, error) -> float:
+def _bend(found: metrics.Order, h: np.ndarray, error: np.ndarray) -> float:
     """Half the difference of the error's log-log slopes over the finer and the coarser half of an order's window."""
     if found.points < 3:
         return 0.0
@@ -176,11 +191,13 @@ def _bend(found, h, error) -> float:
     return float(abs(slopes[1] - slopes[0])) / 2
 
 
-def _map(peer, case: Case, h: float, steps: int, tol=None, taken: list | None = None):
+def _map(
+    peer: Integrator, case: Case, h: float, steps: int, tol: float | None = None, taken: list | None = None
+) -> Callable[[np.ndarray], np.ndarray]:
     """Make the map of ``steps`` steps on states (2 d,); each call appends the number of steps taken to ``taken``."""
     d = cases.problem(case).system.d
 
-    def flow(y):
+    def flow(y: np.ndarray) -> np.ndarray:
         s = run(peer, case, h, steps, (y[:d], y[d:]), tol=tol)
         if taken is not None:
             taken.append(s.counts["steps"])
@@ -189,14 +206,14 @@ def _map(peer, case: Case, h: float, steps: int, tol=None, taken: list | None = 
     return flow
 
 
-def _symplectic_defect(peer, case: Case, h: float, steps: int) -> tuple[float, float]:
+def _symplectic_defect(peer: Integrator, case: Case, h: float, steps: int) -> tuple[float, float]:
     """The symplecticity defect of ``steps`` steps, and its noise."""
     y = np.concatenate(cases.start(case))
     value, noise = step_map.symplecticity(_map(peer, case, h, steps), y, DISPLACEMENT, 2 * DISPLACEMENT)
     return value, max(noise, EPS * float(np.abs(y).max()) * steps / DISPLACEMENT)
 
 
-def _reverse_distance(peer, case: Case, h: float, steps: int) -> tuple[float, float]:
+def _reverse_distance(peer: Integrator, case: Case, h: float, steps: int) -> tuple[float, float]:
     """The distance from the start after ``steps`` steps out and back, and the round-off to expect in it."""
     y = np.concatenate(cases.start(case))
     return float(step_map.reversibility_defect(_map(peer, case, h, steps), y)), EPS * float(np.abs(y).max()) * steps
@@ -215,12 +232,12 @@ def _controls(measure: str, case: Case, h: float, steps: int) -> tuple[float, fl
     return max(MEASURED[measure](known, case, h, steps)), MEASURED[measure](integrator(CLASSICAL), case, h, steps)[0]
 
 
-def _own_error(peer, case: Case, h: float, steps: int) -> float:
+def _own_error(peer: Integrator, case: Case, h: float, steps: int) -> float:
     """The distance between the end of ``steps`` steps of h and that of twice as many steps of h / 2."""
     return float(np.abs(end_state(run(peer, case, h, steps)) - end_state(run(peer, case, h / 2, 2 * steps))).max())
 
 
-def _structure(measure: str, peer, case: Case, steps: int) -> dict:
+def _structure(measure: str, peer: Integrator, case: Case, steps: int) -> dict:
     """Measure a peer's symplecticity or reversibility defect over ``steps`` steps, beside those of the two controls.
 
     ``measure`` is "symplecticity" or "reversibility".  The dict has the defect (``value``), its floor, that of RK4, the
@@ -246,7 +263,7 @@ def _structure(measure: str, peer, case: Case, steps: int) -> dict:
     return out
 
 
-def symplecticity(peer, case: Case, late: Callable[..., bool] = never) -> dict:
+def symplecticity(peer: Integrator, case: Case, late: Callable[..., bool] = never) -> dict:
     """Measure the symplecticity defect of 1 and of 10 steps; ``value`` is the one farther above its round-off.
 
     ``late()`` is True when the time for the measurement is over.
@@ -261,7 +278,7 @@ def symplecticity(peer, case: Case, late: Callable[..., bool] = never) -> dict:
     return worst | {f"defect_{r['steps']}": r["value"] for r in rows}
 
 
-def reversibility(peer, case: Case, late: Callable[..., bool] = never) -> dict:
+def reversibility(peer: Integrator, case: Case, late: Callable[..., bool] = never) -> dict:
     """Measure the distance from the start after steps out and back, absolute and in units of round-off."""
     if peer.adaptive:
         tol, taken = _tolerances(peer)[1], []
@@ -273,12 +290,12 @@ def reversibility(peer, case: Case, late: Callable[..., bool] = never) -> dict:
     return out | {"bitwise": out["value"] == 0, "units": out["value"] / (unit * 2 * OUT)}
 
 
-def _tolerances(peer) -> list[float]:
+def _tolerances(peer: Integrator) -> list[float]:
     """`TOLERANCES`, each raised to the least that a peer accepts."""
     return [max(t, peer.record.least) for t in TOLERANCES]
 
 
-def energy(peer, case: Case, late: Callable[..., bool] = never) -> dict:
+def energy(peer: Integrator, case: Case, late: Callable[..., bool] = never) -> dict:
     """Measure the largest error of H and the slope of its drift, on a run as long as the time budget allows."""
     system = cases.problem(case).system
     tol = None
@@ -300,7 +317,7 @@ def energy(peer, case: Case, late: Callable[..., bool] = never) -> dict:
     }
 
 
-def _matrix(peer, case: Case, h: float, steps: int = 1) -> np.ndarray:
+def _matrix(peer: Integrator, case: Case, h: float, steps: int = 1) -> np.ndarray:
     """The matrix of ``steps`` steps on a linear system of d = 1; its columns are the images of the unit vectors.
 
     Unstable runs are accepted: the matrix is defined at every step size.
@@ -309,7 +326,7 @@ def _matrix(peer, case: Case, h: float, steps: int = 1) -> np.ndarray:
     return np.array([end_state(run(peer, case, h, steps, s, fine=("ok", "inaccurate", "unstable"))) for s in starts]).T
 
 
-def stability(peer, case: Case, late: Callable[..., bool] = never) -> dict:
+def stability(peer: Integrator, case: Case, late: Callable[..., bool] = never) -> dict:
     """Find the stable intervals of h omega; ``value``: end of the first; ``reason``: why the scan ended early."""
     end = ""
 
@@ -340,7 +357,7 @@ def stability(peer, case: Case, late: Callable[..., bool] = never) -> dict:
     }
 
 
-def cost(peer, case: Case, late: Callable[..., bool] = never) -> dict:
+def cost(peer: Integrator, case: Case, late: Callable[..., bool] = never) -> dict:
     """Measure warm microseconds per step, and per unit of time for adaptive peers that do not count steps."""
     h, steps, tol = case.h, 100, _tolerances(peer)[1] if peer.adaptive else None
     try:
@@ -370,7 +387,7 @@ def cost(peer, case: Case, late: Callable[..., bool] = never) -> dict:
     }
 
 
-def tolerance(peer, case: Case, late: Callable[..., bool] = never) -> dict:
+def tolerance(peer: Integrator, case: Case, late: Callable[..., bool] = never) -> dict:
     """Measure an adaptive peer's largest relative error over the span at each of its tolerances."""
     truth, out = cases.truth(case), {}
     for tol in dict.fromkeys(_tolerances(peer)):

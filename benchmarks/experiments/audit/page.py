@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, Any
+
 import pandas as pd
 
 from phasebench.benchmarks.judge import evidence
@@ -14,12 +16,15 @@ from phasebench.benchmarks.page.verdict import EVERY, FAIL, Count, Verdict
 from . import audit, figures, measures, modes
 from .statements import NEAR, SEVERITIES
 
+if TYPE_CHECKING:
+    from pathlib import Path
+
 OWN = "phasebench"
 #: Characters of a statement that the table quotes; the CSV has the whole statement.
 QUOTED = 32
 
 
-def records(frame) -> list[dict]:
+def records(frame: pd.DataFrame) -> list[dict]:
     """Convert a frame to a list of dicts, one a row, with None for a missing number and "" for a missing text."""
     rows = frame.astype(object).where(frame.notna(), None).to_dict("records")
     texts = ("reason", "problem", "measured", "problems", "source")
@@ -154,7 +159,7 @@ def _count_unaudited(left: pd.DataFrame | None) -> str:
 
 
 @of("audit", "audit_claims")
-def draw(found: pd.DataFrame, claimed: pd.DataFrame, folder) -> list[Picture] | None:
+def draw(found: pd.DataFrame, claimed: pd.DataFrame, folder: Path) -> list[Picture] | None:
     """Draw the measured minus the claimed orders of the packages' integrators; None if there are no orders."""
     rows = [r for r in records(found) if r["package"] != OWN]
     file = figures.orders(rows, records(claimed), folder)
@@ -201,7 +206,7 @@ def table(data: Data) -> Table | None:
     return Table(pd.DataFrame(lines[:ROWS]).fillna(""), caption)
 
 
-def _statement_line(r) -> dict:
+def _statement_line(r: Any) -> dict:
     """Make a line of the findings' table from a judged statement: its words, what was measured, and the verdict."""
     return {
         "package": f"{r.package} {r.version}",
@@ -213,7 +218,7 @@ def _statement_line(r) -> dict:
     }
 
 
-def _claim(r) -> dict:
+def _claim(r: Any) -> dict:
     """Make a line of the findings' table from a judged claim: the claim, what was measured, and the verdict."""
     return {
         "package": f"{r.package} {r.version}",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 from phasebench.benchmarks.judge.evidence import LARGE, keeps_structure, kind
 from phasebench.benchmarks.judge.verdict import CONTRADICTED, IN_PART
@@ -13,11 +14,17 @@ from phasebench.integrators.record import BOUNDED, DRIFT, ROUND_OFF
 from .cases import BY_NAME
 from .measures import GROWING_AT, TOLERANCES
 
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.table import Table
+
+    from .audit import Audit
+
 #: Width of tables when stdout is not a terminal.
 WIDTH = 100
 
 
-def half_width(row) -> float:
+def half_width(row: dict) -> float:
     """Half the width of the confidence interval in a row of the audit."""
     return (row["high"] - row["low"]) / 2
 
@@ -32,12 +39,12 @@ def legend(rows: Iterable[dict]) -> str:
     return ", ".join(f"{letter(p)} {p}" for p in dict.fromkeys(r["problem"] for r in rows if r["problem"]))
 
 
-def _order(row) -> str:
+def _order(row: dict) -> str:
     """Format the measured order in a row, or "no window" if no range of steps shows one."""
     return "no window" if row.get("value") is None else f"{row['value']:.2f} +- {half_width(row):.2f}"
 
 
-def _structure(row) -> str:
+def _structure(row: dict) -> str:
     """Format the symplecticity or reversibility defect in a row, with "broken" or "unclear" where it is."""
     if row.get("bitwise"):
         return "0 bitwise"
@@ -47,7 +54,7 @@ def _structure(row) -> str:
     return f"{row['value']:.0e}{word}"
 
 
-def _energy(row) -> str:
+def _energy(row: dict) -> str:
     """Format a row's largest energy error, whether it is round-off, bounded or drifts, and the slope of the drift."""
     word = {ROUND_OFF: "round-off", BOUNDED: "bounded", DRIFT: "drifts", None: "open"}[kind(row)]
     if word == "open" and row["value"] > LARGE * row["scale"]:
@@ -55,7 +62,7 @@ def _energy(row) -> str:
     return f"{row['value']:.0e} {word} {row['slope']:+.0e} +- {half_width(row):.0e}"
 
 
-def _stability(row) -> str:
+def _stability(row: dict) -> str:
     """Format the end of the first stable interval of h omega in a row, and any later ones."""
     pieces = [tuple(map(float, piece.split(".."))) for piece in (row.get("intervals") or "").split()]
     if row.get("unconditional"):
@@ -69,12 +76,12 @@ def _stability(row) -> str:
     return f"{first}; unstable on {', '.join(windows)}, then from {pieces[-1][1]:.4g}" if windows else first
 
 
-def _cost(row) -> str:
+def _cost(row: dict) -> str:
     """Format a row's microseconds a step; where steps are not counted, microseconds a unit of time."""
     return f"{row['per_time']:.3g} a unit of time" if row["value"] is None else f"{row['value']:.3g}"
 
 
-def _tolerance(row) -> str:
+def _tolerance(row: dict) -> str:
     """Format an adaptive peer's errors at each of `TOLERANCES`, then at its other tolerances."""
     parts = ["-" if row.get(k) is None else f"{row[k]:.0e}" for k in ERRORS]
     others = [k for k in row if k.startswith("error_") and k not in ERRORS and row[k] is not None]
@@ -144,7 +151,7 @@ def lines(rows: list[dict], claims: list[dict], adaptive: bool) -> list[dict]:
     return out
 
 
-def show(found, console=None) -> None:
+def show(found: Audit, console: Console | None = None) -> None:
     """Print an `Audit`: the measures of each integrator, every claim with its verdict, failures, contradictions.
 
     ``console`` is a rich Console; one that is not a terminal is `WIDTH` characters wide, or as COLUMNS says.
@@ -175,7 +182,7 @@ def show(found, console=None) -> None:
         console.print(f"{c['peer']} {c['version']}: '{c['claim']}' ({c['source']})", markup=False, highlight=False)
 
 
-def _pairs(line: dict):
+def _pairs(line: dict) -> Table:
     """Make a table of two columns, measure and value, of one integrator's ``line``; measures not made are left out."""
     from rich.table import Table
     from rich.text import Text
@@ -187,7 +194,7 @@ def _pairs(line: dict):
     return table
 
 
-def _show_claims(claims: list[dict], console) -> None:
+def _show_claims(claims: list[dict], console: Console) -> None:
     """Print a table of the claims, with their verdicts and what was measured."""
     from rich.table import Table
     from rich.text import Text

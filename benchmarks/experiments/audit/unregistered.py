@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterable
 from importlib import import_module
 from pathlib import Path
 from pkgutil import iter_modules
+from typing import TYPE_CHECKING, Any
 
 from phasebench.benchmarks.store.cells import Cell, Rows, content
 from phasebench.reference.installed import version_of
@@ -19,6 +20,11 @@ from phasebench.reference.native import LIBRARIES, compiler, load_library
 from phasebench.reference.peers import PACKAGES
 
 from .python import require
+
+if TYPE_CHECKING:
+    from types import ModuleType
+
+    from phasebench.reference.peers import Peer
 
 #: REBOUND's integrators that are not for general Hamiltonian systems, with the reason.
 OTHERWISE = {"sei": "of the shearing sheet alone", "none": "it moves nothing"}
@@ -35,18 +41,20 @@ PART = re.compile("base|categories|controlled|controller|dense_out|generation|ge
 PAIR = re.compile(r"return init_fn, (step|apply|block)_fn\s*$")
 
 
-def _classes(namespace, base, without: Iterable[str] = ()) -> set[str]:
+def _classes(namespace: ModuleType, base: type, without: Iterable[str] = ()) -> set[str]:
     """Return the names of the concrete subclasses of ``base`` in a namespace, except those in ``without``."""
     found = {n for n, c in vars(namespace).items() if inspect.isclass(c) and issubclass(c, base) and c is not base}
     return {n for n in found if not inspect.isabstract(getattr(namespace, n))} - set(without)
 
 
-def _peers(package: str):
+def _peers(package: str) -> tuple[Peer, ...]:
     """The registered peers (integrators of other packages) that belong to ``package``."""
     return next(m for m in PACKAGES if m.PEERS[0].package == package).PEERS
 
 
-def _missing_names(package: str, names: Iterable[str], of=lambda peer: peer.claims.source) -> list[str]:
+def _missing_names(
+    package: str, names: Iterable[str], of: Callable[[Peer], str] = lambda peer: peer.claims.source
+) -> list[str]:
     """Return the names that no registered peer of a package uses, sorted.
 
     A name is used if it occurs as a word in ``of(peer)``, by default the source of its claims, of any peer.
@@ -242,7 +250,7 @@ def _rebounds() -> list[str]:
     return sorted({n.decode() for n in found})
 
 
-def _options(name: str, integrator) -> dict[str, list[str]]:
+def _options(name: str, integrator: Any) -> dict[str, list[str]]:
     """Parse an integrator's documentation: option of `METHODS` -> its values other than the default."""
     out = {}
     for part in re.split(r"\n(?=\w+ : c_)", integrator.__doc__.partition("Attributes")[2]):

@@ -11,12 +11,18 @@ import contextlib
 import time
 from functools import cache
 from math import isfinite
+from typing import TYPE_CHECKING
 
 from phasebench.benchmarks.measure.integrator import integrator
 from phasebench.benchmarks.store.workers import LATE, Worker
 from phasebench.reference.installed import version_of
 
 from . import cases, measures
+
+if TYPE_CHECKING:
+    from phasebench.benchmarks.measure.integrator import Integrator
+    from phasebench.integrators.record import Method
+    from phasebench.reference.peers import Peer
 
 #: Time limit in seconds for loading a package and compiling a peer for its cases.
 LOADING = 120.0
@@ -26,7 +32,9 @@ PATIENCE, MORE = 1.5, 3.0
 PREPARE = "package"
 
 
-def row(peer, measure: str, case_name: str = "", seconds: float = float("inf")) -> dict:
+def row(
+    peer: str | Method | Peer | Integrator, measure: str, case_name: str = "", seconds: float = float("inf")
+) -> dict:
     """Measure a peer ("order", "energy", ...) on a case in this process: its row; no run begins after ``seconds``.
 
     The budget does not include the reference states, which are computed once for all peers.
@@ -62,7 +70,7 @@ def row(peer, measure: str, case_name: str = "", seconds: float = float("inf")) 
     return out | {"seconds": round(spent, 3)}
 
 
-def blank(peer, measure: str, case_name: str = "") -> dict:
+def blank(peer: str | Method | Peer | Integrator, measure: str, case_name: str = "") -> dict:
     """Make a row that names a peer, a measure and a case, with status "ok" and no measured values yet."""
     peer = integrator(peer)
     return {
@@ -78,7 +86,7 @@ def blank(peer, measure: str, case_name: str = "") -> dict:
     }
 
 
-def _prepare(peer) -> dict:
+def _prepare(peer: Integrator) -> dict:
     """Load the peer's package and take one step on each case, so that everything is compiled before the time counts."""
     try:
         peer.load()
@@ -101,7 +109,9 @@ def shared_worker() -> Worker:
     return worker
 
 
-def row_elsewhere(peer, measure: str, case_name: str = "", seconds: float = LOADING) -> dict:
+def row_elsewhere(
+    peer: Method | Peer | Integrator, measure: str, case_name: str = "", seconds: float = LOADING
+) -> dict:
     """Measure a peer on a case in the worker process and return the row.
 
     If the process dies or is killed after its time limit, the row has the status "invalid" or "timeout" and the reason.

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import pandas as pd
 import pytest
 
@@ -10,13 +12,13 @@ from phasebench.benchmarks.experiments.catalogue.transcribed_page import measure
 from phasebench.benchmarks.page.verdict import PASS
 
 
-def bench_coefficients(measured_rows):
+def bench_coefficients(measured_rows: Callable[[str], list[dict]]) -> None:
     """Check that every published table of coefficients has the order that it declares."""
     wrong = [r for r in measured_rows("coefficients") if r["order"] != r["declared order"]]
     assert not wrong, wrong
 
 
-def bench_transcribed(measured_rows):
+def bench_transcribed(measured_rows: Callable[[str], list[dict]]) -> None:
     """Check that integrations have the order by the order conditions, for each table transcribed from a package."""
     verdict = measured_orders(lambda name: pd.DataFrame(measured_rows(name)))
     if verdict is None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import mpmath
 import pandas as pd
 
@@ -11,12 +13,15 @@ from phasebench.integrators.coefficients.fractions import DIGITS
 from phasebench.integrators.coefficients.order_conditions import TOLERANCE, conditions, excess, leading_norms, residuals
 from phasebench.integrators.coefficients.polish import locate, starting_values
 
+if TYPE_CHECKING:
+    from phasebench.integrators.coefficients.order_conditions import Residuals
 
-def _digits(x) -> str:
+
+def _digits(x: mpmath.mpf) -> str:
     return mpmath.nstr(x, 2, min_fixed=0, max_fixed=0)
 
 
-def observed_order(found, limit: int, powers: int) -> tuple[int, ...]:
+def observed_order(found: Residuals, limit: int, powers: int) -> tuple[int, ...]:
     """Derive the order from residuals of order conditions: for each power of eps the degree up to which they vanish.
 
     Parameters

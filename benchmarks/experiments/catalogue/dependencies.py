@@ -37,7 +37,7 @@ def requirement_names(requires: list[str] | None, extra: str = "") -> list[str]:
     return [key(r.name) for r in found if r.marker is None or r.marker.evaluate({"extra": extra})]
 
 
-def licence(about) -> str:
+def licence(about: metadata.PackageMetadata) -> str:
     """Return the licence that a distribution's metadata ``about`` name; "" if they name none."""
     for field in ("License-Expression", "License"):
         text = " ".join((about.get(field) or "").split())

@@ -54,11 +54,17 @@ def files_without_score(lines: list[dict[str, str]], root: Path = sources.ROOT) 
 
 
 def changeable(code: str) -> bool:
-    """True if Python source has a function, a comparison or a number, and therefore mutants."""
+    """True if Python source has a function, a comparison, a number or a truth value, and therefore mutants.
+
+    Decorators are not changed.
+    """
+    tree = ast.parse(code)
+    decorators = {x for n in ast.walk(tree) for d in getattr(n, "decorator_list", ()) for x in ast.walk(d)}
     return any(
         isinstance(node, (ast.FunctionDef, ast.Compare))
-        or (isinstance(node, ast.Constant) and type(node.value) in (int, float))
-        for node in ast.walk(ast.parse(code))
+        or (isinstance(node, ast.Constant) and type(node.value) in (bool, int, float))
+        for node in ast.walk(tree)
+        if node not in decorators
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cache
+from typing import TYPE_CHECKING
 
 import pandas as pd
 
@@ -15,6 +16,9 @@ from phasebench.integrators.record import ROUND_OFF
 from phasebench.integrators.registry import METHODS
 
 from . import acta_page, describe, mutation_page, transcribed_page
+
+if TYPE_CHECKING:
+    import sympy as sp
 
 KINDS = {
     "composition": "symmetric compositions of a symmetric base of order 2",
@@ -87,7 +91,7 @@ def _problems() -> tuple[Problem, ...]:
     return tuple(problem(name) for name in PROBLEMS)
 
 
-def _formula(H) -> str:
+def _formula(H: sp.Expr) -> str:
     text = str(H)
     return text if len(text) <= LONGEST else f"{text[: LONGEST // 2]} … (see its module)"
 

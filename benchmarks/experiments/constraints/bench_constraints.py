@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 import pandas as pd
 import pytest
 
@@ -11,7 +14,7 @@ from phasebench.benchmarks.page.verdict import PASS
 
 
 @pytest.mark.parametrize("verdict", [kept, left, same, drift])
-def bench_constraints(measured_rows, verdict):
+def bench_constraints(measured_rows: Callable[[str], list[dict]], verdict: Callable[..., Any]) -> None:
     """Check a verdict of the page: methods keep constraints and energy, and the control leaves the manifold."""
     found = verdict(lambda name: pd.DataFrame(measured_rows(name)))
     if found is None:

@@ -67,7 +67,7 @@ def cells(quick: bool = False) -> list[Cell]:
     return runs + long + loose
 
 
-def _cell(table: str, key: dict, measure: Callable, arguments: tuple, *needed) -> Cell:
+def _cell(table: str, key: dict, measure: Callable, arguments: tuple, *needed: object) -> Cell:
     return Cell("constraints", (table,), key, measure, arguments, content(table, *arguments, *needed, code=CODE))
 
 
@@ -121,7 +121,7 @@ def loose_run(tol: float) -> Rows:
 
 
 @numba.njit
-def loose_rattle(q, p, h, steps, every, tol):
+def loose_rattle(q: np.ndarray, p: np.ndarray, h: float, steps: int, every: int, tol: float) -> tuple[np.ndarray, int]:
     """Integrate the spherical pendulum by RATTLE, with the constraint iterated until ||q|^2 - 1| <= tol.
 
     Returns (energies of the rows, one each ``every`` steps, total number of iterations).

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from phasebench.benchmarks.experiments.drift.coverage import cells  # noqa: F401
 from phasebench.benchmarks.experiments.drift.page import LEAST, is_resolved
 
 
-def off(rows) -> list[str]:
+def off(rows: list[dict]) -> list[str]:
     """List a line for each kind of series with a resolved oscillation whose intervals miss the true drift too often.
 
     ``rows`` are those of the table "drift_coverage".
@@ -18,7 +20,7 @@ def off(rows) -> list[str]:
     ]
 
 
-def bench_coverage(measured_rows):
+def bench_coverage(measured_rows: Callable[[str], list[dict]]) -> None:
     """Check that drift intervals cover the true drift often enough for every series with a resolved oscillation."""
     wrong = off(measured_rows("drift_coverage"))
     assert not wrong, "\n".join(wrong)

@@ -37,7 +37,9 @@ LENGTHS, PERIODS, DRAWN = (400, 5000), (0.5, 1, 2, 4, 10, 25, 70, 190), 400
 SAMPLED = 4
 
 
-def series(kind: str, periods: float, points: int, generator: np.random.Generator):
+def series(
+    kind: str, periods: float, points: int, generator: np.random.Generator
+) -> tuple[np.ndarray, np.ndarray, float]:
     """Draw one series: (t, e, its true drift), with arrays t and e (points,); e begins with 0."""
     white, walk, slope = KINDS[kind]
     t = np.arange(points) * STEP

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import pandas as pd
 
 from phasebench.benchmarks import style
@@ -13,6 +15,9 @@ from phasebench.benchmarks.page.markdown import join_list, number
 from phasebench.benchmarks.page.page import ROWS, Data, Page, Picture, Table, of
 from phasebench.benchmarks.page.verdict import EVERY, FAIL, Between, Count, Range, Verdict, at_least
 from phasebench.integrators.record import BOUNDED, DRIFT
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 #: The share of draws that a nominal 95 % interval should cover.
 LEAST, MOST = 0.9, 0.99
@@ -148,7 +153,7 @@ def answer(data: Data) -> str | None:
 
 
 @of("drift_coverage")
-def draw(table: pd.DataFrame, folder) -> list[Picture]:
+def draw(table: pd.DataFrame, folder: Path) -> list[Picture]:
     """Draw the coverage of the drift's interval over the number of periods, a panel for each length of series."""
     lengths = sorted(table["points"].unique())
     with style.settings():

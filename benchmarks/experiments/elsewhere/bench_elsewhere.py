@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from phasebench.benchmarks.experiments.elsewhere.measure import OURS, THEIRS, cells  # noqa: F401
 from phasebench.benchmarks.experiments.elsewhere.page import SAME
 
 
-def energies_off(rows) -> list[str]:
+def energies_off(rows: list[dict]) -> list[str]:
     """List messages about rows whose energy error differs from that of the method with the same coefficients here."""
     return [
         f"{r['method']}, h = {r['h']}: {r['energy_error']:.3e}, here {r['twin_energy_error']:.3e}"
@@ -15,13 +17,13 @@ def energies_off(rows) -> list[str]:
     ]
 
 
-def bench_methods_of_the_same_coefficients(measured_rows):
+def bench_methods_of_the_same_coefficients(measured_rows: Callable[[str], list[dict]]) -> None:
     """Check that this suite's methods reach the energy errors that other packages state for the same coefficients."""
     off = energies_off(measured_rows(THEIRS))
     assert not off, "\n".join(off)
 
 
-def bench_runs_beside_them(measured_rows):
+def bench_runs_beside_them(measured_rows: Callable[[str], list[dict]]) -> None:
     """Check that some run of this suite's methods, beside the rows from other machines, reaches its end."""
     rows = measured_rows(OURS)
     assert not rows or any(r["status"] == "ok" for r in rows)

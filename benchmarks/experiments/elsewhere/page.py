@@ -77,7 +77,7 @@ def _size(frame: pd.DataFrame) -> pd.Series:
     return frame["error"].astype(float).fillna(frame["energy_error"].astype(float).abs())
 
 
-def _kind(row) -> str:
+def _kind(row: pd.Series) -> str:
     return "energy error" if pd.isna(row["error"]) else "error of (q, p)"
 
 

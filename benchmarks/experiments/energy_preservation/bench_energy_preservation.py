@@ -6,10 +6,12 @@ round-off; where the schemes find none, an independent scan must find none eithe
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from phasebench.benchmarks.experiments.energy_preservation.energies import cells  # noqa: F401
 
 
-def off(rows) -> list[str]:
+def off(rows: list[dict]) -> list[str]:
     """List messages about completed runs: energy or angular momentum not kept, or a root lambda missed."""
     out = []
     for r in (r for r in rows if r["status"] == "ok"):
@@ -23,7 +25,7 @@ def off(rows) -> list[str]:
     return out
 
 
-def bench_energy(measured_rows):
+def bench_energy(measured_rows: Callable[[str], list[dict]]) -> None:
     """Check that energy and angular momentum are kept to round-off, and that the solver for lambda misses no root."""
     wrong = off(measured_rows("energy_preservation"))
     assert not wrong, "\n".join(wrong)

@@ -5,6 +5,8 @@ In each step a scheme solves the energy's equation for its parameter lambda; not
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from phasebench.benchmarks.measure import root_scan
@@ -14,12 +16,16 @@ from phasebench.integrators.driver import integrate
 from phasebench.integrators.families.schemes_iv_v import RADIUS
 from phasebench.integrators.registry import BY_ID
 
+if TYPE_CHECKING:
+    from phasebench.benchmarks.problems.base import Problem
+    from phasebench.integrators.solution import Solution
+
 PROBLEMS = ("henon-heiles:box", "henon-heiles:chaotic", "perturbed-kepler")
 SCHEMES = ("scheme-iv", "scheme-v", "scheme-iv-v", "scheme-v-iv")
 LADDER = (0.2, 0.1, 0.05, 0.02, 0.01, 0.005)
 
 
-def _row(found, scheme: str, h: float):
+def _row(found: Problem, scheme: str, h: float) -> tuple[Solution, dict]:
     """Integrate with a scheme and with the implicit midpoint rule to t = 1000.
 
     Returns (the scheme's solution, a row of the errors of both and of the steps without a root lambda).
@@ -28,7 +34,7 @@ def _row(found, scheme: str, h: float):
     plain = integrate(found, "implicit-midpoint", h=h, t_end=1000.0)
     system = found.system
 
-    def energy(s):
+    def energy(s: Solution) -> np.ndarray:
         H = system.observe(system.H, s.q, s.p)
         return np.abs(H - H[0])[1:]
 

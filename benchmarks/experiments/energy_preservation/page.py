@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import pandas as pd
 
 from phasebench.benchmarks import style
@@ -9,6 +11,9 @@ from phasebench.benchmarks.page.markdown import number
 from phasebench.benchmarks.page.page import Page, Picture, Table, of
 from phasebench.benchmarks.page.verdict import EVERY, FAIL, NONE, Count, Verdict, at_most
 from phasebench.integrators.families.schemes_iv_v import RADIUS
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 #: An energy error up to this, on steps with a root, is round-off.
 ROUND_OFF = 1e-13
@@ -20,7 +25,7 @@ def _completed_runs(frame: pd.DataFrame, schemes: tuple[str, ...]) -> pd.DataFra
     return frame[frame["scheme"].isin(schemes) & (frame["status"] == "ok")]
 
 
-def _where(row) -> str:
+def _where(row: pd.Series) -> str:
     return f"{row['scheme']} on {row['problem']}, h = {row['h']:g}"
 
 
@@ -105,7 +110,7 @@ def answer(frame: pd.DataFrame) -> str | None:
 
 
 @of("energy_preservation")
-def draw(frame: pd.DataFrame, folder) -> list[Picture]:
+def draw(frame: pd.DataFrame, folder: Path) -> list[Picture]:
     """Draw the largest energy error over h, beside that of the implicit midpoint rule, a panel for each problem."""
     problems = list(dict.fromkeys(frame["problem"]))
     midpoint = "implicit midpoint's energy error"

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from itertools import pairwise
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -22,6 +22,9 @@ from phasebench.integrators.registry import method
 from phasebench.reference.peers import BY_ID
 
 from .lanes import starts
+
+if TYPE_CHECKING:
+    from phasebench.integrators.systems.hamiltonian import PartitionedSystem
 
 TABLE = "ensembles_against"
 PROBLEMS = ("henon-heiles:box", "pendulum", "kepler")
@@ -82,7 +85,7 @@ def cells(quick: bool = False) -> list[Cell]:
     ]
 
 
-def exact(system, Q: np.ndarray, P: np.ndarray) -> np.ndarray:
+def exact(system: PartitionedSystem, Q: np.ndarray, P: np.ndarray) -> np.ndarray:
     """Integrate an ensemble with starts Q, P (n, d) to `T_END` with heyoka in long double.
 
     Returns end states rounded to double, array (n, 2 d).  Raises Unavailable if that precision is not there.
@@ -102,7 +105,7 @@ def exact(system, Q: np.ndarray, P: np.ndarray) -> np.ndarray:
     return out
 
 
-def _batches(system, tol: float, width: int, y: np.ndarray) -> Callable[[], np.ndarray]:
+def _batches(system: PartitionedSystem, tol: float, width: int, y: np.ndarray) -> Callable[[], np.ndarray]:
     """Make a function that integrates the states y, array (n, 2 d), to `T_END` in heyoka batches of ``width``.
 
     It returns the end states, an array as y.
@@ -127,7 +130,7 @@ def _batches(system, tol: float, width: int, y: np.ndarray) -> Callable[[], np.n
     return run
 
 
-def _ours(system, id: str, h: float, Q, P) -> Callable[[], np.ndarray]:
+def _ours(system: PartitionedSystem, id: str, h: float, Q: np.ndarray, P: np.ndarray) -> Callable[[], np.ndarray]:
     """Make a function that integrates Q, P (n, d) to `T_END` with the method ``id`` of this project.
 
     It returns the end states, array (n, 2 d), with NaN for orbits that failed.

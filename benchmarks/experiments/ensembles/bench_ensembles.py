@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from phasebench.benchmarks.experiments.ensembles import against, lanes, maps
 
 #: The largest distance allowed between ends: sines that differ in the last bit move a regular orbit by less.
@@ -13,7 +15,7 @@ def cells(quick: bool = False) -> list:
     return lanes.cells(quick) + against.cells(quick) + maps.cells(quick)
 
 
-def off(rows) -> list[str]:
+def off(rows: list[dict]) -> list[str]:
     """List a line for each ensemble with an orbit that fails, or that ends elsewhere than with the scalar kernel."""
     out = []
     for r in rows:
@@ -27,13 +29,13 @@ def off(rows) -> list[str]:
     return out
 
 
-def bench_lanes(measured_rows):
+def bench_lanes(measured_rows: Callable[[str], list[dict]]) -> None:
     """Check that every orbit of an ensemble in SIMD lanes ends where the scalar kernel ends."""
     wrong = off(measured_rows(lanes.TABLE))
     assert not wrong, "\n".join(wrong)
 
 
-def bench_against(measured_rows):
+def bench_against(measured_rows: Callable[[str], list[dict]]) -> None:
     """Check that this project and heyoka reach an error of 1e-6 on every problem, so that both work."""
     rows = measured_rows(against.TABLE)
     for problem in {r["problem"] for r in rows}:
@@ -42,7 +44,7 @@ def bench_against(measured_rows):
             assert least < 1e-6, (problem, side, least)
 
 
-def bench_maps(measured_rows):
+def bench_maps(measured_rows: Callable[[str], list[dict]]) -> None:
     """Check that the states on the Poincare section have the energy of the start."""
     wrong = [r["line"] for r in measured_rows(maps.TABLE) if r["map"] == maps.SECTION and not r["energy error"] < 1e-5]
     assert not wrong, wrong

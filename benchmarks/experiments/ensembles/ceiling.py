@@ -17,7 +17,7 @@ from phasebench.integrators.stepping.kernel import entry
 WIDTH, STEPS, H = 64, 4_000_000, 0.01
 
 
-def _loop(state, steps, h):
+def _loop(state: np.ndarray, steps: int, h: float) -> None:
     """Take leapfrog steps of independent oscillators in place; state is an array (2, n) of q and p."""
     for _ in range(steps):
         for i in range(state.shape[1]):

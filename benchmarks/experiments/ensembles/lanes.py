@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,6 +16,12 @@ from phasebench.integrators.ensemble import cores, integrate_ensemble
 from phasebench.integrators.registry import method
 
 from . import ceiling
+
+if TYPE_CHECKING:
+    from phasebench.benchmarks.measure.timing import Median
+    from phasebench.benchmarks.problems.base import Problem
+    from phasebench.integrators.ensemble import Ensemble
+    from phasebench.integrators.record import Method
 
 TABLE = "ensembles"
 #: Orbits of an ensemble, alternating rounds of timing, orbits whose ends are compared with the scalar kernel's.
@@ -82,7 +89,7 @@ def ceiling_row() -> Rows:
     return {TABLE: [row | _with_interval("speed-up", ceiling.speed_up(available, ROUNDS))]}
 
 
-def starts(found, n: int) -> tuple[np.ndarray, np.ndarray]:
+def starts(found: Problem, n: int) -> tuple[np.ndarray, np.ndarray]:
     """Draw n initial states within `SPREAD` of the problem's own: (Q, P), arrays (n, d)."""
     random = np.random.default_rng(0)
     return tuple(np.array(x) + SPREAD * random.uniform(-1, 1, (n, found.system.d)) for x in (found.q0, found.p0))
@@ -116,7 +123,7 @@ def measure_rows(name: str, id: str, parameters: tuple, steps: int, n: int) -> R
     }
 
 
-def _clock(run, steps: int) -> Callable[[], float]:
+def _clock(run: Callable[[], object], steps: int) -> Callable[[], float]:
     """Make a function that calls ``run`` once and returns the seconds per step."""
 
     def seconds() -> float:
@@ -127,12 +134,12 @@ def _clock(run, steps: int) -> Callable[[], float]:
     return seconds
 
 
-def _with_interval(column: str, value) -> dict:
+def _with_interval(column: str, value: Median) -> dict:
     """Make the columns of a measured value: ``column`` itself, and the ends of its confidence interval."""
     return {column: value.value, f"{column}, low": value.low, f"{column}, high": value.high}
 
 
-def _differences(found, chosen, ensemble, Q, P, steps: int) -> dict:
+def _differences(found: Problem, chosen: Method, ensemble: Ensemble, Q: np.ndarray, P: np.ndarray, steps: int) -> dict:
     """Compare an ensemble's end states with single runs: how many agree to the last bit, and the largest distance."""
     same, largest = 0, 0.0
     for i in range(min(COMPARED, len(Q))):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 import pandas as pd
 
@@ -14,6 +16,11 @@ from phasebench.benchmarks.store.arrays import unpack
 
 from . import against, ceiling, lanes, maps
 from .compare import cost_table
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from phasebench.benchmarks.page.page import Data
 
 #: The wanted speed-up: the smaller of this share of the number of cores and this share of a bare loop's speed-up.
 WANTED, OF_CEILING = 0.9, 0.95
@@ -41,7 +48,7 @@ def gain(frame: pd.DataFrame) -> Verdict | None:
     )
 
 
-def _name(row) -> str:
+def _name(row: pd.Series) -> str:
     return f"{row['method']}, {row['problem']}"
 
 
@@ -111,7 +118,7 @@ def answer(frame: pd.DataFrame, costs: pd.DataFrame) -> str | None:
 
 
 @of(maps.TABLE)
-def draw_maps(frame: pd.DataFrame, folder) -> list[Picture]:
+def draw_maps(frame: pd.DataFrame, folder: Path) -> list[Picture]:
     """Draw the Poincare section, and the chaos of the grid of starts."""
     section, grid = (frame[frame["map"] == name].sort_values("line") for name in (maps.SECTION, maps.GRID))
     with style.settings():
@@ -139,7 +146,7 @@ def draw_maps(frame: pd.DataFrame, folder) -> list[Picture]:
 
 
 @of(against.TABLE)
-def draw_costs(frame: pd.DataFrame, folder) -> list[Picture]:
+def draw_costs(frame: pd.DataFrame, folder: Path) -> list[Picture]:
     """Draw the error of the worst orbit over the cost of an orbit, a panel for each problem."""
     problems, looks = list(dict.fromkeys(frame["problem"])), style.looks()
     with style.settings():
@@ -159,7 +166,7 @@ def draw_costs(frame: pd.DataFrame, folder) -> list[Picture]:
     return [Picture(style.save(figure, folder, "ensembles-costs.png"), "cost against error", caption)]
 
 
-def draw(data, folder) -> list[Picture]:
+def draw(data: Data, folder: Path) -> list[Picture]:
     """Draw the maps of Henon-Heiles, and error over cost beside heyoka; figures without data are left out."""
     return [*(draw_maps(data, folder) or ()), *(draw_costs(data, folder) or ())]
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from phasebench.benchmarks.experiments.extended.measure import BOTH, ORDERS, SPECIAL, STRUCTURE, cells  # noqa: F401
 from phasebench.benchmarks.experiments.extended.page import GATE
 from phasebench.benchmarks.judge.evidence import NO_DEFECT
 
 
-def maps_off(rows) -> list[str]:
+def maps_off(rows: list[dict]) -> list[str]:
     """List messages about step maps that should be symplectic and are not."""
     return [
         f"{r['method']}, {r['map']}, on {r['problem']}: {r['defect']:.1e}"
@@ -16,7 +18,7 @@ def maps_off(rows) -> list[str]:
     ]
 
 
-def orders_off(rows) -> list[str]:
+def orders_off(rows: list[dict]) -> list[str]:
     """List messages about methods whose order at their smallest step is not as expected.
 
     Expected is the declared order, except of `SPECIAL`, a splitting that has to lose its order.
@@ -29,13 +31,13 @@ def orders_off(rows) -> list[str]:
     ]
 
 
-def bench_maps_of_copies(measured_rows):
+def bench_maps_of_copies(measured_rows: Callable[[str], list[dict]]) -> None:
     """Check that steps of both copies, and semiexplicit steps in the original phase space, are symplectic."""
     off = maps_off(measured_rows(STRUCTURE))
     assert not off, "\n".join(off)
 
 
-def bench_orders_on_a_relativistic_orbit(measured_rows):
+def bench_orders_on_a_relativistic_orbit(measured_rows: Callable[[str], list[dict]]) -> None:
     """Check that methods for every H and the triple jump keep their order at small steps, and `SPECIAL` does not."""
     off = orders_off(measured_rows(ORDERS))
     assert not off, "\n".join(off)

@@ -22,6 +22,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from fractions import Fraction
+from typing import TYPE_CHECKING
 
 import mpmath
 import numpy as np
@@ -40,6 +41,9 @@ from phasebench.integrators.registry import method
 from phasebench.integrators.stepping import kepler_flow
 from phasebench.integrators.stepping.kernel import array, prepare
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
+
+if TYPE_CHECKING:
+    from phasebench.integrators.values.kinds import Number
 
 STRUCTURE, ORDERS = "extended_structure", "extended_orders"
 DIGITS = 40
@@ -102,7 +106,7 @@ def map_of_copies(record: Method, system: Hamiltonian) -> Callable:
     """Make the map (z, h) -> z of both copies z = (q, x, p, y), an array (4 d,), by one step, in many digits."""
     d, prepared = system.d, prepare(record, system, MULTIPRECISION)
 
-    def advance(z, h):
+    def advance(z: np.ndarray, h: Number) -> np.ndarray:
         run = lay_out(prepared, d, h, z[:d], z[2 * d : 3 * d], MULTIPRECISION)
         table = run.carry.state
         table[COPY, :d], table[COPY + 1, :d] = z[d : 2 * d], z[3 * d :]
@@ -146,7 +150,7 @@ def structure(id: str, of: str) -> Rows:
 RADIUS = "sqrt(x**2 + y**2)"
 
 
-def orbit():
+def orbit() -> tuple[Hamiltonian, Hamiltonian, Fraction, np.ndarray]:
     """Make the relativistic orbit: (system of H, system of epsilon W, E^2, the state at pericentre in MPFR numbers)."""
     semilatus, e = 1 / EPSILON, ECCENTRICITY
     squared = ((semilatus - 2) ** 2 - 4 * e**2) / (semilatus * (semilatus - 3 - e**2))
@@ -171,7 +175,7 @@ def special_steps(id: str) -> list[tuple[str, mpmath.mpf]]:
     return out
 
 
-def special(id: str, part: Hamiltonian, squared: Fraction, y, h, steps: int):
+def special(id: str, part: Hamiltonian, squared: Fraction, y: np.ndarray, h: Number, steps: int) -> np.ndarray:
     """Integrate with a splitting made for the orbit, and return the mean (q, p) of both copies, array (4,).
 
     Parameters
@@ -188,11 +192,11 @@ def special(id: str, part: Hamiltonian, squared: Fraction, y, h, steps: int):
     (q, p), (x, v) = (copy[:2] for copy in copies)
     substeps = [(letter, to_number(c, MULTIPRECISION) * h) for letter, c in special_steps(id)]
 
-    def first(length):  # exp(h epsilon W(q, y))
+    def first(length: Number) -> None:  # exp(h epsilon W(q, y))
         dq, dp = field(q, v, h, zero)
         x[:], p[:] = x + length * dq, p + length * dp
 
-    def second(length):  # exp(h epsilon W(x, p))
+    def second(length: Number) -> None:  # exp(h epsilon W(x, p))
         dq, dp = field(x, p, h, zero)
         q[:], v[:] = q + length * dq, v + length * dp
 

@@ -119,7 +119,7 @@ def _kind(id: str, values: dict, h: float) -> str:
     return ASIDE_OF if h in (DECIMAL * ASIDE, TENTH * ASIDE) or values.get("lam") == BESIDE else USUAL
 
 
-def errors(M, n, Q, P) -> tuple[np.ndarray, np.ndarray]:
+def errors(M: mpmath.matrix, n: np.ndarray, Q: np.ndarray, P: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Compute (relative errors of |w|^2, errors of the phase arg w) at step numbers n, from the states of runs.
 
     The arithmetic is exact, in integers times 2^-`PLACES`; only M and theta are rounded.
@@ -151,7 +151,7 @@ def errors(M, n, Q, P) -> tuple[np.ndarray, np.ndarray]:
     return energy.astype(float), phase
 
 
-def _integer(x) -> int:
+def _integer(x: mpmath.mpf) -> int:
     """Return 2^`PLACES` x, rounded to an integer."""
     return int(mpmath.nint(mpmath.ldexp(x, PLACES)))
 
@@ -167,7 +167,9 @@ def starts_of(count: int) -> np.ndarray:
     return np.column_stack([size * np.cos(angle), size * np.sin(angle)])
 
 
-def runs(id: str, values: dict, h: float, steps: int, starts, rows: int = ROWS) -> tuple[np.ndarray, np.ndarray]:
+def runs(
+    id: str, values: dict, h: float, steps: int, starts: np.ndarray, rows: int = ROWS
+) -> tuple[np.ndarray, np.ndarray]:
     """Integrate the oscillator from all starts, array (n, 2): (Q, P), arrays (n, rows + 1).
 
     Methods run as an ensemble, the hand-written controls orbit by orbit.
@@ -198,7 +200,7 @@ def measure_rows(id: str, values: dict, h: float, steps: int) -> Rows:
     return {TABLES[0]: [row], TABLES[1]: curves(row, n[1:], energy, phase)}
 
 
-def summary(n, h: float, energy, phase=None) -> dict:
+def summary(n: np.ndarray, h: float, energy: np.ndarray, phase: np.ndarray | None = None) -> dict:
     """Summarize energy and phase errors by round-off at step numbers n (m,): the columns of their rms, bias and growth.
 
     ``energy`` and ``phase`` are arrays (starts, m); ``phase`` may be None.
@@ -217,14 +219,14 @@ def summary(n, h: float, energy, phase=None) -> dict:
     return row
 
 
-def curves(row: dict, n, energy, phase) -> list[dict]:
+def curves(row: dict, n: np.ndarray, energy: np.ndarray, phase: np.ndarray) -> list[dict]:
     """Make rows of the rms energy and phase errors at each step number in ``n``, identified by the run in ``row``."""
     key = {name: row[name] for name in ("label", "h", "steps")}
     each = zip(n, np.sqrt((energy**2).mean(0)), np.sqrt((phase**2).mean(0)), strict=True)
     return [key | {"n": int(k), "energy": float(e), "phase": float(f)} for k, e, f in each]
 
 
-def growth(n, errors_) -> tuple[float, float, float]:
+def growth(n: np.ndarray, errors_: np.ndarray) -> tuple[float, float, float]:
     """Fit the exponent of n in the rms error: (exponent, low, high), with a 95 % interval by bootstrap over the starts.
 
     Parameters
@@ -234,7 +236,7 @@ def growth(n, errors_) -> tuple[float, float, float]:
     """
     x, generator = np.log(np.asarray(n[-FITTED:], float)), np.random.default_rng(SEED)
 
-    def fit(sample) -> float:
+    def fit(sample: np.ndarray) -> float:
         size = np.maximum((sample[:, -FITTED:] ** 2).mean(axis=0), TINY)
         return float(np.polyfit(x, 0.5 * np.log(size), 1)[0])
 

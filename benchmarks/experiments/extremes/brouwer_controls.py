@@ -6,6 +6,8 @@ compensated sums, while velocity and force see the state rounded to a double.  `
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 PLAIN, HALF, WHOLE = "plain sums", "products exact", "products exact, of the whole state"
@@ -13,7 +15,7 @@ KINDS = (PLAIN, HALF, WHOLE)
 SPLITTER = 2.0**27 + 1
 
 
-def plain(h: float, every: int, rows: int, q: float, p: float):
+def plain(h: float, every: int, rows: int, q: float, p: float) -> tuple[np.ndarray, np.ndarray]:
     """Integrate the oscillator H = (p^2 + q^2) / 2 by leapfrog without compensated sums, from the state q, p.
 
     Returns arrays Q, P (rows + 1,): the start, and the state after each ``every`` steps of length h.
@@ -29,7 +31,7 @@ def plain(h: float, every: int, rows: int, q: float, p: float):
     return Q, P
 
 
-def careful(h: float, share: float, every: int, rows: int, q: float, p: float):
+def careful(h: float, share: float, every: int, rows: int, q: float, p: float) -> tuple[np.ndarray, np.ndarray]:
     """Integrate the oscillator by leapfrog with exact products and compensated sums, from the state q, p.
 
     Velocity and force see ``share`` (0 or 1) of the state's lost parts, which the compensated sums carry along.
@@ -63,7 +65,7 @@ def careful(h: float, share: float, every: int, rows: int, q: float, p: float):
     return Q, P
 
 
-def runner(kind: str, h: float, rows: int):
+def runner(kind: str, h: float, rows: int) -> Callable[[float, float, int], tuple[np.ndarray, np.ndarray]]:
     """Compile a control, one of `KINDS`, to a function (q, p, steps) -> (Q, P), arrays (rows + 1,)."""
     import numba
 

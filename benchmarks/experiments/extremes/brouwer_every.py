@@ -82,7 +82,7 @@ def measure_rows(id: str, values: dict, label: str) -> Rows:
     return {TABLE: [row | brouwer.summary(n[1:], H, energy, phase if by == EXACT else None)]}
 
 
-def how(id: str, values: dict):
+def how(id: str, values: dict) -> tuple[str, mpmath.matrix] | None:
     """Choose how a method's energy error is measured: (name of the way, step matrix whose invariant |w|^2 is used).
 
     None if neither an exact step matrix is known nor H is kept.

@@ -8,6 +8,8 @@ semi-axis and anomaly are computed from the rows in extended precision.
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+
 import mpmath
 import numpy as np
 
@@ -33,7 +35,7 @@ def cells(quick: bool = False) -> list[Cell]:
     )
 
 
-def elements(q, p) -> tuple:
+def elements(q: Sequence[float] | np.ndarray, p: Sequence[float] | np.ndarray) -> tuple:
     """Compute (semi-major axis, mean anomaly) of a Kepler state q, p, (2,) each, in the working precision."""
     x, y, u, v = (mpmath.mpf(float(c)) for c in (*q, *p))
     r = mpmath.sqrt(x**2 + y**2)
@@ -42,7 +44,9 @@ def elements(q, p) -> tuple:
     return a, mpmath.atan2(sine, cosine) - sine
 
 
-def errors(n, Q, P, h: float) -> tuple[np.ndarray, np.ndarray]:
+def errors(
+    n: Sequence[int] | np.ndarray, Q: Sequence | np.ndarray, P: Sequence | np.ndarray, h: float
+) -> tuple[np.ndarray, np.ndarray]:
     """Compute (relative errors of the energy, errors of the mean anomaly) at step numbers n, arrays as n.
 
     Q, P are the states, arrays (m, 2); row 0 is the start.
@@ -54,7 +58,7 @@ def errors(n, Q, P, h: float) -> tuple[np.ndarray, np.ndarray]:
     return np.array([float(a / b - 1) for b, _ in found]), np.array([float(x) for x in late])
 
 
-def _starts(count: int):
+def _starts(count: int) -> Iterator[tuple[tuple[float, float], tuple[float, float]]]:
     """Yield random pericentres of orbits with semi-major axis 1: pairs (q, p)."""
     generator = np.random.default_rng(brouwer.SEED)
     for e, angle in zip(generator.uniform(*ECCENTRICITIES, count), generator.uniform(0, 2 * np.pi, count), strict=True):

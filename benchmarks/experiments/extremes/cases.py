@@ -109,12 +109,12 @@ def course(case: Case) -> Course:
     return Course(low, high, middle, crossings(truth.q[:, 0], middle) / truth.t[-1])
 
 
-def crossings(x, middle: float) -> int:
+def crossings(x: np.ndarray, middle: float) -> int:
     """Count how often a series crosses the value ``middle``."""
     return int(np.count_nonzero(np.diff(np.signbit(x - middle))))
 
 
-def strays(case: Case, Q, span: float, every_step: bool) -> str:
+def strays(case: Case, Q: np.ndarray, span: float, every_step: bool) -> str:
     """Judge rows Q of a run over a time ``span`` by the true orbit's ranges and rate: `OK`, `WRONG` or `CLOCK`.
 
     The rate is judged only if Q has a row of every step.

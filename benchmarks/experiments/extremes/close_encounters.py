@@ -12,7 +12,9 @@ times and are compared with a run of `JUDGE` to the same time.
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
@@ -28,6 +30,12 @@ from phasebench.reference.peers import BY_ID as PEERS
 
 from .encounters import HELD
 from .methods import step_changing_methods
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from phasebench.benchmarks.problems.base import Problem
+    from phasebench.integrators.solution import Solution
 
 TOLERANCES = (1e-8, 1e-10, 1e-12, 1e-14)
 #: Time limit in seconds, for methods that can be stopped.
@@ -96,7 +104,7 @@ def _cell(encounter: Encounter, id: str) -> Cell:
     return Cell("extremes", TABLES, key, measure_rows, (encounter.id, id), needs, frozenset({own}))
 
 
-def distance(q, known) -> float:
+def distance(q: ArrayLike, known: ArrayLike) -> float:
     """Compute the largest difference of a coordinate of q from ``known``, relative where ``known`` exceeds 1."""
     known = np.asarray(known, float)
     return float((np.abs(np.asarray(q) - known) / np.maximum(1, np.abs(known))).max())
@@ -116,7 +124,7 @@ def measure_rows(scene: str, id: str) -> Rows:
     return {TABLES[0]: rows}
 
 
-def _runs(encounter: Encounter, id: str):
+def _runs(encounter: Encounter, id: str) -> Iterator[tuple[float, str, Solution, Sequence[float] | np.ndarray]]:
     """Yield (steps or tolerance, kind, solution, coordinates of the reference) for ever smaller steps or tolerances."""
     made = problem(encounter.problem)
     known = [float(x) for x in stored.end(made, encounter.t_end).q]
@@ -135,7 +143,9 @@ def _runs(encounter: Encounter, id: str):
         yield n, kind, chosen.run(made, h=encounter.t_end / n, steps=n, save_every=0, **limit), known
 
 
-def _of_transformed(made, encounter: Encounter, id: str):
+def _of_transformed(
+    made: Problem, encounter: Encounter, id: str
+) -> Iterator[tuple[float, str, Solution, Sequence[float] | np.ndarray]]:
     """Yield (steps, "transformed", solution, reference coordinates) for a method on Poincare's transformed Hamiltonian.
 
     One for each number of steps of the encounter; the reference is computed at the time at which the run ends.

@@ -7,6 +7,8 @@ orbit); or the status with which the run ended.
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from phasebench.benchmarks.problems import problem
@@ -15,6 +17,10 @@ from phasebench.benchmarks.store.cells import Cell, ProblemKey, Rows, content
 from phasebench.integrators.driver import OK, integrate
 
 from .methods import record
+
+if TYPE_CHECKING:
+    from phasebench.benchmarks.problems.base import Problem
+    from phasebench.integrators.solution import Solution
 
 FIXED_POINT, NEWTON, MISSED, LOST = "fixed point", "Newton", "roots missed", "energy lost"
 STEPS, SECONDS = 200, 1.0
@@ -61,13 +67,13 @@ def measure_rows(id: str, on: str, over: str) -> Rows:
     return {TABLES[0]: rows}
 
 
-def _pericentre(e: float):
+def _pericentre(e: float) -> tuple[tuple[float, ...], tuple[float, ...]]:
     """Return the start (q, p) of a Kepler orbit of eccentricity e at its pericentre."""
     orbit = pericentre(e, ())
     return orbit.q, orbit.p
 
 
-def outcome(made, s) -> str:
+def outcome(made: Problem, s: Solution) -> str:
     """Classify a run ``s`` by how its equations were solved: `LOST`, a status, `MISSED`, `NEWTON` or `FIXED_POINT`."""
     H = made.system.observe(made.system.H, s.q, s.p)
     with np.errstate(all="ignore"):

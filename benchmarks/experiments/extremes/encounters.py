@@ -8,6 +8,9 @@ an adaptive peer, an integrator of another package, at ever smaller tolerances.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
 import mpmath
 import numpy as np
 
@@ -19,6 +22,11 @@ from phasebench.integrators.registry import BY_ID
 from phasebench.reference.peers import BY_ID as PEERS
 
 from .methods import step_changing_methods
+
+if TYPE_CHECKING:
+    from phasebench.benchmarks.measure.integrator import Integrator
+    from phasebench.benchmarks.problems.base import Problem
+    from phasebench.integrators.solution import Solution
 
 ECCENTRICITIES = (0.9, 0.99, 0.999, 0.999999)
 HELD, ORBITS = 1e-6, 10
@@ -61,7 +69,7 @@ def _cell(id: str) -> Cell:
     return Cell("extremes", TABLES, {"method": id}, measure_rows, (id,), needs, frozenset({id}))
 
 
-def apocentre(q0, p0) -> tuple[float, float]:
+def apocentre(q0: float, p0: float) -> tuple[float, float]:
     """Compute (half the period, distance of the apocentre) of the orbit from the pericentre (q0, 0), (0, p0)."""
     with mpmath.workdps(40):
         r, v = mpmath.mpf(q0), mpmath.mpf(p0)
@@ -69,7 +77,7 @@ def apocentre(q0, p0) -> tuple[float, float]:
         return float(mpmath.pi * a**1.5), float(2 * a - r)
 
 
-def error(s, far: float) -> float:
+def error(s: Solution, far: float) -> float:
     """Compute the largest distance from the exact apocentre over rows 1, 3, 5, ... of a run with a row each half orbit.
 
     It is relative to ``far``, the apocentre's distance from the centre; infinite if rows are missing.
@@ -100,7 +108,7 @@ def measure_rows(id: str) -> Rows:
     return {TABLES[0]: rows}
 
 
-def _ladder_runs(chosen, made, half: float, far: float):
+def _ladder_runs(chosen: Integrator, made: Problem, half: float, far: float) -> Iterator[tuple[int, Solution]]:
     """Yield (steps in half a period, solution) for ever smaller steps.
 
     ``half``: half the period; ``far``: the distance of the apocentre from the centre.
@@ -115,7 +123,7 @@ def _ladder_runs(chosen, made, half: float, far: float):
         yield m, s
 
 
-def _adaptive(chosen, made, half: float):
+def _adaptive(chosen: Integrator, made: Problem, half: float) -> Iterator[tuple[float, Solution]]:
     """Yield (tolerance, solution) for ever smaller tolerances; ``half`` is half the period."""
     for tol in TOLERANCES:
         yield tol, chosen.run(made, h=half, steps=2 * ORBITS - 1, tol=max(tol, chosen.record.least))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 import pandas as pd
 
@@ -11,6 +13,9 @@ from phasebench.benchmarks.experiments.extremes.figures import best, curves, leg
 from phasebench.benchmarks.page.markdown import join_list
 from phasebench.benchmarks.page.page import ROWS, Page, Picture, Table, of
 from phasebench.benchmarks.page.verdict import EVERY, Count, Verdict
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 (TABLE,) = close_encounters.TABLES
 
@@ -47,7 +52,7 @@ def answer(table: pd.DataFrame) -> str:
 
 @of(TABLE)
 @style.styled
-def draw(table: pd.DataFrame, folder) -> list[Picture]:
+def draw(table: pd.DataFrame, folder: Path) -> list[Picture]:
     """Draw the error at the end over the number of steps, a panel for each close encounter."""
     scenes = list(dict.fromkeys(table["scene"]))
     figure, (panels,) = style.panels(1, len(scenes), 3.8)

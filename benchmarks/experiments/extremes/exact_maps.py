@@ -6,6 +6,8 @@ without growing, and the phase error has a part linear in time.
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import mpmath
 import sympy as sp
 
@@ -13,6 +15,9 @@ from phasebench.benchmarks.problems import problem
 from phasebench.integrators.coefficients.tableaus import runge_kutta
 from phasebench.integrators.registry import BY_ID, method
 from phasebench.integrators.systems import generating
+
+if TYPE_CHECKING:
+    from fractions import Fraction
 
 #: Methods that coincide with another method on the oscillator, where gradients are linear.
 SAME = dict.fromkeys(
@@ -36,17 +41,17 @@ def has_exact_map(id: str) -> bool:
     return id not in OTHERS and BY_ID[SAME.get(id, id)].family in BY_FAMILY
 
 
-def exact_matrix(id: str, values: dict, h: float):
+def exact_matrix(id: str, values: dict, h: float) -> mpmath.matrix:
     """Compute a method's 2 x 2 matrix of a step of h on (q, p), in the working precision; ``values``: parameters."""
     made, h = method(SAME.get(id, id), **values), mpmath.mpf(h)
     return BY_FAMILY[made.family](made.data, h)
 
 
-def _number(x):
+def _number(x: Fraction | float | mpmath.mpf) -> mpmath.mpf:
     return mpmath.mpf(x.numerator) / x.denominator if hasattr(x, "numerator") else mpmath.mpf(x)
 
 
-def _parametric(data, h):
+def _parametric(data: tuple, h: mpmath.mpf) -> mpmath.matrix:
     """The matrix of a step composed of generating-function steps, each with its own c h, mu and lambda."""
     order, substeps = data
     one, total = mpmath.mpf(1), mpmath.eye(2)
@@ -60,7 +65,7 @@ def _parametric(data, h):
     return total
 
 
-def _generating(order: int, h, lam) -> list:
+def _generating(order: int, h: mpmath.mpf, lam: mpmath.mpf) -> list:
     """Compute the derivatives K_qq, K_qp, K_pp of the oscillator's generating function K; K is H for order 1."""
     if order == 1:
         return [mpmath.mpf(1), mpmath.mpf(0), mpmath.mpf(1)]
@@ -71,7 +76,7 @@ def _generating(order: int, h, lam) -> list:
     return [mpmath.fsum(k * h**i for i, k in enumerate(each)) for each in of_lam]
 
 
-def _splitting(data, h):
+def _splitting(data: tuple, h: mpmath.mpf) -> mpmath.matrix:
     """The matrix of a step of a splitting into drifts and kicks, on the oscillator."""
     drifts, kicks = ([*map(_number, part)] for part in data)
     total = mpmath.eye(2)
@@ -83,7 +88,7 @@ def _splitting(data, h):
     return total
 
 
-def _collocation(data, h):
+def _collocation(data: tuple, h: mpmath.mpf) -> mpmath.matrix:
     """Compute the step matrix of a (partitioned) Runge-Kutta method on the oscillator, from its stage equations."""
     A, C, b, _ = runge_kutta(*data)
     s = len(b)
@@ -97,7 +102,7 @@ def _collocation(data, h):
     return mpmath.eye(2) + change * left**-1 * start
 
 
-def _rotation(data, h):
+def _rotation(data: tuple, h: mpmath.mpf) -> mpmath.matrix:
     """The matrix of a step of a method that is exact on the oscillator."""
     omega = mpmath.mpf(problem("harmonic-oscillator").parameters.get("omega", 1))
     c, s = mpmath.cos(h * omega), mpmath.sin(h * omega)

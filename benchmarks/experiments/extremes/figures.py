@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
@@ -12,6 +14,11 @@ from phasebench.benchmarks.page.page import Picture
 
 from . import brouwer, brouwer_kepler, edge, encounters, stiff
 from . import brouwer_controls as controls
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from matplotlib.axes import Axes
 
 #: Number of methods in the figure of stable intervals, and the end of its axis.
 BARS, LAST = 26, 10.0
@@ -29,7 +36,15 @@ GROWING = (
 )
 
 
-def curves(axes, table: pd.DataFrame, by: str, x: str, y: str, names=None, span=(None, None)) -> None:
+def curves(
+    axes: Axes,
+    table: pd.DataFrame,
+    by: str,
+    x: str,
+    y: str,
+    names: Iterable[str] | None = None,
+    span: tuple[float | None, float | None] = (None, None),
+) -> None:
     """Draw y over x on logarithmic axes, a curve for each name in the column ``by``, as many as there are line styles.
 
     Values beyond ``span`` are drawn at its ends.
@@ -45,20 +60,20 @@ def best(table: pd.DataFrame, by: str, value: str, worst: bool = False) -> list:
     return list((groups.max() if worst else groups.min()).sort_values().index)
 
 
-def legend_below(axes) -> None:
+def legend_below(axes: Axes) -> None:
     """Add a legend of a panel's own curves below it."""
     handles, labels = axes.get_legend_handles_labels()
     axes.legend(handles, labels, loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=2)
 
 
-def pieces(text) -> list[tuple[float, float]]:
+def pieces(text: str | float) -> list[tuple[float, float]]:
     """Parse intervals stored as text, "a..b c..", into pairs (a, b); an open end is infinite."""
     parts = [] if not isinstance(text, str) else [part.partition("..")[::2] for part in text.split()]
     return [(float(a), float(b) if b else math.inf) for a, b in parts]
 
 
 @style.styled
-def intervals(linear: pd.DataFrame, folder) -> Picture:
+def intervals(linear: pd.DataFrame, folder: Path) -> Picture:
     """Draw the stable intervals of h omega, for the methods with the most gaps between them."""
     known = linear[linear["intervals"].notna() & np.isfinite(linear["limit"]) & ~linear["label"].str.contains("lam=")]
     shown = known.sort_values(["gaps", "limit"], ascending=False).head(BARS).sort_values("limit")
@@ -76,7 +91,7 @@ def intervals(linear: pd.DataFrame, folder) -> Picture:
 
 
 @style.styled
-def encounter_errors(table: pd.DataFrame, folder) -> Picture:
+def encounter_errors(table: pd.DataFrame, folder: Path) -> Picture:
     """Draw the error on Kepler orbits over 1 - e."""
     figure, (panels,) = style.panels(1, 2, 4.0, sharey=True)
     table = table.assign(near=1 - table["e"])
@@ -96,7 +111,7 @@ def encounter_errors(table: pd.DataFrame, folder) -> Picture:
 
 
 @style.styled
-def stiffness(table: pd.DataFrame, folder) -> Picture:
+def stiffness(table: pd.DataFrame, folder: Path) -> Picture:
     """Draw the largest change of the oscillatory energy of the Fermi-Pasta-Ulam problem over h omega."""
     omegas = sorted(table["omega"].unique())
     omegas = omegas[1::2] or omegas
@@ -114,7 +129,7 @@ def stiffness(table: pd.DataFrame, folder) -> Picture:
 
 
 @style.styled
-def growth(table: pd.DataFrame, folder) -> Picture:
+def growth(table: pd.DataFrame, folder: Path) -> Picture:
     """Draw the rms round-off errors of energy and phase over the number of steps."""
     figure, (panels,) = style.panels(1, 2, 3.8)
     drawn = {run: _run_name(*run) for run in GROWING}
@@ -141,7 +156,7 @@ def _run_name(label: str, h: float) -> str:
 
 
 @style.styled
-def solvers(table: pd.DataFrame, folder) -> Picture:
+def solvers(table: pd.DataFrame, folder: Path) -> Picture:
     """Draw maps over (h, lambda) and (h, e) of how implicit equations were solved, or not."""
     from matplotlib.colors import ListedColormap
     from matplotlib.patches import Patch
@@ -167,7 +182,7 @@ def solvers(table: pd.DataFrame, folder) -> Picture:
 
 
 @style.styled
-def resonances(table: pd.DataFrame, folder) -> Picture:
+def resonances(table: pd.DataFrame, folder: Path) -> Picture:
     """Draw maps of a step's growth factor over the two frequencies of coupled oscillators."""
     methods = list(dict.fromkeys(table["method"]))
     figure, (panels,) = style.panels(1, len(methods), 2.3, sharey=True)
@@ -188,7 +203,7 @@ def resonances(table: pd.DataFrame, folder) -> Picture:
 
 
 @style.styled
-def regions(table: pd.DataFrame, folder) -> Picture:
+def regions(table: pd.DataFrame, folder: Path) -> Picture:
     """Draw the boundaries |R(z)| = 1 of stability regions in the complex plane."""
     x, y = np.meshgrid(np.linspace(-7.5, 12, 391), np.linspace(0, 8, 161))
     z = x + 1j * y
@@ -210,7 +225,7 @@ def regions(table: pd.DataFrame, folder) -> Picture:
 
 
 @style.styled
-def lambdas(table: pd.DataFrame, folder) -> Picture:
+def lambdas(table: pd.DataFrame, folder: Path) -> Picture:
     """Draw the largest step at which runs survive over lambda of Schemes I to III, a panel for each orbit."""
     orbits = list(dict.fromkeys(table["orbit"]))
     figure, (panels,) = style.panels(1, len(orbits), 2.8, sharey=True)

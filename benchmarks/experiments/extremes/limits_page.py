@@ -27,7 +27,7 @@ def table(known: pd.DataFrame) -> Table:
     return Table(pd.DataFrame(columns), caption)
 
 
-def _limit(value) -> str:
+def _limit(value: float) -> str:
     return "none" if np.isinf(value) else f"{value:.11g}"
 
 

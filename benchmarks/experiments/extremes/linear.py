@@ -7,7 +7,9 @@ where z |1 - 2 lam| < 2; it is measured for lambda from -10 to 11.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from fractions import Fraction
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,6 +20,10 @@ from phasebench.benchmarks.store.cells import Cell, ProblemKey, Rows, content
 from phasebench.integrators.registry import BY_ID, METHODS
 
 from . import published
+
+if TYPE_CHECKING:
+    from phasebench.benchmarks.measure.integrator import Integrator
+    from phasebench.integrators.record import Method
 
 #: Methods of at most this order whose only parameter is lambda are measured at every lambda in `SWEPT`.
 HIGHEST = 2
@@ -41,7 +47,7 @@ def cells(quick: bool = False) -> list[Cell]:
     return [_sweep(), _limits_cell(), *(_cell(m.id, p) for m in METHODS for p in parameters(m) if _able(m))]
 
 
-def parameters(method) -> list[dict[str, str]]:
+def parameters(method: Method) -> list[dict[str, str]]:
     """List the parameters at which a method's stability is measured: its defaults, and a sweep of lambda."""
     free = set(method.parameters) == {"lam"} and method.order <= HIGHEST
     swept = [{"lam": value} for value in SWEPT] if free else []
@@ -49,7 +55,7 @@ def parameters(method) -> list[dict[str, str]]:
     return [own, *(p for p in swept if p != own)]
 
 
-def _able(method) -> bool:
+def _able(method: Method) -> bool:
     """True if the oscillator has all the structure that a method requires."""
     return not {"Poisson structure", "further invariants"} & {r.partition("(")[0] for r in method.requires}
 
@@ -110,7 +116,7 @@ def _gaps(found: oscillator.Found) -> list[tuple[float, float]]:
     return [(a[1], b[0]) for a, b in zip(found.intervals, found.intervals[1:], strict=False)]
 
 
-def grows(chosen, z: float) -> bool:
+def grows(chosen: Integrator, z: float) -> bool:
     """True if a long run at h omega = z grows beyond bounds, or cannot be made.
 
     The bound is relative to the size of the step matrix, since a bounded run may be as large as that.  A run of a
@@ -124,7 +130,7 @@ def grows(chosen, z: float) -> bool:
     return y is None or not np.isfinite(y).all() or bool(np.abs(y).max() > GROWTH * (1 + np.abs(M).max()))
 
 
-def confirm(chosen, found: oscillator.Found) -> tuple[int, int]:
+def confirm(chosen: Integrator, found: oscillator.Found) -> tuple[int, int]:
     """Make long runs near the stability limit, within later stable intervals and within gaps.
 
     Returns (number of runs that end as the step matrix predicts, number of runs).
@@ -146,7 +152,7 @@ def confirm(chosen, found: oscillator.Found) -> tuple[int, int]:
     return sum(grows(chosen, z) is expected for z, expected in asked), len(asked)
 
 
-def _beyond(chosen, found: oscillator.Found) -> list[float]:
+def _beyond(chosen: Integrator, found: oscillator.Found) -> list[float]:
     """Return a list of the first h omega past the limit at which growth shows, else the nearest one tried.
 
     It is empty if a further stable interval is nearer.  Where |tr M| leaves 2 by a power of the distance, as at a
@@ -157,24 +163,24 @@ def _beyond(chosen, found: oscillator.Found) -> list[float]:
     return [z for z in tried if _depth(chosen, z) > DEEP][:1] or tried[:1]
 
 
-def _near(z: float, touches) -> bool:
+def _near(z: float, touches: Iterable[float]) -> bool:
     """True if h omega = z is so near to a point where |tr M| only touches 2 that round-off decides on stability."""
     return any(abs(z - t) < 1e-6 for t in touches)
 
 
-def _depth(chosen, z: float) -> float:
+def _depth(chosen: Integrator, z: float) -> float:
     """(spectral radius - 1)^2 of a step, which is of the size of |tr M| - 2; 0 if no step can be taken."""
     radius = _radius(chosen, z)
     return (radius - 1) ** 2 if math.isfinite(radius) else 0.0
 
 
-def _radius(chosen, z: float) -> float:
+def _radius(chosen: Integrator, z: float) -> float:
     """The spectral radius of a step's matrix; infinite if no step can be taken."""
     M = oscillator.matrix(chosen, z)
     return math.inf if M is None else float(np.abs(np.linalg.eigvals(M)).max())
 
 
-def _growing(chosen) -> float:
+def _growing(chosen: Integrator) -> float:
     """The smallest of a few values of h omega at which growth shows in a long run; 0 if there is none."""
     return next((z for z in (0.1, 0.3, 0.5, 0.9) if _depth(chosen, z) ** 0.5 * STEPS > 2 * math.log(GROWTH)), 0.0)
 

@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from phasebench.integrators.registry import BY_ID, METHODS
+
+if TYPE_CHECKING:
+    from phasebench.integrators.record import Method
 
 #: One of each kind, cheap ones first.
 REPRESENTATIVE = (
@@ -34,11 +39,11 @@ def step_changing_methods() -> tuple[str, ...]:
     return tuple(m.id for m in METHODS if any(word in family for family in _families(m) for word in TRANSFORMED))
 
 
-def _families(method) -> list[str]:
+def _families(method: Method) -> list[str]:
     """Return the families of a method and of the methods that it is built on."""
     return [method.family, *(f for part in method.data if hasattr(part, "family") for f in _families(part))]
 
 
-def record(id: str):
+def record(id: str) -> Method:
     """Return the registered method with this id."""
     return BY_ID[id]

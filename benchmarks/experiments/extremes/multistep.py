@@ -22,7 +22,9 @@ polynomial and the product of steps are derived here.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -33,6 +35,9 @@ from phasebench.integrators.coefficients.multistep import QUINLAN_TREMAINE, Mult
 from phasebench.integrators.driver import integrate
 from phasebench.integrators.record import DRIFT, Method
 from phasebench.integrators.registry import BY_ID
+
+if TYPE_CHECKING:
+    from phasebench.integrators.solution import Solution
 
 METHODS = tuple(f"quinlan-tremaine-{order}" for order in QUINLAN_TREMAINE)
 ECCENTRICITIES = (0.0, 0.2)
@@ -64,7 +69,7 @@ def cells(quick: bool = False) -> list[Cell]:
     return maps + [_cell(TABLES[1], {"method": id, "N": n}, measure_long, (id, n), chosen(id)) for id, n in RUNS]
 
 
-def _cell(table: str, key: dict, measure, arguments: tuple, method: Method) -> Cell:
+def _cell(table: str, key: dict, measure: Callable[..., Rows], arguments: tuple, method: Method) -> Cell:
     needs = content("multistep", method, *arguments, ProblemKey("kepler"), code=[__name__])
     return Cell(
         "extremes",
@@ -133,7 +138,7 @@ def floquet_rate(table: Multistep, N: float, e: float) -> float:
 # -- runs --------------------------------------------------------------------------------------------------------------
 
 
-def _run(method: Method, e: float, N: float, orbits: float, every: int):
+def _run(method: Method, e: float, N: float, orbits: float, every: int) -> Solution:
     start = {"q0": [1 - e, 0.0], "p0": [0.0, ((1 + e) / (1 - e)) ** 0.5]}
     with np.errstate(all="ignore"):
         return integrate(problem("kepler"), method, h=2 * np.pi / N, steps=int(orbits * N), save_every=every, **start)

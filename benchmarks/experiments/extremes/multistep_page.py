@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
@@ -14,6 +14,9 @@ from phasebench.benchmarks.page.markdown import join_list, number
 from phasebench.benchmarks.page.page import Data, Page, Picture, Table, of
 from phasebench.benchmarks.page.verdict import EVERY, Count, Verdict
 from phasebench.integrators.coefficients.multistep import QUINLAN_TREMAINE, stable_intervals
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 #: An orbit is lost where the energy error is so many times as large as at first, or as large as the energy.
 LOST, WHOLE = 1e3, 0.1
@@ -202,13 +205,13 @@ def full_table(rows: pd.DataFrame) -> pd.DataFrame:
 
 
 @of("extremes_multistep")
-def figures(rows: pd.DataFrame, folder) -> list[Picture]:
+def figures(rows: pd.DataFrame, folder: Path) -> list[Picture]:
     """Draw the growth of the energy error over the steps an orbit, as a list of one picture."""
     return [draw(rows, folder)]
 
 
 @style.styled
-def draw(rows: pd.DataFrame, folder) -> Picture:
+def draw(rows: pd.DataFrame, folder: Path) -> Picture:
     """Draw for each method the factor by which the energy error grows, over the number of steps an orbit."""
     methods = list(dict.fromkeys(rows["method"]))
     figure, panels = style.panels(2, -(-len(methods) // 2), 4.9)

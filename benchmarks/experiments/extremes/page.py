@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
@@ -14,6 +15,9 @@ from phasebench.benchmarks.experiments.extremes.methods import REPRESENTATIVE, s
 from phasebench.benchmarks.page.markdown import number
 from phasebench.benchmarks.page.page import ROWS, Data, Page, Picture, Table
 from phasebench.integrators.registry import BY_ID
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 #: The orbits in the table, and their column headings.
 SHOWN = {
@@ -34,21 +38,23 @@ DRAWN = {
 }
 
 
-def draw(data, folder) -> list[Picture]:
+def draw(data: Data, folder: Path) -> list[Picture]:
     """Draw the figures of all tables of this experiment that have rows, each by its function in `DRAWN`."""
     found = {name: data(name) for name in DRAWN}
     return [draw_(found[name], folder) for name, draw_ in DRAWN.items() if found[name] is not None and len(found[name])]
 
 
-def _limit(value) -> str:
+def _limit(value: float) -> str:
     return "none" if value == np.inf else number(float(value), 5)
 
 
-def _step(value) -> str:
+def _step(value: float) -> str:
     return "any" if value == np.inf else number(float(value), 2)
 
 
-def summary(linear, steps, met, grown) -> pd.DataFrame:
+def summary(
+    linear: pd.DataFrame | None, steps: pd.DataFrame | None, met: pd.DataFrame | None, grown: pd.DataFrame | None
+) -> pd.DataFrame:
     """Make a row for each representative method: stability limit, largest steps, largest e, round-off, how it fails.
 
     The arguments are the tables of stability, of largest steps, of close encounters and of round-off; columns of a
@@ -76,7 +82,7 @@ def summary(linear, steps, met, grown) -> pd.DataFrame:
     return pd.DataFrame(out)
 
 
-def table(data) -> Table | None:
+def table(data: Data) -> Table | None:
     """Make the page's table: how far each representative method goes in every test (see `summary`)."""
     tables = [data(name) for name in ("extremes_linear", "extremes_steps", "extremes_encounters", "extremes_growth")]
     if all(t is None for t in tables):
@@ -89,7 +95,7 @@ def table(data) -> Table | None:
     return Table(summary(*tables).head(ROWS), caption)
 
 
-def full_table(data) -> pd.DataFrame | None:
+def full_table(data: Data) -> pd.DataFrame | None:
     """Make the long table: the stable intervals of h omega of every method; None if they were not measured."""
     linear = data("extremes_linear")
     return None if linear is None else linear.drop(columns=["method"])

@@ -9,7 +9,14 @@ each one again, exactly, from the method's coefficients as its authors give them
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from phasebench.benchmarks.measure.own_step import System
 
 #: The limit of a method that is stable at every step.
 UNLIMITED = math.inf
@@ -50,10 +57,10 @@ class Limit:
         return " and ".join(name for name in ("derived", "printed") if getattr(self, name))
 
 
-def _runge_kutta(rows, weights):
+def _runge_kutta(rows: Sequence[Sequence[float]], weights: Sequence[float]) -> Callable:
     """Make the step function of an explicit Runge-Kutta method from the rows of its matrix and its weights."""
 
-    def step(system, q, p, h):
+    def step(system: System, q: np.ndarray, p: np.ndarray, h: float) -> tuple[np.ndarray, np.ndarray]:
         slopes = []
         for row in (*rows, weights):
             at_q = q + h * sum((a * k for a, (k, _) in zip(row, slopes, strict=False)), 0 * q)

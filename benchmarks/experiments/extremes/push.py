@@ -7,6 +7,7 @@ is doubled.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from fractions import Fraction
 
 from phasebench.benchmarks.problems import problem
@@ -46,7 +47,7 @@ def _swept(id: str, on: str) -> Cell:
     return Cell("extremes", TABLES[1:], {"method": id, "orbit": on}, swept, (id, on), needs, frozenset({id}))
 
 
-def largest(survives, first: float) -> tuple[float, str]:
+def largest(survives: Callable[[float], str], first: float) -> tuple[float, str]:
     """Search the largest step that survives: (step, how the next larger one fails); 0 if none survives, inf if all do.
 
     Parameters
@@ -70,7 +71,7 @@ def largest(survives, first: float) -> tuple[float, str]:
     return (math.inf if bad is None else first * 2 ** (good / PARTS)), failure
 
 
-def _survives(case: cases.Case, id: str, steps: int, parameters: dict | None = None):
+def _survives(case: cases.Case, id: str, steps: int, parameters: dict | None = None) -> Callable[[float], str]:
     """Make a function from h to the judgement of a run of ``steps`` on the case; a short run first saves time."""
 
     def survives(h: float) -> str:

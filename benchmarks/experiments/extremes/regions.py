@@ -46,7 +46,7 @@ def _tableau(id: str) -> tuple[np.ndarray, np.ndarray]:
     return A, np.array([float(x) for x in weights])
 
 
-def stability_function(A, b) -> tuple[np.ndarray, np.ndarray]:
+def stability_function(A: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Compute (numerator, denominator) of R as polynomials in z, the highest power first; A (s, s), b (s,)."""
     # det(I - z B) = z^s chi_B(1 / z): the characteristic polynomial with its coefficients reversed.
     return np.poly(A - np.outer(np.ones(len(b)), b))[::-1], np.poly(A)[::-1]

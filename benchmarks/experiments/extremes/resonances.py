@@ -12,6 +12,8 @@ Source: Hairer, Lubich, Wanner, Geometric Numerical Integration (2006), XIII.2 a
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 import sympy as sp
 
@@ -20,6 +22,9 @@ from phasebench.integrators.prepared import prepare
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
 
 from .methods import record
+
+if TYPE_CHECKING:
+    from phasebench.integrators.prepared import PreparedRun
 
 METHODS = ("stormer-verlet", "deuflhard", "mollified-impulse", "hairer-lubich")
 #: The coupling kappa; ratios omega_2 / omega_1; the largest h omega_2 and the number of its values.
@@ -42,14 +47,14 @@ def _cell(id: str) -> Cell:
 class CoupledOscillators:
     """Two coupled oscillators with frequencies 1 and ``ratio``, as a problem with ``system``, ``q0`` and ``p0``."""
 
-    def __init__(self, ratio):
+    def __init__(self, ratio: sp.Rational) -> None:
         q1, q2, p1, p2 = sp.symbols("q1 q2 p1 p2", real=True)
         H = (p1**2 + p2**2) / 2 + (q1**2 + ratio**2 * q2**2) / 2 + COUPLING * ratio * q1 * q2
         self.system = Hamiltonian(q=[q1, q2], p=[p1, p2], H=H, frequencies=[1, ratio])
         self.q0, self.p0 = (1.0, 0.0), (0.0, 0.0)
 
 
-def radius(run, h: float) -> float:
+def radius(run: PreparedRun, h: float) -> float:
     """Compute the spectral radius of the matrix of a step h of ``run``, a prepared (h, steps, q, p) -> (q, p, ...)."""
     columns = [np.concatenate(run(h, 1, unit[:2], unit[2:])[:2]) for unit in np.eye(4)]
     return float(np.abs(np.linalg.eigvals(np.array(columns).T)).max())

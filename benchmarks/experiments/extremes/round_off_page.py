@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import pandas as pd
 
 from phasebench.benchmarks.experiments.extremes import brouwer
@@ -9,8 +11,11 @@ from phasebench.benchmarks.experiments.extremes import brouwer_every as every
 from phasebench.benchmarks.experiments.extremes import round_off_verdicts as verdicts
 from phasebench.benchmarks.page.page import ROWS, Page, Table
 
+if TYPE_CHECKING:
+    from phasebench.benchmarks.page.page import Data
 
-def table(data) -> Table | None:
+
+def table(data: Data) -> Table | None:
     """Make the page's table of ensembles: at simple fractions of h or lambda, slightly off, controls, worst others."""
     known = full_table(data)
     if known is None:
@@ -39,7 +44,7 @@ def table(data) -> Table | None:
     return Table(pd.DataFrame(columns), caption)
 
 
-def full_table(data) -> pd.DataFrame | None:
+def full_table(data: Data) -> pd.DataFrame | None:
     """Make the long table: the growth of round-off in every ensemble, and the reason for each method without one."""
     known = [t for t in (data("extremes_growth"), data("extremes_growth_every")) if t is not None and len(t)]
     return pd.concat(known, ignore_index=True) if known else None

@@ -25,7 +25,7 @@ def named_step(h: float) -> str:
     return f"{beside[0]:g} (1 + 2^-40)" if beside else f"{h:.10g}"
 
 
-def exponent(row, name: str) -> str:
+def exponent(row: pd.Series, name: str) -> str:
     """Format the exponent of growth of the error ``name`` ("energy" or "phase") in a row, with its interval.
 
     Empty where there is none.
@@ -56,16 +56,16 @@ def biased_ensembles(rows: pd.DataFrame) -> pd.DataFrame:
     return tested[tested[MEAN].abs() > critical(tested)].sort_values(MEAN, key=abs, ascending=False)
 
 
-def overtaken(row) -> float:
+def overtaken(row: pd.Series) -> float:
     """Compute after how many steps a bias, growing as n, is as large as the random walk, growing as n^(1/2)."""
     return row["steps"] * row["starts"] / row[MEAN] ** 2
 
 
-def _where(row) -> str:
+def _where(row: pd.Series) -> str:
     return f"{row['label']} at h = {named_step(row['h'])}"
 
 
-def _biased_where(row) -> str:
+def _biased_where(row: pd.Series) -> str:
     of_h = row.get("by") == every.ENERGY  # H is kept: its mean error is an offset that does not grow
     return f"{_where(row)} ({'an offset' if of_h else f'leads after {number(overtaken(row), 2)} steps'})"
 

@@ -20,6 +20,7 @@ Mandziuk, T. Schlick, Chem. Phys. Lett. 237 (1995) 525-535 (h omega = sqrt 2 and
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -75,7 +76,7 @@ class Turns:
     matrices, angles : at each z the 2 x 2 matrix of the step, and the angle in radians by which it rotates
     """
 
-    def __init__(self, id: str, z):
+    def __init__(self, id: str, z: Sequence[float] | np.ndarray) -> None:
         chosen = integrator(id)
         found = [oscillator.matrix(chosen, float(x)) for x in z]
         stable = [abs(np.trace(M)) < 2 + oscillator.SAME for M in found]
@@ -84,7 +85,7 @@ class Turns:
         angles = [np.arctan2(_sine(M), np.trace(M) / 2) for M in self.matrices]
         self.angles = np.unwrap(np.array(angles) % (2 * np.pi))
 
-    def energy(self, k: int, x, p) -> np.ndarray:
+    def energy(self, k: int, x: np.ndarray, p: np.ndarray) -> np.ndarray:
         """Compute the energy h J theta / z of a spring with the k-th h omega, which the step keeps.
 
         x = omega q and p are arrays of equal shape, as is the result.
@@ -97,7 +98,7 @@ class Turns:
         return action * self.angles[k] / self.z[k]
 
 
-def _sine(M) -> float:
+def _sine(M: np.ndarray) -> float:
     """Compute the sine, with its sign, of the angle by which the 2 x 2 step matrix M rotates."""
     return float(np.sqrt(max(0.0, 1 - (np.trace(M) / 2) ** 2)) * np.sign(M[0, 1] - M[1, 0]))
 
@@ -118,7 +119,7 @@ class Springs:
     A trigonometric method is given the frequencies; for all others they are extra coordinates at rest.
     """
 
-    def __init__(self, id: str):
+    def __init__(self, id: str) -> None:
         q, p, H_ = formula(1.0, 2)
         w = sp.symbols("w1 w2", real=True)
         self.method = record(id)
@@ -131,7 +132,7 @@ class Springs:
             self.system = Hamiltonian(q=[*q, *w], p=[*p, *still], H=H_ + sp.expand_mul(stiff))
         self.prepared = prepare(self.method, self.system)
 
-    def __call__(self, w, steps: int) -> tuple[np.ndarray, np.ndarray]:
+    def __call__(self, w: np.ndarray, steps: int) -> tuple[np.ndarray, np.ndarray]:
         """Integrate with frequencies w (2,): (q, p), arrays (4, steps + 1); NaN after a step that fails."""
         q, p, prepared = [*SOFT_Q, *(1 / w)], [*SOFT_P, 1.0, 1.0], self.prepared
         if self.told:
@@ -147,7 +148,7 @@ class Springs:
         return Q.T[:4].copy(), P.T[:4].copy()
 
 
-def drift(Q, P, fast) -> float:
+def drift(Q: np.ndarray, P: np.ndarray, fast: np.ndarray) -> float:
     """Compute the largest change of the mean energy among `WINDOWS` parts of a run, relative to that at the start.
 
     Changes are from the first part.  Q and P are arrays (d, n) of n rows, and ``fast`` (n,) is the energy of the stiff

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 import pandas as pd
 
@@ -10,6 +12,12 @@ from phasebench.benchmarks.experiments.extremes import springs
 from phasebench.benchmarks.page.markdown import number
 from phasebench.benchmarks.page.page import Page, Picture, Table, of
 from phasebench.benchmarks.page.verdict import Range, Verdict, at_least
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from matplotlib.axes import Axes
+    from numpy.typing import ArrayLike
 
 #: Largest order |k1| + |k2| of a line; the distance, in grid units, within which a node is on a line; a crest is not
 #: below its neighbours on both sides and at least `HIGH` times the nodes beyond them.
@@ -35,7 +43,7 @@ def lines(order: int, last: float) -> list[tuple[int, int, int]]:
     return found
 
 
-def distance(x, y, order: int = ORDER):
+def distance(x: ArrayLike, y: ArrayLike, order: int = ORDER) -> np.ndarray:
     """Compute the distance of points (x, y), angles in units of pi, from the nearest resonance line; an array as x."""
     x, y = np.asarray(x, float), np.asarray(y, float)
     all_ = [np.abs(a * x + b * y - 2 * n) / np.hypot(a, b) for a, b, n in lines(order, max(x.max(), y.max()) + 0.1)]
@@ -138,7 +146,7 @@ def answer(table: pd.DataFrame) -> str | None:
 
 
 @style.styled
-def draw(table: pd.DataFrame, folder) -> Picture:
+def draw(table: pd.DataFrame, folder: Path) -> Picture:
     """Draw maps of the energy drift over (h omega_1, h omega_2), with resonance lines below the diagonal."""
     methods = list(dict.fromkeys(table["method"]))
     figure, panels = style.panels(2, -(-len(methods) // 2), 4.9)
@@ -166,7 +174,7 @@ def draw(table: pd.DataFrame, folder) -> Picture:
     return Picture(style.save(figure, folder, "extremes-springs.png"), "two stiff springs", caption)
 
 
-def _lines(axes, z, angle) -> None:
+def _lines(axes: Axes, z: np.ndarray, angle: np.ndarray) -> None:
     """Draw the resonance lines below the diagonal; z (h omega) and angle (in pi), arrays (n,), are of the nodes."""
     fine = np.linspace(angle[0], angle[-1], 400)
     colours = {1: style.BLUE, 2: style.BLUE, 3: style.VERMILION, 4: style.GREEN}
@@ -197,7 +205,7 @@ def full_table(rows: pd.DataFrame) -> pd.DataFrame:
 
 
 @of("extremes_springs")
-def figures(rows: pd.DataFrame, folder) -> list[Picture]:
+def figures(rows: pd.DataFrame, folder: Path) -> list[Picture]:
     """Draw the maps of the energy drift, as a list of one picture."""
     return [draw(rows, folder)]
 

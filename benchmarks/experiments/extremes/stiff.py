@@ -7,6 +7,8 @@ every smaller h omega.
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from phasebench.benchmarks.problems import problem
@@ -15,6 +17,9 @@ from phasebench.benchmarks.store.cells import Cell, ProblemKey, Rows, content
 from phasebench.integrators.driver import integrate
 
 from .methods import record
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 OMEGAS = (50.0, 1e3, 1e4, 1e6)
 STEPS_TIMES_OMEGA = tuple(float(f"{10 ** (k / 2):.3g}") for k in range(-6, 7))
@@ -70,13 +75,13 @@ def measure_rows(id: str) -> Rows:
     return {TABLES[0]: rows}
 
 
-def _change(values) -> float:
+def _change(values: np.ndarray) -> float:
     """Compute the largest relative change of a series from its first value; infinite if any value is not finite."""
     change = np.abs(values / values[0] - 1)
     return float(change.max()) if np.isfinite(change).all() else np.inf
 
 
-def cliff(table) -> float:
+def cliff(table: pd.DataFrame) -> float:
     """Find the largest h omega up to which the oscillatory energy I changes by less than `CLIFF`; 0 if none."""
     last = 0.0
     for row in table.sort_values("h omega").itertuples(index=False):

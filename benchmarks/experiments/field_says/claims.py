@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Sequence
 from itertools import product
 from math import inf
 
@@ -147,7 +148,7 @@ def loose(rows: pd.DataFrame) -> Verdict | None:
     )
 
 
-def _has_all(rows: pd.DataFrame, **values) -> bool:
+def _has_all(rows: pd.DataFrame, **values: Sequence) -> bool:
     """Whether there is a row for each combination of values of the columns."""
     return set(product(*values.values())) <= set(zip(*(rows[c] for c in values), strict=True))
 

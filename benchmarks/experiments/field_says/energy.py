@@ -8,7 +8,8 @@ Source: SciMLBenchmarks.jl, benchmarks/DynamicalODE, Henon-Heiles and quadrupole
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -18,6 +19,9 @@ from phasebench.benchmarks.store.cells import Cell, ProblemKey, Rows, Unavailabl
 from phasebench.integrators.driver import OK, SKIPPED
 from phasebench.integrators.registry import BY_ID
 from phasebench.reference.peers.field import split_gradients
+
+if TYPE_CHECKING:
+    from phasebench.integrators.systems.hamiltonian import Hamiltonian
 
 TABLE = "field_says_energy"
 #: Problem -> (initial state q, p; times).
@@ -48,7 +52,7 @@ def _cell(name: str, id: str) -> Cell:
     return Cell("field_says", (TABLE,), key, measure_rows, (name, id), needs, frozenset({COMPENSATED, id, name}))
 
 
-def plain(system, q, p, h: float, steps: int, every: int) -> np.ndarray:
+def plain(system: Hamiltonian, q: Sequence[float], p: Sequence[float], h: float, steps: int, every: int) -> np.ndarray:
     """States (q, p) at every ``every``-th step of KahanLi8 whose sums are not compensated, array (rows, 2 d)."""
     import numba
 
@@ -56,7 +60,7 @@ def plain(system, q, p, h: float, steps: int, every: int) -> np.ndarray:
     weights = np.array([float(2 * c) for c, _, lam in BY_ID[COMPENSATED].data[1] if lam == 1])
 
     @numba.njit(error_model="numpy")
-    def run(y, h, steps, every):
+    def run(y: np.ndarray, h: float, steps: int, every: int) -> np.ndarray:
         d = len(y) // 2
         rows = np.empty((steps // every + 1, 2 * d))
         rows[0] = y

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 import pandas as pd
 
@@ -12,6 +14,9 @@ from phasebench.benchmarks.page.page import ROWS, Page, Picture, Table, of
 from phasebench.benchmarks.page.verdict import FAIL, NONE, Count, Verdict, at_most
 from phasebench.integrators.record import BOUNDED, DRIFT, ROUND_OFF
 from phasebench.integrators.registry import BY_ID
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 #: Energy and angular momentum are kept if their error is at most this over the whole span.
 KEPT = 1e-11
@@ -132,7 +137,7 @@ def answer(rows: pd.DataFrame) -> str | None:
 
 
 @of("rows")
-def draw(rows: pd.DataFrame, folder) -> list[Picture] | None:
+def draw(rows: pd.DataFrame, folder: Path) -> list[Picture] | None:
     """Draw the largest energy errors as a colour map: a line for each scene, a column for each method.
 
     A scene is an orbit with a time span.  Each error is that of the method's largest step.  None if no long run is
@@ -171,7 +176,7 @@ def draw(rows: pd.DataFrame, folder) -> list[Picture] | None:
     return [Picture(style.save(figure, folder, "invariants.png"), "energy errors on the long scenes", caption)]
 
 
-def _line(r, why: str) -> dict:
+def _line(r: pd.Series, why: str) -> dict:
     """Make a line of the page's table from a run ``r`` (a row of the runs); ``why`` is the reason why it is shown."""
     drift = "" if pd.isna(r["energy_drift"]) else f"{r['energy_drift']:.1e}"
     line = {"why": why, "method": r["method"], "scene": r["scene"], "h": r["h"], "energy error": r["energy_max"]}

@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
 from phasebench.benchmarks.experiments.kepler import comparison, cost, times
+
+if TYPE_CHECKING:
+    from phasebench.benchmarks.store.cells import Cell
 
 #: Largest difference in radians between closed form and Taylor series; the error that the best integrator must reach.
 AWAY, BEST = 1e-9, 1e-6
 
 
-def cells(quick: bool = False):
+def cells(quick: bool = False) -> list[Cell]:
     """List the measurements (`Cell`): long runs, the time of an orbit, error against cost; none if ``quick``."""
     return [*comparison.cells(quick), *times.cells(quick), *cost.cells(quick)]
 
 
-def away(rows) -> list[str]:
+def away(rows: list[dict]) -> list[str]:
     """Return a message for each orbit on which the closed form and the Taylor series differ by `AWAY` radians or more.
 
     One of the two references is then wrong.  ``rows``: dicts of the table `kepler_growth`.
@@ -25,7 +31,7 @@ def away(rows) -> list[str]:
     ]
 
 
-def unsolved_problems(rows, column: str, label: str) -> list[str]:
+def unsolved_problems(rows: list[dict], column: str, label: str) -> list[str]:
     """Return a message for each problem on which no row has an error below `BEST`.
 
     ``rows`` are dicts, ``column`` is the key of the error, and ``label`` a format string of a row's keys, such as
@@ -39,7 +45,7 @@ def unsolved_problems(rows, column: str, label: str) -> list[str]:
     return [f"{where}: the best {column} is {error:.2e}" for where, error in best.items() if not error < BEST]
 
 
-def bench_kepler(measured_rows, complete):
+def bench_kepler(measured_rows: Callable[[str], list[dict]], complete: Callable[[str], bool]) -> None:
     """Test that the closed form agrees with the Taylor series, and that some integrator follows every orbit to its end.
 
     ``measured_rows`` and ``complete`` are fixtures: table name -> rows, and table name -> whether all rows are
@@ -53,7 +59,7 @@ def bench_kepler(measured_rows, complete):
     assert not wrong, "\n".join(wrong)
 
 
-def bench_kepler_cost(measured_rows, complete):
+def bench_kepler_cost(measured_rows: Callable[[str], list[dict]], complete: Callable[[str], bool]) -> None:
     """Test that some integrator of another package comes near the reference, on every problem.
 
     Otherwise the reference and the packages solve different problems.
@@ -63,7 +69,7 @@ def bench_kepler_cost(measured_rows, complete):
     assert not wrong, "\n".join(wrong)
 
 
-def bench_kepler_times(measured_rows):
+def bench_kepler_times(measured_rows: Callable[[str], list[dict]]) -> None:
     """Test that the cost of every timed run, in microseconds an orbit, is positive and within its interval."""
     ran = [r for r in measured_rows(times.TABLE) if r["us per orbit"] == r["us per orbit"]]
     wrong = [r for r in ran if not 0 < r["us, low"] <= r["us per orbit"] <= r["us, high"]]

@@ -10,10 +10,11 @@ with one mu for all, the term would be most of the force at the pericentre of e 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import cache
 from itertools import islice
 from math import inf
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -27,6 +28,9 @@ from phasebench.reference.solvers import taylor
 
 from . import kepler, runs
 from .runs import STANDARD, Setting
+
+if TYPE_CHECKING:
+    from phasebench.benchmarks.problems.base import Problem
 
 PROBLEMS = ("kepler", "perturbed-kepler")
 ECCENTRICITIES = (0.0, 0.2, 0.6, 0.9)
@@ -106,7 +110,7 @@ def cells(quick: bool = False) -> list[Cell]:
     ]
 
 
-def _cell(name: str, e: float, measure, arguments: tuple, c: Integrator | str) -> Cell:
+def _cell(name: str, e: float, measure: Callable[..., Rows], arguments: tuple, c: Integrator | str) -> Cell:
     label, known = (c, ()) if isinstance(c, str) else (c.label, (c.record,))
     return Cell(
         "kepler",
@@ -120,7 +124,7 @@ def _cell(name: str, e: float, measure, arguments: tuple, c: Integrator | str) -
 
 
 @cache
-def orbit(name: str, e: float):
+def orbit(name: str, e: float) -> tuple[Problem, kepler.Truth, dict]:
     """Return a Kepler orbit of eccentricity e: (problem, exact solution `kepler.Truth`, columns of every row).
 
     ``name`` is "kepler" or "perturbed-kepler".  The columns are a dict of problem, e, mu, period, and the exact and the
@@ -144,7 +148,7 @@ def tolerances(c: Integrator) -> list[Setting]:
     return [Setting("adaptive" if t is None else f"tolerance {t:g}", tol=t) for t in TOLERANCES.get(c.id, (None,))]
 
 
-def _reference(made, exact, orbits: int):
+def _reference(made: Problem, exact: kepler.Truth, orbits: int) -> tuple[dict, list[dict]]:
     """Measure the errors of the Taylor reference: (row of the run, list of rows of its errors on the way).
 
     ``made`` and ``exact`` are the problem and its exact solution from `orbit`.  The reference runs over ``orbits`` +

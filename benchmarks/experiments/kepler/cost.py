@@ -5,6 +5,7 @@ from __future__ import annotations
 import statistics
 from functools import cache
 from math import ceil, pi
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,6 +17,9 @@ from phasebench.benchmarks.store.cells import ALONE, Cell, ProblemKey, Rows, con
 from phasebench.integrators.driver import OK
 from phasebench.reference.peers import heyoka, rebound
 from phasebench.reference.solvers import taylor
+
+if TYPE_CHECKING:
+    from phasebench.integrators.solution import Solution
 
 PROBLEMS = ("kepler", "perturbed-kepler")
 ORBITS = 100.5
@@ -78,7 +82,7 @@ def _cell(name: str, position: int, c: Integrator) -> Cell:
 
 
 @cache
-def _truth(name: str):
+def _truth(name: str) -> taylor.Reference:
     """Return the Taylor reference of a problem, with its uncertainty, at the end of `ORBITS` revolutions."""
     return taylor.reference(problem(name), [ORBITS * 2 * pi])
 
@@ -110,7 +114,7 @@ def _row(name: str, c: Integrator, setting: str, sizes: dict, tol: float | None)
     """
     found, truth = problem(name), _truth(name)
 
-    def run(rows: int):
+    def run(rows: int) -> Solution:
         size = sizes[rows]
         return c.run(found, **size, save_every=rows * ceil(size["steps"] / MOST), tol=tol)
 

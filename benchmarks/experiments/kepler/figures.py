@@ -19,7 +19,7 @@ QUANTITIES = {
 }
 
 
-def errors(rows, names: list[str], directory: Path, name: str) -> str:
+def errors(rows: pd.DataFrame, names: list[str], directory: Path, name: str) -> str:
     """Draw errors in energy, angular momentum, phase and perihelion over the orbits; return the file's name.
 
     The figure has a row of panels for each quantity, a column for each eccentricity, and a curve for each method.
@@ -62,7 +62,7 @@ def errors(rows, names: list[str], directory: Path, name: str) -> str:
     return style.save(figure, directory, name)
 
 
-def work_precision(rows, directory: Path, name: str = "kepler-cost.png") -> tuple[str, int]:
+def work_precision(rows: pd.DataFrame, directory: Path, name: str = "kepler-cost.png") -> tuple[str, int]:
     """Draw the error at the end over the seconds of a warm run, ours and the peers' together.
 
     ``rows`` is a DataFrame with the columns problem, method, kind, seconds and error; there is a panel for each

@@ -31,14 +31,22 @@ Mathematical Theory of Black Holes (1983), section 19, for the cubic and its ell
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from phasebench.integrators.errors import InvalidInput
+
+if TYPE_CHECKING:
+    from types import SimpleNamespace
+
+    import mpmath
+    from numpy.typing import ArrayLike
+
+    from phasebench.benchmarks.problems.base import Problem
 
 #: Nodes of the quadratures of phi and t from pericentre; a test of the elements doubles them.
 NODES = 40
@@ -75,7 +83,7 @@ class Elements(NamedTuple):
     period: np.ndarray
 
 
-def elements(q, p, mu: float = 0.0, nodes: int = NODES) -> Elements:
+def elements(q: ArrayLike, p: ArrayLike, mu: float = 0.0, nodes: int = NODES) -> Elements:
     """Compute the elements of states q, p, arrays (n, 2), of the (perturbed) Kepler problem of strength ``mu``.
 
     Raises InvalidInput for states that are not in the plane.
@@ -104,17 +112,17 @@ def elements(q, p, mu: float = 0.0, nodes: int = NODES) -> Elements:
         eta = np.arctan2(root * np.sin(chi), e + np.cos(chi))
         x, weights = np.polynomial.legendre.leggauss(nodes)
 
-        def integral(f, end):
+        def integral(f: Callable[[np.ndarray], np.ndarray], end: np.ndarray) -> np.ndarray:
             """Integrate f from 0 to each of ``end``, (n,), by Gauss-Legendre quadrature."""
             return (f(np.outer(end / 2, x + 1)) * weights).sum(1) * end / 2
 
-        def over_g(u):
+        def over_g(u: np.ndarray) -> np.ndarray:
             return 1 / np.sqrt(size[:, None] - k * (2 * m[:, None] + u))
 
-        def angle(y):
+        def angle(y: np.ndarray) -> np.ndarray:
             return np.abs(L)[:, None] * over_g(m[:, None] + w[:, None] * np.cos(y))
 
-        def time(y):
+        def time(y: np.ndarray) -> np.ndarray:
             r = (m / (m**2 - w**2))[:, None] * (1 - e[:, None] * np.cos(y))
             return r * over_g(1 / r)
 
@@ -135,7 +143,9 @@ def first_order_advance(L: float, mu: float) -> float:
     return 2 * np.pi * mu / L**4
 
 
-def exact_orbit(q, p, mu: float = 0.0, digits: int = DIGITS):
+def exact_orbit(
+    q: Sequence[float] | np.ndarray, p: Sequence[float] | np.ndarray, mu: float = 0.0, digits: int = DIGITS
+) -> tuple[mpmath.mpf, mpmath.mpf]:
     """Compute (advance of the perihelion per radial period, radial period) of the orbit through q, p, in many digits.
 
     ``q`` and ``p`` are doubles, (2,); the results are mpmath numbers with ``digits`` digits.
@@ -158,7 +168,7 @@ def exact_orbit(q, p, mu: float = 0.0, digits: int = DIGITS):
         e = half / m
         a = m / (m**2 - half**2)
 
-        def time(eta):
+        def time(eta: mpmath.mpf) -> mpmath.mpf:
             r = a * (1 - e * mpmath.cos(eta))
             return r / mpmath.sqrt(L**2 - k * (2 * m + 1 / r))
 
@@ -196,7 +206,7 @@ class Truth:
     perihelion: int
 
 
-def invariants(q, p, mu: float) -> tuple[np.ndarray, np.ndarray]:
+def invariants(q: ArrayLike, p: ArrayLike, mu: float) -> tuple[np.ndarray, np.ndarray]:
     """Compute energy and angular momentum, arrays (n,), of states q, p (n, 2) in long double."""
     q, p = np.asarray(q, np.longdouble), np.asarray(p, np.longdouble)
     r = np.sqrt((q**2).sum(-1))
@@ -204,7 +214,7 @@ def invariants(q, p, mu: float) -> tuple[np.ndarray, np.ndarray]:
     return H, q[..., 0] * p[..., 1] - q[..., 1] * p[..., 0]
 
 
-def truth(problem) -> Truth:
+def truth(problem: Problem | SimpleNamespace) -> Truth:
     """Return the exact solution (`Truth`) of a ``kepler`` or ``perturbed-kepler`` problem."""
     import mpmath
 
@@ -269,7 +279,7 @@ class Errors(NamedTuple):
     anomaly: np.ndarray
 
 
-def errors(exact: Truth, when: Sequence[int], q, p) -> Errors:
+def errors(exact: Truth, when: Sequence[int], q: np.ndarray, p: np.ndarray) -> Errors:
     """Compute the errors of states q, p, arrays (n, 2), at times ``when`` (from `times`) against the exact solution.
 
     Angles are unwrapped from row to row: rows must be so dense that an error grows by less than pi between them.
@@ -279,7 +289,7 @@ def errors(exact: Truth, when: Sequence[int], q, p) -> Errors:
     anomaly, perihelion = _angle(exact.anomaly, when), _angle(exact.perihelion, when)
     turn = float(np.sign(exact.L))
 
-    def away(value, expected):
+    def away(value: np.ndarray, expected: np.ndarray) -> np.ndarray:
         """Return the difference of angles, unwrapped so that it starts near 0."""
         return np.unwrap(np.concatenate([[0.0], np.remainder(value - expected + np.pi, 2 * np.pi) - np.pi]))[1:]
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from math import pi
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
@@ -16,6 +17,11 @@ from . import figures as drawings
 from .comparison import DEAR, DRAWN, LADDER, LONGEST, SPREAD
 from .runs import STANDARD
 from .times import TABLE as TIMES
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from phasebench.benchmarks.page.page import Data
 
 #: Phase errors at the end, in radians, for which the cheapest integrators are listed.
 PHASES = (1e-2, 1e-6, 1e-9)
@@ -54,7 +60,7 @@ def _completed_runs(runs: pd.DataFrame, growth: pd.DataFrame) -> pd.DataFrame:
     return joined[(joined["status"] == "ok") & joined["phase"].notna()]
 
 
-def _who(row) -> str:
+def _who(row: pd.Series) -> str:
     """Format an integrator with its setting (steps or tolerance) as text; ``row`` is a row of a run."""
     return row["method"] if row["setting"] == "adaptive" else f"{row['method']} ({row['setting']})"
 
@@ -212,7 +218,7 @@ def _settings_sentence(cost: pd.DataFrame) -> str:
     return f" Settings of peers, their time to {TRIED_TO:g} over the best one's: {'; '.join(parts)}."
 
 
-def draw(data, folder) -> list[Picture]:
+def draw(data: Data, folder: Path) -> list[Picture]:
     """Draw two figures: the errors over the orbits, and the error against time for our methods and other packages.
 
     ``data`` maps a table's name to the table; a figure whose table is missing is left out.

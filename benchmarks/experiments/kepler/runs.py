@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from itertools import product
 from types import SimpleNamespace
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -19,6 +19,11 @@ from phasebench.benchmarks.measure.metrics import slope
 from phasebench.integrators.errors import InvalidInput
 
 from .kepler import Truth, advances, errors, invariants, times, truth
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from phasebench.benchmarks.problems.base import Problem
 
 #: Standard number of steps an orbit, at which the figure compares methods.
 STANDARD = 150
@@ -43,7 +48,7 @@ class Setting(NamedTuple):
     tol: float | None = None
 
 
-def growth(orbits, error, least: float = 10.0) -> float | None:
+def growth(orbits: ArrayLike, error: ArrayLike, least: float = 10.0) -> float | None:
     """Fit the exponent a with which the running maximum of |``error``| grows as t^a.
 
     ``orbits`` (times in orbits) and ``error`` are arrays (n,).  The fit is on points equally spaced in log t from
@@ -59,7 +64,7 @@ def growth(orbits, error, least: float = 10.0) -> float | None:
     return slope(np.log(orbits[chosen]), np.log(grown[chosen])).value if len(chosen) >= 3 else None
 
 
-def seconds_per_orbit(contender: Integrator, problem, period: float, setting: Setting, orbits: int) -> float:
+def seconds_per_orbit(contender: Integrator, problem: Problem, period: float, setting: Setting, orbits: int) -> float:
     """Time a warm run over ``orbits`` orbits without output, and return seconds an orbit.
 
     NaN where the integrator fails.  ``period`` is the time of an orbit.
@@ -68,7 +73,9 @@ def seconds_per_orbit(contender: Integrator, problem, period: float, setting: Se
     return timed() / orbits if timed is not None else float("nan")
 
 
-def orbit_clock(contender: Integrator, problem, period: float, setting: Setting, orbits: int) -> clock.Clock | None:
+def orbit_clock(
+    contender: Integrator, problem: Problem, period: float, setting: Setting, orbits: int
+) -> clock.Clock | None:
     """Return a clock that times ``orbits`` orbits of the integrator; None where it does not reach the end.
 
     ``period`` is the time of an orbit.
@@ -81,7 +88,7 @@ def orbit_clock(contender: Integrator, problem, period: float, setting: Setting,
 
 
 def follow(
-    contender: Integrator, problem, exact: Truth, setting: Setting, orbits: int, timeout: float | None = None
+    contender: Integrator, problem: Problem, exact: Truth, setting: Setting, orbits: int, timeout: float | None = None
 ) -> tuple[dict, list[dict]]:
     """Integrate ``orbits`` + 1/2 orbits with a row each half orbit, and measure the errors at the end and on the way.
 
@@ -143,7 +150,7 @@ def follow(
     return run | advances(exact, when, found, end), rows
 
 
-def neighbours(problem) -> list[SimpleNamespace]:
+def neighbours(problem: Problem) -> list[SimpleNamespace]:
     """Return the starts whose nonzero coordinates are an ulp less, the same or an ulp more, except the problem's own.
 
     Each has the attributes q0, p0 and parameters of a problem.
@@ -157,7 +164,7 @@ def neighbours(problem) -> list[SimpleNamespace]:
     ]
 
 
-def draws(contender: Integrator, problem, exact: Truth, setting: Setting, orbits: int) -> Iterator[float]:
+def draws(contender: Integrator, problem: Problem, exact: Truth, setting: Setting, orbits: int) -> Iterator[float]:
     """Yield the largest phase error, in radians, of the run from each of the `neighbours`; inf for a failed run.
 
     Errors are measured at every `APART`-th orbit of ``orbits``.
@@ -171,7 +178,9 @@ def draws(contender: Integrator, problem, exact: Truth, setting: Setting, orbits
         yield float(np.abs(phase).max()) if np.isfinite(phase).all() else float("inf")
 
 
-def within_orbits(contender: Integrator, problem, exact: Truth, per_orbit: int, orbits: int = 10) -> dict[str, float]:
+def within_orbits(
+    contender: Integrator, problem: Problem, exact: Truth, per_orbit: int, orbits: int = 10
+) -> dict[str, float]:
     """Return the largest relative errors of energy and angular momentum over every step of a few orbits.
 
     The keys are "energy, every step" and "momentum, every step".

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from math import ceil, nan
 
 from phasebench.benchmarks.measure.integrator import Integrator
@@ -49,7 +50,7 @@ def measure_rows(name: str, e: float) -> Rows:
     """
     made, exact, _ = comparison.orbit(name, e)
 
-    def work(c: Integrator, setting: Setting):
+    def work(c: Integrator, setting: Setting) -> Callable[[], float]:
         orbits = ORBITS if c.adaptive else ceil(STEPS / setting.per_orbit)
         timed = orbit_clock(c, made, exact.period, setting, orbits)
         return lambda: timed() / orbits if timed is not None else nan

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from phasebench.benchmarks.experiments.large import large, solvers
 from phasebench.benchmarks.experiments.large.solvers_page import SAME
 
@@ -11,7 +13,7 @@ def cells(quick: bool = False) -> list:
     return large.cells(quick) + solvers.cells(quick)
 
 
-def bench_costs(measured_rows):
+def bench_costs(measured_rows: Callable[[str], list[dict]]) -> None:
     """Test that our explicit steps end where the same steps in C end, and that both took time.
 
     ``measured_rows`` is a fixture: table name -> rows.
@@ -24,14 +26,14 @@ def bench_costs(measured_rows):
     assert not wrong, "\n".join(wrong)
 
 
-def bench_made(measured_rows):
+def bench_made(measured_rows: Callable[[str], list[dict]]) -> None:
     """Test that hand-written loops are compiled for every system at more than 9000 degrees of freedom."""
     rows = measured_rows(large.MADE)
     for system in {r["system"] for r in rows}:
         assert max(r["d"] for r in rows if (r["system"], r["route"]) == (system, "loops")) > 9000, system
 
 
-def bench_solvers(measured_rows):
+def bench_solvers(measured_rows: Callable[[str], list[dict]]) -> None:
     """Test that Newton's method with banded matrices solves every implicit step, to the end state of the usual solver.
 
     The usual solver is the fixed-point iteration with Newton's method in full matrices where that fails.

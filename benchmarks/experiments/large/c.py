@@ -7,10 +7,15 @@ from __future__ import annotations
 
 import ctypes
 import time
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from phasebench.benchmarks.measure.c_loop import load_source
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 FPU = """
 static void slope(long d, const double *c, const double *restrict q, const double *restrict p, double *restrict g) {
@@ -112,12 +117,14 @@ class Loop:
     Raises RuntimeError without a C compiler, or if it rejects the source.
     """
 
-    def __init__(self, slope: str, method: str):
+    def __init__(self, slope: str, method: str) -> None:
         self._steps = load_source(f"#include <math.h>\n{slope}{STEPS[method]}").steps
         self._steps.argtypes = [ctypes.c_long, ctypes.c_long, ctypes.c_double, *[ctypes.c_void_p] * 4]
         self._steps.restype = None
 
-    def run(self, q0, p0, h: float, n: int, constants) -> tuple[float, np.ndarray, np.ndarray]:
+    def run(
+        self, q0: ArrayLike, p0: ArrayLike, h: float, n: int, constants: Iterable
+    ) -> tuple[float, np.ndarray, np.ndarray]:
         """Take n steps of size h from q0, p0, (d,), and return (seconds, q, p) with the end state.
 
         ``constants`` are the numbers on which the C source of the gradient depends.

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 import pandas as pd
 
@@ -12,6 +14,9 @@ from phasebench.benchmarks.page.verdict import EVERY, Count, Range, Verdict, at_
 
 from .large import COSTS, DERIVED, MADE, MANY, PATIENCE, TUPLE_LIMIT, exponent
 from .systems import OMEGA, SPACING, SYSTEMS
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 #: An exponent may exceed 1 (2 if all pairs interact) by this, because of caches.
 ABOVE = 0.1
@@ -38,7 +43,7 @@ def exponents(costs: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def at(row) -> str:
+def at(row: pd.Series | dict) -> str:
     """Format the system and the number of degrees of freedom of a row as text."""
     return f"{row['system']}, d = {int(row['d'])}"
 
@@ -126,7 +131,7 @@ def answer(costs: pd.DataFrame) -> str | None:
 
 
 @of(COSTS)
-def draw(costs: pd.DataFrame, folder) -> list[Picture]:
+def draw(costs: pd.DataFrame, folder: Path) -> list[Picture]:
     """Draw nanoseconds of a step over d, by this project, C and REBOUND: a panel for each system."""
     names = list(dict.fromkeys(costs["system"]))
     with style.settings():

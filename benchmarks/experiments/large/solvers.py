@@ -7,7 +7,7 @@ the usual solver needs a full matrix.  The latter is timed up to `FULL` degrees 
 from __future__ import annotations
 
 import time
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -19,6 +19,9 @@ from phasebench.integrators.registry import method
 
 from .large import _clock, array_bytes, enough
 from .systems import SYSTEMS
+
+if TYPE_CHECKING:
+    from types import SimpleNamespace
 
 TABLE, METHOD, BANDED = "large_solvers", "implicit-midpoint", {"solver": "banded"}
 FIXED, MATRIX = "fixed point", "full Newton"
@@ -100,7 +103,7 @@ def _time_columns(runs: dict[str, PreparedRun], h: float) -> dict:
     return out
 
 
-def _sought(problem) -> dict:
+def _sought(problem: SimpleNamespace) -> dict:
     """Time the search for the banded structure of a problem's equations: a dict {"s, structure": seconds}.
 
     The search is done once for a system.

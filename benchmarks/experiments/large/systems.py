@@ -77,28 +77,28 @@ class Large:
         """Build the problem in the faster form at this size: derived for small d, from loops for large d."""
         return (self.from_formula if value_kind(d) == "tuple" else self.by_hand)(d)
 
-    def _problem(self, system, d: int) -> SimpleNamespace:
+    def _problem(self, system: Hamiltonian, d: int) -> SimpleNamespace:
         q, p = self.start(d)
         return SimpleNamespace(id=self.name, system=system, q0=tuple(q), p0=tuple(p))
 
 
-def _bodies(d: int):
+def _bodies(d: int) -> tuple[list[sp.Symbol], list[sp.Symbol], sp.Expr]:
     """Return the formula (q, p, H) of N = d / 3 gravitating bodies of mass 1 / N, with H and p divided by the mass."""
     N = d // 3
     q, p, _, distances, _ = n_body.bodies(N, "xyz")
     return q, p, sp.Add(*(x**2 / 2 for x in p), *(-sp.Rational(1, N) / r for r in distances))
 
 
-def _waves(module: ModuleType, unit: int):
+def _waves(module: ModuleType, unit: int) -> tuple[Callable, Callable]:
     """Return the functions (d -> formula, d -> constants) of a wave equation on a grid, a pair.
 
     ``module`` defines the equation; it has ``unit`` degrees of freedom a grid point.
     """
 
-    def formula(d: int):
+    def formula(d: int) -> tuple[list[sp.Symbol], list[sp.Symbol], sp.Expr]:
         return module.formula(d // unit, SPACING * (d // unit))
 
-    def constants(d: int):
+    def constants(d: int) -> tuple[Fraction, Fraction]:
         return module.constants(d // unit, SPACING * (d // unit))
 
     return formula, constants

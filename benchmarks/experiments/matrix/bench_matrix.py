@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from phasebench.benchmarks.experiments.matrix import matrix
 from phasebench.benchmarks.experiments.matrix.matrix import cells  # noqa: F401
 
 
-def bench_matrix(measured_rows):
+def bench_matrix(measured_rows: Callable[[str], list[dict]]) -> None:
     """Test that every measurement exists or has a reason, and that every contradiction with a declaration is explained.
 
     ``measured_rows`` is a fixture: table name -> rows.

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import time
 from functools import cache
+from typing import TYPE_CHECKING
 
 import mpmath
 import numpy as np
@@ -23,6 +24,7 @@ import sympy as sp
 
 from phasebench.benchmarks.measure import metrics, step_map
 from phasebench.benchmarks.measure.hbvm import too_few_nodes
+from phasebench.benchmarks.measure.manifold import nearest_state
 from phasebench.benchmarks.measure.multiprecision import (
     DIGITS,
     MULTISTEP_LADDER,
@@ -38,6 +40,14 @@ from phasebench.integrators.compile.codegen import MULTIPRECISION, epsilon, prec
 from phasebench.integrators.driver import integrate
 from phasebench.integrators.record import ROUND_OFF, Method
 from phasebench.integrators.registry import BY_ID, METHODS
+
+if TYPE_CHECKING:
+    from fractions import Fraction
+
+    from phasebench.benchmarks.problems.base import Problem
+    from phasebench.integrators.solution import Solution
+    from phasebench.integrators.systems.hamiltonian import PartitionedSystem
+    from phasebench.integrators.values.kinds import Number
 
 #: A method is exact if its error is at most `EXACT` units of round-off plus `DOUBTS` times the reference's uncertainty.
 EXACT, DOUBTS = 1e6, 10
@@ -60,29 +70,32 @@ NOTHING = 1e-22
 
 
 @cache
-def _build_problem(name: str):
+def _build_problem(name: str) -> Problem:
     return problem(name, **SMALL.get(name, {}))
 
 
 @cache
-def _at(name: str, places: int):
+def _at(name: str, places: int) -> tuple[PartitionedSystem, np.ndarray, mpmath.mpf]:
     """Build the problem ``name`` and return (system, its state at `LATER` on the orbit, unit of time).
 
     ``places``, the working digits, only tells cached results apart.
     """
     made = _build_problem(name)
     unit = mpmath.mpf(made.pace.unit)
-    y = flow(made.system, [*made.q0, *made.p0], LATER * unit)[0]
+    start = [*made.q0, *made.p0]
+    if made.system.constrained:  # doubles are off the manifold by round-off, to which projections would return them
+        start = nearest_state(made.system, start)
+    y = flow(made.system, start, LATER * unit)[0]
     return made.system, y, unit
 
 
 @cache
-def _truth(name: str, span, places: int):
+def _truth(name: str, span: Fraction, places: int) -> tuple[np.ndarray, Number]:
     system, y, unit = _at(name, places)
     return flow(system, y, span * unit)
 
 
-def _parts(chosen: Method, system, y) -> int:
+def _parts(chosen: Method, system: PartitionedSystem, y: np.ndarray) -> int:
     """Return the divisor of h that undoes, at the state y, an adaptive method's scaling of h.
 
     Such a method scales h by the distance to the singularity.  Methods of the family "field" end with a shorter step;
@@ -149,7 +162,7 @@ def _reversibility(chosen: Method, name: str) -> dict:
 
 
 @cache
-def _run(id: str, name: str):
+def _run(id: str, name: str) -> tuple[Problem, Solution]:
     made = _build_problem(name)
     with np.errstate(all="ignore"):
         return made, integrate(made, id, h=float(STEP) * made.pace.unit, steps=RUN)
@@ -170,7 +183,7 @@ def _bilinear(name: str) -> tuple[str, ...]:
     made = _build_problem(name)
     q, p = made.system.q, made.system.p
 
-    def simple(e):
+    def simple(e: sp.Expr) -> bool:
         if not e.is_polynomial(*q, *p):
             return False
         degrees = [(sum(m[: len(q)]), sum(m[len(q) :])) for m in sp.Poly(e, *q, *p).monoms()]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 import pandas as pd
 
@@ -11,6 +13,9 @@ from phasebench.benchmarks.page.page import ROWS, Page, Picture, Table, of, once
 from phasebench.benchmarks.page.verdict import EVERY, FAIL, NONE, Count, Verdict
 
 from . import matrix
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 #: Kind of a cell -> its colour.
 KINDS = {
@@ -103,7 +108,7 @@ def answer(frame: pd.DataFrame) -> str:
 
 
 @of("matrix")
-def draw(frame: pd.DataFrame, folder) -> list[Picture]:
+def draw(frame: pd.DataFrame, folder: Path) -> list[Picture]:
     """Draw a map of all pairs (method, problem), coloured by kind: a line for each problem, a column for each method.
 
     The kinds, such as "as declared" or "contradicted", are the keys of `KINDS`.
@@ -116,7 +121,7 @@ def draw(frame: pd.DataFrame, folder) -> list[Picture]:
     kinds = list(KINDS)
     seen = np.zeros((len(problems), len(methods)))
 
-    def put(r, kind):
+    def put(r: dict, kind: str) -> None:
         seen[problems.index(r["problem"]), methods.index(r["method"])] = kinds.index(kind)
 
     for r in _cells(frame):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from phasebench.benchmarks.experiments.models import measure
 from phasebench.benchmarks.experiments.models.page import KNOWN
 
@@ -14,7 +16,7 @@ def cells(quick: bool = False) -> list:
     return measure.cells(quick)
 
 
-def vague(rows) -> list[str]:
+def vague(rows: list[dict]) -> list[str]:
     """Return messages about the models whose modelling error is not known within the share `KNOWN` of itself.
 
     Full models are listed if the integration error of their reference run exceeds `FULL`.  ``rows`` are those of the
@@ -30,7 +32,7 @@ def vague(rows) -> list[str]:
     return out
 
 
-def bench_known(measured_rows):
+def bench_known(measured_rows: Callable[[str], list[dict]]) -> None:
     """Test that integration errors are far below modelling errors, and that full models end at the true values.
 
     ``measured_rows`` is a fixture: table name -> rows.

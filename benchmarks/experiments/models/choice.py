@@ -6,6 +6,7 @@ has several models.  In the tables the column ``rung`` numbers a scene's models 
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from math import inf, nan
 
 import numpy as np
@@ -62,7 +63,7 @@ def table(models: pd.DataFrame, runs: pd.DataFrame) -> pd.DataFrame:
     )
 
 
-def scenes(models: pd.DataFrame, runs: pd.DataFrame):
+def scenes(models: pd.DataFrame, runs: pd.DataFrame) -> Iterator[tuple[str, pd.DataFrame, pd.DataFrame]]:
     """Yield (scene, its rows of ``models``, its rows of ``runs``) for each scene of the two tables.
 
     A scene is a physical system with a time span and a quantity.

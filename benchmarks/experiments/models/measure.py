@@ -12,7 +12,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from types import SimpleNamespace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -25,6 +25,9 @@ from phasebench.benchmarks.problems.models.ladders import BY_ID, LADDERS
 from phasebench.benchmarks.store.cells import ALONE, Cell, ProblemKey, Rows, content, states
 from phasebench.integrators.prepared import PreparedRun, prepare
 from phasebench.integrators.registry import method
+
+if TYPE_CHECKING:
+    from phasebench.benchmarks.problems.base import Problem
 
 MODELS, RUNS = "models", "models_runs"
 #: Methods of orders 4, 6 and 8 from one family, so that they share kernels.
@@ -65,7 +68,7 @@ def _cell(ladder: Ladder) -> Cell:
     )
 
 
-def quantity_of(full, name: str) -> Quantity:
+def quantity_of(full: Problem, name: str) -> Quantity:
     """Return the quantity with this name: the positions of the soft chain (`SLOW`), or one of the problem ``full``."""
     return SLOW if name == SLOW.name else named_quantities.quantity(full, name)
 
@@ -129,7 +132,7 @@ class Model:
         return seconds
 
 
-def prepare_model(ladder: Ladder, rung: Rung, full) -> Model:
+def prepare_model(ladder: Ladder, rung: Rung, full: Problem) -> Model:
     """Build the problem of a model and prepare runs of it by each of `METHODS`.
 
     ``ladder`` is the scene, ``rung`` the model in it, and ``full`` the full problem.

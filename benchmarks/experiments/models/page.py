@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 import pandas as pd
 
@@ -14,6 +16,9 @@ from phasebench.benchmarks.problems.models.planets import MASSLESS
 
 from . import choice
 from .measure import METHODS, MODELS, ROUNDS, RUNS
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 #: Largest uncertainty of a modelling error, as a share of it; smallest speed-up of a simpler model that is no loss.
 KNOWN, SAVES = 0.01, 0.9
@@ -60,7 +65,7 @@ def savings(models: pd.DataFrame, runs: pd.DataFrame) -> Verdict | None:
     )
 
 
-def _name(row) -> str:
+def _name(row: pd.Series) -> str:
     return f"{row['model']} ({row['scene']})"
 
 
@@ -109,7 +114,7 @@ def envelope(runs: pd.DataFrame, modelling: float) -> tuple[np.ndarray, np.ndarr
 
 
 @of(MODELS, RUNS)
-def draw(models: pd.DataFrame, runs: pd.DataFrame, folder) -> list[Picture]:
+def draw(models: pd.DataFrame, runs: pd.DataFrame, folder: Path) -> list[Picture]:
     """Draw the error against the full model over seconds: a panel for each scene, a curve for each model.
 
     A curve that becomes level shows that finer steps are needless.

@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
 from phasebench.benchmarks.experiments.molecules import argon, page, water
 
+if TYPE_CHECKING:
+    from phasebench.benchmarks.store.cells import Cell
 
-def cells(quick: bool = False):
+
+def cells(quick: bool = False) -> list[Cell]:
     """List the measurements (`Cell`) on the argon atoms and on the water; none if ``quick``."""
     return [*argon.cells(quick), *water.cells(quick)]
 
 
-def bench_rattle(measured_rows):
+def bench_rattle(measured_rows: Callable[[str], list[dict]]) -> None:
     """Test that this suite's RATTLE keeps distances, energy and angular momentum of the water to round-off.
 
     The problem itself is then sound.  ``measured_rows`` is a fixture: table name -> rows.

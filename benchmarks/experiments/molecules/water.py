@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from itertools import combinations
 from math import cos, radians, sin
+from typing import Any
 
 import numpy as np
 
@@ -93,7 +94,7 @@ def _ase(best: bool) -> tuple[np.ndarray, np.ndarray]:
     class Free(Calculator):
         implemented_properties = ("energy", "forces")
 
-        def calculate(self, atoms=None, *more):
+        def calculate(self, atoms: Atoms | None = None, *more: Any) -> None:
             self.results = {"energy": 0.0, "forces": np.zeros((3, 3))}
 
     x, v = start()

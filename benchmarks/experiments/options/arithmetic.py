@@ -9,7 +9,7 @@ error too.  The cost of compensation is the method's time over that of a C loop 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import sympy as sp
@@ -23,6 +23,10 @@ from phasebench.integrators.ensemble import integrate_ensemble
 from phasebench.integrators.prepared import prepare
 from phasebench.integrators.registry import method
 from phasebench.reference.certificates import stored
+
+if TYPE_CHECKING:
+    from phasebench.benchmarks.problems.base import Problem
+    from phasebench.integrators.systems.hamiltonian import Hamiltonian
 
 ERRORS, COSTS, METHOD = "knobs_arithmetic", "knobs_arithmetic_costs", "stormer-verlet"
 SINGLE, PLAIN, COMPENSATED = "single, plain", "double, plain", "double, compensated"
@@ -74,7 +78,7 @@ def _time_cell(k: int) -> Cell:
     return Cell("options", (COSTS,), {"scene": name}, measure_time_rows, (k,), needs, names, ALONE, own=True)
 
 
-def starts(made) -> tuple[np.ndarray, np.ndarray]:
+def starts(made: Problem) -> tuple[np.ndarray, np.ndarray]:
     """Return initial states (q, p) near that of the problem ``made``, arrays (`STARTS`, d).
 
     The first is the problem's own, the others are displaced at random with a fixed seed.
@@ -84,7 +88,7 @@ def starts(made) -> tuple[np.ndarray, np.ndarray]:
     return np.array(made.q0) + moved[0], np.array(made.p0) + moved[1]
 
 
-def slope(system) -> Callable[[np.ndarray], list]:
+def slope(system: Hamiltonian) -> Callable[[np.ndarray], list]:
     """Return a function of q, array (d, starts), that computes grad V in the precision of q.
 
     The derivatives of V must have no fractions.
@@ -92,7 +96,9 @@ def slope(system) -> Callable[[np.ndarray], list]:
     return sp.lambdify([list(system.q)], [sp.expand(sp.diff(system.potential, x)) for x in system.q], "numpy")
 
 
-def plain(system, q: np.ndarray, p: np.ndarray, h: float, steps: int, kind) -> np.ndarray:
+def plain(
+    system: Hamiltonian, q: np.ndarray, p: np.ndarray, h: float, steps: int, kind: type[np.floating]
+) -> np.ndarray:
     """Integrate by Stormer-Verlet with plain sums in the NumPy type ``kind``, for unit masses.
 
     ``q`` and ``p`` are arrays (starts, d); returns the end states, array (starts, 2 d).
@@ -107,7 +113,7 @@ def plain(system, q: np.ndarray, p: np.ndarray, h: float, steps: int, kind) -> n
     return np.concatenate([q, p]).T
 
 
-def ends(made, h: float, steps: int) -> dict[str, np.ndarray]:
+def ends(made: Problem, h: float, steps: int) -> dict[str, np.ndarray]:
     """Integrate from all `starts` in each arithmetic: name of the arithmetic -> end states, array (`STARTS`, 2 d).
 
     The arithmetics are plain sums in single and in double precision, and compensated sums (the method itself).

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from phasebench.benchmarks.experiments.options import arithmetic, ladders, lambdas, nodes, solvers
 from phasebench.benchmarks.experiments.options.cells import cells  # noqa: F401
 
@@ -13,7 +15,7 @@ ALIKE = 1e-2
 REACHED = 1e-2
 
 
-def short(rows) -> list[str]:
+def short(rows: list[dict]) -> list[str]:
     """Return messages about the settings of an option whose smallest error is above `REACHED`.
 
     The steps tried with such a setting are too long.  ``rows`` are those of `ladders`, a row for each setting and step.
@@ -25,7 +27,7 @@ def short(rows) -> list[str]:
     return [f"{', '.join(key)}: {error:.1e}" for key, error in least.items() if not error <= REACHED]
 
 
-def bench_lambda(measured_rows):
+def bench_lambda(measured_rows: Callable[[str], list[dict]]) -> None:
     """Test that at lambda = 1/2 every run reaches its end time.
 
     ``measured_rows`` is a fixture: table name -> rows.
@@ -35,26 +37,26 @@ def bench_lambda(measured_rows):
     assert not off, "\n".join(off)
 
 
-def bench_largest_steps(measured_rows):
+def bench_largest_steps(measured_rows: Callable[[str], list[dict]]) -> None:
     """Test that schemes with lambda = 1/2 are stable up to the step h at which all lambda are compared."""
     rows = [r for r in measured_rows(lambdas.COSTS) if r["lam"] == HALF]
     off = [f"{r['method']} on {r['scene']}" for r in rows if not r["largest h"] >= r["h"]]
     assert not off, "\n".join(off)
 
 
-def bench_ladders(measured_rows):
+def bench_ladders(measured_rows: Callable[[str], list[dict]]) -> None:
     """Test that every setting of every option reaches an error of at most `REACHED`."""
     wrong = short(measured_rows(ladders.TABLE))
     assert not wrong, "\n".join(wrong)
 
 
-def bench_nodes(measured_rows):
+def bench_nodes(measured_rows: Callable[[str], list[dict]]) -> None:
     """Test that the stage equations of every step are solved, with every quadrature rule."""
     wrong = [f"{r['scene']}, {r['nodes']} nodes" for r in measured_rows(nodes.TABLE) if r["status"] != "ok"]
     assert not wrong, "\n".join(wrong)
 
 
-def bench_arithmetic(measured_rows):
+def bench_arithmetic(measured_rows: Callable[[str], list[dict]]) -> None:
     """Test that single precision has more round-off than double, on every orbit and for every number of steps."""
     rows = measured_rows(arithmetic.ERRORS)
     off = {(r["scene"], r["steps"], r["arithmetic"]): r["round-off rms"] for r in rows}
@@ -62,12 +64,12 @@ def bench_arithmetic(measured_rows):
     assert not wrong, wrong
 
 
-def bench_costs_of_sums(measured_rows):
+def bench_costs_of_sums(measured_rows: Callable[[str], list[dict]]) -> None:
     """Test that the ratio of the times of compensated and of plain sums is positive."""
     assert all(r["ratio"] > 0 for r in measured_rows(arithmetic.COSTS))
 
 
-def bench_solvers(measured_rows):
+def bench_solvers(measured_rows: Callable[[str], list[dict]]) -> None:
     """Test that Newton's method solves every case to round-off.
 
     Its error must be that of the solver inside the integrators.

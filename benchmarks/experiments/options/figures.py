@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
 import numpy as np
 import pandas as pd
 
@@ -11,12 +14,20 @@ from phasebench.integrators.driver import OK
 
 from . import arithmetic, findings, ladders, lambdas, nodes, solvers
 
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from phasebench.benchmarks.page.page import Data
+
 #: Smaller errors are drawn at this value.
 SMALLEST = 1e-17
 
 
 @style.styled
-def over_lambda(errors: pd.DataFrame, costs: pd.DataFrame, folder) -> Picture:
+def over_lambda(errors: pd.DataFrame, costs: pd.DataFrame, folder: Path) -> Picture:
     """Draw error, gradients a step and largest step over lambda: a column for each scheme, a curve for each orbit.
 
     ``errors`` and ``costs`` are the two tables of the module `lambdas`; ``folder`` is where the file is written.
@@ -47,7 +58,7 @@ def over_lambda(errors: pd.DataFrame, costs: pd.DataFrame, folder) -> Picture:
     return Picture(style.save(figure, folder, "options-lambda.png"), "error, cost and longest step over λ", caption)
 
 
-def _relative(axes, lam: pd.Series, values: pd.Series, **look) -> None:
+def _relative(axes: Axes, lam: pd.Series, values: pd.Series, **look: Any) -> None:
     """Plot ``values`` over ``lam``, divided by the value at lambda = 1/2; nothing if that value is missing.
 
     ``look`` are keywords of the curve's style.
@@ -57,7 +68,7 @@ def _relative(axes, lam: pd.Series, values: pd.Series, **look) -> None:
         axes.plot(lam, (values / half.iloc[0]).replace([0, np.inf], np.nan), **look)
 
 
-def _curves(axes, table: pd.DataFrame, by: list[str], x: str, y: str, name) -> None:
+def _curves(axes: Axes, table: pd.DataFrame, by: list[str], x: str, y: str, name: Callable[..., str]) -> None:
     """Plot column ``y`` over column ``x``, a curve for each group of the table by the columns ``by``.
 
     ``name`` is a function of the values of these columns that returns the curve's label.
@@ -67,14 +78,14 @@ def _curves(axes, table: pd.DataFrame, by: list[str], x: str, y: str, name) -> N
         axes.plot(part[x], part[y].clip(lower=SMALLEST), label=name(*key), **look)
 
 
-def _ladder(axes, rungs: pd.DataFrame) -> None:
+def _ladder(axes: Axes, rungs: pd.DataFrame) -> None:
     """Plot the error at the end against time, a curve for each setting; ``rungs`` has a row for each run."""
     arrived = rungs[(rungs["status"] == OK) & (rungs["error"] > 0)]
     _curves(axes, arrived, ["setting"], "us", "error", str)
     axes.set(xlabel="µs to the end", title=rungs["scene"].iloc[0], xscale="log", yscale="log", ylim=(1e-14, 10))
 
 
-def _legend(axes, columns: int) -> None:
+def _legend(axes: Axes, columns: int) -> None:
     handles, labels = axes.get_legend_handles_labels()
     axes.legend(handles, labels, loc="lower center", bbox_to_anchor=(0.5, 1.12), ncols=columns, handlelength=3.0)
 
@@ -85,7 +96,9 @@ def _first(rungs: pd.DataFrame, option: str) -> pd.DataFrame:
     return part[part["scene"] == part["scene"].iloc[0]] if len(part) else part
 
 
-def _side_by_side(parts: list[pd.DataFrame], drawn, label: str):
+def _side_by_side(
+    parts: list[pd.DataFrame], drawn: Callable[[Axes, pd.DataFrame], None], label: str
+) -> tuple[Figure, np.ndarray] | None:
     """Draw panels side by side, one for each non-empty part of a table: (figure, panels), or None if all are empty.
 
     ``drawn(axes, part)`` fills a panel; ``label`` is that of the vertical axis.
@@ -101,7 +114,7 @@ def _side_by_side(parts: list[pd.DataFrame], drawn, label: str):
 
 
 @style.styled
-def orders(rungs: pd.DataFrame, folder) -> Picture | None:
+def orders(rungs: pd.DataFrame, folder: Path) -> Picture | None:
     """Draw error against time for compositions by order, and for generating functions by their order r.
 
     ``rungs`` is the table of the module `ladders`, a row for each run; None if it has no such runs.
@@ -125,7 +138,7 @@ def _scenes(table: pd.DataFrame) -> list[pd.DataFrame]:
 
 
 @style.styled
-def keepers(rungs: pd.DataFrame, folder) -> Picture | None:
+def keepers(rungs: pd.DataFrame, folder: Path) -> Picture | None:
     """Draw error against time for the methods that keep the energy: a panel for each scene, a curve for each method.
 
     ``rungs`` is the table of the module `ladders`, a row for each run; None if it has no such runs.
@@ -139,13 +152,13 @@ def keepers(rungs: pd.DataFrame, folder) -> Picture | None:
 
 
 @style.styled
-def solving(table: pd.DataFrame, folder) -> Picture | None:
+def solving(table: pd.DataFrame, folder: Path) -> Picture | None:
     """Draw error against evaluations of runs that solve the stage equations to ever tighter tolerances, by solver.
 
     ``table`` is that of the module `solvers`; None if no run is completed.
     """
 
-    def panel(axes, part: pd.DataFrame) -> None:
+    def panel(axes: Axes, part: pd.DataFrame) -> None:
         part = part[
             (part["h"] == part["h"].min()) & (part["start"] == solvers.FIVE) & (part["solver"] != solvers.NEWTON)
         ]
@@ -165,7 +178,7 @@ def solving(table: pd.DataFrame, folder) -> Picture | None:
 
 
 @style.styled
-def floors(rules: pd.DataFrame, sums: pd.DataFrame, folder) -> Picture:
+def floors(rules: pd.DataFrame, sums: pd.DataFrame, folder: Path) -> Picture:
     """Draw AVF's energy error over the nodes of its quadrature, and the round-off of Stormer-Verlet over the steps.
 
     ``rules`` is the table of the module `nodes`, ``sums`` the table of errors of `arithmetic`.
@@ -185,13 +198,13 @@ def floors(rules: pd.DataFrame, sums: pd.DataFrame, folder) -> Picture:
     return Picture(style.save(figure, folder, "options-floors.png"), "nodes, sums and precision", caption)
 
 
-def _tables(data, *names: str) -> dict[str, pd.DataFrame]:
+def _tables(data: Data, *names: str) -> dict[str, pd.DataFrame]:
     """Read tables by name from ``data``, and return those that have rows: name -> table."""
     read = {name: data(name) for name in names}
     return {name: table for name, table in read.items() if table is not None and len(table)}
 
 
-def draw(data, folder) -> list[Picture]:
+def draw(data: Data, folder: Path) -> list[Picture]:
     """Draw the figures of lambda, of orders and of energy-preserving methods.
 
     ``data`` maps a table's name to the table; a figure whose table is missing is left out.
@@ -205,7 +218,7 @@ def draw(data, folder) -> list[Picture]:
     return [picture for picture in out if picture is not None]
 
 
-def draw_numerics(data, folder) -> list[Picture]:
+def draw_numerics(data: Data, folder: Path) -> list[Picture]:
     """Draw the figures of quadrature nodes, summation, precision and solvers.
 
     ``data`` maps a table's name to the table; a figure whose table is missing is left out.

@@ -10,7 +10,8 @@ others.  The energy error is the largest over a run with the same step.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -23,6 +24,11 @@ from phasebench.integrators.prepared import prepare
 from phasebench.integrators.record import Method
 from phasebench.integrators.registry import method
 from phasebench.reference.certificates import stored
+
+if TYPE_CHECKING:
+    from phasebench.benchmarks.problems.base import Problem
+    from phasebench.integrators.prepared import PreparedRun
+    from phasebench.reference.certificates.stored import End
 
 #: On disk, the tables of this experiment are named `knobs_*`, and the option's column is `knob`.
 TABLE, ROUNDS = "knobs_ladders", 7
@@ -136,11 +142,11 @@ def measure_rows(k: int) -> Rows:
     return {TABLE: rows}
 
 
-def _call(run, h: float, steps: int):
+def _call(run: PreparedRun, h: float, steps: int) -> Callable[[], object]:
     return lambda: run(h, steps)
 
 
-def _rung(made, record: Method, t_end: float, steps: int, end) -> dict:
+def _rung(made: Problem, record: Method, t_end: float, steps: int, end: End) -> dict:
     """Run a method once on the problem ``made``: a row of status, errors, gradient evaluations and fallbacks.
 
     ``end`` is the certified end state; fallbacks are steps whose equation had no root.

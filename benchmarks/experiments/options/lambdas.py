@@ -10,8 +10,9 @@ Source: Y. Wang, Y. Bo, W. Cai, "A general symplectic integrator for canonical H
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from fractions import Fraction
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -22,6 +23,9 @@ from phasebench.benchmarks.store.cells import Cell, ProblemKey, Rows, Unavailabl
 from phasebench.integrators.driver import OK, integrate
 from phasebench.integrators.ensemble import integrate_ensemble
 from phasebench.integrators.registry import method
+
+if TYPE_CHECKING:
+    from phasebench.benchmarks.problems.base import Problem
 
 ERRORS, COSTS = "knobs_lambda", "knobs_lambda_costs"
 METHODS = ("scheme-i", "scheme-iii", "scheme-iii-suzuki-4")
@@ -77,7 +81,9 @@ def _cell(k: int, id: str) -> Cell:
     )
 
 
-def errors(made, id: str, lams, t_end: float, steps: int, true: np.ndarray) -> list[tuple[float, float]]:
+def errors(
+    made: Problem, id: str, lams: Sequence[Fraction], t_end: float, steps: int, true: np.ndarray
+) -> list[tuple[float, float]]:
     """Return (error at the end, largest error at equidistant times) for each lambda, in the max norm.
 
     ``made`` is the problem, ``id`` the method, ``lams`` are the values of lambda.  ``true`` is an array (times, 2 d):
@@ -99,7 +105,7 @@ def errors(made, id: str, lams, t_end: float, steps: int, true: np.ndarray) -> l
     return [(float(row[-1]), float(row.max())) for row in apart]
 
 
-def largest(made, id: str, lams, h: float) -> list[float]:
+def largest(made: Problem, id: str, lams: Sequence[Fraction], h: float) -> list[float]:
     """Return, for each lambda, the largest step up to which every run of `SURVIVED` steps survives.
 
     The steps tried are `LENGTHS` times ``h``.  A run survives if its status is ok and its energy error stays below the

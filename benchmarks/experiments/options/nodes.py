@@ -7,7 +7,7 @@ midpoint rule.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -21,6 +21,9 @@ from phasebench.integrators.prepared import Layout, lay_out
 from phasebench.integrators.registry import method
 from phasebench.integrators.stepping.kernel import Prepared, array, freeze, prepare
 from phasebench.integrators.stepping.solve import SOLVED
+
+if TYPE_CHECKING:
+    from phasebench.benchmarks.problems.base import Problem
 
 TABLE, METHOD = "knobs_nodes", "avf"
 NODES, CONFIRMED = (1, 2, 3, 4, 5, 6, 8, 10, 12), 0
@@ -78,7 +81,7 @@ class Run:
     Calling it integrates `STEPS` steps from the problem's initial state into the rows of the arrays Q and P.
     """
 
-    def __init__(self, made, n: int, h: float):
+    def __init__(self, made: Problem, n: int, h: float) -> None:
         self.made = made
         self.layout: Layout = lay_out(
             with_nodes(prepare(method(METHOD), made.system), n), made.system.d, h, made.q0, made.p0

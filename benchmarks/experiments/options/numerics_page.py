@@ -45,7 +45,7 @@ def _evaluations(each: float) -> str:
     return number(each) if each == each else "does not converge"
 
 
-def _looser(row) -> str:
+def _looser(row: pd.Series) -> str:
     if not row["saved"]:
         return ""
     return f"; a tolerance of {row['loosest']:.0e} saves {100 * row['saved']:.0f} %"

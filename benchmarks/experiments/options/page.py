@@ -39,7 +39,7 @@ def _lambdas(errors: pd.DataFrame, costs: pd.DataFrame | None) -> list[dict]:
     return out
 
 
-def _dearer(row, costs: pd.DataFrame | None) -> str:
+def _dearer(row: pd.Series, costs: pd.DataFrame | None) -> str:
     """Write the gradient evaluations a step near the best lambda over those at 1/2, as text; "" if not measured.
 
     ``row`` is a row of `findings.best_lambdas`, ``costs`` the table of costs of `lambdas`.

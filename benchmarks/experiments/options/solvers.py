@@ -80,7 +80,7 @@ class Gauss:
     forward : matrix (s, s) from the slopes of the last step to extrapolated slopes of the next
     """
 
-    def __init__(self, s: int):
+    def __init__(self, s: int) -> None:
         A, _, b, c = runge_kutta("gauss", s)
         self.A = np.array(A.tolist(), float)
         self.b, self.c = np.array(list(b), float), np.array(c, float)
@@ -106,7 +106,7 @@ class Loop:
     evaluations, iterations : numbers of evaluations of f and of iterations so far
     """
 
-    def __init__(self, f: Callable, y0: np.ndarray, h: float, solver: str, start: str, tol: float):
+    def __init__(self, f: Callable, y0: np.ndarray, h: float, solver: str, start: str, tol: float) -> None:
         self.f, self.y, self.h = f, np.array(y0, float), h
         self.solver, self.start, self.tol = solver, start, tol
         self.gauss, self.last = Gauss(STAGES), []

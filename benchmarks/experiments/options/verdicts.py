@@ -5,6 +5,8 @@ Each gets a measured table and returns a `Verdict` for a report page, or None if
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import pandas as pd
 
 from phasebench.benchmarks.page.markdown import join_list, number
@@ -62,7 +64,7 @@ def half_is_longest(costs: pd.DataFrame) -> Verdict | None:
     )
 
 
-def _scenes(found: pd.DataFrame, good) -> tuple[Count, str] | None:
+def _scenes(found: pd.DataFrame, good: Callable[[pd.Series], bool]) -> tuple[Count, str] | None:
     """Count the scenes (orbits) for which ``good`` is true: (count, text that names the others); None without rows.
 
     ``found`` comes from `findings.cheapest`; ``good`` gets a scene's fastest settings, from the largest to the smallest
@@ -123,7 +125,7 @@ def schemes_pay(rungs: pd.DataFrame) -> Verdict | None:
     )
 
 
-def _case(row) -> str:
+def _case(row: pd.Series) -> str:
     return f"{row['scene']}, h = {number(row['h'])}"
 
 

@@ -5,6 +5,8 @@ They are made on non-separable systems, too.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from phasebench.benchmarks.experiments.orders.orders import cells  # noqa: F401
 from phasebench.benchmarks.experiments.orders.page import GATE
 from phasebench.benchmarks.measure.visible import least_visible
@@ -13,7 +15,7 @@ from phasebench.benchmarks.measure.visible import least_visible
 ROUND_OFF = 1e-26
 
 
-def orders_off(rows) -> list[str]:
+def orders_off(rows: list[dict]) -> list[str]:
     """Return messages about the rows whose measured order is at least `GATE` above or below the declared one."""
     return [
         f"{r['method']} on {r['problem']}: {r['order']:.3f}, declared {r['declared']}"
@@ -22,14 +24,14 @@ def orders_off(rows) -> list[str]:
     ]
 
 
-def structure_off(rows) -> list[str]:
+def structure_off(rows: list[dict]) -> list[str]:
     """Return messages about the defects that contradict the method's declaration.
 
     A method that declares a property must have a defect of round-off; one that does not must have a defect large enough
     to be seen.  ``rows`` are those of the table "structure".
     """
 
-    def right(r) -> bool:
+    def right(r: dict) -> bool:
         least = least_visible(r["method"], r["property"])
         return r["defect"] <= min(ROUND_OFF, least) if r["declared"] else r["defect"] >= least
 
@@ -40,7 +42,7 @@ def structure_off(rows) -> list[str]:
     ]
 
 
-def bench_orders_without_round_off(measured_rows):
+def bench_orders_without_round_off(measured_rows: Callable[[str], list[dict]]) -> None:
     """Test that every method has its declared order in multiprecision, on every system where it runs.
 
     This includes every tested parameter of a method.  ``measured_rows`` is a fixture: table name -> rows.
@@ -49,7 +51,7 @@ def bench_orders_without_round_off(measured_rows):
     assert not off, "\n".join(off)
 
 
-def bench_structure_without_round_off(measured_rows):
+def bench_structure_without_round_off(measured_rows: Callable[[str], list[dict]]) -> None:
     """Test that defects of symplecticity, symmetry and volume agree with every method's declarations.
 
     The defect of symplecticity is ||M^T J M - J||, with M the Jacobian of a step; above a certain order it is the

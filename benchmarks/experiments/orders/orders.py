@@ -80,7 +80,7 @@ def structure(name: str, label: str) -> Rows:
     return {"structure": [row | {"systems": ", ".join(defects)}]}
 
 
-def _measure_or_raise(what: str, label: str, system: str):
+def _measure_or_raise(what: str, label: str, system: str) -> dict | float:
     with precision(multiprecision.DIGITS):
         found = multiprecision.measure(what, label, system)
     if isinstance(found, str):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 import pandas as pd
 
@@ -12,6 +14,9 @@ from phasebench.benchmarks.measure.orders import orders
 from phasebench.benchmarks.page.markdown import join_list, number
 from phasebench.benchmarks.page.page import ROWS, Data, Page, Picture, Table, of, once
 from phasebench.benchmarks.page.verdict import EVERY, FAIL, NONE, Count, Verdict
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 #: Largest difference of a measured order from the declared one that counts as agreement.
 GATE = 0.1
@@ -99,7 +104,7 @@ def answer(data: Data) -> str | None:
 
 
 @of("multiprecision")
-def draw(multiprecision: pd.DataFrame, folder) -> list[Picture]:
+def draw(multiprecision: pd.DataFrame, folder: Path) -> list[Picture]:
     """Draw the deviation of every order in multiprecision from the declared one; a marker for each problem."""
     problems = list(dict.fromkeys(multiprecision["problem"]))
     declared = sorted(multiprecision["declared"].unique())

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 from phasebench.benchmarks.experiments.oscillatory.oscillatory import cells  # noqa: F401
 
@@ -10,7 +11,7 @@ from phasebench.benchmarks.experiments.oscillatory.oscillatory import cells  # n
 STABLE = 2.0
 
 
-def off(rows) -> list[str]:
+def off(rows: list[dict]) -> list[str]:
     """Return messages about the failed runs with a step below 0.9 times the stability limit of Stormer-Verlet."""
     return [
         f"{r['method']} at h omega / pi = {r['h omega / pi']:.3g}: {r['status']}: {r['reason']}"
@@ -19,7 +20,7 @@ def off(rows) -> list[str]:
     ]
 
 
-def bench_oscillatory(measured_rows):
+def bench_oscillatory(measured_rows: Callable[[str], list[dict]]) -> None:
     """Test that below the stability limit of Stormer-Verlet every method completes its run.
 
     ``measured_rows`` is a fixture: table name -> rows.

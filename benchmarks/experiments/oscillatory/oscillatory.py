@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -23,6 +24,9 @@ from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.record import Method
 from phasebench.integrators.records.oscillatory import METHODS
 from phasebench.integrators.registry import method
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 SPAN = 200.0
 #: The first point of the grid, in h omega, far below the resonances; its last point, in multiples of pi.
@@ -39,7 +43,7 @@ def multiples(parts: int) -> list[float]:
     return [FIRST / math.pi, *(k / parts for k in range(1, round(LAST * parts) + 1) if k / parts > FIRST / math.pi)]
 
 
-def errors(methods: Iterable[Method], ratios: Sequence[float], t_end: float = SPAN, **parameters):
+def errors(methods: Iterable[Method], ratios: Sequence[float], t_end: float = SPAN, **parameters: Any) -> pd.DataFrame:
     """Integrate the Fermi-Pasta-Ulam problem and return the errors: a row for each method and each h omega / pi.
 
     Parameters

@@ -5,6 +5,9 @@ The energy of an ordinary Runge-Kutta method (the control) must grow.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 import pandas as pd
 import pytest
 
@@ -14,7 +17,7 @@ from phasebench.benchmarks.page.verdict import PASS
 
 
 @pytest.mark.parametrize("verdict", [bounded, grows, orders])
-def bench_parts(measured_rows, verdict):
+def bench_parts(measured_rows: Callable[[str], list[dict]], verdict: Callable[..., Any]) -> None:
     """Test that splittings have bounded energies and declared orders, and that the energy of RK4, the control, grows.
 
     ``verdict`` is a function of the page that judges one of these; ``measured_rows`` is a fixture: table name -> rows.

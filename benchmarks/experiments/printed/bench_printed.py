@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from itertools import groupby
+from typing import TYPE_CHECKING
 
 from phasebench.benchmarks.experiments.printed import printed, recipes
 from phasebench.benchmarks.measure import metrics
+
+if TYPE_CHECKING:
+    from phasebench.benchmarks.store.cells import Cell
 
 #: Largest distance of Scheme IV's root from 1/2.
 NEAR = 0.1
 
 
-def cells(quick: bool = False):
+def cells(quick: bool = False) -> list[Cell]:
     """List the measurements (`Cell`), one for each printed column of the talk's tables.
 
     Unless ``quick``, also the scans for roots of Scheme IV and the attempts to explain its column.
@@ -19,7 +24,7 @@ def cells(quick: bool = False):
     return [*printed.cells(quick), *recipes.cells(quick)]
 
 
-def off(rows) -> list[str]:
+def off(rows: list[dict]) -> list[str]:
     """Return messages about printed entries that the measured ones miss by more than 0.6 of the last digit.
 
     Of Scheme IV, whose column is not reproduced, there is a message if its measured order is not 2.  ``rows`` are dicts
@@ -40,7 +45,7 @@ def off(rows) -> list[str]:
     return out
 
 
-def scans_without_root(rows) -> list[str]:
+def scans_without_root(rows: list[dict]) -> list[str]:
     """Return messages about the scans in which some step of Scheme IV has no root lambda within `NEAR` of 1/2.
 
     ``rows`` are those of the table of scans, one for each step size h.
@@ -53,7 +58,7 @@ def scans_without_root(rows) -> list[str]:
     ]
 
 
-def bench_printed(measured_rows):
+def bench_printed(measured_rows: Callable[[str], list[dict]]) -> None:
     """Test that every printed entry agrees with the measured one to 0.6 of the last digit, except for Scheme IV.
 
     Scheme IV must have order 2, as its theorem says.  ``measured_rows`` is a fixture: table name -> rows.
@@ -62,7 +67,7 @@ def bench_printed(measured_rows):
     assert not wrong, "\n".join(wrong)
 
 
-def bench_root_scan(measured_rows):
+def bench_root_scan(measured_rows: Callable[[str], list[dict]]) -> None:
     """Test that an exhaustive scan of lambda finds a root near 1/2 in every step of Scheme IV."""
     wrong = scans_without_root(measured_rows("riddle"))
     assert not wrong, "\n".join(wrong)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import pandas as pd
 
 from phasebench.benchmarks import style
@@ -12,6 +14,9 @@ from phasebench.benchmarks.page.verdict import EVERY, FAIL, NONE, Count, Verdict
 
 from .printed import AGREEMENT, SCHEME_IV
 from .recipes import CLAIM
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 
 def _split_schemes(printed: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame]:
@@ -116,7 +121,7 @@ def _entries(columns: pd.DataFrame) -> list[str]:
 
 
 @of("printed")
-def draw(printed: pd.DataFrame, folder) -> list[Picture]:
+def draw(printed: pd.DataFrame, folder: Path) -> list[Picture]:
     """Draw distances of measured from printed entries (left), and Scheme IV's printed and measured columns (right)."""
     iv, rest = _split_schemes(printed)
     with style.settings():

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from math import floor, log10
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,6 +21,10 @@ from phasebench.benchmarks.problems import problem
 from phasebench.benchmarks.store.cells import Cell, ProblemKey, Rows, content
 from phasebench.integrators.driver import integrate
 from phasebench.integrators.registry import method
+
+if TYPE_CHECKING:
+    from phasebench.benchmarks.problems.base import Problem
+    from phasebench.integrators.record import Method
 
 SCENE = "henon-heiles-chaotic-t1"
 STEPS = tuple(0.02 / 2**k for k in range(5))
@@ -53,7 +58,7 @@ def unit(printed: str) -> float:
     return 10.0 ** (floor(log10(float(printed))) - 2)
 
 
-def ends(made, chosen) -> list[np.ndarray]:
+def ends(made: Problem, chosen: Method) -> list[np.ndarray]:
     """Integrate the problem ``made`` by the method ``chosen`` to t = 1 with each step size of `STEPS`.
 
     Returns the end states (q, p), arrays (2 d,).

@@ -6,7 +6,7 @@ as measured with the root nearest 1/2.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -89,7 +89,7 @@ def cells(quick: bool = False) -> list[Cell]:
     scheme, problem_of = method("scheme-iv"), ProblemKey("henon-heiles:chaotic")
     names = frozenset({"henon-heiles", "scheme-iv"})
 
-    def cell(tables, key, measure, arguments):
+    def cell(tables: tuple[str, ...], key: dict, measure: Callable[..., Rows], arguments: tuple) -> Cell:
         about = content(measure.__name__, key, scheme, problem_of, code=[__name__])
         return Cell("printed", tables, key, measure, arguments, about, names)
 

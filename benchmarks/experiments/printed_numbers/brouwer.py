@@ -50,7 +50,7 @@ def starts() -> list[tuple[np.ndarray, np.ndarray]]:
     return [tuple(y * (1 + SPREAD * random.uniform(-1, 1, y.shape))) for _ in range(STARTS)]
 
 
-def energies(q, p) -> np.ndarray:
+def energies(q: np.ndarray, p: np.ndarray) -> np.ndarray:
     """Compute Kepler's energy, array (n,), of states q, p (n, 2), in extended precision."""
     q, p = q.astype(np.longdouble), p.astype(np.longdouble)
     return (p**2).sum(axis=-1) / 2 - 1 / np.sqrt((q**2).sum(axis=-1))
@@ -79,7 +79,7 @@ def errors(id: str, tol: float | None, orbits: int = ORBITS) -> np.ndarray:
     return np.array(out)
 
 
-def exponent(error) -> tuple[float, float, float]:
+def exponent(error: np.ndarray) -> tuple[float, float, float]:
     """Fit the power of time with which the rms error of an ensemble grows: (power, low, high).
 
     ``error`` is an array (starts, rows); low and high are the ends of the 95 % interval.
@@ -87,7 +87,7 @@ def exponent(error) -> tuple[float, float, float]:
     count = error.shape[1]
     rows = np.unique(np.geomspace(1, count, 12).astype(int))
 
-    def fit(sample) -> float:
+    def fit(sample: np.ndarray) -> float:
         rms = np.sqrt((sample[:, rows - 1] ** 2).mean(axis=0))
         return float(np.polyfit(np.log(rows), np.log(rms), 1)[0])
 

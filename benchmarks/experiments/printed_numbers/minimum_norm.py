@@ -46,7 +46,7 @@ def _cell(name: str, id: str, first: str) -> Cell:
     return Cell("printed_numbers", (TABLE,), key, measure_rows, (name, id, first), needs, frozenset({id}))
 
 
-def potential(name: str, q):
+def potential(name: str, q: np.ndarray) -> np.ndarray:
     """Evaluate the potential of this name at q, an array."""
     return q**2 / 2 if name == "oscillator" else q**2 / 2 + q**4 / 4
 

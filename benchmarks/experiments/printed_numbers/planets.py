@@ -13,7 +13,9 @@ Soc. 490 (2019) 5122.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from math import degrees
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -23,6 +25,11 @@ from phasebench.benchmarks.problems import problem
 from phasebench.benchmarks.store.cells import Cell, ProblemKey, Rows, Unavailable, content
 from phasebench.integrators.driver import OK, SKIPPED
 from phasebench.reference.certificates import stored
+
+if TYPE_CHECKING:
+    from phasebench.benchmarks.problems.base import Problem
+    from phasebench.benchmarks.problems.planetary import PlanetarySystem
+    from phasebench.integrators.solution import Solution
 
 EVALUATIONS, PERIHELIA = "printed_numbers_evaluations", "printed_numbers_perihelia"
 PROBLEM, YEAR = "solar-system", 365.25
@@ -67,14 +74,14 @@ def cells(quick: bool = False) -> list[Cell]:
     return [*one, _cell(PERIHELIA, {}, perihelia, (), (BEST, *SECULAR), STEP, YEARS)]
 
 
-def _cell(table: str, key: dict, measure, arguments: tuple, ids: tuple, *parts) -> Cell:
+def _cell(table: str, key: dict, measure: Callable[..., Rows], arguments: tuple, ids: tuple, *parts: object) -> Cell:
     records = [integrator(id).record for id in ids]
     needs = content(table, *records, ProblemKey(PROBLEM), *parts, code=[__name__])
     names = frozenset({PROBLEM, *ids, *(id.partition("-")[0] for id in ids if id.startswith("rebound"))})
     return Cell("printed_numbers", (table,), key, measure, arguments, needs, names)
 
 
-def _run(made, id: str, h: float, steps: int, rows: int):
+def _run(made: Problem, id: str, h: float, steps: int, rows: int) -> Solution:
     """Integrate the problem ``made`` by the integrator ``id``, with ``rows`` equally spaced rows of output.
 
     Raises Unavailable without the integrator's package, RuntimeError if the run fails.
@@ -108,7 +115,7 @@ def evaluations(id: str) -> Rows:
     return {EVALUATIONS: rows}
 
 
-def longitudes(made, q, p) -> np.ndarray:
+def longitudes(made: PlanetarySystem, q: np.ndarray, p: np.ndarray) -> np.ndarray:
     """Compute the longitudes of all perihelia, array (planets, n), from states q, p, arrays (n, d).
 
     They are in radians, and continuous in time.
@@ -122,7 +129,7 @@ def longitudes(made, q, p) -> np.ndarray:
     return np.unwrap(np.arctan2(e[..., 1], e[..., 0]), axis=0).T
 
 
-def rate(t, values) -> float:
+def rate(t: np.ndarray, values: np.ndarray) -> float:
     """Fit a line to angles in radians at times t in days, and return its slope in seconds of arc a year."""
     return float(np.polyfit((t - t.mean()) / YEAR, values - values[0], 1)[0]) * degrees(1.0) * ARCSECONDS
 

@@ -9,7 +9,9 @@ Astron. Soc. 533 (2024) 3708.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 from phasebench.benchmarks.measure import clock
 from phasebench.benchmarks.measure.energy import energy_error
@@ -18,6 +20,10 @@ from phasebench.benchmarks.measure.timing import in_turns, median, ratio
 from phasebench.benchmarks.problems import planetary, problem, solar_system
 from phasebench.benchmarks.store.cells import ALONE, Cell, ProblemKey, Rows, Unavailable, content
 from phasebench.integrators.driver import OK
+
+if TYPE_CHECKING:
+    from phasebench.benchmarks.problems.base import Problem
+    from phasebench.benchmarks.problems.planetary import PlanetarySystem
 
 VECTORS, ENCOUNTERS = "printed_numbers_vectors", "printed_numbers_encounters"
 PROBLEM = "solar-system"
@@ -43,14 +49,14 @@ def cells(quick: bool = False) -> list[Cell]:
     return [*vectors, _cell(ENCOUNTERS, {}, encounter_rows, (), [TRACE, *RIVALS])]
 
 
-def _cell(table: str, key: dict, measure, arguments: tuple, ids) -> Cell:
+def _cell(table: str, key: dict, measure: Callable[..., Rows], arguments: tuple, ids: Sequence[str]) -> Cell:
     records = [integrator(id).record for id in ids]
     needs = content(table, *records, ProblemKey(PROBLEM), TIMED, HEAVIER, SHARE, YEARS, *arguments, code=[__name__])
     names = frozenset({PROBLEM, "rebound", *ids})
     return Cell("printed_numbers", (table,), key, measure, arguments, needs, names, ALONE, own=True)
 
 
-def heavier():
+def heavier() -> PlanetarySystem:
     """Build the problem of the Sun and the giant planets with `HEAVIER` times their masses.
 
     Their elements are those of the solar system.
@@ -60,7 +66,7 @@ def heavier():
     return planetary.of_bodies(replace(table, members=(table.members[0], *members)), "heavier giants")
 
 
-def _able(made, ids) -> dict:
+def _able(made: Problem, ids: Iterable[str]) -> dict:
     """Return the integrators with these ids, id -> integrator.
 
     Raises Unavailable, with the reason, if one of them cannot run the problem ``made`` on this machine.

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from phasebench.benchmarks.experiments.references.cells import cells  # noqa: F401
 from phasebench.benchmarks.experiments.references.odd import ODD, beyond
 
 
-def bench_references(measured_rows):
+def bench_references(measured_rows: Callable[[str], list[dict]]) -> None:
     """Test that every stated uncertainty and horizon of the reference states is confirmed.
 
     Each measurement asserts its own as well.  ``measured_rows`` is a fixture: table name -> rows.
@@ -15,7 +17,7 @@ def bench_references(measured_rows):
     assert not wrong, "\n".join(wrong)
 
 
-def bench_odd_times(measured_rows):
+def bench_odd_times(measured_rows: Callable[[str], list[dict]]) -> None:
     """Test that no reference state at a time between the stored ones has an error above its uncertainty."""
     wrong = beyond(measured_rows(ODD))
     assert not wrong, "\n".join(wrong)

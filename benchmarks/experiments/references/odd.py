@@ -7,6 +7,7 @@ computed as for `integrate --error` and the advice (`measure.truths`).  The erro
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
 from zlib import crc32
 
 import numpy as np
@@ -19,6 +20,9 @@ from phasebench.reference.certificates import followed
 from phasebench.reference.certificates.along import norm
 from phasebench.reference.certificates.horizon import LIMIT
 from phasebench.reference.solvers import taylor
+
+if TYPE_CHECKING:
+    from phasebench.benchmarks.problems.base import Problem
 
 ODD = "references_odd"
 #: Number of times of an orbit; the earliest, as a share of its span; the seed.
@@ -45,13 +49,13 @@ def _cell(label: str) -> Cell:
     )
 
 
-def times(made, count: int = TIMES) -> list[float]:
+def times(made: Problem, count: int = TIMES) -> list[float]:
     """Return ``count`` random times, ascending, between the stored ones of the orbit of the problem ``made``."""
     random = np.random.default_rng([SEED, crc32(made.label.encode())])
     return sorted(float(t) for t in made.start.times[-1] * random.uniform(FIRST, 1.0, count))
 
 
-def error_rows(made, at: list[float]) -> list[dict[str, object]]:
+def error_rows(made: Problem, at: list[float]) -> list[dict[str, object]]:
     """Measure the reference state of the problem ``made`` at the times ``at``: a row for each.
 
     A row has the error of the state, its stated uncertainty, and the numbers from which that was estimated.

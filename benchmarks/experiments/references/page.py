@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import functools
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
@@ -21,6 +23,9 @@ from phasebench.reference.certificates.others import SAFETY
 from phasebench.reference.certificates.stored import TELLING
 
 from .odd import LARGEST, MANY, ODD
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 COLUMNS = {
     "problem": "problem",
@@ -42,7 +47,7 @@ def judged_rows(frame: pd.DataFrame) -> pd.DataFrame:
     return frame[frame["error"].notna()] if "error" in frame else frame.head(0)
 
 
-def of_references(function):
+def of_references(function: Callable[..., Any]) -> Callable[..., Any]:
     """Decorator: turn a function of the table of references into a function of ``data``, a callable name -> table.
 
     The function gets the rows with a measured error; the new function returns None if there are none.
@@ -50,7 +55,7 @@ def of_references(function):
 
     @of("references")
     @functools.wraps(function)
-    def from_rows(frame: pd.DataFrame, *more):
+    def from_rows(frame: pd.DataFrame, *more: Any) -> Any:
         rows = judged_rows(frame)
         return None if rows.empty else function(rows, *more)
 
@@ -174,7 +179,7 @@ def answer(data: Data) -> str | None:
 
 
 @of_references
-def draw(frame: pd.DataFrame, folder) -> list[Picture]:
+def draw(frame: pd.DataFrame, folder: Path) -> list[Picture]:
     """Draw the errors of the stored digits with their uncertainties (left), and the horizons with intervals (right)."""
     shown = frame.sort_values("uncertainty").reset_index(drop=True)
     y = np.arange(len(shown))

@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from phasebench.reference.certificates.check import Outcome
+
+if TYPE_CHECKING:
+    from phasebench.reference.certificates.stored import Check, End
 
 
 def row(outcome: Outcome) -> dict[str, object]:
@@ -44,6 +49,6 @@ def row(outcome: Outcome) -> dict[str, object]:
     }
 
 
-def _format_check(end, check) -> str:
+def _format_check(end: End, check: Check) -> str:
     text = f"{check.solver}: {check.distance:.2g} (own {check.uncertainty:.2g})"
     return text if end.compares(check) else f"{text}, no comparison"

@@ -5,6 +5,9 @@ The fourth-order Runge-Kutta method (the control) must leave the rotations.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 import pandas as pd
 import pytest
 
@@ -14,7 +17,7 @@ from phasebench.benchmarks.page.verdict import PASS
 
 
 @pytest.mark.parametrize("verdict", [kept, left, orders, gain])
-def bench_rigid(measured_rows, verdict):
+def bench_rigid(measured_rows: Callable[[str], list[dict]], verdict: Callable[..., Any]) -> None:
     """Test that methods for rigid bodies keep rotations and have their orders, and that RK4, the control, does not.
 
     ``verdict`` is a function of the page that judges one of these; ``measured_rows`` is a fixture: table name -> rows.

@@ -56,7 +56,7 @@ def cells(quick: bool = False) -> list[Cell]:
     return runs + near + long
 
 
-def _cell(table: str, key: dict, measure: Callable, arguments: tuple, *needed) -> Cell:
+def _cell(table: str, key: dict, measure: Callable, arguments: tuple, *needed: object) -> Cell:
     return Cell("rigid", (table,), key, measure, arguments, content(table, *arguments, *needed, code=CODE))
 
 

@@ -16,12 +16,17 @@ Source: S. Blanes, F. Casas, J. M. Sanz-Serna, SIAM J. Sci. Comput. 36 (2014) A1
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from phasebench.benchmarks.store.cells import Cell, Rows, content
 from phasebench.integrators.ensemble import integrate_ensemble
 from phasebench.integrators.registry import BY_ID
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
+
+if TYPE_CHECKING:
+    from phasebench.integrators.ensemble import Ensemble
 
 TABLE = "sampling_acceptance"
 #: Degrees of freedom, length of a proposal's run, number of proposals, seed of the draws.
@@ -73,7 +78,7 @@ def budgets(target: str, method: str) -> list[int]:
     return [budget for budget in BUDGETS[target] if budget % EVALUATIONS[method] == 0]
 
 
-def propose(of: Hamiltonian, q: np.ndarray, p: np.ndarray, method: str, budget: int):
+def propose(of: Hamiltonian, q: np.ndarray, p: np.ndarray, method: str, budget: int) -> Ensemble:
     """Integrate proposals from the states q, p, arrays (n, D), with ``budget`` evaluations each, on one thread."""
     steps = budget // EVALUATIONS[method]
     return integrate_ensemble(of, method, q, p, h=TIME / steps, steps=steps, threads=1)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import pandas as pd
 
 from phasebench.benchmarks import style
@@ -10,6 +12,9 @@ from phasebench.benchmarks.page.page import ROWS, Page, Picture, Table, of
 from phasebench.benchmarks.page.verdict import EVERY, FAIL, Count, Range, Verdict, at_least, at_most
 
 from .hessian_free import CHAOTIC, CONTROL, EARLIER, ORBIT_STEPS, ORBITS, REGULAR, REGULAR_STEPS, STEPS, H
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 #: Share of the 95 % intervals that should hold zero, of so few.
 LEAST = 0.85
@@ -125,7 +130,7 @@ def answer(frame: pd.DataFrame) -> str | None:
 
 
 @of(CHAOTIC)
-def draw(frame: pd.DataFrame, folder) -> list[Picture]:
+def draw(frame: pd.DataFrame, folder: Path) -> list[Picture]:
     """The change of the energy with its interval, in units of the spread with the Hessian."""
     rows = _free(frame)
     rows = rows[rows[PARTNER].isin(frame["method"])]

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
 import pandas as pd
 
 from phasebench.benchmarks import style
@@ -12,13 +15,16 @@ from phasebench.benchmarks.page.verdict import EVERY, NONE, Count, Range, Verdic
 from . import cost, limits
 from .acceptance import BUDGETS, DRAWS, GRADIENTS, STAGES, TABLE, TIME, VERLET
 
+if TYPE_CHECKING:
+    from pathlib import Path
+
 #: Budgets that both targets have.
 COMMON = sorted(set.intersection(*map(set, BUDGETS.values())))
 #: Smallest rejection that the figure shows.
 FLOOR = 1e-4
 
 
-def best(frame: pd.DataFrame, methods) -> pd.DataFrame:
+def best(frame: pd.DataFrame, methods: Iterable[str]) -> pd.DataFrame:
     """The rows of the method among ``methods`` that accepts most, one for each target and budget."""
     rows = frame[frame["method"].isin(methods)]
     return rows.loc[rows.groupby(["target", "budget"], sort=False)["acceptance"].idxmax()].set_index(
@@ -134,7 +140,7 @@ def answer(frame: pd.DataFrame) -> str | None:
 
 
 @of(TABLE)
-def draw(frame: pd.DataFrame, folder) -> list[Picture]:
+def draw(frame: pd.DataFrame, folder: Path) -> list[Picture]:
     """Rejections over the number of evaluations, a panel for each target."""
     with style.settings():
         figure, (panels,) = style.panels(1, len(BUDGETS), 3.4, sharey=True)

@@ -5,6 +5,9 @@ All times are warm: code is compiled before the clock starts.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
 import pytest
 
 from phasebench.benchmarks.experiments.speed import calls, speed
@@ -13,8 +16,11 @@ from phasebench.benchmarks.problems import problem
 from phasebench.integrators.prepared import prepare
 from phasebench.integrators.registry import method
 
+if TYPE_CHECKING:
+    from phasebench.benchmarks.store.cells import Cell
 
-def cells(quick: bool = False):
+
+def cells(quick: bool = False) -> list[Cell]:
     """List the experiment's measurements: step times, ratios of two step times, and calls of other packages.
 
     A measurement is a `Cell`: a function, its arguments and the tables that its rows go to.
@@ -22,7 +28,7 @@ def cells(quick: bool = False):
     return speed.cells(quick) + calls.cells(quick)
 
 
-def bench_times(measured_rows):
+def bench_times(measured_rows: Callable[[str], list[dict]]) -> None:
     """Check that every measured time of a step is positive."""
     wrong = [
         f"{r['method']} on {r['problem']}: {r['ns per step']}" for r in measured_rows("speed") if r["ns per step"] <= 0
@@ -30,7 +36,7 @@ def bench_times(measured_rows):
     assert not wrong, "\n".join(wrong)
 
 
-def bench_ratios(measured_rows):
+def bench_ratios(measured_rows: Callable[[str], list[dict]]) -> None:
     """Check that every ratio of step times, of two methods or of a method and a C loop, is positive.
 
     The median must lie within its own confidence interval.
@@ -41,7 +47,7 @@ def bench_ratios(measured_rows):
     assert not wrong, wrong
 
 
-def bench_calls(measured_rows):
+def bench_calls(measured_rows: Callable[[str], list[dict]]) -> None:
     """Check that each ratio of a peer's time here to its time in a bare script is positive and within its interval.
 
     A peer is another package's integrator.
@@ -52,7 +58,7 @@ def bench_calls(measured_rows):
 
 @pytest.mark.parametrize("name", speed.PROBLEMS)
 @pytest.mark.parametrize("variant", list(variants()), ids=lambda v: method(v[0], **dict(v[1])).label)
-def bench_method(benchmark, name, variant):
+def bench_method(benchmark: Any, name: str, variant: tuple[str, tuple]) -> None:
     """Time a compiled run of a method on a problem with pytest-benchmark, if an option --benchmark-* is given.
 
     ``name`` is the problem's; ``variant`` is (method id, its parameters as pairs).

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -17,6 +18,9 @@ from phasebench.benchmarks.store.cells import ALONE, Cell, ProblemKey, Rows, con
 from phasebench.reference.peers import peer, scipy
 from phasebench.reference.peers.prepared import prepare_peer
 
+if TYPE_CHECKING:
+    from phasebench.benchmarks.problems.base import Problem
+
 PROBLEM, T_END, STEPS, TOL = "kepler", 2.0, 100, 1e-9
 #: A prepared run may take `FACTOR` times the seconds of the bare script, and `MORE` seconds.
 FACTOR, MORE = 1.10, 0.2e-6
@@ -25,7 +29,7 @@ CALLS, ROUNDS = 100, 21
 TABLE = "speed_calls"
 
 
-def _heyoka(made) -> Callable[[], None]:
+def _heyoka(made: Problem) -> Callable[[], None]:
     import heyoka as hy
 
     x, y, vx, vy = hy.make_vars("x", "y", "vx", "vy")
@@ -41,7 +45,7 @@ def _heyoka(made) -> Callable[[], None]:
     return run
 
 
-def _rebound(made, integrator: str, **options) -> Callable[[], None]:
+def _rebound(made: Problem, integrator: str, **options: Any) -> Callable[[], None]:
     import rebound
 
     sim = rebound.Simulation()
@@ -71,7 +75,7 @@ def _rebound(made, integrator: str, **options) -> Callable[[], None]:
     return run
 
 
-def _scipy(made) -> Callable[[], None]:
+def _scipy(made: Problem) -> Callable[[], None]:
     from scipy.integrate import odeint
 
     from phasebench.reference.peers.field import compiled_field
@@ -129,7 +133,7 @@ def measure_rows(id: str) -> Rows:
     run, bare = prepare_peer(made, record(), tol=TOL if adaptive else None), script(made)
     size = (T_END,) if adaptive else (T_END / STEPS, STEPS)
 
-    def often(call: Callable[..., object], *arguments) -> Callable[[], None]:
+    def often(call: Callable[..., object], *arguments: Any) -> Callable[[], None]:
         def calls() -> None:
             for _ in range(CALLS):
                 call(*arguments)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 import pandas as pd
 
@@ -12,6 +14,9 @@ from phasebench.benchmarks.page.verdict import EVERY, FAIL, Count, Verdict
 
 from .calls import FACTOR, MORE
 from .calls import TABLE as CALLS
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 WANTED = "wanted, at most"
 LOW, HIGH = "median, low", "median, high"
@@ -77,7 +82,7 @@ def answer(speed: pd.DataFrame, ratios: pd.DataFrame) -> str | None:
 
 
 @of("ratios")
-def draw(ratios: pd.DataFrame, folder) -> list[Picture]:
+def draw(ratios: pd.DataFrame, folder: Path) -> list[Picture]:
     """Draw the ratios of step times with their intervals and limits; save the figure in ``folder``."""
     ratios, y = ratios.reindex(columns=COLUMNS), np.arange(len(ratios))
     with style.settings():

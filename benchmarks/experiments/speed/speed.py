@@ -5,6 +5,9 @@ Times are warm: everything is compiled before, and no output is stored.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
 from phasebench.benchmarks.measure import metrics
 from phasebench.benchmarks.measure.c_loop import Loop
 from phasebench.benchmarks.measure.timing import median, ratio, time_in_turns
@@ -14,6 +17,9 @@ from phasebench.benchmarks.store.cells import ALONE, Cell, ProblemKey, Rows, Una
 from phasebench.integrators.driver import integrate
 from phasebench.integrators.prepared import prepare
 from phasebench.integrators.registry import method
+
+if TYPE_CHECKING:
+    from phasebench.benchmarks.problems.base import Problem
 
 H, STEPS, ROUNDS = 0.01, 10_000, 11
 PROBLEMS = ("pendulum", "henon-heiles:chaotic", "perturbed-kepler")
@@ -103,7 +109,7 @@ def measure_method_rows(name: str, id: str, parameters: tuple) -> Rows:
     return {"speed": [row | {"status": full.status}]}
 
 
-def _work(found, id: str, steps: int):
+def _work(found: Problem, id: str, steps: int) -> Callable[[], object]:
     if id not in LOOPS:
         run = prepare(found, method(id))
         return lambda: run(H, steps)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from phasebench.benchmarks.experiments.start import start
 from phasebench.benchmarks.experiments.start.start import cells  # noqa: F401
 
 
-def bench_cold(measured_rows):
+def bench_cold(measured_rows: Callable[[str], list[dict]]) -> None:
     """Check that every first integration, which compiles all its code, succeeds and takes a positive time.
 
     Whether the time is short enough is judged on the report's page.
@@ -19,7 +21,7 @@ def bench_cold(measured_rows):
     assert not wrong, "\n".join(wrong)
 
 
-def bench_warm(measured_rows):
+def bench_warm(measured_rows: Callable[[str], list[dict]]) -> None:
     """Check that each command, run with all code compiled, takes longer than the import of Numba, a part of it."""
     seconds = {r["what"]: r["seconds"] for r in measured_rows(start.WARM)}
     wrong = [f"{what}: {s} s" for what, s in seconds.items() if what != start.FLOOR and not s > seconds[start.FLOOR]]

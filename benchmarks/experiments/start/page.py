@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 import pandas as pd
 
@@ -10,6 +12,9 @@ from phasebench.benchmarks.page.page import ROWS, Data, Page, Picture, Table, of
 from phasebench.benchmarks.page.verdict import Range, Verdict, at_most
 
 from . import start
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 #: Largest seconds wanted for a first integration, and for a warm command.
 COLD_WANTED, WARM_WANTED = 5.0, 0.6
@@ -74,7 +79,7 @@ def answer(cold: pd.DataFrame, warm: pd.DataFrame) -> str | None:
 
 
 @of(start.COLD)
-def draw(cold: pd.DataFrame, folder) -> list[Picture]:
+def draw(cold: pd.DataFrame, folder: Path) -> list[Picture]:
     """Draw the seconds of the first integrations with an empty cache, a bar for each; save it in ``folder``."""
     cold = cold.sort_values("seconds", ascending=False)
     y = np.arange(len(cold))

@@ -6,6 +6,7 @@ The functions take two tables: ``rows``, a row for each scene (a statistic of an
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from math import inf
 
 import pandas as pd
@@ -80,7 +81,7 @@ def sound(exact: pd.DataFrame) -> Verdict | None:
     )
 
 
-def _best(found: pd.DataFrame, chosen) -> pd.Series:
+def _best(found: pd.DataFrame, chosen: Callable[[str], bool]) -> pd.Series:
     columns = [m for m in found if chosen(m)]
     return found[columns].min(axis=1)
 

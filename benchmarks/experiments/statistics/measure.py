@@ -13,6 +13,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 from math import nan
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -26,6 +27,10 @@ from phasebench.integrators.section import section
 
 from . import scenes
 from .scenes import EXPONENT, FINE, SCENES, SECTION, Scene
+
+if TYPE_CHECKING:
+    from phasebench.benchmarks.problems.base import Problem
+    from phasebench.integrators.ensemble import Ensemble
 
 TABLE, EXACT = "statistics", "statistics_exact"
 #: Symplectic methods, by order, and methods that are not.
@@ -122,7 +127,7 @@ def _blocks(scene: Scene) -> Iterator[tuple[np.ndarray, np.ndarray]]:
         yield q[first : first + BLOCK], p[first : first + BLOCK]
 
 
-def _integrated(scene: Scene, method: str, k: int, q: np.ndarray, p: np.ndarray):
+def _integrated(scene: Scene, method: str, k: int, q: np.ndarray, p: np.ndarray) -> tuple[Ensemble, float]:
     """Integrate the initial states q, p, arrays (n, d), with k steps between output rows.
 
     Returns (the solution, gradient evaluations of one orbit between two rows).
@@ -163,7 +168,7 @@ def _exponents(scene: Scene, method: str, k: int, q: np.ndarray, p: np.ndarray) 
     return Sums(found, one, none, none, evaluations)
 
 
-def evaluations_of(made, method: str) -> float:
+def evaluations_of(made: Problem, method: str) -> float:
     """Return the number of gradients that a step of a method evaluates on the problem ``made``, over 50 steps."""
     q, p = np.array([made.q0]), np.array([made.p0])
     run = integrate_ensemble(made, method, q, p, h=made.pace.step, steps=50)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from math import inf
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pandas as pd
 
@@ -14,6 +15,9 @@ from phasebench.benchmarks.page.page import Page, Picture, Table, of
 from . import claims, measure
 from .measure import EXACT, TABLE
 from .scenes import SCENES
+
+if TYPE_CHECKING:
+    from .scenes import Scene
 
 #: Rows of panels of the figure, and the methods that it shows.
 ROWS = 2
@@ -86,7 +90,7 @@ def draw(rows: pd.DataFrame, exact: pd.DataFrame, folder: Path) -> list[Picture]
     return [Picture(file, "errors of statistics", caption)]
 
 
-def _scene(s) -> str:
+def _scene(s: Scene) -> str:
     formula = s.formula.replace("**2", "²").replace("*", " ")
     what = f"share of crossings of {s.plane} = 0 with {formula} > 0" if s.plane else f"mean of {formula}"
     what = what if formula else "mean of the largest Lyapunov exponents"

@@ -104,7 +104,7 @@ def quantity(scene: Scene) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
 
 
 @lru_cache(maxsize=8)
-def _energies(name: str):
+def _energies(name: str) -> tuple[Callable[[np.ndarray], np.ndarray], Callable[[np.ndarray], np.ndarray]]:
     """Return two functions of coordinates q, array (n, d): the potential V(q), (n,), and mass matrices M(q), (n, d, d).
 
     ``name`` is the problem's.

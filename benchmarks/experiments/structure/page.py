@@ -6,6 +6,8 @@ the property.
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 import pandas as pd
 
@@ -16,6 +18,9 @@ from phasebench.benchmarks.measure.visible import HIGH, NEARLY, least_visible
 from phasebench.benchmarks.page.markdown import join_list
 from phasebench.benchmarks.page.page import ROWS, Page, Picture, Table, of
 from phasebench.benchmarks.page.verdict import EVERY, FAIL, NONE, Count, Verdict, at_most
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 #: Smaller defects are drawn at this value.
 FLOOR = 1e-42
@@ -109,7 +114,7 @@ def answer(structure: pd.DataFrame) -> str:
 
 
 @of("structure")
-def draw(structure: pd.DataFrame, folder) -> list[Picture]:
+def draw(structure: pd.DataFrame, folder: Path) -> list[Picture]:
     """Draw every defect, sorted, in a panel for each property; save the figure in ``folder``.
 
     Methods declared to have the property have another colour than those that are not.

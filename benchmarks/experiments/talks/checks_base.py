@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -39,7 +39,7 @@ def flow(field: Callable, t: float, steps: int = 400) -> Callable:
     """Return the flow map y -> y(t) of y' = field(y), computed by ``steps`` classical Runge-Kutta steps."""
     h = t / steps
 
-    def advance(y):
+    def advance(y: Sequence[float] | np.ndarray) -> np.ndarray:
         y = np.array(y, float)
         for _ in range(steps):
             a = field(y)
@@ -51,23 +51,23 @@ def flow(field: Callable, t: float, steps: int = 400) -> Callable:
     return advance
 
 
-def henon_heiles(y):
+def henon_heiles(y: np.ndarray) -> np.ndarray:
     """Return the Henon-Heiles vector field at y = (q1, q2, p1, p2), array (4,)."""
     q1, q2, p1, p2 = y
     return np.array([p1, p2, -q1 - 2 * q1 * q2, -q2 - q1 * q1 + q2 * q2])
 
 
-def damped_pendulum(y):
+def damped_pendulum(y: np.ndarray) -> np.ndarray:
     """Return the vector field of the pendulum with friction, which is not Hamiltonian, at y = (q, p): array (2,)."""
     return np.array([y[1], -np.sin(y[0]) - 0.1 * y[1]])
 
 
-def pendulum(y):
+def pendulum(y: np.ndarray) -> np.ndarray:
     """Return the pendulum's vector field at y = (q, p): array (2,)."""
     return np.array([y[1], -np.sin(y[0])])
 
 
-def defect(step: Callable, y) -> float:
+def defect(step: Callable, y: Sequence[float] | np.ndarray) -> float:
     """Return the symplecticity defect max |M^T J M - J|, M the Jacobian of the map ``step`` at y = (q, p)."""
     return step_map.symplecticity_defect(step_map.jacobian(step, np.array(y, float)))
 

@@ -6,6 +6,7 @@ holds, and the same number for a case in which the statement must fail.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable, Sequence
 from functools import cache
 
 import numpy as np
@@ -38,11 +39,11 @@ def lagrange() -> tuple[float, float]:
     values = {a: 0.4, b: -0.7, u: 0.3, v: 0.9}
     at = {a: values[a], b: values[b]} | {p: m.subs(values) for p, m in zip((p1, p2), momenta, strict=True)}
 
-    def numbers(expressions):
+    def numbers(expressions: Iterable[sp.Expr]) -> np.ndarray:
         return np.array([float(e.subs({s: at[next(k for k in at if k.name == s.name)] for s in e.free_symbols}))
                          for e in expressions])  # fmt: skip
 
-    def forces(gravity):
+    def forces(gravity: float) -> np.ndarray:
         L = T + gravity * (2 * sp.cos(a) + sp.cos(b))
         return np.array([float(sp.diff(L, x).subs(values)) for x in (a, b)])
 
@@ -62,7 +63,7 @@ def pendulum_equations() -> tuple[float, float]:
 def first_integral() -> tuple[float, float]:
     """Return (number, control): the change of H along the pendulum's flow, and along the flow with friction."""
 
-    def change(field):
+    def change(field: Callable) -> float:
         y = flow(field, 10.0, 4000)(SWINGING)
         return abs((y[1] ** 2 - SWINGING[1] ** 2) / 2 - np.cos(y[0]) + np.cos(SWINGING[0]))
 
@@ -89,7 +90,7 @@ def linear_maps() -> tuple[float, float]:
     A = np.block([[one, S + S.T], [zero, one]]) @ np.block([[one, zero], [S @ S.T, one]])
     xi, eta = _random(2, 6)
 
-    def off(A):
+    def off(A: np.ndarray) -> tuple[float, float]:
         form = abs((A @ xi) @ J(3) @ (A @ eta) - xi @ J(3) @ eta)
         return np.abs(A.T @ J(3) @ A - J(3)).max(), form
 
@@ -110,7 +111,7 @@ def group() -> tuple[float, float]:
     return np.abs(y - flow(henon_heiles, 1.0)(POINT)).max(), np.abs(y - flow(henon_heiles, 1.1)(POINT)).max()
 
 
-def _asymmetry(field, y) -> float:
+def _asymmetry(field: Callable, y: Sequence[float] | np.ndarray) -> float:
     """Return max |M - M^T| for the Jacobian M of J f at y, which is zero iff the field f is locally Hamiltonian."""
     M = J(len(y) // 2) @ step_map.jacobian(field, np.array(y, float))
     return np.abs(M - M.T).max()
@@ -137,7 +138,7 @@ def integrability() -> tuple[float, float]:
     x, y = 0.3 + np.cos(angle), 0.2 + np.sin(angle)
     dx, dy = -np.sin(angle), np.cos(angle)
 
-    def around(fx, fy):
+    def around(fx: np.ndarray, fy: np.ndarray) -> float:
         return abs(np.mean(fx * dx + fy * dy) * 2 * np.pi)
 
     return around(x + 2 * x * y, y + x**2 - y**2), around(x + 2 * x * y, y - x**2 - y**2)
@@ -163,7 +164,7 @@ def level_curves() -> tuple[float, float]:
     """
     u, v = np.random.default_rng(7).uniform(0.5, 4, (2, 20))
 
-    def rate(two):
+    def rate(two: float) -> float:
         return np.abs((1 / u - 1) * u * (v - 2) + (two / v - 1) * v * (1 - u)).max()
 
     return rate(2), rate(1.9)
@@ -175,7 +176,7 @@ def species() -> tuple[float, float]:
     The signs tell which is the predator: a predator's growth rate rises with its prey.
     """
 
-    def growth(x, y):
+    def growth(x: float, y: float) -> tuple[float, float]:
         return (y - 2), (1 - x)
 
     u, v = 1.5, 1.5
@@ -211,7 +212,7 @@ def damps() -> tuple[float, float]:
     Steps are 0.1, 1 and 10; the control is that of explicit Euler.
     """
 
-    def factor(id):
+    def factor(id: str) -> float:
         made = problem("harmonic-oscillator")
         runs = [integrate(made, id, h=h, steps=4) for h in (0.1, 1.0, 10.0)]
         energies = [made.system.observe(made.system.H, s.q, s.p) for s in runs]

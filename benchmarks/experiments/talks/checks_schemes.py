@@ -8,9 +8,10 @@ Scheme I(lambda) is Q = q + h H_p, P = p - h H_q at (lambda q + (1 - lambda) Q, 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from fractions import Fraction
 from functools import cache
+from typing import Any
 
 import numpy as np
 import sympy as sp
@@ -38,10 +39,10 @@ def _system(sign: int = 1) -> Hamiltonian:
     return made if sign == 1 else Hamiltonian(q=made.q, p=made.p, H=-made.H)
 
 
-def step(id: str, h: float = STEP, **parameters) -> Callable:
+def step(id: str, h: float = STEP, **parameters: Any) -> Callable:
     """Return the step map y -> Y of the method ``id`` on Henon-Heiles, y = (q1, q2, p1, p2); h may be negative."""
 
-    def advance(y):
+    def advance(y: Sequence[float] | np.ndarray) -> np.ndarray:
         y = np.asarray(y, float)
         system = _system(1 if h > 0 else -1)
         s = integrate(system, id, h=abs(h), steps=1, q0=y[:2], p0=y[2:], parameters=parameters)
@@ -50,7 +51,7 @@ def step(id: str, h: float = STEP, **parameters) -> Callable:
     return advance
 
 
-def _distance(a: Callable, b: Callable, y=POINT) -> float:
+def _distance(a: Callable, b: Callable, y: np.ndarray = POINT) -> float:
     return np.abs(a(y) - b(y)).max()
 
 
@@ -70,7 +71,7 @@ def adjoint() -> tuple[float, float]:
     The control undoes a step with lambda by one with the same lambda.
     """
 
-    def back(first, lam):
+    def back(first: Fraction, lam: Fraction) -> float:
         return np.abs(step("scheme-i", -STEP, lam=lam)(step("scheme-i", lam=first)(POINT)) - POINT).max()
 
     return max(back(1 - lam, lam) for lam in LAMBDAS), min(back(lam, lam) for lam in LAMBDAS)
@@ -84,7 +85,7 @@ def any_parameter() -> tuple[float, float]:
     return max(defect(step("scheme-i", 0.02, lam=lam), POINT) for lam in MANY), defect(step("rk4"), POINT)
 
 
-def residual(lam, y, Y, h: float) -> float:
+def residual(lam: Fraction, y: np.ndarray, Y: np.ndarray, h: float) -> float:
     """Return the residual, in the maximum norm, of Scheme I's equations on Henon-Heiles for a step h from y to Y.
 
     y and Y are arrays (q1, q2, p1, p2); ``lam`` is the scheme's parameter lambda.
@@ -95,7 +96,7 @@ def residual(lam, y, Y, h: float) -> float:
     return np.abs(Y - y - h * henon_heiles(middle)).max()
 
 
-def form(lam) -> tuple[float, float]:
+def form(lam: Fraction) -> tuple[float, float]:
     """Return (number, control): the residual of Scheme I's equations as the talk prints them, at a computed step.
 
     The control is that of the equations for lambda + 1/10.
@@ -110,7 +111,7 @@ def nystrom() -> tuple[float, float]:
     The control has no factor 1 - lambda in the Nystrom method's stage.
     """
 
-    def advance(lam, inner):
+    def advance(lam: float, inner: float) -> np.ndarray:
         q, v, k = POINT[:2], POINT[2:], np.zeros(2)
         for _ in range(200):
             k = henon_heiles(np.hstack([q + (1 - lam) * STEP * v + inner * STEP**2 * k, v]))[2:]
@@ -121,7 +122,7 @@ def nystrom() -> tuple[float, float]:
     return good, bad
 
 
-def _form_of(M, lam: float) -> np.ndarray:
+def _form_of(M: np.ndarray, lam: float) -> np.ndarray:
     """Return the matrix d(Q - q, -(P - p)) / d(u, v) of a map (q, p) -> (Q, P) with Jacobian M, array (2 d, 2 d).
 
     Here u = lam P + (1 - lam) p and v = lam q + (1 - lam) Q.  The matrix is symmetric iff the differential form
@@ -142,7 +143,7 @@ def exact_form() -> tuple[float, float]:
     that of a Runge-Kutta step.
     """
 
-    def asymmetry(moved):
+    def asymmetry(moved: Callable) -> float:
         M = step_map.jacobian(moved, POINT)
         return max(np.abs(W - W.T).max() for W in (_form_of(M, float(lam)) for lam in (*LAMBDAS, *CLASSICAL)))
 
@@ -156,10 +157,10 @@ def hamilton_jacobi() -> tuple[float, float]:
     """
     t, delta, y = 0.3, 1e-3, np.array([0.7, -0.4])
 
-    def rotation(t):
+    def rotation(t: float) -> np.ndarray:
         return np.array([[np.cos(t), np.sin(t)], [-np.sin(t), np.cos(t)]])
 
-    def off(lam, used):
+    def off(lam: float, used: float) -> float:
         Q, P = rotation(t) @ y
         s = np.array([lam * P + (1 - lam) * y[1], lam * y[0] + (1 - lam) * Q])
         W = {k: _form_of(rotation(t + k * delta), lam) for k in (-2, -1, 0, 1, 2)}
@@ -185,7 +186,7 @@ def coefficients() -> tuple[float, float]:
     Huu, Hvv = (sp.hessian(H, s) for s in (u, v))
     Huv = sp.Matrix(2, 2, lambda i, j: sp.diff(H, u[i], v[j]))
 
-    def printed_formula(sixth):
+    def printed_formula(sixth: sp.Expr) -> sp.Expr:
         first = (Hu.T * Hvv * Hu)[0] + (Hv.T * Huu * Hv)[0]
         return (lam**2 - lam + sp.Rational(1, 3)) / 2 * first + (lam**2 - lam + sixth) * (Hv.T * Huv * Hu)[0]
 
@@ -195,14 +196,14 @@ def coefficients() -> tuple[float, float]:
     return float(max(second, third)), float(other)
 
 
-def mass(lam) -> float:
+def mass(lam: Fraction) -> float:
     """Return the largest change of the mass of the nonlinear Schroedinger equation, on 3 points, under Scheme I."""
     made = problem("nls", N=3, L=5.0)
     s = integrate(made, "scheme-i", h=0.05, steps=400, parameters={"lam": lam})
     return metrics.invariant_error(made.system.observe(made.invariants["mass"], s.q, s.p)).max
 
 
-def momentum(id: str, **parameters) -> float:
+def momentum(id: str, **parameters: Any) -> float:
     """Return the largest change of the angular momentum of perturbed Kepler under the method ``id``."""
     made = problem("perturbed-kepler")
     s = integrate(made, id, h=0.02, steps=1000, parameters=parameters)
@@ -235,7 +236,7 @@ def singular() -> tuple[float, float]:
     return tuple(np.linalg.svd(M, compute_uv=False)[-1] for M in (joint, joint[:4, :4]))
 
 
-def _exponent(y) -> tuple[float, float]:
+def _exponent(y: np.ndarray) -> tuple[float, float]:
     """Return (exponent of h in |lambda(h) - 1/2|, that distance at the smallest h) for steps of Scheme IV from y.
 
     lambda(h) is the parameter that the scheme chooses to keep the energy.
@@ -246,7 +247,7 @@ def _exponent(y) -> tuple[float, float]:
     return metrics.power(h[1:], apart[1:]).value, apart[-1]
 
 
-def _slope(y) -> float:
+def _slope(y: np.ndarray) -> float:
     """Return the rate of H_p.H_q along the Henon-Heiles flow at y.
 
     It is the coefficient of h^2 (lambda - 1/2) in the energy error of a step of Scheme I.
@@ -304,7 +305,7 @@ def henon_heiles_potential() -> tuple[float, float]:
     system = problem("henon-heiles").system
     values = system.observe(system.H, q, p)
 
-    def printed_formula(cubic):
+    def printed_formula(cubic: float) -> np.ndarray:
         U = (q[:, 0] ** 2 + q[:, 1] ** 2 + 2 * q[:, 0] ** 2 * q[:, 1] - cubic * q[:, 1] ** 3) / 2
         return (p**2).sum(1) / 2 + U
 
@@ -329,7 +330,7 @@ def kepler_momentum() -> tuple[float, float]:
     system = problem("perturbed-kepler").system
     dq, dp = (np.stack([system.observe(e, q, p) for e in part], axis=1) for part in (system.dq, system.dp))
 
-    def rate(sign):
+    def rate(sign: int) -> float:
         terms = dq[:, 0] * p[:, 1] + q[:, 0] * dp[:, 1], dq[:, 1] * p[:, 0] + q[:, 1] * dp[:, 0]
         return np.abs(terms[0] + sign * terms[1]).max()
 

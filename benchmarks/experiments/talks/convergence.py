@@ -10,6 +10,9 @@ M. Suzuki, Phys. Lett. A 146 (1990) 319-323 (compositions).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
 import numpy as np
 
 from phasebench.benchmarks import style
@@ -18,6 +21,11 @@ from phasebench.benchmarks.store.arrays import unpack
 from . import measure
 from .measure import LAMBDAS
 from .record import Figure
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure as Drawing
 
 SECTION = "convergence"
 PROBLEM = "henon-heiles:chaotic"
@@ -36,7 +44,7 @@ COMPOSITIONS = {
 ORDINATE = r"$\|y_h - y_{2h}\|_\infty$"
 
 
-def _row(panel: str, curve: str, id: str, steps, **parameters) -> dict:
+def _row(panel: str, curve: str, id: str, steps: Sequence[int], **parameters: Any) -> dict:
     """Measure one curve: refinement differences |y_h - y_2h| of a method over doubling numbers of steps.
 
     Returns the curve's row, with the observed order; ``panel`` and ``curve`` say where the figure shows it.
@@ -66,7 +74,7 @@ def _measure_compositions(quick: bool) -> list[dict]:
     return [_row("", title, id, _steps(2, 6 if quick else 9)) for title, (id, _) in COMPOSITIONS.items()]
 
 
-def _curves(axes, rows) -> tuple[np.ndarray, list[np.ndarray]]:
+def _curves(axes: Axes, rows: pd.DataFrame) -> tuple[np.ndarray, list[np.ndarray]]:
     """Draw the curves of a panel; return (the step sizes, the refinement differences of each curve)."""
     differences = []
     for k, r in enumerate(rows.itertuples()):
@@ -78,7 +86,7 @@ def _curves(axes, rows) -> tuple[np.ndarray, list[np.ndarray]]:
     return h, differences
 
 
-def _caption(methods: str, rows) -> str:
+def _caption(methods: str, rows: pd.DataFrame) -> str:
     h = unpack(rows["x"].iloc[0])
     return (
         "Refinement difference max |y_h - y_2h| over q and p at t = 1 on the chaotic Hénon–Heiles orbit, h = "
@@ -88,7 +96,7 @@ def _caption(methods: str, rows) -> str:
 
 
 @style.styled
-def schemes_i_to_iii(rows):
+def schemes_i_to_iii(rows: pd.DataFrame) -> tuple[Drawing, str]:
     """Draw the refinement differences of Schemes I, II and III over h, a curve for each lambda: (figure, caption).
 
     ``rows`` has a row for each curve.
@@ -106,7 +114,7 @@ def schemes_i_to_iii(rows):
 
 
 @style.styled
-def preserving(rows):
+def preserving(rows: pd.DataFrame) -> tuple[Drawing, str]:
     """Draw the refinement differences of AVF (averaged vector field), Schemes IV and V over h: (figure, caption).
 
     ``rows`` has a row for each curve.
@@ -121,7 +129,7 @@ def preserving(rows):
 
 
 @style.styled
-def compositions(rows):
+def compositions(rows: pd.DataFrame) -> tuple[Drawing, str]:
     """Draw the refinement differences of compositions of orders 4 and 6 of Schemes III and V: (figure, caption).
 
     ``rows`` has a row for each curve.

@@ -7,12 +7,16 @@ write functions ``measure(quick) -> rows`` and ``draw(rows) -> (figure, caption)
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from phasebench.benchmarks import style
 from phasebench.benchmarks.page.page import Picture
 
 from . import convergence, henon_heiles, linear_map, lotka_volterra, pendulum, perturbed_kepler
 from .record import Figure
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 FIGURES: tuple[Figure, ...] = (
     *pendulum.FIGURES,
@@ -24,7 +28,7 @@ FIGURES: tuple[Figure, ...] = (
 )
 
 
-def pictures(curves, section: str, folder: Path) -> list[Picture]:
+def pictures(curves: pd.DataFrame, section: str, folder: Path) -> list[Picture]:
     """Draw the figures of a section of the talks into ``folder``; return their files, titles and captions.
 
     ``curves`` is the table of all measured curves; a figure whose curves were not measured is left out.

@@ -6,6 +6,8 @@ statement holds and the numbers that show it.
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from phasebench.benchmarks.page.markdown import number
 
 from .judging import (
@@ -30,6 +32,13 @@ from .judging import (
 )
 from .statement import DEFINITION, FIGURE, FORMULA, METHOD, REMARK, SYSTEM, TABLE, THEOREM, Statement
 
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from phasebench.benchmarks.page.page import Data
+
+    from .judging import Judge
+
 ORDERS, STRUCTURE, HH, PK = "orders", "structure", "talk-henon-heiles", "talk-perturbed-kepler"
 ENERGY, PRINTED, WAVES, BOXES = "energy_preservation", "printed", "waves", "multisymplectic"
 KEPT = 1e-11
@@ -47,14 +56,14 @@ def _generating(order_: int) -> tuple[str, ...]:
     return tuple(f"generating-function(lam={lam}, order={order_})" for lam in VALUES)
 
 
-def roots(*schemes: str, condition: str = "λ near 1/2 exists"):
+def roots(*schemes: str, condition: str = "λ near 1/2 exists") -> Judge:
     """Make a judge (a function of measured tables) of whether schemes keep the energy by their choice of lambda.
 
     In each step the schemes solve for a lambda with which H is kept.  The statement holds if every step has such a
     root and the energy is kept there to round-off; if some steps have none, it holds only under ``condition``, a text.
     """
 
-    def judge(data):
+    def judge(data: Data) -> Judgement:
         rows = rows_of(data, "energy_preservation", scheme=list(schemes), status="ok")
         waves = rows_of(data, "pde", method=list(schemes), status="ok")
         if rows.empty or waves.empty:
@@ -72,7 +81,7 @@ def roots(*schemes: str, condition: str = "λ near 1/2 exists"):
 
 
 @on_rows("pde", method=list(TUNED), invariant="mass")
-def nls_mass(rows):
+def nls_mass(rows: pd.DataFrame) -> Judgement:
     """Judge from measured rows whether Schemes IV and V keep the mass of the nonlinear Schroedinger equation.
 
     These schemes choose a parameter lambda in each step so that H is kept.
@@ -81,7 +90,7 @@ def nls_mass(rows):
     return judgement(worst <= KEPT, f"NLS mass changes by up to {number(worst, 2)}")
 
 
-def charge(data):
+def charge(data: Data) -> Judgement:
     """Judge whether Schemes IV and V keep angular momentum and charge, invariants of the form q.D p.
 
     These schemes choose a parameter lambda in each step so that H is kept.  ``data`` maps a table's name to its rows.
@@ -94,7 +103,7 @@ def charge(data):
     return judgement(worst <= KEPT, f"q·Dp forms change by up to {number(worst, 2)}")
 
 
-def box(column: str, bound: float):
+def box(column: str, bound: float) -> Judge:
     """Make a judge (a function of measured tables) of whether a residual or error of the EQUIP box scheme is small.
 
     All values of the table's ``column`` must be at most ``bound``.
@@ -102,7 +111,7 @@ def box(column: str, bound: float):
     For the column "two-form", the residual of the multisymplectic law, the bound is in units of round-off.
     """
 
-    def judge(data):
+    def judge(data: Data) -> Judgement:
         rows = rows_of(data, "multisymplectic", id="equip-box")
         if rows.empty or column not in rows:
             return NOTHING
@@ -115,14 +124,14 @@ def box(column: str, bound: float):
 
 
 @on_rows("talk_curves", figure="perturbed-kepler-parameter", panel="lambda")
-def middling(rows):
+def middling(rows: pd.DataFrame) -> Judgement:
     """Judge from measured rows whether the median of the lambda that Schemes IV and V choose in a step is near 1/2."""
     apart = (rows["median"] - 0.5).abs().max()
     text = f"median of |λ − 1/2| up to {number(apart, 2)}, range {number(rows['low'].min(), 2)} to "
     return judgement(apart < 0.1, f"{text}{number(rows['high'].max(), 2)}")
 
 
-def exactly(scheme: str, order_: int):
+def exactly(scheme: str, order_: int) -> Judge:
     """Make a judge (a function of measured tables) of whether a scheme has exactly the order ``order_``."""
     return order((scheme,), order_)
 

@@ -6,7 +6,9 @@ Henon-Heiles model'; M. Henon, C. Heiles, Astron. J. 69 (1964) 73-79 (the sectio
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 from functools import partial
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,6 +18,14 @@ from phasebench.benchmarks.store.arrays import unpack
 from . import measure
 from .measure import LAMBDAS
 from .record import Figure
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure as Drawing
+
+    from phasebench.benchmarks.problems.base import Problem
+    from phasebench.integrators.solution import Solution
 
 SECTION = "henon-heiles"
 #: Orbit -> half width of the drawn square in the (q1, q2) plane.
@@ -31,7 +41,7 @@ SCHEME_I = {f"λ = {lam}": ("scheme-i", {"lam": lam}) for lam in LAMBDAS}
 PRESERVING = {"AVF": ("avf", {}), "Scheme IV": ("scheme-iv", {}), "Scheme V": ("scheme-v", {})}
 
 
-def _runs(methods, t_end: float):
+def _runs(methods: Mapping[str, tuple[str, dict]], t_end: float) -> Iterator[tuple[str, str, Problem, Solution]]:
     """Yield (orbit, curve label, problem, solution) of every method on both orbits, integrated to ``t_end``."""
     for orbit in ORBITS:
         start = measure.start(f"henon-heiles:{orbit}")
@@ -43,7 +53,7 @@ def _end(quick: bool) -> float:
     return 100.0 if quick else 1000.0
 
 
-def _measure_orbits(methods, quick: bool) -> list[dict]:
+def _measure_orbits(methods: Mapping[str, tuple[str, dict]], quick: bool) -> list[dict]:
     rows = []
     for orbit, label, start, s in _runs(methods, _end(quick)):
         inside = np.abs(s.q).max(axis=1) < 10 * ORBITS[orbit]  # an escaping orbit is cut off outside the frame
@@ -53,7 +63,7 @@ def _measure_orbits(methods, quick: bool) -> list[dict]:
     return rows
 
 
-def _measure_energies(methods, quick: bool) -> list[dict]:
+def _measure_energies(methods: Mapping[str, tuple[str, dict]], quick: bool) -> list[dict]:
     rows = []
     for orbit, label, start, s in _runs(methods, _end(quick)):
         error = measure.energy_error(start, s)
@@ -70,11 +80,11 @@ def _measure_sections(quick: bool) -> list[dict]:
     return rows
 
 
-def _span(rows) -> str:
+def _span(rows: pd.DataFrame) -> str:
     return f"to t = {rows['t_end'].max():g}, h = {rows['h'].iloc[0]:g}"
 
 
-def _boundary(axes, orbit: str, reach: float) -> None:
+def _boundary(axes: Axes, orbit: str, reach: float) -> None:
     """Draw the curve U(q) = H0, which no orbit of that energy crosses, in the square |q1|, |q2| <= ``reach``."""
     start = measure.start(f"henon-heiles:{orbit}")
     system = start.system
@@ -84,7 +94,7 @@ def _boundary(axes, orbit: str, reach: float) -> None:
     axes.contour(*(q[:, i].reshape(241, 241) for i in (0, 1)), U, levels=[H0], colors=style.VERMILION, linewidths=1.0)
 
 
-def _grid(rows, height: float):
+def _grid(rows: pd.DataFrame, height: float) -> tuple[Drawing, list[tuple[Axes, Any]], np.ndarray]:
     """Make a figure with a line of panels for each orbit and a column for each curve.
 
     Returns (figure, [(axes, the curve's row)], axes of the left column).
@@ -93,7 +103,7 @@ def _grid(rows, height: float):
     return figure, list(zip(grid.flat, rows.itertuples(), strict=True)), grid[:, 0]
 
 
-def _draw_orbits(rows, methods: str, height: float):
+def _draw_orbits(rows: pd.DataFrame, methods: str, height: float) -> tuple[Drawing, str]:
     figure, panels, left = _grid(rows, height)
     for axes, r in panels:
         reach = ORBITS[r.panel]
@@ -112,19 +122,19 @@ def _draw_orbits(rows, methods: str, height: float):
 
 
 @style.styled
-def scheme_i_orbits(rows):
+def scheme_i_orbits(rows: pd.DataFrame) -> tuple[Drawing, str]:
     """Draw the box and chaotic orbits of Scheme I, from a row for each curve: (figure, caption)."""
     return _draw_orbits(rows, "Scheme I", 4.2)
 
 
 @style.styled
-def preserving_orbits(rows):
+def preserving_orbits(rows: pd.DataFrame) -> tuple[Drawing, str]:
     """Draw the box and chaotic orbits of AVF, Schemes IV and V, from a row for each curve: (figure, caption)."""
     return _draw_orbits(rows, "AVF, Schemes IV and V", 5.1)
 
 
 @style.styled
-def sections(rows):
+def sections(rows: pd.DataFrame) -> tuple[Drawing, str]:
     """Draw the Poincare sections of Scheme I's orbits, from a row for each orbit and lambda: (figure, caption)."""
     figure, panels, left = _grid(rows, 4.2)
     for axes, r in panels:
@@ -144,7 +154,7 @@ def sections(rows):
     return figure, caption
 
 
-def _draw_energies(rows, methods: str):
+def _draw_energies(rows: pd.DataFrame, methods: str) -> tuple[Drawing, str]:
     """Draw |H - H0| over t, a panel for each orbit, a curve for each of ``rows``: (figure, caption).
 
     ``methods`` names the methods in the caption.
@@ -170,13 +180,13 @@ def _draw_energies(rows, methods: str):
 
 
 @style.styled
-def scheme_i_energy(rows):
+def scheme_i_energy(rows: pd.DataFrame) -> tuple[Drawing, str]:
     """Draw the energy error of Scheme I on Henon-Heiles over time, from a row for each curve: (figure, caption)."""
     return _draw_energies(rows, "Scheme I")
 
 
 @style.styled
-def preserving_energy(rows):
+def preserving_energy(rows: pd.DataFrame) -> tuple[Drawing, str]:
     """Draw the energy errors of AVF, Schemes IV and V on Henon-Heiles, from a row for each curve: (figure, caption)."""
     return _draw_energies(rows, "AVF, Schemes IV and V")
 

@@ -6,6 +6,8 @@ statement holds and the numbers that show it.
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from phasebench.benchmarks.store.arrays import unpack
 
 from .checks_base import TABLE as CHECKS
@@ -13,18 +15,25 @@ from .judging import NOTHING, check, curves, every, has, judgement, on_rows, ord
 from .record import TABLE as CURVES
 from .statement import DEFINITION, FIGURE, FORMULA, METHOD, REMARK, SYSTEM, THEOREM, Statement
 
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from phasebench.benchmarks.page.page import Data
+
+    from .judging import Judge, Judgement
+
 MAPS, LV = "talk-symplectic-maps", "talk-lotka-volterra"
 EULERS = ("symplectic-euler-p", "symplectic-euler-q")
 KEPT = 1e-11
 
 
-def areas(kept: tuple[str, ...], lost: tuple[str, ...]):
+def areas(kept: tuple[str, ...], lost: tuple[str, ...]) -> Judge:
     """Make a judge of whether maps keep the area of a set in the pendulum's phase plane.
 
     The maps named in ``kept`` must keep it to round-off, those in ``lost`` must not.
     """
 
-    def judge(data):
+    def judge(data: Data) -> Judgement:
         rows = rows_of(data, CURVES, figure="pendulum-area")
         if rows.empty or not {*kept, *lost} <= set(rows["panel"]):
             return NOTHING
@@ -37,7 +46,7 @@ def areas(kept: tuple[str, ...], lost: tuple[str, ...]):
 
 
 @on_rows(CURVES, figure="lotka-volterra-flow")
-def disc(rows):
+def disc(rows: pd.DataFrame) -> Judgement:
     """Judge from measured rows whether the exact flow of Lotka-Volterra keeps the measure du dv / (u v) of a disc."""
     change = (rows["measure"] - rows["measure"].iloc[0]).abs().max()
     area = rows["area"].max() - rows["area"].min()
@@ -45,7 +54,7 @@ def disc(rows):
     return judgement(bool(change <= KEPT), text)
 
 
-def parallelogram(data):
+def parallelogram(data: Data) -> Judgement:
     """Judge whether a midpoint step keeps omega(xi, eta) on coupled oscillators, and an explicit Euler step does not.
 
     omega is the symplectic form, xi and eta two vectors; ``data`` maps a table's name to its rows.
@@ -62,13 +71,13 @@ def parallelogram(data):
 
 
 @on_rows(CHECKS, check="species")
-def prey(rows):
+def prey(rows: pd.DataFrame) -> Judgement:
     """Judge from measured rows whether u is the prey: its growth rate would fall with v, and that of v rise with u."""
     r = rows.iloc[0]
     return judgement(r["value"] < 0 < r["control"], f"{r['what']}: {r['value']:+g}; {r['against']}: {r['control']:+g}")
 
 
-def _lotka_volterra(name: str, bound: float, above: bool = False):
+def _lotka_volterra(name: str, bound: float, above: bool = False) -> Judge:
     return curves("lotka-volterra-methods", "energy_error", bound, panel=name, above=above)
 
 

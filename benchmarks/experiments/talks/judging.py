@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
@@ -17,6 +18,9 @@ from phasebench.benchmarks.page.markdown import number
 
 from .checks_base import TABLE as CHECKS
 from .record import TABLE as CURVES
+
+if TYPE_CHECKING:
+    from phasebench.benchmarks.page.page import Data
 
 VERDICTS = (HOLDS, WHERE, CONTRADICTED, UNTESTABLE, MISSING)
 #: An error in doubles of at most this counts as round-off.
@@ -39,7 +43,7 @@ def judgement(holds: bool, text: str) -> Judgement:
     return Judgement(HOLDS if holds else CONTRADICTED, text)
 
 
-def rows_of(data, table: str, **values) -> pd.DataFrame:
+def rows_of(data: Data, table: str, **values: Any) -> pd.DataFrame:
     """Select the rows of a table whose columns have the given ``values``; empty if the table was not measured.
 
     ``data`` maps a table's name to the table or None.  A list as value means that the column has one of its elements.
@@ -52,16 +56,16 @@ def rows_of(data, table: str, **values) -> pd.DataFrame:
     return frame
 
 
-def on_rows(table: str, **values) -> Callable[[Callable[[pd.DataFrame], Judgement]], Judge]:
+def on_rows(table: str, **values: Any) -> Callable[[Callable[[pd.DataFrame], Judgement]], Judge]:
     """Decorator: turn a function rows -> `Judgement` into a judge, a function of all measured tables.
 
     The judge selects the rows of ``table`` whose columns have the given ``values``; where one of the methods asked for
     has no row, or there is none at all, nothing is judged.
     """
 
-    def decorate(function):
+    def decorate(function: Callable[[pd.DataFrame], Judgement]) -> Judge:
         @functools.wraps(function)
-        def judge(data):
+        def judge(data: Data) -> Judgement:
             rows = rows_of(data, table, **values)
             missing = set(values.get("method", ())) - set(rows.get("method", ()))
             return NOTHING if rows.empty or missing else function(rows)
@@ -87,7 +91,7 @@ def check(id: str, bound: float, least: float | None = None) -> Judge:
     """
 
     @on_rows(CHECKS, check=id)
-    def judge(rows):
+    def judge(rows: pd.DataFrame) -> Judgement:
         r = rows.iloc[0]
         if r["value"] != r["value"]:
             return NOTHING
@@ -104,7 +108,7 @@ def order(labels: Sequence[str], wanted: int, problem: str = "") -> Judge:
     """
 
     @on_rows("multiprecision", method=list(labels), **({"problem": problem} if problem else {}))
-    def judge(rows):
+    def judge(rows: pd.DataFrame) -> Judgement:
         orders = rows["order"]
         span = list(dict.fromkeys(f"{x:.3f}" for x in (orders.min(), orders.max())))
         text = f"order {' to '.join(span)} ({_plural(len(rows), 'measurement')})"
@@ -120,7 +124,7 @@ def has(labels: Sequence[str], what: str, wanted: bool = True) -> Judge:
     """
 
     @on_rows("structure", method=list(labels), property=what)
-    def judge(rows):
+    def judge(rows: pd.DataFrame) -> Judgement:
         largest = rows["defect"].max() if wanted else rows["defect"].min()
         word = "up to" if wanted else f"of {', '.join(labels)} at least"
         text = f"defect of {what} {word} {number(largest, 2)} ({_plural(len(rows), 'map')})"
@@ -132,7 +136,7 @@ def has(labels: Sequence[str], what: str, wanted: bool = True) -> Judge:
 def keeps_energy(ids: Sequence[str], problem: str = "henon-heiles") -> Judge:
     """Make a judge (a function of measured tables) of whether methods keep the energy of a problem to round-off."""
 
-    def judge(data):
+    def judge(data: Data) -> Judgement:
         rows = rows_of(data, "matrix", method=list(ids), problem=problem)
         if len(rows) < len(ids) or rows["energy"].isna().any():
             return NOTHING
@@ -149,7 +153,7 @@ def system(problem: str) -> Judge:
     On it the implicit midpoint rule must be symplectic or, if that is not measured, have a small energy error.
     """
 
-    def judge(data):
+    def judge(data: Data) -> Judgement:
         rows = rows_of(data, "matrix", problem=problem)
         middle = rows[rows["method"] == "implicit-midpoint"] if len(rows) else rows
         if middle.empty:
@@ -171,7 +175,7 @@ def printed_entries(scheme: str, wanted: int) -> Judge:
     """
 
     @on_rows("printed", scheme=scheme)
-    def judge(rows):
+    def judge(rows: pd.DataFrame) -> Judgement:
         good = int((rows["units"] <= REPRODUCED).sum())
         orders = rows["order"].dropna()
         text = f"{good} of {len(rows)} entries within {REPRODUCED:g} of the last digit"
@@ -181,14 +185,16 @@ def printed_entries(scheme: str, wanted: int) -> Judge:
     return judge
 
 
-def curves(figure: str, column: str, bound: float, curve: Sequence[str] = (), panel: str = "", above=False) -> Judge:
+def curves(
+    figure: str, column: str, bound: float, curve: Sequence[str] = (), panel: str = "", above: bool = False
+) -> Judge:
     """Make a judge (a function of measured tables) of whether a column of a figure's curves stays below a bound.
 
     The largest value must be at most ``bound``; if ``above``, the smallest one must exceed it.  ``curve`` and ``panel``
     select some of the figure's curves.
     """
 
-    def judge(data):
+    def judge(data: Data) -> Judgement:
         rows = rows_of(data, CURVES, figure=figure)
         if column in rows:
             rows = rows.dropna(subset=[column])
@@ -214,7 +220,7 @@ def completed_runs(figure: str, wanted: int) -> Judge:
     """Make a judge (a function of measured tables) of whether a figure has ``wanted`` or more runs, all completed."""
 
     @on_rows(CURVES, figure=figure)
-    def judge(rows):
+    def judge(rows: pd.DataFrame) -> Judgement:
         good = int((rows["status"] == "ok").sum())
         return judgement(
             good == len(rows) >= wanted, f"{good} of {len(rows)} orbits to t = {number(rows['t_end'].max())}"
@@ -226,7 +232,7 @@ def completed_runs(figure: str, wanted: int) -> Judge:
 def every(*judges: Judge) -> Judge:
     """Make a judge that returns the worst verdict of several judges, with the measurements of all."""
 
-    def judge(data):
+    def judge(data: Data) -> Judgement:
         found = [j(data) for j in judges]
         verdict = worst(f.verdict for f in found)
         return NOTHING if verdict == MISSING else Judgement(verdict, "; ".join(f.measured for f in found))
@@ -241,7 +247,7 @@ def where(inside: Judge, outside: Judge, condition: str) -> Judge:
     contradicted; otherwise the verdict is that of ``inside``.
     """
 
-    def judge(data):
+    def judge(data: Data) -> Judgement:
         a, b = inside(data), outside(data)
         if MISSING in (a.verdict, b.verdict):
             return NOTHING

@@ -10,6 +10,8 @@ Geometric Numerical Integration (2006), figure VI.2.1.
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from phasebench.benchmarks import style
@@ -19,6 +21,10 @@ from phasebench.integrators import Hamiltonian
 
 from . import measure
 from .record import Figure
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure as Drawing
 
 STEP = 0.9
 #: The vectors (q1, q2, p1, p2) that span the parallelogram.
@@ -36,7 +42,7 @@ def image(id: str) -> tuple[np.ndarray, np.ndarray]:
     return tuple(measure.carry(oscillators(), id, np.stack([XI, ETA]), STEP, 1)[1])
 
 
-def areas(xi, eta) -> np.ndarray:
+def areas(xi: np.ndarray, eta: np.ndarray) -> np.ndarray:
     """Return the oriented areas of a parallelogram's projections onto the planes (p_i, q_i): array (d,).
 
     The vectors xi and eta, arrays (2 d,) of (q, p), span the parallelogram.
@@ -44,7 +50,7 @@ def areas(xi, eta) -> np.ndarray:
     return np.array([measure.polygon_area(_project(xi, eta, i)) for i in range(len(xi) // 2)])
 
 
-def _project(xi, eta, i: int) -> np.ndarray:
+def _project(xi: np.ndarray, eta: np.ndarray, i: int) -> np.ndarray:
     """Project the corners 0, xi, xi + eta, eta of a parallelogram onto the plane (p_i, q_i): array (4, 2)."""
     d = len(xi) // 2
     corners = np.stack([0 * xi, xi, xi + eta, eta])
@@ -57,7 +63,7 @@ def _measure(quick: bool) -> list[dict]:
 
 
 @style.styled
-def parallelograms(rows):
+def parallelograms(rows: pd.DataFrame) -> tuple[Drawing, str]:
     """Draw a parallelogram and its images under a step of two methods, projected onto both planes (p_i, q_i).
 
     ``rows`` has a row for each of the three parallelograms, with the two vectors as texts.  Returns (figure, caption).

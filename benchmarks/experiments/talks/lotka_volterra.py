@@ -9,6 +9,9 @@ C. Lubich, G. Wanner, Geometric Numerical Integration (2006), I.1.1 and VI.2.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from phasebench.benchmarks import style
@@ -17,6 +20,11 @@ from phasebench.benchmarks.style import number
 
 from . import measure
 from .record import Figure
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure as Drawing
 
 SECTION = "lotka-volterra"
 STEP = 0.12
@@ -33,7 +41,7 @@ RUNS = (
 )
 
 
-def _level_curves(axes, levels, span) -> None:
+def _level_curves(axes: Axes, levels: Iterable[float], span: tuple[float, float]) -> None:
     system = measure.start("lotka-volterra").system
     u, v = np.meshgrid(np.linspace(0.02, span[0], 220), np.linspace(0.02, span[1], 220))
     invariant = system.observe(system.H, u.reshape(-1, 1), v.reshape(-1, 1)).reshape(u.shape)
@@ -76,7 +84,7 @@ def _measure_methods(quick: bool) -> list[dict]:
     return rows
 
 
-def _disc(axes, k: int, name: str, points) -> None:
+def _disc(axes: Axes, k: int, name: str, points: np.ndarray) -> None:
     """Draw the k-th image of a disc under the flow, boundary ``points`` (n, 2), with the text ``name`` beside it."""
     colour = style.ORANGE if k == 0 else style.SKY
     axes.fill(*points.T, facecolor=colour, edgecolor="black", linewidth=0.8, alpha=0.85)
@@ -89,7 +97,7 @@ def _disc(axes, k: int, name: str, points) -> None:
 
 
 @style.styled
-def exact_flow(rows):
+def exact_flow(rows: pd.DataFrame) -> tuple[Drawing, str]:
     """Draw the Lotka-Volterra field, and images of a disc under its flow, with level curves: (figure, caption).
 
     ``rows`` has a row for each image of the disc.
@@ -125,7 +133,7 @@ def exact_flow(rows):
 
 
 @style.styled
-def numerical_flow(rows):
+def numerical_flow(rows: pd.DataFrame) -> tuple[Drawing, str]:
     """Draw Lotka-Volterra orbits of four methods from the talk's starting points: (figure, caption).
 
     ``rows`` has a row for each orbit of a method or of the exact flow.

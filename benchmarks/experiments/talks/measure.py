@@ -11,10 +11,11 @@ Source: E. Hairer, C. Lubich, G. Wanner, Geometric Numerical Integration (2006),
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from fractions import Fraction
 from functools import cache
 from itertools import pairwise
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -24,6 +25,14 @@ from phasebench.benchmarks.store.arrays import pack
 from phasebench.benchmarks.style import number
 from phasebench.integrators import integrate
 from phasebench.integrators.errors import InvalidInput
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from numpy.typing import ArrayLike
+
+    from phasebench.benchmarks.problems.base import Problem
+    from phasebench.integrators.solution import Solution
+    from phasebench.integrators.systems.hamiltonian import Formula
 
 #: The values of lambda in the talk's figures.
 LAMBDAS = (Fraction(-1), Fraction(1, 3), Fraction(3, 2), Fraction(2))
@@ -39,35 +48,35 @@ NOISE = 1e-12
 
 
 @cache
-def start(name: str):
+def start(name: str) -> Problem:
     """Return the problem named ``id`` or ``id:orbit``, made only once, so that its functions stay compiled."""
     return problems.problem(name)
 
 
-def run(problem, id: str, h: float, t_end: float, **parameters):
+def run(problem: Problem, id: str, h: float, t_end: float, **parameters: Any) -> Solution:
     """Integrate a problem by the method ``id`` with its ``parameters`` and step h to ``t_end``: its `Solution`."""
     return integrate(problem, id, h=h, t_end=t_end, parameters=parameters)
 
 
-def error(problem, expression, solution) -> np.ndarray:
+def error(problem: Problem, expression: Formula, solution: Solution) -> np.ndarray:
     """Return |F - F0| of an expression F in q and p along a solution, array (n,); F0 is its first value."""
     values = problem.system.observe(expression, solution.q, solution.p)
     return np.abs(values - values[0])
 
 
-def energy_error(problem, solution) -> np.ndarray:
+def energy_error(problem: Problem, solution: Solution) -> np.ndarray:
     """Return the energy error |H - H0| along a solution, array (n,)."""
     return error(problem, problem.system.H, solution)
 
 
-def binned_maxima(t, e, bins: int = 200):
+def binned_maxima(t: np.ndarray, e: np.ndarray, bins: int = 200) -> tuple[np.ndarray, np.ndarray]:
     """Thin a curve (t, e) without losing peaks: (times, values) of the largest e in each of ``bins`` equal pieces."""
     edges = np.linspace(0, len(e), min(bins, len(e)) + 1).astype(int)
     best = np.array([a + np.argmax(e[a:b]) for a, b in pairwise(edges)])
     return t[best], e[best]
 
 
-def for_log_axis(e) -> np.ndarray:
+def for_log_axis(e: np.ndarray) -> np.ndarray:
     """Return the errors ``e`` for a logarithmic axis: values below `FLOOR`, such as zeros, are raised to `FLOOR`."""
     return np.maximum(e, FLOOR)
 
@@ -77,7 +86,15 @@ def floor_note(errors: Iterable[np.ndarray]) -> str:
     return f" Zeros are drawn at {number(FLOOR)}." if any((e == 0).any() for e in errors) else ""
 
 
-def row(panel: str, curve: str, x, y, solution=None, digits: int = DIGITS, **values) -> dict:
+def row(
+    panel: str,
+    curve: str,
+    x: ArrayLike,
+    y: ArrayLike,
+    solution: Solution | None = None,
+    digits: int = DIGITS,
+    **values: Any,
+) -> dict:
     """Make the row of one curve of a figure: panel, label, data of its run, points, and further numbers.
 
     x and y are stored as texts of ``digits`` significant digits; ``values`` are columns for the caption.
@@ -97,14 +114,14 @@ def row(panel: str, curve: str, x, y, solution=None, digits: int = DIGITS, **val
     return {"panel": panel, "curve": curve} | of_run | values | {"x": pack(x, digits), "y": pack(y, digits)}
 
 
-def thin_path(q, until: int | None = None, n: int = POINTS) -> np.ndarray:
+def thin_path(q: np.ndarray, until: int | None = None, n: int = POINTS) -> np.ndarray:
     """Thin a plane path to at most ``n`` of its first ``until`` points, about equally spaced: array (m, 2)."""
     q = q[:until]
     along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(q, axis=0).T))])
     return q[np.unique(np.searchsorted(along, np.linspace(0, along[-1], n)).clip(max=len(q) - 1))]
 
 
-def troubles(rows) -> str:
+def troubles(rows: pd.DataFrame) -> str:
     """Return the caption's sentences about failed integrations, and about steps without an energy-preserving lambda.
 
     ``rows`` has a row for each curve; the text is empty if there is nothing to report.
@@ -115,7 +132,9 @@ def troubles(rows) -> str:
     return text + (f" Steps without a root λ, taken with λ = 1/2: {', '.join(missed)}." if missed else "")
 
 
-def carry(problem, id: str, points, h: float, snapshots: int, substeps: int = 1, **parameters) -> np.ndarray:
+def carry(
+    problem: Problem, id: str, points: np.ndarray, h: float, snapshots: int, substeps: int = 1, **parameters: Any
+) -> np.ndarray:
     """Map points (q, p), array (n, 2 d), by a method: array (snapshots + 1, n, 2 d), whose first entry is the points.
 
     Between two snapshots are ``substeps`` steps h.  Raises InvalidInput if the integration of a point fails.
@@ -132,7 +151,7 @@ def carry(problem, id: str, points, h: float, snapshots: int, substeps: int = 1,
     return np.stack(rows, axis=1)
 
 
-def enclosed_area(curve) -> float:
+def enclosed_area(curve: np.ndarray) -> float:
     """Return the oriented area within a closed curve through points (q, p), array (n, 2); counterclockwise is positive.
 
     It is the area of the trigonometric interpolant.
@@ -142,19 +161,19 @@ def enclosed_area(curve) -> float:
     return float(np.pi * np.sum(np.fft.fftfreq(n, 1 / n) * np.abs(c) ** 2))
 
 
-def polygon_area(vertices) -> float:
+def polygon_area(vertices: np.ndarray) -> float:
     """Return the oriented area of a polygon with vertices (x, y), array (n, 2); counterclockwise is positive."""
     (x, y), (x1, y1) = vertices.T, np.roll(vertices, -1, axis=0).T
     return float(np.sum(x * y1 - x1 * y) / 2)
 
 
-def circle(centre, radius: float, n: int) -> np.ndarray:
+def circle(centre: tuple[float, float], radius: float, n: int) -> np.ndarray:
     """Return n points on a circle, array (n, 2)."""
     angle = 2 * np.pi * np.arange(n) / n
     return np.array(centre) + radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
 
 
-def cat(centre, size: float, n: int) -> np.ndarray:
+def cat(centre: tuple[float, float], size: float, n: int) -> np.ndarray:
     """Return n points on the outline of a cat's face, array (n, 2): an analytic curve, a circle with two ears."""
     angle = 2 * np.pi * np.arange(n) / n
     ears = sum(np.exp(18 * (np.cos(angle - at) - 1)) for at in (np.pi / 4, 3 * np.pi / 4))
@@ -162,7 +181,7 @@ def cat(centre, size: float, n: int) -> np.ndarray:
     return np.array(centre) + np.stack([r * np.cos(angle), r * np.sin(angle)], axis=1)
 
 
-def section(problem, solution) -> np.ndarray:
+def section(problem: Problem, solution: Solution) -> np.ndarray:
     """Compute the Poincare section q1 = 0, p1 > 0 of a solution with H = |p|^2 / 2 + U(q): (q2, p2), array (n, 2).
 
     Between two output rows, cubic Hermite interpolation locates the crossing, with an error of O(h^4).
@@ -173,7 +192,7 @@ def section(problem, solution) -> np.ndarray:
     dy = np.stack([problem.system.observe(e, q, p) for e in rates], axis=1)
     i = np.flatnonzero((q[:-1, 0] < 0) & (q[1:, 0] >= 0))
 
-    def at(s):
+    def at(s: np.ndarray) -> np.ndarray:
         s = s[:, None]
         a, b = (1 + 2 * s) * (1 - s) ** 2, s * s * (3 - 2 * s)
         c, d = s * (1 - s) ** 2, s * s * (s - 1)
@@ -187,7 +206,9 @@ def section(problem, solution) -> np.ndarray:
     return at((low + high) / 2)[:, 1:]
 
 
-def refinement_differences(problem, id: str, steps, t_end: float = 1.0, **parameters):
+def refinement_differences(
+    problem: Problem, id: str, steps: Sequence[int], t_end: float = 1.0, **parameters: Any
+) -> tuple[np.ndarray, np.ndarray, list[Solution]]:
     """Integrate with n doubling numbers of ``steps``, and compare the end states: (h, max |y_h - y_2h|, solutions).
 
     The differences are the largest over q and p at ``t_end``; h and differences are arrays (n - 1,).  A difference is
@@ -199,7 +220,7 @@ def refinement_differences(problem, id: str, steps, t_end: float = 1.0, **parame
     return h, np.abs(np.diff(ends, axis=0)).max(axis=1), runs
 
 
-def observed_order(h, differences) -> float:
+def observed_order(h: np.ndarray, differences: np.ndarray) -> float:
     """Fit the order: the log-log slope of ``differences`` over the three smallest h with differences above `NOISE`.
 
     NaN if there are fewer than two such steps.

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from functools import partial
+from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
@@ -15,6 +16,9 @@ from phasebench.benchmarks.page.verdict import EVERY, FAIL, NONE, Count, Verdict
 
 from . import convergence, gallery, henon_heiles, lotka_volterra, measure, pendulum, perturbed_kepler
 from .record import TABLE
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 #: Largest change of an area, energy or momentum that counts as preserved.
 KEPT = 1e-11
@@ -276,7 +280,7 @@ VALUES = {
 }
 
 
-def _table(section: str, data) -> Table | None:
+def _table(section: str, data: Data) -> Table | None:
     """Return the table of a section's page: a row for each run of its figures with an error, area, order or precession.
 
     None if nothing was measured.
@@ -298,12 +302,12 @@ def _table(section: str, data) -> Table | None:
     )
 
 
-def _figures(section: str, data, folder) -> list | None:
+def _figures(section: str, data: Data, folder: Path) -> list | None:
     curves = data(TABLE)
     return None if curves is None else gallery.pictures(curves, section, folder)
 
 
-def _page(section: str, question: str, **parts) -> Page:
+def _page(section: str, question: str, **parts: Any) -> Page:
     return Page(
         id=f"talk-{section}",
         question=question,

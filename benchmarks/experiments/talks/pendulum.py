@@ -9,6 +9,9 @@ Geometric Numerical Integration (2006), I.1.3, figures VI.2.2 and VI.3.1.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from phasebench.benchmarks import style
@@ -17,6 +20,11 @@ from phasebench.benchmarks.style import number
 
 from . import measure
 from .record import Figure
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import sympy as sp
+    from matplotlib.figure import Figure as Drawing
 
 SECTION = "symplectic-maps"
 SNAPSHOTS = 4
@@ -31,7 +39,9 @@ CARRIERS = (
 )
 
 
-def _grid(q, p, n: int):
+def _grid(
+    q: tuple[float, float], p: tuple[float, float], n: int
+) -> tuple[np.ndarray, np.ndarray, Callable[[sp.Expr], np.ndarray]]:
     """Make a grid of n by n points of the pendulum's phase plane; ``q`` and ``p`` are its ranges (low, high).
 
     Returns (Q, P, function that evaluates an expression in q and p on the grid), all values as arrays (n, n).
@@ -42,7 +52,7 @@ def _grid(q, p, n: int):
 
 
 @style.styled
-def phase_portrait(rows):
+def phase_portrait(rows: pd.DataFrame) -> tuple[Drawing, str]:
     """Draw the pendulum's phase portrait, level curves of H and the vector field: (figure, caption).
 
     ``rows`` is not used: nothing is measured.
@@ -91,7 +101,7 @@ def _measure_area(quick: bool) -> list[dict]:
 
 
 @style.styled
-def area(rows):
+def area(rows: pd.DataFrame) -> tuple[Drawing, str]:
     """Draw a cat's face and its images under the pendulum's flow, symplectic methods and explicit Euler.
 
     ``rows`` has a row for each outline.  Returns (figure, caption).

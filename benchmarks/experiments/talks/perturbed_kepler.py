@@ -9,7 +9,9 @@ perturbed Kepler problem', (29)-(30).
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,6 +22,13 @@ from phasebench.benchmarks.style import number
 from . import measure
 from .measure import LAMBDAS
 from .record import Figure
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure as Drawing
+
+    from phasebench.benchmarks.problems.base import Problem
+    from phasebench.integrators.solution import Solution
 
 SECTION = "perturbed-kepler"
 STEP = 0.01
@@ -33,7 +42,7 @@ INVARIANTS = {"energy": "$|H - H_0|$", "angular-momentum": "$|L - L_0|$"}
 EXACT = "scheme-iii-suzuki-6"
 
 
-def _kepler():
+def _kepler() -> Problem:
     return measure.start("perturbed-kepler")
 
 
@@ -41,14 +50,14 @@ def _end(quick: bool) -> float:
     return 100.0 if quick else 1000.0
 
 
-def invariant_error(name: str, solution) -> np.ndarray:
+def invariant_error(name: str, solution: Solution) -> np.ndarray:
     """Return the error |F - F0| of F = "energy" or "angular-momentum" along a perturbed Kepler solution: array (n,)."""
     kepler = _kepler()
     expression = kepler.system.H if name == "energy" else kepler.invariants[name]
     return measure.error(kepler, expression, solution)
 
 
-def precession(solution) -> float:
+def precession(solution: Solution) -> float:
     """Return the angle in radians by which the apocentre turns per revolution, on average.
 
     NaN if the solution has fewer than two apocentres.
@@ -70,12 +79,12 @@ def _over_lambda(id: str) -> dict:
     return {f"λ = {lam}": (id, {"lam": lam}) for lam in LAMBDAS}
 
 
-def _run(chosen: tuple[str, dict], t_end: float):
+def _run(chosen: tuple[str, dict], t_end: float) -> Solution:
     id, parameters = chosen
     return measure.run(_kepler(), id, STEP, t_end, **parameters)
 
 
-def _measure_orbits(methods, quick: bool) -> list[dict]:
+def _measure_orbits(methods: Mapping[str, tuple[str, dict]], quick: bool) -> list[dict]:
     rows = []
     for label, chosen in methods.items():
         s = _run(chosen, _end(quick))
@@ -85,7 +94,7 @@ def _measure_orbits(methods, quick: bool) -> list[dict]:
     return [*rows, measure.row("", "exact flow", [], [], s, turn=precession(s))]
 
 
-def _measure_invariants(methods, quick: bool, column: str = "") -> list[dict]:
+def _measure_invariants(methods: Mapping[str, tuple[str, dict]], quick: bool, column: str = "") -> list[dict]:
     rows = []
     for label, chosen in methods.items():
         s = _run(chosen, _end(quick))
@@ -111,11 +120,11 @@ def _measure_parameter(quick: bool) -> list[dict]:
     return rows
 
 
-def _span(rows) -> str:
+def _span(rows: pd.DataFrame) -> str:
     return f"to t = {rows['t_end'].max():g}, h = {STEP:g}"
 
 
-def _draw_orbits(rows, methods: str, height: float):
+def _draw_orbits(rows: pd.DataFrame, methods: str, height: float) -> tuple[Drawing, str]:
     exact = rows[rows["curve"] == "exact flow"].iloc[0]
     shown = rows[rows["curve"] != "exact flow"]
     figure, (panels,) = style.panels(1, len(shown), height, sharey=True)
@@ -134,18 +143,18 @@ def _draw_orbits(rows, methods: str, height: float):
 
 
 @style.styled
-def scheme_i_orbits(rows):
+def scheme_i_orbits(rows: pd.DataFrame) -> tuple[Drawing, str]:
     """Draw perturbed Kepler orbits of Scheme I, from a row for each lambda: (figure, caption)."""
     return _draw_orbits(rows, "Scheme I", 2.25)
 
 
 @style.styled
-def preserving_orbits(rows):
+def preserving_orbits(rows: pd.DataFrame) -> tuple[Drawing, str]:
     """Draw perturbed Kepler orbits of AVF, Schemes IV and V, from a row for each orbit: (figure, caption)."""
     return _draw_orbits(rows, "AVF, Schemes IV and V", 2.75)
 
 
-def _invariant_panels(axes_by_name, rows, column: str = "") -> list[np.ndarray]:
+def _invariant_panels(axes_by_name: np.ndarray, rows: pd.DataFrame, column: str = "") -> list[np.ndarray]:
     """Draw the error curves of one column of panels, a panel for each invariant; return the errors of each curve.
 
     ``column`` is the column's title, with which the rows' panels begin ("" if there is one column).
@@ -160,7 +169,7 @@ def _invariant_panels(axes_by_name, rows, column: str = "") -> list[np.ndarray]:
     return errors
 
 
-def _invariants_caption(rows, errors) -> str:
+def _invariants_caption(rows: pd.DataFrame, errors: list[np.ndarray]) -> str:
     return (
         f"Perturbed Kepler, errors of energy H (above) and angular momentum L {_span(rows)}; each curve joins the "
         f"maxima of 200 equal pieces of time.{measure.floor_note(errors)}"
@@ -169,7 +178,7 @@ def _invariants_caption(rows, errors) -> str:
 
 
 @style.styled
-def scheme_i_and_iii(rows):
+def scheme_i_and_iii(rows: pd.DataFrame) -> tuple[Drawing, str]:
     """Draw energy and angular momentum errors of Schemes I and III on perturbed Kepler: (figure, caption).
 
     ``rows`` has a row for each curve.
@@ -189,7 +198,7 @@ def scheme_i_and_iii(rows):
 
 
 @style.styled
-def preserving_invariants(rows):
+def preserving_invariants(rows: pd.DataFrame) -> tuple[Drawing, str]:
     """Draw energy and angular momentum errors of AVF, Schemes IV and V on perturbed Kepler: (figure, caption).
 
     ``rows`` has a row for each curve.
@@ -205,7 +214,7 @@ def preserving_invariants(rows):
 
 
 @style.styled
-def chosen_parameter(rows):
+def chosen_parameter(rows: pd.DataFrame) -> tuple[Drawing, str]:
     """Draw the lambda that Schemes IV and V choose in each step of a perturbed Kepler orbit: (figure, caption).
 
     ``rows`` has a row for each curve: the distance from the centre, and lambda for each scheme.

@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from .judging import Judge, Judgement
+
+if TYPE_CHECKING:
+    from phasebench.benchmarks.page.page import Data
 
 DEFINITION, THEOREM, REMARK, TABLE, FIGURE, FORMULA, METHOD, SYSTEM = KINDS = (
     "definition",
@@ -37,6 +41,6 @@ class Statement:
     judge: Judge
     page: str
 
-    def judgement(self, data) -> Judgement:
+    def judgement(self, data: Data) -> Judgement:
         """Judge whether the statement holds; ``data`` maps a table's name to the measured table or None."""
         return self.judge(data)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 from collections.abc import Callable
 from functools import partial
+from typing import Any
 
 import pandas as pd
 
@@ -40,11 +41,11 @@ def everything(data: Data) -> pd.DataFrame:
     return pd.concat([judgement_table(section, data) for section in SECTIONS], ignore_index=True)
 
 
-def of_measured(function):
+def of_measured(function: Callable[..., Any]) -> Callable[..., Any]:
     """Decorator: make a function of rows of judged statements return None if no statement among them was measured."""
 
     @functools.wraps(function)
-    def of_rows(rows: pd.DataFrame, *more):
+    def of_rows(rows: pd.DataFrame, *more: Any) -> Any:
         return function(rows, *more) if rows["verdict"].isin([HOLDS, WHERE, CONTRADICTED]).any() else None
 
     return of_rows

@@ -6,6 +6,9 @@ but not in the stored tables: their numbers change with releases of their packag
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
+from typing import TYPE_CHECKING, Any
+
 import pandas as pd
 import pytest
 
@@ -16,6 +19,10 @@ from phasebench.benchmarks.problems import problem as problem_of
 from phasebench.benchmarks.problems.scenes import SCENES
 from phasebench.benchmarks.store import compare, error_tables
 from phasebench.integrators.registry import METHODS, method
+
+if TYPE_CHECKING:
+    from phasebench.benchmarks.problems.scenes import Scene
+    from phasebench.benchmarks.store.cells import Cell
 
 KEYS = ["method", "h"]
 TRAJECTORY = ("global_error", "refinement_difference")
@@ -28,16 +35,16 @@ CHOICE = 0.5
 LAST_DIGITS = compare.Band(5e-5, 0.0)
 
 
-def cells(quick: bool = False):
+def cells(quick: bool = False) -> list[Cell]:
     """List the measurements (`Cell`) of every method and peer (another package's integrator) on every scene."""
     return sweep.cells(quick)
 
 
-def _regressions(scene) -> tuple[str, ...]:
+def _regressions(scene: Scene) -> tuple[str, ...]:
     return (*TRAJECTORY, *INVARIANTS) if scene.regular else CHAOTIC
 
 
-def _table(rows, scene) -> pd.DataFrame:
+def _table(rows: list[dict], scene: Scene) -> pd.DataFrame:
     """Select the rows of this project's methods on a scene, and the columns that are stored: an error table."""
     frame = pd.DataFrame([r for r in rows if r.get("kind", OURS) == OURS])
     status = ["status"] if scene.regular else []
@@ -46,7 +53,7 @@ def _table(rows, scene) -> pd.DataFrame:
     return frame[columns].sort_values(KEYS).reset_index(drop=True)
 
 
-def _bands(scene, columns, chooses: bool) -> dict[str, compare.Band]:
+def _bands(scene: Scene, columns: Iterable[str], chooses: bool) -> dict[str, compare.Band]:
     """Return column -> tolerance band about the stored numbers, for the columns of a scene's error table.
 
     Bands of trajectory errors are wider if the methods choose between several roots lambda in a step (``chooses``).
@@ -61,7 +68,7 @@ def _bands(scene, columns, chooses: bool) -> dict[str, compare.Band]:
     }
 
 
-def regressions(rows, stored: pd.DataFrame, scene) -> list[compare.Difference]:
+def regressions(rows: list[dict], stored: pd.DataFrame, scene: Scene) -> list[compare.Difference]:
     """Compare measured rows of a scene with its stored error table.
 
     Returns the numbers outside their tolerance bands, and the rows that are missing on either side.
@@ -76,7 +83,7 @@ def regressions(rows, stored: pd.DataFrame, scene) -> list[compare.Difference]:
     return found
 
 
-def record(rows, stored: pd.DataFrame | None, scene) -> pd.DataFrame:
+def record(rows: list[dict], stored: pd.DataFrame | None, scene: Scene) -> pd.DataFrame:
     """Make a scene's new error table: measured rows replace the stored ones of the same methods.
 
     Stored rows of methods that no longer exist are dropped; ``stored`` is None if there is no table yet.
@@ -90,7 +97,7 @@ def record(rows, stored: pd.DataFrame | None, scene) -> pd.DataFrame:
     return pd.concat([kept, measured]).sort_values(KEYS).reset_index(drop=True)
 
 
-def _update(rows, scene, notes: list[str]) -> None:
+def _update(rows: list[dict], scene: Scene, notes: list[str]) -> None:
     bands = {"relative": scene.relative, "absolute": scene.absolute, "trajectory": scene.trajectory}
     about = error_tables.provenance(problem_of(scene.problem), scene=scene.id, **bands)
     try:
@@ -118,7 +125,9 @@ def changes(old: pd.DataFrame | None, new: pd.DataFrame) -> str:
 
 
 @pytest.mark.parametrize("scene", SCENES, ids=lambda s: s.id)
-def bench_scene(scene, measured_rows, quick, update, notes):
+def bench_scene(
+    scene: Any, measured_rows: Callable[[str], list[dict]], quick: bool, update: bool, notes: list[str]
+) -> None:
     """Check that the measured errors of every method on a scene are within their bands about the stored ones.
 
     With the option --update-tables the rows are stored instead, and the changes are added to ``notes``.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from types import ModuleType
 
@@ -59,7 +60,7 @@ def _cell(question: Question, tables: tuple[str, ...], sweep: ModuleType) -> Cel
     )
 
 
-def bench_front(measured_rows):
+def bench_front(measured_rows: Callable[[str], list[dict]]) -> None:
     """Check that every finalist (an integrator timed at an accuracy) meets it, and that its time is in its interval."""
     rows = measured_rows(front.FINALS) + measured_rows(again.TABLE)
     wrong = [r for r in rows if not (r["error"] <= r["accuracy"] and 0 < r["low"] <= r["seconds"] <= r["high"])]

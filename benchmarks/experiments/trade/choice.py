@@ -24,7 +24,7 @@ HALF = 0.5
 SAME = 1e-6
 
 
-def cheaper(row) -> str:
+def cheaper(row: dict) -> str:
     """Return the faster side in a case: `OURS`, `PEERS`, `TIED`, or `NONE` if neither reaches the accuracy.
 
     ``row`` (a mapping) has the fastest integrator of each side in a scene at an accuracy, and the interval of the ratio
@@ -61,7 +61,7 @@ def counts(found: pd.DataFrame) -> tuple[int, int, int, int]:
     return tuple(int(number.get(who, 0)) for who in (OURS, PEERS, TIED, NONE))
 
 
-def winner(row) -> str:
+def winner(row: dict) -> str:
     """Return the name of the fastest integrator in a row (a scene at an accuracy); "" if none reaches the accuracy.
 
     In a tie it is the one with the smaller median time.

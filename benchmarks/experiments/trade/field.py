@@ -13,6 +13,7 @@ On problems of more than `SMALL` degrees of freedom only some of this project's 
 from __future__ import annotations
 
 from functools import cache
+from typing import TYPE_CHECKING
 
 from phasebench.benchmarks.ladder.exact import exact
 from phasebench.benchmarks.measure.integrator import OURS, Integrator, integrator
@@ -21,6 +22,10 @@ from phasebench.integrators.record import Method
 from phasebench.reference.peers import PEERS, heyoka, rebound, scipy
 
 from . import peer_rows
+
+if TYPE_CHECKING:
+    from phasebench.benchmarks.problems.base import Problem
+    from phasebench.integrators.systems.hamiltonian import PartitionedSystem
 
 #: Registered peer that does not compete -> the reason.
 LEFT_OUT = {
@@ -70,7 +75,7 @@ def peers() -> list:
     return [*registered, *heyoka.variants(), *modes, *rebound.TRIED, scipy.fast("ode"), scipy.fast("odeint")]
 
 
-def able(problem) -> tuple[list[Integrator], dict[str, str]]:
+def able(problem: Problem) -> tuple[list[Integrator], dict[str, str]]:
     """Select who competes on a problem: (competitors that can integrate it, label -> reason for each of the others)."""
     can, cannot = [], {}
     for c in competitors():
@@ -84,7 +89,7 @@ def able(problem) -> tuple[list[Integrator], dict[str, str]]:
     return can, cannot
 
 
-def practical(m: Method, system) -> bool:
+def practical(m: Method, system: PartitionedSystem) -> bool:
     """Return whether a method competes on a system, given its number of degrees of freedom.
 
     Up to `SMALL` all do.  Above, the methods left out take minutes to compile: root finders around stages, averages,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 import pandas as pd
 
@@ -12,6 +14,9 @@ from phasebench.benchmarks.problems.questions import Question
 
 from .choice import SAME, SHOWN, at, counts, integrators_to_draw
 
+if TYPE_CHECKING:
+    from pathlib import Path
+
 #: Largest number of curves of each side in a work-precision diagram.
 CURVES = {OURS: 5, PEERS: 4}
 #: Ratio at which colours are saturated; smaller errors than `FLOOR` are drawn at `FLOOR`.
@@ -19,7 +24,7 @@ SATURATED, FLOOR = 8.0, 1e-16
 
 
 @style.styled
-def ratios(found: pd.DataFrame, folder) -> Picture:
+def ratios(found: pd.DataFrame, folder: Path) -> Picture:
     """Draw a coloured square for each scene and accuracy: this project's best time over the best peer's.
 
     ``found`` has a row for each scene and accuracy; peers are other packages' integrators.
@@ -56,7 +61,7 @@ def ratios(found: pd.DataFrame, folder) -> Picture:
     return Picture(style.save(figure, folder, "trade.png"), "time of ours over the best peer's", caption)
 
 
-def _ratio(row) -> float:
+def _ratio(row: dict) -> float:
     there = [isinstance(row.get(f"{side} integrator"), str) for side in (OURS, PEERS)]
     if all(there):
         return row["ratio"]
@@ -64,7 +69,7 @@ def _ratio(row) -> float:
 
 
 @style.styled
-def work_precision(question: Question, finals: pd.DataFrame, rungs: pd.DataFrame, folder) -> Picture:
+def work_precision(question: Question, finals: pd.DataFrame, rungs: pd.DataFrame, folder: Path) -> Picture:
     """Draw a scene's work-precision diagram: errors over seconds and over steps, a curve for each integrator.
 
     ``finals`` has the integrators timed at each accuracy, by which those that win most often are selected; ``rungs``

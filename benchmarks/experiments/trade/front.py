@@ -13,7 +13,7 @@ measurement (`settled` joins several).
 from __future__ import annotations
 
 from math import isfinite
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -32,6 +32,9 @@ from phasebench.reference.peers import Peer, heyoka
 from phasebench.reference.solvers import taylor
 
 from .field import able, ours
+
+if TYPE_CHECKING:
+    from phasebench.integrators.systems.hamiltonian import PartitionedSystem
 
 FINALISTS, MARGIN = 3, 1.4
 #: Seconds for all rounds of a final, and the least and the largest number of rounds.
@@ -155,7 +158,7 @@ def twins(task: Task, member: Finalist, wanted: float) -> list[Finalist]:
     return out
 
 
-def unrolled_beyond(record: Peer, system) -> bool:
+def unrolled_beyond(record: Peer, system: PartitionedSystem) -> bool:
     """Return whether a heyoka setting would unroll loops over too many variables to be compiled.
 
     The limit is `UNROLLED` variables, or `taylor.COMPACT` with ``high_accuracy``.

@@ -7,6 +7,7 @@ one evaluation.  Antonana, Makazaga and Murua published the same independently, 
 from __future__ import annotations
 
 from functools import cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
@@ -21,6 +22,9 @@ from phasebench.integrators.registry import BY_ID
 
 from .field import FIRST
 from .front import RUNGS
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 GAUSS = "gauss-8"
 #: Families whose methods solve no equations, in steps of one length; parametric methods are told by their substeps.
@@ -138,7 +142,7 @@ def answer(rungs: pd.DataFrame) -> str:
 
 @of(RUNGS)
 @style.styled
-def draw(rungs: pd.DataFrame, folder) -> list[Picture]:
+def draw(rungs: pd.DataFrame, folder: Path) -> list[Picture]:
     """Draw the ratio of Gauss' time to the best explicit method's over the error: each scene, and their median.
 
     The outer planets have a curve of their own.

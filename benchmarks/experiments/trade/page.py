@@ -7,6 +7,7 @@ the fastest of this project's methods and of the peers (other packages' integrat
 from __future__ import annotations
 
 from collections import Counter
+from typing import TYPE_CHECKING
 
 import pandas as pd
 
@@ -25,6 +26,9 @@ from .choice import HALF, SHOWN, TIE, agreement, at, choices, counts, winner
 from .field import SMALL, UNKNOWNS
 from .front import CHOICES, FARTHEST, FINALISTS, FINALS, MARGIN, UNROLLED
 from .settled import LEVEL, TIMES, coverage, of_choices
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 #: Smallest share of cases in which two sweeps should have the same winner or tied ones.
 AGREED = 0.95
@@ -155,7 +159,7 @@ def answer(rows: pd.DataFrame) -> str:
 
 
 @of_choices()
-def draw(rows: pd.DataFrame, folder) -> list[Picture]:
+def draw(rows: pd.DataFrame, folder: Path) -> list[Picture]:
     """Draw the ratio of our best time to the best peer's for every scene and accuracy; save it in ``folder``."""
     return [figures.ratios(choices(rows), folder)]
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import statistics
 from math import ceil
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from phasebench.benchmarks.measure.accuracy import head, invariants, trajectory_error, truth
 from phasebench.benchmarks.measure.integrator import Integrator
@@ -22,6 +22,10 @@ from phasebench.integrators.driver import INVALID, OK, SKIPPED
 from phasebench.integrators.errors import InvalidInput
 from phasebench.reference.installed import how_to_install
 from phasebench.reference.peers import PEERS, Peer, integrate_peer
+
+if TYPE_CHECKING:
+    from phasebench.benchmarks.problems.base import Problem
+    from phasebench.integrators.solution import Solution
 
 #: The peers' packages that this project depends on.
 PACKAGES = ("heyoka", "rebound", "scipy")
@@ -103,7 +107,9 @@ def measure(scene: Scene, peer: Peer, h: float | None, tol: float | None, repeat
     return row | {"seconds": statistics.median(runs)}
 
 
-def _with_rows(problem, peer: Peer, scene: Scene, h: float | None, tol: float | None):
+def _with_rows(
+    problem: Problem, peer: Peer, scene: Scene, h: float | None, tol: float | None
+) -> tuple[Solution, int | None]:
     """Run a peer with output, for the errors of invariants.
 
     Returns (solution, number of steps between its output rows, or None for an adaptive peer).

@@ -6,6 +6,8 @@ a row for each case, ``rungs`` one for each run of the search for the fastest in
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 import pandas as pd
 
@@ -20,6 +22,9 @@ from .front import CHOICES, FINALS, RUNGS
 from .page import scenes_with_rows
 from .reasons import ALIKE, MEANING, UNREACHED, WANTED, above, cells, sentence
 from .settled import TIMES, of_choices
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 #: Smallest share of the cells (scene, accuracy) in which this project should take no longer.
 OFTEN = 0.95
@@ -102,7 +107,7 @@ def answer(front: pd.DataFrame) -> str:
 
 @of_choices(RUNGS)
 @style.styled
-def draw(front: pd.DataFrame, rungs: pd.DataFrame, folder) -> list[Picture]:
+def draw(front: pd.DataFrame, rungs: pd.DataFrame, folder: Path) -> list[Picture]:
     """Draw the share of scenes in which this project is no slower, by accuracy, and the factors of the other ratios.
 
     The factors of a ratio of times are the ratio of the numbers of steps and that of the times of a step.
@@ -134,7 +139,7 @@ def draw(front: pd.DataFrame, rungs: pd.DataFrame, folder) -> list[Picture]:
     return [Picture(style.save(figure, folder, "trade-ratios.png"), "ours over the best peer", caption)]
 
 
-def _side(row, side: str) -> str:
+def _side(row: dict, side: str) -> str:
     """Return a text: the best integrator of a side (ours or the peers) in a row, with its step or tolerance."""
     name, h, tol = (row[f"{side} {x}"] for x in ("integrator", "h", "tol"))
     if not isinstance(name, str):
@@ -142,7 +147,7 @@ def _side(row, side: str) -> str:
     return f"{name}, {'h' if pd.notna(h) else 'tol'} {number(h if pd.notna(h) else tol)}"
 
 
-def _interval(row) -> str:
+def _interval(row: dict) -> str:
     if not 0 < row["ratio"] < np.inf:
         return "peer alone" if row["ratio"] else "ours alone"
     low, high = (number(row[f"ratio {x}"], 3) for x in ("low", "high"))

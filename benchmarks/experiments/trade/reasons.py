@@ -129,7 +129,7 @@ def _reason(row: dict, parts: dict[str, float]) -> str | None:
     return BOTH if more == dearer else MORE if more else DEARER
 
 
-def sentence(row, rungs: pd.DataFrame) -> str:
+def sentence(row: dict, rungs: pd.DataFrame) -> str:
     """Return a text that says, with the measured numbers, why this project is slower than the best peer in a row."""
     if row["reason"] == UNREACHED:
         return f"{UNREACHED}: {_nearest(row, rungs)}"
@@ -141,7 +141,7 @@ def sentence(row, rungs: pd.DataFrame) -> str:
     return text
 
 
-def _nearest(row, rungs: pd.DataFrame) -> str:
+def _nearest(row: dict, rungs: pd.DataFrame) -> str:
     """Return a text: the least error of this project's methods on the row's scene."""
     own = rungs[(rungs["scene"] == row["scene"]) & (rungs["kind"] == PROJECT) & (rungs["error"] > 0)]
     if own.empty:

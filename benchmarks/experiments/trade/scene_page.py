@@ -6,6 +6,7 @@ A scene is a problem, end time and quantity.
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
@@ -23,6 +24,9 @@ from .choice import HALF, choices, counts, winner
 from .front import CHOICES, DROPPED, FINALS, RUNGS
 from .settled import TIMES, of_choices
 
+if TYPE_CHECKING:
+    from pathlib import Path
+
 #: Name of a reference in the tables -> its description.
 TRUTHS = {
     truths.CERTIFIED: "certified states",
@@ -38,8 +42,8 @@ def _scene(question: Question, *names: str) -> Callable:
     ``data`` maps a table's name to the table.  The result is None if the scene has no rows in the first table.
     """
 
-    def decorate(function):
-        def of_rows(*given):
+    def decorate(function: Callable[..., Any]) -> Callable[..., Any]:
+        def of_rows(*given: Any) -> Any:
             parts = [t[t["scene"] == question.id] for t in given[: len(names)]]
             return None if parts[0].empty else function(*parts, *given[len(names) :])
 
@@ -159,7 +163,7 @@ def _table(question: Question) -> Callable:
 
 def _draw(question: Question) -> Callable:
     @_scene(question, FINALS, RUNGS)
-    def draw(finals: pd.DataFrame, rungs: pd.DataFrame, folder) -> list[Picture]:
+    def draw(finals: pd.DataFrame, rungs: pd.DataFrame, folder: Path) -> list[Picture]:
         return [figures.work_precision(question, finals, rungs, folder)]
 
     return draw

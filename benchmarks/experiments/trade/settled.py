@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import wraps
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -153,10 +154,10 @@ def of_choices(*names: str) -> Callable:
         of_tables = of(CHOICES, *names)(function)
 
         @wraps(function)
-        def from_data(data: Data, *more):
+        def from_data(data: Data, *more: Any) -> Any:
             given = [data(name) for name in (CHOICES, FINALS, TIMES)]
 
-            def with_settled(name: str):
+            def with_settled(name: str) -> pd.DataFrame | None:
                 if name != CHOICES or given[0] is None or given[1] is None:
                     return data(name)
                 if len(_last[0]) != 3 or any(a is not b for a, b in zip(_last[0], given, strict=True)):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from phasebench.benchmarks.experiments.waves import spacetime, waves
 from phasebench.benchmarks.experiments.waves.laws import TWO_FORM
 from phasebench.benchmarks.experiments.waves.spacetime_page import UNITS
@@ -14,7 +16,7 @@ def cells(quick: bool = False) -> list:
     return waves.cells(quick) + spacetime.cells(quick)
 
 
-def off(rows) -> list[str]:
+def off(rows: list[dict]) -> list[str]:
     """Return a message for each failed run, and for each run whose method does not preserve an invariant as declared.
 
     The invariants are the energy, and the charge, a form q.D p.  A row is a method on a wave equation with one step.
@@ -31,13 +33,13 @@ def off(rows) -> list[str]:
     return out
 
 
-def bench_invariants(measured_rows):
+def bench_invariants(measured_rows: Callable[[str], list[dict]]) -> None:
     """Check that methods preserve energy and charge (a form q.D p) to round-off where they are declared to."""
     wrong = off(measured_rows("pde"))
     assert not wrong, "\n".join(wrong)
 
 
-def failures(rows) -> list[str]:
+def failures(rows: list[dict]) -> list[str]:
     """Return a message for each failed run, and for each box scheme that is not multisymplectic as declared.
 
     A row is a run of a box scheme: it has the residual of the multisymplectic law, and the unit of its round-off.
@@ -52,7 +54,7 @@ def failures(rows) -> list[str]:
     return out
 
 
-def bench_multisymplectic(measured_rows):
+def bench_multisymplectic(measured_rows: Callable[[str], list[dict]]) -> None:
     """Check that the multisymplectic law holds for the box schemes declared multisymplectic, and fails for others."""
     wrong = failures(measured_rows(spacetime.TABLE))
     assert not wrong, "\n".join(wrong)

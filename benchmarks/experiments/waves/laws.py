@@ -10,7 +10,7 @@ for the two-form of two solutions of the linearized scheme, for the energy and f
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -39,7 +39,7 @@ class Residuals:
     term: float = 0.0
     unit: float = 0.0
 
-    def add(self, terms, unit: float) -> None:
+    def add(self, terms: tuple[np.ndarray, np.ndarray], unit: float) -> None:
         """Include one step: ``terms`` are the density's change and the flux difference, arrays (N,) over the cells.
 
         ``unit`` is the size of one unit of round-off in this step.
@@ -59,7 +59,7 @@ def steepest(space: Division) -> float:
     return float(np.linalg.norm(space.slope(np.eye(space.N)), 2))
 
 
-def step_flux(scheme: Scheme, flux, *stages):
+def step_flux(scheme: Scheme, flux: Callable, *stages: np.ndarray) -> np.ndarray:
     """Return the flux of a step: the weighted sum of the stages' fluxes, or the flux at their weighted mean.
 
     The latter if ``scheme.means``.  ``flux`` is a function of as many fields as there are ``stages``, arrays with the
@@ -70,7 +70,7 @@ def step_flux(scheme: Scheme, flux, *stages):
     return sum(b * flux(*(x[i] for x in stages)) for i, b in enumerate(scheme.b))
 
 
-def two_form(space: Division, scheme: Scheme, pair: tuple[Tangent, Tangent], h: float):
+def two_form(space: Division, scheme: Scheme, pair: tuple[Tangent, Tangent], h: float) -> tuple[np.ndarray, np.ndarray]:
     """Return the terms (density's change, flux difference) of the multisymplectic law, arrays (N,) over cells.
 
     ``pair`` is two tangents: solutions of the linearized scheme over one step h.
@@ -78,30 +78,34 @@ def two_form(space: Division, scheme: Scheme, pair: tuple[Tangent, Tangent], h: 
     u, v = pair
     K = space.equation.K[: space.equation.moving, : space.equation.moving]
 
-    def density(a, b):
+    def density(a: np.ndarray, b: np.ndarray) -> np.ndarray:
         return np.einsum("mi,ij,mj->m", a, K, b)
 
     flux = step_flux(scheme, space.two_form, space.lift(u.Y), space.lift(v.Y))
     return (density(u.end, v.end) - density(u.start, v.start)) / h, space.divergence(flux)
 
 
-def _law(space, scheme, step: Step, h, density, flux):
+def _law(
+    space: Division, scheme: Scheme, step: Step, h: float, density: Callable, flux: Callable
+) -> tuple[np.ndarray, np.ndarray]:
     z, rate = space.lift(step.Y), space.lift(step.T)
     change = (density(space.lift(step.end)) - density(space.lift(step.start))) / h
     return change, space.divergence(step_flux(scheme, flux, z, rate))
 
 
-def energy(space: Division, scheme: Scheme, step: Step, h: float):
+def energy(space: Division, scheme: Scheme, step: Step, h: float) -> tuple[np.ndarray, np.ndarray]:
     """Return the terms (density's change, flux difference) of the energy law in a step, arrays (N,) over cells."""
     return _law(space, scheme, step, h, space.energy, space.energy_flux)
 
 
-def momentum(space: Division, scheme: Scheme, step: Step, h: float):
+def momentum(space: Division, scheme: Scheme, step: Step, h: float) -> tuple[np.ndarray, np.ndarray]:
     """Return the terms (density's change, flux difference) of the momentum law in a step, arrays (N,) over cells."""
     return _law(space, scheme, step, h, space.momentum, space.momentum_flux)
 
 
-def measure(space: Division, scheme: Scheme, steps: Iterable[Step], h: float, invariant) -> dict[str, float]:
+def measure(
+    space: Division, scheme: Scheme, steps: Iterable[Step], h: float, invariant: Callable[[np.ndarray], float]
+) -> dict[str, float]:
     """Measure the largest residuals of the discrete conservation laws over ``steps``, and the errors of totals.
 
     Returns the columns of a row: for each law the largest residual, its largest term and the size of one unit of

@@ -5,6 +5,8 @@ The table ``pde`` has a row for each method on each equation with each step.
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import pandas as pd
 
 from phasebench.benchmarks import style
@@ -13,6 +15,9 @@ from phasebench.benchmarks.page.page import ROWS, Page, Picture, Table, of
 from phasebench.benchmarks.page.verdict import EVERY, FAIL, Count, Verdict, at_most
 
 from .waves import UNITS
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 ROUND_OFF = "round-off"
 
@@ -93,7 +98,7 @@ def answer(frame: pd.DataFrame) -> str | None:
 
 
 @of("pde")
-def draw(frame: pd.DataFrame, folder) -> list[Picture] | None:
+def draw(frame: pd.DataFrame, folder: Path) -> list[Picture] | None:
     """Draw the energy error against the time of an integration, a panel for each wave equation; None without runs."""
     ran = _ran(frame)
     if ran.empty:

@@ -8,7 +8,7 @@ coarsest mesh show the order in time, finer meshes at one step the order in spac
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -53,24 +53,24 @@ class Case:
     longest_euler: float
 
 
-def _schroedinger(x):
+def _schroedinger(x: np.ndarray) -> Iterator[np.ndarray]:
     one, c, s = np.ones_like(x), np.cos(x), np.sin(x)
     return (np.stack(columns, axis=1) for columns in ((1 + 0.4 * c, 0.2 * s), (c, np.sin(2 * x)), (s, one)))
 
 
-def _klein_gordon(x):
+def _klein_gordon(x: np.ndarray) -> Iterator[np.ndarray]:
     one, c, s = np.ones_like(x), np.cos(x), np.sin(x)
     start = (1 + 0.5 * c, 0.3 * s, 0.2 * s, 0.5 + 0.2 * c)
     tangents = (c, np.sin(2 * x), one, s), (s, one, np.cos(2 * x), c)
     return (np.stack(columns, axis=1) for columns in (start, *tangents))
 
 
-def mass(y) -> float:
+def mass(y: np.ndarray) -> float:
     """Return the mass of the nonlinear Schroedinger equation, the sum of |psi|^2; y = (Re, Im) of psi, array (N, 2)."""
     return float((y**2).sum())
 
 
-def charge(y) -> float:
+def charge(y: np.ndarray) -> float:
     """Return the charge of the Klein-Gordon equation, the sum of q1 p2 - q2 p1; y = (q1, q2, p1, p2), array (N, 4)."""
     return float((y[:, 0] * y[:, 3] - y[:, 1] * y[:, 2]).sum())
 

@@ -6,6 +6,8 @@ The others are residuals of laws that a scheme does not keep; their orders in ti
 from __future__ import annotations
 
 import functools
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
@@ -18,6 +20,9 @@ from phasebench.benchmarks.page.verdict import EVERY, FAIL, Count, Exactly, Verd
 
 from .laws import ENERGY, FOLLOWS, MOMENTUM, TWO_FORM
 from .spacetime import CELLS, IN_SPACE, IN_TIME, TABLE
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 #: A residual of at most this many units of round-off counts as round-off.
 UNITS = 10.0
@@ -72,7 +77,7 @@ def orders(frame: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def _of_cases(function):
+def _of_cases(function: Callable[..., Any]) -> Callable[..., Any]:
     """Decorator: turn a function of the rows of `orders` into a function of ``data``, which maps a name to a table.
 
     The result is None if there are no rows.
@@ -80,7 +85,7 @@ def _of_cases(function):
 
     @of(TABLE)
     @functools.wraps(function)
-    def of_frame(frame: pd.DataFrame):
+    def of_frame(frame: pd.DataFrame) -> Any:
         rows = orders(frame)
         return None if rows.empty else function(rows)
 
@@ -157,7 +162,7 @@ def answer(rows: pd.DataFrame) -> str | None:
 
 
 @of(TABLE)
-def draw(frame: pd.DataFrame, folder) -> list[Picture] | None:
+def draw(frame: pd.DataFrame, folder: Path) -> list[Picture] | None:
     """Draw the residuals of the multisymplectic law and of the energy law over the step h; save it in ``folder``.
 
     ``frame`` has the runs of all box schemes; None if none completed.

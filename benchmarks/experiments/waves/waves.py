@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import statistics
 import time
+from collections.abc import Callable
 
 import numpy as np
 
@@ -53,7 +54,7 @@ def _row(name: str, id: str, N: int, h: float, t_end: float) -> dict:
     }
 
 
-def _seconds(run) -> float:
+def _seconds(run: Callable[[], object]) -> float:
     begin = time.perf_counter()
     run()
     return time.perf_counter() - begin

@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
 from phasebench.benchmarks.experiments.wisdom_holman import pairs, rivals
+
+if TYPE_CHECKING:
+    from phasebench.benchmarks.store.cells import Cell
 
 #: Largest distance of early positions that counts as the same splitting.
 APART = 1e-8
 
 
-def cells(quick: bool = False):
+def cells(quick: bool = False) -> list[Cell]:
     """List the measurements (`Cell`): pairs of equal splittings of this project and REBOUND, and all splittings."""
     return [*pairs.cells(quick), *rivals.cells(quick)]
 
 
-def off(rows) -> list[str]:
+def off(rows: list[dict]) -> list[str]:
     """Return a message for each splitting whose early positions differ from REBOUND's by `APART` or more."""
     return [
         f"{r['method']} on {r['problem']}, h = {r['h']}: {r['distance of early positions']:.1e} from REBOUND's"
@@ -22,13 +28,13 @@ def off(rows) -> list[str]:
     ]
 
 
-def bench_wisdom_holman(measured_rows):
+def bench_wisdom_holman(measured_rows: Callable[[str], list[dict]]) -> None:
     """Check that every splitting gives the same early positions, up to round-off, as the same one in REBOUND."""
     wrong = off(measured_rows("wisdom_holman"))
     assert not wrong, "\n".join(wrong)
 
 
-def bench_rivals(measured_rows):
+def bench_rivals(measured_rows: Callable[[str], list[dict]]) -> None:
     """Check that every Wisdom-Holman splitting that ran has a positive cost, within its own confidence interval."""
     ran = [r for r in measured_rows(rivals.TABLE) if r["status"] == "ok"]
     wrong = [r for r in ran if not 0 < r["ns, low"] <= r["ns a unit of time"] <= r["ns, high"]]

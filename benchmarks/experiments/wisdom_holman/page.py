@@ -6,6 +6,9 @@ problem and step.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
 import pandas as pd
 
 from phasebench.benchmarks import style
@@ -15,6 +18,11 @@ from phasebench.benchmarks.page.page import ROWS, Data, Page, Picture, Table, of
 from phasebench.benchmarks.page.verdict import FAIL, Count, Range, Verdict, at_least, at_most
 
 from .rivals import TABLE
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from matplotlib.axes import Axes
 
 #: Energy errors below this contain round-off, which differs between the two sides.
 ROUND_OFF = 1e-11
@@ -159,17 +167,17 @@ def _vectors(rivals: pd.DataFrame) -> str:
     return f"{': '.join(['WHFast512 did not run here', *reasons[:1]]).rstrip('.')}."
 
 
-def draw(data, folder) -> list[Picture]:
+def draw(data: Data, folder: Path) -> list[Picture]:
     """Draw energy error against time, of the pairs of equal splittings and of the fastest of all splittings."""
     return [p for p in (_pairs(data, folder), _fronts(data, folder)) if p is not None]
 
 
 @of("wisdom_holman")
-def _pairs(frame: pd.DataFrame, folder) -> Picture:
+def _pairs(frame: pd.DataFrame, folder: Path) -> Picture:
     """Draw energy error against time of this project's splittings and of the same ones in REBOUND."""
     methods = list(dict.fromkeys(frame["method"]))
 
-    def curves(axes, part):
+    def curves(axes: Axes, part: pd.DataFrame) -> None:
         for k, method in enumerate(methods):
             rows, look = part[part["method"] == method], style.curve(k % len(style.CURVES))
             axes.loglog(rows["ns per step"] / rows["h"], rows[ERROR], label=method, **look)
@@ -186,7 +194,7 @@ def _pairs(frame: pd.DataFrame, folder) -> Picture:
 
 
 @of(TABLE)
-def _fronts(rivals: pd.DataFrame, folder) -> Picture | None:
+def _fronts(rivals: pd.DataFrame, folder: Path) -> Picture | None:
     """Draw the fronts of this project and of REBOUND: the runs that no other of their side beats in error and time.
 
     None if no splitting ran.
@@ -195,7 +203,7 @@ def _fronts(rivals: pd.DataFrame, folder) -> Picture | None:
     if ran.empty:
         return None
 
-    def curves(axes, part):
+    def curves(axes: Axes, part: pd.DataFrame) -> None:
         for k, (label, side) in enumerate((("phasebench", part["kind"] == OWN), ("REBOUND", part["kind"] != OWN))):
             rows = part[side].sort_values(COST)
             best = rows[rows[ERROR] < rows[ERROR].cummin().shift(fill_value=float("inf"))]
@@ -209,7 +217,7 @@ def _fronts(rivals: pd.DataFrame, folder) -> Picture | None:
     return Picture(file, "the fronts of both", caption)
 
 
-def _panels(frame: pd.DataFrame, curves, folder, file: str) -> str:
+def _panels(frame: pd.DataFrame, curves: Callable[[Axes, pd.DataFrame], None], folder: Path, file: str) -> str:
     """Save a figure with a panel of energy error against time for each problem; return the file's name.
 
     ``curves(axes, rows)`` draws the curves of a problem; ``file`` is the name in ``folder``.

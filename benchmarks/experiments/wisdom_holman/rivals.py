@@ -7,6 +7,8 @@ timed in turns in one cell, so that a busy machine slows all of them.
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from phasebench.benchmarks.measure import clock
 from phasebench.benchmarks.measure.energy import energy_error
 from phasebench.benchmarks.measure.integrator import Integrator
@@ -19,6 +21,9 @@ from phasebench.integrators.registry import METHODS, method
 from phasebench.reference.peers import PEERS, rebound
 
 from .pairs import CASES, ROWS
+
+if TYPE_CHECKING:
+    from phasebench.benchmarks.problems.base import Problem
 
 #: Steps of a timed run, enough for one synchronization not to matter; rounds.
 TIMED, ROUNDS = 2_500, 11
@@ -77,7 +82,7 @@ def measure_rows(case: str) -> Rows:
     return {TABLE: list(rows.values())}
 
 
-def _row(case: str, made, c: Integrator, h: float) -> dict:
+def _row(case: str, made: Problem, c: Integrator, h: float) -> dict:
     row = {"problem": case, "kind": c.kind, "method": c.label, "h": h}
     lack = c.lacks(made)
     if lack:
