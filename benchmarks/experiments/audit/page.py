@@ -146,7 +146,7 @@ def answer(data: Data) -> str | None:
         parts.append(f"{len(bad)} of {len(judged)} claims by {mine['package'].nunique()} packages do not hold{whose}")
     if stated is not None:
         bad, of = stated.measured.of - stated.measured.n, stated.measured.of
-        parts.append(f"{bad} of {of} other statements of packages' documentation that were tested do not hold")
+        parts.append(f"{bad} of {of} other statements of packages' documentation do not hold")
     if not parts and (left_as_found(data) or controls(data)):
         parts = ["No claim of a package could be judged"]
     return f"{'; '.join(parts)}." if parts else None
