@@ -165,7 +165,7 @@ def velocity(p, lost, shift, mass):
 
 
 @inline
-def _gamma_square(slowness: Value, u: Value) -> Number:
+def _gamma_square(slowness: np.ndarray, u: Value) -> Number:
     return 1.0 + slowness[0] * dot(u, u)
 
 
@@ -188,7 +188,7 @@ mean_gamma = dispatch_on_none(lambda slowness, u, tau: 1.0, _mean_gamma)
 
 
 @inline
-def half_turn(method: Magnetic, u: Value, tau: np.ndarray) -> Value:
+def half_turn(method: Magnetic, u: Value, tau: Value) -> Value:
     """The vector t along B that sets the rotation of u: its length is the tangent of half the angle.
 
     tau is h B / 2 (B divided by the mass).  The formulae of the rules stand in the module's docstring; u enters by its

@@ -122,7 +122,7 @@ class Stages(NamedTuple):
 
 
 @inline
-def combine(e: Stages, A: np.ndarray, i: int, at: int, start: np.ndarray) -> Value:
+def combine(e: Stages, A: np.ndarray, i: int, at: int, start: Value) -> Value:
     """The sum of ``start`` and A[i, j] times row number at + 3 j of ``e.memory``, over j."""
     y = start
     for j in range(len(e.method.b)):

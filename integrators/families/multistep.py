@@ -73,7 +73,7 @@ from phasebench.integrators.values.vector import (
 if TYPE_CHECKING:
     from phasebench.integrators.record import Method
     from phasebench.integrators.systems.hamiltonian import Hamiltonian
-    from phasebench.integrators.values.kinds import Number, Value
+    from phasebench.integrators.values.kinds import Condition, Number, Value
 
 #: Orbits may be integrated side by side.
 IN_LANES = True
@@ -171,7 +171,7 @@ def _half_step(method: Multistep) -> int:
 
 
 @inline
-def sweep(e: Start, x: Value, active: bool) -> tuple[Value, Number, Number]:
+def sweep(e: Start, x: Value, active: Condition) -> tuple[Value, Number, Number]:
     """Do one iteration of the stage equations of one of the first steps, by Gauss's method.
 
     It computes new kicks x_i = h b_i g_i in ``e.memory``; x holds the sums of (1 - c_i) x_i and of c_i x_i.  Returns

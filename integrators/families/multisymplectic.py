@@ -26,7 +26,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -35,9 +34,6 @@ from phasebench.integrators.errors import InvalidInput, unknown_name
 from phasebench.integrators.systems.multisymplectic import Box, Division, Equation, Staggered
 
 from .equip import skew
-
-if TYPE_CHECKING:
-    pass
 
 NEWTON_LIMIT, SECANT_LIMIT = 30, 20
 #: Newton's method may stop when its correction is below this share of the stages.

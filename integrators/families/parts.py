@@ -82,13 +82,7 @@ class PartsState(NamedTuple):
 
 
 @inline
-def flow(
-    flows: tuple[Function, Function, Function, Function, Function],
-    parts: np.ndarray,
-    fractions: np.ndarray,
-    y: PartsState,
-    h: Number,
-) -> PartsState:
+def flow(flows: tuple[Function, ...], parts: np.ndarray, fractions: np.ndarray, y: PartsState, h: Number) -> PartsState:
     """The state after the flows of the ``parts`` in turn, over ``fractions`` of h; ``flows`` are the functions."""
     for k in range(len(parts)):
         dq, dp = flows[parts[k]](y.q, y.p, fractions[k] * h)

@@ -220,7 +220,7 @@ def _fill_row(step: Planets, at: Places, samples: Samples, row: int, memory: np.
 
 
 @inline
-def _save(memory: np.ndarray, at: int, like: Value) -> None:
+def _save(memory: np.ndarray, at: Places, like: Value) -> None:
     y = at.y
     _keep(memory, STATE, y.q, like)
     _keep(memory, STATE + SPACE, y.p, like)

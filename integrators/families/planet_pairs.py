@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from phasebench.integrators.coefficients.tableaus import LEVELS
 from phasebench.integrators.compile import codegen
@@ -50,11 +50,11 @@ def lanes_of(bodies: int) -> int:
     return max(4, 1 << (bodies - 1).bit_length())
 
 
-def _pad(row: Sequence, lanes: int, filler: Any = 0) -> list:
+def _pad(row: Sequence | sp.Matrix, lanes: int, filler: int = 0) -> list:
     return [*row, *[filler] * (lanes - len(row))]
 
 
-def _of_pairs(found: Any, back: sp.Matrix, lanes: int) -> list[list]:
+def _of_pairs(found: list[tuple[sp.Expr, list]], back: sp.Matrix, lanes: int) -> list[list]:
     """The rows ``pairs`` of `planet_lanes.Planets`, from what `distances` has found and the matrix of q = back Q."""
     rows, n = [], back.rows
     for first in range(0, len(found), lanes):
