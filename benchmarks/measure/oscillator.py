@@ -214,14 +214,14 @@ def of_matrix(step_matrix: StepMatrix, noise: Callable[[float], float] = lambda 
     known = _cache_matrices(step_matrix)
     pieces, scanned = _pieces(known, noise)
     reason = "" if scanned else "no step can be taken"
-    intervals = [
-        (a if a == 0 else _sharp(known, a, +1), _sharp(known, b, -1) if b < scanned else None) for a, b in pieces
-    ]
+    ends = {
+        (a, b): (a if a == 0 else _sharp(known, a, +1), _sharp(known, b, -1) if b < scanned else None)
+        for a, b in pieces
+    }
     # Beside a pole of the trace the allowance for round-off alone makes an interval: its ends pass one another.
-    pieces = [piece for piece, (a, b) in zip(pieces, intervals, strict=True) if b is None or a < b]
-    intervals = [(a, b) for a, b in intervals if b is None or a < b]
-    touches = [z for a, b in pieces for z in _touches(known, a, b)]
-    return Found(tuple(intervals), tuple(touches), scanned, TRACE, reason)
+    intervals = {piece: (a, b) for piece, (a, b) in ends.items() if b is None or a < b}
+    touches = [z for a, b in intervals for z in _touches(known, a, b)]
+    return Found(tuple(intervals.values()), tuple(touches), scanned, TRACE, reason)
 
 
 def _pieces(step_matrix: StepMatrix, noise: Callable[[float], float]) -> tuple[list[tuple[float, float]], float]:

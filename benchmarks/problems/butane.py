@@ -21,6 +21,7 @@ from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.systems.constrained import ConstrainedHamiltonian
 
 from .base import Orbit, Problem, decades
+from .gravity import bodies
 
 PARAMETERS = {"phi": 1.0}
 #: Masses of CH3, CH2, CH2, CH3; coefficients of the powers of cos phi.
@@ -30,9 +31,9 @@ TORSION = tuple(sp.Rational(a, 1000) for a in (1116, 1462, -1578, -368, 3156, -3
 TURN = (0.3, 0.2, -0.4)
 
 
-def _system() -> ConstrainedHamiltonian:
-    """Make the system of the butane molecule: 12 coordinates, with 5 constraints (bonds and angles)."""
-    q, p = (sp.symbols([f"{name}{k}" for k in range(1, 5) for name in names], real=True) for names in ("xyz", "uvw"))
+def _system() -> tuple[ConstrainedHamiltonian, dict[str, sp.Expr]]:
+    """Make the system of the molecule, 12 coordinates with 5 constraints (bonds and angles), and its invariants."""
+    q, p, _, _, kept = bodies(4, "xyz")
     r = [sp.Matrix(q[3 * k : 3 * k + 3]) for k in range(4)]
     b = [r[k + 1] - r[k] for k in range(3)]
     n = [b[k].cross(b[k + 1]) for k in range(2)]
@@ -41,7 +42,7 @@ def _system() -> ConstrainedHamiltonian:
     bonds = [(x.dot(x) - 1) / 2 for x in b]
     angles = [((r[k + 2] - r[k]).dot(r[k + 2] - r[k]) - sp.Rational(8, 3)) / 2 for k in range(2)]
     H = kinetic + sum(a * c**k for k, a in enumerate(TORSION))
-    return ConstrainedHamiltonian(q=q, p=p, H=H, constraints=[*bonds, *angles])
+    return ConstrainedHamiltonian(q=q, p=p, H=H, constraints=[*bonds, *angles]), kept
 
 
 def start(phi: float) -> tuple[np.ndarray, np.ndarray]:
@@ -59,9 +60,7 @@ def make(phi: float) -> Problem:
     """Make the problem of the butane molecule; ``phi`` is the torsion angle at the start, in radians from trans."""
     if not abs(phi) <= pi:
         raise InvalidInput(f"the torsion phi is {phi}; it is an angle in radians from -pi to pi")
-    system = _system()
-    r, way = ([sp.Matrix(v[3 * k : 3 * k + 3]) for k in range(4)] for v in (system.q, system.p))
-    angular = sum((x.cross(v) for x, v in zip(r, way, strict=True)), sp.zeros(3, 1))
+    system, kept = _system()
     q, p = start(phi)
     return Problem(
         id="butane",
@@ -79,6 +78,6 @@ def make(phi: float) -> Problem:
                 decades(10.0),
             ),
         ),
-        invariants={f"angular-momentum-{x}": e for x, e in zip("xyz", angular, strict=True)},
+        invariants=kept,
         parameters={"phi": phi},
     )

@@ -16,6 +16,7 @@ from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.systems.constrained import ConstrainedHamiltonian
 
 from .base import Orbit, Pace, Problem, decades
+from .gravity import bodies
 
 PARAMETERS = {"m1": 1.0, "m2": 0.5, "m3": 0.25, "m4": 0.25}
 #: The points at the start, and the body's angular velocity.
@@ -29,17 +30,12 @@ def make(**parameters: float) -> Problem:
         if not value > 0:
             raise InvalidInput(f"{name} of the four points is {value}; it must be positive")
     masses = [sp.Rational(parameters[name]) for name in PARAMETERS]
-    q, p = (sp.symbols([f"{name}{k}" for k in range(1, 5) for name in names], real=True) for names in ("xyz", "uvw"))
-    r, way = ([sp.Matrix(v[3 * k : 3 * k + 3]) for k in range(4)] for v in (q, p))
+    q, p, pairs, distances, kept = bodies(4, "xyz")
     start = [sp.Matrix(point) for point in POINTS]
-    pairs = [(i, j) for i in range(4) for j in range(i + 1, 4)]
+    lengths = [(start[i] - start[j]).norm() for i, j in pairs]
     middle = sum((m * x for m, x in zip(masses, start, strict=True)), sp.zeros(3, 1)) / sum(masses)
     turn = sp.Matrix([sp.Rational(w) for w in TURN])
     momenta = [m * turn.cross(x - middle) for m, x in zip(masses, start, strict=True)]
-    angular = sum((x.cross(v) for x, v in zip(r, way, strict=True)), sp.zeros(3, 1))
-    momentum = sum(way, sp.zeros(3, 1))
-    invariants = {f"angular-momentum-{x}": e for x, e in zip("xyz", angular, strict=True)}
-    invariants |= {f"momentum-{x}": e for x, e in zip("xyz", momentum, strict=True)}
     return Problem(
         id="four-points",
         name="free rigid body, four points by constraints",
@@ -48,11 +44,9 @@ def make(**parameters: float) -> Problem:
         system=ConstrainedHamiltonian(
             q=q,
             p=p,
-            H=sum(v.dot(v) / (2 * m) for v, m in zip(way, masses, strict=True)),
-            constraints=[
-                ((r[i] - r[j]).dot(r[i] - r[j]) - (start[i] - start[j]).dot(start[i] - start[j])) / 2 for i, j in pairs
-            ],
-            invariants=list(invariants.values()),
+            H=sum(x**2 / (2 * masses[i // 3]) for i, x in enumerate(p)),
+            constraints=[(r**2 - length**2) / 2 for r, length in zip(distances, lengths, strict=True)],
+            invariants=list(kept.values()),
         ),
         orbits=(
             Orbit(
@@ -63,7 +57,7 @@ def make(**parameters: float) -> Problem:
                 decades(10.0),
             ),
         ),
-        invariants=invariants,
+        invariants=kept,
         parameters=parameters,
         pace=Pace(),
     )

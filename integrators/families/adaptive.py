@@ -326,15 +326,6 @@ def is_gauss(method: Method) -> bool:
     return len(method.data) == 1
 
 
-def require_lanes(method: Method, s: int, system: Hamiltonian) -> None:
-    """Raise InvalidInput unless the system's functions can be compiled for s stages side by side in SIMD lanes."""
-    if not gauss_lanes.serves(s, system):
-        raise InvalidInput(
-            f"method '{method.id}' requires an H of at most {codegen.TUPLE_LIMIT} degrees of freedom, derivatives "
-            "made of integer powers, square roots, sin, cos, exp, sinh, cosh and tanh"
-        )
-
-
 def digits(arithmetic: str) -> int:
     """Decimal digits with which coefficients are computed: 40 for doubles, else 10 more than mpmath's precision."""
     return 40 if arithmetic == DOUBLE else mpmath.mp.dps + 10
@@ -356,7 +347,7 @@ def prepare(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
     """Prepare the kernel (compiled loop over steps) of a variable-step method, with its coefficients, for a system.
 
     ``method.data`` is (s,) for Gauss's method of s stages, (1, substeps) for a splitting.  Raises InvalidInput if the
-    distances to the singularities are not formulae, or if stages cannot be evaluated in SIMD lanes.
+    distances to the singularities are not formulae.
     """
     if not all(isinstance(r, sp.Expr) for r in singularities.steering_distances(system)):
         raise InvalidInput(f"method '{method.id}' requires the distances to the singularities as formulae")
@@ -366,7 +357,6 @@ def prepare(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
         whole = Adaptive(None, split.dT, split.dV, split.a, split.b, None, monitor(system, arithmetic))
         return Prepared(run, whole, 1, 3, implicit=False, apart=True)
     (s,) = method.data
-    require_lanes(method, s, system)
     step = gauss_lanes.build_lanes(s, system, arithmetic)
     inverse = inverse_of(s, step, arithmetic)
     whole = Adaptive(step, None, None, None, None, inverse, monitor(system, arithmetic))

@@ -12,10 +12,10 @@ import pytest
 import sympy as sp
 
 from phasebench.benchmarks.experiments.matrix.matrix import SMALL
-from phasebench.benchmarks.measure.manifold import nearest_state
+from phasebench.benchmarks.measure.multiprecision import retraction
 from phasebench.benchmarks.problems import PROBLEMS, problem
 from phasebench.benchmarks.problems.scenes import SCENES
-from phasebench.integrators.compile.codegen import compiled, value_kind
+from phasebench.integrators.compile.codegen import compiled, precision, value_kind, vector
 from phasebench.integrators.errors import InvalidInput
 from phasebench.reference.solvers import taylor
 from phasebench.reference.solvers.gauss import share_subexpressions
@@ -33,9 +33,9 @@ def state(made, seed=0):
 
 def on_manifold(system, values):
     """The state near a state where all constraints vanish, as rationals."""
-    with mpmath.workdps(2 * DIGITS):
-        y = nearest_state(system, [mpmath.mpf(v.p) / v.q for v in values])
-        return [sp.Rational(int(mpmath.nint(x * mpmath.mpf(10) ** (2 * DIGITS))), 10 ** (2 * DIGITS)) for x in y]
+    with precision(2 * DIGITS):
+        y = retraction(system)(vector([Fraction(v.p, v.q) for v in values]))
+        return [sp.Rational(int(x * 10 ** (2 * DIGITS)), 10 ** (2 * DIGITS)) for x in y]
 
 
 def function(made, expressions):

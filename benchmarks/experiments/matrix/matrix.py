@@ -24,7 +24,6 @@ import sympy as sp
 
 from phasebench.benchmarks.measure import metrics, step_map
 from phasebench.benchmarks.measure.hbvm import too_few_nodes
-from phasebench.benchmarks.measure.manifold import nearest_state
 from phasebench.benchmarks.measure.multiprecision import (
     DIGITS,
     MULTISTEP_LADDER,
@@ -33,10 +32,11 @@ from phasebench.benchmarks.measure.multiprecision import (
     digits,
     flow,
     observed_order,
+    retraction,
 )
 from phasebench.benchmarks.problems import PROBLEMS, problem
 from phasebench.benchmarks.store.cells import UNCOMPILED, Cell, ProblemKey, Rows, content
-from phasebench.integrators.compile.codegen import MULTIPRECISION, epsilon, precision
+from phasebench.integrators.compile.codegen import MULTIPRECISION, epsilon, precision, vector
 from phasebench.integrators.driver import integrate
 from phasebench.integrators.record import ROUND_OFF, Method
 from phasebench.integrators.registry import BY_ID, METHODS
@@ -82,9 +82,9 @@ def _at(name: str, places: int) -> tuple[PartitionedSystem, np.ndarray, mpmath.m
     """
     made = _build_problem(name)
     unit = mpmath.mpf(made.pace.unit)
-    start = [*made.q0, *made.p0]
-    if made.system.constrained:  # doubles are off the manifold by round-off, to which projections would return them
-        start = nearest_state(made.system, start)
+    start, retract = vector([*made.q0, *made.p0]), retraction(made.system)
+    if retract is not None:  # doubles are off the manifold by round-off, to which projections would return them
+        start = retract(start)
     y = flow(made.system, start, LATER * unit)[0]
     return made.system, y, unit
 

@@ -52,8 +52,12 @@ def rows_of(data: Data, table: str, **values: Any) -> pd.DataFrame:
     if frame is None or any(column not in frame for column in values):
         return pd.DataFrame()
     for column, value in values.items():
-        frame = frame[frame[column].isin(value if isinstance(value, (list, tuple)) else [value])]
+        frame = frame[frame[column].isin(_listed(value))]
     return frame
+
+
+def _listed(value: Any) -> Sequence[Any]:
+    return value if isinstance(value, (list, tuple)) else [value]
 
 
 def on_rows(table: str, **values: Any) -> Callable[[Callable[[pd.DataFrame], Judgement]], Judge]:
@@ -67,7 +71,7 @@ def on_rows(table: str, **values: Any) -> Callable[[Callable[[pd.DataFrame], Jud
         @functools.wraps(function)
         def judge(data: Data) -> Judgement:
             rows = rows_of(data, table, **values)
-            missing = set(values.get("method", ())) - set(rows.get("method", ()))
+            missing = set(_listed(values.get("method", []))) - set(rows.get("method", []))
             return NOTHING if rows.empty or missing else function(rows)
 
         return judge
@@ -136,9 +140,9 @@ def has(labels: Sequence[str], what: str, wanted: bool = True) -> Judge:
 def keeps_energy(ids: Sequence[str], problem: str = "henon-heiles") -> Judge:
     """Make a judge (a function of measured tables) of whether methods keep the energy of a problem to round-off."""
 
-    def judge(data: Data) -> Judgement:
-        rows = rows_of(data, "matrix", method=list(ids), problem=problem)
-        if len(rows) < len(ids) or rows["energy"].isna().any():
+    @on_rows("matrix", method=list(ids), problem=problem)
+    def judge(rows: pd.DataFrame) -> Judgement:
+        if rows["energy"].isna().any():
             return NOTHING
         largest = rows["energy"].max()
         text = f"energy error on {problem} up to {number(largest, 2)} ({_plural(len(rows), 'method')})"
