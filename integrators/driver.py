@@ -83,8 +83,9 @@ def integrate(
         raise InvalidInput("multiprecision runs need a process with NUMBA_DISABLE_JIT=1")
     check_timeout(timeout)
     if multi:
-        h = codegen.to_number(t_end, arithmetic) / steps if h is None else codegen.to_number(h, arithmetic)
-        steps = steps or round(t_end / h)
+        span = None if t_end is None else codegen.to_number(t_end, arithmetic) - codegen.to_number(t0, arithmetic)
+        h = span / steps if h is None else codegen.to_number(h, arithmetic)
+        steps = steps or round(span / h)
         every = spacing(save_every, steps)
         system, q, p = initial(problem, q0, p0, exact=True)
         q, p = codegen.vector(q), codegen.vector(p)

@@ -2,7 +2,7 @@ r"""Published splittings and compositions from a survey in Acta Numerica that ar
 
 The near-integrable splittings ABAH and BABH are for a perturbation that is a sum of two parts, as for planets in
 heliocentric coordinates: they meet one more order condition, so that the parts may be kicked one after the other.
-SBAB_n is the counterpart of SABA_n (`gauss`): kicks act at the nodes of the Lobatto formula.
+SBAB_n is the counterpart of SABA_n (`gauss`, with n = 2, 3, 4): kicks act at the nodes of the Lobatto formula.
 
 Sources: S. Blanes, F. Casas, A. Murua, Acta Numerica 33 (2024) 1-161 (the survey); W. Kahan, R.-C. Li, Math. Comp. 66
 (1997) 1089-1099; M. Sofroniou, G. Spaletta, Optim. Methods Softw. 20 (2005) 597-613; Ch. Tsitouras, Celest. Mech. Dyn.
@@ -16,7 +16,7 @@ from __future__ import annotations
 import mpmath
 
 from .fractions import DIGITS
-from .gauss import legendre
+from .gauss import legendre, saba
 from .polished_file import PolishedFile
 from .table import Table
 
@@ -203,9 +203,8 @@ TABLES: tuple[Table, ...] = (
         "0.52094333910398989 -0.02094333910398989",
         "0.1644986515575760 1.235692651138917 -1.800382605392986",
     ),
-    sbab(2),
-    sbab(3),
-    sbab(4),
+    *(saba(n) for n in range(5, 11)),
+    *(sbab(n) for n in range(2, 11)),
     _splitting(
         "mclachlan-aba-84",
         "near-integrable",

@@ -21,6 +21,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from functools import cache
+from math import comb
 
 import mpmath
 import numpy as np
@@ -35,27 +36,37 @@ Key = tuple[int, int]
 Residuals = dict[Key, np.ndarray]
 
 
-# -- two letters: words of degree n are the numbers 0 ... 2^n - 1, a digit 1 for each B ------------------------------
+# -- two letters: words of n letters are the numbers 0 ... 2^n - 1, a digit 1 for each B -----------------------------
 
 
-def _one(degree: int) -> list[np.ndarray]:
-    series = [np.full(2**n, mpmath.mpf(0), dtype=object) for n in range(degree + 1)]
-    series[0][0] = mpmath.mpf(1)
-    return series
+@cache
+def _numbers(n: int, k: int) -> np.ndarray:
+    """The words of n letters, k of them B, as numbers in increasing order."""
+    return np.array([w for w in range(2**n) if w.bit_count() == k])
 
 
-def _times_exponential(letter: str, a: mpmath.mpf, series: list[np.ndarray]) -> list[np.ndarray]:
-    """The product exp(a letter) times a series; entry n has the coefficients of the words of n letters."""
-    out = [x.copy() for x in series]
-    for n in range(1, len(series)):
+def _times_exponential(letter: str, a: mpmath.mpf, series: Residuals) -> Residuals:
+    """The product exp(a letter) times a series {(letters, letters B): coefficients of these words in their order}."""
+    out = {key: x.copy() for key, x in series.items()}
+    for n, k in out:
         factor = mpmath.mpf(1)
-        for k in range(1, n + 1):
-            factor = factor * a / k
-            count = 2 ** (n - k)
-            part = slice(0, count) if letter == "A" else slice(2**n - count, None)
+        for j in range(1, (k if letter == "B" else n - k) + 1):
+            factor = factor * a / j
+            # Words that begin with j letters A are the first of their length, those with j letters B the last.
+            rest = series[n - j, k - j if letter == "B" else k]
+            part = slice(-len(rest), None) if letter == "B" else slice(len(rest))
             # The array first: mpmath tries to convert it, and to print it in its refusal, before NumPy multiplies.
-            out[n][part] = out[n][part] + series[n - k] * factor
+            out[n, k][part] = out[n, k][part] + rest * factor
     return out
+
+
+def _blocks(steps: Iterable[tuple[str, mpmath.mpf]], degrees: Sequence[int]) -> Residuals:
+    """The coefficients of `words` by (degree, letters B): of words with 1, 2, ... and more B up to these degrees."""
+    keys = [(n, k) for n in range(max(degrees) + 1) for k in range(n + 1) if n <= _limit(degrees, k)]
+    series = {(n, k): np.full(comb(n, k), mpmath.mpf(n == 0), dtype=object) for n, k in keys}
+    for letter, a in reversed(list(steps)):
+        series = _times_exponential(letter, a, series)
+    return {(n, k): x - 1 / mpmath.factorial(n) for (n, k), x in series.items()}
 
 
 def words(steps: Iterable[tuple[str, mpmath.mpf]], degree: int) -> list[np.ndarray]:
@@ -63,10 +74,10 @@ def words(steps: Iterable[tuple[str, mpmath.mpf]], degree: int) -> list[np.ndarr
 
     ``steps`` are pairs (letter, weight), of which the step is the product of exponentials.
     """
-    series = _one(degree)
-    for letter, a in reversed(list(steps)):
-        series = _times_exponential(letter, a, series)
-    return [x - 1 / mpmath.factorial(n) for n, x in enumerate(series)]
+    every = [np.empty(2**n, dtype=object) for n in range(degree + 1)]
+    for (n, k), x in _blocks(steps, (degree,)).items():
+        every[n][_numbers(n, k)] = x
+    return every
 
 
 @cache
@@ -126,7 +137,12 @@ def odd_residuals(fractions: Sequence[mpmath.mpf], weight: int) -> list[np.ndarr
 # -- orders ----------------------------------------------------------------------------------------------------------
 
 
-def residuals(kind: str, steps: Sequence, degree: int) -> Residuals:
+def _limit(degrees: Sequence[int], k: int) -> int:
+    """The entry for the power k of eps of a sequence for the powers 1, 2, ...; the last is for all higher ones."""
+    return degrees[min(max(k, 1), len(degrees)) - 1]
+
+
+def residuals(kind: str, steps: Sequence, degrees: int | Sequence[int]) -> Residuals:
     """The differences of a method's coefficients from the exact flow's: {(degree, power of eps): array}.
 
     The power of eps is 0 unless the kind is "near-integrable".
@@ -135,20 +151,24 @@ def residuals(kind: str, steps: Sequence, degree: int) -> Residuals:
     ----------
     kind : one of `KINDS`
     steps : pairs (letter, coefficient), A the drift and B the kick; for a composition the fractions alone
-    degree : the largest degree of words
+    degrees : the largest degree of words; one for each power of eps, falling, is for "near-integrable" alone
     """
+    degrees = (degrees,) if isinstance(degrees, int) else degrees
     with mpmath.workdps(max(DIGITS, mpmath.mp.dps)):
-        if kind == "composition":
-            return {(n, 0): r for n, r in enumerate(odd_residuals(steps, degree)) if n}
-        every = words(steps, degree)
-        if kind == "splitting":
-            return {(n, 0): r for n, r in enumerate(every) if n}
-        if kind == "nystrom":
-            return {(n, 0): normal_form(r) for n, r in enumerate(every) if n}
         if kind == "near-integrable":
-            kicks = [np.array([w.bit_count() for w in range(2**n)]) for n in range(degree + 1)]
-            return {(n, k): every[n][kicks[n] == k] for n in range(1, degree + 1) for k in range(n + 1)}
-    raise ValueError(f"there is no kind '{kind}'; known are {', '.join(KINDS)}")
+            return {key: r for key, r in _blocks(steps, degrees).items() if key != (0, 0)}
+        if kind == "composition":
+            every = odd_residuals(steps, max(degrees))
+        elif kind in KINDS:
+            every = words(steps, max(degrees))
+        else:
+            raise ValueError(f"there is no kind '{kind}'; known are {', '.join(KINDS)}")
+        return {(n, 0): normal_form(r) if kind == "nystrom" else r for n, r in enumerate(every) if n}
+
+
+def next_degrees(order: Sequence[int]) -> tuple[int, ...]:
+    """The degrees of the first residuals beyond an order."""
+    return tuple(p + 1 for p in order)
 
 
 def norm(residual: Iterable) -> mpmath.mpf:
@@ -159,7 +179,7 @@ def norm(residual: Iterable) -> mpmath.mpf:
 
 def conditions(errors: Residuals, order: Sequence[int]) -> list[Key]:
     """The keys (degree, power of eps) of the residuals that vanish for an order ``(p,)`` or ``(p_1, p_2, ...)``."""
-    return [(n, k) for n, k in errors if n <= order[min(max(k, 1), len(order)) - 1]]
+    return [(n, k) for n, k in errors if n <= _limit(order, k)]
 
 
 def excess(errors: Residuals, order: Sequence[int]) -> mpmath.mpf:

@@ -47,7 +47,8 @@ def starting_values(table: Table, replaced: dict[int, str] | None = None) -> lis
 def residual(table: Table, numbers: Sequence[mpmath.mpf]) -> np.ndarray:
     """The residuals of the order conditions of a table at ``numbers``; for a symmetric method of odd degree only."""
     order = table.order
-    errors = residuals(table.kind, table.steps(numbers), max(order) - (table.symmetric and max(order) % 2 == 0))
+    degrees = tuple(p - (table.symmetric and p % 2 == 0) for p in order)
+    errors = residuals(table.kind, table.steps(numbers), degrees)
     keys = [key for key in conditions(errors, order) if key[0] % 2 or not table.symmetric]
     return np.concatenate([errors[key] for key in keys])
 
@@ -142,7 +143,7 @@ def entry(table: Table) -> dict:
     with mpmath.workdps(DIGITS):
         texts = [x if is_exact(x) else mpmath.nstr(y, DIGITS) for x, y in zip(table.published, after, strict=True)]
         full = table.steps([value(x) for x in texts])
-        errors = [residuals(table.kind, table.steps(x), max(table.order)) for x in (before, [value(x) for x in texts])]
+        errors = [residuals(table.kind, table.steps(x), table.order) for x in (before, [value(x) for x in texts])]
         n, m = len(table.gamma), len(table.gamma) + len(table.a)
         weights = full if table.gamma else [w for _, w in full]
         return {

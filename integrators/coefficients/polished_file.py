@@ -23,7 +23,7 @@ from .table import Table, is_exact, value
 
 def excess_of_words(table: Table, numbers: Sequence[mpmath.mpf]) -> mpmath.mpf:
     """The largest residual, in absolute value, of a splitting's or composition's order conditions at ``numbers``."""
-    return excess(residuals(table.kind, table.steps(numbers), max(table.order)), table.order)
+    return excess(residuals(table.kind, table.steps(numbers), table.order), table.order)
 
 
 class PolishedFile:

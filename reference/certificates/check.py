@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from math import inf
 from typing import Any
 
 from phasebench.integrators.errors import InvalidInput
@@ -54,9 +55,9 @@ class Outcome:
 
     @property
     def ratios(self) -> tuple[float, ...]:
-        """The stated uncertainties divided by the measured errors."""
+        """The stated uncertainties divided by the measured errors; infinite where no error was seen."""
         pairs = zip(self.certificate.ends, self.errors, strict=True)
-        return tuple(end.uncertainty / error for end, error in pairs)
+        return tuple(end.uncertainty / error if error else inf for end, error in pairs)
 
     @property
     def disagree(self) -> int:

@@ -91,6 +91,8 @@ def test_a_step_is_lengthened_by_one_percent_at_most():
         ((0.1, 1.0, False), "steps is False"),
         ((float("nan"), 1.0, None), "h is nan"),
         ((0.1, float("inf"), None), "t_end is inf"),
+        ((10**5000, 1.0, None), "h is an integer beyond the doubles"),
+        ((0.1, None, 10**400), "steps is an integer beyond the doubles"),
         ((0, 1.0, None), "h is 0;"),
         ((0.1, None, 0), "steps is 0;"),
         (("0.1", 1.0, None), "h is '0.1'"),
@@ -110,7 +112,7 @@ def test_row_spacing_is_at_most_the_run(asked, every):
     assert (made, type(made)) == (every, int)
 
 
-@pytest.mark.parametrize("asked", [-1, 0.5, 1.5, True, False, None, "2", float("nan"), float("inf")])
+@pytest.mark.parametrize("asked", [-1, 0.5, 1.5, True, False, None, "2", float("nan"), float("inf"), 10**400])
 def test_an_invalid_row_spacing_is_refused(asked):
     with expect_refusal("save_every is .*positive integer, or 0"):
         spacing(asked, 9)
@@ -232,6 +234,8 @@ def many() -> dict:
         "steps": {"h": Fraction(1, 10), "steps": 7},
         "span and steps": {"t_end": Fraction(7, 10), "steps": 7},
         "span": {"h": Fraction(1, 10), "t_end": Fraction(7, 10)},
+        "later start": {"h": Fraction(1, 10), "t0": -2, "t_end": Fraction(-13, 10)},
+        "later span": {"t0": -2, "t_end": Fraction(-13, 10), "steps": 7},
         "rows": {"h": Fraction(1, 10), "steps": 7, "save_every": 3},
     }
     found = {}
@@ -240,7 +244,7 @@ def many() -> dict:
             s = integrate(OSCILLATOR, "stormer-verlet", q0=third, p0=third, arithmetic=MULTIPRECISION, **asked)
             lost = abs(3 * s.q[0, 0] - 1) + abs(10 * s.h - 1)
             lost += abs(s.q[-1, 0] - to_number(end, MULTIPRECISION))
-            found[name] = [len(s.t), s.counts["steps"], float(s.t[-1]), float(lost), s.status, s.reason]
+            found[name] = [len(s.t), s.counts["steps"], float(s.t[-1] - s.t[0]), float(lost), s.status, s.reason]
     return found
 
 

@@ -16,7 +16,7 @@ import pandas as pd
 from phasebench.integrators import coefficients
 from phasebench.integrators.coefficients import collected, force_gradient, processed, sampling
 from phasebench.integrators.coefficients.fractions import DIGITS
-from phasebench.integrators.coefficients.order_conditions import TOLERANCE, residuals
+from phasebench.integrators.coefficients.order_conditions import TOLERANCE, next_degrees, residuals
 from phasebench.integrators.coefficients.polish import starting_values
 from phasebench.integrators.coefficients.table import Table, is_exact, unit
 
@@ -72,8 +72,8 @@ def _processed(kind: str, text: str, quoted: bool = True) -> tuple[Listed, ...]:
     return tuple(Listed(r.kind, r.stages, r.order, r.work, r.id, "", quoted, True) for r in _rows(kind, text))
 
 
-def _missing(kind: str, stages: str, order: str, work: str, why: str = NO_SOURCE, processed: bool = True) -> Listed:
-    return Listed(kind, stages, order, work, "", why, False, processed)
+def _missing(kind: str, stages: str, order: str, work: str, why: str = NO_SOURCE) -> Listed:
+    return Listed(kind, stages, order, work, "", why, processed=True)
 
 
 LISTED: tuple[Listed, ...] = (
@@ -177,6 +177,12 @@ LISTED: tuple[Listed, ...] = (
         2 | 4,2 | Laskar & Robutel 2001; McLachlan 1995 | saba-2 sbab-2
         3 | 6,2 | Laskar & Robutel 2001; McLachlan 1995 | saba-3 sbab-3
         4 | 8,2 | Laskar & Robutel 2001; McLachlan 1995 | saba-4 sbab-4
+        5 | 10,2 | Laskar & Robutel 2001 | saba-5 sbab-5
+        6 | 12,2 | Laskar & Robutel 2001 | saba-6 sbab-6
+        7 | 14,2 | Laskar & Robutel 2001 | saba-7 sbab-7
+        8 | 16,2 | Laskar & Robutel 2001 | saba-8 sbab-8
+        9 | 18,2 | Laskar & Robutel 2001 | saba-9 sbab-9
+        10 | 20,2 | Laskar & Robutel 2001 | saba-10 sbab-10
         5 | 8,4 | McLachlan 1995 | mclachlan-aba-84 mclachlan-bab-84
         7 | 10,4 | Blanes et al. 2013 | aba-104
         7 | 8,6,4 | Blanes et al. 2013 | aba-864
@@ -185,14 +191,6 @@ LISTED: tuple[Listed, ...] = (
         8 | 8,6,4 | Blanes et al. 2013, perturbation of two parts | abah-864 babh-864
         9 | 10,6,4 | Blanes et al. 2013, perturbation of two parts | abah-1064
         """,
-    ),
-    _missing(
-        PERTURBED,
-        "n > 4",
-        "2n,2",
-        "Laskar & Robutel 2001: SABA_n, SBAB_n",
-        "left out: the same order 2 in eps^2, for more stages",
-        processed=False,
     ),
     *_processed(
         PERTURBED,
@@ -249,8 +247,8 @@ def order_of(table: Table, numbers: list[mpmath.mpf]) -> tuple[int, ...]:
     """
     if table.name in force_gradient.FILE.tables:
         return _order_of_gradients(table, numbers)
-    limit = max(table.order) + 1
-    return observed_order(residuals(table.kind, table.steps(numbers), limit), limit, len(table.order))
+    found = residuals(table.kind, table.steps(numbers), next_degrees(table.order))
+    return observed_order(found, len(table.order))
 
 
 def _order_of_gradients(table: Table, numbers: list[mpmath.mpf]) -> tuple[int]:
@@ -261,8 +259,8 @@ def _order_of_gradients(table: Table, numbers: list[mpmath.mpf]) -> tuple[int]:
 
 def kernel_order(table: processed.ProcessedTable, numbers: list[mpmath.mpf]) -> tuple[int, ...]:
     """Compute the order of a processed method's kernel without its processor, in the form of `order_of`."""
-    limit = max(table.order) + 1
-    return observed_order(residuals(table.kind, table.kernel(numbers), limit), limit, len(table.order))
+    found = residuals(table.kind, table.kernel(numbers), next_degrees(table.order))
+    return observed_order(found, len(table.order))
 
 
 def _text(order: tuple[int, ...]) -> str:

@@ -10,7 +10,14 @@ import pandas as pd
 from phasebench.integrators import coefficients
 from phasebench.integrators.coefficients import DAMAGED, TABLES
 from phasebench.integrators.coefficients.fractions import DIGITS
-from phasebench.integrators.coefficients.order_conditions import TOLERANCE, conditions, excess, leading_norms, residuals
+from phasebench.integrators.coefficients.order_conditions import (
+    TOLERANCE,
+    conditions,
+    excess,
+    leading_norms,
+    next_degrees,
+    residuals,
+)
 from phasebench.integrators.coefficients.polish import locate, starting_values
 
 if TYPE_CHECKING:
@@ -21,20 +28,20 @@ def _digits(x: mpmath.mpf) -> str:
     return mpmath.nstr(x, 2, min_fixed=0, max_fixed=0)
 
 
-def observed_order(found: Residuals, limit: int, powers: int) -> tuple[int, ...]:
+def observed_order(found: Residuals, powers: int) -> tuple[int, ...]:
     """Derive the order from residuals of order conditions: for each power of eps the degree up to which they vanish.
 
     Parameters
     ----------
     found : (degree, power of eps) -> residuals
-    limit : the largest degree in ``found``
     powers : how many powers of eps to report; the last includes all higher ones
     """
     zero = {key: max(map(abs, r)) < TOLERANCE for key, r in found.items()}
     orders = []
     for k in range(1, powers + 1):
-        above = [n for (n, j), ok in zero.items() if not ok and (max(j, 1) == k or (k == powers and j > k))]
-        orders.append(min(above, default=limit + 1) - 1)
+        known = {key for key in found if max(key[1], 1) == k or key[1] > k == powers}
+        above = [n for n, j in known if not zero[n, j]]
+        orders.append(min(above, default=max(known)[0] + 1) - 1)
     return tuple(orders)
 
 
@@ -44,10 +51,10 @@ def frame() -> pd.DataFrame:
     with mpmath.workdps(DIGITS):
         for t in TABLES:
             steps = coefficients.steps(t.name)
-            found = residuals(t.kind, steps, max(t.order) + 1)
-            before = residuals(t.kind, t.steps(starting_values(t)), max(t.order))
+            found = residuals(t.kind, steps, next_degrees(t.order))
+            before = residuals(t.kind, t.steps(starting_values(t)), t.order)
             about = coefficients.describe(t.name)
-            order = observed_order(found, max(t.order) + 1, len(t.order))
+            order = observed_order(found, len(t.order))
             stages = (
                 len(steps) if t.gamma else sum(letter == "B" for letter, _ in steps) - (t.first == "B" and t.symmetric)
             )
@@ -78,7 +85,7 @@ def repairs() -> pd.DataFrame:
             t = coefficients.table(name)
             numbers = starting_values(t, damaged)
             for _ in damaged:
-                residual = excess(residuals(t.kind, t.steps(numbers), max(t.order)), t.order)
+                residual = excess(residuals(t.kind, t.steps(numbers), t.order), t.order)
                 k, mended = locate(t, numbers)
                 rows.append(
                     {
