@@ -1,1 +1,1 @@
-"""The benchmark harness: problems, scenes, measurements, and the reports written from them."""
+"""The benchmark harness: problems, time spans and steps to run them with, measurements, and reports of the results."""

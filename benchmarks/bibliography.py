@@ -31,8 +31,8 @@ def entries() -> dict[str, str]:
 def bibtex(names: Iterable[str]) -> str:
     """Return the BibTeX entries that the named methods and problems cite, each once, sorted by key, as one text.
 
-    ``names`` are ids of methods, ``problem`` or ``problem:orbit``.  Raises InvalidInput, which suggests the nearest
-    known name, for any other name.
+    ``names`` are ids of methods, and names of problems with or without an orbit (``henon-heiles:box``).  Raises
+    InvalidInput, which suggests the nearest known name, for any other name.
     """
     keys: set[str] = set()
     for name in names:
@@ -46,7 +46,10 @@ def bibtex(names: Iterable[str]) -> str:
 
 
 def ids_in_report(folder: Path) -> list[str]:
-    """Ids of the methods and problems in a report's tables; raises FileNotFoundError if it has no tables."""
+    """Return the ids of the methods and problems in the tables of a report folder.
+
+    Raises FileNotFoundError if the folder has no tables.
+    """
     import pandas as pd
 
     tables = sorted((folder / "data").glob("*.csv"))

@@ -47,7 +47,10 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Let ``-k`` select measurements, not functions, if its words name methods, peers, problems or experiments."""
+    """Let the option ``-k`` select measurements instead of test functions if each of its words is a name of `_names`.
+
+    These are the names of methods, problems, experiments and the like.
+    """
     config.stash[NOTES] = []
     config.stash[WANTED] = frozenset()
     words = [w for w in config.option.keyword.split() if w != "or"] if config.option.keyword else []
@@ -57,7 +60,12 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def _names() -> set[str]:
-    """Names with which ``-k`` selects measurements: of methods, peers, packages, problems, scenes and experiments."""
+    """Return the names by which the option ``-k`` can select measurements.
+
+    They are the ids of methods, of peers (integrators of other packages), of scenes (a problem with a time span and
+    steps) and of questions (a problem with a quantity to be computed to given accuracies), and the names of the peers'
+    packages, of problems and of experiments (folders of ``benchmarks/experiments``).
+    """
     from phasebench.benchmarks.problems import PROBLEMS
     from phasebench.benchmarks.problems.questions import QUESTIONS
     from phasebench.benchmarks.problems.scenes import SCENES
@@ -85,19 +93,19 @@ def _folder(config: pytest.Config) -> Path:
 
 @pytest.fixture(scope="session")
 def quick(pytestconfig: pytest.Config) -> bool:
-    """True for a quick run (option --quick), which measures few cells."""
+    """True for a quick run (option --quick), which makes a small selection of the measurements."""
     return pytestconfig.getoption("--quick")
 
 
 @pytest.fixture(scope="session")
 def update(pytestconfig: pytest.Config) -> bool:
-    """True if the stored tables are to be re-recorded."""
+    """True if the reference tables in ``reference/tables`` are to be recorded anew (option --update-tables)."""
     return pytestconfig.getoption("--update-tables")
 
 
 @pytest.fixture(scope="session")
 def notes(pytestconfig: pytest.Config) -> list[str]:
-    """Lines printed at the end of the run; tests may append to the list."""
+    """Return the list of the lines to print at the end of the run; tests may append to the list."""
     return pytestconfig.stash[NOTES]
 
 
@@ -133,9 +141,9 @@ def outcome(request: pytest.FixtureRequest, pytestconfig: pytest.Config, quick: 
 
 @pytest.fixture
 def measured_rows(outcome: run.Outcome, request: pytest.FixtureRequest) -> Callable[[str], list[dict]]:
-    """Return a function: name of a table -> its rows measured by this run; fail if a measurement of them failed.
+    """Return a function: name of a table -> its rows measured by this run, a list of dicts.
 
-    "Of them" means: of the experiment (folder of ``benchmarks/experiments``) to which the requesting test belongs.
+    Fails if a measurement failed of the experiment (folder of ``benchmarks/experiments``) to which the test belongs.
     """
     experiment = Path(request.path).parent.name
     failed = [f"{c.label}: {outcome.failed[c.id]}" for c in outcome.cells if _fails(outcome, c, experiment)]
@@ -176,7 +184,7 @@ def pytest_sessionfinish(session: pytest.Session) -> None:
 def pytest_terminal_summary(
     terminalreporter: pytest.TerminalReporter, exitstatus: int | pytest.ExitCode, config: pytest.Config
 ) -> None:
-    """Print a table of what was measured; after an interrupt, how to continue."""
+    """Print a table of what this run measured; after an interrupt, say that the same command continues the run."""
     if exitstatus == pytest.ExitCode.INTERRUPTED:
         terminalreporter.write_line("stopped: what was measured is kept, and the same command goes on from there")
     if OUTCOME not in config.stash:

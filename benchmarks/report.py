@@ -128,7 +128,7 @@ QUICK = "This is the quick tier: few steps, few rounds; it shows that the suite 
 
 
 class Data:
-    """Read the tables of a report folder by name, each file once, as ``data("front")``.
+    """The tables of a report folder, each read once: ``data("front")`` is the table ``front``, None if it is missing.
 
     With ``stale`` the tables include rows that an earlier version of the code measured.
     """
@@ -139,20 +139,23 @@ class Data:
         self._digests: dict[str, str] = {}
 
     def __call__(self, name: str) -> pd.DataFrame | None:
-        """The table as a DataFrame, or None if it was not measured."""
+        """Return the table with this name as a DataFrame, or None if it was not measured."""
         return self._read(name)[0]
 
     def provenance(self, name: str) -> pd.DataFrame:
-        """The columns of a stored table that say when, where and by which version of the code each row was measured."""
+        """Return the columns of a table that say when, where and by which version of the code each row was measured."""
         path = self.folder / "data" / f"{name}.csv"
         return pd.read_csv(path, usecols=lambda column: column in results.PROVENANCE, low_memory=False)
 
     def about(self, name: str) -> dict | None:
-        """The metadata of a table's run: machine, versions, number of stale rows; None if it was not measured."""
+        """Return the metadata of a table: machine, versions, number of stale rows; None if it was not measured."""
         return self._read(name)[1]
 
     def digest(self, name: str) -> str:
-        """Digest of a table's file and of whether rows of an earlier version of the code are used."""
+        """Return a hash, 16 hex digits, of a table's file and of whether its stale rows are used.
+
+        Stale rows were measured by an earlier version of the code.
+        """
         if name not in self._digests:
             path = self.folder / "data" / f"{name}.csv"
             content = path.read_bytes() if path.exists() else b""
@@ -193,7 +196,8 @@ def build(
 ) -> Path:
     """Write every page into ``folder`` from its data, all or none; return the path of the entry page.
 
-    With ``html_folder`` the pages are also written there as HTML, with the tables that they link to.  Raises
+    ``quick`` puts a note on the entry page that few steps were run; ``progress`` is called with a line of text at the
+    end.  With ``html_folder`` the pages are also written there as HTML, with the tables that they link to.  Raises
     InvalidInput if the data cannot be read or the pages cannot be written.
     """
     folder = Path(folder)
@@ -218,7 +222,7 @@ def build(
 
 
 def _scratch(folder: Path) -> tempfile.TemporaryDirectory:
-    """A temporary folder in ``folder``, which is created; raises InvalidInput if it cannot be written to."""
+    """Make a temporary folder in ``folder``, itself made if missing; raises InvalidInput if it cannot be written to."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         return tempfile.TemporaryDirectory(dir=folder, prefix=".report-")
@@ -227,9 +231,10 @@ def _scratch(folder: Path) -> tempfile.TemporaryDirectory:
 
 
 def _page(page: Page, both: tuple[Data, Data], figures: Figures, target: Path) -> _Written:
-    """Write a page into ``target`` from all rows, or from the current rows only if stale ones have another form.
+    """Write a page into ``target`` from all rows, or without the stale ones if the page cannot be made from those.
 
-    ``both`` is the data with stale rows (of an earlier version of the code) and the data without.
+    ``both`` is (the data with stale rows, measured by an earlier version of the code; the data without them);
+    ``figures`` draws the page's figures, or copies those that have not changed.
     """
     data, current = both
     old = count_outdated(page, data)
@@ -254,7 +259,10 @@ def _write_page(page: Page, data: Data, figures: Figures, target: Path, old: str
 
 
 def _entry(written: list[_Written], target: Path, quick: bool) -> None:
-    """Write the entry page: a line per page, and a table of the best integrator for each accuracy."""
+    """Write the entry page: a line per page, and a table of the best integrator for each accuracy.
+
+    ``written`` has the pages of the report; ``quick`` adds a note that few steps were run.
+    """
     lines = pd.DataFrame(
         [
             {"question": f"[{w.page.question}]({w.page.id}.md)", "outcome": f"**{w.outcome}**", "answer": w.answer}
@@ -274,7 +282,10 @@ def _entry(written: list[_Written], target: Path, quick: bool) -> None:
 
 
 def _write_html(written: list[_Written], source: Path, folder: Path, target: Path) -> None:
-    """Write the Markdown pages of ``source`` as HTML into ``target``, with the tables of ``folder`` they link to."""
+    """Write the Markdown pages of the folder ``source`` as HTML into the folder ``target``.
+
+    The tables to which they link are copied from ``folder`` into ``target``.
+    """
     for w in written:
         text = (source / f"{w.page.id}.md").read_text(encoding="utf-8")
         (target / f"{w.page.id}.html").write_text(html.document(text, source, w.all_rows), encoding="utf-8")

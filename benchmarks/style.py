@@ -58,7 +58,7 @@ RC = {
 
 
 def settings() -> AbstractContextManager[None]:
-    """A context in which matplotlib uses its defaults and these settings, not the user's own."""
+    """Return a context in which matplotlib uses its defaults and this module's settings `RC`, not the user's own."""
     import matplotlib
 
     return matplotlib.rc_context(dict(matplotlib.rcParamsDefault) | RC | {"backend": "agg"})
@@ -76,7 +76,10 @@ def styled(draw: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def panels(rows: int, columns: int, height: float, **options: Any) -> tuple[Figure, Any]:
-    """(figure, axes) of the page's width and a height in inches; axes is an array of shape (rows, columns)."""
+    """Make a figure of the report's width and a height in inches; return (figure, array (rows, columns) of its axes).
+
+    ``options`` are passed on to matplotlib's ``Figure.subplots``.
+    """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
     figure = _figure_class()(figsize=(WIDTH, height), layout="constrained")
@@ -102,7 +105,10 @@ def _figure_class() -> type[Figure]:
 
 
 def curve(index: int, points: int = 0, marks: int = 12) -> dict:
-    """Plot keywords of the ``index``-th curve; about ``marks`` of its ``points`` get a marker, staggered (0: all)."""
+    """Return the plot keywords of the ``index``-th curve of a panel: its colour, line style and marker.
+
+    About ``marks`` of the curve's ``points`` get a marker, at other places than on other curves; with 0 points all.
+    """
     colour, line, marker = CURVES[index]
     every = max(1, points // marks)
     return {
@@ -114,13 +120,16 @@ def curve(index: int, points: int = 0, marks: int = 12) -> dict:
 
 
 def looks() -> list[dict]:
-    """Plot keywords for up to nine curves of one panel, each with its own colour, line and marker."""
+    """Return a list of plot keywords for up to nine curves of one panel, each with its own colour, line and marker."""
     more = ((GREY, (0, (3, 1)), "*"), ("#7a5c00", "-", "h"))
     return [dict(zip(("color", "linestyle", "marker"), look, strict=True)) for look in (*CURVES, *more)]
 
 
 def legend_above(figure: Figure, axes: Axes, columns: int) -> None:
-    """Put one legend for all panels above them, so that it covers no data."""
+    """Put one legend of the curves of ``axes``, for all panels, above them, so that it covers no data.
+
+    ``columns`` is the number of entries in a line of the legend.
+    """
     handles, labels = axes.get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper center", ncols=columns, handlelength=3.4)
 
@@ -138,7 +147,10 @@ def decades(axes: Axes) -> None:
 
 
 def plain_ticks(axis: Axis) -> None:
-    """Label a short logarithmic axis at 1, 2 and 5 times powers of ten, so that labels do not overlap."""
+    """Label a logarithmic axis that spans less than a factor 40 at 1, 2 and 5 times powers of ten.
+
+    Labels between its main ticks, which could overlap, are removed from any axis.
+    """
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
     low, high = axis.get_view_interval()
@@ -149,13 +161,16 @@ def plain_ticks(axis: Axis) -> None:
 
 
 def slope(axes: Axes, h: np.ndarray, values: Iterable[np.ndarray], order: int, line: str = "-") -> None:
-    """Draw a grey line of slope ``order`` below the curves: ``values`` lists arrays (n,) over steps ``h`` (n,)."""
+    """Draw a grey line of slope ``order`` in log-log axes, below some curves of errors, in the line style ``line``.
+
+    ``values`` has the curves, arrays (n,) at the steps ``h``, an array (n,).
+    """
     constant = 0.35 * min((v[v > 0] / h[v > 0] ** order).min() for v in values if (v > 0).any())
     axes.plot(h, constant * h**order, color=GREY, linestyle=line, linewidth=0.9, label=f"slope {order}")
 
 
 def number(x: float, digits: int = 3) -> str:
-    """A number as text for captions, with ``digits`` significant digits."""
+    """Return a number as text for captions, with ``digits`` significant digits."""
     return f"{x:.{digits}g}" if math.isfinite(x) else str(x)
 
 

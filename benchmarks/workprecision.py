@@ -1,4 +1,4 @@
-"""Work-precision diagrams of methods and peers on any problem: rows, a table and a figure."""
+"""Work-precision diagrams (error against time) of methods and of other packages' integrators, on any problem."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class WorkPrecision(TabularResult):
     Attributes
     ----------
     rows : a dictionary for each run, from coarse to fine for each integrator: problem, t_end, quantity, method, id,
-        kind, h or tol, steps, error, uncertainty (of the reference), seconds, status, reason
+        kind (origin), h or tol, steps, error, uncertainty (of the reference), seconds, status, reason
     """
 
     rows: tuple[dict[str, Any], ...]
@@ -62,7 +62,7 @@ class WorkPrecision(TabularResult):
 
     @property
     def title(self) -> str:
-        """Title of the figure: the quantity, the problem and the span."""
+        """Title of the figure: the quantity whose error is shown, the problem and the time span."""
         first = self.rows[0]
         return f"error of the {first['quantity']} of {first['problem']}, t = 0 to {first['t_end']:g}"
 
@@ -128,7 +128,8 @@ def workprecision(
     Parameters
     ----------
     problem : a system with q0 and p0; a problem; a registered name such as ``"henon-heiles:box"``; or a file's path
-    methods : ids of methods and peers, users' own steps, or paths of files with one; by default a few of each side
+    methods : ids of methods and peers (integrators of other packages), users' own steps, or paths of files with one;
+        by default a few methods and a few peers
     t_end : the end of the span
     quantity : ``"end-state"``, ``"trajectory"``, ``"energy"``, or the name of one of the problem's own quantities
     q0, p0 : arrays (d,), the initial state if not the problem's
@@ -173,7 +174,7 @@ def promising(problem: Problem, t_end: float, quantity: str) -> list[Integrator]
 
 
 def improving(rows: Sequence[dict[str, Any]]) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
-    """(rows with an error below that of all coarser ones, the other rows) of one integrator's rows.
+    """Split one integrator's rows, from coarse to fine: (rows with an error below all coarser ones, the other rows).
 
     Only the first are joined by a line; the others scatter at the level of round-off, and a line would draw loops.
     """
@@ -193,7 +194,10 @@ def side(kind: str) -> tuple[str, str]:
 
 
 def draw(found: WorkPrecision) -> Figure:
-    """Draw error against seconds, a curve per integrator with its colour and marker; peers dashed with open markers."""
+    """Draw error against seconds, a curve per integrator with its colour and marker.
+
+    Curves of peers (integrators of other packages) are dashed, with open markers.
+    """
     with style.settings():
         figure, ((axes,),) = style.panels(1, 1, 4.6)
         for name, look in zip(found.methods[:CURVES], style.looks(), strict=False):

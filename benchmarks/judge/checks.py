@@ -1,6 +1,6 @@
 """CHECKS: how each claim is judged from rows of measurements; the checks are pure functions of the rows.
 
-- The order is that of the system with the lowest one, tested on both sides: an order above the claim contradicts too.
+- An order is judged by the lowest one measured on any system; a higher order than claimed contradicts the claim, too.
 - A structure or a conservation law holds if every system shows it, is contradicted if one system breaks it, and is not
   judged if one system is inconclusive.
 """
@@ -36,10 +36,10 @@ class Check:
     ----------
     name : of the claim
     values, accepts : the permitted values in words, and the test whether a value is permitted
-    measure : the table of rows that the check reads
-    judge : (value, tables) -> the judgement; called only if the table has rows
+    measure : the name of the measurement whose rows the check reads
+    judge : (claimed value, tables) -> the judgement; called only if that measurement has rows
     words : format string that puts the claim into words; empty if the name says it
-    needs : measures that must be complete before the claim can hold
+    needs : names of the measurements that must be complete before the claim can hold
     candidates : tables -> values to suggest if nothing is claimed, the strongest first
     """
 
@@ -58,9 +58,9 @@ class Check:
 
 
 def order(claimed: int, tables: Tables) -> Judgement:
-    """Judge a claimed order by the system with the lowest measured one.
+    """Judge a claimed order against the lowest one measured on any system.
 
-    At least half of the separable and of the other systems must be conclusive.
+    The rows must be conclusive for at least half of the systems with H = T(p) + V(q), and for half of the others.
     """
     rows = tables.of("order")
     verdict, seen = decide.order(claimed, rows, CERTIFICATE)
@@ -84,7 +84,7 @@ def order(claimed: int, tables: Tables) -> Judgement:
 
 
 def structure(name: str, claimed: bool, tables: Tables) -> Judgement:
-    """Judge the claim that the step map has (True) or lacks (False) a structure such as symmetry."""
+    """Judge the claim that the step map has (True) or lacks (False) the structure ``name``, such as symmetry."""
     rows = tables.of(name)
     verdict, seen = decide.structure(claimed, rows, CERTIFICATE)
     if verdict == UNJUDGED:
@@ -145,7 +145,11 @@ def _drifting(tables: Tables) -> Judgement | None:
 
 
 def conservation(name: str, claimed: str, tables: Tables) -> Judgement:
-    """Judge how the energy or another invariant is conserved along long runs."""
+    """Judge how the invariant ``name``, such as the energy, is conserved along long runs.
+
+    ``claimed`` is a value of `KEPT_AS`: "preserved", "exact" or "round-off" (all mean: up to round-off), "bounded" or
+    "drift", for the error.
+    """
     rows = [{"on": r["on"], "status": "ok"} | r[name] if name in r else r
             for r in tables.of("long") if r["status"] != "ok" or name in r]  # fmt: skip
     lost, ran = ([r for r in rows if (r["status"] == "ok") is x] for x in (False, True))
@@ -245,7 +249,10 @@ CHECKS: dict[str, Check] = {
 
 
 def checked_claims(claims: object, where: str) -> dict[str, Any]:
-    """The claims as a dict, name -> value; raises InvalidInput, headed by ``where``, for an unknown claim or value."""
+    """Return the claims as a dict, name -> value, after a check of names and values.
+
+    Raises InvalidInput, with a message that begins with ``where``, for an unknown claim or a value that it cannot have.
+    """
     if not isinstance(claims, Mapping):
         raise InvalidInput(f"{where} is {claims!r}; write {{'order': 2, 'symplectic': True}}")
     for name, value in claims.items():

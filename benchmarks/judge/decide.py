@@ -39,9 +39,10 @@ AUDIT = Standard(False, UNDERSTATED)
 
 
 def order(claimed: int, rows: list[dict], standard: Standard) -> Decision:
-    """Verdict on a claimed order from the rows of all systems, with the rows that decide.
+    """Return the verdict on a claimed order from the rows of all systems, with the rows that decide.
 
-    A certificate takes the lowest order, and needs half of the separable and of the other systems conclusive.
+    A certificate judges the lowest order.  It needs conclusive rows of half of the systems with H = T(p) + V(q), and of
+    half of the others.
     """
     agree, differ = ([r for r in rows if agrees(r, claimed) is x] for x in (True, False))
     lower = [r for r in differ if r["value"] < claimed]
@@ -58,15 +59,19 @@ def order(claimed: int, rows: list[dict], standard: Standard) -> Decision:
 
 
 def _open(rows: list[dict], told: list[dict], separable: bool) -> bool:
-    """True if over half of the rows of separable systems (or of others) are not in ``told``, the conclusive ones."""
+    """True if less than half of the rows of one kind are conclusive, so that an order stays undecided.
+
+    The kind is that of systems with H = T(p) + V(q) if ``separable``, else of all others; ``told`` has the conclusive
+    rows of both kinds.
+    """
     part = [r for r in rows if bool(r.get("separable")) is separable]
     return 2 * len([r for r in part if r in told]) < len(part)
 
 
 def structure(claimed: bool, rows: list[dict], standard: Standard) -> Decision:
-    """Verdict on a structure of the step map (such as symplecticity), claimed or denied, with the rows that decide.
+    """Return the verdict on a structure of the step map, such as symplecticity, with the rows that decide.
 
-    One system on which the structure is broken decides.
+    ``claimed`` is True if the structure is claimed, False if it is denied.  One system on which it is broken decides.
     """
     tells = shows_structure if standard.everywhere else keeps_structure
     broken, whole = ([r for r in rows if tells(r) is x] for x in (False, True))
@@ -80,9 +85,9 @@ def structure(claimed: bool, rows: list[dict], standard: Standard) -> Decision:
 
 
 def conservation(claimed: str, rows: list[dict], standard: Standard) -> Decision:
-    """Verdict on a claim of how an invariant is conserved ("preserved", "bounded", ...), with the rows that decide.
+    """Return the verdict on how an invariant is conserved, with the rows that decide.
 
-    A drift on one system contradicts the claim that the error is bounded.
+    ``claimed`` is "preserved", "bounded", ...; a drift on one system contradicts the claim "bounded".
     """
     if claimed not in FITS:
         return UNJUDGED, []

@@ -38,14 +38,21 @@ BROUWER = 100.0
 
 @dataclass
 class Tables:
-    """Measurements: rows by measure, the reason for each measure that failed, and the names of the completed ones."""
+    """The measurements of an integrator.
+
+    Attributes
+    ----------
+    rows : name of a measurement, such as "order" -> its rows, mostly one for each test system
+    failed : name of a measurement that failed -> the reason; "all", "raised" and "time" (time over) concern all of them
+    done : names of the completed measurements
+    """
 
     rows: dict[str, list[dict]] = field(default_factory=dict)
     failed: dict[str, str] = field(default_factory=dict)
     done: set[str] = field(default_factory=set)
 
     def of(self, name: str) -> list[dict]:
-        """The rows of the measure with this name; [] if it was not made."""
+        """Return the rows of the measurement with this name; [] if it was not made."""
         return self.rows.get(name, [])
 
 
@@ -65,12 +72,15 @@ def keeps_structure(row: Mapping[str, Any]) -> bool | None:
 
 
 def between(row: Mapping[str, Any]) -> bool:
-    """True if a row's structural defect is above its round-off floor, but not so far that round-off is ruled out."""
+    """True if a row's structural defect is above its round-off floor, but so little that it may still be round-off."""
     return has(row, "floor") and row["floor"] < row["value"] <= BROKEN * row["floor"]
 
 
 def shows_structure(row: Mapping[str, Any]) -> bool | None:
-    """True if a row shows a structure, False if it shows it broken, None if not clear or perhaps round-off."""
+    """True if a row shows a structure such as symplecticity, False if it shows it broken, None if it is inconclusive.
+
+    Stricter than `keeps_structure`: a defect that is a little above the round-off floor is inconclusive.
+    """
     return None if between(row) else keeps_structure(row)
 
 
@@ -87,7 +97,10 @@ def is_bounded(row: Mapping[str, Any]) -> bool | None:
 
 
 def round_off(row: Mapping[str, Any]) -> float:
-    """Upper bound of the round-off error of the energy after the steps of a row, by Brouwer's law (as their root)."""
+    """Return an upper bound of the round-off error of the energy after the steps of a row.
+
+    It grows as the square root of the number of steps (Brouwer's law).
+    """
     return BROUWER * EPS * row["scale"] * sqrt(row["steps"])
 
 

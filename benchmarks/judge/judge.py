@@ -32,7 +32,10 @@ def judgements(claims: Mapping[str, Any], tables: Tables) -> list[Judgement]:
 
 
 def judgement(check: Check, value: Any, tables: Tables) -> Judgement:
-    """Judge one claim; if time ran out, it can only hold if the measures that it needs were completed."""
+    """Judge one claim, of ``value``, by its check.
+
+    If time ran out, the claim can only hold if all measurements that the check needs were completed.
+    """
     why = tables.failed.get(check.measure) or tables.failed.get("all") or "it was not measured"
     found = check.judge(value, tables) if tables.of(check.measure) else Judgement(UNJUDGED, why=why)
     if tables.failed.get("time") and found.verdict != CONTRADICTED and not check.needs <= tables.done:

@@ -27,7 +27,7 @@ CONVERGED = 1e-6
 
 
 def runs(tables: Tables) -> Judgement:
-    """Judge that the integrator runs: no step of any measure raised, and the first steps stayed finite."""
+    """Judge that the integrator runs: no step raised in any measurement, and the first steps stayed finite."""
     rows = tables.of("runs")
     bad = [r for r in rows if r["status"] != "ok"]
     if bad:
@@ -92,7 +92,10 @@ def consistent(tables: Tables) -> Judgement:
 
 
 def _elsewhere(tables: Tables) -> Judgement | None:
-    """The judgement that the step is inconsistent from states of some size; None if it is consistent from all."""
+    """Return the judgement that the step is inconsistent at random states with other sizes of q and p.
+
+    None if it is consistent at all of them.
+    """
     for row in tables.of("states"):
         if below(row, 1):
             why = f"its error in a step falls as h^{row['order'] + 1:.2f} on {row['on']}: this is no step of the system"
@@ -101,7 +104,10 @@ def _elsewhere(tables: Tables) -> Judgement | None:
 
 
 def below(row: Mapping[str, Any], order: int) -> bool:
-    """True if the errors of single steps in a row fall more slowly with h than those of a method of this order."""
+    """True if single steps show a lower order than ``order``: their errors fall more slowly with h.
+
+    ``row`` has the order that they show, and the number of pairs of steps that it is from.
+    """
     return row["pairs"] >= PAIRS and row["order"] < order - SLOWER
 
 

@@ -23,9 +23,9 @@ class Judgement:
 
     Attributes
     ----------
-    verdict : `HOLDS`, `CONTRADICTED`, ...
-    measured, interval : the measured number (or words), and its interval
-    on : the systems that decide
+    verdict : `HOLDS`, `CONTRADICTED`, `UNJUDGED` or another outcome
+    measured, interval : the measured number (or words), and its interval (low, high), if it has one
+    on : names of the test systems that decide
     why : the reason in words
     name, claim : the name of the claim, and the claim in words
     """

@@ -70,10 +70,11 @@ class Truth:
 
 @cache
 def truth(scene: str) -> Truth:
-    """Return the true state of a scene's orbit at the scene's end, from its certificate or computed now.
+    """Return the true state of a scene's orbit at the scene's end or, if it is chaotic, at the last time it is known.
 
-    If the end is past the horizon of a chaotic orbit, return the last stored state before the horizon.  ``scene`` is
-    the scene's id.
+    ``scene`` is the id of a scene: a problem on an orbit with a time span and steps.  The state is a stored one of the
+    orbit's certificate; for a chaotic orbit the last one up to the scene's end and the horizon, to which a reference
+    can follow the orbit.  If there is none, the state at the scene's end is computed now.
     """
     wanted = BY_ID[scene]
     problem = problem_of(wanted.problem)
@@ -99,8 +100,9 @@ def _compute_truth(problem: Problem, t: float) -> Truth:
 def head(scene: Scene, problem: Problem, chosen: Method | Peer, kind: str, *packages: str) -> dict[str, Any]:
     """Return the first columns of a row of results, name -> value: what was integrated, by what, with which versions.
 
-    ``chosen`` is the method or the peer (an integrator of another package), ``kind`` its origin; the versions are those
-    of phasebench, NumPy, Numba and the further ``packages``.
+    ``scene`` says to which time the problem is integrated, ``chosen`` is the method or the peer (an integrator of
+    another package), ``kind`` its origin; the versions are those of phasebench, NumPy, Numba and the further
+    ``packages``.
     """
     used = ("phasebench", "numpy", "numba", *packages)
     return {

@@ -144,7 +144,7 @@ def geodesic() -> SplitHamiltonian:
 
 
 def many_parts() -> SplitHamiltonian:
-    """Make a polynomial H, d = 2, as a sum of five parts that have exact flows of all kinds (`systems.parts`)."""
+    """Make a polynomial H, d = 2, of five parts with exact flows: shears, monomials, a square (`systems.parts`)."""
     parts = [
         "(q1**2 + 2*p1**2)/2",
         "q2*p2*(1 + q1**2)/5",
@@ -220,7 +220,8 @@ def runs_on(method: Method, name: str) -> bool:
 def systems(method: Method, few: bool | None = None) -> list[str]:
     """Return the names of the test systems, keys of `SYSTEMS`, on which a method is tested.
 
-    ``few`` restricts them to `FEW` if any of these fits; by default it is True for an order above `LOW_ORDER`.
+    With ``few`` they are only those of `FEW`, if the method can integrate any of these; by default this is so for an
+    order above `LOW_ORDER`.
     """
     if method.parameters.get("order", 0) in HIGH or (method.family == "schemes_iv_v" and method.order > LOW_ORDER):
         return [n for n in SHORT if runs_on(method, n)]

@@ -105,9 +105,9 @@ class Clock:
         return not shared
 
     def _warm(self) -> tuple[float, bool]:
-        """Time a first run (a second, if it is short), and choose from it how many runs a reading repeats.
+        """Time a first run (a second, if it is short), and choose from it how many runs are timed together later.
 
-        Returns (seconds, True if the core was shared).
+        Returns (seconds, True if other processes shared the core).
         """
         q, p = (np.asarray(x, dtype=float) for x in self.start)
         once, shared = self._reading([(q, p)])
@@ -119,7 +119,10 @@ class Clock:
         return once, shared
 
     def _reading(self, starts: list) -> tuple[float, bool]:
-        """Time a run from each start (q, p); return (mean seconds, True if other processes shared the core)."""
+        """Time a run from each start (q, p).
+
+        Returns (mean seconds of a run, True if other processes shared the core).
+        """
         restart, advance, size, spent = self.run.restart, self.run.advance, self.size, 0.0
         clock = time.perf_counter
         thread, wall = time.thread_time(), clock()

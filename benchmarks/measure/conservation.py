@@ -35,9 +35,10 @@ def conservation(t: np.ndarray, values: np.ndarray, scale: float) -> dict[str, f
 def energy(
     system: PartitionedSystem, t: np.ndarray, q: np.ndarray, p: np.ndarray
 ) -> tuple[np.ndarray, dict[str, float]]:
-    """Return (H at each row of q, p, array (n,); the row of its error and drift as `conservation` makes it).
+    """Return (H at each row of q and p, array (n,); the dict of its largest error and its drift).
 
-    t has shape (n,), q and p have shape (n, d); the row's scale is max |H| + max |p.q'|.
+    t has shape (n,), q and p have shape (n, d).  The dict is that of `conservation`, with max |H| + max |p.q'| as the
+    scale.
     """
     H = system.observe(system.H, q, p)
     kinetic = sum(system.observe(e, q, p) * p[:, i] for i, e in enumerate(system.dq))

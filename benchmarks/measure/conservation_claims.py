@@ -55,10 +55,10 @@ def check(problem: Problem, name: str) -> None:
 
 
 def declaration(integrator: Integrator, name: str) -> bool | None:
-    """Return whether an integrator is declared to have the property ``name`` (`claim_names`); None if unknown.
+    """Return whether an integrator is declared to have the property ``name`` (see `claim_names`); None if unknown.
 
-    For a peer or a user's own step, "symplectic" and "reversible" are False unless stated, and all else is None.  For a
-    method of this project only an invariant of the problem is None.
+    For a peer (integrator of another package) or a user's own step, "symplectic" and "reversible" are False unless
+    declared, and all other properties are None.  For a method of this project only invariants of the problem are None.
     """
     record = integrator.record
     if integrator.kind == OURS:
@@ -75,7 +75,10 @@ def declaration(integrator: Integrator, name: str) -> bool | None:
 
 
 def refusal(integrator: Integrator, conserve: Iterable[str]) -> str | None:
-    """Return why an integrator is not tried: which of the names ``conserve`` it is declared to lack; None if none."""
+    """Return a sentence on the demanded properties, ``conserve``, that an integrator is declared to lack.
+
+    None if it lacks none; an integrator with such a sentence is not tried.
+    """
     lacking = [name for name in conserve if declaration(integrator, name) is False]
     whose = "its package does not state" if isinstance(integrator.record, Peer) else "it is not declared to keep or be"
     return f"{whose} what has to be conserved: {', '.join(lacking)}" if lacking else None
@@ -150,7 +153,10 @@ def _errors(integrator: Integrator, ask: Ask, size: dict, names: Iterable[str]) 
 
 
 def rows(size: dict) -> dict:
-    """Return the keyword arguments of `Integrator.run` with ``size`` (steps or tol) and about `ROWS` output rows."""
+    """Return the keyword arguments of `Integrator.run` for a run with about `ROWS` saved rows.
+
+    ``size`` is the accuracy of the run, {"steps": number} or {"tol": tolerance}.
+    """
     if "steps" in size:
         return size | {"save_every": max(1, size["steps"] // ROWS)}
     return size | {"steps": ROWS, "save_every": 1}
@@ -159,8 +165,9 @@ def rows(size: dict) -> dict:
 def symplecticity_defect(integrator: Integrator, problem: Problem, h: float) -> float:
     """Return max |M^T J M - J| for the Jacobian M of a step of size h at the initial state, q and p of unit size.
 
-    It is 0 if finite differences cannot resolve it: two displacements then give different values.  A planetary system
-    is reduced to its massive bodies, since the momenta of test particles cannot be displaced.
+    q and p are in units of their largest components over a few steps.  The result is 0 if finite differences cannot
+    resolve it: two displacements then give different values.  A planetary system is reduced to its massive bodies,
+    since the momenta of test particles cannot be displaced.
     """
     if hasattr(problem, "massive"):
         problem = problem.massive()

@@ -120,7 +120,11 @@ def _slopes(t: np.ndarray, error: np.ndarray) -> np.ndarray:
 
 
 def without_lines(t: np.ndarray, error: np.ndarray) -> np.ndarray:
-    """Return ``error`` at equidistant ``t``, arrays (n,), minus the significant spectral lines fitted to it."""
+    """Return a series minus its significant oscillations, the spectral lines that stand out of its spectrum.
+
+    ``error`` is the series at equidistant times ``t``, arrays (n,); a straight line in it stays.  Sines and cosines are
+    fitted one frequency after another, the strongest first.
+    """
     scale = np.ptp(error)
     if not scale > 0:
         return error
@@ -143,9 +147,10 @@ def without_lines(t: np.ndarray, error: np.ndarray) -> np.ndarray:
 def _remove_lines(
     x: np.ndarray, y: np.ndarray, weight: np.ndarray, frequencies: np.ndarray, fit: np.ndarray
 ) -> np.ndarray:
-    """Return the series y(x) minus its fitted sines and cosines; a fit of the residual then reduces round-off.
+    """Return the series y(x), arrays (n,), minus its fitted sines and cosines.
 
     ``fit`` has the coefficients of 1, x, the cosines and the sines of ``frequencies``; 1 and x are not subtracted.
+    What remains is fitted once more, with weights ``weight`` (n,), so that less round-off is left.
     """
     columns = np.hstack([_columns(x, frequencies), _fit_derivatives(x, frequencies, fit)])
     rest = y - columns[:, : len(fit)] @ fit
@@ -154,9 +159,11 @@ def _remove_lines(
 
 
 def _sound(frequencies: np.ndarray, fit: np.ndarray) -> bool:
-    """True if frequencies differ by 1 period from each other and from 0, and no amplitude exceeds the series' range.
+    """True if fitted oscillations are plausible, so that they may be subtracted.
 
-    Lines that nearly cancel arise when the error is not an oscillation, for instance if it decays.
+    The frequencies must differ by at least 1 period in the series from each other and from 0, and no amplitude may
+    exceed the series' range.  Lines that nearly cancel arise when the error is not an oscillation, for instance if it
+    decays.
     """
     k = len(frequencies)
     amplitudes = np.hypot(fit[2 : 2 + k], fit[2 + k :])

@@ -227,7 +227,7 @@ def _run(
 ) -> tuple[np.ndarray, float]:
     """Integrate the orbits by a method or, one after the other, by a user's own step.
 
-    Returns (which of them ran in SIMD lanes, seconds).
+    Returns (boolean array: which orbits ran in SIMD lanes, several side by side in one vector register; seconds).
     """
     if not isinstance(method, OwnStep):
         return ensemble.run(orbits, lanes, threads, progress)

@@ -57,7 +57,7 @@ class Extreme:
         self.end: float | None = None
 
     def see(self, values: np.ndarray) -> None:
-        """Update the extremes with the next values along the run, array (n,); non-finite ones are left out."""
+        """Update the attributes with the next values along the run, array (n,); non-finite ones are left out."""
         good = values[np.isfinite(values)]
         if self.first is None and len(good):
             self.first, good = float(good[0]), good[1:]
@@ -173,7 +173,7 @@ class ThinnedTrajectory(Trajectory):
         seen(self.q[:1], self.p[:1])
 
     def __bool__(self) -> bool:
-        """True while the trajectory has more steps to integrate."""
+        """True while steps are left to integrate and the run has not failed."""
         return self.status == OK and self.reached < self.steps
 
     def advance(self, run: Layout, pace: Pace) -> None:
@@ -204,7 +204,7 @@ class ThinnedTrajectory(Trajectory):
             self._close()
 
     def _keep(self, n: int) -> None:
-        """Pass the first n rows of the buffer to the observer, and save every Nth of them."""
+        """Pass the first n states of the buffer to the function ``seen``, and save every Nth state of the run."""
         Q, P, parameter = (x[1 : n + 1] if x is not self._buffer[2] else x[:n] for x in self._buffer)
         self.seen(Q, P)
         begin = self.reached
@@ -219,10 +219,10 @@ class ThinnedTrajectory(Trajectory):
         self._last[:] = Q[-1], P[-1]
 
     def _telling(self, Q: np.ndarray, P: np.ndarray) -> list[int]:
-        """Return the indices of the rows of a piece that are kept besides, for the judgement of the run.
+        """Return the indices of states of a piece that are kept besides every Nth one, so that the run can be judged.
 
-        They are the row of the largest energy error and the first row close enough to a singularity to be reached in a
-        step.
+        Q and P, arrays (n, d), are the piece.  Kept are the state of the largest energy error, and the first one that
+        is so close to a singularity that a step could reach it.
         """
         found = []
         if self.system.has_energy:

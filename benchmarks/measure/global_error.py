@@ -47,10 +47,10 @@ def with_start(problem: Problem | PartitionedSystem, q0: State | None = None, p0
 def onwards(
     problem: Problem, solution: Solution | SimpleNamespace, span: float
 ) -> tuple[Problem, SimpleNamespace, float]:
-    """Return (problem, solution, span) with times that rise from 0; ``span`` is t_end - t0, negative for back in time.
+    """Turn a run into one from time 0 forward, also if it went back in time; return (problem, solution, span).
 
-    The solution returned has only t (n,), q and p (n, d).  A run back in time becomes a run forward in time of the
-    problem with -H in place of H.
+    ``span`` is t_end - t0, negative for a run back in time; the one returned is positive.  The solution returned has
+    only t (n,), q and p (n, d).  A run back in time becomes a run forward of the problem with -H in place of H.
 
     Raises InvalidInput for a negative span of a system that is not canonical or has no formula of H.
     """
@@ -97,7 +97,10 @@ def orbit_horizon(problem: Problem, t_end: float) -> float:
 
 
 def past(reach: float, t_end: float) -> str:
-    """Return a sentence why a state has no error at ``t_end``, later than the orbit's horizon ``reach``; else ""."""
+    """Return a sentence why a state has no error at ``t_end``, if that is past the horizon of the orbit, ``reach``.
+
+    The horizon is the last time to which a reference in long double follows the orbit.  "" if ``t_end`` is not past it.
+    """
     if t_end <= reach:
         return ""
     return (
@@ -107,7 +110,10 @@ def past(reach: float, t_end: float) -> str:
 
 
 def vague(true: Truth) -> str:
-    """Return a sentence if a reference value is too uncertain; "" if its uncertainty is at most `KNOWN` of its size."""
+    """Return a sentence if a reference value is too uncertain to measure errors with.
+
+    "" if its uncertainty is at most `KNOWN` times its size.
+    """
     size = float(np.abs(true.values).max())
     if true.uncertainty <= KNOWN * size:
         return ""
@@ -145,7 +151,8 @@ def quantity_error(
 
     The run saves the rows that the quantity needs; ``size`` is {"steps": number} or {"tol": tolerance}.  The error is
     None, and the dict has a ``reason``, for a state past the horizon and if the reference fails or is too uncertain.
-    Raises InvalidInput if the quantity needs a multiple of some number of steps and ``size`` is none.
+    Raises InvalidInput if the quantity needs a number of steps that is a multiple of its number of rows, and ``size``
+    has another.
     """
     try:
         true = truths.truth(problem, wanted, t_end)

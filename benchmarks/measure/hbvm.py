@@ -12,10 +12,10 @@ if TYPE_CHECKING:
 
 
 def too_few_nodes(method: str, system: PartitionedSystem) -> bool:
-    """True if HBVM(k, s) has too few nodes k to conserve a system's H.
+    """True if HBVM(k, s), with k nodes and order 2 s, has too few nodes to conserve a system's H.
 
     It conserves polynomials of degree at most 2k/s; for an H that is no polynomial the answer is True.  ``method`` is
-    an id, "hbvm-k-s"; for the id of any other method the answer is False.
+    the method's id, "hbvm-k-s"; for the id of any other method the answer is False.
     """
     kind, *sizes = method.split("-")
     if kind != "hbvm":

@@ -333,7 +333,10 @@ def prepare(
 
 
 def _problem(problem: Any, method: Integrator, q0: State | None) -> Any:
-    """Look up a problem by name; add the Kepler part found in a system's H if the method requires one."""
+    """Return the problem of this name; anything but a name is returned as it is.
+
+    If ``method`` requires a Kepler part, a bare system gets the one that is found in its H at q0.
+    """
     if isinstance(problem, (str, Path)):
         return problem_of(problem)
     needs = "Kepler part" in getattr(method.record, "requires", ())

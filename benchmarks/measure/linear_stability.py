@@ -122,7 +122,10 @@ def stability(
     seen: dict[float, tuple[np.ndarray, float]] = {}
 
     def look(z: float) -> tuple[np.ndarray, float]:
-        """(the four margins, largest entry of the matrix) at z; (-1, ..., inf) if the step fails."""
+        """Return (the four stability margins, the largest entry of the step's matrix) at z.
+
+        All margins are -1 and the entry is infinite if the step fails.
+        """
         if z not in seen:
             M = step_matrix(z)
             taken = M is not None and np.isfinite(M).all()
@@ -195,11 +198,11 @@ def _with_extrema(f: Callable[[float], float], scan: list[float]) -> list[float]
 
 
 def _grows_from_the_start(at: Callable[[float], np.ndarray], scan: list[float], piece: tuple[float, float]) -> bool:
-    """True if a stable interval ``piece`` = (0, end) is spurious: the map grows, at first by less than the allowance.
+    """True if a stable interval ``piece`` = (0, end) is spurious, since the map grows at every step z > 0.
 
-    In such an interval the determinant, which is 1 + z^2 for explicit Euler, is nowhere below 1, and beyond the end it
-    alone is what makes the map unstable: it exceeds 1 by more than the allowance for round-off.  ``at`` gives the
-    margins at z.
+    Near z = 0 the growth is less than the allowance for round-off in the margins, and is not seen.  The determinant
+    tells, which is 1 + z^2 for explicit Euler: it is nowhere below 1 in the interval, and beyond the end it alone, by
+    exceeding 1, makes the map unstable.  ``at`` gives the four stability margins at z, ``scan`` has the scanned z.
     """
     start, end = piece
     if start > 0 or end >= scan[-1]:

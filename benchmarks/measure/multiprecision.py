@@ -73,7 +73,8 @@ def extrapolate(f: Callable[[np.ndarray], np.ndarray], y: np.ndarray, T: Number)
 
     Returns (y(T), its uncertainty in the max norm), y being an array of multiprecision numbers.
 
-    The uncertainty is the change in the last column, which shows the convergence, plus a bound of round-off.
+    The uncertainty is the difference between the last two entries in the last row of the extrapolation table, plus a
+    bound of round-off.
     """
     rows: list = []
     for j in range(COLUMNS):
@@ -209,7 +210,8 @@ def defect(record: Method, name: str) -> float:
 def distance(record: Method, name: str, back: Method | None = None) -> float:
     """Return the distance from the start after a step h with ``record`` and a step -h with ``back``, on a test system.
 
-    ``back`` is a method, by default ``record`` itself: the distance is then the defect of symmetry.
+    ``back`` is a method, by default ``record`` itself: the distance is then the defect of symmetry.  h is the step of
+    `step_of`, and ``name`` a key of `battery.SYSTEMS`.
     """
     system, y = start(name)
     h = step_of(record)
@@ -243,8 +245,8 @@ def cells(what: str) -> list[tuple[str, str]]:
 def measure(what: str, label: str, name: str) -> dict | float | str:
     """Make the measurement ``what`` of the method with a label on the test system ``name``, and return its result.
 
-    ``what`` is "orders", "symplecticity", "symmetry" or "volume".  If the measurement fails, the result is the error's
-    text.
+    ``what`` is "orders", "symplecticity", "symmetry" or "volume".  The result is the dict of `errors` for "orders",
+    else a defect; if the measurement fails, it is the error's text.
     """
     record = methods()[label]
     with precision(digits(record)):
@@ -272,10 +274,10 @@ def everywhere(what: str) -> dict:
 
 
 def frozen() -> dict[str, dict[str, dict[str, float]]]:
-    """Repeat a step of the energy-preserving Schemes IV and V by Schemes I and III with the same parameter lambda.
+    """Repeat a step of an energy-preserving method by the symplectic method with the same parameter lambda.
 
-    In each step Schemes IV and V choose lambda so that H is conserved; Schemes I and III are the same with lambda
-    fixed.
+    Schemes I and III are symplectic methods with a fixed parameter lambda.  Schemes IV and V are the same, but choose
+    lambda in each step so that H is conserved.
 
     Returns {id: {system: {defect, distance, lam}}}: the symplecticity defect of the step with lambda fixed, the
     distance of its end from that of the energy-preserving step, and lambda.

@@ -134,9 +134,9 @@ def _prepare(record: Method, problem: Any) -> PreparedRun:
 
 
 def end(chosen: Integrator, z: float, steps: int, state: Sequence[float] = (1.0, 0.0)) -> np.ndarray | None:
-    """Return the oscillator's state (q, p), array (2,), after ``steps`` steps z = h omega from ``state``.
+    """Return the oscillator's state (q, p), array (2,), to which ``steps`` steps z = h omega lead from ``state``.
 
-    It may be infinite or NaN; None if a step fails.
+    The result may be infinite or NaN; it is None if a step fails.
     """
     problem, way = _problem(chosen)
     q, p = state[0] * way, state[1] * way
@@ -180,8 +180,9 @@ def linear(chosen: Integrator) -> bool:
 
 
 def find(chosen: Integrator) -> Found:
-    """Find the stable steps z = h omega of an integrator on the oscillator, by the way that suits its map.
+    """Find the stable steps z = h omega of an integrator on the oscillator.
 
+    A linear map is judged by its matrix, a multistep method by the roots of its polynomials, others by long runs.
     Raises InvalidInput if it is adaptive or cannot integrate the oscillator.
     """
     if chosen.adaptive:
@@ -210,7 +211,11 @@ def noise(chosen: Integrator, z: float) -> float:
 
 
 def of_matrix(step_matrix: StepMatrix, noise: Callable[[float], float] = lambda z: 0.0) -> Found:
-    """Find the stable steps z of a linear map from its matrix (2, 2) and the error of its entries, functions of z."""
+    """Find the stable steps z of a linear map from its matrix.
+
+    ``step_matrix`` is a function z -> matrix (2, 2) of a step, None if it fails; ``noise`` is z -> the error of its
+    entries.
+    """
     known = _cache_matrices(step_matrix)
     pieces, scanned = _pieces(known, noise)
     reason = "" if scanned else "no step can be taken"
@@ -393,7 +398,7 @@ class Stability(TabularResult):
     touches : values inside an interval at which the trace of a linear map reaches 2 or -2 and turns back
     scanned : the z at which the scan ended
     how : by what stability was decided: `TRACE`, `RUNS` or `ROOTS`
-    reason : why the scan ended early, or what runs showed that were made to check it; "" if neither
+    reason : why the scan ended early, how the first unstable run failed, or how runs beside a known limit ended; or ""
     """
 
     method: str

@@ -27,12 +27,14 @@ SIGNS = {"scheme-iv": (1,), "scheme-v": (-1, 1)}
 
 @dataclass(frozen=True)
 class Scan:
-    """The roots lambda of the energy equation of Scheme IV or V that a scan found for each step of a trajectory.
+    """The values of lambda with which a step of Scheme IV or V conserves H, for each step of a trajectory.
+
+    Schemes IV and V are methods with a parameter lambda that they choose in each step so that H is conserved.
 
     Attributes
     ----------
     h : the step size
-    roots : for each of n steps the roots lambda, an array sorted by distance from 1/2
+    roots : for each of n steps the values of lambda, an array sorted by distance from 1/2
     low, high : arrays (n,), the lambda that the continuation reached below and above 1/2 in each step
     """
 
@@ -43,7 +45,7 @@ class Scan:
 
 
 class _Forces:
-    """The gradient (n, d) and Hessian (n, d, d) of U at rows Q (n, d), for separable H with quadratic T.
+    """The gradient (n, d) and Hessian (n, d, d) of the potential U at rows Q (n, d), for H = T(p) + U(q), T quadratic.
 
     Attributes
     ----------
@@ -68,10 +70,11 @@ class _Forces:
 def _substep(
     forces: _Forces, Q: np.ndarray, P: np.ndarray, h: float, lam: float, k: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Take a substep of size h of the scheme at every row of Q, P (n, d), at the parameter lambda = ``lam``.
+    """Take a step of size h of a one-stage method with the parameter lambda = ``lam`` from every row of Q, P (n, d).
 
-    The stage equation is solved for k (n, d) by Newton's method from a given k.  Returns (Q after the substep, P after
-    it, k, boolean array (n,): True where k converged and is not past the fold of the solution).
+    Of such substeps Schemes IV and V consist.  The stage equation is solved for k (n, d), minus the gradient of U at
+    the stage, by Newton's method from a given k.  Returns (Q after the substep, P after it, k, boolean array (n,): True
+    where k converged and is not past the fold at which the solution ends).
     """
     M, d = forces.inverse_mass, Q.shape[1]
     b = lam * (1 - lam) * h * h
@@ -101,12 +104,13 @@ def scan(
     reach: float = 60.0,
     spacing: float = 0.02,
 ) -> Scan:
-    """Find every root lambda in [1/2 - reach, 1/2 + reach] of the energy equation, for steps h from n states.
+    """Find every lambda in [1/2 - reach, 1/2 + reach] with which a step of Scheme IV or V conserves H, from n states.
 
     Parameters
     ----------
     found : the problem
-    scheme : "scheme-iv" or "scheme-v"
+    scheme : "scheme-iv" or "scheme-v", methods that choose their parameter lambda in each step so that H is conserved
+    h : the step size
     Q, P : arrays (n, d), the states from which the steps start
     H0 : the energy that a step must have at its end
     reach, spacing : range and spacing of the scan of lambda
@@ -144,9 +148,10 @@ def scan(
 
 
 def along(found: Problem, scheme: str, h: float, t_end: float, every: int = 1, **options: float) -> Scan:
-    """Integrate by Scheme IV or V to ``t_end``, and find all roots lambda of every Nth step (N = ``every``).
+    """Integrate by Scheme IV or V to ``t_end``, and find every lambda with which a step conserves H.
 
-    ``scheme`` is "scheme-iv" or "scheme-v"; ``options`` are reach and spacing of `scan`.
+    ``scheme`` is "scheme-iv" or "scheme-v", methods that choose their parameter lambda in each step so that H is
+    conserved.  Every Nth step is scanned, N = ``every``; ``options`` are reach and spacing of `scan`.
     """
     path = integrate(found, scheme, h=h, t_end=t_end)
     H0 = float(found.system.observe(found.system.H, path.q[:1], path.p[:1])[0])
@@ -154,10 +159,11 @@ def along(found: Problem, scheme: str, h: float, t_end: float, every: int = 1, *
 
 
 def summary(scans: list[Scan]) -> list[dict]:
-    """Make the rows of a table, one for each scan (a step size h) of the roots lambda of the energy equation.
+    """Make the rows of a table of the roots, the values of lambda with which a step of Scheme IV or V conserves H.
 
-    A row has h, the numbers of steps without, with one and with more roots, the range of the roots nearest to 1/2, the
-    number of the others ("far") and the one closest to 1/2, and the range of lambda that was scanned in every step.
+    There is a row for each scan (a step size h), with h, the numbers of steps without, with one and with more roots,
+    the range of the roots nearest to 1/2, the number of the others ("far") and the one of these closest to 1/2, and the
+    range of lambda that was scanned in every step.
     """
     out = []
     for s in scans:

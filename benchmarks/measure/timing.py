@@ -98,11 +98,11 @@ def ratio(a: np.ndarray, b: np.ndarray) -> Median:
 
 
 def cheaper(ours: Median, peers: Median, tie: float = 1.0) -> str:
-    """Compare the costs of our and the peers' cheapest integration to an error: return which is cheaper.
+    """Return whether this project or another package is cheaper, from the costs of their cheapest runs to an error.
 
     Returns "ours" or "peer" if the whole interval of one cost, widened by the factor ``tie``, is below the other's,
-    else "tie"; "none" if neither meets the error.  A cost has ``low`` infinite if the error is never met, and ``high``
-    infinite if it may not be met.
+    else "tie"; "none" if neither reaches the error.  A cost has ``low`` infinite if the error is never reached, and
+    ``high`` infinite if it may not be reached.
     """
     if isinf(ours.low) and isinf(peers.low):
         return NONE

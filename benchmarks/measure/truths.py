@@ -4,7 +4,7 @@
   effect on the quantity of moving each component by one unit in the last place of a double, or by the state's own
   uncertainty if that is larger, plus rounding of the values.
 - For other quantities, two runs in long double and a few displaced ones (`reference.certificates.followed`).  The
-  uncertainty is `SAFETY` times the difference between the two, plus `GROWN` times the largest growth of a rounding,
+  uncertainty is `SAFETY` times the difference between the two, plus `GROWN` times the largest effect of rounding,
   plus rounding of the values to double.
 - For a statistical quantity, the mean over `NEIGHBOURS` orbits with seeded displacements of relative size `SHIFT`.  The
   uncertainty is twice their standard deviation, since an exact integration would be just one more of them.

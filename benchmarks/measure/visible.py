@@ -1,7 +1,7 @@
 """The least defect of a step map that shows that a method lacks a structure, such as symplecticity.
 
-Defects are those of `multiprecision`, in 40 digits, or in more for high orders; smaller ones than the least may be
-errors of measurement.
+Defects are measured by `multiprecision`, in 40 digits, or in more for high orders; a smaller defect may be an error of
+the measurement.
 """
 
 from __future__ import annotations

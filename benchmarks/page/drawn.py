@@ -51,7 +51,7 @@ def _data_digests() -> tuple[str, ...]:
 
 @functools.cache
 def _source(module: str) -> str:
-    """Digest of all that a drawing depends on: the module and its imports, their data, and the libraries' versions."""
+    """Return a hash of all that a drawing depends on: its module with imports and data, and the libraries' versions."""
     return _hash(" ".join([sources.digest([module]), *_data_digests()]).encode())
 
 
@@ -70,7 +70,7 @@ class _Reading:
 
 
 class Figures:
-    """The figures of a report folder: those stored before, and those of this report."""
+    """The figures of a report folder: those of the report before, by their digests, and those drawn or copied now."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder / "figures"
@@ -81,7 +81,10 @@ class Figures:
             self.before = {}
 
     def of(self, page: Page, data: Data, target: Path) -> list[Picture]:
-        """Draw a page's figures into ``target``, or copy stored ones if still valid; ``data`` is a `report.Data`."""
+        """Draw a page's figures into ``target``, or copy those of the report before if they are still valid.
+
+        ``data`` is a `report.Data`, which reads the tables.  Returns the figures with their titles and captions.
+        """
         entry = self.before.get(page.id)
         if entry is None or not self._same(entry, page, data):
             read = _Reading(data)

@@ -67,7 +67,7 @@ def _full_table(frame: pd.DataFrame) -> str:
 def document(
     text: str, folder: Path, whole: pd.DataFrame | None = None, home: str | None = "index.html", fold: bool = True
 ) -> str:
-    """The HTML of a page's Markdown.
+    """Return a page's Markdown as a complete HTML document.
 
     Parameters
     ----------

@@ -21,7 +21,10 @@ NOISE = 1e-12
 
 @once
 def long_runs(rows: pd.DataFrame) -> pd.DataFrame:
-    """The rows of long runs of this project's methods, with the energy behaviour that each method declares."""
+    """Return the rows of long runs of this project's methods, with a column of the energy behaviour that each declares.
+
+    ``rows`` is the table of the experiment `trade`.
+    """
     part = rows[rows["purpose"] == scenes.DRIFT]
     if "kind" in part:
         part = part[part["kind"] == OURS]
@@ -43,7 +46,11 @@ def long_runs(rows: pd.DataFrame) -> pd.DataFrame:
 
 @once
 def completed_runs(rows: pd.DataFrame) -> pd.DataFrame:
-    """The long runs that reached the end, with whether the energy drifts and whether the system is canonical."""
+    """Return the rows of the long runs that reached the end, with columns that judge them.
+
+    ``drifts`` is True if the energy drifts, ``canonical`` if the system is canonical, and ``few nodes`` if a
+    Hamiltonian boundary value method has too few nodes to conserve H.
+    """
     ran = long_runs(rows)
     ran = ran[ran["status"] == "ok"].copy()
     # An interval that contains 0 gives no certain drift.

@@ -83,7 +83,10 @@ def plain(text: str) -> str:
 
 
 def wrap(text: str, first: str = "", then: str = "") -> str:
-    """The text in lines of at most `WIDTH` characters; no word is broken."""
+    """Return the text in lines of at most `WIDTH` characters; no word is broken.
+
+    The first line begins with ``first``, every other line with ``then``.
+    """
     return textwrap.fill(text, WIDTH, initial_indent=first, subsequent_indent=then, break_long_words=False,
                          break_on_hyphens=False)  # fmt: skip
 
@@ -111,8 +114,9 @@ def document(
 ) -> str:
     """The Markdown of a page; the outcome and the answer come first.
 
-    ``origin`` says where and when its tables were measured; ``outdated`` says how many rows were measured by an
-    earlier version of the code ("" if none).
+    ``outcome`` and ``answer`` are its verdict in a word and in a sentence, ``shown`` is its table.  ``origin`` says
+    where and when its tables were measured; ``outdated`` says how many rows were measured by an earlier version of the
+    code ("" if none).
     """
     parts = [f"# {page.question}\n", wrap(f"**{outcome}** {answer}") + "\n"]
     if verdicts:

@@ -15,9 +15,10 @@ if TYPE_CHECKING:
 
 
 def earlier(rows: pd.DataFrame, machines: Mapping) -> str:
-    """A phrase that says when the rows were measured, and how many come from earlier runs or from outdated code.
+    """Return a phrase that says when a table's rows were measured, and how many come from earlier runs or old code.
 
-    ``rows`` may have the columns date, machine and state; ``machines`` maps a machine's name to its description.
+    ``rows`` may have the columns date, machine and state ("stale" if the code has changed since); ``machines`` maps a
+    machine's name to a dict that describes it.
     """
     if "date" not in rows or rows["date"].isna().all():
         return "the date was not recorded"
@@ -57,7 +58,7 @@ def _table(name: str, data: Data) -> str:
 
 
 def machine(about: Mapping | None) -> str:
-    """A sentence on the machine, the package versions and the kind of run that a table was measured with."""
+    """Return a sentence on the machine, package versions and kind of run (quick or full) of a table's metadata."""
     if not about:
         return ""
     tier = "quick tier" if about.get("quick") else "full run"
@@ -65,7 +66,10 @@ def machine(about: Mapping | None) -> str:
 
 
 def origin(page: Page, data: Data) -> str:
-    """The Markdown list of a page's command, tables and machines; ``data`` is a `report.Data`."""
+    """Return the end of a page, a Markdown list: the command that measures its tables, the tables, and the machines.
+
+    ``data`` is a `report.Data`, which reads the tables.
+    """
     measured = [name for name in page.tables if data(name) is not None]
     missing = [name for name in page.tables if data(name) is None]
     lines = [f"- `{page.command}`"] if page.command else []

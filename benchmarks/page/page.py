@@ -127,14 +127,14 @@ class Page:
     listed: bool = True
 
     def judge(self, data: Data) -> list[Verdict]:
-        """The verdicts that the measured tables allow."""
+        """Return the page's verdicts, without those that the tables of ``data`` (name -> table) do not decide."""
         return [v for v in (verdict(data) for verdict in self.verdicts) if v is not None]
 
 
 def conclusion(page: Page, data: Data, verdicts: list[Verdict] | None = None) -> tuple[str, str]:
-    """(outcome, answer in words) of a page; the outcome is `MISSING` if its tables were not measured.
+    """Return (outcome, answer in words) of a page; the outcome is `MISSING` if its tables were not measured.
 
-    ``verdicts`` are the page's, if they were already computed.
+    ``data`` maps a table's name to the table; ``verdicts`` are those of the page if they are already computed.
     """
     answer = page.answer(data)
     if answer is None:

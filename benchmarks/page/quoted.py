@@ -1,4 +1,4 @@
-"""Compare printed numbers and statements of others with measurements: a record for each, and the table of them."""
+"""Numbers and statements printed by others, each compared with a measurement, and the table of the comparisons."""
 
 from __future__ import annotations
 
@@ -17,7 +17,8 @@ class Quoted:
 
     Attributes
     ----------
-    verdict : data -> `Verdict`, None if it was not measured; its docstring is the claim in words
+    verdict : function of ``data`` (table's name -> table) that returns the `Verdict`, or None if the measurement is
+        missing; its docstring is the claim in words
     printed : the number or the words that are printed
     why : why the measurement differs, or ""
     source : where it is printed
@@ -30,9 +31,10 @@ class Quoted:
 
 
 def lines(data: Data, quoted: Iterable[Quoted]) -> pd.DataFrame:
-    """The table of printed statements: a row for each, also for one that was not measured.
+    """Return the table of printed statements: a row for each, also for one that was not measured.
 
-    Columns: claim, printed, measured, outcome, why they differ, where, source.
+    ``data`` maps a table's name to the table.  Columns: claim, printed (as printed), measured, outcome, why they
+    differ, where (the case that is worst), source (where it is printed).
     """
     rows = []
     for one in quoted:
@@ -49,6 +51,9 @@ def _claim(one: Quoted) -> str:
 
 
 def count(data: Data, quoted: Iterable[Quoted]) -> tuple[int, int, int] | None:
-    """Return (number of statements judged, number that hold, number that do not hold); None if none is judged."""
+    """Return (number of statements judged, number that hold, number that do not hold); None if none is judged.
+
+    ``data`` maps a table's name to the table, from which each statement of ``quoted`` is judged.
+    """
     judged = [found.outcome for one in quoted if (found := one.verdict(data)) is not None and found.outcome != MISSING]
     return (len(judged), judged.count(PASS), judged.count(FINDING)) if judged else None

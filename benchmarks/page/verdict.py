@@ -1,6 +1,6 @@
-"""`Verdict`: a claim, the measured value, the expected one, and where it is worst, as data.
+"""`Verdict`: a claim, the measured value, the expected one, and the case in which it is worst.
 
-The claim is a plain sentence of at most 15 words without a measured number; whether it holds is computed here only.
+The claim is a plain sentence of at most 15 words without a measured number; whether it holds is computed here.
 `markdown.verdicts_table` prints it.
 
 >>> Verdict("every method has its declared order", Count(17, 18), EVERY, "methods", where="scheme-iv").outcome
@@ -101,7 +101,7 @@ def at_least(bound: float) -> Between:
 
 @dataclass(frozen=True)
 class Exactly:
-    """Condition on a count: all items have the property (``all``), or none."""
+    """Condition on a count: all items have the property (if ``all`` is True), or none has."""
 
     all: bool
 
@@ -127,7 +127,7 @@ class Verdict:
     measured : a number, a `Range` or a `Count`; None or nan if no row decides
     expected : `at_most`, `at_least`, `Between`, `EVERY` or `NONE`
     unit : of the measured number, or the name of the counted items
-    where : the scene, method or size where the measured value is worst
+    where : the case in which the measured value is worst, such as a method, a problem or a number of particles
     otherwise : the outcome if the value is not as expected: `FINDING`, or `FAIL` if this suite is wrong then
     """
 
@@ -147,7 +147,7 @@ class Verdict:
         return PASS if self.expected.met(self.measured) else self.otherwise
 
     def row(self) -> dict[str, str]:
-        """The cells of its row in the table of verdicts: claim, measured, expected, outcome, where it is worst."""
+        """Return the claim's row in a page's table: claim, measured, expected, outcome, where it is worst -> text."""
         missing = self.outcome == MISSING
         return {
             "claim": self.claim,
