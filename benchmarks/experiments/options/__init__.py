@@ -1,1 +1,1 @@
-"""Experiment: what do the options of the methods (such as lambda, order, nodes, solver) gain, and what do they cost?"""
+"""Experiment: what do the methods' options gain and cost: a scheme's parameter lambda, order, nodes, stage solver?"""

@@ -39,7 +39,7 @@ TIMED, ROUNDS = 100_000, 15
 
 
 class Run(NamedTuple):
-    """A problem with its orbit, and the runs to make of it.
+    """A problem with its orbit, the end time, and the numbers of steps of the runs.
 
     Attributes
     ----------
@@ -131,7 +131,8 @@ def ends(made: Problem, h: float, steps: int) -> dict[str, np.ndarray]:
 def measure_rows(k: int) -> Rows:
     """Measure the round-off of each arithmetic with each number of steps on the orbit ``SCENES[k]``: a row for each.
 
-    Raises Unavailable if long double is no wider than double.
+    An arithmetic is plain sums in single or in double precision, or compensated sums.  Raises Unavailable if long
+    double is no wider than double.
     """
     if np.finfo(np.longdouble).nmant + 1 < BITS:
         raise Unavailable("long double is no wider than double on this machine")
@@ -152,9 +153,9 @@ def measure_rows(k: int) -> Rows:
 
 
 def measure_time_rows(k: int) -> Rows:
-    """Time compensated steps beside plain ones in C on the orbit ``SCENES[k]``: one row, by table name.
+    """Time Stormer-Verlet steps with compensated sums beside plain ones in C on the orbit ``SCENES[k]``: one row.
 
-    Raises Unavailable without a C compiler.
+    Returns {`COSTS`: [row]}, with the nanoseconds of a step and their ratio.  Raises Unavailable without a C compiler.
     """
     name, t_end, numbers = SCENES[k]
     made, h = problem(name), t_end / numbers[-1]

@@ -1,4 +1,7 @@
-"""Checks of the measurements of the methods' options (such as lambda, order, nodes) that no report page makes."""
+"""Checks of the measurements of the methods' options that no report page makes.
+
+Options are the parameter lambda of a scheme, the order, the nodes of a quadrature, the arithmetic, the stage solver.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +31,7 @@ def short(rows: list[dict]) -> list[str]:
 
 
 def bench_lambda(measured_rows: Callable[[str], list[dict]]) -> None:
-    """Test that at lambda = 1/2 every run reaches its end time.
+    """Test that every run of Schemes I and III with the parameter lambda = 1/2 reaches its end time.
 
     ``measured_rows`` is a fixture: table name -> rows.
     """
@@ -38,26 +41,38 @@ def bench_lambda(measured_rows: Callable[[str], list[dict]]) -> None:
 
 
 def bench_largest_steps(measured_rows: Callable[[str], list[dict]]) -> None:
-    """Test that schemes with lambda = 1/2 are stable up to the step h at which all lambda are compared."""
+    """Test that schemes with the parameter lambda = 1/2 are stable up to the step h at which all lambda are compared.
+
+    ``measured_rows`` is a fixture: table name -> rows.
+    """
     rows = [r for r in measured_rows(lambdas.COSTS) if r["lam"] == HALF]
     off = [f"{r['method']} on {r['scene']}" for r in rows if not r["largest h"] >= r["h"]]
     assert not off, "\n".join(off)
 
 
 def bench_ladders(measured_rows: Callable[[str], list[dict]]) -> None:
-    """Test that every setting of every option reaches an error of at most `REACHED`."""
+    """Test that every setting of every option reaches an error of at most `REACHED`.
+
+    ``measured_rows`` is a fixture: table name -> rows.
+    """
     wrong = short(measured_rows(ladders.TABLE))
     assert not wrong, "\n".join(wrong)
 
 
 def bench_nodes(measured_rows: Callable[[str], list[dict]]) -> None:
-    """Test that the stage equations of every step are solved, with every quadrature rule."""
+    """Test that the stage equations of every step are solved, with every quadrature rule.
+
+    ``measured_rows`` is a fixture: table name -> rows.
+    """
     wrong = [f"{r['scene']}, {r['nodes']} nodes" for r in measured_rows(nodes.TABLE) if r["status"] != "ok"]
     assert not wrong, "\n".join(wrong)
 
 
 def bench_arithmetic(measured_rows: Callable[[str], list[dict]]) -> None:
-    """Test that single precision has more round-off than double, on every orbit and for every number of steps."""
+    """Test that single precision has more round-off than double, on every orbit and for every number of steps.
+
+    ``measured_rows`` is a fixture: table name -> rows.
+    """
     rows = measured_rows(arithmetic.ERRORS)
     off = {(r["scene"], r["steps"], r["arithmetic"]): r["round-off rms"] for r in rows}
     wrong = [k for k, x in off.items() if k[2] == arithmetic.PLAIN and not x < off[(*k[:2], arithmetic.SINGLE)]]
@@ -65,14 +80,18 @@ def bench_arithmetic(measured_rows: Callable[[str], list[dict]]) -> None:
 
 
 def bench_costs_of_sums(measured_rows: Callable[[str], list[dict]]) -> None:
-    """Test that the ratio of the times of compensated and of plain sums is positive."""
+    """Test that the ratio of the times of compensated and of plain sums is positive.
+
+    ``measured_rows`` is a fixture: table name -> rows.
+    """
     assert all(r["ratio"] > 0 for r in measured_rows(arithmetic.COSTS))
 
 
 def bench_solvers(measured_rows: Callable[[str], list[dict]]) -> None:
-    """Test that Newton's method solves every case to round-off.
+    """Test that Newton's method solves the stage equations to round-off, on every orbit and with every step size.
 
-    Its error must be that of the solver inside the integrators.
+    The error of the end state must be the same as with the solver inside the integrators.  ``measured_rows`` is a
+    fixture: table name -> rows.
     """
     rows = measured_rows(solvers.TABLE)
     own = {(r["scene"], r["h"]): r["error"] for r in rows if r["solver"] == solvers.ENGINE}

@@ -28,9 +28,10 @@ SMALLEST = 1e-17
 
 @style.styled
 def over_lambda(errors: pd.DataFrame, costs: pd.DataFrame, folder: Path) -> Picture:
-    """Draw error, gradients a step and largest step over lambda: a column for each scheme, a curve for each orbit.
+    """Draw error, gradients a step and largest step of schemes over their parameter lambda.
 
-    ``errors`` and ``costs`` are the two tables of the module `lambdas`; ``folder`` is where the file is written.
+    There is a column of panels for each scheme and a curve for each orbit.  ``errors`` and ``costs`` are the two tables
+    of the module `lambdas`; ``folder`` is where the file is written.
     """
     errors = errors[errors["finer"] == errors["finer"].min()]
     methods, scenes = list(dict.fromkeys(errors["method"])), list(dict.fromkeys(errors["scene"]))
@@ -59,7 +60,7 @@ def over_lambda(errors: pd.DataFrame, costs: pd.DataFrame, folder: Path) -> Pict
 
 
 def _relative(axes: Axes, lam: pd.Series, values: pd.Series, **look: Any) -> None:
-    """Plot ``values`` over ``lam``, divided by the value at lambda = 1/2; nothing if that value is missing.
+    """Plot ``values`` over the parameter ``lam``, divided by the value at lam = 1/2; nothing if that value is missing.
 
     ``look`` are keywords of the curve's style.
     """
@@ -79,7 +80,10 @@ def _curves(axes: Axes, table: pd.DataFrame, by: list[str], x: str, y: str, name
 
 
 def _ladder(axes: Axes, rungs: pd.DataFrame) -> None:
-    """Plot the error at the end against time, a curve for each setting; ``rungs`` has a row for each run."""
+    """Plot the error of the end state against the time of the run, a curve for each setting of an option.
+
+    ``rungs`` has a row for each run of a setting, with ever smaller steps.
+    """
     arrived = rungs[(rungs["status"] == OK) & (rungs["error"] > 0)]
     _curves(axes, arrived, ["setting"], "us", "error", str)
     axes.set(xlabel="µs to the end", title=rungs["scene"].iloc[0], xscale="log", yscale="log", ylim=(1e-14, 10))
@@ -139,7 +143,7 @@ def _scenes(table: pd.DataFrame) -> list[pd.DataFrame]:
 
 @style.styled
 def keepers(rungs: pd.DataFrame, folder: Path) -> Picture | None:
-    """Draw error against time for the methods that keep the energy: a panel for each scene, a curve for each method.
+    """Draw error against time for the methods that keep the energy: a panel for each orbit, a curve for each method.
 
     ``rungs`` is the table of the module `ladders`, a row for each run; None if it has no such runs.
     """
@@ -179,9 +183,10 @@ def solving(table: pd.DataFrame, folder: Path) -> Picture | None:
 
 @style.styled
 def floors(rules: pd.DataFrame, sums: pd.DataFrame, folder: Path) -> Picture:
-    """Draw AVF's energy error over the nodes of its quadrature, and the round-off of Stormer-Verlet over the steps.
+    """Draw the energy error over quadrature nodes (left), and the round-off of Stormer-Verlet over the steps (right).
 
-    ``rules`` is the table of the module `nodes`, ``sums`` the table of errors of `arithmetic`.
+    The quadrature is that of AVF, the averaged vector field method.  ``rules`` is the table of the module `nodes`,
+    ``sums`` the table of errors of `arithmetic`.
     """
     figure, ((left, right),) = style.panels(1, 2, 3.9)
     fixed = rules[rules["nodes"] != nodes.CONFIRMED]
@@ -205,7 +210,7 @@ def _tables(data: Data, *names: str) -> dict[str, pd.DataFrame]:
 
 
 def draw(data: Data, folder: Path) -> list[Picture]:
-    """Draw the figures of lambda, of orders and of energy-preserving methods.
+    """Draw the figures of the schemes' parameter lambda, of orders and of energy-preserving methods.
 
     ``data`` maps a table's name to the table; a figure whose table is missing is left out.
     """

@@ -20,11 +20,11 @@ KEPT, FLOOR = 1e-12, 1e-13
 
 
 def best_lambdas(errors: pd.DataFrame) -> pd.DataFrame:
-    """Find, for each scene (orbit), method and step, the lambda of least trajectory error, and compare lambda = 1/2.
+    """Find, for each orbit, method and step, the parameter lambda of least trajectory error, and compare lambda = 1/2.
 
-    ``errors`` is the table of errors of the module `lambdas`.  In the result ``finer`` tells the step (the factor of
-    the number of steps), ``gain`` is the error at 1/2 over the least one, ``half is best`` is whether that is at most
-    `SAME`.
+    ``errors`` is the table of errors of the module `lambdas`.  In the result, with the orbit as ``scene``, ``finer``
+    tells the step (the factor of the number of steps), ``best`` and ``least`` are the best lambda and its error,
+    ``gain`` is the error at 1/2 over the least one, ``half is best`` is whether that is at most `SAME`.
     """
     rows = []
     for (scene, id, finer), part in errors.groupby(["scene", "method", "finer"], sort=False):
@@ -40,9 +40,9 @@ def best_lambdas(errors: pd.DataFrame) -> pd.DataFrame:
 
 
 def longest(costs: pd.DataFrame) -> pd.DataFrame:
-    """Find, for each scene (orbit) and method, the lambda that allows the longest step, and whether 1/2 allows it too.
+    """Find, for each orbit and method, the parameter lambda that allows the longest step, and whether 1/2 does, too.
 
-    ``costs`` is the table of costs of the module `lambdas`.
+    ``costs`` is the table of costs of the module `lambdas`; in the result the orbit is the column ``scene``.
     """
     rows = []
     for (scene, id), part in costs.groupby(["scene", "method"], sort=False):

@@ -1,8 +1,9 @@
 """Options that change the step map: for each setting, the error at the end against time, over ever smaller steps.
 
 - composition order: symmetric compositions of Stormer-Verlet of order 2 to 10;
-- generating function: the order r, at lambda = 1/3, and at 1/2, where an odd r gives the order r + 1;
-- energy: methods that keep the energy to round-off: Schemes IV and V with compositions, projection, relaxation.
+- generating function: the order r, at the parameter lambda = 1/3, and at 1/2, where an odd r gives the order r + 1;
+- energy: methods that keep the energy to round-off: Schemes IV and V (methods that are symplectic at a fixed
+  parameter, which is chosen in each step to keep H) and compositions of them, projection, relaxation.
 
 The error is that of the end state against a certified one; the time is that of a prepared run, in turns with all
 others.  The energy error is the largest over a run with the same step.
@@ -149,7 +150,8 @@ def _call(run: PreparedRun, h: float, steps: int) -> Callable[[], object]:
 def _rung(made: Problem, record: Method, t_end: float, steps: int, end: End) -> dict:
     """Run a method once on the problem ``made``: a row of status, errors, gradient evaluations and fallbacks.
 
-    ``end`` is the certified end state; fallbacks are steps whose equation had no root.
+    ``record`` describes the method; ``end`` is the certified end state.  Fallbacks are steps in which a method finds no
+    parameter that keeps the energy.
     """
     h = t_end / steps
     run = integrate(made, record, h=h, steps=steps, save_every=max(1, steps // ROWS))

@@ -1,9 +1,11 @@
-r"""The parameter lambda of Schemes I and III, and of a composition of one, from -2 to 3.
+r"""The parameter lambda of Schemes I and III, and of a composition of Scheme III, from -2 to 3.
 
-At a fixed h: the error at the end, the largest error at `PARTS` times, the iterations of a step, and the largest h at
-which runs survive.  The orbits of one ensemble (`pb.integrate_ensemble`) differ in lambda and h.  The error constant of
-Scheme I is :math:`\lambda - 1/2` times an elementary differential plus O(h); that of Scheme III is even about 1/2, a
-sum :math:`C_0 + C_1 (\lambda - 1/2)^2`: if the two terms differ in sign, it is least away from 1/2.
+Scheme I is (Q, P) = (q, p) + h f(lambda q + (1 - lambda) Q, lambda P + (1 - lambda) p) for the vector field f, and
+Scheme III its composition with the adjoint.  At a fixed h: the error at the end, the largest error at `PARTS` times,
+the iterations of a step, and the largest h at which runs survive.  The orbits of one ensemble (`pb.integrate_ensemble`)
+differ in lambda and h.  The error constant of Scheme I is :math:`\lambda - 1/2` times an elementary differential plus
+O(h); that of Scheme III is even about 1/2, a sum :math:`C_0 + C_1 (\lambda - 1/2)^2`: if the two terms differ in sign,
+it is least away from 1/2.
 
 Source: Y. Wang, Y. Bo, W. Cai, "A general symplectic integrator for canonical Hamiltonian systems" (talk), (19)-(21).
 """
@@ -32,7 +34,7 @@ METHODS = ("scheme-i", "scheme-iii", "scheme-iii-suzuki-4")
 
 
 class Sight(NamedTuple):
-    """An orbit on which all lambda are compared.
+    """An orbit on which a scheme is compared with all values of its parameter lambda.
 
     Attributes
     ----------
@@ -63,12 +65,12 @@ ROWS = 50
 
 
 def grid(parts: int) -> list[Fraction]:
-    """Return the values of lambda from `LOW` to `HIGH` in steps of 1 / ``parts``."""
+    """Return the values of a scheme's parameter lambda from `LOW` to `HIGH` in steps of 1 / ``parts``."""
     return [Fraction(k, parts) for k in range(LOW * parts, HIGH * parts + 1)]
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """List the measurements (`Cell`), one for each scene and method; none if ``quick``."""
+    """List the measurements (`Cell`), one for each orbit and each method with a parameter lambda; none if ``quick``."""
     return [] if quick else [_cell(k, id) for k in range(len(SCENES)) for id in METHODS]
 
 
@@ -84,10 +86,10 @@ def _cell(k: int, id: str) -> Cell:
 def errors(
     made: Problem, id: str, lams: Sequence[Fraction], t_end: float, steps: int, true: np.ndarray
 ) -> list[tuple[float, float]]:
-    """Return (error at the end, largest error at equidistant times) for each lambda, in the max norm.
+    """Return (error at the end, largest error at equidistant times) for each value of a method's parameter lambda.
 
     ``made`` is the problem, ``id`` the method, ``lams`` are the values of lambda.  ``true`` is an array (times, 2 d):
-    the exact states at these times.  Errors are infinite if a run stops.
+    the exact states at these times.  Errors are in the max norm, and infinite if a run stops.
     """
     n = len(lams)
     found = integrate_ensemble(
@@ -106,10 +108,11 @@ def errors(
 
 
 def largest(made: Problem, id: str, lams: Sequence[Fraction], h: float) -> list[float]:
-    """Return, for each lambda, the largest step up to which every run of `SURVIVED` steps survives.
+    """Return, for each value of a method's parameter lambda, the largest step up to which every run survives.
 
-    The steps tried are `LENGTHS` times ``h``.  A run survives if its status is ok and its energy error stays below the
-    size of H's terms; 0 if no run survives.
+    ``made`` is the problem, ``id`` the method, ``lams`` are the values of lambda; the steps tried are `LENGTHS` times
+    ``h``.  A run has `SURVIVED` steps, and survives if its status is ok and its energy error stays below the size of
+    H's terms; 0 if no run survives.
     """
     n = len(LENGTHS)
     found = integrate_ensemble(
@@ -131,10 +134,10 @@ def largest(made: Problem, id: str, lams: Sequence[Fraction], h: float) -> list[
 
 
 def measure_rows(k: int, id: str) -> Rows:
-    """Measure the errors, cost and largest step of the method ``id`` at each lambda on the orbit ``SCENES[k]``.
+    """Measure the errors, cost and largest step of the method ``id`` for each value of its parameter lambda.
 
-    Returns a row for each lambda, in a table of errors and in one of costs.  Raises Unavailable if the reference
-    solution fails.
+    The orbit is ``SCENES[k]``.  Returns {`ERRORS`: rows, `COSTS`: rows}, with a row for each lambda (in `ERRORS` also
+    for each of two step sizes).  Raises Unavailable if the reference solution fails.
     """
     from phasebench.reference.solvers.taylor import ReferenceFailed
 

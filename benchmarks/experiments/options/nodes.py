@@ -59,7 +59,7 @@ def _cell(k: int) -> Cell:
 def with_nodes(prepared: Prepared, n: int) -> Prepared:
     """Restrict a prepared kernel of the averaged vector field method to the quadrature rule with n nodes.
 
-    It is returned unchanged if n is `CONFIRMED`.
+    If n is `CONFIRMED`, with which the method itself chooses the number of nodes, the kernel is returned unchanged.
     """
     if n == CONFIRMED:
         return prepared

@@ -1,4 +1,4 @@
-"""The report page on options that change the step map: lambda, order, energy-preserving method."""
+"""The report page on options that change the step map: a scheme's parameter lambda, order, energy-preserving method."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ TABLES = (lambdas.ERRORS, lambdas.COSTS, ladders.TABLE)
 def line(option: str, scene: str, setting: str, gives: str, costs: str) -> dict:
     """Make a line of the page's table: the best setting of an option on a scene (orbit), its gain and its cost.
 
-    All arguments are texts.
+    All arguments are texts; ``gives`` is the gain.
     """
     return {"option": option, "scene": scene, "best setting": setting, "gives": gives, "costs": costs}
 
@@ -40,9 +40,9 @@ def _lambdas(errors: pd.DataFrame, costs: pd.DataFrame | None) -> list[dict]:
 
 
 def _dearer(row: pd.Series, costs: pd.DataFrame | None) -> str:
-    """Write the gradient evaluations a step near the best lambda over those at 1/2, as text; "" if not measured.
+    """Write the gradient evaluations a step near a scheme's best parameter lambda over those at 1/2, as text.
 
-    ``row`` is a row of `findings.best_lambdas`, ``costs`` the table of costs of `lambdas`.
+    ``row`` is a row of `findings.best_lambdas`, ``costs`` the table of costs of `lambdas`; "" if that was not measured.
     """
     if costs is None:
         return ""
@@ -70,8 +70,9 @@ def _ladders(rungs: pd.DataFrame) -> list[dict]:
 
 
 def answer(data: Data) -> str | None:
-    """Write the page's answer: how often lambda = 1/2 is best, and the fastest settings at the smallest error.
+    """Write the page's answer: how often the parameter lambda = 1/2 is best, and which settings are the fastest.
 
+    The settings are those of compositions and of energy-preserving methods, at the smallest error that is reached.
     ``data`` maps a table's name to the table; None if none was measured.
     """
     errors, rungs = (table_or_none(data, name) for name in (lambdas.ERRORS, ladders.TABLE))
@@ -88,7 +89,10 @@ def answer(data: Data) -> str | None:
 
 
 def _best(found: pd.DataFrame) -> str:
-    """Write the fastest settings at the smallest error that any scene reaches; ``found``: from `findings.cheapest`."""
+    """Write the names of the fastest settings at the smallest error that is reached on any scene (orbit).
+
+    ``found`` is the result of `findings.cheapest`.
+    """
     return " or ".join(found[found["error"] == found["error"].min()]["setting"].unique())
 
 

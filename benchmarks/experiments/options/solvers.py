@@ -172,10 +172,10 @@ class Loop:
 
 
 def measure_rows(k: int) -> Rows:
-    """Measure evaluations and error of every solver, start and tolerance on the orbit ``SCENES[k]``: rows by table.
+    """Measure evaluations and error of a Gauss method with every way to solve its equations, on orbit ``SCENES[k]``.
 
-    There is a row for each of these at each step size, and one more for each step size with the counts of the solver
-    inside the integrators.
+    A way is a solver, a start and a tolerance.  Returns {`TABLE`: rows}: a row for each way at each step size, and one
+    more for each step size with the counts of the solver inside the integrators.
     """
     name, sizes = SCENES[k]
     made = problem(name)

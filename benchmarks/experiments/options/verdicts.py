@@ -20,14 +20,17 @@ DEAR = 2.0
 
 
 def coarse(errors: pd.DataFrame) -> pd.DataFrame:
-    """Select, from the best lambdas (`findings.best_lambdas`), the rows of the larger of the two steps."""
+    """Select the best values of the parameter lambda (`findings.best_lambdas`) for the larger of the two steps.
+
+    ``errors`` is the table of errors of the module `lambdas`.
+    """
     found = findings.best_lambdas(errors)
     return found[found["finer"] == found["finer"].min()] if len(found) else found
 
 
 @of(lambdas.ERRORS)
 def half_is_best(errors: pd.DataFrame) -> Verdict | None:
-    """Judge whether lambda = 1/2 has the smallest error along the trajectory, in every scheme and on every orbit.
+    """Judge whether the parameter lambda = 1/2 has the smallest trajectory error, for every scheme and on every orbit.
 
     ``errors`` is the table of errors of the module `lambdas`; None if no run at 1/2 can be compared.
     """
@@ -47,7 +50,7 @@ def half_is_best(errors: pd.DataFrame) -> Verdict | None:
 
 @of(lambdas.COSTS)
 def half_is_longest(costs: pd.DataFrame) -> Verdict | None:
-    """Judge whether lambda = 1/2 allows the longest step, in every scheme and on every orbit.
+    """Judge whether the parameter lambda = 1/2 allows the longest step, for every scheme and on every orbit.
 
     ``costs`` is the table of costs of the module `lambdas`; None if it has no run at 1/2.
     """
@@ -65,10 +68,10 @@ def half_is_longest(costs: pd.DataFrame) -> Verdict | None:
 
 
 def _scenes(found: pd.DataFrame, good: Callable[[pd.Series], bool]) -> tuple[Count, str] | None:
-    """Count the scenes (orbits) for which ``good`` is true: (count, text that names the others); None without rows.
+    """Count the scenes (orbits) on which ``good`` is true: (count, text that names the others); None without rows.
 
-    ``found`` comes from `findings.cheapest`; ``good`` gets a scene's fastest settings, from the largest to the smallest
-    error.
+    ``found`` is a result of `findings.cheapest`; ``good`` gets the names of a scene's fastest settings, from the
+    largest to the smallest error.
     """
     if found.empty:
         return None
@@ -113,7 +116,8 @@ def r(setting: str) -> int:
 def schemes_pay(rungs: pd.DataFrame) -> Verdict | None:
     """Judge whether Scheme IV or V is the fastest energy-preserving method at some error, on every orbit.
 
-    ``rungs`` is the table of the module `ladders`; None if it has no run that keeps the energy.
+    These schemes, and compositions of them, choose a parameter in each step so that H is kept.  ``rungs`` is the table
+    of the module `ladders`; None if it has no run that keeps the energy.
     """
     found = _scenes(findings.cheapest(rungs, ladders.ENERGY), lambda names: names.str.startswith("scheme-").any())
     return found and Verdict(

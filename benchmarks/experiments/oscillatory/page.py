@@ -25,14 +25,18 @@ LIMITS = (1e-6, 1e2)
 
 
 def _energy_lost(frame: pd.DataFrame) -> pd.Series:
-    """Mark each run that failed or has an energy error of `LOST` or more: a boolean series."""
+    """Mark each run that failed or has an energy error of `LOST` or more: a boolean series.
+
+    ``frame`` is the table of runs, a row for each method and step size.
+    """
     return (frame["status"] != "ok") | ~(frame[ENERGY] < LOST)
 
 
 def _summary(frame: pd.DataFrame) -> pd.DataFrame:
-    """Summarize the runs of each method: a row with the number of step sizes that lose the energy, where, and errors.
+    """Summarize the runs, a row for each method: at how many step sizes it loses the energy, at which, and its errors.
 
-    The errors of H and of the oscillatory energy I are given as medians and as greatest values.
+    The errors of H and of the oscillatory energy I are given as medians and as greatest values.  ``frame`` is the table
+    of runs.
     """
     rows = []
     for name, part in frame.groupby("method", sort=False):
@@ -90,7 +94,10 @@ def survivors(frame: pd.DataFrame) -> Verdict:
 
 @of("oscillatory")
 def answer(frame: pd.DataFrame) -> str:
-    """Write the page's answer: the methods that keep the energy at every step, and from which step others lose it."""
+    """Write the page's answer: which methods keep the energy with every step size, and from which one others lose it.
+
+    ``frame`` is the table of runs, a row for each method and step size.
+    """
     summary = _summary(frame)
     whole, others = summary[summary["energy lost"] == 0], summary[summary["energy lost"] > 0]
     names = join_list(list(whole["method"]), 2) if len(whole) else "No method"

@@ -20,7 +20,8 @@ from phasebench.benchmarks.page.verdict import PASS
 def bench_parts(measured_rows: Callable[[str], list[dict]], verdict: Callable[..., Any]) -> None:
     """Test that splittings have bounded energies and declared orders, and that the energy of RK4, the control, grows.
 
-    ``verdict`` is a function of the page that judges one of these; ``measured_rows`` is a fixture: table name -> rows.
+    ``verdict`` is the function of the report page that judges one of these three; ``measured_rows`` is a fixture: table
+    name -> rows.
     """
     found = verdict(lambda name: pd.DataFrame(measured_rows(name)))
     if found is None:

@@ -72,9 +72,10 @@ def grows(rows: pd.DataFrame) -> Verdict | None:
 
 @of(ACCURACY)
 def orders(rows: pd.DataFrame) -> Verdict | None:
-    """Judge whether splittings into parts have their declared orders: of each run, at the least step above round-off.
+    """Judge whether splittings into parts have their declared orders.
 
-    ``rows`` is the table of errors; None if it has no order of a splitting.
+    The measured order of a method on a problem is that at the smallest step whose error is above round-off.  ``rows``
+    is the table of errors; None if it has no order of a splitting.
     """
     told = rows[rows["order"].notna() & rows["split"].astype(bool)]
     if told.empty:

@@ -19,7 +19,8 @@ NEAR = 0.1
 def cells(quick: bool = False) -> list[Cell]:
     """List the measurements (`Cell`), one for each printed column of the talk's tables.
 
-    Unless ``quick``, also the scans for roots of Scheme IV and the attempts to explain its column.
+    Unless ``quick``, also those on Scheme IV, whose column is not reproduced: scans for the roots of its energy
+    equation, and other computations that might explain the column.
     """
     return [*printed.cells(quick), *recipes.cells(quick)]
 
@@ -27,8 +28,8 @@ def cells(quick: bool = False) -> list[Cell]:
 def off(rows: list[dict]) -> list[str]:
     """Return messages about printed entries that the measured ones miss by more than 0.6 of the last digit.
 
-    Of Scheme IV, whose column is not reproduced, there is a message if its measured order is not 2.  ``rows`` are dicts
-    of the table "printed".
+    The printed column of Scheme IV (which chooses a parameter in each step to keep H) is known not to be reproduced:
+    there is a message if its measured order is not 2.  ``rows`` are dicts of the table "printed".
     """
     out = []
     for column, members in groupby(rows, lambda r: (r["scheme"], r["lambda"] or None)):
@@ -48,7 +49,8 @@ def off(rows: list[dict]) -> list[str]:
 def scans_without_root(rows: list[dict]) -> list[str]:
     """Return messages about the scans in which some step of Scheme IV has no root lambda within `NEAR` of 1/2.
 
-    ``rows`` are those of the table of scans, one for each step size h.
+    Scheme IV chooses a parameter lambda in each step so that H is kept.  ``rows`` are those of the table of scans for
+    such roots, one for each step size h.
     """
     ends = ("nearest root, least", "nearest root, greatest")
     return [
@@ -61,13 +63,18 @@ def scans_without_root(rows: list[dict]) -> list[str]:
 def bench_printed(measured_rows: Callable[[str], list[dict]]) -> None:
     """Test that every printed entry agrees with the measured one to 0.6 of the last digit, except for Scheme IV.
 
-    Scheme IV must have order 2, as its theorem says.  ``measured_rows`` is a fixture: table name -> rows.
+    Scheme IV chooses a parameter lambda in each step so that H is kept.  Its measured order must be 2, as its theorem
+    says.  ``measured_rows`` is a fixture: table name -> rows.
     """
     wrong = off(measured_rows("printed"))
     assert not wrong, "\n".join(wrong)
 
 
 def bench_root_scan(measured_rows: Callable[[str], list[dict]]) -> None:
-    """Test that an exhaustive scan of lambda finds a root near 1/2 in every step of Scheme IV."""
+    """Test that an exhaustive scan of lambda finds a root near 1/2 in every step of Scheme IV.
+
+    Scheme IV chooses a parameter lambda in each step so that H is kept.  ``measured_rows`` is a fixture: table name ->
+    rows.
+    """
     wrong = scans_without_root(measured_rows("riddle"))
     assert not wrong, "\n".join(wrong)

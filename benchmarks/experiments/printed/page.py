@@ -1,4 +1,7 @@
-"""The report page on a talk's printed error tables beside the measured ones, with the printed column of Scheme IV."""
+"""The report page on a talk's printed error tables beside the measured ones, with the printed column of Scheme IV.
+
+Scheme IV chooses a parameter lambda in each step so that H is kept.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +23,10 @@ if TYPE_CHECKING:
 
 
 def _split_schemes(printed: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Split the table of printed entries into (the entries of Scheme IV, those of all other schemes)."""
+    """Split the table of printed entries into (the entries of Scheme IV, those of all other schemes).
+
+    Scheme IV chooses a parameter lambda in each step so that H is kept.
+    """
     iv = printed["scheme"] == SCHEME_IV[0]
     return printed[iv], printed[~iv]
 
@@ -31,9 +37,9 @@ def _agreeing(entries: pd.DataFrame) -> Count:
 
 @of("printed")
 def agreement(printed: pd.DataFrame) -> Verdict | None:
-    """Judge whether the printed entries of all schemes but Scheme IV are reproduced.
+    """Judge whether the talk's printed entries of all schemes but Scheme IV are reproduced.
 
-    ``printed`` is the table of entries; None if it has only Scheme IV.
+    ``printed`` is the table of entries, a row for each scheme, parameter and step size; None if it has only Scheme IV.
     """
     _, rest = _split_schemes(printed)
     if rest.empty:
@@ -51,9 +57,10 @@ def agreement(printed: pd.DataFrame) -> Verdict | None:
 
 @of("printed")
 def scheme_iv(printed: pd.DataFrame) -> Verdict | None:
-    """Judge whether Scheme IV's printed column is reproduced.
+    """Judge whether the column that the talk prints for Scheme IV is reproduced.
 
-    ``printed`` is the table of entries; None if it has fewer than three of Scheme IV.
+    Scheme IV chooses a parameter lambda in each step so that H is kept.  ``printed`` is the table of entries; None if
+    it has fewer than three of this scheme.
     """
     iv, _ = _split_schemes(printed)
     if len(iv) < 3:
@@ -65,7 +72,8 @@ def scheme_iv(printed: pd.DataFrame) -> Verdict | None:
 def roots(scans: pd.DataFrame) -> Verdict:
     """Judge whether every step of Scheme IV has a root lambda near 1/2, so that no other branch of roots is taken.
 
-    ``scans`` is the table of the scans for roots, a row for each step size.
+    Scheme IV chooses a parameter lambda in each step so that H is kept.  ``scans`` is the table of the scans for such
+    roots, a row for each step size.
     """
     steps, without = int(scans["steps"].sum()), int(scans["without a root"].sum())
     closest = (scans["far root closest to 1/2"] - 0.5).abs().min()
@@ -80,9 +88,10 @@ def roots(scans: pd.DataFrame) -> Verdict:
 
 @of("riddle_columns")
 def explanations(columns: pd.DataFrame) -> Verdict | None:
-    """Judge whether no other computation, such as a constant parameter, gives Scheme IV's printed column.
+    """Judge whether no other computation, such as a constant parameter, gives the column that is printed for Scheme IV.
 
-    ``columns`` is the table of the computations that were tried (recipes), a row for each; None if it has none.
+    Scheme IV chooses a parameter lambda in each step so that H is kept.  ``columns`` is the table of the computations
+    that were tried (recipes), a row for each; None if it has none.
     """
     recipes, entries = columns[columns["recipe"] != CLAIM], len(_entries(columns))
     if recipes.empty:
@@ -102,7 +111,8 @@ def explanations(columns: pd.DataFrame) -> Verdict | None:
 def answer(printed: pd.DataFrame) -> str:
     """Write the page's answer, a sentence: how many printed entries are reproduced, and the orders of Scheme IV.
 
-    The orders are those of its printed and of its measured column.
+    The orders are those of the scheme's printed and of its measured column; it chooses a parameter in each step to keep
+    H.  ``printed`` is the table of entries.
     """
     iv, rest = _split_schemes(printed)
     same = _agreeing(rest)
@@ -116,13 +126,20 @@ def answer(printed: pd.DataFrame) -> str:
 
 
 def _entries(columns: pd.DataFrame) -> list[str]:
-    """List the columns of the table that hold entries of the printed table, one for each step size."""
+    """List the columns that hold entries, one for each step size, in the table of computations that were tried.
+
+    The table has a row for each computation that might explain a printed column.
+    """
     return [c for c in columns if c not in ("recipe", "entries that agree")]
 
 
 @of("printed")
 def draw(printed: pd.DataFrame, folder: Path) -> list[Picture]:
-    """Draw distances of measured from printed entries (left), and Scheme IV's printed and measured columns (right)."""
+    """Draw how far measured entries are from the printed ones, and both columns of Scheme IV; save it in ``folder``.
+
+    Left: the distances in units of the last printed digit over h, for all schemes but Scheme IV.  Right: the printed
+    and the measured refinement differences of Scheme IV, which are not the same.  ``printed`` is the table of entries.
+    """
     iv, rest = _split_schemes(printed)
     with style.settings():
         figure, ((left, right),) = style.panels(1, 2, 2.9)
@@ -160,7 +177,10 @@ def _format_rows(printed: pd.DataFrame) -> pd.DataFrame:
 
 @of("riddle_columns")
 def table(columns: pd.DataFrame) -> Table:
-    """Make the page's table: the computations tried for Scheme IV's printed column, those that agree most first."""
+    """Make the page's table: the computations tried to explain Scheme IV's printed column, those that agree most first.
+
+    ``columns`` has a row for each computation, with the entry that it gives at each step size.
+    """
     heads = _entries(columns)
     written = columns.assign(**{c: [f"{float(x):.3e}" for x in columns[c]] for c in heads})
     shown = written.sort_values("entries that agree", ascending=False, kind="stable").rename(

@@ -68,7 +68,7 @@ def ends(made: Problem, chosen: Method) -> list[np.ndarray]:
 
 
 def column_rows(scheme: str, lam: str | None) -> Iterator[dict]:
-    """Reproduce the printed column of a scheme at the parameter ``lam``: yield a row for each step size.
+    """Reproduce the printed column of a scheme at the parameter ``lam`` (None without one), a row for each step size.
 
     A row has h, the printed entry, the measured refinement difference, the order, the error and its uncertainty, and
     the distance from the printed entry in units of its last digit.
@@ -114,10 +114,13 @@ def _cell(scheme: str, lam: str | None, handful: bool) -> Cell:
 
 
 def column(scheme: str, lam: str | None) -> Rows:
-    """Reproduce the printed column of a scheme at the parameter ``lam``: its rows, by table name."""
+    """Reproduce the printed column of a scheme at the parameter ``lam`` (None without one): rows, by table name.
+
+    There is a row for each step size, with the printed and the measured entry.
+    """
     return {"printed": list(column_rows(scheme, lam))}
 
 
 def table() -> list[dict]:
-    """Reproduce every printed column, and return all rows."""
+    """Reproduce every printed column: all rows, one for each scheme, parameter and step size."""
     return [row for column in PRINTED for row in column_rows(*column)]

@@ -1,7 +1,7 @@
-"""Candidates for the printed column of Scheme IV: other roots of its energy equation, other computations.
+"""Computations that might explain the printed column of Scheme IV: other roots of its energy equation, other methods.
 
-The talk's table shows Scheme IV as first order.  By its theorem (lambda = 1/2 + O(h)) it is second order, and so it is
-as measured with the root nearest 1/2.
+Scheme IV chooses a parameter lambda in each step so that H is kept.  The talk's table shows it as first order.  By its
+theorem (lambda = 1/2 + O(h)) it is second order, and so it is as measured with the root nearest 1/2.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ class Recipe:
 
 
 def scheme_i(lam: str) -> Method:
-    """Return Scheme I with the constant parameter ``lam``."""
+    """Return Scheme I, a symplectic one-stage method, with the constant parameter lambda = ``lam``."""
     return method("scheme-i", lam=lam)
 
 
@@ -66,7 +66,10 @@ CLAIM = "printed for Scheme IV"
 
 
 def agreeing(column: Sequence[float]) -> int:
-    """Count the entries of a column that agree with Scheme IV's printed ones within `AGREEMENT` last digits."""
+    """Count the entries of a column that agree with Scheme IV's printed ones within `AGREEMENT` last digits.
+
+    ``column`` has a number for each step size of the printed table.
+    """
     return sum(abs(x - float(t)) <= AGREEMENT * unit(t) for x, t in zip(column, PRINTED[SCHEME_IV], strict=True))
 
 
@@ -85,7 +88,11 @@ def columns() -> list[dict]:
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """List the measurements (`Cell`): the scan of roots at each step size, and the candidates; none if ``quick``."""
+    """List the measurements (`Cell`) on the printed column of Scheme IV; none if ``quick``.
+
+    One scans for the roots of its energy equation at each step size, and one compares other computations with the
+    column.
+    """
     scheme, problem_of = method("scheme-iv"), ProblemKey("henon-heiles:chaotic")
     names = frozenset({"henon-heiles", "scheme-iv"})
 
@@ -100,9 +107,10 @@ def cells(quick: bool = False) -> list[Cell]:
 
 
 def measure_scan_rows(h: float) -> Rows:
-    """Scan every step of Scheme IV with step size h for all roots lambda: rows by table name.
+    """Scan every step of Scheme IV with step size h for all roots lambda of its energy equation: rows by table name.
 
-    One table has a summary of the scan, the other the roots that are not nearest to 1/2.
+    Scheme IV chooses a parameter lambda in each step so that H is kept.  One table has a summary of the scan, the other
+    the roots that are not nearest to 1/2.
     """
     s = along(problem("henon-heiles:chaotic"), "scheme-iv", h, 1.0)
     roots = [{"h": h, "t": i * s.h, "lambda": float(lam)} for i, r in enumerate(s.roots) for lam in r[1:]]
@@ -110,5 +118,5 @@ def measure_scan_rows(h: float) -> Rows:
 
 
 def recipes() -> Rows:
-    """Compare each candidate computation with the printed column of Scheme IV: rows, by table name."""
+    """Compare each computation of `RECIPES` with the printed column of Scheme IV: rows, by table name."""
     return {"riddle_columns": columns()}

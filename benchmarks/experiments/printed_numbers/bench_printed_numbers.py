@@ -64,18 +64,27 @@ def bench_averages(measured_rows: Callable[[str], list[dict]]) -> None:
 
 
 def bench_brouwer(measured_rows: Callable[[str], list[dict]]) -> None:
-    """Test that round-off grows slower than the truncation error of the control, which grows linearly."""
+    """Test that round-off grows slower than the truncation error of the control, which grows linearly.
+
+    ``measured_rows`` is a fixture: table name -> rows.
+    """
     off = exponents_off(measured_rows(brouwer.TABLE))
     assert not off, "\n".join(off)
 
 
 def bench_perihelia(measured_rows: Callable[[str], list[dict]]) -> None:
-    """Test that the rates of the perihelia are known far better than plain WHFast computes them."""
+    """Test that the rates of the perihelia are known far better than plain WHFast computes them.
+
+    ``measured_rows`` is a fixture: table name -> rows.
+    """
     off = rates_off(measured_rows(planets.PERIHELIA))
     assert not off, "\n".join(off)
 
 
 def bench_timed(measured_rows: Callable[[str], list[dict]]) -> None:
-    """Test that the speed-up of WHFast512 over WHFast lies in its interval, in every row."""
+    """Test that the speed-up of WHFast512 over WHFast lies in its interval, in every row.
+
+    ``measured_rows`` is a fixture: table name -> rows.
+    """
     wrong = [r for r in measured_rows(timed.VECTORS) if not 0 < r["low"] <= r["gain"] <= r["high"]]
     assert not wrong, wrong

@@ -1,4 +1,7 @@
-"""The printed numbers, each with its verdict on the rows: what is printed, where, and why they differ."""
+"""PRINTED: numbers and statements that papers print on integrators, each with a verdict from measured rows.
+
+Each is a `Quoted`: the function that judges it, the printed words, why the measurement may differ, and the paper.
+"""
 
 from __future__ import annotations
 
@@ -36,7 +39,11 @@ def _about(value: float) -> Between:
 
 
 def fewest(rows: pd.DataFrame, error: float, column: str = ENERGY) -> pd.Series:
-    """Method -> the fewest evaluations with which its error is at most ``error``, sorted; infinite if it never is."""
+    """Return, by method, the fewest evaluations with which its error is at most ``error``: a sorted series.
+
+    ``rows`` has a row for each method and number of evaluations, with the error in ``column``; infinite if no row
+    reaches the error.
+    """
     met = rows[rows[column] <= error]
     found = met.groupby("method")["evaluations"].min().astype(float)
     ids = dict.fromkeys([*rows["method"], planets.BEST])
@@ -44,7 +51,11 @@ def fewest(rows: pd.DataFrame, error: float, column: str = ENERGY) -> pd.Series:
 
 
 def _lead(rows: pd.DataFrame, error: float, column: str) -> tuple[float, str]:
-    """(evaluations of the cheapest other method over those of (10,6,4), its id); nan if unknown."""
+    """Compare the splitting ABA(10,6,4) with the cheapest other method at an error: (ratio, the other's id).
+
+    The ratio is the fewest evaluations of the other method over those of ABA(10,6,4), infinite if no other reaches
+    ``error``; (NaN, "") if none does at all.  ``column`` is that of the error in ``rows``.
+    """
     found = fewest(rows, error, column)
     others = found.drop(planets.BEST)
     if others.empty or others.iloc[0] == found[planets.BEST] == inf:
@@ -54,7 +65,7 @@ def _lead(rows: pd.DataFrame, error: float, column: str) -> tuple[float, str]:
 
 @of(planets.EVALUATIONS)
 def preference(rows: pd.DataFrame) -> Verdict | None:
-    """Whether (10,6,4) needs the fewest evaluations at the smallest energy error."""
+    """Whether the splitting ABA(10,6,4) needs the fewest evaluations on eight planets at the smallest energy error."""
     if not fewest(rows, SMALLEST)[planets.BEST] < inf:
         return None
     lead, other = _lead(rows, SMALLEST, ENERGY)
@@ -71,7 +82,7 @@ def preference(rows: pd.DataFrame) -> Verdict | None:
 
 @of(planets.EVALUATIONS)
 def everywhere(rows: pd.DataFrame) -> Verdict | None:
-    """The evaluations of the cheapest other method over those of (10,6,4), over all energy errors."""
+    """Whether the splitting ABA(10,6,4) needs the fewest evaluations on eight planets at every larger energy error."""
     leads = {e: lead for e in ERRORS[:-1] if (lead := _lead(rows, e, ENERGY))[0] < inf}
     if not leads:
         return None
@@ -88,7 +99,7 @@ def everywhere(rows: pd.DataFrame) -> Verdict | None:
 
 @of(planets.EVALUATIONS)
 def by_state(rows: pd.DataFrame) -> Verdict | None:
-    """The same, judged by the positions after a decade, at an error that most reach."""
+    """Whether the splitting ABA(10,6,4) needs the fewest evaluations for the planets' positions after a decade."""
     error = 1e-8
     lead, other = _lead(rows, error, "position error")
     if not lead < inf:
@@ -106,7 +117,11 @@ def by_state(rows: pd.DataFrame) -> Verdict | None:
 
 
 def gains(rows: pd.DataFrame, one: str, other: str, names: tuple[str, ...]) -> pd.Series:
-    """Planet -> the size of the error of its perihelion's rate by one integrator over that by another."""
+    """Divide the errors of perihelion rates by the integrator ``one`` by those by ``other``: a series by planet.
+
+    ``rows`` is the table of perihelia, ``names`` are the planets.  Ratios are absolute values; empty if an integrator
+    has no rows.
+    """
     at = rows[rows["planet"].isin(names)].pivot_table(index="planet", columns="method", values="rate error", sort=False)
     if one not in at or other not in at:
         return pd.Series(dtype=float)
@@ -115,7 +130,7 @@ def gains(rows: pd.DataFrame, one: str, other: str, names: tuple[str, ...]) -> p
 
 @of(planets.PERIHELIA)
 def energies(rows: pd.DataFrame) -> Verdict | None:
-    """The energy error of WHFast over that with the corrector of order 17."""
+    """Whether WHFast's symplectic corrector of order 17 makes its energy error about a thousand times smaller."""
     found = rows.groupby("method")[ENERGY].first()
     if not {planets.PLAIN, planets.CORRECTED} <= set(found.index):
         return None
@@ -129,7 +144,11 @@ def energies(rows: pd.DataFrame) -> Verdict | None:
 
 
 def _rates(rows: pd.DataFrame, names: tuple[str, ...]) -> dict | None:
-    """Arguments of a verdict that the corrector leaves the perihelia's rates no better; None without their rows."""
+    """Return the arguments of a `Verdict` that WHFast's symplectic corrector makes no perihelion rate better.
+
+    Measured are the errors of the rates without the corrector over those with it, of the planets ``names``.  ``rows``
+    is the table of perihelia; None if it lacks one of the two.
+    """
     found = gains(rows, planets.PLAIN, planets.CORRECTED, names)
     if found.empty:
         return None
@@ -139,21 +158,21 @@ def _rates(rows: pd.DataFrame, names: tuple[str, ...]) -> dict | None:
 
 @of(planets.PERIHELIA)
 def inner(rows: pd.DataFrame) -> Verdict | None:
-    """Whether the corrector leaves the rates of the inner planets' perihelia no better."""
+    """Whether WHFast's symplectic corrector makes the perihelion rate of no inner planet more accurate."""
     found = _rates(rows, INNER)
     return found and Verdict("Symplectic correctors make no inner planet's perihelion rate better", **found)
 
 
 @of(planets.PERIHELIA)
 def giants(rows: pd.DataFrame) -> Verdict | None:
-    """Whether the corrector leaves the rates of the giant planets' perihelia no better."""
+    """Whether WHFast's symplectic corrector makes the perihelion rate of no giant planet more accurate."""
     found = _rates(rows, GIANTS)
     return found and Verdict("Symplectic correctors make no giant planet's perihelion rate better", **found)
 
 
 @of(planets.PERIHELIA)
 def same_energy(rows: pd.DataFrame) -> Verdict | None:
-    """The rates' errors with the corrector over those of SABAC2, whose energy error is the same."""
+    """Whether SABAC2, with the energy error of WHFast with a corrector, has more accurate perihelion rates."""
     found = gains(rows, planets.CORRECTED, "rebound-saba-cm-2", INNER)
     if found.empty:
         return None
@@ -175,7 +194,11 @@ def _curve(rows: pd.DataFrame, name: str, id: str, first: str, length: float) ->
 
 
 def ratios(rows: pd.DataFrame, name: str) -> list[float]:
-    """Leapfrog's rms error over the other's at the same small step, for each first variable and length."""
+    """List leapfrog's rms energy errors over those of the minimum-norm splitting in the potential ``name``.
+
+    Both take the same step: there is a ratio for each step up to `SMALL`, length of the trajectory, and variable
+    (positions or momenta) that a step moves first.
+    """
     out: list[float] = []
     for first in (POSITIONS, MOMENTA):
         for length in minimum_norm.LENGTHS:
@@ -186,13 +209,20 @@ def ratios(rows: pd.DataFrame, name: str) -> list[float]:
 
 
 def _step_at(curve: pd.DataFrame) -> float:
-    """The step at which the rms error is `EQUAL`, interpolated between powers; nan if it is out of reach."""
+    """Return the step h at which the rms energy error of a curve is `EQUAL`; NaN if no step of the curve is near it.
+
+    ``curve`` has a row for each step.  Between two rows the error is taken to be a power of h.
+    """
     rms, h = np.log(curve[["rms", "h"]].to_numpy(float)).T
     return float(np.exp(np.interp(np.log(EQUAL), rms, h, left=np.nan, right=np.nan)))
 
 
 def longer(rows: pd.DataFrame, name: str) -> list[float]:
-    """The step of the minimum-norm splitting over leapfrog's at the rms error `EQUAL`, likewise."""
+    """List the steps of the minimum-norm splitting over leapfrog's at which both have the rms energy error `EQUAL`.
+
+    There is a ratio for each length of the trajectory and variable (positions or momenta) that a step moves first;
+    ``name`` is the potential.
+    """
     out: list[float] = []
     for first in (POSITIONS, MOMENTA):
         for length in minimum_norm.LENGTHS:
@@ -204,9 +234,9 @@ def longer(rows: pd.DataFrame, name: str) -> list[float]:
 
 
 def _smaller(rows: pd.DataFrame, name: str) -> dict | None:
-    """The keyword arguments of a `Verdict` that the minimum-norm method has a tenth of leapfrog's rms energy error.
+    """Return the arguments of a `Verdict` that the minimum-norm splitting has a tenth of leapfrog's rms energy error.
 
-    They are of the problem or target ``name``; None if it has no rows.
+    ``name`` is the potential; None if ``rows`` has no rows of it.
     """
     found = ratios(rows, name)
     return {"measured": Range(min(found), max(found)), "expected": _about(10.0), "unit": "times"} if found else None
@@ -214,14 +244,14 @@ def _smaller(rows: pd.DataFrame, name: str) -> dict | None:
 
 @of(minimum_norm.TABLE)
 def anharmonic(rows: pd.DataFrame) -> Verdict | None:
-    """Whether the rms energy error is about ten times smaller on the anharmonic oscillator."""
+    """Whether the minimum-norm splitting's energy error is about a tenth of leapfrog's on an anharmonic oscillator."""
     found = _smaller(rows, "anharmonic")
     return found and Verdict("The minimum-norm splitting's energy error is about a tenth of leapfrog's", **found)
 
 
 @of(minimum_norm.TABLE)
 def gaussian(rows: pd.DataFrame) -> Verdict | None:
-    """Whether it is on the harmonic oscillator."""
+    """Whether the minimum-norm splitting's energy error is about a tenth of leapfrog's on the harmonic oscillator."""
     found = _smaller(rows, "oscillator")
     return found and Verdict(
         "On a Gaussian the minimum-norm splitting's energy error is about a tenth of leapfrog's", **found
@@ -230,7 +260,7 @@ def gaussian(rows: pd.DataFrame) -> Verdict | None:
 
 @of(minimum_norm.TABLE)
 def step(rows: pd.DataFrame) -> Verdict | None:
-    """Whether the step may be about three times as long."""
+    """Whether the minimum-norm splitting's step is about three times as long as leapfrog's at equal energy error."""
     found = longer(rows, "anharmonic")
     if not found:
         return None
@@ -244,7 +274,7 @@ def step(rows: pd.DataFrame) -> Verdict | None:
 
 @of(minimum_norm.TABLE)
 def efficiency(rows: pd.DataFrame) -> Verdict | None:
-    """Whether it is some 50 % more efficient: the step's gain over the evaluations'."""
+    """Whether the minimum-norm splitting goes some 50 % farther than leapfrog per force evaluation at equal error."""
     found = [100 * (x / minimum_norm.FORCES[MINIMUM_NORM] - 1) for x in longer(rows, "anharmonic")]
     if not found:
         return None
@@ -260,7 +290,11 @@ def efficiency(rows: pd.DataFrame) -> Verdict | None:
 
 
 def _law(rows: pd.DataFrame, id: str) -> dict | None:
-    """Arguments of a verdict that an integrator's exponent is 1/2; None without its row."""
+    """Return the arguments of a `Verdict` that the energy error of the integrator ``id`` grows as the root of time.
+
+    Measured is the power of time, which must be 1/2 within the width of its 95 % interval.  None without a row of the
+    integrator at its own tolerance.
+    """
     row = rows[(rows["integrator"] == id) & rows["tolerance"].isna()]
     if row.empty:
         return None
@@ -279,28 +313,28 @@ def ias15(rows: pd.DataFrame) -> Verdict | None:
 
 @of(brouwer.TABLE)
 def heyoka(rows: pd.DataFrame) -> Verdict | None:
-    """Whether heyoka's does."""
+    """Whether heyoka's energy error grows as the square root of time."""
     found = _law(rows, "heyoka")
     return found and Verdict("heyoka's energy error grows as the square root of time", **found)
 
 
 @of(brouwer.TABLE)
 def whfast(rows: pd.DataFrame) -> Verdict | None:
-    """Whether WHFast's does."""
+    """Whether WHFast's energy error grows as the square root of time."""
     found = _law(rows, "rebound-whfast-plain")
     return found and Verdict("WHFast's energy error grows as the square root of time", **found)
 
 
 @of(brouwer.TABLE)
 def gauss(rows: pd.DataFrame) -> Verdict | None:
-    """Whether that of this suite's Gauss method of order 16 does."""
+    """Whether the energy error of this suite's Gauss method of order 16 grows as the square root of time."""
     found = _law(rows, "gauss-8")
     return found and Verdict("The energy error of Gauss of order 16 grows as the square root of time", **found)
 
 
 @of(brouwer.TABLE)
 def splitting(rows: pd.DataFrame) -> Verdict | None:
-    """Whether that of this suite's Wisdom-Holman splitting does."""
+    """Whether the energy error of this suite's Wisdom-Holman splitting grows as the square root of time."""
     found = _law(rows, "wisdom-holman")
     return found and Verdict(
         "This suite's Wisdom–Holman has an energy error growing as the square root of time", **found
@@ -309,7 +343,7 @@ def splitting(rows: pd.DataFrame) -> Verdict | None:
 
 @of(brouwer.TABLE)
 def smallest(rows: pd.DataFrame) -> Verdict | None:
-    """IAS15's rms energy error at the end over that of the best of this suite."""
+    """Whether IAS15's rms energy error at the end is no larger than that of this suite's best method."""
     end = rows[rows["tolerance"].isna()].set_index("integrator")["rms"]
     ours = end[end.index.isin(("gauss-8", "wisdom-holman"))]
     if "rebound-ias15" not in end or ours.empty:
@@ -328,7 +362,7 @@ def smallest(rows: pd.DataFrame) -> Verdict | None:
 
 @of(timed.VECTORS)
 def vectors(rows: pd.DataFrame) -> Verdict:
-    """How many times WHFast512 is as fast as WHFast."""
+    """Whether WHFast512 (eight planets in a vector register) is up to 4.7 times as fast as WHFast."""
     where = rows.loc[rows["gain"].idxmin()]
     return Verdict(
         "WHFast512 is up to 4.7 times as fast as WHFast",
@@ -340,7 +374,10 @@ def vectors(rows: pd.DataFrame) -> Verdict:
 
 
 def _against(rows: pd.DataFrame, id: str, printed: float) -> dict | None:
-    """Arguments of a verdict that TRACE is as many times as fast as another; None without its row."""
+    """Return the arguments of a `Verdict` that TRACE is about ``printed`` times as fast as the integrator ``id``.
+
+    ``rows`` is the table of close encounters; None if it lacks one of the two.
+    """
     row = rows[rows["integrator"] == id]
     if row.empty or timed.TRACE not in set(rows["integrator"]):
         return None
@@ -351,14 +388,14 @@ def _against(rows: pd.DataFrame, id: str, printed: float) -> dict | None:
 
 @of(timed.ENCOUNTERS)
 def mercurius(rows: pd.DataFrame) -> Verdict | None:
-    """How many times TRACE is as fast as MERCURIUS."""
+    """Whether TRACE is 12 times as fast as MERCURIUS in close encounters."""
     found = _against(rows, timed.RIVALS[0], 12.0)
     return found and Verdict("TRACE is 12 times as fast as MERCURIUS in close encounters", **found)
 
 
 @of(timed.ENCOUNTERS)
 def trace(rows: pd.DataFrame) -> Verdict | None:
-    """How many times TRACE is as fast as IAS15."""
+    """Whether TRACE is 15 times as fast as IAS15 in violent scattering."""
     found = _against(rows, timed.RIVALS[1], 15.0)
     return found and Verdict("TRACE is 15 times as fast as IAS15 in violent scattering", **found)
 

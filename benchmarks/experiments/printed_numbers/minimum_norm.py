@@ -52,7 +52,10 @@ def potential(name: str, q: np.ndarray) -> np.ndarray:
 
 
 def states(name: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return (q, p, weights), arrays (n,): the nodes and weights of a rule for averages over exp(-H)."""
+    """Return (q, p, weights), arrays (n,): nodes and weights of a rule for averages over exp(-H).
+
+    H is p^2 / 2 plus the potential ``name``; the weights have the sum 1.
+    """
     x, w = np.polynomial.hermite_e.hermegauss(NODES)
     by_q = w * np.exp(x**2 / 2 - potential(name, x))
     weights = np.outer(by_q / by_q.sum(), w / w.sum()).ravel()

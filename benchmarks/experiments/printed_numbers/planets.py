@@ -1,11 +1,12 @@
 r"""Eight planets: error against evaluations of splittings, and energy errors beside errors of the perihelia's rates.
 
 - **Splittings**: the largest relative energy error over a century, and the distance from the certified state after a
-  decade, against the evaluations of the planets' forces on each other; a corrector's, at rows only, are not
-  counted.
+  decade, against the evaluations of the planets' forces on each other.  Those of a corrector, which is applied only
+  where a state is stored, are not counted.
 - **Perihelia**: the longitude of a perihelion is the direction of :math:`e = v\times L/\mu - r/|r|` about the Sun in
-  the ecliptic.  Its rate's error is the slope of a line fitted to its difference from that of a run of ABA(10,6,4) with
-  half the step, whose uncertainty is the same slope between both steps.
+  the ecliptic, and its rate the slope of a line fitted over time.  The error of a rate is the slope of the difference
+  from a reference, a run of ABA(10,6,4) with half the step; the reference's uncertainty is the slope of the difference
+  between its runs with half and with the whole step.
 
 Source: A. Farres et al., Celest. Mech. Dyn. Astron. 116 (2013) 141; H. Rein, G. Brown, D. Tamayo, Mon. Not. R. Astron.
 Soc. 490 (2019) 5122.

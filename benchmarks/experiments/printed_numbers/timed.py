@@ -1,7 +1,7 @@
 """Published speed-ups of REBOUND's integrators: WHFast512 beside WHFast, TRACE beside MERCURIUS and IAS15.
 
-The integrators of a scene are timed in turns.  The scene of close encounters is that of REBOUND's example on TRACE, its
-giant planets with `HEAVIER` times their masses, from the elements of this suite's solar system.
+The integrators on one problem are timed in turns.  The problem of close encounters is that of REBOUND's example on
+TRACE: the giant planets with `HEAVIER` times their masses, with the orbital elements of this suite's solar system.
 
 Source: P. Javaheri, H. Rein, D. Tamayo, Open J. Astrophys. 6 (2023); T. Lu, D. M. Hernandez, H. Rein, Mon. Not. R.
 Astron. Soc. 533 (2024) 3708.
@@ -40,7 +40,7 @@ TRACE, RIVALS = "rebound-trace", ("rebound-mercurius", "rebound-ias15")
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """List the measurements (`Cell`): one for each step of WHFast, one of the close encounters; none if ``quick``."""
+    """List the measurements (`Cell`): one for each step size of WHFast, one of close encounters; none if ``quick``."""
     if quick:
         return []
     vectors = [
@@ -59,7 +59,7 @@ def _cell(table: str, key: dict, measure: Callable[..., Rows], arguments: tuple,
 def heavier() -> PlanetarySystem:
     """Build the problem of the Sun and the giant planets with `HEAVIER` times their masses.
 
-    Their elements are those of the solar system.
+    Their orbital elements are those of the solar system.
     """
     table = solar_system.table()
     members = tuple(replace(b, mass=b.mass * HEAVIER) for b in table.members if b.name in GIANTS)

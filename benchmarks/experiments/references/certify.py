@@ -1,4 +1,4 @@
-"""`phasebench.certify`: reference states with their uncertainty, stored ones measured again or one at a chosen time."""
+"""`phasebench.certify`: measures stored reference states again, or certifies the state of an orbit at a chosen time."""
 
 from __future__ import annotations
 
@@ -115,14 +115,14 @@ def certify(
     time_limit: float = 300.0,
     progress: Callable[[str], None] = lambda line: None,
 ) -> References | CertifiedState:
-    """Measure stored reference states again, or certify the state of one problem at a time.
+    """Measure stored reference states again, or certify the state of one problem at one chosen time.
 
     Parameters
     ----------
     problem : names such as ``"henon-heiles:box"``; all problems by default
-    t_end : a time, for a state that is computed now; one problem must be named
-    time_limit : seconds that certifying one time may take
-    progress : called with a line of text
+    t_end : time of a state to be computed and certified now, for exactly one problem; None for the stored states
+    time_limit : seconds that the state at ``t_end`` may take
+    progress : function that is called with a line of text about what is done
 
     Returns
     -------
@@ -131,7 +131,7 @@ def certify(
     Raises
     ------
     InvalidInput
-        For an unknown problem, or a state that cannot be certified (in the time).
+        For an unknown problem, or a state that cannot be certified within the time limit.
     """
     names = [problem] if isinstance(problem, str) else list(problem)
     if t_end is not None:
@@ -146,8 +146,8 @@ def certify(
 def recheck(names: Sequence[str], progress: Callable[[str], None], update: bool = False) -> list[Outcome]:
     """Measure the stored reference states of the problems with these labels again: a list of outcomes.
 
-    With ``update`` they are computed anew, and each that holds is stored at once.  ``progress`` is called with the
-    label of each problem before it is measured.
+    With ``update`` they are computed anew instead, and those of a problem are stored at once if all their statements
+    hold.  ``progress`` is called with the label of each problem before it is measured.
     """
     from phasebench.reference.certificates import check, make, stored
 
@@ -162,7 +162,10 @@ def recheck(names: Sequence[str], progress: Callable[[str], None], update: bool 
 
 
 def certify_end(made: Problem, t_end: float, time_limit: float, progress: Callable[[str], None]) -> Certificate:
-    """Certify the state of a problem at a time; raises InvalidInput if it cannot be done in ``time_limit`` seconds."""
+    """Certify the state of a problem at the time ``t_end``, within ``time_limit`` seconds.
+
+    ``progress`` is called with lines of text.  Raises InvalidInput if the state cannot be certified in this time.
+    """
     from phasebench.reference.certificates import make
     from phasebench.reference.solvers import watch
     from phasebench.reference.solvers.taylor import ReferenceFailed
@@ -182,7 +185,10 @@ def certify_end(made: Problem, t_end: float, time_limit: float, progress: Callab
 
 
 def _state(name: str, t_end: float, time_limit: float, progress: Callable[[str], None]) -> CertifiedState:
-    """Certify the state of the problem ``name`` at ``t_end`` and return it as a `CertifiedState`."""
+    """Certify the state of the problem ``name`` at ``t_end`` and return it as a `CertifiedState`.
+
+    ``time_limit`` is in seconds; ``progress`` is called with lines of text.
+    """
     made = problem_of(name)
     new = certify_end(made, t_end, time_limit, progress)
     (end,) = new.ends

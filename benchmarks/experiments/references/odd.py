@@ -1,8 +1,8 @@
 """Uncertainties of reference states at times between the stored ones, judged by a run in many bits.
 
 For each orbit, `TIMES` times are drawn with a fixed seed over its span.  At each, the state and its uncertainty are
-computed as for `integrate --error` and the advice (`measure.truths`).  The error is the distance from a Taylor run in
-`MANY` bits, or, above `LARGEST` degrees of freedom, in quadruple precision.
+computed as they are for measuring the error of a user's run (`measure.truths`).  The state's own error is its distance
+from a Taylor run in `MANY` bits, or, above `LARGEST` degrees of freedom, in quadruple precision.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ def times(made: Problem, count: int = TIMES) -> list[float]:
 def error_rows(made: Problem, at: list[float]) -> list[dict[str, object]]:
     """Measure the reference state of the problem ``made`` at the times ``at``: a row for each.
 
-    A row has the error of the state, its stated uncertainty, and the numbers from which that was estimated.
+    A row has the error of the state, its stated uncertainty, and the numbers from which the uncertainty was estimated.
     """
     many = made.system.d <= LARGEST
     number = taylor.Bits(MANY) if many else taylor.extended_types()[1]

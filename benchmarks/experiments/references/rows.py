@@ -1,4 +1,4 @@
-"""The table row on certified reference states that were measured again, for the command and for the report."""
+"""The table row on certified reference states measured again, for `phasebench.certify` and for the report."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Experiment on rigid bodies: what their methods keep, what an attitude costs, what a nearly symmetric body gains."""
+"""Experiment: what methods for rigid bodies preserve, how accurate the attitude is, and gains near a symmetric body."""

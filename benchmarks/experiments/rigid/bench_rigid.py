@@ -20,7 +20,8 @@ from phasebench.benchmarks.page.verdict import PASS
 def bench_rigid(measured_rows: Callable[[str], list[dict]], verdict: Callable[..., Any]) -> None:
     """Test that methods for rigid bodies keep rotations and have their orders, and that RK4, the control, does not.
 
-    ``verdict`` is a function of the page that judges one of these; ``measured_rows`` is a fixture: table name -> rows.
+    ``verdict`` is the function of the report page that judges one such statement; ``measured_rows`` is a fixture: table
+    name -> rows.
     """
     found = verdict(lambda name: pd.DataFrame(measured_rows(name)))
     if found is None:

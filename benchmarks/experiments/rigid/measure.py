@@ -1,9 +1,10 @@
-r"""Methods for a rigid body beside ordinary ones on its quaternion.
+r"""Methods for a rigid body beside ordinary ones, which integrate its quaternion.
 
 - **Attitude**: the angle in degrees between the attitude at the end of `SPAN` and the certified one, for falling steps,
   with the order from the two shortest whose errors are above round-off; what is kept of :math:`R^T R = 1` and of the
   momentum in space.
-- **Symmetry**: on free bodies with the moments :math:`(1, 1 + \delta, 2)`, the errors of both splittings at one step.
+- **Symmetry**: on free bodies with the moments :math:`(1, 1 + \delta, 2)`, the errors of two splittings at one step:
+  `rigid-dlm`, turns about the principal axes, and `rigid-reich`, the exact flow of a symmetric top between turns.
 - **Energy**: the spread of the energy over a million steps on a top that is chaotic, and over the first tenth of them.
 
 The angle of the turn from one attitude q to another r is :math:`4\arcsin(\min|q \pm r| / 2)`.
@@ -103,9 +104,10 @@ def attitude(id: str, name: str) -> Rows:
 
 
 def symmetry(delta: float) -> Rows:
-    """Measure the errors of both splittings on a free body with the moments (1, 1 + delta, 2): one row, by table name.
+    """Measure the errors of two splittings on a free body with the moments (1, 1 + delta, 2): one row, by table name.
 
-    The errors are the angles in degrees of `rigid-dlm` (column ``axes``) and `rigid-reich` (``top``) at the end.
+    The errors are the angles in degrees from the true attitude at the end: column ``axes`` for `rigid-dlm`, which turns
+    about the principal axes, and ``top`` for `rigid-reich`, which splits off a symmetric top.
     """
     body = RigidBody(moments=(1, 1 + delta, 2))
     q, p = body.start(**START)

@@ -48,9 +48,10 @@ def kept(rows: pd.DataFrame) -> Verdict | None:
 
 @of(ATTITUDE)
 def left(rows: pd.DataFrame) -> Verdict | None:
-    """Judge whether the fourth-order Runge-Kutta method on the quaternion, the control, leaves the rotations.
+    """Judge whether the rotation matrix does not stay orthogonal with the fourth-order Runge-Kutta method, the control.
 
-    It is judged at its longest step.  ``rows`` is the table of attitudes; None if it has none of this method.
+    The method integrates the quaternion, and is judged at its longest step.  ``rows`` is the table of attitudes; None
+    if it has none of this method.
     """
     explicit = rows[(rows["method"] == "rk4") & (rows["h"] == rows["h"].max())]
     if explicit.empty:
@@ -67,9 +68,10 @@ def left(rows: pd.DataFrame) -> Verdict | None:
 
 @of(ATTITUDE)
 def orders(rows: pd.DataFrame) -> Verdict | None:
-    """Judge whether attitudes converge with the declared order: of each run, at the least step above round-off.
+    """Judge whether attitudes converge with the declared orders of the methods for rigid bodies.
 
-    ``rows`` is the table of attitudes; None if it has no order of a method for rigid bodies.
+    The measured order of a method on a problem is that at the smallest step whose error is above round-off.  ``rows``
+    is the table of attitudes; None if it has no order of these methods.
     """
     told = rows[rows["order"].notna() & rows["bodies"].astype(bool)]
     if told.empty:
@@ -88,10 +90,10 @@ def orders(rows: pd.DataFrame) -> Verdict | None:
 
 @of(SYMMETRY)
 def gain(rows: pd.DataFrame) -> Verdict | None:
-    """Judge whether the gain of the splitting by a symmetric top grows as the inverse of the asymmetry.
+    """Judge whether splitting off a symmetric top gains accuracy as the inverse of the body's asymmetry delta.
 
-    The gain is the error of the splitting by axes over that of the one by a top.  ``rows`` has a row for each
-    asymmetry; None for fewer than three.
+    The body has the moments (1, 1 + delta, 2).  The gain is the error of the splitting into turns about the principal
+    axes over that of the splitting off a symmetric top.  ``rows`` has a row for each delta; None for fewer than three.
     """
     if len(rows) < 3:
         return None
@@ -107,9 +109,9 @@ def gain(rows: pd.DataFrame) -> Verdict | None:
 
 @of(ENERGY)
 def bounded(rows: pd.DataFrame) -> Verdict | None:
-    """Judge whether every method, the Lie midpoint rule as well, keeps a chaotic top's energy bounded.
+    """Judge whether every method keeps a chaotic top's energy bounded, even if it is not symplectic.
 
-    ``rows`` is the table of long runs, a row for each method.
+    The Lie midpoint rule is not.  ``rows`` is the table of long runs, a row for each method.
     """
     growth = rows["all"] / rows["first"]
     worst = rows.loc[growth.idxmax()]
@@ -141,7 +143,10 @@ def answer(data: Data) -> str | None:
 
 @of(ATTITUDE, SYMMETRY)
 def draw(rows: pd.DataFrame, near: pd.DataFrame, folder: Path) -> list[Picture]:
-    """Draw the attitude's error against the step (left), and both splittings' errors against the asymmetry (right)."""
+    """Draw the attitude's error against the step (left), and two splittings' errors against a body's asymmetry (right).
+
+    ``rows`` is the table of attitudes, ``near`` that of nearly symmetric bodies; the figure is saved in ``folder``.
+    """
     with style.settings():
         figure, ((left_axes, right_axes),) = style.panels(1, 2, 3.4)
         shown = rows[(rows["problem"] == TOP) & rows["bodies"].astype(bool)]

@@ -1,1 +1,1 @@
-"""Experiment: splittings and force gradients for Hamiltonian Monte Carlo, and the energy without the Hessian."""
+"""Experiment: splittings and force-gradient methods for Hamiltonian Monte Carlo; energy drift of Hessian-free ones."""

@@ -1,15 +1,16 @@
-r"""The expected acceptance of Hamiltonian Monte Carlo, at equal numbers of evaluations.
+r"""The expected acceptance of Hamiltonian Monte Carlo with each method, at equal numbers of gradient evaluations.
 
-A proposal is a run from (q, p), drawn from the density :math:`e^{-H}`, over the time T; it is accepted with the
-probability :math:`\min(1, e^{-\Delta H})`.  Its mean over independent draws is the expected acceptance in the
-stationary state, with a normal interval; no chain is run, and no burn-in enters.  All methods get the same draws.
+A proposal is a run over the time T from a state (q, p) that is drawn from the density :math:`e^{-H}`; it is accepted
+with the probability :math:`\min(1, e^{-\Delta H})`.  The mean of this probability over independent draws is the
+expected acceptance in the stationary state, with a normal interval; no chain is run, and there is no burn-in.  All
+methods get the same draws.
 
 .. math::
     H = \tfrac12 |p|^2 + \sum_{i=1}^{d} v(\omega_i q_i),\qquad \omega_i = 2 i,
 
-with :math:`v(x) = x^2/2`, a Gaussian target, or :math:`v(x) = x^2/2 + x^4/4`, one that is not: x is drawn by rejection
-from the normal density.  A run has as many evaluations of the gradient as its budget allows: h = T n / budget for a
-step of n evaluations; a kick with a gradient of the force counts as two.
+with :math:`v(x) = x^2/2`, the Gaussian target, or :math:`v(x) = x^2/2 + x^4/4`, the quartic one, for which x is drawn
+by rejection from the normal density.  The budget of a run is its number of gradient evaluations: a method with n
+evaluations a step has h = T n / budget; a kick with a gradient of the force counts as two.
 
 Source: S. Blanes, F. Casas, J. M. Sanz-Serna, SIAM J. Sci. Comput. 36 (2014) A1556-A1580.
 """
@@ -54,14 +55,20 @@ EVALUATIONS = STAGES | GRADIENTS
 
 
 def system(target: str) -> Hamiltonian:
-    """The system of a target."""
+    """Return the Hamiltonian system of a target, H = |p|^2 / 2 + sum of v(2 i q_i) over i = 1, ..., `D`.
+
+    ``target`` is a key of `TARGETS`, which has the formula of v(x).
+    """
     q, p = ([f"{x}{i}" for i in range(1, D + 1)] for x in "qp")
     terms = [TARGETS[target].replace("x", f"({2 * i}*q{i})") for i in range(1, D + 1)]
     return Hamiltonian(q=q, p=p, H=f"({' + '.join(f'{x}**2' for x in p)})/2 + {' + '.join(terms)}")
 
 
 def draws(target: str, n: int = DRAWS) -> tuple[np.ndarray, np.ndarray]:
-    """n independent states of the density exp(-H): q, p, arrays (n, D)."""
+    """Draw ``n`` independent states from the density exp(-H) of a target: (q, p), arrays (n, `D`).
+
+    ``target`` is a key of `TARGETS`.  The seed is fixed, so that every method gets the same states.
+    """
     generator = np.random.default_rng(SEED)
     p = generator.standard_normal((n, D))
     x = generator.standard_normal((n, D))
@@ -74,18 +81,29 @@ def draws(target: str, n: int = DRAWS) -> tuple[np.ndarray, np.ndarray]:
 
 
 def budgets(target: str, method: str) -> list[int]:
-    """The numbers of evaluations of a run on a target that the method's steps divide."""
+    """List the budgets, numbers of gradient evaluations of a run, that are a whole number of a method's steps.
+
+    ``target`` is a key of `BUDGETS`, ``method`` the method's id.
+    """
     return [budget for budget in BUDGETS[target] if budget % EVALUATIONS[method] == 0]
 
 
 def propose(of: Hamiltonian, q: np.ndarray, p: np.ndarray, method: str, budget: int) -> Ensemble:
-    """Integrate proposals from the states q, p, arrays (n, D), with ``budget`` evaluations each, on one thread."""
+    """Integrate a proposal of Hamiltonian Monte Carlo from each of the states q, p, arrays (n, D), on one thread.
+
+    ``of`` is the target's system; ``budget`` is the number of gradient evaluations of a proposal by the method.
+    Returns an `Ensemble`, with the end states.
+    """
     steps = budget // EVALUATIONS[method]
     return integrate_ensemble(of, method, q, p, h=TIME / steps, steps=steps, threads=1)
 
 
 def acceptance(target: str, method: str, budget: int, n: int = DRAWS) -> dict[str, float]:
-    """The expected acceptance, its interval and the mean of the energy error; a run that fails is rejected."""
+    """Measure the expected acceptance of a method's proposals with ``budget`` gradient evaluations each.
+
+    Returns a dict: "acceptance", "low" and "high" (its 95 % interval), "failed" (number of failed runs, which count as
+    rejected) and "median energy error" (of |Delta H|).  ``n`` is the number of proposals on the target.
+    """
     of, (q, p) = system(target), draws(target, n)
     found = propose(of, q, p, method, budget)
     reached = np.isclose(found.t, TIME)
@@ -104,7 +122,7 @@ def acceptance(target: str, method: str, budget: int, n: int = DRAWS) -> dict[st
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """A cell for each method on each target; none in the quick tier."""
+    """List the measurements (`Cell`), one for each method on each target; none if ``quick``."""
     return [] if quick else [_cell(target, method) for target in TARGETS for method in EVALUATIONS]
 
 
@@ -121,7 +139,10 @@ def _cell(target: str, method: str) -> Cell:
 
 
 def measure_rows(target: str, method: str) -> Rows:
-    """The rows of a method on a target, one for each budget that its steps divide."""
+    """Measure the expected acceptance of a method on a target of Hamiltonian Monte Carlo: rows, by table name.
+
+    There is a row for each budget: a number of gradient evaluations of a run that is a whole number of steps.
+    """
     each = EVALUATIONS[method]
     about = {"target": target, "method": method, "evaluations per step": each}
     return {

@@ -1,4 +1,4 @@
-"""Checks of the sampling experiment: acceptances are probabilities, and no run without the Hessian fails."""
+"""Checks of the Hamiltonian Monte Carlo experiment: acceptances are probabilities, no Hessian-free run fails."""
 
 from __future__ import annotations
 
@@ -12,12 +12,15 @@ if TYPE_CHECKING:
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """The cells of the acceptance and its time, of the stability limits, and of the energy without the Hessian."""
+    """List the measurements (`Cell`): acceptance, cost, stability limits, Hessian-free energy; none if ``quick``."""
     return [*acceptance.cells(quick), *cost.cells(quick), *limits.cells(quick), *hessian_free.cells(quick)]
 
 
 def off(rows: list[dict]) -> list[str]:
-    """A line for each acceptance that is no probability within its interval."""
+    """Return messages about the rows whose acceptance is not in its own interval, or the interval not in [0, 1].
+
+    ``rows`` are those of the table of acceptances, one for each target, method and number of evaluations.
+    """
     return [
         f"{r['method']} on {r['target']}, {r['budget']}: {r['acceptance']}"
         for r in rows
@@ -26,13 +29,19 @@ def off(rows: list[dict]) -> list[str]:
 
 
 def bench_acceptance(measured_rows: Callable[[str], list[dict]]) -> None:
-    """Every acceptance is a probability within its interval."""
+    """Test that every expected acceptance is a probability that lies in its own interval.
+
+    ``measured_rows`` is a fixture: table name -> rows.
+    """
     wrong = off(measured_rows(acceptance.TABLE))
     assert not wrong, "\n".join(wrong)
 
 
 def bench_cost(measured_rows: Callable[[str], list[dict]]) -> None:
-    """Every proposal takes time, and every method accepts some."""
+    """Test that every proposal takes a positive time, and that no method has the acceptance 0 in all of its rows.
+
+    ``measured_rows`` is a fixture: table name -> rows.
+    """
     rows = measured_rows(cost.TABLE)
     wrong = [f"{r['method']} on {r['target']}" for r in rows if not r["ns a proposal"] > 0]
     wrong += [id for id in {r["method"] for r in rows} if not any(r["acceptance"] for r in rows if r["method"] == id)]
@@ -40,13 +49,19 @@ def bench_cost(measured_rows: Callable[[str], list[dict]]) -> None:
 
 
 def bench_limits(measured_rows: Callable[[str], list[dict]]) -> None:
-    """Every method is stable up to some step."""
+    """Test that every method has a positive stability limit on the harmonic oscillator.
+
+    ``measured_rows`` is a fixture: table name -> rows.
+    """
     wrong = [r["method"] for r in measured_rows(limits.TABLE) if not r["limit"] > 0]
     assert not wrong, wrong
 
 
 def bench_hessian_free(measured_rows: Callable[[str], list[dict]]) -> None:
-    """Every orbit reaches the end."""
+    """Test that every orbit, chaotic or regular, is integrated to its end by force-gradient methods and the control.
+
+    ``measured_rows`` is a fixture: table name -> rows.
+    """
     wrong = [r["method"] for r in measured_rows(hessian_free.CHAOTIC) if r["failed"]]
     wrong += [f"{r['method']} on {r['problem']}" for r in measured_rows(hessian_free.REGULAR) if r["status"] != "ok"]
     assert not wrong, wrong

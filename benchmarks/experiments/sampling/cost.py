@@ -1,9 +1,10 @@
 """The time of an accepted proposal of Hamiltonian Monte Carlo: a run's time divided by its expected acceptance.
 
-The targets and draws are those of `acceptance`.  A run is so short that the checks of the call outlast it, and a large
-step may send orbits away, which are then slow: so the time of a step is that of a run of `STEPS` small ones, of all
-draws as one ensemble on one thread, the methods in turns.  Few evaluations make a run cheap and its acceptance small:
-the least time over the numbers of evaluations tells the best that a method can do.
+The targets and draws are those of the module `acceptance`.  A proposal's run is so short that the call's checks take
+longer than its steps, and at a large step orbits may escape, which makes them slow.  The time of a step is therefore
+measured in a run of `STEPS` small steps, of all draws as one ensemble on one thread, the methods in turns.  Few
+evaluations make a run cheap and its acceptance small: a method's best is the least time over the numbers of
+evaluations.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ STEPS, ROUNDS = 2000, 9
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """A cell for each target, in which all methods are timed in turns; none in the quick tier."""
+    """List the measurements (`Cell`), one for each target, which times all methods in turns; none if ``quick``."""
     return [] if quick else [_cell(target) for target in TARGETS]
 
 
@@ -36,7 +37,11 @@ def _cell(target: str) -> Cell:
 
 
 def measure_rows(target: str) -> Rows:
-    """The acceptance and the time of a proposal on a target: a row for each method and number of evaluations."""
+    """Measure acceptance and time of the proposals on a target of Hamiltonian Monte Carlo: rows, by table name.
+
+    There is a row for each method and number of gradient evaluations, with the nanoseconds of a proposal (and their
+    interval) and of an accepted one.
+    """
     of, (q, p) = acceptance.system(target), acceptance.draws(target)
     runs = {id: partial(acceptance.propose, of, q, p, id, STEPS * each) for id, each in EVALUATIONS.items()}
     rows = []

@@ -1,14 +1,15 @@
-r"""The energy of Hessian-free force gradients on chaotic and on regular orbits, beside the steps with the Hessian.
+r"""The energy of Hessian-free force-gradient methods on chaotic and on regular orbits, beside those with the Hessian.
 
-The steps are symmetric and keep the volume but are not symplectic, so that no theorem bounds the energy.  On chaotic
-orbits of
+A Hessian-free method replaces the gradient of the squared force in a kick by a second evaluation of the force.  Its
+steps are symmetric and keep the volume but are not symplectic, so that no theorem bounds the energy.  On chaotic orbits
+of
 
 .. math:: H = \tfrac12 |p|^2 + \tfrac12 x^2 y^2 + \tfrac1{40}(x^4 + y^4) = 1
 
-the change of the energy over a run is taken as the mean of its last tenth less that of its first tenth.  Orbits from
-random starts are independent: their mean change over the time between is the drift, with Student's interval, and their
-standard deviation the spread, which a random walk of the energy makes grow.  On regular orbits the drift is that of the
-series (`measure.drift`).
+the change of the energy over a run is its mean over the last tenth less its mean over the first tenth.  Orbits from
+random starts are independent: the mean of their changes, divided by the time between, is the drift, with Student's
+interval; the standard deviation of the changes is the spread, which grows if the energy makes a random walk.  On a
+regular orbit the drift is the slope of the energy over time (`measure.drift`).
 """
 
 from __future__ import annotations
@@ -45,12 +46,15 @@ REGULAR_STEPS, REGULAR_ROWS = 200_000, 4000
 
 
 def quartic() -> Hamiltonian:
-    """The chaotic system."""
+    """Return the chaotic system H = (u^2 + v^2) / 2 + x^2 y^2 / 2 + (x^4 + y^4) / 40 in q = (x, y) and p = (u, v)."""
     return Hamiltonian(q="x y", p="u v", H="(u**2 + v**2)/2 + x**2*y**2/2 + (x**4 + y**4)/40")
 
 
 def starts(system: Hamiltonian, n: int = ORBITS) -> tuple[np.ndarray, np.ndarray]:
-    """Random states of the energy 1, arrays (n, 2)."""
+    """Draw ``n`` random states of the energy 1: (q, p), arrays (n, 2); the seed is fixed.
+
+    ``system`` is that of `quartic`.
+    """
     generator = np.random.default_rng(SEED)
     Q, angle = generator.uniform(-1, 1, (n, 2)), generator.uniform(0, 2 * np.pi, n)
     speed = np.sqrt(2 * (1 - system.energies(Q, 0 * Q)))
@@ -58,7 +62,7 @@ def starts(system: Hamiltonian, n: int = ORBITS) -> tuple[np.ndarray, np.ndarray
 
 
 def student(x: np.ndarray) -> tuple[float, float, float]:
-    """The mean of independent numbers with its 95 % interval."""
+    """Return (mean, low, high) of independent numbers, array (n,): their mean and its 95 % interval by Student's t."""
     from scipy.stats import t
 
     half = t.ppf(0.975, len(x) - 1) * x.std(ddof=1) / np.sqrt(len(x))
@@ -66,7 +70,12 @@ def student(x: np.ndarray) -> tuple[float, float, float]:
 
 
 def chaotic(method: str, steps: int = STEPS, h: float = H) -> dict:
-    """The row of a method on chaotic orbits."""
+    """Measure the drift of the energy by a method on `ORBITS` chaotic orbits: a row, as a dict.
+
+    It has the drift per unit of time with its 95 % interval ("low", "high"), the mean change over the run ("change"),
+    the standard deviation of the orbits' changes ("spread"), the largest |H - H0| ("oscillation"), the number of failed
+    orbits, and the id of the method of the same structure with the Hessian ("" if there is none).
+    """
     system = quartic()
     every = steps // ROWS
     found = integrate_ensemble(system, method, *starts(system), h=h, steps=every * ROWS, save_every=every, threads=1)
@@ -91,7 +100,11 @@ def chaotic(method: str, steps: int = STEPS, h: float = H) -> dict:
 
 
 def regular(method: str, name: str, steps: int = REGULAR_STEPS) -> dict:
-    """The row of a method on a regular orbit; the change is that of the drift over the whole run."""
+    """Measure the drift of the energy by a method on a regular orbit, that of the problem ``name``: a row, as a dict.
+
+    It has the drift per unit of time with its interval ("low", "high"), the drift's size times the span ("change"), the
+    largest |H - H0| ("oscillation"), the run's status, and the id of the method with the Hessian ("" if there is none).
+    """
     of, h = problem(name), ORBIT_STEPS[name]
     s = integrate(of, method, h=h, steps=steps, save_every=steps // REGULAR_ROWS)
     E = of.system.energies(s.q, s.p)
@@ -102,7 +115,7 @@ def regular(method: str, name: str, steps: int = REGULAR_STEPS) -> dict:
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """A cell for each method on the chaotic orbits and on each regular one; none in the quick tier."""
+    """List the measurements (`Cell`): each method on the chaotic orbits, and on each regular one; none if ``quick``."""
     if quick:
         return []
     return [_chaotic(m) for m in (*METHODS, CONTROL)] + [_regular(m, name) for m in METHODS for name in ORBIT_STEPS]
@@ -120,10 +133,13 @@ def _regular(method: str, name: str) -> Cell:
 
 
 def chaotic_rows(method: str) -> Rows:
-    """The row of `chaotic`; the control makes fewer steps."""
+    """Measure the drift of the energy by a method on chaotic orbits: {`CHAOTIC`: [the row of `chaotic`]}.
+
+    The control, a Runge-Kutta method whose energy drifts, makes fewer steps.
+    """
     return {CHAOTIC: [chaotic(method, STEPS // EARLIER if method == CONTROL else STEPS)]}
 
 
 def regular_rows(method: str, name: str) -> Rows:
-    """The row of `regular`."""
+    """Measure the energy's drift on a regular orbit of the problem ``name``: {`REGULAR`: [the row of `regular`]}."""
     return {REGULAR: [regular(method, name)]}

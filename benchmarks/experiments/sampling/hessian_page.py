@@ -1,4 +1,7 @@
-"""The page of Hessian-free force gradients: does their energy drift?"""
+"""The report page on Hessian-free force-gradient methods: does their energy drift?
+
+Such a method takes a second evaluation of the force where others need the Hessian of the potential.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +33,10 @@ def _free(frame: pd.DataFrame) -> pd.DataFrame:
 
 
 def _zero(rows: pd.DataFrame) -> tuple[Count, str]:
-    """How many intervals hold zero, and the first method whose interval does not."""
+    """Count the rows whose interval of the energy's drift holds zero: (count, first method whose interval does not).
+
+    The second value is "" if all intervals hold zero.
+    """
     holds = (rows["low"] <= 0) & (rows["high"] >= 0)
     wrong = rows[~holds]
     return Count(int(holds.sum()), len(rows)), wrong["method"].iloc[0] if len(wrong) else ""
@@ -38,7 +44,10 @@ def _zero(rows: pd.DataFrame) -> tuple[Count, str]:
 
 @of(CHAOTIC)
 def drifts(frame: pd.DataFrame) -> Verdict:
-    """Whether the mean energy of chaotic orbits drifts without the Hessian."""
+    """Judge whether the mean energy on chaotic orbits does not drift without the Hessian: intervals hold zero.
+
+    ``frame`` is the table of chaotic runs, a row for each method.
+    """
     measured, where = _zero(_free(frame))
     return Verdict(
         "On chaotic orbits the interval of a Hessian-free drift holds zero",
@@ -51,7 +60,10 @@ def drifts(frame: pd.DataFrame) -> Verdict:
 
 @of(CHAOTIC)
 def symplectic(frame: pd.DataFrame) -> Verdict:
-    """The same with the Hessian: symplectic steps."""
+    """Judge whether the mean energy on chaotic orbits does not drift with symplectic methods, which have the Hessian.
+
+    ``frame`` is the table of chaotic runs, a row for each method.
+    """
     rows = frame.drop(_free(frame).index)
     measured, where = _zero(rows[rows["method"] != CONTROL])
     return Verdict(
@@ -65,7 +77,10 @@ def symplectic(frame: pd.DataFrame) -> Verdict:
 
 @of(CHAOTIC)
 def control(frame: pd.DataFrame) -> Verdict | None:
-    """Whether a drift would be seen: that of a Runge-Kutta method."""
+    """Judge whether the energy drift of RK4, the control, is seen on chaotic orbits: its interval excludes zero.
+
+    ``frame`` is the table of chaotic runs, a row for each method; None if RK4 has none.
+    """
     rows = frame[frame["method"] == CONTROL]
     if rows.empty:
         return None
@@ -81,14 +96,21 @@ def control(frame: pd.DataFrame) -> Verdict | None:
 
 
 def ratios(frame: pd.DataFrame) -> pd.Series:
-    """Spread of the energies without the Hessian over that with it, by method."""
+    """Divide the spread of chaotic orbits' energies without the Hessian by that with it: a series by method.
+
+    ``frame`` is the table of chaotic runs, a row for each method; a spread is the standard deviation of the energy's
+    change between orbits.
+    """
     spread, free = frame.set_index("method")["spread"], _free(frame).set_index("method")
     return (free["spread"] / free[PARTNER].map(spread)).dropna()
 
 
 @of(CHAOTIC)
 def spreads(frame: pd.DataFrame) -> Verdict | None:
-    """Whether the energies of chaotic orbits spread more without the Hessian."""
+    """Judge whether energies of chaotic orbits spread at most `SAME` times as far without the Hessian as with it.
+
+    ``frame`` is the table of chaotic runs, a row for each method; None if no method can be compared.
+    """
     found = ratios(frame)
     if found.empty:
         return None
@@ -103,7 +125,10 @@ def spreads(frame: pd.DataFrame) -> Verdict | None:
 
 @of(REGULAR)
 def regular(frame: pd.DataFrame) -> Verdict | None:
-    """Whether the energy of a regular orbit stays."""
+    """Judge whether the energy of a regular orbit does not drift with methods without the Hessian.
+
+    ``frame`` is the table of regular runs, a row for each method and problem; None if it has none of these methods.
+    """
     rows = _free(frame)
     if rows.empty:
         return None
@@ -120,7 +145,10 @@ def regular(frame: pd.DataFrame) -> Verdict | None:
 
 @of(CHAOTIC)
 def answer(frame: pd.DataFrame) -> str | None:
-    """How many drift, and how far the energies spread."""
+    """Write the page's answer, a sentence: how many Hessian-free methods drift, and how far their energies spread.
+
+    ``frame`` is the table of chaotic runs, a row for each method; None if no method can be compared.
+    """
     rows, found = _free(frame), ratios(frame)
     if found.empty:
         return None
@@ -131,7 +159,11 @@ def answer(frame: pd.DataFrame) -> str | None:
 
 @of(CHAOTIC)
 def draw(frame: pd.DataFrame, folder: Path) -> list[Picture]:
-    """The change of the energy with its interval, in units of the spread with the Hessian."""
+    """Draw the mean change of the energy by each Hessian-free method and by its partner with the Hessian.
+
+    The changes, with their intervals, are in units of the partner's spread; the figure is saved in ``folder``.
+    ``frame`` is the table of chaotic runs, a row for each method.
+    """
     rows = _free(frame)
     rows = rows[rows[PARTNER].isin(frame["method"])]
     spread = frame.set_index("method")["spread"]
@@ -156,7 +188,10 @@ def draw(frame: pd.DataFrame, folder: Path) -> list[Picture]:
 
 @of(CHAOTIC)
 def table(frame: pd.DataFrame) -> Table:
-    """The chaotic runs of every method."""
+    """Make the page's table, a row for each method on chaotic orbits: the energy's drift, spread and oscillation.
+
+    ``frame`` is the table of chaotic runs, a row for each method.
+    """
     columns = ["method", PARTNER, "drift", "low", "high", "spread", "oscillation"]
     return Table(frame[columns].head(ROWS), "Chaotic orbits: drift with its interval, spread at the end, oscillation.")
 

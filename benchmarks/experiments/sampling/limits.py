@@ -1,4 +1,4 @@
-"""Stability limits of splittings for sampling and of force gradients, beside the printed ones."""
+"""Stability limits of h omega, of splittings for sampling and of force-gradient methods, beside the printed ones."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ PRINTED = {"blanes-casas-sanz-serna-3": "4.67", "blanes-casas-sanz-serna-4": "5.
 
 
 def agrees(limit: float, printed: str) -> bool:
-    """Whether a measured limit rounds to the printed one."""
+    """Return whether a measured stability limit, rounded to the digits of the printed one (a text), equals it."""
     return f"{limit:.{len(printed.partition('.')[2])}f}" == printed
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """A cell for each method; none in the quick tier."""
+    """List the measurements (`Cell`), one for each method; none if ``quick``."""
     return [] if quick else [_cell(method) for method in EVALUATIONS]
 
 
@@ -37,7 +37,11 @@ def _cell(method: str) -> Cell:
 
 
 def measure_rows(method: str) -> Rows:
-    """The row of a method: the end of its first interval of stable steps, whole and per evaluation."""
+    """Measure the stability limit of a method on the harmonic oscillator: one row, by table name.
+
+    The limit is the end of the first interval of stable h omega.  The row has it, the same divided by the gradient
+    evaluations of a step, and the printed limit ("" if there is none).
+    """
     limit, each = find(integrator(method)).limit, EVALUATIONS[method]
     row = {"method": method, "evaluations per step": each, "limit": limit, "limit per evaluation": limit / each}
     return {TABLE: [row | {"printed": PRINTED.get(method, "")}]}

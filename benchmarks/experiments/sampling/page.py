@@ -1,4 +1,4 @@
-"""The page of Hamiltonian Monte Carlo: the expected acceptance at equal numbers of evaluations, stability limits."""
+"""The report page on Hamiltonian Monte Carlo: expected acceptance at equal numbers of evaluations, stability limits."""
 
 from __future__ import annotations
 
@@ -25,7 +25,11 @@ FLOOR = 1e-4
 
 
 def best(frame: pd.DataFrame, methods: Iterable[str]) -> pd.DataFrame:
-    """The rows of the method among ``methods`` that accepts most, one for each target and budget."""
+    """Select, for each target and budget, the row of that one of ``methods`` which accepts most.
+
+    ``frame`` is the table of acceptances, a row for each target, method and budget (number of evaluations); the result
+    is indexed by (target, budget).
+    """
     rows = frame[frame["method"].isin(methods)]
     return rows.loc[rows.groupby(["target", "budget"], sort=False)["acceptance"].idxmax()].set_index(
         ["target", "budget"]
@@ -33,7 +37,11 @@ def best(frame: pd.DataFrame, methods: Iterable[str]) -> pd.DataFrame:
 
 
 def _ahead(frame: pd.DataFrame, target: str) -> tuple[Count, str]:
-    """At how many budgets the best splitting of several stages accepts more than Stormer-Verlet, and where it does not."""
+    """Count the budgets at which the best splitting of several stages accepts more than Stormer-Verlet on a target.
+
+    Accepting more means that the two 95 % intervals do not overlap.  Returns (count, text with the budgets at which it
+    does not).  ``frame`` is the table of acceptances, a row for each target, method and budget (number of evaluations).
+    """
     rows = frame[frame["target"] == target]
     several, verlet = best(rows, [m for m in STAGES if m != VERLET]), best(rows, [VERLET])
     both = several.join(verlet.add_suffix(" of Verlet"), how="inner")
@@ -44,7 +52,11 @@ def _ahead(frame: pd.DataFrame, target: str) -> tuple[Count, str]:
 
 @of(TABLE)
 def gaussian(frame: pd.DataFrame) -> Verdict:
-    """Whether more stages pay on the Gaussian target."""
+    """Judge whether a splitting of several stages accepts more than Stormer-Verlet on the Gaussian target.
+
+    Both have the same number of evaluations.  ``frame`` is the table of acceptances, a row for each target, method and
+    budget (number of evaluations).
+    """
     measured, where = _ahead(frame, "Gaussian")
     return Verdict(
         "A splitting of several stages accepts more than Störmer–Verlet, Gaussian target",
@@ -57,7 +69,11 @@ def gaussian(frame: pd.DataFrame) -> Verdict:
 
 @of(TABLE)
 def quartic(frame: pd.DataFrame) -> Verdict:
-    """Whether more stages pay on the target that is not Gaussian."""
+    """Judge whether a splitting of several stages accepts more than Stormer-Verlet on the quartic target.
+
+    Both have the same number of evaluations.  ``frame`` is the table of acceptances, a row for each target, method and
+    budget (number of evaluations).
+    """
     measured, where = _ahead(frame, "quartic")
     return Verdict(
         "A splitting of several stages accepts more than Störmer–Verlet, quartic target",
@@ -70,7 +86,10 @@ def quartic(frame: pd.DataFrame) -> Verdict:
 
 @of(TABLE)
 def gradients(frame: pd.DataFrame) -> Verdict | None:
-    """Whether a force gradient accepts more than every splitting."""
+    """Judge whether no force-gradient method accepts more than the best splitting at equal numbers of evaluations.
+
+    ``frame`` is the table of acceptances, a row for each target, method and budget (number of evaluations).
+    """
     with_gradient, without = best(frame, GRADIENTS), best(frame, STAGES)
     both = with_gradient.join(without.add_suffix(" without"), how="inner")
     ahead = both["low"] > both["high without"]
@@ -85,14 +104,21 @@ def gradients(frame: pd.DataFrame) -> Verdict | None:
 
 
 def _least(rows: pd.DataFrame) -> pd.DataFrame:
-    """The row of the least time an accepted proposal of each target and method: index (target, method)."""
+    """Select, for each target and method, the row of the least time per accepted proposal.
+
+    ``rows`` is the table of times, a row for each target, method and number of evaluations; the result is indexed by
+    (target, method).
+    """
     chosen = rows.loc[rows.groupby(["target", "method"], sort=False)["ns an accepted proposal"].idxmin()]
     return chosen.set_index(["target", "method"])
 
 
 @of(cost.TABLE)
 def cheapest(rows: pd.DataFrame) -> Verdict | None:
-    """Whether a splitting of several stages takes less time an accepted proposal than Stormer-Verlet."""
+    """Judge whether a splitting of several stages takes less time per accepted proposal than Stormer-Verlet.
+
+    ``rows`` is the table of times, a row for each target, method and number of evaluations; None if it lacks one side.
+    """
     times = _least(rows)["ns an accepted proposal"].unstack()
     several = [m for m in STAGES if m != VERLET and m in times.columns]
     if VERLET not in times.columns or not several:
@@ -110,7 +136,10 @@ def cheapest(rows: pd.DataFrame) -> Verdict | None:
 
 @of(limits.TABLE)
 def printed(frame: pd.DataFrame) -> Verdict | None:
-    """Whether the measured stability limits are the printed ones."""
+    """Judge whether measured stability limits round to those that the methods' authors print.
+
+    ``frame`` is the table of limits, a row for each method; None if no limit is printed.
+    """
     known = frame[frame["printed"].notna() & (frame["printed"].astype(str) != "")]
     if known.empty:
         return None
@@ -127,7 +156,11 @@ def printed(frame: pd.DataFrame) -> Verdict | None:
 
 @of(TABLE)
 def answer(frame: pd.DataFrame) -> str | None:
-    """The best splitting of each target beside Stormer-Verlet, at a number of evaluations that both have."""
+    """Write the page's answer: the shares of proposals that the best method and Stormer-Verlet reject on each target.
+
+    Both have the largest number of evaluations that is measured on all targets.  ``frame`` is the table of acceptances,
+    a row for each target, method and budget (number of evaluations); None if Stormer-Verlet is missing.
+    """
     budget, parts = COMMON[-1], []
     for target in BUDGETS:
         rows = frame[(frame["target"] == target) & (frame["budget"] == budget)].set_index("method")
@@ -141,7 +174,11 @@ def answer(frame: pd.DataFrame) -> str | None:
 
 @of(TABLE)
 def draw(frame: pd.DataFrame, folder: Path) -> list[Picture]:
-    """Rejections over the number of evaluations, a panel for each target."""
+    """Draw the share of rejected proposals over the evaluations: a panel for each target, a curve for each method.
+
+    The figure is saved in ``folder``.  ``frame`` is the table of acceptances, a row for each target, method and budget
+    (number of evaluations).
+    """
     with style.settings():
         figure, (panels,) = style.panels(1, len(BUDGETS), 3.4, sharey=True)
         for axes, target in zip(panels, BUDGETS, strict=True):
@@ -161,7 +198,11 @@ def draw(frame: pd.DataFrame, folder: Path) -> list[Picture]:
 
 
 def table(data: Data) -> Table | None:
-    """The acceptance of every method, its stability limit, and where measured its least time an accepted proposal."""
+    """Make the page's table: acceptances, stability limit and least time per accepted proposal of each method.
+
+    It has a row for each target and method.  ``data`` maps a table's name to the table; None if acceptances or limits
+    are missing, and without times if those are.
+    """
     frame, stable, times = (data(name) for name in (TABLE, limits.TABLE, cost.TABLE))
     if frame is None or stable is None:
         return None

@@ -23,13 +23,17 @@ if TYPE_CHECKING:
 def cells(quick: bool = False) -> list[Cell]:
     """List the experiment's measurements: step times, ratios of two step times, and calls of other packages.
 
-    A measurement is a `Cell`: a function, its arguments and the tables that its rows go to.
+    A measurement is a `Cell`: a function, its arguments and the tables that its rows go to.  If ``quick``, the calls
+    are left out; the other cells are marked if they belong to a quick run.
     """
     return speed.cells(quick) + calls.cells(quick)
 
 
 def bench_times(measured_rows: Callable[[str], list[dict]]) -> None:
-    """Check that every measured time of a step is positive."""
+    """Check that every measured time of a step is positive.
+
+    ``measured_rows`` is a fixture: table name -> rows.
+    """
     wrong = [
         f"{r['method']} on {r['problem']}: {r['ns per step']}" for r in measured_rows("speed") if r["ns per step"] <= 0
     ]
@@ -39,7 +43,7 @@ def bench_times(measured_rows: Callable[[str], list[dict]]) -> None:
 def bench_ratios(measured_rows: Callable[[str], list[dict]]) -> None:
     """Check that every ratio of step times, of two methods or of a method and a C loop, is positive.
 
-    The median must lie within its own confidence interval.
+    The median must lie within its own confidence interval.  ``measured_rows`` is a fixture: table name -> rows.
     """
     wrong = [
         r["ratio"] for r in measured_rows("ratios") if not 0 < r["median, low"] <= r["median"] <= r["median, high"]
@@ -50,7 +54,7 @@ def bench_ratios(measured_rows: Callable[[str], list[dict]]) -> None:
 def bench_calls(measured_rows: Callable[[str], list[dict]]) -> None:
     """Check that each ratio of a peer's time here to its time in a bare script is positive and within its interval.
 
-    A peer is another package's integrator.
+    A peer is another package's integrator.  ``measured_rows`` is a fixture: table name -> rows.
     """
     wrong = [r for r in measured_rows(calls.TABLE) if not 0 < r["ratio, low"] <= r["ratio"] <= r["ratio, high"]]
     assert not wrong, wrong

@@ -44,8 +44,8 @@ RATIOS = {
 def cells(quick: bool = False) -> list[Cell]:
     """List the measurements: a `Cell` for each method on each problem, and one for each ratio on each problem.
 
-    A `Cell` is a function, its arguments and the tables that its rows go to.  ``quick`` has no effect here: each cell
-    knows whether it belongs to a quick run.
+    A `Cell` is a function, its arguments and the tables that its rows go to.  The list does not depend on ``quick``:
+    each `Cell` is marked by a flag of its own as part of a quick run or not.
     """
     able = [(n, *of) for n in PROBLEMS for of in variants() if not method(of[0]).lacks(problem(n).system)]
     return [_time(*of) for of in able] + [_ratio(what, name) for what in RATIOS for name in _on(what)]

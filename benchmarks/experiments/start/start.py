@@ -104,7 +104,8 @@ print(json.dumps({"before": started, "seconds": time.process_time() - started, "
 def cells(quick: bool = False) -> list[Cell]:
     """List the measurements: a `Cell` for each cold start, and one for all warm starts, which are timed in turns.
 
-    A `Cell` is a function, its arguments and the tables that its rows go to.  ``quick`` has no effect here.
+    A `Cell` is a function, its arguments and the tables that its rows go to.  The list does not depend on ``quick``:
+    each `Cell` is marked by a flag of its own as part of a quick run or not.
     """
     return [*map(_cold, FIRSTS), _warm()]
 
@@ -140,8 +141,9 @@ def _label(first: First) -> str:
 def cold(id: str, name: str, parameters: tuple = (), cache: str | None = None) -> Rows:
     """Time the first integration of a method on a problem in a new Python process.
 
-    Compiled code is cached in the folder ``cache``, or in an empty temporary one.  Returns {`COLD`: [row]}, with the
-    processor time of the integration in seconds and its status.
+    ``id`` is the method's, ``name`` the problem's, ``parameters`` are pairs (name, value) of the problem.  Compiled
+    code is cached in the folder ``cache``, or in an empty temporary one.  Returns {`COLD`: [row]}, with the processor
+    time of the integration in seconds and its status.
     """
     with tempfile.TemporaryDirectory() as empty:
         told = json.dumps([id, name, parameters, H, STEPS])

@@ -19,7 +19,8 @@ def cells(quick: bool = False) -> list[Cell]:
 def off(rows: list[dict]) -> list[str]:
     """Return a message for each ensemble whose average in a run with small steps differs from the exact one.
 
-    The exact average is that over the surface of constant energy; `claims.SAME` standard errors are allowed.
+    The exact average is that over the surface of constant energy; `claims.SAME` standard errors are allowed.  ``rows``
+    are those of the table of references, one for each scene (a statistic of an ensemble).
     """
     return [
         f"{r['scene']}: {r['mean']:.5g}, exactly {r['exact']:.5g}"
@@ -29,6 +30,9 @@ def off(rows: list[dict]) -> list[str]:
 
 
 def bench_averages(measured_rows: Callable[[str], list[dict]]) -> None:
-    """Check that ensembles on a surface of constant energy keep their averages in time, by Liouville's theorem."""
+    """Check that ensembles on a surface of constant energy keep their averages in time, by Liouville's theorem.
+
+    ``measured_rows`` is a fixture: table name -> rows.
+    """
     found = off(measured_rows(measure.EXACT))
     assert not found, "\n".join(found)

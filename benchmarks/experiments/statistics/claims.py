@@ -28,7 +28,8 @@ FOURTH = ("forest-ruth", "calvo-sanz-serna-4", "gauss-4")
 def bounds(rows: pd.DataFrame, exact: pd.DataFrame) -> pd.DataFrame:
     """Add the columns ``error`` and ``bound`` to the measured rows, both relative to the exact statistic.
 
-    ``bound`` is the error plus `SIGMAS` standard errors.  ``exact`` has the exact value of each scene.
+    ``bound`` is the error plus `SIGMAS` standard errors.  ``rows`` has a row for each scene (a statistic of an ensemble
+    of orbits), method and step, ``exact`` the exact value of each scene.
     """
     known = exact.set_index("scene")
     value = rows["scene"].map(known["exact"])
@@ -37,9 +38,11 @@ def bounds(rows: pd.DataFrame, exact: pd.DataFrame) -> pd.DataFrame:
 
 
 def fewest(rows: pd.DataFrame, exact: pd.DataFrame) -> pd.DataFrame:
-    """Return a row for each scene and method: that of the largest step from which on all smaller ones are within 1 %.
+    """Select, for each scene and method, the row of the largest step with which the statistic is within 1 %.
 
-    If there is no such step, the row is that of the smallest step, with infinite ``evaluations``.
+    All smaller steps must be within 1 %, too.  If there is no such step, the row is that of the smallest step, with
+    infinite ``evaluations``.  ``rows`` has a row for each scene (a statistic of an ensemble of orbits), method and
+    step, ``exact`` the exact value of each scene.
     """
     found = []
     for (scene, method), part in bounds(rows, exact).groupby(["scene", "method"], sort=False):
@@ -52,9 +55,11 @@ def fewest(rows: pd.DataFrame, exact: pd.DataFrame) -> pd.DataFrame:
 
 
 def by_scene(rows: pd.DataFrame, exact: pd.DataFrame) -> pd.DataFrame:
-    """Return the fewest gradient evaluations per unit of time for 1 %: a line for each scene, a column for each method.
+    """Return the fewest gradient evaluations per unit of time with which a statistic is within 1 %.
 
-    Infinite if the method does not reach 1 %.  Scenes on which no method does are left out.
+    The result has a line for each scene and a column for each method; a value is infinite if the method does not reach
+    1 %.  Scenes on which no method does are left out.  ``rows`` has a row for each scene (a statistic of an ensemble of
+    orbits), method and step, ``exact`` the exact value of each scene.
     """
     found = fewest(rows, exact).pivot(index="scene", columns="method", values="evaluations")
     found = found.reindex(columns=list(METHODS)).fillna(inf)
@@ -65,7 +70,8 @@ def by_scene(rows: pd.DataFrame, exact: pd.DataFrame) -> pd.DataFrame:
 def sound(exact: pd.DataFrame) -> Verdict | None:
     """Judge whether runs of the ensembles with small steps have the averages that are known exactly.
 
-    None if no average is known.
+    ``exact`` has a row for each scene (a statistic of an ensemble of orbits): the exact value and that of the run with
+    small steps.  None if no average is known.
     """
     known = exact[exact["known"].astype(bool)]
     if known.empty:
@@ -90,7 +96,8 @@ def _best(found: pd.DataFrame, chosen: Callable[[str], bool]) -> pd.Series:
 def orders(rows: pd.DataFrame, exact: pd.DataFrame) -> Verdict | None:
     """Judge whether methods of order 4 and more need no fewer evaluations than those of order 2 for a statistic to 1 %.
 
-    None if no method reaches 1 % on any scene.
+    ``rows`` has a row for each scene (a statistic of an ensemble of orbits), method and step, ``exact`` the exact value
+    of each scene; None if no method reaches 1 % on any scene.
     """
     found = by_scene(rows, exact)
     if found.empty:
@@ -107,7 +114,11 @@ def orders(rows: pd.DataFrame, exact: pd.DataFrame) -> Verdict | None:
 
 @of(TABLE, EXACT)
 def structure(rows: pd.DataFrame, exact: pd.DataFrame) -> Verdict | None:
-    """Judge whether some symplectic method of order 4 needs at most RK4's evaluations for a statistic to 1 %."""
+    """Judge whether some symplectic method of order 4 needs at most RK4's evaluations for a statistic to 1 %.
+
+    ``rows`` has a row for each scene (a statistic of an ensemble of orbits), method and step, ``exact`` the exact value
+    of each scene; None if no method reaches 1 % on any scene.
+    """
     found = by_scene(rows, exact)
     if found.empty:
         return None
@@ -125,7 +136,9 @@ def structure(rows: pd.DataFrame, exact: pd.DataFrame) -> Verdict | None:
 def leapfrog(rows: pd.DataFrame, exact: pd.DataFrame) -> Verdict | None:
     """Judge whether leapfrog is the cheapest method for statistics to 1 %.
 
-    The measured value is its number of evaluations divided by the fewest of any method, over all scenes.
+    The measured value is leapfrog's number of evaluations divided by the fewest of any method, over all scenes.
+    ``rows`` has a row for each scene (a statistic of an ensemble of orbits), method and step, ``exact`` the exact value
+    of each scene.
     """
     found = by_scene(rows, exact)
     if found.empty:
@@ -145,6 +158,8 @@ def drifts(rows: pd.DataFrame, exact: pd.DataFrame) -> pd.DataFrame:
     """Select the runs whose statistic is within 1 % of an exactly known value; add the column ``drift``.
 
     ``drift`` is the relative error of the same statistic over the last tenth of the time, less `SAME` standard errors.
+    ``rows`` has a row for each scene (a statistic of an ensemble of orbits), method and step, ``exact`` the exact value
+    of each scene.
     """
     known = rows["scene"].map(exact.set_index("scene")["exact"])
     late = ((rows["late"] - known).abs() - SAME * rows["late error"]) / known.abs()
@@ -156,7 +171,8 @@ def drifts(rows: pd.DataFrame, exact: pd.DataFrame) -> pd.DataFrame:
 def lasting(rows: pd.DataFrame, exact: pd.DataFrame) -> Verdict | None:
     """Judge whether symplectic methods whose statistic is within 1 % over all times have it at late times, too.
 
-    None if there is no such run.
+    Late is the last tenth of the time.  ``rows`` has a row for each scene (a statistic of an ensemble of orbits),
+    method and step, ``exact`` the exact value of each scene; None if there is no such run.
     """
     found = drifts(rows, exact)
     found = found[found["symplectic"].astype(bool)]

@@ -26,9 +26,10 @@ SHOWN = ("symplectic-euler-q", "stormer-verlet", "calvo-sanz-serna-4", "blanes-m
 
 @of(TABLE, EXACT)
 def answer(rows: pd.DataFrame, exact: pd.DataFrame) -> str:
-    """Return the page's answer, a sentence: the method that is most often the cheapest, and the costs of two others.
+    """Return the page's answer: the method that is most often the cheapest, and the costs of leapfrog and RK4.
 
-    The costs of leapfrog and RK4 are told relative to the cheapest method, as medians over the scenes.
+    These costs are told relative to the cheapest method, as medians over the scenes.  ``rows`` has a row for each scene
+    (a statistic of an ensemble of orbits), method and step, ``exact`` the exact value of each scene.
     """
     found = claims.by_scene(rows, exact)
     if found.empty:

@@ -85,9 +85,9 @@ def others_not_symmetric(structure: pd.DataFrame) -> Verdict:
 
 @of("structure")
 def volume(structure: pd.DataFrame) -> Verdict:
-    """Judge whether step maps on charged particles keep volume exactly where declared.
+    """Judge whether, on charged particles, the step maps declared to keep volume keep it, and no others.
 
-    Controls are methods that are not declared to keep it, and must not.
+    The others are controls.  ``structure`` has a row for each method and property, with the defect of its step map.
     """
     rows = structure[structure["property"] == "volume"]
     wrong = rows[(rows["defect"] <= NOTHING) != rows["declared"]]

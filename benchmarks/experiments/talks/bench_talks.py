@@ -19,5 +19,8 @@ def bench_talks(measured_rows: Callable[[str], list[dict]], complete: Callable[[
 
 
 def bench_checks(measured_rows: Callable[[str], list[dict]], complete: Callable[[str], bool]) -> None:
-    """Check that every small measurement that tests a statement of the talks has a row in its table."""
+    """Check that every small measurement that tests a statement of the talks has a row in its table.
+
+    ``measured_rows`` maps a table's name to its rows; ``complete`` tells whether a table is complete.
+    """
     assert {r["check"] for r in measured_rows(CHECKED)} == {c.id for c in CHECKS} or not complete(CHECKED)

@@ -1,4 +1,4 @@
-"""The record `Probe` of a measurement that tests a talk's statement, and vector fields and maps that several share."""
+"""The record `Probe` of a measurement that tests a talk's statement, and fields and maps for several of them."""
 
 from __future__ import annotations
 

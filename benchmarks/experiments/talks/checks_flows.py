@@ -132,7 +132,7 @@ def locally_hamiltonian() -> tuple[float, float]:
 def integrability() -> tuple[float, float]:
     """Return (number, control): the integral along a closed curve of a plane field with a symmetric Jacobian.
 
-    The control is that of a field whose Jacobian is not symmetric.
+    The control is the integral of a field whose Jacobian is not symmetric.
     """
     angle = 2 * np.pi * np.arange(64) / 64
     x, y = 0.3 + np.cos(angle), 0.2 + np.sin(angle)
@@ -207,9 +207,9 @@ def invariant_growth(id: str, orbit: str) -> tuple[float, float]:
 
 
 def damps() -> tuple[float, float]:
-    """Return (number, control): the largest factor of the harmonic oscillator's energy in a step of implicit Euler.
+    """Return (number, control): the largest ratio of the oscillator's energies after and before an implicit Euler step.
 
-    Steps are 0.1, 1 and 10; the control is that of explicit Euler.
+    The oscillator is harmonic, the steps are 0.1, 1 and 10; the control is the ratio by explicit Euler.
     """
 
     def factor(id: str) -> float:

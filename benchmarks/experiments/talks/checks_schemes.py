@@ -58,7 +58,8 @@ def _distance(a: Callable, b: Callable, y: np.ndarray = POINT) -> float:
 def special_values() -> tuple[float, float]:
     """Return (number, control): distance of Scheme I at lambda 0, 1, 1/2 from symplectic Euler and midpoint steps.
 
-    The control is the distance at lambda = 1/3 from the nearest of the three.
+    Scheme I is a one-stage method with a parameter lambda, symplectic for each value.  The control is its distance at
+    lambda = 1/3 from the nearest of the three.
     """
     pairs = {0: "symplectic-euler-q", 1: "symplectic-euler-p", Fraction(1, 2): "implicit-midpoint"}
     same = max(_distance(step("scheme-i", lam=lam), step(id)) for lam, id in pairs.items())
@@ -68,7 +69,8 @@ def special_values() -> tuple[float, float]:
 def adjoint() -> tuple[float, float]:
     """Return (number, control): the error of undoing a step h of Scheme I(1 - lambda) by a step -h of Scheme I(lambda).
 
-    The control undoes a step with lambda by one with the same lambda.
+    Scheme I is a one-stage method with a parameter lambda, symplectic for each value.  The control undoes a step with
+    lambda by a step with the same lambda.
     """
 
     def back(first: Fraction, lam: Fraction) -> float:
@@ -80,7 +82,8 @@ def adjoint() -> tuple[float, float]:
 def any_parameter() -> tuple[float, float]:
     """Return (number, control): the largest symplecticity defect of Scheme I for lambda from -10 to 15/2.
 
-    The control is the defect of the classical Runge-Kutta method.
+    The talk says that Scheme I, a one-stage method with a parameter lambda, is symplectic for each value.  The control
+    is the defect of the classical Runge-Kutta method.
     """
     return max(defect(step("scheme-i", 0.02, lam=lam), POINT) for lam in MANY), defect(step("rk4"), POINT)
 
@@ -88,7 +91,8 @@ def any_parameter() -> tuple[float, float]:
 def residual(lam: Fraction, y: np.ndarray, Y: np.ndarray, h: float) -> float:
     """Return the residual, in the maximum norm, of Scheme I's equations on Henon-Heiles for a step h from y to Y.
 
-    y and Y are arrays (q1, q2, p1, p2); ``lam`` is the scheme's parameter lambda.
+    They are Y = y + h f(lambda q + (1 - lambda) Q, lambda P + (1 - lambda) p) with the vector field f.  y = (q, p) and
+    Y = (Q, P) are arrays (4,); ``lam`` is lambda.
     """
     lam = float(lam)
     q, p, Q, P = y[:2], y[2:], Y[:2], Y[2:]
@@ -99,7 +103,8 @@ def residual(lam: Fraction, y: np.ndarray, Y: np.ndarray, h: float) -> float:
 def form(lam: Fraction) -> tuple[float, float]:
     """Return (number, control): the residual of Scheme I's equations as the talk prints them, at a computed step.
 
-    The control is that of the equations for lambda + 1/10.
+    They are Q = q + h H_p, P = p - h H_q at (lambda q + (1 - lambda) Q, lambda P + (1 - lambda) p), with lambda =
+    ``lam``.  The control is the residual of the equations for lambda + 1/10.
     """
     Y = step("scheme-i", lam=lam)(POINT)
     return residual(lam, POINT, Y, STEP), residual(lam + Fraction(1, 10), POINT, Y, STEP)
@@ -108,7 +113,8 @@ def form(lam: Fraction) -> tuple[float, float]:
 def nystrom() -> tuple[float, float]:
     """Return (number, control): the distance of a step of Scheme I from its form as a one-stage Nystrom method.
 
-    The control has no factor 1 - lambda in the Nystrom method's stage.
+    Scheme I is a one-stage method with a parameter lambda, symplectic for each value.  The number is the largest over
+    four lambda; the control leaves out the factor 1 - lambda in the stage.
     """
 
     def advance(lam: float, inner: float) -> np.ndarray:
@@ -139,8 +145,8 @@ def _form_of(M: np.ndarray, lam: float) -> np.ndarray:
 def exact_form() -> tuple[float, float]:
     """Return (number, control): the asymmetry of d(Q - q, -(P - p)) / d(u, v) for the exact Henon-Heiles flow.
 
-    The largest over seven lambda, with u = lambda P + (1 - lambda) p, v = lambda q + (1 - lambda) Q; the control is
-    that of a Runge-Kutta step.
+    The number is the largest over seven lambda, with u = lambda P + (1 - lambda) p, v = lambda q + (1 - lambda) Q for
+    the map (q, p) -> (Q, P); the control is that of a Runge-Kutta step.
     """
 
     def asymmetry(moved: Callable) -> float:
@@ -153,7 +159,9 @@ def exact_form() -> tuple[float, float]:
 def hamilton_jacobi() -> tuple[float, float]:
     """Return (number, control): the residual of S_t = H(u - (1 - lambda) S_v, v + lambda S_u) for the oscillator.
 
-    S is the generating function of the exact flow, a rotation; the control has lambda and 1 - lambda exchanged.
+    S(u, v, t) is the generating function of the exact flow (q, p) -> (Q, P), a rotation, with u = lambda P + (1 -
+    lambda) p and v = lambda q + (1 - lambda) Q.  The number is the largest over seven lambda; the control has lambda
+    and 1 - lambda exchanged in the equation.
     """
     t, delta, y = 0.3, 1e-3, np.array([0.7, -0.4])
 
@@ -174,9 +182,10 @@ def hamilton_jacobi() -> tuple[float, float]:
 
 
 def coefficients() -> tuple[float, float]:
-    """Return (number, control): the distance of the coefficients K_2, K_3 of a generating function from the talk's.
+    """Return (number, control): the distance of K_2, K_3 in a generating function S = sum of K_i h^i from the talk's.
 
-    They are computed by recursion, for one polynomial H at one point; the control is a wrong formula for K_3.
+    They are computed by recursion from K_1 = H, for one polynomial H at one point.  The control is the distance of K_3
+    from a wrong formula.
     """
     u, v = sp.symbols("p1 p2"), sp.symbols("q1 q2")
     H = (u[0] ** 2 + u[1] ** 2) / 2 + v[0] ** 2 * v[1] + u[0] * v[1] ** 2 + u[0] ** 2 * v[0]
@@ -197,7 +206,10 @@ def coefficients() -> tuple[float, float]:
 
 
 def mass(lam: Fraction) -> float:
-    """Return the largest change of the mass of the nonlinear Schroedinger equation, on 3 points, under Scheme I."""
+    """Return the largest change of the mass of the nonlinear Schroedinger equation, on 3 points, under Scheme I.
+
+    Scheme I is a symplectic one-stage method with a parameter lambda, here ``lam``.
+    """
     made = problem("nls", N=3, L=5.0)
     s = integrate(made, "scheme-i", h=0.05, steps=400, parameters={"lam": lam})
     return metrics.invariant_error(made.system.observe(made.invariants["mass"], s.q, s.p)).max
@@ -213,7 +225,8 @@ def momentum(id: str, **parameters: Any) -> float:
 def mass_is_lost() -> tuple[float, float]:
     """Return (number, control): the largest change of the Schroedinger equation's mass under Scheme I.
 
-    The number is that at lambda = 1/3, where the mass is lost; the control is that at 1/2.
+    Scheme I is a symplectic one-stage method with a parameter lambda.  The number is the change at lambda = 1/3, where
+    the mass is lost; the control is that at 1/2.
     """
     return mass(Fraction(1, 3)), mass(Fraction(1, 2))
 
@@ -221,7 +234,8 @@ def mass_is_lost() -> tuple[float, float]:
 def momentum_is_kept() -> tuple[float, float]:
     """Return (number, control): the largest change of the angular momentum of perturbed Kepler under Scheme I.
 
-    The largest over four lambda; the control is that under the averaged vector field method (AVF).
+    Scheme I is a symplectic one-stage method with a parameter lambda; the number is the largest over four lambda.  The
+    control is the change under the averaged vector field method (AVF).
     """
     return max(momentum("scheme-i", lam=lam) for lam in LAMBDAS), momentum("avf")
 
@@ -229,7 +243,8 @@ def momentum_is_kept() -> tuple[float, float]:
 def singular() -> tuple[float, float]:
     """Return (number, control): the least singular value of Scheme IV's Newton matrix for (q, p, lambda) at h = 0.
 
-    Scheme IV is Scheme I with lambda chosen to keep H.  The control is that of the block for (q, p) alone.
+    Scheme IV is the one-stage Scheme I, symplectic at fixed lambda, with a lambda chosen in each step to keep H.  The
+    control is the least singular value of the matrix's block for (q, p) alone.
     """
     gradient = -J(2) @ henon_heiles(POINT)
     joint = np.block([[np.eye(4), np.zeros((4, 1))], [gradient[None], np.zeros((1, 1))]])
@@ -239,7 +254,7 @@ def singular() -> tuple[float, float]:
 def _exponent(y: np.ndarray) -> tuple[float, float]:
     """Return (exponent of h in |lambda(h) - 1/2|, that distance at the smallest h) for steps of Scheme IV from y.
 
-    lambda(h) is the parameter that the scheme chooses to keep the energy.
+    Scheme IV is the one-stage Scheme I, symplectic at fixed lambda, with a lambda chosen in each step to keep H.
     """
     h = 0.1 / 2.0 ** np.arange(5)
     runs = [integrate(_system(), "scheme-iv", h=x, steps=1, q0=y[:2], p0=y[2:]) for x in h]
@@ -248,9 +263,10 @@ def _exponent(y: np.ndarray) -> tuple[float, float]:
 
 
 def _slope(y: np.ndarray) -> float:
-    """Return the rate of H_p.H_q along the Henon-Heiles flow at y.
+    """Return the rate d/dt (H_p.H_q) along the Henon-Heiles flow at the state y, array (4,).
 
-    It is the coefficient of h^2 (lambda - 1/2) in the energy error of a step of Scheme I.
+    It is the coefficient of h^2 (lambda - 1/2) in the energy error of a step of Scheme I, a one-stage method with the
+    parameter lambda.
     """
     change = step_map.jacobian(henon_heiles, y) @ henon_heiles(y)
     rate = henon_heiles(y)
@@ -258,9 +274,11 @@ def _slope(y: np.ndarray) -> float:
 
 
 def degenerate() -> tuple[float, float]:
-    """Return (number, control) where the rate of H_p.H_q is 0: the distance from 1 of the order of lambda - 1/2 in h.
+    """Return (number, control) at a state with d/dt (H_p.H_q) = 0: the distance of lambda's exponent from 1.
 
-    lambda is the parameter that Scheme IV chooses to keep the energy.  The control is |lambda - 1/2| at the smallest h.
+    Scheme IV is the one-stage Scheme I, symplectic at fixed lambda, with a lambda chosen in each step to keep H.  The
+    number is |a - 1|, where the chosen lambda has lambda - 1/2 ~ h^a, which the talk's theorem says with a = 1 and
+    which need not hold at such a state.  The control is |lambda - 1/2| at the smallest h.
     """
     low, high = 1.5, 1.7
     for _ in range(50):
@@ -272,10 +290,11 @@ def degenerate() -> tuple[float, float]:
 
 
 def solvable() -> tuple[float, float]:
-    """Return (number, control) at a point in general position: the distance from 1 of the order of lambda - 1/2 in h.
+    """Return (number, control) at a state in general position: the distance of lambda's exponent from 1.
 
-    lambda is the parameter that Scheme IV chooses to keep the energy.  The control is the energy error of a step from
-    there with lambda = 1/2.
+    Scheme IV is the one-stage Scheme I, symplectic at fixed lambda, with a lambda chosen in each step to keep H.  The
+    number is |a - 1|, where the chosen lambda has lambda - 1/2 ~ h^a, which the talk's theorem says with a = 1.  The
+    control is the energy error of a step from this state with lambda = 1/2.
     """
     slope, _ = _exponent(POINT)
     made = _system()

@@ -45,9 +45,10 @@ ORDINATE = r"$\|y_h - y_{2h}\|_\infty$"
 
 
 def _row(panel: str, curve: str, id: str, steps: Sequence[int], **parameters: Any) -> dict:
-    """Measure one curve: refinement differences |y_h - y_2h| of a method over doubling numbers of steps.
+    """Measure one curve: refinement differences |y_h - y_2h| of the method ``id`` over doubling numbers of ``steps``.
 
-    Returns the curve's row, with the observed order; ``panel`` and ``curve`` say where the figure shows it.
+    The orbit is the chaotic one of Henon-Heiles, to t = 1.  Returns the curve's row, with the observed order; ``panel``
+    and ``curve`` say where the figure shows it.
     """
     h, differences, runs = measure.refinement_differences(measure.start(PROBLEM), id, steps, **parameters)
     worst = next((s for s in runs if s.status != "ok"), runs[-1])
@@ -97,8 +98,9 @@ def _caption(methods: str, rows: pd.DataFrame) -> str:
 
 @style.styled
 def schemes_i_to_iii(rows: pd.DataFrame) -> tuple[Drawing, str]:
-    """Draw the refinement differences of Schemes I, II and III over h, a curve for each lambda: (figure, caption).
+    """Draw the refinement differences |y_h - y_2h| of Schemes I, II and III over h: (figure, caption).
 
+    They are symplectic methods with a parameter lambda; there is a panel for each scheme and a curve for each lambda.
     ``rows`` has a row for each curve.
     """
     figure, (panels,) = style.panels(1, 3, 3.0, sharey=True)
@@ -115,9 +117,10 @@ def schemes_i_to_iii(rows: pd.DataFrame) -> tuple[Drawing, str]:
 
 @style.styled
 def preserving(rows: pd.DataFrame) -> tuple[Drawing, str]:
-    """Draw the refinement differences of AVF (averaged vector field), Schemes IV and V over h: (figure, caption).
+    """Draw the refinement differences |y_h - y_2h| of energy-preserving methods over h: (figure, caption).
 
-    ``rows`` has a row for each curve.
+    They are AVF (averaged vector field) and Schemes IV and V, which choose a parameter lambda in each step.  ``rows``
+    has a row for each curve.
     """
     figure, ((axes,),) = style.panels(1, 1, 3.4)
     h, differences = _curves(axes, rows)
@@ -130,9 +133,10 @@ def preserving(rows: pd.DataFrame) -> tuple[Drawing, str]:
 
 @style.styled
 def compositions(rows: pd.DataFrame) -> tuple[Drawing, str]:
-    """Draw the refinement differences of compositions of orders 4 and 6 of Schemes III and V: (figure, caption).
+    """Draw the refinement differences |y_h - y_2h| of compositions of orders 4 and 6 over h: (figure, caption).
 
-    ``rows`` has a row for each curve.
+    They are composed of Scheme III (symplectic, with a fixed parameter lambda) and of Scheme V (which chooses lambda in
+    each step to keep H).  ``rows`` has a row for each curve.
     """
     figure, ((axes,),) = style.panels(1, 1, 3.6)
     h, differences = _curves(axes, rows)

@@ -106,9 +106,9 @@ def charge(data: Data) -> Judgement:
 def box(column: str, bound: float) -> Judge:
     """Make a judge (a function of measured tables) of whether a residual or error of the EQUIP box scheme is small.
 
-    All values of the table's ``column`` must be at most ``bound``.
-
-    For the column "two-form", the residual of the multisymplectic law, the bound is in units of round-off.
+    The scheme, for wave equations, is a Gauss method in time with a parameter that keeps the total energy.  All values
+    of the ``column`` in the table of box schemes must be at most ``bound``; for "two-form", the residual of the
+    multisymplectic law, the bound is in units of round-off.
     """
 
     def judge(data: Data) -> Judgement:
@@ -125,7 +125,10 @@ def box(column: str, bound: float) -> Judge:
 
 @on_rows("talk_curves", figure="perturbed-kepler-parameter", panel="lambda")
 def middling(rows: pd.DataFrame) -> Judgement:
-    """Judge from measured rows whether the median of the lambda that Schemes IV and V choose in a step is near 1/2."""
+    """Judge from measured rows whether the median of the lambda that Schemes IV and V choose in a step is near 1/2.
+
+    Schemes IV and V choose a parameter lambda in each step so that H is kept.
+    """
     apart = (rows["median"] - 0.5).abs().max()
     text = f"median of |λ − 1/2| up to {number(apart, 2)}, range {number(rows['low'].min(), 2)} to "
     return judgement(apart < 0.1, f"{text}{number(rows['high'].max(), 2)}")

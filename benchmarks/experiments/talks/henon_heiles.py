@@ -1,5 +1,8 @@
 r"""Figures of Henon-Heiles: box and chaotic orbits of Schemes I, IV, V and AVF, Poincare sections, energy errors.
 
+Scheme I is symplectic with a fixed parameter lambda; Schemes IV and V choose lambda in each step so that H is kept; AVF
+is the averaged vector field method.
+
 Source: Y. Wang, Y. Bo, W. Cai, "A general symplectic integrator for canonical Hamiltonian systems" (talk), 'The
 Henon-Heiles model'; M. Henon, C. Heiles, Astron. J. 69 (1964) 73-79 (the section q1 = 0).
 """
@@ -42,7 +45,10 @@ PRESERVING = {"AVF": ("avf", {}), "Scheme IV": ("scheme-iv", {}), "Scheme V": ("
 
 
 def _runs(methods: Mapping[str, tuple[str, dict]], t_end: float) -> Iterator[tuple[str, str, Problem, Solution]]:
-    """Yield (orbit, curve label, problem, solution) of every method on both orbits, integrated to ``t_end``."""
+    """Yield (orbit, curve label, problem, solution) of every method on both Henon-Heiles orbits, box and chaotic.
+
+    ``methods`` maps the label to (method id, parameters); ``t_end`` is the end time.
+    """
     for orbit in ORBITS:
         start = measure.start(f"henon-heiles:{orbit}")
         for label, (id, parameters) in methods.items():
@@ -95,7 +101,7 @@ def _boundary(axes: Axes, orbit: str, reach: float) -> None:
 
 
 def _grid(rows: pd.DataFrame, height: float) -> tuple[Drawing, list[tuple[Axes, Any]], np.ndarray]:
-    """Make a figure with a line of panels for each orbit and a column for each curve.
+    """Make a figure with a line of panels for each orbit and a column for each curve; ``height`` is in inches.
 
     Returns (figure, [(axes, the curve's row)], axes of the left column).
     """
@@ -123,19 +129,29 @@ def _draw_orbits(rows: pd.DataFrame, methods: str, height: float) -> tuple[Drawi
 
 @style.styled
 def scheme_i_orbits(rows: pd.DataFrame) -> tuple[Drawing, str]:
-    """Draw the box and chaotic orbits of Scheme I, from a row for each curve: (figure, caption)."""
+    """Draw the box and chaotic Henon-Heiles orbits of Scheme I: (figure, caption).
+
+    Scheme I is symplectic, with a fixed parameter lambda.  ``rows`` has a row for each curve: an orbit and a lambda.
+    """
     return _draw_orbits(rows, "Scheme I", 4.2)
 
 
 @style.styled
 def preserving_orbits(rows: pd.DataFrame) -> tuple[Drawing, str]:
-    """Draw the box and chaotic orbits of AVF, Schemes IV and V, from a row for each curve: (figure, caption)."""
+    """Draw the box and chaotic Henon-Heiles orbits of energy-preserving methods: (figure, caption).
+
+    They are AVF (averaged vector field) and Schemes IV and V, which choose a parameter lambda in each step.  ``rows``
+    has a row for each curve: an orbit and a method.
+    """
     return _draw_orbits(rows, "AVF, Schemes IV and V", 5.1)
 
 
 @style.styled
 def sections(rows: pd.DataFrame) -> tuple[Drawing, str]:
-    """Draw the Poincare sections of Scheme I's orbits, from a row for each orbit and lambda: (figure, caption)."""
+    """Draw the Poincare sections of Scheme I's orbits on Henon-Heiles: (figure, caption).
+
+    Scheme I is symplectic, with a fixed parameter lambda.  ``rows`` has a row for each orbit and lambda.
+    """
     figure, panels, left = _grid(rows, 4.2)
     for axes, r in panels:
         look = {"linestyle": "none", "marker": ".", "markersize": 2.4, "markeredgewidth": 0, "color": style.BLUE}
@@ -181,13 +197,20 @@ def _draw_energies(rows: pd.DataFrame, methods: str) -> tuple[Drawing, str]:
 
 @style.styled
 def scheme_i_energy(rows: pd.DataFrame) -> tuple[Drawing, str]:
-    """Draw the energy error of Scheme I on Henon-Heiles over time, from a row for each curve: (figure, caption)."""
+    """Draw the energy error of Scheme I on Henon-Heiles over time: (figure, caption).
+
+    Scheme I is symplectic, with a fixed parameter lambda.  ``rows`` has a row for each curve: an orbit and a lambda.
+    """
     return _draw_energies(rows, "Scheme I")
 
 
 @style.styled
 def preserving_energy(rows: pd.DataFrame) -> tuple[Drawing, str]:
-    """Draw the energy errors of AVF, Schemes IV and V on Henon-Heiles, from a row for each curve: (figure, caption)."""
+    """Draw the energy errors of energy-preserving methods over time on Henon-Heiles: (figure, caption).
+
+    They are AVF (averaged vector field) and Schemes IV and V, which choose a parameter lambda in each step.  ``rows``
+    has a row for each curve: an orbit and a method.
+    """
     return _draw_energies(rows, "AVF, Schemes IV and V")
 
 

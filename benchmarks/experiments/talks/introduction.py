@@ -72,7 +72,10 @@ def parallelogram(data: Data) -> Judgement:
 
 @on_rows(CHECKS, check="species")
 def prey(rows: pd.DataFrame) -> Judgement:
-    """Judge from measured rows whether u is the prey: its growth rate would fall with v, and that of v rise with u."""
+    """Judge from measured rows whether u is the prey and v the predator in the Lotka-Volterra equations.
+
+    The growth rate of u must fall if v grows, and that of v rise if u grows.
+    """
     r = rows.iloc[0]
     return judgement(r["value"] < 0 < r["control"], f"{r['what']}: {r['value']:+g}; {r['against']}: {r['control']:+g}")
 

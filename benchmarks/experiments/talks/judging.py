@@ -63,8 +63,8 @@ def _listed(value: Any) -> Sequence[Any]:
 def on_rows(table: str, **values: Any) -> Callable[[Callable[[pd.DataFrame], Judgement]], Judge]:
     """Decorator: turn a function rows -> `Judgement` into a judge, a function of all measured tables.
 
-    The judge selects the rows of ``table`` whose columns have the given ``values``; where one of the methods asked for
-    has no row, or there is none at all, nothing is judged.
+    The judge selects the rows of ``table`` whose columns have the given ``values``.  Its verdict is `MISSING` if there
+    are none, or if one of the methods in ``values`` has none.
     """
 
     def decorate(function: Callable[[pd.DataFrame], Judgement]) -> Judge:

@@ -3,7 +3,7 @@ r"""Measurements on trajectories for the talks' figures: images of sets, areas, 
 The area within a closed curve is that of its trigonometric interpolant, the polygon formula
 :math:`\tfrac12\sum (q_i p_{i+1} - q_{i+1} p_i)` in the limit of many vertices: with
 :math:`q + \mathrm ip = \sum_k c_k e^{\mathrm ik\theta}` it is :math:`\pi\sum_k k\,|c_k|^2`, exact to round-off for an
-analytic curve with n vertices enough, while the polygon's own area has an error O(n^-2).
+analytic curve if the n vertices are enough, while the polygon's own area has an error O(n^-2).
 
 Source: E. Hairer, C. Lubich, G. Wanner, Geometric Numerical Integration (2006), VI.2; M. Henon, Physica D 5 (1982)
 412-414 (sections).
@@ -115,7 +115,10 @@ def row(
 
 
 def thin_path(q: np.ndarray, until: int | None = None, n: int = POINTS) -> np.ndarray:
-    """Thin a plane path to at most ``n`` of its first ``until`` points, about equally spaced: array (m, 2)."""
+    """Thin a plane path, array (steps, 2), to at most ``n`` points that are about equally spaced: array (m, 2).
+
+    Only the first ``until`` points of the path ``q`` are used; all if it is None.
+    """
     q = q[:until]
     along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(q, axis=0).T))])
     return q[np.unique(np.searchsorted(along, np.linspace(0, along[-1], n)).clip(max=len(q) - 1))]
@@ -174,7 +177,10 @@ def circle(centre: tuple[float, float], radius: float, n: int) -> np.ndarray:
 
 
 def cat(centre: tuple[float, float], size: float, n: int) -> np.ndarray:
-    """Return n points on the outline of a cat's face, array (n, 2): an analytic curve, a circle with two ears."""
+    """Return n points on the outline of a cat's face, array (n, 2): an analytic curve, a circle with two ears.
+
+    ``size`` is the circle's radius.
+    """
     angle = 2 * np.pi * np.arange(n) / n
     ears = sum(np.exp(18 * (np.cos(angle - at) - 1)) for at in (np.pi / 4, 3 * np.pi / 4))
     r = size * (1 + 0.55 * ears)
@@ -209,10 +215,10 @@ def section(problem: Problem, solution: Solution) -> np.ndarray:
 def refinement_differences(
     problem: Problem, id: str, steps: Sequence[int], t_end: float = 1.0, **parameters: Any
 ) -> tuple[np.ndarray, np.ndarray, list[Solution]]:
-    """Integrate with n doubling numbers of ``steps``, and compare the end states: (h, max |y_h - y_2h|, solutions).
+    """Integrate a problem with numbers of steps that double, and compare end states: (h, max |y_h - y_2h|, solutions).
 
-    The differences are the largest over q and p at ``t_end``; h and differences are arrays (n - 1,).  A difference is
-    NaN if a run failed.
+    The differences are the largest over q and p at ``t_end``; for n numbers in ``steps``, h and differences are arrays
+    (n - 1,), and there are n solutions.  A difference is NaN if a run failed.
     """
     runs = [integrate(problem, id, t_end=t_end, steps=n, save_every=0, parameters=parameters) for n in steps]
     ends = [end_state(s) + (0 if s.status == "ok" else np.nan) for s in runs]

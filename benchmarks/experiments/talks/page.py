@@ -109,9 +109,11 @@ def answer_level_curves(curves: pd.DataFrame) -> str | None:
 
 
 def _well(curves: pd.DataFrame) -> pd.DataFrame:
-    """Return a row for each of AVF, Schemes IV and V on Henon-Heiles: ``energy_error`` and ``fallbacks``, the largest.
+    """Summarize the energy-preserving methods on Henon-Heiles, a row for each: ``energy_error`` and ``fallbacks``.
 
-    ``fallbacks`` counts the steps in which no lambda keeps the energy.
+    They are AVF (averaged vector field) and Schemes IV and V, which choose a parameter lambda in each step.
+    ``fallbacks`` counts the steps of a run in which no lambda keeps the energy; both values are the largest over the
+    orbits.
     """
     runs = _of(curves, "henon-heiles-preserving-energy")
     return runs.groupby("curve", sort=False)[["energy_error", "fallbacks"]].max()
@@ -119,7 +121,11 @@ def _well(curves: pd.DataFrame) -> pd.DataFrame:
 
 @of(TABLE)
 def energies(curves: pd.DataFrame) -> Verdict | None:
-    """Judge whether schemes that find an energy-preserving lambda in every step keep the energy of Henon-Heiles."""
+    """Judge whether energy-preserving methods that solve their equation in every step keep the energy of Henon-Heiles.
+
+    They are AVF (averaged vector field), and those of Schemes IV and V that find in every step a parameter lambda with
+    which H is kept; None if there are none.
+    """
     worst = _well(curves)
     kept = worst[worst["fallbacks"] == 0]["energy_error"]
     if kept.empty:
@@ -181,7 +187,10 @@ def answer_well(curves: pd.DataFrame) -> str | None:
 
 
 def _both(curves: pd.DataFrame) -> pd.DataFrame:
-    """Return a row for each scheme on perturbed Kepler: the largest errors of energy and of angular momentum."""
+    """Return a row for each energy-preserving method on perturbed Kepler: its largest errors of two invariants.
+
+    The columns are "energy" and "angular-momentum".
+    """
     runs = _of(curves, "perturbed-kepler-preserving-invariants")
     return runs.pivot_table(index="curve", columns="panel", values="largest", sort=False)
 

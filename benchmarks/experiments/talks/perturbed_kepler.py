@@ -1,5 +1,8 @@
 r"""Figures of perturbed Kepler: orbits, energy and angular momentum errors of Schemes I, III, IV, V and AVF.
 
+Schemes I and III are symplectic with a fixed parameter lambda; Schemes IV and V choose lambda in each step so that H is
+kept; AVF is the averaged vector field method.
+
 The angular momentum L = q1 p2 - q2 p1 is a quadratic invariant: every scheme whose map is symplectic for each fixed
 lambda preserves it to round-off, even if lambda is chosen anew in each step (Schemes IV and V); AVF does not.
 
@@ -144,20 +147,28 @@ def _draw_orbits(rows: pd.DataFrame, methods: str, height: float) -> tuple[Drawi
 
 @style.styled
 def scheme_i_orbits(rows: pd.DataFrame) -> tuple[Drawing, str]:
-    """Draw perturbed Kepler orbits of Scheme I, from a row for each lambda: (figure, caption)."""
+    """Draw perturbed Kepler orbits of Scheme I, symplectic with a fixed parameter lambda: (figure, caption).
+
+    ``rows`` has a row for each lambda, and one for the exact flow.
+    """
     return _draw_orbits(rows, "Scheme I", 2.25)
 
 
 @style.styled
 def preserving_orbits(rows: pd.DataFrame) -> tuple[Drawing, str]:
-    """Draw perturbed Kepler orbits of AVF, Schemes IV and V, from a row for each orbit: (figure, caption)."""
+    """Draw perturbed Kepler orbits of energy-preserving methods: (figure, caption).
+
+    They are AVF (averaged vector field) and Schemes IV and V, which choose a parameter lambda in each step.  ``rows``
+    has a row for each method, and one for the exact flow.
+    """
     return _draw_orbits(rows, "AVF, Schemes IV and V", 2.75)
 
 
 def _invariant_panels(axes_by_name: np.ndarray, rows: pd.DataFrame, column: str = "") -> list[np.ndarray]:
-    """Draw the error curves of one column of panels, a panel for each invariant; return the errors of each curve.
+    """Draw error curves into one column of panels, a panel for each invariant; return the errors of each curve.
 
-    ``column`` is the column's title, with which the rows' panels begin ("" if there is one column).
+    ``axes_by_name`` are the panels, ``rows`` the curves; ``column`` is the title of the column, with which the panel
+    names in ``rows`` begin ("" if there is one column).
     """
     errors = []
     for axes, (name, label) in zip(axes_by_name, INVARIANTS.items(), strict=True):
@@ -179,9 +190,9 @@ def _invariants_caption(rows: pd.DataFrame, errors: list[np.ndarray]) -> str:
 
 @style.styled
 def scheme_i_and_iii(rows: pd.DataFrame) -> tuple[Drawing, str]:
-    """Draw energy and angular momentum errors of Schemes I and III on perturbed Kepler: (figure, caption).
+    """Draw errors of energy and angular momentum of Schemes I and III on perturbed Kepler: (figure, caption).
 
-    ``rows`` has a row for each curve.
+    Both are symplectic methods with a fixed parameter lambda.  ``rows`` has a row for each curve.
     """
     figure, grid = style.panels(2, 2, 4.6, sharex=True, sharey="row")
     errors = []
@@ -199,9 +210,10 @@ def scheme_i_and_iii(rows: pd.DataFrame) -> tuple[Drawing, str]:
 
 @style.styled
 def preserving_invariants(rows: pd.DataFrame) -> tuple[Drawing, str]:
-    """Draw energy and angular momentum errors of AVF, Schemes IV and V on perturbed Kepler: (figure, caption).
+    """Draw errors of energy and angular momentum of energy-preserving methods on perturbed Kepler: (figure, caption).
 
-    ``rows`` has a row for each curve.
+    They are AVF (averaged vector field) and Schemes IV and V, which choose a parameter lambda in each step.  ``rows``
+    has a row for each curve.
     """
     figure, grid = style.panels(2, 1, 4.4, sharex=True)
     errors = _invariant_panels(grid[:, 0], rows)
@@ -215,9 +227,10 @@ def preserving_invariants(rows: pd.DataFrame) -> tuple[Drawing, str]:
 
 @style.styled
 def chosen_parameter(rows: pd.DataFrame) -> tuple[Drawing, str]:
-    """Draw the lambda that Schemes IV and V choose in each step of a perturbed Kepler orbit: (figure, caption).
+    """Draw the parameter lambda that Schemes IV and V choose in each step of a perturbed Kepler orbit to keep H.
 
-    ``rows`` has a row for each curve: the distance from the centre, and lambda for each scheme.
+    ``rows`` has a row for the distance from the centre, and one for the lambda of each scheme.  Returns (figure,
+    caption).
     """
     figure, grid = style.panels(3, 1, 4.8, sharex=True)
     distance = rows[rows["panel"] == "distance"].iloc[0]

@@ -34,7 +34,10 @@ def off(rows: list[dict]) -> list[str]:
 
 
 def bench_invariants(measured_rows: Callable[[str], list[dict]]) -> None:
-    """Check that methods preserve energy and charge (a form q.D p) to round-off where they are declared to."""
+    """Check that methods preserve energy and charge (a form q.D p) to round-off where they are declared to.
+
+    ``measured_rows`` is a fixture: table name -> rows.
+    """
     wrong = off(measured_rows("pde"))
     assert not wrong, "\n".join(wrong)
 
@@ -55,6 +58,9 @@ def failures(rows: list[dict]) -> list[str]:
 
 
 def bench_multisymplectic(measured_rows: Callable[[str], list[dict]]) -> None:
-    """Check that the multisymplectic law holds for the box schemes declared multisymplectic, and fails for others."""
+    """Check that the multisymplectic law holds for the box schemes declared multisymplectic, and fails for others.
+
+    ``measured_rows`` is a fixture: table name -> rows.
+    """
     wrong = failures(measured_rows(spacetime.TABLE))
     assert not wrong, "\n".join(wrong)

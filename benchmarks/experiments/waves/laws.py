@@ -60,10 +60,10 @@ def steepest(space: Division) -> float:
 
 
 def step_flux(scheme: Scheme, flux: Callable, *stages: np.ndarray) -> np.ndarray:
-    """Return the flux of a step: the weighted sum of the stages' fluxes, or the flux at their weighted mean.
+    """Return the flux of a step: the weighted sum of the stages' fluxes, or the flux of the stages' weighted mean.
 
-    The latter if ``scheme.means``.  ``flux`` is a function of as many fields as there are ``stages``, arrays with the
-    stages along the first axis.
+    It is the flux of the mean if ``scheme.means``.  ``flux`` is a function of as many fields as there are ``stages``,
+    which are arrays with the stages along the first axis.
     """
     if scheme.means:
         return flux(*(np.tensordot(scheme.b, x, 1) for x in stages))
@@ -71,9 +71,10 @@ def step_flux(scheme: Scheme, flux: Callable, *stages: np.ndarray) -> np.ndarray
 
 
 def two_form(space: Division, scheme: Scheme, pair: tuple[Tangent, Tangent], h: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return the terms (density's change, flux difference) of the multisymplectic law, arrays (N,) over cells.
+    """Return the terms (density's change, flux difference) of the multisymplectic law, arrays (N,) over mesh cells.
 
-    ``pair`` is two tangents: solutions of the linearized scheme over one step h.
+    ``pair`` is two tangents: solutions of the linearized scheme over one step h.  ``space`` is the discretization on N
+    cells.
     """
     u, v = pair
     K = space.equation.K[: space.equation.moving, : space.equation.moving]
@@ -94,12 +95,18 @@ def _law(
 
 
 def energy(space: Division, scheme: Scheme, step: Step, h: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return the terms (density's change, flux difference) of the energy law in a step, arrays (N,) over cells."""
+    """Return the terms (density's change, flux difference) of the energy law in a step, arrays (N,) over mesh cells.
+
+    ``space`` is the discretization on N cells, ``step`` one step of the box scheme over the time h, with its stages.
+    """
     return _law(space, scheme, step, h, space.energy, space.energy_flux)
 
 
 def momentum(space: Division, scheme: Scheme, step: Step, h: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return the terms (density's change, flux difference) of the momentum law in a step, arrays (N,) over cells."""
+    """Return the terms (density's change, flux difference) of the momentum law in a step, arrays (N,) over mesh cells.
+
+    ``space`` is the discretization on N cells, ``step`` one step of the box scheme over the time h, with its stages.
+    """
     return _law(space, scheme, step, h, space.momentum, space.momentum_flux)
 
 

@@ -53,9 +53,10 @@ def _charge(frame: pd.DataFrame) -> tuple[Count, str]:
 
 @of("pde")
 def energy(frame: pd.DataFrame) -> Verdict:
-    """Judge whether methods declared to preserve the energy do so.
+    """Judge whether methods declared to preserve the energy do so on semi-discretized wave equations.
 
-    Steps of Schemes IV and V in which no lambda keeps the energy are left out.
+    Schemes IV and V choose a parameter lambda in each step so that H is kept; steps in which no lambda does so are left
+    out.  ``frame`` has a row for each method on each equation with each step.
     """
     count, lost = _energy(frame)
     return Verdict("Methods declared to keep the energy do, to round-off", count, EVERY, "runs", lost, FAIL)
@@ -70,7 +71,10 @@ def charge(frame: pd.DataFrame) -> Verdict:
 
 @of("pde")
 def roots(frame: pd.DataFrame) -> Verdict | None:
-    """Judge whether Schemes IV and V find a lambda that keeps the energy in every step."""
+    """Judge whether Schemes IV and V find in every step a parameter lambda with which the energy is kept.
+
+    ``frame`` has a row for each method on each wave equation with each step; None if no run completed.
+    """
     ran = _ran(frame)
     if ran.empty:
         return None

@@ -1,6 +1,6 @@
-"""The report's page "multisymplectic": local laws that box schemes keep in every mesh cell, and orders of the others.
+"""The report's page "multisymplectic": local laws that box schemes keep in every mesh cell, residuals of the others.
 
-The others are residuals of laws that a scheme does not keep; their orders in time or in space are measured.
+Of laws that a scheme does not keep, the orders of the residuals in time or in space are measured.
 """
 
 from __future__ import annotations
@@ -151,7 +151,8 @@ def momentum(rows: pd.DataFrame) -> Verdict:
 def answer(rows: pd.DataFrame) -> str | None:
     """Return the page's answer, a sentence: residuals of the multisymplectic law in units of round-off.
 
-    They are the largest of the multisymplectic schemes, and the least of the others.
+    Told are the largest residual of the multisymplectic schemes, and the least of the others.  ``rows`` has a row for
+    each equation and box scheme.
     """
     kept, others = rows[rows["declared"]], rows[~rows["declared"]]
     if kept.empty:

@@ -67,7 +67,7 @@ N = 64
 def cells(quick: bool = False) -> list[Cell]:
     """List the measurements (`Cell`), one for each method and step on each wave equation.
 
-    None if ``quick``: code for so many degrees of freedom takes long to compile.
+    The list is empty if ``quick``: code for so many degrees of freedom takes long to compile.
     """
     return [] if quick else [_cell(name, id, h) for name in RUNS for id in METHODS for h in RUNS[name][0]]
 

@@ -29,13 +29,19 @@ def off(rows: list[dict]) -> list[str]:
 
 
 def bench_wisdom_holman(measured_rows: Callable[[str], list[dict]]) -> None:
-    """Check that every splitting gives the same early positions, up to round-off, as the same one in REBOUND."""
+    """Check that every splitting gives the same early positions, up to round-off, as the same one in REBOUND.
+
+    ``measured_rows`` is a fixture: table name -> rows.
+    """
     wrong = off(measured_rows("wisdom_holman"))
     assert not wrong, "\n".join(wrong)
 
 
 def bench_rivals(measured_rows: Callable[[str], list[dict]]) -> None:
-    """Check that every Wisdom-Holman splitting that ran has a positive cost, within its own confidence interval."""
+    """Check that every Wisdom-Holman splitting that ran has a positive cost, within its own confidence interval.
+
+    ``measured_rows`` is a fixture: table name -> rows.
+    """
     ran = [r for r in measured_rows(rivals.TABLE) if r["status"] == "ok"]
     wrong = [r for r in ran if not 0 < r["ns, low"] <= r["ns a unit of time"] <= r["ns, high"]]
     assert not wrong, wrong

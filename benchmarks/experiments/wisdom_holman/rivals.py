@@ -2,7 +2,7 @@
 
 From REBOUND: WHFast without and with each corrector, its kernels, the second corrector and other coordinates, all with
 safe_mode = 0; WHFast512 if the processor and the build have AVX512; every type of SABA.  All runs on a problem are
-timed in turns in one cell, so that a busy machine slows all of them.
+timed in turns in one measurement, so that a busy machine slows all of them.
 """
 
 from __future__ import annotations
