@@ -47,7 +47,7 @@ def lines(data: Data, quoted: Iterable[Quoted]) -> pd.DataFrame:
 
 
 def _claim(one: Quoted) -> str:
-    return str(one.verdict.__doc__).strip().rstrip(".")
+    return str(one.verdict.__doc__).strip().partition("\n")[0].rstrip(".")
 
 
 def count(data: Data, quoted: Iterable[Quoted]) -> tuple[int, int, int] | None:

@@ -119,8 +119,3 @@ def column(scheme: str, lam: str | None) -> Rows:
     There is a row for each step size, with the printed and the measured entry.
     """
     return {"printed": list(column_rows(scheme, lam))}
-
-
-def table() -> list[dict]:
-    """Reproduce every printed column: all rows, one for each scheme, parameter and step size."""
-    return [row for column in PRINTED for row in column_rows(*column)]
