@@ -1,7 +1,7 @@
-"""The site: python -m sphinx -W -b html docs build/site.
+"""Configuration of Sphinx for the site of the project: python -m sphinx -W -b html docs build/site.
 
-What is generated (pages of methods, problems and packages, the reports, the reference) is written into folders of this
-one by the extension in _ext when a build begins, and is not committed.
+What is generated (pages of methods, problems and packages, the reports, the reference) is written into subfolders of
+this folder by the extension in ``_ext`` when a build begins, and is not committed.
 """
 
 import os

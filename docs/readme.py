@@ -1,4 +1,4 @@
-"""Write below the commands of README's ``console`` blocks what they print: `python docs/readme.py`."""
+"""Run the commands of README's ``console`` blocks, and write their output below them: `python docs/readme.py`."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ WIDTH, LINES = 100, 9
 
 
 def output(command: str) -> str:
-    """What a command prints on a terminal of `WIDTH` columns; the first `LINES` lines, cut at the width."""
+    """What a command line prints on a terminal of `WIDTH` columns: at most `LINES` lines, each cut at the width."""
     environment = os.environ | {"COLUMNS": str(WIDTH)}
     words = [sys.executable, "-m", "phasebench", *command.split()[1:]]
     done = subprocess.run(words, cwd=ROOT, env=environment, capture_output=True, text=True, check=False)
@@ -29,7 +29,7 @@ def output(command: str) -> str:
 
 
 def refreshed(text: str) -> str:
-    """The text with the output of each of its commands below it."""
+    """The text of a README with the present output of the command of each ``console`` block below the command."""
     return BLOCK.sub(lambda block: f"```console\n$ {block[1]}\n{output(block[1])}\n```", text)
 
 

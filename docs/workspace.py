@@ -1,4 +1,7 @@
-"""What every page that runs begins with: a temporary folder to write in, plain terminal output, small figures."""
+"""Set up a page of the site that runs code: a temporary folder to write in, plain terminal output, small figures.
+
+Every such page imports it first.
+"""
 
 import os
 import shutil

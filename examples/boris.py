@@ -7,7 +7,10 @@ REQUIRES = ("magnetic",)
 
 
 def step(system, x, v, h):
-    """One step of length h: drift, half a kick by E, the rotation of v about B, half a kick, drift."""
+    """Return (x, v) after a step h: half a drift, half a kick by E, rotation of v about B, half a kick, half a drift.
+
+    Position x and velocity v are arrays (3,); ``system`` gives the fields E(x) and B(x).
+    """
     x = x + h / 2 * v
     kick, t = h / 2 * system.E(x), h / 2 * system.B(x)
     v = v + kick

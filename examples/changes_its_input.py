@@ -1,4 +1,4 @@
-"""A leapfrog that works in place: the caller's state is gone."""
+"""A faulty leapfrog: it works in place, so that the arrays of the caller's state are overwritten."""
 
 CLAIMS = {"order": 2, "symplectic": True}
 REQUIRES = ("separable",)

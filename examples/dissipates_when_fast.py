@@ -1,4 +1,4 @@
-"""A leapfrog that damps momenta of size 3 and more."""
+"""A faulty leapfrog: it damps the momenta, by h / 100 of them, in each step at whose end one is larger than 3."""
 
 CLAIMS = {"order": 2, "symplectic": True, "energy": "bounded"}
 REQUIRES = ("separable",)

@@ -1,4 +1,4 @@
-"""Write rows for `phasebench elsewhere` without phasebench: SciPy's DOP853 on Henon and Heiles's problem, box orbit."""
+"""Print a file for `phasebench elsewhere`, without phasebench: SciPy's DOP853 on a box orbit of Henon and Heiles."""
 
 import platform
 import sys

@@ -1,4 +1,4 @@
-"""A leapfrog for its first 1,500 calls, explicit Euler for all that follow."""
+"""A faulty leapfrog: correct for its first 1,500 calls, explicit Euler for all that follow."""
 
 CLAIMS = {"order": 2, "symplectic": True, "reversible": True}
 REQUIRES = ("separable",)

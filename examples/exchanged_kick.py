@@ -1,4 +1,4 @@
-"""A leapfrog whose last kick and drift are exchanged: half a drift where half a kick should be."""
+"""A faulty leapfrog: kick, drift, kick, drift, half a step h each, which is symplectic but only of order 1."""
 
 CLAIMS = {"order": 2, "symplectic": True}
 REQUIRES = ("separable",)

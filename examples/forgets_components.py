@@ -1,4 +1,4 @@
-"""A leapfrog whose last kick forgets the third component and those after it: right for one and two."""
+"""A faulty leapfrog: its last kick leaves out the third and further components, so it is right only for d = 1 and 2."""
 
 CLAIMS = {"order": 2, "symplectic": True}
 REQUIRES = ("separable",)

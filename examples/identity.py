@@ -1,4 +1,4 @@
-"""A step that does nothing: symplectic, reversible, of no use."""
+"""A useless step, which returns the state unchanged: symplectic and reversible, but it solves no equation."""
 
 CLAIMS = {"order": 1, "symplectic": True, "reversible": True}
 

@@ -1,4 +1,4 @@
-"""A leapfrog that saves a gradient by keeping the last one, which is another orbit's when two are stepped in turns."""
+"""A faulty leapfrog: it reuses the last gradient, which is wrong when two orbits are stepped in turns."""
 
 CLAIMS = {"order": 2, "symplectic": True}
 REQUIRES = ("separable",)

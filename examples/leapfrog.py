@@ -1,4 +1,4 @@
-"""The leapfrog, kick-drift-kick: everything it claims holds."""
+"""The leapfrog, kick-drift-kick, a correct step: everything that it claims holds."""
 
 CLAIMS = {
     "order": 2,

@@ -1,4 +1,4 @@
-"""Heun's method, of order 2, under the name of an order 3."""
+"""Heun's method, which is of order 2 and claims order 3."""
 
 CLAIMS = {"order": 3}
 

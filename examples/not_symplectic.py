@@ -1,4 +1,4 @@
-"""The classical Runge-Kutta method, which claims to be symplectic."""
+"""The classical Runge-Kutta method of order 4, which claims to be symplectic and is not."""
 
 CLAIMS = {"order": 4, "symplectic": True}
 

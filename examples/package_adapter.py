@@ -1,4 +1,4 @@
-"""Five lines round a package's integrator: one step of fixed size of SciPy's RK23, of order 3."""
+"""How to wrap another package's integrator as a step: one step of fixed size of SciPy's RK23, of order 3."""
 
 import numpy as np
 from scipy.integrate import RK23

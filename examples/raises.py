@@ -1,4 +1,4 @@
-"""A leapfrog that raises at its third step."""
+"""A faulty leapfrog: it raises an exception at its third step."""
 
 CLAIMS = {"order": 2, "symplectic": True}
 REQUIRES = ("separable",)

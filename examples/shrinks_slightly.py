@@ -1,4 +1,4 @@
-"""A leapfrog that shrinks the momenta by 5e-11 h^3 in each step: not symplectic, by little."""
+"""A faulty leapfrog: each step shrinks the momenta by the share 5e-11 h^3, so it is slightly not symplectic."""
 
 CLAIMS = {"order": 2, "symplectic": True}
 REQUIRES = ("separable",)

@@ -1,4 +1,4 @@
-"""A leapfrog of the more sub-steps the larger the force: the map jumps where their number does."""
+"""A faulty leapfrog: the number of its sub-steps grows with the force, and its map jumps where the number changes."""
 
 CLAIMS = {"order": 2, "symplectic": True}
 REQUIRES = ("separable",)

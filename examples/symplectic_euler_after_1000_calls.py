@@ -1,4 +1,4 @@
-"""A leapfrog for its first 1,000 calls, then the symplectic Euler method, of order 1: symplectic throughout."""
+"""A faulty leapfrog: after 1,000 calls it is the symplectic Euler method, of order 1; it is always symplectic."""
 
 CLAIMS = {"order": 2, "symplectic": True}
 REQUIRES = ("separable",)

@@ -1,4 +1,4 @@
-"""Forest and Ruth's method of order 4 with coefficients cut at ten digits: its clock is wrong by 1e-10 of the time."""
+"""Forest and Ruth's method of order 4, coefficients cut at ten digits: its kicks add up to h (1 - 1e-10), not to h."""
 
 CLAIMS = {"order": 4, "symplectic": True}
 REQUIRES = ("separable",)

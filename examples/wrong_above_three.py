@@ -1,4 +1,4 @@
-"""A leapfrog up to three degrees of freedom, explicit Euler above."""
+"""A faulty leapfrog: right for up to three degrees of freedom, explicit Euler for more."""
 
 CLAIMS = {"order": 2, "symplectic": True, "energy": "bounded"}
 REQUIRES = ("separable",)

@@ -1,4 +1,4 @@
-"""``advise``: the cheapest integration that meets an accuracy, run against a reference before it is named."""
+"""``advise``: name the cheapest integration that meets an accuracy, after running it against a reference solution."""
 
 from __future__ import annotations
 
@@ -122,7 +122,10 @@ def _words(
     constraints: Sequence[str] = (),
     parts: Sequence[str] = (),
 ) -> list[str]:
-    """The words that name the problem on a command line, as the user gave them."""
+    """Return the command-line arguments that state the problem, as the user gave them, for commands to be pasted.
+
+    The first is the problem's name, if it has one; options such as ``--set e=0.2`` follow, two words each.
+    """
     from phasebench.benchmarks.problems import file_and_orbit
 
     own = problem is not None and (hamiltonian is not None or file_and_orbit(problem)[0] is not None)
@@ -166,7 +169,7 @@ def _print(answer: dict[str, Any], why: bool = False) -> None:
 
 
 def _roles(answer: dict[str, Any]) -> list[tuple[str, dict[str, Any]]]:
-    """Return the printed rows of an answer as pairs (text of the roles, dict of the integration).
+    """Return the printed rows of an answer as pairs (text of the roles such as "choice, own", dict of the integration).
 
     The choice comes first; the others are sorted by time or, if a time budget was given instead of an accuracy, by
     error; the best at a tenth of the accuracy comes last.
@@ -204,7 +207,10 @@ def _line(role: str, c: dict[str, Any], orbit: bool) -> dict[str, str]:
 
 
 def can_be_installed(candidate: dict[str, str]) -> bool:
-    """True unless the package of a dropped peer needs a newer Python than this one."""
+    """True unless the package of a dropped peer (an integrator of another package) needs a newer Python than this one.
+
+    ``candidate`` has the peer's id as ``integrator``.
+    """
     from phasebench.reference.peers.record import older_python
     from phasebench.reference.peers.registry import BY_ID
 
@@ -212,7 +218,11 @@ def can_be_installed(candidate: dict[str, str]) -> bool:
 
 
 def _dropped(dropped: list[dict[str, str]], each: bool) -> None:
-    """Print how many integrators were dropped for which reason; list ``each``, or only those that were run."""
+    """Print how many integrators were dropped for which kind of reason, and list some of them with their reasons.
+
+    ``dropped`` has a dict for each, with its id (``integrator``) and its reason (``why``).  All are listed if ``each``,
+    else the first `REASONS` of those that were run and failed or were too slow.
+    """
     kinds = Counter(_kind(d["why"]) for d in dropped)
     text = ", ".join(f"{n} {kind}" for kind, n in kinds.most_common())
     if text:

@@ -87,7 +87,8 @@ def _stated(packages: set[str], progress: Callable[[str], None]) -> list[dict]:
 def _check_tables(packages: list[str], tell: Callable[[str], None]) -> list[dict]:
     """Check the coefficient tables transcribed from the sources of these packages, or of all if none is named.
 
-    A row for each table has the order that the order conditions give, and how many of its digits hold.
+    Returns a row for each table: the order of the method by the order conditions, how many digits of the coefficients
+    are right, and what the package states.
     """
     from phasebench.benchmarks.experiments.catalogue import transcribed
 

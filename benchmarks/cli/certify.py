@@ -70,7 +70,10 @@ def _stored(wanted: list[str], update: bool, as_json: bool) -> bool:
 
 
 def _renewed(wanted: list[str], update: bool) -> list[Outcome]:
-    """Recheck (with ``update``, recompute and store) certificates, with a progress bar."""
+    """Recheck the stored reference states of the problems ``wanted``, with a progress bar; return their outcomes.
+
+    With ``update`` they are computed anew and stored.
+    """
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
     from phasebench.benchmarks.experiments.references.certify import recheck

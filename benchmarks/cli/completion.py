@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 
 def problems(incomplete: str) -> list[str]:
-    """Return the problems, and problem:orbit, that begin with the text."""
+    """Return the names of problems, and problem:orbit, that begin with the text typed so far."""
     from phasebench.benchmarks.problems import PROBLEMS
 
     orbits = [f"{name}:{orbit}" for name, (_, _, orbits) in PROBLEMS.items() for orbit in orbits]
@@ -14,26 +14,26 @@ def problems(incomplete: str) -> list[str]:
 
 
 def methods(incomplete: str) -> list[str]:
-    """Return the methods that begin with the text."""
+    """Return the ids of methods that begin with the text typed so far."""
     from phasebench.integrators.registry import BY_ID
 
     return _matches(BY_ID, incomplete)
 
 
 def peers(incomplete: str) -> list[str]:
-    """Return the peers that begin with the text."""
+    """Return the ids of peers (integrators of other packages) that begin with the text typed so far."""
     from phasebench.reference.peers import BY_ID
 
     return _matches(BY_ID, incomplete)
 
 
 def methods_and_peers(incomplete: str) -> list[str]:
-    """Return the methods and peers that begin with the text."""
+    """Return the ids of methods and peers (of other packages) that begin with the text typed so far."""
     return methods(incomplete) + peers(incomplete)
 
 
 def methods_and_problems(incomplete: str) -> list[str]:
-    """Return the methods and problems that begin with the text."""
+    """Return the names of methods and problems that begin with the text typed so far."""
     return methods(incomplete) + problems(incomplete)
 
 

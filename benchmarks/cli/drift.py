@@ -1,4 +1,4 @@
-"""``drift``: the drift of a stored series, told apart from its oscillation."""
+"""``drift``: the drift of a stored time series, such as an energy along a run, told apart from its oscillation."""
 
 from __future__ import annotations
 

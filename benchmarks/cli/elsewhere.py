@@ -21,7 +21,7 @@ def elsewhere(
     method: options.Methods = [],  # noqa: B006
     as_json: options.Json = False,
 ) -> None:
-    """Check a file of rows measured elsewhere, compute their errors, and show ours at as many evaluations."""
+    """Check a file of results from elsewhere, and set them beside this suite's methods at as many evaluations."""
     from phasebench.benchmarks.experiments.elsewhere.measure import compare
     from phasebench.benchmarks.store.elsewhere import FORMAT, VERSION, read
 
@@ -37,7 +37,10 @@ def elsewhere(
 
 
 def _line(row: dict) -> dict[str, str]:
-    """A row as text: method, step or tolerance, evaluations, errors and the reference's uncertainty."""
+    """A row of the printed table as texts by column: method, step or tolerance, evaluations, errors, uncertainty.
+
+    The uncertainty is that of the reference, from which the error is computed.
+    """
     step = f"h = {row['h']:.6g}" if row.get("h") is not None else f"tol = {row['tol']:.3g}"
     numbers = {name: row[name] for name in ("error", "uncertainty", "energy_error")}
     told = {name.replace("_", " "): "-" if x is None else f"{x:.3g}" for name, x in numbers.items()}

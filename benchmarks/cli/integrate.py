@@ -1,7 +1,8 @@
 """``integrate``: integrate one problem with one method, peer or user's step, and report how it went.
 
-The problem is a registered one, a user's file, or a formula of H.  A single run gives everything: the errors of energy
-and invariants after every step, the rows to be written, and the end state, whose error is reported.
+A peer is an integrator of another package.  The problem is a registered one, a user's file, or a formula of H.  A
+single run gives everything: the errors of energy and invariants after every step, the rows to be written, and the end
+state, whose error is reported.
 """
 
 from __future__ import annotations
@@ -298,7 +299,10 @@ def _print(result: dict[str, Any], t0: float) -> None:
 
 
 def _told(error: float | None, reference: dict[str, Any]) -> str:
-    """An error as text with the uncertainty of its reference, or why there is none."""
+    """An error against a reference as text, with the uncertainty and the horizon (last time of use) of the reference.
+
+    If ``error`` is None, the text says why there is no reference.
+    """
     if error is None:
         return f"none: {reference['reason']}"
     reach = f"; horizon t = {reference['horizon']:.6g}" if "horizon" in reference else ""

@@ -1,4 +1,4 @@
-"""``list``: list methods, problems, scenes or peers."""
+"""``list``: list methods, problems, scenes (problems with a time span) or peers (integrators of other packages)."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from .shared import invalid_input, print_json, show
 
 
 class Kind(StrEnum):
-    """What the command ``list`` can list."""
+    """What ``list`` can list; scenes are problems with a span, peers integrators of other packages."""
 
     methods = "methods"
     problems = "problems"
@@ -170,7 +170,7 @@ def _values(cell: object) -> list:
 def _is(cell: object, value: object) -> bool:
     """True if a table cell matches an option's value.
 
-    In a column that is not of yes and no (a package's installed version), True matches any value, False matches None.
+    The cell of an option --installed is a package's version or None: True matches any version, False matches None.
     """
     return (
         (cell is not None) == value

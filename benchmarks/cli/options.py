@@ -37,17 +37,17 @@ def method_argument(help: str) -> Any:
 
 
 def time_limit(more: str) -> Any:
-    """The typer option --time-limit; ``more`` tells in its help what happens then, and the default."""
+    """The typer option --time-limit; ``more`` tells in its help what happens at the limit, and the default."""
     return typer.Option("--time-limit", metavar="SECONDS", help=f"{TIME_LIMIT_HELP} {more}")
 
 
 def output(metavar: str, more: str) -> Any:
-    """The typer option --output; ``more`` tells in its help what is written, and the endings of its file."""
+    """The typer option --output; ``more`` tells in its help what is written, and to files of which endings."""
     return typer.Option("--output", metavar=metavar, help=f"{OUTPUT_HELP} {more}")
 
 
 def quantity(more: str = "") -> Any:
-    """The typer option --quantity; ``more`` is added to its help."""
+    """The typer option --quantity, which names the quantity whose error is wanted; ``more`` is added to its help."""
     return typer.Option("--quantity", metavar="NAME", help=f"{QUANTITY_HELP} {more}".strip())
 
 
@@ -62,12 +62,12 @@ def jobs(more: str) -> Any:
 
 
 def requires(more: str) -> Any:
-    """The typer option --requires; ``more`` is added to its help."""
+    """The typer option --requires, which names a trait of systems: separable; ``more`` is added to its help."""
     return typer.Option("--requires", metavar="TRAIT", help=f"{REQUIRES_HELP} {more}")
 
 
 def package(more: str) -> Any:
-    """The typer option --package; ``more`` is added to its help."""
+    """The typer option --package, which names a package of integrators; ``more`` is added to its help."""
     return typer.Option("--package", metavar="NAME", help=f"{PACKAGE_HELP} {more}")
 
 

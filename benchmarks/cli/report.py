@@ -1,4 +1,4 @@
-"""``report``: write the pages from measured tables."""
+"""``report``: write the pages of a report from tables of measurements."""
 
 from __future__ import annotations
 

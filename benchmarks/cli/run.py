@@ -1,4 +1,4 @@
-"""``run``: measure methods on scenes, and write the rows to a file."""
+"""``run``: measure methods on scenes (problems with a time span and steps), and write the rows to a file."""
 
 from __future__ import annotations
 
@@ -76,10 +76,10 @@ def run(
 
 
 def _cells(scenes: list[str], methods: list[str], quick: bool) -> list:
-    """The measurements of the scenes and methods that are named, or of all; raises InvalidInput for unknown names.
+    """The measurements (`Cell` objects) of the scenes and methods that are named, or of all.
 
-    The scenes on which costs are compared (`questions`) are included if named, or with --all; not with --quick or
-    --method alone.
+    A scene is a problem with a time span.  Scenes on which costs are compared (`questions`) are included if they are
+    named, and if neither scenes nor methods are named, but not with ``quick``.  Raises InvalidInput for unknown names.
     """
     from phasebench.benchmarks.experiments.trade import question_rows, sweep
     from phasebench.benchmarks.problems.questions import BY_ID as ASKED
@@ -102,7 +102,7 @@ def _cells(scenes: list[str], methods: list[str], quick: bool) -> list:
 
 
 def _announce(cells: list) -> None:
-    """Print what a run of all cells would measure, and how long that takes."""
+    """Print what a run of all ``cells`` (single measurements) would measure, and how long that takes."""
     from phasebench.benchmarks.store.run import standing
     from phasebench.benchmarks.store.tables import Table
 

@@ -30,7 +30,10 @@ PAUSE, LONGEST_PAUSE = 2.0, 60.0
 
 @contextmanager
 def invalid_input(report: Callable[[str], None] | None = None) -> Iterator[None]:
-    """End the command with exit code 2 on InvalidInput; ``report`` prints the message, by default on stderr."""
+    """Context manager: end the command with exit code 2 if an InvalidInput is raised inside.
+
+    ``report`` prints its message, by default on stderr.
+    """
     try:
         yield
     except InvalidInput as error:
@@ -164,9 +167,9 @@ def end_time(text: str | None, problem: Problem) -> float | None:
 
 
 def numbers(text: str | None, name: str) -> list[float] | None:
-    """Read comma-separated numbers or fractions such as 1/3; None for None.
+    """Read comma-separated numbers or fractions such as 1/3 as floats; None for None.
 
-    Raises InvalidInput, with the option ``name``, for other text.
+    Raises InvalidInput, naming the option (``name``, without its dashes), for other text.
     """
     if text is None:
         return None
@@ -177,7 +180,10 @@ def numbers(text: str | None, name: str) -> list[float] | None:
 
 
 def pairs(items: list[str], option: str) -> dict[str, str]:
-    """Read options name=value, each name once, as a dict; raises InvalidInput."""
+    """Read the values ``items`` of a repeated option, each name=value, as a dict from names to texts.
+
+    Raises InvalidInput, naming the ``option``, for other text and for a name that is given twice.
+    """
     items_by_name: dict[str, str] = {}
     for item in items:
         key, mark, value = (x.strip() for x in item.partition("="))
@@ -190,7 +196,10 @@ def pairs(items: list[str], option: str) -> dict[str, str]:
 
 
 def values(items: list[str], option: str) -> dict[str, float]:
-    """Read options name=number as a dict; raises InvalidInput."""
+    """Read the values ``items`` of a repeated option, each name=number, as a dict from names to floats.
+
+    Raises InvalidInput, naming the ``option`` (without its dashes), for anything else.
+    """
     numbers_by_name = {}
     for key, text in pairs(items, f"--{option}").items():
         value = numbers(text, f"{option} {key}")

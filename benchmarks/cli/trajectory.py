@@ -17,7 +17,10 @@ SUFFIXES = (".csv", ".npz")
 
 
 def write(path: Path, solution: Solution, every: int = 1) -> int:
-    """Write every Nth row of a solution, and the last; returns the number of rows, or raises InvalidInput."""
+    """Write rows 0, ``every``, 2 ``every``, ... of a solution and the last to the file ``path``; return their number.
+
+    Raises InvalidInput if the file cannot be written.
+    """
     import numpy as np
 
     from phasebench.reference.files import write_file

@@ -19,11 +19,11 @@ EDGE = 0.15
 
 
 class Erring(Protocol):
-    """A run with its error and its cost."""
+    """Protocol of a run that has an error and a cost."""
 
     @property
     def error(self) -> float:
-        """Error of the quantity; infinite if the run has none."""
+        """The error of the run in the quantity to be computed; infinite if the run gave no value."""
 
     @property
     def seconds(self) -> float:
@@ -31,7 +31,7 @@ class Erring(Protocol):
 
 
 class Run(NamedTuple):
-    """A run known by its error and its cost alone."""
+    """A run of which only ``error`` and cost (``seconds``, in any unit) are known."""
 
     error: float
     seconds: float
@@ -41,10 +41,11 @@ R = TypeVar("R", bound=Erring)
 
 
 def bracket(rungs: Sequence[R], wanted: float) -> tuple[R | None, list[R]]:
-    """(the last run that misses the error ``wanted``, the finer runs that meet it); (None, []) if none meets it.
+    """Return (the last run whose error is above ``wanted``, the list of the finer runs that meet ``wanted``).
 
-    ``rungs`` are runs at ever finer steps or tolerances.  After the run of the least error, a small error that misses
-    is round-off and ignored; a large one means that the least error was luck.
+    ``rungs`` are runs at ever finer steps or tolerances.  The result is (None, []) if no run has an error of at most
+    ``wanted``; the run is None if all of them meet it.  Among the runs finer than the one of the least error, an error
+    above ``wanted`` but not above `ROUND_OFF` is round-off and ignored; a larger one counts: the least error was luck.
     """
     good = [r for r in rungs if isfinite(r.error)]
     if not good or min(r.error for r in good) > wanted:
@@ -64,7 +65,11 @@ def share(coarse: float, fine: float, wanted: float) -> float:
 
 
 def cost(rungs: Sequence[R], wanted: float) -> float:
-    """The cost at which the error ``wanted`` is met, as a power law between two runs; infinite if it never is."""
+    """The cost at which the error ``wanted`` is met, interpolated between two of the runs; infinite if none meets it.
+
+    ``rungs`` are runs at ever finer steps or tolerances.  The cost, in the unit of their ``seconds``, is taken as a
+    power of the error.
+    """
     low, meeting = bracket(rungs, wanted)
     if not meeting:
         return inf
@@ -88,7 +93,7 @@ def evaluations_for(runs: Iterable[tuple[float, float]], wanted: float) -> float
 def aim(coarse: Rung, fine: Rung, wanted: float) -> float:
     """The fineness (steps, or 1 / tolerance) between two runs at which the error ``wanted`` is expected.
 
-    The middle, on a log scale, if the errors do not fall.
+    If the error does not fall from ``coarse`` to ``fine``, or is infinite or 0, it is the middle on a log scale.
     """
     part = 0.5
     if isfinite(coarse.error) and coarse.error > fine.error > 0:

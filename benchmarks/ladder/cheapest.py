@@ -1,4 +1,7 @@
-"""Choose the cheapest of the runs that meet an accuracy: the rule of `advise` and of the experiment `trade`."""
+"""Choose the cheapest of the runs that meet an accuracy, for the command ``advise`` and the experiment ``trade``.
+
+The experiment compares what integrators cost at equal error.
+"""
 
 from __future__ import annotations
 

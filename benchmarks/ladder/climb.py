@@ -41,7 +41,7 @@ def climb(
 def numbers_of_steps(
     first: float, factor: float, whole: Callable[[float], int] = round, most: float = inf
 ) -> Iterator[int]:
-    """Increasing numbers of steps up to ``most``, each ``factor`` times the last; ``whole`` rounds to an integer."""
+    """Numbers of steps from ``first`` to ``most``, each ``factor`` times the last; ``whole`` rounds to an integer."""
     size, last = first, 0
     while size <= most:
         steps = whole(size)
@@ -60,9 +60,10 @@ def tolerances(loosest: float, least: float) -> Iterator[float]:
 
 
 def idle(errors: Iterable[float]) -> int:
-    """The number of runs at the end of a ladder whose error was not below `FLOOR` times the least before them.
+    """Count the last runs of a ladder (runs at ever finer steps) in a row that brought no clearly smaller error.
 
-    ``errors`` are those of ever finer runs; counting starts at the first finite one.
+    ``errors`` are those of the runs, the coarsest first.  A run brought none if its error is not below `FLOOR` times
+    the least error before it; runs before the first finite error do not count.
     """
     least, count = inf, 0
     for error in errors:

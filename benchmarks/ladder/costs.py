@@ -1,4 +1,8 @@
-"""Costs at equal error, with intervals, from a frame of runs: columns error, ``us`` (microseconds), low and high."""
+"""Costs at equal error, with intervals, from a data frame with a row for each run.
+
+Its columns are ``error``, ``us`` (the cost in microseconds), and ``us, low`` and ``us, high``, the ends of the cost's
+interval.
+"""
 
 from __future__ import annotations
 
@@ -17,9 +21,9 @@ COST = ("us", "us, low", "us, high")
 def at(rungs: pd.DataFrame, error: float) -> Median:
     """The cost (microseconds, with interval) at which one integrator meets an error; `NOWHERE` if it never does.
 
-    ``rungs`` are the integrator's runs at different steps, with columns error, ``us`` and its interval.  The cost is
-    interpolated as a power of the error between two runs whose errors differ by less than the factor `SPAN`; otherwise
-    it is the cost of the finer run.
+    ``rungs`` are the integrator's runs at different steps, with the columns ``error``, ``us``, ``us, low`` and ``us,
+    high``.  The cost is interpolated as a power of the error between two runs whose errors differ by less than the
+    factor `SPAN`; otherwise it is the cost of the finer run.
     """
     ladder = rungs[np.isfinite(rungs["error"])].sort_values("error")
     there, beyond = ladder[ladder["error"] <= error], ladder[ladder["error"] > error]

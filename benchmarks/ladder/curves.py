@@ -44,9 +44,11 @@ def curves(
 ) -> list[dict[str, Any]]:
     """Measure work-precision curves: a row for each integrator and number of steps or tolerance.
 
-    Its columns: problem, method, steps, h or tol, error, seconds, status, reason.
+    A row is a dict: the problem, ``t_end`` and the quantity; the method with its step ``h`` or tolerance ``tol``; the
+    ``steps`` taken, the ``error`` with the ``uncertainty`` of the reference, ``seconds``, ``status`` and ``reason``.
 
-    ``true`` is the true value of the quantity; by default it is looked up, or computed.
+    ``true`` is the true value of the quantity; by default it is looked up, or computed.  ``progress`` is called with
+    the name of each integrator before it runs.
 
     Raises
     ------

@@ -8,5 +8,8 @@ from phasebench.benchmarks.measure.clock import LEAST
 
 
 def rounds(seconds: Iterable[float], within: float, least: int, most: int) -> int:
-    """Number of rounds that fit into ``within`` seconds, for runs of the given seconds; from ``least`` to ``most``."""
+    """Number of rounds, each of which runs every integrator once, that fit into ``within`` seconds.
+
+    ``seconds`` are the times of one run of each integrator; the number is kept between ``least`` and ``most``.
+    """
     return int(min(most, max(least, within / sum(max(s, LEAST) for s in seconds))))

@@ -1,9 +1,10 @@
 """A race: one integrator after another runs at ever finer steps, for as long as it may still be the cheapest.
 
 A rung (a run at one size) doubles the number of steps of the one before, or divides its tolerance by ten.  The cost of
-an error is that of the cheapest run so far in the same race; methods compete with methods, and peers with peers.  An
-integrator that takes `KEEP` times that cost on `LOSING` rungs in a row, with a ratio that does not fall, is dropped;
-the reason names the error and the integrator that beat it.  It is timed once more before it is dropped.
+an error is that of the cheapest run so far in the same race that meets it; methods of this suite compete with methods,
+and peers (integrators of other packages) with peers.  An integrator that takes `KEEP` times that cost on `LOSING` rungs
+in a row, with a ratio that does not fall, is dropped; the reason names the error and the integrator that beat it.  Its
+last run is timed once more before it is dropped.
 """
 
 from __future__ import annotations
@@ -56,11 +57,11 @@ class Known:
             self.runs.append((rung.error, rung.seconds, label))
 
     def cheapest(self, wanted: float) -> tuple[float, str]:
-        """(seconds, label) of the cheapest run with at most that error; (inf, "") if there is none."""
+        """(seconds, label) of the cheapest run whose error is at most ``wanted``; (inf, "") if there is none."""
         return min(((s, label) for e, s, label in self.runs if e <= wanted), default=(inf, ""))
 
     def seconds(self, wanted: float) -> float:
-        """Seconds of the `cheapest` run with at most that error."""
+        """Seconds of the cheapest run whose error is at most ``wanted``; infinite if there is none."""
         return self.cheapest(wanted)[0]
 
     def forget(self, label: str) -> None:
@@ -120,7 +121,7 @@ def wider(task: Task, c: Integrator, rung: Rung, known: Known) -> list[Rung]:
 
 
 def hopeless(task: Task, rung: Rung, known: Known) -> bool:
-    """True if a run is longer than `SHORT` and took `HOPELESS` times the cheapest known run of its error."""
+    """True if a run took over `SHORT` seconds and `HOPELESS` times as long as the cheapest known run of its error."""
     return rung.seconds > max(SHORT, HOPELESS * known.seconds(min(rung.error, task.testable_accuracies[0])))
 
 
@@ -140,9 +141,10 @@ class Entrant:
 
     Attributes
     ----------
-    lost, before : runs in a row that were too dear, and the ratio to the cheapest time on the last one
+    task, c, known : the problem and quantity, the integrator, and the runs of all integrators so far
+    lost, before : runs in a row that were too slow, and the last run's time over that of the cheapest of its error
     failed, wasted : failed runs in a row, and their seconds
-    dear : seconds in which the cheapest run reaches the finest accuracy
+    dear : seconds in which the cheapest run of any integrator reaches the finest accuracy
     preparing : seconds that the last run took besides the integration, for instance to compile
     dropped : True if it was given up because it cannot win
     """

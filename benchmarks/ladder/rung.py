@@ -28,16 +28,16 @@ LONG, AGAIN = 0.2, 3
 
 
 class Rung(NamedTuple):
-    """A run at one size.
+    """A run of an integrator at one size, a number of steps or a tolerance, with its error and its time.
 
     Attributes
     ----------
     steps, tol : the number of steps, or the tolerance of an adaptive integrator; the other is None
-    status : how it ended
-    error : of the quantity; infinite if the run did not reach its end
-    seconds : of a warm run without output
+    status : how the run ended
+    error : of the quantity to be computed; infinite if the run did not reach its end
+    seconds : the time of a warm run without output
     taken, evaluations : the steps and the gradients that the run counted
-    reason : why it failed, or ""
+    reason : why the run failed, or ""
     """
 
     steps: int | None
@@ -56,7 +56,7 @@ class Rung(NamedTuple):
 
     @property
     def size(self) -> dict[str, Any]:
-        """The keyword argument of a run: ``steps`` or ``tol``."""
+        """The size as the keyword argument of a run, {"steps": n} or {"tol": x}."""
         return {"tol": self.tol} if self.steps is None else {"steps": self.steps}
 
     @property
@@ -71,7 +71,7 @@ class Rung(NamedTuple):
 
 
 def unbeaten(error: float) -> float:
-    """The default of ``cheapest`` in `Task.measure`: no other integrator is known, so the least time is infinite."""
+    """Return infinity, whatever the error: the default of ``cheapest`` in `Task.measure`, if no other run is known."""
     return inf
 
 
@@ -83,7 +83,7 @@ class Task:
     ----------
     problem, t_end, quantity, truth : the problem, the final time, the quantity and its reference value
     accuracies : the errors to be met, the coarsest first
-    clocks : prepared runs of the integrators for timing, with how often other processes shared the core
+    clocks : timers, one for each integrator prepared to run; they count how often other processes shared the core
     """
 
     problem: Any

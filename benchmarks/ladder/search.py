@@ -1,10 +1,11 @@
-r"""Searches the cheapest run of a candidate that meets an accuracy: mostly the widest step or the loosest tolerance.
+r"""Searches for the cheapest run of an integrator (a candidate) that meets an accuracy: mostly that of the widest step.
 
-The error of a fixed step of order p is assumed :math:`e \sim h^p`, that of an adaptive peer proportional to its
-tolerance.  The exponent is estimated from two runs; the next run aims at the accuracy with a `MARGIN`, and the search
-goes on until the run that meets the accuracy costs little more than one that misses it.  A candidate is given up if its
-extrapolated cost is a multiple of the cheapest so far, if it fails at every step, or if its error no longer falls.  If
-the implicit equations need so many iterations in wide steps that a finer run was clearly cheaper, that one is taken.
+The error of a fixed step of order p is assumed :math:`e \sim h^p`, that of an adaptive peer (an integrator of another
+package) proportional to its tolerance.  The exponent is estimated from two runs; the next run aims at the accuracy with
+a `MARGIN`, and the search goes on until the run that meets the accuracy costs little more than one that misses it.  A
+candidate is given up if its extrapolated cost is a multiple of the cheapest so far, if it fails at every step, or if
+its error no longer falls.  If the implicit equations need so many iterations in wide steps that a finer run was clearly
+cheaper, that one is taken.
 """
 
 from __future__ import annotations
@@ -43,7 +44,7 @@ LOOSEST = 0.03
 
 
 class Found(NamedTuple):
-    """The result of a search: the cheapest run that meets the accuracy, or why there is none."""
+    """The result of a search: the cheapest run that meets the accuracy as ``rung``, or None and the reason ``why``."""
 
     rung: Rung | None
     why: str = ""
@@ -170,7 +171,8 @@ def _next(trial: Trial, accuracy: float, good: Rung | None, bad: Rung | None) ->
 def _finer(trial: Trial, accuracy: float) -> float:
     """The next fineness (steps or 1 / tolerance) while no run meets the accuracy, extrapolated from the finest run.
 
-    At most half way, in logarithms, to a run that timed out.
+    If an earlier run of that fineness or less timed out, it is half way, in logarithms, between the finest run that did
+    not and the coarsest that did.
     """
     stopped = min((r.fineness for r in trial.sorted_rungs if r.status == TIMEOUT), default=inf)
     going = [r for r in trial.sorted_rungs if r.fineness < stopped]

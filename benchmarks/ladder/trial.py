@@ -82,7 +82,10 @@ class Trial:
         return self.task.seconds(self.integrator, rung.size)
 
     def pilot(self, number: float) -> float:
-        """Estimated seconds of a run, from one over `PART` of the span; 0 if a run can be stopped by a time limit."""
+        """Estimate the seconds of a run of ``number`` steps or tolerance, from a run over the share `PART` of the span.
+
+        It is 0 if no estimate is needed, since a time limit can stop the run, and if the short run fails.
+        """
         if self.integrator.stoppable:
             return 0.0
         part = {"tol": number} if self.integrator.adaptive else {"steps": max(1, round(number * PART))}

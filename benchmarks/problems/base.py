@@ -62,7 +62,7 @@ class Problem:
     Attributes
     ----------
     id, name, source : kebab-case id, full name, citation
-    cite : the keys of the works in ``bibliography.bib``, here or among the integrators
+    cite : the keys of the works in the ``bibliography.bib`` of the problems or of the integrators
     system : a Hamiltonian or a partitioned system; ``system.H`` is the energy
     orbits : the named initial states; the first is the default
     invariants : name -> formula, besides the energy: text such as ``"q1*p2 - q2*p1"``, or an expression of SymPy

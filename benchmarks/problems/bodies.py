@@ -97,7 +97,7 @@ class Bodies:
 
     @classmethod
     def of_content(cls, content: tuple) -> Bodies:
-        """Make the bodies from nested tuples of numbers and strings, the `content` of others."""
+        """Make the bodies from their `content`, nested tuples of numbers and strings."""
         rows, of_units, frame = content
         with mpmath.workdps(DIGITS):
             members = tuple(
@@ -140,7 +140,7 @@ class Bodies:
 
 
 def bodies(rows: Sequence[Row], units: Units, frame: str | None, where: str, heads: Sequence[str]) -> Bodies:
-    """Check a table of bodies, and make the bodies of it.
+    """Check a table of gravitating bodies, and make the `Bodies` of it.
 
     Parameters
     ----------

@@ -78,7 +78,7 @@ def field(w2: Number) -> Callable[..., None]:
 
 
 def energy(w2: Number) -> Callable[..., tuple[Number, Number]]:
-    """Make the function f(q, p) -> (H, M) of the springs, w2 = omega^2; M is the unit of H's round-off."""
+    """Make the function f(q, p) -> (H, M) of the springs, w2 = omega^2; H's round-off is about M machine epsilons."""
 
     def f(q: np.ndarray, p: np.ndarray) -> tuple[Number, Number]:
         m = len(q) // 2

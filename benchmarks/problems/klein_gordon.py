@@ -79,7 +79,10 @@ def field(a: Number, b: Number) -> Callable[..., None]:
 
 
 def energy(a: Number, b: Number) -> Callable[..., tuple[Number, Number]]:
-    """Make the function f(q, p) -> (H, M); M is the unit of H's round-off, a = 1 / dx^2, b = 1 / dx."""
+    """Make the function f(q, p) -> (H, M) of the grid; H's round-off is about M machine epsilons.
+
+    a = 1 / dx^2, b = 1 / dx.
+    """
 
     def f(q: np.ndarray, p: np.ndarray) -> tuple[Number, Number]:
         n = len(q) // 2
@@ -107,7 +110,10 @@ def constants(N: int, L: float) -> tuple[Fraction, Fraction]:
 
 
 def formula(N: int, L: float) -> tuple[list[sp.Symbol], list[sp.Symbol], sp.Expr]:
-    """Return (q, p, H) of the Klein-Gordon equation on N points of a period L: lists of 2 N symbols, an expression."""
+    """Return (q, p, H) of the Klein-Gordon equation on N points of a period L.
+
+    q and p are lists of 2 N symbols (real parts, then imaginary ones), H is an expression.
+    """
     q, p = (sp.symbols([f"{x}{j}" for j in range(2 * N)], real=True) for x in "qp")
     a, b = (sp.Rational(c.numerator, c.denominator) for c in constants(N, L))
     bending = [a * (x[(j + 1) % N] - x[j]) ** 2 / 2 for j in range(N) for x in (q[:N], q[N:])]

@@ -93,7 +93,10 @@ def field(strength: Number) -> Callable[..., None]:
 
 
 def energy(strength: Number) -> Callable[..., tuple[Number, Number]]:
-    """Make the function f(q, p) -> (H, M), V = -sum of ``strength`` / r_ij; M is the unit of H's round-off."""
+    """Make the function f(q, p) -> (H, M); H's round-off is about M machine epsilons.
+
+    H = |p|^2 / 2 + V with V = -sum over pairs of ``strength`` / r_ij.
+    """
 
     def f(q: np.ndarray, p: np.ndarray) -> tuple[Number, Number]:
         T = U = S = 0 * q[0]

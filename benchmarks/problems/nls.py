@@ -64,7 +64,10 @@ def field(a: Number, b: Number) -> Callable[..., None]:
 
 
 def energy(a: Number, b: Number) -> Callable[..., tuple[Number, Number]]:
-    """Make the function f(q, p) -> (H, M); M is the unit of H's round-off, a = 1 / dx^2, b = 2 / dx."""
+    """Make the function f(q, p) -> (H, M) of the grid; H's round-off is about M machine epsilons.
+
+    a = 1 / dx^2, b = 2 / dx.
+    """
 
     def f(q: np.ndarray, p: np.ndarray) -> tuple[Number, Number]:
         n = len(q)
@@ -90,7 +93,10 @@ def constants(N: int, L: float) -> tuple[Fraction, Fraction]:
 
 
 def formula(N: int, L: float) -> tuple[list[sp.Symbol], list[sp.Symbol], sp.Expr]:
-    """Return (q, p, H) of the nonlinear Schroedinger equation on N points of a period L: symbols, an expression."""
+    """Return (q, p, H) of the nonlinear Schroedinger equation on N points of a period L.
+
+    q and p are lists of N symbols, H is an expression.
+    """
     q, p = (sp.symbols([f"{x}{j}" for j in range(N)], real=True) for x in "qp")
     a, b = (sp.Rational(c.numerator, c.denominator) for c in constants(N, L))
     bending = [a * (x[(j + 1) % N] - x[j]) ** 2 / 2 for j in range(N) for x in (q, p)]

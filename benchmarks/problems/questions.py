@@ -23,7 +23,7 @@ def down_to(last: int) -> tuple[float, ...]:
 
 @dataclass(frozen=True)
 class Question:
-    """A problem on an orbit, the end of its span, and a quantity to be computed to given accuracies.
+    """A scene on which costs are compared: a problem, a time span, and a quantity to compute to given accuracies.
 
     Attributes
     ----------

@@ -48,7 +48,7 @@ def from_file(path: str | Path, **parameters: float | str) -> Problem:
 
     Parameters
     ----------
-    path : of a file with ``make`` or ``problem``
+    path : of a file that defines a function ``make`` or a `Problem` named ``problem``
     parameters : values of its parameters
 
     Returns
@@ -196,7 +196,7 @@ def _degrees(names: Sequence[str]) -> int:
 
 
 def _like(default: object, value: float) -> float:
-    """Return a parameter's value, as an int if it is whole and the default is an int: n=4 is not 4.0."""
+    """Return a parameter's value, as an int if it is whole and its default is an int: 4 instead of 4.0."""
     whole = isinstance(default, int) and isinstance(value, float) and value.is_integer()
     return int(value) if whole else value
 

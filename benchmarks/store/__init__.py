@@ -1,1 +1,1 @@
-"""The store of measurements: cells, the run that measures them, tables on disk, and their provenance."""
+"""The store of measurements: cells (single measurements), the run that makes them, tables on disk, their provenance."""

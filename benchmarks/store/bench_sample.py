@@ -8,9 +8,9 @@ from phasebench.benchmarks.store import compare
 
 
 def bench_sample(outcome: Any) -> None:
-    """Check that numbers measured again, of a random sample, are within their tolerance of the stored ones.
+    """Check that a random sample of numbers, measured again, agrees with the stored ones within their tolerances.
 
-    A failure names the rows and both numbers.
+    ``outcome`` is the result of the run (`Outcome`).  A failure names the rows and both numbers.
     """
     wrong = compare.of_sample(outcome)
     assert not wrong, "\n".join(map(str, wrong))

@@ -24,7 +24,7 @@ POOL, UNCOMPILED, ALONE = "pool", "uncompiled", "alone"
 
 
 class Unavailable(RuntimeError):
-    """Raised if a cell needs something that is not on this machine; the message names it."""
+    """Raised if a cell (one measurement) needs something that is not on this machine; the message names it."""
 
 
 Rows = dict[str, list[dict[str, Any]]]
@@ -32,18 +32,19 @@ Rows = dict[str, list[dict[str, Any]]]
 
 @dataclass(frozen=True)
 class Cell:
-    """One independent measurement.
+    """One independent measurement, which gives rows of one or more tables.
 
     Attributes
     ----------
-    experiment : the folder of its experiment
-    tables : the tables that contain its rows
+    experiment : the name of the folder of the experiment to which it belongs
+    tables : the names of the tables that contain its rows
     key : column -> value; identifies its rows among those of all cells in its tables
-    measure, arguments : a module-level function and its arguments (both are sent to other processes); it returns
-        table -> rows
-    content : the hash of what the rows depend on
+    measure, arguments : a module-level function and its arguments (both are sent to other processes); it returns table
+        -> rows
+    content : the hash of the code and data on which the rows depend
     names : names by which a user may select it: ids of methods, peers, problems and scenes
-    where : `POOL`, `UNCOMPILED` or `ALONE`
+    where : how it is measured: `POOL`, beside others on all cores; `UNCOMPILED`, the same without Numba; `ALONE`, with
+        nothing else on the machine, since it is timed
     own : True if its rows depend on the machine as well as on the code
     quick : True if it belongs to the few cells of a quick run of about a minute
     """
@@ -115,7 +116,7 @@ RECORD = ("id", "family", "order", "symmetric", "symplectic", "energy", "quadrat
 
 
 def record(method: Method) -> str:
-    """A text, for hashing, of what a `Method` computes, without its descriptions."""
+    """Return a text, for hashing, of the entries of a `Method` on which results depend: not its name and citations."""
     return "method" + exact(tuple(getattr(method, name) for name in RECORD))
 
 
@@ -173,7 +174,10 @@ def _digest(modules: tuple[str, ...]) -> str:
 
 
 def _families(method: Method) -> list[str]:
-    """The modules of a method's kernel, of the driver, and of the methods that it is composed of."""
+    """The names of the modules that a method runs on: those of its step, of the loop over steps, and of its components.
+
+    Components are the methods and functions of which it is composed.
+    """
     modules = [f"phasebench.integrators.families.{method.family}", "phasebench.integrators.driver"]
     modules += [f for part in method.data if hasattr(part, "family") for f in _families(part)]
     modules += [part.__module__ for part in method.data if callable(part) and hasattr(part, "__module__")]

@@ -1,8 +1,9 @@
-"""Measures cells on a Dask cluster: workers return rows, and this process stores them as they arrive.
+"""Measures cells (single measurements) on a Dask cluster: workers return rows, and this process stores them.
 
 A worker measures in child processes, like a run on one machine (`workers.Worker`), so that the rows are the same.  If a
 worker is lost, the scheduler gives its cells to another one.  Timed cells are not sent to the cluster but measured
-alone on this machine, except in a user's sweep, where each is timed on a core of its own (`workers.PINNED`).
+alone on this machine, except in a user's own run (``phasebench run``), where each is timed on a core of its own
+(`workers.PINNED`).
 """
 
 from __future__ import annotations
@@ -50,7 +51,11 @@ class Cluster:
             raise InvalidInput(f"no scheduler answers at {address!r}: {error}") from None
 
     def measure(self, cells: Sequence[Cell], where: str, deadline: float) -> Iterator[tuple[Cell, Answer]]:
-        """Measure cells on the cluster; yield each with its answer when it is finished, until the deadline."""
+        """Measure cells on the cluster; yield each with its answer when it is finished, until the deadline.
+
+        ``where`` is how they are measured, such as "pool" (compiled) or "uncompiled"; ``deadline`` a time of
+        `time.monotonic`.
+        """
         from distributed import as_completed
 
         asked = {

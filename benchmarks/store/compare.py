@@ -1,7 +1,7 @@
 """Compares two tables: matches their rows and checks that numbers differ by no more than given bands.
 
-It compares measurements with the recorded error tables, the sample of a run with the stored rows (`of_sample`), and two
-stored runs (`history`).
+It compares measurements with the recorded error tables, measurements that a run repeats as a random sample with the
+stored rows (`of_sample`), and two stored runs (`history`).
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ EXACT = Band(0.0, 0.0)
 
 
 class Pair(NamedTuple):
-    """The same row in a measured and in a stored table; None where a table lacks it."""
+    """The same row, identified by texts (``key``), in a measured and a stored table; None where a table lacks it."""
 
     key: tuple[str, ...]
     measured: Row | None
@@ -96,7 +96,7 @@ def match(measured: Iterable[Row], stored: Iterable[Row], key: Sequence[str]) ->
 
 
 def _by_key(rows: Iterable[Row], key: Sequence[str]) -> dict[tuple, Row]:
-    """(cells of the key, number of earlier rows with the same key) -> row."""
+    """Index rows by key: return {(values of the columns ``key``, number of earlier rows with the same values): row}."""
     seen: Counter = Counter()
     out = {}
     for row in rows:
@@ -107,10 +107,10 @@ def _by_key(rows: Iterable[Row], key: Sequence[str]) -> dict[tuple, Row]:
 
 
 def differences(pairs: Iterable[Pair], limits: Mapping[str, Limit]) -> list[Difference]:
-    """Compare a new table with an old one whose rows were paired: rows that one side lacks, and cells that differ.
+    """Compare a new table with an old one whose rows were paired: rows that one side lacks, and values that differ.
 
-    ``limits`` names the columns to compare and how far numbers may differ in each.
-    Cells are equal if their texts are equal, if both are missing (None, NaN, ""), or if their limit allows the numbers.
+    ``limits`` names the columns to compare and how far numbers may differ in each.  Values are equal if their texts are
+    equal, if both are missing (None, NaN, ""), or if their limit allows the numbers.
     """
     out = []
     for key, new, old in pairs:

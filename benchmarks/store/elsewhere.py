@@ -105,7 +105,7 @@ def read(path: Path | str) -> Elsewhere:
 
 
 def problem_key(path: Path) -> tuple[str, dict[str, float], str]:
-    """(the problem that a file names, its parameters, the package) without building the problem."""
+    """Return (name of the problem, its parameters, name of the package) from a file's header; build no problem."""
     header, _ = _parts(path)
     return header["problem"], _parameters(path, header), header["package"]
 
@@ -168,7 +168,10 @@ def _parameters(path: Path, header: dict[str, str]) -> dict[str, float]:
 
 
 def _problem(path: Path, header: dict[str, str]) -> Problem:
-    """The problem of a header; raises InvalidInput if it is unknown, or has another initial state or energy there."""
+    """The problem that a header names, with the parameters that it sets.
+
+    Raises InvalidInput if it is unknown, or if the header has another initial state or energy than the problem.
+    """
     try:
         made = problem(header["problem"], **_parameters(path, header))
     except InvalidInput as error:
@@ -218,7 +221,10 @@ def _check_columns(path: Path, names: list[str], made: Problem) -> None:
 
 
 def _row(where: str, names: list[str], cells: list[str], made: Problem) -> dict[str, Any]:
-    """A row's values; raises InvalidInput for one that is missing or impossible."""
+    """A row of the file as a dictionary of values, as `Elsewhere.rows` describes it.
+
+    Raises InvalidInput, beginning with ``where``, for a value that is missing or impossible.
+    """
     if len(cells) != len(names):
         raise InvalidInput(f"{where} has {len(cells)} values for {len(names)} columns")
     text = {name: cell.strip() for name, cell in zip(names, cells, strict=True)}
@@ -255,12 +261,12 @@ def _row(where: str, names: list[str], cells: list[str], made: Problem) -> dict[
 
 
 def _digits(text: str) -> int:
-    """The significant digits of a number as it is written."""
+    """The number of significant digits of a number that is given as text."""
     return len(re.sub(r"[eEdD].*|[^0-9]", "", text).lstrip("0"))
 
 
 def _energy(where: str, made: Problem, y: np.ndarray | None, stated: float | None) -> float:
-    """H - H0 of an end state y = (q, p); the ``stated`` one if y is None.
+    """The energy error H - H0 of an end state y = (q, p), an array (2d,); the ``stated`` one if y is None.
 
     Raises InvalidInput if a state and an error are given that do not agree.
     """
@@ -274,10 +280,12 @@ def _energy(where: str, made: Problem, y: np.ndarray | None, stated: float | Non
 
 
 def errors(file: Elsewhere) -> list[dict[str, Any]]:
-    """The rows of a file with their errors, as dictionaries of plain values; ``made_on`` is the machine in its header.
+    """The rows of a file with their errors, as dictionaries of plain values.
 
     ``error`` is the max norm over (q, p) of the difference from the reference at t_end, ``uncertainty`` the
-    reference's; None without an end state or a reference, and ``reason`` says why.
+    reference's; both are None without an end state or a reference, and ``reason`` says why.  Besides, a row has the
+    method with ``h`` or ``tol``, ``steps``, ``evaluations`` and ``energy_error``, and entries of the header: the
+    package, the problem, and the machine as ``made_on``.
     """
     return [_identify(file, row) | _error(file, row) for row in file.rows]
 

@@ -42,7 +42,7 @@ class CorruptTable(RuntimeError):
 
 
 def provenance(problem: Problem, **more: object) -> dict:
-    """The provenance of a table: digests of the problem's formulae and initial data, and package versions."""
+    """The provenance of a table: digests of the problem's formulae and initial data, package versions, and ``more``."""
     import sympy as sp
 
     system = problem.system

@@ -86,7 +86,9 @@ BAD = (STATUS, WORSE, SLOW, GONE)
 
 
 def load(name: str) -> dict[str, pd.DataFrame]:
-    """The tables of a run, by name; the run is a folder of reports or data, a CSV file, or a commit with reports.
+    """The tables of a stored run, table name -> data frame.
+
+    ``name`` is a folder of reports or of their data, a CSV file, or a commit of the repository that has reports.
 
     Raises
     ------
@@ -147,7 +149,7 @@ def _of_table(table: str, old: pd.DataFrame, new: pd.DataFrame) -> list[Change]:
 
 
 def _pairs(old: pd.DataFrame, new: pd.DataFrame) -> tuple[list[str], list[Pair]]:
-    """(columns that identify a row, matched rows) of two tables."""
+    """Match the rows of two tables; return (names of the columns that identify a row, the pairs of rows)."""
     key = [c for c in old if c in new and _is_key(c, old, new)]
     return key, match(new.to_dict("records"), old.to_dict("records"), key)
 
@@ -205,7 +207,7 @@ def _times(table: str, column: str, pairs: list[Pair]) -> list[Change]:
 
 
 def overall(before: dict[str, pd.DataFrame], after: dict[str, pd.DataFrame]) -> Median:
-    """Median ratio of all times that both runs measured; it reflects the machine as much as the code."""
+    """Median of new time / old time over all rows timed in both runs; it reflects the machine as much as the code."""
     ratios: list[float] = []
     for table in before:
         if table in after and table not in BESIDE and "seconds" in before[table] and "seconds" in after[table]:

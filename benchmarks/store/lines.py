@@ -1,7 +1,7 @@
-"""Stores a table as JSON lines, one row a line, for a user's own sweep.
+"""Stores a table as JSON lines, one row a line: the rows of a user's own run (``phasebench run``).
 
-Besides its columns a row holds the id of its cell (``cell``), the number of the cell's rows (``of``), and its
-provenance.  A cell counts as measured only if all of its rows can be read.
+They are grouped in cells (single measurements).  Besides its columns a row holds the id of its cell (``cell``), the
+number of the cell's rows (``of``), and its provenance.  A cell counts as measured only if all of its rows can be read.
 """
 
 from __future__ import annotations
@@ -51,7 +51,10 @@ def read(path: Path, table: str) -> dict[str, Entry]:
 
 
 def write(path: Path, entries: Mapping[str, Entry], table: str) -> None:
-    """Write the rows of the cells atomically; raises InvalidInput if the file cannot be written."""
+    """Write the rows that the cells (``entries``) have in one table, replacing the file at once.
+
+    Raises InvalidInput if the file cannot be written.
+    """
     lines = [
         {
             schema.FIELD: schema.VERSION,
@@ -91,11 +94,16 @@ def measure(
     jobs: int = 0,
     cluster: Cluster | None = None,
 ) -> tuple[dict[str, Entry], list[str], int]:
-    """Measure the cells that are new or changed; return (entry by cell id, failures, number of unchanged cells).
+    """Measure the cells (single measurements) that are new or changed, and write all their rows to the file ``path``.
 
     Finished cells of a killed run stay in a file beside ``path``, from which the next run continues.  Cells are
-    measured in this process, in ``jobs`` processes, or on a ``cluster``; the timed ones each on a core of its own,
-    after all others.
+    measured one by one in this process or, in parallel, in ``jobs`` processes or on a ``cluster``; in parallel the
+    timed ones come last, each on a core of its own.
+
+    Returns
+    -------
+    entries, failures, unchanged : entry by cell id; texts of what failed; the number of cells that were not measured
+        again
     """
     table = cells[0].tables[0] if cells else ""
     journal = Journal(path.with_name(f"{path.name}.part"))

@@ -33,7 +33,7 @@ def processor() -> str:
 
 @cache
 def machine() -> str:
-    """The name of this machine: a short hash of the hardware, a slash, and one of the package versions."""
+    """The name of this machine, "a/b": a is a short hash of the hardware, b one of the package versions."""
     hardware = f"{processor()}|{os.cpu_count()}|{platform.system()}|{platform.machine()}"
     return "/".join(hashlib.sha256(x.encode()).hexdigest()[:6] for x in (hardware, repr(sorted(versions().items()))))
 
@@ -44,7 +44,7 @@ def same_hardware(a: str, b: str) -> bool:
 
 
 def summary() -> dict[str, str]:
-    """Processor, system and versions, as a report prints them."""
+    """Texts for reports: the processor with its cores (``processor``), the ``system``, and package ``versions``."""
     return {
         "processor": f"{processor()}, {os.cpu_count()} cores",
         "system": f"{platform.system()} {platform.machine()}",

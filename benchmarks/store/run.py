@@ -65,12 +65,14 @@ class Outcome:
 
     Attributes
     ----------
+    cells, plan : all cells of the tables; those of this run, sorted by the reason to measure them (`Plan`)
     entries : finished cells by id, including those of a run that was killed before
     sampled : rows by cell id, measured only to compare them with the stored ones
     failed : cell id -> why it could not be measured
     left : cells for which there was no time
     seconds : experiment -> seconds spent on its cells
     stored : the tables as they were before the run, by name
+    seed, notes : the seed of the random sample; remarks for the user
     """
 
     cells: list[Cell]
@@ -175,7 +177,7 @@ def execute(
     progress: Callable[[str, int, int, float], None] = lambda *_: None,
     cluster: Cluster | None = None,
 ) -> Outcome:
-    """Measure cells within the budget, and write the tables.
+    """Measure cells (single measurements) within a time budget, and write the tables.
 
     Parameters
     ----------
@@ -184,6 +186,7 @@ def execute(
     selected : predicate; only these cells are measured, even if unchanged
     budget : seconds
     everything : measure every cell, without a time limit
+    quick : no random sample is taken; the tables are marked as quick
     count : number of parallel processes; 0 measures in this one
     seed : of the sample; by default the ordinal of today's date
     progress : called with an experiment, the cells done and in all, and the estimated seconds left
@@ -233,9 +236,10 @@ def execute(
 
 
 class _Work:
-    """Measures the cells of a run: those for all cores, the timed ones and the uncompiled ones, kind after kind.
+    """Measures the cells (single measurements) of a run, kind after kind.
 
-    Results go into ``out`` and, as they are finished, into the journal.
+    First come those that run beside each other on all cores, then the timed ones, then those without Numba.  Results go
+    into ``out`` and, as they are finished, into the journal, a file from which a killed run is continued.
     """
 
     def __init__(

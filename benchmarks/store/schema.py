@@ -101,7 +101,7 @@ def column(name: str) -> Column | None:
 
 
 def undeclared(names: Iterable[str]) -> list[str]:
-    """The names of columns that the schema does not have."""
+    """Return those of the given column names that the schema does not have."""
     return [name for name in names if column(name) is None]
 
 

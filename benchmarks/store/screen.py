@@ -43,7 +43,8 @@ def progress(stream: TextIO) -> Iterator[Callable[[str, int, int, float], None]]
 def counts(outcome: Outcome) -> list[dict[str, object]]:
     """Count a run's cells (single measurements) by experiment: a row for each, for the table that ends a run.
 
-    A row has how many cells were measured now, sampled, unchanged, not by this version, or failed, and the seconds.
+    A row has the numbers of cells that were measured now, measured only as a random sample, unchanged, stored by
+    another version of the code ("not by this version"), or failed, and the seconds spent.
     """
     stale = {c.id for c in outcome.left} | {id for id in outcome.failed if id not in outcome.sampled}
     rows: dict[str, dict[str, object]] = {}

@@ -44,11 +44,11 @@ class ShippedTable(Generic[Known]):
         return self._known[self.path]
 
     def text(self, *rows: Any) -> str:
-        """The text of the file, built from measured rows."""
+        """The text of the CSV file, built from measured rows, the arguments of ``build``."""
         lines = list(self.build(*rows))
         return as_csv(lines, list(lines[0]))
 
     def save(self, *rows: Any) -> None:
-        """Write the file atomically from measured rows."""
+        """Write the CSV file anew, at once, from measured rows, the arguments of ``build``."""
         write_file(self.path, self.text(*rows))
         self._known.clear()

@@ -101,7 +101,7 @@ def _is_typed(node: ast.AST) -> bool:
 
 @cache
 def _file(path: Path, module: str) -> tuple[str, frozenset[str]]:
-    """(digest of what a source computes, modules of this project that it imports)."""
+    """Return (digest of the code of a source file, names of the modules of this project that it imports)."""
     text = path.read_text()
     names = imports(text, module, package=path.name == "__init__.py")
     return hashlib.sha256(essence(text).encode()).hexdigest(), frozenset(n for n in names if n.startswith(PACKAGE))

@@ -149,7 +149,7 @@ def digest(rows: Mapping[str, Sequence[Row]]) -> str:
 
 
 def version(cell: Cell, stored: Mapping[str, Table]) -> str | None:
-    """The content hash stored with the rows of a cell (one measurement): of the code and data they were measured with.
+    """The hash of the code and data with which the stored rows of a cell (one measurement) were measured.
 
     None if rows are missing, or were edited or lost since.  ``stored`` are the tables by name.
     """

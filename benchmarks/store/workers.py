@@ -94,7 +94,10 @@ def pin_to_core(pin: bool = True) -> Iterator[None]:
 
 
 def serve(where: str) -> None:
-    """Main loop of a worker: read pickled calls from stdin, write answers to stdout; printed text goes to stderr."""
+    """Main loop of a worker process: read pickled calls from stdin, write answers to stdout, until stdin ends.
+
+    What the functions print goes to stderr.  If ``where`` is "pinned", each call runs on a core of its own.
+    """
     answers = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)
     while True:
@@ -140,7 +143,7 @@ class Worker:
         return found
 
     def send(self, function: Callable, arguments: Sequence) -> None:
-        """Start a call; its answer is put into `answers` when the function returns or the process dies."""
+        """Start a call; its answer is put into the queue `answers` when the function returns or the process dies."""
         if self.process is None:
             self._start()
         with contextlib.suppress(OSError):  # the process died: the listening thread reports it

@@ -1,8 +1,11 @@
-"""The data of "Which integrator should I use?": the cheapest stored run for a class, a span, an accuracy, what is kept.
+"""The data of the page "Which integrator should I use?", found among the stored runs.
 
-Runs are those of the trade (timed in turns where they were finalists), and those of energy-preserving methods on the
-options page.  Of several scenes that match, the integrator with the smallest geometric mean of its time over the
-cheapest's is named, with its step on the first of them that it meets.
+A reader chooses a class of problem, a short or long span, an error, and what must be kept (nothing, the symplectic form
+or the energy); the answer is the cheapest run.  Runs are those of the trade, the experiment that compares costs at
+equal error (the best few integrators, its finalists, are timed in turns), and those of energy-preserving methods from
+the experiment on options.  Of several scenes (problems with a span and a quantity) that match, the integrator with the
+smallest geometric mean of its time over the cheapest's is named, with its step on the first scene on which it meets the
+error.
 """
 
 from __future__ import annotations
@@ -53,19 +56,23 @@ def fastest(system) -> float:
 
 @cache
 def class_of(name: str) -> str:
-    """The class of a problem."""
+    """The class (a key of `CLASSES`) of the problem with this name, such as "separable"."""
     system = problem(name).system
     return next(id for id, (_, holds) in CLASSES.items() if holds(system))
 
 
 @cache
 def span_of(name: str, t_end: float) -> str:
-    """Whether a span is short or long, by half-revolutions of the problem."""
+    """Return "long" if the problem makes more than `LONG` revolutions until ``t_end``, else "short"."""
     return "long" if t_end > 2 * LONG * problem(name).pace.span else "short"
 
 
 def runs() -> pd.DataFrame:
-    """Every run that may be named; ``accuracy`` is set for finalists alone, NaN elsewhere."""
+    """Every stored run that may be named, a row each with the columns `COLUMNS`.
+
+    ``accuracy`` is set in runs of finalists (the best few integrators, timed in turns at this error), and NaN in
+    others.
+    """
     front = stored("front")[["scene", "problem", "quantity", "t_end"]].drop_duplicates()
     trade = [stored("front_finals"), stored("front_rungs")]
     found = pd.concat([part[part["status"] == "ok"].merge(front, on="scene") for part in trade])
@@ -81,7 +88,11 @@ def runs() -> pd.DataFrame:
 
 @cache
 def keeps(id: str, what: str) -> bool:
-    """Whether an integrator states that it keeps something; a peer's statement of its energy is not enough."""
+    """True if an integrator states that it keeps ``what``, a key of `KEEPS`: "" (nothing), "symplectic" or "energy".
+
+    ``id`` is that of a method or of a peer (an integrator of another package).  For "energy" the statement of a peer
+    does not count.
+    """
     name = id.partition("(")[0]
     record = BY_ID.get(name) or next(p for p in PEERS if p.id == name)
     integrator = Integrator(record)
@@ -91,7 +102,11 @@ def keeps(id: str, what: str) -> bool:
 
 
 def cheapest(scene: pd.DataFrame, accuracy: float) -> pd.DataFrame:
-    """The cheapest run of each integrator that meets an accuracy; the finalists' own times where there are some."""
+    """The cheapest run of each integrator that meets ``accuracy`` on a scene, sorted by time.
+
+    ``scene`` has the runs on one scene (a problem with a span and a quantity).  For an integrator that was a finalist
+    at this accuracy, the time of the final counts.
+    """
     finals = scene[(scene["accuracy"] / accuracy - 1).abs() < 1e-6]
     rungs = scene[scene["accuracy"].isna() & (scene["error"] <= accuracy)]
     rungs = rungs[~rungs["integrator"].isin(finals["integrator"])]
@@ -100,7 +115,12 @@ def cheapest(scene: pd.DataFrame, accuracy: float) -> pd.DataFrame:
 
 
 def choose(scenes: list[pd.DataFrame], accuracy: float, keep: str) -> dict | None:
-    """The integrator for scenes of a class at an accuracy, or None if no stored run meets it."""
+    """Choose the integrator for scenes of a class at an accuracy; None if no stored run meets it and keeps ``keep``.
+
+    ``scenes`` has a table of runs for each scene (a problem with a span and a quantity); ``keep`` is "", "symplectic"
+    or "energy".  Returns a dict: the ``integrator``, ``own`` (True for a method of this suite), and the entries of
+    `_size` and `_beside`.
+    """
     met = [cheapest(scene, accuracy) for scene in scenes]
     able = [part[[keeps(id, keep) for id in part["integrator"]]] for part in met]
     able, met = [a for a in able if len(a)], [m for a, m in zip(able, met, strict=True) if len(a)]
@@ -119,7 +139,7 @@ def choose(scenes: list[pd.DataFrame], accuracy: float, keep: str) -> dict | Non
 
 
 def is_own(id: str) -> bool:
-    """Whether an integrator is a method of this suite."""
+    """True if an integrator is a method of this suite, not of another package; ``id`` may end in (parameters)."""
     return id.partition("(")[0] in BY_ID
 
 
@@ -129,7 +149,10 @@ def _mean(values: Iterable[float]) -> float:
 
 
 def _size(row: pd.Series) -> dict:
-    """The step or tolerance of a run, its scene, its error and the command that makes it again."""
+    """Describe a run as a dict: its problem, scene and span, its step or tolerance (``size``), error and time.
+
+    ``command`` is the command line that makes the run again.
+    """
     adaptive = pd.notna(row["tol"])
     size = f"--tol {row['tol']:g}" if adaptive else f"--steps {int(row['steps'])}"
     id, _, rest = str(row.name).partition("(")
@@ -149,7 +172,11 @@ def _size(row: pd.Series) -> dict:
 
 
 def _beside(row: pd.Series, rival: pd.DataFrame, alike: bool) -> dict:
-    """The time beside the best of the other side's; ``alike`` tells whether it keeps what has to be kept."""
+    """Compare the time of a run with that of the best rival: of another package for our methods, ours for theirs.
+
+    ``rival`` holds the rival's run, or no row; ``alike`` tells whether it keeps what has to be kept.  Returns a dict:
+    the id of the rival, the ratio of the run's time to the rival's as text (both "" without a rival), and ``alike``.
+    """
     if rival.empty:
         return {"rival": "", "ratio": "", "alike": False}
     best = rival.iloc[0]
@@ -157,7 +184,10 @@ def _beside(row: pd.Series, rival: pd.DataFrame, alike: bool) -> dict:
 
 
 def answers() -> list[dict]:
-    """Every combination of class, span, property kept and accuracy that stored runs answer."""
+    """The answers for all choices that stored runs answer: a dict for each class, span, property kept and accuracy.
+
+    It has these four choices and the entries of `choose`.
+    """
     found = runs()
     found["class"] = found["problem"].map(class_of)
     found["span"] = [span_of(p, t) for p, t in zip(found["problem"], found["t_end"], strict=True)]
@@ -173,13 +203,16 @@ def answers() -> list[dict]:
 
 
 def select(id: str, label: str, options: dict[str, str]) -> str:
-    """A field of the form."""
+    """HTML of a field of the form, a drop-down list.
+
+    ``id`` ends the id of the element, ``label`` stands before it, ``options`` maps its values to their texts.
+    """
     inside = "".join(f'<option value="{value}">{text}</option>' for value, text in options.items())
     return f'<label>{label}<select id="choose-{id}">{inside}</select></label>'
 
 
 def files() -> Files:
-    """The form with its data, and the table for print."""
+    """The generated files of the page, name -> text: the form with its data (HTML), and the same answers as tables."""
     found = answers()
     kinds = dict(reversed([(id, text) for id, (text, _) in CLASSES.items()]))
     fields = select("class", "Class of problem", kinds)
@@ -192,7 +225,10 @@ def files() -> Files:
 
 
 def printed(found: list[dict], kinds: dict[str, str]) -> str:
-    """The table of the same answers at the accuracies `PRINTED`, a table for each property kept."""
+    """The answers as Markdown tables at the accuracies `PRINTED`, a table for each property kept.
+
+    ``found`` are the `answers`, ``kinds`` maps each class of problem to its description.
+    """
     parts = []
     for keep, what in KEEPS.items():
         rows = []

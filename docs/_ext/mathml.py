@@ -20,7 +20,7 @@ ALIKE = (
 
 
 def convert(text: str, block: bool) -> str:
-    """The MathML of a formula in LaTeX."""
+    """MathML of a formula in LaTeX; ``block`` is True for a formula on a line of its own."""
     for pattern, other in ALIKE:
         text = re.sub(pattern, other, text)
     if block and r"\\" in text and r"\begin" not in text:
@@ -29,7 +29,7 @@ def convert(text: str, block: bool) -> str:
 
 
 def shown(node: nodes.Element, block: bool) -> str:
-    """The MathML of a node; where its formula cannot be said, a warning and its LaTeX."""
+    """MathML of the formula of a document node; if it cannot be converted, its LaTeX as code, after a warning."""
     try:
         return convert(node.astext(), block)
     except Exception as error:
@@ -38,18 +38,18 @@ def shown(node: nodes.Element, block: bool) -> str:
 
 
 def inline(self, node: nodes.math) -> None:
-    """Write a formula in a line."""
+    """Visit a formula within a line: append its MathML to the page (``self`` is Sphinx's HTML translator)."""
     self.body.append(shown(node, False))
     raise nodes.SkipNode
 
 
 def block(self, node: nodes.math_block) -> None:
-    """Write a formula on a line of its own."""
+    """Visit a formula on a line of its own: append its MathML to the page (``self`` is Sphinx's HTML translator)."""
     self.body.append(f'<div class="formula">{shown(node, True)}</div>')
     raise nodes.SkipNode
 
 
 def setup(app) -> dict[str, bool]:
-    """Register the renderer."""
+    """Register the renderer of formulae with Sphinx; return that it may run in parallel."""
     app.add_html_math_renderer("mathml", (inline, None), (block, None))
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -1,4 +1,7 @@
-"""A page for each method: formula, order, structure, stability, coefficients, measured wins, packages, citation."""
+"""Generate a page for each method: formula, order, structure, stability, coefficients, packages, citation.
+
+A page also lists the cases of the trade (the experiment that compares costs at equal error) that the method wins.
+"""
 
 from __future__ import annotations
 
@@ -45,7 +48,7 @@ ROUNDED = {True: "yes", False: "no"}
 
 
 def files() -> Files:
-    """The pages of the methods, of their families, and the index."""
+    """The pages of the methods, of their families, and the index: file name -> Markdown."""
     pages = {f"methods/{m.id}.md": page(m) for m in METHODS}
     families = sorted({m.family for m in METHODS})
     pages |= {f"methods/families/{dashed(f)}.md": family_page(f) for f in families}
@@ -75,12 +78,12 @@ def files() -> Files:
 
 
 def dashed(name: str) -> str:
-    """A module's name as it stands in an address."""
+    """A module's name as it stands in the address of a page, with dashes for underscores."""
     return name.replace("_", "-")
 
 
 def page(m: Method) -> str:
-    """The page of a method."""
+    """The page of a method, as Markdown."""
     parts = [f"# {m.id}\n", plain(m.name[0].upper() + m.name[1:]) + ".\n", summary(m)]
     parts += ["## Formula\n", formula(m.family)]
     table_of = coefficients.BY_NAME.get(m.id) or _composition(m)
@@ -97,7 +100,7 @@ def page(m: Method) -> str:
 
 
 def summary(m: Method) -> str:
-    """The table of what a method declares and of its measured stability."""
+    """A Markdown table of what a method declares (order, symplectic, ...) and of the measured stable steps."""
     return facts(
         {
             "Order": str(m.order),
@@ -116,12 +119,12 @@ def summary(m: Method) -> str:
 
 @cache
 def _linear() -> dict[str, pd.Series]:
-    """Method's label -> its stored row of stability on the oscillator."""
+    """The measured stability on the harmonic oscillator: label of a method -> its row of the stored table."""
     return {row["label"]: row for _, row in stored("extremes_linear").iterrows()}
 
 
 def _intervals(text: object) -> list[tuple[float, float]]:
-    """The intervals of a stored text such as ``0..2 3.1..4``; an open end is infinite."""
+    """The intervals (low, high) of h omega in a stored text such as ``0..2 3.1..4``; a missing end is infinite."""
     parts = [part.partition("..") for part in ("" if pd.isna(text) else str(text)).split()]
     return [(float(low), float(high) if high else float("inf")) for low, _, high in parts]
 
@@ -138,7 +141,7 @@ def _stability(m: Method) -> str:
 
 
 def limit(m: Method) -> str:
-    """The end of the interval of stability that begins at 0."""
+    """The end of a method's interval of stable h omega that begins at 0, as text; "" if it was not measured."""
     row = _linear().get(m.label)
     if row is None or pd.isna(row["limit"]):
         return ""
@@ -150,7 +153,10 @@ def _docstring(family: str) -> str:
 
 
 def formula(family: str) -> str:
-    """The first formula of a family's docstring with the text around it; its one line where it has no formula."""
+    """The first formula of a family's docstring with the text around it, or its first paragraph if it has no formula.
+
+    ``family`` is the name of the module of a family of methods.  A link to the family's page follows.
+    """
     parts = paragraphs(_docstring(family))
     at = next((i for i, part in enumerate(parts) if ".. math::" in part), None)
     end = None if at is None else at + 2
@@ -162,7 +168,7 @@ def formula(family: str) -> str:
 
 
 def family_page(family: str) -> str:
-    """The page of a family: its docstring, and its methods."""
+    """The page of a family of methods as Markdown: the docstring of its module, and a table of its methods."""
     parts = paragraphs(_docstring(family))
     members = [m for m in METHODS if m.family == family]
     rows = [
@@ -173,7 +179,7 @@ def family_page(family: str) -> str:
 
 
 def digits(x: object) -> str:
-    """A coefficient: an exact number as it is, another to `DIGITS` digits."""
+    """A coefficient as code for a table: an exact number or text as it is, a multiprecision one to `DIGITS` digits."""
     if isinstance(x, mpmath.mpf):
         with mpmath.workdps(DIGITS + 10):
             return code(mpmath.nstr(x, DIGITS))
@@ -181,7 +187,11 @@ def digits(x: object) -> str:
 
 
 def columns(heads: str, *values) -> str:
-    """A table of coefficients with their numbers, folded where it is long; shorter columns end in empty cells."""
+    """A Markdown table of coefficients with the row number k before them, folded if it has more than `LONG` rows.
+
+    ``heads`` are the names of the columns, separated by spaces; ``values`` the columns, of which shorter ones end in
+    empty cells.
+    """
     names = heads.split()
     rows = [
         {"k": k} | {name: digits(x) if x is not None else "" for name, x in zip(names, row, strict=True)}
@@ -192,7 +202,7 @@ def columns(heads: str, *values) -> str:
 
 
 def listed_coefficients(m: Method) -> str:
-    """The numbers that a method's kernel runs on; "" where it has none."""
+    """A Markdown table of the coefficients of a method; "" if it has none."""
     of = coefficients.BY_NAME.get(m.id) or _composition(m)
     if of is not None and of.gamma:
         return "Fractions of the step over which the symmetric method is composed:\n\n" + columns(
@@ -223,13 +233,16 @@ def listed_coefficients(m: Method) -> str:
 
 
 def _composition(m: Method):
-    """The table of coefficients over which a method is composed, or None."""
+    """The table of coefficients with which a method is composed of a simpler one, by the end of its id, or None."""
     suffix = next((name for name in compositions.COMPOSITIONS if m.id.endswith(f"-{name}")), None)
     return coefficients.BY_NAME.get(suffix)
 
 
 def _origin(of) -> str:
-    """Where a table's digits come from, and how well they meet the order conditions."""
+    """A Markdown table: where the coefficients ``of`` were published, and how well they meet the order conditions.
+
+    "" if they were not measured.
+    """
     frame = stored("coefficients")
     found = frame[frame["table"] == of.name]
     if found.empty:
@@ -251,7 +264,11 @@ def _origin(of) -> str:
 
 @cache
 def wins() -> list[dict]:
-    """The cases of the trade with the fastest integrator of each."""
+    """The cases (scene, quantity, error) of the trade, a dict for each with the fastest integrator as ``method``.
+
+    The trade is the experiment that compares costs at equal error.  A dict also has the step or tolerance, and the time
+    of our best method over that of the best peer (an integrator of another package).
+    """
     found = choices(stored("front"))
     return [
         {
@@ -267,7 +284,10 @@ def wins() -> list[dict]:
 
 
 def _wins(m: Method) -> str:
-    """The cases of the trade in which a method is the fastest, scene by scene."""
+    """Markdown on the cases in which a method is the fastest: a table by scene, or why it is in none.
+
+    A case is a scene (problem, span and quantity) and an error of the trade, the experiment that compares costs.
+    """
     by_scene: dict[str, list[dict]] = defaultdict(list)
     for win in wins():
         if win["method"] == m.id:
@@ -299,9 +319,10 @@ def _dropped(why: pd.DataFrame) -> str:
 
 @cache
 def shipped() -> dict[str, list[Peer]]:
-    """Method -> the audited integrators with its order, its symplecticity and its stability intervals.
+    """Return a dict: id of a method -> the audited peers (integrators of other packages) that behave like it.
 
-    Only limits that are finite and not 0 tell; they are compared as far as both were scanned.
+    They have its order, are symplectic if and only if it is, and are stable in the same intervals of h omega on the
+    harmonic oscillator, as far as both were scanned.  If a first interval has no end, or ends at 0, there is no match.
     """
     audit = stored("audit")
     measured = audit[(audit["measure"] == "stability") & audit["intervals"].notna()].set_index("peer")

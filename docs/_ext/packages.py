@@ -1,4 +1,4 @@
-"""A page for each audited package: its version, its integrators, and what was claimed and measured."""
+"""Generate a page for each audited package: its version, its integrators, and what was claimed and measured."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ WORDS = ("holds", "contradicted", "understated", "not judged")
 
 
 def files() -> Files:
-    """The pages of the packages and their index."""
+    """The pages of the packages and their index: file name -> Markdown."""
     names = list(dict.fromkeys(p.package for p in PEERS))
     pages = {f"packages/{name}.md": page(name) for name in names}
     rows = []
@@ -45,12 +45,12 @@ def _rows(name: str, package: str) -> pd.DataFrame:
 
 
 def version(package: str) -> str:
-    """The audited version."""
+    """The version or versions of a package that were audited, as text."""
     return ", ".join(str(v) for v in _rows("audit", package)["version"].dropna().unique())
 
 
 def page(package: str) -> str:
-    """The page of a package."""
+    """The page of a package, as Markdown."""
     peers = [p for p in PEERS if p.package == package]
     parts = [
         f"# {package}\n",
@@ -70,7 +70,10 @@ def page(package: str) -> str:
 
 
 def claims(package: str) -> str:
-    """The verdicts on its claims, the contradicted ones first and in full."""
+    """Markdown on what a package claims of its integrators: counts of the verdicts, then tables.
+
+    Contradicted and understated claims stand in a table of their own, all claims in a folded one.
+    """
     found = _rows("audit_claims", package)
     if found.empty:
         return "It claims no order, symplecticity, reversibility or energy behaviour.\n"
@@ -92,7 +95,7 @@ def claims(package: str) -> str:
 
 
 def statements(package: str) -> str:
-    """Sentences of the package's documentation that a script tests."""
+    """A Markdown table of the sentences of a package's documentation that were tested by scripts, with verdicts."""
     rows = [
         {
             "said": f"[“{plain(r.said)}”]({r.link})" if pd.notna(r.link) else plain(r.said),

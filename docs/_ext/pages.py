@@ -1,4 +1,4 @@
-"""What every generator uses: the stored tables, Markdown tables, links, and files written only where they differ."""
+"""What all generators of pages use: the stored tables, Markdown, links, and the writing of files."""
 
 from __future__ import annotations
 
@@ -20,7 +20,10 @@ Files = dict[str, str]
 
 @cache
 def stored(name: str) -> pd.DataFrame:
-    """A table of the last run, with the rows of earlier versions of the code."""
+    """A stored table of the last run of the benchmarks, such as "rows", as a data frame.
+
+    Rows that earlier versions of the code measured are included.  Raises FileNotFoundError if there is no such table.
+    """
     frame, _ = tables.read(REPORTS, name)
     if frame is None:
         raise FileNotFoundError(f"reports/data/{name}.csv is missing; `pytest benchmarks` measures it")
@@ -28,7 +31,7 @@ def stored(name: str) -> pd.DataFrame:
 
 
 def table(rows: Iterable[Mapping[str, object]]) -> str:
-    """A Markdown table of rows with the same keys; "" if there are none."""
+    """A Markdown table of ``rows``, dicts with the same keys, which are its heads; "" if there are none."""
     rows = list(rows)
     if not rows:
         return ""
@@ -46,7 +49,7 @@ def cell(value: object) -> str:
 
 
 def plain(text: object) -> str:
-    """Text in which Markdown finds no markup."""
+    """Escape the text so that Markdown finds no markup in it; "" for a missing value."""
     return re.sub(r"([\\`*_\[\]<>$~#])", r"\\\1", "" if pd.isna(text) else str(text))
 
 
@@ -61,29 +64,29 @@ def fenced(text: str, language: str = "text") -> str:
 
 
 def fold(title: str, content: str) -> str:
-    """Content that opens by a click."""
+    """Markdown of a box that shows its title, and its content after a click."""
     return f"::::{{dropdown}} {title}\n{content.rstrip()}\n::::\n"
 
 
 def facts(pairs: Mapping[str, str]) -> str:
-    """A table of two columns without a head: what, and its value."""
+    """Markdown of a table of two columns without heads: a name, and its value; empty values are left out."""
     lines = "".join(f"* - {name}\n  - {value}\n" for name, value in pairs.items() if value)
     return f":::{{list-table}}\n:class: facts\n:widths: 22 78\n\n{lines}:::\n"
 
 
 def toctree(names: Sequence[str]) -> str:
-    """A hidden table of contents."""
+    """Markdown of a hidden table of contents of the pages with these names, which Sphinx needs for navigation."""
     lines = "\n".join(names)
     return f"```{{toctree}}\n:hidden:\n\n{lines}\n```\n"
 
 
 def rst(text: str) -> str:
-    """Text of a docstring, which is reStructuredText."""
+    """Wrap the text of a docstring, which is reStructuredText, for a Markdown page, with bars as in |p| escaped."""
     return f"```{{eval-rst}}\n{chr(10).join(escape(text.strip().splitlines()))}\n```\n"
 
 
 def escape(lines: Iterable[str]) -> list[str]:
-    """Lines of reStructuredText in which a bar, as in |p|, is a bar, but for formulae and code."""
+    """Escape bars, as in |p|, in lines of reStructuredText, so that they stay bars; formulae and code are unchanged."""
     out, inside = [], -1
     for line in lines:
         depth = len(line) - len(line.lstrip())
@@ -96,7 +99,7 @@ def escape(lines: Iterable[str]) -> list[str]:
 
 
 def paragraphs(docstring: str) -> list[str]:
-    """The parts of a docstring that empty lines separate, an indented part joined to the one above it."""
+    """Split a docstring at empty lines; an indented part, such as a formula, stays with the part above it."""
     parts: list[str] = []
     for part in re.split(r"\n\s*\n", docstring.strip()):
         if parts and part.startswith("    "):
@@ -107,7 +110,7 @@ def paragraphs(docstring: str) -> list[str]:
 
 
 def bibtex(keys: Iterable[str]) -> str:
-    """The BibTeX entries of works, a block of code; "" for none."""
+    """The BibTeX entries with these keys of the bibliography as a Markdown block of code; "" for none."""
     from phasebench.benchmarks.bibliography import entries
 
     found = [entries()[key] for key in sorted(set(keys))]
@@ -115,13 +118,16 @@ def bibtex(keys: Iterable[str]) -> str:
 
 
 def citations(keys: Iterable[str]) -> str:
-    """The works as a sentence with references to the bibliography; "" for none."""
+    """Citations of the works with these keys of the bibliography, as Markdown with semicolons between; "" for none."""
     keys = list(dict.fromkeys(keys))
     return "; ".join(f"{{cite:t}}`{key}`" for key in keys)
 
 
 def write(folder: Path, files: Files, owned: Iterable[str]) -> None:
-    """Write files below a folder, leave equal ones alone, and delete what else stands in the ``owned`` folders."""
+    """Write files (name -> text) below a folder; files that already have their text are not touched.
+
+    In the subfolders ``owned`` all other Markdown files are deleted.
+    """
     for name, text in files.items():
         path = folder / name
         if not path.exists() or path.read_text(encoding="utf-8") != text:

@@ -1,4 +1,7 @@
-"""The Sphinx extension of the site: writes the generated pages when a build begins; runs commands for ``{command}``."""
+"""The Sphinx extension of the site: writes the generated pages when a build begins, and runs commands.
+
+The directive ``{command}`` of a page shows a command line and its output.
+"""
 
 from __future__ import annotations
 
@@ -20,9 +23,10 @@ WIDTH, LIMIT = 88, 300
 
 
 class Command(Directive):
-    """Shows a command line and what it prints; the output is kept beside the notebooks' until the cache is deleted.
+    """The directive ``{command}``, which shows a command line and what it prints.
 
-    It runs as it stands, in the folder of the repository.
+    The command runs as it stands, in the folder of the repository; its output is kept in the cache of the notebooks
+    until that is deleted.  With the option ``lines`` only so many lines are shown.
     """
 
     required_arguments = 1
@@ -30,7 +34,7 @@ class Command(Directive):
     option_spec = {"lines": directives.positive_int}  # noqa: RUF012
 
     def run(self) -> list[nodes.Node]:
-        """One block of code: the command after a prompt, then its output."""
+        """Return one block of code: the command after a prompt, then its output."""
         line = " ".join(self.arguments[0].split())
         env = self.state.document.settings.env
         text = output(line, Path(env.config.nb_execution_cache_path) / "commands")
@@ -44,7 +48,10 @@ class Command(Directive):
 
 
 def output(line: str, folder: Path) -> str:
-    """What a command prints, from the cache where it was run before; raises RuntimeError where it fails."""
+    """What a command line prints, from the cache in ``folder`` if it ran before.
+
+    Raises RuntimeError if it fails.
+    """
     path = folder / f"{hashlib.sha256(line.encode()).hexdigest()[:16]}.txt"
     if path.exists():
         return path.read_text(encoding="utf-8")
@@ -60,7 +67,7 @@ def output(line: str, folder: Path) -> str:
 
 
 def generate(app, config) -> None:
-    """Write every generated page below docs/."""
+    """Write every generated page below docs/; Sphinx calls it before a build."""
     import chooser
     import methods
     import packages
@@ -78,14 +85,14 @@ def generate(app, config) -> None:
 
 
 def plain_bars(app, what, name, subject, options, lines: list[str]) -> None:
-    """Escape the bars of a docstring that autodoc reads."""
+    """Escape the bars, as in |p|, of a docstring that Sphinx's autodoc reads, in the list ``lines``."""
     from pages import escape
 
     lines[:] = escape(lines)
 
 
 def setup(app) -> dict[str, bool]:
-    """Register the directive and the generators."""
+    """Register the directive ``{command}`` and the generators with Sphinx; return that they may run in parallel."""
     app.setup_extension("sphinx.ext.autodoc")
     app.add_directive("command", Command)
     app.connect("config-inited", generate)

@@ -1,4 +1,4 @@
-"""A page for each problem: H, orbits, invariants, scenes, source."""
+"""Generate a page for each problem: H, orbits, invariants, scenes (spans with steps or accuracies), source."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ UNUSED = ("Poisson structure", "elementary derivatives", "polynomial degree")
 
 
 def files() -> Files:
-    """The pages of the problems and their index."""
+    """The pages of the problems and their index: file name -> Markdown."""
     found = {id: problem(id) for id in PROBLEMS}
     pages = {f"problems/{id}.md": page(made) for id, made in found.items()}
     rows = [
@@ -38,13 +38,13 @@ def files() -> Files:
 
 
 def traits(made: Problem) -> list[str]:
-    """The traits of a problem's system that methods can require."""
+    """The names of the traits of a problem's system, such as "separable", that methods can require."""
     found = made.system.traits.items()
     return [name for name, value in found if value and name not in UNUSED]
 
 
 def page(made: Problem) -> str:
-    """The page of a problem."""
+    """The page of a problem, as Markdown."""
     module = importlib.import_module(f"phasebench.benchmarks.problems.{PROBLEMS[made.id][0]}")
     about = (module.__doc__ or "").strip().splitlines()[0]
     parts = [
@@ -74,7 +74,7 @@ def page(made: Problem) -> str:
 
 
 def hamiltonian(made: Problem) -> str:
-    """H in LaTeX; of many terms their number."""
+    """H as Markdown with LaTeX; of more than `TERMS` terms their number and the first three."""
     terms = sp.Add.make_args(made.system.H)
     if len(terms) > TERMS:
         return f"H is a sum of {len(terms)} terms, of which these are the first:\n\n" + _math(
@@ -88,7 +88,7 @@ def _math(expression: sp.Expr, before: str) -> str:
 
 
 def invariants(made: Problem) -> str:
-    """The invariants in LaTeX, a long one by its name alone."""
+    """A Markdown table of the invariants besides H in LaTeX; a long one has its name without its formula."""
     rows = []
     for name, expression in made.invariants.items():
         short = len(sp.Add.make_args(sp.sympify(expression))) <= TERMS // 2
@@ -108,12 +108,15 @@ def _orbit(made: Problem, orbit) -> dict[str, str]:
 
 
 def _state(x) -> str:
-    """A state's components in full precision, or how many there are."""
+    """The components of a coordinate or momentum vector in full precision, or, if they are many, only their number."""
     return ", ".join(code(repr(float(v))) for v in x) if len(x) <= COMPONENTS else f"{len(x)} numbers"
 
 
 def scenes(made: Problem) -> str:
-    """The scenes on a problem: those of orders and drifts, and those of the trade."""
+    """A Markdown table of the scenes on a problem: its spans with the steps at which orders and drifts are measured.
+
+    Those of the trade (costs at equal error) follow, with their quantity and accuracies.
+    """
     rows = [
         {"scene": s.id, "purpose": s.purpose, "t": number(s.t_end), "what": f"h from {s.steps[0]:g} to {s.steps[-1]:g}"}
         for s in SCENES

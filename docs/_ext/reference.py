@@ -1,4 +1,4 @@
-"""The reference: the command line from its own tree, the Python interface, the columns of rows, the statuses."""
+"""Generate the reference: the command line, the Python interface, the columns of stored rows, the statuses of runs."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from phasebench.integrators.statuses import STATUSES
 
 
 def files() -> Files:
-    """All pages of the reference and their index."""
+    """All pages of the reference and their index: file name -> Markdown."""
     pages = {
         "reference/cli.md": command_line(),
         "reference/api.md": interface(),
@@ -36,7 +36,7 @@ def files() -> Files:
 
 
 def command_line() -> str:
-    """A section for each command."""
+    """The page on the command line: a section for each command, with its help and its options."""
     parts = ["# Command line\n", "`phasebench COMMAND`, or `python -m phasebench COMMAND`.\n"]
     for name, command in typer.main.get_command(cli.app).commands.items():
         context = typer.Context(command, info_name=f"phasebench {name}")
@@ -49,7 +49,7 @@ def command_line() -> str:
 
 
 def interface() -> str:
-    """A section for each public name of the package."""
+    """The page on the Python interface: a section for each public name of the package."""
     parts = ["# Python interface\n", "Everything here is a name of the package: `import phasebench as pb`.\n"]
     for name in pb.__all__:
         value = getattr(pb, name)
@@ -66,7 +66,7 @@ def interface() -> str:
 
 
 def rows() -> str:
-    """The schema of rows: each column with its unit and meaning, and how much of the stored rows it fills."""
+    """The page on stored rows (one run each): the columns with unit, meaning, and the share of rows that have them."""
     frame = stored("rows")
     others = ", ".join(code(c) for c in frame if c not in schema.COLUMNS)
     about, provenance = paragraphs(schema.__doc__ or ""), paragraphs(tables.__doc__ or "")[1]
@@ -94,13 +94,13 @@ def rows() -> str:
 
 
 def _column(frame: pd.DataFrame, name: str, column: schema.Column) -> dict[str, str]:
-    """A line of the schema: the column, its unit and meaning, and how much of the stored rows it fills."""
+    """A line of the table of columns: name, unit, meaning, and the share of the rows of ``frame`` that have a value."""
     filled = f"{frame[name].notna().mean():.0%}" if name in frame else ""
     return {"column": code(name), "unit": column.unit, "meaning": column.meaning, "filled": filled}
 
 
 def spelling_table() -> str:
-    """The old spellings of options, by command."""
+    """A Markdown table of the old spellings of command-line options, by command, with the new ones."""
     return table(
         {"command": code(command), "before": code(old), "now": code(new) + (", once for each" if old in LISTS else "")}
         for command, names in OLD.items()
@@ -109,7 +109,7 @@ def spelling_table() -> str:
 
 
 def status_table() -> str:
-    """The statuses as a table: what happened, and what to do."""
+    """A Markdown table of the statuses with which runs end: what happened, and what to do."""
     return table(
         {"status": code(name), "what happened": status.meaning, "what to do": status.remedy}
         for name, status in STATUSES.items()
@@ -117,7 +117,7 @@ def status_table() -> str:
 
 
 def statuses() -> str:
-    """The statuses of a run, how they are told apart, and the outcomes of a verdict."""
+    """The page on the statuses of a run: a table, how they are told apart, and the outcomes of a verdict."""
     parts = paragraphs(outcome.__doc__ or "")
     return "\n".join(
         [

@@ -1,4 +1,7 @@
-"""The generated reports as pages of the site: text, figures and tables are copied, the entry page becomes the index."""
+"""Generate the site's pages of the reports: texts, figures and small tables are copied from the folder of reports.
+
+README.md of that folder becomes the index.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +16,7 @@ LARGEST = 400_000
 
 
 def files() -> Files:
-    """The pages of the reports."""
+    """The pages of the reports: file name -> Markdown."""
     found = {f"reports/{path.name}": _links(path.read_text(encoding="utf-8")) for path in sorted(REPORTS.glob("*.md"))}
     entry = found.pop("reports/README.md")
     names = [name.removeprefix("reports/").removesuffix(".md") for name in found]
@@ -22,7 +25,10 @@ def files() -> Files:
 
 
 def _links(text: str) -> str:
-    """The text with the entry page and tables that are not copied linked as they are found here."""
+    """The text of a report with its links adapted to the site.
+
+    README.md becomes index.md; a table too large to be copied is named in place of a link.
+    """
     text = text.replace("](README.md)", "](index.md)")
     return re.sub(r"\[([^\]]*)\]\((data/[\w-]+\.csv)\)", _table, text)
 
@@ -33,7 +39,7 @@ def _table(match: re.Match) -> str:
 
 
 def copy(folder: Path) -> None:
-    """Copy figures and small tables below a folder where they differ."""
+    """Copy the figures and small tables of the reports to ``folder``/reports, unless they are there unchanged."""
     for path in [*REPORTS.glob("figures/*.png"), *REPORTS.glob("data/*.csv")]:
         target = folder / "reports" / path.relative_to(REPORTS)
         if path.stat().st_size > LARGEST or (target.exists() and target.read_bytes() == path.read_bytes()):

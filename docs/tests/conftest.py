@@ -1,4 +1,4 @@
-"""The built site, a server of it, and a browser without a window."""
+"""Fixtures for tests of the site: its folder, the address of a server of it, and a browser without a window."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ FLAGS = (
 
 
 class Quiet(SimpleHTTPRequestHandler):
-    """Serves files without a line for each."""
+    """A request handler that serves files and logs nothing."""
 
     def log_message(self, *args: object) -> None:
         """Print nothing."""
@@ -29,7 +29,7 @@ class Quiet(SimpleHTTPRequestHandler):
 
 @pytest.fixture(scope="session")
 def site() -> Path:
-    """The folder of the built site, named by PHASEBENCH_SITE."""
+    """The folder of the built site, from the environment variable PHASEBENCH_SITE, by default build/site."""
     folder = Path(os.environ.get("PHASEBENCH_SITE", "build/site"))
     if not (folder / "index.html").exists():
         pytest.fail(f"{folder} has no index.html: build the site first (python -m sphinx -W -b html docs {folder})")
@@ -38,7 +38,7 @@ def site() -> Path:
 
 @pytest.fixture(scope="session")
 def address(site: Path) -> Iterator[str]:
-    """The address of a server of the site."""
+    """The address of a local server of the site, such as http://127.0.0.1:8000, while the tests run."""
     server = ThreadingHTTPServer(("127.0.0.1", 0), partial(Quiet, directory=str(site)))
     threading.Thread(target=server.serve_forever, daemon=True).start()
     yield f"http://127.0.0.1:{server.server_port}"
@@ -47,7 +47,7 @@ def address(site: Path) -> Iterator[str]:
 
 @pytest.fixture(scope="session")
 def browser(tmp_path_factory) -> Iterator[webdriver.Chrome]:
-    """Chromium without a window, with a profile of its own."""
+    """Chromium driven by Selenium, without a window, with an empty profile."""
     options = webdriver.ChromeOptions()
     for flag in FLAGS.split():
         options.add_argument(flag)

@@ -1,4 +1,7 @@
-"""The built site: its links hold, it asks no other host, no page scrolls sideways, search and chooser answer."""
+"""Tests of the built site: links hold, no other host is asked, no page scrolls sideways, search and chooser work.
+
+The chooser is the page "Which integrator should I use?".
+"""
 
 from __future__ import annotations
 
@@ -31,7 +34,7 @@ THEME = "return document.documentElement.dataset.theme"
 
 
 class Links(HTMLParser):
-    """The links of a page, what it loads, and the names that it can be linked at."""
+    """Parser of a page, which collects its ``links``, the files that it ``loads``, and the ``names`` of its anchors."""
 
     def __init__(self, text: str) -> None:
         super().__init__()
@@ -41,7 +44,7 @@ class Links(HTMLParser):
         self.feed(text)
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        """Collect what an element links to, loads, and is named."""
+        """Add the link, the loaded file and the anchor names of an HTML element to those of the page."""
         found = {key: value for key, value in attrs if value}
         self.names |= {found[key] for key in ("id", "name") if key in found}
         if tag == "a" and "href" in found:
@@ -53,13 +56,13 @@ class Links(HTMLParser):
 
 
 def parse(site: Path) -> dict[Path, Links]:
-    """Every page of a site."""
+    """Parse every page of a site: return path -> `Links`."""
     found = (path for path in sorted(site.rglob("*.html")) if "_static" not in path.parts)
     return {path: Links(path.read_text(encoding="utf-8")) for path in found}
 
 
 def broken(pages: dict[Path, Links]) -> list[str]:
-    """The internal links and files loaded that do not exist, with their page."""
+    """The internal links and loaded files that do not exist, as texts "page: link"; also links to unknown anchors."""
     out = []
     for path, page in pages.items():
         for link in page.links + page.loads:
@@ -75,12 +78,12 @@ def broken(pages: dict[Path, Links]) -> list[str]:
 
 
 def external(pages: dict[Path, Links]) -> list[str]:
-    """What pages load from other hosts."""
+    """The files that pages load from other hosts, as texts "page: link"."""
     return [f"{path}: {link}" for path, page in pages.items() for link in page.loads if urlsplit(link).netloc]
 
 
 def chosen(site: Path) -> list[str]:
-    """One page of every kind, and a sample of the others."""
+    """The names of pages to look at: one page of every kind, all indices, and a random sample of the others."""
     names = sorted(path.relative_to(site).as_posix() for path in site.rglob("*.html") if "_static" not in path.parts)
     first = [next((n for n in names if n.startswith(f"{kind}/") and "index" not in n), None) for kind in KINDS]
     indices = [name for name in names if name.endswith("/index.html")]
@@ -90,7 +93,7 @@ def chosen(site: Path) -> list[str]:
 
 
 def look(browser, width: int, theme: str) -> None:
-    """Set the browser's width, and the theme that it prefers."""
+    """Set the width of the browser's window in pixels, and the theme that it prefers, "light" or "dark"."""
     size = {"width": width, "height": 900, "deviceScaleFactor": 1, "mobile": False}
     browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
     features = [{"name": "prefers-color-scheme", "value": theme}]
@@ -104,7 +107,7 @@ def overhang(browser) -> int:
 
 @pytest.fixture(scope="module")
 def pages(site: Path) -> dict[Path, Links]:
-    """Every page, parsed once."""
+    """Every page of the site, parsed once: path -> `Links`."""
     return parse(site.resolve())
 
 

@@ -13,7 +13,7 @@ from phasebench.integrators.systems.hand import HandHamiltonian, unit_mass_field
 
 
 def grad_V(k, sign=1):
-    """Make the loop (q, g) that writes grad V(q), or with sign -1 its negative, to the array g."""
+    """Make the loop (q, g) that writes ``sign`` times grad V(q) to the array g; k is the constant of the springs."""
 
     def f(q, g):
         last = len(q) - 1
@@ -28,12 +28,16 @@ def grad_V(k, sign=1):
 
 
 def field(k):
-    """Make the loop that writes the field (p, -grad V) to arrays."""
+    """Make the loop that writes the vector field (p, -grad V) to arrays; k is the constant of the springs."""
     return unit_mass_field(grad_V(k, -1))
 
 
 def energy(k):
-    """Make the loop (q, p) -> (H, M); M sums the sizes of H's terms and the |x H_x|, by which round-off is judged."""
+    """Make the loop (q, p) -> (H, M); the round-off of H is about M machine epsilons.
+
+    M is the sum of the absolute values of H's terms and of x H_x for every variable x; k is the constant of the
+    springs.
+    """
 
     def f(q, p):
         n = len(q)
@@ -51,7 +55,7 @@ def energy(k):
 
 
 def make(N=10_000, k=4):
-    """The problem of a chain of N particles, more than 20, with springs of the constant k."""
+    """Make the problem of a chain of N > 20 particles in double wells, with springs of the constant k between them."""
     N = int(N)
     names = ([f"{x}{i}" for i in range(N)] for x in "qp")
     loops = {"grad_V": grad_V, "field": field, "energy": energy}

@@ -35,8 +35,9 @@ class Rung:
     ----------
     name : its name in tables
     make : function without arguments that makes the model's problem
-    lift : function (full problem, t, q, p) -> (Q, P), which maps rows of the model's solution to rows of the full one
-    rate : the model's time over that of the full problem
+    lift : function (full problem, t, q, p) -> (Q, P), which maps rows of the model's solution to rows of the full one;
+        t are times of the full problem
+    rate : the model's time over that of the full problem: at time t of the full problem the model is at ``rate`` t
     steps : the number of steps of its coarsest run; 0: that of the `Ladder`
     """
 

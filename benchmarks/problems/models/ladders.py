@@ -1,4 +1,4 @@
-"""LADDERS: all problems (with a span and a quantity to compute) that have simplified models, with these models."""
+"""LADDERS: problems with a span and a quantity to compute, each with simplified models, from the simplest to itself."""
 
 from __future__ import annotations
 

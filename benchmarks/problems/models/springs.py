@@ -14,8 +14,8 @@ from .ladder import Rung, model_problem
 def soft_chain(order: int, omega: float = fpu.PARAMETERS["omega"]) -> Problem:
     """Make the Fermi-Pasta-Ulam chain with only the soft springs moving, the stiff ones (frequency omega) averaged.
 
-    ``order`` selects the terms in 1 / omega^2 that the stiff springs add to H: 0 none, 1 those of constant energies of
-    the stiff springs, 2 all.
+    ``order`` selects the terms of size 1 / omega^2 that the stiff springs add to H: 0 none, 1 those that result if each
+    stiff spring keeps its energy, 2 all.
     """
     full = problem("fpu", omega=omega)
     m = full.system.d // 2

@@ -1,4 +1,4 @@
-"""Models of the Klein-Gordon equation on points: without its nonlinear term, and on fewer points."""
+"""Models of the Klein-Gordon equation on a grid: without its nonlinear term, and on fewer points."""
 
 from __future__ import annotations
 
@@ -48,7 +48,10 @@ def interpolate(full: Problem, t: np.ndarray, q: np.ndarray, p: np.ndarray) -> t
 
 
 def lattice(N: int) -> Rung:
-    """Make the model (`Rung`) of the Klein-Gordon equation with only N points on the same period."""
+    """Make the model (`Rung`) of the Klein-Gordon equation with only N points on the same period.
+
+    Its solution is mapped to the points of the full problem by `interpolate`.
+    """
     return Rung(f"{N} points", lambda: problem("klein-gordon", N=N), interpolate)
 
 
