@@ -46,7 +46,7 @@ def counts(outcome: Outcome) -> list[dict[str, object]]:
     A row has the numbers of cells that were measured now, measured only as a random sample, unchanged, stored by
     another version of the code ("not by this version"), or failed, and the seconds spent.
     """
-    stale = {c.id for c in outcome.left} | {id for id in outcome.failed if id not in outcome.sampled}
+    left = {c.id for c in outcome.left}
     rows: dict[str, dict[str, object]] = {}
     for cell in outcome.cells:
         row = rows.setdefault(cell.experiment, dict.fromkeys(HEADINGS, 0) | {"experiment": cell.experiment})
@@ -58,7 +58,7 @@ def counts(outcome: Outcome) -> list[dict[str, object]]:
             else "sampled"
             if cell.id in outcome.sampled
             else "not by this version"
-            if cell.id in stale or not outcome.fresh(cell)
+            if cell.id in left or not outcome.fresh(cell)
             else "unchanged"
         )
         row[kind] += 1

@@ -76,7 +76,6 @@ def runs() -> pd.DataFrame:
     front = stored("front")[["scene", "problem", "quantity", "t_end"]].drop_duplicates()
     trade = [stored("front_finals"), stored("front_rungs")]
     found = pd.concat([part[part["status"] == "ok"].merge(front, on="scene") for part in trade])
-    found["own step"] = False
     kept = stored("knobs_ladders")
     kept = kept[(kept["knob"] == "energy") & (kept["status"] == "ok") & (kept["fallbacks"] == 0)].copy()
     kept["problem"], kept["integrator"], kept["quantity"] = kept["scene"], kept["method"], "end-state"

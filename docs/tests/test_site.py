@@ -169,7 +169,7 @@ def test_chooser_names_an_integrator_for_every_class(browser, address):
         Select(browser.find_element(By.ID, "choose-class")).select_by_value(kind)
         assert browser.find_element(By.CSS_SELECTOR, "#choice .chosen").text
         commands.add(browser.find_element(By.CSS_SELECTOR, "#choice pre").text)
-    assert len(commands) == len(kinds) == 7
+    assert len(commands) == len(kinds) >= 7
     assert all(command.startswith("phasebench integrate ") for command in commands)
 
 
