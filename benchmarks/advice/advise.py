@@ -135,7 +135,8 @@ def _explain_unreached(found: Search) -> str:
 def finals(found: Search) -> list[Candidate]:
     """Rank the candidates of a search, the best first: by time or, if a time budget was given, by error.
 
-    The fastest, and the next of this project's methods and of the peers, are first timed again, alternately.
+    Before the ranking by time the fastest few, one more method of this project and one more peer (an integrator of
+    another package) are timed again, in alternation.
     """
     if found.ask.budget is not None:
         return sorted(found.found, key=lambda c: c.rung.error)
@@ -222,9 +223,11 @@ def lost_orbit(candidate: Candidate, off: float | None) -> str:
 
 
 def singularity_note(problem: Problem) -> str:
-    """A note that singular distances (where H is infinite) were not searched for, since H is too long; else "".
+    """A note that singular distances (where H is infinite) were not searched for; "" if they were.
 
-    Variable steps need these distances; the user can declare them.
+    The reason is a denominator of H that is too long.
+
+    Methods with variable steps need these distances; the user can declare them.
     """
     if not singularities.unsearched(problem.system):
         return ""
@@ -239,7 +242,7 @@ def sharing(order: Sequence[Candidate]) -> str:
 
 
 def _second(found: Search) -> dict[str, Any]:
-    """Confirm the reference by an integrator other than heyoka; run `SECOND` if none of those tried is near enough.
+    """Confirm the reference, which is heyoka's, by another integrator; run `SECOND` if none that was tried is near it.
 
     Returns
     -------
@@ -258,7 +261,7 @@ def _second(found: Search) -> dict[str, Any]:
 
 
 def _nearest(trials: Sequence[Trial]) -> tuple[float, str | None]:
-    """(least error of all complete runs, id of its integrator)."""
+    """Return (the least error of all complete runs, the id of its integrator); (inf, None) if there is no such run."""
     ended = ((r.error, t.integrator.id) for t in trials for r in t.rungs.values() if r.ok)
     return min(ended, key=lambda x: x[0], default=(inf, None))
 

@@ -1,4 +1,7 @@
-"""Write `prior.csv` and `models.csv`, which `advise` reads, anew from complete measurements (--update-tables)."""
+"""Rewrite `prior.csv` and `models.csv`, stored times which `advise` reads, from complete measurements.
+
+The files are written only with the option --update-tables.
+"""
 
 from __future__ import annotations
 
@@ -33,14 +36,22 @@ def competition(rows: Iterable[Mapping[str, Any]]) -> tuple[pd.DataFrame, set[st
 
 
 def bench_prior(outcome: Outcome, complete: Callable[[str], bool], update: bool) -> None:
-    """Write `prior.csv`: each integrator's time over that of the cheapest, by problem and power of ten of the error."""
+    """Write `prior.csv`: each integrator's time over that of the cheapest, by problem and power of ten of the error.
+
+    Skipped unless ``update`` (--update-tables) is set and ``complete`` says that all runs are measured; ``outcome`` has
+    the measured rows.
+    """
     if not update or not complete(RUNS):
         pytest.skip("the prior is made with --update-tables where all of the trade is measured")
     prior.TABLE.save(*competition(outcome.rows(RUNS)))
 
 
 def bench_models(outcome: Outcome, complete: Callable[[str], bool], update: bool) -> None:
-    """Write `models.csv`: errors and times of the simplified models that `advise` may suggest."""
+    """Write `models.csv`: errors and times of the simplified models that `advise` may suggest.
+
+    Skipped unless ``update`` (--update-tables) is set and ``complete`` says that all models are measured; ``outcome``
+    has the measured rows.
+    """
     if not update or not all(map(complete, MODELS)):
         pytest.skip("the models of advice are stored with --update-tables where all of them are measured")
     models.TABLE.save(*(pd.DataFrame(outcome.rows(t)) for t in MODELS))

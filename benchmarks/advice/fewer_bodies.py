@@ -82,7 +82,7 @@ class Models:
         return self.flow.rows(self._masses(model), x, v, self.times)[:2]
 
     def off(self, model: Model) -> float:
-        """The error of the question's quantity in a model; infinite if it needs a body that the model leaves out."""
+        """The error of the question's quantity in a model; infinite if a body that the quantity needs is left out."""
         x, v = (row.copy() for row in self.rows(model))
         for k, name in enumerate(self.bodies.names):
             if name in model.left_out:
@@ -125,17 +125,22 @@ def smallest_model(models: Models, allowed: float) -> tuple[Model, dict[str, dic
 
 
 def lower(ask: Ask, true: Truth, candidate: Candidate) -> dict[str, Any] | None:
-    """The planetary model of the fewest bodies that meets the accuracy, and how much time it saves.
+    """Find the planetary model of the fewest bodies that meets the accuracy, and how much time it saves.
 
-    None for a problem without bodies, and for a question with a time budget.
+    Returns None for a problem without bodies, a statistical quantity, and a question with a time budget.
+
+    Parameters
+    ----------
+    true : the true value of the quantity
+    candidate : the recommended integration of the full system
 
     Returns
     -------
     dict
-        ``model`` in words, or None if none does or that cannot be told (then with ``why``); ``left_out`` and
-        ``test_particles``, names; ``off``, the error at ``t_end`` of the model, or else of the ``nearest`` one;
-        ``saves``, the full system's time over the model's with the same integrator; ``alone``, body -> the errors of
-        leaving out this body alone, and of making it massless
+        ``model`` in words; None if no model meets the accuracy, or if this could not be found out (then ``why`` tells
+        the reason); ``left_out`` and ``test_particles``, names of bodies; ``off``, the error at ``t_end`` of the model
+        or, if there is none, of the ``nearest`` one tried; ``saves``, the full system's time over the model's with the
+        same integrator; ``alone``, body -> the errors of leaving out this body alone, and of making it massless
     """
     bodies = getattr(ask.problem, "bodies", None)
     if ask.accuracy is None or bodies is None or ask.quantity.statistical:
@@ -192,7 +197,11 @@ def _none(ask: Ask, alone: dict[str, dict[str, float]]) -> dict[str, Any]:
 
 
 def _saves(ask: Ask, models: Models, model: Model, full: Candidate, accuracy: float) -> float | None:
-    """The full system's time over the model's with the same integrator, each at a step that meets its accuracy."""
+    """The full system's time over the model's with the same integrator, each at a step that meets its accuracy.
+
+    ``full`` is the integration of the full system, ``accuracy`` that of the model's integration.  None if no run of the
+    model meets it.
+    """
     problem = ask.problem
     if model.light:
         problem = problem.massless(*model.light)

@@ -204,7 +204,10 @@ class Search:
         return self.pace / 4
 
     def _pace(self) -> int:
-        """Number of steps that heyoka takes, extrapolated from a part of the span; used if heyoka is no candidate."""
+        """Number of steps that heyoka takes on the span, extrapolated from a part of it; at least `UNPACED`.
+
+        It tells how fast the motion is, and is used if heyoka did not run on the whole span.
+        """
         part = self.ask.t_end * PART
         try:
             run = integrator_of(FIRST).run(self.ask.problem, t_end=part, tol=MIDDLE, save_every=0)

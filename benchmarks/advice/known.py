@@ -24,7 +24,11 @@ NOTHING = 0.5
 
 
 def true_value(ask: Ask) -> tuple[Truth | None, str]:
-    """(the true value or None, why it cannot judge the accuracy or "" if it can)."""
+    """Compute the true value of the quantity of a question; return (true value, reason).
+
+    The reason says why the value cannot judge the accuracy, and is "" if it can.  The true value is None if there is no
+    reference.
+    """
     try:
         true = truths.truth(ask.problem, ask.quantity, ask.t_end)
     except ReferenceFailed as error:

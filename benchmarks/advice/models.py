@@ -1,8 +1,9 @@
 """The cheapest simplified model of a problem that meets an accuracy, from stored measurements.
 
-`models.csv` has, for each scene with a ladder of models, each model's error in the scene's quantity, and the errors and
-times of its integrations (only runs that no cheaper run beats).  `build` computes it from the tables of the models'
-page.  A scene is found by its Hamiltonian and initial state (`fingerprint`), whatever the problem is called.
+A scene is a problem with a span and a quantity.  `models.csv` has, for each scene whose problem has simplified models,
+each model's error in the quantity, and the errors and times of integrations of the model (only runs that no cheaper run
+beats).  `build` computes the file from the tables of the report page on models.  A scene is found by its Hamiltonian
+and initial state (`fingerprint`), whatever the problem is called.
 """
 
 from __future__ import annotations
@@ -87,15 +88,16 @@ def scene_of(ask: Ask) -> Scene | None:
 
 
 def lower(ask: Ask) -> dict[str, Any] | None:
-    """The cheapest simplified model that meets the accuracy.
+    """Find the cheapest simplified model that meets the accuracy.
 
-    None for a problem without stored models, and for a question with a time budget.
+    Returns None for a problem without stored models, and for a question with a time budget.
 
     Returns
     -------
     dict
-        ``model``, or None if none does; ``off``, the error at ``t_end`` of the model, or else of the ``nearest`` one
-        (``t_end`` is not before the question's end); ``saves``, the full model's time over its own
+        ``model``, its name, or None if no model meets the accuracy; ``off``, the error at ``t_end`` of the model or, if
+        there is none, of the ``nearest`` one; ``t_end``, a stored time not before the question's end; ``saves``, the
+        full problem's time over the model's
     """
     scene = None if ask.accuracy is None else scene_of(ask)
     if scene is None:

@@ -38,15 +38,15 @@ class Advised:
 
     Attributes
     ----------
-    integrator, params : the id of a method or a peer, and the values of its parameters
+    integrator, params : the id of a method or a peer (integrator of another package), and the values of its parameters
     h, steps, tol : the step and the number of steps, or the tolerance; else None
-    model : "full"
+    model : "full", since the problem is integrated itself, not a simplified model of it
     command : the command line of the integration
-    error, uncertainty : of the quantity, and of what it is measured against
+    error, uncertainty : the error of the quantity, and the uncertainty of the reference value
     seconds, interval : the median of warm runs, and its interval where it was timed in turns with others
-    remark : such as "exact on this problem"
+    remark : such as "exact for this problem: any step"
     end_state_error : distance from heyoka's end state, where a conserved quantity was asked for
-    tie : whether its time cannot be told apart from the choice's
+    tie : whether its time cannot be told apart from that of the recommended integration (``Advice.choice``)
     """
 
     integrator: str
@@ -72,8 +72,9 @@ class Advice(TabularResult):
     Attributes
     ----------
     problem, t_end, quantity, accuracy, budget : the question
-    choice, own, peer, runner_up : the cheapest of all, of this project's methods, of the peers; the second; or None
-    next : the cheapest at a tenth of the accuracy, or None
+    choice, runner_up : the recommended integration and the second best, or None
+    own, peer : the best one of this project's methods, and of the peers (integrators of other packages), or None
+    next : the cheapest integration that meets a tenth of the accuracy, or None
     verified : whether the choice met the accuracy when it was run again, and the reference was confirmed
     why : why nothing is advised, else ""
     alternatives, dropped : rows of others that meet the accuracy, and of those that fell out, with the reason
@@ -227,7 +228,11 @@ def _name(problem: Any) -> str | None:
 
 
 def _made(problem: Any, q0: State | None, p0: State | None) -> tuple[Problem, Problem]:
-    """(the problem as given, the same problem started at q0, p0)."""
+    """Return (the problem as given, the same problem with the initial state q0, p0).
+
+    ``problem`` is a name, a path, a `Problem` or a system; a system is made a `Problem` with this initial state, which
+    is returned twice.
+    """
     if isinstance(problem, (str, Path)):
         problem = problem_of(problem)
     if not isinstance(problem, Problem):
@@ -238,7 +243,7 @@ def _made(problem: Any, q0: State | None, p0: State | None) -> tuple[Problem, Pr
 
 
 def _with_state(line: list[str], q0: State | None, p0: State | None) -> list[str]:
-    """The command-line words, with --q and --p where an initial state is given."""
+    """Append the options --q and --p to the command-line words ``line``, where an initial state is given."""
     for option, value in (("--q", q0), ("--p", p0)):
         line = line if value is None else [*line, option, words.format_numbers(value)]
     return line

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 def problem_arguments(problem: Problem, name: str | None = None) -> list[str] | None:
     """The command-line arguments that name a problem: an id or a file (``name``) with its parameters, or a formula.
 
-    None if a command line cannot name it, as an unnamed system that is not canonical.
+    None if no command line can name it, such as a system without a name that is not canonical.
     """
     from phasebench.benchmarks.problems import PROBLEMS
     from phasebench.benchmarks.problems import problem as registered
@@ -51,7 +51,10 @@ def format_numbers(x: Sequence[float]) -> str:
 
 
 def command(ask: Ask, integrator: Integrator, size: dict[str, Any], problem_words: Sequence[str] | None) -> str | None:
-    """The command that runs an integrator at a step or tolerance; None if ``problem_words`` is None."""
+    """The command that runs an integrator at a step or tolerance; None if ``problem_words`` is None.
+
+    ``size`` is {"steps": number of steps} or {"tol": tolerance}; ``problem_words`` are the words that name the problem.
+    """
     if problem_words is None:
         return None
     positional = [] if problem_words[0].startswith("--") else [problem_words[0]]

@@ -1,4 +1,4 @@
-"""Measures of an adaptive integrator: error and energy error against the tolerance, and whether runs repeat."""
+"""Measures of an adaptive integrator: error and energy error against the tolerance, and whether repeated runs agree."""
 
 from __future__ import annotations
 
@@ -18,10 +18,14 @@ TOLERANCES = (1e-4, 1e-6, 1e-8, 1e-10)
 
 
 def end(subject: Subject, entry: Entry, y: np.ndarray, tol: float) -> tuple[np.ndarray, int]:
-    """Run an adaptive integrator from the state y, array (2 d,), to `T_END` at a tolerance.
+    """Run an adaptive integrator on a test system from the state y, array (2 d,), to t = `T_END` at a tolerance.
 
     Returns (end state, array (2 d,); number of evaluations of dH/dq and dH/dp together).  Raises StepFailed if the run
     fails, and InputChanged if it changes the q or p that it was given.
+
+    Parameters
+    ----------
+    subject, entry : the integrator, and the test system
     """
     system, d = own_step.System(entry.system), entry.system.d
     q, p = y[:d].copy(), y[d:].copy()
@@ -43,11 +47,14 @@ class InputChanged(Exception):
 def tolerances(subject: Subject, entry: Entry, seed: int) -> dict:
     """Run an adaptive integrator on a system at each of `TOLERANCES`; return a row for the certificate.
 
+    The initial state is that of ``entry``, displaced at random by the seed.
+
     Returns
     -------
     dict
-        ``on``, the system; ``tolerances``; ``errors`` of the end state, relative to its largest component; ``energy``,
-        the errors of H; ``evaluations`` of the gradients; ``repeats``, whether a repeated run ends in the same state
+        ``on``, the name of the system; ``repeats``, whether a repeated run ends in the same state; and lists with a
+        number for each of the ``tolerances``: ``errors`` of the end state, relative to its largest component;
+        ``energy``, the |H - H(0)| at the end; ``evaluations`` of dH/dq and dH/dp together
     """
     y, errors, energies, counts = entry.start(seed), [], [], []
     truth = flow(entry, seed, T_END, 32)[0].astype(float)

@@ -1,9 +1,10 @@
-"""The systems on which a step is certified: small and nonlinear, half of them not H = T(p) + V(q), at random states.
+"""The systems on which a step is certified: small, nonlinear, not all of the form H = T(p) + V(q), at random states.
 
 A step that is right on one kind of system only, or at one state only, must not pass: d is 1, 2, 4 and 6, the kinetic
-energy is not always |p|^2 / 2, and a seed moves every component of a state.  A step that requires a charged particle
-is certified on `magnetic` systems instead: in the plane and in space, with fields E and B that vary, and masses; one
-that requires constraints on `constrained` systems, in doubles.
+energy is not always |p|^2 / 2, and a seed moves every component of a state.  Steps with special requirements are
+certified on systems of their own: those that require a charged particle on `magnetic` systems, in the plane and in
+space, with masses and fields E and B that vary; those that require constraints on `constrained` systems, in doubles;
+those that require a rigid body, or parts of H with known flows, on `rigid` and `parts`.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ NUDGED = 1e-3
 
 @dataclass(frozen=True)
 class Entry:
-    """A system on which steps are measured, with a state to start from and its units.
+    """A test system on which steps (one-step integrators) are measured, with a state to start from and its units.
 
     Attributes
     ----------
@@ -41,9 +42,9 @@ class Entry:
     kind : the kind of that invariant, "bilinear" or "quadratic"
     lasting : whether long runs are made on it
     unit : the unit of time, a power of two; steps are fractions of it
-    size : the sizes of q and of p, the units of errors and defects
-    share : True if a seed moves each component by a fraction of itself, as in a user's own problem, else by up to
-        `MOVED`
+    size : the typical sizes of q and of p, by which errors and structural defects are divided
+    share : how a seed displaces the state: if True, each component by a random fraction of itself, as in a user's own
+        problem; if False, each by a random amount up to `MOVED`
     """
 
     name: str
@@ -66,13 +67,13 @@ class Entry:
         return state + MOVED * draws
 
     def on_manifold(self, state: np.ndarray) -> np.ndarray:
-        """The state, moved to the constraints of the system if it has any; array (2 d,)."""
+        """Move a state, array (2 d,), onto the manifold of the system's constraints; leave it if there are none."""
         d, system = len(state) // 2, self.system
         return np.concatenate(system.retract(state[:d], state[d:])) if system.constrained else state
 
     @property
     def sizes(self) -> np.ndarray:
-        """The size of every component of a state, (2 d,)."""
+        """The typical size of every component of a state, array (2 d,): d times that of q, then d times that of p."""
         return np.repeat(self.size, len(self.state) // 2)
 
 
@@ -100,7 +101,7 @@ def ring(d: int) -> Hamiltonian:
 
 @cache
 def entries() -> tuple[Entry, ...]:
-    """The systems on which structure and order are measured."""
+    """The systems on which structure and order are measured, for steps without special requirements."""
     return (
         Entry("pendulum", _one("p**2/2 - cos(q)"), (0.9, 0.8)),
         Entry("henon-heiles", _two(HENON_HEILES), (0.1, -0.2, 0.3, 0.15), lasting=True),
@@ -123,7 +124,7 @@ def lasting() -> tuple[Entry, ...]:
 
 @cache
 def magnetic() -> tuple[Entry, ...]:
-    """The battery for steps that require a charged particle: particles in magnetic fields and confining potentials."""
+    """The test systems for steps that require a charged particle, in magnetic fields and confining potentials."""
     plane = "((p1 + q2*(1 + q1**2)/2)**2 + (p2 - q1*(1 + q2**2)/3)**2)/2 + q1**2/2 + q1*q2**2/3 + q2**4/4"
     tilted = "(px + y*(1 + z**2)/2)**2 + (py - x*(1 + z**2)/2 - z**2/4)**2 + (pz - x*y/3)**2"
     heavy = f"({tilted})/4 + x**2*y/4 - y*z/3 + (x**2 + y**2 + z**2)**2/8"
@@ -139,7 +140,7 @@ def magnetic() -> tuple[Entry, ...]:
 
 @cache
 def constrained() -> tuple[Entry, ...]:
-    """The battery for steps that require a system with holonomic constraints."""
+    """The test systems for steps that require a system with holonomic constraints."""
     states = {
         "on-sphere": (0.8, 0.36, 0.48, 0.3, 0.7, -0.5),
         "rods": (0.28, -0.96, 0.88, -1.76, 0.1, 0.2, -0.3, 0.1),
@@ -151,14 +152,14 @@ def constrained() -> tuple[Entry, ...]:
 
 @cache
 def rigid() -> tuple[Entry, ...]:
-    """The battery for steps that require a rigid body."""
+    """The test systems for steps that require a rigid body."""
     found = {name: SYSTEMS[name]() for name in RIGID}
     return tuple(Entry(name, body, (*q, *p), lasting=True, share=True) for name, (body, q, p) in found.items())
 
 
 @cache
 def parts() -> tuple[Entry, ...]:
-    """The battery for steps that require H to be a sum of parts whose flows are known exactly."""
+    """The test systems for steps that require H to be a sum of parts whose flows are known exactly."""
     found = {name: SYSTEMS[name]() for name in PARTS}
     return tuple(
         Entry(name, system, (*q, *p), name == "geodesic", lasting=True, share=True)
@@ -203,7 +204,9 @@ def _energy(system: PartitionedSystem, state: np.ndarray) -> float:
 
 
 def time_unit(system: PartitionedSystem, state: np.ndarray, sizes: np.ndarray) -> float:
-    """A power of two: a time in which the state moves by at most its size, and its fastest mode by at most a radian.
+    """Return a unit of time, a power of two, in which a state moves by at most its size and no mode by over a radian.
+
+    The modes are the eigenvalues of the vector field's Jacobian at the state.
 
     Parameters
     ----------

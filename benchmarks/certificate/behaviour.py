@@ -26,7 +26,11 @@ AREA = 1e-12
 
 
 def runs(subject: Subject, entries: list[Entry], seed: int) -> list[dict]:
-    """Take a few steps on each system; return a row for each: whether they run, and gradient evaluations a step."""
+    """Take a few steps on each system; return a row for each system, which says whether the steps run.
+
+    It has the ``status`` ("ok", "diverged" or "raised") with the ``reason``, and the evaluations of dH/dq and dH/dp a
+    step.
+    """
     rows = []
     for entry in entries:
         stepper = Stepper(subject, entry)
@@ -34,7 +38,7 @@ def runs(subject: Subject, entries: list[Entry], seed: int) -> list[dict]:
         try:
             states = stepper.run(entry.start(seed), H * entry.unit, TAKEN)
             if len(states) <= TAKEN:
-                row |= {"status": "diverged", "reason": f"after {len(states) - 1} steps the state was not finite"}
+                row |= {"status": "diverged", "reason": f"after {len(states)} steps the state was not finite"}
             row |= {"dH_dq": stepper.system.evaluations[0] / TAKEN, "dH_dp": stepper.system.evaluations[1] / TAKEN}
         except StepFailed as failure:
             row |= {"status": "raised", "reason": str(failure)}
@@ -45,8 +49,9 @@ def runs(subject: Subject, entries: list[Entry], seed: int) -> list[dict]:
 def state_between_steps(subject: Subject, entries: list[Entry], seed: int) -> list[dict]:
     """Measure whether a step has memory: how much its results change when it is called again, or for another system.
 
-    A row for each system has the difference between a step and the same step repeated; a row for each of up to three
-    pairs of systems the difference that steps on both in alternation make.  A function without memory has 0.
+    Returns a row for each system, whose ``value`` is the difference between a step and the same step repeated, and a
+    row for each of up to three pairs of systems, whose ``value`` is the difference between steps on one system alone
+    and the same steps taken in alternation with steps on the other.  A function without memory has 0.
     """
     rows = []
     for entry in entries:
@@ -74,9 +79,9 @@ def _distance(x: np.ndarray, y: np.ndarray) -> float:
 
 
 def input_changed(subject: Subject, entries: list[Entry], seed: int) -> list[dict]:
-    """A row for each system: how much a step changes the arrays q and p that it is given (``value``).
+    """Measure how much a step changes the arrays q and p that it is given; return a row for each system.
 
-    ``later`` is how much the next call changes the arrays that the first call returned.
+    ``value`` is this change, and ``later`` how much the next call changes the arrays that the first call returned.
     """
     rows = []
     for entry in entries:
@@ -96,7 +101,7 @@ def input_changed(subject: Subject, entries: list[Entry], seed: int) -> list[dic
 
 
 def arithmetic(subject: Subject, entries: list[Entry], seed: int) -> str:
-    """Why the step cannot be measured in many digits; "" if it can."""
+    """Return why a step cannot be measured in numbers of `DIGITS` decimal digits; "" if it can."""
     for entry in entries:
         try:
             with precision(DIGITS):
@@ -113,8 +118,8 @@ def arithmetic(subject: Subject, entries: list[Entry], seed: int) -> str:
 def stability(subject: Subject) -> dict:
     """Measure the linear stability limit, in h omega, on the harmonic oscillator; return a row for the certificate.
 
-    Without a limit the row has the ``reason``: too many evaluations, a step that is not linear here, or a solver that
-    does not converge.
+    Where no limit was measured the row has the ``reason``: too many evaluations, a step that is not a linear map on the
+    oscillator, or a solver that does not converge.
     """
     entry = oscillator()
     stepper = Stepper(subject, entry)

@@ -1,4 +1,7 @@
-"""Write `fronts.csv` and `times.csv`, with which certificates compare, anew from complete measurements."""
+"""Rewrite `fronts.csv` and `times.csv`, the stored costs of known integrators with which certificates compare.
+
+They are computed from the measurements of a run, if these are complete.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +22,8 @@ RUNS, CHOICES = "front_rungs", "front"
 def bench_fronts(outcome: Outcome, complete: Callable[[str], bool], update: bool) -> None:
     """Write `fronts.csv` and `times.csv`: the fewest evaluations and the least time known for each scene and error.
 
-    A scene is a problem with a span and a quantity whose error counts.
+    A scene is a problem with a span and a quantity whose error counts.  Skipped unless ``update`` (--update-tables) is
+    set and ``complete`` says that all runs are measured; ``outcome`` has the measured rows.
     """
     if not update or not complete(RUNS):
         pytest.skip("fronts and times are made with --update-tables where all of the trade is measured")

@@ -47,7 +47,10 @@ class _Run:
     seconds: float = 0.0
 
     def certificate(self, times: list[dict]) -> Certificate:
-        """The certificate, with verdicts on what was measured so far."""
+        """Make the certificate, with verdicts on what was measured so far.
+
+        ``times`` are rows of the integrator's times relative to the fastest stored integrator.
+        """
         found = judge.judgements(self.claims, self.tables)
         offers = [] if self.alone or judge.gross_failure(found) else judge.offers(self.claims, self.tables)
         verdict = judge.verdict(found, self.claims)
@@ -65,18 +68,19 @@ def certify(
     problems: Iterable = (),
     time_limit: float | None = None,
 ) -> Certificate:
-    """Measure an integrator on the battery and judge its claims.
+    """Measure an integrator on the battery (this suite's test systems) and judge its claims.
 
     Parameters
     ----------
-    target : the path of a file, a function, ``package.module:callable``, or the id or record of a method or a peer
+    target : the path of a file, a function, ``package.module:callable``, or the id or record of a method or a peer (an
+        integrator of another package)
     claims : name -> value, added to the target's own, such as ``{"order": 4}``
     requires : traits that a system must have, such as "separable"
     seed : of the random states at which it is measured
     progress : called with the name of each measure
     alone : measure only what is claimed; then no further claims are offered
     problems : names, paths or problems, on which to measure in place of the battery
-    time_limit : seconds, after which the rest is not judged
+    time_limit : seconds, after which what is not yet measured is not judged
 
     Raises
     ------

@@ -1,8 +1,8 @@
 """Conservation over a long run: error and drift of the energy and another invariant, and how round-off adds up.
 
-Round-off is measured if the step accepts many digits: for each of some steps, the energy error in doubles that the step
-in 40 digits does not have, in units of eps times the energy.  With a mean other than zero it grows as t, with a mean of
-zero as the square root of t (Brouwer's law).
+Round-off is measured if the step accepts many digits: on each of a number of steps, as the energy after the step in
+doubles less that after the same step in 40 digits, in units of eps times the energy.  If the mean over the steps is not
+zero, the energy error grows as t; if it is zero, as the square root of t (Brouwer's law).
 """
 
 from __future__ import annotations
@@ -30,7 +30,11 @@ SURE = 4.0
 
 
 def long_run(subject: Subject, entry: Entry, seed: int) -> dict:
-    """A row of the energy's and the invariant's errors and drifts along a run; its ``curve`` is for a figure."""
+    """Make a long run on a system; return a row with errors and drifts of the energy and of the system's invariant.
+
+    The row's ``curve`` has pairs (t, H - H(0)) for a figure.  If the run breaks off it is repeated with half the step,
+    up to `HALVED` times; if none of these runs lasts, the row's ``status`` is "diverged".
+    """
     stepper, y, why = Stepper(subject, entry), entry.start(seed), "the run did not last"
     stepper.run(y, H * entry.unit / 2**HALVED, 20)
     # Counted, not timed, so that a repeated run has as many steps.
@@ -71,7 +75,10 @@ def _row(entry: Entry, rows: np.ndarray, h: float, steps: int) -> dict:
 
 
 def round_off(subject: Subject, entry: Entry, seed: int) -> dict:
-    """A row: mean and standard deviation of a step's round-off in the energy, in units of eps times the energy."""
+    """Measure the round-off in the energy in each of `ROUNDED` steps; return a row with mean and standard deviation.
+
+    Both are in units of eps times the energy; ``biased`` says whether the mean differs from zero.
+    """
     double, y = Stepper(subject, entry), entry.start(seed)
     with precision(DIGITS):
         exact = Stepper(subject, entry, MULTIPRECISION)

@@ -1,4 +1,4 @@
-"""An integrator's evaluations and time over those of the cheapest stored one at the same error, as rows and text."""
+"""Gradient evaluations and time of an integrator, relative to those of the cheapest stored one at the same error."""
 
 from __future__ import annotations
 
@@ -14,7 +14,11 @@ NOT_MET, VARIES = "not met", "varies"
 
 
 def cost_rows(tables: Tables, times: Iterable[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """A row for each scene (problem and span) and error: evaluations and time, over the cheapest stored integrator's.
+    """Return an integrator's costs over those of the cheapest stored one: a row per scene (problem and span) and error.
+
+    Parameters
+    ----------
+    tables, times : the integrator's measurements, and the rows of its times (`times.times_row`)
 
     Returns
     -------
@@ -36,7 +40,7 @@ def cost_rows(tables: Tables, times: Iterable[Mapping[str, Any]]) -> list[dict[s
 
 
 def format_costs(tables: Tables, times: Iterable[Mapping[str, Any]]) -> list[str]:
-    """Format `cost_rows` as lines of text; a scene's table ends at the first error that the integrator does not meet.
+    """Format `cost_rows` as lines of text; those of a scene end at the first error that the integrator does not meet.
 
     Lines below the table say how well times are known, and what a gradient called from Python costs.
     """
@@ -76,5 +80,6 @@ def _until_not_met(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
 
 
 def count(x: float) -> str:
-    """A factor as text with two significant digits, without a power of ten."""
-    return f"{float(f'{x:.2g}'):.0f}" if x >= 100 else f"{x:.2g}"
+    """Format a factor with two significant digits and without an exponent."""
+    rounded = float(f"{x:.2g}")
+    return f"{rounded:.0f}" if rounded >= 100 else f"{x:.2g}"

@@ -28,7 +28,10 @@ LEAST = 1e-16
 
 @style.styled
 def order(tables: Tables) -> Drawing | None:
-    """Draw the error against the step on every system; the points to which the order is fitted are thick."""
+    """Draw the error against the step on every system; the points to which the order is fitted are thick.
+
+    Returns None if no order was measured.
+    """
     rows = tables.of("order")
     if not rows:
         return None
@@ -52,7 +55,7 @@ def order(tables: Tables) -> Drawing | None:
 
 @style.styled
 def energy(tables: Tables) -> Drawing | None:
-    """Draw the energy error along the long runs."""
+    """Draw the energy error along the long runs; return None if there are none."""
     rows = [r for r in tables.of("long") if r["status"] == "ok"]
     if not rows:
         return None
@@ -69,7 +72,7 @@ def energy(tables: Tables) -> Drawing | None:
 
 @style.styled
 def stability(tables: Tables) -> Drawing | None:
-    """Draw the spectral radius of a step of the harmonic oscillator over h omega."""
+    """Draw the spectral radius of a step of the harmonic oscillator over h omega; return None if none was measured."""
     rows = [r for r in tables.of("stability") if r.get("radius")]
     if not rows:
         return None
@@ -84,7 +87,10 @@ def stability(tables: Tables) -> Drawing | None:
 
 @style.styled
 def place(tables: Tables) -> Drawing | None:
-    """Draw error against gradient evaluations on each scene (problem and span), with the fewest evaluations stored."""
+    """Draw error against gradient evaluations on each scene (problem and span), with the fewest evaluations stored.
+
+    Returns None if evaluations were not compared.
+    """
     rows = [r for r in tables.of("place") if r["curve"]]
     if not rows:
         return None

@@ -1,8 +1,9 @@
 """The fewest gradient evaluations with which a known integrator meets an error on a scene, stored in `fronts.csv`.
 
-`build` computes them from the stored comparison of all integrators (`experiments.trade`), which has the runs of those
-within twice the cheapest time.  Integrators whose work is not gradient evaluations (they solve a Kepler or a
-linear part exactly, or report no count) are left out.
+A scene is a problem with a span and a quantity whose error counts.  `build` computes the lines from the stored
+comparison of all integrators (`experiments.trade`), which keeps the runs of integrators that take at most twice the
+cheapest time.  Integrators whose work is not gradient evaluations (they solve a Kepler or a linear part exactly, or
+report no count) are left out.
 """
 
 from __future__ import annotations
@@ -33,9 +34,9 @@ class Cheapest(NamedTuple):
 
 
 def build(rows: Iterable[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """The lines of `fronts.csv` (fewest evaluations by scene and error) from stored runs of all integrators.
+    """Compute the lines of `fronts.csv` (fewest evaluations by scene and error) from stored runs of all integrators.
 
-    ``rows`` have scene, integrator, id, evaluations, status, error.
+    ``rows`` are the runs, dicts with the keys scene, integrator, id, evaluations, status and error.
     """
     runs: dict[str, dict[str, list[tuple[float, float]]]] = {scene: {} for scene in SCENES}
     for row in rows:

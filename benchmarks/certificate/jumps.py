@@ -55,7 +55,10 @@ def jumps(subject: Subject, entry: Entry, seed: int, noise: float) -> dict:
 
 
 def _largest(stepper: Stepper, path: Callable, h: float, floor: float) -> float:
-    """The largest jump of the map along a path of states, t from 0 to 1; 0 if none is above the floor."""
+    """Return the largest jump of the step map (step h) along a path of states ``path(t)``, t from 0 to 1.
+
+    It is 0 if no jump is above the floor.  Jump and floor are in units of the state's size.
+    """
     values = _images(stepper, path, np.linspace(0, 1, POINTS), h)
     if len(values) < LEAST:
         return 0.0
@@ -74,9 +77,9 @@ def _largest(stepper: Stepper, path: Callable, h: float, floor: float) -> float:
 
 
 def _jump(stepper: Stepper, path: Callable, middle: float, cell: float, h: float, floor: float) -> float:
-    """Size of the discontinuity of the step map along ``path`` near t = ``middle``; 0 if it is below the floor.
+    """Return the size of the jump of the step map along ``path`` near t = ``middle``; 0 if it is below the floor.
 
-    It is located by narrowing an interval of width ``cell``.
+    The jump is located by narrowing an interval of t, which at first has the half-width 2 ``cell``.
     """
     while True:
         t = middle + cell * np.linspace(-2, 2, FEWER)
@@ -97,7 +100,10 @@ def _differences(values: np.ndarray) -> np.ndarray:
 
 
 def _images(stepper: Stepper, path: Callable, t: np.ndarray, h: float) -> np.ndarray:
-    """The states after one step h from path(t) for each t, in units of their size; up to the first failed step."""
+    """Return the states after one step h from path(t) for each t, in units of their sizes, array (rows, 2 d).
+
+    The rows end before the first step that fails.
+    """
     rows = []
     for x in t:
         try:

@@ -1,7 +1,8 @@
 """Certification under a time limit, in a process of its own that can be killed if a step never returns.
 
-When the time is over the process interrupts itself, which ends a loop in Python and tells its line; a compiled loop
-ignores the interruption, and the process is killed.  The certificate has what was measured by then.
+When the time is over the process interrupts itself.  This ends a loop in Python, and the message names the line that
+was running; a compiled loop ignores the interruption, and the process is killed.  The certificate has what was measured
+by then.
 """
 
 from __future__ import annotations
@@ -43,7 +44,15 @@ class OutOfTime(BaseException):
 
 
 def time_over_message(limit: float, places: Sequence[tuple[str, int]], where: str = "", what: str = "") -> str:
-    """A message that the time is over, with the line that was running: in the file ``where``, else the innermost."""
+    """Write the message that the time limit is over, with the line of code that was running.
+
+    Parameters
+    ----------
+    limit : the time limit in seconds
+    places : (file, line) of the stack, the innermost first; the first of them in the file ``where`` is named or, if
+        there is none, the first outside this package
+    what : the measure that was running, or ""
+    """
     own = [p for p in places if p[0] == where] or [p for p in places if "phasebench" not in p[0]] or places[:1]
     at = f" at {own[0][0]}, line {own[0][1]}" if own else ""
     return f"the time limit of {limit:g} s passed{f' during {what}' if what else ''}{at}: it had not returned"
@@ -104,7 +113,10 @@ def within(limit: float, measure: Callable, unfinished: Callable, tell: Callable
 
 
 def _measure(pipe: Connection, note: Path, limit: float, measure: Callable) -> None:
-    """In the forked process: measure, and send progress, checkpoints and the result through the pipe."""
+    """Measure in the forked process, and send progress, checkpoints and the result through the pipe.
+
+    ``note`` is the file to which the stack is written if the process does not end in time; ``limit`` is in seconds.
+    """
     compilation.announce = nullcontext
 
     def interrupt(number: int, frame: FrameType | None) -> NoReturn:

@@ -1,4 +1,4 @@
-"""Measure all properties of an integrator for its certificate, one after the other; its memory between calls last."""
+"""Measure all properties of an integrator for its certificate, one after the other; last, whether it has memory."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ def fill_tables(chosen: Subject, run: Run, own: list[Entry], tell: Callable[[str
             several = [e for e in special() if e.lasting] if special else battery.lasting()
             lasting = _able(chosen, own or several, tables) if "long" in wanted else []
             run.doubles = _step(heard, tables, run.seed, tell, wanted, entries, lasting)
-        times = _times(heard, tables, tell)
+        times = _times(chosen, tables, tell)
     except StepFailed as failure:
         tables.failed["raised"] = str(failure)
     if not chosen.adaptive:
@@ -184,9 +184,9 @@ def _state(
 
 
 def _place(chosen: Subject, tables: Tables, tell: Callable[[str], None]) -> None:
-    """Compare an integrator's gradient evaluations with the fewest stored at the same error.
+    """Compare an integrator's gradient evaluations with the fewest stored at the same error; add rows to ``tables``.
 
-    Nothing is compared if the integrator fails grossly (`judge.gross_failure`).
+    Nothing is compared if the integrator does not run or is not consistent (`judge.gross_failure`).
     """
     if judge.gross_failure(judge.judgements({}, tables)):
         return
@@ -196,7 +196,11 @@ def _place(chosen: Subject, tables: Tables, tell: Callable[[str], None]) -> None
 
 
 def _times(chosen: Subject, tables: Tables, tell: Callable[[str], None]) -> list[dict]:
-    """An integrator's times relative to the fastest stored one, on the scenes where its evaluations were compared."""
+    """Time an integrator on the scenes (problem and span) on which its gradient evaluations were compared.
+
+    Returns a row for each scene (see `times.times_row`): at each error that the integrator meets, its time over that of
+    the fastest stored integrator.  Scenes without stored times are left out.
+    """
     out = []
     for row in tables.of("place"):
         tell(f"its time on {row['on']}")
@@ -205,7 +209,7 @@ def _times(chosen: Subject, tables: Tables, tell: Callable[[str], None]) -> list
 
 
 def _first_that_runs(measure: Callable[[str], dict], arithmetics: Sequence[str]) -> dict:
-    """Return what ``measure`` returns in the first of the arithmetics that the step accepts.
+    """Return ``measure(arithmetic)`` for the first of the arithmetics that the step accepts.
 
     StepFailed is raised only if the last arithmetic fails, too.
     """

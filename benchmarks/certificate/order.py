@@ -1,13 +1,13 @@
-r"""The order of a step: from its error over a ladder of step sizes, and from the power series of its error in h.
+r"""The order of a step: from its error at a ladder of falling step sizes, and from the power series of its error in h.
 
 Ladder: `metrics.order` of :math:`|\Phi_h^n(y) - \varphi_{nh}(y)|` with its interval and window, in many digits if the
 step accepts them, else in doubles.  The reference solution is Gragg's extrapolated midpoint rule in 40 digits.
 
-Series, in many digits only: with :math:`\Phi_h - \varphi_h = \sum_k c_k h^k` and
-:math:`\varphi_h = \sum_k f_k h^k`, the relative :math:`\varepsilon_k = |c_k|/|f_k|` for k = 1 ... 8, from divided
-differences at h = 2^-40 j.  For a step of order p with coefficients in doubles,
-:math:`\varepsilon_1 ... \varepsilon_p` are of the size of round-off; with coefficients cut at ten digits they are about
-:math:`10^{-10}`.  :math:`\varepsilon_1` is the relative error in the speed of the solution.
+Series, in many digits only: with :math:`\Phi_h - \varphi_h = \sum_k c_k h^k` and :math:`\varphi_h = \sum_k f_k h^k`,
+the relative :math:`\varepsilon_k = |c_k|/|f_k|` for k = 1 ... 8, from divided differences at h = 2^-40 j.  For a step
+of order p with coefficients in doubles, :math:`\varepsilon_1 ... \varepsilon_p` are of the size of round-off; with
+coefficients cut at ten digits they are about :math:`10^{-10}`.  :math:`\varepsilon_1` is the relative error in the
+speed of the solution.
 
 In doubles :math:`\varepsilon_1` is the limit of :math:`|\Phi_h - \varphi_h|/(h|f|)` as h falls, by least squares.
 """
@@ -67,7 +67,7 @@ class Series:
 
     @property
     def clean(self) -> int:
-        """The number of leading terms that vanish, up to rounded or cut coefficients of the method."""
+        """The number of leading terms that are zero up to the effect of rounded or cut coefficients of the method."""
         return next((k for k, x in enumerate(self.terms) if not x < VANISHES), len(self.terms))
 
     def largest(self, order: int) -> float:
@@ -77,7 +77,11 @@ class Series:
 
 @lru_cache(maxsize=64)
 def flow(entry: Entry, seed: int, h: float | object, pieces: int = 4) -> tuple[np.ndarray, Number]:
-    """(exact state after a time h from the entry's initial state for a seed, its uncertainty), in `DIGITS` digits."""
+    """Return (exact state after a time h, array (2 d,); its uncertainty), in `DIGITS` digits.
+
+    The start is the entry's initial state, displaced by the seed.  The reference solver runs over ``pieces`` equal
+    parts of h.
+    """
     with precision(DIGITS):
         return multiprecision.flow(entry.system, entry.start(seed), h, pieces)
 
@@ -122,7 +126,9 @@ def series(stepper: Stepper, seed: int) -> Series:
 
 
 def ladder(stepper: Stepper, seed: int, noise: float = 0.0) -> dict:
-    """The errors at the end of one span that is divided into more and more steps.
+    """Integrate one span with more and more steps; return the errors at its end.
+
+    ``noise`` is the least round-off to assume.
 
     Returns
     -------
@@ -140,7 +146,8 @@ def _ladder(steps: np.ndarray, away: np.ndarray, noise: float) -> dict:
 def ladder_errors(stepper: Stepper, seed: int, noise: float = 0.0) -> tuple[np.ndarray, np.ndarray, float]:
     """Integrate one span with n step sizes; return (h (n,), signed errors at its end (n, 2 d), noise).
 
-    Errors are in units of the state's largest component, NaN where a run fails; ``noise`` is their round-off.
+    Errors are in units of the state's largest component, NaN where a run fails.  The returned noise is their round-off,
+    at least the argument ``noise``.
     """
     entry, double = stepper.entry, stepper.arithmetic == DOUBLE
     span = SPAN * Fraction(entry.unit)
@@ -185,7 +192,7 @@ def order(stepper: Stepper, seed: int) -> dict:
     """Measure the order of a step on a system; return the row of the certificate.
 
     The row has the order, its interval, the window of h to which it is fitted, and the errors over a ladder of steps h.
-    In many digits it also has the terms of the error's power series in h, in doubles the `constant`.
+    In many digits it also has the terms of the error's power series in h, in doubles the limit computed by `constant`.
     """
     row = {"on": stepper.entry.name, "arithmetic": stepper.arithmetic}
     if stepper.arithmetic == DOUBLE:
@@ -246,7 +253,10 @@ def fit_series(h: np.ndarray, errors: np.ndarray, noise: float) -> metrics.Order
 
 
 def _power_series(x: np.ndarray, e: np.ndarray, p: int, noise: float) -> tuple[float, float]:
-    """(residual of the fit of e by powers of x from x^p on, its first coefficient), in units of their round-off."""
+    """Fit errors e (n, 2 d) at steps x (n,) by x^p, x^(p+1), ...; return (residual, first coefficient).
+
+    Both are in units of the round-off to expect in them; ``noise`` is the round-off of e.
+    """
     columns = np.stack([x ** (p + k) for k in range(POWERS)], axis=1) / noise
     inverse = np.linalg.pinv(columns)
     fitted = inverse @ e / noise
@@ -261,7 +271,11 @@ def _order_fields(found: metrics.Order) -> dict:
 
 
 def constant(stepper: Stepper, seed: int, found: metrics.Order) -> dict:
-    """The limit of the error over h as h falls, relative to the vector field, with its uncertainty (``doubt``)."""
+    """Estimate the limit of |error of a step| / (h |f|) as h falls, f the vector field; it is 0 for a consistent step.
+
+    ``found`` is the measured order, from which the powers of h in the fit follow.  Returns {"constant": the limit,
+    "doubt": its uncertainty}; empty if too few steps succeed.
+    """
     entry = stepper.entry
     y, sizes = entry.start(seed), entry.sizes
     speed = float(np.abs(entry.system.vector_field()(0.0, y) / sizes).max()) * entry.unit

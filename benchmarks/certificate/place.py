@@ -1,9 +1,9 @@
-"""How many gradient evaluations an integrator needs for an error, over the fewest known (`fronts`), on two scenes.
+"""How many gradient evaluations an integrator needs for an error, relative to the fewest known (`fronts`).
 
-On each scene the integrator runs to the end with ever doubled numbers of steps (or ever smaller tolerances), until the
-error is below the smallest that is compared, no longer falls, or a run would need more than `MOST` evaluations.
-Evaluations are those of the gradient by q or by p, whichever are more; unlike times (`times`) they do not depend on the
-machine.
+On each of two scenes (a problem, a span and the end state as the quantity) the integrator runs to the end with ever
+doubled numbers of steps (or ever smaller tolerances), until the error is below the smallest that is compared, no longer
+falls, or a run would need more than `MOST` evaluations.  Evaluations are those of the gradient by q or by p, whichever
+are more; unlike times (`times`) they do not depend on the machine.
 """
 
 from __future__ import annotations
@@ -38,7 +38,10 @@ LOOSEST, TIGHTEST = 1e-2, 1e-13
 
 
 class Run(NamedTuple):
-    """A run of ``size`` steps, or at the tolerance ``size``; its error is infinite if it did not reach the end."""
+    """A run of ``size`` steps, or at the tolerance ``size``: its gradient evaluations and its error.
+
+    The error is infinite if the run did not reach the end.
+    """
 
     size: float
     evaluations: float
@@ -46,7 +49,7 @@ class Run(NamedTuple):
 
 
 def scenes(subject: Subject) -> list[str]:
-    """The first and the last of the stored scenes (problem, span, quantity) that the integrator can run."""
+    """Return the ids of the first and the last stored scene (problem, span, quantity) that an integrator can run."""
     if set(subject.own.requires) & set(fronts.OTHER_WORK):
         return []
     able = [
@@ -93,13 +96,24 @@ def place(subject: Subject, scene: str) -> dict:
 def run_subject(
     subject: Subject, entry: Entry, problem: Problem, t_end: float, size: float
 ) -> tuple[float, np.ndarray | None]:
-    """(evaluations, state at the end or None) of a run of ``size`` steps, or at the tolerance ``size``."""
+    """Run an integrator from t = 0 to ``t_end``; return (gradient evaluations, end state).
+
+    The end state is an array (2 d,), or None if the run fails.
+
+    Parameters
+    ----------
+    entry, problem : the problem, as a system with initial state for a user's own integrator, and for a registered one
+    size : the number of steps or, for an adaptive integrator, the tolerance
+    """
     run = _run_registered if subject.integrator is not None else _tolerance if subject.adaptive else own
     return run(subject, entry, problem, t_end, size)
 
 
 def own(subject: Subject, entry: Entry, problem: Problem, t_end: float, steps: int) -> tuple[float, np.ndarray | None]:
-    """(gradient evaluations, end state) of a run of a user's step; the state is None if the run fails numerically."""
+    """Run a user's step from the state of ``entry`` to ``t_end`` in ``steps`` steps.
+
+    Returns (gradient evaluations, end state, array (2 d,)); the state is None if the run fails numerically.
+    """
     stepper = Stepper(subject, entry)
     try:
         rows = stepper.run(np.array(entry.state), t_end / steps, steps, every=steps)
@@ -111,7 +125,10 @@ def own(subject: Subject, entry: Entry, problem: Problem, t_end: float, steps: i
 
 
 def _tolerance(subject: Subject, entry: Entry, problem: Problem, t_end: float, tol: float) -> tuple[float, np.ndarray]:
-    """(gradient evaluations, end state) of a run of a user's adaptive integrator at tolerance ``tol``."""
+    """Run a user's adaptive integrator from the state of ``entry`` to ``t_end`` at tolerance ``tol``.
+
+    Returns (gradient evaluations, end state, array (2 d,)).
+    """
     system, y, d = own_step.System(entry.system), np.array(entry.state), entry.system.d
     with report_failures(subject, f"the run on {entry.name} with tol = {tol:g}"):
         pair = subject.run(system, y[:d], y[d:], t_end, tol)
@@ -124,7 +141,11 @@ def _tolerance(subject: Subject, entry: Entry, problem: Problem, t_end: float, t
 def _run_registered(
     subject: Subject, entry: Entry, problem: Problem, t_end: float, size: float
 ) -> tuple[float, np.ndarray | None]:
-    """(gradient evaluations, end state) of a run of a registered method or peer, which counts them itself."""
+    """Run a registered method or peer, which counts its evaluations itself, on a problem to ``t_end``.
+
+    ``size`` is the number of steps or the tolerance.  Returns (gradient evaluations, end state, array (2 d,), or None
+    if the run fails).
+    """
     wanted = {"tol": max(size, subject.integrator.record.least)} if subject.adaptive else {"steps": size}
     end = subject.integrator.run(problem, t_end=t_end, save_every=0, **wanted)
     state = np.concatenate([end.q[-1], end.p[-1]]) if end.status == OK else None
@@ -132,7 +153,7 @@ def _run_registered(
 
 
 def end_reason(runs: list[Run], adaptive: bool) -> str:
-    """Why no finer run follows the last of ``runs``; "" if one does."""
+    """Return why the sequence of ever finer runs ends with the last of ``runs``; "" if another run is to follow."""
     last, errors = runs[-1], [r.error for r in runs]
     if last.error <= fronts.ERRORS[-1]:
         return "the smallest error is met"

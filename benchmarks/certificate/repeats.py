@@ -1,8 +1,8 @@
-"""Whether a step keeps something between calls: earlier calls are repeated at the end, on the same object.
+"""Whether a step keeps something between calls: earlier calls are repeated at the end, on the same step object.
 
 A random sample of the calls of all measures is repeated in another order: a step without memory returns the same each
-time.  It is also called at states close to the sampled ones, where it was never called: a true step map is continuous
-there, while a step that replays remembered answers gives something else.
+time.  The step is also called at states close to the sampled ones, at which it was never called: a true step map is
+continuous there, while a step that replays remembered answers gives something else.
 """
 
 from __future__ import annotations
@@ -104,9 +104,10 @@ def unheard(subject: Subject) -> Subject:
 
 
 def repeat_calls(subject: Subject, calls: Calls) -> list[dict]:
-    """Two rows on a step's memory: how much results differ when recorded calls are repeated in another order (first).
+    """Repeat the recorded calls of a step and return two rows on its memory, each with a ``value`` that should be 0.
 
-    The second row has the largest jump between a recorded result and results from states close by.
+    The first has the largest change of a result when the calls are repeated in another order, the second the largest
+    jump between a recorded result and the results from states close by.
     """
     calls.listening = False
     rng, kept = np.random.default_rng([6, calls.seed]), calls.kept

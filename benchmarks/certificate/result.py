@@ -71,7 +71,10 @@ class Certificate(TabularResult):
         }
 
     def to_frame(self) -> pd.DataFrame:
-        """A row for each claim: claim, verdict, measured, interval, on, why; ``attrs`` has verdict and offers."""
+        """A row for each claim: claim, verdict, measured value, interval, on (the systems that decide) and why.
+
+        The frame's ``attrs`` have the integrator, the verdict on the whole, and the offers (claims that could be made).
+        """
         import pandas as pd
 
         frame = pd.DataFrame([j.row() for j in self.claims])

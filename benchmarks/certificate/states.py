@@ -1,8 +1,8 @@
 """Errors of single steps from states of very different sizes, since a step may be right near one size only.
 
 For each polynomial system, states are drawn whose q and p have sizes from 1e-3 to 40, each with its own unit of time.
-Of a correct step the errors fall as h^(p+1) when h is halved, and the step in doubles is the one in many digits up to
-round-off.
+If a step of order p is correct, its errors fall as h^(p+1) when h is halved, and its results in doubles and in many
+digits agree up to round-off.
 """
 
 from __future__ import annotations
@@ -47,9 +47,10 @@ def states(subject: Subject, entries: list[Entry], seed: int, arithmetic: str) -
 
 
 def draw_entry(entry: Entry, sizes: tuple[float, float], seed: int) -> Entry:
-    """Return the entry with another state, drawn at random: with q and p of the given ``sizes``, and its unit of time.
+    """Return the entry with another state, drawn at random, and the unit of time that suits it.
 
-    A user's own problem gets a state near its initial one instead.
+    The q and p of the state have the given ``sizes``.  An entry with ``share``, as a user's own problem, keeps its
+    sizes and gets a state near its initial one instead.
     """
     rng = np.random.default_rng([4, seed, *entry.name.encode()])
     if entry.share:

@@ -62,7 +62,7 @@ class Exact:
     def _slopes(
         self, q: Sequence[Number] | np.ndarray, p: Sequence[Number] | np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """(q', p') at a state; remembered for the next call at the same state."""
+        """Return (q', p') at a state, arrays (d,); they are kept for the next call, which may be at the same state."""
         state = (*q, *p)
         if self._last[0] != state:
             self._last = state, self._field(vector(q), vector(p), 0, 0)
@@ -105,7 +105,10 @@ class Stepper:
         self.system = own_step.System(whole) if self.arithmetic == DOUBLE else Exact(whole)
 
     def __call__(self, y: np.ndarray, h: Number) -> np.ndarray:
-        """The state after one step from y, array (2 d,), moved to the system's constraints; raises StepFailed."""
+        """Move y to the system's constraints, if any, and return the state after one step h from it, array (2 d,).
+
+        Raises StepFailed.
+        """
         return self.advance(self.retract(y), h)
 
     def retract(self, y: np.ndarray) -> np.ndarray:
@@ -116,7 +119,10 @@ class Stepper:
         return np.concatenate(system.retract(y[: system.d], y[system.d :], self.arithmetic))
 
     def advance(self, y: np.ndarray, h: Number) -> np.ndarray:
-        """The state after one step from y as it is, array (2 d,); raises StepFailed."""
+        """Return the state after one step h from y itself, which is not moved to constraints; array (2 d,).
+
+        Raises StepFailed.
+        """
         d = self.system.d
         return self._state(self.raw(y[:d].copy(), y[d:].copy(), self.number(h)))
 
@@ -152,7 +158,10 @@ class Stepper:
         return y
 
     def run(self, y: Sequence[Number] | np.ndarray, h: Number, steps: int, every: int = 1) -> np.ndarray:
-        """The states at the start and after every Nth step, array (rows, 2 d); ends before one that is not finite."""
+        """Take steps h from y; return the states at the start and after every ``every`` steps, array (rows, 2 d).
+
+        In doubles the rows end before the first state that is not finite.
+        """
         y = self.state(y)
         rows = [y]
         for n in range(1, steps + 1):

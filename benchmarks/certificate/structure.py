@@ -125,7 +125,10 @@ def reversibility(stepper: Stepper, y: np.ndarray, h: Number) -> tuple[float, fl
 
 
 def smooth(stepper: Stepper, seed: int) -> float:
-    """The third difference of the step along a line of states and steps h; if large, the step rounds internally."""
+    """Return the third difference of the step's result along a line of states and steps h, in many digits.
+
+    If it is large, the step rounds its numbers internally.
+    """
     with precision(DIGITS):
         y, tiny = stepper.state(stepper.entry.start(seed)), to_number(1e-9, MULTIPRECISION)
         h = stepper.number(0.125 * stepper.entry.unit)

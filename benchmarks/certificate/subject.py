@@ -72,12 +72,12 @@ def subject(
     claims: Mapping[str, Any] | None = None,
     requires: tuple[str, ...] = (),
 ) -> Subject:
-    """The integrator that a target names, with claims and requirements added to its own.
+    """Return the integrator that a target names, with claims and requirements added to its own.
 
     Parameters
     ----------
     target : the path of a file (Python with ``step`` or ``run``, JSON with coefficients), ``package.module:callable``,
-        a callable, the id or the record of a method or a peer
+        a callable, the id or the record (registered description) of a method or a peer
     claims : name -> value; they replace claims of the target
     requires : further traits that a system must have
 
@@ -139,7 +139,7 @@ def _find(name: str) -> Subject:
 
 
 def _import_object(name: str) -> Subject:
-    """Import ``package.module:name``, from the working folder too, as `python -m` does."""
+    """Import the callable ``package.module:name``, also from the working folder as with `python -m`, as a `Subject`."""
     home, _, path = name.partition(":")
     here = str(Path.cwd())
     added = here not in sys.path and "" not in sys.path

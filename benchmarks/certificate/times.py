@@ -5,12 +5,12 @@ r"""An integrator's time over that of the fastest known one, by way of a referen
     \frac{T_\text{ref}}{T_\text{fastest}}\Big|_\text{in the trade}
 
 "The trade" is the stored comparison of all integrators by error and time (`experiments.trade`).  The first factor is
-measured here, in runs in turns and in this process's processor seconds: work of other processes is not counted, even
-if a step starts them (a peer reports its own seconds).  T is scaled with the number of evaluations, and `place` tells
-how many an error needs.  The second factor is stored in `times.csv`, computed from the trade: a ratio on one machine,
-where runs of microseconds include the overhead of a call.
-Estimated in this way, the reference's own times were 0.58 to 1.01 times those of its runs in the trade (on kepler-orbit
-and double-pendulum-chaotic), the least for errors of 1e-2: so the estimate is good to a factor of 2.
+measured here: the integrator and the reference method run in alternation, and the processor seconds of this process
+count, so that the work of other processes is left out, even of those that a step starts (a peer, an integrator of
+another package, reports its own seconds).  T is scaled with the number of evaluations that an error needs (`place`).
+The second factor is stored in `times.csv`, computed from the trade: a ratio on one machine, where runs of microseconds
+include the overhead of a call.  The estimate is good to a factor of 2: this was found by estimating the reference's own
+times in this way.
 
 A step called from Python carries Python's overhead.  A Runge-Kutta step called in the same way, timed beside the
 compiled reference, tells how much that is for an evaluation.
@@ -68,8 +68,8 @@ class StoredTimes:
 
     Attributes
     ----------
-    steps, evaluations : of the stored run of the reference method
-    fastest : error -> the fastest integrator, and its time over that of this run
+    steps, evaluations : number of steps and of gradient evaluations of the stored run of the reference method
+    fastest : error -> the fastest integrator, and its time over that of the reference method's run
     """
 
     steps: int
@@ -80,8 +80,9 @@ class StoredTimes:
 def build(choices: Iterable[Mapping[str, Any]], rungs: Iterable[Mapping[str, Any]]) -> list[dict[str, Any]]:
     """Compute the lines of `times.csv`: at each error the fastest integrator, its time over that of a reference method.
 
-    ``choices`` has, at each error, the fastest method of this project and the fastest peer; ``rungs`` has all stored
-    runs.  The reference method is represented by its longest run, in which the overhead of the call weighs least.
+    ``choices`` has, for each scene (problem and span) and error, the fastest method of this project and the fastest
+    peer (integrator of another package); ``rungs`` has all stored runs.  The reference method is represented by its
+    longest run, in which the overhead of the call weighs least.
     """
     runs = [r for r in rungs if r["integrator"] == REFERENCE and r.get("status") == OK]
     lines = []
@@ -199,7 +200,10 @@ def _clock(run: Callable[[], object]) -> Callable[[], float]:
 
 
 def _often(problem: Problem, method: str | Method, t_end: float, steps: int) -> Callable[[], float]:
-    """A function that runs a compiled method `INNER` times and returns the mean seconds of a run."""
+    """Return a function that integrates a problem to ``t_end`` `INNER` times and returns the mean seconds of a run.
+
+    The runs are those of a compiled method, with the given number of steps.
+    """
     name = getattr(method, "id", method)
     with naming(name):
         compiled = prepare(problem, method)
@@ -214,7 +218,10 @@ def _often(problem: Problem, method: str | Method, t_end: float, steps: int) -> 
 
 
 def _seconds(chosen: Subject, problem: Problem, t_end: float, size: float) -> float:
-    """The seconds that a peer reports for a run."""
+    """Run a peer (an integrator of another package) to ``t_end`` and return the seconds that it reports.
+
+    ``size`` is the number of steps or the tolerance.
+    """
     wanted = {"tol": max(size, chosen.integrator.record.least)} if chosen.adaptive else {"steps": size}
     return chosen.integrator.run(problem, t_end=t_end, save_every=0, **wanted).seconds
 
@@ -224,7 +231,20 @@ def times_row(
 ) -> dict[str, Any]:
     """Estimate, at each error that an integrator reaches, its time over that of the fastest stored one; return a row.
 
-    ``seconds`` are of runs of the step and of a reference method, timed alternately; ``known`` has the stored times.
+    Parameters
+    ----------
+    row : the comparison of the integrator's evaluations with stored ones on a scene, from `place.place`
+    known : the stored times on the scene
+    evaluations : those of the run that was timed
+    seconds : "mine", "reference" and perhaps "python" -> seconds of runs of the integrator, of the reference method,
+        and of a Runge-Kutta step in Python, timed alternately
+
+    Returns
+    -------
+    dict
+        ``on``, the scene; ``reference``, the method; ``errors``, a dict for each error with the ``fastest`` integrator,
+        the ratio of times (``factor``) and its interval ``low``, ``high``; ``python``, the time of an evaluation called
+        from Python over that of a compiled one (value, low, high), or None
     """
     here = timing.ratio(seconds["mine"], seconds["reference"])
     errors = []

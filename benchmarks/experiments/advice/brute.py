@@ -2,8 +2,9 @@
 
 It shares with the advice only the integrators, the quantity and the clock; it has no ranking and does not extrapolate.
 The size of a run is its number of steps or its tolerance.  For each integrator the size starts at one step, or at a
-loose tolerance, and is refined by a factor of `COARSE` (`TOLERANCE`) until a run meets the accuracy or costs `DEAR`
-times the fastest so far; then the interval between the last miss and the first hit is searched in factors of `FINE`.
+loose tolerance.  It is refined, the steps by a factor of `COARSE` or the tolerance by `TOLERANCE`, until a run meets
+the accuracy or costs `DEAR` times the fastest so far; then numbers of steps between the last miss and the first hit are
+searched in factors of `FINE`.
 """
 
 from __future__ import annotations
@@ -86,7 +87,7 @@ class Runs:
         self.clocks = clock.Clocks(self.ask.problem, self.ask.t_end)
 
     def met(self, run: Run) -> bool:
-        """True if a run meets the accuracy, with a margin for the reference's error and for other round-off."""
+        """True if a run meets the accuracy, with a margin for the reference's error and other round-off in a rerun."""
         size = float(np.abs(self.true.values).max(initial=0.0))
         slack = self.true.uncertainty + ROUND_OFF * max(size, 1.0 if self.ask.quantity.kept else 0.0)
         return run.ok and (1 + SLACK) * run.error + slack <= self.ask.accuracy
@@ -162,7 +163,10 @@ class Best(NamedTuple):
 
 
 def everybody(ask: Ask) -> Iterator[Integrator]:
-    """Yield the installed integrators that can handle a request (its problem and invariants), heyoka first."""
+    """Yield the installed integrators that can handle a request (its problem and invariants), heyoka first.
+
+    Only this project's methods and integrators of the other packages in `COMPILED` are tried.
+    """
     for record in sorted((*METHODS, *PEERS), key=lambda r: r.id != FIRST):
         c = Integrator(record)
         if c.id in LEFT_OUT or c.kind not in COMPILED or not c.installed or c.lacks(ask.problem):

@@ -82,7 +82,7 @@ def row(a: TypedRequest, against_all: bool) -> dict[str, Any]:
     """Search advice for one request and return its row of the table "advice".
 
     If ``against_all``, a brute-force search adds the fastest integrator and the ratio of times.  `measure_rows` adds
-    the error of the rerun and ``met``.
+    the error of the rerun and ``met``, whether this error is within the accuracy.
     """
     question = asked_of(a)
     began, processor = time.perf_counter(), time.process_time()
@@ -109,9 +109,12 @@ def row(a: TypedRequest, against_all: bool) -> dict[str, Any]:
 
 
 def _against(question: Ask, choice: dict[str, Any]) -> dict[str, Any]:
-    """Compare the advised ``choice`` with the fastest integrator of a brute-force search, timed in alternating rounds.
+    """Compare the advised integration with the fastest one that a brute-force search over all integrators finds.
 
-    Returns columns for the row: the fastest integrator, its size and error, the seconds of both, their ratio.
+    ``choice`` is the advised integration, a dict of the answer.  Both are timed in alternation.  Returns columns for
+    the row: the fastest integrator (``best``, None if none meets the accuracy), its size (steps or tolerance) and
+    error, how many integrators and runs were tried, the seconds of both, and the time of the advised one over that of
+    the fastest (``ratio``).
     """
     true = truths.truth(question.problem, question.quantity, question.t_end)
     found = brute.best(question, true)

@@ -48,7 +48,7 @@ def _with_advice(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def _with_brute_force(table: pd.DataFrame) -> pd.DataFrame:
-    """Select the requests for which brute force looked for the fastest integrator."""
+    """Select the requests whose advised integration was timed against the fastest one that brute force found."""
     return table[table["ratio"].notna()] if "ratio" in table else table.head(0)
 
 
@@ -169,9 +169,9 @@ def table(found: pd.DataFrame) -> Table:
 
 
 def _by_construction(advised: pd.DataFrame) -> str:
-    """Write how many requests for an accurate energy get a method that keeps it at any step, even on a wrong orbit.
+    """Write how many requests for an accurate energy are advised a method that keeps the energy at any step size.
 
-    Empty if there is none.
+    Such a method keeps it even on a wrong orbit.  The text is empty if there is no such request.
     """
     energy = advised[advised["quantity"] == ENERGY] if "quantity" in advised else advised.head(0)
     conserved = sum(map(_keeps_energy, energy["choice"]))

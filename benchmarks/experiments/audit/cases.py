@@ -30,7 +30,7 @@ class Case:
 
     Attributes
     ----------
-    problem, parameters : as `benchmarks.problems.problem` takes them
+    problem, parameters : the problem's name with its orbit, and (name, value) of parameters without the default value
     letter : abbreviation of the problem in tables
     separable : whether H = T(p) + V(q)
     unit : whether all components are of about the same size, so that one finite-difference displacement suits them all
@@ -114,7 +114,7 @@ class Truth:
     noise: float
 
     def error(self, q: np.ndarray, p: np.ndarray) -> float:
-        """The largest error of rows q, p, relative to the size of the coordinates or the momenta."""
+        """The largest error of states q, p, arrays (ROWS, d), relative to the size of coordinates or of momenta."""
         return max(float(np.abs(x - y).max()) / s for x, y, s in zip((q, p), (self.q, self.p), self.sizes, strict=True))
 
 
@@ -147,10 +147,11 @@ def able(peer: Integrator, wanted: Iterable[Case]) -> Iterator[Case]:
 
 
 def select(peer: Integrator, measure: str, quick: bool = False) -> list[Case]:
-    """Select the cases of a measure that a peer can integrate: at most two with separable H, and one or two without.
+    """Select the cases for a measure, among those that a peer (an integrator of another package) can integrate.
 
-    ``measure`` is "order", "symplecticity" and the like; measures other than "order" and "tolerance", and quick runs,
-    get fewer.
+    ``measure`` is "order", "symplecticity" and the like.  For "order" and "tolerance" there are up to two cases with
+    separable H and one or two without, for most others up to one of each, for "cost" and in quick runs one.
+    "stability" is measured on the harmonic oscillator only.
     """
     if measure == "stability":
         return list(able(peer, (OSCILLATOR,)))

@@ -115,7 +115,10 @@ def _high(peer: Integrator) -> bool:
 
 
 def order(peer: Integrator, case: Case, late: Callable[..., bool] = never) -> dict:
-    """Measure the order in h, with its interval and the window of steps of the fit; ``late()``: the time is over."""
+    """Measure the order in h, with its interval and the window of steps of the fit; return the columns of a row.
+
+    ``late()`` is True when the time for the measurement is over; then the last run is the finest.
+    """
     truth = cases.truth(case)
     h, error, why = [], [], ""
     found = metrics.order(h, error)
@@ -163,7 +166,11 @@ def order(peer: Integrator, case: Case, late: Callable[..., bool] = never) -> di
 
 
 def asymptotic(h: np.ndarray, error: np.ndarray, noise: float) -> tuple[metrics.Order, float]:
-    """Fit the order to errors (m,) at falling steps h (m,): (order and interval, half its change inside the window)."""
+    """Fit the order to errors (m,) at falling steps h (m,) where they fall as a power of h.
+
+    Returns (order with its interval and window, half the difference of the order between the finer and the coarser half
+    of the window).  ``noise`` is the error below which round-off counts.
+    """
     # At steps finer than that of the least error round-off accumulates; it also affects errors near the least.
     least = int(np.nanargmin(error)) + 1
     if least < len(h):
@@ -207,7 +214,7 @@ def _map(
 
 
 def _symplectic_defect(peer: Integrator, case: Case, h: float, steps: int) -> tuple[float, float]:
-    """The symplecticity defect of ``steps`` steps, and its noise."""
+    """Return (the symplecticity defect max |M^T J M - J| of ``steps`` steps, its noise)."""
     y = np.concatenate(cases.start(case))
     value, noise = step_map.symplecticity(_map(peer, case, h, steps), y, DISPLACEMENT, 2 * DISPLACEMENT)
     return value, max(noise, EPS * float(np.abs(y).max()) * steps / DISPLACEMENT)
@@ -264,9 +271,11 @@ def _structure(measure: str, peer: Integrator, case: Case, steps: int) -> dict:
 
 
 def symplecticity(peer: Integrator, case: Case, late: Callable[..., bool] = never) -> dict:
-    """Measure the symplecticity defect of 1 and of 10 steps; ``value`` is the one farther above its round-off.
+    """Measure the symplecticity defect of 1 and of 10 steps; return a row with the one that shows more.
 
-    ``late()`` is True when the time for the measurement is over.
+    If the structure is broken, this is the defect that is farther above its floor; if it is kept, the one for which
+    RK4's defect, the example of a broken structure, is farther above the floor.  ``late()`` is True when the time for
+    the measurement is over.
     """
     rows = []
     for steps in JACOBIAN_STEPS:
@@ -279,7 +288,11 @@ def symplecticity(peer: Integrator, case: Case, late: Callable[..., bool] = neve
 
 
 def reversibility(peer: Integrator, case: Case, late: Callable[..., bool] = never) -> dict:
-    """Measure the distance from the start after steps out and back, absolute and in units of round-off."""
+    """Measure the distance from the start after steps out and back.
+
+    Returns the distance (``value``) and, for fixed steps, the same in units of round-off (``units``) and whether it is
+    exactly 0 (``bitwise``).
+    """
     if peer.adaptive:
         tol, taken = _tolerances(peer)[1], []
         flow = _map(peer, case, case.h, OUT, tol, taken)
@@ -327,7 +340,11 @@ def _matrix(peer: Integrator, case: Case, h: float, steps: int = 1) -> np.ndarra
 
 
 def stability(peer: Integrator, case: Case, late: Callable[..., bool] = never) -> dict:
-    """Find the stable intervals of h omega; ``value``: end of the first; ``reason``: why the scan ended early."""
+    """Find the intervals of h omega in which the steps on the harmonic oscillator are stable.
+
+    Returns the end of the first interval (``value``), all intervals as text, how far was scanned, and the ``reason`` if
+    the scan ended early.
+    """
     end = ""
 
     def step_matrix(h: float) -> np.ndarray | None:

@@ -230,7 +230,10 @@ def _claim(r: Any) -> dict:
 
 
 def _changes(package: str, version: str, mode: str, part: pd.DataFrame) -> dict:
-    """Make a line of the findings' table: integrators (``part``) that leave the floating-point mode ``mode``."""
+    """Make a line of the findings' table: integrators that change the process's floating-point mode.
+
+    ``part`` has their rows; ``mode`` says when they change it, such as "changed by a run".
+    """
     return {
         "package": f"{package} {version}",
         "said": f"(nothing) {join_list(list(part['peer']), 3)}",

@@ -101,7 +101,10 @@ def every(*verdicts: Callable[[Values], str]) -> Callable[[Values], str]:
 
 
 def a_l_stable(values: Values) -> str:
-    """Judge A- and L-stability from pairs (max |R| - 1 on the imaginary axis, |R| far out) of stability functions R."""
+    """Judge A- and L-stability from pairs of values of stability functions R(z): holds or contradicted.
+
+    A pair is (max |R| - 1 on the imaginary axis, |R| far from 0), as printed by the script.
+    """
     above, far = max(map(float, values[::2])), max(map(float, values[1::2]))
     return HOLDS if above <= ROUND_OFF and far < 1e-4 else CONTRADICTED
 

@@ -57,7 +57,8 @@ def _missing_names(
 ) -> list[str]:
     """Return the names that no registered peer of a package uses, sorted.
 
-    A name is used if it occurs as a word in ``of(peer)``, by default the source of its claims, of any peer.
+    A peer is an integrator of another package.  A name counts as used if it is a word of ``of(peer)``, by default the
+    source of the peer's claims, for any peer of the package.
     """
     said = {word for p in _peers(package) for word in re.findall(r"\w+", of(p))}
     return sorted(n for n in names if n not in said)

@@ -59,7 +59,7 @@ class Listed:
 
 
 def _rows(kind: str, text: str) -> tuple[Listed, ...]:
-    """Parse lines "stages | order | publication | ids" into listed methods of a kind, one for each id."""
+    """Parse lines "stages | order | publication | ids" into `Listed` methods of a kind, one for each id of a line."""
     out = []
     for line in text.strip().splitlines():
         stages, order, work, ids = (x.strip() for x in line.split("|"))
@@ -68,7 +68,10 @@ def _rows(kind: str, text: str) -> tuple[Listed, ...]:
 
 
 def _processed(kind: str, text: str, quoted: bool = True) -> tuple[Listed, ...]:
-    """Parse lines as `_rows` does, into processed methods; ``quoted`` if a program names the survey's row."""
+    """Parse lines as `_rows` does, into processed methods (a kernel between a processor and its inverse).
+
+    ``quoted`` is True if a public program names the rows of the survey's table.
+    """
     return tuple(Listed(r.kind, r.stages, r.order, r.work, r.id, "", quoted, True) for r in _rows(kind, text))
 
 
@@ -223,11 +226,10 @@ def numbers_of(table: Table) -> list[mpmath.mpf]:
 
 
 def digits(table: Table, numbers: list[mpmath.mpf]) -> tuple[int | None, int | None]:
-    """Count how many decimals of a table's worst number are printed, and how many of these are right.
+    """Return (printed decimals, right decimals) of the coefficient with the most wrong decimals in a table.
 
-    The worst is the one with the most wrong decimals.  A decimal is right if the number is within one unit of this
-    decimal from the exact number in ``numbers``, which solves the order conditions.  (None, None) if all numbers are
-    exact or closed forms.
+    A decimal is right if the printed number is within one unit of this decimal from the exact number in ``numbers``,
+    which solves the order conditions.  (None, None) if all numbers are exact or closed forms.
     """
     found = []
     with mpmath.workdps(DIGITS):
@@ -241,7 +243,7 @@ def digits(table: Table, numbers: list[mpmath.mpf]) -> tuple[int | None, int | N
 
 
 def order_of(table: Table, numbers: list[mpmath.mpf]) -> tuple[int, ...]:
-    """Compute the order that the order conditions show of a table's method with these coefficients.
+    """Return the order of a table's method with the coefficients ``numbers``, as the order conditions show it.
 
     For A + eps B it has an entry for each power of eps, as in (8, 4).
     """

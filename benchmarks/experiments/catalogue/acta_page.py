@@ -127,7 +127,10 @@ def _digits(row: pd.Series) -> str:
 
 @of("acta")
 def _missing_and_worst(acta: pd.DataFrame) -> Table:
-    """Make the page's table: listed methods that are missing, processed ones, then those with the most wrong digits."""
+    """Make the page's table: listed methods that are missing, processed ones, then those with the most wrong digits.
+
+    Processed methods are those with a kernel and a processor.
+    """
     lost = acta["digits printed"].astype(float) - acta["digits that hold"].astype(float)
     rank = lost.fillna(-1.0)
     rank[acta["processed"].astype(bool)] += 100.0

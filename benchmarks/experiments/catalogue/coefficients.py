@@ -78,7 +78,7 @@ def frame() -> pd.DataFrame:
 
 
 def repairs() -> pd.DataFrame:
-    """Make a row for each misprinted coefficient: its place, the printed number, and the right one."""
+    """Make a row for each misprinted coefficient: its index in the table, the printed number, and the right one."""
     rows = []
     with mpmath.workdps(DIGITS):
         for name, damaged in DAMAGED.items():

@@ -74,6 +74,9 @@ def digest(file: Path) -> str:
 
 
 def digests(score: Path = SCORE, root: Path = sources.ROOT) -> list[str]:
-    """Return what the rows depend on: hashes of the score and the scored files, and the names of the other files."""
+    """Return hashes of the stored score and of the scored files, and the names of the other files.
+
+    The rows of `frame` depend on these.
+    """
     lines = _lines(score)
     return [digest(score), *(digest(root / of["path"]) for of in lines), *files_without_score(lines, root)]

@@ -67,13 +67,14 @@ class Transcribed:
     package, repository, path, line, commit, date : where the table stands, and when it was read
     name : what the package calls it
     kind : "runge-kutta", "composition", "near-integrable" and the like, which decides how its order is computed
-    stated : the order that the package states, () where it states none
+    stated : the order that the package states, an entry for each power of eps for A + eps B; () where it states none
     named : the order of the published method it is named after, where none is stated
     ours : the name of this project's table with the same numbers, "" if there is none
-    numbers : "gamma", "a", "b" or "A" -> the numbers, as texts
+    numbers : "gamma" (fractions of a composition), "a" and "b" (weights of a splitting), or "A" and "b" (matrix, row by
+        row, and weights of a Runge-Kutta method) -> the numbers, as texts
     first : the letter of the first substep, "A" or "B"
-    mirrored : True if only the first half of a symmetric table stands there
-    used : what it is used for, if not to integrate the motion
+    mirrored : True if the source has only the first half of a symmetric table
+    used : what the package uses it for, if not to integrate the motion
     remark : further words on it
     """
 
@@ -96,7 +97,7 @@ class Transcribed:
 
     @property
     def expected(self) -> tuple[int, ...]:
-        """The order that is stated, else that of the method it is named after."""
+        """The order that is stated or, if none is, that of the method after which the table is named."""
         return self.stated or self.named
 
     @property
@@ -147,8 +148,8 @@ def find(package: str, name: str) -> Transcribed:
 def evaluate(text: str, change: int = EXACT) -> mpmath.mpf:
     """Evaluate a number or expression in `DIGITS` digits; its decimals are taken as exact fractions, not as doubles.
 
-    ``change`` (`EXACT`, `PRINTED`, `DOUBLES`) moves the last digit of every rounded number in it, up or down: not at
-    all, the last printed digit, or the last one that doubles resolve too.
+    ``change`` alters every rounded number in the expression by a unit of its last digit, up or down: `EXACT` not at
+    all, `PRINTED` in the last printed digit, `DOUBLES` in the last digit that is both printed and resolved by doubles.
     """
     decimals: dict[str, Any] = {}
 
@@ -273,9 +274,10 @@ def measured_order(table: Transcribed, rounding: float) -> Order:
 
 
 def _candidates(ours: str) -> list[mpmath.mpf]:
-    """Return the numbers with which a package may print this project's table ``ours``.
+    """Return the numbers that a package may print for the method of this project's table ``ours``.
 
-    They are its coefficients, its weights, the halves of its substeps between adjoint pairs, and half of each.
+    They are its coefficients, the weights of its substeps, the lengths of the steps if the method is written as a
+    composition of a first-order method and its adjoint, and half of each of these.
     """
     table = find_table(ours)
     numbers = numbers_of(table)
@@ -289,10 +291,10 @@ def _candidates(ours: str) -> list[mpmath.mpf]:
 
 
 def digits_that_hold(table: Transcribed) -> tuple[int | None, int | None]:
-    """Count (decimals printed, decimals that hold) of the printed number with the most wrong decimals.
+    """Return (printed decimals, right decimals) of the printed number with the most wrong decimals in a table.
 
-    A number's decimals hold as far as it is within one unit of them from a number of this project's table of the same
-    method.  (None, None) if this project has no such table.
+    A decimal is right if the number is within one unit of this decimal from a number of this project's table of the
+    same method.  (None, None) if this project has no such table.
     """
     rounded = printed(table)
     if not table.ours or not rounded or table.kind == RUNGE_KUTTA:

@@ -120,7 +120,7 @@ def sentence(rows: pd.DataFrame) -> str:
 
 @of(TABLE)
 def _findings(rows: pd.DataFrame) -> Table:
-    """Make the page's table: coefficient tables that lack an order, those with wrong digits, those with a remark."""
+    """Make the page's table: coefficient tables that lack their order, those with wrong digits, those with a remark."""
     wanted = _text(rows, "stated order").where(_text(rows, "stated order") != "", _text(rows, "named order"))
     reached = _reaches(rows.assign(wanted=wanted), "wanted")
     lost = (rows["digits printed"].astype(float) - rows["digits that hold"].astype(float)).fillna(0.0)

@@ -15,7 +15,10 @@ from phasebench.benchmarks.page.verdict import PASS
 
 @pytest.mark.parametrize("verdict", [kept, left, same, drift])
 def bench_constraints(measured_rows: Callable[[str], list[dict]], verdict: Callable[..., Any]) -> None:
-    """Check a verdict of the page: methods keep constraints and energy, and the control leaves the manifold."""
+    """Check one verdict of the report page, a function of the measured tables; skip it if nothing was measured.
+
+    The verdicts: methods keep constraints and energy, and the control, an ordinary method, leaves the manifold.
+    """
     found = verdict(lambda name: pd.DataFrame(measured_rows(name)))
     if found is None:
         pytest.skip("none of its rows is measured in this run")

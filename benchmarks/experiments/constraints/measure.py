@@ -2,12 +2,13 @@ r"""Methods for constraints beside ordinary ones on the index-reduced equations,
 
 Three tables are measured:
 
-- **Manifold**: the largest constraint and hidden constraint over `SPAN`, the largest error of the energy, the error of
-  the end state, the evaluations per step.
+- **Manifold**: the largest constraint and hidden constraint (its time derivative) over `SPAN`, the largest error of the
+  energy, the error of the end state, the evaluations per step.
 - **Drift**: the slope of the energy over a million steps of `rattle`, with its interval, on a sphere and on a molecule.
 - **Tolerance**: the slope for a plain RATTLE whose multipliers are iterated to a tolerance of the constraints,
   as packages of molecular dynamics do.  One iteration for :math:`\tfrac12(|q|^2 - 1) = 0` moves q by
-  :math:`-\frac{|q|^2 - 1}{2\,q\cdot q_0}\,q_0`; the momentum is projected with the last q.
+  :math:`-\frac{|q|^2 - 1}{2\,q\cdot q_0}\,q_0`, where q_0 is the q before the step; the momentum is projected with the
+  last q.
 
 Source: H. C. Andersen, J. Comput. Phys. 52 (1983) 24-34; J.-P. Ryckaert, G. Ciccotti, H. J. C. Berendsen, J. Comput.
 Phys. 23 (1977) 327-341.

@@ -19,15 +19,15 @@ KEPT, LEFT = 1e-14, 1e-9
 NO_DRIFT = 1e-15
 #: The double pendulum ends within this of the state that is certified in angles.
 SAME = 1e-13
-#: The tolerances of packages of molecular dynamics: GROMACS's shake-tol, and OpenMM's setConstraintTolerance.
+#: A usual tolerance of molecular dynamics: GROMACS's shake-tol (OpenMM's default is 1e-5).
 USUAL = 1e-4
 
 
 @of(MANIFOLD)
 def kept(rows: pd.DataFrame) -> Verdict | None:
-    """Judge whether methods for constraints keep these and their time derivatives, the hidden ones, to round-off.
+    """Judge whether methods for constraints keep the constraints and their time derivatives to round-off.
 
-    The hidden ones are not asked of SHAKE, whose momenta do not satisfy them.
+    The time derivatives (hidden constraints) do not count for SHAKE, whose momenta do not satisfy them.
     """
     bound = rows[rows["bound"].astype(bool)]
     if bound.empty:
@@ -62,7 +62,10 @@ def left(rows: pd.DataFrame) -> Verdict | None:
 
 @of(MANIFOLD)
 def same(rows: pd.DataFrame) -> Verdict | None:
-    """Judge whether the double pendulum in Cartesian coordinates ends in its certified state; None if not measured."""
+    """Judge whether the double pendulum in Cartesian coordinates ends in its certified state; None if not measured.
+
+    A certified state is a stored reference with a bound of its error.
+    """
     found = rows[(rows["problem"] == CARTESIAN) & (rows["method"] == "lobatto-iiia-iiib-constrained-6")]
     if found.empty:
         return None

@@ -1,4 +1,7 @@
-"""Check that the 95 % interval of a drift covers the true drift often enough, where the oscillation is resolved."""
+"""Check that the 95 % interval of an estimated drift covers the true drift of artificial series often enough.
+
+Only series with enough periods of their oscillation to tell it from a drift are checked.
+"""
 
 from __future__ import annotations
 
@@ -9,9 +12,10 @@ from phasebench.benchmarks.experiments.drift.page import LEAST, is_resolved
 
 
 def off(rows: list[dict]) -> list[str]:
-    """List a line for each kind of series with a resolved oscillation whose intervals miss the true drift too often.
+    """List a line for each kind of series whose 95 % intervals miss the true drift too often.
 
-    ``rows`` are those of the table "drift_coverage".
+    ``rows`` are those of the table "drift_coverage".  Series count if their oscillation is resolved, that is, has
+    enough periods to be told from a drift.
     """
     return [
         f"{r['kind']}, {r['periods']:g} periods in {r['points']} points: covered in {r['covered']:.3f}"

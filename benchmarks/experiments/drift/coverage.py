@@ -40,7 +40,10 @@ SAMPLED = 4
 def series(
     kind: str, periods: float, points: int, generator: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray, float]:
-    """Draw one series: (t, e, its true drift), with arrays t and e (points,); e begins with 0."""
+    """Draw one series of a ``kind`` of `KINDS`: (t, e, its true drift), with arrays t and e (points,); e begins with 0.
+
+    ``periods`` is the number of periods of the oscillation in the whole series, varied at random by a few percent.
+    """
     white, walk, slope = KINDS[kind]
     t = np.arange(points) * STEP
     angle = 2 * np.pi * (periods * generator.uniform(0.95, 1.05) * t / t[-1] + generator.random())
@@ -51,10 +54,10 @@ def series(
 
 
 def coverage_row(kind: str, periods: float, points: int, drawn: int = DRAWN) -> dict:
-    """Draw series of a kind and count the drift intervals that cover the true drift.
+    """Draw series of a kind and count how many of their drift intervals cover the true drift; return a row.
 
     The row has the share of intervals that cover and their median half-width, for this project's estimate and for
-    ordinary regression ("by the line").
+    ordinary regression (columns with "by the line").
     """
     generator = np.random.default_rng(zlib.crc32(f"{kind} {periods} {points}".encode()))
     ours, lines = [], []

@@ -26,7 +26,7 @@ CONTROLS = ("rk4", "radau-iia-2")
 
 
 def is_resolved(periods: float) -> bool:
-    """True if there are enough periods in the whole time to tell the oscillation from a drift."""
+    """True if an oscillation has enough ``periods`` in the whole time to be told from a drift."""
     return periods > SLOWEST
 
 
@@ -74,7 +74,7 @@ def lengths(table: pd.DataFrame) -> Verdict | None:
 
 
 def _intervals(rows: pd.DataFrame) -> pd.DataFrame:
-    """Select the long runs that have a drift interval, with a column ``excludes``: the interval excludes 0."""
+    """Select the long runs whose energy drift has an interval; add a column ``excludes``: the interval excludes 0."""
     ran = completed_runs(rows)
     ran = ran[ran["energy_drift_low"].notna() & ran["canonical"]]
     return ran.assign(excludes=ran["sure"] != 0)
@@ -88,7 +88,7 @@ def _bounded_runs(rows: pd.DataFrame) -> pd.DataFrame:
 
 @of("rows")
 def bounded_energy(rows: pd.DataFrame) -> Verdict | None:
-    """Judge whether the drift intervals of methods with bounded energy error contain 0, scene by scene."""
+    """Judge whether the drift intervals of methods with bounded energy error contain 0 on each problem and span."""
     ran = _bounded_runs(rows)
     if ran.empty:
         return None
@@ -120,7 +120,7 @@ def drifting(rows: pd.DataFrame) -> Verdict | None:
 
 @of("rows")
 def controls(rows: pd.DataFrame) -> Verdict | None:
-    """Judge whether every control, a method that must drift, was measured, since else the test could not fail."""
+    """Judge whether every control, a method that must drift, was measured; without one `drifting` proves nothing."""
     if _intervals(rows).empty:
         return None
     there = [id for id in CONTROLS if (_drifting(rows)["id"] == id).any()]

@@ -1,10 +1,10 @@
 """Compare results from other machines with this suite's methods: errors at the same number of evaluations, never times.
 
 A file holds rows (method, step or tolerance, evaluations, end state or energy error) that another package produced on
-another machine.  Their errors are computed here, against the certified reference.  Methods of this suite are run on the
-same problem with as many evaluations as each of the rows took, or fewer.  If a file's method has the same coefficients
-as a method here (`TWINS`), the latter is run with the same step: the energy errors of both have to agree, which tests
-the file and this suite.
+another machine.  The errors of its end states are computed here, against the certified reference (stored states with a
+bound of their error).  Methods of this suite are run on the same problem with as many evaluations as each of the rows
+took, or fewer.  If a method in the file has the same coefficients as a method here (`TWINS`), the latter is run with
+the same step: the energy errors of both have to agree, which tests the file and this suite.
 """
 
 from __future__ import annotations
@@ -45,10 +45,11 @@ SHORTEN = 1.25
 
 
 def compare(file: Elsewhere, methods: Sequence[str] | None = None) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
-    """Compute the errors of a file's rows, and run this suite's methods with about as many evaluations as these.
+    """Compute the errors of a file's rows, and run this suite's methods with about as many evaluations as these took.
 
-    Returns (the file's rows with errors and, where a method here has the same coefficients, its energy error; the rows
-    of this suite's methods).  ``methods`` are by default those of `METHODS` that can integrate the problem.
+    Returns (the file's rows with errors and, where a method here has the same coefficients, the energy error of that
+    method; the rows of this suite's methods).  ``methods`` are by default those of `METHODS` that can integrate the
+    problem.
 
     Raises
     ------
@@ -95,7 +96,10 @@ def _ladder(file: Elsewhere, chosen: Integrator, budgets: Sequence[int]) -> list
 
 
 def _run(file: Elsewhere, chosen: Integrator, steps: int) -> dict[str, Any]:
-    """Run a method over the span of a file: a dict of its step, evaluations, status, and its rows q, p."""
+    """Run a method in ``steps`` steps over the span of a file.
+
+    Returns a dict: the step, the evaluations, the status, and the states ``q`` and ``p`` at the start and the end.
+    """
     h = file.t_end / steps
     s = chosen.run(file.problem, h=h, steps=steps, save_every=0)
     out = {"h": h, "steps": steps, "evaluations": s.counts["gradient"], "status": s.status, "reason": s.reason}
@@ -103,7 +107,10 @@ def _run(file: Elsewhere, chosen: Integrator, steps: int) -> dict[str, Any]:
 
 
 def _errors(file: Elsewhere, row: dict[str, Any]) -> dict[str, Any]:
-    """Compute the errors of a run's end state; removes the rows "q" and "p" from ``row``."""
+    """Compute the energy error and the error of the end state of a run ``row``, a dict made by `_run`.
+
+    Removes the states "q" and "p" from ``row``; the errors are None if the run failed.
+    """
     q, p = row.pop("q"), row.pop("p")
     if row["status"] != "ok":
         return {"energy_error": None, "error": None, "uncertainty": None}
@@ -146,6 +153,6 @@ def _cell(path: Path) -> Cell:
 
 
 def measure_rows(name: str) -> Rows:
-    """Make the rows of a file of this folder, and of this suite's methods beside these, by table name."""
+    """Make the rows of a results file in this folder, and those of this suite's methods, by table name."""
     theirs, ours = compare(elsewhere.read(FOLDER / name))
     return {THEIRS: theirs, OURS: ours}

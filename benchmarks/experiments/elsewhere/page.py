@@ -22,7 +22,10 @@ BY = "measured elsewhere by"
 
 
 def _twins(theirs: pd.DataFrame) -> pd.DataFrame:
-    """Select the rows whose method was run here too, with the difference ``apart`` of the two energy errors."""
+    """Select the rows whose method was also run here with the same coefficients and step.
+
+    A column ``apart`` has the difference of the two energy errors.
+    """
     both = theirs.dropna(subset="twin_energy_error")
     return both.assign(apart=(both["energy_error"] - both["twin_energy_error"]).abs())
 
@@ -110,9 +113,10 @@ def draw(theirs: pd.DataFrame, ours: pd.DataFrame, folder: Path) -> list[Picture
 
 
 def _best(ours: pd.DataFrame, row: pd.Series) -> dict:
-    """Find the method here with the least error of the same kind as the row's, with at most as many evaluations.
+    """Find this suite's method with the least error among the runs with at most as many evaluations as a row's.
 
-    Returns its id and this error, as two columns of the page's table.
+    ``row`` is a result from another machine; the errors compared are of the end state or, if it has no state, of the
+    energy.  Returns the method's id and its error, as two columns of the page's table.
     """
     column = "energy_error" if pd.isna(row["error"]) else "error"
     able = ours[(ours["file"] == row["file"]) & (ours["evaluations"] <= row["evaluations"]) & (ours["status"] == "ok")]

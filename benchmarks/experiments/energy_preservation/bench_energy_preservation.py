@@ -1,7 +1,7 @@
-"""Checks of the energy-preserving Schemes IV and V.
+"""Checks of the energy-preserving Schemes IV and V, which have a parameter lambda.
 
-In each step they solve the energy's equation for a parameter lambda.  Where it has a root, H0 must be kept to
-round-off; where the schemes find none, an independent scan must find none either.
+In each step lambda is chosen as a root of H(state after the step) = H0, near 1/2.  Where there is a root, H0 must be
+kept to round-off; where the schemes find none, an independent scan must find none either.
 """
 
 from __future__ import annotations
@@ -12,7 +12,10 @@ from phasebench.benchmarks.experiments.energy_preservation.energies import cells
 
 
 def off(rows: list[dict]) -> list[str]:
-    """List messages about completed runs: energy or angular momentum not kept, or a root lambda missed."""
+    """List messages about completed runs in which energy or angular momentum is not kept, or a root lambda was missed.
+
+    ``rows`` are those of the table "energy_preservation".
+    """
     out = []
     for r in (r for r in rows if r["status"] == "ok"):
         where = f"{r['scheme']} on {r['problem']}, h = {r['h']}"
@@ -26,6 +29,6 @@ def off(rows: list[dict]) -> list[str]:
 
 
 def bench_energy(measured_rows: Callable[[str], list[dict]]) -> None:
-    """Check that energy and angular momentum are kept to round-off, and that the solver for lambda misses no root."""
+    """Check that energy and angular momentum are kept to round-off, and that no lambda that would keep H was missed."""
     wrong = off(measured_rows("energy_preservation"))
     assert not wrong, "\n".join(wrong)

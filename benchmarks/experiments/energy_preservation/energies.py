@@ -1,6 +1,7 @@
-"""Energy errors of Schemes IV and V, alone and alternating, to t = 1000, and their steps without a root lambda.
+"""Energy errors of the energy-preserving Schemes IV and V, alone and combined, and their steps without a root lambda.
 
-In each step a scheme solves the energy's equation for its parameter lambda; not every step has such a root.
+Runs end at t = 1000.  In each step a scheme chooses its parameter lambda so that the energy after the step is the
+initial one; not every step has such a root.  A combined scheme tries the other scheme where the first has no root.
 """
 
 from __future__ import annotations
@@ -26,9 +27,10 @@ LADDER = (0.2, 0.1, 0.05, 0.02, 0.01, 0.005)
 
 
 def _row(found: Problem, scheme: str, h: float) -> tuple[Solution, dict]:
-    """Integrate with a scheme and with the implicit midpoint rule to t = 1000.
+    """Integrate to t = 1000 with an energy-preserving scheme and, for comparison, with the implicit midpoint rule.
 
-    Returns (the scheme's solution, a row of the errors of both and of the steps without a root lambda).
+    Returns (the scheme's solution, a row with the energy errors of both and the number of the scheme's steps in which
+    no value of its parameter lambda conserves the energy).
     """
     path = integrate(found, scheme, h=h, t_end=1000.0)
     plain = integrate(found, "implicit-midpoint", h=h, t_end=1000.0)
@@ -83,9 +85,9 @@ def _cell(name: str, scheme: str, h: float) -> Cell:
 
 
 def measure_rows(name: str, scheme: str, h: float) -> Rows:
-    """Measure a scheme's energy error at step h: one row, by table name.
+    """Measure an energy-preserving scheme's energy error on a problem at step h: one row, by table name.
 
-    Steps in which the scheme found no root lambda are scanned independently for one.
+    Steps in which the scheme found no parameter lambda that conserves the energy are scanned independently for one.
     """
     found = problem(name)
     path, row = _row(found, scheme, h)

@@ -1,4 +1,7 @@
-"""The report page on the energy-preserving Schemes IV and V: energy errors, and steps without a root lambda."""
+"""The report page on the energy-preserving Schemes IV and V: energy errors, and steps without a root lambda.
+
+The root is the value of the schemes' parameter lambda with which a step conserves the energy.
+"""
 
 from __future__ import annotations
 
@@ -31,7 +34,10 @@ def _where(row: pd.Series) -> str:
 
 @of("energy_preservation")
 def energy_conservation(frame: pd.DataFrame) -> Verdict | None:
-    """Judge whether the energy error is round-off on every step whose equation for lambda has a root."""
+    """Judge whether the energy error is round-off on every step that has a root lambda.
+
+    A root is a value of the scheme's parameter lambda with which the step conserves the energy.
+    """
     ran = _completed_runs(frame, PLAIN)
     if ran.empty:
         return None
@@ -47,7 +53,7 @@ def energy_conservation(frame: pd.DataFrame) -> Verdict | None:
 
 @of("energy_preservation")
 def root_existence(frame: pd.DataFrame) -> Verdict | None:
-    """Judge whether the energy's equation has a root lambda in every step of Schemes IV and V."""
+    """Judge whether in every step of Schemes IV and V some value of their parameter lambda conserves the energy."""
     ran = _completed_runs(frame, PLAIN)
     if ran.empty:
         return None
@@ -64,7 +70,10 @@ def root_existence(frame: pd.DataFrame) -> Verdict | None:
 
 @of("energy_preservation")
 def root_search(frame: pd.DataFrame) -> Verdict | None:
-    """Judge whether the schemes' solver misses no root lambda that an independent scan finds; None without a scan."""
+    """Judge whether the schemes find every root lambda that an independent scan finds; None without a scan.
+
+    A root is a value of the scheme's parameter lambda with which the step conserves the energy.
+    """
     ran = _completed_runs(frame, PLAIN)
     if "scanned steps" not in ran or not ran["scanned steps"].sum():
         return None
@@ -79,7 +88,10 @@ def root_search(frame: pd.DataFrame) -> Verdict | None:
 
 @of("energy_preservation")
 def alternating(frame: pd.DataFrame) -> Verdict | None:
-    """Judge whether every step has a root lambda of Scheme IV or of Scheme V, in the variants that try both in turn."""
+    """Judge whether every step has a root lambda of Scheme IV or of Scheme V, in the variants that may use both.
+
+    A root is a value of the scheme's parameter lambda with which the step conserves the energy.
+    """
     ran = _completed_runs(frame, ALTERNATING)
     if ran[ran["scheme"] == ALTERNATING[0]].empty:
         return None
@@ -95,7 +107,7 @@ def alternating(frame: pd.DataFrame) -> Verdict | None:
 
 @of("energy_preservation")
 def answer(frame: pd.DataFrame) -> str | None:
-    """Write the page's answer: the largest energy error, and how many steps have no root lambda."""
+    """Write the page's answer: the largest energy error, and in how many steps no parameter lambda keeps the energy."""
     ran = _completed_runs(frame, PLAIN)
     if ran.empty:
         return None
@@ -146,7 +158,7 @@ COLUMNS = {
 
 @of("energy_preservation")
 def table(frame: pd.DataFrame) -> Table:
-    """Make the page's table: runs that have steps without a root lambda, then those with the largest energy errors."""
+    """Make the page's table: runs with steps in which no lambda keeps the energy, then the largest energy errors."""
     order = frame.assign(none=frame["without a root"] == 0).sort_values(["none", WITH], ascending=[True, False])
     shown = order.head(18)[list(COLUMNS)].rename(columns=COLUMNS)
     caption = "Runs that have steps without a root, then those of the largest energy error. The next step with a root restores H₀."

@@ -1,4 +1,4 @@
-"""The order of Boost.odeint's velocity_verlet on q'' = 1 - exp(q), beside what it returns as its order."""
+"""The order of Boost.odeint's velocity_verlet, measured on q'' = 1 - exp(q), beside the one it returns."""
 
 import os
 import subprocess

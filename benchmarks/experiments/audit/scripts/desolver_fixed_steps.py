@@ -1,4 +1,4 @@
-"""desolver's "Fixed Step Methods" driven as its README says: the steps that are taken with dt = 0.1."""
+"""The steps that desolver's "Fixed Step Methods" take with dt = 0.1, when they are driven as its README says."""
 
 import desolver as de
 import numpy as np

@@ -1,4 +1,7 @@
-"""desolver's Richardson extrapolation of a symplectic method, which says symplectic: max |M^T J M - J| of a step."""
+"""Whether desolver's Richardson extrapolation of a symplectic method, which says symplectic, is: max |M^T J M - J|.
+
+M is the Jacobian of a step on a pendulum.
+"""
 
 import desolver as de
 import numpy as np

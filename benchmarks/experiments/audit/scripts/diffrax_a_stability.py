@@ -1,4 +1,7 @@
-"""diffrax's "A-L stable" methods: the largest |R(z)| on the imaginary axis and |R| far out, of a step on y' = z y."""
+"""Whether diffrax's "A-L stable" methods are A- and L-stable, by the stability function R(z) of a step on y' = z y.
+
+The largest |R| on the imaginary axis, which must not exceed 1, and |R| at z = -1e6, which must be small.
+"""
 
 import diffrax
 import jax

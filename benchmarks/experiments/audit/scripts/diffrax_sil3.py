@@ -1,4 +1,4 @@
-"""diffrax's Sil3, "3rd order in the explicit (ERK) term", with nothing in the implicit one."""
+"""The order of diffrax's Sil3, "3rd order in the explicit (ERK) term", where the implicit term is zero."""
 
 import diffrax
 import jax

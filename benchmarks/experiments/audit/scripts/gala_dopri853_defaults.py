@@ -1,4 +1,7 @@
-"""gala's DOPRI853: "The default tolerances (atol=1.49e-8, rtol=1.49e-8)" against those that act."""
+"""Whether gala's DOPRI853 uses "The default tolerances (atol=1.49e-8, rtol=1.49e-8)" of its documentation.
+
+The error by default is compared with that at these tolerances and at rtol = 1e-6, atol = 1e-12.
+"""
 
 import numpy as np
 from gala.integrate import DOPRI853Integrator

@@ -1,4 +1,4 @@
-"""gala's leapfrog on a linear system: "It conserves energy exactly for linear systems"."""
+"""The energy error of gala's leapfrog on an oscillator: "It conserves energy exactly for linear systems"."""
 
 import numpy as np
 from gala.integrate import LeapfrogIntegrator

@@ -1,4 +1,4 @@
-"""Whose are the coefficients of gala's RK5, "the Dormand-Prince coefficients"?"""
+"""Whose weights gala's RK5 has, "the Dormand-Prince coefficients": Dormand and Prince's, or Cash and Karp's."""
 
 from fractions import Fraction as F
 

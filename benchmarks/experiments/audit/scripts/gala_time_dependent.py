@@ -1,4 +1,4 @@
-"""gala's integrators where the force depends on time: q'' = -q + cos(2 t), whose solution is known."""
+"""The orders of gala's integrators where the force depends on time: q'' = -q + cos(2 t), whose solution is known."""
 
 import numpy as np
 from gala.integrate import LeapfrogIntegrator, RK5Integrator, Ruth4Integrator

@@ -1,4 +1,7 @@
-"""galpy: "force the integrator to use this basic stepsize": rows 0.3 apart with dt = 0.1, which is a third of it."""
+"""Whether galpy's orbits end at their time if dt is to "force the integrator to use this basic stepsize".
+
+An orbit with rows 0.3 apart and dt = 0.1 is compared with those at t = 30, its end, and at t = 20.
+"""
 
 import numpy as np
 from galpy.orbit import Orbit

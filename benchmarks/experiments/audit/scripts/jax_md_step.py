@@ -1,4 +1,4 @@
-"""JAX-MD in double precision: the step that nve takes with dt = 0.1, from a free particle of velocity 1."""
+"""The step that JAX-MD's integrator nve takes for dt = 0.1 in double precision, by the motion of a free particle."""
 
 import jax
 import jax.numpy as jnp

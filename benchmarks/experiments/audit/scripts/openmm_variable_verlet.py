@@ -1,6 +1,7 @@
-"""OpenMM's variable Verlet and Verlet at as many steps an orbit: drift of the energy, 1000 Kepler orbits of e = 0.6.
+"""The energy drift of OpenMM's variable Verlet over 1000 Kepler orbits of e = 0.6, beside that of Verlet.
 
-The drift is the difference between the means over the last and over the first hundred orbits, relative to the energy.
+Verlet has as many equal steps an orbit.  The drift is the difference between the means over the last and over the first
+hundred orbits, relative to the energy.
 """
 
 import numpy as np

@@ -1,4 +1,7 @@
-"""pyhamsys with extension=True: max |M^T J M - J| of ten steps of its Verlet, and of the same without the extension."""
+"""Whether ten steps of pyhamsys's Verlet are symplectic with and without its option extension: max |M^T J M - J|.
+
+M is the Jacobian of the ten steps on a pendulum.
+"""
 
 import numpy as np
 from pyhamsys import HamSys, Parameters

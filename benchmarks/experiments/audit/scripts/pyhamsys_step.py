@@ -1,4 +1,4 @@
-"""pyhamsys: "The step size is slightly readjusted": the step that is taken for the one that is asked for."""
+"""The steps that pyhamsys takes for the ones that are asked for: "The step size is slightly readjusted"."""
 
 import numpy as np
 from pyhamsys import HamSys, Parameters

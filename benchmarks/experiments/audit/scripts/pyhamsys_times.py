@@ -1,4 +1,4 @@
-"""pyhamsys: "Times at which the solution is evaluated": the times of the states that are returned."""
+"""The times of the states that pyhamsys returns, beside those given as "Times at which the solution is evaluated"."""
 
 import numpy as np
 from pyhamsys import HamSys, Parameters

@@ -1,4 +1,4 @@
-"""pynamicalsys's implicit midpoint rule where one iteration is not enough: what a step does that is not solved."""
+"""What pynamicalsys's implicit midpoint rule does if its iterations do not solve a step: return a state or raise."""
 
 import numpy as np
 from numba import njit

@@ -1,4 +1,7 @@
-"""REBOUND's WHFast: "the order of the symplectic corrector", and that of the error of planets of mass eps in h."""
+"""The order in h of REBOUND's WHFast with correctors 0, 3 and 5, said to be "the order of the symplectic corrector".
+
+It is measured on a star and two planets of mass eps = 1e-6.
+"""
 
 import numpy as np
 import rebound

@@ -1,4 +1,4 @@
-"""REBOUND's JANUS, "bit-wise time-reversible": three bodies out and back, every order."""
+"""Whether REBOUND's JANUS is "bit-wise time-reversible" at every order: three bodies, 1000 steps out and back."""
 
 import numpy as np
 import rebound

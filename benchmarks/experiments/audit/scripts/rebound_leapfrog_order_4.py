@@ -1,4 +1,7 @@
-"""REBOUND's leapfrog: "Default is 2. Other allowed values are 6 and 8": what is measured for 4, and for the others."""
+"""The orders measured of REBOUND's leapfrog with its option order set to 2, 4, 6 and 8.
+
+The documentation says: "Default is 2.  Other allowed values are 6 and 8".
+"""
 
 import numpy as np
 import rebound

@@ -1,4 +1,4 @@
-"""REBOUND's WHFast with keep_unsynchronized: "bit-wise reproducibility" with and without output on the way."""
+"""Whether output on the way changes an orbit of REBOUND's WHFast: keep_unsynchronized, "bit-wise reproducibility"."""
 
 import numpy as np
 import rebound

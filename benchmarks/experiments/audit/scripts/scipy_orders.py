@@ -1,4 +1,4 @@
-"""SciPy's orders on the pendulum, at constant steps: first_step = max_step, and tolerances that never bind."""
+"""The orders of SciPy's explicit methods on the pendulum, at steps held constant by max_step and loose tolerances."""
 
 import numpy as np
 from scipy.integrate import solve_ivp

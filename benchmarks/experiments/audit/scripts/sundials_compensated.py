@@ -1,4 +1,4 @@
-"""Round-off of SPRKStep, plain and compensated: the angular momentum of a Kepler orbit over 40,000 steps."""
+"""Round-off of SUNDIALS's SPRKStep, plain and compensated, in a Kepler orbit's angular momentum over 40,000 steps."""
 
 import numpy as np
 from sundials4py import arkode, core

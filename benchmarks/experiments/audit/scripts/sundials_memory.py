@@ -1,4 +1,4 @@
-"""Whether SPRKStep's leapfrog depends on what stood in memory before: 100 runs of one step after arrays of NaN."""
+"""Whether SPRKStep's leapfrog depends on what memory held before: 100 runs of one step after freeing arrays of NaN."""
 
 import numpy as np
 from sundials4py import arkode, core

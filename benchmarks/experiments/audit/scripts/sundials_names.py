@@ -1,4 +1,4 @@
-"""Stages and orders in SPRKStep's names: the evaluations of a force in a step."""
+"""Whether the numbers in the names of SPRKStep's methods are their stages, counted as force evaluations."""
 
 import numpy as np
 from sundials4py import arkode, core

@@ -1,4 +1,4 @@
-"""ERKStep with relaxation for a pendulum: whether ARKODE can call a Python function for H, in each form it may have."""
+"""Whether SUNDIALS's ERKStep with relaxation can call a Python function for H, tried in three forms on a pendulum."""
 
 import numpy as np
 from sundials4py import arkode, core

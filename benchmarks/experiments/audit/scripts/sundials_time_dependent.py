@@ -1,4 +1,4 @@
-"""SPRKStep's orders where H depends on time: a pendulum whose gravity oscillates; when it is evaluated."""
+"""SPRKStep's orders where H depends on time (a pendulum whose gravity oscillates), and when the force is evaluated."""
 
 import numpy as np
 from scipy.integrate import solve_ivp
