@@ -58,14 +58,17 @@ def table(name: str) -> Table:
 
 @cache
 def read_polished() -> dict[str, dict]:
-    """The content of ``polished.json``: name of a table -> its polished numbers and what is known of them."""
+    """The content of ``polished.json``: name of a table -> the dict that `describe` returns."""
     return json.loads(POLISHED.read_text())
 
 
 @cache
 def describe(name: str) -> dict:
-    """What `polish.entry` returns for the table ``name``: polished numbers, residuals of order conditions, changes.
+    """The polished numbers of the table ``name`` and what is known of them, as a dict.
 
+    Its keys are "gamma", "a" and "b" (lists of numbers as text, those that the table has), "published" (the table's
+    digest), "residual_before" and "residual_after" (the largest residual of the order conditions with the published and
+    with the polished numbers), "moved" (the largest change of a number), "sum" and "sum_of_sizes" (of the substeps).
     It is read from ``polished.json``, or computed, with a warning, for a table that is not there.
 
     Raises
@@ -86,7 +89,10 @@ def describe(name: str) -> dict:
 
 
 def polished_numbers(name: str) -> tuple[mpmath.mpf, ...]:
-    """The numbers of the table ``name``, solved to 60 digits from its order conditions, as in `Table.published`."""
+    """The numbers of the table ``name`` to 60 digits, which solve its order conditions.
+
+    Their order is that of `Table.published`.
+    """
     texts = describe(name)
     with mpmath.workdps(DIGITS):
         return tuple(value(x) for part in ("gamma", "a", "b") for x in texts.get(part, ()))

@@ -64,7 +64,10 @@ def lobatto(n: int) -> tuple[list[mpmath.mpf], list[mpmath.mpf]]:
 
 
 def sbab(n: int) -> Table:
-    """The coefficients of the splitting SBAB_n; SBAB_1 is the kick-drift-kick form of Stormer-Verlet."""
+    """The coefficients of the splitting SBAB_n of Laskar and Robutel: n + 1 kicks at the nodes of Lobatto's rule.
+
+    SBAB_1 is the kick-drift-kick form of Stormer-Verlet.
+    """
     nodes, weights = lobatto(n)
     with mpmath.workdps(DIGITS):
         a = tuple(mpmath.nstr(nodes[k + 1] - nodes[k], DIGITS) for k in range((n + 1) // 2))

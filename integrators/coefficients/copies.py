@@ -18,9 +18,10 @@ from .fractions import DIGITS
 
 
 def lengths_of_a(fractions: Sequence[mpmath.mpf]) -> list[mpmath.mpf]:
-    """The lengths of the substeps A in composed steps A B A; lengths and ``fractions`` of the steps are in units of h.
+    """The lengths of the substeps A in a composition of steps A B A, in which neighbouring A's are merged.
 
-    Neighbouring A's are merged, so that there is one length more than there are steps.
+    A step over the fraction f of h is A over f/2, B over f and A over f/2; ``fractions`` are the f of all steps.
+    Lengths are in units of h, too, and there is one more of them than there are steps.
     """
     with mpmath.workdps(DIGITS):
         half = [f / 2 for f in fractions]
@@ -28,11 +29,11 @@ def lengths_of_a(fractions: Sequence[mpmath.mpf]) -> list[mpmath.mpf]:
 
 
 def midpoint_tableau(fractions: Sequence[mpmath.mpf]) -> tuple[tuple[mpmath.mpf, ...], ...]:
-    """The Runge-Kutta tableau, rows of A and then b, of steps on two copies that start equal and end at their mean.
+    """The Runge-Kutta tableau of a method that moves two copies of the state, from equal ones to their mean.
 
-    ``fractions`` are those of the composed steps A B A.  A substep moves half of the variables of both copies by the
-    field at the other half.  Hence a stage depends on the earlier stages of the other kind, with their lengths as
-    coefficients, and its weight is half of its length.
+    Returned are the rows of A and then b.  A step is composed of steps A B A over ``fractions`` of h, see the module; a
+    substep moves half of the variables of both copies by the field at the other half.  Hence a stage depends on the
+    earlier stages of the other kind, with their lengths as coefficients, and its weight is half of its length.
     """
     with mpmath.workdps(DIGITS):
         w = [x for pair in zip(lengths_of_a(fractions), [*fractions, 0], strict=True) for x in pair][:-1]

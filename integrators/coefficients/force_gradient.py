@@ -1,9 +1,10 @@
 r"""Splittings with modified kicks, :math:`e^{b h B + c h^3 C}` with :math:`C = [B, [A, B]]`.
 
-Where T is quadratic C is a kick, :math:`p \leftarrow p + c h^3\,\nabla(\nabla V\cdot M^{-1}\nabla V)`.  A step is a
-product of drifts and modified kicks, a series over words of A and B modulo :math:`[B, [B, [B, A]]] = 0`, as that of a
-Nystrom splitting (`order_conditions`); its order is the degree up to which it equals :math:`e^{A + B}`.  Tables are
-given as published; `polish` solves these conditions for the numbers nearest to the published ones, to 60 digits.
+A is the drift by T(p), B the kick by V(q).  Where T is quadratic C is a kick,
+:math:`p \leftarrow p + c h^3\,\nabla(\nabla V\cdot M^{-1}\nabla V)`.  A step is a product of drifts and modified kicks,
+a series over words of A and B modulo :math:`[B, [B, [B, A]]] = 0`, as that of a Nystrom splitting (`order_conditions`);
+its order is the degree up to which it equals :math:`e^{A + B}`.  Tables are given as published; `polish` solves these
+conditions for the numbers nearest to the published ones, to 60 digits.
 
 In a name nF mG, a step has n forces, m of them with a gradient; V begins with a kick (velocity), P with a drift
 (position).
@@ -39,11 +40,12 @@ Substep = tuple[str, mpmath.mpf, mpmath.mpf]
 
 @dataclass(frozen=True)
 class ForceGradientTable(Table):
-    """A symmetric splitting with modified kicks exp(b h B + c h^3 C), as published.
+    """A symmetric splitting into drifts exp(a h A) and modified kicks exp(b h B + c h^3 C), as published.
 
     Attributes
     ----------
-    c : coefficients of C = [B, [A, B]], as text, one for each number of ``b``
+    a, b, ... : as in `Table`: a are the coefficients of the drifts, b those of the kicks
+    c : coefficients of the force gradient C = [B, [A, B]], as text, one for each number of ``b``
     hessian_free : True if the kick is approximated by two evaluations of the force, without the Hessian (`residual`)
     """
 
@@ -57,7 +59,10 @@ class ForceGradientTable(Table):
 
     @property
     def digest(self) -> str:
-        """A hash of the published numbers and their use, by which polished numbers are recognized as this table's."""
+        """A hash of the published numbers and of the fields that say how they are used.
+
+        Polished numbers are stored with it; they count as those of this table if it has not changed.
+        """
         used = self.order, self.a, self.b, self.c, self.first, self.hessian_free
         return hashlib.sha256(repr(used).encode()).hexdigest()[:16]
 
@@ -71,7 +76,10 @@ class ForceGradientTable(Table):
 
 
 def _times_kick(b: mpmath.mpf, c: mpmath.mpf, series: list[np.ndarray]) -> list[np.ndarray]:
-    """The product exp(b B + c C) S of series, the former a modified kick; ``series`` S is as in `_times_drift`."""
+    """Multiply a series S from the left by exp(b B + c C), a modified kick, with C = [B, [A, B]]; return the product.
+
+    ``series`` has the coefficients of S as in `_times_drift`.
+    """
     out, term = [x.copy() for x in series], series
     for k in range(1, len(series)):
         term = _times_generator(b / k, c / k, term)
@@ -80,7 +88,10 @@ def _times_kick(b: mpmath.mpf, c: mpmath.mpf, series: list[np.ndarray]) -> list[
 
 
 def _times_generator(b: mpmath.mpf, c: mpmath.mpf, series: list[np.ndarray]) -> list[np.ndarray]:
-    """The product (b B + c C) S, with C = 2 BAB - BBA - ABB; ``series`` S is as in `_times_drift`."""
+    """Multiply a series S from the left by b B + c C, with C = 2 BAB - BBA - ABB; return the product.
+
+    ``series`` has the coefficients of S as in `_times_drift`.
+    """
     out = [x * 0 for x in series]
     for n in range(1, len(series)):
         out[n][2 ** (n - 1) :] = series[n - 1] * b
@@ -92,9 +103,10 @@ def _times_generator(b: mpmath.mpf, c: mpmath.mpf, series: list[np.ndarray]) -> 
 
 
 def _times_drift(a: mpmath.mpf, series: list[np.ndarray]) -> list[np.ndarray]:
-    """The product exp(a A) S of series in h: item n of ``series`` has the coefficients of all words of n letters A, B.
+    """Multiply a series S from the left by exp(a A), a drift; return the product.
 
-    A word that begins with A stands in the first half of its item.
+    Item n of ``series`` is an array (2^n,): the coefficients in S of all words (products) of n letters A, B.  Words
+    that begin with A stand in the first half.
     """
     out = [x.copy() for x in series]
     for n in range(1, len(series)):
@@ -108,7 +120,8 @@ def _times_drift(a: mpmath.mpf, series: list[np.ndarray]) -> list[np.ndarray]:
 def residuals(steps: Sequence[Substep], degree: int) -> list[np.ndarray]:
     """Coefficients of a step minus exp(A + B), the exact flow: for each degree 0, ..., ``degree`` an array over words.
 
-    ``steps`` are the step's substeps.  Words are reduced to normal form by [B, [B, [B, A]]] = 0.
+    ``steps`` are the step's substeps.  A word is a product of letters A and B, as many as its degree; words are reduced
+    to normal form by [B, [B, [B, A]]] = 0.
     """
     with mpmath.workdps(max(DIGITS, mpmath.mp.dps)):
         series = [np.full(2**n, mpmath.mpf(n == 0), dtype=object) for n in range(degree + 1)]
@@ -141,12 +154,15 @@ def _jacobian(table: ForceGradientTable, x: np.ndarray, free: Sequence[int]) -> 
 
 
 def polish(table: ForceGradientTable) -> list[mpmath.mpf]:
-    """The solution of the order conditions nearest to the published numbers; raises as `polish.polish`."""
+    """The solution of the order conditions nearest to the published numbers, to full precision.
+
+    Raises ArithmeticError if their residual does not fall to round-off.
+    """
     return nearest_solution(table, residual=residual, jacobian=_jacobian)
 
 
 def excess(table: ForceGradientTable, numbers: Sequence[mpmath.mpf]) -> mpmath.mpf:
-    """The largest entry of `residual`, in absolute value, for a table with these numbers."""
+    """The largest residual of the order conditions, in absolute value, of a table with these numbers."""
     return max(map(abs, residual(table, numbers)))
 
 
@@ -169,7 +185,10 @@ def _schaefers(letters: str, order: int, a: str, b: str, c: str) -> ForceGradien
 
 
 def _corrected(n: int, half: str) -> ForceGradientTable:
-    """Make the table of SABAC_n: SABA_n between two halves of its corrector, kicks with b = 0 and c = ``half``."""
+    """Make the table of SABAC_n: half of a corrector, the splitting SABA_n, and the other half of the corrector.
+
+    Each half is a modified kick with b = 0 and c = ``half``.
+    """
     table = gauss.saba(n)
     source, c = f"Laskar & Robutel 2001, SABAC_{n}", " ".join([half, *["0"] * len(table.b)])
     return _table(f"sabac-{n}", 4, source, table.cite, "B", " ".join(table.a), " ".join(("0", *table.b)), c)

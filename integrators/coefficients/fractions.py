@@ -52,7 +52,7 @@ def mirror(half: Sequence) -> tuple:
 
 
 def times(fraction: mpmath.mpf | Fraction, part: mpmath.mpf | Fraction | int) -> mpmath.mpf | Fraction:
-    """The product of a step fraction and an exact number, in the fractions' full precision."""
+    """Multiply a step fraction by another exact number, to `DIGITS` digits."""
     with mpmath.workdps(DIGITS):
         if isinstance(part, mpmath.mpf):
             return fraction * part
@@ -66,9 +66,11 @@ NONE = mpmath.mpf(10) ** (10 - DIGITS)
 def substeps(steps: Iterable[tuple[str, mpmath.mpf]]) -> tuple[tuple, ...]:
     """Write alternating drifts ("A") and kicks ("B") as substeps (c, mu, lambda) of the two symplectic Euler methods.
 
-    The weight of a drift or kick is shared by two neighbouring substeps of lengths c (fractions of the step), so that
-    each c is a weight minus the c before it. A substep that begins with a drift has (mu, lambda) = (1, 0), one that
-    begins with a kick (0, 1). Raises ValueError if drifts and kicks do not have the same sum.
+    ``steps`` are pairs (letter, weight).  A substep has the length c h and evaluates the field at (q + mu (Q - q),
+    p + lambda (P - p)), where (q, p) is the state before it and (Q, P) the state after it; if it begins with a drift,
+    (mu, lambda) = (1, 0), if with a kick, (0, 1).  The weight of a drift or kick is shared by two neighbouring
+    substeps, so that each c is a weight minus the c before it.  Raises ValueError if drifts and kicks do not have the
+    same sum.
     """
     out, c = [], mpmath.mpf(0)
     with mpmath.workdps(DIGITS):

@@ -1,6 +1,7 @@
 r"""Splittings SABA_n for A + eps B from Gauss's quadrature: generalised order (2n, 2).
 
 The kicks act at the nodes of the Gauss-Legendre formula on [0, 1] with its weights, the drifts lead from node to node.
+The local error is O(eps h^(2n + 1) + eps^2 h^3).
 
 Source: J. Laskar, P. Robutel, Celest. Mech. Dyn. Astron. 80 (2001) 39-62, section 3; McLachlan, BIT 35 (1995) 258-268.
 """
@@ -36,7 +37,10 @@ def gauss(n: int) -> tuple[list[mpmath.mpf], list[mpmath.mpf]]:
 
 
 def saba(n: int) -> Table:
-    """The coefficients of the splitting SABA_n; SABA_1 is the drift-kick-drift form of Stormer-Verlet."""
+    """The coefficients of the splitting SABA_n of Laskar and Robutel: n kicks at the nodes of Gauss's rule.
+
+    SABA_1 is the drift-kick-drift form of Stormer-Verlet.
+    """
     nodes, weights = gauss(n)
     with mpmath.workdps(DIGITS):
         gaps = [x - y for x, y in zip(nodes, [mpmath.mpf(0), *nodes[:-1]], strict=True)]

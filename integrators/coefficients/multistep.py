@@ -47,12 +47,12 @@ class Multistep(NamedTuple):
 
     @property
     def rho(self) -> Polynomial:
-        """The coefficients of rho, lowest power first."""
+        """The coefficients alpha_0, ..., alpha_k of the polynomial rho(z), lowest power first."""
         return tuple(map(Fraction, self.alpha))
 
     @property
     def sigma(self) -> Polynomial:
-        """The coefficients of sigma, lowest power first."""
+        """The coefficients beta_0, ..., beta_k of the polynomial sigma(z), lowest power first."""
         return tuple(Fraction(x, self.denominator) for x in self.numerators)
 
 
@@ -88,7 +88,10 @@ QUINLAN_TREMAINE = {
 
 
 def order(rho: Polynomial, sigma: Polynomial) -> int:
-    """The order of a method for x'' = f(x): the largest p that its conditions allow; -2 if none holds."""
+    """The order for x'' = f(x) of the method with these coefficients: the largest p that the order conditions allow.
+
+    The coefficients of rho and sigma are listed lowest power first; the order is -2 if no condition holds.
+    """
     r = 0
     while _condition(rho, sigma, r) == 0:
         r += 1
@@ -101,9 +104,10 @@ def _condition(rho: Sequence, sigma: Sequence, r: int) -> Fraction:
 
 
 def stormer(order: int, k: int = 0) -> Multistep:
-    """Stormer's explicit method, x_n+1 - 2 x_n + x_n-1 = h^2 (sum over ``order`` earlier f), written with k steps.
+    """Make Stormer's explicit method, x_n+1 - 2 x_n + x_n-1 = h^2 sum_j beta_j f_j, with ``order`` earlier values f_j.
 
-    Only the method of order 2 is symmetric. By default k is the order, the smallest possible number.
+    It is written as a method of k steps; by default k is the order, the smallest possible number, and for a larger k
+    the coefficients of the oldest values are 0.  Only the method of order 2 is symmetric.
     """
     alpha = (*(0,) * (order - 2), 1, -2, 1)
     right = [_condition(alpha, (), r + 2) / ((r + 1) * (r + 2)) for r in range(order)]
@@ -214,7 +218,10 @@ def _value(p: Sequence, x: mpmath.mpf) -> mpmath.mpf:
 
 
 def stable_intervals(table: Multistep) -> list[tuple[float, float]]:
-    """All intervals of H = h omega in which the roots of rho + H^2 sigma are simple and of modulus 1, in order."""
+    """All intervals (begin, end) of H = h omega in which the method ``table`` is stable on an oscillator, in order.
+
+    There the roots of rho + H^2 sigma are simple and of modulus 1.
+    """
     A, B = in_cosine(table.rho), in_cosine(table.sigma)
     meeting = [x - y for x, y in zip(_product(_derivative(A), [*B, 0]), _product([*A, 0], _derivative(B)), strict=True)]
     with mpmath.workdps(DIGITS):
@@ -238,7 +245,10 @@ def _ratio(A: Sequence, B: Sequence, c: mpmath.mpf) -> mpmath.mpf:
 
 
 def _stable(A: Polynomial, B: Polynomial, square: mpmath.mpf) -> bool:
-    """True if A + H^2 B has as many different roots in (-1, 1) as its degree."""
+    """True if the polynomial A + H^2 B has as many different roots in (-1, 1) as its degree.
+
+    A and B are rho and sigma as polynomials in (z + 1/z) / 2, as from `in_cosine`; ``square`` is H^2.
+    """
     numbers = [
         mpmath.mpf(a.numerator) / a.denominator + square * mpmath.mpf(b.numerator) / b.denominator
         for a, b in zip(A, B, strict=True)

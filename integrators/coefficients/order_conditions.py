@@ -41,12 +41,15 @@ Residuals = dict[Key, np.ndarray]
 
 @cache
 def _numbers(n: int, k: int) -> np.ndarray:
-    """The words of n letters, k of them B, as numbers in increasing order."""
+    """The words of n letters A, B, k of them B, as increasing integers: a binary digit 0 for each A, 1 for each B."""
     return np.array([w for w in range(2**n) if w.bit_count() == k])
 
 
 def _times_exponential(letter: str, a: mpmath.mpf, series: Residuals) -> Residuals:
-    """The product exp(a letter) times a series {(letters, letters B): coefficients of these words in their order}."""
+    """Multiply a series from the left by exp(a letter), with the letter "A" or "B"; return the product.
+
+    A series maps (n, k) to the coefficients of the words of n letters, k of them B, in the order of `_numbers`.
+    """
     out = {key: x.copy() for key, x in series.items()}
     for n, k in out:
         factor = mpmath.mpf(1)
@@ -61,7 +64,10 @@ def _times_exponential(letter: str, a: mpmath.mpf, series: Residuals) -> Residua
 
 
 def _blocks(steps: Iterable[tuple[str, mpmath.mpf]], degrees: Sequence[int]) -> Residuals:
-    """The coefficients of `words` by (degree, letters B): of words with 1, 2, ... and more B up to these degrees."""
+    """Coefficients of a step minus those of the exact flow, as in `words`, by (n, k): words of n letters, k of them B.
+
+    ``degrees`` are the largest n of words with up to 1, with 2, ... letters B; the last holds for all higher numbers.
+    """
     keys = [(n, k) for n in range(max(degrees) + 1) for k in range(n + 1) if n <= _limit(degrees, k)]
     series = {(n, k): np.full(comb(n, k), mpmath.mpf(n == 0), dtype=object) for n, k in keys}
     for letter, a in reversed(list(steps)):
@@ -72,7 +78,8 @@ def _blocks(steps: Iterable[tuple[str, mpmath.mpf]], degrees: Sequence[int]) -> 
 def words(steps: Iterable[tuple[str, mpmath.mpf]], degree: int) -> list[np.ndarray]:
     """Coefficients of a splitting's step minus those of exp(A + B): for each degree n an array (2^n,) over words.
 
-    ``steps`` are pairs (letter, weight), of which the step is the product of exponentials.
+    ``steps`` are pairs (letter, weight), of which the step is the product of exponentials.  A word is a product of n
+    letters A and B; its index is the binary number with a digit 1 for each B.
     """
     every = [np.empty(2**n, dtype=object) for n in range(degree + 1)]
     for (n, k), x in _blocks(steps, (degree,)).items():
@@ -96,7 +103,10 @@ def _reductions(n: int) -> tuple[tuple[int, int, int, int], ...]:
 
 
 def normal_form(residual: np.ndarray) -> np.ndarray:
-    """Reduce coefficients of words by the relation [B, [B, [B, A]]] = 0; returns those of the words without BBBA."""
+    """Reduce the coefficients of all words of n letters, array (2^n,), by the relation [B, [B, [B, A]]] = 0.
+
+    Returns the coefficients of the words without BBBA; the relation expresses every other word by these.
+    """
     out = residual.copy()
     reductions = _reductions(len(out).bit_length() - 1)
     for word, bbab, babb, abbb in reductions:
@@ -119,9 +129,11 @@ def odd_words(weight: int) -> tuple[tuple[int, ...], ...]:
 
 
 def odd_residuals(fractions: Sequence[mpmath.mpf], weight: int) -> list[np.ndarray]:
-    """Coefficients of a composition of a symmetric method minus the exact flow's, for words in Y_1, Y_3, Y_5, ...
+    """The error coefficients of a composition of a symmetric method, for products (words) of Y_1, Y_3, Y_5 and so on.
 
-    Returns an array over `odd_words(n)` for each n = 0, ..., ``weight``.
+    They are the composition's coefficients minus the exact flow's.  ``fractions`` are the lengths of the composed steps
+    in units of h.  Returns an array over the words `odd_words(n)`, whose indices add up to n, for each n = 0, ...,
+    ``weight``.
     """
     every = [w for n in range(weight + 1) for w in odd_words(n)]
     inverse = [1 / mpmath.factorial(k) for k in range(weight + 1)]
@@ -138,12 +150,15 @@ def odd_residuals(fractions: Sequence[mpmath.mpf], weight: int) -> list[np.ndarr
 
 
 def _limit(degrees: Sequence[int], k: int) -> int:
-    """The entry for the power k of eps of a sequence for the powers 1, 2, ...; the last is for all higher ones."""
+    """The entry of ``degrees``, one for each power 1, 2, ... of eps, that holds for the power k.
+
+    The last entry holds for all higher powers, the first for the power 0, too.
+    """
     return degrees[min(max(k, 1), len(degrees)) - 1]
 
 
 def residuals(kind: str, steps: Sequence, degrees: int | Sequence[int]) -> Residuals:
-    """The differences of a method's coefficients from the exact flow's: {(degree, power of eps): array}.
+    """The differences of a method's coefficients from the exact flow's: {(degree, power of eps): array over words}.
 
     The power of eps is 0 unless the kind is "near-integrable".
 
@@ -151,7 +166,8 @@ def residuals(kind: str, steps: Sequence, degrees: int | Sequence[int]) -> Resid
     ----------
     kind : one of `KINDS`
     steps : pairs (letter, coefficient), A the drift and B the kick; for a composition the fractions alone
-    degrees : the largest degree of words; one for each power of eps, falling, is for "near-integrable" alone
+    degrees : the largest degree of words; for "near-integrable" it may be a falling sequence, a degree for each power
+        of eps from 1 on
     """
     degrees = (degrees,) if isinstance(degrees, int) else degrees
     with mpmath.workdps(max(DIGITS, mpmath.mp.dps)):
@@ -167,7 +183,7 @@ def residuals(kind: str, steps: Sequence, degrees: int | Sequence[int]) -> Resid
 
 
 def next_degrees(order: Sequence[int]) -> tuple[int, ...]:
-    """The degrees of the first residuals beyond an order."""
+    """The degrees p + 1 at which a method of the order (p,) or (p_1, p_2, ...) has its first nonzero residuals."""
     return tuple(p + 1 for p in order)
 
 
@@ -188,14 +204,20 @@ def excess(errors: Residuals, order: Sequence[int]) -> mpmath.mpf:
 
 
 def leading_norms(errors: Residuals, order: Sequence[int]) -> tuple[mpmath.mpf, ...]:
-    """The 2-norms of the first residuals beyond the order: one for each power of eps that the order names, or one."""
+    """The 2-norms of the first residuals beyond an order: one for (p,), one for each power of eps for (p_1, p_2, ...).
+
+    ``errors`` are from `residuals`.
+    """
     if len(order) == 1:
         return (norm(errors[order[0] + 1, 0]),)
     return tuple(norm(errors[p + 1, k]) for k, p in enumerate(order, 1))
 
 
 def classical_order(kind: str, steps: Sequence, tolerance: mpmath.mpf | float = TOLERANCE, limit: int = 12) -> int:
-    """The largest p with every residual up to degree p below the tolerance; raises ValueError beyond ``limit``."""
+    """The order of a method: the largest p such that all its residuals up to degree p are within ``tolerance``.
+
+    ``kind`` and ``steps`` are as for `residuals`; raises ValueError if the order is ``limit`` or more.
+    """
     for p in range(1, limit + 1):
         errors = residuals(kind, steps, p)
         if any(abs(x) > tolerance for (n, _), r in errors.items() if n == p for x in r):

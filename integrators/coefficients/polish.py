@@ -45,7 +45,7 @@ def starting_values(table: Table, replaced: dict[int, str] | None = None) -> lis
 
 
 def residual(table: Table, numbers: Sequence[mpmath.mpf]) -> np.ndarray:
-    """The residuals of the order conditions of a table at ``numbers``; for a symmetric method of odd degree only."""
+    """The residuals of the order conditions of a table at ``numbers``; of a symmetric method those of odd degree."""
     order = table.order
     degrees = tuple(p - (table.symmetric and p % 2 == 0) for p in order)
     errors = residuals(table.kind, table.steps(numbers), degrees)

@@ -51,7 +51,7 @@ class PolishedFile:
 
     @cached_property
     def stored(self) -> dict[str, dict]:
-        """The contents of the file: name of a table -> its entry."""
+        """The contents of the file: name of a table -> its dict, as from `entry`; empty if there is no file."""
         return json.loads(self.path.read_text()) if self.path.exists() else {}
 
     def table(self, name: str) -> Table:
@@ -61,7 +61,7 @@ class PolishedFile:
         return self.tables[name]
 
     def numbers(self, name: str) -> tuple[mpmath.mpf, ...]:
-        """The numbers of a table to 60 digits, in the order of `Table.published`.
+        """The polished numbers of a table to 60 digits, in the order of `Table.published`.
 
         A table that is not in the file is polished, with a warning; raises InvalidInput for an unknown name.
         """
@@ -79,7 +79,7 @@ class PolishedFile:
             return self.table(name).steps(self.numbers(name))
 
     def write(self) -> None:
-        """Write the file: polish the tables that are new or were edited, keep the other entries, print the changes."""
+        """Write the file: polish tables that are new or were edited, print their residuals, keep the other entries."""
         data = {}
         for name, table in self.tables.items():
             data[name] = self.stored.get(name, {})

@@ -39,11 +39,13 @@ class ProcessedTable(Table):
 
     Attributes
     ----------
-    gamma, a, b, first : the kernel's, as in a symmetric `Table`; all of a and b if the kernel is not ``palindromic``
-    repeat : how many times each number of ``gamma`` is taken; () for once
-    processor : the first half of the processor's fractions for a composition, else its drifts and kicks in turn
+    gamma, a, b, first : those of the kernel, as in a symmetric `Table`; all of a and b if the kernel is not
+        ``palindromic``
+    repeat : for each number of ``gamma``, how many steps with it follow each other; () for one each
+    processor : for a composition the fractions of its first half, which the same fractions with a minus sign follow;
+        for a splitting the weights of a drift and a kick in turn
     palindromic : True if the kernel is a palindrome
-    symmetric : whether the whole sequence is a palindrome
+    symmetric : True if the whole sequence (processor, kernel, inverse of the processor) is a palindrome
     """
 
     repeat: tuple[int, ...] = ()
@@ -58,12 +60,18 @@ class ProcessedTable(Table):
 
     @property
     def digest(self) -> str:
-        """A hash of the published numbers and their use, by which polished numbers are recognized as this table's."""
+        """A hash of the published numbers and of the fields that say how they are used.
+
+        Polished numbers are stored with it; they count as those of this table if it has not changed.
+        """
         kernel = self.kind, self.order, self.gamma, self.repeat, self.a, self.b, self.first, self.palindromic
         return hashlib.sha256(repr((*kernel, self.processor)).encode()).hexdigest()[:16]
 
     def _parts(self, numbers: Sequence[mpmath.mpf]) -> dict[str, list[mpmath.mpf]]:
-        """Divide numbers into the parts "gamma", "a", "b", "processor"; insert those that follow from the others."""
+        """Divide ``numbers`` into lists for "gamma", "a", "b" and "processor"; add the numbers that are not published.
+
+        Such a number follows from the sum of its list, which is 1 for the kernel and 0 for the processor.
+        """
         left, parts = list(numbers), {}
         for part in ("gamma", "a", "b", "processor"):
             texts = getattr(self, part)
@@ -76,7 +84,7 @@ class ProcessedTable(Table):
         return parts
 
     def _times(self, part: str) -> list[int]:
-        """How many times each number of a part, in the file's order, is used in the sequence of its substeps."""
+        """How many times each number of a part ("gamma", "a", "b" or "processor") occurs among the substeps."""
         n = len(getattr(self, part))
         if part == "processor" or not self.palindromic:
             return [1] * n
@@ -139,7 +147,7 @@ def _near_integrable(
 
 
 def _two_stages() -> ProcessedTable:
-    """Make the table with the kernel of two stages, whose numbers have a closed form, which polishing keeps."""
+    """Make the table whose kernel has two stages; its numbers have a closed form, which polishing keeps."""
     with mpmath.workdps(DIGITS):
         root = mpmath.sqrt(1 + 2 / mpmath.sqrt(3))
         less, more = (f"{mpmath.nstr((1 + sign * root) / 2, DIGITS)}/1" for sign in (-1, 1))
@@ -240,13 +248,16 @@ FILE = PolishedFile("phasebench.integrators.coefficients.processed", TABLES)
 
 
 def kernel(name: str) -> list:
-    """The substeps of the kernel of the table ``name``, to 60 digits: fractions, or pairs (letter, weight)."""
+    """The substeps of the kernel of the table ``name``, to 60 digits, in units of h.
+
+    They are fractions for a composition, or pairs (letter, weight) for a splitting, "A" for drifts and "B" for kicks.
+    """
     with mpmath.workdps(DIGITS):
         return FILE.table(name).kernel(FILE.numbers(name))
 
 
 def pre(name: str) -> list:
-    """The substeps of the processor of the table ``name``, to 60 digits: fractions, or pairs (letter, weight)."""
+    """The substeps of the processor of the table ``name``, to 60 digits: fractions or pairs, as from `kernel`."""
     with mpmath.workdps(DIGITS):
         return FILE.table(name).pre(FILE.numbers(name))
 

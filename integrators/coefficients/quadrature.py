@@ -26,10 +26,10 @@ RULES, LARGE = (2, 3, 4, 6, 8, 12, 16, 24, 32), (8, 12, 16, 24, 32, 48, 64)
 
 
 def sizes(s: int, degree: int | None, rules: tuple[int, ...] = RULES) -> tuple[int, ...]:
-    """The sizes of the quadrature rules for integrals of grad H along a polynomial of degree s in time.
+    """The numbers of nodes of quadrature rules for integrals of grad H along a polynomial of degree s in time.
 
-    If H is a polynomial of a known ``degree``, one size, of a rule that is exact; if that is None, the sizes among
-    ``rules`` from s on, which are tried in turn.
+    If H is a polynomial of a known ``degree``, a single number, with which Gauss's rule is exact; if that is None, the
+    numbers among ``rules`` from s on, which are tried in turn.
     """
     if degree:
         return (max(s, -(-s * degree // 2)),)

@@ -51,7 +51,10 @@ class Table:
 
     @property
     def digest(self) -> str:
-        """A hash of the published numbers and their use, by which polished numbers are recognized as this table's."""
+        """A hash of the published numbers and of the fields that say how they are used.
+
+        Polished numbers are stored with it; they count as those of this table if it has not changed.
+        """
         used = (self.kind, self.order, self.gamma, self.a, self.b, self.first, self.symmetric)
         return hashlib.sha256(repr(used).encode()).hexdigest()[:16]
 

@@ -1,7 +1,8 @@
-r"""Tableaus of implicit Runge-Kutta methods and of HBVM in the form of `collocation`, at any precision.
+r"""Tableaus of implicit Runge-Kutta methods and of HBVM as `families.collocation` takes them, at any precision.
 
-Collocation at nodes c: :math:`a_{ij} = \int_0^{c_i} \ell_j`, :math:`b_j = \int_0^1 \ell_j`: Gauss, Lobatto IIIA, Radau
-IIA.  Lobatto IIIB is the symplectic conjugate of IIIA, :math:`b_i a^q_{ij} + b_j a^p_{ji} = b_i b_j`.
+HBVM are Hamiltonian boundary value methods.  Collocation at nodes c, with their Lagrange polynomials :math:`\ell_j`:
+:math:`a_{ij} = \int_0^{c_i} \ell_j`, :math:`b_j = \int_0^1 \ell_j`: Gauss, Lobatto IIIA, Radau IIA.  Lobatto IIIB is
+the symplectic conjugate of IIIA, :math:`b_i a^q_{ij} + b_j a^p_{ji} = b_i b_j`.
 
 Source: E. Hairer, C. Lubich, G. Wanner, Geometric Numerical Integration (2006), II.1.2, II.2.2, VI.4; L. Brugnano,
 F. Iavernaro, D. Trigiante, J. Numer. Anal. Ind. Appl. Math. 5 (2010) 17-37 (HBVM).
@@ -109,10 +110,10 @@ def exact(kind: str, s: int, k: int) -> tuple:
 
 
 def extrapolation(B: mpmath.matrix, c: Sequence[mpmath.mpf]) -> list[tuple]:
-    """Weights that predict a step's s increments from those of the last m steps: s rows for each m = 1, 2, ...
+    """Weights that predict a step's s increments from those of the last m steps: s rows for each m = 1, 2, ... .
 
-    They are exact for f a polynomial in time of degree `DEGREE`, or of the degree that m steps determine.  Two steps
-    are enough where s > 1.
+    They are exact for f a polynomial in time of degree `DEGREE`, or of the highest degree that m steps determine if
+    that is lower.  m goes up to `LEVELS` for s = 1, else up to 2.  ``B`` and ``c`` are the method's, as from `exact`.
     """
     s = B.rows
     shared = int(c[0] == 0 and c[-1] == 1)
@@ -149,7 +150,11 @@ class Tableau(NamedTuple):
 
 @cache
 def tableau(kind: str, s: int, k: int, nystrom: bool, digits: int, unit: mpmath.mpf) -> Tableau:
-    """The `Tableau` of a method with s increments and k nodes, rounded to ``unit`` where symplecticity requires it."""
+    """The `Tableau` of a method with s increments and k nodes, rounded to ``unit`` where symplecticity requires it.
+
+    ``kind`` is as for `exact`, ``digits`` the working precision.  With ``nystrom`` only the increments of p are unknown
+    (H = p . M^-1 p / 2 + V(q)): then A_q and A_p are both A^q B A^p, and w^q is w B A^p.
+    """
     with mpmath.workdps(digits):
         A, C, B, w, c = exact(kind, s, k)
         if kind == "hbvm":

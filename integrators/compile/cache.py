@@ -168,7 +168,7 @@ def _remove(path: Path) -> None:
 
 
 def seal_of(name: str) -> str:
-    """Return the name, as a cache entry, of the file with the hash (seal) of a folder of machine code."""
+    """Return the cache entry's name of the seal of the folder ``name``, a file with the hash of its machine code."""
     return f"{name}/{SEAL}"
 
 
@@ -277,7 +277,7 @@ def _acquire_lock(lock: Path, entry: Path) -> Callable[[], None]:
 
 @lru_cache(maxsize=8)
 def _note_use(place: Path) -> None:
-    """Set the subfolder's modification time to now, once in a process, as the time of its last use."""
+    """Set the modification time of the subfolder ``place`` to now, once in a process, as the time of its last use."""
     with suppress(OSError):
         os.utime(place)
 
@@ -328,7 +328,7 @@ def _entries(place: Path) -> list[tuple[float, int, Path]]:
 
 
 def evict() -> None:
-    """Shrink the folder to `MAX_BYTES` bytes, and remove what killed processes left."""
+    """Shrink the cache to `MAX_BYTES` bytes, other versions first, and remove what killed processes left."""
     own = folder()
     others = sorted((p for p in versions() if p != own), key=_last_used)
     total = 0

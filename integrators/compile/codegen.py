@@ -11,10 +11,11 @@ from __future__ import annotations
 import hashlib
 import re
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import lru_cache
 from types import ModuleType
+from typing import TYPE_CHECKING, Any
 
 import gmpy2
 import mpmath
@@ -26,6 +27,9 @@ from phasebench.integrators.errors import InvalidInput
 
 from . import cache, machine
 from .options import ARRAYS, TUPLES
+
+if TYPE_CHECKING:
+    from phasebench.integrators.values.kinds import Function, Number, Signature
 
 #: Most degrees of freedom for which a state is a tuple, in registers; above, it is an array.  Kernels that work in
 #: place may have their own, lower limit (`inplace.in_place_version`).
@@ -46,7 +50,7 @@ def value_kind(d: int, arrays: bool = False) -> str:
     return "array" if arrays or d > TUPLE_LIMIT else "tuple"
 
 
-def value_type(d: int, arrays: bool = False):
+def value_type(d: int, arrays: bool = False) -> types.Type:
     """Return the Numba type of a compiled state of d components; ``arrays`` forces arrays."""
     tuples = value_kind(d, arrays) == "tuple"
     return types.UniTuple(types.float64, d) if tuples else types.Array(types.float64, 1, "C")
@@ -57,7 +61,7 @@ def options(d: int) -> dict:
     return TUPLES if value_kind(d) == "tuple" else ARRAYS
 
 
-def _kind_of(signature) -> str:
+def _kind_of(signature: Signature) -> str:
     """Return "array" if a function of this signature takes vectors as arrays, else "tuple"."""
     return "array" if any(isinstance(t, types.Array) and t.ndim == 1 for t in signature.args) else "tuple"
 
@@ -81,14 +85,15 @@ def _finish(text: str, style: str) -> str:
 _ready: dict = {}
 
 
-def function(key: str, build, signature, arithmetic: str = DOUBLE):
+def function(key: str, build: Callable[[str], str], signature: Signature, arithmetic: str = DOUBLE) -> Function:
     """Return the function that the Python text ``build(arithmetic)`` defines, compiled or in multiprecision.
 
     Parameters
     ----------
-    key : identifies the content; the cache uses its hash, and the same key gives the same object
-    build : a function of the arithmetic that returns the text of a function ``f``
-    signature : its Numba signature
+    key : text that identifies what the function computes; the cache uses its hash, and the same key gives the same
+        object
+    build : a function that takes the arithmetic and returns the source text of a function ``f``
+    signature : the Numba signature of ``f``
     arithmetic : `DOUBLE` or `MULTIPRECISION`
     """
     if arithmetic == MULTIPRECISION:
@@ -104,12 +109,12 @@ def function(key: str, build, signature, arithmetic: str = DOUBLE):
     return _ready[digest]
 
 
-def origin(f) -> tuple | None:
+def origin(f: Function) -> tuple[str, Signature] | None:
     """Return the arguments (digest, signature) with which `rebuild` makes f again, or None if f was not generated."""
     return getattr(f, "origin", None)
 
 
-def rebuild(digest: str, signature):
+def rebuild(digest: str, signature: Signature) -> Function:
     """Return the generated function with this digest and signature; raise KeyError if its text is not in the cache."""
     if digest not in _ready:
         text = cache.read(f"f-{digest}.py")
@@ -119,7 +124,7 @@ def rebuild(digest: str, signature):
     return _ready[digest]
 
 
-def cached_text(name: str, write) -> str:
+def cached_text(name: str, write: Callable[[], str]) -> str:
     """Return the text stored in the cache under ``name``; if there is none, store and return ``write()``."""
     kept = cache.read(name)
     if kept is not None:
@@ -129,8 +134,11 @@ def cached_text(name: str, write) -> str:
     return text
 
 
-def _load(digest: str, text: str, style: str, signature):
-    """Execute the text, and return the function ``f`` that it defines, compiled unless the style is mpfr or numpy."""
+def _load(digest: str, text: str, style: str, signature: Signature) -> Function:
+    """Execute the text and return the function ``f`` that it defines, compiled unless the style is "mpfr" or "numpy".
+
+    The digest identifies the text in the cache; ``signature`` is the Numba signature of ``f``.
+    """
     module = ModuleType(f"phasebench_generated_{digest}")
     sys.modules[module.__name__] = module  # Numba looks the module up when it loads the machine code
     exec(compile(text, f"<generated {digest}>", "exec"), module.__dict__)
@@ -143,7 +151,7 @@ def _load(digest: str, text: str, style: str, signature):
 
 
 @lru_cache(maxsize=4096)
-def load_columnwise(text: str):
+def load_columnwise(text: str) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
     """Return the function ``f`` that the text defines, as f(q, p) of NumPy arrays q, p of shape (d, n)."""
     namespace = vars(np) | {"np": np, "asin": np.arcsin, "acos": np.arccos, "atan": np.arctan}
     exec(_finish(text, "numpy"), namespace)
@@ -152,17 +160,17 @@ def load_columnwise(text: str):
 
 @contextmanager
 def precision(digits: int) -> Iterator[None]:
-    """Set the precision of mpmath and of "multiprecision" to this many decimal digits while the context is open."""
+    """Set the precision of mpmath and of `MULTIPRECISION` to ``digits`` decimal digits while the context is open."""
     with mpmath.workdps(digits), gmpy2.context(gmpy2.get_context(), precision=mpmath.mp.prec):
         yield
 
 
-def epsilon(arithmetic: str):
+def epsilon(arithmetic: str) -> Number:
     """Return the machine epsilon of the arithmetic, a double or an MPFR number at the current precision."""
     return to_number(mpmath.mp.eps if arithmetic == MULTIPRECISION else np.finfo(float).eps, arithmetic)
 
 
-def vector(numbers) -> np.ndarray:
+def vector(numbers: Sequence[Any] | np.ndarray) -> np.ndarray:
     """Return an object array of the numbers as MPFR numbers, whatever kind of number each was.
 
     Raises InvalidInput if mpmath's precision is not the one that `precision` has set.
@@ -174,7 +182,7 @@ def vector(numbers) -> np.ndarray:
     return out
 
 
-def to_number(x, arithmetic: str):
+def to_number(x: Any, arithmetic: str) -> Number:
     """Convert x (int, float, Fraction, decimal string, mpmath or MPFR number) to a number of the arithmetic."""
     if arithmetic == DOUBLE:
         return float(mpmath.mpf(x)) if isinstance(x, str) else float(x)

@@ -11,7 +11,7 @@ from types import ModuleType
 class LazyModule(ModuleType):
     """A stand-in for a package that imports it when an attribute is first read."""
 
-    def __getattr__(self, name: str):
+    def __getattr__(self, name: str) -> object:
         value = getattr(importlib.import_module(self.__name__), name)
         setattr(self, name, value)
         return value
@@ -32,7 +32,7 @@ def attributes(package: str, homes: Mapping[str, str]) -> Callable[[str], object
     ``homes`` maps each name to the module of the package that defines it.
     """
 
-    def attribute(name: str):
+    def attribute(name: str) -> object:
         if name not in homes:
             raise AttributeError(f"module '{package}' has no attribute '{name}'")
         value = getattr(importlib.import_module(f".{homes[name]}", package), name)

@@ -22,6 +22,7 @@ import warnings
 from collections.abc import Callable
 from pathlib import Path
 from types import FunctionType
+from typing import TYPE_CHECKING, Any
 
 import numba
 from llvmlite import ir
@@ -30,8 +31,11 @@ from numba.extending import intrinsic
 
 from . import cache
 
+if TYPE_CHECKING:
+    from phasebench.integrators.values.kinds import Dispatcher, Signature
 
-def load_or_compile(f: Callable, signature, options: dict, name: str) -> Callable:
+
+def load_or_compile(f: Callable, signature: Signature, options: dict, name: str) -> Dispatcher:
     """Return ``f`` compiled for one signature, from the cache if it is there.
 
     Parameters
@@ -86,7 +90,7 @@ def _without_closure(f: Callable) -> Callable:
     return namespace["whole"]
 
 
-def _compile(f: Callable, signature, options: dict, digest: str, source: Path | None):
+def _compile(f: Callable, signature: Signature, options: dict, digest: str, source: Path | None) -> Dispatcher:
     """Compile ``f`` for one signature, or load the machine code that Numba has stored beside the file ``source``.
 
     Without ``source`` nothing is stored.  ``digest`` becomes part of the function's name (`_rename`).
@@ -124,26 +128,26 @@ class Function(types.WrapperAddressProtocol):
     The parameters are those of `load_or_compile`.
     """
 
-    def __init__(self, f: Callable, signature, options: dict, name: str):
+    def __init__(self, f: Callable, signature: Signature, options: dict, name: str) -> None:
         self._made = f, signature, options, name
         self._signature = signature
-        self._called: Callable | None = None
+        self._called: Dispatcher | None = None
         address = with_functions(_address, {"entry_address": _entry_of(self)})
         self._address = load_or_compile(address, types.intp(), {}, f"{name}|entry of {signature!r} {sorted(options)}")()
 
     @property
-    def dispatcher(self) -> Callable:
+    def dispatcher(self) -> Dispatcher:
         """The compiled function as Python calls it; loaded or compiled at the first access."""
         if self._called is None:
             f, signature, options, name = self._made
             self._called = load_or_compile(f, signature, options | {"no_cfunc_wrapper": True}, name)
         return self._called
 
-    def __call__(self, *arguments):
+    def __call__(self, *arguments: Any) -> Any:
         """Call the function from Python."""
         return self.dispatcher(*arguments)
 
-    def signature(self):
+    def signature(self) -> Signature:
         """The Numba signature of the function's arguments and result."""
         return self._signature
 
@@ -156,7 +160,7 @@ def _address():
     return entry_address()  # noqa: F821 (`Function` sets it)
 
 
-def _entry_of(function: Function):
+def _entry_of(function: Function) -> Callable:
     """Return an intrinsic that yields the address of a C function with the code of ``function`` inlined into it."""
 
     @intrinsic

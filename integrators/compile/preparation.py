@@ -1,8 +1,9 @@
 """Cache on disk what is prepared to run a method on a system: the method's coefficients, and the system's functions.
 
-This is a `kernel.Prepared`.  It is pickled with the origins of its functions (`codegen.origin`) in place of the
-functions, under a name that is a hash of the pickled method and of the system's key (`deferred`).  It is not stored if
-the system has no key, or if it holds compiled functions that were not generated from formulae.
+Both together are a `kernel.Prepared`.  It is pickled with the origins of its functions (`codegen.origin`) in place of
+the functions, under a name that is a hash of the pickled method and of the system's key (`systems.deferred`), which
+identifies the system.  It is not stored if the system has no key, or if it holds compiled functions that were not
+generated from formulae.
 """
 
 from __future__ import annotations
@@ -11,10 +12,17 @@ import hashlib
 import io
 import pickle
 from functools import lru_cache
+from typing import TYPE_CHECKING, Any
 
 from numba.extending import is_jitted
 
 from . import cache, codegen, machine
+
+if TYPE_CHECKING:
+    from phasebench.integrators.record import Method
+    from phasebench.integrators.stepping.kernel import Prepared
+    from phasebench.integrators.systems.hamiltonian import PartitionedSystem
+    from phasebench.integrators.values.kinds import Function
 
 #: Whether anything is stored; tests that change what families prepare set it to False.
 ENABLED = True
@@ -23,9 +31,9 @@ MAX_METHODS = 512
 
 
 class _MethodPickler(pickle.Pickler):
-    """Pickles a method without its parameter parser, which the kernel does not depend on."""
+    """Pickles a method without the function that computes fields from its parameters, which no kernel depends on."""
 
-    def reducer_override(self, obj):
+    def reducer_override(self, obj: Any) -> Any:
         if hasattr(obj, "with_parameters"):
             return tuple, ([(k, v) for k, v in vars(obj).items() if k != "with_parameters"],)
         return NotImplemented
@@ -34,7 +42,7 @@ class _MethodPickler(pickle.Pickler):
 class _FunctionPickler(pickle.Pickler):
     """Pickles generated functions by their origins, from which `codegen.rebuild` makes them again."""
 
-    def persistent_id(self, obj):
+    def persistent_id(self, obj: Any) -> tuple | None:
         if not (isinstance(obj, machine.Function) or is_jitted(obj)):
             return None
         origin = codegen.origin(obj)
@@ -46,11 +54,11 @@ class _FunctionPickler(pickle.Pickler):
 class _FunctionUnpickler(pickle.Unpickler):
     """Loads what `_FunctionPickler` has written: makes generated functions again from their origins."""
 
-    def persistent_load(self, origin):
+    def persistent_load(self, origin: tuple) -> Function:
         return codegen.rebuild(*origin)
 
 
-def _pickle(kind: type[pickle.Pickler], thing) -> bytes | None:
+def _pickle(kind: type[pickle.Pickler], thing: object) -> bytes | None:
     """Return ``thing`` pickled, or None if it cannot be."""
     stream = io.BytesIO()
     try:
@@ -64,7 +72,7 @@ def _pickle(kind: type[pickle.Pickler], thing) -> bytes | None:
 _bytes: dict = {}
 
 
-def _bytes_of(method) -> bytes | None:
+def _bytes_of(method: Method) -> bytes | None:
     """Return a method pickled by value, from memory if it was pickled before, or None if that is impossible."""
     known = _bytes.get(id(method))
     if known is None:
@@ -74,7 +82,7 @@ def _bytes_of(method) -> bytes | None:
     return known[1]
 
 
-def entry(method, system) -> str | None:
+def entry(method: Method, system: PartitionedSystem) -> str | None:
     """Return the name of the cache entry for a method prepared for a system, or None if it cannot be stored."""
     key = getattr(system, "key", "") if ENABLED and codegen.compiled() else ""
     value = _bytes_of(method) if key else None
@@ -85,7 +93,7 @@ def entry(method, system) -> str | None:
 
 
 @lru_cache(maxsize=512)
-def _read(name: str, version: str):
+def _read(name: str, version: str) -> Prepared:
     """Return what was pickled in an entry, read once in a process; raise LookupError if it is missing or damaged."""
     content = cache.read(name)
     if content is None:
@@ -97,7 +105,7 @@ def _read(name: str, version: str):
         raise LookupError(name) from error
 
 
-def read(name: str | None):
+def read(name: str | None) -> Prepared | None:
     """Return the `kernel.Prepared` that was stored under the name, or None if there is none or ``name`` is None."""
     try:
         return None if name is None else _read(name, str(cache.folder()))
@@ -105,7 +113,7 @@ def read(name: str | None):
         return None
 
 
-def write(name: str | None, prepared) -> None:
+def write(name: str | None, prepared: Prepared) -> None:
     """Store a `kernel.Prepared` under the name; do nothing if ``name`` is None or ``prepared`` cannot be pickled."""
     content = None if name is None else _pickle(_FunctionPickler, prepared)
     if content is not None:

@@ -37,29 +37,29 @@ class Program(NamedTuple):
 class _Printer(PythonCodePrinter):
     """Prints expressions as Python, with integer powers as products and rationals exact in the given arithmetic."""
 
-    def __init__(self, arithmetic: str):
+    def __init__(self, arithmetic: str) -> None:
         super().__init__({"fully_qualified_modules": False, "precision": 17})
         self.multi = arithmetic == MULTIPRECISION
 
-    def _print_Rational(self, x):
+    def _print_Rational(self, x: sp.Rational) -> str:
         if float(x) == x:  # a double, such as a parameter of the problem
             return f"mpfr({float(x)!r})" if self.multi else repr(float(x))
         return f"(mpfr({x.p})/{x.q})" if self.multi else repr(x.p / x.q)  # rounded once, whatever the size of p and q
 
     _print_Half = _print_Rational
 
-    def _print_Integer(self, x):
+    def _print_Integer(self, x: sp.Integer) -> str:
         return str(x.p) if abs(x.p) < INTEGER_LIMIT else self._print_Rational(x)
 
-    def _print_Float(self, x):
+    def _print_Float(self, x: sp.Float) -> str:
         return f"mpfr({float(x)!r})" if self.multi else repr(float(x))
 
-    def _print_NumberSymbol(self, x):
+    def _print_NumberSymbol(self, x: sp.Expr) -> str:
         return f"to_number(mp.{str(x).lower()}, MULTIPRECISION)" if self.multi else repr(float(x))
 
     _print_Pi = _print_Exp1 = _print_NumberSymbol
 
-    def _print_Pow(self, x, rational=False):
+    def _print_Pow(self, x: sp.Pow, rational: bool = False) -> str:
         base, n = x.args
         if n.is_Integer and 1 < abs(n) <= MAX_POWER and base.is_Symbol:
             product = _product(self._print(base), abs(int(n)))
@@ -72,17 +72,17 @@ class _Printer(PythonCodePrinter):
             return f"(1/sqrt({self._argument(base)}))"
         return f"({self._print(base)})**({self._print(n)})"
 
-    def _argument(self, x):
+    def _argument(self, x: sp.Expr) -> str:
         """Print the argument of a function; an integer becomes an MPFR number, which selects the arithmetic."""
         return f"mpfr({x.p})" if self.multi and x.is_Integer else self._print(x)
 
-    def _print_known(self, x):
+    def _print_known(self, x: sp.Function) -> str:
         return f"{type(x).__name__.lower()}({', '.join(map(self._argument, x.args))})"
 
     _print_sin = _print_cos = _print_tan = _print_exp = _print_log = _print_known
     _print_sinh = _print_cosh = _print_tanh = _print_asin = _print_acos = _print_atan = _print_known
 
-    def _print_Abs(self, x):
+    def _print_Abs(self, x: sp.Abs) -> str:
         return f"abs({self._print(x.args[0])})"
 
 
@@ -95,9 +95,10 @@ def _product(base: str, n: int) -> str:
 
 
 def _share_roots(expressions: list[sp.Expr]) -> tuple[list[tuple[sp.Symbol, sp.Expr]], list[sp.Expr]]:
-    """Rewrite powers of 1/2 and 1/4 as integer powers of one shared root, and powers of sums as powers of a symbol.
+    """Rewrite powers with exponents n/2 and n/4 as integer powers of one root of the base, so that it is taken once.
 
-    Returns the definitions (symbol, expression) and the rewritten expressions.
+    Integer powers of sums become powers of a symbol.  Returns the definitions (symbol, expression) of roots and sums,
+    and the rewritten expressions.
     """
     defined: list[tuple[sp.Symbol, sp.Expr]] = []
     names: dict[sp.Expr, sp.Symbol] = {}
@@ -134,13 +135,16 @@ def in_order_of_evaluation(definitions: Iterable[tuple[Any, Any]]) -> list[tuple
 
 
 def source(
-    name: str, arguments: Sequence[tuple[str, Sequence[sp.Symbol] | sp.Symbol]], results, arithmetic: str
+    name: str,
+    arguments: Sequence[tuple[str, Sequence[sp.Symbol] | sp.Symbol]],
+    results: Program | Sequence[Any],
+    arithmetic: str,
 ) -> str:
     """Return the text of a function of ``arguments`` (each a name and a vector of symbols, or a single symbol).
 
-    ``results`` lists vectors (lists of expressions) and single expressions; the function returns them as a tuple, each
-    vector as ``value(...)``.  They may be a `Program`.  Raises ValueError if an expression has a symbol that is not an
-    argument.
+    ``name`` is the function's name.  ``results`` lists vectors (lists of expressions) and single expressions, or is a
+    `Program`; the function returns the results as a tuple, each vector as ``value(...)``.  Raises ValueError if an
+    expression has a symbol that is not an argument.
     """
     definitions, results = results if isinstance(results, Program) else ((), results)
     renamed: dict[sp.Symbol, sp.Symbol] = {}

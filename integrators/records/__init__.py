@@ -1,1 +1,1 @@
-"""The records of the integration methods (`record.Method`), one module for each kind of method."""
+"""The records (`record.Method`: coefficients, declared properties) of the integration methods, by kind of method."""

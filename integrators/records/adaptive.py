@@ -1,4 +1,8 @@
-"""Records of methods with variable steps: reversible ones (family `adaptive`), and field-controlled ones (`field`)."""
+"""Records of methods with variable steps: reversible ones (family `adaptive`), and field-controlled ones (`field`).
+
+The steps of the former follow the distances to singularities of H, those of the latter the derivatives of the vector
+field along the orbit.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +27,8 @@ def adaptive(
 ) -> Method:
     """Make the record of a method whose step depends on the distance to singularities; h is the step at distance 1.
 
-    ``data`` are the coefficients for the family `adaptive`; the other arguments are fields of the record.
+    ``data`` are the coefficients: (1, substeps) of a splitting, as from `classical.one_stage`, or the number of stages
+    (s,) of Gauss's method.  The other arguments are fields of the record.
     """
     return Method(
         id=id,
@@ -42,7 +47,7 @@ def adaptive(
 
 
 def split(base: Method, id: str, name: str) -> Method:
-    """Make the variable-step version of a symmetric splitting ``base``, a record of the family "parametric"."""
+    """Make the variable-step version, see `adaptive`, of a symmetric splitting ``base`` of the family "parametric"."""
     requires = ("canonical", "separable", "quadratic kinetic energy", "singular distances")
     cite = tuple(dict.fromkeys((*base.cite, "hairer2005", "hairer2006")))
     return adaptive(

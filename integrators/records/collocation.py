@@ -14,7 +14,11 @@ BIT = "Brugnano, Iavernaro & Trigiante"
 def collocation(
     *, id: str, name: str, order: int, source: str, cite: tuple[str, ...], data: tuple[str | int, ...], **facts: Any
 ) -> Method:
-    """Make the record of an implicit multi-stage method, symmetric and symplectic unless ``facts`` say otherwise."""
+    """Make the record of an implicit multi-stage method, symmetric and symplectic unless ``facts`` say otherwise.
+
+    ``data`` are the kind of the method, such as "gauss" or "radau-iia", and its number s of stages; for "hbvm" also the
+    number of nodes.  The other arguments are fields of the record.
+    """
     facts = {"symmetric": True, "symplectic": True, "energy": BOUNDED, "quadratic": ROUND_OFF} | facts
     return Method(id=id, name=name, family="collocation", order=order, source=source, cite=cite, data=data, **facts)
 

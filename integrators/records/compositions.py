@@ -1,7 +1,9 @@
 r"""Symmetric compositions of symmetric methods of order 2, over the fractions of `coefficients`.
 
 .. math::
-    \Psi_h = \Phi_{\gamma_s h} \circ \dots \circ \Phi_{\gamma_1 h}.
+    \Psi_h = \Phi_{\gamma_s h} \circ \dots \circ \Phi_{\gamma_1 h},
+
+with the step :math:`\Phi_h` of the base method and the fractions :math:`\gamma_k`.
 
 Source: Hairer, Lubich, Wanner (2006), V.3.2; McLachlan, SIAM J. Sci. Comput. 16 (1995) 151-168.
 """

@@ -32,8 +32,9 @@ def conserving_method(
 def averaged_method(**facts: Any) -> Method:
     """Make the record of an averaged vector field method from fields of the record.
 
-    ``data`` are substeps (fraction of h, path, direction): the path is the order in which coordinates change, `WHOLE`
-    (all at once), `PARTITIONED` or `COMPONENTS`; the direction is `FORTH`, `BACK` or `MEAN` (of both).
+    ``data`` are substeps (fraction of h, path, direction).  The path is the order in which the variables change:
+    `WHOLE` (all at once), `PARTITIONED` (momenta, then coordinates) or `COMPONENTS` (one after the other); the
+    direction is `FORTH` (in this order), `BACK` (in the reverse order) or `MEAN` (the mean of both).
     """
     return conserving_method(family="averaged", **facts)
 
@@ -48,8 +49,8 @@ def compose_with_adjoint(
 ) -> list[tuple[Fraction | mpmath.mpf, str, int]]:
     """The substeps (length, path, direction) of a composition of a first-order map with its adjoint.
 
-    For each of the fractions of the step the map and then its adjoint go over half of it; ``path`` is the order in
-    which the map changes coordinates.
+    For each fraction f of the step these are the map over f/2 and its adjoint over f/2; ``path`` is the order in which
+    the map changes the variables, as in `averaged_method`.
     """
     return [(times(f, HALF), path, direction) for f in fractions for direction in (FORTH, BACK)]
 

@@ -11,9 +11,10 @@ from phasebench.integrators.record import BOUNDED, ROUND_OFF, Method
 
 
 def rows(steps: Iterable[force_gradient.Substep]) -> tuple[tuple, ...]:
-    """Rows (a, b, c) of a step: a drift a, then a modified kick b, c; the first row has no drift, only a kick or zeros.
+    """Group the substeps of a step into rows (a, b, c): a drift a, then a modified kick with the coefficients b, c.
 
-    ``steps`` are substeps ("A", a, 0) and ("B", b, c) in turn.
+    ``steps`` are substeps ("A", a, 0) for drifts and ("B", b, c) for kicks exp(b h B + c h^3 [B, [A, B]]) in turn.  In
+    the first row a is 0, and b and c, too, if the step begins with a drift.
     """
     zero = mpmath.mpf(0)
     out = [[zero, zero, zero]]

@@ -1,6 +1,7 @@
 """Records of trigonometric integrators and of multiple time stepping (family `trigonometric`).
 
-A trigonometric integrator is given by psi_1 = psi / sinc and phi; each record names the published psi and phi.
+A trigonometric integrator is given by two filters, functions of h omega: psi_1 = psi / sinc multiplies a kick, and phi
+the q at which the kick's force is evaluated; each record names the published psi and phi.
 Quadratic invariants q.D p that belong to rotations among components of equal frequency are conserved to round-off,
 others are not; the field ``quadratic`` of a record is for all of them.
 """
@@ -39,8 +40,9 @@ def oscillatory_method(
 ) -> Method:
     """Make the record of a symmetric method of order 2 for systems with a fast linear part.
 
-    ``data`` are functions of h omega: the propagator of the linear part and the filters psi_1 and phi; then further
-    arguments of the propagator.  ``facts`` are further fields of the record.
+    ``data`` are three functions of h omega, from `coefficients.filters`: the propagator of the linear part, and the
+    filters psi_1 of kicks and phi of their arguments q (see the module); then further arguments of the propagator.
+    ``facts`` are further fields of the record.
     """
     return Method(
         id=id,

@@ -31,7 +31,9 @@ def scheme_iii(
 ) -> tuple[tuple[Fraction | mpmath.mpf, Fraction | float, Fraction | float], ...]:
     """Substeps (c, mu, lambda) of Scheme III: Scheme I with 1 - lam, then with lam, each over half of a step.
 
-    For a composition there are two such substeps for each of the ``fractions`` of the step.
+    They are as in `scheme_i`: c is the length as a fraction of the step, mu and lambda say where between the states
+    before and after the substep the field is evaluated.  For a composition there are two such substeps for each of the
+    ``fractions`` of the step.
     """
     halves = ((HALF, lam, 1 - lam), (HALF, 1 - lam, lam))
     return tuple((times(f, c), mu, la) for f in fractions for c, mu, la in halves)
@@ -42,10 +44,13 @@ def equip_rows(
     fractions: Iterable[Fraction | mpmath.mpf] = (Fraction(1),),
     alternative: tuple[int, ...] = (),
 ) -> tuple[tuple[Fraction | mpmath.mpf, int, int, int], ...]:
-    """Rows (c, sign, group, alternative) of Schemes IV and V: substeps of length c h with lambda = 1/2 + sign x.
+    """Rows (c, sign, group, alternative) of the substeps of the energy-preserving Schemes IV and V.
 
-    Each of the ``fractions`` of the step is a group of substeps with its own x, for which the energy is kept.  If there
-    is no such x with the signs ``signs`` (alternative 0), the signs ``alternative`` (1) are tried.
+    A substep has the length c h and evaluates the field at (q + (1 - lambda) (Q - q), p + lambda (P - p)), where (q, p)
+    is the state before it and (Q, P) the state after it, with lambda = 1/2 + sign x; x is chosen in each step such that
+    the energy is kept.  A group, numbered from 0, are the substeps over one of the ``fractions`` of the step, which
+    share an x. Their signs are ``signs``, (1,) in Scheme IV and (-1, 1) in Scheme V (rows with alternative 0); if there
+    is no such x, the signs ``alternative`` are tried (rows with alternative 1).
     """
     rows = []
     for g, f in enumerate(fractions):
@@ -101,7 +106,11 @@ def equip_method(
     alternative: tuple[int, ...] = (),
     cite: tuple[str, ...] = ("wang-talk",),
 ) -> Method:
-    """Make the record of Scheme IV or V (by its ``signs``), or of their composition over ``fractions`` of the step."""
+    """Make the record of the energy-preserving Scheme IV or V, or of its composition over ``fractions`` of the step.
+
+    ``signs`` are (1,) for Scheme IV and (-1, 1) for Scheme V, ``alternative`` those that are tried if there is no
+    solution; see `equip_rows`.
+    """
     return Method(
         id=id,
         name=name,

@@ -31,7 +31,8 @@ def parts(
 ) -> Method:
     """Make the record of a method whose substeps go through the flows of all parts of H, in order or backwards.
 
-    ``data`` is a pair: the substeps of a step, and those of the processor, () without a processor.
+    ``data`` is a pair: the substeps of a step, rows (c, mu, lambda) as from `strang`, and those of the processor of a
+    processed method, () for any other.
     """
     return Method(
         id=id,
@@ -50,9 +51,10 @@ def parts(
 
 
 def composed(id: str, order: int, table: str) -> Method:
-    """Make the record of a composition of the step through all parts of H with its adjoint.
+    """Make the record of a composition of the first-order step through all parts of H with its adjoint.
 
-    Its coefficients are those of a splitting of two parts, the ``table`` of `coefficients` with this name.
+    Its coefficients are those of the splitting of two parts whose table in `coefficients` has the name ``table``; the
+    order conditions are the same.
     """
     found = coefficients.table(table)
     return parts(
@@ -66,9 +68,10 @@ def composed(id: str, order: int, table: str) -> Method:
 
 
 def processed_parts(id: str, table: str) -> Method:
-    """Make the record of a processed composition of Strang's step through all parts of H.
+    """Make the record of a processed composition P K^n P^-1 of Strang's step through all parts of H.
 
-    ``table`` is the name of a table of `coefficients.processed`.
+    ``table`` is the name of a table of `coefficients.processed`, which has the coefficients of kernel K and processor
+    P.
     """
     found = processed.FILE.tables[table]
     return parts(

@@ -1,6 +1,7 @@
 """Records of processed splittings P K^n P^-1, from the tables of `coefficients.processed`.
 
-The base method of compositions is Stormer-Verlet's, kick-drift-kick.
+K is the kernel, which is repeated in n steps, P the processor, applied once before and undone after them.  The base
+method of compositions is Stormer-Verlet's, kick-drift-kick.
 """
 
 from __future__ import annotations
@@ -47,9 +48,9 @@ def rows(steps: Iterable[tuple[str, mpmath.mpf]]) -> tuple[tuple[mpmath.mpf, mpm
 
 
 def weights(steps: Iterable[tuple[str, mpmath.mpf]]) -> tuple[tuple, tuple]:
-    """The weights (a, b) of drifts and kicks of pairs (letter, weight): kick b_k comes before drift a_k.
+    """Divide substeps (letter, weight) into the weights (a, b) of drifts "A" and of kicks "B", in alternating order.
 
-    b_0 is 0 if the sequence begins with a drift.
+    Kick b_k comes before drift a_k; b_0 is 0 if the sequence begins with a drift.
     """
     drifts, kicks = zip(*rows(steps), strict=True)
     if drifts[0] == 0:

@@ -33,7 +33,10 @@ def _method(base: Method | str, **parameters: Value) -> Method:
 
 
 def _derive(base: Method, facts: Callable[[Method], dict], **fixed: Any) -> Method:
-    """Make a record from ``base`` with its parameters; ``facts(base)`` returns the fields that depend on them."""
+    """Make the record of a method that is derived from ``base``, with the same parameters.
+
+    ``facts(base)`` returns the fields that depend on the values of the parameters, ``fixed`` are the other fields.
+    """
     make = None
     if base.with_parameters is not None:
 

@@ -8,10 +8,11 @@ from .compositions import compose
 
 
 def rigid(id: str, name: str, scheme: str, source: str, cite: tuple[str, ...], *, symplectic: bool = True) -> Method:
-    """Make the record of a symmetric method of order 2 for a rigid body.
+    """Make the record of a symmetric method of order 2 for a rigid body: kicks by its potential, and the free body.
 
-    ``scheme`` is the rule for the free body: "axes", "top", "moser-veselov" or "midpoint"; the other arguments are
-    fields of the record.
+    ``scheme`` is the rule for the free body: "axes" (turns about the body's axes 3, 2, 1, 2, 3), "top" (the flow of a
+    symmetric top between turns about an axis), "moser-veselov" (their discrete equations) or "midpoint" (the midpoint
+    rule for the angular momentum).  The other arguments are fields of the record.
     """
     return Method(
         id=id,

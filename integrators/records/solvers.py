@@ -41,5 +41,5 @@ def with_solver(base: Method, solver: str) -> Method:
 
 
 def facts(record: Method) -> dict:
-    """The fields of a record that depend on the values of its parameters: data, order, symmetric."""
+    """Return the fields data, order and symmetric of a record, which depend on its parameters' values, as a dict."""
     return {name: getattr(record, name) for name in ("data", "order", "symmetric")}

@@ -1,9 +1,9 @@
 """Versions of a system's functions that write their results into arrays passed to them, for large d.
 
 A function f(q, ...) -> g, or -> (g, k), becomes f(q, ..., g) -> None, or f(q, ..., g, k) -> None; `vector.writes`
-recognizes the type of such functions.  If the loop of a method can use them, it takes the `in_place_version` of a
-system, and states from how many degrees of freedom on: to avoid allocation pays even for states that would still fit in
-registers.
+recognizes the type of such functions.  A method whose loop can use them takes the `in_place_version` of a system, and
+sets the number of degrees of freedom above which it does so.  That number may be small: to avoid allocation pays even
+for states that would still fit in registers.
 """
 
 from __future__ import annotations

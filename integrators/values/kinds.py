@@ -20,3 +20,7 @@ Value: TypeAlias = Any
 Condition: TypeAlias = Any
 #: A compiled function, such as a gradient or the equation of a stage.
 Function: TypeAlias = Callable[..., Any]
+#: A Numba signature: the types of the arguments and of the result.
+Signature: TypeAlias = Any
+#: What `numba.njit` returns: a function that Python calls, with its machine code.
+Dispatcher: TypeAlias = Any

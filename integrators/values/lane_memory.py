@@ -1,7 +1,7 @@
 """Memory of lanes: arrays of doubles whose last axis runs over the lanes, which a kernel sees as arrays of lanes.
 
-A block is as many orbits as there are lanes.  Kernels take tables with two axes; outside the kernel every array has an
-axis of blocks before these two, and one of lanes after them.
+Orbits are integrated in blocks, each of as many orbits as there are lanes.  A kernel takes the tables of one block,
+with two axes; outside the kernel every array has an axis of blocks before these two, and one of lanes after them.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ def block_of(typingctx: Any, array: types.Type, block: types.Type) -> tuple:
 
 @intrinsic
 def with_block(typingctx: Any, record: types.Type, arrays: types.Type, block: types.Type) -> tuple:
-    """Copy a NamedTuple, with each field that the NamedTuple ``arrays`` has, too, replaced by a block of that array.
+    """Copy a NamedTuple; the fields that the NamedTuple ``arrays`` has, too, become a block of the array there.
 
     ``block`` is the number of the block, as in `block_of`.
     """
@@ -89,7 +89,7 @@ def with_block(typingctx: Any, record: types.Type, arrays: types.Type, block: ty
 
 @intrinsic
 def zeros_of(typingctx: Any, like: types.Type) -> tuple:
-    """A tuple of zeros in lanes, as long as the tuple ``like``."""
+    """Return a tuple with as many items as the tuple ``like``, each of which is SIMD lanes of zeros."""
     kind = types.UniTuple(LANES, len(like))
 
     def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:

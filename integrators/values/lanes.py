@@ -129,7 +129,8 @@ _unary(float, lambda builder, n, x: x)
 def operation(compiled: Any) -> Function:
     """Return a decorator that replaces a plain NumPy function in compiled code by the Numba intrinsic ``compiled``.
 
-    It does so for calls in which an argument is of the type `Lanes`, or a tuple, as the last argument ``like`` is.
+    A call is replaced if one of its arguments is of the type `Lanes` or a tuple, such as ``like``, whose number of
+    items is the number of lanes.
     """
 
     def decorate(function: Function) -> Function:
@@ -153,8 +154,8 @@ def operation(compiled: Any) -> Function:
 def offset_address(builder: Any, pointer: Any, offset: Any, kind: Any = None) -> Any:
     """Emit the address ``offset`` bytes after a pointer, as a pointer of the LLVM type ``kind`` (by default the same).
 
-    LLVM knows that it stays within the pointer's array. Of an address made of integers it once lost that, and Newton's
-    method read a row of stages in lanes as it was before it was written.
+    It is computed from the pointer, so that LLVM knows that it lies in the pointer's array.  Where it was computed from
+    integers, LLVM once did not know that, and Newton's method read a row of a table before the row was written.
     """
     address = builder.gep(builder.bitcast(pointer, ir.IntType(8).as_pointer()), [offset])
     return builder.bitcast(address, kind or pointer.type)

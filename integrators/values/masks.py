@@ -200,9 +200,10 @@ def fails(condition):
 
 
 def retire_lanes(going, kept, x):
-    """Set the lanes of x in which ``going`` holds and ``kept`` does not to NaN; returns (x, True).
+    """Give up lanes: x becomes NaN in those in which ``going`` holds and ``kept`` does not; returns (x, True).
 
-    If the conditions are scalars, x is returned unchanged, with ``kept`` in place of True.
+    For scalar conditions x is returned unchanged, with ``kept`` in place of True, which tells the caller whether to go
+    on.
     """
     return x, kept
 
@@ -240,7 +241,7 @@ for _name in ("sin", "cos", "exp", "sqrt", "sinh", "cosh", "tanh"):
 
 @intrinsic
 def _lane(typingctx: Any, x: types.Type, i: types.Type) -> tuple:
-    """Lane number i of x."""
+    """The number in lane i of the lanes x."""
 
     def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         return builder.extract_element(args[0], builder.trunc(args[1], ir.IntType(32)))
@@ -250,7 +251,7 @@ def _lane(typingctx: Any, x: types.Type, i: types.Type) -> tuple:
 
 @intrinsic
 def _with_lane(typingctx: Any, x: types.Type, i: types.Type, value: types.Type) -> tuple:
-    """x with ``value`` in lane number i."""
+    """A copy of the lanes x with the number ``value`` in lane i."""
 
     def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         return builder.insert_element(args[0], args[2], builder.trunc(args[1], ir.IntType(32)))

@@ -141,7 +141,10 @@ def elementwise(outputs: int = 1) -> Function:
         return "\n".join([*lines, f"  return {', '.join(packed)}"])
 
     def loop(names: Sequence[str], arguments: Sequence[types.Type]) -> str:
-        """Write one pass over the components: Numba's own loop for an array expression has a single output."""
+        """Write the text of one pass over the components of arrays, which gives all results of the function.
+
+        Numba's own loop for an array expression has a single output.
+        """
         vectors = [n for n, a in zip(names, arguments, strict=True) if isinstance(a, types.Array)]
         parts = (f"{n}[i]" if n in vectors else n for n in names)
         results = [f"r{k}" for k in range(outputs)]
@@ -316,14 +319,17 @@ def update(y: State, dq: Value, dp: Value) -> State:
 
 @inline
 def read_state(carry: Carry) -> State:
-    """The state stored in rows 0 to 3 of ``carry.state``: q, p and what rounding lost of each."""
+    """Read the state of a step from rows 0 to 3 of ``carry.state``: q, p and what rounding lost of each.
+
+    ``carry`` holds what one call of a kernel passes to the next.
+    """
     rows, zero = carry.state, carry.zero
     return State(load(rows, 0, zero), load(rows, 1, zero), load(rows, 2, zero), load(rows, 3, zero))
 
 
 @inline
 def write_state(carry: Carry, y: State) -> None:
-    """Write the state y to rows 0 to 3 of ``carry.state``, from where the next call goes on."""
+    """Write the state y to rows 0 to 3 of ``carry.state``, from where the kernel's next call goes on."""
     store(carry.state, 0, y.q)
     store(carry.state, 1, y.p)
     store(carry.state, 2, y.lost_q)
@@ -332,7 +338,7 @@ def write_state(carry: Carry, y: State) -> None:
 
 @inline
 def write_sample(samples: Samples, row: int, y: State) -> None:
-    """Write q and p of the state y into a row of the samples."""
+    """Write q and p of the state y into row ``row`` of the arrays ``samples.q`` and ``samples.p`` of stored states."""
     store(samples.q, row, y.q)
     store(samples.p, row, y.p)
 
@@ -456,7 +462,7 @@ def halves(A, i, like):
 
 @inline
 def view_state(carry: Carry) -> State:
-    """The `State` stored in rows 0 to 3 of ``carry.state``, like `read_state`; for arrays, views of those rows."""
+    """The `State` in rows 0 to 3 of ``carry.state``, as from `read_state`; for arrays, views of the rows, no copies."""
     q, p = rows(carry.state, 0, 1, carry.zero)
     lost_q, lost_p = rows(carry.state, 2, 3, carry.zero)
     return State(q, p, lost_q, lost_p)
@@ -506,7 +512,7 @@ def _call_entry(typing_context: Any, f: types.Type, x: types.Type) -> tuple:
 def apply(f, x, old):
     """Return f(x); x if f is None, and f * x, componentwise, if f is an array of coefficients.
 
-    In compiled code the result is written over ``old`` if that is an array.
+    In compiled code the result is written over ``old``, a vector that is no longer needed, if that is an array.
     """
     if f is None:
         return x

@@ -47,13 +47,16 @@ class Along(NamedTuple):
         return self.rows[self.grid.index(t)]
 
     def distances(self, rows: Sequence | np.ndarray) -> np.ndarray:
-        """The running maximum of the distance of ``rows``, other states on the grid, from this orbit's: array (n,)."""
+        """The distances of other states ``rows`` on the grid from this orbit's, as a running maximum: array (n,)."""
         number = taylor.Bits(self.precision.bits)
         return upto([norm(x, y, number) for x, y in zip(rows, self.rows, strict=True)])
 
 
 def along(problem: Any, times: Sequence[float], precision: Precision, points: int = GRID) -> Along:
-    """Integrate a problem's orbit to the last of the ``times``, on ``points`` grid points and these times.
+    """Integrate a problem's orbit in high precision and in long double, on one grid of times (`Along`).
+
+    The grid is ``points`` equidistant times up to the last of ``times``, and ``times`` themselves; ``precision`` is
+    that of the run in high precision.
 
     Raises
     ------

@@ -29,13 +29,13 @@ LOOSE = 1e4
 
 @dataclass(frozen=True)
 class Outcome:
-    """The result of verifying a certificate.
+    """The result of verifying a certificate, the stored states of an orbit with bounds of their errors.
 
     Attributes
     ----------
     certificate : as stored, with the new comparisons with other solvers
     errors : the measured errors of the stored states, each the largest up to its time
-    span : the horizon and its interval, measured again
+    span : the horizon, up to which the orbit can be followed in long double, and its interval, measured again
     leaves : the last grid time before a run in long double on this machine is off by more than the limit
     long_double : the distance of that run from the orbit at the end
     growth, rate : how neighbouring orbits separate, as in `Certificate`, measured again
@@ -71,9 +71,10 @@ class Outcome:
 
 
 def examine(problem: Any, certificate: Certificate, grid_points: int = GRID) -> Outcome:
-    """Measure again what a certificate of a problem's orbit states, and compare; raises the errors of `along.along`.
+    """Measure again what a certificate states of a problem's orbit, and return the comparison.
 
-    ``grid_points`` is the number of times at which distances between orbits are measured.
+    ``grid_points`` is the number of times at which distances between orbits are measured.  Raises the errors of
+    `along.along`.
     """
     times = [e.t for e in certificate.ends]
     path = along(problem, times, AGAIN, grid_points)
@@ -111,7 +112,10 @@ def _bounds(ends: tuple[End, ...], errors: Iterable[float]) -> list[str]:
 
 
 def _spans(certificate: Certificate, rounding: Rounding) -> list[str]:
-    """A sentence for each of the stated horizon and the ends of its interval that is outside of the measured band."""
+    """A sentence for each of the stated limit, horizon and ends of its interval that disagrees with the measurement.
+
+    The times must lie in the `Rounding.band` of ``rounding``, the simulation of round-off.
+    """
     low, high = rounding.band
     stated = Span(certificate.horizon, certificate.earliest, certificate.latest)
     same = certificate.limit == horizon.LIMIT
@@ -123,7 +127,7 @@ def _spans(certificate: Certificate, rounding: Rounding) -> list[str]:
 
 
 def recheck(problem: Any) -> Outcome:
-    """Verify the stored certificate of a problem's orbit.
+    """Verify the stored certificate of a problem's orbit: states, bounds of their errors and horizon.
 
     Raises
     ------
@@ -137,7 +141,9 @@ def recheck(problem: Any) -> Outcome:
 
 
 def renew(problem: Any) -> Outcome:
-    """Compute the certificate of a problem's orbit anew, at the orbit's times, and verify it.
+    """Compute the certificate of a problem's orbit (states with bounds of their errors) anew, and verify it.
+
+    The states are those at the times that the orbit declares.
 
     Raises
     ------

@@ -45,14 +45,16 @@ TAYLOR, GAUSS = "long double", "long double, Gauss"
 
 
 class FollowedOrbit(NamedTuple):
-    """An orbit in long double, with its displaced runs.
+    """An orbit in long double: two runs, whose difference shows their error, and randomly displaced runs.
 
     Attributes
     ----------
-    source : the solver, `TAYLOR` or `GAUSS`
+    source : the name of the solver, `TAYLOR` or `GAUSS`
     times : increasing, positive, array (n,)
-    one, other : the runs at two tolerances, arrays (n, 2 d) of long doubles
-    displaced : the displaced runs, arrays of the same shape
+    one, other : the states (q, p) of the two runs at these times, arrays (n, 2 d) of long doubles; Taylor series have
+        two tolerances, Gauss's method has two step sizes
+    displaced : the states of the displaced runs, a list of such arrays; their distances from ``one`` show how the orbit
+        magnifies rounding
     """
 
     source: str
@@ -77,7 +79,10 @@ class FollowedOrbit(NamedTuple):
         return horizon.Rounding([float(t) for t in self.times], self._size(), grown)
 
     def until(self) -> float:
-        """The last time at which both rounding and the difference of the two runs are within the horizon's limit."""
+        """The last time at which the effect of rounding and the difference of the two runs are within the limit.
+
+        The limit is `horizon.LIMIT` times the state's size.
+        """
         apart = upto(np.abs(self.one - self.other).max(axis=1).astype(float))
         parted = horizon.within(self.times, apart, self._size())
         return min(self.rounding.span().horizon, parted)
@@ -90,12 +95,12 @@ class FollowedOrbit(NamedTuple):
 
 
 def follow(problem: Any, times: Sequence[float] | np.ndarray) -> FollowedOrbit:
-    """Integrate a problem's orbit to each of the times, which are positive and increasing.
+    """Integrate a problem's orbit to each of the times, which are positive and increasing, in long double.
 
     Raises
     ------
     ReferenceFailed
-        If neither solver reaches the end; the message has both reasons.
+        If neither solver, Taylor series and Gauss's method, reaches the end; the message has both reasons.
     """
     times = np.asarray(times, dtype=float)
     why = []
@@ -111,7 +116,7 @@ def follow(problem: Any, times: Sequence[float] | np.ndarray) -> FollowedOrbit:
 def reach(problem: Any, t_end: float) -> float:
     """The horizon: the time, at most ``t_end``, up to which a problem's orbit can be followed in long double.
 
-    Its relative accuracy is about 2 / `POINTS`.
+    Its relative error is about 2 / `POINTS`.
     """
     end = float(t_end)
     while True:
@@ -123,7 +128,11 @@ def reach(problem: Any, t_end: float) -> float:
 
 
 def _kicks(seed: int, steps: int) -> Callable[[np.ndarray], np.ndarray]:
-    """Make a function that displaces a state, array (2 d,), at random; for about `KICKS` calls in ``steps`` steps."""
+    """Make a function that displaces a state, array (2 d,), at random, and returns the displaced state.
+
+    About `KICKS` calls of it in a run have the effect of a smaller displacement after each of ``steps`` steps; ``seed``
+    is the number of the run.
+    """
     random = np.random.default_rng([SEED, seed])
     by = np.longdouble(DISPLACEMENT * max(1.0, steps / KICKS) ** 0.5)
     before: list[np.ndarray] = []

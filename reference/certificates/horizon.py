@@ -78,7 +78,10 @@ class Rounding(NamedTuple):
 
     @property
     def band(self) -> tuple[Span, Span]:
-        """The least and largest span that another machine may find: limit changed by -+`SHARE`, one grid point more."""
+        """The least and the largest span that another machine may find, as a pair.
+
+        They are computed with the limit changed by the relative -+`SHARE`, and moved by one point of the grid.
+        """
         less, more = (self.span(LIMIT * factor) for factor in (1 - SHARE, 1 + SHARE))
         return Span(*(self._beside(t, -1) for t in less)), Span(*(self._beside(t, 1) for t in more))
 

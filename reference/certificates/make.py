@@ -86,9 +86,10 @@ def _digits(problem: Any, times: Sequence[float]) -> list[tuple[str, ...]]:
 
 
 def errors(texts: Sequence[Sequence[str]], times: Sequence[float], path: Along) -> list[float]:
-    """The max norms of decimal states minus a high-precision run's at the same times, each the largest so far.
+    """The max norms of stored states (as text) minus those of a high-precision run, each the largest so far.
 
-    ``texts`` has for each time the 2 d components of (q, p) as text.
+    ``texts`` has the 2 d components of (q, p) for each of the ``times``; ``path`` is the run, whose grid has these
+    times.
     """
     return upto([stored.distance(text, map(str, path.row(t))) for text, t in zip(texts, times, strict=True)]).tolist()
 
@@ -98,12 +99,14 @@ def uncertainties(
 ) -> list[float]:
     """Bounds of the errors of decimal states, one for each time.
 
-    ``grown`` is, for each time, how far a relative rounding by `horizon.UNIT` in every step has moved the state.
+    A bound is `FACTOR` times the measured error, plus the possible error of the high-precision run.  ``texts``,
+    ``times`` and ``path`` are as for `errors`; ``grown`` is, for each time, how far a relative rounding by
+    `horizon.UNIT` in every step has moved the state.
 
     Raises
     ------
     ReferenceFailed
-        If the high-precision run may be off by more than its share.
+        If the error of the high-precision run itself may exceed `SHARE` times the error that it measures.
     """
     bounds = []
     for t, error, unit in zip(times, errors(texts, times, path), grown, strict=True):

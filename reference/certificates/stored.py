@@ -36,13 +36,13 @@ TELLING = 0.01
 
 @dataclass(frozen=True)
 class Check:
-    """Comparison of an end state with another solver.
+    """Comparison of the state of an orbit at one time with that of another solver.
 
     Attributes
     ----------
-    solver : its name
-    distance : max norm over (q, p) of its state minus the stored one, the largest up to this time
-    uncertainty : the solver's own, from two step sizes or tolerances and its round-off
+    solver : the other solver's name
+    distance : max norm over (q, p) of its state minus that of the high-precision run, the largest up to this time
+    uncertainty : the error of the other solver, estimated from two step sizes or tolerances and its round-off
     """
 
     solver: str
@@ -59,8 +59,9 @@ class End:
     t : the time
     q_text, p_text : d decimal strings each, from the quadruple-precision run
     uncertainty : a bound of the strings' error at this and at earlier stored times (`make`)
-    long_double : the largest error so far of a run in long double; `taylor.reference` calls it its uncertainty
-    energy : the change of the energy since the start, relative to the sum of its absolute terms, from 50 digits
+    long_double : the largest error so far of a run in long double, which is the uncertainty of a `taylor.Reference`
+    energy : the change of the energy since the start, relative to the sum of the absolute terms of H, computed with 50
+        digits
     checks : the comparisons with other solvers
     """
 
@@ -115,14 +116,15 @@ class Certificate:
     ----------
     problem, orbit, parameters : the problem's label, its orbit's name, its parameters
     q0, p0 : the initial doubles
-    fingerprint : of the problem's formulae
+    fingerprint : text that identifies the problem's formulae (`fingerprint`)
     t_end : the last time
     limit : the error relative to the state's max norm that defines the horizons
-    bits : precision of the run that measured the digits' error
+    bits : mantissa bits of the run that measured the digits' error
     horizon : the time up to which rounding to long double stays within the limit, in the median of seeded draws, on a
         grid of spacing ``spacing`` (see the module `horizon`)
     earliest, latest : 95 of 100 runs in long double leave the limit between these times
-    growth : d ln / d ln t of the distance of neighbouring trajectories over the later part of the span
+    growth : the exponent k with which the distance of neighbouring trajectories grows as t^k over the later part of the
+        span
     rate : if they separate exponentially, the rate in 1 / time, else None
     ends : the states, by time
     """
@@ -236,8 +238,8 @@ def write(id: str, certificates: Sequence[Certificate], versions: dict, director
 def keep(new: Certificate, labels: Sequence[str], versions: dict, directory: Path | str | None = None) -> Path:
     """Store a certificate in its problem's file, replacing the one with the same orbit and parameters.
 
-    ``labels`` are those of the problem's orbits, in the order of the file; certificates of other orbits are removed,
-    and an unreadable or edited file counts as empty.
+    ``labels`` are the labels of the problem's orbits, in the order that the file is to have; certificates of other
+    orbits are removed, and an unreadable or edited file counts as empty.  Returns the path of the file.
     """
     id = new.problem.partition(":")[0]
     try:

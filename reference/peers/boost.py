@@ -165,8 +165,8 @@ def _program(system: PartitionedSystem, header: str, kind: str) -> Any:
 def _fixed(run_steps: Callable[..., int], task: Task) -> Run:
     """Run a task at fixed steps by a compiled function.
 
-    ``run_steps(y, h, n, counts)`` takes n steps of h, overwrites the state y and the counts, and returns 0, or an error
-    code.
+    ``run_steps(y, h, n, counts)`` takes n steps of h, overwrites the state y, and ``counts`` with the numbers of steps
+    and of evaluations, and returns 0, or an error code.
     """
     y, counts, numbers = task.state, np.zeros(3, dtype=np.int64), task.numbers
     rows, total, seconds, failure = [y.copy()], np.zeros(3, dtype=np.int64), 0.0, None
@@ -185,8 +185,8 @@ def _fixed(run_steps: Callable[..., int], task: Task) -> Run:
 def _adaptive(run_times: Callable[..., int], task: Task) -> Run:
     """Run a task at adaptive steps by a compiled function.
 
-    ``run_times(y, times, first step, tol, rows, counts)`` fills the rows, the states at the times, and the counts; it
-    returns 0, or an error code.
+    ``run_times(y, times, first step, tol, rows, counts)`` fills ``rows`` with the states at the times, and ``counts``
+    with the numbers of steps, of evaluations and of rows reached; it returns 0, or an error code.
     """
     y, counts, times = task.state, np.zeros(3, dtype=np.int64), np.array(task.times)
     rows = np.zeros((len(times), len(y)))
@@ -221,9 +221,10 @@ def on_arrays(function: Any, adaptive: bool) -> Callable[..., int]:
 def runs(
     program: Callable[[PartitionedSystem], Any], adaptive: bool, default: float | None
 ) -> tuple[Callable[[Task], Run], Callable[[Start], Calls]]:
-    """Make the functions (`Peer.run`, `Peer.prepare`) of a peer with the compiled function ``program(system)``.
+    """Make the fields ``run`` and ``prepare`` of a `Peer` whose integration is a compiled function.
 
-    ``default`` is the tolerance of an adaptive peer if none is given.
+    ``program(system)`` returns that function, which takes adaptive steps if ``adaptive``, else fixed ones; ``default``
+    is the tolerance of an adaptive peer if none is given.
     """
 
     def run(task: Task) -> Run:

@@ -8,7 +8,8 @@ fails, desolver still shortens the step; such a step is discarded and repeated w
 fails too the run ends.
 
 The explicit symplectic integrators require :math:`H = T(p) + V(q)`: stages update q and p in turn and use half of the
-right-hand side.  `desolver.integrators.generate_richardson_integrator` derives a class from any other; one is here.
+right-hand side.  `desolver.integrators.generate_richardson_integrator` derives the class of the Richardson
+extrapolation of any other class; one such class is a peer here.
 
 Sources: the methods' own, below; E. Hairer, G. Wanner, Solving Ordinary Differential Equations II (1996), IV.5.
 """

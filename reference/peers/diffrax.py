@@ -62,7 +62,8 @@ def solver(name: str) -> Any:
 def _terms(system: PartitionedSystem, split: str) -> Any:
     """Write the system's equations as diffrax's terms, for a state of shape (2 d,).
 
-    ``split`` is `WHOLE`, `HALVES` or `IMEX`; for `HALVES` the state is a pair of arrays (d,).
+    ``split`` is `WHOLE` (a single term), `HALVES` (the equations of q and of p as two terms, for a state that is a pair
+    of arrays (d,)) or `IMEX` (an explicit term with the equations of q, an implicit one with those of p).
     """
     import diffrax
     import jax.numpy as jnp

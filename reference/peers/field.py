@@ -1,4 +1,4 @@
-"""Right-hand sides for solvers that call a Python function of y = (q, p): y' whole, or its two halves."""
+"""Right-hand sides for solvers that call a Python function of y = (q, p): all of y', or V'(q) and T'(p) apart."""
 
 from __future__ import annotations
 

@@ -93,7 +93,8 @@ def _warm(integrator: str) -> None:
 def _ways(integrator: str, task: Task, limit: str) -> tuple[dict[str, Any], dict[str, Any], list[int] | slice, int]:
     """The arguments of gala's call for a task: (times, options, index of the rows to keep, steps or 0 if unknown).
 
-    ``limit`` is the name of gala's option for the largest number of steps.
+    ``times`` and ``options`` are keyword arguments of gala, the former the step and number of steps, or the times of
+    rows; ``limit`` is the name of gala's option for the largest number of steps.
     """
     if integrator != DOPRI853:
         return {"dt": task.h, "n_steps": task.steps}, {}, task.numbers, task.steps
@@ -137,7 +138,10 @@ def _lacks_python(integrator: str) -> Callable[[Any, PartitionedSystem], str | N
 
 @lru_cache(maxsize=64)
 def _potential(system: Hamiltonian) -> Any:
-    """gala's Hamiltonian for a system that it has in C, after a first step with each integrator."""
+    """Make gala's Hamiltonian object for a system whose potential gala has in C.
+
+    A first step is taken with each integrator, so that set-up is not timed later.
+    """
     import gala.potential
 
     if is_henon_heiles(system):

@@ -179,7 +179,11 @@ def _from_galpy(rows: np.ndarray, d: int, line: bool) -> tuple[np.ndarray, np.nd
 
 
 def _times(method: str, adaptive: bool, task: Task) -> tuple[np.ndarray, float, dict[str, Any]]:
-    """(times for galpy, steps between its rows, options) for a task."""
+    """Choose the times at which galpy is to return rows for a task: (times, steps from row to row, options).
+
+    The number of steps of h from row to row may be a fraction, since two adaptive methods need at least `ROWS` rows.
+    Options are keyword arguments of galpy: its step ``dt``, or its tolerances ``rtol`` and ``atol``.
+    """
     h, stride = task.h, gcd(*np.diff(task.numbers).tolist())
     count = task.steps // stride
     if method == "leapfrog":

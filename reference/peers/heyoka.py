@@ -44,7 +44,11 @@ def _scalar(
     compact: bool | None = None,
     high_accuracy: bool = False,
 ) -> tuple[Any, heyoka_forms.Form]:
-    """Make heyoka's integrator for one orbit of a system: (integrator, the `Form` of its state)."""
+    """Make heyoka's integrator for one orbit of a system: (integrator, the `Form` of its state).
+
+    ``model`` is one of `heyoka_forms.NAMES`, the form of the equations; ``compact`` turns heyoka's ``compact_mode`` on
+    or off, None by the number of variables; ``high_accuracy`` sums the series with compensation.
+    """
     import heyoka as hy
 
     from phasebench.reference.solvers import taylor

@@ -24,12 +24,13 @@ KEPT = 64
 
 
 class Form(NamedTuple):
-    """Equations of motion for heyoka, and the places of (q, p) in the state that they integrate.
+    """Equations of motion for heyoka, and the places of (q, p) in the state vector that they integrate.
 
     Attributes
     ----------
     equations : heyoka's [(variable, right-hand side), ...]
-    at, scale : arrays (2 d,): state[at[i]] = scale[i] (q, p)[i], other components are 0; None if the state is (q, p)
+    at, scale : arrays (2 d,): component at[i] of the state vector is scale[i] times component i of (q, p), other
+        components are 0; None if the state vector is (q, p)
     """
 
     equations: tuple
@@ -75,7 +76,10 @@ def form(system: PartitionedSystem, name: str) -> Form:
 
 
 def _places(setting: particles.Setting) -> tuple[np.ndarray, np.ndarray]:
-    """(positions of (q, p) among x, y, z, vx, vy, vz of each moving body, factors of its components), arrays (2 d,)."""
+    """Return where (q, p) is in the state vector of one of heyoka's models: `Form.at` and `Form.scale`.
+
+    The state vector has x, y, z, vx, vy, vz of each moving body; velocities are momenta divided by masses.
+    """
     inverse = np.array(setting.inverse)
     x = np.array([6 * (body - setting.first) + axis for body, axis in map(setting.place, range(len(inverse)))])
     return np.concatenate([x, x + 3]), np.concatenate([np.ones(len(inverse)), inverse])

@@ -1,4 +1,4 @@
-"""Integrates a problem with a peer: checks the input, runs it, and determines the status from the rows."""
+"""Integrates a problem with a peer, an integrator of another package: checks the input, runs it, finds the status."""
 
 from __future__ import annotations
 
@@ -31,7 +31,9 @@ def integrate_peer(
     q0: State | None = None,
     p0: State | None = None,
 ) -> Solution:
-    """Integrate ``problem`` with a peer; the process's floating-point environment is restored afterwards.
+    """Integrate ``problem`` with a peer, an integrator of another package.
+
+    The process's floating-point environment is restored afterwards.
 
     Parameters
     ----------

@@ -67,7 +67,10 @@ class Loop:
         def loop(
             carried: Any, h: jax.Array, begin: jax.Array, end: jax.Array, index: jax.Array
         ) -> tuple[jax.Array, Any, jax.Array]:
-            """(rows (ROWS, 2 d) at the step numbers ``index``, what is carried, first step that failed or -1)."""
+            """Take the steps from ``begin`` to ``end``: (rows, what the method carries, first step that failed or -1).
+
+            The rows, array (ROWS, 2 d), are the states (q, p) after the steps with the numbers ``index``.
+            """
 
             def step(k: jax.Array, given: tuple[Any, ...]) -> tuple[Any, ...]:
                 carried, rows, row, failed = given
@@ -86,9 +89,9 @@ class Loop:
             self.rows(np.full(2 * d, 0.5), 1e-3, np.arange(1, ROWS + 2))
 
     def rows(self, y: np.ndarray, h: float, numbers: np.ndarray) -> tuple[np.ndarray, int]:
-        """Integrate from y = (q, p) with step h: (states after the step ``numbers``, (n, 2 d); failed step or -1).
+        """Integrate from y = (q, p) with step h: (states (q, p), array (n, 2 d); the step that failed, or -1).
 
-        States after a failed step are left out.
+        The states are those after the steps with these ``numbers``; those after a failed step are left out.
         """
         h, rows, begin = np.float64(h), [], 0
         carried = self._begin(y, h)

@@ -1,10 +1,15 @@
 r"""MuJoCo's integrators as peers, on three of this suite's problems: a pendulum, a double pendulum, a free rigid body.
 
-MuJoCo has no formula for H: each problem is a model of bodies and joints.  The pendulums' point masses are bodies with
-the same moments, which have the same equations, since MuJoCo allows no moment of 0.  Its state is angles or a
-quaternion, and velocities; :math:`\dot q = A(q) p` and its inverse lead from and to this project's momenta, for the
-rigid body by its angular momentum about its own axes.  The body is free to move, too, and rests: only there do
-MuJoCo's implicit integrators treat gyroscopic forces.
+MuJoCo takes no formula for H: each problem is rewritten as a model of bodies and joints, whose equations of motion are
+the same.
+
+- MuJoCo allows no moment of inertia of 0, so each point mass of a pendulum is an extended body with the same moment of
+  inertia about its hinge.
+- MuJoCo's state is positions (angles, or a quaternion for the rigid body) and velocities.  Velocities and this
+  project's momenta p are converted into each other by :math:`\dot q = A(q) p`; the angular velocity of the rigid body
+  is its angular momentum about its own axes, divided by the moments of inertia.
+- The rigid body could also move through space, but its centre is at rest: only for a body with such a free joint do
+  MuJoCo's implicit integrators treat gyroscopic forces.
 
 MuJoCo is made for robots with contacts, friction and damping, and none of these is in the models.
 

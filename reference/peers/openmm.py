@@ -1,4 +1,4 @@
-r"""OpenMM's integrators as peers, on its Reference platform in double precision: Verlet, variable Verlet, and its own.
+r"""OpenMM's integrators as peers, on its Reference platform in double precision: Verlet, variable and custom Verlet.
 
 Coordinate i is the x of particle i, of the mass in :math:`H = \sum p_i^2 / 2 m_i + V(q)`; V is the energy of a single
 `CustomCompoundBondForce` over all particles, which OpenMM differentiates and compiles.  Its units, kJ/mol = amu
@@ -77,7 +77,7 @@ class _Simulation:
         self.context = openmm.Context(made, self.integrator, openmm.Platform.getPlatformByName("Reference"))
 
     def _kick(self, h: float) -> np.ndarray:
-        """The change of the velocity in the time h, array (d,)."""
+        """The change of the velocities by the present forces in the time h, array (d,)."""
         forces = self.context.getState(forces=True).getForces(asNumpy=True)._value[:, 0]
         return h * forces / self.masses
 

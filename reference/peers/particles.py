@@ -238,7 +238,10 @@ def simulation(
 
 
 def jacobi_vanishes(setting: Setting, q: Sequence[float] | np.ndarray) -> int | None:
-    """The index of the first body in the centre of mass of the bodies before it (Jacobi coordinate 0); else None."""
+    """The index of the first body that is in the centre of mass of the bodies before it; None if there is none.
+
+    Its Jacobi coordinate, the vector from that centre, is 0, where REBOUND's Wisdom-Holman splittings are singular.
+    """
     where = np.zeros((len(setting.masses), 3))
     for i, x in enumerate(q):
         where[setting.place(i)] = x

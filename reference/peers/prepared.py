@@ -1,4 +1,4 @@
-"""Prepared peers: built and compiled once; a call consists of a reset and the package's own call only."""
+"""Prepared peers, integrators of other packages: built once; a call is a reset and the package's own call only."""
 
 from __future__ import annotations
 
@@ -41,14 +41,14 @@ class Calls(NamedTuple):
 
 
 class PreparedPeer:
-    """A peer on a problem, built and compiled: ``run(t_end)``, or ``run(h, steps)`` with fixed steps.
+    """A peer on a problem, built and compiled; it is called with t_end, or with the step h and the number of steps.
 
     Input is not checked and no rows are saved; every call starts from the initial state.  `advance` is such a call
     without reading the final state, hence what should be timed: a reset (time, state, step) and the package's own call.
 
     Attributes
     ----------
-    peer : the record
+    peer : the description of the integrator, a `Peer`
     restart : set the state from which `advance` starts, arrays (d,) q0 and p0
     advance : integrate, and return the package's code, 0 for "ok"
     SOLVED, STALLED : the statuses "ok" and "not-converged": the end was reached, or the package stopped before it
@@ -94,12 +94,12 @@ class PreparedPeer:
 def prepare_peer(
     problem: Any, peer: Peer, *, tol: float | None = None, q0: State | None = None, p0: State | None = None
 ) -> PreparedPeer:
-    """Prepare a peer on a problem for many calls, or for timing.
+    """Prepare a peer, an integrator of another package, on a problem for many calls, or for timing.
 
     Parameters
     ----------
     problem : a problem, or a system if q0 and p0 are given
-    peer : its record
+    peer : the description of the integrator
     tol : an adaptive peer's tolerance
     q0, p0 : arrays (d,), the initial state if not the problem's
 

@@ -37,7 +37,11 @@ CANONICAL = "its equations are q' = dH/dp and p' = -dH/dq: the variables must be
 
 @lru_cache(maxsize=128)
 def _functions(system: Hamiltonian) -> dict[str, Callable[..., Any]]:
-    """Compiled functions on arrays (d,) and unused parameters: the gradients of T and V, the equations, the Hessian."""
+    """Compile the functions that pynamicalsys calls: a dict of keyword arguments of its ``HamiltonianSystem``.
+
+    They are the equations of motion, the Hessian of H and, if H = T(p) + V(q), the gradients of T and V, on arrays (d,)
+    of q, p or both; their last argument, parameters, is unused.
+    """
     import numba
     from numba import types
 
@@ -103,7 +107,10 @@ def _system(system: Hamiltonian) -> Any:
 
 
 def _states(made: Any, y: np.ndarray, h: float, n: int) -> np.ndarray | None:
-    """The states (q, p) after 1, ..., n steps from y, array (n, 2 d); None where a step was not solved."""
+    """Integrate n steps of h from y = (q, p): the states after each, array (n, 2 d); None if a step was not solved.
+
+    ``made`` is a ``HamiltonianSystem`` of pynamicalsys whose integrator is set.
+    """
     d = len(y) // 2
     with contextlib.redirect_stdout(io.StringIO()):
         try:

@@ -148,7 +148,9 @@ def _peer(
 ) -> Peer:
     """Make the record of a REBOUND integrator for systems with a `particles.Setting` of these ``kinds``.
 
-    ``tolerances`` are the fields set to tol, if the peer is adaptive; ``options`` are fields with fixed values.
+    ``forces`` is False if the integrator takes no extra force.  ``tolerances`` are the names of REBOUND's fields that
+    are set to tol, if the peer is adaptive; ``options`` are fields with fixed values.  The others are fields of the
+    record.
     """
     return Peer(
         f"rebound-{id}",

@@ -16,13 +16,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Claims:
-    """Properties of an integrator that its package claims; None if it claims nothing.
+    """Properties of an integrator that its package claims; None for a property of which it claims nothing.
 
     Attributes
     ----------
     order : in the step h
     symplectic, reversible : of the step map at constant h
-    energy : conservation of the energy, one of the classes in `integrators.record`
+    energy : how well the energy is conserved, one of the words in `integrators.record`: "round-off", "bounded",
+        "drift", ...
     source : where the package claims it (address of the page, name of the attribute)
     """
 
@@ -38,7 +39,7 @@ NOT_FINITE = "the state is no longer finite"
 
 
 class Start(NamedTuple):
-    """The input for which a peer is prepared.
+    """The input for which a peer, an integrator of another package, is built and compiled before it is timed.
 
     Attributes
     ----------
@@ -60,7 +61,7 @@ class Start(NamedTuple):
 
 
 class Task(NamedTuple):
-    """The input of a peer's run.
+    """The input of a peer's run, which returns the states at certain times (its rows).
 
     Attributes
     ----------
@@ -110,7 +111,7 @@ class Run(NamedTuple):
 
     @classmethod
     def stuck(cls, task: Task, *more: float | str | None) -> Run:
-        """Make a `Run` with the initial state as its only row; ``more`` are the fields after q and p."""
+        """Make a `Run` that did not leave the initial state, its only row; ``more`` are the fields after q and p."""
         return cls.of_states(task.state[None], *more)
 
 
@@ -149,7 +150,8 @@ class Peer:
     license : of the package
     about : the meaning of its tolerance or its options, and what its time includes
     source : author, year
-    run : `Task` -> `Run` with the rows of the task up to a failure; it may import the package, its module may not
+    run : `Task` -> `Run` with the rows of the task up to a failure; the package may be imported here, but not at the
+        top of the peer's module
     prepare : `Start` -> `prepared.Calls`, a run built and compiled once; None if it cannot be prepared
     scope : a description of the problems that it is applicable to
     lacks : (problem, system) -> the reason why it is not applicable to a problem, or None
@@ -158,6 +160,7 @@ class Peer:
     tol : the default tolerance; None for the package's own
     least : the smallest tolerance that it accepts
     ahead : True if it cannot integrate backwards in time
+    parameters : empty, for the same interface as a method
     settings : options of the package that are set, by their names there
     python : the oldest Python that the package can be installed for, (major, minor); None if it is this project's
     """

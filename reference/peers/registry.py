@@ -1,4 +1,4 @@
-"""PEERS: the records of all peers, collected from one module per package."""
+"""PEERS: the records of all integrators of other packages, collected from one module per package."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Determine the status at the end of a peer's run, and the tolerance of a run."""
+"""Determine the status at the end of a run of a peer, an integrator of another package, and the tolerance of a run."""
 
 from __future__ import annotations
 

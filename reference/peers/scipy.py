@@ -77,7 +77,7 @@ def _solve(solver_name: str, compiled: bool) -> Callable[[Task], Run]:
 
 
 def _prepare(solver_name: str, compiled: bool) -> Callable[[Start], Calls]:
-    """Make the `Peer.prepare` of a SciPy solver: the loop over steps that ``solve_ivp`` makes, without rows."""
+    """Make the `Peer.prepare` of a SciPy solver: the loop over steps of ``solve_ivp``, without storing states."""
 
     def prepare(start: Start) -> Calls:
         import scipy.integrate

@@ -97,12 +97,12 @@ def _callbacks(system: Hamiltonian) -> tuple[Callable[..., int], Callable[..., i
 
 
 def _integrator(method: str, compensated: bool, system: Hamiltonian, state: np.ndarray, h: float) -> tuple[Any, Any]:
-    """Make SPRKStep's integrator with constant step h: (integrator, vector on the memory of ``state``).
+    """Make SPRKStep's integrator with constant step h: (integrator, SUNDIALS vector with the memory of ``state``).
 
     Steps overwrite ``state``.
 
-    A step of symplectic Euler goes before: version 7.9 never sets the vector in which it keeps a stage's slope, and a
-    method whose first coefficient is 0 multiplies what stands there, NaN at worst, by that 0.
+    A step of symplectic Euler is taken first, and undone: version 7.9 never sets the vector in which it keeps a stage's
+    slope, and a method whose first coefficient is 0 multiplies what that contains, NaN at worst, by 0.
     """
     from sundials4py import arkode, core
 

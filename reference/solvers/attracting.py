@@ -35,7 +35,10 @@ class Attracting:
     def rows(
         self, masses: Sequence[float], x: np.ndarray, v: np.ndarray, times: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, float]:
-        """(positions, velocities, seconds) at increasing times from 0; positions and velocities are arrays (n, 3 N).
+        """Integrate the bodies: (positions, velocities, seconds) at increasing times, the first of which is 0.
+
+        ``masses`` has N numbers, of which any may be 0; x and v, the initial positions and velocities, have 3 N.
+        Positions and velocities come back as arrays (n, 3 N); seconds are those of the integration.
 
         Raises
         ------

@@ -87,7 +87,11 @@ def _parts(numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def right_hand_side(system: PartitionedSystem) -> Callable[[np.ndarray], np.ndarray]:
-    """Make the system's f: a function Y -> f(Y) on long double arrays (2 d, s), rows (q, p), columns stages."""
+    """Make the function f of the equations y' = f(y) of a system, for the stages of Gauss's method.
+
+    It maps Y to f(Y), long double arrays (2 d, s) with the components of y = (q, p) as rows and a column for each
+    stage.
+    """
     import sympy as sp
 
     constants: dict = {}
@@ -120,10 +124,10 @@ def right_hand_side(system: PartitionedSystem) -> Callable[[np.ndarray], np.ndar
 def share_subexpressions(
     steps: Sequence[tuple[sp.Symbol, sp.Expr]], sides: Iterable[sp.Expr]
 ) -> tuple[list[tuple[sp.Symbol, sp.Expr]], list[sp.Expr]]:
-    """Name common subexpressions: ([(symbol, expression), ...] in an order of evaluation, the sides in these symbols).
+    """Name common subexpressions of ``sides``: ([(symbol, expression), ...], the sides in these symbols).
 
-    ``steps`` are pairs (symbol, expression) that define symbols in ``sides``, a list of expressions; the definitions
-    come back among the pairs.
+    The pairs are in an order of evaluation.  ``steps`` are pairs (symbol, expression) that define symbols in ``sides``,
+    a list of expressions; these definitions come back among the pairs.
     """
     import sympy as sp
 

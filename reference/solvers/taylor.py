@@ -78,9 +78,10 @@ class Reference:
     rounding: np.ndarray
 
     def horizon(self, limit: float = 1e-13) -> float:
-        """The last time up to which all uncertainties are at most ``limit`` times the state's max norm; else 0.
+        """The last of the times up to which the trajectory is certain to the relative accuracy ``limit``; 0 if none is.
 
-        NaN if the reference has no uncertainties.
+        Up to that time every uncertainty is at most ``limit`` times the max norm of the state (q, p) at its time.  NaN
+        if the reference has no uncertainties.
         """
         if np.isnan(self.uncertainty).all():
             return float("nan")
@@ -134,8 +135,9 @@ def propagate(
 ) -> tuple[np.ndarray, int, str | None]:
     """Integrate to the times of ``grid`` (increasing, from 0, of the integrator's type): (rows, steps, failure).
 
-    ``failure`` is None if the end was reached; the times at which steps end are appended to ``ends``.  Raises
-    `watch.TooLong` if the ``run`` is watched and cannot end in time.
+    ``rows`` are the states at these times, those that were reached, ``steps`` is the number of steps, and ``failure``
+    the reason if the end was not reached, else None.  The times at which steps end are appended to ``ends``; ``run`` is
+    the name of the run in progress reports.  Raises `watch.TooLong` if a time limit is set and cannot be met.
     """
     said = _callback_options(run, float(grid[-1]), ends)
     if len(grid) == 2:  # the same steps, up to a fifth faster since no polynomials for rows are computed
@@ -160,9 +162,10 @@ def failure(outcome: Any) -> str | None:
 
 
 def _callback_options(run: str, t_end: float, ends: list[float] | None = None) -> dict:
-    """Keyword arguments for heyoka that set a callback at each step; {} if no callback is needed.
+    """Keyword arguments for heyoka that make it call a function at each step; {} if none is needed.
 
-    The callback reports the time to `watch` and appends it to ``ends``.
+    The function reports to `watch` that the run named ``run`` has reached the time t of ``t_end``, and appends t to
+    ``ends``.
     """
     if ends is None and not watch.is_watched():
         return {}
