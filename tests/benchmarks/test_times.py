@@ -169,6 +169,8 @@ def test_no_time_without_evaluations_or_a_met_error():
     assert times.time_subject(subject("rk4"), row, place.run_subject) is None, "of this scene no time is stored"
 
 
-@pytest.mark.parametrize(("x", "text"), [(2.345, "2.3"), (99.0, "99"), (123.0, "120"), (99.7, "100"), (15012.0, "15000")])
+@pytest.mark.parametrize(
+    ("x", "text"), [(2.345, "2.3"), (99.0, "99"), (123.0, "120"), (99.7, "100"), (15012.0, "15000")]
+)
 def test_factor_is_written_without_a_power_of_ten(x, text):
     assert costs.count(x) == text
