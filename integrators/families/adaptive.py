@@ -91,8 +91,10 @@ class Adaptive(NamedTuple):
     dT, dV : the gradients of T(p) and V(q) of a splitting, ``dT`` is None if grad T is p itself; None for a Gauss
         method
     a, b : fractions of a step of a splitting's drifts and kicks; None for a Gauss method
-    inverse : the matrix that `remember` applies to values of the field; None for a splitting
-    monitor : the function (q, p) -> (1 / sigma, G): the wanted density of steps and its rate of change
+    inverse : the matrix from values of the field at the nodes to the coefficients of the polynomial through them, made
+        by `inverse_of`; None for a splitting
+    monitor : the function (q, p) -> (1 / sigma, G): the wanted density of steps and its rate of change in fictitious
+        time
     h, eps : the step size in fictitious time and the unit round-off, set by the run
     """
 
@@ -129,11 +131,12 @@ TIME, LOST, DENSITY, LAST = (OWN, 0), (OWN, 1), (OWN + 1, 0), (OWN + 1, 1)
 
 @inline
 def predict(e: Equations, first: int, at: int, ratio: Number) -> None:
-    """Extrapolate the polynomials through f of the last step to get starting values of this step's stage increments.
+    """Get starting values of a step's stage increments: extrapolate the polynomials through f of the last step.
 
-    The values h b_i f at the nodes are written to the rows from ``at`` on of ``e.memory``, a component of f in each
-    row. The polynomials' coefficients are in the rows from ``first`` on; ``ratio`` is this step's length over the last
-    one's.
+    e are the stage equations of the step, f is the vector field (or -grad V if only increments of p are unknown).  The
+    values h b_i f at the nodes are written to the rows from ``at`` on of ``e.memory``, a component of f in each row.
+    The polynomials' coefficients are in the rows from ``first`` on (see `remember`); ``ratio`` is this step's length
+    over the last one's.
     """
     nodes = e.step.nodes
     z = 1.0 + ratio * take(nodes, C, e.like)
@@ -146,7 +149,8 @@ def predict(e: Equations, first: int, at: int, ratio: Number) -> None:
 def remember(e: Equations, first: int, inverse: np.ndarray) -> None:
     """Store the polynomials through f at the nodes of the step just taken, for `predict` in the next step.
 
-    Each component of f has a polynomial, whose coefficients go to a row of ``e.memory``, from the row ``first`` on.
+    e are the stage equations of that step; f, the vector field or -grad V, has been evaluated at its nodes.  Each
+    component of f has a polynomial, whose coefficients go to a row of ``e.memory``, from the row ``first`` on.
     ``inverse`` is the matrix from values at the nodes to coefficients.
     """
     zero = 0.0 * take(e.step.nodes, C, e.like)
@@ -254,7 +258,11 @@ def select_going(going: Condition, y: State, clock: Clock, following: State, lat
 def wind(
     step: Adaptive, carry: Carry, y: State, clock: Clock, until: Number, counts: np.record
 ) -> tuple[State, Clock, int]:
-    """Take steps from the state y until the next one would pass the time ``until``; returns (state, clock, status)."""
+    """Take steps from the state y until the next one would pass the time ``until``; returns (state, clock, status).
+
+    ``clock`` has the time and the density of steps at y; steps and evaluations are added to ``counts``.  The status is
+    `SOLVED`, or why the run ends before that time.
+    """
     dt, _, going = plan_step(step, clock, until)
     while going:
         following, evaluations, status = attempt(step.method, step, carry, y, clock, dt, counts)
@@ -279,7 +287,8 @@ def reach(
 ) -> tuple[State, Clock, State, int]:
     """Step to the last state before the time ``until``, and from there to the state at that time, a row of output.
 
-    Returns (last state, clock, state at that time, status), as `loop.time_loop` requires; ``every`` is not used.
+    ``clock`` has the time and the density of steps at y.  Returns (last state, its clock, state at that time, status),
+    as `loop.time_loop` requires; ``every`` is not used.
     """
     there = y
     y, clock, status = wind(method, carry, y, clock, until, counts)
@@ -306,8 +315,8 @@ run = time_loop(read_clock, reach, leave)
 def monitor(system: Hamiltonian, arithmetic: str) -> Function:
     """Make the function (q, p) -> (1 / sigma, G) that controls the lengths of steps.
 
-    1 / sigma is the density of steps that the distances to the singularities of H require, G is sigma times its time
-    derivative.
+    1 / sigma is the density of steps that the distances to the singularities of H require, G is sigma times the time
+    derivative of 1 / sigma.
     """
     T = codegen.value_type(system.d)
 
@@ -322,7 +331,7 @@ def monitor(system: Hamiltonian, arithmetic: str) -> Function:
 
 
 def is_gauss(method: Method) -> bool:
-    """True if a variable-step method is based on a Gauss method, whose data are (stages,); False if on a splitting."""
+    """True if a variable-step method is based on a Gauss method (``data`` has one item), False if on a splitting."""
     return len(method.data) == 1
 
 
@@ -332,12 +341,15 @@ def digits(arithmetic: str) -> int:
 
 
 def coefficients(s: int) -> mpmath.matrix:
-    """The matrix from values at Gauss's s nodes to the coefficients of their polynomial, lowest power first."""
+    """The matrix from values at Gauss's s nodes to coefficients of the polynomial through them, lowest power first."""
     return mpmath.matrix([[c**k for k in range(s)] for c, _ in gauss_legendre(s, mpmath.mp.dps)]) ** -1
 
 
 def inverse_of(s: int, step: stage_lanes.Lanes, arithmetic: str) -> np.ndarray:
-    """The transposed matrix from values at Gauss's s nodes to coefficients of powers, padded with zeros to lanes."""
+    """The transposed matrix of `coefficients` as an array, padded with zeros to as many rows and columns as SIMD lanes.
+
+    s is the number of nodes; the number of lanes is that of ``step``, the data of the Gauss method.
+    """
     with mpmath.workdps(digits(arithmetic)):
         inverse = coefficients(s)
         return array(pad_square(([inverse[k, j] for k in range(s)] for j in range(s)), len(step.like)), arithmetic)
@@ -346,8 +358,8 @@ def inverse_of(s: int, step: stage_lanes.Lanes, arithmetic: str) -> np.ndarray:
 def prepare(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
     """Prepare the kernel (compiled loop over steps) of a variable-step method, with its coefficients, for a system.
 
-    ``method.data`` is (s,) for Gauss's method of s stages, (1, substeps) for a splitting.  Raises InvalidInput if the
-    distances to the singularities are not formulae.
+    ``method.data`` is (s,) for Gauss's method of s stages, (1, substeps) for a splitting, with the substeps of
+    `splitting.from_substeps`.  Raises InvalidInput if the distances to the singularities are not formulae.
     """
     if not all(isinstance(r, sp.Expr) for r in singularities.steering_distances(system)):
         raise InvalidInput(f"method '{method.id}' requires the distances to the singularities as formulae")

@@ -87,22 +87,27 @@ WIDTH, FEWEST = 4, 3
 
 
 class Averaged(NamedTuple):
-    """The data of an averaged vector field method: substeps along paths, and quadrature rules for the averages.
+    """The data of an averaged vector field method: its substeps, and the quadrature rules for the averages.
 
-    The unknown of a substep is the kick (increment of p) alone if ``field`` is None, else the increments of q and p.
+    In a substep from y to y + x the components of (q, p) are grouped into blocks, which move from y to y + x one block
+    after the other (the *path*); each component of the gradient of H is averaged while its own block moves.  The
+    unknown of a substep is the kick (increment of p) alone if ``field`` is None, else the increments of q and p.
 
     Attributes
     ----------
-    path : the vector field if a substep has several blocks, None if every substep has one block only
-    field : the vector field (q', p'); None if H = p . M^-1 p / 2 + V(q) and each path has one block
+    path : the vector field (q', p') if some substep has several blocks; None if all components move together in every
+        substep, so that each path is a straight line
+    field : the vector field (q', p'); None if H = p . M^-1 p / 2 + V(q) and every path is a straight line
     dT, dV : the gradients of T and V, if ``field`` is None
-    like : a zero for each node in a row if nodes are evaluated in SIMD lanes; None if a row is one node
-    place : array (substeps, 2 d), the block of each component of (q, p)
+    like : a tuple of zeros, one for each SIMD lane, if several quadrature nodes are evaluated side by side; else None
+    place : array (substeps, 2 d), the number of the block of each component of (q, p)
     blocks : the number of blocks of each substep
-    direction : of each substep, 1 for the path, -1 for the reverse path, 0 for the mean over both
+    direction : for each substep, 1 if blocks move in the order of their numbers, -1 in the reverse order, 0 for the
+        mean over both orders
     fraction : the length of each substep as a fraction of h
-    nodes, rows : for each row of the table of nodes, how many nodes and rows its quadrature rule has
-    c, b : nodes and weights, one row for each group of nodes; a rule is a range of rows
+    c, b : nodes and weights, arrays (rows, lanes): a row has the nodes that are evaluated at once, a rule is some
+        successive rows
+    nodes, rows : for each row of c and b, the numbers of nodes and of rows of the rule that the row belongs to
     h, eps : the step size and the unit round-off, set by the run
     """
 
@@ -133,7 +138,7 @@ class Average(NamedTuple):
     v : M^-1 p if the unknown is the kick (increment of p) alone, else p
     h : the length of the substep
     s : the number of the substep
-    rule : the first row of the quadrature rule in use
+    rule : the quadrature rule in use, given by its first row in the table of nodes ``step.c``
     """
 
     step: Averaged
@@ -162,7 +167,10 @@ over_nodes = dispatch_on_none(lambda like, x: x, lambda like, x: sum_lanes(x))
 
 @inline
 def zero_sum(x: Value, e: Average) -> Value:
-    """Zeros of the shape of the vector x, each in SIMD lanes if nodes are: the start of a sum over rows of nodes."""
+    """Return a vector of zeros with as many components as x, from which a sum over quadrature nodes starts.
+
+    Each component is a vector of SIMD lanes if the equation with the arguments e has its nodes in lanes, else a number.
+    """
     return scale(0.0 * of_row(e.step.like, e.step.b, e.rule), x)
 
 
@@ -181,7 +189,7 @@ def path_point(direction, b, place, s, x, y):
 
 @elementwise()
 def add_to_block(b, place, a, f, sums):
-    """Add a f to ``sums`` in the components of block b, by their block numbers ``place``; others are unchanged."""
+    """Return ``sums`` + a f in the components whose block number in ``place`` is b, and ``sums`` in the others."""
     return sums + 1.0 * (place == b) * a * f
 
 
@@ -264,7 +272,11 @@ def mean(x: Value, e: Average) -> Value:
 
 @inline
 def lengths(x: Value, g: Value, e: Average) -> tuple[Number, Number]:
-    """Sizes (of q, of p) at the iterate x of x = G(x) with arguments e, to scale finite differences; g is G(x)."""
+    """Return the sizes of the variables that the two halves of the unknown x belong to, to scale finite differences.
+
+    They are the sizes of q and of p, or both are that of p if the unknown is the increment of p alone.  x is an iterate
+    of the equation x = G(x) with the arguments e, and g = G(x).
+    """
     return _lengths(e.step.field, x, g, e)
 
 
@@ -300,7 +312,8 @@ refine = refinement(solve_mean, iterate, by_rule, evaluations)
 def substep(step: Averaged, y: State, s: int, carry: Carry, counts: np.record) -> tuple[State, Value, int]:
     """Take substep s from the state y, with finer and finer quadrature rules until one is confirmed by the next.
 
-    Returns (state, the solution x of the substep's equation, status).
+    The equation starts from its solutions in earlier steps, kept in ``carry``; evaluations are added to ``counts``.
+    Returns (state, the solution x of the substep's equation, status: `SOLVED` or why it failed).
     """
     x = predict(carry.memory, s, len(step.fraction), counts.steps, unknown(step.field, carry.zero))
     v, h = _velocity(step.field, step.dT, y.p), step.fraction[s] * step.h
@@ -311,7 +324,10 @@ def substep(step: Averaged, y: State, s: int, carry: Carry, counts: np.record) -
 
 
 def step(method: Averaged, y: State, carry: Carry, counts: np.record) -> tuple[State, int]:
-    """Take one step from the state y, substep by substep; returns (state, status: `SOLVED` or why a substep failed)."""
+    """Take one step from the state y, substep by substep; returns (state, status: `SOLVED` or why a substep failed).
+
+    Equations start from their solutions in earlier steps, kept in ``carry``; evaluations are added to ``counts``.
+    """
     stages = len(method.fraction)
     status = SOLVED
     for s in range(stages):
@@ -349,7 +365,7 @@ def coupled(path: str, system: Hamiltonian) -> bool:
 
 
 def rules(system: Hamiltonian, width: int, arithmetic: str) -> tuple[tuple, tuple, tuple, tuple]:
-    """Quadrature rules of rising size, up to one that is exact if H is a polynomial, as four columns (n, groups, c, b).
+    """Gauss-Legendre rules of rising size, up to one that is exact if H is a polynomial, as columns (n, groups, c, b).
 
     A rule of n nodes is cut into groups of ``width`` nodes, which are evaluated side by side, and takes one item of
     each column for each group.

@@ -88,7 +88,7 @@ substep = dispatch_on_none(_nystrom, _general)
 def begin(method: Banded, carry: Carry, counts: np.record) -> State:
     """Read the state from ``carry``, where the last call of the kernel (loop over steps) left it.
 
-    Before the first step of a run, mark the stored matrices of Newton's method as stale.
+    Before the first step of a run, mark the stored matrices of Newton's method as ones to be computed again.
     """
     if counts.steps == 0:
         for s in range(len(method.c)):
@@ -97,7 +97,10 @@ def begin(method: Banded, carry: Carry, counts: np.record) -> State:
 
 
 def step(method: Banded, y: State, carry: Carry, counts: np.record) -> tuple[State, int]:
-    """Take one step from the state y, substep by substep; returns (state, status: `SOLVED` or why a substep failed)."""
+    """Take one step from the state y, substep by substep; returns (state, status: `SOLVED` or why a substep failed).
+
+    The factorized matrices of Newton's method stay in ``carry`` from step to step; evaluations are added to ``counts``.
+    """
     start = unknown(method.field, carry.zero)
     status = SOLVED
     counts.newton += len(method.c)
@@ -116,7 +119,8 @@ run = loop(step, begin)
 def structure_of(system: Hamiltonian, order: int) -> list[np.ndarray]:
     """Find the sparsity of the Jacobian of the stage equations: for each unknown, the equations that depend on it.
 
-    ``order`` is that of the generating function.  Raises InvalidInput if the structure cannot be found.
+    ``order`` is that of the truncated generating function (see `parametric`).  Returns a list with an array of equation
+    numbers for each unknown.  Raises InvalidInput if the structure cannot be found.
     """
     (field, dT, dV), n = parametric.quadratic(system, DOUBLE, order)
     d = system.d

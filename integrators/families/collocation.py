@@ -89,7 +89,7 @@ if TYPE_CHECKING:
 class Collocation(NamedTuple):
     """Coefficients of an implicit Runge-Kutta method or relative: stages y + A x, increments x = h B f, end y + w x.
 
-    A and w may differ for q and p.  A quadrature rule is a range of rows, one for each of its nodes.
+    A and w may differ for q and p.  The tables of nodes hold one or more quadrature rules, one after the other.
 
     Attributes
     ----------
@@ -97,11 +97,12 @@ class Collocation(NamedTuple):
     dT, dV : the gradients of T and V in the Nystrom form, else None
     diagonal : True if the matrix B is diagonal
     weights : array (2, s), the rows w of q and of p
-    nodes, rows : for each node, the number of nodes of its rule (both the same)
+    nodes, rows : for each node in the tables, the number of nodes of the rule that it belongs to (the two are equal)
     c : array (nodes, 1), the times of the nodes as fractions of h
     A_q, A_p : arrays (nodes, s), the matrix A for q and for p
     B : array (nodes, s), the transpose of B
-    extrapolation : weights that predict increments; s rows for each number of earlier steps
+    extrapolation : weights that predict the s increments of a step from those of earlier steps: s rows for one earlier
+        step, then s rows for two, ...
     h, eps : the step size and the unit round-off, set by the run
     """
 
@@ -223,9 +224,9 @@ add_increments = dispatch_on_none(
 def sweep(e: Equations, old: int, new: int) -> tuple[Number, Number]:
     """Apply the right-hand side h B f to the increments in rows ``old``; write the result to rows ``new``.
 
-    Returns (the distance between the two, the size of the result).  The iteration is of Jacobi's kind: all nodes use
-    the old increments.  Gauss-Seidel, with the new ones at once, would need a tenth fewer evaluations, but each would
-    wait for the one before, which takes longer.
+    ``old`` and ``new`` are the first of these rows in ``e.memory``.  Returns (the distance between the two, the size of
+    the result).  The iteration is of Jacobi's kind: all nodes use the old increments.  Gauss-Seidel, with the new ones
+    at once, would need somewhat fewer evaluations, but each would wait for the one before, which takes longer.
     """
     step, memory, like = e.step, e.memory, e.like
     first = e.counts.rule
@@ -258,8 +259,9 @@ def sweep(e: Equations, old: int, new: int) -> tuple[Number, Number]:
 def linearize(e: Equations, at: int, span: Number, work: np.ndarray) -> int:
     """Write the Jacobian 1 - G' of the equations x = G(x) at the increments in rows ``at``, ... to ``work``.
 
-    G' is made by finite differences of f at the nodes.  Returns the number of sweeps that cost as much, as
-    `solve.row_solver` requires; G(x) is left in the rows after x.
+    G' is made by finite differences of f at the nodes; ``span`` is the size of (q, p), for differences in variables
+    that are zero.  Returns the number of sweeps that cost as much, as `solve.row_solver` requires; G(x) is left in the
+    rows after x.
     """
     tableau, memory = e.step, e.memory
     n, first = len(e.like), e.counts.rule
@@ -291,7 +293,7 @@ solve_confirmed = confirmer(solve, sweep, changes_by_row(inline(lambda e, x, y: 
 
 @inline
 def extrapolate(e: Equations, at: int) -> None:
-    """Extrapolate the increments of the last steps to the next one, as a start; write them to the rows ``at``, ..."""
+    """Extrapolate the increments of the last steps to this one, as a start; write them to the rows ``at``, ..."""
     weights, known = e.step.extrapolation, e.counts.steps
     steps = min(known, len(weights) // e.stages)
     row = e.stages * (steps - 1)
@@ -332,8 +334,9 @@ run = loop(step)
 def prepare(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
     """Prepare the kernel (compiled loop over steps) of an implicit Runge-Kutta method or relative for a system.
 
-    ``method.data`` is (kind, s) with s stages, or ("hbvm", s, k) with k nodes.  Stages or nodes are evaluated side by
-    side in SIMD lanes if the system allows it.
+    ``method.data`` is (kind, s) with s stages, or ("hbvm", s, k) with k nodes; kind is the name of the coefficients,
+    such as "gauss", "radau-iia" or "cpg".  Stages or nodes are evaluated side by side in SIMD lanes if the system
+    allows it.
     """
     kind, s, *_ = method.data
     if kind == "gauss" and gauss_lanes.serves(s, system):
@@ -354,7 +357,7 @@ def rules_of(method: Method, system: Hamiltonian, arithmetic: str) -> Sequence[i
 
 
 def prepare_stage_by_stage(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
-    """Prepare the kernel that evaluates one stage after the other; in the Nystrom form if T is quadratic."""
+    """Prepare the kernel that evaluates one stage after the other; if T is quadratic the unknowns are kicks of p."""
     kind, s, *_ = method.data
     rules = rules_of(method, system, arithmetic)
     kind = "hbvm" if kind == "cpg" else kind

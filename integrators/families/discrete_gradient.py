@@ -108,7 +108,8 @@ def search(
 ) -> tuple[Value, Number, int]:
     """Take a substep of length h from y that ends at energy H0: find its coefficient a and its increment x.
 
-    The arguments x and a are starting values; returns (x, a, status).
+    The arguments x and a are starting values.  Returns (x, a, status); evaluations are added to ``counts``, and a
+    fallback if the energy is not reached.
     """
     last_a, last = a, step.H0
     span = size(y.q) + size(y.p)
@@ -136,7 +137,10 @@ def search(
 
 
 def step(method: DiscreteGradient, y: State, carry: Carry, counts: np.record) -> tuple[State, int]:
-    """Take one step from the state y, substep by substep; returns (state, status: `SOLVED` or why a substep failed)."""
+    """Take one step from the state y, substep by substep; returns (state, status: `SOLVED` or why a substep failed).
+
+    Starting values are extrapolated from earlier steps, kept in ``carry``; evaluations are added to ``counts``.
+    """
     both, memory = join(carry.zero, carry.zero), carry.memory
     stages = len(method.fraction)
     ring = LEVELS * stages  # where the memory keeps the ring of each substep's a

@@ -58,10 +58,11 @@ class Equip(NamedTuple):
 
     Attributes
     ----------
-    f : the field or -grad V as a function of SIMD lanes; None if stages are evaluated one by one
+    f : the vector field or -grad V, evaluated at all stages at once in SIMD lanes; None if stages are evaluated one by
+        one
     field : None if the unknowns are increments of p alone (Nystrom form), else the vector field or ``f``
     energy : the function (q, p) -> (H, size of its terms)
-    tableau : the tableau in use, rewritten for each alpha
+    tableau : the coefficients of the step in use, rewritten for each alpha
     A : array (s, s), a_ij / b_j of Gauss's method
     S : the skew array (s, s) that alpha multiplies
     b : the weights of the Gauss rule
@@ -210,7 +211,8 @@ def attempt(alpha: Number, start: int, ease: Number, e: Step) -> Attempt:
     """Try the step with the parameter alpha; returns an `Attempt` with the state after it and its energy error.
 
     ``start`` chooses where the stages start from: the extrapolation from earlier steps (`FIRST`), or the solution of
-    the last attempt, whose alpha was near.  ``ease`` is how many times round-off the error of the stages may be.
+    the last attempt, whose alpha was near.  ``ease`` is how many times round-off the error of the stages may be, and e
+    has the data of the method and the state before the step.
     """
     forbid_inlining()
     step, y, counts = e.step, e.y, e.counts
@@ -230,7 +232,8 @@ find = finder(attempt, followed=False)
 def step(method: Equip, y: State, carry: Carry, counts: np.record) -> tuple[State, int]:
     """Take one step from the state y, with the parameter alpha that conserves the energy; returns (state, status).
 
-    If no alpha is found the step is Gauss's (alpha = 0), and is counted in ``counts.fallbacks``.
+    If no alpha is found the step is Gauss's (alpha = 0), and is counted in ``counts.fallbacks``; ``counts.parameter``
+    becomes alpha, NaN if there is none.
     """
     e = Step(method, y, carry, counts)
     alpha, found, result = find(method.search, carry.state, OWN, np.nan, e)
@@ -280,7 +283,11 @@ def prepare(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
 
 
 def _set_energy(energy: Function, step: Equip, q: Value, p: Value) -> Equip:
-    """Complete the data of EQUIP for a run from (q, p): set H0, the energy; copy the tableau, which runs overwrite."""
+    """Complete the data of EQUIP for a run from the state (q, p); returns the new data.
+
+    H0 becomes the energy of that state, computed by the function ``energy``; the tableau, which a run overwrites, is
+    copied.
+    """
     t = step.tableau
     tables = {name: x for name, x in t._asdict().items() if isinstance(x, np.ndarray) and x.flags.writeable}
     own = {name: x.copy() for name, x in tables.items()}

@@ -72,9 +72,9 @@ class Extended(NamedTuple):
     Attributes
     ----------
     field : the vector field (q', p')
-    a : A is taken over a[k] h
-    before, after : B is taken over before[k] h before C, over after[k] h after it
-    bond : C turns by the angle 2 bond[k] h
+    a : the k-th substep A has the length a[k] h
+    before, after : the substeps B before and after the k-th C have the lengths before[k] h and after[k] h
+    bond : the k-th C turns (q - x, p - y) by the angle 2 bond[k] h
     h, eps : the step size and the unit round-off, set by the run
     """
 
@@ -150,7 +150,8 @@ def start(method: Extended, z: Copies) -> Copies:
 def step(method: Extended, z: Copies, carry: Carry, counts: np.record) -> tuple[Copies, int]:
     """Take a step from the two copies z: apply B, C, B and A for each composed step in turn.
 
-    Returns (copies, `SOLVED`).  The last A includes the first A of the next step.
+    Returns (copies, `SOLVED`), and adds evaluations to ``counts``; ``carry.memory`` has the coefficients of the
+    rotations C.  The last A includes the first A of the next step.
     """
     h, last = method.h, len(method.a) - 1
     q, p, lost_q, lost_p, x, y, lost_x, lost_y, dq, dp, rows = z

@@ -54,14 +54,14 @@ class FlowComposed(NamedTuple):
 
     Attributes
     ----------
-    dB : the gradient of the interaction by the original coordinates
+    dB : the gradient of the interaction B with respect to the original coordinates q
     A, b : a_ij / b_j and b_j of Gauss's method
     times : c_j - 1/2
     dimension : of space, 2 or 3
     masses, mu : masses and gravitational parameters of the Kepler problems; mu = 0 for a free motion
     change, back : the matrices of Q = change q and q = back Q, acting on bodies; Q are the variables of the Kepler
         problems
-    series : the constants of `kepler_flow`
+    series : the table `kepler_flow.constants`
     h, eps : the step size and the unit round-off, set by the run
     """
 
@@ -103,10 +103,10 @@ BACK, POSITION, GRADIENT, KICK, SPANS, UNKNOWN = 2, 4, 5, 6, 7, 8
 
 @jit
 def evaluate(e: Stages, i: int, old: int) -> None:
-    """Evaluate the transported field F(tau_i, W_i) of stage i, of the formulae in the module's docstring.
+    """Evaluate the field F(tau_i, W_i) of stage i, which the module's docstring defines.
 
-    W_i follows from the unknowns in the rows from ``old`` on.  The q part and the p part of F are written to the rows
-    `BACK` and `BACK` + 1 of ``e.memory``.
+    The state W_i follows from the unknowns in the rows from ``old`` on of ``e.memory``.  The q part and the p part of F
+    are written to the rows `BACK` and `BACK` + 1 of it.
     """
     step, state, memory = e.step, e.state, e.memory
     n, bodies, d = step.dimension, len(step.mu), len(e.zero)
@@ -149,7 +149,8 @@ def sweep(e: Stages, rows: tuple[int, int], active: bool) -> tuple[tuple[int, in
     """Apply the right-hand side of the stage equations to the unknowns in ``e.memory``.
 
     They are read in the rows from rows[0] on, and the result is written to the rows from rows[1] on.  Returns (the two
-    row numbers exchanged, the distance between both, the size of the result), as `fixed_point` requires.
+    row numbers exchanged, the distance between both, the size of the result), as `fixed_point` requires; ``active`` is
+    not used.
     """
     old, new = rows
     step, memory = e.step, e.memory

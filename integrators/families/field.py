@@ -74,15 +74,17 @@ SHORTEST = 100_000
 
 
 class Field(NamedTuple):
-    """The data of Gauss's method with steps that follow the field.
+    """The data of Gauss's method with variable steps, whose lengths follow from the field's time scale on the orbit.
 
     Attributes
     ----------
     method : the coefficients of Gauss's method, with stages in SIMD lanes
-    inverse : the matrix that `adaptive.remember` applies to values of the field
+    inverse : the matrix from values of the field at the nodes to the coefficients of the polynomial through them, for
+        `adaptive.remember`
     ends : rows of weights of f at the nodes, which give f, f', f'', f''' and the derivative of order s - 1 at the end
         of a step of length 1
-    h, eps : the step size at the initial time scale, and the unit round-off, set by the run
+    h, eps : the length of a step where the time scale tau is that of the initial state, and the unit round-off, set by
+        the run
     """
 
     method: stage_lanes.Lanes
@@ -121,9 +123,10 @@ inertia = dispatch_on_none(lambda inverse_mass, e, k: 1.0, lambda inverse_mass, 
 def inverse_square(e: Equations, step: Field, first: int, last: int) -> tuple[Number, Number]:
     """Rates of change of f at the end of a step: (1 / tau^2, (|f^(s-1)| / |f|)^2), in units of the step's length.
 
-    f is the vector field along the orbit, f^(s-1) its highest derivative that s nodes give, and tau is its time scale,
-    tau^2 = (|f| |f''| + |f'|^2) / (|f'| |f'''| + |f''|^2).  In the second number |f|^2 is summed over the nodes.  Of f
-    only the components first, ..., last - 1 count.  Either number is 0 if it is round-off alone.
+    f is the vector field along the orbit, with its values at the nodes in the memory of the stage equations e; f^(s-1)
+    is the highest derivative that s nodes give, and tau the time scale tau^2 = (|f| |f''| + |f'|^2) / (|f'| |f'''| +
+    |f''|^2). In the second number |f|^2 is summed over the nodes.  Only the components first, ..., last - 1 of f count.
+    Either number is 0 if it is round-off alone.
     """
     f0, f1, f2, f3, highest, whole = 0.0 * e.h, 0.0 * e.h, 0.0 * e.h, 0.0 * e.h, 0.0 * e.h, 0.0 * e.h
     for k in range(first, last):
@@ -155,9 +158,11 @@ rate = dispatch_on_none(_of_both, _of_kicks)
 
 @inline
 def _pace(e: Equations, first: int, last: int, shift: Number) -> Number:
-    """The time scale |y| / sqrt(|y'|^2 + |y| |y''|) of components first, ..., last - 1 of y; 0 if y is 0 or is at rest.
+    """Return the time scale |y| / sqrt(|y'|^2 + |y| |y''|) of a part y of the state (q, p) at the start of a step.
 
-    f has been evaluated at y + shift y' and, in the second SIMD lane, at y - shift y'.
+    The part has the components first, ..., last - 1; the result is 0 if y is 0 or at rest.  y' is the field, and y'' is
+    made by a difference: in the memory of the equations e the first SIMD lane has the field at the state moved by
+    ``shift`` times the field, and the second the field at the state moved by -``shift`` times the field.
     """
     size, slope, bend = 0.0 * e.h, 0.0 * e.h, 0.0 * e.h
     for k in range(first, last):
@@ -215,10 +220,11 @@ def read_clock(step: Field, carry: Carry, y: State) -> Clock:
 
 @inline
 def fit_step(step: Field, carry: Carry, clock: Clock, length: Number, trusted: Number) -> tuple[Number, bool]:
-    """Judge a step of length ``length``: (length of the next step, True if this one is accepted).
+    """Judge a step of length ``length``: (length of the next step, True if the step is accepted).
 
-    Both follow from the field at the end of the step.  It is rejected if the time scale of the field, or of its highest
-    known derivative, fits only a step shorter than ``trusted`` times ``length``.
+    Both follow from the field at the end of the step; ``clock`` has the time scale by which lengths are measured.  The
+    step is rejected if the time scale of the field, or of its highest known derivative, fits only a step shorter than
+    ``trusted`` times ``length``.
     """
     square, highest = rate(step.method.inverse_mass, equations(step.method, carry, length), step)
     share, rough = square**0.5, highest ** (0.5 / (step.method.stages - 1))
@@ -237,7 +243,8 @@ def wind(
 ) -> tuple[State, Clock, State, int]:
     """Integrate from the state y to the time ``until`` in at most ``most`` steps, rejecting steps that are too long.
 
-    Returns (last state before that time, its clock, the state at that time, status).
+    ``clock`` has the time at y and the lengths of steps.  Returns (last state before that time, its clock, the state at
+    that time, status: `SOLVED` or why the run ends); steps and evaluations are added to ``counts``.
     """
     there, status, tries = y, SOLVED, 0
     last = counts.steps + most
@@ -300,7 +307,8 @@ run = time_loop(read_clock, reach, leave)
 def ends_of(s: int, step: stage_lanes.Lanes, arithmetic: str) -> np.ndarray:
     """The weights ``Field.ends``, array (5, lanes): derivatives of f at a step's end from values at its nodes.
 
-    The rows are derivatives at 1 of the polynomials of degree s - 1 that are 1 at one node and 0 at the others.
+    The rows are the derivatives of orders 0, 1, 2, 3 and s - 1, at 1, of the polynomials of degree s - 1 that are 1 at
+    one node and 0 at the others; lanes beyond the s nodes of ``step`` are 0.
     """
     with mpmath.workdps(adaptive.digits(arithmetic)):
         inverse = adaptive.coefficients(s)
@@ -310,7 +318,7 @@ def ends_of(s: int, step: stage_lanes.Lanes, arithmetic: str) -> np.ndarray:
 
 
 def prepare(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
-    """Prepare the kernel (compiled loop over steps) of Gauss's method with steps that follow the field.
+    """Prepare the kernel (compiled loop over steps) of Gauss's method with variable steps that the field determines.
 
     ``method.data`` is (s,), the number of stages.
     """

@@ -62,15 +62,15 @@ MOST = 10
 
 
 class ForceGradient(NamedTuple):
-    """The data of a splitting with modified kicks; row k of a, b, c is drift k, then kick k.
+    """The data of a splitting with modified kicks: kick 0, then for k = 1, 2, ... the drift k and the kick k.
 
     Attributes
     ----------
     dT : grad T: a function, or the array 1 / m_i if grad T is p_i / m_i, or None if it is p itself
     dV : the function grad V
     product : the function (q, v) -> V''(q) v; None if the modified kick is made of two forces, without the Hessian
-    a : fractions of h of the drifts
-    b, c : weights of a kick: of grad V times h, and of the gradient of the force times h^3
+    a : fractions of h of the drifts; a[0] is not used
+    b, c : weights of the kicks: of grad V times h, and of the gradient of the force (G in the module) times h^3
     h, eps : the step size and the unit round-off, set by the run
     """
 
@@ -125,9 +125,9 @@ def displace(x, a, v, out):
 
 @in_place(_combine)
 def combine(b, g, c, k):
-    """Return b g + c k, the slope of a modified kick; for arrays it is written over g.
+    """Return b g + c k, the slope of a modified kick; for arrays the result is written over g.
 
-    g is the gradient of V and k the second term of the kick, both (d,).
+    g is the gradient of V and k = V''(q) v the second term of the kick, both (d,).
     """
     return axpy(c, k, scale(b, g))
 
@@ -135,16 +135,18 @@ def combine(b, g, c, k):
 def second_force(product, dV, b, c, q, slope, v, place):
     """The modified kick without the Hessian, by a second force: returns (weight b, slope grad V(q - 2 c / b v)).
 
-    v is M^-1 grad V(q); arrays ``slope`` and ``place`` are overwritten, ``product`` is not used.
+    ``dV`` is the function grad V, b and c are the weights as in `modified_kick`, and v is M^-1 grad V(q).  Arrays
+    ``slope`` and ``place`` are overwritten, ``product`` is not used.
     """
     return b, apply(dV, displace(q, -2.0 * c / b, v, place), slope)
 
 
 def modified_kick(product, dV, b, c, q, slope, v, place):
-    """Compute a modified kick, p' = p - h weight slope, from slope = grad V(q) and v = M^-1 slope.
+    """Compute a modified kick at q: returns (weight, slope), with which p becomes p - h weight slope.
 
-    Returns (weight, slope).  b is the weight of grad V, c that of the gradient term times h^2; ``product`` is (q, v) ->
-    V''(q) v, or None for a kick by a second force.  Arrays ``slope`` and ``place`` are overwritten.
+    The argument ``slope`` is grad V(q), and v is M^-1 grad V(q).  b is the weight of grad V, c that of the gradient of
+    the force times h^2; ``dV`` is grad V, ``product`` is (q, v) -> V''(q) v, or None for a kick by a second force.
+    Arrays ``slope`` and ``place`` are overwritten.
     """
     if product is None:
         return second_force(product, dV, b, c, q, slope, v, place)
@@ -161,7 +163,11 @@ def _of_values(
     v: types.Type,
     place: types.Type,
 ) -> Callable:
-    """Choose the code of `modified_kick` for tuples and lanes, from the Numba type of ``product``."""
+    """Choose the code of `modified_kick` that is compiled for vectors that are tuples, of numbers or of SIMD lanes.
+
+    The arguments are the Numba types of those of `modified_kick`; the choice depends on that of ``product``.  Returns a
+    Python function.
+    """
     if isinstance(product, (types.NoneType, types.Omitted)):
         return second_force
     return lambda product, dV, b, c, q, slope, v, place: (
@@ -180,7 +186,11 @@ def _of_arrays(
     v: types.Type,
     place: types.Type,
 ) -> Callable:
-    """Choose the code of `modified_kick` for arrays, from the Numba type of ``product``."""
+    """Choose the code of `modified_kick` that is compiled for vectors that are arrays.
+
+    The arguments are the Numba types of those of `modified_kick`; the choice depends on that of ``product``.  Returns a
+    Python function.
+    """
 
     def written(product, dV, b, c, q, slope, v, place):
         product(q, v, place)
@@ -196,9 +206,10 @@ overload_by_kind(modified_kick, _of_values, _of_arrays)
 def evaluate(
     method: ForceGradient, q: Value, b: Number, c: Number, y: KickState, counts: np.record
 ) -> tuple[Number, Value]:
-    """Evaluate the kick with the weights b and c at q: returns (weight, slope), see `modified_kick`.
+    """Evaluate the kick with the weights b and c (of the gradient of V and of the force) at q: returns (weight, slope).
 
-    Gradients are added to ``counts``; arrays of the state y, its working memory, are overwritten.
+    They are those of `modified_kick`.  Evaluated gradients are added to ``counts``; arrays of the state y, its working
+    memory, are overwritten.
     """
     slope = apply(method.dV, q, y.slope)
     counts.gradient += 1

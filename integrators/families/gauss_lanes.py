@@ -1,4 +1,4 @@
-"""Prepare the kernel `stage_lanes`, Gauss's methods with stages in SIMD lanes, and tell where it is the faster one."""
+"""Prepare the kernel of `stage_lanes`, Gauss's methods with stages in SIMD lanes, and tell where it is faster."""
 
 from __future__ import annotations
 
@@ -41,7 +41,10 @@ def pad_square(rows: Iterable[Sequence], lanes: int) -> list[list]:
 
 
 def _of_kicks(system: Hamiltonian, lanes: int, arithmetic: str, digits: int) -> tuple[Callable, np.ndarray]:
-    """Make the function -grad V of SIMD lanes; returns (this function, the inverse masses as an array (1, d))."""
+    """Make the function -grad V at ``lanes`` points at once, one in each SIMD lane; returns (the function, 1 / m_i).
+
+    The inverse masses 1 / m_i are an array (1, d), computed with ``digits`` digits.
+    """
     forces = lane_formulae.function(
         "forces",
         [("q", system.q)],
@@ -55,15 +58,16 @@ def _of_kicks(system: Hamiltonian, lanes: int, arithmetic: str, digits: int) -> 
 
 
 def _of_both(system: Hamiltonian, lanes: int, arithmetic: str) -> tuple[Callable, None]:
-    """Make the vector field (q', p') as a function of SIMD lanes; returns (this function, None)."""
+    """Make the field (q', p') at ``lanes`` points at once, one in each SIMD lane; returns (the function, None)."""
     arguments = [("q", system.q), ("p", system.p)]
     return lane_formulae.function("field", arguments, lambda: list(system.sides), lanes, system, arithmetic), None
 
 
 def functions(system: Hamiltonian, lanes: int, arithmetic: str, digits: int) -> tuple[Callable, np.ndarray | None]:
-    """Make the function that `stage_lanes.Lanes` evaluates, of ``lanes`` stages at once.
+    """Make the function that `stage_lanes.Lanes` evaluates, at ``lanes`` stages at once.
 
     Returns (-grad V, the inverse masses (1, d)) if the kinetic energy is diagonal, else (the vector field, None).
+    Inverse masses are computed with ``digits`` digits.
     """
     if system.diagonal:
         return _of_kicks(system, lanes, arithmetic, digits)
@@ -71,9 +75,10 @@ def functions(system: Hamiltonian, lanes: int, arithmetic: str, digits: int) -> 
 
 
 def start_weights(extrapolation: Sequence, s: int, lanes: int) -> Iterator[list]:
-    """Yield rows of weights that extrapolate increments of earlier steps, padded to SIMD lanes.
+    """Yield the weights that extrapolate increments of earlier steps, row by row, padded to SIMD lanes.
 
-    The first rows are for a start from one earlier step, the next from two, and so on.
+    The first rows are for a start from one earlier step, the next from two, and so on.  ``extrapolation`` has the
+    weights without padding, s rows for each number of earlier steps, with s the number of increments in a step.
     """
     for first in range(0, len(extrapolation), s):
         weights = list(zip(*extrapolation[first : first + s], strict=True))
@@ -116,6 +121,10 @@ def prepare(s: int, system: Hamiltonian, arithmetic: str) -> Prepared:
 
 
 def room(step: Lanes, d: int) -> tuple[int, int]:
-    """The memory that a kernel in SIMD lanes needs, as `Prepared` states it: (width, stages)."""
+    """The memory that a kernel in SIMD lanes needs for d degrees of freedom, as (width, stages) of `Prepared`.
+
+    ``width`` is the length of a row; ``stages`` is such that the run, which takes a fixed number of rows for each
+    stage, provides enough of them.
+    """
     rows = FREE + (6 + step.steps) * components(step.inverse_mass, d)
     return max(len(step.like), components(step.inverse_mass, d)), -(-rows // (3 * LEVELS + 1))

@@ -2,11 +2,13 @@ r"""Functions shared by the kernels `stage_lanes` and `path_lanes`, which have s
 
 The equations of a kernel are a NamedTuple with a ``memory``, a table whose columns are the lanes, as many as the tuple
 ``like`` has items.  The unknowns are increments of q and p or, where the step's ``inverse_mass`` is not None, of p
-alone (kicks).  The rows of the memory are:
+alone (kicks); the equations' field ``stages`` is the number of components of an increment.  The rows of the memory are:
 
-- from 0 on: the points (q, p), called places, at which the step's f(memory) evaluates; a component in each row;
-- after them: the values that f writes, slopes at these points, as many rows;
-- from ``base`` on: the rows `ORIGIN` to `DP`, explained below; from ``base + FREE`` on what the kernel itself keeps.
+- from 0 on: the points, called places, at which the step's function f(memory) evaluates the vector field or -grad V;
+  each component of (q, p), or of q alone, has a row;
+- after them: the values of the field or of -grad V that f writes, as many rows;
+- from ``base`` on: the rows `ORIGIN` to `DP`, explained at their definition; from ``base + FREE`` on what the kernel
+  itself keeps.
 """
 
 from __future__ import annotations
@@ -67,10 +69,10 @@ reach = dispatch_on_none(lambda inverse_mass, e, k: 1.0, lambda inverse_mass, e,
 
 @inline
 def length(e: Any, at: int, row: int, first: int, last: int) -> Number:
-    """Size (1-norm) of the state's components ``first``, ..., ``last`` - 1, plus that of their unknowns x and of G(x).
+    """Size (1-norm) of the state's components first, ..., last - 1, plus the sizes of their unknowns x and of G(x).
 
-    The components are in row ``row`` of ``e.memory``, the unknowns in the rows from ``at`` on, G(x) in those after
-    them.
+    The state's components are in row ``row`` of ``e.memory``, the unknowns in the rows from ``at`` on, a row for each
+    component, and the right-hand sides G(x) of their equations in as many rows after them.
     """
     numbers, unknowns = 0.0, 0.0
     for k in range(first, last):
@@ -84,18 +86,19 @@ def length(e: Any, at: int, row: int, first: int, last: int) -> Number:
 
 
 def linearizer(sweep: Function, places: Function, weights: Function, rows: Function, spread: Function) -> Function:
-    """Make ``linearize`` of `solve.row_solver`: it writes the Jacobian 1 - G', by differences of f in all SIMD lanes.
+    """Make the function ``linearize`` of `solve.row_solver`: it writes the Jacobian 1 - G' of the equations x = G(x).
 
-    It is made from the following functions, in whose arguments e are the equations, ``row`` is a row of nodes, one node
-    for each lane, and ``at`` the first row of the unknowns.
+    The Jacobian is made by differences of the field, in all SIMD lanes at once.  In the arguments of the following
+    functions e are the equations, ``row`` is a row of nodes, one node for each lane, and ``at`` the first row of the
+    unknowns.
 
     - ``sweep`` is the right-hand side G, as for `solve.row_solver`.
-    - ``places(e, at, row)`` writes the points at which f is evaluated, for one row of nodes, to the first rows of
-      memory.
-    - ``weights(e)`` is what f is multiplied by.
+    - ``places(e, at, row)`` writes the points at which the field is evaluated, for one row of nodes, to the first rows
+      of memory.
+    - ``weights(e)`` is the number, or the numbers in lanes, by which the equations multiply the field.
     - ``rows(e)`` is (first row of nodes, last + 1).
-    - ``spread(e, row, r, k, i, x, work)`` enters x, the derivative in lane i of component r by component k, into
-      ``work``.
+    - ``spread(e, row, r, k, i, x, work)`` enters x, the derivative of the field's component r by component k in lane i,
+      times the weight, into the matrix ``work``.
     """
 
     @inline
@@ -133,10 +136,10 @@ def linearizer(sweep: Function, places: Function, weights: Function, rows: Funct
 
 @inline
 def extrapolate(e: Any, ring: int, known: int, at: int) -> None:
-    """Extrapolate the increments of the last steps to the next one, as a start; write them to the rows ``at``, ...
+    """Extrapolate the increments of the last steps to this one, as a start; write them to the rows ``at``, ...
 
-    Those of the last steps are in a ring buffer of rows from ``ring`` on; ``known`` is the number of steps taken so
-    far.
+    Those of the last steps are in a ring buffer, in the rows of ``e.memory`` from ``ring`` on; ``known`` is the number
+    of steps taken so far.
     """
     step, memory, rows = e.step, e.memory, e.stages
     steps = min(known, step.steps)
@@ -151,7 +154,10 @@ def extrapolate(e: Any, ring: int, known: int, at: int) -> None:
 
 @inline
 def enter(e: Any, ring: int, known: int, at: int) -> None:
-    """Store the increments of step number ``known``, in the rows ``at``, ..., in the ring that `extrapolate` reads."""
+    """Store the increments of step number ``known`` in the ring buffer that `extrapolate` reads.
+
+    They are in the rows ``at``, ... of ``e.memory``, the buffer is in the rows from ``ring`` on.
+    """
     newest = ring + known % e.step.steps * e.stages
     for k in range(e.stages):
         put(e.memory, newest + k, take(e.memory, at + k, e.like), e.like)

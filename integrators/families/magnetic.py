@@ -1,4 +1,4 @@
-r"""Splittings for a charged particle: drifts, and pushes by the fields E and B at one place.
+r"""Splittings for a charged particle: drifts of its position, and pushes by the fields E and B at that position.
 
 The particle's x and :math:`u = \gamma\dot x` (`systems.magnetic`) move in turns,
 
@@ -11,7 +11,7 @@ R turns u about B: with a vector t along B, whose length is the tangent of half 
 .. math::
     R u = u + \frac 2{1 + |t|^2}\,(u + u\times t)\times t .
 
-The rules differ in t, with :math:`\tau = \tfrac{b_k h}2 B` and u as R finds it:
+The rules differ in t, with :math:`\tau = \tfrac{b_k h}2 B` and u the value before the rotation:
 
 - Boris: :math:`t = \tau/\gamma(u)`, the Cayley transform of the rotation;
 - Higuera and Cary: :math:`t = \tau/\bar\gamma`, where :math:`\bar\gamma` belongs to the mean of u and R u,
@@ -142,7 +142,7 @@ def cross(x, y):
 def momentum(u, lost, shift, mass):
     """Compute p = m (u + shift), with shift = A / m: returns (p, what rounding lost of it).
 
-    ``lost`` is what rounding lost of u.  The sum is compensated as Knuth's, since either term may be the larger.
+    ``lost`` is what rounding lost of u.  The sum is compensated by Knuth's method, since either term may be the larger.
     """
     s = u + shift
     part = s - u
@@ -234,7 +234,10 @@ def start(method: Magnetic, y: ParticleState) -> ParticleState:
 
 
 def step(method: Magnetic, y: ParticleState, carry: Carry, counts: np.record) -> tuple[ParticleState, int]:
-    """Push and drift in turn; the last drift includes the first one of the next step.  Returns (state, `SOLVED`)."""
+    """Push and drift in turn; the last drift includes the first one of the next step.  Returns (state, `SOLVED`).
+
+    The pushes are added to ``counts`` as evaluations; ``carry`` is not used.
+    """
     h, b = method.h, method.b
     for k in range(len(b)):
         following = b[k + 1] if k + 1 < len(b) else b[0]

@@ -75,15 +75,15 @@ class Manifold(NamedTuple):
 
     Attributes
     ----------
-    field : (q, p, h, lam) -> (H_p, -H_q), without constraints
-    multipliers : (q, q0, p0) -> change of the multipliers by a Newton step
+    field : (q, p, h, lam) -> (H_p, -H_q), without constraints; h and lam are ignored
+    multipliers : (q, q0, p0) -> (G(q) H_pp(q0, p0) G(q0)^T)^-1 g(q), from which a Newton step changes the multipliers
     pull : (q, x) -> G(q)^T x
     mobility : (q, p, x) -> H_pp x
     normal : (q, p) -> the part of p that leaves the manifold
     A_q, A_p : arrays (s, s), the coefficients a of IIIA and hat a of IIIB, divided by the weights
     b : array (s, 1), the weights
     C : the inverse of the matrix C of the module's docstring
-    noise : array (1, 1), how much that matrix magnifies the round-off of constraints
+    noise : array (1, 1), how much that inverse magnifies the round-off of constraints
     h, eps : the step size and the unit round-off, set by the run
     """
 
@@ -123,7 +123,10 @@ class Stages(NamedTuple):
 
 @inline
 def combine(e: Stages, A: np.ndarray, i: int, at: int, start: Value) -> Value:
-    """The sum of ``start`` and A[i, j] times row number at + 3 j of ``e.memory``, over j."""
+    """Return ``start`` plus the sum over the stages j of A[i, j] times row at + 3 j of ``e.memory``.
+
+    A stage has three rows, x, z and its multipliers; ``at`` is the row of one of them in the first stage.
+    """
     y = start
     for j in range(len(e.method.b)):
         y = axpy(A[i, j], load(e.memory, at + ROWS * j, e.like), y)
@@ -134,8 +137,9 @@ def combine(e: Stages, A: np.ndarray, i: int, at: int, start: Value) -> Value:
 def sweep(e: Stages, rows: tuple[int, int], active: bool) -> tuple[tuple[int, int], Number, Number]:
     """Do one iteration for the unknowns of all stages: evaluate the field, then correct the multipliers.
 
-    ``rows`` is (first row of the old unknowns, first row of the new ones) in ``e.memory``.  Returns (the two exchanged,
-    the distance between both, the size of the new).
+    ``rows`` is (first row of the old unknowns, first row of the new ones) in ``e.memory``.  Returns (the two row
+    numbers exchanged, the distance between old and new unknowns, the size of the new), as `fixed_point` requires;
+    ``active`` is not used.
     """
     method, memory, like, spare = e.method, e.memory, e.like, e.spare
     old, new = rows
@@ -182,7 +186,10 @@ def sweep(e: Stages, rows: tuple[int, int], active: bool) -> tuple[tuple[int, in
 
 @inline
 def tangent(e: Stages, p: Value, active: bool) -> tuple[Value, Number, Number]:
-    """Project p by one step of Newton's method for G H_p(q, p) = 0 along G^T: returns (new p, its change, its size)."""
+    """Project p by one step of Newton's method for G H_p(q, p) = 0 along G^T: returns (new p, its change, its size).
+
+    e has the coordinates q; ``active`` is not used.
+    """
     new = minus(p, e.method.normal(e.q, p))
     return new, distance(new, p), size(new)
 
@@ -193,7 +200,8 @@ iterate, project = fixed_point(sweep), fixed_point(tangent)
 def step(method: Manifold, y: State, carry: Carry, counts: np.record) -> tuple[State, int]:
     """Take one step from the state y: solve for the stages, then project p; returns (state, status).
 
-    The iteration starts from values of earlier steps, and where it fails from zero.
+    The iteration starts from values of earlier steps, kept in ``carry``, and where it fails from zero.  The status is
+    `SOLVED` or why the step failed; evaluations are added to ``counts``.
     """
     memory, like = carry.memory, carry.zero
     n = ROWS * len(method.b)

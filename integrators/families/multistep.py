@@ -133,8 +133,8 @@ class Start(NamedTuple):
     Attributes
     ----------
     method : the multistep method, with the coefficients of Gauss's method
-    q, v : the coordinates, and the step h times the velocities M^-1 p
-    memory, at : where the kicks of the stages stand, and the row of the first
+    q, v : the coordinates, and h M^-1 p, both before the step
+    memory, at : the kicks of the stages are in the rows of the array ``memory`` from ``at`` on
     zero : a zero of the type of q
     """
 
@@ -157,13 +157,16 @@ def divide(x, a):
 
 @inline
 def _sums(method: Multistep) -> int:
-    """The row of ``memory`` with the first of the sums W."""
+    """The number of the row of `MultistepState.memory` from which on the sums W are stored."""
     return len(method.backward)
 
 
 @inline
 def _half_step(method: Multistep) -> int:
-    """The row of ``memory`` with the momentum U of the half step; the row after it has what rounding lost of U."""
+    """The number of the row of `MultistepState.memory` with the momentum U of the half step.
+
+    The row after it has what rounding lost of U.
+    """
     return 2 * len(method.backward) - 2
 
 
@@ -174,8 +177,9 @@ def _half_step(method: Multistep) -> int:
 def sweep(e: Start, x: Value, active: Condition) -> tuple[Value, Number, Number]:
     """Do one iteration of the stage equations of one of the first steps, by Gauss's method.
 
-    It computes new kicks x_i = h b_i g_i in ``e.memory``; x holds the sums of (1 - c_i) x_i and of c_i x_i.  Returns
-    (new x, distance of old and new kicks, size of the new), in the SIMD lanes ``active``.
+    It computes new kicks k_i = h b_i g_i of the stages in ``e.memory``; the vector x holds the sums of (1 - c_i) k_i
+    and of c_i k_i.  Returns (new x, distance of old and new kicks, size of the new); only the SIMD lanes ``active``
+    change.
     """
     m, s = e.method, len(e.method.b)
     delta, length = 0.0 * size(e.q), 0.0 * size(e.q)
@@ -202,7 +206,7 @@ solve = fixed_point(sweep)
 def start_step(method: Multistep, y: MultistepState, zero: Value, counts: np.record) -> tuple[MultistepState, int]:
     """Take one of the first steps by Gauss's method, and store its sums for the recursion; returns (state, status).
 
-    ``zero`` is a zero of the shape of q.
+    ``zero`` is a zero of the shape of q; evaluations are added to ``counts``.
     """
     k, memory, n, at = len(method.backward), y.memory, y.known, _half_step(method)
     if n == 0:
@@ -238,7 +242,10 @@ def start_step(method: Multistep, y: MultistepState, zero: Value, counts: np.rec
 
 @inline
 def recur(method: Multistep, y: MultistepState, zero: Value) -> MultistepState:
-    """Take one step of the multistep recursion; returns the state, whose momentum is not computed (see `finish`)."""
+    """Take one step of the multistep recursion; returns the state, whose momentum is not computed (see `finish`).
+
+    ``zero`` is a zero of the shape of q.
+    """
     k, memory, n, at = len(method.backward), y.memory, y.known, _half_step(method)
     row = (n + 2) % k  # of the gradient that beta_1 multiplies, the oldest but one
     total = zero
@@ -268,7 +275,8 @@ def begin(method: Multistep, carry: Carry, counts: np.record) -> MultistepState:
 def step(method: Multistep, y: MultistepState, carry: Carry, counts: np.record) -> tuple[MultistepState, int]:
     """Take a step: by Gauss's method until there are enough earlier states, then by the recursion.
 
-    Returns (state, status).
+    Returns (state, status: `SOLVED`, or `STALLED` if Gauss's stage equations could not be solved); evaluations are
+    added to ``counts``.
     """
     k, status = len(method.backward), SOLVED
     if y.known < k - 1:

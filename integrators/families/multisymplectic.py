@@ -1,6 +1,8 @@
 r"""Box schemes of multisymplectic equations: a symplectic Runge-Kutta method in time and a symplectic one in space.
 
-A step of the (partitioned) Runge-Kutta method (A, b) for y of the space-discretized equation `systems.multisymplectic`:
+The equation :math:`K z_t + L z_x = \nabla S(z)` is discretized in space as in `systems.multisymplectic`: z = (y, w) in
+each cell, where y evolves in time and w is a difference of y in space; D is the difference.  A step of a (partitioned)
+Runge-Kutta method (A, b) for y has the stages :math:`Y_i`, the y of :math:`Z_i`, with the time derivatives :math:`T_i`,
 
 .. math::
     K T_i + L\,D Z_i = \nabla S(Z_i),\qquad Y_i = y_n + h\sum_j a_{ij} T_j,\qquad y_{n+1} = y_n + h\sum_i b_i T_i .
@@ -52,11 +54,11 @@ class Scheme:
     id, name, source : a key, the name and the paper of the scheme
     division : the class that discretizes space, `Box` or `Staggered`
     A_q, A_p, b : the tableau in time: its matrix for q and for p, and its weights
-    S : a skew matrix (s, s) if a parameter alpha conserves the energy, else None
+    S : the skew matrix (s, s) in A - alpha S diag(b) if a parameter alpha conserves the energy, else None
     order : the order in time
     multisymplectic : True if the scheme is said to conserve the multisymplectic law
     keeps : the energy that it is said to conserve: "total", "cell" for that in every cell, or ""
-    means : True if fluxes are those of the mean of the stages, False if they are the mean of the stages' fluxes
+    means : True if fluxes are evaluated at the mean of the stages, False if they are the mean of the stages' fluxes
     """
 
     id: str
@@ -141,8 +143,10 @@ class Step:
     Y, T : the stages and their time derivatives, arrays (s, N, m)
     alpha : the parameter of the tableau; 0 if there is none
     found : True if a parameter conserves the energy, or none is needed
-    tangents : solutions of the scheme linearized at the fixed parameter, a `Tangent` for each vector given to `run`
-    moving : the same with a parameter that follows the state, so that the energy is conserved
+    tangents : solutions of the scheme linearized with the parameter held fixed, a `Tangent` for each vector given to
+        `run`
+    moving : solutions from the same vectors, linearized with the parameter that follows the state so that the energy is
+        conserved
     """
 
     start: np.ndarray
@@ -156,9 +160,11 @@ class Step:
 
 
 class Stages:
-    """The stages of a step of size h from y with the parameter alpha: solves the stage equations and linearizes them.
+    """The stages of a step of length h from y with the parameter alpha: solves the stage equations and linearizes them.
 
-    The attribute ``Y`` has the stages and ``T`` their time derivatives, arrays (s, N, m).
+    ``space`` is the discretization in space, ``scheme`` the box scheme, y an array (N, m) of m components in N cells;
+    Newton's method starts from the time derivatives ``T`` if they are given.  The attribute ``Y`` has the stages and
+    ``T`` their time derivatives, arrays (s, N, m).  Raises ArithmeticError if the equations cannot be solved.
     """
 
     def __init__(
@@ -209,7 +215,7 @@ class Stages:
     def linearize(self, u: np.ndarray, more: np.ndarray | float = 0.0) -> Tangent:
         """Solve the scheme linearized about the step for the tangent that starts at u (N, m); returns a `Tangent`.
 
-        ``more`` is a further change of the stages, such as that by the parameter.
+        ``more``, array (s, N, m), is a further change of the stages, such as that by a change of the parameter alpha.
         """
         right = u + more + np.zeros_like(self.Y)
         matrix = self._matrix(self.Y)
@@ -260,7 +266,8 @@ def solve_for_energy(space: Division, scheme: Scheme, y: np.ndarray, h: float, e
 def _follow_parameter(stages: Stages, tangents: tuple[Tangent, ...], energy_is_kept: bool) -> tuple[Tangent, ...]:
     """Adapt the tangents of a step to a parameter that changes with the state, so that the energy is conserved.
 
-    Returns a tuple of `Tangent`; the tangents themselves if there is no parameter.
+    Returns a tuple of `Tangent`.  They are the given ``tangents`` if the scheme has no parameter, or if
+    ``energy_is_kept`` is False since none was found.
     """
     if stages.scheme.S is None or not energy_is_kept:
         return tangents
@@ -288,17 +295,19 @@ def run(
 
     Parameters
     ----------
-    equation, scheme : what is solved, and how
-    y : array (N, m), the initial values of the cells on a period of length N dx
-    h, steps : the step in time and their number
-    tangents : arrays (N, m), carried along by the linearized scheme at each step's fixed parameter
+    equation, scheme : the equation to solve, and the box scheme
+    y : array (N, m), the initial values of m components in the N cells of a period
+    dx : the width of a cell
+    h, steps : the step in time and the number of steps
+    tangents : arrays (N, m), initial values of tangents, carried along by the scheme linearized at each step's fixed
+        parameter
 
     Raises
     ------
     InvalidInput
-        For a division that cannot be, or a step that is not positive.
+        If h is not positive, y has the wrong shape, or the discretization in space does not admit N and dx.
     ArithmeticError
-        Where the stages cannot be solved.
+        If the stages cannot be solved.
     """
     y = np.array(y, float)
     if not h > 0 or y.ndim != 2 or y.shape[1] != equation.moving:

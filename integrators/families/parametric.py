@@ -133,9 +133,9 @@ def kick(x: Value, stage: Stage) -> Value:
 
 @inline
 def lengths_of_kick(x: Value, g: Value, stage: Stage) -> tuple[Number, Number]:
-    """Size of the momenta at the kick x, twice: both halves of a kick are momenta.
+    """Return the size of the momenta at the kick x twice, for the first and the second half of x, both momenta.
 
-    It scales finite differences; g is G(x), the right-hand side of the stage equation x = G(x).
+    It scales the finite differences of Newton's method; g is G(x), the right-hand side of the stage equation x = G(x).
     """
     length = size(stage.p) + size(x) + size(g)
     return length, length
@@ -166,11 +166,11 @@ unknown = dispatch_on_none(lambda field, zero: zero, lambda field, zero: join(ze
 
 @inline
 def advance(step: Parametric, y: State, carry: Carry, known: int, first: bool) -> tuple[State, int, int, int]:
-    """Take step number ``known`` of a one-stage method from the state y.
+    """Take step number ``known`` (from 0) of a one-stage method from the state y.
 
     Returns (state, evaluations, number of equations solved by Newton's method, status).  The start of the equations is
-    extrapolated from earlier steps if ``first`` is True; if False it is the solution of the last attempt, for a step
-    that is taken again from a state nearby.
+    extrapolated from earlier steps, kept in ``carry``, if ``first`` is True; if False it is the solution of the last
+    attempt, for a step that is taken again from a state nearby.
     """
     stages = len(step.c)
     start = unknown(step.field, carry.zero)
@@ -192,7 +192,10 @@ def advance(step: Parametric, y: State, carry: Carry, known: int, first: bool) -
 
 
 def step(method: Parametric, y: State, carry: Carry, counts: np.record) -> tuple[State, int]:
-    """Take one step from the state y; returns (state, status: `SOLVED` or why a stage equation could not be solved)."""
+    """Take one step from the state y; returns (state, status: `SOLVED` or why a stage equation could not be solved).
+
+    Equations start from their solutions in earlier steps, kept in ``carry``; evaluations are added to ``counts``.
+    """
     y, evaluations, newtons, status = advance(method, y, carry, counts.steps, True)
     counts.gradient += evaluations
     counts.newton += newtons
@@ -223,8 +226,8 @@ def prepare(method: Method, system: Hamiltonian, arithmetic: str, fills: bool = 
     """Prepare the kernel (compiled loop over steps) of a one-stage method for a system.
 
     ``method.data`` is (order of the generating function, substeps (c, mu, lambda)).  It is a splitting for separable H
-    and substeps of symplectic Euler; the Nystrom form is used if T is quadratic.  ``fills`` is that of
-    `splitting.prepare`.
+    and substeps of symplectic Euler; the Nystrom form is used if T is quadratic.  ``fills`` allows functions that write
+    their results into arrays.
     """
     order, substeps = method.data
     if system.separable and is_splitting(method):

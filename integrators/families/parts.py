@@ -46,9 +46,10 @@ class Parts(NamedTuple):
 
     Attributes
     ----------
-    flows : the functions (q, p, time) -> increments (dq, dp) of the parts
-    part, a : the flows of a step in turn: number of the part, and the time as a fraction of h
-    before, before_a : the same for the processor, applied when integration starts from a row; empty without processor
+    flows : for each part, the function (q, p, time) -> increments (dq, dp) by its flow
+    part, a : the flows of a step in turn: the number of the part, and the time as a fraction of h
+    before, before_a : the same for the processor (the change of variables P), which is applied where integration starts
+        from a row of output; empty if there is none
     after, after_a : the same for the inverse of the processor
     h, eps : the step size and the unit round-off, set by the run
     """
@@ -83,7 +84,11 @@ class PartsState(NamedTuple):
 
 @inline
 def flow(flows: tuple[Function, ...], parts: np.ndarray, fractions: np.ndarray, y: PartsState, h: Number) -> PartsState:
-    """The state after the flows of the ``parts`` in turn, over ``fractions`` of h; ``flows`` are the functions."""
+    """The state after flows of single parts in turn, which start at the state y.
+
+    ``flows`` has the function of each part, ``parts`` are the numbers of the parts, and ``fractions`` the times as
+    fractions of h.
+    """
     for k in range(len(parts)):
         dq, dp = flows[parts[k]](y.q, y.p, fractions[k] * h)
         q, p, lost_q, lost_p = update(y, dq, dp)
@@ -107,7 +112,10 @@ def start(method: Parts, y: PartsState) -> PartsState:
 
 
 def step(method: Parts, y: PartsState, carry: Carry, counts: np.record) -> tuple[PartsState, int]:
-    """Take all flows of a step in turn; returns (state, `SOLVED`)."""
+    """Take all flows of a step in turn; returns (state, `SOLVED`).
+
+    The flows are added to ``counts`` as evaluations; ``carry`` is not used.
+    """
     y = flow(method.flows, method.part, method.a, y, method.h)
     counts.gradient += len(method.part) + y.flows
     return PartsState(y.q, y.p, y.lost_q, y.lost_p, 0), SOLVED
@@ -122,9 +130,10 @@ run = loop(step, begin, start, finish)
 
 
 def flows(substeps: Iterable[Sequence[Any]], n: int) -> tuple[list[int], list[Any]]:
-    """List the flows (parts, fractions of h) of substeps (c, mu, lambda) through n parts, merging equal neighbours.
+    """List the flows of single parts that make the given substeps through n parts, merging neighbours of the same part.
 
-    Substeps with lambda = 1 go from the first part to the last, those with lambda = 0 back; mu is not used.
+    A substep (c, mu, lambda) has the length c h and goes through all parts, from the first to the last if lambda = 1,
+    from the last to the first if lambda = 0; mu is not used.  Returns (numbers of the parts, times as fractions of h).
     """
     parts: list[int] = []
     fractions: list[Any] = []
@@ -141,7 +150,8 @@ def flows(substeps: Iterable[Sequence[Any]], n: int) -> tuple[list[int], list[An
 def prepare(method: Method, system: SplitHamiltonian, arithmetic: str) -> Prepared:
     """Prepare the kernel (compiled loop over steps) of a splitting into parts, for a system of such parts.
 
-    ``method.data`` is (substeps (c, mu, lambda) of a step, substeps of the processor, () if there is none).
+    ``method.data`` is (substeps (c, mu, lambda) of a step, substeps of the processor, () if there is none), as for
+    `flows`.
     """
     n = len(system.parts)
     with mpmath.workdps(DIGITS):

@@ -1,7 +1,8 @@
 r"""The kernel of HBVM and of the continuous Petrov-Galerkin method with quadrature nodes in SIMD lanes.
 
-The equations are those of `collocation`.  The path of a step is y + :math:`\sum_m r_m \int_0^\tau P_m`, and unknown are
-the increments :math:`x_0, \dots, x_{s-1}` (of q and p), the lanes of one row for each component:
+The equations are those of `collocation`.  The path of a step is y + :math:`\sum_m r_m \int_0^\tau P_m` with the
+orthonormal Legendre polynomials :math:`P_m`.  The unknowns are the increments :math:`x_0, \dots, x_{s-1}` (of q and p);
+each component has a row of memory, with :math:`x_j` in lane j:
 
 .. math::
     Z_i = y + \sum_m A_{im}\,r_m,\qquad x_j = h\sum_i B_{ji}\,f(Z_i),\qquad y_1 = y + r_0,\qquad
@@ -17,8 +18,8 @@ and the path of q follows from that of p:
 The doubles of X, too, are exactly skew except for the entry 1/2 in the first row and column: so the gain of kinetic
 energy is :math:`\sum_m r_m\cdot x_m / h` up to the round-off of the evaluation, whatever the integrals are.
 
-A rule's nodes stand in rows of as many lanes as ``like`` has; lanes that are left over repeat a node with the weight 0.
-The choice of the quadrature rule, the solver and the starting values are those of `collocation`.
+The nodes of a quadrature rule are grouped in rows, a node in each SIMD lane; lanes that are left over repeat a node
+with the weight 0.  The choice of the quadrature rule, the solver and the starting values are those of `collocation`.
 
 Source: L. Brugnano, F. Iavernaro, D. Trigiante, J. Numer. Anal. Ind. Appl. Math. 5 (2010) 17-37 (HBVM); M. Antonana, J.
 Makazaga, A. Murua, arXiv 2511.03655 (2026) (stages in SIMD lanes).
@@ -62,7 +63,7 @@ class Path(NamedTuple):
     like, terms : tuples of zeros, one for each lane, and one for each of the s increments x_j
     inverse_mass : 1 / m_i, array (1, d), if only the kicks of p are unknown; None if the increments of q and p are
     drift : the row 1, 0, ..., 0, then the rows of X transposed
-    nodes, rows : for each row of nodes, how many nodes, and rows of nodes, its quadrature rule has
+    nodes, rows : for each row of nodes, the numbers of nodes and of rows of the quadrature rule that it belongs to
     A, B : for each row of nodes, s rows of A (a lane for each node), and a row of B for each node
     extrapolation : rows that predict the increments from those of earlier steps: from one step, then from two, ...
     steps : how many earlier steps the prediction uses at most
@@ -92,9 +93,9 @@ class Equations(NamedTuple):
 
     Attributes
     ----------
-    step : the data of the method
+    step : the coefficients of the method
     q, p : the state before the step
-    memory, base : the array, and its first row of the kernel's own
+    memory, base : the array, and its first row after those of the points and values of the field
     stages : the number of components of an increment
     like : a tuple of zeros, one for each lane
     h : the step size
@@ -174,9 +175,10 @@ change = dispatch_on_none(_change_of_both, _change_of_kicks)
 
 @inline
 def moves(e: Equations, old: int, new: int, first: int, last: int) -> tuple[Number, Number]:
-    """How far unknowns move between two iterates: (distance of those in the rows ``old`` and ``new``, size of the new).
+    """How far unknowns move from one iterate to the next: returns (1-norm of the change, 1-norm of the new iterate).
 
-    Only the unknowns ``first``, ..., ``last`` - 1 count, the rows being ``old`` and ``new`` plus their number.
+    The iterates are in the rows of ``e.memory`` from ``old`` and from ``new`` on, a row for each component of the
+    increments; only the components first, ..., last - 1 count.
     """
     moved, sized = 0.0, 0.0
     for k in range(first, last):
@@ -189,7 +191,7 @@ def moves(e: Equations, old: int, new: int, first: int, last: int) -> tuple[Numb
 def places(e: Equations, path: int, row: int) -> None:
     """Write the points of the path at which f is evaluated, for one row of nodes, to the first rows of the memory.
 
-    ``path`` is the first row of the path's coefficients, ``row`` the row of nodes.
+    ``path`` is the first row of ``e.memory`` with the path's coefficients r, ``row`` the number of the row of nodes.
     """
     step, memory = e.step, e.memory
     for k in range(e.stages):
@@ -201,7 +203,8 @@ def places(e: Equations, path: int, row: int) -> None:
 def sweep(e: Equations, old: int, new: int) -> tuple[Number, Number]:
     """Apply the right-hand side h B f to the increments in the rows ``old``; write the result to the rows ``new``.
 
-    Returns (the distance between the two, the size of the result).
+    ``old`` and ``new`` are the first of these rows in ``e.memory``.  Returns (the distance between the two, the size of
+    the result).
     """
     step, memory, n = e.step, e.memory, len(e.like)
     path = path_of(step.inverse_mass, e, old)
@@ -259,7 +262,10 @@ end = ender(sums)
 
 
 def step(method: Path, y: State, carry: Carry, counts: np.record) -> tuple[State, int]:
-    """Take one step from the state y; returns (state, status: `SOLVED` or why the equations could not be solved)."""
+    """Take one step from the state y; returns (state, status: `SOLVED` or why the equations could not be solved).
+
+    They start from solutions of earlier steps, kept in ``carry``; evaluations are added to ``counts``.
+    """
     rows = components(method.inverse_mass, len(carry.zero))
     if counts.steps % 16 == 0:
         counts.rule = 0

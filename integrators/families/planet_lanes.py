@@ -1,14 +1,15 @@
 r"""Wisdom-Holman steps with all bodies in SIMD lanes: 5.7 to 6.2 times as fast as one body after the other.
 
-That is for the outer solar system (6 bodies) and four methods.  The potential is a sum of inverse distances,
+That is for the outer solar system (6 bodies) and four methods.  With Q, P, the masses :math:`m_k` and :math:`\mu_k` of `wisdom_holman`, the potential has to be a sum of inverse
+distances, with a strength :math:`w_a` and a vector :math:`D_a` for each pair a of bodies,
 
 .. math:: V = -\sum_a \frac{w_a}{|D_a|},\qquad D_a = \sum_k M_{ak} Q_k,\qquad
           -\nabla_k B = -\sum_a w_a M_{ak}\frac{D_a}{|D_a|^3} + m_k\mu_k\frac{Q_k}{|Q_k|^3}.
 
 The vectors of all bodies are three rows of lanes, x, y and z, with a body in each lane; in a kick the lanes are pairs
-of bodies.  Q, P and what rounding lost of them stand in the memory between calls of the kernel.  After a drift, the
-distances |Q| are those that Kepler's flow gives, improved by one correction of Newton's method, which takes no square
-root or quotient.
+of bodies.  (B is the interaction, whose force :math:`-\nabla_k B` changes :math:`P_k` in a kick.)  Q, P and what
+rounding lost of them stand in the memory between calls of the kernel.  After a drift, the distances |Q| are those that
+Kepler's flow gives, improved by one correction of Newton's method, which takes no square root or quotient.
 """
 
 from __future__ import annotations
@@ -43,12 +44,14 @@ class Planets(NamedTuple):
 
     Attributes
     ----------
-    substeps, corrector, series : as in `wisdom_holman.WisdomHolman`
+    substeps, corrector : rows (drift, kick), fractions of h, of a step and of the symplectic corrector
     like, bodies : tuples of zeros, one for each lane, and one for each body
-    maps : the rows of four matrices that transform vectors of bodies: columns of those to q, to Jacobi's Q and P, to p
+    maps : the columns, n rows for each, of four matrices that transform vectors of bodies: Q to q, q to Q, p to P, P to
+        p
     parts : the rows `MU` to `FREE`, a number for each body
-    pairs : for each group of as many pairs of bodies as lanes, the rows: n columns of the matrix M, a number that is
-        added to D_x (1 for a lane without a pair), the weights w, and the rows of M
+    pairs : for each group of as many pairs of bodies as lanes, the rows: the n columns of the matrix M; a number that
+        is added to D_x (1 in a lane without a pair, so that its distance is not 0); the weights w; the rows of M
+    series : the table `kepler_flow.constants`
     h, eps : the step size and the unit round-off, set by the run
     """
 
@@ -102,7 +105,10 @@ def _times(a: Number, x: Value) -> Value:
 
 @inline
 def _transform(step: Planets, which: int, x: Value) -> Value:
-    """Transform the bodies' vectors, three rows of lanes, by the matrix number ``which`` of ``step.maps``."""
+    """Transform the bodies' vectors x, given as three rows of lanes, by a matrix of ``step.maps``; returns three rows.
+
+    ``which`` is the number of the matrix: `TO_Q`, `TO_JACOBI_Q`, `TO_JACOBI_P` or `TO_P`.
+    """
     row, n = which * len(step.bodies), step.bodies
     zero = 0 * x[0]
     return (
@@ -211,7 +217,10 @@ def _write_start(step: Planets, carry: Carry, counts: np.record) -> None:
 
 @jit
 def _fill_row(step: Planets, at: Places, samples: Samples, row: int, memory: np.ndarray, counts: np.record) -> None:
-    """Fill a row of the samples from a copy of the state: finish the step by its last drift, and undo the corrector."""
+    """Fill row number ``row`` of the samples from the state ``at``, which it does not change.
+
+    The step is finished by its last drift, the corrector is undone, and (Q, P) are transformed to (q, p).
+    """
     like, n, last = step.like, len(step.bodies), len(step.substeps) - 1
     at = _drift(step, at, step.substeps[last, 0] * step.h, memory)
     y = _correct(step, at, -1, memory, counts).y

@@ -1,4 +1,4 @@
-"""Recognize potentials that are sums of inverse distances of bodies, and prepare the kernel `planet_lanes` for them."""
+"""Recognize potentials that are sums of inverse distances of bodies; prepare the kernel of `planet_lanes` for them."""
 
 from __future__ import annotations
 
@@ -55,7 +55,10 @@ def _pad(row: Sequence | sp.Matrix, lanes: int, filler: int = 0) -> list:
 
 
 def _of_pairs(found: list[tuple[sp.Expr, list]], back: sp.Matrix, lanes: int) -> list[list]:
-    """The rows ``pairs`` of `planet_lanes.Planets`, from what `distances` has found and the matrix of q = back Q."""
+    """The rows ``pairs`` of `planet_lanes.Planets`, padded to SIMD lanes: coefficients of distances of pairs of bodies.
+
+    ``found`` is the list of pairs (w_a, c_a) that `distances` returns, ``back`` the matrix of q = back Q.
+    """
     rows, n = [], back.rows
     for first in range(0, len(found), lanes):
         block = found[first : first + lanes]
@@ -87,8 +90,8 @@ def _of_bodies(part: KeplerPart, lanes: int) -> list[list]:
 def prepare(part: KeplerPart, system: Hamiltonian, tables: dict) -> Prepared | None:
     """Prepare the kernel (compiled loop over steps) with bodies in SIMD lanes; None if the system does not allow it.
 
-    ``part`` is the system's `KeplerPart`; ``tables`` are the fields of `Planets` that the kernel of one body after the
-    other has as well: substeps, corrector and series.
+    ``part`` is the `KeplerPart` of the system.  ``tables`` are the fields substeps, corrector and series of `Planets`,
+    by name.
     """
     n = len(part.masses)
     if not codegen.compiled() or part.dimension != SPACE or not FEWEST <= n <= MOST:

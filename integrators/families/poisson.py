@@ -85,14 +85,15 @@ if TYPE_CHECKING:
 class Poisson(NamedTuple):
     """The coefficients of energy-preserving collocation, and functions of the Poisson system.
 
-    A quadrature rule is a range of rows, one for each of its nodes tau.
+    c_i, b_i and l_i are the collocation nodes, their weights and Lagrange polynomials.  The rows of ``inner`` and
+    ``outer`` belong to the nodes tau of one or more quadrature rules, one rule after the other.
 
     Attributes
     ----------
     structure : (q, p, g_q, g_p) -> B(y) g, the structure matrix times a vector
-    gradient : (q, p, h, lam) -> the gradient of H
-    stage : array (s, s), int_0^c_i l_j / b_j for the collocation nodes c_i
-    nodes, rows : for each node, the number of nodes of its rule (both the same)
+    gradient : (q, p, h, lam) -> the gradient of H; h and lam are not used
+    stage : array (s, s), int_0^c_i l_j / b_j
+    nodes, rows : for each node tau, the number of nodes of the rule that it belongs to (the two are equal)
     inner : array (nodes, s), int_0^tau l_j / b_j
     outer : array (nodes, s), the weight of the node times l_j(tau)
     h, eps : the step size and the unit round-off, set by the run
@@ -171,7 +172,8 @@ def sweep(e: Equations, old: int, new: int) -> tuple[Number, Number]:
 def linearize(e: Equations, at: int, span: Number, work: np.ndarray) -> int:
     """Write the Jacobian 1 - G' of the equations x = G(x) at the increments in rows ``at``, ... to ``work``.
 
-    G' is made by differences of sweeps.  Returns the number of sweeps, as `solve.row_solver` requires.
+    G' is made by differences of sweeps, evaluations of G; ``span`` is the size of (q, p), for differences in variables
+    that are zero.  Returns the number of sweeps, as `solve.row_solver` requires.
     """
     memory, n = e.memory, len(e.like)
     base, moved = at + e.stages, at + 2 * e.stages
@@ -195,7 +197,10 @@ solve = confirmer(row_solver(sweep, linearize), sweep, changes_by_row(inline(lam
 
 
 def step(method: Poisson, y: State, carry: Carry, counts: np.record) -> tuple[State, int]:
-    """Take one step from the state y; returns (state, status: `SOLVED` or why the equations could not be solved)."""
+    """Take one step from the state y; returns (state, status: `SOLVED` or why the equations could not be solved).
+
+    They start from solutions of earlier steps, kept in ``carry``; evaluations are added to ``counts``.
+    """
     memory, both = carry.memory, join(carry.zero, carry.zero)
     stages = len(method.stage)
     at = LEVELS * stages
@@ -222,8 +227,8 @@ run = loop(step)
 def coefficients(s: int, rules: tuple[int, ...], digits: int) -> tuple[list, list]:
     """The coefficients of energy-preserving collocation with s nodes, as mpmath numbers of the given digits.
 
-    Returns (rows of ``stage``, a list of (size of its rule, row of ``inner``, row of ``outer``) for each node), with
-    the names of the fields of `Poisson`; ``rules`` are the numbers of nodes of the quadrature rules.
+    ``rules`` are the numbers of nodes of the quadrature rules.  Returns (the rows of ``stage``, a list of (number of
+    nodes of its rule, row of ``inner``, row of ``outer``) for each quadrature node), named as the fields of `Poisson`.
     """
     with mpmath.workdps(digits + 10):
         gauss_rule = gauss_legendre(s, digits)

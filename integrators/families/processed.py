@@ -121,7 +121,10 @@ def start(method: Processed, y: ProcessedState) -> ProcessedState:
 
 
 def step(method: Processed, y: ProcessedState, carry: Carry, counts: np.record) -> tuple[ProcessedState, int]:
-    """Drift and kick in turn; the last kick includes the first one of the next step.  Returns (state, `SOLVED`)."""
+    """Drift and kick in turn; the last kick includes the first one of the next step.  Returns (state, `SOLVED`).
+
+    Evaluations, those that `start` has left in the state among them, are added to ``counts``; ``carry`` is not used.
+    """
     last = len(method.a) - 1
     for k in range(1, last + 1):
         y = drift(method, y, method.a[k] * method.h)
@@ -153,7 +156,7 @@ def prepare(method: Method, system: Hamiltonian, arithmetic: str, fills: bool = 
     """Prepare the kernel (compiled loop over steps) of a processed splitting for a system.
 
     ``method.data`` is ((a, b) of the splitting K, rows (drift, kick) of the processor P), all fractions of h.
-    ``fills`` is that of `splitting.prepare`.
+    ``fills`` allows functions that write their results into arrays.
     """
     weights, processor = method.data
     made = splitting.prepare(replace(method, data=weights), system, arithmetic, fills)

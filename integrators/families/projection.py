@@ -79,8 +79,10 @@ class Projection(NamedTuple):
 
     Attributes
     ----------
-    mirror : ``gram`` if the projection is symmetric, else None
-    constraint, gram, pull : the functions made by `functions`
+    mirror : the function ``gram`` if the projection is symmetric, else None
+    constraint : the function (q, p) -> (values of the m invariants, numbers M such that their round-off is eps M)
+    gram : the function (q, p) -> the matrix G G^T, row by row, with G the Jacobian of the invariants
+    pull : the function (q, p, mu) -> the q and the p part of G^T mu
     explicit, split, implicit : the base method as an explicit Runge-Kutta method, a splitting or a one-stage method
     stages : the number of stages or substeps of the base method
     target : the values of the invariants at the start of the run
@@ -149,7 +151,8 @@ advance = dispatch_on_none(_one_stage, _explicit)
 def correct(mu: Value, r: Value, A: Value, work: np.ndarray) -> tuple[Value, bool]:
     """Do one Newton correction of the multipliers mu: returns (mu - A^-1 r, True if the matrix A is regular).
 
-    mu and r are vectors (m,); A has its rows one after the other, (m m,).
+    mu and the residual r are vectors (m,); A has its rows one after the other, (m m,); ``work`` is memory for the
+    linear equations.
     """
     m = len(r)
     for i in range(m):
@@ -194,9 +197,9 @@ solve_closing = solver(closing)
 
 @inline
 def constraint_residual(step: Projection, y: State, last: Number) -> tuple[Value, bool]:
-    """The errors of the invariants at y: returns (g(y), True if they are at round-off or have stopped falling).
+    """The errors of the invariants at y: returns (g(y), True if they are at round-off, or near it and stopped falling).
 
-    ``last`` is their size in the iteration before.
+    ``last`` is their size (1-norm) in the iteration before.
     """
     value, M = step.constraint(y.q, y.p)
     r = minus(value, step.target)
@@ -277,7 +280,7 @@ project = dispatch_on_none(_standard, _symmetric)
 
 
 def step(method: Projection, y: State, carry: Carry, counts: np.record) -> tuple[State, int]:
-    """Take one projected step from the state y; returns (state, status).
+    """Take one projected step from the state y; returns (state, status: `SOLVED` or why the base method failed).
 
     ``counts.parameter`` becomes the multiplier of H; a step that could not be projected is counted in
     ``counts.fallbacks`` and has the parameter NaN.
@@ -367,9 +370,10 @@ def prepare(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
 
 
 def _set_target(constraint: Function, bases: dict[str, Any], step: Projection, q: Value, p: Value) -> Projection:
-    """Complete the data of a projection for a run from (q, p): set the target values, and h of the base method.
+    """Complete the data ``step`` of a projection for a run from (q, p), and return them.
 
-    The targets are the values of the invariants at (q, p).
+    The targets become the values of the invariants at (q, p), computed by the function ``constraint``; ``bases`` has
+    the data of the base method by the name of its field, which get h and eps.
     """
     known = {name: base._replace(h=step.h, eps=step.eps) for name, base in bases.items() if base is not None}
     return step._replace(target=constraint(q, p)[0], **known)

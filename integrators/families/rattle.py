@@ -123,10 +123,10 @@ class Drift(NamedTuple):
 
 @inline
 def sweep(e: Drift, w: Value, active: Condition) -> tuple[Value, Number, Number]:
-    """Do one step of Newton's method for w, the constraint impulse times h, that holds q on the constraints.
+    """Do one step of Newton's method for w, the constraint impulse times h, which puts the new q on the constraints.
 
-    e has the coordinates before and the move without constraints; ``active`` are the SIMD lanes to iterate.  Returns
-    (new w, how far it moves q, size of q).
+    e has the coordinates before the drift and their move without constraints; ``active`` are the SIMD lanes to iterate.
+    Returns (new w, how far it moves q, size of q).
     """
     moved = minus(e.move, velocity(e.method.dT, w))
     q, _ = add(e.q, e.lost, moved)
@@ -160,8 +160,8 @@ solve = overload_in_lanes(_solve, _solve_lanes)
 def drift(method: Rattle, y: RattleState, h: Number, start: Value) -> tuple[Value, Value, int, int]:
     """Drift from the state y, which has had its kick, over the time h under constraints.
 
-    Returns (w, the constraint impulse times h; the move of q; the number of iterations; status).  ``start`` is a
-    starting value of w.
+    Returns (w, the constraint impulse times h; the move of q; the number of iterations; status: `SOLVED` or why w was
+    not found).  ``start`` is a starting value of w.
     """
     move = scale(h, velocity(method.dT, y.p))
     start = method.normal(y.q, start)  # earlier ones were along the G^T of other places
@@ -191,7 +191,10 @@ def begin(method: Rattle, carry: Carry, counts: np.record) -> RattleState:
 
 
 def step(method: Rattle, y: RattleState, carry: Carry, counts: np.record) -> tuple[RattleState, int]:
-    """Take the composed steps in turn, each a kick, a drift on the constraints and a kick; returns (state, status)."""
+    """Take the composed steps in turn, each a kick, a drift on the constraints and a kick; returns (state, status).
+
+    The constraint impulses start from those of earlier steps, kept in ``carry``; evaluations are added to ``counts``.
+    """
     first, n, found = y, len(method.b), SOLVED
     for k in range(n):
         if found == SOLVED:

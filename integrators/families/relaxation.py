@@ -15,7 +15,7 @@ Without that (``adjust_time`` false) each step counts as h: the incremental dire
 The slope of H(y + gamma l d) at 1 is :math:`\tfrac12 h^2 f^T H'' f` to leading order: where it passes through zero
 there may be no root near 1; the step is then taken with gamma = 1 and counted as a fallback.  The target stays H0.
 
-The first spare row of the state keeps t_n - n h.
+The difference t_n - n h is kept from step to step in ``carry.state``, in a row that is not used by q and p.
 
 Sources: D. I. Ketcheson, SIAM J. Numer. Anal. 57 (2019) 2850-2870; H. Ranocha, M. Sayyari, L. Dalcin, M. Parsani,
 D. I. Ketcheson, SIAM J. Sci. Comput. 42 (2020) A612-A638.

@@ -3,7 +3,8 @@ r"""Integrators of a rigid body in quaternions: kicks by its potential, and rota
 A step over h, composed over fractions of it for a higher order, is half a kick, :math:`p \leftarrow p - \tfrac h2\nabla
 V(q)`, the free body, and half a kick.  The free body moves by :math:`q \leftarrow q u,\ p \leftarrow p u` with unit
 quaternions u, which keeps |q| and the momentum in space, or by :math:`q \leftarrow w q,\ p \leftarrow w p` with w about
-that momentum:
+that momentum.  With the angular momentum L about the body's axes, the moments of inertia I and a number c (1 / I_k, or
+a difference of two of these) the rotations of the methods are:
 
 - an axis: the flow of :math:`c L_k^2 / 2`, :math:`u = \cos z + e_k\sin z` with :math:`z = h c L_k / 2`;
 - a spherical top: the flow of :math:`c |L|^2 / 2`, :math:`w` a turn by :math:`h c |L|` about the momentum in space;
@@ -285,7 +286,11 @@ def equation(x: Value, e: Turn) -> Value:
 
 @inline
 def lengths(x: Value, g: Value, e: Turn) -> tuple[Number, Number]:
-    """The size of the unknown x, twice, to scale finite differences in either half of it; g is G(x)."""
+    """Return the size of the variables in the first and in the second half of the unknown x, the same number twice.
+
+    It scales the finite differences of Newton's method; x is an iterate of the equation x = G(x) with the arguments e,
+    and g = G(x).
+    """
     length = size(e.target) + size(x)
     return length, length
 
@@ -305,7 +310,10 @@ def turn_of(method: Implicit, x: Value) -> Value:
 
 
 def implicit_step(method: Implicit, y: BodyState, carry: Carry, counts: np.record) -> tuple[BodyState, int]:
-    """Take the composed steps in turn, each a kick, an implicit rotation and a kick; returns (state, status)."""
+    """Take the composed steps in turn, each a kick, an implicit rotation and a kick; returns (state, status).
+
+    Equations start from their solutions in earlier steps, kept in ``carry``; evaluations are added to ``counts``.
+    """
     first, n, found = y, len(method.b), SOLVED
     for k in range(n):
         if found == SOLVED:
@@ -329,7 +337,11 @@ run_implicit = loop(implicit_step, begin)
 
 
 def _turns(scheme: str, system: RigidBody) -> list[tuple[int, Any]]:
-    """The rotations of an explicit step: pairs (axis or `SPHERE`, c times the fraction of h), exact numbers."""
+    """The rotations of an explicit step in turn: pairs (axis 0, 1 or 2, or `SPHERE`; c times the fraction of h).
+
+    The numbers are exact.  ``scheme`` is "axes" or "top", as in `prepare`; c is the factor in the flow of c L_k^2 / 2
+    or c |L|^2 / 2.
+    """
     inverse = [1 / moment for moment in system.moments]
     if scheme == AXES:
         return [(k, inverse[k] / (1 if k == 0 else 2)) for k in (2, 1, 0, 1, 2)]
@@ -342,7 +354,8 @@ def _turns(scheme: str, system: RigidBody) -> list[tuple[int, Any]]:
 def prepare(method: Method, system: RigidBody, arithmetic: str) -> Prepared:
     """Prepare the kernel (compiled loop over steps) of a method for a rigid body.
 
-    ``method.data`` is (scheme: "axes", "top", "moser-veselov" or "midpoint", fractions of h of the composed steps).
+    ``method.data`` is (scheme, fractions of h of the composed steps).  The scheme is "axes" (rotations about the axes
+    3, 2, 1, 2, 3), "top" (Reich's splitting), "moser-veselov" or "midpoint".
     """
     scheme, fractions = method.data
     dV, b = system.grad_V(arithmetic), numbers(fractions, arithmetic)

@@ -74,7 +74,7 @@ def _next_nonzero(tableau: np.ndarray, i: int, j: int) -> int:
 
 
 def _total(tableau, i, h, memory, zero):
-    """Sum (dq, dp) = h sum_j a_ij k_j over j < i, two terms at a time: what `total` compiles to for arrays."""
+    """Sum (dq, dp) = h sum_j a_ij k_j over j < i, two terms at a time: the form of `total` compiled for arrays."""
     last, n = len(tableau) - 1, 2 * len(zero)
     j = _next_nonzero(tableau, i, -1)
     a = tableau[i, j] * h if j < i else 0.0
@@ -98,8 +98,8 @@ def _total(tableau, i, h, memory, zero):
 def total(tableau, i, h, memory, zero):
     """Sum the increment (dq, dp) = h sum_j a_ij k_j over j < i that leads to stage i; k_j is row j of the memory.
 
-    a are the rows of the tableau; i = number of stages gives the increment of the step.  For arrays the result is
-    written to the row after the last k.
+    The rows of ``tableau`` are those of a, then the weights, so that i = number of stages gives the increment of the
+    step. ``zero`` is a zero of the shape of q.  For arrays the result is written to the row after the last k.
     """
     both = join(zero, zero)
     x = both

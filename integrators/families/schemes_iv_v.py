@@ -1,6 +1,7 @@
 r"""Schemes IV and V: the parameter of Schemes I and III is chosen in each step so that the energy is H0.
 
-With :math:`\lambda = \tfrac12 + x` let :math:`\Phi^{x}_h` be the substeps (c, sign): Scheme I with
+A substep of Scheme I (`parametric`) over :math:`c h` solves :math:`(\Delta q, \Delta p) = ch\,f(q + (1 - \lambda)\Delta
+q, p + \lambda\Delta p)`, with the field :math:`f = J^{-1}\nabla H`.  Let :math:`\Phi^{x}_h` be such substeps, with
 :math:`\lambda_s = \tfrac12 + \text{sign}_s\,x` over :math:`c_s h` (Scheme IV: one substep, sign 1; Scheme V: two
 halves, signs -1, 1).  Every fixed x gives a symplectic map, so every quadratic invariant is kept; x is the root of
 
@@ -102,9 +103,10 @@ class Group(NamedTuple):
 def attempt(x: Number, start: int, ease: Number, e: Group) -> Attempt:
     """Take the substeps of a group with the parameter x; returns an `Attempt` with the state and its energy error.
 
-    ``start`` chooses where their equations start from, ``ease`` is how many times round-off the error may be.  The
-    memory of ``e.carry`` has the solutions of earlier steps at their roots, of the last attempt, and their derivatives
-    by x.
+    ``start`` chooses where their equations start from (`FIRST`: the extrapolation from earlier steps; `LATEST`: the
+    last attempt; `ALONG`: the linear continuation of the last attempts in x), ``ease`` is how many times round-off
+    their error may be.  The memory of ``e.carry`` has the solutions of earlier steps at their roots, of the last
+    attempt, and their derivatives by x.
     """
     step, memory, counts, y = e.step, e.carry.memory, e.counts, e.y
     numbers, row = e.carry.state, OWN + e.begin
@@ -180,7 +182,8 @@ def advance(
 def step(method: AdjustedScheme, y: State, carry: Carry, counts: np.record) -> tuple[State, int]:
     """Take one step from the state y, group of substeps by group; returns (state, status).
 
-    ``counts.parameter`` becomes lambda of the last group, NaN if it has no root.
+    ``counts.parameter`` becomes lambda of the last group, NaN if it has no root.  The status is `SOLVED` or why a stage
+    equation could not be solved; starting values are kept in ``carry``.
     """
     s, status = 0, SOLVED
     while s < len(method.c) and status == SOLVED:
@@ -195,7 +198,7 @@ def prepare(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
     """Prepare the kernel (compiled loop over steps) of Scheme IV or V for a system.
 
     It is in the Nystrom form if T is quadratic.  ``method.data`` has a row (c, sign, group, alternative) for each
-    substep.
+    substep, the numbers of `AdjustedScheme`.
     """
     energy = system.energy(arithmetic)
     functions, width = quadratic(system, arithmetic)

@@ -126,7 +126,7 @@ solve = solver(shift)
 def step(method: Semiexplicit, y: State, carry: Carry, counts: np.record) -> tuple[State, int]:
     """Take a step from the state y: find the mu for which the two copies agree after it; returns (state, status).
 
-    The iteration starts from the mu of earlier steps, in ``carry.memory``.
+    The iteration starts from the mu of earlier steps, in ``carry.memory``; evaluations are added to ``counts``.
     """
     mu = predict(carry.memory, 0, 1, counts.steps, join(carry.zero, carry.zero))
     e = Shift(method, y.q, y.p)

@@ -126,7 +126,10 @@ run = loop(step, begin, start, finish)
 
 
 def _prepare(parts: list[tuple[bool, Any]], system: Hamiltonian, arithmetic: str, fills: bool) -> Prepared:
-    """Prepare the kernel of substeps (True for a kick, fraction of h), merging neighbours of one kind."""
+    """Prepare the kernel of a splitting with the substeps ``parts``, merging neighbours of one kind.
+
+    A part is (True for a kick or False for a drift, its length as a fraction of h); ``fills`` is that of `prepare`.
+    """
     rows = [[0, 0]]
     for kick, fraction in parts:
         if kick:
@@ -146,7 +149,8 @@ def _prepare(parts: list[tuple[bool, Any]], system: Hamiltonian, arithmetic: str
 def from_substeps(substeps: tuple, system: Hamiltonian, arithmetic: str, fills: bool = True) -> Prepared:
     """Prepare the kernel of the splitting equal to substeps (c, mu, lambda) of symplectic Euler on a separable H.
 
-    Substeps with lambda = 1 kick first, those with lambda = 0 drift first.
+    A substep has the length c h; those with lambda = 1 kick first, those with lambda = 0 drift first, and mu, which is
+    1 - lambda, is not used.  ``fills`` is that of `prepare`.
     """
     parts = []
     for c, _, lam in substeps:

@@ -60,8 +60,9 @@ class Lanes(NamedTuple):
     like : a tuple of zeros, one for each lane
     stages : the number s of stages
     inverse_mass : 1 / m_i, array (1, d), in the Nystrom form, where increments of p alone are unknown; else None
-    nodes : the rows `C` to `MIDDLE`: nodes, weights, and helpers
-    A : array (lanes, lanes), the matrix A transposed
+    nodes : the rows `C` to `MIDDLE`: nodes c, weights b, 1 - c (0 if not in the Nystrom form), and two rows of factors
+        for `exact_weights`
+    A : array (lanes, lanes), the matrix A, or bar A in the Nystrom form, transposed
     extrapolation : rows that predict the increments from those of one earlier step, then from two
     steps : how many earlier steps the prediction uses at most
     h, eps : the step size and the unit round-off, set by the run
@@ -85,7 +86,7 @@ class Equations(NamedTuple):
     Attributes
     ----------
     step : the coefficients of the method
-    memory, base : the array, and its first row of the kernel's own
+    memory, base : the array, and its first row after those of the stages and values of the field
     stages : the number of components of an increment, each in a row with a lane for each stage
     like : a tuple of zeros, one for each lane
     h : the step size
@@ -149,8 +150,8 @@ sums = dispatch_on_none(_end_both, _end_kicks)
 def exact_weights(step: Lanes, h: Number) -> Number:
     """The weights h b_i in SIMD lanes, rounded so that their sum is h exactly.
 
-    Otherwise every step would misstate time by the same amount.  They are multiples of half the last place of h, except
-    in the middle, which takes the rest; so no partial sum is rounded.
+    With another sum every step would advance time by the same small amount too much or too little.  The weights are
+    multiples of half the last place of h, except in the middle, which takes the rest; so no partial sum is rounded.
     """
     b = take(step.nodes, B, step.like)
     x = (h * b + 0.5 * h) - 0.5 * h
@@ -181,8 +182,9 @@ def sweep(e: Equations, old: int, new: int) -> tuple[Number, Number]:
 def scatter(e: Equations, row: int, r: int, k: int, i: int, x: Number, work: np.ndarray) -> None:
     """Enter a derivative into the Jacobian ``work`` of the stage equations.
 
-    The derivative x, of component r of stage i's increment by the stage's component k, is multiplied by A_ij, the
-    derivative of the stage by the increment of each stage j; ``row`` is not used.
+    x is the derivative of component r of stage i's increment by component k of the stage itself.  For each stage j it
+    is multiplied by A_ij, the derivative of the stage by the increment of stage j, and subtracted from an entry of
+    ``work``; ``row`` is not used.
     """
     n = len(e.like)
     for j in range(n):
@@ -215,7 +217,10 @@ def rows_of(e: Equations) -> tuple[int, int]:
 
 
 def step(method: Lanes, y: State, carry: Carry, counts: np.record) -> tuple[State, int]:
-    """Take one step from the state y; returns (state, status: `SOLVED` or why the equations could not be solved)."""
+    """Take one step from the state y; returns (state, status: `SOLVED` or why the equations could not be solved).
+
+    They start from solutions of earlier steps, kept in ``carry``; evaluations are added to ``counts``.
+    """
     e = equations(method, carry, method.h)
     ring, at = rows_of(e)
     begin(method.inverse_mass, e, y)

@@ -14,10 +14,11 @@ are the symmetric trigonometric integrators
     q_1 &= \cos\xi\,q_0 + h\,\mathrm{sinc}\,\xi\,p_0 + \tfrac{h^2}2 \Psi g(\Phi q_0), \\
     p_1 &= -\omega\sin\xi\,q_0 + \cos\xi\,p_0 + \tfrac h2\bigl(\Psi_0 g(\Phi q_0) + \Psi_1 g(\Phi q_1)\bigr)
 
-with :math:`\psi = \mathrm{sinc}(\xi)\,\psi_1` and :math:`\psi_0 = \cos(\xi)\,\psi_1`, symplectic for every U iff
-if :math:`\psi = \mathrm{sinc}(\xi)\,\phi` (up to a factor that all frequencies share; of equal frequencies every method
-is symplectic).  The Cayley transform in place of the rotation gives the implicit-explicit method, a power of the
-Stormer-Verlet matrix multiple time stepping.
+with :math:`\psi = \mathrm{sinc}(\xi)\,\psi_1` and :math:`\psi_0 = \cos(\xi)\,\psi_1`, symplectic for every U
+if and only if :math:`\psi = \mathrm{sinc}(\xi)\,\phi` (up to a factor that all frequencies share; of equal
+frequencies every method is symplectic).  With the Cayley transform in place of the rotation the step is the
+implicit-explicit method; with a power of the Stormer-Verlet matrix (several short steps of the linear part) it is
+multiple time stepping.
 
 Where :math:`\mathrm{sinc}\,\xi` vanishes and :math:`\psi` does not, as at odd multiples of pi for the methods of
 Gautschi and of Hochbruck and Lubich, :math:`\psi_1` has a pole and p is infinite: h near such a pole is refused.
@@ -133,7 +134,7 @@ def start(method: Trigonometric, y: KickedState) -> KickedState:
 def step(method: Trigonometric, y: KickedState, carry: Carry, counts: np.record) -> tuple[KickedState, int]:
     """Apply the linear flow, then the kick twice: for the end of this step and the start of the next.
 
-    Returns (state, `SOLVED`).
+    Returns (state, `SOLVED`), and adds the evaluation of grad U to ``counts``; ``carry`` is not used.
     """
     b, sign = load(method.filters, B, y.q), load(method.filters, SIGN, y.q)
     q, lost_q = add(y.q, y.lost_q, product(b, y.p))
@@ -163,8 +164,8 @@ def coefficients(
 ) -> tuple[mpmath.mpf, mpmath.mpf, mpmath.mpf, mpmath.mpf, int]:
     """Compute (phi, (h/2) psi_1, a, b, s) for a component of frequency omega, from mpmath numbers.
 
-    ``propagator``, ``psi1`` and ``phi`` are functions of xi = h omega, as in the module's docstring.  Raises
-    InvalidInput if psi_1 has a pole at xi.
+    ``propagator``, ``psi1`` and ``phi`` are functions of xi = h omega, as in the module's docstring: the propagator of
+    xi and the ``arguments`` returns (R_11, R_12 / h, -R_21 h / xi^2).  Raises InvalidInput if psi_1 has a pole at xi.
     """
     x = h * omega
     strength = psi1(x)

@@ -72,8 +72,8 @@ class Variational(NamedTuple):
     dT, dV : the functions M^-1 p, None if that is p itself, and grad V
     rows : array, the rows a_ij, d_i of the nodes i and of q1
     b : the weights of the quadrature rule
-    first : kicks before this one are explicit
-    end : no other kick depends on those from this one on
+    first : the kicks 0, ..., first - 1 are explicit, each follows from those before it
+    end : the kicks before this one do not depend on those from it on, so that only first, ..., end - 1 are iterated
     h, eps : the step size and the unit round-off, set by the run
     """
 
@@ -120,7 +120,10 @@ def displacement(e: Equations, i: int, at: int) -> Value:
 
 @inline
 def renew(e: Equations, at: int, first: int, end: int) -> tuple[Number, Number]:
-    """Update the kicks first, ..., end - 1, each from the newest values of the others; returns (change, size)."""
+    """Update the kicks first, ..., end - 1, each from the newest values of the others.
+
+    They are in the rows ``at``, ... of ``e.memory``.  Returns (the distance of new and old kicks, the size of the new).
+    """
     change = total = 0.0 * e.step.h
     for i in range(first, end):
         k = scale(-e.step.b[i], e.step.dV(axpy(1.0, displacement(e, i, at), e.q)))  # k_i = b_i F_i
@@ -132,7 +135,7 @@ def renew(e: Equations, at: int, first: int, end: int) -> tuple[Number, Number]:
 
 @inline
 def sweep(e: Equations, old: int, new: int) -> tuple[Number, Number]:
-    """Copy the kicks from the rows ``old`` to the rows ``new``, update them there; returns (change, size)."""
+    """Copy the kicks from the rows ``old`` to the rows ``new``, update them there; returns as `renew`."""
     copy(e.memory, old, new, e.stages, e.like)
     return renew(e, new, e.step.first, e.step.end)
 
@@ -141,8 +144,8 @@ def sweep(e: Equations, old: int, new: int) -> tuple[Number, Number]:
 def linearize(e: Equations, at: int, span: Number, work: np.ndarray) -> int:
     """Write the Jacobian 1 - G' of the equations k = G(k) for the kicks in the rows ``at``, ... to ``work``.
 
-    It is made by differences of the gradient; returns the number of sweeps that cost as much, as `solve.row_solver`
-    requires.
+    It is made by differences of grad V; ``span`` sets their length if q is zero.  Returns the number of sweeps that
+    cost as much, as `solve.row_solver` requires.
     """
     r, d, h = e.stages, len(e.like), e.step.h
     n = r * d
@@ -168,6 +171,7 @@ solve = row_solver(sweep, linearize)
 def solve_kicks(e: Equations, span: Number, carry: Carry, counts: np.record) -> int:
     """Solve the equations for the kicks of a step, from a start extrapolated from earlier steps; returns the status.
 
+    ``span`` is the size of (q, p).  Earlier kicks are read from ``carry``, and evaluations are added to ``counts``.
     The kicks are left in the rows of the memory from LEVELS times ``stages`` on.
     """
     step, r = e.step, e.stages
@@ -187,7 +191,10 @@ def solve_kicks(e: Equations, span: Number, carry: Carry, counts: np.record) -> 
 
 
 def step(method: Variational, y: State, carry: Carry, counts: np.record) -> tuple[State, int]:
-    """Take one step from the state y; returns (state, status: `SOLVED` or why the kicks could not be solved for)."""
+    """Take one step from the state y; returns (state, status: `SOLVED` or why the kicks could not be solved for).
+
+    They start from the kicks of earlier steps, kept in ``carry``; evaluations are added to ``counts``.
+    """
     memory, zero = carry.memory, carry.zero
     r = len(method.b)
     e = Equations(method, y.q, velocity(method.dT, y.p), memory, zero, r)

@@ -3,7 +3,7 @@ r"""Wisdom-Holman splittings H = A + B: A is a sum of Kepler problems and free m
 In the variables :math:`Q = C q, P = C^{-T} p` (for N bodies Jacobi's),
 
 .. math:: A = \sum_k \frac{|P_k|^2}{2 m_k} - \frac{m_k\mu_k}{|Q_k|},\qquad
-          B = V(C^{-1} Q) + \sum_k \frac{m_k\mu_k}{|Q_k|},
+          B = V(C^{-1} Q) + \sum_k \frac{m_k\mu_k}{|Q_k|}.
 
 A step is a sequence of drifts along A and kicks by B, with a drift at either end.  The last drift of a step is merged
 with the first of the next; for a row of output the step is completed on a copy, so that rows do not change the
@@ -58,14 +58,14 @@ class WisdomHolman(NamedTuple):
 
     Attributes
     ----------
-    dB : the gradient of the interaction by the original coordinates
+    dB : the gradient of the interaction B with respect to the original coordinates q
     substeps, corrector : rows (drift, kick), fractions of h; a drift is along the Kepler motions, a kick by the
         interaction
     dimension : of space, 2 or 3
     masses, mu : masses and gravitational parameters of the Kepler problems; mu = 0 for a free motion
     change, back : the matrices of Q = change q and q = back Q, acting on bodies; Q are the variables of the Kepler
         motions
-    series : the constants of `kepler_flow`
+    series : the table `kepler_flow.constants`
     h, eps : the step size and the unit round-off, set by the run
     """
 
@@ -125,9 +125,10 @@ class KeplerPart:
 
 
 def jacobi(masses: Sequence, G: sp.Expr | int, dimension: int = 3) -> KeplerPart:
-    """The Kepler part of bodies in Jacobi coordinates, the central body first.
+    """The Kepler part of bodies with the given masses in Jacobi coordinates, the central body first.
 
-    Row 0 is the centre of mass, row k body k relative to the centre of mass of those before it.
+    G is the gravitational constant.  Row 0 of the matrix ``change`` is the centre of mass, row k is body k relative to
+    the centre of mass of the bodies before it.
     """
     masses = [sp.sympify(m) for m in masses]
     inside = [sum(masses[:k]) for k in range(len(masses) + 1)]
@@ -144,7 +145,8 @@ def jacobi(masses: Sequence, G: sp.Expr | int, dimension: int = 3) -> KeplerPart
 def corrector(order: int) -> tuple[tuple[mpmath.mpf, mpmath.mpf], ...]:
     """The symplectic corrector of order 3, 5, 7, ..., as kicks ((time, strength), ...) in units of h; () for order 1.
 
-    Each pair of kicks comes in two halves, one in either order of time (Wisdom 2006); the orders 5 to 17 are WHFast's.
+    Each pair of kicks, at the times plus and minus j alpha h, comes in two halves, one in either order of time (Wisdom
+    2006); the orders 5 to 17 are WHFast's.
     """
     n = (order - 1) // 2
     with mpmath.workdps(DIGITS):
@@ -170,7 +172,10 @@ def corrector(order: int) -> tuple[tuple[mpmath.mpf, mpmath.mpf], ...]:
 
 
 def _substeps(kicks: Sequence[tuple[mpmath.mpf, mpmath.mpf]]) -> list[list]:
-    """Convert kicks (time, strength) to rows (drift, kick), merging kicks at one time; the last drift is back to 0."""
+    """Convert kicks (time, strength) to rows (drift, kick) in units of h, merging kicks at one time.
+
+    Each drift leads from the time of the kick before to that of its own; the last one, without a kick, back to time 0.
+    """
     rows, at = [], mpmath.mpf(0)
     with mpmath.workdps(DIGITS):
         for time, strength in kicks:
@@ -280,8 +285,9 @@ def check_kinetic_energy(system: Hamiltonian) -> None:
 def prepare(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
     """Prepare the kernel (compiled loop over steps) of a Wisdom-Holman method for a system.
 
-    ``method.data`` is (drifts, kicks, order of the corrector), fractions of h; the system's `KeplerPart` gives the
-    rest. For several bodies in space the kernel of `planet_lanes` is used where it applies.
+    ``method.data`` is (drifts, kicks, order of the corrector), drifts and kicks as fractions of h; masses and variables
+    are those of the system's `KeplerPart`.  For several bodies in space the kernel of `planet_lanes` is used where it
+    applies.
     """
     part = system.kepler
     check_kinetic_energy(system)
