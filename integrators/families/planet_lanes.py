@@ -1,7 +1,8 @@
 r"""Wisdom-Holman steps with all bodies in SIMD lanes: 5.7 to 6.2 times as fast as one body after the other.
 
-That is for the outer solar system (6 bodies) and four methods.  With Q, P, the masses :math:`m_k` and :math:`\mu_k` of `wisdom_holman`, the potential has to be a sum of inverse
-distances, with a strength :math:`w_a` and a vector :math:`D_a` for each pair a of bodies,
+That is for the outer solar system (6 bodies) and four methods.  With Q, P, the masses :math:`m_k` and :math:`\mu_k` of
+`wisdom_holman`, the potential has to be a sum of inverse distances, with a strength :math:`w_a` and a vector
+:math:`D_a` for each pair a of bodies,
 
 .. math:: V = -\sum_a \frac{w_a}{|D_a|},\qquad D_a = \sum_k M_{ak} Q_k,\qquad
           -\nabla_k B = -\sum_a w_a M_{ak}\frac{D_a}{|D_a|^3} + m_k\mu_k\frac{Q_k}{|Q_k|^3}.
