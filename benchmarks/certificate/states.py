@@ -31,9 +31,10 @@ NOISE = 1e-13
 
 
 def states(subject: Subject, entries: list[Entry], seed: int, arithmetic: str) -> list[dict]:
-    """A row for each drawn state: errors of single steps of h, h/2, h/4, and the order that they show.
+    """Draw states of the systems in ``entries``, and return a row for each: errors of single steps of h, h/2, h/4.
 
-    ``doubles`` is the relative distance of the step in doubles from the one in many digits, 0 if only doubles are used.
+    A row has the errors, the order that they show, and as "doubles" the relative distance of the step in doubles from
+    the one in many digits, 0 if ``arithmetic`` is `DOUBLE`, and not `MULTIPRECISION`.
     """
     able = [e for e in entries if e.system.traits["polynomial degree"] and not e.share] or [
         e for e in entries if e.share

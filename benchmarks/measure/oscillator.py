@@ -411,7 +411,7 @@ class Stability(TabularResult):
     reason: str
 
     def to_frame(self) -> pd.DataFrame:
-        """Return a DataFrame of one row: method, params, limit, intervals, how, touches, scanned, reason."""
+        """Return a DataFrame of one row, the attributes; its column ``params`` has the parameters of the method."""
         import pandas as pd
 
         line = {

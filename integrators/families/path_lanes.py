@@ -89,7 +89,8 @@ class Equations(NamedTuple):
     """Arguments of the equations for the increments of a step, which starts at the state (q, p).
 
     The memory is arranged as in `lane_rows`, with the unknowns in ``stages`` rows: one for each component, a lane for
-    each increment.  If the unknowns are kicks, the ``stages`` rows from ``base + FREE`` on have the path of q.
+    each increment.  If the unknowns are kicks, the ``stages`` rows from ``base + FREE`` on have the path of q:
+    its increments at the nodes within the step.
 
     Attributes
     ----------

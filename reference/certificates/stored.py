@@ -147,7 +147,7 @@ class Certificate:
     ends: tuple[End, ...]
 
     def at(self, t: float) -> End | None:
-        """The state at exactly this time, or None."""
+        """The stored state at exactly the time t, or None if none is stored there."""
         return next((e for e in self.ends if e.t == t), None)
 
     @property

@@ -327,7 +327,7 @@ def prepare(
 def run(
     task: Task, setting: Setting, integrator: str, options: Mapping[str, Any], *, adaptive: bool, limit: float = np.inf
 ) -> Run:
-    """Integrate a task in the representation ``setting``; ``seconds`` are those spent in REBOUND.
+    """Integrate a task, its problem as REBOUND's particles (``setting``); ``seconds`` are those spent in REBOUND.
 
     Adaptive integrators stop at the times of the rows; the others take the exact number of steps of h, without summing
     times.  Coordinates and velocities beyond ``limit`` end the run.

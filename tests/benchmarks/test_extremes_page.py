@@ -26,7 +26,6 @@ from phasebench.benchmarks.experiments.extremes import (
     push,
     regions,
     resonances,
-    stiff,
     verdicts,
 )
 from phasebench.benchmarks.experiments.extremes import brouwer_controls as controls
@@ -284,12 +283,6 @@ def test_apocentre_is_computed_from_the_rounded_state():
     rows = {r["e"]: r for r in encounters.measure_rows("wisdom-holman")[encounters.TABLES[0]]}
     assert all(rows[e]["held"] for e in encounters.ECCENTRICITIES[:3])
     assert not encounters.measure_rows("symplectic-euler-p")[encounters.TABLES[0]][-1]["held"]
-
-
-def test_cliff_is_the_first_loss():
-    table = pd.DataFrame({"h omega": [1.0, 0.1, 10.0, 100.0], "I changes": [0.1, 0.01, 1.0, 0.0]})
-    assert stiff.cliff(table) == 1.0
-    assert stiff.cliff(table.assign(**{"I changes": 1.0})) == 0.0
 
 
 def test_stability_functions():

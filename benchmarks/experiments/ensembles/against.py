@@ -58,7 +58,7 @@ class Rung(NamedTuple):
     Attributes
     ----------
     who : label of the integrator
-    kind : "h" if its size is a step, "tol" if it is a tolerance
+    kind : "h" if ``value`` is a step, "tol" if it is a tolerance
     value : the step or tolerance
     """
 
@@ -68,7 +68,7 @@ class Rung(NamedTuple):
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """List the measurements to make (`Cell`), one for each problem."""
+    """List the measurements (`Cell`), one for each problem, also if ``quick``."""
     return [
         Cell(
             "ensembles",
@@ -88,7 +88,7 @@ def cells(quick: bool = False) -> list[Cell]:
 def exact(system: PartitionedSystem, Q: np.ndarray, P: np.ndarray) -> np.ndarray:
     """Integrate an ensemble with starts Q, P (n, d) to `T_END` with heyoka in long double.
 
-    Returns end states rounded to double, array (n, 2 d).  Raises Unavailable if that precision is not there.
+    Returns end states rounded to double, array (n, 2 d).  Raises Unavailable if heyoka has no long double here.
     """
     from phasebench.reference.solvers import taylor
 
@@ -106,9 +106,9 @@ def exact(system: PartitionedSystem, Q: np.ndarray, P: np.ndarray) -> np.ndarray
 
 
 def _batches(system: PartitionedSystem, tol: float, width: int, y: np.ndarray) -> Callable[[], np.ndarray]:
-    """Make a function that integrates the states y, array (n, 2 d), to `T_END` in heyoka batches of ``width``.
+    """Make a function that integrates the states y, array (n, 2 d), to `T_END` in heyoka batches of ``width`` orbits.
 
-    It returns the end states, an array as y.
+    ``tol`` is the tolerance.  The function has no arguments and returns the end states, an array like y.
     """
     import heyoka as hy
 
@@ -131,9 +131,9 @@ def _batches(system: PartitionedSystem, tol: float, width: int, y: np.ndarray) -
 
 
 def _ours(system: PartitionedSystem, id: str, h: float, Q: np.ndarray, P: np.ndarray) -> Callable[[], np.ndarray]:
-    """Make a function that integrates Q, P (n, d) to `T_END` with the method ``id`` of this project.
+    """Make a function that integrates the starts Q, P (n, d) to `T_END` with the method ``id`` of this project, step h.
 
-    It returns the end states, array (n, 2 d), with NaN for orbits that failed.
+    The function has no arguments and returns the end states, array (n, 2 d), with NaN for orbits that failed.
     """
 
     def run() -> np.ndarray:
@@ -153,7 +153,8 @@ def widths() -> tuple[int, ...]:
 def measure_rows(name: str) -> Rows:
     """Measure error and cost of an orbit at every step of this project's methods and every tolerance of heyoka.
 
-    Returns a row for each, by table name.
+    ``name`` is the problem.  Returns rows by table name, one for each method and step, or tolerance: the error of the
+    worst orbit, and microseconds an orbit with their interval.
     """
     found = problem(name)
     system, (Q, P) = found.system, starts(found, ORBITS)
@@ -209,15 +210,16 @@ def between(errors: Mapping[Rung, float]) -> list[Rung]:
 
 
 def worst(ends: np.ndarray, truth: np.ndarray) -> float:
-    """Compute the error of the worst orbit; NaN if any orbit did not arrive.
+    """Compute the error of the worst orbit, the largest difference of a coordinate; NaN if any orbit did not arrive.
 
     Parameters
     ----------
-    ends, truth : arrays (n, 2 d), (m, 2 d) with m <= n; the first m ends are compared
+    ends : end states of a run, array (n, 2 d); the first m of them are compared
+    truth : end states of the reference, array (m, 2 d) with m <= n
     """
     return float(np.abs(ends[: len(truth)] - truth).max())
 
 
 def orbits_of(kind: str) -> int:
-    """Return the number of orbits that a run integrates: heyoka's if ``kind`` is "tol", this project's if "h"."""
+    """Return the number of orbits that a run integrates: `JUDGED` by heyoka (``kind`` "tol"), else `ORBITS` ("h")."""
     return JUDGED if kind == "tol" else ORBITS

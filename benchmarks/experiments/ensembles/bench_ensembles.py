@@ -1,4 +1,7 @@
-"""Checks of ensembles of orbits: every orbit reaches its end, and SIMD lanes end where the scalar kernel ends."""
+"""Checks of ensembles of orbits: every orbit reaches its end, and SIMD lanes end where the scalar kernel ends.
+
+SIMD lanes carry several orbits side by side in a vector register, the scalar kernel one orbit at a time.
+"""
 
 from __future__ import annotations
 
@@ -11,12 +14,15 @@ APART = 1e-11
 
 
 def cells(quick: bool = False) -> list:
-    """List the measurements to make (`Cell`) of `lanes`, `against` and `maps`."""
+    """List the measurements (`Cell`) of the modules `lanes`, `against` and `maps`, also if ``quick``."""
     return lanes.cells(quick) + against.cells(quick) + maps.cells(quick)
 
 
 def off(rows: list[dict]) -> list[str]:
-    """List a line for each ensemble with an orbit that fails, or that ends elsewhere than with the scalar kernel."""
+    """Return a message for each ensemble of which an orbit fails, or ends elsewhere than with the scalar kernel.
+
+    ``rows`` are those of the table `lanes.TABLE`, one for each ensemble.
+    """
     out = []
     for r in rows:
         if r["method"] == lanes.CEILING:
@@ -30,13 +36,19 @@ def off(rows: list[dict]) -> list[str]:
 
 
 def bench_lanes(measured_rows: Callable[[str], list[dict]]) -> None:
-    """Check that every orbit of an ensemble in SIMD lanes ends where the scalar kernel ends."""
+    """Check that every orbit of an ensemble in SIMD lanes ends where the scalar kernel ends.
+
+    ``measured_rows`` is a fixture: table name -> rows.
+    """
     wrong = off(measured_rows(lanes.TABLE))
     assert not wrong, "\n".join(wrong)
 
 
 def bench_against(measured_rows: Callable[[str], list[dict]]) -> None:
-    """Check that this project and heyoka reach an error of 1e-6 on every problem, so that both work."""
+    """Check that both this project and heyoka reach an error of 1e-6 on every problem.
+
+    ``measured_rows`` is a fixture: table name -> rows.
+    """
     rows = measured_rows(against.TABLE)
     for problem in {r["problem"] for r in rows}:
         for side in ("ours", "heyoka"):
@@ -45,6 +57,9 @@ def bench_against(measured_rows: Callable[[str], list[dict]]) -> None:
 
 
 def bench_maps(measured_rows: Callable[[str], list[dict]]) -> None:
-    """Check that the states on the Poincare section have the energy of the start."""
+    """Check that the states on the Poincare section of Henon-Heiles have the energy of the start.
+
+    ``measured_rows`` is a fixture: table name -> rows.
+    """
     wrong = [r["line"] for r in measured_rows(maps.TABLE) if r["map"] == maps.SECTION and not r["energy error"] < 1e-5]
     assert not wrong, wrong

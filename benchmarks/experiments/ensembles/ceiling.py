@@ -1,4 +1,4 @@
-"""The best speed-up that a machine's cores give, measured with a compiled loop that needs neither memory nor Python."""
+"""The best speed-up that a machine's cores give, by a compiled loop that needs no main memory and no Python."""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Measure the cost of a step of one orbit: in SIMD lanes against the scalar kernel, and on all cores against one."""
+"""Measure the cost of a step of one orbit: in SIMD lanes against the scalar kernel, and on all cores against one.
+
+SIMD lanes carry several orbits side by side in a vector register, the scalar kernel one orbit at a time.
+"""
 
 from __future__ import annotations
 
@@ -46,7 +49,10 @@ CEILING = "(a bare loop)"
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """List the measurements to make (`Cell`): one for each method on each problem, one for a bare loop on all cores."""
+    """List the measurements (`Cell`), also if ``quick``: one for each method on each problem, one for a bare loop.
+
+    The bare loop runs on all cores without memory access; its speed-up is the limit for any ensemble.
+    """
     in_lanes = [(*case, ORBITS) for case in CASES]
     alone = [(name, id, (), steps, n) for name, id, steps, n in ALONE_CASES]
     return [_cell(*case) for case in (*in_lanes, *alone)] + [_ceiling_cell()]
@@ -98,7 +104,9 @@ def starts(found: Problem, n: int) -> tuple[np.ndarray, np.ndarray]:
 def measure_rows(name: str, id: str, parameters: tuple, steps: int, n: int) -> Rows:
     """Measure nanoseconds per step of one orbit: by the scalar kernel, in an ensemble on one core, on all cores.
 
-    Returns one row, by table name, which also compares end states with the scalar kernel's.
+    ``name`` is the problem, ``id`` and ``parameters`` (pairs of name and value) are the method's, and ``n`` is the
+    number of orbits, each of ``steps`` steps.  Returns one row, by table name, which also compares end states with the
+    scalar kernel's.
     """
     found, chosen = problem(name), method(id, **dict(parameters))
     Q, P = starts(found, n)
@@ -140,7 +148,10 @@ def _with_interval(column: str, value: Median) -> dict:
 
 
 def _differences(found: Problem, chosen: Method, ensemble: Ensemble, Q: np.ndarray, P: np.ndarray, steps: int) -> dict:
-    """Compare an ensemble's end states with single runs: how many agree to the last bit, and the largest distance."""
+    """Compare end states of the first `COMPARED` orbits of an ensemble with the scalar kernel's from the same starts.
+
+    Returns columns of a row: how many orbits are compared, how many agree to the last bit, the largest difference.
+    """
     same, largest = 0, 0.0
     for i in range(min(COMPARED, len(Q))):
         s = integrate(found, chosen, h=H, steps=steps, q0=Q[i], p0=P[i], save_every=0)

@@ -27,7 +27,7 @@ CORNERS = ((-0.45, -0.5), (0.7, 0.5))
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """List the measurements to make (`Cell`), one for the Poincare section and one for the map of chaos."""
+    """List the measurements (`Cell`), also if ``quick``: one for the Poincare section and one for the map of chaos."""
     return [
         Cell(
             "ensembles",
@@ -67,7 +67,7 @@ def grid() -> tuple[np.ndarray, np.ndarray]:
 
 
 def measure_rows(name: str) -> Rows:
-    """Compute the Poincare section or the map of chaos, by ``name``: its rows, by table name."""
+    """Compute the Poincare section if ``name`` is `SECTION`, the map of chaos if it is `GRID`: rows, by table name."""
     return {TABLE: _section() if name == SECTION else _chaos()}
 
 
@@ -88,9 +88,10 @@ def _section() -> list[dict]:
 
 
 def _chaos() -> list[dict]:
-    """Compute the map of chaos: a row for each line of the grid of starts.
+    """Compute the map of chaos: a row for each line (one value of p2) of the grid of starts.
 
-    It has the logarithms of the growth of the distance between neighbours, packed as text; NaN outside H = `ENERGY`.
+    A row has, packed as text, the logarithms of the factors by which the distances between neighbours grow; NaN where
+    no state on the section has H = `ENERGY`, or a run fails.
     """
     made = problem(PROBLEM)
     Q, P = grid()

@@ -28,13 +28,16 @@ _compared = once(cost_table)
 
 
 def _wide(frame: pd.DataFrame) -> pd.DataFrame:
-    """Select the rows of ensembles that ran in SIMD lanes."""
+    """Select from the table of ensembles those that ran in SIMD lanes to their end."""
     return frame[frame["in lanes"].astype(bool) & (frame["status"] == "ok")]
 
 
 @of(lanes.TABLE)
 def gain(frame: pd.DataFrame) -> Verdict | None:
-    """Judge whether SIMD lanes are faster than the scalar kernel on one core, by the whole interval of the ratio."""
+    """Judge whether SIMD lanes are faster than the scalar kernel on one core, by the whole interval of the ratio.
+
+    ``frame`` is the table of `lanes`, a row for each ensemble; None if none ran in lanes.
+    """
     wide = _wide(frame)
     if wide.empty:
         return None
@@ -54,7 +57,10 @@ def _name(row: pd.Series) -> str:
 
 @of(against.TABLE)
 def beside_heyoka(frame: pd.DataFrame) -> Verdict | None:
-    """Judge whether an orbit of an ensemble costs no more than in heyoka's batches at equal error."""
+    """Judge whether an orbit of an ensemble costs no more than in heyoka's batches at equal error.
+
+    ``frame`` is the table of `against`, a row for each run; None if no run reaches one of the errors.
+    """
     judged = _reached_rows(frame)
     if judged.empty:
         return None
@@ -73,7 +79,10 @@ def beside_heyoka(frame: pd.DataFrame) -> Verdict | None:
 
 
 def _reached_rows(frame: pd.DataFrame) -> pd.DataFrame:
-    """Compare costs at equal error, at the problems and errors that this project or heyoka reaches."""
+    """Compare this project's and heyoka's costs of an orbit: a row for each problem and error that one of them reaches.
+
+    ``frame`` is the table of `against`, a row for each run.
+    """
     table = _compared(frame)
     return table[table["cheaper"] != timing.NONE]
 
@@ -87,7 +96,10 @@ def _range(ratios: pd.Series) -> str:
 
 @of(lanes.TABLE)
 def parallel(frame: pd.DataFrame) -> Verdict | None:
-    """Judge whether all cores speed up every ensemble nearly by their number, or as much as a bare loop."""
+    """Judge whether all cores speed up every ensemble by nearly the number of cores, or as much as a bare loop.
+
+    ``frame`` is the table of `lanes`; the bare loop, without memory access, shows the most that these cores can give.
+    """
     bare = frame["method"] == lanes.CEILING
     ran = frame[(frame["status"] == "ok") & ~bare]
     if ran.empty:
@@ -119,7 +131,7 @@ def answer(frame: pd.DataFrame, costs: pd.DataFrame) -> str | None:
 
 @of(maps.TABLE)
 def draw_maps(frame: pd.DataFrame, folder: Path) -> list[Picture]:
-    """Draw the Poincare section, and the chaos of the grid of starts."""
+    """Draw the two maps of Henon-Heiles: the Poincare section, and how chaotic each start of the grid is."""
     section, grid = (frame[frame["map"] == name].sort_values("line") for name in (maps.SECTION, maps.GRID))
     with style.settings():
         figure, ((left, right),) = style.panels(1, 2, 3.4, sharey=True)

@@ -1,1 +1,1 @@
-"""Experiment: are the explicit methods in extended phase space what their papers claim?"""
+"""Experiment: are explicit methods for two copies of the state (extended phase space) what their papers claim?"""

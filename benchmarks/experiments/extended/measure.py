@@ -1,20 +1,21 @@
-r"""Methods in extended phase space without round-off: what is symplectic, and the orders at small steps.
+r"""Methods in extended phase space (two copies of the state) without round-off: symplecticity, orders at small steps.
 
-- **Structure**: the defect of symplecticity of a step, of the map of both copies (q, x, p, y) or of (q, p) from equal
-  copies, and the order in h with which it vanishes.
+- **Structure**: the defect of symplecticity of a step, either as a map of both copies (q, x, p, y) or as a map of
+  (q, p) that starts from equal copies, and the order in h with which this defect vanishes.
 - **Orders**: the error of both copies' mean on a bound orbit around a Schwarzschild black hole, step by step, and the
   order between neighbouring steps.
 
-The orbit is taken in the plane, with the energy E of the particle for a parameter.  With the semilatus rectum
-:math:`\ell M` for a unit of length, :math:`\ell^{3/2} M` for one of time, :math:`\varepsilon = 1/\ell`, it is that of
+The orbit lies in a plane; the energy E of the particle is a parameter.  In units of the semilatus rectum
+:math:`\ell M` for lengths and of :math:`\ell^{3/2} M` for times, with :math:`\varepsilon = 1/\ell`, its Hamiltonian is
 
 .. math::
     H = \underbrace{\frac{|p|^2}2 - \frac{E^2}{|q|}}_K
     - \varepsilon\underbrace{\Bigl(\frac{2E^2}{|q|^2(1 - 2\varepsilon/|q|)} + \frac{(q\cdot p)^2}{|q|^3}\Bigr)}_{-W},
 
-a Kepler problem with a small part that is not separable.  A splitting made for it has Kepler flows in both copies and,
-for the exact flow of the small part, the flows of :math:`\varepsilon W(q, y)` and :math:`\varepsilon W(x, p)` in a
-symmetric product, which adds :math:`\varepsilon^3 h^2` to the error of a table of generalised order.
+a Kepler problem with a small part that is not separable.  A splitting made for this problem takes Kepler flows in both
+copies and, in place of the exact flow of the small part, a symmetric product of the flows of
+:math:`\varepsilon W(q, y)` and :math:`\varepsilon W(x, p)`.  With exact flows it would have a generalised order; the
+product adds an error of the size of :math:`\varepsilon^3 h^2`.
 """
 
 from __future__ import annotations
@@ -71,7 +72,7 @@ CODE = (__name__,)
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """List the measurements to make (`Cell`): one for each map of `MAPS`, one for each method on the orbit."""
+    """List the measurements (`Cell`): one for each map of `MAPS` and each method on the orbit; none if ``quick``."""
     if quick:
         return []
     maps = [_cell(STRUCTURE, {"method": id, "map": of}, structure, (id, of), record_of(id)) for id, of in MAPS]
@@ -95,7 +96,7 @@ def record_of(id: str) -> Method:
 
 
 def on_orbit(id: str) -> Method:
-    """Return the method with an id, with the parameters it has on the relativistic orbit (Tao's omega)."""
+    """Return the method with an id; Tao's methods have the parameter omega that suits the relativistic orbit."""
     return method(id, omega=OMEGA) if id.startswith("tao") else method(id)
 
 
@@ -118,7 +119,7 @@ def map_of_copies(record: Method, system: Hamiltonian) -> Callable:
 
 
 def defect(record: Method, of: str, name: str, h: Fraction) -> float:
-    """Compute the defect of symplecticity of a step h on the system ``name`` of `battery`.
+    """Compute the defect of symplecticity of a step h by the method ``record`` on the system ``name`` of `battery`.
 
     ``of`` selects the map: `BOTH` for that of both copies, `ONE` for that of (q, p) from equal copies.
     """
@@ -132,7 +133,10 @@ def defect(record: Method, of: str, name: str, h: Fraction) -> float:
 
 
 def structure(id: str, of: str) -> Rows:
-    """Measure the symplecticity defect of a step map at `STEP`, and its order in h: a row for each system."""
+    """Measure the symplecticity defect of a method's step at `STEP`, and its order in h: a row for each system.
+
+    ``of`` selects the map: `BOTH` for that of both copies, `ONE` for that of (q, p) from equal copies.
+    """
     record = record_of(id)
     rows = []
     with precision(max(DIGITS, 12 * record.order)):
@@ -151,7 +155,10 @@ RADIUS = "sqrt(x**2 + y**2)"
 
 
 def orbit() -> tuple[Hamiltonian, Hamiltonian, Fraction, np.ndarray]:
-    """Make the relativistic orbit: (system of H, system of epsilon W, E^2, the state at pericentre in MPFR numbers)."""
+    """Make the relativistic orbit: (system of H, system of the small part epsilon W, E^2, state at the pericentre).
+
+    E is the energy of the particle; the state (q, p) is an array (4,) of MPFR numbers.
+    """
     semilatus, e = 1 / EPSILON, ECCENTRICITY
     squared = ((semilatus - 2) ** 2 - 4 * e**2) / (semilatus * (semilatus - 3 - e**2))
     r, E = RADIUS, f"({squared})"
@@ -180,7 +187,7 @@ def special(id: str, part: Hamiltonian, squared: Fraction, y: np.ndarray, h: Num
 
     Parameters
     ----------
-    id : `SPECIAL` or `JUMPED`
+    id : `SPECIAL` or `JUMPED`, the names of the two splittings
     part : the system of the small part epsilon W
     squared : E^2, which is mu of the Kepler part
     y, h, steps : the start (4,), the step size, the number of steps

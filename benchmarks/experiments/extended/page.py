@@ -23,9 +23,10 @@ DEFECT_ORDER = "order of the defect"
 
 
 def _defect(structure: pd.DataFrame, kind: str, map_of: str) -> dict | None:
-    """Make the arguments of a verdict that steps of methods whose id begins with ``kind`` are symplectic.
+    """Make the arguments of a `Verdict` on whether steps of the methods whose id begins with ``kind`` are symplectic.
 
-    ``map_of`` selects the map, `BOTH` or `ONE`; None without rows.
+    ``structure`` is the table of defects; ``map_of`` selects the map, `BOTH` (copies) or `ONE` ((q, p) from equal
+    copies).  None without such rows.
     """
     part = structure[structure["method"].str.startswith(kind) & (structure["map"] == map_of)]
     if part.empty:
@@ -44,7 +45,7 @@ def tao(structure: pd.DataFrame) -> Verdict | None:
 
 @of(STRUCTURE)
 def semiexplicit(structure: pd.DataFrame) -> Verdict | None:
-    """Judge whether the semiexplicit step is symplectic in the original phase space, as its paper states."""
+    """Judge whether Jayawardana and Ohsawa's semiexplicit step is symplectic in the original phase space, as stated."""
     found = _defect(structure, "jayawardana-ohsawa", ONE)
     if found is None:
         return None
@@ -65,7 +66,10 @@ def _finest(orders: pd.DataFrame) -> pd.DataFrame:
 
 @of(ORDERS)
 def general(orders: pd.DataFrame) -> Verdict | None:
-    """Judge whether the methods for every H keep their order on the relativistic orbit at small steps."""
+    """Judge whether methods for every H (separable or not) keep their order on the relativistic orbit at small steps.
+
+    The order of each method is taken at its smallest step; ``orders`` has a row for each method and step.
+    """
     rows = _finest(orders[~orders["method"].isin((SPECIAL, JUMPED))].dropna(subset="order"))
     if rows.empty:
         return None

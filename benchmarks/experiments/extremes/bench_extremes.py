@@ -1,4 +1,4 @@
-"""Checks: known stability limits are met, long runs confirm them, adaptive peers follow Kepler to e = `HARD`."""
+"""Checks of stability limits, of the long runs that confirm them, of round-off, and of encounters to e = `HARD`."""
 
 from __future__ import annotations
 
@@ -16,27 +16,40 @@ HARD = 0.999
 
 
 def unlike(rows: list[dict]) -> list[str]:
-    """List a line for each known stability limit that the measured one does not match."""
+    """Return a message for each known stability limit of h omega that the measured one does not match.
+
+    ``rows`` are those of the table of known limits, each with its measured value.
+    """
     return [
         f"{r['method']} {r['parameters']}: {r['measured']}, known {r['known limit']}" for r in rows if not r["agrees"]
     ]
 
 
 def unconfirmed_limits(rows: list[dict]) -> list[str]:
-    """List a line for each method with long runs that do not end (bounded or growing) as its step matrix predicts."""
+    """Return a message for each method with long runs that do not end (bounded or growing) as its step matrix predicts.
+
+    ``rows`` are those of the table of stability, one for each method and its parameters.
+    """
     return [
         f"{r['label']}: {r['confirmed']} of {r['runs']}" for r in rows if r.get("runs") and r["confirmed"] < r["runs"]
     ]
 
 
 def bench_known_limits(measured_rows: Callable[[str], list[dict]]) -> None:
-    """Check that every published or derived stability limit is measured again to its digits."""
+    """Check that every measured stability limit equals the published or derived one, to as many digits as this has.
+
+    ``measured_rows`` is a fixture: table name -> rows.
+    """
     wrong = unlike(measured_rows("extremes_published"))
     assert not wrong, "\n".join(wrong)
 
 
 def bench_closed_form(measured_rows: Callable[[str], list[dict]]) -> None:
-    """Check that Scheme I's measured stability limit is 2 / |1 - 2 lambda| to ten digits."""
+    """Check that the measured stability limit h omega of Scheme I is 2 / |1 - 2 lambda| to ten digits.
+
+    Scheme I is symplectic Euler for lambda = 0 or 1, the midpoint rule for 1/2.
+    ``measured_rows`` is a fixture: table name -> rows.
+    """
     rows = measured_rows("extremes_scheme_i")
     off = [
         r["lam"] for r in rows if r["limit"] != r["closed form"] and not abs(r["limit"] / r["closed form"] - 1) < SHARP
@@ -45,23 +58,30 @@ def bench_closed_form(measured_rows: Callable[[str], list[dict]]) -> None:
 
 
 def bench_long_runs(measured_rows: Callable[[str], list[dict]]) -> None:
-    """Check that long runs near the limits, in later stable intervals and in gaps end as the step map predicts."""
+    """Check that long runs near the stability limits, in later stable intervals and in gaps end as the step map has it.
+
+    ``measured_rows`` is a fixture: table name -> rows.
+    """
     wrong = unconfirmed_limits(measured_rows("extremes_linear"))
     assert not wrong, "\n".join(wrong)
 
 
 def bench_encounters(measured_rows: Callable[[str], list[dict]]) -> None:
-    """Check that adaptive peers (of other packages) keep the error of Kepler orbits small to eccentricity `HARD`."""
+    """Check that adaptive integrators of other packages keep the error of Kepler orbits small to eccentricity `HARD`.
+
+    ``measured_rows`` is a fixture: table name -> rows.
+    """
     adaptive = [r for r in measured_rows("extremes_encounters") if r["kind"] == "adaptive" and r["e"] <= HARD]
     lost = [f"{r['method']}, e = {r['e']}: {r['error']:.1e}" for r in adaptive if not r["held"]]
     assert not lost, "\n".join(lost)
 
 
 def bench_small_denominators(measured_rows: Callable[[str], list[dict]]) -> None:
-    """Check that round-off does not make the energy drift in two kinds of runs.
+    """Check that round-off does not make the energy of the oscillator drift in two kinds of runs.
 
-    These are runs whose step or lambda is slightly off a simple fraction, and the control whose force sees the whole
-    compensated state.
+    In runs of the first kind the step h, or the method's parameter lambda, is slightly off a simple fraction such as
+    1/100 or 1/3.  The second kind is a leapfrog with compensated sums whose force also sees the sums' lost parts.
+    ``measured_rows`` is a fixture: table name -> rows.
     """
     rows = measured_rows("extremes_growth")
     free = [r for r in rows if r["kind"] == brouwer.ASIDE_OF or r["label"] == controls.WHOLE]

@@ -6,9 +6,9 @@ coefficients and the double h; any other change of |w| and arg w in a run is rou
 energy's error grows as n^(1/2), from :math:`\epsilon h \sqrt n` with compensated increments (epsilon the unit
 round-off), and the phase's as n^(3/2) where the frequency depends on the energy (Brouwer 1937); here it does not, see
 `brouwer_kepler`.  The control is Stormer-Verlet with plain sums.
-If h or lambda is close to a fraction with a small denominator (h = 0.01 and 0.1, lambda = 1/3), the rounded-off parts
-of the state, which velocity and force do not see, take few values, whose mean is not zero: the energy drifts.  The same
-runs slightly off the fraction, and those of `brouwer_controls`, confirm this explanation.
+If h, or the parameter lambda of Scheme I, is close to a fraction with a small denominator (h = 0.01 and 0.1, lambda =
+1/3), the rounded-off parts of the state, which velocity and force do not see, take few values, whose mean is not zero:
+the energy drifts.  The same runs slightly off the fraction, and those of `brouwer_controls`, confirm this explanation.
 
 Source: D. Brouwer, Astron. J. 46 (1937) 149-153; Hairer, Lubich, Wanner, Geometric Numerical Integration (2006),
 VIII.5.
@@ -101,7 +101,7 @@ def _cell(id: str, values: dict, h: float, steps: int) -> Cell:
 
 
 def _method(id: str) -> str:
-    """The id of the method whose step matrix applies: that of Stormer-Verlet for the hand-written controls."""
+    """Return the id of the method whose step matrix applies: for the hand-written controls that of Stormer-Verlet."""
     return "stormer-verlet" if id in controls.KINDS else id
 
 
@@ -111,7 +111,10 @@ def label(id: str, values: dict) -> str:
 
 
 def _kind(id: str, values: dict, h: float) -> str:
-    """Classify a run: a hand-written control, at a simple fraction of h or lambda, slightly off one, or usual."""
+    """Classify a run: a hand-written control, at a simple fraction of h or lambda, slightly off one, or usual.
+
+    ``values`` are the method's parameters, such as lambda.  Returns `HAND`, `FRACTION`, `ASIDE_OF` or `USUAL`.
+    """
     if id in controls.KINDS:
         return HAND
     if h in (DECIMAL, TENTH) or values.get("lam") == THIRD:
@@ -170,9 +173,10 @@ def starts_of(count: int) -> np.ndarray:
 def runs(
     id: str, values: dict, h: float, steps: int, starts: np.ndarray, rows: int = ROWS
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Integrate the oscillator from all starts, array (n, 2): (Q, P), arrays (n, rows + 1).
+    """Integrate the oscillator from all starts (q, p), array (n, 2): (Q, P), arrays (n, rows + 1).
 
-    Methods run as an ensemble, the hand-written controls orbit by orbit.
+    They have the start and ``rows`` states at equal distances of the ``steps`` steps; ``values`` are the method's
+    parameters.  Methods run as an ensemble, the hand-written controls orbit by orbit.
     """
     if id in controls.KINDS:
         run = controls.runner(id, h, rows)
@@ -186,7 +190,7 @@ def runs(
 def measure_rows(id: str, values: dict, h: float, steps: int) -> Rows:
     """Integrate the oscillator from many starts: a row on the growth of round-off, and rows of rms errors over n.
 
-    Returns the rows by table name, as in `TABLES`.
+    n is the number of steps; ``values`` are the method's parameters.  Returns the rows by table name, as in `TABLES`.
     """
     rows = [0, *(ROWS // 2**k for k in range(9, -1, -1))]
     n = np.array(rows) * (steps // ROWS)

@@ -1,7 +1,8 @@
 r"""Stormer-Verlet on the oscillator in three arithmetics, to find which rounding makes the energy drift.
 
 `PLAIN`: sums without compensation.  `HALF`: exact products in twice the digits (Veltkamp 1968; Dekker 1971) and
-compensated sums, while velocity and force see the state rounded to a double.  `WHOLE`: they see its lost part as well.
+compensated sums, while velocity and force see the state rounded to a double.  `WHOLE`: as `HALF`, but
+velocity and force also see the part of the state that is rounded off.
 """
 
 from __future__ import annotations

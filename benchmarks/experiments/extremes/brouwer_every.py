@@ -1,8 +1,8 @@
 """Brouwer's law for every method that is symplectic or keeps the energy: the starts of `brouwer`, with fewer steps.
 
-The energy's error is that of |w|^2 by the exact matrix of a step where this matrix is known (`exact_maps`), otherwise,
-for a method that keeps H, the error of H.  A matrix in doubles would not do: |w|^2 would then oscillate by more than
-the law.  The phase error needs the exact matrix.
+The energy's error is that of |w|^2, the quadratic form that a step's matrix keeps (`brouwer`), if the exact matrix is
+known (`exact_maps`), otherwise, for a method that keeps H, the error of H.  A matrix in doubles would not do: |w|^2
+would then oscillate by more than the law.  The phase error needs the exact matrix.
 
 A state is only known to a rounding, so that the law shows where eps h n^(1/2) is above eps.  The step is eight times
 that of the long runs, which lets the runs be short.
@@ -62,7 +62,8 @@ def steps_of(id: str) -> int:
 def measure_rows(id: str, values: dict, label: str) -> Rows:
     """Measure the growth of a method's round-off on the oscillator, over an ensemble of starts: one row, by table name.
 
-    If it cannot be measured, the row has the reason.
+    ``values`` are the method's parameters, ``label`` its name in the row.  If growth cannot be measured, the row has
+    the reason.
     """
     made, steps = problem(brouwer.PROBLEM), steps_of(id)
     row = {"label": label, "method": id, "h": H, "steps": steps, "reason": BY_ID[id].lacks(made.system) or ""}

@@ -130,7 +130,10 @@ def strays(case: Case, Q: np.ndarray, span: float, every_step: bool) -> str:
 
 
 def judge_run(case: Case, method: str, h: float, steps: int, parameters: dict | None = None) -> str:
-    """Run a method on a case and judge it: `OK`, the status of a run that stopped, `LOST`, `WRONG` or `CLOCK`."""
+    """Run a method on a case and judge the run: `OK`, the status of a run that stopped, `LOST`, `WRONG` or `CLOCK`.
+
+    `LOST`: the energy is not kept; `WRONG`: it is another orbit; `CLOCK`: the frequency is that of another orbit.
+    """
     made = problem(case.problem)
     s = integrate(
         made,

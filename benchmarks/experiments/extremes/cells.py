@@ -38,5 +38,5 @@ PARTS = (
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """List the measurements to make (`Cell`) of all modules of this experiment."""
+    """List the measurements (`Cell`) of all modules of this experiment; none if ``quick``."""
     return [cell for part in PARTS for cell in part.cells(quick)]

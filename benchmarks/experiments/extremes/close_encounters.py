@@ -2,8 +2,8 @@
 
 Three bodies of masses 3, 4, 5 come as near as 4e-4 at t = 15.83 (Szebehely & Peters 1967); a zoom-whirl orbit circles
 at 4.7 M, close to the last stable circle, and swings out to 14 M (Glampedakis & Kennefick 2002).  The error is that of
-the coordinates at a certified state, relative where a coordinate is above 1.  Each integrator is run at ever smaller
-steps, or tolerances, until the error is at most `HELD` or the smallest is reached.
+the coordinates at the time of a certified state, relative where a coordinate is above 1.  Each integrator is run at
+ever smaller steps, or tolerances, until the error is at most `HELD` or the smallest step or tolerance is reached.
 
 MERCURIUS and TRACE need one dominating body and are left out here; `encounters` runs them on Kepler's problem.  Methods
 marked `TRANSFORMED` integrate Poincare's transformed Hamiltonian with a symplectic method; their runs end at other
@@ -51,8 +51,8 @@ class Encounter:
 
     Attributes
     ----------
-    id, problem : name of the scene, and the problem with its orbit
-    t_end : time of a certified state after the encounter
+    id, problem : name of this encounter (scene) in the table, and the problem with its orbit
+    t_end : end of the runs, after the encounter, at which the true state is certified
     ladder : numbers of steps to try, in rising order
     methods : ids of the integrators
     """
@@ -111,7 +111,10 @@ def distance(q: ArrayLike, known: ArrayLike) -> float:
 
 
 def measure_rows(scene: str, id: str) -> Rows:
-    """Run an integrator through a close encounter at ever smaller steps or tolerances: a row for each run."""
+    """Run an integrator through a close encounter at ever smaller steps or tolerances: a row for each run.
+
+    ``scene`` is the name of an `Encounter`, ``id`` the integrator's; the rows are by table name.
+    """
     encounter, rows = BY_SCENE[scene], []
     for asked, kind, s, known in _runs(encounter, id):
         if s.status == SKIPPED:
@@ -125,7 +128,11 @@ def measure_rows(scene: str, id: str) -> Rows:
 
 
 def _runs(encounter: Encounter, id: str) -> Iterator[tuple[float, str, Solution, Sequence[float] | np.ndarray]]:
-    """Yield (steps or tolerance, kind, solution, coordinates of the reference) for ever smaller steps or tolerances."""
+    """Run an integrator at ever smaller steps or tolerances: yield (steps or tolerance, kind, solution, reference).
+
+    The kind of steps is "fixed", "adaptive" or "transformed" (they change along the orbit by a transformation of time);
+    the reference is the true q at the end.
+    """
     made = problem(encounter.problem)
     known = [float(x) for x in stored.end(made, encounter.t_end).q]
     if id.endswith(TRANSFORMED):
@@ -162,7 +169,10 @@ def _of_transformed(
 
 
 def cheapest(table: pd.DataFrame, by: str = "steps") -> pd.DataFrame:
-    """Select for each scene and method the run within the error `HELD` with the fewest steps, else the best run."""
+    """Select for each scene and method the cheapest run with an error of at most `HELD`, else the most accurate one.
+
+    The cheapest has the least value in the column ``by``.
+    """
     ordered = table.assign(held=table["error"] <= HELD).sort_values(["held", by], ascending=[False, True])
     held = ordered[ordered["held"]].drop_duplicates(["scene", "method"])
     rest = ordered[~ordered["held"]].sort_values("error", kind="stable").drop_duplicates(["scene", "method"])

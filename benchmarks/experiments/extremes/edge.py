@@ -1,8 +1,9 @@
-"""Maps over (h, lambda) and (h, e) of how the equations of implicit methods are solved, or fail to be.
+"""Maps of how the equations of implicit methods are solved, or fail to be, over the step h and a second parameter.
 
+The second one is the parameter lambda of Schemes I and II, on the pendulum, or the eccentricity e of Kepler's orbit.
 Every point is a short run with one of these outcomes: solved by fixed-point iteration; solved by Newton's method where
-the iteration no longer contracts; roots of the energy's equation missed; energy lost (a spurious solution, or another
-orbit); or the status with which the run ended.
+the iteration no longer contracts; root missed (Schemes IV and V, which choose a parameter in each step so that H is
+kept, find none); energy lost (a spurious solution, or another orbit); or the status with which the run ended.
 """
 
 from __future__ import annotations
@@ -53,7 +54,10 @@ def _cell(id: str, on: str, over: str) -> Cell:
 
 
 def measure_rows(id: str, on: str, over: str) -> Rows:
-    """Classify runs of an implicit method over (h, lambda) if ``over`` is "lam", else over (h, e): a row for each."""
+    """Classify runs of an implicit method over (h, lambda) if ``over`` is "lam", else over (h, e): a row for each.
+
+    ``id`` is the method, ``on`` the problem; lambda is the method's parameter, e the eccentricity of the orbit.
+    """
     values, steps = (LAMBDAS, H_PENDULUM) if over == "lam" else (ECCENTRICITIES, H_KEPLER)
     made, rows = problem(on), []
     for value in values:
@@ -74,7 +78,11 @@ def _pericentre(e: float) -> tuple[tuple[float, ...], tuple[float, ...]]:
 
 
 def outcome(made: Problem, s: Solution) -> str:
-    """Classify a run ``s`` by how its equations were solved: `LOST`, a status, `MISSED`, `NEWTON` or `FIXED_POINT`."""
+    """Classify a run ``s`` of the problem ``made`` by how its equations were solved.
+
+    Returns `FIXED_POINT`, `NEWTON`, `MISSED` (no root of the energy's equation in some steps), `LOST` (the energy), or
+    the status of a run that ended early.
+    """
     H = made.system.observe(made.system.H, s.q, s.p)
     with np.errstate(all="ignore"):
         if not np.abs(H - H[0]).max() <= max(abs(H[0]), 0.1):

@@ -87,7 +87,11 @@ def error(s: Solution, far: float) -> float:
 
 
 def measure_rows(id: str) -> Rows:
-    """Run an integrator on Kepler orbits at each eccentricity: a row with the first run within `HELD`, or the best."""
+    """Run an integrator on Kepler orbits: a row for each eccentricity, by table name.
+
+    The row is of the first run, of those with ever smaller steps or tolerances, whose error is at most `HELD`; if there
+    is none, of the most accurate one.
+    """
     rows = []
     for e in ECCENTRICITIES:
         made = problem("kepler", e=e)

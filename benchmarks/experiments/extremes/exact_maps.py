@@ -1,7 +1,7 @@
 """Compute the matrix of a step on the oscillator in extended precision, from a method's coefficients and the double h.
 
-Coefficients rounded to doubles make a slightly different method, also symplectic: |w|^2 of `brouwer` then oscillates
-without growing, and the phase error has a part linear in time.
+Coefficients rounded to doubles make a slightly different method, also symplectic: |w|^2, the quadratic form that the
+exact step keeps (`brouwer`), then oscillates without growing, and the phase error has a part linear in time.
 """
 
 from __future__ import annotations
@@ -52,7 +52,11 @@ def _number(x: Fraction | float | mpmath.mpf) -> mpmath.mpf:
 
 
 def _parametric(data: tuple, h: mpmath.mpf) -> mpmath.matrix:
-    """The matrix of a step composed of generating-function steps, each with its own c h, mu and lambda."""
+    """Compute the matrix of a step that is composed of generating-function steps, on the oscillator.
+
+    ``data`` is (order, substeps); a substep (c, mu, lambda) has the length c h and the gradient of the generating
+    function at (mu q1 + (1 - mu) q0, lambda p1 + (1 - lambda) p0).
+    """
     order, substeps = data
     one, total = mpmath.mpf(1), mpmath.eye(2)
     for c, mu, lam in substeps:
@@ -66,7 +70,10 @@ def _parametric(data: tuple, h: mpmath.mpf) -> mpmath.matrix:
 
 
 def _generating(order: int, h: mpmath.mpf, lam: mpmath.mpf) -> list:
-    """Compute the derivatives K_qq, K_qp, K_pp of the oscillator's generating function K; K is H for order 1."""
+    """Compute the second derivatives K_qq, K_qp, K_pp of the oscillator's generating function K of an order.
+
+    K depends on the step h and the parameter lambda (``lam``); for order 1 it is H.
+    """
     if order == 1:
         return [mpmath.mpf(1), mpmath.mpf(0), mpmath.mpf(1)]
     q, p = sp.symbols("q p", real=True)
@@ -77,7 +84,10 @@ def _generating(order: int, h: mpmath.mpf, lam: mpmath.mpf) -> list:
 
 
 def _splitting(data: tuple, h: mpmath.mpf) -> mpmath.matrix:
-    """The matrix of a step of a splitting into drifts and kicks, on the oscillator."""
+    """Compute the matrix of a step of a splitting into drifts and kicks, on the oscillator.
+
+    ``data`` has the drifts' and the kicks' fractions of h; a step begins with a kick.
+    """
     drifts, kicks = ([*map(_number, part)] for part in data)
     total = mpmath.eye(2)
     for k in range(max(len(drifts), len(kicks))):

@@ -47,7 +47,7 @@ def curves(
 ) -> None:
     """Draw y over x on logarithmic axes, a curve for each name in the column ``by``, as many as there are line styles.
 
-    Values beyond ``span`` are drawn at its ends.
+    ``names`` selects the names and their order; values of y beyond ``span`` (low, high) are drawn at its ends.
     """
     for look, name in zip(style.looks(), dict.fromkeys(table[by] if names is None else names), strict=False):
         rows = table[table[by] == name].sort_values(x)
@@ -55,7 +55,7 @@ def curves(
 
 
 def best(table: pd.DataFrame, by: str, value: str, worst: bool = False) -> list:
-    """Sort the names in the column ``by`` by their least ``value`` (with ``worst`` by their largest)."""
+    """Return the names in the column ``by``, sorted by their least ``value`` (with ``worst`` by their largest)."""
     groups = table.groupby(by)[value]
     return list((groups.max() if worst else groups.min()).sort_values().index)
 
@@ -92,7 +92,7 @@ def intervals(linear: pd.DataFrame, folder: Path) -> Picture:
 
 @style.styled
 def encounter_errors(table: pd.DataFrame, folder: Path) -> Picture:
-    """Draw the error on Kepler orbits over 1 - e."""
+    """Draw each integrator's error on Kepler orbits over 1 - e, e the eccentricity."""
     figure, (panels,) = style.panels(1, 2, 4.0, sharey=True)
     table = table.assign(near=1 - table["e"])
     for axes, fixed in zip(panels, (True, False), strict=True):
@@ -157,7 +157,7 @@ def _run_name(label: str, h: float) -> str:
 
 @style.styled
 def solvers(table: pd.DataFrame, folder: Path) -> Picture:
-    """Draw maps over (h, lambda) and (h, e) of how implicit equations were solved, or not."""
+    """Draw maps of how implicit equations were solved, or not, over h and a method's lambda or the eccentricity e."""
     from matplotlib.colors import ListedColormap
     from matplotlib.patches import Patch
 
@@ -204,7 +204,7 @@ def resonances(table: pd.DataFrame, folder: Path) -> Picture:
 
 @style.styled
 def regions(table: pd.DataFrame, folder: Path) -> Picture:
-    """Draw the boundaries |R(z)| = 1 of stability regions in the complex plane."""
+    """Draw the boundaries |R(z)| = 1 of the stability regions of Runge-Kutta methods in the complex plane."""
     x, y = np.meshgrid(np.linspace(-7.5, 12, 391), np.linspace(0, 8, 161))
     z = x + 1j * y
     figure, ((axes,),) = style.panels(1, 1, 3.0)
@@ -226,7 +226,7 @@ def regions(table: pd.DataFrame, folder: Path) -> Picture:
 
 @style.styled
 def lambdas(table: pd.DataFrame, folder: Path) -> Picture:
-    """Draw the largest step at which runs survive over lambda of Schemes I to III, a panel for each orbit."""
+    """Draw the largest surviving step of Schemes I to III over their parameter lambda, a panel for each orbit."""
     orbits = list(dict.fromkeys(table["orbit"]))
     figure, (panels,) = style.panels(1, len(orbits), 2.8, sharey=True)
     for axes, orbit in zip(panels, orbits, strict=True):

@@ -1,7 +1,8 @@
 r"""Linear stability: all stable h omega of every method, confirmed by long runs and compared with known limits.
 
-Scheme I's limit is known in closed form for every lambda: tr M = 2 - z^2 / (1 + lam (1 - lam) z^2), so it is stable
-where z |1 - 2 lam| < 2; it is measured for lambda from -10 to 11.
+Scheme I (symplectic Euler for lambda = 0 or 1, the midpoint rule for 1/2) has a limit in closed form for every lambda:
+with z = h omega the trace of the step matrix is 2 - z^2 / (1 + lambda (1 - lambda) z^2), so that the step is stable
+where z |1 - 2 lambda| < 2.  The limit is measured for lambda from -10 to 11.
 """
 
 from __future__ import annotations
@@ -41,14 +42,20 @@ TABLES = ("extremes_linear", "extremes_scheme_i", "extremes_published")
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """List the measurements to make (`Cell`): each method and parameter, Scheme I's sweep, known limits."""
+    """List the measurements (`Cell`): each method and its parameters, Scheme I's limits over lambda, all known limits.
+
+    The list is empty if ``quick``.
+    """
     if quick:
         return []
     return [_sweep(), _limits_cell(), *(_cell(m.id, p) for m in METHODS for p in parameters(m) if _able(m))]
 
 
 def parameters(method: Method) -> list[dict[str, str]]:
-    """List the parameters at which a method's stability is measured: its defaults, and a sweep of lambda."""
+    """List the parameters at which a method's stability is measured: its defaults, and for some methods more lambdas.
+
+    These are methods of at most the order `HIGHEST` with no parameter but lambda.  Each entry is a dict name -> value.
+    """
     free = set(method.parameters) == {"lam"} and method.order <= HIGHEST
     swept = [{"lam": value} for value in SWEPT] if free else []
     own = {k: str(v) for k, v in method.parameters.items()}
@@ -169,19 +176,19 @@ def _near(z: float, touches: Iterable[float]) -> bool:
 
 
 def _depth(chosen: Integrator, z: float) -> float:
-    """(spectral radius - 1)^2 of a step, which is of the size of |tr M| - 2; 0 if no step can be taken."""
+    """Return (spectral radius - 1)^2 of a step matrix at h omega = z, about |tr M| - 2; 0 if no step can be taken."""
     radius = _radius(chosen, z)
     return (radius - 1) ** 2 if math.isfinite(radius) else 0.0
 
 
 def _radius(chosen: Integrator, z: float) -> float:
-    """The spectral radius of a step's matrix; infinite if no step can be taken."""
+    """Return the spectral radius of a step's matrix at h omega = z; infinite if no step can be taken."""
     M = oscillator.matrix(chosen, z)
     return math.inf if M is None else float(np.abs(np.linalg.eigvals(M)).max())
 
 
 def _growing(chosen: Integrator) -> float:
-    """The smallest of a few values of h omega at which growth shows in a long run; 0 if there is none."""
+    """Return the smallest of a few values of h omega at which growth shows in a long run; 0 if there is none."""
     return next((z for z in (0.1, 0.3, 0.5, 0.9) if _depth(chosen, z) ** 0.5 * STEPS > 2 * math.log(GROWTH)), 0.0)
 
 

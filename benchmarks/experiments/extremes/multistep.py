@@ -11,8 +11,8 @@ constant coefficients in the turning frame: with :math:`K = h^2/a^3 = -\rho(e^{i
 .. math:: \rho_+(z)\,\rho_-(z) - \tfrac94 K^2\,\sigma(e^{i\varphi}z)\,\sigma(e^{-i\varphi}z) = 0.
 
 On an ellipse the errors grow like the eigenvalues of the product of all steps of two orbits (Floquet), q being the
-exact orbit.  An orbit that is a whole number of periods of a parasitic root of rho is at a resonance: errors grow, but
-like the time.
+exact orbit.  At a resonance an orbit lasts a whole number of periods of a parasitic root of rho: errors grow, but only
+linearly in time.
 
 The control is Stormer's method of order 7, which is not symmetric, by the same kernel.
 
@@ -58,7 +58,7 @@ TABLES = ("extremes_multistep", "extremes_multistep_drift")
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """List the measurements to make (`Cell`): one for each method and eccentricity, one for each long run."""
+    """List the measurements (`Cell`): each method at each eccentricity, and each long run; none if ``quick``."""
     if quick:
         return []
     maps = [
@@ -145,15 +145,19 @@ def _run(method: Method, e: float, N: float, orbits: float, every: int) -> Solut
 
 
 def steps_asked(table: Multistep) -> np.ndarray:
-    """Return the numbers N of steps an orbit at which a method is run, from its limit on the oscillator to `LAST`."""
+    """Return the numbers N of steps an orbit at which a method is run, an array.
+
+    They go from the method's stability limit on the oscillator to `LAST`, `APART` from each other.
+    """
     limit = 2 * np.pi / stable_intervals(table)[0][1]
     return np.arange(np.ceil(limit / APART) * APART, LAST + APART / 2, APART)
 
 
 def measure_steps(id: str, e: float) -> Rows:
-    """Run a method at each number N of steps an orbit: rows of energy errors, at first and at most, and growth rates.
+    """Run a method at each number N of steps an orbit of eccentricity e: a row for each N, by table name.
 
-    The growth rate is that of the linear theory; the rows are by table name.
+    A row has the energy error over the first rows and the largest one of the run, and the growth rate by the linear
+    theory, the logarithm of the factor an orbit.
     """
     method, rows = BY_ID[id], []
     table = Multistep(*method.data)

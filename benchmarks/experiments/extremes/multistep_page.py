@@ -45,13 +45,16 @@ def lost(rows: pd.DataFrame) -> pd.Series:
 
 
 def decided(rows: pd.DataFrame) -> pd.Series:
-    """True for each run for which theory decides whether errors grow, and which is near the exact orbit at first."""
+    """True for each run whose outcome the linear theory decides: errors surely grow, or surely do not.
+
+    Runs on an ellipse must also begin near the exact orbit, for which the theory is made.
+    """
     grown = rows["rate"] * multistep.ORBITS
     return ((grown >= SURE) | (grown < QUIET)) & ((rows["e"] == 0) | (rows["first"] < SMALL))
 
 
 def undecided(rows: pd.DataFrame) -> str:
-    """Write how many runs are too far from the exact orbit for theory, and at which of them it would be wrong.
+    """Write how many runs are too far from the exact orbit for the linear theory, and for which it would be wrong.
 
     Empty if it would be wrong in none of them.
     """
@@ -136,7 +139,11 @@ def by_frequencies(table: pd.DataFrame) -> Verdict | None:
 
 @of("extremes_multistep_drift")
 def bounded(table: pd.DataFrame) -> Verdict | None:
-    """Judge whether energy and parasitic oscillations stay bounded off all resonances, beside the control."""
+    """Judge whether energy and parasitic oscillations stay bounded at a number of steps an orbit without resonance.
+
+    ``table`` has a row for each long run; that of the control, which is not symmetric, is named beside.  None if no
+    symmetric method was run.
+    """
     own = table[(table["method"] != multistep.CONTROL) & (table["N"] == multistep.OFF)]
     if own.empty:
         return None

@@ -57,8 +57,8 @@ def summary(
 ) -> pd.DataFrame:
     """Make a row for each representative method: stability limit, largest steps, largest e, round-off, how it fails.
 
-    The arguments are the tables of stability, of largest steps, of close encounters and of round-off; columns of a
-    table that is None are left out.
+    The arguments are the tables of stability limits, of largest steps, of close encounters (e: the eccentricity of
+    Kepler's orbit) and of round-off; columns of a table that is None are left out.
     """
     worst = verdicts.reach(met) if met is not None else {}
     out = []

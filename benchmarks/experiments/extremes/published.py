@@ -36,11 +36,11 @@ class Limit:
 
     Attributes
     ----------
-    method : an id, or the name of a step in `STEPS`
+    method : a method's id, or a key of `STEPS`, step functions of further methods
     value : the limit, or `UNLIMITED`
     derived : the formula of the step's matrix from which the limit follows; empty if it is not derived
     printed : the source that states the limit; empty if none was found
-    parameters : of the method
+    parameters : the method's parameters, name -> value
     digits : significant digits in which a measured limit must agree
     """
 

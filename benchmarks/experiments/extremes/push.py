@@ -1,7 +1,7 @@
 """Search the largest step at which runs survive, by bisection on a geometric grid, and how the next larger one fails.
 
-Survival is not monotone in the step: the result is the end of the first interval of surviving steps seen when the step
-is doubled.
+A run survives if `cases` finds nothing wrong with it.  Survival is not monotone in the step: the result is the end of
+the first interval of surviving steps seen when the step is doubled.
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ TABLES = ("extremes_steps", "extremes_lambda")
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """List the measurements to make (`Cell`): one for each method, one for each scheme with a sweep of lambda.
+    """List the measurements (`Cell`): one for each method, and one for each of Schemes I to III on each of two orbits.
 
-    The list is empty if ``quick``.
+    The latter run over many values of the parameter lambda.  The list is empty if ``quick``.
     """
     return [] if quick else [*(_cell(id) for id in REPRESENTATIVE), *(_swept(id, on) for id in SWEPT for on in ON)]
 
@@ -72,7 +72,10 @@ def largest(survives: Callable[[float], str], first: float) -> tuple[float, str]
 
 
 def _survives(case: cases.Case, id: str, steps: int, parameters: dict | None = None) -> Callable[[float], str]:
-    """Make a function from h to the judgement of a run of ``steps`` on the case; a short run first saves time."""
+    """Make a function from h to the judgement of a run of the method ``id`` over ``steps`` steps on the case.
+
+    A shorter run comes first, to save time if it fails.
+    """
 
     def survives(h: float) -> str:
         found = cases.judge_run(case, id, h, FIRST, parameters)
@@ -82,7 +85,10 @@ def _survives(case: cases.Case, id: str, steps: int, parameters: dict | None = N
 
 
 def measure_rows(id: str) -> Rows:
-    """Search a method's largest surviving step on each orbit: a row with it and how the next larger step fails."""
+    """Search a method's largest surviving step on each orbit that it can integrate: a row for each, by table name.
+
+    A row has this step, and how the next larger one fails.
+    """
     rows = []
     for case in cases.CASES:
         made = problem(case.problem)
@@ -94,7 +100,10 @@ def measure_rows(id: str) -> Rows:
 
 
 def swept(id: str, on: str) -> Rows:
-    """Search a scheme's largest surviving step on one orbit at each lambda of `LAMBDAS`: a row for each."""
+    """Search a scheme's largest surviving step at each value of its parameter lambda in `LAMBDAS`: a row for each.
+
+    ``id`` is the scheme, ``on`` the orbit; the rows are by table name.
+    """
     rows, case = [], cases.BY_ID[on]
     for value in LAMBDAS:
         lam = float(Fraction(value))

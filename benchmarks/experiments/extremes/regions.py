@@ -47,6 +47,9 @@ def _tableau(id: str) -> tuple[np.ndarray, np.ndarray]:
 
 
 def stability_function(A: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Compute (numerator, denominator) of R as polynomials in z, the highest power first; A (s, s), b (s,)."""
+    """Compute (numerator, denominator) of the stability function R(z), polynomials with the highest power of z first.
+
+    A (s, s) and b (s,) are the matrix and the weights of the method.
+    """
     # det(I - z B) = z^s chi_B(1 / z): the characteristic polynomial with its coefficients reversed.
     return np.poly(A - np.outer(np.ones(len(b)), b))[::-1], np.poly(A)[::-1]

@@ -16,7 +16,11 @@ if TYPE_CHECKING:
 
 
 def table(data: Data) -> Table | None:
-    """Make the page's table of ensembles: at simple fractions of h or lambda, slightly off, controls, worst others."""
+    """Make the page's table, a row for each ensemble of runs: growth, size and bias of the energy's round-off.
+
+    First are those with h or lambda at simple fractions, then those slightly off them, the controls, and the worst of
+    the others.
+    """
     known = full_table(data)
     if known is None:
         return None
@@ -45,7 +49,7 @@ def table(data: Data) -> Table | None:
 
 
 def full_table(data: Data) -> pd.DataFrame | None:
-    """Make the long table: the growth of round-off in every ensemble, and the reason for each method without one."""
+    """Make the long table: the growth of round-off in every ensemble, or the reason why a method has none."""
     known = [t for t in (data("extremes_growth"), data("extremes_growth_every")) if t is not None and len(t)]
     return pd.concat(known, ignore_index=True) if known else None
 

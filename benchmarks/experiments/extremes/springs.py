@@ -1,7 +1,7 @@
 r"""Step-size resonances of the Fermi-Pasta-Ulam problem with two stiff springs, over (h omega_1, h omega_2).
 
-On a spring alone a step is a rotation by an angle :math:`\theta(h\omega)`, 2 cos(theta) = tr M.  The soft springs
-couple the rotations.  At a step-size resonance,
+On a spring alone a step with matrix M is a rotation by an angle :math:`\theta(h\omega)`, 2 cos(theta) = tr M.  The soft
+springs couple the rotations.  At a step-size resonance,
 
 .. math::
     k_1\theta_1 + k_2\theta_2 = 2\pi n,\qquad n \ne 0,
@@ -86,7 +86,7 @@ class Turns:
         self.angles = np.unwrap(np.array(angles) % (2 * np.pi))
 
     def energy(self, k: int, x: np.ndarray, p: np.ndarray) -> np.ndarray:
-        """Compute the energy h J theta / z of a spring with the k-th h omega, which the step keeps.
+        """Compute the energy J theta / h, which the step keeps, of a spring with the k-th h omega; J is its action.
 
         x = omega q and p are arrays of equal shape, as is the result.
         """
@@ -133,7 +133,10 @@ class Springs:
         self.prepared = prepare(self.method, self.system)
 
     def __call__(self, w: np.ndarray, steps: int) -> tuple[np.ndarray, np.ndarray]:
-        """Integrate with frequencies w (2,): (q, p), arrays (4, steps + 1); NaN after a step that fails."""
+        """Integrate with the stiff frequencies w, array (2,), over ``steps`` steps: (q, p), arrays (4, steps + 1).
+
+        The columns are the start and the state after each step; NaN from the first step on that fails.
+        """
         q, p, prepared = [*SOFT_Q, *(1 / w)], [*SOFT_P, 1.0, 1.0], self.prepared
         if self.told:
             frequencies = (sp.S.Zero, sp.S.Zero, *(sp.Rational(float(x)) for x in w))
@@ -149,10 +152,10 @@ class Springs:
 
 
 def drift(Q: np.ndarray, P: np.ndarray, fast: np.ndarray) -> float:
-    """Compute the largest change of the mean energy among `WINDOWS` parts of a run, relative to that at the start.
+    """Compute the largest change of the mean energy over `WINDOWS` parts of a run, relative to the energy at the start.
 
-    Changes are from the first part.  Q and P are arrays (d, n) of n rows, and ``fast`` (n,) is the energy of the stiff
-    springs; inf if it is not finite.
+    Changes are from the first part; inf if they are not finite.  Q and P are the states, arrays (4, n), of which the
+    soft springs' energy is computed; ``fast`` (n,) is the energy of the stiff springs.
     """
     with np.errstate(all="ignore"):
         squares = [s * s for s in soft_springs(Q[:2], Q[2:])]
@@ -164,7 +167,10 @@ def drift(Q: np.ndarray, P: np.ndarray, fast: np.ndarray) -> float:
 
 
 def measure_rows(id: str, nodes: int, steps: int) -> Rows:
-    """Measure the energy drift of a chain with two stiff springs: a row for each pair of their frequencies."""
+    """Measure the energy drift of a chain with two stiff springs: a row for each pair of their frequencies.
+
+    The frequencies are those at which a step turns a spring by a multiple of pi / ``nodes``; rows are by table name.
+    """
     run, turns, rows = Springs(id), Turns(id, grid(id, nodes)), []
     for i in range(len(turns.z)):
         for j in range(i, len(turns.z)):

@@ -33,7 +33,10 @@ SHOWN = 200
 
 
 def lines(order: int, last: float) -> list[tuple[int, int, int]]:
-    """List (k1, k2, n) of the resonance lines k1 x + k2 y = 2 n, n > 0, through 0 < x, y <= ``last`` (angles in pi)."""
+    """List (k1, k2, n) of the resonance lines k1 x + k2 y = 2 n, n != 0, that meet the square 0 < x, y <= ``last``.
+
+    x and y are the rotation angles of the two springs in units of pi; |k1| + |k2| is at most ``order``.
+    """
     found = []
     for k1 in range(order + 1):
         for k2 in range(-order, order + 1):

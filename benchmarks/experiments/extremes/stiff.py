@@ -79,13 +79,3 @@ def _change(values: np.ndarray) -> float:
     """Compute the largest relative change of a series from its first value; infinite if any value is not finite."""
     change = np.abs(values / values[0] - 1)
     return float(change.max()) if np.isfinite(change).all() else np.inf
-
-
-def cliff(table: pd.DataFrame) -> float:
-    """Find the largest h omega up to which the oscillatory energy I changes by less than `CLIFF`; 0 if none."""
-    last = 0.0
-    for row in table.sort_values("h omega").itertuples(index=False):
-        if not row[list(table.columns).index("I changes")] < CLIFF:
-            break
-        last = row[list(table.columns).index("h omega")]
-    return last

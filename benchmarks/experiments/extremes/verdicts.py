@@ -67,7 +67,7 @@ def long_runs(linear: pd.DataFrame) -> Verdict:
 
 
 def reach(table: pd.DataFrame) -> pd.Series:
-    """Find for each integrator the largest eccentricity up to which its error on Kepler orbits is small; else 0."""
+    """Find for each integrator the largest eccentricity up to which its error on Kepler orbits is small; 0 if none."""
     out = {}
     for method, rows in table.groupby("method", sort=False):
         rows = rows.sort_values("e")
@@ -77,7 +77,10 @@ def reach(table: pd.DataFrame) -> pd.Series:
 
 
 def kind(method: str, measured: str) -> str:
-    """Name the kind of an integrator's steps: ``measured``, or "Kepler-solving" if it solves Kepler's problem."""
+    """Name the kind of an integrator's steps: "Kepler-solving" if they solve Kepler's problem, else ``measured``.
+
+    ``measured`` is the kind in the table: "fixed", "adaptive" or "transformed".
+    """
     family = BY_ID[method].family if method in BY_ID else ""
     return "Kepler-solving" if family in ("wisdom_holman", "fcirk") or method in KEPLERIAN else measured
 

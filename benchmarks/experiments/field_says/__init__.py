@@ -1,1 +1,1 @@
-"""Experiment: does what packages' guides say of integrators hold on the problems that they name?"""
+"""Experiment: do the guides of software packages say what is true of integrators, on the problems that they name?"""

@@ -1,4 +1,4 @@
-"""Checks of the field's statements: the rows they stand on are sound."""
+"""Checks of the measurements by which statements in packages' guides are judged: references, and a control."""
 
 from __future__ import annotations
 
@@ -20,17 +20,26 @@ def cells(quick: bool = False) -> list[Cell]:
 
 
 def unsound(rows: list[dict]) -> list[str]:
-    """Messages about references that are not far more exact than what is asked for."""
+    """Return a message for each reference state whose uncertainty is not below `UNCERTAIN`.
+
+    ``rows`` are those of the table `cost.TABLE`.
+    """
     return [f"{r['problem']}: {r['uncertainty']:.1e}" for r in rows if not r["uncertainty"] < UNCERTAIN]
 
 
 def bench_references(measured_rows: Callable[[str], list[dict]]) -> None:
-    """The reference states are known far better than the smallest error that is asked for."""
+    """Check that the reference states are known far better than the smallest error at which methods are compared.
+
+    ``measured_rows`` is a fixture: table name -> rows.
+    """
     off = unsound(measured_rows(cost.TABLE))
     assert not off, "\n".join(off)
 
 
 def bench_growth(measured_rows: Callable[[str], list[dict]]) -> None:
-    """The control, a method that is not symplectic, has a growing energy error."""
+    """Check that the energy error of the control, methods that are not symplectic, grows with time.
+
+    ``measured_rows`` is a fixture: table name -> rows.
+    """
     off = [r["method"] for r in measured_rows(growth.TABLE) if not r["symplectic"] and not r["energy power"] > 0.5]
     assert not off, "\n".join(off)

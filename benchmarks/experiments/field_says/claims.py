@@ -1,4 +1,8 @@
-"""The statements, each with its verdict on the rows: the words, where they stand, and why the measurement differs."""
+"""Statements about integrators in packages' guides, each quoted with its source and judged by measured rows.
+
+Methods have their names in OrdinaryDiffEq.jl: McAte2 to McAte5 are McLachlan and Atela's of orders 2 to 5, KahanLi8
+is Kahan and Li's of order 8, VelocityVerlet is the Stormer-Verlet method.
+"""
 
 from __future__ import annotations
 
@@ -45,7 +49,11 @@ CORRECTORS, EQUAL = {n: f"rebound-whfast-corrector-{n}" for n in (3, 5, 7, 11, 1
 
 
 def _powers(rows: pd.DataFrame, column: str, symplectic: bool, power: float) -> dict:
-    """Arguments of a verdict that the powers of time in a column, of methods of one kind, are ``power``."""
+    """Make the arguments of a `Verdict` on whether errors by methods of one kind grow with the power ``power`` of time.
+
+    ``rows`` has a row for each method, ``column`` the measured powers; ``symplectic`` selects the methods that are
+    symplectic, or those that are not.
+    """
     found = rows[rows["symplectic"] == symplectic].set_index("called")[column]
     worst = (found - power).abs().idxmax()
     expected = Between(power - NEAR, power + NEAR)
@@ -60,19 +68,19 @@ def bounded(rows: pd.DataFrame) -> Verdict:
 
 @of(growth.TABLE)
 def linear(rows: pd.DataFrame) -> Verdict:
-    """Whether the energy errors of symplectic methods drift linearly."""
+    """Whether the energy errors of symplectic methods drift linearly in time."""
     return Verdict("The energy error of symplectic methods drifts linearly", **_powers(rows, "energy power", True, 1.0))
 
 
 @of(growth.TABLE)
 def quadratic(rows: pd.DataFrame) -> Verdict:
-    """Whether the energy errors of other methods grow quadratically."""
+    """Whether the energy errors of methods that are not symplectic grow quadratically in time."""
     return Verdict("The energy error of other methods grows quadratically", **_powers(rows, "energy power", False, 2.0))
 
 
 @of(growth.TABLE)
 def positions(rows: pd.DataFrame) -> Verdict:
-    """Whether the position errors of symplectic methods grow linearly."""
+    """Whether the position errors of symplectic methods grow linearly in time."""
     return Verdict(
         "The position error of symplectic methods grows linearly", **_powers(rows, "position power", True, 1.0)
     )
@@ -80,14 +88,18 @@ def positions(rows: pd.DataFrame) -> Verdict:
 
 @of(growth.TABLE)
 def other_positions(rows: pd.DataFrame) -> Verdict:
-    """Whether the position errors of other methods grow quadratically."""
+    """Whether the position errors of methods that are not symplectic grow quadratically in time."""
     return Verdict(
         "The position error of other methods grows quadratically", **_powers(rows, "position power", False, 2.0)
     )
 
 
 def fewest(rows: pd.DataFrame) -> pd.DataFrame:
-    """(problem, error) -> evaluations with which each method's error is at most that; infinite if it never is."""
+    """Find the fewest gradient evaluations with which each method meets an error: a row for each (problem, error).
+
+    The columns are the methods; infinite if no run of a method meets the error.  ``rows`` is the table of `cost`, a row
+    for each run.
+    """
     found = {}
     for (name, id), part in rows.groupby(["problem", "method"], sort=False):
         for error in ERRORS:
@@ -98,7 +110,7 @@ def fewest(rows: pd.DataFrame) -> pd.DataFrame:
 
 @of(cost.TABLE)
 def than_verlet(rows: pd.DataFrame) -> Verdict | None:
-    """Whether McAte2 needs fewer evaluations than VelocityVerlet."""
+    """Whether McAte2 needs fewer gradient evaluations than VelocityVerlet for the same error."""
     found = fewest(rows)[[VERLET, MCATE2]]
     found = found[found.max(axis=1) < inf]
     ratio = found[VERLET] / found[MCATE2]
@@ -115,7 +127,10 @@ def than_verlet(rows: pd.DataFrame) -> Verdict | None:
 
 @of(cost.TABLE)
 def efficient(rows: pd.DataFrame) -> Verdict | None:
-    """Whether McAte2 or McAte3 needs the fewest evaluations in most cases."""
+    """Whether McAte2 or McAte3 needs the fewest gradient evaluations of all methods in at least half of the cases.
+
+    A case is a problem with an error that some method reaches.  ``rows`` is the table of `cost`; None without a case.
+    """
     found = fewest(rows)
     found = found[found.min(axis=1) < inf]
     if found.empty:
@@ -134,7 +149,10 @@ def efficient(rows: pd.DataFrame) -> Verdict | None:
 
 @of(cost.TABLE)
 def loose(rows: pd.DataFrame) -> Verdict | None:
-    """How many times as many evaluations as the best McAte2 needs."""
+    """Whether McAte2 needs at most 1.1 times as many gradient evaluations as the best method for the same error.
+
+    ``rows`` is the table of `cost`, with a row for each run; None if McAte2 reaches no error.
+    """
     found = fewest(rows)
     ratio = (found[MCATE2] / found.min(axis=1)).replace(inf, float("nan")).dropna()
     if ratio.empty:
@@ -149,7 +167,7 @@ def loose(rows: pd.DataFrame) -> Verdict | None:
 
 
 def _has_all(rows: pd.DataFrame, **values: Sequence) -> bool:
-    """Whether there is a row for each combination of values of the columns."""
+    """Return whether ``rows`` has a row for each combination of ``values``, a column's name -> its values."""
     return set(product(*values.values())) <= set(zip(*(rows[c] for c in values), strict=True))
 
 
@@ -159,7 +177,7 @@ def _order(rows: pd.DataFrame, id: str, T: str) -> float:
 
 @of(orders.TABLE)
 def fourth(rows: pd.DataFrame) -> Verdict | None:
-    """Whether McAte4 has order 4 for a quadratic kinetic energy alone."""
+    """Whether McAte4 loses its order 4 if the kinetic energy is not quadratic."""
     if not _has_all(rows, method=["mclachlan-atela-4"], T=[orders.QUADRATIC, orders.OTHER]):
         return None
     there, other = (_order(rows, "mclachlan-atela-4", T) for T in (orders.QUADRATIC, orders.OTHER))
@@ -173,7 +191,7 @@ def fourth(rows: pd.DataFrame) -> Verdict | None:
 
 @of(orders.TABLE)
 def fifth(rows: pd.DataFrame) -> Verdict | None:
-    """Whether McAte5 has order 5 for every kinetic energy."""
+    """Whether McAte5 has order 5 also if the kinetic energy is not quadratic."""
     if not _has_all(rows, method=["mclachlan-atela-5"], T=[orders.QUADRATIC, orders.OTHER]):
         return None
     there, other = (_order(rows, "mclachlan-atela-5", T) for T in (orders.QUADRATIC, orders.OTHER))
@@ -189,19 +207,22 @@ def fifth(rows: pd.DataFrame) -> Verdict | None:
 
 
 def _energy(rows: pd.DataFrame, name: str, id: str) -> pd.Series:
-    """Time -> the largest energy error up to it."""
+    """Return an integrator's energy error on the problem ``name``: a series, time -> largest relative error so far."""
     return rows[(rows["problem"] == name) & (rows["integrator"] == id)].set_index("t")["energy error"]
 
 
 def _over(rows: pd.DataFrame, symplectic: str, name: str) -> pd.Series:
-    """Time -> KahanLi8's energy error over the smallest of the other integrators."""
+    """Return KahanLi8's energy error over the smallest of the other integrators on the problem ``name``: time -> ratio.
+
+    ``symplectic`` selects the run of KahanLi8: `energy.COMPENSATED` or `energy.PLAIN`, by the kind of its sums.
+    """
     others = [_energy(rows, name, id) for id in energy.RUNS if id not in (energy.COMPENSATED, energy.PLAIN)]
     return _energy(rows, name, symplectic) / pd.concat(others, axis=1).min(axis=1)
 
 
 @of(energy.TABLE)
 def short(rows: pd.DataFrame) -> Verdict | None:
-    """Whether KahanLi8's energy error over short times is larger than that of other methods."""
+    """Whether KahanLi8's energy error over short times is larger than that of other methods, on Henon-Heiles."""
     if not _has_all(rows, problem=["henon-heiles"], integrator=energy.RUNS):
         return None
     found = _over(rows, energy.COMPENSATED, "henon-heiles")
@@ -216,7 +237,10 @@ def short(rows: pd.DataFrame) -> Verdict | None:
 
 
 def _later(rows: pd.DataFrame, name: str) -> dict | None:
-    """The arguments of a verdict that KahanLi8's energy error, over the smallest other, falls as time grows."""
+    """Make the arguments of a `Verdict` on whether KahanLi8's energy error over the smallest other falls as time grows.
+
+    ``name`` is the problem; None if an integrator's rows on it are missing.
+    """
     if not _has_all(rows, problem=[name], integrator=energy.RUNS):
         return None
     found = _over(rows, energy.PLAIN, name).dropna()
@@ -232,21 +256,21 @@ def _later(rows: pd.DataFrame, name: str) -> dict | None:
 
 @of(energy.TABLE)
 def later(rows: pd.DataFrame) -> Verdict | None:
-    """Whether it is less noticeable as time grows, on Henon-Heiles."""
+    """Whether KahanLi8's energy error is less noticeable beside the others' as time grows, on Henon-Heiles."""
     found = _later(rows, "henon-heiles")
     return found and Verdict("As time grows KahanLi8's energy error is less noticeable", **found)
 
 
 @of(energy.TABLE)
 def later_boson(rows: pd.DataFrame) -> Verdict | None:
-    """Whether it is on the quadrupole boson."""
+    """Whether KahanLi8's energy error is less noticeable beside the others' as time grows, on the quadrupole boson."""
     found = _later(rows, "quadrupole-boson")
     return found and Verdict("On the quadrupole boson, too, it is less noticeable as time grows", **found)
 
 
 @of(energy.TABLE)
 def harder(rows: pd.DataFrame) -> Verdict | None:
-    """Whether the energy errors of other methods are larger on the quadrupole boson."""
+    """Whether the energy errors of the other methods are larger on the quadrupole boson than on Henon-Heiles."""
     ratio = {}
     for id in energy.RUNS:
         one, other = (_energy(rows, name, id).get(1e3) for name in energy.SCENES)
@@ -268,7 +292,7 @@ def harder(rows: pd.DataFrame) -> Verdict | None:
 
 @of(encounters.TABLE)
 def machine(rows: pd.DataFrame) -> Verdict:
-    """Whether IAS15 is accurate down to machine precision for most eccentricities."""
+    """Whether IAS15 keeps the energy of Kepler orbits to machine precision at most eccentricities."""
     good = int((rows["energy error"] <= MACHINE).sum())
     worst = rows.loc[rows["energy error"].idxmax()]
     return Verdict(
@@ -282,7 +306,7 @@ def machine(rows: pd.DataFrame) -> Verdict:
 
 @of(BROUWER)
 def taylor(rows: pd.DataFrame) -> Verdict | None:
-    """Whether heyoka's energy error grows no faster than round-off must, with the root of time."""
+    """Whether heyoka's energy error grows as that of a random walk of round-off, with the root of time."""
     row = rows[(rows["integrator"] == "heyoka") & rows["tolerance"].isna()]
     if row.empty:
         return None
@@ -298,7 +322,10 @@ def taylor(rows: pd.DataFrame) -> Verdict | None:
 
 
 def _cheapest(rows: pd.DataFrame) -> dict[tuple[str, float], str]:
-    """(problem, energy error) -> the method that reaches the error in the least time, where any does."""
+    """Return (problem, energy error) -> id of the method that reaches the error in the least time, where any does.
+
+    ``rows`` has the energy error and the time of each run of REBOUND's integrators.
+    """
     found = {}
     for error, (name, part) in product(ENERGIES, rows.groupby("problem")):
         met = part[part["energy error"] <= error]
@@ -308,7 +335,7 @@ def _cheapest(rows: pd.DataFrame) -> dict[tuple[str, float], str]:
 
 
 def _settings(rows: pd.DataFrame) -> pd.DataFrame:
-    """The rows of REBOUND's integrators that were timed."""
+    """Select the rows of REBOUND's integrators, each with its settings, that were timed."""
     return rows[(rows["kind"] == "rebound") & rows["ns a unit of time"].notna()]
 
 
@@ -331,7 +358,7 @@ def planets(rows: pd.DataFrame) -> Verdict | None:
 
 @of(RIVALS)
 def correctors(rows: pd.DataFrame) -> Verdict | None:
-    """Whether WHFast's energy error is smallest with corrector 11 or 17, for most problems and steps."""
+    """Whether WHFast's energy error is smallest with the symplectic corrector 11 or 17, for most problems and steps."""
     found = _settings(rows).pivot_table(index=["problem", "h"], columns="method", values="energy error")
     found = found.reindex(columns=list(CORRECTORS.values())).dropna()
     if found.empty:
@@ -349,7 +376,10 @@ def correctors(rows: pd.DataFrame) -> Verdict | None:
 
 @of(RIVALS)
 def kernels(rows: pd.DataFrame) -> Verdict | None:
-    """Whether WHFast's lazy kernel is often the fastest of its kernels for an energy error."""
+    """Whether WHFast's lazy kernel (lazy implementer's modified kick) is the fastest of its kernels in most cases.
+
+    Most are at least half; a case is a problem with an energy error that some kernel reaches.
+    """
     found = _settings(rows)
     best = _cheapest(found[found["method"].isin(KERNELS)])
     if not best:

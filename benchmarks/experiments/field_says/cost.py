@@ -1,7 +1,8 @@
-"""Errors and evaluations of the symplectic methods of OrdinaryDiffEq.jl's guide that are here, over steps, on problems.
+"""Errors and gradient evaluations, at ever smaller steps, of symplectic methods that OrdinaryDiffEq.jl's guide names.
 
-The guide names Henon-Heiles; the pendulum, Kepler's orbit, the giant planets and the quadrupole boson are other
-separable problems of this suite.  An error is that of the state at the end, beside Gauss's method of order 16.
+Only those are run that this suite has.  The guide names Henon-Heiles; the pendulum, Kepler's orbit, the giant planets
+and the quadrupole boson are other separable problems of this suite.  The error is that of the state at the end, against
+Gauss's method of order 16.
 
 Source: OrdinaryDiffEq.jl, documentation of OrdinaryDiffEqSymplecticRK.
 """
@@ -42,7 +43,7 @@ RUNGS = 20
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """A cell for each problem and method; none if ``quick``."""
+    """List the measurements (`Cell`), one for each problem and method; none if ``quick``."""
     return [] if quick else [_cell(name, id) for name in SCENES for id in METHODS]
 
 
@@ -55,13 +56,16 @@ def _cell(name: str, id: str) -> Cell:
 
 
 def stages(id: str) -> int:
-    """Evaluations of the gradient in a step, those that are shared with the next step counted once."""
+    """Return the evaluations of the gradient in a method's step; one shared with the next step counts once."""
     s = integrate(problem("pendulum"), id, h=0.01, steps=100, save_every=0)
     return round(s.counts["gradient"] / 100)
 
 
 def reference(name: str) -> tuple[np.ndarray, float]:
-    """(the state at the end, its error): by Gauss of order 16, and its distance from that at half as many steps."""
+    """Integrate a problem to its end by Gauss's method of order 16: (the end state (q, p), its uncertainty).
+
+    The uncertainty is the distance from the end state at half as many steps.
+    """
     values, span, least = SCENES[name]
     made = problem(name, **values)
     ends = []
@@ -72,7 +76,10 @@ def reference(name: str) -> tuple[np.ndarray, float]:
 
 
 def measure_rows(name: str, id: str) -> Rows:
-    """The error at the end over a ladder of steps, each a factor of the root of 2 shorter: a row for each."""
+    """Measure a method's error at the end over ever smaller steps, each shorter by the root of 2: a row for each.
+
+    ``name`` is the problem, ``id`` the method; the rows are by table name.
+    """
     values, span, least = SCENES[name]
     made, (exact, uncertainty), size = problem(name, **values), reference(name), stages(id)
     rows = []

@@ -1,7 +1,8 @@
-"""The largest energy errors of an orbit over growing times: the benchmarks of SciMLBenchmarks.jl, with what is here.
+"""The largest energy errors of an orbit over growing times: benchmarks of SciMLBenchmarks.jl, with other integrators.
 
-KahanLi8 takes their step of 0.01, here with compensated sums and with plain ones, as there.  For Vern9 and DPRKN12 at
-tolerance 1e-14 stand SciPy's DOP853 at its smallest, and heyoka's Taylor series for theirs.
+KahanLi8 (Kahan and Li's method of order 8) takes their step of 0.01, once with compensated sums and once, as there,
+with plain ones.  SciPy's DOP853 at its smallest tolerance stands for their Vern9 and DPRKN12 at tolerance 1e-14,
+heyoka's Taylor series for their Taylor methods.
 
 Source: SciMLBenchmarks.jl, benchmarks/DynamicalODE, Henon-Heiles and quadrupole boson.
 """
@@ -37,7 +38,7 @@ ROWS, EVERY = 50_000, 100
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """A cell for each problem and integrator; none if ``quick``."""
+    """List the measurements (`Cell`), one for each problem and integrator; none if ``quick``."""
     return [] if quick else [_cell(name, id) for name in SCENES for id in RUNS]
 
 
@@ -53,7 +54,10 @@ def _cell(name: str, id: str) -> Cell:
 
 
 def plain(system: Hamiltonian, q: Sequence[float], p: Sequence[float], h: float, steps: int, every: int) -> np.ndarray:
-    """States (q, p) at every ``every``-th step of KahanLi8 whose sums are not compensated, array (rows, 2 d)."""
+    """Integrate with KahanLi8, whose sums are not compensated: states (q, p) at each ``every``-th step, (rows, 2 d).
+
+    The start is q, p; there are ``steps`` steps of length h.
+    """
     import numba
 
     slope, velocity = split_gradients(system)
@@ -82,7 +86,10 @@ def plain(system: Hamiltonian, q: Sequence[float], p: Sequence[float], h: float,
 
 
 def measure_rows(name: str, id: str) -> Rows:
-    """The largest relative energy error up to each time: a row for each; raises Unavailable."""
+    """Measure an integrator's largest relative energy error up to each time of a problem: a row for each time.
+
+    ``name`` is a key of `SCENES`, ``id`` one of `RUNS`.  Raises Unavailable if the integrator is not installed.
+    """
     made, ((q, p), times), tol = problem(name), SCENES[name], RUNS[id]
     steps = round(times[-1] / STEP)
     if id == PLAIN:

@@ -1,8 +1,8 @@
 r"""The powers of time with which errors of energy and of position grow on a Kepler orbit.
 
-Errors up to n revolutions are fitted by :math:`c\,n^a` over the last decade: the largest energy error of each, and the
-distance from the start after it, since a revolution is a whole number of steps.  Methods are those of
-OrdinaryDiffEq.jl's guide that are here, and methods that are not symplectic beside them.
+Each revolution gives two errors: the largest energy error within it, and the distance from the start at its end (it is
+a whole number of steps).  The largest errors up to n revolutions are fitted by :math:`c\,n^a` over the last decade.
+The methods are those of OrdinaryDiffEq.jl's guide that this suite has, and two that are not symplectic.
 
 Source: OrdinaryDiffEq.jl, documentation of OrdinaryDiffEqSymplecticRK; E. Hairer, Ch. Lubich, G. Wanner, Geometric
 Numerical Integration (2006), X.3.1.
@@ -49,14 +49,17 @@ def _cell(id: str) -> Cell:
 
 
 def power(errors: np.ndarray) -> float:
-    """The power a of the running maximum of errors up to 1, 2, ... revolutions, over the last decade."""
+    """Fit the power a with which the running maximum of errors grows as n^a, over the last decade of n revolutions.
+
+    ``errors`` is an array of one error for each revolution.
+    """
     n = np.arange(1, len(errors) + 1)
     late = n >= len(errors) / 10
     return float(np.polyfit(np.log(n[late]), np.log(np.maximum.accumulate(errors)[late]), 1)[0])
 
 
 def measure_rows(id: str) -> Rows:
-    """The powers of both errors, and their sizes at the end: a row."""
+    """Measure the powers of time of a method's energy and position errors, and both errors at the end: one row."""
     made, steps = problem(PROBLEM, **VALUES), STEPS.get(id, USUAL)
     s = integrate(made, id, h=2 * pi / steps, steps=steps * ORBITS, save_every=max(1, steps // PHASES))
     rows = len(s.q) // ORBITS

@@ -1,4 +1,4 @@
-r"""The orders of the methods by McLachlan and Atela with a kinetic energy that is quadratic, and with one that is not.
+r"""The orders of McLachlan and Atela's methods of orders 4 and 5 for a quadratic kinetic energy T, and for another one.
 
 .. math:: T = p^2/2 \quad\text{or}\quad T = \sqrt{1 + p^2},\qquad V = q^2/2 + q^4/4
 
@@ -23,7 +23,7 @@ START, SPAN, STEPS = (0.7, 0.4), 4.0, (64, 128, 256)
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """A cell for each method; none if ``quick``."""
+    """List the measurements (`Cell`), one for each method; none if ``quick``."""
     return [] if quick else [_cell(id) for id in METHODS]
 
 
@@ -33,7 +33,10 @@ def _cell(id: str) -> Cell:
 
 
 def end(id: str, steps: int, quadratic: bool) -> np.ndarray:
-    """The state after steps of a method to `SPAN`."""
+    """Integrate to the time `SPAN` by ``steps`` steps of a method, and return the end state (q, p), array (2,).
+
+    The kinetic energy is p^2 / 2 if ``quadratic``, else sqrt(1 + p^2).
+    """
     a, b = (tuple(map(float, x)) for x in BY_ID[id].data)
     (q, p), h = START, SPAN / steps
     for _ in range(steps):
@@ -44,7 +47,10 @@ def end(id: str, steps: int, quadratic: bool) -> np.ndarray:
 
 
 def measure_rows(id: str) -> Rows:
-    """The order between the two finest pairs of steps, for each kinetic energy: a row."""
+    """Measure a method's order from its errors at three steps: a row for each kinetic energy, by table name.
+
+    The column "order" is that between the two smaller steps, "before" that between the two larger ones.
+    """
     rows = []
     for name in (QUADRATIC, OTHER):
         finest = end(id, 16 * STEPS[-1], name == QUADRATIC)

@@ -1,4 +1,4 @@
-"""The page of what packages' guides say of integrators: each statement beside its measurement."""
+"""The report page on what packages' guides say of integrators: each statement beside its measurement."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ SHOWN = ("stormer-verlet", "mclachlan-atela-2", "mclachlan-atela-3", "calvo-sanz
 
 
 def answer(data: Data) -> str | None:
-    """A sentence: how many statements hold, and how many do not."""
+    """Write the page's answer, a sentence: how many statements hold, and how many do not; None if none is judged."""
     found = quoted.count(data, SAID)
     if found is None:
         return None
@@ -27,7 +27,10 @@ def answer(data: Data) -> str | None:
 
 
 def table(data: Data) -> Table | None:
-    """Every statement: the words, measured, verdict, why they differ, source."""
+    """Make the page's table: for each statement the words, the measurement, the verdict, why they differ, the source.
+
+    ``data`` maps a table's name to the table; None if nothing was measured.
+    """
     if all(data(name) is None for name in TABLES):
         return None
     return Table(quoted.lines(data, SAID), f"A power of time is met within {claims.NEAR:g}.")
@@ -35,7 +38,7 @@ def table(data: Data) -> Table | None:
 
 @of(cost.TABLE)
 def draw(rows: pd.DataFrame, folder: Path) -> list[Picture]:
-    """Draw error against evaluations on two problems."""
+    """Draw error against gradient evaluations on two problems, a curve for each of a few methods."""
     with style.settings():
         figure, ((left, right),) = style.panels(1, 2, 3.2)
         for axes, name in ((left, "henon-heiles:box"), (right, "outer-solar-system")):

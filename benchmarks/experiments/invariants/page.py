@@ -37,7 +37,7 @@ def _energy_preserving(rows: pd.DataFrame) -> pd.DataFrame:
 def _largest(runs: pd.DataFrame, column: str) -> tuple[float, str]:
     """Return the largest error in a column of ``runs``, and the text "method on scene" of its run.
 
-    A missing error counts as infinite.
+    A scene is an orbit with a time span.  A missing error counts as infinite.
     """
     errors = runs[column].fillna(np.inf)
     worst = runs.loc[errors.idxmax()]
@@ -185,8 +185,9 @@ def _line(r: pd.Series, why: str) -> dict:
 
 @of("rows")
 def table(rows: pd.DataFrame) -> Table | None:
-    """Make the page's table, of one run a row: smallest errors of each declared class, largest drifts, early stops.
+    """Make the page's table, a run in each row: smallest energy errors, largest drifts, and runs that stopped early.
 
+    The smallest errors are those of each declared behaviour of the energy on each scene (an orbit with a time span).
     ``rows`` is the table of runs; None if there is no such run.
     """
     ran, runs = completed_runs(rows), long_runs(rows)
@@ -209,7 +210,10 @@ def table(rows: pd.DataFrame) -> Table | None:
 
 @of("rows")
 def _full_table(rows: pd.DataFrame) -> pd.DataFrame:
-    """Make the page's longer table: for each method and long scene, the energy error and status at the largest step."""
+    """Make the page's longer table: for each method and long scene, the energy error and status at the largest step.
+
+    A scene is an orbit with a time span.
+    """
     ran = long_runs(rows).dropna(subset=["h"])
     ran = ran.loc[ran.groupby(["scene", "method"], sort=False)["h"].idxmax()]
     columns = {"scene": "scene", "method": "method", "declared": "declared", "h": "h", "energy_max": "energy error"}

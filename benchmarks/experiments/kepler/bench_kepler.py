@@ -62,7 +62,8 @@ def bench_kepler(measured_rows: Callable[[str], list[dict]], complete: Callable[
 def bench_kepler_cost(measured_rows: Callable[[str], list[dict]], complete: Callable[[str], bool]) -> None:
     """Test that some integrator of another package comes near the reference, on every problem.
 
-    Otherwise the reference and the packages solve different problems.
+    Otherwise the reference and the packages solve different problems.  ``measured_rows`` and ``complete`` are fixtures:
+    table name -> rows, and table name -> whether all rows are measured.
     """
     rows = [r for r in measured_rows("kepler_cost") if r["kind"] != "phasebench" and r["status"] == "ok"]
     wrong = unsolved_problems(rows, "error", "{problem}") if complete("kepler_cost") else []
@@ -70,7 +71,10 @@ def bench_kepler_cost(measured_rows: Callable[[str], list[dict]], complete: Call
 
 
 def bench_kepler_times(measured_rows: Callable[[str], list[dict]]) -> None:
-    """Test that the cost of every timed run, in microseconds an orbit, is positive and within its interval."""
+    """Test that the cost of every timed run, in microseconds an orbit, is positive and within its interval.
+
+    ``measured_rows`` is a fixture: table name -> rows.
+    """
     ran = [r for r in measured_rows(times.TABLE) if r["us per orbit"] == r["us per orbit"]]
     wrong = [r for r in ran if not 0 < r["us, low"] <= r["us per orbit"] <= r["us, high"]]
     assert not wrong, wrong

@@ -1,11 +1,13 @@
 """Kepler with and without the Schwarzschild term to 10^4 orbits, compared with the established integrators.
 
 At e = 0, 0.2, 0.6 and 0.9: errors in energy, angular momentum, phase and perihelion at various steps and tolerances,
-and the advance of the perihelion (`kepler`).  `times` has the time of an orbit.  `cost` has the error of the state
-after 100.5 orbits against time; it is taken at an apocentre, where a phase error is not magnified by a high speed.
+and the advance of the perihelion (`kepler`).  The module `times` measures the time of an orbit, `cost` the error of the
+state after 100.5 orbits against time; this error is taken at an apocentre, where a phase error is not magnified by a
+high speed.
 
-mu is that of the talk (0.0075) at e = 0.6 and scales with L^4, so that the first-order advance is the same at every e;
-with one mu for all, the term would be most of the force at the pericentre of e = 0.9.
+The strength mu of the Schwarzschild term is 0.0075 at e = 0.6 and scales with L^4, L the angular momentum, so that the
+first-order advance is the same at every e; with one mu for all, the term would be most of the force at the pericentre
+of e = 0.9.
 """
 
 from __future__ import annotations
@@ -149,7 +151,7 @@ def tolerances(c: Integrator) -> list[Setting]:
 
 
 def _reference(made: Problem, exact: kepler.Truth, orbits: int) -> tuple[dict, list[dict]]:
-    """Measure the errors of the Taylor reference: (row of the run, list of rows of its errors on the way).
+    """Measure the errors of the Taylor reference: (row of the run, rows of its errors after 1, 3, 10, ... orbits).
 
     ``made`` and ``exact`` are the problem and its exact solution from `orbit`.  The reference runs over ``orbits`` +
     1/2 orbits; its errors show how accurate the measurement itself is.
@@ -170,8 +172,8 @@ def _reference(made: Problem, exact: kepler.Truth, orbits: int) -> tuple[dict, l
 def _rows(about: dict, one: dict, per_orbit: int | None, run: dict, samples: list[dict]) -> Rows:
     """Combine columns on the orbit (``about``), the integrator (``one``) and a run into rows, by table name.
 
-    The table "kepler" gets one row, of the run; "kepler_growth" gets one for each of ``samples``, its errors on the
-    way.
+    The table "kepler" gets one row, of the run, with ``per_orbit``, its number of steps an orbit (None if the steps are
+    adaptive).  The table "kepler_growth" gets a row for each of ``samples``, the errors after 1, 3, 10, ... orbits.
     """
     row = about | one | {"steps per orbit": per_orbit} | run
     where = {"problem": about["problem"], "e": about["e"]} | one
@@ -202,7 +204,10 @@ def measure_rows(name: str, e: float, group: str, position: int) -> Rows:
 
 
 def _adaptive(c: Integrator, name: str, e: float) -> Iterator[tuple[Setting, dict, list[dict]]]:
-    """Yield (setting, row of the run, rows of its errors after 1, 3, 10, ... orbits) for each tolerance."""
+    """Run an adaptive integrator at each tolerance: yield (setting, row of the run, rows of its errors on the way).
+
+    The errors on the way are those after 1, 3, 10, ... orbits.
+    """
     for setting in tolerances(c):
         yield setting, *_run(c, name, e, setting)
 

@@ -109,8 +109,8 @@ def measure_rows(name: str, position: int) -> Rows:
 def _row(name: str, c: Integrator, setting: str, sizes: dict, tol: float | None) -> dict:
     """Measure the error and the time of an integrator at one setting, and return the row of the table.
 
-    ``setting`` is its text, ``tol`` the tolerance (None for a method of fixed step); ``sizes`` maps 0 and 1 to the step
-    h and the number of steps of a run without and with output.
+    ``setting`` is its text, ``tol`` the tolerance (None for a method of fixed step).  ``sizes`` maps 0 (a run without
+    output) and 1 (a run with output) to a dict of the step "h" and the number of "steps".
     """
     found, truth = problem(name), _truth(name)
 

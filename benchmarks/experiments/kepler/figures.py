@@ -71,7 +71,7 @@ def work_precision(rows: pd.DataFrame, directory: Path, name: str = "kepler-cost
     ours = rows[rows["kind"] == "phasebench"]
     peers = rows[rows["kind"] != "phasebench"]
     shown = [*frontier(ours, 4), *frontier(peers, 3)]
-    shown += [m for m in ("stormer-verlet", "scipy-dop853") if m in set(rows["method"]) and m not in shown]
+    shown += [m for m in ("stormer-verlet", "scipy-dop853-numba") if m in set(rows["method"]) and m not in shown]
     problems = list(dict.fromkeys(rows["problem"]))
     with style.settings():
         figure, axes = style.panels(1, len(problems), 3.6, sharex=True, sharey=True)

@@ -68,9 +68,9 @@ def _who(row: pd.Series) -> str:
 def _paid(members: pd.DataFrame, wanted: float) -> tuple[pd.Series | None, Median]:
     """Return the cheapest run with a median phase error of at most ``wanted``, and the cost of that accuracy.
 
-    The run is a row of ``members``, None if none is so accurate.  The cost is in µs an orbit; its interval of the cost
-    reaches from the lowest possible (phase errors at the lower ends of their intervals) to the highest (at the upper
-    ends).
+    The run is a row of ``members`` (runs with their times), None if none is so accurate.  The cost is in µs an orbit;
+    its interval reaches from the lowest possible (phase errors and times at the lower ends of their intervals) to the
+    highest (both at the upper ends).
     """
     cost = members["us per orbit"]
     reached = {c: members[members[f"phase{c}"] <= wanted] for c in (" median", ", low", ", high")}
@@ -192,10 +192,10 @@ def answer(runs: pd.DataFrame, times: pd.DataFrame) -> str | None:
 
 
 def settings_tried(cost: pd.DataFrame) -> dict[str, pd.Series]:
-    """Compare the settings of heyoka and of IAS15: name -> series method -> time over that of the best setting.
+    """Compare the settings of heyoka and of IAS15: name -> series, method with its setting -> time over the best one's.
 
-    A time is that to the error `TRIED_TO`; of the two problems, the larger ratio counts.  ``cost`` is the table
-    "kepler_cost".
+    The time is the least with an end error of at most `TRIED_TO`; of the two problems, the larger ratio counts.
+    ``cost`` is the table "kepler_cost".
     """
     enough = cost[(cost["status"] == "ok") & (cost["error"] <= TRIED_TO)]
     seconds = enough.groupby(["problem", "method"], sort=False)["seconds"].min().unstack("problem")

@@ -183,7 +183,7 @@ def within_orbits(
 ) -> dict[str, float]:
     """Return the largest relative errors of energy and angular momentum over every step of a few orbits.
 
-    The keys are "energy, every step" and "momentum, every step".
+    There are ``per_orbit`` steps an orbit.  The keys are "energy, every step" and "momentum, every step".
     """
     s = contender.run(problem, h=exact.period / per_orbit, steps=per_orbit * orbits)
     found = zip(("energy", "momentum"), invariants(s.q, s.p, exact.mu), (exact.H, exact.L), strict=True)

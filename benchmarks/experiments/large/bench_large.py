@@ -9,7 +9,7 @@ from phasebench.benchmarks.experiments.large.solvers_page import SAME
 
 
 def cells(quick: bool = False) -> list:
-    """List the measurements (`Cell`): cost of explicit steps and solvers of implicit ones; none if ``quick``."""
+    """List the measurements (`Cell`) of explicit steps (`large`) and implicit steps (`solvers`); none if ``quick``."""
     return large.cells(quick) + solvers.cells(quick)
 
 
@@ -27,7 +27,10 @@ def bench_costs(measured_rows: Callable[[str], list[dict]]) -> None:
 
 
 def bench_made(measured_rows: Callable[[str], list[dict]]) -> None:
-    """Test that hand-written loops are compiled for every system at more than 9000 degrees of freedom."""
+    """Test that for every system functions written by hand as loops are compiled at more than 9000 degrees of freedom.
+
+    ``measured_rows`` is a fixture: table name -> rows.
+    """
     rows = measured_rows(large.MADE)
     for system in {r["system"] for r in rows}:
         assert max(r["d"] for r in rows if (r["system"], r["route"]) == (system, "loops")) > 9000, system
@@ -37,6 +40,7 @@ def bench_solvers(measured_rows: Callable[[str], list[dict]]) -> None:
     """Test that Newton's method with banded matrices solves every implicit step, to the end state of the usual solver.
 
     The usual solver is the fixed-point iteration with Newton's method in full matrices where that fails.
+    ``measured_rows`` is a fixture: table name -> rows.
     """
     wrong = [
         f"{r['system']} of d = {r['d']}, h = {r['h']}"

@@ -112,9 +112,9 @@ void steps(long d, long n, double h, const double *c, double *q, double *p, doub
 class Loop:
     """A C loop over the steps of a method, compiled with the C source of a system's gradient or vector field.
 
-    ``slope`` is that source, a C function of this name; ``method`` is a key of `STEPS`.
+    ``slope`` is this source, which defines a C function `slope`; ``method`` is a key of `STEPS`.
 
-    Raises RuntimeError without a C compiler, or if it rejects the source.
+    Raises RuntimeError without a C compiler, or if the compiler rejects the source.
     """
 
     def __init__(self, slope: str, method: str) -> None:

@@ -36,7 +36,7 @@ CONFIDENCE = 0.95
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """List the measurements (`Cell`), one for each system and size, and one for compiling each system.
+    """List the measurements (`Cell`): one for each system and number d of degrees of freedom, one for compiling each.
 
     The list is empty if ``quick``.
     """
@@ -76,7 +76,7 @@ def costs(name: str, d: int) -> Rows:
     Unavailable
         Without a C compiler.
     RuntimeError
-        If C ends elsewhere, so that it integrates something else.
+        If C ends at another state than this project: it then integrates another system.
     """
     system = SYSTEMS[name]
     problem = system.fastest_form(d)

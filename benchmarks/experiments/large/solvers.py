@@ -1,7 +1,8 @@
 """Implicit steps of lattices: the usual solver (fixed-point iteration, then Newton's method) and banded Newton.
 
 Each lattice is integrated with a step at which the fixed-point iteration contracts, and with one too long for it, where
-the usual solver needs a full matrix.  The latter is timed up to `FULL` degrees of freedom; its memory is given for all.
+the usual solver needs Newton's method with a full matrix.  Full matrices are timed up to `FULL` degrees of freedom;
+their memory is given for all sizes.
 """
 
 from __future__ import annotations
@@ -52,7 +53,10 @@ def _cell(name: str) -> Cell:
 
 
 def measure_rows(name: str) -> Rows:
-    """Compare the solvers of implicit steps on the lattice ``name``: a row for each size and step, by table name."""
+    """Compare the solvers of implicit steps on the lattice ``name``: rows by table name.
+
+    There is a row for each number of degrees of freedom and each of the two step sizes.
+    """
     return {TABLE: [row(name, d, step) for d in SIZES for step in Steps._fields]}
 
 
@@ -80,7 +84,7 @@ def row(name: str, d: int, step: str) -> dict:
 
 
 def _trial_state(run: PreparedRun, h: float) -> np.ndarray | None:
-    """Return the state (2 d,) after a few steps of size h; None if the equations of one are not solved."""
+    """Return the state (2 d,) after a few steps of size h; None if the equations of a step could not be solved."""
     q, p, code = run(h, FEW)
     return np.concatenate([q, p]) if code == run.SOLVED else None
 
@@ -106,7 +110,7 @@ def _time_columns(runs: dict[str, PreparedRun], h: float) -> dict:
 def _sought(problem: SimpleNamespace) -> dict:
     """Time the search for the banded structure of a problem's equations: a dict {"s, structure": seconds}.
 
-    The search is done once for a system.
+    A system needs this search only once, before its first run.
     """
     started = time.perf_counter()
     structure_of(problem.system, 1)

@@ -120,7 +120,7 @@ def scaling(rows: pd.DataFrame) -> Verdict | None:
 
 @of(TABLE)
 def where_it_contracts(rows: pd.DataFrame) -> Verdict | None:
-    """Judge whether banded Newton is nowhere faster at steps at which the fixed-point iteration contracts."""
+    """Judge whether banded Newton is never the faster solver at steps at which the fixed-point iteration contracts."""
     short = rows[rows["step"] == "short"].dropna(subset=["banded / usual"])
     sooner = short[short["banded / usual, high"] < 1]
     return Verdict(

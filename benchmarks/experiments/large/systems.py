@@ -32,12 +32,12 @@ class Large:
     Attributes
     ----------
     name, module : name of the problem, and the module that defines it
-    unit : d is a multiple of it
-    method : id of the method that integrates it: one evaluation of the gradient a step, or four of the vector field
+    unit : number of which d is a multiple
+    method : id of the method: Stormer-Verlet, with one gradient a step, or RK4, with four vector fields
     h : step size
-    formula : function d -> (q, p, H), symbols and an expression
-    constants : function d -> the constants of its loops, numbers
-    C : C source of its gradient, or vector field
+    formula : function d -> (q, p, H): lists of symbols, and an expression in them
+    constants : function d -> the numbers that the hand-written loops, and those in C, take as constants
+    C : C source of the gradient, or of the vector field
     pairs : whether all pairs interact, so that a step costs O(d^2)
     """
 
@@ -74,7 +74,7 @@ class Large:
         return self._problem(HandHamiltonian(q=q, p=p, loops=loops, constants=self.constants(d)), d)
 
     def fastest_form(self, d: int) -> SimpleNamespace:
-        """Build the problem in the faster form at this size: derived for small d, from loops for large d."""
+        """Build the problem of d degrees of freedom in its faster form: derived for small d, from loops for large d."""
         return (self.from_formula if value_kind(d) == "tuple" else self.by_hand)(d)
 
     def _problem(self, system: Hamiltonian, d: int) -> SimpleNamespace:
@@ -90,7 +90,7 @@ def _bodies(d: int) -> tuple[list[sp.Symbol], list[sp.Symbol], sp.Expr]:
 
 
 def _waves(module: ModuleType, unit: int) -> tuple[Callable, Callable]:
-    """Return the functions (d -> formula, d -> constants) of a wave equation on a grid, a pair.
+    """Return (formula, constants) of a wave equation on a grid, the two functions of d that `Large` takes.
 
     ``module`` defines the equation; it has ``unit`` degrees of freedom a grid point.
     """

@@ -1,7 +1,7 @@
 r"""Every method on every problem: order, symplecticity, reversibility, energy.
 
 Order, symplecticity and reversibility are measured in as many digits as the method's order needs (`multiprecision`),
-from a state a little later on the published orbit: at a turning point, its symmetry raises the order.
+from a state a little later on the published orbit, since symmetry would raise the order at a turning point.
 
 Symplecticity: :math:`|\omega(Mu, Mv) - \omega(u, v)|` for one pair of tangent vectors in general position, M the
 Jacobian of a step, by central differences: four steps whatever the dimension.  Reversibility:
@@ -78,7 +78,7 @@ def _build_problem(name: str) -> Problem:
 def _at(name: str, places: int) -> tuple[PartitionedSystem, np.ndarray, mpmath.mpf]:
     """Build the problem ``name`` and return (system, its state at `LATER` on the orbit, unit of time).
 
-    ``places``, the working digits, only tells cached results apart.
+    ``places``, the working digits, has no other use than to tell cached results apart.
     """
     made = _build_problem(name)
     unit = mpmath.mpf(made.pace.unit)
@@ -96,10 +96,11 @@ def _truth(name: str, span: Fraction, places: int) -> tuple[np.ndarray, Number]:
 
 
 def _parts(chosen: Method, system: PartitionedSystem, y: np.ndarray) -> int:
-    """Return the divisor of h that undoes, at the state y, an adaptive method's scaling of h.
+    """Return the number of parts into which a step h is divided, so that an adaptive method's steps are about h long.
 
-    Such a method scales h by the distance to the singularity.  Methods of the family "field" end with a shorter step;
-    with h / `FINER` it is one step of many.  The divisor is 1 for all other methods.
+    A method of the family "adaptive" scales h by a power of the distance to the singularity: the parts undo that at the
+    state y.  Methods of the family "field" end a run with a shorter step; with h / `FINER` it is one step of many.  For
+    all other methods the number is 1.
     """
     if chosen.family == "field":
         return FINER
@@ -223,7 +224,7 @@ WITHOUT_ROUND_OFF = ("order", "symplecticity", "reversibility")
 def cell(chosen: Method, name: str) -> dict:
     """Measure a method on the problem ``name``: the row of the table, with order, defects and energy error.
 
-    Where a number is missing, the row has the reason instead.
+    The defects are those of symplecticity and reversibility.  A number that is missing is replaced by the reason.
     """
     row = {"method": chosen.id, "problem": name, "declared_order": chosen.order, "symplectic": chosen.symplectic}
     row |= {"symmetric": chosen.symmetric, "energy_class": chosen.energy, "quadratic_class": chosen.quadratic}
@@ -311,7 +312,7 @@ def _cell(chosen: Method, name: str) -> Cell:
 def measure_rows(id: str, name: str) -> Rows:
     """Measure the method ``id`` on the problem ``name``: its row, by table name.
 
-    The process that runs this compiles nothing.
+    This runs in a process without Numba, which compiles nothing.
     """
     with precision(DIGITS):
         return {"matrix": [cell(BY_ID[id], name)]}

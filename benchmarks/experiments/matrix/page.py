@@ -189,9 +189,9 @@ def table(frame: pd.DataFrame) -> Table | None:
     if not lines:
         return None
     caption = (
-        f"The {len(short)} cells that fall short, then the {len(above)} orders above the declared ones, where leading "
+        f"The {len(short)} quantities that fall short, then the {len(above)} orders above the declared ones, where "
     )
-    caption += "terms of the error vanish. The measured value is that of the first problem named."
+    caption += "leading terms of the error vanish. The measured value is that of the first problem named."
     return Table(pd.DataFrame(lines[:ROWS]), caption)
 
 

@@ -12,7 +12,7 @@ FULL = 1e-9
 
 
 def cells(quick: bool = False) -> list:
-    """List the measurements (`Cell`), one for each scene (a physical system, a time span and a quantity)."""
+    """List the measurements (`Cell`), also if ``quick``: one for each scene (a system, a time span and a quantity)."""
     return measure.cells(quick)
 
 

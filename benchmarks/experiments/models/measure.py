@@ -1,5 +1,6 @@
-"""Modelling errors of simplified models of a problem (its scene), and the times and errors of their integrations.
+"""Modelling errors of simplified models of a problem, and the times and errors of their integrations.
 
+A scene is a full problem with a time span and a quantity; it has several models, the last of which is the full problem.
 A model's reference is the finest run of the last of `METHODS`; its uncertainty is `SAFETY` times the distance to a run
 with half as many steps.  The modelling error is the distance of the reference, mapped to the full problem's state, from
 the true solution of the full problem (`measure.truths`): certified, or in long double.  Integration errors are against
@@ -75,14 +76,14 @@ def quantity_of(full: Problem, name: str) -> Quantity:
 
 @dataclass
 class Model:
-    """A model of a scene (a simplified problem with a map of its solution to the full one's), ready to run.
+    """A simplified problem with a map of its solution to the full problem's, prepared to run.
 
     Attributes
     ----------
     ladder : the scene: the full problem with a time span, a quantity and all models
-    rung : this model in the scene: name, map to the full problem, rate of its time
+    rung : the model: name, map of its solution to the full problem's, ratio of its time to the full problem's
     full : the full problem
-    quantity : the number whose error is measured
+    quantity : the function of the full problem's solution whose error is measured
     made : the model's own problem
     runs : method id -> the prepared run of the model
     """

@@ -21,7 +21,7 @@ SIGMAS, ALIKE = 3.0, 1.5
 
 
 def _packages(rows: pd.DataFrame, settings: str | None = None) -> pd.DataFrame:
-    """Select the rows of packages (not those of this suite), at the given settings, or at all if None."""
+    """Select the rows of packages (not those of this suite), at the given settings; at all settings if None."""
     found = rows[rows["package"] != OURS]
     return found if settings is None else found[found["settings"] == settings]
 

@@ -144,8 +144,9 @@ def errors(x: np.ndarray, v: np.ndarray) -> dict[str, float]:
     ``x`` and ``v`` are positions and velocities, arrays (rows, 3, 3).
 
     - distances : the largest error of the three distances
-    - energy spread, energy drift : range of the kinetic energy, last tenth's mean less the first's, over its mean
-    - angular momentum : the largest error, over its size
+    - energy spread : the range of the kinetic energy, over its mean
+    - energy drift : its mean over the last tenth of the rows less that over the first, over its mean over all rows
+    - angular momentum : the largest error of a component, over the size of the vector
     """
     first, turned = start()
     exact = [np.linalg.norm(first[a] - first[b]) for a, b in PAIRS]

@@ -36,7 +36,10 @@ LAST_DIGITS = compare.Band(5e-5, 0.0)
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """List the measurements (`Cell`) of every method and peer (another package's integrator) on every scene."""
+    """List the measurements (`Cell`) of every method and peer (another package's integrator) on every scene.
+
+    ``quick`` shortens the lists of steps.
+    """
     return sweep.cells(quick)
 
 
@@ -56,7 +59,8 @@ def _table(rows: list[dict], scene: Scene) -> pd.DataFrame:
 def _bands(scene: Scene, columns: Iterable[str], chooses: bool) -> dict[str, compare.Band]:
     """Return column -> tolerance band about the stored numbers, for the columns of a scene's error table.
 
-    Bands of trajectory errors are wider if the methods choose between several roots lambda in a step (``chooses``).
+    Bands of trajectory errors are wider for methods that choose in each step a parameter lambda so that H is kept
+    (``chooses``): round-off may decide between several roots.
     """
     return {"status": compare.EXACT} | {
         c: compare.Band(
@@ -130,7 +134,8 @@ def bench_scene(
 ) -> None:
     """Check that the measured errors of every method on a scene are within their bands about the stored ones.
 
-    With the option --update-tables the rows are stored instead, and the changes are added to ``notes``.
+    With the option --update-tables (``update``), but not if ``quick``, the rows are stored instead, and the changes are
+    added to ``notes``.  ``measured_rows`` is a fixture: table name -> rows.
     """
     rows = [r for r in measured_rows("rows") if r["scene"] == scene.id and r.get("kind", OURS) == OURS]
     if not rows:

@@ -12,10 +12,11 @@ from phasebench.benchmarks.store.cells import ALONE, Cell, ProblemKey, content, 
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """List the measurements (`Cell`) in three groups: second measurements of some scenes, all scenes, further timings.
+    """List the measurements (`Cell`): second ones of some scenes, first ones of all scenes, and further timings.
 
-    Further timings repeat the stored finals, in which the few fastest integrators are timed in turns; finals that this
-    run measures are timed again in the next run.  The list is empty if ``quick``.
+    A scene is a problem, end time and quantity.  Further timings repeat the stored finals, in which the few fastest
+    integrators of a scene are timed in turns; finals that this run measures are timed again in the next run.  The list
+    is empty if ``quick``.
     """
     if quick:
         return []
@@ -61,7 +62,10 @@ def _cell(question: Question, tables: tuple[str, ...], sweep: ModuleType) -> Cel
 
 
 def bench_front(measured_rows: Callable[[str], list[dict]]) -> None:
-    """Check that every finalist (an integrator timed at an accuracy) meets it, and that its time is in its interval."""
+    """Check that every finalist (an integrator timed at an accuracy) meets it, and that its time is in its interval.
+
+    ``measured_rows`` is a fixture: table name -> rows.
+    """
     rows = measured_rows(front.FINALS) + measured_rows(again.TABLE)
     wrong = [r for r in rows if not (r["error"] <= r["accuracy"] and 0 < r["low"] <= r["seconds"] <= r["high"])]
     assert not wrong, wrong

@@ -1,4 +1,4 @@
-"""Search over steps for a scene's fastest integrators at every accuracy, of this project and of peers: its front.
+"""Search over steps for a scene's fastest integrators at every accuracy, of this project and of peers (its front).
 
 A scene is a problem, end time and quantity; peers are integrators of other packages.  Each integrator that can do the
 problem runs at ever smaller steps or tolerances (a climb), until it is dropped (`ladder.race`); methods are compared

@@ -108,9 +108,9 @@ def _counted(holds: pd.Series, ratio: pd.Series) -> dict:
 
 @of(RUNGS)
 def fine(rungs: pd.DataFrame) -> Verdict:
-    """Judge whether Gauss of order 16 is faster than explicit methods at the smallest error, on every scene.
+    """Judge whether Gauss of order 16 is faster than explicit methods at a scene's smallest error, on every scene.
 
-    The smallest error is that which both reach.
+    The smallest error is the least one that both Gauss and an explicit method reach.
     """
     ratio = _ends(rungs)[1]["ratio"]
     return Verdict(

@@ -4,7 +4,7 @@ A scene is a problem, a time span and a list of steps; peers are integrators of 
 
 A row has two error columns: ``global_error``, the maximum norm over (q, p) of the difference from the reference at
 ``global_error_time``, with the reference's uncertainty there; and ``refinement_difference``, the difference from the
-same method at twice the step, as in the talk's tables.  ``seconds`` is the median of warm integrations, of which all
+same method at twice the step.  ``seconds`` is the median of warm integrations, of which all
 but a method's first are without output; a long integration is timed only once.
 
 Errors and invariants come from `accuracy`; peers are measured by `peer_rows`.
