@@ -128,7 +128,7 @@ class Runs:
         return {"tol": size} if self.integrator.adaptive else {"steps": int(size)}
 
     def seconds(self, size: float) -> float:
-        """Measure the seconds of a run with the step or tolerance ``size``, after one that compiled; no rows are stored."""
+        """Measure the seconds of a run with the step or tolerance ``size``, compiled before; it stores no rows."""
         if not self.integrator.preparable:
             return self.solution(**self.size_argument(size), save_every=0).seconds
         return self.clocks.of(self.integrator, **self.size_argument(size))()

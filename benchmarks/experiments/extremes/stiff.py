@@ -7,7 +7,6 @@ every smaller h omega.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,9 +16,6 @@ from phasebench.benchmarks.store.cells import Cell, ProblemKey, Rows, content
 from phasebench.integrators.driver import integrate
 
 from .methods import record
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 OMEGAS = (50.0, 1e3, 1e4, 1e6)
 STEPS_TIMES_OMEGA = tuple(float(f"{10 ** (k / 2):.3g}") for k in range(-6, 7))
