@@ -7,7 +7,6 @@ every smaller h omega.
 
 from __future__ import annotations
 
-
 import numpy as np
 
 from phasebench.benchmarks.problems import problem

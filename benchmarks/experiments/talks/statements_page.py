@@ -1,4 +1,4 @@
-"""The report's pages of what the two talks state, with verdicts: one for each section, and one of what does not hold."""
+"""The report's pages of what the two talks state, with verdicts: one a section, and one of what does not hold."""
 
 from __future__ import annotations
 
