@@ -1,4 +1,7 @@
-"""Integrate the orbits of an ensemble in batches: those with the same kernel, side by side in SIMD lanes."""
+"""Integrate the orbits of an ensemble in batches: orbits with the same kernel (compiled loop over steps) side by side.
+
+They run in SIMD lanes: each lane of a vector register holds a number of another orbit.
+"""
 
 from __future__ import annotations
 
@@ -73,7 +76,10 @@ class Orbits:
         kind: np.ndarray,
         rows: int,
     ) -> Orbits:
-        """Create the `Orbits` with room for ``rows`` rows each, of which the first, the initial state, is filled."""
+        """Create the `Orbits` with room for ``rows`` rows each, of which the first, the initial state, is filled.
+
+        The other arguments become the attributes of the same names.
+        """
         n = len(q)
         Q, P = (np.full((n, rows, system.d), np.nan) for _ in "qp")
         Q[:, 0], P[:, 0] = q, p
@@ -85,18 +91,26 @@ class Orbits:
     group = 0
 
     def max_steps(self, every: int, orbits: int) -> int:
-        """The most steps in one call of a kernel for ``orbits`` orbits with a row every ``every`` steps."""
+        """Return the largest number of steps of one kernel call (of the compiled loop over steps): here always `PIECE`.
+
+        In a subclass it may depend on ``every``, the number of steps between two rows, and on the number of ``orbits``.
+        """
         return PIECE
 
     def room(self, i: int, first: int, rows: int) -> tuple[np.ndarray, np.ndarray]:
-        """The arrays (q, p), each (rows, d), to which the kernel writes rows ``first``, ... of orbit i."""
+        """Return the parts (rows, d) of Q[i] and P[i] into which the kernel writes ``rows`` rows of orbit i.
+
+        The first of them has the number ``first``; row 0 is the one after the initial state.
+        """
         filled = slice(1 + first, 1 + first + rows)
         return self.Q[i, filled], self.P[i, filled]
 
     def keeper(self, members: np.ndarray, width: int) -> Callable[[int, np.ndarray, np.ndarray, int], None]:
-        """Return the function that stores the rows of these orbits, in blocks of ``width`` lanes, as they are computed.
+        """Return the function that stores computed rows of the orbits with the indices ``members``.
 
-        Its arguments are the number of the first row, q and p (blocks, rows, d, width), and the steps taken so far.
+        The function (first, q, p, taken) stores arrays q, p of shape (blocks of orbits, rows, d, width), with ``width``
+        orbits side by side in a block.  ``first`` is the number of their first row, 0 for the one after the initial
+        state, and ``taken`` the number of steps so far.
         """
 
         def keep(first: int, q: np.ndarray, p: np.ndarray, taken: int) -> None:
@@ -109,11 +123,11 @@ class Orbits:
         return keep
 
     def end(self, members: np.ndarray) -> None:
-        """Record that all rows of these orbits are filled."""
+        """Record that all rows of the orbits with the indices ``members`` are filled."""
         self.filled[members] = self.Q.shape[1]
 
     def enter(self, i: int, solution: Solution) -> None:
-        """Store the rows, status and counts of orbit i from its ``solution``, computed by itself outside of a batch."""
+        """Store the rows, status and counts of orbit i from its ``solution``; it was integrated outside of a batch."""
         filled = len(solution.q)
         self.Q[i], self.P[i] = np.nan, np.nan
         self.Q[i, :filled], self.P[i, :filled] = solution.q, solution.p
@@ -121,14 +135,17 @@ class Orbits:
         self.conclude(i, solution)
 
     def conclude(self, i: int, solution: Solution) -> None:
-        """Store status and reason of orbit i from its ``solution``, and add its counts to the ensemble's."""
+        """Store the status and reason of orbit i from its ``solution``, and add its counts to those of the ensemble."""
         self.status[i], self.reason[i] = solution.status, solution.reason
         with self.lock:
             for name, number in solution.counts.items():
                 self.counts[name] = self.counts.get(name, 0) + number
 
     def forget(self, members: np.ndarray) -> None:
-        """Discard results other than rows of orbits that are integrated again; does nothing here (for subclasses)."""
+        """Discard what a subclass has stored besides rows for the orbits ``members``, before they are integrated again.
+
+        Here there is nothing to discard.
+        """
 
     def suspects(self, members: np.ndarray) -> np.ndarray:
         """The indices among ``members`` of the orbits that `integrate` must integrate again to determine a status."""
@@ -141,10 +158,10 @@ class Batch:
 
     Attributes
     ----------
-    prepared : their kernel, with the coefficients that they share
-    loop : the compiled loop over blocks of orbits
+    prepared : their kernel (loop over steps), with the coefficients that they share
+    loop : the compiled loop over blocks of orbits, each as many orbits as a vector register has lanes
     members : array (n,), the indices of the orbits
-    weights : name -> array (n, substeps), the weights of a step's substeps that differ between orbits
+    weights : name in the step's data -> array (n, substeps), those weights of substeps that may differ between orbits
     """
 
     prepared: Prepared
@@ -159,7 +176,10 @@ def runs_in_lanes(system: PartitionedSystem, method: Method) -> bool:
 
 
 def build(orbits: Orbits, members: np.ndarray) -> list[Batch]:
-    """Divide the orbits with the indices ``members`` into batches of the same kernel and steps; compile the kernels."""
+    """Divide the orbits with the indices ``members`` into batches, and compile the kernels of these.
+
+    The orbits of a batch have the same kernel and number of steps.
+    """
     twin = orbit_lanes.twin(orbits.system)
     parts: dict[tuple, list] = {}
     pairs, number = np.unique(np.stack([orbits.kind, orbits.steps])[:, members], axis=1, return_inverse=True)
@@ -170,7 +190,11 @@ def build(orbits: Orbits, members: np.ndarray) -> list[Batch]:
 
 
 def _shared_key(prepared: Prepared) -> tuple:
-    """A key that is equal for kernels whose orbits fit into one batch: all coefficients that may not vary by orbit."""
+    """Return a dictionary key of a prepared kernel: orbits whose kernels have equal keys can be in one batch.
+
+    It holds the kernel function and all coefficients except the step h and the weights of substeps, which may differ
+    from orbit to orbit.
+    """
     fields = {k: v for k, v in prepared.step._asdict().items() if k not in orbit_lanes.VARYING}
     return (prepared.run, *((v.shape, v.tobytes()) if isinstance(v, np.ndarray) else v for v in fields.values()))
 
@@ -189,9 +213,9 @@ def _batch(parts: list[tuple[Prepared, np.ndarray]], d: int) -> Batch:
 
 
 def run(made: list[Batch], orbits: Orbits, threads: int, tell: Callable[[int], None]) -> None:
-    """Integrate the batches on ``threads`` threads, whole blocks of lanes at a time, and fill the rows of ``orbits``.
+    """Integrate the batches on ``threads`` threads, whole vector registers of orbits at a time; fill the orbits' rows.
 
-    ``tell`` is called with the number of orbits that have been finished since the call before.
+    ``tell`` is called with the number of orbits that have been finished since its last call.
     """
     ends = np.cumsum([0, *(-(-len(batch.members) // LANES.n) for batch in made)]).tolist()
 
@@ -229,7 +253,10 @@ def pieces(steps: int, every: int, most: int | None = None) -> Iterator[tuple[in
 
 
 def _share(batch: Batch, part: slice, orbits: Orbits) -> tuple[dict[str, int], int]:
-    """Integrate a slice of a batch, at most `Orbits.group` orbits at once: (counts by name, number of orbits)."""
+    """Integrate the orbits of a slice of a batch, at most `Orbits.group` at once (all, if that is 0).
+
+    Returns (counts of steps, evaluations, ... by name, number of orbits).
+    """
     total, n = Counter(), len(batch.members[part])
     first, last = part.start, part.start + n
     for begin in range(first, last, orbits.group or n):
@@ -264,7 +291,10 @@ def _integrate(batch: Batch, part: slice, orbits: Orbits) -> dict[str, int]:
 
 
 def find_doubtful(orbits: Orbits, members: np.ndarray) -> np.ndarray:
-    """The members with a row that is not finite, an energy error, or a step across a singularity."""
+    """Return the indices among ``members`` of orbits that need a closer look to determine their status.
+
+    They have a row that is not finite, an energy error, or a step across a singularity.
+    """
     if not len(members):
         return members
     Q, P = orbits.Q[members], orbits.P[members]

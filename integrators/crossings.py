@@ -52,7 +52,8 @@ def _carry(
 ) -> tuple[Value, Value, float]:
     """Carry (q, p, t) along the flow until component k of (q, p) has changed by dx, by one step of order 8.
 
-    ``slopes`` is room for the stages, ``zero`` the zero of a state.
+    ``field(q, p, 0, 0)`` returns (q', p').  ``tableau`` has the rows of A, then b, of the Runge-Kutta method,
+    ``slopes`` is memory for its stages, and ``zero`` a vector of d zeros.  Returns the new (q, p, t).
     """
     d = len(zero)
     for i in range(STAGES):
@@ -84,11 +85,14 @@ def _find(
 ) -> int:
     """Find the crossings of a plane by orbits between their rows, write them to ``points``; return their number.
 
-    q, p are rows (blocks, rows, d, lanes), each ``every`` steps after the one before; ``last`` (2, blocks, d, lanes) is
-    the row before the first, at the step ``begin``, and is overwritten by the last row.  ``plane`` (1, 3) has the
-    component, its value and the sign of a crossing; ``h`` (blocks, lanes) the steps.  A point is
-    t, q, p; ``owners`` gets the number of its orbit.  ``work`` (2, d) and ``slopes`` (STAGES + 1, 2 d) are work arrays;
-    ``tableau`` has the rows of A, then b, of a Runge-Kutta method; ``zero`` is the zero of a state.
+    q, p are rows (blocks of orbits, rows, d, lanes), each ``every`` steps after the one before; ``last`` (2, blocks, d,
+    lanes) is the row before the first, after ``begin`` of the run's ``steps`` steps, and is overwritten by the last
+    row.  ``plane`` (1, 3) has the index of the component in (q, p), its value on the plane and the sign of a crossing
+    (1: rising); ``h`` (blocks, lanes) has the step of each orbit.  A row of ``points`` becomes (t, q, p), and that of
+    ``owners`` the number of the orbit, block times lanes plus lane.  ``field(q, p, 0, 0)`` returns (q', p').
+
+    ``work`` (2, d) and ``slopes`` (STAGES + 1, 2 d) are work arrays; ``tableau`` has the rows of A, then b, of a
+    Runge-Kutta method; ``zero`` is a vector of d zeros.
     """
     k, at, sign = int(plane[0, 0]), plane[0, 1], plane[0, 2]
     blocks, rows, d, lanes = q.shape
@@ -133,9 +137,10 @@ def _find(
 
 
 def _sort(points: np.ndarray, owners: np.ndarray, next_place: np.ndarray) -> None:
-    """Sort points in place by the orbit to which they belong, ``owners``; points of one orbit keep their order.
+    """Sort points in place by the orbit to which they belong; points of one orbit keep their order.
 
-    ``next_place`` (n, 1) has for each orbit the row of its first point after sorting; it and owners are overwritten.
+    ``owners`` (m, 1) has the number of the orbit of each point, ``next_place`` (n, 1) for each orbit the row of its
+    first point after sorting; both arrays are overwritten.
     """
     for i in range(len(owners)):
         orbit = owners[i, 0]
@@ -161,7 +166,10 @@ def _tableau() -> np.ndarray:
 
 
 def finder(system: PartitionedSystem) -> Callable:
-    """Return `_find` compiled for a system: (q, p, last, ..., work, slopes) -> number of crossings found."""
+    """Return the search for crossings, `_find`, compiled for a system.
+
+    The function takes the arguments of `_find` from q to slopes, and returns the number of crossings found.
+    """
     field, d = system.field(), system.d
     zero, tableau = value(np.zeros(d), d), _tableau()
     if not codegen.compiled():
@@ -180,7 +188,7 @@ def finder(system: PartitionedSystem) -> Callable:
 
 
 def sorter() -> Callable:
-    """Return the compiled function that sorts crossings by orbit (`_sort`)."""
+    """Return the compiled function (points, owners, next_place) that sorts crossings by orbit, `_sort`."""
     if not codegen.compiled():
         return _sort
     if "sort" not in _compiled:
@@ -221,7 +229,7 @@ class Crossings:
             table.resize((rows, table.shape[1]), refcheck=False)
 
     def drop(self, orbits: np.ndarray) -> None:
-        """Remove the points of these orbits."""
+        """Remove the points of the orbits with these numbers."""
         if not len(orbits):
             return
         kept = ~np.isin(self.owners[: self._filled, 0], orbits)
@@ -231,7 +239,10 @@ class Crossings:
         self._filled = n
 
     def sort_points(self, n: int) -> tuple[np.ndarray, np.ndarray]:
-        """Sort the points by orbit and time: (points, numbers of points of the n orbits); none can be added later."""
+        """Sort the points of n orbits by orbit and time; afterwards none can be added.
+
+        Returns (array of the points, array (n,) with the number of points of each orbit).
+        """
         self._resize(self._filled)
         numbers = np.bincount(self.owners[:, 0], minlength=n)
         sorter()(self.points, self.owners, (np.cumsum(numbers) - numbers)[:, None].copy())

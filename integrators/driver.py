@@ -1,4 +1,7 @@
-"""Integrate a problem with a method: check the input, run the kernel in pieces, determine the status (`outcome`)."""
+"""Integrate a problem with a method: check the input, run its kernel, determine the status (`outcome`).
+
+A kernel is the compiled loop over the steps of a method; it is called for some steps at a time.
+"""
 
 from __future__ import annotations
 
@@ -121,7 +124,11 @@ def _run(
     progress: Callable[[int], None] | None,
     problem: Any,
 ) -> Solution:
-    """Run the kernel until all rows of the trajectory are filled or the run stops; returns the `Solution`."""
+    """Run the kernel until all rows of the trajectory are filled or the run stops; returns the `Solution`.
+
+    ``record`` is the method, ``timeout`` the time limit in seconds; ``progress`` is called with the number of steps so
+    far.
+    """
     t = trajectory
     run = prepared.lay_out(kernel, t.system.d, t.h, t.q[0], t.p[0], t.arithmetic)
     counts, pace = run.counts, Pace(timeout, FIRST if kernel.missed else PIECE)

@@ -1,13 +1,13 @@
 """Ensembles: many orbits of one system, side by side in SIMD lanes and on all cores.
 
-Where a family's kernel runs in lanes (`stepping.orbit_lanes`), blocks of orbits are handed to it; else the kernel of a
-single orbit takes them one by one (`scalar_fallback`).  Those that did not end well are handed to `driver.integrate`,
-which says why.  Either way kernels run without the interpreter's lock, on threads.
+If the kernel of a method (its compiled loop over steps) can run in lanes, it is called for blocks of orbits
+(`stepping.orbit_lanes`); if not, the kernel for a single orbit is called for one orbit after another
+(`scalar_fallback`).  Orbits that did not end well are integrated again by `driver.integrate`, which determines their
+status.  Either way kernels run on threads, without the interpreter's lock.
 
-The result is that of `integrate` for every orbit: to the last bit where the formulae have no other functions than the
-square root and the compiler contracts products and sums alike in both kernels, which the page on ensembles measures; up
-to round-off where it does not (pefrl on the harmonic oscillator: 3e-14 after 200,000 steps), and up to the rounding of
-sin, cos and exp where they are called (`values.elementary` states their errors).
+The result is that of `integrate` for every orbit: to the last bit if the formulae have no functions but the square root
+and the compiler contracts products and sums (to fused multiply-adds) in the same way in both kernels; up to round-off
+if it does not, and up to the rounding of sin, cos and exp if they are called (`values.elementary` states their errors).
 """
 
 from __future__ import annotations
@@ -49,8 +49,8 @@ class Ensemble:
         orbit has stopped
     h : array (n,), the step that each orbit took
     methods, method : the different methods, and an array (n,) with the index in it of each orbit's method
-    counts : steps, evaluations, ... of all orbits together, as in a `Solution`; of an orbit that is integrated again,
-        both times
+    counts : steps, evaluations, ... of all orbits together, as in a `Solution`; an orbit that is integrated a second
+        time, to determine its status, counts twice
     in_lanes : array (n,), True if an orbit was integrated in SIMD lanes
     seconds : wall-clock time of the integration on all threads, without compilation
     system : the system that was integrated
@@ -135,7 +135,7 @@ def integrate_ensemble(
     method : an id or a method
     Q, P : arrays (n, d), the initial states; one that is not finite is "invalid", and the others go on
     h : number, or array (n,) with a step for each orbit
-    t_end, steps : as in `integrate`; with steps of several lengths, ``t_end`` keeps no rows but the first and the last
+    t_end, steps : as in `integrate`; if ``t_end`` and different h make the numbers of rows differ, save_every must be 0
     parameters : values of the method's parameters: numbers, or arrays (n,) with a value for each orbit
     save_every : store every Nth state, and the last; 0 stores the first and the last
     lanes : True to integrate in SIMD lanes, False not to; None to do so if possible and if there are enough orbits
@@ -207,7 +207,11 @@ def run_alone(orbits: Orbits, alone: Alone, progress: Callable[[int], None] | No
 def _integrate_one_by_one(
     orbits: Orbits, members: np.ndarray, alone: Alone, threads: int, tell: Callable[[int], None]
 ) -> None:
-    """Integrate the orbits with the indices ``members`` by ``alone``, on ``threads`` threads; store the solutions."""
+    """Integrate the orbits with the indices ``members`` on ``threads`` threads, each by itself; store the solutions.
+
+    ``alone(orbits, i)`` returns the solution of orbit i; ``tell`` is called with the number of orbits finished since
+    its last call.
+    """
     orbits.forget(members)
 
     def share(part: slice) -> int:
@@ -244,7 +248,10 @@ def _integrate_alone(orbits: Orbits, i: int) -> Solution:
 
 
 def conclude(orbits: Orbits, in_lanes: np.ndarray, seconds: float) -> Ensemble:
-    """Make the `Ensemble` from orbits that have been integrated."""
+    """Make the `Ensemble` from orbits that have been integrated in the given time, in ``seconds``.
+
+    ``in_lanes`` is an array (n,), True for orbits that were integrated in SIMD lanes.
+    """
     n = np.arange(len(orbits.q))
     last = orbits.filled - 1
     number = np.minimum(np.arange(orbits.Q.shape[1]) * orbits.every[:, None], orbits.steps[:, None])
@@ -287,7 +294,10 @@ def begin(
     parameters: Mapping[str, Value | State] | None,
     save_every: int,
 ) -> Orbits:
-    """Check the arguments of `integrate_ensemble` and create the orbits, with room for rows; raises InvalidInput."""
+    """Check the arguments of `integrate_ensemble` and create the orbits, with memory for all rows (stored states).
+
+    Raises InvalidInput.
+    """
     asked = request(problem, method, Q, P, h, t_end, steps, parameters, save_every)
     rows = 1 + -(-asked.steps // asked.every)
     if len(set(rows.tolist())) > 1:
@@ -298,7 +308,15 @@ def begin(
 
 
 class EnsembleRequest(NamedTuple):
-    """The checked input of an ensemble of n orbits; the fields are the first ones of `batches.Orbits`."""
+    """The checked input of an ensemble of n orbits of d degrees of freedom.
+
+    Attributes
+    ----------
+    system : the system to integrate
+    q, p : arrays (n, d), the initial states
+    h, steps, every : arrays (n,): step, number of steps, number of steps between two stored rows
+    kinds, kind : the different methods, and an array (n,) with the index in it of each orbit's method
+    """
 
     system: object
     q: np.ndarray
@@ -321,7 +339,11 @@ def request(
     parameters: Mapping[str, Value | State] | None,
     save_every: int,
 ) -> EnsembleRequest:
-    """Check the arguments of `integrate_ensemble` and return them, for each orbit; raises InvalidInput."""
+    """Check the arguments of `integrate_ensemble`; return the step, number of steps and method of each orbit.
+
+    The arguments are those of `integrate_ensemble`; they come back as an `EnsembleRequest`, whose arrays have an entry
+    for each orbit even if one value was given for all.  Raises InvalidInput for arguments that cannot be used.
+    """
     system = getattr(problem, "system", problem)
     if not hasattr(system, "vector_field"):
         raise InvalidInput(f"the problem is {problem!r}; give a system, such as a Hamiltonian, or a problem")
@@ -361,7 +383,10 @@ def _states(name: str, rows: States, d: int) -> np.ndarray:
 
 
 def _column(name: str, values: Value | State, n: int) -> np.ndarray:
-    """``values`` as an array: one number, or one for each of n orbits; raises InvalidInput for another shape."""
+    """Return ``values``, one number or one for each of n orbits, as an array of shape () or (n,).
+
+    Raises InvalidInput for another shape; ``name`` is what the message calls the values.
+    """
     out = np.asarray(values)
     if out.ndim > 1 or (out.ndim == 1 and len(out) != n):
         raise InvalidInput(f"{name} has the shape {out.shape}; give one value, or an array ({n},)")
@@ -385,7 +410,10 @@ def _methods(method: Any, parameters: Mapping, n: int) -> tuple[list[Method], np
 
 
 def check_starts(orbits: Orbits) -> Orbits:
-    """Mark orbits whose start is not finite, has no finite energy or is off the constraints as "invalid"."""
+    """Mark orbits as "invalid" whose start is not finite, has no finite energy or is off the constraints.
+
+    Returns the same object ``orbits``.
+    """
     good = np.isfinite(orbits.q).all(1) & np.isfinite(orbits.p).all(1)
     if orbits.system.has_energy:
         good &= np.isfinite(orbits.system.energies(orbits.q, orbits.p))
@@ -414,7 +442,10 @@ def _threads(threads: int | None) -> int:
 
 
 def _goes_in_lanes(orbits: Orbits, good: np.ndarray, lanes: bool | None) -> np.ndarray:
-    """Boolean array: for each of the orbits with the indices ``good``, whether it is integrated in SIMD lanes."""
+    """Return a boolean array: for each of the orbits with the indices ``good``, whether it is integrated in SIMD lanes.
+
+    ``lanes`` is that of `integrate_ensemble`: True, False, or None to decide by the method and the number of orbits.
+    """
     able = np.array([batches.runs_in_lanes(orbits.system, record) for record in orbits.kinds], bool)[orbits.kind[good]]
     if lanes and not able.all():
         raise InvalidInput(f"'{orbits.kinds[orbits.kind[good[~able][0]]].label}' does not run in lanes on this system")

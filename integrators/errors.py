@@ -15,7 +15,10 @@ MANY = 20
 
 
 def unknown_name(kind: str, name: str, known: Iterable[str]) -> InvalidInput:
-    """Make the error for an unknown name of a ``kind`` of things; its message lists the nearest known names."""
+    """Make the error for an unknown name of a ``kind`` of things, such as "method".
+
+    Its message lists the nearest known names.
+    """
     known = sorted(set(known))
     near = difflib.get_close_matches(name, known, n=8, cutoff=0.6)
     more = f" and {len(known) - MANY} more (`phasebench list`)" if len(known) > MANY else ""

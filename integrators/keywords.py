@@ -110,7 +110,12 @@ def method_parameters(
 def _merge_keywords(
     function: str, foreign: dict[str, Any], parameters: Any, names: Iterable[str], known: list[str]
 ) -> dict[str, Any]:
-    """Merge keywords that are the method's parameters into ``parameters``; raises InvalidInput for others."""
+    """Return ``parameters`` with the keywords ``foreign`` added, all of which must be parameters of the method.
+
+    ``foreign`` are the keywords, with values, that are no arguments of the called function, and ``names`` the names of
+    the method's parameters.  Any other name raises InvalidInput, whose message tells the name of the ``function`` and
+    its ``known`` arguments.
+    """
     names = list(names)
     for name in foreign:
         if name in names:

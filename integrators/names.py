@@ -1,4 +1,4 @@
-"""A tuple of records that can also be indexed by id (`Records`), and the ids that methods' usual names stand for."""
+"""A tuple of objects that can also be indexed by their ids (`Records`), and usual names of methods with their ids."""
 
 from __future__ import annotations
 
@@ -94,7 +94,10 @@ def unknown_method(name: str, known: Iterable[str], kind: str = "method") -> Inv
 
 
 class Records(tuple[T, ...]):
-    """A tuple of records with ids; ``records["rk4"]`` is the one of that id, and ``"rk4" in records`` is true."""
+    """A tuple of records (objects with an ``id``, such as methods): ``records["rk4"]`` is the record with that id.
+
+    ``"rk4" in records`` tells whether there is one.
+    """
 
     _find: Callable[[Any], T]
 
@@ -114,5 +117,5 @@ class Records(tuple[T, ...]):
         return self._find(key) if isinstance(key, str) else super().__getitem__(key)
 
     def __contains__(self, key: object) -> bool:
-        """True if a record, or the record with an id, is in the tuple."""
+        """True if ``key``, a record or the id of a record, is in the tuple."""
         return any(getattr(r, "id", None) == key for r in self) if isinstance(key, str) else super().__contains__(key)

@@ -17,9 +17,10 @@ Growth (`grows`).  The rows are "unstable" where the error grows, else "inaccura
 error of many times H at :math:`h\omega = 1.99`, and is bounded for all times; at 2.01 the error grows without end.
 The criterion uses the means of the error's size over four equal parts of the run: the error grows if each of the last
 two means is larger than the mean before it by the factor `RISE`.  For exponential growth and for a linear drift the
-last mean is at least 1.4 times the mean before it, for a random walk 1.18 times, for a bounded error once.  An error of
-`BLOWN` times the terms at the start has grown, whatever follows.  If there are too few rows for such means,
-`BLOWN_BETWEEN` alone decides.  An error that falls, as with the implicit Euler method, does not grow.
+last mean is at least 1.4 times the mean before it, for a random walk 1.18 times; for a bounded error the two are equal.
+An error of `BLOWN` times the size of the terms at the start has grown, whatever follows.  If there are too few rows
+for four means, the error has grown if it exceeds `BLOWN_BETWEEN` times that size.  An error that falls, as with the
+implicit Euler method, does not grow.
 
 A run that conserves the energy passes however far the state goes: an escape may be the true motion.
 """
@@ -85,7 +86,7 @@ ADVISED = UNSOLVED._replace(advice=", or try solver='banded' where variables act
 
 
 def solver_failure(family: str, d: int) -> SolverFailure:
-    """The message on an unsolved stage equation for a family and d degrees of freedom."""
+    """Return the message on an unsolved stage equation, for a family (kind of method) and d degrees of freedom."""
     if family == "banded":
         return IN_A_BAND
     if family in ("rattle", "manifold"):
@@ -142,9 +143,9 @@ def units(M: np.ndarray) -> np.ndarray:
 
 
 def flag_energy_errors(H: np.ndarray, M: np.ndarray) -> np.ndarray:
-    """True in rows whose energy H is not finite or has an error that `judge` would report; arrays (..., rows).
+    """True in rows whose energy H is not finite or wrong by more than a tenth of its unit; arrays (..., rows).
 
-    M are the sizes of H's terms.
+    The energy of the first row is taken as the right one.  M are the sizes of H's terms, which give the unit (`units`).
     """
     with np.errstate(all="ignore"):
         M = np.minimum(M, np.finfo(float).max)
@@ -204,7 +205,10 @@ def _describe_bounded(error: np.ndarray) -> str:
 
 
 def describe_escape(system: PartitionedSystem, Q: np.ndarray, P: np.ndarray, found: EnergyError | None = None) -> str:
-    """Text to append to a status's reason if the state grew large while the energy was still conserved, else ""."""
+    """Text to append to a status's reason if the state grew large while the energy was still conserved, else "".
+
+    Q, P (n, d) are the rows of the run; ``found`` is their energy error, computed here if None.
+    """
     if not system.has_energy or len(Q) < 2:
         return ""
     found = energy_error(system, Q, P) if found is None else found
@@ -216,12 +220,15 @@ def describe_escape(system: PartitionedSystem, Q: np.ndarray, P: np.ndarray, fou
 
 
 def energy_unit(system: PartitionedSystem, Q: np.ndarray, P: np.ndarray) -> float:
-    """The absolute energy of the first row; where H's terms cancel, the sum of their absolute values."""
+    """Return the energy by which energy errors of a run with rows Q, P (n, d) are divided to make them relative.
+
+    It is the absolute energy of the first row, or the sum of the absolute values of H's terms if these nearly cancel.
+    """
     return float(_unit(system.energies(Q[:1], P[:1]), system.scale(Q[:1], P[:1]))[0])
 
 
 def _unit(H: np.ndarray, M: np.ndarray) -> np.ndarray:
-    """|H| of energies H; where the terms of H cancel, the size M of the terms."""
+    """The unit of energy errors for energies H with terms of the size M: |H|, or M where the terms nearly cancel."""
     H, M = np.abs(H), np.abs(M)
     return np.where(H < KEPT * M, M, H)
 
@@ -232,7 +239,10 @@ def _unit(H: np.ndarray, M: np.ndarray) -> np.ndarray:
 def travel(
     system: PartitionedSystem, Q: np.ndarray, P: np.ndarray, h: float | np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """(distance to the nearest singularity, length |h dq/dt| of a step) of each row."""
+    """Return (distance to the nearest singularity, length |h dq/dt| of a step) at rows Q, P (n, d), two arrays (n,).
+
+    h is the step, one for all rows or an array (n,).
+    """
     return system.distances(Q, P).min(axis=0), np.abs(h) * system.speed(Q, P)
 
 

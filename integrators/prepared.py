@@ -46,7 +46,7 @@ STATUSES = (OK, NOT_CONVERGED, DIVERGED, NOT_CONVERGED)
 
 @dataclass
 class Layout:
-    """A compiled kernel with its arguments for one run: coefficients, the state between calls, counts."""
+    """A compiled kernel (loop over steps) with its arguments for one run: coefficients, state between calls, counts."""
 
     kernel: Callable
     step: tuple
@@ -54,7 +54,10 @@ class Layout:
     counts: np.record
 
     def __call__(self, Q: np.ndarray, P: np.ndarray, parameter: np.ndarray, every: int) -> tuple[int, int]:
-        """Fill the rows of Q, P and ``parameter``, each after ``every`` steps; (rows filled, status code)."""
+        """Go on from the state reached; fill Q, P (rows, d) and ``parameter`` (rows, 1), a row every ``every`` steps.
+
+        Returns (number of rows filled, status code: 0 if no step failed).
+        """
         return self.kernel(self.step, self.carry, Samples(Q, P, parameter, every), self.counts)
 
     def restart(self, q: Sequence[Any] | np.ndarray, p: Sequence[Any] | np.ndarray) -> None:
@@ -74,7 +77,10 @@ def step_of(
     p: Sequence[Any] | np.ndarray,
     arithmetic: str = DOUBLE,
 ) -> NamedTuple:
-    """Make the kernel's first argument for a run from the state (q, p): the coefficients of a step, with h."""
+    """Make the first argument of a kernel: the coefficients of a step of length h, for a run from the state (q, p).
+
+    q and p have d components; the coefficients are numbers of the ``arithmetic``, "double" or "multiprecision".
+    """
     step = prepared.step._replace(h=float(h) if arithmetic == DOUBLE else h, eps=codegen.epsilon(arithmetic))
     if prepared.begin is not None:
         step = prepared.begin(step, *(value(x, d, arithmetic, prepared.arrays) for x in (q, p)))
@@ -89,7 +95,10 @@ def lay_out(
     p: Sequence[Any] | np.ndarray,
     arithmetic: str = DOUBLE,
 ) -> Layout:
-    """Allocate what a kernel needs for a run with step h from the state (q, p) of d components each, and compile it."""
+    """Compile a kernel (loop over steps) and allocate its memory for a run with step h from the state (q, p).
+
+    q and p have d components.
+    """
     order = 1 + (prepared.linear or prepared.width) if prepared.implicit or prepared.linear else 2
     carry = Carry(
         state=zeros((4 + prepared.stages, max(energy_model.NUMBERS, d)), arithmetic),
@@ -107,9 +116,9 @@ class PreparedRun:
     """A method on a problem, compiled: ``run(h, steps)`` integrates and keeps no rows.
 
     Nothing is checked: h is a number, ``steps`` a positive integer, q0 and p0 have d finite numbers.  Every call starts
-    anew.  `advance` is such a call without reading the end state back: it is what should be timed.  Methods whose
-    coefficients depend on the initial state (methods that keep H0) or on h (trigonometric ones) compute them again if
-    these differ from the last call's, which takes longer.
+    anew.  `advance` is a call that does not copy the end state out: it is what should be timed.  Methods whose
+    coefficients depend on the initial state (methods that keep its energy H0) or on h (trigonometric ones) compute the
+    coefficients again if the state or h differs from the last call's, which takes longer.
 
     Attributes
     ----------
@@ -166,14 +175,20 @@ class PreparedRun:
         self._start[0], self._start[1] = q0, p0
 
     def advance(self, h: float, steps: int) -> int:
-        """Integrate from the start and return the kernel's code, 0 for "ok"; the end state stays in its memory."""
+        """Integrate from the state that `restart` set, at first the initial one; return the kernel's code, 0 for "ok".
+
+        The end state stays in the kernel's memory.
+        """
         if self._prepared.begin is not None:
             self._begin(h)
         return self._call(self._address, h, steps)
 
     @property
     def counts(self) -> dict[str, int]:
-        """Name -> number, of the last call: steps, evaluations of the gradient, Newton solves, fallbacks."""
+        """Counts of the last call: name -> number of steps, gradient evaluations, Newton solves and fallbacks.
+
+        A fallback is a step without the property that the method promises.
+        """
         return {name: int(self._layout.counts[name]) for name in COUNTED}
 
     @property
@@ -213,7 +228,10 @@ class PreparedRun:
     __del__ = _release
 
     def _run_uncompiled(self, address: int, h: float, steps: int) -> int:
-        """Integrate ``steps`` steps of h from the start by the uncompiled kernel; returns the status code."""
+        """Integrate ``steps`` steps of h from the start by the uncompiled kernel; returns the status code.
+
+        ``address`` is not used: the function replaces a compiled one that has this argument.
+        """
         self._layout.step = self._layout.step._replace(h=float(h))
         self._layout.restart(*self._start)
         self._end.fill(np.nan)

@@ -33,7 +33,7 @@ class Method:
     volume : its step map, which is not symplectic, conserves the volume of phase space; False if nothing is declared
     energy, quadratic : how the energy and invariants of the form q.D p of canonical systems are kept, one of
         `ROUND_OFF`, `BOUNDED`, `DRIFT`, or `NONE` if it is not conserved and no more is declared
-    tangent : on systems with constraints, its momenta fulfil the hidden constraints
+    tangent : on systems with constraints, its momenta fulfil the hidden ones, the time derivatives of the constraints
     source, cite : author, year, equation; and the keys of the works in ``bibliography.bib``
     requires : traits, keys of `TRAITS`, that a system must have
     parameters : names and values of its parameters

@@ -1,6 +1,6 @@
-"""METHODS: the registry of all integration methods, one record each.
+"""METHODS: the registry of all integration methods, one record (`record.Method`) each.
 
-A new method of a family that exists is one more record in a module of `records` (see CONTRIBUTING).
+To add a method whose family (kind of kernel) exists, add a record to a module of `records` (see CONTRIBUTING).
 """
 
 from __future__ import annotations

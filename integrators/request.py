@@ -61,7 +61,10 @@ def request(
     t0: float = 0.0,
     tangent: bool = True,
 ) -> Request:
-    """Check the arguments of a run and return them as a `Request`; raises InvalidInput."""
+    """Check the arguments of a run, those of `integrate`, and return them as a `Request`; raises InvalidInput.
+
+    With ``tangent`` the initial momenta of a system with constraints must fulfil the hidden constraints, too.
+    """
     h, steps = grid(h, t_end, steps, t0)
     every = spacing(save_every, steps)
     system, q, p = initial(problem, q0, p0, tangent=tangent)
@@ -164,10 +167,11 @@ def initial(
     exact: bool = False,
     tangent: bool = True,
 ) -> tuple[PartitionedSystem, Any, Any]:
-    """(system, q, p): a problem's system and initial state, arrays (d,) of doubles; as they are given if ``exact``.
+    """Return (system, q, p): a problem's system, and q0 and p0 or, where these are None, the problem's own.
 
-    Raises InvalidInput if the state does not fit the system, H is not finite there, or the state violates the system's
-    constraints; with ``tangent`` it must satisfy the hidden constraints, too.
+    q and p are arrays (d,) of doubles; if ``exact``, they are returned as they were given.  Raises InvalidInput if the
+    state does not fit the system, H is not finite there, or the state violates the system's constraints; with
+    ``tangent`` it must satisfy the hidden constraints, too.
     """
     system = getattr(problem, "system", problem)
     if not hasattr(system, "vector_field"):

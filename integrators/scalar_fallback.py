@@ -1,7 +1,7 @@
 """Integrate orbits of an ensemble one by one with a compiled kernel, on threads, if they cannot run in SIMD lanes.
 
-A kernel runs without the interpreter's lock, Python code before and after it does not.  What `integrate` does there for
-each orbit is done here for all orbits at once, so that threads do not wait for one another.
+A kernel (loop over steps) runs without the interpreter's lock, but the Python code of `integrate` before and after it
+does not: threads that call `integrate` for each orbit wait for one another.  Here that code runs once for all orbits.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ from .threads import map_slices
 def run(orbits: Orbits, members: np.ndarray, threads: int, tell: Callable[[int], None]) -> np.ndarray:
     """Integrate the orbits with the indices ``members`` and fill their rows; return the indices left for `integrate`.
 
-    Left are the orbits whose kernel stopped early, and all orbits of methods whose steps may be fallbacks: steps
-    without the property that the method promises.  ``tell`` is called with the number of orbits finished since before.
+    Left are the orbits whose kernel stopped early, and all orbits of methods that may take fallbacks: steps without the
+    property that the method promises.  ``tell`` is called with the number of orbits finished since its last call.
     """
     known = {k: prepare(orbits.kinds[k], orbits.system) for k in set(orbits.kind[members].tolist())}
     whole = np.array([not known[k].missed for k in orbits.kind[members].tolist()], bool)

@@ -106,7 +106,11 @@ class SectionOrbits(Orbits):
         return np.empty((rows, self.system.d)), np.empty((rows, self.system.d))
 
     def keeper(self, members: np.ndarray, width: int) -> Callable[[int, np.ndarray, np.ndarray, int], None]:
-        """Return the function that searches blocks of rows of these orbits for crossings (see `Orbits.keeper`)."""
+        """Return the function that searches computed rows of the orbits with the indices ``members`` for crossings.
+
+        The function (first, q, p, taken) gets arrays q, p of shape (blocks of orbits, rows, d, width), the number
+        ``first`` of their first row, and the number of steps taken so far (see `Orbits.keeper`).
+        """
         search = Search(self, members, width)
         steps, every, looks = int(self.steps[members[0]]), int(self.every[members[0]]), self.Q.shape[1] - 1
         seen, near = 0, self.system.singularities > 0
@@ -151,7 +155,11 @@ class SectionOrbits(Orbits):
 
 
 class Search:
-    """Searches the rows of some orbits for crossings of a plane, block by block, as they are computed."""
+    """Searches the rows of some orbits for crossings of a plane, block by block, as they are computed.
+
+    The orbits are those with the indices ``members`` of ``orbits``, ``width`` of them side by side in SIMD lanes.  They
+    take ``steps`` steps, by default as many as ``orbits`` says.
+    """
 
     def __init__(self, orbits: SectionOrbits, members: np.ndarray, width: int, steps: int | None = None) -> None:
         self._orbits, self._members = orbits, members
@@ -170,7 +178,10 @@ class Search:
         self._points, self._owners = np.empty((0, 0)), np.empty((0, 1), np.int64)
 
     def __call__(self, first: int, q: np.ndarray, p: np.ndarray) -> None:
-        """Search rows q, p (blocks, rows, d, width), from row number ``first`` on; store the crossings."""
+        """Search rows q, p, arrays (blocks of orbits, rows, d, width), for crossings and store these.
+
+        ``first`` is the number of the first row, 0 for the one after the initial state.
+        """
         blocks, rows, d, width = q.shape
         most = blocks * width * (rows // 2 + 1)
         if len(self._points) < most:
@@ -185,7 +196,10 @@ class Search:
 
 
 def prepare_orbits(asked: ensemble.EnsembleRequest, component: int, at: float, rising: bool) -> SectionOrbits:
-    """Create the orbits of a section by the plane (q, p)[component] = at, crossed in rising or falling direction."""
+    """Create the orbits of a section by the plane (q, p)[component] = at, crossed in rising or falling direction.
+
+    ``asked`` is the checked input of the ensemble.
+    """
     n, d = asked.q.shape
     looks = int(np.clip(LOOKED // (2 * d * n), 1, LOOKS))
     orbits = SectionOrbits.create(*asked, 1 + looks)
@@ -196,7 +210,7 @@ def prepare_orbits(asked: ensemble.EnsembleRequest, component: int, at: float, r
 
 
 def build_section(orbits: SectionOrbits, seconds: float) -> Section:
-    """Make the `Section` from orbits that have been integrated."""
+    """Make the `Section` from orbits that were integrated and searched in ``seconds``; the time to sort is added."""
     began, d = time.perf_counter(), orbits.system.d
     points, numbers = orbits.crossings.sort_points(len(orbits.q))
     orbit = np.repeat(np.arange(len(numbers)), numbers)

@@ -26,8 +26,10 @@ class Solution:
     status, reason : "ok", or what went wrong and what to do.  Rows end before the failure; in a run that is "unstable"
         or "inaccurate" they go on to the end, but are not the orbit
     counts : steps, evaluations of the gradient and of higher derivatives, stage iterations, Newton solves, fallbacks
+        (steps without the property that the method promises)
     h, method : the step that was taken and the method
-    parameter : array (n - 1,), the parameter lambda of Schemes IV and V in the last step of a row (NaN: no root)
+    parameter : array (n - 1,), for methods that choose a parameter in each step to keep the energy: that of the last
+        step before each row after the first; NaN if none was found, and for all other methods
     seconds : time of the kernel (the compiled loop over steps) alone, without compilation
     problem : what was integrated, a problem or a system
     """

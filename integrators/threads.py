@@ -60,7 +60,7 @@ class Slices:
             yield part
 
     def adapt(self, part: slice, seconds: float) -> None:
-        """Update the smallest length of a slice from the seconds that the slice ``part`` took."""
+        """Update `fewest`, the smallest length of a slice, from the seconds that the slice ``part`` took."""
         self.fewest = max(1, round((part.stop - part.start) * LEAST / max(seconds, 1e-9)))
 
     def end(self) -> None:

@@ -44,6 +44,8 @@ PIECE = 200_000
 class Pace:
     """The number of steps in one kernel call: few at first if there is a time limit, then more.
 
+    A kernel is a compiled loop over steps; the clock is looked at between its calls.
+
     Attributes
     ----------
     steps : the number of steps in the next call
@@ -84,7 +86,8 @@ class Trajectory:
     Attributes
     ----------
     q, p : arrays (n + 1, d); row 0 is the initial state
-    parameter : array (n, 1), a parameter that the kernel finds in a step, such as lambda of Schemes IV and V; else NaN
+    parameter : array (n, 1), for methods that choose a parameter in each step to keep the energy: that of the last
+        step before each row after the first; else NaN
     filled : the number of filled rows after the initial state
     reached : the number of the step that the last filled row belongs to
     status, reason : the status so far, "ok" unless the run has stopped, and its reason
@@ -145,7 +148,7 @@ class Trajectory:
                 self.status = TIMEOUT
 
     def _call(self, run: Layout, n: int, every: int, pace: Pace) -> tuple[int, int]:
-        """Fill the next n rows, ``every`` steps apart, by one kernel call; (rows filled, status code)."""
+        """Fill the next n rows, ``every`` steps apart, by one kernel call; returns (rows filled, status code)."""
         part = slice(self.filled, self.filled + n)
         began = time.perf_counter()
         filled, code = run(self.q[1:][part], self.p[1:][part], self.parameter[part], every)
@@ -187,7 +190,10 @@ class Trajectory:
         return code
 
     def _find_flaw(self, first: int, n: int) -> tuple[int, str]:
-        """(number of good rows among n from ``first`` on, reason): good until a state or its energy is not finite."""
+        """Check the n rows from ``first`` on; returns (how many are good, the reason why the next one is not, or "").
+
+        A row is good if its state and energy, and those of the rows before it, are finite.
+        """
         if self.arithmetic == MULTIPRECISION:
             return n, ""
         Q, P = self.q[first : first + n], self.p[first : first + n]
@@ -225,7 +231,11 @@ class Trajectory:
             self.reason += "this orbit; take another method, or a smaller h; stopped"
 
     def conclude(self, timeout: float | None, fallbacks: int) -> None:
-        """Complete status and reason at the end of a run; judge the energy error and steps across singularities."""
+        """Complete status and reason at the end of a run; judge the energy error and steps across singularities.
+
+        ``timeout`` is the time limit in seconds; ``fallbacks`` is the number of steps that lack what the method
+        promises.
+        """
         at = f"after step {self.reached} of {self.steps} (t = {float(self.t0 + self.h * self.reached):.6g})"
         if self.status in (OK, TIMEOUT):
             if self.status == TIMEOUT:
@@ -266,7 +276,10 @@ class Trajectory:
         self.reason = "; ".join(filter(None, (self.reason, found.reason)))
 
     def _count_missed(self, fallbacks: int) -> None:
-        """State in the reason how many steps were fallbacks; if many, set the status "no-root"."""
+        """State in the reason how many steps were fallbacks; if many, set the status "no-root".
+
+        A fallback is a step that lacks what the method promises.
+        """
         if not self.missed or not fallbacks or self.status != OK:
             return
         self.reason = f"{fallbacks} of {self.reached} steps {self.missed}"

@@ -84,7 +84,7 @@ def band_of(reach: Sequence[np.ndarray]) -> Band:
 
 @jit
 def columns(band: Band) -> int:
-    """Number of columns of the array that stores the factorized matrix: band, fill-in, and each row's pivot."""
+    """Return the number of columns of the array for a factorized matrix: band, fill-in, and each row's pivot."""
     return 3 * band.width + 2
 
 
@@ -145,13 +145,16 @@ def substitute(A: np.ndarray, at: int, n: int, width: int, table: np.ndarray, ro
 
 @jit
 def forget(work: np.ndarray, at: int, end: int) -> None:
-    """Mark the matrix in the rows of ``work`` from ``at`` on, of ``end`` columns, as one to be computed again."""
+    """Mark a stored matrix, so that it will be computed again; it is in the rows of ``work`` from ``at`` on.
+
+    ``end`` is the number of its columns, the last of which takes the mark.
+    """
     work[at, end - 1] = -1.0
 
 
 @jit
 def is_stale(work: np.ndarray, at: int, end: int) -> bool:
-    """True if the matrix in the rows of ``work`` from ``at`` on, of ``end`` columns, is marked by `forget`."""
+    """True if `forget` has marked the matrix in the rows of ``work`` from ``at`` on, which has ``end`` columns."""
     return work[at, end - 1] < 0
 
 
@@ -159,12 +162,15 @@ def is_stale(work: np.ndarray, at: int, end: int) -> bool:
 
 
 def band_solver(G: Callable, lengths: Callable) -> Callable:
-    """Make the solver of x = G(x, arguments) by Newton's method in a band; ``lengths`` as in `solve.solver`.
+    """Make the solver of x = G(x, arguments) by Newton's method with a banded matrix.
 
     The solver is a function (arguments, start, span, eps, band, room) -> (x, evaluations of G, status as in `solve`).
     ``start`` (n,) is the first x, ``span`` the size of the variables in which G varies, ``eps`` the machine epsilon,
     ``band`` the `Band` of 1 - G', and ``room`` the `Room`, in which the factorized matrix stays for the next equation
     of the same kind, until `forget`.  ``arguments`` is passed to G; it is a NamedTuple with a field q.
+
+    ``lengths(x, G(x), arguments)`` returns the sizes of the variables to which the two halves of x belong, to choose
+    the lengths of finite differences.
     """
 
     @jit
@@ -246,7 +252,10 @@ def band_solver(G: Callable, lengths: Callable) -> Callable:
     def improve(
         arguments: Any, x: Value, span: Number, eps: Number, work: tuple[Band, Room]
     ) -> tuple[Value, Number, Number, int, int]:
-        """Make one step of Newton's method from x: (new x, its distance from x, its size, evaluations of G, status)."""
+        """Make one step of Newton's method from x, with a matrix computed at x; ``work`` is (band, room).
+
+        Returns (new x, length of the correction, size of the new x, evaluations of G, status).
+        """
         band, room = work
         g, evaluations = G(x, arguments), 1 + len(band.owner)
         if not linearize(arguments, x, g, span, eps, band, room):

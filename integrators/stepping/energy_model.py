@@ -64,7 +64,15 @@ class Search(NamedTuple):
 
 
 class Attempt(NamedTuple):
-    """A trial step: the state ``y`` after it, its energy error E, the round-off ``unit`` of H, its solver's status."""
+    """A trial step with some parameter x.
+
+    Attributes
+    ----------
+    y : the state after the step
+    E : its energy error
+    unit : the round-off of H
+    status : the status of the solver of the stage equations (`solve`)
+    """
 
     y: State
     E: float
@@ -87,7 +95,11 @@ def smaller_root(c0: float, c1: float, c2: float) -> float:
 
 @inline
 def residual_factor(E: float, unit: float) -> float:
-    """How many times round-off the stage equations of an attempt may be off if its energy error is about E."""
+    """Return how exactly to solve the stage equations of a trial step whose energy error is expected to be about E.
+
+    The result is the admissible error in units of the round-off: 1, or more if E is far above ``unit``, the round-off
+    of H.
+    """
     return EASE * abs(E) / unit if 0 < EASED * unit <= EASE * abs(E) < np.inf else 1.0
 
 
@@ -102,7 +114,10 @@ def muller(x0: float, x1: float, x2: float, E0: float, E1: float, E2: float) -> 
 
 @inline
 def extrapolate_slope(models: np.ndarray, row: int) -> float:
-    """The slope of the model in ``models[row]``, extrapolated to the step that begins; adds that step to its age."""
+    """Return the slope of the model in ``models[row]`` at x = 0, extrapolated to the step that begins.
+
+    The model's age, the number of steps since its slope was measured, is increased by this step.
+    """
     age = models[row, AGE] + 1
     models[row, AGE] = age
     return models[row, SLOPE] + age * (models[row, RATE] + 0.5 * (age + 1) * models[row, BEND])
@@ -110,7 +125,7 @@ def extrapolate_slope(models: np.ndarray, row: int) -> float:
 
 @inline
 def renew(models: np.ndarray, row: int, slope: float) -> None:
-    """Store a measured slope of E in the model ``models[row]``, with its first and second change per step."""
+    """Store a measured slope of E in the model ``models[row]``, and the slope's first and second change per step."""
     age = models[row, AGE]
     rate = (slope - models[row, SLOPE]) / age
     models[row, BEND] = (rate - models[row, RATE]) / age

@@ -45,7 +45,10 @@ ROWS = 5
 
 
 def _series(k: int) -> tuple[float, float, tuple[float, ...]]:
-    """Coefficients of the series of (2 N + k)! c_k(-y), c_k a Stumpff function: the first two, and the others."""
+    """Coefficients of the power series in y of (2 N + k)! c_k(-y), with c_k a Stumpff function and N = `TERMS`.
+
+    Returns (the first, the second, a tuple of the others).
+    """
     first, second, *more = (float(factorial(2 * TERMS + k) // factorial(2 * n + k)) for n in range(TERMS + 1))
     return first, second, tuple(more)
 
@@ -65,7 +68,8 @@ OVER_2, OVER_3 = _reciprocal(factorial(2 * TERMS + 2)), _reciprocal(factorial(2 
 def root(square: Number, guess: Number) -> tuple[Number, Number]:
     """(square root, inverse of it) of each lane of ``square``, by one correction of a ``guess`` of the inverse.
 
-    The residue is not rounded to a grid that is finer below 1 than above, which would give the inverse a bias.
+    The residue 1 - square * guess^2 is computed by a fused multiply-add.  A rounded product near 1, below which doubles
+    lie closer than above, would give the inverse a bias.
     """
     r = square * guess
     inverse = guess + 0.5 * guess * exact_fma(-r, guess, 1.0)

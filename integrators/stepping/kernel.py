@@ -141,7 +141,7 @@ class Prepared:
     ----------
     run, step : the kernel as a Python function, and its first argument, the family's NamedTuple
     width, stages : components of a stage's unknown, and the number of such unknowns in a step
-    implicit, hessian : True if evaluations count as iterations, and as evaluations of higher derivatives
+    implicit, hessian : True if evaluations are also counted as iterations, and as evaluations of higher derivatives
     linear : number of unknowns of the largest linear system that the kernel solves; ``width`` by default
     work : shape of the memory for that system if it is not a full square matrix
     arrays : True if states are arrays whatever d is: for a step that works in place, on a system's
@@ -166,13 +166,16 @@ class Prepared:
     apart: bool = False
 
     def tally(self, steps: int, gradient: int, fallbacks: int = 0, newton: int = 0) -> dict[str, int]:
-        """The counts that a solution reports, name in `TALLY` -> number, from those that the kernel counted."""
+        """Return the counts that a solution reports, name in `TALLY` -> number, from those that the kernel counted."""
         numbers = steps, gradient, gradient if self.hessian else 0, gradient if self.implicit else 0, fallbacks, newton
         return dict(zip(TALLY, numbers, strict=True))
 
 
 def array(rows: Iterable[Iterable[Any]], arithmetic: str) -> np.ndarray:
-    """Convert exact numbers to an array of two dimensions in the arithmetic; short rows are padded with zeros."""
+    """Convert rows of exact numbers to a two-dimensional array of doubles or, if ``arithmetic`` says so, MPFR numbers.
+
+    Short rows are padded with zeros.
+    """
     rows = [list(r) for r in rows]
     out = zeros((len(rows), max(map(len, rows), default=1)), arithmetic)
     for i, r in enumerate(rows):
@@ -182,7 +185,7 @@ def array(rows: Iterable[Iterable[Any]], arithmetic: str) -> np.ndarray:
 
 
 def numbers(row: Iterable[Any], arithmetic: str) -> np.ndarray:
-    """Convert exact numbers to a read-only array (n,) in the arithmetic."""
+    """Convert n exact numbers to a read-only array (n,) of doubles or, if ``arithmetic`` says so, MPFR numbers."""
     return freeze(array([row], arithmetic)[0])
 
 
@@ -194,7 +197,7 @@ def freeze(x: Any) -> np.ndarray:
 
 
 def zeros(shape: int | tuple[int, ...], arithmetic: str) -> np.ndarray:
-    """An array of zeros, doubles or MPFR numbers by the arithmetic."""
+    """Return an array of zeros: doubles, or MPFR numbers if ``arithmetic`` is "multiprecision"."""
     if arithmetic == MULTIPRECISION:
         out = np.empty(shape, dtype=object)
         out.fill(codegen.to_number(0, arithmetic))
@@ -203,9 +206,10 @@ def zeros(shape: int | tuple[int, ...], arithmetic: str) -> np.ndarray:
 
 
 def value(x: Iterable[Any], d: int, arithmetic: str = DOUBLE, arrays: bool = False) -> tuple[float, ...] | np.ndarray:
-    """Convert the numbers x to what kernels for d degrees of freedom take: a tuple, or an array if d is large.
+    """Convert the numbers x to the form in which kernels for d degrees of freedom take them.
 
-    ``arrays`` forces an array.  It is an array, too, if nothing is compiled or in multiprecision.
+    That is a tuple of doubles, or an array if d is large, ``arrays`` is true, nothing is compiled, or the arithmetic is
+    multiprecision.
     """
     if arithmetic == DOUBLE and codegen.compiled() and codegen.value_kind(d, arrays) == "tuple":
         return tuple(map(float, x))
@@ -218,7 +222,10 @@ def family_of(method: Method) -> ModuleType:
 
 
 def prepare(method: Method, system: Hamiltonian, arithmetic: str = DOUBLE) -> Prepared:
-    """Prepare ``method`` for ``system``: its kernel, not yet compiled, with its data; from the cache if it is there."""
+    """Prepare ``method`` for ``system``: return its kernel, not yet compiled, and data.
+
+    They are taken from the cache if they are there.
+    """
     entry = preparation.entry(method, system) if arithmetic == DOUBLE else None
     found = preparation.read(entry)
     if found is None:
@@ -249,7 +256,10 @@ _TABLE = types.Array(types.float64, 2, "C")
 
 
 def kernel(prepared: Prepared, d: int, arithmetic: str = DOUBLE) -> Callable:
-    """Return ``prepared.run`` compiled for d degrees of freedom, from the cache if there; if not compiled, as it is."""
+    """Return the loop ``prepared.run`` compiled for d degrees of freedom, or from the cache if it is there.
+
+    In multiprecision, or if nothing is compiled in this process, the Python function is returned.
+    """
     if arithmetic == MULTIPRECISION or not codegen.compiled():
         return prepared.run
     known = _of_prepared.setdefault(prepared, {})
@@ -273,9 +283,10 @@ def _compile(prepared: Prepared, d: int) -> Callable:
 
 
 def entry(kernel: Callable) -> Callable:
-    """Return the entry point through which Python calls a compiled kernel; a kernel not compiled is returned as it is.
+    """Return the function by which Python calls a compiled kernel with the types for which it was compiled.
 
-    It replaces Numba's dispatcher, which cannot type a function inside a tuple, as the kernel's arguments have.
+    It replaces Numba's dispatcher, which cannot determine the type of a function inside a tuple, as the kernel's
+    arguments have.  A kernel that is not compiled is returned unchanged.
     """
     return next(iter(kernel.overloads.values())).entry_point if hasattr(kernel, "overloads") else kernel
 
@@ -288,7 +299,11 @@ def _tuple_type(fields: Iterable[types.Type], kind: type | None = None) -> types
 
 
 def _type(x: Any) -> types.Type:
-    """The Numba type of a field of a step; functions become pointers, so that one kernel serves every system."""
+    """Return the Numba type of an argument of a kernel: a number, array, function or (nested) tuple of these.
+
+    A function has the type of a pointer to a function of its signature, so that one compiled kernel serves every
+    system.
+    """
     if isinstance(x, tuple):
         return _tuple_type(map(_type, x), type(x) if hasattr(x, "_fields") else None)
     if isinstance(x, machine.Function) or is_jitted(x):

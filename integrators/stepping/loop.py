@@ -84,7 +84,10 @@ def loop(
 
 
 def _bind(run: Callable, family: str, functions: dict[str, Callable]) -> Callable:
-    """Return a copy of ``run`` with these functions as globals, under the name ``family.run``, used to cache it."""
+    """Return a copy of ``run`` in which the names in ``functions`` stand for these functions.
+
+    It is called ``run`` in the module ``family``, the name under which it is cached.
+    """
     made = machine.with_functions(run, functions)
     made.__module__, made.__name__, made.__qualname__ = family, "run", "run"
     return made
@@ -99,11 +102,11 @@ def time_loop(resume: Callable, reach: Callable, leave: Callable) -> Callable:
 
     Its rows are the states at multiples of ``samples.every`` h.  It is made from the functions
 
-    - ``resume(method, carry, y)`` -> clock: the time and what else the step control needs, as the last call left it
-      (``leave``), or at the start of a run.
+    - ``resume(method, carry, y)`` -> clock: the time and what else the step control needs, as ``leave`` stored it in
+      the last call of the kernel, or at the start of a run.
     - ``reach(method, carry, y, clock, until, every, counts)`` -> (y, clock, there, status): steps to the last state y
-      before the time ``until``, and from there to the state ``there`` at that time, by a step that is used for the
-      output alone and does not belong to the orbit.
+      before the time ``until``, that of the next row, ``every`` h after the row before.  ``there`` is the state at that
+      time, by a step from y that is used for the output alone and does not belong to the orbit.
     - ``leave(carry, clock)`` stores the clock for the next call.
     """
 

@@ -50,7 +50,7 @@ class OfWeights(NamedTuple):
     Attributes
     ----------
     h : step sizes, array (blocks of orbits, lanes)
-    mu, lam : the fields of the step with these names, arrays (blocks, substeps, lanes)
+    mu, lam : weights of the substeps, arrays (blocks, substeps, lanes), which replace the fields mu and lam of a step
     """
 
     h: Any
@@ -119,7 +119,10 @@ def _make_twin(system: Hamiltonian, lanes: Lanes) -> Hamiltonian:
 def _block_loop(
     run: Function, step: Any, varying: tuple, tables: Carry, zero: Value, samples: Samples, counts: np.record
 ) -> None:
-    """Call the kernel ``run`` for every block of orbits, with its part of each array; other arguments as in `loop`."""
+    """Call the kernel ``run`` for every block of orbits, with the block's part of each array.
+
+    The other arguments are those of the function that `loop` returns.
+    """
     for b in range(len(counts)):
         orbit = Carry(block_of(tables.state, b), block_of(tables.memory, b), block_of(tables.work, b), zeros_of(zero))
         rows = Samples(block_of(samples.q, b), block_of(samples.p, b), block_of(samples.parameter, b), samples.every)
@@ -165,7 +168,7 @@ def loop(prepared: Prepared, varying: tuple, d: int) -> Callable:
 
 
 def to_blocks(rows: np.ndarray, fill: float = np.nan) -> np.ndarray:
-    """Regroup rows of orbits (n, ...) as blocks (blocks, ..., lanes); the last block is filled up with ``fill``."""
+    """Regroup an array (n, ...), a row for each orbit, as (blocks, ..., lanes); ``fill`` completes the last block."""
     width = LANES.n
     blocks = -(-len(rows) // width)
     full = np.full((blocks * width, *rows.shape[1:]), fill)
@@ -174,13 +177,13 @@ def to_blocks(rows: np.ndarray, fill: float = np.nan) -> np.ndarray:
 
 
 def from_blocks(blocks: np.ndarray, n: int) -> np.ndarray:
-    """Regroup blocks (blocks, ..., lanes) as the rows of the first n orbits."""
+    """Regroup an array (blocks, ..., lanes) as an array (n, ...) with a row for each of the first n orbits."""
     rows = np.moveaxis(blocks, -1, 1)
     return rows.reshape(-1, *rows.shape[2:])[:n]
 
 
 def varying_of(h: np.ndarray, weights: dict[str, np.ndarray]) -> tuple:
-    """Put step sizes (n,) and weights (n, substeps), by name, into blocks: `OfSteps` or `OfWeights`."""
+    """Put step sizes h (n,) and weights (n, substeps), by name, of n orbits into blocks: `OfSteps` or `OfWeights`."""
     fields = {"h": to_blocks(h, 1.0)} | {name: to_blocks(w, 0.0) for name, w in weights.items()}
     return (OfWeights if weights else OfSteps)(**fields)
 

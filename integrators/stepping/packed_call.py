@@ -53,7 +53,7 @@ _known: dict = {}
 
 
 def packed_call(prepared: Prepared, d: int) -> PackedCall:
-    """Return the `PackedCall` of a prepared kernel for d degrees of freedom, compiled once."""
+    """Return the `PackedCall` of a prepared kernel for d degrees of freedom, which is compiled once in a process."""
     run = kernel(prepared, d)
     step, carry, samples, counts = run.nopython_signatures[0].args
     key = (run, step)  # kernels of arrays serve every d, and so do their entries

@@ -69,13 +69,16 @@ def finder(attempt: Callable, followed: bool = True) -> Callable:
 
     @jit
     def eased_attempt(x: Number, start: int, ease: Number, arguments: Any) -> Attempt:
-        """Try the step with parameter x: call `attempt`, without inlining it, so that it is compiled only once."""
+        """Try the step with parameter x: call `attempt` as a function that is not inlined, to compile it only once."""
         forbid_inlining()
         return attempt(x, start, ease, arguments)
 
     @inline
     def apart_attempt(x: Number, start: int, arguments: Any) -> Attempt:
-        """Try the step with parameter x by `eased_attempt`, with its stage equations solved to round-off."""
+        """Try the step with parameter x by `eased_attempt`, with its stage equations solved to round-off.
+
+        ``start`` says where the iteration for these starts from.
+        """
         return eased_attempt(x, start, 1.0, arguments)
 
     @jit
@@ -109,7 +112,10 @@ def finder(attempt: Callable, followed: bool = True) -> Callable:
 
     @jit
     def continue_outwards(side: Number, bound: Number, search: Search, arguments: Any) -> tuple[Number, bool]:
-        """Continue from x = 0 to ``side * bound``, side = 1 or -1, to the nearest root: (x, True if found)."""
+        """Follow the solution of the stage equations from x = 0 to ``side * bound``, up to the nearest root of E.
+
+        ``side`` is 1 or -1.  Returns (x, True if a root was found).
+        """
         E0 = apart_attempt(0.0, FIRST, arguments).E
         inner, Einner, outer, Eouter = 0.0, np.inf, 0.0, E0
         for k in range(search.points):
@@ -207,7 +213,10 @@ def finder(attempt: Callable, followed: bool = True) -> Callable:
     def search_out(
         search: Search, models: np.ndarray, row: int, predicted: Number, arguments: Any
     ) -> tuple[Number, bool, Attempt]:
-        """Search for the root x of the energy error E(x), beginning with E(0); (x, found, the attempt at x)."""
+        """Search for the root x of the energy error E(x), beginning with E(0).
+
+        ``predicted`` is x extrapolated from earlier steps.  Returns (x, True if found, the `Attempt` at x).
+        """
         radius = search.radius
         ease = residual_factor(models[row, START], models[row, UNIT])
         result = eased_attempt(0.0, FIRST, ease, arguments)
@@ -247,7 +256,10 @@ def finder(attempt: Callable, followed: bool = True) -> Callable:
     def search_anew(
         search: Search, models: np.ndarray, row: int, predicted: Number, c1: Number, arguments: Any
     ) -> tuple[Number, bool, Attempt]:
-        """Search for the root by the model with slope c1, and restart the model's history; (x, found, attempt at x)."""
+        """Search for the root x of E without following it from the last step; update the model in ``models[row]``.
+
+        c1 is the slope of the model at x = 0.  Returns (x, True if found, the `Attempt` at x).
+        """
         forbid_inlining()
         known, old = models[row, STREAK] > 0, models[row, SLOPE]
         if known:
@@ -270,7 +282,10 @@ def finder(attempt: Callable, followed: bool = True) -> Callable:
     def find(
         search: Search, models: np.ndarray, row: int, predicted: Number, arguments: Any
     ) -> tuple[Number, bool, Attempt]:
-        """Find the root x of the energy error E(x), followed from earlier steps or searched; (x, found, attempt)."""
+        """Find the root x of the energy error E(x): follow it from earlier steps, or search for it.
+
+        ``predicted`` is x extrapolated from earlier steps.  Returns (x, True if found, the `Attempt` at x).
+        """
         c1 = extrapolate_slope(models, row)
         if followed and is_trusted(search, models, row, predicted, c1, c1 + 2 * models[row, CURVATURE] * predicted):
             x, found, result = follow(search, models, row, predicted, c1, arguments)

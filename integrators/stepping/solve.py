@@ -96,7 +96,10 @@ def remember(memory: np.ndarray, first: int, stages: int, known: int, x: Any) ->
 
 @inline
 def copy(memory: np.ndarray, old: int, new: int, stages: int, like: Any) -> None:
-    """Copy ``stages`` rows of ``memory`` from row ``old`` on to row ``new`` on, as many components as ``like`` has."""
+    """Copy ``stages`` rows of ``memory``, from row ``old`` on, to the rows from ``new`` on.
+
+    Of each row as many components are copied as ``like`` has.
+    """
     for j in range(stages):
         store(memory, new + j, load(memory, old + j, like))
 
@@ -370,7 +373,10 @@ def solver(G: Callable, lengths: Callable = lengths_of_both) -> Callable:
         return x, k + evaluations, 1, status
 
     def solve_lanes(arguments, start, span, eps, work):
-        """Solve x = G(x, arguments) in lanes, by fixed point; (x, evaluations, 0, status)."""
+        """Solve x = G(x, arguments) in SIMD lanes, by fixed point; x is NaN in lanes that are not solved.
+
+        Returns (x, evaluations of G, 0, status).
+        """
         x, evaluations, _ = iterate(arguments, start, span, eps)
         return x, evaluations, 0, SOLVED if (size(x) < np.inf) & (span < np.inf) else NOT_FINITE
 
@@ -451,9 +457,10 @@ def row_solver(sweep: Callable, linearize: Callable) -> Callable:
 
 
 def changes_by_row(change: Callable) -> Callable:
-    """Make the function (equations, old, new) -> the `Change` of unknowns in rows, summed over rows, for `confirmer`.
+    """Make the function (equations, old, new) -> `Change`, the sum over unknowns that are rows of an array.
 
-    ``change(equations, x, y)`` returns the `Change` from a row x to a row y; ``old`` and ``new`` are the first rows.
+    ``change(equations, x, y)`` returns the `Change` from a row x to a row y; the rows of ``equations.memory`` from
+    ``old`` on are compared with those from ``new`` on.  `confirmer` takes such a function.
     """
 
     @inline
@@ -469,7 +476,10 @@ def changes_by_row(change: Callable) -> Callable:
 
 @inline
 def single(rows: np.ndarray) -> bool:
-    """True if a table of coefficients has only one quadrature rule; rows[i] is the number of rows of row i's rule."""
+    """True if a table of coefficients, whose rows are grouped by quadrature rules, has only one such rule.
+
+    rows[i] is the number of rows of the rule to which row i belongs.
+    """
     return rows[0] == len(rows)
 
 
@@ -521,12 +531,19 @@ def refinement(solve: Callable, sweep: Callable, by_rule: Callable, cost: Callab
 
 
 def confirmer(solve: Callable, sweep: Callable, changes: Callable) -> Callable:
-    """Make the solver of `refinement` for unknowns in rows of an array; its x is the number of their first row.
+    """Make the solver of equations with integrals for unknowns that are rows of an array.
 
-    ``solve`` is made by `row_solver` from ``sweep``, and the equations are as there.  Both functions read the rule from
-    ``equations.counts.rule``; the step also has the field ``nodes``: for each row of coefficients, the number of nodes
-    of its rule.  ``changes(equations, old, new)`` is the `Change` from the unknowns in the rows from ``old`` on to
-    those in the rows from ``new`` on.
+    As with `refinement`, it solves with finer and finer quadrature rules, until one confirms the last.  It is a
+    function (equations, at, span, noise, work, counts) -> (at, status); the unknowns are the rows of
+    ``equations.memory`` from number ``at`` on, and the other arguments are those of the solver that `refinement` makes.
+
+    ``sweep`` iterates once, and ``solve`` is the solver that `row_solver` makes from it.  Both take the quadrature rule
+    from ``equations.counts.rule``, the number of its first row in the table of coefficients; ``equations.step.nodes``
+    has for each row of this table the number of nodes of its rule, and the other fields of ``equations`` are those that
+    `row_solver` states.
+
+    ``changes(equations, old, new)`` is the `Change` from the unknowns in the rows from ``old`` on to those in the rows
+    from ``new`` on.
     """
 
     @inline

@@ -196,7 +196,10 @@ class ConstrainedHamiltonian(PartitionedSystem):
 
     @cached_property
     def reduced(self) -> Program:
-        """The index-reduced right-hand sides [q', p'], with the intermediate results of the multipliers in p'."""
+        """The index-reduced right-hand sides [q', p'] as a `Program`: expressions with named intermediate results.
+
+        The intermediate results are those of the elimination that gives the multipliers in p'.
+        """
         from phasebench.integrators.compile.printing import Program
 
         steps: list = []
@@ -309,7 +312,7 @@ class ConstrainedHamiltonian(PartitionedSystem):
     def restore(self, arithmetic: str = DOUBLE) -> Function:
         r"""Make the function (q, q0) -> :math:`G(q_0)^T\mu`, a step of Newton's method for g(q - M^-1 G(q_0)^T mu) = 0.
 
-        :math:`\mu = \bigl(G(q) M^{-1} G(q_0)^T\bigr)^{-1} g(q)`; M is constant.
+        :math:`\mu = \bigl(G(q) M^{-1} G(q_0)^T\bigr)^{-1} g(q)`; M is the constant mass matrix.
         """
         from phasebench.integrators.compile.printing import Program
 
@@ -325,7 +328,11 @@ class ConstrainedHamiltonian(PartitionedSystem):
         return self.make_function("restore", [("q", self.q), ("first", first)], results, T(T, T), arithmetic)
 
     def normal(self, arithmetic: str = DOUBLE) -> Function:
-        r"""The function (q, p) -> :math:`G^T(G M^{-1} G^T)^{-1} G M^{-1} p`, the part of p that leaves the manifold."""
+        r"""The function (q, p) -> :math:`G^T(G M^{-1} G^T)^{-1} G M^{-1} p`, the part of p that leaves the manifold.
+
+        M^-1 is H_pp.  The part is subtracted from p to fulfil the hidden constraints; this is a step of Newton's
+        method, and exact if M is constant.
+        """
         from phasebench.integrators.compile.printing import Program
 
         T = codegen.value_type(self.d)
@@ -364,6 +371,7 @@ class ConstrainedHamiltonian(PartitionedSystem):
     def multipliers(self, arithmetic: str = DOUBLE) -> Function:
         r"""Make the function (q, q0, p0) -> :math:`\bigl(G(q) H_{pp}(q_0, p_0) G(q_0)^T\bigr)^{-1} g(q)`.
 
+        From it a simplified Newton iteration for g = 0, in a step that starts at (q0, p0), corrects the multipliers.
         The m components of the result are padded with zeros to d.
         """
         from phasebench.integrators.compile.printing import Program
@@ -382,7 +390,10 @@ class ConstrainedHamiltonian(PartitionedSystem):
         return self.make_function("multipliers", arguments, results, T(T, T, T), arithmetic)
 
     def offset(self, arithmetic: str = DOUBLE) -> Function:
-        r"""Make the function q -> :math:`G^T(G G^T)^{-1} g`: q minus it is a step of Newton's method for g(q) = 0."""
+        r"""Make the function q -> :math:`G^T(G G^T)^{-1} g`, which is subtracted from q to solve g(q) = 0.
+
+        The subtraction is a step of Newton's method.
+        """
         from phasebench.integrators.compile.printing import Program
 
         T = codegen.value_type(self.d)
@@ -479,7 +490,10 @@ class ConstrainedHamiltonian(PartitionedSystem):
         return (found, way) if good else None
 
     def _nearest(self, first: Floats, p: Floats, M: Floats) -> Floats:
-        """The q of least distance from ``first`` in the metric of M^-1 with g(q) = 0; may be NaN."""
+        """The q with g(q) = 0 of least distance from ``first``, measured by the inverse of the matrix M; it may be NaN.
+
+        M (d, d) is H_pp at the start, or the unit matrix; p are any momenta, which have no influence on q.
+        """
         found = first
         for _ in range(PROJECTIONS):  # least squares with the constraints made linear
             g, G, _, _ = self._numbers(found, p)
@@ -562,7 +576,7 @@ class ConstrainedHamiltonian(PartitionedSystem):
         raise InvalidInput(f"{text}; the nearest consistent start is {paste.format(*texts)}")
 
     def _check_independent(self, q: Floats, p: Floats) -> None:
-        """Raise InvalidInput where G has not full rank, or G H_pp G^T is singular."""
+        """Raise InvalidInput if at (q, p) the Jacobian G has not full rank, or G H_pp G^T is singular."""
         with np.errstate(all="ignore"):
             _, G, _, M = self._numbers(q, p)
         if not (np.isfinite(G).all() and np.isfinite(M).all()):

@@ -1,9 +1,9 @@
 """Parse formulae that a user types, by a whitelist: Python's parser makes the syntax tree, nothing is evaluated.
 
-Read are decimal numbers, + - * / ** and parentheses, the functions of `FUNCTIONS`, the constants pi and e, and the
-variables that the caller names.  An integer is exact and a decimal the double that Python reads, but in an exponent it
-is the fraction that it stands for: q**0.1 is q**(1/10).  What SymPy could not finish (towers of powers, sums that
-expand to millions of terms) is refused before it starts; the limits stand below.
+A formula consists of decimal numbers, + - * / ** and parentheses, the functions of `FUNCTIONS`, the constants pi and e,
+and the variables that the caller names.  An integer is exact, and a decimal is the double that Python reads; but in an
+exponent a decimal is the fraction that it stands for: q**0.1 is q**(1/10).  Formulae that SymPy would not process in
+any reasonable time (towers of powers, sums that expand to millions of terms) are refused by limits on their size.
 """
 
 from __future__ import annotations
@@ -117,7 +117,8 @@ def _tree(text: str) -> ast.expr:
 def _chain(node: ast.BinOp, kinds: tuple[type, ...]) -> list[tuple[type, ast.expr]]:
     """List the operands of a chain such as a - b + c, in order, as pairs (class of the operator before it, operand).
 
-    The loop replaces a recursion, so that a sum of a thousand terms does not count as deeply nested.
+    ``kinds`` are the classes of the operators that form a chain; the first operand gets the first of them.  The loop
+    replaces a recursion, so that a sum of a thousand terms does not count as deeply nested.
     """
     operands: list[tuple[type, ast.expr]] = []
     while isinstance(node, ast.BinOp) and isinstance(node.op, kinds):
@@ -257,7 +258,7 @@ def _power(base: sp.Expr, n: sp.Expr) -> sp.Expr:
 
 
 def _apply(function: Callable[[sp.Expr], sp.Expr], x: sp.Expr) -> sp.Expr:
-    """The function of the expression x; raises InvalidInput where SymPy's simplification makes it too large."""
+    """Return function(x) for a function of SymPy, which simplifies it; raises InvalidInput if it becomes too large."""
     if function is sp.sqrt:
         return _power(x, sp.Rational(1, 2))
     if function is sp.exp:

@@ -5,7 +5,8 @@ r"""The coefficients of the parameterized generating function, from the Hamilton
     S = \sum_{i \ge 1} K_i(u, v)\,t^i .
 
 Comparing powers of t: (i + 1) K_{i+1} is the coefficient of t^i of the right-hand side, a Taylor expansion of H about
-(u, v) in the increments -(1-lambda) S_v and lambda S_u.  K_1 = H, K_2 = (lambda - 1/2) H_u . H_v.
+(u, v) in the increments -(1-lambda) S_v and lambda S_u.  K_1 = H, K_2 = (lambda - 1/2) H_u . H_v.  The arguments of H
+are in the order (p, q): u is p and v is q.
 
 Source: Y. Wang, Y. Bo, W. Cai, "A general symplectic integrator for canonical Hamiltonian systems" (talk), equations
 (13)-(18); K. Feng et al., J. Comput. Math. 7 (1989) 71-96.
@@ -52,7 +53,7 @@ def coefficients(
 ) -> list[sp.Expr]:
     """The coefficients K_1, ..., K_order of the generating function, as expressions in v = q, u = p and ``lam``.
 
-    Raises ValueError for order < 1.
+    ``lam`` is the parameter lambda, by default the symbol `LAMBDA`.  Raises ValueError for order < 1.
     """
     if order < 1:
         raise ValueError(f"the order of a generating function is at least 1, not {order}")
@@ -95,7 +96,10 @@ def _power(
     products: dict[tuple[int, ...], list[sp.Expr]],
     order: int,
 ) -> list[sp.Expr]:
-    """The product of the power series ``shifts[i]`` for i in ``indices``; ``products`` caches those computed before."""
+    """The product of the power series ``shifts[i]`` for i in ``indices``, up to t**order.
+
+    A series is the list of its coefficients; ``products`` caches the products computed before, by their indices.
+    """
     if indices in products:
         return products[indices]
     products[indices] = _times(_power(indices[:-1], shifts, products, order), shifts[indices[-1]], order)

@@ -419,7 +419,7 @@ class Hamiltonian(PartitionedSystem):
         Further quantities that the exact flow conserves.
     frequencies : d numbers, optional
         Declares the fast linear part: H = |p|^2 / 2 + sum omega_i^2 q_i^2 / 2 + U(q) with a slow U.
-    kepler : optional
+    kepler : optional `wisdom_holman.KeplerPart`
         Declares the Kepler part, the two-body problems into which a Wisdom-Holman method splits H (`wisdom_holman`).
 
     Raises

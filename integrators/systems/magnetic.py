@@ -130,7 +130,10 @@ def _varies(f: sp.Expr) -> bool:
 
 
 def _of_root(system: PartitionedSystem, root: sp.Pow) -> Particle | None:
-    """The particle of H = a root + phi, if ``root`` is sqrt(M + k |p - A|^2 / 2); else None."""
+    """The particle of H = a root + phi with constant a, if ``root`` is sqrt(M + k |p - A|^2 / 2); else None.
+
+    Such an H is that of a relativistic particle.
+    """
     a, inside = sp.diff(system.H.subs(root, sp.Symbol("r_")), sp.Symbol("r_")), _square(root.base, system.p)
     phi = sp.expand(system.H - a * root)
     if inside is None or a.free_symbols or not a.is_positive or phi.has(*system.p):

@@ -80,7 +80,7 @@ class Division:
             raise InvalidInput(f"{self.N} cells of width {self.dx}: at least 3 of positive width are needed")
 
     def lift(self, y: np.ndarray) -> np.ndarray:
-        """The variables z = (y, D y) in each cell, from arrays y of shape (..., N, n - k)."""
+        """The variables z = (y, w) in each cell, from arrays y of shape (..., N, n - k); w are the k slopes of y."""
         return np.concatenate([y, self.slope(y[..., : self.equation.slopes])], axis=-1)
 
     @cached_property
@@ -132,7 +132,7 @@ class Box(Division):
 
     @cached_property
     def _inverse(self) -> np.ndarray:
-        """The inverse, array (N, N), of the matrix that takes means of neighbours; its entries are 1 and -1."""
+        """The inverse, array (N, N), of the matrix that averages neighbouring values; its entries are 1 and -1."""
         return np.linalg.inv((np.eye(self.N) + np.roll(np.eye(self.N), 1, axis=1)) / 2).round()
 
     def nodes(self, z: np.ndarray) -> np.ndarray:
@@ -145,13 +145,16 @@ class Box(Division):
         return (left + z) / 2 - self._inverse @ ((right - z) - (z - left)) / 4
 
     def slope(self, z: np.ndarray) -> np.ndarray:
-        """The space derivative in each cell: the difference of the values at its ends over its width."""
+        """The space derivative of z in each cell: z at its right end minus z at its left end, divided by its width."""
         return self.nodes((np.roll(z, -1, axis=-2) - z) / self.dx)
 
     back = slope
 
     def two_form(self, u: np.ndarray, v: np.ndarray) -> np.ndarray:
-        """The flux u^T L v of the symplectic form through the left ends of the cells."""
+        """The flux u^T L v of the symplectic form through the left ends of the cells; u, v are tangents in the cells.
+
+        Tangents are solutions of the linearized equation, arrays (..., N, n).
+        """
         return _form(self.nodes(u), self.equation.L, self.nodes(v))
 
     def energy(self, z: np.ndarray) -> np.ndarray:
@@ -176,11 +179,11 @@ class Staggered(Division):
     """The symplectic Euler rule in space: w in a cell is the slope of y between it and the cell on its left."""
 
     def slope(self, z: np.ndarray) -> np.ndarray:
-        """The backward difference in space, over the width of a cell."""
+        """The backward difference of z in space, over the width of a cell."""
         return (z - np.roll(z, 1, axis=-2)) / self.dx
 
     def back(self, w: np.ndarray) -> np.ndarray:
-        """The forward difference in space, over the width of a cell."""
+        """The forward difference of w in space, over the width of a cell."""
         return (np.roll(w, -1, axis=-2) - w) / self.dx
 
     @cached_property
@@ -192,19 +195,28 @@ class Staggered(Division):
         return upper
 
     def _across(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
-        """The bilinear form a^T L_+ b, with a of the cell on the left."""
+        """The bilinear form a^T L_+ b for each cell, with b in the cell and a in the cell on its left.
+
+        L_+ is the part of the equation's matrix L that acts on the slopes w.
+        """
         return _form(np.roll(a, 1, axis=-2), self._upper, b)
 
     def two_form(self, u: np.ndarray, v: np.ndarray) -> np.ndarray:
-        """The flux of the symplectic form of two tangents u, v through the left ends of the cells."""
+        """The flux of the symplectic form of two tangents u, v through the left ends of the cells.
+
+        Tangents are solutions of the linearized equation, arrays (..., N, n).
+        """
         return self._across(u, v) - self._across(v, u)
 
     def energy(self, z: np.ndarray) -> np.ndarray:
-        """The energy density S + z_x^T L_+ z in each cell."""
+        """The energy density S + z_x^T L_+ z in each cell; L_+ is the part of L that acts on the slopes w."""
         return self.equation.S(z) + _form(self.slope(z), self._upper, z)
 
     def energy_flux(self, z: np.ndarray, rate: np.ndarray) -> np.ndarray:
-        """The energy flux -z_t^T L_+ z through the left ends of the cells; ``rate`` is z_t."""
+        """The energy flux -z_t^T L_+ z through the left ends of the cells, with z_t of the cell on the left.
+
+        ``rate`` is z_t; L_+ is the part of L that acts on the slopes w.
+        """
         return -self._across(rate, z)
 
     def momentum(self, z: np.ndarray) -> np.ndarray:
@@ -212,7 +224,11 @@ class Staggered(Division):
         return _form(z, self.equation.K, (self.slope(z) + self.back(z)) / 2) / 2
 
     def momentum_flux(self, z: np.ndarray, rate: np.ndarray) -> np.ndarray:
-        """The momentum flux S - z^T K z_t / 2 through the left ends of the cells, where w is given and y a mean."""
+        """The momentum flux S - z^T K z_t / 2 through the left ends of the cells; ``rate`` is z_t.
+
+        At a left end, w is that of the cell, a difference across this end, and y the mean of the two cells that meet
+        there.
+        """
         m = self.equation.moving
         z, rate = z.copy(), rate.copy()
         for x in (z, rate):

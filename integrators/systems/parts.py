@@ -184,7 +184,7 @@ def _monomial(F: Any, q: tuple[Any, ...], p: tuple[Any, ...]) -> dict | None:
 
 
 def _power_less_one(tau: Any, m: int, n: int) -> Any:
-    """(1 + tau)^(m/n) - 1 without cancellation."""
+    """The expression (1 + tau)^(m/n) - 1, for integers m and n > 0, in a form without cancellation for small tau."""
     u = (1 + tau) ** sp.Rational(1, n)
     ratio = tau * sum(u**j for j in range(abs(m))) / sum(u**j for j in range(n))
     return ratio if m >= 0 else -ratio / u ** (-m)

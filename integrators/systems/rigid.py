@@ -180,10 +180,11 @@ def _potential(given: Formula, q: tuple[Any, ...]) -> Any:
 
 
 def _kept(V: Any, q: Sequence[Any], p: Sequence[Any], L: Sequence[Any], moments: Sequence[Any]) -> dict[str, Any]:
-    """The invariants besides H, name -> expression.
+    """The invariants besides H, name -> expression; V is the potential, L the momenta about the body's axes.
 
-    They are |q|^2, p.q, the momentum about each axis of space rotations about which leave V unchanged, and that about
-    each axis of the body for which this holds and the other two moments of inertia are equal.
+    They are |q|^2 ("length"), p.q ("radial-momentum"), the angular momentum about each axis of space if rotations about
+    it leave V unchanged ("momentum-1", ...), and the one about each axis of the body if this holds for it and the other
+    two moments of inertia are equal ("axis-momentum-1", ...).
     """
 
     def unchanged(turned: list[Any]) -> bool:

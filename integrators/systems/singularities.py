@@ -32,7 +32,13 @@ FACTORIZED = 4
 
 
 class Distances(NamedTuple):
-    """Distances to singularities: ``singular`` ones, which vanish there, and ``softened`` ones, which cannot."""
+    """Distances to the singularities of a Hamiltonian, as expressions in the coordinates.
+
+    Attributes
+    ----------
+    singular : expressions that vanish at a singularity, such as r of 1/r
+    softened : expressions that cannot vanish, such as sqrt(r^2 + eps^2) of a softened potential
+    """
 
     singular: tuple[sp.Expr, ...]
     softened: tuple[sp.Expr, ...]
@@ -41,7 +47,9 @@ class Distances(NamedTuple):
 def find(H: sp.Expr, coordinates: Sequence[sp.Symbol], momenta: Sequence[sp.Symbol]) -> Distances:
     """Find the distances to the singularities of H in the coordinates.
 
-    Bases that contain momenta are left out.  There are no distances if a base has more operations than `LONGEST`.
+    The bases of negative powers in H are searched for zeros, as are the arguments of logarithms and the cosines of the
+    arguments of tangents; all are called bases here.  Those that contain momenta are left out.  If a base has more
+    operations than `LONGEST`, no distances are returned at all.
     """
     found: dict[bool, dict[sp.Expr, None]] = {True: {}, False: {}}
     bases = list(dict.fromkeys(_bases(H, {*coordinates}, {*momenta})))
@@ -56,7 +64,11 @@ def find(H: sp.Expr, coordinates: Sequence[sp.Symbol], momenta: Sequence[sp.Symb
 
 
 def unsearched(system: PartitionedSystem) -> bool:
-    """True if H may have singularities that were not searched for, since a base has more operations than `LONGEST`."""
+    """True if H may have singularities that were not searched for, since its formula is too complicated.
+
+    That is so if a base, an expression that has a negative power or is inside a logarithm or tangent, has more
+    operations than `LONGEST`.
+    """
     if not system.canonical or system.loops or steering_distances(system):
         return False
     return any(map(_too_long, _bases(system.H, {*system.q}, {*system.p})))
@@ -112,7 +124,10 @@ def _bases(H: sp.Expr, coordinates: set, momenta: set) -> Iterator[sp.Expr]:
 
 
 def _factors(base: sp.Expr) -> Iterator[sp.Expr]:
-    """Yield the factors of an expression, without their powers: the expression is zero where one of them is."""
+    """Yield the factors of an expression, without the powers to which they are raised.
+
+    The expression is zero where one of the factors is.
+    """
     exact = base.replace(lambda e: e.is_Float, lambda e: sp.Rational(float(e)))
     numerator = sp.fraction(sp.together(exact))[0]
     for f in sp.Mul.make_args(numerator):
@@ -131,7 +146,12 @@ def _factors(base: sp.Expr) -> Iterator[sp.Expr]:
 
 
 def _distance(F: sp.Expr, variables: Sequence[sp.Symbol]) -> tuple[sp.Expr | None, bool]:
-    """(distance to the zeros of a factor F, True if it vanishes somewhere); the distance is None if F is regular."""
+    """Find the distance to the zeros of F, a factor of an expression whose zeros are singularities of H.
+
+    Returns (distance, True if it vanishes somewhere).  The distance is an expression such as r for F = r^2, which near
+    the zeros of F is about proportional to the length from them.  If F has no zeros, it is a softened distance, which
+    cannot vanish, or None if F is not a polynomial.  ``variables`` are the symbols in F.
+    """
     if F.is_polynomial():
         polynomial = sp.Poly(F, *variables)
         degree = polynomial.total_degree()
@@ -161,9 +181,10 @@ def _of_quadratic(polynomial: sp.Poly, variables: Sequence[sp.Symbol]) -> tuple[
 
 
 def _squares(F: sp.Expr, variables: Sequence[sp.Symbol]) -> tuple[list[tuple], sp.Rational | None]:
-    """Complete squares in a quadratic polynomial: ([(a, x), ...], least value) of sum a x^2 + least value.
+    """Complete squares in a quadratic polynomial F: F is the sum of a x^2 over pairs (a, x), plus its least value.
 
-    The least value is None if F is not bounded below.  It is exact, so that one near zero loses no digits.
+    Returns ([(a, x), ...], least value); each x is linear in the variables.  The least value is None if F is not
+    bounded below.  It is exact, so that one near zero loses no digits.
     """
     squares = []
     for x in variables:
@@ -177,9 +198,9 @@ def _squares(F: sp.Expr, variables: Sequence[sp.Symbol]) -> tuple[list[tuple], s
 
 
 def _sign(F: sp.Expr, variables: Sequence[sp.Symbol]) -> int:
-    """Search a factor F for zeros numerically: 0 if it changes its sign, +-1 if it touches zero, +-2 if it has none.
+    """Search a factor F for zeros numerically: returns 0 if F changes its sign, else 1 or 2, with the sign of F.
 
-    The sign of the result is the sign of F.
+    The result is +-1 if F touches zero, and +-2 if it does not reach zero.
     """
     from scipy.optimize import minimize
 
