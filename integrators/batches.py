@@ -265,7 +265,10 @@ def _share(batch: Batch, part: slice, orbits: Orbits) -> tuple[dict[str, int], i
 
 
 def _integrate(batch: Batch, part: slice, orbits: Orbits) -> dict[str, int]:
-    """Integrate the orbits of a slice of a batch side by side in SIMD lanes; return counts by name."""
+    """Integrate the orbits of a slice of a batch side by side in SIMD lanes, and store their rows in ``orbits``.
+
+    Returns the numbers of steps, evaluations and the like that were needed, by name.
+    """
     members = batch.members[part]
     n, d, width = len(members), orbits.system.d, LANES.n
     varying = orbit_lanes.varying_of(orbits.h[members], {name: rows[part] for name, rows in batch.weights.items()})

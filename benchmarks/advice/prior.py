@@ -28,7 +28,13 @@ ANY = "any"
 
 
 class Prior(NamedTuple):
-    """Stored factors, problem -> power of ten -> integrator -> factor, and the integrators that were measured."""
+    """How much slower than the cheapest integrator each one was in stored measurements.
+
+    Attributes
+    ----------
+    factors : problem -> exponent of ten of the error that was wanted -> integrator -> its time over the cheapest one's
+    competitors : the ids of the integrators that were measured
+    """
 
     factors: dict[str, dict[int, dict[str, float]]]
     competitors: frozenset[str]

@@ -102,7 +102,8 @@ def run_subject(
 
     Parameters
     ----------
-    entry, problem : the problem, as a system with initial state for a user's own integrator, and for a registered one
+    entry : the problem as a system with an initial state, which a user's own integrator runs on
+    problem : the same problem for a registered integrator
     size : the number of steps or, for an adaptive integrator, the tolerance
     """
     run = _run_registered if subject.integrator is not None else _tolerance if subject.adaptive else own

@@ -50,7 +50,7 @@ def version(package: str) -> str:
 
 
 def page(package: str) -> str:
-    """The page of a package, as Markdown."""
+    """The site's page of a package whose integrators are compared with ours, as Markdown; ``package`` is its name."""
     peers = [p for p in PEERS if p.package == package]
     parts = [
         f"# {package}\n",

@@ -265,7 +265,7 @@ def mean(x: Value, e: Average) -> Value:
     """Evaluate G(x), the right-hand side of the equation x = G(x) of a substep, at the unknown x.
 
     G(x) is h times the mean of the vector field (of -grad V if x is a kick) along the path from (q, p) to the state
-    that the increment x leads to.
+    that the increment x leads to; ``e`` has what else the equation depends on, q, p and h among it.
     """
     return _mean(e.step.field, x, e)
 
@@ -285,7 +285,10 @@ solve_mean = solver(mean, lengths)
 
 @inline
 def by_rule(e: Average, rule: int) -> Average:
-    """The arguments ``e`` of the equation of a substep, with another quadrature rule, given by its first row."""
+    """The arguments ``e`` of the equation of a substep, with another quadrature rule.
+
+    ``rule`` is the first of its rows in the table of all rules' nodes and weights.
+    """
     return Average(e.step, e.q, e.p, e.v, e.h, e.s, rule)
 
 

@@ -264,7 +264,10 @@ class ConstrainedHamiltonian(PartitionedSystem):
         return self.free.quadratic_kinetic
 
     def field(self, arithmetic: str = DOUBLE, order: int = 1) -> Function:
-        """Make the index-reduced vector field, a function f(q, p, h, lam) -> (q', p') that ignores h and lam."""
+        """Make the index-reduced vector field, a function f(q, p, h, lam) -> (q', p').
+
+        It takes h and lam as that of `Hamiltonian.field`, and ignores them.  Raises InvalidInput unless ``order`` is 1.
+        """
         if order != 1:
             raise InvalidInput("a system with constraints has no generating function in its coordinates")
         T, number = codegen.value_type(self.d, self.fills), types.float64

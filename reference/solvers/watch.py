@@ -18,7 +18,7 @@ APART = 0.2
 
 
 class TooLong(RuntimeError):
-    """Raised if references do not end in time; the message says how far they came."""
+    """Raised if reference solutions are not finished in their time limit; the message says which time they reached."""
 
 
 @dataclass

@@ -207,7 +207,10 @@ class Truth:
 
 
 def invariants(q: ArrayLike, p: ArrayLike, mu: float) -> tuple[np.ndarray, np.ndarray]:
-    """Compute energy and angular momentum, arrays (n,), of states q, p (n, 2) in long double."""
+    """Compute energy and angular momentum, arrays (n,), of states q, p (n, 2) in long double.
+
+    They are those of the perturbed Kepler problem, H = |p|^2/2 - 1/|q| - mu/(3 |q|^3); mu = 0 is Kepler's problem.
+    """
     q, p = np.asarray(q, np.longdouble), np.asarray(p, np.longdouble)
     r = np.sqrt((q**2).sum(-1))
     H = (p**2).sum(-1) / 2 - 1 / r - np.longdouble(mu) / (3 * r**3)

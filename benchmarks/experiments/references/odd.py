@@ -87,7 +87,10 @@ def error_rows(made: Problem, at: list[float]) -> list[dict[str, object]]:
 
 
 def measure_rows(label: str) -> Rows:
-    """Judge an orbit's reference states at random times: a row for each, by table name."""
+    """Measure the errors of an orbit's reference states at random times; ``label`` is the orbit, "problem:orbit".
+
+    Returns the rows by table name, a row for each time.
+    """
     made = problem(label)
     return {ODD: error_rows(made, times(made))}
 

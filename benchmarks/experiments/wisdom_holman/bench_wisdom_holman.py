@@ -15,7 +15,7 @@ APART = 1e-8
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """List the measurements (`Cell`): pairs of equal splittings of this project and REBOUND, and all splittings."""
+    """List the measurements (`Cell`): of pairs, ours and REBOUND's, with the same splitting, and of all."""
     return [*pairs.cells(quick), *rivals.cells(quick)]
 
 

@@ -168,7 +168,11 @@ def _vectors(rivals: pd.DataFrame) -> str:
 
 
 def draw(data: Data, folder: Path) -> list[Picture]:
-    """Draw energy error against time, of the pairs of equal splittings and of the fastest of all splittings."""
+    """Draw energy error against time.
+
+    There are the pairs of an integrator of this project and one of REBOUND with the same splitting, and the fastest
+    ones of each side whatever their splittings.
+    """
     return [p for p in (_pairs(data, folder), _fronts(data, folder)) if p is not None]
 
 

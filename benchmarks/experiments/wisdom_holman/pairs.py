@@ -38,7 +38,10 @@ ROWS, TIMED, ROUNDS = 200, 5_000, 15
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """List the measurements (`Cell`): one for each pair of equal splittings, problem and step; none if ``quick``."""
+    """List the measurements (`Cell`); none if ``quick``.
+
+    There is one for each problem, step and pair of integrators, ours and REBOUND's, with the same splitting.
+    """
     return [] if quick else [_cell(case, ours, h) for case in CASES for ours in PAIRS for h in CASES[case][2]]
 
 
