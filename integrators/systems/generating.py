@@ -24,7 +24,7 @@ from phasebench.integrators.compile.lazy import sympy as sp
 def __getattr__(name: str) -> sp.Symbol:
     # The symbol of the parameter; made with SymPy when it is asked for.
     if name == "LAMBDA":
-        return sp.Symbol("lambda_", real=True)
+        return sp.Symbol("family parameter", real=True)  # no name of a coordinate has a blank
     raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
 
 

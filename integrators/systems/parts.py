@@ -114,8 +114,8 @@ class SplitHamiltonian(Hamiltonian):
 
 
 def _time() -> Any:
-    """The symbol t that stands for the time of a flow in its formulae."""
-    return sp.Symbol("t", real=True)
+    """The symbol that stands for the time of a flow in its formulae; its name has a blank, as no coordinate's has."""
+    return sp.Symbol("flow time", real=True)
 
 
 def _flow(part: Any, text: Formula, q: tuple[Any, ...], p: tuple[Any, ...]) -> tuple[tuple[Any, ...], tuple[Any, ...]]:

@@ -242,3 +242,15 @@ def test_parts_on_the_command_line():
     assert fewer["reason"] == "the parts do not add up to H: -p1**2/q1 is left"
     both = json.loads(CliRunner().invoke(app, [*words, "--part", parts[0], "--constraint", "q1 = 10"]).stdout)
     assert both["reason"] == "constraints and parts are given; a system has the one or the other"
+
+
+@pytest.mark.parametrize("name", ["t", "h", "lam", "lambda_", "y"])
+def test_a_coordinate_may_have_any_name(name):
+    """The result does not depend on the name, also where a formula has symbols of its own: a flow's time, lambda."""
+    ends = []
+    for q in ("x", name):
+        split = SplitHamiltonian(q=q, p="u", parts=["u**2/2", f"{q}**2/2 + {q}**4"])
+        mixed = Hamiltonian(q=q, p="u", H=f"u**2/2 + {q}**2/2 + {q}**4*u**2/9")
+        runs = [(split, "abc-2"), (mixed, "generating-function")]
+        ends.append([integrate(s, id, h=0.1, steps=10, q0=[1.0], p0=[0.3]).q[-1, 0] for s, id in runs])
+    assert ends[0] == pytest.approx(ends[1], rel=1e-14)
