@@ -25,6 +25,7 @@ from math import inf, isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from phasebench.benchmarks.ladder.race import REFERENCE
 from phasebench.benchmarks.measure import timing
 from phasebench.benchmarks.measure.compilation import Failed, NotCompiled, failure_summary, naming
 from phasebench.benchmarks.store.shipped import ShippedTable
@@ -43,8 +44,6 @@ if TYPE_CHECKING:
     from phasebench.benchmarks.measure.own_step import System
     from phasebench.benchmarks.problems.base import Problem
 
-#: The reference: it ran in every scene, takes any H, and every step of it has the same number of evaluations.
-REFERENCE = "dop853"
 #: Rounds of a timing, and how often the reference, which takes microseconds, is run in each.
 ROUNDS, INNER = 9, 50
 #: Of a step called from Python, a run of at most this many evaluations is timed, if there is one.

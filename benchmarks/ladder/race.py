@@ -21,6 +21,9 @@ from .bracket import ROUND_OFF
 from .climb import climb, idle, numbers_of_steps, tolerances
 from .rung import SHORT, Rung, Task
 
+#: The method whose runs are stored in any case: it runs in every scene, takes any H, and each of its steps has the same
+#: number of evaluations.  Certificates compare times with it.
+REFERENCE = "dop853"
 #: An integrator is dropped after `LOSING` rungs in a row of more than `KEEP` times the cheapest time.
 KEEP, LOSING = 3.0, 2
 #: The ratio to the cheapest must fall below this share of its last value for the integrator to stay in the race.
