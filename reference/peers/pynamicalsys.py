@@ -32,15 +32,17 @@ if TYPE_CHECKING:
 
 #: Largest number of steps in one call, which returns the state after each.
 PIECE = 16_384
+#: Most degrees of freedom for which the Hessian of H is compiled; it has 4 d^2 entries.
+LARGEST = 20
 CANONICAL = "its equations are q' = dH/dp and p' = -dH/dq: the variables must be canonical"
 
 
 @lru_cache(maxsize=128)
-def _functions(system: Hamiltonian) -> dict[str, Callable[..., Any]]:
+def _functions(system: Hamiltonian, implicit: bool) -> dict[str, Callable[..., Any]]:
     """Compile the functions that pynamicalsys calls: a dict of keyword arguments of its ``HamiltonianSystem``.
 
-    They are the equations of motion, the Hessian of H and, if H = T(p) + V(q), the gradients of T and V, on arrays (d,)
-    of q, p or both; their last argument, parameters, is unused.
+    They are the equations of motion and the Hessian of H if the method is ``implicit``, else the gradients of T and V,
+    on arrays (d,) of q, p or both; their last argument, parameters, is unused.
     """
     import numba
     from numba import types
@@ -53,6 +55,8 @@ def _functions(system: Hamiltonian) -> dict[str, Callable[..., Any]]:
         read = numba.njit(lambda x: load(x.reshape(1, d), 0, zero))
     else:
         read = numba.njit(lambda x: x)
+    if not implicit:
+        return _gradients(system, read)
     field, value = system.field(), codegen.value_type(d)
 
     def second_derivatives() -> list[list[sp.Expr]]:
@@ -78,8 +82,14 @@ def _functions(system: Hamiltonian) -> dict[str, Callable[..., Any]]:
                 found[i, j], found[i, d + j] = halves[2 * i][j], halves[2 * i + 1][j]
         return found
 
-    if not system.separable:
-        return {"eom": equations, "hess_H": matrix}
+    return {"eom": equations, "hess_H": matrix}
+
+
+def _gradients(system: Hamiltonian, read: Callable[[np.ndarray], Any]) -> dict[str, Callable[..., Any]]:
+    """Compile the gradients of T and V as `_functions` says; ``read`` turns an array into what the gradients take."""
+    import numba
+
+    d = system.d
     grad_T, grad_V = system.grad_T() or numba.njit(lambda p: p), system.grad_V()
 
     @numba.njit(error_model="numpy")
@@ -96,14 +106,14 @@ def _functions(system: Hamiltonian) -> dict[str, Callable[..., Any]]:
             found[i] = slope[i]
         return found
 
-    return {"eom": equations, "hess_H": matrix, "grad_T": of_kinetic, "grad_V": of_potential}
+    return {"grad_T": of_kinetic, "grad_V": of_potential}
 
 
-def _system(system: Hamiltonian) -> Any:
-    """Make pynamicalsys's ``HamiltonianSystem`` from a system of this project."""
+def _system(system: Hamiltonian, implicit: bool) -> Any:
+    """Make pynamicalsys's ``HamiltonianSystem`` from a system of this project, for its explicit or implicit methods."""
     from pynamicalsys import HamiltonianSystem
 
-    return HamiltonianSystem(**_functions(system), degrees_of_freedom=system.d, number_of_parameters=0)
+    return HamiltonianSystem(**_functions(system, implicit), degrees_of_freedom=system.d, number_of_parameters=0)
 
 
 def _states(made: Any, y: np.ndarray, h: float, n: int) -> np.ndarray | None:
@@ -121,7 +131,7 @@ def _states(made: Any, y: np.ndarray, h: float, n: int) -> np.ndarray | None:
 
 def _build_run(name: str, gradients: int) -> Callable[[Task], Run]:
     def run(task: Task) -> Run:
-        made, y, h = _system(task.system), task.state, task.h
+        made, y, h = _system(task.system, not gradients), task.state, task.h
         made.integrator(name, time_step=h)
         _states(made, y, h, 1)
         rows, steps, seconds, failure = [y[None]], 0, 0.0, None
@@ -143,11 +153,11 @@ def _build_run(name: str, gradients: int) -> Callable[[Task], Run]:
     return run
 
 
-def _build_prepare(name: str) -> Callable[[Start], Calls]:
+def _build_prepare(name: str, implicit: bool) -> Callable[[Start], Calls]:
     def prepare(start: Start) -> Calls:
         from .prepared import SOLVED, STALLED, Calls
 
-        made, begin, end = _system(start.system), start.state, [start.state]
+        made, begin, end = _system(start.system, implicit), start.state, [start.state]
         made.integrator(name, time_step=1e-6)
         _states(made, begin, 1e-6, 1)
 
@@ -171,12 +181,14 @@ def _build_prepare(name: str) -> Callable[[Start], Calls]:
 
 
 def _canonical(problem: Any, system: PartitionedSystem) -> str | None:
-    """The `Peer.lacks` of the midpoint rule: a reason if the variables are not canonical, else None."""
-    return None if system.canonical else CANONICAL
+    """The `Peer.lacks` of the midpoint rule: a reason if it cannot run on a system, else None."""
+    if not system.canonical:
+        return CANONICAL
+    return f"it takes the Hessian of H, compiled up to d = {LARGEST}" if system.d > LARGEST else None
 
 
 def _peer(id: str, name: str, title: str, order: int, gradients: int, about: str, source: str) -> Peer:
-    facts = {"lacks": _canonical, "scope": "any canonical H"}
+    facts = {"lacks": _canonical, "scope": f"any canonical H up to d = {LARGEST}"}
     if gradients:
         why = "it takes the gradients of T(p) and V(q): H must be T(p) + V(q)"
         facts = {"lacks": split_alone(why), "scope": "H = T(p) + V(q)"}
@@ -190,7 +202,7 @@ def _peer(id: str, name: str, title: str, order: int, gradients: int, about: str
         about=f"{about}; loops and right-hand sides are compiled by Numba, every state is stored",
         source=source,
         run=_build_run(name, gradients),
-        prepare=_build_prepare(name),
+        prepare=_build_prepare(name, not gradients),
         claims=Claims(order=order, symplectic=True, source="docstrings of HamiltonianSystem and of its step functions"),
         ahead=True,
         settings={"integrator": name},

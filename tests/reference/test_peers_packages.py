@@ -488,6 +488,15 @@ def test_pynamicalsys_prepared_runs_end_where_others_do_and_a_run_longer_than_a_
     assert stuck.status in ("not-converged", "diverged")
 
 
+def test_pynamicalsys_explicit_methods_take_large_systems_and_its_implicit_one_says_why_not():
+    wave = problem("klein-gordon")  # 128 degrees of freedom: compiling its Hessian would take many minutes
+    theirs = integrate_peer(wave, need("pynamicalsys-verlet"), h=0.1, steps=9)
+    ours = integrate(wave, "stormer-verlet", h=0.1, steps=9)
+    assert np.abs(theirs.q[-1] - ours.q[-1]).max() < 1e-12
+    with pytest.raises(InvalidInput, match="Hessian of H, compiled up to d = 20"):
+        integrate_peer(wave, need("pynamicalsys-midpoint"), h=0.1, steps=9)
+
+
 @pytest.mark.parametrize(("id", "order"), [(p.id, p.order) for p in mujoco.PEERS])
 def test_mujocos_models_are_those_of_the_problems(id, order):
     chosen = need(id)
