@@ -165,7 +165,7 @@ def slope(axes: Axes, h: np.ndarray, values: Iterable[np.ndarray], order: int, l
 
     ``values`` has the curves, arrays (n,) at the steps ``h``, an array (n,).
     """
-    constant = 0.35 * min(((v[v > 0] / h[v > 0] ** order).min() for v in values if (v > 0).any()), default=np.nan)
+    constant = 0.35 * min(((v[v > 0] / h[v > 0] ** order).min() for v in values if (v > 0).any()), default=math.nan)
     axes.plot(h, constant * h**order, color=GREY, linestyle=line, linewidth=0.9, label=f"slope {order}")
 
 

@@ -1,4 +1,4 @@
-"""Print a file for `phasebench elsewhere`, without phasebench: SciPy's DOP853 on a box orbit of Henon and Heiles."""
+"""Print a file for `phasebench elsewhere` without phasebench: SciPy's DOP853 on a box orbit of Henon and Heiles."""
 
 import platform
 import sys

@@ -48,7 +48,7 @@ def count_outdated(page: Page, data: Data) -> str:
         sum(count(name) for name in page.tables if data(name) is not None)
         for count in (lambda name: (data.about(name) or {}).get("stale", 0), lambda name: len(data(name)))
     )
-    return f"{stale} of {whole} rows measured by an earlier version of the code" if stale else ""
+    return f"{stale} of {whole} rows by an earlier version of the code" if stale else ""
 
 
 def _table(name: str, data: Data) -> str:

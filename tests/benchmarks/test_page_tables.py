@@ -48,7 +48,7 @@ def test_exceptions_of_a_method_share_a_line():
         ["avf", "fpu and kepler", "order 1.25, declared 2", "NOT EXPLAINED"],
         ["rk4", "toda and fpu", "order 6.00, declared 4", "more than declared"],
     ]
-    assert shown.caption.startswith("The 2 cells that fall short, then the 2 orders above")
+    assert shown.caption.startswith("The 2 quantities that fall short, then the 2 orders above")
     assert matrix.table(cells({})) is None
 
 

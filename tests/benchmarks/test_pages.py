@@ -349,7 +349,7 @@ def with_states(tmp_path, states: list[str], **columns):
 #: The other tables of the page.
 OTHERS = ("speed", "speed_calls")
 OTHER_ROWS = sum(len(pd.read_csv(DATA / f"{name}.csv")) for name in OTHERS)
-OLD = f"2 of {3 + OTHER_ROWS} rows measured by an earlier version of the code"
+OLD = f"2 of {3 + OTHER_ROWS} rows by an earlier version of the code"
 
 
 @pytest.mark.parametrize(("states", "said"), [(["stale", "current", "stale"], True), (["current"] * 3, False)])

@@ -44,7 +44,8 @@ PUBLISHED = {
         abc-2 2/2, abc-4 4/12, abc-6 6/20, abc-yoshida-4 4/6,
         scheme-iii-yoshida-4 4/6, scheme-iii-yoshida-6 6/18, scheme-iii-suzuki-4 4/10, scheme-iii-suzuki-6
         6/50, blanes-moan-s6 4/12, blanes-moan-s10 6/20, mclachlan-s2 2/4, mclachlan-s4 4/8, mclachlan-s5
-        4/10, pefrl 4/8, aba-864 4/14, aba-1064 4/16, saba-2 2/4, saba-3 2/6, saba-4 2/8, blanes-moan-srkn6b
+        4/10, pefrl 4/8, aba-864 4/14, aba-1064 4/16, saba-2 2/4, saba-3 2/6, saba-4 2/8, saba-5 2/10,
+        saba-6 2/12, saba-7 2/14, saba-8 2/16, saba-9 2/18, saba-10 2/20, blanes-moan-srkn6b
         4/7, blanes-moan-srkn11b 6/12, blanes-moan-srkn14a 6/14, mclachlan-sb3a4 4/4, mclachlan-sb3a5 4/5,
         okunbor-skeel-6 6/7, blanes-casas-escorihuela-srkn17 8/17, yoshida-6a 6/14, kahan-li-6 6/18,
         suzuki-umeno-8 8/30, kahan-li-8 8/34, sofroniou-spaletta-6 6/26, sofroniou-spaletta-8 8/42,
@@ -75,7 +76,8 @@ PUBLISHED = {
         kahan-li-6b 6/18, kahan-li-8b 8/34, kahan-li-10-31 10/62, kahan-li-10-33 10/66,
         sofroniou-spaletta-6-11 6/22, sofroniou-spaletta-8-19 8/38, sofroniou-spaletta-10-31 10/62,
         sofroniou-spaletta-10-33 10/66, tsitouras-10 10/66, efrl 4/8, vefrl 4/8, sbab-2 2/4, sbab-3 2/6,
-        sbab-4 2/8, mclachlan-aba-84 4/10, mclachlan-bab-84 4/10, aba-104 4/14, abah-844 4/12, abah-864 4/16,
+        sbab-4 2/8, sbab-5 2/10, sbab-6 2/12, sbab-7 2/14, sbab-8 2/16, sbab-9 2/18, sbab-10 2/20,
+        mclachlan-aba-84 4/10, mclachlan-bab-84 4/10, aba-104 4/14, abah-844 4/12, abah-864 4/16,
         abah-1064 4/18, babh-844 4/12, babh-864 4/16, blanes-casas-escorihuela-srkn18a 8/18,
         blanes-casas-escorihuela-srkn19a 8/19, blanes-casas-escorihuela-srkn17b 8/18,
         blanes-casas-escorihuela-srkn18b 8/19, blanes-casas-escorihuela-srkn19b 8/20

@@ -1,7 +1,4 @@
-"""The orders of SPRKStep's methods, in the error of the state and in that of the energy, for a general T(p) and p^2/2.
-
-The system is H = T(p) + exp(q) - q with T = exp(p) - p or p^2/2.
-"""
+"""Orders of SPRKStep's methods in state and energy, for H = T(p) + exp(q) - q with T = exp(p) - p or p^2/2."""
 
 import numpy as np
 from scipy.integrate import solve_ivp
