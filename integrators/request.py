@@ -85,8 +85,8 @@ def grid(
     grow by more than 1 %; t_end and steps alone allow any step.
     """
     for name, value in (("h", h), ("t_end", t_end), ("steps", steps), ("t0", t0)):
-        if value is not None and not _is_finite(value):
-            raise InvalidInput(f"{name} is {_shown(value)}; it must be a finite number")
+        if value is not None and not is_finite(value):
+            raise InvalidInput(f"{name} is {shown(value)}; it must be a finite number")
     if h == 0:
         raise InvalidInput("h is 0; it must be another number: a step, negative to go back in time")
     if steps is not None and (int(steps) != steps or steps < 1):
@@ -133,13 +133,12 @@ def _count_steps(h: float, t_end: float) -> int:
 
 def spacing(save_every: float, steps: int) -> int:
     """The number of steps between stored rows; with ``save_every`` 0 only the first and the last row are stored."""
-    if not _is_finite(save_every) or save_every < 0 or int(save_every) != save_every:
-        shown = _shown(save_every)
-        raise InvalidInput(f"save_every is {shown}; it must be a positive integer, or 0 for the end alone")
+    if not is_finite(save_every) or save_every < 0 or int(save_every) != save_every:
+        raise InvalidInput(f"save_every is {shown(save_every)}; it must be a positive integer, or 0 for the end alone")
     return min(int(save_every) or steps, steps)
 
 
-def _is_finite(value: Any) -> bool:
+def is_finite(value: Any) -> bool:
     """Whether the value is a real number, not a truth value, that a double holds; an integer can be too large."""
     try:
         return isinstance(value, Real) and not isinstance(value, bool) and isfinite(value)
@@ -147,7 +146,7 @@ def _is_finite(value: Any) -> bool:
         return False
 
 
-def _shown(value: Any) -> str:
+def shown(value: Any) -> str:
     """The value as a message shows it; Python may refuse to print an integer that no double holds."""
     long = isinstance(value, int) and value.bit_length() > 1024
     return "an integer beyond the doubles" if long else repr(value)

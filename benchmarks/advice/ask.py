@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from math import isfinite
-from numbers import Real
 from typing import TYPE_CHECKING, Any
 
 from phasebench.benchmarks.measure import conservation_claims
@@ -13,6 +11,7 @@ from phasebench.benchmarks.measure.named_quantities import quantity
 from phasebench.benchmarks.measure.quantities import Quantity
 from phasebench.benchmarks.problems.units import span
 from phasebench.integrators.errors import InvalidInput
+from phasebench.integrators.request import is_finite, shown
 
 from . import prior
 
@@ -93,6 +92,6 @@ def ask(
 
 def _positive(name: str, value: object) -> float:
     """The value as a float; raises InvalidInput unless it is a positive finite number."""
-    if not isinstance(value, Real) or isinstance(value, bool) or not isfinite(value) or value <= 0:
-        raise InvalidInput(f"{name} is {value!r}; it must be a positive finite number")
+    if not is_finite(value) or value <= 0:
+        raise InvalidInput(f"{name} is {shown(value)}; it must be a positive finite number")
     return float(value)

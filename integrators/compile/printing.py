@@ -144,10 +144,13 @@ def source(
 
     ``name`` is the function's name.  ``results`` lists vectors (lists of expressions) and single expressions, or is a
     `Program`; the function returns the results as a tuple, each vector as ``value(...)``.  Raises ValueError if an
-    expression has a symbol that is not an argument.
+    expression has a symbol that is not an argument, or if two arguments have the same one.
     """
     definitions, results = results if isinstance(results, Program) else ((), results)
     renamed: dict[sp.Symbol, sp.Symbol] = {}
+    symbols_of = [[s] if isinstance(s, sp.Symbol) else [*s] for _, s in arguments]
+    if len(set().union(*symbols_of)) < sum(map(len, symbols_of)):
+        raise ValueError(f"two arguments of the function '{name}' have the same symbol")
     lines = [f"def {name}({', '.join(n for n, _ in arguments)}):"]
     for n, symbols in arguments:
         if isinstance(symbols, sp.Symbol):

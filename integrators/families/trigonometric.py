@@ -119,7 +119,10 @@ def evaluate_kick(method: Trigonometric, q: Value) -> Value:
 
 
 def begin(method: Trigonometric, carry: Carry, counts: np.record) -> KickedState:
-    """Read the state from ``carry``, where the last call of the kernel left it, and evaluate its kick."""
+    """Read the state from ``carry``, where the last call of the kernel left it, and evaluate the kick there.
+
+    Returns the state with this kick, which `start` applies; adds the evaluation to ``counts``.
+    """
     y = read_state(carry)
     counts.gradient += 1
     return KickedState(y.q, y.p, y.lost_q, y.lost_p, evaluate_kick(method, y.q))

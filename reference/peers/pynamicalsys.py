@@ -180,7 +180,7 @@ def _build_prepare(name: str, implicit: bool) -> Callable[[Start], Calls]:
     return prepare
 
 
-def _canonical(problem: Any, system: PartitionedSystem) -> str | None:
+def _lack_of_midpoint(problem: Any, system: PartitionedSystem) -> str | None:
     """The `Peer.lacks` of the midpoint rule: a reason if it cannot run on a system, else None."""
     if not system.canonical:
         return CANONICAL
@@ -188,7 +188,7 @@ def _canonical(problem: Any, system: PartitionedSystem) -> str | None:
 
 
 def _peer(id: str, name: str, title: str, order: int, gradients: int, about: str, source: str) -> Peer:
-    facts = {"lacks": _canonical, "scope": f"any canonical H up to d = {LARGEST}"}
+    facts = {"lacks": _lack_of_midpoint, "scope": f"any canonical H up to d = {LARGEST}"}
     if gradients:
         why = "it takes the gradients of T(p) and V(q): H must be T(p) + V(q)"
         facts = {"lacks": split_alone(why), "scope": "H = T(p) + V(q)"}

@@ -42,7 +42,8 @@ def test_the_order_is_the_declared_one(table):
     """All residuals up to the order vanish; for each power of epsilon one of the next degree does not."""
     found = residuals(table.kind, FILE.steps(table.name), next_degrees(table.order))
     assert excess(found, table.order) < TOLERANCE
-    assert min(leading_norms(found, table.order)) > VISIBLE / mpmath.factorial(max(table.order) + 1)
+    high = max(table.order)  # coefficients of the exact flow are 1 / n!, and errors of long quadrature rules far less
+    assert min(leading_norms(found, table.order)) > (VISIBLE if high <= 10 else VISIBLE / mpmath.factorial(high + 1))
 
 
 @each

@@ -142,6 +142,11 @@ def test_an_unknown_symbol_is_reported():
     assert printing.source("f", [("q", [x])], [], DOUBLE).startswith("def f(q):")
 
 
+def test_one_symbol_for_two_arguments_is_reported():
+    with pytest.raises(ValueError, match="two arguments of the function 'f' have the same symbol"):
+        printing.source("f", [("q", [x]), ("t", x)], [[x]], DOUBLE)
+
+
 def test_results_may_be_vectors_or_numbers():
     z = sp.Symbol("z")
     text = printing.source("f", [("z", z), ("q", [x, y])], [[x + z, y], x * y], DOUBLE)

@@ -21,7 +21,9 @@ from phasebench.integrators.coefficients.order_conditions import (
 from phasebench.integrators.coefficients.polish import locate, starting_values
 
 if TYPE_CHECKING:
-    from phasebench.integrators.coefficients.order_conditions import Residuals
+    from collections.abc import Mapping
+
+    from phasebench.integrators.coefficients.order_conditions import Key, Residuals
 
 
 def _digits(x: mpmath.mpf) -> str:
@@ -36,10 +38,17 @@ def observed_order(found: Residuals, powers: int) -> tuple[int, ...]:
     found : (degree, power of eps) -> residuals
     powers : how many powers of eps to report; the last includes all higher ones
     """
-    zero = {key: max(map(abs, r)) < TOLERANCE for key, r in found.items()}
+    return order_from({key: max(map(abs, r)) < TOLERANCE for key, r in found.items()}, powers)
+
+
+def order_from(zero: Mapping[Key, bool], powers: int) -> tuple[int, ...]:
+    """Derive the order from which order conditions hold: for each power of eps the degree up to which all do.
+
+    ``zero`` maps (degree, power of eps) to True if these conditions hold; ``powers`` is as in `observed_order`.
+    """
     orders = []
     for k in range(1, powers + 1):
-        known = {key for key in found if max(key[1], 1) == k or key[1] > k == powers}
+        known = {key for key in zero if max(key[1], 1) == k or key[1] > k == powers}
         above = [n for n, j in known if not zero[n, j]]
         orders.append(min(above, default=max(known)[0] + 1) - 1)
     return tuple(orders)

@@ -26,7 +26,7 @@ from phasebench.benchmarks.measure.metrics import Order
 from phasebench.benchmarks.measure.metrics import order as fit_order
 from phasebench.integrators.coefficients import trees
 from phasebench.integrators.coefficients.fractions import DIGITS, mirror
-from phasebench.integrators.coefficients.order_conditions import residuals
+from phasebench.integrators.coefficients.order_conditions import conditions, residuals
 from phasebench.integrators.coefficients.table import Table
 from phasebench.integrators.compile.codegen import precision
 from phasebench.integrators.compile.lazy import sympy as sp
@@ -34,6 +34,7 @@ from phasebench.integrators.record import BOUNDED, NONE, Method
 from phasebench.integrators.systems.formula import parse
 
 from .acta import find_table, numbers_of
+from .coefficients import order_from
 
 FILE = Path(__file__).with_name("transcribed.toml")
 RUNGE_KUTTA, COMPOSITION, NEAR_INTEGRABLE = "runge-kutta", "composition", "near-integrable"
@@ -205,16 +206,12 @@ def _residuals(table: Transcribed, limit: int, change: int = EXACT) -> dict[tupl
 
 def order_of(table: Transcribed) -> tuple[tuple[int, ...], float]:
     """Compute (the order that the order conditions show, the largest residual up to the expected order) of a table."""
-    limit, powers = max(table.expected) + BEYOND, len(table.expected)
+    limit = max(table.expected) + BEYOND
     found, shifted = _residuals(table, limit), _residuals(table, limit, change=DOUBLES)
-    kept = {key for key in found if key[0] <= table.expected[min(max(key[1], 1), powers) - 1]}
+    kept = conditions(found, table.expected)
     rounding = max(abs(shifted[key] - found[key]) for key in kept)
-    wrong = {key for key, r in found.items() if r > max(COMPUTED, ROUNDED * rounding)}
-    orders = []
-    for k in range(1, powers + 1):
-        above = [n for n, j in wrong if max(j, 1) == k or (k == powers and j > k)]
-        orders.append(min(above, default=limit + 1) - 1)
-    return tuple(orders), float(max(found[key] for key in kept))
+    zero = {key: r <= max(COMPUTED, ROUNDED * rounding) for key, r in found.items()}
+    return order_from(zero, len(table.expected)), float(max(found[key] for key in kept))
 
 
 def weights(table: Transcribed, change: int) -> tuple[tuple, tuple]:
