@@ -29,7 +29,7 @@ from .outcome import (  # noqa: F401
 )
 from .record import Method
 from .registry import method as method_of
-from .request import check_timeout, initial, request, spacing
+from .request import check_timeout, grid, initial, request, spacing
 from .solution import Solution
 from .trajectory import FIRST, PIECE, Pace, Trajectory
 
@@ -86,10 +86,12 @@ def integrate(
         raise InvalidInput("multiprecision runs need a process with NUMBA_DISABLE_JIT=1")
     check_timeout(timeout)
     if multi:
-        span = None if t_end is None else codegen.to_number(t_end, arithmetic) - codegen.to_number(t0, arithmetic)
-        h = span / steps if h is None else codegen.to_number(h, arithmetic)
-        steps = steps or round(span / h)
+        _, steps = grid(h, t_end, steps, t0)
         every = spacing(save_every, steps)
+        if t_end is None:
+            h = codegen.to_number(h, arithmetic)
+        else:
+            h = (codegen.to_number(t_end, arithmetic) - codegen.to_number(t0, arithmetic)) / steps
         system, q, p = initial(problem, q0, p0, exact=True)
         q, p = codegen.vector(q), codegen.vector(p)
     else:

@@ -251,13 +251,13 @@ def _aim(system: PartitionedSystem, Q: np.ndarray, P: np.ndarray) -> np.ndarray:
 
     A distance that is a function of the rows, not a formula, has no gradient: its sine counts as 1 (passing by).
     """
-    speed = system.speed(Q, P)
+    rates = system.velocities(Q, P).T
+    speed = np.sqrt(sum(v**2 for v in rates))
     sines = [np.ones(len(Q))]
     for k, s in enumerate(system.singular):
         if not hasattr(s, "diff"):
             continue
         slopes = [system.evaluate(f"slope {k} {i}", lambda s=s, x=x: s.diff(x), Q, P) for i, x in enumerate(system.q)]
-        rates = [system.evaluate(f"dq{i}", lambda i=i: system.dq[i], Q, P) for i in range(system.d)]
         towards = sum(g * v for g, v in zip(slopes, rates, strict=True))
         with np.errstate(all="ignore"):
             cosine = towards / (speed * np.sqrt(sum(g**2 for g in slopes)))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import isfinite
+from math import inf, isfinite
 from numbers import Real
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -154,9 +154,8 @@ def shown(value: Any) -> str:
 
 def check_timeout(timeout: float | None) -> None:
     """Raise InvalidInput for a time limit that is neither None nor a positive number of seconds."""
-    real = isinstance(timeout, Real) and not isinstance(timeout, bool)
-    if timeout is not None and not (real and timeout > 0):
-        raise InvalidInput(f"timeout is {timeout!r}; it must be a positive number of seconds")
+    if timeout is not None and not ((is_finite(timeout) or timeout == inf) and timeout > 0):
+        raise InvalidInput(f"timeout is {shown(timeout)}; it must be a positive number of seconds")
 
 
 def initial(

@@ -123,6 +123,8 @@ def digits(value: float) -> int:
 def adapts(tables: Tables) -> Judgement:
     """Judge that an adaptive integrator converges: its error falls with its tolerance."""
     rows = tables.of("tolerance")
+    if not rows:
+        return Judgement(UNJUDGED, why=tables.failed.get("tolerance", "it was not measured"))
     bad = [r for r in rows if not (r["errors"][-1] < CONVERGED and r["errors"][-1] <= r["errors"][0])]
     worst = max(rows, key=lambda r: r["errors"][-1])
     why = f"error {worst['errors'][-1]:.1e} at tolerance {worst['tolerances'][-1]:g} on {worst['on']}"

@@ -362,7 +362,7 @@ def failure_of_run(chosen: Integrator, z: float, steps: int) -> str:
 
     It is the status of the run, or "grown" if q or p exceeded `GROWN` times the initial size.
     """
-    s = chosen.run(_oscillator(), h=z, steps=steps, save_every=max(1, steps // 200))
+    s = chosen.run(_problem(chosen)[0], h=z, steps=steps, save_every=max(1, steps // 200))
     if s.status != OK:
         return s.status
     return "grown" if max(np.abs(s.q).max(), np.abs(s.p).max()) > GROWN else ""

@@ -133,7 +133,8 @@ class Function(types.WrapperAddressProtocol):
         self._signature = signature
         self._called: Dispatcher | None = None
         address = with_functions(_address, {"entry_address": _entry_of(self)})
-        self._address = load_or_compile(address, types.intp(), {}, f"{name}|entry of {signature!r} {sorted(options)}")()
+        entry = f"{name}|entry of {signature!r} {sorted(options.items(), key=str)}"
+        self._address = load_or_compile(address, types.intp(), {}, entry)()
 
     @property
     def dispatcher(self) -> Dispatcher:

@@ -376,10 +376,15 @@ class PartitionedSystem:
         """The size of H's terms, the sum of their absolute values, at each row of Q, P (n, d): array (n,)."""
         return self.evaluate("size", lambda: self._size, Q, P)
 
+    def velocities(self, Q: ArrayLike, P: ArrayLike) -> Floats:
+        """dq/dt at each row of Q, P (n, d): array (n, d)."""
+        with np.errstate(all="ignore"):
+            return np.stack([self.evaluate(f"dq{k}", lambda k=k: self.dq[k], Q, P) for k in range(self.d)], axis=1)
+
     def speed(self, Q: ArrayLike, P: ArrayLike) -> Floats:
         """The Euclidean norm of dq/dt at each row of Q, P (n, d): array (n,)."""
         with np.errstate(all="ignore"):
-            return np.sqrt(sum(self.evaluate(f"dq{k}", lambda k=k: self.dq[k], Q, P) ** 2 for k in range(self.d)))
+            return np.sqrt(sum(v**2 for v in self.velocities(Q, P).T))
 
     def vector_field(self, arithmetic: str = DOUBLE) -> Callable[[Any, np.ndarray], np.ndarray]:
         """Make the function (t, y) -> y' of arrays y = (q, p) of shape (2 d,), for other packages; t is ignored."""

@@ -261,11 +261,11 @@ class HandHamiltonian(Hamiltonian):
         """The additive constant of H; 0 if there are loops and no formula."""
         return 0.0 if isinstance(self.H, MissingFormula) else super().constant
 
-    def speed(self, Q: ArrayLike, P: ArrayLike) -> Floats:
-        """The Euclidean norm of dq/dt at each row of Q, P (n, d): array (n,), by the user's loop."""
+    def velocities(self, Q: ArrayLike, P: ArrayLike) -> Floats:
+        """dq/dt at each row of Q, P (n, d): array (n, d), by the user's loop."""
         field = self.field()
         rows = zip(np.ascontiguousarray(Q, float), np.ascontiguousarray(P, float), strict=True)
-        return np.array([np.linalg.norm(field(q, p, 0.0, 0.0)[0]) for q, p in rows])
+        return np.array([field(q, p, 0.0, 0.0)[0] for q, p in rows])
 
     def scale(self, Q: ArrayLike, P: ArrayLike) -> Floats:
         """The size of H's terms at each row of Q, P (n, d): array (n,).

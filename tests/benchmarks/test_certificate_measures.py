@@ -149,6 +149,9 @@ def test_verdict_uses_the_error_at_the_smallest_tolerance():
     better = {"on": "quartic", "tolerances": [1e-4, 1e-7, 1e-11], "errors": [1e-4, 1e-6, 1e-9]}
     found = adapts(Tables({"tolerance": [better, row]}))
     assert (found.verdict, found.measured, found.why) == ("holds", 2e-9, "error 2.0e-09 at tolerance 1e-10 on tao")
+    for failed, why in (({}, "it was not measured"), ({"tolerance": "no run ended"}, "no run ended")):
+        missing = adapts(Tables({"tolerance": []}, failed=failed))
+        assert (missing.verdict, missing.why) == ("not judged", why)
 
 
 # -- the battery ------------------------------------------------------------------------------------------------------

@@ -231,10 +231,15 @@ def test_runs_that_all_fail_end_the_scan(monkeypatch):
     assert found.scanned == oscillator.COARSE * oscillator.HOPELESS
 
 
+def test_long_runs_of_a_method_for_constraints_are_constrained():
+    chosen = integrator("rattle")
+    assert [oscillator.failure_of_run(chosen, z, 1000) for z in (1.0, 2.1)] == ["", "diverged"]
+
+
 def test_run_is_lost_by_its_status_or_by_growth():
     def ends(status: str, q: float, p: float):
         rows = SimpleNamespace(status=status, q=np.array([[1.0], [q]]), p=np.array([[0.0], [p]]))
-        return oscillator.failure_of_run(SimpleNamespace(run=lambda problem, **asked: rows), 0.1, 100)
+        return oscillator.failure_of_run(SimpleNamespace(record=None, run=lambda problem, **asked: rows), 0.1, 100)
 
     grown = 1.01 * oscillator.GROWN
     assert [ends("ok", *end) for end in ((1.0, 0.5), (0.99 * oscillator.GROWN, 0.0))] == ["", ""]

@@ -12,7 +12,7 @@ import sympy as sp
 
 from phasebench.benchmarks.problems import fpu, problem, toda
 from phasebench.benchmarks.problems.user_file import load
-from phasebench.integrators import Hamiltonian, InvalidInput, integrate
+from phasebench.integrators import Hamiltonian, InvalidInput, integrate, outcome
 from phasebench.integrators.compile.codegen import MULTIPRECISION, TUPLE_LIMIT, precision, to_number, vector
 from phasebench.integrators.systems.hand import HandHamiltonian, uncompiled_loop, unit_mass_field
 
@@ -197,6 +197,16 @@ def test_formulas_and_functions_of_rows_can_be_observed():
     assert np.array_equal(bare.observe(lambda Q, P: Q[:, 0] * P[:, 1], Q, P), Q[:, 0] * P[:, 1])
     assert np.allclose(whole.observe(q[0] * p[1], Q, P), Q[:, 0] * P[:, 1], rtol=1e-14)
     assert np.allclose(bare.observe(bare.H, Q, P), bare.energies(Q, P))
+
+
+def test_the_direction_to_a_singularity_needs_no_formula_of_h():
+    names = [[f"{x}{i}" for i in range(TUPLE_LIMIT + 1)] for x in "qp"]
+    q, p = ([sp.Symbol(name, real=True) for name in row] for row in names)
+    made = {"q": q, "p": p, "loops": springs_that_return() | {"energy": springs_energy}, "constants": (3,)}
+    Q, P = np.random.default_rng(2).normal(size=(2, 4, len(q)))
+    aims = [outcome._aim(HandHamiltonian(**made, singular=[q[0]], H=H), Q, P) for H in (None, sum(x**2 for x in p) / 2)]
+    assert aims[0] == pytest.approx(np.sqrt(1 - P[:, 0] ** 2 / (P**2).sum(axis=1)), rel=1e-12)
+    assert aims[1] == pytest.approx(aims[0], rel=1e-12)
 
 
 def test_missing_loops_and_small_systems_are_refused():

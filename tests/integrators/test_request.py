@@ -6,6 +6,7 @@ import json
 import re
 from fractions import Fraction
 
+import mpmath
 import numpy as np
 import pytest
 
@@ -145,7 +146,7 @@ def test_a_positive_time_limit_passes(timeout):
     check_timeout(timeout)
 
 
-@pytest.mark.parametrize("timeout", [0, 0.0, -1, True, False, "1", float("nan"), [1]])
+@pytest.mark.parametrize("timeout", [0, 0.0, -1, True, False, "1", float("nan"), [1], 10**400])
 def test_an_invalid_time_limit_is_refused(timeout):
     with expect_refusal("timeout is .*positive number of seconds"):
         check_timeout(timeout)
@@ -234,18 +235,38 @@ def many() -> dict:
         "steps": {"h": Fraction(1, 10), "steps": 7},
         "span and steps": {"t_end": Fraction(7, 10), "steps": 7},
         "span": {"h": Fraction(1, 10), "t_end": Fraction(7, 10)},
+        "a step that nearly divides it": {"h": 0.1, "t_end": Fraction(7, 10)},
         "later start": {"h": Fraction(1, 10), "t0": -2, "t_end": Fraction(-13, 10)},
         "later span": {"t0": -2, "t_end": Fraction(-13, 10), "steps": 7},
         "rows": {"h": Fraction(1, 10), "steps": 7, "save_every": 3},
     }
     found = {}
     with precision(40):
+        runs["mpmath"] = {"h": mpmath.mpf(1) / 10, "t_end": mpmath.mpf(7) / 10}
         for name, asked in runs.items():
             s = integrate(OSCILLATOR, "stormer-verlet", q0=third, p0=third, arithmetic=MULTIPRECISION, **asked)
             lost = abs(3 * s.q[0, 0] - 1) + abs(10 * s.h - 1)
             lost += abs(s.q[-1, 0] - to_number(end, MULTIPRECISION))
             found[name] = [len(s.t), s.counts["steps"], float(s.t[-1] - s.t[0]), float(lost), s.status, s.reason]
+        for asked, why in REFUSED:
+            with pytest.raises(InvalidInput, match=why):
+                integrate(OSCILLATOR, "stormer-verlet", q0=third, p0=third, arithmetic=MULTIPRECISION, **asked)
     return found
+
+
+#: Arguments that a run in doubles refuses too, and how.
+REFUSED = (
+    ({"h": Fraction(1, 10)}, "give t_end or steps"),
+    ({"t_end": 1}, "give the step h"),
+    ({"h": 0, "steps": 3}, "h is 0"),
+    ({"h": Fraction(3, 10), "t_end": 1}, "does not divide"),
+)
+
+
+@pytest.mark.parametrize(("asked", "why"), REFUSED)
+def test_doubles_refuse_what_multiprecision_refuses(asked, why):
+    with pytest.raises(InvalidInput, match=why):
+        integrate(OSCILLATOR, "stormer-verlet", q0=[1.0], p0=[0.0], **asked)
 
 
 def test_multiprecision_uses_the_same_grids_exactly(uncompiled):

@@ -4,8 +4,8 @@ A scene is a problem, a time span and a list of steps; peers are integrators of 
 
 A row has two error columns: ``global_error``, the maximum norm over (q, p) of the difference from the reference at
 ``global_error_time``, with the reference's uncertainty there; and ``refinement_difference``, the difference from the
-same method at twice the step.  ``seconds`` is the median of warm integrations, of which all
-but a method's first are without output; a long integration is timed only once.
+same method at twice the step.  ``seconds`` is the median of warm integrations without output; a long
+integration is timed only once.
 
 Errors and invariants come from `accuracy`; peers are measured by `peer_rows`.
 """
@@ -132,11 +132,8 @@ def measure(task: Task, repeats: int = REPEATS) -> dict[str, Any]:
     if solution.status != OK:
         return row
     row |= _errors(scene, task, solution)
-    runs = [solution.seconds]
-    if solution.seconds < LONG:
-        runs += [
-            integrate(problem, chosen, h=task.h, t_end=scene.t_end, save_every=0).seconds for _ in range(repeats - 1)
-        ]
+    timed = {"h": task.h, "t_end": scene.t_end, "save_every": 0}
+    runs = [integrate(problem, chosen, **timed).seconds for _ in range(repeats if solution.seconds < LONG else 1)]
     return row | {"seconds": statistics.median(runs)}
 
 
