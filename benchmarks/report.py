@@ -305,7 +305,7 @@ def _remove_pages(folder: Path) -> None:
 
 
 def _replace(target: Path, folder: Path) -> None:
-    """Move every file of ``target`` to the same relative path in ``folder``, the entry page last.
+    """Move every new file, written below ``target``, to the same relative path in ``folder``, the entry page last.
 
     So the links of the entry page never lead to a page that is not there yet.
     """

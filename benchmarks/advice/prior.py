@@ -90,7 +90,7 @@ def _shares(rows: pd.DataFrame, error: float) -> dict[str, float]:
 
 
 def parse(lines: list[dict[str, str]]) -> Prior:
-    """The `Prior` (stored factors) read from the lines of `prior.csv`."""
+    """Read the lines of `prior.csv`: returns how many times dearer than the cheapest each integrator was (`Prior`)."""
     found: dict[str, dict[int, dict[str, float]]] = {}
     for row in lines:
         if row["problem"] != ANY:

@@ -153,7 +153,7 @@ def _place(certificate: Certificate) -> pd.DataFrame:
 
 
 def _systems(certificate: Certificate) -> str:
-    """A sentence on the systems on which the integrator was measured, and that other systems may show more."""
+    """A sentence on the systems on which the integrator was measured, and that others may show further defects."""
     names = list(dict.fromkeys(r["on"] for r in certificate.tables.of("order")))
     battery = {e.name: e.system.d for of in (entries, *BY_TRAIT.values()) for e in of()}
     if not names or not set(names) <= set(battery):

@@ -145,7 +145,8 @@ class Entrant:
     Attributes
     ----------
     task, c, known : the problem and quantity, the integrator, and the runs of all integrators so far
-    lost, before : runs in a row that were too slow, and the last run's time over that of the cheapest of its error
+    lost : runs in a row that were too slow
+    before : the last run's time, over the least known time at its error
     failed, wasted : failed runs in a row, and their seconds
     dear : seconds in which the cheapest run of any integrator reaches the finest accuracy
     preparing : seconds that the last run took besides the integration, for instance to compile

@@ -117,7 +117,7 @@ def stability(
     ----------
     step_matrix : z -> the matrix of a step, shape (2, 2); None if the step fails
     last, spacing : end and spacing of the scan of z
-    noise : z -> the error of the matrix's entries, where a solver's error exceeds `SLACK`
+    noise : z -> the error of the matrix's entries, needed only if it exceeds `SLACK` (a solver's error may)
     """
     seen: dict[float, tuple[np.ndarray, float]] = {}
 

@@ -148,8 +148,9 @@ def _mean(values: Iterable[float]) -> float:
 
 
 def _size(row: pd.Series) -> dict:
-    """Describe a run as a dict: its problem, scene and span, its step or tolerance (``size``), error and time.
+    """Describe a run as a dict: its problem, scene (a problem with a span and a quantity), size, error and time.
 
+    The ``size`` is its number of steps or its tolerance.
     ``command`` is the command line that makes the run again.
     """
     adaptive = pd.notna(row["tol"])

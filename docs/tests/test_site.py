@@ -1,4 +1,4 @@
-"""Tests of the built site: links hold, no other host is asked, no page scrolls sideways, search and chooser work.
+"""Tests of the built site: links, search and chooser work, nothing comes from other hosts, no page scrolls sideways.
 
 The chooser is the page "Which integrator should I use?".
 """

@@ -199,7 +199,10 @@ def conditions(errors: Residuals, order: Sequence[int]) -> list[Key]:
 
 
 def excess(errors: Residuals, order: Sequence[int]) -> mpmath.mpf:
-    """The largest residual, in absolute value, among those that have to vanish for the order."""
+    """The largest residual, in absolute value, among those that have to vanish for the order.
+
+    ``order`` is (p,), or generalized, (p_1, p_2, ...): an order for each power of a small perturbation.
+    """
     return max(abs(x) for key in conditions(errors, order) for x in errors[key])
 
 

@@ -133,9 +133,10 @@ def kick(x: Value, stage: Stage) -> Value:
 
 @inline
 def lengths_of_kick(x: Value, g: Value, stage: Stage) -> tuple[Number, Number]:
-    """Return the size of the momenta at the kick x twice, for the first and the second half of x, both momenta.
+    """Return the size that the momenta have in a step with the kick x, as a pair: one for each half of x.
 
-    It scales the finite differences of Newton's method; g is G(x), the right-hand side of the stage equation x = G(x).
+    Newton's method takes its finite differences in proportion to it.  Both halves of x change momenta, so both sizes
+    are the same.  g is G(x), the right-hand side of the stage equation x = G(x).
     """
     length = size(stage.p) + size(x) + size(g)
     return length, length

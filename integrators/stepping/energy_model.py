@@ -114,9 +114,10 @@ def muller(x0: float, x1: float, x2: float, E0: float, E1: float, E2: float) -> 
 
 @inline
 def extrapolate_slope(models: np.ndarray, row: int) -> float:
-    """Return the slope of the model in ``models[row]`` at x = 0, extrapolated to the step that begins.
+    """Return dE/dx at x = 0, where E(x) is the energy error of a step with parameter x, extrapolated to this step.
 
-    The model's age, the number of steps since its slope was measured, is increased by this step.
+    ``models[row]`` has a quadratic model of E, with the slope that was last measured and its changes per step.  The
+    model's age, the number of steps since then, is increased by this step.
     """
     age = models[row, AGE] + 1
     models[row, AGE] = age

@@ -143,7 +143,10 @@ def finder(attempt: Callable, followed: bool = True) -> Callable:
 
     @inline
     def scan(search: Search, arguments: Any) -> tuple[Number, bool]:
-        """Find the root nearest zero on the branch of the stage equations that starts at x = 0: (x, True if found)."""
+        """Find the parameter x nearest zero at which the step's energy error E(x) vanishes: (x, True if found).
+
+        The solution of the stage equations is continued from x = 0 to both sides.
+        """
         above, found = continue_outwards(1.0, search.radius, search, arguments)
         below, second = continue_outwards(-1.0, abs(above) if found else search.radius, search, arguments)
         if second and not (found and abs(above) <= abs(below)):

@@ -531,10 +531,10 @@ def refinement(solve: Callable, sweep: Callable, by_rule: Callable, cost: Callab
 
 
 def confirmer(solve: Callable, sweep: Callable, changes: Callable) -> Callable:
-    """Make the solver of equations with integrals for unknowns that are rows of an array.
+    """Make a solver of stage equations that contain integrals; the unknowns are rows of an array.
 
-    As with `refinement`, it solves with finer and finer quadrature rules, until one confirms the last.  It is a
-    function (equations, at, span, noise, work, counts) -> (at, status); the unknowns are the rows of
+    As with `refinement`, it solves with finer and finer quadrature rules, until one confirms the rule before it.  It is
+    a function (equations, at, span, noise, work, counts) -> (at, status); the unknowns are the rows of
     ``equations.memory`` from number ``at`` on, and the other arguments are those of the solver that `refinement` makes.
 
     ``sweep`` iterates once, and ``solve`` is the solver that `row_solver` makes from it.  Both take the quadrature rule

@@ -1,7 +1,7 @@
 r"""Compute certified states: states of an orbit in quadruple precision with a bound of their error.
 
 The digits are those of a Taylor run in quadruple precision (113 bits).  Their error is measured: the same orbit is
-integrated with `PRECISION`, which has other bits, order and steps, and the uncertainty is
+integrated with `PRECISION`, which has more bits, another order and other steps, and the uncertainty is
 
 .. math:: U = F\,\max_{s \le t} |z(s) - Z(s)| + G(t)\,\tau ,
 

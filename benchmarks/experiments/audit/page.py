@@ -173,7 +173,12 @@ def draw(found: pd.DataFrame, claimed: pd.DataFrame, folder: Path) -> list[Pictu
 
 
 def table(data: Data) -> Table | None:
-    """Make the page's table of findings: statements contradicted or understated, other such claims, failures to run."""
+    """Make the page's table of findings; None if there are none.
+
+    First come sentences of packages' documentation that measurements contradict, or that promise less than was
+    measured; then integrators that change with the mode of the processor; then such claims that no sentence covers; and
+    last integrators that could not be run.
+    """
     stated, found, claimed = (data(name) for name in ("audit_statements", "audit", "audit_claims"))
     lines, spoken = [], set()
     if stated is not None and len(stated):

@@ -290,8 +290,8 @@ def _candidates(ours: str) -> list[mpmath.mpf]:
 def digits_that_hold(table: Transcribed) -> tuple[int | None, int | None]:
     """Return (printed decimals, right decimals) of the printed number with the most wrong decimals in a table.
 
-    A decimal is right if the number is within one unit of this decimal from a number of this project's table of the
-    same method.  (None, None) if this project has no such table.
+    A decimal is right if, to one unit of it, this project's table of the same method has the number, too.
+    (None, None) if this project has no such table.
     """
     rounded = printed(table)
     if not table.ours or not rounded or table.kind == RUNGE_KUTTA:

@@ -7,6 +7,7 @@ from pathlib import Path
 import pandas as pd
 
 from phasebench.benchmarks import style
+from phasebench.benchmarks.page.convergence import case
 from phasebench.benchmarks.page.markdown import number
 from phasebench.benchmarks.page.page import Data, Page, Picture, Table, of
 from phasebench.benchmarks.page.verdict import EVERY, FAIL, Count, Verdict, at_least, at_most
@@ -39,7 +40,7 @@ def kept(rows: pd.DataFrame) -> Verdict | None:
         "Methods for constraints keep them and the hidden ones to round-off",
         float(off.max()),
         at_most(KEPT),
-        where=f"{worst['method']} on {worst['problem']}",
+        where=case(worst),
         otherwise=FAIL,
     )
 

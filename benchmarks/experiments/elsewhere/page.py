@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 
 from phasebench.benchmarks import style
+from phasebench.benchmarks.page.convergence import case
 from phasebench.benchmarks.page.markdown import join_list, number
 from phasebench.benchmarks.page.page import ROWS, Data, Page, Picture, Table, of
 from phasebench.benchmarks.page.verdict import EVERY, Count, Verdict, at_most
@@ -59,7 +60,7 @@ def certain(theirs: pd.DataFrame) -> Verdict | None:
         float(share.max()),
         at_most(1.0),
         "times the error",
-        where=f"{worst['method']} on {worst['problem']}",
+        where=case(worst),
     )
 
 

@@ -9,6 +9,7 @@ import pandas as pd
 
 from phasebench.benchmarks import style
 from phasebench.benchmarks.judge.evidence import NO_DEFECT
+from phasebench.benchmarks.page.convergence import case
 from phasebench.benchmarks.page.markdown import number
 from phasebench.benchmarks.page.page import ROWS, Data, Page, Picture, Table, of
 from phasebench.benchmarks.page.verdict import FAIL, Between, Range, Verdict, at_most
@@ -32,7 +33,7 @@ def _defect(structure: pd.DataFrame, kind: str, map_of: str) -> dict | None:
     if part.empty:
         return None
     worst = part.loc[part["defect"].idxmax()]
-    where = f"{worst['method']} on {worst['problem']}"
+    where = case(worst)
     return {"measured": float(worst["defect"]), "expected": at_most(NO_DEFECT), "where": where}
 
 

@@ -99,7 +99,7 @@ def ellipse(table: pd.DataFrame) -> Verdict | None:
 
 
 def farthest(table: pd.DataFrame) -> pd.Series:
-    """Find the largest number of steps an orbit with which an orbit was lost, by (e, order); 0 if none was."""
+    """Find the largest number of steps per revolution with which a run failed, by (e, order); 0 if none failed."""
     return table["N"].where(lost(table), 0.0).groupby([table["e"], table["order"]]).max()
 
 

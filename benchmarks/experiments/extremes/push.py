@@ -30,9 +30,10 @@ TABLES = ("extremes_steps", "extremes_lambda")
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """List the measurements (`Cell`): one for each method, and one for each of Schemes I to III on each of two orbits.
+    """List the measurements (`Cell`) of the largest step that a method survives; none if ``quick``.
 
-    The latter run over many values of the parameter lambda.  The list is empty if ``quick``.
+    There is one for each method, and, for each of the parametric Schemes I to III on each of two orbits, one over many
+    values of their parameter lambda.
     """
     return [] if quick else [*(_cell(id) for id in REPRESENTATIVE), *(_swept(id, on) for id in SWEPT for on in ON)]
 

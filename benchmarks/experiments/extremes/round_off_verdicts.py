@@ -71,7 +71,7 @@ def _biased_where(row: pd.Series) -> str:
 
 
 def _tables(data: Data) -> list[pd.DataFrame]:
-    """Return the nonempty tables of ensembles: those at chosen steps, without controls, and those of every method."""
+    """Return the tables of ensembles that have rows: of chosen steps, without the controls, and of every method."""
     chosen, all_ = data("extremes_growth"), data("extremes_growth_every")
     tables = [] if chosen is None or chosen.empty else [chosen[chosen["kind"] != brouwer.HAND]]
     tables += [] if all_ is None or all_.empty else [all_[all_["reason"].astype(object).fillna("") == ""]]

@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 
 from phasebench.benchmarks import style
+from phasebench.benchmarks.page.convergence import case, declared_orders
 from phasebench.benchmarks.page.markdown import number
 from phasebench.benchmarks.page.page import Data, Page, Picture, Table, of
 from phasebench.benchmarks.page.verdict import FAIL, Verdict, at_least, at_most
@@ -26,10 +27,6 @@ def _growth(rows: pd.DataFrame) -> pd.Series:
     return rows["all"] / rows["first"]
 
 
-def _where(row: pd.Series) -> str:
-    return f"{row['method']} on {row['problem']}"
-
-
 @of(ENERGY)
 def bounded(rows: pd.DataFrame) -> Verdict | None:
     """Judge whether the energy of explicit splittings into parts stays bounded.
@@ -46,7 +43,7 @@ def bounded(rows: pd.DataFrame) -> Verdict | None:
         float(growth.max()),
         at_most(BOUNDED),
         "times the spread over the first tenth",
-        where=_where(own.loc[growth.idxmax()]),
+        where=case(own.loc[growth.idxmax()]),
     )
 
 
@@ -65,7 +62,7 @@ def grows(rows: pd.DataFrame) -> Verdict | None:
         float(growth.min()),
         at_least(GROWS),
         "times the spread over the first tenth",
-        where=_where(explicit.loc[growth.idxmin()]),
+        where=case(explicit.loc[growth.idxmin()]),
         otherwise=FAIL,
     )
 
@@ -74,21 +71,10 @@ def grows(rows: pd.DataFrame) -> Verdict | None:
 def orders(rows: pd.DataFrame) -> Verdict | None:
     """Judge whether splittings into parts have their declared orders.
 
-    The measured order of a method on a problem is that at the smallest step whose error is above round-off.  ``rows``
-    is the table of errors; None if it has no order of a splitting.
+    ``rows`` is the table of errors.
     """
-    told = rows[rows["order"].notna() & rows["split"].astype(bool)]
-    if told.empty:
-        return None
-    last = told.sort_values("h").groupby(["method", "problem"]).head(1)
-    off = (last["order"] - last["declared"]).abs()
-    return Verdict(
-        "Splittings through parts converge with the declared order",
-        float(off.max()),
-        at_most(NEAR),
-        "from the declared order",
-        where=_where(last.loc[off.idxmax()]),
-        otherwise=FAIL,
+    return declared_orders(
+        rows[rows["split"].astype(bool)], "Splittings through parts converge with the declared order", NEAR
     )
 
 

@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 
 from phasebench.benchmarks import style
+from phasebench.benchmarks.page.convergence import case, declared_orders
 from phasebench.benchmarks.page.markdown import number
 from phasebench.benchmarks.page.page import Data, Page, Picture, Table, of
 from phasebench.benchmarks.page.verdict import FAIL, Between, Verdict, at_least, at_most
@@ -20,10 +21,6 @@ KEPT, LEFT = 1e-13, 1e-9
 NEAR = 0.15
 #: The spread of a bounded energy over all steps is at most this many times that over the first tenth of them.
 BOUNDED = 2.0
-
-
-def _where(row: pd.Series) -> str:
-    return f"{row['method']} on {row['problem']}"
 
 
 @of(ATTITUDE)
@@ -41,7 +38,7 @@ def kept(rows: pd.DataFrame) -> Verdict | None:
         "Methods for rigid bodies keep a rotation matrix, and a free body's momentum in space",
         float(off.max()),
         at_most(KEPT),
-        where=_where(worst),
+        where=case(worst),
         otherwise=FAIL,
     )
 
@@ -70,22 +67,9 @@ def left(rows: pd.DataFrame) -> Verdict | None:
 def orders(rows: pd.DataFrame) -> Verdict | None:
     """Judge whether attitudes converge with the declared orders of the methods for rigid bodies.
 
-    The measured order of a method on a problem is that at the smallest step whose error is above round-off.  ``rows``
-    is the table of attitudes; None if it has no order of these methods.
+    ``rows`` is the table of attitudes.
     """
-    told = rows[rows["order"].notna() & rows["bodies"].astype(bool)]
-    if told.empty:
-        return None
-    last = told.sort_values("h").groupby(["method", "problem"]).head(1)
-    off = (last["order"] - last["declared"]).abs()
-    return Verdict(
-        "Attitudes converge with the declared order",
-        float(off.max()),
-        at_most(NEAR),
-        "from the declared order",
-        where=_where(last.loc[off.idxmax()]),
-        otherwise=FAIL,
-    )
+    return declared_orders(rows[rows["bodies"].astype(bool)], "Attitudes converge with the declared order", NEAR)
 
 
 @of(SYMMETRY)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import pandas as pd
 
 from phasebench.benchmarks import style
+from phasebench.benchmarks.page.convergence import case
 from phasebench.benchmarks.page.markdown import number
 from phasebench.benchmarks.page.page import ROWS, Page, Picture, Table, of
 from phasebench.benchmarks.page.verdict import EVERY, FAIL, Count, Range, Verdict, at_least, at_most
@@ -44,9 +45,9 @@ def _zero(rows: pd.DataFrame) -> tuple[Count, str]:
 
 @of(CHAOTIC)
 def drifts(frame: pd.DataFrame) -> Verdict:
-    """Judge whether the mean energy on chaotic orbits does not drift without the Hessian: intervals hold zero.
+    """Judge whether on chaotic orbits the mean energy of force-gradient methods without the Hessian does not drift.
 
-    ``frame`` is the table of chaotic runs, a row for each method.
+    It does not if the interval of the drift holds zero.  ``frame`` is the table of chaotic runs, a row for each method.
     """
     measured, where = _zero(_free(frame))
     return Verdict(
@@ -139,7 +140,7 @@ def regular(frame: pd.DataFrame) -> Verdict | None:
         float(moved.max()),
         at_most(STILL),
         "of its oscillation",
-        where=f"{worst['method']} on {worst['problem']}",
+        where=case(worst),
     )
 
 

@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 
 from phasebench.benchmarks import style
+from phasebench.benchmarks.page.convergence import case
 from phasebench.benchmarks.page.page import ROWS, Data, Page, Picture, Table, of
 from phasebench.benchmarks.page.verdict import Range, Verdict, at_most
 
@@ -33,7 +34,7 @@ def first(cold: pd.DataFrame) -> Verdict:
         Range(seconds.min(), seconds.max()),
         at_most(COLD_WANTED),
         "s",
-        where=f"{longest['method']} on {longest['problem']}",
+        where=case(longest),
     )
 
 

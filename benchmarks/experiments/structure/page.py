@@ -51,7 +51,7 @@ def _largest(structure: pd.DataFrame, name: str) -> dict:
 
 
 def _hidden(structure: pd.DataFrame, name: str) -> dict:
-    """Return arguments of a `Verdict` that all methods not declared to have the property ``name`` visibly lack it."""
+    """Return arguments for a `Verdict`: every method that does not declare the property ``name`` visibly lacks it."""
     lacking = _methods(structure, name, False)
     hidden = list(lacking[_hides(lacking)]["method"])
     measured = {"measured": Count(len(hidden), len(lacking)), "where": join_list(hidden, 3) if hidden else ""}
