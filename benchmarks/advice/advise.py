@@ -21,6 +21,7 @@ from phasebench.benchmarks.ladder.search import search
 from phasebench.benchmarks.ladder.trial import Trial
 from phasebench.benchmarks.measure.clock import Sharing
 from phasebench.benchmarks.measure.compilation import failure_summary
+from phasebench.benchmarks.measure.conservation_claims import ENERGY, EPS, SYMPLECTIC
 from phasebench.benchmarks.measure.integrator import OURS, integrator
 from phasebench.benchmarks.measure.quantities import Truth
 from phasebench.benchmarks.measure.timing import in_turns, median
@@ -126,10 +127,15 @@ def _explain_unreached(found: Search) -> str:
     if ask.budget is not None:
         return f"nothing runs within {ask.budget:g} s"
     kept_ = f" and keeps {', '.join(ask.conserve)}" if ask.conserve else ""
-    return (
-        f"nothing that was tried meets {ask.accuracy:g}{kept_}: the least error was {best[0]:.2g}, of "
-        f"{best[1].integrator.label}; doubles round at {np.finfo(float).eps:.1g} in each operation"
-    )
+    error, of = best[0], best[1].integrator
+    broken = {d.integrator: d.why for d in found.dropped}.get(of.id) if error <= ask.accuracy else None
+    if broken:
+        least = f"{of.label} has an error of {error:.2g}, but {broken}"
+    else:
+        least = f"the least error was {error:.2g}, of {of.label}; doubles round at {EPS:.1g} in each operation"
+    both = {SYMPLECTIC, ENERGY} <= set(ask.conserve)
+    hint = "; in general no method does both (Ge and Marsden, 1988): ask for one of them" if both else ""
+    return f"nothing that was tried meets {ask.accuracy:g}{kept_}: {least}{hint}"
 
 
 def finals(found: Search) -> list[Candidate]:

@@ -311,6 +311,15 @@ def test_unanswerable_question_is_refused(name, t_end, accuracy, why):
     assert why in found["why"]
 
 
+def test_an_accurate_run_that_keeps_too_little_is_named():
+    """No symplectic step keeps the energy too; the peer's package states only the first."""
+    asked = question("kepler", 3.0, 1e-2, conserve=("symplectic", "energy"))
+    why = advise(asked, portfolio_of=of("rebound-leapfrog"))["why"]
+    assert "meets 0.01 and keeps symplectic, energy: rebound-leapfrog has an error of" in why
+    assert "but its run does not keep energy" in why
+    assert "no method does both" in why
+
+
 def advised_until(name: str, t_end: float, accuracy: float, **more) -> float:
     """The time up to which the quantity is known, as the refusal to answer a question with a longer span states it."""
     true, why = true_value(question(name, t_end, accuracy, **more))
