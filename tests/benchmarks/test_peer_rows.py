@@ -109,9 +109,7 @@ def test_swept_peers_belong_to_required_packages_or_to_compiled_ones():
     assert {p.package for p in swept} - set(peer_rows.OPTIONAL) == set(peer_rows.PACKAGES) <= required
     assert not required & set(peer_rows.OPTIONAL)
     assert {p.id for p in PEERS.values() if p.package in {*required, *peer_rows.OPTIONAL}} == {p.id for p in swept}
-    assert {p.id for p in peer_rows.swept(quick=True)} == set(peer_rows.QUICK)
-    assert {*peer_rows.SLOW, *peer_rows.QUICK} <= {p.id for p in swept}
-    assert "scipy-lsoda" not in peer_rows.QUICK  # selected by name, it also runs in the quick tier
+    assert {*peer_rows.SLOW} <= {p.id for p in swept}
     assert [t.tol for t in sweep.tasks([SCENE], True, lambda m: m.id == "scipy-lsoda")] == [1e-6]
 
 

@@ -35,8 +35,8 @@ TOLERANCES = (1e-6, 1e-9, 1e-12, 1e-15)
 #: Number of steps or tolerances of a peer on the long scenes; slow peers, which run only the loosest tolerance there.
 SIZES = 2
 SLOW = ("scipy-dop853", "scipy-lsoda", "scipy-radau", "scipy-radau-numba")
-#: The peers of the quick tier, and their number of steps.
-QUICK, RUNGS = ("heyoka", "rebound-leapfrog", "rebound-whfast", "scipy-dop853"), 3
+#: The number of steps with which a peer of fixed steps runs in the quick tier.
+RUNGS = 3
 #: On long scenes, peers of a higher order run only at the largest step, as methods do.
 HIGH = 4
 #: Rows of a fixed-step peer, and of an adaptive one on a long scene (a prime, which samples a period at many phases).
@@ -45,9 +45,9 @@ MOST, ADAPTIVE = 5000, 997
 LONG = 0.3
 
 
-def swept(quick: bool = False) -> list[Peer]:
-    """List the peers (integrators of other packages) that are measured on the scenes; only a few if ``quick``."""
-    return [p for p in PEERS if p.package in (*PACKAGES, *OPTIONAL) and (not quick or p.id in QUICK)]
+def swept() -> list[Peer]:
+    """List the peers (integrators of other packages) that are measured on the scenes."""
+    return [p for p in PEERS if p.package in (*PACKAGES, *OPTIONAL)]
 
 
 def lacks(peer: Peer, scene: Scene) -> str | None:

@@ -75,7 +75,7 @@ def tasks(
 ) -> list[Task]:
     """List the rows to be measured, as `Task`, in the order of measurement: for each scene the methods, then the peers.
 
-    ``only`` selects among all integrators; without it, a quick run has only a few of the peers.
+    ``only`` selects among all integrators; ``quick`` shortens the lists of steps.
     """
     found = []
     for scene in scenes:
@@ -86,7 +86,7 @@ def tasks(
                 if scene.purpose == DRIFT and chosen.order > HIGH:
                     steps = steps[:1]
                 found += [Task(scene.id, id, parameters, h, quick) for h in steps]
-        for peer in peer_rows.swept(quick and only is None):
+        for peer in peer_rows.swept():
             if only is None or only(peer):
                 found += [Task(scene.id, peer.id, (), h, quick, tol) for h, tol in peer_rows.sizes(peer, scene, quick)]
     return found
@@ -164,7 +164,7 @@ def cells(
     ``only`` selects among the integrators; ``quick`` shortens the lists of steps.
     """
     groups: dict[tuple[str, str, tuple], list[Task]] = {}
-    for task in tasks(scenes, quick, only or (lambda chosen: True)):
+    for task in tasks(scenes, quick, only):
         groups.setdefault((task.scene, task.method, task.parameters), []).append(task)
     return [_cell(tuple(members), quick) for members in groups.values()]
 
