@@ -134,6 +134,17 @@ def in_order_of_evaluation(definitions: Iterable[tuple[Any, Any]]) -> list[tuple
     return order
 
 
+def share(definitions: Sequence[tuple[Any, Any]], expressions: Sequence[Any]) -> tuple[list[tuple[Any, Any]], list]:
+    """Define common subexpressions: returns (definitions in order of evaluation, the expressions in terms of them).
+
+    The ``definitions`` given, pairs (symbol, expression), are among those returned; ``expressions`` may refer to them.
+    """
+    symbols = (sp.Symbol(f"c{i}_") for i in range(10**9))
+    shared, flat = sp.cse([*(e for _, e in definitions), *expressions], symbols=symbols)
+    named = zip((s for s, _ in definitions), flat, strict=False)
+    return in_order_of_evaluation([*shared, *named]), flat[len(definitions) :]
+
+
 def source(
     name: str,
     arguments: Sequence[tuple[str, Sequence[sp.Symbol] | sp.Symbol]],
@@ -168,12 +179,10 @@ def source(
             f"the formula has symbols that are neither coordinates nor momenta: {sorted(map(str, unknown))}"
         )
     defined, flat = _share_roots(flat)
-    shared, flat = sp.cse([*(e for _, e in defined), *flat], symbols=(sp.Symbol(f"c{i}_") for i in range(10**9)))
-    roots = dict(zip((s for s, _ in defined), flat[: len(defined)], strict=True))
-    named, flat = flat[len(defined) :][: len(definitions)], flat[len(defined) + len(definitions) :]
-    roots |= zip((s for s, _ in definitions), named, strict=True)
+    named = zip((s for s, _ in definitions), flat, strict=False)
+    ordered, flat = share([*defined, *named], flat[len(definitions) :])
     printer = _Printer(arithmetic)
-    lines += [f"    {s} = {printer.doprint(e)}" for s, e in in_order_of_evaluation([*shared, *roots.items()])]
+    lines += [f"    {s} = {printer.doprint(e)}" for s, e in ordered]
     texts = iter([printer.doprint(e) for e in flat])
     parts = []
     for r in results:

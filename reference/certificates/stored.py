@@ -15,6 +15,7 @@ import os
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
 from decimal import Decimal, InvalidOperation, localcontext
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -168,13 +169,13 @@ def evaluate(problem: Any, expressions: Sequence, q: Sequence, p: Sequence) -> l
     import mpmath
     import sympy as sp
 
+    from phasebench.integrators.compile.printing import share
+
     system = problem.system
     names = [*system.q, *system.p]
     values = [mpmath.mpf(x if isinstance(x, str) else float(x)) for x in (*q, *p)]
-    for symbol, e in system.definitions:
-        values.append(sp.lambdify(names, e, modules="mpmath")(*values))
-        names.append(symbol)
-    return sp.lambdify(names, list(expressions), modules="mpmath")(*values)
+    shared = partial(share, list(system.definitions))
+    return sp.lambdify(names, list(expressions), modules="mpmath", cse=shared)(*values)
 
 
 def fingerprint(problem: Any) -> str:
