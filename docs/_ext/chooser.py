@@ -24,7 +24,7 @@ from phasebench.benchmarks.measure.integrator import OURS, Integrator
 from phasebench.benchmarks.page.markdown import number
 from phasebench.benchmarks.problems import problem
 from phasebench.integrators.registry import BY_ID
-from phasebench.reference.peers import PEERS
+from phasebench.reference.peers import BY_ID as PEERS
 
 #: Class of problem -> (what it is, for a person; the condition on its system), the first that holds counts.
 CLASSES = {
@@ -93,11 +93,16 @@ def keeps(id: str, what: str) -> bool:
     does not count.
     """
     name = id.partition("(")[0]
-    record = BY_ID.get(name) or next(p for p in PEERS if p.id == name)
+    record = BY_ID.get(name) or PEERS.get(name)
+    if not what or record is None:  # of a loop around a package's solver, which only competes here, nothing is stated
+        return not what
     integrator = Integrator(record)
-    if what == "energy" and integrator.kind != OURS:
-        return False
-    return not what or bool(claims.declaration(integrator, what))
+    return (what != "energy" or integrator.kind == OURS) and bool(claims.declaration(integrator, what))
+
+
+def has_command(id: str) -> bool:
+    """True if a command can run an integrator: a method of this suite, or a peer with the settings of its package."""
+    return is_own(id) or id in PEERS
 
 
 def cheapest(scene: pd.DataFrame, accuracy: float) -> pd.DataFrame:
@@ -117,11 +122,11 @@ def choose(scenes: list[pd.DataFrame], accuracy: float, keep: str) -> dict | Non
     """Choose the integrator for scenes of a class at an accuracy; None if no stored run meets it and keeps ``keep``.
 
     ``scenes`` has a table of runs for each scene (a problem with a span and a quantity); ``keep`` is "", "symplectic"
-    or "energy".  Returns a dict: the ``integrator``, ``own`` (True for a method of this suite), and the entries of
-    `_size` and `_beside`.
+    or "energy".  Returns a dict: the ``integrator``, ``own`` (True for a method of this suite), the entries of `_size`
+    (its run: problem, step or tolerance, error, time, command) and those of `_beside` (the best rival and the ratio).
     """
     met = [cheapest(scene, accuracy) for scene in scenes]
-    able = [part[[keeps(id, keep) for id in part["integrator"]]] for part in met]
+    able = [part[[keeps(id, keep) and has_command(id) for id in part["integrator"]]] for part in met]
     able, met = [a for a in able if len(a)], [m for a, m in zip(able, met, strict=True) if len(a)]
     if not able:
         return None
@@ -150,8 +155,7 @@ def _mean(values: Iterable[float]) -> float:
 def _size(row: pd.Series) -> dict:
     """Describe a run as a dict: its problem, scene (a problem with a span and a quantity), size, error and time.
 
-    The ``size`` is its number of steps or its tolerance.
-    ``command`` is the command line that makes the run again.
+    The ``size`` is its step or its tolerance, as text; ``command`` is the command line that makes the run again.
     """
     adaptive = pd.notna(row["tol"])
     size = f"--tol {row['tol']:g}" if adaptive else f"--steps {int(row['steps'])}"
@@ -172,9 +176,10 @@ def _size(row: pd.Series) -> dict:
 
 
 def _beside(row: pd.Series, rival: pd.DataFrame, alike: bool) -> dict:
-    """Compare the time of a run with that of the best rival: of another package for our methods, ours for theirs.
+    """Compare the time of a run with that of the best rival, an integrator of the other side.
 
-    ``rival`` holds the rival's run, or no row; ``alike`` tells whether it keeps what has to be kept.  Returns a dict:
+    The sides are this suite's methods and other packages' integrators.  ``rival`` holds the rival's run, or no row;
+    ``alike`` tells whether the rival keeps what the reader wants kept, such as the energy.  Returns a dict:
     the id of the rival, the ratio of the run's time to the rival's as text (both "" without a rival), and ``alike``.
     """
     if rival.empty:
@@ -184,9 +189,9 @@ def _beside(row: pd.Series, rival: pd.DataFrame, alike: bool) -> dict:
 
 
 def answers() -> list[dict]:
-    """The answers for all choices that stored runs answer: a dict for each class, span, property kept and accuracy.
+    """The answers to all choices for which there is a run: a dict for each class, span, property kept and accuracy.
 
-    It has these four choices and the entries of `choose`.
+    A dict has these four, "class", "span", "keep" and "accuracy", and the entries of `choose`.
     """
     found = runs()
     found["class"] = found["problem"].map(class_of)
