@@ -111,7 +111,10 @@ def notes(pytestconfig: pytest.Config) -> list[str]:
 
 @pytest.fixture(scope="session")
 def outcome(request: pytest.FixtureRequest, pytestconfig: pytest.Config, quick: bool) -> run.Outcome:
-    """The result of the run: the collected benchmarks' cells (single measurements), measured within the time budget."""
+    """Measure what the collected benchmark modules ask for, within the time budget; return what was measured.
+
+    The modules list their measurements as cells, each one single measurement.
+    """
     modules = {item.module.__name__: item.module for item in request.session.items}
     cells = [c for m in modules.values() if hasattr(m, "cells") for c in m.cells(quick)]
     wanted = pytestconfig.stash[WANTED]
@@ -143,7 +146,8 @@ def outcome(request: pytest.FixtureRequest, pytestconfig: pytest.Config, quick: 
 def measured_rows(outcome: run.Outcome, request: pytest.FixtureRequest) -> Callable[[str], list[dict]]:
     """Return a function: name of a table -> its rows measured by this run, a list of dicts.
 
-    Fails if a measurement failed of the experiment (folder of ``benchmarks/experiments``) to which the test belongs.
+    The test that asks for it fails if a measurement failed that belongs to the same experiment, the folder of
+    ``benchmarks/experiments`` in which the test stands.
     """
     experiment = Path(request.path).parent.name
     failed = [f"{c.label}: {outcome.failed[c.id]}" for c in outcome.cells if _fails(outcome, c, experiment)]

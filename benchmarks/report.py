@@ -170,7 +170,7 @@ class Data:
 
 @dataclass(frozen=True)
 class _Written:
-    """A page of the report after it was written, with what the entry page and the HTML version need of it.
+    """A page of the report after it was written: what the entry page and the HTML version are made from.
 
     Attributes
     ----------
@@ -231,10 +231,11 @@ def _scratch(folder: Path) -> tempfile.TemporaryDirectory:
 
 
 def _page(page: Page, both: tuple[Data, Data], figures: Figures, target: Path) -> _Written:
-    """Write a page into ``target`` from all rows, or without the stale ones if the page cannot be made from those.
+    """Write a page into ``target`` from all its rows or, if this fails, from the rows that are not stale.
 
-    ``both`` is (the data with stale rows, measured by an earlier version of the code; the data without them);
-    ``figures`` draws the page's figures, or copies those that have not changed.
+    Stale rows were measured by an earlier version of the code, and may lack columns that the page needs.  ``both`` is
+    (the data with stale rows, the data without them); ``figures`` draws the page's figures, or copies those that have
+    not changed.
     """
     data, current = both
     old = count_outdated(page, data)

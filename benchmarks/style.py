@@ -107,7 +107,8 @@ def _figure_class() -> type[Figure]:
 def curve(index: int, points: int = 0, marks: int = 12) -> dict:
     """Return the plot keywords of the ``index``-th curve of a panel: its colour, line style and marker.
 
-    About ``marks`` of the curve's ``points`` get a marker, at other places than on other curves; with 0 points all.
+    ``points`` is the number of points of the curve.  About ``marks`` of them get a marker, not the same ones on each
+    curve; if ``points`` is 0, all of them do.
     """
     colour, line, marker = CURVES[index]
     every = max(1, points // marks)

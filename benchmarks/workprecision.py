@@ -161,9 +161,10 @@ def workprecision(
 
 
 def promising(problem: Problem, t_end: float, quantity: str) -> list[Integrator]:
-    """Return the `CHOSEN` methods of this project expected to be fastest at the error `MIDDLE`, then as many peers.
+    """Return the few methods of this project expected to be fastest on the problem, then as many peers.
 
-    Peers are integrators of other packages.  Expected times come from stored measurements.
+    Peers are integrators of other packages.  There are at most `CHOSEN` of either kind.  The expected times, to reach
+    the error `MIDDLE` of the ``quantity``, come from stored measurements.
     """
     members = [i for i, _ in portfolio(ask(problem, t_end=t_end, accuracy=MIDDLE, quantity_name=quantity), MIDDLE)[0]]
     own, others = ([i for i in members if (i.kind == OURS) is side][:CHOSEN] for side in (True, False))

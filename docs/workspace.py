@@ -1,6 +1,6 @@
 """Set up a page of the site that runs code: a temporary folder to write in, plain terminal output, small figures.
 
-Every such page imports it first.
+Every such page runs this file first.
 """
 
 import os

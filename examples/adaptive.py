@@ -1,4 +1,7 @@
-"""An adaptive integrator, SciPy's DOP853, which claims that its error is at most 50 times its tolerance."""
+"""An adaptive integrator, SciPy's DOP853, which claims that its error is at most 50 times its tolerance.
+
+`phasebench validate` must pass it.
+"""
 
 import numpy as np
 from scipy.integrate import solve_ivp

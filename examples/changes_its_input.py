@@ -1,4 +1,7 @@
-"""A faulty leapfrog: it works in place, so that the arrays of the caller's state are overwritten."""
+"""A faulty leapfrog: it works in place, so that the arrays of the caller's state are overwritten.
+
+`phasebench validate` must find the fault.
+"""
 
 CLAIMS = {"order": 2, "symplectic": True}
 REQUIRES = ("separable",)

@@ -1,4 +1,7 @@
-"""A faulty leapfrog: it damps the momenta, by h / 100 of them, in each step at whose end one is larger than 3."""
+"""A faulty leapfrog: it damps the momenta, by h / 100 of them, in each step at whose end one is larger than 3.
+
+`phasebench validate` must find the fault.
+"""
 
 CLAIMS = {"order": 2, "symplectic": True, "energy": "bounded"}
 REQUIRES = ("separable",)

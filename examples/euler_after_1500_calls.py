@@ -1,4 +1,7 @@
-"""A faulty leapfrog: correct for its first 1,500 calls, explicit Euler for all that follow."""
+"""A faulty leapfrog: correct for its first 1,500 calls, explicit Euler for all that follow.
+
+`phasebench validate` must find the fault.
+"""
 
 CLAIMS = {"order": 2, "symplectic": True, "reversible": True}
 REQUIRES = ("separable",)

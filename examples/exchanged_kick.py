@@ -1,4 +1,7 @@
-"""A faulty leapfrog: kick, drift, kick, drift, half a step h each, which is symplectic but only of order 1."""
+"""A faulty leapfrog: kick, drift, kick, drift, half a step h each, which is symplectic but only of order 1.
+
+`phasebench validate` must find the fault.
+"""
 
 CLAIMS = {"order": 2, "symplectic": True}
 REQUIRES = ("separable",)

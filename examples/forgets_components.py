@@ -1,4 +1,7 @@
-"""A faulty leapfrog: its last kick leaves out the third and further components, so it is right only for d = 1 and 2."""
+"""A faulty leapfrog: its last kick leaves out the third and further components, so it is right only for d = 1 and 2.
+
+`phasebench validate` must find the fault.
+"""
 
 CLAIMS = {"order": 2, "symplectic": True}
 REQUIRES = ("separable",)

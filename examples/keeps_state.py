@@ -1,4 +1,7 @@
-"""A faulty leapfrog: it reuses the last gradient, which is wrong when two orbits are stepped in turns."""
+"""A faulty leapfrog: it reuses the last gradient, which is wrong when two orbits are stepped in turns.
+
+`phasebench validate` must find the fault.
+"""
 
 CLAIMS = {"order": 2, "symplectic": True}
 REQUIRES = ("separable",)

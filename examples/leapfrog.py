@@ -1,4 +1,7 @@
-"""The leapfrog, kick-drift-kick, a correct step: everything that it claims holds."""
+"""The leapfrog, kick-drift-kick, a correct step: everything that it claims holds.
+
+`phasebench validate` must pass it.
+"""
 
 CLAIMS = {
     "order": 2,

@@ -1,4 +1,7 @@
-"""Heun's method, which is of order 2 and claims order 3."""
+"""Heun's method, which is of order 2 and claims order 3.
+
+`phasebench validate` must contradict the claim.
+"""
 
 CLAIMS = {"order": 3}
 

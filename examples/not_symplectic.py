@@ -1,4 +1,7 @@
-"""The classical Runge-Kutta method of order 4, which claims to be symplectic and is not."""
+"""The classical Runge-Kutta method of order 4, which claims to be symplectic and is not.
+
+`phasebench validate` must contradict the claim.
+"""
 
 CLAIMS = {"order": 4, "symplectic": True}
 

@@ -1,4 +1,7 @@
-"""A faulty leapfrog: it raises an exception at its third step."""
+"""A faulty leapfrog: it raises an exception at its third step.
+
+`phasebench validate` must find the fault.
+"""
 
 CLAIMS = {"order": 2, "symplectic": True}
 REQUIRES = ("separable",)

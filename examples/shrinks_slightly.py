@@ -1,4 +1,7 @@
-"""A faulty leapfrog: each step shrinks the momenta by the share 5e-11 h^3, so it is slightly not symplectic."""
+"""A faulty leapfrog: each step shrinks the momenta by the share 5e-11 h^3, so it is slightly not symplectic.
+
+`phasebench validate` does not judge the claim that it is symplectic: so small a defect may be round-off.
+"""
 
 CLAIMS = {"order": 2, "symplectic": True}
 REQUIRES = ("separable",)

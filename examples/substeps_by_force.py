@@ -1,4 +1,7 @@
-"""A faulty leapfrog: the number of its sub-steps grows with the force, and its map jumps where the number changes."""
+"""A faulty leapfrog: the number of its sub-steps grows with the force, and its map jumps where the number changes.
+
+`phasebench validate` must find the fault.
+"""
 
 CLAIMS = {"order": 2, "symplectic": True}
 REQUIRES = ("separable",)

@@ -1,4 +1,7 @@
-"""A faulty leapfrog: after 1,000 calls it is the symplectic Euler method, of order 1; it is always symplectic."""
+"""A faulty leapfrog: after 1,000 calls it is the symplectic Euler method, of order 1; it is always symplectic.
+
+`phasebench validate` must find the fault.
+"""
 
 CLAIMS = {"order": 2, "symplectic": True}
 REQUIRES = ("separable",)

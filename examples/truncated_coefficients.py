@@ -1,4 +1,7 @@
-"""Forest and Ruth's method of order 4, coefficients cut at ten digits: its kicks add up to h (1 - 1e-10), not to h."""
+"""Forest and Ruth's method of order 4, coefficients cut at ten digits: its kicks add up to h (1 - 1e-10), not to h.
+
+`phasebench validate` must find the fault.
+"""
 
 CLAIMS = {"order": 4, "symplectic": True}
 REQUIRES = ("separable",)

@@ -1,4 +1,7 @@
-"""A faulty leapfrog: right for up to three degrees of freedom, explicit Euler for more."""
+"""A faulty leapfrog: right for up to three degrees of freedom, explicit Euler for more.
+
+`phasebench validate` must find the fault.
+"""
 
 CLAIMS = {"order": 2, "symplectic": True, "energy": "bounded"}
 REQUIRES = ("separable",)

@@ -1,6 +1,6 @@
 """Integrate the orbits of an ensemble in batches: orbits with the same kernel (compiled loop over steps) side by side.
 
-They run in SIMD lanes: each lane of a vector register holds a number of another orbit.
+They run in SIMD lanes: each lane of a vector register computes a different orbit.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class Orbits:
     system : the system that is integrated
     q, p : arrays (n, d), the initial states
     h, steps, every : arrays (n,): step, number of steps, number of steps between two rows
-    kinds, kind : the different methods, and an array (n,) with the index in it of each orbit's method
+    kinds, kind : list of the different methods, and array (n,): for each orbit the index of its method in ``kinds``
     Q, P : arrays (n, rows, d), NaN where a row is not filled
     filled : array (n,), the number of good rows
     status, reason : arrays (n,) of text
@@ -161,7 +161,8 @@ class Batch:
     prepared : their kernel (loop over steps), with the coefficients that they share
     loop : the compiled loop over blocks of orbits, each as many orbits as a vector register has lanes
     members : array (n,), the indices of the orbits
-    weights : name in the step's data -> array (n, substeps), those weights of substeps that may differ between orbits
+    weights : name of a field of the method's step, "mu" or "lam" -> array (n, substeps), the weights of the substeps of
+        each orbit; empty for methods without such weights
     """
 
     prepared: Prepared
@@ -213,8 +214,9 @@ def _batch(parts: list[tuple[Prepared, np.ndarray]], d: int) -> Batch:
 
 
 def run(made: list[Batch], orbits: Orbits, threads: int, tell: Callable[[int], None]) -> None:
-    """Integrate the batches on ``threads`` threads, whole vector registers of orbits at a time; fill the orbits' rows.
+    """Integrate the batches on ``threads`` threads, and write the rows (stored states) of their orbits to ``orbits``.
 
+    The threads share the work in units of one vector register of orbits.
     ``tell`` is called with the number of orbits that have been finished since its last call.
     """
     ends = np.cumsum([0, *(-(-len(batch.members) // LANES.n) for batch in made)]).tolist()
@@ -253,7 +255,7 @@ def pieces(steps: int, every: int, most: int | None = None) -> Iterator[tuple[in
 
 
 def _share(batch: Batch, part: slice, orbits: Orbits) -> tuple[dict[str, int], int]:
-    """Integrate the orbits of a slice of a batch, at most `Orbits.group` at once (all, if that is 0).
+    """Integrate the orbits batch.members[part] to their end, `Orbits.group` of them at a time (all, if that is 0).
 
     Returns (counts of steps, evaluations, ... by name, number of orbits).
     """
@@ -296,7 +298,8 @@ def _integrate(batch: Batch, part: slice, orbits: Orbits) -> dict[str, int]:
 def find_doubtful(orbits: Orbits, members: np.ndarray) -> np.ndarray:
     """Return the indices among ``members`` of orbits that need a closer look to determine their status.
 
-    They have a row that is not finite, an energy error, or a step across a singularity.
+    These orbits have a row that is not finite, a large energy error (`flag_energy_errors`), or a step across a
+    singularity.
     """
     if not len(members):
         return members

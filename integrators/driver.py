@@ -61,9 +61,10 @@ def integrate(
     ----------
     problem : a system, or an object with ``system`` and initial data ``q0``, ``p0``
     method : an id or a method
-    h, t_end, steps : two of them; h alone is adjusted so that a whole number of steps ends at t_end, by no more than
-        1 % upwards.  A t_end before t0, or a negative h with steps, goes back in time
-    t0 : the time at the start; the system does not depend on it
+    h, t_end, steps : two of the three: step, time of the end, number of steps.  Given h and t_end, h is adjusted so
+        that a whole number of steps ends at t_end, upwards by no more than 1 %.  A t_end before t0, or a negative h
+        with steps, goes back in time
+    t0 : the time at the start, which only labels the rows: the system is autonomous
     q0, p0 : arrays (d,), the initial state if not the problem's
     save_every : store every Nth state, and the last; 0 stores the first and the last
     parameters : values of the method's parameters
@@ -110,9 +111,10 @@ def integrate(
 def warm(
     problem: Any, method: str | Method, *, h: float, steps: int, parameters: dict | None = None
 ) -> Callable[[], tuple]:
-    """Return a function that integrates ``steps`` steps from the initial state, each time anew, and returns (q, p).
+    """Compile the method for the problem, and return a function without arguments to be timed.
 
-    Raises what `prepared.prepare` raises.
+    Each call integrates ``steps`` steps of h from the problem's initial state and returns the end state (q, p).  The
+    exceptions are those of `prepared.prepare`.
     """
     run = prepared.prepare(problem, method, parameters=parameters)
     return lambda: run(h, steps)[:2]

@@ -48,7 +48,7 @@ class Ensemble:
     times, Q, P : arrays (n, rows) and (n, rows, d), the rows that were kept, the first the initial state; NaN after an
         orbit has stopped
     h : array (n,), the step that each orbit took
-    methods, method : the different methods, and an array (n,) with the index in it of each orbit's method
+    methods, method : list of the different methods, and array (n,): for each orbit the index of its method in the list
     counts : steps, evaluations, ... of all orbits together, as in a `Solution`; an orbit that is integrated a second
         time, to determine its status, counts twice
     in_lanes : array (n,), True if an orbit was integrated in SIMD lanes
@@ -169,7 +169,10 @@ Alone = Callable[[Orbits, int], Solution]
 def run(
     orbits: Orbits, lanes: bool | None, threads: int | None, progress: Callable[[int], None] | None
 ) -> tuple[np.ndarray, float]:
-    """Integrate orbits as `integrate_ensemble` does; returns (array (n,), True if an orbit ran in lanes; seconds)."""
+    """Integrate orbits as `integrate_ensemble` does, and store their rows and statuses in ``orbits``.
+
+    Returns (array (n,), True for orbits that ran in SIMD lanes; seconds of the integration).
+    """
     workers = _threads(threads)
     good = np.flatnonzero(orbits.status == OK)
     wide = _goes_in_lanes(orbits, good, lanes)
@@ -194,7 +197,8 @@ def run(
 def run_alone(orbits: Orbits, alone: Alone, progress: Callable[[int], None] | None = None) -> tuple[np.ndarray, float]:
     """Integrate orbits one after the other by ``alone(orbits, i)``, a function that returns the solution of orbit i.
 
-    Returns (array (n,) of False: none ran in lanes; seconds).
+    The solutions are stored in ``orbits``.  Returns what `run` returns: (array (n,), all False since no orbit ran in
+    SIMD lanes; seconds of the integration).
     """
     good = np.flatnonzero(orbits.status == OK)
     tell = _Progress(progress)
@@ -248,9 +252,9 @@ def _integrate_alone(orbits: Orbits, i: int) -> Solution:
 
 
 def conclude(orbits: Orbits, in_lanes: np.ndarray, seconds: float) -> Ensemble:
-    """Make the `Ensemble` from orbits that have been integrated in the given time, in ``seconds``.
+    """Make the `Ensemble`, the result for the user, from orbits that have been integrated.
 
-    ``in_lanes`` is an array (n,), True for orbits that were integrated in SIMD lanes.
+    ``in_lanes`` is an array (n,), True for orbits that were integrated in SIMD lanes; ``seconds`` is the time taken.
     """
     n = np.arange(len(orbits.q))
     last = orbits.filled - 1
@@ -315,7 +319,7 @@ class EnsembleRequest(NamedTuple):
     system : the system to integrate
     q, p : arrays (n, d), the initial states
     h, steps, every : arrays (n,): step, number of steps, number of steps between two stored rows
-    kinds, kind : the different methods, and an array (n,) with the index in it of each orbit's method
+    kinds, kind : list of the different methods, and array (n,): for each orbit the index of its method in ``kinds``
     """
 
     system: object
@@ -339,10 +343,10 @@ def request(
     parameters: Mapping[str, Value | State] | None,
     save_every: int,
 ) -> EnsembleRequest:
-    """Check the arguments of `integrate_ensemble`; return the step, number of steps and method of each orbit.
+    """Check the arguments of `integrate_ensemble`, and return them as an `EnsembleRequest`.
 
-    The arguments are those of `integrate_ensemble`; they come back as an `EnsembleRequest`, whose arrays have an entry
-    for each orbit even if one value was given for all.  Raises InvalidInput for arguments that cannot be used.
+    Its arrays have an entry for each orbit even if one value was given for all.  Raises InvalidInput for arguments that
+    cannot be used.
     """
     system = getattr(problem, "system", problem)
     if not hasattr(system, "vector_field"):
@@ -394,7 +398,10 @@ def _column(name: str, values: Value | State, n: int) -> np.ndarray:
 
 
 def _methods(method: Any, parameters: Mapping, n: int) -> tuple[list[Method], np.ndarray]:
-    """(list of the different methods, array (n,) of each orbit's index in it); parameters may differ between orbits."""
+    """Make the n orbits' methods: (list of the different ones, array (n,): for each orbit the index of its method).
+
+    A parameter is one value for all orbits, or an array (n,).  Raises InvalidInput for one that ``method`` lacks.
+    """
     if hasattr(method, "lacks") and not isinstance(method, Method):  # a step of the user's own
         if parameters:
             raise InvalidInput(f"'{method.id}' has no parameters such as {', '.join(parameters)}")

@@ -58,9 +58,10 @@ def _unknown(function: str, name: str, known: list[str], more: str = "") -> Inva
 
 
 def rename_arguments(**new: str) -> Callable[[Callable[Arguments, Result]], Callable[Arguments, Result]]:
-    """Decorator: accept arguments by their old names, with a DeprecationWarning; ``old="new"`` for each.
+    """Decorator: accept arguments by their old names, with a DeprecationWarning.
 
-    Raises InvalidInput if both names are given.
+    Its keywords are the renamed arguments: ``rename_arguments(old="new")``.  A call of the function with both names of
+    an argument raises InvalidInput.
     """
 
     def decorate(function: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
@@ -112,9 +113,9 @@ def _merge_keywords(
 ) -> dict[str, Any]:
     """Return ``parameters`` with the keywords ``foreign`` added, all of which must be parameters of the method.
 
-    ``foreign`` are the keywords, with values, that are no arguments of the called function, and ``names`` the names of
-    the method's parameters.  Any other name raises InvalidInput, whose message tells the name of the ``function`` and
-    its ``known`` arguments.
+    ``foreign`` are the keywords of a call that are no arguments of the called function, with their values; ``names``
+    are the names of the method's parameters.  A keyword that is not among these raises InvalidInput, whose message
+    tells the name of the ``function`` and its ``known`` arguments.
     """
     names = list(names)
     for name in foreign:

@@ -102,7 +102,8 @@ class EnergyError(NamedTuple):
     Attributes
     ----------
     size : array (n,), |H - H_0|
-    share : array (n,), ``size`` divided by the larger of the size of H's terms in the row and its mean over all rows
+    share : array (n,), ``size`` divided by the size of H's terms: in the row, or its mean over the rows after the
+        first, whichever is larger
     sofar : array (n,), the same with the mean over the rows up to this one, which shows when an error became large
     first : the size of H's terms in the first row
     """
@@ -133,9 +134,10 @@ def sizes(H: np.ndarray) -> np.ndarray:
 
 
 def units(M: np.ndarray) -> np.ndarray:
-    """The unit of the energy error in each row: the larger of the size M of H's terms there and M's mean over rows.
+    """The unit in which the energy error of each row is judged: the larger of M in this row and of M's mean over rows.
 
-    M has the shape (..., rows) and is finite.
+    M, of shape (..., rows) and finite, is the size of H's terms, the sum of their absolute values; the mean is over all
+    rows but the first.
     """
     rest = M[..., 1:]
     mean = (rest / max(1, rest.shape[-1])).sum(axis=-1, keepdims=True)  # a sum of large numbers must not overflow
@@ -153,7 +155,7 @@ def flag_energy_errors(H: np.ndarray, M: np.ndarray) -> np.ndarray:
 
 
 def _share(error: np.ndarray, size: np.ndarray) -> np.ndarray:
-    """The energy error divided by a size, arrays of one shape; 0 where the error is 0."""
+    """Divide energy errors by the sizes to which they are related, arrays of one shape; 0 where the error is 0."""
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.where(error > 0, error / size, 0.0)
 
@@ -266,7 +268,10 @@ def _aim(system: PartitionedSystem, Q: np.ndarray, P: np.ndarray) -> np.ndarray:
 
 
 def describe_approach(system: PartitionedSystem, Q: np.ndarray, P: np.ndarray, h: Number) -> str | None:
-    """A phrase if the next step from the last row is longer than the distance to the nearest singularity, else None."""
+    """Return a phrase for the user if the next step from the last row may reach the nearest singularity, else None.
+
+    That is if |h dq/dt| there is larger than the distance.  Q, P (n, d) are the rows of the run, h is its step.
+    """
     if not system.singularities or Q.dtype == object:
         return None
     distance, length = travel(system, Q[-1:], P[-1:], h)
@@ -276,7 +281,11 @@ def describe_approach(system: PartitionedSystem, Q: np.ndarray, P: np.ndarray, h
 
 
 def describe_crossing(system: PartitionedSystem, t: np.ndarray, Q: np.ndarray, P: np.ndarray, h: float) -> str | None:
-    """A sentence if a step jumped across a singularity, head-on or with a tenth of the energy lost; else None."""
+    """Return a sentence for the user if a step of the run jumped across a singularity of H, else None.
+
+    It did if from some row (stored state) a step is longer than the distance to the singularity, and the motion there
+    heads straight for it, or from then on a tenth of the energy is lost.  Q, P (n, d) are the rows at the times t.
+    """
     if not system.singularities or not system.has_energy:
         return None
     distance, length = travel(system, Q, P, h)

@@ -61,7 +61,7 @@ class Layout:
         return self.kernel(self.step, self.carry, Samples(Q, P, parameter, every), self.counts)
 
     def restart(self, q: Sequence[Any] | np.ndarray, p: Sequence[Any] | np.ndarray) -> None:
-        """Reset counts and stored earlier steps, and start from the state (q, p)."""
+        """Prepare a new run from the state (q, p): set the counts, and what is kept of earlier steps, to zero."""
         self.carry.state.fill(0)
         self.carry.memory.fill(0)
         self.carry.state[0, : len(q)], self.carry.state[1, : len(p)] = q, p

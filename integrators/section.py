@@ -150,15 +150,19 @@ class SectionOrbits(Orbits):
         self.crossings.drop(members)
 
     def suspects(self, members: np.ndarray) -> np.ndarray:
-        """The orbits that `integrate` has to judge: as in `Orbits`, and those that came near a singularity."""
+        """The indices among ``members`` of orbits that `integrate` must integrate again to determine their status.
+
+        They are those of `Orbits.suspects`, and the orbits that came within a step of a singularity.
+        """
         return np.union1d(super().suspects(members), members[self.near[members]])
 
 
 class Search:
     """Searches the rows of some orbits for crossings of a plane, block by block, as they are computed.
 
-    The orbits are those with the indices ``members`` of ``orbits``, ``width`` of them side by side in SIMD lanes.  They
-    take ``steps`` steps, by default as many as ``orbits`` says.
+    The orbits are those with the indices ``members`` of ``orbits``, ``width`` of them side by side in SIMD lanes, with
+    ``steps`` steps each, by default those in ``orbits.steps``.  The object is called with the rows of a few steps at a
+    time.
     """
 
     def __init__(self, orbits: SectionOrbits, members: np.ndarray, width: int, steps: int | None = None) -> None:

@@ -70,9 +70,10 @@ class Slices:
 
 
 def map_slices(work: Callable[[slice], Found], n: int, threads: int) -> Iterator[Found]:
-    """Call ``work`` on slices that together are 0 ... n - 1, on ``threads`` threads; yield results as they come.
+    """Divide the numbers 0 ... n - 1 into slices, and call ``work`` on each slice, on ``threads`` threads.
 
-    An exception in ``work`` is raised here, when all threads have ended.
+    Yields the results in the order in which they come.  An exception in ``work`` is raised here, when all threads have
+    ended.
     """
     first = 1 if n >= MANY and threads > 1 else 0
     slices = Slices(n, threads, first)

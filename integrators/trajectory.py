@@ -254,7 +254,7 @@ class Trajectory:
             self.reason += f" {at}" if self.status == NO_ROOT else f" {at}; take a smaller h{self.advice}"
 
     def _seen_rows(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """(t, Q, P) of the rows and of the states checked between them."""
+        """(t, Q, P) of the rows, and of the states between rows at which a kernel call ended, in order of time."""
         Q, P = self.q[: self.filled + 1], self.p[: self.filled + 1]
         if not self.looks:
             return self.times, Q, P
@@ -276,7 +276,7 @@ class Trajectory:
         self.reason = "; ".join(filter(None, (self.reason, found.reason)))
 
     def _count_missed(self, fallbacks: int) -> None:
-        """State in the reason how many steps were fallbacks; if many, set the status "no-root".
+        """Write into the reason how many steps were fallbacks; if they are many, set the status "no-root".
 
         A fallback is a step that lacks what the method promises.
         """

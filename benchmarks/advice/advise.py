@@ -2,7 +2,8 @@
 
 First the true value of the quantity is computed; if it is not known well enough for the accuracy, nothing is advised.
 Then integrators are tried, the most promising first (`portfolio`), each at the step or tolerance at which it just meets
-the accuracy (`search`), until the time for the search is up or the rest was many times dearer in stored measurements.
+the accuracy (`search`), until the time for the search is up or all that are left were many times slower in stored
+measurements.
 The cheapest few are timed again in turns and ranked by median (`finals`).  The recommended ones are run once more
 against the reference.
 """
@@ -229,11 +230,10 @@ def lost_orbit(candidate: Candidate, off: float | None) -> str:
 
 
 def singularity_note(problem: Problem) -> str:
-    """A note that singular distances (where H is infinite) were not searched for; "" if they were.
+    """A note that the distances at which H is infinite were not searched for in its formula; "" if they were.
 
-    The reason is a denominator of H that is too long.
-
-    Methods with variable steps need these distances; the user can declare them.
+    The search is left out if a denominator of H is too long.  Methods with variable steps need these distances, which
+    the user can declare with the problem.
     """
     if not singularities.unsearched(problem.system):
         return ""
@@ -248,7 +248,9 @@ def sharing(order: Sequence[Candidate]) -> str:
 
 
 def _second(found: Search) -> dict[str, Any]:
-    """Confirm the reference, which is heyoka's, by another integrator; run `SECOND` if none that was tried is near it.
+    """Confirm the reference value, usually computed by heyoka, by a run of another integrator that comes near it.
+
+    If none of the runs of the search does, the integrator `SECOND` is run as well.
 
     Returns
     -------

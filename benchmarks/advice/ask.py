@@ -31,7 +31,7 @@ class Ask:
     budget : seconds that a run may take, or None
     conserve : what must be conserved, names of `conservation_claims.claim_names`
     limit : seconds that the search may take
-    first_use : seconds that it may take where kernels of promising integrators have to be compiled
+    first_use : seconds that the search may take if promising integrators must first be compiled
     progress : called with a line of text for each integrator that is tried
     """
 

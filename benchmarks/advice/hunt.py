@@ -128,11 +128,14 @@ class Search:
         return not compiled and any(f.integrator in METHODS for f in self.failed)
 
     def over(self, share: float = SEARCHED, limit: float | None = None) -> bool:
-        """True if the search has spent more than this share of ``limit`` seconds (default: the question's limit)."""
+        """True if the search has used up more than the fraction ``share`` of ``limit`` seconds.
+
+        ``limit`` is by default that of the question.
+        """
         return self.spent > share * (self.ask.limit if limit is None else limit)
 
     def try_all(self, members: Sequence[tuple[Integrator, float]]) -> None:
-        """Try the integrators in turn; drop those that time does not allow or that are expected to be far too dear.
+        """Try the integrators in turn; drop those for which no time is left, and those expected to be far too slow.
 
         ``members`` are (integrator, expected time over that of the cheapest), in the order in which they are tried.
         This project's methods are compared only with the cheapest of themselves, and peers with the cheapest peer.
@@ -191,9 +194,11 @@ class Search:
             self.found.append(Candidate(trial, found.rung))
 
     def start(self, trial: Trial, accuracy: float) -> float:
-        """The first tolerance or number of steps to try: near the accuracy, or a quarter of heyoka's steps; 1 if exact.
+        """The tolerance or the number of steps at which the search for an integrator's cheapest run begins.
 
-        Too coarse a start costs little: all runs up to the one that meets the accuracy cost less than that one.
+        A tolerance is a tenth of the accuracy, within limits.  The number of steps is 1 for a method that is exact on
+        the problem, else a quarter of the number that heyoka, an accurate Taylor integrator, takes on the span.  Too
+        coarse a start costs little: all runs up to the one that meets the accuracy cost less than that one.
         """
         if trial.integrator.adaptive:
             return min(max(accuracy / 10, trial.integrator.record.least), LOOSEST)

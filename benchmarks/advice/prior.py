@@ -1,4 +1,4 @@
-"""Which integrators to try first: how many times dearer than the cheapest each was in stored measurements.
+"""Which integrators to try first: how many times slower than the fastest each was in stored measurements.
 
 `prior.csv` has, for each problem and power of ten of the error, a factor for each integrator: the time of its cheapest
 run that met the error, over that of the cheapest integrator.  `build` computes it from the stored comparison of all
@@ -60,7 +60,11 @@ def factors(problem_id: str, accuracy: float, ids: Iterable[str]) -> dict[str, f
 
 
 def _mean(values: list[float], tables: int) -> float:
-    """The geometric mean; without values `LARGEST`, or `UNKNOWN` if the number of measured ``tables`` is 0 as well."""
+    """The geometric mean of an integrator's stored factors ``values``, or a default if it has none.
+
+    ``tables`` is the number of problems (or scenes) with stored measurements.  If there are any, the integrator met the
+    error in none of them, and the default is `LARGEST`; else it is `UNKNOWN`.
+    """
     if not values:
         return UNKNOWN if not tables else LARGEST
     return exp(sum(map(log, values)) / len(values))
@@ -90,7 +94,7 @@ def _shares(rows: pd.DataFrame, error: float) -> dict[str, float]:
 
 
 def parse(lines: list[dict[str, str]]) -> Prior:
-    """Read the lines of `prior.csv`: returns how many times dearer than the cheapest each integrator was (`Prior`)."""
+    """Read the lines of `prior.csv`; return how many times slower than the fastest each integrator was (`Prior`)."""
     found: dict[str, dict[int, dict[str, float]]] = {}
     for row in lines:
         if row["problem"] != ANY:

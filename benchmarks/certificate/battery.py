@@ -73,7 +73,7 @@ class Entry:
 
     @property
     def sizes(self) -> np.ndarray:
-        """The typical size of every component of a state, array (2 d,): d times that of q, then d times that of p."""
+        """The typical size of each component of a state, array (2 d,): the size of q d times over, then that of p."""
         return np.repeat(self.size, len(self.state) // 2)
 
 
@@ -204,9 +204,10 @@ def _energy(system: PartitionedSystem, state: np.ndarray) -> float:
 
 
 def time_unit(system: PartitionedSystem, state: np.ndarray, sizes: np.ndarray) -> float:
-    """Return a unit of time, a power of two, in which a state moves by at most its size and no mode by over a radian.
+    """Return a unit of time, a power of two, that is short beside the motion of a system near a state.
 
-    The modes are the eigenvalues of the vector field's Jacobian at the state.
+    In this time no component of the state moves by more than its size, and no linear mode at the state advances by more
+    than a radian: the modes' rates are the moduli of the eigenvalues of the vector field's Jacobian.
 
     Parameters
     ----------

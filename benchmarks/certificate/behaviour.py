@@ -26,10 +26,10 @@ AREA = 1e-12
 
 
 def runs(subject: Subject, entries: list[Entry], seed: int) -> list[dict]:
-    """Take a few steps on each system; return a row for each system, which says whether the steps run.
+    """Take a few steps on each system; return a row (dict) for each system, which says whether the steps ran.
 
-    It has the ``status`` ("ok", "diverged" or "raised") with the ``reason``, and the evaluations of dH/dq and dH/dp a
-    step.
+    A row has ``on``, the system; the ``status`` "ok", "diverged" or "raised", with the ``reason``; and, unless the step
+    raised, ``dH_dq`` and ``dH_dp``, the number of evaluations of each gradient per step.
     """
     rows = []
     for entry in entries:
@@ -118,8 +118,9 @@ def arithmetic(subject: Subject, entries: list[Entry], seed: int) -> str:
 def stability(subject: Subject) -> dict:
     """Measure the linear stability limit, in h omega, on the harmonic oscillator; return a row for the certificate.
 
-    Where no limit was measured the row has the ``reason``: too many evaluations, a step that is not a linear map on the
-    oscillator, or a solver that does not converge.
+    The row has the ``limit``, the stable ``intervals`` of h omega up to ``scanned``, and as ``radius`` pairs (h omega,
+    spectral radius of the step).  If no limit was measured it has only the ``reason``: too many evaluations, a step
+    that is not a linear map on the oscillator, or a solver that does not converge.
     """
     entry = oscillator()
     stepper = Stepper(subject, entry)

@@ -23,8 +23,9 @@ def cost_rows(tables: Tables, times: Iterable[Mapping[str, Any]]) -> list[dict[s
     Returns
     -------
     list of dict
-        ``scene``, ``error``, ``evaluations`` and ``time``, both ratios; None where the error is not met, where no time
-        was measured, and where the runs' times vary by more than `times.WIDE`, which ``varies`` says.
+        ``scene`` and ``error``; ``evaluations`` and ``time``, each over that of the cheapest stored integrator, or None
+        if the integrator does not meet the error; ``time`` is None as well if it was not measured, or if the measured
+        times vary by more than the factor `times.WIDE` (``varies`` is then True).
     """
     timed = {t["on"]: t["errors"] for t in times if t["errors"]}
     rows = []
@@ -42,7 +43,7 @@ def cost_rows(tables: Tables, times: Iterable[Mapping[str, Any]]) -> list[dict[s
 def format_costs(tables: Tables, times: Iterable[Mapping[str, Any]]) -> list[str]:
     """Format `cost_rows` as lines of text; those of a scene end at the first error that the integrator does not meet.
 
-    Lines below the table say how well times are known, and what a gradient called from Python costs.
+    Lines below the table say how accurate the times are, and how much longer a gradient takes if called from Python.
     """
     times = list(times)
     rows = _until_not_met(cost_rows(tables, times))

@@ -79,7 +79,8 @@ def _largest(stepper: Stepper, path: Callable, h: float, floor: float) -> float:
 def _jump(stepper: Stepper, path: Callable, middle: float, cell: float, h: float, floor: float) -> float:
     """Return the size of the jump of the step map along ``path`` near t = ``middle``; 0 if it is below the floor.
 
-    The jump is located by narrowing an interval of t, which at first has the half-width 2 ``cell``.
+    The jump is located by narrowing an interval of t about ``middle``, at first from ``middle`` - 2 ``cell`` to
+    ``middle`` + 2 ``cell``.  ``h`` is the step; jump and ``floor`` are in units of the state's size.
     """
     while True:
         t = middle + cell * np.linspace(-2, 2, FEWER)

@@ -1,4 +1,4 @@
-"""Measure all properties of an integrator for its certificate, one after the other; last, whether it has memory."""
+"""Measure all properties of an integrator for its certificate, in turn; last, whether it remembers earlier calls."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class Run(Protocol):
     ----------
     seed : of the drawn systems and states
     alone : True if only what the method claims is measured
-    tables : the rows measured so far, to which theirs are added
+    tables : the rows measured so far, to which each measuring function adds its own
     doubles : why the method ran in double precision only; "" if it did not
     """
 
@@ -172,7 +172,11 @@ def _step(
 def _state(
     chosen: Subject, calls: repeats.Calls, entries: list[Entry], tables: Tables, seed: int, tell: Callable[[str], None]
 ) -> None:
-    """Measure whether the step has memory between calls, after all other measures of the same step object."""
+    """Measure whether a step remembers earlier calls, and add the rows to ``tables``.
+
+    This comes after all other measures of the same step object, whose recorded ``calls`` are repeated here; ``tell`` is
+    called with the name of the measure.
+    """
     if any(r["status"] != "ok" for r in tables.of("runs")) or not tables.of("runs"):
         return
     tell("what it keeps between calls")

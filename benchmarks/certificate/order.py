@@ -1,7 +1,8 @@
 r"""The order of a step: from its error at a ladder of falling step sizes, and from the power series of its error in h.
 
-Ladder: `metrics.order` of :math:`|\Phi_h^n(y) - \varphi_{nh}(y)|` with its interval and window, in many digits if the
-step accepts them, else in doubles.  The reference solution is Gragg's extrapolated midpoint rule in 40 digits.
+Ladder: `metrics.order` fits the order to the errors :math:`|\Phi_h^n(y) - \varphi_{nh}(y)|`, and returns it with an
+interval of confidence and the window of h to which it is fitted.  The errors are computed in many digits if the step
+accepts them, else in doubles.  The reference solution is Gragg's extrapolated midpoint rule in 40 digits.
 
 Series, in many digits only: with :math:`\Phi_h - \varphi_h = \sum_k c_k h^k` and :math:`\varphi_h = \sum_k f_k h^k`,
 the relative :math:`\varepsilon_k = |c_k|/|f_k|` for k = 1 ... 8, from divided differences at h = 2^-40 j.  For a step
@@ -67,11 +68,11 @@ class Series:
 
     @property
     def clean(self) -> int:
-        """The number of leading terms that are zero up to the effect of rounded or cut coefficients of the method."""
+        """The number of leading terms so small that rounded or cut coefficients of the method explain them."""
         return next((k for k, x in enumerate(self.terms) if not x < VANISHES), len(self.terms))
 
     def largest(self, order: int) -> float:
-        """The size of the largest term up to h^order among the leading ones that count as zero (`clean`)."""
+        """The largest of the terms eps_1, ..., eps_order among the first `clean` ones, which count as zero; else 0."""
         return max(self.terms[: min(order, self.clean)], default=0.0)
 
 
@@ -90,7 +91,7 @@ def flow(entry: Entry, seed: int, h: float | object, pieces: int = 4) -> tuple[n
 def nearby(entry: Entry, seed: int) -> list:
     """Exact states after 0, 1, 2, ... times `CLOSE` units of time from the entry's initial state for a seed.
 
-    They have `SERIES_DIGITS` digits.
+    They have `SERIES_DIGITS` digits, since `series` takes high differences of them.
     """
     with precision(SERIES_DIGITS):
         field, y = entry.system.vector_field(MULTIPRECISION), vector(entry.start(seed))
@@ -172,9 +173,9 @@ def ladder_errors(stepper: Stepper, seed: int, noise: float = 0.0) -> tuple[np.n
 
 
 def rungs(stepper: Stepper) -> tuple[int, ...]:
-    """The numbers of steps into which the span of the order's measurement is divided.
+    """The numbers of steps, rising, into which the time span is divided for the runs from which an order is measured.
 
-    In many digits they are fewer for a step that needs many gradient evaluations.
+    In many digits there are fewer such runs for a step that needs many gradient evaluations.
     """
     if stepper.arithmetic == DOUBLE:
         return LADDER

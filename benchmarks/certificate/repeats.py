@@ -97,7 +97,8 @@ def listening(subject: Subject, seed: int) -> tuple[Subject, Calls]:
 def unheard(subject: Subject) -> Subject:
     """The subject with its step no longer wrapped in the recorder of calls, so that calls are not recorded.
 
-    It is used where steps are taken next to a jump of the map: repeated, they would look like memory.
+    It is used for steps taken next to a jump of the map, where the result from a state close by is far off, so that a
+    recorded call would look like memory.
     """
     step = subject.own.step
     return replace(subject, own=replace(subject.own, step=step.step)) if isinstance(step, Calls) else subject
@@ -124,7 +125,7 @@ def repeat_calls(subject: Subject, calls: Calls) -> list[dict]:
 
 
 def _repeat_call(subject: Subject, call: Call, moved: float, rng: np.random.Generator) -> np.ndarray:
-    """The end state of a repeated call, its initial state displaced by the share ``moved``."""
+    """Repeat a call, its q and p changed at random by up to the fraction ``moved``; return the end state, (2 d,)."""
     q, p = call.q.copy(), call.p.copy()
     if moved:
         q, p = (x * (1 + moved * rng.uniform(0.5, 1.0, len(x)) * rng.choice([-1, 1], len(x))) for x in (q, p))

@@ -53,7 +53,7 @@ class Certificate(TabularResult):
     times: list[dict] = field(default_factory=list)
 
     def as_dict(self) -> dict[str, Any]:
-        """The certificate as a dict for JSON; only ``seconds`` and ``times`` differ when it is made again."""
+        """The certificate as a dict for JSON; only ``seconds`` and ``times`` differ if it is certified again."""
         rows = {name: [_without_curves(r) for r in part] for name, part in self.tables.rows.items()}
         return {
             "integrator": self.integrator,

@@ -33,8 +33,9 @@ NOISE = 1e-13
 def states(subject: Subject, entries: list[Entry], seed: int, arithmetic: str) -> list[dict]:
     """Draw states of the systems in ``entries``, and return a row for each: errors of single steps of h, h/2, h/4.
 
-    A row has the errors, the order that they show, and as "doubles" the relative distance of the step in doubles from
-    the one in many digits, 0 if ``arithmetic`` is `DOUBLE`, and not `MULTIPRECISION`.
+    The steps are taken in ``arithmetic``, `DOUBLE` or `MULTIPRECISION` (many digits).  A row has the ``errors``, the
+    ``order`` that they show, and as ``doubles`` how far the same step in doubles ends from the one in many digits,
+    relative to the state's size; this is 0 if ``arithmetic`` is `DOUBLE`.
     """
     able = [e for e in entries if e.system.traits["polynomial degree"] and not e.share] or [
         e for e in entries if e.share
@@ -87,7 +88,10 @@ def _row(subject: Subject, entry: Entry, seed: int, arithmetic: str) -> dict:
 
 
 def _error(stepper: Stepper, entry: Entry, seed: int, y: np.ndarray, h: float) -> tuple[float, np.ndarray | None]:
-    """(relative error of a step, the state after it); (NaN, None) if the step fails numerically."""
+    """(relative error of a step h from y, the state after it); (NaN, None) if the step fails numerically.
+
+    y is the initial state of ``entry`` displaced by ``seed``, by which the reference finds it again.
+    """
     try:
         end = stepper(stepper.state(y), to_number(h, stepper.arithmetic))
     except StepFailed as failure:
@@ -101,7 +105,10 @@ def _error(stepper: Stepper, entry: Entry, seed: int, y: np.ndarray, h: float) -
 
 
 def _distance(double: Stepper, entry: Entry, y: np.ndarray, h: float, end: np.ndarray) -> float:
-    """Relative distance of the step in doubles from the one in many digits; infinite if it fails numerically."""
+    """Relative distance of the states after a step h from y in doubles and in many digits, the latter being ``end``.
+
+    ``double`` takes the step in doubles; the distance is infinite if this fails numerically.
+    """
     try:
         other = double(y, h)
     except StepFailed as failure:

@@ -125,9 +125,10 @@ def reversibility(stepper: Stepper, y: np.ndarray, h: Number) -> tuple[float, fl
 
 
 def smooth(stepper: Stepper, seed: int) -> float:
-    """Return the third difference of the step's result along a line of states and steps h, in many digits.
+    """Return how smooth a step's result is: its third difference over four calls with slightly different arguments.
 
-    If it is large, the step rounds its numbers internally.
+    From call to call the state and h grow by the same tiny factor, in many digits.  The difference is of the order of
+    that factor's third power unless the step rounds its numbers internally.
     """
     with precision(DIGITS):
         y, tiny = stepper.state(stepper.entry.start(seed)), to_number(1e-9, MULTIPRECISION)

@@ -199,9 +199,9 @@ def _clock(run: Callable[[], object]) -> Callable[[], float]:
 
 
 def _often(problem: Problem, method: str | Method, t_end: float, steps: int) -> Callable[[], float]:
-    """Return a function that integrates a problem to ``t_end`` `INNER` times and returns the mean seconds of a run.
+    """Return a function that times a compiled method: the mean processor seconds of `INNER` runs in a row.
 
-    The runs are those of a compiled method, with the given number of steps.
+    Each run integrates the problem to ``t_end`` in ``steps`` steps.
     """
     name = getattr(method, "id", method)
     with naming(name):

@@ -62,7 +62,7 @@ def jobs(more: str) -> Any:
 
 
 def requires(more: str) -> Any:
-    """The typer option --requires, which names a trait of systems: separable; ``more`` is added to its help."""
+    """The typer option --requires, which names a trait of systems such as separable; ``more`` is added to its help."""
     return typer.Option("--requires", metavar="TRAIT", help=f"{REQUIRES_HELP} {more}")
 
 

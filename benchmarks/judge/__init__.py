@@ -5,7 +5,9 @@
 ``decide``
     the verdict that the rows of all systems give together, by the standard of a certificate or of an audit
 ``checks``
-    one check per claim: the values it may take, the rows it reads, its judgement; ``requirements`` hold without a claim
+    one check per claim: the values it may take, the rows it reads, its judgement
+``requirements``
+    what every integrator has to satisfy, whatever is claimed of it
 ``judge``
     applies all checks to all claims and gives the overall verdict
 ``verdict``

@@ -120,7 +120,10 @@ def symplectic(claimed: bool, tables: Tables) -> Judgement:
 
 
 def _pieces(claimed: bool, tables: Tables) -> Judgement | None:
-    """The judgement on a discontinuous step map; None if no jump was measured."""
+    """The judgement on symplecticity from jumps of the step map, which is then discontinuous; None if there are none.
+
+    ``claimed`` is True if the step is claimed to be symplectic, False if it is claimed not to be.
+    """
     rows = [r for r in tables.of("jumps") if r["value"] > r["floor"]]
     if not rows:
         return None
@@ -134,7 +137,7 @@ def _pieces(claimed: bool, tables: Tables) -> Judgement | None:
 
 
 def _drifting(tables: Tables) -> Judgement | None:
-    """The judgement if the energy drifts although no symplectic defect was measured; None if it does not drift."""
+    """The judgement on symplecticity if no defect was measured but the energy drifts; None if it does not drift."""
     rows = [r for r in tables.of("long") if r["status"] == "ok" and kind(r["energy"]) == DRIFT]
     if not rows:
         return None

@@ -1,8 +1,9 @@
 """Combine the rows of all systems into a verdict on a claim, and the rows that decide it.
 
-A certificate, asked for by the author of a step, needs a conclusive row of every system, and a property beyond the
-claim contradicts it.  An audit tests claims published by others on few problems: one conclusive row is enough, but two
-must differ before an order is contradicted, and a property beyond the claim gives "understated".
+A certificate, asked for by the author of a step, needs a conclusive row of every system, and a stronger property than
+is claimed (such as a higher order) contradicts the claim.  An audit tests claims published by others on few problems:
+one conclusive row is enough, but two must differ from the claim before an order is contradicted, and a stronger
+property gives "understated".
 """
 
 from __future__ import annotations

@@ -63,7 +63,11 @@ def has(row: Mapping[str, Any], key: str) -> bool:
 
 
 def keeps_structure(row: Mapping[str, Any]) -> bool | None:
-    """True if a row shows a structure (such as symplecticity), False if it shows it broken, None if inconclusive."""
+    """True if a row shows a structure (such as symplecticity), False if it shows it broken, None if inconclusive.
+
+    ``row`` has ``value``, the defect; ``floor``, its round-off; ``own``, the integrator's own error; and, if measured,
+    ``classical``, the defect of the classical Runge-Kutta method.
+    """
     if row.get("status", "ok") != "ok" or not has(row, "floor"):
         return None
     if row["value"] > BROKEN * row["floor"]:
@@ -85,7 +89,11 @@ def shows_structure(row: Mapping[str, Any]) -> bool | None:
 
 
 def is_bounded(row: Mapping[str, Any]) -> bool | None:
-    """True if the error of an invariant is bounded over the time of the row, False if it drifts, None if unclear."""
+    """True if the error of an invariant is bounded over the time of the row, False if it drifts, None if unclear.
+
+    ``row`` has ``value``, the largest error; ``slope`` with its interval ``low``, ``high``; ``time``; and ``scale``,
+    the size of the invariant's terms.
+    """
     if row.get("status", "ok") != "ok" or not has(row, "slope"):
         return None
     moved = abs(row["slope"]) * row["time"]
@@ -97,9 +105,9 @@ def is_bounded(row: Mapping[str, Any]) -> bool | None:
 
 
 def round_off(row: Mapping[str, Any]) -> float:
-    """Return an upper bound of the round-off error of the energy after the steps of a row.
+    """Return an upper bound of the round-off error of an invariant, such as the energy, in the run of a row.
 
-    It grows as the square root of the number of steps (Brouwer's law).
+    It is proportional to the invariant's size, ``scale``, and to the square root of ``steps`` (Brouwer's law).
     """
     return BROUWER * EPS * row["scale"] * sqrt(row["steps"])
 
@@ -116,7 +124,10 @@ def kind(row: Mapping[str, Any]) -> str | None:
 
 
 def agrees(row: Mapping[str, Any], claimed: int) -> bool | None:
-    """True if the row's order is the claimed one, False if it differs, None if no order or too wide an interval."""
+    """True if a row's measured order is the claimed one, False if it differs, None if the row does not decide.
+
+    It differs if its whole interval is away from ``claimed`` and it is close to another integer.
+    """
     if row.get("status", "ok") != "ok" or not has(row, "value"):
         return None
     if abs(row["value"] - claimed) < GATE:

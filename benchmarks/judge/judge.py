@@ -1,8 +1,8 @@
 """Judges claims from tables of measurements, and lists the properties that could be claimed.
 
-The judgements depend on the tables alone.  A claim that could not be judged never passes.  Every integrator has to
-run, be consistent, keep no state between calls and leave its input unchanged; a failure there contradicts.  If it does
-not run or is not consistent, nothing else is judged.
+The judgements depend on the tables alone.  A claim that could not be judged never passes.  Whatever is claimed, an
+integrator has to run, be consistent, keep no state between calls and leave its input unchanged; otherwise that
+requirement is contradicted.  If the integrator does not run or is not consistent, no claim is judged.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ def judgements(claims: Mapping[str, Any], tables: Tables) -> list[Judgement]:
 
 
 def judgement(check: Check, value: Any, tables: Tables) -> Judgement:
-    """Judge one claim, of ``value``, by its check.
+    """Judge one claim by its check, such as the check of the order; ``value`` is the claimed value, such as 4.
 
     If time ran out, the claim can only hold if all measurements that the check needs were completed.
     """
@@ -55,7 +55,10 @@ def verdict(found: list[Judgement], claims: Mapping[str, Any]) -> str:
 
 
 def gross_failure(found: list[Judgement]) -> str:
-    """Why nothing else can be judged: the integrator does not run, or is not consistent; else ""."""
+    """Why no claim can be judged: the integrator does not run, or is not consistent; "" if neither is so.
+
+    ``found`` are the judgements of the requirements on every integrator.
+    """
     for j in found:
         if j.verdict == HOLDS:
             continue

@@ -67,7 +67,7 @@ def pure(tables: Tables) -> Judgement:
 
 
 def consistent(tables: Tables) -> Judgement:
-    """Judge consistency: the error of (step - state)/h vanishes as h -> 0, up to rounding of the coefficients."""
+    """Judge consistency: (step - state)/h tends to the vector field as h -> 0, up to rounding of the coefficients."""
     found = _elsewhere(tables)
     if found is not None:
         return found

@@ -1,6 +1,7 @@
-"""The two runs whose errors enclose an accuracy; between them cost and size are interpolated as powers of the error.
+"""Finds the two runs of an integrator whose errors enclose a wanted error, and interpolates between them.
 
-A rung is a run at one size (a number of steps or a tolerance); rungs are in order, the coarsest first.
+Cost and size are taken as powers of the error.  A rung is a run at one size (a number of steps or a tolerance); the
+rungs of an integrator are in order, the coarsest first.
 """
 
 from __future__ import annotations
@@ -80,11 +81,13 @@ def cost(rungs: Sequence[R], wanted: float) -> float:
 
 
 def evaluations_for(runs: Iterable[tuple[float, float]], wanted: float) -> float | None:
-    """The number of evaluations at which the error ``wanted`` is met, as a power law between two runs; None if never.
+    """The number of evaluations that an integrator needs to meet the error ``wanted``; None if no run meets it.
+
+    It is interpolated between two runs as a power of the error.
 
     Parameters
     ----------
-    runs : (evaluations, error) of each run, in any order; non-finite errors are left out
+    runs : (evaluations, error) of each run of the integrator, in any order; non-finite errors are left out
     """
     found = cost([Run(error, count) for count, error in sorted(runs) if isfinite(error)], wanted)
     return found if isfinite(found) else None

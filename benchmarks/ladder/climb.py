@@ -22,12 +22,13 @@ def climb(
 
     Parameters
     ----------
+    sizes : numbers of steps or tolerances, the coarsest first
     run : size -> the run (a `Rung`)
-    ended : the runs so far -> the reason to end, or ""; it may change the list
+    ended : the list of the runs so far -> the reason to end, or ""; it may change the list
 
     Returns
     -------
-    rungs, why : all runs; the reason, or "" if the sizes ran out
+    rungs, why : all runs; the reason why they ended, or "" if the sizes ran out
     """
     rungs: list[Rung] = []
     for size in sizes:
@@ -62,8 +63,8 @@ def tolerances(loosest: float, least: float) -> Iterator[float]:
 def idle(errors: Iterable[float]) -> int:
     """Count the last runs of a ladder (runs at ever finer steps) in a row that brought no clearly smaller error.
 
-    ``errors`` are those of the runs, the coarsest first.  A run brought none if its error is not below `FLOOR` times
-    the least error before it; runs before the first finite error do not count.
+    ``errors`` are those of the runs, the coarsest first.  A run is counted if its error is not below `FLOOR` times the
+    least error before it; runs before the first finite error are not counted.
     """
     least, count = inf, 0
     for error in errors:

@@ -22,7 +22,7 @@ REMARK = "exact for this problem: any step"
 
 
 def exact(c: Integrator, problem: Problem) -> bool:
-    """True if the integrator is exact for the problem, so that its cost does not measure the cost of an accuracy."""
+    """True if the integrator solves the problem exactly at any step: its cost at a given error has no meaning."""
     of_ours, of_rebound = EXACT.get(problem.id, (set(), set()))
     settings = getattr(c.record, "settings", {})
     return bool({c.id, getattr(c.record, "family", None)} & of_ours) or settings.get("integrator") in of_rebound

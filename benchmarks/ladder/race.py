@@ -74,7 +74,7 @@ class Known:
 
 @dataclass
 class Climb:
-    """An integrator's runs at ever finer sizes, why they end, and whether it was dropped since it cannot win."""
+    """An integrator, its runs (``rungs``) at ever finer sizes, ``why`` they ended, and ``dropped``: it cannot win."""
 
     integrator: Integrator
     rungs: list[Rung]
@@ -124,15 +124,19 @@ def wider(task: Task, c: Integrator, rung: Rung, known: Known) -> list[Rung]:
 
 
 def hopeless(task: Task, rung: Rung, known: Known) -> bool:
-    """True if a run took over `SHORT` seconds and `HOPELESS` times as long as the cheapest known run of its error."""
+    """True if a run took over `SHORT` seconds and `HOPELESS` times as long as the fastest known run as accurate as it.
+
+    A run that misses the coarsest accuracy is compared with the fastest one that meets it.
+    """
     return rung.seconds > max(SHORT, HOPELESS * known.seconds(min(rung.error, task.testable_accuracies[0])))
 
 
 def eases(rungs: list[Rung]) -> bool:
     """True if twice the steps may take less than twice the time, because evaluations per step decrease.
 
-    In wide steps implicit equations need Newton's method or many iterations, so their cost does not predict that of
-    shorter steps.  True also for a first run.
+    ``rungs`` are an integrator's runs so far, the coarsest first, of which the last two are compared; a single run
+    gives True, and an adaptive integrator False.  In wide steps implicit equations need Newton's method or many
+    iterations, so the cost of a step there does not predict that of shorter steps.
     """
     each = [r.evaluations / r.taken for r in rungs[-2:] if r.tol is None and r.taken]
     return len(each) == 1 or (len(each) == 2 and each[1] < NEARER * each[0])
@@ -230,7 +234,7 @@ class Entrant:
         return ""
 
     def _too_long(self, rungs: list[Rung]) -> str:
-        """Why to end: a run takes much longer than the best need for the finest accuracy; else ""."""
+        """Why to end: a run takes much longer than the fastest integrator needs for the finest accuracy; else ""."""
         rung = rungs[-1]
         limit = max(FREE, LONGEST * self.dear, min(HOPELESS * self.dear, PATIENCE) if eases(rungs) else 0.0)
         if rung.seconds > limit:

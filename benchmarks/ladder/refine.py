@@ -17,7 +17,7 @@ APART = 0.95
 
 
 def refine(task: Task, c: Integrator, rungs: list[Rung], wanted: float) -> Rung:
-    """Find the cheapest run that meets the error ``wanted``.
+    """Find the cheapest run of the integrator ``c`` whose error is at most ``wanted``.
 
     Further runs are made between the two runs whose errors enclose ``wanted``, and added to ``rungs``, an integrator's
     runs from coarse to fine.

@@ -95,7 +95,7 @@ def best_within(trial: Trial, budget: float, start: float) -> Found:
 
 
 def _fitting(trial: Trial, rung: Rung, budget: float) -> float | None:
-    """The next number of steps or tolerance, for a run of about ``budget`` seconds; None if there is none to try."""
+    """The number of steps or tolerance to try after the run ``rung``, for about ``budget`` seconds; None if none."""
     if rung.steps is None:
         tighter = rung.tol / 10
         return tighter if rung.seconds < budget and tighter >= trial.integrator.record.least else None
@@ -129,7 +129,11 @@ def _close(good: Rung, bad: Rung | None) -> bool:
 
 
 def _dear(trial: Trial, good: Rung, bad: Rung | None, accuracy: float, cheapest: float) -> bool:
-    """True if the run that meets the accuracy is too slow to win, and so are coarser ones that might meet it."""
+    """True if the run ``good`` is too slow to win, and so are coarser runs that might meet the accuracy.
+
+    ``good`` is the coarsest run that meets the accuracy, ``bad`` the finest coarser one that misses it, or None;
+    ``cheapest`` is the time in seconds of the cheapest candidate so far.
+    """
     if good.tol is not None:
         return bad is not None and good.seconds > WORTH * cheapest
     gap = inf if bad is None else good.steps / bad.steps
@@ -149,7 +153,7 @@ def _declared_order(trial: Trial) -> float:
 
 
 def _slope(trial: Trial) -> float | None:
-    """The exponent of the fall of the error with fineness, from the two finest runs; None if there are fewer."""
+    """The exponent p of error ~ fineness^-p (steps or 1 / tol) of the two finest runs; None if there are fewer."""
     told = [r for r in trial.sorted_rungs if r.ok and 0 < r.error < inf][-2:]
     return log(told[0].error / told[1].error) / log(told[1].fineness / told[0].fineness) if len(told) == 2 else None
 
@@ -171,8 +175,8 @@ def _next(trial: Trial, accuracy: float, good: Rung | None, bad: Rung | None) ->
 def _finer(trial: Trial, accuracy: float) -> float:
     """The next fineness (steps or 1 / tolerance) while no run meets the accuracy, extrapolated from the finest run.
 
-    If an earlier run of that fineness or less timed out, it is half way, in logarithms, between the finest run that did
-    not and the coarsest that did.
+    If a run of that fineness or less has timed out, the result is half way, in logarithms, between the coarsest run
+    that timed out and the finest of the runs coarser than that.
     """
     stopped = min((r.fineness for r in trial.sorted_rungs if r.status == TIMEOUT), default=inf)
     going = [r for r in trial.sorted_rungs if r.fineness < stopped]
@@ -187,7 +191,10 @@ def _finer(trial: Trial, accuracy: float) -> float:
 
 
 def _size_at(trial: Trial, fineness: float) -> float | None:
-    """The number of steps, or the tolerance 1 / fineness; None if the least tolerance was already run."""
+    """The size of a run with a given fineness: a number of steps, or the tolerance 1 / fineness.
+
+    None if the tolerance would be the least that the integrator accepts, and that was already run.
+    """
     if not trial.integrator.adaptive:
         return trial.task.quantity.steps(min(max(fineness, 1.0), MOST))
     least, tightest = trial.integrator.record.least, min(trial.rungs)
@@ -196,7 +203,10 @@ def _size_at(trial: Trial, fineness: float) -> float | None:
 
 
 def _hopeless(trial: Trial, accuracy: float, cheapest: float, fails: int) -> str:
-    """The reason why a candidate that has not met the accuracy will not win, or "" if it may."""
+    """The reason why a candidate that has not met the accuracy will not win, or "" if it may.
+
+    ``cheapest`` is the time in seconds of the cheapest candidate so far, ``fails`` the number of runs that failed.
+    """
     if fails >= FAILURES:
         return f"breaks at every step that was tried ({trial.failure()})"
     adaptive, told = trial.integrator.adaptive, [r for r in trial.sorted_rungs if r.ok]

@@ -73,12 +73,12 @@ class Trial:
         return rung.ok and (1 + SLACK) * rung.error + slack <= accuracy
 
     def repeat(self, rung: Rung) -> float:
-        """Repeat the run of a rung and return its error."""
+        """Repeat an earlier run, ``rung``, and return its error in the quantity to be computed."""
         found = self.task.run(self.integrator, rung.size)
         return quantities.error(self.task.problem, self.task.quantity, found, self.task.truth)
 
     def seconds(self, rung: Rung) -> float:
-        """Repeat the run of a rung, warm and without output, and return its seconds."""
+        """Repeat an earlier run, ``rung``, warm and without output, and return its seconds."""
         return self.task.seconds(self.integrator, rung.size)
 
     def pilot(self, number: float) -> float:

@@ -124,11 +124,12 @@ def end_state(solution: Solution | Reference, row: int = -1) -> np.ndarray:
 
 
 def trajectory_error(scene: Scene, solution: Solution) -> dict[str, float | str]:
-    """Return columns of a row of results, name -> value, with a solution's error against the scene's true state.
+    """Return columns of a row of results, name -> value, with a solution's error against the true state of its orbit.
 
-    They are ``reference_horizon``, ``reference_uncertainty``, ``global_error`` (max norm) and ``global_error_time``,
-    and ``reference`` if the true state is computed, not stored.  Only the horizon is there if no row of the solution
-    has the time of the true state, or if that is past the horizon.
+    ``scene`` says which problem and orbit were integrated, and to which time.  The columns are ``reference_horizon``
+    (the time up to which errors are meaningful), ``reference_uncertainty``, ``global_error`` (max norm) and
+    ``global_error_time``, and ``reference`` if the true state is computed, not stored.  Only the horizon is there if no
+    row of the solution has the time of the true state, or if that is past the horizon.
     """
     true = truth(scene.id)
     out: dict[str, float | str] = {"reference_horizon": true.horizon}

@@ -1,4 +1,4 @@
-"""The test systems and the methods with parameter values on which every method of the registry is tested."""
+"""The test systems on which all methods of the registry are tested, and the parameter values with which they are."""
 
 from __future__ import annotations
 
@@ -221,7 +221,8 @@ def systems(method: Method, few: bool | None = None) -> list[str]:
     """Return the names of the test systems, keys of `SYSTEMS`, on which a method is tested.
 
     With ``few`` they are only those of `FEW`, if the method can integrate any of these; by default this is so for an
-    order above `LOW_ORDER`.
+    order above `LOW_ORDER`.  A method that requires a trait in `BY_TRAIT` is tested on the systems named there, and one
+    that is too long or slow for the other systems on those of `SHORT`.
     """
     if method.parameters.get("order", 0) in HIGH or (method.family == "schemes_iv_v" and method.order > LOW_ORDER):
         return [n for n in SHORT if runs_on(method, n)]

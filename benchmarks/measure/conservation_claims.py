@@ -77,7 +77,7 @@ def declaration(integrator: Integrator, name: str) -> bool | None:
 def refusal(integrator: Integrator, conserve: Iterable[str]) -> str | None:
     """Return a sentence on the demanded properties, ``conserve``, that an integrator is declared to lack.
 
-    None if it lacks none; an integrator with such a sentence is not tried.
+    None if it is declared to lack none.  It serves as the reason why the integrator is not tried.
     """
     lacking = [name for name in conserve if declaration(integrator, name) is False]
     whose = "its package does not state" if isinstance(integrator.record, Peer) else "it is not declared to keep or be"
@@ -166,8 +166,8 @@ def symplecticity_defect(integrator: Integrator, problem: Problem, h: float) -> 
     """Return max |M^T J M - J| for the Jacobian M of a step of size h at the initial state, q and p of unit size.
 
     q and p are in units of their largest components over a few steps.  The result is 0 if finite differences cannot
-    resolve it: two displacements then give different values.  A planetary system is reduced to its massive bodies,
-    since the momenta of test particles cannot be displaced.
+    resolve it (two displacements give different values, or a step fails).  A planetary system is reduced to its massive
+    bodies, since the momenta of test particles cannot be displaced.
     """
     if hasattr(problem, "massive"):
         problem = problem.massive()

@@ -73,9 +73,10 @@ class Section(sections.Section):
         return pd.DataFrame({"orbit": self.orbit, "t": self.t} | {x: states[:, k] for k, x in enumerate(self.names)})
 
     def plot(self) -> Figure:
-        """Return a figure of the crossings in the plane of another coordinate and its momentum.
+        """Return a figure of the crossings in the plane of a coordinate and its momentum.
 
-        Raises InvalidInput for d = 1.
+        It is the first coordinate other than the one that (or whose momentum) is fixed on the section.  Raises
+        InvalidInput for d = 1.
         """
         from . import figures
 

@@ -50,9 +50,10 @@ def solution(found: Solution) -> Figure:
 
 @style.styled
 def section(found: Section) -> Figure:
-    """Draw the crossings of a Poincare section in the plane of another coordinate and its momentum, coloured by orbit.
+    """Draw the crossings of a Poincare section in the plane of a coordinate and its momentum, coloured by orbit.
 
-    Raises InvalidInput for one degree of freedom.
+    It is the first coordinate other than the one that (or whose momentum) is fixed on the section.  Raises
+    InvalidInput for one degree of freedom.
     """
     names, d = found.names, found.q.shape[1]
     if d < 2:

@@ -47,7 +47,7 @@ def with_start(problem: Problem | PartitionedSystem, q0: State | None = None, p0
 def onwards(
     problem: Problem, solution: Solution | SimpleNamespace, span: float
 ) -> tuple[Problem, SimpleNamespace, float]:
-    """Turn a run into one from time 0 forward, also if it went back in time; return (problem, solution, span).
+    """Restate a run as one from time 0 forward, to compare it with a reference; return (problem, solution, span).
 
     ``span`` is t_end - t0, negative for a run back in time; the one returned is positive.  The solution returned has
     only t (n,), q and p (n, d).  A run back in time becomes a run forward of the problem with -H in place of H.

@@ -200,9 +200,10 @@ def _with_extrema(f: Callable[[float], float], scan: list[float]) -> list[float]
 def _grows_from_the_start(at: Callable[[float], np.ndarray], scan: list[float], piece: tuple[float, float]) -> bool:
     """True if a stable interval ``piece`` = (0, end) is spurious, since the map grows at every step z > 0.
 
-    Near z = 0 the growth is less than the allowance for round-off in the margins, and is not seen.  The determinant
-    tells, which is 1 + z^2 for explicit Euler: it is nowhere below 1 in the interval, and beyond the end it alone, by
-    exceeding 1, makes the map unstable.  ``at`` gives the four stability margins at z, ``scan`` has the scanned z.
+    Near z = 0 the growth of such a map, of which explicit Euler with det M = 1 + z^2 is one, is hidden by the allowance
+    for round-off in the margins.  It is recognized by two signs: det M is nowhere below 1 in the interval, and just
+    beyond the end the map is unstable only because det M > 1.  ``at`` gives the four stability margins at z, ``scan``
+    has the scanned z.
     """
     start, end = piece
     if start > 0 or end >= scan[-1]:

@@ -3,9 +3,9 @@ r"""Quantities whose errors are measured on particular problems, such as the per
 ``perihelion`` is the direction of the Laplace-Runge-Lenz vector :math:`A = p\times L - q/|q|`; ``phase`` an orbit's
 polar angle; a planet's longitude is relative to the Sun.  ``section`` is the point where the orbit, continued from the
 end without further error, next meets q1 = 0 with p1 > 0; it contains the error across the orbit, not that along it.
-``adiabatic-invariant`` is the oscillatory energy of the stiff springs.  For chaotic orbits, whose late states are not
-reproducible: ``average`` is the time average of the kinetic energy divided by the sum of the absolute terms of H, and
-``lyapunov`` the largest Lyapunov exponent over the span.
+``adiabatic-invariant`` is the oscillatory energy of the stiff springs in a Fermi-Pasta-Ulam chain.  For chaotic orbits,
+whose late states are not reproducible: ``average`` is the time average of the kinetic energy divided by the sum of the
+absolute terms of H, and ``lyapunov`` the largest Lyapunov exponent over the span.
 """
 
 from __future__ import annotations

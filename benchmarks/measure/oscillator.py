@@ -1,10 +1,10 @@
 r"""Stability of an integrator on the harmonic oscillator: all intervals of z = h omega, with ends to ten digits.
 
-Most step maps of the oscillator are linear, y -> M(z) y.  The columns of M are the images of the unit vectors;
-`linear_stability` scans the margins, and each end is then refined with the margins without their allowances: there
-|tr M| passes 2, or det M passes 1.  If the trace reaches 2 or -2 and turns back (a double root of tr^2 - 4), no
-interval ends; such places are listed as touches.  A window of instability whose trace exceeds 2 by less than
-`linear_stability.SLACK` counts as a touch too.
+Most step maps of the oscillator are linear, y -> M(z) y.  The columns of M are the images of the unit vectors.
+`linear_stability` finds the intervals from Jury's stability margins of M, with an allowance for round-off; each end is
+then refined without that allowance: there |tr M| passes 2, or det M passes 1.  If the trace reaches 2 or -2 and turns
+back (a double root of tr^2 - 4), no interval ends; such places are listed as touches.  A window of instability whose
+trace exceeds 2 by less than `linear_stability.SLACK` counts as a touch too.
 
 A map that is not linear (a projection, a parameter chosen in every step), or whose steps depend on more than the state,
 is judged by long runs: stable if the run ends well and the state stays below `GROWN` times the initial size.  Ends are
@@ -13,8 +13,8 @@ then known to the relative accuracy `SHARPNESS`.
 A method that requires constraints is judged on the oscillator in the plane that is bound to a line: with linear
 constraints it is a method for the motion within them.
 
-The stable steps of a multistep method follow from the roots of rho(z) + (h omega)^2 sigma(z), in closed form
-(`coefficients.multistep`); long runs beside the limit are made to confirm it.
+The stable steps of a multistep method follow from the roots x of rho(x) + (h omega)^2 sigma(x), in closed form
+(`coefficients.multistep`); long runs just below and just above the limit are made to confirm it.
 
 Source: Hairer, Lubich, Wanner, Geometric Numerical Integration (2006), I.5 and IX.3.
 """
@@ -371,7 +371,7 @@ def failure_of_run(chosen: Integrator, z: float, steps: int) -> str:
 def row(chosen: Integrator) -> dict:
     """Return an integrator's stable steps on the oscillator as a dict for JSON, the output of ``phasebench stability``.
 
-    Its keys are method, params, limit, intervals, how, touches, scanned and reason, as in `Stability`.
+    Its keys are method, params (the parameters), limit, intervals, how, touches, scanned and reason; see `Stability`.
     """
     found = find(chosen)
     return {

@@ -62,18 +62,25 @@ class Quantity:
     statistical: bool = False
 
     def steps(self, wanted: float) -> int:
-        """Return the number of steps nearest to ``wanted`` with which a run can have the rows the quantity needs."""
+        """Return the permitted number of steps nearest to ``wanted``.
+
+        It has to be a multiple of `rows` if the quantity is `aligned`, so that the rows are at equidistant times.
+        """
         unit = self.rows if self.aligned else 1
         return max(1, round(wanted / unit)) * unit
 
     def save_every(self, steps: int) -> int:
-        """Return N if every Nth state of a run of ``steps`` steps is to be saved for the quantity; 0: the end alone."""
+        """Return the ``save_every`` with which a run of ``steps`` steps saves the states that the quantity needs.
+
+        Every Nth state is saved, N being the result; 0 saves the end alone.
+        """
         return 0 if self.rows == 1 else max(1, steps // self.rows)
 
     def grid(self, steps: int | None = None, tol: float | None = None) -> dict[str, Any]:
-        """Return the keyword arguments of `Integrator.run` with which a run has the rows that the quantity needs.
+        """Return keyword arguments for `Integrator.run`, so that the run saves the rows that the quantity needs.
 
-        Give a number of steps, or the tolerance of an adaptive integrator.
+        Give a number of steps, or the tolerance of an adaptive integrator.  The result has ``save_every``, and
+        ``steps`` or ``tol`` or both.
         """
         if steps is not None:
             return {"steps": steps, "save_every": self.save_every(steps)}

@@ -1,13 +1,14 @@
-r"""Finds every root of the energy equation of Schemes IV and V, by exhaustive scan.
+r"""Finds every value of lambda with which a step of Scheme IV or V conserves H, by exhaustive scan.
 
-In each step Schemes IV and V choose the parameter lambda that conserves H, the root nearest 1/2.  For each step of a
-trajectory the stage equations
+Schemes IV and V are methods with a parameter lambda, for which they choose in each step the value nearest 1/2 with
+which H is the same after the step.  For each step of a trajectory the stage equations
 
 .. math::
     k = -\nabla U\bigl(q + (1-\lambda)\,ch\,v + \lambda(1-\lambda)(ch)^2 M^{-1}k\bigr)
 
-are solved by continuation in lambda from 1/2 outwards (Newton with the Hessian, all steps at once in NumPy) up to
-``reach``, or to the fold at which the solution ceases to exist; every change of sign of the energy error is a root.
+(ch is the size of a substep, U the potential, M the mass matrix, v the velocity) are solved by continuation in lambda
+from 1/2 outwards (Newton with the Hessian, all steps at once in NumPy) up to ``reach``, or to the fold at which the
+solution ceases to exist; every change of sign of the energy error along lambda is a root.
 The scan shares no code with the kernels' root finder.
 """
 
@@ -72,7 +73,7 @@ def _substep(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Take a step of size h of a one-stage method with the parameter lambda = ``lam`` from every row of Q, P (n, d).
 
-    Of such substeps Schemes IV and V consist.  The stage equation is solved for k (n, d), minus the gradient of U at
+    Schemes IV and V consist of such substeps.  The stage equation is solved for k (n, d), minus the gradient of U at
     the stage, by Newton's method from a given k.  Returns (Q after the substep, P after it, k, boolean array (n,): True
     where k converged and is not past the fold at which the solution ends).
     """
@@ -161,9 +162,9 @@ def along(found: Problem, scheme: str, h: float, t_end: float, every: int = 1, *
 def summary(scans: list[Scan]) -> list[dict]:
     """Make the rows of a table of the roots, the values of lambda with which a step of Scheme IV or V conserves H.
 
-    There is a row for each scan (a step size h), with h, the numbers of steps without, with one and with more roots,
-    the range of the roots nearest to 1/2, the number of the others ("far") and the one of these closest to 1/2, and the
-    range of lambda that was scanned in every step.
+    There is a row for each scan (a step size h).  It has h; the numbers of steps without a root, with one and with
+    more; the range of the roots that are the nearest to 1/2 in their step; the number of all other roots ("far"), and
+    which of these is closest to 1/2; and the range of lambda that was scanned in every step.
     """
     out = []
     for s in scans:

@@ -98,7 +98,7 @@ def ratio(a: np.ndarray, b: np.ndarray) -> Median:
 
 
 def cheaper(ours: Median, peers: Median, tie: float = 1.0) -> str:
-    """Return whether this project or another package is cheaper, from the costs of their cheapest runs to an error.
+    """Return which is cheaper, this project or other packages, from the least cost of each at the same error.
 
     Returns "ours" or "peer" if the whole interval of one cost, widened by the factor ``tie``, is below the other's,
     else "tie"; "none" if neither reaches the error.  A cost has ``low`` infinite if the error is never reached, and

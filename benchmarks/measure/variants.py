@@ -1,4 +1,4 @@
-"""All methods, with the parameter values at which experiments that compare all of them run them."""
+"""The parameter values with which each method is run in the experiments that compare all methods."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The verdict on whether methods converge with their declared orders, and the name of the case that a row is of."""
+"""The verdict on whether methods converge with their declared orders, and the text that names the case of a row."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from .verdict import FAIL, Verdict, at_most
 
 
 def case(row: pd.Series) -> str:
-    """Return the case that a row of a method on a problem is of, as a verdict's ``where`` names it."""
+    """Return a text that names a row's method and problem, "METHOD on PROBLEM", to be used as a verdict's ``where``."""
     return f"{row['method']} on {row['problem']}"
 
 

@@ -70,7 +70,10 @@ class _Reading:
 
 
 class Figures:
-    """The figures of a report folder: those of the report before, by their digests, and those drawn or copied now."""
+    """Draws the figures of a report's pages, or copies those of the previous report in ``folder`` that are still valid.
+
+    ``before`` has the digests that the previous report stored, and ``now`` those of the new figures, page by page.
+    """
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder / "figures"

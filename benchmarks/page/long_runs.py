@@ -21,9 +21,10 @@ NOISE = 1e-12
 
 @once
 def long_runs(rows: pd.DataFrame) -> pd.DataFrame:
-    """Return the rows of long runs of this project's methods, with a column of the energy behaviour that each declares.
+    """Return the rows of long runs of this project's methods, those made to measure how conserved quantities drift.
 
-    ``rows`` is the table of the experiment `trade`.
+    ``rows`` is the table of the experiment `trade`.  The column ``declared`` is added: how the method is declared to
+    conserve the energy.
     """
     part = rows[rows["purpose"] == scenes.DRIFT]
     if "kind" in part:

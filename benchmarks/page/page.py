@@ -53,10 +53,10 @@ class Table:
 
 
 def of(*names: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
-    """Decorator: turn a function whose arguments are tables into a function of ``data``, a callable name -> table.
+    """Decorator: turn a function of the tables called ``names`` into a function of ``data``, a callable name -> table.
 
-    ``names`` are the names of the tables.  The new function returns None if one of them is missing or empty; its
-    further arguments (a folder of figures) are passed on after the tables.
+    The new function returns None if one of these tables is missing or empty; its further arguments, such as a folder
+    of figures, are passed on after the tables.
     """
 
     def decorate(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -96,7 +96,7 @@ def _nothing(data: Data, *more: Any) -> None:
 
 @dataclass(frozen=True)
 class Page:
-    """A page of the report.
+    """A page of the report; its functions are called with ``data``, a function: name of a table -> DataFrame or None.
 
     Attributes
     ----------
@@ -109,7 +109,7 @@ class Page:
     command : the command that measures its tables
     figures : (data, folder of figures) -> pictures
     table : data -> `Table`
-    whole : data -> a longer table, folded on the HTML page
+    whole : data -> a longer table, shown only on the HTML page, where a click unfolds it
     listed : True if the entry page lists it; otherwise another page links to it
     """
 

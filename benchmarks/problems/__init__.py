@@ -67,9 +67,9 @@ def _build(id: str, /, **parameters: float | str) -> Problem:
 
 @lru_cache(maxsize=128, typed=True)
 def _call_make(module: ModuleType, **parameters: float) -> Problem:
-    """Call ``module.make`` once for each set of parameter values, and return the same problem after that.
+    """Return ``module.make(**parameters)``, made only once for each set of values: later calls get the same object.
 
-    The problem keeps what is derived from its formulae.
+    So what was derived from the problem's formulae is not derived again.
     """
     return module.make(**parameters)
 

@@ -4,8 +4,9 @@ r"""A frozen argon crystal: seven atoms in the plane with the Lennard-Jones pote
     H = \tfrac12\sum_i |p_i|^2 + \sum_{i<j} 4\,(r_{ij}^{-12} - r_{ij}^{-6})
 
 One atom in the middle of six.  Units: sigma = 0.341 nm, epsilon = 119.8 K k_B, the mass 66.34e-27 kg of an atom, hence
-the time sigma (m / epsilon)^(1/2) = 2.16 ps.  The printed positions (nm) and velocities (nm/ns) are divided by these
-units and rounded to double; total momentum zero, temperature 22.72 K, H = -1260.2 K k_B.
+the time sigma (m / epsilon)^(1/2) = 2.16 ps.  The positions (nm) and velocities (nm/ns) that Hairer, Lubich & Wanner
+print (section I.4) are divided by these units and rounded to double; total momentum zero, temperature 22.72 K,
+H = -1260.2 K k_B.
 """
 
 from math import sqrt

@@ -6,7 +6,8 @@ In q = (r, theta), p = (p_r, p_theta), with M = c = G = 1, energy E and angular 
     H = -\frac{E^2}{2(1 - 2/r)} + \frac{(L - \tfrac\beta2 r^2\sin^2\theta)^2}{2 r^2\sin^2\theta}
         + \frac{p_r^2}2 - \frac{p_r^2}r + \frac{p_\theta^2}{2 r^2} ,
 
-four parts with exact flows, of which the first two terms are one; H = -1/2, and the time is the particle's proper time.
+a sum of four parts with exact flows: the first two terms together, and each of the others.  On the orbits H = -1/2, and
+the time is the particle's proper time.
 Without the field it is integrable; with it orbits may be chaotic.  The horizon r = 2 is a singularity.
 
 Start: in the equatorial plane with p_r = 0; p_theta is what H = -1/2 gives.

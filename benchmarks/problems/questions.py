@@ -32,7 +32,7 @@ class Question:
     t_end : the end of the span, in the problem's own unit of time
     quantity : the name of a quantity (`benchmarks.measure.quantities`)
     accuracies : falling errors, for each of which the cheapest integration is searched
-    about : one line for a person
+    about : a description in one line
     """
 
     id: str

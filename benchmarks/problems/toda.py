@@ -35,7 +35,7 @@ MODULUS = 0.9
 
 
 def cnoidal(N: int, m: float, t: float | mpmath.mpf) -> tuple[list[mpmath.mpf], list[mpmath.mpf]]:
-    """Return (q, p) of the travelling wave at time ``t``, tuples of N numbers of mean zero in mpmath's precision.
+    """Return (q, p) of the travelling wave at time ``t``, lists of N numbers of mean zero in mpmath's precision.
 
     m is the parameter of the elliptic functions, 0 < m < 1.
     """

@@ -283,7 +283,8 @@ def _state(orbit: Orbit, name: str, d: int, where: str) -> tuple[float, ...]:
 def _check_start(system: PartitionedSystem, orbit: Orbit, where: str, paste: str = "q={}, p={}") -> None:
     """Raise InvalidInput for a start where H or the vector field is not finite, at a singularity, or off constraints.
 
-    ``where`` begins the message; ``paste`` is the form in which it suggests a state on the constraints.
+    The message begins with ``where``; for a start off the constraints it suggests a state that fulfils them, written
+    in the format ``paste``.
     """
     q, p = np.array([orbit.q]), np.array([orbit.p])
     if system.constrained:

@@ -42,7 +42,8 @@ class Cell:
     measure, arguments : a module-level function and its arguments (both are sent to other processes); it returns table
         -> rows
     content : the hash of the code and data on which the rows depend
-    names : names by which a user may select it: ids of methods, peers, problems and scenes
+    names : names by which a user may select it: ids of methods, peers (integrators of other packages), problems and
+        scenes (problems with a time span and steps)
     where : how it is measured: `POOL`, beside others on all cores; `UNCOMPILED`, the same without Numba; `ALONE`, with
         nothing else on the machine, since it is timed
     own : True if its rows depend on the machine as well as on the code
@@ -145,7 +146,7 @@ def content(*parts: object, code: Iterable[str] = ()) -> str:
 
 @dataclass(frozen=True)
 class ProblemKey:
-    """Identifies a problem without building it: its name with its orbit, and its parameters."""
+    """Identifies a problem without building it: its name, as "henon-heiles:box" with the orbit, and its parameters."""
 
     name: str
     parameters: tuple[tuple[str, object], ...] = ()

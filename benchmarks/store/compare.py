@@ -154,7 +154,8 @@ LADDERS = {"kepler": "setting"}
 def of_cell(cell: Cell, table: str, measured: Sequence[Row], stored: Sequence[Row]) -> list[Difference]:
     """Compare the rows of one table from a repeated measurement (``cell``) with the stored rows of the same cell.
 
-    Only the columns in `BANDS` are compared; [] for a table that has none.
+    The columns in `BANDS` are compared, with their tolerances, and the status; [] for a table that is not in `BANDS`.
+    Rows that another machine may have or lack, since it is faster or slower, are left out.
     """
     if table not in BANDS:
         return []

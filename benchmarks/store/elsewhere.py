@@ -63,7 +63,7 @@ class Elsewhere:
     problem : the problem, on the orbit that the file names
     t_end : the end of all runs, which begin at t = 0
     rows : a dictionary for each row: method, h, tol, steps, evaluations, q and p (arrays (d,), None without a state),
-        energy_error (H - H0, as stated; None if it is not), stated (invariant -> stated error)
+        energy_error (H - H0 of the end state, or as stated if there is none), stated (invariant -> stated error)
     """
 
     path: Path
@@ -85,7 +85,7 @@ def read(path: Path | str) -> Elsewhere:
     ------
     InvalidInput
         If the file cannot be read, states another version, an unknown problem or other initial data, lacks an entry or
-        a column, or has a value that is none; the message names it, and what to do.
+        a column, or has an invalid value; the message names the fault, and what to do.
     """
     path = Path(path)
     header, lines = _parts(path)

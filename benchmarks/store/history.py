@@ -63,9 +63,9 @@ class Change(NamedTuple):
 
     Attributes
     ----------
-    kind : one of `KINDS`
-    table, row, column : where it is
-    before, after : the two values, as text
+    kind : one of `KINDS`, such as "less accurate"
+    table, row, column : where it is; the row by the texts that identify it or, for times, by the method
+    before, after : the two values, as text; for times "1" and the ratio
     ratio : after / before with its interval, or None
     """
 

@@ -141,9 +141,10 @@ def plan(
 
 
 def sample(cells: Sequence[Cell], known: dict[str, Standing], seconds: float, seed: int, count: int) -> list[Cell]:
-    """Choose cells (single measurements) at random, from each experiment in turn, that take about ``seconds`` together.
+    """Choose some of the cells (single measurements) at random, to measure them again and compare with the stored rows.
 
-    ``known`` has the time that each takes; ``count`` is the number of cores.
+    They are taken from each experiment in turn until they need about ``seconds`` together on ``count`` cores; ``known``
+    has the time that each takes, ``seed`` is that of the random numbers.
     """
     rng = random.Random(seed)
     groups: dict[str, list[Cell]] = {}

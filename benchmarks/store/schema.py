@@ -1,8 +1,8 @@
 """The schema of rows: their columns with units, and the version that is written beside them.
 
-A row is one run.  Rows are stored as ``reports/data/rows.csv``, as JSON lines by ``phasebench run``, and the part of
-them that a later run is compared with as ``reference/tables/*.csv``.  A table states its version in the JSON file
-beside it, a line of JSON in its own field, both as ``schema``; what states none is of version 1.
+A row is one run of an integrator.  Rows are stored in ``reports/data/rows.csv``, in the JSON lines that ``phasebench
+run`` writes, and in ``reference/tables/*.csv``, with which later runs are compared.  The version of the schema is the
+entry ``schema``: of a table, in the JSON file beside it; of a JSON line, in the line itself.  Without it, it is 1.
 
 Within a version columns may be added.  A column that is renamed, or that means something else, makes a new version.
 Tables of single experiments (all others in ``reports/data``) are no part of the schema: they change with their pages.
@@ -106,7 +106,10 @@ def undeclared(names: Iterable[str]) -> list[str]:
 
 
 def check(about: Mapping[str, Any], where: object) -> None:
-    """Raise InvalidInput if a table or a line states a newer version than `VERSION`, or none that is a number."""
+    """Raise InvalidInput if rows are of a newer schema than `VERSION`, or state no positive integer as their version.
+
+    ``about`` is the metadata of a table, or a row as a dict; ``where`` is the file, which the message names.
+    """
     stated = about.get(FIELD, 1)
     if isinstance(stated, bool) or not isinstance(stated, int) or stated < 1:
         raise InvalidInput(f"{where} states the schema {stated!r}; it must be a positive integer")

@@ -35,8 +35,8 @@ Row = dict[str, str]
 def read(folder: Path, name: str, stale: bool = True) -> tuple[pd.DataFrame, dict] | tuple[None, None]:
     """Read a table of a report folder; return (DataFrame, metadata from its JSON file), or (None, None) if absent.
 
-    Rows measured by an earlier version of the code are included unless ``stale`` is False; ``about["stale"]`` is their
-    number.  Raises InvalidInput if the files cannot be read.
+    Rows measured by an earlier version of the code are included unless ``stale`` is False; their number is the entry
+    "stale" of the metadata.  Raises InvalidInput if the files cannot be read.
     """
     import pandas as pd
 
@@ -113,7 +113,10 @@ class Table:
         self.replace(rows, about)
 
     def replace(self, rows: Sequence[Row], about: Mapping[str, object]) -> None:
-        """Overwrite the table with these rows, and its JSON file with ``about`` and descriptions of their machines."""
+        """Overwrite the table with ``rows``, and the JSON file beside it with the metadata ``about``.
+
+        Descriptions of the machines on which the rows were measured are added to the metadata.
+        """
         columns = {c: None for row in rows for c in row}
         first = [c for c in (self.rows[0] if self.rows else ()) if c in columns and c not in PROVENANCE]
         names = [*dict.fromkeys([*first, *(c for c in columns if c not in PROVENANCE)]), *PROVENANCE]

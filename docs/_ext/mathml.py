@@ -50,6 +50,6 @@ def block(self, node: nodes.math_block) -> None:
 
 
 def setup(app) -> dict[str, bool]:
-    """Register the renderer of formulae with Sphinx; return that it may run in parallel."""
+    """Register the renderer of formulae with Sphinx; return the dict by which Sphinx may build pages in parallel."""
     app.add_html_math_renderer("mathml", (inline, None), (block, None))
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -233,15 +233,18 @@ def listed_coefficients(m: Method) -> str:
 
 
 def _composition(m: Method):
-    """The table of coefficients with which a method is composed of a simpler one, by the end of its id, or None."""
+    """The coefficients with which a method is composed of a simpler one, or None if it is no composition.
+
+    The composition is told by the end of the method's id, such as "-yoshida-4".
+    """
     suffix = next((name for name in compositions.COMPOSITIONS if m.id.endswith(f"-{name}")), None)
     return coefficients.BY_NAME.get(suffix)
 
 
 def _origin(of) -> str:
-    """A Markdown table: where the coefficients ``of`` were published, and how well they meet the order conditions.
+    """A Markdown table of where a method's coefficients were published, and how well they meet the order conditions.
 
-    "" if they were not measured.
+    ``of`` is their record; "" if the coefficients were not measured.
     """
     frame = stored("coefficients")
     found = frame[frame["table"] == of.name]
@@ -321,8 +324,9 @@ def _dropped(why: pd.DataFrame) -> str:
 def shipped() -> dict[str, list[Peer]]:
     """Return a dict: id of a method -> the audited peers (integrators of other packages) that behave like it.
 
-    They have its order, are symplectic if and only if it is, and are stable in the same intervals of h omega on the
-    harmonic oscillator, as far as both were scanned.  If a first interval has no end, or ends at 0, there is no match.
+    Such a peer has the method's order, is symplectic if and only if the method is, and is stable on the harmonic
+    oscillator in the same intervals of h omega, as far as both were scanned.  The first interval must end within the
+    scan and not at 0.
     """
     audit = stored("audit")
     measured = audit[(audit["measure"] == "stability") & audit["intervals"].notna()].set_index("peer")

@@ -72,7 +72,8 @@ def page(package: str) -> str:
 def claims(package: str) -> str:
     """Markdown on what a package claims of its integrators: counts of the verdicts, then tables.
 
-    Contradicted and understated claims stand in a table of their own, all claims in a folded one.
+    The first table has the claims that are contradicted or understated (more holds than is claimed), the second, which
+    is folded, all claims.
     """
     found = _rows("audit_claims", package)
     if found.empty:

@@ -26,7 +26,7 @@ class Command(Directive):
     """The directive ``{command}``, which shows a command line and what it prints.
 
     The command runs as it stands, in the folder of the repository; its output is kept in the cache of the notebooks
-    until that is deleted.  With the option ``lines`` only so many lines are shown.
+    until that is deleted.  With the option ``lines``, a number n, only the first n lines of the output are shown.
     """
 
     required_arguments = 1
@@ -92,7 +92,10 @@ def plain_bars(app, what, name, subject, options, lines: list[str]) -> None:
 
 
 def setup(app) -> dict[str, bool]:
-    """Register the directive ``{command}`` and the generators with Sphinx; return that they may run in parallel."""
+    """Register the directive ``{command}`` and the generators with Sphinx.
+
+    Returns the dict by which Sphinx may read and write pages in parallel.
+    """
     app.setup_extension("sphinx.ext.autodoc")
     app.add_directive("command", Command)
     app.connect("config-inited", generate)

@@ -88,7 +88,7 @@ def _math(expression: sp.Expr, before: str) -> str:
 
 
 def invariants(made: Problem) -> str:
-    """A Markdown table of the invariants besides H in LaTeX; a long one has its name without its formula."""
+    """A Markdown table of the invariants besides H, each with its name and its formula in LaTeX unless that is long."""
     rows = []
     for name, expression in made.invariants.items():
         short = len(sp.Add.make_args(sp.sympify(expression))) <= TERMS // 2

@@ -100,7 +100,7 @@ def _column(frame: pd.DataFrame, name: str, column: schema.Column) -> dict[str, 
 
 
 def spelling_table() -> str:
-    """A Markdown table of the old spellings of command-line options, by command, with the new ones."""
+    """A Markdown table of renamed command-line options: the command, the option's former name and its present one."""
     return table(
         {"command": code(command), "before": code(old), "now": code(new) + (", once for each" if old in LISTS else "")}
         for command, names in OLD.items()
@@ -117,7 +117,7 @@ def status_table() -> str:
 
 
 def statuses() -> str:
-    """The page on the statuses of a run: a table, how they are told apart, and the outcomes of a verdict."""
+    """The page on the statuses of a run: a table, how "inaccurate" and "unstable" are told, what verdicts mean."""
     parts = paragraphs(outcome.__doc__ or "")
     return "\n".join(
         [

@@ -62,7 +62,10 @@ def parse(site: Path) -> dict[Path, Links]:
 
 
 def broken(pages: dict[Path, Links]) -> list[str]:
-    """The internal links and loaded files that do not exist, as texts "page: link"; also links to unknown anchors."""
+    """The internal links of a site whose target file or anchor does not exist, and files to load that do not exist.
+
+    Each is a text "page: link"; ``pages`` are those of `parse`.
+    """
     out = []
     for path, page in pages.items():
         for link in page.links + page.loads:

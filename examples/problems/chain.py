@@ -28,7 +28,7 @@ def grad_V(k, sign=1):
 
 
 def field(k):
-    """Make the loop that writes the vector field (p, -grad V) to arrays; k is the constant of the springs."""
+    """Make the loop that writes the field dq/dt = p, dp/dt = -grad V to arrays; k is the constant of the springs."""
     return unit_mass_field(grad_V(k, -1))
 
 

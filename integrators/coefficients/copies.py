@@ -29,11 +29,12 @@ def lengths_of_a(fractions: Sequence[mpmath.mpf]) -> list[mpmath.mpf]:
 
 
 def midpoint_tableau(fractions: Sequence[mpmath.mpf]) -> tuple[tuple[mpmath.mpf, ...], ...]:
-    """The Runge-Kutta tableau of a method that moves two copies of the state, from equal ones to their mean.
+    """The Runge-Kutta tableau (rows of A, then b) of a method on two copies of the state that ends with their mean.
 
-    Returned are the rows of A and then b.  A step is composed of steps A B A over ``fractions`` of h, see the module; a
-    substep moves half of the variables of both copies by the field at the other half.  Hence a stage depends on the
-    earlier stages of the other kind, with their lengths as coefficients, and its weight is half of its length.
+    A step begins with two equal copies and is composed of steps A B A over ``fractions`` of h (see the module for the
+    substeps A and B).  A substep is a stage: it moves half of the variables of both copies by the field at the other
+    half.  Hence a stage of A depends on the earlier ones of B, and vice versa, with their lengths as coefficients, and
+    its weight in b is half of its length.
     """
     with mpmath.workdps(DIGITS):
         w = [x for pair in zip(lengths_of_a(fractions), [*fractions, 0], strict=True) for x in pair][:-1]

@@ -57,7 +57,10 @@ class Multistep(NamedTuple):
 
 
 def symmetric(alpha: Sequence[int], numerators: Sequence[int], denominator: int) -> Multistep:
-    """Make a symmetric multistep method from the first halves of alpha and of beta's numerators, middle included."""
+    """Make a symmetric multistep method; alpha and beta are palindromes, given by their first halves with the middle.
+
+    ``numerators`` are those of the beta_j, whose common denominator is ``denominator``.
+    """
     return Multistep(mirror(alpha), mirror(numerators), denominator)
 
 
@@ -148,7 +151,7 @@ def moments(nodes: Sequence[int], right: Sequence[Fraction]) -> tuple[Fraction, 
 
 
 def velocity_weights(k: int) -> tuple[Fraction, ...]:
-    """The weights d of the velocity at the newest of k equidistant times, from the last difference of x.
+    """The weights d_j of a formula for the velocity at the newest of k equidistant times, where x'' = f.
 
     v_n = (x_n - x_n-1) / h + h sum_j d_j f_n-j, j = 0, ..., k - 1: exact for x a polynomial of degree k + 1.
     """

@@ -66,7 +66,8 @@ def _times_exponential(letter: str, a: mpmath.mpf, series: Residuals) -> Residua
 def _blocks(steps: Iterable[tuple[str, mpmath.mpf]], degrees: Sequence[int]) -> Residuals:
     """Coefficients of a step minus those of the exact flow, as in `words`, by (n, k): words of n letters, k of them B.
 
-    ``degrees`` are the largest n of words with up to 1, with 2, ... letters B; the last holds for all higher numbers.
+    ``degrees`` says which words are included: those of at most degrees[0] letters if one or none of them is B, of at
+    most degrees[1] if two are, and so on; the last entry holds for all higher numbers.
     """
     keys = [(n, k) for n in range(max(degrees) + 1) for k in range(n + 1) if n <= _limit(degrees, k)]
     series = {(n, k): np.full(comb(n, k), mpmath.mpf(n == 0), dtype=object) for n, k in keys}
@@ -150,9 +151,9 @@ def odd_residuals(fractions: Sequence[mpmath.mpf], weight: int) -> list[np.ndarr
 
 
 def _limit(degrees: Sequence[int], k: int) -> int:
-    """The entry of ``degrees``, one for each power 1, 2, ... of eps, that holds for the power k.
+    """Return the largest degree of the words with the power k of eps.
 
-    The last entry holds for all higher powers, the first for the power 0, too.
+    ``degrees`` has an entry for each power 1, 2, ...; the last one holds for all higher powers, the first for 0, too.
     """
     return degrees[min(max(k, 1), len(degrees)) - 1]
 
@@ -194,14 +195,19 @@ def norm(residual: Iterable) -> mpmath.mpf:
 
 
 def conditions(errors: Residuals, order: Sequence[int]) -> list[Key]:
-    """The keys (degree, power of eps) of the residuals that vanish for an order ``(p,)`` or ``(p_1, p_2, ...)``."""
+    """The keys of those residuals that are zero for a method of the given order: its order conditions.
+
+    ``errors`` is a dict from `residuals`, with keys (degree, power of eps); ``order`` is (p,), or (p_1, p_2, ...) with
+    an entry for each power of eps.
+    """
     return [(n, k) for n, k in errors if n <= _limit(order, k)]
 
 
 def excess(errors: Residuals, order: Sequence[int]) -> mpmath.mpf:
-    """The largest residual, in absolute value, among those that have to vanish for the order.
+    """The largest residual, in absolute value, of the order conditions: those that are zero if the order is ``order``.
 
-    ``order`` is (p,), or generalized, (p_1, p_2, ...): an order for each power of a small perturbation.
+    ``errors`` are from `residuals`; ``order`` is (p,), or (p_1, p_2, ...), an entry for each power of a small
+    perturbation.
     """
     return max(abs(x) for key in conditions(errors, order) for x in errors[key])
 

@@ -37,7 +37,7 @@ RANK = mpmath.mpf("1e-12")
 
 
 def starting_values(table: Table, replaced: dict[int, str] | None = None) -> list[mpmath.mpf]:
-    """The published numbers of a table; those with an index in ``replaced`` are read from the text given there."""
+    """The published numbers of a table, where polishing starts; ``replaced`` maps indices to texts to read instead."""
     texts = list(table.published)
     for k, text in (replaced or {}).items():
         texts[k] = text
@@ -64,7 +64,10 @@ def jacobian(table: Table, numbers: Sequence[mpmath.mpf], free: Sequence[int]) -
 
 
 def independent_rows(J: np.ndarray) -> list[int]:
-    """Choose linearly independent rows of a matrix (n, m) that span all, by Gram-Schmidt with the largest row first."""
+    """Choose independent rows of a matrix (n, m) that span all its rows, by Gram-Schmidt with the largest row first.
+
+    Returns their indices.
+    """
     rows: list[int] = []
     left, largest = J, None
     while len(rows) < J.shape[1]:

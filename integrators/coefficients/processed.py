@@ -42,8 +42,8 @@ class ProcessedTable(Table):
     gamma, a, b, first : those of the kernel, as in a symmetric `Table`; all of a and b if the kernel is not
         ``palindromic``
     repeat : for each number of ``gamma``, how many steps with it follow each other; () for one each
-    processor : for a composition the fractions of its first half, which the same fractions with a minus sign follow;
-        for a splitting the weights of a drift and a kick in turn
+    processor : for a composition the fractions of its first half (its second half are the same fractions with a minus
+        sign); for a splitting the weights of a drift and a kick in turn
     palindromic : True if the kernel is a palindrome
     symmetric : True if the whole sequence (processor, kernel, inverse of the processor) is a palindrome
     """
@@ -68,9 +68,9 @@ class ProcessedTable(Table):
         return hashlib.sha256(repr((*kernel, self.processor)).encode()).hexdigest()[:16]
 
     def _parts(self, numbers: Sequence[mpmath.mpf]) -> dict[str, list[mpmath.mpf]]:
-        """Divide ``numbers`` into lists for "gamma", "a", "b" and "processor"; add the numbers that are not published.
+        """Divide ``numbers``, as in `published`, into lists for "gamma", "a", "b" and "processor", and complete these.
 
-        Such a number follows from the sum of its list, which is 1 for the kernel and 0 for the processor.
+        A number that is not published follows from the sum over the substeps, 1 for the kernel and 0 for the processor.
         """
         left, parts = list(numbers), {}
         for part in ("gamma", "a", "b", "processor"):

@@ -29,7 +29,7 @@ class Table:
         symmetric, else all; decimal strings or fractions
     first : the letter of its first substep, "A" (drift) or "B" (kick)
     symmetric : whether the halves are mirrored
-    good : the number of correct decimals, if more were printed; else None
+    good : the number of decimals that are correct, if some that were printed are not; else None
     """
 
     name: str
@@ -65,7 +65,7 @@ class Table:
 
     @property
     def accuracy(self) -> mpmath.mpf:
-        """A bound of the distance of published from polished numbers.
+        """How far a published number may lie from the polished one, if it is only rounded and not misprinted.
 
         It is 10^-``good`` if that is given, else ten units of the last digit of the shortest number.
         """
@@ -100,6 +100,6 @@ def value(text: str) -> mpmath.mpf:
 
 
 def unit(text: str) -> mpmath.mpf:
-    """One unit of a published decimal's last digit."""
+    """One unit of the last printed digit of a published decimal: 0.01 for "0.25"."""
     with mpmath.workdps(DIGITS):
         return mpmath.mpf(10) ** -len(text.partition(".")[2])

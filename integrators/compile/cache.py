@@ -168,7 +168,7 @@ def _remove(path: Path) -> None:
 
 
 def seal_of(name: str) -> str:
-    """Return the cache entry's name of the seal of the folder ``name``, a file with the hash of its machine code."""
+    """Return the name, in the cache, of the seal of the folder ``name``: a file with the hash of the folder's files."""
     return f"{name}/{SEAL}"
 
 
@@ -244,10 +244,10 @@ def hold_lock(name: str) -> Iterator[None]:
 
 
 def _acquire_lock(lock: Path, entry: Path) -> Callable[[], None]:
-    """Acquire the lock and return the function that releases it.
+    """Lock the file ``lock``, after waiting for another process that holds it; return the function that unlocks it.
 
-    That function does nothing if there is no lock: because the entry appeared, `LOCK_TIMEOUT` ran out, or locks do not
-    work.
+    The wait ends without the lock if the file ``entry`` appears, which the other process makes, or after
+    `LOCK_TIMEOUT`.  Then, and where locks do not work, the returned function does nothing.
     """
     try:
         import fcntl

@@ -76,7 +76,10 @@ CONSTRUCTORS = {
 
 
 def _finish(text: str, style: str) -> str:
-    """Replace the placeholders ``value`` and ``number`` in a text by the constructors of the style (`CONSTRUCTORS`)."""
+    """Replace ``value`` and ``number`` in a function's source text by the constructors of a vector and of a number.
+
+    ``style`` is the kind of vectors, a key of `CONSTRUCTORS`: "tuple", "array", "mpfr" or "numpy".
+    """
     value, number = CONSTRUCTORS[style]
     return re.sub(r"\bnumber\(", f"{number}(", text.replace("value((", f"{value}(("))
 

@@ -90,7 +90,7 @@ class Adaptive(NamedTuple):
     method : the coefficients of the Gauss method, with stages in SIMD lanes; None for a splitting
     dT, dV : the gradients of T(p) and V(q) of a splitting, ``dT`` is None if grad T is p itself; None for a Gauss
         method
-    a, b : fractions of a step of a splitting's drifts and kicks; None for a Gauss method
+    a, b : the lengths of a splitting's drifts and kicks as fractions of a step; None for a Gauss method
     inverse : the matrix from values of the field at the nodes to the coefficients of the polynomial through them, made
         by `inverse_of`; None for a splitting
     monitor : the function (q, p) -> (1 / sigma, G): the wanted density of steps and its rate of change in fictitious
@@ -220,7 +220,8 @@ def read_clock(step: Adaptive, carry: Carry, y: State) -> Clock:
 def tick(step: Adaptive, clock: Clock, dt: Number, y: State) -> tuple[Clock, Condition]:
     """Advance the clock by a step of length dt that has ended at the state y; returns (new clock, True if it is valid).
 
-    It is valid if the density of steps is near 1 / sigma (within the factor `FAR`) and the step has changed the time.
+    It is valid if its density of steps is within the factor `FAR` of 1 / sigma, the density that the distances to the
+    singularities require at y, and if the step has changed the time.
     """
     rate, change = step.monitor(y.q, y.p)
     t = (clock.t + clock.lost) + dt

@@ -272,10 +272,10 @@ def mean(x: Value, e: Average) -> Value:
 
 @inline
 def lengths(x: Value, g: Value, e: Average) -> tuple[Number, Number]:
-    """Return the sizes of the variables that the two halves of the unknown x belong to, to scale finite differences.
+    """Return the sizes of q and of p, to scale finite differences in the first and in the second half of the unknown x.
 
-    They are the sizes of q and of p, or both are that of p if the unknown is the increment of p alone.  x is an iterate
-    of the equation x = G(x) with the arguments e, and g = G(x).
+    If the unknown is the increment of p alone, both numbers are the size of p.  x is an iterate of the equation
+    x = G(x) with the arguments e, and g = G(x).
     """
     return _lengths(e.step.field, x, g, e)
 
@@ -285,16 +285,19 @@ solve_mean = solver(mean, lengths)
 
 @inline
 def by_rule(e: Average, rule: int) -> Average:
-    """The arguments ``e`` of the equation of a substep, with another quadrature rule.
+    """Return the arguments ``e`` of the equation of a substep, with another quadrature rule in them.
 
-    ``rule`` is the first of its rows in the table of all rules' nodes and weights.
+    The rule is given by ``rule``, the number of its first row in the table of all rules' nodes and weights.
     """
     return Average(e.step, e.q, e.p, e.v, e.h, e.s, rule)
 
 
 @inline
 def evaluations(e: Average, rule: int) -> int:
-    """Gradient evaluations that one evaluation of `mean` takes with the quadrature rule of first row ``rule``."""
+    """Number of gradient evaluations in one call of `mean` with the arguments e and another quadrature rule.
+
+    The rule is given by ``rule``, the number of its first row in the table of nodes.
+    """
     return e.step.blocks[e.s] * (2 if e.step.direction[e.s] == 0 else 1) * e.step.nodes[rule]
 
 

@@ -97,7 +97,8 @@ class Collocation(NamedTuple):
     dT, dV : the gradients of T and V in the Nystrom form, else None
     diagonal : True if the matrix B is diagonal
     weights : array (2, s), the rows w of q and of p
-    nodes, rows : for each node in the tables, the number of nodes of the rule that it belongs to (the two are equal)
+    nodes, rows : for each node in the tables, the numbers of nodes and of rows of the rule that it belongs to; they are
+        equal here, where a row of a table is a node
     c : array (nodes, 1), the times of the nodes as fractions of h
     A_q, A_p : arrays (nodes, s), the matrix A for q and for p
     B : array (nodes, s), the transpose of B
@@ -222,7 +223,7 @@ add_increments = dispatch_on_none(
 
 @inline
 def sweep(e: Equations, old: int, new: int) -> tuple[Number, Number]:
-    """Apply the right-hand side h B f to the increments in rows ``old``; write the result to rows ``new``.
+    """Apply the right-hand side of x = h B f to the increments x in rows ``old``; write the result to rows ``new``.
 
     ``old`` and ``new`` are the first of these rows in ``e.memory``.  Returns (the distance between the two, the size of
     the result).  The iteration is of Jacobi's kind: all nodes use the old increments.  Gauss-Seidel, with the new ones
@@ -357,7 +358,7 @@ def rules_of(method: Method, system: Hamiltonian, arithmetic: str) -> Sequence[i
 
 
 def prepare_stage_by_stage(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
-    """Prepare the kernel that evaluates one stage after the other; if T is quadratic the unknowns are kicks of p."""
+    """Prepare the kernel that evaluates stage after stage; if T is quadratic, only increments of p are unknown."""
     kind, s, *_ = method.data
     rules = rules_of(method, system, arithmetic)
     kind = "hbvm" if kind == "cpg" else kind

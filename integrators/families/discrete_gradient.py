@@ -106,10 +106,10 @@ solve_increment = solver(increment)
 def search(
     step: DiscreteGradient, y: State, h: Number, x: Value, a: Number, carry: Carry, counts: np.record
 ) -> tuple[Value, Number, int]:
-    """Take a substep of length h from y that ends at energy H0: find its coefficient a and its increment x.
+    """Take a substep of length h from y to y + x that ends at energy H0: find its increment x and its coefficient a.
 
-    The arguments x and a are starting values.  Returns (x, a, status); evaluations are added to ``counts``, and a
-    fallback if the energy is not reached.
+    The coefficient is that of x in the discrete gradient, grad H(y + x/2) + a x.  The arguments x and a are starting
+    values.  Returns (x, a, status); evaluations are added to ``counts``, and a fallback if the energy is not reached.
     """
     last_a, last = a, step.H0
     span = size(y.q) + size(y.p)

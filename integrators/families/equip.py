@@ -60,7 +60,7 @@ class Equip(NamedTuple):
     ----------
     f : the vector field or -grad V, evaluated at all stages at once in SIMD lanes; None if stages are evaluated one by
         one
-    field : None if the unknowns are increments of p alone (Nystrom form), else the vector field or ``f``
+    field : None if the unknowns are increments of p alone (Nystrom form), else the vector field; ``f`` if that is given
     energy : the function (q, p) -> (H, size of its terms)
     tableau : the coefficients of the step in use, rewritten for each alpha
     A : array (s, s), a_ij / b_j of Gauss's method
@@ -211,8 +211,8 @@ def attempt(alpha: Number, start: int, ease: Number, e: Step) -> Attempt:
     """Try the step with the parameter alpha; returns an `Attempt` with the state after it and its energy error.
 
     ``start`` chooses where the stages start from: the extrapolation from earlier steps (`FIRST`), or the solution of
-    the last attempt, whose alpha was near.  ``ease`` is how many times round-off the error of the stages may be, and e
-    has the data of the method and the state before the step.
+    the last attempt, whose alpha was near.  ``ease`` is the error that the stages may have, in units of round-off, and
+    e has the data of the method and the state before the step.
     """
     forbid_inlining()
     step, y, counts = e.step, e.y, e.counts

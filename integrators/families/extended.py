@@ -122,8 +122,8 @@ def move_copy(z: Copies, h: Number) -> Copies:
 def begin(method: Extended, carry: Carry, counts: np.record) -> Copies:
     """Read the state and its copy from ``carry``, and evaluate the field.
 
-    At the start of a run the copy equals the state.  The coefficients of the rotations C are computed as well, and
-    written to ``carry.memory``.
+    At the start of a run the copy equals the state.  The coefficients of the rotations C (of the differences q - x and
+    p - y of the copies) are computed as well, and written to ``carry.memory``.
     """
     rows = carry.state
     if counts.steps == 0:
@@ -143,15 +143,16 @@ def begin(method: Extended, carry: Carry, counts: np.record) -> Copies:
 
 
 def start(method: Extended, z: Copies) -> Copies:
-    """Apply the first substep A of a step; in later steps it is part of the last A of the step before."""
+    """Apply a step's first substep A (see `move_copy`); in later steps the last A of the step before includes it."""
     return move_copy(z, method.a[0] * method.h)
 
 
 def step(method: Extended, z: Copies, carry: Carry, counts: np.record) -> tuple[Copies, int]:
     """Take a step from the two copies z: apply B, C, B and A for each composed step in turn.
 
-    Returns (copies, `SOLVED`), and adds evaluations to ``counts``; ``carry.memory`` has the coefficients of the
-    rotations C.  The last A includes the first A of the next step.
+    They are the flows of the parts of the extended Hamiltonian (see `Extended`): A moves x and p by the field at
+    (q, y), B moves q and y by the field at (x, p), C turns (q - x, p - y), with coefficients in ``carry.memory``.  The
+    last A includes the first A of the next step.  Returns (copies, `SOLVED`), and adds evaluations to ``counts``.
     """
     h, last = method.h, len(method.a) - 1
     q, p, lost_q, lost_p, x, y, lost_x, lost_y, dq, dp, rows = z

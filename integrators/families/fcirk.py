@@ -56,7 +56,7 @@ class FlowComposed(NamedTuple):
     ----------
     dB : the gradient of the interaction B with respect to the original coordinates q
     A, b : a_ij / b_j and b_j of Gauss's method
-    times : c_j - 1/2
+    times : c_j - 1/2, the times of the stages, from the middle of the step, as fractions of h
     dimension : of space, 2 or 3
     masses, mu : masses and gravitational parameters of the Kepler problems; mu = 0 for a free motion
     change, back : the matrices of Q = change q and q = back Q, acting on bodies; Q are the variables of the Kepler
@@ -103,10 +103,11 @@ BACK, POSITION, GRADIENT, KICK, SPANS, UNKNOWN = 2, 4, 5, 6, 7, 8
 
 @jit
 def evaluate(e: Stages, i: int, old: int) -> None:
-    """Evaluate the field F(tau_i, W_i) of stage i, which the module's docstring defines.
+    """Evaluate F(tau_i, W_i), the vector field of the slow variables w, at stage i.
 
-    The state W_i follows from the unknowns in the rows from ``old`` on of ``e.memory``.  The q part and the p part of F
-    are written to the rows `BACK` and `BACK` + 1 of it.
+    That is the force of the interaction at the state to which Kepler's flow takes W_i in the time tau_i, transported
+    back by the derivative of the flow (formula: see the module).  W_i follows from the unknowns in the rows from
+    ``old`` on of ``e.memory``; the q part and the p part of F are written to the rows `BACK` and `BACK` + 1 of it.
     """
     step, state, memory = e.step, e.state, e.memory
     n, bodies, d = step.dimension, len(step.mu), len(e.zero)
@@ -149,8 +150,8 @@ def sweep(e: Stages, rows: tuple[int, int], active: bool) -> tuple[tuple[int, in
     """Apply the right-hand side of the stage equations to the unknowns in ``e.memory``.
 
     They are read in the rows from rows[0] on, and the result is written to the rows from rows[1] on.  Returns (the two
-    row numbers exchanged, the distance between both, the size of the result), as `fixed_point` requires; ``active`` is
-    not used.
+    row numbers exchanged, the distance between unknowns and result, the size of the result), as `fixed_point` requires;
+    ``active`` is not used.
     """
     old, new = rows
     step, memory = e.step, e.memory

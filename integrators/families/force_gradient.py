@@ -70,7 +70,8 @@ class ForceGradient(NamedTuple):
     dV : the function grad V
     product : the function (q, v) -> V''(q) v; None if the modified kick is made of two forces, without the Hessian
     a : fractions of h of the drifts; a[0] is not used
-    b, c : weights of the kicks: of grad V times h, and of the gradient of the force (G in the module) times h^3
+    b, c : weights of the kicks, which change p by -b h grad V + c h^3 G with G = 2 V'' M^-1 grad V, the gradient of the
+        force
     h, eps : the step size and the unit round-off, set by the run
     """
 
@@ -133,7 +134,7 @@ def combine(b, g, c, k):
 
 
 def second_force(product, dV, b, c, q, slope, v, place):
-    """The modified kick without the Hessian, by a second force: returns (weight b, slope grad V(q - 2 c / b v)).
+    """The modified kick without the Hessian, by a second force: returns (weight b, slope grad V(q - (2 c / b) v)).
 
     ``dV`` is the function grad V, b and c are the weights as in `modified_kick`, and v is M^-1 grad V(q).  Arrays
     ``slope`` and ``place`` are overwritten, ``product`` is not used.
@@ -144,9 +145,9 @@ def second_force(product, dV, b, c, q, slope, v, place):
 def modified_kick(product, dV, b, c, q, slope, v, place):
     """Compute a modified kick at q: returns (weight, slope), with which p becomes p - h weight slope.
 
-    The argument ``slope`` is grad V(q), and v is M^-1 grad V(q).  b is the weight of grad V, c that of the gradient of
-    the force times h^2; ``dV`` is grad V, ``product`` is (q, v) -> V''(q) v, or None for a kick by a second force.
-    Arrays ``slope`` and ``place`` are overwritten.
+    The argument ``slope`` is grad V(q), and v is M^-1 grad V(q).  b is the weight of grad V, and c is h^2 times the
+    weight of the gradient of the force; ``dV`` is the function grad V, ``product`` is (q, v) -> V''(q) v, or None for a
+    kick by a second force.  Arrays ``slope`` and ``place`` are overwritten.
     """
     if product is None:
         return second_force(product, dV, b, c, q, slope, v, place)
@@ -208,8 +209,8 @@ def evaluate(
 ) -> tuple[Number, Value]:
     """Evaluate the kick with the weights b and c (of the gradient of V and of the force) at q: returns (weight, slope).
 
-    They are those of `modified_kick`.  Evaluated gradients are added to ``counts``; arrays of the state y, its working
-    memory, are overwritten.
+    With them the kick is p - h weight slope (see `modified_kick`).  Evaluated gradients are added to ``counts``; arrays
+    of the state y, its working memory, are overwritten.
     """
     slope = apply(method.dV, q, y.slope)
     counts.gradient += 1
@@ -266,7 +267,7 @@ def step(method: ForceGradient, y: KickState, carry: Carry, counts: np.record) -
 
 
 def finish(method: ForceGradient, y: KickState) -> KickState:
-    """Undo the half of the last kick that begins the next step and was merged with it, before a row is stored."""
+    """Undo the half of the last kick that belongs to the next step, before a row of output is stored."""
     return apply_kick(y, -method.h / 2) if method.b[0] != 0 or method.c[0] != 0 else y
 
 

@@ -1,4 +1,4 @@
-"""Prepare the kernel of `stage_lanes`, Gauss's methods with stages in SIMD lanes, and tell where it is faster."""
+"""Prepare the kernel of `stage_lanes` (Gauss's methods with stages in SIMD lanes), and decide where it is used."""
 
 from __future__ import annotations
 
@@ -64,9 +64,9 @@ def _of_both(system: Hamiltonian, lanes: int, arithmetic: str) -> tuple[Callable
 
 
 def functions(system: Hamiltonian, lanes: int, arithmetic: str, digits: int) -> tuple[Callable, np.ndarray | None]:
-    """Make the function that `stage_lanes.Lanes` evaluates, at ``lanes`` stages at once.
+    """Make the function that a kernel in SIMD lanes evaluates at ``lanes`` stages at once, one in each lane.
 
-    Returns (-grad V, the inverse masses (1, d)) if the kinetic energy is diagonal, else (the vector field, None).
+    Returns (-grad V, the inverse masses 1 / m_i (1, d)) if H = sum p_i^2 / 2 m_i + V(q), else (the vector field, None).
     Inverse masses are computed with ``digits`` digits.
     """
     if system.diagonal:

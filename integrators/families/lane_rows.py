@@ -7,8 +7,8 @@ alone (kicks); the equations' field ``stages`` is the number of components of an
 - from 0 on: the points, called places, at which the step's function f(memory) evaluates the vector field or -grad V;
   each component of (q, p), or of q alone, has a row;
 - after them: the values of the field or of -grad V that f writes, as many rows;
-- from ``base`` on: the rows `ORIGIN` to `DP`, explained at their definition; from ``base + FREE`` on what the kernel
-  itself keeps.
+- from ``base`` on: the rows `ORIGIN` to `DP`, with the state before the step, h M^-1 p, and the increments of q and p
+  over the step; from ``base + FREE`` on what the kernel itself keeps.
 """
 
 from __future__ import annotations
@@ -69,10 +69,11 @@ reach = dispatch_on_none(lambda inverse_mass, e, k: 1.0, lambda inverse_mass, e,
 
 @inline
 def length(e: Any, at: int, row: int, first: int, last: int) -> Number:
-    """Size (1-norm) of the state's components first, ..., last - 1, plus the sizes of their unknowns x and of G(x).
+    """Size (1-norm) of the components first, ..., last - 1 of q or p in a step, by which finite differences are scaled.
 
-    The state's components are in row ``row`` of ``e.memory``, the unknowns in the rows from ``at`` on, a row for each
-    component, and the right-hand sides G(x) of their equations in as many rows after them.
+    It is the sum for the state before the step, in row ``row`` of ``e.memory``, for the unknown increments x, in the
+    rows from ``at`` on, a row for each component, and for the right-hand sides G(x) of their equations x = G(x), in the
+    ``e.stages`` rows after these.
     """
     numbers, unknowns = 0.0, 0.0
     for k in range(first, last):

@@ -76,13 +76,14 @@ class Manifold(NamedTuple):
     Attributes
     ----------
     field : (q, p, h, lam) -> (H_p, -H_q), without constraints; h and lam are ignored
-    multipliers : (q, q0, p0) -> (G(q) H_pp(q0, p0) G(q0)^T)^-1 g(q), from which a Newton step changes the multipliers
+    multipliers : (q, q0, p0) -> (G(q) H_pp(q0, p0) G(q0)^T)^-1 g(q), the correction of multipliers by a Newton step
     pull : (q, x) -> G(q)^T x
     mobility : (q, p, x) -> H_pp x
     normal : (q, p) -> the part of p that leaves the manifold
     A_q, A_p : arrays (s, s), the coefficients a of IIIA and hat a of IIIB, divided by the weights
     b : array (s, 1), the weights
-    C : the inverse of the matrix C of the module's docstring
+    C : array (s - 1, s - 1), the inverse of the product of the matrices a and hat a without its first row and last
+        column, with which a Newton step combines the corrections that the constraints of the stages require
     noise : array (1, 1), how much that inverse magnifies the round-off of constraints
     h, eps : the step size and the unit round-off, set by the run
     """
@@ -188,7 +189,8 @@ def sweep(e: Stages, rows: tuple[int, int], active: bool) -> tuple[tuple[int, in
 def tangent(e: Stages, p: Value, active: bool) -> tuple[Value, Number, Number]:
     """Project p by one step of Newton's method for G H_p(q, p) = 0 along G^T: returns (new p, its change, its size).
 
-    e has the coordinates q; ``active`` is not used.
+    G is the Jacobian of the constraints at the coordinates q of e, so that p gets nearer to the hidden constraints;
+    ``active`` is not used.
     """
     new = minus(p, e.method.normal(e.q, p))
     return new, distance(new, p), size(new)

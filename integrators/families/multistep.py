@@ -87,7 +87,7 @@ class Multistep(NamedTuple):
     Attributes
     ----------
     dT, dV : the gradients of T and V; ``dT`` is None if grad T is p itself
-    reduced : the numbers -r_j of the recursion (see the module)
+    reduced : -r_0, ..., -r_(k-3), with the coefficients r_j of rho(z) / (z - 1)^2, rho(z) = sum_j alpha_j z^j
     beta, denominator : the numerators of beta_1, ..., beta_(k-1), and their denominator
     backward : d_0, ..., d_(k-1), weights of gradients in the formula for the momenta
     A, b, c, w : of Gauss's method: stages q + c h v + h M^-1 A x with the kicks x = b h g, and w = 1 - c
@@ -115,7 +115,8 @@ class MultistepState(NamedTuple):
     ----------
     q, p : the state; p is up to date in stored rows only, once the recursion has started
     lost_q, lost_p : what rounding lost of each (compensation)
-    memory : array with gradients, sums and momenta of half steps of earlier steps
+    memory : array with what the recursion needs of earlier steps: gradients, the changes W of the momentum from half
+        step to half step, and the momentum U of the last half step
     known : the number of steps taken so far
     """
 
@@ -157,7 +158,7 @@ def divide(x, a):
 
 @inline
 def _sums(method: Multistep) -> int:
-    """The number of the row of `MultistepState.memory` from which on the sums W are stored."""
+    """The number of the first row of `MultistepState.memory` with changes W of the momentum between half steps."""
     return len(method.backward)
 
 
@@ -177,9 +178,9 @@ def _half_step(method: Multistep) -> int:
 def sweep(e: Start, x: Value, active: Condition) -> tuple[Value, Number, Number]:
     """Do one iteration of the stage equations of one of the first steps, by Gauss's method.
 
-    It computes new kicks k_i = h b_i g_i of the stages in ``e.memory``; the vector x holds the sums of (1 - c_i) k_i
-    and of c_i k_i.  Returns (new x, distance of old and new kicks, size of the new); only the SIMD lanes ``active``
-    change.
+    It computes new kicks k_i = h b_i g_i of the stages in ``e.memory``, with the forces g_i = -grad V at the stages and
+    Gauss's nodes c_i and weights b_i; the vector x holds the sums of (1 - c_i) k_i and of c_i k_i.  Returns (new x,
+    distance of old and new kicks, size of the new); only the SIMD lanes ``active`` change.
     """
     m, s = e.method, len(e.method.b)
     delta, length = 0.0 * size(e.q), 0.0 * size(e.q)
@@ -204,8 +205,9 @@ solve = fixed_point(sweep)
 
 @jit
 def start_step(method: Multistep, y: MultistepState, zero: Value, counts: np.record) -> tuple[MultistepState, int]:
-    """Take one of the first steps by Gauss's method, and store its sums for the recursion; returns (state, status).
+    """Take one of the first steps by Gauss's method; returns (state, status).
 
+    What the recursion needs of the step is stored in ``y.memory``, as `MultistepState` states.
     ``zero`` is a zero of the shape of q; evaluations are added to ``counts``.
     """
     k, memory, n, at = len(method.backward), y.memory, y.known, _half_step(method)

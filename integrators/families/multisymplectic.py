@@ -264,10 +264,11 @@ def solve_for_energy(space: Division, scheme: Scheme, y: np.ndarray, h: float, e
 
 
 def _follow_parameter(stages: Stages, tangents: tuple[Tangent, ...], energy_is_kept: bool) -> tuple[Tangent, ...]:
-    """Adapt the tangents of a step to a parameter that changes with the state, so that the energy is conserved.
+    """Correct the tangents of a step for the parameter, which changes with the state so that the energy is conserved.
 
-    Returns a tuple of `Tangent`.  They are the given ``tangents`` if the scheme has no parameter, or if
-    ``energy_is_kept`` is False since none was found.
+    ``stages`` are those of the step; ``tangents`` solve the scheme linearized with the parameter held fixed.  Returns a
+    tuple of `Tangent`: the given ones if the scheme has no parameter, or if ``energy_is_kept`` is False since no
+    parameter was found.
     """
     if stages.scheme.S is None or not energy_is_kept:
         return tangents

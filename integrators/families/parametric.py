@@ -169,9 +169,9 @@ unknown = dispatch_on_none(lambda field, zero: zero, lambda field, zero: join(ze
 def advance(step: Parametric, y: State, carry: Carry, known: int, first: bool) -> tuple[State, int, int, int]:
     """Take step number ``known`` (from 0) of a one-stage method from the state y.
 
-    Returns (state, evaluations, number of equations solved by Newton's method, status).  The start of the equations is
-    extrapolated from earlier steps, kept in ``carry``, if ``first`` is True; if False it is the solution of the last
-    attempt, for a step that is taken again from a state nearby.
+    Returns (state, evaluations, number of equations solved by Newton's method, status).  If ``first`` is True the
+    iterations start from values extrapolated from earlier steps, kept in ``carry``; if False, for a step that is taken
+    again from a state nearby, from the solutions of the last attempt.
     """
     stages = len(step.c)
     start = unknown(step.field, carry.zero)

@@ -62,9 +62,11 @@ class Path(NamedTuple):
         array that it is handed, and writes its values to the rows after them
     like, terms : tuples of zeros, one for each lane, and one for each of the s increments x_j
     inverse_mass : 1 / m_i, array (1, d), if only the kicks of p are unknown; None if the increments of q and p are
-    drift : the row 1, 0, ..., 0, then the rows of X transposed
+    drift : the row 1, 0, ..., 0, then the rows of X transposed, by which the path of q follows from the kicks; X is the
+        matrix of `skew`
     nodes, rows : for each row of nodes, the numbers of nodes and of rows of the quadrature rule that it belongs to
-    A, B : for each row of nodes, s rows of A (a lane for each node), and a row of B for each node
+    A, B : for each row of nodes, s rows of A_im, the integral of P_m from 0 to c_i, with a lane for each node i, and a
+        row of B_ji = b_i P_j(c_i) for each node; b, c are weights and nodes, P_m the orthonormal Legendre polynomials
     extrapolation : rows that predict the increments from those of earlier steps: from one step, then from two, ...
     steps : how many earlier steps the prediction uses at most
     h, eps : the step size and the unit round-off, set by the run
@@ -89,8 +91,8 @@ class Equations(NamedTuple):
     """Arguments of the equations for the increments of a step, which starts at the state (q, p).
 
     The memory is arranged as in `lane_rows`, with the unknowns in ``stages`` rows: one for each component, a lane for
-    each increment.  If the unknowns are kicks, the ``stages`` rows from ``base + FREE`` on have the path of q:
-    its increments at the nodes within the step.
+    each increment.  If the unknowns are kicks, the ``stages`` rows from ``base + FREE`` on have the path of q: the
+    coefficients of its velocity in Legendre polynomials, times h.
 
     Attributes
     ----------
@@ -202,7 +204,7 @@ def places(e: Equations, path: int, row: int) -> None:
 
 @inline
 def sweep(e: Equations, old: int, new: int) -> tuple[Number, Number]:
-    """Apply the right-hand side h B f to the increments in the rows ``old``; write the result to the rows ``new``.
+    """Apply the right-hand side of x = h B f to the increments x in rows ``old``; write the result to rows ``new``.
 
     ``old`` and ``new`` are the first of these rows in ``e.memory``.  Returns (the distance between the two, the size of
     the result).

@@ -43,6 +43,9 @@ MU, MASS, OVER_MASS, OVER_MASS_LOW, STRENGTH, FREE = range(6)
 class Planets(NamedTuple):
     """The data of a Wisdom-Holman method in SIMD lanes; n bodies are padded to the number of lanes.
 
+    q and p are the original variables of the bodies, Q and P those of the Kepler motions
+    (for example Jacobi's).
+
     Attributes
     ----------
     substeps, corrector : rows (drift, kick), fractions of h, of a step and of the symplectic corrector
@@ -50,8 +53,9 @@ class Planets(NamedTuple):
     maps : the columns, n rows for each, of four matrices that transform vectors of bodies: Q to q, q to Q, p to P, P to
         p
     parts : the rows `MU` to `FREE`, a number for each body
-    pairs : for each group of as many pairs of bodies as lanes, the rows: the n columns of the matrix M; a number that
-        is added to D_x (1 in a lane without a pair, so that its distance is not 0); the weights w; the rows of M
+    pairs : for each group of as many pairs of bodies as lanes, the rows: the n columns of the matrix M that gives the
+        vectors D = M Q between the bodies of the pairs; a number that is added to the first component of D (1 in a lane
+        without a pair, so that its distance is not 0); the weights w of the potential, a sum of -w / |D|; the rows of M
     series : the table `kepler_flow.constants`
     h, eps : the step size and the unit round-off, set by the run
     """
@@ -73,7 +77,7 @@ class Places(NamedTuple):
 
     Attributes
     ----------
-    y : the `State` of Q and P, each as the three rows x, y, z of lanes
+    y : the `State` of Q and P, the variables of the Kepler motions, each as the three rows x, y, z of lanes
     r, inverse : |Q| and 1 / |Q|, which are 1 for bodies that move without attraction
     """
 
@@ -127,7 +131,7 @@ def _squares(step: Planets, y: State) -> Number:
 
 @inline
 def _add_distances(step: Planets, y: State) -> Places:
-    """Compute |Q| and its inverse for the state y; returns `Places`."""
+    """Compute the distances |Q| of the Kepler motions and their inverses from the state y; returns `Places`."""
     r = sqrt(_squares(step, y))
     return Places(y, r, 1 / r)
 

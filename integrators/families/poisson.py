@@ -93,7 +93,8 @@ class Poisson(NamedTuple):
     structure : (q, p, g_q, g_p) -> B(y) g, the structure matrix times a vector
     gradient : (q, p, h, lam) -> the gradient of H; h and lam are not used
     stage : array (s, s), int_0^c_i l_j / b_j
-    nodes, rows : for each node tau, the number of nodes of the rule that it belongs to (the two are equal)
+    nodes, rows : for each node tau, the numbers of nodes and of rows of the rule that it belongs to; they are equal
+        here, where a row of a table is a node
     inner : array (nodes, s), int_0^tau l_j / b_j
     outer : array (nodes, s), the weight of the node times l_j(tau)
     h, eps : the step size and the unit round-off, set by the run
@@ -143,9 +144,10 @@ def combine(weights: np.ndarray, i: int, e: Equations, rows: int) -> Value:
 
 @inline
 def sweep(e: Equations, old: int, new: int) -> tuple[Number, Number]:
-    """Apply the right-hand side G to the increments in the rows ``old``; write the result to the rows ``new``.
+    """Apply the right-hand side of x = G(x) to the increments x in rows ``old``; write the result to rows ``new``.
 
-    Returns (the distance between the two, the size of the result).
+    ``old`` and ``new`` are the first of these rows in ``e.memory``.  Returns (the distance between the two, the size of
+    the result).
     """
     step, memory, like = e.step, e.memory, e.like
     for j in range(e.stages):

@@ -1,4 +1,4 @@
-"""Processed splittings :math:`P K^n P^{-1}` for a separable H = T(p) + V(q): steps cost their kernel K alone.
+"""Processed splittings :math:`P K^n P^{-1}` for a separable H = T(p) + V(q): a step costs its kernel K alone.
 
 K here is a `splitting`, the step that is repeated; P, the processor, is a change of variables of drifts and kicks.
 ``start`` applies P to the state of a row of output, and ``finish`` undoes it where a row is stored: with a row after

@@ -80,7 +80,7 @@ class Projection(NamedTuple):
     Attributes
     ----------
     mirror : the function ``gram`` if the projection is symmetric, else None
-    constraint : the function (q, p) -> (values of the m invariants, numbers M such that their round-off is eps M)
+    constraint : the function (q, p) -> (values of the m invariants, m numbers M: the values have a round-off of eps M)
     gram : the function (q, p) -> the matrix G G^T, row by row, with G the Jacobian of the invariants
     pull : the function (q, p, mu) -> the q and the p part of G^T mu
     explicit, split, implicit : the base method as an explicit Runge-Kutta method, a splitting or a one-stage method

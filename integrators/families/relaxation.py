@@ -83,7 +83,7 @@ def dot(x, y):
 
 @inline
 def root(step: Relaxation, y: State, dq: Value, dp: Value) -> tuple[Number, bool, int]:
-    """Find gamma nearest 1 with H(y + gamma (dq, dp)) = H0 by Newton's method.
+    """Find the factor gamma nearest 1 of a step's increment with H(y + gamma (dq, dp)) = H0, by Newton's method.
 
     Returns (gamma, True if found, number of evaluations of the field).
     """
@@ -109,8 +109,8 @@ def root(step: Relaxation, y: State, dq: Value, dp: Value) -> tuple[Number, bool
 def step(method: Relaxation, y: State, carry: Carry, counts: np.record) -> tuple[State, int]:
     """Take one step from the state y; returns (state, `SOLVED`).
 
-    ``counts.parameter`` becomes gamma.  If there is no gamma near 1 it is NaN, the step is that of the base method, and
-    is counted in ``counts.fallbacks``.
+    ``counts.parameter`` becomes gamma, the factor of the base method's increment with which the energy is H0.  If there
+    is none near 1 it becomes NaN, and the step is that of the base method and counted in ``counts.fallbacks``.
     """
     length = method.h - carry.state[AHEAD]
     dq, dp = runge_kutta.increment(method.field, method.tableau, length, y, carry)

@@ -58,7 +58,8 @@ class AdjustedScheme(NamedTuple):
     dT, dV : the gradients of T and V in the Nystrom form, else None
     c, sign : for each substep, the fraction of h, and the sign of x in its lambda
     group : for each substep, a number; substeps with the same number share a parameter x, which conserves H = H0
-    alternative : substeps with 1 are tried if those of their group with 0 find no x
+    alternative : for each substep, 0 or 1: a group is first tried with its substeps that have 0, and if no x is found
+        with those that have 1
     search : the limits of the search for x
     H0 : the energy to conserve, that of the initial state
     h, eps : the step size and the unit round-off, set by the run
@@ -104,9 +105,9 @@ def attempt(x: Number, start: int, ease: Number, e: Group) -> Attempt:
     """Take the substeps of a group with the parameter x; returns an `Attempt` with the state and its energy error.
 
     ``start`` chooses where their equations start from (`FIRST`: the extrapolation from earlier steps; `LATEST`: the
-    last attempt; `ALONG`: the linear continuation of the last attempts in x), ``ease`` is how many times round-off
-    their error may be.  The memory of ``e.carry`` has the solutions of earlier steps at their roots, of the last
-    attempt, and their derivatives by x.
+    last attempt; `ALONG`: the linear continuation of the last attempts in x), ``ease`` is the error that their
+    solutions may have, in units of round-off.  The memory of ``e.carry`` has the solutions of earlier steps, each with
+    the x found in that step, those of the last attempt, and their derivatives by x.
     """
     step, memory, counts, y = e.step, e.carry.memory, e.counts, e.y
     numbers, row = e.carry.state, OWN + e.begin

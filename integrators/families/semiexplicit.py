@@ -68,6 +68,9 @@ IN_LANES = True
 class Semiexplicit(NamedTuple):
     """The data of a semiexplicit method: the field, and the lengths of the substeps A and B in turn.
 
+    With two copies (q, p) and (x, y) of the state, A moves x and p by the field at (q, y), B moves q and y by the field
+    at (x, p).
+
     Attributes
     ----------
     field : the vector field (q', p')

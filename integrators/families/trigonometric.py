@@ -72,7 +72,8 @@ class Trigonometric(NamedTuple):
     Attributes
     ----------
     dU : the gradient of the slow potential U
-    filters : array (5, d), the rows phi, (h/2) psi_1, a, b and s for each component (see the module)
+    filters : array (5, d), for each component: phi and (h/2) psi_1, which filter the slow force, and a, b, s of the
+        linear flow, as `coefficients` computes them
     h, eps : the step size and the unit round-off, set by the run
     """
 
@@ -167,8 +168,10 @@ def coefficients(
 ) -> tuple[mpmath.mpf, mpmath.mpf, mpmath.mpf, mpmath.mpf, int]:
     """Compute (phi, (h/2) psi_1, a, b, s) for a component of frequency omega, from mpmath numbers.
 
-    ``propagator``, ``psi1`` and ``phi`` are functions of xi = h omega, as in the module's docstring: the propagator of
-    xi and the ``arguments`` returns (R_11, R_12 / h, -R_21 h / xi^2).  Raises InvalidInput if psi_1 has a pole at xi.
+    phi and psi_1 filter the slow force: a kick is -(h/2) psi_1 grad U(phi q).  The matrix R of the linear flow is s = 1
+    or -1 times the shears p - a q, q + b p and p - a q in turn.  ``propagator``, ``psi1`` and ``phi`` are functions of
+    xi = h omega: the propagator of xi and the ``arguments`` returns (R_11, R_12 / h, -R_21 h / xi^2).  Raises
+    InvalidInput if psi_1 has a pole at xi.
     """
     x = h * omega
     strength = psi1(x)
@@ -195,9 +198,10 @@ def prepare(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
 def with_filters(
     frequencies: tuple, data: tuple, arithmetic: str, step: Trigonometric, q: Value, p: Value
 ) -> Trigonometric:
-    """Complete the data of a run: compute coefficients for its h, the frequencies and the method's data.
+    """Complete the data ``step`` of a run: compute the filters for its step size and the frequencies of the system.
 
-    Returns ``step`` with its field ``filters`` set; q and p are not used.
+    ``data`` are the arguments of `coefficients` after omega.  Returns ``step`` with its field ``filters`` set; q and p
+    are not used.
     """
     with mpmath.workdps(max(DIGITS, mpmath.mp.dps + 5)):
         exact = [mpmath.mpf(w.evalf(mpmath.mp.dps)) for w in frequencies]

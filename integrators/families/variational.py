@@ -67,13 +67,16 @@ if TYPE_CHECKING:
 class Variational(NamedTuple):
     """The coefficients of a Galerkin variational integrator; its unknowns are the kicks k_i = b_i F_i.
 
+    F_i is the force at the position Q_i = q + h d_i v + h^2 M^-1 sum_j a_ij k_j of the quadrature node i.
+
     Attributes
     ----------
-    dT, dV : the functions M^-1 p, None if that is p itself, and grad V
-    rows : array, the rows a_ij, d_i of the nodes i and of q1
+    dT : the function p -> M^-1 p; None if that is p itself
+    dV : the gradient of V
+    rows : array, for each node i, and last for the end of the step, the row of all a_ij and d_i
     b : the weights of the quadrature rule
-    first : the kicks 0, ..., first - 1 are explicit, each follows from those before it
-    end : the kicks before this one do not depend on those from it on, so that only first, ..., end - 1 are iterated
+    first, end : the kicks first, ..., end - 1 are iterated; each kick before them and after them depends only on kicks
+        of lower number, and follows explicitly
     h, eps : the step size and the unit round-off, set by the run
     """
 
@@ -135,7 +138,11 @@ def renew(e: Equations, at: int, first: int, end: int) -> tuple[Number, Number]:
 
 @inline
 def sweep(e: Equations, old: int, new: int) -> tuple[Number, Number]:
-    """Copy the kicks from the rows ``old`` to the rows ``new``, update them there; returns as `renew`."""
+    """Copy the kicks from the rows ``old`` to the rows ``new``, and update them there by `renew`.
+
+    ``old`` and ``new`` are the first of these rows in ``e.memory``.  Returns (the distance of new and old kicks, the
+    size of the new).
+    """
     copy(e.memory, old, new, e.stages, e.like)
     return renew(e, new, e.step.first, e.step.end)
 
@@ -226,10 +233,10 @@ def _basis(k: int, s: int) -> list[mpmath.mpf]:
 
 
 def coefficients(degree: int, rule: list[tuple[mpmath.mpf, mpmath.mpf]]) -> list[list[mpmath.mpf]]:
-    """The coefficients of a Galerkin variational integrator for polynomials of a degree s: rows (a_ij, d_i), weights b.
+    """The coefficients of a Galerkin variational integrator for polynomials of a degree: rows (a_ij, d_i), weights b.
 
-    ``rule`` is a quadrature rule [(node, weight), ...].  The rows are those of its nodes and of the end of the step;
-    the last item of the list is the row of weights.
+    ``rule`` is a quadrature rule [(node, weight), ...].  There is a row of all a_ij and d_i for each node i, and one
+    for the end of the step (their meaning: see `Variational`); the last item of the list is the row of weights.
     """
     with mpmath.workdps(DIGITS):
         s, r = degree, len(rule)

@@ -145,8 +145,8 @@ def jacobi(masses: Sequence, G: sp.Expr | int, dimension: int = 3) -> KeplerPart
 def corrector(order: int) -> tuple[tuple[mpmath.mpf, mpmath.mpf], ...]:
     """The symplectic corrector of order 3, 5, 7, ..., as kicks ((time, strength), ...) in units of h; () for order 1.
 
-    Each pair of kicks, at the times plus and minus j alpha h, comes in two halves, one in either order of time (Wisdom
-    2006); the orders 5 to 17 are WHFast's.
+    Each pair of kicks, at the times plus and minus j alpha h, is applied twice with half its strength, the second time
+    with the two kicks in reverse order (Wisdom 2006); the orders 5 to 17 are WHFast's.
     """
     n = (order - 1) // 2
     with mpmath.workdps(DIGITS):

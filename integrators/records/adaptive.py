@@ -25,7 +25,7 @@ def adaptive(
     requires: tuple[str, ...],
     data: tuple[Any, ...] = (),
 ) -> Method:
-    """Make the record of a method whose step depends on the distance to singularities; h is the step at distance 1.
+    """Make the record of a method whose step depends on the distance to singularities: h is the step at distance 1.
 
     ``data`` are the coefficients: (1, substeps) of a splitting, as from `classical.one_stage`, or the number of stages
     (s,) of Gauss's method.  The other arguments are fields of the record.

@@ -1,4 +1,4 @@
-"""Records of the splittings, and of the compositions of Stormer-Verlet, of `coefficients.collected`."""
+"""Records of splittings and of compositions of Stormer-Verlet, with the coefficients of `coefficients.collected`."""
 
 from __future__ import annotations
 

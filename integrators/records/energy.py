@@ -49,8 +49,9 @@ def compose_with_adjoint(
 ) -> list[tuple[Fraction | mpmath.mpf, str, int]]:
     """The substeps (length, path, direction) of a composition of a first-order map with its adjoint.
 
-    For each fraction f of the step these are the map over f/2 and its adjoint over f/2; ``path`` is the order in which
-    the map changes the variables, as in `averaged_method`.
+    For each of the ``fractions`` f of the step there are two, the map over f/2 and its adjoint over f/2.  ``path`` is
+    the order in which the map changes the variables, and the direction `FORTH` for the map and `BACK` for its adjoint,
+    as in `averaged_method`.
     """
     return [(times(f, HALF), path, direction) for f in fractions for direction in (FORTH, BACK)]
 

@@ -1,4 +1,4 @@
-"""The record of flow-composed implicit Runge-Kutta methods."""
+"""The record of flow-composed implicit Runge-Kutta methods: Gauss's method on the perturbations of Kepler orbits."""
 
 from __future__ import annotations
 

@@ -13,8 +13,8 @@ from phasebench.integrators.record import BOUNDED, ROUND_OFF, Method
 def rows(steps: Iterable[force_gradient.Substep]) -> tuple[tuple, ...]:
     """Group the substeps of a step into rows (a, b, c): a drift a, then a modified kick with the coefficients b, c.
 
-    ``steps`` are substeps ("A", a, 0) for drifts and ("B", b, c) for kicks exp(b h B + c h^3 [B, [A, B]]) in turn.  In
-    the first row a is 0, and b and c, too, if the step begins with a drift.
+    ``steps`` are substeps ("A", a, 0) for drifts and ("B", b, c) for kicks exp(b h B + c h^3 [B, [A, B]]) in turn.  The
+    first row has a = 0: it is the first kick if the step begins with one, else zeros, and the drift begins row two.
     """
     zero = mpmath.mpf(0)
     out = [[zero, zero, zero]]

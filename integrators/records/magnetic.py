@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def pusher(*, rule: str, fractions: Iterable[mpmath.mpf | int] = (1,), order: int = 2, **facts: Any) -> Method:
-    """Make the record of a symmetric composition of steps half a drift, push, half a drift, over ``fractions`` of h.
+    """Make the record of a symmetric composition of steps over ``fractions`` of h: half a drift, a push, half a drift.
 
     A push is half a kick by the electric field, a rotation about B, half a kick; ``rule`` names the rotation: "boris",
     "higuera-cary" or "exact".  ``facts`` are further fields of the record.

@@ -47,10 +47,10 @@ def equip_rows(
     """Rows (c, sign, group, alternative) of the substeps of the energy-preserving Schemes IV and V.
 
     A substep has the length c h and evaluates the field at (q + (1 - lambda) (Q - q), p + lambda (P - p)), where (q, p)
-    is the state before it and (Q, P) the state after it, with lambda = 1/2 + sign x; x is chosen in each step such that
-    the energy is kept.  A group, numbered from 0, are the substeps over one of the ``fractions`` of the step, which
-    share an x. Their signs are ``signs``, (1,) in Scheme IV and (-1, 1) in Scheme V (rows with alternative 0); if there
-    is no such x, the signs ``alternative`` are tried (rows with alternative 1).
+    is the state before it and (Q, P) the state after it, with lambda = 1/2 + sign x.  The substeps over one of the
+    ``fractions`` of the step are a group, numbered from 0; they share one x, chosen such that the energy is kept.
+    Their signs are ``signs``, (1,) in Scheme IV and (-1, 1) in Scheme V, in rows with alternative 0.  Where no x keeps
+    the energy, the signs ``alternative`` are tried, in rows with alternative 1.
     """
     rows = []
     for g, f in enumerate(fractions):
@@ -108,8 +108,9 @@ def equip_method(
 ) -> Method:
     """Make the record of the energy-preserving Scheme IV or V, or of its composition over ``fractions`` of the step.
 
-    ``signs`` are (1,) for Scheme IV and (-1, 1) for Scheme V, ``alternative`` those that are tried if there is no
-    solution; see `equip_rows`.
+    Each fraction of a step has a parameter x, chosen to keep the energy, and a substep for each of the ``signs``, which
+    evaluates the field with the weight lambda = 1/2 + sign x: (1,) for Scheme IV, (-1, 1) for Scheme V.  The signs
+    ``alternative`` are tried if there is no such x (`equip_rows`).
     """
     return Method(
         id=id,

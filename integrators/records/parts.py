@@ -31,8 +31,9 @@ def parts(
 ) -> Method:
     """Make the record of a method whose substeps go through the flows of all parts of H, in order or backwards.
 
-    ``data`` is a pair: the substeps of a step, rows (c, mu, lambda) as from `strang`, and those of the processor of a
-    processed method, () for any other.
+    ``data`` is a pair: the substeps of a step, rows (c, mu, lambda) as from `strang`; and the substeps of the
+    processor, the map that a processed method applies before its steps and undoes after them, or () for other methods.
+    The other arguments are fields of the record.
     """
     return Method(
         id=id,

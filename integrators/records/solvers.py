@@ -17,9 +17,9 @@ SOLVERS = (BANDED,)
 
 
 def with_solver(base: Method, solver: str) -> Method:
-    """Return the record ``base`` with another solver of the stage equations, as a further parameter of the method.
+    """Return the method ``base`` with another solver of its stage equations; ``solver`` becomes one of its parameters.
 
-    The one solver that can be named is "banded": Newton's method for equations in a narrow band.
+    The one solver that can be named is "banded": Newton's method for equations whose Jacobian has a narrow band.
 
     Raises
     ------
@@ -41,5 +41,5 @@ def with_solver(base: Method, solver: str) -> Method:
 
 
 def facts(record: Method) -> dict:
-    """Return the fields data, order and symmetric of a record, which depend on its parameters' values, as a dict."""
+    """Return those fields of a record that depend on its parameters' values: a dict of data, order and symmetric."""
     return {name: getattr(record, name) for name in ("data", "order", "symmetric")}

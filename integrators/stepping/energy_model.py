@@ -126,7 +126,10 @@ def extrapolate_slope(models: np.ndarray, row: int) -> float:
 
 @inline
 def renew(models: np.ndarray, row: int, slope: float) -> None:
-    """Store a measured slope of E in the model ``models[row]``, and the slope's first and second change per step."""
+    """Store a measured slope dE/dx of the energy error E(x) at x = 0 in its model ``models[row]``.
+
+    The slope's first and second change per step, since it was last measured, are stored with it.
+    """
     age = models[row, AGE]
     rate = (slope - models[row, SLOPE]) / age
     models[row, BEND] = (rate - models[row, RATE]) / age
@@ -161,9 +164,10 @@ def follower(attempt: Callable) -> Callable:
     def approach(
         x: Number, slope: Number, models: np.ndarray, row: int, arguments: Any
     ) -> tuple[Number, bool, Attempt, Number, bool]:
-        """Iterate from x to a root of E nearby, beginning with the given slope of E.
+        """Iterate from x to a nearby root of the energy error E(x) of a step, beginning with the given slope dE/dx.
 
-        Returns (x, True if found, the last `Attempt`, slope, True if the slope was measured on the way).
+        ``models[row]`` is the quadratic model of E, ``arguments`` are passed to trial steps.  Returns (x, True if
+        found, the last `Attempt`, slope, True if the slope was measured on the way).
         """
         c2, unit = models[row, CURVATURE], models[row, UNIT]
         ease = residual_factor(slope * models[row, MISSED], unit)
@@ -205,7 +209,11 @@ def follower(attempt: Callable) -> Callable:
     def follow(
         search: Search, models: np.ndarray, row: int, predicted: Number, c1: Number, arguments: Any
     ) -> tuple[Number, bool, Attempt]:
-        """Follow the root from its prediction: (x, found, attempt); ``found`` only if it is surely nearest to zero."""
+        """Find the root x of the energy error E(x) near its ``predicted`` value: (x, found, the `Attempt` at x).
+
+        ``found`` is False also for a root that may not be the one nearest to zero.  ``models[row]`` is the model of E,
+        and c1 its slope at x = 0.
+        """
         slope, x = c1 + 2 * models[row, CURVATURE] * predicted, predicted
         if models[row, AGE] > AGED and abs(slope) * models[row, MISSED] < SHARP * models[row, UNIT]:
             x = x + 3 * SHARP * models[row, UNIT] / slope

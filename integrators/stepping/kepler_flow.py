@@ -63,7 +63,7 @@ def constants(arithmetic: str) -> list[list]:
 
 @inline
 def add(x: Number, c: Number, dx: Number) -> tuple[Number, Number]:
-    """The compensated sum of the scalars x + c and dx: (the sum, the part of it that rounding lost)."""
+    """Add dx to x by compensated summation, where c is what earlier roundings of x lost: (new x, new c)."""
     t = (x + c) + dx
     return t, (dx + c) - (t - x)
 

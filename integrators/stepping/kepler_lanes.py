@@ -66,10 +66,10 @@ OVER_2, OVER_3 = _reciprocal(factorial(2 * TERMS + 2)), _reciprocal(factorial(2 
 
 @inline
 def root(square: Number, guess: Number) -> tuple[Number, Number]:
-    """(square root, inverse of it) of each lane of ``square``, by one correction of a ``guess`` of the inverse.
+    """Return (square root, 1 / square root) of each lane of ``square``, by one correction of a ``guess`` of the latter.
 
-    The residue 1 - square * guess^2 is computed by a fused multiply-add.  A rounded product near 1, below which doubles
-    lie closer than above, would give the inverse a bias.
+    The residue 1 - square * guess^2 is computed by a fused multiply-add: doubles lie closer below 1 than above, so that
+    a rounded product near 1 would give the inverse a bias.
     """
     r = square * guess
     inverse = guess + 0.5 * guess * exact_fma(-r, guess, 1.0)
@@ -120,7 +120,7 @@ class Motion(NamedTuple):
     Attributes
     ----------
     f, g, df, dg : the coefficients f - 1, g, f', g' - 1: q becomes f q + g v, and the velocity v becomes f' q + g' v
-    unsolved : mask of the lanes in which Kepler's equation was not solved here
+    unsolved : mask of the lanes in which `motion_in_lanes` did not solve Kepler's equation
     inverse : 1/r at the end; not valid in lanes that are ``unsolved``
     """
 

@@ -115,10 +115,11 @@ def kick_back(
     kick: Value,
     out: int,
 ) -> None:
-    """Apply the derivative of Kepler's flow over the time -h to a change ``kick`` of p, at the end of a `move` over h.
+    """Apply the derivative of Kepler's flow over the time -h, at the end of a `move` over h, to a change ``kick`` of p.
 
-    The end (q, p) is in the rows 0 and 1 of X; the resulting changes of q and p are written to the rows ``out`` and
-    ``out + 1``.  ``spans`` is what `move` wrote; the other arguments are as there.
+    The end (q, p) of the `move` is in the rows 0 and 1 of X; the changes of its start that lead to this change of
+    its end are written to the rows ``out`` (of q) and ``out + 1`` (of p).  ``spans`` is what `move` wrote; the other
+    arguments are those of `move`.
     """
     if mu == 0:
         for k in range(first, first + dimension):

@@ -141,7 +141,8 @@ class Prepared:
     ----------
     run, step : the kernel as a Python function, and its first argument, the family's NamedTuple
     width, stages : components of a stage's unknown, and the number of such unknowns in a step
-    implicit, hessian : True if evaluations are also counted as iterations, and as evaluations of higher derivatives
+    implicit, hessian : True if each evaluation of the gradient also counts as an iteration of the stage equations
+        (implicit), as an evaluation of higher derivatives (hessian)
     linear : number of unknowns of the largest linear system that the kernel solves; ``width`` by default
     work : shape of the memory for that system if it is not a full square matrix
     arrays : True if states are arrays whatever d is: for a step that works in place, on a system's
@@ -149,7 +150,8 @@ class Prepared:
     begin : function (step, q, p) -> step that completes ``step`` for a run from the state (q, p)
     missed : what is wrong with a step counted as a fallback, to end the message "n of m steps ..."; if it is empty,
         fallbacks do not change the status of a solution
-    apart : True if evaluations of orbits in SIMD lanes are counted for each orbit, as iterations are
+    apart : True if the kernel in SIMD lanes sums the evaluations over the orbits, as it always does if ``implicit``;
+        else it counts those of one orbit, which are the same for all
     """
 
     run: Callable

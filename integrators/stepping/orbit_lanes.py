@@ -1,6 +1,6 @@
 """Integrate several orbits at once in SIMD lanes, several times as fast as one orbit after another.
 
-Each lane of a vector register holds a number of another orbit.  The code of a method is not written twice: a copy of
+Each lane of a vector register computes a different orbit.  The code of a method is not written twice: a copy of
 the system (`twin`) has its functions compiled for lanes, the method's family prepares its step from these functions as
 from those of any system, and its kernel ``run`` is compiled with lanes in place of doubles: in the state, in h and in
 the weights that differ from orbit to orbit (`VARYING`).  A compiled loop calls the kernel for one *block* of orbits

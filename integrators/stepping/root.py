@@ -69,7 +69,10 @@ def finder(attempt: Callable, followed: bool = True) -> Callable:
 
     @jit
     def eased_attempt(x: Number, start: int, ease: Number, arguments: Any) -> Attempt:
-        """Try the step with parameter x: call `attempt` as a function that is not inlined, to compile it only once."""
+        """Call ``attempt(x, start, ease, arguments)``, a trial step, as a function that is compiled only once.
+
+        It is not inlined, unlike `attempt` itself.
+        """
         forbid_inlining()
         return attempt(x, start, ease, arguments)
 
@@ -83,9 +86,9 @@ def finder(attempt: Callable, followed: bool = True) -> Callable:
 
     @jit
     def refine(a: Number, Ea: Number, b: Number, Eb: Number, arguments: Any) -> tuple[Number, bool]:
-        """Find the root between a and b, where Ea = E(a) and Eb = E(b) differ in sign: (x, True if found).
+        """Find the root of the energy error E(x) between a and b, where Ea = E(a) and Eb = E(b) differ in sign.
 
-        It is found by the secant method with bisection (Illinois).
+        Uses the secant method with bisection (Illinois).  Returns (x, True if found).
         """
         x = b
         side = 0
@@ -112,9 +115,10 @@ def finder(attempt: Callable, followed: bool = True) -> Callable:
 
     @jit
     def continue_outwards(side: Number, bound: Number, search: Search, arguments: Any) -> tuple[Number, bool]:
-        """Follow the solution of the stage equations from x = 0 to ``side * bound``, up to the nearest root of E.
+        """Search outwards from x = 0, on one side, for the nearest root of a step's energy error E(x).
 
-        ``side`` is 1 or -1.  Returns (x, True if a root was found).
+        The solution of the stage equations is continued in x, from 0 to ``side * bound`` at most; ``side`` is 1 or -1.
+        Returns (x, True if a root was found).
         """
         E0 = apart_attempt(0.0, FIRST, arguments).E
         inner, Einner, outer, Eouter = 0.0, np.inf, 0.0, E0
@@ -157,9 +161,10 @@ def finder(attempt: Callable, followed: bool = True) -> Callable:
     def chase(
         x: Number, E0: Number, unit: Number, search: Search, models: np.ndarray, row: int, arguments: Any
     ) -> tuple[Number, bool, Attempt]:
-        """Find a root of E by Muller's method from x, with (0, E0) as its other point; (x, found, the last attempt).
+        """Find a root of the energy error E(x) by Muller's method, from the guess x and the known value E0 = E(0).
 
         ``unit`` is the round-off of H; the slope and curvature of E that are found are written to ``models[row]``.
+        Returns (x, True if found, the last `Attempt`).
         """
         forbid_inlining()
         xa, Ea, xb, Eb = 0.0, E0, 0.0, E0
@@ -195,10 +200,10 @@ def finder(attempt: Callable, followed: bool = True) -> Callable:
 
     @jit
     def nearer_side(x: Number, E0: Number, ease: Number, models: np.ndarray, row: int, arguments: Any) -> Number:
-        """The guess x, or one of the other sign where a step with -x shows that the energy error has a nearer root.
+        """Check by a trial step with -x whether the energy error E has a root of the other sign, nearer than guess x.
 
-        E0 is the energy error at 0, ``ease`` how easily equations may count as solved (`residual_factor`).  The slope
-        and curvature that E0, E(x) = 0 and E(-x) imply are written to ``models[row]``.
+        Returns a guess of that root, or x.  E0 is E(0); ``ease`` is how many times round-off the error of the trial's
+        stage equations may be.  The slope and curvature that E0, E(x) = 0 and E(-x) imply go to ``models[row]``.
         """
         forbid_inlining()
         beyond = eased_attempt(-x, ALONG, ease, arguments)
@@ -259,9 +264,10 @@ def finder(attempt: Callable, followed: bool = True) -> Callable:
     def search_anew(
         search: Search, models: np.ndarray, row: int, predicted: Number, c1: Number, arguments: Any
     ) -> tuple[Number, bool, Attempt]:
-        """Search for the root x of E without following it from the last step; update the model in ``models[row]``.
+        """Search for the root x of the energy error E(x), without following it from the last step.
 
-        c1 is the slope of the model at x = 0.  Returns (x, True if found, the `Attempt` at x).
+        ``models[row]``, the quadratic model of E, is updated; c1 is its slope at x = 0, and ``predicted`` is x
+        extrapolated from earlier steps.  Returns (x, True if found, the `Attempt` at x).
         """
         forbid_inlining()
         known, old = models[row, STREAK] > 0, models[row, SLOPE]

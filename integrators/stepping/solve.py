@@ -109,9 +109,9 @@ def copy(memory: np.ndarray, old: int, new: int, stages: int, like: Any) -> None
 
 @inline
 def near(delta: Number, last: Number, unit: Number) -> bool:
-    """True if a contracting iteration has an error far below ``unit``, the round-off of its x.
+    """True if the error of x in a contracting iteration is far below ``unit``, the round-off of x.
 
-    ``last`` and ``delta`` are the lengths of its last two changes of x, by which the error is estimated.
+    The error is estimated from the lengths of the last change of x, ``delta``, and of the one before, ``last``.
     """
     return (last < np.inf) & (delta * delta <= SHARE * unit * (last - delta))
 
@@ -183,7 +183,7 @@ def change(old: Any, new: Any) -> Change:
 
 @inline
 def unchanged(move: Change, last: Change, noise: float, eps: float) -> tuple[bool, bool]:
-    """Test whether a finer quadrature rule has confirmed the one before: (sure, ended).
+    """Test whether a finer quadrature rule has confirmed the one before; returns two truth values (sure, ended).
 
     ``move`` is the `Change` to the finer rule, ``last`` the one before it; ``noise`` is the size of the terms that an
     increment sums up, eps the machine epsilon.  sure: the change is at the round-off of the increments.  ended: it is
@@ -399,7 +399,7 @@ def row_solver(sweep: Callable, linearize: Callable) -> Callable:
       distance between them, the size of the new ones).
     - ``linearize(equations, at, span, work)`` writes the matrix 1 - G' into ``work``, by differences of length
       `difference`, and G itself to the rows from at + stages on; it may use the ``stages`` rows after those.  It
-      returns the number of sweeps that cost as much.
+      returns its own cost, as a number of sweeps.
     """
 
     @inline
@@ -412,7 +412,10 @@ def row_solver(sweep: Callable, linearize: Callable) -> Callable:
     def improve(
         equations: Any, at: int, span: Number, eps: Number, work: np.ndarray
     ) -> tuple[int, Number, Number, int, int]:
-        """Make one step of Newton's method on the unknowns in the rows from ``at`` on; see `newton_method`."""
+        """Make one step of Newton's method on the unknowns in the rows from ``at`` on, as `newton_method` requires.
+
+        Returns (at, length of the correction, size of the new unknowns, cost as a number of sweeps, status).
+        """
         memory, stages, n = equations.memory, equations.stages, len(equations.like)
         order = stages * n
         sweeps = linearize(equations, at, span, work)
@@ -435,7 +438,10 @@ def row_solver(sweep: Callable, linearize: Callable) -> Callable:
 
     @inline
     def solve(equations, at, span, eps, work):
-        """Solve from the start in the rows from ``at`` on; returns (sweeps, sweeps of Newton's method, status)."""
+        """Solve x = G(x) for the unknowns in the rows from ``at`` on, which hold the start and then the solution.
+
+        Returns (sweeps of the fixed point, sweeps that Newton's method took, status).
+        """
         memory, stages, like = equations.memory, equations.stages, equations.like
         start = at + 3 * stages
         copy(memory, at, start, stages, like)
@@ -457,10 +463,11 @@ def row_solver(sweep: Callable, linearize: Callable) -> Callable:
 
 
 def changes_by_row(change: Callable) -> Callable:
-    """Make the function (equations, old, new) -> `Change`, the sum over unknowns that are rows of an array.
+    """Make the function (equations, old, new) -> `Change` that compares two sets of unknowns, each in rows of an array.
 
-    ``change(equations, x, y)`` returns the `Change` from a row x to a row y; the rows of ``equations.memory`` from
-    ``old`` on are compared with those from ``new`` on.  `confirmer` takes such a function.
+    ``change(equations, x, y)`` returns the `Change` from a row x to a row y.  The result is the sum of these over the
+    rows of ``equations.memory`` from ``old`` on, each compared with its counterpart among the rows from ``new`` on.
+    `confirmer` takes such a function.
     """
 
     @inline

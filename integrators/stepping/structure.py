@@ -108,7 +108,7 @@ def _dense(why: str) -> str:
 
 
 def owners(reach: Sequence[np.ndarray], colours: Sequence[int]) -> np.ndarray:
-    """For each colour and row, find the column of this colour with a nonzero there: array (colours, rows), else -1.
+    """For each colour and row, find the column of this colour that has a nonzero there, or -1: array (colours, rows).
 
     ``reach[j]`` are the rows of the nonzeros of column j, ``colours[j]`` is its colour (`colour_columns`).
     """

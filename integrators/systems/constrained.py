@@ -374,8 +374,8 @@ class ConstrainedHamiltonian(PartitionedSystem):
     def multipliers(self, arithmetic: str = DOUBLE) -> Function:
         r"""Make the function (q, q0, p0) -> :math:`\bigl(G(q) H_{pp}(q_0, p_0) G(q_0)^T\bigr)^{-1} g(q)`.
 
-        From it a simplified Newton iteration for g = 0, in a step that starts at (q0, p0), corrects the multipliers.
-        The m components of the result are padded with zeros to d.
+        It gives the corrections of the multipliers in a simplified Newton iteration for g(q) = 0, where (q0, p0) is the
+        state at the start of the step and q a stage.  The m components of the result are padded with zeros to d.
         """
         from phasebench.integrators.compile.printing import Program
 
@@ -561,8 +561,8 @@ class ConstrainedHamiltonian(PartitionedSystem):
     def check_start(self, q: Floats, p: Floats, paste: str = "q0={}, p0={}", tangent: bool = True) -> None:
         """Raise InvalidInput for a start (q, p), arrays (d,), off the manifold, or where constraints are redundant.
 
-        The message gives the nearest start on the manifold, in the form of the format string ``paste``.  Hidden
-        constraints are checked only if p must be ``tangent`` to the constraints.
+        The message proposes the nearest start on the manifold; ``paste`` is the format string in which its q and p are
+        written.  Hidden constraints are checked only if p must be ``tangent`` to the constraints.
         """
         self._check_independent(q, p)
         worst = self._worst(q, p, tangent)

@@ -75,7 +75,10 @@ def system(key: str, recipe: Callable[[], Any]) -> PartitionedSystem:
 
 
 class Named(Mapping):
-    """A read-only mapping with known names; each look-up takes the value from the mapping that ``recipe()`` returns."""
+    """A read-only mapping whose names are known, while its values are made only when one is looked up.
+
+    ``names`` are the names; ``recipe()``, which each look-up calls, returns a mapping from them to the values.
+    """
 
     def __init__(self, names: Iterable[str], recipe: Callable[[], Mapping]) -> None:
         self._names, self._recipe = tuple(names), recipe

@@ -10,13 +10,14 @@ K and L are skew.  Three local laws hold at every point of space-time, for solut
 (conservation of multisymplecticity, energy and momentum).  Here z = (y, w): y evolves in time, q before p, and w are
 the slopes of the first components of y.
 
-Space is a period of N cells.  In either of two discretizations (*divisions*) w is a difference of y, w = D y, and
-:math:`-D^T` acts on w, so that y obeys a canonical Hamiltonian system:
+Space is a period of N cells.  There are two discretizations (*divisions*).  In both, w is a difference of y, w = D y,
+and the derivative of w is :math:`-D^T w`, so that y obeys a canonical Hamiltonian system:
 
 - `Box`, the midpoint rule in space: :math:`z_{m+1/2} = (\zeta_m + \zeta_{m+1})/2` and
-  :math:`z_x = (\zeta_{m+1} - \zeta_m)/\Delta x` of values at the nodes; N is odd, then the cells' means determine them.
-- `Staggered`, the symplectic Euler rule in space, :math:`L_+ = ` the part of L that acts on w: w is the backward
-  difference of y, and its own derivative the forward difference; together they are the central second difference.
+  :math:`z_x = (\zeta_{m+1} - \zeta_m)/\Delta x`, with values :math:`\zeta_m` at the nodes and means z in the cells; N
+  is odd, since only then do the means determine the values at the nodes;
+- `Staggered`, the symplectic Euler rule in space: w is the backward difference of y, and the derivative of w is its
+  forward difference; together they are the central second difference.  :math:`L_+` is the part of L that acts on w.
 
 Source: T. J. Bridges, S. Reich, Phys. Lett. A 284 (2001) 184-193; B. Moore, S. Reich, Numer. Math. 95 (2003) 625-652.
 """

@@ -4,8 +4,9 @@ A part is a sum of pieces that share no degree of freedom; the flow of a piece F
 
 - a *shear*, a function of variables none of which is another's conjugate: each of these stays, its conjugate moves by
   :math:`\mp t\,\partial F` (a function of q, one of p, :math:`p_\theta^2 / r^2`);
-- a *monomial* of one degree of freedom, :math:`F = c\,q^a p^b` with integers a, b, and c a function of variables as
-  above.  Since :math:`q^a p^b` is constant and :math:`(qp)' = (b - a) F`,
+- a *monomial* of one degree of freedom, :math:`F = c\,q^a p^b` with integers a, b, and c a function of variables of
+  other degrees of freedom, none of which is another's conjugate.  Since :math:`q^a p^b` is constant and
+  :math:`(qp)' = (b - a) F`,
 
   .. math::
       q \to q\,(1 + \tau)^{b/(b-a)},\qquad p \to p\,(1 + \tau)^{-a/(b-a)},\qquad

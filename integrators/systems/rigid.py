@@ -143,7 +143,7 @@ class RigidBody(Hamiltonian):
 
     @cached_property
     def pair(self) -> tuple[int, int, int]:
-        """The axes 0, 1, 2 in the order (a, b, c) in which 1/I_a and 1/I_b differ least."""
+        """The axes 0, 1, 2 in an order (a, b, c) such that a and b are the pair whose 1/I_a and 1/I_b differ least."""
         orders = [(0, 1, 2), (0, 2, 1), (1, 2, 0)]
         return min(orders, key=lambda axes: abs(1 / self.moments[axes[0]] - 1 / self.moments[axes[1]]))
 

@@ -198,9 +198,10 @@ def _squares(F: sp.Expr, variables: Sequence[sp.Symbol]) -> tuple[list[tuple], s
 
 
 def _sign(F: sp.Expr, variables: Sequence[sp.Symbol]) -> int:
-    """Search a factor F for zeros numerically: returns 0 if F changes its sign, else 1 or 2, with the sign of F.
+    """Search an expression F for zeros numerically; return a number that tells whether F vanishes.
 
-    The result is +-1 if F touches zero, and +-2 if it does not reach zero.
+    It is 0 if F changes its sign (or is finite nowhere), +-1 if F touches zero without changing its sign, and +-2 if
+    no zero is found; the sign is that of F.
     """
     from scipy.optimize import minimize
 

@@ -4,18 +4,18 @@ r"""Sine, cosine, exponential, hyperbolic functions and square root of SIMD lane
     \sin x = (-1)^n \sin r,\quad r = x - n\pi;\qquad \cos x = (-1)^n \sin r,\quad r = x - (n - \tfrac12)\pi;\qquad
     e^x = 2^n e^r,\quad r = x - n \log 2,
 
-with the n that gives :math:`|r| \le \pi/2`, or :math:`\tfrac12 \log 2` for the exponential.  Pi and log 2 are
-subtracted in parts, of which the first have so few bits that their products with n are exact (Cody & Waite 1980).  The
-polynomials interpolate at Chebyshev points: :math:`(\sin r / r - 1)/r^2` with degree 7 in :math:`r^2`, and
-:math:`(e^r - 1 - r)/r^2` with degree 9 in r; their relative errors are 4e-17 and 2e-17.  The hyperbolic functions are
-computed from the exponential, but near 0 sinh (:math:`|x| < 1`) and tanh (:math:`|x| < 0.625`) from polynomials of the
-same kind in :math:`x^2`, of degree 6 and 11.
+where the integer n is chosen such that :math:`|r| \le \pi/2`, for the exponential :math:`|r| \le \tfrac12 \log 2`.
+Pi and log 2 are sums of numbers that are subtracted in turn; the first have so few bits that their products with n are
+exact (Cody & Waite 1980).  The polynomials interpolate at Chebyshev points: :math:`(\sin r / r - 1)/r^2` with degree 7
+in :math:`r^2`, and :math:`(e^r - 1 - r)/r^2` with degree 9 in r; their relative errors are 4e-17 and 2e-17.  The
+hyperbolic functions are computed from the exponential, but near 0 sinh (:math:`|x| < 1`) and tanh (:math:`|x| < 0.625`)
+from polynomials of the same kind in :math:`x^2`, of degree 6 and 11.
 
 Errors, which a test measures against 40 digits.  Sine and cosine: below 2.5 units in the last place for :math:`|x| \le
-10^6`; up to 1e12 one unit in the last place of the argument is added, as if x had been rounded once more; beyond, the
-result is NaN.  Exponential: below 1.5 units; it overflows to infinity and underflows to zero where the exact value
-does.  Hyperbolic sine, cosine and tangent: below 3 units; sinh and cosh overflow where the exponential does, which is
-0.7 too early.  The square root is the processor's.
+10^6`; up to 1e12 the effect of a change of x by one unit in its last place is added; beyond, the result is NaN.
+Exponential: below 1.5 units; it overflows to infinity and underflows to zero where the exact value does.  Hyperbolic
+sine, cosine and tangent: below 3 units; sinh and cosh overflow where the exponential does, at an x that is smaller by
+0.7 than where their exact values would.  The square root is the processor's.
 
 Only lanes use these formulae: scalars, and all uncompiled code, call the mathematics library.
 
@@ -103,7 +103,7 @@ def _vector(builder: Any, number: float, n: int) -> Any:
 
 @intrinsic
 def _clip(typing_context: Any, x: types.Type, low: types.Type, high: types.Type, beyond: types.Type) -> tuple:
-    """Clip the lanes of x to [low, high]; if ``beyond`` is an integer, lanes outside become NaN instead."""
+    """Clip the lanes of x to [low, high]; where the type of ``beyond`` is an integer, numbers outside become NaN."""
 
     def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         bounds = [broadcast(context, builder, a, t, x.n) for a, t in zip(args[1:3], sig.args[1:3], strict=True)]
@@ -219,7 +219,10 @@ def _tanh(x: Number) -> Number:
 
 
 def _overload(name: str, of_lanes: Function) -> Function:
-    """Return the function ``name`` of the module math, extended to SIMD lanes (``of_lanes``), MPFR numbers, arrays."""
+    """Make the function ``name`` of the module math for numbers, MPFR numbers, arrays and, compiled, for SIMD lanes.
+
+    ``of_lanes`` is the compiled function for lanes.
+    """
     of_number = getattr(math, name)
 
     def plain(x):

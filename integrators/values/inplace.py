@@ -2,8 +2,8 @@
 
 A function f(q, ...) -> g, or -> (g, k), becomes f(q, ..., g) -> None, or f(q, ..., g, k) -> None; `vector.writes`
 recognizes the type of such functions.  A method whose loop can use them takes the `in_place_version` of a system, and
-sets the number of degrees of freedom above which it does so.  That number may be small: to avoid allocation pays even
-for states that would still fit in registers.
+sets the number of degrees of freedom above which it does so.  That number may be small: avoiding the allocation of
+arrays pays even for states that would still fit in registers.
 """
 
 from __future__ import annotations
@@ -33,10 +33,10 @@ def signature(returning: Any) -> Any:
 
 
 def write_in_place(build: Callable[[str], str]) -> Callable[[str], str]:
-    """Wrap ``build``, which writes the text of a function that ends in ``return value((...)), ...``.
+    """Convert a writer of source text: the functions that it writes store their results instead of returning them.
 
-    The text that the wrapped function writes stores these values into further arguments ``out0``, ``out1``, ...
-    instead.
+    ``build(arithmetic)`` returns the text of a function that ends in ``return value((...)), ...``; the converted writer
+    returns the text in which these results are stored in further arguments ``out0``, ``out1``, ...
     """
     return lambda arithmetic: _rewrite(build(arithmetic))
 

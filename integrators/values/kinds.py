@@ -1,10 +1,10 @@
-"""The names that annotations use for what a kernel computes with.
+"""Loose types for the annotations of compiled code: `Number`, `Value`, `Condition`, `Function` and others.
 
-Numba finds the types when it compiles, and one source serves several kinds of numbers, so that these names tell a
-reader more than a type checker.  Modules import them under ``if TYPE_CHECKING:``.
+Numba finds the actual types when it compiles, and one source serves several kinds of numbers; so these names inform the
+reader, and a type checker learns little from them.  Modules import them under ``if TYPE_CHECKING:``.
 
 Functions that Numba chooses by the types of their arguments (`vector.dispatch_on_none`, `vector.in_place` and the like)
-have no annotations: it compares their signatures, annotations included, with those of generated functions.
+have no annotations: Numba compares their signatures, annotations included, with those of generated functions.
 """
 
 from __future__ import annotations

@@ -90,5 +90,5 @@ def function(
 
 @cache
 def _operations() -> str:
-    """Return the hash of the source of `lanes` and `elementary`, whose operations generated functions contain."""
+    """Return a hash of the modules `lanes` and `elementary`, for cache keys: generated functions contain their code."""
     return hashlib.sha256(b"".join(Path(m.__file__).read_bytes() for m in (lanes, elementary))).hexdigest()

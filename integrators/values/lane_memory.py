@@ -28,7 +28,7 @@ def block_type(array: types.Array) -> types.Type:
 
 
 def type_with_block(record: Any, arrays: Any) -> Any:
-    """Return the Numba type of the result of `with_block`, for the types of its arguments."""
+    """Return the Numba type of the result of `with_block`, for the types of its arguments ``record`` and ``arrays``."""
     kinds = dict(zip(record.fields, record.types, strict=True))
     kinds |= {name: block_type(t) for name, t in zip(arrays.fields, arrays.types, strict=True)}
     return types.BaseTuple.from_types(tuple(kinds.values()), record.instance_class)
@@ -67,9 +67,10 @@ def block_of(typingctx: Any, array: types.Type, block: types.Type) -> tuple:
 
 @intrinsic
 def with_block(typingctx: Any, record: types.Type, arrays: types.Type, block: types.Type) -> tuple:
-    """Copy a NamedTuple; the fields that the NamedTuple ``arrays`` has, too, become a block of the array there.
+    """Copy the NamedTuple ``record``, with one block of an array in place of each field that ``arrays`` has too.
 
-    ``block`` is the number of the block, as in `block_of`.
+    ``arrays`` is a NamedTuple of arrays (blocks, ..., lanes), whose fields are some of those of ``record``; ``block``
+    is the number of the block, as in `block_of`.
     """
     result = type_with_block(record, arrays)
 

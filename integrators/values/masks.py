@@ -200,16 +200,20 @@ def fails(condition):
 
 
 def retire_lanes(going, kept, x):
-    """Give up lanes: x becomes NaN in those in which ``going`` holds and ``kept`` does not; returns (x, True).
+    """Give up the lanes that failed, so that the other lanes go on; return (x, whether the caller goes on).
 
-    For scalar conditions x is returned unchanged, with ``kept`` in place of True, which tells the caller whether to go
-    on.
+    ``going`` is the condition that a lane is still being computed, ``kept`` that it has not failed.  With masks, x
+    becomes NaN in the lanes where ``going`` holds and ``kept`` does not, and the second result is True.  With scalar
+    conditions x stays as it is, and the second result is ``kept``.
     """
     return x, kept
 
 
 def _overload_for_masks(function: Function, in_lanes: Function, options: dict = OPTIONS) -> None:
-    """Make Numba compile a function to ``in_lanes`` where its first argument, a condition, is a `Mask`."""
+    """Make Numba compile a function to ``in_lanes`` where its first argument, a condition, is a `Mask`.
+
+    ``options`` are options of Numba's ``njit`` for both versions.
+    """
     names = ", ".join(function.__code__.co_varnames[: function.__code__.co_argcount])
     namespace = {"in_lanes": in_lanes, "alone": function, "Mask": Mask}
     exec(f"def typed({names}): return in_lanes if isinstance({names.split(',')[0]}, Mask) else alone", namespace)
@@ -227,7 +231,7 @@ _overload_for_masks(retire_lanes, lambda going, kept, x: (select(going & ~kept, 
 
 
 def _use_elementary(name: str) -> None:
-    """Make Numba compile the function ``name`` of the module math, for SIMD lanes, to that of `elementary`."""
+    """Make Numba compile the function ``name`` of the module math to its namesake in `elementary` for SIMD lanes."""
     of_lanes = getattr(elementary, name)
 
     @overload(getattr(math, name), jit_options=OPTIONS)

@@ -57,10 +57,10 @@ def inline(f: Function) -> Function:
 
 
 def _rename_by_content(f: Function) -> Function:
-    """Give a function that is made by another one a name that contains a hash of what it is made of.
+    """Add to the name of a closure a hash of its code and of the objects that it encloses; return the function.
 
-    Machine code is linked by name: functions of one name, made with different constants or from different functions by
-    different processes, would stand for each other where both are loaded.
+    A function that encloses nothing keeps its name.  Machine code is linked by name: closures of the same name that
+    enclose different constants or functions could be mistaken for each other where both are loaded.
     """
     if f.__closure__:
         made_of = [getattr(c.cell_contents, "__qualname__", repr(c.cell_contents)) for c in f.__closure__]
@@ -91,6 +91,7 @@ def _overload_by_source(
 
     ``template(names, arguments)`` returns the body of the function for tuples, ``loop(names, arguments)`` that for
     arrays, from the names and Numba types of the arguments.  Without ``loop`` arrays use ``fn`` as it stands.
+    ``loop_options`` are the options of Numba's ``njit`` for arrays.
     """
     names = list(inspect.signature(fn).parameters)
 
@@ -382,10 +383,10 @@ def force_inline(f: Function) -> Function:
 
 
 def overload_by_kind(function: Function, on_values: Function, on_arrays: Function) -> None:
-    """Overload a function by kind of argument.
+    """Overload a function by kind of argument: Numba compiles another function if a vector is stored as an array.
 
-    ``on_values`` and ``on_arrays`` are called with the types of the arguments and return the function to compile: the
-    latter if one of them is a vector stored as an array, else the former.
+    ``on_arrays`` is called if one of the arguments is such a vector, else ``on_values``; each is called with the Numba
+    types of the arguments and returns the function to compile.
     """
     names = ", ".join(inspect.signature(function).parameters)
     for vectors, chosen_for, options in (
@@ -399,9 +400,9 @@ def overload_by_kind(function: Function, on_values: Function, on_arrays: Functio
 
 
 def in_place(on_arrays: Function | None) -> Function:
-    """Return a decorator that makes a function compile to ``on_arrays`` if one of its arguments is a vector (array).
+    """Return a decorator: Numba compiles ``on_arrays`` in place of the function where an argument is a vector (array).
 
-    For tuples and SIMD lanes the decorated function itself is compiled; if ``on_arrays`` is None, for arrays too.
+    For tuples and SIMD lanes the decorated function itself is compiled, and for arrays too if ``on_arrays`` is None.
     """
 
     def decorate(on_values: Function) -> Function:
@@ -420,7 +421,7 @@ def writes(f: types.Type) -> bool:
 def _part_of_row(typing_context: Any, A: types.Type, i: types.Type, first: types.Type, n: types.Type) -> tuple:
     """A view of n numbers of row i of A from column ``first`` on.
 
-    It counts no references, which is safe because the table outlives the kernel.
+    The view holds no counted reference to A, which is safe because the table outlives the compiled loop.
     """
     kind = types.Array(types.float64, 1, "C")
 
@@ -444,18 +445,18 @@ def _rows(A, i, j, like):
 
 @in_place(_rows)
 def rows(A, i, j, like):
-    """Rows i and j of the table A, of the kind of ``like``; for arrays, views of the rows that may be overwritten."""
+    """Rows i and j of the table A, of the kind of ``like``; if that is an array, views: writing to them changes A."""
     return load(A, i, like), load(A, j, like)
 
 
 def _halves(A, i, like):
-    """Views of two parts of row i of A, each as long as ``like``: what `halves` compiles to for arrays."""
+    """Views of the two halves of row i of A, each as long as ``like``: what `halves` compiles to for arrays."""
     return _part_of_row(A, i, 0, len(like)), _part_of_row(A, i, len(like), len(like))
 
 
 @in_place(_halves)
 def halves(A, i, like):
-    """The two halves of row i of A, each of the kind of ``like``; for arrays, views that may be overwritten."""
+    """The two halves of row i of A, of the kind of ``like``; if that is an array, views: writing to them changes A."""
     x = load(A, i, join(like, like))
     return head(x), tail(x)
 

@@ -1,7 +1,8 @@
 """Verify a certificate (stored states of an orbit, a bound of their error, a horizon) by independent measurements.
 
-- The digits: the orbit is integrated with `AGAIN`, which has other bits, order and steps than the digits and their
-  uncertainty.  A stated uncertainty is wrong if it is below the error, or above `LOOSE` times it.
+- The digits: the orbit is integrated with `AGAIN`, whose number of bits and tolerance (hence order and steps) differ
+  from those of the run of the digits and of the run that measured their error.  A stated uncertainty is wrong if it is
+  below the error, or above `LOOSE` times it.
 - The horizon, the time up to which rounding stays below a limit: rounding is simulated with another displacement and
   tolerance; the stated horizon must lie in the `horizon.Rounding.band` of the result.
 - The equations: Gauss's method, which shares no code with the Taylor runs, and IAS15 integrate the orbit too.

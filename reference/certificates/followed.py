@@ -5,9 +5,10 @@ The orbit is integrated at two tolerances, and then `DRAWS` times with random di
 
 .. math:: s\,\sqrt{n/K}\;u\,\max(|y|, |y'|), \qquad u \sim U(-1, 1),
 
-with n the number of steps, K the number of kicks, y' the component at the previous kick, and s = `DISPLACEMENT`.  The
-distance of a displaced run, times `horizon.UNIT` / s, is the effect of rounding to long double in each step.  This also
-covers an orbit on which the two runs at first round alike and that magnifies that rounding.
+with n the number of steps, K the number of kicks (n in Gauss's method, which has one in every step), y' the component
+at the previous kick, and s = `DISPLACEMENT`.  The distance of a displaced run, times `horizon.UNIT` / s, is the effect
+of rounding to long double in each step.  This also covers an orbit on which the two runs at first round alike and that
+magnifies that rounding.
 
 Taylor series are tried first; if they fail or lose the energy, Gauss's method runs on the steps of SciPy's DOP853.
 """
@@ -74,7 +75,7 @@ class FollowedOrbit(NamedTuple):
 
     @property
     def rounding(self) -> horizon.Rounding:
-        """The effect of rounding to long double along the orbit, like `horizon.rounding` from fewer displaced runs."""
+        """The effect of rounding to long double along the orbit, estimated from the displaced runs."""
         grown = np.maximum.accumulate(self._distances(), axis=1) * (horizon.UNIT / DISPLACEMENT)
         return horizon.Rounding([float(t) for t in self.times], self._size(), grown)
 
@@ -130,8 +131,9 @@ def reach(problem: Any, t_end: float) -> float:
 def _kicks(seed: int, steps: int) -> Callable[[np.ndarray], np.ndarray]:
     """Make a function that displaces a state, array (2 d,), at random, and returns the displaced state.
 
-    About `KICKS` calls of it in a run have the effect of a smaller displacement after each of ``steps`` steps; ``seed``
-    is the number of the run.
+    ``steps`` is the number of steps of a run that calls the function about `KICKS` times, or `KICKS` for a run that
+    calls it after every step.  The fewer the calls, the larger the displacements: their effect is that of a relative
+    displacement by up to `DISPLACEMENT` after every step.  ``seed`` is the number of the run.
     """
     random = np.random.default_rng([SEED, seed])
     by = np.longdouble(DISPLACEMENT * max(1.0, steps / KICKS) ** 0.5)

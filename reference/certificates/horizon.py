@@ -61,7 +61,8 @@ class Rounding(NamedTuple):
     ----------
     grid : increasing times
     size : the state's max norms at these times, array (n,)
-    distances : array (draws, n): how far rounding moves the state, from each displaced run; running maxima
+    distances : array (draws, n): the largest distance so far by which rounding moves the state, estimated from each of
+        the displaced runs (draws)
     """
 
     grid: Sequence[float]
@@ -80,7 +81,8 @@ class Rounding(NamedTuple):
     def band(self) -> tuple[Span, Span]:
         """The least and the largest span that another machine may find, as a pair.
 
-        They are computed with the limit changed by the relative -+`SHARE`, and moved by one point of the grid.
+        For the least one the limit is lowered by the share `SHARE` of it, and the times found are moved one grid point
+        back; for the largest one the limit is raised, and the times are moved one grid point ahead.
         """
         less, more = (self.span(LIMIT * factor) for factor in (1 - SHARE, 1 + SHARE))
         return Span(*(self._beside(t, -1) for t in less)), Span(*(self._beside(t, 1) for t in more))

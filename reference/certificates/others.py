@@ -26,9 +26,10 @@ TOLERANCES = (1e-9, 1e-11)
 
 
 def words(problem: Any, times: Sequence[float], path: Along, apart: np.ndarray) -> list[tuple[Check, ...]]:
-    """Compare the orbit ``path`` with other solvers at each of the times: for each time a `Check` for each solver.
+    """Compare the orbit ``path`` with other solvers at each of the times.
 
-    ``apart`` has the orbit's distances from a neighbouring one (`horizon.neighbour`) at the times of ``path.grid``.
+    Returns a tuple for each time, with one `Check` (distance and uncertainty) for each solver.  ``apart`` has the
+    orbit's distances from a neighbouring one (`horizon.neighbour`) at the times of ``path.grid``.
     """
     unit = np.maximum(upto(path.size), apart / horizon.SHIFT)
     if problem.system.constrained:
@@ -50,7 +51,7 @@ def words(problem: Any, times: Sequence[float], path: Along, apart: np.ndarray) 
 def _gauss(problem: Any, path: Along, unit: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Compare the orbit with Gauss's method: (distances, the method's uncertainties), both on the grid of ``path``.
 
-    ``unit`` is, at each time, the size to which a relative error of 1 has grown.
+    ``unit`` is, at each time, the error that a relative error at the start has become, divided by that relative error.
     """
     system, q0, p0, t_end = problem.system, problem.q0, problem.p0, path.grid[-1]
     ends = taylor.step_ends(system, np.longdouble, q0, p0, t_end)
@@ -69,7 +70,8 @@ def _gauss(problem: Any, path: Along, unit: np.ndarray) -> tuple[np.ndarray, np.
 def _ias15(problem: Any, times: Sequence[float], unit: np.ndarray) -> tuple[list[np.ndarray], np.ndarray] | None:
     """Integrate by REBOUND's IAS15: (states at the times, at the finer of two tolerances; their uncertainties).
 
-    ``unit`` is, at each time, the size to which a relative error of 1 has grown.  None if IAS15 is not applicable.
+    ``unit`` is, at each time, the error that a relative error at the start has become, divided by that relative error.
+    None if IAS15 is not applicable.
     """
     from phasebench.reference.peers import BY_ID, integrate_peer
 

@@ -1,6 +1,6 @@
 r"""The steppers of Boost.odeint as peers: a C++ program with the problem's equations, compiled by the user's compiler.
 
-The state is std::array, whose size the compiler knows; flags are those of the bare C loop (`native.FLAGS`).  Fixed
+The state is std::array, whose size the compiler knows; the compiler's flags are `native.FLAGS`.  Fixed
 steps are ``integrate_n_steps``; a controlled stepper is ``make_controlled(tol, tol, stepper)`` in ``integrate_times``,
 whose first step is 0.01, that of the documentation's examples, or the spacing of rows where that is less.
 
@@ -165,8 +165,8 @@ def _program(system: PartitionedSystem, header: str, kind: str) -> Any:
 def _fixed(run_steps: Callable[..., int], task: Task) -> Run:
     """Run a task at fixed steps by a compiled function.
 
-    ``run_steps(y, h, n, counts)`` takes n steps of h, overwrites the state y, and ``counts`` with the numbers of steps
-    and of evaluations, and returns 0, or an error code.
+    ``run_steps(y, h, n, counts)`` takes n steps of h from the state y; it overwrites y with the new state and
+    ``counts`` with the numbers of steps and of evaluations, and returns 0 or an error code.
     """
     y, counts, numbers = task.state, np.zeros(3, dtype=np.int64), task.numbers
     rows, total, seconds, failure = [y.copy()], np.zeros(3, dtype=np.int64), 0.0, None

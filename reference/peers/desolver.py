@@ -184,7 +184,9 @@ def _peer(
 ) -> Peer:
     """Make the record of desolver's integrator class ``which``.
 
-    ``order`` is the measured order, ``claim`` the order that the class states, if it differs.
+    ``order`` is the measured order, ``claim`` the order that the class states, if it differs, ``symplectic`` its
+    statement about that property.  With ``adaptive`` the peer takes adaptive steps, else constant ones.  The others are
+    fields of the record.
     """
     splitting = which in SPLITTING
     richardson = which.startswith(RICHARDSON)

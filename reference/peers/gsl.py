@@ -1,7 +1,7 @@
 r"""Runge-Kutta steppers of GSL as peers: a C program with the problem's equations, compiled by the user's compiler.
 
-GSL is reached by the headers and the library of the user's machine; flags are those of the bare C loop
-(`native.FLAGS`).  Adaptive peers are GSL's driver with eps_abs = eps_rel = tol and a first step of 1e-6, as in its
+GSL is reached by the headers and the library of the user's machine; the compiler's flags are
+`native.FLAGS`.  Adaptive peers are GSL's driver with eps_abs = eps_rel = tol and a first step of 1e-6, as in its
 example.  Fixed steps are gsl_odeiv2_evolve_apply_fixed_step with a control that never asks for another step, and
 that asks the implicit steppers to iterate to `NEWTON`: with the usual controls a fixed step fails where its error
 estimate exceeds the tolerance to which stages are solved.

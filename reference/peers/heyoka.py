@@ -157,7 +157,7 @@ def _one(id: str, name: str, more: str, how: tuple, **facts: Any) -> Peer:
     """Make the record of a peer that integrates one orbit by heyoka.
 
     ``how`` is (form of the equations, compact mode or None to decide by size, True to sum the series with
-    compensation).
+    compensation).  ``more`` ends the record's text ``about``; ``facts`` are further fields of the record.
     """
     return _peer(id, name, _build_run(*how), more, prepare=_prepare(*how), **facts)
 

@@ -48,7 +48,7 @@ class Method(NamedTuple):
     Attributes
     ----------
     begin : (y, h) -> what the method carries from step to step, of a state y = (q, p), array (2 d,)
-    step : (number of the step before, h, carried) -> (carried, True if the step failed)
+    step : (number of steps taken before, h, carried) -> (carried after this step, True if the step failed)
     state : (carried) -> the state (q, p), array (2 d,)
     """
 
@@ -58,7 +58,7 @@ class Method(NamedTuple):
 
 
 class Loop:
-    """The compiled loop over the steps of a `Method` on a system of ``d`` degrees of freedom."""
+    """A compiled loop over steps of a `Method` on a system of ``d`` degrees of freedom; `rows` integrates by it."""
 
     def __init__(self, method: Method, d: int) -> None:
         import jax

@@ -14,7 +14,7 @@ SCOPE = "H = sum p_i^2 / 2 m_i + V(q)"
 
 
 def lacks(problem: Any, system: PartitionedSystem) -> str | None:
-    """The `Peer.lacks` of a peer whose particles have masses: a reason against other H, else None."""
+    """Why particles with masses cannot represent a system: the form of H that they need; None if they can."""
     return None if system.canonical and system.separable and system.diagonal else WHY
 
 

@@ -192,7 +192,8 @@ def build(
 ) -> tuple[rebound.Simulation, Any]:
     """Make a REBOUND simulation of a setting: (simulation, callback of the extra force, to be kept alive, or None).
 
-    ``options`` are fields of the integrator; the extra force is left out unless ``extra``.
+    ``q0`` and ``p0`` are the initial state, ``integrator`` is REBOUND's name of an integrator and ``options`` are its
+    fields; the extra force is left out unless ``extra``.
     """
     import rebound
 
@@ -232,7 +233,8 @@ def simulation(
 ) -> tuple[rebound.Simulation, Any]:
     """Make a REBOUND simulation of a (perturbed) Kepler problem: (simulation, callback to be kept alive, or None).
 
-    The extra force, which the callback computes, acts if ``mu`` is not 0.
+    ``integrator`` is REBOUND's name of an integrator, ``options`` are its fields.  The callback computes the extra
+    force, that of the perturbation; ``mu`` is the strength of the perturbation, and at 0 the force is left out.
     """
     return build(settings(problem.system)[CENTRAL], q0, p0, integrator, options, bool(mu))
 
@@ -266,9 +268,10 @@ def prepare(
 ) -> Calls:
     """The `Calls` of a prepared simulation: ``advance(t_end)`` if ``adaptive``, else ``advance(h, steps)``.
 
-    A reset restores the particles, the time and the step.  IAS15 and BS keep what they predicted from their last step,
-    which is as good a start; JANUS computes with integers of its own, which are dropped by setting the integrator anew.
-    ``shortest`` is the least step of IAS15 as a share of the span.
+    Each call of it first resets the particles, the time and the step.  IAS15 and BS keep across a reset what they
+    predicted from their last step, which is as good a first guess as any; JANUS computes with integers of its own,
+    which are dropped by setting the integrator anew.  ``options`` are fields of the integrator; ``shortest`` is the
+    least step of IAS15 as a share of the span.
     """
     import rebound
 
@@ -327,8 +330,9 @@ def prepare(
 def run(
     task: Task, setting: Setting, integrator: str, options: Mapping[str, Any], *, adaptive: bool, limit: float = np.inf
 ) -> Run:
-    """Integrate a task, its problem as REBOUND's particles (``setting``); ``seconds`` are those spent in REBOUND.
+    """Integrate a task by REBOUND; the ``seconds`` of the result are those spent in REBOUND.
 
+    ``setting`` represents the task's problem by REBOUND's particles; ``options`` are fields of the integrator.
     Adaptive integrators stop at the times of the rows; the others take the exact number of steps of h, without summing
     times.  Coordinates and velocities beyond ``limit`` end the run.
     """

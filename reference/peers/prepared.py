@@ -1,4 +1,4 @@
-"""Prepared peers, integrators of other packages: built once; a call is a reset and the package's own call only."""
+"""Prepared peers: integrators of other packages, built once; a run is then only a reset and the package's own call."""
 
 from __future__ import annotations
 
@@ -43,8 +43,9 @@ class Calls(NamedTuple):
 class PreparedPeer:
     """A peer on a problem, built and compiled; it is called with t_end, or with the step h and the number of steps.
 
-    Input is not checked and no rows are saved; every call starts from the initial state.  `advance` is such a call
-    without reading the final state, hence what should be timed: a reset (time, state, step) and the package's own call.
+    Input is not checked and no states on the way are saved; every call starts from the initial state, or from the
+    one that `restart` has set.  `advance` takes the same sizes, but does not read the final state; it is what should be
+    timed: a reset (time, state, step) and the package's own call.
 
     Attributes
     ----------
@@ -72,7 +73,7 @@ class PreparedPeer:
         self._calls.restart(np.concatenate([q0, p0]))
 
     def __call__(self, *size: float, q0: State | None = None, p0: State | None = None) -> tuple[Floats, Floats, str]:
-        """(q, p, status) at t_end, or after the steps.
+        """Integrate from the initial state and return (q, p, status) at t_end, or after the steps.
 
         Parameters
         ----------

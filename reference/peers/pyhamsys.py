@@ -49,7 +49,7 @@ EXTENDED = "README of pyhamsys 0.90, Symplectic Integrators and Parameters (exte
 def _flows(
     system: Hamiltonian,
 ) -> tuple[Callable[[float, float, np.ndarray], np.ndarray], Callable[[float, float, np.ndarray], np.ndarray]]:
-    """Compiled maps (h, t, y) -> y: (the flow of V and then T, the flow of T and then V)."""
+    """Two compiled maps (h, t, y) -> y after h: the flow of V and then that of T, and the reverse; t is not used."""
     import numba
 
     d, (gradient, rate) = system.d, split_gradients(system)
@@ -175,9 +175,10 @@ BOUND_ABOUT = f"two copies bound by omega = {OMEGA:g}; rows are their mean; symp
 
 
 def _peer(solver: str, order: int, about: str, source: str, *, position_first: bool = False, kind: str = "") -> Peer:
-    """Make the record of a pyhamsys integrator.
+    """Make the record of pyhamsys's integrator ``solver``.
 
-    ``kind`` is "" for T + V, "extended" for two copies of phase space set to their mean, "omega" for two coupled ones.
+    ``kind`` is "" for T + V, "extended" for two copies of phase space set to their mean, "omega" for two coupled ones;
+    for T + V the flow of T comes first if ``position_first``.  The others are fields of the record.
     """
     extension = bool(kind)
     claim = Claims(order=order, symplectic=None if extension else True, source=EXTENDED if extension else README)

@@ -48,7 +48,7 @@ NEWTON = "a Kepler problem; gravity between bodies, the first in the middle"
 
 
 def _setting(kinds: Iterable[str], forces: bool, system: PartitionedSystem) -> particles.Setting | None:
-    """The first representation of a system among ``kinds``, with or without extra ``forces``; None if there is none."""
+    """The first representation of a system among ``kinds``, without extra force if not ``forces``; None if none is."""
     settings = particles.settings(system)
     for kind in kinds:
         if kind in settings and (forces or settings[kind].gradient is None):
@@ -99,7 +99,11 @@ def _avx512() -> bool:
 def _fields(
     integrator: str, setting: particles.Setting, options: dict, tolerances: Iterable[str], tol: float | None
 ) -> dict:
-    """The fields of a REBOUND integrator to set, name -> value, for a setting and a tolerance."""
+    """The fields of a REBOUND integrator to set, name -> value, for a setting and a tolerance.
+
+    They are ``options``, and for each name in ``tolerances`` the value ``tol``, unless that is None; an integrator with
+    the lazy kernel gets safe_mode = 0 alone on a pure Kepler problem, which needs no corrector.
+    """
     fields = options | ({} if tol is None else dict.fromkeys(tolerances, tol))
     if fields.get("kernel") == "lazy" and setting.kind == CENTRAL and setting.gradient is None:
         fields = {"safe_mode": 0}  # a pure Kepler problem needs no corrector
@@ -148,9 +152,9 @@ def _peer(
 ) -> Peer:
     """Make the record of a REBOUND integrator for systems with a `particles.Setting` of these ``kinds``.
 
-    ``forces`` is False if the integrator takes no extra force.  ``tolerances`` are the names of REBOUND's fields that
-    are set to tol, if the peer is adaptive; ``options`` are fields with fixed values.  The others are fields of the
-    record.
+    ``integrator`` is its name in REBOUND; ``forces`` is False if it takes no extra force.  ``tolerances`` are the names
+    of its fields that are set to tol, none for fixed steps; ``options`` are its fields with fixed values, name ->
+    value.  The others are fields of the record.
     """
     return Peer(
         f"rebound-{id}",

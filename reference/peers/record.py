@@ -160,7 +160,7 @@ class Peer:
     tol : the default tolerance; None for the package's own
     least : the smallest tolerance that it accepts
     ahead : True if it cannot integrate backwards in time
-    parameters : empty, for the same interface as a method
+    parameters : empty; a peer has this field because the records of this project's methods have it
     settings : options of the package that are set, by their names there
     python : the oldest Python that the package can be installed for, (major, minor); None if it is this project's
     """
@@ -188,5 +188,5 @@ class Peer:
 
     @property
     def label(self) -> str:
-        """The id, for the same interface as a method."""
+        """The id; a peer has a label because the records of this project's methods have one."""
         return self.id

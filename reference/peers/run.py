@@ -22,7 +22,11 @@ LOST = 10.0
 def ending(
     system: PartitionedSystem, times: np.ndarray, q: np.ndarray, p: np.ndarray, failure: str | None
 ) -> tuple[str, str, int]:
-    """(status, reason, number of good rows) of a run with rows q and p, arrays (n, d), at the first n ``times``."""
+    """Judge a peer's run by its states: (status, reason, number of rows to keep).
+
+    q and p, arrays (n, d), are the states (rows) at the first n of ``times``; ``failure`` is the reason for which the
+    package stopped, or None.  The rows before the first one in which the state or H is not finite are kept.
+    """
     from phasebench.integrators.outcome import COLLISION, DIVERGED, energy_unit, judge
 
     finite = np.isfinite(q).all(axis=1) & np.isfinite(p).all(axis=1)

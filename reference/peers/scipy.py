@@ -142,7 +142,10 @@ def _off(problem: Any, system: PartitionedSystem) -> str | None:
 
 
 def _peers(solver: str, name: str, more: str, source: str, order: int | None) -> tuple[Peer, Peer]:
-    """Make the records of a SciPy solver: with a Python right-hand side, and with a compiled one."""
+    """Make the records of a SciPy solver: with a Python right-hand side, and with a compiled one.
+
+    ``more`` is added to the records' text ``about``; ``order`` is the order that SciPy claims.
+    """
     about = f"rtol = atol = tol, by default SciPy's rtol = {RTOL:g} and atol = {ATOL:g}; {more}"
     kinds = (
         ("", "Python right-hand side", "the right-hand side is a Python call", {}),

@@ -125,7 +125,7 @@ def integrator(system: PartitionedSystem, fp: type | Bits, tol: float | str | No
 
 
 def start(ta: Any, fp: type | Bits, q0: Iterable[float], p0: Iterable[float]) -> None:
-    """Reset an integrator to time 0 and the state q0, p0 (doubles)."""
+    """Reset heyoka's integrator ``ta``, of number type ``fp``, to time 0 and the state q0, p0 (doubles)."""
     ta.time = fp(0.0)
     ta.state[:] = [fp(float(x)) for x in (*q0, *p0)]
 
@@ -133,10 +133,11 @@ def start(ta: Any, fp: type | Bits, q0: Iterable[float], p0: Iterable[float]) ->
 def propagate(
     ta: Any, grid: Sequence[Any] | np.ndarray, run: str = "run", ends: list[float] | None = None
 ) -> tuple[np.ndarray, int, str | None]:
-    """Integrate to the times of ``grid`` (increasing, from 0, of the integrator's type): (rows, steps, failure).
+    """Integrate with heyoka's integrator ``ta`` to the times of ``grid``: (rows, steps, failure).
 
-    ``rows`` are the states at these times, those that were reached, ``steps`` is the number of steps, and ``failure``
-    the reason if the end was not reached, else None.  The times at which steps end are appended to ``ends``; ``run`` is
+    The first time is the one at which ``ta`` stands; the times are numbers of its type.  ``rows`` are the states at the
+    times that were reached, ``steps`` is the number of steps, and ``failure`` the reason if the end was not reached,
+    else None.  The times at which steps end are appended to ``ends``; ``run`` is
     the name of the run in progress reports.  Raises `watch.TooLong` if a time limit is set and cannot be met.
     """
     said = _callback_options(run, float(grid[-1]), ends)

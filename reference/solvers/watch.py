@@ -82,7 +82,7 @@ def is_watched() -> bool:
 
 @contextmanager
 def watching(limit: float, tell: Callable[[str], None]) -> Iterator[None]:
-    """A context in which references take at most ``limit`` seconds and report their progress to ``tell``."""
+    """A context in which reference integrations take at most ``limit`` seconds and report progress to ``tell``."""
     _watch.append(Watch(limit, tell))
     try:
         yield

@@ -23,7 +23,7 @@ class Field(NamedTuple):
     words : the command-line words that name the problem
     spans : the shortest and the longest end time; t_end is log-uniform between them
     finest : accuracies are log-uniform from 10^-finest to 10^-1.5
-    keep : the properties of which one may be requested to be conserved
+    keep : properties, such as "symplectic"; a request may ask for one of them to be conserved
     own : names of the problem's own quantities (such as "phase"), whose accuracy may be requested
     """
 

@@ -196,7 +196,7 @@ def _keeps(runs: Runs, run: Run) -> bool:
 def cheapest_of(runs: Runs, cheapest: float) -> Run | None:
     """Find one integrator's fastest run that meets the accuracy; None if there is none or it is hopelessly slow.
 
-    ``cheapest`` is the time in seconds of the best of the other integrators.
+    ``cheapest`` is the time in seconds of the fastest run found so far, by integrators tried before.
     """
     adaptive, met = runs.integrator.adaptive, runs.met
     at, last = (LOOSEST if adaptive else float(FEWEST)), None

@@ -28,7 +28,11 @@ def off(rows: list[dict], claims: list[dict]) -> list[str]:
 
 
 def bench_audit(measured_rows: Callable[[str], list[dict]], complete: Callable[[str], bool]) -> None:
-    """Check that at least one peer (an integrator of another package) could be imported and measured."""
+    """Check that at least one peer (an integrator of another package) could be imported and measured.
+
+    ``measured_rows`` and ``complete`` are fixtures: table name -> its rows, and -> True if this run measured them all.
+    The check passes if it did not.
+    """
     rows = measured_rows("audit")
     audited = [r for r in rows if r["measure"] == "package" and r["status"] == "ok"]
     assert audited or not complete("audit"), "no peer could be audited"

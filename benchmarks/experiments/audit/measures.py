@@ -117,7 +117,8 @@ def _high(peer: Integrator) -> bool:
 def order(peer: Integrator, case: Case, late: Callable[..., bool] = never) -> dict:
     """Measure the order in h, with its interval and the window of steps of the fit; return the columns of a row.
 
-    ``late()`` is True when the time for the measurement is over; then the last run is the finest.
+    ``late(seconds)`` is True if the measurement's time does not suffice for so many seconds more; then no finer step is
+    tried.
     """
     truth = cases.truth(case)
     h, error, why = [], [], ""
@@ -166,10 +167,11 @@ def order(peer: Integrator, case: Case, late: Callable[..., bool] = never) -> di
 
 
 def asymptotic(h: np.ndarray, error: np.ndarray, noise: float) -> tuple[metrics.Order, float]:
-    """Fit the order to errors (m,) at falling steps h (m,) where they fall as a power of h.
+    """Fit the order in the window of steps in which the error falls as a power of h.
 
+    ``h`` and ``error`` are arrays (m,), from the largest step on; ``noise`` is the error below which round-off counts.
     Returns (order with its interval and window, half the difference of the order between the finer and the coarser half
-    of the window).  ``noise`` is the error below which round-off counts.
+    of the window).
     """
     # At steps finer than that of the least error round-off accumulates; it also affects errors near the least.
     least = int(np.nanargmin(error)) + 1

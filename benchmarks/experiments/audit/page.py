@@ -47,7 +47,7 @@ GOOD, BAD = (judge.HOLDS, judge.UNDERSTATED), (judge.IN_PART, judge.CONTRADICTED
 
 
 def _split(frame: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Split claims or statements: (those that could be judged, those of them that do not hold)."""
+    """Select from claims or statements: (all that could be judged, only those that were judged not to hold)."""
     return frame[frame["verdict"].isin([*GOOD, *BAD])], frame[frame["verdict"].isin(BAD)]
 
 
@@ -68,7 +68,7 @@ def claims(found: pd.DataFrame, claimed: pd.DataFrame) -> Verdict | None:
 
 
 def _packages(bad: pd.DataFrame) -> str:
-    """Write which packages the rows are of, most rows first: "all of p", or "3 of p and 1 of q"."""
+    """Write how many rows each package has, the most first, as "3 of p and 1 of q"; "all of p" if there is only p."""
     counts = bad.groupby("package").size().sort_values(ascending=False, kind="stable")
     if len(counts) == 1:
         return f"{'all ' if len(bad) > 1 else ''}of {counts.index[0]}"
@@ -176,8 +176,8 @@ def table(data: Data) -> Table | None:
     """Make the page's table of findings; None if there are none.
 
     First come sentences of packages' documentation that measurements contradict, or that promise less than was
-    measured; then integrators that change with the mode of the processor; then such claims that no sentence covers; and
-    last integrators that could not be run.
+    measured; then integrators that change the process's floating-point mode; then claims that do not hold or promise
+    less than was measured, unless a listed sentence covers them; and last integrators that could not be run.
     """
     stated, found, claimed = (data(name) for name in ("audit_statements", "audit", "audit_claims"))
     lines, spoken = [], set()

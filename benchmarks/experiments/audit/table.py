@@ -112,7 +112,10 @@ ALONE = ("stability", "cost")
 
 
 def cell(rows: Iterable[dict], measure: str) -> str:
-    """Format one peer's results of a measure as one text for a table, each with the letter of its problem."""
+    """Format the results of a ``measure`` of one peer, on all its problems, as one text for a table.
+
+    Each result has the letter of its problem, except for stability and cost, which are measured on one problem only.
+    """
     out = []
     for row in rows:
         if row["measure"] == measure:

@@ -125,7 +125,7 @@ def _blackjax() -> list[str]:
 
 
 def _openmm() -> list[str]:
-    """List OpenMM's integrators that no audited integrator uses: all have heat baths, or combine others."""
+    """List OpenMM's integrators that are not audited: they have heat baths or combine other integrators."""
     import openmm
 
     from phasebench.reference.peers.openmm import CUSTOM, VARIABLE, VERLET
@@ -162,7 +162,7 @@ def _gsl() -> list[str]:
 
 
 def _ase() -> list[str]:
-    """List ASE's dynamics that no audited integrator uses: all have heat baths or barostats."""
+    """List ASE's integrators of molecular dynamics that are not audited: they have heat baths or barostats."""
     import ase.md
     from ase.md.md import MolecularDynamics
 
@@ -172,7 +172,7 @@ def _ase() -> list[str]:
 
 
 def _jax_md() -> list[str]:
-    """List JAX-MD's simulations that no audited integrator uses: all have heat baths or barostats."""
+    """List JAX-MD's kinds of simulation that are not audited: they have heat baths or barostats."""
     from jax_md import simulate
 
     found = (n for n, f in vars(simulate).items() if inspect.isfunction(f) and PAIR.search(inspect.getsource(f)))
@@ -252,7 +252,10 @@ def _rebounds() -> list[str]:
 
 
 def _options(name: str, integrator: Any) -> dict[str, list[str]]:
-    """Parse an integrator's documentation: option of `METHODS` -> its values other than the default."""
+    """Find options that select a method in an integrator's documentation: option -> values other than the default.
+
+    ``integrator`` is an object of REBOUND, ``name`` its name there.
+    """
     out = {}
     for part in re.split(r"\n(?=\w+ : c_)", integrator.__doc__.partition("Attributes")[2]):
         option, _, text = part.strip("-\n ").partition(" : ")

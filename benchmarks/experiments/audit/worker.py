@@ -87,7 +87,10 @@ def blank(peer: str | Method | Peer | Integrator, measure: str, case_name: str =
 
 
 def _prepare(peer: Integrator) -> dict:
-    """Load the peer's package and take one step on each case, so that everything is compiled before the time counts."""
+    """Load the peer's package and take one step on each case, so that everything is compiled before the time counts.
+
+    Returns columns for the row: {}, or status and reason if the peer cannot be imported or run on any case.
+    """
     try:
         peer.load()
     except ImportError as error:

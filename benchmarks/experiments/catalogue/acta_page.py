@@ -110,7 +110,10 @@ def processors(acta: pd.DataFrame) -> Verdict | None:
 
 @of("acta")
 def count_listed(acta: pd.DataFrame) -> str:
-    """Write the page's answer: how many listed methods are here, how many processed, how many groups lack numbers."""
+    """Write the page's answer: how many listed methods are here, and how many of these are processed.
+
+    Processed methods have a kernel and a processor.  It also counts the listed groups without known coefficients.
+    """
     here = _here(acta)
     return (
         f"{len(here)} splitting and composition methods that the Acta's survey collects are here, "

@@ -19,7 +19,7 @@ def bench_coefficients(measured_rows: Callable[[str], list[dict]]) -> None:
 
 
 def bench_transcribed(measured_rows: Callable[[str], list[dict]]) -> None:
-    """Check for each table transcribed from a package that integrations have the order that its conditions show."""
+    """Check that integrations with each table transcribed from a package have the order that order conditions show."""
     verdict = measured_orders(lambda name: pd.DataFrame(measured_rows(name)))
     if verdict is None:
         pytest.skip("none of its rows is measured in this run")

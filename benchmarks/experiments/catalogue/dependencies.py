@@ -32,7 +32,10 @@ def key(name: str) -> str:
 
 
 def requirement_names(requires: list[str] | None, extra: str = "") -> list[str]:
-    """Return the normalized names of the requirements whose environment markers hold here."""
+    """Return the normalized names of the requirements whose environment markers hold here.
+
+    ``requires`` has requirements as in a package's metadata; those of the optional ``extra``, if given, are included.
+    """
     found = [Requirement(text) for text in requires or ()]
     return [key(r.name) for r in found if r.marker is None or r.marker.evaluate({"extra": extra})]
 

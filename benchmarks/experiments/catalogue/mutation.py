@@ -22,7 +22,10 @@ FOLDERS, TESTS = ("benchmarks", "integrators", "reference"), "bench_"
 
 
 def frame(score: Path = SCORE, root: Path = sources.ROOT) -> list[dict[str, object]]:
-    """Make a row for each source file: its numbers of mutants, tried and killed, or that it was not judged."""
+    """Make a row for each source file: how many mutants it has, how many were tried and killed; zeros if not judged.
+
+    ``score`` is the file of the stored score, ``root`` the project's folder.
+    """
     lines = _lines(score)
     rows = [_row(of, root) for of in lines]
     none = {"judged": False, **dict.fromkeys((*COUNTS, "survived"), 0), "as judged": False}
@@ -74,9 +77,9 @@ def digest(file: Path) -> str:
 
 
 def digests(score: Path = SCORE, root: Path = sources.ROOT) -> list[str]:
-    """Return hashes of the stored score and of the scored files, and the names of the other files.
+    """Return hashes of the stored score and of the scored files, and the paths of source files without a score.
 
-    The rows of `frame` depend on these.
+    The rows of `frame` change only if these do.
     """
     lines = _lines(score)
     return [digest(score), *(digest(root / of["path"]) for of in lines), *files_without_score(lines, root)]

@@ -158,7 +158,10 @@ PROBLEMS_PAGE = Page(
 
 
 def _largest(coefficients: pd.DataFrame, when: str) -> float:
-    """The largest residual of the order conditions over all tables of "published" or "polished" coefficients."""
+    """The largest residual of the order conditions over all coefficient tables.
+
+    ``when`` is "published" or "polished": the state of the coefficients of which it is the residual.
+    """
     return float(coefficients[f"{when} residual"].max())
 
 
@@ -267,7 +270,7 @@ def _copyleft(dependencies: pd.DataFrame) -> list[str]:
 
 @of("dependencies")
 def copyleft(dependencies: pd.DataFrame) -> Verdict:
-    """Judge that no package is under the GPL, except those used for comparison only."""
+    """Judge whether no package is under the GPL, except those used for comparison only."""
     wrong = [name for name in _copyleft(dependencies) if name not in COMPARED]
     return Verdict(
         "No package is under the GPL but those that are only compared with",

@@ -251,8 +251,8 @@ def _reference(digits: int, span: Fraction) -> tuple:
 def measured_order(table: Transcribed, rounding: float) -> Order:
     """Measure the order by integrations in many digits, composed as the package does; NaN where rounding hides it.
 
-    Errors are left out up to three times what a change of the numbers' last digits makes, and up to ten times what
-    residuals of the order conditions of size ``rounding`` make.
+    Errors near those of rounding are left out: up to three times the effect of a change of the numbers' last digits,
+    and up to ten times that of residuals of the order conditions of size ``rounding``.
     """
     with mpmath.workdps(DIGITS):
         records = method_of(table), method_of(table, PRINTED)
@@ -290,8 +290,9 @@ def _candidates(ours: str) -> list[mpmath.mpf]:
 def digits_that_hold(table: Transcribed) -> tuple[int | None, int | None]:
     """Return (printed decimals, right decimals) of the printed number with the most wrong decimals in a table.
 
-    A decimal is right if, to one unit of it, this project's table of the same method has the number, too.
-    (None, None) if this project has no such table.
+    A decimal is right if the printed number is within one unit of this decimal from a number that this project's table
+    of the same method gives (`_candidates`).  (None, None) for Runge-Kutta methods, and if there is no such table or no
+    rounded number.
     """
     rounded = printed(table)
     if not table.ours or not rounded or table.kind == RUNGE_KUTTA:

@@ -9,7 +9,10 @@ from phasebench.benchmarks.experiments.elsewhere.page import SAME
 
 
 def energies_off(rows: list[dict]) -> list[str]:
-    """List messages about rows whose energy error differs from that of the method with the same coefficients here."""
+    """Return a message for each result whose energy error differs from that of the method here of equal coefficients.
+
+    ``rows`` are those of the table `THEIRS`, one for each result from another machine.
+    """
     return [
         f"{r['method']}, h = {r['h']}: {r['energy_error']:.3e}, here {r['twin_energy_error']:.3e}"
         for r in rows
@@ -24,6 +27,6 @@ def bench_methods_of_the_same_coefficients(measured_rows: Callable[[str], list[d
 
 
 def bench_runs_beside_them(measured_rows: Callable[[str], list[dict]]) -> None:
-    """Check that some run of this suite's methods, beside the rows from other machines, reaches its end."""
+    """Check that, of this suite's runs for comparison with other machines' results, at least one reaches its end."""
     rows = measured_rows(OURS)
     assert not rows or any(r["status"] == "ok" for r in rows)

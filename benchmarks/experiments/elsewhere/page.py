@@ -65,7 +65,7 @@ def certain(theirs: pd.DataFrame) -> Verdict | None:
 
 
 def answer(data: Data) -> str | None:
-    """Write the page's answer: how many rows other packages made, and how many of their energy errors are met here."""
+    """Write the page's answer: how many results other packages have, and how many of their energy errors recur here."""
     theirs, verdict = data(THEIRS), reproduced(data)
     if theirs is None or theirs.empty:
         return None

@@ -187,7 +187,7 @@ def measure_rows(name: str) -> Rows:
 
 
 def in_order(rungs: Iterable[Rung]) -> list[Rung]:
-    """Sort runs by integrator, then from the longest step or the loosest tolerance on."""
+    """Sort runs by integrator, and an integrator's runs from the longest step or loosest tolerance to the finest."""
     first = list(dict.fromkeys(rung.who for rung in rungs))
     return sorted(rungs, key=lambda rung: (first.index(rung.who), -rung.value))
 

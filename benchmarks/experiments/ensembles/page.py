@@ -28,13 +28,13 @@ _compared = once(cost_table)
 
 
 def _wide(frame: pd.DataFrame) -> pd.DataFrame:
-    """Select from the table of ensembles those that ran in SIMD lanes to their end."""
+    """Select the ensembles that ran in SIMD lanes (orbits side by side) and of which every orbit reached its end."""
     return frame[frame["in lanes"].astype(bool) & (frame["status"] == "ok")]
 
 
 @of(lanes.TABLE)
 def gain(frame: pd.DataFrame) -> Verdict | None:
-    """Judge whether SIMD lanes are faster than the scalar kernel on one core, by the whole interval of the ratio.
+    """Judge whether SIMD lanes are faster than the scalar kernel on one core: the ratio's interval exceeds 1.
 
     ``frame`` is the table of `lanes`, a row for each ensemble; None if none ran in lanes.
     """

@@ -87,7 +87,7 @@ def _cell(table: str, key: dict, measure: Callable, arguments: tuple, *chosen: M
 
 
 def record_of(id: str) -> Method:
-    """Return the method with an id; "extended-midpoint-2" and "-6", which are not registered, are made here."""
+    """Return the method with an id; the unregistered "extended-midpoint-2" and "extended-midpoint-6" are made here."""
     kind, _, order = id.rpartition("-")
     if kind != "extended-midpoint" or order == "4":
         return method(id)

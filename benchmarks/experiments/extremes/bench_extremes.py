@@ -58,7 +58,9 @@ def bench_closed_form(measured_rows: Callable[[str], list[dict]]) -> None:
 
 
 def bench_long_runs(measured_rows: Callable[[str], list[dict]]) -> None:
-    """Check that long runs near the stability limits, in later stable intervals and in gaps end as the step map has it.
+    """Check that long runs stay bounded or grow as their step matrix predicts, near the stability limits and beyond.
+
+    Beyond a limit are further stable intervals of h omega, and the gaps between them.
 
     ``measured_rows`` is a fixture: table name -> rows.
     """

@@ -175,8 +175,8 @@ def runs(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Integrate the oscillator from all starts (q, p), array (n, 2): (Q, P), arrays (n, rows + 1).
 
-    They have the start and ``rows`` states at equal distances of the ``steps`` steps; ``values`` are the method's
-    parameters.  Methods run as an ensemble, the hand-written controls orbit by orbit.
+    Their columns are the start and ``rows`` later states, equally spaced over the ``steps`` steps of length h;
+    ``values`` are the method's parameters.  Methods run as an ensemble, the hand-written controls orbit by orbit.
     """
     if id in controls.KINDS:
         run = controls.runner(id, h, rows)

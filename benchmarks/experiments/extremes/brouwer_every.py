@@ -4,8 +4,8 @@ The energy's error is that of |w|^2, the quadratic form that a step's matrix kee
 known (`exact_maps`), otherwise, for a method that keeps H, the error of H.  A matrix in doubles would not do: |w|^2
 would then oscillate by more than the law.  The phase error needs the exact matrix.
 
-A state is only known to a rounding, so that the law shows where eps h n^(1/2) is above eps.  The step is eight times
-that of the long runs, which lets the runs be short.
+A state is itself rounded, to eps, so that the law shows only where eps h n^(1/2) is above eps.  The step is eight times
+that of the long runs of `brouwer`, so that fewer steps suffice.
 """
 
 from __future__ import annotations
@@ -84,7 +84,7 @@ def measure_rows(id: str, values: dict, label: str) -> Rows:
 
 
 def how(id: str, values: dict) -> tuple[str, mpmath.matrix] | None:
-    """Choose how a method's energy error is measured: (name of the way, step matrix whose invariant |w|^2 is used).
+    """Choose how a method's energy error is measured: (`EXACT` or `ENERGY`, step matrix whose invariant |w|^2 is used).
 
     None if neither an exact step matrix is known nor H is kept.
     """

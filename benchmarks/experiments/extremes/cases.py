@@ -43,7 +43,8 @@ class Case:
     bound : the largest |q| that the energy allows; None if it allows any
     escapes : the |q| beyond which an orbit that can escape is gone for good
     ranged : whether the orbit soon fills the range of its coordinates, so that runs may be judged by it
-    timed : whether the first coordinate crosses the middle of its range, or ``middle``, at a steady rate
+    timed : whether the first coordinate crosses the middle of its range at a steady rate
+    middle : the value whose crossings are counted instead; None for the middle of the range
     """
 
     id: str

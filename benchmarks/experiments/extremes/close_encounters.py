@@ -155,7 +155,8 @@ def _of_transformed(
 ) -> Iterator[tuple[float, str, Solution, Sequence[float] | np.ndarray]]:
     """Yield (steps, "transformed", solution, reference coordinates) for a method on Poincare's transformed Hamiltonian.
 
-    One for each number of steps of the encounter; the reference is computed at the time at which the run ends.
+    There is a run for each number of steps in the encounter's ``ladder``; its reference is computed for the time at
+    which the run ends.
     """
     system = TransformedHamiltonian(made.system)
     q0, p0 = system.start(made.q0, made.p0)
@@ -169,9 +170,9 @@ def _of_transformed(
 
 
 def cheapest(table: pd.DataFrame, by: str = "steps") -> pd.DataFrame:
-    """Select for each scene and method the cheapest run with an error of at most `HELD`, else the most accurate one.
+    """Select each method's cheapest run with an error of at most `HELD` in each close encounter (column "scene").
 
-    The cheapest has the least value in the column ``by``.
+    The cheapest has the least value in the column ``by``.  If no error is so small, the most accurate run is selected.
     """
     ordered = table.assign(held=table["error"] <= HELD).sort_values(["held", by], ascending=[False, True])
     held = ordered[ordered["held"]].drop_duplicates(["scene", "method"])

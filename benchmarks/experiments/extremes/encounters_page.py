@@ -37,7 +37,7 @@ def adaptive(table: pd.DataFrame) -> Verdict:
 
 @of(TABLE)
 def answer(table: pd.DataFrame) -> str:
-    """Write the page's answer: in each scene the fewest steps of each kind that reach the wanted error.
+    """Write the page's answer: for each close encounter the fewest steps of each kind that reach the wanted error.
 
     It also names the kinds of steps (fixed, adaptive, transformed) that fail.
     """
@@ -72,7 +72,7 @@ def draw(table: pd.DataFrame, folder: Path) -> list[Picture]:
 
 @of(TABLE)
 def table(met: pd.DataFrame) -> Table:
-    """Make the page's table: for each scene and integrator the successful run with the fewest steps, else the best."""
+    """Make the page's table: each integrator's run with the fewest steps that follows an encounter, else its best."""
     order = ["scene", "held", "steps"]
     rows = close_encounters.cheapest(met).sort_values(order, ascending=[True, False, True]).head(ROWS)
     shown = rows[["scene", "method", "kind", "steps", "evaluations", "error", "status"]]

@@ -113,7 +113,7 @@ def _collocation(data: tuple, h: mpmath.mpf) -> mpmath.matrix:
 
 
 def _rotation(data: tuple, h: mpmath.mpf) -> mpmath.matrix:
-    """The matrix of a step of a method that is exact on the oscillator."""
+    """The matrix of a step of a method that is exact on the oscillator: its flow over h; ``data`` is not used."""
     omega = mpmath.mpf(problem("harmonic-oscillator").parameters.get("omega", 1))
     c, s = mpmath.cos(h * omega), mpmath.sin(h * omega)
     return mpmath.matrix([[c, s / omega], [-omega * s, c]])

@@ -160,10 +160,11 @@ def confirm(chosen: Integrator, found: oscillator.Found) -> tuple[int, int]:
 
 
 def _beyond(chosen: Integrator, found: oscillator.Found) -> list[float]:
-    """Return a list of the first h omega past the limit at which growth shows, else the nearest one tried.
+    """Choose one h omega past the stability limit at which a long run must grow, as a list of at most one.
 
-    It is empty if a further stable interval is nearer.  Where |tr M| leaves 2 by a power of the distance, as at a
-    multiple root, a run hardly grows beside the limit.
+    It is the nearest of three candidates at which growth shows, else the nearest of all; candidates past the beginning
+    of a further stable interval do not count.  Where |tr M| leaves 2 by a power of the distance, as at a multiple root,
+    a run hardly grows beside the limit.
     """
     following = found.intervals[1][0] if len(found.intervals) > 1 else math.inf
     tried = [z for k in (1, 10, 100) if (z := found.limit * (1 + k * BESIDE)) * (1 + BESIDE) < following]

@@ -54,9 +54,9 @@ def decided(rows: pd.DataFrame) -> pd.Series:
 
 
 def undecided(rows: pd.DataFrame) -> str:
-    """Write how many runs are too far from the exact orbit for the linear theory, and for which it would be wrong.
+    """Write for how many of the runs that begin too far from the exact orbit the linear theory would be wrong.
 
-    Empty if it would be wrong in none of them.
+    The text names their methods; it is empty if there are none.
     """
     far = (rows["e"] > 0) & ~(rows["first"] < SMALL)
     grown = rows["rate"] * multistep.ORBITS
@@ -121,7 +121,7 @@ def by_order(table: pd.DataFrame) -> Verdict | None:
 
 @of("extremes_multistep")
 def by_frequencies(table: pd.DataFrame) -> Verdict | None:
-    """Judge whether more steps are unstable on an eccentric orbit, with more frequencies, than on a circular one."""
+    """Judge whether an eccentric orbit, which has more frequencies, has more unstable steps than a circular one."""
     count = lost(table).groupby([table["method"], table["e"]]).sum().unstack()
     if count.shape[1] < 2:
         return None
@@ -160,7 +160,10 @@ def bounded(table: pd.DataFrame) -> Verdict | None:
 
 
 def answer(data: Data) -> str | None:
-    """Write the page's answer: at how many steps theory foretells the outcome, and whether anything grows elsewhere."""
+    """Write the page's answer: how often linear theory foretells whether an orbit is lost.
+
+    It also has how often no error grows on long runs at a number of steps an orbit without resonance.
+    """
     rows, kept = [v for v in (circle(data), ellipse(data)) if v], bounded(data)
     if not rows or kept is None:
         return None

@@ -55,7 +55,10 @@ class CoupledOscillators:
 
 
 def radius(run: PreparedRun, h: float) -> float:
-    """Compute the spectral radius of the matrix of a step h of ``run``, a prepared (h, steps, q, p) -> (q, p, ...)."""
+    """Compute the spectral radius of the matrix of one step of length h on a linear system.
+
+    ``run`` integrates the system: a function (h, steps, q, p) -> (q, p, ...).
+    """
     columns = [np.concatenate(run(h, 1, unit[:2], unit[2:])[:2]) for unit in np.eye(4)]
     return float(np.abs(np.linalg.eigvals(np.array(columns).T)).max())
 

@@ -35,9 +35,9 @@ def exponent(row: pd.Series, name: str) -> str:
 
 
 def critical(rows: pd.DataFrame) -> float:
-    """Compute the largest |mean error|, in standard errors, that chance explains.
+    """Compute the largest |mean error|, in standard errors, that chance explains in a table of ensembles of runs.
 
-    Any of these ensembles exceeds it by chance with probability `CHANCE`.
+    If none of the ensembles has a bias, the probability that at least one of them exceeds it is `CHANCE`.
     """
     each = 1 - (1 - CHANCE) ** (1 / len(rows))
     return float(stats.t.ppf(1 - each / 2, rows["starts"].min() - 1))
@@ -71,7 +71,10 @@ def _biased_where(row: pd.Series) -> str:
 
 
 def _tables(data: Data) -> list[pd.DataFrame]:
-    """Return the tables of ensembles that have rows: of chosen steps, without the controls, and of every method."""
+    """Return the tables of ensembles of runs, without empty ones and without the hand-written controls.
+
+    One table is of a few methods at chosen steps, the other of every method whose growth could be measured.
+    """
     chosen, all_ = data("extremes_growth"), data("extremes_growth_every")
     tables = [] if chosen is None or chosen.empty else [chosen[chosen["kind"] != brouwer.HAND]]
     tables += [] if all_ is None or all_.empty else [all_[all_["reason"].astype(object).fillna("") == ""]]

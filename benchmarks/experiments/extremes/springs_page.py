@@ -139,7 +139,7 @@ def above_chance(table: pd.DataFrame) -> Verdict | None:
 
 @of("extremes_springs")
 def answer(table: pd.DataFrame) -> str | None:
-    """Write the page's answer: how many maxima of the drift lie on resonance lines, and what share of all nodes."""
+    """Write the page's answer: how many maxima of the drift and what share of all nodes lie on resonance lines."""
     rows = _shares(table)
     if rows.empty:
         return None

@@ -110,7 +110,10 @@ def fewest(rows: pd.DataFrame) -> pd.DataFrame:
 
 @of(cost.TABLE)
 def than_verlet(rows: pd.DataFrame) -> Verdict | None:
-    """Whether McAte2 needs fewer gradient evaluations than VelocityVerlet for the same error."""
+    """Whether McAte2 needs fewer gradient evaluations than VelocityVerlet for the same error.
+
+    ``rows`` is the table of `cost`, with a row for each run; None if there is no error that both reach.
+    """
     found = fewest(rows)[[VERLET, MCATE2]]
     found = found[found.max(axis=1) < inf]
     ratio = found[VERLET] / found[MCATE2]
@@ -177,7 +180,10 @@ def _order(rows: pd.DataFrame, id: str, T: str) -> float:
 
 @of(orders.TABLE)
 def fourth(rows: pd.DataFrame) -> Verdict | None:
-    """Whether McAte4 loses its order 4 if the kinetic energy is not quadratic."""
+    """Whether McAte4 loses its order 4 if the kinetic energy is not quadratic.
+
+    ``rows`` is the table of `orders`, a row for each method and kinetic energy; None if the method's rows are missing.
+    """
     if not _has_all(rows, method=["mclachlan-atela-4"], T=[orders.QUADRATIC, orders.OTHER]):
         return None
     there, other = (_order(rows, "mclachlan-atela-4", T) for T in (orders.QUADRATIC, orders.OTHER))
@@ -191,7 +197,10 @@ def fourth(rows: pd.DataFrame) -> Verdict | None:
 
 @of(orders.TABLE)
 def fifth(rows: pd.DataFrame) -> Verdict | None:
-    """Whether McAte5 has order 5 also if the kinetic energy is not quadratic."""
+    """Whether McAte5 has order 5 also if the kinetic energy is not quadratic.
+
+    ``rows`` is the table of `orders`, a row for each method and kinetic energy; None if the method's rows are missing.
+    """
     if not _has_all(rows, method=["mclachlan-atela-5"], T=[orders.QUADRATIC, orders.OTHER]):
         return None
     there, other = (_order(rows, "mclachlan-atela-5", T) for T in (orders.QUADRATIC, orders.OTHER))
@@ -212,9 +221,10 @@ def _energy(rows: pd.DataFrame, name: str, id: str) -> pd.Series:
 
 
 def _over(rows: pd.DataFrame, symplectic: str, name: str) -> pd.Series:
-    """Return KahanLi8's energy error over the smallest of the other integrators on the problem ``name``: time -> ratio.
+    """Divide KahanLi8's energy error by the smallest error among the other integrators: a series, time -> ratio.
 
-    ``symplectic`` selects the run of KahanLi8: `energy.COMPENSATED` or `energy.PLAIN`, by the kind of its sums.
+    ``rows`` is the table of `energy`, ``name`` the problem; ``symplectic`` selects the run of KahanLi8 by the kind of
+    its sums, `energy.COMPENSATED` or `energy.PLAIN`.
     """
     others = [_energy(rows, name, id) for id in energy.RUNS if id not in (energy.COMPENSATED, energy.PLAIN)]
     return _energy(rows, name, symplectic) / pd.concat(others, axis=1).min(axis=1)
@@ -222,7 +232,7 @@ def _over(rows: pd.DataFrame, symplectic: str, name: str) -> pd.Series:
 
 @of(energy.TABLE)
 def short(rows: pd.DataFrame) -> Verdict | None:
-    """Whether KahanLi8's energy error over short times is larger than that of other methods, on Henon-Heiles."""
+    """Whether KahanLi8's energy error over a short time is larger than the other methods' smallest, on Henon-Heiles."""
     if not _has_all(rows, problem=["henon-heiles"], integrator=energy.RUNS):
         return None
     found = _over(rows, energy.COMPENSATED, "henon-heiles")
@@ -237,9 +247,10 @@ def short(rows: pd.DataFrame) -> Verdict | None:
 
 
 def _later(rows: pd.DataFrame, name: str) -> dict | None:
-    """Make the arguments of a `Verdict` on whether KahanLi8's energy error over the smallest other falls as time grows.
+    """Make the arguments of a `Verdict` on whether KahanLi8's energy error becomes less noticeable as time grows.
 
-    ``name`` is the problem; None if an integrator's rows on it are missing.
+    It does if the ratio of this error to the smallest error of the other integrators is no larger at the last time than
+    at the first.  ``name`` is the problem; None if an integrator's rows on it are missing.
     """
     if not _has_all(rows, problem=[name], integrator=energy.RUNS):
         return None
@@ -256,21 +267,27 @@ def _later(rows: pd.DataFrame, name: str) -> dict | None:
 
 @of(energy.TABLE)
 def later(rows: pd.DataFrame) -> Verdict | None:
-    """Whether KahanLi8's energy error is less noticeable beside the others' as time grows, on Henon-Heiles."""
+    """Whether KahanLi8's energy error is less noticeable beside other integrators' as time grows, on Henon-Heiles."""
     found = _later(rows, "henon-heiles")
     return found and Verdict("As time grows KahanLi8's energy error is less noticeable", **found)
 
 
 @of(energy.TABLE)
 def later_boson(rows: pd.DataFrame) -> Verdict | None:
-    """Whether KahanLi8's energy error is less noticeable beside the others' as time grows, on the quadrupole boson."""
+    """Whether KahanLi8's energy error is less noticeable beside others' as time grows, on the quadrupole boson too.
+
+    The others are the errors of the other integrators; None if rows of an integrator are missing.
+    """
     found = _later(rows, "quadrupole-boson")
     return found and Verdict("On the quadrupole boson, too, it is less noticeable as time grows", **found)
 
 
 @of(energy.TABLE)
 def harder(rows: pd.DataFrame) -> Verdict | None:
-    """Whether the energy errors of the other methods are larger on the quadrupole boson than on Henon-Heiles."""
+    """Whether energy errors of integrators other than KahanLi8 are at least doubled by the quadrupole boson.
+
+    Their errors on it at t = 1000 are compared with those on Henon-Heiles; None if none of them was run on both.
+    """
     ratio = {}
     for id in energy.RUNS:
         one, other = (_energy(rows, name, id).get(1e3) for name in energy.SCENES)
@@ -306,7 +323,10 @@ def machine(rows: pd.DataFrame) -> Verdict:
 
 @of(BROUWER)
 def taylor(rows: pd.DataFrame) -> Verdict | None:
-    """Whether heyoka's energy error grows as that of a random walk of round-off, with the root of time."""
+    """Whether heyoka's energy error grows with the square root of time, as a random walk of round-off does.
+
+    None if heyoka has no row in ``rows``, the table of fitted exponents of growth.
+    """
     row = rows[(rows["integrator"] == "heyoka") & rows["tolerance"].isna()]
     if row.empty:
         return None
@@ -335,13 +355,16 @@ def _cheapest(rows: pd.DataFrame) -> dict[tuple[str, float], str]:
 
 
 def _settings(rows: pd.DataFrame) -> pd.DataFrame:
-    """Select the rows of REBOUND's integrators, each with its settings, that were timed."""
+    """Select the runs of REBOUND's integrators that have a measured time; each setting is a method of its own."""
     return rows[(rows["kind"] == "rebound") & rows["ns a unit of time"].notna()]
 
 
 @of(RIVALS)
 def planets(rows: pd.DataFrame) -> Verdict | None:
-    """Whether one of WHFast's settings is the fastest of REBOUND's Wisdom-Holman integrators on the outer planets."""
+    """Whether WHFast, in one of its settings, is the fastest Wisdom-Holman integrator of REBOUND on the outer planets.
+
+    It has to be the fastest for at least half of the energy errors that any of them reaches; None if there are none.
+    """
     found = _settings(rows)
     best = _cheapest(found[found["problem"] == PLANETS])
     if not best:

@@ -1,8 +1,8 @@
 """Errors and gradient evaluations, at ever smaller steps, of symplectic methods that OrdinaryDiffEq.jl's guide names.
 
-Only those are run that this suite has.  The guide names Henon-Heiles; the pendulum, Kepler's orbit, the giant planets
-and the quadrupole boson are other separable problems of this suite.  The error is that of the state at the end, against
-Gauss's method of order 16.
+Only those of them are run that this suite has, too.  The guide names Henon-Heiles; the pendulum, Kepler's orbit, the
+giant planets and the quadrupole boson are other separable problems of this suite.  The error is that of the state at
+the end, against Gauss's method of order 16.
 
 Source: OrdinaryDiffEq.jl, documentation of OrdinaryDiffEqSymplecticRK.
 """

@@ -1,8 +1,8 @@
 """The largest energy errors of an orbit over growing times: benchmarks of SciMLBenchmarks.jl, with other integrators.
 
-KahanLi8 (Kahan and Li's method of order 8) takes their step of 0.01, once with compensated sums and once, as there,
-with plain ones.  SciPy's DOP853 at its smallest tolerance stands for their Vern9 and DPRKN12 at tolerance 1e-14,
-heyoka's Taylor series for their Taylor methods.
+KahanLi8 (Kahan and Li's method of order 8) is run with the benchmarks' step of 0.01, once with compensated sums and
+once, as in the benchmarks, with plain ones.  SciPy's DOP853 at its smallest tolerance stands for the benchmarks' Vern9
+and DPRKN12 at tolerance 1e-14, heyoka's Taylor series for their Taylor methods.
 
 Source: SciMLBenchmarks.jl, benchmarks/DynamicalODE, Henon-Heiles and quadrupole boson.
 """
@@ -54,9 +54,9 @@ def _cell(name: str, id: str) -> Cell:
 
 
 def plain(system: Hamiltonian, q: Sequence[float], p: Sequence[float], h: float, steps: int, every: int) -> np.ndarray:
-    """Integrate with KahanLi8, whose sums are not compensated: states (q, p) at each ``every``-th step, (rows, 2 d).
+    """Integrate by KahanLi8 with plain sums, without compensation, from the state q, p in ``steps`` steps of length h.
 
-    The start is q, p; there are ``steps`` steps of length h.
+    Returns the states (q, p) at the start and after each ``every`` steps, array (rows, 2 d).
     """
     import numba
 

@@ -27,7 +27,7 @@ def answer(data: Data) -> str | None:
 
 
 def table(data: Data) -> Table | None:
-    """Make the page's table: for each statement the words, the measurement, the verdict, why they differ, the source.
+    """Make the page's table: each statement's words, measurement and verdict, why it does not hold, and its source.
 
     ``data`` maps a table's name to the table; None if nothing was measured.
     """

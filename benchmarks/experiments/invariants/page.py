@@ -187,8 +187,8 @@ def _line(r: pd.Series, why: str) -> dict:
 def table(rows: pd.DataFrame) -> Table | None:
     """Make the page's table, a run in each row: smallest energy errors, largest drifts, and runs that stopped early.
 
-    The smallest errors are those of each declared behaviour of the energy on each scene (an orbit with a time span).
-    ``rows`` is the table of runs; None if there is no such run.
+    The smallest errors are given for each scene (an orbit with a time span) and each declared behaviour of the energy
+    (of round-off, or bounded).  ``rows`` is the table of runs; None if there is no such run.
     """
     ran, runs = completed_runs(rows), long_runs(rows)
     lines = []

@@ -20,9 +20,10 @@ def cells(quick: bool = False) -> list[Cell]:
 
 
 def away(rows: list[dict]) -> list[str]:
-    """Return a message for each orbit on which the closed form and the Taylor series differ by `AWAY` radians or more.
+    """Return messages about orbits on which two references, closed form and Taylor series, differ by `AWAY` or more.
 
-    One of the two references is then wrong.  ``rows``: dicts of the table `kepler_growth`.
+    The difference is that of the phase, in radians; one of the two references is then wrong.  ``rows`` are dicts of the
+    table "kepler_growth".
     """
     return [
         f"{r['problem']}, e = {r['e']}: the closed form and the Taylor series part by {r['phase']:.2e} radians"

@@ -271,10 +271,11 @@ def _run(c: Integrator, name: str, e: float, setting: Setting) -> tuple[dict, li
 
 
 def median_phase_error(phase: float, others: Iterator[float]) -> tuple[Median, int]:
-    """Return the median of a phase error and those of other starts, with its interval, and the number of starts.
+    """Return (median phase error of runs from neighbouring starts, with its interval; number of starts).
 
-    ``phase`` is the error from the problem's own start; ``others`` yields those from starts an ulp away, and is read on
-    only as long as errors differ.  Without others the interval is a factor `SPREAD` in both directions.
+    ``phase`` is the error from the problem's own start; ``others`` yields those from starts an ulp away.  `FIRST` of
+    them are read, and the rest only if these errors differ by more than the factor `ALIKE`.  Without others the
+    interval is a factor `SPREAD` in both directions.
     """
     drawn = [phase, *islice(others, FIRST)]
     if len(drawn) == 1:

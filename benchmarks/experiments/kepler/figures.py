@@ -63,7 +63,7 @@ def errors(rows: pd.DataFrame, names: list[str], directory: Path, name: str) -> 
 
 
 def work_precision(rows: pd.DataFrame, directory: Path, name: str = "kepler-cost.png") -> tuple[str, int]:
-    """Draw the error at the end over the seconds of a warm run, ours and the peers' together.
+    """Draw the error at the end over the seconds of a warm run, for our methods and those of other packages.
 
     ``rows`` is a DataFrame with the columns problem, method, kind, seconds and error; there is a panel for each
     problem. Returns (file's name, number of curves).
@@ -92,7 +92,7 @@ def work_precision(rows: pd.DataFrame, directory: Path, name: str = "kepler-cost
 
 
 def frontier(rows: pd.DataFrame, most: int) -> list[str]:
-    """Return at most ``most`` methods that are the fastest at some error, the one that is so most often first.
+    """Return the methods that are the fastest at some error, at most ``most``: first the one with the most such errors.
 
     ``rows`` has the columns method, error and seconds; the errors compared are 25 values from 1e-13 to 0.1.
     """

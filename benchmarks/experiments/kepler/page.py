@@ -1,4 +1,7 @@
-"""The report page on Kepler orbits: errors over 10^4 orbits, and error against cost, of our methods and of peers."""
+"""The report page on Kepler orbits: errors over 10^4 orbits, and error against cost, of our methods and of peers.
+
+Peers are the integrators of other packages.
+"""
 
 from __future__ import annotations
 
@@ -107,7 +110,7 @@ def cheapest(runs: pd.DataFrame, times: pd.DataFrame) -> pd.DataFrame:
 
 @of("kepler", TIMES)
 def costs(runs: pd.DataFrame, times: pd.DataFrame) -> Verdict | None:
-    """Judge whether our methods are the cheapest at a phase error at least as often as integrators of other packages.
+    """Judge whether our methods are the cheapest at given phase errors as often as those of other packages, or more.
 
     None without timed runs.
     """
@@ -192,10 +195,10 @@ def answer(runs: pd.DataFrame, times: pd.DataFrame) -> str | None:
 
 
 def settings_tried(cost: pd.DataFrame) -> dict[str, pd.Series]:
-    """Compare the settings of heyoka and of IAS15: name -> series, method with its setting -> time over the best one's.
+    """Compare the times of the settings that were tried for heyoka and IAS15: integrator's name -> series by setting.
 
-    The time is the least with an end error of at most `TRIED_TO`; of the two problems, the larger ratio counts.
-    ``cost`` is the table "kepler_cost".
+    A value is the least time with an end error of at most `TRIED_TO`, over that of the integrator's fastest setting; of
+    the two problems, the larger ratio counts.  ``cost`` is the table "kepler_cost".
     """
     enough = cost[(cost["status"] == "ok") & (cost["error"] <= TRIED_TO)]
     seconds = enough.groupby(["problem", "method"], sort=False)["seconds"].min().unstack("problem")

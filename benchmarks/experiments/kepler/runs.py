@@ -76,9 +76,9 @@ def seconds_per_orbit(contender: Integrator, problem: Problem, period: float, se
 def orbit_clock(
     contender: Integrator, problem: Problem, period: float, setting: Setting, orbits: int
 ) -> clock.Clock | None:
-    """Return a clock that times ``orbits`` orbits of the integrator; None where it does not reach the end.
+    """Return a function that integrates ``orbits`` orbits and returns the seconds; None if the integrator fails.
 
-    ``period`` is the time of an orbit.
+    ``contender`` is the integrator, ``period`` the time of an orbit.
     """
     n = setting.per_orbit
     s = contender.run(problem, h=period / n, steps=n * orbits, save_every=0, tol=setting.tol)

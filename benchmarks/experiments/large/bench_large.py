@@ -27,7 +27,7 @@ def bench_costs(measured_rows: Callable[[str], list[dict]]) -> None:
 
 
 def bench_made(measured_rows: Callable[[str], list[dict]]) -> None:
-    """Test that for every system functions written by hand as loops are compiled at more than 9000 degrees of freedom.
+    """Test that the hand-written loops of every system are compiled for more than 9000 degrees of freedom.
 
     ``measured_rows`` is a fixture: table name -> rows.
     """

@@ -160,7 +160,7 @@ def table(rows: pd.DataFrame) -> Table:
 
 @of(TABLE)
 def full_table(rows: pd.DataFrame) -> pd.DataFrame:
-    """Return the page's longer table: both solvers at every size, step by step.
+    """Return the page's longer table: a row for each lattice, size and step size, with both solvers.
 
     It has times with intervals, the distance of the end states, and the seconds to find the band.
     """

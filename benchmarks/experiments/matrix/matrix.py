@@ -76,9 +76,10 @@ def _build_problem(name: str) -> Problem:
 
 @cache
 def _at(name: str, places: int) -> tuple[PartitionedSystem, np.ndarray, mpmath.mpf]:
-    """Build the problem ``name`` and return (system, its state at `LATER` on the orbit, unit of time).
+    """Build the problem ``name`` and return (system, a state on its orbit, its unit of time), in multiprecision.
 
-    ``places``, the working digits, has no other use than to tell cached results apart.
+    The state, array (2 d,), is reached `LATER` units of time after the problem's initial state.  ``places``, the
+    working digits, has no other use than to tell cached results apart.
     """
     made = _build_problem(name)
     unit = mpmath.mpf(made.pace.unit)
@@ -96,11 +97,11 @@ def _truth(name: str, span: Fraction, places: int) -> tuple[np.ndarray, Number]:
 
 
 def _parts(chosen: Method, system: PartitionedSystem, y: np.ndarray) -> int:
-    """Return the number of parts into which a step h is divided, so that an adaptive method's steps are about h long.
+    """Return the number by which each step h is divided when an order is measured: 1 for methods of fixed step.
 
-    A method of the family "adaptive" scales h by a power of the distance to the singularity: the parts undo that at the
-    state y.  Methods of the family "field" end a run with a shorter step; with h / `FINER` it is one step of many.  For
-    all other methods the number is 1.
+    A method of the family "adaptive" multiplies h by a power of the distance to the singularity; the number is about
+    this factor at the state ``y``, array (2 d,), so that its steps are about h long.  A method of the family "field"
+    ends a run with a shorter step; it takes h / `FINER`, so that this step is one of many.
     """
     if chosen.family == "field":
         return FINER
@@ -111,7 +112,7 @@ def _parts(chosen: Method, system: PartitionedSystem, y: np.ndarray) -> int:
 
 
 def _order(chosen: Method, name: str) -> dict:
-    """Measure a method's order on the problem ``name`` over the time `SPAN`: columns of the table's row.
+    """Measure a method's order on the problem ``name`` over `SPAN` units of time: columns of the table's row.
 
     If the order is not the declared one, it is measured again over a smaller time, since two error terms may compete.
     If the errors are no larger than round-off, the only column is ``order_reason``, "exact".
@@ -180,7 +181,10 @@ def _energy(chosen: Method, name: str) -> dict:
 
 @cache
 def _bilinear(name: str) -> tuple[str, ...]:
-    """Return the names of the invariants of the problem ``name`` that are linear or of the form q.D p."""
+    """Return the names of the problem's invariants that are linear or of the form q.D p with a constant matrix D.
+
+    ``name`` is the problem.
+    """
     made = _build_problem(name)
     q, p = made.system.q, made.system.p
 

@@ -76,9 +76,9 @@ def declarations(frame: pd.DataFrame) -> Verdict:
 
 
 def _short(frame: pd.DataFrame, explained: bool) -> set[tuple[str, str]]:
-    """Return the (method, problem) pairs that contradict a declaration for no known reason.
+    """Return the (method, problem) pairs with a measurement that contradicts a declaration of the method.
 
-    With ``explained`` all that contradict one are returned.
+    Without ``explained``, pairs whose contradictions all have a known reason are left out.
     """
     return {(r["method"], r["problem"]) for r, _, why in _shortfalls(frame) if explained or not why}
 
@@ -98,7 +98,7 @@ def complete(frame: pd.DataFrame) -> Verdict:
 
 @of("matrix")
 def answer(frame: pd.DataFrame) -> str:
-    """Write the page's answer: how many pairs of a method and a problem are as declared, or not for a known reason."""
+    """Write the page's answer: how many (method, problem) pairs are as declared, and how many others are explained."""
     ran, short = _ran(frame), len(_short(frame, explained=True))
     known = short - len(_short(frame, explained=False))
     return (

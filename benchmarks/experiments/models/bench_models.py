@@ -17,10 +17,10 @@ def cells(quick: bool = False) -> list:
 
 
 def vague(rows: list[dict]) -> list[str]:
-    """Return messages about the models whose modelling error is not known within the share `KNOWN` of itself.
+    """Return messages about the simplified models whose modelling error is uncertain by more than the share `KNOWN`.
 
-    Full models are listed if the integration error of their reference run exceeds `FULL`.  ``rows`` are those of the
-    table of models.
+    Full models, which have no modelling error, are listed if the integration error of their reference run exceeds
+    `FULL`.  ``rows`` are those of the table of models.
     """
     out = []
     for r in rows:

@@ -165,7 +165,10 @@ def table(models: pd.DataFrame, runs: pd.DataFrame) -> Table:
 
 @of(MODELS, RUNS)
 def full_table(models: pd.DataFrame, runs: pd.DataFrame) -> pd.DataFrame:
-    """Make the page's longer table: each simplified model's error, the time it saves, the time too fine steps waste."""
+    """Make the page's longer table, a row for each simplified model (see `choice.rungs`).
+
+    It has the modelling error, the time that the model saves, and the time that needlessly fine steps waste.
+    """
     return choice.rungs(models, runs)
 
 

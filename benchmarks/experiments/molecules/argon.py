@@ -41,8 +41,8 @@ def start() -> tuple[np.ndarray, np.ndarray]:
 def _openmm(best: bool) -> tuple[str, Report]:
     """Set up OpenMM's VerletIntegrator: (its settings as text, iterator over the energies of a run).
 
-    The velocities are moved by half a step at the start.  With ``best`` it runs on the Reference platform, in double
-    precision.
+    The initial velocities are moved back by half a step, since this leapfrog has its velocities at half steps.  With
+    ``best`` it runs on the Reference platform, in double precision.
     """
     import openmm
 

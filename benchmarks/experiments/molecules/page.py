@@ -36,7 +36,7 @@ def _name(row: Any) -> str:
 
 @of(argon.TABLE)
 def spread(rows: pd.DataFrame) -> Verdict | None:
-    """Judge whether the energy of the argon atoms that packages report spreads as this suite's leapfrog's does.
+    """Judge whether the argon atoms' energy, as packages report it, spreads little more than with our leapfrog.
 
     Packages run at their best settings.  ``rows`` is the table of the atoms; None without such rows.
     """
@@ -55,7 +55,7 @@ def spread(rows: pd.DataFrame) -> Verdict | None:
 
 @of(argon.TABLE)
 def drift(rows: pd.DataFrame) -> Verdict | None:
-    """Judge whether the energy of the argon atoms that packages report does not drift, at default and at best settings.
+    """Judge whether the argon atoms' energy, as packages report it, has no drift, at default and at best settings.
 
     ``rows`` is the table of the atoms; None without rows of packages.
     """
@@ -113,7 +113,7 @@ def distances(rows: pd.DataFrame) -> Verdict | None:
 
 @of(water.TABLE)
 def kinetic(rows: pd.DataFrame) -> Verdict | None:
-    """Judge whether a free rigid water keeps its kinetic energy and angular momentum, at default and at best settings.
+    """Judge whether packages keep a free rigid water's kinetic energy and angular momentum, at all settings.
 
     ``rows`` is the table of the water; None without rows of packages.
     """

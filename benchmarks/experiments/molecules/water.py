@@ -145,7 +145,7 @@ def errors(x: np.ndarray, v: np.ndarray) -> dict[str, float]:
 
     - distances : the largest error of the three distances
     - energy spread : the range of the kinetic energy, over its mean
-    - energy drift : its mean over the last tenth of the rows less that over the first, over its mean over all rows
+    - energy drift : mean kinetic energy of the last tenth of the rows less that of the first tenth, over that of all
     - angular momentum : the largest error of a component, over the size of the vector
     """
     first, turned = start()

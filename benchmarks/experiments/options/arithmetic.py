@@ -91,7 +91,7 @@ def starts(made: Problem) -> tuple[np.ndarray, np.ndarray]:
 def slope(system: Hamiltonian) -> Callable[[np.ndarray], list]:
     """Return a function of q, array (d, starts), that computes grad V in the precision of q.
 
-    The derivatives of V must have no fractions.
+    The derivatives of V must have no fractions as coefficients, which would be rounded to double.
     """
     return sp.lambdify([list(system.q)], [sp.expand(sp.diff(system.potential, x)) for x in system.q], "numpy")
 

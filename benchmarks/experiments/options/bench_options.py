@@ -1,4 +1,4 @@
-"""Checks of the measurements of the methods' options that no report page makes.
+"""Checks that the measurements of the methods' options are sound; the report pages judge whether an option pays.
 
 Options are the parameter lambda of a scheme, the order, the nodes of a quadrature, the arithmetic, the stage solver.
 """

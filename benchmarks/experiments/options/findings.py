@@ -40,9 +40,10 @@ def best_lambdas(errors: pd.DataFrame) -> pd.DataFrame:
 
 
 def longest(costs: pd.DataFrame) -> pd.DataFrame:
-    """Find, for each orbit and method, the parameter lambda that allows the longest step, and whether 1/2 does, too.
+    """Find, for each orbit and method, the longest stable step, the lambda that allows it, and whether 1/2 does.
 
-    ``costs`` is the table of costs of the module `lambdas`; in the result the orbit is the column ``scene``.
+    Lambda is the method's parameter; ``costs`` is the table of costs of the module `lambdas`.  Columns of the result
+    are ``scene`` (the orbit), ``method``, ``longest at`` (lambda), ``longest`` (the step) and ``half is longest``.
     """
     rows = []
     for (scene, id), part in costs.groupby(["scene", "method"], sort=False):

@@ -121,7 +121,7 @@ def numbers_of_steps(ladder: Ladder) -> list[int]:
 
 
 def measure_rows(k: int) -> Rows:
-    """Measure error and time of every setting of the option ``LADDERS[k]`` at every step on its orbit: a row for each.
+    """Measure error and time of an option's settings on an orbit, ``LADDERS[k]``: a row for each setting and step size.
 
     Failed runs have no time.  Raises Unavailable if the orbit has no certified state at the end.
     """

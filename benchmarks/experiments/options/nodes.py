@@ -70,7 +70,10 @@ def with_nodes(prepared: Prepared, n: int) -> Prepared:
 
 
 class Degree(NamedTuple):
-    """Stands in for a system whose H is a polynomial of this degree: for degree 2 n, `rules` chooses n nodes."""
+    """Stands in for a system as the argument of `rules`, which reads nothing of it but the degree of its H.
+
+    With ``polynomial_degree`` = 2 n, `rules` chooses the quadrature rule of n nodes.
+    """
 
     polynomial_degree: int
 
@@ -78,7 +81,8 @@ class Degree(NamedTuple):
 class Run:
     """A run of the averaged vector field method with n quadrature nodes and step h on the problem ``made``.
 
-    Calling it integrates `STEPS` steps from the problem's initial state into the rows of the arrays Q and P.
+    Calling it takes `STEPS` steps from the problem's initial state, and writes the state after each into a row of its
+    arrays Q and P, (`STEPS`, d).
     """
 
     def __init__(self, made: Problem, n: int, h: float) -> None:

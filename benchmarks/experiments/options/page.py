@@ -40,9 +40,10 @@ def _lambdas(errors: pd.DataFrame, costs: pd.DataFrame | None) -> list[dict]:
 
 
 def _dearer(row: pd.Series, costs: pd.DataFrame | None) -> str:
-    """Write the gradient evaluations a step near a scheme's best parameter lambda over those at 1/2, as text.
+    """Write, as text, the ratio of a scheme's gradients a step at its best parameter lambda to those at lambda = 1/2.
 
-    ``row`` is a row of `findings.best_lambdas`, ``costs`` the table of costs of `lambdas`; "" if that was not measured.
+    The best lambda is that of ``row``, a row of `findings.best_lambdas`; the gradients are those at the nearest lambda
+    in ``costs``, the table of costs of `lambdas`.  "" if ``costs`` is missing or has no row at 1/2.
     """
     if costs is None:
         return ""

@@ -97,8 +97,8 @@ def jacobian(f: Callable, y: np.ndarray, at: np.ndarray) -> np.ndarray:
 class Loop:
     """A run of the Gauss method, with a choice of solver, starting values and tolerance.
 
-    ``f`` is the vector field and ``y0`` the initial state (2 d,); ``solver``, ``start`` and ``tol`` are as in
-    `SETTINGS`.
+    ``f`` is the vector field, ``y0`` the initial state (2 d,) and ``h`` the step; ``solver`` is `FIXED`, `SIMPLE` or
+    `NEWTON`, ``start`` is `ZERO`, `POLYNOMIAL` or `FIVE` (as told in the module), and ``tol`` is relative to the state.
 
     Attributes
     ----------

@@ -68,7 +68,7 @@ def half_is_longest(costs: pd.DataFrame) -> Verdict | None:
 
 
 def _scenes(found: pd.DataFrame, good: Callable[[pd.Series], bool]) -> tuple[Count, str] | None:
-    """Count the scenes (orbits) on which ``good`` is true: (count, text that names the others); None without rows.
+    """Count the scenes (orbits) on which ``good`` is true: (count, text that names all others); None without rows.
 
     ``found`` is a result of `findings.cheapest`; ``good`` gets the names of a scene's fastest settings, from the
     largest to the smallest error.
@@ -97,7 +97,7 @@ def order_rises(rungs: pd.DataFrame) -> Verdict | None:
 
 @of(ladders.TABLE)
 def higher_r_pays(rungs: pd.DataFrame) -> Verdict | None:
-    """Judge whether the fastest generating function at the smallest error has a higher r than at the largest.
+    """Judge whether the fastest generating function has a higher order r at the smallest error than at the largest.
 
     ``rungs`` is the table of the module `ladders`; None if it has no completed runs of generating functions.
     """

@@ -62,9 +62,10 @@ def _summary(frame: pd.DataFrame) -> pd.DataFrame:
 
 
 def _where(part: pd.DataFrame, lost: pd.Series) -> str:
-    """Write where a method loses the energy: above a step, or near multiples of pi and at how many other steps.
+    """Write at which h omega a method loses the energy: above a value, or near multiples of pi and at some others.
 
-    ``part`` are the rows of the method, ``lost`` marks the runs that lose the energy; "" if none does.
+    The multiples of pi are named, the other steps counted.  ``part`` are the rows of the method, ``lost`` marks the
+    runs that lose the energy; "" if none does.
     """
     ratios = part.loc[lost, RATIO]
     if ratios.empty:

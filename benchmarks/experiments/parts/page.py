@@ -122,7 +122,7 @@ def midpoint(rows: pd.DataFrame) -> Verdict | None:
 
 
 def answer(data: Data) -> str | None:
-    """Write the page's answer, a sentence: how bounded energies are, and what the optimized composition gains.
+    """Write the page's answer, a sentence: how far energies' spreads grow, and what an optimized composition gains.
 
     ``data`` maps a table's name to the table; None if one of the numbers was not measured.
     """

@@ -26,7 +26,7 @@ def cells(quick: bool = False) -> list[Cell]:
 
 
 def off(rows: list[dict]) -> list[str]:
-    """Return messages about printed entries that the measured ones miss by more than 0.6 of the last digit.
+    """Return messages about printed entries from which the measured ones differ by more than 0.6 of the last digit.
 
     The printed column of Scheme IV (which chooses a parameter in each step to keep H) is known not to be reproduced:
     there is a message if its measured order is not 2.  ``rows`` are dicts of the table "printed".

@@ -25,14 +25,14 @@ from .printed import AGREEMENT, PRINTED, SCHEME_IV, STEPS, unit
 
 @dataclass(frozen=True)
 class Recipe:
-    """A candidate for how a printed column was computed.
+    """A computation that might have given the column that a talk prints for Scheme IV.
 
     Attributes
     ----------
-    name : its name in the table
+    name : the computation's name in the page's table
     method : the method
-    beyond : number of steps beyond t = 1
-    q_alone : whether only q is compared
+    beyond : number of steps that runs go beyond the talk's end time t = 1
+    q_alone : whether end states are compared in q alone, and not in (q, p)
     """
 
     name: str

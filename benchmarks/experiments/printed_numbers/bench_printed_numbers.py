@@ -1,4 +1,8 @@
-"""Checks of the measurements for numbers printed in papers: this suite's own rows are sound, and controls stand out."""
+"""Checks that the measurements of numbers printed in papers are sound.
+
+Checked are the quadrature rule of averages, the growth of energy errors with time (linear in a control run), the
+uncertainty of perihelion rates, and the interval of a speed-up.
+"""
 
 from __future__ import annotations
 

@@ -57,10 +57,10 @@ def energies(q: np.ndarray, p: np.ndarray) -> np.ndarray:
 
 
 def errors(id: str, tol: float | None, orbits: int = ORBITS) -> np.ndarray:
-    """Integrate all starts by the integrator ``id``: relative energy errors after equal parts of the span.
+    """Integrate all starts by the integrator ``id`` and return relative energy errors at `ROWS` equidistant times.
 
-    Returns an array (starts, rows).  ``tol`` is the tolerance, None for the integrator's own.  Raises Unavailable
-    without the integrator's package, RuntimeError if a run fails.
+    The errors are an array (starts, `ROWS`); the last time is that of ``orbits`` orbits.  ``tol`` is the tolerance,
+    None for the integrator's own.  Raises Unavailable without the integrator's package, RuntimeError if a run fails.
     """
     made, chosen = problem(PROBLEM, **VALUES), integrator(id)
     if chosen.adaptive:
@@ -82,7 +82,7 @@ def errors(id: str, tol: float | None, orbits: int = ORBITS) -> np.ndarray:
 def exponent(error: np.ndarray) -> tuple[float, float, float]:
     """Fit the power of time with which the rms error of an ensemble grows: (power, low, high).
 
-    ``error`` is an array (starts, rows); low and high are the ends of the 95 % interval.
+    ``error`` is an array (starts, times), at equidistant times; low and high are the ends of the 95 % interval.
     """
     count = error.shape[1]
     rows = np.unique(np.geomspace(1, count, 12).astype(int))

@@ -82,7 +82,10 @@ def preference(rows: pd.DataFrame) -> Verdict | None:
 
 @of(planets.EVALUATIONS)
 def everywhere(rows: pd.DataFrame) -> Verdict | None:
-    """Whether the splitting ABA(10,6,4) needs the fewest evaluations on eight planets at every larger energy error."""
+    """Whether the splitting ABA(10,6,4) needs the fewest evaluations on eight planets at larger energy errors.
+
+    These are all of `ERRORS` but the smallest, on which `preference` judges.
+    """
     leads = {e: lead for e in ERRORS[:-1] if (lead := _lead(rows, e, ENERGY))[0] < inf}
     if not leads:
         return None
@@ -99,7 +102,10 @@ def everywhere(rows: pd.DataFrame) -> Verdict | None:
 
 @of(planets.EVALUATIONS)
 def by_state(rows: pd.DataFrame) -> Verdict | None:
-    """Whether the splitting ABA(10,6,4) needs the fewest evaluations for the planets' positions after a decade."""
+    """Whether the splitting ABA(10,6,4) needs the fewest evaluations to a given error of the planets' positions.
+
+    The positions are those after a decade; None if no other method reaches the error.
+    """
     error = 1e-8
     lead, other = _lead(rows, error, "position error")
     if not lead < inf:
@@ -117,10 +123,10 @@ def by_state(rows: pd.DataFrame) -> Verdict | None:
 
 
 def gains(rows: pd.DataFrame, one: str, other: str, names: tuple[str, ...]) -> pd.Series:
-    """Divide the errors of perihelion rates by the integrator ``one`` by those by ``other``: a series by planet.
+    """Return the errors of perihelion rates with the integrator ``one`` over those with ``other``: a series by planet.
 
-    ``rows`` is the table of perihelia, ``names`` are the planets.  Ratios are absolute values; empty if an integrator
-    has no rows.
+    ``rows`` is the table of perihelia, ``names`` are the planets.  Ratios are absolute values; the series is empty if
+    one of the integrators has no rows.
     """
     at = rows[rows["planet"].isin(names)].pivot_table(index="planet", columns="method", values="rate error", sort=False)
     if one not in at or other not in at:
@@ -144,10 +150,10 @@ def energies(rows: pd.DataFrame) -> Verdict | None:
 
 
 def _rates(rows: pd.DataFrame, names: tuple[str, ...]) -> dict | None:
-    """Return the arguments of a `Verdict` that WHFast's symplectic corrector makes no perihelion rate better.
+    """Return the arguments of a `Verdict` on the claim that WHFast's symplectic corrector improves no perihelion rate.
 
-    Measured are the errors of the rates without the corrector over those with it, of the planets ``names``.  ``rows``
-    is the table of perihelia; None if it lacks one of the two.
+    Measured is, for each of the planets ``names``, the error of the rate without the corrector over that with it.
+    ``rows`` is the table of perihelia; None if it lacks WHFast without or with the corrector.
     """
     found = gains(rows, planets.PLAIN, planets.CORRECTED, names)
     if found.empty:
@@ -172,7 +178,7 @@ def giants(rows: pd.DataFrame) -> Verdict | None:
 
 @of(planets.PERIHELIA)
 def same_energy(rows: pd.DataFrame) -> Verdict | None:
-    """Whether SABAC2, with the energy error of WHFast with a corrector, has more accurate perihelion rates."""
+    """Whether SABAC2, whose energy error is like corrected WHFast's, has more accurate perihelion rates than it."""
     found = gains(rows, planets.CORRECTED, "rebound-saba-cm-2", INNER)
     if found.empty:
         return None
@@ -194,10 +200,10 @@ def _curve(rows: pd.DataFrame, name: str, id: str, first: str, length: float) ->
 
 
 def ratios(rows: pd.DataFrame, name: str) -> list[float]:
-    """List leapfrog's rms energy errors over those of the minimum-norm splitting in the potential ``name``.
+    """List leapfrog's rms energy errors over those of the minimum-norm splitting at the same step.
 
-    Both take the same step: there is a ratio for each step up to `SMALL`, length of the trajectory, and variable
-    (positions or momenta) that a step moves first.
+    There is a ratio for each combination of a step up to `SMALL`, a length of the trajectory and the variable
+    (positions or momenta) that a step moves first.  ``name`` is the potential.
     """
     out: list[float] = []
     for first in (POSITIONS, MOMENTA):
@@ -218,10 +224,10 @@ def _step_at(curve: pd.DataFrame) -> float:
 
 
 def longer(rows: pd.DataFrame, name: str) -> list[float]:
-    """List the steps of the minimum-norm splitting over leapfrog's at which both have the rms energy error `EQUAL`.
+    """List the minimum-norm splitting's steps over leapfrog's, both chosen so that the rms energy error is `EQUAL`.
 
-    There is a ratio for each length of the trajectory and variable (positions or momenta) that a step moves first;
-    ``name`` is the potential.
+    There is a ratio for each combination of a length of the trajectory and the variable (positions or momenta) that a
+    step moves first.  ``name`` is the potential.
     """
     out: list[float] = []
     for first in (POSITIONS, MOMENTA):
@@ -234,9 +240,9 @@ def longer(rows: pd.DataFrame, name: str) -> list[float]:
 
 
 def _smaller(rows: pd.DataFrame, name: str) -> dict | None:
-    """Return the arguments of a `Verdict` that the minimum-norm splitting has a tenth of leapfrog's rms energy error.
+    """Return the arguments of a `Verdict` on a claim: the minimum-norm splitting has a tenth of leapfrog's error.
 
-    ``name`` is the potential; None if ``rows`` has no rows of it.
+    Measured are the `ratios` of the rms errors.  ``name`` is the potential; None if ``rows`` has no rows of it.
     """
     found = ratios(rows, name)
     return {"measured": Range(min(found), max(found)), "expected": _about(10.0), "unit": "times"} if found else None
@@ -290,10 +296,10 @@ def efficiency(rows: pd.DataFrame) -> Verdict | None:
 
 
 def _law(rows: pd.DataFrame, id: str) -> dict | None:
-    """Return the arguments of a `Verdict` that the energy error of the integrator ``id`` grows as the root of time.
+    """Return the arguments of a `Verdict` on the claim that an integrator's energy error grows as the root of time.
 
-    Measured is the power of time, which must be 1/2 within the width of its 95 % interval.  None without a row of the
-    integrator at its own tolerance.
+    Measured is the power of time, which may be as far from 1/2 as from the farther end of its own 95 % interval.
+    ``id`` is the integrator; None without a row of it at its default tolerance.
     """
     row = rows[(rows["integrator"] == id) & rows["tolerance"].isna()]
     if row.empty:
@@ -374,9 +380,9 @@ def vectors(rows: pd.DataFrame) -> Verdict:
 
 
 def _against(rows: pd.DataFrame, id: str, printed: float) -> dict | None:
-    """Return the arguments of a `Verdict` that TRACE is about ``printed`` times as fast as the integrator ``id``.
+    """Return the arguments of a `Verdict` on the claim that TRACE is ``printed`` times as fast as another integrator.
 
-    ``rows`` is the table of close encounters; None if it lacks one of the two.
+    ``rows`` is the table of close encounters, ``id`` the other integrator; None if one of the two is not in the table.
     """
     row = rows[rows["integrator"] == id]
     if row.empty or timed.TRACE not in set(rows["integrator"]):

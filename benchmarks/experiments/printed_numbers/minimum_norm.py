@@ -1,10 +1,11 @@
 r"""The rms energy error of a trajectory of hybrid Monte Carlo: leapfrog beside the minimum-norm splitting of order 2.
 
 Positions and momenta are distributed as :math:`e^{-H}`, and :math:`\langle\Delta H^2\rangle^{1/2}` is taken over
-that distribution by Gauss's rule: nothing is drawn.  The equality :math:`\langle e^{-\Delta H}\rangle = 1` of
-volume-preserving methods checks the rule.
+that distribution by Gauss's quadrature rule, without random numbers.  The equality
+:math:`\langle e^{-\Delta H}\rangle = 1` of volume-preserving methods checks the rule.
 
-A step that begins with the momenta is a step that begins with the positions of H(-p, q), whose flow is the same.
+Both methods move the positions first.  Steps that move the momenta first are measured by applying them to H(-p, q):
+positions and momenta then change places, and the flow is the same.
 
 Source: T. Takaishi, Ph. de Forcrand, Phys. Rev. E 73 (2006) 036706 (hep-lat/0505020).
 """

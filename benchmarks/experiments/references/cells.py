@@ -16,7 +16,7 @@ CODE = (
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """List the measurements (`Cell`): one for each certified orbit, one for its states between stored times (`odd`).
+    """List the measurements (`Cell`): two for each certified orbit, of its stored states and at times between (`odd`).
 
     The list is empty if ``quick``.
     """

@@ -34,7 +34,8 @@ class References(TabularResult):
 
     Attributes
     ----------
-    rows : a dict for each orbit: error, uncertainty, horizon, the distance of other solvers, what does not hold
+    rows : a dict for each orbit: the measured error, the stated uncertainty and horizon (the time up to which rounding
+        to long double stays small), the distances of other solvers, the statements that do not hold
     holds : whether every statement holds and another solver agrees with every state
     wrong : labels of the orbits with a statement that does not hold
     """
@@ -68,7 +69,7 @@ class CertifiedState(TabularResult):
     uncertainty : bound of the digits' error, max norm
     horizon : the time up to which rounding to long double stays small
     agree : whether the other solvers agree
-    checks : a dict for each other solver: solver, distance, its own uncertainty
+    checks : a dict for each other solver: solver (its name), distance (from this state), uncertainty (its own)
     """
 
     problem: str
@@ -144,10 +145,11 @@ def certify(
 
 
 def recheck(names: Sequence[str], progress: Callable[[str], None], update: bool = False) -> list[Outcome]:
-    """Measure the stored reference states of the problems with these labels again: a list of outcomes.
+    """Verify the stored reference states of the orbits with these labels ("problem:orbit"): an `Outcome` for each.
 
-    With ``update`` they are computed anew instead, and those of a problem are stored at once if all their statements
-    hold.  ``progress`` is called with the label of each problem before it is measured.
+    An `Outcome` has the measured errors and the statements that do not hold.  With ``update`` the states are computed
+    anew instead, and each orbit's are stored as soon as all statements on them hold.  ``progress`` is called with each
+    label before its orbit is measured.
     """
     from phasebench.reference.certificates import check, make, stored
 

@@ -1,4 +1,7 @@
-"""The report page on the certified reference states: their errors, horizons, and distances from other solvers."""
+"""The report page on the certified reference states: their errors, horizons, and distances from other solvers.
+
+A horizon is the time up to which a run rounded to long double stays close to the exact orbit.
+"""
 
 from __future__ import annotations
 
@@ -48,9 +51,10 @@ def judged_rows(frame: pd.DataFrame) -> pd.DataFrame:
 
 
 def of_references(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Decorator: turn a function of the table of references into a function of ``data``, a callable name -> table.
+    """Decorator: let a function of the table of references be called with ``data``, a callable name -> table.
 
-    The function gets the rows with a measured error; the new function returns None if there are none.
+    The decorated function reads the table by ``data`` and passes its rows with a measured error, and all further
+    arguments, on to ``function``; it returns None if there are no such rows.
     """
 
     @of("references")
@@ -70,7 +74,8 @@ def _problems(rows: pd.DataFrame) -> str:
 def confirmations(frame: pd.DataFrame) -> Verdict:
     """Judge whether the stated errors and horizons are confirmed when they are measured again.
 
-    ``frame`` is the table of references, a row for each orbit.
+    A horizon is the time up to which a run rounded to long double stays close to the exact orbit.  ``frame`` is the
+    table of references, a row for each orbit.
     """
     wrong = frame[frame["changed"].astype(object).fillna("") != ""]
     return Verdict(
@@ -160,9 +165,10 @@ def horizons(frame: pd.DataFrame) -> Verdict | None:
 
 
 def answer(data: Data) -> str | None:
-    """Write the page's answer: how many references are confirmed, their uncertainty, how many lose accuracy early.
+    """Write the page's answer: how many reference orbits are confirmed, and how many long double follows only in part.
 
-    ``data`` maps a table's name to the table; None if both tables are missing.
+    If only the states between the stored times were measured, the answer is on these.  ``data`` maps a table's name to
+    the table; None if both tables are missing.
     """
     frame, odd = data("references"), data(ODD)
     rows = pd.DataFrame() if frame is None else judged_rows(frame)
@@ -180,7 +186,11 @@ def answer(data: Data) -> str | None:
 
 @of_references
 def draw(frame: pd.DataFrame, folder: Path) -> list[Picture]:
-    """Draw the errors of the stored digits with their uncertainties (left), and the horizons with intervals (right)."""
+    """Draw the errors of the stored digits with their uncertainties (left), and the horizons with intervals (right).
+
+    A horizon is the time up to which a run rounded to long double stays close to the exact orbit.  ``frame`` is the
+    table of references, a row for each orbit; the figure is saved in ``folder``.
+    """
     shown = frame.sort_values("uncertainty").reset_index(drop=True)
     y = np.arange(len(shown))
     with style.settings():

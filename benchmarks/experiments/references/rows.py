@@ -13,7 +13,8 @@ if TYPE_CHECKING:
 def row(outcome: Outcome) -> dict[str, object]:
     """Make the table row on an orbit whose reference states were measured again.
 
-    It has errors and uncertainties, the horizon, distances of other solvers, and the statements that are not confirmed.
+    It has errors and uncertainties, the horizon (the time up to which rounding to long double stays small), distances
+    of other solvers, and the statements that are not confirmed.
     """
     known, ratios = outcome.certificate, outcome.ratios
     last = known.ends[-1]

@@ -95,7 +95,7 @@ def gain(rows: pd.DataFrame) -> Verdict | None:
 def bounded(rows: pd.DataFrame) -> Verdict | None:
     """Judge whether every method keeps a chaotic top's energy bounded, even if it is not symplectic.
 
-    The Lie midpoint rule is not.  ``rows`` is the table of long runs, a row for each method.
+    The Lie midpoint rule is the one that is not.  ``rows`` is the table of long runs, a row for each method.
     """
     growth = rows["all"] / rows["first"]
     worst = rows.loc[growth.idxmax()]

@@ -102,7 +102,8 @@ def acceptance(target: str, method: str, budget: int, n: int = DRAWS) -> dict[st
     """Measure the expected acceptance of a method's proposals with ``budget`` gradient evaluations each.
 
     Returns a dict: "acceptance", "low" and "high" (its 95 % interval), "failed" (number of failed runs, which count as
-    rejected) and "median energy error" (of |Delta H|).  ``n`` is the number of proposals on the target.
+    rejected) and "median energy error" (the median of |Delta H|).  ``n`` is the number of proposals; ``target`` is a
+    key of `TARGETS`.
     """
     of, (q, p) = system(target), draws(target, n)
     found = propose(of, q, p, method, budget)

@@ -63,7 +63,7 @@ def drifts(frame: pd.DataFrame) -> Verdict:
 def symplectic(frame: pd.DataFrame) -> Verdict:
     """Judge whether the mean energy on chaotic orbits does not drift with symplectic methods, which have the Hessian.
 
-    ``frame`` is the table of chaotic runs, a row for each method.
+    It does not if the interval of the drift holds zero.  ``frame`` is the table of chaotic runs, a row for each method.
     """
     rows = frame.drop(_free(frame).index)
     measured, where = _zero(rows[rows["method"] != CONTROL])
@@ -97,10 +97,10 @@ def control(frame: pd.DataFrame) -> Verdict | None:
 
 
 def ratios(frame: pd.DataFrame) -> pd.Series:
-    """Divide the spread of chaotic orbits' energies without the Hessian by that with it: a series by method.
+    """Return for each Hessian-free method its spread over that of the method of the same structure with the Hessian.
 
-    ``frame`` is the table of chaotic runs, a row for each method; a spread is the standard deviation of the energy's
-    change between orbits.
+    A spread is the standard deviation, over chaotic orbits, of the energy's change in a run.  ``frame`` is the table of
+    chaotic runs, a row for each method; the result is indexed by method.
     """
     spread, free = frame.set_index("method")["spread"], _free(frame).set_index("method")
     return (free["spread"] / free[PARTNER].map(spread)).dropna()
@@ -126,9 +126,10 @@ def spreads(frame: pd.DataFrame) -> Verdict | None:
 
 @of(REGULAR)
 def regular(frame: pd.DataFrame) -> Verdict | None:
-    """Judge whether the energy of a regular orbit does not drift with methods without the Hessian.
+    """Judge whether the energy of a regular orbit does not drift with force-gradient methods without the Hessian.
 
-    ``frame`` is the table of regular runs, a row for each method and problem; None if it has none of these methods.
+    The drift over a run must be at most `STILL` times the energy's oscillation.  ``frame`` is the table of regular
+    runs, a row for each method and problem; None if it has none of these methods.
     """
     rows = _free(frame)
     if rows.empty:

@@ -200,8 +200,8 @@ def draw(frame: pd.DataFrame, folder: Path) -> list[Picture]:
 def table(data: Data) -> Table | None:
     """Make the page's table: acceptances, stability limit and least time per accepted proposal of each method.
 
-    It has a row for each target and method.  ``data`` maps a table's name to the table; None if acceptances or limits
-    are missing, and without times if those are.
+    It has a row for each target and method.  ``data`` maps a table's name to the table.  None if acceptances or limits
+    are missing; if only the times are missing, their columns are left out.
     """
     frame, stable, times = (data(name) for name in (TABLE, limits.TABLE, cost.TABLE))
     if frame is None or stable is None:

@@ -3,8 +3,8 @@ r"""Measure the bias that an integrator with a given step gives to a statistic, 
 A row is a state of an orbit at an output time; the step divides the time between rows.  Every orbit gives the sum of a
 quantity over its rows, and their number.  The statistic is the ratio of the totals over orbits, and its standard error
 that of a ratio estimate (W. G. Cochran, Sampling Techniques (1977), section 6.4).  Where the exact statistic is not
-known the error is that of the differences from the reference run `FINE`, orbit by orbit.  Rows of the last tenth of the
-time give a second statistic, in which an error that grows with time shows.
+known, the standard error is that of the differences, orbit by orbit, from the reference run `FINE`.  Rows of the last
+tenth of the time give a second statistic, in which an error that grows with time shows.
 """
 
 from __future__ import annotations
@@ -169,7 +169,7 @@ def _exponents(scene: Scene, method: str, k: int, q: np.ndarray, p: np.ndarray) 
 
 
 def evaluations_of(made: Problem, method: str) -> float:
-    """Return the number of gradients that a step of a method evaluates on the problem ``made``, over 50 steps."""
+    """Return how many gradients a step of a method evaluates on the problem ``made``, on average over 50 steps."""
     q, p = np.array([made.q0]), np.array([made.p0])
     run = integrate_ensemble(made, method, q, p, h=made.pace.step, steps=50)
     return run.counts["gradient"] / 50
@@ -205,7 +205,7 @@ def measure_reference(id: str) -> Rows:
 def measure_rows(id: str, method: str) -> Rows:
     """Measure the statistic of the scene ``id`` by a method, for decreasing steps: {`TABLE`: a row for each step}.
 
-    The steps of `LADDER` end early once runs are expensive, or a few are within 1 %.
+    The method's runs end before the smallest step of `LADDER` once they are expensive, or a few are within 1 %.
     """
     scene = SCENES[id]
     rows, met = [], 0

@@ -99,7 +99,7 @@ def _scene(s: Scene) -> str:
 
 
 def _settings() -> tuple[str, ...]:
-    """Return descriptions of all scenes for the page's setting, two in a line of text."""
+    """Return texts for the page that describe all scenes (statistics of ensembles of orbits), two scenes in each."""
     told = [_scene(s) for s in SCENES.values()]
     return tuple("; ".join(told[k : k + 2]) + "." for k in range(0, len(told), 2))
 

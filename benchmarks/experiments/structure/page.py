@@ -40,9 +40,9 @@ def _methods(structure: pd.DataFrame, name: str, declared: bool) -> pd.DataFrame
 
 
 def _largest(structure: pd.DataFrame, name: str) -> dict:
-    """Return arguments of a `Verdict` that the methods declared to have the property ``name`` have it.
+    """Return the arguments of a `Verdict` on whether all methods declared to have the property ``name`` have it.
 
-    Their largest defect must be at most `NOTHING`.
+    The largest of their defects must be at most `NOTHING`.
     """
     having = _methods(structure, name, True)
     worst = having.loc[having["defect"].idxmax()] if len(having) else {"defect": np.nan, "method": ""}
@@ -51,7 +51,10 @@ def _largest(structure: pd.DataFrame, name: str) -> dict:
 
 
 def _hidden(structure: pd.DataFrame, name: str) -> dict:
-    """Return arguments for a `Verdict`: every method that does not declare the property ``name`` visibly lacks it."""
+    """Return the arguments of a `Verdict` on whether methods not declared to have the property ``name`` lack it.
+
+    Counted are the methods whose defect is too small to show that they lack it; there must be none.
+    """
     lacking = _methods(structure, name, False)
     hidden = list(lacking[_hides(lacking)]["method"])
     measured = {"measured": Count(len(hidden), len(lacking)), "where": join_list(hidden, 3) if hidden else ""}
@@ -67,7 +70,7 @@ def symplectic(structure: pd.DataFrame) -> Verdict:
 
 @of("structure")
 def others_not_symplectic(structure: pd.DataFrame) -> Verdict:
-    """Judge whether no method is symplectic that is not declared to be, by the defects of their step maps."""
+    """Judge whether every method not declared symplectic has a visible symplecticity defect in its step map."""
     return Verdict("No other method is symplectic", **_hidden(structure, "symplecticity"))
 
 
@@ -79,15 +82,16 @@ def symmetric(structure: pd.DataFrame) -> Verdict:
 
 @of("structure")
 def others_not_symmetric(structure: pd.DataFrame) -> Verdict:
-    """Judge whether no method is symmetric that is not declared to be, by the defects of their step maps."""
+    """Judge whether every method not declared symmetric has a visible symmetry defect in its step map."""
     return Verdict("No other method is symmetric", **_hidden(structure, "symmetry"))
 
 
 @of("structure")
 def volume(structure: pd.DataFrame) -> Verdict:
-    """Judge whether, on charged particles, the step maps declared to keep volume keep it, and no others.
+    """Judge whether, on charged particles, step maps keep the volume if and only if they are declared to.
 
-    The others are controls.  ``structure`` has a row for each method and property, with the defect of its step map.
+    The maps of methods that are not declared to are controls.  ``structure`` has a row for each method and property,
+    with the defect of its step map.
     """
     rows = structure[structure["property"] == "volume"]
     wrong = rows[(rows["defect"] <= NOTHING) != rows["declared"]]

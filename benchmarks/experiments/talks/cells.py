@@ -15,7 +15,10 @@ from .record import TABLE, Figure
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """List the measurements (`Cell`): one for each figure with curves, one for each check; none if ``quick``."""
+    """List the measurements (`Cell`): one for each figure with curves, one for each check; none if ``quick``.
+
+    A check is a small measurement that tests a statement of a talk.
+    """
     return [] if quick else [*(_cell(f) for f in FIGURES if f.measure), *checks.cells()]
 
 

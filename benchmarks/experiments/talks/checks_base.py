@@ -1,4 +1,4 @@
-"""The record `Probe` of a measurement that tests a talk's statement, and fields and maps for several of them."""
+"""The record `Probe` of a measurement that tests a talk's statement, and vector fields and maps that probes share."""
 
 from __future__ import annotations
 

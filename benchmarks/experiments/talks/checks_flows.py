@@ -29,8 +29,8 @@ def _random(*shape: int) -> np.ndarray:
 def lagrange() -> tuple[float, float]:
     """Compare Lagrange's with Hamilton's equations of the double pendulum: (number, control).
 
-    The number is the largest difference of the rates of coordinates and momenta at one state; the control is that of
-    the momenta with another gravity in Lagrange's equations.
+    The number is the largest difference in dq/dt and dp/dt between the two at one state; the control is that in dp/dt
+    if Lagrange's equations have another gravity.
     """
     a, b, u, v, p1, p2 = sp.symbols("q1 q2 u v p1 p2", real=True)
     T = u**2 + v**2 / 2 + u * v * sp.cos(a - b)
@@ -171,7 +171,7 @@ def level_curves() -> tuple[float, float]:
 
 
 def species() -> tuple[float, float]:
-    """Return how much u's growth rate rises if v rises by 1, and v's if u does, in the Lotka-Volterra equations.
+    """Return the changes of two growth rates in the Lotka-Volterra equations: of u's if v rises by 1, of v's if u does.
 
     The signs tell which is the predator: a predator's growth rate rises with its prey.
     """

@@ -182,10 +182,11 @@ def hamilton_jacobi() -> tuple[float, float]:
 
 
 def coefficients() -> tuple[float, float]:
-    """Return (number, control): the distance of K_2, K_3 in a generating function S = sum of K_i h^i from the talk's.
+    """Return (number, control): the distance of K_2 and K_3, computed here, from the formulas that the talk prints.
 
-    They are computed by recursion from K_1 = H, for one polynomial H at one point.  The control is the distance of K_3
-    from a wrong formula.
+    S = sum of K_i h^i is the generating function of the exact flow, with the talk's parameter lambda; here the K_i come
+    by recursion from K_1 = H, for one polynomial H, point and lambda.  The control is the distance of K_3 from a wrong
+    formula.
     """
     u, v = sp.symbols("p1 p2"), sp.symbols("q1 q2")
     H = (u[0] ** 2 + u[1] ** 2) / 2 + v[0] ** 2 * v[1] + u[0] * v[1] ** 2 + u[0] ** 2 * v[0]
@@ -244,7 +245,8 @@ def singular() -> tuple[float, float]:
     """Return (number, control): the least singular value of Scheme IV's Newton matrix for (q, p, lambda) at h = 0.
 
     Scheme IV is the one-stage Scheme I, symplectic at fixed lambda, with a lambda chosen in each step to keep H.  The
-    control is the least singular value of the matrix's block for (q, p) alone.
+    number must vanish: there the equations are singular.  The control is the least singular value of the matrix's block
+    for (q, p) alone.
     """
     gradient = -J(2) @ henon_heiles(POINT)
     joint = np.block([[np.eye(4), np.zeros((4, 1))], [gradient[None], np.zeros((1, 1))]])

@@ -48,7 +48,7 @@ def _row(panel: str, curve: str, id: str, steps: Sequence[int], **parameters: An
     """Measure one curve: refinement differences |y_h - y_2h| of the method ``id`` over doubling numbers of ``steps``.
 
     The orbit is the chaotic one of Henon-Heiles, to t = 1.  Returns the curve's row, with the observed order; ``panel``
-    and ``curve`` say where the figure shows it.
+    is the title of the panel that shows it ("" if there is one panel), ``curve`` its label.
     """
     h, differences, runs = measure.refinement_differences(measure.start(PROBLEM), id, steps, **parameters)
     worst = next((s for s in runs if s.status != "ok"), runs[-1])

@@ -59,8 +59,9 @@ def _generating(order_: int) -> tuple[str, ...]:
 def roots(*schemes: str, condition: str = "λ near 1/2 exists") -> Judge:
     """Make a judge (a function of measured tables) of whether schemes keep the energy by their choice of lambda.
 
-    In each step the schemes solve for a lambda with which H is kept.  The statement holds if every step has such a
-    root and the energy is kept there to round-off; if some steps have none, it holds only under ``condition``, a text.
+    ``schemes`` are ids of methods that solve in each step for a parameter lambda with which H is kept.  The statement
+    holds if every step has such a root and the energy is kept there to round-off; if some steps have none, it holds
+    only under ``condition``, a text.
     """
 
     def judge(data: Data) -> Judgement:

@@ -1,7 +1,7 @@
 """Judges: functions that decide from measured rows whether a statement holds, and give the number that shows it.
 
-A judge takes ``data``, a function from a table's name to the table or None, and returns a `Judgement`.  If its rows are
-missing, the verdict is `MISSING`.
+A judge takes ``data``, a function from a table's name to the table or None, and returns a `Judgement`.  If the rows
+that it needs are missing, the verdict is `MISSING`.
 """
 
 from __future__ import annotations
@@ -234,7 +234,7 @@ def completed_runs(figure: str, wanted: int) -> Judge:
 
 
 def every(*judges: Judge) -> Judge:
-    """Make a judge that returns the worst verdict of several judges, with the measurements of all."""
+    """Make a judge (a function of measured tables) that returns the worst verdict of several, and all their numbers."""
 
     def judge(data: Data) -> Judgement:
         found = [j(data) for j in judges]

@@ -95,9 +95,10 @@ def row(
     digits: int = DIGITS,
     **values: Any,
 ) -> dict:
-    """Make the row of one curve of a figure: panel, label, data of its run, points, and further numbers.
+    """Make the row of one curve of a figure: its panel, label ``curve``, run, points (x, y), and further columns.
 
-    x and y are stored as texts of ``digits`` significant digits; ``values`` are columns for the caption.
+    The run's columns (method, step, end time, status, counts) come from ``solution``, if it is given.  x and y are
+    stored as texts of ``digits`` significant digits; ``values`` are columns for the caption.
     """
     of_run = {}
     if solution is not None:

@@ -111,9 +111,9 @@ def answer_level_curves(curves: pd.DataFrame) -> str | None:
 def _well(curves: pd.DataFrame) -> pd.DataFrame:
     """Summarize the energy-preserving methods on Henon-Heiles, a row for each: ``energy_error`` and ``fallbacks``.
 
-    They are AVF (averaged vector field) and Schemes IV and V, which choose a parameter lambda in each step.
-    ``fallbacks`` counts the steps of a run in which no lambda keeps the energy; both values are the largest over the
-    orbits.
+    The methods are AVF (averaged vector field) and Schemes IV and V, which choose a parameter lambda in each step.
+    ``fallbacks`` counts the steps of a run in which no lambda was found that keeps the energy; both values are the
+    largest over the orbits.
     """
     runs = _of(curves, "henon-heiles-preserving-energy")
     return runs.groupby("curve", sort=False)[["energy_error", "fallbacks"]].max()
@@ -248,7 +248,7 @@ def answer_kepler(data: Data) -> str | None:
 
 
 def _slopes(curves: pd.DataFrame) -> pd.DataFrame:
-    """Select the rows with an observed order of refinement differences; add the scheme's order as ``expected``."""
+    """Select the curves of refinement differences with an observed order; add the method's order as ``expected``."""
     rows = _of(curves, "convergence-schemes-i-iii", "convergence-compositions").dropna(subset=["order"])
     orders = {title: order for title, (_, order) in (convergence.SCHEMES | convergence.COMPOSITIONS).items()}
     return rows.assign(expected=rows["panel"].map(orders).fillna(rows["curve"].map(orders)))

@@ -1,4 +1,4 @@
-"""The report's pages of what the two talks state, with verdicts: one a section, and one of what does not hold."""
+"""The report's pages on the two talks' statements: one for each section, and one of the statements that fail."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ def complete(rows: pd.DataFrame) -> Verdict:
 def answer(rows: pd.DataFrame, statements_of: str) -> str:
     """Return a page's answer, a sentence: how many of the judged statements hold, and which are contradicted.
 
-    ``statements_of`` is the phrase that names them.
+    ``statements_of`` is a phrase that names the statements, such as "statements of two talks".
     """
     number, wrong = rows["verdict"].value_counts(), rows[rows["verdict"] == CONTRADICTED]
     return (

@@ -1,7 +1,8 @@
 """Repeatability: measure the fastest integrators of a few scenes a second time, independently.
 
-A scene is a problem, end time, quantity and accuracies; these are drawn with a seed from the scenes that take little
-time.  Nothing of the first measurement is used: step sizes are searched, and slow integrators dropped, once more.
+A scene is a problem, end time, quantity and accuracies; the few are drawn at random, with a fixed seed, from the scenes
+that take little time.  Nothing of the first measurement is used: step sizes are searched, and slow integrators dropped,
+once more.
 """
 
 from __future__ import annotations

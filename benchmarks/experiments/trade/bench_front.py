@@ -12,11 +12,11 @@ from phasebench.benchmarks.store.cells import ALONE, Cell, ProblemKey, content, 
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """List the measurements (`Cell`): second ones of some scenes, first ones of all scenes, and further timings.
+    """List the measurements (`Cell`) of the fastest integrators of all scenes; none if ``quick``.
 
-    A scene is a problem, end time and quantity.  Further timings repeat the stored finals, in which the few fastest
-    integrators of a scene are timed in turns; finals that this run measures are timed again in the next run.  The list
-    is empty if ``quick``.
+    A scene is a problem, end time and quantity.  Some scenes are measured a second time from scratch, which comes first
+    in the list; then all scenes; last, the few fastest integrators of each scene, as an earlier run stored them, are
+    timed again.
     """
     if quick:
         return []

@@ -77,8 +77,9 @@ class Agreement(NamedTuple):
     ----------
     pairs : number of cases (scene and accuracy) in both
     same : number of cases with the same fastest integrator in both
-    tied : number of cases whose two fastest integrators differ but are tied
-    apart : a text for each of the other cases
+    tied : number of cases whose two fastest integrators differ but are tied: their time intervals, widened by the
+        factor `TIE`, overlap in one of the measurements
+    apart : for each case that is neither, a text with the scene, the accuracy and the two integrators
     """
 
     pairs: int

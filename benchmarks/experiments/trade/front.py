@@ -98,7 +98,8 @@ def entrants(task: Task) -> tuple[list[Integrator], dict[str, str]]:
 def near(task: Task, one: Climb, known: Known) -> bool:
     """Return whether an integrator has a run that takes at most `NEAR` times the least known time at the run's error.
 
-    ``one`` has its runs at ever smaller steps; ``known`` the runs of all competitors.  Always True for the reference.
+    Only then are its runs stored, unless it is a finalist.  ``one`` has its runs at ever smaller steps, ``known`` those
+    of all competitors.  Always True for the method `race.REFERENCE`, whose runs are stored in any case.
     """
     if one.integrator.id == race.REFERENCE:
         return True
@@ -139,7 +140,7 @@ def quickest(members: list[Finalist], most: int) -> list[Finalist]:
 
 
 def twins(task: Task, member: Finalist, wanted: float) -> list[Finalist]:
-    """Return finalists for the other modes and forms of the equations of a heyoka finalist.
+    """Return further finalists for a finalist of the package heyoka: its other modes and forms of the equations.
 
     Each runs at the finalist's tolerance, or at a tighter one that meets the error ``wanted``.  Empty if ``member`` is
     not heyoka.

@@ -85,7 +85,10 @@ def crossing(part: pd.DataFrame) -> float:
 
 
 def crossings(rungs: pd.DataFrame) -> pd.Series:
-    """Return by scene the largest error at which, and at every smaller one, Gauss is no slower (NaN: none)."""
+    """Return by scene the largest error from which on, towards smaller ones, Gauss is no slower than explicit methods.
+
+    NaN for a scene without such an error.  ``rungs`` has all runs of the search.
+    """
     return pd.Series({scene: crossing(part) for scene, part in ratios(rungs).groupby("scene", sort=False)}, dtype=float)
 
 
@@ -120,7 +123,10 @@ def fine(rungs: pd.DataFrame) -> Verdict:
 
 @of(RUNGS)
 def coarse(rungs: pd.DataFrame) -> Verdict:
-    """Judge whether an explicit method is faster than Gauss of order 16 at the largest error, on every scene."""
+    """Judge whether an explicit method is faster than Gauss of order 16 at a scene's largest error, on every scene.
+
+    The largest error is the largest one asked for on the scene that both reach.
+    """
     ratio = _ends(rungs)[0]["ratio"]
     return Verdict("At the largest error an explicit method is the faster", **_counted(ratio >= 1, ratio))
 

@@ -61,7 +61,7 @@ def lacks(peer: Peer, scene: Scene) -> str | None:
 def sizes(peer: Peer, scene: Scene, quick: bool = False) -> list[tuple[float | None, float | None]]:
     """List the (step h, tolerance) with which a peer runs on a scene; h or the tolerance is None.
 
-    A single pair if the peer cannot run there: the row says why.
+    A peer that cannot run on the scene has a single pair, for a row that says why.  ``quick`` shortens the list.
     """
     if peer.adaptive:
         found = [(None, tol) for tol in TOLERANCES if tol >= peer.least]

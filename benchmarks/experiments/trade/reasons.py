@@ -48,9 +48,10 @@ MEANING = {
 
 
 def cells(front: pd.DataFrame) -> pd.DataFrame:
-    """Select the cases (scene and accuracy) that ours or a peer reaches, with the ratio of our time to the best peer's.
+    """Select the cases (scene and accuracy) in which a method of ours or a peer reaches the accuracy.
 
-    The ratio is 0 if only a method of ours reaches the accuracy, inf if only a peer does.
+    The column ``ratio`` is our time over the best peer's; it is 0 if only a method of ours reaches the accuracy, inf if
+    only a peer does.
     """
     found = choices(front)
     ours, peer = (found[f"{side} integrator"].notna() for side in (OURS, PEERS))
@@ -105,7 +106,7 @@ def _growth(row: dict, scene: pd.DataFrame) -> dict[str, float]:
     """Return how both sides' numbers of steps grew from the last coarser accuracy at which ours was fast enough.
 
     They are the columns ``until``, ``ours grew`` and ``peer grew`` that `above` describes; NaN if there is no such
-    accuracy.  ``scene`` has all cases of the scene.
+    accuracy.  ``row`` is a case (a scene at an accuracy), ``scene`` has all cases of its scene.
     """
     before = scene[(scene["accuracy"] > row["accuracy"]) & (scene["ratio"] <= WANTED)]
     if before.empty:
@@ -130,7 +131,10 @@ def _reason(row: dict, parts: dict[str, float]) -> str | None:
 
 
 def sentence(row: dict, rungs: pd.DataFrame) -> str:
-    """Return a text that says, with the measured numbers, why this project is slower than the best peer in a row."""
+    """Return a text that says, with the measured numbers, why this project is slower than the best peer in a case.
+
+    ``row`` is the case's row of the table of `above`; ``rungs`` has all runs of the search for the fastest integrators.
+    """
     if row["reason"] == UNREACHED:
         return f"{UNREACHED}: {_nearest(row, rungs)}"
     text = f"{row['reason'] or 'not told'}: steps x {number(row['steps'], 2)}, a step's time x {number(row['step'], 2)}"

@@ -50,7 +50,8 @@ def finals(scene: str, folder: Path = DATA) -> tuple[Final, ...]:
 def measure_rows(scene: str, sweep: int, stored: tuple[Final, ...]) -> Rows:
     """Time the stored finalists of a scene again, in turns at each accuracy; ``sweep`` is the number of this timing.
 
-    Returns {`TABLE`: rows}, for each finalist the median seconds with their interval.
+    ``stored`` are the `finals` of the scene: its few fastest integrators with their steps and tolerances.  Returns
+    {`TABLE`: rows}, for each finalist the median seconds with their interval.
     """
     question = BY_ID[scene]
     made, by_label = question.build_problem(), {c.label: c for c in competitors()}

@@ -114,9 +114,9 @@ def _compilation(question: Question) -> Callable:
 def _answer(question: Question) -> Callable:
     @_scene(question, CHOICES)
     def answer(rows: pd.DataFrame) -> str:
-        """Return the page's answer, a sentence: how often ours and peers are the fastest, and two of the fastest.
+        """Return the page's answer, a sentence: how often ours and how often peers are the fastest in a scene.
 
-        They are those at the largest and the least error.
+        It also names the fastest integrators at the largest and at the smallest error that any reaches.
         """
         found = choices(rows)
         ours, peers, _, _ = counts(found)

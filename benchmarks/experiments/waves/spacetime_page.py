@@ -1,6 +1,7 @@
-"""The report's page "multisymplectic": local laws that box schemes keep in every mesh cell, residuals of the others.
+"""The report's page "multisymplectic": which local conservation laws box schemes for wave equations keep.
 
-Of laws that a scheme does not keep, the orders of the residuals in time or in space are measured.
+A law is kept if its residual is round-off in every mesh cell.  Of a law that a scheme does not keep, the order is
+measured with which the residual falls, in time or in space.
 """
 
 from __future__ import annotations
@@ -35,9 +36,9 @@ KEPT = 1e-12
 
 
 def ran(frame: pd.DataFrame) -> pd.DataFrame:
-    """Select the completed runs of box schemes; add a column "(law) is kept" for each law.
+    """Select the completed runs of box schemes; add columns "(law) is kept" for the laws of two-form and energy.
 
-    It says whether the law's residual is at most `UNITS` units of round-off.
+    A column says whether the law's residual is at most `UNITS` units of round-off.
     """
     part = frame[frame["status"] == "ok"].copy()
     for name in (TWO_FORM, FOLLOWS, ENERGY):
@@ -80,7 +81,7 @@ def orders(frame: pd.DataFrame) -> pd.DataFrame:
 def _of_cases(function: Callable[..., Any]) -> Callable[..., Any]:
     """Decorator: turn a function of the rows of `orders` into a function of ``data``, which maps a name to a table.
 
-    The result is None if there are no rows.
+    The rows, one for each equation and box scheme, are made from the measured table; the result is None without them.
     """
 
     @of(TABLE)
@@ -93,7 +94,7 @@ def _of_cases(function: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def _all(rows: pd.DataFrame, holds: pd.Series) -> tuple[Count, Exactly, str, str]:
-    """Return arguments of a `Verdict` that a property holds in all rows.
+    """Return arguments of a `Verdict` on whether a property holds in all rows, each an equation and a box scheme.
 
     They are (count of the rows where ``holds``, the expectation "every", the unit, text with the rows where it fails).
     """
@@ -141,7 +142,10 @@ def energy_order(rows: pd.DataFrame) -> Verdict:
 
 @_of_cases
 def momentum(rows: pd.DataFrame) -> Verdict:
-    """Judge whether the residual of the discrete momentum law falls with the second power of the mesh width."""
+    """Judge whether the residual of the momentum law falls with the second power of the mesh width.
+
+    ``rows`` has a row for each equation and box scheme; only multisymplectic schemes are judged.
+    """
     rows = rows[rows["declared"]]
     near = _all(rows, (rows["momentum order"] - IN_SPACE_ORDER).abs() < NEAR)
     return Verdict("The residual of the momentum law falls as Δx²", *near)
@@ -151,8 +155,8 @@ def momentum(rows: pd.DataFrame) -> Verdict:
 def answer(rows: pd.DataFrame) -> str | None:
     """Return the page's answer, a sentence: residuals of the multisymplectic law in units of round-off.
 
-    Told are the largest residual of the multisymplectic schemes, and the least of the others.  ``rows`` has a row for
-    each equation and box scheme.
+    The sentence has the largest residual of multisymplectic schemes, and the least of the others.  ``rows`` has a row
+    for each equation and box scheme.
     """
     kept, others = rows[rows["declared"]], rows[~rows["declared"]]
     if kept.empty:

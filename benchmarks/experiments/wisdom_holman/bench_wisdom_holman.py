@@ -15,7 +15,11 @@ APART = 1e-8
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """List the measurements (`Cell`): of pairs, ours and REBOUND's, with the same splitting, and of all."""
+    """List the measurements (`Cell`); none if ``quick``.
+
+    First those of pairs, a method of ours and REBOUND's integrator with the same splitting; then those that compare all
+    splittings of both sides.
+    """
     return [*pairs.cells(quick), *rivals.cells(quick)]
 
 

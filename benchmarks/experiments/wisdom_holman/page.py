@@ -148,9 +148,9 @@ def answer(data: Data) -> str | None:
 
 
 def vector_gain(rivals: pd.DataFrame) -> pd.Series:
-    """Return WHFast's time over WHFast512's, both with corrector 17, by problem and step; empty if one did not run.
+    """Return WHFast's time over WHFast512's, by problem and step; empty if one of them did not run.
 
-    WHFast512 is REBOUND's version with AVX-512 vectors.
+    Both have the symplectic corrector of order 17; WHFast512 is REBOUND's version with AVX-512 vectors.
     """
     ran = rivals[rivals["status"] == "ok"]
     of_vectors, of_one = (ran[ran["method"] == name].set_index(["problem", "h"])[COST] for name in (VECTORS, SCALAR))
@@ -168,10 +168,11 @@ def _vectors(rivals: pd.DataFrame) -> str:
 
 
 def draw(data: Data, folder: Path) -> list[Picture]:
-    """Draw energy error against time.
+    """Draw two figures of energy error against time, a panel for each problem; save them in ``folder``.
 
-    There are the pairs of an integrator of this project and one of REBOUND with the same splitting, and the fastest
-    ones of each side whatever their splittings.
+    The first has pairs, a method of this project and REBOUND's integrator with the same splitting; the second the best
+    runs of either side, whatever the splitting.  ``data`` maps a table's name to the table; a figure without rows is
+    left out.
     """
     return [p for p in (_pairs(data, folder), _fronts(data, folder)) if p is not None]
 
@@ -199,9 +200,9 @@ def _pairs(frame: pd.DataFrame, folder: Path) -> Picture:
 
 @of(TABLE)
 def _fronts(rivals: pd.DataFrame, folder: Path) -> Picture | None:
-    """Draw the fronts of this project and of REBOUND: the runs that no other of their side beats in error and time.
+    """Draw the fronts of this project and of REBOUND: the runs that no other run of that side beats in error and time.
 
-    None if no splitting ran.
+    ``rivals`` has all splittings at each step; None if no splitting ran.
     """
     ran = rivals[(rivals["status"] == "ok") & rivals[COST].notna()]
     if ran.empty:

@@ -1,4 +1,4 @@
-"""LADDERS: problems with a span and a quantity to compute, each with simplified models, from the simplest to itself."""
+"""LADDERS: problems with a span and a quantity to compute, each with models from the simplest to the full problem."""
 
 from __future__ import annotations
 

@@ -76,10 +76,11 @@ def mean_semi_axis(e: float, mu: float) -> float:
 def kepler_models(e: float, mu: float) -> tuple[Rung, ...]:
     r"""Return the models of the Kepler problem with the Schwarzschild term :math:`-\mu/(3r^3)`, at eccentricity e.
 
-    The term is left out, replaced by its average :math:`-\mu/(3L^3G^3)`, or kept.  On average the perihelion turns at
-    :math:`\partial/\partial G = \mu/(L^3G^4)`, the mean anomaly grows by :math:`\partial/\partial L = \mu/(L^4G^3)`
-    faster (Delaunay's elements :math:`L = \sqrt a`, :math:`G = \sqrt{a(1 - e^2)}`).  In "mean precession" L is that of
-    the start, in "averaged" the mean one.
+    The term is left out, replaced by its average :math:`F = -\mu/(3L^3G^3)` in Delaunay's elements :math:`L = \sqrt a`,
+    :math:`G = \sqrt{a(1 - e^2)}`, or kept.  With the average the pericentre turns at the rate
+    :math:`\partial F/\partial G = \mu/(L^3G^4)`, and the rate of the mean anomaly is larger by
+    :math:`\partial F/\partial L = \mu/(L^4G^3)`.  The model "Kepler, mean precession" only turns the Kepler orbit, with
+    the L of the start; "averaged, mean elements" has both rates, with the mean L (`mean_semi_axis`).
     """
     G, a = sqrt(1 - e**2), mean_semi_axis(e, mu)
     L = sqrt(a)

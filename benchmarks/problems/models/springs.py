@@ -50,11 +50,11 @@ def _with_springs(full: Problem, t: np.ndarray, q: np.ndarray, p: np.ndarray) ->
 def fpu_models() -> tuple[Rung, ...]:
     r"""Return the models of the Fermi-Pasta-Ulam chain, from rigid stiff springs to the full problem.
 
-    The stiff springs are rigid, or have an averaged potential, or all terms of order :math:`\omega^{-2}`, or move.
-    With a spring's invariant I frozen, :math:`\langle q_1^2\rangle = I/\omega^2` adds
-    :math:`\tfrac12 U_{q_1q_1}\langle q_1^2\rangle` to the slow potential.  Of the same order are what the chain does to
-    the springs, :math:`-U_{q_1}^2/(2\omega^2)`, and the mean of the slow momenta at the start, which is
-    :math:`p_0 - U_{q_0q_1}p_1/\omega^2`.
+    There are four.  The stiff springs are rigid; or each adds the mean effect of its oscillation, at constant energy I,
+    to the potential U of the soft springs, :math:`\tfrac12 U_{q_1q_1}\langle q_1^2\rangle` with
+    :math:`\langle q_1^2\rangle = I/\omega^2`; or the other terms of order :math:`\omega^{-2}` are added as well; or the
+    stiff springs move.  These other terms are the energy :math:`-U_{q_1}^2/(2\omega^2)` of the springs' displacement by
+    the soft forces, and a correction of the initial slow momenta to their mean :math:`p_0 - U_{q_0q_1}p_1/\omega^2`.
     """
     names = ("rigid springs", "averaged, invariants frozen", "averaged, all of order 1/omega^2")
     slow = (Rung(name, lambda k=k: soft_chain(k), _with_springs, steps=20) for k, name in enumerate(names))
