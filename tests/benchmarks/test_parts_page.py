@@ -16,8 +16,8 @@ ACCURACY = [
     ROW | {"method": "implicit-midpoint", "split": False, "error": 2e-6},
 ]
 ENERGY = [
-    {"method": "abc-2", "problem": "kerr", "split": True, "first": 1.0, "all": 1.1},
-    {"method": "rk4", "problem": "kerr", "split": False, "first": 1.0, "all": 9.0},
+    {"method": "abc-2", "problem": "kerr", "split": True, "status": "ok", "first": 1.0, "all": 1.1},
+    {"method": "rk4", "problem": "kerr", "split": False, "status": "ok", "first": 1.0, "all": 9.0},
 ]
 
 
@@ -31,6 +31,7 @@ def outcomes(accuracy=ACCURACY, energy=ENERGY):
     [
         ({}, [PASS] * 5),
         ({"energy": [ENERGY[0] | {"all": 3.0}, ENERGY[1]]}, [FINDING, PASS, PASS, PASS, PASS]),
+        ({"energy": [ENERGY[0] | {"status": "diverged"}, ENERGY[1]]}, [FINDING, PASS, PASS, PASS, PASS]),
         ({"energy": [ENERGY[0], ENERGY[1] | {"all": 1.5}]}, [PASS, FAIL, PASS, PASS, PASS]),
         ({"accuracy": [ACCURACY[0] | {"order": 3.0}, *ACCURACY[1:]]}, [PASS, PASS, FAIL, PASS, PASS]),
         ({"accuracy": [ACCURACY[0] | {"error": 1e-7}, *ACCURACY[1:]]}, [PASS, PASS, PASS, FINDING, PASS]),

@@ -18,8 +18,8 @@ ATTITUDE = [
 ]
 SYMMETRY = [{"delta": d, "axes": 1e-2, "top": d * 1e-2} for d in (0.1, 0.01, 0.001)]
 ENERGY = [
-    {"method": "rigid-dlm", "symplectic": True, "first": 1.0, "all": 1.1, "steps": 10},
-    {"method": "lie-midpoint", "symplectic": False, "first": 1.0, "all": 1.2, "steps": 10},
+    {"method": "rigid-dlm", "symplectic": True, "status": "ok", "first": 1.0, "all": 1.1, "steps": 10},
+    {"method": "lie-midpoint", "symplectic": False, "status": "ok", "first": 1.0, "all": 1.2, "steps": 10},
 ]
 
 

@@ -466,6 +466,7 @@ def test_places_of_resonances_are_shown():
     off = resonant("off", p_1=1e-3, p_12=2.0, p_13=1e-2, p_14=3.0, p_16=0.1)
     places = {"calm": "", "wild": "near 1 π and 3 π and at 1 other step", "cliff": "above 0.5 π"}
     assert losses(*CALM, *WILD, *cliff, *off) == places | {"off": "at 2 other steps"}
+    assert losses(*resonant("always", p_1=2.0, p_5=3.0)) == {"always": "at every step"}
 
 
 def test_table_summarizes_a_method():

@@ -192,7 +192,7 @@ def table(data: Data) -> Table | None:
         lines += [_changes(*key, part) for key, part in wrong]
     if found is not None and claimed is not None:
         mine = _claims(found, claimed)
-        shown = mine[mine["verdict"].isin([judge.CONTRADICTED, judge.IN_PART, judge.UNDERSTATED])]
+        shown = pd.concat([mine[mine["verdict"] == v] for v in (judge.CONTRADICTED, judge.IN_PART, judge.UNDERSTATED)])
         lines += [_claim(r) for r in shown.itertuples() if f"{r.peer}:{r.property}" not in spoken]
         first = _present(found)
         away = first[first["status"] != "ok"].astype(object).fillna("")
@@ -202,8 +202,8 @@ def table(data: Data) -> Table | None:
     if not lines:
         return None
     caption = (
-        "Contradicted statements and claims, the worst first, then understated ones, then integrators that could not be "
-        "run. Each script is in benchmarks/experiments/audit/scripts/ and printed the numbers beside it."
+        "Contradicted statements, the worst first, then understated ones; integrators that change with the processor's mode; "
+        "claims, contradicted ones first; integrators that could not be run. Each script is in benchmarks/experiments/audit/scripts/ and printed the numbers beside it."
     )
     caption += _count_unaudited(data("audit_unregistered"))
     if len(lines) > ROWS:

@@ -7,9 +7,9 @@ from pathlib import Path
 import pandas as pd
 
 from phasebench.benchmarks import style
-from phasebench.benchmarks.page.convergence import case
 from phasebench.benchmarks.page.markdown import number
 from phasebench.benchmarks.page.page import Data, Page, Picture, Table, of
+from phasebench.benchmarks.page.shared import case
 from phasebench.benchmarks.page.verdict import EVERY, FAIL, Count, Verdict, at_least, at_most
 
 from .measure import CARTESIAN, DRIFT, LONG, MANIFOLD, SPHERE, STEPS, TOLERANCE

@@ -8,9 +8,9 @@ import numpy as np
 import pandas as pd
 
 from phasebench.benchmarks import style
-from phasebench.benchmarks.page.convergence import case
 from phasebench.benchmarks.page.markdown import join_list, number
 from phasebench.benchmarks.page.page import ROWS, Data, Page, Picture, Table, of
+from phasebench.benchmarks.page.shared import case
 from phasebench.benchmarks.page.verdict import EVERY, Count, Verdict, at_most
 
 from .measure import METHODS, MOST, OURS, THEIRS

@@ -9,9 +9,9 @@ import pandas as pd
 
 from phasebench.benchmarks import style
 from phasebench.benchmarks.judge.evidence import NO_DEFECT
-from phasebench.benchmarks.page.convergence import case
 from phasebench.benchmarks.page.markdown import number
 from phasebench.benchmarks.page.page import ROWS, Data, Page, Picture, Table, of
+from phasebench.benchmarks.page.shared import case
 from phasebench.benchmarks.page.verdict import FAIL, Between, Range, Verdict, at_most
 
 from .measure import BOTH, DIGITS, ECCENTRICITY, EPSILON, JUMPED, OMEGA, ONE, ORDERS, SPAN, SPECIAL, STEP, STRUCTURE

@@ -72,7 +72,7 @@ def _where(part: pd.DataFrame, lost: pd.Series) -> str:
         return ""
     below = part.loc[part[RATIO] < ratios.min(), RATIO]
     if lost[part[RATIO] >= ratios.min()].all():
-        return f"above {number(below.max())} π"
+        return f"above {number(below.max())} π" if len(below) else "at every step"
     resonant = [r for r in ratios if round(r) >= 1 and round(abs(r - round(r)), 9) <= NEAR]
     near = [f"near {join_list([f'{k} π' for k in sorted({round(r) for r in resonant})])}"] if resonant else []
     others = len(ratios) - len(resonant)

@@ -8,9 +8,9 @@ import numpy as np
 import pandas as pd
 
 from phasebench.benchmarks import style
-from phasebench.benchmarks.page.convergence import case, declared_orders
 from phasebench.benchmarks.page.markdown import number
 from phasebench.benchmarks.page.page import Data, Page, Picture, Table, of
+from phasebench.benchmarks.page.shared import case, declared_orders, growth
 from phasebench.benchmarks.page.verdict import FAIL, Verdict, at_least, at_most
 
 from .measure import ACCURACY, ENERGY, PROBLEMS, SPAN, H
@@ -23,10 +23,6 @@ NEAR = 0.3
 ORDERS = 100.0
 
 
-def _growth(rows: pd.DataFrame) -> pd.Series:
-    return rows["all"] / rows["first"]
-
-
 @of(ENERGY)
 def bounded(rows: pd.DataFrame) -> Verdict | None:
     """Judge whether the energy of explicit splittings into parts stays bounded.
@@ -37,13 +33,13 @@ def bounded(rows: pd.DataFrame) -> Verdict | None:
     own = rows[rows["split"].astype(bool)]
     if own.empty:
         return None
-    growth = _growth(own)
+    times = growth(own)
     return Verdict(
         "The energy of explicit splittings through parts stays bounded",
-        float(growth.max()),
+        float(times.max()),
         at_most(BOUNDED),
         "times the spread over the first tenth",
-        where=case(own.loc[growth.idxmax()]),
+        where=case(own.loc[times.idxmax()]),
     )
 
 
@@ -56,13 +52,13 @@ def grows(rows: pd.DataFrame) -> Verdict | None:
     explicit = rows[rows["method"] == "rk4"]
     if explicit.empty:
         return None
-    growth = _growth(explicit)
+    times = growth(explicit)
     return Verdict(
         "The energy of the fourth-order Runge-Kutta method grows",
-        float(growth.min()),
+        float(times.min()),
         at_least(GROWS),
         "times the spread over the first tenth",
-        where=case(explicit.loc[growth.idxmin()]),
+        where=case(explicit.loc[times.idxmin()]),
         otherwise=FAIL,
     )
 

@@ -8,9 +8,9 @@ import numpy as np
 import pandas as pd
 
 from phasebench.benchmarks import style
-from phasebench.benchmarks.page.convergence import case, declared_orders
 from phasebench.benchmarks.page.markdown import number
 from phasebench.benchmarks.page.page import Data, Page, Picture, Table, of
+from phasebench.benchmarks.page.shared import case, declared_orders, growth
 from phasebench.benchmarks.page.verdict import FAIL, Between, Verdict, at_least, at_most
 
 from .measure import ATTITUDE, ENERGY, FREE, LONG, LONG_H, SPAN, SYMMETRY, TOP
@@ -97,11 +97,11 @@ def bounded(rows: pd.DataFrame) -> Verdict | None:
 
     The Lie midpoint rule is the one that is not.  ``rows`` is the table of long runs, a row for each method.
     """
-    growth = rows["all"] / rows["first"]
-    worst = rows.loc[growth.idxmax()]
+    times = growth(rows)
+    worst = rows.loc[times.idxmax()]
     return Verdict(
         "Symplectic or not, every method keeps a chaotic top's energy bounded",
-        float(growth.max()),
+        float(times.max()),
         at_most(BOUNDED),
         "times the spread over the first tenth",
         where=f"{worst['method']}, {worst['steps']:.0f} steps",
@@ -116,11 +116,11 @@ def answer(data: Data) -> str | None:
     found, rows = kept(data), pd.DataFrame(data(ENERGY))
     if found is None or rows.empty:
         return None
-    growth = rows["all"] / rows["first"]
+    times = growth(rows)
     own = rows["symplectic"].astype(bool)
     return (
         f"Rotations are kept to {number(found.measured)}; on a chaotic top the energy's spread grows at most "
-        f"{number(growth[own].max())} times with symplectic methods, {number(growth[~own].max())} times with the Lie "
+        f"{number(times[own].max())} times with symplectic methods, {number(times[~own].max())} times with the Lie "
         "midpoint."
     )
 

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 import pandas as pd
 
 from phasebench.benchmarks import style
-from phasebench.benchmarks.page.convergence import case
 from phasebench.benchmarks.page.markdown import number
 from phasebench.benchmarks.page.page import ROWS, Page, Picture, Table, of
+from phasebench.benchmarks.page.shared import case
 from phasebench.benchmarks.page.verdict import EVERY, FAIL, Count, Range, Verdict, at_least, at_most
 
 from .hessian_free import CHAOTIC, CONTROL, EARLIER, ORBIT_STEPS, ORBITS, REGULAR, REGULAR_STEPS, STEPS, H

@@ -8,8 +8,8 @@ import numpy as np
 import pandas as pd
 
 from phasebench.benchmarks import style
-from phasebench.benchmarks.page.convergence import case
 from phasebench.benchmarks.page.page import ROWS, Data, Page, Picture, Table, of
+from phasebench.benchmarks.page.shared import case
 from phasebench.benchmarks.page.verdict import Range, Verdict, at_most
 
 from . import start

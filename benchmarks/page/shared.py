@@ -1,14 +1,17 @@
-"""The verdict on whether methods converge with their declared orders, and the text that names the case of a row."""
+"""Pieces of verdicts that several pages share: a case's name, declared orders, the growth of an energy's spread."""
 
 from __future__ import annotations
 
+import numpy as np
 import pandas as pd
+
+from phasebench.integrators.driver import OK
 
 from .verdict import FAIL, Verdict, at_most
 
 
 def case(row: pd.Series) -> str:
-    """Return a text that names a row's method and problem, "METHOD on PROBLEM", to be used as a verdict's ``where``."""
+    """Return the case that a row of a method on a problem is of, as a verdict's ``where`` names it."""
     return f"{row['method']} on {row['problem']}"
 
 
@@ -26,3 +29,11 @@ def declared_orders(rows: pd.DataFrame, claim: str, near: float) -> Verdict | No
     off = (last["order"] - last["declared"]).abs()
     worst = case(last.loc[off.idxmax()])
     return Verdict(claim, float(off.max()), at_most(near), "from the declared order", where=worst, otherwise=FAIL)
+
+
+def growth(rows: pd.DataFrame) -> pd.Series:
+    """Return how many times the spread of the energy over all steps is that over the first tenth of them, for each row.
+
+    The columns ``all``, ``first`` and ``status`` are used; of a run that did not reach its end it is infinite.
+    """
+    return (rows["all"] / rows["first"]).where(rows["status"] == OK, np.inf)
