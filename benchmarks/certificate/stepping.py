@@ -69,7 +69,7 @@ class Exact:
         return self._last[1]
 
     def dH_dq(self, q: Sequence[Number] | np.ndarray, p: Sequence[Number] | np.ndarray) -> np.ndarray:
-        """The gradient of H by q in many digits, array (d,)."""
+        """The gradient of H with respect to q in many digits, array (d,)."""
         self.evaluations[0] += 1
         return -self._slopes(q, p)[1]
 

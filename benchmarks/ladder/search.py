@@ -5,7 +5,7 @@ package) proportional to its tolerance.  The exponent is estimated from two runs
 a `MARGIN`, and the search goes on until the run that meets the accuracy costs little more than one that misses it.  A
 candidate is given up if its extrapolated cost is a multiple of the cheapest so far, if it fails at every step, or if
 its error no longer falls.  If the implicit equations need so many iterations in wide steps that a finer run was clearly
-cheaper, that one is taken.
+cheaper, the finer run is the result.
 """
 
 from __future__ import annotations

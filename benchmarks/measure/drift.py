@@ -105,9 +105,10 @@ def _average(t: np.ndarray, error: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _slopes(t: np.ndarray, error: np.ndarray) -> np.ndarray:
-    """Return the weighted slope of ``error`` over ``t``, arrays (n,), in each of `BLOCKS` blocks, array (BLOCKS,).
+    """Return the slope of ``error`` over ``t``, arrays (n,), in each of `BLOCKS` blocks of time: array (BLOCKS,).
 
-    The blocks' unequal lengths follow multiples of the golden ratio modulo 1.
+    It is a least-squares slope with the weights of `window`, which suppress oscillations.  The lengths of the blocks
+    differ, by multiples of the golden ratio modulo 1, so that no oscillation has the same phase in all of them.
     """
     lengths = 1 + UNEQUAL * (2 * (np.arange(1, BLOCKS + 1) * GOLDEN % 1) - 1)
     edges = np.round(np.append(0, np.cumsum(lengths)) / lengths.sum() * len(t)).astype(int)

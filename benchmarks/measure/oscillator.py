@@ -411,7 +411,7 @@ class Stability(TabularResult):
     reason: str
 
     def to_frame(self) -> pd.DataFrame:
-        """Return a DataFrame of one row, the attributes; its column ``params`` has the parameters of the method."""
+        """Return a DataFrame of one row, a column for each attribute; ``params`` has the method's parameters."""
         import pandas as pd
 
         line = {

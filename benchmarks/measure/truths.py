@@ -40,7 +40,7 @@ def truth(problem: Problem, quantity: Quantity, t_end: float) -> Truth:
     """Return the true value of a quantity of a problem's orbit at, or up to, ``t_end``, with its uncertainty.
 
     It comes from a certified state, from runs in long double or, for a statistical quantity, from an ensemble of nearby
-    orbits; for a conserved quantity it is an error of 0.
+    orbits.  A conserved quantity is given by its error, whose true value is 0.
 
     Raises
     ------

@@ -35,7 +35,8 @@ def plane() -> tuple[sp.Symbol, sp.Symbol, sp.Symbol, sp.Symbol, sp.Expr, sp.Exp
 def pericentre(e: float, times: tuple[float, ...]) -> Orbit:
     """Make the Kepler orbit from the pericentre, q = (1 - e, 0), p = (0, sqrt((1 + e)/(1 - e))), in doubles.
 
-    ``times`` are those of certified states.  Raises InvalidInput unless 0 <= e < 1.
+    ``times`` are those at which reference states with a proven error are stored; there may be none.  Raises
+    InvalidInput unless 0 <= e < 1.
     """
     if not 0 <= e < 1:
         raise InvalidInput(f"the eccentricity e is {e}; it must be at least 0 and less than 1")

@@ -83,7 +83,7 @@ class Journal:
             raise InvalidInput(f"{self.path} cannot be written: {error.strerror}") from None
 
     def drop(self, cells: Iterable[str]) -> None:
-        """Remove the entries of the ``cells`` (ids), once the tables contain them; others stay for a later run."""
+        """Remove the entries of ``cells`` (ids of measurements), which the tables contain by now; others stay."""
         for cell in cells:
             self.entries.pop(cell, None)
         if not self.entries:

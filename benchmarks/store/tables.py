@@ -1,9 +1,9 @@
 """The tables of rows on disk: one CSV file each; every row has its provenance.
 
 The columns of provenance are ``content`` (the hash of what the row depends on), ``date``, ``machine`` (described in the
-JSON file beside the table), ``spent`` (the seconds that its cell took), ``digest`` (of all rows of its cell in all
-tables; if a row was edited, lost or doubled, the cell counts as not measured) and ``state``: `CURRENT`, or `STALE` if
-the code changed after the measurement.
+JSON file beside the table), ``spent`` (the seconds that its cell, the measurement that made the row, took), ``digest``
+(of all rows of its cell in all tables; if a row was edited, lost or doubled, the cell counts as not measured) and
+``state``: `CURRENT`, or `STALE` if the code changed after the measurement.
 """
 
 from __future__ import annotations

@@ -53,7 +53,8 @@ class Table:
     def digest(self) -> str:
         """A hash of the published numbers and of the fields that say how they are used.
 
-        Polished numbers are stored with it; they count as those of this table if it has not changed.
+        Polished numbers (refined to many digits) are stored with the hash of their table, and no longer count if the
+        table's hash has changed.
         """
         used = (self.kind, self.order, self.gamma, self.a, self.b, self.first, self.symmetric)
         return hashlib.sha256(repr(used).encode()).hexdigest()[:16]

@@ -195,10 +195,11 @@ def add_to_block(b, place, a, f, sums):
 
 @inline
 def mean_one_way(direction: Number, x: Value, e: Average) -> Value:
-    """h times the mean of the vector field along a path from (q, p), each component averaged while its own block moves.
+    """h times the mean of the vector field along a path from (q, p) on which blocks of variables move one by one.
 
-    x has the increments of q and p at the end of the path, e the arguments of the equation; ``direction`` is -1 for the
-    reverse path.  Returns a vector of 2 d components.
+    Each derivative of H is averaged while the block moves to which the variable of the derivative belongs: q' = H_p
+    while the block of that p does.  x has the increments of q and p at the end of the path, e the arguments of the
+    equation; ``direction`` is -1 for the reverse path.  Returns a vector of 2 d components.
     """
     step = e.step
     place = load(step.place, e.s, x)

@@ -201,7 +201,7 @@ solve = confirmer(row_solver(sweep, linearize), sweep, changes_by_row(inline(lam
 def step(method: Poisson, y: State, carry: Carry, counts: np.record) -> tuple[State, int]:
     """Take one step from the state y; returns (state, status: `SOLVED` or why the equations could not be solved).
 
-    They start from solutions of earlier steps, kept in ``carry``; evaluations are added to ``counts``.
+    Their iteration starts from solutions of earlier steps, kept in ``carry``; evaluations are added to ``counts``.
     """
     memory, both = carry.memory, join(carry.zero, carry.zero)
     stages = len(method.stage)

@@ -156,8 +156,9 @@ def follower(attempt: Callable) -> Callable:
     """Make the function that follows the root x of a step's energy error E(x) from earlier steps.
 
     ``attempt`` tries a step with a given x (`root.finder`).  The function is (search, models, row, predicted, c1,
-    arguments) -> (x, True if found, the `Attempt` at x).  It begins at the ``predicted`` root; ``models[row]`` is the
-    model of E from earlier steps, and c1 its slope at x = 0, extrapolated to this step.
+    arguments) -> (x, True if found, the `Attempt` at x).  ``search`` has the limits of the search, ``arguments`` go to
+    ``attempt``.  It begins at the ``predicted`` root; ``models[row]`` are the numbers of the quadratic model of E from
+    earlier steps, which it renews, and c1 is the model's slope at x = 0, extrapolated to this step.
     """
 
     @inline

@@ -68,8 +68,8 @@ OVER_2, OVER_3 = _reciprocal(factorial(2 * TERMS + 2)), _reciprocal(factorial(2 
 def root(square: Number, guess: Number) -> tuple[Number, Number]:
     """Return (square root, 1 / square root) of each lane of ``square``, by one correction of a ``guess`` of the latter.
 
-    The residue 1 - square * guess^2 is computed by a fused multiply-add: doubles lie closer below 1 than above, so that
-    a rounded product near 1 would give the inverse a bias.
+    The residual 1 - square * guess^2 is computed by a fused multiply-add: doubles lie closer below 1 than above, so
+    that a rounded product near 1 would bias the inverse.
     """
     r = square * guess
     inverse = guess + 0.5 * guess * exact_fma(-r, guess, 1.0)

@@ -287,8 +287,9 @@ def newton_method(improve: Callable) -> Callable:
     """Make Newton's method: a function (equations, x, span, eps, work) -> (x, number of sweeps, status).
 
     ``improve(equations, x, span, eps, work)`` makes the linear equations at x and solves them; it returns (new x, its
-    distance from x, its size, evaluations of the equations, here called sweeps, that it took, status).  ``span`` is the
-    size of the variables in which the equations vary, ``work`` the memory for a matrix.
+    distance from x, the size of the new x, evaluations of the equations, here called sweeps, that it took, status).
+    x is solved to ``eps``, the unit round-off, relative to its own size and to ``span``, the size of the variables
+    (such as q and p) of the functions in the equations.  ``work`` is the memory for a matrix.
     """
 
     @jit
@@ -318,8 +319,9 @@ def solver(G: Callable, lengths: Callable = lengths_of_both) -> Callable:
 
     The solver is a function (arguments, start, span, eps, work) -> (x, evaluations of G, 1 if Newton's method was used
     else 0, status), for x a tuple or array of n numbers.  ``lengths(x, G(x), arguments)`` gives the sizes of the
-    variables to which the two halves of x belong; ``span`` is the size of the variables in which G varies, ``work`` an
-    array for a matrix, at least (n + 1, n + 1).  The status is SOLVED, STALLED or NOT_FINITE.
+    variables to which the two halves of x belong; ``span`` is the size of the variables (such as q and p) of the
+    functions in G, ``work`` an array for a matrix, at least (n + 1, n + 1).  The status is SOLVED, STALLED or
+    NOT_FINITE.
 
     For SIMD lanes there is no Newton's method: a lane that the fixed point does not solve becomes NaN, and its orbit is
     integrated again by the scalar kernel.  Their status is SOLVED if any lane is solved.

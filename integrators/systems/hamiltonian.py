@@ -404,7 +404,10 @@ def _flatten(given: Iterable[Any]) -> list:
 
 
 def _derive_system(given: dict) -> Hamiltonian:
-    """Build a `Hamiltonian` from its constructor's arguments as text; this is the recipe of a stand-in (`deferred`)."""
+    """Build a `Hamiltonian` from its constructor's arguments, given as text.
+
+    A system that was made from the cache (`deferred`) calls it when its formulae are needed.
+    """
     system = Hamiltonian.__new__(Hamiltonian)
     system._derive(**given)
     return system

@@ -220,7 +220,7 @@ def _heyoka() -> list[str]:
 
 
 def _rebound() -> list[str]:
-    """List REBOUND's integrators, and values of options that select a method, that no audited integrator uses."""
+    """List what no audited integrator uses: integrators of REBOUND, and values of its options that select a method."""
     import rebound as package
 
     from phasebench.reference.peers.rebound import PEERS

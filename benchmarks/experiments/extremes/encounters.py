@@ -128,6 +128,6 @@ def _ladder_runs(chosen: Integrator, made: Problem, half: float, far: float) -> 
 
 
 def _adaptive(chosen: Integrator, made: Problem, half: float) -> Iterator[tuple[float, Solution]]:
-    """Yield (tolerance, solution) for ever smaller tolerances; ``half`` is half the period."""
+    """Yield (tolerance, solution) for ever smaller tolerances; rows are ``half``, half a period, apart."""
     for tol in TOLERANCES:
         yield tol, chosen.run(made, h=half, steps=2 * ORBITS - 1, tol=max(tol, chosen.record.least))

@@ -83,7 +83,7 @@ def _scenes(found: pd.DataFrame, good: Callable[[pd.Series], bool]) -> tuple[Cou
 
 @of(ladders.TABLE)
 def order_rises(rungs: pd.DataFrame) -> Verdict | None:
-    """Judge whether the fastest order of a composition rises as the error falls, on every orbit.
+    """Judge whether the order of the fastest composition rises as the error falls, on every orbit.
 
     ``rungs`` is the table of the module `ladders`; None if it has no completed runs of compositions.
     """

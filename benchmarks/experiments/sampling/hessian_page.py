@@ -61,8 +61,9 @@ def drifts(frame: pd.DataFrame) -> Verdict:
 
 @of(CHAOTIC)
 def symplectic(frame: pd.DataFrame) -> Verdict:
-    """Judge whether the mean energy on chaotic orbits does not drift with symplectic methods, which have the Hessian.
+    """Judge whether on chaotic orbits the mean energy of force-gradient methods with the Hessian does not drift.
 
+    With the Hessian of V their steps are symplectic.
     It does not if the interval of the drift holds zero.  ``frame`` is the table of chaotic runs, a row for each method.
     """
     rows = frame.drop(_free(frame).index)

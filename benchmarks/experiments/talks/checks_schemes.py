@@ -306,9 +306,10 @@ def solvable() -> tuple[float, float]:
 
 
 def henon_heiles_data() -> tuple[float, float]:
-    """Return (number, control): the distance of H of the Henon-Heiles box and chaotic orbits from 1/50 and 1/6.
+    """Return (number, control) for the claim that H is 1/50 on the Henon-Heiles box orbit and 1/6 on the chaotic one.
 
-    The control is the distance of the box orbit's H from 1/6.
+    The number is the larger of the two distances of H from these values, the control, which has to be large, the
+    distance of the box orbit's H from 1/6.
     """
     H = {}
     for orbit in ("box", "chaotic"):

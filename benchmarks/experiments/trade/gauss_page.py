@@ -85,7 +85,7 @@ def crossing(part: pd.DataFrame) -> float:
 
 
 def crossings(rungs: pd.DataFrame) -> pd.Series:
-    """Return by scene the largest error from which on, towards smaller ones, Gauss is no slower than explicit methods.
+    """Return by scene the largest error at and below which the Gauss method is no slower than explicit methods.
 
     NaN for a scene without such an error.  ``rungs`` has all runs of the search.
     """
