@@ -74,7 +74,7 @@ ERRORS = {
     "reference_horizon": Column(TIME, "time up to which the reference follows the orbit"),
     "reference": Column(TEXT, "computed where the reference is no stored state"),
     "reference_uncertainty": Column(STATE, "uncertainty of the reference"),
-    "refinement_difference": Column(STATE, "difference from the run with half the step"),
+    "refinement_difference": Column(STATE, "difference from the run with twice the step"),
 }
 PROVENANCE = {
     "content": Column(TEXT, "hash of all that the row depends on"),

@@ -40,7 +40,7 @@ function show(answer, asked) {
   head.append(name(answer.integrator, answer.own), document.createTextNode(`, ${answer.size}`));
   box.append(head, element("p", cost(answer)));
   if (answer.span !== asked.span) box.append(element("p", `No scene of this class has such a span; this one is ${answer.span}.`));
-  const scene = element("p", "On the nearest stored scene, ");
+  const scene = element("p", "On a stored scene of this kind, ");
   scene.append(answer.scene ? link(`reports/trade-${answer.scene}.html`, answer.scene) : link("reports/options.html", answer.problem));
   scene.append(document.createTextNode(` (${answer.quantity} at t = ${answer.t_end}), its error is ${answer.error} after ${answer.time}.`));
   box.append(scene, element("pre", answer.command));
