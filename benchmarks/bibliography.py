@@ -8,6 +8,7 @@ from functools import cache
 from pathlib import Path
 
 from phasebench import integrators
+from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.names import unknown_method
 from phasebench.integrators.registry import BY_ID
 
@@ -57,7 +58,10 @@ def ids_in_report(folder: Path) -> list[str]:
         raise FileNotFoundError(folder / "data")
     names = set()
     for path in tables:
-        frame = pd.read_csv(path, comment="#")
+        try:
+            frame = pd.read_csv(path, comment="#")
+        except (OSError, ValueError) as error:
+            raise InvalidInput(f"{path} cannot be read: {error}") from None
         for column in {"id", "method", "problem"} & set(frame.columns):
             names |= {str(x).partition("(")[0].partition(":")[0] for x in frame[column].unique()}
     return sorted(names & {*BY_ID, *problems.PROBLEMS})

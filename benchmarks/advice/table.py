@@ -15,6 +15,7 @@ from phasebench.benchmarks.problems import problem as problem_of
 from phasebench.benchmarks.problems.base import Problem
 from phasebench.benchmarks.problems.kepler_found import with_kepler_part
 from phasebench.integrators.keywords import State, check_names, rename_arguments
+from phasebench.integrators.request import initial
 
 from . import words
 from .advise import advise as answered
@@ -236,10 +237,10 @@ def _made(problem: Any, q0: State | None, p0: State | None) -> tuple[Problem, Pr
     if isinstance(problem, (str, Path)):
         problem = problem_of(problem)
     if not isinstance(problem, Problem):
-        made = with_start(problem, q0, p0)
+        made = started(problem, q0, p0)
         made = replace(made, system=with_kepler_part(made.system, made.q0))
         return made, made
-    return problem, with_start(problem, q0, p0)
+    return problem, started(problem, q0, p0)
 
 
 def _with_state(line: list[str], q0: State | None, p0: State | None) -> list[str]:
@@ -250,3 +251,10 @@ def _with_state(line: list[str], q0: State | None, p0: State | None) -> list[str
 
 
 __all__ = ["advise"]
+
+
+def started(problem: Any, q0: State | None = None, p0: State | None = None) -> Problem:
+    """Return the problem with another initial state, as `with_start` does; raises InvalidInput for a bad state."""
+    if q0 is not None or p0 is not None:
+        initial(problem, q0, p0)
+    return with_start(problem, q0, p0)

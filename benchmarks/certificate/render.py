@@ -14,9 +14,9 @@ from phasebench.benchmarks.judge.evidence import BROKEN, GATE, VISIBLE
 from phasebench.benchmarks.judge.requirements import REQUIRED
 from phasebench.benchmarks.judge.verdict import CONTRADICTED, FAIL, HOLDS, OPEN, PASS, UNJUDGED
 from phasebench.benchmarks.page import html, markdown
-from phasebench.benchmarks.page.json_text import json_text
 from phasebench.benchmarks.page.markdown import bullets, number, wrap
 from phasebench.benchmarks.page.page import Picture
+from phasebench.benchmarks.store.json_text import json_text
 from phasebench.integrators.errors import InvalidInput
 
 from . import figures

@@ -87,9 +87,9 @@ def advise(
         chosen = made(problem, hamiltonian, values(set_, "set"), q0, p0, constraint, part)
         words = _words(problem, hamiltonian, chosen, set_, q, p, constraint, part)
         if hamiltonian is None:
-            from phasebench.benchmarks.measure.global_error import with_start
+            from phasebench.benchmarks.advice.table import started
 
-            chosen = with_start(chosen, q0, p0)
+            chosen = started(chosen, q0, p0)
         from phasebench.benchmarks.advice.advise import advise as found
         from phasebench.benchmarks.advice.ask import ask
 
@@ -229,8 +229,12 @@ def _dropped(dropped: list[dict[str, str]], each: bool) -> None:
         out.print(f"not advised: {text}", highlight=False, markup=False, soft_wrap=True)
     missing = {d["why"].split()[0] for d in dropped if _kind(d["why"]) == NOT_INSTALLED and can_be_installed(d)}
     if missing:
-        names = " ".join(sorted(missing))
-        out.print(f"to try those, too: pip install {names}", highlight=False, markup=False, soft_wrap=True)
+        from phasebench.reference.native import LIBRARIES
+
+        ways = [LIBRARIES[name].install for name in sorted(missing & LIBRARIES.keys())]
+        packages = " ".join(sorted(missing - LIBRARIES.keys()))
+        ways += [f"pip install {packages}"] if packages else []
+        out.print(f"to try those, too: {'; '.join(ways)}", highlight=False, markup=False, soft_wrap=True)
     if each:
         for d in sorted(dropped, key=lambda d: (_kind(d["why"]), d["integrator"])):
             out.print(f"  {d['integrator']}: {d['why']}", highlight=False, markup=False, soft_wrap=True)

@@ -37,6 +37,8 @@ def audit(
     """Measure the integrators of established packages, by default all, and show which of their claims hold."""
     if tables:
         with invalid_input(), telling("audit") as tell:
+            if peer or quick or scripts:
+                raise InvalidInput("--tables checks tables of coefficients: leave out --peer, --quick and --scripts")
             checked = _check_tables(package, tell)
         if as_json:
             print_json(checked)

@@ -62,7 +62,7 @@ def _stored(wanted: list[str], update: bool, as_json: bool) -> bool:
     """
     outcomes = _renewed(wanted, update)
     if as_json:
-        rows = [{k: None if v != v else v for k, v in _row(o).items()} for o in outcomes]  # JSON has no NaN
+        rows = [_row(o) for o in outcomes]
         print_json({"references": rows, "stored": update and all(o.holds for o in outcomes)})
     else:
         _print_table(outcomes, update)

@@ -30,7 +30,7 @@ def compare(
     from phasebench.benchmarks.store import history
 
     with invalid_input():
-        old, new = history.load(before), history.load(after)
+        old, new = history.load_pair(before, after)
     found = history.changes(old, new)
     bad = any(c.kind in history.BAD for c in found)
     if as_json:

@@ -200,6 +200,8 @@ def _integrated(
         raise InvalidInput(f"'{integrator.id}' cannot be stopped: leave out --time-limit")
     from phasebench.benchmarks.measure import every_step
 
+    if wanted.quantity:
+        _check_quantity(problem, wanted.quantity, common)
     every = None if wanted.output is None else wanted.every
     watched = every_step.watch(problem, integrator, every=every, tol=tol, timeout=time_limit, **common)
     solution = watched.solution
@@ -207,12 +209,22 @@ def _integrated(
         solution = replace(solution, seconds=every_step.seconds(problem, integrator, watched, tol=tol, **common))
     parameters = {k: str(v) for k, v in integrator.record.parameters.items()}
     result = _result(problem, solution, watched.extremes, parameters if tol is None else {"tol": tol})
-    if solution.status == "ok" and (wanted.error or wanted.quantity):
-        result |= _errors(problem, integrator, solution, wanted, tol, common)
-    if wanted.output is not None:
+    if wanted.output is not None:  # first, so that it is not lost where an error cannot be told
         rows = trajectory.write(wanted.output, solution, 1 if integrator.stoppable else wanted.every)
         result["output"] = {"file": str(wanted.output), "rows": rows}
+    if solution.status == "ok" and (wanted.error or wanted.quantity):
+        result |= _errors(problem, integrator, solution, wanted, tol, common)
     return result
+
+
+def _check_quantity(problem: Problem, name: str, common: dict[str, Any]) -> None:
+    """Raise InvalidInput, before anything is integrated, for a quantity whose error the run could not tell."""
+    from phasebench.benchmarks.measure.named_quantities import quantity
+
+    t_end, h = common["t_end"], common["h"]
+    back = t_end < common["t0"] if t_end is not None else h is not None and h < 0
+    if not quantity(problem, name).kept and back:
+        raise InvalidInput(f"the error of {name} is told forward in time alone: leave out --quantity, or give energy")
 
 
 def _errors(

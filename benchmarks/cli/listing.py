@@ -151,10 +151,7 @@ def _chosen(kind: Kind, rows: list[Row], wanted: Mapping[str, Any]) -> list[Row]
             known = {x for row in rows for x in _values(row[name])}
             if value not in known:
                 raise unknown_name(name, value, known)
-        rows = [row for row in rows if _is(row[name], value)]
-        if not rows:
-            break
-    return rows
+    return [row for row in rows if all(_is(row[name], value) for name, value in wanted.items())]
 
 
 def _values(cell: object) -> list:

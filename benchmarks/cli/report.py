@@ -32,20 +32,23 @@ def report(
     with invalid_input():
         if rows is not None:
             if not rows.exists():
-                raise InvalidInput(f"there is no file {rows}; `phasebench run --output {rows}` makes one")
+                raise InvalidInput(f"there is no file {rows}; `phasebench run --quick --output {rows}` makes one")
             entries = lines.read(rows, "rows")
             if not entries:
-                raise InvalidInput(f"{rows} has no rows; `phasebench run --output {rows}` measures some")
+                measure = f"`phasebench run --quick --output {rows}` measures some"
+                raise InvalidInput(f"{rows} has no rows of scenes; {measure}")
             held = {id: e for id, e in entries.items() if e.rows["rows"][0].get("scene") in SCENES}
             if not held:
                 raise InvalidInput(f"{rows} has rows of scenes of the trade alone, which have no page of one's own")
             with _written(reports):
                 tables.take(reports / "data", "rows", held)
         if not (reports / "data").is_dir():
-            raise InvalidInput(f"there are no data in {reports}; `pytest benchmarks` or `phasebench run` measures them")
+            measure = "`pytest benchmarks` measures them, or `phasebench run` and then `report --rows`"
+            raise InvalidInput(f"there are no data in {reports}; {measure}")
         with _written(reports):
             entry = pages.build(reports, progress=lambda line: err.print(line, highlight=False), html_folder=html)
-    out.print(f"read {html / 'index.html' if html else entry}")
+    read = f"read {html / 'index.html' if html else entry}"
+    out.print(read, highlight=False, markup=False, soft_wrap=True)
 
 
 @contextmanager

@@ -49,12 +49,18 @@ def run(
         with invalid_input():
             if jobs or scheduler:
                 raise InvalidInput("--jobs and --scheduler are for scenes: the steps of one problem are timed, alone")
+            if quick or everything:
+                raise InvalidInput("--quick and --all are for scenes: of one problem all steps are measured")
+            _refuse_other_rows(output, of_scenes=False)
         _one(problem, t_end, quantity, method, scene, output)
         return
     from phasebench.benchmarks.store import lines, screen
     from phasebench.benchmarks.store.cluster import Cluster
 
     with invalid_input():
+        if t_end is not None:
+            raise InvalidInput("--t-end is for a problem: a scene has its own time span")
+        _refuse_other_rows(output, of_scenes=True)
         cells = _cells(scene, method, quick)
         if jobs and scheduler:
             raise InvalidInput("both --jobs and --scheduler are given; leave out one of them")
@@ -65,12 +71,12 @@ def run(
         with closing(cluster) if cluster else nullcontext(), screen.progress(sys.stderr) as progress:
             entries, failed, there = lines.measure(output, cells, progress, jobs, cluster)
     for line in failed:
-        err.print(line)
+        err.print(line, highlight=False, markup=False, soft_wrap=True)
     rows = [row for e in entries.values() for row in e.rows["rows"]]
     if there:
-        err.print(f"{there} of {len(cells)} cells are in {output} already, of this version of the code")
-    ends = Counter(r["status"] for r in rows)
-    out.print(f"{len(rows)} rows in {output}: " + ", ".join(f"{n} {s}" for s, n in ends.items()))
+        there_ = f"{there} of {len(cells)} cells are in {output} already, of this version of the code"
+        err.print(there_, highlight=False, markup=False, soft_wrap=True)
+    _tell_rows(rows, output)
     if failed:
         raise typer.Exit(1)
 
@@ -101,6 +107,25 @@ def _cells(scenes: list[str], methods: list[str], quick: bool) -> list:
     return held + question_rows.cells([q for q in QUESTIONS if whole or q.id in scenes], only)
 
 
+def _refuse_other_rows(output: Path, of_scenes: bool) -> None:
+    """Raise InvalidInput if a file has rows of the other kind, those of scenes or those of one problem.
+
+    They would be lost.  Rows of scenes name their cell (a single measurement).
+    """
+    from phasebench.benchmarks.store import lines
+
+    if lines.of_scenes(output) is (not of_scenes):
+        whose = "one problem" if of_scenes else "scenes"
+        raise InvalidInput(f"{output} has rows of {whose}, which would be lost: name another file with --output")
+
+
+def _tell_rows(rows: list[dict], output: Path) -> None:
+    """Print how many rows a file has by now, and how their runs ended."""
+    ends = Counter(r["status"] for r in rows)
+    told = f"{len(rows)} rows in {output}: " + ", ".join(f"{n} {s}" for s, n in ends.items())
+    out.print(told, highlight=False, markup=False, soft_wrap=True)
+
+
 def _announce(cells: list) -> None:
     """Print what a run of all ``cells`` (single measurements) would measure, and how long that takes."""
     from phasebench.benchmarks.store.run import standing
@@ -120,10 +145,9 @@ def _announce(cells: list) -> None:
 
 def _one(problem: str, t_end: str | None, quantity: str, methods: list[str], scenes: list[str], output: Path) -> None:
     """Measure error and time of methods on one problem, from the widest step to round-off; write them as JSON lines."""
-    import json
-
     from phasebench.benchmarks.measure.compilation import row_failures
     from phasebench.benchmarks.store import schema
+    from phasebench.benchmarks.store.json_text import json_text
     from phasebench.benchmarks.workprecision import workprecision
     from phasebench.reference.files import write_file
 
@@ -136,9 +160,8 @@ def _one(problem: str, t_end: str | None, quantity: str, methods: list[str], sce
             chosen = made(problem, None, {}, None, None)
             rows = workprecision(chosen, methods, t_end=end_time(t_end, chosen), quantity=quantity, progress=tell).rows
         try:
-            write_file(output, "".join(json.dumps({schema.FIELD: schema.VERSION} | row) + "\n" for row in rows))
+            write_file(output, "".join(json_text({schema.FIELD: schema.VERSION} | row) + "\n" for row in rows))
         except OSError as error:
             raise InvalidInput(f"--output {output} cannot be written: {error.strerror or error}") from None
     warn(row_failures(rows)[1])
-    ends = Counter(r["status"] for r in rows)
-    out.print(f"{len(rows)} rows in {output}: " + ", ".join(f"{n} {s}" for s, n in ends.items()))
+    _tell_rows(rows, output)

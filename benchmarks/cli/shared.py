@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import typer
 from rich.console import Console
 
-from phasebench.benchmarks.page.json_text import json_text
+from phasebench.benchmarks.store.json_text import json_text
 from phasebench.integrators.errors import InvalidInput
 
 if TYPE_CHECKING:
@@ -163,7 +163,10 @@ def end_time(text: str | None, problem: Problem) -> float | None:
     """The value of --t-end in the problem's unit of time; None if it is not given."""
     from phasebench.benchmarks.problems.units import span
 
-    return None if text is None else span(text, problem.time_unit, "--t-end")
+    try:
+        return None if text is None else span(text, problem.time_unit, "--t-end")
+    except OverflowError:
+        raise InvalidInput(f'--t-end is "{text}": in {problem.time_unit} that is beyond the doubles') from None
 
 
 def numbers(text: str | None, name: str) -> list[float] | None:

@@ -67,4 +67,4 @@ def workprecision(
     show(f"seconds for an {found.title}", list(found.table()))
     if output is not None:
         more = f", with the first {CURVES} of {len(found.methods)}" if len(found.methods) > CURVES else ""
-        out.print(f"written {output}{more}", highlight=False, markup=False)
+        out.print(f"written {output}{more}", highlight=False, markup=False, soft_wrap=True)

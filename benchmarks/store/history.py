@@ -97,15 +97,35 @@ def load(name: str) -> dict[str, pd.DataFrame]:
     """
     path = Path(name)
     if path.is_file():
-        texts = {path.stem: path.read_text(encoding="utf-8")}
+        texts = {path.stem: _text_of(path)}
     elif path.is_dir():
         folder = path / "data" if (path / "data").is_dir() else path
-        texts = {p.stem: p.read_text(encoding="utf-8") for p in sorted(folder.glob("*.csv"))}
+        texts = {p.stem: _text_of(p) for p in sorted(folder.glob("*.csv"))}
     else:
         texts = _of_commit(name)
     if not texts:
         raise InvalidInput(f"{name} has no tables: give a folder of reports, a CSV file of one, or a commit")
     return {table: _read(table, text) for table, text in texts.items()}
+
+
+def load_pair(before: str, after: str) -> tuple[dict[str, pd.DataFrame], dict[str, pd.DataFrame]]:
+    """Read the tables of two runs, as `load` does; two single files are the same table, whatever their names.
+
+    Raises InvalidInput if the runs have no table in common.
+    """
+    old, new = load(before), load(after)
+    if Path(before).is_file() and Path(after).is_file():
+        new = dict(zip(old, new.values(), strict=True))
+    if not old.keys() & new.keys():
+        raise InvalidInput(f"{before} and {after} have no table in common")
+    return old, new
+
+
+def _text_of(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8")
+    except (OSError, ValueError) as error:
+        raise InvalidInput(f"{path} cannot be read: {error}") from None
 
 
 def _of_commit(name: str) -> dict[str, str]:
@@ -133,8 +153,9 @@ def _read(table: str, text: str) -> pd.DataFrame:
 
 
 def changes(before: dict[str, pd.DataFrame], after: dict[str, pd.DataFrame]) -> list[Change]:
-    """The differences between the tables that both runs have, the worst kind first."""
+    """The differences between the tables of two runs, the worst kind first; a table that is gone is one of them."""
     found = [c for table in before if table in after for c in _of_table(table, before[table], after[table])]
+    found += [Change(GONE, table, "all rows", "", "", "") for table in before if table not in after]
     return sorted(found, key=lambda c: (KINDS.index(c.kind), c.table, c.row))
 
 

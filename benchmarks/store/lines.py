@@ -17,6 +17,7 @@ from . import schema, workers
 from .cells import ALONE, POOL, UNCOMPILED, Cell
 from .cluster import Cluster
 from .journal import Entry, Journal
+from .json_text import json_text
 from .run import entry
 
 #: Deadline of a run without time limit.
@@ -26,14 +27,8 @@ ABOUT = ("cell", "of", "content", "date", "machine", "spent")
 
 def read(path: Path, table: str) -> dict[str, Entry]:
     """Read the complete cells (single measurements) of a JSON lines file, by id; raises InvalidInput if unreadable."""
-    try:
-        lines = path.read_text().splitlines()
-    except FileNotFoundError:
-        return {}
-    except (OSError, UnicodeDecodeError) as error:
-        raise InvalidInput(f"{path} is no file of rows: {error}") from None
     cells: dict[str, list[dict]] = {}
-    for line in lines:
+    for line in _lines(path):
         try:
             row = json.loads(line)
             cells.setdefault(row["cell"], []).append(row)
@@ -48,6 +43,28 @@ def read(path: Path, table: str) -> dict[str, Entry]:
             rows = [{k: v for k, v in row.items() if k not in ABOUT} for row in members]
             entries[id] = Entry(id, *(about[k] for k in ABOUT[2:]), {table: rows})
     return entries
+
+
+def of_scenes(path: Path) -> bool | None:
+    """True if a JSON lines file has rows of scenes, which name their cell; False if of one problem; None if of neither.
+
+    Raises InvalidInput if it cannot be read.
+    """
+    for line in _lines(path):
+        try:
+            return "cell" in json.loads(line)
+        except (ValueError, TypeError):
+            continue
+    return None
+
+
+def _lines(path: Path) -> list[str]:
+    try:
+        return path.read_text(encoding="utf-8").splitlines()
+    except FileNotFoundError:
+        return []
+    except (OSError, UnicodeDecodeError) as error:
+        raise InvalidInput(f"{path} is no file of rows: {error}") from None
 
 
 def write(path: Path, entries: Mapping[str, Entry], table: str) -> None:
@@ -68,7 +85,7 @@ def write(path: Path, entries: Mapping[str, Entry], table: str) -> None:
     ]
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        write_file(path, "".join(json.dumps(line, default=lambda x: x.item()) + "\n" for line in lines))
+        write_file(path, "".join(json_text(line) + "\n" for line in lines))
     except OSError as error:
         raise InvalidInput(f"{path} cannot be written: {error.strerror}") from None
 

@@ -9,8 +9,6 @@ from pages import Files, code, facts, fenced, fold, plain, stored, table, toctre
 
 from phasebench.reference.peers import PEERS
 
-WORDS = ("holds", "contradicted", "understated", "not judged")
-
 
 def files() -> Files:
     """The pages of the packages and their index: file name -> Markdown."""

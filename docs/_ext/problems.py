@@ -68,7 +68,10 @@ def page(made: Problem) -> str:
         parts += ["## Invariants besides H\n", invariants(made)]
     parts += ["## Scenes\n", scenes(made), "## Run it\n"]
     parts += [
-        fenced(f"phasebench integrate {made.label} implicit-midpoint --h {made.pace.step:g} --t-end {made.pace.span:g}")
+        fenced(
+            f"phasebench integrate {made.label} implicit-midpoint --t-end {made.pace.span:g} "
+            f"--steps {max(1, round(made.pace.span / made.pace.step))}"
+        )
     ]
     return "\n".join([*parts, "## How to cite it\n", bibtex(made.cite)])
 

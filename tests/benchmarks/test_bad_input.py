@@ -29,6 +29,9 @@ FILES = {
     "empty.jsonl": "",
     "bad.jsonl": "{not json\n",
     "keyonly.jsonl": '{"id": "x"}\n',
+    "scenes.jsonl": '{"cell": "x"}\n',
+    "cited/data/short.csv": "a,b\n1,2\n",
+    "cited/data/wordless.csv": "",
     "bin.py": "\x00\x01",
 }
 LINES = Path(__file__).with_name("bad_input.txt").read_text(encoding="utf-8").splitlines()
@@ -39,10 +42,12 @@ TABLE = [re.fullmatch(r"(\d )?(.*) => (.*)", line).groups() for line in LINES if
 def folder(tmp_path_factory):
     """A folder with invalid files."""
     made = tmp_path_factory.mktemp("bad")
+    (made / "cited" / "data").mkdir(parents=True)
     for name, text in FILES.items():
         (made / name).write_text(text, encoding="utf-8")
     (made / "folder.png").mkdir()
-    (made / "notutf.py").write_bytes(b"\xff\xfe\xfa")
+    for name in ("notutf.py", "cited/data/notutf.csv"):
+        (made / name).write_bytes(b"\xff\xfe\xfa")
     return made
 
 

@@ -172,7 +172,10 @@ def test_empty_and_invalid_filters():
     code, text, _ = call("list", "methods", "--order", "99")
     assert (code, text) == (0, "none of the methods\n")
     assert call("list", "methods", "--order", "99", "--json")[1] == "[]\n"
+    code, text, _ = call("list", "peers", "--order", "4", "--package", "heyoka")
+    assert (code, text) == (0, "none of the peers\n")
     for arguments, message in [
+        (("methods", "--order", "99", "--package", "x"), "--package is no option of methods"),
         (("methods", "--family", "spliting"), "did you mean splitting"),
         (("methods", "--requires", "seperable"), "did you mean separable"),
         (("methods", "--package", "rebound"), "--package is no option of methods"),

@@ -167,6 +167,33 @@ def test_long_run_is_not_repeated(runs):
     assert {kind for kind, _ in runs[1:]} == {"watched", "bare"}
 
 
+@pytest.mark.parametrize("method", ["shake", "rk4"])
+def test_a_long_run_with_constraints_is_timed(method, monkeypatch):
+    """Its later states may be off the constraints by more than a start may be."""
+    monkeypatch.setattr(every_step, "SHORT", 0.0)
+    words = ["integrate", "spherical-pendulum", method, "--h", "0.01", "--t-end", "100", "--json"]
+    done = CliRunner().invoke(app, words)
+    assert done.exit_code == 0, done.output
+    assert json.loads(done.stdout)["seconds"] > 0
+
+
+def test_shake_may_start_off_the_hidden_constraints():
+    start = ["--q", "1,0,0", "--p", "0.1,0.75,0.25", "--h", "0.01", "--t-end", "0.1"]
+    codes = [
+        CliRunner().invoke(app, ["integrate", "spherical-pendulum", id, *start]).exit_code for id in ("shake", "rattle")
+    ]
+    assert codes == [0, 2]
+
+
+def test_the_trajectory_is_kept_where_an_error_cannot_be_told(tmp_path):
+    """A trajectory's error is told from 20 times: 21 steps are no multiple."""
+    words = ["integrate", "pendulum", "pefrl", "--h", "0.1", "--steps", "21", "--quantity", "trajectory"]
+    done = CliRunner().invoke(app, [*words, "--output", str(tmp_path / "t.csv")])
+    assert done.exit_code == 2
+    assert "must be a multiple" in " ".join(done.output.split())
+    assert len((tmp_path / "t.csv").read_text().splitlines()) == 23
+
+
 @pytest.mark.parametrize("method", ["pefrl", "gauss-4", "rebound-leapfrog"])
 def test_printed_error_belongs_to_the_printed_state(method):
     from phasebench.reference.certificates import stored

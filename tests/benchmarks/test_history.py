@@ -130,6 +130,31 @@ def test_unreadable_table_is_invalid(tmp_path):
         history.load(str(tmp_path / "t.csv"))
 
 
+def test_two_files_are_one_table_whatever_their_names(tmp_path):
+    worse = table()
+    worse["global_error"] *= 2
+    names = [str(tmp_path / name) for name in ("old.csv", "new.csv")]
+    for name, frame in zip(names, (table(), worse), strict=True):
+        frame.to_csv(name, index=False)
+    assert {c.kind for c in history.changes(*history.load_pair(*names))} == {history.WORSE}
+
+
+def test_runs_without_a_common_table_are_not_compared(tmp_path):
+    folders = []
+    for name in ("a", "b"):
+        (tmp_path / name).mkdir()
+        table().to_csv(tmp_path / name / f"{name}.csv", index=False)
+        folders.append(str(tmp_path / name))
+    with pytest.raises(InvalidInput, match="have no table in common"):
+        history.load_pair(*folders)
+
+
+def test_a_table_that_is_gone_is_a_change():
+    (found,) = history.changes({"t": table(), "u": table()}, {"t": table()})
+    assert (found.kind, found.table) == (history.GONE, "u")
+    assert not history.changes({"t": table()}, {"t": table(), "u": table()})
+
+
 def test_ratio_needs_times_on_both_sides():
     after = table()
     of = after["method"] == "b"

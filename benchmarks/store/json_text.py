@@ -8,8 +8,8 @@ from typing import Any
 
 
 def json_text(value: Any, indent: int | None = None) -> str:
-    """Write a value as JSON, with null in place of NaN and infinities, which JSON lacks."""
-    return json.dumps(_finite(value), indent=indent, allow_nan=False)
+    """Write a value as JSON, with null in place of NaN and infinities, which JSON lacks; NumPy's numbers may occur."""
+    return json.dumps(_finite(value), indent=indent, allow_nan=False, default=lambda x: x.item())
 
 
 def _finite(value: Any) -> Any:
