@@ -142,9 +142,10 @@ def test_whfast512_changes_the_mode_in_a_fresh_process():
     found = {r["peer"]: r for r in modes.measure((whfast.id, "rebound-whfast-plain"))[modes.TABLE]}
     assert {r["status"] for r in found.values()} == {"ok"}
     assert found["rebound-whfast-plain"]["mode"] == modes.KEPT
-    if found[whfast.id]["version"] == "5.2.2":
-        assert found[whfast.id]["mode"] == modes.BY_RUN
     assert floating.gradual()
+    if found[whfast.id]["version"] != "5.2.2":
+        pytest.skip("what other versions do is not known")
+    assert found[whfast.id]["mode"] == modes.BY_RUN
 
 
 # -- the page ----------------------------------------------------------------------------------------------------------

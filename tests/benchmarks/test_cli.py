@@ -590,8 +590,10 @@ def test_report_of_rows_without_an_order(scene, method, tmp_path):
 
 def test_report_of_no_rows(tmp_path):
     (tmp_path / "rows.jsonl").write_text("")
-    arguments = ("--reports", str(tmp_path / "report"), "--rows", str(tmp_path / "rows.jsonl"))
-    assert call("report", *arguments)[0] in (0, 2)
+    code, _, said = call("report", "--reports", str(tmp_path / "report"), "--rows", str(tmp_path / "rows.jsonl"))
+    assert code == 2
+    assert "has no rows" in said
+    assert not (tmp_path / "report").exists()
 
 
 def test_cache_shows_its_folder_and_is_cleared(tmp_path, monkeypatch):

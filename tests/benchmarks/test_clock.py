@@ -123,15 +123,20 @@ def test_time_grows_with_the_span(id, size):
 
 
 def test_methods_and_peers_are_timed_alike():
-    """The timed run of either starts from the state given last and returns no state."""
+    """A run of either that was timed goes on from the state that is set afterwards."""
     made = problem("kepler")
     for id, size in (("stormer-verlet", {"steps": 10}), ("heyoka", {"tol": 1e-9})):
         one = integrator(id)
         run = one.prepare(made, tol=size.get("tol"))
         told = clock.clock(one, made, t_end=1.0, **size, run=run)
         told()
-        run.restart(np.array(made.q0), np.array(made.p0))
-        assert run.advance(*told.size) == 0
+        ends = []
+        for turn in (1.0, 1.01, 1.0):
+            run.restart(np.array(made.q0), turn * np.array(made.p0))
+            assert run.advance(*told.size) == 0
+            ends.append(run._end[0, 0].copy() if id == "stormer-verlet" else np.array(run._calls.state())[:2])
+        assert np.array_equal(ends[0], ends[2])
+        assert np.abs(ends[0] - ends[1]).max() > 1e-4
 
 
 def test_integrator_is_prepared_once_per_tolerance():

@@ -82,31 +82,6 @@ def test_same_file_of_rows_locally_in_pool_and_on_cluster(local, tmp_path):
     assert set(lines.read(tmp_path / "there", "toys")) == {cell.id for cell in toys}
 
 
-@pytest.mark.skipif(len(getattr(os, "sched_getaffinity", lambda _: ())(0)) < 2, reason="there are no two cores")
-def test_timed_cells_run_on_separate_cores(tmp_path):
-    toys = [toy_cells.cell(n, function=toy_cells.core, where=kinds.ALONE) for n in range(6)]
-    entries, failed, _ = lines.measure(tmp_path / "rows", toys, lambda *_: None, jobs=3)
-    rows = [entries[cell.id].rows["toys"][0] for cell in toys]
-    assert not failed
-    assert {len(r["x"]) for r in rows} == {1}
-    for one in rows:
-        beside = [r for r in rows if abs(r["seconds"] - one["seconds"]) < 0.25]
-        assert [r["n"] for r in beside if r["x"] == one["x"]] == [one["n"]]
-    free = [toy_cells.cell(n, function=toy_cells.core, where=kinds.POOL) for n in range(2)]
-    entries, *_ = lines.measure(tmp_path / "free", free, lambda *_: None, jobs=2)
-    assert all(len(e.rows["toys"][0]["x"]) > 1 for e in entries.values()), "the control: others go where they want"
-
-
-def test_pool_is_parallel_and_reports_a_failed_cell(tmp_path):
-    toys = [toy_cells.cell(n, 1.0, where=kinds.POOL) for n in range(4)]
-    toys += [toy_cells.cell(5, function=toy_cells.die, where=kinds.POOL)]
-    began = time.monotonic()
-    entries, failed, _ = lines.measure(tmp_path / "rows", toys, lambda *_: None, jobs=4)
-    assert time.monotonic() - began < 4.0
-    assert set(entries) == {cell.id for cell in toys[:4]}
-    assert [line.partition(": ")[2] for line in failed] == ["its process died"]
-
-
 def test_timed_cells_stay_local_and_failures_are_reported(local, tmp_path):
     toys = [toy_cells.cell(0, where=kinds.POOL), toy_cells.cell(1, where=kinds.ALONE)]
     toys += [toy_cells.cell(2, function=toy_cells.fail), toy_cells.cell(4, function=toy_cells.die)]

@@ -121,7 +121,9 @@ def test_verdicts_on_cost():
     assert claims.than_verlet(of(field_says_cost=dear)).outcome == FINDING
     assert claims.efficient(of(field_says_cost=usual)).measured < 100
     assert claims.efficient(of(field_says_cost=dear)).measured == 0
-    assert claims.loose(of(field_says_cost=dear)).outcome == FINDING
+    best = cost_rows(1.0, 3.0, 1e99)
+    assert [claims.efficient(of(field_says_cost=rows)).outcome for rows in (best, dear)] == [PASS, FINDING]
+    assert [claims.loose(of(field_says_cost=rows)).outcome for rows in (best, dear)] == [PASS, FINDING]
 
 
 def test_verdicts_on_orders_energies_and_ias15():
@@ -134,12 +136,14 @@ def test_verdicts_on_orders_energies_and_ias15():
     as_said = of_orders({orders.QUADRATIC: 4.0, orders.OTHER: 3.0}, {orders.QUADRATIC: 5.0, orders.OTHER: 5.0})
     assert (claims.fourth(as_found).outcome, claims.fifth(as_found).outcome) == (PASS, FINDING)
     assert claims.fifth(as_said).outcome == PASS
+    kept = of_orders({orders.QUADRATIC: 4.0, orders.OTHER: 4.0}, {orders.QUADRATIC: 5.0, orders.OTHER: 5.0})
+    assert claims.fourth(kept).outcome == FINDING
 
-    def of_energy(compensated, plain):
+    def of_energy(compensated, plain, boson=1.0):
         sizes = {energy.COMPENSATED: compensated, energy.PLAIN: plain, "heyoka": (1e-15, 1e-13)}
         sizes["scipy-dop853-numba"] = (1e-13, 1e-11)
         rows = [
-            {"problem": name, "integrator": id, "t": t, "energy error": x}
+            {"problem": name, "integrator": id, "t": t, "energy error": x * (boson if "boson" in name else 1.0)}
             for name in energy.SCENES
             for id, pair in sizes.items()
             for t, x in zip((1e2, 1e3), pair, strict=True)
@@ -148,8 +152,9 @@ def test_verdicts_on_orders_energies_and_ias15():
 
     quiet, noisy = of_energy((1e-16, 1e-16), (1e-14, 2e-14)), of_energy((1e-14, 1e-13), (1e-15, 1e-12))
     assert [f(quiet).outcome for f in (claims.short, claims.later, claims.later_boson)] == [FINDING, PASS, PASS]
-    assert [f(noisy).outcome for f in (claims.short, claims.later)] == [PASS, FINDING]
-    assert claims.harder(quiet).outcome == FINDING
+    assert [f(noisy).outcome for f in (claims.short, claims.later, claims.later_boson)] == [PASS, FINDING, FINDING]
+    harder = of_energy((1e-16, 1e-16), (1e-14, 2e-14), boson=3.0)
+    assert [claims.harder(rows).outcome for rows in (quiet, harder)] == [FINDING, PASS]
 
     for worse, outcome in ((1, PASS), (2, FINDING)):
         rows = pd.DataFrame({"e": [0.0, 0.6, 0.9], "energy error": [1e-15] * (3 - worse) + [1e-13] * worse})

@@ -166,6 +166,8 @@ def test_the_preference_is_judged_at_the_smallest_error():
     assert claims.by_state(data).outcome == FINDING
     rows.loc[rows["evaluations"] == 8000, "evaluations"] = 3999
     assert claims.preference(data).outcome == FINDING
+    rows.loc[rows["method"] == planets.BEST, "evaluations"] = 10
+    assert (claims.everywhere(data).outcome, claims.by_state(data).outcome) == (PASS, PASS)
 
 
 def perihelion_rows(corrected: float, saba: float = 1e-9) -> pd.DataFrame:
@@ -185,6 +187,9 @@ def test_correctors_are_judged_by_the_rates(corrected, outcome):
     data = {planets.PERIHELIA: perihelion_rows(corrected)}.get
     assert claims.inner(data).outcome == claims.giants(data).outcome == outcome
     assert claims.energies(data).measured == pytest.approx(1000)
+    assert claims.energies(data).outcome == PASS
+    alike = perihelion_rows(corrected).assign(**{"energy error": 1e-9})
+    assert claims.energies({planets.PERIHELIA: alike}.get).outcome == FINDING
     assert claims.same_energy(data).outcome == PASS
     assert claims.same_energy({planets.PERIHELIA: perihelion_rows(1e-6, 1e-6)}.get).outcome == FINDING
 
@@ -210,7 +215,9 @@ def test_steps_and_efficiency_follow_from_the_ratio():
     assert claims.efficiency(data).measured.low == pytest.approx(50.0)
     assert {f(data).outcome for f in (claims.anharmonic, claims.step, claims.efficiency)} == {PASS}
     far = {minimum_norm.TABLE: norm_rows(40.0)}.get
-    assert {f(far).outcome for f in (claims.anharmonic, claims.gaussian, claims.efficiency)} == {FINDING}
+    four = (claims.anharmonic, claims.gaussian, claims.step, claims.efficiency)
+    assert {f(far).outcome for f in four} == {FINDING}
+    assert claims.gaussian(data).outcome == PASS
 
 
 def law_rows(a: float) -> pd.DataFrame:
@@ -223,6 +230,7 @@ def law_rows(a: float) -> pd.DataFrame:
 def test_brouwers_law_is_judged_on_both_sides(a, outcome):
     assert claims.ias15({brouwer.TABLE: law_rows(a)}.get).outcome == outcome
     assert claims.heyoka({brouwer.TABLE: law_rows(a)}.get) is None
+    assert claims.heyoka({brouwer.TABLE: law_rows(a).assign(integrator="heyoka")}.get).outcome == outcome
 
 
 def timed_rows(gain: float) -> dict[str, pd.DataFrame]:
@@ -237,6 +245,7 @@ def test_speed_ups_are_met_within_a_factor():
     known, slow = timed_rows(7.0).get, timed_rows(1.0).get
     assert claims.vectors(known).outcome == PASS
     assert claims.mercurius(timed_rows(12.0).get).outcome == PASS
+    assert claims.trace(timed_rows(15.0).get).outcome == PASS
     assert {f(slow).outcome for f in (claims.vectors, claims.mercurius, claims.trace)} == {FINDING}
 
 

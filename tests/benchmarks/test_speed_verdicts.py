@@ -85,4 +85,6 @@ def test_row_of_times_has_medians(monkeypatch):
     monkeypatch.setattr(speed, "_work", lambda *of: lambda: None)
     (row,) = speed.measure_ratio_rows("Stormer-Verlet / C loop", "kepler")["ratios"]
     assert (row["median"], row[page.LOW], row[page.HIGH], row[page.WANTED]) == (3.0, 2.0, 3.0, 1.05)
-    assert bench_speed.bench_ratios(lambda table: [row]) is None
+    bench_speed.bench_ratios(lambda table: [row])
+    with pytest.raises(AssertionError):
+        bench_speed.bench_ratios(lambda table: [row | {page.HIGH: row["median"] / 2, page.LOW: row["median"] / 4}])

@@ -47,8 +47,10 @@ found["an ensemble"] = heavy()
 from phasebench.benchmarks.cli import main
 for words in COMMANDS:
     sys.argv = ["phasebench", "integrate", *words, "--h", "0.01", "--steps", "5"]
-    with contextlib.suppress(SystemExit), contextlib.redirect_stdout(io.StringIO()):
+    printed = io.StringIO()
+    with contextlib.suppress(SystemExit), contextlib.redirect_stdout(printed):
         main()
+    assert "ok" in printed.getvalue(), words
     found[" ".join(words)] = heavy()
 pb.integrate("nls", "implicit-midpoint", h=0.01, steps=2)  # of many variables: arrays, which compiled code allocates
 print(json.dumps(found))

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from phasebench.benchmarks.store import workers
-from phasebench.benchmarks.store.cells import POOL, UNCOMPILED
+from phasebench.benchmarks.store import lines, workers
+from phasebench.benchmarks.store.cells import ALONE, POOL, UNCOMPILED
 from phasebench.benchmarks.store.workers import DIED, LATE, Worker
 from support import toy_cells
 
@@ -79,3 +79,28 @@ def test_cells_give_the_same_rows_here_and_in_workers():
     for count in (0, 2):
         found = {cell.id: answer for cell, answer in workers.measure(cells, POOL, float("inf"), count)}
         assert {id: a.value["toys"][0]["x"] for id, a in found.items()} == {c.id: c.key["n"] / 7 for c in cells}
+
+
+@pytest.mark.skipif(len(getattr(os, "sched_getaffinity", lambda _: ())(0)) < 2, reason="there are no two cores")
+def test_timed_cells_run_on_separate_cores(tmp_path):
+    toys = [toy_cells.cell(n, function=toy_cells.core, where=ALONE) for n in range(6)]
+    entries, failed, _ = lines.measure(tmp_path / "rows", toys, lambda *_: None, jobs=3)
+    rows = [entries[cell.id].rows["toys"][0] for cell in toys]
+    assert not failed
+    assert {len(r["x"]) for r in rows} == {1}
+    for one in rows:
+        beside = [r for r in rows if abs(r["seconds"] - one["seconds"]) < 0.25]
+        assert [r["n"] for r in beside if r["x"] == one["x"]] == [one["n"]]
+    free = [toy_cells.cell(n, function=toy_cells.core, where=POOL) for n in range(2)]
+    entries, *_ = lines.measure(tmp_path / "free", free, lambda *_: None, jobs=2)
+    assert all(len(e.rows["toys"][0]["x"]) > 1 for e in entries.values()), "the control: others go where they want"
+
+
+def test_pool_is_parallel_and_reports_a_failed_cell(tmp_path):
+    toys = [toy_cells.cell(n, 1.0, where=POOL) for n in range(4)]
+    toys += [toy_cells.cell(5, function=toy_cells.die, where=POOL)]
+    began = time.monotonic()
+    entries, failed, _ = lines.measure(tmp_path / "rows", toys, lambda *_: None, jobs=4)
+    assert time.monotonic() - began < 4.0
+    assert set(entries) == {cell.id for cell in toys[:4]}
+    assert [line.partition(": ")[2] for line in failed] == ["its process died"]

@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from phasebench.benchmarks.measure.battery import as_problem
 from phasebench.benchmarks.problems import problem
 from phasebench.integrators import integrate, integrate_ensemble, prepare
+from phasebench.integrators.compile.codegen import compiled
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.registry import METHODS
 from phasebench.integrators.request import grid
@@ -17,14 +19,15 @@ from phasebench.integrators.stepping.orbit_lanes import LANES
 FAMILIES = {m.family: m for m in reversed(METHODS)}.values()
 CHOSEN = [*FAMILIES, *(m for m in METHODS if m.family in ("adaptive", "field", "wisdom_holman"))]
 N = LANES.n + 1
-PROBLEMS = ("henon-heiles:box", "perturbed-kepler", "fpu")
+PROBLEMS = [problem(name) for name in ("henon-heiles:box", "perturbed-kepler", "fpu", "kerr")]
+PROBLEMS += [as_problem(name) for name in ("rods", "asymmetric-top")]
 
 
 @pytest.mark.parametrize("method", CHOSEN, ids=lambda m: m.id)
 def test_a_run_back_in_time_mirrors_the_run_ahead(method):
-    made = next((p for p in map(problem, PROBLEMS) if not method.lacks(p.system)), None)
-    if made is None:
-        pytest.skip("none of the problems is one of its kind")
+    if "magnetic" in method.requires:
+        pytest.skip("a magnetic field has to be turned round, too: test_magnetic.py does it")
+    made = next(p for p in PROBLEMS if not method.lacks(p.system))
     ahead = integrate(made, method, h=0.02, steps=50)
     back = integrate(made, method, h=-0.02, steps=50, p0=[-x for x in made.p0])
     assert (ahead.status, back.status) == ("ok", "ok")
@@ -84,7 +87,7 @@ def test_ensembles_sections_and_prepared_runs_go_back():
     made = problem("henon-heiles")
     Q, P = np.array([[0.0, 0.1 + 0.01 * k] for k in range(N)]), np.tile([0.3, 0.1], (N, 1))
     ahead, back = (integrate_ensemble(made, "stormer-verlet", Q, s * P, h=0.1, t_end=s * 20.0) for s in (1.0, -1.0))
-    assert back.in_lanes.all() == ahead.in_lanes.all()
+    assert back.in_lanes.all() == ahead.in_lanes.all() == compiled()
     assert (back.t == -ahead.t).all()
     np.testing.assert_allclose(back.q, ahead.q, atol=1e-12)
     np.testing.assert_allclose(back.p, -ahead.p, atol=1e-12)
@@ -93,8 +96,10 @@ def test_ensembles_sections_and_prepared_runs_go_back():
     )
     falling = section(made, "stormer-verlet", Q, -P, of="q1", h=0.1, t_end=-20.0, rising=True)
     np.testing.assert_allclose(falling.t, -one.t, atol=1e-9)
+    mirrored = section(made, "stormer-verlet", Q, P, of="q1", h=0.1, t_end=20.0, rising=False)
+    np.testing.assert_allclose(other.t, -mirrored.t, atol=1e-9)
     assert len(one) == len(falling) > 20
-    assert (other.t < 0).all()
+    assert len(other) > 20
     run = prepare(problem("pendulum"), "stormer-verlet")
     q, p, _ = run(0.1, 30)
     q, p, _ = run(-0.1, 30, q0=q, p0=p)

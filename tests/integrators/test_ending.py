@@ -9,6 +9,7 @@ from importlib import import_module
 import numpy as np
 import pytest
 
+import phasebench as pb
 from phasebench import integrators
 from phasebench.integrators import Hamiltonian
 from phasebench.integrators.outcome import describe_approach, describe_crossing, describe_escape, judge
@@ -155,3 +156,6 @@ def test_every_argument_may_be_named():
     for f in functions:
         kinds = {p.kind for p in inspect.signature(f).parameters.values()}
         assert inspect.Parameter.POSITIONAL_ONLY not in kinds, f.__qualname__
+    for f in (pb.integrate, pb.integrate_ensemble, pb.section):
+        found = inspect.signature(f).parameters
+        assert {found[name].kind for name in ("h", "t_end", "steps")} == {inspect.Parameter.KEYWORD_ONLY}, f.__name__

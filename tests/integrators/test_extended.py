@@ -326,9 +326,16 @@ def test_the_tableau_of_order_two():
 
 
 def test_no_explicit_tableau_is_symplectic():
-    """Its conditions for i = j are b_i^2 = 0."""
-    *_, b = method("extended-midpoint-4").data
-    assert min(x * x for x in b) > 0
+    """Every explicit tableau misses the conditions b_i a_ij + b_j a_ji = b_i b_j; the midpoint rule meets them."""
+
+    def defect(A, b):
+        pairs = [(i, j) for i in range(len(b)) for j in range(len(b))]
+        return max(abs(b[i] * A[i][j] + b[j] * A[j][i] - b[i] * b[j]) for i, j in pairs)
+
+    for id in [m.id for m in METHODS if m.id.startswith("extended-midpoint-")]:
+        *A, b = method(id).data
+        assert defect(A, b) > 0.01, id
+    assert defect([[0.5]], [1.0]) == 0
 
 
 # -- the copy ---------------------------------------------------------------------------------------------------------

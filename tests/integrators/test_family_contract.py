@@ -119,6 +119,7 @@ def test_orbits_in_lanes_end_as_one_alone(pair):
     Q, P = np.tile([0.5, 0.2], (n, 1)) + np.arange(n)[:, None] / 50, np.tile([0.1, 0.4], (n, 1))
     many = pb.integrate_ensemble(system, pair[0], Q, P, h=0.05, steps=40)
     assert set(many.status) == {"ok"}
+    assert many.in_lanes.all()
     alone = end(pb.integrate(system, pair[0], h=0.05, steps=40, q0=Q[3], p0=P[3]))
     assert np.abs(np.concatenate([many.q[3], many.p[3]]) - alone).max() < 1e-13
 

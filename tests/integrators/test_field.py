@@ -160,7 +160,7 @@ if __name__ == "__main__":
 
 
 @pytest.mark.parametrize("name", ["gauss-4-field", "gauss-8-field"])
-@pytest.mark.parametrize("turned", [0.0, 1e-16, 1e-12, 1e-6])
+@pytest.mark.parametrize("turned", [1e-16, 1e-12, 1e-6])
 def test_a_coordinate_at_rest_does_not_shorten_steps(name, turned):
     """q' = 0 at p = 0 for H = exp(q) - q + exp(p) - p + ...; a tiny p must not make the steps shorter."""
     made = Hamiltonian(q="q", p="p", H="exp(q) - q + exp(p) - p + q**2*p**2/100")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 
@@ -176,7 +177,8 @@ def test_two_parts_are_a_splitting():
 def test_orbits_side_by_side_are_those_alone():
     system, q, p = SYSTEMS["many-parts"]()
     starts = np.array(p) * (1 + np.linspace(0, 0.1, 9))[:, None]
-    many = integrate_ensemble(system, "abc-4", h=0.1, steps=50, Q=np.tile(q, (9, 1)), P=starts)
+    many = integrate_ensemble(system, "abc-4", h=0.1, steps=50, Q=np.tile(q, (9, 1)), P=starts, lanes=True)
+    assert many.in_lanes.all()
     for k in (0, 4, 8):
         alone = integrate(system, "abc-4", h=0.1, steps=50, q0=q, p0=starts[k])
         assert many.q[k] == pytest.approx(alone.q[-1], abs=1e-14)
@@ -185,11 +187,25 @@ def test_orbits_side_by_side_are_those_alone():
 # -- problems ----------------------------------------------------------------------------------------------------------
 
 
-def test_a_problem_from_the_cache_has_its_parts():
-    for _ in range(2):  # the second process finds the first one's
-        words = [sys.executable, "-m", "phasebench", "integrate", "kerr", "abc-2", "--h", "1", "--steps", "2", "--json"]
-        found = subprocess.run(words, capture_output=True, text=True, check=True)
-        assert json.loads(found.stdout)["status"] == "ok"
+def test_a_problem_from_the_cache_has_its_parts(tmp_path):
+    """The second process finds what the first one derived, and needs no formulae."""
+    script = """
+import json, sys
+import phasebench as pb
+status = pb.integrate("kerr", "abc-2", h=1.0, steps=2).status
+print(json.dumps([status, "sympy" in sys.modules]))
+"""
+    found = []
+    for _ in range(2):
+        done = subprocess.run(
+            [sys.executable, "-c", script],
+            capture_output=True,
+            text=True,
+            check=True,
+            env=os.environ | {"PHASEBENCH_CACHE": str(tmp_path)},
+        )
+        found.append(json.loads(done.stdout.splitlines()[-1]))
+    assert found == [["ok", True], ["ok", False]]
 
 
 def test_carters_constant_is_kept_and_kerr_without_spin_is_schwarzschild():

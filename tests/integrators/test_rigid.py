@@ -254,7 +254,8 @@ def test_orbits_side_by_side_are_those_alone():
     body, q, p = SYSTEMS[RIGID[0]]()
     starts = np.array(p) * (1 + np.linspace(0, 0.1, 9))[:, None]
     for id in ("rigid-reich", "moser-veselov", "lie-midpoint"):
-        many = integrate_ensemble(body, id, h=0.1, steps=50, Q=np.tile(q, (9, 1)), P=starts)
+        many = integrate_ensemble(body, id, h=0.1, steps=50, Q=np.tile(q, (9, 1)), P=starts, lanes=True)
+        assert many.in_lanes.all()
         for k in (0, 4, 8):
             alone = integrate(body, id, h=0.1, steps=50, q0=q, p0=starts[k])
             assert many.q[k] == pytest.approx(alone.q[-1], abs=1e-14)

@@ -148,6 +148,7 @@ def test_the_extra_force_is_that_of_the_problem():
 def test_initial_data_may_be_given():
     made = problem("kepler")
     circle = {"q0": [0.0, 1.0], "p0": [-1.0, 0.0]}
+    checked = set()
     for p in PEERS:
         if p.lacks(made, made.system) or p.package in native.LIBRARIES:  # those are compiled in test_peers_native
             continue
@@ -159,6 +160,8 @@ def test_initial_data_may_be_given():
         assert np.abs(np.hypot(*solution.q.T) - 1).max() < 1e-3, p.id
         exact = [-np.sin(t_end / 4), np.cos(t_end / 4)]
         assert np.abs(solution.q[25] - exact).max() < 1e-2, p.id
+        checked.add(p.package)
+    assert checked >= {"heyoka", "rebound", "scipy"}
 
 
 def test_a_blow_up_keeps_the_rows_before_it():
