@@ -12,13 +12,15 @@ from .order import flow
 from .stepping import StepFailed, report_failures
 from .subject import Subject
 
-#: The time of a run, and the tolerances.
+#: The time of a run, in the unit of time of a test system, and the tolerances.
 T_END = 4.0
+#: The reference's uncertainty is at most this share of the state.
+KNOWN = 1e-12
 TOLERANCES = (1e-4, 1e-6, 1e-8, 1e-10)
 
 
 def end(subject: Subject, entry: Entry, y: np.ndarray, tol: float) -> tuple[np.ndarray, int]:
-    """Run an adaptive integrator on a test system from the state y, array (2 d,), to t = `T_END` at a tolerance.
+    """Run an adaptive integrator on a test system from the state y, array (2 d,), to `T_END` units of time.
 
     Returns (end state, array (2 d,); number of evaluations of dH/dq and dH/dp together).  Raises StepFailed if the run
     fails, and InputChanged if it changes the q or p that it was given.
@@ -26,11 +28,12 @@ def end(subject: Subject, entry: Entry, y: np.ndarray, tol: float) -> tuple[np.n
     Parameters
     ----------
     subject, entry : the integrator, and the test system
+    tol : the tolerance
     """
     system, d = own_step.System(entry.system), entry.system.d
     q, p = y[:d].copy(), y[d:].copy()
     with report_failures(subject, f"the run on {entry.name} with tol = {tol:g}"):
-        pair = subject.run(system, q, p, T_END, tol)
+        pair = subject.run(system, q, p, T_END * entry.unit, tol)
     try:
         state = np.concatenate(own_step.check_pair(pair, d))
     except InvalidInput as error:
@@ -44,10 +47,15 @@ class InputChanged(Exception):
     """Raised for a run that changed the q or p it was given."""
 
 
+class Unknown(Exception):
+    """Raised for a test system whose reference is too uncertain."""
+
+
 def tolerances(subject: Subject, entry: Entry, seed: int) -> dict:
     """Run an adaptive integrator on a system at each of `TOLERANCES`; return a row for the certificate.
 
-    The initial state is that of ``entry``, displaced at random by the seed.
+    The initial state is that of ``entry``, displaced at random by the seed.  An error that is no number counts as
+    infinite.  Raises Unknown if the reference is too uncertain.
 
     Returns
     -------
@@ -57,7 +65,10 @@ def tolerances(subject: Subject, entry: Entry, seed: int) -> dict:
         ``energy``, the |H - H(0)| at the end; ``evaluations`` of dH/dq and dH/dp together
     """
     y, errors, energies, counts = entry.start(seed), [], [], []
-    truth = flow(entry, seed, T_END, 32)[0].astype(float)
+    exact, doubt = flow(entry, seed, T_END * entry.unit, 32)
+    truth = exact.astype(float)
+    if not float(doubt) <= KNOWN * float(np.abs(truth).max()):
+        raise Unknown(f"the reference on {entry.name} is known to {float(doubt):.0e} only")
     size, d = float(np.abs(truth).max()), entry.system.d
     states = []
     for tol in TOLERANCES:
@@ -65,7 +76,8 @@ def tolerances(subject: Subject, entry: Entry, seed: int) -> dict:
         states.append(state)
         rows = np.array([y, state])
         H = entry.system.observe(entry.system.H, rows[:, :d], rows[:, d:])
-        errors.append(float(np.abs(state - truth).max()) / size)
+        error = float(np.abs(state - truth).max()) / size
+        errors.append(error if np.isfinite(error) else np.inf)
         energies.append(float(abs(H[1] - H[0])))
         counts.append(evaluations)
     again = end(subject, entry, y, TOLERANCES[0])[0]

@@ -10,7 +10,6 @@ from phasebench.benchmarks.measure import linear_stability
 from phasebench.integrators.compile.codegen import MULTIPRECISION, precision
 
 from .battery import Entry, oscillator
-from .order import numerical
 from .stepping import DIGITS, StepFailed, Stepper
 from .structure import SMOOTH, smooth
 from .subject import Subject
@@ -120,8 +119,19 @@ def stability(subject: Subject) -> dict:
 
     The row has the ``limit``, the stable ``intervals`` of h omega up to ``scanned``, and as ``radius`` pairs (h omega,
     spectral radius of the step).  If no limit was measured it has only the ``reason``: too many evaluations, a step
-    that is not a linear map on the oscillator, or a solver that does not converge.
+    that is not a linear map on the oscillator, a solver that does not converge, or, where stability is not claimed, a
+    step that raises at such steps.
     """
+    try:
+        return _stability(subject)
+    except StepFailed as failure:
+        if "stability" in subject.own.claims and not failure.numerical:
+            raise
+        return {"on": oscillator().name, "reason": str(failure)}
+
+
+def _stability(subject: Subject) -> dict:
+    """Measure as `stability` does; raises StepFailed if the step fails at h omega = 1, or by a bug."""
     entry = oscillator()
     stepper = Stepper(subject, entry)
     stepper(stepper.state((1.0, 0.0)), 1.0)
@@ -132,7 +142,7 @@ def stability(subject: Subject) -> dict:
         try:
             columns = [stepper.run(unit, z, steps, every=steps) for unit in ((1.0, 0.0), (0.0, 1.0))]
         except StepFailed as failure:
-            if not numerical(failure):
+            if not failure.numerical:
                 raise
             return None
         return np.array([c[-1] for c in columns]).T if all(len(c) == 2 for c in columns) else None

@@ -14,7 +14,7 @@ from phasebench.integrators.compile.codegen import MULTIPRECISION, precision
 from phasebench.integrators.systems.formula import parse
 
 from .battery import Entry
-from .order import EPS, numerical
+from .order import EPS
 from .stepping import DIGITS, StepFailed, Stepper
 from .subject import Subject
 
@@ -45,7 +45,7 @@ def long_run(subject: Subject, entry: Entry, seed: int) -> dict:
         try:
             rows = stepper.run(y, h, steps)
         except StepFailed as failure:
-            if not numerical(failure):
+            if not failure.numerical:
                 raise
             why = str(failure)
             continue
@@ -60,6 +60,11 @@ def _row(entry: Entry, rows: np.ndarray, h: float, steps: int) -> dict:
     Q, P = rows[:, :d], rows[:, d:]
     t = h * np.arange(len(rows))
     row = {"on": entry.name, "status": "ok", "reason": "", "h": h, "steps": steps, "time": float(t[-1])}
+    H = system.observe(system.H, Q, P)
+    if not np.isfinite(H).all():
+        n = int(np.argmax(~np.isfinite(H)))
+        why = f"after {n} steps of h = {h:g} the energy was not finite"
+        return {"on": entry.name, "status": "diverged", "reason": why}
     H, kept = energy(system, t, Q, P)
     row["energy"] = kept | {"steps": steps}
     if entry.invariant:
@@ -74,8 +79,10 @@ def _row(entry: Entry, rows: np.ndarray, h: float, steps: int) -> dict:
     return row
 
 
-def round_off(subject: Subject, entry: Entry, seed: int) -> dict:
+def round_off(subject: Subject, entry: Entry, seed: int) -> dict | None:
     """Measure the round-off in the energy in each of `ROUNDED` steps; return a row with mean and standard deviation.
+
+    None if the energy does not stay finite.
 
     Both are in units of eps times the energy; ``biased`` says whether the mean differs from zero.
     """
@@ -87,6 +94,8 @@ def round_off(subject: Subject, entry: Entry, seed: int) -> dict:
         for _ in range(ROUNDED):
             true, y = exact(exact.state(y), h), double(y, h)
             errors.append(float(H(y[:d], y[d:]) - H(true[:d], true[d:])) / EPS / size)
+    if not np.isfinite(errors).all():
+        return None
     mean, deviation = float(np.mean(errors)), float(np.std(errors))
     sure = deviation / np.sqrt(len(errors)) * SURE
     return {"on": entry.name, "mean": mean, "deviation": deviation, "biased": bool(abs(mean) > sure), "steps": ROUNDED}

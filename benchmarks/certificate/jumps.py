@@ -13,7 +13,7 @@ from collections.abc import Callable
 import numpy as np
 
 from .battery import Entry, time_unit
-from .order import EPS, numerical
+from .order import EPS
 from .stepping import StepFailed, Stepper
 from .structure import DISPLACEMENT, ROUNDED
 from .subject import Subject
@@ -110,7 +110,7 @@ def _images(stepper: Stepper, path: Callable, t: np.ndarray, h: float) -> np.nda
         try:
             end = stepper(path(x), h)
         except StepFailed as failure:
-            if not numerical(failure):
+            if not failure.numerical:
                 raise
             break
         if not np.isfinite(end).all():

@@ -17,7 +17,6 @@ import traceback
 import warnings
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext
-from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
@@ -32,6 +31,8 @@ if TYPE_CHECKING:
 
 #: Seconds between interruptions, since a step may catch one; from the first to a dump of the stack; to the kill.
 AGAIN, NOTE, GRACE = 0.25, 1.0, 2.0
+#: The longest time limit, in seconds: operating systems do not wait much longer.
+LONGEST = 1e6
 PLACE = re.compile(r'File "(?P<file>[^"]+)", line (?P<line>\d+)')
 
 
@@ -73,8 +74,8 @@ def within(limit: float, measure: Callable, unfinished: Callable, tell: Callable
     InvalidInput
         If ``measure`` raises it, the limit is not a positive number, or processes cannot be forked.
     """
-    if not (isfinite(limit) and limit > 0):
-        raise InvalidInput(f"the time limit is {limit!r}; it must be a positive number of seconds")
+    if not 0 < limit <= LONGEST:
+        raise InvalidInput(f"the time limit is {limit!r}; it must be a positive number of seconds, at most {LONGEST:g}")
     if "fork" not in multiprocessing.get_all_start_methods():
         raise InvalidInput("a time limit needs a system that can fork processes, such as Linux or macOS")
     context = multiprocessing.get_context("fork")

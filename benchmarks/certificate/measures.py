@@ -75,6 +75,9 @@ def fill_tables(chosen: Subject, run: Run, own: list[Entry], tell: Callable[[str
     special = next((of for trait, of in battery.BY_TRAIT.items() if trait in chosen.own.requires), None)
     battery_of = special or battery.entries
     entries = _able(chosen, own or battery_of(), tables)
+    if any(entry.system.constrained for entry in entries):
+        wanted.discard("volume")
+        tables.failed["volume"] = "on a manifold, volume is not measured"
     run.doubles = "an adaptive integrator has no step" if chosen.adaptive else ""
     try:
         if chosen.adaptive:
@@ -94,11 +97,11 @@ def fill_tables(chosen: Subject, run: Run, own: list[Entry], tell: Callable[[str
 
 
 def _able(chosen: Subject, entries: Iterable[Entry], tables: Tables) -> list[Entry]:
+    entries = list(entries)
     able = [e for e in entries if chosen.lacks(e.system) is None]
     if not able:
-        tables.failed["runs"] = (
-            f"the battery has no system of the kind that it requires: {', '.join(chosen.own.requires)}"
-        )
+        why = next(filter(None, (chosen.lacks(e.system) for e in entries)), "there is no system")
+        tables.failed["runs"] = f"none of the systems is of the kind that it requires: {why}"
     return able
 
 
@@ -163,7 +166,8 @@ def _step(
         tables.rows.setdefault("long", []).append(conservation.long_run(chosen, entry, seed))
     tables.done.add("long")
     if "round_off" in wanted and not doubles:
-        tables.rows["round_off"] = [conservation.round_off(chosen, entries[min(1, len(entries) - 1)], seed)]
+        rounded = conservation.round_off(chosen, entries[min(1, len(entries) - 1)], seed)
+        tables.rows["round_off"] = [rounded] if rounded else []
     if "place" in wanted:
         _place(chosen, tables, tell)
     return doubles
@@ -245,6 +249,9 @@ def _adaptive(chosen: Subject, entries: list[Entry], tables: Tables, seed: int, 
             row = adaptive.tolerances(chosen, entry, seed)
         except adaptive.InputChanged:
             tables.rows.setdefault("input", []).append({"on": entry.name, "value": 1.0, "later": 0.0})
+            continue
+        except adaptive.Unknown as unknown:
+            tables.failed["tolerance"] = str(unknown)
             continue
         tables.rows.setdefault("runs", []).append({"on": entry.name, "status": "ok", "reason": ""})
         tables.rows.setdefault("input", []).append({"on": entry.name, "value": 0.0, "later": 0.0})

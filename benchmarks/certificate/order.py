@@ -47,8 +47,6 @@ DOUBLES, SOLVERS = 20 * EPS, 1e-13
 FINEST = 1e-34
 #: Relative errors above this are too large to tell an order.
 SATURATED = 0.1
-#: Names of the exceptions with which a step fails numerically, not by a bug.
-NUMERICAL = ("ArithmeticError", "ZeroDivisionError", "OverflowError", "FloatingPointError", "LinAlgError")
 #: A ladder in many digits with more noise than this (from coefficients in doubles) is fitted by `fit_series`, too.
 ROUGH = 1e-17
 #: Powers of h that are fitted to a ladder, the highest order tried, and the multiple of its uncertainty that is sure.
@@ -164,7 +162,7 @@ def ladder_errors(stepper: Stepper, seed: int, noise: float = 0.0) -> tuple[np.n
             try:
                 rows = stepper.run(entry.start(seed), h, n, every=n)
             except StepFailed as failure:
-                if not numerical(failure):
+                if not failure.numerical:
                     raise
                 rows = ()
             away.append(((rows[-1] - truth) / sizes).astype(float) if len(rows) == 2 else np.full(len(truth), np.nan))
@@ -182,11 +180,6 @@ def rungs(stepper: Stepper) -> tuple[int, ...]:
     before = sum(stepper.system.evaluations)
     stepper(stepper.state(stepper.entry.start(0)), stepper.number(float(SPAN) * stepper.entry.unit))
     return LADDER if sum(stepper.system.evaluations) - before <= DEAR else LADDER[:SHORTER]
-
-
-def numerical(failure: StepFailed) -> bool:
-    """True if a step failed numerically (a division by zero, stages that do not converge), not by a bug."""
-    return any(f"{kind}:" in str(failure) for kind in NUMERICAL)
 
 
 def order(stepper: Stepper, seed: int) -> dict:
@@ -286,7 +279,7 @@ def constant(stepper: Stepper, seed: int, found: metrics.Order) -> dict:
         try:
             end = stepper(y, step * entry.unit)
         except StepFailed as failure:
-            if not numerical(failure):
+            if not failure.numerical:
                 raise
             continue
         if np.isfinite(end).all():

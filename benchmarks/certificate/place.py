@@ -22,7 +22,6 @@ from phasebench.integrators.errors import InvalidInput
 
 from . import fronts
 from .battery import Entry
-from .order import numerical
 from .stepping import StepFailed, Stepper, report_failures
 from .subject import Subject
 
@@ -119,20 +118,27 @@ def own(subject: Subject, entry: Entry, problem: Problem, t_end: float, steps: i
     try:
         rows = stepper.run(np.array(entry.state), t_end / steps, steps, every=steps)
     except StepFailed as failure:
-        if not numerical(failure):
+        if not failure.numerical:
             raise
         rows = ()
     return float(max(stepper.system.evaluations)), rows[-1] if len(rows) == 2 else None
 
 
-def _tolerance(subject: Subject, entry: Entry, problem: Problem, t_end: float, tol: float) -> tuple[float, np.ndarray]:
+def _tolerance(
+    subject: Subject, entry: Entry, problem: Problem, t_end: float, tol: float
+) -> tuple[float, np.ndarray | None]:
     """Run a user's adaptive integrator from the state of ``entry`` to ``t_end`` at tolerance ``tol``.
 
-    Returns (gradient evaluations, end state, array (2 d,)).
+    Returns (gradient evaluations, end state, array (2 d,)); the state is None if the run fails numerically.
     """
     system, y, d = own_step.System(entry.system), np.array(entry.state), entry.system.d
-    with report_failures(subject, f"the run on {entry.name} with tol = {tol:g}"):
-        pair = subject.run(system, y[:d], y[d:], t_end, tol)
+    try:
+        with report_failures(subject, f"the run on {entry.name} with tol = {tol:g}"):
+            pair = subject.run(system, y[:d], y[d:], t_end, tol)
+    except StepFailed as failure:
+        if not failure.numerical:
+            raise
+        return float(max(system.evaluations)), None
     try:
         return float(max(system.evaluations)), np.concatenate(own_step.check_pair(pair, d))
     except InvalidInput as error:

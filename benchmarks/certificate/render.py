@@ -176,7 +176,7 @@ def _limits(certificate: Certificate) -> list[str]:
             f"{' and '.join(f'{h:g}' for h in STEPS)}."
         )
     if certificate.tables.of("tolerance"):
-        out.append(f"Errors are relative to the largest component of the state, at t = {T_END:g}.")
+        out.append(f"Errors are relative to the largest component of the state, after {T_END:g} units of time.")
     out.append(_systems(certificate))
     for r in certificate.tables.of("round_off"):
         grows = (

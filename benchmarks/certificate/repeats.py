@@ -78,7 +78,7 @@ class Calls:
         self._next = self.count + (1 if self.count < FIRST else int(self._rng.integers(1, 2 * self._every)))
         q_, p_ = np.array(q), np.array(p)
         pair = self.step(system, q, p, h)
-        with contextlib.suppress(TypeError, ValueError):
+        with contextlib.suppress(TypeError, ValueError, LookupError):
             end = np.concatenate([np.array(pair[0]), np.array(pair[1])])
             self.kept.append(Call(system, q_, p_, h, end, mpmath.mp.dps))
         if len(self.kept) > MOST:

@@ -16,7 +16,7 @@ import numpy as np
 from phasebench.integrators.compile.codegen import DOUBLE, MULTIPRECISION, precision, to_number
 
 from .battery import Entry, time_unit
-from .order import EPS, flow, numerical
+from .order import EPS, flow
 from .stepping import DIGITS, StepFailed, Stepper
 from .subject import Subject
 
@@ -95,7 +95,7 @@ def _error(stepper: Stepper, entry: Entry, seed: int, y: np.ndarray, h: float) -
     try:
         end = stepper(stepper.state(y), to_number(h, stepper.arithmetic))
     except StepFailed as failure:
-        if not numerical(failure):
+        if not failure.numerical:
             raise
         return float("nan"), None
     truth = flow(entry, seed, h, 1)[0]
@@ -112,7 +112,7 @@ def _distance(double: Stepper, entry: Entry, y: np.ndarray, h: float, end: np.nd
     try:
         other = double(y, h)
     except StepFailed as failure:
-        if not numerical(failure):
+        if not failure.numerical:
             raise
         return float("inf")
     away = np.abs((other - end.astype(float)) / entry.sizes).max() / np.abs(end.astype(float) / entry.sizes).max()

@@ -34,9 +34,16 @@ DIGITS = 40
 
 
 class StepFailed(Exception):
-    """A step that raised, or returned no state; ``place`` is the file and line of the user's code that raised."""
+    """A step that raised, or returned no state.
+
+    Attributes
+    ----------
+    place : the file and line of the user's code that raised
+    numerical : True if it failed numerically (a division by zero, stages that do not converge), not by a bug
+    """
 
     place = ""
+    numerical = False
 
 
 class Exact:
@@ -188,4 +195,5 @@ def report_failures(subject: Subject, what: str) -> Iterator[None]:
         first = (str(error).splitlines() or [""])[0]
         failure = StepFailed(f"{what}: {where}{': ' if where else ''}{type(error).__name__}: {first}")
         failure.place = where
+        failure.numerical = isinstance(error, (ArithmeticError, np.linalg.LinAlgError))
         raise failure from None

@@ -22,7 +22,7 @@ from phasebench.benchmarks.judge.evidence import between, shows_structure
 from phasebench.benchmarks.measure import step_map
 from phasebench.integrators.compile.codegen import DOUBLE, MULTIPRECISION, precision, to_number
 
-from .order import EPS, flow, numerical
+from .order import EPS, flow
 from .stepping import DIGITS, StepFailed, Stepper
 
 if TYPE_CHECKING:
@@ -52,7 +52,7 @@ def structure_row(stepper: Stepper, seed: int, defect: Callable) -> dict:
             with precision(DIGITS):
                 rows.append(_row(stepper, seed, h, defect))
         except StepFailed as failure:
-            if not numerical(failure):
+            if not failure.numerical:
                 raise
             why = str(failure)
             continue

@@ -147,16 +147,19 @@ def _import_object(name: str) -> Subject:
         sys.path.insert(0, here)
     try:
         with user_file.users_code(home, f"importing {home}"):
-            found = importlib.import_module(home)
+            owner = found = importlib.import_module(home)
             for part in path.split("."):
                 found = getattr(found, part)
+                if any(hasattr(found, says) for says in ("CLAIMS", "REQUIRES")):
+                    owner = found
     finally:
         if added:
             sys.path.remove(here)
     if not callable(found):
         raise InvalidInput(f"{name} is a {type(found).__name__}, which cannot be called")
     made = _of_function(found)
-    return replace(made, own=replace(made.own, id=name))
+    said = own_step.build_own_step(name, owner, found)
+    return replace(made, own=replace(made.own, id=name, claims=said.claims, requires=said.requires))
 
 
 def _of_function(function: Callable) -> Subject:
@@ -165,18 +168,29 @@ def _of_function(function: Callable) -> Subject:
         names = list(inspect.signature(function).parameters)
     except (TypeError, ValueError):
         names = []
-    if "tol" not in names:
+    # A tolerance of a step's own solver has a default; that of a run is passed.
+    if "tol" not in names or ("t_end" not in names and _takes(function, ("system", "q", "p", "h"))):
         return Subject(own_step.from_function(function))
     where = getattr(getattr(function, "__code__", None), "co_filename", "the run")
     _binds(function, ("system", "q", "p", "t_end", "tol"), where)
     return Subject(OwnStep(getattr(function, "__name__", "run"), function, where=where), function)
 
 
+def _takes(function: Callable, names: tuple[str, ...]) -> bool:
+    """True if a function can be called with these arguments, by position."""
+    try:
+        inspect.signature(function).bind(*names)
+    except (TypeError, ValueError):
+        return False
+    return True
+
+
 def _binds(function: Callable, names: tuple[str, ...], where: str) -> None:
     try:
         inspect.signature(function).bind(*names)
-    except TypeError as error:
-        raise InvalidInput(f"{where}: it is called as {function.__name__}({', '.join(names)}): {error}") from None
+    except (TypeError, ValueError) as error:
+        called = f"{getattr(function, '__name__', 'run')}({', '.join(names)})"
+        raise InvalidInput(f"{where}: it is called as {called}: {error}") from None
 
 
 def _of_registered(chosen: Integrator) -> Subject:

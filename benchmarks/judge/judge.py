@@ -63,7 +63,7 @@ def gross_failure(found: list[Judgement]) -> str:
         if j.verdict == HOLDS:
             continue
         if j.name == "runs" and j.measured != OVER:
-            return "it does not run"
+            return j.why if j.verdict == UNJUDGED else "it does not run"
         if j.name == "consistent" and (
             j.verdict == UNJUDGED or not isinstance(j.measured, float) or j.measured > WRONG
         ):
@@ -76,6 +76,6 @@ def offers(claims: Mapping[str, Any], tables: Tables) -> list[str]:
     out = []
     for name, check in CHECKS.items():
         if name not in claims and tables.of(check.measure):
-            held = next((x for x in check.candidates(tables) if check.judge(x, tables).verdict == HOLDS), None)
+            held = next((x for x in check.candidates(tables) if judgement(check, x, tables).verdict == HOLDS), None)
             out += [] if held is None else [name if held is True else f"{name}={held}"]
     return out

@@ -1,0 +1,160 @@
+"""``validate`` on right steps that fail far from what is claimed, and on wrong ones whose numbers are not finite."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import phasebench as pb
+from phasebench.benchmarks.certificate import adaptive, battery, behaviour, conservation
+from phasebench.benchmarks.certificate.certificate import validate
+from phasebench.benchmarks.certificate.subject import subject
+from phasebench.benchmarks.judge.checks import CHECKS
+from phasebench.benchmarks.judge.evidence import Tables
+from phasebench.integrators.errors import InvalidInput
+from support.steps import leapfrog
+
+
+def oscillator(omega: float, **more):
+    """The problem H = p^2 / 2 + omega^2 q^2 / 2, started at (1, omega)."""
+    system = pb.Hamiltonian(q="q", p="p", H=f"p**2/2 + {omega**2}*q**2/2")
+    return pb.Problem(id="osc", name="o", source="me", system=system, orbits=(pb.Orbit("start", (1.0,), (omega,)),))
+
+
+def verdicts(certificate) -> dict[str, str]:
+    """{name of a requirement or claim: its verdict}."""
+    return {j.name: j.verdict for j in certificate.claims}
+
+
+def implicit_midpoint(system, q, p, h, tol=1e-15):
+    a, b = q, p
+    for _ in range(100):
+        x, y = (q + a) / 2, (p + b) / 2
+        c, d = q + h * system.dH_dp(x, y), p - h * system.dH_dq(x, y)
+        done = max(abs(c - a).max(), abs(d - b).max()) <= tol
+        a, b = c, d
+        if done:
+            break
+    return a, b
+
+
+def dop853(system, q, p, t_end, tol):
+    d = len(q)
+
+    def f(t, y):
+        return np.concatenate([system.dH_dp(y[:d], y[d:]), -system.dH_dq(y[:d], y[d:])])
+
+    y = solve_ivp(f, (0, t_end), np.concatenate([q, p]), method="DOP853", rtol=max(tol, 3e-14), atol=tol).y[:, -1]
+    return y[:d], y[d:]
+
+
+# -- steps that are refused or fail -----------------------------------------------------------------------------------
+
+
+class NotConverged(ArithmeticError):
+    """The error of a user's own solver."""
+
+
+def refuses(error):
+    """A leapfrog that raises this error at steps above 1/2."""
+
+    def step(system, q, p, h):
+        if abs(h) > 0.5:
+            raise error("h is too large")
+        return leapfrog(system, q, p, h)
+
+    return step
+
+
+@pytest.mark.parametrize("error", [ValueError, NotConverged])
+def test_a_refusal_of_long_steps_leaves_the_stability_unmeasured(error):
+    row = behaviour.stability(subject(refuses(error), {}, ("separable",)))
+    assert "limit" not in row
+    assert "h is too large" in row["reason"]
+    assert behaviour.stability(subject(leapfrog, {}, ("separable",)))["limit"] == pytest.approx(2.0)
+
+
+def test_a_claimed_stability_is_not_judged_where_the_solver_fails():
+    """A bug is told, whatever is claimed; a failure of the numbers leaves the claim open."""
+    assert "limit" not in behaviour.stability(subject(refuses(NotConverged), {"stability": 2.0}, ("separable",)))
+    with pytest.raises(Exception, match="ValueError: h is too large"):
+        behaviour.stability(subject(refuses(ValueError), {"stability": 2.0}, ("separable",)))
+
+
+def test_coefficients_whose_equations_fail_at_long_steps_run():
+    found = verdicts(validate({"A": [["9/10"]], "b": [1]}, order=1))
+    assert (found["runs"], found["order"]) == ("holds", "holds")
+
+
+# -- what is a step, and what it says of itself -----------------------------------------------------------------------
+
+
+def test_a_step_with_an_optional_tolerance_is_a_step():
+    assert not subject(implicit_midpoint).adaptive
+    assert subject(dop853).adaptive
+    assert subject(lambda system, q, p, T, tol: (q, p)).adaptive
+    assert subject(lambda system, q, p, t_end, tol=1e-6: (q, p)).adaptive
+
+
+def test_a_step_by_its_modules_name_keeps_its_claims(tmp_path, monkeypatch):
+    text = "CLAIMS = {'order': 2}\nREQUIRES = ('separable',)\ndef step(system, q, p, h): return q, p\n"
+    (tmp_path / "of_module.py").write_text(text)
+    monkeypatch.syspath_prepend(tmp_path)
+    own = subject("of_module:step").own
+    assert (own.claims, own.requires) == ({"order": 2}, ("separable",))
+
+
+# -- numbers that are not finite --------------------------------------------------------------------------------------
+
+
+def test_an_energy_that_overflows_is_not_preserved():
+    def explodes(system, q, p, h):
+        a, b = system.dH_dp(q, p), -system.dH_dq(q, p)
+        return q + h * a + 5 * h * h * q, p + h * b + 5 * h * h * p
+
+    entry = battery.of_problem(oscillator(0.9))
+    row = conservation.long_run(subject(explodes), entry, 0)
+    assert row["status"] == "diverged"
+    assert CHECKS["energy"].judge("preserved", Tables({"long": [row]})).verdict != "holds"
+
+
+def test_results_that_are_no_numbers_contradict_a_tolerance():
+    def breaks(system, q, p, t_end, tol):
+        q, p = dop853(system, q, p, t_end, tol)
+        return (q * np.nan, p) if 5e-7 < tol < 5e-6 else (q, p)
+
+    entry = battery.entries()[0]
+    for run, expected in ((dop853, "holds"), (breaks, "contradicted")):
+        row = adaptive.tolerances(subject(run), entry, 0)
+        assert CHECKS["tolerance"].judge(1e6, Tables({"tolerance": [row]})).verdict == expected
+
+
+# -- the problem of one's own -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("omega", [200.0, 1e-3])
+def test_an_adaptive_run_is_measured_in_the_problems_own_time(omega):
+    row = adaptive.tolerances(subject(dop853), battery.of_problem(oscillator(omega)), 0)
+    assert row["errors"][-1] < 1e-8 < row["errors"][0]
+
+
+def test_a_problem_at_rest_is_not_taken_for_reversible():
+    system = pb.Hamiltonian(q="q1 q2", p="p1 p2", H="(p1**2 + p2**2)/2 + (q2*p1 - q1*p2)/2 + q1**2 + 2*q2**2")
+    rest = pb.Orbit("start", (1.0, 0.5), (0.0, 0.0))
+    made = pb.Problem(id="coriolis", name="c", source="me", system=system, orbits=(rest,))
+    assert not battery.of_problem(made).reversible
+    assert battery.of_problem(oscillator(1.0)).reversible
+
+
+def test_a_problem_of_another_kind_is_named():
+    made = validate(leapfrog, order=2, requires="separable", problem="double-pendulum")
+    runs = next(j for j in made.claims if j.name == "runs")
+    order = next(j for j in made.claims if j.name == "order")
+    assert "separable" in runs.why
+    assert order.why == runs.why
+
+
+def test_a_time_limit_beyond_what_systems_wait_is_refused():
+    with pytest.raises(InvalidInput, match="at most 1e\\+06"):
+        validate(leapfrog, order=2, requires="separable", time_limit=3e6)
