@@ -112,15 +112,15 @@ def _plain(value: np.generic) -> Any:
 
 
 @contextlib.contextmanager
-def lock(folder: Path) -> Iterator[None]:
-    """Context manager: hold an exclusive lock on the run folder; raise InvalidInput if it is taken."""
+def lock(folder: Path, name: str = ".lock") -> Iterator[None]:
+    """Context manager: hold an exclusive lock, the file ``name`` in a folder; raise InvalidInput if it is taken."""
     try:
         import fcntl
     except ImportError:  # no file locks on this system
         yield
         return
     folder.mkdir(parents=True, exist_ok=True)
-    with (folder / ".lock").open("w") as stream:
+    with (folder / name).open("w") as stream:
         try:
             fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:

@@ -16,7 +16,7 @@ from phasebench.reference.files import write_file
 from . import schema, workers
 from .cells import ALONE, POOL, UNCOMPILED, Cell
 from .cluster import Cluster
-from .journal import Entry, Journal
+from .journal import Entry, Journal, lock
 from .json_text import json_text
 from .run import entry
 
@@ -122,6 +122,18 @@ def measure(
     entries, failures, unchanged : entry by cell id; texts of what failed; the number of cells that were not measured
         again
     """
+    with lock(path.parent, f".{path.name}.lock"):
+        return _measure(path, cells, progress, jobs, cluster)
+
+
+def _measure(
+    path: Path,
+    cells: Sequence[Cell],
+    progress: Callable[[str, int, int, float], None],
+    jobs: int,
+    cluster: Cluster | None,
+) -> tuple[dict[str, Entry], list[str], int]:
+    """Measure as `measure` does, while no other run writes to the file."""
     table = cells[0].tables[0] if cells else ""
     journal = Journal(path.with_name(f"{path.name}.part"))
     known = read(path, table) | journal.entries

@@ -69,6 +69,7 @@ class Outcome:
     entries : finished cells by id, including those of a run that was killed before
     sampled : rows by cell id, measured only to compare them with the stored ones
     failed : cell id -> why it could not be measured
+    unavailable : ids of cells that need what is not here, such as a package
     left : cells for which there was no time
     seconds : experiment -> seconds spent on its cells
     stored : the tables as they were before the run, by name
@@ -80,6 +81,7 @@ class Outcome:
     entries: dict[str, Entry] = field(default_factory=dict)
     sampled: dict[str, Rows] = field(default_factory=dict)
     failed: dict[str, str] = field(default_factory=dict)
+    unavailable: set[str] = field(default_factory=set)
     left: list[Cell] = field(default_factory=list)
     seconds: dict[str, float] = field(default_factory=dict)
     stored: dict[str, tables.Table] = field(default_factory=dict)
@@ -225,14 +227,15 @@ def execute(
         if selected is None and not everything and not quick and spare > time.monotonic():
             picked = sample(todo.rest, known, spare - time.monotonic(), seed, count)
             work.measure(picked, spare, compared=True)
-        out.left = [c for c in (*todo.changed, *todo.own) if c.id not in out.entries and c.id not in out.failed]
+        known_end = out.entries.keys() | out.failed.keys() | out.unavailable
+        out.left = [c for c in (*todo.changed, *todo.own) if c.id not in known_end]
         if out.left:
             out.notes.append(
                 f"{len(out.left)} cells are not measured by this version of the code on this machine: the budget of "
                 f"{budget:g} s is spent; run again, or with --all"
             )
         tables.write(folder, cells, out.entries, quick)
-        journal.drop(c.id for c in wanted)
+        journal.drop(out.entries)
     return out
 
 
@@ -284,6 +287,7 @@ class _Work:
         out.seconds[cell.experiment] = out.seconds.get(cell.experiment, 0.0) + answer.seconds
         error = _flaw(cell, answer.value) if answer.error is None else answer.error
         if error is not None and "Unavailable: " in error:
+            out.unavailable.add(cell.id)
             out.notes.append(f"{cell.label}: {error.partition('Unavailable: ')[2]}")
         elif error is not None:
             out.failed[cell.id] = error

@@ -34,8 +34,9 @@ def progress(stream: TextIO) -> Iterator[Callable[[str, int, int, float], None]]
         task = bar.add_task("", total=None, left="")
 
         def show(experiment: str, done: int, total: int, left: float) -> None:
-            seconds = f"about {left // 60:.0f}:{left % 60:02.0f} left"
-            bar.update(task, description=experiment, completed=done, total=total, left=seconds)
+            minutes, seconds = divmod(round(left), 60)
+            told = f"about {minutes}:{seconds:02} left" if left else ""
+            bar.update(task, description=experiment, completed=done, total=total, left=told)
 
         yield show
 

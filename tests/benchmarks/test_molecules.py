@@ -70,7 +70,7 @@ def tables(**changes):
     atoms = pd.DataFrame(heads, columns=["package", "settings"]).assign(told="x", mean=-10.0, spread=1e-3, drift=0.01)
     atoms = atoms.assign(uncertainty=0.01)
     molecule = pd.DataFrame(heads, columns=["package", "settings"])
-    molecule = molecule.assign(**{"distances": 1e-14, "energy drift": 1e-13, "angular momentum": 1e-13})
+    molecule = molecule.assign(**{"distances": 1e-14, "energy spread": 1e-13, "angular momentum": 1e-13})
     for frame in (atoms, molecule):
         for name, value in changes.items():
             if name in frame:
@@ -85,7 +85,7 @@ def tables(**changes):
         (page.drift, {"drift": 0.1}),
         (page.potential, {"mean": -9.9}),
         (page.distances, {"distances": 1e-8}),
-        (page.kinetic, {"energy drift": 1e-3}),
+        (page.kinetic, {"energy spread": 1e-3}),
     ],
 )
 def test_verdicts_follow_the_rows(verdict, bad):

@@ -15,7 +15,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from phasebench.benchmarks.store import compare, provenance, run, screen, tables, workers
+from phasebench.benchmarks import conftest
+from phasebench.benchmarks.store import compare, lines, provenance, run, screen, tables, workers
 from phasebench.benchmarks.store.cells import text
 from phasebench.benchmarks.store.journal import Entry, Journal, lock
 from phasebench.integrators.errors import InvalidInput
@@ -291,6 +292,40 @@ def _wait_for_progress(journal: Path, before: int, process) -> None:
         assert process.poll() is None, "it ended before it was killed"
         time.sleep(0.02)
     raise AssertionError("nothing was measured")
+
+
+def test_a_run_without_time_keeps_what_another_version_measured(tmp_path):
+    cells = [toy_cells.cell(n) for n in range(2)]
+    journal = Journal(tmp_path / "journal.jsonl")
+    journal.put(replace(entry(0), cell=cells[0].id))
+    execute(tmp_path, cells, budget=0)
+    assert [*Journal(tmp_path / "journal.jsonl").entries] == [cells[0].id]
+    execute(tmp_path, cells, everything=True)
+    assert not (tmp_path / "journal.jsonl").exists()
+
+
+def test_a_cell_without_its_package_waits_for_no_time(tmp_path):
+    outcome = execute(tmp_path, [toy_cells.cell(0), toy_cells.cell(1, function=toy_cells.lack)], everything=True)
+    assert (len(outcome.unavailable), outcome.left, outcome.failed) == (1, [], {})
+    assert [note.partition(": ")[2] for note in outcome.notes] == ["no compiler"]
+
+
+def test_a_second_run_into_one_file_of_rows_is_refused(tmp_path):
+    """The first one's rows would be lost."""
+    with lock(tmp_path, ".rows.jsonl.lock"), pytest.raises(InvalidInput, match="another run writes"):
+        lines.measure(tmp_path / "rows.jsonl", [toy_cells.cell(0)], lambda *_: None)
+    entries, *_ = lines.measure(tmp_path / "rows.jsonl", [toy_cells.cell(0)], lambda *_: None)
+    assert len(entries) == 1
+
+
+def test_a_quick_run_does_not_replace_full_tables(tmp_path):
+    cells = [toy_cells.cell(n) for n in range(2)]
+    conftest._refuse_full_tables(tmp_path, cells)
+    execute(tmp_path, cells, everything=True, quick=True)
+    conftest._refuse_full_tables(tmp_path, cells)
+    execute(tmp_path, cells, everything=True)
+    with pytest.raises(InvalidInput, match="tables of a full run"):
+        conftest._refuse_full_tables(tmp_path, cells)
 
 
 def test_journal_of_another_version_is_ignored(tmp_path):

@@ -222,11 +222,21 @@ def test_unexplained_shortfalls_are_counted():
     found = judge(matrix_page.declarations, matrix=cells)
     assert (found.outcome, found.measured) == (FAIL, Count(1, 3))
     assert found.where == "avf on pendulum: order 1.00, declared 2"
-    assert all(part in matrix_page.answer({"matrix": cells}.get) for part in ("1 of 3", "other 2", "1 for"))
+    assert all(part in matrix_page.answer({"matrix": cells}.get) for part in ("1 of 3", "2 fall short", "1 for"))
     explained = judge(matrix_page.declarations, matrix=cells.drop(index=1))
     assert (explained.outcome, explained.measured) == (PASS, Count(0, 2))
     lines = matrix_page.table({"matrix": cells}.get).frame
     assert list(lines["why"].str[:3]) == ["NOT", "ste"]
+
+
+def test_a_pair_whose_run_stopped_is_not_as_declared():
+    stopped = CELL | {"problem": "fpu", "energy": None, "energy_reason": "no-root"}
+    cells = frame(CELL, stopped)
+    found = judge(matrix_page.ended, matrix=cells)
+    assert (found.outcome, found.measured) == (FINDING, Count(1, 2))
+    assert found.where.endswith("on fpu (no-root)")
+    assert matrix_page.answer({"matrix": cells}.get).startswith("1 of 2 pairs")
+    assert judge(matrix_page.ended, matrix=frame(CELL)).outcome == PASS
 
 
 def test_missing_and_unsuitable_pairs_are_counted():

@@ -90,13 +90,15 @@ def near(table: pd.DataFrame) -> Verdict | None:
 
 
 @of(TABLE)
-def refusals(table: pd.DataFrame) -> Verdict:
-    """Judge whether every request that the brute-force search can meet is given advice."""
-    none = table[table["choice"].isna()]
-    wrong = none[none["best"].notna()] if "best" in none else none.head(0)
+def refusals(table: pd.DataFrame) -> Verdict | None:
+    """Judge whether every request that the brute-force search can meet is given advice; None if it met none."""
+    met = table[table["best"].notna()] if "best" in table else table.head(0)
+    wrong = met[met["choice"].isna()]
+    if met.empty:
+        return None
     return Verdict(
         "No request is refused that brute force can meet",
-        Count(len(wrong), len(table)),
+        Count(len(wrong), len(met)),
         NONE,
         "requests",
         where=join_list(list(wrong["ask"].astype(str)), 3) if len(wrong) else "",

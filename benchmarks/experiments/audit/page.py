@@ -207,7 +207,7 @@ def table(data: Data) -> Table | None:
     )
     caption += _count_unaudited(data("audit_unregistered"))
     if len(lines) > ROWS:
-        caption += f" {len(lines) - ROWS} more are in data/audit_statements.csv and data/audit_claims.csv."
+        caption += f" {len(lines) - ROWS} more are in data/audit_statements.csv, data/audit_modes.csv and data/audit_claims.csv."
     return Table(pd.DataFrame(lines[:ROWS]).fillna(""), caption)
 
 

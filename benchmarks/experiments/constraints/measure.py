@@ -24,7 +24,7 @@ import numpy as np
 from phasebench.benchmarks.measure.drift import drift
 from phasebench.benchmarks.measure.global_error import end_error
 from phasebench.benchmarks.problems import problem as problem_of
-from phasebench.benchmarks.store.cells import Cell, ProblemKey, Rows, content
+from phasebench.benchmarks.store.cells import Cell, ProblemKey, Rows, content, states
 from phasebench.integrators.driver import integrate
 from phasebench.integrators.registry import BY_ID
 
@@ -59,7 +59,9 @@ def cells(quick: bool = False) -> list[Cell]:
     if quick:
         return []
     runs = [
-        _cell(MANIFOLD, {"method": id, "problem": name}, manifold, (id, name), BY_ID[id], ProblemKey(name))
+        _cell(
+            MANIFOLD, {"method": id, "problem": name}, manifold, (id, name), BY_ID[id], ProblemKey(name), states(name)
+        )
         for name in PROBLEMS
         for id in (*BOUND, *ORDINARY)
     ]

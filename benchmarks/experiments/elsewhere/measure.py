@@ -15,7 +15,7 @@ from typing import Any
 
 from phasebench.benchmarks.measure.integrator import Integrator, integrator
 from phasebench.benchmarks.store import elsewhere
-from phasebench.benchmarks.store.cells import Cell, ProblemKey, Rows, content
+from phasebench.benchmarks.store.cells import Cell, ProblemKey, Rows, content, states
 from phasebench.benchmarks.store.elsewhere import Elsewhere
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.registry import method
@@ -137,6 +137,10 @@ def cells(quick: bool = False) -> list[Cell]:
     return [] if quick else [_cell(path) for path in sorted(FOLDER.glob("*.csv"))]
 
 
+#: The modules with which rows are computed.
+CODE = (__name__, "phasebench.benchmarks.store.elsewhere")
+
+
 def _cell(path: Path) -> Cell:
     name, parameters, package = elsewhere.problem_key(path)
     used = dict.fromkeys([*METHODS, *(twin for (of, _), twin in TWINS.items() if of == package)])
@@ -147,7 +151,7 @@ def _cell(path: Path) -> Cell:
         {"file": path.name},
         measure_rows,
         (path.name,),
-        content(path.read_text(encoding="utf-8"), key, *map(method, used), code=[__name__]),
+        content(path.read_text(encoding="utf-8"), key, states(key.id), *map(method, used), code=CODE),
         frozenset({"elsewhere", package, key.id}),
     )
 

@@ -21,7 +21,7 @@ import pandas as pd
 
 from phasebench.benchmarks.measure.integrator import integrator
 from phasebench.benchmarks.problems import problem
-from phasebench.benchmarks.store.cells import Cell, ProblemKey, Rows, Unavailable, content
+from phasebench.benchmarks.store.cells import Cell, ProblemKey, Rows, Unavailable, content, states
 from phasebench.integrators.driver import OK, SKIPPED, integrate
 from phasebench.integrators.registry import BY_ID
 from phasebench.integrators.systems.transformed import TransformedHamiltonian
@@ -99,7 +99,7 @@ def cells(quick: bool = False) -> list[Cell]:
 def _cell(encounter: Encounter, id: str) -> Cell:
     own = id.removesuffix(TRANSFORMED)
     used, made = BY_ID.get(own) or PEERS[own], ProblemKey(encounter.problem)
-    needs = content("close_encounters", id, used, made, encounter.t_end, code=[__name__])
+    needs = content("close_encounters", id, used, made, states(made.id), encounter.t_end, code=[__name__])
     key = {"scene": encounter.id, "method": id}
     return Cell("extremes", TABLES, key, measure_rows, (encounter.id, id), needs, frozenset({own}))
 

@@ -105,9 +105,9 @@ def answer(data: Data) -> str | None:
     """Write the page's answer: known limits met, integrators that follow the closest encounter, growth of round-off."""
     limits, met = verdicts.known_limits(data), verdicts.close(data)
     grown, table = round_off.energy(data), data("extremes_encounters")
-    parts = [f"{limits.measured.n} of {limits.measured.of} known stability limits are met"] if limits else []
+    parts = [f"{limits.measured.n} of {limits.measured.of} stability limits are met"] if limits else []
     parts += [f"{met.measured} {met.unit} hold Kepler's orbit at e = {table['e'].max():.10g}"] if met else []
-    text = "round-off grows as a random walk in"
+    text = "round-off grows no faster than random walks in"
     parts += [f"{text} {grown.measured.n} of {grown.measured.of} runs"] if grown else []
     return f"{'; '.join(parts)}." if parts else None
 

@@ -20,6 +20,8 @@ from phasebench.benchmarks.page.verdict import Between, Count, Range, Verdict, a
 
 from . import cost, encounters, energy, growth, orders
 
+#: More than half.
+MOST = at_least(0.501)
 #: A power of time is met within this.
 NEAR = 0.1
 #: The errors of the state for which evaluations are compared.
@@ -315,7 +317,7 @@ def machine(rows: pd.DataFrame) -> Verdict:
     return Verdict(
         "In most cases IAS15 keeps the energy of Kepler orbits to machine precision",
         Count(good, len(rows)),
-        at_least(0.5),
+        MOST,
         "eccentricities",
         where=f"e = {worst['e']:g}: {number(worst['energy error'])}",
     )
@@ -373,7 +375,7 @@ def planets(rows: pd.DataFrame) -> Verdict | None:
     return Verdict(
         "On the outer planets WHFast is the fastest of REBOUND's Wisdom-Holman integrators",
         Count(len(best) - len(others), len(best)),
-        at_least(0.5),
+        MOST,
         "energy errors",
         where=f"{others[max(others)]} to {max(others):g}" if others else "",
     )
@@ -391,7 +393,7 @@ def correctors(rows: pd.DataFrame) -> Verdict | None:
     return Verdict(
         "Corrector 11 or 17 gives WHFast its smallest energy error in most cases",
         Count(int((high <= EQUAL).sum()), len(high)),
-        at_least(0.5),
+        MOST,
         "problems and steps",
         where=f"{name}: {number(high.max())} times",
     )

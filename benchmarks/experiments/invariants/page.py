@@ -198,7 +198,8 @@ def table(rows: pd.DataFrame) -> Table | None:
         part = part[part["seconds"].notna()] if "seconds" in part else part
         for _, members in part.groupby("scene", sort=False):
             lines.append(_line(members.iloc[0], f"least, declared {declared}"))
-    drift = ran[ran["drifts"] & (ran["energy_max"] > NOISE)].sort_values("energy_max", ascending=False, kind="stable")
+    drift = ran[ran["drifts"] & (ran["energy_max"] > NOISE)]
+    drift = drift.sort_values("energy_drift", key=np.abs, ascending=False, kind="stable")
     lines += [_line(r, "drifts") for _, r in drift.drop_duplicates("id").head(8).iterrows()]
     stopped = runs[runs["status"] != "ok"].drop_duplicates("method")
     lines += [_line(r, "stopped early") for _, r in stopped.head(6).iterrows()]

@@ -244,7 +244,7 @@ def draw(data: Data, folder: Path) -> list[Picture]:
         file, shown = drawings.work_precision(cost[cost["status"] == "ok"], folder)
         caption = (
             f"Error of the state after {cost['orbits'].max():g} orbits at e = {cost['e'].max():g} over the seconds "
-            f"of a warm run; {shown} methods: those of each side that are the fastest at some error.{_settings_sentence(cost)}"
+            f"of a warm run; {shown} methods: the fastest of each side, and two usual ones.{_settings_sentence(cost)}"
         )
         pictures.append(Picture(file, "error against time", caption))
     return pictures
@@ -264,7 +264,7 @@ def table(runs: pd.DataFrame, times: pd.DataFrame) -> Table | None:
     caption = (
         f"The cheapest of ours and of the peers that follow the phase over {runs['orbits'].max():.0f} orbits, in the "
         "median of starts an ulp apart. A side is the cheaper if it is so at both ends of the intervals of phase "
-        f"error and time; else it is a tie. {stopped} of {len(ran)} runs do not reach the end."
+        f"error and time; else it is a tie. {stopped} of {len(ran)} runs end with another status than ok."
     )
     return Table(lines.head(ROWS), caption)
 

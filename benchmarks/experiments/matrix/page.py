@@ -24,6 +24,7 @@ KINDS = {
     "order above": style.GREEN,
     "explained": style.ORANGE,
     "contradicted": style.BLACK,
+    "stopped": style.GREY,
 }
 
 
@@ -51,6 +52,14 @@ def _higher(frame: pd.DataFrame) -> list[dict]:
         for r in _cells(frame)
         if not r["reason"] and r.get("order") is not None and r["order"] > r["declared_order"] + matrix.GATE
     ]
+
+
+@once
+def _stopped(frame: pd.DataFrame) -> list[dict]:
+    """List the pairs whose run stopped, so that its energy was not measured, and which fall short in nothing else."""
+    short = _short(frame, explained=True)
+    cells = [r for r in _cells(frame) if not r["reason"] and r.get("energy_reason")]
+    return [r for r in cells if (r["method"], r["problem"]) not in short]
 
 
 def _ran(frame: pd.DataFrame) -> int:
@@ -84,6 +93,19 @@ def _short(frame: pd.DataFrame, explained: bool) -> set[tuple[str, str]]:
 
 
 @of("matrix")
+def ended(frame: pd.DataFrame) -> Verdict:
+    """Judge whether every run for the energy came to its end; ``frame`` is the table of measurements."""
+    stopped = _stopped(frame)
+    return Verdict(
+        "Every run came to its end",
+        Count(_ran(frame) - len(stopped), _ran(frame)),
+        EVERY,
+        "pairs",
+        where=join_list([f"{r['method']} on {r['problem']} ({r['energy_reason']})" for r in stopped], 3),
+    )
+
+
+@of("matrix")
 def complete(frame: pd.DataFrame) -> Verdict:
     """Judge whether every method was tried on every problem; ``frame`` is the table of measurements."""
     pairs = frame["method"].nunique() * frame["problem"].nunique()
@@ -99,11 +121,11 @@ def complete(frame: pd.DataFrame) -> Verdict:
 @of("matrix")
 def answer(frame: pd.DataFrame) -> str:
     """Write the page's answer: how many (method, problem) pairs are as declared, and how many others are explained."""
-    ran, short = _ran(frame), len(_short(frame, explained=True))
+    ran, short, stopped = _ran(frame), len(_short(frame, explained=True)), len(_stopped(frame))
     known = short - len(_short(frame, explained=False))
     return (
-        f"{ran - short} of {ran} pairs of a method and a problem are as the method declares; the other {short} fall short, "
-        f"{known} for a known reason."
+        f"{ran - short - stopped} of {ran} pairs of a method and a problem are as the method declares; {short} fall short, "
+        f"{known} for a known reason; {stopped} stopped."
     )
 
 
@@ -129,6 +151,8 @@ def draw(frame: pd.DataFrame, folder: Path) -> list[Picture]:
             put(r, "as declared")
     for r in _higher(frame):
         put(r, "order above")
+    for r in _stopped(frame):
+        put(r, "stopped")
     for r, _, why in _shortfalls(frame):
         put(r, "explained" if why else "contradicted")
     orders = frame.drop_duplicates("method")["declared_order"].to_numpy()
@@ -151,8 +175,8 @@ def draw(frame: pd.DataFrame, folder: Path) -> list[Picture]:
         figure.legend(handles=patches, loc="outside upper center", ncols=len(kinds))
     caption = (
         "Every method (columns, by declared order) on every problem (rows): as declared in order, symplecticity, "
-        "reversibility, energy and quadratic invariants; of higher order; short of it for a known reason, or for none. White: "
-        "the problem lacks what the method requires."
+        "reversibility, energy and quadratic invariants; of higher order; short of it for a known reason, or for none; or with a "
+        "run that stopped. White: the problem lacks what the method requires."
     )
     return [Picture(style.save(figure, folder, "matrix.png"), "every method on every problem", caption)]
 
@@ -214,7 +238,7 @@ PAGE = Page(
         "Runs start from a state that the published orbit reaches a little later, since at a turning point errors cancel by symmetry.",
         f"Systems of more than {matrix.LARGEST} degrees of freedom are measured in double precision alone; lattices have four points.",
     ),
-    verdicts=(declarations, complete),
+    verdicts=(declarations, ended, complete),
     answer=answer,
     figures=draw,
     table=table,

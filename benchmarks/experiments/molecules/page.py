@@ -120,7 +120,7 @@ def kinetic(rows: pd.DataFrame) -> Verdict | None:
     found = _packages(rows)
     if found.empty:
         return None
-    off = found[["energy drift", "angular momentum"]].abs().max(axis=1)
+    off = found[["energy spread", "angular momentum"]].abs().max(axis=1)
     return Verdict(
         "A free rigid water keeps its kinetic energy and its angular momentum",
         Range(off.min(), off.max()),
@@ -160,7 +160,7 @@ def table(atoms: pd.DataFrame, molecule: pd.DataFrame) -> Table:
         "drift": "drift over spread",
         "uncertainty": "± of the drift",
         "distances": "water: distances",
-        "energy drift": "kinetic energy",
+        "energy spread": "kinetic energy",
         "angular momentum": "angular momentum",
     }
     shown = both[list(columns)].rename(columns=columns)

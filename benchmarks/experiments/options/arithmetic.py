@@ -17,7 +17,7 @@ import sympy as sp
 from phasebench.benchmarks.measure.c_loop import Loop
 from phasebench.benchmarks.measure.timing import median, ratio, time_in_turns
 from phasebench.benchmarks.problems import problem
-from phasebench.benchmarks.store.cells import ALONE, Cell, ProblemKey, Rows, Unavailable, content
+from phasebench.benchmarks.store.cells import ALONE, Cell, ProblemKey, Rows, Unavailable, content, states
 from phasebench.integrators.driver import OK
 from phasebench.integrators.ensemble import integrate_ensemble
 from phasebench.integrators.prepared import prepare
@@ -66,7 +66,8 @@ def cells(quick: bool = False) -> list[Cell]:
 
 def _cell(k: int) -> Cell:
     scene = SCENES[k]
-    needs = content("arithmetic", tuple(scene), STARTS, method(METHOD), ProblemKey(scene.problem), code=[__name__])
+    made = ProblemKey(scene.problem)
+    needs = content("arithmetic", tuple(scene), STARTS, method(METHOD), made, states(made.id), code=[__name__])
     names = frozenset({METHOD, scene.problem.partition(":")[0]})
     return Cell("options", (ERRORS,), {"scene": scene.problem}, measure_rows, (k,), needs, names)
 

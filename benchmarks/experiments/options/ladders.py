@@ -19,7 +19,7 @@ import numpy as np
 from phasebench.benchmarks.measure.quantities import scale
 from phasebench.benchmarks.measure.timing import median, time_in_turns
 from phasebench.benchmarks.problems import problem
-from phasebench.benchmarks.store.cells import ALONE, Cell, ProblemKey, Rows, Unavailable, content
+from phasebench.benchmarks.store.cells import ALONE, Cell, ProblemKey, Rows, Unavailable, content, states
 from phasebench.integrators.driver import OK, integrate
 from phasebench.integrators.prepared import prepare
 from phasebench.integrators.record import Method
@@ -109,7 +109,8 @@ def cells(quick: bool = False) -> list[Cell]:
 def _cell(k: int) -> Cell:
     ladder = LADDERS[k]
     methods = settings_of(ladder.option)
-    needs = content("ladder", tuple(ladder), ROUNDS, *methods.values(), ProblemKey(ladder.problem), code=[__name__])
+    made = ProblemKey(ladder.problem)
+    needs = content("ladder", tuple(ladder), ROUNDS, *methods.values(), made, states(made.id), code=[__name__])
     names = frozenset({ladder.problem.partition(":")[0], *(m.id for m in methods.values())})
     key = {"knob": ladder.option, "scene": ladder.problem}
     return Cell("options", (TABLE,), key, measure_rows, (k,), needs, names, ALONE, own=True)

@@ -59,7 +59,7 @@ def half_is_longest(costs: pd.DataFrame) -> Verdict | None:
         return None
     off = found[~found["half is longest"]]
     return Verdict(
-        "λ = 1/2 allows the longest step",
+        "No λ that was tried allows a longer step than 1/2",
         Count(len(found) - len(off), len(found)),
         EVERY,
         "cases of a scheme and a scene",

@@ -13,7 +13,7 @@ import numpy as np
 from phasebench.benchmarks.measure.global_error import end_error
 from phasebench.benchmarks.measure.orders import successive
 from phasebench.benchmarks.problems import problem as problem_of
-from phasebench.benchmarks.store.cells import Cell, ProblemKey, Rows, content
+from phasebench.benchmarks.store.cells import Cell, ProblemKey, Rows, content, states
 from phasebench.integrators.driver import integrate
 from phasebench.integrators.registry import BY_ID, METHODS
 
@@ -43,7 +43,7 @@ def cells(quick: bool = False) -> list[Cell]:
 
 
 def _cell(table: str, measure: Callable, id: str, name: str) -> Cell:
-    made_of = content(table, id, name, BY_ID[id], ProblemKey(name), code=CODE)
+    made_of = content(table, id, name, BY_ID[id], ProblemKey(name), states(name), code=CODE)
     return Cell("parts", (table,), {"method": id, "problem": name}, measure, (id, name), made_of)
 
 

@@ -127,7 +127,7 @@ def answer(data: Data) -> str | None:
         return None
     kept, grown, gain = (v.measured for v in found)
     return (
-        f"The energy's spread grows at most {number(kept)} times with splittings through parts, {number(grown)} times with "
+        f"The energy's spread grows at most {number(kept)} times with splittings through parts, at least {number(grown)} with "
         f"rk4; an optimized composition is at least {number(gain)} times better than Yoshida's."
     )
 

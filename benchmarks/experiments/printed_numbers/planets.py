@@ -23,7 +23,7 @@ import numpy as np
 from phasebench.benchmarks.measure.energy import energy_error
 from phasebench.benchmarks.measure.integrator import integrator
 from phasebench.benchmarks.problems import problem
-from phasebench.benchmarks.store.cells import Cell, ProblemKey, Rows, Unavailable, content
+from phasebench.benchmarks.store.cells import Cell, ProblemKey, Rows, Unavailable, content, states
 from phasebench.integrators.driver import OK, SKIPPED
 from phasebench.reference.certificates import stored
 
@@ -77,7 +77,8 @@ def cells(quick: bool = False) -> list[Cell]:
 
 def _cell(table: str, key: dict, measure: Callable[..., Rows], arguments: tuple, ids: tuple, *parts: object) -> Cell:
     records = [integrator(id).record for id in ids]
-    needs = content(table, *records, ProblemKey(PROBLEM), *parts, code=[__name__])
+    made = ProblemKey(PROBLEM)
+    needs = content(table, *records, made, states(made.id), *parts, code=[__name__])
     names = frozenset({PROBLEM, *ids, *(id.partition("-")[0] for id in ids if id.startswith("rebound"))})
     return Cell("printed_numbers", (table,), key, measure, arguments, needs, names)
 

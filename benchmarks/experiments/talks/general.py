@@ -131,7 +131,7 @@ def middling(rows: pd.DataFrame) -> Judgement:
     Schemes IV and V choose a parameter lambda in each step so that H is kept.
     """
     apart = (rows["median"] - 0.5).abs().max()
-    text = f"median of |λ − 1/2| up to {number(apart, 2)}, range {number(rows['low'].min(), 2)} to "
+    text = f"|median of λ − 1/2| up to {number(apart, 2)}, range {number(rows['low'].min(), 2)} to "
     return judgement(apart < 0.1, f"{text}{number(rows['high'].max(), 2)}")
 
 

@@ -215,7 +215,7 @@ def momenta(curves: pd.DataFrame) -> Verdict | None:
 
 @of(TABLE)
 def turns(curves: pd.DataFrame) -> Verdict | None:
-    """Judge whether the apocentre of perturbed Kepler turns at the rate of the exact flow, under each method."""
+    """Judge whether under AVF and Schemes IV and V the apocentre of perturbed Kepler turns as under the exact flow."""
     runs = _of(curves, "perturbed-kepler-preserving-orbits").dropna(subset=["turn"])
     turn = runs.set_index("curve")["turn"]
     others = turn.drop("exact flow", errors="ignore")
@@ -223,7 +223,7 @@ def turns(curves: pd.DataFrame) -> Verdict | None:
         return None
     off = (others / turn["exact flow"] - 1).abs()
     return Verdict(
-        "The apocentre turns at the rate of the exact flow",
+        "With energy-preserving methods the apocentre turns at the rate of the exact flow",
         100 * float(off.max()),
         at_most(100 * TURN),
         "% off",
@@ -243,7 +243,7 @@ def answer_kepler(data: Data) -> str | None:
         if avf == avf:
             parts[0] += f", AVF the latter within {number(avf, 2)}"
     if turned:
-        parts.append(f"the turning is exact within {number(turned.measured, 2)} %")
+        parts.append(f"their turning is exact within {number(turned.measured, 2)} %")
     return f"On perturbed Kepler (h = {perturbed_kepler.STEP:g}) {'; '.join(parts)}." if parts else None
 
 
@@ -305,10 +305,10 @@ def _table(section: str, data: Data) -> Table | None:
     if "area" in values:  # only the last of the almost equal areas
         rows = rows[rows["area"].isna() | ~rows.duplicated(["figure", "panel"], keep="last")]
     columns = ["panel", "curve", "h", "t_end", *values, "fallbacks", "status"]
-    shown = rows.reindex(columns=columns).drop_duplicates().dropna(axis=1, how="all").head(ROWS)
-    return Table(
-        shown.rename(columns=VALUES | {"fallbacks": "steps without a root"}), "The runs that the figures show."
-    )
+    whole = rows.reindex(columns=columns).drop_duplicates().dropna(axis=1, how="all")
+    shown = whole.head(ROWS).rename(columns=VALUES | {"fallbacks": "steps without a root"})
+    cut = f"The first {ROWS} of the {len(whole)} runs" if len(whole) > ROWS else "The runs"
+    return Table(shown, f"{cut} that the figures show.")
 
 
 def _figures(section: str, data: Data, folder: Path) -> list | None:
