@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import traceback
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,7 +12,6 @@ import pytest
 
 from phasebench.benchmarks.store import run, screen
 from phasebench.benchmarks.store.cluster import Cluster
-from phasebench.benchmarks.store.tables import Table
 from phasebench.integrators.errors import InvalidInput
 
 if TYPE_CHECKING:
@@ -126,8 +125,6 @@ def outcome(request: pytest.FixtureRequest, pytestconfig: pytest.Config, quick: 
     with capture.global_and_fixture_disabled(), screen.progress(sys.stderr) as progress:
         address = pytestconfig.getoption("--scheduler")
         try:
-            if quick:
-                _refuse_full_tables(_folder(pytestconfig) / "data", cells)
             outcome = run.execute(
                 cells,
                 _folder(pytestconfig) / "data",
@@ -143,14 +140,6 @@ def outcome(request: pytest.FixtureRequest, pytestconfig: pytest.Config, quick: 
             pytest.exit(str(error), returncode=2)
     pytestconfig.stash[OUTCOME] = outcome
     return outcome
-
-
-def _refuse_full_tables(folder: Path, cells: Sequence[Cell]) -> None:
-    """Raise InvalidInput if a folder has tables of a full run, of which a quick run would keep a few rows only."""
-    for name in dict.fromkeys(t for c in cells for t in c.tables):
-        stored = Table(folder, name)
-        if stored.rows and stored.about.get("quick") is False:
-            raise InvalidInput(f"{folder} has tables of a full run: write the quick ones elsewhere, with --reports")
 
 
 @pytest.fixture

@@ -237,7 +237,7 @@ def _made(problem: Any, q0: State | None, p0: State | None) -> tuple[Problem, Pr
     if isinstance(problem, (str, Path)):
         problem = problem_of(problem)
     if not isinstance(problem, Problem):
-        made = started(problem, q0, p0)
+        made = with_start(problem, q0, p0)
         made = replace(made, system=with_kepler_part(made.system, made.q0))
         return made, made
     return problem, started(problem, q0, p0)
@@ -250,11 +250,11 @@ def _with_state(line: list[str], q0: State | None, p0: State | None) -> list[str
     return line
 
 
-__all__ = ["advise"]
-
-
 def started(problem: Any, q0: State | None = None, p0: State | None = None) -> Problem:
     """Return the problem with another initial state, as `with_start` does; raises InvalidInput for a bad state."""
-    if q0 is not None or p0 is not None:
+    if isinstance(problem, Problem) and not (q0 is None and p0 is None):
         initial(problem, q0, p0)
     return with_start(problem, q0, p0)
+
+
+__all__ = ["advise", "started"]

@@ -157,9 +157,7 @@ def _import_object(name: str) -> Subject:
             sys.path.remove(here)
     if not callable(found):
         raise InvalidInput(f"{name} is a {type(found).__name__}, which cannot be called")
-    made = _of_function(found)
-    said = own_step.build_own_step(name, owner, found)
-    return replace(made, own=replace(made.own, id=name, claims=said.claims, requires=said.requires))
+    return replace(_of_function(found), own=own_step.build_own_step(name, owner, found))
 
 
 def _of_function(function: Callable) -> Subject:

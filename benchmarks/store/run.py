@@ -15,6 +15,8 @@ from dataclasses import dataclass, field
 from datetime import date
 from pathlib import Path
 
+from phasebench.integrators.errors import InvalidInput
+
 from . import provenance, tables, workers
 from .cells import ALONE, POOL, UNCOMPILED, Cell, Rows
 from .cluster import Cluster
@@ -198,7 +200,7 @@ def execute(
     Raises
     ------
     InvalidInput
-        If another run writes to the folder.
+        If another run writes to the folder, or it is quick and the folder has tables of a full run.
     ValueError
         If two cells have the same id.
     """
@@ -211,6 +213,8 @@ def execute(
     with lock(folder):
         journal = Journal(folder / "journal.jsonl")
         stored = {t: tables.Table(folder, t) for t in dict.fromkeys(t for c in cells for t in c.tables)}
+        if quick and any(t.rows and t.about.get("quick") is False for t in stored.values()):
+            raise InvalidInput(f"{folder} has tables of a full run, which a quick one would replace: write elsewhere")
         known = {c.id: standing(c, stored) for c in cells}
         wanted = [c for c in cells if selected is None or selected(c)]
         todo = plan(wanted, known, journal.entries, provenance.machine(), again=everything or selected is not None)

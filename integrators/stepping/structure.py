@@ -15,15 +15,10 @@ J. Inst. Math. Appl. 13 (1974) 117-119 (colours).
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from phasebench.integrators.errors import InvalidInput
-
-if TYPE_CHECKING:
-    import numpy as np
-
 
 #: Equations that need more colours than this, or a wider band, are not those of a lattice.
 MOST = 64

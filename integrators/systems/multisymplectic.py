@@ -198,7 +198,8 @@ class Staggered(Division):
     def _across(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
         """The bilinear form a^T L_+ b for each cell, with b in the cell and a in the cell on its left.
 
-        L_+ is the part of the equation's matrix L that acts on the slopes w.
+        L_+ is the part of the equation's matrix L (K z_t + L z_x = grad S(z)) that acts on the slopes w; arrays
+        (..., N, n) have a row for each of N cells, and the result is (..., N).
         """
         return _form(np.roll(a, 1, axis=-2), self._upper, b)
 

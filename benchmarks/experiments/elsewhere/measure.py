@@ -21,6 +21,8 @@ from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.registry import method
 
 FOLDER = Path(__file__).parent
+#: The modules with which rows are computed.
+CODE = (__name__, "phasebench.benchmarks.store.elsewhere")
 THEIRS, OURS = "elsewhere", "elsewhere_own"
 #: Methods of this suite that are run beside the rows.
 METHODS = ("stormer-verlet", "pefrl", "mclachlan-atela-5", "blanes-moan-srkn14a", "gauss-4")
@@ -135,10 +137,6 @@ def _twin(file: Elsewhere, row: dict[str, Any]) -> dict[str, Any]:
 def cells(quick: bool = False) -> list[Cell]:
     """List the measurements to make (`Cell`), one for each file of results in this folder; none if ``quick``."""
     return [] if quick else [_cell(path) for path in sorted(FOLDER.glob("*.csv"))]
-
-
-#: The modules with which rows are computed.
-CODE = (__name__, "phasebench.benchmarks.store.elsewhere")
 
 
 def _cell(path: Path) -> Cell:

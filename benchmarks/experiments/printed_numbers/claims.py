@@ -39,7 +39,7 @@ def _about(value: float) -> Between:
 
 
 def fewest(rows: pd.DataFrame, error: float, column: str = ENERGY) -> pd.Series:
-    """Return, by method, the fewest evaluations with which its error is at most ``error``: a sorted series.
+    """Return a series: method -> the fewest gradient evaluations with which its error is at most ``error``, sorted.
 
     ``rows`` has a row for each method and number of evaluations, with the error in ``column``; infinite if no row
     reaches the error.

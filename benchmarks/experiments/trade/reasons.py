@@ -89,10 +89,10 @@ def price(rungs: pd.DataFrame) -> float:
 
 
 def _parts(row: dict, cheapest: float) -> dict[str, float]:
-    """Return the factors of a case's ratio of times, and the share of the evaluations in our time.
+    """Split our time over the best peer's, in a case, into factors; say how much of our time is spent on evaluations.
 
-    They are the columns ``steps``, ``step``, ``per step``, ``share`` and ``evaluations alone`` that `above` describes.
-    ``cheapest`` is the least seconds per evaluation.
+    The entries of the dict are the columns ``steps``, ``step``, ``per step``, ``share`` and ``evaluations alone`` that
+    `above` describes.  ``cheapest`` is the least seconds per evaluation.
     """
     n, m = (row[f"{side} steps"] for side in (OURS, PEERS))
     steps = n / m if m else nan
