@@ -139,6 +139,15 @@ def test_an_adaptive_run_is_measured_in_the_problems_own_time(omega):
     assert row["errors"][-1] < 1e-8 < row["errors"][0]
 
 
+def test_an_uncertain_reference_judges_no_tolerance(monkeypatch):
+    monkeypatch.setattr(adaptive, "KNOWN", 0.0)
+    made = validate(dop853, tolerance=1e6, problem=oscillator(1.0))
+    assert not made.tables.of("tolerance")
+    found = {j.name: (j.verdict, j.why) for j in made.claims}
+    assert found["tolerance"][0] == "not judged"
+    assert "the reference on" in made.tables.failed["tolerance"]
+
+
 def test_a_problem_at_rest_is_not_taken_for_reversible():
     system = pb.Hamiltonian(q="q1 q2", p="p1 p2", H="(p1**2 + p2**2)/2 + (q2*p1 - q1*p2)/2 + q1**2 + 2*q2**2")
     rest = pb.Orbit("start", (1.0, 0.5), (0.0, 0.0))
