@@ -92,7 +92,16 @@ def test_order_with_variable_steps_is_in_its_interval():
 def test_page_hides_no_contradiction(matrix_rows):
     frame = pd.DataFrame(list(matrix_rows.values()))
     pairs = len(cells.METHODS) * len(cells.PROBLEMS)
-    assert PAGE.judge({"matrix": frame}.get)[1].measured == Count(pairs, pairs)
+    _, ended, complete = PAGE.judge({"matrix": frame}.get)
+    ran = sum(not row.get("reason") for row in matrix_rows.values())
+    assert ended.measured == Count(ran, ran)
+    assert 0 < ran < pairs
+    assert complete.measured == Count(pairs, pairs)
+    ended_row = next(row for row in matrix_rows.values() if not row.get("reason"))
+    stopped = frame.assign(
+        energy_reason=["ran away" if row is ended_row else row.get("energy_reason", "") for row in matrix_rows.values()]
+    )
+    assert PAGE.judge({"matrix": stopped}.get)[1].measured == Count(ran - 1, ran)
     lying = frame.assign(declared_order=frame["declared_order"].where(frame["method"] != "rk4", 6))
     first, *_ = PAGE.judge({"matrix": lying}.get)
     assert first.outcome == FAIL
