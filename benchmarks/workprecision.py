@@ -12,9 +12,8 @@ from typing import TYPE_CHECKING, Any, overload
 from phasebench.benchmarks import style
 from phasebench.benchmarks.advice.ask import ask
 from phasebench.benchmarks.advice.portfolio import portfolio
-from phasebench.benchmarks.advice.table import started
 from phasebench.benchmarks.ladder.curves import curves
-from phasebench.benchmarks.measure.global_error import known_truth
+from phasebench.benchmarks.measure.global_error import known_truth, with_start
 from phasebench.benchmarks.measure.integrator import OURS, YOURS, AnyProblem, Integrator, integrator
 from phasebench.benchmarks.measure.named_quantities import quantity as quantity_of
 from phasebench.benchmarks.measure.own_step import Step
@@ -153,7 +152,7 @@ def workprecision(
     """
     if isinstance(t_end, bool) or not isinstance(t_end, (int, float)) or not isfinite(t_end) or not t_end > 0:
         raise InvalidInput(f"t_end is {t_end!r}; it must be a positive number")
-    made = started(problem_of(problem) if isinstance(problem, (str, Path)) else problem, q0, p0)
+    made = with_start(problem_of(problem) if isinstance(problem, (str, Path)) else problem, q0, p0)
     wanted = quantity_of(made, quantity)
     methods = [methods] if isinstance(methods, (str, Path)) else methods
     chosen = [integrator(m) for m in methods] if methods else promising(made, t_end, quantity)

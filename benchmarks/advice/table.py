@@ -15,7 +15,6 @@ from phasebench.benchmarks.problems import problem as problem_of
 from phasebench.benchmarks.problems.base import Problem
 from phasebench.benchmarks.problems.kepler_found import with_kepler_part
 from phasebench.integrators.keywords import State, check_names, rename_arguments
-from phasebench.integrators.request import initial
 
 from . import words
 from .advise import advise as answered
@@ -240,7 +239,7 @@ def _made(problem: Any, q0: State | None, p0: State | None) -> tuple[Problem, Pr
         made = with_start(problem, q0, p0)
         made = replace(made, system=with_kepler_part(made.system, made.q0))
         return made, made
-    return problem, started(problem, q0, p0)
+    return problem, with_start(problem, q0, p0)
 
 
 def _with_state(line: list[str], q0: State | None, p0: State | None) -> list[str]:
@@ -250,11 +249,4 @@ def _with_state(line: list[str], q0: State | None, p0: State | None) -> list[str
     return line
 
 
-def started(problem: Any, q0: State | None = None, p0: State | None = None) -> Problem:
-    """Return the problem with another initial state, as `with_start` does; raises InvalidInput for a bad state."""
-    if isinstance(problem, Problem) and not (q0 is None and p0 is None):
-        initial(problem, q0, p0)
-    return with_start(problem, q0, p0)
-
-
-__all__ = ["advise", "started"]
+__all__ = ["advise"]

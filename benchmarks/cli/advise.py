@@ -87,9 +87,9 @@ def advise(
         chosen = made(problem, hamiltonian, values(set_, "set"), q0, p0, constraint, part)
         words = _words(problem, hamiltonian, chosen, set_, q, p, constraint, part)
         if hamiltonian is None:
-            from phasebench.benchmarks.advice.table import started
+            from phasebench.benchmarks.measure.global_error import with_start
 
-            chosen = started(chosen, q0, p0)
+            chosen = with_start(chosen, q0, p0)
         from phasebench.benchmarks.advice.advise import advise as found
         from phasebench.benchmarks.advice.ask import ask
 

@@ -234,7 +234,7 @@ def _errors(
     from phasebench.benchmarks.measure import global_error as against
     from phasebench.benchmarks.measure.named_quantities import quantity
 
-    problem = against.with_start(problem, common["q0"], common["p0"])
+    problem = against.with_start(problem, common["q0"], common["p0"], tangent=False)
     t_end = float((solution.t[-1] if common["t_end"] is None else common["t_end"]) - common["t0"])
     found = against.end_error(problem, solution, t_end)
     if wanted.quantity:

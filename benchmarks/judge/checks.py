@@ -263,4 +263,4 @@ def checked_claims(claims: object, where: str) -> dict[str, Any]:
             raise InvalidInput(f"{where}: {unknown_name('claim', str(name), CHECKS)}")
         if not CHECKS[name].accepts(value):
             raise InvalidInput(f"{where} has {name} = {value!r}; it must be {CHECKS[name].values}")
-    return dict(claims)
+    return {name: x if isinstance(x, (int, str)) else float(x) for name, x in claims.items()}

@@ -40,11 +40,14 @@ def from_file(path: str) -> OwnStep:
     Raises InvalidInput if the file cannot be read or does not hold coefficients.
     """
     try:
-        record = json.loads(Path(path).read_text(encoding="utf-8"), parse_float=str)
+        text = Path(path).read_text(encoding="utf-8")
+        record = json.loads(text, parse_float=str)
     except OSError as error:
         raise InvalidInput(f"{path} cannot be read: {error.strerror}") from None
     except ValueError as error:
         raise InvalidInput(f"{path} is no JSON: {error}") from None
+    if isinstance(record, dict) and "claims" in record:
+        record["claims"] = json.loads(text)["claims"]  # of doubles, while coefficients are read exactly
     return replace(own_step(record, path), again=from_file)
 
 
@@ -60,7 +63,8 @@ def own_step(record: object, name: str) -> OwnStep:
     if strange or "b" not in record or ("a" in record) == ("A" in record):
         raise InvalidInput(f"{name}{f' has {strange[0]!r}' if strange else ''}: {FORM}")
     claims = own_steps.checked_claims(record.get("claims", {}), f"{name}: claims")
-    requires = tuple(record.get("requires", ("separable",) if "a" in record else ()))
+    default = ("separable",) if "a" in record else ()
+    requires = own_steps.checked_requires(record.get("requires", default), f"{name}: requires")
     step = _splitting(record, name) if "a" in record else _tableau(record, name)
     return OwnStep(name, step, claims, requires)
 

@@ -28,19 +28,21 @@ if TYPE_CHECKING:
 KNOWN = 0.01
 
 
-def with_start(problem: Problem | PartitionedSystem, q0: State | None = None, p0: State | None = None) -> Problem:
+def with_start(
+    problem: Problem | PartitionedSystem, q0: State | None = None, p0: State | None = None, tangent: bool = True
+) -> Problem:
     """Return a problem with another initial state q0, p0, arrays (d,), under a new id that has no certificate.
 
     The problem is returned unchanged if neither is given.  A bare system, which needs both, is wrapped in a problem.
+    Raises InvalidInput for a state that does not fit the system; with ``tangent`` its momenta must fulfil the hidden
+    constraints, too.
     """
-    if not isinstance(problem, Problem):
-        system, q, p = initial(problem, q0, p0)
-        orbit = Orbit("given", tuple(q.tolist()), tuple(p.tolist()))
-        return Problem("given", "a system of one's own", "", system, (orbit,))
-    if q0 is None and p0 is None:
+    if isinstance(problem, Problem) and q0 is None and p0 is None:
         return problem
-    q, p = (problem.q0 if q0 is None else q0), (problem.p0 if p0 is None else p0)
-    orbit = Orbit("given", tuple(map(float, q)), tuple(map(float, p)))
+    system, q, p = initial(problem, q0, p0, tangent=tangent)
+    orbit = Orbit("given", tuple(q.tolist()), tuple(p.tolist()))
+    if not isinstance(problem, Problem):
+        return Problem("given", "a system of one's own", "", system, (orbit,))
     return replace(problem, id=f"{problem.id} from a given state", orbits=(orbit,), orbit="")
 
 

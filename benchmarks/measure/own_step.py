@@ -247,13 +247,21 @@ def build_own_step(path: str, module: object, function: Callable) -> OwnStep:
 
     ``path`` becomes its id.  Raises InvalidInput for malformed CLAIMS or REQUIRES.
     """
-    requires = getattr(module, "REQUIRES", ())
-    requires = (requires,) if isinstance(requires, str) else requires
-    if not isinstance(requires, (tuple, list)) or not all(isinstance(x, str) for x in requires):
-        raise InvalidInput(f"{path}: REQUIRES is {requires!r}; write REQUIRES = ('separable',)")
+    requires = checked_requires(getattr(module, "REQUIRES", ()), f"{path}: REQUIRES")
     code = getattr(function, "__code__", None)
     claims = checked_claims(getattr(module, "CLAIMS", {}), f"{path}: CLAIMS")
-    return OwnStep(path, function, claims, tuple(requires), code.co_filename if code else "the step")
+    return OwnStep(path, function, claims, requires, code.co_filename if code else "the step")
+
+
+def checked_requires(requires: object, where: str) -> tuple[str, ...]:
+    """Return the names of traits that a user's step requires, given as one text or several, as a tuple.
+
+    Raises InvalidInput, with a message that begins with ``where``, for anything else.
+    """
+    several = (requires,) if isinstance(requires, str) else requires
+    if not isinstance(several, (tuple, list)) or not all(isinstance(x, str) for x in several):
+        raise InvalidInput(f"{where} is {requires!r}; name traits, such as ['separable']")
+    return tuple(several)
 
 
 def integrate_step(

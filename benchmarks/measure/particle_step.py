@@ -116,7 +116,7 @@ class InMomenta:
         pair = self.step(particle, x, v, h)
         if q.flags.writeable and not all(np.array_equal(a, b) for a, b in zip((x, v), before, strict=True)):
             q[:], p[:] = x[: len(q)], particle.momentum(x, v)  # the caller sees that its arrays were changed
-        if not (isinstance(pair, (tuple, list)) and len(pair) == 2) or any(np.shape(z) != (3,) for z in pair):
+        if not isinstance(pair, (tuple, list, np.ndarray)) or len(pair) != 2 or any(np.shape(z) != (3,) for z in pair):
             return pair
         return np.array(pair[0])[: len(q)], particle.momentum(*pair)
 

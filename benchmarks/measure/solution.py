@@ -110,6 +110,6 @@ class Solution(solution.Solution):
 
         q, p = self.q[0], self.p[0]
         if not isinstance(self.problem, Problem):
-            return with_start(self.system, q, p)
+            return with_start(self.system, q, p, tangent=False)
         own = np.array_equal(q, self.problem.q0) and np.array_equal(p, self.problem.p0)
-        return self.problem if own else with_start(self.problem, q, p)
+        return self.problem if own else with_start(self.problem, q, p, tangent=False)

@@ -64,7 +64,8 @@ def span(value: float | str | None, unit: str, what: str = "t_end") -> float | N
     Raises
     ------
     InvalidInput
-        For a text that is no finite number, an unknown unit, or a unit if the problem has none (``unit`` is "").
+        For a text that is no finite number or too large in ``unit``, an unknown unit, or a unit if the problem has none
+        (``unit`` is "").
     """
     if not isinstance(value, str):
         return value
@@ -81,4 +82,7 @@ def span(value: float | str | None, unit: str, what: str = "t_end") -> float | N
     base, factor = WORDS.get(word, (word, 1))
     if base not in TIMES:
         raise InvalidInput(f'{what} is "{value}": {unknown_name("unit of time", word, [*TIMES, *WORDS])}')
-    return float(number * factor * TIMES[base] / TIMES[unit])
+    try:
+        return float(number * factor * TIMES[base] / TIMES[unit])
+    except OverflowError:
+        raise InvalidInput(f'{what} is "{value}": in {unit} that is beyond the doubles') from None

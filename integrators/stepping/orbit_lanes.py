@@ -23,7 +23,7 @@ from phasebench.integrators.values.lane_memory import block_of, table_type, type
 from phasebench.integrators.values.lanes import Lanes
 from phasebench.integrators.values.masks import LANES
 
-from .kernel import COUNTS, OWN, Carry, Prepared, Samples, _tuple_type, _type, entry, family_of
+from .kernel import COUNTS, OWN, Carry, Prepared, Samples, _tuple_type, _type, aligned_zeros, entry, family_of
 from .solve import LEVELS
 
 if TYPE_CHECKING:
@@ -192,7 +192,7 @@ def tables_of(prepared: Prepared, Q: np.ndarray, P: np.ndarray) -> Tables:
     """Allocate the arrays `Tables` of orbits in lanes, with states that start at the rows of Q, P, arrays (n, d)."""
     q, p = to_blocks(Q), to_blocks(P)
     blocks, d, width = q.shape
-    state = np.zeros((blocks, OWN + prepared.stages, max(2, d), width))
+    state = aligned_zeros((blocks, OWN + prepared.stages, max(2, d), width))
     state[:, 0, :d], state[:, 1, :d] = q, p
-    memory = np.zeros((blocks, (3 * LEVELS + 1) * prepared.stages, prepared.width, width))
+    memory = aligned_zeros((blocks, (3 * LEVELS + 1) * prepared.stages, prepared.width, width))
     return Tables(state, memory, np.zeros((blocks, 1, 1, width)))

@@ -235,3 +235,16 @@ def test_what_is_no_state_is_refused(tmp_path, returned, words):
     file.write_text(f"REQUIRES = 'magnetic'\ndef step(system, x, v, h):\n    return {returned}\n")
     with pytest.raises(InvalidInput, match=words):
         pb.integrate("magnetic-mirror", str(file), h=0.1, steps=1)
+
+
+def test_the_new_state_may_be_one_array(tmp_path):
+    ends = []
+    for returned in ("x, v", "np.array([x, v])"):
+        file = tmp_path / f"step{len(ends)}.py"
+        file.write_text(
+            "import numpy as np\nREQUIRES = 'magnetic'\n"
+            f"def step(system, x, v, h):\n    x, v = x + h * v, v + h * system.E(x)\n    return {returned}\n"
+        )
+        ends.append(pb.integrate("magnetic-mirror", str(file), h=0.1, steps=3))
+    assert np.array_equal(ends[0].q, ends[1].q)
+    assert np.array_equal(ends[0].p, ends[1].p)

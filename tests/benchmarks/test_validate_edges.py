@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from fractions import Fraction
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -10,8 +12,10 @@ import phasebench as pb
 from phasebench.benchmarks.certificate import adaptive, battery, behaviour, conservation
 from phasebench.benchmarks.certificate.certificate import validate
 from phasebench.benchmarks.certificate.subject import subject
-from phasebench.benchmarks.judge.checks import CHECKS
+from phasebench.benchmarks.judge.checks import CHECKS, checked_claims
 from phasebench.benchmarks.judge.evidence import Tables
+from phasebench.benchmarks.measure import coefficients
+from phasebench.benchmarks.measure.own_step import System
 from phasebench.integrators.errors import InvalidInput
 from support.steps import leapfrog
 
@@ -167,3 +171,29 @@ def test_a_problem_of_another_kind_is_named():
 def test_a_time_limit_beyond_what_systems_wait_is_refused():
     with pytest.raises(InvalidInput, match="at most 1e\\+06"):
         validate(leapfrog, order=2, requires="separable", time_limit=3e6)
+
+
+# -- files of coefficients --------------------------------------------------------------------------------------------
+
+
+def test_claims_of_a_file_are_numbers_and_its_coefficients_exact(tmp_path):
+    file = tmp_path / "leapfrog.json"
+    file.write_text('{"a": [0.1, 0.9], "b": [1], "claims": {"stability": 2.5, "order": 2}}')
+    own = coefficients.from_file(str(file))
+    assert own.claims == {"stability": 2.5, "order": 2}
+    q, _ = own.step(System(pb.Hamiltonian(q="q", p="p", H="p**2/2")), np.zeros(1), np.ones(1), 1.0)
+    assert q == [1.0]
+
+
+def test_a_claim_is_a_number_of_any_kind():
+    claims = checked_claims({"stability": Fraction(5, 2), "order": 2, "symplectic": True, "energy": "exact"}, "claims")
+    assert claims == {"stability": 2.5, "order": 2, "symplectic": True, "energy": "exact"}
+    assert {type(x) for x in claims.values()} == {float, int, bool, str}
+
+
+@pytest.mark.parametrize("requires", ["null", "3", "[1]", '{"separable": true}'])
+def test_requirements_that_are_no_names_are_refused(tmp_path, requires):
+    file = tmp_path / "mine.json"
+    file.write_text(f'{{"a": [1], "b": [1], "requires": {requires}}}')
+    with pytest.raises(InvalidInput, match=r"requires is .*name traits"):
+        coefficients.from_file(str(file))
