@@ -7,6 +7,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import partial
@@ -228,7 +229,7 @@ def _conservation(name: str, words: str, *offered: str) -> Check:
 
 
 def _positive(name: str, what: str, measure: str, judge: Callable[[Any, Tables], Judgement], *needs: str) -> Check:
-    positive = (f"a positive number, {what}", lambda x: _number(x) and 0 < x < float("inf"))
+    positive = (f"a positive number, {what}", lambda x: _number(x) and 0 < x <= sys.float_info.max)
     return Check(name, *positive, measure, judge, f"{name} {{:g}}", frozenset(needs))
 
 

@@ -40,14 +40,11 @@ def from_file(path: str) -> OwnStep:
     Raises InvalidInput if the file cannot be read or does not hold coefficients.
     """
     try:
-        text = Path(path).read_text(encoding="utf-8")
-        record = json.loads(text, parse_float=str)
+        record = json.loads(Path(path).read_text(encoding="utf-8"), parse_float=Fraction)
     except OSError as error:
         raise InvalidInput(f"{path} cannot be read: {error.strerror}") from None
     except ValueError as error:
         raise InvalidInput(f"{path} is no JSON: {error}") from None
-    if isinstance(record, dict) and "claims" in record:
-        record["claims"] = json.loads(text)["claims"]  # of doubles, while coefficients are read exactly
     return replace(own_step(record, path), again=from_file)
 
 

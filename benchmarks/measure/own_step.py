@@ -365,8 +365,7 @@ def check_pair(pair: Any, d: int) -> tuple[np.ndarray, np.ndarray]:
 
     Raises InvalidInput unless ``pair`` holds two arrays (d,) of real numbers.
     """
-    two = len(pair) == 2 if isinstance(pair, (tuple, list)) else np.ndim(pair) == 2 and len(pair) == 2
-    if not two:
+    if not particle_step.is_pair(pair):
         raise InvalidInput(f"step returned {_short_text(pair)}; it must return q, p")
     return _vector(pair[0], "step returned q", d), _vector(pair[1], "step returned p", d)
 

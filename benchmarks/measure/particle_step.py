@@ -116,9 +116,14 @@ class InMomenta:
         pair = self.step(particle, x, v, h)
         if q.flags.writeable and not all(np.array_equal(a, b) for a, b in zip((x, v), before, strict=True)):
             q[:], p[:] = x[: len(q)], particle.momentum(x, v)  # the caller sees that its arrays were changed
-        if not isinstance(pair, (tuple, list, np.ndarray)) or len(pair) != 2 or any(np.shape(z) != (3,) for z in pair):
+        if not is_pair(pair) or any(np.shape(z) != (3,) for z in pair):
             return pair
         return np.array(pair[0])[: len(q)], particle.momentum(*pair)
+
+
+def is_pair(returned: object) -> bool:
+    """True if what a user's step returned has two parts: a tuple or list of length 2, or an array with two rows."""
+    return (isinstance(returned, (tuple, list)) or np.ndim(returned) == 2) and len(returned) == 2
 
 
 def in_velocities(step: Callable) -> bool:

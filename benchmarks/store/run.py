@@ -110,7 +110,10 @@ def entry(cell: Cell, answer: workers.Answer) -> Entry:
 
 
 def standing(cell: Cell, stored: dict[str, tables.Table]) -> Standing:
-    """The content hash, machine and time of a cell's stored rows; without a hash if they are missing or were edited."""
+    """Return the hash of all that the stored rows of a cell depend on, the machine, and the seconds they took.
+
+    There is no hash if the rows are missing or were edited.
+    """
     found = tables.version(cell, stored)
     if found is None:
         return Standing()

@@ -104,7 +104,7 @@ class Division:
         return force @ inverse.T
 
     def jacobian(self, y: np.ndarray) -> np.ndarray:
-        """The derivative of `field` at y (N, m), array (N m, N m); m is the number of components of y in a cell."""
+        """The Jacobian matrix of `field`, (N m, N m), at y (N, m), the state of N cells with m components each."""
         m, k = self.equation.moving, self.equation.slopes
         inverse, L = self._parts
         local = inverse @ self.equation.hessian(self.lift(y))[:, :m, :m]

@@ -228,7 +228,12 @@ def test_fields_without_the_requirement_say_what_is_missing(tmp_path):
 
 @pytest.mark.parametrize(
     ("returned", "words"),
-    [("x", "must return q, p"), ("(x[:2], v)", "shape"), ("(x, v, h)", "must return q, p")],
+    [
+        ("x", "must return q, p"),
+        ("(x[:2], v)", "shape"),
+        ("(x, v, h)", "must return q, p"),
+        ("x[:1].reshape(())", "must return q, p"),
+    ],
 )
 def test_what_is_no_state_is_refused(tmp_path, returned, words):
     file = tmp_path / "mine.py"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from fractions import Fraction
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -183,12 +184,21 @@ def test_claims_of_a_file_are_numbers_and_its_coefficients_exact(tmp_path):
     assert own.claims == {"stability": 2.5, "order": 2}
     q, _ = own.step(System(pb.Hamiltonian(q="q", p="p", H="p**2/2")), np.zeros(1), np.ones(1), 1.0)
     assert q == [1.0]
+    free = SimpleNamespace(dH_dq=lambda q, p: 0 * q, dH_dp=lambda q, p: p)
+    zero, one = (np.array([Fraction(n)]) for n in (0, 1))
+    assert own.step(free, zero, one, Fraction(1))[0] == [Fraction(1)]
 
 
 def test_a_claim_is_a_number_of_any_kind():
     claims = checked_claims({"stability": Fraction(5, 2), "order": 2, "symplectic": True, "energy": "exact"}, "claims")
     assert claims == {"stability": 2.5, "order": 2, "symplectic": True, "energy": "exact"}
     assert {type(x) for x in claims.values()} == {float, int, bool, str}
+
+
+@pytest.mark.parametrize("limit", [10**400, Fraction(10**400), float("inf"), float("nan"), 0.0])
+def test_a_claim_beyond_the_doubles_is_refused(limit):
+    with pytest.raises(InvalidInput, match=r"stability = .*positive number"):
+        checked_claims({"stability": limit}, "claims")
 
 
 @pytest.mark.parametrize("requires", ["null", "3", "[1]", '{"separable": true}'])

@@ -14,7 +14,7 @@ from phasebench.integrators import Hamiltonian
 from phasebench.integrators.compile import codegen
 from phasebench.integrators.registry import BY_ID, method
 from phasebench.integrators.stepping import orbit_lanes
-from phasebench.integrators.stepping.kernel import COUNTS, Prepared, Samples, numbers
+from phasebench.integrators.stepping.kernel import COUNTS, LINE, Prepared, Samples, numbers
 from phasebench.integrators.stepping.solve import LEVELS
 from phasebench.integrators.values import vector
 from phasebench.integrators.values.lane_memory import block_type, table_type, type_with_block
@@ -63,6 +63,7 @@ def test_tables_hold_starts_and_stage_memory(d, stages, width):
     Q, P = np.random.default_rng(d).normal(size=(2, W + 1, d))
     prepared = SimpleNamespace(stages=stages, width=width)
     state, memory, work = orbit_lanes.tables_of(prepared, Q, P)
+    assert not any(held.ctypes.data % LINE for held in (state, memory) if held.size)
     assert state.shape == (2, 4 + stages, max(2, d), W)
     np.testing.assert_array_equal(orbit_lanes.from_blocks(state[:, 0, :d], W + 1), Q)
     np.testing.assert_array_equal(orbit_lanes.from_blocks(state[:, 1, :d], W + 1), P)
