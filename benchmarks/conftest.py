@@ -113,7 +113,7 @@ def notes(pytestconfig: pytest.Config) -> list[str]:
 def outcome(request: pytest.FixtureRequest, pytestconfig: pytest.Config, quick: bool) -> run.Outcome:
     """Measure what the collected benchmark modules ask for, within the time budget; return what was measured.
 
-    The modules list their measurements as cells, each one single measurement.
+    A module that has measurements lists them by its function ``cells``, as `Cell` objects.
     """
     modules = {item.module.__name__: item.module for item in request.session.items}
     cells = [c for m in modules.values() if hasattr(m, "cells") for c in m.cells(quick)]
@@ -146,8 +146,8 @@ def outcome(request: pytest.FixtureRequest, pytestconfig: pytest.Config, quick: 
 def measured_rows(outcome: run.Outcome, request: pytest.FixtureRequest) -> Callable[[str], list[dict]]:
     """Return a function: name of a table -> its rows measured by this run, a list of dicts.
 
-    The test that asks for it fails if a measurement failed that belongs to the same experiment, the folder of
-    ``benchmarks/experiments`` in which the test stands.
+    A test that uses this fixture fails at once if any measurement of its own experiment (the folder of
+    ``benchmarks/experiments`` in which the test stands) failed.
     """
     experiment = Path(request.path).parent.name
     failed = [f"{c.label}: {outcome.failed[c.id]}" for c in outcome.cells if _fails(outcome, c, experiment)]

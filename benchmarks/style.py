@@ -10,6 +10,7 @@ import functools
 import io
 import math
 from collections.abc import Callable, Iterable
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.axis import Axis
     from matplotlib.figure import Figure
+    from matplotlib.legend import Legend
 
 BLACK, ORANGE, SKY, GREEN, YELLOW, BLUE, VERMILION, PURPLE = (
     "#000000", "#e69f00", "#56b4e9", "#009e73", "#f0e442", "#0072b2", "#d55e00", "#cc79a7",
@@ -38,7 +40,9 @@ CURVES = (
 )
 WIDTH = 7.0
 DPI = 130
-COLOURS = 128
+COLOURS = 256
+#: Least inches along an axis for the label of a tick.
+ROOM = 0.4
 #: Vector formats by file ending, with the metadata to leave out so that files are reproducible.
 VECTORS = {".svg": {"Date": None, "Creator": None}, ".pdf": {"CreationDate": None, "Creator": None, "Producer": None}}
 
@@ -98,6 +102,7 @@ def _figure_class() -> type[Figure]:
         def _repr_png_(self) -> bytes:
             picture = io.BytesIO()
             with settings():
+                _plain(self)
                 self.savefig(picture, format="png", dpi=DPI)
             return picture.getvalue()
 
@@ -107,16 +112,20 @@ def _figure_class() -> type[Figure]:
 def curve(index: int, points: int = 0, marks: int = 12) -> dict:
     """Return the plot keywords of the ``index``-th curve of a panel: its colour, line style and marker.
 
+    Curves after the first seven, of `CURVES`, have their colours again, with the line style of another and the marker
+    of a third.
     ``points`` is the number of points of the curve.  About ``marks`` of them get a marker, not the same ones on each
     curve; if ``points`` is 0, all of them do.
     """
-    colour, line, marker = CURVES[index]
+    again, k = divmod(index, len(CURVES))
+    colour = CURVES[k][0]
+    line, marker = CURVES[(k + 3 * again) % len(CURVES)][1], CURVES[(k + 5 * again) % len(CURVES)][2]
     every = max(1, points // marks)
     return {
         "color": colour,
         "linestyle": line,
         "marker": marker,
-        "markevery": (every * index // len(CURVES), every) if points else None,
+        "markevery": (every * k // len(CURVES), every) if points else None,
     }
 
 
@@ -129,10 +138,23 @@ def looks() -> list[dict]:
 def legend_above(figure: Figure, axes: Axes, columns: int) -> None:
     """Put one legend of the curves of ``axes``, for all panels, above them, so that it covers no data.
 
-    ``columns`` is the number of entries in a line of the legend.
+    ``columns`` is the number of entries in a line of the legend; fewer stand there if it were wider than the figure.
     """
-    handles, labels = axes.get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper center", ncols=columns, handlelength=3.4)
+    options = {"loc": "outside upper center", "handlelength": 3.4}
+    fit_legend(partial(figure.legend, *axes.get_legend_handles_labels(), **options), columns, figure.bbox.width)
+
+
+def fit_legend(make: Callable[..., Legend], columns: int, width: float) -> None:
+    """Make a legend in at most ``columns`` columns, fewer if it were wider than ``width`` pixels.
+
+    ``make`` makes it, ``figure.legend`` or ``axes.legend`` with its arguments; it takes the number of columns as
+    ``ncols``.
+    """
+    for wide in range(columns, 0, -1):
+        legend = make(ncols=wide)
+        if wide == 1 or legend.get_window_extent().width <= width:
+            return
+        legend.remove()
 
 
 def decades(axes: Axes) -> None:
@@ -147,24 +169,41 @@ def decades(axes: Axes) -> None:
     axes.yaxis.set_minor_formatter(NullFormatter())
 
 
-def plain_ticks(axis: Axis) -> None:
-    """Label a logarithmic axis that spans less than a factor 40 at 1, 2 and 5 times powers of ten.
+def plain_ticks(axis: Axis, inches: float) -> None:
+    """Label a logarithmic axis that is ``inches`` long so that no labels overlap; an axis with ticks of its own stays.
 
-    Labels between its main ticks, which could overlap, are removed from any axis.
+    If it spans less than a factor 100, there are labels between the powers of ten: at 1, 2 and 5 times these or, if a
+    label had less than `ROOM` inches, at 1 and 3 times.  Minor ticks have none.
     """
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+    from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullFormatter
 
-    low, high = axis.get_view_interval()
-    if high < 40 * low:
-        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    if not isinstance(axis.get_major_locator(), LogLocator):
+        return
+    low, high = sorted(axis.get_view_interval())
+    if high < 100 * low:
+        powers = [10.0**k for k in range(math.floor(math.log10(low)), math.ceil(math.log10(high)))]
+        for factors in ((1, 2, 5), (1, 3)):
+            ticks = [x * power for power in powers for x in factors if low <= x * power <= high]
+            if len(ticks) * ROOM < inches:
+                break
+        axis.set_major_locator(FixedLocator(ticks))
         axis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
     axis.set_minor_formatter(NullFormatter())
 
 
-def slope(axes: Axes, h: np.ndarray, values: Iterable[np.ndarray], order: int, line: str = "-") -> None:
-    """Draw a grey line of slope ``order`` in log-log axes, below some curves of errors, in the line style ``line``.
+def _plain(figure: Figure) -> None:
+    """Label the logarithmic axes of a figure by `plain_ticks`, for the layout that it has when it is drawn."""
+    figure.draw_without_rendering()
+    for axes in figure.axes:
+        box = axes.get_window_extent()
+        for axis, pixels in ((axes.xaxis, box.width), (axes.yaxis, box.height)):
+            plain_ticks(axis, pixels / figure.dpi)
 
-    ``values`` has the curves, arrays (n,) at the steps ``h``, an array (n,).
+
+def slope(axes: Axes, h: np.ndarray, values: Iterable[np.ndarray], order: int, line: str = "-") -> None:
+    """Draw a grey line of slope ``order`` in log-log axes, below given curves of errors, in the line style ``line``.
+
+    ``h`` is the array (n,) of the steps; ``values`` has one array (n,) of errors at these steps for each curve.
     """
     constant = 0.35 * min(((v[v > 0] / h[v > 0] ** order).min() for v in values if (v > 0).any()), default=math.nan)
     axes.plot(h, constant * h**order, color=GREY, linestyle=line, linewidth=0.9, label=f"slope {order}")
@@ -182,6 +221,7 @@ def write(figure: Figure, path: Path) -> None:
     """
     kind = path.suffix.lower()
     with settings():
+        _plain(figure)
         if kind in VECTORS:
             import matplotlib
 
@@ -198,7 +238,9 @@ def _write_png(figure: Figure, path: Path) -> None:
     from PIL import Image
 
     pixels = np.asarray(figure.canvas.buffer_rgba())[..., :3]
-    image = Image.fromarray(np.ascontiguousarray(pixels)).quantize(COLOURS, dither=Image.Dither.NONE)
+    # Maximum coverage keeps the colour of a few markers; median cut, the default, turns it into that of a long curve.
+    method, dither = Image.Quantize.MAXCOVERAGE, Image.Dither.NONE
+    image = Image.fromarray(np.ascontiguousarray(pixels)).quantize(COLOURS, method=method, dither=dither)
     image.save(path, format="PNG", optimize=True)
 
 

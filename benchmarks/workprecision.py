@@ -50,7 +50,8 @@ class WorkPrecision(TabularResult):
     Attributes
     ----------
     rows : a dictionary for each run, from coarse to fine for each integrator: problem, t_end, quantity, method, id,
-        kind (origin), h or tol, steps, error, uncertainty (of the reference), seconds, status, reason
+        kind (this project, the user, or a package), h or tol, steps, error, uncertainty (of the reference), seconds,
+        status, reason
     """
 
     rows: tuple[dict[str, Any], ...]
@@ -177,7 +178,8 @@ def promising(problem: Problem, t_end: float, quantity: str) -> list[Integrator]
 def improving(rows: Sequence[dict[str, Any]]) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
     """Split one integrator's rows, from coarse to fine: (rows with an error below all coarser ones, the other rows).
 
-    Only the first are joined by a line; the others scatter at the level of round-off, and a line would draw loops.
+    A figure joins only the first list by a line; the other rows scatter at the level of round-off, where a line would
+    make loops.
     """
     best, falling, rest = float("inf"), [], []
     for row in rows:

@@ -148,7 +148,7 @@ class Orbits:
         """
 
     def suspects(self, members: np.ndarray) -> np.ndarray:
-        """The indices among ``members`` of the orbits that `integrate` must integrate again to determine a status."""
+        """The indices among ``members`` of the orbits that `integrate` must integrate again to find how they ended."""
         return find_doubtful(self, members)
 
 
@@ -159,7 +159,7 @@ class Batch:
     Attributes
     ----------
     prepared : their kernel (loop over steps), with the coefficients that they share
-    loop : the compiled loop over blocks of orbits, each as many orbits as a vector register has lanes
+    loop : the compiled loop over blocks of orbits; a block has as many orbits as there are lanes
     members : array (n,), the indices of the orbits
     weights : name of a field of the method's step, "mu" or "lam" -> array (n, substeps), the weights of the substeps of
         each orbit; empty for methods without such weights
@@ -239,8 +239,8 @@ def run(made: list[Batch], orbits: Orbits, threads: int, tell: Callable[[int], N
 def pieces(steps: int, every: int, most: int | None = None) -> Iterator[tuple[int, int, int]]:
     """Divide a run of ``steps`` steps into kernel calls; yield for each (first row, number of rows, steps for a row).
 
-    A row is stored after every ``every`` steps; a call takes at most ``most`` steps.  A row of more steps takes several
-    calls with the same first row, of which the last leaves the state that is stored.
+    A row is stored after every ``every`` steps; a call makes at most ``most`` steps.  Where ``every`` is larger than
+    that, several calls with the same first row lead to one stored row; the state after the last of them is stored.
     """
     first, most = 0, PIECE if most is None else most
     while first * every < steps:

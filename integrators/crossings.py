@@ -85,11 +85,12 @@ def _find(
 ) -> int:
     """Find the crossings of a plane by orbits between their rows, write them to ``points``; return their number.
 
-    q, p are rows (blocks of orbits, rows, d, lanes), each ``every`` steps after the one before; ``last`` (2, blocks, d,
-    lanes) is the row before the first, after ``begin`` of the run's ``steps`` steps, and is overwritten by the last
-    row.  ``plane`` (1, 3) has the index of the component in (q, p), its value on the plane and the sign of a crossing
-    (1: rising); ``h`` (blocks, lanes) has the step of each orbit.  A row of ``points`` becomes (t, q, p), and that of
-    ``owners`` the number of the orbit, block times lanes plus lane.  ``field(q, p, 0, 0)`` returns (q', p').
+    q, p are rows (blocks of orbits, rows, d, lanes), each ``every`` steps after the one before.  ``last``, of shape (2,
+    blocks, d, lanes), holds q and p of the row before these, the state after ``begin`` of the run's ``steps`` steps; it
+    is overwritten by the last of these rows, for the next call.  ``plane`` (1, 3) has the index of the component in (q,
+    p), its value on the plane and the sign of a crossing (1: rising, -1: falling); ``h`` (blocks, lanes) has the step
+    of each orbit.  A row of ``points`` becomes (t, q, p), and the same row of ``owners`` the number of the orbit, block
+    times lanes plus lane.  ``field(q, p, 0, 0)`` returns (q', p').
 
     ``work`` (2, d) and ``slopes`` (STAGES + 1, 2 d) are work arrays; ``tableau`` has the rows of A, then b, of a
     Runge-Kutta method; ``zero`` is a vector of d zeros.

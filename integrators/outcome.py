@@ -155,7 +155,7 @@ def flag_energy_errors(H: np.ndarray, M: np.ndarray) -> np.ndarray:
 
 
 def _share(error: np.ndarray, size: np.ndarray) -> np.ndarray:
-    """Divide energy errors by the sizes to which they are related, arrays of one shape; 0 where the error is 0."""
+    """Divide energy errors by the size of H's terms, both arrays of one shape; the result is 0 where the error is 0."""
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.where(error > 0, error / size, 0.0)
 
@@ -283,8 +283,9 @@ def describe_approach(system: PartitionedSystem, Q: np.ndarray, P: np.ndarray, h
 def describe_crossing(system: PartitionedSystem, t: np.ndarray, Q: np.ndarray, P: np.ndarray, h: float) -> str | None:
     """Return a sentence for the user if a step of the run jumped across a singularity of H, else None.
 
-    It did if from some row (stored state) a step is longer than the distance to the singularity, and the motion there
-    heads straight for it, or from then on a tenth of the energy is lost.  Q, P (n, d) are the rows at the times t.
+    There must be rows (stored states) where the length |h dq/dt| of a step exceeds the distance to the singularity.  A
+    jump is reported if at one of these the motion heads straight for the singularity, or if after the first of them the
+    energy error exceeds a tenth of `energy_unit`.  Q, P (n, d) are the rows at the times t.
     """
     if not system.singularities or not system.has_energy:
         return None

@@ -46,7 +46,10 @@ STATUSES = (OK, NOT_CONVERGED, DIVERGED, NOT_CONVERGED)
 
 @dataclass
 class Layout:
-    """A compiled kernel (loop over steps) with its arguments for one run: coefficients, state between calls, counts."""
+    """A compiled kernel (loop over steps) with its arguments for one run; a call goes on from where the last one ended.
+
+    The arguments are the step's coefficients, the state and memory that one call leaves for the next, and the counts.
+    """
 
     kernel: Callable
     step: tuple
@@ -56,7 +59,8 @@ class Layout:
     def __call__(self, Q: np.ndarray, P: np.ndarray, parameter: np.ndarray, every: int) -> tuple[int, int]:
         """Go on from the state reached; fill Q, P (rows, d) and ``parameter`` (rows, 1), a row every ``every`` steps.
 
-        Returns (number of rows filled, status code: 0 if no step failed).
+        ``parameter`` takes the parameter that the last step before each row chose to keep the energy; most methods have
+        none and leave the array as it is.  Returns (number of rows filled, status code: 0 if no step failed).
         """
         return self.kernel(self.step, self.carry, Samples(Q, P, parameter, every), self.counts)
 
@@ -113,7 +117,7 @@ def lay_out(
 
 
 class PreparedRun:
-    """A method on a problem, compiled: ``run(h, steps)`` integrates and keeps no rows.
+    """A method on a problem, compiled: ``run(h, steps)`` integrates and stores no states on the way.
 
     Nothing is checked: h is a number, ``steps`` a positive integer, q0 and p0 have d finite numbers.  Every call starts
     anew.  `advance` is a call that does not copy the end state out: it is what should be timed.  Methods whose

@@ -21,7 +21,7 @@ class Solution:
 
     Attributes
     ----------
-    t : array (n,), the times; t[i] is a step number times h
+    t : array (n,), the times of the rows: the start time plus whole numbers of steps times h
     q, p : arrays (n, d), the states; row 0 is the initial one
     status, reason : "ok", or what went wrong and what to do.  Rows end before the failure; in a run that is "unstable"
         or "inaccurate" they go on to the end, but are not the orbit

@@ -62,6 +62,7 @@ def advise(
 
     Parameters
     ----------
+    ask : the question: problem, span, quantity, and accuracy or time budget
     problem_words : the words that name the problem on a command line; by default they are made from the problem
     portfolio_of : (ask, accuracy) -> (integrators to try in order, integrators left out), as `portfolio`
     """
@@ -230,10 +231,11 @@ def lost_orbit(candidate: Candidate, off: float | None) -> str:
 
 
 def singularity_note(problem: Problem) -> str:
-    """A note that the distances at which H is infinite were not searched for in its formula; "" if they were.
+    """A note that the singularities of H were not searched for in its formula; "" if they were.
 
-    The search is left out if a denominator of H is too long.  Methods with variable steps need these distances, which
-    the user can declare with the problem.
+    They are wanted as distances, expressions that vanish where H is infinite, by which methods with variable steps
+    choose their steps.  The search is left out if a denominator of H is too long; the user can then declare the
+    distances with the problem.
     """
     if not singularities.unsearched(problem.system):
         return ""

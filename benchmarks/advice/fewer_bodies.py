@@ -1,10 +1,11 @@
 """Which bodies of a planetary system may be left out, or made test particles, at an accuracy: found by running.
 
-A model is the system with some bodies left out or massless.  To the other bodies both are the same, so that all models
-run on one compiled system with different masses (`reference.solvers.attracting`), each about its own barycentre.  A
-model's error is that of the quantity against its true value in the full system.  First each body is tried alone, then
-together, the least important first, as long as the model's error is at most half of the accuracy.  The chosen
-integrator then runs the model at the step that meets the rest of the accuracy, timed in turns with the full system.
+A model is the system with some bodies left out or made massless.  The other bodies move alike in both cases, so that
+all models run on one compiled system with different masses (`reference.solvers.attracting`), each about its own
+barycentre.  A model's error is that of the quantity against its true value in the full system.  First each body alone
+is left out or made massless.  Where the error is small enough, such changes are then combined, the least important
+first, as long as the model's error is at most half of the accuracy.  The chosen integrator then runs the model at the
+step that meets the rest of the accuracy, timed in turns with the full system.
 """
 
 from __future__ import annotations
@@ -199,8 +200,8 @@ def _none(ask: Ask, alone: dict[str, dict[str, float]]) -> dict[str, Any]:
 def _saves(ask: Ask, models: Models, model: Model, full: Candidate, accuracy: float) -> float | None:
     """The full system's time over the model's with the same integrator, each at a step that meets its accuracy.
 
-    ``full`` is the integration of the full system, ``accuracy`` that of the model's integration.  None if no run of the
-    model meets it.
+    ``full`` is the integration of the full system; ``accuracy`` is what the integration of the model must meet.  None
+    if no run of the model meets it.
     """
     problem = ask.problem
     if model.light:

@@ -38,7 +38,7 @@ def advice(found: Advice) -> Figure:
     for one in found.alternatives:
         if (one.integrator, one.error, one.seconds) not in members:
             axes.loglog(max(one.error, LEAST), one.seconds, ".", color=style.GREY)
-            axes.annotate(one.integrator, (max(one.error, LEAST), one.seconds), fontsize=6, color=style.GREY)
+            axes.annotate(one.integrator, (max(one.error, LEAST), one.seconds), color=style.GREY)
     for look, (key, one) in zip(style.looks(), members.items(), strict=False):
         label = f"{', '.join(seen[key])}: {one.integrator}"
         axes.loglog(max(one.error, LEAST), one.seconds, **look | {"linestyle": "none", "markersize": 7, "label": label})

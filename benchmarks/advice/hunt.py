@@ -138,7 +138,8 @@ class Search:
         """Try the integrators in turn; drop those for which no time is left, and those expected to be far too slow.
 
         ``members`` are (integrator, expected time over that of the cheapest), in the order in which they are tried.
-        This project's methods are compared only with the cheapest of themselves, and peers with the cheapest peer.
+        A method of this project is compared only with the cheapest of these methods, and a peer (an integrator of
+        another package) with the cheapest peer.
         """
         dear = {side: HOPELESS * min([x for i, x in members if _own(i) is side], default=1.0) for side in SIDES}
         promising = _promising(members)

@@ -31,7 +31,11 @@ SAME = 1e-9
 
 
 class Rung(NamedTuple):
-    """A simplified (or the full) model: ``off`` bounds its modelling error, ``runs`` are (error, seconds) of runs."""
+    """A model of a problem, simplified or the full problem itself (``full``), and its measured integrations.
+
+    ``off`` bounds the error that the simplification causes in the quantity; ``runs`` are (error, seconds) of
+    integrations of the model.
+    """
 
     model: str
     full: bool
@@ -44,7 +48,10 @@ class Rung(NamedTuple):
 
 
 class Scene(NamedTuple):
-    """The models of one problem (``key`` is its fingerprint) for one span and quantity, the full model last."""
+    """The models of one problem for one span and quantity: ``rungs``, the full model last.
+
+    ``key`` is the problem's `fingerprint`, ``d`` its number of degrees of freedom.
+    """
 
     key: str
     d: int

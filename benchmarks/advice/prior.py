@@ -62,8 +62,8 @@ def factors(problem_id: str, accuracy: float, ids: Iterable[str]) -> dict[str, f
 def _mean(values: list[float], tables: int) -> float:
     """The geometric mean of an integrator's stored factors ``values``, or a default if it has none.
 
-    ``tables`` is the number of problems (or scenes) with stored measurements.  If there are any, the integrator met the
-    error in none of them, and the default is `LARGEST`; else it is `UNKNOWN`.
+    ``tables`` is the number of problems (or scenes) with stored measurements.  Without a factor, the default is
+    `UNKNOWN` if ``tables`` is 0, else `LARGEST`, since the integrator then met the error on none of them.
     """
     if not values:
         return UNKNOWN if not tables else LARGEST
@@ -88,7 +88,10 @@ def build(rows: pd.DataFrame, competitors: Iterable[str] = ()) -> list[dict[str,
 
 
 def _shares(rows: pd.DataFrame, error: float) -> dict[str, float]:
-    """Integrator -> time of its cheapest run that meets the error, over that of the cheapest integrator."""
+    """Return a dict: integrator -> time of its cheapest run that meets the error, over that of the cheapest integrator.
+
+    ``rows`` (columns id, error, seconds) are runs on one problem; integrators that miss the error are left out.
+    """
     cheapest = rows[rows["error"] <= error].groupby("id")["seconds"].min()
     return {} if cheapest.empty else (cheapest / cheapest.min()).to_dict()
 

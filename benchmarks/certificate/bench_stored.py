@@ -23,7 +23,8 @@ def bench_fronts(outcome: Outcome, complete: Callable[[str], bool], update: bool
     """Write `fronts.csv` and `times.csv`: the fewest evaluations and the least time known for each scene and error.
 
     A scene is a problem with a span and a quantity whose error counts.  Skipped unless ``update`` (--update-tables) is
-    set and ``complete`` says that all runs are measured; ``outcome`` has the measured rows.
+    set and all runs are measured: ``complete`` takes the name of a table and returns True if it lacks no row.
+    ``outcome`` has the measured rows.
     """
     if not update or not complete(RUNS):
         pytest.skip("fronts and times are made with --update-tables where all of the trade is measured")

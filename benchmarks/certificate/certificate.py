@@ -53,7 +53,7 @@ class _Run:
         """
         found = judge.judgements(self.claims, self.tables)
         offers = [] if self.alone or judge.gross_failure(found) else judge.offers(self.claims, self.tables)
-        verdict = judge.verdict(found, self.claims)
+        verdict = judge.verdict(found)
         rest = (self.tables, self.doubles, self.requires, self.seed, self.seconds, times)
         return Certificate(self.id, found, offers, verdict, *rest)
 

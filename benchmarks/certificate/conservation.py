@@ -82,9 +82,8 @@ def _row(entry: Entry, rows: np.ndarray, h: float, steps: int) -> dict:
 def round_off(subject: Subject, entry: Entry, seed: int) -> dict | None:
     """Measure the round-off in the energy in each of `ROUNDED` steps; return a row with mean and standard deviation.
 
-    None if the energy does not stay finite.
-
-    Both are in units of eps times the energy; ``biased`` says whether the mean differs from zero.
+    ``mean`` and ``deviation`` are in units of eps times the energy; ``biased`` says whether the mean differs from zero.
+    Returns None if the energy does not stay finite.
     """
     double, y = Stepper(subject, entry), entry.start(seed)
     with precision(DIGITS):

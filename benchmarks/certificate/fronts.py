@@ -36,7 +36,8 @@ class Cheapest(NamedTuple):
 def build(rows: Iterable[Mapping[str, Any]]) -> list[dict[str, Any]]:
     """Compute the lines of `fronts.csv` (fewest evaluations by scene and error) from stored runs of all integrators.
 
-    ``rows`` are the runs, dicts with the keys scene, integrator, id, evaluations, status and error.
+    A scene is a problem with a span and a quantity whose error counts.  ``rows`` are the runs, dicts with the keys
+    scene, integrator, id, evaluations, status and error.
     """
     runs: dict[str, dict[str, list[tuple[float, float]]]] = {scene: {} for scene in SCENES}
     for row in rows:
@@ -60,7 +61,10 @@ def _counts(row: Mapping[str, Any]) -> bool:
 
 
 def parse(lines: list[dict[str, str]]) -> dict[str, dict[float, Cheapest]]:
-    """Scene -> error -> the integrator with the fewest evaluations, from the lines of `fronts.csv`."""
+    """Scene -> error -> the integrator with the fewest evaluations, from the lines of `fronts.csv`.
+
+    A scene, a problem with a span and a quantity whose error counts, is given by its id.
+    """
     found: dict[str, dict[float, Cheapest]] = {}
     for row in lines:
         best = Cheapest(row["integrator"], float(row["evaluations"]))

@@ -61,8 +61,8 @@ def fill_tables(chosen: Subject, run: Run, own: list[Entry], tell: Callable[[str
     """Measure an integrator and fill the tables of its certification ``run``.
 
     ``own`` are the user's own problems as entries, measured in place of the battery; ``tell`` is called with the name
-    of each measure.  Returns a row for each scene on which the integrator was timed: its time relative to the fastest
-    stored integrator.
+    of each measure.  Returns a row for each scene (problem and span) on which the integrator was timed: its time
+    relative to the fastest stored integrator.
     """
     tables, times = run.tables, []
     heard, calls = repeats.listening(chosen, run.seed)

@@ -70,7 +70,10 @@ class Series:
         return next((k for k, x in enumerate(self.terms) if not x < VANISHES), len(self.terms))
 
     def largest(self, order: int) -> float:
-        """The largest of the terms eps_1, ..., eps_order among the first `clean` ones, which count as zero; else 0."""
+        """The largest of the terms eps_1, ..., eps_k that count as zero, k the smaller of ``order`` and `clean`.
+
+        It is 0 if k is 0.
+        """
         return max(self.terms[: min(order, self.clean)], default=0.0)
 
 
@@ -222,10 +225,11 @@ def _integral(found: metrics.Order, steps: np.ndarray, away: np.ndarray, noise: 
 
 
 def fit_series(h: np.ndarray, errors: np.ndarray, noise: float) -> metrics.Order | None:
-    """The order p of errors c_0 h^p + c_1 h^(p+1) + ... of a ladder, if only one p explains them.
+    """The order p of errors c_0 h^p + c_1 h^(p+1) + ... at falling steps h, if only one p explains them; else None.
 
-    If few errors are above round-off, no window of them is asymptotic.  The series is fitted by least squares; it
-    explains the errors if the residual is round-off, and has order p if c_0 is `SURE` times its own uncertainty.
+    It is for errors of which too few are above round-off to find steps so small that the first term prevails.  The
+    series is fitted by least squares for each p; p explains the errors if the residual is round-off and c_0 exceeds
+    `SURE` times its own uncertainty.
 
     Parameters
     ----------

@@ -65,9 +65,10 @@ def place(subject: Subject, scene: str) -> dict:
     Returns
     -------
     dict
-        The scene; ``curve``, pairs (evaluations, error) of the runs; ``sizes``, their numbers of steps or tolerances;
-        ``errors``, a dict for each error: evaluations needed (None if it is not met), the cheapest stored integrator,
-        its evaluations, and the ratio of the two (``factor``)
+        ``on``, the id of the scene, with its ``problem``, ``t_end`` and a text ``about`` it; ``curve``, pairs
+        (evaluations, error) of the runs that reached the end; ``sizes``, the numbers of steps or tolerances of these
+        runs; ``errors``, a dict for each ``error``: the ``evaluations`` needed (None if it is not met), the
+        ``cheapest`` stored integrator, ``its evaluations``, and the ratio of the two numbers (``factor``, or None)
     """
     question = fronts.question(scene)
     problem = question.build_problem()

@@ -139,7 +139,10 @@ def _systems_table(certificate: Certificate) -> pd.DataFrame:
 
 
 def _place(certificate: Certificate) -> pd.DataFrame:
-    """The table of gradient evaluations: a row for each scene and error, those needed beside the fewest stored."""
+    """The table of the gradient evaluations needed, beside the fewest that are stored for any known integrator.
+
+    It has a row for each scene (a problem with a span) and error.
+    """
     rows = []
     for r in certificate.tables.of("place"):
         for e in r["errors"]:

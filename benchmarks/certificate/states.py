@@ -90,7 +90,8 @@ def _row(subject: Subject, entry: Entry, seed: int, arithmetic: str) -> dict:
 def _error(stepper: Stepper, entry: Entry, seed: int, y: np.ndarray, h: float) -> tuple[float, np.ndarray | None]:
     """(relative error of a step h from y, the state after it); (NaN, None) if the step fails numerically.
 
-    y is the initial state of ``entry`` displaced by ``seed``, by which the reference finds it again.
+    y is the initial state of ``entry`` displaced by ``seed``; the reference solution starts from the same state, which
+    it computes from these two.
     """
     try:
         end = stepper(stepper.state(y), to_number(h, stepper.arithmetic))

@@ -47,12 +47,12 @@ class StepFailed(Exception):
 
 
 class Exact:
-    """The system that a step sees in many digits: `own_step.System` for MPFR numbers.
+    """The system as it is passed to a step in many digits: like `own_step.System`, but with MPFR numbers.
 
     Attributes
     ----------
     d : degrees of freedom
-    evaluations : how often `dH_dq` and `dH_dp` were called
+    evaluations : [number of evaluations of `dH_dq`, number of evaluations of `dH_dp`]
     whole : the underlying system
     """
 

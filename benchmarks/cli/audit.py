@@ -71,7 +71,11 @@ def _own_steps_are_validated(names: list[str]) -> None:
 
 
 def _stated(packages: set[str], progress: Callable[[str], None]) -> list[dict]:
-    """Verdicts on statements in the packages' documentation, from the scripts that test them."""
+    """Run the scripts that test statements in these packages' documentation; return a row (a dict) per statement.
+
+    A row has the statement (``said``) and its ``verdict``.  If a script cannot run on this machine, its statements are
+    not judged, and their rows tell the ``reason``.
+    """
     from phasebench.benchmarks.experiments.audit import statement_cells, statements
     from phasebench.benchmarks.store.cells import Unavailable
 

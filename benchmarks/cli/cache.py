@@ -18,7 +18,8 @@ LARGEST = 4
 def cache(
     clear: Annotated[bool, typer.Option("--clear", help="Remove every entry, of all versions.")] = False,
     build: Annotated[
-        bool, typer.Option("--build", help=f"Compile all methods for all problems of d up to {LARGEST}, on all cores.")
+        bool,
+        typer.Option("--build", help=f"Compile all methods for all problems of up to {LARGEST} degrees of freedom."),
     ] = False,
     jobs: Annotated[int, options.jobs("For --build; 0: as many as there are cores.")] = 0,
     as_json: options.Json = False,
@@ -110,7 +111,10 @@ def made(task: tuple[str, int, tuple[str, ...]]) -> tuple[int, list[str]]:
 
 
 def _build(jobs: int, shown: bool) -> list[str]:
-    """Compile all methods for all problems in parallel processes; returns the failures as text."""
+    """Compile all methods for all problems in parallel processes; return a list of texts, one for each failure.
+
+    ``jobs`` is the number of processes, 0 for as many as there are cores; ``shown`` asks for a progress bar.
+    """
     from rich.progress import track
 
     failures: list[str] = []

@@ -121,7 +121,11 @@ def _print_table(outcomes: list[Outcome], update: bool) -> None:
 
 
 def _one(name: str, end: str, time_limit: float, as_json: bool) -> bool:
-    """Certify the state of a problem at one time and print it; True if the other solvers agree."""
+    """Certify the state of the problem ``name`` at the time ``end`` and print it, as JSON if ``as_json``.
+
+    Returns True if the solvers that check the reference solver agree with it.  Raises InvalidInput unless ``end`` and
+    ``time_limit`` (seconds) are positive.
+    """
     from phasebench.benchmarks.experiments.references.certify import certify_end
     from phasebench.benchmarks.problems import problem
 

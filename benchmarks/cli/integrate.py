@@ -76,7 +76,9 @@ def integrate(
     q: options.Coordinates = None,
     p: options.Momenta = None,
     time_limit: Annotated[float | None, options.time_limit("The status is then timeout. Default: no limit.")] = None,
-    error: Annotated[bool, typer.Option("--error", help="Print the error against the certified reference.")] = False,
+    error: Annotated[
+        bool, typer.Option("--error", help="Print the error of the end state, against a stored or new reference.")
+    ] = False,
     quantity: Annotated[str | None, options.quantity("It is printed, too.")] = None,
     output: Annotated[Path | None, options.output("FILE", "A trajectory: .csv or .npz.")] = None,
     every: Annotated[int, typer.Option(metavar="NUMBER", help="Write every Nth row to --output, and the last.")] = 1,
@@ -195,7 +197,10 @@ def _check_output(output: Path | None, every: int) -> None:
 def _integrated(
     problem: Problem, integrator: Integrator, wanted: Wanted, tol: float | None, time_limit: float | None, **common: Any
 ) -> dict[str, Any]:
-    """Integrate, and return the result as a JSON object with the requested outputs."""
+    """Integrate, and return the result as a JSON object (dict) with the requested outputs.
+
+    ``common`` are the arguments h, t_end, steps, t0, q0 and p0 of the run.
+    """
     if time_limit is not None and not integrator.stoppable:
         raise InvalidInput(f"'{integrator.id}' cannot be stopped: leave out --time-limit")
     from phasebench.benchmarks.measure import every_step
@@ -218,7 +223,11 @@ def _integrated(
 
 
 def _check_quantity(problem: Problem, name: str, common: dict[str, Any]) -> None:
-    """Raise InvalidInput, before anything is integrated, for a quantity whose error the run could not tell."""
+    """Raise InvalidInput, before anything is integrated, for a quantity whose error the run could not tell.
+
+    A run backwards in time has errors of conserved quantities only.  ``common`` are the arguments of the run, of which
+    h, t_end and t0 are used.
+    """
     from phasebench.benchmarks.measure.named_quantities import quantity
 
     t_end, h = common["t_end"], common["h"]
@@ -230,7 +239,11 @@ def _check_quantity(problem: Problem, name: str, common: dict[str, Any]) -> None
 def _errors(
     problem: Problem, integrator: Integrator, solution: Solution, wanted: Wanted, tol: float | None, common: dict
 ) -> dict[str, Any]:
-    """The error of the end state, and that of a quantity if requested, as entries of the JSON object."""
+    """The error of the end state, and that of the quantity ``wanted.quantity`` if there is one, as a dict.
+
+    They become entries of the command's JSON object.  ``common`` are the arguments h, t_end, steps, t0, q0 and p0 of
+    the run that gave the ``solution``.
+    """
     from phasebench.benchmarks.measure import global_error as against
     from phasebench.benchmarks.measure.named_quantities import quantity
 
@@ -245,7 +258,10 @@ def _errors(
 
 
 def _result(problem: Problem, solution: Solution, extremes: Extremes, parameters: dict[str, Any]) -> dict[str, Any]:
-    """The result of the command ``integrate`` as a JSON object (dict), without errors against a reference."""
+    """The result of the command ``integrate`` as a JSON object (dict), without errors against a reference.
+
+    ``extremes`` has the errors of energy and invariants along the run; ``parameters`` are those of the integrator.
+    """
     from phasebench.benchmarks.measure.solution import stability_hint
 
     def error(extreme: Extreme) -> dict[str, float | None]:

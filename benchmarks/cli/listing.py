@@ -102,7 +102,7 @@ def list_(
     kind: Annotated[Kind, typer.Argument(metavar="KIND", help="methods, problems, scenes or peers.")] = Kind.methods,
     order: Annotated[int | None, typer.Option(metavar="NUMBER", help="Methods and peers of this order.")] = None,
     family: Annotated[str | None, typer.Option(metavar="NAME", help="Methods of this family: splitting.")] = None,
-    requires: Annotated[str | None, options.requires("Methods that require it; or nothing.")] = None,
+    requires: Annotated[str | None, options.requires("Methods that require it; 'nothing': none.")] = None,
     energy: Annotated[
         str | None, typer.Option(metavar="HOW", help="Methods that keep the energy so: round-off, bounded.")
     ] = None,
@@ -143,7 +143,10 @@ def list_(
 
 
 def _chosen(kind: Kind, rows: list[Row], wanted: Mapping[str, Any]) -> list[Row]:
-    """The rows that match all options; raises InvalidInput for an option or value that does not exist."""
+    """The rows that match all options; raises InvalidInput for an option or value that does not exist.
+
+    ``wanted`` maps the name of an option, which is also that of a column of ``rows``, to the value given.
+    """
     for name, value in wanted.items():
         if name not in rows[0] or (kind is Kind.problems and name == "problem"):
             raise InvalidInput(f"--{name} is no option of {kind.value}")
@@ -155,7 +158,7 @@ def _chosen(kind: Kind, rows: list[Row], wanted: Mapping[str, Any]) -> list[Row]
 
 
 def _values(cell: object) -> list:
-    """The values of an option that match a table cell: the cell itself, or its entries if it is a list.
+    """Return the values of an option that match a table cell: the cell itself, or its entries if it is a list.
 
     An empty list is matched by "nothing", a text ``problem:orbit`` also by ``problem``.
     """

@@ -27,7 +27,9 @@ def run(
         typer.Option(metavar="NAME", help="A scene of `list scenes`; repeat it."),
     ] = [],  # noqa: B006
     method: options.Methods = [],  # noqa: B006
-    everything: Annotated[bool, typer.Option("--all", help="Measure all that is not named.")] = False,
+    everything: Annotated[
+        bool, typer.Option("--all", help="Measure all scenes and methods, if none is named.")
+    ] = False,
     quick: Annotated[bool, options.quick("Fewer steps.")] = False,
     jobs: Annotated[int, options.jobs("Each measures a scene; 0: all are measured in this one.")] = 0,
     scheduler: Annotated[
@@ -60,6 +62,8 @@ def run(
     with invalid_input():
         if t_end is not None:
             raise InvalidInput("--t-end is for a problem: a scene has its own time span")
+        if everything and (scene or method):
+            raise InvalidInput("--all measures all scenes and methods: leave it out, or --scene and --method")
         _refuse_other_rows(output, of_scenes=True)
         cells = _cells(scene, method, quick)
         if jobs and scheduler:
@@ -108,9 +112,10 @@ def _cells(scenes: list[str], methods: list[str], quick: bool) -> list:
 
 
 def _refuse_other_rows(output: Path, of_scenes: bool) -> None:
-    """Raise InvalidInput if a file has rows of the other kind, those of scenes or those of one problem.
+    """Raise InvalidInput if the file ``output`` has rows of the other kind, which would be lost when it is overwritten.
 
-    They would be lost.  Rows of scenes name their cell (a single measurement).
+    The kinds are rows of scenes (problems with a time span), about to be written if ``of_scenes`` is True, and rows of
+    one problem.
     """
     from phasebench.benchmarks.store import lines
 

@@ -42,8 +42,9 @@ AUDIT = Standard(False, UNDERSTATED)
 def order(claimed: int, rows: list[dict], standard: Standard) -> Decision:
     """Return the verdict on a claimed order from the rows of all systems, with the rows that decide.
 
-    A certificate judges the lowest order.  It needs conclusive rows of half of the systems with H = T(p) + V(q), and of
-    half of the others.
+    By the standard `CERTIFICATE` one system with a lower order contradicts the claim, and conclusive rows are needed of
+    half of the systems with H = T(p) + V(q), and of half of the others.  By `AUDIT` one row that agrees is enough, two
+    that differ contradict the claim, and if some agree and some differ it holds in part.
     """
     agree, differ = ([r for r in rows if agrees(r, claimed) is x] for x in (True, False))
     lower = [r for r in differ if r["value"] < claimed]

@@ -76,7 +76,10 @@ def keeps_structure(row: Mapping[str, Any]) -> bool | None:
 
 
 def between(row: Mapping[str, Any]) -> bool:
-    """True if a row's structural defect is above its round-off floor, but so little that it may still be round-off."""
+    """True if a row's structural defect is above its round-off floor, but so little that it may still be round-off.
+
+    ``row`` has the defect as ``value``, and its ``floor``.
+    """
     return has(row, "floor") and row["floor"] < row["value"] <= BROKEN * row["floor"]
 
 
@@ -115,7 +118,7 @@ def round_off(row: Mapping[str, Any]) -> float:
 def kind(row: Mapping[str, Any]) -> str | None:
     """The kind of error of an invariant along a long run: `ROUND_OFF`, `BOUNDED`, `DRIFT`, or None if unclear.
 
-    ``row`` has the largest error, the slope of the error with its interval, and the time of the run.
+    ``row`` is as for `is_bounded`, and has the number of ``steps`` of the run.
     """
     if row["value"] <= round_off(row):
         return ROUND_OFF
@@ -126,7 +129,8 @@ def kind(row: Mapping[str, Any]) -> str | None:
 def agrees(row: Mapping[str, Any], claimed: int) -> bool | None:
     """True if a row's measured order is the claimed one, False if it differs, None if the row does not decide.
 
-    It differs if its whole interval is away from ``claimed`` and it is close to another integer.
+    ``row`` has the order as ``value``, and its interval ``low``, ``high``.  The order differs if the whole interval is
+    away from ``claimed`` and the order is close to another integer.
     """
     if row.get("status", "ok") != "ok" or not has(row, "value"):
         return None

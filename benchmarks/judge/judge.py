@@ -43,8 +43,8 @@ def judgement(check: Check, value: Any, tables: Tables) -> Judgement:
     return found
 
 
-def verdict(found: list[Judgement], claims: Mapping[str, Any]) -> str:
-    """The verdict of a certificate: "pass", "fail" or "not-judged".
+def verdict(found: list[Judgement]) -> str:
+    """The verdict of a certificate, from the judgements of requirements and claims: "pass", "fail" or "not-judged".
 
     It is "fail" if a claim or requirement is contradicted, "pass" if claims were made and all hold.
     """

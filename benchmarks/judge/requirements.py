@@ -106,7 +106,8 @@ def _elsewhere(tables: Tables) -> Judgement | None:
 def below(row: Mapping[str, Any], order: int) -> bool:
     """True if single steps show a lower order than ``order``: their errors fall more slowly with h.
 
-    ``row`` has the order that they show, and the number of pairs of steps that it is from.
+    ``row`` has the ``order`` that errors of single steps h, h/2, ... show, and the number of ``pairs`` of neighbouring
+    step sizes that it is from; with less than `PAIRS` the result is False.
     """
     return row["pairs"] >= PAIRS and row["order"] < order - SLOWER
 

@@ -45,8 +45,9 @@ def bracket(rungs: Sequence[R], wanted: float) -> tuple[R | None, list[R]]:
     """Return (the last run whose error is above ``wanted``, the list of the finer runs that meet ``wanted``).
 
     ``rungs`` are runs at ever finer steps or tolerances.  The result is (None, []) if no run has an error of at most
-    ``wanted``; the run is None if all of them meet it.  Among the runs finer than the one of the least error, an error
-    above ``wanted`` but not above `ROUND_OFF` is round-off and ignored; a larger one counts: the least error was luck.
+    ``wanted``; the run is None if all of them meet it.  A run that misses ``wanted`` though it is finer than the most
+    accurate run is ignored if its error is at most `ROUND_OFF`.  With a larger error it is not ignored, and the runs
+    before it do not count as meeting ``wanted``: their small errors were luck.
     """
     good = [r for r in rungs if isfinite(r.error)]
     if not good or min(r.error for r in good) > wanted:

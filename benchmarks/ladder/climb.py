@@ -61,10 +61,11 @@ def tolerances(loosest: float, least: float) -> Iterator[float]:
 
 
 def idle(errors: Iterable[float]) -> int:
-    """Count the last runs of a ladder (runs at ever finer steps) in a row that brought no clearly smaller error.
+    """Return how many runs at the end of a ladder (runs at ever finer steps) failed to reduce the error clearly.
 
-    ``errors`` are those of the runs, the coarsest first.  A run is counted if its error is not below `FLOOR` times the
-    least error before it; runs before the first finite error are not counted.
+    ``errors`` are those of the runs, the coarsest first.  A run reduces the error clearly if its error is below `FLOOR`
+    times the least error before it; only runs after the last such run are counted, and none before the first finite
+    error.
     """
     least, count = inf, 0
     for error in errors:

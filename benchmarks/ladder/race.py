@@ -74,7 +74,10 @@ class Known:
 
 @dataclass
 class Climb:
-    """An integrator, its runs (``rungs``) at ever finer sizes, ``why`` they ended, and ``dropped``: it cannot win."""
+    """An integrator, its runs (``rungs``) at ever finer steps or tolerances, and ``why`` no finer ones were made.
+
+    ``dropped`` is True if it was given up because it cannot be the cheapest.
+    """
 
     integrator: Integrator
     rungs: list[Rung]
@@ -149,10 +152,10 @@ class Entrant:
     Attributes
     ----------
     task, c, known : the problem and quantity, the integrator, and the runs of all integrators so far
-    lost : runs in a row that were too slow
-    before : the last run's time, over the least known time at its error
-    failed, wasted : failed runs in a row, and their seconds
-    dear : seconds in which the cheapest run of any integrator reaches the finest accuracy
+    lost : number of runs in a row that were too slow
+    before : the last run's time, divided by the least known time in which any run reaches its error
+    failed, wasted : number of failed runs in a row, and their seconds
+    dear : seconds of the cheapest run so far, of any integrator, that reaches the finest accuracy; infinite if none
     preparing : seconds that the last run took besides the integration, for instance to compile
     dropped : True if it was given up because it cannot win
     """

@@ -35,7 +35,7 @@ class Rung(NamedTuple):
     steps, tol : the number of steps, or the tolerance of an adaptive integrator; the other is None
     status : how the run ended
     error : of the quantity to be computed; infinite if the run did not reach its end
-    seconds : the time of a warm run without output
+    seconds : the time of a warm run without output; with output if the integrator's steps end at rows (`Task.timer`)
     taken, evaluations : the steps and the gradients that the run counted
     reason : why the run failed, or ""
     """
@@ -81,7 +81,8 @@ class Task:
 
     Attributes
     ----------
-    problem, t_end, quantity, truth : the problem, the final time, the quantity and its reference value
+    problem, t_end, quantity, truth : the problem, the final time, the quantity and its reference value, which is not
+        needed to time runs
     accuracies : the errors to be met, the coarsest first
     clocks : timers, one for each integrator prepared to run; they count how often other processes shared the core
     """
@@ -89,7 +90,7 @@ class Task:
     problem: Any
     t_end: float
     quantity: Quantity
-    truth: Truth
+    truth: Truth | None = None
     accuracies: tuple[float, ...] = ()
     clocks: clock.Clocks = field(init=False, compare=False, repr=False)
 
@@ -150,14 +151,22 @@ class Task:
             return False  # a run with the many rows of an unaligned quantity says little of one without
         return seconds - OVERHEAD > WORTH * cheapest
 
-    def seconds(self, c: Integrator, size: dict[str, Any]) -> float:
-        """Seconds of a warm run without output: by `measure.clock`, or as the run reports if it cannot be prepared."""
-        if not c.preparable:
-            return self.run(c, size, bare=True).seconds
+    def timer(self, c: Integrator, size: dict[str, Any]) -> Callable[[], float]:
+        """Make a function that times a warm run at ``size``, {"steps": n} or {"tol": x}, and returns its seconds.
+
+        The run has no output, and is timed by `measure.clock` or, if it cannot be prepared, by itself.  If the steps of
+        an adaptive peer end at rows, it has those of which the error is taken: without them it would be another run.
+        """
+        with_rows = self.quantity.rows > 1 and c.rows_end_steps
+        if with_rows or not c.preparable:
+            return lambda: self.run(c, size, bare=not with_rows).seconds
         with warnings.catch_warnings():  # Numba calls functions in tuples experimental
             warnings.simplefilter("ignore")
-            timed = self.clocks.of(c, **size)
-        return timed()
+            return self.clocks.of(c, **size)
+
+    def seconds(self, c: Integrator, size: dict[str, Any]) -> float:
+        """Seconds of a warm run, as `timer` measures them."""
+        return self.timer(c, size)()
 
     def retime(self, c: Integrator, rung: Rung) -> Rung:
         """Time a run `AGAIN` more times and return it with the least of all its times.
@@ -167,5 +176,5 @@ class Task:
         unprepared = isinstance(c.record, Method) and not self.clocks.ready(c)
         if not rung.ok or rung.seconds > LONG or unprepared:
             return rung
-        timed = self.clocks.of(c, **rung.size)
+        timed = self.timer(c, rung.size)
         return rung._replace(seconds=min(rung.seconds, *(timed() for _ in range(AGAIN))))

@@ -32,7 +32,8 @@ class Trial:
     Attributes
     ----------
     integrator, task : the integrator, and what it has to compute
-    longest : seconds after which a method of this project is stopped, and after which slower runs are not tried
+    longest : the time limit of a run in seconds: a method of this project is stopped then, and an integrator that
+        takes longer without meeting the accuracy is given up
     rungs : the runs so far, by number of steps or tolerance
     """
 
@@ -44,7 +45,7 @@ class Trial:
     def at(self, number: float, cheapest: float = inf) -> Rung:
         """Run the integrator with ``number`` steps or tolerance, or return the earlier run.
 
-        ``cheapest`` is the time in seconds of the best other candidate.
+        ``cheapest`` is the time in seconds of the best other candidate: a run that is much slower is not timed again.
         """
         if not self.integrator.adaptive:
             number = self.task.quantity.steps(number)
@@ -62,7 +63,10 @@ class Trial:
 
     @property
     def scale(self) -> float:
-        """The largest component of the true quantity; at least 1 for a conserved one, whose errors are relative."""
+        """The size of the quantity, to which round-off is compared: its true value's largest component in modulus.
+
+        At least 1 for a conserved quantity, whose errors are relative.
+        """
         values = self.task.truth.values
         size = float(np.abs(values).max()) if len(values) else 0.0
         return max(size, 1.0 if self.task.quantity.kept else 0.0)
@@ -78,7 +82,7 @@ class Trial:
         return quantities.error(self.task.problem, self.task.quantity, found, self.task.truth)
 
     def seconds(self, rung: Rung) -> float:
-        """Repeat an earlier run, ``rung``, warm and without output, and return its seconds."""
+        """Repeat an earlier run, ``rung``, warm, and return its seconds, as `Task.timer` measures them."""
         return self.task.seconds(self.integrator, rung.size)
 
     def pilot(self, number: float) -> float:

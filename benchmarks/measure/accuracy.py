@@ -1,10 +1,10 @@
-"""Errors of an integrator's runs on a scene against a certified reference, and their errors of the invariants.
+"""Errors of an integrator's runs on a scene: of the final state against a certified reference, and of the invariants.
 
 A scene is a problem on an orbit with a time span and step sizes.  The reference is a stored state of the orbit's
 certificate (stored states with their uncertainty), hence the same on every machine.  The error is taken at the scene's
 end or, for an orbit with sensitive dependence, at the last stored time before the certificate's horizon.  Up to the
-horizon, rounding to long double stays within 1e-13 of the state (`reference.certificates.horizon`): an error in
-doubles is then far above the uncertainty of a stored state, and not yet as large as the orbit.
+horizon, rounding to long double moves the orbit by at most 1e-13 of its size (`reference.certificates.horizon`): the
+error of a run in doubles is then far above the uncertainty of a stored state, and not yet as large as the orbit.
 """
 
 from __future__ import annotations
@@ -73,8 +73,8 @@ def truth(scene: str) -> Truth:
     """Return the true state of a scene's orbit at the scene's end or, if it is chaotic, at the last time it is known.
 
     ``scene`` is the id of a scene: a problem on an orbit with a time span and steps.  The state is a stored one of the
-    orbit's certificate; for a chaotic orbit the last one up to the scene's end and the horizon, to which a reference
-    can follow the orbit.  If there is none, the state at the scene's end is computed now.
+    orbit's certificate; for a chaotic orbit it is the last one before the scene's end and before the horizon, the time
+    to which a reference can follow the orbit.  If no such state is stored, the one at the scene's end is computed now.
     """
     wanted = BY_ID[scene]
     problem = problem_of(wanted.problem)
@@ -128,8 +128,8 @@ def trajectory_error(scene: Scene, solution: Solution) -> dict[str, float | str]
 
     ``scene`` says which problem and orbit were integrated, and to which time.  The columns are ``reference_horizon``
     (the time up to which errors are meaningful), ``reference_uncertainty``, ``global_error`` (max norm) and
-    ``global_error_time``, and ``reference`` if the true state is computed, not stored.  Only the horizon is there if no
-    row of the solution has the time of the true state, or if that is past the horizon.
+    ``global_error_time``, and ``reference`` if the true state is computed, not stored.  Only ``reference_horizon`` is
+    returned if no row of the solution has the time of the true state, or if this time is past the horizon.
     """
     true = truth(scene.id)
     out: dict[str, float | str] = {"reference_horizon": true.horizon}
@@ -144,8 +144,10 @@ def trajectory_error(scene: Scene, solution: Solution) -> dict[str, float | str]
 def invariants(problem: Problem, solution: Solution, t_end: float) -> dict[str, float]:
     """Return columns of a row of results, name -> value, with a solution's errors of the energy and the invariants.
 
-    They are the largest absolute error of each, the energy's error at the end and over the first `EARLY` of the span,
-    and the energy's drift with its 95 % interval.  What cannot be computed (too few rows, a failed run) is left out.
+    The columns are ``energy_max``, the largest absolute error; ``energy_end``, the last error; ``energy_max_early``,
+    the largest over the first part of the span (the share `EARLY` of it); ``energy_drift``, the secular slope, with its
+    95 % interval from ``energy_drift_low`` to ``energy_drift_high``; and ``NAME_max`` for each invariant.  What cannot
+    be computed (too few rows, a failed run) is left out.
     """
     out: dict[str, float] = {}
     H = problem.system.observe(problem.system.H, solution.q, solution.p)

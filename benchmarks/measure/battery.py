@@ -1,4 +1,4 @@
-"""The test systems on which all methods of the registry are tested, and the parameter values with which they are."""
+"""The systems on which all methods of the registry are tested, and the parameter values with which they are tested."""
 
 from __future__ import annotations
 
@@ -220,9 +220,10 @@ def runs_on(method: Method, name: str) -> bool:
 def systems(method: Method, few: bool | None = None) -> list[str]:
     """Return the names of the test systems, keys of `SYSTEMS`, on which a method is tested.
 
-    With ``few`` they are only those of `FEW`, if the method can integrate any of these; by default this is so for an
-    order above `LOW_ORDER`.  A method that requires a trait in `BY_TRAIT` is tested on the systems named there, and one
-    that is too long or slow for the other systems on those of `SHORT`.
+    ``few`` restricts them to those in `FEW`, if the method can integrate any of these, and does not require a linear
+    fast part; by default it is True for a method of order above `LOW_ORDER`.  A method that requires a trait in
+    `BY_TRAIT` is tested on the systems named there.  A method whose formulae are too long, or steps too slow, on most
+    systems is tested on those in `SHORT` only.
     """
     if method.parameters.get("order", 0) in HIGH or (method.family == "schemes_iv_v" and method.order > LOW_ORDER):
         return [n for n in SHORT if runs_on(method, n)]
@@ -238,7 +239,8 @@ def systems(method: Method, few: bool | None = None) -> list[str]:
 def magnetic(method: Method) -> list[str]:
     """Return the names of the magnetic systems on which a method's preservation of phase-space volume is measured.
 
-    [] for a method that neither requires a magnetic system nor is one of the `CONTROLS`.
+    The list is empty for a method that neither requires a magnetic system nor is in `CONTROLS`, general methods that
+    are measured there for comparison.
     """
     measured = "magnetic" in method.requires or method.id in CONTROLS
     return [n for n in MAGNETIC if runs_on(method, n)] if measured else []

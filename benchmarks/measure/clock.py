@@ -45,9 +45,9 @@ class Sharing:
 
     Attributes
     ----------
-    readings : all time measurements
-    repeated : those found disturbed, which are repeated if repetitions are left
-    disturbed : integrations whose last repetition was still disturbed
+    readings : number of all time measurements
+    repeated : number of measurements found disturbed, which are repeated if repetitions are left
+    disturbed : number of integrations whose last repetition was still disturbed
     """
 
     readings: int = 0
@@ -165,7 +165,8 @@ def call(
 ) -> float:
     """Measure the overhead of calling an integrator: the seconds of a call that integrates almost nothing.
 
-    The call takes one step of size t_end / steps or, if the integrator is adaptive, integrates to `SHORTEST` t_end.
+    The call takes one step of size t_end / steps or, if the integrator is adaptive, integrates to the time
+    `SHORTEST` * t_end.
     ``run`` is the integrator's prepared run, None to prepare it now.
     """
     if integrator.adaptive:

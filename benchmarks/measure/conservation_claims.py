@@ -75,9 +75,10 @@ def declaration(integrator: Integrator, name: str) -> bool | None:
 
 
 def refusal(integrator: Integrator, conserve: Iterable[str]) -> str | None:
-    """Return a sentence on the demanded properties, ``conserve``, that an integrator is declared to lack.
+    """Return a sentence that names those of the demanded properties that an integrator is declared to lack.
 
-    None if it is declared to lack none.  It serves as the reason why the integrator is not tried.
+    ``conserve`` has the names of the demanded properties (see `claim_names`).  The sentence tells why the integrator is
+    not tried; it is None if no declaration speaks against a trial.
     """
     lacking = [name for name in conserve if declaration(integrator, name) is False]
     whose = "its package does not state" if isinstance(integrator.record, Peer) else "it is not declared to keep or be"
@@ -163,7 +164,7 @@ def rows(size: dict) -> dict:
 
 
 def symplecticity_defect(integrator: Integrator, problem: Problem, h: float) -> float:
-    """Return max |M^T J M - J| for the Jacobian M of a step of size h at the initial state, q and p of unit size.
+    """Return max |M^T J M - J| for the Jacobian M of a step of size h at the initial state, with q and p scaled.
 
     q and p are in units of their largest components over a few steps.  The result is 0 if finite differences cannot
     resolve it (two displacements give different values, or a step fails).  A planetary system is reduced to its massive

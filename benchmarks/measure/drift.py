@@ -178,7 +178,8 @@ def _size(rest: np.ndarray, weight: np.ndarray) -> float:
 def _line(signal: np.ndarray) -> float | None:
     """Return the frequency (periods in the series) of a signal's highest spectral peak; None if it is too low.
 
-    A peak is too low if it is less than `ABOVE` times the spectrum around it.
+    The signal is a series (n,) at equidistant times.  A peak is too low if it is less than `ABOVE` times the spectrum
+    around it.
     """
     n = len(signal)
     power = np.abs(np.fft.rfft(signal, FINE * n)) ** 2

@@ -75,8 +75,8 @@ class Section(sections.Section):
     def plot(self) -> Figure:
         """Return a figure of the crossings in the plane of a coordinate and its momentum.
 
-        It is the first coordinate other than the one that (or whose momentum) is fixed on the section.  Raises
-        InvalidInput for d = 1.
+        The section fixes a coordinate q_i or its momentum p_i; drawn are the first q_k and p_k with k other than i.
+        Raises InvalidInput for d = 1.
         """
         from . import figures
 

@@ -219,10 +219,10 @@ class ThinnedTrajectory(Trajectory):
         self._last[:] = Q[-1], P[-1]
 
     def _telling(self, Q: np.ndarray, P: np.ndarray) -> list[int]:
-        """Return the indices of states of a piece that are kept besides every Nth one, so that the run can be judged.
+        """Return the indices of the states that a judgement of the run needs, even if they are not saved as every Nth.
 
-        Q and P, arrays (n, d), are the piece.  Kept are the state of the largest energy error, and the first one that
-        is so close to a singularity that a step could reach it.
+        Q and P, arrays (n, d), are the states of a piece of the run.  The indices are that of the largest energy error,
+        and that of the first state so close to a singularity that a step could reach it, if there is one.
         """
         found = []
         if self.system.has_energy:

@@ -52,7 +52,7 @@ def solution(found: Solution) -> Figure:
 def section(found: Section) -> Figure:
     """Draw the crossings of a Poincare section in the plane of a coordinate and its momentum, coloured by orbit.
 
-    It is the first coordinate other than the one that (or whose momentum) is fixed on the section.  Raises
+    The section fixes a coordinate q_i or its momentum p_i; drawn are the first q_k and p_k with k other than i.  Raises
     InvalidInput for one degree of freedom.
     """
     names, d = found.names, found.q.shape[1]

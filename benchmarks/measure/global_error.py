@@ -99,9 +99,9 @@ def orbit_horizon(problem: Problem, t_end: float) -> float:
 
 
 def past(reach: float, t_end: float) -> str:
-    """Return a sentence why a state has no error at ``t_end``, if that is past the horizon of the orbit, ``reach``.
+    """Return a sentence that tells why no error of the state at ``t_end`` is given; "" if ``t_end`` <= ``reach``.
 
-    The horizon is the last time to which a reference in long double follows the orbit.  "" if ``t_end`` is not past it.
+    ``reach`` is the orbit's horizon, the last time to which a reference in long double follows the orbit.
     """
     if t_end <= reach:
         return ""
@@ -112,9 +112,9 @@ def past(reach: float, t_end: float) -> str:
 
 
 def vague(true: Truth) -> str:
-    """Return a sentence if a reference value is too uncertain to measure errors with.
+    """Return a sentence that tells how uncertain a reference value is, if it is too uncertain to measure errors with.
 
-    "" if its uncertainty is at most `KNOWN` times its size.
+    The sentence is "" if the uncertainty of the value is at most `KNOWN` times its size.
     """
     size = float(np.abs(true.values).max())
     if true.uncertainty <= KNOWN * size:
@@ -153,8 +153,8 @@ def quantity_error(
 
     The run saves the rows that the quantity needs; ``size`` is {"steps": number} or {"tol": tolerance}.  The error is
     None, and the dict has a ``reason``, for a state past the horizon and if the reference fails or is too uncertain.
-    Raises InvalidInput if the quantity needs a number of steps that is a multiple of its number of rows, and ``size``
-    has another.
+    Raises InvalidInput if the quantity needs rows at equidistant times, and the number of steps is not a multiple of
+    their number.
     """
     try:
         true = truths.truth(problem, wanted, t_end)

@@ -79,6 +79,11 @@ class Integrator:
         return isinstance(self.record, Peer) and self.record.adaptive
 
     @property
+    def rows_end_steps(self) -> bool:
+        """True if it is an adaptive peer whose steps end at rows: a run with rows is another one than without."""
+        return getattr(self.record, "rows_end_steps", False)
+
+    @property
     def stoppable(self) -> bool:
         """True if a time limit can stop its run; a peer's package runs to its end."""
         return not isinstance(self.record, Peer)
@@ -333,9 +338,9 @@ def prepare(
 
 
 def _problem(problem: Any, method: Integrator, q0: State | None) -> Any:
-    """Return the problem of this name; anything but a name is returned as it is.
+    """Return the problem that ``problem`` names; a problem or system, in place of a name, is returned as it is.
 
-    If ``method`` requires a Kepler part, a bare system gets the one that is found in its H at q0.
+    If ``method`` requires a Kepler part, a system gets the one that is found in its H at q0, if there is one.
     """
     if isinstance(problem, (str, Path)):
         return problem_of(problem)

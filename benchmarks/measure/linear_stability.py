@@ -43,7 +43,10 @@ HOPELESS = 1e4
 
 
 def is_square(one: np.ndarray, two: np.ndarray) -> bool:
-    """True if ``two``, the matrix of two steps, is ``one`` squared: a step then depends on the state alone."""
+    """True if the matrix ``two`` of two steps is the square of the matrix ``one`` of a step, up to `SQUARE`.
+
+    Then a step depends on the state alone, and its matrix tells whether it is stable.
+    """
     return not np.abs(two - one @ one).max() > SQUARE
 
 

@@ -276,11 +276,11 @@ def everywhere(what: str) -> dict:
 def frozen() -> dict[str, dict[str, dict[str, float]]]:
     """Repeat a step of an energy-preserving method by the symplectic method with the same parameter lambda.
 
-    Schemes I and III are symplectic methods with a fixed parameter lambda.  Schemes IV and V are the same, but choose
-    lambda in each step so that H is conserved.
+    Schemes I and III are symplectic methods with a fixed parameter lambda.  Schemes IV and V take the steps of I and
+    III, respectively, with a lambda that they choose in each step so that H is conserved.
 
-    Returns {id: {system: {defect, distance, lam}}}: the symplecticity defect of the step with lambda fixed, the
-    distance of its end from that of the energy-preserving step, and lambda.
+    Returns {id of Scheme IV or V: {system: {defect, distance, lam}}}: the symplecticity defect of the step with lambda
+    fixed, the distance between the ends of this step and of the energy-preserving one, and lambda.
     """
     out = {}
     for free, fixed in (("scheme-iv", "scheme-i"), ("scheme-v", "scheme-iii")):

@@ -29,9 +29,9 @@ def successive(errors: Iterable[float], floors: Iterable[float]) -> list[float]:
 def orders(rows: list[dict[str, Any]], column: str = "global_error") -> list[dict[str, Any]]:
     """Measure the order of convergence of each method on each scene, from rows of results at several steps.
 
-    A scene is a problem with a time span and steps.  Used are the rows with status ``ok`` and a fixed step of scenes
-    whose purpose is the order; ``column`` is that of the errors, of which those in the noise (a hundred times the
-    reference's uncertainty, or round-off) are left out.
+    A scene is a problem with a time span and steps.  Only rows with status ``ok`` and a fixed step are used, and only
+    those of scenes with the purpose "order".  ``column`` is the name of the column of errors; errors in the noise (up
+    to a hundred times the reference's uncertainty or round-off) are left out.
 
     Returns a dict for each (scene, method): scene, problem, method, kind (origin), declared order, observed order with
     its 95 % interval (low, high), and its window of steps (points, h_first, h_last).

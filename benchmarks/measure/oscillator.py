@@ -87,8 +87,9 @@ class Found:
     intervals : pairs (from, to) of z in order; ``to`` is None if the interval reaches the end of the scan
     touches : values of z inside an interval at which the trace of a linear map reaches 2 or -2 and turns back
     scanned : end of the scan
-    how : by what stability was decided, in words: `TRACE` (of the step matrix), `RUNS` (long ones), `ROOTS`
-    reason : why the scan ended early, how the first unstable run failed, or how runs beside a known limit ended
+    how : how stability was decided, in words: `TRACE` (trace of the step's matrix), `RUNS` (long runs) or `ROOTS`
+        (roots of a multistep method's polynomials)
+    reason : why the scan ended early, how the first unstable run failed, or how runs beside a known limit ended; or ""
     """
 
     intervals: tuple[tuple[float, float | None], ...]
@@ -393,11 +394,12 @@ class Stability(TabularResult):
     Attributes
     ----------
     method, parameters : its id, and the values of its parameters
-    limit : the end of the interval that begins at 0; 0 if every step grows, None if it has no end
+    limit : the end of the stable interval that begins at 0; 0 if none begins there, None if its end is beyond the scan
     intervals : pairs (from, to) in order; ``to`` is None if it lies beyond ``scanned``
     touches : values inside an interval at which the trace of a linear map reaches 2 or -2 and turns back
     scanned : the z at which the scan ended
-    how : by what stability was decided: `TRACE`, `RUNS` or `ROOTS`
+    how : how stability was decided, in words: by the `TRACE` of the step's matrix, by long `RUNS`, or by the `ROOTS` of
+        a multistep method's polynomials
     reason : why the scan ended early, how the first unstable run failed, or how runs beside a known limit ended; or ""
     """
 

@@ -95,7 +95,7 @@ class Truth(NamedTuple):
     values : array (m,)
     uncertainty : of the values, in the unit of the quantity's errors
     source : origin of the values, in words: such as "certified" (a stored state) or "long double" (runs made for it)
-    rounding : effect on the values of rounding the orbit to long double, in the same unit; 0 if not computed
+    rounding : change of the values if the orbit is rounded to long double, in the same unit; 0 if not computed
     """
 
     values: np.ndarray

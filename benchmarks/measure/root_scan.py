@@ -7,8 +7,9 @@ which H is the same after the step.  For each step of a trajectory the stage equ
     k = -\nabla U\bigl(q + (1-\lambda)\,ch\,v + \lambda(1-\lambda)(ch)^2 M^{-1}k\bigr)
 
 (ch is the size of a substep, U the potential, M the mass matrix, v the velocity) are solved by continuation in lambda
-from 1/2 outwards (Newton with the Hessian, all steps at once in NumPy) up to ``reach``, or to the fold at which the
-solution ceases to exist; every change of sign of the energy error along lambda is a root.
+from 1/2 outwards (Newton with the Hessian, all steps at once in NumPy) up to a given distance from 1/2, or to the fold
+at which the solution ceases to exist.  Where the energy error changes sign along lambda, there is a root: a lambda with
+which the step conserves H.
 The scan shares no code with the kernels' root finder.
 """
 

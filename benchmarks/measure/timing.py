@@ -102,7 +102,7 @@ def cheaper(ours: Median, peers: Median, tie: float = 1.0) -> str:
 
     Returns "ours" or "peer" if the whole interval of one cost, widened by the factor ``tie``, is below the other's,
     else "tie"; "none" if neither reaches the error.  A cost has ``low`` infinite if the error is never reached, and
-    ``high`` infinite if it may not be reached.
+    ``high`` infinite if it is not certain that the error is reached.
     """
     if isinf(ours.low) and isinf(peers.low):
         return NONE

@@ -104,8 +104,8 @@ class Page:
     tables : names of the tables that it reads; the page names those that are missing
     setting : H, initial data and method, in at most `SETTING` lines
     verdicts : functions data -> `Verdict`, or None if the rows do not decide; at most `VERDICTS`; none for a catalogue
-    answer : data -> the page's answer in at most `ANSWER` words, complete without the page; shown on the entry page
-    limits : what could invalidate the page, with the thresholds that it uses
+    answer : data -> the page's answer in at most `ANSWER` words, understandable alone; shown on the entry page
+    limits : sentences on what could invalidate the page's answer, and on the thresholds that its verdicts use
     command : the command that measures its tables
     figures : (data, folder of figures) -> pictures
     table : data -> `Table`

@@ -11,7 +11,7 @@ from .verdict import FAIL, Verdict, at_most
 
 
 def case(row: pd.Series) -> str:
-    """Return the case that a row of a method on a problem is of, as a verdict's ``where`` names it."""
+    """Return the text "method on problem" from a row with these two columns, to be used as a verdict's ``where``."""
     return f"{row['method']} on {row['problem']}"
 
 
@@ -32,8 +32,9 @@ def declared_orders(rows: pd.DataFrame, claim: str, near: float) -> Verdict | No
 
 
 def growth(rows: pd.DataFrame) -> pd.Series:
-    """Return how many times the spread of the energy over all steps is that over the first tenth of them, for each row.
+    """Return, for each run, the ratio of the energy's spread over all steps to its spread over their first tenth.
 
-    The columns ``all``, ``first`` and ``status`` are used; of a run that did not reach its end it is infinite.
+    ``rows`` has a row for each run, with the two spreads as columns ``all`` and ``first``, and ``status``.  The ratio
+    is infinite for a run that did not reach its end.
     """
     return (rows["all"] / rows["first"]).where(rows["status"] == OK, np.inf)

@@ -57,7 +57,7 @@ class Condition(Protocol):
 
 
 def _ends(measured: Measured) -> tuple[float, float]:
-    """The smallest and the largest measured value; for a count its fraction, twice."""
+    """The smallest and the largest measured value; for a count both are the fraction ``n / of``."""
     if isinstance(measured, Range):
         return measured.low, measured.high
     value = measured.n / measured.of if isinstance(measured, Count) else float(measured)
@@ -128,7 +128,7 @@ class Verdict:
     expected : `at_most`, `at_least`, `Between`, `EVERY` or `NONE`
     unit : of the measured number, or the name of the counted items
     where : the case in which the measured value is worst, such as a method, a problem or a number of particles
-    otherwise : the outcome if the value is not as expected: `FINDING`, or `FAIL` if this suite is wrong then
+    otherwise : the outcome if the value is not as expected: `FINDING`, or `FAIL` if that shows a fault of this suite
     """
 
     claim: str

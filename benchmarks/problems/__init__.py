@@ -75,7 +75,9 @@ def _call_make(module: ModuleType, **parameters: float) -> Problem:
 
 
 def labels(names: Iterable[str] = ()) -> list[str]:
-    """Return the labels ``id:orbit`` that names stand for: an id for all its orbits, no names for all problems.
+    """Return the labels ``id:orbit`` (the id alone if there is only one orbit) of the problems in ``names``.
+
+    An id without an orbit stands for all its orbits, and an empty ``names`` for all problems.
 
     Raises
     ------

@@ -24,8 +24,8 @@ class Orbit:
     name : kebab-case
     q, p : d doubles each, exactly the initial state
     about : a description in a line
-    times : rising times at which certified (reference) states are stored.  If the flow is chaotic or unstable, the last
-        is so late that a run in long double no longer follows the orbit, and so early that the stored digits are right
+    times : rising times at which certified (reference) states are stored.  If the flow is chaotic or unstable, a run in
+        long double no longer follows the orbit to the last of these times, but all stored digits are still right there
     """
 
     name: str
@@ -42,8 +42,9 @@ class Pace(NamedTuple):
     ----------
     unit : the unit of time: a method's order is measured over a part of it
     step : a usual step, about a thirtieth of a revolution
-    span : a time over which the errors of two steps can be told apart, about half a revolution
-    later : a time at which the orbit, which may start on an axis or at a turning point, is in general position
+    span : a time after which runs with different step sizes have clearly different errors, about half a revolution
+    later : a time at which the orbit, which may start on an axis or at a turning point, is in general position;
+        measurements of steps begin there, so that no symmetry of the start makes their errors small
     """
 
     unit: float = 1.0
@@ -93,7 +94,10 @@ class Problem:
             object.__setattr__(self, "invariants", {name: self._formula(name, e) for name, e in given.items()})
 
     def _formula(self, name: str, given: Formula) -> Formula:
-        """Return an invariant's formula, given as text or not, as an expression; raise InvalidInput for bad text."""
+        """Return the formula of the invariant ``name`` as a SymPy expression, parsed if it is given as text.
+
+        Raises InvalidInput, naming the invariant, for a text that is no formula of the system's variables.
+        """
         if not isinstance(given, str) or not isinstance(self.system, PartitionedSystem):
             return given
         try:
@@ -185,5 +189,5 @@ def halvings(h: float, count: int) -> tuple[float, ...]:
 
 
 def decades(last: float) -> tuple[float, ...]:
-    """Return the four times last / 1000, last / 100, last / 10 and ``last``."""
+    """Return four times for an orbit's stored states: last / 1000, last / 100, last / 10 and ``last``."""
     return tuple(last / 10**k for k in (3, 2, 1, 0))

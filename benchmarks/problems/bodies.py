@@ -146,7 +146,7 @@ def bodies(rows: Sequence[Row], units: Units, frame: str | None, where: str, hea
     ----------
     rows : pairs (where the row stands, column -> text or number), the central body first
     units, frame : the units of all numbers; "heliocentric", "barycentric", or None if columns are orbital elements
-    where : the table, as messages name it
+    where : the name of the table in messages, such as its path
     heads : the names of the columns
 
     Raises
@@ -189,7 +189,7 @@ def bodies(rows: Sequence[Row], units: Units, frame: str | None, where: str, hea
 
 
 def _columns(heads: Sequence[str], where: str) -> tuple[str, ...]:
-    """Return `CARTESIAN` or `ELEMENTS`, whichever kind the columns ``heads`` are.
+    """Return the tuple of column names `CARTESIAN` or `ELEMENTS`, whichever the columns ``heads`` of a table contain.
 
     Raises InvalidInput, naming the table (``where``), for columns of both kinds, and for unknown, repeated or missing
     columns.
@@ -259,6 +259,7 @@ def _number(place: str, row: Mapping[str, object], column: str) -> float:
 def _central(place: str, row: Mapping[str, object], chosen: tuple[str, ...], frame: str) -> tuple[Vector, Vector]:
     """Return (position, velocity) of the central body from its row: zero, unless the frame is barycentric.
 
+    ``chosen`` are the names of the columns of numbers, `CARTESIAN` or `ELEMENTS`; ``place`` is where the row stands.
     Raises InvalidInput if the row has other numbers than 0 in a heliocentric table.
     """
     if chosen == CARTESIAN and frame == BARYCENTRIC:
@@ -343,9 +344,10 @@ def _center(vectors: Sequence[Vector], masses: Sequence) -> list[tuple[float, ..
 
 
 def _check_frame(found: Bodies, chosen: tuple[str, ...], where: str) -> None:
-    """Raise InvalidInput if a table declared barycentric can only be heliocentric.
+    """Raise InvalidInput, naming the table (``where``), if it is declared barycentric but must be heliocentric.
 
-    Its central body is then at rest at the origin, and the barycentre elsewhere.
+    This is so if its central body is at rest at the origin, and its barycentre is elsewhere.  ``chosen`` are the names
+    of the columns of numbers, `CARTESIAN` or `ELEMENTS`; only a table with the former is checked.
     """
     first = found.members[0]
     if chosen == ELEMENTS or found.frame != BARYCENTRIC or any(first.x) or any(first.v):

@@ -67,13 +67,16 @@ def grad_V(w2: Number, sign: int = 1) -> Callable[..., None]:
 def grad_U(w2: Number) -> Callable[..., None]:
     """Make the function f(q, g) that writes the gradient of the soft springs' potential to g.
 
-    w2 is omega^2; its value is not used.
+    w2 is omega^2, on which this gradient does not depend.
     """
     return grad_V(0 * w2)
 
 
 def field(w2: Number) -> Callable[..., None]:
-    """Make the loop that writes the vector field (p, -grad V) of the springs, w2 = omega^2 (see `systems.hand`)."""
+    """Make the loop f(q, p, h, lam, dq, dp) that writes the vector field (p, -grad V) of the springs to dq, dp.
+
+    w2 is omega^2; h and lam are not used (see `systems.hand`).
+    """
     return unit_mass_field(grad_V(w2, -1))
 
 

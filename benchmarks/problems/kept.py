@@ -36,7 +36,8 @@ def load_or_make(id: str, parameters: Mapping[str, float], make: Callable[[], Pr
 def of_content(content: tuple, recipe: Callable[[], Problem], make: Callable[[], Problem]) -> Problem:
     """Return the problem determined by ``content`` (such as a table of bodies), from the cache on disk or ``make``.
 
-    ``recipe`` can be pickled and makes the problem again, should a cached one need its formulae.
+    ``recipe`` is a function that makes the same problem as ``make`` and can be pickled: it is stored with the problem,
+    and called when a problem from the cache needs its formulae.
     """
     return of_key(deferred.key_of(_sources(), content), recipe, make)
 
@@ -46,7 +47,8 @@ def of_key(key: str, recipe: Callable[[], Problem], make: Callable[[], Problem])
 
     A problem whose system runs on hand-written loops is not stored.
 
-    ``recipe`` can be pickled and makes the problem again, should a cached one need its formulae.
+    ``recipe`` is a function that makes the same problem as ``make`` and can be pickled: it is stored with the problem,
+    and called when a problem from the cache needs its formulae.
     """
     entry = f"p-{key}.pickle"
     found = deferred.load(entry)

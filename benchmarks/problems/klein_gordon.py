@@ -74,7 +74,10 @@ def grad_V(a: Number, b: Number, sign: int = 1) -> Callable[..., None]:
 
 
 def field(a: Number, b: Number) -> Callable[..., None]:
-    """Make the loop that writes the vector field (H_p, -H_q) = (p, -grad V), for a = 1 / dx^2 and b = 1 / dx."""
+    """Make the loop f(q, p, h, lam, dq, dp) that writes the vector field (H_p, -H_q) = (p, -grad V) to dq, dp.
+
+    a = 1 / dx^2, b = 1 / dx; h and lam are not used (see `systems.hand`).
+    """
     return unit_mass_field(grad_V(a, b, -1))
 
 

@@ -88,7 +88,10 @@ def grad_V(strength: Number, sign: int = 1) -> Callable[..., None]:
 
 
 def field(strength: Number) -> Callable[..., None]:
-    """Make the loop that writes the vector field (p, -grad V), V = -sum over pairs of ``strength`` / r_ij."""
+    """Make the loop f(q, p, h, lam, dq, dp) that writes the vector field (p, -grad V) to dq, dp.
+
+    V = -sum over pairs of ``strength`` / r_ij; h and lam are not used (see `systems.hand`).
+    """
     return unit_mass_field(grad_V(strength, -1))
 
 

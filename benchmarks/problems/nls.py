@@ -45,7 +45,10 @@ LARGEST, SHORTEST, LONGEST = 4096, 1e-3, 500.0
 
 
 def field(a: Number, b: Number) -> Callable[..., None]:
-    """Make the loop that writes the vector field (H_p, -H_q) to dq, dp; a = 1 / dx^2, b = 2 / dx (`systems.hand`)."""
+    """Make the loop f(q, p, h, lam, dq, dp) that writes the vector field (H_p, -H_q) to dq, dp.
+
+    a = 1 / dx^2, b = 2 / dx; h and lam are not used (see `systems.hand`).
+    """
 
     @part
     def at(j: int, left: int, right: int, q: np.ndarray, p: np.ndarray, dq: np.ndarray, dp: np.ndarray) -> None:

@@ -73,7 +73,10 @@ def grad_V(sign: int = 1) -> Callable[..., None]:
 
 
 def field() -> Callable[..., None]:
-    """Make the loop that writes the vector field (p, -grad V) of the Toda lattice (see `systems.hand`)."""
+    """Make the loop f(q, p, h, lam, dq, dp) that writes the vector field (p, -grad V) of the Toda lattice to dq, dp.
+
+    h and lam are not used (see `systems.hand`).
+    """
     return unit_mass_field(grad_V(-1))
 
 

@@ -317,7 +317,10 @@ def _check_distances(system: PartitionedSystem, q: np.ndarray, p: np.ndarray, wh
 
 
 def _check_kept(system: PartitionedSystem, expression: sp.Expr, orbit: Orbit, what: str) -> None:
-    """Raise InvalidInput if an expression I is no invariant: dI/dt along the flow is not zero at or near the start."""
+    """Raise InvalidInput if an expression I is no invariant: dI/dt along the flow is not zero at or near the start.
+
+    ``orbit`` has the start; ``what`` names the invariant in the message.
+    """
     variables, sides = (*system.q, *system.p), system.sides
     steps = list(system.definitions)
     if not expression.free_symbols:

@@ -198,7 +198,10 @@ def _state_columns(d: int) -> list[str]:
 
 
 def _check_columns(path: Path, names: list[str], made: Problem) -> None:
-    """Raise InvalidInput if a column is missing, unknown, named twice or a time."""
+    """Raise InvalidInput if a column is missing, unknown, named twice or has times, which are not compared.
+
+    ``names`` are the columns of the file ``path``, ``made`` is its problem.
+    """
     state = _state_columns(made.system.d)
     errors = ["energy_error", *(f"{name}_error" for name in made.invariants)]
     known = ["method", "h", "tol", *COUNTS, *state, *errors]

@@ -43,7 +43,7 @@ ENOUGH = 3
 
 
 class Factor(NamedTuple):
-    """Tolerance for two numbers: their sizes may differ by the factor ``largest``, or both be at most ``floor``."""
+    """Tolerance for two numbers: in modulus they may differ by the factor ``largest``, or both be at most ``floor``."""
 
     largest: float
     floor: float
@@ -162,11 +162,17 @@ def changes(before: dict[str, pd.DataFrame], after: dict[str, pd.DataFrame]) -> 
 def _of_table(table: str, old: pd.DataFrame, new: pd.DataFrame) -> list[Change]:
     key, pairs = _pairs(old, new)
     columns = [c for c in old if c in new and c not in key]
-    limits = {c: EXACT for c in columns if c in JUDGED} | {c: GROWN for c in columns if ERRORS.fullmatch(c)}
-    out = [change for d in differences(pairs, limits) if (change := _change(table, d)) is not None]
+    limits = {c: EXACT if c in JUDGED else GROWN for c in columns if _is_compared(c)}
+    out = [_change(table, d) for d in differences(pairs, limits)]
+    out += [Change(GONE, table, "all rows", c, "", "") for c in old if c not in new and _is_compared(c)]
     if table in BESIDE:
         return out
     return out + [c for column in columns if TIMES.fullmatch(column) for c in _times(table, column, pairs)]
+
+
+def _is_compared(column: str) -> bool:
+    """True if values in a column of this name are compared row by row: a status, or an error."""
+    return column in JUDGED or bool(ERRORS.fullmatch(column))
 
 
 def _pairs(old: pd.DataFrame, new: pd.DataFrame) -> tuple[list[str], list[Pair]]:
@@ -175,16 +181,18 @@ def _pairs(old: pd.DataFrame, new: pd.DataFrame) -> tuple[list[str], list[Pair]]
     return key, match(new.to_dict("records"), old.to_dict("records"), key)
 
 
-def _change(table: str, d: Difference) -> Change | None:
-    """Convert a difference between two runs to a `Change`; None if one of the runs has no number there."""
+def _change(table: str, d: Difference) -> Change:
+    """Convert a difference ``d`` between two runs, in one table, to a `Change`.
+
+    An error that only one of the two runs has as a number is `GONE`, or `NEW`.
+    """
     row = ", ".join(filter(None, d.key))
     if d.column == ROW:
         return Change(GONE if d.measured == MISSING else NEW, table, row, "", "", "")
-    if d.column in JUDGED:
-        return Change(STATUS, table, row, d.column, str(d.stored), str(d.measured))
     a, b = number(d.stored), number(d.measured)
     if a is None or b is None:
-        return None
+        kind = STATUS if a is b else GONE if b is None else NEW
+        return Change(kind, table, row, d.column, text(d.stored), text(d.measured))
     a, b = abs(a), abs(b)
     x = b / a if a else np.inf
     return Change(WORSE if b > a else BETTER, table, row, d.column, f"{a:.3g}", f"{b:.3g}", Median(x, x, x))
@@ -200,7 +208,7 @@ def _is_key(column: str, *tables: pd.DataFrame) -> bool:
 
 
 def _ratios(pairs: list[Pair], column: str) -> list[tuple[Pair, float]]:
-    """(pair, new time / old time) of each pair in which both rows have a time."""
+    """Return (pair, new time / old time) for each pair of rows that both have a time in the column ``column``."""
     out = []
     for pair in pairs:
         if pair.measured is not None and pair.stored is not None:

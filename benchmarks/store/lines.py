@@ -46,9 +46,10 @@ def read(path: Path, table: str) -> dict[str, Entry]:
 
 
 def of_scenes(path: Path) -> bool | None:
-    """True if a JSON lines file has rows of scenes, which name their cell; False if of one problem; None if of neither.
+    """True if a JSON lines file has rows of scenes (problems with a time span); False for rows of one problem.
 
-    Raises InvalidInput if it cannot be read.
+    Only the first row that can be read is looked at: one of a scene names its cell (a single measurement).  None if
+    there is no such row or no file.  Raises InvalidInput if the file cannot be read.
     """
     for line in _lines(path):
         try:
@@ -115,7 +116,8 @@ def measure(
 
     Finished cells of a killed run stay in a file beside ``path``, from which the next run continues.  Cells are
     measured one by one in this process or, in parallel, in ``jobs`` processes or on a ``cluster``; in parallel the
-    timed ones come last, each on a core of its own.
+    timed ones come last, each on a core of its own.  ``progress`` is called with the label of a finished cell, the
+    number of cells done and in all, and 0 for the seconds left, which are unknown.
 
     Returns
     -------
@@ -133,7 +135,7 @@ def _measure(
     jobs: int,
     cluster: Cluster | None,
 ) -> tuple[dict[str, Entry], list[str], int]:
-    """Measure as `measure` does, while no other run writes to the file."""
+    """Measure as `measure` does; the caller holds the lock that keeps other runs from writing to the file."""
     table = cells[0].tables[0] if cells else ""
     journal = Journal(path.with_name(f"{path.name}.part"))
     known = read(path, table) | journal.entries

@@ -14,13 +14,14 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGE = "phasebench"
 #: Packages whose modules are not followed: what a number takes from them is data that a cell hashes itself (a method's
-#: record, a problem, a peer), or nothing (rows on disk).
+#: record, a problem, a peer), or nothing (rows on disk, the style of figures).
 DATA = (
     f"{PACKAGE}.integrators.registry",
     f"{PACKAGE}.integrators.records",
     f"{PACKAGE}.reference.peers",
     f"{PACKAGE}.benchmarks.problems",
     f"{PACKAGE}.benchmarks.store",
+    f"{PACKAGE}.benchmarks.style",
 )
 
 
@@ -110,7 +111,8 @@ def _file(path: Path, module: str) -> tuple[str, frozenset[str]]:
 def _depends(module: str, start: str) -> bool:
     """True if the code of ``module``, imported directly or not by ``start``, counts for the digest of ``start``.
 
-    Modules in the packages `DATA` count only for modules of the same package.
+    A module in one of the packages `DATA` counts only for modules of the same package: what other modules take from it
+    is hashed as data.
     """
     room = next((d for d in DATA if module == d or module.startswith(f"{d}.")), None)
     return room is None or module == start or (module != room and start.startswith(f"{room}."))
@@ -120,7 +122,7 @@ def _depends(module: str, start: str) -> bool:
 def closure(module: str, root: Path = ROOT) -> dict[str, str]:
     """Return a dict: module -> digest of its code, for ``module`` and all that it imports, directly or not.
 
-    Modules of other projects and those in the packages `DATA` are left out.
+    Modules of other projects are left out, and those in a package of `DATA` unless ``module`` is in that package, too.
     """
     files: dict[str, str] = {}
     waiting = [module]

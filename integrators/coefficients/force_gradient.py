@@ -61,7 +61,7 @@ class ForceGradientTable(Table):
     def digest(self) -> str:
         """A hash of the published numbers and of the fields that say how they are used.
 
-        Polished numbers are stored with it; they count as those of this table if it has not changed.
+        Numbers refined to more digits are stored with it, and are used only as long as the table still has this hash.
         """
         used = self.order, self.a, self.b, self.c, self.first, self.hessian_free
         return hashlib.sha256(repr(used).encode()).hexdigest()[:16]
@@ -144,7 +144,10 @@ def residual(table: ForceGradientTable, numbers: Sequence[mpmath.mpf]) -> np.nda
 
 
 def _jacobian(table: ForceGradientTable, x: np.ndarray, free: Sequence[int]) -> np.ndarray:
-    """The Jacobian matrix of `residual` by the numbers with the indices ``free`` (columns), by central differences."""
+    """The matrix of derivatives of `residual` at x, by central differences.
+
+    Its columns are for the numbers of x with the indices ``free``.
+    """
     columns = []
     for k in free:
         above, below = x.copy(), x.copy()

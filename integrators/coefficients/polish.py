@@ -37,7 +37,7 @@ RANK = mpmath.mpf("1e-12")
 
 
 def starting_values(table: Table, replaced: dict[int, str] | None = None) -> list[mpmath.mpf]:
-    """The published numbers of a table, where polishing starts; ``replaced`` maps indices to texts to read instead."""
+    """The published numbers of a table, where polishing starts; ``replaced`` maps indices to other texts for them."""
     texts = list(table.published)
     for k, text in (replaced or {}).items():
         texts[k] = text
@@ -54,7 +54,10 @@ def residual(table: Table, numbers: Sequence[mpmath.mpf]) -> np.ndarray:
 
 
 def jacobian(table: Table, numbers: Sequence[mpmath.mpf], free: Sequence[int]) -> np.ndarray:
-    """The Jacobian matrix of `residual` by the numbers with the indices ``free`` (columns), by central differences."""
+    """The matrix of derivatives of `residual` at ``numbers``, by central differences.
+
+    Its columns are for the numbers with the indices ``free``.
+    """
     columns = []
     for k in free:
         above, below = list(numbers), list(numbers)
@@ -90,7 +93,7 @@ def polish(
     """The solution of a table's order conditions nearest to ``numbers``, by default the published ones.
 
     ``residual(table, numbers)`` returns the residuals of the conditions, ``jacobian(table, numbers, free)`` their
-    derivatives by the numbers with the indices ``free``.
+    derivatives with respect to the numbers with the indices ``free``.
 
     Raises
     ------

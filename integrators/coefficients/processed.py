@@ -39,9 +39,9 @@ class ProcessedTable(Table):
 
     Attributes
     ----------
-    gamma, a, b, first : those of the kernel, as in a symmetric `Table`; all of a and b if the kernel is not
-        ``palindromic``
-    repeat : for each number of ``gamma``, how many steps with it follow each other; () for one each
+    gamma, a, b, first : those of the kernel, as in `Table`; if it is a palindrome only the first half of the numbers,
+        with the middle one, else all
+    repeat : for each number of ``gamma``, how many steps of this length follow each other; () if always one
     processor : for a composition the fractions of its first half (its second half are the same fractions with a minus
         sign); for a splitting the weights of a drift and a kick in turn
     palindromic : True if the kernel is a palindrome

@@ -60,7 +60,8 @@ def round_to_grid(A: mpmath.matrix, unit: mpmath.mpf) -> mpmath.matrix:
 def nystrom_rounded(A: mpmath.matrix, c: Sequence[mpmath.mpf], unit: mpmath.mpf) -> tuple:
     """Round A and c to multiples of ``unit`` so that A_ij - A_ji = c_i - c_j holds exactly.
 
-    Both are returned unrounded if the given A and c do not have this property.
+    It is a condition of symplecticity for methods on H = p . M^-1 p / 2 + V(q), which rounding must not violate.  Both
+    are returned unrounded if the given A and c do not fulfil it.
     """
     s = len(c)
     if A.rows != A.cols or max(abs(A[i, j] - A[j, i] - c[i] + c[j]) for i in range(s) for j in range(s)) > 1e-30:

@@ -94,7 +94,11 @@ def entry(method: Method, system: PartitionedSystem) -> str | None:
 
 @lru_cache(maxsize=512)
 def _read(name: str, version: str) -> Prepared:
-    """Return what was pickled in an entry, read once in a process; raise LookupError if it is missing or damaged."""
+    """Return what was pickled in the cache entry ``name``, read once in a process.
+
+    ``version`` is the cache folder as text; with another folder the entry is read again.  Raises LookupError if the
+    entry is missing or damaged.
+    """
     content = cache.read(name)
     if content is None:
         raise LookupError(name)

@@ -1,4 +1,4 @@
-"""Announce compilations by the function ``announce``, if a caller sets one."""
+"""Announce compilations by the function ``announce``, which does nothing unless a caller has replaced it."""
 
 from __future__ import annotations
 

@@ -88,8 +88,8 @@ class Adaptive(NamedTuple):
     Attributes
     ----------
     method : the coefficients of the Gauss method, with stages in SIMD lanes; None for a splitting
-    dT, dV : the gradients of T(p) and V(q) of a splitting, ``dT`` is None if grad T is p itself; None for a Gauss
-        method
+    dT, dV : for a splitting the gradients of T(p) and V(q), where ``dT`` is None if grad T is p itself; both None for a
+        Gauss method
     a, b : the lengths of a splitting's drifts and kicks as fractions of a step; None for a Gauss method
     inverse : the matrix from values of the field at the nodes to the coefficients of the polynomial through them, made
         by `inverse_of`; None for a splitting

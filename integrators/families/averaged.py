@@ -197,8 +197,8 @@ def add_to_block(b, place, a, f, sums):
 def mean_one_way(direction: Number, x: Value, e: Average) -> Value:
     """h times the mean of the vector field along a path from (q, p) on which blocks of variables move one by one.
 
-    Each derivative of H is averaged while the block moves to which the variable of the derivative belongs: q' = H_p
-    while the block of that p does.  x has the increments of q and p at the end of the path, e the arguments of the
+    Each derivative of H is averaged over the motion of the block that its variable belongs to: q_i' = dH/dp_i over that
+    of the block of p_i.  x has the increments of q and p at the end of the path, e the arguments of the
     equation; ``direction`` is -1 for the reverse path.  Returns a vector of 2 d components.
     """
     step = e.step
@@ -286,25 +286,28 @@ solve_mean = solver(mean, lengths)
 
 @inline
 def by_rule(e: Average, rule: int) -> Average:
-    """Return the arguments ``e`` of the equation of a substep, with another quadrature rule in them.
+    """Return the arguments ``e`` of the equation of a substep, with their quadrature rule replaced by ``rule``.
 
-    The rule is given by ``rule``, the number of its first row in the table of all rules' nodes and weights.
+    A rule is given by the number of its first row in the table of all rules' nodes and weights.
     """
     return Average(e.step, e.q, e.p, e.v, e.h, e.s, rule)
 
 
 @inline
 def evaluations(e: Average, rule: int) -> int:
-    """Number of gradient evaluations in one call of `mean` with the arguments e and another quadrature rule.
+    """Number of gradient evaluations in one call of `mean` with the arguments e, but with the quadrature rule ``rule``.
 
-    The rule is given by ``rule``, the number of its first row in the table of nodes.
+    A rule is given by the number of its first row in the table of all rules' nodes and weights.
     """
     return e.step.blocks[e.s] * (2 if e.step.direction[e.s] == 0 else 1) * e.step.nodes[rule]
 
 
 @inline
 def iterate(e: Average, x: Value) -> tuple[Value, Change]:
-    """Take one step of the fixed-point iteration from x: returns (the new x, the `Change` from the old one to it)."""
+    """Take one step of the fixed-point iteration from x: returns (the new x, how far it moved from the old one).
+
+    The latter is a `Change`: 1-norms of what was added to the increments of q and of p, and of these increments.
+    """
     new = mean(x, e)
     return new, change(e.step.field, x, new)
 
@@ -372,10 +375,10 @@ def coupled(path: str, system: Hamiltonian) -> bool:
 
 
 def rules(system: Hamiltonian, width: int, arithmetic: str) -> tuple[tuple, tuple, tuple, tuple]:
-    """Gauss-Legendre rules of rising size, up to one that is exact if H is a polynomial, as columns (n, groups, c, b).
+    """Make a table of Gauss-Legendre rules of rising size; returns its four columns (n, groups, c, b).
 
-    A rule of n nodes is cut into groups of ``width`` nodes, which are evaluated side by side, and takes one item of
-    each column for each group.
+    If H is a polynomial there is one rule, which is exact.  A rule of n nodes is cut into groups of ``width`` nodes,
+    which are evaluated side by side; each group is a row of the table, an item of each column.
 
     - n : the number of nodes of the rule
     - groups : the number of its groups

@@ -88,7 +88,7 @@ substep = dispatch_on_none(_nystrom, _general)
 def begin(method: Banded, carry: Carry, counts: np.record) -> State:
     """Read the state from ``carry``, where the last call of the kernel (loop over steps) left it.
 
-    Before the first step of a run, mark the stored matrices of Newton's method as ones to be computed again.
+    Before the first step of a run, mark the stored matrices of Newton's method as out of date.
     """
     if counts.steps == 0:
         for s in range(len(method.c)):

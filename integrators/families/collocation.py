@@ -101,7 +101,7 @@ class Collocation(NamedTuple):
         equal here, where a row of a table is a node
     c : array (nodes, 1), the times of the nodes as fractions of h
     A_q, A_p : arrays (nodes, s), the matrix A for q and for p
-    B : array (nodes, s), the transpose of B
+    B : array (nodes, s), the transpose of the matrix B in x = h B f
     extrapolation : weights that predict the s increments of a step from those of earlier steps: s rows for one earlier
         step, then s rows for two, ...
     h, eps : the step size and the unit round-off, set by the run
@@ -261,8 +261,8 @@ def linearize(e: Equations, at: int, span: Number, work: np.ndarray) -> int:
     """Write the Jacobian 1 - G' of the equations x = G(x) at the increments in rows ``at``, ... to ``work``.
 
     G' is made by finite differences of f at the nodes; ``span`` is the size of (q, p), for differences in variables
-    that are zero.  Returns the number of sweeps that cost as much, as `solve.row_solver` requires; G(x) is left in the
-    rows after x.
+    that are zero.  Returns the cost of that as a number of sweeps (evaluations of G), as
+    `solve.row_solver` requires; G(x) is left in the rows after x.
     """
     tableau, memory = e.step, e.memory
     n, first = len(e.like), e.counts.rule
@@ -294,7 +294,7 @@ solve_confirmed = confirmer(solve, sweep, changes_by_row(inline(lambda e, x, y: 
 
 @inline
 def extrapolate(e: Equations, at: int) -> None:
-    """Extrapolate the increments of the last steps to this one, as a start; write them to the rows ``at``, ..."""
+    """Write a start of the iteration to the rows ``at``, ...: the last steps' increments, extrapolated to this step."""
     weights, known = e.step.extrapolation, e.counts.steps
     steps = min(known, len(weights) // e.stages)
     row = e.stages * (steps - 1)

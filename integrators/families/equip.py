@@ -60,7 +60,8 @@ class Equip(NamedTuple):
     ----------
     f : the vector field or -grad V, evaluated at all stages at once in SIMD lanes; None if stages are evaluated one by
         one
-    field : None if the unknowns are increments of p alone (Nystrom form), else the vector field; ``f`` if that is given
+    field : the vector field (the same function as ``f`` in SIMD lanes); None if the unknowns are increments of p alone
+        (Nystrom form)
     energy : the function (q, p) -> (H, size of its terms)
     tableau : the coefficients of the step in use, rewritten for each alpha
     A : array (s, s), a_ij / b_j of Gauss's method

@@ -101,7 +101,7 @@ class Clock(NamedTuple):
     ----------
     t, lost : the time and its rounding error (compensation)
     following, last : the lengths of the next step and of the last one
-    scale : h over the time scale T of the initial state
+    scale : h divided by the time scale T of the initial state
     """
 
     t: float
@@ -220,7 +220,7 @@ def read_clock(step: Field, carry: Carry, y: State) -> Clock:
 
 @inline
 def fit_step(step: Field, carry: Carry, clock: Clock, length: Number, trusted: Number) -> tuple[Number, bool]:
-    """Judge a step of length ``length``: (length of the next step, True if the step is accepted).
+    """Judge a step of length ``length``: returns (length of the next step, True if this step is accepted).
 
     Both follow from the field at the end of the step; ``clock`` has the time scale by which lengths are measured.  The
     step is rejected if the time scale of the field, or of its highest known derivative, fits only a step shorter than
@@ -285,7 +285,7 @@ def reach(
     """Integrate to the time ``until`` of a row of output.
 
     Returns (last state before that time, its clock, the state at that time, status), see `loop.time_loop`; ``every`` is
-    the number of h from row to row, and limits the number of steps.
+    the time from row to row divided by h, and limits the number of steps.
     """
     return wind(method, carry, y, clock, until, SHORTEST * every, counts)
 

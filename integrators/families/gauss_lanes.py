@@ -121,10 +121,10 @@ def prepare(s: int, system: Hamiltonian, arithmetic: str) -> Prepared:
 
 
 def room(step: Lanes, d: int) -> tuple[int, int]:
-    """The memory that a kernel in SIMD lanes needs for d degrees of freedom, as (width, stages) of `Prepared`.
+    """The memory that a kernel in SIMD lanes needs for d degrees of freedom, as fields of `Prepared`: (width, stages).
 
-    ``width`` is the length of a row; ``stages`` is such that the run, which takes a fixed number of rows for each
-    stage, provides enough of them.
+    ``width`` is the length of a row.  A run allocates a fixed number of rows for each stage, and ``stages`` is the
+    least number of stages that gives the kernel enough rows.
     """
     rows = FREE + (6 + step.steps) * components(step.inverse_mass, d)
     return max(len(step.like), components(step.inverse_mass, d)), -(-rows // (3 * LEVELS + 1))

@@ -71,9 +71,9 @@ reach = dispatch_on_none(lambda inverse_mass, e, k: 1.0, lambda inverse_mass, e,
 def length(e: Any, at: int, row: int, first: int, last: int) -> Number:
     """Size (1-norm) of the components first, ..., last - 1 of q or p in a step, by which finite differences are scaled.
 
-    It is the sum for the state before the step, in row ``row`` of ``e.memory``, for the unknown increments x, in the
-    rows from ``at`` on, a row for each component, and for the right-hand sides G(x) of their equations x = G(x), in the
-    ``e.stages`` rows after these.
+    It is the sum of three 1-norms: of the state before the step, in row ``row`` of ``e.memory``; of the unknown
+    increments x, in the rows from ``at`` on, a row for each component; and of the right-hand sides G(x) of the
+    equations x = G(x), in the ``e.stages`` rows after x.
     """
     numbers, unknowns = 0.0, 0.0
     for k in range(first, last):
@@ -137,10 +137,10 @@ def linearizer(sweep: Function, places: Function, weights: Function, rows: Funct
 
 @inline
 def extrapolate(e: Any, ring: int, known: int, at: int) -> None:
-    """Extrapolate the increments of the last steps to this one, as a start; write them to the rows ``at``, ...
+    """Write a start of the iteration to the rows ``at``, ...: the last steps' increments, extrapolated to this step.
 
-    Those of the last steps are in a ring buffer, in the rows of ``e.memory`` from ``ring`` on; ``known`` is the number
-    of steps taken so far.
+    The increments of the last steps are in a ring buffer, in the rows of ``e.memory`` from ``ring`` on; ``known`` is
+    the number of steps taken so far.
     """
     step, memory, rows = e.step, e.memory, e.stages
     steps = min(known, step.steps)
@@ -157,7 +157,7 @@ def extrapolate(e: Any, ring: int, known: int, at: int) -> None:
 def enter(e: Any, ring: int, known: int, at: int) -> None:
     """Store the increments of step number ``known`` in the ring buffer that `extrapolate` reads.
 
-    They are in the rows ``at``, ... of ``e.memory``, the buffer is in the rows from ``ring`` on.
+    The increments are in the rows of ``e.memory`` from ``at`` on, the buffer is in those from ``ring`` on.
     """
     newest = ring + known % e.step.steps * e.stages
     for k in range(e.stages):

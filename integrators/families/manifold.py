@@ -202,8 +202,8 @@ iterate, project = fixed_point(sweep), fixed_point(tangent)
 def step(method: Manifold, y: State, carry: Carry, counts: np.record) -> tuple[State, int]:
     """Take one step from the state y: solve for the stages, then project p; returns (state, status).
 
-    The iteration starts from values of earlier steps, kept in ``carry``, and where it fails from zero.  The status is
-    `SOLVED` or why the step failed; evaluations are added to ``counts``.
+    The iteration starts from values of earlier steps, kept in ``carry``, and again from zero if it fails.  The status
+    is `SOLVED` or why the step failed; evaluations are added to ``counts``.
     """
     memory, like = carry.memory, carry.zero
     n = ROWS * len(method.b)

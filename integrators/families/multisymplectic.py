@@ -57,7 +57,7 @@ class Scheme:
     S : the skew matrix (s, s) in A - alpha S diag(b) if a parameter alpha conserves the energy, else None
     order : the order in time
     multisymplectic : True if the scheme is said to conserve the multisymplectic law
-    keeps : the energy that it is said to conserve: "total", "cell" for that in every cell, or ""
+    keeps : the energy that it is said to conserve: "total"; "cell", by the local law in every cell; or "", none
     means : True if fluxes are evaluated at the mean of the stages, False if they are the mean of the stages' fluxes
     """
 

@@ -93,7 +93,7 @@ class Stage(NamedTuple):
     q, p : the state before the substep
     v : grad T(p) in the Nystrom form, else p
     h : the length of the substep
-    mu, lam : the weights of the stage
+    mu, lam : the shares of the increments of q and of p at which the right-hand side is evaluated (see `increments`)
     """
 
     step: Any

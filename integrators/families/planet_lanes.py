@@ -194,7 +194,10 @@ def _correct(step: Planets, at: Places, sign: Number, memory: np.ndarray, counts
 
 @inline
 def _read_bodies(table: np.ndarray, row: int, n: int, memory: np.ndarray, like: Value) -> Value:
-    """Read vectors of n bodies from a row of a table, body after body, into lanes; returns the three rows x, y, z."""
+    """Read vectors of n bodies from a row of a table, body after body, into lanes; returns the three rows x, y, z.
+
+    ``memory`` is working memory, ``like`` a tuple of zeros, one for each lane.
+    """
     for i in range(SPACE):
         for j in range(len(like)):
             memory[WORK + i, j] = table[row, j * SPACE + i] if j < n else 0.0
@@ -203,7 +206,10 @@ def _read_bodies(table: np.ndarray, row: int, n: int, memory: np.ndarray, like: 
 
 @inline
 def _write_bodies(x: Value, table: np.ndarray, row: int, n: int, memory: np.ndarray, like: Value) -> None:
-    """Write vectors of n bodies, given as the three rows x, y, z of lanes, to a row of a table, body after body."""
+    """Write vectors of n bodies, given as the three rows x, y, z of lanes, to a row of a table, body after body.
+
+    ``memory`` is working memory, ``like`` a tuple of zeros, one for each lane.
+    """
     _keep(memory, WORK, x, like)
     for i in range(SPACE):
         for j in range(n):

@@ -55,8 +55,9 @@ def _pad(row: Sequence | sp.Matrix, lanes: int, filler: int = 0) -> list:
 
 
 def _of_pairs(found: list[tuple[sp.Expr, list]], back: sp.Matrix, lanes: int) -> list[list]:
-    """The rows ``pairs`` of `planet_lanes.Planets`, padded to SIMD lanes: coefficients of distances of pairs of bodies.
+    """The rows ``pairs`` of `planet_lanes.Planets`, with a pair of bodies in each SIMD lane.
 
+    For each pair they have the coefficients of the vector between its bodies, and the weight of its inverse distance.
     ``found`` is the list of pairs (w_a, c_a) that `distances` returns, ``back`` the matrix of q = back Q.
     """
     rows, n = [], back.rows

@@ -175,7 +175,7 @@ def linearize(e: Equations, at: int, span: Number, work: np.ndarray) -> int:
     """Write the Jacobian 1 - G' of the equations x = G(x) at the increments in rows ``at``, ... to ``work``.
 
     G' is made by differences of sweeps, evaluations of G; ``span`` is the size of (q, p), for differences in variables
-    that are zero.  Returns the number of sweeps, as `solve.row_solver` requires.
+    that are zero.  Returns the number of these sweeps, as `solve.row_solver` requires.
     """
     memory, n = e.memory, len(e.like)
     base, moved = at + e.stages, at + 2 * e.stages

@@ -4,8 +4,8 @@ K here is a `splitting`, the step that is repeated; P, the processor, is a chang
 ``start`` applies P to the state of a row of output, and ``finish`` undoes it where a row is stored: with a row after
 every step both are paid in every step.
 
-P and its inverse evaluate gradients in functions that have no counters: ``start`` leaves the number of both in the
-state, and the first step after it adds that to the counts.
+P and its inverse evaluate gradients in functions that have no counters: ``start`` leaves the number of these
+evaluations, of both, in the state, and the first step after it adds that number to the counts.
 
 Reference: J. C. Butcher, Lecture Notes in Math. 109 (1969) 133-139 (effective order); S. Blanes, F. Casas, A. Murua,
 SIAM J. Sci. Comput. 27 (2006) 1817-1843.

@@ -79,7 +79,7 @@ class Projection(NamedTuple):
 
     Attributes
     ----------
-    mirror : the function ``gram`` if the projection is symmetric, else None
+    mirror : the function ``gram`` again if the projection is symmetric, else None: it tells the two projections apart
     constraint : the function (q, p) -> (values of the m invariants, m numbers M: the values have a round-off of eps M)
     gram : the function (q, p) -> the matrix G G^T, row by row, with G the Jacobian of the invariants
     pull : the function (q, p, mu) -> the q and the p part of G^T mu
@@ -372,8 +372,9 @@ def prepare(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
 def _set_target(constraint: Function, bases: dict[str, Any], step: Projection, q: Value, p: Value) -> Projection:
     """Complete the data ``step`` of a projection for a run from (q, p), and return them.
 
-    The targets become the values of the invariants at (q, p), computed by the function ``constraint``; ``bases`` has
-    the data of the base method by the name of its field, which get h and eps.
+    The targets become the values of the invariants at (q, p), computed by the function ``constraint``.  ``bases`` maps
+    "explicit", "split" and "implicit", fields of `Projection`, to the data of the base method (None in two of them),
+    which get the step size h and the unit round-off eps of ``step``.
     """
     known = {name: base._replace(h=step.h, eps=step.eps) for name, base in bases.items() if base is not None}
     return step._replace(target=constraint(q, p)[0], **known)

@@ -106,7 +106,7 @@ class RattleState(NamedTuple):
 
 
 class Drift(NamedTuple):
-    """Arguments of the equation for w, the constraint impulse times h: it puts q + lost + move - M^-1 w on g = 0.
+    """Arguments of the equation g(q + lost + move - M^-1 w) = 0 for w, the constraint impulse times h.
 
     Attributes
     ----------

@@ -14,7 +14,7 @@ a difference of two of these) the rotations of the methods are:
 
 Dullweber, Leimkuhler and McLachlan take the axes 3, 2, 1, 2, 3.  Reich's splitting takes the flow of a symmetric top,
 which is that of a spherical top and that of an axis (they commute), between two half flows of the remaining axis; the
-two moments that are nearest to each other are those that the top has equal.
+top has equal moments about the two axes whose 1 / I are nearest to each other.
 
 All but the midpoint rule are symplectic; all are symmetric and of order 2.  Unknowns are solved to round-off.
 
@@ -286,10 +286,10 @@ def equation(x: Value, e: Turn) -> Value:
 
 @inline
 def lengths(x: Value, g: Value, e: Turn) -> tuple[Number, Number]:
-    """Return the size of the variables in the first and in the second half of the unknown x, the same number twice.
+    """Return the lengths that scale Newton's finite differences in the first and in the second half of the unknown x.
 
-    It scales the finite differences of Newton's method; x is an iterate of the equation x = G(x) with the arguments e,
-    and g = G(x).
+    Both are the same number, the sum of the 1-norms of x and of h L / 2 (L is the angular momentum).  x is an iterate
+    of the equation x = G(x) with the arguments e; g = G(x) is not used.
     """
     length = size(e.target) + size(x)
     return length, length

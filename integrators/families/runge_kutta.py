@@ -152,7 +152,10 @@ overload_by_kind(evaluate, lambda *types: evaluate, _evaluate_arrays)
 
 @in_place(None)
 def increment(field, tableau, h, y, carry):
-    """Evaluate the stages of one step of length h from y; returns its increment (dq, dp) = h sum b_i k_i."""
+    """Evaluate the stages of one step of length h from y; returns its increment (dq, dp) = h sum b_i k_i.
+
+    ``tableau`` has the rows of A, then b; the k_i, values of ``field`` at the stages, are kept in ``carry.memory``.
+    """
     memory, stages = carry.memory, len(tableau) - 1
     for i in range(stages):
         dq, dp = total(tableau, i, h, memory, carry.zero)

@@ -91,18 +91,22 @@ def product(x, y):
 
 @elementwise()
 def impulse(beta, gradient, a, q):
-    """The merged half kick by the slow force and shear by the linear one, -(beta grad U + a q), componentwise."""
+    """The increment of p by a half kick of the slow force and a shear of the linear flow, -(beta grad U + a q).
+
+    All arguments are vectors of d components: ``gradient`` is grad U at the filtered q, beta = (h/2) psi_1, and a is
+    the coefficient of the shear.
+    """
     return -(beta * gradient + a * q)
 
 
 class KickedState(NamedTuple):
-    """The state (q, p), and the kick (increment of p) evaluated at its q.
+    """The state (q, p), and the kick (increment of p) at its q that ends one step and also begins the next.
 
     Attributes
     ----------
     q, p : the state
     lost_q, lost_p : what rounding lost of each (compensation)
-    kick : the increment of p at q, half of which belongs to the next step
+    kick : the increment of p at q; between two steps it is applied twice
     """
 
     q: Value

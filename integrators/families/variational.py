@@ -151,8 +151,8 @@ def sweep(e: Equations, old: int, new: int) -> tuple[Number, Number]:
 def linearize(e: Equations, at: int, span: Number, work: np.ndarray) -> int:
     """Write the Jacobian 1 - G' of the equations k = G(k) for the kicks in the rows ``at``, ... to ``work``.
 
-    It is made by differences of grad V; ``span`` sets their length if q is zero.  Returns the number of sweeps that
-    cost as much, as `solve.row_solver` requires.
+    It is made by differences of grad V; ``span`` sets their length if q is zero.  Returns the cost of
+    that as a number of sweeps (evaluations of G), as `solve.row_solver` requires.
     """
     r, d, h = e.stages, len(e.like), e.step.h
     n = r * d

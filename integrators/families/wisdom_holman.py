@@ -174,7 +174,8 @@ def corrector(order: int) -> tuple[tuple[mpmath.mpf, mpmath.mpf], ...]:
 def _substeps(kicks: Sequence[tuple[mpmath.mpf, mpmath.mpf]]) -> list[list]:
     """Convert kicks (time, strength) to rows (drift, kick) in units of h, merging kicks at one time.
 
-    Each drift leads from the time of the kick before to that of its own; the last one, without a kick, back to time 0.
+    The drift of a row leads from the time of the previous kick, at first 0, to that of the row's kick; a last row has a
+    drift back to time 0 and no kick.
     """
     rows, at = [], mpmath.mpf(0)
     with mpmath.workdps(DIGITS):
@@ -200,7 +201,10 @@ def drift(step: WisdomHolman, X: np.ndarray, h: Number) -> None:
 
 @jit
 def convert(matrix: np.ndarray, X: np.ndarray, row: int, n: int, Y: np.ndarray, out: int) -> None:
-    """Multiply row ``row`` of X, positions of bodies with n components each, by the matrix; write row ``out`` of Y."""
+    """Multiply the bodies' vectors in row ``row`` of X by a matrix that acts on bodies; write row ``out`` of Y.
+
+    A row has the vectors of all bodies, one after the other, with n components each.
+    """
     for k in range(len(matrix)):
         for i in range(n):
             total = X[row, i] * 0
@@ -211,7 +215,10 @@ def convert(matrix: np.ndarray, X: np.ndarray, row: int, n: int, Y: np.ndarray, 
 
 @jit
 def _kick(step: WisdomHolman, X: np.ndarray, h: Number, carry: Carry, counts: np.record) -> None:
-    """Kick the momenta P by the interaction over h, exp(h B), in the rows of X; overwrites rows 4 to 6 of memory."""
+    """Kick the momenta P by the interaction over the time h, exp(h B), in place.
+
+    The rows of X are Q, P, and what rounding lost of each; rows 4 to 6 of ``carry.memory`` are overwritten.
+    """
     memory, n = carry.memory, step.dimension
     convert(step.back, X, 0, n, memory, 4)
     store(memory, 5, step.dB(load(memory, 4, carry.zero)))
@@ -223,7 +230,10 @@ def _kick(step: WisdomHolman, X: np.ndarray, h: Number, carry: Carry, counts: np
 
 @jit
 def _correct(step: WisdomHolman, X: np.ndarray, sign: int, carry: Carry, counts: np.record) -> None:
-    """Apply the symplectic corrector (sign 1), or its inverse (sign -1, kicks reversed), to the rows of X in place."""
+    """Apply the symplectic corrector (sign 1), or its inverse (sign -1, kicks reversed), to X in place.
+
+    The rows of X are Q, P, and what rounding lost of each.
+    """
     rows = len(step.corrector)
     for k in range(rows):
         drift(step, X, step.corrector[k, 0] * step.h)

@@ -27,8 +27,9 @@ def adaptive(
 ) -> Method:
     """Make the record of a method whose step depends on the distance to singularities: h is the step at distance 1.
 
-    ``data`` are the coefficients: (1, substeps) of a splitting, as from `classical.one_stage`, or the number of stages
-    (s,) of Gauss's method.  The other arguments are fields of the record.
+    ``data`` are the coefficients: the pair (1, substeps) for a splitting, where 1 stands for one stage and the substeps
+    are those of `classical.one_stage`, or (s,) for Gauss's method of s stages.  The other arguments are fields of the
+    record.
     """
     return Method(
         id=id,

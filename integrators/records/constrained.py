@@ -16,9 +16,10 @@ HLW = "Hairer, Lubich & Wanner 2006"
 
 
 def constrained(*, symmetric: bool = True, requires: tuple[str, ...] = (), **facts: Any) -> Method:
-    """Make the record of a method for systems with constraints, symplectic on their manifold unless ``facts`` differ.
+    """Make the record of a method for systems with constraints, symplectic on their manifold by default.
 
-    ``requires`` are traits of the system besides the constraints, ``facts`` further fields of the record.
+    ``requires`` are traits that the system must have besides the constraints; ``facts`` are further fields of the
+    record, which replace the defaults.
     """
     facts = {"symplectic": True, "energy": BOUNDED, "quadratic": NONE, "requires": ("constrained", *requires)} | facts
     return Method(symmetric=symmetric, **facts)

@@ -23,7 +23,11 @@ FORTH, BACK, MEAN = 1, -1, 0
 def conserving_method(
     *, id: str, name: str, source: str, cite: tuple[str, ...], data: Iterable[Any], **facts: Any
 ) -> Method:
-    """Make the record of a method that conserves H on every canonical system."""
+    """Make the record of a method that conserves H on every canonical system.
+
+    The arguments are fields of the record; by default the method has order 2, is symmetric, and keeps quadratic
+    invariants up to a bounded error.
+    """
     facts = {"order": 2, "symmetric": True, "quadratic": BOUNDED} | facts
     common = {"symplectic": False, "energy": ROUND_OFF, "requires": ("canonical",)}
     return Method(id=id, name=name, source=source, cite=cite, data=tuple(data), **common, **facts)

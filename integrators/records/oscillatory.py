@@ -2,8 +2,8 @@
 
 A trigonometric integrator is given by two filters, functions of h omega: psi_1 = psi / sinc multiplies a kick, and phi
 the q at which the kick's force is evaluated; each record names the published psi and phi.
-Quadratic invariants q.D p that belong to rotations among components of equal frequency are conserved to round-off,
-others are not; the field ``quadratic`` of a record is for all of them.
+A quadratic invariant q.D p is conserved to round-off if it belongs to a rotation among components of equal frequency,
+else only up to a bounded error; a record's field ``quadratic`` states the weaker of the two, "bounded".
 """
 
 from __future__ import annotations
@@ -40,9 +40,9 @@ def oscillatory_method(
 ) -> Method:
     """Make the record of a symmetric method of order 2 for systems with a fast linear part.
 
-    ``data`` are three functions of h omega, from `coefficients.filters`: the propagator of the linear part, and the
-    filters psi_1 of kicks and phi of their arguments q (see the module); then further arguments of the propagator.
-    ``facts`` are further fields of the record.
+    ``data`` are three functions of h omega, from `coefficients.filters`: the propagator of the linear part, the filter
+    psi_1 that multiplies a kick, and the filter phi of the q at which its force is evaluated; after these come further
+    arguments of the propagator, if it has any.  The other arguments are fields of the record.
     """
     return Method(
         id=id,

@@ -8,7 +8,9 @@ from .compositions import compose
 
 
 def rigid(id: str, name: str, scheme: str, source: str, cite: tuple[str, ...], *, symplectic: bool = True) -> Method:
-    """Make the record of a symmetric method of order 2 for a rigid body: kicks by its potential, and the free body.
+    """Make the record of a symmetric method of order 2 for a rigid body: half a kick, a free motion, half a kick.
+
+    The kicks are those of the body's potential.
 
     ``scheme`` is the rule for the free body: "axes" (turns about the body's axes 3, 2, 1, 2, 3), "top" (the flow of a
     symmetric top between turns about an axis), "moser-veselov" (their discrete equations) or "midpoint" (the midpoint

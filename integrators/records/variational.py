@@ -20,7 +20,8 @@ def galerkin(
 ) -> Method:
     """Make the record of the Galerkin variational integrator with polynomials of a ``degree`` and a quadrature rule.
 
-    ``quadrature`` is "gauss" or "lobatto", ``nodes`` the number of its nodes.
+    ``quadrature`` is "gauss" or "lobatto", ``nodes`` the number of its nodes.  The other arguments are fields of the
+    record.
     """
     return Method(
         id=id,

@@ -270,7 +270,10 @@ def band_solver(G: Callable, lengths: Callable) -> Callable:
     def solve(
         arguments: Any, start: Value, span: Number, eps: Number, band: Band, room: Room
     ) -> tuple[Value, int, int]:
-        """Solve x = G(x) from the start by simplified Newton, then by Newton's method; (x, evaluations, status)."""
+        """Solve x = G(x) from the start by simplified Newton, then by Newton's method; (x, evaluations, status).
+
+        The arguments are those that `band_solver` describes.
+        """
         x, evaluations, status = simplified_newton(arguments, start, span, eps, band, room)
         if status != SOLVED:
             x, more, status = newton(arguments, start, span, eps, (band, room))

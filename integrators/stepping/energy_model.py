@@ -49,10 +49,10 @@ class Search(NamedTuple):
     Attributes
     ----------
     radius : the largest size of a root
-    first : the first guess without a model
-    near : a root farther than this is found by continuation, since Muller's method might leave the branch of x = 0
+    first : the first guess of x if there is no model of E from earlier steps
+    near : a root farther from zero is sought by continuation, since Muller's method might leave the branch of x = 0
     ratio, points : the continuation's points on either side are radius / ratio^k, k = points - 1, ..., 0
-    slack : E(0) within this many times the round-off of H is accepted if Muller's method fails
+    slack : if Muller's method fails, x = 0 is accepted where |E(0)| is at most this many times the round-off of H
     """
 
     radius: float
@@ -97,8 +97,8 @@ def smaller_root(c0: float, c1: float, c2: float) -> float:
 def residual_factor(E: float, unit: float) -> float:
     """Return how exactly to solve the stage equations of a trial step whose energy error is expected to be about E.
 
-    The result is the admissible error in units of the round-off: 1, or more if E is far above ``unit``, the round-off
-    of H.
+    The result is the error that the solution may have, as a multiple of round-off: 1, or more if E is far above
+    ``unit``, the round-off of H.
     """
     return EASE * abs(E) / unit if 0 < EASED * unit <= EASE * abs(E) < np.inf else 1.0
 
@@ -140,7 +140,8 @@ def renew(models: np.ndarray, row: int, slope: float) -> None:
 def is_trusted(search: Search, models: np.ndarray, row: int, predicted: float, c1: float, slope: float) -> bool:
     """True if by the model the ``predicted`` root is the one nearest to zero, and the prediction is accurate enough.
 
-    c1 is the model's slope at x = 0, extrapolated to this step, and ``slope`` that at the predicted root.
+    ``models[row]`` is the quadratic model of the energy error E(x) of a step with parameter x; c1 is its slope at
+    x = 0, extrapolated to this step, and ``slope`` that at the predicted root.
     """
     c2, room = abs(models[row, CURVATURE]), LONE * abs(slope)
     return (

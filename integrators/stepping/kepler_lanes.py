@@ -104,7 +104,8 @@ def stumpff(x: Number) -> tuple[Number, Number, Number, Number]:
 def _reversion(delta: Number, second: Number, third: Number, beta: Number) -> Number:
     """x/delta - 1 to the fifth order in delta, for the root x of -delta + x + second x^2/2 + third x^3/6 - ...
 
-    The further coefficients follow from the second and third and from ``beta``, as in Kepler's equation.
+    The function is that of Kepler's equation, divided by its slope at x = 0; its fourth and fifth derivatives are
+    -``beta`` times the second and third.
     """
     a = second * delta * 0.5
     square = delta * delta
@@ -136,8 +137,8 @@ class Motion(NamedTuple):
 def _begin(delta: Number, second: Number, third: Number, beta: Number) -> tuple[Number, Condition]:
     """A starting value of the universal anomaly s by its Taylor series: (s, mask of lanes where it is not trusted).
 
-    ``delta`` is h/r0; ``second`` and ``third`` are the second and third derivative of Kepler's equation at s = 0, over
-    r0.  s is 0 in lanes where it is not trusted.
+    ``delta`` is h/r0; ``second`` and ``third`` are the second and third derivative F'' and F''' of Kepler's equation
+    F(s) = 0 at s = 0, divided by r0.  s is 0 in lanes where it is not trusted.
     """
     beyond = _reversion(delta, second, third, beta)
     s = delta + delta * beyond

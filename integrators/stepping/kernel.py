@@ -149,8 +149,8 @@ class Prepared:
     arrays : True if states are arrays whatever d is: for a step that works in place, on a system's
         `inplace.in_place_version`
     begin : function (step, q, p) -> step that completes ``step`` for a run from the state (q, p)
-    missed : what is wrong with a step counted as a fallback, to end the message "n of m steps ..."; if it is empty,
-        fallbacks do not change the status of a solution
+    missed : what is wrong with fallbacks, steps that lack what the method promises, as the end of a message "n of m
+        steps ..."; if it is empty, fallbacks do not change the status of a solution
     apart : True if the kernel in SIMD lanes sums the evaluations over the orbits, as it always does if ``implicit``;
         else it counts those of one orbit, which are the same for all
     """
@@ -239,9 +239,9 @@ def family_of(method: Method) -> ModuleType:
 
 
 def prepare(method: Method, system: Hamiltonian, arithmetic: str = DOUBLE) -> Prepared:
-    """Prepare ``method`` for ``system``: return its kernel, not yet compiled, and data.
+    """Prepare ``method`` for ``system``: return its kernel, not yet compiled, with functions and coefficients.
 
-    They are taken from the cache if they are there.
+    The result is read from the cache if it was stored there.
     """
     entry = preparation.entry(method, system) if arithmetic == DOUBLE else None
     found = preparation.read(entry)
@@ -302,8 +302,8 @@ def _compile(prepared: Prepared, d: int) -> Callable:
 def entry(kernel: Callable) -> Callable:
     """Return the Python function that calls a compiled kernel directly, for the one set of types it was compiled for.
 
-    It replaces Numba's dispatcher, which cannot determine the type of a function inside a tuple, as the kernel's
-    arguments have.  A kernel that is not compiled is returned unchanged.
+    It avoids Numba's dispatcher, which cannot determine the types of a kernel's arguments: these are tuples that
+    contain functions.  A kernel that is not compiled is returned unchanged.
     """
     return next(iter(kernel.overloads.values())).entry_point if hasattr(kernel, "overloads") else kernel
 

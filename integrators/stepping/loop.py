@@ -104,9 +104,10 @@ def time_loop(resume: Callable, reach: Callable, leave: Callable) -> Callable:
 
     - ``resume(method, carry, y)`` -> clock: the time and what else the step control needs, as ``leave`` stored it in
       the last call of the kernel, or at the start of a run.
-    - ``reach(method, carry, y, clock, until, every, counts)`` -> (y, clock, there, status): steps to the last state y
-      before the time ``until``, that of the next row, ``every`` h after the row before.  ``there`` is the state at that
-      time, by a step from y that is used for the output alone and does not belong to the orbit.
+    - ``reach(method, carry, y, clock, until, every, counts)`` -> (y, clock, there, status): makes steps as long as they
+      end before ``until``, the time of the next row, which is ``every`` h after the row before.  y and ``clock`` are
+      those after the last of these steps; ``there`` is the state at ``until``, by one more step from y that serves the
+      output alone and does not belong to the orbit.
     - ``leave(carry, clock)`` stores the clock for the next call.
     """
 

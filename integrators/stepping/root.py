@@ -56,9 +56,9 @@ def finder(attempt: Callable, followed: bool = True) -> Callable:
     """Make the function that finds the parameter x at which a step's energy error E(x) is zero, nearest to x = 0.
 
     The function is (search, models, row, predicted, arguments) -> (x, True if found, the `Attempt` at x); x = 0 if
-    there is no root, or if E jumps from one sign to the other.  ``search`` is a `Search`, the row of the array
-    ``models`` keeps the quadratic model of E from step to step, ``predicted`` is the root extrapolated from earlier
-    steps, and ``arguments``, with the field y, is passed to ``attempt``.
+    there is no root, or if E jumps from one sign to the other.  ``search`` is a `Search`, ``models[row]`` keeps the
+    quadratic model of E from step to step, ``predicted`` is the root extrapolated from earlier steps, and
+    ``arguments``, with the field y, is passed to ``attempt``.
 
     ``attempt(x, start, ease, arguments)`` tries a step with the parameter x and returns an `Attempt`.  ``start`` says
     where its stage equations start from, ``ease`` how many times round-off their error may be.
@@ -202,8 +202,9 @@ def finder(attempt: Callable, followed: bool = True) -> Callable:
     def nearer_side(x: Number, E0: Number, ease: Number, models: np.ndarray, row: int, arguments: Any) -> Number:
         """Check by a trial step with -x whether the energy error E has a root of the other sign, nearer than guess x.
 
-        Returns a guess of that root, or x.  E0 is E(0); ``ease`` is how many times round-off the error of the trial's
-        stage equations may be.  The slope and curvature that E0, E(x) = 0 and E(-x) imply go to ``models[row]``.
+        Returns a guess of that root, or x if none is found.  E0 is E(0); the trial's stage equations may be solved with
+        an error of ``ease`` times round-off.  Slope and curvature of the parabola through E(0) = E0, E(x) = 0 (as
+        guessed) and E(-x) are written to ``models[row]``.
         """
         forbid_inlining()
         beyond = eased_attempt(-x, ALONG, ease, arguments)
@@ -221,9 +222,10 @@ def finder(attempt: Callable, followed: bool = True) -> Callable:
     def search_out(
         search: Search, models: np.ndarray, row: int, predicted: Number, arguments: Any
     ) -> tuple[Number, bool, Attempt]:
-        """Search for the root x of the energy error E(x), beginning with E(0).
+        """Search for the root x of the energy error E(x): compute E(0), iterate, and where that fails, `scan`.
 
-        ``predicted`` is x extrapolated from earlier steps.  Returns (x, True if found, the `Attempt` at x).
+        ``models[row]`` is the quadratic model of E, which gives the first guess and is updated; ``predicted`` is x
+        extrapolated from earlier steps.  Returns (x, True if found, the `Attempt` at x).
         """
         radius = search.radius
         ease = residual_factor(models[row, START], models[row, UNIT])
@@ -264,10 +266,11 @@ def finder(attempt: Callable, followed: bool = True) -> Callable:
     def search_anew(
         search: Search, models: np.ndarray, row: int, predicted: Number, c1: Number, arguments: Any
     ) -> tuple[Number, bool, Attempt]:
-        """Search for the root x of the energy error E(x), without following it from the last step.
+        """Find the root x of the energy error E(x) by `search_out`, where it is not followed from the last step.
 
-        ``models[row]``, the quadratic model of E, is updated; c1 is its slope at x = 0, and ``predicted`` is x
-        extrapolated from earlier steps.  Returns (x, True if found, the `Attempt` at x).
+        ``models[row]``, the quadratic model of E with its changes from step to step, is updated; c1 is its slope at
+        x = 0, extrapolated to this step, and ``predicted`` is x extrapolated from earlier steps.  Returns (x, True if
+        found, the `Attempt` at x).
         """
         forbid_inlining()
         known, old = models[row, STREAK] > 0, models[row, SLOPE]
@@ -293,7 +296,8 @@ def finder(attempt: Callable, followed: bool = True) -> Callable:
     ) -> tuple[Number, bool, Attempt]:
         """Find the root x of the energy error E(x): follow it from earlier steps, or search for it.
 
-        ``predicted`` is x extrapolated from earlier steps.  Returns (x, True if found, the `Attempt` at x).
+        ``models[row]`` is the quadratic model of E, ``predicted`` is x extrapolated from earlier steps.  Returns (x,
+        True if found, the `Attempt` at x).
         """
         c1 = extrapolate_slope(models, row)
         if followed and is_trusted(search, models, row, predicted, c1, c1 + 2 * models[row, CURVATURE] * predicted):

@@ -90,7 +90,11 @@ def predict_number(memory: np.ndarray, first: int, stages: int, known: int) -> f
 
 @inline
 def remember(memory: np.ndarray, first: int, stages: int, known: int, x: Any) -> None:
-    """Store x, a stage equation's solution in step number ``known``, in the ring buffer that `predict` reads."""
+    """Store x, the solution of a stage equation, in the ring buffer in ``memory`` from which `predict` extrapolates.
+
+    ``known`` is the number of steps made before this one.  The buffer has `LEVELS` places, ``stages`` rows apart; its
+    first place is row ``first``.
+    """
     store(memory, first + known % LEVELS * stages, x)
 
 
@@ -287,7 +291,7 @@ def newton_method(improve: Callable) -> Callable:
     """Make Newton's method: a function (equations, x, span, eps, work) -> (x, number of sweeps, status).
 
     ``improve(equations, x, span, eps, work)`` makes the linear equations at x and solves them; it returns (new x, its
-    distance from x, the size of the new x, evaluations of the equations, here called sweeps, that it took, status).
+    distance from x, the size of the new x, number of sweeps, status).  A sweep is an evaluation of the equations.
     x is solved to ``eps``, the unit round-off, relative to its own size and to ``span``, the size of the variables
     (such as q and p) of the functions in the equations.  ``work`` is the memory for a matrix.
     """
@@ -493,7 +497,7 @@ def single(rows: np.ndarray) -> bool:
 
 
 def refinement(solve: Callable, sweep: Callable, by_rule: Callable, cost: Callable) -> Callable:
-    """Make the solver of equations with integrals: by finer and finer quadrature rules, until one confirms the last.
+    """Make the solver of equations with integrals: by finer quadrature rules, until one confirms the rule before it.
 
     The solver is a function (equations, x, span, noise, work, counts) -> (x, status).  It begins at x with the rule
     whose first row in the table of coefficients is ``counts.rule``, and goes on with the finer rules after it.
@@ -547,9 +551,9 @@ def confirmer(solve: Callable, sweep: Callable, changes: Callable) -> Callable:
     ``equations.memory`` from number ``at`` on, and the other arguments are those of the solver that `refinement` makes.
 
     ``sweep`` iterates once, and ``solve`` is the solver that `row_solver` makes from it.  Both take the quadrature rule
-    from ``equations.counts.rule``, the number of its first row in the table of coefficients; ``equations.step.nodes``
-    has for each row of this table the number of nodes of its rule, and the other fields of ``equations`` are those that
-    `row_solver` states.
+    from ``equations.counts.rule``, the number of its first row in the table of coefficients.  ``equations.step`` has,
+    besides the fields that `refinement` states, ``nodes``: for each row of this table the number of nodes of its rule.
+    The other fields of ``equations`` are those that `row_solver` states.
 
     ``changes(equations, old, new)`` is the `Change` from the unknowns in the rows from ``old`` on to those in the rows
     from ``new`` on.

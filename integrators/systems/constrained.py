@@ -101,7 +101,7 @@ class ConstrainedHamiltonian(PartitionedSystem):
 
     Its right-hand side is the index-reduced one, in which the multipliers are functions of (q, p).  Every method for
     ordinary differential equations runs on it, but drifts off the manifold of the constraints; methods for constraints
-    (`families.constrained`) stay on the manifold.
+    (`families.rattle`, `families.manifold`) stay on the manifold.
 
     Parameters
     ----------
@@ -409,14 +409,14 @@ class ConstrainedHamiltonian(PartitionedSystem):
         return self.make_function("offset", [("q", self.q)], results, T(T), arithmetic)
 
     def _named(self, letter: str) -> tuple[Any, ...]:
-        """Return d new symbols, none of them a variable of the system, with ``letter`` in their names."""
+        """Return d new symbols with ``letter`` in their names: the components of a further argument of a function."""
         return tuple(sp.Symbol(f"{x}_{letter}_", real=True) for x in self.q)
 
     def _first(self, x: Sequence[Any]) -> Sequence[Any]:
         return x[: len(self.constraints)]
 
     def _pull(self, G: Any, mu: Sequence[Any]) -> list[Any]:
-        """The d components of G^T mu."""
+        """The d components of G^T mu as expressions, for a matrix G (m, d) and m multipliers mu."""
         return [sp.Add(*(G[i, j] * x for i, x in enumerate(mu))) for j in range(self.d)]
 
     # -- the manifold -------------------------------------------------------------------------------------------------

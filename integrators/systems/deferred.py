@@ -65,7 +65,10 @@ def load(name: str) -> Any:
 
 
 def system(key: str, recipe: Callable[[], Any]) -> PartitionedSystem:
-    """Return the system with the key: its stand-in from the cache, or ``recipe()``, whose stand-in is then cached."""
+    """Return the system that the key identifies: its stand-in from the cache if there is one, else ``recipe()``.
+
+    In the second case the cache gets a stand-in of the system, for the next time.
+    """
     entry = f"s-{key}.pickle"
     found = load(entry)
     if found is None:

@@ -187,7 +187,7 @@ def _name(name: str, variables: Mapping[str, sp.Expr]) -> sp.Expr:
 
 
 def _check_number(e: sp.Expr) -> sp.Expr:
-    """Return ``e`` if its numbers are short and, if constant, it is a finite real double; else raise InvalidInput.
+    """Return ``e``, or raise InvalidInput if it has a long number, or is a constant whose value is not real and finite.
 
     This guarantees that SymPy never gets a number that it would take long to evaluate.
     """

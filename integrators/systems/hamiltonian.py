@@ -215,7 +215,10 @@ class PartitionedSystem:
         return self.quadratic_kinetic and all(e.free_symbols <= {p} for e, p in zip(self.dq, self.p, strict=True))
 
     def recall(self, name: str, find: Callable[[], object]) -> Any:
-        """Return ``find()``, a JSON-serializable property called ``name``; from the cache on disk if stored there."""
+        """Return the property of the system called ``name``: from the cache on disk, or computed by ``find()``.
+
+        What ``find()`` returns has to be JSON-serializable; it is stored if the system has a key (see `deferred`).
+        """
         if not self.key:
             return find()
         entry = f"k-{deferred.key_of(name, self.key)}.json"

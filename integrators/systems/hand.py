@@ -1,7 +1,7 @@
 r"""Hamiltonians whose functions are loops written by hand: lattices, wave equations on a grid, many bodies.
 
 The functions that every step calls are not derived from a formula: at hundreds of variables its text is long and slow
-to compile.  A loop compiles in a second and serves 10,000 variables as it does 30.
+to compile.  A loop compiles fast, and serves 10,000 variables as it does 30.
 
 The contract of the loops:
 
@@ -157,7 +157,8 @@ class HandHamiltonian(Hamiltonian):
 
     Parameters
     ----------
-    q, p : sequences of symbols or names, of equal length d, more than `codegen.TUPLE_LIMIT`
+    q, p : sequences of symbols or names, of equal length d; d is more than `codegen.TUPLE_LIMIT`, up to which states
+        are tuples and not the arrays that the loops take
     H : expression, trusted to be what the loops compute; None if there is no formula
     loops : "energy", "field", "grad_V" or "grad_U" -> a function of the constants that returns the loop (the module
         `hand` says what each has to do); the first two are required

@@ -60,7 +60,7 @@ class Particle:
     A, phi : the vector potential (d expressions) and the scalar potential, with the charge in both
     mass : the mass m
     slowness : 1 / c^2, with c the speed of light; 0 for a classical particle
-    E, B : the electric and magnetic field over m, d expressions each; in the plane B is (B_z, 0)
+    E, B : the electric and magnetic field, both divided by m, d expressions each; in the plane B is (B_z, 0)
     """
 
     A: tuple[Any, ...]
@@ -122,7 +122,7 @@ def _square(f: sp.Expr, p: Sequence[sp.Symbol]) -> tuple[Any, tuple, Any] | None
 
 
 def _varies(f: sp.Expr) -> bool:
-    """True if f has different values at two points: a quick test for a constant; False if that is not shown."""
+    """True if f has clearly different values at two points, and so is not constant; False does not prove that it is."""
     names = sorted(f.free_symbols, key=str)
     places = ({x: sp.Rational(31 * (i + 1) % (37 + k), 29) for i, x in enumerate(names)} for k in range(2))
     values = [f.evalf(subs=place) for place in places]
@@ -130,9 +130,9 @@ def _varies(f: sp.Expr) -> bool:
 
 
 def _of_root(system: PartitionedSystem, root: sp.Pow) -> Particle | None:
-    """The particle of H = a root + phi with constant a, if ``root`` is sqrt(M + k |p - A|^2 / 2); else None.
+    """The relativistic particle of H = a root + phi, if ``root`` is sqrt(M + k |p - A|^2 / 2); else None.
 
-    Such an H is that of a relativistic particle.
+    The numbers a, k and M have to be positive constants, A and phi free of p.
     """
     a, inside = sp.diff(system.H.subs(root, sp.Symbol("r_")), sp.Symbol("r_")), _square(root.base, system.p)
     phi = sp.expand(system.H - a * root)

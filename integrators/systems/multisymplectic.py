@@ -81,7 +81,10 @@ class Division:
             raise InvalidInput(f"{self.N} cells of width {self.dx}: at least 3 of positive width are needed")
 
     def lift(self, y: np.ndarray) -> np.ndarray:
-        """The variables z = (y, w) in each cell, from arrays y of shape (..., N, n - k); w are the k slopes of y."""
+        """The variables z = (y, w) in each cell, from arrays y (..., N, m) of the m components that evolve in time.
+
+        w are the slopes in space of the first components of y, as many as the equation has.
+        """
         return np.concatenate([y, self.slope(y[..., : self.equation.slopes])], axis=-1)
 
     @cached_property
@@ -97,7 +100,7 @@ class Division:
         return -D.T @ D
 
     def field(self, y: np.ndarray) -> np.ndarray:
-        """The right-hand side of the equation discretized in space: y_t, for an array y of shape (N, n - k)."""
+        """The right-hand side of the equation discretized in space: y_t, at y (N, m), m components in N cells."""
         inverse, L = self._parts
         z = self.lift(y)
         force = self.equation.gradient(z)[..., : y.shape[-1]] - self.back(z[..., y.shape[-1] :]) @ L.T
@@ -180,11 +183,11 @@ class Staggered(Division):
     """The symplectic Euler rule in space: w in a cell is the slope of y between it and the cell on its left."""
 
     def slope(self, z: np.ndarray) -> np.ndarray:
-        """The backward difference of z in space, over the width of a cell."""
+        """The backward difference of z in space (from the cell on the left), divided by the width of a cell."""
         return (z - np.roll(z, 1, axis=-2)) / self.dx
 
     def back(self, w: np.ndarray) -> np.ndarray:
-        """The forward difference of w in space, over the width of a cell."""
+        """The forward difference of w in space (to the cell on the right), divided by the width of a cell."""
         return (np.roll(w, -1, axis=-2) - w) / self.dx
 
     @cached_property
@@ -228,8 +231,9 @@ class Staggered(Division):
     def momentum_flux(self, z: np.ndarray, rate: np.ndarray) -> np.ndarray:
         """The momentum flux S - z^T K z_t / 2 through the left ends of the cells; ``rate`` is z_t.
 
-        At a left end, w is that of the cell, a difference across this end, and y the mean of the two cells that meet
-        there.
+        Arrays (..., N, n) have a row z = (y, w) for each of N cells, the result (..., N) a number for each left end.
+        There y is the mean of the two cells that meet; w is the cell's own, since as a backward difference it belongs
+        to this end.  S, K are those of the equation K z_t + L z_x = grad S(z).
         """
         m = self.equation.moving
         z, rate = z.copy(), rate.copy()

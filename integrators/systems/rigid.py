@@ -143,7 +143,10 @@ class RigidBody(Hamiltonian):
 
     @cached_property
     def pair(self) -> tuple[int, int, int]:
-        """The axes 0, 1, 2 in an order (a, b, c) such that a and b are the pair whose 1/I_a and 1/I_b differ least."""
+        """The axes 0, 1, 2 in an order (a, b, c) such that a and b are the pair whose 1/I_a and 1/I_b differ least.
+
+        Reich's splitting takes the body for a symmetric top, I_b = I_a, and makes up for that by turns about axis b.
+        """
         orders = [(0, 1, 2), (0, 2, 1), (1, 2, 0)]
         return min(orders, key=lambda axes: abs(1 / self.moments[axes[0]] - 1 / self.moments[axes[1]]))
 
@@ -163,7 +166,10 @@ def _moments(given: Sequence[Any]) -> tuple[Any, ...]:
 
 
 def _potential(given: Formula, q: tuple[Any, ...]) -> Any:
-    """Convert V to an expression in q that does not depend on |q|, with formulae in place of the entries of R."""
+    """Convert the potential V to an expression in the quaternion q that does not depend on |q|.
+
+    Formulae in q replace the entries r11, ..., r33 of the rotation matrix; any other symbol raises InvalidInput.
+    """
     entries = {name: sp.Symbol(name, real=True) for name in ENTRIES}
     if isinstance(given, str):
         given = parse(given, entries | {str(x): x for x in q})
@@ -183,8 +189,8 @@ def _kept(V: Any, q: Sequence[Any], p: Sequence[Any], L: Sequence[Any], moments:
     """The invariants besides H, name -> expression; V is the potential, L the momenta about the body's axes.
 
     They are |q|^2 ("length"), p.q ("radial-momentum"), the angular momentum about each axis of space if rotations about
-    it leave V unchanged ("momentum-1", ...), and the one about each axis of the body if this holds for it and the other
-    two moments of inertia are equal ("axis-momentum-1", ...).
+    this axis leave V unchanged ("momentum-1", ...), and the angular momentum about each axis of the body if rotations
+    about this axis leave V unchanged and the other two moments of inertia are equal ("axis-momentum-1", ...).
     """
 
     def unchanged(turned: list[Any]) -> bool:

@@ -33,7 +33,8 @@ if TYPE_CHECKING:
 def distance_scale(system: PartitionedSystem) -> sp.Expr:
     r"""The default scale of time :math:`\sigma = (\sum_k r_k^{-3})^{-1/2}`, an expression in the coordinates.
 
-    The r_k are the distances to the singularities of the system.  Raises InvalidInput if it has none as formulae.
+    The r_k are the distances to the singularities of the system.  Raises InvalidInput if there are none,
+    or if they are not formulae.
     """
     distances = steering_distances(system)
     if not distances or not all(isinstance(r, sp.Expr) for r in distances):

@@ -1,1 +1,1 @@
-"""The kinds of numbers that a step is computed with: tuples, arrays, arrays in place, SIMD lanes."""
+"""The kinds of numbers that a step is computed with: tuples, arrays, arrays overwritten in place, SIMD lanes."""

@@ -103,7 +103,10 @@ def _vector(builder: Any, number: float, n: int) -> Any:
 
 @intrinsic
 def _clip(typing_context: Any, x: types.Type, low: types.Type, high: types.Type, beyond: types.Type) -> tuple:
-    """Clip the lanes of x to [low, high]; where the type of ``beyond`` is an integer, numbers outside become NaN."""
+    """Clip the lanes of x to [low, high]; or, if ``beyond`` is an integer, replace lanes outside by NaN.
+
+    Only the type of ``beyond`` counts, not its value: 0 asks for NaN, 0.0 for clipping.
+    """
 
     def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         bounds = [broadcast(context, builder, a, t, x.n) for a, t in zip(args[1:3], sig.args[1:3], strict=True)]

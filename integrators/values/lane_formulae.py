@@ -36,7 +36,7 @@ def supported(expressions: Iterable[sp.Expr]) -> bool:
 
 
 def _unsupported_power(e: sp.Expr) -> bool:
-    """True if a power has no lane version: its exponent is not a multiple of 1/2, or too large for products."""
+    """True if a power has no lane version: its exponent is not a multiple of 1/2, or too large to multiply out."""
     return isinstance(e, sp.Pow) and not (
         e.exp.is_Rational and e.exp.q <= 2 and abs(e.exp) * e.exp.q <= codegen.MAX_POWER
     )

@@ -378,7 +378,7 @@ PLACES = COMMON | {"forceinline": True}
 
 
 def force_inline(f: Function) -> Function:
-    """Let LLVM inline ``f`` into every caller, with the caller's options; a decorator for functions of every step."""
+    """Let LLVM inline ``f`` into every caller, with the caller's options; a decorator for what every step calls."""
     return njit(**PLACES)(f)
 
 
@@ -491,7 +491,10 @@ def times(f, x):
 
 
 def in_registers(results: types.Type, arguments: Iterable[types.Type]) -> bool:
-    """True if a function maps a tuple of one or two doubles to a tuple of the same size, as C returns in registers."""
+    """True if a function maps a tuple of one or two doubles to one of the same size, which C returns in registers.
+
+    ``results`` and ``arguments`` are the Numba types of the function's result and of its arguments.
+    """
     small = isinstance(results, types.UniTuple) and results.dtype == types.float64 and results.count <= 2
     return small and tuple(arguments) == (results,)
 

@@ -38,7 +38,7 @@ class Outcome:
     errors : the measured errors of the stored states, each the largest up to its time
     span : the horizon, up to which the orbit can be followed in long double, and its interval, measured again
     leaves : the last grid time before a run in long double on this machine is off by more than the limit
-    long_double : the distance of that run from the orbit at the end
+    long_double : the largest distance of that run from the orbit, up to the last time
     growth, rate : how neighbouring orbits separate, as in `Certificate`, measured again
     wrong : a sentence for each statement of the certificate that does not hold
     moved : what differs from the previously stored certificate, in words; "" if nothing does
@@ -104,7 +104,10 @@ def _times(problem: Any, times: list[float]) -> list[str]:
 
 
 def _bounds(ends: tuple[End, ...], errors: Iterable[float]) -> list[str]:
-    """A sentence for each stated uncertainty that is below the measured error, or above `LOOSE` times it."""
+    """A sentence for each stated uncertainty that is below the measured error, or above `LOOSE` times it.
+
+    ``ends`` are the certified states with their uncertainties, ``errors`` the measured errors of these states.
+    """
     wrong = []
     for end, error in zip(ends, errors, strict=True):
         if not error <= end.uncertainty <= LOOSE * error:
@@ -113,9 +116,10 @@ def _bounds(ends: tuple[End, ...], errors: Iterable[float]) -> list[str]:
 
 
 def _spans(certificate: Certificate, rounding: Rounding) -> list[str]:
-    """A sentence for each of the stated limit, horizon and ends of its interval that disagrees with the measurement.
+    """Compare a certificate's limit, horizon and interval of the horizon with measured ones: a sentence for each error.
 
-    The times must lie in the `Rounding.band` of ``rounding``, the simulation of round-off.
+    The horizon and the two ends of its interval are times, which must lie in the `Rounding.band` of ``rounding``, the
+    simulation of round-off.
     """
     low, high = rounding.band
     stated = Span(certificate.horizon, certificate.earliest, certificate.latest)
@@ -162,7 +166,10 @@ def renew(problem: Any) -> Outcome:
 
 
 def describe_change(old: Certificate | None, new: Certificate) -> str:
-    """How a new certificate's states differ from the old one's, in words: times and max norms; "" if they agree."""
+    """How a new certificate's states differ from the old one's, in words; "" if they agree.
+
+    The text has the times and, for each, the max norm of the difference; it is "new" if there is no old certificate.
+    """
     if old is None:
         return "new"
     before = {e.t: e for e in old.ends}

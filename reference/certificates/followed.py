@@ -7,8 +7,8 @@ The orbit is integrated at two tolerances, and then `DRAWS` times with random di
 
 with n the number of steps, K the number of kicks (n in Gauss's method, which has one in every step), y' the component
 at the previous kick, and s = `DISPLACEMENT`.  The distance of a displaced run, times `horizon.UNIT` / s, is the effect
-of rounding to long double in each step.  This also covers an orbit on which the two runs at first round alike and that
-magnifies that rounding.
+of rounding to long double in each step.  It shows rounding that the orbit magnifies even where the two runs round
+alike at first, so that their difference does not show it.
 
 Taylor series are tried first; if they fail or lose the energy, Gauss's method runs on the steps of SciPy's DOP853.
 """
@@ -131,9 +131,10 @@ def reach(problem: Any, t_end: float) -> float:
 def _kicks(seed: int, steps: int) -> Callable[[np.ndarray], np.ndarray]:
     """Make a function that displaces a state, array (2 d,), at random, and returns the displaced state.
 
-    ``steps`` is the number of steps of a run that calls the function about `KICKS` times, or `KICKS` for a run that
-    calls it after every step.  The fewer the calls, the larger the displacements: their effect is that of a relative
-    displacement by up to `DISPLACEMENT` after every step.  ``seed`` is the number of the run.
+    A run that calls the function after about `KICKS` of its steps passes its number of ``steps``, one that calls it
+    after every step passes `KICKS`.  Displacements grow with the square root of ``steps`` / `KICKS`, so that fewer
+    calls have the effect of a relative displacement by up to `DISPLACEMENT` after every step.  ``seed`` is the number
+    of the run.
     """
     random = np.random.default_rng([SEED, seed])
     by = np.longdouble(DISPLACEMENT * max(1.0, steps / KICKS) ** 0.5)

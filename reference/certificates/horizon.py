@@ -137,9 +137,10 @@ def _marks(grid: Iterable[float], steps: Iterable[float]) -> list[tuple[float, b
 def _displaced_states(
     ta: Any, problem: Any, marks: Sequence[tuple[float, bool, bool]], random: np.random.Generator, by: float
 ) -> np.ndarray:
-    """Integrate with random relative displacements up to ``by``, at the start and after each step.
+    """Integrate a problem's orbit with random relative displacements up to ``by``, at the start and after each step.
 
-    ``ta`` is heyoka's integrator, ``marks`` are times as from `_marks`.  Returns the states on the grid, (n, 2 d).
+    ``ta`` is heyoka's integrator; ``marks`` are the times of a grid and the ends of steps, as from `_marks`.  Returns
+    the states on the grid, array (n, 2 d).
     """
     long = np.longdouble
 
@@ -169,9 +170,10 @@ def within(grid: Sequence[float] | np.ndarray, distance: np.ndarray, size: np.nd
 
 
 def neighbour(problem: Any, grid: Sequence[float] | np.ndarray, near: np.ndarray) -> np.ndarray:
-    """The largest distance so far of an orbit from one whose start is displaced by the relative `SHIFT`, array (n,).
+    """Integrate an orbit whose start is displaced by the relative `SHIFT`; return its distance from a problem's orbit.
 
-    ``near`` are the states of the undisplaced orbit in long double at the times of the grid.
+    ``near`` are the states of the undisplaced orbit in long double at the times of the grid.  The result, array (n,),
+    is at each of these times the largest distance so far.
     """
     start = np.array([float(x) for x in (*problem.q0, *problem.p0)])
     shifted = start * (1 + SHIFT * (-1.0) ** np.arange(len(start)))
@@ -181,9 +183,10 @@ def neighbour(problem: Any, grid: Sequence[float] | np.ndarray, near: np.ndarray
 
 
 def growth(grid: Sequence[float] | np.ndarray, apart: np.ndarray, size: np.ndarray) -> tuple[float, float | None]:
-    """(k, r): the distance ``apart`` of neighbouring orbits grows as t^k, or as exp(r t); r is None if k is small.
+    """Fit (k, r): the distance of neighbouring orbits grows as t^k, or as exp(r t); r is None if k is small.
 
-    Both are from the last three quarters of the time until ``apart`` exceeds `LOST` of the state's size.
+    ``apart`` is this distance and ``size`` the state's max norm, at the times of the grid.  Both k and r are from the
+    last three quarters of the time until ``apart`` exceeds `LOST` times ``size``; (NaN, None) if that cannot be fitted.
     """
     lost = np.flatnonzero(apart > LOST * size)
     last = max(1, (lost[0] if len(lost) else len(grid)) - 1)

@@ -7,7 +7,7 @@ integrated with `PRECISION`, which has more bits, another order and other steps,
 
 where z are the stored digits at the stored times s up to t, Z is the run with more bits, and F is `FACTOR`.  The last
 term is the possible error of Z itself: its tolerance tau per step, times the largest growth of rounding along the orbit
-over the draws of `horizon`.  It must be below a `SHARE` of the first error, so that U bounds the error.
+over the draws of `horizon`.  It must be below `SHARE` times the measured error, so that U bounds the error.
 
 For comparison the orbit is also integrated in long double, by Gauss's method and by IAS15 (`others`); `horizon`
 computes how far it can be followed.

@@ -51,7 +51,8 @@ def words(problem: Any, times: Sequence[float], path: Along, apart: np.ndarray) 
 def _gauss(problem: Any, path: Along, unit: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Compare the orbit with Gauss's method: (distances, the method's uncertainties), both on the grid of ``path``.
 
-    ``unit`` is, at each time, the error that a relative error at the start has become, divided by that relative error.
+    ``unit`` is, at each time, the factor by which a relative error at the start is multiplied to give the absolute
+    error that it has grown to.
     """
     system, q0, p0, t_end = problem.system, problem.q0, problem.p0, path.grid[-1]
     ends = taylor.step_ends(system, np.longdouble, q0, p0, t_end)
@@ -70,8 +71,8 @@ def _gauss(problem: Any, path: Along, unit: np.ndarray) -> tuple[np.ndarray, np.
 def _ias15(problem: Any, times: Sequence[float], unit: np.ndarray) -> tuple[list[np.ndarray], np.ndarray] | None:
     """Integrate by REBOUND's IAS15: (states at the times, at the finer of two tolerances; their uncertainties).
 
-    ``unit`` is, at each time, the error that a relative error at the start has become, divided by that relative error.
-    None if IAS15 is not applicable.
+    ``unit`` is, at each time, the factor by which a relative error at the start is multiplied to give the absolute
+    error that it has grown to.  None if IAS15 is not applicable, or a run of it fails.
     """
     from phasebench.reference.peers import BY_ID, integrate_peer
 

@@ -1,4 +1,4 @@
-"""Peers: integrators of other packages, with which methods are compared; one module per package, one record each.
+"""Peers: integrators of other packages, with which methods are compared; a module per package, a record per peer.
 
 The ``seconds`` of a peer are those of the propagation: it is built and compiled before the clock starts, and states are
 read out after it stops (but SciPy interpolates rows between steps inside the propagation).

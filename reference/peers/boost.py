@@ -205,7 +205,10 @@ TIMES_TYPES = [*[ctypes.c_void_p] * 2, ctypes.c_long, *[ctypes.c_double] * 2, *[
 
 
 def on_arrays(function: Any, adaptive: bool) -> Callable[..., int]:
-    """Wrap a compiled function, which takes addresses, as one that takes NumPy arrays, for `_fixed` or `_adaptive`."""
+    """Wrap a compiled function, which takes addresses, as one that takes NumPy arrays.
+
+    The result is the ``run_times`` of `_adaptive` if ``adaptive``, else the ``run_steps`` of `_fixed`.
+    """
     function.argtypes = TIMES_TYPES if adaptive else STEPS_TYPES
     function.restype = ctypes.c_int
     if not adaptive:
@@ -276,6 +279,7 @@ def _peer(id: str, header: str, kind: str, name: str, order: int | None, about: 
         load=load_library,
         tol=tol,
         least=1e-15,
+        rows_end_steps=adaptive,
         **facts,
     )
 

@@ -75,7 +75,10 @@ def _right_hand_side(system: PartitionedSystem, sign: float = 1.0) -> Any:
 
 @lru_cache(maxsize=256)
 def _warm(which: str, size: int) -> None:
-    """Take one step before any timing, so that lazy imports and set-up are done."""
+    """Take one step with the integrator class ``which`` before any timing, so that lazy imports and set-up are done.
+
+    ``size`` is the number of components of the state.
+    """
     _integrator(which, size, 0.1)(load().DiffRHS(lambda t, y: -y), np.float64(0.0), np.ones(size), {}, np.float64(0.1))
 
 
@@ -185,8 +188,8 @@ def _peer(
     """Make the record of desolver's integrator class ``which``.
 
     ``order`` is the measured order, ``claim`` the order that the class states, if it differs, ``symplectic`` its
-    statement about that property.  With ``adaptive`` the peer takes adaptive steps, else constant ones.  The others are
-    fields of the record.
+    statement about that property.  With ``adaptive`` the peer takes adaptive steps, else constant ones.  The other
+    arguments are fields of the record.
     """
     splitting = which in SPLITTING
     richardson = which.startswith(RICHARDSON)
@@ -222,6 +225,7 @@ def _peer(
         load=load,
         tol=1e-10 if adaptive else None,
         least=1e-14 if adaptive else 0.0,
+        rows_end_steps=adaptive,
     )
 
 

@@ -77,7 +77,11 @@ def _call(
     times: dict[str, Any],
     options: dict[str, Any],
 ) -> tuple[Any, float]:
-    """Integrate with a gala integrator at the times: (gala's Orbit, seconds)."""
+    """Integrate with gala's class ``integrator`` from ``state``, the pair (q, v): (gala's Orbit, seconds).
+
+    ``function`` is the right-hand side F(t, w); ``times`` and ``options`` are keyword arguments of gala, as `_ways`
+    makes them.
+    """
     solver = _class(integrator)(function, **options)
     began = time.perf_counter()
     orbit = solver(state, **times)
@@ -86,7 +90,7 @@ def _call(
 
 @lru_cache(maxsize=8)
 def _warm(integrator: str) -> None:
-    """Take one step before any timing, so that lazy imports and set-up are done."""
+    """Take one step with gala's class ``integrator`` before any timing, so that lazy imports and set-up are done."""
     _call(integrator, lambda t, w: np.array([w[1], -w[0]]), np.array([1.0, 0.0]), {"dt": 0.1, "n_steps": 1}, {})
 
 

@@ -142,6 +142,7 @@ def _peer(name: str, order: int, about: str, source: str, adaptive: bool = False
         load=load_library,
         tol=tol,
         least=1e-14,
+        rows_end_steps=adaptive,
     )
 
 

@@ -47,7 +47,7 @@ class Method(NamedTuple):
 
     Attributes
     ----------
-    begin : (y, h) -> what the method carries from step to step, of a state y = (q, p), array (2 d,)
+    begin : (y, h) -> what the method carries from step to step, at the start; y = (q, p) is the initial state, (2 d,)
     step : (number of steps taken before, h, carried) -> (carried after this step, True if the step failed)
     state : (carried) -> the state (q, p), array (2 d,)
     """

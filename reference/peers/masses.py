@@ -14,7 +14,7 @@ SCOPE = "H = sum p_i^2 / 2 m_i + V(q)"
 
 
 def lacks(problem: Any, system: PartitionedSystem) -> str | None:
-    """Why particles with masses cannot represent a system: the form of H that they need; None if they can."""
+    """Why particles with masses cannot represent a system, with the form of H that they need; None if they can."""
     return None if system.canonical and system.separable and system.diagonal else WHY
 
 

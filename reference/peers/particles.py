@@ -123,7 +123,10 @@ def settings(system: PartitionedSystem) -> dict[str, Setting]:
 def _bodies(
     q: Sequence[sp.Symbol], inverse: Sequence[sp.Expr | int], terms: Sequence[sp.Expr]
 ) -> tuple[list[sp.Expr], sp.Expr, int] | None:
-    """(masses, G, dimension) of gravitating bodies; None if the potential does not have this form."""
+    """(masses, G, dimension) of gravitating bodies; None if the potential is not that of their gravity.
+
+    ``q`` are the coordinates, ``inverse`` the numbers 1/m_i, one for each of them, and ``terms`` the terms of V.
+    """
     for dimension in (3, 2):
         n, left = divmod(len(q), dimension)
         rows = [set(inverse[i * dimension : (i + 1) * dimension]) for i in range(n)]

@@ -44,8 +44,8 @@ class PreparedPeer:
     """A peer on a problem, built and compiled; it is called with t_end, or with the step h and the number of steps.
 
     Input is not checked and no states on the way are saved; every call starts from the initial state, or from the
-    one that `restart` has set.  `advance` takes the same sizes, but does not read the final state; it is what should be
-    timed: a reset (time, state, step) and the package's own call.
+    one that `restart` has set.  `advance` takes the same arguments (t_end, or h and the number of steps), but does not
+    read the final state; it is what should be timed: a reset (time, state, step) and the package's own call.
 
     Attributes
     ----------

@@ -86,7 +86,10 @@ def _functions(system: Hamiltonian, implicit: bool) -> dict[str, Callable[..., A
 
 
 def _gradients(system: Hamiltonian, read: Callable[[np.ndarray], Any]) -> dict[str, Callable[..., Any]]:
-    """Compile the gradients of T and V as `_functions` says; ``read`` turns an array into what the gradients take."""
+    """Compile the gradients of T and V as `_functions` says.
+
+    ``read`` turns an array (d,) into what this project's gradients take: a tuple of d numbers, or the array itself.
+    """
     import numba
 
     d = system.d

@@ -48,7 +48,7 @@ NEWTON = "a Kepler problem; gravity between bodies, the first in the middle"
 
 
 def _setting(kinds: Iterable[str], forces: bool, system: PartitionedSystem) -> particles.Setting | None:
-    """The first representation of a system among ``kinds``, without extra force if not ``forces``; None if none is."""
+    """The first representation of a system among ``kinds``, without extra force if not ``forces``; else None."""
     settings = particles.settings(system)
     for kind in kinds:
         if kind in settings and (forces or settings[kind].gradient is None):
@@ -101,8 +101,8 @@ def _fields(
 ) -> dict:
     """The fields of a REBOUND integrator to set, name -> value, for a setting and a tolerance.
 
-    They are ``options``, and for each name in ``tolerances`` the value ``tol``, unless that is None; an integrator with
-    the lazy kernel gets safe_mode = 0 alone on a pure Kepler problem, which needs no corrector.
+    They are ``options`` and, unless ``tol`` is None, ``tol`` for each name in ``tolerances``.  On a pure Kepler problem
+    an integrator with the option "lazy" for its kernel gets the single field safe_mode = 0, as no corrector is needed.
     """
     fields = options | ({} if tol is None else dict.fromkeys(tolerances, tol))
     if fields.get("kernel") == "lazy" and setting.kind == CENTRAL and setting.gradient is None:
@@ -154,7 +154,7 @@ def _peer(
 
     ``integrator`` is its name in REBOUND; ``forces`` is False if it takes no extra force.  ``tolerances`` are the names
     of its fields that are set to tol, none for fixed steps; ``options`` are its fields with fixed values, name ->
-    value.  The others are fields of the record.
+    value.  The other arguments are fields of the record.
     """
     return Peer(
         f"rebound-{id}",
@@ -170,6 +170,7 @@ def _peer(
         scope=SCOPES[kinds] if forces else NEWTON,
         lacks=_lacks(integrator, kinds, forces),
         least=least,
+        rows_end_steps=bool(tolerances),
         claims=Claims(source=DOCUMENTATION, **(claims or {})),
         settings={"integrator": integrator} | (options or {}),
     )

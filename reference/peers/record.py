@@ -160,6 +160,8 @@ class Peer:
     tol : the default tolerance; None for the package's own
     least : the smallest tolerance that it accepts
     ahead : True if it cannot integrate backwards in time
+    rows_end_steps : True if a step of the adaptive peer ends at every row of output, so that with many rows it takes
+        more and shorter steps than without; False if it interpolates rows
     parameters : empty; a peer has this field because the records of this project's methods have it
     settings : options of the package that are set, by their names there
     python : the oldest Python that the package can be installed for, (major, minor); None if it is this project's
@@ -182,6 +184,7 @@ class Peer:
     tol: float | None = None
     least: float = 0.0
     ahead: bool = False
+    rows_end_steps: bool = False
     parameters: Mapping[str, Any] = field(default_factory=dict)
     settings: Mapping[str, Any] = field(default_factory=dict)
     python: tuple[int, int] | None = None

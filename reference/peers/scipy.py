@@ -1,9 +1,9 @@
 """SciPy's DOP853, Radau and LSODA as peers, with a Python right-hand side and with one compiled by Numba.
 
-Both call the system's compiled vector field; the Python one builds tuples and arrays around it, which takes most of its
-time.  SciPy's loops over steps are Python in both (LSODA's steps are compiled).  DOP853 and LSODA in SciPy's older
-interfaces, `ode` and `odeint`, have compiled loops and take a fifth of the time or less: `fast` makes peers of these,
-for comparison.
+Both right-hand sides call the system's compiled vector field; the Python one builds tuples and arrays around it, which
+takes most of its time.  SciPy's loops over steps are Python in both cases (LSODA's steps are compiled).  DOP853 and
+LSODA in SciPy's older interfaces, `ode` and `odeint`, have compiled loops and take far less time: `fast` makes peers of
+these, for comparison.
 
 Sources: E. Hairer, S. P. Norsett, G. Wanner, Solving Ordinary Differential Equations I (1993), II.5 (DOP853);
 E. Hairer, G. Wanner, Solving Ordinary Differential Equations II (1996), IV.8 (Radau); L. Petzold, SIAM J. Sci. Stat.
@@ -254,7 +254,10 @@ def _prepare_fast(solver: str) -> Callable[[Start], Calls]:
 
 
 def fast(solver: str) -> Peer:
-    """Make a peer outside the registry: SciPy's ``odeint`` (LSODA) or ``ode`` (DOP853), all compiled."""
+    """Make a peer outside the registry from SciPy's older interfaces, whose loops over steps are compiled.
+
+    ``solver`` is "odeint" (LSODA) or "ode" (DOP853); the right-hand side is compiled, too.
+    """
     work = {"odeint": _odeint, "ode": _ode}[solver]
     name = {"odeint": "LSODA", "ode": "DOP853"}[solver]
 

@@ -41,7 +41,7 @@ class Bits:
 
     @property
     def digits(self) -> int:
-        """Enough decimal digits to determine a number of this precision."""
+        """A number of decimal digits that is enough to write a number of this precision without loss."""
         return int(self.bits * 0.302) + 10
 
     def __call__(self, x: Any) -> Any:
@@ -137,8 +137,8 @@ def propagate(
 
     The first time is the one at which ``ta`` stands; the times are numbers of its type.  ``rows`` are the states at the
     times that were reached, ``steps`` is the number of steps, and ``failure`` the reason if the end was not reached,
-    else None.  The times at which steps end are appended to ``ends``; ``run`` is
-    the name of the run in progress reports.  Raises `watch.TooLong` if a time limit is set and cannot be met.
+    else None.  The times at which steps end are appended to ``ends``; ``run`` is the name of the run in progress
+    reports.  Raises `watch.TooLong` if a time limit is set and cannot be met.
     """
     said = _callback_options(run, float(grid[-1]), ends)
     if len(grid) == 2:  # the same steps, up to a fifth faster since no polynomials for rows are computed
@@ -223,7 +223,10 @@ def states(
 def step_ends(
     system: PartitionedSystem, fp: type | Bits, q0: Iterable[float], p0: Iterable[float], t_end: float
 ) -> list[float]:
-    """The ends of the steps, rounded to double, of an integration to ``t_end`` from the doubles q0, p0."""
+    """The times at which the steps of an integration to ``t_end`` from the doubles q0, p0 end, rounded to double.
+
+    ``fp`` is the number type in which it is made, as for `integrator`.
+    """
     ta = integrator(system, fp)
     start(ta, fp, q0, p0)
     ends: list[float] = []

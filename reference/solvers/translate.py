@@ -76,7 +76,7 @@ def translate(e: sp.Expr, variables: dict, fp: Callable[[Any], Any]) -> hy.expre
         return (-1 if exponent % 2 else 1), (-base) ** exponent
 
     def multiple(x: sp.Mul) -> hy.expression:
-        """Translate a product: factors that depend on the state, positive powers first, and then the number."""
+        """Translate a product: a product of the factors with variables, negative powers last, times the number."""
         constants = [a for a in x.args if not a.free_symbols]
         signs, factors = zip(*(unsigned(a) for a in x.args if a.free_symbols), strict=True)
         ordered = sorted(factors, key=lambda a: (bool(a.as_base_exp()[1].is_negative), sp.default_sort_key(a)))

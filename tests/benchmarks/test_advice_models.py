@@ -8,18 +8,17 @@ from math import inf
 
 import pandas as pd
 import pytest
-from typer.testing import CliRunner
 
 from phasebench.benchmarks.advice import bench_stored, models
 from phasebench.benchmarks.advice.advise import advise
 from phasebench.benchmarks.advice.ask import ask
 from phasebench.benchmarks.advice.models import Rung, Scene
-from phasebench.benchmarks.cli import app
 from phasebench.benchmarks.measure.global_error import with_start
-from phasebench.benchmarks.measure.integrator import integrator
 from phasebench.benchmarks.problems import problem
 from phasebench.benchmarks.problems.models.ladders import LADDERS
 from phasebench.benchmarks.problems.user import from_formula
+from support.commands import call
+from support.portfolios import only
 
 KEY = models.fingerprint(problem("pendulum:swinging"))
 
@@ -197,14 +196,13 @@ def test_table_is_saved_only_with_complete_updates(monkeypatch):
 
 
 def test_lower_model_is_in_the_answer_and_on_the_terminal():
-    few = lambda asked, accuracy: ([(integrator("heyoka"), 1.0)], [])  # noqa: E731
     made = with_start(problem("pendulum"), (0.5,), (0.0,))
-    answer = advise(ask(made, t_end=10.0, accuracy=1e-2, limit=60.0), portfolio_of=few)
+    answer = advise(ask(made, t_end=10.0, accuracy=1e-2, limit=60.0), portfolio_of=only("heyoka"))
     lower = answer["lower_model"]["model"]
     assert lower in ("harmonic, Lindstedt's frequency", "sin q to q^3"), "two of nearly one price"
     few_seconds = ["--accuracy", "1e-2", "--time-limit", "0.2"]
-    done = CliRunner().invoke(app, ["advise", "pendulum", "--q", "0.5", "--p", "0", "--t-end", "10", *few_seconds])
+    done = call("advise", "pendulum", "--q", "0.5", "--p", "0", "--t-end", "10", *few_seconds)
     off = {"sin q to q^3": "0.0008"}.get(lower, "0.0015")
     assert f"a lower model would do: {lower}, off by {off}" in done.stdout
-    done = CliRunner().invoke(app, ["advise", "pendulum:rotating", "--t-end", "3", *few_seconds, "--json"])
+    done = call("advise", "pendulum:rotating", "--t-end", "3", *few_seconds, "--json")
     assert json.loads(done.stdout)["lower_model"] is None

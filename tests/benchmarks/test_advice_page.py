@@ -40,7 +40,7 @@ def rows(**changes) -> pd.DataFrame:
     )
     for column, values in changes.items():
         for n, value in values.items():
-            table.loc[n, column.replace("_", " ") if column == "rerun_error" else column] = value
+            table.loc[n, column] = value
     return table
 
 

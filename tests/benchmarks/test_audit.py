@@ -16,7 +16,7 @@ from phasebench.benchmarks.experiments.audit.audit import Audit, audit, select
 from phasebench.benchmarks.experiments.audit.page import PAGE
 from phasebench.benchmarks.experiments.audit.table import TEXTS, show
 from phasebench.benchmarks.judge import evidence
-from phasebench.benchmarks.judge.verdict import CONTRADICTED, HOLDS, IN_PART, UNDERSTATED, UNJUDGED
+from phasebench.benchmarks.judge.verdict import CONTRADICTED, HOLDS, UNDERSTATED, UNJUDGED
 from phasebench.benchmarks.measure import metrics
 from phasebench.benchmarks.page.verdict import FINDING, PASS, Count
 from phasebench.benchmarks.store.workers import Worker
@@ -73,23 +73,6 @@ def test_cost_is_per_step(controls, id):
 
 
 @pytest.mark.parametrize(
-    ("value", "slope", "half", "verdict"),
-    [
-        (1e-3, 1e-9, 2e-9, True),  # no slope
-        (1e-3, 5e-8, 1e-9, True),  # a slope whose total is small
-        (1e-3, 3e-7, 1e-9, None),
-        (1e-3, 6e-7, 1e-9, False),
-        (0.3, 1e-9, 2e-9, None),  # all energy has dissipated
-        (0.3, 2e-4, 1e-9, False),
-        (0.3, 1e-4, 2e-4, None),
-    ],
-)
-def test_energy_error_is_bounded_drifting_or_open(value, slope, half, verdict):
-    row = {"status": "ok", "value": value, "slope": slope, "low": slope - half, "high": slope + half}
-    assert evidence.is_bounded(row | {"time": 1000.0, "scale": 1.0}) is verdict
-
-
-@pytest.mark.parametrize(
     ("id", "false"),
     [
         ("rk4", {"order": 5}),
@@ -116,32 +99,6 @@ def test_false_claim_of_an_unregistered_peer():
     assert [c["property"] for c in found.contradictions] == ["symplectic"]
 
 
-def _row(problem, value, half=0.01, **more):
-    return {"status": "ok", "problem": problem, "value": value, "low": value - half, "high": value + half} | more
-
-
-@pytest.mark.parametrize(
-    ("orders", "verdict"),
-    [
-        ((2.01, 1.99), HOLDS),
-        ((1.01, 0.98), CONTRADICTED),
-        ((3.01, 2.98), UNDERSTATED),
-        ((3.01, 0.98), CONTRADICTED),
-        ((2.11, 2.12), UNJUDGED),
-        ((3.01, 2.02), IN_PART),
-        ((3.01,), UNJUDGED),
-        ((2.4, 2.5), UNJUDGED),
-        ((2.05, None), HOLDS),
-        ((None, None), UNJUDGED),
-    ],
-)
-def test_orders_on_several_problems_decide_together(orders, verdict):
-    rows = [_row(str(i), x) if x else {"status": "ok", "problem": str(i), "reason": "-"} for i, x in enumerate(orders)]
-    peer = replace(control("stormer-verlet"), claims=replace(control("rk4").claims, order=2))
-    found = claims.judgements(peer, "1", [r | {"peer": peer.id, "measure": "order", "reason": ""} for r in rows])
-    assert found[0]["verdict"] == verdict
-
-
 @pytest.mark.parametrize(
     ("id", "modest", "more"),
     [
@@ -158,16 +115,6 @@ def test_modest_claim_is_understated(controls, id, modest, more):
     found = {c["property"]: c["verdict"] for c in claims.judgements(peer, "1", mine)}
     assert found.pop(more) == UNDERSTATED
     assert set(found.values()) == {HOLDS}
-
-
-def test_defect_at_the_floor_is_not_judged():
-    """A defect at the round-off floor is no evidence if a classical method's defect, or the own error, is there too."""
-    row = {"status": "ok", "value": 1e-12, "floor": 1e-12, "classical": 1e-5, "own": 1e-6}
-    assert evidence.keeps_structure(row) is True
-    assert evidence.keeps_structure(row | {"classical": 1e-11}) is None
-    assert evidence.keeps_structure(row | {"own": 1e-11}) is None
-    assert evidence.keeps_structure(row | {"value": 9e-11}) is True
-    assert evidence.keeps_structure(row | {"value": 1.1e-10}) is False
 
 
 def test_unmeasured_claim_is_not_judged():
@@ -192,13 +139,6 @@ def test_remark_names_unclaimed_structures(controls):
     assert all("rk4" not in r for r in found)
 
 
-@pytest.mark.parametrize("missing", [None, float("nan")])
-def test_missing_value_is_not_judged(missing):
-    assert evidence.agrees({"status": "ok", "value": missing}, 2) is None
-    assert evidence.keeps_structure({"status": "ok", "value": 1e-9, "floor": missing}) is None
-    assert evidence.is_bounded({"status": "ok", "value": 1e-9, "slope": missing}) is None
-
-
 @pytest.mark.parametrize("text", [claims.order_text, claims.structure_text, claims.energy_text])
 def test_failed_row_is_shown_with_its_reason(text):
     row = {"status": "diverged", "problem": "kepler", "reason": "a collision", "value": 1.0, "low": 1.0, "high": 1.0}
@@ -206,39 +146,6 @@ def test_failed_row_is_shown_with_its_reason(text):
     assert text(row) == "diverged (kepler: a collision)"
     assert "1" in text(row | {"status": "ok"})
     assert "collision" not in text(row | {"status": "ok"})
-
-
-@pytest.mark.parametrize(("value", "kind"), [(0.09, True), (0.11, None), (0.6, None), (0.95, False)])
-def test_order_agreement_thresholds(value, kind):
-    row = {"status": "ok", "value": 2 + value, "low": 2 + value - 0.005, "high": 2 + value + 0.005}
-    assert evidence.agrees(row, 2) is kind
-    assert evidence.agrees(row | {"value": 2 - value, "low": 1.995 - value, "high": 2.005 - value}, 2) is kind
-
-
-@pytest.mark.parametrize(("times", "verdict"), [(0.9, HOLDS), (9.0, UNJUDGED), (11.0, CONTRADICTED)])
-def test_round_off_claim_is_judged_by_brouwers_law(times, verdict):
-    row = _row("a", 1.0) | {"measure": "energy", "steps": 10_000.0, "scale": 0.5, "time": 100.0, "slope": 0.0}
-    law = 100 * np.finfo(float).eps * 0.5 * 100
-    row |= {"value": times * law, "low": -1.0, "high": 1.0, "reason": ""}
-    peer = replace(control("rk4"), claims=Claims(energy="round-off"))
-    (claim,) = claims.judgements(peer, "1", [row | {"peer": peer.id}])
-    assert claim["verdict"] == verdict
-
-
-def test_one_broken_problem_contradicts_a_structure():
-    kept = {"measure": "symplecticity", "status": "ok", "value": 1e-12, "floor": 1e-12, "classical": 1e-5, "own": 1e-5}
-    kept |= {"reason": "", "h": 0.1, "steps": 1.0}
-    broken = kept | {"value": 1e-6}
-    for claimed, rows, verdict in (
-        (True, (kept, kept), HOLDS),
-        (True, (kept, broken), CONTRADICTED),
-        (False, (kept, broken), HOLDS),
-        (False, (kept, kept), UNDERSTATED),
-        (False, (kept, kept | {"own": 1e-12}), UNJUDGED),
-    ):
-        peer = replace(control("rk4"), claims=Claims(symplectic=claimed))
-        mine = [r | {"peer": peer.id, "problem": str(i)} for i, r in enumerate(rows)]
-        assert [c["verdict"] for c in claims.judgements(peer, "1", mine)] == [verdict], (claimed, verdict)
 
 
 def test_two_step_method_has_no_step_matrix():
@@ -341,6 +248,7 @@ def test_peer_that_raises_gives_rows():
         raise RuntimeError("no such potential")
 
     found = audit([replace(control("rk4"), id="broken", run=broken)], quick=True)
+    assert [r["measure"] for r in found.rows] == [worker.PREPARE, "order", "symplecticity"]
     assert {r["status"] for r in found.rows[1:]} <= {"invalid", "diverged"}
     assert all("no such potential" in r["reason"] for r in found.rows[1:])
     assert {c["verdict"] for c in found.claims} == {UNJUDGED}

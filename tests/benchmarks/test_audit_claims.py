@@ -83,9 +83,11 @@ def orders(*values: float | None) -> list[dict]:
     [
         ((2.0, None, 2.0), "holds", "0, 2", ""),
         ((1.0, 2.0, None), "holds in part", "0, 1", ""),
+        ((1.01, 0.98), "contradicted", "0, 1", ""),
         ((1.0, 3.0), "contradicted", "0, 1", ""),
         ((3.0, 4.0, None), "understated", "0, 1", ""),
         ((1.0, None), "not judged", "0, 1", "it differs on one problem alone"),
+        ((2.12, 2.5), "not judged", "0, 1", "no window tells"),
         ((None, None), "not judged", "0, 1", "no window tells"),
     ],
 )
@@ -106,6 +108,7 @@ FAILED = {"status": "diverged", "reason": "it fell", "problem": "lost"}
     [
         (True, (KEPT, OPEN), "holds", "0"),
         (True, (OPEN, OPEN), "not judged", "0, 1"),
+        (True, (KEPT, BROKEN), "contradicted", "1"),
         (False, (BROKEN, KEPT), "holds", "0"),
         (False, (KEPT, FAILED), "understated", "0"),
         (False, (KEPT, OPEN), "not judged", "0, 1"),

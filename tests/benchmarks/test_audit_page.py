@@ -9,6 +9,7 @@ from phasebench.benchmarks.experiments.audit import page
 from phasebench.benchmarks.experiments.audit.statements import SEVERITIES
 from phasebench.benchmarks.page.page import ROWS
 from phasebench.benchmarks.page.verdict import FAIL, FINDING, PASS, Count
+from support.pages import data
 
 WORDS = ("contradicted", "holds in part", "understated", "holds", "not judged")
 
@@ -26,10 +27,6 @@ def claims_table(*of: tuple[str, str, str], package: str = "p") -> pd.DataFrame:
     rows = [{"peer": p, "property": what, "claim": f"its {what}", "verdict": v} for p, what, v in of]
     more = {"package": package, "version": "1.2", "measured": "2.1 (a); 2.2 (b)", "command": "phasebench audit"}
     return pd.DataFrame(rows).assign(**more)
-
-
-def data(**tables):
-    return tables.get
 
 
 def test_claims_are_counted_by_verdict():

@@ -8,6 +8,8 @@ import importlib
 import importlib.metadata
 import json
 import re
+import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import pandas as pd
@@ -16,8 +18,8 @@ import pytest
 from phasebench.benchmarks.experiments.audit import page, statement_cells, statements, unregistered
 from phasebench.benchmarks.experiments.audit.said import BY_SCRIPT, STATEMENTS
 from phasebench.benchmarks.judge.verdict import CONTRADICTED, HOLDS, UNDERSTATED, UNJUDGED
-from phasebench.benchmarks.page.verdict import FINDING, PASS, Count
-from phasebench.reference.peers import BY_ID
+from phasebench.reference.peers import BY_ID, PEERS
+from support.commands import call
 from support.needs import need
 
 OK = "1.0e-16"
@@ -117,7 +119,7 @@ def test_statements_are_complete():
 
 
 @pytest.mark.parametrize("script", BY_SCRIPT)
-def test_script_is_short_and_imports_only_the_package(script):
+def test_script_is_short_and_does_without_this_suite(script):
     text = (statements.SCRIPTS / f"{script}.py").read_text()
     assert "phasebench" not in text
     assert text.startswith('"""')
@@ -248,25 +250,32 @@ def test_scripts_give_the_verdicts_of_the_page(script, verdict):
     assert (row["verdict"], row["reason"]) == (verdict, "")
 
 
-def test_each_script_is_a_cell_that_depends_on_its_text(monkeypatch):
-    cells = {c.key["script"]: c for c in statement_cells.cells()}
-    assert set(cells) == set(BY_SCRIPT)
-    monkeypatch.setattr(statement_cells, "BY_SCRIPT", {"galpy_dt": BY_SCRIPT["gala_rk5_coefficients"]})
-    assert statement_cells.cells()[0].content != cells["galpy_dt"].content
+def test_each_script_is_a_cell_that_depends_on_its_text_and_its_statements(monkeypatch, tmp_path):
+    def contents() -> dict[str, str]:
+        return {c.key["script"]: c.content for c in statement_cells.cells()}
+
+    before, copies = contents(), tmp_path / "scripts"
+    assert set(before) == set(BY_SCRIPT)
+    shutil.copytree(statements.SCRIPTS, copies)
+    monkeypatch.setattr(statements, "SCRIPTS", copies)
+    with (copies / "galpy_dt.py").open("a") as script:
+        script.write("print()\n")
+    after = contents()
+    assert {script for script in before if after[script] != before[script]} == {"galpy_dt"}
+    said, *others = BY_SCRIPT["galpy_dt"]
+    monkeypatch.setattr(statement_cells, "BY_SCRIPT", {"galpy_dt": [replace(said, said="other words"), *others]})
+    assert contents()["galpy_dt"] != after["galpy_dt"]
 
 
 def test_command_runs_scripts_of_the_audited_packages(monkeypatch):
-    from typer.testing import CliRunner
-
-    from phasebench.benchmarks.cli import app
     from phasebench.benchmarks.experiments.audit import audit
 
     asked = {"rebound_leapfrog_order_4": BY_SCRIPT["rebound_leapfrog_order_4"], "galpy_dt": BY_SCRIPT["galpy_dt"]}
     monkeypatch.setattr(statement_cells, "BY_SCRIPT", asked)
     monkeypatch.setattr(audit, "audit", lambda *a, **k: audit.Audit(rows=[{"package": "rebound"}]))
-    told = json.loads(CliRunner().invoke(app, ["audit", "--peer", "rebound-leapfrog", "--scripts", "--json"]).stdout)
+    told = json.loads(call("audit", "--peer", "rebound-leapfrog", "--scripts", "--json").stdout)
     assert [(r["script"], r["verdict"]) for r in told["statements"]] == [("rebound_leapfrog_order_4", UNDERSTATED)]
-    without = json.loads(CliRunner().invoke(app, ["audit", "--peer", "rebound-leapfrog", "--json"]).stdout)
+    without = json.loads(call("audit", "--peer", "rebound-leapfrog", "--json").stdout)
     assert "statements" not in without
 
 
@@ -278,23 +287,6 @@ def frame(**verdicts):
     return pd.DataFrame([r | {"verdict": verdicts.get(r["script"], HOLDS)} for r in rows])
 
 
-def data(tables):
-    return lambda name: tables.get(name)
-
-
-def test_worst_statement_is_named_and_comes_first():
-    bad = {"gala_leapfrog_energy": CONTRADICTED, "galpy_dt": CONTRADICTED, "diffrax_sil3": UNDERSTATED}
-    stated = frame(**bad)
-    verdict = page.statements(data({"audit_statements": stated}))
-    assert (verdict.outcome, verdict.measured) == (FINDING, Count(len(stated) - 2, len(stated)))
-    assert verdict.where == "1 of gala and 1 of galpy; worst: galpy, wrong states (galpy_dt)"
-    shown = page.table(data({"audit_statements": stated})).frame
-    assert list(shown["script"]) == ["galpy_dt", "gala_leapfrog_energy", "diffrax_sil3"]
-    assert shown["said"][0].startswith("[“If set, force the integrator")
-    assert page.statements(data({"audit_statements": frame(diffrax_sil3=UNDERSTATED)})).outcome == PASS
-    assert page.table(data({"audit_statements": frame()})) is None
-
-
 def test_claim_covered_by_a_statement_is_shown_once():
     about = {"package": "desolver", "version": "5", "property": "order", "claim": "order 3", "verdict": CONTRADICTED}
     about |= {"measured": "1.0", "command": "phasebench audit"}
@@ -303,7 +295,7 @@ def test_claim_covered_by_a_statement_is_shown_once():
         {"package": "desolver", "peer": list(claimed["peer"]), "measure": "package", "status": "ok", "reason": ""}
     )
     tables = {"audit": found, "audit_claims": claimed, "audit_statements": frame(desolver_radau_iia_3=CONTRADICTED)}
-    shown = page.table(data(tables)).frame
+    shown = page.table(tables.get).frame
     assert list(shown["said"]) == [shown["said"][0], "desolver-rk4: order 3"]
 
 
@@ -369,7 +361,7 @@ def test_a_peer_is_not_among_those_that_are_left_out(package, named, used):
 
 
 def test_every_package_is_searched():
-    assert {c.key["package"] for c in unregistered.cells()} == set(unregistered.LOOKS)
+    assert {c.key["package"] for c in unregistered.cells()} == {peer.package for peer in PEERS}
 
 
 def test_absent_package_is_reported(monkeypatch):

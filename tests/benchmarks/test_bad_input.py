@@ -8,9 +8,8 @@ import shlex
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner
 
-from phasebench.benchmarks.cli import app
+from support.commands import call
 
 FILES = {
     "syntax.py": "def make(:\n",
@@ -55,10 +54,9 @@ def folder(tmp_path_factory):
 def test_message_and_exit_code_of_invalid_input(code, command, said, folder, monkeypatch):
     monkeypatch.chdir(folder)
     before = sorted(p for p in folder.rglob("*") if "__pycache__" not in p.parts)
-    result = CliRunner().invoke(app, shlex.split(command))
-    assert result.exit_code == int(code or 2), result.output
-    assert result.exception is None or isinstance(result.exception, SystemExit)
-    assert said in " ".join((result.stderr + result.stdout).split())
+    done = call(*shlex.split(command))
+    assert done.exit_code == int(code or 2), done.output
+    assert said in " ".join((done.stderr + done.stdout).split())
     after = sorted(p for p in folder.rglob("*") if "__pycache__" not in p.parts)
     assert after == before, "something was written"
 
@@ -71,4 +69,4 @@ def test_table_is_long_and_without_repetition():
 def test_control_valid_input_is_accepted(folder, monkeypatch):
     monkeypatch.chdir(folder)
     for command in ("integrate pendulum rk4 --h 0.1 --steps 1", "list problems"):
-        assert CliRunner().invoke(app, shlex.split(command)).exit_code == 0
+        assert call(*shlex.split(command)).exit_code == 0

@@ -6,26 +6,20 @@ import json
 from types import SimpleNamespace
 
 import pytest
-from typer.testing import CliRunner
 
 import phasebench as pb
 from phasebench.benchmarks.certificate import certificate, measures
 from phasebench.benchmarks.certificate.certificate import certify
 from phasebench.benchmarks.certificate.render import document, write
 from phasebench.benchmarks.certificate.subject import subject
-from phasebench.benchmarks.cli import app
-from phasebench.benchmarks.judge.checks import CHECKS, structure
+from phasebench.benchmarks.judge.checks import structure
 from phasebench.benchmarks.judge.evidence import Tables
 from phasebench.benchmarks.judge.judge import judgements, offers, verdict
 from phasebench.benchmarks.judge.verdict import CONTRADICTED, HOLDS, UNJUDGED
 from phasebench.benchmarks.measure.coefficients import own_step
 from phasebench.integrators.errors import InvalidInput
-
-
-def order_row(on="pendulum", value=2.0, half=0.01, first=1e-17, clean=2, second=1e-17, separable=True):
-    terms = [first, second, *[1e-17] * (clean - 2), *[0.3] * (8 - clean)]
-    row = {"on": on, "value": value, "low": value - half, "high": value + half, "separable": separable}
-    return row | {"terms": terms, "clean": clean, "arithmetic": "multiprecision"}
+from support.commands import call
+from support.evidence import order_row, part
 
 
 def tables(**rows) -> Tables:
@@ -46,7 +40,7 @@ def of(name, claims, found: Tables):
 
 def outcome(claims, found: Tables) -> str:
     """The certificate's overall verdict on these claims, from the measurements ``found``."""
-    return verdict(judgements(claims, found), claims)
+    return verdict(judgements(claims, found))
 
 
 def test_pass_needs_a_claim_and_every_verdict():
@@ -71,8 +65,8 @@ def test_missing_measurement_does_not_pass(missing):
         ("stateless", {"state": [{"on": "tao", "what": "steps in turns", "value": 2e-13}]}),
         ("pure", {"input": [{"on": "tao", "value": 1e-16, "later": 0.0}]}),
         ("pure", {"input": [{"on": "tao", "value": 0.0, "later": 1e-16}]}),
-        ("consistent", {"order": [order_row(first=1.0)]}),
-        ("consistent", {"order": [order_row(first=2e-13)]}),
+        ("consistent", {"order": [order_row(terms=(1.0, 1e-17))]}),
+        ("consistent", {"order": [order_row(terms=(2e-13, 1e-17))]}),
     ],
 )
 def test_unclaimed_requirements_are_judged(name, rows):
@@ -90,7 +84,9 @@ def test_exception_in_a_later_measurement_is_reported():
 
 
 def test_inconsistent_step_has_no_structure():
-    found = tables(order=[order_row(first=1.0)], symplectic=[{"on": "tao", "value": 0.0, "floor": 1e-13, "own": 0.1}])
+    found = tables(
+        order=[order_row(terms=(1.0, 1e-17))], symplectic=[{"on": "tao", "value": 0.0, "floor": 1e-13, "own": 0.1}]
+    )
     assert of("symplectic", {"symplectic": True}, found).verdict == UNJUDGED
     assert of("symplectic", {"symplectic": False}, found).verdict == UNJUDGED
 
@@ -113,8 +109,8 @@ def test_order_on_the_worst_system_decides(orders, claimed, expected):
 
 
 def test_truncated_coefficients_contradict_an_order():
-    assert of("order", {"order": 2}, tables(order=[order_row(second=1e-11)])).verdict == CONTRADICTED
-    assert of("order", {"order": 2}, tables(order=[order_row(second=1e-15)])).verdict == HOLDS
+    assert of("order", {"order": 2}, tables(order=[order_row(terms=(1e-17, 1e-11))])).verdict == CONTRADICTED
+    assert of("order", {"order": 2}, tables(order=[order_row(terms=(1e-17, 1e-15))])).verdict == HOLDS
 
 
 @pytest.mark.parametrize(
@@ -164,9 +160,8 @@ def test_structure_holds_only_if_seen_on_every_system():
     assert structure("symplectic", True, tables(symplectic=[])).verdict == UNJUDGED
 
 
-def long_row(value, slope=0.0, half=1e-12, on="henon-heiles"):
-    part = {"value": value, "slope": slope, "low": slope - half, "high": slope + half, "scale": 1.0, "steps": 2500}
-    return {"on": on, "status": "ok", "reason": "", "energy": part | {"time": 500.0}}
+def long_row(value, slope=0.0):
+    return {"on": "henon-heiles", "status": "ok", "reason": "", "energy": part(value, slope)}
 
 
 def test_energy_is_preserved_bounded_or_drifts():
@@ -187,25 +182,17 @@ def test_energy_is_preserved_bounded_or_drifts():
     assert "energy=preserved" in offers({}, tables(long=[preserved]))
 
 
-def test_stability_limit_is_compared_with_the_claim():
+def test_stability_without_a_measured_limit_is_not_judged():
     row = {"on": "harmonic-oscillator", "limit": 2.0, "scanned": 10.0, "reason": ""}
-    for claimed, limit, expected in ((2.0, 2.0, HOLDS), (2.05, 2.0, CONTRADICTED), (3.0, None, CONTRADICTED)):
-        found = tables(stability=[row | {"limit": limit}])
-        assert of("stability", {"stability": claimed}, found).verdict == expected
-    assert of("stability", {"stability": 2.0}, tables(stability=[row | {"reason": "no matrix"}])).verdict == UNJUDGED
+    for reason, expected in (("", HOLDS), ("no matrix", UNJUDGED)):
+        found = of("stability", {"stability": 2.0}, tables(stability=[row | {"reason": reason}]))
+        assert (found.verdict, found.why) == (expected, reason)
 
 
-def test_error_to_tolerance_ratio_of_an_adaptive_method():
-    row = {"on": "tao", "tolerances": [1e-4, 1e-10], "errors": [1e-4, 2e-9]}
-    for claimed, expected in ((50.0, HOLDS), (10.0, CONTRADICTED)):
-        assert of("tolerance", {"tolerance": claimed}, tables(tolerance=[row], order=[])).verdict == expected
-    stuck = row | {"errors": [1e-4, 1e-4]}
-    assert of("consistent", {}, tables(tolerance=[stuck], order=[])).verdict == CONTRADICTED
-
-
-def test_unclaimed_measured_properties_are_offered():
-    assert offers({}, tables()) == ["order=2"]
-    assert offers({"order": 2}, tables()) == []
+def test_adaptive_method_whose_error_does_not_fall_is_inconsistent():
+    for errors, expected in (([1e-4, 2e-9], HOLDS), ([1e-4, 1e-4], CONTRADICTED)):
+        row = {"on": "tao", "tolerances": [1e-4, 1e-10], "errors": errors}
+        assert of("consistent", {}, tables(tolerance=[row], order=[])).verdict == expected
 
 
 # -- targets ----------------------------------------------------------------------------------------------------------
@@ -215,7 +202,7 @@ HEUN = {"A": [[0, 0], [1, 0]], "b": ["1/2", "1/2"]}
 STEP = "def step(system, q, p, h):\n    return q, p\n"
 
 
-def test_targets(tmp_path, monkeypatch):
+def test_target_is_a_callable_a_file_coefficients_or_a_name(tmp_path, monkeypatch):
     (tmp_path / "mine_here.py").write_text(STEP + "def run(system, q, p, t_end, tol):\n    return q, p\n")
     (tmp_path / "c.json").write_text(json.dumps(LEAPFROG | {"claims": {"order": 2}}))
     monkeypatch.chdir(tmp_path)
@@ -260,12 +247,6 @@ def test_coefficients_define_a_step():
 # -- output -----------------------------------------------------------------------------------------------------------
 
 
-def call(*arguments):
-    result = CliRunner().invoke(app, ["validate", *arguments])
-    assert result.exception is None or isinstance(result.exception, SystemExit), result.exception
-    return result
-
-
 @pytest.fixture
 def claimed_alone(monkeypatch):
     """Measure claimed properties only; the command in the README measures all of them."""
@@ -276,26 +257,25 @@ def claimed_alone(monkeypatch):
 def test_exit_code_is_0_only_for_pass(monkeypatch, outcome, code):
     found = SimpleNamespace(verdict=outcome, as_dict=dict)
     monkeypatch.setattr(certificate, "certify", lambda *of, **more: found)
-    assert call("./mine.py", "--json").exit_code == code
+    assert call("validate", "./mine.py", "--json").exit_code == code
 
 
 def test_exit_codes_and_json(tmp_path, claimed_alone):
     path = tmp_path / "leapfrog.json"
     path.write_text(json.dumps(HEUN))
-    done = call(str(path), "--claim", "order=2", "--json")
+    done = call("validate", str(path), "--claim", "order=2", "--json")
     found = json.loads(done.stdout)
     assert done.exit_code == 0
     assert list(found)[:4] == ["integrator", "claims", "measured", "verdict"]
     assert found["verdict"] == "pass"
     assert all(list(c) == ["claim", "verdict", "measured", "interval", "on", "why"] for c in found["claims"])
-    wrong = call(str(path), "--claim", "order=3")
+    wrong = call("validate", str(path), "--claim", "order=3")
     assert wrong.exit_code == 1
     assert "contradicted" in wrong.stdout
-    assert call(str(path), "--claim", "order=").exit_code == 2
-    assert call("./none.py").exit_code == 2
-    audit = CliRunner().invoke(app, ["audit", "--peer", "./mine.py"])
+    assert call("validate", "./none.py").exit_code == 2
+    audit = call("audit", "--peer", "./mine.py")
     assert audit.exit_code == 2
-    assert "phasebench validate ./mine.py" in " ".join(audit.stderr.split())
+    assert "phasebench validate ./mine.py" in audit.said
 
 
 def test_certificate_is_reproducible_for_a_seed(tmp_path):
@@ -329,14 +309,13 @@ def test_python_interface_returns_a_table(claimed_alone):
         found.plot("oder")
     with pytest.raises(InvalidInput, match="unknown argument ordr; did you mean order"):
         pb.validate(HEUN, ordr=2)
-    assert CHECKS["symplectic"].claim(False) == "not symplectic"
 
 
 def test_document_begins_with_counts_of_verdicts():
     def sentence(claims, **rows):
         found = tables(**rows)
         verdicts = judgements(claims, found)
-        args = ([], verdict(verdicts, claims), found, "", (), 0, 1.0)
+        args = ([], verdict(verdicts), found, "", (), 0, 1.0)
         return " ".join(document(certificate.Certificate("mine", verdicts, *args), []).split("##")[0].split())
 
     assert "All 5 claims and requirements hold." in sentence({"order": 2})
@@ -351,7 +330,7 @@ def test_narrow_output_has_one_line_per_claim(tmp_path, monkeypatch, claimed_alo
     path.write_text(json.dumps(HEUN))
     for columns, whole in (("40", True), ("", True), ("120", False)):
         monkeypatch.setenv("COLUMNS", columns)
-        lines = call(str(path), "--claim", "order=3").stdout.splitlines()
+        lines = call("validate", str(path), "--claim", "order=3").stdout.splitlines()
         assert any(line.startswith("  order 3: contradicted (") for line in lines) is whole
         assert any("contradicted" in line for line in lines)
 
@@ -359,13 +338,6 @@ def test_narrow_output_has_one_line_per_claim(tmp_path, monkeypatch, claimed_alo
 def test_unwritable_folder_is_refused_before_measuring(tmp_path, monkeypatch):
     (tmp_path / "file").write_text("")
     monkeypatch.setattr(certificate, "certify", lambda *_: pytest.fail("it was measured"))
-    done = call("rk4", "--output", str(tmp_path / "file"))
+    done = call("validate", "rk4", "--output", str(tmp_path / "file"))
     assert done.exit_code == 2
     assert "cannot be written" in done.stderr
-
-
-def test_file_of_that_name_is_suggested(tmp_path, monkeypatch):
-    (tmp_path / "mine.py").write_text(STEP)
-    monkeypatch.chdir(tmp_path)
-    with pytest.raises(InvalidInput, match=r"did you mean \./mine\.py"):
-        subject("mine")

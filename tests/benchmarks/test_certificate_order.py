@@ -65,12 +65,8 @@ def test_differences_give_the_coefficients_of_a_polynomial():
 
 def test_count_of_leading_terms_that_vanish():
     terms = Series((1e-16, 1e-10, 0.9 * order.VANISHES, 0.2, 1e-30))
-    assert (terms.clean, Series((0.1,)).clean, Series((1e-9, nan, 1e-9)).clean, Series((0.0, 0.0)).clean) == (
-        3,
-        0,
-        1,
-        2,
-    )
+    others = (Series((0.1,)), Series((1e-9, nan, 1e-9)), Series((0.0, 0.0)))
+    assert [series.clean for series in (terms, *others)] == [3, 0, 1, 2]
     assert [terms.largest(k) for k in (0, 1, 2, 5)] == [0.0, 1e-16, 1e-10, 0.9 * order.VANISHES]
     assert Series((order.VANISHES,)).clean == 0
 

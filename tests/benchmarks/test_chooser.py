@@ -21,7 +21,7 @@ def chooser():
         yield chooser
 
 
-def test_every_answer_is_run_again_by_its_command(chooser):
+def test_command_of_every_answer_names_its_problem_and_a_registered_integrator(chooser):
     found = chooser.answers()
     assert {row["class"] for row in found} <= {*chooser.CLASSES}
     assert len(found) > 100

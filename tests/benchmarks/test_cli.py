@@ -14,9 +14,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from rich.console import Console
-from typer.testing import CliRunner
 
-from phasebench.benchmarks.cli import app, shared
+from phasebench.benchmarks.cli import shared
 from phasebench.benchmarks.cli.integrate import shortened
 from phasebench.benchmarks.problems import PROBLEMS, problem
 from phasebench.benchmarks.problems.questions import QUESTIONS
@@ -24,6 +23,8 @@ from phasebench.benchmarks.problems.scenes import SCENES
 from phasebench.integrators import integrate, registry
 from phasebench.integrators.registry import METHODS
 from phasebench.reference.peers import PEERS
+from support.commands import call, run_json, strict
+from support.heavy import HEAVY
 
 ROOT = Path(__file__).resolve().parents[2]
 REGISTERED = {
@@ -36,30 +37,6 @@ CONTRACT = ["problem", "method", "params", "h", "steps", "t", "q", "p", "energy_
 CONTRACT += ["status", "reason", "counts", "seconds"]
 COUNTS = ["steps", "gradient", "hessian", "iterations", "fallbacks"]
 SHORT = ("--h", "0.1", "--t-end", "1")
-
-
-def call(*arguments: str):
-    """(exit code, standard output, standard error without line breaks); an unexpected exception is raised."""
-    result = CliRunner().invoke(app, list(arguments))
-    if result.exception is not None and not isinstance(result.exception, SystemExit):
-        raise result.exception
-    return result.exit_code, result.stdout, " ".join(result.stderr.split())
-
-
-def strict(text: str):
-    """Parse standard JSON, in which NaN and Infinity are errors."""
-
-    def refuse(token):
-        raise ValueError(f"{token} is not JSON")
-
-    return json.loads(text, parse_constant=refuse)
-
-
-def run_json(*arguments: str):
-    """(exit code, JSON object) of ``integrate --json``, which must print exactly one line."""
-    code, text, _ = call("integrate", *arguments, "--json")
-    assert text.count("\n") == 1
-    return code, strict(text)
 
 
 # -- list --------------------------------------------------------------------------------------------------------------
@@ -95,7 +72,6 @@ def test_unknown_list_is_an_error():
     assert call("list", "planets")[0] == 2
 
 
-HEAVY = ("sympy", "numba", "heyoka", "rebound", "scipy", "pandas", "matplotlib")
 REGISTRY = "phasebench.integrators.registry"
 LOADED = """
 import json, runpy, sys
@@ -182,9 +158,9 @@ def test_empty_and_invalid_filters():
         (("problems", "--order", "2"), "--order is no option of problems"),
         (("problems", "--problem", "kepler"), "--problem is no option of problems"),
     ]:
-        code, _, said = call("list", *arguments)
-        assert code == 2
-        assert message in said
+        done = call("list", *arguments)
+        assert done.exit_code == 2
+        assert message in done.said
 
 
 def test_list_of_peers_shows_installed_versions(monkeypatch):
@@ -195,6 +171,7 @@ def test_list_of_peers_shows_installed_versions(monkeypatch):
 
     monkeypatch.setattr("phasebench.reference.installed.version_of", lambda package: None)
     assert {r["installed"] for r in strict(call("list", "peers", "--json")[1])} == {None}
+    assert strict(call("list", "peers", "--installed", "--json")[1]) == []
     assert len(strict(call("list", "peers", "--not-installed", "--json")[1])) == len(PEERS)
 
 
@@ -315,7 +292,7 @@ def test_step_is_shortened_to_fit_the_span():
 
 
 def test_step_that_would_be_widened_is_refused():
-    result = CliRunner().invoke(app, ["integrate", "pendulum", "rk4", "--h", "0.3", "--t-end", "1"])
+    result = call("integrate", "pendulum", "rk4", "--h", "0.3", "--t-end", "1")
     assert result.exit_code == 2
     assert all(x in result.stderr for x in (repr(1 / 3), "0.25"))
 
@@ -352,35 +329,21 @@ def test_text_and_json_agree():
 
 # -- integrate: invalid input and failed runs --------------------------------------------------------------------------
 
+#: Besides those of bad_input.txt.
 INVALID = [
     (("pendulm", "rk4", *SHORT), "pendulum"),
     (("henon-heiles:bxo", "rk4", *SHORT), "box"),
-    (("pendulum", "stormer-verlt", *SHORT), "stormer-verlet"),
     (("pendulum", "heyok", *SHORT), "heyoka"),
-    (("pendulum", "rk4", "--h", "0", "--t-end", "1"), "h is 0"),
     (("pendulum", "rk4", "--h", "-0.1", "--t-end", "1"), "h is -0.1"),
-    (("pendulum", "rk4", "--h", "nan", "--t-end", "1"), "h is nan"),
     (("pendulum", "rk4", "--h", "0.1", "--t-end", "inf"), "it must be a finite number"),
-    (("pendulum", "rk4", "--h", "0.1", "--steps", "0"), "steps is 0"),
-    (("pendulum", "rk4"), "give"),
-    (("pendulum", "rk4", "--h", "0.1"), "t_end or steps"),
-    (("pendulum", "rk4", *SHORT, "--q", "1,2"), "q0 has 2 components"),
     (("henon-heiles", "rk4", *SHORT, "--p", "1"), "p0 has 1 components"),
-    (("pendulum", "rk4", *SHORT, "--q", "nan"), "q0 is [nan]"),
-    (("pendulum", "rk4", *SHORT, "--q", "one"), "--q is 'one'"),
-    (("pendulum", "rk4", *SHORT, "--q", "1/0"), "--q is '1/0'"),
-    (("pendulum", "scheme-i", *SHORT, "--param", "lam=abc"), "lam is 'abc'"),
-    (("pendulum", "scheme-i", *SHORT, "--param", "lam"), "name=value"),
     (("pendulum", "scheme-i", *SHORT, "--param", "mu=1"), "no parameter 'mu'"),
     (("pendulum", "scheme-i", *SHORT, "--param", "lam=1e400"), "lam"),
     (("kepler", "rk4", *SHORT, "--set", "e=1"), "eccentricity e is 1"),
     (("kepler", "rk4", *SHORT, "--set", "f=1"), "no parameter 'f'"),
     (("kepler", "rk4", *SHORT, "--set", "e=0.1,0.2"), "0.1,0.2"),
     (("lotka-volterra", "scheme-iv", *SHORT), "canonical"),
-    (("pendulum", "rk4", *SHORT, "--tol", "1e-9"), "tolerance"),
-    (("kepler", "heyoka", "--t-end", "1", "--tol", "0"), "tol is 0"),
     (("kepler", "heyoka", "--t-end", "1", "--param", "lam=1"), "no parameters"),
-    (("pendulum", "rebound-whfast", *SHORT), "revolve around"),
     (("kepler", "rk4", *SHORT, "--q", "0,0"), "singularity"),
 ]
 
@@ -391,16 +354,16 @@ def test_invalid_input_is_named(arguments, message):
     assert code == 2
     assert found["status"] == "invalid"
     assert message in found["reason"]
-    code, text, said = call("integrate", *arguments)
-    assert (code, text) == (2, "")
-    assert said == "invalid: " + " ".join(found["reason"].split())
+    done = call("integrate", *arguments)
+    assert (done.exit_code, done.stdout) == (2, "")
+    assert done.said == "invalid: " + " ".join(found["reason"].split())
 
 
 @pytest.mark.parametrize("name", ["pend[/]", "rk4[/b]", "[red]"])
 def test_name_in_brackets_is_printed_verbatim(name):
-    code, _, said = call("integrate", name, "rk4", *SHORT)
-    assert code == 2
-    assert name in said
+    done = call("integrate", name, "rk4", *SHORT)
+    assert done.exit_code == 2
+    assert name in done.said
 
 
 def test_blow_up_is_reported_as_diverged():
@@ -502,10 +465,10 @@ def test_run_writes_a_row_for_each_step_size(swept):
 def test_second_run_measures_nothing(swept, tmp_path):
     path = tmp_path / "rows.jsonl"
     path.write_text(swept)
-    code, text, said = call("run", *SWEEP, "--output", str(path))
-    assert code == 0
-    assert "1 of 1 cells" in said
-    assert "4 ok" in text
+    done = call("run", *SWEEP, "--output", str(path))
+    assert done.exit_code == 0
+    assert "1 of 1 cells" in done.said
+    assert "4 ok" in done.stdout
     assert path.read_text() == swept
 
 
@@ -513,8 +476,8 @@ def test_changed_method_is_measured_again(swept, tmp_path, monkeypatch):
     path = tmp_path / "rows.jsonl"
     path.write_text(swept)
     monkeypatch.setitem(registry.BY_ID, "rk4", replace(registry.BY_ID["explicit-euler"], id="rk4"))
-    code, _, said = call("run", *SWEEP, "--output", str(path))
-    assert (code, "cells are in" in said) == (0, False)
+    done = call("run", *SWEEP, "--output", str(path))
+    assert (done.exit_code, "cells are in" in done.said) == (0, False)
     old, new = ([strict(line)["global_error"] for line in text.splitlines()] for text in (swept, path.read_text()))
     assert all(b > 2 * a for a, b in zip(old, new, strict=True))
 
@@ -526,8 +489,8 @@ def test_cell_with_an_unreadable_row_is_measured_again(swept, tmp_path, at, line
     lines[at] = line
     path = tmp_path / "rows.jsonl"
     path.write_text("\n".join(lines) + "\n")
-    code, _, said = call("run", *SWEEP, "--output", str(path))
-    assert (code, "cells are in" in said) == (0, False)
+    done = call("run", *SWEEP, "--output", str(path))
+    assert (done.exit_code, "cells are in" in done.said) == (0, False)
     times = ("seconds", "spent")
     old, new = ([{k: v for k, v in strict(x).items() if k not in times} for x in text.splitlines()]
                 for text in (swept, path.read_text()))  # fmt: skip
@@ -547,23 +510,9 @@ def test_run_of_another_method_keeps_the_old_rows(swept, tmp_path):
     ("option", "name", "nearest"), [("--scene", "kepler-t2", "kepler-t1"), ("--method", "rk5", "rk4")]
 )
 def test_run_suggests_the_nearest_name(option, name, nearest, tmp_path):
-    code, _, said = call("run", option, name, "--output", str(tmp_path / "rows.jsonl"))
-    assert code == 2
-    assert nearest in said
-
-
-def test_report_without_data_suggests_commands(tmp_path):
-    code, _, said = call("report", "--reports", str(tmp_path / "none"))
-    assert code == 2
-    assert "pytest benchmarks" in said
-    assert "phasebench run" in said
-    assert not (tmp_path / "none").exists()
-
-
-def test_report_of_a_missing_file_of_rows(tmp_path):
-    code, _, said = call("report", "--reports", str(tmp_path), "--rows", str(tmp_path / "absent.jsonl"))
-    assert code == 2
-    assert "absent.jsonl" in said
+    done = call("run", option, name, "--output", str(tmp_path / "rows.jsonl"))
+    assert done.exit_code == 2
+    assert nearest in done.said
 
 
 def test_report_of_rows(swept, tmp_path):
@@ -586,14 +535,6 @@ def test_report_of_rows_without_an_order(scene, method, tmp_path):
     assert call("run", "--scene", scene, "--method", method, "--quick", "--output", rows)[0] == 0
     code, _, _ = call("report", "--reports", str(tmp_path / "report"), "--rows", rows)
     assert code == 0
-
-
-def test_report_of_no_rows(tmp_path):
-    (tmp_path / "rows.jsonl").write_text("")
-    code, _, said = call("report", "--reports", str(tmp_path / "report"), "--rows", str(tmp_path / "rows.jsonl"))
-    assert code == 2
-    assert "has no rows" in said
-    assert not (tmp_path / "report").exists()
 
 
 def test_cache_shows_its_folder_and_is_cleared(tmp_path, monkeypatch):
@@ -635,9 +576,9 @@ def test_cache_builds_kernels_and_reports_failures(tmp_path, monkeypatch):
     assert done == 0
     assert all("ZeroDivisionError" in line for line in failures)
     monkeypatch.setattr(command, "_in_processes", lambda todo, jobs: iter([(1, []), (0, ["a on b: no"])]))
-    code, _, complaint = call("cache", "--build")
-    assert code == 1
-    assert "a on b: no" in complaint
+    complaint = call("cache", "--build")
+    assert complaint.exit_code == 1
+    assert "a on b: no" in complaint.said
 
 
 def test_json_has_null_for_what_is_not_finite(capsys):

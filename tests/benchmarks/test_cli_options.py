@@ -18,25 +18,17 @@ from typing import Annotated, NamedTuple, get_args, get_type_hints
 
 import pytest
 import typer
-from typer.testing import CliRunner
 
 from phasebench.benchmarks import conftest
 from phasebench.benchmarks.advice import ask
 from phasebench.benchmarks.cli import COMMANDS, Entry, app, application, completion, options, spellings
+from support.commands import call
+from support.heavy import HEAVY
 
 ROOT = Path(__file__).resolve().parents[2]
-HEAVY = ("sympy", "numba", "heyoka", "rebound", "scipy", "pandas", "matplotlib")
 #: Command -> commands whose examples write what its own reads.
 AFTER = {"report": ("run",), "compare": ("run", "report")}
 SPELLINGS = [(command, old, new) for command, table in spellings.OLD.items() for old, new in table.items()]
-
-
-def call(*arguments: str):
-    """(exit code, standard output, standard error); an unexpected exception is raised."""
-    result = CliRunner().invoke(app, list(arguments))
-    if result.exception is not None and not isinstance(result.exception, SystemExit):
-        raise result.exception
-    return result.exit_code, result.stdout, result.stderr
 
 
 # -- one word for one thing --------------------------------------------------------------------------------------------
@@ -302,5 +294,5 @@ def test_control_no_completion_of_an_unknown_name():
 
 
 def test_completion_can_be_installed():
-    result = CliRunner().invoke(app, ["--help"])
+    result = call("--help")
     assert {"--install-completion", "--show-completion", "--version"} <= set(re.findall(r"--[\w-]+", result.stdout))

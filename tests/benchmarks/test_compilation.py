@@ -8,14 +8,12 @@ import json
 import numba
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 import phasebench as pb
 from phasebench.benchmarks.advice.advise import advise
 from phasebench.benchmarks.advice.ask import ask
 from phasebench.benchmarks.certificate import costs, times
 from phasebench.benchmarks.certificate.subject import subject
-from phasebench.benchmarks.cli import app
 from phasebench.benchmarks.experiments.trade import front, sweep
 from phasebench.benchmarks.judge.evidence import Tables
 from phasebench.benchmarks.ladder.race import UNCOMPILED
@@ -37,6 +35,8 @@ from phasebench.benchmarks.problems.questions import down_to
 from phasebench.benchmarks.store import workers
 from phasebench.integrators import Hamiltonian, integrate
 from phasebench.integrators.stepping import kernel
+from support.commands import call
+from support.portfolios import only
 
 WHY = "'_Linked' object has no attribute '_reload_init'"
 #: Each problem gets its own constant, so that no compiled function is reused.
@@ -49,14 +49,9 @@ def fresh() -> Problem:
     return Problem("quartic", "a quartic oscillator", "", system, (Orbit("one", (1.0,), (0.0,)),))
 
 
-def of(*ids):
-    """A replacement for the portfolio of `advise`: these integrators alone."""
-    return lambda asked, accuracy: ([(integrator(id), 1.0) for id in ids], [])
-
-
 def answer(*ids):
     """The advice on a problem for which nothing is compiled yet, from these integrators alone."""
-    return advise(ask(fresh(), t_end=2.0, accuracy=1e-4), (), of(*ids))
+    return advise(ask(fresh(), t_end=2.0, accuracy=1e-4), (), only(*ids))
 
 
 @pytest.fixture
@@ -157,15 +152,15 @@ def formula() -> list[str]:
 @pytest.fixture
 def few(monkeypatch):
     """`advise` of the command and of the Python interface tries these integrators alone."""
-    monkeypatch.setattr(advise, "__defaults__", ((), of("heyoka", "stormer-verlet", "rk4")))
+    monkeypatch.setattr(advise, "__defaults__", ((), only("heyoka", "stormer-verlet", "rk4")))
 
 
 @pytest.mark.usefixtures("few")
 def test_command_begins_with_the_warning(break_compilation):
     break_compilation()
     line = ["advise", *formula(), "--t-end", "2", "--accuracy", "1e-4", "--time-limit", "3"]
-    assert CliRunner().invoke(app, line).stdout.startswith("warning: None of this project's methods")
-    told = json.loads(CliRunner().invoke(app, [*line, "--json"]).stdout)
+    assert call(*line).stdout.startswith("warning: None of this project's methods")
+    told = json.loads(call(*line, "--json").stdout)
     assert told["failed"]
     assert {f["why"] for f in told["failed"]} == {f"AttributeError: {WHY}"}
     assert not {f["integrator"] for f in told["failed"]} & {d["integrator"] for d in told["dropped"]}
@@ -183,39 +178,28 @@ def test_python_interface_warns(break_compilation):
 
 
 def test_workprecision_names_failed_methods(break_compilation):
-    line = [
-        "workprecision",
-        *formula(),
-        "--t-end",
-        "2",
-        "--method",
-        "stormer-verlet",
-        "--method",
-        "rk4",
-        "--method",
-        "heyoka",
-    ]
+    methods = ("--method", "stormer-verlet", "--method", "rk4", "--method", "heyoka")
+    line = ["workprecision", *formula(), "--t-end", "2", *methods]
     break_compilation("runge_kutta")
-    done = CliRunner().invoke(app, line)
+    done = call(*line)
     assert done.exit_code == 0
     assert done.stdout.startswith("warning: rk4 failed to compile")
-    told = json.loads(CliRunner().invoke(app, [*line, "--json"]).stdout)
+    told = json.loads(call(*line, "--json").stdout)
     assert told["failed"] == [{"integrator": "rk4", "why": f"AttributeError: {WHY}"}]
     assert {r["method"] for r in told["rows"] if r["status"] == "ok"} == {"stormer-verlet", "heyoka"}
 
 
 def test_control_workprecision_where_everything_compiles():
     line = ["workprecision", *formula(), "--t-end", "2", "--method", "stormer-verlet", "--method", "rk4", "--json"]
-    told = json.loads(CliRunner().invoke(app, line).stdout)
+    told = json.loads(call(*line).stdout)
     assert (told["failed"], told["warning"]) == ([], None)
 
 
-def test_sweep_cell_that_fails_to_compile_is_named(monkeypatch):
+def test_sweep_cell_that_fails_to_compile_has_the_error(monkeypatch):
     monkeypatch.setattr(sweep, "integrate", lambda *a, **k: numba.njit(lambda x: x.nothing)(1))
     cells = [c for c in sweep.cells(quick=True) if c.key == {"scene": "kepler-t1", "method": "rk4"}]
-    ((cell, answer),) = workers.measure(cells, workers.POOL, float("inf"))
+    ((_, answer),) = workers.measure(cells, workers.POOL, float("inf"))
     assert answer.value is None
-    assert cell.key["method"] == "rk4"
     assert "TypingError" in answer.error
 
 
@@ -230,7 +214,9 @@ def test_certificate_whose_timing_reference_fails(monkeypatch):
     found = times.timed_or_failed(chosen, row, lambda *a: None)
     assert [f["integrator"] for f in found["failed"]] == [times.REFERENCE]
     assert "TypingError" in times.failures([found])
-    assert costs.format_costs(Tables({}), [found]) == []
+    place = [{"on": row["on"], "errors": [{"error": 1e-2, "factor": 2.0}]}]
+    _, _, *lines = costs.format_costs(Tables({"place": place}), [found])
+    assert lines == ["  kepler-orbit  1e-02  2 times"], "no time"
 
 
 # -- the trade-off front ----------------------------------------------------------------------------------------------

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-import pandas as pd
 import pytest
 
 from phasebench.benchmarks.experiments.constraints import measure, page
 from phasebench.benchmarks.page.verdict import FAIL, FINDING, PASS
 from phasebench.benchmarks.problems import problem
 from phasebench.integrators.driver import integrate
+from support.pages import outcomes
 
 ROW = {"problem": measure.SPHERE, "bound": True, "constraint": 1e-16, "hidden constraint": 1e-16, "error": 1e-15}
 MANIFOLD = [
@@ -22,9 +22,9 @@ DRIFT = [{"method": "rattle", "problem": measure.SPHERE, "low": -1e-18, "high": 
 LOOSE = [{"tolerance": 1e-4, "slope": -1e-7}]
 
 
-def outcomes(manifold=MANIFOLD, drift=DRIFT, loose=LOOSE):
+def judged(manifold=MANIFOLD, drift=DRIFT, loose=LOOSE):
     tables = {measure.MANIFOLD: manifold, measure.DRIFT: drift, measure.TOLERANCE: loose}
-    return [v(lambda name: pd.DataFrame(tables[name])).outcome for v in page.PAGE.verdicts]
+    return outcomes(page.PAGE.verdicts, tables)
 
 
 @pytest.mark.parametrize(
@@ -43,7 +43,7 @@ def outcomes(manifold=MANIFOLD, drift=DRIFT, loose=LOOSE):
     ],
 )
 def test_verdicts_follow_the_rows(changed, expected):
-    assert outcomes(**changed) == expected
+    assert judged(**changed) == expected
 
 
 def test_plain_rattle_iterated_to_round_off_is_rattle():

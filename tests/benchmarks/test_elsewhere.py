@@ -10,9 +10,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from typer.testing import CliRunner
 
-from phasebench.benchmarks.cli import app
 from phasebench.benchmarks.experiments.elsewhere import bench_elsewhere, measure, page
 from phasebench.benchmarks.experiments.elsewhere.measure import OURS, THEIRS
 from phasebench.benchmarks.page.verdict import FINDING, PASS
@@ -20,6 +18,7 @@ from phasebench.benchmarks.problems import problem
 from phasebench.benchmarks.store import elsewhere
 from phasebench.integrators import InvalidInput
 from phasebench.reference.solvers.taylor import reference
+from support.commands import call
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 SUNDIALS = measure.FOLDER / "sundials-kepler.csv"
@@ -87,7 +86,7 @@ REFUSED = {
     "another version": ("elsewhere: 1", "elsewhere: 2", "format '2'.*reads format 1"),
     "no version": ("# phasebench-elsewhere: 1\n", "", "does not begin with '# phasebench-elsewhere: 1'"),
     "unknown problem": ("problem: pendulum", "problem: pendlum", "did you mean.*pendulum"),
-    "unknown parameter": ("# q0", "# set: e=0.6\n# q0", "e"),
+    "unknown parameter": ("# q0", "# set: e=0.6\n# q0", "problem 'pendulum' has no parameter 'e'"),
     "parameter without a value": ("# q0", "# set: e\n# q0", "must be like 'e=0.6"),
     "other initial data": (f"q0: {Q0}", "q0: 0.25", f"q0 is 0.25, and of pendulum.* it is {Q0}"),
     "another energy": ("energy: ", "energy: 7", "initial energy is .* there, and .* here"),
@@ -129,12 +128,11 @@ def test_a_file_that_cannot_be_compared_is_refused(read, good, why):
 
 
 def test_digits_are_asked_for_and_a_stated_energy_error_is_checked(read, good):
-    q, p = exact()
+    q, p = map(float, exact())
     head = good[: good.index("method,")]
     with pytest.raises(InvalidInput, match="has 5 digits; write all 17"):
         read(f"{head}method,h,evaluations,q1,p1\nA,0.1,20,{q:.4e},{p:.4e}\n")
-    row = f"{head}method,tol,evaluations,energy_error,q1,p1\nA,1e-3,20,{{}},{q!r},{p!r}\n".replace("np.float64", "")
-    row = row.replace("(", "").replace(")", "")
+    row = f"{head}method,tol,evaluations,energy_error,q1,p1\nA,1e-3,20,{{}},{q!r},{p!r}\n"
     assert read(row.format("1e-16")).rows[0]["energy_error"] == pytest.approx(0, abs=1e-14)
     with pytest.raises(InvalidInput, match="energy_error is 1e-09, and that of its state"):
         read(row.format("1e-9"))
@@ -248,14 +246,14 @@ def test_the_table_has_the_best_of_ours_with_no_more_evaluations(tmp_path):
     assert set(frame[page.BY]) == {"A 1, C"}
     assert list(page.table(tables(error=1e-6).get).frame["its error"]) == ["1.11e-04", "2.56e-05"]
     (picture,) = page.draw(tables().get, tmp_path)
-    assert (tmp_path / picture.file).exists() or list(tmp_path.rglob(picture.file))
+    assert (tmp_path / picture.file).stat().st_size > 2000
 
 
 # -- the command --------------------------------------------------------------------------------------------------
 
 
 def test_the_command_prints_errors_and_refuses_what_it_cannot_compare(tmp_path):
-    told = CliRunner().invoke(app, ["elsewhere", str(EXAMPLES / "elsewhere.csv"), "--method", "pefrl", "--json"])
+    told = call("elsewhere", EXAMPLES / "elsewhere.csv", "--method", "pefrl", "--json")
     assert told.exit_code == 0
     found = json.loads(told.stdout)
     assert found["phasebench-elsewhere"] == 1
@@ -265,7 +263,7 @@ def test_the_command_prints_errors_and_refuses_what_it_cannot_compare(tmp_path):
     assert {r["method"] for r in found["own"]} == {"pefrl"}
     bad = tmp_path / "bad.csv"
     bad.write_text("method,h\n")
-    assert CliRunner().invoke(app, ["elsewhere", str(bad)]).exit_code == 2
+    assert call("elsewhere", bad).exit_code == 2
 
 
 def test_the_example_is_what_its_script_writes():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import time
 
 import numpy as np
 import pandas as pd
@@ -12,6 +13,7 @@ from phasebench.benchmarks.experiments.ensembles import against, bench_ensembles
 from phasebench.benchmarks.ladder.costs import at
 from phasebench.benchmarks.page.verdict import FINDING, PASS, Count
 from phasebench.integrators.registry import method
+from support.pages import frame, judge
 
 
 def step(method="verlet", gain=4.0, spread=0.5, speed_up=1.9, **more) -> dict:
@@ -21,14 +23,9 @@ def step(method="verlet", gain=4.0, spread=0.5, speed_up=1.9, **more) -> dict:
     return row | more
 
 
-def judge(verdict, **tables):
-    """A page's verdict on fabricated tables: {name: rows}."""
-    return verdict({name: pd.DataFrame(rows) for name, rows in tables.items()}.get)
-
-
 def gain(*rows):
     """The page's verdict on the gain of SIMD lanes, from fabricated rows."""
-    return judge(page.gain, **{lanes.TABLE: rows})
+    return judge(page.gain, lanes.TABLE, *rows)
 
 
 def test_lanes_without_a_certain_gain_are_a_finding():
@@ -52,24 +49,30 @@ def test_lanes_without_a_certain_gain_are_a_finding():
 def test_speed_up_on_cores_against_the_ceiling(slowest, bare, wanted, holds):
     rows = [step(), step("b", speed_up=slowest)]
     rows += [] if bare is None else [step(lanes.CEILING, problem="", speed_up=bare, **{"in lanes": False})]
-    said = judge(page.parallel, **{lanes.TABLE: rows})
+    said = judge(page.parallel, lanes.TABLE, *rows)
     assert said.outcome == (PASS if holds else FINDING)
     assert said.expected.low == pytest.approx(wanted)
     assert (said.measured.high, said.where) == (1.9, "b, p")
-    assert judge(page.parallel, **{lanes.TABLE: [step(status="diverged")]}) is None
+    assert judge(page.parallel, lanes.TABLE, step(status="diverged")) is None
 
 
 def test_answer_has_the_gains_and_the_cheaper_orbits():
-    tables = {lanes.TABLE: [step("a", 3.0), step("b", 5.0)], against.TABLE: ladder("ours", 1.0)}
-    said = judge(page.answer, **tables)
+    tables = {lanes.TABLE: frame(step("a", 3.0), step("b", 5.0)), against.TABLE: frame(*ladder("ours", 1.0))}
+    said = page.answer(tables.get)
     n = sum(error >= 2.0**-44 for error in compare.ERRORS)
     assert re.findall(r"[\d.]*\d", said) == [str(lanes.ORBITS), "3", "5", str(n), str(n), "0"]
-    assert judge(page.answer, **{lanes.TABLE: [step()]}) is None
+    assert judge(page.answer, lanes.TABLE, step()) is None
 
 
 def test_speed_up_of_a_bare_loop_on_one_and_two_threads():
     assert ceiling.speed_up(1, 3, 20_000).value == pytest.approx(1, abs=0.7)
     assert 0.2 < ceiling.speed_up(2, 3, 200_000).value < 2.6
+
+
+def test_speed_up_counts_the_work_of_every_thread(monkeypatch):
+    """Three threads that sleep at once do three times the work of one in the same time."""
+    monkeypatch.setattr(ceiling, "compile_loop", lambda: lambda *_: time.sleep(0.05))
+    assert 2 < ceiling.speed_up(3, 3).value < 5
 
 
 def rung(side, error, us, integrator=None, spread=0.02, problem="p") -> dict:
@@ -211,7 +214,7 @@ def test_side_that_misses_the_error_has_no_name(heyoka):
 
 def beside(*rows):
     """The page's verdict on the comparison of ensembles with heyoka, from fabricated rows."""
-    return judge(page.beside_heyoka, **{against.TABLE: rows})
+    return judge(page.beside_heyoka, against.TABLE, *rows)
 
 
 def test_cheaper_side_follows_the_costs():
@@ -230,7 +233,7 @@ def test_ratio_of_costs_is_a_range():
     said = beside(*ladder("ours", 2.0, order=3), *ladder("heyoka", 1.0))
     assert said.where == "p from 0.1 (2.4 to 11 times, or not reached)"
     rows = [*ladder("ours", 1.0), *ladder("heyoka", 2.0)]
-    assert list(judge(page.full_table, **{against.TABLE: rows})["cheaper"]) == ["ours"] * len(compare.ERRORS)
+    assert list(judge(page.full_table, against.TABLE, *rows)["cheaper"]) == ["ours"] * len(compare.ERRORS)
 
 
 def test_problems_are_named_in_the_order_of_the_table():
@@ -240,7 +243,7 @@ def test_problems_are_named_in_the_order_of_the_table():
 
 def test_table_shows_the_cost_of_a_step():
     columns = dict.fromkeys(("ns scalar", "ns ensemble", "ns all cores", "speed-up, low", "speed-up, high"), 1.0)
-    shown = judge(page.table, **{lanes.TABLE: [step(f"{k:02d}", **columns) for k in range(30)]}).frame
+    shown = judge(page.table, lanes.TABLE, *(step(f"{k:02d}", **columns) for k in range(30))).frame
     assert list(shown["method"]) == [f"{k:02d}" for k in range(25)]
 
 

@@ -85,7 +85,7 @@ def test_table_without_provenance_is_refused(store_tables, tmp_path, about):
         store_tables.with_suffix(".json").unlink()
     else:
         store_tables.with_suffix(".json").write_text(about)
-    with pytest.raises(error_tables.CorruptTable, match="provenance"):
+    with pytest.raises(error_tables.CorruptTable, match="its provenance beside it cannot be read"):
         error_tables.load("t", tmp_path)
 
 
@@ -100,9 +100,12 @@ def test_crlf_line_ends_are_accepted(store_tables, tmp_path):
     pd.testing.assert_frame_equal(error_tables.load("t", tmp_path)[0], frame(), check_dtype=False)
 
 
-@pytest.mark.parametrize(("name", "origin"), [("../t", {"a": 1}), ("t", {}), ("t", {"sha256": 1})])
-def test_invalid_names_and_provenance_are_refused(tmp_path, name, origin):
-    with pytest.raises(ValueError):
+@pytest.mark.parametrize(
+    ("name", "origin", "words"),
+    [("../t", {"a": 1}, "no plain name"), ("t", {}, "needs its provenance"), ("t", {"sha256": 1}, "no key 'sha256'")],
+)
+def test_invalid_names_and_provenance_are_refused(tmp_path, name, origin, words):
+    with pytest.raises(ValueError, match=words):
         error_tables.save(name, frame(), origin, tmp_path)
 
 

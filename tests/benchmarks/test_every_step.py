@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
-from phasebench.benchmarks.cli import app
 from phasebench.benchmarks.measure import every_step
 from phasebench.benchmarks.measure.integrator import Integrator, integrator
 from phasebench.benchmarks.problems import problem
 from phasebench.integrators import InvalidInput, driver
 from phasebench.reference.peers import Peer
+from support.commands import call, integrate_json, run_json
+from support.steps import leapfrog
 
 NOTHING = {"h": None, "t_end": None, "steps": None, "q0": None, "p0": None}
 #: (problem, method, h, steps): explicit, energy-preserving, blowing up, and with a failing solver.
@@ -68,7 +67,7 @@ def test_extremes_between_saved_rows_are_seen(small):
 
 
 def test_status_uses_the_steps_between_saved_rows(small, monkeypatch):
-    """The pendulum at a large h: its energy error oscillates and is small at the saved rows."""
+    """The oscillator at a large h: its energy error oscillates and is small at the saved rows."""
     monkeypatch.setattr(every_step, "KEPT", 2)
     name, method, h, steps = RUNS[2]
     assert (
@@ -84,18 +83,11 @@ def test_status_uses_the_steps_between_saved_rows(small, monkeypatch):
 
 
 def test_user_step_is_observed_like_a_method(small):
-    from phasebench.benchmarks.measure.own_step import from_function
-
-    def step(system, q, p, h):
-        p = p - h / 2 * system.dH_dq(q, p)
-        q = q + h * system.dH_dp(q, p)
-        return q, p - h / 2 * system.dH_dq(q, p)
-
     name, method, h, steps = RUNS[0]
-    own, ours = watch_run(name, from_function(step), h, steps, every=10), watch_run(name, method, h, steps, every=10)
+    own, ours = (watch_run(name, m, h, steps, every=10) for m in (leapfrog, method))
     assert own.solution.q == pytest.approx(ours.solution.q, abs=1e-11)
     assert own.extremes.energy.worst == pytest.approx(ours.extremes.energy.worst, rel=1e-6)
-    assert own.solution.method.step is step
+    assert own.solution.method.step is leapfrog
 
 
 def test_too_many_rows_are_refused_with_a_hint():
@@ -104,9 +96,8 @@ def test_too_many_rows_are_refused_with_a_hint():
 
 
 def test_long_run_ends_at_the_time_limit():
-    arguments = ["integrate", "henon-heiles:box", "stormer-verlet", "--h", "0.001", "--steps", "10000000000"]
-    done = CliRunner().invoke(app, [*arguments, "--time-limit", "0.3", "--json"])
-    found = json.loads(done.stdout)
+    run = ("henon-heiles:box", "stormer-verlet", "--h", "0.001", "--steps", "10000000000")
+    _, found = run_json(*run, "--time-limit", "0.3")
     assert found["status"] == "timeout"
     assert found["steps"] > 1000
     assert found["t"] == pytest.approx(0.001 * found["steps"])
@@ -143,23 +134,16 @@ def runs(monkeypatch):
     return made
 
 
-def integrate_json(*arguments: str):
-    """The JSON object of ``integrate henon-heiles:box pefrl --json``."""
-    done = CliRunner().invoke(app, ["integrate", "henon-heiles:box", "pefrl", *arguments, "--json"])
-    assert done.exit_code == 0, done.output
-    return json.loads(done.stdout)
-
-
 def test_seconds_exclude_the_observation(runs):
     """A short run is repeated bare; observed, it takes three times as long here."""
-    found = integrate_json("--h", "0.1", "--steps", "50")
+    found = integrate_json("henon-heiles:box", "pefrl", "--h", "0.1", "--steps", "50")
     assert found["seconds"] == pytest.approx(0.05)
     assert runs == [("watched", 50), ("bare", 50)]
 
 
 def test_long_run_is_not_repeated(runs):
     """Short parts are repeated with and without observation; their ratio gives the time without."""
-    found = integrate_json("--h", "0.1", "--steps", "20000")
+    found = integrate_json("henon-heiles:box", "pefrl", "--h", "0.1", "--steps", "20000")
     assert found["seconds"] == pytest.approx(20.0)
     assert runs[0] == ("watched", 20000)
     again = sum(steps for _, steps in runs[1:])
@@ -171,24 +155,19 @@ def test_long_run_is_not_repeated(runs):
 def test_a_long_run_with_constraints_is_timed(method, monkeypatch):
     """Its later states may be off the constraints by more than a start may be."""
     monkeypatch.setattr(every_step, "SHORT", 0.0)
-    words = ["integrate", "spherical-pendulum", method, "--h", "0.01", "--t-end", "100", "--json"]
-    done = CliRunner().invoke(app, words)
-    assert done.exit_code == 0, done.output
-    assert json.loads(done.stdout)["seconds"] > 0
+    assert integrate_json("spherical-pendulum", method, "--h", "0.01", "--t-end", "100")["seconds"] > 0
 
 
 def test_shake_may_start_off_the_hidden_constraints():
     start = ["--q", "1,0,0", "--p", "0.1,0.75,0.25", "--h", "0.01", "--t-end", "0.1"]
-    codes = [
-        CliRunner().invoke(app, ["integrate", "spherical-pendulum", id, *start]).exit_code for id in ("shake", "rattle")
-    ]
+    codes = [call("integrate", "spherical-pendulum", id, *start).exit_code for id in ("shake", "rattle")]
     assert codes == [0, 2]
 
 
 def test_the_trajectory_is_kept_where_an_error_cannot_be_told(tmp_path):
     """A trajectory's error is told from 20 times: 21 steps are no multiple."""
     words = ["integrate", "pendulum", "pefrl", "--h", "0.1", "--steps", "21", "--quantity", "trajectory"]
-    done = CliRunner().invoke(app, [*words, "--output", str(tmp_path / "t.csv")])
+    done = call(*words, "--output", tmp_path / "t.csv")
     assert done.exit_code == 2
     assert "must be a multiple" in " ".join(done.output.split())
     assert len((tmp_path / "t.csv").read_text().splitlines()) == 23
@@ -199,9 +178,7 @@ def test_printed_error_belongs_to_the_printed_state(method):
     from phasebench.reference.certificates import stored
 
     made = problem("henon-heiles:box")
-    done = CliRunner().invoke(
-        app, ["integrate", made.label, method, "--h", "0.01", "--t-end", "10", "--error", "--json"]
-    )
-    found, end = json.loads(done.stdout), stored.end(made, 10.0)
+    _, found = run_json(made.label, method, "--h", "0.01", "--t-end", "10", "--error")
+    end = stored.end(made, 10.0)
     off = max(np.abs(np.array(found["q"]) - end.q).max(), np.abs(np.array(found["p"]) - end.p).max())
     assert found["global_error"] == off

@@ -35,11 +35,7 @@ from phasebench.benchmarks.page.verdict import FAIL, FINDING, MISSING, PASS, Cou
 from phasebench.integrators.driver import OK
 from phasebench.integrators.prepared import prepare
 from phasebench.integrators.registry import BY_ID
-
-
-def data(**tables):
-    """A function from a table's name to the table, as a page receives it."""
-    return lambda name: tables.get(name)
+from support.pages import data
 
 
 @pytest.mark.parametrize(("agrees", "outcome"), [(True, PASS), (False, FAIL)])

@@ -23,15 +23,6 @@ COUNT, MOMENTS = 12, 50
 FORK = multiprocessing.get_context("fork")
 
 
-def timeless(folder) -> dict:
-    """The tables without times, dates and digests."""
-    own = {"seconds", "spent", "date", "digest"}
-    return {
-        name: [{k: v for k, v in row.items() if k not in own} for row in tables.Table(folder, name).rows]
-        for name in toy_cells.TABLES
-    }
-
-
 def run_cells(folder, cells=None) -> run.Outcome:
     return run.execute(cells or toy_cells.cells(COUNT, seconds=0.005), folder, count=0, seed=1, quick=True)
 
@@ -69,7 +60,7 @@ def test_killed_runs_lose_no_finished_cell(tmp_path):
                 assert all(None not in row.values() for row in tables.Table(folder, name).rows)
     assert hit > MOMENTS / 3, "most of the runs had ended before they were killed"
     run_cells(folder)
-    assert timeless(folder) == timeless(whole)
+    assert toy_cells.timeless(folder) == toy_cells.timeless(whole)
     assert not (folder / "journal.jsonl").exists()
 
 
@@ -101,7 +92,7 @@ def test_full_disk_is_named_and_tables_stay(tmp_path, share):
     assert "Error(" not in text
     assert {p.name: p.read_bytes() for p in folder.glob("*.*") if p.name.startswith("toy")} == stored
     run_cells(folder, toy_cells.cells(COUNT, version=2))
-    assert timeless(folder) == timeless(whole)
+    assert toy_cells.timeless(folder) == toy_cells.timeless(whole)
 
 
 TAMPERED = {
@@ -120,15 +111,18 @@ def test_edited_table_is_measured_again(tmp_path, name, how):
     run_cells(folder)
     run_cells(whole)
     file = folder / f"{name}.csv"
-    file.write_text(TAMPERED[how](file.read_text()))
+    text = file.read_text()
+    assert TAMPERED[how](text) != text
+    file.write_text(TAMPERED[how](text))
     run_cells(folder)
-    assert timeless(folder) == timeless(whole)
+    assert toy_cells.timeless(folder) == toy_cells.timeless(whole)
 
 
 def test_report_of_an_unreadable_table_says_so(tmp_path):
     run_cells(tmp_path / "data")
     report.build(tmp_path)
     before = {p: p.read_bytes() for p in tmp_path.glob("*.md")}
+    assert tmp_path / "README.md" in before
     (tmp_path / "data" / "rows.csv").write_text("\x00")
     (tmp_path / "data" / "rows.json").write_text("{")
     with pytest.raises(InvalidInput, match=r"rows\.csv cannot be read"):

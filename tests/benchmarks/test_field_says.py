@@ -18,7 +18,9 @@ from phasebench.benchmarks.experiments.field_says import (
 )
 from phasebench.benchmarks.page.verdict import FINDING, PASS
 from phasebench.benchmarks.problems import problem
+from phasebench.integrators import Hamiltonian
 from phasebench.integrators.driver import integrate
+from support.pages import data
 
 N = np.arange(1, 1001)
 
@@ -48,17 +50,10 @@ def test_orders_with_both_kinetic_energies():
 
 
 def test_the_composition_is_that_of_this_suite():
-    system = orders_system()
+    system = Hamiltonian(q="q", p="p", H="p**2/2 + q**2/2 + q**4/4")
     for id in orders.METHODS:
         s = integrate(system, id, h=orders.SPAN / 64, steps=64, q0=[orders.START[0]], p0=[orders.START[1]])
         assert np.abs(orders.end(id, 64, True) - [s.q[-1, 0], s.p[-1, 0]]).max() < 1e-13
-
-
-def orders_system():
-    """The oscillator of `orders` with a quadratic kinetic energy."""
-    from phasebench.integrators import Hamiltonian
-
-    return Hamiltonian(q="q", p="p", H="p**2/2 + q**2/2 + q**4/4")
 
 
 def test_plain_and_compensated_sums_take_the_same_steps():
@@ -78,11 +73,6 @@ def test_errors_fall_with_evaluations_and_references_are_exact():
     assert abs(np.log(e1 / e2) / np.log(n2 / n1) - 4) < 0.2
 
 
-def of(**tables):
-    """The function from names to tables that verdicts take."""
-    return lambda name: tables.get(name)
-
-
 def growth_rows(symplectic=(0.0, 1.0), other=(1.0, 2.0)):
     lines = [("a", True, *symplectic), ("b", False, *other)]
     return pd.DataFrame(lines, columns=["called", "symplectic", "energy power", "position power"])
@@ -99,9 +89,9 @@ def growth_rows(symplectic=(0.0, 1.0), other=(1.0, 2.0)):
     ],
 )
 def test_verdicts_on_growth(verdict, good, bad):
-    assert verdict(of(field_says_growth=good)).outcome == PASS
-    assert verdict(of(field_says_growth=bad)).outcome == FINDING
-    assert verdict(of()) is None
+    assert verdict(data(field_says_growth=good)).outcome == PASS
+    assert verdict(data(field_says_growth=bad)).outcome == FINDING
+    assert verdict(data()) is None
 
 
 def cost_rows(mcate2: float, verlet: float, best: float):
@@ -117,20 +107,20 @@ def cost_rows(mcate2: float, verlet: float, best: float):
 
 def test_verdicts_on_cost():
     usual, dear = cost_rows(1.0, 3.0, 1e9), cost_rows(3.0, 1.0, 1.0)
-    assert claims.than_verlet(of(field_says_cost=usual)).outcome == PASS
-    assert claims.than_verlet(of(field_says_cost=dear)).outcome == FINDING
-    assert claims.efficient(of(field_says_cost=usual)).measured < 100
-    assert claims.efficient(of(field_says_cost=dear)).measured == 0
+    assert claims.than_verlet(data(field_says_cost=usual)).outcome == PASS
+    assert claims.than_verlet(data(field_says_cost=dear)).outcome == FINDING
+    assert claims.efficient(data(field_says_cost=usual)).measured < 100
+    assert claims.efficient(data(field_says_cost=dear)).measured == 0
     best = cost_rows(1.0, 3.0, 1e99)
-    assert [claims.efficient(of(field_says_cost=rows)).outcome for rows in (best, dear)] == [PASS, FINDING]
-    assert [claims.loose(of(field_says_cost=rows)).outcome for rows in (best, dear)] == [PASS, FINDING]
+    assert [claims.efficient(data(field_says_cost=rows)).outcome for rows in (best, dear)] == [PASS, FINDING]
+    assert [claims.loose(data(field_says_cost=rows)).outcome for rows in (best, dear)] == [PASS, FINDING]
 
 
 def test_verdicts_on_orders_energies_and_ias15():
     def of_orders(fourth, fifth):
         ids = ("mclachlan-atela-4", "mclachlan-atela-5")
         rows = [(id, T, o) for id, pair in zip(ids, (fourth, fifth), strict=True) for T, o in pair.items()]
-        return of(field_says_orders=pd.DataFrame(rows, columns=["method", "T", "order"]))
+        return data(field_says_orders=pd.DataFrame(rows, columns=["method", "T", "order"]))
 
     as_found = of_orders({orders.QUADRATIC: 4.0, orders.OTHER: 3.0}, {orders.QUADRATIC: 5.0, orders.OTHER: 3.0})
     as_said = of_orders({orders.QUADRATIC: 4.0, orders.OTHER: 3.0}, {orders.QUADRATIC: 5.0, orders.OTHER: 5.0})
@@ -148,7 +138,7 @@ def test_verdicts_on_orders_energies_and_ias15():
             for id, pair in sizes.items()
             for t, x in zip((1e2, 1e3), pair, strict=True)
         ]
-        return of(field_says_energy=pd.DataFrame(rows))
+        return data(field_says_energy=pd.DataFrame(rows))
 
     quiet, noisy = of_energy((1e-16, 1e-16), (1e-14, 2e-14)), of_energy((1e-14, 1e-13), (1e-15, 1e-12))
     assert [f(quiet).outcome for f in (claims.short, claims.later, claims.later_boson)] == [FINDING, PASS, PASS]
@@ -158,11 +148,11 @@ def test_verdicts_on_orders_energies_and_ias15():
 
     for worse, outcome in ((1, PASS), (2, FINDING)):
         rows = pd.DataFrame({"e": [0.0, 0.6, 0.9], "energy error": [1e-15] * (3 - worse) + [1e-13] * worse})
-        assert claims.machine(of(**{encounters.TABLE: rows})).outcome == outcome
+        assert claims.machine(data(**{encounters.TABLE: rows})).outcome == outcome
 
     for power, outcome in ((0.52, PASS), (0.7, FINDING)):
         row = {"integrator": "heyoka", "tolerance": np.nan, "exponent": power, "low": power - 0.1, "high": power + 0.1}
-        assert claims.taylor(of(**{claims.BROUWER: pd.DataFrame([row | {"rms": 6e-14}])})).outcome == outcome
+        assert claims.taylor(data(**{claims.BROUWER: pd.DataFrame([row | {"rms": 6e-14}])})).outcome == outcome
 
 
 def rival(id, error, time=1.0, problem=claims.PLANETS, h=1.0):
@@ -172,7 +162,7 @@ def rival(id, error, time=1.0, problem=claims.PLANETS, h=1.0):
 
 
 def of_rivals(*rows):
-    return of(**{claims.RIVALS: pd.DataFrame(rows)})
+    return data(**{claims.RIVALS: pd.DataFrame(rows)})
 
 
 def test_the_fastest_of_rebound_s_splittings_is_counted_by_error():
@@ -197,9 +187,9 @@ def test_the_best_corrector_and_kernel_are_counted():
 
 
 def test_the_answer_counts_the_statements():
-    told = page.answer(of(field_says_growth=growth_rows()))
-    assert told == "Of 5 statements 3 hold on the problems they name; 2 do not."
-    assert page.answer(of()) is None
-    shown = page.table(of(field_says_growth=growth_rows())).frame
+    told = page.answer(data(field_says_growth=growth_rows()))
+    assert told == "Of 5 statements of packages' guides 3 hold where they were tested; 2 do not."
+    assert page.answer(data()) is None
+    shown = page.table(data(field_says_growth=growth_rows())).frame
     assert len(shown) == len(claims.SAID)
     assert list(shown["outcome"][:3]) == [PASS, FINDING, FINDING]

@@ -268,9 +268,9 @@ def test_band_of_methods_that_choose_a_root():
     scene = BY_ID["kepler-t1"]
     stored = table_of(scene.id)
     row = stored.index[(stored["method"] == "scheme-iv") & (stored["global_error"] > 1e-6)][0]
-    for column, factor, violations in [("global_error", 1.3, 0), ("global_error", 1.7, 1)]:
+    for factor, violations in ((1.3, 0), (1.7, 1)):
         measured = stored.copy()
-        measured.loc[row, column] *= factor
+        measured.loc[row, "global_error"] *= factor
         assert len(bench_errors.regressions(rows_of(measured), stored, scene)) == violations
     stored.loc[row, "energy_max"] = 1e-6
     measured = stored.copy()
@@ -281,8 +281,7 @@ def test_band_of_methods_that_choose_a_root():
 def test_missing_row_and_changed_status_are_violations():
     stored = table_of(SCENE.id)
     row = stored.index[stored["status"] == "ok"][0]
-    twin = stored.iloc[row].to_dict() | {"method": stored.loc[row, "method"], "global_error": 1.0}
-    extra = pd.concat([stored, pd.DataFrame([twin])], ignore_index=True)
+    extra = pd.concat([stored, stored.loc[[row]].assign(global_error=1.0)], ignore_index=True)
     assert [d.column for d in bench_errors.regressions(rows_of(extra), stored, SCENE)] == ["row"]
     assert [d.column for d in bench_errors.regressions(rows_of(stored), extra, SCENE)] == ["row"]
     measured = stored.copy()
@@ -325,8 +324,7 @@ def test_changes_of_a_table_are_summarized():
 
 def test_new_table_keeps_unmeasured_methods():
     stored = table_of(SCENE.id)
-    rows = stored.astype(object).where(stored.notna(), None).to_dict("records")
-    some = [r | {"global_error": 7.0} for r in rows if r["method"] == "rk4"]
+    some = [r | {"global_error": 7.0} for r in rows_of(stored) if r["method"] == "rk4"]
     new = bench_errors.record(some, stored, SCENE)
     assert new["method"].tolist() == stored["method"].tolist()
     assert (new[new["method"] == "rk4"]["global_error"] == 7.0).all()

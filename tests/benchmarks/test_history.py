@@ -6,11 +6,10 @@ import subprocess
 import numpy as np
 import pandas as pd
 import pytest
-from typer.testing import CliRunner
 
-from phasebench.benchmarks.cli import app
 from phasebench.benchmarks.store import history
 from phasebench.integrators.errors import InvalidInput
+from support.commands import call
 
 METHODS = ("a", "b", "c")
 
@@ -85,6 +84,21 @@ def test_missing_and_new_rows_are_named():
     assert kinds(table().iloc[1:], table()) == {(history.NEW, "a")}
 
 
+def test_error_that_only_one_run_has_is_named():
+    after = table()
+    after.loc[0, "global_error"] = np.nan
+    assert kinds(table(), after) == {(history.GONE, "a")}
+    assert kinds(after, table()) == {(history.NEW, "a")}
+    assert not kinds(after, after)
+
+
+@pytest.mark.parametrize("column", ["global_error", "status"])
+def test_column_that_is_gone_is_a_change(column):
+    (found,) = history.changes({"t": table()}, {"t": table().drop(columns=column)})
+    assert (found.kind, found.column) == (history.GONE, column)
+    assert not history.changes({"t": table()}, {"t": table().drop(columns="reason")})
+
+
 def test_rows_match_in_any_order():
     assert not kinds(table(), table().iloc[::-1])
 
@@ -104,23 +118,25 @@ def test_command_compares_folders_files_and_commits(tmp_path, monkeypatch):
     worse = table()
     worse["global_error"] *= 2
     other = write_tables(tmp_path / "other", worse)
-    run = CliRunner()
     for before in ("HEAD", "reports", "reports/data/t.csv"):
-        found = run.invoke(app, ["compare", before, other, "--json"])
+        found = call("compare", before, other, "--json")
         assert found.exit_code == 1
         said = json.loads(found.stdout)
         assert len(said["changes"]) == len(table())
         assert {c["kind"] for c in said["changes"]} == {history.WORSE}
         assert said["changes"][0]["ratio"]["value"] == pytest.approx(2)
-    assert run.invoke(app, ["compare", "HEAD"]).exit_code == 0
-    assert "less accurate: 24" in run.invoke(app, ["compare", "HEAD", other]).stdout
+    assert call("compare", "HEAD").exit_code == 0
+    assert "less accurate: 24" in call("compare", "HEAD", other).stdout
 
 
-@pytest.mark.parametrize("name", ["none", "--output=x", "empty"])
-def test_name_without_a_run_is_invalid(name, tmp_path, monkeypatch):
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [("none", "'none' is neither a folder"), ("--output=x", "nor a commit$"), ("empty", "empty has no tables")],
+)
+def test_name_without_a_run_is_invalid(name, words, tmp_path, monkeypatch):
     (tmp_path / "empty").mkdir()
     monkeypatch.chdir(tmp_path)
-    with pytest.raises(InvalidInput, match=name):
+    with pytest.raises(InvalidInput, match=words):
         history.load(name)
 
 

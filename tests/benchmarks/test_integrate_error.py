@@ -3,31 +3,20 @@
 from __future__ import annotations
 
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
-from phasebench.benchmarks.cli import app, trajectory
+from phasebench.benchmarks.cli import trajectory
 from phasebench.benchmarks.measure import global_error
 from phasebench.benchmarks.measure.quantities import Truth
 from phasebench.benchmarks.problems import problem
 from phasebench.integrators import integrate
 from phasebench.reference.certificates import stored
+from support.commands import call, integrate_json
 
 RUN = ("henon-heiles:box", "rk4", "--h", "0.1", "--t-end", "10")
-
-
-def call(*arguments):
-    done = CliRunner().invoke(app, ["integrate", *arguments])
-    return done.exit_code, done.stdout, done.stderr
-
-
-def integrate_json(*arguments):
-    """The JSON object of ``integrate --json``, which must exit with 0."""
-    code, text, said = call(*arguments, "--json")
-    assert code == 0, said
-    return json.loads(text)
 
 
 def test_error_is_against_the_certified_state():
@@ -79,7 +68,7 @@ def test_unpredictable_orbit_has_no_error():
     assert found["global_error"] is None
     assert "cannot be followed" in found["reference"]["reason"]
     assert found["reference"]["horizon"] < 1000
-    code, text, _ = call("henon-heiles:chaotic", "rk4", "--h", "0.1", "--t-end", "1000", "--error")
+    code, text, _ = call("integrate", "henon-heiles:chaotic", "rk4", "--h", "0.1", "--t-end", "1000", "--error")
     assert code == 0
     assert "none: the orbit" in text
 
@@ -143,7 +132,7 @@ def test_failed_write_keeps_the_old_file(tmp_path, monkeypatch):
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr("os.replace", full)
-    code, _, said = call(*RUN, "--output", str(path))
+    code, _, said = call("integrate", *RUN, "--output", str(path))
     assert code == 2
     assert "No space left" in said
     assert path.read_text() == "before"
@@ -164,23 +153,16 @@ def test_failed_write_keeps_the_old_file(tmp_path, monkeypatch):
 def test_invalid_output_and_quantity_options(arguments, message, monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
     options = RUN if "--steps" not in arguments else (*RUN[:2], "--t-end", "10")
-    code, text, said = call(*options, *arguments)
+    code, text, said = call("integrate", *options, *arguments)
     assert code == 2
     assert message in text + said
     assert not list(tmp_path.iterdir())
 
 
-def test_last_row_is_kept():
-    class Rows:
-        t, q, p = np.arange(5.0), np.zeros((5, 1)), np.zeros((5, 1))
-
-    import tempfile
-    from pathlib import Path
-
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "a.csv"
-        assert trajectory.write(path, Rows, 3) == 3
-        assert [line.split(",")[0] for line in path.read_text().splitlines()] == ["t", "0.0", "3.0", "4.0"]
+def test_last_row_is_kept(tmp_path):
+    path, rows = tmp_path / "a.csv", SimpleNamespace(t=np.arange(5.0), q=np.zeros((5, 1)), p=np.zeros((5, 1)))
+    assert trajectory.write(path, rows, 3) == 3
+    assert [line.split(",")[0] for line in path.read_text().splitlines()] == ["t", "0.0", "3.0", "4.0"]
 
 
 # -- work-precision on the user's problem ----------------------------------------------------------------------------
@@ -206,8 +188,8 @@ def mine(tmp_path):
 
 def test_work_precision_of_a_user_problem(mine, tmp_path):
     figure = tmp_path / "figure.png"
-    options = ["workprecision", str(mine), "--t-end", "10", "--method", "pefrl", "--method", "heyoka"]
-    done = CliRunner().invoke(app, [*options, "--output", str(figure), "--json"])
+    options = ["workprecision", mine, "--t-end", "10", "--method", "pefrl", "--method", "heyoka"]
+    done = call(*options, "--output", figure, "--json")
     assert done.exit_code == 0, done.stderr
     rows = json.loads(done.stdout)["rows"]
     assert {r["method"] for r in rows} == {"pefrl", "heyoka"}
@@ -215,8 +197,7 @@ def test_work_precision_of_a_user_problem(mine, tmp_path):
     errors = [r["error"] for r in rows if r["method"] == "pefrl" and r["status"] == "ok"]
     assert errors[0] > 1e-2
     assert min(errors) < 1e-11
-    done = CliRunner().invoke(app, options)
-    assert "1e-09" in done.stdout
+    assert "1e-09" in call(*options).stdout
 
 
 @pytest.mark.parametrize(
@@ -230,14 +211,14 @@ def test_work_precision_of_a_user_problem(mine, tmp_path):
     ],
 )
 def test_invalid_measurement_is_refused(arguments, message):
-    done = CliRunner().invoke(app, arguments)
+    done = call(*arguments)
     assert done.exit_code == 2
     assert message in done.stderr
 
 
 def test_run_on_a_problem_writes_its_rows(mine, tmp_path):
     path = tmp_path / "rows.jsonl"
-    done = CliRunner().invoke(app, ["run", str(mine), "--t-end", "5", "--method", "pefrl", "--output", str(path)])
+    done = call("run", mine, "--t-end", "5", "--method", "pefrl", "--output", path)
     assert done.exit_code == 0, done.stderr
     rows = [json.loads(line) for line in path.read_text().splitlines()]
     assert {r["method"] for r in rows} == {"pefrl"}

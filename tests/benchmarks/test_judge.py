@@ -11,6 +11,7 @@ from phasebench.benchmarks.judge.decide import AUDIT, CERTIFICATE
 from phasebench.benchmarks.judge.evidence import Tables
 from phasebench.benchmarks.judge.requirements import ROUNDED
 from phasebench.benchmarks.judge.verdict import CONTRADICTED, HOLDS, IN_PART, UNDERSTATED, UNJUDGED, Judgement, worst
+from support.evidence import order_row, part
 
 # -- evidence ----------------------------------------------------------------------------------------------------------
 
@@ -140,15 +141,8 @@ def test_json_of_a_verdict():
 def test_stability_limit_within_the_scanned_range(limit, claimed, verdict):
     row = {"on": "oscillator", "limit": limit, "scanned": 10.0, "reason": ""}
     found = checks.stability(claimed, Tables({"stability": [row]}))
-    assert found.verdict == verdict
-    assert found.measured == limit
-    assert ("h omega = 10" in found.why) == (limit is None)
-    assert (f"the limit is {limit:.6g}" in found.why) if limit and verdict != HOLDS else True
-
-
-def order_row(on: str, value: float, separable: bool = True, terms=(1e-17,) * 8) -> dict:
-    row = {"on": on, "value": value, "low": value - 0.01, "high": value + 0.01, "separable": separable}
-    return row | {"terms": list(terms), "clean": round(value)}
+    told = "stable as far as h omega = 10" if limit is None else "" if verdict == HOLDS else f"the limit is {limit:.6g}"
+    assert (found.verdict, found.measured, found.why) == (verdict, limit, told)
 
 
 def test_order_one_has_no_coefficient_to_check():
@@ -172,8 +166,7 @@ def test_nonzero_low_order_terms_contradict_an_order():
 def test_order_needs_half_of_the_systems_of_each_kind(open_, verdict):
     rows = [order_row(f"s{k}", 2.5 if k < open_ else 2.0, separable) for separable in (True, False) for k in range(4)]
     assert checks.order(2, Tables({"order": rows})).verdict == verdict
-    one_kind = [r | {"separable": True} for r in rows[:4]] + rows[4:]
-    one_kind[4:] = [order_row(f"t{k}", 2.0, False) for k in range(4)]
+    one_kind = rows[:4] + [order_row(f"t{k}", 2.0, False) for k in range(4)]
     assert checks.order(2, Tables({"order": one_kind})).verdict == verdict
 
 
@@ -186,12 +179,6 @@ def test_worst_of_all_tolerances_counts():
     assert found.verdict == HOLDS
     assert (found.on, found.measured) == (("b",), pytest.approx(5.0))
     assert checks.tolerance(4.9, Tables({"tolerance": rows})).verdict == CONTRADICTED
-
-
-def part(value: float, slope: float = 0.0) -> dict:
-    """The fabricated row of a long run to t = 500: the size of its error and the error's slope in time +- 1e-12."""
-    return {"value": value, "slope": slope, "low": slope - 1e-12, "high": slope + 1e-12, "scale": 1.0, "steps": 2500,
-            "time": 500.0}  # fmt: skip
 
 
 def test_measured_properties_are_offered_as_claims():

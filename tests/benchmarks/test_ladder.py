@@ -16,6 +16,7 @@ from phasebench.benchmarks.ladder.final import rounds
 from phasebench.benchmarks.ladder.rung import Rung, Task
 from phasebench.benchmarks.measure.clock import LEAST, Clocks
 from phasebench.benchmarks.measure.integrator import integrator
+from phasebench.benchmarks.measure.named_quantities import quantity
 from phasebench.benchmarks.measure.quantities import END_STATE, ENERGY, Truth
 from phasebench.benchmarks.problems import problem
 from phasebench.integrators.driver import INVALID, TIMEOUT
@@ -142,3 +143,17 @@ def test_failed_run_is_a_rung_without_an_error():
     stopped = task(END_STATE).measure(integrator("gauss-8"), steps=5_000_000, timeout=0.01)
     assert (stopped.status, stopped.error) == (TIMEOUT, inf)
     assert 0.0 < stopped.seconds < 5.0
+
+
+@pytest.mark.parametrize(
+    ("id", "name", "rows"),
+    [("rebound-ias15", "average", [False]), ("rebound-ias15", "end-state", []), ("heyoka", "average", [])],
+)
+def test_time_is_of_the_run_whose_error_is_taken(id, name, rows, monkeypatch):
+    """IAS15 ends steps at rows, so that without them it would be another run; heyoka interpolates them."""
+    made, ran = problem("henon-heiles:chaotic"), []
+    monkeypatch.setattr(Task, "run", lambda self, c, size, *, bare: ran.append(bare) or SimpleNamespace(seconds=2.0))
+    monkeypatch.setattr(Clocks, "of", lambda self, c, **size: lambda: 1.0)
+    task = Task(made, 10.0, quantity(made, name))
+    assert task.seconds(integrator(id), {"tol": 1e-6}) == (2.0 if rows else 1.0)
+    assert ran == rows

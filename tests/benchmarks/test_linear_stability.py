@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from phasebench.benchmarks.measure.linear_stability import LAST, SPACING, margins, radius, stability
+from support.step_maps import of_trace
 
 
 def drift(a):
@@ -27,11 +28,6 @@ def scheme_i(lam, z):
     left = np.array([[1.0, -z * (1 - lam)], [z * lam, 1.0]])
     right = np.array([[1.0, z * lam], [-z * (1 - lam), 1.0]])
     return np.linalg.solve(left, right)
-
-
-def of_trace(trace):
-    """A symplectic map with this trace."""
-    return lambda z: np.array([[trace(z), -1.0], [1.0, 0.0]])
 
 
 def triple_jump(z):

@@ -89,7 +89,9 @@ def test_order_with_variable_steps_is_in_its_interval():
     assert not matrix.explanation(row | {"method": "gauss-4"}, "order 7.65, declared 8")
 
 
-def test_page_hides_no_contradiction(matrix_rows):
+def test_page_hides_no_contradiction(matrix_rows, monkeypatch):
+    monkeypatch.setattr(matrix, "METHODS", [BY_ID[id] for id in cells.METHODS])
+    monkeypatch.setattr(matrix, "PROBLEMS", cells.PROBLEMS)
     frame = pd.DataFrame(list(matrix_rows.values()))
     pairs = len(cells.METHODS) * len(cells.PROBLEMS)
     _, ended, complete = PAGE.judge({"matrix": frame}.get)
@@ -97,6 +99,9 @@ def test_page_hides_no_contradiction(matrix_rows):
     assert ended.measured == Count(ran, ran)
     assert 0 < ran < pairs
     assert complete.measured == Count(pairs, pairs)
+    without = PAGE.judge({"matrix": frame[frame["method"] != "rk4"]}.get)[2]
+    assert (without.measured, without.outcome) == (Count(pairs - len(cells.PROBLEMS), pairs), FAIL)
+    assert without.where.startswith("rk4 on ")
     ended_row = next(row for row in matrix_rows.values() if not row.get("reason"))
     stopped = frame.assign(
         energy_reason=["ran away" if row is ended_row else row.get("energy_reason", "") for row in matrix_rows.values()]

@@ -369,20 +369,16 @@ def test_kicks_are_merged_only_on_request():
     assert c_loop.Loop(made).run(0.1, 1000)[1].tolist() == ends[False] != ends[True]
 
 
-def test_system_without_a_kinetic_energy_has_no_loop():
-    with pytest.raises(RuntimeError, match="quadratic T"):
-        c_loop.Loop(SimpleNamespace(system=SimpleNamespace()))
+def test_c_loop_needs_a_quadratic_kinetic_energy():
+    for made in (SimpleNamespace(system=SimpleNamespace()), problem("lotka-volterra")):
+        with pytest.raises(RuntimeError, match="quadratic T"):
+            c_loop.Loop(made)
 
 
 @needs_compiler
 def test_invalid_c_raises_the_compilers_message():
     with pytest.raises(RuntimeError, match=r"failed: [^']*error"):
         c_loop.load_source("this is no C")
-
-
-def test_c_loop_needs_a_quadratic_kinetic_energy():
-    with pytest.raises(RuntimeError):
-        c_loop.Loop(problem("lotka-volterra"))
 
 
 def test_missing_c_compiler_is_reported(monkeypatch):

@@ -10,7 +10,7 @@ from phasebench.benchmarks.experiments.molecules import argon, bench_molecules, 
 from phasebench.benchmarks.experiments.molecules.argon import BEST, DEFAULTS
 from phasebench.benchmarks.page.verdict import FINDING, PASS
 from phasebench.benchmarks.store.cells import Unavailable
-from phasebench.reference.installed import is_installed
+from support.needs import need
 
 
 @pytest.fixture
@@ -23,8 +23,7 @@ def short(monkeypatch):
 
 @pytest.mark.parametrize("name", argon.ENGINES)
 def test_packages_report_the_energy_of_the_same_orbit(short, name):
-    if not is_installed(name):
-        pytest.skip(f"{name} is not installed")
+    need(name)
     (row,), (own,) = (argon.measure_rows(n, BEST)[argon.TABLE] for n in (name, ""))
     assert abs(row["mean"] / own["mean"] - 1) < 1e-7
     assert abs(row["spread"] / own["spread"] - 1) < 1e-3
@@ -32,8 +31,8 @@ def test_packages_report_the_energy_of_the_same_orbit(short, name):
 
 @pytest.mark.parametrize("name", ["", "openmm", "ase"])
 def test_a_rigid_water_keeps_its_distances_and_its_momentum(short, name):
-    if name and not is_installed(name):
-        pytest.skip(f"{name} is not installed")
+    if name:
+        need(name)
     (row,) = water.measure_rows(name, BEST)[water.TABLE]
     bound = 1e-7 if name == "openmm" else 1e-11  # it holds a water's distances in single precision
     assert max(row["distances"], row["angular momentum"], abs(row["energy drift"])) < bound

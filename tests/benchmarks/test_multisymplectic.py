@@ -1,17 +1,14 @@
-"""Box schemes: tableaus, local conservation laws that hold or converge as declared, and the page's verdicts."""
+"""Box schemes: tableaus, and local conservation laws that hold or converge as declared."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 
 import numpy as np
-import pandas as pd
 import pytest
 import sympy as sp
 
 from phasebench.benchmarks.experiments.waves import laws, spacetime, spacetime_page
-from phasebench.benchmarks.experiments.waves.bench_waves import failures
-from phasebench.benchmarks.page.verdict import FAIL, FINDING, PASS, Count
 from phasebench.benchmarks.problems import klein_gordon, nls, problem
 from phasebench.integrators import Hamiltonian, integrate
 from phasebench.integrators.compile import codegen
@@ -312,72 +309,6 @@ def test_unsolvable_step_gives_a_row():
     (row,) = spacetime.measure_rows("nls", "euler-box", spacetime.IN_TIME, 9, 1e9, 1)[spacetime.TABLE]
     assert row["status"] == "not-converged"
     assert "smaller h" in row["reason"]
-
-
-# -- the page ----------------------------------------------------------------------------------------------------------
-
-
-LADDER = [*(("time", 17, 0.1 / 2**k) for k in range(4)), *(("space", n, 0.01) for n in (17, 33, 65))]
-
-
-def table() -> pd.DataFrame:
-    """Fabricated, consistent result rows of two box schemes, one by an EQUIP method and one by AVF."""
-    rows = []
-    for id, declared, keeps, size in (("equip-box", True, "total", 1e-15), ("avf-box", False, "cell", 1e-4)):
-        for falls, cells, h in [("time", 17, 0.1 / 2**k) for k in range(4)] + [
-            ("space", n, 0.01) for n in (17, 33, 65)
-        ]:
-            row = {"equation": "nls", "id": id, "scheme": id, "falls": falls, "N": cells, "h": h, "order": 4}
-            row |= {"multisymplectic": declared, "keeps": keeps, "status": "ok", "reason": ""}
-            for law, value in (
-                (laws.TWO_FORM, size),
-                (laws.FOLLOWS, 1e-3),
-                (laws.ENERGY, 1e-16 if keeps == "cell" else h**4),
-                (laws.MOMENTUM, 1 / cells**2),
-            ):
-                row |= {law: value, f"{law}, largest term": 1.0, f"{law}, round-off": 1e-15}
-            row |= {"total energy error": 1e-14, "quadratic invariant error": 0.0, "steps without a root": 0}
-            rows.append(row)
-    return pd.DataFrame(rows)
-
-
-#: (verdict, changed cells, its outcome then)
-BOTH_WAYS = {
-    "two-form lost": (spacetime_page.two_form, {("equip-box", laws.TWO_FORM): 1e-13}, FAIL),
-    "control kept": (spacetime_page.controls, {("avf-box", laws.TWO_FORM): 1e-15}, FAIL),
-    "cell energy": (spacetime_page.energy, {("avf-box", laws.ENERGY): 1e-10}, FAIL),
-    "total energy": (spacetime_page.energy, {("equip-box", "total energy error"): 1e-9}, FAIL),
-    "energy order": (spacetime_page.energy_order, {("equip-box", laws.ENERGY): lambda f: f["h"] ** 3.8}, FINDING),
-    "energy order above": (spacetime_page.energy_order, {("equip-box", laws.ENERGY): lambda f: f["h"] ** 4.2}, FINDING),
-    "momentum": (spacetime_page.momentum, {("equip-box", laws.MOMENTUM): lambda f: f["N"] ** -1.8}, FINDING),
-    "momentum above": (spacetime_page.momentum, {("equip-box", laws.MOMENTUM): lambda f: f["N"] ** -2.2}, FINDING),
-}
-
-
-@pytest.mark.parametrize("name", BOTH_WAYS)
-def test_verdict_follows_its_rows(name):
-    verdict, changes, outcome = BOTH_WAYS[name]
-    good, bad = (verdict({spacetime.TABLE: t}.get) for t in (table(), replace_column(changes)))
-    assert (good.outcome, bad.outcome) == (PASS, outcome)
-    assert bad.measured == Count(good.measured.n - 1, good.measured.of)
-    assert bad.where == f"{next(iter(changes))[0]} (nls)"
-
-
-def replace_column(changes) -> pd.DataFrame:
-    """The fabricated table changed by {(scheme's id, column): a value or a function of the scheme's rows}."""
-    frame = table()
-    for (id, column), value in changes.items():
-        here = frame["id"] == id
-        frame.loc[here, column] = value(frame[here]) if callable(value) else value
-    return frame
-
-
-def test_bench_names_violated_laws():
-    good, bad = (t.to_dict("records") for t in (table(), replace_column({("equip-box", laws.TWO_FORM): 1e-13})))
-    assert failures(good) == []
-    assert len(failures(bad)) == 7
-    assert len(failures(replace_column({("avf-box", laws.TWO_FORM): 1e-15}).to_dict("records"))) == 7
-    assert "equip-box on nls" in failures(bad)[0]
 
 
 # -- initial data and ladders ------------------------------------------------------------------------------------------

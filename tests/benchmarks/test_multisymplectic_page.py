@@ -6,6 +6,7 @@ import pandas as pd
 import pytest
 
 from phasebench.benchmarks.experiments.waves import laws, spacetime, spacetime_page
+from phasebench.benchmarks.experiments.waves.bench_waves import failures
 from phasebench.benchmarks.page.verdict import FAIL, FINDING, MISSING, PASS, Count
 
 SIZES = [*(("time", 17, 0.1 / 2**k) for k in range(4)), *(("space", n, 0.01) for n in (17, 33, 65))]
@@ -35,10 +36,14 @@ def scheme(id: str, declared: bool, keeps: str, **changed) -> list[dict]:
     return rows
 
 
+def both(equip=None, avf=None) -> list[dict]:
+    """Fabricated rows of an EQUIP and an AVF box; changes are {column: {row number: value}}."""
+    return scheme("equip-box", True, "total", **(equip or {})) + scheme("avf-box", False, "cell", **(avf or {}))
+
+
 def judge(verdict, equip=None, avf=None):
-    """The page's verdict on fabricated rows of an EQUIP and an AVF box; changes are {column: {row number: value}}."""
-    rows = scheme("equip-box", True, "total", **(equip or {})) + scheme("avf-box", False, "cell", **(avf or {}))
-    return verdict({spacetime.TABLE: pd.DataFrame(rows)}.get)
+    """The page's verdict on fabricated rows of an EQUIP and an AVF box, changed as by `both`."""
+    return verdict({spacetime.TABLE: pd.DataFrame(both(equip, avf))}.get)
 
 
 @pytest.mark.parametrize(("units", "kept"), [(10, 1), (50, 0)])
@@ -46,13 +51,14 @@ def test_worst_run_decides_on_the_law(units, kept):
     """A local law holds if its largest residual over all runs is at most ten units of round-off."""
     found = judge(spacetime_page.two_form, {laws.TWO_FORM: {2: units * ROUND_OFF}})
     assert found.measured == Count(kept, 1)
-    assert found.outcome == (PASS if kept else FAIL)
+    assert (found.outcome, found.where) == ((PASS, "") if kept else (FAIL, "equip-box (nls)"))
 
 
 @pytest.mark.parametrize(("least", "outcome"), [(2e-12, PASS), (9e-15, FAIL)])
 def test_control_that_satisfies_the_law_once_fails(least, outcome):
     found = judge(spacetime_page.controls, avf={laws.TWO_FORM: {3: least}})
     assert (found.outcome, found.where) == (outcome, "" if outcome == PASS else "avf-box (nls)")
+    assert found.measured == Count(int(outcome == PASS), 1)
 
 
 def test_local_energy_is_judged_by_the_worst_run():
@@ -65,7 +71,30 @@ def test_local_energy_is_judged_by_the_worst_run():
 
 @pytest.mark.parametrize(("error", "outcome"), [(9e-13, PASS), (1.1e-12, FAIL)])
 def test_total_energy_is_judged_by_the_worst_run(error, outcome):
-    assert judge(spacetime_page.energy, {"total energy error": {3: error}}).outcome == outcome
+    found = judge(spacetime_page.energy, {"total energy error": {3: error}})
+    assert (found.outcome, found.where) == (outcome, "" if outcome == PASS else "equip-box (nls)")
+
+
+@pytest.mark.parametrize(("off", "good"), [(0.0, True), (-0.2, False), (0.2, False)])
+def test_orders_may_be_neither_lower_nor_higher(off, good):
+    """The residuals of energy and momentum fall with the powers 4 + off of h and 2 + off of 1/N."""
+    falling = {
+        laws.ENERGY: {k: h ** (4 + off) for k, (_, _, h) in enumerate(SIZES)},
+        laws.MOMENTUM: {k: n ** -(2 + off) for k, (_, n, _) in enumerate(SIZES)},
+    }
+    for verdict in (spacetime_page.energy_order, spacetime_page.momentum):
+        found = judge(verdict, falling)
+        assert (found.outcome, found.measured) == (PASS if good else FINDING, Count(int(good), 1))
+        assert found.where == ("" if good else "equip-box (nls)")
+
+
+def test_bench_names_violated_laws():
+    assert failures(both()) == []
+    lost = failures(both({laws.TWO_FORM: {2: 1e-13}}))
+    assert [line.partition(",")[0] for line in lost] == ["equip-box on nls"]
+    assert len(failures(both(avf={laws.TWO_FORM: dict.fromkeys(range(7), ROUND_OFF)}))) == 7
+    (failed,) = failures(both({"status": {0: "not-converged"}, "reason": {0: "a smaller h"}}))
+    assert failed.endswith("a smaller h")
 
 
 def test_steps_without_a_root_are_added_up():

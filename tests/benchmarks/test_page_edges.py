@@ -14,12 +14,7 @@ from phasebench.benchmarks.experiments.references import page as references
 from phasebench.benchmarks.experiments.structure import page as structure
 from phasebench.benchmarks.page.page import ROWS
 from phasebench.benchmarks.page.verdict import FAIL, FINDING, MISSING, PASS, Count
-
-
-def frame(*rows: dict, **same) -> pd.DataFrame:
-    """A table of rows that share the columns ``same``."""
-    return pd.DataFrame([same | row for row in rows])
-
+from support.pages import frame
 
 # -- orders ------------------------------------------------------------------------------------------------------------
 

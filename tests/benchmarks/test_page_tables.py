@@ -78,8 +78,8 @@ def test_families_are_counted_by_declared_properties():
     for family in families[:ROWS]:
         members, line = [m for m in METHODS if m.family == family], shown.loc[family.replace("_", " ")]
         assert line["methods"] == len(members)
-        for column, declared in (("symplectic", "symplectic"), ("symmetric", "symmetric")):
-            assert int(line[column]) == len([m for m in members if getattr(m, declared)])
+        for column in ("symplectic", "symmetric"):
+            assert int(line[column]) == len([m for m in members if getattr(m, column)])
         assert int(line["energy to round-off"]) == len([m for m in members if m.energy == "round-off"])
         assert line["such as"].startswith(members[0].id)
     assert len(catalogue.METHODS_PAGE.whole({}.get)) == len(METHODS)

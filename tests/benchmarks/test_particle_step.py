@@ -19,6 +19,8 @@ from phasebench.benchmarks.problems import problem
 from phasebench.integrators.compile.codegen import precision, vector
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.systems import magnetic
+from support.evidence import verdicts
+from support.steps import leapfrog
 
 BORIS = str(Path(__file__).parents[2] / "examples" / "boris.py")
 PARTICLES = ("charged-particle", "magnetic-mirror")
@@ -143,45 +145,39 @@ def test_the_battery_of_charged_particles():
 # -- certificates -----------------------------------------------------------------------------------------------------
 
 
-def verdicts(step, claims: dict) -> dict:
+def judged(step, claims: dict) -> dict:
     """{claim: verdict} from a certificate of these claims alone for a step of charged particles."""
-    found = certificate.certify(step, claims, ("magnetic",), alone=True)
-    return {j.name: j.verdict for j in found.claims}
+    return verdicts(certificate.certify(step, claims, ("magnetic",), alone=True))
 
 
 def test_boris_keeps_volume_and_is_not_symplectic():
     """PlasmaPy asks in its issue 3303: that a step keeps volume does not make it symplectic."""
-    found = verdicts(BORIS, {})
+    found = judged(BORIS, {})
     assert set(found.values()) == {HOLDS}
     assert {"order", "symmetric", "volume", "symplectic"} < set(found)
-    claimed = verdicts(BORIS, {"symplectic": True})
+    claimed = judged(BORIS, {"symplectic": True})
     assert claimed.pop("symplectic") == CONTRADICTED
     assert set(claimed.values()) == {HOLDS}
 
 
 def test_volume_that_is_lost_contradicts():
-    found = verdicts(trapezoid, {"order": 2, "volume": True})
+    found = judged(trapezoid, {"order": 2, "volume": True})
     assert found.pop("volume") == CONTRADICTED
     assert set(found.values()) == {HOLDS}
-    assert verdicts(trapezoid, {"volume": False})["volume"] == HOLDS
+    assert judged(trapezoid, {"volume": False})["volume"] == HOLDS
 
 
 def test_a_symplectic_step_is_K_symplectic_and_keeps_volume():
-    assert set(verdicts(midpoint, {"symplectic": True, "volume": True}).values()) == {HOLDS}
+    assert set(judged(midpoint, {"symplectic": True, "volume": True}).values()) == {HOLDS}
 
 
 def test_a_step_that_leaves_out_the_field_is_no_step_of_the_system():
-    assert verdicts(drift_only, {"volume": True})["consistent"] == CONTRADICTED
+    assert judged(drift_only, {"volume": True})["consistent"] == CONTRADICTED
 
 
 def test_volume_may_be_claimed_of_any_step():
-    def leapfrog(system, q, p, h):
-        p = p - h / 2 * system.dH_dq(q, p)
-        q = q + h * system.dH_dp(q, p)
-        return q, p - h / 2 * system.dH_dq(q, p)
-
     found = certificate.certify(leapfrog, {"volume": True}, ("separable",), alone=True)
-    assert {j.name: j.verdict for j in found.claims}["volume"] == HOLDS
+    assert verdicts(found)["volume"] == HOLDS
 
 
 def test_what_changes_its_velocity_in_place_is_found():
@@ -189,7 +185,7 @@ def test_what_changes_its_velocity_in_place_is_found():
         v += h * (system.E(x) + np.cross(v, system.B(x)))
         return x + h * v, v
 
-    assert verdicts(step, {})["pure"] == CONTRADICTED
+    assert judged(step, {})["pure"] == CONTRADICTED
     with pytest.raises(InvalidInput, match="must not change"):
         own_step.integrate_step(problem("magnetic-mirror"), own(step), h=0.1, steps=2)
 

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import pandas as pd
 import pytest
 
 from phasebench.benchmarks.experiments.parts import measure, page
 from phasebench.benchmarks.page.verdict import FAIL, FINDING, PASS
+from support.pages import outcomes
 
 ROW = {"problem": "kerr", "split": True, "h": 1.0, "order": 4.0, "declared": 4, "error": 1e-6}
 ACCURACY = [
@@ -21,9 +21,8 @@ ENERGY = [
 ]
 
 
-def outcomes(accuracy=ACCURACY, energy=ENERGY):
-    tables = {measure.ACCURACY: accuracy, measure.ENERGY: energy}
-    return [v(lambda name: pd.DataFrame(tables[name])).outcome for v in page.PAGE.verdicts]
+def judged(accuracy=ACCURACY, energy=ENERGY):
+    return outcomes(page.PAGE.verdicts, {measure.ACCURACY: accuracy, measure.ENERGY: energy})
 
 
 @pytest.mark.parametrize(
@@ -39,4 +38,4 @@ def outcomes(accuracy=ACCURACY, energy=ENERGY):
     ],
 )
 def test_verdicts_follow_the_rows(changed, expected):
-    assert outcomes(**changed) == expected
+    assert judged(**changed) == expected

@@ -2,25 +2,25 @@
 
 from __future__ import annotations
 
-import json
 from functools import cache
 from math import cos, degrees, pi
 
 import numpy as np
 import pandas as pd
 import pytest
-from typer.testing import CliRunner
 
 import phasebench as pb
-from phasebench.benchmarks.cli import app
 from phasebench.benchmarks.measure.conservation_claims import DEFECT, symplecticity_defect
-from phasebench.benchmarks.problems import kept, planetary, problem
+from phasebench.benchmarks.measure.named_quantities import quantity
+from phasebench.benchmarks.measure.quantities import values
+from phasebench.benchmarks.problems import gravity, kept, planetary, problem
 from phasebench.benchmarks.problems.bodies import CARTESIAN, ELEMENTS
 from phasebench.benchmarks.problems.gravity import MASSLESS
 from phasebench.benchmarks.problems.outer_solar_system import BODIES
 from phasebench.benchmarks.problems.units import Units
 from phasebench.benchmarks.problems.user import from_formula
 from phasebench.integrators import driver
+from support.commands import run_json
 
 SEED, YEARS = 26, 30.0
 G = 2.95912208286e-4
@@ -164,8 +164,6 @@ def test_order_of_rows_does_not_matter_to_wisdom_holman():
 def test_control_order_of_jacobi_coordinates_matters():
     bodies = pb.planetary_system(list(random_bodies())).bodies
     assert bodies.order() == [0, 4, 2, 1, 3, 5]
-    from phasebench.benchmarks.problems import gravity
-
     sorted_, as_given = (gravity.kepler_part([1, 1, 1], 1, order) for order in ((0, 2, 1), (0, 1, 2)))
     assert sorted_.change != as_given.change
     assert sorted(sorted_.change[1]) == sorted(as_given.change[1])
@@ -193,8 +191,8 @@ def test_invariants_hold_along_the_flow():
     system = pb.planetary_system(random_bodies())
     found = pb.integrate(system, "gauss-8", h=20.0, steps=300, save_every=100)
     for name in system.invariants:
-        values = system.invariant(name, found.q, found.p)
-        assert np.abs(values - values[0]).max() < 1e-13, name
+        along = system.invariant(name, found.q, found.p)
+        assert np.abs(along - along[0]).max() < 1e-13, name
     assert sum(name.startswith("barycentre") for name in system.invariants) == 3
 
 
@@ -213,13 +211,6 @@ def test_system_is_loaded_from_the_cache(monkeypatch):
 FILE = "examples/planets.csv"
 
 
-def run(*arguments):
-    result = CliRunner().invoke(app, [*arguments, "--json"])
-    if result.exception is not None and not isinstance(result.exception, SystemExit):
-        raise result.exception
-    return result.exit_code, json.loads(result.stdout)
-
-
 def test_example_file_has_the_registered_data():
     system = problem(FILE)
     for body in system.bodies.members:
@@ -230,12 +221,12 @@ def test_example_file_has_the_registered_data():
 
 
 def test_times_accept_units():
-    code, found = run("integrate", FILE, "wisdom-holman", "--h", "100", "--t-end", "10 yr")
+    code, found = run_json(FILE, "wisdom-holman", "--h", "100", "--t-end", "10 yr")
     assert (code, found["t"]) == (0, 3652.5)
     assert pb.integrate(FILE, "wisdom-holman", h=100.0, t_end="1e-2 kyr").t[-1] == 3652.5
     for wrong in ("10 fortnights", "abc", "nan", "1e400 yr"):
-        assert run("integrate", FILE, "wisdom-holman", "--h", "100", "--t-end", wrong)[0] == 2
-    code, found = run("integrate", "pendulum", "stormer-verlet", "--h", "0.1", "--t-end", "1 yr")
+        assert run_json(FILE, "wisdom-holman", "--h", "100", "--t-end", wrong)[0] == 2
+    code, found = run_json("pendulum", "stormer-verlet", "--h", "0.1", "--t-end", "1 yr")
     assert code == 2
     assert "no unit of time" in found["reason"]
 
@@ -251,9 +242,6 @@ def test_times_accept_units():
     ],
 )
 def test_quantities_of_a_body(name, value):
-    from phasebench.benchmarks.measure.named_quantities import quantity
-    from phasebench.benchmarks.measure.quantities import values
-
     system = problem(FILE)
     found = pb.integrate(system, "gauss-6", h=100.0, steps=20)
     x, v = found.q[-1].reshape(-1, 3), velocities(system, found.p[-1])
@@ -263,9 +251,6 @@ def test_quantities_of_a_body(name, value):
 
 
 def test_quantities_of_a_barycentric_table():
-    from phasebench.benchmarks.measure.named_quantities import quantity
-    from phasebench.benchmarks.measure.quantities import values
-
     rows, frame = table("barycentric")
     system = pb.planetary_system(rows, frame=frame)
     found = pb.integrate(system, "gauss-6", h=20.0, steps=10)

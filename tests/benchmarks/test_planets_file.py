@@ -62,7 +62,7 @@ PLACED = [
     ("heliocentric", "barycentric", ["line 3", "barycentre", "# frame: heliocentric"]),
     ("vy,vz", "vy,vy", ["line 3", "vy", "twice"]),
     (",vz", "", ["line 4", "8 cells", "7 columns"]),
-    ("name,m,x", "name,mass,x", ["line 3", "'mass'", "m"]),
+    ("name,m,x", "name,mass,x", ["line 3", "'mass'", "inc, m, name"]),
     ("name,m,x", "name,a,x", ["line 3", "both kinds"]),
     ("earth,3e-6", "earth,nan", ["line 5", "column m", "'nan'"]),
     ("earth,3e-6", "earth,", ["line 5", "column m", "empty"]),

@@ -27,9 +27,8 @@ def make_problem(name, **parameters):
     return found.at(orbit) if orbit else found
 
 
-def energy(problem, q=None, p=None):
-    q, p = (problem.q0 if q is None else q), (problem.p0 if p is None else p)
-    return float(problem.system.observe(problem.system.H, np.array([q]), np.array([p]))[0])
+def energy(problem):
+    return float(problem.system.observe(problem.system.H, np.array([problem.q0]), np.array([problem.p0]))[0])
 
 
 def at(problem, *times, **start):
@@ -267,11 +266,10 @@ def test_charged_particle_gyration_and_drift():
 
 
 def test_magnetic_mirror_obeys_the_lorentz_force():
-    """v' = v x B with B = (-x z / L^2, -y z / L^2, 1 + z^2 / L^2), free of divergence; and the start."""
+    """v' = v x B with B = (-x z / L^2, -y z / L^2, 1 + z^2 / L^2); and the start."""
     s = make_problem("magnetic-mirror").system
     (x, y, z), v = s.q, sp.Matrix(s.dq)
     B = sp.Matrix([-x * z, -y * z, 100 + z**2]) / 100
-    assert sum(sp.diff(b, c) for b, c in zip(B, s.q, strict=True)) == 0
     force = v.cross(B)
     assert vanish(s, [rate(s, a) - f for a, f in zip(v, force, strict=True)])
     assert not vanish(s, [rate(s, a) + f for a, f in zip(v, force, strict=True)])

@@ -16,6 +16,7 @@ from phasebench.benchmarks.measure.multiprecision import retraction
 from phasebench.benchmarks.problems import PROBLEMS, problem
 from phasebench.benchmarks.problems.scenes import SCENES
 from phasebench.integrators.compile.codegen import compiled, precision, value_kind, vector
+from phasebench.integrators.driver import integrate
 from phasebench.integrators.errors import InvalidInput
 from phasebench.reference.solvers import taylor
 from phasebench.reference.solvers.gauss import share_subexpressions
@@ -201,8 +202,6 @@ def test_literature_values():
 
 
 def test_kepler_period_is_two_pi():
-    from phasebench.integrators.driver import integrate
-
     made = problem("kepler", e=0.3)
     s = integrate(made, "scheme-iii-suzuki-6", t_end=2 * np.pi, steps=400)
     assert np.abs([*(s.q[-1] - made.q0), *(s.p[-1] - made.p0)]).max() < 1e-11

@@ -110,15 +110,15 @@ def test_section_ignores_motion_along_the_orbit():
     at = values(made, section, early)
     assert distance(section, at, values(made, section, late)) < 1e-13
     assert distance(state, values(made, state, early), values(made, state, late)) > 1e-5
-    across = rows(early.t, early.q * [[1, 1], [1, 1.001]][1], early.p)
+    across = rows(early.t, early.q * [1, 1.001], early.p)
     assert distance(section, at, values(made, section, across)) > 1e-7
 
 
-@pytest.mark.parametrize(("label", "t"), [("kepler", 200 * pi), ("henon-heiles:box", 1000.0), ("duffing", 200.0)])
+@pytest.mark.parametrize(("label", "t"), [("kepler", None), ("henon-heiles:box", 1000.0), ("duffing", 200.0)])
 def test_uncertainty_of_a_long_double_reference(label, t, monkeypatch):
     """The stated uncertainty bounds the distance from the certified state, which has some thirty digits."""
     made = problem(label)
-    t = t if label != "kepler" else made.start.times[-1]
+    t = t or made.start.times[-1]
     state = quantity(made, "end-state")
     certified = truths.truth(made, state, t)
     monkeypatch.setattr(truths, "_certified_end", lambda problem, t_end: None)
@@ -143,7 +143,7 @@ def test_average_and_exponent_within_their_uncertainty():
         wanted = quantity(made, name)
         true = truths.truth(made, wanted, t)
         run = integrator("pefrl").run(made, t_end=t, **wanted.grid(steps=wanted.steps(20_000)))
-        assert least < true.uncertainty
+        assert least < true.uncertainty < 0.5 * np.abs(true.values).max()
         assert error(made, wanted, run, true) < 2 * true.uncertainty
 
 

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-import pandas as pd
 import pytest
 
 from phasebench.benchmarks.experiments.rigid import measure, page
 from phasebench.benchmarks.measure.orders import successive
 from phasebench.benchmarks.page.verdict import FAIL, FINDING, PASS
+from support.pages import outcomes
 
 ROW = {"bodies": True, "orthogonality": 1e-16, "momentum": 1e-16, "h": 0.1, "order": 2.0, "declared": 2}
 ATTITUDE = [
@@ -23,9 +23,9 @@ ENERGY = [
 ]
 
 
-def outcomes(attitude=ATTITUDE, symmetry=SYMMETRY, energy=ENERGY):
+def judged(attitude=ATTITUDE, symmetry=SYMMETRY, energy=ENERGY):
     tables = {measure.ATTITUDE: attitude, measure.SYMMETRY: symmetry, measure.ENERGY: energy}
-    return [v(lambda name: pd.DataFrame(tables[name])).outcome for v in page.PAGE.verdicts]
+    return outcomes(page.PAGE.verdicts, tables)
 
 
 @pytest.mark.parametrize(
@@ -40,7 +40,7 @@ def outcomes(attitude=ATTITUDE, symmetry=SYMMETRY, energy=ENERGY):
     ],
 )
 def test_verdicts_follow_the_rows(changed, expected):
-    assert outcomes(**changed) == expected
+    assert judged(**changed) == expected
 
 
 def test_an_angle_is_that_of_the_turn_between_attitudes():

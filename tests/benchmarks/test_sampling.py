@@ -17,6 +17,7 @@ from phasebench.benchmarks.experiments.sampling import (
     limits,
     page,
 )
+from phasebench.benchmarks.page.page import ROWS
 from phasebench.benchmarks.page.verdict import FAIL, FINDING, PASS, Count
 from phasebench.integrators.coefficients import sampling as tables
 from phasebench.integrators.coefficients.order_conditions import classical_order
@@ -39,11 +40,6 @@ def test_evaluations_per_step_are_those_of_the_method(id):
     q, p = acceptance.draws("quartic", 1)
     found = acceptance.integrate_ensemble(acceptance.system("quartic"), id, q, p, h=0.001, steps=100)
     assert found.counts["gradient"] // 100 == acceptance.EVALUATIONS[id]
-
-
-def test_limits_are_rounded_to_the_printed_digits():
-    assert limits.agrees(5.3537, "5.35")
-    assert not limits.agrees(4.6618, "4.67")
 
 
 # -- acceptance --------------------------------------------------------------------------------------------------------
@@ -237,10 +233,10 @@ def test_pages_draw_and_list_their_rows(tmp_path):
     rows, stable = accepted(), pd.DataFrame([limits.measure_rows("chin-4a")[limits.TABLE][0]])
     times = rows.assign(**{"ns an accepted proposal": 1.0})
     untimed = page.table({acceptance.TABLE: rows, limits.TABLE: stable}.get).frame
-    assert 0 < len(untimed) <= 25
+    assert 0 < len(untimed) <= ROWS
     assert "ns an accepted proposal" not in untimed
     data = {acceptance.TABLE: rows, limits.TABLE: stable, cost.TABLE: times, hessian_free.CHAOTIC: energies()}.get
     for made in (page.PAGE, hessian_page.PAGE):
         (picture,) = made.figures(data, tmp_path)
         assert (tmp_path / picture.file).exists()
-        assert 0 < len(made.table(data).frame) <= 25
+        assert 0 < len(made.table(data).frame) <= ROWS

@@ -9,16 +9,12 @@ import pytest
 
 from phasebench.benchmarks.experiments.speed import bench_speed, page, speed
 from phasebench.benchmarks.page.verdict import FAIL, FINDING, PASS, Count
+from support.pages import judge
 
 
 def ratio(median: float, wanted: float | None = 1.4, spread: float = 0.05, name: str = "Verlet / C loop") -> dict:
     """The fabricated row of a ratio of times per step, median +- spread, with the largest value ``wanted`` of it."""
     return {"ratio": name, "median": median, page.LOW: median - spread, page.HIGH: median + spread, page.WANTED: wanted}
-
-
-def judge(verdict, table: str, *rows: dict):
-    """The page's verdict on a fabricated table with these rows."""
-    return verdict({table: pd.DataFrame(rows)}.get)
 
 
 @pytest.mark.parametrize(

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import pytest
-from typer.testing import CliRunner
 
 import phasebench as pb
-from phasebench.benchmarks.cli import app
 from phasebench.integrators import outcome, statuses
+from support.commands import call
 
 WORDS = {value for name, value in vars(statuses).items() if name.isupper() and isinstance(value, str)}
 
@@ -19,7 +18,7 @@ def test_every_status_has_a_meaning_and_a_remedy():
 
 
 def test_help_prints_all_statuses():
-    text = " ".join(CliRunner().invoke(app, ["integrate", "--help"], env={"COLUMNS": "200"}).output.split())
+    text = " ".join(call("integrate", "--help", COLUMNS="200").output.split())
     assert all(f"{name}: {status.meaning}" in text for name, status in pb.STATUSES.items())
 
 

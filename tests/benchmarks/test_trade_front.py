@@ -24,6 +24,7 @@ from phasebench.benchmarks.measure.quantities import Truth
 from phasebench.benchmarks.measure.timing import OURS, PEERS
 from phasebench.benchmarks.problems import problem
 from phasebench.benchmarks.problems.questions import QUESTIONS, down_to
+from phasebench.reference.peers import BY_ID as REGISTERED
 
 
 class Law:
@@ -142,7 +143,6 @@ class Loose(Law):
     def __init__(self, label: str, loosest: float):
         super().__init__(label, 1, 1e-8, side=PEERS)
         self.adaptive, self.loosest = True, loosest
-        self.record = SimpleNamespace(least=1e-16)
 
     def run(self, problem, t_end, tol, save_every, **more):
         """A run whose error is its tolerance."""
@@ -409,7 +409,7 @@ def test_batch_integrators_do_not_compete():
     labels = {c.label for c in field.competitors()}
     assert not labels & set(field.LEFT_OUT)
     assert "heyoka-batch" in field.LEFT_OUT
-    assert len(labels) == len(field.competitors())
+    assert field.LEFT_OUT.keys() <= REGISTERED.keys(), "the control: they are the names of peers"
 
 
 def test_every_fast_mode_of_a_peer_competes():
@@ -426,7 +426,7 @@ def test_every_fast_mode_of_a_peer_competes():
 def test_excluded_competitors_have_a_reason():
     can, cannot = field.able(problem("lotka-volterra:4-2"))
     assert "heyoka" in {c.label for c in can}
-    assert "quadratic" in cannot["rebound-whfast"] or "REBOUND" in cannot["rebound-whfast"]
+    assert cannot["rebound-whfast"].startswith("REBOUND integrates H = ")
 
 
 def test_selection_for_many_degrees_of_freedom():

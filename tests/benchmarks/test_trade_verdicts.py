@@ -19,6 +19,7 @@ from phasebench.benchmarks.experiments.trade import (
     peer_rows,
     retime,
     scene_page,
+    settled,
     sweep,
 )
 from phasebench.benchmarks.ladder import race
@@ -28,6 +29,7 @@ from phasebench.benchmarks.page.page import ROWS
 from phasebench.benchmarks.page.verdict import FAIL, FINDING, MISSING, PASS, Count, Range
 from phasebench.benchmarks.problems.questions import BY_ID, QUESTIONS
 from phasebench.integrators.driver import Solution
+from support.pages import judge
 
 SCENE = "kepler-orbit"
 SIDES = (OURS, PEERS)
@@ -47,11 +49,6 @@ def row(accuracy: float = 1e-3, ratio=(0.5, 0.4, 0.6), ours="gauss-5", peer="hey
     if ours and peer:
         about |= dict(zip(("ratio", "ratio low", "ratio high"), ratio, strict=True))
     return about | more
-
-
-def judge(verdict, *rows: dict):
-    """The page's verdict on fabricated rows of fastest integrators."""
-    return verdict({front.CHOICES: pd.DataFrame(rows)}.get)
 
 
 LOSS, TIE = (2.0, 1.6, 2.5), (0.96, 0.9, 0.99)
@@ -77,31 +74,10 @@ def test_cheaper_side(name):
     assert choice.counts(found) == tuple(int(expected == x) for x in (OURS, PEERS, TIED, NONE))
     outcome = {OURS: PASS, PEERS: FINDING}.get(expected, MISSING)
     for verdict in (page.wins, scene_page._wins(BY_ID[SCENE])):
-        said = judge(verdict, given)
+        said = judge(verdict, front.CHOICES, given)
         assert said.outcome == outcome
         assert said.measured == Count(int(expected == OURS), int(expected in (OURS, PEERS)))
         assert bool(said.where) == (expected == PEERS)
-
-
-def final_of(**intervals) -> pd.DataFrame:
-    """Fabricated final timings at one accuracy: integrator=(low, high), the interval of its median, here ``low``."""
-    rows = [{"integrator": k, "seconds": low, "low": low, "high": high} for k, (low, high) in intervals.items()]
-    return pd.DataFrame(rows).assign(scene=SCENE, accuracy=1e-3)
-
-
-@pytest.mark.parametrize(
-    ("second", "found"),
-    [
-        ({"c": (9.0, 9.9), "a": (1.0, 1.1), "b": (1.1, 1.2)}, (1, 1, 0)),
-        ({"c": (9.0, 9.9), "a": (1.2, 1.3), "b": (1.1, 1.2)}, (1, 0, 1)),
-        ({"c": (0.5, 0.6), "a": (1.2, 1.3), "b": (1.1, 1.2)}, (1, 0, 0)),
-    ],
-    ids=["same", "tied", "apart"],
-)
-def test_counts_of_repeated_winners_and_ties(second, found):
-    first = final_of(c=(9.0, 9.9), a=(1.0, 1.1), b=(1.15, 1.2))
-    assert choice.agreement(first, final_of(**second))[:3] == found
-    assert choice.agreement(first.assign(scene="other"), final_of(**second))[:3] == (0, 0, 0)
 
 
 def test_no_rows_no_verdict():
@@ -110,30 +86,16 @@ def test_no_rows_no_verdict():
     other = {front.CHOICES: pd.DataFrame([row(scene="toda")])}.get
     made = scene_page.page_of(BY_ID[SCENE])
     assert all(v(other) is None for v in (*made.verdicts, made.answer))
-    assert judge(page.farthest, row(ratio=TIE), row(peer=None)) is None
+    assert judge(page.farthest, front.CHOICES, row(ratio=TIE), row(peer=None)) is None
 
 
 def test_half_of_the_decided_cases_must_be_won():
     rows = [row(1e-3), row(1e-6, LOSS), row(1e-9, TIE), row(1e-12, ours=None, peer=None)]
-    said = judge(page.wins, *rows)
+    said = judge(page.wins, front.CHOICES, *rows)
     assert (said.outcome, said.measured) == (PASS, Count(1, 2))
-    worse = judge(page.wins, *rows, row(1e-4, LOSS))
+    worse = judge(page.wins, front.CHOICES, *rows, row(1e-4, LOSS))
     assert (worse.outcome, worse.measured) == (FINDING, Count(1, 3))
     assert worse.where == f"{SCENE} to 1e-06 and {SCENE} to 0.0001"
-
-
-@pytest.mark.parametrize(("same", "outcome"), [(19, PASS), (18, FAIL)])
-def test_two_sweeps_must_agree_in_19_of_20_cases(same, outcome):
-    names = [("a", "a")] * same + [("a", "b")] * (20 - same)
-    one, two = (
-        pd.concat(
-            [final_of(**{n[k]: (1.0 + 9 * k, 1.1 + 9 * k)}).assign(accuracy=10.0**-i) for i, n in enumerate(names)]
-        )
-        for k in (0, 1)
-    )
-    said = page.twice({front.FINALS: one, again.TABLE: two}.get)
-    assert (said.outcome, said.measured) == (outcome, Count(same, 20))
-    assert ("to 1e-18 (a, then b)" in said.where) == (same == 18)
 
 
 @pytest.mark.parametrize(("outside", "outcome"), [(0, PASS), (40, FAIL)])
@@ -172,9 +134,9 @@ def test_too_uncertain_reference_is_a_finding():
     reference, question = scene_page._reference(BY_ID[SCENE]), BY_ID[SCENE]
     whole = [row(a) for a in question.accuracies]
     n = len(whole)
-    assert judge(reference, *whole).measured == Count(n, n)
-    assert judge(reference, *whole).outcome == PASS
-    less = judge(reference, *whole[:-2])
+    assert judge(reference, front.CHOICES, *whole).measured == Count(n, n)
+    assert judge(reference, front.CHOICES, *whole).outcome == PASS
+    less = judge(reference, front.CHOICES, *whole[:-2])
     assert (less.outcome, less.measured) == (FINDING, Count(n - 2, n))
     assert "1.0e-15" in less.where
 
@@ -216,16 +178,16 @@ def test_page_of_a_scene_is_linked_from_the_trade_page():
 def test_largest_difference_between_the_sides():
     near, far = row(), row(1e-6, (0.25, 0.2, 0.3), "gauss-4")
     lost = row(1e-9, LOSS, "gauss-8")
-    said = judge(page.farthest, near, far, lost)
+    said = judge(page.farthest, front.CHOICES, near, far, lost)
     assert (said.outcome, said.measured) == (PASS, Range(0.25, 2.0))
     assert said.where == f"{SCENE} to 1e-09: gauss-8 and heyoka"
-    assert judge(page.farthest, near, row(1e-9, (2.1, 1.6, 2.5))).outcome == FINDING
+    assert judge(page.farthest, front.CHOICES, near, row(1e-9, (2.1, 1.6, 2.5))).outcome == FINDING
 
 
 def test_preserved_energy_does_not_count_as_a_lead():
     kept, other = ({"quantity": "energy", "ratio": (0.01, 0.01, 0.01), "ours": id} for id in ("avf", "gauss-4"))
-    assert judge(page.farthest, row(), row(1e-6, **other)).measured == Range(0.01, 0.5)
-    assert judge(page.farthest, row(), row(1e-6, **kept)).measured == Range(0.5, 0.5)
+    assert judge(page.farthest, front.CHOICES, row(), row(1e-6, **other)).measured == Range(0.01, 0.5)
+    assert judge(page.farthest, front.CHOICES, row(), row(1e-6, **kept)).measured == Range(0.5, 0.5)
 
 
 def test_table_has_a_scene_of_every_problem():
@@ -249,30 +211,66 @@ def finals(*members, scene=SCENE, accuracy=1e-3) -> list[dict]:
     return [{"scene": scene, "accuracy": accuracy} | dict(zip(names, m, strict=True)) for m in members]
 
 
-A, B, MEETS = ("a", 1.0, 0.9, 1.1), ("b", 2.0, 1.9, 2.1), ("b", 1.05, 1.0, 1.2)
+A = ("a", 1.0, 0.9, 1.1)
+
+
+def tables(cases: dict[tuple, dict[str, tuple[float, float]]], again_names: dict) -> dict[str, pd.DataFrame]:
+    """The tables of joined sweeps and of a sweep made again.
+
+    ``cases``: (scene, accuracy) -> integrator -> its seconds in the first and in the second sweep; a peer that takes
+    ten times as long is added.  ``again_names``: (scene, accuracy) -> the fastest integrator of the sweep made again.
+    """
+    finals, times = [], []
+    for (scene, accuracy), members in cases.items():
+        for name, seconds in (members | {"peer": (10.0, 10.0)}).items():
+            key = {"scene": scene, "accuracy": accuracy, "side": PEERS if name == "peer" else OURS, "integrator": name}
+            finals.append(key | {"seconds": seconds[0]})
+            times.append(key | {"seconds": seconds[1], "sweep": 2})
+    second = [
+        {"scene": scene, "accuracy": accuracy, "integrator": name, "seconds": seconds}
+        for (scene, accuracy), first in again_names.items()
+        for name, seconds in ((first, 1.0), ("slow", 9.0))
+    ]
+    return {front.FINALS: pd.DataFrame(finals), settled.TIMES: pd.DataFrame(times), again.TABLE: pd.DataFrame(second)}
+
+
+CASE = (SCENE, 1e-3)
 
 
 @pytest.mark.parametrize(
-    ("first", "second", "expected"),
+    ("members", "then", "expected"),
     [
-        ([A, B], [A, B], (1, 1, 0)),
-        ([A, MEETS], [("b", 0.9, 0.8, 1.0), A], (1, 0, 1)),
-        ([A, B], [("b", 0.9, 0.8, 0.85), A], (1, 0, 0)),
-        ([A, B], [("b", 0.9, 0.8, 1.0)], (1, 0, 0)),
+        ({"a": (1.0, 1.0), "b": (2.0, 2.0)}, "a", (1, 1, 0)),
+        ({"a": (1.0, 1.0), "b": (2.0, 2.0)}, "b", (1, 0, 0)),
+        ({"a": (1.0, 1.0), "b": (1.04, 1.04)}, "b", (1, 0, 1)),
+        ({"a": (1.0, 1.0), "b": (1.06, 1.06)}, "b", (1, 0, 0)),
+        ({"a": (1.0, 1.0), "b": (1.3, 0.95)}, "b", (1, 0, 1)),
+        ({"a": (1.0, 1.4), "b": (1.1, 1.1)}, "b", (1, 1, 0)),
+        ({"a": (1.0, 1.0)}, "b", (1, 0, 0)),
     ],
+    ids=["same", "apart", "within the factor", "just beyond it", "scattered", "joined winner", "no finalist"],
 )
-def test_sweeps_agree_on_the_winner_or_a_tie(first, second, expected):
-    tables = pd.DataFrame(finals(*first)), pd.DataFrame(finals(*second))
-    assert choice.agreement(*tables)[:3] == expected
-    said = page.twice({front.FINALS: tables[0], again.TABLE: tables[1]}.get)
+def test_sweeps_agree_on_the_winner_or_a_tie(members, then, expected):
+    made = tables({CASE: members}, {CASE: then})
+    assert settled.agreement(made[front.FINALS], made[settled.TIMES], made[again.TABLE])[:3] == expected
+    said = page.twice(made.get)
     agreed = expected[1] + expected[2]
     assert (said.outcome, said.measured) == (PASS if agreed else FAIL, Count(agreed, 1))
     assert said.where == ("" if agreed else "kepler-orbit to 0.001 (a, then b)")
 
 
+@pytest.mark.parametrize(("same", "outcome"), [(19, PASS), (18, FAIL)])
+def test_two_sweeps_must_agree_in_19_of_20_cases(same, outcome):
+    cases = [(SCENE, 10.0**-i) for i in range(20)]
+    winners = dict(zip(cases, "a" * same + "b" * (20 - same), strict=True))
+    said = page.twice(tables({case: {"a": (1.0, 1.0), "b": (2.0, 2.0)} for case in cases}, winners).get)
+    assert (said.outcome, said.measured) == (outcome, Count(same, 20))
+    assert ("to 1e-18 (a, then b)" in said.where) == (same == 18)
+
+
 def test_single_measurement_is_no_pair():
-    other = pd.DataFrame(finals(A, scene="toda"))
-    assert choice.agreement(pd.DataFrame(finals(A)), other) == (0, 0, 0, ())
+    made = tables({CASE: {"a": (1.0, 1.0)}}, {("toda", 1e-3): "a"})
+    assert settled.agreement(made[front.FINALS], made[settled.TIMES], made[again.TABLE]) == (0, 0, 0, ())
 
 
 def test_repeated_scenes_are_cells():
@@ -302,7 +300,7 @@ def test_repeated_sweep_is_independent(monkeypatch):
 
 def test_missed_accuracy_fails_the_bench():
     good = {"accuracy": 1e-3, "error": 1e-4, "low": 1.0, "seconds": 1.1, "high": 1.2}
-    assert bench_front.bench_front(lambda table: [good]) is None
+    bench_front.bench_front(lambda table: [good])
     for bad in ({"error": 2e-3}, {"seconds": 2.0}, {"low": 0.0}):
         with pytest.raises(AssertionError):
             bench_front.bench_front(lambda table, bad=bad: [good | bad])
@@ -311,20 +309,22 @@ def test_missed_accuracy_fails_the_bench():
 # -- figures -----------------------------------------------------------------------------------------------------------
 
 
-def test_figures_have_at_most_nine_curves(tmp_path):
+def test_figures_have_at_most_nine_curves(tmp_path, monkeypatch):
+    drawn, save = [], figures.style.save
+    monkeypatch.setattr(figures.style, "save", lambda figure, *where: drawn.append(figure) or save(figure, *where))
     names = [f"m{k}" for k in range(12)]
     rows = [
         {"scene": SCENE, "accuracy": 10.0**-k, "side": side, "integrator": n, "seconds": 1 + abs(k - i)}
         for (k, side) in product(range(1, 13), (OURS, PEERS))
         for i, n in enumerate(names)
     ]
-    assert len(choice.integrators_to_draw(pd.DataFrame(rows), OURS, 5)) == 5
     rungs = pd.DataFrame(
         {"scene": SCENE, "integrator": n, "error": 10.0**-k, "seconds": k, "steps": k}
         for n in names
         for k in range(1, 9)
     )
     picture = figures.work_precision(BY_ID[SCENE], pd.DataFrame(rows), rungs, tmp_path)
+    assert [len(axes.lines) for axes in drawn[0].axes] == [9 + 1, 9], "beside the times, the front of all"
     assert (tmp_path / picture.file).stat().st_size > 5000
     every = choice.choices(pd.DataFrame([row(0.1), row(1e-2, LOSS), row(1e-3, peer=None)]))
     assert (tmp_path / figures.ratios(every, tmp_path).file).stat().st_size > 3000

@@ -6,13 +6,12 @@ import json
 from dataclasses import replace
 
 import mpmath
-import pandas as pd
 import pytest
-from typer.testing import CliRunner
 
-from phasebench.benchmarks.cli import app
 from phasebench.benchmarks.experiments.catalogue import transcribed, transcribed_page
 from phasebench.benchmarks.page.verdict import FAIL, FINDING, PASS
+from support.commands import call
+from support.pages import outcomes
 
 TABLES = transcribed.read()
 
@@ -91,11 +90,6 @@ ROW = {
 NAMED = ROW | {"name": "two", "stated order": "", "named order": "4"}
 
 
-def outcomes(*rows):
-    data = {transcribed_page.TABLE: pd.DataFrame(rows)}
-    return [verdict(data.get).outcome for verdict in transcribed_page.PAGE.verdicts]
-
-
 @pytest.mark.parametrize(
     ("changed", "outcome"),
     [
@@ -106,11 +100,12 @@ def outcomes(*rows):
     ],
 )
 def test_verdicts_follow_the_rows(changed, outcome):
-    assert outcomes(ROW | changed, NAMED | changed) == outcome
+    rows = [ROW | changed, NAMED | changed]
+    assert outcomes(transcribed_page.PAGE.verdicts, {transcribed_page.TABLE: rows}) == outcome
 
 
 def test_command_checks_the_tables_of_a_package():
-    done = CliRunner().invoke(app, ["audit", "--tables", "--package", "blackjax", "--json"])
+    done = call("audit", "--tables", "--package", "blackjax", "--json")
     assert done.exit_code == 0
     assert {r["order"] for r in json.loads(done.stdout)} == {"2", "4"}
-    assert CliRunner().invoke(app, ["audit", "--tables", "--package", "nothing"]).exit_code == 2
+    assert call("audit", "--tables", "--package", "nothing").exit_code == 2

@@ -11,14 +11,11 @@ import pytest
 
 from phasebench.benchmarks.certificate.certificate import certify
 from phasebench.benchmarks.judge import judge
+from support.evidence import verdicts
 from support.steps import leapfrog
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 SEPARABLE = ("separable",)
-
-
-def verdicts(found) -> dict[str, str]:
-    return {j.name: j.verdict for j in found.claims}
 
 
 # -- the examples --------------------------------------------------------------------------------------------------
@@ -198,7 +195,7 @@ def certificate_of(name):
 def judgement(name, claims):
     """({claim: verdict}, overall verdict) for these claims on the measurements of a correct step."""
     found = judge.judgements(claims, certificate_of(name).tables)
-    return {j.name: j.verdict for j in found}, judge.verdict(found, claims)
+    return {j.name: j.verdict for j in found}, judge.verdict(found)
 
 
 @pytest.mark.parametrize("name", RIGHT)

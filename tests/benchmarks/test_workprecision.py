@@ -5,21 +5,14 @@ from __future__ import annotations
 import json
 
 import pytest
-from typer.testing import CliRunner
 
 import phasebench as pb
 from phasebench.benchmarks import style
-from phasebench.benchmarks.cli import app
 from phasebench.benchmarks.workprecision import CURVES, WorkPrecision, improving
+from support.commands import call
+from support.steps import leapfrog
 
 PENDULUM = pb.Hamiltonian(q="q", p="p", H="p**2/2 - cos(q)")
-
-
-def leapfrog(system, q, p, h):
-    """One step of Stormer-Verlet: half a kick, a drift, half a kick."""
-    p = p - h / 2 * system.dH_dq(q, p)
-    q = q + h * system.dH_dp(q, p)
-    return q, p - h / 2 * system.dH_dq(q, p)
 
 
 @pytest.fixture(scope="module")
@@ -88,11 +81,11 @@ def test_methods_by_repeated_or_old_option(tmp_path):
     figure = tmp_path / "a.svg"
     new = ["workprecision", "pendulum", "--t-end", "2", "--method", "pefrl", "--method", "scipy-dop853", "--json"]
     old = ["workprecision", "pendulum", "--t-end", "2", "--methods", "pefrl,scipy-dop853", "--json"]
-    done = [CliRunner().invoke(app, line) for line in ([*new, "--output", str(figure)], old)]
+    done = [call(*line) for line in ([*new, "--output", figure], old)]
     assert [d.exit_code for d in done] == [0, 0]
     names = [{r["method"] for r in json.loads(d.stdout)["rows"]} for d in done]
     assert names == [{"pefrl", "scipy-dop853"}] * 2
-    assert "--method" in done[1].stderr
+    assert "--methods is now --method" in done[1].stderr
     assert "--method" not in done[0].stderr
     assert figure.exists()
 

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from packaging.requirements import Requirement
+from packaging.version import Version
 
 from phasebench.benchmarks.measure.battery import as_problem
 from phasebench.benchmarks.problems import problem
@@ -23,8 +23,8 @@ PROBLEMS = [problem(name) for name in ("henon-heiles:box", "perturbed-kepler", "
 PROBLEMS += [as_problem(name) for name in ("on-sphere", "asymmetric-top", "many-parts")]
 #: The first method of each family.
 FIRST = {m.family: m for m in reversed(METHODS)}
-#: Bound on the error of any method over so short a span.
-H, STEPS, ERROR = 0.01, 10, 0.02
+#: Bound on the error of any method over so short a span, as a share of the way that q, or p, goes.
+H, STEPS, ERROR = 0.01, 10, 0.2
 
 
 @pytest.mark.lowest
@@ -34,8 +34,9 @@ def test_a_method_of_every_family_compiles_and_runs(family):
     solution = integrate(made, FIRST[family], h=H, steps=STEPS, t_end=H * STEPS)
     assert solution.status == "ok"
     exact = integrate(made, "dop853", h=H / 10, steps=10 * STEPS, t_end=H * STEPS)
-    assert np.abs(solution.q[-1] - np.array(made.q0)).max() > 0
-    assert np.abs(solution.q[-1] - exact.q[-1]).max() < ERROR
+    for end, true, start in ((solution.q[-1], exact.q[-1], made.q0), (solution.p[-1], exact.p[-1], made.p0)):
+        moved = np.abs(true - np.array(start)).max()
+        assert np.abs(end - true).max() < ERROR * moved
 
 
 def floors(*extras: str) -> dict[str, str]:
@@ -48,17 +49,13 @@ def floors(*extras: str) -> dict[str, str]:
 
 def test_every_dependency_declares_a_lowest_version():
     found = floors("test")
-    project = Path(ROOT / "pyproject.toml").read_text()
+    project = (ROOT / "pyproject.toml").read_text()
     assert len(found) == 23
-    for name, version in found.items():
-        assert f'"{name}>={version}"' in project
-        assert Requirement(f"{name}>={version}").specifier.contains(version)
+    assert all(f'"{name}>={version}"' in project for name, version in found.items())
 
 
 @pytest.mark.lowest
 def test_installed_versions_are_at_least_the_lowest():
     from importlib.metadata import version
-
-    from packaging.version import Version
 
     assert all(Version(version(name)) >= Version(lowest) for name, lowest in floors("test").items())

@@ -18,18 +18,13 @@ from phasebench.integrators.prepared import lay_out
 from phasebench.integrators.registry import METHODS as REGISTERED
 from phasebench.integrators.stepping.kernel import prepare
 from phasebench.integrators.stepping.solve import OUT_OF_STEP
+from support.solutions import end, energy_errors
 from support.values import value
 
 METHODS = [m for m in REGISTERED if m.family == "adaptive"]
 BY_ID = {m.id: m for m in METHODS}
 ORBIT = problem("kepler", e=0.6)
 PERIOD = 2 * np.pi
-
-
-def end(solution):
-    """End state (q, p) of a solution; fail if its status is not "ok"."""
-    assert solution.status == "ok", solution.reason
-    return np.concatenate([solution.q[-1], solution.p[-1]])
 
 
 def distance_after_periods(id, e, h, periods=10):
@@ -164,8 +159,7 @@ def energies(id, h):
     """(t, H - H0) of a run of a variable-step method over 300 periods of an eccentric Kepler orbit."""
     s = integrate(ORBIT, id, h=h, t_end=300 * PERIOD, save_every=7)
     assert s.status == "ok"
-    H = ORBIT.system.observe(ORBIT.system.H, s.q, s.p)
-    return s.t, H - H[0]
+    return s.t, energy_errors(s)
 
 
 def drifts(id, h):

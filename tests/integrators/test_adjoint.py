@@ -6,37 +6,25 @@ from fractions import Fraction
 
 import pytest
 
-from phasebench.benchmarks.measure.battery import by_label, high_order_variants, variants
+from phasebench.benchmarks.measure.battery import by_label, variants
 from phasebench.benchmarks.measure.visible import least_visible
+from support.exact import ALL, VISIBLE, numbers
 
-ROUND_OFF, VISIBLE = 1e-30, 1e-22
-ALL = by_label(variants() + high_order_variants())
+ROUND_OFF = 1e-30
 #: Methods with lambda that are not symmetric; the adjoint of a symmetric method is itself.
 WITH_LAMBDA = [label for label, m in by_label(variants()).items() if "lam" in m.parameters and not m.symmetric]
-
-
-def threshold(label):
-    """Threshold above which a defect is visible."""
-    return least_visible(label, "symmetry")
-
-
-def numbers(row):
-    """The row of a measurement; fail if an entry is an error message."""
-    assert row
-    assert not [x for x in row.values() if isinstance(x, str)], row
-    return row
 
 
 @pytest.mark.parametrize("label", [label for label, m in ALL.items() if m.one_step and m.symmetric])
 def test_symmetric_methods_return(measured, label):
     distances = numbers(measured("symmetry")[label])
-    assert max(distances.values()) < min(ROUND_OFF, threshold(label)), distances
+    assert max(distances.values()) < min(ROUND_OFF, least_visible(label, "symmetry")), distances
 
 
 @pytest.mark.parametrize("label", [label for label, m in ALL.items() if not m.symmetric])
 def test_control_other_methods_do_not_return(measured, label):
     distances = numbers(measured("symmetry")[label])
-    assert max(distances.values()) > threshold(label), distances
+    assert max(distances.values()) > least_visible(label, "symmetry"), distances
 
 
 def test_known_asymmetric_methods_are_among_the_controls():
@@ -54,8 +42,7 @@ def test_the_adjoint_of_lambda_is_one_minus_lambda(measured, label):
 
 
 def test_the_adjoint_of_scheme_i_has_one_minus_lambda():
-    methods = by_label(variants())
     for lam in (Fraction(-1), Fraction(1, 3), Fraction(3, 2)):
-        adjoint = methods[f"scheme-i-adjoint(lam={lam})"]
-        assert adjoint.data == methods["scheme-i(lam=1/3)"](lam=1 - lam).data
-        assert adjoint.data != methods["scheme-i(lam=1/3)"](lam=lam).data
+        adjoint = ALL[f"scheme-i-adjoint(lam={lam})"]
+        assert adjoint.data == ALL["scheme-i(lam=1/3)"](lam=1 - lam).data
+        assert adjoint.data != ALL["scheme-i(lam=1/3)"](lam=lam).data

@@ -12,13 +12,12 @@ from phasebench.benchmarks.measure.battery import as_problem
 from phasebench.benchmarks.problems import problem
 from phasebench.integrators.compile import codegen, machine
 from phasebench.integrators.prepared import prepare as prepared_run
-from phasebench.integrators.registry import METHODS
+from phasebench.integrators.registry import BY_ID, METHODS
 from phasebench.integrators.stepping import kernel as stepping
 from phasebench.integrators.stepping.kernel import kernel, prepare
 
 PROBLEMS = [problem(name) for name in ("henon-heiles", "perturbed-kepler", "magnetic-mirror")]
 PROBLEMS += [as_problem(name) for name in ("on-sphere", "asymmetric-top", "many-parts")]
-BY_ID = {m.id: m for m in METHODS}
 #: The first method of each family, whose methods differ in their numbers alone: all are compiled without the runtime.
 OF_EACH_FAMILY = sorted({m.family: m.id for m in reversed([*METHODS])}.values())
 
@@ -55,7 +54,7 @@ def test_control_an_allocation_in_a_loop_is_counted():
 def test_no_step_allocates(id):
     run = prepared_run(build_problem(id), id)
     few, many = (lambda n=n: run(0.01, n) for n in (10, 1000))
-    few(), many()
+    assert (few()[2], many()[2]) == (run.SOLVED, run.SOLVED), "all steps are taken"
     assert allocations(many) == allocations(few)
 
 
@@ -63,7 +62,7 @@ def grown(name, id) -> int:
     """Allocations of a thousand steps of an array-based run, minus those of ten."""
     run = prepared_run(problem(name, **LARGE[name]), id)
     few, many = (lambda n=n: run(1e-3, n) for n in (10, 1000))
-    few(), many()
+    assert (few()[2], many()[2]) == (run.SOLVED, run.SOLVED), "all steps are taken"
     return allocations(many) - allocations(few)
 
 

@@ -19,6 +19,7 @@ from phasebench.integrators.stepping.kernel import prepare
 from phasebench.integrators.stepping.orbit_lanes import LANES, twin
 from phasebench.integrators.values.lanes import Lanes
 from support import two_degrees
+from support.systems import general
 from support.two_degrees import of, run
 from support.values import value
 
@@ -38,10 +39,8 @@ FIELDS = {
 PATHS = ("avf", "pavf-p", "itoh-abe-c")
 
 
-@pytest.fixture
-def one_by_one():
-    """Function that runs a method with its quadrature nodes evaluated one after the other, not in SIMD lanes."""
-    return partial(two_degrees.one_by_one, averaged)
+#: Runs a method with its quadrature nodes evaluated one after the other, not in SIMD lanes.
+one_by_one = partial(two_degrees.one_by_one, averaged)
 
 
 # -- nodes in lanes ---------------------------------------------------------------------------------------------------
@@ -57,7 +56,7 @@ def one_by_one():
         *(pytest.param("exponentials", id, marks=pytest.mark.thorough) for id in PATHS),
     ],
 )
-def test_lanes_reach_the_state_of_single_nodes(one_by_one, name, id):
+def test_lanes_reach_the_state_of_single_nodes(name, id):
     """Up to the round-off of fifty steps: lanes sum in another order and use their own sin, cos and exp."""
     made = of((KICKS | FIELDS)[name])
     assert averaged.serves(made, DOUBLE)
@@ -84,7 +83,7 @@ def test_the_rows_of_a_rule_are_the_quadrature_rule(width, H):
     assert first == len(c) == len(b) == len(nodes)
 
 
-def test_control_a_weight_in_an_unused_lane_is_seen(one_by_one, monkeypatch):
+def test_control_a_weight_in_an_unused_lane_is_seen(monkeypatch):
     """A rule of ten nodes leaves two of its lanes unused; a weight there changes the result."""
     made, rules = of(KICKS["masses"]), averaged.rules
 
@@ -189,13 +188,6 @@ def test_round_off_of_large_coordinates_ends_a_step(turns):
 
 
 # -- the kick as the unknown ------------------------------------------------------------------------------------------
-
-
-def general(system) -> Hamiltonian:
-    """The same system treated as having a general T, so that both increments are the unknowns."""
-    other = Hamiltonian(q=system.q, p=system.p, H=system.H)
-    other.quadratic_kinetic = False
-    return other
 
 
 @pytest.mark.parametrize("name", KICKS)

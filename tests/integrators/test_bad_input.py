@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from contextlib import suppress
 from fractions import Fraction
 
 import numpy as np
@@ -26,7 +25,6 @@ from phasebench.integrators.driver import (
 )
 from phasebench.integrators.errors import InvalidInput, unknown_name
 from phasebench.integrators.registry import METHODS, method
-from phasebench.integrators.request import grid
 from phasebench.integrators.systems.formula import FUNCTIONS, parse
 from phasebench.integrators.systems.hamiltonian import Hamiltonian, PartitionedSystem
 
@@ -67,7 +65,7 @@ def test_a_parameter_that_is_not_a_number_is_refused(record, value):
 
 @pytest.mark.parametrize("value", [0, -1, 7, 2.5, "two", None, float("nan"), float("inf"), True])
 def test_an_invalid_order_is_refused(value):
-    with pytest.raises(InvalidInput, match="order"):
+    with pytest.raises(InvalidInput, match=r"for orders 1 to 6, not|the parameter order is .*an integer"):
         method("generating-function", order=value)
 
 
@@ -78,30 +76,19 @@ def test_numbers_are_read_exactly(value, meaning):
 
 # -- the grid and the state -------------------------------------------------------------------------------------------
 
+#: Further ones are refused in `test_request`, without `integrate`.
 GRIDS = [
     ({"h": 0.0, "steps": 3}, "h is 0; it must be another number"),
     ({"h": -0.1, "steps": -3}, "steps is -3"),
-    ({"h": float("nan"), "steps": 3}, "h is nan"),
     ({"h": float("inf"), "steps": 3}, "h is inf"),
     ({"h": 0.1, "t_end": 0.0}, "t_end is 0.0"),
     ({"h": 0.1, "t_end": -1.0, "t0": -1.0}, "t_end is -1.0, where the integration begins"),
     ({"h": 0.1, "t_end": float("nan")}, "t_end is nan"),
-    ({"h": 0.1, "steps": 0}, "steps is 0"),
-    ({"h": 0.1, "steps": -5}, "steps is -5"),
-    ({"h": 0.1, "steps": 2.5}, "steps is 2.5"),
-    ({"h": 0.1, "steps": True}, "steps is True"),
     ({"h": 0.1, "steps": float("nan")}, "steps is nan"),
     ({"h": 0.1, "steps": float("inf")}, "steps is inf"),
-    ({"h": 0.1}, "give t_end or steps"),
-    ({"t_end": 1.0}, "give the step h"),
     ({}, "give the step h"),
-    ({"h": 1e-9, "t_end": 1e9}, "the most is 1e13"),
-    ({"h": 0.1, "t_end": 1.0, "steps": 11}, "give two of the three"),
-    ({"h": 0.1, "steps": 3, "save_every": -1}, "save_every"),
-    ({"h": 0.1, "steps": 3, "save_every": 1.5}, "save_every"),
-    ({"h": 1.9, "t_end": 2.8}, r"nearest that do are 2.8 \(1 step\) and 1.4 \(2 steps\)"),
-    ({"h": "a tenth", "steps": 3}, "h is"),
-    ({"h": 0.1, "steps": "three"}, "steps is"),
+    ({"h": 0.1, "steps": 3, "save_every": -1}, "save_every is -1"),
+    ({"h": 0.1, "steps": "three"}, "steps is 'three'"),
 ]
 
 
@@ -111,25 +98,13 @@ def test_an_invalid_grid_is_refused(arguments, message):
         integrate(PENDULUM, "implicit-midpoint", **arguments)
 
 
-def test_a_step_is_lengthened_by_one_percent_at_most():
-    """So that h divides the span it may be shortened by any amount, but lengthened by 1 % at most."""
-    assert grid(h=0.995, t_end=2.0) == (1.0, 2)
-    assert grid(h=1.2, t_end=2.0) == (1.0, 2)
-    assert grid(t_end=2.8, steps=1) == (2.8, 1)
-    with pytest.raises(InvalidInput, match="nearest"):
-        grid(h=0.98, t_end=2.0)
-
-
+#: As for `GRIDS`.
 STATES = [
     ({"q0": [1.0, 2.0]}, "q0 has 2 components; the problem has d = 1"),
     ({"p0": []}, "p0 has 0 components"),
-    ({"q0": [float("nan")]}, "q0 is .*finite"),
-    ({"p0": [float("inf")]}, "p0 is .*finite"),
-    ({"q0": ["one"]}, "must be numbers"),
-    ({"q0": "one"}, "must be numbers"),
-    ({"q0": [[1.0], [2.0]]}, "components"),
-    ({"q0": [None]}, "q0"),
-    ({"q0": [1j]}, "must be numbers"),
+    ({"q0": "one"}, "q0 is 'one'; it must be numbers"),
+    ({"q0": [[1.0], [2.0]]}, "q0 has 2 components"),
+    ({"q0": [None]}, r"q0 is \[nan\]; every component must be finite"),
 ]
 
 
@@ -137,11 +112,6 @@ STATES = [
 def test_an_invalid_state_is_refused(arguments, message):
     with pytest.raises(InvalidInput, match=message):
         integrate(PENDULUM, "implicit-midpoint", h=0.1, steps=3, **arguments)
-
-
-def test_a_system_without_initial_data_requires_them():
-    with pytest.raises(InvalidInput, match="give q0"):
-        integrate(PENDULUM.system, "implicit-midpoint", h=0.1, steps=3)
 
 
 def test_a_singular_start_is_refused():
@@ -177,24 +147,15 @@ def test_which_methods_do_not_fit_lotka_volterra():
 
 
 @pytest.mark.parametrize(
-    ("arguments", "message"),
+    ("H", "message"),
     [
-        ({"q": "q", "p": "p1 p2", "H": "p1**2"}, "1 coordinates and 2 momenta"),
-        ({"q": "x", "p": "x", "H": "x**2"}, "stands twice"),
-        ({"q": "q", "p": "p", "H": "3"}, "depends on none"),
-        ({"q": "q", "p": "p", "H": "p**2 + z"}, "'z'"),
-        ({"q": "q", "p": "p", "H": sp.Symbol("p", real=True) ** 2 + sp.Symbol("z")}, "z in the formula"),
-        ({"q": "", "p": "", "H": "1"}, "depends|coordinates"),
+        ("p**2 + z", "'z' is none of the variables q, p"),
+        (sp.Symbol("p", real=True) ** 2 + sp.Symbol("z"), "z in the formula is none of the variables q, p"),
     ],
 )
-def test_an_invalid_hamiltonian_is_refused(arguments, message):
+def test_a_hamiltonian_of_another_variable_is_refused(H, message):
     with pytest.raises(InvalidInput, match=message):
-        Hamiltonian(**arguments)
-
-
-def test_a_partitioned_system_needs_all_right_hand_sides():
-    with pytest.raises(InvalidInput, match="right-hand sides"):
-        PartitionedSystem(q="u", p="v", dq=["u", "v"], dp=["v"])
+        Hamiltonian(q="q", p="p", H=H)
 
 
 # -- trouble during a run ---------------------------------------------------------------------------------------------
@@ -210,7 +171,7 @@ def test_a_blow_up_is_a_divergence():
     assert s.counts["steps"] == len(s.q) - 1
 
 
-@pytest.mark.parametrize("name", ["stormer-verlet", "rk4", "scheme-v"])
+@pytest.mark.parametrize("name", ["rk4", "scheme-v"])
 def test_a_radial_infall_is_a_collision(name):
     s = integrate(KEPLER, name, h=0.01, t_end=5.0, q0=[1.0, 0.0], p0=[0.0, 0.0])
     assert s.status == COLLISION, s.reason
@@ -245,98 +206,69 @@ def test_a_timeout_keeps_the_rows_reached():
     assert s.t[-1] == pytest.approx(s.counts["steps"] * 1e-3)
 
 
+def test_a_timeout_keeps_the_last_state():
+    """With save_every=0 and a timeout the last row is the state at the time reached."""
+    s = integrate(PENDULUM, "stormer-verlet", h=1e-6, steps=10**9, save_every=0, timeout=0.05)
+    assert s.status == TIMEOUT
+    n = s.counts["steps"]
+    assert len(s.t) == 2
+    assert s.t[1] == n * 1e-6
+    again = integrate(PENDULUM, "stormer-verlet", h=1e-6, steps=n, save_every=0)
+    assert np.abs(again.q[1] - s.q[1]) < 1e-12
+
+
 def test_progress_is_reported():
     told = []
     integrate(PENDULUM, "stormer-verlet", h=1e-3, steps=500_000, save_every=100_000, progress=told.append)
-    assert told == sorted(told)
+    assert told == sorted(set(told))
+    assert len(told) > 1
     assert told[-1] == 500_000
 
 
 # -- formulas ---------------------------------------------------------------------------------------------------------
 
 VARIABLES = {"q": sp.Symbol("q", real=True), "p": sp.Symbol("p", real=True)}
-HOSTILE = [
-    "__import__('os').system('echo')",
-    "q.__class__",
-    "q.diff(q)",
-    "(lambda: q)()",
-    "[q for q in p]",
-    "q if p else q",
-    "q and p",
-    "q < p",
-    "q[0]",
-    "{q: p}",
-    "f'{q}'",
-    "'q'",
-    "b'q'",
-    "None",
-    "True",
-    "1j",
-    "...",
+#: Besides those that `test_formula` has.
+UNUSABLE = [
     "q := p",
     "q = p",
-    "q; p",
-    "import os",
-    "eval('q')",
-    "exec('q')",
-    "open('q')",
-    "getattr(q, 'p')",
-    "sin(q, p)",
-    "sin(x=q)",
-    "sin(*q)",
-    "sin",
     "sin()",
-    "q(p)",
-    "q @ p",
     "q % p",
     "q // p",
     "q << 2",
     "~q",
-    "not q",
-    "9**9**9",
     "2**100000",
     "q**9**9",
     "10**100**100",
     "(2**100)**100",
-    "((9**99)**99)**99",
     "q**p",
     "2**q",
-    "q^2",
     "q/0",
     "q/(1-1)",
-    "x + q",
     "H",
-    "",
     "   ",
     "q +",
     "(q",
     "q)",
     "q q",
-    "1" * 40,
-    "1e999",
     "1/1e999",
-    "(" * 5000 + "q" + ")" * 5000,
-    "q" + "+q" * 20_000,
-    "-" * 9000 + "q",
-    "q\0p",
     "log(0)",
     "tan(pi/2)",
 ]
 
 
 @pytest.mark.timeout(20)
-@pytest.mark.parametrize("text", HOSTILE, ids=lambda t: t[:30].replace("\0", "NUL"))
-def test_a_hostile_formula_is_refused(text):
+@pytest.mark.parametrize("text", UNUSABLE)
+def test_an_unusable_formula_is_refused(text):
     with pytest.raises(InvalidInput):
         parse(text, VARIABLES)
 
 
 def test_a_refusal_names_the_error():
     for text, message in [
-        ("q^2", r"\*\*"),
         ("x + q", "'x'"),
         ("sin(q, p)", "'sin'"),
-        ("q.diff(q)", "no function|needs"),
+        ("q.diff(q)", "brackets follow what is no function"),
     ]:
         with pytest.raises(InvalidInput, match=message):
             parse(text, VARIABLES)
@@ -406,24 +338,6 @@ def test_a_random_formula_is_read_correctly(pair):
         assert "bits" in str(error) or "too large" in str(error)  # noqa: PT017
         return
     assert found == expression
-
-
-@settings(max_examples=300, deadline=None)
-@given(st.text(alphabet="qp012.+-*/()^ sincoexp_[]{}'\"=:,@", max_size=25))
-def test_random_text_is_read_or_refused(text):
-    with suppress(InvalidInput):
-        assert isinstance(parse(text, VARIABLES), sp.Basic)
-
-
-def test_a_timeout_keeps_the_last_state():
-    """With save_every=0 and a timeout the last row is the state at the time reached."""
-    s = integrate(problem("pendulum"), "stormer-verlet", h=1e-6, steps=10**9, save_every=0, timeout=0.05)
-    assert s.status == "timeout"
-    n = s.counts["steps"]
-    assert len(s.t) == 2
-    assert s.t[1] == n * 1e-6
-    again = integrate(problem("pendulum"), "stormer-verlet", h=1e-6, steps=n, save_every=0)
-    assert np.abs(again.q[1] - s.q[1]) < 1e-12
 
 
 if __name__ == "__main__":

@@ -10,7 +10,6 @@ import pytest
 from numba import njit
 
 from phasebench.integrators.compile import codegen
-from phasebench.integrators.stepping import banded
 from phasebench.integrators.stepping.banded import Room, band_of, band_solver, columns, forget, is_stale, substitute
 from phasebench.integrators.stepping.solve import NOT_FINITE, SOLVED, STALLED
 from support.values import value
@@ -39,12 +38,7 @@ class Equations(NamedTuple):
     q: Any
 
 
-def compile_unless_off(f):
-    """Compile a function unless compilation is off."""
-    return njit(f) if codegen.compiled() else f
-
-
-@compile_unless_off
+@njit
 def row(i, x, e):
     """The i-th component of G(x) for the equations e."""
     s = e.c[0, i]
@@ -53,12 +47,12 @@ def row(i, x, e):
     return (s + e.large) - e.large
 
 
-@compile_unless_off
+@njit
 def _G(x, e):
     return (row(0, x, e), row(1, x, e), row(2, x, e), row(3, x, e), row(4, x, e), row(5, x, e))
 
 
-@compile_unless_off
+@njit
 def lengths(x, g, e):
     """The scales of x that the solver asks for: three times the units of the two halves of the unknowns."""
     return 3.0 * e.first, 3.0 * e.unit
@@ -225,25 +219,3 @@ def test_full_newton_takes_over_from_simplified_newton():
     x, _, status = made.solved(start=-1.0)
     assert status == SOLVED
     assert made.residual(x) < 1e-12 * np.abs(made.M).max()
-
-
-@pytest.mark.parametrize(("n", "width"), [(2, 1), (7, 0), (9, 2), (12, 5)])
-def test_factorization_interchanges_rows(n, width):
-    """Without interchanges (control) a tiny pivot spoils the solution."""
-    rng = np.random.default_rng(n)
-    M = rng.normal(size=(n, n)) * (abs(np.subtract.outer(range(n), range(n))) <= width)
-    if width:
-        M[0, 0] = 1e-14
-    A = np.zeros((n + 2, 3 * width + 2))
-    for i in range(n):
-        for j in range(max(0, i - width), min(n, i + width + 1)):
-            A[1 + i, j - i + width] = M[i, j]
-    A[[0, -1]] = 5.0
-    b = rng.normal(size=n)
-    table = np.vstack([b, b])
-    assert banded.factorize(A, 1, n, width)
-    banded.substitute(A, 1, n, width, table, 1)
-    np.testing.assert_allclose(table[1], np.linalg.solve(M, b), rtol=1e-9, atol=1e-10)
-    assert (A[[0, -1]] == 5).all()
-    assert (table[0] == b).all()
-    assert width == 0 or A[1, -1] != 0, "the first row changes places"

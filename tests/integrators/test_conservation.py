@@ -15,6 +15,7 @@ from phasebench.benchmarks.measure.drift import drift
 from phasebench.benchmarks.problems import problem
 from phasebench.integrators.driver import integrate
 from phasebench.integrators.record import BOUNDED, DRIFT, EXACT, NONE, ROUND_OFF
+from support.solutions import energy_errors
 
 ALL = by_label(variants())
 BOX, KEPLER = problem("henon-heiles:box"), problem("perturbed-kepler")
@@ -47,8 +48,7 @@ def longer(label):
 def energies(label):
     """(solution, t, H - H0) of a method on the Henon-Heiles box orbit to t = 2000; H0 = 0.02."""
     s = integrate(BOX, ALL[label], h=H * longer(label), steps=int(STEPS / longer(label)))
-    E = BOX.system.observe(BOX.system.H, s.q, s.p)
-    return s, s.t, E - E[0]
+    return s, s.t, energy_errors(s)
 
 
 @cache

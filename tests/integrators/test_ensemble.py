@@ -218,22 +218,22 @@ def test_progress_ends_at_the_number_of_orbits():
 
 
 BAD = [
-    ({"Q": [[0.0]]}, "shape"),
-    ({"P": np.zeros((3, 2))}, "rows"),
-    ({"Q": "many"}, "numbers"),
-    ({"Q": np.zeros((0, 2)), "P": np.zeros((0, 2))}, "shape"),
+    ({"Q": [[0.0]]}, r"Q has the shape \(1, 1\)"),
+    ({"P": np.zeros((3, 2))}, f"Q has {N} rows and P has 3"),
+    ({"Q": "many"}, "Q must be numbers"),
+    ({"Q": np.zeros((0, 2)), "P": np.zeros((0, 2))}, r"Q has the shape \(0, 2\)"),
     ({"h": [0.1, 0.1]}, "h has the shape"),
     ({"h": np.linspace(0, 0.1, N)}, "h is 0; it must be another number"),
     ({"h": None}, "give the step"),
     ({"steps": None}, "where does"),
     ({"h": 1 / np.arange(10, 10 + N), "steps": None, "t_end": 1.0, "save_every": 1}, "different numbers of steps"),
     ({"parameters": {"mu": 1.0}}, "no parameter 'mu'"),
-    ({"parameters": {"lam": np.zeros(3)}}, "lam"),
-    ({"threads": 0}, "threads"),
+    ({"parameters": {"lam": np.zeros(3)}}, r"the parameter lam has the shape \(3,\)"),
+    ({"threads": 0}, "threads is 0"),
     ({"method": "scheme-i-i"}, "no method"),
-    ({"method": "avf", "parameters": None, "lanes": True}, "lanes"),
-    ({"save_every": -1}, "save_every"),
-    ({"problem": 3}, "problem"),
+    ({"method": "avf", "parameters": None, "lanes": True}, "'avf' does not run in lanes"),
+    ({"save_every": -1}, "save_every is -1"),
+    ({"problem": 3}, "the problem is 3"),
 ]
 
 

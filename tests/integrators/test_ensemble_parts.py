@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import gc
 import os
-import sys
 from fractions import Fraction
 from types import SimpleNamespace
 
@@ -113,7 +111,7 @@ def test_orbits_that_ended_badly_are_redone():
         orbits = batches.Orbits.create(system, *state)
         orbits.Q, orbits.P = Q, P
         assert batches.find_doubtful(orbits, n).tolist() == doubtful
-        assert batches.find_doubtful(orbits, n[2:]).tolist() == doubtful[-len(set(doubtful) & {2, 3}) :]
+        assert batches.find_doubtful(orbits, n[2:]).tolist() == [i for i in doubtful if i >= 2]
     assert batches.find_doubtful(orbits, n[:0]).tolist() == []
 
 
@@ -333,10 +331,7 @@ APART = Hamiltonian(q="x y", p="u v", H="(u**2 + v**2)/2 + x**2/2 - y**4")
 
 @pytest.mark.parametrize("away", [0, 1])
 def test_an_end_with_an_infinite_part_is_reported(away):
-    class Started:
-        system, q0, p0 = APART, [0.5, 0.0], [0.0, 0.0]
-
-    run = prepare(Started(), "stormer-verlet")
+    run = prepare(APART, "stormer-verlet", q0=[0.5, 0.0], p0=[0.0, 0.0])
     q, p, code = run(0.1, 100, q0=[0.5, away])
     assert code == (run.NOT_FINITE if away else run.SOLVED)
     assert np.isfinite([q[0], p[0]]).all()
@@ -362,12 +357,3 @@ def test_packed_memory_is_released_once():
     run.__del__()
     run.__del__()
     assert len(released) == 2
-
-
-def test_a_run_that_cannot_be_prepared_leaves_no_error_behind(monkeypatch):
-    raised = []
-    monkeypatch.setattr(sys, "unraisablehook", raised.append)
-    with pytest.raises(InvalidInput):
-        prepare(problem("lotka-volterra"), "scheme-iv")
-    gc.collect()
-    assert raised == []

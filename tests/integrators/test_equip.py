@@ -19,6 +19,7 @@ from phasebench.integrators.families import equip as gauss_equip
 from phasebench.integrators.prepared import lay_out
 from phasebench.integrators.records.collocation import METHODS
 from phasebench.integrators.stepping.kernel import prepare
+from support.solutions import energy_errors, last
 
 EPS = np.finfo(float).eps
 
@@ -39,6 +40,16 @@ def butcher(s, alpha):
     V[s - 1, s - 2], V[s - 2, s - 1] = 1, -1
     A = P * (P**-1 * A * P - alpha * V) * P**-1
     return np.array(A.tolist(), dtype=object), np.array(list(b), dtype=object)
+
+
+def textbook_end(system, y, h, s, alpha):
+    """The state after a step h from y of the EQUIP method of s stages with this alpha, by fixed-point iteration."""
+    field = system.vector_field()
+    A, b = (x.astype(float) for x in butcher(s, mpmath.mpf(float(alpha))))
+    K = np.zeros((s, len(y)))
+    for _ in range(60):
+        K = np.array([field(0, y + h * (row @ K)) for row in A])
+    return y + h * (b @ K)
 
 
 @pytest.mark.parametrize("s", [2, 3, 4])
@@ -63,8 +74,7 @@ def test_a_step_is_the_formula_with_its_alpha(id, name):
     h = 0.3
     solution = integrate(system, BY_ID[id], h=h, steps=1, q0=q, p0=p)
     alpha = float(solution.parameter[0])
-    H = system.observe(system.H, solution.q, solution.p)
-    assert abs(H[1] - H[0]) < 4 * EPS
+    assert abs(energy_errors(solution)[1]) < 4 * EPS
     ends = []
     with precision(30):
         field = system.vector_field(MULTIPRECISION)
@@ -75,7 +85,7 @@ def test_a_step_is_the_formula_with_its_alpha(id, name):
             for _ in range(120):
                 K = np.array([field(0, y + h * (row @ K)) for row in A])
             ends.append((y + h * (b @ K)).astype(float))
-    found = np.concatenate([solution.q[-1], solution.p[-1]])
+    found = last(solution)
     assert np.abs(found - ends[0]).max() < 4 * EPS
     assert np.abs(found - ends[1]).max() > 1e3 * EPS, "the parameter made no difference: Gauss's step was tested"
 
@@ -95,9 +105,9 @@ def errors(id):
     The energy error is that after steps whose parameter alpha could be found: other steps do not keep the energy.
     """
     s = integrate(ROTATION, BY_ID.get(id, id), h=0.25, steps=400, q0=[0.8, 0.1], p0=[-0.2, 0.6])
-    H, N = (ROTATION.observe(e, s.q, s.p) for e in (ROTATION.H, *ROTATION.invariants))
+    N = ROTATION.observe(ROTATION.invariants[0], s.q, s.p)
     rooted = slice(1, None) if not id.startswith("gauss-equip") else np.flatnonzero(~np.isnan(s.parameter)) + 1
-    return s, np.abs(H - H[0])[rooted].max(), np.abs(N - N[0]).max()
+    return s, np.abs(energy_errors(s))[rooted].max(), np.abs(N - N[0]).max()
 
 
 @pytest.mark.parametrize("id", IDS)
@@ -118,10 +128,10 @@ def test_controls_gauss_cpg_and_rk4_do_not_conserve_both():
 @pytest.mark.parametrize("id", IDS)
 def test_perturbed_kepler_conserves_energy_and_momentum(id):
     s = integrate(KEPLER, BY_ID[id], h=0.1, t_end=200)
-    H = KEPLER.system.observe(KEPLER.system.H, s.q, s.p)
     L = KEPLER.system.observe(KEPLER.invariants["angular-momentum"], s.q, s.p)
     good = np.concatenate([[True], ~np.isnan(s.parameter)])
-    assert np.abs(H - H[0])[good].max() < 1e-14
+    assert good.mean() > 0.5, "most steps have a root"
+    assert np.abs(energy_errors(s))[good].max() < 1e-14
     assert np.abs(L - L[0]).max() < 1e-14
 
 
@@ -132,15 +142,10 @@ FROM = np.array([0.0663, 0.0, 1.6816, 0.0])
 
 def test_control_the_energy_error_has_a_root_on_each_side():
     """Computed with the textbook formula for a step of length 1/4."""
-    field, h = TWO_ROOTS.vector_field(), 0.25
 
     def energy(alpha):
-        """Energy after the step with parameter alpha."""
-        A, b = (x.astype(float) for x in butcher(3, mpmath.mpf(alpha)))
-        K = np.zeros((3, 4))
-        for _ in range(40):
-            K = np.array([field(0, FROM + h * (row @ K)) for row in A])
-        states = np.array([FROM, FROM + h * (b @ K)])
+        """Energy error of the step with parameter alpha."""
+        states = np.array([FROM, textbook_end(TWO_ROOTS, FROM, 0.25, 3, alpha)])
         return np.diff(TWO_ROOTS.observe(TWO_ROOTS.H, states[:, :2], states[:, 2:]))[0]
 
     assert energy(-0.01) > 0 > energy(-0.008)
@@ -152,8 +157,7 @@ def test_the_nearer_of_two_roots_is_taken():
     s = integrate(TWO_ROOTS, BY_ID["gauss-equip-3"], h=0.25, steps=1, q0=FROM[:2], p0=FROM[2:])
     assert -0.01 < s.parameter[0] < -0.008
     assert s.counts["fallbacks"] == 0
-    H = TWO_ROOTS.observe(TWO_ROOTS.H, s.q, s.p)
-    assert abs(H[1] - H[0]) < 1e-15
+    assert abs(energy_errors(s)[1]) < 1e-15
 
 
 def test_a_run_ends_at_an_unsolved_step():
@@ -185,18 +189,13 @@ def test_stages_in_lanes_reach_the_state_of_single_stages(monkeypatch, name):
     for served in (True, False):
         monkeypatch.setattr(gauss_equip, "serves", lambda s, system, served=served: served)
         s = integrate(of(name), BY_ID["gauss-equip-3"], h=0.1, steps=50, **state)
-        runs.append((np.concatenate([s.q[-1], s.p[-1]]), s.counts))
+        runs.append((last(s), s.counts))
     (lanes, n), (rows, m) = runs
     assert np.abs(lanes - rows).max() < 1e-12
     assert n["fallbacks"] == m["fallbacks"]
     assert abs(n["gradient"] - m["gradient"]) <= 0.1 * m["gradient"]
-    assert np.abs(lanes - end(of(name), "gauss-3", state)).max() > 1e-10, "the control: without the parameter"
-
-
-def end(system, id, state):
-    """End state after fifty steps of a method from ``state``, a dict of q0 and p0."""
-    s = integrate(system, id, h=0.1, steps=50, **state)
-    return np.concatenate([s.q[-1], s.p[-1]])
+    gauss = last(integrate(of(name), "gauss-3", h=0.1, steps=50, **state))
+    assert np.abs(lanes - gauss).max() > 1e-10, "the control: without the parameter"
 
 
 @pytest.mark.parametrize("name", LANED)
@@ -239,15 +238,10 @@ def test_control_such_a_step_has_no_root_nearby():
     """By the textbook formula the energy error has no sign change for alpha between -1/4 and 1/4 either."""
     s = integrate(BOX, BY_ID["gauss-equip-2"], h=0.25, t_end=1000)
     n = np.flatnonzero(np.isnan(s.parameter))[0]
-    field, h = BOX.system.vector_field(), 0.25
 
     def energy(y, alpha):
-        """Energy after the step from y with parameter alpha."""
-        A, b = (x.astype(float) for x in butcher(2, mpmath.mpf(float(alpha))))
-        K = np.zeros((2, 4))
-        for _ in range(60):
-            K = np.array([field(0, y + h * (row @ K)) for row in A])
-        new = y + h * (b @ K)
+        """Energy error after the step from y with parameter alpha."""
+        new = textbook_end(BOX.system, y, 0.25, 2, alpha)
         return BOX.system.observe(BOX.system.H, new[None, :2], new[None, 2:])[0] - H0
 
     H0 = BOX.system.observe(BOX.system.H, s.q[:1], s.p[:1])[0]

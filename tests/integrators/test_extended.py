@@ -24,7 +24,9 @@ from phasebench.integrators.prepared import lay_out
 from phasebench.integrators.record import Method
 from phasebench.integrators.registry import METHODS, method
 from phasebench.integrators.stepping import kernel
-from phasebench.integrators.stepping.orbit_lanes import LANES
+from support.kinds import lanes_and_one_apart
+from support.marks import compiled
+from support.solutions import apart, distance
 
 DIGITS = 30
 MINE = [m.id for m in METHODS if m.family in ("extended", "semiexplicit")] + ["extended-midpoint-4"]
@@ -166,11 +168,6 @@ def differences() -> dict:
     return found
 
 
-def distance(s, y) -> float:
-    """Largest difference of a solution's end from y."""
-    return float(max(abs(mpmath.mpf(str(a)) - b) for a, b in zip([*s.q[-1], *s.p[-1]], y, strict=True)))
-
-
 def pair_map(record: Method, system, h, steps=1):
     """The map of (q, p, x, y) by some steps, which starts from a copy that is another state."""
     d = system.d
@@ -279,6 +276,12 @@ def semiexplicit_tableau(fractions):
     ]
 
 
+def tableau_defect(A, b):
+    """How far a tableau misses the conditions b_i a_ij + b_j a_ji = b_i b_j of a symplectic method."""
+    pairs = [(i, j) for i in range(len(b)) for j in range(len(b))]
+    return max(abs(b[i] * A[i][j] + b[j] * A[j][i] - b[i] * b[j]) for i, j in pairs)
+
+
 def implicit_step(A, b, gradient, q, p, h):
     """A step of a Runge-Kutta method, by fixed point."""
     n, k = len(b), None
@@ -304,17 +307,16 @@ def plus_all(y, h, weights, slopes):
 def test_the_semiexplicit_method_is_a_symplectic_runge_kutta_method(order):
     with mpmath.workdps(40):
         A, b = semiexplicit_tableau(triple_jump(order))
-        off = [b[i] * A[i][j] + b[j] * A[j][i] - b[i] * b[j] for i in range(len(b)) for j in range(len(b))]
-        assert max(map(abs, off)) < 1e-38
+        assert tableau_defect(A, b) < 1e-38
         for name, gradient in GRADIENTS.items():
             _, q, p = SYSTEMS[name]()
             q, p = [mpmath.mpf(x) for x in q], [mpmath.mpf(x) for x in p]
             end = implicit_step(A, b, gradient, q, p, mpmath.mpf(1) / 40)
             exact = plain(f"jayawardana-ohsawa-{order}", name, 1)
-            assert max(abs(x - y) for x, y in zip(end, exact, strict=True)) < 1e-35
+            assert apart(end, exact) < 1e-35
             A[0][0] += mpmath.mpf(10) ** -9
             other = implicit_step(A, b, gradient, q, p, mpmath.mpf(1) / 40)
-            assert max(abs(x - y) for x, y in zip(other, exact, strict=True)) > 1e-14, "the control"
+            assert apart(other, exact) > 1e-14, "the control"
             A[0][0] -= mpmath.mpf(10) ** -9
 
 
@@ -326,16 +328,11 @@ def test_the_tableau_of_order_two():
 
 
 def test_no_explicit_tableau_is_symplectic():
-    """Every explicit tableau misses the conditions b_i a_ij + b_j a_ji = b_i b_j; the midpoint rule meets them."""
-
-    def defect(A, b):
-        pairs = [(i, j) for i in range(len(b)) for j in range(len(b))]
-        return max(abs(b[i] * A[i][j] + b[j] * A[j][i] - b[i] * b[j]) for i, j in pairs)
-
+    """Every explicit tableau misses the conditions; the midpoint rule meets them."""
     for id in [m.id for m in METHODS if m.id.startswith("extended-midpoint-")]:
         *A, b = method(id).data
-        assert defect(A, b) > 0.01, id
-    assert defect([[0.5]], [1.0]) == 0
+        assert tableau_defect(A, b) > 0.01, id
+    assert tableau_defect([[0.5]], [1.0]) == 0
 
 
 # -- the copy ---------------------------------------------------------------------------------------------------------
@@ -402,18 +399,11 @@ def test_arrays_step_as_tuples(id):
         assert abs(many.p[-1, i] - one.p[-1, 0]) < 1e-14
 
 
-@pytest.mark.skipif(not codegen.compiled(), reason="lanes are compiled")
+@compiled
 @pytest.mark.parametrize("id", MINE)
 def test_orbits_in_lanes_end_as_one_alone(id):
     system, q, p = SYSTEMS["coupled"]()
-    n = 2 * LANES.n
-    Q, P = np.tile(q, (n, 1)) + np.arange(n)[:, None] / 100, np.tile(p, (n, 1))
-    many = pb.integrate_ensemble(system, id, Q, P, h=0.05, steps=40)
-    assert set(many.status) == {"ok"}
-    assert many.in_lanes.all()
-    alone = integrate(system, id, h=0.05, steps=40, q0=Q[3], p0=P[3])
-    assert np.abs(many.q[3] - alone.q[-1]).max() < 1e-13
-    assert np.abs(many.p[3] - alone.p[-1]).max() < 1e-13
+    assert lanes_and_one_apart(system, id, q, p, 0.01) < 1e-13
 
 
 # -- omega ------------------------------------------------------------------------------------------------------------

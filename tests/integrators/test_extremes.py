@@ -19,7 +19,6 @@ BOX, CHAOTIC = problem("henon-heiles:box"), problem("henon-heiles:chaotic")
 FALL = Hamiltonian(q="q", p="p", H="p**2/2 - 1/q", singular=())  # declared without singularity
 FOUND = Hamiltonian(q="q", p="p", H="p**2/2 - 1/q")  # the same, with its singularity found in the formula
 RUNAWAY = Hamiltonian(q="q", p="p", H="p**2/2 - q**4")
-SADDLE = Hamiltonian(q="q", p="p", H="p**2/2 - q**2/2 + q**4/4")
 ROOT = Hamiltonian(q="q", p="p", H="p**2/2 + sqrt(q)")
 INVALID = "invalid"
 
@@ -39,7 +38,6 @@ TABLE = [
     (OSCILLATOR, "stormer-verlet", {"h": 2.1, "steps": 10**6}, "diverged", "no longer finite"),
     (OSCILLATOR, "stormer-verlet", {"h": 2.1, "steps": 10**6, "save_every": 0}, "diverged", "no longer finite"),
     (OSCILLATOR, "stormer-verlet", {"h": 1.99, "t_end": 1000}, "inaccurate", "comes and goes"),
-    (OSCILLATOR, "stormer-verlet", {"h": 1.9, "t_end": 2.8}, INVALID, "2.8 (1 step) and 1.4 (2 steps)"),
     (OSCILLATOR, "stormer-verlet", {"steps": 1, "t_end": 2.8}, "inaccurate", "not the orbit"),
     (OSCILLATOR, "explicit-euler", {"h": 0.1, "t_end": 100}, "unstable", "from t = 7 on"),
     (OSCILLATOR, "explicit-euler", {"h": 0.1, "t_end": 2}, "ok", "the energy error is 18%"),
@@ -55,13 +53,9 @@ TABLE = [
     (OSCILLATOR, "scheme-i", {"h": 0.1, "steps": 1000, "parameters": {"lam": -1000}}, "inaccurate", "not the orbit"),
     (OSCILLATOR, "scheme-i", {"h": 1e-4, "steps": 1000, "parameters": {"lam": -1000}}, "ok", ""),
     # spans
-    (PENDULUM, "stormer-verlet", {"h": -0.1, "steps": 100}, "ok", ""),
-    (PENDULUM, "stormer-verlet", {"h": 0.1, "t_end": -1.0}, "ok", ""),
     (PENDULUM, "stormer-verlet", {"h": 0.1, "t_end": 2.0, "t0": 3.0}, "ok", ""),
-    (PENDULUM, "stormer-verlet", {"h": -0.1, "t_end": 1.0}, INVALID, "lies ahead"),
     (OSCILLATOR, "stormer-verlet", {"h": -2.1, "t_end": -1000}, "unstable", "from t = -4.2"),
     (KEPLER, "stormer-verlet", {"h": 0.01, "t_end": -5} | REST, "collision", "head-on"),
-    (PENDULUM, "stormer-verlet", {"h": 0.1, "t_end": 0.0}, INVALID, "t_end is 0.0"),
     # scales
     (OSCILLATOR, "stormer-verlet", at(1e150, 0.0, h=0.1, steps=100), "ok", ""),
     (OSCILLATOR, "stormer-verlet", at(1e-150, 0.0, h=0.1, steps=100), "ok", ""),
@@ -72,9 +66,6 @@ TABLE = [
         INVALID,
         "largest number is 1e-151; choose units",
     ),
-    (OSCILLATOR, "stormer-verlet", at(1e200, 0.0, h=0.1, steps=100), INVALID, "energy of the initial state is inf"),
-    (OSCILLATOR, "implicit-midpoint", at(1e-300, 0.0, h=0.1, steps=100), INVALID, "choose units"),
-    (FALL, "stormer-verlet", at(1e151, 0.0, h=0.1, steps=100), INVALID, "choose units"),
     (LOTKA, "symplectic-euler-q", at(1e-300, 1.0, h=0.01, steps=1000), "diverged", "outside H's domain"),
     (LOTKA, "symplectic-euler-q", at(1e-300, 1.0, h=0.001, steps=1000), "ok", ""),
     (LOTKA, "explicit-euler", {"h": 1.5, "steps": 1000}, "diverged", "outside H's domain after step 0"),
@@ -85,7 +76,6 @@ TABLE = [
     (PENDULUM, "implicit-midpoint", at(pi - 1e-12, 0.0, h=0.01, steps=5000), "ok", ""),
     (PENDULUM, "scheme-iv", {"h": 0.05, "steps": 2000}, "ok", ""),
     (PENDULUM, "scheme-iv", at(0.0, 0.0, h=0.05, steps=2000), "ok", ""),
-    (SADDLE, "stormer-verlet", at(2**0.5, 0.0, h=0.1, t_end=40), "ok", ""),
     (CIRCLE, "scheme-iv", {"h": 0.1, "steps": 10**7, "save_every": 0}, "no-root", "of the first 1000 steps"),
     (CIRCLE, "scheme-v", {"h": 0.1, "steps": 10**7, "save_every": 1000}, "no-root", "of the first 1000 steps"),
     # encounters and escapes
@@ -102,13 +92,6 @@ TABLE = [
     (RUNAWAY, "stormer-verlet", at(1.0, 1.0, h=0.01, t_end=10), "diverged", "the motion itself may escape"),
     (RUNAWAY, "implicit-midpoint", at(1.0, 1.0, h=0.01, t_end=10), "not-converged", "after step 73"),
     # time
-    (
-        PENDULUM,
-        "scheme-i",
-        {"h": 1e-6, "steps": 10**9, "save_every": 0, "timeout": 0.05},
-        "timeout",
-        "what was reached",
-    ),
     (PENDULUM, "scheme-i", {"h": 1e-6, "steps": 10**9, "save_every": 10**6, "timeout": 0.05}, "timeout", "reached"),
 ]
 

@@ -15,9 +15,11 @@ import pytest
 import phasebench as pb
 from phasebench.integrators.compile import codegen
 from phasebench.integrators.driver import integrate
-from phasebench.integrators.stepping import kernel, loop, orbit_lanes, solve
+from phasebench.integrators.stepping import kernel, loop, solve
 from phasebench.integrators.values import vector
+from support.kinds import lanes_and_one_apart
 from support.marks import compiled
+from support.solutions import apart, end
 
 #: The trapezoidal rule with the end foreseen by Euler's step (Heun).
 EXPLICIT = """
@@ -85,11 +87,6 @@ def chain(n: int) -> pb.Hamiltonian:
 SMALL = {"q": ["x", "y"], "p": ["u", "v"], "H": "(u**2 + v**2)/2*(1 + x**2/4) + x**4/4 + y**2/2 + x*v/5"}
 
 
-def end(run) -> np.ndarray:
-    assert run.status == "ok", run.reason
-    return np.concatenate([run.q[-1], run.p[-1]])
-
-
 def test_runs_on_tuples_as_the_registered_method(pair):
     twin = pair[1]
     system = pb.Hamiltonian(**SMALL)
@@ -115,13 +112,7 @@ def test_runs_in_many_digits_as_the_registered_method(uncompiled):
 
 @compiled
 def test_orbits_in_lanes_end_as_one_alone(pair):
-    system, n = pb.Hamiltonian(**SMALL), 2 * orbit_lanes.LANES.n
-    Q, P = np.tile([0.5, 0.2], (n, 1)) + np.arange(n)[:, None] / 50, np.tile([0.1, 0.4], (n, 1))
-    many = pb.integrate_ensemble(system, pair[0], Q, P, h=0.05, steps=40)
-    assert set(many.status) == {"ok"}
-    assert many.in_lanes.all()
-    alone = end(pb.integrate(system, pair[0], h=0.05, steps=40, q0=Q[3], p0=P[3]))
-    assert np.abs(np.concatenate([many.q[3], many.p[3]]) - alone).max() < 1e-13
+    assert lanes_and_one_apart(pb.Hamiltonian(**SMALL), pair[0], [0.5, 0.2], [0.1, 0.4], 0.02) < 1e-13
 
 
 def differences_in_many_digits() -> dict[str, float]:
@@ -131,7 +122,7 @@ def differences_in_many_digits() -> dict[str, float]:
     with codegen.precision(40), pytest.MonkeyPatch.context() as patch:
         for name in FAMILIES:
             ends = [end(integrate(system, m, h=0.05, steps=5, **start)) for m in pair_of(name, patch)]
-            found[name] = float(max(abs(x - y) for x, y in zip(*ends, strict=True)))
+            found[name] = float(apart(*ends))
     return found
 
 

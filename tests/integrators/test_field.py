@@ -11,12 +11,13 @@ import pytest
 from phasebench.benchmarks.problems import problem
 from phasebench.integrators import Hamiltonian
 from phasebench.integrators.compile.codegen import DOUBLE, MULTIPRECISION, precision
-from phasebench.integrators.driver import OK, integrate
+from phasebench.integrators.driver import OK, TIMEOUT, integrate
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.families import field
 from phasebench.integrators.prepared import lay_out
 from phasebench.integrators.registry import METHODS
 from phasebench.integrators.stepping.kernel import prepare
+from support.solutions import end
 
 BY_ID = {m.id: m for m in METHODS if m.family == "field"}
 KEPLER = problem("kepler", e=0.8)
@@ -25,12 +26,6 @@ PERIOD = 2 * np.pi
 WALL = Hamiltonian(q="q", p="p", H="p**2/2 + exp(-40*q) + q")
 #: A non-separable H.
 COUPLED = Hamiltonian(q="x y", p="u v", H="(u**2 + v**2)*(1 + x**2/4)/2 + x**2/2 + y**4/4 + y**2")
-
-
-def end(solution):
-    """End state (q, p) of a solution; fail if its status is not "ok"."""
-    assert solution.status == "ok", solution.reason
-    return np.concatenate([solution.q[-1], solution.p[-1]])
 
 
 def lengths(system, id, h, q0, p0, every, rows=1):
@@ -43,13 +38,18 @@ def lengths(system, id, h, q0, p0, every, rows=1):
 
 
 def test_the_weights_for_derivatives_at_the_end_of_a_step():
-    """For f = exp(c) on the nodes, f(1) and its derivatives at 1 are e up to the interpolation error."""
+    """For f = exp(c) on the nodes, f(1) and its derivatives at 1 are e up to the interpolation error.
+
+    The last one, of order 7, is a constant of the polynomial of degree 7: nearly that of exp in the middle.
+    """
     with precision(40):
         step = prepare(BY_ID["gauss-8-field"], KEPLER.system, MULTIPRECISION).step
         values = [mpmath.exp(mpmath.mpf(str(c))) for c in step.method.nodes[0][:8]]
         told = [mpmath.fsum(mpmath.mpf(str(w)) * f for w, f in zip(row, values, strict=False)) for row in step.ends]
-    for k, (x, bound) in enumerate(zip(told, (1e-8, 1e-6, 1e-4, 1e-2, 1.1), strict=True)):
+    for k, (x, bound) in enumerate(zip(told[:4], (1e-8, 1e-6, 1e-5, 1e-3), strict=True)):
         assert abs(x - mpmath.e) < bound, k
+    assert float(told[4]) == pytest.approx(np.exp(0.5), rel=0.01)
+    assert len(told) == 5
     assert abs(told[3] - mpmath.e) > 1e-12, "the control: the weights are no rule for exp itself"
 
 
@@ -155,18 +155,12 @@ def test_compiled_and_uncompiled_runs_agree(uncompiled):
         assert np.abs(np.array(state) - there[id]).max() < 1e-12, id
 
 
-if __name__ == "__main__":
-    print(json.dumps({"result": short()}))
-
-
 @pytest.mark.parametrize("name", ["gauss-4-field", "gauss-8-field"])
 @pytest.mark.parametrize("turned", [1e-16, 1e-12, 1e-6])
 def test_a_coordinate_at_rest_does_not_shorten_steps(name, turned):
     """q' = 0 at p = 0 for H = exp(q) - q + exp(p) - p + ...; a tiny p must not make the steps shorter."""
     made = Hamiltonian(q="q", p="p", H="exp(q) - q + exp(p) - p + q**2*p**2/100")
-    counts = [
-        integrate(made, name, h=0.5, t_end=10.0, q0=[0.7], p0=[p], timeout=20).counts["steps"] for p in (0.0, turned)
-    ]
+    counts = [lengths(made, name, 0.5, [0.7], [p], 20)[3].steps for p in (0.0, turned)]
     assert abs(counts[0] - counts[1]) <= 1
     assert counts[1] < 100
 
@@ -175,5 +169,8 @@ def test_a_step_that_shrinks_to_zero_ends_the_run():
     """A fall into a centre that is not declared singular."""
     made = Hamiltonian(q="q", p="p", H="p**2/2 - 1/q", singular=())
     ended = integrate(made, "gauss-4-field", h=0.1, t_end=10.0, q0=[1.0], p0=[0.0], timeout=60)
-    assert ended.status != OK
-    assert ended.counts["steps"] < 1e5
+    assert ended.status not in (OK, TIMEOUT)
+
+
+if __name__ == "__main__":
+    print(json.dumps({"result": short()}))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import importlib.util
 from types import SimpleNamespace
 
@@ -19,8 +20,8 @@ ARRAY = types.Array(types.float64, 1, "C")
 class System:
     """Stand-in for a system with d degrees of freedom."""
 
-    def __init__(self, d, key="a toy"):
-        self.d, self.key, self.variant, self._functions, self.fills = d, key, "", {"g": print}, False
+    def __init__(self, d, key="a toy", variant=""):
+        self.d, self.key, self.variant, self._functions, self.fills = d, key, variant, {"g": print}, False
 
 
 # -- in-place versions ------------------------------------------------------------------------------------------------
@@ -66,6 +67,7 @@ def test_large_compiled_systems_get_in_place_functions(monkeypatch):
         assert inplace.in_place_version(large, MULTIPRECISION, most) is large
         if runs:
             assert (twin.d, twin.fills, twin._functions) == (large.d, True, {})
+            assert inplace.in_place_version(copy.copy(large), DOUBLE, most) is not twin
     assert not large.fills
     assert large._functions
 
@@ -92,16 +94,17 @@ def keeping(tmp_path, monkeypatch):
     preparation._read.cache_clear()
 
 
-def test_an_entry_depends_on_method_values_and_system_key(keeping):
+def test_an_entry_depends_on_method_values_and_system(keeping):
     name = preparation.entry(method(), System(2))
     assert name.startswith("prepared-")
     assert preparation.entry(method(), System(2)) == name
     others = [
         preparation.entry(method(3), System(2)),
         preparation.entry(method(), System(2, key="another")),
+        preparation.entry(method(), System(2, variant="4 lanes")),
         preparation.entry(method(), System(codegen.TUPLE_LIMIT + 1)),
     ]
-    assert len({name, *others}) == 4
+    assert len({name, *others}) == 5
     assert preparation.entry(method(), System(2, key="")) is None
     assert preparation.entry(method(), SimpleNamespace(d=2)) is None
     assert preparation.entry(Method(order=lambda: 2), System(2)) is None, "it cannot be written"

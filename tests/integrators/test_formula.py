@@ -197,8 +197,7 @@ def test_accepted_formulas_can_be_used(text):
     assert time.process_time() - started < 10
 
 
-# -- nothing is evaluated
-# -----------------------------------------------------------------------------------------------
+# -- nothing is evaluated ---------------------------------------------------------------------------------------------
 
 #: Script that records the interpreter's audit events while texts are read, except those of SymPy's first use.
 AUDITED = """
@@ -279,8 +278,7 @@ def test_control_an_evaluation_is_seen(text, event, tmp_path):
     assert event in {e for e, _ in audit_events([text], "eval", tmp_path)}
 
 
-# -- random texts
-# -------------------------------------------------------------------------------------------------------
+# -- random texts -----------------------------------------------------------------------------------------------------
 
 PIECES = ["q", "p", "1", "2", "0.5", "1e9", "pi", "e", "x", "(", ")", "+", "-", "*", "/", "**", " ", ",", ".", "_", "^"]
 PIECES += [f"{name}(" for name in FUNCTIONS]
@@ -373,7 +371,7 @@ def test_names_found_in_a_text():
 
 def test_the_limit_on_terms():
     """(q + p + 1)**98, with 4950 terms, is accepted; the next power has more than 5000."""
-    assert parse("(q + p + 1)**98", VARIABLES)  # 99 * 100 / 2 = 4950 terms
+    assert parse("(q + p + 1)**98", VARIABLES) == (Q + P + 1) ** 98  # 99 * 100 / 2 = 4950 terms
     assert TERMS == 5000
     with pytest.raises(InvalidInput, match="5000 terms"):
         parse("(q + p + 1)**99", VARIABLES)

@@ -18,7 +18,6 @@ from phasebench.integrators.registry import method
 from phasebench.integrators.systems.generating import LAMBDA, coefficients
 
 CANONICAL = [name for name in PROBLEMS if problem(name).system.canonical and problem(name).system.d <= 2]
-LAMBDAS = (sp.Rational(-1), sp.Rational(1, 3), sp.Rational(1, 2), sp.Rational(3, 2))
 
 
 def system_of(name):

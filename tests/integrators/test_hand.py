@@ -15,6 +15,7 @@ from phasebench.benchmarks.problems.user_file import load
 from phasebench.integrators import Hamiltonian, InvalidInput, integrate, outcome
 from phasebench.integrators.compile.codegen import MULTIPRECISION, TUPLE_LIMIT, precision, to_number, vector
 from phasebench.integrators.systems.hand import HandHamiltonian, uncompiled_loop, unit_mass_field
+from support.solutions import end
 
 PATH = str(Path(__file__).parents[2] / "examples" / "problems" / "chain.py")
 CHAIN = load(PATH)
@@ -24,6 +25,9 @@ LOOPS = {
     "toda": (toda, lambda: toda.formula(4), (), None),
     "chain": (CHAIN, lambda: chain(4, 4), (4,), (5,)),
 }
+#: Names, and symbols, of q and p of the smallest system that loops may define.
+NAMES = [[f"{x}{i}" for i in range(TUPLE_LIMIT + 1)] for x in "qp"]
+SYMBOLS = [[sp.Symbol(name, real=True) for name in row] for row in NAMES]
 
 
 def chain(N, k):
@@ -41,14 +45,14 @@ def values(module, constants, q, p, arithmetic="double"):
     return np.concatenate([*field(q, p, 0.0, 0.0), grad_V(q), [H, M]])
 
 
-def by_formula(q_names, p_names, H, q, p):
-    """(q', p', grad V, H, size of H's terms) at a state from the formula of H, with exact derivatives."""
+def by_formula(q_names, p_names, H, q, p, number=float):
+    """(q', p', grad V, H, size of H's terms) at a state from the formula of H, with exact derivatives, as numbers."""
     at = dict(zip((*q_names, *p_names), map(sp.Float, (*map(str, q), *map(str, p)), [60] * 2 * len(q)), strict=True))
     dq, dp = ([sp.diff(H, x) for x in names] for names in (p_names, q_names))
     terms = sum(sp.Abs(t) for t in sp.Add.make_args(H))
     M = terms + sum(sp.Abs(x * g) for x, g in zip((*p_names, *q_names), (*dq, *dp), strict=True))
     found = [*dq, *(-g for g in dp), *dp, H, M]
-    return np.array([float(sp.N(e.subs(at), 30)) for e in found])
+    return np.array([number(sp.N(e.subs(at), 50)) for e in found])
 
 
 @pytest.mark.parametrize("name", LOOPS)
@@ -65,18 +69,19 @@ def test_loops_agree_with_their_formula(name):
 @pytest.mark.parametrize("name", ["fpu", "chain"])
 def test_loops_contain_no_doubles(name):
     """In multiprecision the loops are exact to 40 digits and leave their arguments alone."""
-    module, _, constants, _ = LOOPS[name]
+    module, formula, constants, _ = LOOPS[name]
     with precision(40):
         q, p = (vector(row) / 3 for row in np.random.default_rng(2).normal(size=(2, 4)))
         found = values(module, constants, q, p, MULTIPRECISION)
         again = values(module, constants, q * 1, p * 1, MULTIPRECISION)
         assert (found == again).all(), "arguments stay as they are"
-        near = values(module, constants, q.astype(float), p.astype(float))
-        assert max(abs(a - b) for a, b in zip(found, near, strict=True)) < 1e-12 * max(abs(x) for x in found)
-        assert any(a != b for a, b in zip(found, near, strict=True))
+        expected = by_formula(*formula(), q, p, lambda x: to_number(str(x), MULTIPRECISION))
+        doubles, size = values(module, constants, q.astype(float), p.astype(float)), max(abs(x) for x in found)
+        assert max(abs(a - b) for a, b in zip(found, expected, strict=True)) < 1e-38 * size
+        assert max(abs(a - b) for a, b in zip(doubles, expected, strict=True)) > 1e-20 * size, "the control"
 
 
-def test_stiff_springs_by_loops_and_by_formula_agree(monkeypatch):
+def test_stiff_springs_by_loops_and_by_formula_agree():
     """Eleven springs by loops against functions derived from a formula, including those of trigonometric methods."""
     made = problem("fpu", m=11, omega=10.0)
     assert isinstance(made.system, HandHamiltonian)
@@ -128,9 +133,7 @@ def test_loops_that_write_and_that_return_agree_bit_by_bit(id):
     start = dict(zip(("q0", "p0"), np.random.default_rng(6).normal(size=(2, d)), strict=True))
     for loops, k in ((springs_that_return(), 3), (springs_that_write(), 3), (springs_that_write(), 4)):
         system = HandHamiltonian(q=names[0], p=names[1], loops=loops | {"energy": springs_energy}, constants=(k,))
-        s = integrate(system, id, h=0.1, steps=9, **start)
-        assert s.status == "ok"
-        ends.append(np.concatenate([s.q[-1], s.p[-1]]))
+        ends.append(end(integrate(system, id, h=0.1, steps=9, **start)))
     assert (ends[0] == ends[1]).all()
     assert not np.isclose(ends[0], ends[2]).any(), "the control"
 
@@ -184,8 +187,7 @@ def test_methods_that_need_a_formula_refuse_loops():
 
 
 def test_formulas_and_functions_of_rows_can_be_observed():
-    names = [[f"{x}{i}" for i in range(TUPLE_LIMIT + 1)] for x in "qp"]
-    q, p = ([sp.Symbol(name, real=True) for name in row] for row in names)
+    q, p = SYMBOLS
     loops = springs_that_return() | {"energy": springs_energy}
     H = sum(x**2 for x in p) / 2 + 3 * sum(x**2 for x in q) / 2 + 5
     bare = HandHamiltonian(q=q, p=p, loops=loops, constants=(3,))
@@ -196,12 +198,12 @@ def test_formulas_and_functions_of_rows_can_be_observed():
     Q, P = np.random.default_rng(1).normal(size=(2, 4, len(q)))
     assert np.array_equal(bare.observe(lambda Q, P: Q[:, 0] * P[:, 1], Q, P), Q[:, 0] * P[:, 1])
     assert np.allclose(whole.observe(q[0] * p[1], Q, P), Q[:, 0] * P[:, 1], rtol=1e-14)
-    assert np.allclose(bare.observe(bare.H, Q, P), bare.energies(Q, P))
+    for made in (bare, whole):  # by the loop, which has no constant
+        assert np.allclose(made.observe(made.H, Q, P), (P**2 + 3 * Q**2).sum(axis=1) / 2, rtol=1e-13)
 
 
 def test_the_direction_to_a_singularity_needs_no_formula_of_h():
-    names = [[f"{x}{i}" for i in range(TUPLE_LIMIT + 1)] for x in "qp"]
-    q, p = ([sp.Symbol(name, real=True) for name in row] for row in names)
+    q, p = SYMBOLS
     made = {"q": q, "p": p, "loops": springs_that_return() | {"energy": springs_energy}, "constants": (3,)}
     Q, P = np.random.default_rng(2).normal(size=(2, 4, len(q)))
     aims = [outcome._aim(HandHamiltonian(**made, singular=[q[0]], H=H), Q, P) for H in (None, sum(x**2 for x in p) / 2)]
@@ -211,10 +213,9 @@ def test_the_direction_to_a_singularity_needs_no_formula_of_h():
 
 def test_missing_loops_and_small_systems_are_refused():
     loops = {"grad_V": CHAIN.grad_V, "field": CHAIN.field, "energy": CHAIN.energy}
-    names = [[f"{x}{i}" for i in range(TUPLE_LIMIT + 1)] for x in "qp"]
     for left in ("field", "energy"):
         few = {name: loop for name, loop in loops.items() if name != left}
         with pytest.raises(InvalidInput, match=f"the loop '{left}' is missing"):
-            HandHamiltonian(q=names[0], p=names[1], loops=few)
+            HandHamiltonian(q=NAMES[0], p=NAMES[1], loops=few)
     with pytest.raises(InvalidInput, match="more than 20"):
-        HandHamiltonian(q=names[0][:-1], p=names[1][:-1], loops=loops)
+        HandHamiltonian(q=NAMES[0][:-1], p=NAMES[1][:-1], loops=loops)

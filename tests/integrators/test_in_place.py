@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
-
 import numpy as np
 import pytest
 import sympy as sp
 from numba import types
 
-from phasebench.integrators import Hamiltonian
-from phasebench.integrators.compile import codegen, preparation
+from phasebench.integrators.compile import codegen
 from phasebench.integrators.families import force_gradient, runge_kutta, splitting
 from phasebench.integrators.prepared import prepare
 from phasebench.integrators.registry import method
 from phasebench.integrators.stepping import kernel
 from phasebench.integrators.values import inplace
+from support.systems import chain
 
 FAMILY = {
     "stormer-verlet": splitting,
@@ -30,11 +28,8 @@ FAMILY = {
 
 
 def system(d):
-    """A chain of d particles with neighbour repulsion; its masses are not exact doubles."""
-    q, p = sp.symbols(f"q0:{d}", real=True), sp.symbols(f"p0:{d}", real=True)
-    T = sum(sp.Rational(i + 1, 3) * x**2 / 2 for i, x in enumerate(p))
-    V = sum(x**2 / 2 for x in q) + sum(1 / sp.sqrt((x - y) ** 2 + 1) for x, y in pairwise(q))
-    return Hamiltonian(q=q, p=p, H=T + V)
+    """A chain of d particles with neighbour repulsion."""
+    return chain(d, bond=lambda r: 1 / sp.sqrt(r**2 + 1))
 
 
 class Start:
@@ -57,7 +52,6 @@ def end(problem, id, kind):
 @pytest.mark.processor
 @pytest.mark.parametrize("id", ["mclachlan-atela-4", "blanes-p7-6", "rk4", "chin-4a", "hessian-free-adada"])
 def test_arrays_and_tuples_agree_bit_by_bit(id, monkeypatch):
-    monkeypatch.setattr(preparation, "ENABLED", False)
     problem = Start(FAMILY[id].MOST + 1)
     arrays, counts = end(problem, id, "array")
     monkeypatch.setattr(FAMILY[id], "MOST", codegen.TUPLE_LIMIT)
@@ -74,8 +68,7 @@ def test_the_size_beyond_which_a_family_uses_arrays(id):
     assert [kernel.prepare(method(id), system(d)).arrays for d in (most, most + 1)] == [False, True]
 
 
-# -- parts of a Runge-Kutta step on arrays, run as Python
-# --------------------------------------------------------------
+# -- parts of a Runge-Kutta step on arrays, run as Python -------------------------------------------------------------
 
 
 @pytest.mark.parametrize("id", ["explicit-euler", "rk4", "dop853"])

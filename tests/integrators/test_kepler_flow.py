@@ -25,6 +25,7 @@ ECCENTRICITIES = (0.0, 0.2, 0.6, 0.9, 0.99, 0.999, 1.0, 1.5, 3.0)
 ANOMALIES = (0.0, 1.0, -2.5, 3.0)
 CHANGES = (1e-9, 1e-3, 0.3, 2.5, 6.0, -1e-4, -4.0)
 CASES = [(e, a, d) for e in ECCENTRICITIES for a in ANOMALIES for d in CHANGES]
+TABLE = array(kepler_flow.constants(DOUBLE), DOUBLE)
 
 
 def on_orbit(e, A, mp=mpmath):
@@ -152,7 +153,6 @@ def test_whole_periods_return(e, periods):
 def test_energy_and_angular_momentum_of_many_steps(e):
     """20,000 steps, each a twentieth of the period of an ellipse; on open orbits steps grow."""
     q, v, _ = doubles(e, -1.0, 1.0)
-    table = array(kepler_flow.constants(DOUBLE), DOUBLE)
     X = np.array([q, v, [0, 0], [0, 0]])
     scale = 1 / (1 - e) if e < 1 else 1.0
 
@@ -162,7 +162,7 @@ def test_energy_and_angular_momentum_of_many_steps(e):
 
     before, steps = kept(), 20_000 if e < 1 else 40
     for n in range(steps):
-        kepler_flow.advance(X, 0, 2, 1.0, 1.0, 0.31 if e < 1 else 0.01 * 1.4**n, EPS, table)
+        kepler_flow.advance(X, 0, 2, 1.0, 1.0, 0.31 if e < 1 else 0.01 * 1.4**n, EPS, TABLE)
     error = np.abs(kept() - before)
     assert error[0] < 8 * EPS * scale * steps**0.5
     assert error[1] < (8 * EPS * steps**0.5 if e < 1 else 8 * EPS * np.abs(X[0]).max())
@@ -201,11 +201,10 @@ BEYOND = ((0.98, 1.25, -3.1), (0.9999, 2.0, -3.9))
 @pytest.mark.parametrize("length", [4.0**-10, 4.0**10])
 def test_the_solver_does_not_depend_on_units(length):
     """Lengths in units that are powers of two, times in their power 3/2."""
-    table = array(kepler_flow.constants(DOUBLE), DOUBLE)
     for case in (*CASES[:140:9], *BEYOND):
         q, v, h = doubles(*case)
         X, Y = np.array([q, v, [0, 0], [0, 0]]), np.array([q, v, [0, 0], [0, 0]]) * [[length], [length**-0.5], [0], [0]]
-        cost = [kepler_flow.advance(Z, 0, 2, 1.0, 1.0, t, EPS, table) for Z, t in ((X, h), (Y, length**1.5 * h))]
+        cost = [kepler_flow.advance(Z, 0, 2, 1.0, 1.0, t, EPS, TABLE) for Z, t in ((X, h), (Y, length**1.5 * h))]
         assert cost[0] == cost[1] <= 12, case
         for found, wanted in ((Y[0] / length, X[0]), (Y[1] * length**0.5, X[1])):
             assert np.abs(found - wanted).max() <= 1e-11 * np.abs(wanted).max(), case
@@ -213,11 +212,10 @@ def test_the_solver_does_not_depend_on_units(length):
 
 def test_few_evaluations():
     """Two or three per step of an ordinary orbit, a few more in the worst case."""
-    table = array(kepler_flow.constants(DOUBLE), DOUBLE)
 
     def evaluations(q, v, h):
         X = np.array([q, v, [0, 0], [0, 0]])
-        return kepler_flow.advance(X, 0, 2, 1.0, 1.0, h, EPS, table)
+        return kepler_flow.advance(X, 0, 2, 1.0, 1.0, h, EPS, TABLE)
 
     step = [evaluations(*doubles(0.2, a, 1.0)[:2], 0.3) for a in np.linspace(0, 6, 61)]
     assert np.mean(step) <= 3

@@ -21,6 +21,7 @@ from support.marks import compiled
 
 EPS = np.finfo(float).eps
 LANES = 8
+TABLE = array(kepler_flow.constants(DOUBLE), DOUBLE)
 
 
 @njit(**TUPLES)
@@ -37,8 +38,7 @@ def step_of(mu, mass):
     empty = np.zeros((0, LANES))
     like = (0.0,) * LANES
     parts = array(planet_pairs._of_bodies(part, LANES), DOUBLE)
-    series = array(kepler_flow.constants(DOUBLE), DOUBLE)
-    return planet_lanes.Planets(empty, empty, like, (0.0,) * len(mu), empty, parts, empty, series, 0.0, EPS)
+    return planet_lanes.Planets(empty, empty, like, (0.0,) * len(mu), empty, parts, empty, TABLE, 0.0, EPS)
 
 
 def flow(q, v, h, steps=1, mu=None, mass=None):
@@ -55,11 +55,10 @@ def flow(q, v, h, steps=1, mu=None, mass=None):
 
 def alone(q, v, h, steps=1):
     """(q, v, compensation of each), arrays (n, 3), of bodies after steps of length h, by the scalar `kepler_flow`."""
-    table = array(kepler_flow.constants(DOUBLE), DOUBLE)
     X = [np.array([a, b, 0 * a, 0 * a]) for a, b in zip(q, v, strict=True)]
     for _ in range(steps):
         for x in X:
-            kepler_flow.advance(x, 0, 3, 1.0, 1.0, h, EPS, table)
+            kepler_flow.advance(x, 0, 3, 1.0, 1.0, h, EPS, TABLE)
     return tuple(np.array([x[i] for x in X]) for i in range(4))
 
 

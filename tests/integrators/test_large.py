@@ -7,9 +7,6 @@ integrated here once more by NumPy loops.
 
 from __future__ import annotations
 
-import copy
-from functools import partial
-
 import numba
 import numpy as np
 import pytest
@@ -18,7 +15,6 @@ import sympy as sp
 from phasebench.benchmarks.problems import problem
 from phasebench.integrators import Hamiltonian, InvalidInput, integrate
 from phasebench.integrators.compile import codegen
-from phasebench.integrators.values import inplace
 from phasebench.integrators.values.vector import (
     add,
     add_product,
@@ -34,6 +30,8 @@ from phasebench.integrators.values.vector import (
     store,
     tail,
 )
+from support.kinds import arrays_and_tuples_apart
+from support.solutions import end
 
 ALPHA, BETA = sp.Rational(1, 4), sp.Rational(1, 2)
 D = codegen.TUPLE_LIMIT + 1
@@ -115,12 +113,6 @@ LOOPS = {
 }
 
 
-def end(solution):
-    """End state (q, p) of a solution; fail if its status is not "ok"."""
-    assert solution.status == "ok", solution.reason
-    return np.concatenate([solution.q[-1], solution.p[-1]])
-
-
 @pytest.mark.parametrize("id", LOOPS)
 def test_the_chain_agrees_with_numpy_loops(chain, id):
     y = np.concatenate([Q0, P0])
@@ -154,25 +146,6 @@ def test_the_energy_equals_its_formula(chain):
     assert chain.observe(chain.H, Q0[None], P0[None])[0] == pytest.approx(energy(Q0, P0), rel=1e-14)
 
 
-def test_tuples_end_at_the_limit(chain):
-    assert codegen.value_kind(D) == "array"
-    assert codegen.value_kind(D - 1) == "tuple"
-    assert codegen.options(D)["_nrt"]
-    assert codegen.options(D - 1)["_nrt"] is False
-
-
-def test_in_place_functions_are_made_once_per_system(chain):
-    made = problem("pendulum").system
-    twin = partial(inplace.in_place_version, arithmetic=codegen.DOUBLE, most=D)
-    assert twin(made) is made, "functions of tuples write nothing"
-    written = twin(chain)
-    assert written.fills
-    assert not chain.fills
-    assert twin(chain) is written
-    other = copy.copy(chain)
-    assert twin(other) is not written
-
-
 def test_array_kernels_raise_invalid_input():
     """For h omega = pi a coefficient of Gautschi's method is infinite; a kernel for arrays raises InvalidInput too."""
     d = codegen.TUPLE_LIMIT + 1
@@ -185,9 +158,7 @@ def test_array_kernels_raise_invalid_input():
 
 SMALL = [
     "explicit-euler",
-    "rk4",
     "dop853",  # sums over stages whose weights differ
-    "stormer-verlet",
     "symplectic-euler-q",
     "implicit-midpoint",
     "scheme-i",
@@ -197,15 +168,8 @@ SMALL = [
 
 
 @pytest.mark.parametrize("id", SMALL)
-def test_arrays_and_tuples_agree(id, monkeypatch):
-    """Henon-Heiles; the system is made anew because functions are cached on it."""
-    made = problem("henon-heiles")
-    tuples = end(integrate(made, id, h=0.05, steps=200))
-    with monkeypatch.context() as patch:
-        patch.setattr(codegen, "TUPLE_LIMIT", 1)
-        S = made.system
-        arrays = end(integrate(Hamiltonian(q=S.q, p=S.p, H=S.H), id, h=0.05, steps=200, q0=made.q0, p0=made.p0))
-    assert np.abs(arrays - tuples).max() < ROUND_OFF
+def test_arrays_and_tuples_agree(id):
+    assert arrays_and_tuples_apart(id) < ROUND_OFF
 
 
 def test_overflow_on_arrays_is_a_divergence(chain):

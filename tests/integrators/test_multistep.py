@@ -15,7 +15,7 @@ import phasebench as pb
 from phasebench.benchmarks.measure import multiprecision, oscillator
 from phasebench.benchmarks.measure.integrator import integrator
 from phasebench.benchmarks.problems import problem
-from phasebench.integrators import Hamiltonian, integrate, integrate_ensemble, prepare
+from phasebench.integrators import Hamiltonian, driver, integrate, integrate_ensemble, prepare, trajectory
 from phasebench.integrators.coefficients import multistep as numbers
 from phasebench.integrators.compile.codegen import MULTIPRECISION, precision, to_number
 from phasebench.integrators.errors import InvalidInput
@@ -23,6 +23,7 @@ from phasebench.integrators.families import multistep as family
 from phasebench.integrators.prepared import lay_out
 from phasebench.integrators.registry import method
 from phasebench.integrators.stepping import kernel
+from support.solutions import distance
 
 TABLES = numbers.QUINLAN_TREMAINE
 ORDERS = tuple(TABLES)
@@ -203,11 +204,6 @@ def interpolated(values):
     return lambda t: sum(row[-1] * mpmath.binomial(t + n - 1, n) for n, row in enumerate(rows))
 
 
-def distance(s, y) -> float:
-    """Largest difference of a solution's end from y."""
-    return float(max(abs(mpmath.mpf(str(a)) - b) for a, b in zip([*s.q[-1], *s.p[-1]], y, strict=True)))
-
-
 # -- without round-off -------------------------------------------------------------------------------------------------
 
 
@@ -376,9 +372,9 @@ def test_rows_do_not_depend_on_how_a_run_is_cut(steps, monkeypatch):
     """However few the steps are, and however they are divided among calls of the kernel."""
     whole = integrate(KEPLER, "quinlan-tremaine-8", h=0.05, steps=steps)
     ends = integrate(KEPLER, "quinlan-tremaine-8", h=0.05, steps=steps, save_every=0)
-    monkeypatch.setattr("phasebench.integrators.trajectory.PIECE", 3)
-    monkeypatch.setattr("phasebench.integrators.trajectory.Pace.adapt", lambda self, seconds: None)
-    pieces = integrate(KEPLER, "quinlan-tremaine-8", h=0.05, steps=steps, save_every=5, timeout=100.0)
+    for module in (driver, trajectory):
+        monkeypatch.setattr(module, "PIECE", 3)
+    pieces = integrate(KEPLER, "quinlan-tremaine-8", h=0.05, steps=steps, save_every=5)
     run = prepare(KEPLER, "quinlan-tremaine-8")
     run(0.07, 30)
     q, p, status = run(0.05, steps)

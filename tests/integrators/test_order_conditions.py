@@ -10,7 +10,7 @@ import pytest
 
 from phasebench.integrators import coefficients
 from phasebench.integrators.coefficients import TABLES
-from phasebench.integrators.coefficients.fractions import DIGITS, suzuki, triple_jump
+from phasebench.integrators.coefficients.fractions import suzuki, triple_jump
 from phasebench.integrators.coefficients.order_conditions import (
     KINDS,
     TOLERANCE,
@@ -25,17 +25,12 @@ from phasebench.integrators.coefficients.order_conditions import (
     residuals,
     words,
 )
+from support.coefficient_tables import full_precision as full_precision
 
 ERROR = mpmath.mpf("1e-12")
 HALF = mpmath.mpf(1) / 2
 LEAPFROG = [("B", HALF), ("A", mpmath.mpf(1)), ("B", HALF)]
 NYSTROM = [t for t in TABLES if t.kind == "nystrom"]
-
-
-@pytest.fixture(autouse=True)
-def full_precision():
-    with mpmath.workdps(DIGITS):
-        yield
 
 
 def parametrize_tables(tables):

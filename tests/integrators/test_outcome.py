@@ -13,6 +13,7 @@ from phasebench.benchmarks.problems import PROBLEMS, problem
 from phasebench.integrators import Hamiltonian, integrate, outcome
 from phasebench.integrators.compile import codegen
 from phasebench.integrators.outcome import judge, solver_failure
+from phasebench.integrators.trajectory import PIECE, Pace, Trajectory
 from phasebench.reference.peers.run import ending
 
 OSCILLATOR = Hamiltonian(q="q", p="p", H="p**2/2 + q**2/2")
@@ -175,8 +176,6 @@ def test_states_between_stored_rows_are_judged():
             states.pop(0)
             return 1, 0
 
-    from phasebench.integrators.trajectory import PIECE, Pace, Trajectory
-
     t = Trajectory(OSCILLATOR, [1.0], [0.0], 0.1, 2 * PIECE, 2 * PIECE, "double")
     t.advance(Run(), Pace(None))
     t.conclude(None, 0)
@@ -222,13 +221,13 @@ def test_a_system_without_energy_is_not_judged():
     assert integrate(free, "rk4", h=0.1, t_end=50, q0=[1.0], p0=[0.0]).status == "ok"
 
 
-if __name__ == "__main__":
-    print(json.dumps({"result": accurate()}))
-
-
 def test_the_report_of_an_unsolved_stage_names_its_solver():
     few, many = 2, codegen.TUPLE_LIMIT + 1
     assert solver_failure("banded", many).what.startswith("Newton's method in a band")
     assert "fixed point nor Newton's method" in solver_failure("collocation", many).what
     assert [bool(solver_failure("parametric", d).advice) for d in (few, many)] == [False, True]
     assert not solver_failure("collocation", many).advice
+
+
+if __name__ == "__main__":
+    print(json.dumps({"result": accurate()}))

@@ -32,17 +32,13 @@ FIELDS = {
 }
 #: Methods with four and two unknown vectors; rules of one row, of two rows, and a list of rules.
 CASES = [("hbvm-8-4", "masses"), ("hbvm-8-4", "degree 6"), *(("cpg-2", name) for name in (*KICKS, *FIELDS))]
-
-
-@pytest.fixture
-def one_by_one():
-    """Function that runs a method with its quadrature nodes evaluated one after the other, not in SIMD lanes."""
-    return partial(two_degrees.one_by_one, path_lanes)
+#: Runs a method with its quadrature nodes evaluated one after the other, not in SIMD lanes.
+one_by_one = partial(two_degrees.one_by_one, path_lanes)
 
 
 @pytest.mark.processor
 @pytest.mark.parametrize(("id", "name"), CASES)
-def test_lanes_reach_the_state_of_single_nodes(one_by_one, id, name):
+def test_lanes_reach_the_state_of_single_nodes(id, name):
     """Up to the round-off of fifty steps: lanes sum in another order and use their own sin, cos and exp."""
     made = of((KICKS | FIELDS)[name])
     assert isinstance(prepare(method(id), made).step, path_lanes.Path)
@@ -53,7 +49,7 @@ def test_lanes_reach_the_state_of_single_nodes(one_by_one, id, name):
 
 
 @pytest.mark.parametrize(("table", "place"), [("A", (0, 1)), ("B", (4, 1)), ("drift", (2, 0)), ("drift", (0, 0))])
-def test_control_a_wrong_coefficient_is_seen(one_by_one, monkeypatch, table, place):
+def test_control_a_wrong_coefficient_is_seen(monkeypatch, table, place):
     laned = path_lanes.build_path
 
     def spoiled(*arguments):
@@ -69,7 +65,7 @@ def test_control_a_wrong_coefficient_is_seen(one_by_one, monkeypatch, table, pla
 
 
 @pytest.mark.parametrize("rest", ["q1**4", "q1**2*p1**2/10", "cos(q1)"])
-def test_newton_takes_over_when_the_iteration_diverges(one_by_one, rest):
+def test_newton_takes_over_when_the_iteration_diverges(rest):
     """For kicks, both increments, and each rule of a list; few sweeps show that the Jacobian is correct."""
     stiff = of(f"p1**2/2 + p2**2/6 + 1250*q1**2 + q2**2/2 + q1*q2 + {rest}")
     (lanes, n), (nodes, m) = run(stiff, "cpg-2", 0.1, 20), one_by_one(stiff, "cpg-2", 0.1, 20)
@@ -89,7 +85,7 @@ def test_an_unsolvable_step_ends_a_run(id):
 
 
 @pytest.mark.parametrize("rest", ["q1**4", "cos(q1)"])
-def test_newton_with_two_rows_takes_equally_many_evaluations(one_by_one, rest):
+def test_newton_with_two_rows_takes_equally_many_evaluations(rest):
     """Two rows of lanes take as many evaluations as nodes one by one, but for a row where one serves twice."""
     stiff = of(f"p1**2/2 + p2**2/6 + 1250*q1**2 + q2**2/2 + q1*q2 + {rest}")
     (lanes, n), (nodes, m) = run(stiff, "hbvm-8-4", 0.1, 3), one_by_one(stiff, "hbvm-8-4", 0.1, 3)
@@ -189,5 +185,4 @@ def growth(monkeypatch, plain):
 
 def test_the_energy_error_has_no_bias(monkeypatch):
     """The mean energy error is not significant; control: with plainly rounded nodes it is."""
-    monkeypatch.setattr("phasebench.integrators.compile.preparation.ENABLED", False)
     assert growth(monkeypatch, plain=False) < 4 < 6 < growth(monkeypatch, plain=True)

@@ -155,7 +155,7 @@ def test_rows_end_before_leaving_the_domain_of_h():
 @pytest.mark.parametrize(
     ("code", "status", "words"),
     [
-        (solve.NOT_FINITE, "diverged", "a stage equation has no finite iterate after step 6 of 10 (t = 3); take"),
+        (solve.NOT_FINITE, "diverged", "a stage equation has no finite iterate"),
         (solve.STALLED, "not-converged", "neither the fixed point nor Newton's method"),
         (solve.OUT_OF_STEP, "not-converged", "the control of the step has lost"),
     ],
@@ -164,7 +164,7 @@ def test_rows_end_before_leaving_the_domain_of_h():
 def test_the_reason_follows_from_the_code_of_the_kernel(code, status, words, every, filled):
     t = ran(Kernel(end=7, code=code), every=every)
     assert (t.status, t.filled) == (status, filled)
-    assert words.partition(" after")[0] in t.reason
+    assert words in t.reason
     assert f"after step {filled * every} of 10" in t.reason
     assert "take a smaller h" in t.reason
 
@@ -179,15 +179,11 @@ def test_the_state_reached_within_a_row_is_kept(small):
         assert "after step 5 of 20 (t = 2.5)" in t.reason
 
 
-@pytest.mark.parametrize(("size", "status"), [(3e6, "diverged"), (1e6, "not-converged")])
+@pytest.mark.parametrize(("size", "status"), [(2.1e6, "diverged"), (1.9e6, "not-converged")])
 def test_a_stop_after_great_growth_is_a_divergence(size, status):
     """From a state of size 1: the limit is a million times one plus that size."""
-    t = ran(Kernel(end=7, code=solve.STALLED), every=1)
-    assert t.status == "not-converged"
-    kernel = Kernel(end=1, worth=size)
     t = Trajectory(MOVED, [0.0], [1.0], 0.5, 10, 1, "double")
-    t.advance(kernel, Pace(None, 1))
-    t.filled, t.reached = 1, 1
+    t.advance(Kernel(end=1, worth=size), Pace(None, 1))
     t._explain_stop(solve.STALLED)
     assert t.status == status
     assert (f"the state has grown to {size:.3g}" in t.reason) == (status == "diverged")
@@ -211,8 +207,7 @@ def test_seconds_are_those_of_all_pieces():
     assert ran(kernel, steps=8, piece=2).seconds >= 0.01 * len(kernel.calls) > 0.01
 
 
-# -- steps without a root
-# ----------------------------------------------------------------------------------------------
+# -- steps without a root ---------------------------------------------------------------------------------------------
 
 MISSED = "lack a root"
 

@@ -87,7 +87,7 @@ def test_a_function_is_made_again_from_its_origin(monkeypatch):
     monkeypatch.setitem(codegen._ready, "f" * 24, made)
     assert codegen.rebuild(*codegen.origin(made)) is made
     assert codegen.origin(print) is None
-    with pytest.raises(KeyError):
+    with pytest.raises(KeyError, match="0" * 24):
         codegen.rebuild("0" * 24, None)
 
 
@@ -179,4 +179,4 @@ def test_numbers_in_formulas_are_rounded_once():
     namespace = {"value": tuple, "number": float}
     exec(text, namespace)
     wanted = [0.1, 1 / 3, 0.7, math.pi, 2.0**70, 3**50 / 7**40]
-    assert namespace["f"]((2.0,)) == pytest.approx([2 * n for n in wanted], rel=1e-15)
+    assert list(namespace["f"]((2.0,))) == [2 * n for n in wanted]

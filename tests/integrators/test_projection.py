@@ -21,18 +21,13 @@ from phasebench.integrators.records.projection import METHODS
 from phasebench.integrators.registry import METHODS as REGISTRY
 from phasebench.integrators.registry import method
 from phasebench.integrators.stepping.kernel import value
+from support.solutions import last, relative_errors
 
 BOX, KEPLER = problem("henon-heiles:box"), problem("perturbed-kepler")
 PROJECTED = {m.id: m for m in METHODS if m.family == "projection"}
 CASES = [(P, h, id) for P, h in ((BOX, 0.05), (KEPLER, 0.01)) for id, m in PROJECTED.items() if not m.lacks(P.system)]
 #: Relative error to which an invariant is conserved; invariants that are not err by FAR times more.
 KEPT, FAR = 2e-14, 1e3
-
-
-def errors(P, s):
-    """Greatest relative errors, along a solution s of the problem P, of H and of the problem's other invariants."""
-    values = [P.system.observe(e, s.q, s.p) for e in (P.system.H, *P.system.invariants)]
-    return [np.abs(v / v[0] - 1).max() for v in values]
 
 
 @pytest.mark.parametrize(("P", "h", "id"), CASES, ids=lambda x: getattr(x, "id", x))
@@ -42,9 +37,9 @@ def test_projected_invariants_are_conserved_to_round_off(P, h, id):
     s, plain = (integrate(P, x, h=h, t_end=1000) for x in (m, base))
     assert s.status == "ok"
     assert s.counts["fallbacks"] == 0
-    found = errors(P, s)
+    found = relative_errors(s)
     assert max(found if onto == "invariants" else found[:1]) < KEPT
-    assert errors(P, plain)[0] > FAR * KEPT
+    assert relative_errors(plain)[0] > FAR * KEPT
     if P is KEPLER and onto == "energy":
         assert found[1] > FAR * KEPT
 
@@ -102,7 +97,7 @@ def test_steps_solve_the_published_equations():
         for _ in range(30):
             y = step(y)
         s = integrate(BOX, projection_method("stormer-verlet", symmetric=symmetric), h=0.2, steps=30)
-        ends[symmetric] = np.concatenate([s.q[-1], s.p[-1]])
+        ends[symmetric] = last(s)
         assert np.abs(ends[symmetric] - y).max() < 1e-12
     assert np.abs(ends[True] - ends[False]).max() > 1e-8
 
@@ -204,7 +199,7 @@ def test_any_base_and_its_parameters_can_be_projected():
         assert (m.id, m.order) == (f"{base}-projected-energy", method(base).order)
         s = integrate(BOX, m, h=0.02, t_end=20)
         assert s.status == "ok"
-        assert errors(BOX, s)[0] < KEPT
+        assert relative_errors(s)[0] < KEPT
     m = projection_method("scheme-i", symmetric=True, lam=Fraction(1, 2))
     assert (m.order, m.symmetric, m.parameters["lam"]) == (2, True, Fraction(1, 2))
     with pytest.raises(InvalidInput, match="not symmetric"):

@@ -99,6 +99,7 @@ def test_control_a_planted_fault_is_seen(found, what, slip):
 
 @pytest.mark.parametrize(("what", "slip"), [(what, s) for s in SLIPS for what in s.keeps], ids=name)
 def test_a_planted_fault_leaves_other_properties(found, what, slip):
+    assert found[what][slip.label]["planted"], "there was no fault"
     check_holds(what, found[what][slip.label])
 
 

@@ -10,9 +10,8 @@ import sympy as sp
 
 from phasebench.benchmarks.problems import problem
 from phasebench.integrators import Hamiltonian, integrate, method
-from phasebench.integrators.compile import cache, codegen, preparation, printing
+from phasebench.integrators.compile import preparation, printing
 from phasebench.integrators.stepping import kernel
-from phasebench.integrators.stepping.orbit_lanes import twin
 from phasebench.integrators.systems import deferred
 
 PENDULUM = {"q": "q", "p": "p", "H": "p**2/2 - cos(q)"}
@@ -135,23 +134,6 @@ def test_a_prepared_step_is_read_as_it_was_written(id):
 
 
 @pytest.mark.usefixtures("keeping")
-def test_cache_entries_depend_on_method_and_system(monkeypatch):
-    one, other = problem("pendulum").system, problem("kepler").system
-    names = {preparation.entry(method("scheme-i", lam=lam), s) for lam in (0.5, 0.25) for s in (one, other, twin(one))}
-    assert len(names) == 6
-    assert preparation.entry(method("scheme-i", lam=0.5), one) == preparation.entry(method("scheme-i", lam=0.5), one)
+def test_a_system_made_of_symbols_has_no_entry():
     q, p = sp.symbols("q p", real=True)
-    monkeypatch.setattr(codegen, "TUPLE_LIMIT", 0)
-    assert preparation.entry(method("scheme-i", lam=0.5), one) not in names
     assert preparation.entry(method("scheme-i"), Hamiltonian(q=[q], p=[p], H=p**2 / 2 - sp.cos(q))) is None
-
-
-@pytest.mark.usefixtures("keeping")
-def test_a_damaged_entry_is_prepared_again():
-    system, record = problem("pendulum").system, method("scheme-iii")
-    name = preparation.entry(record, system)
-    cache.write(name, b"nothing that was pickled")
-    preparation._read.cache_clear()
-    assert preparation.read(name) is None
-    assert cache.read(name) is None
-    assert kernel.prepare(record, system).run is kernel._prepare(record, system, "double").run

@@ -208,11 +208,9 @@ def test_a_stopped_run_has_equally_many_rows_of_each():
 
 
 def test_a_warm_run_returns_the_end_state():
-    end = driver.warm(StartedProblem(), "stormer-verlet", h=0.01, steps=5)()
-    q, p = end
+    q, p = driver.warm(StartedProblem(), "stormer-verlet", h=0.01, steps=5)()
     s = integrate(StartedProblem(), "stormer-verlet", h=0.01, steps=5)
     assert np.array_equal([q, p], [s.q[-1], s.p[-1]])
-    assert "parameter=array" not in repr(s)
     asked = {"problem": StartedProblem(), "method": "stormer-verlet", "h": 0.01, "steps": 5}
     assert np.array_equal(integrate(**asked).q, s.q), "every argument may be named"
     assert np.array_equal(driver.warm(**asked)()[0], q)
@@ -249,7 +247,7 @@ def many() -> dict:
             lost += abs(s.q[-1, 0] - to_number(end, MULTIPRECISION))
             found[name] = [len(s.t), s.counts["steps"], float(s.t[-1] - s.t[0]), float(lost), s.status, s.reason]
         for asked, why in REFUSED:
-            with pytest.raises(InvalidInput, match=why):
+            with expect_refusal(why):
                 integrate(OSCILLATOR, "stormer-verlet", q0=third, p0=third, arithmetic=MULTIPRECISION, **asked)
     return found
 
@@ -265,7 +263,7 @@ REFUSED = (
 
 @pytest.mark.parametrize(("asked", "why"), REFUSED)
 def test_doubles_refuse_what_multiprecision_refuses(asked, why):
-    with pytest.raises(InvalidInput, match=why):
+    with expect_refusal(why):
         integrate(OSCILLATOR, "stormer-verlet", q0=[1.0], p0=[0.0], **asked)
 
 

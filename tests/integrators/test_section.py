@@ -53,6 +53,7 @@ def test_a_stopped_orbit_keeps_its_crossings():
     Q, P = np.array([made.q0, (0.0, 1.5)]), np.array([made.p0, (0.5, 0.1)])
     found = section(made, "stormer-verlet", Q, P, of="q1", h=0.01, t_end=50.0)
     assert found.status.tolist() == [OK, DIVERGED]
+    assert (found.counts() > 0).all()
     assert np.isfinite(found.q).all()
 
 

@@ -1,75 +1,51 @@
 """Splittings with diagonal masses: the drift multiplies by numbers, with the same bits as with the function grad T."""
 
-from itertools import pairwise
-
 import numpy as np
 import pytest
 import sympy as sp
 
 from phasebench.benchmarks.problems import problem
 from phasebench.integrators import Hamiltonian
-from phasebench.integrators.compile import codegen, preparation
+from phasebench.integrators.compile import codegen
 from phasebench.integrators.driver import integrate
 from phasebench.integrators.registry import METHODS, method
 from phasebench.integrators.stepping import kernel
-
-
-def oscillators(T, d=2):
-    """H = T + a potential that couples neighbours; ``T`` maps the momenta to the kinetic energy."""
-    q, p = sp.symbols(f"q0:{d}"), sp.symbols(f"p0:{d}")
-    V = sum(x**2 / 2 for x in q) + sum((x - y) ** 4 for x, y in pairwise(q)) / 4
-    return Hamiltonian(q=q, p=p, H=T(p) + V)
-
-
-def of_masses(p):
-    """Kinetic energy with 1 / m = 1/3, 2/3, 1, ..., masses that are not exact doubles."""
-    return sum(sp.Rational(i + 1, 3) * x**2 / 2 for i, x in enumerate(p))
+from support.solutions import last
+from support.systems import chain, of_masses
 
 
 def end(system):
     """End state of 200 steps of a splitting."""
     q, p = np.linspace(0.3, 0.7, system.d), np.linspace(-0.2, 0.4, system.d)
-    s = integrate(system, "stormer-verlet", q0=q, p0=p, h=0.01, steps=200)
-    return np.concatenate([s.q[-1], s.p[-1]])
+    return last(integrate(system, "stormer-verlet", q0=q, p0=p, h=0.01, steps=200))
 
 
 @pytest.mark.processor
 @pytest.mark.parametrize("d", [2, codegen.TUPLE_LIMIT + 1])
 def test_masses_and_grad_t_agree_bit_by_bit(d, monkeypatch):
-    monkeypatch.setattr(preparation, "ENABLED", False)
-    with_masses = end(oscillators(of_masses, d))
+    with_masses = end(chain(d))
     monkeypatch.setattr(Hamiltonian, "inverse_masses", None)
-    system = oscillators(of_masses, d)
+    system = chain(d)
     assert not isinstance(kernel.prepare(method("stormer-verlet"), system).step.dT, np.ndarray)
     np.testing.assert_array_equal(end(system), with_masses)
 
 
 def test_control_another_mass_would_be_seen():
-    others = oscillators(lambda p: of_masses(p) + p[-1] ** 2 / 10**9)
-    assert np.any(end(others) != end(oscillators(of_masses)))
+    others = chain(2, lambda p: of_masses(p) + p[-1] ** 2 / 10**9)
+    assert np.any(end(others) != end(chain(2)))
 
 
 @pytest.mark.parametrize("arithmetic", [codegen.DOUBLE, codegen.MULTIPRECISION])
 def test_a_drift_multiplies_by_inverse_masses(arithmetic):
     with codegen.precision(40):
-        dT = kernel.prepare(method("stormer-verlet"), oscillators(of_masses), arithmetic).step.dT
+        dT = kernel.prepare(method("stormer-verlet"), chain(2), arithmetic).step.dT
         assert list(dT) == [codegen.to_number(sp.Rational(k, 3), arithmetic) for k in (1, 2)]
         assert not dT.flags.writeable
 
 
-@pytest.mark.parametrize(
-    ("T", "wanted"),
-    [
-        (of_masses, (sp.Rational(1, 3), sp.Rational(2, 3))),
-        (lambda p: (p[0] ** 2 + p[1] ** 2) / 2, None),
-        (lambda p: (p[0] ** 2 + p[1] ** 2 + p[0] * p[1]) / 3, None),
-        (lambda p: p[0] ** 2 * sp.sqrt(2) + p[1] ** 2, None),
-        (lambda p: p[0] ** 4 + p[1] ** 2, None),
-    ],
-    ids=["masses", "ones", "coupled", "irrational", "quartic"],
-)
-def test_kinetic_energies_with_inverse_masses(T, wanted):
-    assert oscillators(T).inverse_masses == wanted
+def test_a_quartic_kinetic_energy_has_no_inverse_masses():
+    """Quadratic ones: test_hamiltonian.py."""
+    assert chain(2, lambda p: p[0] ** 4 + p[1] ** 2).inverse_masses is None
 
 
 @pytest.mark.parametrize("h", [1.0, 2.0])
@@ -90,7 +66,7 @@ SUBSTEPS = ["stormer-verlet", "stormer-verlet-dkd", "symplectic-euler-q", "suzuk
 @pytest.mark.parametrize("id", [*SUBSTEPS, *(m.id for m in METHODS if m.family == "splitting")])
 def test_drifts_and_kicks_add_up_to_the_step(id):
     """For any coefficients, including 1 and cancelling fractions; adjacent drifts or kicks are merged."""
-    step = kernel.prepare(method(id), oscillators(of_masses)).step
+    step = kernel.prepare(method(id), chain(2)).step
     assert np.all(step.a[1:] != 0)
     assert np.all(step.b[1:-1] != 0)
     assert [np.sum(step.a), np.sum(step.b)] == pytest.approx([1, 1], abs=4e-15)

@@ -35,7 +35,10 @@ def test_energy_is_conserved_where_declared(results_of, label):
     assert results_of(label)["energy"] < BOUND
 
 
-def test_controls(results_of):
+def test_control_other_methods_neither_return_nor_conserve_energy(results_of):
     assert results_of("implicit-euler")["back"] > 0.1
     assert results_of("implicit-midpoint")["energy"] > 0.01
+
+
+def test_every_family_is_tested():
     assert {m.family for m in stiff.METHODS.values()} == stiff.FAMILIES

@@ -4,38 +4,25 @@ from __future__ import annotations
 
 import pytest
 
-from phasebench.benchmarks.measure.battery import by_label, high_order_variants, variants
 from phasebench.benchmarks.measure.visible import least_visible
+from support.exact import ALL, VISIBLE, numbers
 
-#: Bound on the error of difference Jacobians with 40 digits, and the least visible defect.
-ROUND_OFF, VISIBLE = 1e-26, 1e-22
-ALL = by_label(variants() + high_order_variants())
+#: Bound on the error of difference Jacobians with 40 digits.
+ROUND_OFF = 1e-26
 SYMPLECTIC = [label for label, m in ALL.items() if m.symplectic]
 OTHERS = [label for label, m in ALL.items() if m.one_step and not m.symplectic]
-
-
-def threshold(label):
-    """Threshold above which a defect is visible."""
-    return least_visible(label, "symplecticity")
-
-
-def numbers(row):
-    """The row of a measurement; fail if an entry is an error message."""
-    assert row
-    assert not [x for x in row.values() if isinstance(x, str)], row
-    return row
 
 
 @pytest.mark.parametrize("label", SYMPLECTIC)
 def test_symplectic(measured, label):
     defects = numbers(measured("symplecticity")[label])
-    assert max(defects.values()) < min(ROUND_OFF, threshold(label)), defects
+    assert max(defects.values()) < min(ROUND_OFF, least_visible(label, "symplecticity")), defects
 
 
 @pytest.mark.parametrize("label", OTHERS)
 def test_control_other_methods_are_visibly_not_symplectic(measured, label):
     defects = numbers(measured("symplecticity")[label])
-    assert max(defects.values()) > threshold(label), defects
+    assert max(defects.values()) > least_visible(label, "symplecticity"), defects
 
 
 def test_known_controls_are_not_declared_symplectic():

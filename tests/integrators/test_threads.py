@@ -57,7 +57,7 @@ def test_work_of_one_slice_uses_no_second_thread(monkeypatch):
     monkeypatch.setattr(threads, "Slices", Known)
     monkeypatch.setattr(threads, "_helpers", None)  # would fail if called
     assert list(map_slices(lambda part: part, MANY, 2)) == [slice(0, 1), slice(1, MANY)]
-    with pytest.raises(TypeError):
+    with pytest.raises(TypeError, match="not callable"):
         list(map_slices(lambda part: part, MANY + 1, 2))
 
 
@@ -81,7 +81,7 @@ def test_long_work_is_shared_and_short_work_is_not(monkeypatch):
     assert len({who for _, who in map_slices(slow, MANY, 2)}) == 2
     monkeypatch.setattr(threads, "_helpers", None)  # would fail if called
     assert numbers(map_slices(lambda part: part, MANY, 2)) == list(range(MANY))
-    with pytest.raises(TypeError):
+    with pytest.raises(TypeError, match="not callable"):
         list(map_slices(slow, MANY, 2))
 
 

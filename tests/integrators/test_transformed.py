@@ -15,6 +15,7 @@ from phasebench.integrators.driver import integrate
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
 from phasebench.integrators.systems.transformed import TransformedHamiltonian, distance_scale
+from support.solutions import last
 
 ORBIT = problem("kepler", e=0.9)
 SYSTEM = TransformedHamiltonian(ORBIT.system)
@@ -72,8 +73,7 @@ def measured_defects():
 
         def step(method):
             def advance(x):
-                s = integrate(SYSTEM, method, h=0.1, steps=1, q0=x[:d], p0=x[d:], arithmetic=MULTIPRECISION)
-                return np.concatenate([s.q[-1], s.p[-1]])
+                return last(integrate(SYSTEM, method, h=0.1, steps=1, q0=x[:d], p0=x[d:], arithmetic=MULTIPRECISION))
 
             return advance
 

@@ -37,12 +37,6 @@ def test_control_others_do_not_keep_it(measured, label):
     assert min(defects.values()) > VISIBLE, defects
 
 
-def test_methods_for_charged_particles_keep_volume_and_are_not_symplectic():
-    for m in METHODS:
-        if "magnetic" in m.requires:
-            assert (m.volume, m.symplectic) == (True, False)
-
-
 @pytest.mark.parametrize("n", range(1, 7))
 def test_the_determinant(n):
     M = np.random.default_rng(n).standard_normal((n, n))

@@ -32,7 +32,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from itertools import accumulate
 from pathlib import Path
-from queue import SimpleQueue
+from threading import Lock
 
 import score
 import worker
@@ -212,24 +212,26 @@ def main() -> int:
         print(f"not recorded, or they fail: {', '.join(unknown)}; --reach records tests", file=sys.stderr)
         return 2
     counts: Counter = Counter()
-    todo: SimpleQueue = SimpleQueue()
-    for path in sorted(files(asked.paths), key=worker.is_compiled, reverse=True):  # compiled files first
-        todo.put(path)
+    paths = sorted(files(asked.paths), key=worker.is_compiled, reverse=True)  # compiled files first
+    todo, alone = iter(paths), Lock()  # all threads take from one iterator; one at a time uses the score
 
     def work(folder: Path) -> None:
         with judge(folder) as ask:
-            while not todo.empty():
-                trial = Trial(todo.get(), reach, asked)
+            for path in todo:
+                with alone:
+                    trial = Trial(path, reach, asked)
                 if trial.files and (test := trial.failing(ask)):
                     print(f"{trial.path}: not judged, as {test} fails without a change", flush=True)
-                    counts[FAILING] += 1
+                    with alone:
+                        counts[FAILING] += 1
                     continue
                 said = tried(trial, ask)
-                counts.update(said.values())
-                score.write(score.read() | {trial.path: trial.score(said)})
+                with alone:
+                    counts.update(said.values())
+                    score.write(score.read() | {path: trial.score(said)})
 
     with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(asked.jobs) as pool:
-        list(pool.map(work, [Path(folder) / str(k) for k in range(min(asked.jobs, todo.qsize()))]))
+        list(pool.map(work, [Path(folder) / str(k) for k in range(min(asked.jobs, len(paths)))]))
     print(f"{sum(counts.values())} mutants: " + ", ".join(f"{n} {said}" for said, n in counts.items()))
     return 1 if counts[SURVIVED] or counts[UNREACHED] or counts[FAILING] else 0
 

@@ -11,7 +11,7 @@ from types import SimpleNamespace
 import pytest
 
 pytest.importorskip("cosmic_ray", reason="of the extra 'mutation'")
-TOOL = Path(__file__).parents[1] / "mutation"
+TOOL = Path(__file__).parent
 
 CODE = '''"""A module."""
 
@@ -39,11 +39,16 @@ def draw(x):
 '''
 
 
+@pytest.fixture(autouse=True)
+def tool_on_the_path(monkeypatch):
+    """The modules of the tool can be imported."""
+    monkeypatch.syspath_prepend(TOOL)
+
+
 @pytest.fixture
-def mutants(tmp_path, monkeypatch):
+def mutants(tmp_path):
     """The mutants of CODE."""
     (tmp_path / "module.py").write_text(CODE)
-    monkeypatch.syspath_prepend(TOOL)
     import mutants as module
 
     return module.mutants(tmp_path, "module.py")
@@ -105,9 +110,8 @@ TEN = 10
 
 
 @pytest.fixture
-def module(tmp_path, monkeypatch):
+def module():
     """(names of a module made from OLD, a function that replaces the code of the functions that an edit changes)."""
-    monkeypatch.syspath_prepend(TOOL)
     import swap
 
     names: dict = {}
@@ -148,9 +152,8 @@ def test_code_that_runs_at_import_is_not_swapped(module, before, after):
     assert not swapped(before, after)
 
 
-def test_a_child_that_dies_or_hangs_is_reported(monkeypatch):
+def test_a_child_that_dies_or_hangs_is_reported():
     """`forked` returns the child's result, "died" when it exits and "hung" when it exceeds the time limit."""
-    monkeypatch.syspath_prepend(TOOL)
     import worker
 
     assert worker.forked(lambda: "a test") == "a test"
@@ -162,7 +165,6 @@ def test_a_child_that_dies_or_hangs_is_reported(monkeypatch):
 
 @pytest.mark.parametrize(("failed", "by"), [(1, "collection"), (0, None)])
 def test_an_import_error_in_collection_kills_the_mutant(monkeypatch, failed, by):
-    monkeypatch.syspath_prepend(TOOL)
     import worker
 
     session = SimpleNamespace(items=[], testsfailed=failed)
@@ -170,9 +172,8 @@ def test_an_import_error_in_collection_kills_the_mutant(monkeypatch, failed, by)
     assert worker.alone(worker.Job("a.py", "", ("tests/a.py::test_one",), (), frozenset())) == by
 
 
-def test_lines_that_run_once_are_left_out(monkeypatch):
+def test_lines_that_run_once_are_left_out():
     """`often` leaves out lines that run at import, as defaults or class fields, or in a cached function."""
-    monkeypatch.syspath_prepend(TOOL)
     from reach import often
 
     code = CODE + "\n\n@lru_cache(maxsize=2)\ndef once(x):\n    return x\n"
@@ -188,7 +189,6 @@ def test_lines_that_run_once_are_left_out(monkeypatch):
 
 
 def test_kernels_count_as_python_without_compilation(monkeypatch):
-    monkeypatch.syspath_prepend(TOOL)
     import worker
 
     monkeypatch.delenv("NUMBA_DISABLE_JIT", raising=False)
@@ -199,9 +199,8 @@ def test_kernels_count_as_python_without_compilation(monkeypatch):
     assert not worker.is_compiled(kernel)
 
 
-def test_a_mutant_gets_cached_sources_but_no_machine_code(monkeypatch, tmp_path):
+def test_a_mutant_gets_cached_sources_but_no_machine_code(tmp_path):
     """`lend` copies (does not link) cached sources, but no machine code, into the mutant's cache."""
-    monkeypatch.syspath_prepend(TOOL)
     import worker
 
     kept, place = tmp_path / "kept", tmp_path / "a" / "place"
@@ -217,9 +216,8 @@ def test_a_mutant_gets_cached_sources_but_no_machine_code(monkeypatch, tmp_path)
 
 
 @pytest.fixture
-def command(monkeypatch):
+def command():
     """The module tests/mutation/__main__.py."""
-    monkeypatch.syspath_prepend(TOOL)
     found = importlib.util.spec_from_file_location("command", TOOL / "__main__.py")
     module = importlib.util.module_from_spec(found)
     found.loader.exec_module(module)
@@ -290,6 +288,7 @@ def test_named_tests_judge_mutants_that_no_test_reaches(trial, names, asked, fil
 
 def test_control_without_names_no_test_is_run(trial):
     one = trial()
+    assert one.all
     assert one.files == ()
     assert not any(one.tests(mutant) for mutant in one.all)
 
@@ -305,7 +304,6 @@ def test_failing_tests_are_found_before_judging(trial):
 
 
 def test_importers_of_a_changed_module_are_unloaded(monkeypatch, tmp_path):
-    monkeypatch.syspath_prepend(TOOL)
     import worker
 
     texts = {"base": "LEAST = 3", "user": "from .base import LEAST", "its_user": "import phasebench.user", "other": ""}
@@ -318,9 +316,8 @@ def test_importers_of_a_changed_module_are_unloaded(monkeypatch, tmp_path):
     assert [name for name in texts if f"phasebench.{name}" in sys.modules] == ["other"]
 
 
-def test_lazily_importing_packages_are_unloaded_too(monkeypatch):
+def test_lazily_importing_packages_are_unloaded_too():
     """A lazily importing package holds objects of the changed module without an import statement in its text."""
-    monkeypatch.syspath_prepend(TOOL)
     import worker
 
     from phasebench.integrators import errors

@@ -15,6 +15,7 @@ from phasebench.benchmarks.problems import labels, problem
 from phasebench.reference.certificates import check, horizon, make, others, stored
 from phasebench.reference.certificates.along import Precision, along
 from phasebench.reference.solvers import taylor
+from support.references import spoilt
 
 #: Orbits whose error was once far above the uncertainty, which was then the distance of two quadruple-precision runs.
 WORST = ("schwarzschild:photon-sphere", "schwarzschild:isco", "toda:three")
@@ -74,7 +75,6 @@ def test_every_stored_uncertainty_was_measured_in_more_bits():
     for label in labels():
         known = stored.find(problem(label))
         assert known.bits >= 200
-        assert known.digits_horizon == known.t_end
         assert [e.uncertainty for e in known.ends] == sorted(e.uncertainty for e in known.ends)
 
 
@@ -116,7 +116,6 @@ def use_measurements(measurements, monkeypatch):
     monkeypatch.setattr(check, "along", lambda *a: path)
     monkeypatch.setattr(horizon, "rounding", lambda *a: rounding)
     monkeypatch.setattr(others, "words", lambda *a: said)
-    return rounding
 
 
 def at_end(**changed):
@@ -128,13 +127,7 @@ def at_end(**changed):
 
 def digit(place: int):
     """Function that returns a certificate with one decimal of q1 in its last state changed by 5."""
-
-    def other(end):
-        text = end.q_text[0]
-        at = text.index(".") + place
-        return (f"{text[:at]}{(int(text[at]) + 5) % 10}{text[at + 1 :]}", *end.q_text[1:])
-
-    return at_end(q_text=other)
+    return at_end(q_text=lambda end: (spoilt(end.q_text[0], place), *end.q_text[1:]))
 
 
 def later(name: str, points: float):

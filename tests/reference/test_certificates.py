@@ -16,17 +16,12 @@ from phasebench.integrators import Hamiltonian, InvalidInput
 from phasebench.reference.certificates import check, horizon, make, stored
 from phasebench.reference.solvers import gauss, taylor
 from phasebench.reference.solvers.exact import exact
+from support.references import spoilt
 
 UNSTABLE = ("henon-heiles:chaotic", "quadrupole-boson:h20", "double-pendulum:chaotic", "fpu", "n-body")
 REGULAR = ("harmonic-oscillator", "kepler", "henon-heiles:box", "double-pendulum:regular")
 #: From this number of degrees of freedom on only the last state is checked.
 MANY = 20
-
-
-def spoilt(text: str, digit: int = 20) -> str:
-    """A decimal string with one digit changed."""
-    at = text.index(".") + digit
-    return f"{text[:at]}{(int(text[at]) + 5) % 10}{text[at + 1 :]}"
 
 
 def largest(made, state) -> int:
@@ -120,7 +115,6 @@ def test_a_state_is_found_by_exact_time_and_parameters():
     made = problem("kepler")
     state = stored.end(made, 1.0)
     assert state.t == 1.0
-    assert abs(state.q @ state.q - float(sum(float(x) ** 2 for x in state.q_text))) < 1e-15
     assert stored.end(made, np.nextafter(1.0, 2.0)) is None
     other = problem("kepler", e=0.5)
     assert stored.end(other, 1.0) is None
@@ -200,26 +194,12 @@ def test_a_changed_problem_is_refused():
 # -- new certificates -------------------------------------------------------------------------------------------------
 
 
-@pytest.fixture(scope="module")
-def short():
-    """A newly computed certificate of the pendulum, with states at t = 1 and 10."""
-    return make.certify(problem("pendulum:swinging"), [1.0, 10.0], grid_points=20)
-
-
 @pytest.mark.processor
-def test_a_new_certificate_agrees_with_the_stored_one(short):
-    for new in short.ends:
+def test_a_new_certificate_agrees_with_the_stored_one():
+    for new in make.certify(problem("pendulum:swinging"), [1.0, 10.0], grid_points=20).ends:
         old = stored.end(problem("pendulum:swinging"), new.t)
         assert stored.distance(old.texts, new.texts) <= old.uncertainty + new.uncertainty < 1e-30
         assert new.agree
-
-
-def test_differences_of_certificates_are_reported(short):
-    assert check.describe_change(short, short) == ""
-    last = replace(short.ends[-1], q_text=(spoilt(short.ends[-1].q_text[0], 30),))
-    assert check.describe_change(replace(short, ends=(short.ends[0], last)), short) == "t = 10 by 5e-31"
-    assert check.describe_change(None, short) == "new"
-    assert check.describe_change(replace(short, ends=short.ends[1:]), short) == "at other times"
 
 
 def test_control_a_second_solver_of_another_equation_disagrees(monkeypatch):
@@ -245,18 +225,6 @@ def test_gauss_is_exact_to_long_double(label):
     found = gauss.run(made.system, made.q0, made.p0, [x / 2 for x in ends] + ends, [2.0])[0]
     truth = taylor.states(made.system, quad, made.q0, made.p0, [2.0])[0]
     assert max(abs(float(quad(a) - b)) for a, b in zip(found, truth, strict=True)) < 3e-18 * max(map(abs, found))
-
-
-def test_gauss_reports_unsolvable_stages():
-    made = problem("harmonic-oscillator")
-    with pytest.raises(taylor.ReferenceFailed, match="no solution after t = 0"):
-        gauss.run(made.system, made.q0, made.p0, [], [50.0])
-
-
-@pytest.mark.parametrize("times", [[], [0.0, 1.0], [2.0, 1.0], [float("nan")]])
-def test_invalid_times_are_refused(times):
-    with pytest.raises(InvalidInput, match="positive, finite and increase"):
-        make.certify(problem("kepler"), times)
 
 
 # -- the command ------------------------------------------------------------------------------------------------------
@@ -356,7 +324,7 @@ def test_one_time_is_certified_and_printed():
     content = json.loads(text)
     assert (code, content["problem"], content["t"]) == (0, "pendulum:swinging", 1.0)
     assert content["q"][0][:28] == true.q_text[0][:28]
-    assert all(c["agrees"] for c in content["checks"])
+    assert [c["agrees"] for c in content["checks"]] == [True], "by Gauss's method alone, as d is 1"
 
 
 @pytest.mark.parametrize(
@@ -373,17 +341,6 @@ def test_invalid_arguments_of_the_command(arguments, message):
     done = CliRunner().invoke(app, ["certify", *arguments])
     assert done.exit_code == 2
     assert message in done.stderr
-
-
-def test_an_orbit_without_times_is_refused():
-    made = problem("kepler")
-    with pytest.raises(InvalidInput, match="kepler states no times"):
-        check.renew(replace(made, orbits=(replace(made.start, times=()),)))
-
-
-def test_an_orbit_without_a_certificate_is_refused():
-    with pytest.raises(InvalidInput, match="no reference of kepler is stored"):
-        check.recheck(problem("kepler", e=0.5))
 
 
 def test_names_select_orbits():

@@ -78,6 +78,8 @@ def test_the_grid_divides_the_span_and_contains_the_times(still):
 def test_invalid_times_are_refused(still, times):
     with pytest.raises(InvalidInput, match="positive, finite and increase"):
         along.along(fake_problem(), times, PRECISION, 4)
+    with pytest.raises(InvalidInput, match="positive, finite and increase"):
+        make.certify(fake_problem(), times)
 
 
 def test_distances_are_running_maxima():
@@ -293,7 +295,7 @@ def test_a_certificate_is_renewed_at_the_orbits_times(monkeypatch):
     known = certificate()
     monkeypatch.setattr(check, "examine", lambda problem, found: outcome(found, 1e-34, 1e-34, 1e-34))
     monkeypatch.setattr(make, "certify", lambda problem, times: known)
-    with pytest.raises(InvalidInput, match="states no times"):
+    with pytest.raises(InvalidInput, match="made:start states no times"):
         check.renew(fake_problem(times=()))
     monkeypatch.setattr(stored, "find", lambda problem: None)
     assert check.renew(fake_problem()).moved == "new"
@@ -302,8 +304,9 @@ def test_a_certificate_is_renewed_at_the_orbits_times(monkeypatch):
     monkeypatch.setattr(stored, "find", lambda problem: known)
     assert check.renew(fake_problem()).moved == ""
     assert check.recheck(fake_problem()).certificate == known
-    other = replace(known, ends=(known.ends[0], replace(known.ends[1], p_text=("0.5",)), known.ends[2]))
-    assert check.describe_change(other, known) == "t = 2 by 0.5"
+    moved = replace(known.ends[1], q_text=(f"1.{'0' * 30}5",))
+    other = replace(known, ends=(known.ends[0], moved, known.ends[2]))
+    assert check.describe_change(other, known) == "t = 2 by 5e-31"
     assert check.describe_change(replace(known, ends=known.ends[:2]), known) == "at other times"
 
 
@@ -411,6 +414,13 @@ def test_growth_is_algebraic_or_exponential():
     assert horizon.growth(grid, lost, size) == (about(2.0), None), "what comes behind does not count"
     still = np.where(grid <= 60, 0.0, 1e-12)
     assert np.isnan(horizon.growth(grid, still, size)[0])
+    fine = np.linspace(0.1, 40.0, 400)
+    for scale in (1.0, 1e-4):
+        until = np.log(horizon.LOST * scale / 1e-12) / 0.7
+        assert until < fine[-1]
+        exponent, rate = horizon.growth(fine, 1e-12 * np.exp(0.7 * fine), np.full(400, scale))
+        assert exponent == about(0.7 * until * 0.75 / np.log(4), rel=0.02), "the distance is lost relative to the size"
+        assert rate == about(0.7)
 
 
 # -- the row of a reference --------------------------------------------------------------------------------------------
@@ -422,9 +432,7 @@ def test_row_of_a_reference_counts_its_bounds():
     vague = stored.Check("vague", 1e-15, 0.5)
     first = replace(stated.ends[0], checks=(*stated.ends[0].checks, vague))
     known = replace(stated, ends=(first, *stated.ends[1:]))
-    span = horizon.Span(3.0, 2.0, 4.0)
-    outcome = check.Outcome(known, (5e-35, 2e-34, 1e-34), span, 3.0, 1e-19, 1.0, None, ())
-    found = row(outcome)
+    found = row(outcome(known, 5e-35, 2e-34, 1e-34))
     assert found["least bound"] == about(2.0)
     assert found["largest bound"] == about(8.0)
     assert found["pairs"] == 3

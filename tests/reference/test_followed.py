@@ -89,7 +89,7 @@ def test_a_regular_orbit_is_followed_to_the_end():
     assert followed.reach(problem("henon-heiles:box"), 33.3) == 33.3
 
 
-def test_the_horizon_ends_where_the_runs_part(monkeypatch):
+def test_the_horizon_ends_where_the_runs_part():
     """Control: runs that differ by more than the limit end the horizon, however small the growth of rounding errors."""
     rows = np.array([[1.0, 0.0]] * 3, dtype=np.longdouble)
     other = rows + np.array([[0.0, 0.0], [2e-13, 0.0], [0.0, 0.0]])
@@ -110,7 +110,7 @@ def wall(q: float):
 
 def test_gauss_replaces_a_failing_taylor_series():
     made = wall(3.0)
-    with pytest.raises(taylor.ReferenceFailed):
+    with pytest.raises(taylor.ReferenceFailed, match="lost the energy"):
         followed._taylor(made, np.array([4.0]))
     found = truths.truth(made, END_STATE, 4.0)
     assert found.source == followed.GAUSS

@@ -32,13 +32,14 @@ def test_coefficients_are_exact_to_thirty_digits():
     rule = gauss.tableau()
     with mpmath.workdps(40):
         b = [text(x) + text(y) for x, y in zip(rule.b, rule.b_rest, strict=True)]
-        c = [
-            sum((text(x) + text(y) for x, y in zip(*rows, strict=True)), mpmath.mpf(0))
-            for rows in zip(rule.A, rule.A_rest, strict=True)
-        ]
+        A = [[text(x) + text(y) for x, y in zip(*rows, strict=True)] for rows in zip(rule.A, rule.A_rest, strict=True)]
+        c = [sum(row, mpmath.mpf(0)) for row in A]
         for k in range(1, 17):
             assert abs(sum(x * y ** (k - 1) for x, y in zip(b, c, strict=True)) - mpmath.mpf(1) / k) < 1e-30
         assert abs(sum(x * y**16 for x, y in zip(b, c, strict=True)) - mpmath.mpf(1) / 17) > 1e-12, "the order is 16"
+        for k in range(1, 9):
+            for row, x in zip(A, c, strict=True):
+                assert abs(sum(a * y ** (k - 1) for a, y in zip(row, c, strict=True)) - x**k / k) < 1e-30
         assert max(abs(x - float(y)) for x, y in zip(rule.c, c, strict=True)) < 1e-16
     assert 1e-21 < np.abs(rule.b_rest).max() < 1e-19, "what is left of a number in long double"
     moments = [float(rule.weights @ rule.c**k) for k in range(8)]
@@ -107,14 +108,6 @@ def test_numbers_of_bits_and_digits():
         assert taylor.Bits(bits).__name__ == f"{bits}-bit"
 
 
-def test_a_reference_is_certified_by_default():
-    made = SimpleNamespace(system=OSCILLATOR, q0=(1.0,), p0=(0.0,))
-    found = taylor.reference(made, [0.0, 1.0])
-    assert found.uncertainty[0] == 0.0
-    assert 0 < found.uncertainty[1] < 1e-18
-    assert np.isnan(taylor.reference(made, [1.0], certify=False).uncertainty).all()
-
-
 # -- horizons ---------------------------------------------------------------------------------------------------------
 
 
@@ -129,23 +122,6 @@ def test_the_horizon_ends_before_the_limit_is_first_exceeded():
     assert within(0.0, 0.2, 0.0, 0.0) == 1.0
     assert within(0.0, 0.0, 0.5, 0.2) == 3.0
     assert within(0.2, 0.0, 0.0, 0.0) == within(np.nan, 0.0, 0.0, 0.0) == 0.0
-
-
-def test_growth_is_algebraic_or_exponential():
-    grid = np.linspace(0.1, 40.0, 400)
-    one = np.ones(len(grid))
-    exponent, rate = horizon.growth(grid, 1e-12 * grid**1.5, one)
-    assert (exponent, rate) == (pytest.approx(1.5), None)
-    exponent, rate = horizon.growth(grid, 1e-12 * np.exp(0.7 * grid), one)
-    assert rate == pytest.approx(0.7, rel=1e-9)
-    lost = np.log(horizon.LOST / 1e-12) / 0.7  # growth is fitted up to there
-    assert lost < 40
-    assert exponent == pytest.approx(0.7 * lost * 0.75 / np.log(4), rel=0.02)
-    exponent, rate = horizon.growth(grid, np.minimum(1e-12 * np.exp(0.7 * grid), horizon.LOST * 1.01), one)
-    assert rate == pytest.approx(0.7, rel=1e-9), "what is saturated is left out"
-    assert horizon.growth(grid, 1e-12 * grid**1.5, 1e-30 * one)[1] is None
-    assert np.isnan(horizon.growth(grid, 0 * grid, one)[0])
-    assert horizon.growth(grid, 1e-12 * grid**1.5, 1e-10 * one)[0] == pytest.approx(1.5), "relative to the size"
 
 
 def test_marks_combine_grid_and_steps():

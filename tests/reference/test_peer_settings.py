@@ -9,7 +9,7 @@ from __future__ import annotations
 import pytest
 
 from phasebench.benchmarks.problems import problem
-from phasebench.reference.peers import PEERS, integrate_peer, particles
+from phasebench.reference.peers import BY_ID, PEERS, integrate_peer, particles
 from phasebench.reference.peers import rebound as peers
 
 rebound = pytest.importorskip("rebound")
@@ -90,8 +90,7 @@ def ran(monkeypatch):
 @pytest.mark.parametrize("name", SETTINGS)
 def test_the_settings_of_a_peer(name, ran):
     integrator, wanted = SETTINGS[name]
-    made = problem("outer-solar-system")
-    (peer,) = (p for p in PEERS if p.id == f"rebound-{name}")
+    made, peer = problem("outer-solar-system"), BY_ID[f"rebound-{name}"]
     if peer.lacks(made, made.system):
         pytest.skip(peer.lacks(made, made.system))
     size = {"t_end": 100.0, "tol": 1e-7} if peer.adaptive else {"h": 50.0, "steps": 2}

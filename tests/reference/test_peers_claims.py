@@ -206,4 +206,4 @@ def test_scipys_documentation_states_the_claims():
     import scipy.integrate
 
     assert "order 8" in scipy.integrate.DOP853.__doc__.splitlines()[0]
-    assert "order 5" in scipy.integrate.Radau.__doc__.splitlines()[0]
+    assert "Radau IIA family of order 5" in scipy.integrate.Radau.__doc__.splitlines()[0]

@@ -13,17 +13,12 @@ from phasebench.integrators.record import ROUND_OFF
 from phasebench.reference.peers import BY_ID, heyoka_forms, integrate_peer
 from phasebench.reference.peers import heyoka as peers
 from phasebench.reference.solvers import taylor
+from support.references import error
 
 hy = pytest.importorskip("heyoka")
 
 IDS = [p.id for p in peers.PEERS]
 T_END = 10.0
-
-
-def error(solution, made) -> float:
-    """Largest error of a solution against the reference."""
-    truth = taylor.reference(made, solution.t, certify=False)
-    return float(np.abs(np.hstack([solution.q - truth.q, solution.p - truth.p])).max())
 
 
 @pytest.mark.parametrize("id", IDS)
@@ -198,6 +193,7 @@ def test_a_blow_up_keeps_the_rows_before_it(id):
     runaway = Hamiltonian(q="q", p="p", H="p**2/2 - q**4/4")
     solution = integrate_peer(runaway, id, t_end=5.0, steps=10, q0=[1.0], p0=[1.0])
     assert (solution.status, solution.t.tolist()) == ("diverged", [0.0, 0.5, 1.0])
+    assert np.isfinite(solution.q).all()
     assert "no longer finite" in solution.reason
     assert "t = 1 of 5" in solution.reason
 
@@ -212,11 +208,9 @@ def test_a_run_of_too_many_steps_is_stopped(id, monkeypatch):
 
 @pytest.mark.lowest
 @pytest.mark.parametrize("id", IDS)
-def test_the_least_tolerance_and_the_claims(id):
-    with pytest.raises(InvalidInput, match="none below"):
-        integrate_peer(problem("kepler"), id, t_end=1.0, tol=1e-17)
+def test_the_energy_is_kept_to_round_off_as_claimed(id):
     claims = BY_ID[id].claims
-    assert (claims.order, claims.symplectic, claims.energy) == (None, None, ROUND_OFF)
+    assert claims.energy == ROUND_OFF
     assert claims.source.startswith("https://")
     made = problem("henon-heiles:box")
     H = [
@@ -227,9 +221,8 @@ def test_the_least_tolerance_and_the_claims(id):
     assert claimed < 1e-14 < 1e-9 < control
 
 
-def test_the_least_tolerance_is_half_the_machine_epsilon():
-    made, least = problem("kepler"), 2.0**-53
-    for p in (BY_ID["heyoka"], peers.compact(False)):
-        with pytest.raises(InvalidInput, match="none below"):
-            integrate_peer(made, p, t_end=0.1, tol=least * (1 - 1e-9))
-        assert integrate_peer(made, p, t_end=0.1, tol=least).status == "ok"
+def test_the_least_tolerance_of_a_variant_is_half_the_machine_epsilon():
+    made, variant, least = problem("kepler"), peers.compact(False), 2.0**-53
+    with pytest.raises(InvalidInput, match="none below"):
+        integrate_peer(made, variant, t_end=0.1, tol=least * (1 - 1e-9))
+    assert integrate_peer(made, variant, t_end=0.1, tol=least).status == "ok"

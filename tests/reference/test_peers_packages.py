@@ -5,8 +5,6 @@ from __future__ import annotations
 import importlib.metadata
 import inspect
 import re
-import subprocess
-import sys
 from functools import lru_cache
 from types import SimpleNamespace
 
@@ -30,6 +28,7 @@ from phasebench.reference.peers import (
 )
 from phasebench.reference.peers.prepared import prepare_peer
 from phasebench.reference.solvers.taylor import reference
+from support.solutions import end, last
 
 MODULES = (desolver, pyhamsys, diffrax, pynamicalsys, blackjax, openmm, ase, jax_md, mujoco)
 PACKAGES = {m.PEERS[0].package: m for m in MODULES}
@@ -70,10 +69,9 @@ def truth(name="pendulum", end=END):
 
 def error(chosen, system_or_problem, steps, **start):
     """Error of a peer's run with this number of steps, at its end."""
-    end = LONGER.get(chosen.id, END)
-    solution = integrate_peer(system_or_problem, chosen, steps=steps, t_end=end, save_every=0, **start)
-    assert solution.status == "ok", solution.reason
-    return np.abs(np.concatenate([solution.q[-1], solution.p[-1]]) - truth(end=end)[1]).max()
+    t_end = LONGER.get(chosen.id, END)
+    solution = integrate_peer(system_or_problem, chosen, steps=steps, t_end=t_end, save_every=0, **start)
+    return np.abs(end(solution) - truth(end=t_end)[1]).max()
 
 
 def has_order(chosen, system_or_problem, order, steps, **start) -> bool:
@@ -83,12 +81,6 @@ def has_order(chosen, system_or_problem, order, steps, **start) -> bool:
 
 
 # -- list and claims ----------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("package", PACKAGES)
-def test_a_record_does_not_import_its_package(package):
-    code = f"import sys, phasebench.reference.peers.{package}; assert '{package}' not in sys.modules"
-    subprocess.run([sys.executable, "-c", code], check=True)
 
 
 def test_desolvers_integrators_and_claims():
@@ -251,12 +243,10 @@ def test_a_two_step_method_continues_across_pieces():
 
 @pytest.mark.parametrize("id", ADAPTIVE)
 def test_an_adaptive_peer_roughly_meets_its_tolerance(id):
-    chosen, (made, end) = need(id), truth()
-    errors = []
-    for tol in (1e-5, 1e-8):
-        solution = integrate_peer(made, chosen, t_end=END, steps=3, tol=tol)
-        assert solution.status == "ok"
-        errors.append(np.abs(np.concatenate([solution.q[-1], solution.p[-1]]) - end).max())
+    chosen, (made, exact) = need(id), truth()
+    errors = [
+        np.abs(end(integrate_peer(made, chosen, t_end=END, steps=3, tol=tol)) - exact).max() for tol in (1e-5, 1e-8)
+    ]
     assert errors[0] < 1e-3
     assert errors[1] < 1e-6
 
@@ -273,9 +263,9 @@ def test_an_adaptive_peer_roughly_meets_its_tolerance(id):
     ],
 )
 def test_peers_for_any_system_run_on_non_separable_ones(id, name):
-    made, end = truth(name, 1.0)
+    made, exact = truth(name, 1.0)
     solution = integrate_peer(made, need(id), t_end=1.0, steps=100, save_every=0)
-    assert np.abs(np.concatenate([solution.q[-1], solution.p[-1]]) - end).max() < 1e-7
+    assert np.abs(last(solution) - exact).max() < 1e-7
 
 
 def test_the_declared_half_goes_first(monkeypatch):
@@ -381,7 +371,7 @@ def test_extended_versions_need_canonical_coordinates():
 def test_a_blow_up_keeps_the_rows_before_it(id):
     solution = integrate_peer(BLOWN_UP, need(id), t_end=20.0, steps=40, q0=[1.0], p0=[1.0])
     assert solution.status == "diverged"
-    assert 1 <= len(solution.q) < 40
+    assert 1 < len(solution.q) < 40
     assert np.isfinite(solution.q).all()
 
 
@@ -500,13 +490,13 @@ def test_pynamicalsys_explicit_methods_take_large_systems_and_its_implicit_one_s
 @pytest.mark.parametrize(("id", "order"), [(p.id, p.order) for p in mujoco.PEERS])
 def test_mujocos_models_are_those_of_the_problems(id, order):
     chosen = need(id)
-    for name, n in (("double-pendulum:regular", 200), ("free-rigid-body", 200)):
+    for name in ("double-pendulum:regular", "free-rigid-body"):
         made = problem(name)
-        fine = integrate(made, "gauss-8", h=0.02, steps=100, save_every=0)
-        exact, errors = np.concatenate([fine.q[-1], fine.p[-1]]), []
-        for steps in (n, 2 * n):
-            end = integrate_peer(made, chosen, t_end=2.0, steps=steps, save_every=0)
-            errors.append(np.abs(np.concatenate([end.q[-1], end.p[-1]]) - exact).max())
+        exact, errors = last(integrate(made, "gauss-8", h=0.02, steps=100, save_every=0)), []
+        for steps in (200, 400):
+            errors.append(
+                np.abs(last(integrate_peer(made, chosen, t_end=2.0, steps=steps, save_every=0)) - exact).max()
+            )
         assert abs(np.log2(errors[0] / errors[1]) - order) < 0.4 or errors[1] < 1e-13, name
     with pytest.raises(InvalidInput, match="here pendulum, double-pendulum, free-rigid-body"):
         integrate_peer(problem("kepler"), chosen, h=0.1, steps=1)
@@ -524,9 +514,6 @@ def test_jax_md_rounds_the_step_to_single_precision():
 
 def test_openmms_variable_steps_keep_positions_and_momenta_at_one_time():
     made, chosen = problem("kepler", e=0.3), need("openmm-variable-verlet-adaptive")
-    energies = [
-        abs(integrate_peer(made, chosen, t_end=3.0, steps=1, tol=tol).energy()[-1] - made.system.energies(*start)[0])
-        for start in [([made.q0], [made.p0])]
-        for tol in (1e-4, 1e-6)
-    ]
-    assert 3 < energies[0] / energies[1] < 300
+    before = made.system.energies([made.q0], [made.p0])[0]
+    ends = [integrate_peer(made, chosen, t_end=3.0, steps=1, tol=tol).energy()[-1] for tol in (1e-4, 1e-6)]
+    assert 3 < abs(ends[0] - before) / abs(ends[1] - before) < 300

@@ -41,12 +41,6 @@ ROUND_OFF = {(f"rebound-janus-{n}", "outer-solar-system"): 1e-10 for n in (8, 10
 
 
 @lru_cache(maxsize=32)
-def cached_problem(name, **parameters):
-    """The problem of that name, cached."""
-    return problem(name, **parameters)
-
-
-@lru_cache(maxsize=32)
 def truth(name):
     """Reference q at the end of a problem's time span."""
     parameters, end, _ = SPANS[name]
@@ -57,7 +51,7 @@ def distance(name, peer, steps) -> float:
     """Largest error of the coordinates at the end, relative to the largest coordinate."""
     parameters, end, _ = SPANS[name]
     s = integrate_peer(
-        cached_problem(name, **parameters), peer.id, t_end=end, steps=1 if peer.adaptive else steps, save_every=0
+        problem(name, **parameters), peer.id, t_end=end, steps=1 if peer.adaptive else steps, save_every=0
     )
     assert s.status == "ok", (peer.id, s.reason)
     assert peer.adaptive or s.counts["steps"] == steps
@@ -66,7 +60,7 @@ def distance(name, peer, steps) -> float:
 
 def available(peer, name) -> bool:
     """Whether a peer supports a problem."""
-    made_here = cached_problem(name, **SPANS.get(name, ({},))[0])
+    made_here = problem(name, **SPANS.get(name, ({},))[0])
     return peer.lacks(made_here, made_here.system) is None
 
 
@@ -76,7 +70,7 @@ def available(peer, name) -> bool:
 @pytest.mark.parametrize("name", [*PROBLEMS, "n-body of 5"])
 def test_accelerations_are_those_of_the_system(name):
     """From rest, a leapfrog step of length 1 ends with the acceleration as its velocity."""
-    here = cached_problem("n-body", N=5) if name == "n-body of 5" else cached_problem(name)
+    here = problem("n-body", N=5) if name == "n-body of 5" else problem(name)
     system = here.system
     settings = particles.settings(system)
     assert (not settings) == (not system.quadratic_kinetic)
@@ -95,18 +89,18 @@ def test_accelerations_are_those_of_the_system(name):
 
 
 def test_masses_are_read_from_the_energy():
-    found = particles.settings(cached_problem("outer-solar-system").system)
+    found = particles.settings(problem("outer-solar-system").system)
     assert list(found) == [GRAVITY, POTENTIAL]
     assert found[GRAVITY].masses == tuple(m for m, _, _ in BODIES.values())
     assert found[GRAVITY].G == G
-    five = particles.settings(cached_problem("n-body", N=5).system)[GRAVITY]
+    five = particles.settings(problem("n-body", N=5).system)[GRAVITY]
     assert (five.masses, five.G, five.dimension) == ((1.0,) * 5, 0.2, 3)
-    assert list(particles.settings(cached_problem("perturbed-kepler", e=0.2).system)) == [CENTRAL, POTENTIAL]
+    assert list(particles.settings(problem("perturbed-kepler", e=0.2).system)) == [CENTRAL, POTENTIAL]
 
 
 @pytest.mark.parametrize(("name", "bodies"), [("henon-heiles", 1), ("toda", 1), ("fpu", 2)])
 def test_a_body_holds_three_coordinates(name, bodies):
-    setting = particles.settings(cached_problem(name).system)[POTENTIAL]
+    setting = particles.settings(problem(name).system)[POTENTIAL]
     assert setting.masses == (0.0,) * bodies
     assert bodies - 1 < len(setting.inverse) / 3 <= bodies
 
@@ -167,7 +161,7 @@ def test_every_peer_reaches_the_reference(name):
 
 def test_peers_that_allow_no_extra_force():
     """The modified kick, and integrators that compute forces themselves, allow Newtonian gravity only."""
-    here = cached_problem("perturbed-kepler", e=0.2)
+    here = problem("perturbed-kepler", e=0.2)
     lacking = {p.id: p.lacks(here, here.system) for p in OURS}
     without = [f"saba-cm-{n}" for n in (1, 2, 3, 4)] + ["whfast512", "whfast512-corrector-17"]
     without += ["whfast-modifiedkick", "eos-pmlf6"]
@@ -177,7 +171,7 @@ def test_peers_that_allow_no_extra_force():
 
 def test_control_a_missing_extra_force_is_seen():
     parameters, end, _ = SPANS["perturbed-kepler"]
-    without = reference(cached_problem("kepler", **parameters), [end], certify=False).q[0]
+    without = reference(problem("kepler", **parameters), [end], certify=False).q[0]
     assert np.abs(without - truth("perturbed-kepler")).max() > 0.01
     assert all(distance("perturbed-kepler", p, 320) < 0.005 for p in OURS if available(p, "perturbed-kepler"))
 
@@ -247,7 +241,7 @@ def test_unsupported_forces_are_refused_for_a_reason(integrator, options):
     """These integrators would ignore an extra force, or fall to order 2."""
     if integrator == "whfast512" and not rebound.avx512_available:
         pytest.skip("no AVX512")
-    here, (_, end, _) = cached_problem("perturbed-kepler", e=0.2), SPANS["perturbed-kepler"]
+    here, (_, end, _) = problem("perturbed-kepler", e=0.2), SPANS["perturbed-kepler"]
     setting, errors = particles.settings(here.system)[CENTRAL], []
     for n in (40, 80, 160):
         times = np.array([0.0, end])
@@ -270,38 +264,36 @@ def test_unsupported_forces_are_refused_for_a_reason(integrator, options):
         ("whfast512", "n-body", {"N": 10}, {"h": 0.1}, "at most 9 bodies, not 10"),
         ("saba-cm-2", "perturbed-kepler", {}, {"h": 0.1}, "Newtonian gravity alone"),
         ("saba-10-6-4", "figure-eight", {}, {"h": 0.1}, "body 3 .* singular"),
-        ("bs", "kepler", {}, {"tol": 1e-15}, "none below 1e-14"),
-        ("janus-6", "kepler", {}, {"h": 0.1, "tol": 1e-9}, "give h, not tol"),
     ],
 )
 def test_unsupported_problems_are_refused(id, name, parameters, options, what):
     with pytest.raises(InvalidInput, match=what):
-        integrate_peer(cached_problem(name, **parameters), f"rebound-{id}", t_end=1.0, **options)
+        integrate_peer(problem(name, **parameters), f"rebound-{id}", t_end=1.0, **options)
 
 
 @pytest.mark.lowest
 def test_without_avx512_whfast512_is_refused(monkeypatch):
     monkeypatch.setattr(rebound, "avx512_available", False)
     with pytest.raises(InvalidInput, match="AVX512"):
-        integrate_peer(cached_problem("kepler"), "rebound-whfast512", t_end=1.0, h=0.1)
+        integrate_peer(problem("kepler"), "rebound-whfast512", t_end=1.0, h=0.1)
 
 
 def test_without_compilation_extra_forces_are_refused(monkeypatch):
     monkeypatch.setattr("numba.config.DISABLE_JIT", True)
     with pytest.raises(InvalidInput, match="NUMBA_DISABLE_JIT"):
-        integrate_peer(cached_problem("pendulum"), "rebound-ias15", t_end=1.0)
-    assert integrate_peer(cached_problem("kepler"), "rebound-ias15", t_end=1.0).status == "ok"
+        integrate_peer(problem("pendulum"), "rebound-ias15", t_end=1.0)
+    assert integrate_peer(problem("kepler"), "rebound-ias15", t_end=1.0).status == "ok"
 
 
 def test_singular_jacobi_coordinates_end_the_run():
-    here = cached_problem("figure-eight")
+    here = problem("figure-eight")
     s = integrate_peer(here.system, "rebound-whfast-plain", t_end=0.1, steps=10, q0=here.q0, p0=here.p0)
     assert (s.status, len(s.t)) == ("diverged", 1)
 
 
 def test_rebounds_warning_is_the_reason(monkeypatch):
     """If a number of the rows is not finite, a warning of REBOUND becomes the reason."""
-    here, state = cached_problem("pendulum"), particles.state
+    here, state = problem("pendulum"), particles.state
 
     def spoiled(sim, setting):
         found = state(sim, setting)
@@ -323,7 +315,7 @@ def test_rebounds_warning_is_the_reason(monkeypatch):
 
 def test_ias15_passes_zeros_of_the_acceleration():
     """In the figure eight a body passes its centre at t = 1.05, where IAS15 with its default min_dt = 0 gets stuck."""
-    here = cached_problem("figure-eight")
+    here = problem("figure-eight")
     end = reference(here, [10.0], certify=False).q[0]
     assert np.abs(integrate_peer(here, "rebound-ias15", t_end=10.0).q[-1] - end).max() < 1e-12
     sim, _ = particles.build(particles.settings(here.system)[GRAVITY], here.q0, here.p0, "ias15")
@@ -334,7 +326,7 @@ def test_ias15_passes_zeros_of_the_acceleration():
 @pytest.mark.parametrize(("id", "reversible"), [("janus-2", True), ("janus-10", True), ("leapfrog-6", False)])
 @pytest.mark.parametrize("name", ["figure-eight", "toda"])
 def test_janus_is_bitwise_reversible(id, reversible, name):
-    here, (integrator, _, order) = cached_problem(name), id.partition("-")
+    here, (integrator, _, order) = problem(name), id.partition("-")
     setting = next(iter(particles.settings(here.system).values()))
     sim, force = particles.build(setting, here.q0, here.p0, integrator, {"order": int(order)})
     sim.dt = 0.01
@@ -387,7 +379,7 @@ def test_leapfrog_evaluations_are_counted_correctly():
 
 
 def test_storing_rows_changes_whfast512_by_round_off():
-    here = cached_problem("outer-solar-system")
+    here = problem("outer-solar-system")
     if BY_ID["rebound-whfast512"].lacks(here, here.system):
         pytest.skip("no AVX512")
     every, end = (integrate_peer(here, "rebound-whfast512", h=50.0, steps=100, save_every=n) for n in (7, 0))
@@ -397,14 +389,14 @@ def test_storing_rows_changes_whfast512_by_round_off():
 
 
 def test_a_looser_tolerance_makes_bs_less_accurate():
-    here = cached_problem("henon-heiles:box")
+    here = problem("henon-heiles:box")
     tight, loose = (integrate_peer(here, "rebound-bs", t_end=30.0, tol=tol) for tol in (1e-13, 1e-4))
     end = reference(here, [30.0], certify=False).q[0]
     assert np.abs(loose.q[-1] - end).max() > 100 * np.abs(tight.q[-1] - end).max()
 
 
 def test_ias15_and_taylor_agree_on_the_outer_solar_system(capsys):
-    here, times = cached_problem("outer-solar-system"), [10_000.0, 500_000.0]
+    here, times = problem("outer-solar-system"), [10_000.0, 500_000.0]
     truth = reference(here, times, certify=False)
     ends = [integrate_peer(here, "rebound-ias15", t_end=t).q[-1] for t in times]
     apart = [float(np.abs(a - b).max()) for a, b in zip(ends, truth.q, strict=True)]
@@ -426,15 +418,13 @@ def test_claims_cite_the_documentation():
     for p in OURS:
         assert "rebound.readthedocs.io" in p.claims.source
         assert p.claims.order in (None, p.order)
-        assert p.claims.symplectic == (None if "eos" in p.id or "trace" in p.id else not p.adaptive)
-        assert p.claims.reversible == (True if "janus" in p.id else None)
 
 
 @pytest.mark.parametrize("mode", [m for m in peers.ADAPTIVE_MODES if m != "prs23"])
 def test_other_modes_of_ias15_have_a_larger_least_tolerance(mode):
     with pytest.raises(InvalidInput, match="none below"):
-        integrate_peer(cached_problem("kepler"), peers.ias15(mode), t_end=0.1, tol=0.99e-11)
-    assert integrate_peer(cached_problem("kepler"), peers.ias15(mode), t_end=0.01, tol=1e-11).status == "ok"
+        integrate_peer(problem("kepler"), peers.ias15(mode), t_end=0.1, tol=0.99e-11)
+    assert integrate_peer(problem("kepler"), peers.ias15(mode), t_end=0.01, tol=1e-11).status == "ok"
 
 
 @pytest.mark.timeout(60)

@@ -16,7 +16,7 @@ from phasebench.integrators.compile import codegen
 from phasebench.reference.peers import BY_ID, integrate_peer
 from phasebench.reference.peers import scipy as peers
 from phasebench.reference.peers.field import right_hand_side
-from phasebench.reference.solvers.taylor import reference
+from support.references import error
 
 SOLVERS = ("DOP853", "Radau", "LSODA")
 IDS = [p.id for p in peers.PEERS]
@@ -25,23 +25,12 @@ T_END = 10.0
 TIGHT = {"DOP853": 1e-12, "Radau": 1e-9, "LSODA": 1e-11}
 
 
-def error(solution, made) -> float:
-    """Largest error of a solution against the reference."""
-    truth = reference(made, solution.t, certify=False)
-    return float(np.abs(np.hstack([solution.q - truth.q, solution.p - truth.p])).max())
-
-
 def test_every_solver_has_both_right_hand_sides():
     wanted = [f"scipy-{s.lower()}{suffix}" for s in SOLVERS for suffix in ("", "-numba")]
     assert wanted == IDS
     for p in peers.PEERS:
         assert ("compiled by Numba" in p.name) == p.id.endswith("-numba") != ("Python right-hand side" in p.name)
         assert p.claims.source.startswith("https://docs.scipy.org/")
-        assert (p.claims.symplectic, p.claims.energy) == (None, None)
-    orders = {s: {BY_ID[f"scipy-{s.lower()}{x}"].claims.order for x in ("", "-numba")} for s in SOLVERS}
-    assert orders == {"DOP853": {8}, "Radau": {5}, "LSODA": {None}}
-    for s, order in (("DOP853", "order 8"), ("Radau", "Radau IIA family of order 5")):
-        assert order in getattr(scipy.integrate, s).__doc__.splitlines()[0]
     assert all("differences" in BY_ID[f"scipy-{s}"].about for s in ("radau", "lsoda", "radau-numba"))
 
 
@@ -145,6 +134,7 @@ def test_a_divergence_has_a_reason_and_keeps_earlier_rows(id):
     runaway = Hamiltonian(q="q", p="p", H="p**2/2 - q**4/4")
     solution = integrate_peer(runaway, id, t_end=5.0, steps=10, q0=[1.0], p0=[1.0], tol=1e-5)
     assert (solution.status, solution.t.tolist()) == ("diverged", [0.0, 0.5, 1.0])
+    assert np.isfinite(solution.q).all()
     assert "step" in solution.reason
     assert "t = 1 of 5" in solution.reason
 

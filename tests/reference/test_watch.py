@@ -42,11 +42,11 @@ def test_each_run_has_its_own_rate(clock):
         watch.report_time("first", 0.0, 1.0)
         clock[0] = 50.0
         watch.report_time("first", 1.0, 1.0)
-        watch.report_time("second", 0.0, 1.0)
+        watch.report_time("second", 1.0, 20.0)  # at the rate of the first run it would need 1000 s
         clock[0] = 60.0
-        watch.report_time("second", 0.3, 1.0)
-        watch.report_time("second", 0.01, 1.0)  # a restarted run has no rate yet
-        watch.report_time("second", 0.02, 1.0)
+        watch.report_time("second", 6.0, 20.0)
+        watch.report_time("second", 0.01, 20.0)  # a restarted run has no rate yet
+        watch.report_time("second", 0.02, 20.0)
 
 
 def test_progress_is_reported_at_a_readable_rate(clock):

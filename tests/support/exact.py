@@ -20,6 +20,15 @@ from phasebench.integrators.record import Method
 #: System -> one of the same kind with at least as many degrees of freedom, which stands for it.
 SAME_KIND = {"pendulum": "henon-heiles", "perturbed-kepler": "henon-heiles", "tao": "coupled"}
 ALL = by_label(variants() + high_order_variants())
+#: The least visible defect of symplecticity and symmetry.
+VISIBLE = 1e-22
+
+
+def numbers(row: dict) -> dict:
+    """Return the row of a measurement; fail if it is empty or an entry is an error message."""
+    assert row
+    assert not [x for x in row.values() if isinstance(x, str)], row
+    return row
 
 
 def one_of_each_kind(names: list[str]) -> list[str]:

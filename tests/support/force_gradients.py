@@ -17,6 +17,7 @@ from phasebench.integrators.compile.codegen import MULTIPRECISION, precision
 from phasebench.integrators.driver import integrate
 from phasebench.integrators.records.force_gradient import rows
 from phasebench.integrators.registry import METHODS, method
+from support.solutions import apart, distance
 
 ALL = {m.id: m for m in METHODS if m.family == "force_gradient"}
 #: A mass matrix that is not diagonal.
@@ -84,11 +85,6 @@ def closed_forms():
     }
 
 
-def apart(a, b) -> float:
-    """Return the largest difference of two sequences, entry by entry."""
-    return float(max(abs(x - y) for x, y in zip(a, b, strict=True)))
-
-
 def of(id: str) -> dict:
     """Compare the force-gradient method ``id`` with the plain implementation.
 
@@ -101,9 +97,9 @@ def of(id: str) -> dict:
         for steps in STEPS:
             wanted = plain(weights, free, steps)
             s = integrate(SYSTEM, id, h=H, steps=steps, q0=START[0], p0=START[1], arithmetic=MULTIPRECISION)
-            out["distance"].append(apart([mpmath.mpf(str(x)) for x in (*s.q[-1], *s.p[-1])], wanted))
+            out["distance"].append(distance(s, wanted))
             spoiled = plain([(a, b, c * (1 + SPOILED)) for a, b, c in weights], free, steps)
-            out["control"].append(apart(spoiled, wanted))
+            out["control"].append(float(apart(spoiled, wanted)))
             out["ends"].append([float(x) for x in wanted])
         return out | structure(id)
 

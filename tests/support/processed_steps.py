@@ -14,11 +14,11 @@ from phasebench.integrators.coefficients import processed
 from phasebench.integrators.coefficients.table import value
 from phasebench.integrators.compile.codegen import MULTIPRECISION, precision
 from phasebench.integrators.driver import integrate
+from support.force_gradients import DIGITS, START, STEPS, H
+from support.solutions import apart, distance
 
 #: A mass matrix that is not diagonal.
 SYSTEM = Hamiltonian(q="q1 q2", p="p1 p2", H="p1**2 + p1*p2 + p2**2 + cos(q1)/3 + q1**2*q2**2/2 + q2**4/4")
-START = (0.5, -0.3), (0.25, 0.375)
-H, STEPS, DIGITS = 1 / 32, (1, 50), 40
 #: Change of the processor's first number in the control.
 SPOILED = mpmath.mpf("1e-18")
 
@@ -62,11 +62,6 @@ def plain(pre, kernel, post, steps):
     return act(state, post, h)
 
 
-def apart(a, b) -> float:
-    """Return the largest difference of two sequences, entry by entry."""
-    return float(max(abs(x - y) for x, y in zip(a, b, strict=True)))
-
-
 def of(id: str) -> dict:
     """Compare the processed method ``id`` with the plain implementation.
 
@@ -86,8 +81,8 @@ def of(id: str) -> dict:
             s = integrate(
                 SYSTEM, id, h=H, steps=steps, q0=START[0], p0=START[1], save_every=steps, arithmetic=MULTIPRECISION
             )
-            out["distance"].append(apart([mpmath.mpf(str(x)) for x in (*s.q[-1], *s.p[-1])], wanted))
-            out["control"].append(apart(plain(other, kernel, post, steps), wanted))
+            out["distance"].append(distance(s, wanted))
+            out["control"].append(float(apart(plain(other, kernel, post, steps), wanted)))
             out["ends"].append([float(x) for x in wanted])
     return out
 

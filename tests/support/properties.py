@@ -259,12 +259,12 @@ def draw_cases(strategy: Callable, kind: str, largest: int, n: int) -> list[Case
 
 @contextmanager
 def plant(slip: Slip):
-    """Context manager in which a method's coefficients have the planted fault.
+    """Context manager in which a method's coefficients have the planted fault; yields a list of changed entries.
 
     Entries 0 and 1 are structure and stay, except in an array of signs.
     """
     family = importlib.import_module(f"phasebench.integrators.families.{method(slip.id).family}")
-    right = family.prepare
+    right, planted = family.prepare, []
 
     def wrong(*arguments):
         made = right(*arguments)
@@ -275,10 +275,11 @@ def plant(slip: Slip):
         place = [k for k, number in enumerate(flat) if slip.field == "sign" or number not in (0, 1)]
         for k in place if slip.all else place[:1]:
             flat[k] = flat[k] * (1 + SLIP)
+            planted.append(k)
         return replace(made, step=made.step._replace(**{slip.field: x}))
 
     with mock.patch.object(family, "prepare", wrong):
-        yield
+        yield planted
 
 
 def cells() -> list[tuple[str, str]]:
@@ -291,15 +292,16 @@ def cells() -> list[tuple[str, str]]:
 def of_all() -> dict:
     """Measure all properties of all methods, also with planted faults.
 
-    Returns {property: {method's id or label of the planted fault: result of `measure_property`}}.
+    Returns {property: {method's id or label of the planted fault: result of `measure_property`}}; with a planted fault
+    the result has the number "planted" of coefficients that were changed, too.
     """
     out: dict = {what: {} for what in MEASURES}
     for what, id in cells():
         out[what][id] = measure_property(what, id)
     for slip in SLIPS:
-        with plant(slip):
-            for what in (*slip.breaks, *slip.keeps):
-                out[what][slip.label] = measure_property(what, slip.id)
+        for what in (*slip.breaks, *slip.keeps):
+            with plant(slip) as planted:
+                out[what][slip.label] = measure_property(what, slip.id) | {"planted": len(planted)}
     return out
 
 

@@ -11,6 +11,7 @@ import sys
 import time
 from pathlib import Path
 
+from phasebench.benchmarks.store import tables
 from phasebench.benchmarks.store.cells import ALONE, POOL, Cell, Unavailable, content
 from phasebench.benchmarks.store.workers import Worker
 
@@ -129,6 +130,15 @@ def cell(n: int, seconds: float = 0.0, version: int = 1, function=measure, **mor
 def cells(count: int, **more) -> list[Cell]:
     """Make the first ``count`` made-up measurements (`Cell`); ``more`` are further arguments of `cell`."""
     return [cell(n, **more) for n in range(count)]
+
+
+def timeless(folder: Path) -> dict[str, list[dict]]:
+    """Return the stored tables of the made-up measurements without what differs between runs: times, dates, digests."""
+    own = {"seconds", "spent", "date", "digest"}
+    return {
+        name: [{k: v for k, v in row.items() if k not in own} for row in tables.Table(folder, name).rows]
+        for name in TABLES
+    }
 
 
 if __name__ == "__main__":

@@ -13,12 +13,18 @@ def unmet(rows: list[dict]) -> list[str]:
 
 
 def bench_advice(measured_rows: Callable[[str], list[dict]]) -> None:
-    """Check that every advised command meets its accuracy when a separate process runs it."""
+    """Check that every advised command meets its accuracy when a separate process runs it.
+
+    ``measured_rows`` is a fixture: table name -> rows.
+    """
     rows = measured_rows(TABLE)
     assert not unmet(rows), "\n".join(unmet(rows))
 
 
 def bench_verified(measured_rows: Callable[[str], list[dict]]) -> None:
-    """Check that advice is marked as verified, and that a request without advice has a reason."""
+    """Check that advice is marked as verified, and that a request without advice has a reason.
+
+    ``measured_rows`` is a fixture: table name -> rows.
+    """
     wrong = [r["ask"] for r in measured_rows(TABLE) if not (r["verified"] if r["command"] else r["why"])]
     assert not wrong, wrong

@@ -87,7 +87,10 @@ class Runs:
         self.clocks = clock.Clocks(self.ask.problem, self.ask.t_end)
 
     def met(self, run: Run) -> bool:
-        """True if a run meets the accuracy, with a margin for the reference's error and other round-off in a rerun."""
+        """True if a run meets the requested accuracy with a margin.
+
+        The margin is for the reference's error, and for the different round-off when the run is made again.
+        """
         size = float(np.abs(self.true.values).max(initial=0.0))
         slack = self.true.uncertainty + ROUND_OFF * max(size, 1.0 if self.ask.quantity.kept else 0.0)
         return run.ok and (1 + SLACK) * run.error + slack <= self.ask.accuracy
@@ -107,12 +110,16 @@ class Runs:
         return self.made[size]
 
     def _run(self, size: float) -> Run:
-        """Integrate at a size; the seconds are of a run without output, the error of one that stores rows."""
+        """Integrate with the number of steps, or the tolerance, ``size``.
+
+        The seconds of the result are those of a run without output, the error that of a run that stores rows.
+        """
         quantity, given = self.ask.quantity, self.size_argument(size)
         stop = {"timeout": self.longest} if self.integrator.stoppable else {}
         bare = self.solution(**given, save_every=0, **stop)
-        seconds = self.seconds(size) if bare.status == OK and bare.seconds < SHORT else bare.seconds
         rows = quantity.rows > 1 and bare.status == OK
+        again = bare.seconds < SHORT or (rows and self.integrator.rows_end_steps)
+        seconds = self.seconds(size) if bare.status == OK and again else bare.seconds
         told = self.solution(**quantity.grid(**given), **stop) if rows else bare
         return Run(size, told.status == OK, error(self.ask.problem, quantity, told, self.true), seconds)
 
@@ -124,17 +131,26 @@ class Runs:
         return self.integrator.run(self.ask.problem, t_end=part * self.ask.t_end, **more)
 
     def size_argument(self, size: float) -> dict[str, float]:
-        """The size as a keyword argument: ``tol`` or ``steps``."""
+        """Return the size of a run as its keyword argument: ``tol``, a tolerance, or ``steps``, a number of steps."""
         return {"tol": size} if self.integrator.adaptive else {"steps": int(size)}
 
     def seconds(self, size: float) -> float:
-        """Measure the seconds of a run with the step or tolerance ``size``, compiled before; it stores no rows."""
+        """Measure the seconds of a compiled run with ``size`` steps, or that tolerance.
+
+        The run stores no rows, unless the integrator's steps end at them: without them it would be another run.
+        """
+        given, quantity = self.size_argument(size), self.ask.quantity
+        if quantity.rows > 1 and self.integrator.rows_end_steps:
+            return self.solution(**quantity.grid(**given)).seconds
         if not self.integrator.preparable:
-            return self.solution(**self.size_argument(size), save_every=0).seconds
-        return self.clocks.of(self.integrator, **self.size_argument(size))()
+            return self.solution(**given, save_every=0).seconds
+        return self.clocks.of(self.integrator, **given)()
 
     def estimate_seconds(self, size: float) -> float:
-        """Estimate a run's seconds from the first `PART` of the span; 0 where a run can be stopped instead."""
+        """Estimate the seconds of a run with ``size`` steps, or that tolerance, from the first `PART` of the span.
+
+        The result is 0 if no estimate is needed, since a time limit can stop the run, or if the short run fails.
+        """
         if self.integrator.stoppable:
             return 0.0
         shorter = size if self.integrator.adaptive else max(1, round(size * PART))
@@ -150,7 +166,7 @@ class Best(NamedTuple):
 
     Attributes
     ----------
-    runs : all runs of the integrator that made it
+    runs : all runs of the integrator that made the fastest run
     run : the fastest run
     tried : number of integrators that were tried
     count : number of runs of all integrators together
@@ -176,7 +192,10 @@ def everybody(ask: Ask) -> Iterator[Integrator]:
 
 
 def best(ask: Ask, true: Truth) -> Best | None:
-    """Find the fastest run of any integrator that meets the accuracy; None where none does."""
+    """Find the fastest run of any integrator that meets the accuracy; None where none does.
+
+    ``ask`` is the request for advice, ``true`` the reference values of its quantity.
+    """
     found, tried, count, cheapest = None, 0, 0, inf
     for integrator in everybody(ask):
         runs = Runs(integrator, ask, true, min(LONGEST, 3 * DEAR * cheapest))
@@ -188,7 +207,7 @@ def best(ask: Ask, true: Truth) -> Best | None:
 
 
 def _keeps(runs: Runs, run: Run) -> bool:
-    """True if the run conserves what the request wants conserved."""
+    """True if ``run``, made by the integrator of ``runs``, conserves what the request wants conserved."""
     ask = runs.ask
     return not ask.conserve or conservation_claims.broken(runs.integrator, ask, runs.size_argument(run.size)) is None
 
@@ -196,7 +215,8 @@ def _keeps(runs: Runs, run: Run) -> bool:
 def cheapest_of(runs: Runs, cheapest: float) -> Run | None:
     """Find one integrator's fastest run that meets the accuracy; None if there is none or it is hopelessly slow.
 
-    ``cheapest`` is the time in seconds of the fastest run found so far, by integrators tried before.
+    ``runs`` has the integrator and the request, and collects the runs made.  ``cheapest`` is the time in seconds of the
+    fastest run found so far, by integrators tried before.
     """
     adaptive, met = runs.integrator.adaptive, runs.met
     at, last = (LOOSEST if adaptive else float(FEWEST)), None

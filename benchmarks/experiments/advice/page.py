@@ -91,7 +91,10 @@ def near(table: pd.DataFrame) -> Verdict | None:
 
 @of(TABLE)
 def refusals(table: pd.DataFrame) -> Verdict | None:
-    """Judge whether every request that the brute-force search can meet is given advice; None if it met none."""
+    """Judge whether every request that the brute-force search can meet is given advice; None if it met none.
+
+    ``table`` has a row for each request.
+    """
     met = table[table["best"].notna()] if "best" in table else table.head(0)
     wrong = met[met["choice"].isna()]
     if met.empty:
@@ -143,7 +146,11 @@ def draw(table: pd.DataFrame, folder: Path) -> list[Picture] | None:
 
 @of(TABLE)
 def table(found: pd.DataFrame) -> Table:
-    """The page's table: requests that were refused or missed their accuracy, then those farthest from the fastest."""
+    """Make the page's table: requests refused or with a missed accuracy, then those farthest from the fastest.
+
+    How far is the ratio of the advised integration's time to that of the fastest.  ``found`` has a row for each
+    request.
+    """
     ratio = found["ratio"] if "ratio" in found else pd.Series(np.nan, found.index)
     wrong = ~true(found["met"]) if "met" in found else pd.Series(True, found.index)
     place = found.assign(wrong=wrong, far=ratio.fillna(0.0)).sort_values(
@@ -165,7 +172,8 @@ def table(found: pd.DataFrame) -> Table:
     shown = place[[c for c in columns if c in place]].head(ROWS)
     shown = shown.assign(problem=[_problem_text(r.problem, r.outside) for r in place.head(ROWS).itertuples()])
     caption = (
-        "Requests that were refused or not met, then those with the largest ratio of times to the fastest (`best`)."
+        "Requests that were refused or not met, then those with the largest ratio of the time to that of the fastest "
+        "(`best`), then others; `conserve`: the structure that was asked for."
     )
     return Table(shown, caption + _by_construction(_with_advice(found)))
 

@@ -32,6 +32,9 @@ def rerun(lines: list[str]) -> list[dict]:
 
 
 def error_of(printed: dict) -> float | None:
-    """Return the error that ``integrate`` printed: of the requested quantity if there is one, else of the end state."""
+    """Return the error in the JSON object ``printed`` by the command ``integrate``.
+
+    It is the error of the requested quantity if one was requested, else that of the end state; None without either.
+    """
     found = printed.get("quantity_error")
     return found["error"] if found else printed.get("global_error")

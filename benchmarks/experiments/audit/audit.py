@@ -155,8 +155,9 @@ def cells(quick: bool = False) -> list[Cell]:
     """List the measurements to make (`Cell`): one for each peer, control and script, and two for each package.
 
     A peer is an integrator of another package, a control a method of this project; a script tests statements in a
-    package's documentation.  The two for a package list what of it the audit leaves out, and test whether its
-    integrators change the floating-point mode; a last one tests the controls for this.  The list is empty if ``quick``.
+    package's documentation.  Of the two for a package, one lists its integrators and options that are not audited, and
+    one tests whether its integrators change the floating-point mode; one more does this test for all controls.  The
+    list is empty if ``quick``.
     """
     if quick:
         return []

@@ -95,7 +95,8 @@ def run(
 ) -> Solution:
     """Integrate a case with a peer and return the solution; raise RunFailed unless its status is one of ``fine``.
 
-    ``state`` (q, p) replaces the case's start; a row is stored every ``every`` steps; ``tol`` is an adaptive peer's.
+    ``state`` (q, p) replaces the case's start; the solution has a row after each ``every`` steps (0: at the end only);
+    ``tol`` is the tolerance of an adaptive peer.
     """
     q, p = cases.start(case) if state is None else state
     try:
@@ -117,7 +118,7 @@ def _high(peer: Integrator) -> bool:
 def order(peer: Integrator, case: Case, late: Callable[..., bool] = never) -> dict:
     """Measure the order in h, with its interval and the window of steps of the fit; return the columns of a row.
 
-    ``late(seconds)`` is True if the measurement's time does not suffice for so many seconds more; then no finer step is
+    ``late(seconds)`` is True if less than ``seconds`` of the time for the measurement are left; then no finer step is
     tried.
     """
     truth = cases.truth(case)
@@ -293,7 +294,7 @@ def reversibility(peer: Integrator, case: Case, late: Callable[..., bool] = neve
     """Measure the distance from the start after steps out and back.
 
     Returns the distance (``value``) and, for fixed steps, the same in units of round-off (``units``) and whether it is
-    exactly 0 (``bitwise``).
+    exactly 0 (``bitwise``).  ``late`` is not used.
     """
     if peer.adaptive:
         tol, taken = _tolerances(peer)[1], []
@@ -311,7 +312,10 @@ def _tolerances(peer: Integrator) -> list[float]:
 
 
 def energy(peer: Integrator, case: Case, late: Callable[..., bool] = never) -> dict:
-    """Measure the largest error of H and the slope of its drift, on a run as long as the time budget allows."""
+    """Measure the largest error of H and the slope of its drift, on one long run; return the columns of a row.
+
+    At fixed steps the run has as many steps as `LONG_SECONDS` allow, within bounds.  ``late`` is not used.
+    """
     system = cases.problem(case).system
     tol = None
     if peer.adaptive:
@@ -345,7 +349,7 @@ def stability(peer: Integrator, case: Case, late: Callable[..., bool] = never) -
     """Find the intervals of h omega in which the steps on the harmonic oscillator are stable.
 
     Returns the end of the first interval (``value``), all intervals as text, how far was scanned, and the ``reason`` if
-    the scan ended early.
+    the scan ended early.  ``late()`` is True when the time for the measurement is over.
     """
     end = ""
 
@@ -377,7 +381,10 @@ def stability(peer: Integrator, case: Case, late: Callable[..., bool] = never) -
 
 
 def cost(peer: Integrator, case: Case, late: Callable[..., bool] = never) -> dict:
-    """Measure warm microseconds per step, and per unit of time for adaptive peers that do not count steps."""
+    """Measure the microseconds of a step (``value``; NaN if a peer does not count steps) and of a unit of time.
+
+    All is compiled before.  ``late()`` is True when the time for the measurement is over; then runs are not repeated.
+    """
     h, steps, tol = case.h, 100, _tolerances(peer)[1] if peer.adaptive else None
     try:
         s = run(peer, case, h, steps, tol=tol)
@@ -407,7 +414,10 @@ def cost(peer: Integrator, case: Case, late: Callable[..., bool] = never) -> dic
 
 
 def tolerance(peer: Integrator, case: Case, late: Callable[..., bool] = never) -> dict:
-    """Measure an adaptive peer's largest relative error over the span at each of its tolerances."""
+    """Measure an adaptive peer's largest relative error over the case's span at each of `_tolerances`: a row's columns.
+
+    ``late()`` is True when the time for the measurement is over; then no finer tolerance is tried.
+    """
     truth, out = cases.truth(case), {}
     for tol in dict.fromkeys(_tolerances(peer)):
         s = run(peer, case, case.span / cases.ROWS, cases.ROWS, every=1, tol=tol)

@@ -32,12 +32,12 @@ def records(frame: pd.DataFrame) -> list[dict]:
 
 
 def _present(found: pd.DataFrame) -> pd.DataFrame:
-    """Select the rows that record whether each integrator's package could be loaded."""
+    """Select from the audit's rows those that record whether an integrator's package could be loaded."""
     return found[(found["measure"] == "package") & (found["package"] != OWN)]
 
 
 def _claims(found: pd.DataFrame, claimed: pd.DataFrame) -> pd.DataFrame:
-    """Select the claims of the integrators that were audited."""
+    """Select from the judged claims those of integrators that, by the audit's rows ``found``, could be audited."""
     there = _present(found)
     return claimed[claimed["peer"].isin(there[there["status"] == "ok"]["peer"])]
 
@@ -53,7 +53,10 @@ def _split(frame: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame]:
 
 @of("audit", "audit_claims")
 def claims(found: pd.DataFrame, claimed: pd.DataFrame) -> Verdict | None:
-    """Judge whether the claims of the packages hold; None if no claim could be judged."""
+    """Judge whether the claims of the packages hold; None if no claim could be judged.
+
+    ``found`` has the rows of the audit, ``claimed`` the judged claims.
+    """
     judged, bad = _split(_claims(found, claimed))
     if judged.empty:
         return None
@@ -120,7 +123,10 @@ def _by_severity(frame: pd.DataFrame) -> pd.DataFrame:
 
 @of("audit", "audit_claims")
 def controls(found: pd.DataFrame, claimed: pd.DataFrame) -> Verdict | None:
-    """Judge whether this project's methods, audited as controls, come out as declared; None without them."""
+    """Judge whether this project's methods, audited as controls, come out as declared; None without them.
+
+    ``claimed`` has the judged claims, also those of the controls; ``found`` is not used.
+    """
     own = claimed[claimed["package"] == OWN]
     if own.empty:
         return None
@@ -160,7 +166,10 @@ def _count_unaudited(left: pd.DataFrame | None) -> str:
 
 @of("audit", "audit_claims")
 def draw(found: pd.DataFrame, claimed: pd.DataFrame, folder: Path) -> list[Picture] | None:
-    """Draw the measured minus the claimed orders of the packages' integrators; None if there are no orders."""
+    """Draw the measured minus the claimed orders of the packages' integrators; None if there are no orders.
+
+    ``found`` has the rows of the audit, ``claimed`` the judged claims.
+    """
     rows = [r for r in records(found) if r["package"] != OWN]
     file = figures.orders(rows, records(claimed), folder)
     if file is None:
@@ -202,7 +211,7 @@ def table(data: Data) -> Table | None:
     if not lines:
         return None
     caption = (
-        "Contradicted statements, the worst first, then understated ones; integrators that change with the processor's mode; "
+        "Contradicted statements, the worst first, then understated ones; integrators that change the processor's mode; "
         "claims, contradicted ones first; integrators that could not be run. Each script is in benchmarks/experiments/audit/scripts/ and printed the numbers beside it."
     )
     caption += _count_unaudited(data("audit_unregistered"))

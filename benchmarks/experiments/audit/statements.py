@@ -38,8 +38,8 @@ class Statement:
     script : name of the script in `SCRIPTS` that tests it, without the ending
     package : the package
     said : the words, quoted
-    where : source of the words: "module:name" (documentation or value), "readme:package", "rebound:integrator", or
-        "guide:section" of documentation that does not come with the package, or "source:module" of its texts
+    where : source of the words: "module:name" (docstring or assigned value), "readme:package", "rebound:integrator",
+        "source:module" (the module's source text), or "guide:section" of documentation that the package does not bring
     link : where they can be read
     verdict : function from the printed values, in their order, to a verdict
     shows : format string that makes a short text of the printed values
@@ -96,7 +96,7 @@ def below(bound: float, *which: int) -> Callable[[Values], str]:
 
 
 def every(*verdicts: Callable[[Values], str]) -> Callable[[Values], str]:
-    """Make a judge that returns the worst of several verdicts; "understated" only if none of them is worse."""
+    """Make a judge that returns the worst verdict of several judges; "understated" only if no other is worse."""
     return lambda values: worst(v(values) for v in verdicts)
 
 

@@ -157,7 +157,8 @@ def lines(rows: list[dict], claims: list[dict], adaptive: bool) -> list[dict]:
 def show(found: Audit, console: Console | None = None) -> None:
     """Print an `Audit`: the measures of each integrator, every claim with its verdict, failures, contradictions.
 
-    ``console`` is a rich Console; one that is not a terminal is `WIDTH` characters wide, or as COLUMNS says.
+    ``console`` is a rich Console.  If it is not a terminal, the output is as wide as the environment variable COLUMNS
+    says, or else `WIDTH` characters.
     """
     from rich.console import Console
 

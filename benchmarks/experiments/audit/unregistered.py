@@ -144,7 +144,7 @@ def _preprocessed(package: str, header: str) -> str:
 def _boost() -> list[str]:
     """List Boost.odeint's steppers that no audited integrator uses, by the names of their headers.
 
-    Controlled and dense-output steppers are left out, since they are made of others.
+    Steppers that only wrap another one, to control its steps or for dense output, are left out.
     """
     text = _preprocessed("boost", "boost/numeric/odeint/stepper/euler.hpp")
     folder = Path(re.search(r'"(\S*/odeint/stepper/)euler.hpp"', text)[1])

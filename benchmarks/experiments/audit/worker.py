@@ -35,9 +35,9 @@ PREPARE = "package"
 def row(
     peer: str | Method | Peer | Integrator, measure: str, case_name: str = "", seconds: float = float("inf")
 ) -> dict:
-    """Measure a peer ("order", "energy", ...) on a case in this process: its row; no run begins after ``seconds``.
+    """Make one ``measure`` ("order", "energy", ...) of a peer on a case, in this process, and return its row.
 
-    The budget does not include the reference states, which are computed once for all peers.
+    After ``seconds`` no run begins; this does not count the reference states, which are computed once for all peers.
     """
     peer = integrator(peer)
     if measure in cases.AGAINST_TRUTH:
@@ -106,7 +106,7 @@ def _prepare(peer: Integrator) -> dict:
 
 @cache
 def shared_worker() -> Worker:
-    """Return the worker process that all audits share: it loads each package and each reference once."""
+    """Return the worker process that all audits share: it loads packages and computes reference states only once."""
     worker = Worker()
     atexit.register(worker.stop)
     return worker
@@ -115,7 +115,7 @@ def shared_worker() -> Worker:
 def row_elsewhere(
     peer: Method | Peer | Integrator, measure: str, case_name: str = "", seconds: float = LOADING
 ) -> dict:
-    """Measure a peer on a case in the worker process and return the row.
+    """Make one ``measure`` ("order", "energy", ...) of a peer on a case in the worker process; return its row.
 
     If the process dies or is killed after its time limit, the row has the status "invalid" or "timeout" and the reason.
     """

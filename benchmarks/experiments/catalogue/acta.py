@@ -270,7 +270,7 @@ def _text(order: tuple[int, ...]) -> str:
 
 
 def frame() -> pd.DataFrame:
-    """Make the table "acta": a row for each listed method, with its id here, its order, and its digits that hold."""
+    """Make the table "acta": a row for each method of `LISTED`, with its id here, order, and number of right digits."""
     rows = []
     with mpmath.workdps(DIGITS):
         for m in LISTED:

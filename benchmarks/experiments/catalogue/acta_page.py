@@ -12,18 +12,27 @@ from .acta import NO_SOURCE
 
 
 def _has_numbers(acta: pd.DataFrame) -> pd.Series:
-    """True for each listed method for which a public source with its coefficients was found."""
+    """True for each listed method for which a public source with its coefficients was found.
+
+    ``acta`` has a row for each method that the Acta Numerica survey of splitting methods lists.
+    """
     return acta["why not"].astype(object).fillna("") != NO_SOURCE
 
 
 def _here(acta: pd.DataFrame) -> pd.DataFrame:
-    """Select the rows of the listed methods that this project has."""
+    """Select the rows of the listed methods that this project has.
+
+    ``acta`` has a row for each method that the Acta Numerica survey of splitting methods lists.
+    """
     return acta[acta["id"].astype(object).fillna("") != ""]
 
 
 @of("acta")
 def coverage(acta: pd.DataFrame) -> Verdict:
-    """Judge whether this project has every listed method for which coefficients were found."""
+    """Judge whether this project has every listed method for which coefficients were found.
+
+    ``acta`` has a row for each method that the Acta Numerica survey of splitting methods lists.
+    """
     published = acta[_has_numbers(acta)]
     missing = list(published[published["id"].astype(object).fillna("") == ""]["work"])
     return Verdict(
@@ -37,7 +46,10 @@ def coverage(acta: pd.DataFrame) -> Verdict:
 
 @of("acta")
 def sources(acta: pd.DataFrame) -> Verdict:
-    """Judge whether a public source with the coefficients was found for every listed method."""
+    """Judge whether a public source with the coefficients was found for every listed method.
+
+    ``acta`` has a row for each method that the Acta Numerica survey of splitting methods lists.
+    """
     found = _has_numbers(acta)
     return Verdict(
         "The coefficients of every listed method were found",
@@ -49,9 +61,10 @@ def sources(acta: pd.DataFrame) -> Verdict:
 
 
 def _agrees(row: pd.Series) -> bool:
-    """True if a method's printed order has the first entries of the computed one, as (8, 4) has of (8, 4, 4).
+    """True if a method's printed order consists of the first entries of the computed one, as (8, 4) of (8, 4, 4).
 
-    A printed order of a single number agrees only with a computed one of a single number.
+    A printed order of a single number agrees only with a computed one of a single number.  ``row`` is a row of the
+    table "acta", with both orders.
     """
     printed, order = str(row["printed order"]).split(","), str(row["order"]).split(",")
     return order[: len(printed)] == printed and (len(printed) > 1 or len(order) == 1)
@@ -59,7 +72,10 @@ def _agrees(row: pd.Series) -> bool:
 
 @of("acta")
 def orders(acta: pd.DataFrame) -> Verdict:
-    """Judge whether the order conditions give every listed method of this project its printed order, and no more."""
+    """Judge whether the order conditions give every listed method of this project its printed order, and no more.
+
+    ``acta`` has a row for each method that the Acta Numerica survey of splitting methods lists.
+    """
     here = _here(acta)
     good = here.apply(_agrees, axis=1)
     return Verdict(
@@ -74,7 +90,10 @@ def orders(acta: pd.DataFrame) -> Verdict:
 
 @of("acta")
 def printed_digits(acta: pd.DataFrame) -> Verdict | None:
-    """Judge whether all printed digits are right for every method with rounded coefficients; None if there are none."""
+    """Judge whether all printed digits are right for every method with rounded coefficients; None if there are none.
+
+    ``acta`` has a row for each method that the Acta Numerica survey of splitting methods lists.
+    """
     rounded = _here(acta).dropna(subset=["digits printed"])
     if rounded.empty:
         return None
@@ -82,7 +101,7 @@ def printed_digits(acta: pd.DataFrame) -> Verdict | None:
     lost = short["digits printed"] - short["digits that hold"]
     worst = short.loc[lost.idxmax()] if len(short) else None
     return Verdict(
-        "Every printed digit holds",
+        "Every printed digit of the coefficients holds",
         Count(len(rounded) - len(short), len(rounded)),
         EVERY,
         "methods",
@@ -92,7 +111,10 @@ def printed_digits(acta: pd.DataFrame) -> Verdict | None:
 
 @of("acta")
 def processors(acta: pd.DataFrame) -> Verdict | None:
-    """Judge whether every processed method's kernel has a lower order without its processor; None if there are none."""
+    """Judge whether every processed method's kernel has a lower order without its processor; None if there are none.
+
+    ``acta`` has a row for each method that the Acta Numerica survey of splitting methods lists.
+    """
     here = _here(acta)
     made = here[here["processed"].astype(bool)]
     if made.empty:
@@ -110,13 +132,14 @@ def processors(acta: pd.DataFrame) -> Verdict | None:
 
 @of("acta")
 def count_listed(acta: pd.DataFrame) -> str:
-    """Write the page's answer: how many listed methods are here, and how many of these are processed.
+    """Write the page's answer: how many methods of the Acta Numerica survey are here, and how many are processed.
 
-    Processed methods have a kernel and a processor.  It also counts the listed groups without known coefficients.
+    Processed methods have a kernel and a processor.  The answer also counts the rows of ``acta``, each a method or a
+    publication's group of methods, for which no source of the coefficients was found.
     """
     here = _here(acta)
     return (
-        f"{len(here)} splitting and composition methods that the Acta's survey collects are here, "
+        f"{len(here)} splitting and composition methods of Acta Numerica's survey are here, "
         f"{int(here['processed'].astype(bool).sum())} of them processed; "
         f"of {int((~_has_numbers(acta)).sum())} groups no numbers were found."
     )
@@ -130,7 +153,7 @@ def _digits(row: pd.Series) -> str:
 
 @of("acta")
 def _missing_and_worst(acta: pd.DataFrame) -> Table:
-    """Make the page's table: listed methods that are missing, processed ones, then those with the most wrong digits.
+    """Make the page's table: methods of the survey that are missing, processed ones, then those with most wrong digits.
 
     Processed methods are those with a kernel and a processor.
     """
@@ -156,7 +179,7 @@ def _all(acta: pd.DataFrame) -> pd.DataFrame:
 
 PAGE = Page(
     id="acta",
-    question="Which of the splitting methods that the Acta collects are here, and do their digits hold?",
+    question="Which of the splitting methods in Acta Numerica's survey of 2024 are here?",
     tables=("acta",),
     setting=(
         "The survey is Blanes, Casas and Murua, Splitting methods for differential equations, Acta Numerica 33 (2024).",

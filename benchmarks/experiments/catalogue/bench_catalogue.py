@@ -13,13 +13,19 @@ from phasebench.benchmarks.page.verdict import PASS
 
 
 def bench_coefficients(measured_rows: Callable[[str], list[dict]]) -> None:
-    """Check that every published table of coefficients has the order that it declares."""
+    """Check that every published table of coefficients has the order that it declares.
+
+    ``measured_rows`` is a fixture: table name -> rows.
+    """
     wrong = [r for r in measured_rows("coefficients") if r["order"] != r["declared order"]]
     assert not wrong, wrong
 
 
 def bench_transcribed(measured_rows: Callable[[str], list[dict]]) -> None:
-    """Check that integrations with each table transcribed from a package have the order that order conditions show."""
+    """Check that integrations with each table transcribed from a package have the order that order conditions show.
+
+    ``measured_rows`` is a fixture: table name -> rows.
+    """
     verdict = measured_orders(lambda name: pd.DataFrame(measured_rows(name)))
     if verdict is None:
         pytest.skip("none of its rows is measured in this run")

@@ -53,13 +53,16 @@ def transcribed_row(package: str, name: str) -> Rows:
 
 
 def measure_rows() -> Rows:
-    """Check this project's coefficient tables: rows on orders, on repaired misprints, on wrong printed digits."""
+    """Check this project's coefficient tables: rows on orders, on repaired misprints, on wrong printed digits.
+
+    Returns three tables: name -> rows.
+    """
     frames = (coefficients.frame(), coefficients.repairs(), coefficients.loose())
     return {name: frame.to_dict("records") for name, frame in zip(TABLES, frames, strict=True)}
 
 
 def listed_rows() -> Rows:
-    """Make a row for each method in the Acta Numerica survey of splittings: its id, order, and digits that hold."""
+    """Make a row for each method in the Acta Numerica survey of splittings: its id, order, and right digits."""
     return {ACTA: acta.frame().to_dict("records")}
 
 

@@ -49,7 +49,10 @@ def _row(of: dict[str, str], root: Path) -> dict[str, object]:
 
 
 def files_without_score(lines: list[dict[str, str]], root: Path = sources.ROOT) -> list[str]:
-    """Return the paths of the source files in `FOLDERS` that have no score and could have mutants."""
+    """Return the paths of the source files in `FOLDERS` that have no score and could have mutants.
+
+    ``lines`` are the lines of the stored score, dicts with the key "path"; ``root`` is the project's folder.
+    """
     judged = {of["path"] for of in lines}
     files = {p.relative_to(root).as_posix(): p for folder in FOLDERS for p in (root / folder).rglob("*.py")}
     left = {path: p for path, p in files.items() if path not in judged and TESTS not in p.name}

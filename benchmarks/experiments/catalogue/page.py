@@ -57,7 +57,7 @@ def _families(data: Data) -> Table:
                 "such as": join_list([m.id for m in members], 3),
             }
         )
-    caption = "The families, and how many of their methods declare each property; `phasebench list methods` names all."
+    caption = f"At most {ROWS} families, and how many of their methods declare each property; `phasebench list methods` names all."
     return Table(pd.DataFrame(lines[:ROWS]), caption)
 
 
@@ -119,7 +119,10 @@ def _problem_table(data: Data) -> Table:
                 "invariants": len(made.invariants),
             }
         )
-    return Table(pd.DataFrame(lines[:ROWS]), "Every problem; `invariants` counts those beside the energy.")
+    return Table(
+        pd.DataFrame(lines[:ROWS]),
+        f"At most {ROWS} problems; `phasebench list problems` names all. `invariants` counts those beside the energy.",
+    )
 
 
 def _orbits(data: Data) -> pd.DataFrame:
@@ -158,9 +161,10 @@ PROBLEMS_PAGE = Page(
 
 
 def _largest(coefficients: pd.DataFrame, when: str) -> float:
-    """The largest residual of the order conditions over all coefficient tables.
+    """Return the largest residual of the order conditions over all coefficient tables.
 
-    ``when`` is "published" or "polished": the state of the coefficients of which it is the residual.
+    ``when`` says whose residual: "published" for the coefficients as printed, "polished" for those computed from them
+    to many digits.  ``coefficients`` has a row for each table.
     """
     return float(coefficients[f"{when} residual"].max())
 

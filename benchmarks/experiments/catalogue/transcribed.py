@@ -171,7 +171,12 @@ def _is_rounded(number: str) -> bool:
 
 
 def shift(number: str, change: int) -> Fraction:
-    """Return the change of a rounded number's last digit; its sign depends on the number's text and on `SEED`."""
+    """Return what to add to a rounded number to change its last digit.
+
+    ``number`` is a decimal or an integer as text.  A decimal is changed by a unit of the last digit that ``change``
+    names, `PRINTED` or `DOUBLES` (as in `evaluate`), an integer by the part `DOUBLE` of it.  The sign of the change
+    depends on the text and on `SEED`.
+    """
     sign = 1 if zlib.crc32(f"{SEED} {number}".encode()) % 2 else -1
     relative = DOUBLE * Fraction(number)
     if "." not in number:

@@ -19,7 +19,10 @@ def _text(rows: pd.DataFrame, column: str) -> pd.Series:
 
 
 def _reaches(rows: pd.DataFrame, column: str) -> pd.Series:
-    """True where the order by the order conditions is at least the one in ``column``, in every power of eps."""
+    """True for each row whose order by the order conditions is at least the one in ``column``, in every power of eps.
+
+    ``rows`` is the table "transcribed", a row for each coefficient table in a package's source.
+    """
 
     def reached(order: str, wanted: str) -> bool:
         return all(float(p) >= float(q) for p, q in zip(order.split(","), wanted.split(","), strict=True))
@@ -42,7 +45,10 @@ def _named(rows: pd.DataFrame) -> pd.DataFrame:
 
 @of(TABLE)
 def stated_orders(rows: pd.DataFrame) -> Verdict:
-    """Judge whether the tables have the orders that their packages state."""
+    """Judge whether the coefficient tables in packages' sources have the orders that the packages state.
+
+    ``rows`` is the table "transcribed", a row for each coefficient table in a package's source.
+    """
     stated = _stated(rows)
     good = _reaches(stated, "stated order")
     return Verdict(
@@ -56,7 +62,10 @@ def stated_orders(rows: pd.DataFrame) -> Verdict:
 
 @of(TABLE)
 def named_orders(rows: pd.DataFrame) -> Verdict | None:
-    """Judge whether weights named after a method have that method's order, where the package states none."""
+    """Judge whether weights named after a method have that method's order, where the package states none.
+
+    ``rows`` is the table "transcribed", a row for each coefficient table in a package's source.
+    """
     named = _named(rows)
     if named.empty:
         return None
@@ -72,7 +81,11 @@ def named_orders(rows: pd.DataFrame) -> Verdict | None:
 
 @of(TABLE)
 def measured_orders(rows: pd.DataFrame) -> Verdict | None:
-    """Judge whether integrations, composed as in the package, have the order that the order conditions show."""
+    """Judge whether integrations with each package's coefficients have the order that the order conditions show.
+
+    The numbers of each table are composed to steps as in the package.  ``rows`` is the table "transcribed"; None if no
+    order is measured.
+    """
     seen = rows[rows["measured order"].notna()]
     if seen.empty:
         return None
@@ -91,7 +104,11 @@ def measured_orders(rows: pd.DataFrame) -> Verdict | None:
 
 @of(TABLE)
 def printed_digits(rows: pd.DataFrame) -> Verdict | None:
-    """Judge whether the printed digits are those of the nearest solution of the order conditions."""
+    """Judge whether the digits printed in packages' sources are those of exact solutions of the order conditions.
+
+    They are compared with this project's table of the same method.  ``rows`` is the table "transcribed"; None if it has
+    no such digits.
+    """
     compared = rows.dropna(subset=["digits printed"])
     if compared.empty:
         return None
@@ -149,8 +166,8 @@ def _findings(rows: pd.DataFrame) -> Table:
         }
     )
     caption = (
-        "The tables that lack an order, those of which the most digits are wrong, those with a remark. data/transcribed.csv "
-        "has every table with its path."
+        "Orders: stated, of the method named after, by the order conditions, and measured. First the tables that lack an order, "
+        "then those of which the most digits are wrong, then those with a remark; data/transcribed.csv has every table with its path."
     )
     return Table(frame, caption)
 

@@ -75,7 +75,10 @@ def _cell(table: str, key: dict, measure: Callable, arguments: tuple, *needed: o
 
 
 def manifold(id: str, name: str) -> Rows:
-    """Integrate a problem over `SPAN` with a method: a row of its errors in constraints, energy and end state."""
+    """Integrate the problem ``name`` over `SPAN` with the method ``id``: one row, by table name.
+
+    It has the errors in constraints, energy and end state, and the evaluations per step.
+    """
     problem = problem_of(name)
     steps = round(SPAN / H)
     s = integrate(problem, id, h=H, steps=steps, save_every=1)
@@ -109,14 +112,17 @@ def _slope(t: np.ndarray, energy: np.ndarray, h: float) -> dict[str, float]:
 
 
 def long_run(name: str) -> Rows:
-    """Measure the drift of the energy over `STEPS` steps of `rattle` on a problem: one row, by table name."""
+    """Measure the energy's drift over `STEPS` steps of `rattle` on the problem ``name``: one row, by table name."""
     s = integrate(problem_of(name), "rattle", h=LONG[name], steps=STEPS, save_every=STEPS // SAMPLES)
     row = {"method": "rattle", "problem": name, "status": s.status}
     return {DRIFT: [row | _slope(s.t, s.energy(), s.h)]}
 
 
 def loose_run(tol: float) -> Rows:
-    """Measure the drift of the energy over `STEPS` steps of a RATTLE iterated to the tolerance ``tol``: one row."""
+    """Measure the energy's drift over `STEPS` steps of a RATTLE iterated to a tolerance: one row, by table name.
+
+    ``tol`` is the tolerance of the constraint; the problem is the spherical pendulum.
+    """
     problem, h = problem_of(SPHERE), LONG[SPHERE]
     energy, iterations = loose_rattle(np.array(problem.q0), np.array(problem.p0), h, STEPS, STEPS // SAMPLES, tol)
     t = h * (STEPS // SAMPLES) * np.arange(len(energy))
@@ -125,9 +131,10 @@ def loose_run(tol: float) -> Rows:
 
 @numba.njit
 def loose_rattle(q: np.ndarray, p: np.ndarray, h: float, steps: int, every: int, tol: float) -> tuple[np.ndarray, int]:
-    """Integrate the spherical pendulum by RATTLE, with the constraint iterated until ||q|^2 - 1| <= tol.
+    """Integrate the spherical pendulum by RATTLE, with the constraint iterated until abs(|q|^2 - 1) <= tol.
 
-    Returns (energies of the rows, one each ``every`` steps, total number of iterations).
+    It starts at (q, p) and takes ``steps`` steps h.  Returns (array of the energies at the start and after every
+    ``every`` steps, total number of iterations).
     """
     energies = np.empty(steps // every + 1)
     energies[0] = 0.5 * (p @ p) + q[2]

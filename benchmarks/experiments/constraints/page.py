@@ -29,6 +29,7 @@ def kept(rows: pd.DataFrame) -> Verdict | None:
     """Judge whether methods for constraints keep the constraints and their time derivatives to round-off.
 
     The time derivatives (hidden constraints) do not count for SHAKE, whose momenta do not satisfy them.
+    ``rows`` is the table of errors, a row for each method and problem; None if it has no method for constraints.
     """
     bound = rows[rows["bound"].astype(bool)]
     if bound.empty:
@@ -37,7 +38,7 @@ def kept(rows: pd.DataFrame) -> Verdict | None:
     off = pd.concat([bound["constraint"], hidden], axis=1).max(axis=1)
     worst = bound.loc[off.idxmax()]
     return Verdict(
-        "Methods for constraints keep them and the hidden ones to round-off",
+        "Methods for constraints keep constraints and hidden constraints to round-off",
         float(off.max()),
         at_most(KEPT),
         where=case(worst),
@@ -47,7 +48,10 @@ def kept(rows: pd.DataFrame) -> Verdict | None:
 
 @of(MANIFOLD)
 def left(rows: pd.DataFrame) -> Verdict | None:
-    """Judge whether RK4 on the index-reduced equations, the control, leaves the manifold; None if not measured."""
+    """Judge whether RK4 on the index-reduced equations, the control, leaves the manifold; None if not measured.
+
+    ``rows`` is the table of errors, a row for each method and problem.
+    """
     explicit = rows[rows["method"] == "rk4"]
     if explicit.empty:
         return None
@@ -65,7 +69,8 @@ def left(rows: pd.DataFrame) -> Verdict | None:
 def same(rows: pd.DataFrame) -> Verdict | None:
     """Judge whether the double pendulum in Cartesian coordinates ends in its certified state; None if not measured.
 
-    A certified state is a stored reference with a bound of its error.
+    A certified state is a stored reference with a bound of its error.  ``rows`` is the table of errors, a row for each
+    method and problem.
     """
     found = rows[(rows["problem"] == CARTESIAN) & (rows["method"] == "lobatto-iiia-iiib-constrained-6")]
     if found.empty:
@@ -81,7 +86,10 @@ def same(rows: pd.DataFrame) -> Verdict | None:
 
 @of(DRIFT)
 def drift(rows: pd.DataFrame) -> Verdict:
-    """Judge whether RATTLE's energy is free of drift over long runs: its interval contains 0 or is all round-off."""
+    """Judge whether RATTLE's energy is free of drift over long runs: its interval contains 0 or is all round-off.
+
+    ``rows`` is the table of long runs, a row for each problem.
+    """
     still = (rows["low"] <= 0) & (rows["high"] >= 0) | (rows[["low", "high"]].abs().max(axis=1) <= NO_DRIFT)
     told = (f"{r['problem']}: {number(r['low'])} to {number(r['high'])} per unit of time" for _, r in rows.iterrows())
     return Verdict(
@@ -96,7 +104,10 @@ def drift(rows: pd.DataFrame) -> Verdict:
 
 @of(TOLERANCE)
 def loose(rows: pd.DataFrame) -> Verdict | None:
-    """Judge whether RATTLE's energy is free of drift at a tolerance that is usual in molecular dynamics."""
+    """Judge whether RATTLE's energy is free of drift at a tolerance that is usual in molecular dynamics.
+
+    ``rows`` has a row for each tolerance; None if the usual one was not measured.
+    """
     usual = rows[rows["tolerance"] == USUAL]
     if usual.empty:
         return None
@@ -117,18 +128,22 @@ def answer(data: Data) -> str | None:
     manifold, energy, tolerance = (v.measured for v in found)
     return (
         f"Methods for constraints stay on the manifold to {number(manifold)}; RATTLE's energy does not drift in {energy.n} of "
-        f"{energy.of} long runs, iterated to {number(USUAL)} by {number(tolerance)} per unit of time."
+        f"{energy.of} long runs; iterated to {number(USUAL)}, it drifts by {number(tolerance)} per unit time."
     )
 
 
 @of(DRIFT, TOLERANCE)
 def draw(converged: pd.DataFrame, rows: pd.DataFrame, folder: Path) -> list[Picture]:
-    """Draw the drift of the energy against the tolerance of the constraint."""
+    """Draw the energy's drift with a RATTLE iterated to a tolerance, against the tolerance.
+
+    ``rows`` has a row for each tolerance.  ``converged`` is the table of long runs of `rattle`, solved to round-off,
+    whose drift is drawn for comparison.  The figure is saved in ``folder``.
+    """
     with style.settings():
         figure, ((axes,),) = style.panels(1, 1, 3.4)
         axes.loglog(rows["tolerance"], rows["slope"].abs(), label="plain RATTLE, iterated", **style.curve(0))
-        own = converged[converged["problem"] == SPHERE].iloc[0]
-        axes.axhline(abs(own["slope"]), color="0.4", linestyle="--", label="rattle")
+        for slope in converged.loc[converged["problem"] == SPHERE, "slope"][:1]:
+            axes.axhline(abs(slope), color="0.4", linestyle="--", label="rattle")
         axes.set(xlabel="tolerance of the constraints", ylabel="|drift of H| per unit of time")
         axes.grid(color="0.93", linewidth=0.5)
         style.legend_above(figure, axes, 2)
@@ -143,7 +158,10 @@ def draw(converged: pd.DataFrame, rows: pd.DataFrame, folder: Path) -> list[Pict
 
 @of(MANIFOLD)
 def table(rows: pd.DataFrame) -> Table:
-    """Make the page's table: errors in constraints, energy and end state of each method on each problem."""
+    """Make the page's table: errors in constraints, energy and end state of each method on each problem.
+
+    ``rows`` is the table of errors, a row for each method and problem.
+    """
     columns = ["problem", "method", "constraint", "hidden constraint", "energy", "error", "uncertainty", "evaluations"]
     caption = (
         "Largest change of a constraint, of a hidden one and of the energy, the error of the end state with the reference's "

@@ -25,6 +25,10 @@ def off(rows: list[dict]) -> list[str]:
 
 
 def bench_coverage(measured_rows: Callable[[str], list[dict]]) -> None:
-    """Check that drift intervals cover the true drift often enough for every series with a resolved oscillation."""
+    """Check that drift intervals cover the true drift often enough for every series with a resolved oscillation.
+
+    An oscillation is resolved if it has enough periods to be told from a drift.  ``measured_rows`` is a fixture: table
+    name -> rows.
+    """
     wrong = off(measured_rows("drift_coverage"))
     assert not wrong, "\n".join(wrong)

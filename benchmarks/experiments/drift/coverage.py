@@ -56,6 +56,9 @@ def series(
 def coverage_row(kind: str, periods: float, points: int, drawn: int = DRAWN) -> dict:
     """Draw series of a kind and count how many of their drift intervals cover the true drift; return a row.
 
+    ``kind``, ``periods`` and ``points`` are those of `series`: a key of `KINDS`, the number of periods of the
+    oscillation in the whole series, the number of its points.  ``drawn`` series are drawn.
+
     The row has the share of intervals that cover and their median half-width, for this project's estimate and for
     ordinary regression (columns with "by the line").
     """
@@ -95,5 +98,9 @@ def _cell(kind: str, periods: float, points: int) -> Cell:
 
 
 def measure_rows(kind: str, periods: float, points: int) -> Rows:
-    """Count how often drift intervals cover the true drift on one kind of artificial series: a row, by table name."""
+    """Count how often drift intervals cover the true drift on one kind of artificial series: a row, by table name.
+
+    ``kind`` is a key of `KINDS`, ``periods`` the number of periods of the oscillation in the whole series, ``points``
+    the number of its points.
+    """
     return {"drift_coverage": [coverage_row(kind, periods, points)]}

@@ -36,7 +36,10 @@ def _resolved_rows(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def _kinds(table: pd.DataFrame) -> pd.Series:
-    """Compute the share of drawn series whose interval covers the true drift, for each kind of series."""
+    """Compute for each kind of series the share of the drawn series whose interval covers the true drift.
+
+    Only series whose oscillation has enough periods to be told from a drift count.
+    """
     return _resolved_rows(table).groupby("kind", sort=False)["covered"].mean()
 
 
@@ -64,7 +67,7 @@ def lengths(table: pd.DataFrame) -> Verdict | None:
         return None
     worst = told.loc[told["covered"].idxmin()]
     return Verdict(
-        "It does so for every length and period",
+        "The 95 % interval covers the true drift for every length and period",
         float(worst["covered"]),
         at_least(LEAST),
         "of the draws",
@@ -74,7 +77,10 @@ def lengths(table: pd.DataFrame) -> Verdict | None:
 
 
 def _intervals(rows: pd.DataFrame) -> pd.DataFrame:
-    """Select the long runs whose energy drift has an interval; add a column ``excludes``: the interval excludes 0."""
+    """Select the completed long runs on canonical systems whose energy drift has an interval.
+
+    The added column ``excludes`` says whether the interval excludes 0.  ``rows`` is the table of runs.
+    """
     ran = completed_runs(rows)
     ran = ran[ran["energy_drift_low"].notna() & ran["canonical"]]
     return ran.assign(excludes=ran["sure"] != 0)
@@ -88,13 +94,16 @@ def _bounded_runs(rows: pd.DataFrame) -> pd.DataFrame:
 
 @of("rows")
 def bounded_energy(rows: pd.DataFrame) -> Verdict | None:
-    """Judge whether the drift intervals of methods with bounded energy error contain 0 on each problem and span."""
+    """Judge whether the drift intervals of methods with bounded energy error contain 0 on each problem and span.
+
+    ``rows`` is the table of runs; None if it has no long run of such a method.
+    """
     ran = _bounded_runs(rows)
     if ran.empty:
         return None
     scenes = 1 - ran.groupby("scene", sort=False)["excludes"].mean()
     return Verdict(
-        "In every scene the intervals of methods declared bounded hold 0",
+        "In every scene drift intervals of methods declared bounded hold 0",
         Range(scenes.min(), scenes.max()),
         at_least(LEAST),
         "of the runs",
@@ -104,13 +113,16 @@ def bounded_energy(rows: pd.DataFrame) -> Verdict | None:
 
 @of("rows")
 def drifting(rows: pd.DataFrame) -> Verdict | None:
-    """Judge whether the drift intervals of all methods declared to drift exclude 0."""
+    """Judge whether the drift intervals of all methods declared to drift exclude 0.
+
+    ``rows`` is the table of runs; None if it has no long run of such a method with an energy error above round-off.
+    """
     ran = _drifting(rows)
     if ran.empty:
         return None
     held = ran[~ran["excludes"]]
     return Verdict(
-        "The intervals of methods declared to drift exclude 0",
+        "Drift intervals of methods declared to drift exclude 0",
         Count(int(ran["excludes"].sum()), len(ran)),
         EVERY,
         "runs",
@@ -120,7 +132,11 @@ def drifting(rows: pd.DataFrame) -> Verdict | None:
 
 @of("rows")
 def controls(rows: pd.DataFrame) -> Verdict | None:
-    """Judge whether every control, a method that must drift, was measured; without one `drifting` proves nothing."""
+    """Judge whether every control, a method that must drift, was measured.
+
+    Without a control the verdict `drifting` proves nothing.  ``rows`` is the table of runs; None if it has no long run
+    with an interval.
+    """
     if _intervals(rows).empty:
         return None
     there = [id for id in CONTROLS if (_drifting(rows)["id"] == id).any()]
@@ -185,7 +201,7 @@ def table(found: pd.DataFrame) -> Table:
     far = (found["covered"] - CONFIDENCE).abs()
     told = found["periods"].map(is_resolved)
     shown = found.assign(far=far, told=told).sort_values(["told", "far"], ascending=False, kind="stable").head(ROWS)
-    caption = "The resolved kinds of series farthest from the nominal coverage; half-widths are medians."
+    caption = f"The kinds of series of more than {SLOWEST} periods farthest from the nominal coverage; `line`: a line through all points; half-widths of the intervals, per unit of time, are medians."
     return Table(shown.drop(columns=["far", "told"]), caption)
 
 

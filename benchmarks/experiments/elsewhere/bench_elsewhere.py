@@ -21,12 +21,18 @@ def energies_off(rows: list[dict]) -> list[str]:
 
 
 def bench_methods_of_the_same_coefficients(measured_rows: Callable[[str], list[dict]]) -> None:
-    """Check that this suite's methods reach the energy errors that other packages state for the same coefficients."""
+    """Check that this suite's methods reach the energy errors that other packages state for the same coefficients.
+
+    ``measured_rows`` is a fixture: table name -> rows.
+    """
     off = energies_off(measured_rows(THEIRS))
     assert not off, "\n".join(off)
 
 
 def bench_runs_beside_them(measured_rows: Callable[[str], list[dict]]) -> None:
-    """Check that, of this suite's runs for comparison with other machines' results, at least one reaches its end."""
+    """Check that, of this suite's runs for comparison with other machines' results, at least one reaches its end.
+
+    ``measured_rows`` is a fixture: table name -> rows.
+    """
     rows = measured_rows(OURS)
     assert not rows or any(r["status"] == "ok" for r in rows)

@@ -76,7 +76,8 @@ def compare(file: Elsewhere, methods: Sequence[str] | None = None) -> tuple[list
 def _ladder(file: Elsewhere, chosen: Integrator, budgets: Sequence[int]) -> list[dict[str, Any]]:
     """Run a method with as many steps as each budget of evaluations allows: a row for each run.
 
-    A run that takes less than the share `USED` of its budget is left out.
+    ``file`` has another package's results on a problem; the runs are on the same problem and span.  A run that takes
+    less than the share `USED` of its budget is left out.
     """
     rows: dict[int, dict[str, Any]] = {}
     price = 1.0
@@ -98,7 +99,7 @@ def _ladder(file: Elsewhere, chosen: Integrator, budgets: Sequence[int]) -> list
 
 
 def _run(file: Elsewhere, chosen: Integrator, steps: int) -> dict[str, Any]:
-    """Run a method in ``steps`` steps over the span of a file.
+    """Run a method in ``steps`` steps on the problem and over the span of a file of results.
 
     Returns a dict: the step, the evaluations, the status, and the states ``q`` and ``p`` at the start and the end.
     """

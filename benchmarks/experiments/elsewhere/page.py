@@ -23,9 +23,9 @@ BY = "measured elsewhere by"
 
 
 def _twins(theirs: pd.DataFrame) -> pd.DataFrame:
-    """Select the rows whose method was also run here with the same coefficients and step.
+    """Select the results from other machines that a method here repeated with the same coefficients and step.
 
-    A column ``apart`` has the difference of the two energy errors.
+    The added column ``apart`` has the difference of the two energy errors.
     """
     both = theirs.dropna(subset="twin_energy_error")
     return both.assign(apart=(both["energy_error"] - both["twin_energy_error"]).abs())
@@ -33,7 +33,10 @@ def _twins(theirs: pd.DataFrame) -> pd.DataFrame:
 
 @of(THEIRS)
 def reproduced(theirs: pd.DataFrame) -> Verdict | None:
-    """Judge whether methods here with the same coefficients reach the energy errors measured on other machines."""
+    """Judge whether methods here with the same coefficients reach the energy errors measured on other machines.
+
+    ``theirs`` has a row for each result from another machine; None if no such method was run.
+    """
     both = _twins(theirs)
     if both.empty:
         return None
@@ -49,7 +52,10 @@ def reproduced(theirs: pd.DataFrame) -> Verdict | None:
 
 @of(THEIRS)
 def certain(theirs: pd.DataFrame) -> Verdict | None:
-    """Judge whether the reference's uncertainty is below the errors of the end states; None without such errors."""
+    """Judge whether the reference's uncertainty is below the errors of the end states; None without such errors.
+
+    ``theirs`` has a row for each result from another machine.
+    """
     rows = theirs.dropna(subset="error")
     if rows.empty:
         return None
@@ -77,7 +83,7 @@ def answer(data: Data) -> str | None:
 
 
 def _size(frame: pd.DataFrame) -> pd.Series:
-    """The error of the end state in each row, or the size of the energy error where no state is given."""
+    """Return for each row the error of the end state, or the size of the energy error if the row has no end state."""
     return frame["error"].astype(float).fillna(frame["energy_error"].astype(float).abs())
 
 
@@ -87,10 +93,14 @@ def _kind(row: pd.Series) -> str:
 
 @of(THEIRS, OURS)
 def draw(theirs: pd.DataFrame, ours: pd.DataFrame, folder: Path) -> list[Picture]:
-    """Draw the size of the energy error at the end against the evaluations, a panel for each file (at most two)."""
+    """Draw the size of the energy error at the end against the evaluations, a panel for each file (at most two).
+
+    ``theirs`` has the results from other machines, ``ours`` the runs of this suite's methods; the figure is saved in
+    ``folder``.
+    """
     files = list(dict.fromkeys(theirs["file"]))[:2]
     with style.settings():
-        figure, panels = style.panels(1, len(files), 3.6)
+        figure, panels = style.panels(1, len(files), 4.2)
         for axes, file in zip(panels[0], files, strict=True):
             part, own = theirs[theirs["file"] == file], ours[(ours["file"] == file) & (ours["status"] == "ok")]
             for k, (name, rows) in enumerate(own.groupby("method", sort=False)):
@@ -100,12 +110,11 @@ def draw(theirs: pd.DataFrame, ours: pd.DataFrame, folder: Path) -> list[Picture
             same = next((k for k, letters in enumerate(zip(*names, strict=False)) if len(set(letters)) > 1), 0)
             for k, (name, rows) in enumerate(part.groupby("method", sort=False)):
                 size = rows["energy_error"].abs().clip(lower=LEAST)
-                axes.loglog(rows["evaluations"], size, "o--", color="0.6", mfc="none", lw=0.7, ms=3)
-                place = (rows["evaluations"].iloc[-1], size.iloc[-1])
-                axes.annotate(name[same:], place, (4, (-2, 5, -9)[k % 3]), textcoords="offset points", fontsize=5)
+                look = style.curve(k) | {"color": "0.5", "mfc": "none", "lw": 0.7}
+                axes.loglog(rows["evaluations"], size, label=name[same:], **look)
             axes.set(xlabel="evaluations of the gradient", ylabel="|H − H₀| at the end", title=file)
             axes.grid(color="0.93", linewidth=0.5)
-        style.legend_above(figure, panels[0][0], 3)
+        style.legend_above(figure, panels[0][0], 4)
     caption = (
         "Size of H − H₀ at the end against the evaluations: grey and hollow what was measured elsewhere, coloured this "
         "suite's methods, run here."
@@ -114,10 +123,11 @@ def draw(theirs: pd.DataFrame, ours: pd.DataFrame, folder: Path) -> list[Picture
 
 
 def _best(ours: pd.DataFrame, row: pd.Series) -> dict:
-    """Find this suite's method with the least error among the runs with at most as many evaluations as a row's.
+    """Find the method of this suite that has the least error with at most as many evaluations as a row.
 
-    ``row`` is a result from another machine; the errors compared are of the end state or, if it has no state, of the
-    energy.  Returns the method's id and its error, as two columns of the page's table.
+    ``row`` is a result from another machine, ``ours`` has the runs of this suite's methods.  The errors compared are of
+    the end state or, if ``row`` has none, of the energy.  Returns the method's id and its error, as two columns of the
+    page's table.
     """
     column = "energy_error" if pd.isna(row["error"]) else "error"
     able = ours[(ours["file"] == row["file"]) & (ours["evaluations"] <= row["evaluations"]) & (ours["status"] == "ok")]
@@ -130,7 +140,10 @@ def _best(ours: pd.DataFrame, row: pd.Series) -> dict:
 
 @of(THEIRS, OURS)
 def table(theirs: pd.DataFrame, ours: pd.DataFrame) -> Table:
-    """Make the page's table: each method's rows with the fewest and the most evaluations, beside this suite's best."""
+    """Make the page's table: each method's rows with the fewest and the most evaluations, beside this suite's best.
+
+    ``theirs`` has the results from other machines, ``ours`` the runs of this suite's methods.
+    """
     compared = theirs[theirs["evaluations"] <= MOST]
     lines = []
     for _, part in compared.groupby(["file", "method"], sort=False):
@@ -164,14 +177,14 @@ def _line(row: pd.Series, ours: pd.DataFrame) -> dict:
 
 @of(THEIRS)
 def whole(theirs: pd.DataFrame) -> pd.DataFrame:
-    """Select the columns of the page's long table: all rows measured on other machines."""
+    """Make the page's long table: all results from other machines (the rows of ``theirs``), in selected columns."""
     columns = ["package", "method", "h", "tol", "evaluations", "energy_error", "error", "uncertainty", "twin"]
     return theirs[columns].replace({np.nan: None}).astype(object).fillna("")
 
 
 PAGE = Page(
     id="elsewhere",
-    question="What do integrators measured on other machines reach with as many evaluations?",
+    question="Do integrators measured on other machines have the errors that the same methods have here?",
     tables=(THEIRS, OURS),
     setting=(
         "Rows of integrators in other languages come as files, made on their own machine or taken from a published table; the "

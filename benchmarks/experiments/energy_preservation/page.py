@@ -36,7 +36,8 @@ def _where(row: pd.Series) -> str:
 def energy_conservation(frame: pd.DataFrame) -> Verdict | None:
     """Judge whether the energy error is round-off on every step that has a root lambda.
 
-    A root is a value of the scheme's parameter lambda with which the step conserves the energy.
+    A root is a value of the scheme's parameter lambda with which the step conserves the energy.  ``frame`` has a row
+    for each scheme, problem and step size; None without a completed run.
     """
     ran = _completed_runs(frame, PLAIN)
     if ran.empty:
@@ -53,7 +54,10 @@ def energy_conservation(frame: pd.DataFrame) -> Verdict | None:
 
 @of("energy_preservation")
 def root_existence(frame: pd.DataFrame) -> Verdict | None:
-    """Judge whether in every step of Schemes IV and V some value of their parameter lambda conserves the energy."""
+    """Judge whether in every step of Schemes IV and V some value of their parameter lambda conserves the energy.
+
+    ``frame`` has a row for each scheme, problem and step size; None without a completed run.
+    """
     ran = _completed_runs(frame, PLAIN)
     if ran.empty:
         return None
@@ -72,7 +76,8 @@ def root_existence(frame: pd.DataFrame) -> Verdict | None:
 def root_search(frame: pd.DataFrame) -> Verdict | None:
     """Judge whether the schemes find every root lambda that an independent scan finds; None without a scan.
 
-    A root is a value of the scheme's parameter lambda with which the step conserves the energy.
+    A root is a value of the scheme's parameter lambda with which the step conserves the energy.  ``frame`` has a row
+    for each scheme, problem and step size.
     """
     ran = _completed_runs(frame, PLAIN)
     if "scanned steps" not in ran or not ran["scanned steps"].sum():
@@ -90,7 +95,8 @@ def root_search(frame: pd.DataFrame) -> Verdict | None:
 def alternating(frame: pd.DataFrame) -> Verdict | None:
     """Judge whether every step has a root lambda of Scheme IV or of Scheme V, in the variants that may use both.
 
-    A root is a value of the scheme's parameter lambda with which the step conserves the energy.
+    A root is a value of the scheme's parameter lambda with which the step conserves the energy.  ``frame`` has a row
+    for each scheme, problem and step size; None if the variants were not run.
     """
     ran = _completed_runs(frame, ALTERNATING)
     if ran[ran["scheme"] == ALTERNATING[0]].empty:
@@ -107,7 +113,10 @@ def alternating(frame: pd.DataFrame) -> Verdict | None:
 
 @of("energy_preservation")
 def answer(frame: pd.DataFrame) -> str | None:
-    """Write the page's answer: the largest energy error, and in how many steps no parameter lambda keeps the energy."""
+    """Write the page's answer: the largest energy error, and in how many steps no parameter lambda keeps the energy.
+
+    ``frame`` has a row for each scheme, problem and step size; None without a completed run.
+    """
     ran = _completed_runs(frame, PLAIN)
     if ran.empty:
         return None
@@ -123,7 +132,10 @@ def answer(frame: pd.DataFrame) -> str | None:
 
 @of("energy_preservation")
 def draw(frame: pd.DataFrame, folder: Path) -> list[Picture]:
-    """Draw the largest energy error over h, beside that of the implicit midpoint rule, a panel for each problem."""
+    """Draw the largest energy error over h, beside that of the implicit midpoint rule, a panel for each problem.
+
+    ``frame`` has a row for each scheme, problem and step size; the figure is saved in ``folder``.
+    """
     problems = list(dict.fromkeys(frame["problem"]))
     midpoint = "implicit midpoint's energy error"
     curves = [("scheme-iv", WITH, "Scheme IV, steps with a root"), ("scheme-v", WITH, "Scheme V, steps with a root")]
@@ -138,7 +150,7 @@ def draw(frame: pd.DataFrame, folder: Path) -> list[Picture]:
             axes.grid(color="0.93", linewidth=0.5)
         panels[0].set_ylabel("largest energy error")
         style.legend_above(figure, panels[0], 2)
-    caption = "Largest energy error to t = 1000 over the step size, on steps with and without a root."
+    caption = "Largest energy error to t = 1000 over the step size, on steps with and without a root, beside that of the implicit midpoint rule."
     return [Picture(style.save(figure, folder, "energy_preservation.png"), "energy errors over the step", caption)]
 
 
@@ -158,10 +170,13 @@ COLUMNS = {
 
 @of("energy_preservation")
 def table(frame: pd.DataFrame) -> Table:
-    """Make the page's table: runs with steps in which no lambda keeps the energy, then the largest energy errors."""
+    """Make the page's table: runs with steps in which no lambda keeps the energy, then the largest energy errors.
+
+    ``frame`` has a row for each scheme, problem and step size.
+    """
     order = frame.assign(none=frame["without a root"] == 0).sort_values(["none", WITH], ascending=[True, False])
     shown = order.head(18)[list(COLUMNS)].rename(columns=COLUMNS)
-    caption = "Runs that have steps without a root, then those of the largest energy error. The next step with a root restores H₀."
+    caption = "Runs that have steps without a root, then those of the largest energy error. Energy errors: on steps with a root, on steps without, and one step after these, where a root restores H₀."
     return Table(shown, caption)
 
 

@@ -193,9 +193,10 @@ def in_order(rungs: Iterable[Rung]) -> list[Rung]:
 
 
 def between(errors: Mapping[Rung, float]) -> list[Rung]:
-    """List the runs to insert between neighbouring steps or tolerances of an integrator, from the errors of those made.
+    """List the runs that are still to be made, between neighbouring steps or tolerances of an integrator.
 
-    A geometric mean is inserted where the two errors enclose one of `ERRORS` and differ by a factor `SPAN` or more.
+    ``errors`` maps each run made so far to its error.  The geometric mean of two neighbouring steps or tolerances is
+    taken where their errors enclose one of `ERRORS` and differ by a factor `SPAN` or more.
     """
     out = []
     for a, b in pairwise(in_order(errors)):

@@ -16,7 +16,8 @@ OURS, HEYOKA = "ours", "heyoka"
 def least(rows: pd.DataFrame, error: float) -> tuple[str, Median]:
     """Find the cheapest integrator with an error of at most ``error``: (name, cost); ("", NOWHERE) if there is none.
 
-    ``rows`` are runs of several integrators on one problem; the cost is in microseconds an orbit, with its interval.
+    ``rows`` are runs of several integrators on one problem; the cost is in microseconds an orbit, with its interval;
+    NOWHERE is an infinite cost.
     """
     costs = {name: at(rungs, error) for name, rungs in rows.groupby("integrator", sort=False)}
     name = min(costs, key=lambda k: costs[k].value, default=None)

@@ -132,7 +132,7 @@ def measure_rows(name: str, id: str, parameters: tuple, steps: int, n: int) -> R
 
 
 def _clock(run: Callable[[], object], steps: int) -> Callable[[], float]:
-    """Make a function that calls ``run`` once and returns the seconds per step."""
+    """Make a function that calls ``run``, which takes ``steps`` steps, once and returns the seconds per step."""
 
     def seconds() -> float:
         began = time.perf_counter()
@@ -150,7 +150,9 @@ def _with_interval(column: str, value: Median) -> dict:
 def _differences(found: Problem, chosen: Method, ensemble: Ensemble, Q: np.ndarray, P: np.ndarray, steps: int) -> dict:
     """Compare end states of the first `COMPARED` orbits of an ensemble with the scalar kernel's from the same starts.
 
-    Returns columns of a row: how many orbits are compared, how many agree to the last bit, the largest difference.
+    ``found`` is the problem, ``chosen`` the method, and ``ensemble`` the result of ``steps`` steps from the starts Q,
+    P, arrays (n, d).  Returns columns of a row: how many orbits are compared, how many agree to the last bit, the
+    largest difference.
     """
     same, largest = 0, 0.0
     for i in range(min(COMPARED, len(Q))):

@@ -117,21 +117,27 @@ def parallel(frame: pd.DataFrame) -> Verdict | None:
 
 @of(lanes.TABLE, against.TABLE)
 def answer(frame: pd.DataFrame, costs: pd.DataFrame) -> str | None:
-    """Write the page's answer: how much SIMD lanes gain, and how often an orbit costs less than in heyoka's batches."""
+    """Write the page's answer: how much SIMD lanes gain, and how often an orbit costs less than in heyoka's batches.
+
+    ``frame`` is the table of `lanes`, ``costs`` that of `against`; None if no ensemble ran in lanes.
+    """
     wide, judged = _wide(frame), _reached_rows(costs)
     if wide.empty:
         return None
     ours, behind = ((judged["cheaper"] == side).sum() for side in (timing.OURS, timing.PEERS))
     return (
-        f"In SIMD lanes a core carries {lanes.ORBITS} orbits {number(wide['gain'].min(), 2)} to "
-        f"{number(wide['gain'].max(), 2)} times as fast; at equal error one costs less than heyoka's in {ours} of "
+        f"SIMD lanes run {lanes.ORBITS} orbits {number(wide['gain'].min(), 2)} to {number(wide['gain'].max(), 2)} times as "
+        f"fast as singly; at equal error an orbit costs less than heyoka's in {ours} of "
         f"{len(judged)} cases, more in {behind}."
     )
 
 
 @of(maps.TABLE)
 def draw_maps(frame: pd.DataFrame, folder: Path) -> list[Picture]:
-    """Draw the two maps of Henon-Heiles: the Poincare section, and how chaotic each start of the grid is."""
+    """Draw the two maps of Henon-Heiles: the Poincare section, and how chaotic each start of the grid is.
+
+    ``frame`` is the table of `maps`; the figure is saved in ``folder``.
+    """
     section, grid = (frame[frame["map"] == name].sort_values("line") for name in (maps.SECTION, maps.GRID))
     with style.settings():
         figure, ((left, right),) = style.panels(1, 2, 3.4, sharey=True)
@@ -159,7 +165,10 @@ def draw_maps(frame: pd.DataFrame, folder: Path) -> list[Picture]:
 
 @of(against.TABLE)
 def draw_costs(frame: pd.DataFrame, folder: Path) -> list[Picture]:
-    """Draw the error of the worst orbit over the cost of an orbit, a panel for each problem."""
+    """Draw the error of the worst orbit over the cost of an orbit, a panel for each problem.
+
+    ``frame`` is the table of `against`, a row for each run; the figure is saved in ``folder``.
+    """
     problems, looks = list(dict.fromkeys(frame["problem"])), style.looks()
     with style.settings():
         figure, (panels,) = style.panels(1, len(problems), 3.0, sharey=False)
@@ -171,7 +180,6 @@ def draw_costs(frame: pd.DataFrame, folder: Path) -> list[Picture]:
             axes.set(title=problem, xlabel="µs an orbit")
             axes.set_ylim(1e-15, 10)
             axes.grid(color="0.93", linewidth=0.5)
-            style.plain_ticks(axes.xaxis)
         panels[0].set_ylabel("error of the worst orbit")
         style.legend_above(figure, panels[0], 4)
     caption = f"The worst orbit's error at t = {against.T_END:g} over the time of an orbit, on one core."
@@ -185,7 +193,10 @@ def draw(data: Data, folder: Path) -> list[Picture]:
 
 @of(lanes.TABLE)
 def table(frame: pd.DataFrame) -> Table:
-    """Make the page's table: for each ensemble the time of an orbit's step, and the speed-ups by lanes and by cores."""
+    """Make the page's table: for each ensemble the time of an orbit's step, and the speed-ups by lanes and by cores.
+
+    ``frame`` is the table of `lanes`, a row for each ensemble.
+    """
     columns = ["problem", "method", "in lanes", "ns scalar", "ns ensemble", "gain", "gain, low", "gain, high"]
     columns += ["ns all cores", "cores", "speed-up", "speed-up, low", "speed-up, high", "largest difference"]
     caption = (
@@ -198,7 +209,10 @@ def table(frame: pd.DataFrame) -> Table:
 
 @of(against.TABLE)
 def full_table(frame: pd.DataFrame) -> pd.DataFrame:
-    """Make the long table: this project's and heyoka's cheapest run for every problem and error, and the cost ratio."""
+    """Make the long table: this project's and heyoka's cheapest run for every problem and error, and the cost ratio.
+
+    ``frame`` is the table of `against`, a row for each run.
+    """
     return _compared(frame)
 
 

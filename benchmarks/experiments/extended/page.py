@@ -80,7 +80,7 @@ def general(orders: pd.DataFrame) -> Verdict | None:
         "Methods for every H keep their order on a relativistic orbit at small steps",
         Range(float(off.min()), float(off.max())),
         Between(-GATE, GATE),
-        "off",
+        "from the declared order",
         where=f"{worst['method']}, h = {number(worst['h'])}",
         otherwise=FAIL,
     )
@@ -97,6 +97,7 @@ def special(orders: pd.DataFrame) -> Verdict | None:
         "A splitting made for post-Newtonian parts loses its order at small steps",
         float(row["order"]),
         at_most(float(row["declared"]) - LOST),
+        "as the order",
         where=f"h = {number(row['h'])}",
     )
 
@@ -107,7 +108,7 @@ def answer(data: Data) -> str | None:
     if None in found:
         return None
     copies, own, explicit = (v.expected.met(v.measured) for v in found)
-    text = f"Tao's step is {'' if copies else 'not '}symplectic in both copies together"
+    text = f"Tao's step is {'' if copies else 'not '}symplectic in both copies of the state together"
     text += f", the semiexplicit one {'' if own else 'not '}in the original phase space"
     return f"{text}; the explicit projection to the midpoint is {'' if explicit else 'not '}symplectic."
 
@@ -118,13 +119,13 @@ def draw(orders: pd.DataFrame, folder: Path) -> list[Picture]:
     with style.settings():
         figure, ((axes,),) = style.panels(1, 1, 3.4)
         for k, (name, part) in enumerate(orders.groupby("method", sort=False)):
-            axes.loglog(part["h"], part["error"], label=name, **style.curve(k % len(style.CURVES)))
+            axes.loglog(part["h"], part["error"], label=name, **style.curve(k))
         axes.set(xlabel="step h", ylabel="error at the end")
         axes.grid(color="0.93", linewidth=0.5)
         style.legend_above(figure, axes, 3)
     caption = (
         f"Error of (q, p) at t = {number(float(SPAN))} after the pericentre against the step, in {DIGITS} digits. The order is the "
-        "slope: that of the splitting made for the small part falls to 2 at small steps."
+        f"slope: that of {SPECIAL}, made for the small part, falls to 2 at small steps."
     )
     return [Picture(style.save(figure, folder, "extended.png"), "error on a relativistic orbit", caption)]
 

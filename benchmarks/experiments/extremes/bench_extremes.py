@@ -1,4 +1,4 @@
-"""Checks of stability limits, of the long runs that confirm them, of round-off, and of encounters to e = `HARD`."""
+"""Checks of stability limits, long runs that confirm them, round-off, and Kepler orbits of eccentricity to `HARD`."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def unconfirmed_limits(rows: list[dict]) -> list[str]:
 
 
 def bench_known_limits(measured_rows: Callable[[str], list[dict]]) -> None:
-    """Check that every measured stability limit equals the published or derived one, to as many digits as this has.
+    """Check that every measured stability limit equals the published or derived one to all known digits of the latter.
 
     ``measured_rows`` is a fixture: table name -> rows.
     """

@@ -111,9 +111,10 @@ def label(id: str, values: dict) -> str:
 
 
 def _kind(id: str, values: dict, h: float) -> str:
-    """Classify a run: a hand-written control, at a simple fraction of h or lambda, slightly off one, or usual.
+    """Classify a run by its method ``id``, the values of the method's parameters (such as lambda) and the step h.
 
-    ``values`` are the method's parameters, such as lambda.  Returns `HAND`, `FRACTION`, `ASIDE_OF` or `USUAL`.
+    Returns `HAND` for a control written by hand, `FRACTION` if h or lambda is a simple fraction, `ASIDE_OF` if it is
+    slightly off one, else `USUAL`.
     """
     if id in controls.KINDS:
         return HAND

@@ -44,7 +44,7 @@ class Case:
     escapes : the |q| beyond which an orbit that can escape is gone for good
     ranged : whether the orbit soon fills the range of its coordinates, so that runs may be judged by it
     timed : whether the first coordinate crosses the middle of its range at a steady rate
-    middle : the value whose crossings are counted instead; None for the middle of the range
+    middle : the value of the first coordinate whose crossings are counted; None for the middle of its range
     """
 
     id: str

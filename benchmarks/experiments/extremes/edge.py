@@ -54,7 +54,7 @@ def _cell(id: str, on: str, over: str) -> Cell:
 
 
 def measure_rows(id: str, on: str, over: str) -> Rows:
-    """Classify runs of an implicit method over (h, lambda) if ``over`` is "lam", else over (h, e): a row for each.
+    """Classify short runs of an implicit method: a row for each (h, lambda) if ``over`` is "lam", else for each (h, e).
 
     ``id`` is the method, ``on`` the problem; lambda is the method's parameter, e the eccentricity of the orbit.
     """

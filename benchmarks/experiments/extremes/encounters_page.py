@@ -30,7 +30,7 @@ def adaptive(table: pd.DataFrame) -> Verdict:
         "Integrators with adaptive steps reach the wanted error in every scene",
         Count(int(rows["held"].sum()), len(rows)),
         EVERY,
-        "ladders",
+        "cases of an integrator and a scene",
         join_list(lost, 3) if lost else "",
     )
 

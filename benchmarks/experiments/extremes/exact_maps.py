@@ -99,7 +99,10 @@ def _splitting(data: tuple, h: mpmath.mpf) -> mpmath.matrix:
 
 
 def _collocation(data: tuple, h: mpmath.mpf) -> mpmath.matrix:
-    """Compute the step matrix of a (partitioned) Runge-Kutta method on the oscillator, from its stage equations."""
+    """Compute the step matrix of a (partitioned) Runge-Kutta method on the oscillator, from its stage equations.
+
+    ``data`` is (kind, stages), such as ("gauss", 2).
+    """
     A, C, b, _ = runge_kutta(*data)
     s = len(b)
     left, start = mpmath.eye(2 * s), mpmath.matrix(2 * s, 2)  # Q - h A P = q, P + h C Q = p

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -61,9 +62,9 @@ def best(table: pd.DataFrame, by: str, value: str, worst: bool = False) -> list:
 
 
 def legend_below(axes: Axes) -> None:
-    """Add a legend of a panel's own curves below it."""
-    handles, labels = axes.get_legend_handles_labels()
-    axes.legend(handles, labels, loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=2)
+    """Add a legend of a panel's own curves below it, as wide as the panel's share of the figure."""
+    make = partial(axes.legend, *axes.get_legend_handles_labels(), loc="upper center", bbox_to_anchor=(0.5, -0.2))
+    style.fit_legend(make, 2, axes.figure.bbox.width / axes.get_subplotspec().get_gridspec().ncols)
 
 
 def pieces(text: str | float) -> list[tuple[float, float]]:

@@ -54,7 +54,8 @@ def cells(quick: bool = False) -> list[Cell]:
 def parameters(method: Method) -> list[dict[str, str]]:
     """List the parameters at which a method's stability is measured: its defaults, and for some methods more lambdas.
 
-    These are methods of at most the order `HIGHEST` with no parameter but lambda.  Each entry is a dict name -> value.
+    A method has more lambdas if lambda is its only parameter and its order is at most `HIGHEST`.  Each entry of the
+    list is a dict name -> value.
     """
     free = set(method.parameters) == {"lam"} and method.order <= HIGHEST
     swept = [{"lam": value} for value in SWEPT] if free else []
@@ -162,9 +163,9 @@ def confirm(chosen: Integrator, found: oscillator.Found) -> tuple[int, int]:
 def _beyond(chosen: Integrator, found: oscillator.Found) -> list[float]:
     """Choose one h omega past the stability limit at which a long run must grow, as a list of at most one.
 
-    It is the nearest of three candidates at which growth shows, else the nearest of all; candidates past the beginning
-    of a further stable interval do not count.  Where |tr M| leaves 2 by a power of the distance, as at a multiple root,
-    a run hardly grows beside the limit.
+    It is the first of three candidates, at growing distances, at which the step matrix M makes a run grow fast enough
+    to be seen, else the first; candidates not below the next stable interval do not count.  Where |tr M| - 2 grows as
+    a higher power of the distance from the limit, the nearest candidate would grow too slowly.
     """
     following = found.intervals[1][0] if len(found.intervals) > 1 else math.inf
     tried = [z for k in (1, 10, 100) if (z := found.limit * (1 + k * BESIDE)) * (1 + BESIDE) < following]
@@ -172,7 +173,7 @@ def _beyond(chosen: Integrator, found: oscillator.Found) -> list[float]:
 
 
 def _near(z: float, touches: Iterable[float]) -> bool:
-    """True if h omega = z is so near to a point where |tr M| only touches 2 that round-off decides on stability."""
+    """True if h omega = z is so near to one of ``touches``, where |tr M| only touches 2, that round-off decides."""
     return any(abs(z - t) < 1e-6 for t in touches)
 
 
@@ -189,7 +190,10 @@ def _radius(chosen: Integrator, z: float) -> float:
 
 
 def _growing(chosen: Integrator) -> float:
-    """Return the smallest of a few values of h omega at which growth shows in a long run; 0 if there is none."""
+    """Choose an h omega at which a long run must grow visibly, for a method that no step size makes stable.
+
+    It is the smallest of a few values at which the step matrix says so; 0 if there is none.
+    """
     return next((z for z in (0.1, 0.3, 0.5, 0.9) if _depth(chosen, z) ** 0.5 * STEPS > 2 * math.log(GROWTH)), 0.0)
 
 

@@ -156,8 +156,8 @@ def steps_asked(table: Multistep) -> np.ndarray:
 def measure_steps(id: str, e: float) -> Rows:
     """Run a method at each number N of steps an orbit of eccentricity e: a row for each N, by table name.
 
-    A row has the energy error over the first rows and the largest one of the run, and the growth rate by the linear
-    theory, the logarithm of the factor an orbit.
+    A row has the energy error at the beginning of the run and the largest one of the run, and the growth rate by the
+    linear theory: the logarithm of the factor by which errors grow in an orbit.
     """
     method, rows = BY_ID[id], []
     table = Multistep(*method.data)
@@ -173,7 +173,8 @@ def measure_steps(id: str, e: float) -> Rows:
 def parasitic_amplitudes(method: Method, N: float, orbits: int) -> tuple[np.ndarray, np.ndarray]:
     """Measure parasitic oscillations in windows of a run: (times in orbits, sizes of high differences of q).
 
-    The differences, of order `DIFFERENCE`, leave hardly anything of the orbit itself.
+    ``N`` is the number of steps an orbit.  The differences, of order `DIFFERENCE` in the step number, leave hardly
+    anything of the orbit itself.
     """
     s = _run(method, ECCENTRIC, N, orbits, 1)
     begin = np.linspace(len(s.q) // WINDOWS, len(s.q) - STEPS - 1, WINDOWS).astype(int)

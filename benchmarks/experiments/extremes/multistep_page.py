@@ -54,9 +54,10 @@ def decided(rows: pd.DataFrame) -> pd.Series:
 
 
 def undecided(rows: pd.DataFrame) -> str:
-    """Write for how many of the runs that begin too far from the exact orbit the linear theory would be wrong.
+    """Write a sentence on the runs that are not judged, since they are far from the exact orbit from the start.
 
-    The text names their methods; it is empty if there are none.
+    It says for how many of them the linear theory of parasitic growth would predict the wrong outcome, and names their
+    methods; it is empty if there are none.
     """
     far = (rows["e"] > 0) & ~(rows["first"] < SMALL)
     grown = rows["rate"] * multistep.ORBITS
@@ -141,8 +142,8 @@ def by_frequencies(table: pd.DataFrame) -> Verdict | None:
 def bounded(table: pd.DataFrame) -> Verdict | None:
     """Judge whether energy and parasitic oscillations stay bounded at a number of steps an orbit without resonance.
 
-    ``table`` has a row for each long run; that of the control, which is not symmetric, is named beside.  None if no
-    symmetric method was run.
+    ``table`` has a row for each long run.  The drift of the control, which is not symmetric, is not judged but told in
+    the verdict.  None if no symmetric method was run.
     """
     own = table[(table["method"] != multistep.CONTROL) & (table["N"] == multistep.OFF)]
     if own.empty:
@@ -162,15 +163,15 @@ def bounded(table: pd.DataFrame) -> Verdict | None:
 def answer(data: Data) -> str | None:
     """Write the page's answer: how often linear theory foretells whether an orbit is lost.
 
-    It also has how often no error grows on long runs at a number of steps an orbit without resonance.
+    It also tells how many of the measured rates of growth, on long runs off the resonances, may be zero.
     """
     rows, kept = [v for v in (circle(data), ellipse(data)) if v], bounded(data)
     if not rows or kept is None:
         return None
     right, all_ = (sum(getattr(v.measured, name) for v in rows) for name in ("n", "of"))
     return (
-        f"Stable steps of the oscillator may lose Kepler's orbit: linear theory about the orbit foretells {right} of {all_} steps. "
-        f"Elsewhere {kept.measured.n} of {kept.measured.of} intervals of growth hold zero."
+        f"Symmetric multistep methods lose Kepler's orbit at oscillator-stable steps: linear theory about the orbit foretells {right} of "
+        f"{all_} outcomes; off resonance {kept.measured.n} of {kept.measured.of} growth intervals hold zero."
     )
 
 
@@ -178,7 +179,7 @@ def answer(data: Data) -> str | None:
 
 
 def spans(N: np.ndarray) -> str:
-    """Format numbers N on the grid as text, neighbours as ranges: "59.5 to 60, 90"."""
+    """Format numbers N of steps an orbit as text, neighbours (`multistep.APART` apart) as ranges: "59.5 to 60, 90"."""
     parts: list[list[float]] = []
     for x in map(float, N):
         if parts and x - parts[-1][1] <= multistep.APART * 1.01:

@@ -58,7 +58,7 @@ def summary(
     """Make a row for each representative method: stability limit, largest steps, largest e, round-off, how it fails.
 
     The arguments are the tables of stability limits, of largest steps, of close encounters (e: the eccentricity of
-    Kepler's orbit) and of round-off; columns of a table that is None are left out.
+    Kepler's orbit) and of round-off; columns of a table that is None are left out or empty.
     """
     worst = verdicts.reach(met) if met is not None else {}
     out = []
@@ -105,10 +105,10 @@ def answer(data: Data) -> str | None:
     """Write the page's answer: known limits met, integrators that follow the closest encounter, growth of round-off."""
     limits, met = verdicts.known_limits(data), verdicts.close(data)
     grown, table = round_off.energy(data), data("extremes_encounters")
-    parts = [f"{limits.measured.n} of {limits.measured.of} stability limits are met"] if limits else []
+    parts = [f"{limits.measured.n} of {limits.measured.of} known stability limits are met"] if limits else []
     parts += [f"{met.measured} {met.unit} hold Kepler's orbit at e = {table['e'].max():.10g}"] if met else []
-    text = "round-off grows no faster than random walks in"
-    parts += [f"{text} {grown.measured.n} of {grown.measured.of} runs"] if grown else []
+    text = "energy round-off grows at most diffusively in"
+    parts += [f"{text} {grown.measured.n} of {grown.measured.of} ensembles"] if grown else []
     return f"{'; '.join(parts)}." if parts else None
 
 

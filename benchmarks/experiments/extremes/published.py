@@ -58,7 +58,10 @@ class Limit:
 
 
 def _runge_kutta(rows: Sequence[Sequence[float]], weights: Sequence[float]) -> Callable:
-    """Make the step function of an explicit Runge-Kutta method from the rows of its matrix and its weights."""
+    """Make the step of an explicit Runge-Kutta method, a function (system, q, p, h) -> (q, p).
+
+    ``rows`` are those of the method's matrix, each as far as the diagonal, ``weights`` its weights.
+    """
 
     def step(system: System, q: np.ndarray, p: np.ndarray, h: float) -> tuple[np.ndarray, np.ndarray]:
         slopes = []

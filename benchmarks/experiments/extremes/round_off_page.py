@@ -72,7 +72,7 @@ PAGE = Page(
     whole=full_table,
     limits=(
         f"A power fails where its 95 % interval begins more than {verdicts.ABOVE:g} above the law's; a mean where Student's law gives it a probability of less than {verdicts.CHANCE:.0%} over all ensembles of its table.",
-        "The drift next to fractions is a bias: the state's rounded-off digits take few values there, whose mean is not 0. The controls show it; another step avoids it.",
+        "The drift at fractions of small denominators is a bias: the state's rounded-off digits take few values there, whose mean is not 0. The controls show it; another step avoids it.",
         "A bias grows as n and leads over a random walk after as many steps as make its mean as large; for a method that keeps H the mean is an offset.",
         "Coefficients that are rounded to doubles make another symplectic map: the phase has a part linear in n, which is no round-off of the run.",
         "The oscillator's force is exact in doubles; a force that rounds by itself may hide the drift.",

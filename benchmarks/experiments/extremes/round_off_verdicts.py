@@ -88,9 +88,10 @@ def ensembles(data: Data, column: str) -> pd.DataFrame:
 
 
 def _growth(data: Data, name: str, law: float) -> tuple[Count, Exactly, str, str]:
-    """Make the arguments of a verdict on growth: how many exponents of an error surely exceed ``law``, and which.
+    """Make the arguments of a verdict that errors grow no faster than n^``law``, n the number of steps.
 
-    ``name`` is "energy" or "phase".
+    They are how many ensembles of runs do not surely grow faster, that all should, a unit, and which do grow faster.
+    ``name``, the error, is "energy" or "phase".
     """
     rows = ensembles(data, f"{name} exponent")
     fast = rows[rows[f"{name} low"] > law + ABOVE]
@@ -133,7 +134,7 @@ def size(data: Data) -> Verdict | None:
 def bias(data: Data) -> Verdict | None:
     """Judge whether no ensemble's mean energy error is larger than chance explains.
 
-    Ensembles whose lambda or step is near a fraction of small numerator and denominator are left out: their round-off
+    Ensembles chosen for a lambda or step at a simple fraction, such as 1/3 or 1/100, are left out: their round-off
     repeats itself.
     """
     tables = [t[t["kind"] != brouwer.FRACTION] if "kind" in t else t for t in _tables(data)]

@@ -114,9 +114,10 @@ def grid(id: str, nodes: int) -> np.ndarray:
 
 
 class Springs:
-    """Runs of a method on the Fermi-Pasta-Ulam problem for any two frequencies, with a single compilation.
+    """Runs of a method on the Fermi-Pasta-Ulam problem for any two stiff frequencies, compiled only once.
 
-    A trigonometric method is given the frequencies; for all others they are extra coordinates at rest.
+    A trigonometric method is given the frequencies as data.  For all others they are two extra coordinates that do not
+    move, so that the compiled functions do not depend on them.
     """
 
     def __init__(self, id: str) -> None:

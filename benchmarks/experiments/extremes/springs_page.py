@@ -133,7 +133,11 @@ def above_chance(table: pd.DataFrame) -> Verdict | None:
         return None
     least = Range(times.min(), times.max())
     return Verdict(
-        "They do so more often than nodes by chance", least, at_least(TIMES), "times as often", times.idxmin()
+        "Crests of the energy drift lie on resonance lines more often than by chance",
+        least,
+        at_least(TIMES),
+        "times as often",
+        times.idxmin(),
     )
 
 
@@ -172,7 +176,7 @@ def draw(table: pd.DataFrame, folder: Path) -> Picture:
         axes.set_ylabel("h ω₂")
     caption = (
         "FPU with two stiff springs: the drift of the energy that a step keeps between resonances, the darker the larger "
-        f"(each method on a scale of its own); below the diagonal the resonance lines of theory up to order {DRAWN}."
+        f"(each method on a scale of its own); below the diagonal the resonance lines of theory, red of order {DRAWN}, blue of lower order."
     )
     return Picture(style.save(figure, folder, "extremes-springs.png"), "two stiff springs", caption)
 

@@ -51,10 +51,10 @@ CORRECTORS, EQUAL = {n: f"rebound-whfast-corrector-{n}" for n in (3, 5, 7, 11, 1
 
 
 def _powers(rows: pd.DataFrame, column: str, symplectic: bool, power: float) -> dict:
-    """Make the arguments of a `Verdict` on whether errors by methods of one kind grow with the power ``power`` of time.
+    """Make the arguments of a `Verdict` on whether the errors of methods grow with the power ``power`` of time.
 
-    ``rows`` has a row for each method, ``column`` the measured powers; ``symplectic`` selects the methods that are
-    symplectic, or those that are not.
+    ``rows`` is the table of `growth`, a row for each method, and ``column`` its column of fitted powers.  Only
+    symplectic methods are judged if ``symplectic`` is True, only the other ones if it is False.
     """
     found = rows[rows["symplectic"] == symplectic].set_index("called")[column]
     worst = (found - power).abs().idxmax()
@@ -64,25 +64,37 @@ def _powers(rows: pd.DataFrame, column: str, symplectic: bool, power: float) -> 
 
 @of(growth.TABLE)
 def bounded(rows: pd.DataFrame) -> Verdict:
-    """Whether the energy errors of symplectic methods stay bounded."""
+    """Whether the energy errors of symplectic methods stay bounded.
+
+    ``rows`` is the table of `growth`, a row for each method.
+    """
     return Verdict("The energy error of symplectic methods is bounded", **_powers(rows, "energy power", True, 0.0))
 
 
 @of(growth.TABLE)
 def linear(rows: pd.DataFrame) -> Verdict:
-    """Whether the energy errors of symplectic methods drift linearly in time."""
+    """Whether the energy errors of symplectic methods drift linearly in time.
+
+    ``rows`` is the table of `growth`, a row for each method.
+    """
     return Verdict("The energy error of symplectic methods drifts linearly", **_powers(rows, "energy power", True, 1.0))
 
 
 @of(growth.TABLE)
 def quadratic(rows: pd.DataFrame) -> Verdict:
-    """Whether the energy errors of methods that are not symplectic grow quadratically in time."""
+    """Whether the energy errors of methods that are not symplectic grow quadratically in time.
+
+    ``rows`` is the table of `growth`, a row for each method.
+    """
     return Verdict("The energy error of other methods grows quadratically", **_powers(rows, "energy power", False, 2.0))
 
 
 @of(growth.TABLE)
 def positions(rows: pd.DataFrame) -> Verdict:
-    """Whether the position errors of symplectic methods grow linearly in time."""
+    """Whether the position errors of symplectic methods grow linearly in time.
+
+    ``rows`` is the table of `growth`, a row for each method.
+    """
     return Verdict(
         "The position error of symplectic methods grows linearly", **_powers(rows, "position power", True, 1.0)
     )
@@ -90,7 +102,10 @@ def positions(rows: pd.DataFrame) -> Verdict:
 
 @of(growth.TABLE)
 def other_positions(rows: pd.DataFrame) -> Verdict:
-    """Whether the position errors of methods that are not symplectic grow quadratically in time."""
+    """Whether the position errors of methods that are not symplectic grow quadratically in time.
+
+    ``rows`` is the table of `growth`, a row for each method.
+    """
     return Verdict(
         "The position error of other methods grows quadratically", **_powers(rows, "position power", False, 2.0)
     )
@@ -234,7 +249,10 @@ def _over(rows: pd.DataFrame, symplectic: str, name: str) -> pd.Series:
 
 @of(energy.TABLE)
 def short(rows: pd.DataFrame) -> Verdict | None:
-    """Whether KahanLi8's energy error over a short time is larger than the other methods' smallest, on Henon-Heiles."""
+    """Whether KahanLi8's energy error over a short time is larger than the other methods' smallest, on Henon-Heiles.
+
+    ``rows`` is the table of `energy`; None if rows of an integrator are missing.
+    """
     if not _has_all(rows, problem=["henon-heiles"], integrator=energy.RUNS):
         return None
     found = _over(rows, energy.COMPENSATED, "henon-heiles")
@@ -269,7 +287,10 @@ def _later(rows: pd.DataFrame, name: str) -> dict | None:
 
 @of(energy.TABLE)
 def later(rows: pd.DataFrame) -> Verdict | None:
-    """Whether KahanLi8's energy error is less noticeable beside other integrators' as time grows, on Henon-Heiles."""
+    """Whether KahanLi8's energy error is less noticeable beside other integrators' as time grows, on Henon-Heiles.
+
+    ``rows`` is the table of `energy`; None if rows of an integrator are missing.
+    """
     found = _later(rows, "henon-heiles")
     return found and Verdict("As time grows KahanLi8's energy error is less noticeable", **found)
 
@@ -278,7 +299,8 @@ def later(rows: pd.DataFrame) -> Verdict | None:
 def later_boson(rows: pd.DataFrame) -> Verdict | None:
     """Whether KahanLi8's energy error is less noticeable beside others' as time grows, on the quadrupole boson too.
 
-    The others are the errors of the other integrators; None if rows of an integrator are missing.
+    It is compared with the smallest error of the other integrators.  ``rows`` is the table of `energy`; None if rows of
+    an integrator are missing.
     """
     found = _later(rows, "quadrupole-boson")
     return found and Verdict("On the quadrupole boson, too, it is less noticeable as time grows", **found)
@@ -286,9 +308,10 @@ def later_boson(rows: pd.DataFrame) -> Verdict | None:
 
 @of(energy.TABLE)
 def harder(rows: pd.DataFrame) -> Verdict | None:
-    """Whether energy errors of integrators other than KahanLi8 are at least doubled by the quadrupole boson.
+    """Whether energy errors of integrators other than KahanLi8 are at least twice as large on the quadrupole boson.
 
-    Their errors on it at t = 1000 are compared with those on Henon-Heiles; None if none of them was run on both.
+    The error of each integrator at t = 1000 is compared with its own on Henon-Heiles.  ``rows`` is the table of
+    `energy`; None if no such integrator was run on both problems.
     """
     ratio = {}
     for id in energy.RUNS:
@@ -311,7 +334,10 @@ def harder(rows: pd.DataFrame) -> Verdict | None:
 
 @of(encounters.TABLE)
 def machine(rows: pd.DataFrame) -> Verdict:
-    """Whether IAS15 keeps the energy of Kepler orbits to machine precision at most eccentricities."""
+    """Whether IAS15 keeps the energy of Kepler orbits to machine precision at most eccentricities.
+
+    ``rows`` is the table of `encounters`, a row for each eccentricity; most are more than half.
+    """
     good = int((rows["energy error"] <= MACHINE).sum())
     worst = rows.loc[rows["energy error"].idxmax()]
     return Verdict(
@@ -357,7 +383,10 @@ def _cheapest(rows: pd.DataFrame) -> dict[tuple[str, float], str]:
 
 
 def _settings(rows: pd.DataFrame) -> pd.DataFrame:
-    """Select the runs of REBOUND's integrators that have a measured time; each setting is a method of its own."""
+    """Select the runs of REBOUND's integrators that have a measured time.
+
+    Every setting of an integrator, such as WHFast with a corrector, has an id of its own in the column "method".
+    """
     return rows[(rows["kind"] == "rebound") & rows["ns a unit of time"].notna()]
 
 
@@ -365,7 +394,8 @@ def _settings(rows: pd.DataFrame) -> pd.DataFrame:
 def planets(rows: pd.DataFrame) -> Verdict | None:
     """Whether WHFast, in one of its settings, is the fastest Wisdom-Holman integrator of REBOUND on the outer planets.
 
-    It has to be the fastest for at least half of the energy errors that any of them reaches; None if there are none.
+    It has to be the fastest for more than half of the energy errors that some integrator reaches; None if no error is
+    reached.  ``rows`` has a row for each run.
     """
     found = _settings(rows)
     best = _cheapest(found[found["problem"] == PLANETS])
@@ -383,7 +413,10 @@ def planets(rows: pd.DataFrame) -> Verdict | None:
 
 @of(RIVALS)
 def correctors(rows: pd.DataFrame) -> Verdict | None:
-    """Whether WHFast's energy error is smallest with the symplectic corrector 11 or 17, for most problems and steps."""
+    """Whether WHFast's energy error is smallest with the symplectic corrector 11 or 17, for most problems and steps.
+
+    ``rows`` has a row for each run; most are more than half.  None if no problem and step has runs with all correctors.
+    """
     found = _settings(rows).pivot_table(index=["problem", "h"], columns="method", values="energy error")
     found = found.reindex(columns=list(CORRECTORS.values())).dropna()
     if found.empty:
@@ -403,7 +436,8 @@ def correctors(rows: pd.DataFrame) -> Verdict | None:
 def kernels(rows: pd.DataFrame) -> Verdict | None:
     """Whether WHFast's lazy kernel (lazy implementer's modified kick) is the fastest of its kernels in most cases.
 
-    Most are at least half; a case is a problem with an energy error that some kernel reaches.
+    A case is a problem with an energy error that some kernel reaches, and most cases are at least half of them.
+    ``rows`` has a row for each run; None without a case.
     """
     found = _settings(rows)
     best = _cheapest(found[found["method"].isin(KERNELS)])

@@ -1,6 +1,6 @@
 """Errors and gradient evaluations, at ever smaller steps, of symplectic methods that OrdinaryDiffEq.jl's guide names.
 
-Only those of them are run that this suite has, too.  The guide names Henon-Heiles; the pendulum, Kepler's orbit, the
+Only methods that this suite has, too, are run.  The guide names Henon-Heiles; the pendulum, Kepler's orbit, the
 giant planets and the quadrupole boson are other separable problems of this suite.  The error is that of the state at
 the end, against Gauss's method of order 16.
 
@@ -56,7 +56,7 @@ def _cell(name: str, id: str) -> Cell:
 
 
 def stages(id: str) -> int:
-    """Return the evaluations of the gradient in a method's step; one shared with the next step counts once."""
+    """Return how many gradients a step of the method ``id`` evaluates; one shared with the next step counts once."""
     s = integrate(problem("pendulum"), id, h=0.01, steps=100, save_every=0)
     return round(s.counts["gradient"] / 100)
 
@@ -76,9 +76,9 @@ def reference(name: str) -> tuple[np.ndarray, float]:
 
 
 def measure_rows(name: str, id: str) -> Rows:
-    """Measure a method's error at the end over ever smaller steps, each shorter by the root of 2: a row for each.
+    """Measure a method's error at the end of runs with ever smaller steps, about sqrt(2) times shorter each time.
 
-    ``name`` is the problem, ``id`` the method; the rows are by table name.
+    ``name`` is the problem, ``id`` the method.  Returns {`TABLE`: rows}, a row for each run that reaches the end.
     """
     values, span, least = SCENES[name]
     made, (exact, uncertainty), size = problem(name, **values), reference(name), stages(id)

@@ -59,7 +59,10 @@ def power(errors: np.ndarray) -> float:
 
 
 def measure_rows(id: str) -> Rows:
-    """Measure the powers of time of a method's energy and position errors, and both errors at the end: one row."""
+    """Measure with which powers of time a method's errors of energy and position grow: one row, by table name.
+
+    The powers are fitted as by `power`.  The row also has the largest energy error and the last position error.
+    """
     made, steps = problem(PROBLEM, **VALUES), STEPS.get(id, USUAL)
     s = integrate(made, id, h=2 * pi / steps, steps=steps * ORBITS, save_every=max(1, steps // PHASES))
     rows = len(s.q) // ORBITS

@@ -49,7 +49,8 @@ def end(id: str, steps: int, quadratic: bool) -> np.ndarray:
 def measure_rows(id: str) -> Rows:
     """Measure a method's order from its errors at three steps: a row for each kinetic energy, by table name.
 
-    The column "order" is that between the two smaller steps, "before" that between the two larger ones.
+    The order in the column "order" comes from the errors at the two smaller steps, that in "before" from the errors at
+    the two larger ones.
     """
     rows = []
     for name in (QUADRATIC, OTHER):

@@ -131,9 +131,9 @@ def answer(rows: pd.DataFrame) -> str | None:
         if len(runs):
             parts.append(f"{runs['id'].nunique()} methods keep {name} to {number(runs[column].max(), 2)}")
     drift = sorted(_drifting(rows)["id"].unique())
-    parts.append(f"the energy of {join_list(drift, 4)} drifts" if drift else "no energy drifts")
+    parts.append(f"the energy of {join_list(drift, 3)} drifts (canonical systems)" if drift else "no energy drifts")
     text = "; ".join(parts)
-    return f"Over long times {text}."
+    return f"Long-term, {text}."
 
 
 @of("rows")
@@ -188,7 +188,7 @@ def table(rows: pd.DataFrame) -> Table | None:
     """Make the page's table, a run in each row: smallest energy errors, largest drifts, and runs that stopped early.
 
     The smallest errors are given for each scene (an orbit with a time span) and each declared behaviour of the energy
-    (of round-off, or bounded).  ``rows`` is the table of runs; None if there is no such run.
+    (of round-off, or bounded).  ``rows`` is the table of runs; None if the table would be empty.
     """
     ran, runs = completed_runs(rows), long_runs(rows)
     lines = []
@@ -205,7 +205,7 @@ def table(rows: pd.DataFrame) -> Table | None:
     lines += [_line(r, "stopped early") for _, r in stopped.head(6).iterrows()]
     if not lines:
         return None
-    caption = "The smallest energy error of each declared behaviour on each scene, the largest drifts, and runs that stopped early."
+    caption = "The smallest energy error of each declared behaviour on each scene, the largest drifts, also on Lotka–Volterra, and runs that stopped early; `status`: why."
     return Table(pd.DataFrame(lines[:ROWS]), caption)
 
 

@@ -293,7 +293,7 @@ def errors(exact: Truth, when: Sequence[int], q: np.ndarray, p: np.ndarray) -> E
     turn = float(np.sign(exact.L))
 
     def away(value: np.ndarray, expected: np.ndarray) -> np.ndarray:
-        """Return the difference of angles, unwrapped so that it starts near 0."""
+        """Return the differences ``value`` - ``expected`` of angles, (n,), without jumps of 2 pi, from near 0 on."""
         return np.unwrap(np.concatenate([[0.0], np.remainder(value - expected + np.pi, 2 * np.pi) - np.pi]))[1:]
 
     M = away(found.anomaly, exact.start.anomaly + anomaly)

@@ -112,7 +112,7 @@ def cheapest(runs: pd.DataFrame, times: pd.DataFrame) -> pd.DataFrame:
 def costs(runs: pd.DataFrame, times: pd.DataFrame) -> Verdict | None:
     """Judge whether our methods are the cheapest at given phase errors as often as those of other packages, or more.
 
-    None without timed runs.
+    ``runs`` and ``times`` are the tables of runs and of times; None without timed runs.
     """
     lines = cheapest(runs, times)
     if lines.empty:
@@ -123,7 +123,7 @@ def costs(runs: pd.DataFrame, times: pd.DataFrame) -> Verdict | None:
         for _, r in lines[lines["cheaper"] == PEERS].iterrows()
     ]
     return Verdict(
-        "Our methods follow the phase at the least cost as often as peers",
+        "This project's methods follow the phase at the least cost as often as peers",
         Count(ours, ours + peers),
         at_least(HALF),
         "cases that one side wins",
@@ -135,7 +135,8 @@ def costs(runs: pd.DataFrame, times: pd.DataFrame) -> Verdict | None:
 def laws(runs: pd.DataFrame, growth: pd.DataFrame) -> Verdict | None:
     """Judge whether phase errors above round-off grow linearly with time.
 
-    Runs at a tolerance other than the integrator's default are left out.  None if no run has such an error.
+    ``runs`` and ``growth`` are as in `ends`; runs at a tolerance other than the integrator's default are left out.
+    None if no run has a phase error above round-off.
     """
     finished = _completed_runs(runs, growth)
     if "phase growth" not in finished:
@@ -160,6 +161,7 @@ def clocks(runs: pd.DataFrame, growth: pd.DataFrame) -> Verdict:
     """Judge whether no adaptive method has, on pure Kepler orbits, a phase error larger than its energy error explains.
 
     An error of the energy changes the frequency; a larger phase error means that the integrator's time is wrong.
+    ``runs`` and ``growth`` are as in `ends`.
     """
     finished = _completed_runs(runs, growth)
     adaptive = finished[(finished["mu"] == 0) & (finished["setting"] == "adaptive")]

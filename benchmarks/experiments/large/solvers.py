@@ -31,7 +31,7 @@ SIZES, FULL, FEW, ROUNDS, FEWEST = (32, 128, 512, 2048, 10_000), 128, 3, 7, 2
 
 
 class Steps(NamedTuple):
-    """Two step sizes of a lattice: one at which the fixed-point iteration contracts, and one too long for it."""
+    """Step sizes of a lattice: ``short``, at which fixed-point iteration contracts, and ``long``, too long for it."""
 
     short: float
     long: float

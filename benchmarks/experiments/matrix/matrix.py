@@ -253,7 +253,7 @@ def cell(chosen: Method, name: str) -> dict:
 def contradictions(row: dict) -> list[str]:
     """Return messages about the contradictions between a measured row and its method's declarations.
 
-    The list is empty if there are none.
+    The list is empty if there are none.  ``row`` is a row of the table, as made by `cell`.
     """
     if row.get("reason"):
         return []
@@ -277,7 +277,7 @@ def contradictions(row: dict) -> list[str]:
 def explanation(row: dict, contradiction: str) -> str:
     """Return the known reason for a contradiction between a row and its method's declarations; "" if none is known.
 
-    ``contradiction`` is a message from `contradictions`.
+    ``row`` is a row of the table, as made by `cell`; ``contradiction`` is a message from `contradictions`.
     """
     if row["method"].endswith("-relaxation") and contradiction.startswith("order"):
         return (

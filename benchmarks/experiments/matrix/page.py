@@ -56,7 +56,10 @@ def _higher(frame: pd.DataFrame) -> list[dict]:
 
 @once
 def _stopped(frame: pd.DataFrame) -> list[dict]:
-    """List the pairs whose run stopped, so that its energy was not measured, and which fall short in nothing else."""
+    """List the table's rows whose run stopped, so that its energy was not measured.
+
+    Rows with a measurement that contradicts a declaration of the method are left out.
+    """
     short = _short(frame, explained=True)
     cells = [r for r in _cells(frame) if not r["reason"] and r.get("energy_reason")]
     return [r for r in cells if (r["method"], r["problem"]) not in short]
@@ -107,13 +110,19 @@ def ended(frame: pd.DataFrame) -> Verdict:
 
 @of("matrix")
 def complete(frame: pd.DataFrame) -> Verdict:
-    """Judge whether every method was tried on every problem; ``frame`` is the table of measurements."""
-    pairs = frame["method"].nunique() * frame["problem"].nunique()
+    """Judge whether every method was tried on every problem; ``frame`` is the table of measurements.
+
+    Methods and problems are those of today's registries, so that one without a row is missed.
+    """
+    tried = set(zip(frame["method"], frame["problem"], strict=True))
+    left = [f"{m.id} on {name}" for name in matrix.PROBLEMS for m in matrix.METHODS if (m.id, name) not in tried]
+    pairs = len(matrix.METHODS) * len(matrix.PROBLEMS)
     return Verdict(
         "Every method was tried on every problem",
-        Count(len(frame.drop_duplicates(["method", "problem"])), pairs),
+        Count(pairs - len(left), pairs),
         EVERY,
         "pairs",
+        where=join_list(left, 3) if left else "",
         otherwise=FAIL,
     )
 
@@ -124,8 +133,8 @@ def answer(frame: pd.DataFrame) -> str:
     ran, short, stopped = _ran(frame), len(_short(frame, explained=True)), len(_stopped(frame))
     known = short - len(_short(frame, explained=False))
     return (
-        f"{ran - short - stopped} of {ran} pairs of a method and a problem are as the method declares; {short} fall short, "
-        f"{known} for a known reason; {stopped} stopped."
+        f"{ran - short - stopped} of {ran} pairs of a method and a problem are as the method declares; {short} fall short "
+        f"({known} for a known reason); the runs of {stopped} stopped."
     )
 
 

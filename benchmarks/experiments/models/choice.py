@@ -38,8 +38,9 @@ def of_scene(models: pd.DataFrame, runs: pd.DataFrame) -> list[tuple[pd.Series, 
 def at(models: pd.DataFrame, runs: pd.DataFrame, accuracy: float) -> tuple[str, float, bool]:
     """Return (name, gain, whether it is the full one) of the fastest model of a scene that meets an accuracy.
 
-    A model meets the accuracy if its modelling and integration errors add up to at most ``accuracy``; ``gain`` is the
-    full model's time over this one's.  ("none", NaN, False) if no model meets it.
+    ``models`` and ``runs`` are the scene's rows of the two tables, of models and of timed runs.  A model meets the
+    accuracy if its modelling and integration errors add up to at most ``accuracy``; ``gain`` is the full model's time
+    over this one's.  ("none", NaN, False) if no model meets it.
     """
     found = [(cost(own, accuracy - m["modelling error"]), m) for m, own in of_scene(models, runs)]
     best = min(range(len(found)), key=lambda i: found[i][0])
@@ -53,6 +54,7 @@ def table(models: pd.DataFrame, runs: pd.DataFrame) -> pd.DataFrame:
     """Choose the fastest model that suffices: a row for each scene and accuracy, with its gain over the full model.
 
     The accuracies are `ACCURACIES`; the columns are scene, accuracy, model, gain and full (see `at`).
+    ``models`` and ``runs`` are the tables of models and of timed runs.
     """
     return pd.DataFrame(
         [
@@ -75,7 +77,7 @@ def scenes(models: pd.DataFrame, runs: pd.DataFrame) -> Iterator[tuple[str, pd.D
 def rungs(models: pd.DataFrame, runs: pd.DataFrame) -> pd.DataFrame:
     """Judge the simplified models: a row for each, with its modelling error and the time that it saves.
 
-    Columns, among others:
+    ``models`` and ``runs`` are the tables of models and of timed runs.  Columns, among others:
 
     - "gain" : the full model's time to an error of twice this model's modelling error, over this model's time to an
       integration error as large as its modelling error

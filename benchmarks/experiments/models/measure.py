@@ -105,7 +105,10 @@ class Model:
         return self.rung.rate * self.ladder.t_end / steps
 
     def values(self, id: str, steps: int) -> np.ndarray | None:
-        """Compute the full problem's quantity from a run of this model by the method ``id``; None if the run fails."""
+        """Compute the full problem's quantity from a run of this model in ``steps`` steps; None if the run fails.
+
+        ``id`` is the method's.
+        """
         run = self.runs[id]
         q, p, code = run(self.h(steps), steps)
         if code != run.SOLVED:
@@ -115,7 +118,7 @@ class Model:
         return quantities.values(self.full, self.quantity, SimpleNamespace(t=t, q=rows[0], p=rows[1]))
 
     def clock(self, id: str, steps: int) -> Callable[[], float]:
-        """Return a function that times a run of the method ``id`` and returns seconds.
+        """Return a function that times a run of ``steps`` steps by the method ``id`` and returns seconds.
 
         A short run is repeated, and the mean is returned.
         """

@@ -91,14 +91,18 @@ def integration_share(models: pd.DataFrame, runs: pd.DataFrame) -> Verdict | Non
 
 @of(MODELS, RUNS)
 def answer(models: pd.DataFrame, runs: pd.DataFrame) -> str:
-    """Write the page's answer, a sentence: in how many scenes a simpler model is the fastest, and the largest gain."""
+    """Write the page's answer, a sentence: in how many scenes a simpler model is the fastest, and the largest gain.
+
+    A scene is a physical system with a time span and a quantity.  ``models`` and ``runs`` are the tables of models
+    and of timed runs.
+    """
     chosen = choice.table(models, runs)
     lower = chosen[~chosen["full"].astype(bool) & (chosen["model"] != "none")]
     wide, fine = (lower[lower["accuracy"] == a]["scene"].nunique() for a in ASKED)
     text = f"To an error of {ASKED[0]:.0e} a simpler model is fastest in {wide} of {chosen['scene'].nunique()} scenes, "
     text += f"to {ASKED[1]:.0e} in {fine}"
     gain = lower["gain"].max()
-    return f"{text}; it is up to {number(gain, 2)} times as fast." if np.isfinite(gain) else f"{text}."
+    return f"{text}, up to {number(gain, 2)} times as fast as the full one." if np.isfinite(gain) else f"{text}."
 
 
 def envelope(runs: pd.DataFrame, modelling: float) -> tuple[np.ndarray, np.ndarray]:
@@ -117,7 +121,8 @@ def envelope(runs: pd.DataFrame, modelling: float) -> tuple[np.ndarray, np.ndarr
 def draw(models: pd.DataFrame, runs: pd.DataFrame, folder: Path) -> list[Picture]:
     """Draw the error against the full model over seconds: a panel for each scene, a curve for each model.
 
-    A curve that becomes level shows that finer steps are needless.
+    A curve that becomes level shows that finer steps are needless.  ``models`` and ``runs`` are the tables of models
+    and of timed runs; the figure is saved in ``folder``.
     """
     scenes = list(choice.scenes(models, runs))
     rows = -(-len(scenes) // COLUMNS)
@@ -125,10 +130,8 @@ def draw(models: pd.DataFrame, runs: pd.DataFrame, folder: Path) -> list[Picture
         figure, panels = style.panels(rows, COLUMNS, 2.1 * rows)
         for axes, (scene, mine, part) in zip(panels.flat, scenes, strict=False):
             for look, (m, own) in zip(style.looks(), choice.of_scene(mine, part), strict=False):
-                label = f"{m['rung'] + 1}" + (": full" if m["full"] else "")
-                axes.loglog(*envelope(own, m["modelling error"]), label=label, **look)
+                axes.loglog(*envelope(own, m["modelling error"]), label=f"model {m['rung'] + 1}", **look)
             axes.set(title=scene)
-            axes.legend(handlelength=2.0, fontsize=6)
             axes.grid(color="0.93", linewidth=0.5)
         for axes in panels.flat[len(scenes) :]:
             axes.set_axis_off()
@@ -136,16 +139,21 @@ def draw(models: pd.DataFrame, runs: pd.DataFrame, folder: Path) -> list[Picture
             axes.set_ylabel("error")
         for axes in panels[-1]:
             axes.set_xlabel("seconds")
+        style.legend_above(figure, max(panels.flat, key=lambda axes: len(axes.get_lines())), 6)
     caption = (
         "Sum of modelling and integration error over the time of a run, for the fastest runs of each model, numbered as in "
-        "the table. Where a curve is level, a more accurate integration gains nothing."
+        "the table; a panel's last one is the full model. Where a curve is level, a more accurate integration gains nothing."
     )
     return [Picture(style.save(figure, folder, "models.png"), "models of each scene", caption)]
 
 
 @of(MODELS, RUNS)
 def table(models: pd.DataFrame, runs: pd.DataFrame) -> Table:
-    """Make the page's table: a row for each scene, with the fastest model that suffices at each accuracy."""
+    """Make the page's table: a row for each scene, with the fastest model that suffices at each accuracy.
+
+    A scene is a physical system with a time span and a quantity.  ``models`` and ``runs`` are the tables of models
+    and of timed runs.
+    """
     chosen = choice.table(models, runs)
     out = []
     for scene, mine in chosen.groupby("scene", sort=False):
@@ -158,7 +166,8 @@ def table(models: pd.DataFrame, runs: pd.DataFrame) -> Table:
         out.append(row)
     caption = (
         "The fastest model of each scene whose modelling and integration errors together meet an accuracy, by its number, "
-        "and in brackets how many times as fast as the full model it is; none: no step tried in double precision gets there."
+        "and in brackets how many times as fast as the full model it is; full: the full model; none: no step tried in double precision "
+        "gets there."
     )
     return Table(pd.DataFrame(out).head(ROWS), caption)
 
@@ -168,6 +177,7 @@ def full_table(models: pd.DataFrame, runs: pd.DataFrame) -> pd.DataFrame:
     """Make the page's longer table, a row for each simplified model (see `choice.rungs`).
 
     It has the modelling error, the time that the model saves, and the time that needlessly fine steps waste.
+    ``models`` and ``runs`` are the tables of models and of timed runs.
     """
     return choice.rungs(models, runs)
 

@@ -1,8 +1,8 @@
 """Energies that packages of molecular dynamics report of seven argon atoms with Lennard-Jones forces.
 
-Each runs at its defaults and at its best: OpenMM on its default platform (CPU, forces in single precision) and on its
-Reference platform; ASE with its cutoff at 3 sigma and with none; JAX-MD in single precision with its smooth cutoff at
-2.5 sigma, and in double without.  All take the steps of velocity Verlet.
+Each package runs at default and at best settings: OpenMM on its default platform (CPU, forces in single precision) and
+on its Reference platform; ASE with its cutoff at 3 sigma and with none; JAX-MD in single precision with its smooth
+cutoff at 2.5 sigma, and in double without.  All take the steps of velocity Verlet.
 
 Source: the problem `lennard-jones`; the packages' documentation of their Lennard-Jones potentials.
 """

@@ -142,8 +142,8 @@ def answer(data: Data) -> str | None:
     if drifts is None or whole is None or held is None:
         return None
     return (
-        f"The energy does not drift in {drifts.measured.n} of {drifts.measured.of} runs; defaults change the potential by up to "
-        f"{number(100 * whole.measured.high)} %; rigid water is held to {number(held.measured.high)} at worst."
+        f"The energy does not drift in {drifts.measured.n} of {drifts.measured.of} runs; packages' defaults change it by up to "
+        f"{number(100 * whole.measured.high)} %; rigid water's distances err by at most {number(held.measured.high)} (relative)."
     )
 
 
@@ -166,7 +166,10 @@ def table(atoms: pd.DataFrame, molecule: pd.DataFrame) -> Table:
     shown = both[list(columns)].rename(columns=columns)
     for name in list(columns.values())[3:]:
         shown[name] = ["" if x != x else number(x) for x in shown[name]]
-    return Table(shown.fillna(""), "Atoms: the energies that each package reports. Water: largest relative errors.")
+    return Table(
+        shown.fillna(""),
+        "Atoms: the energies that each package reports, in reduced units; spread: largest less smallest; drift and its standard error over the spread. Water: largest relative errors.",
+    )
 
 
 PAGE = Page(

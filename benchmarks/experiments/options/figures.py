@@ -60,9 +60,9 @@ def over_lambda(errors: pd.DataFrame, costs: pd.DataFrame, folder: Path) -> Pict
 
 
 def _relative(axes: Axes, lam: pd.Series, values: pd.Series, **look: Any) -> None:
-    """Plot ``values`` over the parameter ``lam``, divided by the value at lam = 1/2; nothing if that value is missing.
+    """Plot ``values`` over the parameter ``lam``, divided by the value at lam = 1/2.
 
-    ``look`` are keywords of the curve's style.
+    Nothing is plotted if the value at 1/2 is missing; ``look`` are keywords of the curve's style.
     """
     half = values[lam == findings.HALF]
     if len(half) and 0 < half.iloc[0] < np.inf:
@@ -167,7 +167,8 @@ def solving(table: pd.DataFrame, folder: Path) -> Picture | None:
             (part["h"] == part["h"].min()) & (part["start"] == solvers.FIVE) & (part["solver"] != solvers.NEWTON)
         ]
         part = part[part["status"] == OK]
-        _curves(axes, part, ["solver"], "evaluations", "error", str)
+        own = {solvers.ENGINE: "the integrator's own"}
+        _curves(axes, part, ["solver"], "evaluations", "error", lambda solver: own.get(solver, solver))
         axes.set(xlabel="evaluations a step", title=part["scene"].iloc[0], yscale="log")
 
     made = _side_by_side([p for p in _scenes(table) if (p["status"] == OK).any()], panel, "error at the end")

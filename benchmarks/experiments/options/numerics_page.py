@@ -81,7 +81,7 @@ def answer(data: Data) -> str | None:
     if rules is not None and len(found := findings.quadratures(rules)):
         parts.append(f"{_span(found['nodes'])} nodes keep AVF's energy to {findings.FLOOR:g}")
     if stages is not None and len(found := findings.solving(stages)):
-        parts.append(f"the stage solver takes {_span(found['engine'])} times the fewest evaluations")
+        parts.append(f"{solvers.METHOD}'s solver takes {_span(found['engine'])} times the best other's evaluations")
     text = "; ".join(parts)
     return f"{text[0].upper()}{text[1:]}." if parts else None
 
@@ -97,8 +97,8 @@ def table(data: Data) -> Table | None:
     rows += [] if ends is None else _sums(ends, costs)
     caption = (
         f"Nodes: the fewest whose relative energy error is at most {findings.FLOOR:g}. Solver: the one of the fewest "
-        "evaluations, what the method's own takes over it, and the loosest tolerance that leaves the error as it is. "
-        "Sums: round-off after the most steps."
+        "evaluations among the loops, what the method's own takes over it, and the loosest tolerance that leaves the "
+        "error as it is. Sums: round-off after the most steps."
     )
     return Table(pd.DataFrame(rows[:ROWS]), caption) if rows else None
 

@@ -40,10 +40,11 @@ def _lambdas(errors: pd.DataFrame, costs: pd.DataFrame | None) -> list[dict]:
 
 
 def _dearer(row: pd.Series, costs: pd.DataFrame | None) -> str:
-    """Write, as text, the ratio of a scheme's gradients a step at its best parameter lambda to those at lambda = 1/2.
+    """Write, as text, the ratio of the gradients of a step at a scheme's best parameter lambda to those at 1/2.
 
-    The best lambda is that of ``row``, a row of `findings.best_lambdas`; the gradients are those at the nearest lambda
-    in ``costs``, the table of costs of `lambdas`.  "" if ``costs`` is missing or has no row at 1/2.
+    ``row`` is a row of `findings.best_lambdas`: an orbit, a scheme and its best lambda.  ``costs``, the table of costs
+    of `lambdas`, has the gradients a step; the lambda nearest to the best one is read.  "" if ``costs`` is None or has
+    no row at 1/2.
     """
     if costs is None:
         return ""
@@ -80,7 +81,7 @@ def answer(data: Data) -> str | None:
     parts = []
     if errors is not None and len(found := verdicts.coarse(errors)):
         held = int(found["half is best"].sum())
-        parts.append(f"With λ = 1/2 the trajectory error is smallest in {held} of {len(found)} cases")
+        parts.append(f"Schemes I and III err least at λ = 1/2 in {held} of {len(found)} cases")
     if rungs is not None and len(found := findings.cheapest(rungs, ladders.COMPOSITION)):
         error = found["error"].min()
         parts.append(f"compositions of order {_best(found)} reach an error of {findings.power(error)} fastest")

@@ -68,10 +68,10 @@ def half_is_longest(costs: pd.DataFrame) -> Verdict | None:
 
 
 def _scenes(found: pd.DataFrame, good: Callable[[pd.Series], bool]) -> tuple[Count, str] | None:
-    """Count the scenes (orbits) on which ``good`` is true: (count, text that names all others); None without rows.
+    """Count the scenes (orbits) on which ``good`` returns True: (count, text that names those where it does not).
 
     ``found`` is a result of `findings.cheapest`; ``good`` gets the names of a scene's fastest settings, from the
-    largest to the smallest error.
+    largest to the smallest error.  None if ``found`` has no rows.
     """
     if found.empty:
         return None

@@ -114,7 +114,7 @@ def draw(multiprecision: pd.DataFrame, folder: Path) -> list[Picture]:
         for k, problem in enumerate(problems):
             part = multiprecision[multiprecision["problem"] == problem]
             x = [declared.index(d) + 0.8 * (k - (len(problems) - 1) / 2) / len(problems) for d in part["declared"]]
-            look = style.curve(k % len(style.CURVES)) | {"linestyle": "none", "markersize": 2.8, "alpha": 0.7}
+            look = style.curve(k) | {"linestyle": "none", "markersize": 2.8, "alpha": 0.7}
             axes.plot(x, (part["order"] - part["declared"]).clip(-0.3, 0.3), label=problem, **look)
         axes.set_xticks(range(len(declared)), [f"{d:g}" for d in declared])
         axes.set(xlabel="declared order", ylabel="measured − declared")
@@ -159,8 +159,8 @@ def table(rows: pd.DataFrame) -> Table | None:
     return Table(
         _format_rows(shown).rename(columns={"h_first": "largest h", "h_last": "smallest h"}),
         f"In double precision {len(seen)} of {len(found)} pairs have {POINTS} steps above the noise: {int(near.sum())} are "
-        f"within {GATE} of the declared order, {int((~near & wide).sum())} converge irregularly. Of the {len(off)} others the "
-        f"{len(shown)} farthest; a higher order is superconvergence, or steps that are still too large.",
+        f"within {GATE} of the declared order, {int((~near & wide).sum())} converge irregularly. Shown are of the {len(off)} "
+        f"others the {len(shown)} farthest, `points`: their steps; a higher order is superconvergence, or steps that are still too large.",
     )
 
 

@@ -12,7 +12,10 @@ STABLE = 2.0
 
 
 def off(rows: list[dict]) -> list[str]:
-    """Return messages about the failed runs with a step below 0.9 times the stability limit of Stormer-Verlet."""
+    """Return messages about the failed runs with a step below 0.9 times the stability limit of Stormer-Verlet.
+
+    ``rows`` are those of the table "oscillatory", one for each method and step size.
+    """
     return [
         f"{r['method']} at h omega / pi = {r['h omega / pi']:.3g}: {r['status']}: {r['reason']}"
         for r in rows

@@ -75,7 +75,10 @@ def orders(rows: pd.DataFrame) -> Verdict | None:
 
 
 def _ratios(rows: pd.DataFrame, worse: str, better: str) -> pd.Series:
-    """Divide the errors of the method ``worse`` by those of ``better`` at the least step: a series by problem."""
+    """Divide the errors of the method ``worse`` by those of ``better`` at the least step: a series by problem.
+
+    ``rows`` is the table of errors; the series is empty if it lacks one of the two methods.
+    """
     least = rows[np.isclose(rows["h"], rows["h"].min())]
     errors = least.pivot_table(index="problem", columns="method", values="error")
     return (errors[worse] / errors[better]).dropna() if {worse, better} <= set(errors) else pd.Series(dtype=float)
@@ -128,7 +131,7 @@ def answer(data: Data) -> str | None:
     kept, grown, gain = (v.measured for v in found)
     return (
         f"The energy's spread grows at most {number(kept)} times with splittings through parts, at least {number(grown)} with "
-        f"rk4; an optimized composition is at least {number(gain)} times better than Yoshida's."
+        f"rk4; an optimized composition is at least {number(gain)} times more accurate than Yoshida's."
     )
 
 
@@ -170,7 +173,7 @@ def _all(rows: pd.DataFrame) -> pd.DataFrame:
 
 PAGE = Page(
     id="parts",
-    question="Do explicit splittings through many parts do around black holes what is said of them?",
+    question="Around black holes, do explicit splittings of H into many parts do what papers claim?",
     tables=(ACCURACY, ENERGY),
     setting=(
         "H is a sum of parts whose exact flows are known: five for Kerr's geodesics, in a time chosen for that, and four for a "

@@ -97,7 +97,8 @@ def column_rows(scheme: str, lam: str | None) -> Iterator[dict]:
 def cells(quick: bool = False) -> list[Cell]:
     """List the measurements (`Cell`), one for each printed column.
 
-    The list does not depend on ``quick``; only that of Scheme I with lambda = 1/3 is marked to be made in a quick run.
+    The list does not depend on ``quick``; only the measurement of Scheme I with lambda = 1/3 is marked as part of a
+    quick run.
     """
     return [_cell(scheme, lam, (scheme, lam) == ("scheme-i", "1/3")) for scheme, lam in PRINTED]
 

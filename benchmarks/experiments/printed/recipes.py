@@ -66,9 +66,10 @@ CLAIM = "printed for Scheme IV"
 
 
 def agreeing(column: Sequence[float]) -> int:
-    """Count the entries of a column that agree with Scheme IV's printed ones within `AGREEMENT` last digits.
+    """Count the entries of a column that agree with the column of Scheme IV in the printed table.
 
-    ``column`` has a number for each step size of the printed table.
+    ``column`` has a number for each step size of the table; to agree is to be within `AGREEMENT` units of the printed
+    number's last digit.
     """
     return sum(abs(x - float(t)) <= AGREEMENT * unit(t) for x, t in zip(column, PRINTED[SCHEME_IV], strict=True))
 
@@ -90,8 +91,8 @@ def columns() -> list[dict]:
 def cells(quick: bool = False) -> list[Cell]:
     """List the measurements (`Cell`) on the printed column of Scheme IV; none if ``quick``.
 
-    One scans for the roots of its energy equation at each step size, and one compares other computations with the
-    column.
+    There is one for each step size, a scan for the roots of the scheme's energy equation, and one that compares other
+    computations with the column.
     """
     scheme, problem_of = method("scheme-iv"), ProblemKey("henon-heiles:chaotic")
     names = frozenset({"henon-heiles", "scheme-iv"})

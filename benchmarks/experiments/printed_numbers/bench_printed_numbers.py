@@ -36,7 +36,8 @@ def rules_off(rows: list[dict]) -> list[str]:
 def exponents_off(rows: list[dict]) -> list[str]:
     """Return messages about rows of `brouwer` whose energy error grows with an unexpected power of time.
 
-    The control, whose truncation error dominates, must have an exponent above `LINEAR`, and runs of round-off must not.
+    The power must be above `LINEAR` for the control, a run whose truncation error dominates, and must not be above it
+    for the other runs, in which round-off dominates.
     """
     return [
         f"{r['integrator']}: {r['exponent']:.2f}"

@@ -100,7 +100,8 @@ def exponent(error: np.ndarray) -> tuple[float, float, float]:
 def measure_rows(id: str, tol: float | None) -> Rows:
     """Measure the growth of the energy error of the integrator ``id`` at a tolerance: one row, by table name.
 
-    The row has the exponent with its interval, the rms error at the end, and ``bias``, the mean over that rms.
+    The row has the exponent with its interval, the rms error of the ensemble at the end, and ``bias``, the mean error
+    at the end over this rms.  ``tol`` is the tolerance, None for the integrator's own.
     """
     error = errors(id, tol)
     a, low, high = exponent(error)

@@ -53,8 +53,9 @@ def fewest(rows: pd.DataFrame, error: float, column: str = ENERGY) -> pd.Series:
 def _lead(rows: pd.DataFrame, error: float, column: str) -> tuple[float, str]:
     """Compare the splitting ABA(10,6,4) with the cheapest other method at an error: (ratio, the other's id).
 
-    The ratio is the fewest evaluations of the other method over those of ABA(10,6,4), infinite if no other reaches
-    ``error``; (NaN, "") if none does at all.  ``column`` is that of the error in ``rows``.
+    The ratio is the fewest evaluations of the other method over those of ABA(10,6,4): infinite if only ABA(10,6,4)
+    reaches ``error``, 0 if only the other does.  (NaN, "") if no method reaches it, or there is no other.  ``column``
+    is the column of the error in ``rows``, which has a row for each method and number of evaluations.
     """
     found = fewest(rows, error, column)
     others = found.drop(planets.BEST)
@@ -65,7 +66,10 @@ def _lead(rows: pd.DataFrame, error: float, column: str) -> tuple[float, str]:
 
 @of(planets.EVALUATIONS)
 def preference(rows: pd.DataFrame) -> Verdict | None:
-    """Whether the splitting ABA(10,6,4) needs the fewest evaluations on eight planets at the smallest energy error."""
+    """Whether the splitting ABA(10,6,4) needs the fewest evaluations on eight planets at the smallest energy error.
+
+    ``rows`` has a row for each splitting and step; None if ABA(10,6,4) does not reach this error, or is the only one.
+    """
     if not fewest(rows, SMALLEST)[planets.BEST] < inf:
         return None
     lead, other = _lead(rows, SMALLEST, ENERGY)
@@ -84,7 +88,8 @@ def preference(rows: pd.DataFrame) -> Verdict | None:
 def everywhere(rows: pd.DataFrame) -> Verdict | None:
     """Whether the splitting ABA(10,6,4) needs the fewest evaluations on eight planets at larger energy errors.
 
-    These are all of `ERRORS` but the smallest, on which `preference` judges.
+    The errors are those of `ERRORS` but the smallest, which `preference` judges.  ``rows`` has a row for each splitting
+    and step; None if no other splitting reaches any of these errors.
     """
     leads = {e: lead for e in ERRORS[:-1] if (lead := _lead(rows, e, ENERGY))[0] < inf}
     if not leads:
@@ -136,7 +141,10 @@ def gains(rows: pd.DataFrame, one: str, other: str, names: tuple[str, ...]) -> p
 
 @of(planets.PERIHELIA)
 def energies(rows: pd.DataFrame) -> Verdict | None:
-    """Whether WHFast's symplectic corrector of order 17 makes its energy error about a thousand times smaller."""
+    """Whether WHFast's symplectic corrector of order 17 makes its energy error about a thousand times smaller.
+
+    ``rows`` is the table of perihelia; None if it lacks WHFast without or with the corrector.
+    """
     found = rows.groupby("method")[ENERGY].first()
     if not {planets.PLAIN, planets.CORRECTED} <= set(found.index):
         return None
@@ -164,21 +172,31 @@ def _rates(rows: pd.DataFrame, names: tuple[str, ...]) -> dict | None:
 
 @of(planets.PERIHELIA)
 def inner(rows: pd.DataFrame) -> Verdict | None:
-    """Whether WHFast's symplectic corrector makes the perihelion rate of no inner planet more accurate."""
+    """Whether WHFast's symplectic corrector makes the perihelion rate of no inner planet more accurate.
+
+    ``rows`` is the table of perihelia; None if it lacks WHFast without or with the corrector.
+    """
     found = _rates(rows, INNER)
     return found and Verdict("Symplectic correctors make no inner planet's perihelion rate better", **found)
 
 
 @of(planets.PERIHELIA)
 def giants(rows: pd.DataFrame) -> Verdict | None:
-    """Whether WHFast's symplectic corrector makes the perihelion rate of no giant planet more accurate."""
+    """Whether WHFast's symplectic corrector makes the perihelion rate of no giant planet more accurate.
+
+    ``rows`` is the table of perihelia; None if it lacks WHFast without or with the corrector.
+    """
     found = _rates(rows, GIANTS)
     return found and Verdict("Symplectic correctors make no giant planet's perihelion rate better", **found)
 
 
 @of(planets.PERIHELIA)
 def same_energy(rows: pd.DataFrame) -> Verdict | None:
-    """Whether SABAC2, whose energy error is like corrected WHFast's, has more accurate perihelion rates than it."""
+    """Whether SABAC2 has more accurate perihelion rates than WHFast with its symplectic corrector.
+
+    SABAC2's energy error is like that of WHFast with the corrector; the rates are those of the inner planets.  ``rows``
+    is the table of perihelia; None if one of the two integrators is missing.
+    """
     found = gains(rows, planets.CORRECTED, "rebound-saba-cm-2", INNER)
     if found.empty:
         return None
@@ -200,10 +218,10 @@ def _curve(rows: pd.DataFrame, name: str, id: str, first: str, length: float) ->
 
 
 def ratios(rows: pd.DataFrame, name: str) -> list[float]:
-    """List leapfrog's rms energy errors over those of the minimum-norm splitting at the same step.
+    """List the ratios of leapfrog's rms energy error to that of the minimum-norm splitting at the same step.
 
     There is a ratio for each combination of a step up to `SMALL`, a length of the trajectory and the variable
-    (positions or momenta) that a step moves first.  ``name`` is the potential.
+    (positions or momenta) that a step moves first.  ``rows`` is the table of `minimum_norm`, ``name`` the potential.
     """
     out: list[float] = []
     for first in (POSITIONS, MOMENTA):
@@ -224,10 +242,10 @@ def _step_at(curve: pd.DataFrame) -> float:
 
 
 def longer(rows: pd.DataFrame, name: str) -> list[float]:
-    """List the minimum-norm splitting's steps over leapfrog's, both chosen so that the rms energy error is `EQUAL`.
+    """List the ratios of the minimum-norm splitting's step to leapfrog's, where each has the rms energy error `EQUAL`.
 
     There is a ratio for each combination of a length of the trajectory and the variable (positions or momenta) that a
-    step moves first.  ``name`` is the potential.
+    step moves first.  ``rows`` is the table of `minimum_norm`, ``name`` the potential.
     """
     out: list[float] = []
     for first in (POSITIONS, MOMENTA):
@@ -240,7 +258,7 @@ def longer(rows: pd.DataFrame, name: str) -> list[float]:
 
 
 def _smaller(rows: pd.DataFrame, name: str) -> dict | None:
-    """Return the arguments of a `Verdict` on a claim: the minimum-norm splitting has a tenth of leapfrog's error.
+    """Return the arguments of a `Verdict` on the claim that the minimum-norm splitting has a tenth of leapfrog's error.
 
     Measured are the `ratios` of the rms errors.  ``name`` is the potential; None if ``rows`` has no rows of it.
     """
@@ -250,14 +268,20 @@ def _smaller(rows: pd.DataFrame, name: str) -> dict | None:
 
 @of(minimum_norm.TABLE)
 def anharmonic(rows: pd.DataFrame) -> Verdict | None:
-    """Whether the minimum-norm splitting's energy error is about a tenth of leapfrog's on an anharmonic oscillator."""
+    """Whether the minimum-norm splitting's energy error is about a tenth of leapfrog's on an anharmonic oscillator.
+
+    ``rows`` is the table of `minimum_norm`; None if it has no rows of this oscillator.
+    """
     found = _smaller(rows, "anharmonic")
     return found and Verdict("The minimum-norm splitting's energy error is about a tenth of leapfrog's", **found)
 
 
 @of(minimum_norm.TABLE)
 def gaussian(rows: pd.DataFrame) -> Verdict | None:
-    """Whether the minimum-norm splitting's energy error is about a tenth of leapfrog's on the harmonic oscillator."""
+    """Whether the minimum-norm splitting's energy error is about a tenth of leapfrog's on the harmonic oscillator.
+
+    ``rows`` is the table of `minimum_norm`; None if it has no rows of this oscillator.
+    """
     found = _smaller(rows, "oscillator")
     return found and Verdict(
         "On a Gaussian the minimum-norm splitting's energy error is about a tenth of leapfrog's", **found
@@ -266,7 +290,11 @@ def gaussian(rows: pd.DataFrame) -> Verdict | None:
 
 @of(minimum_norm.TABLE)
 def step(rows: pd.DataFrame) -> Verdict | None:
-    """Whether the minimum-norm splitting's step is about three times as long as leapfrog's at equal energy error."""
+    """Whether the minimum-norm splitting's step is about three times as long as leapfrog's at equal energy error.
+
+    Both are run on the anharmonic oscillator.  ``rows`` is the table of `minimum_norm`; None if no steps of equal error
+    are found in it.
+    """
     found = longer(rows, "anharmonic")
     if not found:
         return None
@@ -280,7 +308,11 @@ def step(rows: pd.DataFrame) -> Verdict | None:
 
 @of(minimum_norm.TABLE)
 def efficiency(rows: pd.DataFrame) -> Verdict | None:
-    """Whether the minimum-norm splitting goes some 50 % farther than leapfrog per force evaluation at equal error."""
+    """Whether the minimum-norm splitting goes some 50 % farther than leapfrog per force evaluation at equal error.
+
+    Both are run on the anharmonic oscillator.  ``rows`` is the table of `minimum_norm`; None if no steps of equal error
+    are found in it.
+    """
     found = [100 * (x / minimum_norm.FORCES[MINIMUM_NORM] - 1) for x in longer(rows, "anharmonic")]
     if not found:
         return None
@@ -298,8 +330,9 @@ def efficiency(rows: pd.DataFrame) -> Verdict | None:
 def _law(rows: pd.DataFrame, id: str) -> dict | None:
     """Return the arguments of a `Verdict` on the claim that an integrator's energy error grows as the root of time.
 
-    Measured is the power of time, which may be as far from 1/2 as from the farther end of its own 95 % interval.
-    ``id`` is the integrator; None without a row of it at its default tolerance.
+    Measured is the power of time.  The claim holds if the power differs from 1/2 by no more than from the farther end
+    of its own 95 % interval.  ``rows`` is the table of `brouwer`, ``id`` the integrator; None without a row of it at
+    its default tolerance.
     """
     row = rows[(rows["integrator"] == id) & rows["tolerance"].isna()]
     if row.empty:
@@ -312,35 +345,50 @@ def _law(rows: pd.DataFrame, id: str) -> dict | None:
 
 @of(brouwer.TABLE)
 def ias15(rows: pd.DataFrame) -> Verdict | None:
-    """Whether IAS15's energy error grows as the square root of time."""
+    """Whether IAS15's energy error grows as the square root of time.
+
+    ``rows`` is the table of `brouwer`; None if it has no row of this integrator.
+    """
     found = _law(rows, "rebound-ias15")
     return found and Verdict("IAS15's energy error grows as the square root of time", **found)
 
 
 @of(brouwer.TABLE)
 def heyoka(rows: pd.DataFrame) -> Verdict | None:
-    """Whether heyoka's energy error grows as the square root of time."""
+    """Whether heyoka's energy error grows as the square root of time.
+
+    ``rows`` is the table of `brouwer`; None if it has no row of this integrator.
+    """
     found = _law(rows, "heyoka")
     return found and Verdict("heyoka's energy error grows as the square root of time", **found)
 
 
 @of(brouwer.TABLE)
 def whfast(rows: pd.DataFrame) -> Verdict | None:
-    """Whether WHFast's energy error grows as the square root of time."""
+    """Whether WHFast's energy error grows as the square root of time.
+
+    ``rows`` is the table of `brouwer`; None if it has no row of this integrator.
+    """
     found = _law(rows, "rebound-whfast-plain")
     return found and Verdict("WHFast's energy error grows as the square root of time", **found)
 
 
 @of(brouwer.TABLE)
 def gauss(rows: pd.DataFrame) -> Verdict | None:
-    """Whether the energy error of this suite's Gauss method of order 16 grows as the square root of time."""
+    """Whether the energy error of this suite's Gauss method of order 16 grows as the square root of time.
+
+    ``rows`` is the table of `brouwer`; None if it has no row of this method.
+    """
     found = _law(rows, "gauss-8")
     return found and Verdict("The energy error of Gauss of order 16 grows as the square root of time", **found)
 
 
 @of(brouwer.TABLE)
 def splitting(rows: pd.DataFrame) -> Verdict | None:
-    """Whether the energy error of this suite's Wisdom-Holman splitting grows as the square root of time."""
+    """Whether the energy error of this suite's Wisdom-Holman splitting grows as the square root of time.
+
+    ``rows`` is the table of `brouwer`; None if it has no row of this method.
+    """
     found = _law(rows, "wisdom-holman")
     return found and Verdict(
         "This suite's Wisdom–Holman has an energy error growing as the square root of time", **found
@@ -349,7 +397,11 @@ def splitting(rows: pd.DataFrame) -> Verdict | None:
 
 @of(brouwer.TABLE)
 def smallest(rows: pd.DataFrame) -> Verdict | None:
-    """Whether IAS15's rms energy error at the end is no larger than that of this suite's best method."""
+    """Whether IAS15's rms energy error at the end is no larger than that of this suite's best method.
+
+    ``rows`` is the table of `brouwer`, of which the runs at default tolerances count; None if IAS15 or this suite's
+    methods are missing.
+    """
     end = rows[rows["tolerance"].isna()].set_index("integrator")["rms"]
     ours = end[end.index.isin(("gauss-8", "wisdom-holman"))]
     if "rebound-ias15" not in end or ours.empty:
@@ -394,14 +446,20 @@ def _against(rows: pd.DataFrame, id: str, printed: float) -> dict | None:
 
 @of(timed.ENCOUNTERS)
 def mercurius(rows: pd.DataFrame) -> Verdict | None:
-    """Whether TRACE is 12 times as fast as MERCURIUS in close encounters."""
+    """Whether TRACE is 12 times as fast as MERCURIUS in close encounters.
+
+    ``rows`` is the table of close encounters; None if one of the two integrators is missing.
+    """
     found = _against(rows, timed.RIVALS[0], 12.0)
     return found and Verdict("TRACE is 12 times as fast as MERCURIUS in close encounters", **found)
 
 
 @of(timed.ENCOUNTERS)
 def trace(rows: pd.DataFrame) -> Verdict | None:
-    """Whether TRACE is 15 times as fast as IAS15 in violent scattering."""
+    """Whether TRACE is 15 times as fast as IAS15 in violent scattering.
+
+    ``rows`` is the table of close encounters; None if one of the two integrators is missing.
+    """
     found = _against(rows, timed.RIVALS[1], 15.0)
     return found and Verdict("TRACE is 15 times as fast as IAS15 in violent scattering", **found)
 

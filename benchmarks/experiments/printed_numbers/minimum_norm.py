@@ -4,8 +4,8 @@ Positions and momenta are distributed as :math:`e^{-H}`, and :math:`\langle\Delt
 that distribution by Gauss's quadrature rule, without random numbers.  The equality
 :math:`\langle e^{-\Delta H}\rangle = 1` of volume-preserving methods checks the rule.
 
-Both methods move the positions first.  Steps that move the momenta first are measured by applying them to H(-p, q):
-positions and momenta then change places, and the flow is the same.
+Both methods move the positions first.  To measure steps that move the momenta first, the methods are applied to
+H(-p, q): positions and momenta then change places, and the flow is the same.
 
 Source: T. Takaishi, Ph. de Forcrand, Phys. Rev. E 73 (2006) 036706 (hep-lat/0505020).
 """
@@ -48,7 +48,7 @@ def _cell(name: str, id: str, first: str) -> Cell:
 
 
 def potential(name: str, q: np.ndarray) -> np.ndarray:
-    """Evaluate the potential of this name at q, an array."""
+    """Evaluate the potential ``name``, of the harmonic or an anharmonic oscillator, at each element of q."""
     return q**2 / 2 if name == "oscillator" else q**2 / 2 + q**4 / 4
 
 

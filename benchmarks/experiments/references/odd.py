@@ -96,7 +96,10 @@ def measure_rows(label: str) -> Rows:
 
 
 def beyond(rows: list[dict]) -> list[str]:
-    """Return messages about the rows of a reference state whose error is above the stated uncertainty."""
+    """Return a message for each reference state whose error is above its stated uncertainty.
+
+    ``rows`` are those of `error_rows`, one for each state.
+    """
     return [
         f"{r['problem']} at t = {float(r['t']):g}: {float(r['uncertainty']):.2g} is stated, the error is "
         f"{float(r['error']):.2g}"

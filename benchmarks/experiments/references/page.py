@@ -223,6 +223,7 @@ def table(frame: pd.DataFrame) -> Table:
     """Make the page's table, a row for each orbit that is hard to follow, then the ten largest uncertainties.
 
     An orbit is hard to follow if neighbours diverge exponentially, or if long double may lose accuracy before its end.
+    ``frame`` is the table of references, a row for each orbit.
     """
     hard = frame["rate"].notna() | (frame["earliest"] < frame["t_end"])
     shown = pd.concat([frame[hard], frame[~hard].nlargest(10, "uncertainty")])

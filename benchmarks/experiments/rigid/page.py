@@ -35,7 +35,7 @@ def kept(rows: pd.DataFrame) -> Verdict | None:
     off = own[["orthogonality", "momentum"]].max(axis=1)
     worst = own.loc[off.idxmax()]
     return Verdict(
-        "Methods for rigid bodies keep a rotation matrix, and a free body's momentum in space",
+        "Methods for rigid bodies keep rotations orthogonal, and a free body's momentum in space",
         float(off.max()),
         at_most(KEPT),
         where=case(worst),
@@ -95,7 +95,8 @@ def gain(rows: pd.DataFrame) -> Verdict | None:
 def bounded(rows: pd.DataFrame) -> Verdict | None:
     """Judge whether every method keeps a chaotic top's energy bounded, even if it is not symplectic.
 
-    The Lie midpoint rule is the one that is not.  ``rows`` is the table of long runs, a row for each method.
+    The only method that is not symplectic is the Lie midpoint rule.  ``rows`` is the table of long runs, a row for each
+    method.
     """
     times = growth(rows)
     worst = rows.loc[times.idxmax()]
@@ -156,8 +157,8 @@ def table(rows: pd.DataFrame) -> Table:
     one = rows[np.isclose(rows["h"], 0.05)]
     columns = ["problem", "method", "degrees", "uncertainty", "orthogonality", "momentum", "energy", "evaluations"]
     caption = (
-        "At h = 0.05: the attitude's error in degrees with the reference's uncertainty, the largest change of |q|² (of RᵀR "
-        "besides, therefore), of a free body's momentum in space and of the energy, and evaluations of the torque a step."
+        "At h = 0.05: the attitude's error in degrees with the reference's uncertainty, the largest change of |q|² (orthogonality: "
+        "RᵀR changes with it), of a free body's momentum in space and of the energy, and evaluations of the torque a step."
     )
     return Table(one[columns], caption)
 
@@ -169,7 +170,7 @@ def _all(rows: pd.DataFrame) -> pd.DataFrame:
 
 PAGE = Page(
     id="rigid",
-    question="What do methods for rigid bodies keep, and what does an attitude cost?",
+    question="What do methods for rigid bodies keep, and does a chaotic top's energy stay bounded?",
     tables=(ATTITUDE, SYMMETRY, ENERGY),
     setting=(
         "A body about a fixed point, its attitude a quaternion q with momenta p: H = sum of L_k²/2I_k + V, canonical in eight "

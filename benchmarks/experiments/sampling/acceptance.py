@@ -81,9 +81,9 @@ def draws(target: str, n: int = DRAWS) -> tuple[np.ndarray, np.ndarray]:
 
 
 def budgets(target: str, method: str) -> list[int]:
-    """List the budgets, numbers of gradient evaluations of a run, that are a whole number of a method's steps.
+    """List the budgets (numbers of gradient evaluations of a run) that are a whole number of steps of a method.
 
-    ``target`` is a key of `BUDGETS`, ``method`` the method's id.
+    They are chosen from ``BUDGETS[target]``; ``method`` is the method's id.
     """
     return [budget for budget in BUDGETS[target] if budget % EVALUATIONS[method] == 0]
 

@@ -47,11 +47,12 @@ def _zero(rows: pd.DataFrame) -> tuple[Count, str]:
 def drifts(frame: pd.DataFrame) -> Verdict:
     """Judge whether on chaotic orbits the mean energy of force-gradient methods without the Hessian does not drift.
 
-    It does not if the interval of the drift holds zero.  ``frame`` is the table of chaotic runs, a row for each method.
+    The energy does not drift if the interval of the drift holds zero.  ``frame`` is the table of chaotic runs, a row
+    for each method.
     """
     measured, where = _zero(_free(frame))
     return Verdict(
-        "On chaotic orbits the interval of a Hessian-free drift holds zero",
+        "On chaotic orbits the interval of a Hessian-free energy drift holds zero",
         measured,
         at_least(LEAST),
         "methods",
@@ -63,13 +64,13 @@ def drifts(frame: pd.DataFrame) -> Verdict:
 def symplectic(frame: pd.DataFrame) -> Verdict:
     """Judge whether on chaotic orbits the mean energy of force-gradient methods with the Hessian does not drift.
 
-    With the Hessian of V their steps are symplectic.
-    It does not if the interval of the drift holds zero.  ``frame`` is the table of chaotic runs, a row for each method.
+    The steps of these methods are symplectic, since they use the Hessian of V.  The energy does not drift if the
+    interval of the drift holds zero.  ``frame`` is the table of chaotic runs, a row for each method.
     """
     rows = frame.drop(_free(frame).index)
     measured, where = _zero(rows[rows["method"] != CONTROL])
     return Verdict(
-        "On chaotic orbits the interval holds zero with the Hessian, too",
+        "On chaotic orbits the drift's interval holds zero with the Hessian, too",
         measured,
         at_least(LEAST),
         "methods",
@@ -185,7 +186,10 @@ def draw(frame: pd.DataFrame, folder: Path) -> list[Picture]:
         axes.set_xscale("symlog", linthresh=1.0)
         axes.set_xlabel("mean change of the energy over the run / spread with the Hessian")
         style.legend_above(figure, axes, 2)
-    caption = f"Mean change of the energy of {ORBITS} chaotic orbits, with 95 % intervals."
+    caption = (
+        f"Mean change of the energy of {ORBITS} chaotic orbits over a run, in units of the spread with the Hessian, "
+        "with 95 % intervals; the axis is linear between −1 and 1."
+    )
     return [Picture(style.save(figure, folder, "hessian_free.png"), "changes of the energy", caption)]
 
 
@@ -196,7 +200,10 @@ def table(frame: pd.DataFrame) -> Table:
     ``frame`` is the table of chaotic runs, a row for each method.
     """
     columns = ["method", PARTNER, "drift", "low", "high", "spread", "oscillation"]
-    return Table(frame[columns].head(ROWS), "Chaotic orbits: drift with its interval, spread at the end, oscillation.")
+    return Table(
+        frame[columns].head(ROWS),
+        "Chaotic orbits, H = 1: drift per unit of time, its 95 % interval; spread over a run; largest |H − H₀|.",
+    )
 
 
 @of(REGULAR)
@@ -209,7 +216,8 @@ PAGE = Page(
     question="Does the energy of Hessian-free force gradients drift?",
     tables=(CHAOTIC, REGULAR),
     setting=(
-        "Such a kick takes a second force at q − (2 c h²/b) M⁻¹∇V: symmetric, volume-preserving, not symplectic.",
+        "A Hessian-free kick takes a second force at q − (2 c h²/b) M⁻¹∇V, b and c its weights: symmetric, "
+        "volume-preserving, not symplectic.",
         "Chaotic: H = |p|²/2 + x²y²/2 + (x⁴ + y⁴)/40 = 1, "
         f"{ORBITS} random starts, h = {H:g}, {STEPS} steps; last tenth less first tenth.",
         f"Regular: {', '.join(ORBIT_STEPS)}, {REGULAR_STEPS} steps; the slope of the energy without its oscillation.",
@@ -224,7 +232,8 @@ PAGE = Page(
     limits=(
         "The partner with the Hessian has the same structure, but for most methods slightly other numbers.",
         f"Of seven 95 % intervals one may miss zero by chance: {LEAST:.0%} are asked for.",
-        f"Still is a change up to {STILL:g} of the oscillation; as far is up to {SAME:g} times the spread.",
+        f"A regular energy drifts if it changes by more than {STILL:g} of its oscillation; up to {SAME:g} times the "
+        "partner's spread counts as no further.",
         f"{CONTROL}, the control, makes one step in {EARLIER}: after all of them it has lost most of its energy.",
         "One system, one step size: a longer run or step may show a drift that these intervals hide.",
     ),

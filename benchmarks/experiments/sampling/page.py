@@ -169,7 +169,7 @@ def answer(frame: pd.DataFrame) -> str | None:
         name = rows["acceptance"].idxmax()
         mine, verlet = (number(100 * (1 - rows.loc[m, "acceptance"]), 2) for m in (name, VERLET))
         parts.append(f"{name} rejects {mine} % of {target} proposals, Störmer–Verlet {verlet} %")
-    return f"At {budget} evaluations {'; '.join(parts)}."
+    return f"With {budget} evaluations a run {'; '.join(parts)}."
 
 
 @of(TABLE)
@@ -184,13 +184,11 @@ def draw(frame: pd.DataFrame, folder: Path) -> list[Picture]:
         for axes, target in zip(panels, BUDGETS, strict=True):
             rows = frame[frame["target"] == target]
             for k, (method, part) in enumerate(rows.groupby("method", sort=False)):
-                line = ":" if method in GRADIENTS else "-" if k < len(style.CURVES) else "--"
-                look = style.curve(k % len(style.CURVES)) | {"linestyle": line}
+                look = style.curve(k) | {"linestyle": ":" if method in GRADIENTS else "-"}
                 rejected = (1 - part["acceptance"]).clip(lower=FLOOR)
                 axes.loglog(part["budget"], rejected, label=method, **look)
             axes.set(title=f"{target} target", xlabel="evaluations in a run")
             axes.grid(color="0.93", linewidth=0.5)
-            style.plain_ticks(axes.xaxis)
         panels[0].set_ylabel("share rejected")
         style.legend_above(figure, panels[0], 3)
     caption = "Share of proposals that are rejected over the evaluations of a run. Dotted lines: force gradients."
@@ -212,10 +210,15 @@ def table(data: Data) -> Table | None:
     shown.columns = [f"accepted at {c}" for c in shown.columns]
     limit = stable.set_index("method")[["evaluations per step", "limit", "limit per evaluation"]]
     shown = shown.reset_index().join(limit, on="method")
-    caption = "Accepted shares, and the stability limits of h ω whole and per evaluation"
+    caption = (
+        "Shares accepted with so many evaluations a run, and the stability limits of h ω, whole and per evaluation"
+    )
     if times is not None:
         least = _least(times)[["ns an accepted proposal", "budget"]].rename(columns={"budget": "with evaluations"})
-        shown, caption = shown.join(least, on=["target", "method"]), f"{caption}; the least time an accepted proposal"
+        shown, caption = (
+            shown.join(least, on=["target", "method"]),
+            f"{caption}; the least time an accepted proposal, and the evaluations of that run",
+        )
     return Table(shown.head(ROWS), f"{caption}.", 4)
 
 

@@ -65,7 +65,8 @@ def bench_calls(measured_rows: Callable[[str], list[dict]]) -> None:
 def bench_method(benchmark: Any, name: str, variant: tuple[str, tuple]) -> None:
     """Time a compiled run of a method on a problem with pytest-benchmark, if an option --benchmark-* is given.
 
-    ``name`` is the problem's; ``variant`` is (method id, its parameters as pairs).
+    ``benchmark`` is the fixture of pytest-benchmark, ``name`` the problem's name, and ``variant`` is (method id, its
+    parameters as pairs).
     """
     found, chosen = problem(name), method(variant[0], **dict(variant[1]))
     if chosen.lacks(found.system):

@@ -66,7 +66,7 @@ def call_overhead(calls: pd.DataFrame) -> Verdict:
 def answer(speed: pd.DataFrame, ratios: pd.DataFrame) -> str | None:
     """Return the page's answer, a sentence: the range of the step times, and Stormer-Verlet's ratios to a C loop.
 
-    None if no run completed.
+    ``speed`` has a row for each method and problem, ``ratios`` one for each ratio; None if no run completed.
     """
     ran = speed.loc[speed["status"] == "ok", "ns per step"].dropna()
     loops = ratios.loc[ratios["ratio"].str.startswith(LOOP), "median"]

@@ -68,7 +68,8 @@ def _commands(warm: pd.DataFrame) -> pd.Series:
 def answer(cold: pd.DataFrame, warm: pd.DataFrame) -> str | None:
     """Return the page's answer, a sentence: the median first integration, and the slowest command with compiled code.
 
-    None if the commands or the import of Numba were not timed.
+    ``cold`` has a row for each first integration, ``warm`` one for each command and one for the import of Numba; None
+    if the commands or the import were not timed.
     """
     commands, floor = _commands(warm), warm.loc[warm["what"] == start.FLOOR, "seconds"]
     if commands.empty or floor.empty:

@@ -49,6 +49,7 @@ FIRSTS = (
             "stormer-verlet",
             "chin-4a",
             "blanes-p7-6",
+            "blanes-moan-srkn14a",
             "generating-function",
             "scheme-v",
             "gauss-8",

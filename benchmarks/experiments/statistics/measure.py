@@ -1,10 +1,10 @@
 r"""Measure the bias that an integrator with a given step gives to a statistic, with the ensemble's uncertainty.
 
-A row is a state of an orbit at an output time; the step divides the time between rows.  Every orbit gives the sum of a
-quantity over its rows, and their number.  The statistic is the ratio of the totals over orbits, and its standard error
-that of a ratio estimate (W. G. Cochran, Sampling Techniques (1977), section 6.4).  Where the exact statistic is not
-known, the standard error is that of the differences, orbit by orbit, from the reference run `FINE`.  Rows of the last
-tenth of the time give a second statistic, in which an error that grows with time shows.
+A row is a state of an orbit at an output time; the time between two rows is a whole number of steps.  Every orbit gives
+the sum of a quantity over its rows, and their number.  The statistic is the ratio of the totals over orbits, and its
+standard error that of a ratio estimate (W. G. Cochran, Sampling Techniques (1977), section 6.4).  Where the exact
+statistic is not known, the standard error is that of the differences, orbit by orbit, from the reference run `FINE`.
+Rows of the last tenth of the time give a second statistic, in which an error that grows with time shows.
 """
 
 from __future__ import annotations
@@ -205,7 +205,8 @@ def measure_reference(id: str) -> Rows:
 def measure_rows(id: str, method: str) -> Rows:
     """Measure the statistic of the scene ``id`` by a method, for decreasing steps: {`TABLE`: a row for each step}.
 
-    The method's runs end before the smallest step of `LADDER` once they are expensive, or a few are within 1 %.
+    The runs take the steps of `LADDER` one after the other; no further run is made once a run is expensive, or a few
+    were within 1 %.
     """
     scene = SCENES[id]
     rows, met = [], 0

@@ -30,9 +30,20 @@ SHOWN = 4
 
 
 def _hides(structure: pd.DataFrame) -> pd.Series:
-    """Return for each row (a method and a property) whether its defect is too small to show that the property fails."""
+    """Return for each row (a method and a property) whether its defect does not show that the property fails.
+
+    It is too small for that, or was not measured (NaN).
+    """
     keys = zip(structure["method"], structure["property"], strict=True)
-    return structure["defect"] <= [least_visible(*key) for key in keys]
+    return ~(structure["defect"] > [least_visible(*key) for key in keys])
+
+
+def _as_declared(structure: pd.DataFrame) -> pd.Series:
+    """Return for each row (a method and a property) whether its defect agrees with what the method is declared to have.
+
+    The defect of a declared property must be at most `NOTHING`, that of another one large enough to be visible.
+    """
+    return (structure["defect"] <= NOTHING).where(structure["declared"], ~_hides(structure))
 
 
 def _methods(structure: pd.DataFrame, name: str, declared: bool) -> pd.DataFrame:
@@ -53,7 +64,7 @@ def _largest(structure: pd.DataFrame, name: str) -> dict:
 def _hidden(structure: pd.DataFrame, name: str) -> dict:
     """Return the arguments of a `Verdict` on whether methods not declared to have the property ``name`` lack it.
 
-    Counted are the methods whose defect is too small to show that they lack it; there must be none.
+    Methods whose defect is too small to show that they lack it are counted; there must be none.
     """
     lacking = _methods(structure, name, False)
     hidden = list(lacking[_hides(lacking)]["method"])
@@ -63,27 +74,39 @@ def _hidden(structure: pd.DataFrame, name: str) -> dict:
 
 @of("structure")
 def symplectic(structure: pd.DataFrame) -> Verdict:
-    """Judge whether the methods declared symplectic are symplectic, by the largest of their defects."""
+    """Judge whether the methods declared symplectic are symplectic, by the largest of their defects.
+
+    ``structure`` has a row for each method and property, with the defect of the step map.
+    """
     largest = _largest(structure, "symplecticity")
     return Verdict("The defect of symplecticity vanishes for methods declared symplectic", **largest)
 
 
 @of("structure")
 def others_not_symplectic(structure: pd.DataFrame) -> Verdict:
-    """Judge whether every method not declared symplectic has a visible symplecticity defect in its step map."""
-    return Verdict("No other method is symplectic", **_hidden(structure, "symplecticity"))
+    """Judge whether every method not declared symplectic has a visible symplecticity defect in its step map.
+
+    ``structure`` has a row for each method and property, with the defect of the step map.
+    """
+    return Verdict("No method is symplectic that is not declared so", **_hidden(structure, "symplecticity"))
 
 
 @of("structure")
 def symmetric(structure: pd.DataFrame) -> Verdict:
-    """Judge whether the methods declared symmetric are symmetric, by the largest of their defects."""
+    """Judge whether the methods declared symmetric are symmetric, by the largest of their defects.
+
+    ``structure`` has a row for each method and property, with the defect of the step map.
+    """
     return Verdict("The defect of symmetry vanishes for methods declared symmetric", **_largest(structure, "symmetry"))
 
 
 @of("structure")
 def others_not_symmetric(structure: pd.DataFrame) -> Verdict:
-    """Judge whether every method not declared symmetric has a visible symmetry defect in its step map."""
-    return Verdict("No other method is symmetric", **_hidden(structure, "symmetry"))
+    """Judge whether every method not declared symmetric has a visible symmetry defect in its step map.
+
+    ``structure`` has a row for each method and property, with the defect of the step map.
+    """
+    return Verdict("No method is symmetric that is not declared so", **_hidden(structure, "symmetry"))
 
 
 @of("structure")
@@ -94,7 +117,7 @@ def volume(structure: pd.DataFrame) -> Verdict:
     with the defect of its step map.
     """
     rows = structure[structure["property"] == "volume"]
-    wrong = rows[(rows["defect"] <= NOTHING) != rows["declared"]]
+    wrong = rows[~_as_declared(rows)]
     measured = Count(len(rows) - len(wrong), len(rows)) if len(rows) else None
     where = join_list(list(wrong["method"]), 3) if len(wrong) else ""
     return Verdict(
@@ -109,9 +132,11 @@ def volume(structure: pd.DataFrame) -> Verdict:
 
 @of("structure")
 def answer(structure: pd.DataFrame) -> str:
-    """Return the page's answer, a sentence: how many step maps are as declared, for each property."""
-    hidden = _hides(structure)
-    right = structure[hidden.where(~structure["declared"], structure["defect"] <= NOTHING) == structure["declared"]]
+    """Return the page's answer, a sentence: how many step maps are as declared, for each property.
+
+    ``structure`` has a row for each method and property, with the defect of the step map.
+    """
+    right = structure[_as_declared(structure)]
     there = [name for name in PROPERTIES if (structure["property"] == name).any()]
     counts = [f"{(right['property'] == x).sum()} of {(structure['property'] == x).sum()} in {x}" for x in there]
     return f"In arithmetic of {DIGITS} digits step maps are as declared: {join_list(counts, len(counts))}."
@@ -121,7 +146,8 @@ def answer(structure: pd.DataFrame) -> str:
 def draw(structure: pd.DataFrame, folder: Path) -> list[Picture]:
     """Draw every defect, sorted, in a panel for each property; save the figure in ``folder``.
 
-    Methods declared to have the property have another colour than those that are not.
+    Methods declared to have the property have another colour than the others.  ``structure`` has a row for each method
+    and property, with the defect of the step map.
     """
     there = [name for name in PROPERTIES if (structure["property"] == name).any()]
     with style.settings():
@@ -141,7 +167,8 @@ def draw(structure: pd.DataFrame, folder: Path) -> list[Picture]:
         style.legend_above(figure, panels[0], 2)
     caption = (
         f"Defects of the step maps in {DIGITS} digits, the largest over the systems; dashed: {NOTHING:g}, below which a defect "
-        f"is of the stage solver and the differences; zeros are drawn at {FLOOR:g}."
+        f"is of the stage solver and the differences; zeros are drawn at {FLOOR:g}. Methods of high "
+        "order that lack a property may be below the line, too."
     )
     return [Picture(style.save(figure, folder, "structure.png"), "defects of the step maps", caption)]
 
@@ -151,6 +178,7 @@ def table(structure: pd.DataFrame) -> Table:
     """Return the page's table: for each property, the methods with defects nearest to the limit `NOTHING`.
 
     They are the largest defects of methods declared to have the property, and the smallest of the others.
+    ``structure`` has a row for each method and property.
     """
     columns = ["property", "method", "declared", "defect"]
     parts = []

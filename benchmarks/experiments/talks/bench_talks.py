@@ -13,7 +13,8 @@ from phasebench.benchmarks.experiments.talks.record import TABLE
 def bench_talks(measured_rows: Callable[[str], list[dict]], complete: Callable[[str], bool]) -> None:
     """Check that the curves of the talks' figures were measured.
 
-    ``measured_rows`` (table -> rows) fails if a measurement failed; ``complete`` tells whether a table is complete.
+    ``measured_rows`` and ``complete`` are fixtures: table name -> its rows, and table name -> whether this run measured
+    all of them.  If it did not, the check passes whatever the rows are.
     """
     assert measured_rows(TABLE) or not complete(TABLE)
 
@@ -21,6 +22,7 @@ def bench_talks(measured_rows: Callable[[str], list[dict]], complete: Callable[[
 def bench_checks(measured_rows: Callable[[str], list[dict]], complete: Callable[[str], bool]) -> None:
     """Check that every small measurement that tests a statement of the talks has a row in its table.
 
-    ``measured_rows`` maps a table's name to its rows; ``complete`` tells whether a table is complete.
+    ``measured_rows`` and ``complete`` are fixtures: table name -> its rows, and table name -> whether this run measured
+    all of them.  If it did not, the check passes whatever the rows are.
     """
     assert {r["check"] for r in measured_rows(CHECKED)} == {c.id for c in CHECKS} or not complete(CHECKED)

@@ -207,7 +207,7 @@ def coefficients() -> tuple[float, float]:
 
 
 def mass(lam: Fraction) -> float:
-    """Return the largest change of the mass of the nonlinear Schroedinger equation, on 3 points, under Scheme I.
+    """Return the largest change of the mass under Scheme I on the nonlinear Schroedinger equation, a grid of 3 points.
 
     Scheme I is a symplectic one-stage method with a parameter lambda, here ``lam``.
     """

@@ -76,7 +76,7 @@ def _measure_compositions(quick: bool) -> list[dict]:
 
 
 def _curves(axes: Axes, rows: pd.DataFrame) -> tuple[np.ndarray, list[np.ndarray]]:
-    """Draw the curves of a panel; return (the step sizes, the refinement differences of each curve)."""
+    """Draw a curve for each of ``rows`` in the panel ``axes``: (step sizes, refinement differences of each curve)."""
     differences = []
     for k, r in enumerate(rows.itertuples()):
         h, e = unpack(r.x), unpack(r.y)

@@ -1,7 +1,8 @@
 """FIGURES: a record for each figure of the two talks, drawn from measured rows.
 
 Subjects: pendulum and symplectic maps, Lotka-Volterra, Henon-Heiles, perturbed Kepler, convergence.  To add a figure,
-write functions ``measure(quick) -> rows`` and ``draw(rows) -> (figure, caption)``, and add a record.
+write functions ``measure(quick) -> rows`` (if ``quick``, of shorter runs) and ``draw(rows) -> (figure, caption)``, and
+add a record.
 """
 
 from __future__ import annotations

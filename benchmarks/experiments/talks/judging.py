@@ -108,7 +108,8 @@ def check(id: str, bound: float, least: float | None = None) -> Judge:
 def order(labels: Sequence[str], wanted: int, problem: str = "") -> Judge:
     """Make a judge (a function of measured tables) of whether methods have the order ``wanted``, not more or less.
 
-    Orders are measured in multiprecision, on all systems, or on ``problem`` alone if it is given.
+    ``labels`` are those of the methods.  Their orders are measured in multiprecision, on all systems, or on ``problem``
+    alone if it is given.
     """
 
     @on_rows("multiprecision", method=list(labels), **({"problem": problem} if problem else {}))
@@ -138,7 +139,7 @@ def has(labels: Sequence[str], what: str, wanted: bool = True) -> Judge:
 
 
 def keeps_energy(ids: Sequence[str], problem: str = "henon-heiles") -> Judge:
-    """Make a judge (a function of measured tables) of whether methods keep the energy of a problem to round-off."""
+    """Make a judge (a function of measured tables) of whether methods (``ids``) keep the energy of ``problem``."""
 
     @on_rows("matrix", method=list(ids), problem=problem)
     def judge(rows: pd.DataFrame) -> Judgement:

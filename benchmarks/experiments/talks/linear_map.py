@@ -38,7 +38,7 @@ def oscillators() -> Hamiltonian:
 
 
 def image(id: str) -> tuple[np.ndarray, np.ndarray]:
-    """Return (A xi, A eta), arrays (4,), A one step of a method on coupled oscillators, xi = `XI`, eta = `ETA`."""
+    """Return the images, arrays (4,), of `XI` and `ETA` under one step of the method ``id`` on coupled oscillators."""
     return tuple(measure.carry(oscillators(), id, np.stack([XI, ETA]), STEP, 1)[1])
 
 

@@ -49,7 +49,7 @@ NOISE = 1e-12
 
 @cache
 def start(name: str) -> Problem:
-    """Return the problem named ``id`` or ``id:orbit``, made only once, so that its functions stay compiled."""
+    """Return the problem with the name "id" or "id:orbit", made only once so that its functions stay compiled."""
     return problems.problem(name)
 
 

@@ -62,7 +62,9 @@ def euler_area(curves: pd.DataFrame) -> Verdict | None:
     change = _area_changes(curves)
     if EULERS[0] not in change:
         return None
-    return Verdict("The explicit Euler method changes it", float(change[EULERS[0]]), at_least(KEPT), otherwise=FAIL)
+    return Verdict(
+        "The explicit Euler method changes the area", float(change[EULERS[0]]), at_least(KEPT), otherwise=FAIL
+    )
 
 
 @of(TABLE)
@@ -105,7 +107,10 @@ def answer_level_curves(curves: pd.DataFrame) -> str | None:
     parts = [f"{number(x, 2)} ({name})" for name, x in _invariant_changes(curves).sort_values().items()]
     if not parts:
         return None
-    return f"At h = {lotka_volterra.STEP:g} the Lotka–Volterra invariant changes by up to {join_list(parts)}."
+    return (
+        f"Numerical orbits (h = {lotka_volterra.STEP:g}) leave the exact closed curves: the invariant changes by up "
+        f"to {join_list(parts)}."
+    )
 
 
 def _well(curves: pd.DataFrame) -> pd.DataFrame:
@@ -243,7 +248,7 @@ def answer_kepler(data: Data) -> str | None:
         if avf == avf:
             parts[0] += f", AVF the latter within {number(avf, 2)}"
     if turned:
-        parts.append(f"their turning is exact within {number(turned.measured, 2)} %")
+        parts.append(f"the ellipse's turning is exact within {number(turned.measured, 2)} %")
     return f"On perturbed Kepler (h = {perturbed_kepler.STEP:g}) {'; '.join(parts)}." if parts else None
 
 
@@ -276,7 +281,7 @@ def answer_slopes(data: Data) -> str | None:
     if found is None:
         return None
     of = f"{found.measured.n} of {found.measured.of}"
-    return f"{of} observed slopes are within {NEAR} of the scheme's order, on a chaotic Hénon–Heiles orbit."
+    return f"{of} observed slopes of refinement differences are within {NEAR} of the scheme's order, on a chaotic Hénon–Heiles orbit."
 
 
 #: Column of a measured number -> its name in the table.

@@ -20,8 +20,8 @@ class Figure:
     ----------
     id, title : its kebab-case name, and its title in one line
     section : the section of the talks, and the page of the report, to which it belongs
-    measure : function quick -> rows, one for each curve; all integration happens here; None if the figure shows only
-        formulae
+    measure : function quick -> rows, one for each curve (if ``quick``, of shorter runs); all integration happens
+        here; None if the figure shows only formulae
     draw : function rows -> (matplotlib figure, caption); every number of the caption comes from the rows
     """
 
@@ -32,5 +32,5 @@ class Figure:
     draw: Callable[[pd.DataFrame], tuple]
 
     def rows(self, quick: bool = False) -> list[dict[str, Any]]:
-        """Measure the figure's curves: a row for each, with the figure's id."""
+        """Measure the figure's curves, if ``quick`` with shorter runs: a row for each, with the figure's id."""
         return [{"figure": self.id} | row for row in self.measure(quick)]

@@ -42,7 +42,7 @@ def everything(data: Data) -> pd.DataFrame:
 
 
 def of_measured(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Decorator: make a function of rows of judged statements return None if no statement among them was measured."""
+    """Decorator of a function of judged statements (rows): it returns None if none of the statements was measured."""
 
     @functools.wraps(function)
     def of_rows(rows: pd.DataFrame, *more: Any) -> Any:
@@ -133,7 +133,8 @@ def _full_table(data: Data) -> pd.DataFrame:
 LIMITS = (
     KEPT_TEXT,
     "The statements are paraphrased here and judged in their plain sense, on the systems that the measurement names.",
-    "Every check has a control for which the statement must fail, in data/talk_checks.csv.",
+    "Checks in double precision have limits of their own; each has a control for which the statement must fail, in "
+    "data/talk_checks.csv.",
 )
 LINKS = ", ".join(f"[{s.id}](talks-{s.id}.md)" for s in SECTIONS)
 PAGE = Page(

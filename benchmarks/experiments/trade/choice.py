@@ -5,9 +5,6 @@ A case is a scene (problem, end time, quantity) at an accuracy; the two sides ar
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from typing import NamedTuple
-
 import numpy as np
 import pandas as pd
 
@@ -68,58 +65,6 @@ def winner(row: dict) -> str:
     """
     sides = [s for s in (OURS, PEERS) if isinstance(row[f"{s} integrator"], str)]
     return row[f"{min(sides, key=lambda s: row[f'{s} seconds'])} integrator"] if sides else ""
-
-
-class Agreement(NamedTuple):
-    """Agreement of two independent measurements on the fastest integrator.
-
-    Attributes
-    ----------
-    pairs : number of cases (scene and accuracy) in both
-    same : number of cases with the same fastest integrator in both
-    tied : number of cases whose two fastest integrators differ but are tied: their time intervals, widened by the
-        factor `TIE`, overlap in one of the measurements
-    apart : for each case that is neither, a text with the scene, the accuracy and the two integrators
-    """
-
-    pairs: int
-    same: int
-    tied: int
-    apart: tuple[str, ...]
-
-
-def agreement(finals: pd.DataFrame, again: pd.DataFrame) -> Agreement:
-    """Compare the fastest integrators of two independent measurements, each with a row for each finalist timed.
-
-    Two winners are tied if both were timed in one of the measurements, and their time intervals there, widened by the
-    factor `TIE`, overlap.
-    """
-    pairs = same = tied = 0
-    apart = []
-    first = dict(list(finals.groupby(["scene", "accuracy"])))
-    for key, second in again.groupby(["scene", "accuracy"]):
-        if key not in first:
-            continue
-        pairs += 1
-        winners = [part.loc[part["seconds"].idxmin(), "integrator"] for part in (first[key], second)]
-        if winners[0] == winners[1]:
-            same += 1
-        elif any(_meet(part, winners) for part in (first[key], second)):
-            tied += 1
-        else:
-            apart.append(f"{key[0]} to {key[1]:g} ({winners[0]}, then {winners[1]})")
-    return Agreement(pairs, same, tied, tuple(apart))
-
-
-def _meet(part: pd.DataFrame, names: Iterable[str]) -> bool:
-    """Return whether the time intervals of two integrators overlap; False if one was not timed.
-
-    ``part`` has the timed integrators of one scene at one accuracy.
-    """
-    members = [part[part["integrator"] == name] for name in names]
-    if any(m.empty for m in members):
-        return False
-    return max(m["low"].iloc[0] for m in members) <= TIE * min(m["high"].iloc[0] for m in members)
 
 
 def integrators_to_draw(finals: pd.DataFrame, side: str, most: int) -> list[str]:

@@ -72,8 +72,8 @@ def _ratio(row: dict) -> float:
 def work_precision(question: Question, finals: pd.DataFrame, rungs: pd.DataFrame, folder: Path) -> Picture:
     """Draw a scene's work-precision diagram: errors over seconds and over steps, a curve for each integrator.
 
-    ``finals`` has the integrators timed at each accuracy, by which those that win most often are selected; ``rungs``
-    has all their runs, at ever smaller steps or tolerances.
+    ``finals`` has the integrators timed at each accuracy; on each side, this project's and other packages', those that
+    are the fastest most often are drawn.  ``rungs`` has their runs, at ever smaller steps or tolerances.
     """
     figure, (panels,) = style.panels(1, 2, 3.6, sharey=True)
     looks = iter(style.looks())

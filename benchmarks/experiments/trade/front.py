@@ -172,7 +172,7 @@ def unrolled_beyond(record: Peer, system: PartitionedSystem) -> bool:
 
 def time_finalists(task: Task, members: list[Finalist]) -> list[np.ndarray]:
     """Time the finalists in turns: for each an array of its seconds in every round."""
-    work = {k: task.clocks.of(m.integrator, **m.rung.size) for k, m in enumerate(members)}
+    work = {k: task.timer(m.integrator, m.rung.size) for k, m in enumerate(members)}
     found = timing.in_turns(work, rounds((m.rung.seconds for m in members), *FINAL))
     return [found[k] for k in range(len(members))]
 

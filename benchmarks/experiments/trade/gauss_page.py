@@ -37,7 +37,8 @@ PLANETS = "outer-planets-jupiter"
 def is_explicit(id: str, separable: bool) -> bool:
     """Return whether the method ``id`` takes steps of one length and solves no equations.
 
-    ``separable`` says whether the system is; a peer's id gives False.
+    ``separable`` is True if the system's H is separable, as some methods are explicit only then.  False if ``id`` is
+    that of a peer, another package's integrator.
     """
     if id not in BY_ID:
         return False
@@ -93,7 +94,10 @@ def crossings(rungs: pd.DataFrame) -> pd.Series:
 
 
 def _ends(rungs: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Return the rows of `ratios` (Gauss against explicit) at each scene's largest error, and at its smallest."""
+    """Return the rows of `ratios` (Gauss against explicit) at each scene's largest error, and at its smallest.
+
+    Both tables are indexed by scene.  ``rungs`` has all runs of the search.
+    """
     by = (found := ratios(rungs)).groupby("scene", sort=False)["accuracy"]
     return found.loc[by.idxmax()].set_index("scene"), found.loc[by.idxmin()].set_index("scene")
 
@@ -101,7 +105,7 @@ def _ends(rungs: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame]:
 def _counted(holds: pd.Series, ratio: pd.Series) -> dict:
     """Return arguments of a `Verdict`: on how many scenes a claim ``holds``, and where it fails by the largest factor.
 
-    ``holds`` and ``ratio`` are indexed by scene.
+    ``holds`` and ``ratio``, Gauss' time over the best explicit method's, are indexed by scene.
     """
     wrong = np.log(ratio[~holds]).abs()
     where = "" if wrong.empty else f"{wrong.idxmax()}: {number(ratio[wrong.idxmax()])} times"
@@ -125,7 +129,7 @@ def fine(rungs: pd.DataFrame) -> Verdict:
 def coarse(rungs: pd.DataFrame) -> Verdict:
     """Judge whether an explicit method is faster than Gauss of order 16 at a scene's largest error, on every scene.
 
-    The largest error is the largest one asked for on the scene that both reach.
+    It is the largest of the errors for which methods are compared on the scene, and which both reach.
     """
     ratio = _ends(rungs)[0]["ratio"]
     return Verdict("At the largest error an explicit method is the faster", **_counted(ratio >= 1, ratio))
@@ -210,9 +214,9 @@ PAGE = Page(
     question="From which error on does the Gauss method of order 16 beat explicit methods?",
     tables=(RUNGS,),
     setting=(
-        f"{GAUSS} has eight stages, a step of which is solved to round-off by fixed point, its stages side by side in "
-        "the lanes of vector registers (`integrators/families/stage_lanes.py`).",
-        "M. Antonana, J. Makazaga, A. Murua, arXiv 2511.03655, published such stages independently, in Julia, and "
+        f"{GAUSS} has eight stages, whose equations are solved to round-off by fixed-point iteration, the stages side "
+        "by side in the lanes of vector registers.",
+        "M. Antoñana, J. Makazaga, A. Murua, arXiv 2511.03655, published such stages independently, in Julia, and "
         "that they can outperform explicit symplectic methods for high precision.",
         "Beside it: the fastest of all explicit methods of this project with steps of one length, splittings of a "
         "Kepler problem among them, at the same error.",

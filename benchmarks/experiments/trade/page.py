@@ -23,10 +23,10 @@ from phasebench.integrators.registry import BY_ID
 from phasebench.reference.solvers.taylor import COMPACT
 
 from . import again, figures
-from .choice import HALF, SHOWN, TIE, agreement, at, choices, counts, winner
+from .choice import HALF, SHOWN, TIE, at, choices, counts, winner
 from .field import SMALL, UNKNOWNS
 from .front import CHOICES, FARTHEST, FINALISTS, FINALS, MARGIN, UNROLLED
-from .settled import LEVEL, TIMES, coverage, of_choices
+from .settled import LEVEL, TIMES, agreement, coverage, of_choices
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -78,7 +78,7 @@ def farthest(rows: pd.DataFrame) -> Verdict | None:
         return None
     worst = found.loc[found["ratio"].idxmax()]
     return Verdict(
-        "Our fastest method is nowhere far behind the fastest peer",
+        "This project's fastest method is nowhere far behind the fastest peer",
         Range(found["ratio"].min(), worst["ratio"]),
         at_most(FAR),
         "times the peer's time",
@@ -108,13 +108,14 @@ def scenes_with_rows(rows: pd.DataFrame) -> Verdict:
     )
 
 
-@of(FINALS, again.TABLE)
-def twice(finals: pd.DataFrame, second: pd.DataFrame) -> Verdict:
+@of(FINALS, TIMES, again.TABLE)
+def twice(finals: pd.DataFrame, times: pd.DataFrame, second: pd.DataFrame) -> Verdict:
     """Judge whether a repeated measurement finds the same fastest integrators, or ones tied with them.
 
-    Both tables have a row for each integrator timed in a scene at an accuracy.
+    ``finals`` and ``second``, of the measurement and its repetition, have a row for each integrator timed in a scene at
+    an accuracy; ``times`` has the later timings of those of the first.
     """
-    found = agreement(finals, second)
+    found = agreement(finals, times, second)
     return Verdict(
         "The sweep made again names the same fastest integrator, or a tied one",
         Count(found.same + found.tied, found.pairs),
@@ -127,9 +128,9 @@ def twice(finals: pd.DataFrame, second: pd.DataFrame) -> Verdict:
 
 @of(FINALS, TIMES)
 def intervals(finals: pd.DataFrame, times: pd.DataFrame) -> Verdict | None:
-    """Judge whether the intervals from two measurements contain the times and ratios of a third.
+    """Judge whether the intervals from two timings contain the times, and ratios of times, of a third timing.
 
-    ``finals`` has the first measurement of every integrator timed, ``times`` the later ones.
+    ``finals`` has the first timing of every finalist, ``times`` the later ones; None if there is no third timing.
     """
     shares = {what: inside / total for what, (inside, total) in coverage(finals, times).items() if total}
     if not shares:
@@ -218,7 +219,8 @@ PAGE = Page(
     setting=(
         f"{len(QUESTIONS)} scenes over every problem: initial data, a time span, a quantity (a state, a phase, the "
         "energy, ...) and its allowed error, 0.1 to 1e-13. A case is a scene and an error. Errors are taken against "
-        "certified solutions, or long double Taylor series at two tolerances.",
+        "certified solutions or long double Taylor series: of states in max norm, of energies over the sizes of H's "
+        "terms.",
         "Each integrator is run from the widest step (or loosest tolerance) that works down to round-off, and "
         f"dropped once it takes more than {KEEP:g} times the shortest time known at its error at {LOSING} steps in a "
         "row without coming nearer (data/front_dropped.csv).",
@@ -239,9 +241,9 @@ PAGE = Page(
     limits=(
         "Left out: heyoka-batch, which carries the same orbit in every lane (a throughput, not the time of one "
         "orbit); SciPy with a Python right-hand side; heyoka's parallel_mode, since everything runs on one core.",
-        f"Above {SMALL} degrees of freedom this project's explicit, one-stage, Gauss and relaxation methods compete; "
-        f"the others take minutes to compile there, and so do Gauss methods of more than {UNKNOWNS} unknowns a step "
-        "to run.",
+        f"Above {SMALL} degrees of freedom only this project's explicit, one-stage, Gauss and relaxation methods "
+        f"compete: the others take minutes to compile there. Gauss methods of more than {UNKNOWNS} unknowns a step, "
+        "which take minutes to run, are left out, too.",
         f"From {COMPACT // 2 + 1} degrees of freedom on heyoka is searched in compact_mode, and without it as far as "
         f"a tolerance compiles in {PREPARING:g} s; below, the other way around. It is timed in both modes, but not "
         f"unrolled above {UNROLLED} variables.",
@@ -257,7 +259,7 @@ PAGE = Page(
         f"Swept again, from the beginning: {join_list(again.scenes(), again.COUNT)}, drawn with seed {again.SEED} from "
         f"the {len(again.CHEAP)} scenes that take some 15 s. The slow scenes were not repeated.",
         f"An interval is where a further sweep's median lies in {100 * LEVEL:.0f} % of the cases, judged by how far "
-        "two sweeps differ for runs of about the same length (below 25 us, below 100 us, longer).",
+        "two sweeps differ for runs of about the same length (below 25 µs, below 100 µs, longer).",
         "A peer is dropped only by comparison with peers, a method of this project only with such methods.",
         f"Every scene has a page: {', '.join(f'[{q.id}](trade-{q.id}.md)' for q in QUESTIONS)}.",
     ),

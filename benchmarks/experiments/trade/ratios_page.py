@@ -44,17 +44,20 @@ def share(front: pd.DataFrame) -> Verdict:
         "This project's fastest method takes no longer than the fastest peer",
         Count(len(found) - len(slow), len(found)),
         at_least(OFTEN),
-        "cells",
+        "cases",
         where=_slowest(slow),
     )
 
 
 def _slowest(slow: pd.DataFrame) -> str:
-    """Return a text: the scene with the most cases in which a peer is faster, and their number; "" if there is none."""
+    """Return a text: the scene with the most cases in which a peer is faster, and their number; "" if there is none.
+
+    ``slow`` has a row for each case (a scene at an accuracy) in which a peer is faster.
+    """
     if slow.empty:
         return ""
     scenes = slow.groupby("scene", sort=False).size()
-    return f"{scenes.idxmax()}: {scenes.max()} cells slower"
+    return f"{scenes.idxmax()}: slower in {scenes.max()} cases"
 
 
 @of_choices()
@@ -63,7 +66,7 @@ def everywhere(front: pd.DataFrame) -> Verdict:
     found = cells(front)
     shares = (found["ratio"] <= WANTED).groupby(found["accuracy"]).mean().sort_index(ascending=False)
     return Verdict(
-        "At every error ours takes no longer in nearly every scene",
+        "At every error this project takes no longer than peers in nearly every scene",
         Range(shares.min(), shares.max()),
         at_least(OFTEN),
         "of the scenes",
@@ -82,10 +85,10 @@ def explanations(front: pd.DataFrame, rungs: pd.DataFrame) -> Verdict | None:
         return None
     unknown = found[found["reason"].isna()]
     return Verdict(
-        "The measured steps and evaluations explain every cell where ours is slower",
+        "Measured steps and evaluations explain every case in which this project is slower",
         Count(len(found) - len(unknown), len(found)),
         EVERY,
-        "cells",
+        "cases",
         where=", ".join(f"{r['scene']} to {r['accuracy']:g}" for _, r in unknown.head(3).iterrows()),
     )
 
@@ -108,9 +111,10 @@ def answer(front: pd.DataFrame) -> str:
 @of_choices(RUNGS)
 @style.styled
 def draw(front: pd.DataFrame, rungs: pd.DataFrame, folder: Path) -> list[Picture]:
-    """Draw the share of scenes in which this project is no slower, by accuracy, and the factors of the other ratios.
+    """Draw in which share of the scenes this project is no slower than peers, by accuracy; and why it is slower.
 
-    The factors of a ratio of times are the ratio of the numbers of steps and that of the times of a step.
+    A ratio of times is the product of two factors, the ratio of the numbers of steps and that of the times of a step;
+    the cases in which this project is slower are points in the plane of the two.
     """
     found, slow = cells(front), above(front, rungs)
     figure, ((left, right),) = style.panels(1, 2, 3.4)
@@ -134,7 +138,7 @@ def draw(front: pd.DataFrame, rungs: pd.DataFrame, folder: Path) -> list[Picture
         right.legend(loc="best")
     caption = (
         "Left: the share of the scenes in which ours takes no longer than the best peer (dotted: wanted). Right: "
-        "the cells in which it takes longer, by the two factors of the ratio; on the line both take as long."
+        "the cases in which it takes longer, by the two factors of the ratio; on the line both take as long."
     )
     return [Picture(style.save(figure, folder, "trade-ratios.png"), "ours over the best peer", caption)]
 
@@ -176,7 +180,7 @@ def table(front: pd.DataFrame, rungs: pd.DataFrame) -> Table | None:
         for r in order.sort_values("ratio", ascending=False, kind="stable").to_dict("records")
     ]
     caption = (
-        "Cells in which ours takes longer: the worst of each scene first, then the next worst. Why: the reason; "
+        "Cases in which ours takes longer: the worst of each scene first, then the next worst. Why: the reason; "
         "steps and a step's time, ours over the peer's; the share of our time that its evaluations take at their "
         "cheapest; the growth of both sides' steps since the last error at which ours was no slower."
     )
@@ -202,7 +206,7 @@ PAGE = Page(
     question="On which scenes and accuracies are the established integrators faster, and why?",
     tables=(CHOICES, FINALS, TIMES, RUNGS),
     setting=(
-        f"A cell is one of {len(QUESTIONS)} scenes and an error from 0.1 to 1e-13 that some integrator reaches. Its "
+        f"A case is one of {len(QUESTIONS)} scenes and an error from 0.1 to 1e-13 that some integrator reaches. Its "
         "ratio is the time of this project's fastest method over that of the fastest of other packages "
         "at their best settings.",
         "Both run in turns, warm, without output; the interval of a ratio is where a further sweep lies. All is "
@@ -225,8 +229,10 @@ PAGE = Page(
         "fastest.",
         "The order of a Taylor series follows the tolerance: its steps hardly grow in number, but each gets dearer.",
         "The fastest is the fastest found; who was dropped on the way is in data/front_dropped.csv.",
-        "Cells that no side reaches are left out. Factors of steps or of a step's time up to "
-        f"{ALIKE:g} count as the same; at least {100 * OFTEN:.0f} % of the cells are wanted.",
+        "Cases that no side reaches are left out. Factors of steps or of a step's time up to "
+        f"{ALIKE:g} count as the same; at least {100 * OFTEN:.0f} % of the cases are wanted.",
+        "On the page of [the trade](trade.md) a ratio whose interval comes close to 1 is a tie, too: there peers win "
+        "fewer cases.",
     ),
     command="pytest benchmarks/experiments/trade",
 )

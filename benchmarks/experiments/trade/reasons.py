@@ -68,8 +68,9 @@ def above(front: pd.DataFrame, rungs: pd.DataFrame) -> pd.DataFrame:
 
     Added columns: ``steps`` and ``step``, the two factors of the ratio; ``per step``, evaluations in a step of our
     method; ``share``, the share of its time that they take at the scene's `price`; ``evaluations alone``, the ratio
-    times that share; ``until``, the finest coarser accuracy at which the ratio is at most `WANTED`; ``ours grew``,
-    ``peer grew``, the growth of either side's number of steps since then; ``reason``, a key of `MEANING` or None.
+    times that share; ``until``, the last coarser accuracy at which the ratio is at most `WANTED`; ``ours grew``,
+    ``peer grew``, each side's number of steps over that at the accuracy ``until``; ``reason``, a key of `MEANING` or
+    None.
     """
     told, rows = cells(front), []
     prices = {scene: price(part) for scene, part in rungs.groupby("scene", sort=False)}
@@ -105,7 +106,7 @@ def _parts(row: dict, cheapest: float) -> dict[str, float]:
 def _growth(row: dict, scene: pd.DataFrame) -> dict[str, float]:
     """Return how both sides' numbers of steps grew from the last coarser accuracy at which ours was fast enough.
 
-    They are the columns ``until``, ``ours grew`` and ``peer grew`` that `above` describes; NaN if there is no such
+    The dict has the columns ``until``, ``ours grew`` and ``peer grew`` that `above` describes; NaN if there is no such
     accuracy.  ``row`` is a case (a scene at an accuracy), ``scene`` has all cases of its scene.
     """
     before = scene[(scene["accuracy"] > row["accuracy"]) & (scene["ratio"] <= WANTED)]
@@ -117,7 +118,11 @@ def _growth(row: dict, scene: pd.DataFrame) -> dict[str, float]:
 
 
 def _reason(row: dict, parts: dict[str, float]) -> str | None:
-    """Return the reason why a case's ratio of times is above `WANTED`, a key of `MEANING`; None if no row shows it."""
+    """Return the reason why a case's ratio of times is above `WANTED`, a key of `MEANING`.
+
+    ``row`` is the case, a row of `cells`; ``parts`` are the columns of `_parts` and `_growth`.  None if the numbers of
+    steps are not known.
+    """
     if row["ratio"] == inf:
         return UNREACHED
     if row["ratio low"] <= WANTED:
@@ -146,7 +151,7 @@ def sentence(row: dict, rungs: pd.DataFrame) -> str:
 
 
 def _nearest(row: dict, rungs: pd.DataFrame) -> str:
-    """Return a text: the least error of this project's methods on the row's scene."""
+    """Return a text: the least error of this project's methods on the scene of ``row``, in all runs ``rungs``."""
     own = rungs[(rungs["scene"] == row["scene"]) & (rungs["kind"] == PROJECT) & (rungs["error"] > 0)]
     if own.empty:
         return "no run of ours is kept"

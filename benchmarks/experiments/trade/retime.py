@@ -11,7 +11,9 @@ from functools import cache
 from pathlib import Path
 
 from phasebench.benchmarks.ladder.final import rounds
+from phasebench.benchmarks.ladder.rung import Task
 from phasebench.benchmarks.measure import clock, timing
+from phasebench.benchmarks.measure.named_quantities import quantity
 from phasebench.benchmarks.problems.questions import BY_ID
 from phasebench.benchmarks.store import tables
 from phasebench.benchmarks.store.cells import Rows
@@ -53,14 +55,15 @@ def measure_rows(scene: str, sweep: int, stored: tuple[Final, ...]) -> Rows:
     ``stored`` are the `finals` of the scene: its few fastest integrators with their steps and tolerances.  Returns
     {`TABLE`: rows}, for each finalist the median seconds with their interval.
     """
-    question = BY_ID[scene]
-    made, by_label = question.build_problem(), {c.label: c for c in competitors()}
-    clocks = clock.Clocks(made, question.t_end)
+    question, by_label = BY_ID[scene], {c.label: c for c in competitors()}
+    made = question.build_problem()
+    task = Task(made, question.t_end, quantity(made, question.quantity))
     rows = []
     for accuracy in dict.fromkeys(line[0] for line in stored):
         members = [line for line in stored if line[0] == accuracy]
-        clocks.sharing = sharing = clock.Sharing()
-        work = {k: clocks.of(by_label[m[2]], steps=m[3], tol=m[4]) for k, m in enumerate(members)}
+        task.clocks.sharing = sharing = clock.Sharing()
+        sizes = ({"tol": tol} if steps is None else {"steps": steps} for *_, steps, tol, _ in members)
+        work = {k: task.timer(by_label[m[2]], size) for k, (m, size) in enumerate(zip(members, sizes, strict=True))}
         found = timing.in_turns(work, rounds((line[-1] for line in members), *FINAL))
         for k, (_, side, label, *_) in enumerate(members):
             told = timing.median(found[k])

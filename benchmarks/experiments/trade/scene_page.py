@@ -125,9 +125,9 @@ def _answer(question: Question) -> Callable:
             return f"No integrator reaches an error of {found['accuracy'].max():g}."
         fine, coarse = reached[0], reached[-1]
         return (
-            f"Of {len(found)} errors from {found['accuracy'].max():g} to {found['accuracy'].min():g}, phasebench is "
-            f"the fastest at {ours}, other packages at {peers}: {winner(coarse)} for "
-            f"{coarse['accuracy']:g}, {winner(fine)} for {fine['accuracy']:g}."
+            f"Ties aside, phasebench is the fastest at {ours} of {len(found)} errors from "
+            f"{found['accuracy'].max():g} to {found['accuracy'].min():g}, other packages at {peers}: {winner(coarse)} "
+            f"for {coarse['accuracy']:g}, {winner(fine)} for {fine['accuracy']:g}."
         )
 
     return answer

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import wraps
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -23,6 +23,7 @@ import pandas as pd
 from phasebench.benchmarks.measure.timing import OURS, PEERS
 from phasebench.benchmarks.page.page import Data, of
 
+from .choice import TIE
 from .front import CHOICES, FINALS, SHOWN
 from .retime import TABLE as TIMES
 
@@ -105,6 +106,48 @@ def coverage(finals: pd.DataFrame, times: pd.DataFrame) -> dict[str, tuple[int, 
         interval, third = join_sweeps(values, size)[told], values.loc[told, CHECK]
         out[name] = int(third.between(interval["low"], interval["high"]).sum()), int(told.sum())
     return out
+
+
+class Agreement(NamedTuple):
+    """Agreement of a sweep that was made again, from the first step on, with the fastest integrators of joined sweeps.
+
+    Attributes
+    ----------
+    pairs : number of cases (scene and accuracy) in both
+    same : number of cases with the same fastest integrator in both
+    tied : number of cases whose two fastest integrators differ but are tied: the interval of their times' ratio, from
+        the joined sweeps, comes within the factor `TIE` of 1
+    apart : for each case that is neither, a text with the scene, the accuracy and the two integrators
+    """
+
+    pairs: int
+    same: int
+    tied: int
+    apart: tuple[str, ...]
+
+
+def agreement(finals: pd.DataFrame, times: pd.DataFrame, again: pd.DataFrame) -> Agreement:
+    """Compare the fastest integrators of the joined sweeps with those of a sweep made again.
+
+    ``finals`` has the first timing of every finalist, ``times`` the later ones, and ``again`` a row for each finalist
+    of the sweep made again.  Two integrators of which one was no finalist in the joined sweeps are not tied.
+    """
+    case = ["scene", "accuracy"]
+    table = sweeps(finals, times)
+    mean = np.exp(np.log(table[list(JOINED)]).mean(axis=1)).rename("mean").reset_index()
+    first = mean.loc[mean.groupby(case)["mean"].idxmin()].set_index(case)["integrator"]
+    second = again.loc[again.groupby(case)["seconds"].idxmin()].set_index(case)["integrator"]
+    both = first.index.intersection(second.index)
+    seconds = table.droplevel("side")
+    differ = [key for key in both if first[key] != second[key]]
+    known = [key for key in differ if (*key, second[key]) in seconds.index]
+    one, other = (seconds.loc[[(*key, names[key]) for key in known], list(JOINED)] for names in (first, second))
+    ratios = pd.DataFrame(other.to_numpy() / one.to_numpy(), columns=list(JOINED))
+    ratios = pd.concat([pairs(table), ratios.assign(shorter=one.mean(axis=1).to_numpy())], ignore_index=True)
+    interval = join_sweeps(ratios, ratios["shorter"]).tail(len(known))
+    tied = [key for key, low in zip(known, interval["low"], strict=True) if low <= TIE]
+    apart = (f"{s} to {a:g} ({first[s, a]}, then {second[s, a]})" for s, a in differ if (s, a) not in tied)
+    return Agreement(len(both), len(both) - len(differ), len(tied), tuple(apart))
 
 
 def join_choices(front: pd.DataFrame, finals: pd.DataFrame, times: pd.DataFrame | None) -> pd.DataFrame:

@@ -19,7 +19,8 @@ def cells(quick: bool = False) -> list:
 def off(rows: list[dict]) -> list[str]:
     """Return a message for each failed run, and for each run whose method does not preserve an invariant as declared.
 
-    The invariants are the energy, and the charge, a form q.D p.  A row is a method on a wave equation with one step.
+    The invariants are the energy, and the charge, a form q.D p.  ``rows`` are those of the table "pde", one
+    for each method on each wave equation with each step size.
     """
     out = []
     for r in (r for r in rows if r["status"] != SKIPPED):
@@ -43,9 +44,11 @@ def bench_invariants(measured_rows: Callable[[str], list[dict]]) -> None:
 
 
 def failures(rows: list[dict]) -> list[str]:
-    """Return a message for each failed run, and for each box scheme that is not multisymplectic as declared.
+    """Return a message for each failed run, and for each run of a box scheme that contradicts its declaration.
 
-    A row is a run of a box scheme: it has the residual of the multisymplectic law, and the unit of its round-off.
+    A scheme declared multisymplectic must keep the multisymplectic law, and any other must not.  ``rows`` are runs of
+    box schemes, each with the residual of the multisymplectic law and the size of one unit of round-off of the
+    residual.
     """
     out = []
     for r in rows:

@@ -117,8 +117,9 @@ def measure(
 
     Returns the columns of a row: for each law the largest residual, its largest term and the size of one unit of
     round-off; the errors of the total energy and of the total ``invariant``, a function of y; the number of steps
-    without an energy-preserving parameter, and the largest parameter.  The multisymplectic law is measured on the two
-    tangents (solutions of the linearized scheme) that belong to each step.
+    in which no parameter of the scheme's tableau conserves the energy, and the largest absolute value of the parameter
+    (0 if the scheme has none).  The multisymplectic law is measured on the two tangents (solutions of the linearized
+    scheme) that belong to each step.
 
     One unit of round-off is eps (D^2 + 1 / h) times the product of two tangents, and eps D^2 / h times that of two
     values, with D from `steepest`: in the highest mode, the last digit of a value grows by this factor.

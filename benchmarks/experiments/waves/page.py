@@ -32,8 +32,8 @@ def _ran(frame: pd.DataFrame) -> pd.DataFrame:
 def _count_preserving(ran: pd.DataFrame, what: str, declared: str) -> tuple[Count, str]:
     """Return (count of the runs that preserve ``what``, text with the methods that do not).
 
-    ``what`` is "energy" or "invariant".  Only runs count whose method is declared, in the column ``declared``, to
-    preserve it to round-off.
+    ``ran`` has the completed runs; ``what`` is "energy" or "invariant".  Only runs count whose method is declared, in
+    the column ``declared``, to preserve it to round-off.
     """
     says = ran[ran[declared] == ROUND_OFF]
     kept = says[f"{what} is kept"]
@@ -64,7 +64,10 @@ def energy(frame: pd.DataFrame) -> Verdict:
 
 @of("pde")
 def charge(frame: pd.DataFrame) -> Verdict:
-    """Judge whether methods declared to preserve invariants q.D p keep the charge of the Klein-Gordon equation."""
+    """Judge whether methods declared to preserve invariants q.D p keep the charge of the Klein-Gordon equation.
+
+    ``frame`` has a row for each method on each wave equation with each step.
+    """
     count, lost = _charge(frame)
     return Verdict("Methods declared to keep invariants q·Dp keep the charge", count, EVERY, "runs", lost, FAIL)
 
@@ -80,7 +83,7 @@ def roots(frame: pd.DataFrame) -> Verdict | None:
         return None
     worst = ran.loc[ran["fallbacks"].idxmax()]
     return Verdict(
-        "Every step has a parameter λ that keeps the energy",
+        "Every step of Schemes IV and V has a λ that keeps the energy",
         int(ran["fallbacks"].sum()),
         at_most(0),
         "steps without",
@@ -97,8 +100,8 @@ def answer(frame: pd.DataFrame) -> str | None:
     text = "On discretized Schrödinger and Klein–Gordon waves, energy-preserving methods hold the energy"
     text += f" in {energies.n} of {energies.of} runs"
     missed = int(_ran(frame)["fallbacks"].sum())
-    text += f", but on {missed} steps without a root" if missed else ""
-    return f"{text}; the charge in {charges.n} of {charges.of}." if charges.of else f"{text}."
+    text += f", except on {missed} steps" if missed else ""
+    return f"{text}; {charges.n} of {charges.of} runs declared to keep the charge do." if charges.of else f"{text}."
 
 
 @of("pde")
@@ -113,11 +116,9 @@ def draw(frame: pd.DataFrame, folder: Path) -> list[Picture] | None:
         for axes, name in zip(panels, problems, strict=True):
             for k, method in enumerate(methods):
                 part = ran[(ran["problem"] == name) & (ran["method"] == method)]
-                look = style.curve(k) if k < len(style.CURVES) else {"color": style.GREY, "marker": "*"}
-                axes.loglog(part["seconds"], part["energy error"].clip(lower=1e-17), label=method, **look)
+                axes.loglog(part["seconds"], part["energy error"].clip(lower=1e-17), label=method, **style.curve(k))
             axes.set(title=name, xlabel="warm integration (s)")
             axes.grid(color="0.93", linewidth=0.5)
-            style.plain_ticks(axes.xaxis)
         panels[0].set_ylabel("energy error")
         style.legend_above(figure, panels[0], 4)
     caption = (

@@ -115,15 +115,21 @@ def two_form(rows: pd.DataFrame) -> Verdict:
 
 @_of_cases
 def controls(rows: pd.DataFrame) -> Verdict:
-    """Judge whether each box scheme not declared multisymplectic breaks the multisymplectic law in each of its runs."""
+    """Judge whether each box scheme not declared multisymplectic breaks the multisymplectic law in each of its runs.
+
+    ``rows`` has a row for each equation and box scheme.
+    """
     rows = rows[~rows["declared"]]
     broken = _all(rows, rows["least"] > UNITS)
-    return Verdict("The other schemes, the controls, break it by more than round-off", *broken, FAIL)
+    return Verdict("Control schemes break the two-form's law by more than round-off", *broken, FAIL)
 
 
 @_of_cases
 def energy(rows: pd.DataFrame) -> Verdict:
-    """Judge whether the box schemes built to preserve the energy, in every mesh cell or in total, do so."""
+    """Judge whether the box schemes built to preserve the energy, in every mesh cell or in total, do so.
+
+    ``rows`` has a row for each equation and box scheme.
+    """
     rows = rows[rows["keeps"].isin(["cell", "total"])]
     kept = rows["cell energy kept"].where(rows["keeps"] == "cell", rows["total energy error"] <= KEPT).astype(bool)
     return Verdict("Schemes built to keep the energy, of every cell or in total, keep it", *_all(rows, kept), FAIL)
@@ -133,7 +139,7 @@ def energy(rows: pd.DataFrame) -> Verdict:
 def energy_order(rows: pd.DataFrame) -> Verdict:
     """Judge whether the residual of the energy law falls with the order in time of each multisymplectic scheme.
 
-    The measured order may be neither lower nor higher.
+    The measured order may be neither lower nor higher.  ``rows`` has a row for each equation and box scheme.
     """
     rows = rows[rows["declared"]]
     near = _all(rows, (rows["energy order"] - rows["order"]).abs() < NEAR)
@@ -182,14 +188,12 @@ def draw(frame: pd.DataFrame, folder: Path) -> list[Picture] | None:
         for column, name in enumerate(names):
             for k, scheme in enumerate(schemes):
                 part = rows[(rows["equation"] == name) & (rows["scheme"] == scheme)]
-                look = style.curve(k) if k < len(style.CURVES) else {"color": style.GREY, "marker": "*"}
                 relative = part[TWO_FORM] / part[f"{TWO_FORM}, largest term"]
                 for axes, values in zip(grid[:, column], (relative, part[ENERGY]), strict=True):
-                    axes.loglog(part["h"], np.maximum(values, 1e-17), label=scheme, **look)
+                    axes.loglog(part["h"], np.maximum(values, 1e-17), label=scheme, **style.curve(k))
                     axes.grid(color="0.93", linewidth=0.5)
             grid[0, column].set_title(name)
             grid[1, column].set_xlabel("$h$")
-            style.plain_ticks(grid[1, column].xaxis)
         grid[0, 0].set_ylabel("two-form, relative")
         grid[1, 0].set_ylabel("energy law")
         style.legend_above(figure, grid[0, 0], 4)

@@ -24,7 +24,11 @@ def cells(quick: bool = False) -> list[Cell]:
 
 
 def off(rows: list[dict]) -> list[str]:
-    """Return a message for each splitting whose early positions differ from REBOUND's by `APART` or more."""
+    """Return a message for each splitting whose early positions differ from REBOUND's by `APART` or more.
+
+    ``rows`` are those of the table "wisdom_holman", one for each splitting and step, run by this project and by
+    REBOUND.
+    """
     return [
         f"{r['method']} on {r['problem']}, h = {r['h']}: {r['distance of early positions']:.1e} from REBOUND's"
         for r in rows

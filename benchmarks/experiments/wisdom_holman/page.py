@@ -45,7 +45,7 @@ VECTORS, SCALAR = "rebound-whfast512-corrector-17", "rebound-whfast-corrector-17
 def same(frame: pd.DataFrame) -> Verdict | None:
     """Judge whether this project's energy errors equal REBOUND's for the same splitting and step.
 
-    Errors near round-off do not count; None if all are.
+    Errors near round-off do not count; None if all are.  ``frame`` has a row for each splitting, problem and step.
     """
     truncated = frame[(frame[ERROR] > ROUND_OFF) & (frame[THEIR_ERROR] > ROUND_OFF)]
     if truncated.empty:
@@ -66,7 +66,8 @@ def same(frame: pd.DataFrame) -> Verdict | None:
 def cost(frame: pd.DataFrame) -> Verdict:
     """Judge whether a step takes at most `SLOWER` times as long as REBOUND's of the same splitting, on every problem.
 
-    The time ratio of a problem is the median over splittings and steps.
+    The time ratio of a problem is the median over splittings and steps.  ``frame`` has a row for each splitting,
+    problem and step.
     """
     medians = frame.groupby("problem", sort=False)["time ratio"].median()
     return Verdict(
@@ -106,7 +107,10 @@ def _cheapest_columns(side: str, best: pd.Series | None) -> dict[str, str]:
 
 @of(TABLE)
 def winners(rivals: pd.DataFrame) -> Verdict | None:
-    """Judge whether this project's splittings are the fastest at an energy error at least as often as REBOUND's."""
+    """Judge whether this project's splittings are the fastest at an energy error at least as often as REBOUND's.
+
+    ``rivals`` has all splittings of both at each step; None if none ran.
+    """
     lines = cheapest(rivals)
     if lines.empty:
         return None
@@ -179,12 +183,15 @@ def draw(data: Data, folder: Path) -> list[Picture]:
 
 @of("wisdom_holman")
 def _pairs(frame: pd.DataFrame, folder: Path) -> Picture:
-    """Draw energy error against time of this project's splittings and of the same ones in REBOUND."""
+    """Draw energy error against time of this project's splittings and of the same ones in REBOUND.
+
+    ``frame`` has a row for each splitting, problem and step; the figure is saved in ``folder``.
+    """
     methods = list(dict.fromkeys(frame["method"]))
 
     def curves(axes: Axes, part: pd.DataFrame) -> None:
         for k, method in enumerate(methods):
-            rows, look = part[part["method"] == method], style.curve(k % len(style.CURVES))
+            rows, look = part[part["method"] == method], style.curve(k)
             axes.loglog(rows["ns per step"] / rows["h"], rows[ERROR], label=method, **look)
             theirs = {"linestyle": ":", "marker": look["marker"], "markerfacecolor": "none", "color": look["color"]}
             axes.loglog(rows["REBOUND's ns per step"] / rows["h"], rows[THEIR_ERROR], **theirs)
@@ -234,7 +241,6 @@ def _panels(frame: pd.DataFrame, curves: Callable[[Axes, pd.DataFrame], None], f
             curves(axes, frame[frame["problem"] == name])
             axes.set(title=name, xlabel="ns a unit of time")
             axes.grid(color="0.93", linewidth=0.5)
-            style.plain_ticks(axes.xaxis)
         panels[0].set_ylabel("relative energy error")
         style.legend_above(figure, panels[0], 3)
         return style.save(figure, folder, file)
@@ -242,7 +248,10 @@ def _panels(frame: pd.DataFrame, curves: Callable[[Axes, pd.DataFrame], None], f
 
 @of(TABLE)
 def table(rivals: pd.DataFrame) -> Table | None:
-    """Return the page's table: the fastest splitting of this project and of REBOUND at each energy error."""
+    """Return the page's table: the fastest splitting of this project and of REBOUND at each energy error.
+
+    ``rivals`` has all splittings of both at each step; None if none ran.
+    """
     lines = cheapest(rivals)
     if lines.empty:
         return None

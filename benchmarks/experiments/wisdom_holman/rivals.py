@@ -35,7 +35,7 @@ TABLE = "wisdom_holman_rivals"
 def rivals() -> list[Integrator]:
     """List all Wisdom-Holman integrators to compare: this project's, then REBOUND's in all their settings.
 
-    This project's splitting with a corrector occurs with each corrector.
+    This project's splitting with a symplectic corrector is listed once for each order of the corrector.
     """
     ours = [m for m in METHODS if m.family == "wisdom_holman" and not m.parameters]
     corrected = [method("wisdom-holman-corrector", corrector=n) for n in CORRECTORS]

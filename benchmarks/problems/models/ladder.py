@@ -1,5 +1,6 @@
 """`Ladder`: a problem with a span and a quantity to compute, and simplified models of it, up to the full problem.
 
+It serves to compare the error that a simplification makes in the quantity with the errors and times of integrations.
 A model is a system with a map of its solution to the full system's (q, p).
 The map gives NaN for what the model does not describe, such as bodies that it leaves out.
 """
@@ -38,7 +39,7 @@ class Rung:
     lift : function (full problem, t, q, p) -> (Q, P), which maps rows of the model's solution to rows of the full one;
         t are times of the full problem
     rate : the model's time over that of the full problem: at time t of the full problem the model is at ``rate`` t
-    steps : the number of steps of its coarsest run; 0: that of the `Ladder`
+    steps : the number of steps of its coarsest run, doubled for each finer run; 0: that of the `Ladder`
     """
 
     name: str
@@ -57,7 +58,7 @@ class Ladder:
     id : kebab-case name
     problem, parameters : of the full problem: ``id:orbit``, and pairs (name, value) of its parameters
     t_end, quantity : the end of the span, and the name of the quantity to be computed
-    steps : the number of steps of the coarsest run
+    steps : the number of steps of the coarsest run of a model, doubled for each finer run
     rungs : the models (`Rung`), from the simplest to the full one
     """
 

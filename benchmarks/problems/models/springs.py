@@ -12,10 +12,11 @@ from .ladder import Rung, model_problem
 
 
 def soft_chain(order: int, omega: float = fpu.PARAMETERS["omega"]) -> Problem:
-    """Make the Fermi-Pasta-Ulam chain with only the soft springs moving, the stiff ones (frequency omega) averaged.
+    """Make a model of the Fermi-Pasta-Ulam chain: only the soft springs move, the stiff ones are averaged.
 
-    ``order`` selects the terms of size 1 / omega^2 that the stiff springs add to H: 0 none, 1 those that result if each
-    stiff spring keeps its energy, 2 all.
+    omega is the frequency of the stiff springs.  ``order`` selects the terms of size 1 / omega^2 that they add to H:
+    with 0 none, so that they are rigid; with 1 the mean effect of their oscillations, each at constant energy; with 2
+    all such terms (see `fpu_models`).
     """
     full = problem("fpu", omega=omega)
     m = full.system.d // 2
@@ -50,11 +51,12 @@ def _with_springs(full: Problem, t: np.ndarray, q: np.ndarray, p: np.ndarray) ->
 def fpu_models() -> tuple[Rung, ...]:
     r"""Return the models of the Fermi-Pasta-Ulam chain, from rigid stiff springs to the full problem.
 
-    There are four.  The stiff springs are rigid; or each adds the mean effect of its oscillation, at constant energy I,
-    to the potential U of the soft springs, :math:`\tfrac12 U_{q_1q_1}\langle q_1^2\rangle` with
-    :math:`\langle q_1^2\rangle = I/\omega^2`; or the other terms of order :math:`\omega^{-2}` are added as well; or the
-    stiff springs move.  These other terms are the energy :math:`-U_{q_1}^2/(2\omega^2)` of the springs' displacement by
-    the soft forces, and a correction of the initial slow momenta to their mean :math:`p_0 - U_{q_0q_1}p_1/\omega^2`.
+    There are four models.  In the first the stiff springs are rigid.  In the second each of them adds the mean effect
+    of its oscillation, at constant energy I, to the potential U of the soft springs:
+    :math:`\tfrac12 U_{q_1q_1}\langle q_1^2\rangle` with :math:`\langle q_1^2\rangle = I/\omega^2`.  The third has two
+    corrections of order :math:`\omega^{-2}` more: the energy :math:`-U_{q_1}^2/(2\omega^2)` of the stiff springs'
+    displacement by the soft forces, and a shift of the initial slow momenta to their mean
+    :math:`p_0 - U_{q_0q_1}p_1/\omega^2`.  The fourth is the full problem.
     """
     names = ("rigid springs", "averaged, invariants frozen", "averaged, all of order 1/omega^2")
     slow = (Rung(name, lambda k=k: soft_chain(k), _with_springs, steps=20) for k, name in enumerate(names))
