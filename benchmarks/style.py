@@ -11,6 +11,7 @@ import io
 import math
 from collections.abc import Callable, Iterable
 from functools import partial
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -41,8 +42,8 @@ CURVES = (
 WIDTH = 7.0
 DPI = 130
 COLOURS = 256
-#: Least inches along an axis for the label of a tick.
-ROOM = 0.4
+#: Least inches between the labels of two ticks.
+ROOM = 0.45
 #: Vector formats by file ending, with the metadata to leave out so that files are reproducible.
 VECTORS = {".svg": {"Date": None, "Creator": None}, ".pdf": {"CreationDate": None, "Creator": None, "Producer": None}}
 
@@ -172,8 +173,8 @@ def decades(axes: Axes) -> None:
 def plain_ticks(axis: Axis, inches: float) -> None:
     """Label a logarithmic axis that is ``inches`` long so that no labels overlap; an axis with ticks of its own stays.
 
-    If it spans less than a factor 100, there are labels between the powers of ten: at 1, 2 and 5 times these or, if a
-    label had less than `ROOM` inches, at 1 and 3 times.  Minor ticks have none.
+    If it spans less than a factor 100, there are labels between the powers of ten, too: as many as have `ROOM` inches
+    each.  Minor ticks have none.
     """
     from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullFormatter
 
@@ -181,12 +182,12 @@ def plain_ticks(axis: Axis, inches: float) -> None:
         return
     low, high = sorted(axis.get_view_interval())
     if high < 100 * low:
-        powers = [10.0**k for k in range(math.floor(math.log10(low)), math.ceil(math.log10(high)))]
-        for factors in ((1, 2, 5), (1, 3)):
-            ticks = [x * power for power in powers for x in factors if low <= x * power <= high]
-            if len(ticks) * ROOM < inches:
+        decade = inches / math.log10(high / low)
+        for factors in ((1, 2, 3, 5, 7), (1, 2, 5), (1, 3)):
+            if min(math.log10(b / a) for a, b in pairwise((*factors, 10))) * decade > ROOM:
                 break
-        axis.set_major_locator(FixedLocator(ticks))
+        powers = [10.0**k for k in range(math.floor(math.log10(low)), math.ceil(math.log10(high)))]
+        axis.set_major_locator(FixedLocator([x * power for power in powers for x in factors]))
         axis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
     axis.set_minor_formatter(NullFormatter())
 

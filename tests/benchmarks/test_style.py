@@ -43,7 +43,7 @@ def boxes(figure, axis):
 
 
 @pytest.mark.parametrize("columns", [1, 3, 4])
-@pytest.mark.parametrize("span", [(2e-5, 1.1e-4), (1.7e-6, 5.5e-5), (130, 4800), (1e-8, 1.0)])
+@pytest.mark.parametrize("span", [(2e-5, 1.1e-4), (1.7e-6, 5.5e-5), (130, 4800), (1300, 45000), (60, 200), (1e-8, 1.0)])
 @pytest.mark.parametrize("inverted", [False, True])
 def test_labels_of_a_logarithmic_axis_do_not_overlap(columns, span, inverted, tmp_path):
     with style.settings():
