@@ -10,7 +10,6 @@ import functools
 import io
 import math
 from collections.abc import Callable, Iterable
-from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -27,9 +26,9 @@ if TYPE_CHECKING:
 BLACK, ORANGE, SKY, GREEN, YELLOW, BLUE, VERMILION, PURPLE = (
     "#000000", "#e69f00", "#56b4e9", "#009e73", "#f0e442", "#0072b2", "#d55e00", "#cc79a7",
 )  # fmt: skip
-GREY = "#8c8c8c"
+GREY, BROWN = "#8c8c8c", "#7a5c00"
 
-#: (colour, line style, marker) of the curves of one panel, in order; any two differ in all three.
+#: (colour, line style, marker) of the curves of one panel, in order; any two differ in colour and marker.
 CURVES = (
     (BLUE, "-", "o"),
     (VERMILION, "--", "s"),
@@ -38,6 +37,8 @@ CURVES = (
     (PURPLE, (0, (5, 1, 1, 1, 1, 1)), "v"),
     (ORANGE, (0, (8, 2)), "P"),
     (SKY, (0, (2, 1)), "X"),
+    (GREY, (0, (3, 1)), "*"),
+    (BROWN, "-", "h"),
 )
 WIDTH = 7.0
 DPI = 130
@@ -113,8 +114,7 @@ def _figure_class() -> type[Figure]:
 def curve(index: int, points: int = 0, marks: int = 12) -> dict:
     """Return the plot keywords of the ``index``-th curve of a panel: its colour, line style and marker.
 
-    Curves after the first seven, of `CURVES`, have their colours again, with the line style of another and the marker
-    of a third.
+    Curves after those of `CURVES` have their colours again, with the line style of another and the marker of a third.
     ``points`` is the number of points of the curve.  About ``marks`` of them get a marker, not the same ones on each
     curve; if ``points`` is 0, all of them do.
     """
@@ -132,8 +132,7 @@ def curve(index: int, points: int = 0, marks: int = 12) -> dict:
 
 def looks() -> list[dict]:
     """Return a list of plot keywords for up to nine curves of one panel, each with its own colour, line and marker."""
-    more = ((GREY, (0, (3, 1)), "*"), ("#7a5c00", "-", "h"))
-    return [dict(zip(("color", "linestyle", "marker"), look, strict=True)) for look in (*CURVES, *more)]
+    return [curve(k) for k in range(len(CURVES))]
 
 
 def legend_above(figure: Figure, axes: Axes, columns: int) -> None:
@@ -141,8 +140,9 @@ def legend_above(figure: Figure, axes: Axes, columns: int) -> None:
 
     ``columns`` is the number of entries in a line of the legend; fewer stand there if it were wider than the figure.
     """
-    options = {"loc": "outside upper center", "handlelength": 3.4}
-    fit_legend(partial(figure.legend, *axes.get_legend_handles_labels(), **options), columns, figure.bbox.width)
+    curves = axes.get_legend_handles_labels()
+    make = functools.partial(figure.legend, *curves, loc="outside upper center", handlelength=3.4)
+    fit_legend(make, columns, figure.bbox.width)
 
 
 def fit_legend(make: Callable[..., Legend], columns: int, width: float) -> None:
@@ -163,11 +163,8 @@ def decades(axes: Axes) -> None:
 
     Call it after every panel that shares the axis is drawn, since it fixes the limits.
     """
-    from matplotlib.ticker import NullFormatter
-
     low, high = (math.log10(y) for y in axes.get_ylim())
     axes.set_ylim(10.0 ** math.floor(low), 10.0 ** math.ceil(high))
-    axes.yaxis.set_minor_formatter(NullFormatter())
 
 
 def plain_ticks(axis: Axis, inches: float) -> None:

@@ -332,7 +332,10 @@ def monitor(system: Hamiltonian, arithmetic: str) -> Function:
 
 
 def is_gauss(method: Method) -> bool:
-    """True if a variable-step method is based on a Gauss method (``data`` has one item), False if on a splitting."""
+    """True if the steps of this variable-step method are those of a Gauss method, False if of a splitting.
+
+    The record of the former has one item of ``data``, its number of stages.
+    """
     return len(method.data) == 1
 
 

@@ -195,8 +195,9 @@ def add_to_block(b, place, a, f, sums):
 
 @inline
 def mean_one_way(direction: Number, x: Value, e: Average) -> Value:
-    """h times the mean of the vector field along a path from (q, p) on which blocks of variables move one by one.
+    """Return h times the mean of the vector field along a path from (q, p) to (q, p) + x, the step's end.
 
+    On the path one block of variables moves after the other, each on a straight line.
     Each derivative of H is averaged over the motion of the block that its variable belongs to: q_i' = dH/dp_i over that
     of the block of p_i.  x has the increments of q and p at the end of the path, e the arguments of the
     equation; ``direction`` is -1 for the reverse path.  Returns a vector of 2 d components.

@@ -213,7 +213,7 @@ class Stages:
         return self.h * np.tensordot(self.scheme.b, self.T, 1)
 
     def linearize(self, u: np.ndarray, more: np.ndarray | float = 0.0) -> Tangent:
-        """Solve the scheme linearized about the step for the tangent that starts at u (N, m); returns a `Tangent`.
+        """Carry a tangent u, array (N, m), through the step by the scheme linearized about it; returns a `Tangent`.
 
         ``more``, array (s, N, m), is a further change of the stages, such as that by a change of the parameter alpha.
         """
@@ -235,7 +235,7 @@ def _magnitude(space: Division, y: np.ndarray) -> float:
 
 
 def solve_for_energy(space: Division, scheme: Scheme, y: np.ndarray, h: float, energy: float) -> tuple[Stages, bool]:
-    """Find the parameter of the tableau, nearest zero, with which a step from y ends at a given total energy.
+    """Find the tableau's parameter alpha, nearest zero, with which a step from y ends with the total energy ``energy``.
 
     The equation is solved by the secant method.  Returns (the `Stages` with that parameter, True), or (those with the
     parameter 0, False) if none is found.

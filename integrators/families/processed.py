@@ -104,7 +104,7 @@ def begin(method: Processed, carry: Carry, counts: np.record) -> ProcessedState:
 
 
 def start(method: Processed, y: ProcessedState) -> ProcessedState:
-    """Apply the processor and the first kick of the first step.
+    """Begin a run at the state y: apply the processor once, then the kick with which the first step begins.
 
     The number of evaluations, those of `finish` included, is left in the state for `step` to count.
     """

@@ -40,7 +40,7 @@ def errors(rows: pd.DataFrame, names: list[str], directory: Path, name: str) -> 
                 for i, method in enumerate(names):
                     curve = part[part["method"] == method].sort_values("orbits")
                     y = curve[quantity].clip(lower=FLOOR)
-                    ax.plot(curve["orbits"], y, label=method, **style.looks()[i % len(style.looks())])
+                    ax.plot(curve["orbits"], y, label=method, **style.curve(i))
                 ax.set(xscale="log", yscale="log")
                 ax.grid(color="0.9", linewidth=0.5)
                 if not np.isfinite(part[quantity]).any():
@@ -54,9 +54,7 @@ def errors(rows: pd.DataFrame, names: list[str], directory: Path, name: str) -> 
             step = max(1, int(np.ceil((high - low) / 6)))
             row[0].set_yticks(10.0 ** np.arange(np.ceil(low), high + 1e-9, step))
             row[0].minorticks_off()
-        handles = [
-            axes[0][0].plot([], [], label=m, **style.looks()[i % len(style.looks())])[0] for i, m in enumerate(names)
-        ]
+        handles = [axes[0][0].plot([], [], label=m, **style.curve(i))[0] for i, m in enumerate(names)]
         figure.legend(handles=handles, loc="outside upper center", ncols=3, handlelength=3.4)
         figure.align_ylabels()
     return style.save(figure, directory, name)
@@ -82,7 +80,7 @@ def work_precision(rows: pd.DataFrame, directory: Path, name: str = "kepler-cost
                     curve["seconds"],
                     curve["error"].clip(lower=FLOOR),
                     label=method,
-                    **style.looks()[i % len(style.looks())],
+                    **style.curve(i),
                 )
             ax.set(title=problem, xlabel="warm integration (s)")
             ax.grid(color="0.93", linewidth=0.5)

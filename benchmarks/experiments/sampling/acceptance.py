@@ -99,8 +99,9 @@ def propose(of: Hamiltonian, q: np.ndarray, p: np.ndarray, method: str, budget: 
 
 
 def acceptance(target: str, method: str, budget: int, n: int = DRAWS) -> dict[str, float]:
-    """Measure the expected acceptance of a method's proposals with ``budget`` gradient evaluations each.
+    """Measure the mean probability with which Hamiltonian Monte Carlo accepts a method's proposals.
 
+    A proposal is a trajectory of ``budget`` gradient evaluations.
     Returns a dict: "acceptance", "low" and "high" (its 95 % interval), "failed" (number of failed runs, which count as
     rejected) and "median energy error" (the median of |Delta H|).  ``n`` is the number of proposals; ``target`` is a
     key of `TARGETS`.

@@ -96,7 +96,7 @@ def entrants(task: Task) -> tuple[list[Integrator], dict[str, str]]:
 
 
 def near(task: Task, one: Climb, known: Known) -> bool:
-    """Return whether an integrator has a run that takes at most `NEAR` times the least known time at the run's error.
+    """Return whether a run of an integrator takes at most `NEAR` times the least time in which any reaches its error.
 
     Only then are its runs stored, unless it is a finalist.  ``one`` has its runs at ever smaller steps, ``known`` those
     of all competitors.  Always True for the method `race.REFERENCE`, whose runs are stored in any case.

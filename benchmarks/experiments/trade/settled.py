@@ -51,13 +51,18 @@ def sweeps(finals: pd.DataFrame, times: pd.DataFrame | None) -> pd.DataFrame:
     return table[table.index.isin(known)].reindex(columns=[*JOINED, CHECK])
 
 
+def _joined_seconds(table: pd.DataFrame) -> pd.DataFrame:
+    """Return the table of `sweeps` with the columns of `KEY` and ``mean``, the geometric mean of the joined timings."""
+    return np.exp(np.log(table[list(JOINED)]).mean(axis=1)).rename("mean").reset_index()
+
+
 def pairs(table: pd.DataFrame) -> pd.DataFrame:
     """Compute ratios of our best time to the best peer's: a row for each scene and accuracy, a column for each timing.
 
     ``table`` is that of `sweeps`: seconds of each finalist in each timing.  Each side has its best integrator by the
     joined timings; the column ``shorter`` is the shorter of the two times, in seconds.
     """
-    mean = np.exp(np.log(table[list(JOINED)]).mean(axis=1)).rename("mean").reset_index()
+    mean = _joined_seconds(table)
     best = mean.loc[mean.groupby(["scene", "accuracy", "side"])["mean"].idxmin(), KEY]
     by = {side: best[best["side"] == side].set_index(["scene", "accuracy"])["integrator"] for side in (OURS, PEERS)}
     rows = []
@@ -134,7 +139,7 @@ def agreement(finals: pd.DataFrame, times: pd.DataFrame, again: pd.DataFrame) ->
     """
     case = ["scene", "accuracy"]
     table = sweeps(finals, times)
-    mean = np.exp(np.log(table[list(JOINED)]).mean(axis=1)).rename("mean").reset_index()
+    mean = _joined_seconds(table)
     first = mean.loc[mean.groupby(case)["mean"].idxmin()].set_index(case)["integrator"]
     second = again.loc[again.groupby(case)["seconds"].idxmin()].set_index(case)["integrator"]
     both = first.index.intersection(second.index)

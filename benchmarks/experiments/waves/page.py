@@ -93,7 +93,10 @@ def roots(frame: pd.DataFrame) -> Verdict | None:
 
 @of("pde")
 def answer(frame: pd.DataFrame) -> str | None:
-    """Return the page's answer, a sentence: in how many runs on wave equations energy and charge are preserved."""
+    """Return the page's answer, a sentence: how many runs on wave equations preserve the energy, and how many the charge.
+
+    ``frame`` has a row for each run; counted are the runs of methods that are declared to preserve the quantity.
+    """
     (energies, _), (charges, _) = _energy(frame), _charge(frame)
     if not energies.of:
         return None
