@@ -8,15 +8,18 @@ from functools import lru_cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from phasebench.integrators.errors import unknown_name
+from phasebench.integrators.errors import InvalidInput, unknown_name
 
 from .index import PROBLEMS, plain, real_parameters
-from .user_file import is_file
+from .user_file import SUFFIXES, is_file
 
 if TYPE_CHECKING:
     from types import ModuleType
 
     from .base import Problem
+
+#: Characters of formulas; no name of a problem or orbit has one.
+OPERATORS = frozenset("*+^()")
 
 
 def problem(name: str | Path, **parameters: float | str) -> Problem:
@@ -28,10 +31,14 @@ def problem(name: str | Path, **parameters: float | str) -> Problem:
     Raises
     ------
     InvalidInput
-        For an unknown id, orbit or parameter (naming the nearest), a value outside its range, or a file that defines
-        no problem.
+        For an unknown id, orbit or parameter (naming the nearest), a formula, a value outside its range, or a file that
+        defines no problem.
     """
     path, orbit = file_and_orbit(str(name))
+    if OPERATORS & set(str(name)) and not (path or "").lower().endswith(SUFFIXES):
+        raise InvalidInput(
+            f"no problem has the name '{name}'; a formula is given by --hamiltonian, in Python by Hamiltonian(q, p, H)"
+        )
     if path is not None and path.lower().endswith(".csv"):
         from . import planetary
 

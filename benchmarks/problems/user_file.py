@@ -12,10 +12,13 @@ from pathlib import Path
 
 from phasebench.integrators.errors import InvalidInput
 
+#: How the names of files end, by which users name what is theirs.
+SUFFIXES = (".py", ".csv", ".json")
+
 
 def is_file(name: str) -> bool:
     """True if a name is the path of a file: it has a slash or ends in .py, .csv or .json (or is ``mine.py:object``)."""
-    return file_and_object(name)[0].lower().endswith((".py", ".csv", ".json")) or "/" in name or "\\" in name
+    return file_and_object(name)[0].lower().endswith(SUFFIXES) or "/" in name or "\\" in name
 
 
 def file_and_object(name: str) -> tuple[str, str]:
