@@ -33,8 +33,8 @@ def words(problem: Any, times: Sequence[float], path: Along, apart: np.ndarray) 
     """
     unit = np.maximum(upto(path.size), apart / horizon.SHIFT)
     if problem.system.constrained:
-        # Off the hidden constraint an error grows with time, which a neighbour of an orbit at rest does not show.
-        unit = np.maximum(unit, upto(path.size) * (1 + np.abs(path.grid)))
+        # Round-off leaves the hidden constraint, and off it orbits part faster than the neighbours that are on it.
+        unit = np.maximum(unit, _apart_off_manifold(problem, path) / horizon.SHIFT)
     beyond, own = _gauss(problem, path, unit)
     at = [path.grid.index(t) for t in times]
     said = [[Check(GAUSS, float(beyond[i]), float(own[i]))] for i in at]
@@ -46,6 +46,18 @@ def words(problem: Any, times: Sequence[float], path: Along, apart: np.ndarray) 
         for checks, distance, mine in zip(said, far, uncertainty, strict=True):
             checks.append(Check(IAS15, float(distance), float(mine)))
     return [tuple(checks) for checks in said]
+
+
+def _apart_off_manifold(problem: Any, path: Along) -> np.ndarray:
+    """The largest distances so far of an orbit from one that starts off its manifold, at the times of ``path.grid``.
+
+    Each component of the start is displaced, also one that is 0, by `horizon.SHIFT` times the largest component.
+    """
+    start = np.array([float(x) for x in (*problem.q0, *problem.p0)])
+    d, step = problem.system.d, horizon.SHIFT * np.abs(start).max()
+    shifted = start + step * (-1.0) ** np.arange(2 * d)
+    other = taylor.states(problem.system, np.longdouble, shifted[:d], shifted[d:], path.grid)
+    return upto(np.abs(other - path.near).max(axis=1).astype(float))
 
 
 def _gauss(problem: Any, path: Along, unit: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

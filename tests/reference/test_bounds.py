@@ -96,8 +96,20 @@ def test_numbers_of_many_bits_are_exact(bits):
             assert off <= 8 * true * mpmath.mpf(2) ** -bits
 
 
-# -- checks of changed certificates
-# ------------------------------------------------------------------------------------
+def test_round_off_off_the_manifold_is_in_a_solvers_uncertainty():
+    """Gauss's distance was 0.8 or 1.6 of it, by processor, while only neighbours on the manifold counted."""
+    made = problem("spherical-pendulum")
+    path = along(made, made.start.times, check.AGAIN)
+    on = horizon.neighbour(made, path.grid, path.near)
+    off = others._apart_off_manifold(made, path)
+    middle = np.searchsorted(path.grid, path.grid[-1] / 4)
+    assert off[-1] / off[middle] == pytest.approx(16, rel=0.2)
+    assert on[-1] / on[middle] < 6
+    for (gauss,) in others.words(made, made.start.times, path, on):
+        assert 4 * gauss.distance < gauss.uncertainty
+
+
+# -- checks of changed certificates -----------------------------------------------------------------------------------
 
 
 @pytest.fixture(scope="module")
