@@ -23,7 +23,9 @@ OPERATORS = frozenset("*+^()")
 
 
 def problem(name: str | Path, **parameters: float | str) -> Problem:
-    """Return the problem ``id`` or ``id:orbit``, with values for its parameters: ``problem("kepler", e=0.2)``.
+    """Return a test problem by its id, with values for its parameters: ``problem("kepler", e=0.2)``.
+
+    The name ``id:orbit`` chooses one of its orbits, which are named initial states.
 
     A name with .py or a slash is the path of a user's own problem, see `benchmarks.problems.user`:
     ``problem("./my_problem.py:orbit", k=2)``.  One with .csv is a table of bodies, see `benchmarks.problems.planetary`.
@@ -60,7 +62,10 @@ def problem(name: str | Path, **parameters: float | str) -> Problem:
 
 @lru_cache(maxsize=128, typed=True)
 def _cached_problem(id: str, /, **parameters: float | str) -> Problem:
-    """Return a registered problem, the same object for the same arguments, from the cache on disk if it is there."""
+    """Return the registered problem ``id`` with these values of its parameters, always the same object.
+
+    It is read from the cache on disk if it is there, and made and stored otherwise.
+    """
     from .kept import load_or_make
 
     return load_or_make(id, parameters, partial(_build, id, **parameters))
@@ -82,9 +87,10 @@ def _call_make(module: ModuleType, **parameters: float) -> Problem:
 
 
 def labels(names: Iterable[str] = ()) -> list[str]:
-    """Return the labels ``id:orbit`` (the id alone if there is only one orbit) of the problems in ``names``.
+    """List the orbits (named initial states) of the registered problems in ``names``, each as a label ``id:orbit``.
 
-    An id without an orbit stands for all its orbits, and an empty ``names`` for all problems.
+    The label is the id alone if a problem has only one orbit.  An id without an orbit stands for all its orbits, and an
+    empty ``names`` for all problems.
 
     Raises
     ------
@@ -104,9 +110,10 @@ def labels(names: Iterable[str] = ()) -> list[str]:
 
 
 def file_and_orbit(name: str) -> tuple[str | None, str]:
-    """Split ``./my_problem.py:orbit`` into (path, orbit), the orbit "" if none is named; (None, "") for an id.
+    """Split a user's name of a problem, ``./my_problem.py:orbit``, into the file's path and the orbit in it.
 
-    The colon of a Windows drive is part of the path.
+    An orbit is a named initial state; it is "" if none is named.  The result is (None, "") for the id of a registered
+    problem, which is no path.  The colon of a Windows drive is part of the path.
     """
     head, _, orbit = name.rpartition(":")
     if not name.lower().endswith(".py") and head.lower().endswith(".py"):

@@ -17,12 +17,17 @@ SUFFIXES = (".py", ".csv", ".json")
 
 
 def is_file(name: str) -> bool:
-    """True if a name is the path of a file: it has a slash or ends in .py, .csv or .json (or is ``mine.py:object``)."""
+    """True if a user's name of a problem or method is the path of a file, not the id of a registered one.
+
+    It has a slash, or ends in .py, .csv or .json, or names an object in a Python file, as ``mine.py:object``.
+    """
     return file_and_object(name)[0].lower().endswith(SUFFIXES) or "/" in name or "\\" in name
 
 
 def file_and_object(name: str) -> tuple[str, str]:
-    """Split ``./mine.py:object.attribute`` into (path, "object.attribute"); return (name, "") without an object.
+    """Split a user's name of an object in a Python file, ``./mine.py:object.attribute``, into path and object.
+
+    The object is "" if none is named.
 
     The colon of a Windows drive is part of the path.
     """

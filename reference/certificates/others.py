@@ -26,7 +26,7 @@ TOLERANCES = (1e-9, 1e-11)
 
 
 def words(problem: Any, times: Sequence[float], path: Along, apart: np.ndarray) -> list[tuple[Check, ...]]:
-    """Compare the orbit ``path`` with other solvers at each of the times.
+    """Compare a certified orbit, ``path``, with the orbits that other solvers compute, at each of the times.
 
     Returns a tuple for each time, with one `Check` (distance and uncertainty) for each solver.  ``apart`` has the
     orbit's distances from a neighbouring one (`horizon.neighbour`) at the times of ``path.grid``.
@@ -49,9 +49,10 @@ def words(problem: Any, times: Sequence[float], path: Along, apart: np.ndarray) 
 
 
 def _apart_off_manifold(problem: Any, path: Along) -> np.ndarray:
-    """The largest distances so far of an orbit from one that starts off its manifold, at the times of ``path.grid``.
+    """Integrate a constrained orbit from a start that violates the constraints a little; return how far it departs.
 
-    Each component of the start is displaced, also one that is 0, by `horizon.SHIFT` times the largest component.
+    Each component of the start is displaced, also one that is 0, by `horizon.SHIFT` times the largest component.  The
+    result, array (n,), is at each time of ``path.grid`` the largest distance so far from the undisplaced orbit.
     """
     start = np.array([float(x) for x in (*problem.q0, *problem.p0)])
     d, step = problem.system.d, horizon.SHIFT * np.abs(start).max()

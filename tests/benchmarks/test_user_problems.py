@@ -63,6 +63,13 @@ def test_file_has_parameters_and_orbits(tmp_path):
     assert set(found["invariants"]) == {"L"}
 
 
+def test_file_whose_name_has_the_characters_of_a_formula(tmp_path):
+    path = write_file(tmp_path, GOOD, name="mine (1)+2.py")
+    assert problem(path).id == problem(path + ":ellipse").id == "mine"
+    with pytest.raises(InvalidInput, match="a formula is given by --hamiltonian"):
+        problem("mine*(1) + 2")
+
+
 def test_integer_parameter_stays_an_integer(tmp_path):
     """A number from the command line is a double; it becomes an int where the file's default is one."""
     path = write_file(tmp_path, GOOD.replace("def make(", "def make(n=2, ", 1))

@@ -105,8 +105,9 @@ def test_round_off_off_the_manifold_is_in_a_solvers_uncertainty():
     middle = np.searchsorted(path.grid, path.grid[-1] / 4)
     assert off[-1] / off[middle] == pytest.approx(16, rel=0.2)
     assert on[-1] / on[middle] < 6
-    for (gauss,) in others.words(made, made.start.times, path, on):
-        assert 4 * gauss.distance < gauss.uncertainty
+    said = [gauss for (gauss,) in others.words(made, made.start.times, path, on)]
+    assert all(4 * gauss.distance < gauss.uncertainty for gauss in said)
+    assert said[-1].uncertainty < 100 * said[-1].distance, "so large an uncertainty would hide a wrong solver"
 
 
 # -- checks of changed certificates -----------------------------------------------------------------------------------
