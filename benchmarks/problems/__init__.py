@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from phasebench.integrators.errors import InvalidInput, unknown_name
 
 from .index import PROBLEMS, plain, real_parameters
-from .user_file import SUFFIXES, is_file
+from .user_file import SUFFIXES, file_and_object, is_file
 
 if TYPE_CHECKING:
     from types import ModuleType
@@ -79,9 +79,9 @@ def _build(id: str, /, **parameters: float | str) -> Problem:
 
 @lru_cache(maxsize=128, typed=True)
 def _call_make(module: ModuleType, **parameters: float) -> Problem:
-    """Return ``module.make(**parameters)``, made only once for each set of values: later calls get the same object.
+    """Make a problem by the function ``make`` of its module, or return the one made before from the same values.
 
-    So what was derived from the problem's formulae is not derived again.
+    It is the same object each time, so that what was derived from its formulae is not derived again.
     """
     return module.make(**parameters)
 
@@ -115,10 +115,9 @@ def file_and_orbit(name: str) -> tuple[str | None, str]:
     An orbit is a named initial state; it is "" if none is named.  The result is (None, "") for the id of a registered
     problem, which is no path.  The colon of a Windows drive is part of the path.
     """
-    head, _, orbit = name.rpartition(":")
-    if not name.lower().endswith(".py") and head.lower().endswith(".py"):
-        return head, orbit
-    return (name, "") if is_file(name) else (None, "")
+    if not is_file(name):
+        return None, ""
+    return (name, "") if name.lower().endswith(".py") else file_and_object(name)
 
 
 __all__ = ["PROBLEMS", "labels", "problem"]

@@ -27,9 +27,7 @@ def is_file(name: str) -> bool:
 def file_and_object(name: str) -> tuple[str, str]:
     """Split a user's name of an object in a Python file, ``./mine.py:object.attribute``, into path and object.
 
-    The object is "" if none is named.
-
-    The colon of a Windows drive is part of the path.
+    The object is "" if none is named.  The colon of a Windows drive is part of the path.
     """
     head, _, tail = name.rpartition(":")
     return (head, tail) if head.lower().endswith(".py") else (name, "")
@@ -77,9 +75,10 @@ def load(path: str, what: str = "problem") -> types.ModuleType:
 
 @contextlib.contextmanager
 def users_code(path: str, what: str) -> Iterator[None]:
-    """A context manager for a user's code: its exceptions become InvalidInput with the line, prints go to stderr.
+    """Run the user's code in this context, so that its errors are reported with their line and its prints do no harm.
 
-    ``path`` is the file of the code, ``what`` names the code if no line is known.
+    Any exception becomes InvalidInput, and what the code prints goes to stderr.  ``path`` is the file of the code,
+    ``what`` names the code if no line is known.
     """
     try:
         with contextlib.redirect_stdout(sys.stderr):

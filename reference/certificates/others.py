@@ -49,7 +49,7 @@ def words(problem: Any, times: Sequence[float], path: Along, apart: np.ndarray) 
 
 
 def _apart_off_manifold(problem: Any, path: Along) -> np.ndarray:
-    """Integrate a constrained orbit from a start that violates the constraints a little; return how far it departs.
+    """How far an orbit on a constraint manifold and one that starts a little off the manifold come apart.
 
     Each component of the start is displaced, also one that is 0, by `horizon.SHIFT` times the largest component.  The
     result, array (n,), is at each time of ``path.grid`` the largest distance so far from the undisplaced orbit.
@@ -62,8 +62,9 @@ def _apart_off_manifold(problem: Any, path: Along) -> np.ndarray:
 
 
 def _gauss(problem: Any, path: Along, unit: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Compare the orbit with Gauss's method: (distances, the method's uncertainties), both on the grid of ``path``.
+    """Integrate the problem by Gauss's method, with two step sizes, and compare the finer run with the orbit ``path``.
 
+    Returns two arrays (n,), at the times of ``path.grid``: the distances, and the uncertainties of the finer run.
     ``unit`` is, at each time, the factor by which a relative error at the start is multiplied to give the absolute
     error that it has grown to.
     """
