@@ -98,6 +98,7 @@ def test_copy_of_a_registered_problem_keeps_its_path(tmp_path, monkeypatch):
         (r"C:\x\a.PY", (r"C:\x\a.PY", "")),
         (r"C:\x\a.py:orbit", (r"C:\x\a.py", "orbit")),
         ("./folder", ("./folder", "")),
+        ("./a.py:folder/b.py", ("./a.py:folder/b.py", "")),
     ],
 )
 def test_paths_and_ids_are_distinguished(name, expected):
