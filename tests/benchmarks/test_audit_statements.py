@@ -4,6 +4,7 @@ scripts.
 
 from __future__ import annotations
 
+import ast
 import importlib
 import importlib.metadata
 import json
@@ -15,14 +16,17 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
+from phasebench.benchmarks import report
 from phasebench.benchmarks.experiments.audit import page, statement_cells, statements, unregistered
 from phasebench.benchmarks.experiments.audit.said import BY_SCRIPT, STATEMENTS
 from phasebench.benchmarks.judge.verdict import CONTRADICTED, HOLDS, UNDERSTATED, UNJUDGED
+from phasebench.benchmarks.store import tables
 from phasebench.reference.peers import BY_ID, PEERS
 from support.commands import call
 from support.needs import need
 
 OK = "1.0e-16"
+DATA = Path(report.__file__).resolve().parents[1] / "reports" / "data"
 #: The orders that SUNDIALS states, of q and of H.
 SPRK = tuple(f"{x:.2f}" for x in (1, 2, 2, 2, 3, 3, 4, 6, 8, 4, 5, 4, 5) for _ in "qH")
 #: script -> (values for which its statements hold, values for which they do not, the verdict on the latter).
@@ -228,6 +232,30 @@ def test_failing_or_silent_script_judges_nothing(tmp_path, monkeypatch):
     path.write_text("import time; time.sleep(9)")
     monkeypatch.setattr(statements, "SECONDS", 0.2)
     assert "more than 0.2 s" in statements.run(path)[2]
+
+
+def printed_forms(path: Path) -> list[re.Pattern]:
+    """What a script's calls of print can write, from its source: a regular expression each."""
+    calls = [n for n in ast.walk(ast.parse(path.read_text())) if isinstance(n, ast.Call)]
+    texts = [n.args[0] for n in calls if isinstance(n.func, ast.Name) and n.func.id == "print"]
+    parts = [getattr(text, "values", [text]) for text in texts]
+    return [
+        re.compile("".join(re.escape(p.value) if isinstance(p, ast.Constant) else ".*" for p in row)) for row in parts
+    ]
+
+
+def foreign_lines(row: dict) -> list[str]:
+    """The printed values of a stored row of the statements that the script itself cannot have printed."""
+    forms = printed_forms(statements.SCRIPTS / f"{row['script']}.py")
+    return [line for line in row["printed"].split("; ") if not any(form.fullmatch(line) for form in forms)]
+
+
+def test_what_a_package_prints_is_not_taken_for_a_value():
+    stored = tables.Table(DATA, "audit_statements").rows
+    assert {row["script"] for row in stored} == set(BY_SCRIPT)
+    assert {row["script"]: lines for row in stored if (lines := foreign_lines(row))} == {}
+    stray = {"script": "pynamicalsys_newton", "printed": "with 50 iterations = a state; max_iter = 1"}
+    assert foreign_lines(stray) == ["max_iter = 1"]
 
 
 @pytest.mark.parametrize(

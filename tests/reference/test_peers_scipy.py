@@ -176,14 +176,12 @@ def test_without_compilation_compiled_peers_are_refused(monkeypatch):
 
 
 @pytest.mark.parametrize(("solver", "same"), [("ode", "scipy-dop853-numba"), ("odeint", "scipy-lsoda-numba")])
-def test_older_interfaces_use_the_same_algorithms_faster(solver, same):
+def test_older_interfaces_use_the_same_algorithms(solver, same):
     made = problem("henon-heiles:box")
     old = integrate_peer(made, peers.fast(solver), t_end=100.0, steps=4, tol=1e-9)
     new = integrate_peer(made, BY_ID[same], t_end=100.0, steps=4, tol=1e-9)
     assert old.status == "ok"
     assert 1e-12 < error(old, made) < 3 * error(new, made)
-    ends = [integrate_peer(made, p, t_end=100.0, tol=1e-9, save_every=0) for p in (peers.fast(solver), BY_ID[same])]
-    assert ends[0].seconds < ends[1].seconds
 
 
 @pytest.mark.lowest

@@ -448,7 +448,7 @@ STATEMENTS = (
         "guide:ARKODE 7.5, Appendix: Butcher tables, ARKODE_SPRK_LEAPFROG_2_2",
         SUNDIALS.format("Butcher"),
         below(0),
-        "of 100 runs in memory that held NaN before {0} end with NaN (PSEUDO_LEAPFROG_2_2: {1})",
+        "in memory that held NaN before, {0} of 100 runs end with NaN (PSEUDO_LEAPFROG_2_2: {1})",
         WRONG,
         "leave the stage out where its coefficient is 0, not only its evaluation",
     ),
