@@ -16,7 +16,6 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from phasebench.benchmarks import report
 from phasebench.benchmarks.experiments.audit import page, statement_cells, statements, unregistered
 from phasebench.benchmarks.experiments.audit.said import BY_SCRIPT, STATEMENTS
 from phasebench.benchmarks.judge.verdict import CONTRADICTED, HOLDS, UNDERSTATED, UNJUDGED
@@ -24,9 +23,9 @@ from phasebench.benchmarks.store import tables
 from phasebench.reference.peers import BY_ID, PEERS
 from support.commands import call
 from support.needs import need
+from support.pages import REPORTS
 
 OK = "1.0e-16"
-DATA = Path(report.__file__).resolve().parents[1] / "reports" / "data"
 #: The orders that SUNDIALS states, of q and of H.
 SPRK = tuple(f"{x:.2f}" for x in (1, 2, 2, 2, 3, 3, 4, 6, 8, 4, 5, 4, 5) for _ in "qH")
 #: script -> (values for which its statements hold, values for which they do not, the verdict on the latter).
@@ -251,7 +250,7 @@ def foreign_lines(row: dict) -> list[str]:
 
 
 def test_what_a_package_prints_is_not_taken_for_a_value():
-    stored = tables.Table(DATA, "audit_statements").rows
+    stored = tables.Table(REPORTS / "data", "audit_statements").rows
     assert {row["script"] for row in stored} == set(BY_SCRIPT)
     assert {row["script"]: lines for row in stored if (lines := foreign_lines(row))} == {}
     stray = {"script": "pynamicalsys_newton", "printed": "with 50 iterations = a state; max_iter = 1"}

@@ -50,9 +50,9 @@ from phasebench.benchmarks.page.verdict import (
 from phasebench.benchmarks.report import PAGES
 from phasebench.integrators import driver
 from phasebench.integrators.errors import InvalidInput
-from support.pages import frame
+from support.pages import REPORTS, frame
 
-DATA = Path(report.__file__).resolve().parents[1] / "reports" / "data"
+DATA = REPORTS / "data"
 #: Largest size of a page in bytes, of a line in characters, and of an HTML page with its figures in bytes.
 PAGE, LINE, HTML = 40_000, 400, 800_000
 #: Largest number of words of a paragraph.

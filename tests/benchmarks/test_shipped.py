@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import io
-from pathlib import Path
 
 import pytest
 
@@ -14,8 +13,7 @@ from phasebench.benchmarks.certificate import bench_stored as certificate
 from phasebench.benchmarks.certificate import fronts, times
 from phasebench.benchmarks.store import tables
 from phasebench.benchmarks.store.shipped import ShippedTable
-
-REPORTS = Path(__file__).parents[2] / "reports"
+from support.pages import REPORTS
 
 
 def build(rows):

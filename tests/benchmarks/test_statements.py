@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from pathlib import Path
 
 import pandas as pd
 import pytest
@@ -17,8 +16,8 @@ from phasebench.benchmarks.page.page import ROWS
 from phasebench.benchmarks.page.verdict import FINDING, PASS, Count
 from phasebench.benchmarks.problems import PROBLEMS
 from phasebench.integrators.registry import BY_ID
+from support.pages import REPORTS
 
-DATA = Path(report.__file__).resolve().parents[1] / "reports"
 ALL = [(section, s) for section in SECTIONS for s in section.statements]
 IDS = [f"{section.id}-{i}-{s.where}" for i, (section, s) in enumerate(ALL)]
 #: Verdicts on the committed rows, where they differ from "holds", by the place or the words of a statement.
@@ -65,7 +64,7 @@ class Tables:
     """The committed tables by name, each changed by a function."""
 
     def __init__(self, change=lambda frame: frame):
-        self.data, self.change, self.known = report.Data(DATA), change, {}
+        self.data, self.change, self.known = report.Data(REPORTS), change, {}
 
     def __call__(self, name):
         if name not in self.known:

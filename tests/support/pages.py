@@ -1,11 +1,15 @@
-"""Fabricated tables, as pages receive them, and the verdicts of pages on them."""
+"""The committed reports, fabricated tables, as pages receive them, and the verdicts of pages on them."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
 from typing import Any
 
 import pandas as pd
+
+#: The folder of the committed reports.
+REPORTS = Path(__file__).resolve().parents[2] / "reports"
 
 
 def frame(*rows: dict, **same: object) -> pd.DataFrame:
