@@ -17,7 +17,8 @@ from phasebench.integrators.errors import InvalidInput
 if TYPE_CHECKING:
     from phasebench.benchmarks.store.cells import Cell
 
-ROOT = Path(__file__).resolve().parents[1]
+HERE = Path(__file__).resolve().parent
+ROOT = HERE.parent
 OUTCOME = pytest.StashKey[run.Outcome]()
 WANTED = pytest.StashKey[frozenset]()
 NOTES = pytest.StashKey[list]()
@@ -30,11 +31,13 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     group.addoption(
         "--budget", type=float, metavar="SECONDS", default=run.BUDGET, help="what the run may cost (%(default)g)"
     )
+    group.addoption("--dear", action="store_true", help="measure outdated numbers that take long, too")
+    group.addoption("--times", action="store_true", help="measure outdated times, too, however long it takes")
     group.addoption("--all", action="store_true", help="measure every cell, however long it takes")
     group.addoption(
         "--seed", type=int, default=None, metavar="NUMBER", help="seed of the sample (default: the number of the day)"
     )
-    group.addoption("--update-tables", action="store_true", help="re-record reference/tables and show what changed")
+    group.addoption("--update-tables", action="store_true", help="re-record reference/tables, drop old rows")
     group.addoption(
         "--scheduler",
         metavar="ADDRESS",
@@ -110,7 +113,7 @@ def notes(pytestconfig: pytest.Config) -> list[str]:
 
 
 @pytest.fixture(scope="session")
-def outcome(request: pytest.FixtureRequest, pytestconfig: pytest.Config, quick: bool) -> run.Outcome:
+def outcome(request: pytest.FixtureRequest, pytestconfig: pytest.Config, quick: bool, update: bool) -> run.Outcome:
     """Measure what the collected benchmark modules ask for, within the time budget; return what was measured.
 
     A module that has measurements lists them by its function ``cells``, as `Cell` objects.
@@ -130,8 +133,11 @@ def outcome(request: pytest.FixtureRequest, pytestconfig: pytest.Config, quick: 
                 _folder(pytestconfig) / "data",
                 selected=selected,
                 budget=pytestconfig.getoption("--budget"),
+                dear=pytestconfig.getoption("--dear"),
+                times=pytestconfig.getoption("--times"),
                 everything=pytestconfig.getoption("--all"),
                 quick=quick,
+                prune=update and {Path(m.__file__) for m in modules.values()} >= {*HERE.rglob("bench_*.py")},
                 seed=pytestconfig.getoption("--seed"),
                 progress=progress,
                 cluster=Cluster(address) if address else None,
@@ -178,7 +184,10 @@ def pytest_sessionfinish(session: pytest.Session) -> None:
     from phasebench.benchmarks import report
 
     try:
-        entry = report.build(_folder(config), quick=config.getoption("--quick"), progress=lambda line: None)
+        with screen.progress(sys.stderr) as progress:
+            entry = report.build(
+                _folder(config), quick=config.getoption("--quick"), progress=lambda k, n: progress("pages", k, n, 0.0)
+            )
         config.stash[NOTES].append(f"read {entry}")
     except Exception:
         config.stash[NOTES].append(f"the reports could not be written:\n{traceback.format_exc()}")

@@ -142,10 +142,9 @@ class Data:
         """Return the table with this name as a DataFrame, or None if it was not measured."""
         return self._read(name)[0]
 
-    def provenance(self, name: str) -> pd.DataFrame:
-        """Return the columns of a table that say when, where and by which version of the code each row was measured."""
-        path = self.folder / "data" / f"{name}.csv"
-        return pd.read_csv(path, usecols=lambda column: column in results.PROVENANCE, low_memory=False)
+    def origins(self, name: str) -> list[tuple[str, str, str, int]]:
+        """Return when, by which commit and where the rows of a table were measured: `tables.origins`."""
+        return results.origins(self.folder, name)
 
     def about(self, name: str) -> dict | None:
         """Return the metadata of a table: machine, versions, number of stale rows; None if it was not measured."""
@@ -191,14 +190,14 @@ class _Written:
 def build(
     folder: str | Path,
     quick: bool = False,
-    progress: Callable[[str], None] = print,
+    progress: Callable[[int, int], None] = lambda done, of: None,
     html_folder: str | Path | None = None,
 ) -> Path:
     """Write every page into ``folder`` from its data, all or none; return the path of the entry page.
 
-    ``quick`` puts a note on the entry page that few steps were run; ``progress`` is called with a line of text at the
-    end.  With ``html_folder`` the pages are also written there as HTML, with the tables that they link to.  Raises
-    InvalidInput if the data cannot be read or the pages cannot be written.
+    ``quick`` puts a note on the entry page that few steps were run; ``progress`` is called with the numbers of pages
+    done and in all.  With ``html_folder`` the pages are also written there as HTML, with the tables that they link to.
+    Raises InvalidInput if the data cannot be read or the pages cannot be written.
     """
     folder = Path(folder)
     pages = None if html_folder is None else Path(html_folder)
@@ -207,7 +206,10 @@ def build(
             target = Path(scratch)
             (target / "figures").mkdir()
             both, figures = (Data(folder), Data(folder, stale=False)), Figures(folder)
-            written = [_page(page, both, figures, target) for page in PAGES]
+            written = []
+            for page in PAGES:
+                written.append(_page(page, both, figures, target))
+                progress(len(written), len(PAGES))
             figures.write(target / "figures")
             _entry(written, target, quick)
             if pages:
@@ -217,8 +219,30 @@ def build(
             _replace(target, folder)
         except OSError as error:
             raise InvalidInput(f"the report in {folder} cannot be written: {error.strerror}; it is as it was") from None
-    progress(f"wrote {len(written)} pages")
     return folder / "README.md"
+
+
+def check(folder: str | Path) -> list[str]:
+    """Build the report anew from the data in ``folder``; return the names of what is not as it stands there.
+
+    Pages are compared to the byte; of figures, what they are drawn from.  Raises InvalidInput as `build` does.
+    """
+    folder = Path(folder).resolve()
+    with tempfile.TemporaryDirectory() as scratch:
+        target = Path(scratch)
+        (target / "data").symlink_to(folder / "data", target_is_directory=True)
+        shutil.copytree(folder / "figures", target / "figures", dirs_exist_ok=True)
+        build(target)
+        pages = {p.name for place in (folder, target) for p in place.glob("*.md")}
+        other = [name for name in pages if _bytes(folder / name) != _bytes(target / name)]
+        drawn = [{id: of["tables"] for id, of in Figures(place).before.items()} for place in (folder, target)]
+    return sorted(
+        [*other, *(f"figures of {id}" for id in {*drawn[0], *drawn[1]} if drawn[0].get(id) != drawn[1].get(id))]
+    )
+
+
+def _bytes(path: Path) -> bytes | None:
+    return path.read_bytes() if path.exists() else None
 
 
 def _scratch(folder: Path) -> tempfile.TemporaryDirectory:
@@ -251,8 +275,6 @@ def _write_page(page: Page, data: Data, figures: Figures, target: Path, old: str
     verdicts = page.judge(data)
     pictures, table = figures.of(page, data, target / "figures"), page.table(data)
     all_rows = page.whole(data)
-    if all_rows is not None:
-        all_rows = all_rows.drop(columns=list(results.PROVENANCE), errors="ignore")
     outcome, answer = conclusion(page, data, verdicts)
     text = markdown.document(page, outcome, answer, verdicts, pictures, table, origin(page, data), old)
     (target / f"{page.id}.md").write_text(text, encoding="utf-8")

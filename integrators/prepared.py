@@ -11,9 +11,10 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from phasebench.integrators.coefficients.tableaus import LEVELS
 from phasebench.integrators.compile import codegen
 from phasebench.integrators.compile.codegen import DOUBLE
-from phasebench.integrators.stepping import energy_model, solve
+from phasebench.integrators.stepping import codes, energy_model
 from phasebench.integrators.stepping.kernel import (
     COUNTED,
     COUNTS,
@@ -106,7 +107,7 @@ def lay_out(
     order = 1 + (prepared.linear or prepared.width) if prepared.implicit or prepared.linear else 2
     carry = Carry(
         state=zeros((4 + prepared.stages, max(energy_model.NUMBERS, d)), arithmetic),
-        memory=zeros(((3 * solve.LEVELS + 1) * prepared.stages, prepared.width), arithmetic),
+        memory=zeros(((3 * LEVELS + 1) * prepared.stages, prepared.width), arithmetic),
         work=zeros(prepared.work or (order, order), arithmetic),
         zero=value(zeros(d, arithmetic), d, arithmetic, prepared.arrays),
     )
@@ -240,7 +241,7 @@ class PreparedRun:
         self._layout.restart(*self._start)
         self._end.fill(np.nan)
         code = self._layout(*self._end, self._parameter, steps)[1]
-        return code if code or np.isfinite(self._end).all() else solve.NOT_FINITE
+        return code if code or np.isfinite(self._end).all() else codes.NOT_FINITE
 
 
 @method_parameters(parameter_names)

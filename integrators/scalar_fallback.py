@@ -13,8 +13,8 @@ import numpy as np
 
 from .batches import Orbits, pieces
 from .prepared import Layout, lay_out, step_of
+from .stepping.codes import SOLVED
 from .stepping.kernel import prepare
-from .stepping.solve import SOLVED
 from .threads import map_slices
 
 

@@ -22,7 +22,7 @@ from .outcome import (
     describe_escape,
     judge,
 )
-from .stepping import solve
+from .stepping import codes
 from .stepping.kernel import zeros
 
 if TYPE_CHECKING:
@@ -169,7 +169,7 @@ class Trajectory:
     def _row(self, run: Layout, pace: Pace) -> int:
         """Fill one row by several kernel calls; store the last good state if the run stops. Returns the status code."""
         row, end = self.filled + 1, min(self.steps, (self.filled + 1) * self.every)
-        began, code = self.reached, solve.SOLVED
+        began, code = self.reached, codes.SOLVED
         while self.reached < end:
             good = self.q[row].copy(), self.p[row].copy()
             piece = min(end - self.reached, pace.steps)
@@ -208,10 +208,10 @@ class Trajectory:
 
     def _explain_stop(self, code: int) -> None:
         """Set status and reason from the code of a kernel that stopped early."""
-        if code == solve.NOT_FINITE:
+        if code == codes.NOT_FINITE:
             self.status, self.reason = DIVERGED, "a stage equation has no finite iterate"
             return
-        if code == solve.OUT_OF_STEP:
+        if code == codes.OUT_OF_STEP:
             self.status = NOT_CONVERGED
             self.reason = "the control of the step has lost the problem's time scale; take a smaller h"
             return

@@ -76,17 +76,13 @@ def _stated(packages: set[str], progress: Callable[[str], None]) -> list[dict]:
     A row has the statement (``said``) and its ``verdict``.  If a script cannot run on this machine, its statements are
     not judged, and their rows tell the ``reason``.
     """
-    from phasebench.benchmarks.experiments.audit import statement_cells, statements
-    from phasebench.benchmarks.store.cells import Unavailable
+    from phasebench.benchmarks.experiments.audit import statement_cells
 
     rows = []
     for script, members in statement_cells.BY_SCRIPT.items():
         if members[0].package in packages:
             progress(script)
-            try:
-                rows += statement_cells.measure_rows(script)["audit_statements"]
-            except Unavailable as error:
-                rows += [statements.row(s, [], "", str(error)) for s in members]
+            rows += statement_cells.measure_rows(script)["audit_statements"]
     return rows
 
 

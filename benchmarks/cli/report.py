@@ -12,7 +12,7 @@ import typer
 from phasebench.integrators.errors import InvalidInput
 
 from . import options
-from .shared import err, invalid_input, out
+from .shared import WRONG, invalid_input, out
 
 
 def report(
@@ -23,6 +23,9 @@ def report(
     html: Annotated[
         Path | None, typer.Option(metavar="FOLDER", help="Write the same pages as HTML, which need no other file, too.")
     ] = None,
+    check: Annotated[
+        bool, typer.Option("--check", help="Write nothing; exit code 1 if the pages are not those of the tables.")
+    ] = False,
 ) -> None:
     """Write the pages of a folder of reports from the tables in its subfolder data; with --html as HTML, too."""
     from phasebench.benchmarks import report as pages
@@ -45,8 +48,13 @@ def report(
         if not (reports / "data").is_dir():
             measure = "`pytest benchmarks` measures them, or `phasebench run` and then `report --rows`"
             raise InvalidInput(f"there are no data in {reports}; {measure}")
+        if check:
+            other = pages.check(reports)
+            for name in other:
+                out.print(f"{name}: not what the tables give", highlight=False, markup=False, soft_wrap=True)
+            raise typer.Exit(WRONG if other else 0)
         with _written(reports):
-            entry = pages.build(reports, progress=lambda line: err.print(line, highlight=False), html_folder=html)
+            entry = pages.build(reports, html_folder=html)
     read = f"read {html / 'index.html' if html else entry}"
     out.print(read, highlight=False, markup=False, soft_wrap=True)
 

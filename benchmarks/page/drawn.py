@@ -15,7 +15,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from phasebench.benchmarks.store import sources
+from phasebench.integrators.compile import digest
 
 from .page import Page, Picture
 
@@ -44,7 +44,7 @@ def _data_digests() -> tuple[str, ...]:
     """Digests of the data files on which figures may depend, and the versions of the drawing libraries."""
     from importlib.metadata import version
 
-    rooms = [sources.path_of(room) for room in sources.DATA]
+    rooms = [digest.path_of(room) for room in digest.DATA]
     files = sorted(p for room in rooms for p in (room.parent.rglob("*.py") if room.stem == "__init__" else [room]))
     return *(_hash(path.read_bytes()) for path in files), *map(version, LIBRARIES)
 
@@ -52,7 +52,7 @@ def _data_digests() -> tuple[str, ...]:
 @functools.cache
 def _source(module: str) -> str:
     """Return a hash of all that a drawing depends on: its module with imports and data, and the libraries' versions."""
-    return _hash(" ".join([sources.digest([module]), *_data_digests()]).encode())
+    return _hash(" ".join([digest.digest([module]), *_data_digests()]).encode())
 
 
 class _Reading:

@@ -5,11 +5,11 @@ from __future__ import annotations
 import pickle
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from functools import cache, partial
-from pathlib import Path
+from functools import partial
 from typing import TYPE_CHECKING
 
 from phasebench.integrators.compile import cache as store
+from phasebench.integrators.compile import digest
 from phasebench.integrators.systems import deferred
 
 from .base import Problem
@@ -17,12 +17,8 @@ from .base import Problem
 if TYPE_CHECKING:
     from phasebench.integrators.systems.hamiltonian import PartitionedSystem
 
-
-@cache
-def _sources() -> str:
-    """Return the hash of the source of all problem modules, a part of every key of the cache."""
-    folder = Path(__file__).parent
-    return deferred.key_of(*(path.read_bytes() for path in sorted(folder.glob("**/*.py"))))
+#: The digest of the code of all problems, a part of every key of the cache.
+PROBLEMS = digest.of_folder("benchmarks.problems")
 
 
 def load_or_make(id: str, parameters: Mapping[str, float], make: Callable[[], Problem]) -> Problem:
@@ -30,7 +26,7 @@ def load_or_make(id: str, parameters: Mapping[str, float], make: Callable[[], Pr
 
     ``make`` takes no arguments and can be pickled.
     """
-    return of_key(deferred.key_of(_sources(), id, sorted(parameters.items())), make, make)
+    return of_key(deferred.key_of(PROBLEMS, id, sorted(parameters.items())), make, make)
 
 
 def of_content(content: tuple, recipe: Callable[[], Problem], make: Callable[[], Problem]) -> Problem:
@@ -39,7 +35,7 @@ def of_content(content: tuple, recipe: Callable[[], Problem], make: Callable[[],
     ``recipe`` is a function that makes the same problem as ``make`` and can be pickled: it is stored with the problem,
     and called when a problem from the cache needs its formulae.
     """
-    return of_key(deferred.key_of(_sources(), content), recipe, make)
+    return of_key(deferred.key_of(PROBLEMS, content), recipe, make)
 
 
 def of_key(key: str, recipe: Callable[[], Problem], make: Callable[[], Problem]) -> Problem:

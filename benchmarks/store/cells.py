@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any
 import mpmath
 
 from phasebench.benchmarks.problems import PROBLEMS
+from phasebench.integrators.compile import digest
 from phasebench.reference.certificates import stored
-
-from . import sources
+from phasebench.reference.installed import version_of
 
 if TYPE_CHECKING:
     from phasebench.integrators.record import Method
@@ -41,12 +41,14 @@ class Cell:
     key : column -> value; identifies its rows among those of all cells in its tables
     measure, arguments : a module-level function and its arguments (both are sent to other processes); it returns table
         -> rows
-    content : the hash of the code and data on which the rows depend
+    content : the hashes of the data, the code and the packages on which the rows depend (`content`)
     names : names by which a user may select it: ids of methods, peers (integrators of other packages), problems and
         scenes (problems with a time span and steps)
     where : how it is measured: `POOL`, beside others on all cores; `UNCOMPILED`, the same without Numba; `ALONE`, with
         nothing else on the machine, since it is timed
-    own : True if its rows depend on the machine as well as on the code
+    own : True if its rows are times, which depend on the machine: it is measured on request, and its rows do not become
+        stale when code changes
+    dear : True if it is measured on request because it is one of many or takes long
     quick : True if it belongs to the few cells of a quick run of about a minute
     """
 
@@ -60,6 +62,7 @@ class Cell:
     where: str = POOL
     own: bool = False
     quick: bool = False
+    dear: bool = False
 
     @property
     def id(self) -> str:
@@ -70,6 +73,16 @@ class Cell:
     def label(self) -> str:
         """The values of the cell's key as text, for messages."""
         return ", ".join(text(v) for v in self.key.values()) or self.tables[0]
+
+    @property
+    def available(self) -> bool:
+        """True if all packages on which the rows depend are installed."""
+        return not self.content.endswith(SEPARATOR)
+
+    def outdated(self, content: str) -> bool:
+        """True if rows with this hash were measured with other data or, unless they are times, with other code."""
+        parts = 1 if self.own else 2
+        return content.split(SEPARATOR)[:parts] != self.content.split(SEPARATOR)[:parts]
 
     def __call__(self) -> Rows:
         """Make the measurement and return its rows, by table."""
@@ -116,32 +129,62 @@ def exact(value: Any) -> str:
 RECORD = ("id", "family", "order", "symmetric", "symplectic", "energy", "quadratic", "requires", "parameters", "data")
 
 
+#: id of a method in memory -> (the method, its text), which takes long to write.
+_records: dict[int, tuple[Method, str]] = {}
+
+
 def record(method: Method) -> str:
     """Return a text, for hashing, of the entries of a `Method` on which results depend: not its name and citations."""
-    return "method" + exact(tuple(getattr(method, name) for name in RECORD))
+    if id(method) not in _records:
+        _records[id(method)] = method, "method" + exact(tuple(getattr(method, name) for name in RECORD))
+    return _records[id(method)][1]
+
+
+#: Packages that compile and run all code here.
+COMPILERS = ("numba", "llvmlite", "numpy")
+#: Stands between the hashes of a cell's content.
+SEPARATOR = "-"
+
+
+@dataclass(frozen=True)
+class Package:
+    """Stands for the installed version of a package among the parts of `content`."""
+
+    name: str
 
 
 def content(*parts: object, code: Iterable[str] = ()) -> str:
-    """The hash of all that a measurement depends on: data, and source code, so that a changed hash means "outdated".
+    """The hashes of all that a measurement depends on, "data-code-packages"; the last is empty if a package is missing.
 
-    ``parts`` are data; methods, peers (integrators of other packages) and problems among them stand for their records
-    and the modules that define them.  ``code`` are names of further modules.  Modules count with all their imports.
+    ``parts`` are data; methods, peers (integrators of other packages) and problems among them stand for their records,
+    the modules that define them and the versions of their packages.  ``code`` are names of further modules.  Modules
+    count with all their imports.
     """
     modules = list(code)
+    packages = {*COMPILERS}
     pieces = []
     for part in parts:
         if hasattr(part, "family"):
             pieces.append(record(part))
-            modules += _families(part)
+            modules += [*digest.families(part), "phasebench.integrators.driver"]
         elif hasattr(part, "package") and hasattr(part, "claims"):
             pieces.append(exact((part.id, part.package, part.adaptive, part.order, part.tol, part.least)))
             modules += [f"phasebench.reference.peers.{m}" for m in ("run", "record", part.package)]
+            packages.add(part.package)
         elif isinstance(part, ProblemKey):
             pieces.append(exact((part.name, part.parameters)))
             modules.append(part.module)
+        elif isinstance(part, Package):
+            packages.add(part.name)
         else:
             pieces.append(exact(part))
-    return hashlib.sha256("|".join([*pieces, _digest(tuple(sorted(set(modules))))]).encode()).hexdigest()[:16]
+    versions = [version_of(name) for name in sorted(packages)]
+    told = "" if None in versions else _hash(exact([*zip(sorted(packages), versions, strict=True)]), 6)
+    return SEPARATOR.join([_hash("|".join(pieces), 10), _digest(tuple(sorted(set(modules))))[:10], told])
+
+
+def _hash(text: str, digits: int) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()[:digits]
 
 
 @dataclass(frozen=True)
@@ -171,15 +214,4 @@ def states(id: str) -> str:
 
 @cache
 def _digest(modules: tuple[str, ...]) -> str:
-    return sources.digest(m for m in modules if m)
-
-
-def _families(method: Method) -> list[str]:
-    """The names of the modules that a method runs on: those of its step, of the loop over steps, and of its components.
-
-    Components are the methods and functions of which it is composed.
-    """
-    modules = [f"phasebench.integrators.families.{method.family}", "phasebench.integrators.driver"]
-    modules += [f for part in method.data if hasattr(part, "family") for f in _families(part)]
-    modules += [part.__module__ for part in method.data if callable(part) and hasattr(part, "__module__")]
-    return [m for m in modules if m.startswith("phasebench")]
+    return digest.digest(m for m in modules if m)

@@ -8,10 +8,16 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 from .cells import Cell, text
-from .run import Outcome
+from .digits import TIMES
+from .tables import fresh_rows
+
+if TYPE_CHECKING:
+    from .journal import Entry
+    from .run import Outcome
+    from .tables import Table
 
 Row = Mapping[str, Any]
 #: The column of a `Difference` where a whole row is missing, and the texts of its two sides.
@@ -167,6 +173,38 @@ def of_cell(cell: Cell, table: str, measured: Sequence[Row], stored: Sequence[Ro
     pairs = [p for p in pairs if p.stored is None or not text(p.stored.get("setting")).startswith(OF_THE_MACHINE)]
     found = differences(pairs, BANDS[table] | {"status": EXACT})
     return [d._replace(key=(table, cell.label, *d.key)) for d in found]
+
+
+#: Columns that say in words what others say in numbers, or name versions: in these rows may differ and agree.
+WORDS = ("reason", "order_reason", "version", "versions", "shared")
+
+
+class Again(NamedTuple):
+    """Tolerance for a number that is measured again: its first digits, or the round-off of doubles, are the same."""
+
+    relative: float = 1e-3
+    units: tuple[float, float] = (1e-18, 1e-15)
+
+    def allows(self, measured: float, stored: float) -> bool:
+        """True if both numbers are about the same, or both are of the size of round-off."""
+        low, high = self.units
+        return abs(measured - stored) <= self.relative * abs(stored) or low < max(abs(measured), abs(stored)) <= high
+
+
+def agree(cell: Cell, entry: Entry, stored: Mapping[str, Table]) -> bool:
+    """True if new rows of a cell agree with its stored ones, which were not edited, in all but times and words."""
+    for name in cell.tables:
+        if stored[name].intact(cell) is None:
+            return False
+        new, old = fresh_rows(entry, name, cell), stored[name].of(cell)
+        pairs = match(new, old, [LADDERS[name]] if name in LADDERS else [])
+        if name in LADDERS:
+            pairs = [p for p in pairs if p.measured is not None and p.stored is not None]
+        columns = {c for row in (*new, *old) for c in row} - {*WORDS}
+        limits = {c: Again() for c in columns if not TIMES.fullmatch(c)} | BANDS.get(name, {})
+        if differences(pairs, limits):
+            return False
+    return True
 
 
 def of_sample(outcome: Outcome) -> list[Difference]:

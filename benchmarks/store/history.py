@@ -8,7 +8,6 @@ method is slower if the whole interval is above `SLOWER`.
 
 from __future__ import annotations
 
-import re
 import subprocess
 from io import StringIO
 from pathlib import Path
@@ -22,18 +21,13 @@ from phasebench.integrators.errors import InvalidInput
 
 from .cells import text
 from .compare import EXACT, MISSING, ROW, Difference, Pair, differences, match, number
+from .digits import ERRORS, SETTINGS, TIMES
 from .tables import PROVENANCE
 
 #: Columns in which a change is reported; and columns of text that do not identify a row.
 JUDGED = ("status", "verdict")
 PROSE = ("reason", "version", "versions", "tier", "source", "printed", "shows", "what", "against", "link")
 PROSE += ("order_reason", "intervals", "measured", "time", "units")
-#: Numeric columns that describe the run, and so identify a row.
-SETTINGS = re.compile(
-    r"h|tol|e|mu|N|d|orbits|periods|points|lambda|t_end|x|number|pairs?|classical|h omega / pi|steps per orbit|stages"
-)
-ERRORS = re.compile(r".*(error|defect|uncertainty|refinement_difference|symplecticity|reversibility|energy_max).*")
-TIMES = re.compile(r"(seconds|first run|ms|(us|ns) [^,]*|.*'s ns .*)")
 #: Tables whose cells are measured in parallel: their seconds are not compared.
 BESIDE = ("matrix", "audit", "pde")
 #: Smallest ratio of times at which a method counts as slower (or its inverse as faster).

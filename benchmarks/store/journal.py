@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Entry:
-    """A finished cell (one measurement): its id, content hash, date, machine, seconds spent, and rows."""
+    """A finished cell (one measurement): its id, content hash, date, machine, seconds spent, rows, and commit."""
 
     cell: str
     content: str
@@ -32,6 +32,7 @@ class Entry:
     machine: str
     spent: float
     rows: Rows
+    commit: str = ""
 
 
 class Journal:

@@ -5,12 +5,14 @@ from __future__ import annotations
 import hashlib
 import os
 import platform
+import subprocess
 from functools import cache
 from pathlib import Path
 
 from phasebench.reference.installed import version_of
 
-PACKAGES = ("numpy", "scipy", "numba", "sympy", "mpmath", "heyoka", "rebound", "pandas", "matplotlib")
+ROOT = Path(__file__).resolve().parents[2]
+PACKAGES = ("numpy", "scipy", "numba", "llvmlite", "sympy", "mpmath", "heyoka", "rebound", "pandas", "matplotlib")
 
 
 @cache
@@ -36,6 +38,23 @@ def machine() -> str:
     """The name of this machine, "a/b": a is a short hash of the hardware, b one of the package versions."""
     hardware = f"{processor()}|{os.cpu_count()}|{platform.system()}|{platform.machine()}"
     return "/".join(hashlib.sha256(x.encode()).hexdigest()[:6] for x in (hardware, repr(sorted(versions().items()))))
+
+
+@cache
+def commit() -> str:
+    """The commit of this project's sources, short, with "+" if they differ from it; "" outside of its repository."""
+
+    def git(*words: str) -> str:
+        done = subprocess.run(["git", "-C", str(ROOT), *words], capture_output=True, text=True, check=True)
+        return done.stdout.strip()
+
+    try:
+        if Path(git("rev-parse", "--show-toplevel")) != ROOT:
+            return ""
+        edited = git("status", "--porcelain", "--untracked-files=no", "--", "*.py")
+        return git("rev-parse", "--short=8", "HEAD") + ("+" if edited else "")
+    except (OSError, subprocess.CalledProcessError):
+        return ""
 
 
 def same_hardware(a: str, b: str) -> bool:

@@ -1,31 +1,41 @@
 """Make a run of the benchmarks: choose which measurements ("cells") fit the time budget, make them, write the tables.
 
-New and changed cells come first, then timings from another machine, then a random sample of the rest, which is only
-compared with the stored rows.  A finished cell is written to a journal at once and the tables at the end; the next run
-continues one that was killed.
+Cells are of three classes.  Numbers are measured by every run whose code, data or packages changed them.  Dear numbers
+(`LONGEST`) and times are measured on request; times do not become stale when code changes.  Then comes a random sample
+of the numbers that did not change, which is only compared with the stored rows.  A finished cell is written to a
+journal at once and the tables at the end; the next run continues one that was killed.
+
+Rows are never taken away: a cell that needs a package that is missing keeps its stored rows, and new rows that agree
+with the stored ones (`compare.agree`) do not replace them.
 """
 
 from __future__ import annotations
 
+import json
 import os
 import random
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import date
 from pathlib import Path
 
 from phasebench.integrators.errors import InvalidInput
+from phasebench.reference.files import write_file
+from phasebench.reference.installed import is_installed
+from phasebench.reference.peers import PEERS
 
-from . import provenance, tables, workers
+from . import compare, provenance, tables, workers
 from .cells import ALONE, POOL, UNCOMPILED, Cell, Rows
 from .cluster import Cluster
 from .journal import Entry, Journal, lock
 
 #: Seconds of a run and of the sample, and the share of the budget that is reserved for writing reports.
 BUDGET, SAMPLE, REPORTS = 600.0, 30.0, 0.1
-#: Assumed seconds of a cell never measured, and largest seconds of a cell in the sample.
+#: Assumed seconds of a cell never measured; a cell of more seconds than this is dear, and not in a sample.
 UNKNOWN, LONGEST = 5.0, 3.0
+#: The file, of this machine alone, with the hashes of cells whose stored rows came out again with other packages.
+AGREED = "agreed.json"
 
 
 @dataclass
@@ -34,13 +44,15 @@ class Standing:
 
     Attributes
     ----------
-    content : hash of the code and data that its rows were measured with; None if rows are missing or were edited
+    content : hash of what its rows were measured with; None if rows are missing or were edited
     machine, spent : the machine, and the seconds that the measurement took
+    measured : False if nothing is stored
     """
 
     content: str | None = None
     machine: str = ""
     spent: float = UNKNOWN
+    measured: bool = False
 
 
 @dataclass
@@ -50,14 +62,17 @@ class Plan:
     Attributes
     ----------
     done : already in the journal of a run that was killed
-    changed : new, or stored for other code or data
-    own : dependent on the machine, and stored from another one
+    changed : new, or stored for other code, data or packages
+    dear, times : those of the two classes that are measured on request, and were not asked for
+    absent : needing a package that is not installed
     rest : up to date
     """
 
     done: list[Cell] = field(default_factory=list)
     changed: list[Cell] = field(default_factory=list)
-    own: list[Cell] = field(default_factory=list)
+    dear: list[Cell] = field(default_factory=list)
+    times: list[Cell] = field(default_factory=list)
+    absent: list[Cell] = field(default_factory=list)
     rest: list[Cell] = field(default_factory=list)
 
 
@@ -69,6 +84,7 @@ class Outcome:
     ----------
     cells, plan : all cells of the tables; those of this run, sorted by the reason to measure them (`Plan`)
     entries : finished cells by id, including those of a run that was killed before
+    agreed : ids of finished cells whose rows agree with the stored ones, which stay
     sampled : rows by cell id, measured only to compare them with the stored ones
     failed : cell id -> why it could not be measured
     unavailable : ids of cells that need what is not here, such as a package
@@ -81,6 +97,7 @@ class Outcome:
     cells: list[Cell]
     plan: Plan
     entries: dict[str, Entry] = field(default_factory=dict)
+    agreed: set[str] = field(default_factory=set)
     sampled: dict[str, Rows] = field(default_factory=dict)
     failed: dict[str, str] = field(default_factory=dict)
     unavailable: set[str] = field(default_factory=set)
@@ -92,7 +109,8 @@ class Outcome:
 
     def fresh(self, cell: Cell) -> bool:
         """True if the stored rows of a cell belong to this version of the code."""
-        return standing(cell, self.stored).content == cell.content
+        content = standing(cell, self.stored).content
+        return content is not None and not cell.outdated(content)
 
     def rows(self, table: str) -> list[dict]:
         """The rows of one table that this run measured anew, those of the random sample included."""
@@ -106,44 +124,55 @@ class Outcome:
 def entry(cell: Cell, answer: workers.Answer) -> Entry:
     """The journal entry of a finished cell, from the answer of the process that measured it."""
     today = date.today().isoformat()
-    return Entry(cell.id, cell.content, today, answer.machine, round(answer.seconds, 3), answer.value)
+    seconds = round(answer.seconds, 3)
+    return Entry(cell.id, cell.content, today, answer.machine, seconds, answer.value, provenance.commit())
 
 
 def standing(cell: Cell, stored: dict[str, tables.Table]) -> Standing:
-    """Return the hash of all that the stored rows of a cell depend on, the machine, and the seconds they took.
-
-    There is no hash if the rows are missing or were edited.
-    """
-    found = tables.version(cell, stored)
-    if found is None:
+    """Return what is stored of a cell: there is no hash if its rows are missing or were edited."""
+    known = stored[cell.tables[0]].keys.get(tables.key_of(cell))
+    if known is None:
         return Standing()
-    row = next(row for t in cell.tables for row in stored[t].of(cell))
-    return Standing(found, row.get("machine", ""), float(row.get("spent") or UNKNOWN))
+    return Standing(tables.version(cell, stored), known["run"].split()[-1], float(known["spent"] or UNKNOWN), True)
 
 
 def plan(
     cells: Iterable[Cell],
-    known: dict[str, Standing],
-    entries: dict[str, Entry],
-    machine: str,
+    known: Mapping[str, Standing],
+    entries: Mapping[str, Entry],
+    agreed: Mapping[str, str] | None = None,
+    dear: bool = False,
+    times: bool = False,
     again: bool = False,
 ) -> Plan:
     """Sort the cells (single measurements) by the reason to measure them.
 
-    ``known`` has what is stored of each cell, ``entries`` the finished cells of a run that was killed, ``machine`` is
-    the name of this machine.  With ``again`` unchanged cells count as changed.
+    ``known`` has what is stored of each cell, ``entries`` the finished cells of a run that was killed, ``agreed`` the
+    hash for which a cell's stored rows came out again on this machine.  With ``dear`` and ``times`` these two classes
+    are measured, too, with ``again`` all cells that can be.
     """
-    out, alike = Plan(), provenance.same_hardware
+    out, machine, agreed = Plan(), provenance.machine(), agreed or {}
     for cell in cells:
         kept, before = entries.get(cell.id), known[cell.id]
-        if kept and kept.content == cell.content and (alike(kept.machine, machine) or not cell.own):
+        here = provenance.same_hardware
+        if kept and kept.content == cell.content and (here(kept.machine, machine) or not cell.own):
             out.done.append(cell)
-        elif before.content != cell.content or again:
+        elif not cell.available:
+            out.absent.append(cell)
+        elif again:
             out.changed.append(cell)
-        elif cell.own and not alike(before.machine, machine):
-            out.own.append(cell)
-        else:
+        elif cell.own and times:
+            current = before.content == cell.content and here(before.machine, machine)
+            (out.rest if current else out.changed).append(cell)
+        elif before.content is not None and (cell.content in (before.content, agreed.get(cell.id))):
             out.rest.append(cell)
+        elif cell.own:
+            current = before.content is not None and not cell.outdated(before.content)
+            (out.rest if current else out.times).append(cell)
+        elif not dear and (cell.dear or (before.measured and before.spent > LONGEST)):
+            out.dear.append(cell)
+        else:
+            out.changed.append(cell)
     return out
 
 
@@ -178,8 +207,11 @@ def execute(
     *,
     selected: Callable[[Cell], bool] | None = None,
     budget: float = BUDGET,
+    dear: bool = False,
+    times: bool = False,
     everything: bool = False,
     quick: bool = False,
+    prune: bool = False,
     count: int | None = None,
     seed: int | None = None,
     progress: Callable[[str, int, int, float], None] = lambda *_: None,
@@ -189,12 +221,14 @@ def execute(
 
     Parameters
     ----------
-    cells : all cells of their tables; stored rows of other cells are deleted
+    cells : cells of the tables; stored rows of other cells stay
     folder : the folder of the tables
     selected : predicate; only these cells are measured, even if unchanged
     budget : seconds
+    dear, times : measure these two classes of cells, too; times without a time limit
     everything : measure every cell, without a time limit
     quick : no random sample is taken; the tables are marked as quick
+    prune : delete stored rows that belong to none of the cells
     count : number of parallel processes; 0 measures in this one
     seed : of the sample; by default the ordinal of today's date
     progress : called with an experiment, the cells done and in all, and the estimated seconds left
@@ -210,7 +244,7 @@ def execute(
     if len({c.id for c in cells}) != len(cells):
         raise ValueError("two cells have the same key")
     began = time.monotonic()
-    deadline = float("inf") if everything else began + budget * (1 - REPORTS)
+    deadline = float("inf") if everything or times else began + budget * (1 - REPORTS)
     count = (os.cpu_count() or 1) if count is None else count
     seed = date.today().toordinal() if seed is None else seed
     with lock(folder):
@@ -218,9 +252,10 @@ def execute(
         stored = {t: tables.Table(folder, t) for t in dict.fromkeys(t for c in cells for t in c.tables)}
         if quick and any(t.rows and t.about.get("quick") is False for t in stored.values()):
             raise InvalidInput(f"{folder} has tables of a full run, which a quick one would replace: write elsewhere")
-        known = {c.id: standing(c, stored) for c in cells}
+        known, agreed = {c.id: standing(c, stored) for c in cells}, _agreed(folder)
         wanted = [c for c in cells if selected is None or selected(c)]
-        todo = plan(wanted, known, journal.entries, provenance.machine(), again=everything or selected is not None)
+        again = everything or selected is not None
+        todo = plan(wanted, known, journal.entries, agreed, dear or quick, times or quick, again)
         out = Outcome(list(cells), todo, stored=stored, seed=seed)
         if journal.unreadable:
             out.notes.append(f"{journal.unreadable} unreadable lines of {journal.path} count as not measured")
@@ -229,21 +264,49 @@ def execute(
             out.notes.append(f"{len(todo.done)} cells were measured by a run that did not end")
         work = _Work(out, journal, known, count, progress, cluster)
         work.measure([*todo.changed], deadline)
-        work.measure([*todo.own], deadline)
         spare = min(deadline, time.monotonic() + SAMPLE)
         if selected is None and not everything and not quick and spare > time.monotonic():
             picked = sample(todo.rest, known, spare - time.monotonic(), seed, count)
             work.measure(picked, spare, compared=True)
         known_end = out.entries.keys() | out.failed.keys() | out.unavailable
-        out.left = [c for c in (*todo.changed, *todo.own) if c.id not in known_end]
-        if out.left:
-            out.notes.append(
-                f"{len(out.left)} cells are not measured by this version of the code on this machine: the budget of "
-                f"{budget:g} s is spent; run again, or with --all"
-            )
-        tables.write(folder, cells, out.entries, quick)
+        out.left = [c for c in todo.changed if c.id not in known_end]
+        own = {c.id: c for c in cells}
+        out.agreed = {id for id, e in out.entries.items() if not own[id].own and compare.agree(own[id], e, stored)}
+        done = tables.write(folder, cells, out.entries, stored, out.agreed, quick, prune)
+        again_here = {id: own[id].content for id in out.agreed if not own[id].outdated(known[id].content)}
+        if again_here:
+            write_file(folder / AGREED, json.dumps(agreed | again_here, indent=0, sort_keys=True) + "\n")
+        out.notes += _notes(out, budget, done.orphans)
         journal.drop(out.entries)
     return out
+
+
+def _agreed(folder: Path) -> dict[str, str]:
+    try:
+        return json.loads((folder / AGREED).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}
+
+
+def _notes(out: Outcome, budget: float, orphans: Mapping[str, int]) -> list[str]:
+    """Remarks for the user on what was not measured, and why."""
+    found = []
+    if out.left:
+        found.append(
+            f"{len(out.left)} cells are not measured by this version of the code on this machine: the budget of "
+            f"{budget:g} s is spent; run again, or with --all"
+        )
+    for option, cells in (("--dear", out.plan.dear), ("--times", out.plan.times)):
+        if cells:
+            found.append(f"{len(cells)} cells are new or of an earlier version, and measured on request: {option}")
+    if out.plan.absent:
+        packages = sorted({p.package for p in PEERS if not is_installed(p.package)})
+        names = f" ({', '.join(packages)})" if packages else ""
+        found.append(f"{len(out.plan.absent)} cells need packages that are not installed{names}: their rows stay")
+    if orphans:
+        rows = f"{sum(orphans.values())} rows of {', '.join(orphans)}"
+        found.append(f"{rows} belong to no measurement of this version and stay; --update-tables removes them")
+    return found
 
 
 class _Work:
@@ -271,8 +334,10 @@ class _Work:
         If they are only to be ``compared`` with stored rows (a sample), their rows are not stored.
         """
         left = sum(self._share(c) for c in cells)
-        done = 0
+        done, total = 0, len(cells)
         lanes = {w: lane for w in (POOL, ALONE, UNCOMPILED) if (lane := [c for c in cells if c.where == w])}
+        if not compared:
+            lanes = self._checked_beside(lanes)
         for k, (where, lane) in enumerate(lanes.items()):
             count = min(self.count, 1) if where == ALONE else self.count
             now = time.monotonic()
@@ -282,9 +347,33 @@ class _Work:
             until = now + (deadline - now) / (len(lanes) - k) if compared else deadline
             cluster = None if where == ALONE else self.cluster
             for cell, answer in workers.measure(lane, where, until, count, cluster):
-                done, left = done + 1, left - self._share(cell)
-                self.progress(cell.experiment, done, len(cells), max(0.0, min(left, deadline - time.monotonic())))
+                left -= self._share(cell)
+                if self._is_disturbed(cell, where, answer):
+                    lanes[ALONE].append(cell)
+                    continue
+                done += 1
+                self.progress(cell.experiment, done, total, max(0.0, min(left, deadline - time.monotonic())))
                 self._keep(cell, answer, compared)
+
+    def _checked_beside(self, lanes: dict[str, list[Cell]]) -> dict[str, list[Cell]]:
+        """Move cells that are timed, but whose stored rows may come out again, to those that run beside each other.
+
+        Their times are not stored where their other numbers agree; where they do not, they are measured once more.
+        """
+        alone = lanes.get(ALONE, [])
+        beside = [c for c in alone if not c.own and self.known[c.id].content is not None] if self.count > 1 else []
+        if not beside:
+            return lanes
+        rest = {ALONE: [c for c in alone if c not in beside], UNCOMPILED: lanes.get(UNCOMPILED, [])}
+        return {POOL: [*lanes.get(POOL, []), *beside], **rest}
+
+    def _is_disturbed(self, cell: Cell, where: str, answer: workers.Answer) -> bool:
+        """True for an answer of a timed cell that ran beside others and has to be measured alone."""
+        if cell.where != ALONE or where == ALONE:
+            return False
+        if answer.error is not None:
+            return "Unavailable: " not in answer.error
+        return not compare.agree(cell, entry(cell, answer), self.out.stored)
 
     def _share(self, cell: Cell) -> float:
         return self.known[cell.id].spent / (1 if cell.where == ALONE else max(1, self.count))

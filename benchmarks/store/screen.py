@@ -9,7 +9,8 @@ from typing import TextIO
 
 from .run import Outcome
 
-HEADINGS = ("experiment", "measured now", "sampled", "unchanged", "not by this version", "failed", "seconds")
+HEADINGS = ("experiment", "measured now", "sampled", "unchanged")
+HEADINGS += ("not by this version", "not here", "failed", "seconds")
 
 
 @contextlib.contextmanager
@@ -45,9 +46,11 @@ def counts(outcome: Outcome) -> list[dict[str, object]]:
     """Count a run's cells (single measurements) by experiment: a row for each, for the table that ends a run.
 
     A row has the numbers of cells that were measured now, measured only as a random sample, unchanged, stored by
-    another version of the code ("not by this version"), or failed, and the seconds spent.
+    another version of the code ("not by this version"), not measurable on this machine ("not here"), or failed, and
+    the seconds spent.
     """
     left = {c.id for c in outcome.left}
+    absent = {c.id for c in outcome.plan.absent} | outcome.unavailable
     rows: dict[str, dict[str, object]] = {}
     for cell in outcome.cells:
         row = rows.setdefault(cell.experiment, dict.fromkeys(HEADINGS, 0) | {"experiment": cell.experiment})
@@ -58,6 +61,8 @@ def counts(outcome: Outcome) -> list[dict[str, object]]:
             if cell.id in outcome.entries
             else "sampled"
             if cell.id in outcome.sampled
+            else "not here"
+            if cell.id in absent
             else "not by this version"
             if cell.id in left or not outcome.fresh(cell)
             else "unchanged"

@@ -1,9 +1,10 @@
 """The cache on disk of generated source text and machine code: one folder, checked when read, and safe to delete.
 
 The folder is $PHASEBENCH_CACHE, or else the platform's folder for caches.  Entries are in a subfolder named by the hash
-of everything that they depend on (this package's source, the versions of the packages that generate and compile, the
-processor), so that a stale entry is never found.  An entry begins with the hash of its name and content; a truncated or
-changed one is removed and made again.  It is written by a rename, so that concurrent writers never leave half of one.
+of what compiles them (Python, the packages that generate and compile, the processor); an entry's own name has the hash
+of the code that it is made of (`digest`), so that a stale entry is never found, and one that is not stale always is.
+An entry begins with the hash of its name and content; a truncated or changed one is removed and made again.  It is
+written by a rename, so that concurrent writers never leave half of one.
 Processes that need the same entry wait for the one that makes it (`hold_lock`).  Where nothing can be written, work
 goes on without a cache, after one line of warning.
 
@@ -59,13 +60,9 @@ def root() -> Path | None:
 
 @lru_cache(maxsize=1)
 def version() -> str:
-    """Return the name of this version's subfolder, which is the hash of what its entries depend on."""
-    digest = hashlib.sha256()
-    folder = Path(__file__).parents[1]
-    for path in sorted(folder.glob("**/*.py")):
-        digest.update(f"{path.relative_to(folder).as_posix()} ".encode() + path.read_bytes())
-    digest.update(repr([sys.version, platform.machine(), *_package_versions(), *_processor_settings()]).encode())
-    return f"py{sys.version_info[0]}{sys.version_info[1]}-{digest.hexdigest()[:16]}"
+    """Return the name of this version's subfolder, which is the hash of what compiles its entries."""
+    facts = repr([sys.version, platform.machine(), *_package_versions(), *_processor_settings()])
+    return f"py{sys.version_info[0]}{sys.version_info[1]}-{hashlib.sha256(facts.encode()).hexdigest()[:16]}"
 
 
 def _package_versions() -> list[str]:
@@ -122,6 +119,7 @@ def read(name: str) -> bytes | None:
         return None
     if seal == _seal(name, content):
         _note_use(place)
+        _note_use(place / name)
         return content
     forget(name)
     return None
@@ -186,6 +184,7 @@ def source_of(name: str) -> tuple[Path | None, bool]:
         sealed = _is_sealed(home)
         if sealed:
             _note_use(place)
+            _note_use(home)
         else:
             _remove(home)
             home.mkdir(parents=True)
@@ -275,9 +274,9 @@ def _acquire_lock(lock: Path, entry: Path) -> Callable[[], None]:
     return lambda: None
 
 
-@lru_cache(maxsize=8)
+@lru_cache(maxsize=4096)
 def _note_use(place: Path) -> None:
-    """Set the modification time of the subfolder ``place`` to now, once in a process, as the time of its last use."""
+    """Set the modification time of a subfolder or an entry to now, once in a process, as the time of its last use."""
     with suppress(OSError):
         os.utime(place)
 
@@ -298,7 +297,7 @@ def log_once(error: Exception) -> None:
 
 
 def versions() -> Iterator[Path]:
-    """Iterate over the cache's subfolders, one for each version of the package and its compilers."""
+    """Iterate over the cache's subfolders, one for each version of the compilers and each kind of processor."""
     place = root()
     with suppress(OSError):
         yield from (p for p in place.iterdir() if _VERSION.fullmatch(p.name) and p.is_dir())

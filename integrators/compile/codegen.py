@@ -26,6 +26,7 @@ from numba import types
 from phasebench.integrators.errors import InvalidInput
 
 from . import cache, machine
+from .digest import of_folder
 from .options import ARRAYS, TUPLES
 
 if TYPE_CHECKING:
@@ -105,7 +106,8 @@ def function(key: str, build: Callable[[str], str], signature: Signature, arithm
     else:
         style = _kind_of(signature) if compiled() else "numpy"
         header = "from math import *\nimport numpy as np\n\n"
-    digest = hashlib.sha256(f"{style}|{key}".encode()).hexdigest()[:24]
+    derived = of_folder("integrators.systems")
+    digest = hashlib.sha256(f"{style}|{key}|{derived}".encode()).hexdigest()[:24]
     if digest not in _ready:
         text = cached_text(f"f-{digest}.py", lambda: header + _finish(build(arithmetic), style))
         _ready[digest] = _load(digest, text, style, signature)

@@ -30,6 +30,7 @@ from numba import types
 from numba.extending import intrinsic
 
 from . import cache
+from .digest import digest as digest_of
 
 if TYPE_CHECKING:
     from phasebench.integrators.values.kinds import Dispatcher, Signature
@@ -44,9 +45,9 @@ def load_or_compile(f: Callable, signature: Signature, options: dict, name: str)
     signature : Numba signature of the arguments and the result
     options : keyword arguments of `numba.njit`
     name : a label, "|", and everything that the machine code depends on besides the signature, the options and the
-        source of this package
+        modules of this package in which ``f`` and the functions that it calls are defined
     """
-    content = f"{name}|{sorted(options.items(), key=str)}|{signature!r}"
+    content = f"{name}|{sorted(options.items(), key=str)}|{signature!r}|{digest_of(modules_of(f) | {__name__})}"
     digest = hashlib.sha256(content.encode()).hexdigest()[:24]
     entry = f"{''.join(c if c.isalnum() else '-' for c in name.partition('|')[0])}-{digest}"
     f = _without_closure(f)
@@ -67,6 +68,22 @@ def load_or_compile(f: Callable, signature: Signature, options: dict, name: str)
             cache.seal(entry)
     made.disable_compile()
     return made
+
+
+def modules_of(f: Callable) -> set[str]:
+    """Return the names of the modules that define ``f`` and the functions that it refers to, directly or not."""
+    found: set[str] = set()
+    seen: set[int] = set()
+    waiting: list = [f]
+    while waiting:
+        part = waiting.pop()
+        part = getattr(part, "py_func", part)
+        found.add(getattr(part, "__module__", None) or "")
+        if isinstance(part, FunctionType) and id(part) not in seen:
+            seen.add(id(part))
+            inside = inspect.getclosurevars(part)
+            waiting += [x for x in (*inside.globals.values(), *inside.nonlocals.values()) if callable(x)]
+    return found
 
 
 def with_functions(f: Callable, functions: dict[str, Callable]) -> Callable:

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 from numba.extending import is_jitted
 
-from . import cache, codegen, machine
+from . import cache, codegen, digest, machine
 
 if TYPE_CHECKING:
     from phasebench.integrators.record import Method
@@ -88,7 +88,8 @@ def entry(method: Method, system: PartitionedSystem) -> str | None:
     value = _bytes_of(method) if key else None
     if value is None:
         return None
-    about = f"{key}|{system.variant}|{codegen.value_kind(system.d)}|"
+    code = digest.digest([*digest.families(method), type(system).__module__])
+    about = f"{key}|{system.variant}|{codegen.value_kind(system.d)}|{code}|"
     return f"prepared-{hashlib.sha256(about.encode() + value).hexdigest()[:24]}.pickle"
 
 

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import sympy as sp
 from sympy.printing.pycode import PythonCodePrinter
 
+from . import digest
 from .codegen import DOUBLE, MAX_POWER, MULTIPRECISION, cached_text
 
 #: Integers of this size or more do not fit Numba's 64-bit integers, and are written as floats.
@@ -200,5 +201,6 @@ def source(
 @lru_cache(maxsize=4096)
 def columnwise_text(q: tuple[sp.Symbol, ...], p: tuple[sp.Symbol, ...], expression: sp.Expr) -> str:
     """Return the source text of a function f(q, p) that evaluates an expression, for `codegen.load_columnwise`."""
-    key = hashlib.sha256(" ".join(map(sp.srepr, (*q, *p, expression))).encode()).hexdigest()[:24]
+    parts = [*map(sp.srepr, (*q, *p, expression)), digest.digest([__name__])]
+    key = hashlib.sha256(" ".join(parts).encode()).hexdigest()[:24]
     return cached_text(f"v-{key}.py", lambda: source("f", [("q", q), ("p", p)], [expression], DOUBLE))

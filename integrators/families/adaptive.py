@@ -47,9 +47,9 @@ from phasebench.integrators.compile import codegen
 from phasebench.integrators.compile.codegen import DOUBLE
 from phasebench.integrators.compile.lazy import sympy as sp
 from phasebench.integrators.errors import InvalidInput
+from phasebench.integrators.stepping.codes import OUT_OF_STEP, SOLVED
 from phasebench.integrators.stepping.kernel import OWN, Prepared, array
 from phasebench.integrators.stepping.loop import time_loop
-from phasebench.integrators.stepping.solve import OUT_OF_STEP, SOLVED
 from phasebench.integrators.systems import singularities
 from phasebench.integrators.values.lanes import combine, polynomial, put, take
 from phasebench.integrators.values.masks import number, retire_lanes, where

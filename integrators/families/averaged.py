@@ -44,17 +44,11 @@ from phasebench.integrators.coefficients.quadrature import LARGE, RULES, gauss_l
 from phasebench.integrators.compile import codegen
 from phasebench.integrators.compile.codegen import DOUBLE
 from phasebench.integrators.compile.lazy import sympy as sp
+from phasebench.integrators.stepping.codes import SOLVED
 from phasebench.integrators.stepping.kernel import Carry, Prepared, array, freeze, numbers
 from phasebench.integrators.stepping.loop import loop
 from phasebench.integrators.stepping.orbit_lanes import compiles_in_lanes, twin
-from phasebench.integrators.stepping.solve import (
-    SOLVED,
-    lengths_of_both,
-    predict,
-    refinement,
-    remember,
-    solver,
-)
+from phasebench.integrators.stepping.solve import lengths_of_both, predict, refinement, remember, solver
 from phasebench.integrators.values.lanes import Lanes, take, total
 from phasebench.integrators.values.vector import (
     State,

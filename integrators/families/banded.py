@@ -16,9 +16,10 @@ import numpy as np
 from phasebench.integrators.compile.codegen import DOUBLE
 from phasebench.integrators.stepping import structure
 from phasebench.integrators.stepping.banded import Band, Room, band_of, band_solver, columns, forget
+from phasebench.integrators.stepping.codes import SOLVED
 from phasebench.integrators.stepping.kernel import Carry, Prepared, value
 from phasebench.integrators.stepping.loop import loop
-from phasebench.integrators.stepping.solve import SOLVED, lengths_of_both
+from phasebench.integrators.stepping.solve import lengths_of_both
 from phasebench.integrators.values.vector import (
     State,
     dispatch_on_none,

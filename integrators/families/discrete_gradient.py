@@ -22,9 +22,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from phasebench.integrators.stepping.codes import SOLVED
 from phasebench.integrators.stepping.kernel import Carry, Prepared, keep_energy, numbers
 from phasebench.integrators.stepping.loop import loop
-from phasebench.integrators.stepping.solve import LEVELS, SOLVED, predict, predict_number, remember, solver
+from phasebench.integrators.stepping.solve import LEVELS, predict, predict_number, remember, solver
 from phasebench.integrators.values.vector import (
     State,
     axpy,

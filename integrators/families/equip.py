@@ -33,11 +33,12 @@ import numpy as np
 from phasebench.integrators.coefficients import tableaus
 from phasebench.integrators.coefficients.quadrature import legendre
 from phasebench.integrators.compile.codegen import DOUBLE
+from phasebench.integrators.stepping.codes import SOLVED
 from phasebench.integrators.stepping.energy_model import FIRST, Attempt, Search
 from phasebench.integrators.stepping.kernel import OWN, Carry, Prepared, array, numbers
 from phasebench.integrators.stepping.loop import loop
 from phasebench.integrators.stepping.root import finder
-from phasebench.integrators.stepping.solve import LEVELS, SOLVED
+from phasebench.integrators.stepping.solve import LEVELS
 from phasebench.integrators.values.vector import State, dispatch_on_none, forbid_inlining, inline, jit, size, update
 
 from . import collocation, gauss_lanes, stage_lanes

@@ -36,9 +36,9 @@ import numpy as np
 
 from phasebench.integrators.coefficients.copies import lengths_of_a
 from phasebench.integrators.coefficients.fractions import DIGITS, times
+from phasebench.integrators.stepping.codes import SOLVED
 from phasebench.integrators.stepping.kernel import Prepared, numbers
 from phasebench.integrators.stepping.loop import loop
-from phasebench.integrators.stepping.solve import SOLVED
 from phasebench.integrators.values.elementary import cos, sin
 from phasebench.integrators.values.vector import (
     add_product_in_place,

@@ -35,9 +35,10 @@ import numpy as np
 from phasebench.integrators.coefficients.tableaus import LEVELS, tableau
 from phasebench.integrators.compile.codegen import DOUBLE
 from phasebench.integrators.stepping import kepler_flow, kepler_tangent
+from phasebench.integrators.stepping.codes import SOLVED, STALLED
 from phasebench.integrators.stepping.kepler_flow import add
 from phasebench.integrators.stepping.kernel import Prepared, array, numbers
-from phasebench.integrators.stepping.solve import SOLVED, STALLED, fixed_point
+from phasebench.integrators.stepping.solve import fixed_point
 from phasebench.integrators.values.vector import inline, jit, load, store
 
 from .wisdom_holman import check_kinetic_energy, convert, drift

@@ -38,9 +38,9 @@ from typing import TYPE_CHECKING, NamedTuple
 import mpmath
 import numpy as np
 
+from phasebench.integrators.stepping.codes import OUT_OF_STEP, SOLVED
 from phasebench.integrators.stepping.kernel import OWN, Prepared, array
 from phasebench.integrators.stepping.loop import time_loop
-from phasebench.integrators.stepping.solve import OUT_OF_STEP, SOLVED
 from phasebench.integrators.values.lanes import put, take, total
 from phasebench.integrators.values.vector import dispatch_on_none, inline
 

@@ -33,9 +33,9 @@ from numba import types
 
 from phasebench.integrators.compile import codegen
 from phasebench.integrators.compile.lazy import sympy as sp
+from phasebench.integrators.stepping.codes import SOLVED
 from phasebench.integrators.stepping.kernel import Prepared, numbers
 from phasebench.integrators.stepping.loop import loop
-from phasebench.integrators.stepping.solve import SOLVED
 from phasebench.integrators.values import inplace
 from phasebench.integrators.values.vector import (
     add_product_in_place,

@@ -35,9 +35,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from phasebench.integrators.stepping.codes import SOLVED
 from phasebench.integrators.stepping.kernel import Prepared, numbers
 from phasebench.integrators.stepping.loop import loop
-from phasebench.integrators.stepping.solve import SOLVED
 from phasebench.integrators.systems import magnetic
 from phasebench.integrators.values.elementary import cos, sin
 from phasebench.integrators.values.fma import fma

@@ -33,17 +33,10 @@ import numpy as np
 
 from phasebench.integrators.coefficients.tableaus import tableau
 from phasebench.integrators.compile.codegen import DOUBLE
+from phasebench.integrators.stepping.codes import NOT_FINITE, SOLVED, STALLED
 from phasebench.integrators.stepping.kernel import Carry, Prepared, array
 from phasebench.integrators.stepping.loop import loop
-from phasebench.integrators.stepping.solve import (
-    LEVELS,
-    NOT_FINITE,
-    SOLVED,
-    STALLED,
-    copy,
-    fixed_point,
-    predict,
-)
+from phasebench.integrators.stepping.solve import LEVELS, copy, fixed_point, predict
 from phasebench.integrators.values.vector import (
     State,
     add,

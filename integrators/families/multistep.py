@@ -44,9 +44,10 @@ from phasebench.integrators.coefficients.multistep import reduced, velocity_weig
 from phasebench.integrators.coefficients.tableaus import LEVELS, tableau
 from phasebench.integrators.compile import codegen
 from phasebench.integrators.compile.codegen import DOUBLE
+from phasebench.integrators.stepping.codes import SOLVED, STALLED
 from phasebench.integrators.stepping.kernel import Carry, Prepared, array, numbers
 from phasebench.integrators.stepping.loop import loop
-from phasebench.integrators.stepping.solve import SOLVED, STALLED, fixed_point, replace
+from phasebench.integrators.stepping.solve import fixed_point, replace
 from phasebench.integrators.values.masks import number
 from phasebench.integrators.values.vector import (
     State,

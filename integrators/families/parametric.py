@@ -33,9 +33,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from phasebench.integrators.stepping.codes import SOLVED
 from phasebench.integrators.stepping.kernel import Carry, Prepared, array, freeze
 from phasebench.integrators.stepping.loop import loop
-from phasebench.integrators.stepping.solve import LEVELS, SOLVED, predict, remember, solver
+from phasebench.integrators.stepping.solve import LEVELS, predict, remember, solver
 from phasebench.integrators.values.vector import (
     State,
     axpy,

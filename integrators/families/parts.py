@@ -27,9 +27,9 @@ import mpmath
 import numpy as np
 
 from phasebench.integrators.coefficients.fractions import DIGITS
+from phasebench.integrators.stepping.codes import SOLVED
 from phasebench.integrators.stepping.kernel import Carry, Prepared, freeze, numbers
 from phasebench.integrators.stepping.loop import loop
-from phasebench.integrators.stepping.solve import SOLVED
 from phasebench.integrators.values.vector import inline, read_state, update
 
 if TYPE_CHECKING:

@@ -35,9 +35,10 @@ import numpy as np
 
 from phasebench.integrators.coefficients.tableaus import LEVELS, tableau
 from phasebench.integrators.compile.codegen import DOUBLE
+from phasebench.integrators.stepping.codes import SOLVED
 from phasebench.integrators.stepping.kernel import Carry, Prepared, array, freeze
 from phasebench.integrators.stepping.loop import loop
-from phasebench.integrators.stepping.solve import SOLVED, Change, confirmer, row_solver
+from phasebench.integrators.stepping.solve import Change, confirmer, row_solver
 from phasebench.integrators.values.lanes import combine, put, take, total
 from phasebench.integrators.values.vector import State, dispatch_on_none, inline, size
 

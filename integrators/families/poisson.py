@@ -43,11 +43,11 @@ from phasebench.integrators.coefficients.quadrature import (
     sizes,
 )
 from phasebench.integrators.compile.codegen import DOUBLE
+from phasebench.integrators.stepping.codes import SOLVED
 from phasebench.integrators.stepping.kernel import Carry, Prepared, array, freeze
 from phasebench.integrators.stepping.loop import loop
 from phasebench.integrators.stepping.solve import (
     LEVELS,
-    SOLVED,
     change,
     changes_by_row,
     confirmer,

@@ -34,9 +34,10 @@ from numba import types
 from phasebench.integrators.compile import codegen
 from phasebench.integrators.compile.lazy import sympy as sp
 from phasebench.integrators.records.projection import projection_method as projection_method
+from phasebench.integrators.stepping.codes import SOLVED
 from phasebench.integrators.stepping.kernel import Carry, Prepared, value
 from phasebench.integrators.stepping.loop import loop
-from phasebench.integrators.stepping.solve import LEVELS, SOLVED, gauss, predict, remember, solver
+from phasebench.integrators.stepping.solve import LEVELS, gauss, predict, remember, solver
 from phasebench.integrators.values.vector import (
     State,
     add,

@@ -31,17 +31,10 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from phasebench.integrators.stepping.codes import NOT_FINITE, SOLVED, STALLED
 from phasebench.integrators.stepping.kernel import Carry, Prepared, numbers
 from phasebench.integrators.stepping.loop import loop
-from phasebench.integrators.stepping.solve import (
-    NOT_FINITE,
-    SOLVED,
-    STALLED,
-    fixed_point,
-    predict,
-    remember,
-    replace,
-)
+from phasebench.integrators.stepping.solve import fixed_point, predict, remember, replace
 from phasebench.integrators.values.masks import overload_in_lanes
 from phasebench.integrators.values.vector import (
     add,

@@ -29,9 +29,9 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from phasebench.integrators.records.projection import relaxation_method as relaxation_method
+from phasebench.integrators.stepping.codes import SOLVED
 from phasebench.integrators.stepping.kernel import OWN, Carry, Prepared, keep_energy
 from phasebench.integrators.stepping.loop import loop
-from phasebench.integrators.stepping.solve import SOLVED
 from phasebench.integrators.values.vector import State, inline, scale, unroll, update
 
 from . import runge_kutta

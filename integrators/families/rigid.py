@@ -32,9 +32,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from phasebench.integrators.stepping.codes import SOLVED
 from phasebench.integrators.stepping.kernel import Carry, Prepared, numbers
 from phasebench.integrators.stepping.loop import loop
-from phasebench.integrators.stepping.solve import SOLVED, predict, remember, solver
+from phasebench.integrators.stepping.solve import predict, remember, solver
 from phasebench.integrators.values.elementary import sin
 from phasebench.integrators.values.vector import (
     add,

@@ -26,11 +26,12 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from phasebench.integrators.stepping.codes import SOLVED
 from phasebench.integrators.stepping.energy_model import ALONG, FIRST, LAST, LATEST, STREAK, Attempt, Search
 from phasebench.integrators.stepping.kernel import OWN, Carry, Prepared, array, freeze, keep_energy
 from phasebench.integrators.stepping.loop import loop
 from phasebench.integrators.stepping.root import finder
-from phasebench.integrators.stepping.solve import LEVELS, SOLVED, predict, predict_number, remember
+from phasebench.integrators.stepping.solve import LEVELS, predict, predict_number, remember
 from phasebench.integrators.values.vector import State, axpy, force_inline, inline, load, minus, scale, store
 
 from .parametric import quadratic, substep, unknown

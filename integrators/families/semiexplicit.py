@@ -37,9 +37,10 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from phasebench.integrators.coefficients.copies import lengths_of_a
+from phasebench.integrators.stepping.codes import SOLVED
 from phasebench.integrators.stepping.kernel import Prepared, numbers
 from phasebench.integrators.stepping.loop import loop
-from phasebench.integrators.stepping.solve import SOLVED, predict, remember, solver
+from phasebench.integrators.stepping.solve import predict, remember, solver
 from phasebench.integrators.values.vector import (
     axpy,
     head,

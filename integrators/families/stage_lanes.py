@@ -34,9 +34,10 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from phasebench.integrators.stepping.codes import SOLVED
 from phasebench.integrators.stepping.kernel import Carry
 from phasebench.integrators.stepping.loop import loop
-from phasebench.integrators.stepping.solve import SOLVED, row_solver
+from phasebench.integrators.stepping.solve import row_solver
 from phasebench.integrators.values.lanes import combine, put, take, total
 from phasebench.integrators.values.vector import State, dispatch_on_none, inline, size
 

@@ -48,9 +48,9 @@ import mpmath
 import numpy as np
 
 from phasebench.integrators.errors import InvalidInput
+from phasebench.integrators.stepping.codes import SOLVED
 from phasebench.integrators.stepping.kernel import Carry, Prepared, array, zeros
 from phasebench.integrators.stepping.loop import loop
-from phasebench.integrators.stepping.solve import SOLVED
 from phasebench.integrators.values.vector import add, elementwise, inline, load, read_state, scale
 
 if TYPE_CHECKING:

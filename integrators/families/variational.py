@@ -39,9 +39,10 @@ import numpy as np
 
 from phasebench.integrators.coefficients.fractions import DIGITS
 from phasebench.integrators.coefficients.quadrature import gauss_legendre, gauss_lobatto
+from phasebench.integrators.stepping.codes import SOLVED
 from phasebench.integrators.stepping.kernel import Carry, Prepared, array, numbers
 from phasebench.integrators.stepping.loop import loop
-from phasebench.integrators.stepping.solve import LEVELS, SOLVED, copy, difference, predict, remember, row_solver
+from phasebench.integrators.stepping.solve import LEVELS, copy, difference, predict, remember, row_solver
 from phasebench.integrators.values.vector import (
     State,
     axpy,

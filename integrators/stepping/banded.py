@@ -22,7 +22,8 @@ import numpy as np
 
 from phasebench.integrators.values.vector import inline, jit, load, minus, plus, size, store
 
-from .solve import NEWTON_LIMIT, SOLVED, STALLED, difference, near, newton_method
+from .codes import SOLVED, STALLED
+from .solve import NEWTON_LIMIT, difference, near, newton_method
 from .structure import band_order, colour_columns, owners
 
 if TYPE_CHECKING:

@@ -15,7 +15,7 @@ import numpy as np
 
 from phasebench.integrators.values.vector import State, inline
 
-from .solve import SOLVED
+from .codes import SOLVED
 
 if TYPE_CHECKING:
     from phasebench.integrators.values.kinds import Number

@@ -28,8 +28,8 @@ from phasebench.integrators.compile import machine
 from phasebench.integrators.values import vector
 from phasebench.integrators.values.vector import State, inline
 
+from .codes import SOLVED
 from .kernel import OWN, Carry, Samples
-from .solve import SOLVED
 
 
 def _read_state(method: NamedTuple, carry: Carry, counts: np.record) -> State:

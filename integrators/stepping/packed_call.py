@@ -19,8 +19,8 @@ from numba.extending import intrinsic
 
 from phasebench.integrators.compile import machine, progress
 
+from .codes import NOT_FINITE, SOLVED
 from .kernel import P, Prepared, Q, Samples, _tuple_type, entry, kernel
-from .solve import NOT_FINITE, SOLVED
 
 if TYPE_CHECKING:
     from phasebench.integrators.stepping.kernel import Carry

@@ -19,6 +19,7 @@ import numpy as np
 
 from phasebench.integrators.values.vector import forbid_inlining, inline, jit
 
+from .codes import SOLVED
 from .energy_model import (
     ALONG,
     BEND,
@@ -43,7 +44,7 @@ from .energy_model import (
     residual_factor,
     smaller_root,
 )
-from .solve import LEVELS, SOLVED
+from .solve import LEVELS
 
 if TYPE_CHECKING:
     from phasebench.integrators.stepping.energy_model import Search

@@ -42,10 +42,10 @@ from phasebench.integrators.values.vector import (
     tail,
 )
 
+from .codes import NOT_FINITE, OUT_OF_STEP, SOLVED, STALLED  # noqa: F401
+
 if TYPE_CHECKING:
     from phasebench.integrators.values.kinds import Condition, Number, Value
-
-SOLVED, STALLED, NOT_FINITE, OUT_OF_STEP = 0, 1, 2, 3
 
 #: Row m: weights that extrapolate the last m solutions by one step, the newest first.
 _EXTRAPOLATION = np.array(

@@ -12,9 +12,10 @@ from __future__ import annotations
 import hashlib
 import pickle
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from phasebench.integrators.compile import cache
+from phasebench.integrators.compile import cache, digest
 
 if TYPE_CHECKING:
     from .hamiltonian import PartitionedSystem
@@ -24,8 +25,11 @@ FACTS = ("d", "content", "has_energy", "singularities")
 
 
 def key_of(*parts: object) -> str:
-    """Return a hash, 24 hexadecimal digits, of the ``repr`` of the parts; it identifies what is made from them."""
-    return hashlib.sha256(repr(parts).encode()).hexdigest()[:24]
+    """Return a hash, 24 hexadecimal digits, of the ``repr`` of the parts and of the code of systems.
+
+    It identifies what that code makes from the parts.
+    """
+    return hashlib.sha256(repr((*parts, digest.of_folder("integrators.systems"))).encode()).hexdigest()[:24]
 
 
 def shell(system: PartitionedSystem, key: str, recipe: Callable[[], Any]) -> PartitionedSystem:
@@ -64,11 +68,12 @@ def load(name: str) -> Any:
         return None
 
 
-def system(key: str, recipe: Callable[[], Any]) -> PartitionedSystem:
+def system(key: str, recipe: partial) -> PartitionedSystem:
     """Return the system that the key identifies: its stand-in from the cache if there is one, else ``recipe()``.
 
-    In the second case the cache gets a stand-in of the system, for the next time.
+    In the second case the cache gets a stand-in of the system, for the next time.  ``recipe`` is a `functools.partial`.
     """
+    key = key_of(key, digest.digest([recipe.func.__module__]))
     entry = f"s-{key}.pickle"
     found = load(entry)
     if found is None:

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from phasebench.benchmarks.store import sources
+from phasebench.integrators.compile import digest as sources
 from phasebench.integrators.registry import BY_ID
 from phasebench.reference.peers import BY_ID as PEERS
 

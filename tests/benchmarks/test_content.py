@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 from dataclasses import replace
 from fractions import Fraction
@@ -14,9 +15,9 @@ from phasebench.benchmarks.experiments.kepler import comparison, cost
 from phasebench.benchmarks.experiments.trade import sweep
 from phasebench.benchmarks.measure.multiprecision import leaves, replace_at
 from phasebench.benchmarks.problems.scenes import BY_ID, SCENES
-from phasebench.benchmarks.store import sources
 from phasebench.benchmarks.store.cells import ProblemKey, content, exact
 from phasebench.integrators import registry
+from phasebench.integrators.compile import digest
 from phasebench.integrators.registry import method
 
 SPLITTING = "phasebench.integrators.families.splitting"
@@ -28,8 +29,8 @@ REBOUND, KEPLER = "phasebench.reference.peers.rebound", "phasebench.benchmarks.p
 def unchanged_sources_are_parsed_once():
     """Cache the two functions that parse sources by the source's text, so that only edited files are parsed again."""
     with pytest.MonkeyPatch.context() as patch:
-        for function in (sources.essence, sources.imports):
-            patch.setattr(sources, function.__name__, cache(function))
+        for function in (digest.essence, digest.imports):
+            patch.setattr(digest, function.__name__, cache(function))
         yield
 
 
@@ -84,9 +85,9 @@ def copy(tmp_path_factory):
     """(root of a copy of the three source folders, to be edited; the digests of `MODULES` before editing)."""
     root = tmp_path_factory.mktemp("copy")
     for folder in ("integrators", "reference", "benchmarks"):
-        shutil.copytree(sources.ROOT / folder, root / folder, ignore=shutil.ignore_patterns("__pycache__", "*.csv"))
-    digests = {m: sources.digest([m], root) for m in MODULES}
-    assert digests == {m: sources.digest([m]) for m in MODULES}
+        shutil.copytree(digest.ROOT / folder, root / folder, ignore=shutil.ignore_patterns("__pycache__", "*.csv"))
+    digests = {m: digest.digest([m], root) for m in MODULES}
+    assert digests == {m: digest.digest([m]) for m in MODULES}
     return root, digests
 
 
@@ -125,10 +126,10 @@ def test_edit_changes_the_modules_that_import_it(copy, file, old, new, moved):
     text = path.read_text()
     assert old in text
     path.write_text(text.replace(old, new, 1))
-    for cached in (sources.closure, sources._file):
+    for cached in (digest.closure, digest._file):
         cached.cache_clear()
     try:
-        assert {m for m in MODULES if sources.digest([m], root) != before[m]} == moved
+        assert {m for m in MODULES if digest.digest([m], root) != before[m]} == moved
     finally:
         path.write_text(text)
 
@@ -141,11 +142,64 @@ def test_essence_is_what_a_source_computes():
         "if TYPE_CHECKING:\n    import a\n\ndef f(\n    x: a.b,\n):\n    return [\n  x,\n  'kept',\n ]\n",
     )
     others = (text.replace("kept", "other"), text.replace("f(x)", "f(x=1)"), "import a\n" + text, "x: int = 1\n" + text)
-    assert {sources.essence(s) for s in same} == {sources.essence(text)}
-    assert sources.essence(text) not in {sources.essence(s) for s in others}
-    assert sources.essence("class A(NamedTuple):\n    x: int\n") != sources.essence(
-        "class A(NamedTuple):\n    y: int\n"
+    assert {digest.essence(s) for s in same} == {digest.essence(text)}
+    assert digest.essence(text) not in {digest.essence(s) for s in others}
+    assert digest.essence("class A(NamedTuple):\n    x: int\n") != digest.essence("class A(NamedTuple):\n    y: int\n")
+
+
+FUNCTION = """
+def f(a, b=2):
+    x = a + b
+    def g(y):
+        z = x * y
+        return z
+    if a < 0:
+        raise ValueError("a is negative")
+    return g(a)
+"""
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "same"),
+    [
+        ("x", "first", True),
+        ("z", "inner", True),
+        ('"a is negative"', 'f"{a} is below 0"', True),
+        ("ValueError", "TypeError", False),
+        ("b", "other", False),  # a parameter may be given by its name
+        ("x * y", "x + y", False),
+        ("return z", "return x", False),
+        ("x = a + b", "x = eval('x')", False),
+    ],
+)
+def test_local_names_and_messages_change_no_digest(old, new, same):
+    changed = re.sub(rf"(?<![\w'])({re.escape(old)})(?!\w)", new, FUNCTION)
+    assert changed != FUNCTION
+    assert (digest.essence(changed) == digest.essence(FUNCTION)) == same
+
+
+def test_two_locals_that_change_places_are_seen():
+    assert digest.essence("def f():\n x = 1\n y = 2\n return x\n") != digest.essence(
+        "def f():\n x = 1\n y = 2\n return y\n"
     )
+    assert digest.essence("def f():\n x = 1\n return x\n") != digest.essence("def f():\n x = 1\n return z\n")
+
+
+def test_a_renamed_local_beside_what_is_bound_otherwise():
+    """A class, a definition or an import of the same name stays what it is."""
+    texts = [f"def f():\n x = 1\n {bound}\n return {name}\n" for bound in ("import x", "class A:\n  x = 2")
+             for name in ("x", "y")]  # fmt: skip
+    assert len({digest.essence(text) for text in texts}) == len(texts)
+
+
+def test_words_of_some_modules_change_no_digest():
+    text = 'STATUS = "ok"\nREASON = "the energy is lost"\n'
+    assert digest.essence(text, worded=True) == digest.essence(text.replace("lost", "kept"), worded=True)
+    assert digest.essence(text) != digest.essence(text.replace("lost", "kept"))
+    assert digest.essence(text, worded=True) != digest.essence(text.replace("ok", "bad"), worded=True)
+    for name in digest.WORDED:
+        source = digest.path_of(name).read_text()
+        assert not re.search(r"\b(exec|eval|sympify|parse)\(", source), f"{name}: its texts may be code"
 
 
 def test_cells_have_distinct_ids_and_contents():

@@ -99,18 +99,18 @@ TAMPERED = {
     "cut": lambda text: text[: 2 * len(text) // 3],
     "a line doubled": lambda text: text + text.splitlines(keepends=True)[-1],
     "empty": lambda text: "",
-    "an older schema": lambda text: text.replace("content", "hash", 1),
+    "another column": lambda text: text.replace("n", "m", 1),
     "no table": lambda text: "\x00\x01\x02",
 }
 
 
 @pytest.mark.parametrize("how", TAMPERED)
-@pytest.mark.parametrize("name", toy_cells.TABLES)
+@pytest.mark.parametrize("name", ["toys.csv", "toy_parts.csv", "toys.keys"])
 def test_edited_table_is_measured_again(tmp_path, name, how):
     folder, whole = tmp_path / "data", tmp_path / "whole"
     run_cells(folder)
     run_cells(whole)
-    file = folder / f"{name}.csv"
+    file = folder / name
     text = file.read_text()
     assert TAMPERED[how](text) != text
     file.write_text(TAMPERED[how](text))

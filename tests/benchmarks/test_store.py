@@ -15,8 +15,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from phasebench.benchmarks.store import cells as cells_
 from phasebench.benchmarks.store import compare, lines, provenance, run, screen, tables, workers
-from phasebench.benchmarks.store.cells import text
+from phasebench.benchmarks.store.cells import Package, content, text
 from phasebench.benchmarks.store.journal import Entry, Journal, lock
 from phasebench.integrators.errors import InvalidInput
 from support import toy_cells
@@ -36,6 +37,11 @@ def execute(folder, cells, **more):
 def rows(folder, name="toys"):
     with (folder / f"{name}.csv").open(newline="") as stream:
         return list(csv.DictReader(stream))
+
+
+def known(folder, column, name="toys"):
+    """The values of a column of the keys file, by the number n of the toy cell."""
+    return {int(dict(key)["n"]): line[column] for key, line in tables.Table(folder, name).keys.items()}
 
 
 def measured_now(outcome):
@@ -119,14 +125,15 @@ def test_second_run_measures_only_its_sample(tmp_path):
     assert [(r["n"], r["part"]) for r in rows(tmp_path, "toy_parts")] == [
         ("1", "0"), ("2", "0"), ("2", "1"), ("4", "0"), ("5", "0"), ("5", "1")
     ]  # fmt: skip
-    assert {(r["machine"], r["state"]) for r in rows(tmp_path)} == {(MACHINE, tables.CURRENT)}
+    assert set(known(tmp_path, "state").values()) == {tables.CURRENT}
+    assert {run.split()[-1] for run in known(tmp_path, "run").values()} == {MACHINE}
 
 
 def test_only_changed_cells_are_measured_again(tmp_path):
     execute(tmp_path, toy_cells.cells(6))
     changed = [toy_cells.cell(n, version=2 if n in (1, 4) else 1) for n in range(6)]
     assert measured_now(execute(tmp_path, changed)) == [1, 4]
-    assert {c["content"] for c in rows(tmp_path) if c["n"] in "14"} == {changed[n].content for n in (1, 4)}
+    assert known(tmp_path, "content") == {n: cell.content for n, cell in enumerate(changed)}
 
 
 def test_outdated_rows_stay_marked_without_a_budget(tmp_path):
@@ -137,32 +144,130 @@ def test_outdated_rows_stay_marked_without_a_budget(tmp_path):
     assert measured_now(outcome) == []
     assert len(outcome.left) == 4
     assert any("4 cells are not measured by this version" in note for note in outcome.notes)
-    assert {r["state"] for r in rows(tmp_path)} == {tables.STALE}
+    assert set(known(tmp_path, "state").values()) == {tables.STALE}
     frame, about = tables.read(tmp_path.parent, "toys")
     assert (len(frame), about["stale"]) == (4, 4)
     assert json.loads((tmp_path / "toys.json").read_text())["stale"] == 4
     assert screen.counts(outcome)[0]["not by this version"] == 4
     assert measured_now(execute(tmp_path, changed)) == [0, 1, 2, 3]
-    assert {r["state"] for r in rows(tmp_path)} == {tables.CURRENT}
+    assert set(known(tmp_path, "state").values()) == {tables.CURRENT}
 
 
 def test_cell_with_edited_rows_is_measured_again(tmp_path):
     execute(tmp_path, toy_cells.cells(3))
     file = tmp_path / "toy_parts.csv"
-    file.write_text(file.read_text().replace(toy_cells.cell(2).content, "0" * 16))
+    whole = file.read_text()
+    file.write_text(whole.replace("2,1", "2,7"))
     assert measured_now(execute(tmp_path, toy_cells.cells(3))) == [2]
+    assert file.read_text() == whole, "and they are replaced, though they agree"
 
 
-def test_machine_dependent_cells_on_another_machine(tmp_path):
+# -- the three classes of validity -------------------------------------------------------------------------------------
+
+
+def with_code(cell, code: str):
+    """The cell, as if the code that it runs had this hash."""
+    data, _, packages = cell.content.split("-")
+    return replace(cell, content="-".join([data, code, packages]))
+
+
+def test_times_and_dear_numbers_are_measured_on_request(tmp_path):
+    """Times are not stale when code changes; dear numbers are, and wait."""
+    cells = [toy_cells.cell(0), toy_cells.cell(2, own=True), toy_cells.cell(4, dear=True)]
+    execute(tmp_path, cells, times=True, dear=True)
+    changed = [with_code(cell, "another") for cell in cells]
+    outcome = execute(tmp_path, changed)
+    assert measured_now(outcome) == [0]
+    assert known(tmp_path, "state") == {0: tables.CURRENT, 2: tables.CURRENT, 4: tables.STALE}
+    assert ["--dear" in note for note in outcome.notes] == [True]
+    assert measured_now(execute(tmp_path, changed, dear=True)) == [4]
+    assert measured_now(execute(tmp_path, changed)) == []
+    assert measured_now(execute(tmp_path, changed, times=True)) == [2]
+    other = [toy_cells.cell(2, own=True, version=2)]
+    outcome = execute(tmp_path, [cells[0], other[0]])
+    assert outcome.plan.times == other, "other data do make times stale"
+
+
+def test_numbers_that_took_long_are_dear(tmp_path, monkeypatch):
+    monkeypatch.setattr(run, "LONGEST", 0.05)
+    cells = [toy_cells.cell(0), toy_cells.cell(2, seconds=0.1)]
+    assert measured_now(execute(tmp_path, cells)) == [0, 2], "what was never measured is not known to be dear"
+    outcome = execute(tmp_path, [with_code(cell, "another") for cell in cells])
+    assert (measured_now(outcome), [c.key["n"] for c in outcome.plan.dear]) == ([0], [2])
+
+
+def test_times_of_another_machine_are_measured_on_request(tmp_path):
     cells = [toy_cells.cell(n, own=n in (1, 2)) for n in range(4)]
-    execute(tmp_path, cells)
-    assert measured_now(execute(tmp_path, cells)) == []
+    execute(tmp_path, cells, times=True)
+    assert measured_now(execute(tmp_path, cells, times=True)) == []
     for name in toy_cells.TABLES:
-        file = tmp_path / f"{name}.csv"
+        file = tmp_path / f"{name}.json"
         file.write_text(file.read_text().replace(MACHINE, OTHER))
-    outcome = execute(tmp_path, cells)
-    assert sorted(measured_now(outcome)) == [1, 2]
-    assert {r["n"]: r["machine"] for r in rows(tmp_path)} == {"0": OTHER, "1": MACHINE, "2": MACHINE, "3": OTHER}
+    assert measured_now(execute(tmp_path, cells)) == []
+    assert sorted(measured_now(execute(tmp_path, cells, times=True))) == [1, 2]
+    machines = {n: run.split()[-1] for n, run in known(tmp_path, "run").items()}
+    assert machines == {0: OTHER, 1: MACHINE, 2: MACHINE, 3: OTHER}
+
+
+# -- nothing is taken away ---------------------------------------------------------------------------------------------
+
+
+def files(folder):
+    return {p.name: p.read_bytes() for p in folder.glob("*.*") if p.name != run.AGREED}
+
+
+def test_a_package_that_is_missing_keeps_its_rows(tmp_path, monkeypatch):
+    """Also if code has changed; where it is installed, its new version makes its rows, and no others, outdated."""
+    versions = {"made-up": "1.0"}
+    monkeypatch.setattr(cells_, "version_of", lambda name: versions.get(name, "3") if name == "made-up" else "3")
+
+    def cells():
+        of_package = replace(toy_cells.cell(2), content=content(2, Package("made-up")))
+        return [toy_cells.cell(0), of_package]
+
+    execute(tmp_path, cells())
+    before = files(tmp_path)
+    versions["made-up"] = None
+    outcome = execute(tmp_path, cells())
+    assert (measured_now(outcome), [c.key["n"] for c in outcome.plan.absent]) == ([], [2])
+    assert any("1 cells need packages" in note for note in outcome.notes)
+    assert screen.counts(outcome)[0]["not here"] == 1
+    assert files(tmp_path) == before
+    versions["made-up"] = "2.0"
+    assert measured_now(execute(tmp_path, cells())) == [2]
+
+
+def test_rows_that_agree_are_not_written_again(tmp_path):
+    """Other packages that give the same numbers leave the files alone; other code changes the hashes alone."""
+    execute(tmp_path, toy_cells.cells(3))
+    before = files(tmp_path)
+
+    def with_packages(cell, told):
+        return replace(cell, content="-".join([*cell.content.split("-")[:2], told]))
+
+    newer = [with_packages(cell, "other") for cell in toy_cells.cells(3)]
+    assert measured_now(execute(tmp_path, newer)) == [0, 1, 2]
+    assert files(tmp_path) == before
+    assert measured_now(execute(tmp_path, newer)) == [], "it is known that they agree"
+    assert measured_now(execute(tmp_path, toy_cells.cells(3))) == []
+    coded = [with_code(cell, "another") for cell in toy_cells.cells(3)]
+    assert measured_now(execute(tmp_path, coded)) == [0, 1, 2]
+    after = files(tmp_path)
+    assert {name for name in after if after[name] != before[name]} == {"toys.keys", "toy_parts.keys"}
+    moved = [replace(c, measure=toy_cells.measure_moved) for c in (with_code(c, "third") for c in toy_cells.cells(3))]
+    execute(tmp_path, moved)
+    assert {r["x"] for r in rows(tmp_path)} == {"0.29"}, "what differs is written"
+
+
+def test_timed_numbers_are_compared_beside_others_first(tmp_path):
+    """Two processes check rows that another code should leave alone; what differs is measured alone."""
+    execute(tmp_path, toy_cells.cells(4), count=2)
+    before = rows(tmp_path)
+    execute(tmp_path, [with_code(c, "another") for c in toy_cells.cells(4)], count=2)
+    assert rows(tmp_path) == before
+    moved = [replace(with_code(c, "third"), measure=toy_cells.measure_moved) for c in toy_cells.cells(4)]
+    execute(tmp_path, moved, count=2)
+    assert {r["x"] for r in rows(tmp_path)} == {"0.29"}
 
 
 def test_only_selected_cells_are_measured(tmp_path):
@@ -172,15 +277,19 @@ def test_only_selected_cells_are_measured(tmp_path):
     assert measured_now(outcome) == [3]
     frame, about = tables.read(tmp_path.parent, "toys")
     assert (frame["n"].tolist(), about["stale"]) == ([0, 1, 2, 3], 3)
-    assert [r["state"] for r in rows(tmp_path)] == [tables.STALE] * 3 + [tables.CURRENT]
+    assert [*known(tmp_path, "state").values()] == [tables.STALE] * 3 + [tables.CURRENT]
     again = execute(tmp_path, toy_cells.cells(4, version=2), selected=lambda c: "n3" in c.names)
     assert measured_now(again) == [3]
 
 
-def test_rows_of_removed_cells_are_dropped(tmp_path):
+def test_rows_of_removed_cells_are_dropped_on_request(tmp_path):
     execute(tmp_path, toy_cells.cells(4))
     (tmp_path / "others.csv").write_text("x\n1\n")
-    execute(tmp_path, toy_cells.cells(2))
+    before = files(tmp_path)
+    outcome = execute(tmp_path, toy_cells.cells(2))
+    assert any("4 rows of toys, toy_parts belong to no measurement" in note for note in outcome.notes)
+    assert files(tmp_path) == before
+    execute(tmp_path, toy_cells.cells(2), prune=True)
     assert [r["n"] for r in rows(tmp_path)] == ["0", "1"]
     assert (tmp_path / "others.csv").read_text() == "x\n1\n"
 
@@ -213,7 +322,7 @@ def test_rows_that_contradict_their_cell_are_refused(tmp_path):
     outcome = execute(tmp_path, [wrong])
     assert "a row's n is not the cell's" in outcome.failed[wrong.id]
     taken = toy_cells.cell(1, function=toy_cells.measure_dated)
-    assert "column date is the provenance's" in execute(tmp_path, [taken]).failed[taken.id]
+    assert "column run is the provenance's" in execute(tmp_path, [taken]).failed[taken.id]
 
 
 def test_two_cells_with_one_key_are_refused(tmp_path):
@@ -344,7 +453,8 @@ def test_table_reads_back_the_measured_numbers(tmp_path):
     values = np.random.default_rng(0).normal(size=200) * 10.0 ** np.arange(-150, 50)
     cell, toys = toy_cells.cell(1), [{"n": 1, "x": x, "text": f'row, "{i}"'} for i, x in enumerate(values)]
     measured = Entry(cell.id, cell.content, "2026-11-21", MACHINE, 1.0, {"toys": toys, "toy_parts": []})
-    tables.write(tmp_path / "data", [cell], {cell.id: measured}, quick=True)
+    stored = {name: tables.Table(tmp_path / "data", name) for name in toy_cells.TABLES}
+    tables.write(tmp_path / "data", [cell], {cell.id: measured}, stored, quick=True)
     frame, about = tables.read(tmp_path, "toys")
     assert (frame["x"].to_numpy() == values).all()
     assert frame["text"].tolist() == [f'row, "{i}"' for i in range(200)]

@@ -19,9 +19,11 @@ import numba
 import pytest
 
 from phasebench.integrators.compile import cache, machine
+from phasebench.integrators.families import splitting
 from phasebench.integrators.values import vector
 
 SEVERAL = b"text of a function\n" * 50
+PACKAGE = "phasebench.integrators"
 SIGNATURE = numba.types.float64(numba.types.float64)
 
 
@@ -336,23 +338,28 @@ def test_of_concurrent_processes_one_compiles(place):
 # --------------------------------------------------------------------------------------------
 
 
-def test_the_version_depends_on_source_and_processor(tmp_path, monkeypatch):
-    package = Path(cache.__file__).parents[1]
-    copy = tmp_path / "copy"
-    shutil.copytree(package, copy, ignore=shutil.ignore_patterns("__pycache__"))
+def test_the_version_depends_on_compilers_and_processor(monkeypatch):
     now = cache.version.__wrapped__
     usual = now()
-    monkeypatch.setattr(cache, "__file__", str(copy / "compile" / "cache.py"))
-    assert now() == usual
-    source = copy / "families" / "splitting.py"
-    source.write_text(source.read_text() + "\n")
-    assert now() != usual
-    monkeypatch.undo()
     monkeypatch.setattr(numba.config, "CPU_NAME", "generic")
     assert now() != usual
     monkeypatch.undo()
     monkeypatch.setattr(numba, "__version__", "0.0")
     assert now() != usual
+
+
+def test_machine_code_is_keyed_by_the_code_of_what_it_calls(place, monkeypatch):
+    """A kernel's modules count with all that they import; others do not."""
+    assert f"{PACKAGE}.families.splitting" in machine.modules_of(splitting.run)
+    assert f"{PACKAGE}.families.rigid" not in machine.modules_of(splitting.run)
+    inner = machine.with_functions(lambda x: part(x), {"part": splitting.step})  # noqa: F821
+    assert f"{PACKAGE}.families.splitting" in machine.modules_of(inner)
+    compile_or_load()
+    asked = []
+    monkeypatch.setattr(machine, "digest_of", lambda modules: asked.append(modules) or "another")
+    assert not compile_or_load()[1]
+    assert compile_or_load()[1]
+    assert all(__name__ in modules for modules in asked)
 
 
 def fill_folder(name: str, size: int, age: float) -> Path:

@@ -80,7 +80,7 @@ class Method(SimpleNamespace):
 
 
 def method(order=2):
-    return Method(order=order, with_parameters=lambda: None)
+    return Method(order=order, family="splitting", data=(), with_parameters=lambda: None)
 
 
 @pytest.fixture
@@ -107,7 +107,9 @@ def test_an_entry_depends_on_method_values_and_system(keeping):
     assert len({name, *others}) == 5
     assert preparation.entry(method(), System(2, key="")) is None
     assert preparation.entry(method(), SimpleNamespace(d=2)) is None
-    assert preparation.entry(Method(order=lambda: 2), System(2)) is None, "it cannot be written"
+    assert preparation.entry(Method(order=lambda: 2, family="splitting", data=()), System(2)) is None, (
+        "it cannot be written"
+    )
     keeping.setattr(preparation, "ENABLED", False)
     assert preparation.entry(method(), System(2)) is None
     keeping.setattr(preparation, "ENABLED", True)

@@ -44,8 +44,8 @@ def fail(n: int) -> dict:
 
 
 def measure_dated(n: int) -> dict:
-    """Make up a measurement whose row has a column with a reserved name, "date"."""
-    return {"toys": [{"n": n, "date": "today"}], "toy_parts": []}
+    """Make up a measurement whose row has a column with a reserved name, "run"."""
+    return {"toys": [{"n": n, "run": "today"}], "toy_parts": []}
 
 
 def lack(n: int) -> dict:
@@ -134,7 +134,7 @@ def cells(count: int, **more) -> list[Cell]:
 
 def timeless(folder: Path) -> dict[str, list[dict]]:
     """Return the stored tables of the made-up measurements without what differs between runs: times, dates, digests."""
-    own = {"seconds", "spent", "date", "digest"}
+    own = {"seconds"}
     return {
         name: [{k: v for k, v in row.items() if k not in own} for row in tables.Table(folder, name).rows]
         for name in TABLES

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from phasebench.benchmarks.store.cells import POOL, Cell, Rows, content
-from phasebench.reference.installed import version_of
+from phasebench.benchmarks.store.cells import POOL, Cell, Package, Rows, content
 
-from .python import require
 from .said import BY_SCRIPT
 from .statements import SCRIPTS, Statement, row, run
 
@@ -15,7 +13,6 @@ def measure_rows(script: str) -> Rows:
 
     Returns the rows by table name.
     """
-    require(BY_SCRIPT[script][0].package)
     found = run(SCRIPTS / f"{script}.py")
     return {"audit_statements": [row(s, *found) for s in BY_SCRIPT[script]]}
 
@@ -38,7 +35,7 @@ def _cell(script: str, members: list[Statement]) -> Cell:
             "audit_statements",
             members[0].path.read_text(encoding="utf-8"),
             *texts,
-            version_of(package) or "absent",
+            Package(package),
             code=["phasebench.benchmarks.experiments.audit.said"],
         ),
         frozenset({package, *(peer for s in members for peer, _ in s.covers)}),

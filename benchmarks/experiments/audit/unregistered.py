@@ -14,12 +14,10 @@ from pathlib import Path
 from pkgutil import iter_modules
 from typing import TYPE_CHECKING, Any
 
-from phasebench.benchmarks.store.cells import Cell, Rows, content
+from phasebench.benchmarks.store.cells import Cell, Package, Rows, content
 from phasebench.reference.installed import version_of
 from phasebench.reference.native import LIBRARIES, compiler, load_library
 from phasebench.reference.peers import PACKAGES
-
-from .python import require
 
 if TYPE_CHECKING:
     from types import ModuleType
@@ -297,7 +295,6 @@ def measure_rows(package: str) -> Rows:
 
     If there is none, a single row has an empty name.
     """
-    require(package)
     about = {"package": package, "version": version_of(package) or "absent"}
     try:
         names, reason = LOOKS[package](), ""
@@ -319,6 +316,6 @@ def _cell(package: str) -> Cell:
         {"package": package},
         measure_rows,
         (package,),
-        content("audit_unregistered", version_of(package) or "absent", *[p.id for p in peers], code=[__name__]),
+        content("audit_unregistered", Package(package), *[p.id for p in peers], code=[__name__]),
         frozenset({package}),
     )

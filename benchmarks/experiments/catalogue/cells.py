@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import hashlib
 
-from phasebench.benchmarks.store import sources
 from phasebench.benchmarks.store.cells import UNCOMPILED, Cell, Rows, content
+from phasebench.integrators.compile import digest as sources
 
 from . import acta, coefficients, dependencies, mutation, transcribed
 

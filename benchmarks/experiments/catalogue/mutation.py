@@ -11,7 +11,7 @@ import csv
 import hashlib
 from pathlib import Path
 
-from phasebench.benchmarks.store import sources
+from phasebench.integrators.compile import digest as sources
 
 SCORE = sources.ROOT / "tests" / "mutation" / "score.csv"
 COUNTS = ("mutants", "tried", "killed")

@@ -55,6 +55,17 @@ EXACT, DOUBTS = 1e6, 10
 GATE = 0.1
 #: Numbers of steps over `SPAN` units of time that measure an order; the divisor of the span for a second attempt.
 LADDER, FINER = (1, 2, 3), 16
+#: Problems of which every run measures what has changed: of each kind one; the others are measured on request.
+EVERY_RUN = (
+    "pendulum",
+    "henon-heiles",
+    "perturbed-kepler",
+    "lotka-volterra",
+    "charged-particle",
+    "spherical-pendulum",
+    "rigid-body",
+    "kerr",
+)
 #: Parameters that make problems of variable size small.
 SMALL = {"nls": {"N": 4}, "klein-gordon": {"N": 4}}
 #: Measurements start at the state that the problem's orbit reaches after this many units of time.
@@ -310,6 +321,7 @@ def _cell(chosen: Method, name: str) -> Cell:
         content("matrix", chosen, ProblemKey(name, tuple(SMALL.get(name, {}).items())), code=[__name__]),
         frozenset({chosen.id, name}),
         UNCOMPILED,
+        dear=name not in EVERY_RUN,
     )
 
 

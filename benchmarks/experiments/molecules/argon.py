@@ -16,10 +16,10 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from phasebench.benchmarks.problems import problem
-from phasebench.benchmarks.store.cells import Cell, ProblemKey, Rows, Unavailable, content
+from phasebench.benchmarks.store.cells import Cell, Package, ProblemKey, Rows, Unavailable, content
 from phasebench.integrators.driver import integrate
 from phasebench.integrators.registry import BY_ID
-from phasebench.reference.installed import how_to_install, is_installed, version_of
+from phasebench.reference.installed import how_to_install, is_installed
 from phasebench.reference.peers.jax_loop import double_precision
 
 TABLE = "molecules_argon"
@@ -130,8 +130,8 @@ def cells(quick: bool = False) -> list[Cell]:
 
 
 def _cell(name: str, settings: str) -> Cell:
-    version = version_of(name) if name else ""
-    needs = content(TABLE, BY_ID[METHOD], ProblemKey(PROBLEM), name, version, H, STEPS, EVERY, code=[__name__])
+    package = Package(name) if name else ""
+    needs = content(TABLE, BY_ID[METHOD], ProblemKey(PROBLEM), name, package, H, STEPS, EVERY, code=[__name__])
     key = {"package": name or "phasebench", "settings": settings}
     return Cell("molecules", (TABLE,), key, measure_rows, (name, settings), needs, frozenset({PROBLEM, name}))
 

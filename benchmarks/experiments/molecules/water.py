@@ -15,10 +15,10 @@ from typing import Any
 
 import numpy as np
 
-from phasebench.benchmarks.store.cells import Cell, Rows, Unavailable, content
+from phasebench.benchmarks.store.cells import Cell, Package, Rows, Unavailable, content
 from phasebench.integrators.driver import integrate
 from phasebench.integrators.registry import BY_ID
-from phasebench.reference.installed import how_to_install, is_installed, version_of
+from phasebench.reference.installed import how_to_install, is_installed
 
 from .argon import BEST, DEFAULTS
 
@@ -120,8 +120,7 @@ def cells(quick: bool = False) -> list[Cell]:
 
 
 def _cell(name: str, settings: str) -> Cell:
-    version = version_of(name) if name else ""
-    needs = content(TABLE, BY_ID[METHOD], name, version, settings, code=[__name__])
+    needs = content(TABLE, BY_ID[METHOD], name, Package(name) if name else "", settings, code=[__name__])
     key = {"package": name or "phasebench", "settings": settings}
     return Cell("molecules", (TABLE,), key, measure_rows, (name, settings), needs, frozenset({METHOD, name}))
 

@@ -19,8 +19,8 @@ from phasebench.integrators.compile.codegen import DOUBLE
 from phasebench.integrators.families.averaged import rules
 from phasebench.integrators.prepared import Layout, lay_out
 from phasebench.integrators.registry import method
+from phasebench.integrators.stepping.codes import SOLVED
 from phasebench.integrators.stepping.kernel import Prepared, array, freeze, prepare
-from phasebench.integrators.stepping.solve import SOLVED
 
 if TYPE_CHECKING:
     from phasebench.benchmarks.problems.base import Problem

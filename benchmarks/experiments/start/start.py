@@ -130,7 +130,9 @@ def _cold(first: First) -> Cell:
 def _warm() -> Cell:
     words = sorted({word for command in COMMANDS for word in command[1:]})
     parts = [method(command[2]) for command in COMMANDS]
-    needs = content("warm", COMMANDS, ROUNDS, *parts, code=[__name__, "phasebench.benchmarks.cli.integrate"])
+    needs = content(
+        "warm", [c[1:] for c in COMMANDS], ROUNDS, *parts, code=[__name__, "phasebench.benchmarks.cli.integrate"]
+    )
     return Cell("start", (WARM,), {}, warm, (), needs, frozenset(words), ALONE, own=True)
 
 

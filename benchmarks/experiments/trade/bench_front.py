@@ -33,7 +33,9 @@ def _later(question: Question, sweep: int) -> Cell:
         {"scene": question.id, "sweep": sweep},
         retime.measure_rows,
         (question.id, sweep, finals),
-        content(_competitors(retime.__name__), made, exact((question.id, question.t_end, sweep, finals))),
+        content(
+            "front", exact((question.id, question.t_end, sweep, finals)), made, *_competitors(), code=[retime.__name__]
+        ),
         frozenset({question.id, made.id}),
         ALONE,
         own=True,
@@ -41,8 +43,8 @@ def _later(question: Question, sweep: int) -> Cell:
 
 
 @cache
-def _competitors(code: str) -> str:
-    return content("front", *(c.record for c in field.competitors()), code=[code])
+def _competitors() -> tuple:
+    return tuple(c.record for c in field.competitors())
 
 
 def _cell(question: Question, tables: tuple[str, ...], sweep: ModuleType) -> Cell:
@@ -54,7 +56,7 @@ def _cell(question: Question, tables: tuple[str, ...], sweep: ModuleType) -> Cel
         {"scene": question.id},
         sweep.measure_rows,
         (question.id,),
-        content(_competitors(sweep.__name__), made, states(made.id), exact(asked)),
+        content("front", exact(asked), made, states(made.id), *_competitors(), code=[sweep.__name__]),
         frozenset({question.id, made.id}),
         ALONE,
         own=True,

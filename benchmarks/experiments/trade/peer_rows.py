@@ -69,10 +69,11 @@ def sizes(peer: Peer, scene: Scene, quick: bool = False) -> list[tuple[float | N
     else:
         found = [(h, None) for h in scene.ladder(quick)]
         coarse = (peer.order or 0) > HIGH
+    made = problem_of(scene.problem)
     few = RUNGS if quick and not peer.adaptive else 1 if quick else len(found)
     if scene.purpose == DRIFT:
         few = min(few, 1 if coarse else SIZES)
-    return found[: 1 if lacks(peer, scene) else few]
+    return found[: 1 if peer.lacks(made, made.system) else few]
 
 
 def measure(scene: Scene, peer: Peer, h: float | None, tol: float | None, repeats: int) -> dict[str, Any]:
