@@ -88,7 +88,7 @@ def test_control_errors_of_two_bodies_add_up():
 
 
 def candidate(question, true, id="wisdom-holman", steps=100):
-    trial = Trial(integrator(id), Search(question, true, 0.0).task(), 5.0)
+    trial = Trial(integrator(id), Search(question, true).task(), 5.0)
     return Candidate(trial, trial.at(float(steps)))
 
 
