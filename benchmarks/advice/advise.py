@@ -23,7 +23,7 @@ from phasebench.benchmarks.measure.clock import Sharing
 from phasebench.benchmarks.measure.compilation import failure_summary
 from phasebench.benchmarks.measure.conservation_claims import ENERGY, EPS, SYMPLECTIC
 from phasebench.benchmarks.measure.integrator import OURS, integrator
-from phasebench.benchmarks.measure.quantities import Truth
+from phasebench.benchmarks.measure.quantities import END_STATE, TRAJECTORY, Truth
 from phasebench.benchmarks.measure.timing import in_turns, median
 from phasebench.integrators.driver import OK
 from phasebench.integrators.systems import singularities
@@ -239,11 +239,11 @@ def tied(first: Candidate, other: Candidate) -> bool:
 def end_state_error(candidate: Candidate) -> float | None:
     """Distance (max norm over q and p) of a candidate's end state from that of heyoka, an accurate Taylor integrator.
 
-    None unless the quantity of the question is a conserved one, whose error says nothing of the orbit; also None if
-    heyoka is not applicable to the problem, or one of the two runs fails.
+    None if the question's quantity is of whole states, or a statistical one; also None if heyoka is not applicable to
+    the problem, or one of the two runs fails.
     """
     task, heyoka = candidate.trial.task, integrator(FIRST)
-    if not task.quantity.kept or heyoka.lacks(task.problem):
+    if task.quantity in (END_STATE, TRAJECTORY) or task.quantity.statistical or heyoka.lacks(task.problem):
         return None
     one = task.run(candidate.integrator, candidate.rung.size, bare=True)
     other = heyoka.run(task.problem, t_end=task.t_end, save_every=0)
@@ -253,7 +253,7 @@ def end_state_error(candidate: Candidate) -> float | None:
 
 
 def lost_orbit(candidate: Candidate, off: float | None) -> str:
-    """A note that the orbit is wrong although the conserved quantity is accurate; "" if the orbit is right.
+    """A note that the orbit is wrong although the quantity is accurate; "" if the orbit is right.
 
     ``off`` is the error of the end state (`end_state_error`), or None if unknown.
     """
