@@ -150,7 +150,8 @@ def _print(answer: dict[str, Any], why: bool = False) -> None:
     warn(answer["shared"])
     wanted = f"{answer['quantity']} of {answer['problem']} to t = {answer['t_end']:g}"
     if answer["choice"] is None:
-        out.print(f"No advice for the {wanted}: {answer['why']}.", highlight=False, markup=False, soft_wrap=True)
+        why_not = f"{'incomplete: ' if answer['incomplete'] else ''}{answer['why']}"
+        out.print(f"No advice for the {wanted}: {why_not}.", highlight=False, markup=False, soft_wrap=True)
         _dropped(answer["dropped"], why)
         return
     for note in answer["notes"]:

@@ -279,12 +279,12 @@ def _result(problem: Problem, solution: Solution, extremes: Extremes, parameters
         "q": [float(x) for x in solution.q[-1]],
         "p": [float(x) for x in solution.p[-1]],
         "energy_error": energy,
-        "relative_energy_error": {k: x / abs(start) if start and x is not None else None for k, x in energy.items()},
         "invariants": {name: error(extreme) for name, extreme in extremes.invariants.items()},
         "status": solution.status,
         "reason": "; ".join(filter(None, (solution.reason, stability_hint(solution.status, solution.method.id)))),
         "counts": {k: int(solution.counts.get(k, 0)) for k in COUNTS},
         "seconds": solution.seconds,
+        "relative_energy_error": {k: x / abs(start) if start and x is not None else None for k, x in energy.items()},
     }
 
 

@@ -21,6 +21,7 @@ from phasebench.benchmarks.problems.units import Units
 from phasebench.benchmarks.problems.user import from_formula
 from phasebench.integrators import driver
 from support.commands import run_json
+from support.orbits import true_longitude
 
 SEED, YEARS = 26, 30.0
 G = 2.95912208286e-4
@@ -229,15 +230,6 @@ def test_times_accept_units():
     code, found = run_json("pendulum", "stormer-verlet", "--h", "0.1", "--t-end", "1 yr")
     assert code == 2
     assert "no unit of time" in found["reason"]
-
-
-def true_longitude(x: np.ndarray, v: np.ndarray) -> float:
-    """Omega, and from the node on the angle in the orbit, of a body at x with velocity v about the origin."""
-    n = np.cross(x, v)
-    node = np.array([-n[1], n[0], 0.0]) / np.hypot(n[0], n[1])
-    along = np.cross(n, node) / np.linalg.norm(n)
-    turn = np.arctan2(node[1], node[0]) + (1 if n[2] > 0 else -1) * np.arctan2(x @ along, x @ node)
-    return (turn + pi) % (2 * pi) - pi
 
 
 @pytest.mark.parametrize(
