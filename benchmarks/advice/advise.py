@@ -10,7 +10,6 @@ against the reference.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Sequence
 from math import inf
 from typing import TYPE_CHECKING, Any
@@ -24,13 +23,15 @@ from phasebench.benchmarks.measure.clock import Sharing
 from phasebench.benchmarks.measure.compilation import failure_summary
 from phasebench.benchmarks.measure.conservation_claims import ENERGY, EPS, SYMPLECTIC
 from phasebench.benchmarks.measure.integrator import OURS, integrator
-from phasebench.benchmarks.measure.quantities import Truth
+from phasebench.benchmarks.measure.quantities import END_STATE, TRAJECTORY, Truth
 from phasebench.benchmarks.measure.timing import in_turns, median
 from phasebench.integrators.driver import OK
 from phasebench.integrators.systems import singularities
+from phasebench.reference.solvers.watch import TooLong, watching
 
 from . import fewer_bodies, models, words
 from .ask import Ask
+from .deadline import TimeUp, deadline
 from .hunt import LONGEST, MIDDLE, Candidate, Search
 from .known import KNOWN, true_value
 from .portfolio import FIRST, Dropped, portfolio
@@ -66,7 +67,6 @@ def advise(
     problem_words : the words that name the problem on a command line; by default they are made from the problem
     portfolio_of : (ask, accuracy) -> (integrators to try in order, integrators left out), as `portfolio`
     """
-    began = time.process_time()
     answer: dict[str, Any] = {
         "problem": ask.problem.label,
         "t_end": ask.t_end,
@@ -76,17 +76,34 @@ def advise(
         "conserve": list(ask.conserve),
     }
     ask.progress("the reference")
-    true, why = true_value(ask)
+    try:
+        with deadline(ask.left), watching(ask.left, ask.progress):
+            true, why = true_value(ask)
+    except (TimeUp, TooLong) as late:
+        why = ": ".join(filter(None, ("the reference was not finished within the time limit", str(late))))
+        return answer | _nothing(why, None) | {"incomplete": True}
     if why:
         return answer | _nothing(why, true)
-    search_ = Search(ask, true, began)
+    search_ = Search(ask, true)
     members, search_.dropped = portfolio_of(ask, ask.accuracy or MIDDLE)
     search_.try_all(members)
     if not search_.found:
-        return answer | _nothing(_explain_unreached(search_), true, search_.dropped) | _failures(search_)
-    order = finals(search_)
+        nothing = _nothing(_explain_unreached(search_), true, search_.dropped)
+        return answer | nothing | {"incomplete": bool(search_.unfinished)} | _failures(search_)
+    fastest = sorted(search_.found, key=lambda c: c.seconds if ask.budget is None else c.rung.error)
+    order = _in_time(search_, "timing the best in turns", lambda: finals(search_), fastest)
     problem_words = list(problem_words) or words.problem_arguments(ask.problem)
     return answer | _recommendation(search_, order, problem_words) | _failures(search_)
+
+
+def _in_time(found: Search, what: str, make: Callable[[], Any], instead: Any) -> Any:
+    """Return ``make()``; if too little time is left for it, note ``what`` as unfinished, and return ``instead``."""
+    try:
+        with deadline(found.ask.left):
+            return make()
+    except TimeUp:
+        found.unfinished.append(what)
+        return instead
 
 
 def _failures(found: Search) -> dict[str, Any]:
@@ -112,6 +129,7 @@ def _nothing(why: str, true: Truth | None, dropped: Sequence[Dropped] = ()) -> d
         "warning": None,
         "shared": "",
         "notes": [],
+        "incomplete": False,
         "reference": None if true is None else {"uncertainty": true.uncertainty, "source": true.source},
         "verified": False,
     }
@@ -166,30 +184,49 @@ def _recommendation(found: Search, order: list[Candidate], problem_words: Sequen
     peer = next((c for c in order if c.integrator.kind != OURS), None)
     named = list(dict.fromkeys(c for c in (order[0], own, peer, *order[1:2]) if c is not None))
     ask.progress("running what is recommended once more")
-    again = {c: c.trial.repeat(c.rung) for c in named}
+    again = _in_time(found, "running it again", lambda: {c: c.trial.repeat(c.rung) for c in named}, {})
     rows = {c: c.row(ask, problem_words) | ({"error": again[c]} if c in again else {}) for c in order}
-    second = _second(found)
+    nobody = {"second": None, "distance": None, "confirmed": False}
+    second = _in_time(found, "confirming the reference", lambda: _second(found), nobody)
     first = order[0]
-    rows[first]["end_state_error"] = off = end_state_error(first)
+    rows[first]["end_state_error"] = off = _in_time(found, "its end state", lambda: end_state_error(first), None)
     for c in order[1:]:
         rows[c]["tie"] = tied(first, c)
-    good = ask.accuracy is None or first.trial.meets(first.rung._replace(error=again[first]), ask.accuracy)
+    repeated = first.rung._replace(error=again.get(first, inf))
+    good = first in again and (ask.accuracy is None or first.trial.meets(repeated, ask.accuracy))
     confirmed = found.ask.quantity.kept or second["confirmed"]
+
+    def tenth() -> dict[str, Any] | None:
+        return _tenfold(found, order, problem_words) if ask.accuracy is not None else None
+
+    following = _in_time(found, "a tenth of the accuracy", tenth, None)
+    lower = _in_time(
+        found, "lower models", lambda: models.lower(ask) or fewer_bodies.lower(ask, found.true, first), None
+    )
+    notes = unfinished(found), lost_orbit(first, off), singularity_note(ask.problem)
     return {
         "choice": rows[order[0]],
         "why": "",
         "own": rows.get(own),
         "peer": rows.get(peer),
         "runner_up": rows[order[1]] if len(order) > 1 else None,
-        "next": _tenfold(found, order, problem_words) if ask.accuracy is not None else None,
-        "lower_model": models.lower(ask) or fewer_bodies.lower(ask, found.true, first),
+        "next": following,
+        "lower_model": lower,
         "alternatives": [rows[c] for c in order[1 : ALTERNATIVES + 1]],
         "dropped": [d._asdict() for d in found.dropped],
         "shared": sharing(order),
-        "notes": [note for note in (lost_orbit(first, off), singularity_note(ask.problem)) if note],
+        "notes": [note for note in notes if note],
+        "incomplete": bool(found.unfinished),
         "reference": {"uncertainty": found.true.uncertainty, "source": found.true.source} | second,
         "verified": bool(good and confirmed),
     }
+
+
+def unfinished(found: Search) -> str:
+    """A note of what the time limit left out that could have changed the answer; "" if nothing."""
+    if not found.unfinished:
+        return ""
+    return f"incomplete: {found.ask.limit:g} s (--time-limit) ended before {', '.join(found.unfinished)}"
 
 
 def tied(first: Candidate, other: Candidate) -> bool:
@@ -202,11 +239,11 @@ def tied(first: Candidate, other: Candidate) -> bool:
 def end_state_error(candidate: Candidate) -> float | None:
     """Distance (max norm over q and p) of a candidate's end state from that of heyoka, an accurate Taylor integrator.
 
-    None unless the quantity of the question is a conserved one, whose error says nothing of the orbit; also None if
-    heyoka is not applicable to the problem, or one of the two runs fails.
+    None if the question's quantity is of whole states, or a statistical one; also None if heyoka is not applicable to
+    the problem, or one of the two runs fails.
     """
     task, heyoka = candidate.trial.task, integrator(FIRST)
-    if not task.quantity.kept or heyoka.lacks(task.problem):
+    if task.quantity in (END_STATE, TRAJECTORY) or task.quantity.statistical or heyoka.lacks(task.problem):
         return None
     one = task.run(candidate.integrator, candidate.rung.size, bare=True)
     other = heyoka.run(task.problem, t_end=task.t_end, save_every=0)
@@ -216,7 +253,7 @@ def end_state_error(candidate: Candidate) -> float | None:
 
 
 def lost_orbit(candidate: Candidate, off: float | None) -> str:
-    """A note that the orbit is wrong although the conserved quantity is accurate; "" if the orbit is right.
+    """A note that the orbit is wrong although the quantity is accurate; "" if the orbit is right.
 
     ``off`` is the error of the end state (`end_state_error`), or None if unknown.
     """

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from math import inf
 from typing import TYPE_CHECKING, Any
 
 from phasebench.benchmarks.measure import conservation_claims
@@ -25,7 +27,7 @@ class Ask:
 
     Attributes
     ----------
-    problem, t_end : the problem on one of its orbits, and the end of the span
+    problem, t_end : the problem on one of its orbits, and the end of the span, negative to go back in time
     quantity : the quantity whose error counts
     accuracy : its largest error allowed, or None if a budget is given
     budget : seconds that a run may take, or None
@@ -33,6 +35,8 @@ class Ask:
     limit : seconds that the search may take
     first_use : seconds that the search may take if promising integrators must first be compiled
     progress : called with a line of text for each integrator that is tried
+    since : the clock (time.perf_counter) when the user began to wait; None if the limits are of processor time, which
+        other processes do not shorten
     """
 
     problem: Any
@@ -44,6 +48,18 @@ class Ask:
     limit: float
     first_use: float
     progress: Callable[[str], None]
+    since: float | None = None
+    _began: float = field(default_factory=time.process_time, compare=False)
+
+    @property
+    def spent(self) -> float:
+        """Seconds since the beginning: of the clock, or of processor time."""
+        return time.process_time() - self._began if self.since is None else time.perf_counter() - self.since
+
+    @property
+    def left(self) -> float:
+        """Seconds of the clock that are left until the answer is due; infinite without a limit of the clock."""
+        return inf if self.since is None else self.limit - self.spent
 
 
 #: Default seconds of a search for a problem with stored measurements, and for any other; startup takes two more.
@@ -62,12 +78,17 @@ def ask(
     budget: float | None = None,
     limit: float | None = None,
     progress: Callable[[str], None] = lambda line: None,
+    since: float | None = None,
 ) -> Ask:
     """Check the arguments of `advise` and build the question (see `Ask`); raise InvalidInput for an unusable one.
 
-    Exactly one of ``accuracy`` and ``budget`` (seconds) must be given.
+    Exactly one of ``accuracy`` and ``budget`` (seconds) must be given.  ``limit`` are seconds of the clock since
+    ``since``, or of processor time if that is None.
     """
-    t_end = _positive("t_end", span(t_end, getattr(problem, "time_unit", "")))
+    t_end = span(t_end, getattr(problem, "time_unit", ""))
+    if not is_finite(t_end) or t_end == 0:
+        raise InvalidInput(f"t_end is {shown(t_end)}; it must be a finite number other than 0")
+    t_end = float(t_end)
     given = None if limit is None else _positive("time_limit", limit)
     limit = given or (STORED if prior.is_stored(problem.id) else NEW)
     if (accuracy is None) == (budget is None):
@@ -87,6 +108,7 @@ def ask(
         limit,
         given or max(limit, COMPILING),
         progress,
+        since if given else None,
     )
 
 

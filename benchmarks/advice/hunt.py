@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 from math import inf, isfinite
 from typing import Any
@@ -22,10 +21,11 @@ from phasebench.integrators.registry import BY_ID as METHODS
 
 from . import prior, words
 from .ask import Ask
+from .deadline import TimeUp, deadline
 from .portfolio import FIRST, Dropped
 
-#: The share of the time limit after which no further integrator is tried.
-SEARCHED = 0.7
+#: The shares of the time limit after which no further integrator is tried, and the one that is being tried is stopped.
+SEARCHED, STOPPED = 0.7, 0.85
 #: Integrators expected to be this many times dearer than the cheapest are not tried.
 HOPELESS = 6.0
 #: The integrators of each side that stored measurements expect within `PROMISING` times its cheapest, the first `MOST`,
@@ -89,15 +89,17 @@ class Candidate:
 class Search:
     """A search for the cheapest integration: the question, the runs made, the candidates found, integrators dropped.
 
-    ``true`` is the true value of the question's quantity, ``began`` the processor time (seconds) of the beginning.
+    ``true`` is the true value of the question's quantity.
     """
 
-    def __init__(self, ask: Ask, true: Truth, began: float) -> None:
-        self.ask, self.true, self.began = ask, true, began
+    def __init__(self, ask: Ask, true: Truth) -> None:
+        self.ask, self.true = ask, true
         self.found: list[Candidate] = []
         self.trials: list[Trial] = []
         self.dropped: list[Dropped] = []
         self.failed: list[Failed] = []
+        #: What the time limit left out that could have changed the answer: ids of promising integrators, and words.
+        self.unfinished: list[str] = []
         #: How many steps heyoka takes, once known; each is about a tenth of a revolution.
         self.pace: int | None = None
         #: The families whose kernels are compiled, and the longest time that a new one took.
@@ -117,11 +119,6 @@ class Search:
         return min((c.seconds for c in self.found if (c.integrator.kind == OURS) is side), default=inf)
 
     @property
-    def spent(self) -> float:
-        """Processor seconds since the beginning, so that other processes do not shorten the search."""
-        return time.process_time() - self.began
-
-    @property
     def all_own_failed(self) -> bool:
         """True if methods of this project were tried and none of them compiled."""
         compiled = any(t.integrator.kind == OURS for t in self.trials)
@@ -132,7 +129,7 @@ class Search:
 
         ``limit`` is by default that of the question.
         """
-        return self.spent > share * (self.ask.limit if limit is None else limit)
+        return self.ask.spent > share * (self.ask.limit if limit is None else limit)
 
     def try_all(self, members: Sequence[tuple[Integrator, float]]) -> None:
         """Try the integrators in turn; drop those for which no time is left, and those expected to be far too slow.
@@ -147,23 +144,30 @@ class Search:
             limit = self.ask.first_use if integrator.id in promising else self.ask.limit
             sides = {_own(c.integrator) for c in self.found}
             least = min(max(dear[_own(integrator)], HOPELESS), prior.LARGEST - 1)
-            if self.over(limit=limit) or self.too_cold(integrator, limit):
+            late = self.over(limit=limit) or self.too_cold(integrator, limit)
+            if late and (self.trials or self.ask.since is None):  # a limit of the clock stops the first trial itself
                 self.drop(integrator, "not tried: the time for the search was over")
+                self.unfinished += {integrator.id} & promising
             elif expected > least and len(sides) == 2 and integrator.id != FIRST:
                 times = f"{expected:.0f} times" if expected < prior.LARGEST else "many times"
                 self.drop(integrator, f"not tried: {times} dearer than the cheapest where it was measured")
             else:
                 self.ask.progress(f"trying {integrator.label}")
-                before = self.spent
-                self.attempt(integrator)
+                before = self.ask.spent
+                try:
+                    with deadline(self.ask.left - (1 - STOPPED) * self.ask.limit):
+                        self.attempt(integrator)
+                except TimeUp:
+                    self.drop(integrator, "not tried to the end: the time for the search was over")
+                    self.unfinished.append(integrator.id)
                 if _own(integrator) and integrator.record.family not in self.families:
                     self.families.add(integrator.record.family)
-                    self.cold = max(self.cold, self.spent - before)
+                    self.cold = max(self.cold, self.ask.spent - before)
 
     def too_cold(self, integrator: Integrator, limit: float) -> bool:
         """True if the integrator's kernel is not compiled yet and the limit in seconds leaves no time to compile it."""
         known = not _own(integrator) or integrator.record.family in self.families
-        return not known and self.spent + self.cold > limit and bool(self.families)
+        return not known and self.ask.spent + self.cold > limit and bool(self.families)
 
     def drop(self, integrator: Integrator, why: str) -> None:
         """Record why an integrator is not advised."""
@@ -180,6 +184,10 @@ class Search:
                 found = search(trial, ask.accuracy, self.start(trial, ask.accuracy), cheapest)
             else:
                 found = best_within(trial, ask.budget, self.start(trial, MIDDLE))
+        except TimeUp:
+            met = [] if ask.conserve or not ask.accuracy else trial.meeting(ask.accuracy)
+            self.found += [Candidate(trial, min(met, key=lambda r: r.seconds))] if met else []
+            raise
         except Exception as error:  # an error of one integrator does not end the search
             if why := compilation_error(error):
                 self.trials.remove(trial)

@@ -10,6 +10,7 @@ from phasebench.benchmarks.measure import truths
 from phasebench.benchmarks.measure.quantities import Truth
 from phasebench.reference.certificates import horizon, stored
 from phasebench.reference.solvers.taylor import ReferenceFailed
+from phasebench.reference.solvers.watch import TooLong
 
 from .ask import Ask
 
@@ -36,7 +37,11 @@ def true_value(ask: Ask) -> tuple[Truth | None, str]:
     size = float(np.abs(true.values).max())
     why = doubt(ask, true)
     if why:
-        return true, f"{why}; {_until(ask)}: ask for a shorter span, or for the energy (--quantity energy)"
+        try:
+            why = f"{why}; {_until(ask)}"
+        except TooLong:
+            why = f"{why}; the time limit ended before it was found to which time it is known"
+        return true, f"{why}: ask for a shorter span, or for the energy (--quantity energy)"
     if ask.quantity.kept:
         return true, ""
     if ask.accuracy is not None and ask.accuracy > NOTHING * size and not ask.quantity.angle:
@@ -72,10 +77,10 @@ def _rounding(ask: Ask, true: Truth) -> float:
 
 def _until(ask: Ask) -> str:
     """A clause that says until which time the quantity is known well enough, found by bisection and rounded down."""
-    good, bad = 0.0, ask.t_end
-    t = ask.t_end / 2**HALVINGS
+    sign, good, bad = np.sign(ask.t_end), 0.0, abs(ask.t_end)
+    t = bad / 2**HALVINGS
     for _ in range(2 * HALVINGS):
-        good, bad = (t, bad) if _holds(ask, t) else (good, t)
+        good, bad = (t, bad) if _holds(ask, sign * t) else (good, t)
         if good == 0.0 or bad <= NEAR * good:
             break
         t = min(2 * good, (good + bad) / 2)
@@ -83,7 +88,7 @@ def _until(ask: Ask) -> str:
         return "doubles cannot follow it"
     unit = 10.0 ** (np.floor(np.log10(good)) - 2)
     down = float(f"{np.floor(good / unit) * unit:.3g}")
-    return f"to {ask.accuracy or SIZE:.1g} it is known to t = {down:g}"
+    return f"to {ask.accuracy or SIZE:.1g} it is known to t = {sign * down:g}"
 
 
 def _holds(ask: Ask, t: float) -> bool:

@@ -106,7 +106,7 @@ def lower(ask: Ask) -> dict[str, Any] | None:
         there is none, of the ``nearest`` one; ``t_end``, a stored time not before the question's end; ``saves``, the
         full problem's time over the model's
     """
-    scene = None if ask.accuracy is None else scene_of(ask)
+    scene = None if ask.accuracy is None or ask.t_end < 0 else scene_of(ask)
     if scene is None:
         return None
     below, full = [r for r in scene.rungs if not r.full], next(r for r in scene.rungs if r.full)

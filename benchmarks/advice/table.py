@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
@@ -80,6 +81,7 @@ class Advice(TabularResult):
     alternatives, dropped : rows of others that meet the accuracy, and of those that fell out, with the reason
     lower_model : a simpler model that meets the accuracy, or None
     notes : sentences on what could invalidate the advice
+    incomplete : whether a time limit ended it before all that could have changed the answer was tried
     answer : all of it, as the command prints it with --json
     """
 
@@ -99,6 +101,7 @@ class Advice(TabularResult):
     dropped: tuple[dict[str, Any], ...]
     lower_model: dict[str, Any] | None
     notes: tuple[str, ...]
+    incomplete: bool
     answer: dict[str, Any] = field(compare=False)
 
     def to_frame(self) -> pd.DataFrame:
@@ -166,7 +169,8 @@ def advise(
     Parameters
     ----------
     problem : a system with q0 and p0; a problem; a registered name such as ``"henon-heiles:box"``; or a file's path
-    t_end : the end of the span; where the problem has a unit of time it may have one, ``"1e4 yr"``
+    t_end : the end of the span; where the problem has a unit of time it may have one, ``"1e4 yr"``; a negative one goes
+        back in time
     accuracy : the largest error of the quantity that is allowed
     quantity : ``"end-state"``, ``"trajectory"`` (max norms over (q, p)), ``"energy"`` (relative), or a name of the
         problem's own
@@ -174,7 +178,8 @@ def advise(
         invariant of the problem
     budget : instead of an accuracy, the seconds that a run may take: the most accurate integration is advised
     q0, p0 : arrays (d,), the initial state if not the problem's own
-    time_limit : seconds that the search may take; by default 3 for a problem with stored measurements, 50 for another
+    time_limit : seconds of the clock that the answer may take; by default the search may take 3 of the processor for a
+        problem with stored measurements, 50 for another
     progress : called with a line of text for each integrator that is tried
 
     Returns
@@ -195,6 +200,7 @@ def advise(
     >>> advice.verified  # doctest: +SKIP
     True
     """
+    since = time.perf_counter()
     name = _name(problem)
     made = _made(problem, q0, p0)
     line = None if name is None else _with_state(words.problem_arguments(made[0], name), q0, p0)
@@ -207,6 +213,7 @@ def advise(
         budget=budget,
         limit=time_limit,
         progress=progress,
+        since=since,
     )
     answer = answered(asked, line or ())
     if answer["warning"]:
@@ -218,6 +225,7 @@ def advise(
         dropped=tuple(answer["dropped"]),
         lower_model=answer["lower_model"],
         notes=tuple(answer["notes"]),
+        incomplete=answer["incomplete"],
         answer=answer,
     )
 

@@ -63,9 +63,8 @@ def command(ask: Ask, integrator: Integrator, size: dict[str, Any], problem_word
     for key, value in integrator.record.parameters.items():
         words += ["--param", f"{key}={value}"]
     words += ["--steps", str(size["steps"])] if "steps" in size else ["--tol", repr(size["tol"])]
-    words += ["--t-end", repr(ask.t_end), "--error"]
-    if ask.quantity.name != "end-state":
-        words += ["--quantity", ask.quantity.name]
+    words += ["--t-end", repr(ask.t_end)]
+    words += ["--error"] if ask.quantity.name == "end-state" else ["--quantity", ask.quantity.name]
     return shlex.join(_join_negative_values(words))
 
 

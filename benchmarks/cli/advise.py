@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections import Counter
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Annotated, Any
@@ -56,8 +57,8 @@ def advise(
     time_limit: Annotated[
         float | None,
         options.time_limit(
-            "The search ends with what it has found. Default: 3, or 50 if no measurements of the problem are stored; "
-            "longer if promising methods have to be compiled first."
+            "It ends with what it has found by then, and says if that is incomplete. Default, for the search alone: 3, "
+            "or 50 if no measurements of the problem are stored; longer if promising methods have to be compiled first."
         ),
     ] = None,
     set_: options.Settings = [],  # noqa: B006
@@ -78,6 +79,7 @@ def advise(
         else:
             complain(reason)
 
+    since = time.perf_counter()
     with invalid_input(report):
         if problem is None and hamiltonian is None:
             raise InvalidInput("give a problem, as in: advise pendulum --t-end 100 --accuracy 1e-6")
@@ -103,6 +105,7 @@ def advise(
                 budget=budget,
                 limit=time_limit,
                 progress=tell,
+                since=since,
             )
             answer = found(asked, words)
     if as_json:
@@ -147,7 +150,8 @@ def _print(answer: dict[str, Any], why: bool = False) -> None:
     warn(answer["shared"])
     wanted = f"{answer['quantity']} of {answer['problem']} to t = {answer['t_end']:g}"
     if answer["choice"] is None:
-        out.print(f"No advice for the {wanted}: {answer['why']}.", highlight=False, markup=False, soft_wrap=True)
+        why_not = f"{'incomplete: ' if answer['incomplete'] else ''}{answer['why']}"
+        out.print(f"No advice for the {wanted}: {why_not}.", highlight=False, markup=False, soft_wrap=True)
         _dropped(answer["dropped"], why)
         return
     for note in answer["notes"]:
@@ -156,10 +160,14 @@ def _print(answer: dict[str, Any], why: bool = False) -> None:
     orbit = answer["choice"]["end_state_error"] is not None
     show(f"{wanted}, error: {asked}", [_line(role, c, orbit) for role, c in _roles(answer)])
     source = answer["reference"]
-    known = f"the reference ({source['source']}) is known to {source['uncertainty']:.1e}"
-    second = f"; {source['second']} came within {source['distance']:.1e} of it" if source["second"] else ""
     state = "verified: run against the reference" if answer["verified"] else "NOT verified"
-    out.print(f"{state}; {known}{second}", highlight=False, markup=False, soft_wrap=True)
+    if source["uncertainty"]:
+        state += f"; the reference ({source['source']}) is known to {source['uncertainty']:.1e}"
+        state += f"; {source['second']} came within {source['distance']:.1e} of it" if source["second"] else ""
+    elif answer["verified"]:
+        state = "verified: run again; a conserved quantity is compared with its own start"
+    state += "; incomplete" if answer["incomplete"] else ""
+    out.print(state, highlight=False, markup=False, soft_wrap=True)
     if answer["lower_model"]:
         from phasebench.benchmarks.advice.models import summarize
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
@@ -28,6 +29,7 @@ from .shared import (
     out,
     pairs,
     print_json,
+    telling,
     values,
 )
 
@@ -37,6 +39,8 @@ if TYPE_CHECKING:
     from phasebench.benchmarks.problems.base import Problem
     from phasebench.integrators.solution import Solution
 
+#: The reason of no error of the end state where another quantity alone was asked for.
+NOT_ASKED = "not asked for"
 COUNTS = ("steps", "gradient", "hessian", "iterations", "fallbacks")
 #: Of a state with more than MANY components, SHOWN are printed at either end.
 MANY, SHOWN = 12, 3
@@ -79,7 +83,9 @@ def integrate(
     error: Annotated[
         bool, typer.Option("--error", help="Print the error of the end state, against a stored or new reference.")
     ] = False,
-    quantity: Annotated[str | None, options.quantity("It is printed, too.")] = None,
+    quantity: Annotated[
+        str | None, options.quantity("It is printed, too; of a conserved one no error of the end state.")
+    ] = None,
     output: Annotated[Path | None, options.output("FILE", "A trajectory: .csv or .npz.")] = None,
     every: Annotated[int, typer.Option(metavar="NUMBER", help="Write every Nth row to --output, and the last.")] = 1,
     as_json: options.Json = False,
@@ -204,9 +210,10 @@ def _integrated(
     if time_limit is not None and not integrator.stoppable:
         raise InvalidInput(f"'{integrator.id}' cannot be stopped: leave out --time-limit")
     from phasebench.benchmarks.measure import every_step
+    from phasebench.benchmarks.measure.named_quantities import quantity
 
     if wanted.quantity:
-        _check_quantity(problem, wanted.quantity, common)
+        quantity(problem, wanted.quantity)  # an unknown one is refused before anything is integrated
     every = None if wanted.output is None else wanted.every
     watched = every_step.watch(problem, integrator, every=every, tol=tol, timeout=time_limit, **common)
     solution = watched.solution
@@ -222,38 +229,32 @@ def _integrated(
     return result
 
 
-def _check_quantity(problem: Problem, name: str, common: dict[str, Any]) -> None:
-    """Raise InvalidInput, before anything is integrated, for a quantity whose error the run could not tell.
-
-    A run backwards in time has errors of conserved quantities only.  ``common`` are the arguments of the run, of which
-    h, t_end and t0 are used.
-    """
-    from phasebench.benchmarks.measure.named_quantities import quantity
-
-    t_end, h = common["t_end"], common["h"]
-    back = t_end < common["t0"] if t_end is not None else h is not None and h < 0
-    if not quantity(problem, name).kept and back:
-        raise InvalidInput(f"the error of {name} is told forward in time alone: leave out --quantity, or give energy")
-
-
 def _errors(
     problem: Problem, integrator: Integrator, solution: Solution, wanted: Wanted, tol: float | None, common: dict
 ) -> dict[str, Any]:
     """The error of the end state, and that of the quantity ``wanted.quantity`` if there is one, as a dict.
 
     They become entries of the command's JSON object.  ``common`` are the arguments h, t_end, steps, t0, q0 and p0 of
-    the run that gave the ``solution``.
+    the run that gave the ``solution``.  The end state's is left out, and the reference says so, unless it was asked for
+    and the quantity is not a conserved one.
     """
     from phasebench.benchmarks.measure import global_error as against
     from phasebench.benchmarks.measure.named_quantities import quantity
+    from phasebench.reference.solvers.watch import watching
 
+    chosen = wanted.quantity and quantity(problem, wanted.quantity)
     problem = against.with_start(problem, common["q0"], common["p0"], tangent=False)
     t_end = float((solution.t[-1] if common["t_end"] is None else common["t_end"]) - common["t0"])
-    found = against.end_error(problem, solution, t_end)
-    if wanted.quantity:
-        size = {"tol": tol} if integrator.adaptive else {"steps": solution.counts["steps"]}
-        chosen = quantity(problem, wanted.quantity)
-        found["quantity_error"] = against.quantity_error(problem, integrator, chosen, t_end, size)
+    found: dict[str, Any] = {
+        "global_error": None,
+        "reference": {"uncertainty": None, "horizon": None, "reason": NOT_ASKED},
+    }
+    with telling("reference") as tell, watching(inf, tell):
+        if wanted.error and not (chosen and chosen.kept):
+            found = against.end_error(problem, solution, t_end)
+        if chosen:
+            size = {"tol": tol} if integrator.adaptive else {"steps": solution.counts["steps"]}
+            found["quantity_error"] = against.quantity_error(problem, integrator, chosen, t_end, size)
     return found
 
 
@@ -267,6 +268,7 @@ def _result(problem: Problem, solution: Solution, extremes: Extremes, parameters
     def error(extreme: Extreme) -> dict[str, float | None]:
         return {"max": extreme.worst, "end": extreme.end}
 
+    energy, start = error(extremes.energy), extremes.energy.first
     return {
         "problem": problem.label,
         "method": solution.method.id,
@@ -276,12 +278,13 @@ def _result(problem: Problem, solution: Solution, extremes: Extremes, parameters
         "t": float(solution.t[-1]),
         "q": [float(x) for x in solution.q[-1]],
         "p": [float(x) for x in solution.p[-1]],
-        "energy_error": error(extremes.energy),
+        "energy_error": energy,
         "invariants": {name: error(extreme) for name, extreme in extremes.invariants.items()},
         "status": solution.status,
         "reason": "; ".join(filter(None, (solution.reason, stability_hint(solution.status, solution.method.id)))),
         "counts": {k: int(solution.counts.get(k, 0)) for k in COUNTS},
         "seconds": solution.seconds,
+        "relative_energy_error": {k: x / abs(start) if start and x is not None else None for k, x in energy.items()},
     }
 
 
@@ -310,15 +313,19 @@ def _print(result: dict[str, Any], t0: float) -> None:
     table.add_row("time", f"t = {result['t']!r}, {result['steps']} {steps} {result['h']!r}")
     table.add_row("q", shortened(result["q"]))
     table.add_row("p", shortened(result["p"]))
-    for name, e in {"energy": result["energy_error"], **result["invariants"]}.items():
+    energy = {"H - H0": result["energy_error"], "dH / |H0|": result["relative_energy_error"]}
+    errors = {f"energy error, {of}": e for of, e in energy.items()}
+    errors |= {f"{name} error": e for name, e in result["invariants"].items()}
+    for name, e in errors.items():
         known = e["max"] is not None
         words = f"at most {e['max']:.3e}, at the end {e['end']:+.3e}" if known else "unknown"
-        table.add_row(Text(f"{name} error"), words)
-    if "reference" in result:
+        table.add_row(Text(name), words)
+    if "reference" in result and result["reference"].get("reason") != NOT_ASKED:
         table.add_row("global error", Text(_told(result["global_error"], result["reference"])))
     if "quantity_error" in result:
         e = result["quantity_error"]
-        table.add_row(Text(f"{e['quantity']} error"), Text(_told(e["error"], e)))
+        unit = "dH / H's terms" if e["quantity"] == "energy" else e["unit"]
+        table.add_row(Text(f"{e['quantity']} error, {unit}"), Text(_told(e["error"], e)))
     if "output" in result:
         table.add_row("written", Text(f"{result['output']['rows']} rows to {result['output']['file']}"))
     table.add_row("counts", ", ".join(f"{k} {v}" for k, v in result["counts"].items()))
@@ -333,5 +340,7 @@ def _told(error: float | None, reference: dict[str, Any]) -> str:
     """
     if error is None:
         return f"none: {reference['reason']}"
+    if not reference["uncertainty"]:
+        return f"{error:.3e}"
     reach = f"; horizon t = {reference['horizon']:.6g}" if "horizon" in reference else ""
     return f"{error:.3e} (the reference is known to {reference['uncertainty']:.1e}{reach})"

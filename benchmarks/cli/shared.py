@@ -85,8 +85,14 @@ def telling(what: str) -> Iterator[Callable[[str], None]]:
     Without a terminal the lines are printed on stderr, more and more rarely.
     """
     if err.is_terminal:
-        with err.status(what) as status:
-            yield status.update
+        from phasebench.integrators.compile import progress
+
+        announce, progress.announce = progress.announce, nullcontext  # a terminal has one status line
+        try:
+            with err.status(what) as status:
+                yield status.update
+        finally:
+            progress.announce = announce
         return
     last, pause = time.monotonic(), PAUSE
 

@@ -61,7 +61,7 @@ def search(trial: Trial, accuracy: float, start: float, cheapest: float = inf) -
         return Found(None, f"too slow: about {number(expected)} s")
     for _ in range(RUNS):
         fails += not trial.at(size, cheapest).ok
-        good, bad = next(iter(_meeting(trial, accuracy)), None), _bad(trial, accuracy)
+        good, bad = next(iter(trial.meeting(accuracy)), None), _bad(trial, accuracy)
         if good is not None and (_close(good, bad) or _dear(trial, good, bad, accuracy, cheapest)):
             break
         why = _hopeless(trial, accuracy, cheapest, fails) if good is None else ""
@@ -71,7 +71,7 @@ def search(trial: Trial, accuracy: float, start: float, cheapest: float = inf) -
         if following is None or following in trial.rungs:
             break
         size = following
-    good = cheapest_of(_meeting(trial, accuracy))
+    good = cheapest_of(trial.meeting(accuracy))
     return Found(good) if good else Found(None, _nearest(trial))
 
 
@@ -102,11 +102,6 @@ def _fitting(trial: Trial, rung: Rung, budget: float) -> float | None:
     wanted = 0.85 * budget * rung.steps / rung.seconds if rung.seconds > 0 else rung.steps * JUMP
     wanted = trial.task.quantity.steps(min(wanted, rung.steps * JUMP, MOST))
     return wanted if abs(wanted / rung.steps - 1) > 0.1 else None
-
-
-def _meeting(trial: Trial, accuracy: float) -> list[Rung]:
-    """The runs of an integrator that meet the accuracy, the coarsest first."""
-    return [r for r in trial.sorted_rungs if trial.meets(r, accuracy)]
 
 
 def _bad(trial: Trial, accuracy: float) -> Rung | None:

@@ -76,6 +76,10 @@ class Trial:
         slack = self.task.truth.uncertainty + ROUND_OFF * self.scale
         return rung.ok and (1 + SLACK) * rung.error + slack <= accuracy
 
+    def meeting(self, accuracy: float) -> list[Rung]:
+        """The runs that meet the accuracy, the coarsest first."""
+        return [r for r in self.sorted_rungs if self.meets(r, accuracy)]
+
     def repeat(self, rung: Rung) -> float:
         """Repeat an earlier run, ``rung``, and return its error in the quantity to be computed."""
         found = self.task.run(self.integrator, rung.size)

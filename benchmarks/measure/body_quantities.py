@@ -1,7 +1,13 @@
-"""Quantities of one body, such as jupiter.longitude or jupiter.x, in systems with named bodies.
+r"""Quantities of one body, such as jupiter.longitude or jupiter.x, in systems with named bodies.
 
 Longitude, latitude and distance are relative to the central body; x, y, z, vx, vy, vz are in the frame of the table of
-bodies: heliocentric or barycentric.
+bodies: heliocentric or barycentric.  The longitude is the true longitude :math:`\Omega + \omega + f`, measured in the
+body's own osculating orbit, so that it tells the motion whatever the inclination: the plane of the orbit, of unit
+normal n, is turned about its node into the plane of coordinates, where
+
+.. math:: \lambda = \operatorname{atan2}\Bigl(y - \frac{z\,n_y}{1 + n_z},\ x - \frac{z\,n_x}{1 + n_z}\Bigr).
+
+If the orbit is retrograde at the start, z and :math:`n_z` have the other sign: :math:`\lambda = \Omega - \omega - f`.
 """
 
 from __future__ import annotations
@@ -20,6 +26,8 @@ if TYPE_CHECKING:
     from phasebench.benchmarks.problems.planetary import PlanetarySystem
 
 SPACE = 3
+#: Cosine of an inclination that differs from 90 degrees by rounding alone.
+RIGHT = 1e-9
 #: Type of (problem, index of the body, q and p rows (n, d)) -> array (n, 3).
 Vectors = Callable[..., np.ndarray]
 
@@ -42,30 +50,35 @@ def _cartesian(name: str, component: int) -> Callable:
     def value(problem: PlanetarySystem, body: int, q: np.ndarray, p: np.ndarray) -> np.ndarray:
         found = problem.bodies
         rows, over = (q, np.ones(len(found.masses))) if component < SPACE else (p, 1 / np.array(found.masses))
-        about = rows[:, axis] * over[0] if found.frame == HELIOCENTRIC else 0.0
-        return rows[:, SPACE * body + axis] * over[body] - about
+        about = rows[-1:, axis] * over[0] if found.frame == HELIOCENTRIC else 0.0
+        return rows[-1:, SPACE * body + axis] * over[body] - about
 
     return value
 
 
 def _longitude(problem: PlanetarySystem, body: int, q: np.ndarray, p: np.ndarray) -> np.ndarray:
     x = position(problem, body, q, p)
-    return np.arctan2(x[:, 1], x[:, 0])
+    v = position(problem, body, p / np.repeat(problem.bodies.masses, SPACE), p)
+    normal = np.cross(x, v)
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    sign = -1.0 if normal[0, 2] < -RIGHT else 1.0
+    tilt = sign * x[-1, 2] / (1 + sign * normal[-1, 2])
+    return np.arctan2(x[-1:, 1] - tilt * normal[-1:, 1], x[-1:, 0] - tilt * normal[-1:, 0])
 
 
 def _latitude(problem: PlanetarySystem, body: int, q: np.ndarray, p: np.ndarray) -> np.ndarray:
-    x = position(problem, body, q, p)
+    x = position(problem, body, q[-1:], p)
     return np.arctan2(x[:, 2], np.hypot(x[:, 0], x[:, 1]))
 
 
 def _distance(problem: PlanetarySystem, body: int, q: np.ndarray, p: np.ndarray) -> np.ndarray:
-    return np.linalg.norm(position(problem, body, q, p), axis=1)
+    return np.linalg.norm(position(problem, body, q[-1:], p), axis=1)
 
 
-#: Name -> (description, unit, function, True for an angle).
+#: Name -> (description, unit, function of the rows, whose last is the end, True if it is taken modulo 2 pi).
 KINDS: dict[str, tuple[str, str, Callable, bool]] = {
-    "longitude": ("the longitude about the central body, in the plane of coordinates", "rad", _longitude, True),
-    "latitude": ("the latitude over the plane of coordinates, seen from the central body", "rad", _latitude, True),
+    "longitude": ("the true longitude about the central body, in its own orbit", "rad", _longitude, True),
+    "latitude": ("the latitude over the plane of coordinates, seen from the central body", "rad", _latitude, False),
     "distance": ("the distance from the central body", "length", _distance, False),
     **{
         name: (f"{name} in the frame of the table", "length" if k < SPACE else "speed", _cartesian(name, k), False)
@@ -82,7 +95,7 @@ def of_body(name: str, body: int, kind: str) -> Quantity:
     about, unit, value, angle = KINDS[kind]
 
     def values(problem: PlanetarySystem, t: np.ndarray, q: np.ndarray, p: np.ndarray) -> np.ndarray:
-        return value(problem, body, q[-1:], p[-1:])
+        return value(problem, body, q, p)
 
     return Quantity(f"{name}.{kind}", f"of {name} {about}, at the end", unit, values, angle=angle)
 
@@ -91,7 +104,8 @@ def of_bodies(problem: Problem) -> Iterator[Quantity]:
     """Yield a `Quantity` for every body and kind (longitude, distance, x, ...) of a problem; none without bodies."""
     found = getattr(problem, "bodies", None)
     for body, name in enumerate(found.names if found is not None else ()):
-        yield from (of_body(name, body, kind) for kind in KINDS if body or found.frame != HELIOCENTRIC)
+        seen = KINDS if body else CARTESIAN if found.frame != HELIOCENTRIC else ()
+        yield from (of_body(name, body, kind) for kind in seen)
 
 
 def body_of(problem: Problem, quantity: Quantity) -> str | None:

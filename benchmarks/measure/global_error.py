@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from math import pi
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import sympy as sp
 
 from phasebench.benchmarks.measure import quantities, truths
 from phasebench.benchmarks.measure.quantities import END_STATE, TRAJECTORY, Quantity, Truth
 from phasebench.benchmarks.problems.base import Orbit, Problem
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.request import initial
-from phasebench.integrators.systems.hamiltonian import Hamiltonian
 from phasebench.reference.certificates import followed, horizon, stored
 from phasebench.reference.solvers.taylor import ReferenceFailed
 
@@ -24,8 +23,9 @@ if TYPE_CHECKING:
     from phasebench.integrators.solution import Solution
     from phasebench.integrators.systems.hamiltonian import PartitionedSystem
 
-#: A reference whose uncertainty exceeds this share of the state's size gives no error.
-KNOWN = 0.01
+#: Past the horizon, and if the reference's uncertainty exceeds the share `KNOWN` of the state's size, an error is given
+#: only where that uncertainty is at most the share `RESOLVED` of the error.
+KNOWN, RESOLVED = 0.01, 0.25
 
 
 def with_start(
@@ -46,56 +46,40 @@ def with_start(
     return replace(problem, id=f"{problem.id} from a given state", orbits=(orbit,), orbit="")
 
 
-def onwards(
-    problem: Problem, solution: Solution | SimpleNamespace, span: float
-) -> tuple[Problem, SimpleNamespace, float]:
-    """Restate a run as one from time 0 forward, to compare it with a reference; return (problem, solution, span).
-
-    ``span`` is t_end - t0, negative for a run back in time; the one returned is positive.  The solution returned has
-    only t (n,), q and p (n, d).  A run back in time becomes a run forward of the problem with -H in place of H.
-
-    Raises InvalidInput for a negative span of a system that is not canonical or has no formula of H.
-    """
-    sign = 1.0 if span > 0 else -1.0
-    rows = SimpleNamespace(t=sign * (solution.t - solution.t[0]), q=solution.q, p=solution.p)
-    if span > 0:
-        return problem, rows, span
-    system = problem.system
-    if not (system.canonical and isinstance(system.H, sp.Basic)):
-        raise InvalidInput("the error of a span back in time is told of canonical systems with a formula of H alone")
-    back = Hamiltonian(q=system.q, p=system.p, H=-system.H)
-    return replace(problem, id=f"{problem.id} back in time", system=back), rows, -span
-
-
 def end_error(problem: Problem, solution: Solution | SimpleNamespace, span: float) -> dict[str, Any]:
     """Return the error of a solution's last state and the reference used: a dict {global_error, reference}.
 
-    ``global_error`` is the max norm over (q, p).  It is None if ``span`` (t_end - t0) exceeds the horizon of the orbit,
-    and if the reference fails or is too uncertain.  ``reference`` is a dict with uncertainty, horizon and source, and
-    with a reason if there is no error.
+    ``global_error`` is the max norm over (q, p); ``span`` is t_end - t0, negative for a run back.  It is None if
+    the reference fails, and past the horizon or with a vague reference unless that resolves the error (`RESOLVED`).
+    ``reference`` is a dict with uncertainty, horizon and source, and with a reason if there is no error.
     """
-    problem, solution, t_end = onwards(problem, solution, span)
     try:
-        true = truths.truth(problem, END_STATE, t_end)
-        reach = orbit_horizon(problem, t_end)
+        true = truths.truth(problem, END_STATE, span)
+        reach = orbit_horizon(problem, span)
     except ReferenceFailed as error:
         return {"global_error": None, "reference": {"uncertainty": None, "horizon": None, "reason": str(error)}}
+    rows = SimpleNamespace(t=solution.t, q=solution.q, p=solution.p)
+    error = quantities.error(problem, END_STATE, rows, true)
     reference = {"uncertainty": true.uncertainty, "horizon": reach, "source": true.source}
-    why = past(reach, t_end) or vague(true)
+    why = "" if true.uncertainty <= RESOLVED * error else past(reach, abs(span)) or vague(true)
     if why:
-        return {"global_error": None, "reference": reference | {"reason": why}}
-    return {"global_error": quantities.error(problem, END_STATE, solution, true), "reference": reference}
+        return {"global_error": None, "reference": reference | {"reason": _least(why, true)}}
+    return {"global_error": error, "reference": reference}
+
+
+def _least(why: str, true: Truth) -> str:
+    return f"{why}; an error of {true.uncertainty / RESOLVED:.2g} or more could be told"
 
 
 def orbit_horizon(problem: Problem, t_end: float) -> float:
-    """Return the last time, at most ``t_end``, to which a reference in long double can follow the problem's orbit.
+    """Return the last time, at most ``|t_end|``, to which a reference in long double can follow the problem's orbit.
 
     It is read from the orbit's certificate, or computed.
     """
     certificate = stored.find(problem) if hasattr(problem, "orbits") else None
-    if certificate is not None and t_end <= certificate.t_end:
+    if certificate is not None and 0 < t_end <= certificate.t_end:
         return min(certificate.horizon, t_end)
-    return followed.reach(problem, t_end)
+    return followed.reach(truths.onwards(problem, t_end), abs(t_end))
 
 
 def past(reach: float, t_end: float) -> str:
@@ -111,24 +95,15 @@ def past(reach: float, t_end: float) -> str:
     )
 
 
-def vague(true: Truth) -> str:
+def vague(true: Truth, angle: bool = False) -> str:
     """Return a sentence that tells how uncertain a reference value is, if it is too uncertain to measure errors with.
 
-    The sentence is "" if the uncertainty of the value is at most `KNOWN` times its size.
+    The sentence is "" if the uncertainty of the value is at most `KNOWN` times its size, that of an angle being pi.
     """
-    size = float(np.abs(true.values).max())
+    size = pi if angle else float(np.abs(true.values).max())
     if true.uncertainty <= KNOWN * size:
         return ""
     return f"the reference is known to {true.uncertainty:.2g} alone, of {size:.2g}"
-
-
-def unknown_truth(problem: Problem, wanted: Quantity, t_end: float, true: Truth) -> str:
-    """Return the reason why a quantity has no meaningful error at ``t_end`` against its true value; "" if it has one.
-
-    Raises reference.solvers.taylor.ReferenceFailed if the horizon of a state cannot be computed.
-    """
-    why = past(orbit_horizon(problem, t_end), t_end) if wanted in (END_STATE, TRAJECTORY) else ""
-    return why or ("" if wanted.kept or wanted.angle else vague(true))
 
 
 def known_truth(problem: Problem, wanted: Quantity, t_end: float) -> Truth:
@@ -138,7 +113,7 @@ def known_truth(problem: Problem, wanted: Quantity, t_end: float) -> Truth:
     """
     try:
         true = truths.truth(problem, wanted, t_end)
-        why = unknown_truth(problem, wanted, t_end, true)
+        why = "" if wanted.kept else vague(true, wanted.angle)
     except ReferenceFailed as error:
         why = str(error)
     if why:
@@ -149,25 +124,27 @@ def known_truth(problem: Problem, wanted: Quantity, t_end: float) -> Truth:
 def quantity_error(
     problem: Problem, integrator: Integrator, wanted: Quantity, t_end: float, size: dict
 ) -> dict[str, Any]:
-    """Run an integrator and return the error of a quantity, a dict {quantity, error, uncertainty}.
+    """Run an integrator and return the error of a quantity, a dict {quantity, error, uncertainty, unit}.
 
     The run saves the rows that the quantity needs; ``size`` is {"steps": number} or {"tol": tolerance}.  The error is
-    None, and the dict has a ``reason``, for a state past the horizon and if the reference fails or is too uncertain.
-    Raises InvalidInput if the quantity needs rows at equidistant times, and the number of steps is not a multiple of
-    their number.
+    None, and the dict has a ``reason``, if it is not known (as in `end_error`).  Raises InvalidInput if the quantity
+    needs rows at equidistant times, and the number of steps is not a multiple of their number.
     """
-    try:
-        true = truths.truth(problem, wanted, t_end)
-        why = unknown_truth(problem, wanted, t_end, true)
-    except ReferenceFailed as error:
-        return {"quantity": wanted.name, "error": None, "uncertainty": None, "reason": str(error)}
     if "steps" in size and wanted.steps(size["steps"]) != size["steps"]:
         raise InvalidInput(
             f"{wanted.name} is told from {wanted.rows} equidistant times: the number of steps, {size['steps']}, must "
             f"be a multiple; {wanted.steps(size['steps'])} is the nearest"
         )
-    if why:
-        return {"quantity": wanted.name, "error": None, "uncertainty": true.uncertainty, "reason": why}
-    solution = integrator.run(problem, t_end=t_end, **wanted.grid(**size))
-    error = quantities.error(problem, wanted, solution, true)
-    return {"quantity": wanted.name, "error": error, "uncertainty": true.uncertainty}
+    found: dict[str, Any] = {"quantity": wanted.name, "error": None, "uncertainty": None, "unit": wanted.unit}
+    try:
+        true = truths.truth(problem, wanted, t_end)
+        error = quantities.error(problem, wanted, integrator.run(problem, t_end=t_end, **wanted.grid(**size)), true)
+        why = ""
+        if not wanted.kept and true.uncertainty > RESOLVED * error:
+            state = wanted in (END_STATE, TRAJECTORY)
+            why = past(orbit_horizon(problem, t_end), abs(t_end)) if state else ""
+            why = why or vague(true, wanted.angle)
+    except ReferenceFailed as failed:
+        return found | {"reason": str(failed)}
+    found["uncertainty"] = true.uncertainty
+    return found | ({"reason": _least(why, true)} if why else {"error": error})

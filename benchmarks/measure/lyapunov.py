@@ -63,7 +63,7 @@ def exponent(system: PartitionedSystem, t: np.ndarray, q: np.ndarray, p: np.ndar
     first, last = A[:-1], A[1:]
     h = h[:, None, None]
     omega = h / 6 * (first + 4 * jacobian(middle) + last) + h**2 / 12 * (last @ first - first @ last)
-    return _log_norm(_exp(omega)) / (t[-1] - t[0])
+    return _log_norm(_exp(omega)) / np.abs(t[-1] - t[0])
 
 
 def _exp(X: np.ndarray) -> np.ndarray:

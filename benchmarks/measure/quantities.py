@@ -144,14 +144,15 @@ GENERAL = (END_STATE, TRAJECTORY, ENERGY)
 def rows_of(quantity: Quantity, solution: Solution | SimpleNamespace) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return (t, q, p), arrays (n,), (n, d), (n, d), of a solution's first row and of the rows a quantity needs.
 
-    These are all rows if the quantity needs no equidistant ones.  Raises ValueError if equidistant rows are missing.
+    Times are since the start, negative for a run back in time.  These are all rows if the quantity needs no equidistant
+    ones.  Raises ValueError if equidistant rows are missing.
     """
-    t, q, p = solution.t, solution.q, solution.p
+    t, q, p = solution.t - solution.t[0], solution.q, solution.p
     if not quantity.aligned:
         return t, q, p
     wanted = t[-1] / quantity.rows * np.arange(quantity.rows + 1)
-    at = np.clip(np.searchsorted(t, wanted - ROUND_OFF * t[-1]), 0, len(t) - 1)
-    if np.abs(t[at] - wanted).max() > ROUND_OFF * t[-1]:
+    at = np.clip(np.searchsorted(np.abs(t), np.abs(wanted) - ROUND_OFF * np.abs(t[-1])), 0, len(t) - 1)
+    if np.abs(t[at] - wanted).max() > ROUND_OFF * np.abs(t[-1]):
         raise ValueError(f"{quantity.name} needs {quantity.rows} equidistant rows")
     return t[at], q[at], p[at]
 

@@ -12,12 +12,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from functools import lru_cache
 from math import pi
 from types import SimpleNamespace
 from typing import TYPE_CHECKING
 
 import numpy as np
+import sympy as sp
 
+from phasebench.integrators.errors import InvalidInput
+from phasebench.integrators.systems.hamiltonian import Hamiltonian
 from phasebench.reference.certificates import followed, stored
 from phasebench.reference.certificates.followed import FollowedOrbit
 
@@ -25,6 +30,7 @@ from .quantities import Quantity, Truth, distance, values
 
 if TYPE_CHECKING:
     from phasebench.benchmarks.problems.base import Problem
+    from phasebench.integrators.systems.hamiltonian import PartitionedSystem
 
 #: Safety factor: one of two runs with independent errors is off by more than three times their distance in few cases.
 SAFETY = 3.0
@@ -40,12 +46,14 @@ def truth(problem: Problem, quantity: Quantity, t_end: float) -> Truth:
     """Return the true value of a quantity of a problem's orbit at, or up to, ``t_end``, with its uncertainty.
 
     It comes from a certified state, from runs in long double or, for a statistical quantity, from an ensemble of nearby
-    orbits.  A conserved quantity is given by its error, whose true value is 0.
+    orbits.  A conserved quantity is given by its error, whose true value is 0.  ``t_end`` may be negative.
 
     Raises
     ------
     reference.solvers.taylor.ReferenceFailed
         If no reference reaches the end; the message has the times reached.
+    InvalidInput
+        For a negative ``t_end`` of a system that is not canonical or has no formula of H.
     """
     if quantity.kept:
         return Truth(np.zeros(1), 0.0, NONE)
@@ -53,8 +61,26 @@ def truth(problem: Problem, quantity: Quantity, t_end: float) -> Truth:
         return _ensemble(problem, quantity, t_end)
     if quantity.rows == 1 and (end := _certified_end(problem, t_end)) is not None:
         return _at_certified(problem, quantity, t_end, end)
-    times = t_end / quantity.rows * np.arange(1, quantity.rows + 1)
-    return of_runs(problem, quantity, followed.follow(problem, times))
+    times = abs(t_end) / quantity.rows * np.arange(1, quantity.rows + 1)
+    return of_runs(problem, quantity, followed.follow(onwards(problem, t_end), times))
+
+
+def onwards(problem: Problem, t_end: float) -> Problem:
+    """Return a problem whose orbit up to ``|t_end|`` is that of ``problem`` to ``t_end``, with -H if that is negative.
+
+    Raises InvalidInput for a negative ``t_end`` of a system that is not canonical or has no formula of H.
+    """
+    if t_end > 0:
+        return problem
+    system = problem.system
+    if not (system.canonical and isinstance(system.H, sp.Basic)):
+        raise InvalidInput("the error of a span back in time is told of canonical systems with a formula of H alone")
+    return replace(problem, id=f"{problem.id} back in time", system=_reversed(system))
+
+
+@lru_cache(maxsize=8)
+def _reversed(system: PartitionedSystem) -> Hamiltonian:
+    return Hamiltonian(q=system.q, p=system.p, H=-system.H)
 
 
 def of_runs(problem: Problem, quantity: Quantity, runs: FollowedOrbit) -> Truth:

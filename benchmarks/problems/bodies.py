@@ -207,7 +207,8 @@ def _columns(heads: Sequence[str], where: str) -> tuple[str, ...]:
     if len(given) == 2:
         raise InvalidInput(f"{where}: columns are of both kinds; give {', '.join(CARTESIAN)} or {', '.join(ELEMENTS)}")
     chosen = given.pop() if given else CARTESIAN
-    missing = [c for c in ("name", "m", *chosen) if c not in heads]
+    needed = ("name", "m", *(chosen if chosen == CARTESIAN else chosen[:1]))
+    missing = [c for c in needed if c not in heads]
     if missing:
         wanted = (
             f"name, m, {', '.join(chosen)}"
@@ -244,14 +245,21 @@ def _name(place: str, row: Mapping[str, object], names: dict[str, str]) -> str:
     return name
 
 
+def _is_empty(value: object) -> bool:
+    return value is None or not str(value).strip() or value != value
+
+
 def _number(place: str, row: Mapping[str, object], column: str) -> float:
+    """Return the number in a column of a row, 0 for a missing element other than a; raise InvalidInput for others."""
     value = row.get(column)
+    if column in ELEMENTS[1:] and _is_empty(value):
+        return 0.0
     try:
         number = float(value)
     except (TypeError, ValueError, OverflowError):
         number = inf
     if not isfinite(number) or isinstance(value, bool):
-        said = "empty" if value is None or not str(value).strip() else f"'{value}'"
+        said = "empty" if _is_empty(value) else f"'{value}'"
         raise InvalidInput(f"{place}, column {column}: it is {said}; write a finite number, such as 0.5 or 1e-3")
     return number
 
@@ -267,8 +275,7 @@ def _central(place: str, row: Mapping[str, object], chosen: tuple[str, ...], fra
         return tuple(numbers[:3]), tuple(numbers[3:])
     for column in chosen:
         given = row.get(column)
-        empty = given is None or not str(given).strip() or given != given
-        if not empty and _number(place, row, column) != 0:
+        if not _is_empty(given) and _number(place, row, column) != 0:
             other = " or say '# frame: barycentric'" if chosen == CARTESIAN else ""
             raise InvalidInput(
                 f"{place}, column {column}: it is {given}, and the first row is the central body, about which all "

@@ -104,7 +104,7 @@ def planetary_system(
     ----------
     table : the path of a file such as ``planets.csv``; a DataFrame; column -> values; or a sequence of rows.  Columns
         are ``name, m`` and either ``x, y, z, vx, vy, vz`` or ``a, e, inc, Omega, omega, M`` (angles in degrees, about
-        the first body); m = 0 is a test particle
+        the first body; missing ones but a are 0); m = 0 is a test particle
     units : the units of length, time and mass, for a table that is no file; by default ``"AU, day, Msun"``
     frame : of positions and velocities in a table that is no file: ``"heliocentric"`` (about the first body) or
         ``"barycentric"``

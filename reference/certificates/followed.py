@@ -10,7 +10,8 @@ at the previous kick, and s = `DISPLACEMENT`.  The distance of a displaced run, 
 of rounding to long double in each step.  It shows rounding that the orbit magnifies even where the two runs round
 alike at first, so that their difference does not show it.
 
-Taylor series are tried first; if they fail or lose the energy, Gauss's method runs on the steps of SciPy's DOP853.
+Taylor series are tried first; if they fail or lose the energy, or if H has a function that has none, such as abs(q),
+Gauss's method runs on the steps of SciPy's DOP853.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from phasebench.integrators.errors import InvalidInput
 from phasebench.reference.solvers import gauss, taylor
 from phasebench.reference.solvers.taylor import ReferenceFailed
 
@@ -109,7 +111,7 @@ def follow(problem: Any, times: Sequence[float] | np.ndarray) -> FollowedOrbit:
         try:
             with np.errstate(all="ignore"):
                 return runs(problem, times)
-        except ReferenceFailed as error:
+        except (ReferenceFailed, InvalidInput) as error:
             why.append(str(error))
     raise ReferenceFailed(f"the reference failed to t = {times[-1]:g}: {'; '.join(dict.fromkeys(why))}")
 

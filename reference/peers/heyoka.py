@@ -130,6 +130,15 @@ def _run_batch(task: Task) -> Run:
     return Run.of_states(rows, steps, 0, seconds, failure)
 
 
+def _untranslated(problem: Any, system: PartitionedSystem) -> str | None:
+    import sympy as sp
+
+    from phasebench.reference.solvers.translate import FUNCTIONS
+
+    names = sorted({type(f).__name__ for f in system.H.atoms(sp.Function)}) if isinstance(system.H, sp.Basic) else []
+    return next((f"heyoka has no function {name}" for name in names if name not in FUNCTIONS), None)
+
+
 def _peer(id: str, name: str, run: Callable[[Task], Run], more: str, **facts: Any) -> Peer:
     return Peer(
         id,
@@ -149,7 +158,7 @@ def _peer(id: str, name: str, run: Callable[[Task], Run], more: str, **facts: An
         ),
         tol=EPS,
         least=EPS / 2,
-        **facts,
+        **{"lacks": _untranslated} | facts,
     )
 
 

@@ -7,7 +7,8 @@ a double cannot represent is passed as a long double.  In a step from y,
 
 the stages are iterated until they no longer change, starting from the last step's polynomial; increments are summed
 with compensation, and each coefficient is a sum of two numbers.  The ends of the steps are given by the caller, for
-instance those of an adaptive run.
+instance those of an adaptive run.  Where the argument of an abs or sign in f changes its sign, f has a kink: a step
+ends there, and each step is made with the smooth f of one side.
 
 Source: E. Hairer, C. Lubich, G. Wanner, Geometric Numerical Integration (2006), II.1.3, VIII.5 and VIII.6.
 """
@@ -86,15 +87,17 @@ def _parts(numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return near, np.vectorize(lambda x, y: long(x - back(y)), otypes=[LONG])(numbers, near)
 
 
-def right_hand_side(system: PartitionedSystem) -> Callable[[np.ndarray], np.ndarray]:
-    """Make the function f of the equations y' = f(y) of a system, for the stages of Gauss's method.
+def right_hand_side(system: PartitionedSystem) -> tuple[Callable[[np.ndarray, np.ndarray], np.ndarray], int]:
+    """Make the function of the equations y' = f(y) of a system for the stages of Gauss's method; return (F, kinks).
 
-    It maps Y to f(Y), long double arrays (2 d, s) with the components of y = (q, p) as rows and a column for each
-    stage.
+    F maps Y, a long double array (2 d, s) with the components of y = (q, p) as rows and a column for each stage, and
+    the signs (kinks,) of the arguments of abs and sign in f, to an array (2 d + kinks, s): f(Y) with these signs, and
+    the arguments.
     """
     import sympy as sp
 
     constants: dict = {}
+    kinks: dict = {}
 
     def exact(x: sp.Expr) -> bool:
         """True if Python's double arithmetic represents this number exactly."""
@@ -103,22 +106,28 @@ def right_hand_side(system: PartitionedSystem) -> Callable[[np.ndarray], np.ndar
     def walk(e: sp.Expr) -> sp.Expr:
         if not e.free_symbols:
             return e if exact(e) else constants.setdefault(e, sp.Symbol(f"constant_{len(constants)}"))
+        if isinstance(e, (sp.Abs, sp.sign)):
+            argument = walk(e.args[0])
+            sign = kinks.setdefault(argument, sp.Symbol(f"sign_{len(kinks)}"))
+            return sign * argument if isinstance(e, sp.Abs) else sign
         return e if e.is_Symbol else e.func(*(walk(a) for a in e.args))
 
     names = sp.symbols([f"x_{i}" for i in range(2 * system.d)])
     given = dict(zip((*system.q, *system.p), names, strict=True))
     sides = [walk(e.xreplace(given)) for e in system.sides]
     steps = [(symbol, walk(e.xreplace(given))) for symbol, e in system.definitions]
+    sides += kinks
     values = [number(c, LONG) for c in constants]
-    f = sp.lambdify([*names, *constants.values()], sides, modules="numpy", cse=partial(share_subexpressions, steps))
+    symbols = [*names, *constants.values(), *kinks.values()]
+    f = sp.lambdify(symbols, sides, modules="numpy", cse=partial(share_subexpressions, steps))
 
-    def F(Y: np.ndarray) -> np.ndarray:
-        out = np.empty_like(Y)
-        for row, value in zip(out, f(*Y, *values), strict=True):
+    def F(Y: np.ndarray, signs: np.ndarray) -> np.ndarray:
+        out = np.empty((len(sides), Y.shape[1]), LONG)
+        for row, value in zip(out, f(*Y, *values, *signs), strict=True):
             row[:] = value
         return out
 
-    return F
+    return F, len(kinks)
 
 
 def share_subexpressions(
@@ -161,30 +170,78 @@ def run(
     ReferenceFailed
         If a step's stages have no solution; the message has its time.
     """
-    rule = tableau()
-    F = right_hand_side(system)
+    rule, d = tableau(), len(system.sides)
+    F, kinks = right_hand_side(system)
     wanted = {float(t) for t in times}
     ends = sorted(wanted | {float(t) for t in marks if 0 < t < max(wanted)})
     y = disturb(np.array([LONG(float(x)) for x in (*q0, *p0)]))
     lost = np.zeros_like(y)
     t, K, before = LONG(0.0), None, 0.0
+    signs, turned = np.ones(kinks, LONG), set()
+
+    def slopes(Y: np.ndarray) -> np.ndarray:
+        return F(Y, signs)[:d]
+
+    def arguments(x: np.ndarray) -> np.ndarray:
+        return F(x[:, None], signs)[d:, 0]
+
+    def step(h: np.longdouble) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        first = (
+            np.repeat(slopes(y[:, None]), STAGES, axis=1) if K is None else K @ _extrapolation(rule, float(h / before))
+        )
+        own = _stages(slopes, y, h, first, rule, float(t))
+        increment = h * (own @ rule.b) + (h * (own @ rule.b_rest) + lost)
+        new = y + increment
+        return new, increment - (new - y), own
+
+    for _ in range(kinks):  # an argument may have an abs in it
+        signs = np.sign(arguments(y))
     rows = []
     for end in ends:
-        h = LONG(end) - t
-        if K is None:
-            K = np.repeat(F(y[:, None]), STAGES, axis=1)
+        for _ in range(MOST):
+            h = LONG(end) - t
+            new, rest, own = step(h)
+            kink, beyond = None, arguments(new) if kinks else ()
+            over = [k for k in range(kinks) if k not in turned and np.sign(beyond[k]) != signs[k]]
+            if over:
+                here = arguments(y) * signs
+                if stays := [k for k in over if here[k] <= 0]:  # on a kink, which it leaves on the other side
+                    signs[stays] = np.sign(beyond[stays])
+                    turned.update(stays)
+                    continue
+                found = [(_root(lambda x, k=k: arguments(step(x)[0])[k] * signs[k], here[k], h), k) for k in over]
+                h, kink = min(found)
+                new, rest, own = step(h)
+            y, lost, K, before = new, rest, own, h
+            t = LONG(end) if kink is None else t + h
+            turned.clear()
+            if kink is not None:
+                K, signs[kink] = None, -signs[kink]
+            if t >= end:
+                break
         else:
-            K = K @ _extrapolation(rule, float(h / before))
-        K = _stages(F, y, h, K, rule, float(t))
-        increment = h * (K @ rule.b) + (h * (K @ rule.b_rest) + lost)
-        new = y + increment
-        lost = increment - (new - y)
-        y, t, before = new, LONG(end), h
+            raise ReferenceFailed(f"the orbit stays on a kink of H at t = {float(t):.6g}")
         watch.report_time("run of Gauss's method", end, ends[-1])
         if end in wanted:
             rows.append(y.copy())
         y = disturb(y)
     return np.array(rows)
+
+
+def _root(f: Callable[[np.longdouble], np.longdouble], at_0: np.longdouble, h: np.longdouble) -> np.longdouble:
+    """The zero of f in (0, h), f(0) = at_0 > 0 >= f(h), by the Illinois method, to a few units in the last place."""
+    a, b, fa, fb, again = LONG(0.0), h, at_0, f(h), 0
+    for _ in range(MOST):
+        if b - a <= 4 * EPS * b or fb == 0:
+            break
+        x = b - fb * (b - a) / (fb - fa)
+        x = x if a < x < b else (a + b) / 2
+        fx = f(x)
+        if fx > 0:
+            a, fa, fb, again = x, fx, fb / 2 if again > 0 else fb, 1
+        else:
+            b, fb, fa, again = x, fx, fa / 2 if again < 0 else fa, -1
+    return b
 
 
 def _extrapolation(rule: Tableau, ratio: float) -> np.ndarray:

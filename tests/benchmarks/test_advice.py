@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import shlex
+import time
 from dataclasses import replace
 from math import inf
 from types import SimpleNamespace
@@ -17,7 +18,7 @@ import phasebench as pb
 from phasebench.benchmarks.advice import portfolio as portfolios
 from phasebench.benchmarks.advice import prior, words
 from phasebench.benchmarks.advice.advise import advise, tied
-from phasebench.benchmarks.advice.ask import ask
+from phasebench.benchmarks.advice.ask import Ask, ask
 from phasebench.benchmarks.advice.hunt import Candidate, Search
 from phasebench.benchmarks.advice.known import true_value
 from phasebench.benchmarks.cli.advise import _roles
@@ -28,8 +29,10 @@ from phasebench.benchmarks.ladder.trial import Trial
 from phasebench.benchmarks.measure import conservation_claims, truths
 from phasebench.benchmarks.measure.global_error import with_start
 from phasebench.benchmarks.measure.integrator import OURS, integrator
+from phasebench.benchmarks.measure.named_quantities import quantity
 from phasebench.benchmarks.measure.quantities import Truth
 from phasebench.benchmarks.problems import problem
+from phasebench.benchmarks.problems.user import from_formula
 from phasebench.integrators.driver import DIVERGED, OK, TIMEOUT
 from phasebench.integrators.errors import InvalidInput
 from support.commands import call
@@ -160,13 +163,13 @@ def test_error_above_asymptotic_range_is_not_extrapolated():
 
 def test_time_scale_is_measured_without_heyoka_as_candidate():
     asked = question("pendulum", 1000.0)
-    made = Search(asked, Truth(np.ones(2), 0.0, "a law"), 0.0)
+    made = Search(asked, Truth(np.ones(2), 0.0, "a law"))
     assert made.start(Trial(integrator("stormer-verlet"), made.task(), inf), 1e-5) > 200
 
 
 def test_search_begins_at_the_widest_step():
     asked = question()
-    made = Search(asked, Truth(np.ones(2), 0.0, "a law"), 0.0)
+    made = Search(asked, Truth(np.ones(2), 0.0, "a law"))
     made.pace = 400
     for id in ("stormer-verlet", "gauss-8"):
         assert made.start(Trial(integrator(id), made.task(), inf), 1e-12) == 100
@@ -215,7 +218,7 @@ def test_exact_method_takes_one_step_and_is_remarked(name, remark):
 def test_exactness_needs_a_run_of_one_step():
     """Only a run of one step is remarked on as exact, because an unknown problem may have a known one's name."""
     asked = question("kepler")
-    made = Trial(integrator("rebound-whfast-plain"), Search(asked, Truth(np.ones(2), 0.0, "a law"), 0.0).task(), inf)
+    made = Trial(integrator("rebound-whfast-plain"), Search(asked, Truth(np.ones(2), 0.0, "a law")).task(), inf)
     said = [Candidate(made, Rung(n, None, OK, 1e-9, 1.0, n)).row(asked, None)["remark"] for n in (1, 2)]
     assert said == [REMARK, ""]
 
@@ -227,8 +230,8 @@ def test_promising_members_are_tried_beyond_the_limit(monkeypatch, first_use, tr
     Control: an explicit time limit holds for them too, so none is tried.
     """
     asked, attempts = replace(question(), limit=1.0, first_use=first_use), []
-    hunt = Search(asked, Truth(np.ones(2), 0.0, "a law"), 0.0)
-    monkeypatch.setattr(Search, "spent", 5.0)
+    hunt = Search(asked, Truth(np.ones(2), 0.0, "a law"))
+    monkeypatch.setattr(Ask, "spent", 5.0)
     monkeypatch.setattr(hunt, "attempt", lambda integrator: attempts.append(integrator.id))
     costs = {"rk4": 1.0, "stormer-verlet": 2.4, "gauss-8": 2.6, "heyoka": 3.0, "rebound-ias15": 9.0}
     hunt.try_all([(integrator(id), cost) for id, cost in costs.items()])
@@ -236,7 +239,7 @@ def test_promising_members_are_tried_beyond_the_limit(monkeypatch, first_use, tr
 
 
 def test_search_for_an_exact_method_ends_at_one_step():
-    hunt = Search(question("kepler"), Truth(np.ones(2), 0.0, "a law"), 0.0)
+    hunt = Search(question("kepler"), Truth(np.ones(2), 0.0, "a law"))
     exact, other = (Trial(integrator(id), hunt.task(), inf) for id in ("rebound-whfast-plain", "stormer-verlet"))
     assert hunt.start(exact, 1e-5) == 1.0 < hunt.start(other, 1e-5)
     law = trial(lambda n: (1e-12, 1e-6 * n))
@@ -447,8 +450,8 @@ def test_hope_is_told_beside_each_side_by_itself(monkeypatch):
     times the cheapest peer.
     """
     tried = []
-    search_ = Search(question(), None, 0.0)
-    monkeypatch.setattr(Search, "spent", 0.0)
+    search_ = Search(question(), None)
+    monkeypatch.setattr(Ask, "spent", 0.0)
 
     def attempt(self, integrator):
         tried.append(integrator.id)
@@ -465,9 +468,10 @@ def test_hope_is_told_beside_each_side_by_itself(monkeypatch):
 # -- in Python, and on the terminal ----------------------------------------------------------------------------------
 
 
+@pytest.mark.usefixtures("few")
 def test_advice_for_a_hamiltonian_of_the_user():
     system = pb.Hamiltonian(q="x", p="y", H="y**2/2 + x**4/4")
-    found = pb.advise(system, t_end=3.0, accuracy=1e-3, q0=[1.0], p0=[-0.5], time_limit=1.0)
+    found = pb.advise(system, t_end=3.0, accuracy=1e-3, q0=[1.0], p0=[-0.5], time_limit=PATIENT)
     table = found.to_frame()
     assert found.verified is table.attrs["verified"] is True
     assert found.choice.command == table["command"].iloc[0]
@@ -554,7 +558,7 @@ def test_note_on_a_denominator_that_may_be_a_distance():
 
 def test_overlapping_times_are_ties():
     def one(low, high):
-        task = Search(question(), Truth(np.ones(2), 0.0, ""), 0.0).task()
+        task = Search(question(), Truth(np.ones(2), 0.0, "")).task()
         made = Candidate(Trial(integrator("rk4"), task, inf), Rung(1, None, OK, 0.0, low, 1))
         made.interval = (low, high)
         return made
@@ -583,6 +587,13 @@ def test_terminal_output_of_an_answer():
     assert len(fell) > 50
 
 
+@pytest.fixture
+def few(monkeypatch):
+    """`advise` of the command and of the Python interface tries these integrators alone."""
+    monkeypatch.setattr(advise, "__defaults__", ((), only("heyoka", "rk4")))
+
+
+@pytest.mark.usefixtures("few")
 def test_time_dependent_hamiltonian_gets_a_hint():
     asked = ("--hamiltonian", "p**2/2 - q*cos(t)", "--q", "1", "--p", "0", "--t-end", "1", "--accuracy", "1e-3")
     code, text, said = call("advise", *asked)
@@ -591,11 +602,12 @@ def test_time_dependent_hamiltonian_gets_a_hint():
     with pytest.raises(InvalidInput, match="write q2 for t"):
         pb.Hamiltonian(q="x", p="y", H="y**2/2 + x*cos(t)")
     driven = ("--hamiltonian", "p1**2/2 - q1*cos(q2) + p2", "--q", "1,0", "--p", "0,0", "--t-end", "1")
-    assert call("advise", *driven, "--accuracy", "1e-3", "--time-limit", "2")[0] == 0
+    assert call("advise", *driven, "--accuracy", "1e-3", "--time-limit", "60")[0] == 0
 
 
+@pytest.mark.usefixtures("few")
 def test_exit_code_of_the_command():
-    code, text, _ = call("advise", "pendulum", "--t-end", "5", "--accuracy", "1e-3", "--time-limit", "1")
+    code, text, _ = call("advise", "pendulum", "--t-end", "5", "--accuracy", "1e-3", "--time-limit", "60")
     assert code == 0
     assert "verified: run against the reference" in text
     assert text.strip().splitlines()[-1].startswith("phasebench integrate pendulum")
@@ -619,6 +631,65 @@ def test_invalid_arguments_exit_with_2(arguments, message):
     code, text, said = call("advise", *arguments)
     assert code == 2
     assert message in text + said
+
+
+@pytest.mark.parametrize("limit", [2.0, 60.0])
+def test_time_limit_is_kept(limit, monkeypatch):
+    """A run that takes 20 s does not go on for longer than the limit; what was found by then is named as incomplete."""
+    attempt = Search.attempt
+    monkeypatch.setattr(
+        Search, "attempt", lambda self, i: time.sleep(20) if i.id == "rk4" and limit < 20 else attempt(self, i)
+    )
+    began = time.perf_counter()
+    asked = ask(problem("pendulum"), t_end=10.0, accuracy=1e-5, limit=limit, since=began)
+    found = advise(asked, portfolio_of=only("heyoka", "rk4"))
+    assert time.perf_counter() - began < limit + 1
+    assert found["incomplete"] == (limit < 20)
+    if limit < 20:
+        assert found["choice"] is None or found["choice"]["integrator"] == "heyoka"
+        assert "rk4" in found["notes"][0] if found["choice"] else True
+
+
+def test_reference_that_takes_too_long_ends_the_search(monkeypatch):
+    monkeypatch.setattr(truths, "truth", lambda *of: time.sleep(20))
+    began = time.perf_counter()
+    found = advise(ask(problem("pendulum"), t_end=10.0, accuracy=1e-5, limit=0.5, since=began))
+    assert time.perf_counter() - began < 3
+    assert (found["choice"], found["verified"], found["incomplete"]) == (None, False, True)
+    assert "reference" in found["why"]
+
+
+@pytest.mark.parametrize("quantity", ["end-state", "trajectory", "energy"])
+def test_advice_back_in_time(quantity):
+    """Of the pendulum it is that forward from the reversed momentum."""
+    few = only("heyoka", "rk4", "scipy-dop853")
+    made = [with_start(problem("pendulum"), [1.0], [p]) for p in (0.5, -0.5)]
+    asked = [
+        ask(m, t_end=t, accuracy=1e-6, limit=PATIENT, quantity_name=quantity)
+        for m, t in zip(made, (-20.0, 20.0), strict=True)
+    ]
+    back, ahead = (advise(a, ("pendulum",), portfolio_of=few) for a in asked)
+    assert (back["verified"], ahead["verified"]) == (True, True)
+    assert back["own"]["steps"] == pytest.approx(ahead["own"]["steps"], rel=0.1)
+    assert back["own"]["h"] < 0 < ahead["own"]["h"]
+    assert "--t-end=-20.0" in back["choice"]["command"]
+    assert back["lower_model"] is None
+    for t in (0.0, float("nan"), float("inf")):
+        with pytest.raises(InvalidInput, match="t_end"):
+            ask(made[0], t_end=t, accuracy=1e-6)
+
+
+def test_kinked_formula_is_advised():
+    made = from_formula("p**2/2 + abs(q)**3/3", [1.0], [0.0], {})
+    asked = ask(made, t_end=20.0, accuracy=1e-8, limit=PATIENT)
+    found = advise(asked, portfolio_of=only("gauss-4", "scipy-dop853"))
+    assert found["verified"]
+    assert found["reference"]["uncertainty"] < 1e-13
+    assert "heyoka" in [d.integrator for d in portfolios.portfolio(asked, 1e-8)[1] if "no function Abs" in d.why]
+    energy = replace(asked, quantity=quantity(made, "energy"))
+    assert advise(energy, portfolio_of=only("gauss-4", "scipy-dop853"))["verified"]
+    true, _ = true_value(asked)
+    assert true.values == pytest.approx([0.82600573, 0.53939985], abs=1e-8)
 
 
 def test_search_without_time_says_so():

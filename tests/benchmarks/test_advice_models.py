@@ -195,12 +195,13 @@ def test_table_is_saved_only_with_complete_updates(monkeypatch):
 # -- output ------------------------------------------------------------------------------------------------------------
 
 
-def test_lower_model_is_in_the_answer_and_on_the_terminal():
+def test_lower_model_is_in_the_answer_and_on_the_terminal(monkeypatch):
+    monkeypatch.setattr(advise, "__defaults__", ((), only("heyoka")))
     made = with_start(problem("pendulum"), (0.5,), (0.0,))
     answer = advise(ask(made, t_end=10.0, accuracy=1e-2, limit=60.0), portfolio_of=only("heyoka"))
     lower = answer["lower_model"]["model"]
     assert lower in ("harmonic, Lindstedt's frequency", "sin q to q^3"), "two of nearly one price"
-    few_seconds = ["--accuracy", "1e-2", "--time-limit", "0.2"]
+    few_seconds = ["--accuracy", "1e-2", "--time-limit", "60"]
     done = call("advise", "pendulum", "--q", "0.5", "--p", "0", "--t-end", "10", *few_seconds)
     off = {"sin q to q^3": "0.0008"}.get(lower, "0.0015")
     assert f"a lower model would do: {lower}, off by {off}" in done.stdout

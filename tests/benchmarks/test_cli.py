@@ -34,7 +34,7 @@ REGISTERED = {
     "peers": [p.id for p in PEERS],
 }
 CONTRACT = ["problem", "method", "params", "h", "steps", "t", "q", "p", "energy_error", "invariants"]
-CONTRACT += ["status", "reason", "counts", "seconds"]
+CONTRACT += ["status", "reason", "counts", "seconds", "relative_energy_error"]
 COUNTS = ["steps", "gradient", "hessian", "iterations", "fallbacks"]
 SHORT = ("--h", "0.1", "--t-end", "1")
 

@@ -17,6 +17,7 @@ from phasebench.benchmarks.ladder.trial import Trial
 from phasebench.benchmarks.measure import truths
 from phasebench.benchmarks.measure.integrator import integrator
 from phasebench.benchmarks.problems.outer_solar_system import BODIES, G
+from support.orbits import true_longitude
 
 T = 36525.0
 NAMES = ("saturn", "uranus", "neptune", "pluto")
@@ -32,7 +33,7 @@ def system():
 
 
 def longitude(*names: str, light: tuple[str, ...] = ()) -> float:
-    """Longitude of Jupiter in radians after 100 years among the named bodies, by REBOUND; ``light`` have no mass."""
+    """True longitude of Jupiter in radians after 100 years, by REBOUND, with the named bodies; ``light``: massless."""
     rebound = pytest.importorskip("rebound")
     sim = rebound.Simulation()
     sim.G = G
@@ -42,7 +43,7 @@ def longitude(*names: str, light: tuple[str, ...] = ()) -> float:
     sim.integrator = "ias15"
     sim.integrate(T)
     star, planet = sim.particles[0], sim.particles[1]
-    return float(np.arctan2(planet.y - star.y, planet.x - star.x))
+    return true_longitude(*(np.subtract(getattr(planet, k), getattr(star, k)) for k in ("xyz", "vxyz")))
 
 
 @cache
@@ -88,7 +89,7 @@ def test_control_errors_of_two_bodies_add_up():
 
 
 def candidate(question, true, id="wisdom-holman", steps=100):
-    trial = Trial(integrator(id), Search(question, true, 0.0).task(), 5.0)
+    trial = Trial(integrator(id), Search(question, true).task(), 5.0)
     return Candidate(trial, trial.at(float(steps)))
 
 

@@ -74,19 +74,50 @@ def test_unpredictable_orbit_has_no_error():
 
 
 @pytest.mark.parametrize(("name", "t"), [("schwarzschild:photon-sphere", "36"), ("henon-heiles:chaotic", "300")])
-def test_error_is_given_only_before_the_horizon(name, t):
+def test_error_past_the_horizon_is_given_where_the_reference_resolves_it(name, t):
     run = (name, "gauss-8", "--steps", "2000", "--error", "--quantity", "trajectory")
     late = integrate_json(*run, "--t-end", t)
-    assert late["global_error"] is None
-    assert late["quantity_error"]["error"] is None
     assert late["reference"]["horizon"] < float(t)
-    assert "horizon" in late["reference"]["reason"]
-    assert late["status"] == "ok"
-    early = integrate_json(*run, "--t-end", repr(0.9 * late["reference"]["horizon"]))
-    assert early["global_error"] is not None
-    assert early["quantity_error"]["error"] is not None
+    assert late["global_error"] > 4 * late["reference"]["uncertainty"]
     energy = integrate_json(*run[:-1], "energy", "--t-end", t)
     assert energy["quantity_error"]["error"] < 1e-10, "the energy has no horizon"
+    assert energy["global_error"] is None, "no reference is computed beside a conserved quantity"
+
+
+@pytest.mark.parametrize(("uncertainty", "horizon", "told"), [(0.2, 1, True), (0.3, 1, False), (0.009, 10, True)])
+def test_errors_that_are_told(monkeypatch, uncertainty, horizon, told):
+    """An error of 1 to t = 10: of uncertainty at most a quarter of it, or before the horizon."""
+    made = problem("harmonic-oscillator")
+    truth = Truth(np.array([1.0, 0.0]), uncertainty, "a law")
+    monkeypatch.setattr(global_error.truths, "truth", lambda *of: truth)
+    monkeypatch.setattr(global_error, "orbit_horizon", lambda *of: float(horizon))
+    rows = SimpleNamespace(t=np.array([0.0, 10.0]), q=np.array([[0.0], [0.0]]), p=np.array([[1.0], [0.0]]))
+    found = global_error.end_error(made, rows, 10.0)
+    assert found["global_error"] == (1.0 if told else None)
+    assert ("reason" in found["reference"]) != told
+
+
+@pytest.mark.parametrize("name", ["end-state", "trajectory"])
+def test_error_back_in_time(name):
+    run = ("pendulum", "rk4", "--steps", "100", "--quantity", name, "--p", "0")
+    forward, back = (integrate_json(*run, f"--t-end={t}")["quantity_error"]["error"] for t in (10, -10))
+    assert back == pytest.approx(forward, rel=1e-9), "at rest at the start, both ways are alike"
+    moving = [integrate_json(*run[:-1], "1", f"--t-end={t}")["quantity_error"]["error"] for t in (10, -10)]
+    assert moving[0] != pytest.approx(moving[1], rel=0.1), "control"
+
+
+def test_energy_errors_are_absolute_and_relative():
+    found = integrate_json("pendulum", "rk4", "--h", "0.1", "--t-end", "10")
+    start = integrate_json("pendulum", "rk4", "--h", "0.1", "--steps", "1")
+    made = problem("pendulum")
+    H0 = float(made.system.energies(np.array([made.q0]), np.array([made.p0]))[0])
+    for key in ("max", "end"):
+        assert found["relative_energy_error"][key] == pytest.approx(found["energy_error"][key] / abs(H0), rel=1e-14)
+    assert start["relative_energy_error"]["max"] < found["relative_energy_error"]["max"]
+    nothing = integrate_json(
+        "rk4", "--hamiltonian", "p**2/2 + q**3/3", "--q", "0", "--p", "0", "--h", "0.1", "--t-end", "1"
+    )
+    assert nothing["relative_energy_error"] == {"max": None, "end": None}, "H0 = 0"
 
 
 def test_uncertainty_of_the_photon_sphere_reference():

@@ -11,7 +11,7 @@ import pytest
 
 import phasebench as pb
 from phasebench.benchmarks.measure.conservation_claims import DEFECT, symplecticity_defect
-from phasebench.benchmarks.measure.named_quantities import quantity
+from phasebench.benchmarks.measure.named_quantities import quantities, quantity
 from phasebench.benchmarks.measure.quantities import values
 from phasebench.benchmarks.problems import gravity, kept, planetary, problem
 from phasebench.benchmarks.problems.bodies import CARTESIAN, ELEMENTS
@@ -21,6 +21,7 @@ from phasebench.benchmarks.problems.units import Units
 from phasebench.benchmarks.problems.user import from_formula
 from phasebench.integrators import driver
 from support.commands import run_json
+from support.orbits import true_longitude
 
 SEED, YEARS = 26, 30.0
 G = 2.95912208286e-4
@@ -234,7 +235,7 @@ def test_times_accept_units():
 @pytest.mark.parametrize(
     ("name", "value"),
     [
-        ("jupiter.longitude", lambda x, v: np.arctan2(x[1, 1] - x[0, 1], x[1, 0] - x[0, 0])),
+        ("jupiter.longitude", lambda x, v: true_longitude(x[1] - x[0], v[1] - v[0])),
         ("saturn.distance", lambda x, v: np.linalg.norm(x[2] - x[0])),
         ("saturn.latitude", lambda x, v: np.arcsin((x[2, 2] - x[0, 2]) / np.linalg.norm(x[2] - x[0]))),
         ("jupiter.x", lambda x, v: x[1, 0] - x[0, 0]),
@@ -258,6 +259,55 @@ def test_quantities_of_a_barycentric_table():
     assert values(system, quantity(system, "b.vy"), found)[0] == pytest.approx(
         velocities(system, found.p[-1])[2, 1], rel=1e-15
     )
+
+
+@pytest.mark.parametrize("inc", [0.0, 1e-9, 37.0, 90.0, 90.0 - 1e-13, 143.0, 180.0])
+def test_longitude_is_the_angle_in_the_orbit(inc):
+    """Of a circular orbit it grows as the time, or falls if the orbit is retrograde, whatever the inclination."""
+    row = {"name": "b", "m": 1e-6, "a": 1.0, "inc": inc, "Omega": 20.0, "M": 10.0}
+    system = pb.planetary_system([{"name": "star", "m": 1.0}, row])
+    period = 2 * pi / (G * (1 + 1e-6)) ** 0.5
+    found = pb.integrate(system, "wisdom-holman", t_end=0.3 * period, steps=3)
+    sense = -1 if inc > 90 else 1
+    expected = np.radians(20 + sense * (10 + 0.3 * 360))
+    assert values(system, quantity(system, "b.longitude"), found) == pytest.approx([expected], abs=1e-13)
+    if inc == 90.0:
+        x = found.q[-1].reshape(-1, 3)
+        assert abs(np.arctan2(*(x[1] - x[0])[1::-1]) - expected) > 0.1, "control: the angle in the plane x, y"
+
+
+@pytest.fixture
+def edge_on(tmp_path):
+    """The path of a file of two planets whose orbits contain the line of sight, z."""
+    path = tmp_path / "edge_on.csv"
+    path.write_text(
+        "# units: AU, day, Msun\nname, m, a, e, inc, omega, M\nstar, 0.09, , , , ,\n"
+        "b, 4.0856e-6, 0.0115470, 0.0034, 90, 135, 0\nc, 3.8947e-6, 0.0158140, 0.00055, 90, 1, 60\n"
+    )
+    return path
+
+
+def test_longitude_of_an_edge_on_orbit_is_seen_to_be_wrong(edge_on):
+    run = (edge_on, "wisdom-holman-aba-10-6-4", "--steps", "1", "--t-end", "100", "--quantity", "c.longitude")
+    _, found = run_json(*run)
+    assert found["quantity_error"]["error"] == pytest.approx(0.949, abs=1e-3)
+    assert found["global_error"] is None, "not asked for"
+
+
+def test_error_of_many_revolutions_is_told_past_the_horizon(edge_on):
+    """The end state of c is that of a run with 80 bits."""
+    run = (edge_on, "wisdom-holman-corrector", "--param", "corrector=17", "--steps", "1298", "--t-end", "100")
+    _, found = run_json(*run, "--error")
+    off = max(abs(found["q"][6] + 0.0157476362403623), abs(found["q"][8] - 0.0015025412324745))
+    assert found["reference"]["horizon"] < 100
+    assert found["reference"]["uncertainty"] < 1e-12
+    assert found["global_error"] == pytest.approx(off, rel=1e-3)
+
+
+def test_central_body_has_no_angles():
+    rows, frame = table("barycentric")
+    assert "star.x" in quantities(pb.planetary_system(rows, frame=frame))
+    assert not {"star.longitude", "star.distance"} & set(quantities(pb.planetary_system(rows, frame=frame)))
 
 
 # -- formulae ----------------------------------------------------------------------------------------------------------

@@ -49,6 +49,17 @@ def test_central_row_of_elements_is_empty_or_zero():
     assert numbers(parse(HEAD + ORBITS)) == numbers(parse(HEAD + ORBITS.replace("sun,1,,,,,,", "sun,1,0,0,0,0,0,0")))
 
 
+@pytest.mark.parametrize("columns", [("M",), ("e", "inc"), ("e", "inc", "Omega", "omega", "M")])
+def test_missing_elements_are_zero(columns):
+    row = {"name": "earth", "m": 3e-6, "a": 1.0, "e": 0.1, "inc": 30.0, "Omega": 40.0, "omega": 50.0, "M": 60.0}
+    whole = pb.planetary_system([ROWS[0], row | dict.fromkeys(columns, 0.0)])
+    for missing in ({k: x for k, x in row.items() if k not in columns}, row | dict.fromkeys(columns)):
+        found = pb.planetary_system([ROWS[0], missing])
+        assert (found.q0, found.p0) == (whole.q0, whole.p0)
+    assert whole.q0 != pb.planetary_system([ROWS[0], row]).q0, "control"
+    assert parse(f"{HEAD}name,m,a,M\nsun,1,,\nearth,3e-6,1,\n").members[1].x == (1, 0, 0)
+
+
 #: (text of the table of positions, its replacement, words of the message).
 PLACED = [
     ("AU, day, Msun", "AU, day, Mearth", ["line 1", "'Mearth'", "Msun"]),
@@ -93,7 +104,8 @@ ORBITING = [
     ("1,0.0167", "1,-0.1", ["line 5", "column e"]),
     ("1,0.0167", "0,0.0167", ["line 5", "column a", "positive"]),
     ("1,0.0167", "-1,0.0167", ["line 5", "column a", "positive"]),
-    (",102.9,", ",,", ["line 5", "column omega", "empty"]),
+    ("3e-6,1,0.0167", "3e-6,,0.0167", ["line 5", "column a", "empty"]),
+    ("a,e,inc", "e,inc", ["line 4", "8 cells"]),
     ("sun,1,,", "sun,1,1,", ["line 4", "column a", "write 0"]),
     ("Omega,omega", "omega,omega", ["line 3", "omega", "twice"]),
     ("Omega,omega", "Node,omega", ["line 3", "'Node'", "capitals"]),
@@ -136,10 +148,10 @@ ROWS = [{"name": "sun", "m": 1.0}, {"name": "earth", "m": 3e-6, "a": 1.0, "e": 0
     [
         (3, {}, "the table is a int"),
         ([1, 2], {}, "the table is a list"),
-        (ROWS, {}, "the column M is missing"),
-        ([*ROWS, ROWS[1]], {}, "the column M is missing"),
+        ([ROWS[0], {"name": "earth", "m": 3e-6, "e": 0.1}], {}, "the column a is missing"),
+        ([*ROWS, ROWS[1]], {}, "row 3, column name"),
         ([ROWS[0], ROWS[1] | {"M": True}], {}, "row 2, column M: it is 'True'"),
-        ([ROWS[0], ROWS[1] | {"M": None}], {}, "row 2, column M: it is empty"),
+        ([ROWS[0], ROWS[1] | {"a": None}], {}, "row 2, column a: it is empty"),
         ([ROWS[0], ROWS[1] | {"M": 0}], {"units": "AU"}, "no unit of time"),
         ([ROWS[0], ROWS[1] | {"M": 0}], {"frame": "solar"}, "no frame 'solar'"),
         ({"name": ["sun"], "m": [1.0, 2.0]}, {}, "different lengths"),

@@ -207,8 +207,8 @@ def test_control_a_second_solver_of_another_equation_disagrees(monkeypatch):
     right = gauss.right_hand_side
 
     def slightly_wrong(system):
-        F = right(system)
-        return lambda Y: F(Y) * np.array([[1], [1 + 1e-15]])
+        F, kinks = right(system)
+        return lambda Y, signs: F(Y, signs) * np.array([[1], [1 + 1e-15]]), kinks
 
     monkeypatch.setattr(gauss, "right_hand_side", slightly_wrong)
     found = make.certify(problem("pendulum:swinging"), [10.0], grid_points=20)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from phasebench.benchmarks.problems import problem
+from phasebench.benchmarks.problems.user import from_formula
 from phasebench.integrators import Hamiltonian
 from phasebench.reference.certificates import horizon
 from phasebench.reference.solvers import gauss, taylor
@@ -79,12 +80,55 @@ def test_stage_iterations_end_at_round_off(monkeypatch):
     calls, right, made = [], gauss.right_hand_side, problem("henon-heiles:box")
 
     def count_iterations(system):
-        F = right(system)
-        return lambda Y: calls.append(len(Y)) or F(Y)
+        F, kinks = right(system)
+        return lambda Y, signs: calls.append(len(Y)) or F(Y, signs), kinks
 
     monkeypatch.setattr(gauss, "right_hand_side", count_iterations)
     gauss.run(made.system, made.q0, made.p0, np.arange(1.0, 20.0), [20.0])
     assert 20 * 12 < len(calls) < 20 * 26
+
+
+def kinked(H, q0, p0, t, *marks):
+    """The state at time t by Gauss's method, in steps of 0.1 that also end at the ``marks``."""
+    made = from_formula(H, q0, p0, {})
+    (row,) = gauss.run(made.system, made.q0, made.p0, sorted({*np.arange(0.1, t, 0.1), *marks}), [t])
+    return row.astype(float)
+
+
+@pytest.mark.parametrize(("force", "t"), [(1, 20.0), (50, 7.3), (0.3, 41.0)])
+def test_a_kink_costs_no_accuracy(force, t):
+    """The orbit of H = p^2/2 + k |q| from rest at 1 consists of parabolas."""
+    quarter = np.sqrt(2 / force)
+    side, since = divmod(t + quarter, 2 * quarter)
+    sign, s = (-1) ** side, since - quarter
+    exact = sign * (1 - force * s**2 / 2), -sign * force * s
+    assert kinked(f"p**2/2 + {force}*abs(q)", (1.0,), (0.0,), t) == pytest.approx(exact, abs=2e-13)
+
+
+@pytest.mark.parametrize(
+    ("H", "q0", "p0", "t", "exact"),
+    [
+        ("p**2/2 + abs(q)", (0.0,), (1.0,), 4.5, (0.375, 0.5)),  # from a kink
+        ("p**2/2 + abs(q)", (2.5,), (-2.0,), 1.0, (0.0, -3.0)),  # to a kink, where a step ends
+        ("p**2/2 + abs(q)", (2.5,), (-2.0,), 2.0, (-2.5, -2.0)),
+        ("p**2/2 + abs(abs(q) - 1)", (3.0,), (0.0,), 7 - 2 * 2**0.5, (-2.5, -1.0)),  # one in another
+        ("(p1**2 + p2**2)/2 + abs(q1) + abs(q2)", (0.0, 0.0), (1.0, 1.0), 4.5, (0.375, 0.375, 0.5, 0.5)),  # at once
+        ("(p1**2 + p2**2)/2 + abs(q1) + abs(q2)", (0.0, 0.0), (1.0, 0.0), 4.5, (0.375, 0.0, 0.5, 0.0)),  # along one
+    ],
+)
+def test_kinks_in_every_place(H, q0, p0, t, exact):
+    assert kinked(H, q0, p0, t, 1.0) == pytest.approx(exact, abs=1e-14)
+
+
+def test_control_steps_across_kinks_are_inaccurate(monkeypatch):
+    right = gauss.right_hand_side
+
+    def across(system):
+        F, _ = right(system)
+        return lambda Y, signs: F(Y, np.sign(Y[:1]))[:2], 0
+
+    monkeypatch.setattr(gauss, "right_hand_side", across)
+    assert np.abs(kinked("p**2/2 + abs(q)", (2.5,), (-2.0,), 1.95) - (-2.54875, -2.05)).max() > 1e-4
 
 
 def test_unsolvable_stages_are_a_failure():
