@@ -91,7 +91,7 @@ def _name(path: Path, columns: Columns, wanted: str | None, usual: tuple[str, ..
         known = {plain(name): name for name in reversed(columns)}
         found = next((known[name] for name in usual if name in known), None)
         if found is None:
-            raise InvalidInput(f"{path} has no column {usual[0]}; say {option} with one of {', '.join(columns)}")
+            raise InvalidInput(f"{path} has no column '{usual[0]}'; say {option} with one of {', '.join(columns)}")
         return found
     if wanted in columns:
         return wanted

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from .drift import MODELS, MODES, OVERLAP, SAMPLES, average, fitted, split, window
+from .drift import MODELS, MODES, OVERLAP, SAMPLES, average, drift, fitted, split, window
 
 if TYPE_CHECKING:
     from .metrics import Slope
@@ -36,7 +36,9 @@ def changes(t: np.ndarray, error: np.ndarray) -> tuple[list[Change], Slope]:
 
     The oscillation is fitted and subtracted as in `drift.drift`; without a change the slope is the one found there.
     """
-    apart, visible = len(t) // SAMPLES, VISIBLE * float(np.ptp(error))
+    whole, apart, visible = (t, error), len(t) // SAMPLES, VISIBLE * float(np.ptp(error))
+    if not visible > 0:
+        return [], drift(t, error)
     t, error = average(t, error)
     n = len(t)
     places = np.unique(np.linspace(EDGE * n, (1 - EDGE) * n, 4 * MODES).astype(int))
@@ -60,9 +62,23 @@ def changes(t: np.ndarray, error: np.ndarray) -> tuple[list[Change], Slope]:
         candidates = [(k, i) for k, i in candidates if i not in near]
         sizes = _sizes(rest, np.column_stack([lines, t]), _shapes(t, found, apart), apart)
     slope = fitted(rest, np.hstack([lines, shapes]), t[:, None], apart).slope()
-    reach = [1.0 if kind == JUMP else _reach(t, i) for kind, i in found]
-    named = [Change(k, float(t[i]), float(x / r)) for (k, i), x, r in zip(found, sizes, reach, strict=True)]
+    named = []
+    for (kind, i), size in zip(found, sizes, strict=True):
+        if kind == ONSET:
+            named.append(Change(kind, float(t[i]), float(size / _reach(t, i))))
+        else:
+            named.append(Change(kind, _time(*whole, t[i], size, apart), float(size)))
     return sorted(named, key=lambda change: change.time), slope
+
+
+def _time(t: np.ndarray, error: np.ndarray, about: float, size: float, apart: int) -> float:
+    """Return the time of a jump by ``size`` in a whole series: of its largest step ``about`` that time, if it shows."""
+    if apart < 2:
+        return float(about)
+    place = int(np.searchsorted(t, about))
+    start = max(0, place - OVERLAP * apart)
+    steps = np.diff(error[start : place + OVERLAP * apart]) / size
+    return float(t[start + 1 + np.argmax(steps)] if steps.max() > 0.5 else about)
 
 
 def _shapes(t: np.ndarray, found: list[tuple[str, int]], apart: int) -> np.ndarray:

@@ -37,13 +37,13 @@ if TYPE_CHECKING:
 POINTS, MODES = 48, 48
 #: Models of the noise: up to which component a random walk exceeds white noise.  With their weights the interval covers
 #: 99 % of draws of white noise and 95 % of a random walk; of a sum of both at least 80 %, the least for 3 to 8.
-MODELS, WEIGHTS = (0.0, 4.0, 16.0, np.inf), (0.45, 0.15, 0.05, 0.35)
+MODELS, WEIGHTS = (0.0, 4.0, 16.0, np.inf), (0.53, 0.14, 0.05, 0.28)
 #: A longer series is reduced to about `SAMPLES` means, each over `OVERLAP` times their spacing.
 SAMPLES, OVERLAP = 512, 16
 #: Largest number of fitted lines, and the least number of periods of a line in the whole series.
 LINES, SLOWEST = 12, 1.5
 #: Least ratio of a line's height to the spectrum around it.
-ABOVE = 40.0
+ABOVE = 100.0
 #: Points of the spectrum per unit of frequency; the distances from a line that count as around, near and far.
 FINE, DISTANCES = 4, ((3, 20), (3, 12), (11, 20))
 #: A spectrum that falls as 1/f^2 is told from a flat one if that makes this much difference between near and far.
@@ -99,6 +99,8 @@ def drift(t: ArrayLike, error: ArrayLike) -> Slope:
     t, error = np.asarray(t, float), np.asarray(error, float)
     if len(t) < POINTS:
         raise ValueError(f"{len(t)} points are too few for a slope with an interval; give at least {POINTS}")
+    if not np.ptp(error) > 0:
+        return Slope(0.0, 0.0, 0.0)
     apart = len(t) // SAMPLES
     t, error = average(t, error)
     rest, lines = split(t, error)
@@ -134,9 +136,8 @@ def fitted(series: np.ndarray, base: np.ndarray, tried: np.ndarray, apart: int) 
         rest, columns = (x - Q @ (Q.T @ x) for x in (y / deviation[:, 0], tried / deviation))
         squares = (columns**2).sum(axis=0)
         values.append(columns.T @ rest / squares)
-        left = np.maximum(
-            rest @ rest - values[-1] ** 2 * squares, (EPS * (y / deviation[:, 0])) @ (y / deviation[:, 0])
-        )
+        left = ((rest[:, None] - columns * values[-1]) ** 2).sum(axis=0)
+        left = np.maximum(left, EPS * (y / deviation[:, 0]) @ (y / deviation[:, 0]))
         errors.append(np.sqrt(left / free / squares))
         volume = np.log(np.abs(deviation)).sum() + np.log(np.abs(np.diag(R))).sum() + np.log(squares) / 2
         likelihoods.append(-volume - free * np.log(left) / 2)
