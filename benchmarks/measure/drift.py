@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 POINTS, MODES = 48, 48
 #: Models of the noise: up to which component a random walk exceeds white noise.  With their weights the interval covers
 #: 99 % of draws of white noise and 95 % of a random walk; of a sum of both at least 80 %, the least for 3 to 8.
-MODELS, WEIGHTS = (0.0, 4.0, 16.0, np.inf), (0.53, 0.14, 0.05, 0.28)
+MODELS, WEIGHTS = (0.0, 4.0, 16.0, np.inf), (0.5, 0.15, 0.05, 0.3)
 #: A longer series is reduced to about `SAMPLES` means, each over `OVERLAP` times their spacing.
 SAMPLES, OVERLAP = 512, 16
 #: Largest number of fitted lines, and the least number of periods of a line in the whole series.
