@@ -5,8 +5,8 @@ A row may be inconclusive; the functions then return None.
 - Structure: broken if the defect exceeds 100 times the floor of round-off; kept if it does not and a visible effect
   (the integrator's own error, and the classical Runge-Kutta method's defect if measured) exceeds 1000 times the floor.
   In a certificate a defect between the floor and 100 times the floor is inconclusive.
-- Energy and invariants: an error drifts if the interval of its slope excludes 0 and slope times time exceeds half of
-  the largest error; it is round-off if it is within Brouwer's law with a generous constant.
+- Energy and invariants: an error drifts if its slope is several half-intervals from 0 and slope times time exceeds a
+  hundredth of the largest error; it is round-off if it is within Brouwer's law with a generous constant.
 - Order: agrees within 0.1; differs if its whole interval is farther away and the order is within 0.1 of another
   integer (otherwise the step sizes are not yet asymptotic).
 """
@@ -28,8 +28,10 @@ GATE = 0.1
 BROKEN, VISIBLE = 100.0, 1000.0
 #: Defects up to this, of a step map in 40 digits, come from the solver and the finite differences.
 NO_DEFECT = 1e-22
-#: Share of slope times time in the largest error: above `DRIFTS` the error drifts, below `STAYS` it is bounded.
-DRIFTS, STAYS = 0.5, 0.1
+#: A slope of more than so many half-intervals is not 0: the intervals of several systems may exclude it by chance.
+CLEAR = 2.5
+#: Share of slope times time in the largest error up to which the error is bounded.
+STAYS = 0.01
 #: A larger share of the size of the energy is not called bounded: an energy dissipated to the end no longer drifts.
 LARGE = 0.25
 #: Largest round-off error of the energy, in units of eps times the square root of the number of steps.
@@ -94,17 +96,17 @@ def shows_structure(row: Mapping[str, Any]) -> bool | None:
 def is_bounded(row: Mapping[str, Any]) -> bool | None:
     """True if the error of an invariant is bounded over the time of the row, False if it drifts, None if unclear.
 
-    ``row`` has ``value``, the largest error; ``slope`` with its interval ``low``, ``high``; ``time``; and ``scale``,
-    the size of the invariant's terms.
+    ``row`` has ``value``, the largest error; ``slope`` with its interval ``low``, ``high``; ``time``; ``scale``, the
+    size of the invariant's terms; and the number of ``steps`` of the run.
     """
     if row.get("status", "ok") != "ok" or not has(row, "slope"):
         return None
-    moved = abs(row["slope"]) * row["time"]
-    if row["value"] > LARGE * row["scale"]:
-        return False if moved > DRIFTS * row["value"] else None
-    if row["low"] <= 0 <= row["high"] or moved <= STAYS * row["value"]:
-        return True
-    return False if moved > DRIFTS * row["value"] else None
+    moved, half = abs(row["slope"]) * row["time"], (row["high"] - row["low"]) / 2
+    small = moved <= max(STAYS * row["value"], round_off(row))
+    if abs(row["slope"]) > CLEAR * half and not small:
+        return False
+    small |= row["low"] <= 0 <= row["high"]
+    return True if small and row["value"] <= LARGE * row["scale"] else None
 
 
 def round_off(row: Mapping[str, Any]) -> float:
@@ -118,7 +120,7 @@ def round_off(row: Mapping[str, Any]) -> float:
 def kind(row: Mapping[str, Any]) -> str | None:
     """The kind of error of an invariant along a long run: `ROUND_OFF`, `BOUNDED`, `DRIFT`, or None if unclear.
 
-    ``row`` is as for `is_bounded`, and has the number of ``steps`` of the run.
+    ``row`` is as for `is_bounded`.
     """
     if row["value"] <= round_off(row):
         return ROUND_OFF

@@ -64,6 +64,22 @@ def slope(x: ArrayLike, y: ArrayLike) -> Slope:
     """
     from scipy.stats import t as student
 
+    value, error, free = _line(x, y)
+    half = student.ppf(0.5 + CONFIDENCE / 2, free) * error
+    return Slope(float(value), float(value - half), float(value + half))
+
+
+def t_value(x: ArrayLike, y: ArrayLike) -> float:
+    """Return the least-squares slope of y on x, arrays (n,) with n >= 3, in its standard errors.
+
+    Raises ValueError for fewer points or if all x are equal.
+    """
+    value, error, _ = _line(x, y)
+    return float(value / error)
+
+
+def _line(x: ArrayLike, y: ArrayLike) -> tuple[float, float, int]:
+    """Return the least-squares slope of y on x, arrays (n,), its standard error and degrees of freedom."""
     x, y = np.asarray(x, float), np.asarray(y, float)
     n = len(x)
     if n < 3 or not np.ptp(x) > 0:
@@ -71,8 +87,7 @@ def slope(x: ArrayLike, y: ArrayLike) -> Slope:
     dx = x - x.mean()
     value = dx @ (y - y.mean()) / (dx @ dx)
     rest = y - y.mean() - value * dx
-    half = student.ppf(0.5 + CONFIDENCE / 2, n - 2) * np.sqrt(rest @ rest / (n - 2) / (dx @ dx))
-    return Slope(float(value), float(value - half), float(value + half))
+    return value, np.sqrt(rest @ rest / (n - 2) / (dx @ dx)), n - 2
 
 
 def power(h: ArrayLike, error: ArrayLike) -> Slope:

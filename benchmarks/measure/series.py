@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from phasebench.integrators.errors import InvalidInput
 
 from . import drift as estimator
+from .changes import JUMP, Change, changes
 from .metrics import CONFIDENCE
 from .tabular import TabularResult
 
@@ -27,25 +28,49 @@ EVEN = 1e-3
 
 @dataclass(frozen=True, repr=False)
 class Drift(TabularResult):
-    """The secular slope of a series, with its interval; it prints as a table.
+    """The secular slope of a series, with its interval, and its sudden changes; it prints as a table.
 
     Attributes
     ----------
-    slope : the drift, a change of the series for a unit of time
+    slope : the drift, a change of the series for a unit of time, besides the sudden changes
     interval : (low, high), which holds the true slope with a probability of 95 %
-    oscillation : half the range of the series once the drift is subtracted
+    oscillation : half the range of the series once drift and changes are subtracted
     method : how the slope and its interval were found
+    changes : `Change`s (kind, time, size): a "jump" by ``size``, or an "onset": the slope is larger by it from then on
     """
 
     slope: float
     interval: tuple[float, float]
     oscillation: float
     method: str
+    changes: tuple[Change, ...] = ()
 
     @property
     def holds_zero(self) -> bool:
-        """True if the interval contains 0: no drift is seen."""
+        """True if the interval contains 0: no steady drift is seen."""
         return self.interval[0] <= 0.0 <= self.interval[1]
+
+    @property
+    def seen(self) -> bool:
+        """True if the series drifts: steadily, by a jump, or from some time on."""
+        return bool(self.changes) or not self.holds_zero
+
+    @property
+    def seen_above(self) -> float | None:
+        """The size of a drift above which the same series with it would not hold 0; None if a drift is seen."""
+        return None if self.seen else max(-self.interval[0], self.interval[1])
+
+    def verdicts(self) -> list[str]:
+        """Return what is seen, a line each: every change, and a steady drift or up to which size there is none."""
+        lines = [
+            f"a jump by {c.size:+.3g} at t = {c.time:.6g}"
+            if c.kind == JUMP
+            else f"an onset at t = {c.time:.6g}: from then on {c.size:+.3g} in a unit of time"
+            for c in self.changes
+        ]
+        if not self.holds_zero:
+            return [*lines, "it drifts: the interval excludes 0"]
+        return lines or [f"none is seen; a drift above {self.seen_above:.3g} in a unit of time would have been"]
 
     def to_frame(self) -> pd.DataFrame:
         """Return a DataFrame of one row: slope, low, high, oscillation, method."""
@@ -56,17 +81,18 @@ class Drift(TabularResult):
         return pd.DataFrame([row])
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the result as a dict for JSON: slope, interval [low, high], oscillation, method."""
+        """Return the result as a dict for JSON: slope, interval [low, high], and the other attributes."""
         return {
             "slope": self.slope,
             "interval": list(self.interval),
             "oscillation": self.oscillation,
             "method": self.method,
+            "changes": [change._asdict() for change in self.changes],
+            "seen_above": self.seen_above,
         }
 
     def _heading(self) -> list[str]:
-        seen = "no drift is seen: the interval holds 0" if self.holds_zero else "it drifts: the interval excludes 0"
-        return [seen, self.method]
+        return [*self.verdicts(), self.method]
 
     def _printed(self) -> pd.DataFrame:
         import pandas as pd
@@ -79,7 +105,7 @@ def drift(t: Numbers, series: Numbers) -> Drift:
     """Estimate the drift (secular slope) of an oscillating series over times, with a 95 % interval.
 
     A straight line through an oscillation has a slope of its own, and an interval that is far too narrow; here the
-    oscillation is averaged and fitted first, and the interval comes from the slopes of separate blocks.
+    oscillation is averaged and fitted first, and the noise that is left may be white or a random walk.
 
     Parameters
     ----------
@@ -123,13 +149,17 @@ def drift(t: Numbers, series: Numbers) -> Drift:
             f"the times must rise or fall all the way; after t = {times[at]:.10g} is {times[at + 1]:.10g}"
         )
     error = values - values[0]
-    method = f"{estimator.BLOCKS} blocks under a smooth window, signed ranks, {CONFIDENCE:.0%} interval"
+    method = f"generalized least squares, noise white or a random walk, {CONFIDENCE:.0%} interval"
     if np.ptp(steps) > EVEN * steps.mean():
         times, error = _even(times, error)
         method += f"; uneven times, interpolated at {len(times)} even ones"
-    found = estimator.drift(times, error)
+    sudden, found = changes(times, error)
     rest = error - found.value * (times - times[0])
-    return Drift(found.value, (found.low, found.high), float(np.ptp(rest)) / 2, method)
+    for change in sudden:
+        later = times >= change.time
+        rest = rest - change.size * (later if change.kind == JUMP else later * (times - change.time))
+    interval = (found.low, found.high)
+    return Drift(found.value, interval, float(np.ptp(rest)) / 2, method, tuple(sudden))
 
 
 def _numbers(name: str, given: Numbers) -> NDArray[np.float64]:

@@ -12,9 +12,10 @@ from phasebench.benchmarks.certificate.behaviour import state_between_steps
 from phasebench.benchmarks.certificate.order import flow
 from phasebench.benchmarks.certificate.stepping import StepFailed, Stepper
 from phasebench.benchmarks.certificate.subject import subject
-from phasebench.benchmarks.judge.evidence import Tables
+from phasebench.benchmarks.judge.evidence import Tables, kind
 from phasebench.benchmarks.judge.requirements import adapts
 from phasebench.integrators.compile.codegen import MULTIPRECISION
+from phasebench.integrators.record import BOUNDED, DRIFT
 from support.steps import leapfrog
 
 PENDULUM = battery.find_entry("pendulum")
@@ -97,6 +98,24 @@ def test_energy_error_and_slope_of_a_run():
 
 
 # -- structure --------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("iterations", "expected"), [(3, DRIFT), (40, BOUNDED)])
+def test_energy_of_equations_solved_in_part_drifts(iterations, expected):
+    """The generalized leapfrog with so many fixed-point iterations, on a system where q and p do not separate."""
+
+    def step(system, q, p, h):
+        half, new = p, q
+        for _ in range(iterations):
+            half = p - h / 2 * system.dH_dq(q, half)
+        slope = system.dH_dp(q, half)
+        for _ in range(iterations):
+            new = q + h / 2 * (slope + system.dH_dp(new, half))
+        return new, half - h / 2 * system.dH_dq(new, half)
+
+    dimer = next(e for e in battery.lasting() if e.name == "dimer")
+    for seed in (0, 3):
+        assert kind(conservation.long_run(subject(step), dimer, seed)["energy"]) == expected
 
 
 def test_structure_is_measured_at_a_shorter_step_if_needed():

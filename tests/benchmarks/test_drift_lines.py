@@ -1,4 +1,4 @@
-"""The parts of a drift estimate: finding, refining and removing slow oscillations; slopes in blocks."""
+"""The parts of a drift estimate: finding, refining and removing slow oscillations."""
 
 from __future__ import annotations
 
@@ -42,14 +42,3 @@ def test_alternating_error_has_no_drift():
     found = module.drift(t, np.where(t % 2, 1e-3, -1e-3))
     assert found.low <= 0 <= found.high
     assert module._line(wave(N / 2 - 1) * HANN) is None, "too fast to be told from its mirror image"
-
-
-def test_neighbouring_blocks_have_unequal_lengths():
-    """The lengths of the blocks are found by a jump in the series, which changes the slope of its own block most."""
-    t = np.arange(1200.0)
-    owner = [int(np.argmax(np.abs(module._slopes(t, (t > at).astype(float))))) for at in range(0, 1199, 4)]
-    lengths = np.bincount(owner, minlength=module.BLOCKS) * 4
-    mean = 1200 / module.BLOCKS
-    assert lengths.min() > (1 - module.UNEQUAL) * mean - 8
-    assert lengths.max() < (1 + module.UNEQUAL) * mean + 8
-    assert np.abs(np.diff(lengths)).min() > 0.2 * mean

@@ -89,6 +89,25 @@ def test_result_prints_and_converts():
     assert list(found.to_frame()) == ["slope", "low", "high", "oscillation", "method"]
 
 
+def test_a_drift_above_the_stated_size_would_have_been_seen():
+    for seed in range(20):
+        noise = np.random.default_rng(seed).standard_normal(500)
+        found = pb.drift(T[:500], noise)
+        if not found.seen:
+            for sign in (-1, 1):
+                assert not pb.drift(T[:500], noise + sign * 1.02 * found.seen_above * T[:500]).holds_zero
+    assert pb.drift(T, swing(T) + 1e-6 * T).seen_above is None
+
+
+def test_a_jump_is_no_steady_drift_but_seen():
+    found = pb.drift(T, swing(T) + 0.02 * (T > 120))
+    assert found.seen
+    assert found.holds_zero
+    assert found.oscillation == pytest.approx(1.3e-3, rel=0.1)
+    assert [(c.kind, round(c.time), round(c.size, 3)) for c in found.changes] == [("jump", 120, 0.02)]
+    assert max(map(len, repr(found).splitlines())) <= 100
+
+
 # -- the command -------------------------------------------------------------------------------------------------------
 
 
@@ -99,10 +118,74 @@ def test_exit_code_is_0_where_the_interval_holds_0(tmp_path, slope, code):
     path.write_text("\n".join(["# a comment", "t,q,energy", *lines]))
     found = call("drift", path, "--json")
     assert found[0] == code
-    assert list(json.loads(found[1])) == ["slope", "interval", "oscillation", "method"]
+    assert list(json.loads(found[1]))[:4] == ["slope", "interval", "oscillation", "method"]
     assert json.loads(found[1])["slope"] == pytest.approx(slope, abs=1e-9)
     assert call("drift", path)[0] == code
     assert call("drift", path, "--time", "t", "--column", "q")[0] == 0
+
+
+def test_exit_code_is_1_for_a_jump(tmp_path):
+    path = tmp_path / "run.csv"
+    path.write_text("t,energy\n" + "".join(f"{t},{e}\n" for t, e in zip(T, swing(T) + 0.02 * (T > 120), strict=True)))
+    done = call("drift", path, "--json")
+    assert done[0] == 1
+    assert [c["kind"] for c in json.loads(done[1])["changes"]] == ["jump"]
+
+
+#: The same rows, step, energy, kinetic energy, as programs write them, with the options that the file needs.
+STEPS = np.arange(0, 400, 4)
+ROWS = [(s, f"{-5 + 1e-3 * np.sin(0.3 * s) + 1e-4 * s:.9f}", f"{3 + 0.1 * np.sin(s):.5f}") for s in STEPS]
+WRITTEN = {
+    "openmm.csv": (
+        '#"Step","Total Energy (kJ/mole)","Kinetic Energy (kJ/mole)"\n' + "\n".join(f"{a},{b},{c}" for a, b, c in ROWS),
+        ("--time", "Step", "--column", "Total Energy (kJ/mole)", "--time-unit", "2 fs"),
+    ),
+    "log.lammps": (
+        "LAMMPS (2 Aug 2026)\nunits real\nrun 400\n   Step  TotEng  KinEng\n"
+        + "\n".join(" ".join(map(str, row)) for row in ROWS[:51])
+        + "\nLoop time of 1.0 on 1 procs\nrun 200\nWARNING: slow\n  Step TotEng KinEng\n"
+        + "\n".join(" ".join(map(str, row)) for row in ROWS[50:])
+        + "\nLoop time of 1.0 on 1 procs",
+        ("--time-unit", "2 fs", "--energy-unit", "kJ/mol"),
+    ),
+    "energy.xvg": (
+        '# gmx energy\n@    title "Energies"\n@    xaxis  label "Time (ps)"\n@    yaxis  label "(kJ/mol)"\n'
+        '@ s0 legend "Total Energy"\n@ s1 legend "Kinetic En."\n'
+        + "\n".join(f"  {0.002 * a:.6f}  {b}  {c}" for a, b, c in ROWS),
+        (),
+    ),
+    "ase.log": (
+        "Time[ps]      Etot[eV]     Ekin[eV]\n"
+        + "\n".join(
+            f"{0.002 * a:.6f} {float(b) * 0.010364269656:.12f} {float(c) * 0.010364269656}" for a, b, c in ROWS
+        ),
+        (),
+    ),
+    "blanks.txt": (
+        "# time energy ekin\n" + "\n".join(f"{0.002 * a:.6f}  {b}  {c}" for a, b, c in ROWS),
+        ("--energy-unit", "kJ/mol", "--time-unit", "ps"),
+    ),
+    "nameless.txt": (
+        "\n".join(f"{0.002 * a:.6f}  {b}" for a, b, _ in ROWS),
+        ("--energy-unit", "kJ/mol", "--time-unit", "ps"),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", WRITTEN)
+def test_files_of_other_programs(tmp_path, name):
+    path = tmp_path / name
+    text, options = WRITTEN[name]
+    path.write_text(text)
+    code, said, *_ = call("drift", path, *options, "--atoms", "10", "--json")
+    found = json.loads(said)
+    assert code == 1
+    # 1e-4 kJ/mol a step of 2 fs is 0.05 kJ/mol/ps; a tenth of it for an atom.
+    assert found["per_atom"]["unit"] == "meV/atom/ps"
+    assert found["per_atom"]["slope"] == pytest.approx(0.005 * 10.364269656, rel=0.02)
+    if name != "nameless.txt":
+        spread = np.std([float(c) for *_, c in ROWS])
+        assert found["over_kinetic"] == pytest.approx(1e-4 * 396 / spread, rel=0.02)
 
 
 @pytest.mark.parametrize(
