@@ -147,7 +147,9 @@ class Steps:
             if best is None or len(groups[best]) < 2:
                 return expressions
             a, b, ratio = best
-            unit = sp.gcd_list([n for _, n in groups[best]])
+            exponents = [n for _, n in groups[best]]
+            unit = sp.gcd_list(exponents) * (1 if max(exponents) > 0 else -1)  # its inverse may be infinite
+            unit /= max(1, sp.gcd(unit, ratio * unit))  # x y, of which x^2 y^2 is the square
             shared = a**unit * b ** (ratio * unit)
             symbol = self._symbol(shared)
             self.definitions.pop()
