@@ -43,7 +43,7 @@ HOPELESS = 30.0
 FAILURES, WASTED, FEW = 10, 1.5, 3
 #: A peer that needs more seconds than this to prepare a further rung climbs no more; heyoka still enters the finals in
 #: each of its modes.
-PREPARING = 3.0
+PREPARING = 30.0
 #: First words of the reason why an integrator that does not compile is dropped.
 UNCOMPILED = "it does not compile: "
 

@@ -12,6 +12,7 @@ from phasebench.integrators.coefficients.tableaus import LEVELS, tableau
 from phasebench.integrators.compile.codegen import DOUBLE
 from phasebench.integrators.compile.lazy import sympy as sp
 from phasebench.integrators.stepping.kernel import Prepared, array
+from phasebench.integrators.systems.shared import lighter_gradient, motion, slopes
 from phasebench.integrators.values import lane_formulae
 
 from .lane_rows import FREE, components
@@ -46,12 +47,7 @@ def _of_kicks(system: Hamiltonian, lanes: int, arithmetic: str, digits: int) -> 
     The inverse masses 1 / m_i are an array (1, d), computed with ``digits`` digits.
     """
     forces = lane_formulae.function(
-        "forces",
-        [("q", system.q)],
-        lambda: [-sp.diff(system.potential, x) for x in system.q],
-        lanes,
-        system,
-        arithmetic,
+        "forces", [("q", system.q)], lambda: slopes(system.potential, system.q, -1), lanes, system, arithmetic
     )
     masses = [mpmath.mpf(sp.diff(v, p).evalf(digits)) for v, p in zip(system.dq, system.p, strict=True)]
     return forces, array([masses], arithmetic)
@@ -60,7 +56,9 @@ def _of_kicks(system: Hamiltonian, lanes: int, arithmetic: str, digits: int) -> 
 def _of_both(system: Hamiltonian, lanes: int, arithmetic: str) -> tuple[Callable, None]:
     """Make the field (q', p') at ``lanes`` points at once, one in each SIMD lane; returns (the function, None)."""
     arguments = [("q", system.q), ("p", system.p)]
-    return lane_formulae.function("field", arguments, lambda: list(system.sides), lanes, system, arithmetic), None
+    return lane_formulae.function(
+        "field", arguments, lambda: motion(system, lighter_gradient), lanes, system, arithmetic
+    ), None
 
 
 def functions(system: Hamiltonian, lanes: int, arithmetic: str, digits: int) -> tuple[Callable, np.ndarray | None]:

@@ -38,6 +38,7 @@ from phasebench.integrators.values import lane_formulae
 
 from .formula import parse_equation
 from .hamiltonian import Floats, Formula, Hamiltonian, Names, PartitionedSystem, _symbols
+from .shared import Steps, factor, lighter_gradient, motion, slopes
 
 if TYPE_CHECKING:
     from phasebench.integrators.compile.printing import Program
@@ -53,47 +54,6 @@ RETRACTIONS = 8
 INDEPENDENT = 1e-10
 #: Intermediate results of the closed form of the multipliers, at most.
 LARGEST_CLOSED = 60
-
-
-class Elimination:
-    """Symbolic Gaussian elimination without pivoting, which gives each intermediate result a symbol of its own.
-
-    Parameters
-    ----------
-    letter : the first letter of the symbols of intermediate results
-    steps : the list to which intermediate results are appended in order, as (symbol, expression)
-    """
-
-    def __init__(self, letter: str, steps: list[tuple[Any, Any]]) -> None:
-        self.letter, self.steps = letter, steps
-
-    def name(self, e: Any) -> Any:
-        """Append the expression to ``steps`` and return its new symbol; numbers and symbols are returned unchanged."""
-        if e.is_number or e.is_Symbol:
-            return e
-        symbol = sp.Symbol(f"{self.letter}{len(self.steps)}_", real=True)
-        self.steps.append((symbol, e))
-        return symbol
-
-    def solve(self, A: Any, b: Sequence[Any]) -> list[Any]:
-        """Return the solution x of A x = b, a list of m symbols or numbers; A is a matrix (m, m), b a sequence (m,)."""
-        m = len(b)
-        A = [[self.name(A[i, j]) for j in range(m)] for i in range(m)]
-        b, pivots = [self.name(x) for x in b], []
-        for k in range(m):
-            pivots.append(self.name(1 / A[k][k]))
-            for i in range(k + 1, m):
-                if A[i][k] == 0:
-                    continue
-                factor = self.name(A[i][k] * pivots[k])
-                for j in range(k + 1, m):
-                    if A[k][j] != 0:
-                        A[i][j] = self.name(A[i][j] - factor * A[k][j])
-                b[i] = self.name(b[i] - factor * b[k])
-        x: list[Any] = [None] * m
-        for k in reversed(range(m)):
-            x[k] = self.name((b[k] - sum(A[k][j] * x[j] for j in range(k + 1, m))) * pivots[k])
-        return x
 
 
 class ConstrainedHamiltonian(PartitionedSystem):
@@ -195,34 +155,36 @@ class ConstrainedHamiltonian(PartitionedSystem):
         return sp.Matrix([[sp.diff(v, x) for x in self.p] for v in self.dq])
 
     @cached_property
-    def reduced(self) -> Program:
+    def shared(self) -> Program:
         """The index-reduced right-hand sides [q', p'] as a `Program`: expressions with named intermediate results.
 
-        The intermediate results are those of the elimination that gives the multipliers in p'.
+        The last intermediate results are those of the elimination that gives the multipliers in p'.
         """
         from phasebench.integrators.compile.printing import Program
 
-        steps: list = []
-        elimination = Elimination("k", steps)
-        GM = self.G * self._mobility
-        rates = [
-            sum(sp.diff(w, x) * v for x, v in zip(self.q, self.dq, strict=True))
-            + sum(GM[i, j] * f for j, f in enumerate(self.force))
-            for i, w in enumerate(self.hidden)
-        ]
-        multipliers = elimination.solve(GM * self.G.T, rates)
-        dp = [f - sum(self.G[i, j] * x for i, x in enumerate(multipliers)) for j, f in enumerate(self.force)]
-        return Program(tuple(steps), [list(self.dq), dp])
+        steps = Steps()
+        (H,) = steps.share_products([steps.flatten(self.H)])
+        found = steps.gradient(H, [*self.q, *self.p])
+        dq, force = found[self.d :], [-e for e in found[: self.d]]
+        G = sp.Matrix([steps.gradient(e, self.q) for e in self.constraints])
+        GM = G * self._mobility
+        along = dict(zip(self.q, dq, strict=True))
+        second = [steps.rate(steps.rate(e, along), along) for e in self.constraints]
+        pushed = [factor(sp.Add(*(GM[i, j] * f for j, f in enumerate(force)))) for i in range(G.rows)]
+        multipliers = steps.solve(GM * G.T, [a + b for a, b in zip(second, pushed, strict=True)])
+        dp = [f - sum(G[i, j] * x for i, x in enumerate(multipliers)) for j, f in enumerate(force)]
+        results = steps.finish([*dq, *dp])
+        return Program(tuple(steps.definitions), [results[: self.d], results[self.d :]])
 
     @property
     def definitions(self) -> tuple[tuple[Any, Any], ...]:
         """The intermediate results (symbol, expression) that `sides` refer to, each after those that it needs."""
-        return self.reduced.definitions
+        return self.shared.definitions
 
     @property
     def sides(self) -> tuple[Any, ...]:
         """The 2 d right-hand sides, q' before p', in which symbols stand for intermediate results (`definitions`)."""
-        dq, dp = self.reduced.results
+        dq, dp = self.shared.results
         return (*dq, *dp)
 
     @cached_property
@@ -235,7 +197,7 @@ class ConstrainedHamiltonian(PartitionedSystem):
         known: dict = {}
         for symbol, e in self.definitions:
             known[symbol] = e.xreplace(known)
-        return tuple(e.xreplace(known) for e in self.reduced.results[1])
+        return tuple(e.xreplace(known) for e in self.shared.results[1])
 
     @property
     def bound(self) -> dict[str, Any]:
@@ -273,7 +235,7 @@ class ConstrainedHamiltonian(PartitionedSystem):
         T, number = codegen.value_type(self.d, self.fills), types.float64
         arguments = [("q", self.q), ("p", self.p), ("h", sp.Symbol("h")), ("lam", sp.Symbol("lam"))]
         signature = types.Tuple((T, T))(T, T, number, number)
-        return self.make_function("field-1", arguments, lambda: self.reduced, signature, arithmetic)
+        return self.make_function("field-1", arguments, lambda: self.shared, signature, arithmetic)
 
     def rates(self, Q: Any, P: Any) -> Floats:
         """The index-reduced vector field y' = (q', p') at each row of Q, P (n, d): array (2 d, n)."""
@@ -303,7 +265,8 @@ class ConstrainedHamiltonian(PartitionedSystem):
     def grad_V(self, arithmetic: str = DOUBLE) -> Function:
         """Make the function q -> grad V(q) of a separable H, without the constraint forces."""
         T = codegen.value_type(self.d, self.fills)
-        return self.make_function("grad_V", [("q", self.q)], lambda: [[-f for f in self.force]], T(T), arithmetic)
+        results = lambda: slopes(self.free.potential, self.q)  # noqa: E731
+        return self.make_function("grad_V", [("q", self.q)], results, T(T), arithmetic)
 
     def grad_T(self, arithmetic: str = DOUBLE) -> Function | None:
         """The function p -> M^-1 p of an H with a constant mass matrix; None if that is p itself."""
@@ -323,10 +286,10 @@ class ConstrainedHamiltonian(PartitionedSystem):
         T = codegen.value_type(self.d)
 
         def results() -> Program:
-            steps: list = []
+            steps = Steps()
             G0 = self.G.xreplace(dict(zip(self.q, first, strict=True)))
-            mu = Elimination("k", steps).solve(self.G * self._mobility * G0.T, self.constraints)
-            return Program(tuple(steps), [self._pull(G0, mu)])
+            mu = steps.solve(self.G * self._mobility * G0.T, self.constraints)
+            return Program(tuple(steps.definitions), [self._pull(G0, mu)])
 
         return self.make_function("restore", [("q", self.q), ("first", first)], results, T(T, T), arithmetic)
 
@@ -341,9 +304,9 @@ class ConstrainedHamiltonian(PartitionedSystem):
         T = codegen.value_type(self.d)
 
         def results() -> Program:
-            steps: list = []
-            mu = Elimination("k", steps).solve(self.G * self._mobility * self.G.T, self.hidden)
-            return Program(tuple(steps), [self._pull(self.G, mu)])
+            steps = Steps()
+            mu = steps.solve(self.G * self._mobility * self.G.T, self.hidden)
+            return Program(tuple(steps.definitions), [self._pull(self.G, mu)])
 
         return self.make_function("normal", [("q", self.q), ("p", self.p)], results, T(T, T), arithmetic)
 
@@ -352,8 +315,8 @@ class ConstrainedHamiltonian(PartitionedSystem):
         T, number = codegen.value_type(self.d), types.float64
         arguments = [("q", self.q), ("p", self.p), ("h", sp.Symbol("h")), ("lam", sp.Symbol("lam"))]
         signature = types.Tuple((T, T))(T, T, number, number)
-        results = [list(self.dq), list(self.force)]
-        return self.make_function("free field", arguments, lambda: results, signature, arithmetic)
+        results = lambda: motion(self.free, lighter_gradient)  # noqa: E731
+        return self.make_function("free field", arguments, results, signature, arithmetic)
 
     def mobility(self, arithmetic: str = DOUBLE) -> Function:
         """Make the function (q, p, x) -> H_pp(q, p) x, the product of a matrix (d, d) and a vector (d,)."""
@@ -383,11 +346,11 @@ class ConstrainedHamiltonian(PartitionedSystem):
         first, way = self._named("first"), self._named("way")
 
         def results() -> Program:
-            steps: list = []
+            steps = Steps()
             at_start = dict(zip((*self.q, *self.p), (*first, *way), strict=True))
             matrix = self.G * self._mobility.xreplace(at_start) * self.G.xreplace(at_start).T
-            found = Elimination("k", steps).solve(matrix, self.constraints)
-            return Program(tuple(steps), [[*found, *[sp.Integer(0)] * (self.d - len(found))]])
+            found = steps.solve(matrix, self.constraints)
+            return Program(tuple(steps.definitions), [[*found, *[sp.Integer(0)] * (self.d - len(found))]])
 
         arguments = [("q", self.q), ("first", first), ("way", way)]
         return self.make_function("multipliers", arguments, results, T(T, T, T), arithmetic)
@@ -402,9 +365,9 @@ class ConstrainedHamiltonian(PartitionedSystem):
         T = codegen.value_type(self.d)
 
         def results() -> Program:
-            steps: list = []
-            mu = Elimination("k", steps).solve(self.G * self.G.T, self.constraints)
-            return Program(tuple(steps), [self._pull(self.G, mu)])
+            steps = Steps()
+            mu = steps.solve(self.G * self.G.T, self.constraints)
+            return Program(tuple(steps.definitions), [self._pull(self.G, mu)])
 
         return self.make_function("offset", [("q", self.q)], results, T(T), arithmetic)
 

@@ -24,10 +24,11 @@ from phasebench.integrators.compile.lazy import sympy as sp
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.values import inplace
 
-from . import deferred, generating, magnetic, singularities
+from . import deferred, generating, magnetic, shared, singularities
 from .formula import parse, time_hint
 
 if TYPE_CHECKING:
+    from phasebench.integrators.compile.printing import Program
     from phasebench.integrators.values.kinds import Function
 
 
@@ -196,6 +197,11 @@ class PartitionedSystem:
         """The 2 d right-hand sides, q' before p'; symbols may stand for intermediate results (`definitions`)."""
         return (*self.dq, *self.dp)
 
+    @cached_property
+    def shared(self) -> Program:
+        """The right-hand sides [q', p'] as a `Program` that names the subexpressions they share (`systems.shared`)."""
+        return shared.motion(self, shared.gradient)
+
     @property
     def elementary(self) -> bool:
         """True if the vector field can be evaluated at several states at once, in SIMD lanes (one state each).
@@ -240,7 +246,7 @@ class PartitionedSystem:
         self,
         kind: str,
         arguments: Sequence[tuple[str, Sequence[sp.Symbol] | sp.Symbol]],
-        results: Callable[[], Sequence[Any]],
+        results: Callable[[], Program | Sequence[Any]],
         signature: Any,
         arithmetic: str,
     ) -> Function:
@@ -273,9 +279,9 @@ class PartitionedSystem:
         T, number = codegen.value_type(self.d, self.fills), types.float64
         h, lam = sp.Symbol("h", positive=True), generating.LAMBDA
 
-        def results() -> list[list[sp.Expr]]:
+        def results() -> Program | list[list[sp.Expr]]:
             if order == 1:
-                return [list(self.dq), list(self.dp)]
+                return shared.motion(self, shared.lighter_gradient)
             K = generating.coefficients(self.H, self.q, self.p, order)
 
             def slopes(variables: Sequence[sp.Symbol]) -> list[sp.Expr]:
@@ -573,9 +579,8 @@ class Hamiltonian(PartitionedSystem):
     def grad_V(self, arithmetic: str = DOUBLE) -> Function:
         """The function q -> grad V(q) of a separable H."""
         T = codegen.value_type(self.d, self.fills)
-        return self.make_function(
-            "grad_V", [("q", self.q)], lambda: [[sp.diff(self.potential, x) for x in self.q]], T(T), arithmetic
-        )
+        results = lambda: shared.slopes(self.potential, self.q)  # noqa: E731
+        return self.make_function("grad_V", [("q", self.q)], results, T(T), arithmetic)
 
     @property
     def slow_potential(self) -> sp.Expr:

@@ -54,16 +54,17 @@ def function(
 
     ``kind`` is a label that identifies the function in the cache, ``arguments`` are pairs (name, vector of symbols),
     whose values f reads from the first rows of B, one row for each symbol; f writes its results to the rows after them.
-    ``results`` takes no arguments and returns a list of expressions, which may refer to the system's ``definitions``;
-    it is called only if the text is not in the cache.
+    ``results`` takes no arguments and returns a `Program` of vectors, whose components are the results in order; it is
+    called only if the text is not in the cache.
     """
     rows = sum(len(symbols) for _, symbols in arguments)
 
     def text(arithmetic: str) -> str:
         from phasebench.integrators.compile import printing
 
-        expressions = results()
-        formula = printing.source("g", arguments, printing.Program(system.definitions, [expressions]), arithmetic)
+        program = results()
+        expressions = [e for vector in program.results for e in vector]
+        formula = printing.source("g", arguments, program._replace(results=[expressions]), arithmetic)
         begins = [sum(len(symbols) for _, symbols in arguments[:i]) for i in range(len(arguments))]
         values = [
             f"({''.join(f'take(B, {first + k}, LIKE), ' for k in range(len(symbols)))})"

@@ -187,7 +187,7 @@ def fingerprint(problem: Any) -> str:
 
     system = problem.system
     beside = [float(x) * (1 + (i + 1) / 1024) + (i + 1) / 4096 for i, x in enumerate((*problem.q0, *problem.p0))]
-    defining = [system.H] if system.canonical else [system.H, *system.sides, *(e for _, e in system.definitions)]
+    defining = [system.H] if system.canonical else [system.H, *system.sides]
     with mpmath.workdps(WORK):
         values = evaluate(problem, defining, beside[: system.d], beside[system.d :])
         return " ".join(mpmath.nstr(x, PRINT) for x in values)

@@ -1,8 +1,8 @@
 """heyoka's Taylor series as peers: one orbit, or the same orbit in every SIMD lane of the processor.
 
-``high_accuracy`` sums the series with compensation.  ``compact_mode`` compiles faster and runs slower on small systems;
-the peers use it for more than `taylor.COMPACT` variables.  `variants` lists each peer in the other mode, and with
-heyoka's own models of the equations of motion (`heyoka_forms`), for comparison.
+``high_accuracy`` sums the series with compensation.  ``compact_mode`` compiles faster and runs two to three times
+slower; the peers use it for equations of more than `UNROLLED` operations.  `variants` lists each peer in the other
+mode, and with heyoka's own models of the equations of motion (`heyoka_forms`), for comparison.
 
 Integrators are cached by system and tolerance, so that a second run needs no compilation.  They are reset in place,
 hence only one thread at a time may run a peer on a system.
@@ -33,7 +33,18 @@ if TYPE_CHECKING:
 EPS = float(np.finfo(float).eps)
 #: Size of the cache of integrators.
 KEPT = 128
+#: Equations of more operations are compiled in compact mode: unrolled ones take over ten seconds at a tight tolerance.
+UNROLLED = 600
 DOCUMENTATION = "https://bluescarni.github.io/heyoka.py/"
+
+
+@lru_cache(maxsize=KEPT)
+def is_compact(system: PartitionedSystem) -> bool:
+    """True if the peers compile the equations of a system in compact mode."""
+    import sympy as sp
+
+    definitions, vectors = system.shared
+    return sum(sp.count_ops(e) for e in (*(e for _, e in definitions), *(e for v in vectors for e in v))) > UNROLLED
 
 
 @lru_cache(maxsize=KEPT)
@@ -47,14 +58,12 @@ def _scalar(
     """Make heyoka's integrator for one orbit of a system: (integrator, the `Form` of its state).
 
     ``model`` is one of `heyoka_forms.NAMES`, the form of the equations; ``compact`` turns heyoka's ``compact_mode`` on
-    or off, None by the number of variables; ``high_accuracy`` sums the series with compensation.
+    or off, None by `is_compact`; ``high_accuracy`` sums the series with compensation.
     """
     import heyoka as hy
 
-    from phasebench.reference.solvers import taylor
-
     form = heyoka_forms.form(system, model)
-    compact = 2 * system.d > taylor.COMPACT if compact is None else compact
+    compact = is_compact(system) if compact is None else compact
     options = {"compact_mode": compact, "high_accuracy": high_accuracy}
     return hy.taylor_adaptive(list(form.equations), np.zeros(len(form.equations)), tol=tol, **options), form
 
@@ -178,10 +187,8 @@ def compact(high_accuracy: bool, on: bool = True, model: str = TRANSLATED) -> Pe
     """
 
     def lacks(problem: Any, system: PartitionedSystem) -> str | None:
-        from phasebench.reference.solvers import taylor
-
-        if model == TRANSLATED and on == (2 * system.d > taylor.COMPACT):
-            return f"of {2 * system.d} variables '{name}' is the same: compact_mode is {'on' if on else 'off'}"
+        if model == TRANSLATED and on == is_compact(system):
+            return f"'{name}' is the same on this system: compact_mode is {'on' if on else 'off'}"
         if model not in heyoka_forms.names(system):
             return f"heyoka's model {model} is of other equations of motion"
         return None

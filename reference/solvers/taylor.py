@@ -97,9 +97,9 @@ def equations(system: PartitionedSystem, fp: type | Bits) -> list:
 
     variables = {x: hy.expression(f"x{i}") for i, x in enumerate((*system.q, *system.p))}
     known = dict(variables)
-    for symbol, e in system.definitions:
+    for symbol, e in system.shared.definitions:
         known[symbol] = translate(e, known, fp)
-    sides = (translate(e, known, fp) for e in system.sides)
+    sides = (translate(e, known, fp) for vector in system.shared.results for e in vector)
     return list(zip(variables.values(), sides, strict=True))
 
 

@@ -4,9 +4,9 @@ heyoka's own ``from_sympy`` rejects rationals whose denominator is not a power o
 double, and its powers with exponents of 3 or more are NaN at base zero.  Here rationals are divided in the working
 precision, decimals keep all their bits, and positive integer and half-integer powers are products and square roots.
 
-heyoka differentiates equal subexpressions only once.  To make them equal, y - x is written as x - y with the sign in
-the factor; a negative half-integer power is one power (``r2**-1.5``); and factors that depend on the state come before
-constants, which differ between bodies.
+heyoka differentiates equal subexpressions only once; which ones a system shares, `systems.shared` says.  A negative
+power is one power (``r2**-1.5``, ``r2**-7``), and factors that depend on the state come before constants, which differ
+between bodies.
 """
 
 from __future__ import annotations
@@ -61,29 +61,21 @@ def translate(e: sp.Expr, variables: dict, fp: Callable[[Any], Any]) -> hy.expre
         b = walk(base)
         if not exponent.is_Rational or exponent.q > 2:
             return b ** walk(exponent)
-        if exponent < 0 and exponent.q == 2:
-            return b ** constant(exponent)
-        whole, half = divmod(abs(int(exponent.p)), exponent.q)
+        if exponent < 0:
+            return constant(sp.Integer(1)) / b if exponent == -1 else b ** constant(exponent)
+        whole, half = divmod(int(exponent.p), exponent.q)
         parts = ([product(b, whole)] if whole else []) + ([hy.sqrt(b)] if half else [])
-        value = parts[0] if len(parts) == 1 else parts[0] * parts[1]
-        return constant(sp.Integer(1)) / value if exponent < 0 else value
-
-    def unsigned(factor: sp.Expr) -> tuple[int, sp.Expr]:
-        """(sign, f) with sign * f equal to ``factor``, such that x - y and y - x give the same f."""
-        base, exponent = factor.as_base_exp()
-        if not (exponent.is_Integer and isinstance(base, sp.Add) and base.could_extract_minus_sign()):
-            return 1, factor
-        return (-1 if exponent % 2 else 1), (-base) ** exponent
+        return parts[0] if len(parts) == 1 else parts[0] * parts[1]
 
     def multiple(x: sp.Mul) -> hy.expression:
         """Translate a product: a product of the factors with variables, negative powers last, times the number."""
         constants = [a for a in x.args if not a.free_symbols]
-        signs, factors = zip(*(unsigned(a) for a in x.args if a.free_symbols), strict=True)
+        factors = [a for a in x.args if a.free_symbols]
         ordered = sorted(factors, key=lambda a: (bool(a.as_base_exp()[1].is_negative), sp.default_sort_key(a)))
         result = walk(ordered[0])
         for a in ordered[1:]:
             result = result * walk(a)
-        scale = sp.Mul(*signs) * sp.Mul(*constants)
+        scale = sp.Mul(*constants)
         return result if scale == 1 else constant(scale) * result
 
     known: dict = {}
@@ -103,8 +95,7 @@ def translate(e: sp.Expr, variables: dict, fp: Callable[[Any], Any]) -> hy.expre
         if isinstance(x, sp.Mul):
             return multiple(x)
         if isinstance(x, sp.Pow):
-            sign, factor = unsigned(x)
-            return power(*factor.args) if sign == 1 else constant(sp.Integer(-1)) * power(*factor.args)
+            return power(*x.args)
         name = type(x).__name__
         if name in FUNCTIONS and len(x.args) == 1:
             return getattr(hy, name)(walk(x.args[0]))

@@ -447,7 +447,7 @@ def test_heyoka_competes_in_both_modes():
     """Compiled in compact mode and not, for H from its formula and for heyoka's built-in model."""
     for name, other, model in (
         ("kepler", "heyoka(compact_mode)", "fixed_centres"),
-        ("outer-solar-system", "heyoka(compact_mode=False)", "nbody"),
+        ("solar-system", "heyoka(compact_mode=False)", "nbody"),
     ):
         can, cannot = field.able(problem(name))
         labels = {c.label for c in can if c.label.startswith("heyoka")}
@@ -455,6 +455,20 @@ def test_heyoka_competes_in_both_modes():
         plain = ["heyoka", other, *both]
         assert labels == {*plain, *(x.replace("heyoka", "heyoka-high-accuracy") for x in plain)}
         assert sum("is the same" in why for why in cannot.values()) == 2
+
+
+def test_heyoka_enters_the_final_in_the_mode_that_the_search_could_not_compile(monkeypatch):
+    """The search knows heyoka in a mode that takes 2.5 times as long as the best; another takes a tenth of that."""
+    asked, found = climb_laws(Law("solver", 8, 8e-8, side=PEERS), Law("slow", 8, 2e-7, side=PEERS))
+
+    def twins(task, member, wanted):
+        run = member.rung._replace(seconds=member.rung.seconds / 10)
+        return [front.Finalist(Law("fast", 8, 2e-8, side=PEERS), run)] if member.integrator.label == "slow" else []
+
+    monkeypatch.setattr(front, "twins", twins)
+    for mode, best in (("slow", "fast"), ("none", "solver")):
+        monkeypatch.setattr(front, "is_heyoka", lambda c, mode=mode: c.label == mode)
+        assert [m.integrator.label for m in front.finalists(asked, found, 1e-3)] == [best]
 
 
 def test_exact_methods_do_not_compete():

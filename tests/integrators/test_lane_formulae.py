@@ -10,10 +10,11 @@ import sympy as sp
 
 from phasebench.integrators.compile import codegen
 from phasebench.integrators.compile.codegen import DOUBLE
+from phasebench.integrators.compile.printing import Program
 from phasebench.integrators.values import lane_formulae, lanes
 
 x, y, z, w = sp.symbols("x y z w", positive=True)
-SYSTEM = SimpleNamespace(content="a toy", d=2, definitions=())
+SYSTEM = SimpleNamespace(content="a toy", d=2)
 ARGUMENTS = [("q", [x, y]), ("s", [z]), ("p", [w])]
 RESULTS = [x * y + z, sp.sin(w) / sp.sqrt(x) - y**3, sp.exp(-z) * sp.cos(x) ** 2 + sp.Rational(1, 3)]
 
@@ -58,7 +59,7 @@ def test_unsupported_functions_and_powers(other):
 
 @pytest.mark.parametrize("n", [2, 4])
 def test_results_follow_the_arguments_in_the_table(n):
-    f = lane_formulae.function(f"toy {n}", ARGUMENTS, lambda: RESULTS, n, SYSTEM, DOUBLE)
+    f = lane_formulae.function(f"toy {n}", ARGUMENTS, lambda: Program((), [RESULTS]), n, SYSTEM, DOUBLE)
     given = np.random.default_rng(n).uniform(0.5, 2.0, size=(4, n))
     table = np.vstack([given, np.full((4, n), 9.0)])
     f(table)
@@ -73,14 +74,10 @@ def test_functions_are_keyed_by_formula_and_lanes(monkeypatch):
     monkeypatch.setattr(codegen, "function", lambda key, text, signature, arithmetic: (key, signature))
     keys = set()
     for kind, n, system in (("a", 2, SYSTEM), ("b", 2, SYSTEM), ("a", 4, SYSTEM)):
-        key, signature = lane_formulae.function(kind, ARGUMENTS, lambda: RESULTS, n, system, DOUBLE)
+        key, signature = lane_formulae.function(kind, ARGUMENTS, lambda: Program((), [RESULTS]), n, system, DOUBLE)
         assert [a.ndim for a in signature.args] == [2]
         keys.add(key)
-    keys.add(
-        lane_formulae.function(
-            "a", ARGUMENTS, lambda: [], 2, SimpleNamespace(content="another", d=2, definitions=()), DOUBLE
-        )[0]
-    )
+    keys.add(lane_formulae.function("a", ARGUMENTS, lambda: [], 2, SimpleNamespace(content="another", d=2), DOUBLE)[0])
     assert len(keys) == 4
 
 

@@ -124,16 +124,25 @@ def test_the_settings_of_each_peer(tol, built_integrators):
     assert (lanes.high_accuracy, lanes.compact_mode, lanes.tol) == (False, False, tol or np.finfo(float).eps)
 
 
-def test_large_systems_can_run_without_compact_mode(monkeypatch, built_integrators):
-    made = problem("toda:cnoidal", N=6)
-    monkeypatch.setattr(taylor, "COMPACT", 11)
+@pytest.fixture
+def no_system_kept():
+    """`is_compact` forgets what it has decided, before and after."""
+    peers.is_compact.cache_clear()
+    yield
+    peers.is_compact.cache_clear()
+
+
+def test_large_systems_can_run_without_compact_mode(monkeypatch, built_integrators, no_system_kept):
+    made, operations = problem("toda:cnoidal", N=6), 30  # six exponentials, their arguments, and six differences
+    monkeypatch.setattr(peers, "UNROLLED", operations // 2)
     other = peers.compact(True, on=False)
-    assert "of 12 variables 'heyoka-high-accuracy' is the same" in peers.compact(True).lacks(made, made.system)
+    assert "'heyoka-high-accuracy' is the same" in peers.compact(True).lacks(made, made.system)
     assert peers.compact(True, on=False).lacks(made, made.system) is None
     ends = [integrate_peer(made, p, t_end=0.1, tol=1e-12).q[-1] for p in ("heyoka", other)]
     assert [(ta.high_accuracy, ta.compact_mode) for ta in built_integrators] == [(False, True), (True, False)]
     assert np.abs(ends[0] - ends[1]).max() < 1e-11
-    monkeypatch.setattr(taylor, "COMPACT", 12)
+    monkeypatch.setattr(peers, "UNROLLED", 2 * operations)
+    peers.is_compact.cache_clear()
     assert "the same" in other.lacks(made, made.system)
 
 

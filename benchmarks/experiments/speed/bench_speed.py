@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from phasebench.benchmarks.experiments.speed import calls, speed
+from phasebench.benchmarks.experiments.speed import calls, speed, translation
 from phasebench.benchmarks.measure.variants import variants
 from phasebench.benchmarks.problems import problem
 from phasebench.integrators.prepared import prepare
@@ -21,12 +21,12 @@ if TYPE_CHECKING:
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """List the experiment's measurements: step times, ratios of two step times, and calls of other packages.
+    """List the measurements: step times, ratios of two step times, calls of other packages, heyoka's equations.
 
-    A measurement is a `Cell`: a function, its arguments and the tables that its rows go to.  If ``quick``, the calls
+    A measurement is a `Cell`: a function, its arguments and the tables that its rows go to.  If ``quick``, the last two
     are left out; the other cells are marked if they belong to a quick run.
     """
-    return speed.cells(quick) + calls.cells(quick)
+    return speed.cells(quick) + calls.cells(quick) + translation.cells(quick)
 
 
 def bench_times(measured_rows: Callable[[str], list[dict]]) -> None:
@@ -58,6 +58,19 @@ def bench_calls(measured_rows: Callable[[str], list[dict]]) -> None:
     """
     wrong = [r for r in measured_rows(calls.TABLE) if not 0 < r["ratio, low"] <= r["ratio"] <= r["ratio, high"]]
     assert not wrong, wrong
+
+
+def bench_translation(measured_rows: Callable[[str], list[dict]]) -> None:
+    """Check that heyoka runs as fast with the suite's equations as with equations written for it, where compiled alike.
+
+    ``measured_rows`` is a fixture: table name -> rows.
+    """
+    wrong = [
+        f"{r['problem']} at {r['tol']}: {r['ratio']:.3f} times {r['beside']}"
+        for r in measured_rows(translation.TABLE)
+        if not r["within"] and r["problem"] not in translation.SLOWER
+    ]
+    assert not wrong, "\n".join(wrong)
 
 
 @pytest.mark.parametrize("name", speed.PROBLEMS)

@@ -14,6 +14,8 @@ from phasebench.benchmarks.page.verdict import EVERY, FAIL, Count, Verdict
 
 from .calls import FACTOR, MORE
 from .calls import TABLE as CALLS
+from .translation import FACTOR as TRANSLATED
+from .translation import TABLE as TRANSLATION
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -59,6 +61,24 @@ def call_overhead(calls: pd.DataFrame) -> Verdict:
         "peers",
         where=f"{worst['peer']}: {number(worst['ratio'], 3)} times",
         otherwise=FAIL,
+    )
+
+
+@of(TRANSLATION)
+def translation(rows: pd.DataFrame) -> Verdict:
+    """Judge whether heyoka takes no longer with the suite's equations than with equations written for it.
+
+    ``rows`` has a row for each problem and tolerance; its column "within" says whether the ratio is small enough.
+    """
+    within = rows["within"].astype(bool)
+    slow = rows[~within] if not within.all() else rows.nlargest(1, "ratio")
+    named = (f"{p} {number(r, 3)}" for p, r in slow.groupby("problem")["ratio"].max().nlargest(5).items())
+    return Verdict(
+        "heyoka's runs take no longer than equations written for it by hand",
+        Count(int(within.sum()), len(rows)),
+        EVERY,
+        "problems and tolerances",
+        where=", ".join(named),
     )
 
 
@@ -115,7 +135,7 @@ def _full_table(speed: pd.DataFrame) -> pd.DataFrame:
 PAGE = Page(
     id="speed",
     question="What does a step cost, beside a bare C loop and beside the other schemes?",
-    tables=("ratios", "speed", CALLS),
+    tables=("ratios", "speed", CALLS, TRANSLATION),
     setting=(
         "The seconds of a warm integration, without output and compilation, divided by its steps; pendulum, "
         "Hénon–Heiles and perturbed Kepler motion.",
@@ -123,8 +143,10 @@ PAGE = Page(
         "Competitors run in turns, round by round; medians of the rounds' ratios, 95 % intervals.",
         "A peer's prepared run (`pb.prepare`) beside a bare script of its package: a reset and the package's own "
         f"call; at most {FACTOR:g} times and {MORE * 1e6:g} µs longer counts as no longer.",
+        "heyoka's run of each problem (`pb.prepare`) beside the fastest of: equations written for heyoka by hand, "
+        f"heyoka's own model, the derivatives as they stand; at most {TRANSLATED:g} times longer.",
     ),
-    verdicts=(limits, call_overhead),
+    verdicts=(limits, call_overhead, translation),
     answer=answer,
     figures=draw,
     table=table,

@@ -13,7 +13,7 @@ measurement (`settled` joins several).
 from __future__ import annotations
 
 from math import isfinite
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -29,12 +29,8 @@ from phasebench.benchmarks.measure.named_quantities import quantity
 from phasebench.benchmarks.problems.questions import BY_ID
 from phasebench.benchmarks.store.cells import Rows
 from phasebench.reference.peers import Peer, heyoka
-from phasebench.reference.solvers import taylor
 
 from .field import able, ours
-
-if TYPE_CHECKING:
-    from phasebench.integrators.systems.hamiltonian import PartitionedSystem
 
 FINALISTS, MARGIN = 3, 1.4
 #: Seconds for all rounds of a final, and the least and the largest number of rounds.
@@ -46,9 +42,8 @@ DEAR = 0.15
 #: Peers with a loop over steps in Python, which cannot be stopped; the span above which they do not compete, in units
 #: of the problem's own step, of which a revolution has about thirty.
 LOOPED, FARTHEST = ("scipy-dop853-numba", "scipy-lsoda-numba", "scipy-radau-numba"), 1e5
-#: How often another mode of heyoka that misses an accuracy is tried again at half the tolerance; the largest number of
-#: variables for which it may unroll loops.
-TIGHTENED, UNROLLED = 3, 256
+#: How often another mode of heyoka that misses an accuracy is tried again at half the tolerance.
+TIGHTENED = 3
 CHOICES, FINALS, RUNGS, DROPPED = "front", "front_finals", "front_rungs", "front_dropped"
 TABLES = (CHOICES, FINALS, RUNGS, DROPPED)
 
@@ -117,10 +112,12 @@ def finalists(task: Task, climbed: list[Climb], wanted: float) -> list[Finalist]
         costs = sorted(
             ((cost(k.rungs, wanted), i) for i, k in enumerate(climbed) if ours(k.integrator) == side),
         )
+        searched = next(((s, i) for s, i in costs if isfinite(s) and is_heyoka(climbed[i].integrator)), None)
         costs = [(s, i) for s, i in costs if s <= MARGIN * costs[0][0] and isfinite(s)]
         most = FINALISTS if costs and costs[0][0] < DEAR / FINALISTS else FINALISTS - 1
         members = []
-        for _, i in costs[:most]:
+        # heyoka may be many times faster in a mode that was too slow to compile at every tolerance of the search
+        for _, i in dict.fromkeys([*costs[:most], *([searched] if searched else [])]):
             members.append(
                 Finalist(climbed[i].integrator, refine(task, climbed[i].integrator, climbed[i].rungs, wanted))
             )
@@ -139,18 +136,23 @@ def quickest(members: list[Finalist], most: int) -> list[Finalist]:
     return [m for m in ordered[:most] if m.rung.seconds <= MARGIN * ordered[0].rung.seconds]
 
 
+def is_heyoka(c: Integrator) -> bool:
+    """True for heyoka's integrator in any of its modes."""
+    return isinstance(c.record, Peer) and c.record.package == "heyoka"
+
+
 def twins(task: Task, member: Finalist, wanted: float) -> list[Finalist]:
     """Return further finalists for a finalist of the package heyoka: its other modes and forms of the equations.
 
     Each runs at the finalist's tolerance, or at a tighter one that meets the error ``wanted``.  Empty if ``member`` is
     not heyoka.
     """
-    if not isinstance(member.integrator.record, Peer):
+    if not is_heyoka(member.integrator):
         return []
     out = []
     for record in heyoka.twins(member.integrator.record):
         c, tol = Integrator(record), member.rung.tol
-        if c.lacks(task.problem) or unrolled_beyond(record, task.problem.system):
+        if c.lacks(task.problem):
             continue
         for _ in range(TIGHTENED):
             rung = task.measure(c, tol=tol)
@@ -159,15 +161,6 @@ def twins(task: Task, member: Finalist, wanted: float) -> list[Finalist]:
                 break
             tol = max(tol / 2, record.least)
     return out
-
-
-def unrolled_beyond(record: Peer, system: PartitionedSystem) -> bool:
-    """Return whether a heyoka setting would unroll loops over too many variables to be compiled.
-
-    The limit is `UNROLLED` variables, or `taylor.COMPACT` with ``high_accuracy``.
-    """
-    many = 2 * system.d > (taylor.COMPACT if "high-accuracy" in record.id else UNROLLED)
-    return "compact_mode=False" in record.id and many
 
 
 def time_finalists(task: Task, members: list[Finalist]) -> list[np.ndarray]:

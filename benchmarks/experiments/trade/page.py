@@ -20,12 +20,11 @@ from phasebench.benchmarks.page.verdict import EVERY, FAIL, Count, Range, Verdic
 from phasebench.benchmarks.problems.questions import QUESTIONS
 from phasebench.integrators.record import ROUND_OFF
 from phasebench.integrators.registry import BY_ID
-from phasebench.reference.solvers.taylor import COMPACT
 
 from . import again, figures
 from .choice import HALF, SHOWN, TIE, at, choices, counts, winner
 from .field import SMALL, UNKNOWNS
-from .front import CHOICES, FARTHEST, FINALISTS, FINALS, MARGIN, UNROLLED
+from .front import CHOICES, FARTHEST, FINALISTS, FINALS, MARGIN
 from .settled import LEVEL, TIMES, agreement, coverage, of_choices
 
 if TYPE_CHECKING:
@@ -244,9 +243,8 @@ PAGE = Page(
         f"Above {SMALL} degrees of freedom only this project's explicit, one-stage, Gauss and relaxation methods "
         f"compete: the others take minutes to compile there. Gauss methods of more than {UNKNOWNS} unknowns a step, "
         "which take minutes to run, are left out, too.",
-        f"From {COMPACT // 2 + 1} degrees of freedom on heyoka is searched in compact_mode, and without it as far as "
-        f"a tolerance compiles in {PREPARING:g} s; below, the other way around. It is timed in both modes, but not "
-        f"unrolled above {UNROLLED} variables.",
+        f"heyoka is searched in compact_mode and without it, as far as a tolerance compiles in {PREPARING:g} s. It is "
+        "timed in both modes, however long they compile.",
         f"Beyond some {FARTHEST / 30:.0f} revolutions SciPy's solvers whose loop over steps is Python's do not "
         "compete, since nothing can stop them; ode and odeint do.",
         "The step is the largest found between the last one that misses the error and the next; a larger one at "

@@ -1,0 +1,46 @@
+"""Equations written for heyoka by hand are those of the problems, and hardly fewer series than the suite's."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from phasebench.benchmarks.experiments.speed import translation
+from phasebench.benchmarks.experiments.speed.hand_written import SIDES
+from phasebench.benchmarks.problems import problem
+from phasebench.integrators.systems import shared
+from phasebench.reference.solvers import taylor
+
+hy = pytest.importorskip("heyoka")
+
+#: Problem -> the suite's number of series over that of the equations by hand, at most.
+MOST = dict.fromkeys(SIDES, 1.15) | {"kerr": 1.4, "magnetized-schwarzschild": 1.3}
+
+
+def by_hand(made):
+    return next(motion for name, motion, _ in translation.equations(made) if name == "by hand")
+
+
+def series(motion):
+    """The number of Taylor series that heyoka computes for equations."""
+    ta = hy.taylor_adaptive(motion, np.ones(len(motion)), tol=0.1, compact_mode=True)
+    return len(ta.decomposition) - 2 * len(motion)
+
+
+@pytest.mark.parametrize("name", SIDES)
+def test_equations_by_hand(name):
+    made = problem(name)
+    y = np.array([*made.q0, *made.p0]) * (1 + np.arange(1, 2 * made.system.d + 1) / 64) + 1 / 128
+    right = made.system.rates(y[None, : made.system.d], y[None, made.system.d :])[:, 0]
+    motion = by_hand(made)
+    found = hy.cfunc([side for _, side in motion], [x for x, _ in motion])(y)
+    assert np.abs(found - right).max() < 1e-12 * np.abs(right).max()
+    moved = hy.cfunc([side for _, side in motion], [x for x, _ in motion])(y + 1e-9)
+    assert np.abs(moved - right).max() > 1e-12 * np.abs(right).max()
+    assert series(taylor.equations(made.system, float)) <= MOST[name] * series(motion)
+
+
+def test_derivatives_as_they_stand_take_more_series():
+    made = problem("lennard-jones")
+    vars(made.system)["shared"] = shared.motion(made.system, lambda e, x: ([], [e.diff(s) for s in x]))
+    assert series(taylor.equations(made.system, float)) > 1.5 * series(by_hand(made))
