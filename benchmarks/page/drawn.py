@@ -1,4 +1,4 @@
-"""Caches the figures of a report: one is drawn again only if its rows, the code that draws it or a library changed.
+"""Caches the figures of a report: one is drawn again only if its rows or the code that draws it changed.
 
 The file `KEPT` beside the figures stores for each page the digests of the tables and the code that its figures were
 drawn from, and of the figure files: a file changed since then is drawn again.
@@ -25,7 +25,8 @@ if TYPE_CHECKING:
     from phasebench.benchmarks.report import Data
 
 KEPT = "drawn.json"
-LIBRARIES = ("matplotlib", "numpy", "pandas", "pillow")
+#: Packages of this project from which drawings take what they show besides rows: names, colours.
+SHOWN = ("integrators.records", "reference.peers", "benchmarks.problems")
 
 
 def _hash(content: bytes) -> str:
@@ -40,19 +41,10 @@ def module_of(draw: Callable) -> str:
 
 
 @functools.cache
-def _data_digests() -> tuple[str, ...]:
-    """Digests of the data files on which figures may depend, and the versions of the drawing libraries."""
-    from importlib.metadata import version
-
-    rooms = [digest.path_of(room) for room in digest.DATA]
-    files = sorted(p for room in rooms for p in (room.parent.rglob("*.py") if room.stem == "__init__" else [room]))
-    return *(_hash(path.read_bytes()) for path in files), *map(version, LIBRARIES)
-
-
-@functools.cache
 def _source(module: str) -> str:
-    """Return a hash of all that a drawing depends on: its module with imports and data, and the libraries' versions."""
-    return _hash(" ".join([digest.digest([module]), *_data_digests()]).encode())
+    """Return a hash of the code that a drawing depends on: its module with imports, the style, and `SHOWN`."""
+    style = digest.digest(["phasebench.benchmarks.style"])
+    return _hash(" ".join([digest.digest([module]), style, *map(digest.of_folder, SHOWN)]).encode())
 
 
 class _Reading:

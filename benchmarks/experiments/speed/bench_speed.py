@@ -6,18 +6,22 @@ All times are warm: code is compiled before the clock starts.
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from phasebench.benchmarks.experiments.speed import calls, speed, translation
+from phasebench.benchmarks.experiments.speed import calls, canary, speed, translation
 from phasebench.benchmarks.measure.variants import variants
 from phasebench.benchmarks.problems import problem
+from phasebench.benchmarks.store.tables import Table
 from phasebench.integrators.prepared import prepare
 from phasebench.integrators.registry import method
 
 if TYPE_CHECKING:
     from phasebench.benchmarks.store.cells import Cell
+
+REPORTS = Path(__file__).resolve().parents[3] / "reports"
 
 
 def cells(quick: bool = False) -> list[Cell]:
@@ -26,7 +30,7 @@ def cells(quick: bool = False) -> list[Cell]:
     A measurement is a `Cell`: a function, its arguments and the tables that its rows go to.  If ``quick``, the last two
     are left out; the other cells are marked if they belong to a quick run.
     """
-    return speed.cells(quick) + calls.cells(quick) + translation.cells(quick)
+    return speed.cells(quick) + canary.cells(quick) + calls.cells(quick) + translation.cells(quick)
 
 
 def bench_times(measured_rows: Callable[[str], list[dict]]) -> None:
@@ -38,6 +42,17 @@ def bench_times(measured_rows: Callable[[str], list[dict]]) -> None:
         f"{r['method']} on {r['problem']}: {r['ns per step']}" for r in measured_rows("speed") if r["ns per step"] <= 0
     ]
     assert not wrong, "\n".join(wrong)
+
+
+def bench_canary(measured_rows: Callable[[str], list[dict]], notes: list[str]) -> None:
+    """Say whether the stored times still describe the code, by the kernels that this run has timed.
+
+    ``measured_rows`` is a fixture: table name -> rows; ``notes`` are printed at the end of the run.
+    """
+    stored = {r["method"]: float(r["ratio"]) for r in Table(REPORTS / "data", canary.TABLE).rows}
+    found = canary.change(measured_rows(canary.TABLE), stored.get)
+    if found is not None and not 1 / canary.SAME <= found <= canary.SAME:
+        notes.append(f"stored times do not describe this code: kernels take {found:.2f} times as long (--times)")
 
 
 def bench_ratios(measured_rows: Callable[[str], list[dict]]) -> None:
