@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from phasebench.integrators.systems.hamiltonian import PartitionedSystem
 
 #: Draws, and the most gradient evaluations that they may take together.
-DRAWS, EVALUATIONS = 600, 24_000
+DRAWS, EVALUATIONS = 600, 16_000
 #: Powers of 2 between which steps h, sizes of q and sizes of p are drawn.
 H_POWERS, SIZE_POWERS = (-10.0, 8.0), (-3.0, 9.0)
 #: Degrees of freedom: each of the first as likely as all of the last together.
@@ -44,7 +44,7 @@ H, SLOWER = 0.125, (1.0, 2.0, 4.0, 8.0)
 #: step's rounding, too.
 SAME, ROUNDINGS = 1e-8, 1000.0
 #: How many that differ are examined; how many times the usual evaluations a step may take.
-EXAMINED, HANGS = 24, 100
+EXAMINED, HANGS = 24, 10
 #: Units (h, size of q, size of p) of three steps whose median is the known one: a range of h or q cannot hold two.
 KNOWN = ((1.0, 1.0, 1.0), (13.0, 0.3, 1.7), (1 / 11, 2.3, 0.6))
 #: Traits of systems that have momenta in units of velocity.

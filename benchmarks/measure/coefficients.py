@@ -53,9 +53,9 @@ CHOICE = 12
 class _Decimal(Fraction):
     """The exact value of a decimal, with its ``text``."""
 
-    def __new__(cls, text: str) -> _Decimal:
-        self = super().__new__(cls, text)
-        self.text = text
+    def __new__(cls, *number: str | int) -> _Decimal:
+        self = super().__new__(cls, *number)
+        self.text = str(number[0])
         return self
 
 
