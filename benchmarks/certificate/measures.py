@@ -10,7 +10,8 @@ from typing import Protocol
 from phasebench.benchmarks.judge import judge
 from phasebench.benchmarks.judge.checks import CHECKS, PRECISIONS
 from phasebench.benchmarks.judge.evidence import Tables, agrees, shows_structure
-from phasebench.benchmarks.judge.verdict import CONTRADICTED
+from phasebench.benchmarks.judge.requirements import stateless
+from phasebench.benchmarks.judge.verdict import CONTRADICTED, HOLDS
 from phasebench.integrators.compile.codegen import DOUBLE, MULTIPRECISION, precision
 
 from . import adaptive, battery, behaviour, conservation, repeats, structure
@@ -90,15 +91,14 @@ def fill_tables(chosen: Subject, run: Run, own: list[Entry], tell: Callable[[str
         else:
             several = [e for e in special() if e.lasting] if special else battery.lasting()
             lasting = _able(chosen, own or several, tables) if "long" in wanted else []
-            sweeps = chosen.integrator is None and special is None and not own
-            run.doubles = _step(heard, tables, run.seed, tell, wanted, entries, lasting, sweeps)
+            run.doubles = _step(heard, tables, run.seed, tell, wanted, entries, lasting)
         times = _times(chosen, tables, tell)
     except StepFailed as failure:
         tables.failed["raised"] = str(failure)
-    if "reach" in tables.rows:
-        tables.rows["reach"][0]["calls"] = calls.count
     if not chosen.adaptive:
         _state(heard, calls, entries, tables, run.seed, tell)
+        if chosen.integrator is None and special is None and not own:
+            _sweep(chosen, entries, tables, run.seed, tell, calls.count)
     return times
 
 
@@ -119,12 +119,11 @@ def _step(
     wanted: set[str],
     entries: list[Entry],
     lasting: list[Entry],
-    sweeps: bool = False,
 ) -> str:
     """Measure a step on ``entries``, its long runs on ``lasting``, and fill the tables.
 
-    ``wanted`` are names of the measures to make; with ``sweeps`` the step is compared in other units.  Returns why the
-    step was measured in doubles only, or "" if it was measured in many digits.
+    ``wanted`` are names of the measures to make.  Returns why the step was measured in doubles only, or "" if it was
+    measured in many digits.
     """
     if not entries:
         return ""
@@ -139,10 +138,7 @@ def _step(
     doubles = ON_MANIFOLD if entries[0].system.constrained else behaviour.arithmetic(chosen, entries, seed)
     arithmetics = (DOUBLE,) if doubles else (MULTIPRECISION, DOUBLE)
     tables.rows["rounding"] = behaviour.rounding(chosen, entries, seed)
-    coarse = max((r["value"] for r in tables.of("rounding")), default=0.0)
-    if PRECISIONS["double"] < coarse <= PRECISIONS["single"]:
-        chosen = replace(chosen, eps=coarse)
-        doubles = doubles or f"its arithmetic rounds at {coarse:.0e}"
+    chosen = _rounding(chosen, tables)
     tell("errors from small and large states")
     tables.rows["states"] = _first_that_runs(lambda a: states(chosen, entries, seed, a), arithmetics)
     other = next((r for r in tables.rows["states"] if r["doubles"] > OTHERWISE), None)
@@ -151,12 +147,6 @@ def _step(
         doubles = f"on {other['on']} it is another step in many digits: {other['doubles']:.1e} apart"
         arithmetics = (DOUBLE,)
         tables.rows["states"] = states(chosen, entries, seed, DOUBLE)
-    broken: dict[str, dict] = {}
-    if sweeps:
-        tell("the same in other units")
-        found, broken, reach = sweep(repeats.unheard(chosen), entries, seed, [n for n in DEFECTS if n in wanted])
-        tables.rows["states"] += found
-        tables.rows |= {"reach": [reach]} if reach else {}
     for entry in entries:
         tell(f"order on {entry.name}")
         row = _first_that_runs(lambda a, e=entry: order(Stepper(chosen, e, a), seed), arithmetics)
@@ -171,7 +161,6 @@ def _step(
                 tables.rows.setdefault(name, []).append(row | {"separable": entry.system.separable})
         if name == "symplectic" and chosen.own.claims.get(name):
             _finer(chosen, entries, tables.of(name), seed)
-        tables.rows.get(name, []).extend([broken[name]] if name in broken else [])
         tables.done.add(name)
     if "symplectic" in wanted:
         tell("jumps of the map")
@@ -193,6 +182,26 @@ def _step(
     if "place" in wanted:
         _place(chosen, tables, tell)
     return doubles
+
+
+def _rounding(chosen: Subject, tables: Tables) -> Subject:
+    """The integrator with its measured rounding, if that is of single precision."""
+    coarse = max((r["value"] for r in tables.of("rounding")), default=0.0)
+    return replace(chosen, eps=coarse) if PRECISIONS["double"] < coarse <= PRECISIONS["single"] else chosen
+
+
+def _sweep(
+    chosen: Subject, entries: list[Entry], tables: Tables, seed: int, tell: Callable[[str], None], calls: int
+) -> None:
+    """Compare a step that keeps nothing between ``calls`` with itself in other units; add the rows to ``tables``."""
+    if tables.failed.keys() & {"raised", "all"} or stateless(tables).verdict != HOLDS:
+        return
+    tell("the same in other units")
+    found, broken, reach = sweep(_rounding(chosen, tables), entries, seed, [n for n in DEFECTS if tables.of(n)])
+    tables.rows["states"] += found
+    for name, row in broken.items():
+        tables.rows[name].append(row)
+    tables.rows |= {"reach": [reach | {"calls": calls}]} if reach else {}
 
 
 def _exchange(chosen: Subject, entries: list[Entry], tables: Tables, seed: int, arithmetic: str) -> None:

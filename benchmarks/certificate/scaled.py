@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 #: Draws, and the most gradient evaluations that they may take together.
 DRAWS, EVALUATIONS = 600, 16_000
 #: Powers of 2 between which steps h, sizes of q and sizes of p are drawn.
-H_POWERS, SIZE_POWERS = (-10.0, 8.0), (-3.0, 9.0)
+H_POWERS, SIZE_POWERS = (-13.0, 8.0), (-3.0, 9.0)
 #: Degrees of freedom: each of the first as likely as all of the last together.
 FEW, MANY = tuple(range(1, 11)), (12, 16, 20, 24)
 #: The step h in the units of the known step; factors by which the motion is slowed down.
@@ -176,8 +176,8 @@ def sweep(
         away = [_apart(subject, units, known, seed, k, HANGS * least)[0] for k in range(len(SLOWER))]
         told = [min(x, 1e300) for x in away if x is not None and not x < same / 10]
         slopes = [log2(a / b) - 1 for a, b in pairwise(told)]
-        row = {"on": units.text, "arithmetic": DOUBLE, "errors": told, "order": max(slopes[-2:], default=None)}
-        if len(slopes) > 1:
+        row = {"on": units.text, "arithmetic": DOUBLE, "errors": told, "order": max(slopes, default=None)}
+        if len(slopes) == len(SLOWER) - 1:
             rows.append(row | {"pairs": len(slopes), "doubles": 0.0})
         for name in wanted:
             if name not in broken and (name != "reversible" or all(e.reversible for e in units.entries)):
