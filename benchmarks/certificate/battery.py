@@ -1,6 +1,6 @@
 """The systems on which a step is certified: small, nonlinear, not all of the form H = T(p) + V(q), at random states.
 
-A step that is right on one kind of system only, or at one state only, must not pass: d is 1, 2, 4 and 6, the kinetic
+A step that is right on one kind of system only, or at one state only, must not pass: d is 1, 2, 3, 4 and 6, the kinetic
 energy is not always |p|^2 / 2, and a seed moves every component of a state.  Steps with special requirements are
 certified on systems of their own: those that require a charged particle on `magnetic` systems, in the plane and in
 space, with masses and fields E and B that vary; those that require constraints on `constrained` systems, in doubles;
@@ -109,6 +109,7 @@ def entries() -> tuple[Entry, ...]:
         Entry("tao", tao(), (0.3, -0.7)),
         Entry("coupled", coupled_double_well(), (0.4, -0.6, 0.5, 0.3), reversible=False),
         Entry("lattice", ring(4), (0.3, -0.4, 0.2, 0.5, -0.3, 0.4, 0.6, -0.2)),
+        Entry("triangle", ring(3), (-0.3, 0.5, 0.4, 0.6, -0.2, 0.3)),
         Entry("ring", ring(6), (0.2, -0.5, 0.4, 0.3, -0.2, 0.6, 0.5, 0.3, -0.4, 0.2, 0.6, -0.3)),
     )
 

@@ -16,8 +16,12 @@ from .subject import Subject
 
 #: Number and length of the steps of a first run.
 TAKEN, H = 12, 0.125
+#: Calls after which it is seen whether what the first returned is still the same.
+LATER = 4
 #: Steps on each of two systems that are stepped alternately.
 TURNS = 5
+#: Points of a line and their distance; the fourth difference that errors of 1 make at random.
+POINTS, CLOSE, SPREAD = 16, 1e-6, 70**0.5
 #: The stability of a step with more evaluations than this is measured only if it is claimed.
 DEAR = 200
 #: The determinant of an area-preserving map is 1 up to this.
@@ -40,7 +44,8 @@ def runs(subject: Subject, entries: list[Entry], seed: int) -> list[dict]:
                 row |= {"status": "diverged", "reason": f"after {len(states)} steps the state was not finite"}
             row |= {"dH_dq": stepper.system.evaluations[0] / TAKEN, "dH_dp": stepper.system.evaluations[1] / TAKEN}
         except StepFailed as failure:
-            row |= {"status": "raised", "reason": str(failure)}
+            swapped = "; a step is called (system, q, p, h)" if failure.mistaken else ""
+            row |= {"status": "raised", "reason": f"{failure}{swapped}"}
         rows.append(row)
     return rows
 
@@ -80,7 +85,7 @@ def _distance(x: np.ndarray, y: np.ndarray) -> float:
 def input_changed(subject: Subject, entries: list[Entry], seed: int) -> list[dict]:
     """Measure how much a step changes the arrays q and p that it is given; return a row for each system.
 
-    ``value`` is this change, and ``later`` how much the next call changes the arrays that the first call returned.
+    ``value`` is this change, and ``later`` how much calls at other states change the arrays that the first returned.
     """
     rows = []
     for entry in entries:
@@ -91,11 +96,30 @@ def input_changed(subject: Subject, entries: list[Entry], seed: int) -> list[dic
         changed = max(_distance(q, y[:d]), _distance(p, y[d:]))
         try:
             kept = [np.array(x, dtype=float) for x in first]
-            stepper(y, H * entry.unit)
+            for k in range(1, LATER + 1):
+                stepper(y * (1 + 0.01 * k), H * entry.unit)
             later = max(_distance(np.asarray(x, dtype=float), z) for x, z in zip(first, kept, strict=True))
         except (TypeError, ValueError):
             later = 0.0
         rows.append({"on": entry.name, "value": changed, "later": later})
+    return rows
+
+
+def rounding(subject: Subject, entries: list[Entry], seed: int) -> list[dict]:
+    """Measure the round-off of a step in doubles, relative to the state: a row with this ``value`` for each system.
+
+    The step is taken from states on a short line, on which a smooth map has fourth differences far below round-off.
+    """
+    rows = []
+    for entry in entries:
+        stepper, y = Stepper(subject, entry), entry.start(seed)
+        way = np.random.default_rng([8, *entry.name.encode()]).uniform(0.5, 1.0, len(y)) * entry.sizes
+        try:
+            ends = np.array([stepper(y + k * CLOSE * way, H * entry.unit) for k in range(POINTS)]) / entry.sizes
+        except StepFailed:
+            continue
+        scatter = np.abs(np.diff(ends, 4, axis=0)).max() / SPREAD / np.abs(ends).max()
+        rows.append({"on": entry.name, "value": float(scatter)})
     return rows
 
 

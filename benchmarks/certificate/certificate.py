@@ -144,6 +144,7 @@ def validate(
     constraints: Literal["preserved"] | None = None,
     stability: float | None = None,
     tolerance: float | None = None,
+    precision: Literal["double", "single"] | None = None,
     requires: str | tuple[str, ...] = (),
     output: str | Path | None = None,
     seed: int = 0,
@@ -157,9 +158,9 @@ def validate(
     target : a function ``step(system, q, p, h) -> (q, p)`` or ``run(system, q, p, t_end, tol) -> (q, p)``, the path of
         a file with one, ``"package.module:callable"``, coefficients (a mapping, or the path of a JSON file), or the id
         of a method or a peer
-    order, symplectic, symmetric, reversible, volume, energy, bilinear, quadratic, constraints, stability, tolerance :
-        what is claimed: the order, structure of the step, how invariants and constraints are kept, the limit of h omega
-        on the oscillator, the largest error in units of the tolerance
+    order, symplectic, symmetric, reversible, volume, energy, bilinear, quadratic, constraints, stability, tolerance,
+    precision : what is claimed: the order, structure of the step, how invariants and constraints are kept, the limit of
+        h omega on the oscillator, the largest error in units of the tolerance, the arithmetic
     requires : traits that a system must have, such as "separable"
     output : a folder, into which the certificate is written as Markdown, HTML and JSON
     seed : of the random states at which it is measured
@@ -181,7 +182,7 @@ def validate(
     given: dict[str, Any] = {
         **{"order": order, "symplectic": symplectic, "symmetric": symmetric, "reversible": reversible},
         **{"volume": volume, "energy": energy, "bilinear": bilinear, "quadratic": quadratic},
-        **{"constraints": constraints, "stability": stability, "tolerance": tolerance},
+        **{"constraints": constraints, "stability": stability, "tolerance": tolerance, "precision": precision},
     }
     claims = {name: value for name, value in given.items() if value is not None}
     requires = (requires,) if isinstance(requires, str) else tuple(requires)

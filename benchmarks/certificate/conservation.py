@@ -9,12 +9,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from phasebench.benchmarks.judge.evidence import EPS
 from phasebench.benchmarks.measure.conservation import conservation, energy
 from phasebench.integrators.compile.codegen import MULTIPRECISION, precision
 from phasebench.integrators.systems.formula import parse
 
 from .battery import Entry
-from .order import EPS
 from .stepping import DIGITS, StepFailed, Stepper
 from .subject import Subject
 
@@ -50,12 +50,12 @@ def long_run(subject: Subject, entry: Entry, seed: int) -> dict:
             why = str(failure)
             continue
         if len(rows) > steps:
-            return _row(entry, rows, h, steps)
+            return _row(entry, rows, h, steps, subject.eps)
         why = f"after {len(rows)} steps of h = {h:g} the state was not finite"
     return {"on": entry.name, "status": "diverged", "reason": why}
 
 
-def _row(entry: Entry, rows: np.ndarray, h: float, steps: int) -> dict:
+def _row(entry: Entry, rows: np.ndarray, h: float, steps: int, eps: float) -> dict:
     system, d = entry.system, entry.system.d
     Q, P = rows[:, :d], rows[:, d:]
     t = h * np.arange(len(rows))
@@ -66,15 +66,16 @@ def _row(entry: Entry, rows: np.ndarray, h: float, steps: int) -> dict:
         why = f"after {n} steps of h = {h:g} the energy was not finite"
         return {"on": entry.name, "status": "diverged", "reason": why}
     H, kept = energy(system, t, Q, P)
-    row["energy"] = kept | {"steps": steps}
+    taken = {"steps": steps} | ({"eps": eps} if eps > EPS else {})
+    row["energy"] = kept | taken
     if entry.invariant:
         names = {str(s): s for s in (*system.q, *system.p)}
         I = system.observe(parse(entry.invariant, names), Q, P)  # noqa: E741
-        row[entry.kind] = conservation(t, I, float(np.abs(I).max())) | {"steps": steps}
+        row[entry.kind] = conservation(t, I, float(np.abs(I).max())) | taken
     if system.constrained:
         defects = np.concatenate(system.defects(Q, P))
         scale = float(system.rounding(Q, P).max()) / EPS
-        row["constraints"] = conservation(t, np.linalg.norm(defects, axis=0), scale) | {"steps": steps}
+        row["constraints"] = conservation(t, np.linalg.norm(defects, axis=0), scale) | taken
     row["curve"] = [[float(x), float(e)] for x, e in zip(t[:: steps // 400], H[:: steps // 400] - H[0], strict=True)]
     return row
 

@@ -12,8 +12,9 @@ from collections.abc import Callable
 
 import numpy as np
 
+from phasebench.benchmarks.judge.evidence import EPS
+
 from .battery import Entry, time_unit
-from .order import EPS
 from .stepping import StepFailed, Stepper
 from .structure import DISPLACEMENT, ROUNDED
 from .subject import Subject
@@ -48,7 +49,7 @@ def jumps(subject: Subject, entry: Entry, seed: int, noise: float) -> dict:
     if not entry.share:
         far = FAR * time_unit(entry.system, y * LARGEST, entry.sizes * LARGEST)
         paths.append((far, lambda t: y * SMALLEST * (LARGEST / SMALLEST) ** t))
-    floor = max(ROUNDED, noise * DISPLACEMENT)
+    floor = max(ROUNDED, noise * DISPLACEMENT, 10 * subject.eps)
     found = [(_largest(stepper, path, h, floor), h) for h, path in paths]
     value, h = max(found)
     return {"on": entry.name, "h": h, "value": value, "floor": floor}

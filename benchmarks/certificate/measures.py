@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 from typing import Protocol
 
 from phasebench.benchmarks.judge import judge
-from phasebench.benchmarks.judge.checks import CHECKS
-from phasebench.benchmarks.judge.evidence import Tables
-from phasebench.integrators.compile.codegen import DOUBLE, MULTIPRECISION
+from phasebench.benchmarks.judge.checks import CHECKS, PRECISIONS
+from phasebench.benchmarks.judge.evidence import Tables, agrees, shows_structure
+from phasebench.benchmarks.judge.requirements import stateless
+from phasebench.benchmarks.judge.verdict import CONTRADICTED, HOLDS
+from phasebench.integrators.compile.codegen import DOUBLE, MULTIPRECISION, precision
 
 from . import adaptive, battery, behaviour, conservation, repeats, structure
 from .battery import Entry
@@ -16,17 +20,13 @@ from .jumps import jumps
 from .order import order
 from .place import place, scenes
 from .place import run_subject as placed
+from .scaled import sweep
 from .states import states
-from .stepping import StepFailed, Stepper
+from .stepping import DIGITS, StepFailed, Stepper
+from .structure import DEFECTS
 from .subject import Subject
 from .times import timed_or_failed
 
-DEFECTS = {
-    "symplectic": structure.symplecticity,
-    "symmetric": structure.symmetry,
-    "reversible": structure.reversibility,
-    "volume": structure.volume,
-}
 #: The trait of the systems on which volume is measured without a claim.
 MAGNETIC = "magnetic"
 #: Why steps on constraints are measured in doubles.
@@ -37,7 +37,7 @@ EVERYTHING = {*DEFECTS, "stability", "long", "round_off", "place"}
 #: Measures made on systems and scenes of the suite only, not on a user's own problem.
 ELSEWHERE = {"stability", "place"}
 #: The largest relative distance of a step in doubles from the one in many digits; beyond it, doubles are measured.
-OTHERWISE = 1e-8
+OTHERWISE = 1e-11
 
 
 class Run(Protocol):
@@ -65,6 +65,10 @@ def fill_tables(chosen: Subject, run: Run, own: list[Entry], tell: Callable[[str
     relative to the fastest stored integrator.
     """
     tables, times = run.tables, []
+    if chosen.integrator is not None and not getattr(chosen.integrator.record, "one_step", True):
+        why = "it is a multistep method: it needs earlier states, which a step (system, q, p, h) does not have"
+        tables.failed |= {"runs": why, "all": why}
+        return times
     heard, calls = repeats.listening(chosen, run.seed)
     claimed = [CHECKS[name] for name in chosen.own.claims]
     wanted = {x for check in claimed for x in (check.measure, *check.needs)} if run.alone else set(EVERYTHING)
@@ -93,6 +97,8 @@ def fill_tables(chosen: Subject, run: Run, own: list[Entry], tell: Callable[[str
         tables.failed["raised"] = str(failure)
     if not chosen.adaptive:
         _state(heard, calls, entries, tables, run.seed, tell)
+        if chosen.integrator is None and special is None and not own:
+            _sweep(chosen, entries, tables, run.seed, tell, calls.count)
     return times
 
 
@@ -131,6 +137,8 @@ def _step(
     tell("whether it takes many digits")
     doubles = ON_MANIFOLD if entries[0].system.constrained else behaviour.arithmetic(chosen, entries, seed)
     arithmetics = (DOUBLE,) if doubles else (MULTIPRECISION, DOUBLE)
+    tables.rows["rounding"] = behaviour.rounding(chosen, entries, seed)
+    chosen = _rounding(chosen, tables)
     tell("errors from small and large states")
     tables.rows["states"] = _first_that_runs(lambda a: states(chosen, entries, seed, a), arithmetics)
     other = next((r for r in tables.rows["states"] if r["doubles"] > OTHERWISE), None)
@@ -144,12 +152,15 @@ def _step(
         row = _first_that_runs(lambda a, e=entry: order(Stepper(chosen, e, a), seed), arithmetics)
         tables.rows.setdefault("order", []).append(row | {"separable": entry.system.separable})
     tables.done |= {"order", "consistent"}
+    _exchange(chosen, entries, tables, seed, arithmetics[0])
     for name in (name for name in DEFECTS if name in wanted):
         tell(name)
         for entry in entries:
             if entry.reversible or name != "reversible":
                 row = _structure(chosen, entry, seed, DEFECTS[name], arithmetics)
                 tables.rows.setdefault(name, []).append(row | {"separable": entry.system.separable})
+        if name == "symplectic" and chosen.own.claims.get(name):
+            _finer(chosen, entries, tables.of(name), seed)
         tables.done.add(name)
     if "symplectic" in wanted:
         tell("jumps of the map")
@@ -171,6 +182,53 @@ def _step(
     if "place" in wanted:
         _place(chosen, tables, tell)
     return doubles
+
+
+def _rounding(chosen: Subject, tables: Tables) -> Subject:
+    """The integrator with its measured rounding, if that is of single precision."""
+    coarse = max((r["value"] for r in tables.of("rounding")), default=0.0)
+    return replace(chosen, eps=coarse) if PRECISIONS["double"] < coarse <= PRECISIONS["single"] else chosen
+
+
+def _sweep(
+    chosen: Subject, entries: list[Entry], tables: Tables, seed: int, tell: Callable[[str], None], calls: int
+) -> None:
+    """Compare a step that keeps nothing between ``calls`` with itself in other units; add the rows to ``tables``."""
+    if tables.failed.keys() & {"raised", "all"} or stateless(tables).verdict != HOLDS:
+        return
+    tell("the same in other units")
+    found, broken, reach = sweep(_rounding(chosen, tables), entries, seed, [n for n in DEFECTS if tables.of(n)])
+    tables.rows["states"] += found
+    for name, row in broken.items():
+        tables.rows[name].append(row)
+    tables.rows |= {"reach": [reach | {"calls": calls}]} if reach else {}
+
+
+def _exchange(chosen: Subject, entries: list[Entry], tables: Tables, seed: int, arithmetic: str) -> None:
+    """Where a splitting is not of its claimed order, measure it with drifts and kicks exchanged, as a hint."""
+    claimed = chosen.own.claims.get("order")
+    if claimed is None or chosen.own.exchanged is None or tables.failed:
+        return
+    if judge.judgement(CHECKS["order"], claimed, tables).verdict != CONTRADICTED:
+        return
+    says, step = chosen.own.exchanged
+    other = replace(chosen, own=replace(chosen.own, step=step))
+    rows = [order(Stepper(other, e, arithmetic), seed) for e in entries[:2]]
+    if all(agrees(r, claimed) for r in rows):
+        for row in tables.rows["order"]:
+            row["hint"] = f"; with {says} it is"
+
+
+def _finer(chosen: Subject, entries: list[Entry], rows: list[dict], seed: int) -> None:
+    """Measure the largest broken defect at a quarter of its h, too, which tells why it is broken."""
+    bad = [r for r in rows if shows_structure(r) is False]
+    if not bad:
+        return
+    worst = max(bad, key=lambda r: r["value"])
+    entry = next(e for e in entries if e.name == worst["on"])
+    with contextlib.suppress(StepFailed), precision(DIGITS):
+        stepper = Stepper(chosen, entry, worst["arithmetic"])
+        worst["finer"] = structure.row_at(stepper, seed, worst["h"] / entry.unit / 4, structure.symplecticity)
 
 
 def _state(

@@ -24,29 +24,32 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from phasebench.benchmarks.judge.evidence import GATE
+from phasebench.benchmarks.judge.evidence import EPS, GATE
+from phasebench.benchmarks.judge.requirements import ROUNDED
 from phasebench.benchmarks.measure import metrics, multiprecision
+from phasebench.benchmarks.measure.coefficients import DIGITS_EXPLAIN
 from phasebench.integrators.compile.codegen import DOUBLE, MULTIPRECISION, precision, to_number, vector
 
 from .battery import LADDER, SPAN, Entry
-from .stepping import DIGITS, StepFailed, Stepper
+from .stepping import DIGITS, LastDigits, StepFailed, Stepper
 
 if TYPE_CHECKING:
     from phasebench.integrators.values.kinds import Number
 
-EPS = float(np.finfo(float).eps)
 #: Terms of the error's series, the spacing of its steps h, and the digits that their differences need.
 TERMS, CLOSE, SERIES_DIGITS = 8, 2.0**-40, 240
 #: A coefficient of the series below this is zero up to rounded or cut coefficients of the method.
 VANISHES = 1e-6
 #: A step of more evaluations than DEAR has only SHORTER rungs in its ladder in many digits.
 DEAR, SHORTER = 40, 8
-#: Relative errors below these are round-off: in doubles; in many digits, if a step's solver stops at double accuracy.
-DOUBLES, SOLVERS = 20 * EPS, 1e-13
+#: Errors below these are round-off: in units of the arithmetic's; in many digits, if a solver stops at that of doubles.
+ROUNDINGS, SOLVERS = 20, 1e-13
 #: Relative errors below this may be those of the reference.
 FINEST = 1e-34
 #: Relative errors above this are too large to tell an order.
 SATURATED = 0.1
+#: Where the arithmetic is coarser than that of doubles the span is so many times as long, so that errors are larger.
+LONGER = 8
 #: A ladder in many digits with more noise than this (from coefficients in doubles) is fitted by `fit_series`, too.
 ROUGH = 1e-17
 #: Powers of h that are fitted to a ladder, the highest order tried, and the multiple of its uncertainty that is sure.
@@ -152,8 +155,9 @@ def ladder_errors(stepper: Stepper, seed: int, noise: float = 0.0) -> tuple[np.n
     at least the argument ``noise``.
     """
     entry, double = stepper.entry, stepper.arithmetic == DOUBLE
-    span = SPAN * Fraction(entry.unit)
-    truth, doubt = flow(entry, seed, span)
+    longer = LONGER if stepper.subject.eps > EPS else 1
+    span = SPAN * longer * Fraction(entry.unit)
+    truth, doubt = flow(entry, seed, span, 4 * longer)
     if double:
         truth = truth.astype(float)
     sizes = entry.sizes * float(max(abs(truth / entry.sizes)))
@@ -169,7 +173,7 @@ def ladder_errors(stepper: Stepper, seed: int, noise: float = 0.0) -> tuple[np.n
                     raise
                 rows = ()
             away.append(((rows[-1] - truth) / sizes).astype(float) if len(rows) == 2 else np.full(len(truth), np.nan))
-    noise = max(noise, DOUBLES if double else 10 * float(doubt) / float(sizes.min()))
+    noise = max(noise, ROUNDINGS * stepper.subject.eps if double else 10 * float(doubt) / float(sizes.min()))
     return np.array([float(span / n) for n in numbers]), np.array(away), noise
 
 
@@ -207,7 +211,12 @@ def order(stepper: Stepper, seed: int) -> dict:
         found = _fit_order(row)
     if row["noise"] > ROUGH:
         found = _integral(found, steps, away, row["noise"])
-    return row | _order_fields(found) | {"terms": list(terms.terms), "clean": terms.clean}
+    row |= _order_fields(found) | {"terms": list(terms.terms), "clean": terms.clean}
+    if max(terms.terms[: terms.clean], default=0.0) <= ROUNDED:
+        return row
+    changed = series(LastDigits(stepper.subject, stepper.entry, MULTIPRECISION), seed).terms
+    clock, *rest = (DIGITS_EXPLAIN * abs(a - b) for a, b in zip(changed, terms.terms, strict=True))
+    return row | {"explained": [clock, *[max(rest[: max(terms.clean - 1, 1)])] * len(rest)]}
 
 
 def _fit_order(row: Mapping[str, Any]) -> metrics.Order:
@@ -294,7 +303,7 @@ def constant(stepper: Stepper, seed: int, found: metrics.Order) -> dict:
         return {}
     h, left = np.array(h), np.array(left)
     columns = np.stack([h**k for k in (0, *range(least, least + 5))], axis=1)
-    scale = h / EPS / float(np.abs(y / sizes).max()) * speed
+    scale = h / stepper.subject.eps / float(np.abs(y / sizes).max()) * speed
     inverse = np.linalg.pinv(columns * scale[:, None])
     fitted = inverse @ (left * scale[:, None])
     rest = np.abs((columns @ fitted - left) * scale[:, None]).max()

@@ -79,6 +79,7 @@ def document(certificate: Certificate, pictures: Iterable[Picture]) -> str:
         f"# Certificate: {certificate.integrator}\n",
         f"**{TITLES[certificate.verdict]}**\n",
         _sentence(certificate),
+        wrap(unseen(certificate)) + "\n",
     ]
     parts += ["\n## Claims\n", markdown.table(_claims(certificate))]
     if certificate.offers:
@@ -155,15 +156,23 @@ def _place(certificate: Certificate) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def _systems(certificate: Certificate) -> str:
-    """A sentence on the systems on which the integrator was measured, and that others may show further defects."""
+def unseen(certificate: Certificate) -> str:
+    """Sentences on where the integrator was measured, outside of which nothing is seen."""
     names = list(dict.fromkeys(r["on"] for r in certificate.tables.of("order")))
     battery = {e.name: e.system.d for of in (entries, *BY_TRAIT.values()) for e in of()}
-    if not names or not set(names) <= set(battery):
-        return f"Measured on {', '.join(names) or 'no system'}: what shows on others alone is not seen."
-    dimensions = sorted({battery[name] for name in names})
-    told = ", ".join(map(str, dimensions))
-    return f"Small systems of {told} degrees of freedom: what shows on others alone is not seen."
+    systems = ", ".join(names) or "no system"
+    if names and set(names) <= set(battery):
+        dimensions = ", ".join(map(str, sorted({battery[name] for name in names})))
+        systems = f"small systems of {dimensions} degrees of freedom"
+    text = f"Measured on {systems}: what shows on others alone is not seen."
+    for r in certificate.tables.of("reach"):
+        h, q, p = (f"{number(r[name][0])} to {number(r[name][1])}" for name in "hqp")
+        text += (
+            f" In doubles {r['steps']} steps were drawn with h from {h}, |q| from {q}, |p| from {p} and up to "
+            f"{max(r['d'])} degrees of freedom: not seen is what shows beyond, between them, or after more than the "
+            f"{r['calls']} calls made."
+        )
+    return text
 
 
 def _limits(certificate: Certificate) -> list[str]:
@@ -180,7 +189,6 @@ def _limits(certificate: Certificate) -> list[str]:
         )
     if certificate.tables.of("tolerance"):
         out.append(f"Errors are relative to the largest component of the state, after {T_END:g} units of time.")
-    out.append(_systems(certificate))
     for r in certificate.tables.of("round_off"):
         grows = (
             "its mean is not 0: it adds up as t"

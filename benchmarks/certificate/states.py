@@ -16,7 +16,7 @@ import numpy as np
 from phasebench.integrators.compile.codegen import DOUBLE, MULTIPRECISION, precision, to_number
 
 from .battery import Entry, time_unit
-from .order import EPS, flow
+from .order import flow
 from .stepping import DIGITS, StepFailed, Stepper
 from .subject import Subject
 
@@ -69,7 +69,7 @@ def draw_entry(entry: Entry, sizes: tuple[float, float], seed: int) -> Entry:
 def _row(subject: Subject, entry: Entry, seed: int, arithmetic: str) -> dict:
     stepper, errors = Stepper(subject, entry, arithmetic), []
     double = Stepper(subject, entry) if arithmetic == MULTIPRECISION else None
-    noise, apart = (NOISE if double else 50 * EPS), 0.0
+    noise, apart = (NOISE if double else 50 * subject.eps), 0.0
     with precision(DIGITS):
         y = entry.start(seed)
         for h in STEPS:

@@ -10,7 +10,7 @@ import contextlib
 import sys
 import traceback
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -18,6 +18,7 @@ import gmpy2
 import numpy as np
 
 from phasebench.benchmarks.measure import own_step
+from phasebench.benchmarks.measure.coefficients import LAST_DIGIT
 from phasebench.benchmarks.measure.particle_step import Particle
 from phasebench.integrators.compile.codegen import DOUBLE, MULTIPRECISION, to_number, vector
 from phasebench.integrators.errors import InvalidInput
@@ -29,6 +30,8 @@ if TYPE_CHECKING:
     from phasebench.integrators.systems.hamiltonian import PartitionedSystem
     from phasebench.integrators.values.kinds import Number
 
+#: A unit of the last of 15 digits is 1 to 10 times `LAST_DIGIT` of the number: about this many.
+TYPED = 3
 #: The digits of a measurement without round-off.
 DIGITS = 40
 
@@ -40,10 +43,11 @@ class StepFailed(Exception):
     ----------
     place : the file and line of the user's code that raised
     numerical : True if it failed numerically (a division by zero, stages that do not converge), not by a bug
+    mistaken : True if it may have taken one of its arguments for another
     """
 
     place = ""
-    numerical = False
+    numerical = mistaken = False
 
 
 class Exact:
@@ -88,6 +92,27 @@ class Exact:
     def H(self, q: Sequence[Number] | np.ndarray, p: Sequence[Number] | np.ndarray) -> Number:
         """The energy H(q, p)."""
         return self._energy(vector(q), vector(p))[0]
+
+
+class Changed(Exact):
+    """`Exact` whose gradients have other last digits: as if each coefficient before a gradient were rounded otherwise.
+
+    ``begun`` is the number of evaluations before the present step, by which coefficients are told apart.
+    """
+
+    begun = 0
+
+    def _other(self) -> Number:
+        n = sum(self.evaluations) - self.begun
+        return 1 + to_number((1 if n * (n + 1) // 2 % 2 else -1) * TYPED * LAST_DIGIT, MULTIPRECISION)
+
+    def dH_dq(self, q: Sequence[Number] | np.ndarray, p: Sequence[Number] | np.ndarray) -> np.ndarray:
+        """The gradient of H by q, array (d,)."""
+        return self._other() * super().dH_dq(q, p)
+
+    def dH_dp(self, q: Sequence[Number] | np.ndarray, p: Sequence[Number] | np.ndarray) -> np.ndarray:
+        """The gradient of H by p, array (d,)."""
+        return self._other() * super().dH_dp(q, p)
 
 
 @dataclass
@@ -180,6 +205,28 @@ class Stepper:
         return np.array(rows)
 
 
+@dataclass
+class LastDigits(Stepper):
+    """A stepper in many digits of the same step, the last digit of each of its coefficients changed by one.
+
+    Those of a table are changed as they are printed (`coefficients.shift`), those of other code as doubles.
+    """
+
+    def __post_init__(self) -> None:
+        changed = self.subject.own.changed
+        if changed is None:
+            self.system = Changed(self.entry.system)
+        else:
+            self.subject = replace(self.subject, own=replace(self.subject.own, step=changed))
+            super().__post_init__()
+
+    def raw(self, q: np.ndarray, p: np.ndarray, h: Number) -> Any:
+        """As `Stepper.raw`."""
+        if isinstance(self.system, Changed):
+            self.system.begun = sum(self.system.evaluations)
+        return super().raw(q, p, h)
+
+
 @contextlib.contextmanager
 def report_failures(subject: Subject, what: str) -> Iterator[None]:
     """Context manager: turn exceptions of the user's code into StepFailed with file and line; send prints to stderr.
@@ -195,5 +242,6 @@ def report_failures(subject: Subject, what: str) -> Iterator[None]:
         first = (str(error).splitlines() or [""])[0]
         failure = StepFailed(f"{what}: {where}{': ' if where else ''}{type(error).__name__}: {first}")
         failure.place = where
+        failure.mistaken = isinstance(error, (AttributeError, TypeError))
         failure.numerical = isinstance(error, (ArithmeticError, np.linalg.LinAlgError))
         raise failure from None

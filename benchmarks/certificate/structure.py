@@ -1,9 +1,10 @@
 r"""Symplecticity, symmetry, reversibility and volume of a step: each defect with its floor and the step's own error.
 
 The defects are those of `measure.step_map`.  In 40 digits they are taken by differences over 1e-8, practically exactly;
-in doubles over 1e-3, where the floor is the change that doubling the displacement makes.  Above d = 2 symplecticity is
-measured on a few pairs of vectors.  Reversibility is measured where H(q, -p) = H(q, p).  A step of a charged particle's
-(x, v) is measured in (q, p): where it is symplectic there, it is K-symplectic in (x, v) (`systems.magnetic`).
+in doubles over 1e-3 (in single precision more), where the floor is the change that doubling the displacement makes.
+Above d = 2 symplecticity is measured on a few pairs of vectors.  Reversibility is measured where H(q, -p) = H(q, p).  A
+step of a charged particle's (x, v) is measured in (q, p): where it is symplectic there, it is K-symplectic in (x, v)
+(`systems.magnetic`).
 
 A defect far above the floor is not round-off.  A structure is kept if the defect is at the floor and the step's own
 error :math:`|\Phi_h - \varphi_h|` is far above it; a step without error would show nothing.
@@ -18,11 +19,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from phasebench.benchmarks.judge.evidence import between, shows_structure
+from phasebench.benchmarks.judge.evidence import EPS, between, shows_structure
 from phasebench.benchmarks.measure import step_map
 from phasebench.integrators.compile.codegen import DOUBLE, MULTIPRECISION, precision, to_number
 
-from .order import EPS, flow
+from .order import flow
 from .stepping import DIGITS, StepFailed, Stepper
 
 if TYPE_CHECKING:
@@ -30,6 +31,8 @@ if TYPE_CHECKING:
 
 #: The steps h, dyadic: the second is used if the first decides nothing.
 STEPS = (0.5, 0.125)
+#: Where the arithmetic is coarser than that of doubles, so that the step's own error is larger.
+WIDER = (1.0, 0.5)
 #: The displacements of differences, in doubles and in many digits.
 DISPLACEMENT, TINY = 1e-3, 1e-8
 #: Symplecticity is measured by the Jacobian up to JACOBIAN components of the state, above on PAIRS pairs of vectors.
@@ -47,10 +50,10 @@ def structure_row(stepper: Stepper, seed: int, defect: Callable) -> dict:
     defect (``value``), the floor below which it is round-off, and the step's ``own`` error.
     """
     rows, why = [], ""
-    for h in STEPS:
+    for h in WIDER if stepper.subject.eps > EPS else STEPS:
         try:
             with precision(DIGITS):
-                rows.append(_row(stepper, seed, h, defect))
+                rows.append(row_at(stepper, seed, h, defect))
         except StepFailed as failure:
             if not failure.numerical:
                 raise
@@ -63,25 +66,40 @@ def structure_row(stepper: Stepper, seed: int, defect: Callable) -> dict:
     return next((row for row in rows if between(row) and shows_structure(rows[-1]) is not False), rows[-1])
 
 
-def _row(stepper: Stepper, seed: int, h: float, defect: Callable) -> dict:
+def row_at(stepper: Stepper, seed: int, h: float, defect: Callable) -> dict:
+    """As `structure_row`, at a step h of units of time; raises StepFailed."""
     entry = stepper.entry
     y = stepper.state(entry.start(seed))
     h_ = stepper.number(h * entry.unit)
-    with np.errstate(all="ignore"):
-        value, noise = defect(stepper, y, h_)
-    if not np.isfinite(value + noise):
-        raise StepFailed("ArithmeticError: the step left the numbers")
+    value, floor = measure_defect(stepper, y, h_, defect)
     truth = flow(entry, seed, h * entry.unit, 4)[0]
     own = float(max(abs((stepper(y, h_) - stepper.state(truth)) / entry.sizes)))
-    floor = max(noise, 100 * EPS * float(max(abs(y / entry.sizes)))) if stepper.arithmetic == DOUBLE else ROUNDED
     row = {"on": stepper.entry.name, "arithmetic": stepper.arithmetic, "h": h * entry.unit}
     return row | {"value": float(value), "floor": floor, "own": own}
 
 
+def measure_defect(stepper: Stepper, y: np.ndarray, h: Number, defect: Callable) -> tuple[float, float]:
+    """Return (a defect of a step h from the state y, the floor below which it is round-off); raises StepFailed."""
+    with np.errstate(all="ignore"):
+        value, noise = defect(stepper, y, h)
+    if not np.isfinite(value + noise):
+        raise StepFailed("ArithmeticError: the step left the numbers")
+    if stepper.arithmetic != DOUBLE:
+        return value, ROUNDED
+    return value, max(noise, 100 * stepper.subject.eps * float(max(abs(y / stepper.entry.sizes))))
+
+
+def _displacements(stepper: Stepper) -> tuple[tuple[Number, ...], float]:
+    """(the displacements of differences, the round-off that the first of them leaves)."""
+    if stepper.arithmetic != DOUBLE:
+        return (to_number(TINY, MULTIPRECISION),), 0.0
+    first = max(DISPLACEMENT, stepper.subject.eps**0.2)
+    return (first, 2 * first), stepper.subject.eps / first
+
+
 def symplecticity(stepper: Stepper, y: np.ndarray, h: Number) -> tuple[float, float]:
     """Measure how far a step h from the state y is from symplectic; return (defect, round-off noise of the defect)."""
-    double, name = stepper.arithmetic == DOUBLE, stepper.entry.name
-    displacements = (DISPLACEMENT, 2 * DISPLACEMENT) if double else (to_number(TINY, MULTIPRECISION),)
+    name, (displacements, rounding) = stepper.entry.name, _displacements(stepper)
     if stepper.entry.system.constrained:
         found = [step_map.restricted(lambda x: stepper(x, h), stepper.retract, y, delta) for delta in displacements]
         value, noise = float(np.abs(found[0]).max()), float(np.abs(found[-1] - found[0]).max())
@@ -92,7 +110,7 @@ def symplecticity(stepper: Stepper, y: np.ndarray, h: Number) -> tuple[float, fl
         signs = np.random.default_rng([2, *name.encode()]).choice([-1.0, 1.0], draws.shape)
         pairs = [tuple(map(stepper.state, pair)) for pair in draws * signs * stepper.entry.sizes]
         value, noise = step_map.pair_symplecticity(lambda x: stepper(x, h), y, pairs, *displacements)
-    return value, noise + (EPS / DISPLACEMENT if double else 0.0)
+    return value, noise + rounding
 
 
 def volume(stepper: Stepper, y: np.ndarray, h: Number) -> tuple[float, float]:
@@ -100,10 +118,9 @@ def volume(stepper: Stepper, y: np.ndarray, h: Number) -> tuple[float, float]:
 
     M is the Jacobian of the step at y, in units of the components' sizes.
     """
-    double, sizes = stepper.arithmetic == DOUBLE, stepper.state(stepper.entry.sizes)
-    displacements = (DISPLACEMENT, 2 * DISPLACEMENT) if double else (to_number(TINY, MULTIPRECISION),)
+    sizes, (displacements, rounding) = stepper.state(stepper.entry.sizes), _displacements(stepper)
     value, noise = step_map.volume(lambda x: stepper(x * sizes, h) / sizes, y / sizes, *displacements)
-    return value, noise + (EPS / DISPLACEMENT if double else 0.0)
+    return value, noise + rounding
 
 
 def symmetry(stepper: Stepper, y: np.ndarray, h: Number) -> tuple[float, float]:
@@ -122,6 +139,9 @@ def reversibility(stepper: Stepper, y: np.ndarray, h: Number) -> tuple[float, fl
     the second number is the noise, taken as 0.
     """
     return float(step_map.reversibility_defect(lambda x: stepper.advance(x, h), y, sizes=stepper.entry.sizes)), 0.0
+
+
+DEFECTS = {"symplectic": symplecticity, "symmetric": symmetry, "reversible": reversibility, "volume": volume}
 
 
 def smooth(stepper: Stepper, seed: int) -> float:

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from phasebench.benchmarks.judge.evidence import EPS
 from phasebench.benchmarks.measure import coefficients, own_step
 from phasebench.benchmarks.measure.integrator import Integrator, integrator
 from phasebench.benchmarks.measure.own_step import OwnStep
@@ -46,11 +47,13 @@ class Subject:
     own : the step with its claims and the traits that a system must have
     run : (system, q, p, t_end, tol) -> (q, p), the run of an adaptive integrator, which has no step
     integrator : the registered method or peer, if it is one
+    eps : the rounding of its arithmetic, relative to the state; that of doubles unless it is found to be coarser
     """
 
     own: OwnStep
     run: Callable[..., tuple[Any, Any]] | None = None
     integrator: Integrator | None = None
+    eps: float = EPS
 
     @property
     def id(self) -> str:

@@ -11,6 +11,7 @@ import sys
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import partial
+from math import log2
 from numbers import Real
 from typing import Any
 
@@ -20,11 +21,15 @@ from phasebench.integrators.record import BOUNDED, DRIFT, EXACT, NONE, ROUND_OFF
 from . import decide
 from .decide import CERTIFICATE
 from .evidence import BROKEN, Tables, agrees, between, has, kind, shows_structure
-from .requirements import ROUNDED, below, digits
+from .requirements import below, digits, unexplained
 from .verdict import CONTRADICTED, HOLDS, UNJUDGED, Judgement, systems
 
 #: Relative distance within which a measured stability limit agrees with the claimed one.
 NEAR = 5e-3
+#: Powers of h by which a defect falls faster than the error where iterations end too early.
+FASTER = 0.7
+#: Precision -> the largest rounding of a step, relative to the state.
+PRECISIONS = {"double": 1e-11, "single": 2e-6}
 #: Values that a claim of conservation may have.
 KEPT_AS = ("preserved", EXACT, ROUND_OFF, BOUNDED, DRIFT, NONE)
 
@@ -72,12 +77,12 @@ def order(claimed: int, tables: Tables) -> Judgement:
     lowest = min(told, key=lambda r: r["value"])
     found = partial(Judgement, verdict, lowest["value"], (lowest["low"], lowest["high"]), systems(seen))
     if verdict == CONTRADICTED and lowest["value"] < claimed:
-        return found(f"it is {lowest['value']:.3g} on {lowest['on']}{hint(seen, told)}")
+        return found(f"it is {lowest['value']:.3g} on {lowest['on']}{lowest.get('hint') or hint(seen, told)}")
     if slow := [r for r in tables.of("states") if below(r, claimed)]:
         why = f"single steps are of order {slow[0]['order']:.2f} on {slow[0]['on']}"
         return Judgement(CONTRADICTED, slow[0]["order"], None, systems(slow), why)
-    cut = [(max(r["terms"][1 : min(claimed, r["clean"])], default=0.0), r["on"]) for r in told if "terms" in r]
-    if cut and max(cut)[0] > ROUNDED:
+    cut = [(size, r["on"]) for r in told if "terms" in r for size in unexplained(r)[1 : min(claimed, r["clean"])]]
+    if cut and max(cut)[0] > 0:
         size, where = max(cut)
         why = f"below h^{claimed} a term of {size:.1e} is left: coefficients of {digits(size)} digits"
         return Judgement(CONTRADICTED, lowest["value"], (lowest["low"], lowest["high"]), (where,), why)
@@ -93,12 +98,23 @@ def structure(name: str, claimed: bool, tables: Tables) -> Judgement:
     worst = max(seen, key=lambda r: r["value"])
     if shows_structure(worst) is False:
         why = f"a defect of {worst['value']:.1e} at h = {worst['h']:g} on {worst['on']}, floor {worst['floor']:.0e}"
-        why += hint(seen, rows) if claimed else ""
+        why += (_unsolved(seen) or hint(seen, rows)) if claimed else ""
     elif claimed:
         why = f"defects of at most {worst['value']:.1e}, floor {worst['floor']:.0e}"
     else:
         why = "it is, on every system here"
     return Judgement(verdict, worst["value"], None, systems(seen), why)
+
+
+def _unsolved(rows: list[dict]) -> str:
+    """A hint where the defect falls faster with h than the error, as with equations left half solved; or ""."""
+    row = next((r for r in rows if "finer" in r), None)
+    if row is None or not min(row["finer"]["value"], row["finer"]["own"], row["own"]) > 0:
+        return ""
+    defect, own = (log2(row[key] / row["finer"][key]) for key in ("value", "own"))
+    if (defect - own) / log2(row["h"] / row["finer"]["h"]) <= FASTER:
+        return ""
+    return "; it falls faster than the error: if its equations are implicit, solve them with more iterations"
 
 
 def _unseen(rows: list[dict]) -> Judgement:
@@ -197,6 +213,13 @@ def tolerance(claimed: float, tables: Tables) -> Judgement:
     return Judgement(HOLDS if worst <= claimed else CONTRADICTED, worst, None, (on,), why)
 
 
+def precision(claimed: str, tables: Tables) -> Judgement:
+    """Judge the claim that a step rounds as "double" or "single" precision does, or less."""
+    worst = max(tables.of("rounding"), key=lambda r: r["value"])
+    verdict = HOLDS if worst["value"] <= PRECISIONS[claimed] else CONTRADICTED
+    return Judgement(verdict, worst["value"], None, (worst["on"],), f"it rounds at {worst['value']:.0e} of the state")
+
+
 def hint(bad: list[dict], rows: list[dict]) -> str:
     """Advice to restrict a claim to separable H if it fails only on systems whose H is not T(p) + V(q); else "".
 
@@ -247,6 +270,8 @@ CHECKS: dict[str, Check] = {
         _conservation("quadratic", "quadratic invariants: {}", "preserved"),
         _conservation("constraints", "constraints: {}", "preserved"),
         _positive("stability", "the limit of h omega", "stability", stability, "stability"),
+        Check("precision", "one of double, single", lambda x: isinstance(x, str) and x in PRECISIONS, "rounding",
+              precision, "precision: {}"),
         _positive("tolerance", "the most that an error is of the tolerance", "tolerance", tolerance),
     )
 }  # fmt: skip

@@ -112,9 +112,10 @@ def is_bounded(row: Mapping[str, Any]) -> bool | None:
 def round_off(row: Mapping[str, Any]) -> float:
     """Return an upper bound of the round-off error of an invariant, such as the energy, in the run of a row.
 
-    It is proportional to the invariant's size, ``scale``, and to the square root of ``steps`` (Brouwer's law).
+    It is proportional to the invariant's size, ``scale``, and to the square root of ``steps`` (Brouwer's law); ``eps``
+    is the rounding of the arithmetic where it is not that of doubles.
     """
-    return BROUWER * EPS * row["scale"] * sqrt(row["steps"])
+    return BROUWER * row.get("eps", EPS) * row["scale"] * sqrt(row["steps"])
 
 
 def kind(row: Mapping[str, Any]) -> str | None:

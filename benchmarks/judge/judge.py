@@ -28,6 +28,11 @@ def judgements(claims: Mapping[str, Any], tables: Tables) -> list[Judgement]:
             check = CHECKS[name]
             on_it = Judgement(UNJUDGED, why=gross) if gross else judgement(check, value, tables)
             found.append(replace(on_it, name=name, claim=check.claim(value)))
+    rounded = judgement(CHECKS["precision"], "double", tables)
+    if "precision" not in claims and rounded.verdict == CONTRADICTED:
+        single = judgement(CHECKS["precision"], "single", tables).verdict == HOLDS
+        why = rounded.why + ("; if it is meant to, say precision = 'single'" if single else ", more than floats do")
+        found.append(replace(rounded, verdict=UNJUDGED, why=why, name="precision", claim="precision: double"))
     return found
 
 

@@ -49,6 +49,7 @@ def stateless(tables: Tables) -> Judgement:
     worst = max(rows, key=lambda r: r["value"])
     if worst["value"] > NEARLY:
         why = f"{worst['what']}: results differ by {worst['value']:.1e} on {worst['on']}"
+        why += "; a multistep method does so, and a step here is a function of (system, q, p, h)"
         return Judgement(CONTRADICTED, worst["value"], None, (worst["on"],), why)
     differ = f"to round-off: {worst['what']}, results differ by {worst['value']:.1e}"
     return Judgement(HOLDS, worst["value"], why=differ if worst["value"] else "equal in every bit")
@@ -78,7 +79,7 @@ def consistent(tables: Tables) -> Judgement:
     worst = max(known, key=_first)
     value, on = _first(worst), (worst["on"],)
     told = "terms" in worst or worst["doubt"] < VAGUE
-    threshold = ROUNDED if "terms" in worst else max(SEEN, worst["doubt"])
+    threshold = value - unexplained(worst)[0] if "terms" in worst else max(SEEN, worst["doubt"])
     if value > WRONG and (told or value > 10 * worst["doubt"]):
         why = f"as h falls, (step - state)/h misses the field by {value:.2g} of it: this is no step of the system"
         return Judgement(CONTRADICTED, value, None, on, why)
@@ -114,6 +115,12 @@ def below(row: Mapping[str, Any], order: int) -> bool:
 
 def _first(row: Mapping[str, Any]) -> float:
     return row["terms"][0] if "terms" in row else row["constant"]
+
+
+def unexplained(row: Mapping[str, Any]) -> list[float]:
+    """The terms of an order's row that neither a double's rounding nor a change of the last digits explains; else 0."""
+    explained = row.get("explained", [0.0] * len(row["terms"]))
+    return [x if x > max(ROUNDED, e) else 0.0 for x, e in zip(row["terms"], explained, strict=True)]
 
 
 def digits(value: float) -> int:

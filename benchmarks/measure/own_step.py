@@ -48,6 +48,8 @@ if TYPE_CHECKING:
     from phasebench.integrators.systems.hamiltonian import PartitionedSystem
 
 Floats = NDArray[np.float64]
+#: The last arguments of a step, in turn.
+STATE = ("q", "p", "h")
 
 
 @dataclass(frozen=True)
@@ -63,6 +65,8 @@ class OwnStep:
     where : the file of its code, as in a traceback
     again : path -> the step, a function that reads its file once more when the step is unpickled; None if the step is
         not from a file
+    changed : the same step with the last digits of its coefficients changed, where it is made from a table
+    exchanged : (how a table says so, its step if it begins with the other substep), of a splitting that can
     """
 
     id: str
@@ -71,6 +75,8 @@ class OwnStep:
     requires: tuple[str, ...] = ()
     where: str = ""
     again: Callable[[str], OwnStep] | None = None
+    changed: Callable | None = None
+    exchanged: tuple[str, Callable] | None = None
 
     #: For the same interface as a method; a step has no parameters, and starts from a state on all constraints.
     parameters = {}  # noqa: RUF012
@@ -196,7 +202,10 @@ def from_function(step: Callable) -> OwnStep:
     except TypeError as error:
         raise InvalidInput(f"{where}: a step is called as step(system, q, p, h): {error}") from None
     except ValueError:  # the function's signature is not available
-        pass
+        return OwnStep(getattr(step, "__name__", type(step).__name__), step, where=where)
+    names = list(inspect.signature(step).parameters)[:4]
+    if any(name in STATE and place != 1 + STATE.index(name) for place, name in enumerate(names)):
+        raise InvalidInput(f"{where}: a step is called (system, q, p, h), and this one takes ({', '.join(names)})")
     return OwnStep(getattr(step, "__name__", type(step).__name__), step, where=where)
 
 

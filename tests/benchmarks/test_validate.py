@@ -32,7 +32,7 @@ SEPARABLE = ("separable",)
         ("keeps_state.py", {"stateless"}),
         ("changes_its_input.py", {"pure"}),
         ("raises.py", {"runs"}),
-        ("euler_after_1500_calls.py", {"stateless"}),
+        ("euler_after_1500_calls.py", {"stateless", "symplectic", "reversible"}),
         ("symplectic_euler_after_1000_calls.py", {"stateless", "order"}),
         ("forgets_components.py", {"consistent", "order", "symplectic"}),
         ("wrong_above_three.py", {"order", "symplectic"}),

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import re
 import tomllib
-import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
@@ -22,6 +21,7 @@ import mpmath
 import numpy as np
 
 from phasebench.benchmarks.measure import multiprecision
+from phasebench.benchmarks.measure.coefficients import DIGITS_EXPLAIN, DOUBLES, EXACT, PRINTED, is_rounded, shift
 from phasebench.benchmarks.measure.metrics import Order
 from phasebench.benchmarks.measure.metrics import order as fit_order
 from phasebench.integrators.coefficients import trees
@@ -38,15 +38,8 @@ from .coefficients import order_from
 
 FILE = Path(__file__).with_name("transcribed.toml")
 RUNGE_KUTTA, COMPOSITION, NEAR_INTEGRABLE = "runge-kutta", "composition", "near-integrable"
-#: A residual of the order conditions up to this many times what a change of the last digits makes is rounding; so is
-#: what is below `COMPUTED`, for numbers that are computed, not printed.
-ROUNDED, COMPUTED = 10, mpmath.mpf("1e-40")
-#: The change of the last digits: one unit, or this part of the number, which a double hardly resolves; signs by a seed.
-DOUBLE, SEED = Fraction(1, 10**15), 1
-#: How numbers are changed: not at all, in the last printed digit, or in the last one that doubles resolve too.
-EXACT, PRINTED, DOUBLES = range(3)
-#: Decimals of fewer digits are choices, not rounded numbers.
-CHOICE = 12
+#: Residuals below this are rounding, for numbers that are computed, not printed.
+COMPUTED = mpmath.mpf("1e-40")
 #: Orders are measured on this system, over the first of these times on which the errors are above the numbers' rounding:
 #: (time, numbers of steps).
 SYSTEM = "henon-heiles"
@@ -156,7 +149,7 @@ def evaluate(text: str, change: int = EXACT) -> mpmath.mpf:
 
     def name(found: re.Match) -> str:
         value = Fraction(found[0])
-        if change and _is_rounded(found[0]):
+        if change and is_rounded(found[0]):
             value += shift(found[0], change)
         decimals[f"x{len(decimals)}_"] = sp.Rational(value)
         return [*decimals][-1]
@@ -165,30 +158,10 @@ def evaluate(text: str, change: int = EXACT) -> mpmath.mpf:
         return mpmath.mpf(str(sp.N(parse(_NUMBER.sub(name, text), decimals), DIGITS + 10)))
 
 
-def _is_rounded(number: str) -> bool:
-    """True if a number as text was rounded: a decimal of many digits, or a long integer of a rational approximation."""
-    return "." not in number or len(number.partition(".")[2]) >= CHOICE
-
-
-def shift(number: str, change: int) -> Fraction:
-    """Return what to add to a rounded number to change its last digit.
-
-    ``number`` is a decimal or an integer as text.  A decimal is changed by a unit of the last digit that ``change``
-    names, `PRINTED` or `DOUBLES` (as in `evaluate`), an integer by the part `DOUBLE` of it.  The sign of the change
-    depends on the text and on `SEED`.
-    """
-    sign = 1 if zlib.crc32(f"{SEED} {number}".encode()) % 2 else -1
-    relative = DOUBLE * Fraction(number)
-    if "." not in number:
-        return sign * relative
-    unit = Fraction(1, 10 ** len(number.partition(".")[2]))
-    return sign * (unit if change == PRINTED else max(unit, relative))
-
-
 def printed(table: Transcribed) -> list[str]:
     """Return the distinct rounded decimals in a table, as texts."""
     found = (x for text in table.texts for x in _DECIMAL.findall(text))
-    return list(dict.fromkeys(filter(_is_rounded, found)))
+    return list(dict.fromkeys(filter(is_rounded, found)))
 
 
 def tableau(table: Transcribed, change: int = EXACT) -> tuple[np.ndarray, np.ndarray]:
@@ -215,7 +188,7 @@ def order_of(table: Transcribed) -> tuple[tuple[int, ...], float]:
     found, shifted = _residuals(table, limit), _residuals(table, limit, change=DOUBLES)
     kept = conditions(found, table.expected)
     rounding = max(abs(shifted[key] - found[key]) for key in kept)
-    zero = {key: r <= max(COMPUTED, ROUNDED * rounding) for key, r in found.items()}
+    zero = {key: r <= max(COMPUTED, DIGITS_EXPLAIN * rounding) for key, r in found.items()}
     return order_from(zero, len(table.expected)), float(max(found[key] for key in kept))
 
 
