@@ -13,7 +13,7 @@ import typer
 from phasebench.integrators.errors import InvalidInput
 
 from . import options
-from .shared import check_file, end_time, err, invalid_input, out, telling, warn
+from .shared import check_file, err, invalid_input, out, telling, time_of, warn
 
 
 def run(
@@ -163,7 +163,7 @@ def _one(problem: str, t_end: str | None, quantity: str, methods: list[str], sce
             raise InvalidInput("both a problem and a scene are given; leave out one of them")
         with telling("run") as tell:
             chosen = made(problem, None, {}, None, None)
-            rows = workprecision(chosen, methods, t_end=end_time(t_end, chosen), quantity=quantity, progress=tell).rows
+            rows = workprecision(chosen, methods, t_end=time_of(t_end, chosen), quantity=quantity, progress=tell).rows
         try:
             write_file(output, "".join(json_text({schema.FIELD: schema.VERSION} | row) + "\n" for row in rows))
         except OSError as error:
