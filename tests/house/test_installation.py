@@ -45,8 +45,25 @@ def run(*command, cwd) -> str:
     return done.stdout
 
 
-@pytest.fixture(scope="module")
-def installation(tmp_path_factory) -> tuple[Path, Path]:
+PIP = (sys.executable, "-m", "pip", "--disable-pip-version-check")
+
+
+def build_wheel(folder: Path, links: bool) -> Path:
+    """The wheel of a copy of this tree; without ``links`` its symbolic links are files, as Windows checks them out."""
+    source = folder / "source"
+    leave = shutil.ignore_patterns(".*", "__pycache__", "reports", "tests", "build", "*.egg-info")
+    shutil.copytree(ROOT, source, ignore=leave, symlinks=True)
+    for link in () if links else [p for p in (source / "phasebench").iterdir() if p.is_symlink()]:
+        target = link.readlink()
+        link.unlink()
+        link.write_text(target.as_posix())
+    run(*PIP, "wheel", "--no-deps", "--no-index", "--no-build-isolation", "-w", folder, source, cwd=folder)
+    (wheel,) = folder.glob("*.whl")
+    return wheel
+
+
+@pytest.fixture(scope="module", params=[True, False], ids=["links", "no links"])
+def installation(request, tmp_path_factory) -> tuple[Path, Path]:
     """Paths (programs, site-packages) of an environment with a wheel of this tree and this environment's packages."""
     try:
         if int(importlib.metadata.version("setuptools").split(".")[0]) < SETUPTOOLS:
@@ -55,15 +72,10 @@ def installation(tmp_path_factory) -> tuple[Path, Path]:
     except importlib.metadata.PackageNotFoundError as error:
         pytest.skip(f"{error.name} is not installed, and a test fetches nothing")
     folder = tmp_path_factory.mktemp("installation")
-    source = folder / "source"
-    leave = shutil.ignore_patterns(".*", "__pycache__", "reports", "tests", "build", "*.egg-info")
-    shutil.copytree(ROOT, source, ignore=leave, symlinks=True)
-    pip = (sys.executable, "-m", "pip", "--disable-pip-version-check")
-    run(*pip, "wheel", "--no-deps", "--no-index", "--no-build-isolation", "-w", folder, source, cwd=folder)
-    (wheel,) = folder.glob("*.whl")
+    wheel = build_wheel(folder, request.param)
     venv.create(folder / "venv", symlinks=True)
     programs = folder / "venv" / "bin"
-    run(*pip, "--python", programs / "python", "install", "--no-deps", "--no-index", "--no-compile", wheel, cwd=folder)
+    run(*PIP, "--python", programs / "python", "install", "--no-deps", "--no-index", "--no-compile", wheel, cwd=folder)
     (site,) = (folder / "venv").glob("lib/python*/site-packages")
     (site / "others.pth").write_text("\n".join(p for p in sys.path if p.endswith("site-packages")) + "\n")
     return programs, site
