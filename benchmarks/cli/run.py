@@ -95,6 +95,7 @@ def _cells(scenes: list[str], methods: list[str], quick: bool) -> list:
     from phasebench.benchmarks.problems.questions import BY_ID as ASKED
     from phasebench.benchmarks.problems.questions import QUESTIONS
     from phasebench.benchmarks.problems.scenes import BY_ID, SCENES
+    from phasebench.benchmarks.problems.user_file import is_file
     from phasebench.integrators.errors import unknown_name
     from phasebench.integrators.names import unknown_method
 
@@ -103,6 +104,12 @@ def _cells(scenes: list[str], methods: list[str], quick: bool) -> list:
         if name not in BY_ID and name not in ASKED:
             raise unknown_name("scene", name, [*BY_ID, *ASKED])
     for name in methods:
+        if is_file(name):
+            at = (BY_ID | ASKED).get(next(iter(scenes), ""), SCENES[0])
+            raise InvalidInput(
+                f"{name} is a step of your own: rows of scenes stay as long as the code that they depend on, of which "
+                f"your file is no part; measure it by: run {at.problem} --t-end {at.t_end:g} --method {name}"
+            )
         if name not in known:
             raise unknown_method(name, known)
     only = (lambda m: m.id in methods) if methods else None
