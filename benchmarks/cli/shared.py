@@ -62,6 +62,7 @@ def compilation_shown(wanted: bool) -> Iterator[None]:
     from phasebench.integrators.compile import progress
 
     shown: list[str] = []
+    before = progress.announce
 
     @contextmanager
     def outermost(what: str) -> Iterator[None]:
@@ -75,7 +76,7 @@ def compilation_shown(wanted: bool) -> Iterator[None]:
     try:
         yield
     finally:
-        progress.announce = nullcontext
+        progress.announce = before
 
 
 @contextmanager
