@@ -322,10 +322,13 @@ def monitor(system: Hamiltonian, arithmetic: str) -> Function:
     T = codegen.value_type(system.d)
 
     def results() -> list:
-        square, rate = singularities.density(singularities.steering_distances(system), system.q, system.dq)
+        square, rate = singularities.density(system)
         return [sp.sqrt(square), rate / (2 * square)]
 
-    kind = f"density of {', '.join(map(sp.srepr, singularities.steering_distances(system)))}"
+    distances = singularities.steering_distances(system)
+    kind = f"density of {', '.join(map(sp.srepr, distances))}"
+    if any(singularities.is_wall(system, r) for r in distances):
+        kind += ", walls by their approach"
     return system.make_function(
         kind, [("q", system.q), ("p", system.p)], results, types.UniTuple(types.float64, 2)(T, T), arithmetic
     )
