@@ -8,7 +8,10 @@ Time is a function of a fictitious time in which steps are of the constant lengt
     \frac{dt}{d\tau} = \sigma(q) = \Bigl(\sum_k r_k(q)^{-3}\Bigr)^{-1/2},
 
 with the distances :math:`r_k` to the singularities, declared or found in H, softened ones among them; so h is the step
-in time where one distance is 1 and the others are much larger.  The density :math:`\rho` of the steps follows
+in time where one distance is 1 and the others are much larger.  Of a wall, at which orbits arrive with any speed, the
+time to reach it and to turn there count in the place of :math:`r^{-3}` (`singularities.density`).
+
+The density :math:`\rho` of the steps follows
 :math:`1/\sigma` as a variable of its own, by the leapfrog rule,
 
 .. math::
