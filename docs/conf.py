@@ -31,6 +31,7 @@ exclude_patterns = ["_build", "_ext", "_generated", "tests"]
 # Pages that run are Markdown with cells; a page that has not changed is taken from the cache.
 nb_execution_mode = os.environ.get("PHASEBENCH_DOCS_EXECUTE", "cache")
 nb_execution_cache_path = os.environ.get("PHASEBENCH_DOCS_CACHE", str(HERE.parent / "build" / "notebooks"))
+os.environ["PHASEBENCH_QUIET"] = "1"  # pages show results, not compilations
 nb_execution_timeout = 300
 nb_execution_raise_on_error = True
 nb_merge_streams = True

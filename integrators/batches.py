@@ -5,11 +5,12 @@ They run in SIMD lanes: each lane of a vector register computes a different orbi
 
 from __future__ import annotations
 
+import time
 from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
-from threading import Lock
-from typing import TYPE_CHECKING
+from threading import Event, Lock
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -19,7 +20,7 @@ from .record import Method
 from .stepping import orbit_lanes
 from .stepping.kernel import COUNTS, TALLY, Prepared, Samples, prepare
 from .stepping.orbit_lanes import LANES
-from .threads import map_slices
+from .threads import LEAST, Halted, map_slices
 from .trajectory import PIECE, whole_rows
 
 if TYPE_CHECKING:
@@ -28,6 +29,10 @@ if TYPE_CHECKING:
 
 #: Below this many orbits the lanes are not filled, and a kernel for them need not be compiled.
 ENOUGH = LANES.n
+#: Seconds of a kernel call, and from which on it is too long to wait for its end after Ctrl-C.
+CALL, LONG = 0.2, 1.0
+#: The cost of a kernel is measured in a SHARE-th of the steps at most, unless these, times d, are fewer than SHORT.
+SHARE, SHORT = 16, 1000
 
 
 @dataclass
@@ -45,6 +50,8 @@ class Orbits:
     status, reason : arrays (n,) of text
     counts : name -> number of steps, evaluations, ..., summed over the orbits
     lock : guards ``counts``, which several threads update
+    halt : set once the results are no longer wanted (Ctrl-C)
+    cost : index in ``kinds`` -> seconds of a step of the kernel, at least
     """
 
     system: object
@@ -62,6 +69,8 @@ class Orbits:
     reason: np.ndarray
     counts: dict[str, int]
     lock: Lock = field(default_factory=Lock, repr=False)
+    halt: Event = field(default_factory=Event, repr=False)
+    cost: dict[int, float] = field(default_factory=dict, repr=False)
 
     @classmethod
     def create(
@@ -96,6 +105,43 @@ class Orbits:
         In a subclass it may depend on ``every``, the number of steps between two rows, and on the number of ``orbits``.
         """
         return PIECE
+
+    def check_halt(self, *_: object) -> None:
+        """Raise `Halted` once the results are no longer wanted."""
+        if self.halt.is_set():
+            raise Halted
+
+    def measure(self, i: int, call: Callable[[int], object]) -> None:
+        """Measure the cost of a step of orbit i's method by trials, unless it is known or the run is short.
+
+        ``call(steps)`` takes steps that are not those of the run.
+        """
+        n, steps, seconds = 1, int(self.steps[i]), 0.0
+        if int(self.kind[i]) in self.cost or steps * self.system.d < SHORT:
+            return
+        while seconds < LEAST and n * SHARE <= steps:
+            began = time.perf_counter()
+            call(n)
+            seconds = time.perf_counter() - began
+            self.cost[int(self.kind[i])] = seconds / n
+            n *= 2
+
+    def is_slow(self, kind: int) -> bool:
+        """True if a kernel call of `PIECE` steps would take long."""
+        return PIECE * self.cost.get(kind, 0.0) > LONG
+
+    def calls(self, members: np.ndarray) -> Iterator[tuple[int, int, int]]:
+        """Divide the run of the orbits ``members`` into kernel calls, as `pieces` does; it can be halted between them.
+
+        Only calls that would take long are shorter than those of `integrate`: round-off may depend on where one ends.
+        """
+        kind, steps, every = (int(x[members[0]]) for x in (self.kind, self.steps, self.every))
+        most = self.max_steps(every, len(members))
+        if self.is_slow(kind):
+            most = min(most, max(1, int(CALL / self.cost[kind])))
+        for piece in pieces(steps, every, most):
+            self.check_halt()
+            yield piece
 
     def room(self, i: int, first: int, rows: int) -> tuple[np.ndarray, np.ndarray]:
         """Return the parts (rows, d) of Q[i] and P[i] into which the kernel writes ``rows`` rows of orbit i.
@@ -229,7 +275,9 @@ def run(made: list[Batch], orbits: Orbits, threads: int, tell: Callable[[int], N
         ]
         return [_share(batch, members, orbits) for batch, members in of_batches]
 
-    for found in map_slices(share, ends[-1], threads):
+    for batch in made:
+        _measure(batch, orbits)
+    for found in map_slices(share, ends[-1], threads, orbits.halt):
         for counts, n in found:
             for name, number in counts.items():
                 orbits.counts[name] += number
@@ -261,9 +309,34 @@ def _share(batch: Batch, part: slice, orbits: Orbits) -> tuple[dict[str, int], i
     """
     total, n = Counter(), len(batch.members[part])
     first, last = part.start, part.start + n
-    for begin in range(first, last, orbits.group or n):
-        total.update(_integrate(batch, slice(begin, min(last, begin + (orbits.group or n))), orbits))
+    i = batch.members[first]
+    seconds = orbits.cost.get(int(orbits.kind[i]), 0.0) * min(PIECE, int(orbits.steps[i]))
+    group = orbits.group or n
+    if seconds * n > CALL * LANES.n:
+        group = min(group, LANES.n * max(1, int(CALL / seconds)))
+    for begin in range(first, last, group):
+        total.update(_integrate(batch, slice(begin, min(last, begin + group)), orbits))
     return total, n
+
+
+def _arguments(batch: Batch, part: slice, orbits: Orbits) -> tuple[Any, orbit_lanes.Tables, np.ndarray]:
+    """The steps, the states at the start and the counts of the orbits of a slice of a batch, in blocks."""
+    members = batch.members[part]
+    weights = {name: rows[part] for name, rows in batch.weights.items()}
+    tables = orbit_lanes.tables_of(batch.prepared, orbits.q[members], orbits.p[members])
+    return orbit_lanes.varying_of(orbits.h[members], weights), tables, np.zeros(len(tables.state), COUNTS)
+
+
+def _measure(batch: Batch, orbits: Orbits) -> None:
+    """Measure the cost of a step of a block of orbits (`Orbits.measure`)."""
+    varying, tables, counts = _arguments(batch, slice(0, LANES.n), orbits)
+    q, p, parameter = (np.zeros((1, 1, n, LANES.n)) for n in (orbits.system.d, orbits.system.d, 1))
+
+    def call(steps: int) -> None:
+        samples = Samples(q, p, parameter, steps)
+        batch.loop(batch.prepared.step, varying, tables, (0.0,) * orbits.system.d, samples, counts)
+
+    orbits.measure(batch.members[0], call)
 
 
 def _integrate(batch: Batch, part: slice, orbits: Orbits) -> dict[str, int]:
@@ -273,14 +346,12 @@ def _integrate(batch: Batch, part: slice, orbits: Orbits) -> dict[str, int]:
     """
     members = batch.members[part]
     n, d, width = len(members), orbits.system.d, LANES.n
-    varying = orbit_lanes.varying_of(orbits.h[members], {name: rows[part] for name, rows in batch.weights.items()})
-    tables = orbit_lanes.tables_of(batch.prepared, orbits.q[members], orbits.p[members])
-    blocks = len(tables.state)
-    counts = np.zeros(blocks, COUNTS)
+    varying, tables, counts = _arguments(batch, part, orbits)
+    blocks = len(counts)
     keep, taken = orbits.keeper(members, width), 0
-    steps, spacing = int(orbits.steps[members[0]]), int(orbits.every[members[0]])
+    steps = int(orbits.steps[members[0]])
     q = p = parameter = np.zeros((0, 0))
-    for first, rows, every in pieces(steps, spacing, orbits.max_steps(spacing, n)):
+    for first, rows, every in orbits.calls(members):
         if q.shape[1] != rows:
             q, p = (np.zeros((blocks, rows, d, width)) for _ in "qp")
             parameter = np.zeros((blocks, rows, 1, width))

@@ -223,7 +223,7 @@ def _integrate_one_by_one(
             orbits.enter(i, alone(orbits, i))
         return len(members[part])
 
-    for number in map_slices(share, len(members), threads):
+    for number in map_slices(share, len(members), threads, orbits.halt):
         tell(number)
 
 
@@ -248,6 +248,8 @@ def _integrate_alone(orbits: Orbits, i: int) -> Solution:
         q0=orbits.q[i],
         p0=orbits.p[i],
         save_every=int(orbits.every[i]),
+        timeout=np.inf if orbits.is_slow(int(orbits.kind[i])) else None,  # with one, kernel calls are short
+        progress=orbits.check_halt,
     )
 
 

@@ -248,10 +248,15 @@ def travel(
     return system.distances(Q, P).min(axis=0), np.abs(h) * system.speed(Q, P)
 
 
+#: Share of the way to a singularity at which H tells whether it repels.
+BESIDE = 1 - 1e-6
+
+
 def _aim(system: PartitionedSystem, Q: np.ndarray, P: np.ndarray) -> np.ndarray:
     """Sine of the angle between the velocity and the direction to the nearest singularity, for each row.
 
-    A distance that is a function of the rows, not a formula, has no gradient: its sine counts as 1 (passing by).
+    A distance that is a function of the rows, not a formula, has no gradient: its sine counts as 1 (passing by).  So
+    does that of a wall, near which H grows: it turns the motion back.
     """
     rates = system.velocities(Q, P).T
     speed = np.sqrt(sum(v**2 for v in rates))
@@ -261,9 +266,13 @@ def _aim(system: PartitionedSystem, Q: np.ndarray, P: np.ndarray) -> np.ndarray:
             continue
         slopes = [system.evaluate(f"slope {k} {i}", lambda s=s, x=x: s.diff(x), Q, P) for i, x in enumerate(system.q)]
         towards = sum(g * v for g, v in zip(slopes, rates, strict=True))
+        distance = system.evaluate(f"distance {k}", lambda s=s: s, Q, P)
         with np.errstate(all="ignore"):
-            cosine = towards / (speed * np.sqrt(sum(g**2 for g in slopes)))
-        sines.append(np.sqrt(np.abs(1 - cosine**2)))
+            square = sum(g**2 for g in slopes)
+            cosine = towards / (speed * np.sqrt(square))
+            beside = Q - BESIDE * (distance / square * np.array(slopes)).T
+        wall = system.energies(beside, P) > system.energies(Q, P)
+        sines.append(np.where(wall, 1.0, np.sqrt(np.abs(1 - cosine**2))))
     return np.min(sines, axis=0)
 
 

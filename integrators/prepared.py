@@ -139,7 +139,7 @@ class PreparedRun:
         lack = method.lacks(system)
         if lack:
             raise InvalidInput(lack)
-        self.method, self._d = method, system.d
+        self.method, self._system, self._d = method, system, system.d
         self._default, self._start, self._end = np.array([q, p]), np.array([q, p]), np.zeros((2, 1, system.d))
         self._prepared = prepare_kernel(method, system)
         self._begun = None  # the start and h that the step was made for
@@ -153,6 +153,17 @@ class PreparedRun:
             self._address = self._memory.ctypes.data
             self._functions, self._call = functions, functions.call
             self._pack()
+
+    def __repr__(self) -> str:
+        return f"PreparedRun({self.method.label} on {self._system!r})"
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Copies are built anew: the memory that holds the kernel's arguments has one owner, who releases it."""
+        return PreparedRun, (self._system, self.method, *self._default), (self._start, self._moved)
+
+    def __setstate__(self, state: tuple[Floats, bool]) -> None:
+        """Start a copy from the state from which the original starts."""
+        self._start[:], self._moved = state
 
     def __call__(
         self, h: float, steps: int, q0: State | None = None, p0: State | None = None

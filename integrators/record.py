@@ -56,8 +56,8 @@ class Method:
     volume: bool = False
     tangent: bool = True
     earlier: int = 0
-    parameters: Mapping[str, Any] = field(default_factory=dict)
-    data: tuple[Any, ...] = ()
+    parameters: Mapping[str, Any] = field(default_factory=dict, hash=False)
+    data: tuple[Any, ...] = field(default=(), hash=False)
     with_parameters: Callable[..., dict[str, Any]] | None = None
 
     def __call__(self, **parameters: Value) -> Method:

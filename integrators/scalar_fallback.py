@@ -8,10 +8,11 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 
-from .batches import Orbits, pieces
+from .batches import Orbits
 from .prepared import Layout, lay_out, step_of
 from .stepping.codes import SOLVED
 from .stepping.kernel import prepare
@@ -27,7 +28,8 @@ def run(orbits: Orbits, members: np.ndarray, threads: int, tell: Callable[[int],
     known = {k: prepare(orbits.kinds[k], orbits.system) for k in set(orbits.kind[members].tolist())}
     whole = np.array([not known[k].missed for k in orbits.kind[members].tolist()], bool)
     mine, left = members[whole], [members[~whole]]
-    for counts, stopped, n in map_slices(lambda part: _share(orbits, known, mine[part]), len(mine), threads):
+    found = map_slices(lambda part: _share(orbits, known, mine[part]), len(mine), threads, orbits.halt)
+    for counts, stopped, n in found:
         for name, number in counts.items():
             orbits.counts[name] += number
         left.append(stopped)
@@ -49,9 +51,9 @@ def _share(orbits: Orbits, known: dict, members: np.ndarray) -> tuple[Counter[st
         layout = layouts.get(orbits.kind[i])
         if layout is None:
             layout = layouts[orbits.kind[i]] = lay_out(kernel, orbits.system.d, orbits.h[i], q, p)
-        else:
-            layout.step = step_of(kernel, orbits.system.d, orbits.h[i], q, p)
-            layout.restart(q, p)
+            orbits.measure(i, partial(_try_steps, layout, orbits.system.d))
+        layout.step = step_of(kernel, orbits.system.d, orbits.h[i], q, p)
+        layout.restart(q, p)
         if not _fill(orbits, i, layout):
             stopped.append(i)
             continue
@@ -60,11 +62,16 @@ def _share(orbits: Orbits, known: dict, members: np.ndarray) -> tuple[Counter[st
     return total, np.array(stopped, int), len(members)
 
 
+def _try_steps(layout: Layout, d: int, steps: int) -> None:
+    """Go on for some steps whose end is not used."""
+    layout(np.zeros((1, d)), np.zeros((1, d)), np.zeros((1, 1)), steps)
+
+
 def _fill(orbits: Orbits, i: int, layout: Layout) -> bool:
     """Integrate orbit i and fill its rows; True if the end was reached."""
     member = np.array([i])
-    keep, taken, spacing = orbits.keeper(member, 1), 0, int(orbits.every[i])
-    for first, rows, every in pieces(int(orbits.steps[i]), spacing, orbits.max_steps(spacing, 1)):
+    keep, taken = orbits.keeper(member, 1), 0
+    for first, rows, every in orbits.calls(member):
         Q, P = orbits.room(i, first, rows)
         if layout(Q, P, np.full((rows, 1), np.nan), every) != (rows, SOLVED):
             return False

@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor, wait
 from functools import lru_cache
 from queue import SimpleQueue
-from threading import Lock
+from threading import Event, Lock
 from typing import TypeVar
 
 #: Seconds of the shortest slice.
@@ -69,11 +69,15 @@ class Slices:
             self._next = self._n
 
 
-def map_slices(work: Callable[[slice], Found], n: int, threads: int) -> Iterator[Found]:
+class Halted(Exception):
+    """Raised in ``work`` of `map_slices` once its results are no longer wanted."""
+
+
+def map_slices(work: Callable[[slice], Found], n: int, threads: int, halt: Event | None = None) -> Iterator[Found]:
     """Divide the numbers 0 ... n - 1 into slices, and call ``work`` on each slice, on ``threads`` threads.
 
     Yields the results in the order in which they come.  An exception in ``work`` is raised here, when all threads have
-    ended.
+    ended.  ``halt`` is set if the calling thread is interrupted: ``work`` looks at it and ends early by `Halted`.
     """
     first = 1 if n >= MANY and threads > 1 else 0
     slices = Slices(n, threads, first)
@@ -107,6 +111,10 @@ def map_slices(work: Callable[[slice], Found], n: int, threads: int) -> Iterator
                 helper.result()
         while not finished.empty():
             yield finished.get()
+    except BaseException:
+        if halt is not None:
+            halt.set()
+        raise
     finally:
         slices.end()
         wait([helper for helper in helpers if not helper.cancel()])

@@ -8,12 +8,14 @@ command that needs them, so its module imports them inside the function.
 from __future__ import annotations
 
 import gc
+import os
 import sys
 from collections.abc import Callable, Mapping
 from typing import Annotated, NamedTuple
 
 import typer
 
+from phasebench.integrators.compile.progress import QUIET
 from phasebench.integrators.statuses import STATUSES
 
 from . import spellings
@@ -106,6 +108,7 @@ app = application(COMMANDS)
 
 def main() -> None:
     """Run the command line on the arguments of the process; set up only the command that is called, to start faster."""
+    os.environ[QUIET] = "1"
     gc.freeze()
     gc.set_threshold(YOUNG)
     only = {name: COMMANDS[name] for name in sys.argv[1:2] if name in COMMANDS}

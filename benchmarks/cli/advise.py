@@ -14,13 +14,13 @@ from .integrate import made
 from .shared import (
     WRONG,
     complain,
-    end_time,
     invalid_input,
     numbers,
     out,
     print_json,
     show,
     telling,
+    time_of,
     values,
     warn,
 )
@@ -98,7 +98,7 @@ def advise(
         with telling("advise") as tell:
             asked = ask(
                 chosen,
-                t_end=end_time(t_end, chosen),
+                t_end=time_of(t_end, chosen),
                 accuracy=accuracy,
                 quantity_name=quantity,
                 conserve=[x.strip() for x in conserve.split(",") if x.strip()] if conserve else (),

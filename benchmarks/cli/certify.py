@@ -9,7 +9,7 @@ import typer
 from phasebench.integrators.errors import InvalidInput
 
 from . import options
-from .shared import WRONG, end_time, err, invalid_input, out, print_json, telling
+from .shared import WRONG, err, invalid_input, out, print_json, telling, time_of
 
 if TYPE_CHECKING:
     from phasebench.benchmarks.problems.base import Problem
@@ -130,7 +130,7 @@ def _one(name: str, end: str, time_limit: float, as_json: bool) -> bool:
     from phasebench.benchmarks.problems import problem
 
     made = problem(name)
-    t_end = end_time(end, made)
+    t_end = time_of(end, made)
     if not t_end > 0:
         raise InvalidInput(f"--t-end is {end}; it must be a positive number")
     if not time_limit > 0:

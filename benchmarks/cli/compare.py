@@ -15,7 +15,10 @@ if TYPE_CHECKING:
 
 def compare(
     before: Annotated[
-        str, typer.Argument(metavar="BEFORE", help="A folder of reports, a CSV file of one, or a commit.")
+        str,
+        typer.Argument(
+            metavar="BEFORE", help="A folder of reports, a CSV file of one, rows of `run` (.jsonl), or a commit."
+        ),
     ],
     after: Annotated[str, typer.Argument(metavar="AFTER", help="Another.")] = "reports",
     lines: Annotated[

@@ -23,13 +23,13 @@ from .shared import (
     check_file,
     compilation_shown,
     complain,
-    end_time,
     invalid_input,
     numbers,
     out,
     pairs,
     print_json,
     telling,
+    time_of,
     values,
 )
 
@@ -52,11 +52,11 @@ def integrate(
         str | None, options.method_argument("A method, a peer, or the path of your own step, ./mine.py.")
     ] = None,
     h: Annotated[
-        float | None,
+        str | None,
         typer.Option(
             "--h",
-            metavar="NUMBER",
-            help="Step, in the unit of t; adjusted so that a whole number of steps ends at --t-end.",
+            metavar="TIME",
+            help="Step, as --t-end is given; adjusted so that a whole number of steps ends at --t-end.",
         ),
     ] = None,
     t_end: options.EndTime = None,
@@ -64,8 +64,8 @@ def integrate(
         int | None, typer.Option(metavar="NUMBER", help="Number of steps; in place of --h or of --t-end.")
     ] = None,
     t0: Annotated[
-        float, typer.Option("--t0", metavar="NUMBER", help="Time at the start; an end before it goes back in time.")
-    ] = 0.0,
+        str, typer.Option("--t0", metavar="TIME", help="Time at the start; an end before it goes back in time.")
+    ] = "0",
     tol: Annotated[
         float | None,
         typer.Option(
@@ -116,13 +116,14 @@ def integrate(
 
             chosen = integrator(method, parameters=parameters)
             wanted = Wanted(error, quantity, output, every)
-            span = end_time(t_end, chosen_problem)
-            common = {"h": h, "t_end": span, "steps": steps, "t0": t0, "q0": q0, "p0": p0}
+            given = {"--h": h, "--t-end": t_end, "--t0": t0}
+            step, span, begin = (time_of(text, chosen_problem, option) for option, text in given.items())
+            common = {"h": step, "t_end": span, "steps": steps, "t0": begin, "q0": q0, "p0": p0}
             result = _integrated(chosen_problem, chosen, wanted, tol, time_limit, **common)
     if as_json:
         print_json(result)
     else:
-        _print(result, t0)
+        _print(result, begin)
     raise typer.Exit(0 if result["status"] == "ok" else WRONG)
 
 

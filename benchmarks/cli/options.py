@@ -96,7 +96,7 @@ Formula = Annotated[
     typer.Option(
         "--hamiltonian",
         metavar="FORMULA",
-        help="Instead of PROBLEM, a formula of H in q, p or q1, p1, q2, ...: 'p**2/2 - cos(q)'.",
+        help="Instead of PROBLEM, a formula of H in q, p; q1, p1, q2, ...; or x, px, y, ...: 'p**2/2 - cos(q)'.",
     ),
 ]
 Constraints = Annotated[

@@ -13,7 +13,7 @@ import typer
 from phasebench.integrators.errors import InvalidInput
 
 from . import options
-from .shared import check_file, end_time, err, invalid_input, out, telling, warn
+from .shared import check_file, err, invalid_input, out, telling, time_of, warn
 
 
 def run(
@@ -95,6 +95,7 @@ def _cells(scenes: list[str], methods: list[str], quick: bool) -> list:
     from phasebench.benchmarks.problems.questions import BY_ID as ASKED
     from phasebench.benchmarks.problems.questions import QUESTIONS
     from phasebench.benchmarks.problems.scenes import BY_ID, SCENES
+    from phasebench.benchmarks.problems.user_file import is_file
     from phasebench.integrators.errors import unknown_name
     from phasebench.integrators.names import unknown_method
 
@@ -103,6 +104,12 @@ def _cells(scenes: list[str], methods: list[str], quick: bool) -> list:
         if name not in BY_ID and name not in ASKED:
             raise unknown_name("scene", name, [*BY_ID, *ASKED])
     for name in methods:
+        if is_file(name):
+            at = (BY_ID | ASKED).get(next(iter(scenes), ""), SCENES[0])
+            raise InvalidInput(
+                f"{name} is a step of your own: rows of scenes stay as long as the code that they depend on, of which "
+                f"your file is no part; measure it by: run {at.problem} --t-end {at.t_end:g} --method {name}"
+            )
         if name not in known:
             raise unknown_method(name, known)
     only = (lambda m: m.id in methods) if methods else None
@@ -163,7 +170,7 @@ def _one(problem: str, t_end: str | None, quantity: str, methods: list[str], sce
             raise InvalidInput("both a problem and a scene are given; leave out one of them")
         with telling("run") as tell:
             chosen = made(problem, None, {}, None, None)
-            rows = workprecision(chosen, methods, t_end=end_time(t_end, chosen), quantity=quantity, progress=tell).rows
+            rows = workprecision(chosen, methods, t_end=time_of(t_end, chosen), quantity=quantity, progress=tell).rows
         try:
             write_file(output, "".join(json_text({schema.FIELD: schema.VERSION} | row) + "\n" for row in rows))
         except OSError as error:

@@ -62,6 +62,7 @@ def compilation_shown(wanted: bool) -> Iterator[None]:
     from phasebench.integrators.compile import progress
 
     shown: list[str] = []
+    before = progress.announce
 
     @contextmanager
     def outermost(what: str) -> Iterator[None]:
@@ -75,7 +76,7 @@ def compilation_shown(wanted: bool) -> Iterator[None]:
     try:
         yield
     finally:
-        progress.announce = nullcontext
+        progress.announce = before
 
 
 @contextmanager
@@ -165,11 +166,11 @@ def check_file(path: Path, endings: tuple[str, ...]) -> None:
         raise InvalidInput(f"--output {path} cannot be written")
 
 
-def end_time(text: str | None, problem: Problem) -> float | None:
-    """The value of --t-end in the problem's unit of time; None if it is not given."""
+def time_of(text: str | None, problem: Problem, option: str = "--t-end") -> float | None:
+    """The value of an option that is a time, in the problem's unit of time; None if it is not given."""
     from phasebench.benchmarks.problems.units import span
 
-    return None if text is None else span(text, problem.time_unit, "--t-end")
+    return None if text is None else span(text, problem.time_unit, option)
 
 
 def numbers(text: str | None, name: str) -> list[float] | None:

@@ -9,7 +9,7 @@ from phasebench.integrators.errors import InvalidInput
 
 from . import options
 from .integrate import made
-from .shared import check_file, end_time, invalid_input, numbers, out, print_json, show, telling, values, warn
+from .shared import check_file, invalid_input, numbers, out, print_json, show, telling, time_of, values, warn
 
 
 def workprecision(
@@ -45,7 +45,7 @@ def workprecision(
         chosen = made(problem, hamiltonian, values(set_, "set"), q0, p0, constraint, part)
         start = {} if hamiltonian is not None else {"q0": q0, "p0": p0}
         with telling("workprecision") as tell:
-            span = end_time(t_end, chosen)
+            span = time_of(t_end, chosen)
             found = measured(chosen, method, t_end=span, quantity=quantity, progress=tell, **start)
         if output is not None:
             found.plot(output)

@@ -247,11 +247,11 @@ def integrate(
     problem: AnyProblem,
     method: str | Path | Method | Peer | Integrator | Step,
     *,
-    h: float | None = None,
+    h: float | str | None = None,
     t_end: float | str | None = None,
     steps: int | None = None,
     tol: float | None = None,
-    t0: float = 0.0,
+    t0: float | str = 0.0,
     q0: State | None = None,
     p0: State | None = None,
     save_every: int = 1,
@@ -267,7 +267,8 @@ def integrate(
         file with one
     h, t_end, steps : two of them; h alone is adjusted so that a whole number of steps ends at t_end.  For an adaptive
         peer they set the grid of its rows, and t_end alone gives start and end.  If the problem has a unit of time,
-        t_end may have one too: ``"1e4 yr"``.  A t_end before t0, or a negative h with steps, goes back in time
+        times may have one too: ``h="1 day", t_end="1e4 yr"``.  A t_end before t0, or a negative h with steps, goes back
+        in time
     tol : an adaptive peer's tolerance
     t0 : the time at the start; the system does not depend on it
     q0, p0 : arrays (d,), the initial state if not the problem's
@@ -294,8 +295,11 @@ def integrate(
     if time_limit is not None and not chosen.stoppable:
         raise InvalidInput(f"'{chosen.id}' cannot be stopped: leave out the time limit")
     found = _problem(problem, chosen, q0)
-    grid = {"h": h, "t_end": span(t_end, getattr(found, "time_unit", "")), "steps": steps, "tol": tol, "t0": t0}
-    return Solution.of(chosen.run(found, q0=q0, p0=p0, save_every=save_every, timeout=time_limit, **grid))
+    unit = getattr(found, "time_unit", "")
+    times = {name: span(t, unit, name) for name, t in (("h", h), ("t_end", t_end), ("t0", t0))}
+    return Solution.of(
+        chosen.run(found, steps=steps, tol=tol, q0=q0, p0=p0, save_every=save_every, timeout=time_limit, **times)
+    )
 
 
 @method_parameters(parameters_of)

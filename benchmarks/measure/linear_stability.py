@@ -38,6 +38,9 @@ SLACK, ROUNDING, NOISY = 1e-10, 1e-14, 10.0
 SQUARE = 1e-9
 #: Accuracy of the boundaries.
 SHARP = 1e-10
+#: Half the width of the interval on which a multiple root is sought, and the degree of the polynomial there, in excess
+#: of twice the root's order.
+FLAT, DEGREE = 0.02, 4
 #: The scan ends if matrix entries exceed this over a unit of z: a polynomial does not become stable again.
 HOPELESS = 1e4
 
@@ -147,6 +150,24 @@ def stability(
     pieces = [(a, b) for a, b in pairwise(ends) if (at((a + b) / 2) >= 0).all()]
     pieces = [p for p in pieces if not _grows_from_the_start(at, scan, p)]
     return Stability(tuple(_merge(pieces)), scan[-1])
+
+
+def multiple_root(f: Callable[[float], float], z: float, reach: float) -> float:
+    """Refine an estimate z of a multiple root of f, near which f is flat and its round-off hides the root.
+
+    If f has a root of order m, or m roots closer than round-off can tell, its derivative of order m - 1 has a simple
+    one there, which is that of a polynomial through f at points about z.  m follows from the growth of f from the
+    distance ``reach``, at which f exceeds its round-off, to twice that.  Returns z itself for a simple root or a pole.
+    """
+    near, far = (abs(f(z - way) * f(z + way)) for way in (reach, 2 * reach))
+    order = round(float(np.log(far / near) / np.log(4.0))) if near > 0 and 0 < far < np.inf else 1
+    if order < 2:
+        return z
+    domain = (z - FLAT, z + FLAT)
+    curve = np.polynomial.Chebyshev.interpolate(np.vectorize(f), 2 * order + DEGREE, domain)
+    roots = curve.deriv(order - 1).roots()
+    root = roots[np.abs(roots - z).argmin()]
+    return float(root.real) if abs(root - z) < reach else z
 
 
 def _scan(look: Callable[[float], tuple[np.ndarray, float]], last: float, spacing: float) -> list[float]:

@@ -23,7 +23,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -57,10 +57,10 @@ FAR, WIDE = 100.0, 0.25
 SAME = 1e-9
 #: Round-off of a margin, relative to the square of the matrix's size.
 NOISE = 64 * np.finfo(float).eps
-#: Largest distance of an end from its first estimate.
-NEAR = 1e-3
-#: The trace touches 2 if its turning point is this close.
-TOUCH = 1e-9
+#: Largest distance of an end from its first estimate; that of a triple root is some 1e-3.
+NEAR = 0.02
+#: The trace touches 2 if its turning point is this close; at this distance in z it is told from 2.
+TOUCH, BESIDE_TOUCH = 1e-9, 1e-3
 #: Long runs: their steps, the steps of a first shorter run, the permitted growth, the spacing of the scan, the accuracy
 #: of ends, and the number of unstable points in a row after which the scan stops.
 LONG, FIRST, GROWN, COARSE, SHARPNESS, HOPELESS = 10_000, 100, 10.0, 0.25, 1e-3, 8
@@ -283,8 +283,9 @@ def _sharp(step_matrix: StepMatrix, z: float, inside: int) -> float:
         bad, noise_beyond = _margins(step_matrix, z - inside * away)
         changes = np.flatnonzero((good > noise) & (bad < -noise_beyond))
         if len(changes):
-            root = brentq(_margin, z - away, z + away, (step_matrix, changes[0]), xtol=1e-14, rtol=1e-14)
-            return float(root)
+            margin = partial(_margin, step_matrix=step_matrix, i=changes[0])
+            root = brentq(margin, z - away, z + away, xtol=1e-14, rtol=1e-14)
+            return linear_stability.multiple_root(margin, float(root), 2 * away)
         away *= 4
     return z
 
@@ -303,7 +304,7 @@ def _touches(step_matrix: StepMatrix, a: float, b: float) -> list[float]:
         if room(middle) <= min(room(left), room(right)):
             low = minimize_scalar(room, bounds=(left, right), method="bounded", options={"xatol": 1e-10})
             if low.fun < TOUCH and room(left) > TOUCH and room(right) > TOUCH:
-                out.append(float(low.x))
+                out.append(linear_stability.multiple_root(room, float(low.x), BESIDE_TOUCH))
     return out
 
 

@@ -71,7 +71,7 @@ class OwnStep:
 
     id: str
     step: Callable[..., tuple[Any, Any]]
-    claims: Mapping[str, Any] = field(default_factory=dict)
+    claims: Mapping[str, Any] = field(default_factory=dict, hash=False)
     requires: tuple[str, ...] = ()
     where: str = ""
     again: Callable[[str], OwnStep] | None = None

@@ -78,10 +78,10 @@ class Problem:
     source: str
     system: PartitionedSystem
     orbits: tuple[Orbit, ...]
-    invariants: Mapping[str, Formula] = field(default_factory=dict)
+    invariants: Mapping[str, Formula] = field(default_factory=dict, hash=False)
     orbit: str = ""
     cite: tuple[str, ...] = ()
-    parameters: Mapping[str, float] = field(default_factory=dict)
+    parameters: Mapping[str, float] = field(default_factory=dict, hash=False)
     pace: Pace = PACE
     time_unit: str = ""
 

@@ -14,7 +14,7 @@ from __future__ import annotations
 import inspect
 import re
 import types
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from math import isfinite
@@ -39,6 +39,7 @@ from .kepler_found import with_kepler_part
 DIGITS = 30
 #: The largest dI/dt of an invariant, relative to the sum of its terms' sizes: its constants may be rounded to doubles.
 KEPT = 1e-12
+WRITE = "write q and p, q1, p1, q2, p2, ..., or names of your own and theirs with a p before: x, px, y, py"
 #: Number and displacement of points near the first orbit's start: at it, a zero momentum may hide that I varies.
 POINTS, AWAY = 3, 0.01
 
@@ -90,12 +91,12 @@ def from_formula(
     constraints: Sequence[str] = (),
     parts: Sequence[str] = (),
 ) -> Problem:
-    """Make the problem of a Hamiltonian that is typed as text, in q and p or in q1 .. qd and p1 .. pd.
+    """Make the problem of a Hamiltonian that is typed as text, in q and p, in q1 .. qd and p1 .. pd, or in x, px, ...
 
     Parameters
     ----------
     text : the formula of H, as `systems.formula.parse` reads it
-    q, p : d numbers each, the initial state
+    q, p : d numbers each, the initial state; of x, px, y, py, ... in alphabetical order
     constants : values of the other names in the formula, taken as exact doubles
     id : the problem's name; by default the formula
     constraints : formulae or equations of constraints g(q) = 0; the system is a `ConstrainedHamiltonian` then
@@ -111,18 +112,18 @@ def from_formula(
     names = sorted(
         {x for part in (text, *constraints, *parts) for side in part.split("=") for x in formula.names(side)}
     )
-    d = _degrees(names)
-    numbers = [""] if d == 0 else [str(i) for i in range(1, d + 1)]
-    variables = [f"{x}{i}" for x in "qp" for i in numbers]
+    coordinates, momenta = _variables(names, constants)
+    d, variables = len(coordinates), [*coordinates, *momenta]
     for name in constants:
         if name in variables:
-            raise InvalidInput(f"'{name}' is a variable of the formula: its initial value is given by --{name[0]}")
+            option = "--q" if name in coordinates else "--p"
+            raise InvalidInput(f"'{name}' is a variable of the formula: its initial value is given by {option}")
         if name not in names or name in formula.FUNCTIONS:
             raise InvalidInput(f"the formula has no constant '{name}'")
     known = {*variables, *constants, *formula.CONSTANTS, *formula.FUNCTIONS}
     missing = [x for x in names if x not in known]
     if "t" in missing:
-        raise InvalidInput(formula.time_hint(max(d, 1) + 1))
+        raise InvalidInput(formula.time_hint(d + 1))
     if missing:
         raise InvalidInput(
             f"the formula has {', '.join(missing)} besides the variables {', '.join(variables)}: "
@@ -130,12 +131,12 @@ def from_formula(
         )
     for name, value in (("q", q), ("p", p)):
         if value is None:
-            example = ",".join(["0.5"] * len(numbers))
+            example = ",".join(["0.5"] * d)
             raise InvalidInput(f"a formula has no initial data: give them, --{name} {example}")
-        if len(value) != len(numbers):
-            raise InvalidInput(f"--{name} has {len(value)} components; the formula has d = {len(numbers)}")
-    orbit = Orbit("start", *(_state(Orbit("start", q, p), name, len(numbers), "the formula") for name in "qp"))
-    start = orbit.q if len(numbers) > 1 else ()
+        if len(value) != d:
+            raise InvalidInput(f"--{name} has {len(value)} components; the formula has d = {d}: {', '.join(variables)}")
+    orbit = Orbit("start", *(_state(Orbit("start", q, p), name, d, "the formula") for name in "qp"))
+    start = orbit.q if d > 1 else ()
     if constraints and parts:
         raise InvalidInput("constraints and parts are given; a system has the one or the other")
     bound, parts = tuple(constraints), tuple(parts)
@@ -173,23 +174,31 @@ def _of_formula(
     return with_kepler_part(Hamiltonian(q=symbols[:d], p=symbols[d:], H=H), start)
 
 
-def _degrees(names: Sequence[str]) -> int:
-    """Return the number d of variables q1 .. qd, p1 .. pd among the names in a formula; 0 for q and p themselves.
+def _variables(names: Sequence[str], constants: Iterable[str]) -> tuple[list[str], list[str]]:
+    """Return the coordinates and momenta among the names in a formula: q and p, q1 .. qd and p1 .. pd, or x and px.
 
-    Raises InvalidInput if there are no variables, both kinds, or gaps in the numbers.
+    Raises InvalidInput if there are no variables, two of these kinds, or gaps in the numbers.
     """
+    other = {*constants, *formula.CONSTANTS, *formula.FUNCTIONS}
+    own = {*names} - other
+    momenta = [x for x in own if re.fullmatch(r"p[A-Za-z]\w*", x) and f"p{x}" not in own and x[1:] not in other]
     numbered = {int(m[1]) for m in (re.fullmatch(r"[qp]([1-9]\d{0,3})", n) for n in names) if m}
     plain = [n for n in names if n in ("q", "p")]
     if plain and numbered:
-        raise InvalidInput(f"the formula has {plain[0]} and numbered variables; write q and p, or q1, p1, q2, p2, ...")
-    if not plain and not numbered:
-        raise InvalidInput("the formula has no variable: write q and p, or q1, p1, q2, p2, ...")
-    gaps = sorted(set(range(1, max(numbered, default=0))) - numbered)
+        raise InvalidInput(f"the formula has {plain[0]} and numbered variables; {WRITE}")
+    if plain:
+        return ["q"], ["p"]
+    if not numbered and any(x[1:] in own for x in momenta):
+        return sorted(x[1:] for x in momenta), sorted(momenta)
+    if not numbered:
+        raise InvalidInput(f"the formula has no variable: {WRITE}")
+    gaps = sorted(set(range(1, max(numbered))) - numbered)
     if gaps:
         raise InvalidInput(
             f"the formula has q{max(numbered)} or p{max(numbered)}, but neither q{gaps[0]} nor p{gaps[0]}"
         )
-    return max(numbered, default=0)
+    numbers = range(1, max(numbered) + 1)
+    return [f"q{i}" for i in numbers], [f"p{i}" for i in numbers]
 
 
 # -- files -------------------------------------------------------------------------------------------------------------

@@ -8,6 +8,7 @@ method is slower if the whole interval is above `SLOWER`.
 
 from __future__ import annotations
 
+import json
 import subprocess
 from io import StringIO
 from pathlib import Path
@@ -19,6 +20,7 @@ import pandas as pd
 from phasebench.benchmarks.measure.timing import Median, median
 from phasebench.integrators.errors import InvalidInput
 
+from . import lines, schema
 from .cells import text
 from .compare import EXACT, MISSING, ROW, Difference, Pair, differences, match, number
 from .digits import ERRORS, SETTINGS, TIMES
@@ -82,7 +84,8 @@ BAD = (STATUS, WORSE, SLOW, GONE)
 def load(name: str) -> dict[str, pd.DataFrame]:
     """The tables of a stored run, table name -> data frame.
 
-    ``name`` is a folder of reports or of their data, a CSV file, or a commit of the repository that has reports.
+    ``name`` is a folder of reports or of their data, a CSV file, a file of rows that ``phasebench run`` wrote (.jsonl),
+    or a commit of the repository that has reports.
 
     Raises
     ------
@@ -91,14 +94,14 @@ def load(name: str) -> dict[str, pd.DataFrame]:
     """
     path = Path(name)
     if path.is_file():
-        texts = {path.stem: _text_of(path)}
+        texts = {"rows" if path.suffix == ".jsonl" else path.stem: _text_of(path)}
     elif path.is_dir():
         folder = path / "data" if (path / "data").is_dir() else path
         texts = {p.stem: _text_of(p) for p in sorted(folder.glob("*.csv"))}
     else:
         texts = _of_commit(name)
     if not texts:
-        raise InvalidInput(f"{name} has no tables: give a folder of reports, a CSV file of one, or a commit")
+        raise InvalidInput(f"{name} has no tables: give a folder of reports, a CSV file, rows of `run`, or a commit")
     return {table: _read(table, text) for table, text in texts.items()}
 
 
@@ -141,9 +144,21 @@ def _of_commit(name: str) -> dict[str, str]:
 
 def _read(table: str, text: str) -> pd.DataFrame:
     try:
+        if text.lstrip().startswith("{"):
+            return _of_lines(table, text)
         return pd.read_csv(StringIO(text), low_memory=False)
     except ValueError as error:
         raise InvalidInput(f"the table {table} cannot be read: {error}") from None
+
+
+def _of_lines(table: str, text: str) -> pd.DataFrame:
+    """Read rows that ``phasebench run`` wrote, one JSON object a line; raises ValueError for others."""
+    rows = [json.loads(line) for line in text.splitlines() if line.strip()]
+    if not all(isinstance(row, dict) and "method" in row for row in rows):
+        raise ValueError("a line has no row of a method")
+    for row in rows:
+        schema.check(row, table)
+    return pd.DataFrame(rows).drop(columns=[schema.FIELD, *lines.ABOUT], errors="ignore")
 
 
 def changes(before: dict[str, pd.DataFrame], after: dict[str, pd.DataFrame]) -> list[Change]:

@@ -8,7 +8,10 @@ Time is a function of a fictitious time in which steps are of the constant lengt
     \frac{dt}{d\tau} = \sigma(q) = \Bigl(\sum_k r_k(q)^{-3}\Bigr)^{-1/2},
 
 with the distances :math:`r_k` to the singularities, declared or found in H, softened ones among them; so h is the step
-in time where one distance is 1 and the others are much larger.  The density :math:`\rho` of the steps follows
+in time where one distance is 1 and the others are much larger.  Of a wall, at which orbits arrive with any speed, the
+time to reach it and to turn there count in the place of :math:`r^{-3}` (`singularities.density`).
+
+The density :math:`\rho` of the steps follows
 :math:`1/\sigma` as a variable of its own, by the leapfrog rule,
 
 .. math::
@@ -322,10 +325,13 @@ def monitor(system: Hamiltonian, arithmetic: str) -> Function:
     T = codegen.value_type(system.d)
 
     def results() -> list:
-        square, rate = singularities.density(singularities.steering_distances(system), system.q, system.dq)
+        square, rate = singularities.density(system)
         return [sp.sqrt(square), rate / (2 * square)]
 
-    kind = f"density of {', '.join(map(sp.srepr, singularities.steering_distances(system)))}"
+    distances = singularities.steering_distances(system)
+    kind = f"density of {', '.join(map(sp.srepr, distances))}"
+    if any(singularities.is_wall(system, r) for r in distances):
+        kind += ", walls by their approach"
     return system.make_function(
         kind, [("q", system.q), ("p", system.p)], results, types.UniTuple(types.float64, 2)(T, T), arithmetic
     )

@@ -19,8 +19,9 @@ it falls with the distance as :math:`r^{3/2}`.
 
 A step is rejected if :math:`\tau` at its end is less than `TRUSTED` times the value by which the step was chosen; if
 the highest derivative that s nodes give, as the rate :math:`(|f^{(s-1)}|/|f|)^{1/(s-1)}`, is as large as that (a steep
-wall within the step, which :math:`\tau` at the end may not show); or if its equations were not solved.  The step is
-then repeated with the length that it suggests.  A step is at most `GROWTH` times the last.  All this looks back only:
+wall within the step, which :math:`\tau` at the end may not show); if it passes through a wall, behind which a distance
+has another sign or the energy another value; or if its equations were not solved.  The step is then repeated with the
+length that it suggests, or a quarter.  A step is at most `GROWTH` times the last.  All this looks back only:
 the map is neither symmetric nor reversible, and the energy may drift.  Quadratic invariants are kept.
 
 A row of output, the state at a multiple of h in time, is reached by a shorter step from the last state before it.  The
@@ -33,11 +34,15 @@ Astron. Soc. 446 (2015) 1424-1437 (derivatives from the step's own polynomials, 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING, NamedTuple
 
 import mpmath
 import numpy as np
+from numba import types
 
+from phasebench.integrators.compile import codegen
+from phasebench.integrators.compile.lazy import sympy as sp
 from phasebench.integrators.stepping.codes import OUT_OF_STEP, SOLVED
 from phasebench.integrators.stepping.kernel import OWN, Prepared, array
 from phasebench.integrators.stepping.loop import time_loop
@@ -53,7 +58,7 @@ if TYPE_CHECKING:
     from phasebench.integrators.record import Method
     from phasebench.integrators.stepping.kernel import Carry
     from phasebench.integrators.systems.hamiltonian import Hamiltonian
-    from phasebench.integrators.values.kinds import Number
+    from phasebench.integrators.values.kinds import Function, Number
     from phasebench.integrators.values.vector import State
 
 #: A step is rejected if the fitting one is shorter than this share of it; a step is at most GROWTH times the last.
@@ -69,6 +74,8 @@ SHIFT = 1e-5
 FLAT, ROUGH = 1e5, 1e12
 #: A step that was not solved is cut to the share CUT, a rejected one to no less than LEAST; MOST in a row end the run.
 CUT, LEAST, MOST = 0.25, 1 / 16, 60
+#: Share of the size of H's terms by which a step may change H.
+JUMP = 0.05
 #: Largest number of steps for one h; more would be a run that never ends.
 SHORTEST = 100_000
 
@@ -83,6 +90,7 @@ class Field(NamedTuple):
         `adaptive.remember`
     ends : rows of weights of f at the nodes, which give f, f', f'', f''' and the derivative of order s - 1 at the end
         of a step of length 1
+    guard : the function (q, p) -> (H, size of its terms, a number for the signs of the distances to singularities)
     h, eps : the length of a step where the time scale tau is that of the initial state, and the unit round-off, set by
         the run
     """
@@ -90,6 +98,7 @@ class Field(NamedTuple):
     method: stage_lanes.Lanes
     inverse: np.ndarray
     ends: np.ndarray
+    guard: Callable
     h: float = 0.0
     eps: float = 0.0
 
@@ -238,6 +247,14 @@ def fit_step(step: Field, carry: Carry, clock: Clock, length: Number, trusted: N
 
 
 @inline
+def stays(step: Field, y: State, there: State) -> bool:
+    """True if a step from the state y has not passed through a wall: it keeps the energy and the signs of distances."""
+    H, size, side = step.guard(y.q, y.p)
+    H1, size1, side1 = step.guard(there.q, there.p)
+    return abs(H1 - H) <= JUMP * (size + size1) and side == side1
+
+
+@inline
 def wind(
     step: Field, carry: Carry, y: State, clock: Clock, until: Number, most: int, counts: np.record
 ) -> tuple[State, Clock, State, int]:
@@ -256,7 +273,8 @@ def wind(
         there, evaluations, status = adaptive.attempt(step.method, step, carry, y, clock, length, counts)
         counts.gradient += evaluations
         fits, good = fit_step(step, carry, clock, length, TRUSTED if counts.steps > 0 else FIRST)
-        good = good and status == SOLVED
+        solved = status == SOLVED and stays(step, y, there)
+        good = good and solved
         if passes and not deciding and status == SOLVED and (good or decided):
             return y, clock, there, SOLVED
         if passes and not deciding and not decided:
@@ -271,7 +289,7 @@ def wind(
             counts.steps += 1
         else:
             tries, deciding, decided = tries + 1, False, False
-            shorter = fits if status == SOLVED else CUT * length
+            shorter = fits if solved else CUT * length
             clock = Clock(clock.t, clock.lost, shorter, clock.last, clock.scale)
             if not abs(shorter) > step.eps * abs(clock.t):
                 return y, clock, there, OUT_OF_STEP
@@ -317,6 +335,19 @@ def ends_of(s: int, step: stage_lanes.Lanes, arithmetic: str) -> np.ndarray:
         return array([gauss_lanes.pad(row, len(step.like), 0) for row in rows], arithmetic)
 
 
+def guard(system: Hamiltonian, arithmetic: str) -> Function:
+    """Make the function ``Field.guard`` of a system."""
+    T = codegen.value_type(system.d)
+
+    def results() -> list:
+        terms = sp.Add(*(sp.Abs(t) for t in sp.Add.make_args(system.H)))
+        signed = [r for r in system.singular if not r.is_nonnegative]
+        return [system.H, terms, sp.Add(*(3**k * r / sp.Abs(r) for k, r in enumerate(signed)))]
+
+    signature = types.UniTuple(types.float64, 3)(T, T)
+    return system.make_function("guard", [("q", system.q), ("p", system.p)], results, signature, arithmetic)
+
+
 def prepare(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
     """Prepare the kernel (compiled loop over steps) of Gauss's method with variable steps that the field determines.
 
@@ -324,7 +355,8 @@ def prepare(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
     """
     (s,) = method.data
     lanes = gauss_lanes.build_lanes(s, system, arithmetic)
-    step = Field(lanes, adaptive.inverse_of(s, lanes, arithmetic), ends_of(s, lanes, arithmetic))
+    inverse, ends = adaptive.inverse_of(s, lanes, arithmetic), ends_of(s, lanes, arithmetic)
+    step = Field(lanes, inverse, ends, guard(system, arithmetic))
     width, stages = gauss_lanes.room(lanes, system.d)
     unknowns = stage_lanes.components(lanes.inverse_mass, system.d)
     return Prepared(run, step, width, max(3, stages), linear=len(lanes.like) * unknowns)

@@ -54,6 +54,8 @@ def _expression(e: object) -> sp.Expr:
 Formula: TypeAlias = "str | sp.Expr"
 Names: TypeAlias = "str | Sequence[str | sp.Symbol]"
 Floats = NDArray[np.float64]
+#: Characters of a formula, or of a list of names, that a system prints.
+SHOWN = 160
 
 
 class PartitionedSystem:
@@ -136,6 +138,16 @@ class PartitionedSystem:
             if deferred.complete(self, name):
                 return getattr(self, name)
             raise AttributeError(f"'{type(self).__name__}' object has no attribute '{name}'")
+
+    def __repr__(self) -> str:
+        """The variables and H, as in ``Hamiltonian(q='q', p='p', H='p**2/2 - cos(q)')``; long lists are shortened."""
+        from textwrap import shorten
+
+        parts = {"q": " ".join(map(str, self.q)), "p": " ".join(map(str, self.p))}
+        if self.H is not None:
+            parts["H" if self.canonical else "energy"] = str(self.H)
+        said = (f"{name}={shorten(text, SHOWN, placeholder=' ...')!r}" for name, text in parts.items())
+        return f"{type(self).__name__}({', '.join(said)})"
 
     def _formula(self, e: Formula) -> sp.Expr:
         if isinstance(e, str):

@@ -12,7 +12,7 @@ distance at all, since it is regular (2 + cos(q), cosh(q)).
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -88,17 +88,30 @@ def size(distance: sp.Expr) -> sp.Expr:
     return distance if distance.is_nonnegative else sp.Abs(distance)
 
 
-def density(distances: Iterable[sp.Expr], q: Sequence[sp.Symbol], dq: Sequence[sp.Expr]) -> tuple[sp.Expr, sp.Expr]:
-    r"""Return two expressions: :math:`1/\sigma^2 = \sum_k |r_k|^{-3}` and its time derivative along the motion q' = dq.
+def is_wall(system: PartitionedSystem, distance: sp.Expr) -> bool:
+    """True if the distance has a sign, as q - 1 has, and H = T(p) + V(q) with a quadratic T: a wall that orbits hit."""
+    return not distance.is_nonnegative and system.quadratic_kinetic
 
-    The r_k are the ``distances``; variable steps are chosen proportional to :math:`\sigma`.
+
+def density(system: PartitionedSystem) -> tuple[sp.Expr, sp.Expr]:
+    r"""Return two expressions: :math:`1/\sigma^2 = \sum_k w_k` and its time derivative along the motion.
+
+    Variable steps are chosen proportional to :math:`\sigma`.  Of a distance :math:`r` is :math:`w = |r|^{-3}`, as on a
+    Kepler orbit; of a wall (`is_wall`), at which orbits arrive with any speed,
+    :math:`w = \sqrt{r^{-6} + (\ddot r / r)^2} + (\dot r / r)^2`.
     """
+
+    def rate(e: sp.Expr) -> sp.Expr:
+        flow = zip((*system.q, *system.p), (*system.dq, *system.dp), strict=True)
+        return sp.Add(*(sp.diff(e, x) * v for x, v in flow))
+
     terms, rates = [], []
-    for r in distances:
+    for r in steering_distances(system):
         term = size(r) ** -3
-        rate = sum(sp.diff(r, x) * v for x, v in zip(q, dq, strict=True))
+        if is_wall(system, r):
+            term = sp.sqrt(r**-6 + (rate(rate(r)) / r) ** 2) + (rate(r) / r) ** 2
         terms.append(term)
-        rates.append(-3 * term * rate / r)
+        rates.append(rate(term) if is_wall(system, r) else -3 * term * rate(r) / r)
     return sp.Add(*terms), sp.Add(*rates)
 
 

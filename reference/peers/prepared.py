@@ -60,17 +60,34 @@ class PreparedPeer:
     def __init__(self, peer: Peer, start: Start) -> None:
         if peer.prepare is None:
             raise InvalidInput(f"'{peer.id}' has no prepared run; pb.integrate runs it")
-        self.peer, self._d = peer, len(start.q)
-        self._default = start.state
+        self.peer, self._d, self._built = peer, len(start.q), start
+        self._default = self._state = start.state
         peer.load(peer.package)
         self._calls = peer.prepare(start)
         self.advance = self._calls.advance
         self._moved = False
         self._calls.restart(self._default)
 
+    def __repr__(self) -> str:
+        tol = "" if self._built.tol is None else f"(tol={self._built.tol:g})"
+        return f"PreparedPeer({self.peer.id}{tol} on {self._built.system!r})"
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Copies are built anew: the package's objects belong to one run."""
+        return PreparedPeer, (self.peer, self._built), (self._state, self._moved)
+
+    def __setstate__(self, state: tuple[Floats, bool]) -> None:
+        """Start a copy from the state from which the original starts."""
+        start, self._moved = state
+        self._restart(start)
+
     def restart(self, q0: State, p0: State) -> None:
         """Set the state, arrays (d,), from which `advance` starts."""
-        self._calls.restart(np.concatenate([q0, p0]))
+        self._restart(np.concatenate([q0, p0]))
+
+    def _restart(self, state: Floats) -> None:
+        self._state = state
+        self._calls.restart(state)
 
     def __call__(self, *size: float, q0: State | None = None, p0: State | None = None) -> tuple[Floats, Floats, str]:
         """Integrate from the initial state and return (q, p, status) at t_end, or after the steps.
@@ -85,7 +102,7 @@ class PreparedPeer:
             self.restart(self._default[:d] if q0 is None else q0, self._default[d:] if p0 is None else p0)
             self._moved = True
         elif self._moved:
-            self._calls.restart(self._default)
+            self._restart(self._default)
             self._moved = False
         code = self.advance(*size)
         y = self._calls.state()

@@ -185,8 +185,8 @@ class Peer:
     least: float = 0.0
     ahead: bool = False
     rows_end_steps: bool = False
-    parameters: Mapping[str, Any] = field(default_factory=dict)
-    settings: Mapping[str, Any] = field(default_factory=dict)
+    parameters: Mapping[str, Any] = field(default_factory=dict, hash=False)
+    settings: Mapping[str, Any] = field(default_factory=dict, hash=False)
     python: tuple[int, int] | None = None
 
     @property

@@ -180,3 +180,32 @@ def test_ratio_needs_times_on_both_sides():
     for pair in ((untimed, table()), (table(), untimed)):
         found = history.overall({"t": pair[0], "u": table()}, {"t": pair[1], "u": table().assign(seconds=2.0)})
         assert np.isfinite(found.value)
+
+
+def write_lines(path, rows):
+    path.write_text(
+        "".join(json.dumps({"schema": 1, "cell": "a", "of": len(rows), "date": "", **r}) + "\n" for r in rows)
+    )
+    return str(path)
+
+
+def test_rows_of_run_are_compared_as_tables_are(tmp_path):
+    """Files of JSON lines, with provenance that differs, and nulls; they are the table `rows` of a folder."""
+    rows = [{"scene": "s", "method": m, "h": h, "status": "ok", "global_error": h**2} for m in "ab" for h in (0.1, 0.2)]
+    rows[0]["global_error"] = None
+    old = write_lines(tmp_path / "old.jsonl", rows)
+    assert history.changes(*history.load_pair(old, write_lines(tmp_path / "same.jsonl", rows[::-1]))) == []
+    changed = [rows[0], rows[1] | {"global_error": 1.0}, rows[2] | {"status": "diverged"}]
+    new = write_lines(tmp_path / "new.jsonl", changed)
+    assert {(c.kind, c.column) for c in history.changes(*history.load_pair(old, new))} == {
+        (history.WORSE, "global_error"), (history.STATUS, "status"), (history.GONE, "")
+    }  # fmt: skip
+    pd.DataFrame(rows).to_csv(tmp_path / "rows.csv", index=False)
+    assert history.changes(*history.load_pair(old, str(tmp_path))) == []
+
+
+@pytest.mark.parametrize("text", ['{"method": "a"}\n{"h"', '{"h": 1}\n', '{"schema": 99, "method": "a"}\n'])
+def test_lines_that_are_no_rows_are_invalid(text, tmp_path):
+    (tmp_path / "t.jsonl").write_text(text)
+    with pytest.raises(InvalidInput):
+        history.load(str(tmp_path / "t.jsonl"))

@@ -28,12 +28,37 @@ DIGITS = 1e-10
         ("rk4", math.sqrt(8)),
         ("forest-ruth", (2 - 2 ** (1 / 3)) * math.sqrt(2 + 2 * 2 ** (1 / 3))),
         ("explicit-euler", 0.0),
+        ("chin-4a", 2 * math.sqrt(3)),
+        ("hessian-free-badab", 2 * math.sqrt(3)),
     ],
 )
 def test_limits_to_ten_digits(method, limit):
     found = oscillator.find(integrator(method))
     assert found.how == oscillator.TRACE
     assert found.limit == pytest.approx(limit, rel=DIGITS)
+
+
+def rounded(trace, rng):
+    """`of_trace` with the round-off of a step in the trace."""
+    return of_trace(lambda z: trace(z) * (1 + 2e-16 * rng.standard_normal()))
+
+
+def test_ends_and_touches_at_multiple_roots_are_found_to_ten_digits(monkeypatch):
+    """tr = -2 + 4 u^n (1 + b z^2), u = 1 - (z/a)^2: for n = 3 an end at a, for n = 2 a touch."""
+    rng = np.random.default_rng(7)
+    traces = {}
+    for _ in range(20):
+        a, b = rng.uniform(1.2, 6), rng.uniform(-0.002, 0.002)
+        for n in (2, 3):
+            traces[a, n] = rounded(lambda z, a=a, b=b, n=n: -2 + 4 * (1 - (z / a) ** 2) ** n * (1 + b * z * z), rng)
+
+    def errors(n):
+        found = {a: oscillator.of_matrix(trace) for (a, m), trace in traces.items() if m == n}
+        return [abs((f.touches[0] if n == 2 else f.limit) / a - 1) for a, f in found.items()]
+
+    assert max(*errors(2), *errors(3)) < DIGITS
+    monkeypatch.setattr(linear_stability, "multiple_root", lambda f, z, reach: z)
+    assert min(max(errors(2)), max(errors(3))) > 10 * DIGITS
 
 
 def test_scheme_i_has_one_interval_next_to_a_pole():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 import phasebench as pb
@@ -186,6 +187,14 @@ def test_times_with_a_unit(value, unit, expected):
 def test_control_invalid_times(value):
     with pytest.raises(pb.InvalidInput):
         span(value, "day")
+
+
+def test_steps_and_starts_have_units_as_ends_have():
+    plain = pb.integrate("examples/planets.csv", "wisdom-holman", h=10.0, t_end=730.5, t0=365.25)
+    dated = pb.integrate("examples/planets.csv", "wisdom-holman", h="10 d", t_end="2 yr", t0="1 yr")
+    assert np.array_equal(plain.q, dated.q)
+    with pytest.raises(pb.InvalidInput, match="no unit of time"):
+        pb.integrate("pendulum", "rk4", h="1 d", steps=3)
 
 
 def test_units_in_any_order():

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pickle
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from phasebench.benchmarks.problems import file_and_orbit, problem, user, user_file
@@ -222,6 +223,33 @@ def test_constants_are_exact_doubles():
     made = user.from_formula("p**2/2 - k*cos(w*q)", [2.0], [0.0], {"k": 0.1, "w": 3.0})
     assert made.system.H == user.from_formula("p**2/2 - 0.1*cos(3*q)", [2.0], [0.0]).system.H
     assert found["q"] == integrate(made, "rk4", h=0.1, t_end=2).q[-1].tolist()
+
+
+@pytest.mark.parametrize(
+    ("own", "numbered"),
+    [
+        ("(px**2 + py**2)/2 - 1/sqrt(x**2 + y**2)", "(p1**2 + p2**2)/2 - 1/sqrt(q1**2 + q2**2)"),
+        ("pr**2/2 + pphi**2/(2*r**2) - 1/r", "p2**2/2 + p1**2/(2*q2**2) - 1/q2"),
+        ("ptheta**2/2 - k*cos(theta)", "p1**2/2 - k*cos(q1)"),
+    ],
+)
+def test_names_of_ones_own_are_those_of_python(own, numbered):
+    """x and px in alphabetical order; phi occurs in its momentum alone."""
+    k = {"k": 2.0} if "k" in own else {}
+    d = 1 if k else 2
+    q0, p0 = [0.9, 0.8][:d], [0.3, 0.7][:d]
+    one, other = (user.from_formula(text, q0, p0, k) for text in (own, numbered))
+    runs = [integrate(made, "gauss-4", h=0.1, steps=20) for made in (one, other)]
+    assert np.array_equal(runs[0].q, runs[1].q)
+    assert [str(x) for x in one.system.p] == [f"p{x}" for x in one.system.q]
+
+
+def test_a_constant_is_no_momentum():
+    with pytest.raises(InvalidInput, match="y besides the variables x, px"):
+        user.from_formula("px**2/2 + x*y", [1.0], [0.0])
+    with pytest.raises(InvalidInput, match="d = 2: ot, x, pot, px"):
+        user.from_formula("px**2/2 + pot*x", [1.0], [0.0])
+    assert user.from_formula("px**2/2 + pot*x", [1.0], [0.0], {"pot": 2.0}).system.d == 1
 
 
 def test_two_degrees_of_freedom():

@@ -30,8 +30,8 @@ assert Path(pb.__file__).is_relative_to({site!r}), pb.__file__
 s = pb.integrate("pendulum", "stormer-verlet", h=0.1, t_end=1)
 assert s.status == "ok"
 assert coefficients.polished_numbers("pefrl")
-assert bibliography.cited(["pefrl", "pendulum"])
-assert stored.find(pb.problem("pendulum")).ends
+assert bibliography.bibtex(["pefrl", "pendulum"])
+assert stored.load(pb.problem("pendulum"))
 assert all(len(error_tables.load(s.id)[0]) for s in SCENES)
 assert prior.TABLE.load().factors
 assert fronts.TABLE.load()
@@ -45,8 +45,25 @@ def run(*command, cwd) -> str:
     return done.stdout
 
 
-@pytest.fixture(scope="module")
-def installation(tmp_path_factory) -> tuple[Path, Path]:
+PIP = (sys.executable, "-m", "pip", "--disable-pip-version-check")
+
+
+def build_wheel(folder: Path, links: bool) -> Path:
+    """The wheel of a copy of this tree; without ``links`` its symbolic links are files, as Windows checks them out."""
+    source = folder / "source"
+    leave = shutil.ignore_patterns(".*", "__pycache__", "reports", "tests", "build", "*.egg-info")
+    shutil.copytree(ROOT, source, ignore=leave, symlinks=True)
+    for link in () if links else [p for p in (source / "phasebench").iterdir() if p.is_symlink()]:
+        target = link.readlink()
+        link.unlink()
+        link.write_text(target.as_posix())
+    run(*PIP, "wheel", "--no-deps", "--no-index", "--no-build-isolation", "-w", folder, source, cwd=folder)
+    (wheel,) = folder.glob("*.whl")
+    return wheel
+
+
+@pytest.fixture(scope="module", params=[True, False], ids=["links", "no links"])
+def installation(request, tmp_path_factory) -> tuple[Path, Path]:
     """Paths (programs, site-packages) of an environment with a wheel of this tree and this environment's packages."""
     try:
         if int(importlib.metadata.version("setuptools").split(".")[0]) < SETUPTOOLS:
@@ -55,15 +72,10 @@ def installation(tmp_path_factory) -> tuple[Path, Path]:
     except importlib.metadata.PackageNotFoundError as error:
         pytest.skip(f"{error.name} is not installed, and a test fetches nothing")
     folder = tmp_path_factory.mktemp("installation")
-    source = folder / "source"
-    leave = shutil.ignore_patterns(".*", "__pycache__", "reports", "tests", "build", "*.egg-info")
-    shutil.copytree(ROOT, source, ignore=leave, symlinks=True)
-    pip = (sys.executable, "-m", "pip", "--disable-pip-version-check")
-    run(*pip, "wheel", "--no-deps", "--no-index", "--no-build-isolation", "-w", folder, source, cwd=folder)
-    (wheel,) = folder.glob("*.whl")
+    wheel = build_wheel(folder, request.param)
     venv.create(folder / "venv", symlinks=True)
     programs = folder / "venv" / "bin"
-    run(*pip, "--python", programs / "python", "install", "--no-deps", "--no-index", "--no-compile", wheel, cwd=folder)
+    run(*PIP, "--python", programs / "python", "install", "--no-deps", "--no-index", "--no-compile", wheel, cwd=folder)
     (site,) = (folder / "venv").glob("lib/python*/site-packages")
     (site / "others.pth").write_text("\n".join(p for p in sys.path if p.endswith("site-packages")) + "\n")
     return programs, site
@@ -99,5 +111,5 @@ def files(folder: Path) -> set[str]:
 
 def test_an_installation_has_every_file(installation):
     house = files(ROOT / "integrators") | files(ROOT / "reference") | files(ROOT / "benchmarks")
-    expected = {f"phasebench/{name}" for name in house} | {"phasebench/__init__.py", "phasebench/py.typed"}
+    expected = {f"phasebench/{name}" for name in (*house, "__init__.py", "__main__.py", "py.typed")}
     assert files(installation[1] / "phasebench") == expected

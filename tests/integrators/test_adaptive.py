@@ -7,6 +7,7 @@ import json
 import numpy as np
 import pytest
 
+import phasebench as pb
 from phasebench.benchmarks.measure.drift import drift
 from phasebench.benchmarks.problems import problem
 from phasebench.integrators import Hamiltonian
@@ -225,3 +226,37 @@ def test_compiled_and_uncompiled_runs_agree(uncompiled):
 
 if __name__ == "__main__":
     print(json.dumps({"result": short()}))
+
+
+#: Hard bounces: H, the turning point at which the orbit starts, the end; two walls, a wall of two coordinates.
+BOUNCES = [
+    ("p**2/2 + 1/q**2 + q - log(2 + q)/3", [0.03], 120),
+    ("p**2/2 + 1/q + q/5", [1e-3], 200),
+    ("p**2/2 + 1/q**4 + q", [0.05], 400),
+    ("p**2/2 + 4*(1/q**12 - 1/q**6) + q**2/50", [0.6], 30),
+    ("p**2/2 + 1/q**2 + q**2/2", [0.01], 40),
+    ("p**2/2 + 1/q + 1/(5 - q)", [0.01], 10),
+    ("p1**2/2 + p2**2/2 + 1/(q1 - q2)**2 + (q1**2 + q2**2)/2", [0.02, 0.0], 20),
+]
+
+
+@pytest.mark.parametrize(("H", "q0", "t_end"), BOUNCES)
+def test_variable_steps_hold_through_a_hard_bounce(H, q0, t_end):
+    """The time scale of a turn, 1e-4 to 1e-9 of the span, is met by steps of a tenth of it; heyoka is the truth."""
+    d = len(q0)
+    q, p = ("q", "p") if d == 1 else ("q1 q2", "p1 p2")
+    system = Hamiltonian(q=q, p=p, H=H)
+    start = {"q0": q0, "p0": [0.0] * d, "t_end": t_end, "save_every": 0}
+    true = pb.integrate(system, "heyoka", **start).q[-1]
+    for h, error in ((0.2, 1e-7), (0.1, 1e-10)):
+        s = integrate(system, "gauss-6-adaptive", h=t_end / round(t_end / h), **start)
+        assert s.status == "ok"
+        assert np.abs(s.q[-1] - true).max() < error * np.abs(true).max()
+
+
+def test_only_walls_are_met_by_their_approach():
+    """The density of a Kepler orbit is r^-3/2, of which stored rows are made; that of a wall is larger by far."""
+    kepler, wall = ORBIT.system, Hamiltonian(q="q", p="p", H="p**2/2 + 1/q**2")
+    assert adaptive.monitor(kepler, DOUBLE)((3.0, 4.0), (0.3, 0.9))[0] == pytest.approx(5**-1.5, rel=1e-15)
+    assert adaptive.monitor(wall, DOUBLE)((1e-2,), (0.0,))[0] == pytest.approx((2 / 1e-8) ** 0.5, rel=1e-3)
+    assert adaptive.monitor(wall, DOUBLE)((1e3,), (50.0,))[0] == pytest.approx(50 / 1e3, rel=1e-3)

@@ -1,7 +1,9 @@
 """Ensembles: each orbit equals that of `integrate`, in SIMD lanes or not; a failure affects its own orbit only."""
 
+import signal
 import threading
 import time
+from functools import partial
 
 import numpy as np
 import pytest
@@ -243,3 +245,26 @@ def test_invalid_arguments_are_refused(changed, message):
     good = {"problem": made, "method": "scheme-i", "Q": Q, "P": P, "h": 0.1, "steps": 2, "parameters": {"lam": 0.3}}
     with pytest.raises(InvalidInput, match=message):
         integrate_ensemble(**good | changed)
+
+
+@pytest.mark.parametrize(
+    ("id", "n", "lanes"), [("stormer-verlet", 50_000, True), ("gauss-6", 2000, False), ("scheme-v", 200, None)]
+)
+def test_an_ensemble_is_interrupted_whatever_its_steps(id, n, lanes):
+    """Ctrl-C ends a run of years within seconds; the orbits are whole in the next."""
+    made = problem("henon-heiles:box")
+    q, p = (np.tile(x, (n, 1)) for x in (made.q0, made.p0))
+    run = partial(integrate_ensemble, made, id, q, p, h=1e-3, lanes=lanes, threads=2)
+    end = run(steps=20).q
+    sent = []
+
+    def interrupt() -> None:
+        sent.append(time.monotonic())
+        signal.raise_signal(signal.SIGINT)
+
+    timer = threading.Timer(1.0, interrupt)
+    timer.start()
+    with pytest.raises(KeyboardInterrupt):
+        run(steps=10**11)
+    assert time.monotonic() - sent[0] < 10, "two seconds where nothing else runs"
+    assert np.array_equal(run(steps=20).q, end)

@@ -83,6 +83,15 @@ def test_steps_into_a_wall_are_rejected():
     assert fixed.status != "ok" or np.abs(end(fixed) - fine).max() > 1e-3, "the control"
 
 
+@pytest.mark.parametrize("h", [0.3, 0.04, 0.005])
+def test_no_step_passes_through_a_wall_to_the_same_energy(h):
+    """H is even in q, so that its value does not tell on which side of 1/q^2 a step ends; the sign of q does."""
+    wall = Hamiltonian(q="q", p="p", H="p**2/2 + 1/q**2 + q**2/2")
+    s = integrate(wall, "gauss-6-field", h=h, t_end=h * round(40 / h), q0=[0.01], p0=[0.0])
+    assert s.status == "ok"
+    assert (s.q > 0).all()
+
+
 def test_the_growth_of_steps_is_bounded():
     run = lay_out(prepare(BY_ID["gauss-8-field"], WALL), 1, 0.01, [3.0], [0.0], DOUBLE)
     seen = []

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 import sympy as sp
 
+from phasebench.benchmarks.problems import problem
 from phasebench.integrators import Hamiltonian, InvalidInput
-from phasebench.integrators.systems.hamiltonian import PartitionedSystem
+from phasebench.integrators.systems.hamiltonian import SHOWN, PartitionedSystem
 
 FORMULAE = {
     "q": "x y",
@@ -211,3 +212,10 @@ def test_an_invalid_hamiltonian_is_refused(given, message):
 def test_an_invalid_partitioned_system_is_refused(given, message):
     with pytest.raises(InvalidInput, match=message):
         PartitionedSystem(**{"q": "q", "p": "p", "dq": ["p"], "dp": ["-p"]} | given)
+
+
+def test_a_system_prints_what_it_is_made_of():
+    text = repr(problem("pendulum").system)
+    assert text == "Hamiltonian(q='q', p='p', H='p**2/2 - cos(q)')"
+    assert repr(eval(text, {"Hamiltonian": Hamiltonian})) == text
+    assert len(repr(problem("outer-solar-system").system)) < 4 * SHOWN

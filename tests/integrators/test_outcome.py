@@ -231,3 +231,11 @@ def test_the_report_of_an_unsolved_stage_names_its_solver():
 
 if __name__ == "__main__":
     print(json.dumps({"result": accurate()}))
+
+
+@pytest.mark.parametrize(("sign", "status"), [("+", "ok"), ("-", "collision")])
+def test_a_wall_that_repels_is_met_head_on_without_a_collision(sign, status):
+    system = Hamiltonian(q="q", p="p", H=f"p**2/2 {sign} 1/q**2 + q")
+    assert integrate(system, "stormer-verlet", h=1e-3, t_end=1, q0=[0.3], p0=[-1.0]).status == status
+    row = np.array([0.0]), np.array([[0.9]]), np.array([[-60.0]])  # a step of 0.05 would pass the singularity
+    assert (outcome.describe_crossing(system, *row, 0.05) is None) == (status == "ok")

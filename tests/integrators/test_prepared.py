@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import ast
+import copy
 import gc
+import pickle
 import sys
 import time
 import weakref
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -152,6 +156,46 @@ def test_memory_is_freed_with_the_run():
     del run
     gc.collect()
     assert held() is None
+
+
+@pytest.mark.parametrize("copied", [copy.copy, copy.deepcopy, lambda run: pickle.loads(pickle.dumps(run))])
+@pytest.mark.parametrize("id", ["stormer-verlet", "scheme-v"])
+def test_a_copy_of_a_run_is_another_run(id, copied):
+    """A copy has memory of its own, goes on alone, and outlives the original; it starts where the original does."""
+    run = prepare(problem("pendulum"), id)
+    run.restart([0.3], [0.2])
+    first, other = run(H, 20), copied(run)
+    assert not np.shares_memory(run._end, other._end)
+    assert not compiled() or run._address != other._address
+    assert same(other(H, 20), first)
+    other(H, 3, q0=[1.0])
+    assert same(run(H, 20), first)
+    del run
+    gc.collect()
+    assert same(prepare(problem("pendulum"), id, q0=[1.0])(H, 3)[:2], other(H, 3, q0=[1.0])[:2])
+
+
+def test_a_copy_of_a_prepared_peer_has_a_state_of_its_own():
+    run = pb.prepare("pendulum", "heyoka")
+    end, other = run(1.0), copy.copy(run)
+    other.restart([0.5], [0.0])
+    assert not same(other(1.0)[:2], end[:2])
+    assert same(copy.deepcopy(other)(1.0)[:2], other(1.0)[:2])
+    assert same(run(1.0)[:2], end[:2])
+
+
+def test_what_releases_memory_says_how_it_is_copied():
+    for path in Path(pb.__path__[0]).resolve().parent.glob("[ibr]*/**/*.py"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ClassDef):
+                names = {n.name for n in node.body if isinstance(n, ast.FunctionDef)}
+                names |= {getattr(t, "id", "") for n in node.body if isinstance(n, ast.Assign) for t in n.targets}
+                assert "__del__" not in names or "__reduce__" in names, f"{path}: {node.name}"
+
+
+def test_a_run_prints_its_method_and_its_system():
+    run = prepare(problem("pendulum"), "scheme-i", parameters={"lam": "1/3"})
+    assert repr(run) == "PreparedRun(scheme-i(lam=1/3) on Hamiltonian(q='q', p='p', H='p**2/2 - cos(q)'))"
 
 
 def test_a_run_that_cannot_be_prepared_leaves_no_error_behind(monkeypatch):

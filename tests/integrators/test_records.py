@@ -13,6 +13,7 @@ from phasebench.benchmarks.problems import PROBLEMS, problem
 from phasebench.integrators.record import BOUNDED, DRIFT, EXACT, NONE, ROUND_OFF
 from phasebench.integrators.record import TRAITS as MEANINGS
 from phasebench.integrators.registry import BY_ID, METHODS, method
+from phasebench.reference.peers import PEERS
 
 TRAITS = set(problem("pendulum").system.traits)
 IDS = [m.id for m in METHODS]
@@ -33,6 +34,13 @@ def test_a_record_is_complete(id):
     assert set(m.requires) <= TRAITS, "no system has such a trait"
     assert m.cite
     assert set(m.cite) <= set(bibliography.entries()), "the bibliography lacks a key"
+
+
+def test_methods_peers_and_problems_are_keys_of_dicts():
+    names = {x: x.id for x in (*METHODS, *PEERS, *map(problem, PROBLEMS))}
+    assert len(names) == len({*names.values()})
+    assert {method("scheme-i", lam=0.5): 1}[method("scheme-i", lam="1/2")] == 1
+    assert method("scheme-i", lam=0.5) != method("scheme-i", lam=0.25)
 
 
 def test_what_gives_a_system_a_trait_is_said_of_every_trait():

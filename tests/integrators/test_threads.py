@@ -117,3 +117,24 @@ def test_an_exception_on_any_thread_ends_the_work(here):
     with pytest.raises(ZeroDivisionError):
         list(map_slices(work, n, 2))
     assert len(done) == 1
+
+
+def test_interrupted_work_is_halted_on_all_threads():
+    """The calling thread is interrupted in its first slice; the others, which would never end, look at the event."""
+    halt, caller = threading.Event(), threading.get_ident()
+
+    def work(part):
+        while threading.get_ident() != caller:
+            if halt.wait(0.01):
+                raise threads.Halted
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        list(map_slices(work, 8, 2, halt))
+    assert halt.is_set()
+
+
+def test_work_that_ends_is_not_halted():
+    halt = threading.Event()
+    assert numbers(map_slices(lambda part: part, 100, 2, halt)) == list(range(100))
+    assert not halt.is_set()
