@@ -45,7 +45,6 @@ from phasebench.benchmarks.experiments.options.numerics_page import PAGE as OPTI
 from phasebench.benchmarks.experiments.options.page import PAGE as OPTIONS
 from phasebench.benchmarks.experiments.orders.page import PAGE as ORDERS
 from phasebench.benchmarks.experiments.oscillatory.page import PAGE as OSCILLATORY
-from phasebench.benchmarks.experiments.parts.page import PAGE as PARTS
 from phasebench.benchmarks.experiments.printed.page import PAGE as PRINTED
 from phasebench.benchmarks.experiments.printed_numbers.page import PAGE as PRINTED_NUMBERS
 from phasebench.benchmarks.experiments.references.page import PAGE as REFERENCES
@@ -70,59 +69,63 @@ from phasebench.benchmarks.page.drawn import Figures
 from phasebench.benchmarks.page.origin import count_outdated, origin
 from phasebench.benchmarks.page.page import Page, Picture, Table, conclusion
 from phasebench.benchmarks.page.verdict import MEANING
+from phasebench.benchmarks.studies import index
 from phasebench.integrators.errors import InvalidInput
 
 from .store import tables as results
 
+#: Pages that are no studies, each with its place among them (`Study.place`).
+_OTHERS: tuple[tuple[float, Page], ...] = (
+    (10, TRADE),
+    (20, TRADE_RATIOS),
+    (30, GAUSS_16),
+    (40, ADVICE),
+    (50, MODELS),
+    (60, OPTIONS),
+    (70, OPTIONS_NUMERICS),
+    (80, PRINTED),
+    (90, PRINTED_NUMBERS),
+    (100, FIELD_SAYS),
+    (110, STATISTICS),
+    (120, ORDERS),
+    (130, STRUCTURE),
+    (140, MATRIX),
+    (150, INVARIANTS),
+    (160, DRIFT),
+    (170, ENERGY_PRESERVATION),
+    (180, EXTREMES),
+    (190, EXTREMES_LIMITS),
+    (200, EXTREMES_ROUND_OFF),
+    (210, EXTREMES_ENCOUNTERS),
+    (220, EXTREMES_SPRINGS),
+    (230, EXTREMES_MULTISTEP),
+    (240, KEPLER),
+    (250, WISDOM_HOLMAN),
+    (260, OSCILLATORY),
+    (270, EXTENDED),
+    (280, CONSTRAINTS),
+    (290, RIGID),
+    (310, WAVES),
+    (320, MULTISYMPLECTIC),
+    (330, SAMPLING),
+    (340, HESSIAN_FREE),
+    (350, AUDIT),
+    (360, MOLECULES),
+    (370, ELSEWHERE),
+    (380, REFERENCES),
+    (390, SPEED),
+    (400, START),
+    (410, LARGE),
+    (420, LARGE_SOLVERS),
+    (430, ENSEMBLES),
+    *((440, page) for page in CATALOGUE),
+    *((450, page) for page in TALKS),
+    *((460, page) for page in FIGURES),
+    *((470, page) for page in TRADE_SCENES),
+)
 #: All pages, in reading order.
-PAGES: tuple[Page, ...] = (
-    TRADE,
-    TRADE_RATIOS,
-    GAUSS_16,
-    ADVICE,
-    MODELS,
-    OPTIONS,
-    OPTIONS_NUMERICS,
-    PRINTED,
-    PRINTED_NUMBERS,
-    FIELD_SAYS,
-    STATISTICS,
-    ORDERS,
-    STRUCTURE,
-    MATRIX,
-    INVARIANTS,
-    DRIFT,
-    ENERGY_PRESERVATION,
-    EXTREMES,
-    EXTREMES_LIMITS,
-    EXTREMES_ROUND_OFF,
-    EXTREMES_ENCOUNTERS,
-    EXTREMES_SPRINGS,
-    EXTREMES_MULTISTEP,
-    KEPLER,
-    WISDOM_HOLMAN,
-    OSCILLATORY,
-    EXTENDED,
-    CONSTRAINTS,
-    RIGID,
-    PARTS,
-    WAVES,
-    MULTISYMPLECTIC,
-    SAMPLING,
-    HESSIAN_FREE,
-    AUDIT,
-    MOLECULES,
-    ELSEWHERE,
-    REFERENCES,
-    SPEED,
-    START,
-    LARGE,
-    LARGE_SOLVERS,
-    ENSEMBLES,
-    *CATALOGUE,
-    *TALKS,
-    *FIGURES,
-    *TRADE_SCENES,
+PAGES: tuple[Page, ...] = tuple(
+    page for _, page in sorted([*_OTHERS, *((s.place, s.page) for s in index.found().values())], key=lambda x: x[0])
 )
 QUICK = "This is the quick tier: few steps, few rounds; it shows that the suite runs, and no more."
 

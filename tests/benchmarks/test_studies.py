@@ -1,0 +1,134 @@
+"""All studies: their pages are those of the committed rows, and every claim can hold and can fail.
+
+The committed report is what judges: a changed sentence, bound, column or figure shows in its difference, and
+`phasebench report` writes it anew.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+from importlib.metadata import version
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from phasebench.benchmarks import report
+from phasebench.benchmarks.page import markdown
+from phasebench.benchmarks.page.origin import count_outdated, origin
+from phasebench.benchmarks.page.page import conclusion
+from phasebench.benchmarks.page.study import Claim, Runs, Study
+from phasebench.benchmarks.page.verdict import FAIL, FINDING, PASS, at_most
+from phasebench.benchmarks.studies import index
+from support.pages import REPORTS
+
+STUDIES = tuple(index.found().values())
+CLAIMS = [
+    pytest.param(claim, id=f"{s.id}-{name}") for s in STUDIES for name, claim in [*s.claims.items(), *s.checks.items()]
+]
+#: Ways to make numbers wrong.
+SPOIL = (lambda x: x * 1e9, lambda x: x * 1e-9, lambda x: x + 17.0, lambda x: -x)
+
+
+@pytest.fixture(scope="module")
+def data():
+    """The committed tables."""
+    return report.Data(REPORTS)
+
+
+def page_text(study: Study, data, folder: Path) -> str:
+    """The page of a study, whose figures are drawn into a folder."""
+    page = study.page
+    verdicts = page.judge(data)
+    outcome, answer = conclusion(page, data, verdicts)
+    parts = verdicts, page.figures(data, folder) or [], page.table(data), origin(page, data), count_outdated(page, data)
+    return markdown.document(page, outcome, answer, *parts)
+
+
+@pytest.mark.parametrize("study", STUDIES, ids=lambda s: s.id)
+def test_the_page_is_that_of_the_committed_rows(study, data, tmp_path):
+    assert page_text(study, data, tmp_path) == (REPORTS / f"{study.id}.md").read_text(encoding="utf-8")
+    if any(f"matplotlib {version('matplotlib')}" not in data.about(runs.table)["versions"] for runs in study.runs):
+        return  # another version of matplotlib may draw otherwise
+    for picture in tmp_path.iterdir():
+        assert picture.read_bytes() == (REPORTS / "figures" / picture.name).read_bytes(), picture.name
+
+
+def spoiled(frame: pd.DataFrame) -> Iterator[pd.DataFrame]:
+    """Copies of a table with wrong numbers in a column: of all rows, of every other one, or of those of one text."""
+    texts = [frame[c] == x for c in frame.select_dtypes(exclude="number") for x in frame[c].unique()[:40]]
+    parts = [np.arange(len(frame)) >= 0, np.arange(len(frame)) % 2 == 0, *(t.to_numpy() for t in texts)]
+    for column, spoil, part in product(frame.select_dtypes("number"), SPOIL, parts):
+        values = frame[column].astype(float).to_numpy()
+        yield frame.assign(**{column: np.where(part, spoil(values), values)})
+
+
+@pytest.mark.parametrize("claim", CLAIMS)
+def test_every_claim_can_hold_and_can_fail(claim, data):
+    """With the committed numbers or with wrong ones in a part of a column; without its rows it says nothing."""
+    frame = data(claim.table)
+    assert claim(lambda name: None) is None
+    assert claim(lambda name: frame.head(0)) is None
+    assert outcomes(claim, frame) >= {PASS, FAIL if claim.fault else FINDING}
+
+
+def outcomes(claim: Claim, frame: pd.DataFrame) -> set[str]:
+    """Outcomes of a claim on a table and on its spoiled copies, until there are both."""
+    found: set[str] = set()
+    for one in (frame, *spoiled(frame)):
+        verdict = claim({claim.table: one}.get)
+        found |= {verdict.outcome} if verdict is not None else set()
+        if PASS in found and found & {FAIL, FINDING}:
+            break
+    return found
+
+
+def test_control_a_claim_that_cannot_fail_is_seen():
+    frame = pd.DataFrame({"method": ["a", "b"], "error": [1e-9, 2e-9]})
+    assert outcomes(Claim("errors are small", "t", "error", at_most(1e-3)), frame) == {PASS, FINDING}
+    assert outcomes(Claim("errors are small", "t", "0 * error", at_most(1e-3)), frame) == {PASS}
+    assert outcomes(Claim("errors are small", "t", "error ** 2", at_most(-1)), frame) == {FINDING}
+
+
+@pytest.mark.parametrize("study", STUDIES, ids=lambda s: s.id)
+def test_keys_are_those_of_the_committed_tables(study, data):
+    cells = study.cells()
+    assert len({c.id for c in cells}) == len(cells)
+    assert study.cells(quick=True) == []
+    for runs in study.runs:
+        frame = data(runs.table)
+        assert all(is_key(frame, key) for key in runs.keys)
+        assert len(frame.drop_duplicates(list(runs.keys[0]))) == len(runs.keys)
+
+
+def is_key(frame: pd.DataFrame, key) -> bool:
+    """True if rows of a table have a key."""
+    same = [np.isclose(frame[k], v) if isinstance(v, float) else frame[k] == v for k, v in key.items()]
+    return bool(np.logical_and.reduce(same).any())
+
+
+@pytest.mark.parametrize("study", STUDIES, ids=lambda s: s.id)
+def test_a_study_is_found_by_its_id(study):
+    assert report.PAGES[[p.id for p in report.PAGES].index(study.id)].question == study.question
+    assert Path(__import__(study.module, fromlist=["STUDY"]).__file__).stem in (study.id.replace("-", "_"), "__init__")
+
+
+def test_the_key_of_a_cell_holds_what_its_method_and_problem_stand_for():
+    study = Study("one", 0, "", "", (), (), {}, ())
+    keys = [{"method": m, "problem": p} for m, p in (("rk4", "pendulum"), ("rk4", "kepler"), ("gauss-4", "pendulum"))]
+    cells = Runs("t", at_most, keys).cells(study)
+    assert [c.names for c in cells] == [{"rk4", "pendulum"}, {"rk4", "kepler"}, {"gauss-4", "pendulum"}]
+    assert len({c.content for c in cells}) == 3
+    assert cells[0].content != Runs("t", at_most, keys, needs=("more",)).cells(study)[0].content
+
+
+def test_the_text_of_a_claim_is_a_literal():
+    """A computed one could contain a measured number."""
+    folder = Path(index.__file__).parent
+    calls = [n for p in folder.rglob("*.py") for n in ast.walk(ast.parse(p.read_text())) if isinstance(n, ast.Call)]
+    texts = [call.args[0] for call in calls if getattr(call.func, "id", "") == "Claim"]
+    assert len(texts) >= len(CLAIMS)
+    assert [ast.unparse(text) for text in texts if not isinstance(text, ast.Constant)] == []
