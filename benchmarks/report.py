@@ -48,7 +48,6 @@ from phasebench.benchmarks.experiments.oscillatory.page import PAGE as OSCILLATO
 from phasebench.benchmarks.experiments.printed.page import PAGE as PRINTED
 from phasebench.benchmarks.experiments.printed_numbers.page import PAGE as PRINTED_NUMBERS
 from phasebench.benchmarks.experiments.references.page import PAGE as REFERENCES
-from phasebench.benchmarks.experiments.rigid.page import PAGE as RIGID
 from phasebench.benchmarks.experiments.sampling.hessian_page import PAGE as HESSIAN_FREE
 from phasebench.benchmarks.experiments.sampling.page import PAGE as SAMPLING
 from phasebench.benchmarks.experiments.speed.page import PAGE as SPEED
@@ -104,7 +103,6 @@ _OTHERS: tuple[tuple[float, Page], ...] = (
     (260, OSCILLATORY),
     (270, EXTENDED),
     (280, CONSTRAINTS),
-    (290, RIGID),
     (310, WAVES),
     (320, MULTISYMPLECTIC),
     (330, SAMPLING),

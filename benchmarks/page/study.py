@@ -1,7 +1,7 @@
 """`Study`: a question, the runs that answer it, its claims, figure and table, declared as data.
 
 `Study.cells` are the measurements for the store, `Study.page` is the page of the report.  A table's rows are those that
-its measuring function returns, each with the key of its cell in front.
+its measuring function returns, each with the key of its cell.
 """
 
 from __future__ import annotations
@@ -77,9 +77,10 @@ def _records(key: Mapping[str, object]) -> list[object]:
 
 
 def measured(table: str, measure: Callable[..., Any], key: tuple[tuple[str, object], ...]) -> Rows:
-    """The rows of a cell by table, each with the cell's key in front; it is called in the worker."""
+    """The rows of a cell by table, with what they lack of its key in front; it is called in the worker."""
     found = measure(**dict(key))
-    return {table: [dict(key) | row for row in ([found] if isinstance(found, Mapping) else found)]}
+    rows = [found] if isinstance(found, Mapping) else found
+    return {table: [{k: v for k, v in key if k not in row} | row for row in rows]}
 
 
 # -- numbers and claims ------------------------------------------------------------------------------------------------
