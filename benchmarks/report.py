@@ -21,7 +21,6 @@ import pandas as pd
 from phasebench.benchmarks.experiments.advice.page import PAGE as ADVICE
 from phasebench.benchmarks.experiments.audit.page import PAGE as AUDIT
 from phasebench.benchmarks.experiments.catalogue.page import PAGES as CATALOGUE
-from phasebench.benchmarks.experiments.constraints.page import PAGE as CONSTRAINTS
 from phasebench.benchmarks.experiments.drift.page import PAGE as DRIFT
 from phasebench.benchmarks.experiments.elsewhere.page import PAGE as ELSEWHERE
 from phasebench.benchmarks.experiments.energy_preservation.page import PAGE as ENERGY_PRESERVATION
@@ -102,7 +101,6 @@ _OTHERS: tuple[tuple[float, Page], ...] = (
     (250, WISDOM_HOLMAN),
     (260, OSCILLATORY),
     (270, EXTENDED),
-    (280, CONSTRAINTS),
     (310, WAVES),
     (320, MULTISYMPLECTIC),
     (330, SAMPLING),

@@ -6,7 +6,23 @@ import numpy as np
 import pytest
 
 from phasebench.benchmarks.measure.orders import successive
-from phasebench.benchmarks.studies import rigid
+from phasebench.benchmarks.problems import problem
+from phasebench.benchmarks.studies import constraints, rigid
+from phasebench.integrators.driver import integrate
+
+# -- constraints -------------------------------------------------------------------------------------------------------
+
+
+def test_plain_rattle_iterated_to_round_off_is_rattle():
+    made = problem(constraints.SPHERE)
+    plain = constraints.loose_rattle.py_func
+    energy, iterations = plain(np.array(made.q0), np.array(made.p0), 0.05, 20, 1, 1e-15)
+    s = integrate(made, "rattle", h=0.05, steps=20)
+    assert np.abs(energy - s.energy()).max() < 1e-14
+    loose, fewer = plain(np.array(made.q0), np.array(made.p0), 0.05, 20, 1, 1e-4)
+    assert np.abs(loose - s.energy()).max() > 1e-9
+    assert fewer < iterations
+
 
 # -- rigid bodies ------------------------------------------------------------------------------------------------------
 
