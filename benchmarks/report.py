@@ -47,7 +47,6 @@ from phasebench.benchmarks.experiments.oscillatory.page import PAGE as OSCILLATO
 from phasebench.benchmarks.experiments.printed.page import PAGE as PRINTED
 from phasebench.benchmarks.experiments.printed_numbers.page import PAGE as PRINTED_NUMBERS
 from phasebench.benchmarks.experiments.references.page import PAGE as REFERENCES
-from phasebench.benchmarks.experiments.sampling.hessian_page import PAGE as HESSIAN_FREE
 from phasebench.benchmarks.experiments.sampling.page import PAGE as SAMPLING
 from phasebench.benchmarks.experiments.speed.page import PAGE as SPEED
 from phasebench.benchmarks.experiments.start.page import PAGE as START
@@ -104,7 +103,6 @@ _OTHERS: tuple[tuple[float, Page], ...] = (
     (310, WAVES),
     (320, MULTISYMPLECTIC),
     (330, SAMPLING),
-    (340, HESSIAN_FREE),
     (350, AUDIT),
     (360, MOLECULES),
     (370, ELSEWHERE),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pandas as pd
 import pytest
 
@@ -30,7 +31,7 @@ def bench_claim(outcome: Outcome, study: Study, claim: Claim) -> None:
     cells = [c for c in outcome.cells if c.experiment == study.id and c.id in outcome.failed]
     failed = [f"{c.label}: {outcome.failed[c.id]}" for c in cells]
     assert not failed, "cells that could not be measured:\n" + "\n".join(failed)
-    verdict = claim(lambda name: pd.DataFrame(outcome.rows(name)))
+    verdict = claim(lambda name: pd.DataFrame(outcome.rows(name)).replace("", np.nan))
     if verdict is None:
         pytest.skip("none of its rows is measured in this run")
     assert verdict.outcome == PASS, verdict.row()

@@ -1,4 +1,4 @@
-"""Acceptance of Hamiltonian Monte Carlo, the energy of Hessian-free steps, and the verdicts of both pages."""
+"""Acceptance of Hamiltonian Monte Carlo, and the verdicts of its page."""
 
 from __future__ import annotations
 
@@ -12,16 +12,13 @@ from phasebench.benchmarks.experiments.sampling import (
     acceptance,
     bench_sampling,
     cost,
-    hessian_free,
-    hessian_page,
     limits,
     page,
 )
 from phasebench.benchmarks.page.page import ROWS
-from phasebench.benchmarks.page.verdict import FAIL, FINDING, PASS, Count
+from phasebench.benchmarks.page.verdict import FINDING, PASS, Count
 from phasebench.integrators.coefficients import sampling as tables
 from phasebench.integrators.coefficients.order_conditions import classical_order
-from phasebench.integrators.registry import BY_ID
 
 # -- the methods -------------------------------------------------------------------------------------------------------
 
@@ -90,31 +87,6 @@ def test_hessian_free_kicks_are_the_same_on_a_gaussian_target():
     assert both[0] == pytest.approx(both[1], abs=1e-12)
 
 
-# -- the energy without the Hessian ------------------------------------------------------------------------------------
-
-
-def test_partners_have_the_structure_of_the_hessian_free_method():
-    """Drifts, kicks and gradients stand at the same places."""
-    for free, partner in hessian_free.WITH.items():
-        shapes = [[tuple(bool(x) for x in row) for row in BY_ID[id].data[0]] for id in (free, partner)]
-        assert shapes[0] == shapes[1], free
-
-
-def test_chaotic_rows_show_the_drift_of_a_runge_kutta_method():
-    rows = {m: hessian_free.chaotic(m, steps=20_000) for m in ("hessian-free-badab", "chin-4a", "rk4")}
-    for m in ("hessian-free-badab", "chin-4a"):
-        assert rows[m]["failed"] == 0
-        assert abs(rows[m]["change"]) < 1e-5
-    assert rows["rk4"]["high"] < 0
-    assert hessian_free.starts(hessian_free.quartic())[0].shape == (hessian_free.ORBITS, 2)
-
-
-def test_the_interval_of_a_mean():
-    """Student's, for 0, 1, 2: 1 +- 4.3027 / 3^(1/2)."""
-    mean, low, high = hessian_free.student(np.array([0.0, 1.0, 2.0]))
-    assert (mean, high - mean, mean - low) == pytest.approx((1.0, *[4.302652729911275 / math.sqrt(3)] * 2))
-
-
 # -- the pages ---------------------------------------------------------------------------------------------------------
 
 
@@ -177,53 +149,6 @@ def test_verdict_on_the_printed_limits():
     assert page.printed({limits.TABLE: rows.iloc[[1]]}.get) is None
 
 
-def energies(**changes) -> pd.DataFrame:
-    """Chaotic rows without a drift, of spread 1; ``changes`` are those of one method's columns."""
-    rows = pd.DataFrame(
-        [
-            {"method": m, "with the Hessian": hessian_free.WITH.get(m, ""), "drift": 0.1, "low": -1.0, "high": 1.0}
-            | {"change": 0.1, "spread": 1.0, "oscillation": 2.0, "failed": 0}
-            for m in hessian_free.METHODS
-        ]
-        + [{"method": hessian_free.CONTROL, "with the Hessian": "", "drift": -2.0, "low": -3.0, "high": -1.0}]
-    )
-    for m, columns in changes.items():
-        for name, x in columns.items():
-            rows.loc[rows["method"] == m.replace("_", "-"), name] = x
-    return rows
-
-
-def test_verdicts_on_the_energy_without_the_hessian():
-    def judge(verdict, rows):
-        return verdict({hessian_free.CHAOTIC: rows}.get)
-
-    four = (hessian_page.drifts, hessian_page.symplectic, hessian_page.control, hessian_page.spreads)
-    assert [judge(v, energies()).outcome for v in four] == [PASS] * 4
-    drifting = {"low": 0.5}
-    assert (
-        judge(hessian_page.drifts, energies(hessian_free_badab=drifting, hessian_free_adada=drifting)).outcome
-        == FINDING
-    )
-    assert judge(hessian_page.symplectic, energies(chin_4a=drifting, chin_4b=drifting)).outcome == FINDING
-    assert judge(hessian_page.control, energies(rk4={"high": 1.0})).outcome == FAIL
-    wide = judge(hessian_page.spreads, energies(hessian_free_badab={"spread": 9.0}))
-    assert (wide.outcome, wide.measured.high, wide.where) == (FINDING, 9.0, "hessian-free-badab")
-    assert hessian_page.answer({hessian_free.CHAOTIC: energies(hessian_free_badab=drifting)}.get).startswith("1 of 7")
-
-
-def test_verdict_on_regular_orbits():
-    row = {
-        "method": "hessian-free-badab",
-        "with the Hessian": "chin-4a",
-        "problem": "p",
-        "change": 1e-9,
-        "oscillation": 1.0,
-    }
-    rows = pd.DataFrame([row])
-    assert hessian_page.regular({hessian_free.REGULAR: rows}.get).outcome == PASS
-    assert hessian_page.regular({hessian_free.REGULAR: rows.assign(change=1e-3)}.get).outcome == FINDING
-
-
 def test_checks_of_the_rows():
     assert bench_sampling.off(accepted().to_dict("records")) == []
     assert len(bench_sampling.off(accepted(pefrl=1.5).to_dict("records"))) == 8
@@ -235,8 +160,7 @@ def test_pages_draw_and_list_their_rows(tmp_path):
     untimed = page.table({acceptance.TABLE: rows, limits.TABLE: stable}.get).frame
     assert 0 < len(untimed) <= ROWS
     assert "ns an accepted proposal" not in untimed
-    data = {acceptance.TABLE: rows, limits.TABLE: stable, cost.TABLE: times, hessian_free.CHAOTIC: energies()}.get
-    for made in (page.PAGE, hessian_page.PAGE):
-        (picture,) = made.figures(data, tmp_path)
-        assert (tmp_path / picture.file).exists()
-        assert 0 < len(made.table(data).frame) <= ROWS
+    data = {acceptance.TABLE: rows, limits.TABLE: stable, cost.TABLE: times}.get
+    (picture,) = page.PAGE.figures(data, tmp_path)
+    assert (tmp_path / picture.file).exists()
+    assert 0 < len(page.PAGE.table(data).frame) <= ROWS

@@ -1,19 +1,19 @@
-"""Checks of the Hamiltonian Monte Carlo experiment: acceptances are probabilities, no Hessian-free run fails."""
+"""Checks of the Hamiltonian Monte Carlo experiment: acceptances are probabilities."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from phasebench.benchmarks.experiments.sampling import acceptance, cost, hessian_free, limits
+from phasebench.benchmarks.experiments.sampling import acceptance, cost, limits
 
 if TYPE_CHECKING:
     from phasebench.benchmarks.store.cells import Cell
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """List the measurements (`Cell`): acceptance, cost, stability limits, Hessian-free energy; none if ``quick``."""
-    return [*acceptance.cells(quick), *cost.cells(quick), *limits.cells(quick), *hessian_free.cells(quick)]
+    """List the measurements (`Cell`): acceptance, cost, stability limits; none if ``quick``."""
+    return [*acceptance.cells(quick), *cost.cells(quick), *limits.cells(quick)]
 
 
 def off(rows: list[dict]) -> list[str]:
@@ -54,14 +54,4 @@ def bench_limits(measured_rows: Callable[[str], list[dict]]) -> None:
     ``measured_rows`` is a fixture: table name -> rows.
     """
     wrong = [r["method"] for r in measured_rows(limits.TABLE) if not r["limit"] > 0]
-    assert not wrong, wrong
-
-
-def bench_hessian_free(measured_rows: Callable[[str], list[dict]]) -> None:
-    """Test that every orbit, chaotic or regular, is integrated to its end by force-gradient methods and the control.
-
-    ``measured_rows`` is a fixture: table name -> rows.
-    """
-    wrong = [r["method"] for r in measured_rows(hessian_free.CHAOTIC) if r["failed"]]
-    wrong += [f"{r['method']} on {r['problem']}" for r in measured_rows(hessian_free.REGULAR) if r["status"] != "ok"]
     assert not wrong, wrong
