@@ -47,7 +47,6 @@ from phasebench.benchmarks.experiments.oscillatory.page import PAGE as OSCILLATO
 from phasebench.benchmarks.experiments.printed.page import PAGE as PRINTED
 from phasebench.benchmarks.experiments.printed_numbers.page import PAGE as PRINTED_NUMBERS
 from phasebench.benchmarks.experiments.references.page import PAGE as REFERENCES
-from phasebench.benchmarks.experiments.sampling.page import PAGE as SAMPLING
 from phasebench.benchmarks.experiments.speed.page import PAGE as SPEED
 from phasebench.benchmarks.experiments.start.page import PAGE as START
 from phasebench.benchmarks.experiments.statistics.page import PAGE as STATISTICS
@@ -102,7 +101,6 @@ _OTHERS: tuple[tuple[float, Page], ...] = (
     (270, EXTENDED),
     (310, WAVES),
     (320, MULTISYMPLECTIC),
-    (330, SAMPLING),
     (350, AUDIT),
     (360, MOLECULES),
     (370, ELSEWHERE),

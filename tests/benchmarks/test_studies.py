@@ -9,7 +9,7 @@ from __future__ import annotations
 import ast
 from collections.abc import Iterator
 from importlib.metadata import version
-from itertools import chain
+from itertools import chain, permutations
 from pathlib import Path
 
 import numpy as np
@@ -58,7 +58,10 @@ def test_the_page_is_that_of_the_committed_rows(study, data, tmp_path):
 
 
 def spoiled(frame: pd.DataFrame, keys: set[str]) -> Iterator[pd.DataFrame]:
-    """Copies of a table with a wrong column, save texts of keys: in all rows, every other one, those of a text."""
+    """Copies of a table with a wrong column, save texts of keys: in all rows, every other one, those of a text.
+
+    Then copies in which a column has the numbers of another.
+    """
     texts = frame.select_dtypes(exclude="number")
     same = [(texts[c] == x).to_numpy() for c in texts for x in texts[c].unique()[:40]]
     for part in (np.arange(len(frame)) >= 0, np.arange(len(frame)) % 2 == 0, *same):
@@ -69,6 +72,8 @@ def spoiled(frame: pd.DataFrame, keys: set[str]) -> Iterator[pd.DataFrame]:
             else:
                 wrong = ["wrong"] if column in texts else [spoil(values.astype(float)) for spoil in SPOIL]
             yield from (frame.assign(**{column: np.where(part, one, values)}) for one in wrong)
+    numbers = frame.select_dtypes("number")
+    yield from (frame.assign(**{one: frame[other]}) for one, other in permutations(numbers, 2))
 
 
 #: The columns of the keys of each table.

@@ -7,8 +7,11 @@ import pytest
 
 from phasebench.benchmarks.measure.orders import successive
 from phasebench.benchmarks.problems import problem
-from phasebench.benchmarks.studies import constraints, hessian_free, rigid
+from phasebench.benchmarks.studies import constraints, hessian_free, rigid, sampling
+from phasebench.integrators.coefficients import sampling as tables
+from phasebench.integrators.coefficients.order_conditions import classical_order
 from phasebench.integrators.driver import integrate
+from phasebench.integrators.ensemble import integrate_ensemble
 from phasebench.integrators.registry import BY_ID
 
 # -- constraints -------------------------------------------------------------------------------------------------------
@@ -65,3 +68,76 @@ def test_orders_stop_where_rounding_is_seen():
     found = successive([1e-2, 2.5e-3, 1e-12], [1e-11] * 3)
     assert np.isnan([found[0], found[2]]).all()
     assert found[1] == pytest.approx(2)
+
+
+# -- sampling ----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("table", tables.TABLES, ids=lambda t: t.name)
+def test_splittings_for_sampling_have_order_2_with_the_numbers_as_printed(table):
+    steps = tables.steps(table.name)
+    assert classical_order("splitting", steps) == 2
+    letter, weight = steps[0]
+    assert classical_order("splitting", [(letter, weight + 1e-9), *steps[1:]], tolerance=1e-12) == 0, "the control"
+
+
+@pytest.mark.parametrize("id", sampling.EVALUATIONS)
+def test_evaluations_per_step_are_those_of_the_method(id):
+    """By the counts of a run, in which the first kick of the first step comes on top."""
+    q, p = sampling.draws("quartic", 1)
+    found = integrate_ensemble(sampling.system("quartic"), id, q, p, h=0.001, steps=100)
+    assert found.counts["gradient"] // 100 == sampling.EVALUATIONS[id]
+
+
+@pytest.mark.parametrize("target", sampling.TARGETS)
+def test_draws_have_the_moments_of_the_target(target):
+    """Means of (w q)^2 and p^2 over draws, against one-dimensional quadrature, within four standard errors."""
+    q, p = sampling.draws(target, 4000)
+    x = np.linspace(-8, 8, 4001)
+    density = np.exp(-(x**2 / 2 + (x**4 / 4 if target == "quartic" else 0)))
+    wanted = (x**2 * density).sum() / density.sum()
+    squares = (q * 2 * np.arange(1, sampling.D + 1)) ** 2
+    assert abs(squares.mean() - wanted) < 4 * squares.std() / np.sqrt(squares.size)
+    assert abs((p**2).mean() - 1) < 4 * np.sqrt(2 / p.size)
+    assert (wanted < 0.6) == (target == "quartic"), "the control: a normal x has the mean 1"
+
+
+def test_acceptance_by_stormer_verlet_is_that_of_a_plain_run():
+    """Stormer-Verlet in NumPy from the same draws."""
+    budget, n = 48, 500
+    q, p = sampling.draws("quartic", n)
+    omega, h = 2.0 * np.arange(1, sampling.D + 1), sampling.TIME / budget
+
+    def gradient(q):
+        return omega * (omega * q + (omega * q) ** 3)
+
+    def energy(q, p):
+        return (p**2 / 2 + (omega * q) ** 2 / 2 + (omega * q) ** 4 / 4).sum(axis=1)
+
+    x, v = q.copy(), p.copy()
+    with np.errstate(all="ignore"):
+        for _ in range(budget):
+            v = v - h / 2 * gradient(x)
+            x = x + h * v
+            v = v - h / 2 * gradient(x)
+        error = energy(x, v) - energy(q, p)
+        accepted = np.where(np.isfinite(error), np.exp(-np.clip(error, 0, 700)), 0.0)
+    found = sampling.mean_acceptance("quartic", sampling.VERLET, budget, n)
+    assert found["acceptance"] == pytest.approx(accepted.mean(), abs=0.01)
+    assert found["low"] < found["acceptance"] < found["high"]
+    assert 0.3 < accepted.mean() < 0.9, "the control: it is no trivial share"
+
+
+def test_hessian_free_kicks_are_the_same_on_a_gaussian_target():
+    """There gradients are linear, and a second force is exact."""
+    both = [sampling.mean_acceptance("Gaussian", id, 48, 200)["acceptance"] for id in ("chin-4a", "hessian-free-badab")]
+    assert both[0] == pytest.approx(both[1], abs=1e-12)
+
+
+def test_time_of_a_proposal_is_measured_with_its_acceptance(monkeypatch):
+    monkeypatch.setattr(sampling, "ROUNDS", 2)
+    monkeypatch.setattr(sampling, "EVALUATIONS", {"stormer-verlet": 1})
+    monkeypatch.setattr(sampling, "BUDGETS", {"Gaussian": (36,)})
+    (row,) = sampling.times("Gaussian")
+    assert row["acceptance"] == sampling.mean_acceptance("Gaussian", "stormer-verlet", 36)["acceptance"]
+    assert row["ns an accepted proposal"] == row["ns a proposal"] / row["acceptance"] > row["ns a proposal"]
