@@ -25,7 +25,6 @@ from phasebench.benchmarks.experiments.drift.page import PAGE as DRIFT
 from phasebench.benchmarks.experiments.elsewhere.page import PAGE as ELSEWHERE
 from phasebench.benchmarks.experiments.energy_preservation.page import PAGE as ENERGY_PRESERVATION
 from phasebench.benchmarks.experiments.ensembles.page import PAGE as ENSEMBLES
-from phasebench.benchmarks.experiments.extended.page import PAGE as EXTENDED
 from phasebench.benchmarks.experiments.extremes.encounters_page import PAGE as EXTREMES_ENCOUNTERS
 from phasebench.benchmarks.experiments.extremes.limits_page import PAGE as EXTREMES_LIMITS
 from phasebench.benchmarks.experiments.extremes.multistep_page import PAGE as EXTREMES_MULTISTEP
@@ -98,7 +97,6 @@ _OTHERS: tuple[tuple[float, Page], ...] = (
     (240, KEPLER),
     (250, WISDOM_HOLMAN),
     (260, OSCILLATORY),
-    (270, EXTENDED),
     (310, WAVES),
     (320, MULTISYMPLECTIC),
     (350, AUDIT),

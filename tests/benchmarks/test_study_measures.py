@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import pytest
 
 from phasebench.benchmarks.measure.orders import successive
 from phasebench.benchmarks.problems import problem
-from phasebench.benchmarks.studies import constraints, hessian_free, rigid, sampling
+from phasebench.benchmarks.studies import constraints, extended, hessian_free, rigid, sampling
 from phasebench.integrators.coefficients import sampling as tables
 from phasebench.integrators.coefficients.order_conditions import classical_order
+from phasebench.integrators.compile.codegen import precision
 from phasebench.integrators.driver import integrate
 from phasebench.integrators.ensemble import integrate_ensemble
 from phasebench.integrators.registry import BY_ID
@@ -26,6 +29,38 @@ def test_plain_rattle_iterated_to_round_off_is_rattle():
     loose, fewer = plain(np.array(made.q0), np.array(made.p0), 0.05, 20, 1, 1e-4)
     assert np.abs(loose - s.energy()).max() > 1e-9
     assert fewer < iterations
+
+
+# -- extended phase space ----------------------------------------------------------------------------------------------
+
+
+def test_the_orbit_is_that_of_the_schwarzschild_problem():
+    """Radius and momentum after a while, in units of the semilatus rectum."""
+    with precision(extended.DIGITS):
+        whole, _, _, y = extended.orbit()
+    size = float(1 / extended.EPSILON)
+    made = problem("schwarzschild:precessing", semilatus=size, e=float(extended.ECCENTRICITY))
+    own = integrate(whole, "gauss-4", h=0.01, steps=200, q0=[float(x) for x in y[:2]], p0=[float(x) for x in y[2:]])
+    other = integrate(made, "gauss-4", h=0.01 * size**1.5, steps=200)
+    r, phi = other.q[-1, 1:] / (size, 1)
+    np.testing.assert_allclose(own.q[-1], [r * np.cos(phi), r * np.sin(phi)], rtol=0, atol=1e-9)
+    assert abs(own.q[-1, 0] - own.q[0, 0]) > 0.1
+
+
+def test_defects_and_orders_in_extended_phase_space(uncompiled):
+    """Some rows, measured without compilation."""
+    measured = uncompiled("benchmarks/test_study_measures.py")
+    both, one, midpoint = (measured[x] for x in ("both", "one", "midpoint"))
+    assert max(r["defect"] for r in both) < 1e-26 < 1e-8 < max(r["defect"] for r in one)
+    assert [r[extended.DEFECT_ORDER] for r in both] == [None] * 3
+    by_name = {r["problem"]: r for r in midpoint}
+    assert by_name["coupled"]["defect"] > 1e-13
+    assert abs(by_name["coupled"][extended.DEFECT_ORDER] - 6) < 0.05
+    special, jumped = ([r["order"] for r in measured[x]] for x in ("special", "jumped"))
+    assert special[0] is None
+    assert abs(special[-1] - 2) < 0.1
+    assert abs(jumped[-1] - 4) < 0.1
+    assert measured["special"][0]["error"] < measured["jumped"][0]["error"] / 100
 
 
 # -- the energy without the Hessian ------------------------------------------------------------------------------------
@@ -141,3 +176,15 @@ def test_time_of_a_proposal_is_measured_with_its_acceptance(monkeypatch):
     (row,) = sampling.times("Gaussian")
     assert row["acceptance"] == sampling.mean_acceptance("Gaussian", "stormer-verlet", 36)["acceptance"]
     assert row["ns an accepted proposal"] == row["ns a proposal"] / row["acceptance"] > row["ns a proposal"]
+
+
+if __name__ == "__main__":
+    extended.LADDER = (4, 16, 32)
+    maps = {
+        "both": ("tao-2", extended.BOTH),
+        "one": ("tao-2", extended.ONE),
+        "midpoint": ("extended-midpoint-2", extended.ONE),
+    }
+    rows = {name: extended.structure(*of) for name, of in maps.items()}
+    rows |= {name: extended.orders(id) for name, id in (("special", extended.SPECIAL), ("jumped", extended.JUMPED))}
+    print(json.dumps({"result": rows}))
