@@ -58,7 +58,6 @@ from phasebench.benchmarks.experiments.trade.ratios_page import PAGE as TRADE_RA
 from phasebench.benchmarks.experiments.trade.scene_page import PAGES as TRADE_SCENES
 from phasebench.benchmarks.experiments.waves.page import PAGE as WAVES
 from phasebench.benchmarks.experiments.waves.spacetime_page import PAGE as MULTISYMPLECTIC
-from phasebench.benchmarks.experiments.wisdom_holman.page import PAGE as WISDOM_HOLMAN
 from phasebench.benchmarks.page import html, markdown
 from phasebench.benchmarks.page.drawn import Figures
 from phasebench.benchmarks.page.origin import count_outdated, origin
@@ -95,7 +94,6 @@ _OTHERS: tuple[tuple[float, Page], ...] = (
     (220, EXTREMES_SPRINGS),
     (230, EXTREMES_MULTISTEP),
     (240, KEPLER),
-    (250, WISDOM_HOLMAN),
     (260, OSCILLATORY),
     (310, WAVES),
     (320, MULTISYMPLECTIC),

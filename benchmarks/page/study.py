@@ -62,9 +62,9 @@ class Runs:
     def _cell(self, study: Study, key: Mapping[str, object]) -> Cell:
         needs = list(self.needs(**key) if callable(self.needs) else (*self.needs, *_records(key)))
         made_of = content(self.table, tuple(key.items()), *needs, code=[self.measure.__module__])
-        names = frozenset({study.within, *(need.id for need in needs if hasattr(need, "id"))} - {""})
+        names = {study.within, *(getattr(need, name, "") for need in needs for name in ("id", "package"))} - {""}
         arguments = (self.table, self.measure, tuple(key.items()))
-        return Cell(study.id, (self.table,), key, measured, arguments, made_of, names, self.where, self.own)
+        return Cell(study.id, (self.table,), key, measured, arguments, made_of, frozenset(names), self.where, self.own)
 
 
 def _records(key: Mapping[str, object]) -> list[object]:

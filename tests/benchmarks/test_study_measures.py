@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from phasebench.benchmarks.measure import clock
+from phasebench.benchmarks.measure.integrator import Integrator
 from phasebench.benchmarks.measure.orders import successive
 from phasebench.benchmarks.problems import problem
 from phasebench.benchmarks.studies import constraints, extended, hessian_free, rigid, sampling
+from phasebench.benchmarks.studies import wisdom_holman as wh
 from phasebench.integrators.coefficients import sampling as tables
 from phasebench.integrators.coefficients.order_conditions import classical_order
 from phasebench.integrators.compile.codegen import precision
@@ -176,6 +180,102 @@ def test_time_of_a_proposal_is_measured_with_its_acceptance(monkeypatch):
     (row,) = sampling.times("Gaussian")
     assert row["acceptance"] == sampling.mean_acceptance("Gaussian", "stormer-verlet", 36)["acceptance"]
     assert row["ns an accepted proposal"] == row["ns a proposal"] / row["acceptance"] > row["ns a proposal"]
+
+
+# -- Wisdom-Holman splittings ------------------------------------------------------------------------------------------
+
+
+def test_failed_pair_raises(monkeypatch):
+    lost = SimpleNamespace(status="diverged", reason="it fell", method=SimpleNamespace(label="who"))
+    monkeypatch.setattr(wh, "integrator", lambda name: SimpleNamespace(run=lambda *of, **how: lost))
+    with pytest.raises(RuntimeError, match=": it fell"):
+        wh.pair("perturbed-kepler, e = 0.2", "wisdom-holman", 0.1)
+
+
+def test_every_variant_of_rebound_is_measured():
+    ids = {c.id for c in wh.rivals()}
+    theirs = {i.removeprefix("rebound-") for i in ids if i.startswith("rebound-")}
+    kernels = {f"whfast({k}, corrector2)" for k in ("default", "lazy", "modifiedkick", "composition")}
+    others = {f"whfast(coordinates={c})" for c in ("democraticheliocentric", "whds", "barycentric")}
+    assert theirs >= {"whfast", "whfast-plain", "whfast-modifiedkick", "whfast-composition", *kernels, *others}
+    assert theirs >= {*(f"whfast-corrector-{n}" for n in (3, 5, 7, 11, 17)), "whfast512", "whfast512-corrector-17"}
+    assert len([i for i in theirs if i.startswith("saba")]) == 18
+    labels = [c.label for c in wh.rivals()]
+    assert len(set(labels)) == len(labels)
+    assert {f"wisdom-holman-corrector(corrector={n})" for n in (3, 5, 7, 11, 17)} < set(labels)
+    assert {"wisdom-holman-aba-8-6-4", "wisdom-holman-saba-2"} < set(labels)
+
+
+@pytest.fixture
+def fake_clocks(monkeypatch):
+    """Short runs, and clocks that return 99 (warm-up, not counted), 1, 2, 3, ... seconds."""
+    run = Integrator.run
+
+    def short(self, problem, **how):
+        return run(self, problem, **how | {"steps": min(how["steps"], 400)})
+
+    def told(*_, **__):
+        spent = iter([99.0, *range(1, 99)])
+        return lambda: float(next(spent))
+
+    monkeypatch.setattr(Integrator, "run", short)
+    monkeypatch.setattr(clock, "clock", told)
+
+
+def test_times_are_medians_of_alternating_rounds(fake_clocks, monkeypatch):
+    chosen = [c for c in wh.rivals() if c.id in ("wisdom-holman", "rebound-whfast-plain", "rebound-whfast512")]
+    monkeypatch.setattr(wh, "rivals", lambda: chosen)
+    monkeypatch.setattr(wh, "ROUNDS_OF_ALL", 3)
+    monkeypatch.setitem(wh.CASES, "perturbed-kepler, e = 0.2", ("perturbed-kepler", {"e": 0.2}, [0.1], 40.0))
+    rows = wh.every_rival("perturbed-kepler, e = 0.2")
+    by = {r["method"]: r for r in rows}
+    assert by["rebound-whfast512"]["status"] == "skipped"
+    assert "Newtonian gravity alone" in by["rebound-whfast512"]["reason"]
+    for name in ("wisdom-holman", "rebound-whfast-plain"):
+        per = 1e9 / wh.TIMED_OF_ALL / 0.1
+        assert [by[name][c] for c in (wh.COST, wh.LOW, wh.HIGH)] == pytest.approx([2 * per, 1 * per, 3 * per])
+    assert by["wisdom-holman"][wh.ERROR] == pytest.approx(by["rebound-whfast-plain"][wh.ERROR], rel=1e-3)
+
+
+def test_row_of_a_pair_has_medians_and_largest_distance(fake_clocks, monkeypatch):
+    monkeypatch.setattr(wh, "ROUNDS", 3)
+    monkeypatch.setitem(wh.CASES, "perturbed-kepler, e = 0.2", ("perturbed-kepler", {"e": 0.2}, [0.1], 40.0))
+    row = wh.pair("perturbed-kepler, e = 0.2", "wisdom-holman", 0.1)
+    per = 2e9 / wh.TIMED
+    assert (row["ns per step"], row["REBOUND's ns per step"]) == pytest.approx((per, per))
+    assert (row["time ratio"], row["ratio, low"], row["ratio, high"]) == (1.0, 1.0, 1.0)
+    assert 0 < row["distance of early positions"] <= row["distance of end positions"] * 100 < 1e-9
+    assert row["energy error"] == pytest.approx(row["REBOUND's energy error"], rel=1e-3)
+    other = wh.PAIRS | {"wisdom-holman": "rebound-saba-4"}
+    monkeypatch.setattr(wh, "PAIRS", other)
+    wrong = wh.pair("perturbed-kepler, e = 0.2", "wisdom-holman", 0.1)
+    assert wrong["distance of early positions"] > 1e-8
+
+
+def test_energy_error_is_the_largest_of_either_sign():
+    system = SimpleNamespace(H=None, observe=lambda H, q, p: np.array(q))
+    made = SimpleNamespace(system=system)
+    assert wh.energy_error(made, [2.0, 2.1, 1.6, 2.0], None) == pytest.approx(0.2)
+    assert wh.energy_error(made, [-2.0, -2.6, -1.9], None) == pytest.approx(0.3)
+
+
+def test_distances_of_a_pair_are_relative(fake_clocks, monkeypatch):
+    """Two runs of size 20 differ by 0.02 early, by 4 in the middle and by 1 at the end."""
+    theirs = 20 * np.ones((wh.SAVED + 1, 2))
+    apart = np.zeros_like(theirs)
+    apart[5, 1], apart[wh.SAVED // 2, 0], apart[-1, 0] = -0.02, 4.0, -1.0
+
+    def made(name):
+        q = theirs if name.startswith("rebound") else theirs + apart
+        method = SimpleNamespace(label=name)
+        s = SimpleNamespace(q=q, p=q, status="ok", reason="", seconds=1.0, method=method)
+        return SimpleNamespace(run=lambda *of, **how: s)
+
+    monkeypatch.setattr(wh, "integrator", made)
+    monkeypatch.setattr(wh, "energy_error", lambda *of: 0.0)
+    row = wh.pair("perturbed-kepler, e = 0.2", "wisdom-holman", 0.1)
+    assert row["distance of early positions"] == pytest.approx(1e-3)
+    assert row["distance of end positions"] == pytest.approx(0.05)
 
 
 if __name__ == "__main__":
