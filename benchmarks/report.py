@@ -23,7 +23,6 @@ from phasebench.benchmarks.experiments.audit.page import PAGE as AUDIT
 from phasebench.benchmarks.experiments.catalogue.page import PAGES as CATALOGUE
 from phasebench.benchmarks.experiments.drift.page import PAGE as DRIFT
 from phasebench.benchmarks.experiments.elsewhere.page import PAGE as ELSEWHERE
-from phasebench.benchmarks.experiments.energy_preservation.page import PAGE as ENERGY_PRESERVATION
 from phasebench.benchmarks.experiments.ensembles.page import PAGE as ENSEMBLES
 from phasebench.benchmarks.experiments.extremes.encounters_page import PAGE as EXTREMES_ENCOUNTERS
 from phasebench.benchmarks.experiments.extremes.limits_page import PAGE as EXTREMES_LIMITS
@@ -42,7 +41,6 @@ from phasebench.benchmarks.experiments.molecules.page import PAGE as MOLECULES
 from phasebench.benchmarks.experiments.options.numerics_page import PAGE as OPTIONS_NUMERICS
 from phasebench.benchmarks.experiments.options.page import PAGE as OPTIONS
 from phasebench.benchmarks.experiments.orders.page import PAGE as ORDERS
-from phasebench.benchmarks.experiments.oscillatory.page import PAGE as OSCILLATORY
 from phasebench.benchmarks.experiments.printed.page import PAGE as PRINTED
 from phasebench.benchmarks.experiments.printed_numbers.page import PAGE as PRINTED_NUMBERS
 from phasebench.benchmarks.experiments.references.page import PAGE as REFERENCES
@@ -86,7 +84,6 @@ _OTHERS: tuple[tuple[float, Page], ...] = (
     (140, MATRIX),
     (150, INVARIANTS),
     (160, DRIFT),
-    (170, ENERGY_PRESERVATION),
     (180, EXTREMES),
     (190, EXTREMES_LIMITS),
     (200, EXTREMES_ROUND_OFF),
@@ -94,7 +91,6 @@ _OTHERS: tuple[tuple[float, Page], ...] = (
     (220, EXTREMES_SPRINGS),
     (230, EXTREMES_MULTISTEP),
     (240, KEPLER),
-    (260, OSCILLATORY),
     (310, WAVES),
     (320, MULTISYMPLECTIC),
     (350, AUDIT),

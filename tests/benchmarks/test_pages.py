@@ -20,11 +20,9 @@ from phasebench.benchmarks.experiments.audit import page as audit
 from phasebench.benchmarks.experiments.catalogue import acta_page as acta
 from phasebench.benchmarks.experiments.catalogue import page as catalogue
 from phasebench.benchmarks.experiments.catalogue.acta import NO_SOURCE
-from phasebench.benchmarks.experiments.energy_preservation import page as energy_preservation
 from phasebench.benchmarks.experiments.invariants import page as invariants
 from phasebench.benchmarks.experiments.matrix import page as matrix
 from phasebench.benchmarks.experiments.orders import page as orders
-from phasebench.benchmarks.experiments.oscillatory import page as oscillatory
 from phasebench.benchmarks.experiments.printed import page as printed
 from phasebench.benchmarks.experiments.references import page as references
 from phasebench.benchmarks.experiments.structure import page as structure
@@ -501,20 +499,6 @@ DRIFTS = frame(
 )
 MOMENTA = frame({"id": "scheme-iv", "method": "scheme-iv"}, **LONG, energy_max=1e-15, energy_drift_low=-1.0,
                 energy_drift_high=1.0, **{"angular-momentum_max": 1e-15})  # fmt: skip
-STEPS = frame(
-    {"scheme": "scheme-iv", "without a root": 3},
-    {"scheme": "scheme-v", "without a root": 0},
-    {"scheme": "scheme-v-iv", "without a root": 0},
-    {"scheme": "scheme-iv-v", "without a root": 0},
-    problem="x", status="ok", h=0.01, steps=100,
-    **{energy_preservation.WITH: 1e-15, energy_preservation.WITHOUT: 1e-8, "scanned steps": 3,
-       "scan finds a root within the radius": 0},
-)  # fmt: skip
-FAST = frame(
-    {"method": "a", oscillatory.RATIO: 0.1, oscillatory.ENERGY: 1e-3},
-    {"method": "a", oscillatory.RATIO: 1.0, oscillatory.ENERGY: 1e-2},
-    status="ok", **{oscillatory.OSCILLATORY: 1e-3},
-)  # fmt: skip
 PDE = frame(
     {"problem": "klein-gordon", "method": "scheme-iv", "invariant": "charge", "fallbacks": 0, "h": 0.1},
     status="ok",
@@ -601,15 +585,6 @@ BOTH_WAYS = {
     "drift": (invariants.drifting, {"rows": DRIFTS}, "rows",
               {"energy_max": 1e-9, "energy_drift": 1e-12, "energy_drift_low": 9e-13, "energy_drift_high": 1.1e-12}),
     "momentum": (invariants.momentum, {"rows": MOMENTA}, "rows", {"angular-momentum_max": 1e-6}),
-    "steps": (energy_preservation.energy_conservation, {"energy_preservation": STEPS.iloc[[1]]}, "energy_preservation",
-              {energy_preservation.WITH: 1e-9}),
-    "a step": (energy_preservation.root_existence, {"energy_preservation": STEPS.iloc[[1]]}, "energy_preservation",
-               {"without a root": 1}),
-    "finder": (energy_preservation.root_search, {"energy_preservation": STEPS.head(1)}, "energy_preservation",
-               {"scan finds a root within the radius": 1}),
-    "other scheme": (energy_preservation.alternating, {"energy_preservation": STEPS}, "energy_preservation",
-                     {"without a root": 2}),
-    "oscillatory": (oscillatory.survivors, {"oscillatory": FAST}, "oscillatory", {oscillatory.ENERGY: 30.0}),
     "wave energy": (waves.energy, {"pde": PDE}, "pde", {"energy is kept": False}),
     "charge": (waves.charge, {"pde": PDE}, "pde", {"invariant is kept": False}),
     "wave roots": (waves.roots, {"pde": PDE}, "pde", {"fallbacks": 2}),

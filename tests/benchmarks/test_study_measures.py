@@ -6,13 +6,14 @@ import json
 from types import SimpleNamespace
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from phasebench.benchmarks.measure import clock
 from phasebench.benchmarks.measure.integrator import Integrator
 from phasebench.benchmarks.measure.orders import successive
 from phasebench.benchmarks.problems import problem
-from phasebench.benchmarks.studies import constraints, extended, hessian_free, rigid, sampling
+from phasebench.benchmarks.studies import constraints, extended, hessian_free, oscillatory, rigid, sampling
 from phasebench.benchmarks.studies import wisdom_holman as wh
 from phasebench.integrators.coefficients import sampling as tables
 from phasebench.integrators.coefficients.order_conditions import classical_order
@@ -90,6 +91,31 @@ def test_the_interval_of_a_mean():
     """Student's, for 0, 1, 2: 1 +- 4.3027 / 3^(1/2)."""
     mean, low, high = hessian_free.student(np.array([0.0, 1.0, 2.0]))
     assert (mean, high - mean, mean - low) == pytest.approx((1.0, *[4.302652729911275 / np.sqrt(3)] * 2))
+
+
+# -- highly oscillatory systems ----------------------------------------------------------------------------------------
+
+
+def resonant(**errors: float) -> pd.DataFrame:
+    """Runs of a method with these energy errors; p_10 is the error at h omega / pi = 1.0."""
+    rows = [{oscillatory.RATIO: int(k[2:]) / 10, "status": "ok", oscillatory.ENERGY: e} for k, e in errors.items()]
+    return pd.DataFrame(rows)
+
+
+@pytest.mark.parametrize(
+    ("rows", "where"),
+    [
+        (resonant(p_1=1e-3, p_10=0.99, p_20=0.5, p_31=0.1), ""),
+        (resonant(p_1=1e-4, p_10=1.01, p_20=0.5, p_31=3.0, p_35=7.0, p_37=0.1), "near 1 π and 3 π and at 1 other step"),
+        (resonant(p_1=1e-3, p_5=0.1, p_6=2.0, p_9=4.0), "above 0.5 π"),
+        (resonant(p_1=1e-3, p_12=2.0, p_13=1e-2, p_14=3.0, p_16=0.1), "at 2 other steps"),
+        (resonant(p_1=2.0, p_5=3.0), "at every step"),
+        (resonant(p_1=1e-3, p_11=2.0, p_13=1e-3), "near 1 π"),
+        (resonant(p_1=1e-3, p_10=0.1, p_20=0.1).assign(status=["ok", "diverged", "ok"]), "near 1 π"),
+    ],
+)
+def test_places_of_resonances(rows, where):
+    assert oscillatory.where_lost(rows) == where
 
 
 # -- rigid bodies ------------------------------------------------------------------------------------------------------
