@@ -54,8 +54,6 @@ from phasebench.benchmarks.experiments.trade.gauss_page import PAGE as GAUSS_16
 from phasebench.benchmarks.experiments.trade.page import PAGE as TRADE
 from phasebench.benchmarks.experiments.trade.ratios_page import PAGE as TRADE_RATIOS
 from phasebench.benchmarks.experiments.trade.scene_page import PAGES as TRADE_SCENES
-from phasebench.benchmarks.experiments.waves.page import PAGE as WAVES
-from phasebench.benchmarks.experiments.waves.spacetime_page import PAGE as MULTISYMPLECTIC
 from phasebench.benchmarks.page import html, markdown
 from phasebench.benchmarks.page.drawn import Figures
 from phasebench.benchmarks.page.origin import count_outdated, origin
@@ -91,8 +89,6 @@ _OTHERS: tuple[tuple[float, Page], ...] = (
     (220, EXTREMES_SPRINGS),
     (230, EXTREMES_MULTISTEP),
     (240, KEPLER),
-    (310, WAVES),
-    (320, MULTISYMPLECTIC),
     (350, AUDIT),
     (360, MOLECULES),
     (370, ELSEWHERE),

@@ -27,7 +27,6 @@ from phasebench.benchmarks.experiments.printed import page as printed
 from phasebench.benchmarks.experiments.references import page as references
 from phasebench.benchmarks.experiments.structure import page as structure
 from phasebench.benchmarks.experiments.talks import page as talks
-from phasebench.benchmarks.experiments.waves import page as waves
 from phasebench.benchmarks.page import drawn, html, markdown
 from phasebench.benchmarks.page.drawn import Figures
 from phasebench.benchmarks.page.origin import earlier
@@ -499,12 +498,6 @@ DRIFTS = frame(
 )
 MOMENTA = frame({"id": "scheme-iv", "method": "scheme-iv"}, **LONG, energy_max=1e-15, energy_drift_low=-1.0,
                 energy_drift_high=1.0, **{"angular-momentum_max": 1e-15})  # fmt: skip
-PDE = frame(
-    {"problem": "klein-gordon", "method": "scheme-iv", "invariant": "charge", "fallbacks": 0, "h": 0.1},
-    status="ok",
-    **{"energy class": "round-off", "quadratic class": "round-off", "energy is kept": True, "energy error": 1e-15},
-    **{"invariant is kept": True, "invariant error": 1e-15},
-)
 AUDITED = frame({"package": "p", "version": "1", "peer": "x", "measure": "package", "status": "ok", "reason": ""})
 CLAIMS = frame({"package": "p", "version": "1", "peer": "x", "claim": "order 2", "verdict": "holds"})
 CONTROLS = frame({"package": "phasebench", "version": "1", "peer": "rk4", "claim": "order 4", "verdict": "holds"})
@@ -585,9 +578,6 @@ BOTH_WAYS = {
     "drift": (invariants.drifting, {"rows": DRIFTS}, "rows",
               {"energy_max": 1e-9, "energy_drift": 1e-12, "energy_drift_low": 9e-13, "energy_drift_high": 1.1e-12}),
     "momentum": (invariants.momentum, {"rows": MOMENTA}, "rows", {"angular-momentum_max": 1e-6}),
-    "wave energy": (waves.energy, {"pde": PDE}, "pde", {"energy is kept": False}),
-    "charge": (waves.charge, {"pde": PDE}, "pde", {"invariant is kept": False}),
-    "wave roots": (waves.roots, {"pde": PDE}, "pde", {"fallbacks": 2}),
     "audit": (audit.claims, {"audit": AUDITED, "audit_claims": CLAIMS}, "audit_claims", {"verdict": "contradicted"}),
     "controls": (audit.controls, {"audit": AUDITED, "audit_claims": CONTROLS}, "audit_claims", {"verdict": "-"}),
     "modes": (audit.left_as_found, {"audit_modes": MODES}, "audit_modes", {"mode": "changed by a run"}),
