@@ -37,7 +37,6 @@ from phasebench.benchmarks.experiments.large.page import PAGE as LARGE
 from phasebench.benchmarks.experiments.large.solvers_page import PAGE as LARGE_SOLVERS
 from phasebench.benchmarks.experiments.matrix.page import PAGE as MATRIX
 from phasebench.benchmarks.experiments.models.page import PAGE as MODELS
-from phasebench.benchmarks.experiments.molecules.page import PAGE as MOLECULES
 from phasebench.benchmarks.experiments.options.numerics_page import PAGE as OPTIONS_NUMERICS
 from phasebench.benchmarks.experiments.options.page import PAGE as OPTIONS
 from phasebench.benchmarks.experiments.orders.page import PAGE as ORDERS
@@ -90,7 +89,6 @@ _OTHERS: tuple[tuple[float, Page], ...] = (
     (230, EXTREMES_MULTISTEP),
     (240, KEPLER),
     (350, AUDIT),
-    (360, MOLECULES),
     (370, ELSEWHERE),
     (380, REFERENCES),
     (390, SPEED),

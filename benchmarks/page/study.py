@@ -62,7 +62,8 @@ class Runs:
     def _cell(self, study: Study, key: Mapping[str, object]) -> Cell:
         needs = list(self.needs(**key) if callable(self.needs) else (*self.needs, *_records(key)))
         made_of = content(self.table, tuple(key.items()), *needs, code=[self.measure.__module__])
-        names = {study.within, *(getattr(need, name, "") for need in needs for name in ("id", "package"))} - {""}
+        names = {getattr(need, name, "") for need in needs for name in ("id", "package")}
+        names = (names | {study.within, str(key.get("package", ""))}) - {""}
         arguments = (self.table, self.measure, tuple(key.items()))
         return Cell(study.id, (self.table,), key, measured, arguments, made_of, frozenset(names), self.where, self.own)
 

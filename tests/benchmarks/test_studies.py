@@ -60,7 +60,7 @@ def test_the_page_is_that_of_the_committed_rows(study, data, tmp_path):
 def spoiled(frame: pd.DataFrame, keys: set[str]) -> Iterator[pd.DataFrame]:
     """Copies of a table with a wrong column, save texts of keys: in all rows, every other one, those of a text.
 
-    Then copies in which a column has the numbers of another.
+    Then copies in which a column has one number, or the numbers of another column.
     """
     texts = frame.select_dtypes(exclude="number")
     same = [(texts[c] == x).to_numpy() for c in texts for x in texts[c].unique()[:40]]
@@ -73,6 +73,7 @@ def spoiled(frame: pd.DataFrame, keys: set[str]) -> Iterator[pd.DataFrame]:
                 wrong = ["wrong"] if column in texts else [spoil(values.astype(float)) for spoil in SPOIL]
             yield from (frame.assign(**{column: np.where(part, one, values)}) for one in wrong)
     numbers = frame.select_dtypes("number")
+    yield from (frame.assign(**{one: frame[one].iloc[0]}) for one in numbers)
     yield from (frame.assign(**{one: frame[other]}) for one, other in permutations(numbers, 2))
 
 

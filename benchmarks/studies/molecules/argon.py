@@ -16,16 +16,16 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from phasebench.benchmarks.problems import problem
-from phasebench.benchmarks.store.cells import Cell, ProblemKey, Rows, Unavailable, content
+from phasebench.benchmarks.store.cells import Unavailable
 from phasebench.integrators.driver import integrate
-from phasebench.integrators.registry import BY_ID
-from phasebench.reference.installed import how_to_install, is_installed, version_of
+from phasebench.reference.installed import how_to_install, is_installed
 from phasebench.reference.peers.jax_loop import double_precision
 
 TABLE = "molecules_argon"
 PROBLEM, METHOD = "lennard-jones", "stormer-verlet"
 H, STEPS, EVERY = 0.004, 100_000, 100
 DEFAULTS, BEST = "defaults", "at its best"
+OURS = "phasebench"
 FAR = 1e3
 
 Report = Iterator[float]
@@ -122,35 +122,17 @@ def _jax_md(best: bool) -> tuple[str, Report]:
 ENGINES: dict[str, Callable[[bool], tuple[str, Report]]] = {"openmm": _openmm, "ase": _ase, "jax_md": _jax_md}
 
 
-def cells(quick: bool = False) -> list[Cell]:
-    """List the measurements (`Cell`): one for each package and setting, and one for this suite; none if ``quick``."""
-    if quick:
-        return []
-    return [_cell("", BEST), *(_cell(name, settings) for name in ENGINES for settings in (DEFAULTS, BEST))]
-
-
-def _cell(name: str, settings: str) -> Cell:
-    version = version_of(name) if name else ""
-    needs = content(TABLE, BY_ID[METHOD], ProblemKey(PROBLEM), name, version, H, STEPS, EVERY, code=[__name__])
-    key = {"package": name or "phasebench", "settings": settings}
-    return Cell("molecules", (TABLE,), key, measure_rows, (name, settings), needs, frozenset({PROBLEM, name}))
-
-
-def measure_rows(name: str, settings: str) -> Rows:
-    """Measure the spread and the drift of the energy that a package reports: one row, by table name.
-
-    ``name`` is the package, "" for this suite; ``settings`` is `DEFAULTS` or `BEST`.  Raises Unavailable without the
-    package.
-    """
-    if not name:
+def measure(package: str, settings: str) -> dict:
+    """The spread and the drift of the energy that a package reports; raises Unavailable without the package."""
+    if package == OURS:
         s = integrate(problem(PROBLEM), METHOD, h=H, steps=STEPS, save_every=EVERY)
         told, found = "double precision, no cutoff, compensated sums", s.energy()[1:]
-    elif not is_installed(name):
-        raise Unavailable(f"{name} is not installed; {how_to_install(name)}")
+    elif not is_installed(package):
+        raise Unavailable(f"{package} is not installed; {how_to_install(package)}")
     else:
-        told, report = ENGINES[name](settings == BEST)
+        told, report = ENGINES[package](settings == BEST)
         found = np.array(list(report))
-    return {TABLE: [{"package": name or "phasebench", "settings": settings, "told": told} | summary(found)]}
+    return {"told": told} | summary(found)
 
 
 def summary(energies: np.ndarray) -> dict[str, float]:

@@ -15,12 +15,11 @@ from typing import Any
 
 import numpy as np
 
-from phasebench.benchmarks.store.cells import Cell, Rows, Unavailable, content
+from phasebench.benchmarks.store.cells import Unavailable
 from phasebench.integrators.driver import integrate
-from phasebench.integrators.registry import BY_ID
-from phasebench.reference.installed import how_to_install, is_installed, version_of
+from phasebench.reference.installed import how_to_install, is_installed
 
-from .argon import BEST, DEFAULTS
+from .argon import BEST, OURS
 
 TABLE = "molecules_water"
 METHOD = "rattle"
@@ -112,30 +111,11 @@ def _ase(best: bool) -> tuple[np.ndarray, np.ndarray]:
 ENGINES = {"openmm": _openmm, "ase": _ase}
 
 
-def cells(quick: bool = False) -> list[Cell]:
-    """List the measurements (`Cell`): one for each package and setting, and one for this suite; none if ``quick``."""
-    if quick:
-        return []
-    return [_cell("", BEST), *(_cell(name, settings) for name in ENGINES for settings in (DEFAULTS, BEST))]
-
-
-def _cell(name: str, settings: str) -> Cell:
-    version = version_of(name) if name else ""
-    needs = content(TABLE, BY_ID[METHOD], name, version, settings, code=[__name__])
-    key = {"package": name or "phasebench", "settings": settings}
-    return Cell("molecules", (TABLE,), key, measure_rows, (name, settings), needs, frozenset({METHOD, name}))
-
-
-def measure_rows(name: str, settings: str) -> Rows:
-    """Measure the errors of a rigid water that turns freely by one package: one row, by table name.
-
-    ``name`` is the package, "" for this suite; ``settings`` is `DEFAULTS` or `BEST`.  Raises Unavailable without the
-    package.
-    """
-    if name and not is_installed(name):
-        raise Unavailable(f"{name} is not installed; {how_to_install(name)}")
-    x, v = ENGINES[name](settings == BEST) if name else _ours()
-    return {TABLE: [{"package": name or "phasebench", "settings": settings} | errors(x, v)]}
+def measure(package: str, settings: str) -> dict:
+    """The errors of a rigid water that turns freely by a package; raises Unavailable without the package."""
+    if package != OURS and not is_installed(package):
+        raise Unavailable(f"{package} is not installed; {how_to_install(package)}")
+    return errors(*(_ours() if package == OURS else ENGINES[package](settings == BEST)))
 
 
 def errors(x: np.ndarray, v: np.ndarray) -> dict[str, float]:
