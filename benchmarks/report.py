@@ -40,7 +40,6 @@ from phasebench.benchmarks.experiments.models.page import PAGE as MODELS
 from phasebench.benchmarks.experiments.options.numerics_page import PAGE as OPTIONS_NUMERICS
 from phasebench.benchmarks.experiments.options.page import PAGE as OPTIONS
 from phasebench.benchmarks.experiments.orders.page import PAGE as ORDERS
-from phasebench.benchmarks.experiments.printed.page import PAGE as PRINTED
 from phasebench.benchmarks.experiments.printed_numbers.page import PAGE as PRINTED_NUMBERS
 from phasebench.benchmarks.experiments.references.page import PAGE as REFERENCES
 from phasebench.benchmarks.experiments.speed.page import PAGE as SPEED
@@ -72,7 +71,6 @@ _OTHERS: tuple[tuple[float, Page], ...] = (
     (50, MODELS),
     (60, OPTIONS),
     (70, OPTIONS_NUMERICS),
-    (80, PRINTED),
     (90, PRINTED_NUMBERS),
     (100, FIELD_SAYS),
     (110, STATISTICS),

@@ -45,7 +45,8 @@ class Runs:
 
     Rows depend on the module of ``measure``, on the key with all that its "method" and "problem" stand for, and on the
     methods, peers, problems and data ``needs``; a function of the key that returns all of these takes their place.
-    ``where`` and ``own`` are those of `Cell`.
+    ``where`` and ``own`` are those of `Cell`; a quick run measures the keys ``quick``.  With ``more`` tables ``measure``
+    returns a dict of the rows of each table.
     """
 
     table: str
@@ -54,6 +55,8 @@ class Runs:
     needs: Sequence[object] | Callable[..., Sequence[object]] = ()
     where: str = POOL
     own: bool = False
+    quick: Sequence[Mapping[str, object]] = ()
+    more: tuple[str, ...] = ()
 
     def cells(self, study: Study) -> list[Cell]:
         """The cells of the table."""
@@ -64,8 +67,9 @@ class Runs:
         made_of = content(self.table, tuple(key.items()), *needs, code=[self.measure.__module__])
         names = {getattr(need, name, "") for need in needs for name in ("id", "package")}
         names = (names | {study.within, str(key.get("package", ""))}) - {""}
-        arguments = (self.table, self.measure, tuple(key.items()))
-        return Cell(study.id, (self.table,), key, measured, arguments, made_of, frozenset(names), self.where, self.own)
+        tables, quick = (self.table, *self.more), key in self.quick
+        arguments = (tables, self.measure, tuple(key.items()))
+        return Cell(study.id, tables, key, measured, arguments, made_of, frozenset(names), self.where, self.own, quick)
 
 
 def _records(key: Mapping[str, object]) -> list[object]:
@@ -77,11 +81,11 @@ def _records(key: Mapping[str, object]) -> list[object]:
     return out
 
 
-def measured(table: str, measure: Callable[..., Any], key: tuple[tuple[str, object], ...]) -> Rows:
+def measured(tables: tuple[str, ...], measure: Callable[..., Any], key: tuple[tuple[str, object], ...]) -> Rows:
     """The rows of a cell by table, with what they lack of its key in front; it is called in the worker."""
     found = measure(**dict(key))
-    rows = [found] if isinstance(found, Mapping) else found
-    return {table: [{k: v for k, v in key if k not in row} | row for row in rows]}
+    by_table = found if len(tables) > 1 else {tables[0]: [found] if isinstance(found, Mapping) else found}
+    return {t: [{k: v for k, v in key if k not in row} | row for row in rows] for t, rows in by_table.items()}
 
 
 # -- numbers and claims ------------------------------------------------------------------------------------------------
@@ -330,13 +334,13 @@ class Study:
         return f"phasebench.benchmarks.studies.{self.id.replace('-', '_')}"
 
     def cells(self, quick: bool = False) -> list[Cell]:
-        """All measurements; none in a quick run."""
-        return [] if quick else [cell for runs in self.runs for cell in runs.cells(self)]
+        """All measurements; those of a quick run."""
+        return [cell for runs in self.runs for cell in runs.cells(self) if cell.quick or not quick]
 
     @property
     def page(self) -> Page:
         """The study's page of the report."""
-        tables = (*(runs.table for runs in self.runs), *self.reads)
+        tables = (*(r.table for r in self.runs), *(table for r in self.runs for table in r.more), *self.reads)
         whole = self.whole or tables[0]
         return Page(
             id=self.id,

@@ -23,7 +23,6 @@ from phasebench.benchmarks.experiments.catalogue.acta import NO_SOURCE
 from phasebench.benchmarks.experiments.invariants import page as invariants
 from phasebench.benchmarks.experiments.matrix import page as matrix
 from phasebench.benchmarks.experiments.orders import page as orders
-from phasebench.benchmarks.experiments.printed import page as printed
 from phasebench.benchmarks.experiments.references import page as references
 from phasebench.benchmarks.experiments.structure import page as structure
 from phasebench.benchmarks.experiments.talks import page as talks
@@ -467,14 +466,6 @@ def replace_last_row(table: pd.DataFrame, **values) -> pd.DataFrame:
     return worse.infer_objects()
 
 
-PRINTED = frame(
-    {"scheme": "scheme-iv", "h": 0.01, "printed": 1e-4, "refinement_difference": 1e-4, "units": 0.1},
-    {"scheme": "scheme-iv", "h": 0.02, "printed": 4e-4, "refinement_difference": 4e-4, "units": 0.1},
-    {"scheme": "scheme-iv", "h": 0.04, "printed": 16e-4, "refinement_difference": 16e-4, "units": 0.1},
-    {"scheme": "avf", "h": 0.01, "printed": 2e-4, "refinement_difference": 2e-4, "units": 0.2},
-)
-SCANS = frame({"steps": 50, "without a root": 0, "far roots": 3, "far root closest to 1/2": 5.0})
-COLUMNS = frame({"recipe": "Scheme I, lambda = 0", "0.01": 1.0, "0.005": 0.5, "entries that agree": 1})
 EXACT = frame({"method": "a", "problem": "x", "order": 2.01, "declared": 2, "digits": 40})
 STRUCTURE = frame(
     {"method": "a", "declared": True, "defect": 1e-38},
@@ -560,10 +551,6 @@ SLOPES = frame({"panel": "Scheme I", "curve": "1/3", "order": 1.0}, figure="conv
 
 #: (verdict, tables for which it holds, name of the table to change, new values of its last row)
 BOTH_WAYS = {
-    "printed": (printed.agreement, {"printed": PRINTED}, "printed", {"units": 0.7}),
-    "scheme-iv": (printed.scheme_iv, {"printed": PRINTED.iloc[[3, 0, 1, 2]]}, "printed", {"units": 200.0}),
-    "root scan": (printed.roots, {"riddle": SCANS}, "riddle", {"without a root": 1}),
-    "recipe": (printed.explanations, {"riddle_columns": COLUMNS}, "riddle_columns", {"entries that agree": 2}),
     "multiprecision": (orders.exact, {"multiprecision": EXACT}, "multiprecision", {"order": 1.8}),
     "no window": (orders.exact, {"multiprecision": EXACT}, "multiprecision", {"order": np.nan}),
     "symplectic": (structure.symplectic, {"structure": STRUCTURE.iloc[::-1]}, "structure", {"defect": 1e-9}),
