@@ -44,7 +44,6 @@ from phasebench.benchmarks.experiments.printed_numbers.page import PAGE as PRINT
 from phasebench.benchmarks.experiments.references.page import PAGE as REFERENCES
 from phasebench.benchmarks.experiments.speed.page import PAGE as SPEED
 from phasebench.benchmarks.experiments.start.page import PAGE as START
-from phasebench.benchmarks.experiments.statistics.page import PAGE as STATISTICS
 from phasebench.benchmarks.experiments.structure.page import PAGE as STRUCTURE
 from phasebench.benchmarks.experiments.talks.page import PAGES as FIGURES
 from phasebench.benchmarks.experiments.talks.statements_page import PAGES as TALKS
@@ -73,7 +72,6 @@ _OTHERS: tuple[tuple[float, Page], ...] = (
     (70, OPTIONS_NUMERICS),
     (90, PRINTED_NUMBERS),
     (100, FIELD_SAYS),
-    (110, STATISTICS),
     (120, ORDERS),
     (130, STRUCTURE),
     (140, MATRIX),

@@ -45,8 +45,8 @@ class Runs:
 
     Rows depend on the module of ``measure``, on the key with all that its "method" and "problem" stand for, and on the
     methods, peers, problems and data ``needs``; a function of the key that returns all of these takes their place.
-    ``where`` and ``own`` are those of `Cell`; a quick run measures the keys ``quick``.  With ``more`` tables ``measure``
-    returns a dict of the rows of each table.
+    ``where`` and ``own`` are those of `Cell`; a quick run measures the keys ``quick``.  With ``more`` tables the
+    function ``measure`` returns a dict of the rows of each table.
     """
 
     table: str
@@ -101,9 +101,9 @@ def rows_of(data: Data, table: str, rows: Query = "") -> pd.DataFrame | None:
     return None if frame.empty else frame
 
 
-def evaluate(frame: pd.DataFrame, value: Value) -> Any:
+def evaluate(frame: pd.DataFrame, value: Value, *beside: pd.DataFrame) -> Any:
     """A value of each row or group, or one value; None if there is none."""
-    found = frame.eval(value) if isinstance(value, str) else value(frame)
+    found = frame.eval(value) if isinstance(value, str) else value(frame, *beside)
     return None if isinstance(found, pd.Series) and found.empty else found
 
 
@@ -132,8 +132,9 @@ class Claim:
 
     Values that are true or false are counted.  A function may return one number, a `Count` or a `Range` itself.
     ``where`` is a format string of the worst row, or a function of all rows; otherwise the worst row's method and
-    problem.  ``span``: the smallest and the largest value are shown.  ``fault``: a claim that does not hold shows a
-    fault of this suite, and is checked by `pytest benchmarks`.
+    problem.  Functions get the tables ``beside``, too.  ``span``: the smallest and the largest value are shown.
+    ``fault``: a claim that does not hold shows a fault of this suite; `pytest benchmarks` checks these, and those that
+    are ``checked``.
     """
 
     text: str
@@ -142,20 +143,21 @@ class Claim:
     expected: Condition = EVERY
     rows: Query = ""
     unit: str | Callable[[pd.DataFrame], str] = ""
-    where: str | Callable[[pd.DataFrame], str] | None = None
+    where: str | Callable[..., str] | None = None
+    beside: Sequence[str] = ()
     span: bool = False
     fault: bool = False
+    checked: bool = False
 
     def __call__(self, data: Data) -> Verdict | None:
         """The verdict on the claim, or None if its rows were not measured."""
-        frame = rows_of(data, self.table, self.rows)
-        found = None if frame is None else evaluate(frame, self.value)
-        if frame is None or found is None:
+        frames = [rows_of(data, self.table, self.rows), *(rows_of(data, name) for name in self.beside)]
+        if any(frame is None for frame in frames) or (found := evaluate(frames[0], self.value, *frames[1:])) is None:
             return None
         value, worst = self._worst(found)
-        unit = self.unit(frame) if callable(self.unit) else self.unit
-        otherwise = FAIL if self.fault else FINDING
-        return Verdict(self.text, value, self.expected, unit, self._where(frame, worst), otherwise)
+        unit = self.unit(frames[0]) if callable(self.unit) else self.unit
+        where = self.where(*frames) if callable(self.where) else self._where(frames[0], worst)
+        return Verdict(self.text, value, self.expected, unit, where, FAIL if self.fault else FINDING)
 
     def said(self, data: Data) -> Said | None:
         """What is measured as text; None if nothing was."""
@@ -180,8 +182,6 @@ class Claim:
         return both, (found - (low + high) / 2).abs().idxmax()
 
     def _where(self, frame: pd.DataFrame, worst: Any) -> str:
-        if callable(self.where):
-            return self.where(frame)
         if worst is None:
             return ""
         if worst not in frame.index:

@@ -294,7 +294,7 @@ CLAIMS = {
     "special": Claim(
         "A splitting made for post-Newtonian parts loses its order at small steps",
         ORDERS, "order", at_most(4 - LOST), rows=lambda r: finest(r) & (r["method"] == SPECIAL), unit="as the order",
-        where="h = {h:.3g}",
+        where="h = {h:.3g}", checked=True,
     ),
 }  # fmt: skip
 STUDY = Study(
@@ -325,7 +325,6 @@ STUDY = Study(
                         rows=f"map == '{BOTH}'"),
         "jumped": Claim("A triple jump on Kepler flows keeps its order", ORDERS, off, Between(-GATE, GATE),
                         rows=lambda r: finest(r) & (r["method"] == JUMPED)),
-        "lost": CLAIMS["special"],
     },
     figure=(Curves(ORDERS, "h", "error", "step h", "error at the end"),),
     legend=3,

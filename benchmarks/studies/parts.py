@@ -83,7 +83,7 @@ STUDY = Study(
     claims={
         "bounded": Claim(
             "The energy of explicit splittings through parts stays bounded",
-            ENERGY, growth, at_most(2.0), rows="split", unit=FIRST,
+            ENERGY, growth, at_most(2.0), rows="split", unit=FIRST, checked=True,
         ),
         "grows": Claim(
             "The energy of the fourth-order Runge-Kutta method grows",

@@ -142,7 +142,7 @@ STUDY = Study(
         ),
         "gain": Claim(
             "The gain of splitting off a symmetric top is inverse to the body's asymmetry",
-            SYMMETRY, gain, Between(0.9, 1.1), unit="as the power", where=deltas,
+            SYMMETRY, gain, Between(0.9, 1.1), unit="as the power", where=deltas, checked=True,
         ),
         "bounded": Claim(
             "Symplectic or not, every method keeps a chaotic top's energy bounded",

@@ -19,7 +19,7 @@ import numpy as np
 
 from phasebench.benchmarks.measure import lyapunov
 from phasebench.benchmarks.problems import problem
-from phasebench.benchmarks.store.cells import Cell, ProblemKey, Rows, content
+from phasebench.benchmarks.store.cells import ProblemKey
 from phasebench.integrators.driver import OK
 from phasebench.integrators.ensemble import integrate_ensemble
 from phasebench.integrators.registry import BY_ID
@@ -60,33 +60,15 @@ SIGMAS = 2.0
 BLOCK = 4096
 
 
-def cells(quick: bool = False) -> list[Cell]:
-    """List the measurements: a `Cell` for each scene and method, and one for each scene's reference; none if ``quick``.
-
-    A `Cell` is a function, its arguments and the tables that its rows go to.
-    """
-    if quick:
-        return []
-    return [*map(_reference_cell, SCENES), *(_cell(id, m) for id in SCENES for m in METHODS if able(id, m))]
-
-
 def able(id: str, method: str) -> bool:
     """Return True if the method can integrate the problem of the scene ``id``: some need a separable H."""
     coupled = SCENES[id].problem in scenes.COUPLED
     return not (coupled and {"separable", "quadratic kinetic energy"} & set(BY_ID[method].requires))
 
 
-def _cell(id: str, method: str) -> Cell:
-    scene = SCENES[id]
-    needs = content(TABLE, BY_ID[method], BY_ID[FINE[0]], ProblemKey(scene.problem), repr(scene), code=[__name__])
-    key = {"scene": id, "method": method}
-    return Cell("statistics", (TABLE,), key, measure_rows, (id, method), needs, frozenset({method, scene.problem}))
-
-
-def _reference_cell(id: str) -> Cell:
-    scene = SCENES[id]
-    needs = content(EXACT, BY_ID[FINE[0]], ProblemKey(scene.problem), repr(scene), code=[__name__])
-    return Cell("statistics", (EXACT,), {"scene": id}, measure_reference, (id,), needs, frozenset({scene.problem}))
+def needs(scene: str, method: str = FINE[0]) -> tuple:
+    """What a row depends on."""
+    return BY_ID[method], BY_ID[FINE[0]], ProblemKey(SCENES[scene].problem), repr(SCENES[scene])
 
 
 @dataclass(frozen=True)
@@ -189,38 +171,30 @@ def _fine(scene: Scene) -> Sums:
     return sums(scene, *FINE)
 
 
-def measure_reference(id: str) -> Rows:
-    """Measure the reference of the scene ``id``: its statistic in a run by the fine method and step of `FINE`.
-
-    Returns {`EXACT`: [row]}: the exact value (that of `FINE` where none is known), and the run's mean with its standard
-    error.
-    """
-    scene = SCENES[id]
-    fine = _fine(scene)
+def reference(scene: str) -> dict:
+    """The exact statistic (that of `FINE` where none is known), and the mean of a run of `FINE` with its error."""
+    of = SCENES[scene]
+    fine = _fine(of)
     mean, error = statistic(fine.total, fine.number)
-    row = {"scene": id, "exact": scenes.exact(scene) if scene.known else mean, "known": scene.known}
-    return {EXACT: [row | {"mean": mean, "standard error": error}]}
+    row = {"exact": scenes.exact(of) if of.known else mean, "known": of.known}
+    return row | {"mean": mean, "standard error": error}
 
 
-def measure_rows(id: str, method: str) -> Rows:
-    """Measure the statistic of the scene ``id`` by a method, for decreasing steps: {`TABLE`: a row for each step}.
-
-    The runs take the steps of `LADDER` one after the other; no further run is made once a run is expensive, or a few
-    were within 1 %.
-    """
-    scene = SCENES[id]
+def ladder(scene: str, method: str) -> list[dict]:
+    """The statistic for decreasing steps, those of `LADDER`, until a run is dear or a few are within 1 %."""
+    of = SCENES[scene]
     rows, met = [], 0
-    exact = scenes.exact(scene) if scene.known else statistic(_fine(scene).total, _fine(scene).number)[0]
+    exact = scenes.exact(of) if of.known else statistic(_fine(of).total, _fine(of).number)[0]
     for k in LADDER:
-        found = sums(scene, method, k)
+        found = sums(of, method, k)
         mean, error = statistic(found.total, found.number)
-        if not scene.known:
-            error = statistic(found.total - _fine(scene).total, found.number)[1]
+        if not of.known:
+            error = statistic(found.total - _fine(of).total, found.number)[1]
         late, late_error = statistic(found.late, found.late_number)
-        row = {"scene": id, "method": method, "symplectic": method in SYMPLECTIC, "k": k, "h": scene.row / k}
-        row |= {"evaluations": found.evaluations / scene.row, "mean": mean, "standard error": error}
+        row = {"symplectic": method in SYMPLECTIC, "k": k, "h": of.row / k}
+        row |= {"evaluations": found.evaluations / of.row, "mean": mean, "standard error": error}
         rows.append(row | {"ended": found.ended, "late": late, "late error": late_error})
         met += abs(mean - exact) + SIGMAS * error <= WANTED * abs(exact)
         if found.evaluations > MOST or met >= ENOUGH:
             break
-    return {TABLE: rows}
+    return rows
