@@ -36,7 +36,6 @@ from phasebench.benchmarks.experiments.kepler.page import PAGE as KEPLER
 from phasebench.benchmarks.experiments.large.page import PAGE as LARGE
 from phasebench.benchmarks.experiments.large.solvers_page import PAGE as LARGE_SOLVERS
 from phasebench.benchmarks.experiments.matrix.page import PAGE as MATRIX
-from phasebench.benchmarks.experiments.models.page import PAGE as MODELS
 from phasebench.benchmarks.experiments.options.numerics_page import PAGE as OPTIONS_NUMERICS
 from phasebench.benchmarks.experiments.options.page import PAGE as OPTIONS
 from phasebench.benchmarks.experiments.orders.page import PAGE as ORDERS
@@ -67,7 +66,6 @@ _OTHERS: tuple[tuple[float, Page], ...] = (
     (20, TRADE_RATIOS),
     (30, GAUSS_16),
     (40, ADVICE),
-    (50, MODELS),
     (60, OPTIONS),
     (70, OPTIONS_NUMERICS),
     (90, PRINTED_NUMBERS),

@@ -43,8 +43,9 @@ def over(**values: Sequence[object]) -> list[dict[str, object]]:
 class Runs:
     """A table: ``measure(**key)`` returns the rows, or the row, of a cell, for each of the ``keys``.
 
-    Rows depend on the module of ``measure``, on the key with all that its "method" and "problem" stand for, and on the
-    methods, peers, problems and data ``needs``; a function of the key that returns all of these takes their place.
+    Rows depend on the module of ``measure`` and further modules ``code``, on the key with all that its "method" and
+    "problem" stand for, and on the methods, peers, problems and data ``needs``; a function of the key that returns all
+    of these takes their place.
     ``where`` and ``own`` are those of `Cell`; a quick run measures the keys ``quick``.  With ``more`` tables the
     function ``measure`` returns a dict of the rows of each table.
     """
@@ -57,6 +58,7 @@ class Runs:
     own: bool = False
     quick: Sequence[Mapping[str, object]] = ()
     more: tuple[str, ...] = ()
+    code: Sequence[str] = ()
 
     def cells(self, study: Study) -> list[Cell]:
         """The cells of the table."""
@@ -64,7 +66,7 @@ class Runs:
 
     def _cell(self, study: Study, key: Mapping[str, object]) -> Cell:
         needs = list(self.needs(**key) if callable(self.needs) else (*self.needs, *_records(key)))
-        made_of = content(self.table, tuple(key.items()), *needs, code=[self.measure.__module__])
+        made_of = content(self.table, tuple(key.items()), *needs, code=[self.measure.__module__, *self.code])
         names = {getattr(need, name, "") for need in needs for name in ("id", "package")}
         names = (names | {study.within, str(key.get("package", ""))}) - {""}
         tables, quick = (self.table, *self.more), key in self.quick
@@ -177,8 +179,8 @@ class Claim:
         low, high = self.expected.low, self.expected.high
         both = Range(float(found.min()), float(found.max()))
         if low == -np.inf or high == np.inf:
-            worst = found.idxmax() if low == -np.inf else found.idxmin()
-            return both if self.span else float(found[worst]), worst
+            worst = found.argmax() if low == -np.inf else found.argmin()
+            return both if self.span else float(found.iloc[worst]), found.index[worst]
         return both, (found - (low + high) / 2).abs().idxmax()
 
     def _where(self, frame: pd.DataFrame, worst: Any) -> str:

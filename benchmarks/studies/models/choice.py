@@ -6,7 +6,7 @@ has several models.  In the tables the column ``rung`` numbers a scene's models 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from math import inf, nan
 
 import numpy as np
@@ -111,3 +111,14 @@ def rungs(models: pd.DataFrame, runs: pd.DataFrame) -> pd.DataFrame:
             )
             before = error
     return pd.DataFrame(out, columns=RUNGS)
+
+
+def column(name: str, most: float = inf) -> Callable[[pd.DataFrame, pd.DataFrame], pd.Series]:
+    """A column of `rungs` by "model (scene)", where it is a number of at most ``most``."""
+
+    def of(models: pd.DataFrame, runs: pd.DataFrame) -> pd.Series:
+        found = rungs(models, runs)
+        values = found[name].set_axis([f"{r['model']} ({r['scene']})" for _, r in found.iterrows()])
+        return values[values.astype(float) <= most]
+
+    return of

@@ -22,8 +22,8 @@ from phasebench.benchmarks.measure.quantities import Quantity, distance
 from phasebench.benchmarks.measure.timing import in_turns, median
 from phasebench.benchmarks.measure.truths import truth
 from phasebench.benchmarks.problems.models.ladder import Ladder, Rung
-from phasebench.benchmarks.problems.models.ladders import BY_ID, LADDERS
-from phasebench.benchmarks.store.cells import ALONE, Cell, ProblemKey, Rows, content, states
+from phasebench.benchmarks.problems.models.ladders import BY_ID
+from phasebench.benchmarks.store.cells import ProblemKey, states
 from phasebench.integrators.prepared import PreparedRun, prepare
 from phasebench.integrators.registry import method
 
@@ -46,27 +46,12 @@ SLOW = Quantity(
 )
 
 
-def cells(quick: bool = False) -> list[Cell]:
-    """List the measurements (`Cell`), one for each scene (a problem, a time span and a quantity), also if ``quick``."""
-    return [_cell(ladder) for ladder in LADDERS]
-
-
-def _cell(ladder: Ladder) -> Cell:
+def needs(scene: str) -> tuple:
+    """What the rows of a scene depend on."""
+    ladder = BY_ID[scene]
     full = ProblemKey(ladder.problem, ladder.parameters)
     what = (ladder.t_end, ladder.quantity, ladder.steps, [(r.name, r.rate, r.steps) for r in ladder.rungs])
-    code = (__name__, "phasebench.benchmarks.problems.models.ladders")
-    return Cell(
-        "models",
-        (MODELS, RUNS),
-        {"scene": ladder.id},
-        measure_rows,
-        (ladder.id,),
-        content(MODELS, ladder.id, what, states(full.id), *map(method, METHODS), full, code=code),
-        frozenset({full.id, MODELS, *METHODS}),
-        ALONE,
-        own=True,
-        quick=ladder is LADDERS[0],
-    )
+    return what, states(full.id), *map(method, METHODS), full
 
 
 def quantity_of(full: Problem, name: str) -> Quantity:
@@ -162,12 +147,9 @@ def reference(model: Model) -> tuple[np.ndarray, float]:
     return one, SAFETY * distance(model.quantity, one, other) + rounding
 
 
-def measure_rows(id: str) -> Rows:
-    """Measure all models of the scene ``id``: rows by table name.
-
-    The table `MODELS` has a row for each model with its modelling error, `RUNS` one for each timed run.
-    """
-    ladder = BY_ID[id]
+def models_of(scene: str) -> dict[str, list[dict]]:
+    """All models of a scene: in `MODELS` a row for each with its modelling error, in `RUNS` one for each timed run."""
+    ladder = BY_ID[scene]
     full = ladder.rungs[-1].make()
     true = truth(full, quantity_of(full, ladder.quantity), ladder.t_end)
     rows, runs, work = [], [], {}
@@ -177,7 +159,7 @@ def measure_rows(id: str) -> Rows:
         off, is_full = distance(model.quantity, own, true.values), rung is ladder.rungs[-1]
         rows.append(
             {
-                "scene": id,
+                "scene": scene,
                 "rung": k,
                 "model": rung.name,
                 "full": is_full,
@@ -195,7 +177,7 @@ def measure_rows(id: str) -> Rows:
                     continue
                 error = distance(model.quantity, found, true.values if is_full else own)
                 noise = true.uncertainty if is_full else uncertainty
-                runs.append({"scene": id, "rung": k, "method": name, "steps": n, "error": max(error, noise)})
+                runs.append({"scene": scene, "rung": k, "method": name, "steps": n, "error": max(error, noise)})
                 work[len(runs) - 1] = model.clock(name, n)
     for i, seconds in in_turns(work, ROUNDS).items():
         found = median(seconds)
