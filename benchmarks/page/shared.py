@@ -1,10 +1,24 @@
-"""The name of a case, which verdicts of several pages share."""
+"""What verdicts of several pages share: the name of a case, orders beside declared ones, the growth of a spread."""
 
 from __future__ import annotations
 
+import numpy as np
 import pandas as pd
+
+from phasebench.integrators.driver import OK
 
 
 def case(row: pd.Series) -> str:
     """Return the text "method on problem" from a row with these two columns, to be used as a verdict's ``where``."""
     return f"{row['method']} on {row['problem']}"
+
+
+def order_off(rows: pd.DataFrame) -> pd.Series:
+    """|observed - declared order| of each method and problem, at the smallest step above round-off."""
+    last = rows[rows["order"].notna()].sort_values("h").groupby(["method", "problem"]).head(1)
+    return (last["order"] - last["declared"]).abs()
+
+
+def growth(rows: pd.DataFrame) -> pd.Series:
+    """The spread of a long run over that of its first tenth; infinite for a run that did not reach its end."""
+    return (rows["all"] / rows["first"]).where(rows["status"] == OK, np.inf)

@@ -18,7 +18,6 @@ import pandas as pd
 
 from phasebench.benchmarks import style
 from phasebench.benchmarks.store.cells import POOL, Cell, ProblemKey, Rows, content, states
-from phasebench.integrators.driver import OK
 from phasebench.integrators.registry import BY_ID
 
 from .markdown import number
@@ -195,32 +194,14 @@ class Claim:
 class Said(str):
     """What a verdict measured, as text; its attributes serve an answer, too: {name.of}, {name.high}, {name.where}."""
 
-    n: int
-    of: int
-    low: str
-    high: str
-    where: str
-
     def __new__(cls, verdict: Verdict) -> Said:
         """The text of a verdict."""
         out = super().__new__(cls, measured_text(verdict.measured))
-        for name in ("n", "of"):
-            setattr(out, name, getattr(verdict.measured, name, None))
-        for name in ("low", "high"):
-            setattr(out, name, number(getattr(verdict.measured, name, None), 2))
         out.where = verdict.where
+        for name in ("n", "of", "low", "high"):
+            value = getattr(verdict.measured, name, None)
+            setattr(out, name, value if name in ("n", "of") else number(value, 2))
         return out
-
-
-def order_off(rows: pd.DataFrame) -> pd.Series:
-    """|observed - declared order| of each method and problem, at the smallest step above round-off."""
-    last = rows[rows["order"].notna()].sort_values("h").groupby(["method", "problem"]).head(1)
-    return (last["order"] - last["declared"]).abs()
-
-
-def growth(rows: pd.DataFrame) -> pd.Series:
-    """The spread of a long run over that of its first tenth; infinite for a run that did not reach its end."""
-    return (rows["all"] / rows["first"]).where(rows["status"] == OK, np.inf)
 
 
 # -- what is shown -----------------------------------------------------------------------------------------------------

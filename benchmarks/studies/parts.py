@@ -9,7 +9,8 @@ import pandas as pd
 
 from phasebench.benchmarks.measure.global_error import end_error
 from phasebench.benchmarks.measure.orders import successive
-from phasebench.benchmarks.page.study import Claim, Curves, Runs, Shown, Study, growth, order_off, over
+from phasebench.benchmarks.page.shared import growth, order_off
+from phasebench.benchmarks.page.study import Claim, Curves, Runs, Shown, Study, over
 from phasebench.benchmarks.page.verdict import at_least, at_most
 from phasebench.benchmarks.problems import problem as problem_of
 from phasebench.integrators.driver import integrate

@@ -10,7 +10,8 @@ import pandas as pd
 
 from phasebench.benchmarks.measure.orders import successive
 from phasebench.benchmarks.page.markdown import number
-from phasebench.benchmarks.page.study import Claim, Curves, Number, Runs, Shown, Study, growth, order_off, over
+from phasebench.benchmarks.page.shared import growth, order_off
+from phasebench.benchmarks.page.study import Claim, Curves, Number, Runs, Shown, Study, over
 from phasebench.benchmarks.page.verdict import Between, at_least, at_most
 from phasebench.benchmarks.problems import problem as problem_of
 from phasebench.benchmarks.store.cells import ProblemKey
