@@ -21,12 +21,9 @@ import pandas as pd
 from phasebench.benchmarks.experiments.advice.page import PAGE as ADVICE
 from phasebench.benchmarks.experiments.audit.page import PAGE as AUDIT
 from phasebench.benchmarks.experiments.catalogue.page import PAGES as CATALOGUE
-from phasebench.benchmarks.experiments.constraints.page import PAGE as CONSTRAINTS
 from phasebench.benchmarks.experiments.drift.page import PAGE as DRIFT
 from phasebench.benchmarks.experiments.elsewhere.page import PAGE as ELSEWHERE
-from phasebench.benchmarks.experiments.energy_preservation.page import PAGE as ENERGY_PRESERVATION
 from phasebench.benchmarks.experiments.ensembles.page import PAGE as ENSEMBLES
-from phasebench.benchmarks.experiments.extended.page import PAGE as EXTENDED
 from phasebench.benchmarks.experiments.extremes.encounters_page import PAGE as EXTREMES_ENCOUNTERS
 from phasebench.benchmarks.experiments.extremes.limits_page import PAGE as EXTREMES_LIMITS
 from phasebench.benchmarks.experiments.extremes.multistep_page import PAGE as EXTREMES_MULTISTEP
@@ -39,22 +36,13 @@ from phasebench.benchmarks.experiments.kepler.page import PAGE as KEPLER
 from phasebench.benchmarks.experiments.large.page import PAGE as LARGE
 from phasebench.benchmarks.experiments.large.solvers_page import PAGE as LARGE_SOLVERS
 from phasebench.benchmarks.experiments.matrix.page import PAGE as MATRIX
-from phasebench.benchmarks.experiments.models.page import PAGE as MODELS
-from phasebench.benchmarks.experiments.molecules.page import PAGE as MOLECULES
 from phasebench.benchmarks.experiments.options.numerics_page import PAGE as OPTIONS_NUMERICS
 from phasebench.benchmarks.experiments.options.page import PAGE as OPTIONS
 from phasebench.benchmarks.experiments.orders.page import PAGE as ORDERS
-from phasebench.benchmarks.experiments.oscillatory.page import PAGE as OSCILLATORY
-from phasebench.benchmarks.experiments.parts.page import PAGE as PARTS
-from phasebench.benchmarks.experiments.printed.page import PAGE as PRINTED
 from phasebench.benchmarks.experiments.printed_numbers.page import PAGE as PRINTED_NUMBERS
 from phasebench.benchmarks.experiments.references.page import PAGE as REFERENCES
-from phasebench.benchmarks.experiments.rigid.page import PAGE as RIGID
-from phasebench.benchmarks.experiments.sampling.hessian_page import PAGE as HESSIAN_FREE
-from phasebench.benchmarks.experiments.sampling.page import PAGE as SAMPLING
 from phasebench.benchmarks.experiments.speed.page import PAGE as SPEED
 from phasebench.benchmarks.experiments.start.page import PAGE as START
-from phasebench.benchmarks.experiments.statistics.page import PAGE as STATISTICS
 from phasebench.benchmarks.experiments.structure.page import PAGE as STRUCTURE
 from phasebench.benchmarks.experiments.talks.page import PAGES as FIGURES
 from phasebench.benchmarks.experiments.talks.statements_page import PAGES as TALKS
@@ -62,67 +50,54 @@ from phasebench.benchmarks.experiments.trade.gauss_page import PAGE as GAUSS_16
 from phasebench.benchmarks.experiments.trade.page import PAGE as TRADE
 from phasebench.benchmarks.experiments.trade.ratios_page import PAGE as TRADE_RATIOS
 from phasebench.benchmarks.experiments.trade.scene_page import PAGES as TRADE_SCENES
-from phasebench.benchmarks.experiments.waves.page import PAGE as WAVES
-from phasebench.benchmarks.experiments.waves.spacetime_page import PAGE as MULTISYMPLECTIC
-from phasebench.benchmarks.experiments.wisdom_holman.page import PAGE as WISDOM_HOLMAN
 from phasebench.benchmarks.page import html, markdown
 from phasebench.benchmarks.page.drawn import Figures
 from phasebench.benchmarks.page.origin import count_outdated, origin
 from phasebench.benchmarks.page.page import Page, Picture, Table, conclusion
 from phasebench.benchmarks.page.verdict import MEANING
+from phasebench.benchmarks.studies import index
 from phasebench.integrators.errors import InvalidInput
 
 from .store import tables as results
 
+#: Pages that are no studies, each with its place among them (`Study.place`).
+_OTHERS: tuple[tuple[float, Page], ...] = (
+    (10, TRADE),
+    (20, TRADE_RATIOS),
+    (30, GAUSS_16),
+    (40, ADVICE),
+    (60, OPTIONS),
+    (70, OPTIONS_NUMERICS),
+    (90, PRINTED_NUMBERS),
+    (100, FIELD_SAYS),
+    (120, ORDERS),
+    (130, STRUCTURE),
+    (140, MATRIX),
+    (150, INVARIANTS),
+    (160, DRIFT),
+    (180, EXTREMES),
+    (190, EXTREMES_LIMITS),
+    (200, EXTREMES_ROUND_OFF),
+    (210, EXTREMES_ENCOUNTERS),
+    (220, EXTREMES_SPRINGS),
+    (230, EXTREMES_MULTISTEP),
+    (240, KEPLER),
+    (350, AUDIT),
+    (370, ELSEWHERE),
+    (380, REFERENCES),
+    (390, SPEED),
+    (400, START),
+    (410, LARGE),
+    (420, LARGE_SOLVERS),
+    (430, ENSEMBLES),
+    *((440, page) for page in CATALOGUE),
+    *((450, page) for page in TALKS),
+    *((460, page) for page in FIGURES),
+    *((470, page) for page in TRADE_SCENES),
+)
 #: All pages, in reading order.
-PAGES: tuple[Page, ...] = (
-    TRADE,
-    TRADE_RATIOS,
-    GAUSS_16,
-    ADVICE,
-    MODELS,
-    OPTIONS,
-    OPTIONS_NUMERICS,
-    PRINTED,
-    PRINTED_NUMBERS,
-    FIELD_SAYS,
-    STATISTICS,
-    ORDERS,
-    STRUCTURE,
-    MATRIX,
-    INVARIANTS,
-    DRIFT,
-    ENERGY_PRESERVATION,
-    EXTREMES,
-    EXTREMES_LIMITS,
-    EXTREMES_ROUND_OFF,
-    EXTREMES_ENCOUNTERS,
-    EXTREMES_SPRINGS,
-    EXTREMES_MULTISTEP,
-    KEPLER,
-    WISDOM_HOLMAN,
-    OSCILLATORY,
-    EXTENDED,
-    CONSTRAINTS,
-    RIGID,
-    PARTS,
-    WAVES,
-    MULTISYMPLECTIC,
-    SAMPLING,
-    HESSIAN_FREE,
-    AUDIT,
-    MOLECULES,
-    ELSEWHERE,
-    REFERENCES,
-    SPEED,
-    START,
-    LARGE,
-    LARGE_SOLVERS,
-    ENSEMBLES,
-    *CATALOGUE,
-    *TALKS,
-    *FIGURES,
-    *TRADE_SCENES,
+PAGES: tuple[Page, ...] = tuple(
+    page for _, page in sorted([*_OTHERS, *((s.place, s.page) for s in index.found().values())], key=lambda x: x[0])
 )
 QUICK = "This is the quick tier: few steps, few rounds; it shows that the suite runs, and no more."
 

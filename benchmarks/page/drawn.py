@@ -34,10 +34,11 @@ def _hash(content: bytes) -> str:
 
 
 def module_of(draw: Callable) -> str:
-    """The name of the module that defines a drawing function."""
+    """The name of the module that defines a drawing function; of a study's figure, that of the study."""
     while isinstance(draw, functools.partial):
         draw = draw.func
-    return inspect.unwrap(draw).__module__
+    study = getattr(getattr(draw, "__self__", None), "module", None)
+    return study or inspect.unwrap(draw).__module__
 
 
 @functools.cache

@@ -141,7 +141,7 @@ class Verdict:
     @property
     def outcome(self) -> str:
         """The outcome of the claim: `PASS`, `FINDING`, `FAIL` or `MISSING`."""
-        empty = self.measured is None or self.measured == Count(0, 0)
+        empty = self.measured is None or getattr(self.measured, "of", 1) == 0
         if empty or math.isnan(sum(_ends(self.measured))):
             return MISSING
         return PASS if self.expected.met(self.measured) else self.otherwise

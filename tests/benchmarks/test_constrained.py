@@ -9,6 +9,7 @@ import phasebench as pb
 from phasebench.benchmarks.advice.ask import ask
 from phasebench.benchmarks.advice.portfolio import portfolio
 from phasebench.benchmarks.measure.own_step import from_file
+from phasebench.benchmarks.problems import problem
 from phasebench.benchmarks.problems.user import from_formula
 from support.commands import call, run_json
 
@@ -136,3 +137,11 @@ def test_advice_lets_methods_for_constraints_compete():
     able = {integrator.id for integrator, _ in members}
     assert {"rattle", "lobatto-iiia-iiib-constrained-6", "dop853", "gauss-4"} <= able
     assert not {"scheme-iv", "avf", "tao-2"} & able
+
+
+def test_gauss_s_stages_in_lanes_run_with_five_constraints():
+    butane = problem("butane")
+    ends = [pb.integrate(butane, id, h=0.01, steps=20) for id in ("gauss-6", "dop853")]
+    assert all(s.status == "ok" for s in ends)
+    assert np.abs(ends[0].q[-1] - ends[1].q[-1]).max() < 1e-12
+    assert np.abs(ends[0].q[-1] - butane.q0).max() > 1e-2

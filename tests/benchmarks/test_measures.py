@@ -6,13 +6,11 @@ from itertools import pairwise
 from types import SimpleNamespace
 
 import numpy as np
-import pandas as pd
 import pytest
 
-from phasebench.benchmarks.experiments.printed import bench_printed, page, printed, recipes
 from phasebench.benchmarks.measure import c_loop, root_scan, timing
-from phasebench.benchmarks.page.verdict import FAIL, FINDING, PASS, Count
 from phasebench.benchmarks.problems import problem
+from phasebench.benchmarks.studies import printed
 from phasebench.integrators import integrate
 from phasebench.integrators.registry import method
 from phasebench.reference import native
@@ -37,7 +35,7 @@ def test_every_printed_column_has_four_falling_entries():
 
 
 def test_units_and_orders_of_a_column():
-    rows = list(printed.column_rows("scheme-ii", "1/3"))
+    rows = printed.column("scheme-ii", **{"lambda": "1/3"})
     ends = []
     for h in printed.STEPS:
         s = integrate(problem("henon-heiles:chaotic"), method("scheme-ii", lam="1/3"), h=h, t_end=1.0)
@@ -69,84 +67,15 @@ def test_printed_columns_equal_the_talks():
     assert [entry for column in printed.PRINTED.values() for entry in column] == TALK.split()
 
 
-def entries(scheme: str, lam: str, *measured: float) -> list[dict]:
-    """Rows of a column printed in the talk (for a scheme and lambda) beside these measured values."""
-    column = printed.PRINTED[scheme, lam or None]
-    rows = zip(printed.STEPS[1:], column, measured, strict=True)
-    return [
-        {"scheme": scheme, "lambda": lam, "h": h, "printed": float(t), "refinement_difference": x,
-         "units": abs(x - float(t)) / printed.unit(t)}
-        for h, t, x in rows
-    ]  # fmt: skip
-
-
-SCHEME_V = (4.2338e-6, 1.0566e-6, 2.64e-7, 6.60e-8)
-SCHEME_I = (2.625836e-3, 1.334988e-3, 6.7312e-4, 3.3798e-4)
-SCHEME_IV = (1.8019e-5, 3.486e-6, 1.1025e-6, 2.754e-7)
-
-
-def table(*columns: list[dict]) -> dict:
-    return {"printed": pd.DataFrame([r for column in columns for r in column])}
-
-
-def test_reproduced_entries_are_counted():
-    iv, v = entries("scheme-iv", "", *SCHEME_IV), entries("scheme-v", "", *SCHEME_V)
-    good = page.agreement(table(iv, v, entries("scheme-i", "3/2", *SCHEME_I)).get)
-    assert (good.outcome, good.measured) == (PASS, Count(8, 8))
-    assert good.where.startswith("scheme-i at h = 0.005: 0.501 of")
-    off = page.agreement(table(iv, entries("scheme-v", "", *(x + 0.007e-6 for x in SCHEME_V))).get)
-    assert off.outcome == FAIL
-    assert page.agreement(table(iv).get) is None
-
-
-@pytest.mark.parametrize(("units", "agree"), [(0.59, 4), (0.61, 3), (6.0, 3)])
-def test_entry_agrees_within_0_6_of_the_last_digit(units, agree):
-    column = entries("scheme-v", "", SCHEME_V[0], SCHEME_V[1], 2.64e-7 + units * 1e-9, SCHEME_V[3])
-    found = page.agreement(table(column).get)
-    assert found.measured == Count(agree, 4)
-    assert found.outcome == (PASS if agree == 4 else FAIL)
-    assert len(bench_printed.off(column)) == 4 - agree
-
-
-def test_bench_judges_scheme_iv_by_its_order_alone():
-    good, first = entries("scheme-iv", "", *SCHEME_IV), entries("scheme-iv", "", *(0.25 / 2**k for k in range(4)))
-    assert not bench_printed.off(good)
-    assert bench_printed.off(first) == ["Scheme IV on the root nearest 1/2 has order 1.000"]
-    assert len(bench_printed.off(entries("scheme-v", "", *SCHEME_IV))) == 4
-    for slope, off in ((2.14, 0), (2.16, 1), (1.86, 0), (1.84, 1)):
-        column = entries("scheme-iv", "", *(x**slope for x in printed.STEPS[1:]))
-        assert len(bench_printed.off(column)) == off
-
-
-def test_column_of_scheme_iv_is_a_finding():
-    found = page.scheme_iv(table(entries("scheme-iv", "", *SCHEME_IV)).get)
-    assert (found.outcome, found.measured) == (FINDING, Count(0, 4))
-    said = page.answer(table(entries("scheme-iv", "", *SCHEME_IV), entries("scheme-v", "", *SCHEME_V)).get)
-    assert all(number in said for number in ("4 of 4", "1.00", "1.98"))
-    good = page.scheme_iv(table(entries("scheme-iv", "", 2.5e-3, 1.24e-3, 6.22e-4, 3.1e-4)).get)
-    assert good.outcome == PASS
-    assert page.scheme_iv(table(entries("scheme-v", "", *SCHEME_V)).get) is None
-
-
-@pytest.mark.parametrize(
-    ("row", "lost"),
-    [({}, 0), ({"without a root": 1}, 1), ({"nearest root, greatest": 0.61}, 1), ({"nearest root, least": 0.39}, 1),
-     ({"nearest root, least": 0.41, "nearest root, greatest": 0.59}, 0), ({"nearest root, least": np.nan}, 1)],
-)  # fmt: skip
-def test_lost_roots_fail_the_bench(row, lost):
-    good = {"h": 0.01, "without a root": 0, "nearest root, least": 0.5, "nearest root, greatest": 0.5}
-    assert len(bench_printed.scans_without_root([good | row])) == lost
-
-
 # -- recipes for Scheme IV's column ------------------------------------------------------------------------------------
 
 
 @pytest.fixture(scope="module")
 def ways():
-    """{name of a recipe, a way to compute the talk's printed differences: its column} for three recipes."""
+    """{name of a recipe, a way to compute the talk's printed differences: its column} for three printed."""
     wanted = ("Scheme IV, one step more", "Scheme I, lambda = -51/50, in q alone", "Scheme I, lambda = -2/5")
     found = problem("henon-heiles:chaotic")
-    return {r.name: r.column(found) for r in recipes.RECIPES if r.name in wanted}
+    return {r.name: r.column(found) for r in printed.RECIPES if r.name in wanted}
 
 
 def test_nearest_recipes_have_known_columns(ways):
@@ -155,12 +84,12 @@ def test_nearest_recipes_have_known_columns(ways):
     assert [f"{x:.2E}" for x in ways["Scheme I, lambda = -51/50, in q alone"]] == [
         "2.50E-03", "1.24E-03", "6.20E-04", "3.10E-04",
     ]  # fmt: skip
-    assert [recipes.agreeing(column) for column in ways.values()] == [1, 0, 3]
+    assert [printed.agreeing(column) for column in ways.values()] == [1, 0, 3]
 
 
 def test_recipe_with_one_step_more():
     """States one step after t = 1 differ, between h and 2 h, by h times the velocity: the column halves with h."""
-    recipe = recipes.Recipe("", method("implicit-midpoint"), beyond=1)
+    recipe = printed.Recipe("", method("implicit-midpoint"), beyond=1)
     column = recipe.column(problem("henon-heiles:chaotic"))
     assert all(1.95 < a / b < 2.05 for a, b in pairwise(column))
 
@@ -168,45 +97,7 @@ def test_recipe_with_one_step_more():
 @pytest.mark.parametrize(("units", "agree"), [(0.59, 4), (0.61, 0)])
 def test_agreeing_entries_are_counted_in_units_of_a_digit(units, agree):
     column = [float(t) + units * printed.unit(t) for t in ("2.50E-03", "1.24E-03", "6.22E-04", "3.10E-04")]
-    assert recipes.agreeing(column) == agree
-
-
-def recipe_table(**agree: int) -> pd.DataFrame:
-    """A fabricated table of recipes: the number of printed entries with which each agrees, Scheme IV's included."""
-    rows = {recipes.CLAIM: 4} | agree
-    return pd.DataFrame([{"recipe": k, "0.01": 1.0, "0.005": 0.5, "entries that agree": n} for k, n in rows.items()])
-
-
-SCANS = pd.DataFrame(
-    [{"steps": 50, "without a root": 0, "far roots": 3, "far root closest to 1/2": x} for x in (5.5, -1.5)]
-)
-
-
-def test_recipe_that_reproduces_the_column_is_a_finding():
-    good, made, none = (
-        page.explanations({"riddle_columns": recipe_table(**agree)}.get)
-        for agree in ({"a": 0, "b": 1, "c": 1}, {"a": 0, "b": 2}, {"a": 0})
-    )
-    assert (good.outcome, good.measured, good.where) == (PASS, Count(0, 3), "b and c: 1 of 2 entries")
-    assert (made.outcome, made.measured) == (FINDING, Count(1, 2))
-    assert (none.outcome, none.where) == (PASS, "")
-    assert page.explanations({"riddle_columns": recipe_table()}.get) is None
-
-
-def test_step_without_a_root_is_a_finding():
-    good = page.roots({"riddle": SCANS}.get)
-    assert (good.outcome, good.measured) == (PASS, Count(100, 100))
-    assert "2 away" in good.where
-    bad = page.roots({"riddle": SCANS.assign(**{"without a root": [0, 1]})}.get)
-    assert (bad.outcome, bad.measured) == (FINDING, Count(99, 100))
-
-
-def test_table_shows_the_nearest_recipes_first():
-    shown = page.table({"riddle_columns": recipe_table(a=0, b=1)}.get).frame
-    assert list(shown["recipe"]) == [recipes.CLAIM, "b", "a"]
-    assert list(shown) == ["recipe", "h = 0.01", "h = 0.005", "entries that agree"]
-    assert shown["h = 0.005"].iloc[0] == "5.000e-01"
-    assert page.table(lambda name: None) is None
+    assert printed.agreeing(column) == agree
 
 
 # -- the exhaustive scan -----------------------------------------------------------------------------------------------

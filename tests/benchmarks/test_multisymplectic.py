@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from phasebench.benchmarks.experiments.waves import laws, spacetime, spacetime_page
+from phasebench.benchmarks.measure import box_laws as laws
 from phasebench.benchmarks.problems import klein_gordon, nls, problem
+from phasebench.benchmarks.studies import multisymplectic
 from phasebench.integrators import Hamiltonian, integrate
 from phasebench.integrators.compile import codegen
 from phasebench.integrators.errors import InvalidInput
@@ -30,7 +31,7 @@ def name(request):
 def case(name, cells=N, strength=1.0):
     """(equation, initial values y, tangent vectors, grid spacing dx) of a wave equation on ``cells`` grid cells."""
     dx = LENGTH / cells
-    y, *tangents = spacetime.CASES[name].data(dx * np.arange(cells))
+    y, *tangents = multisymplectic.CASES[name].data(dx * np.arange(cells))
     return MODULES[name].multisymplectic(strength), y, tangents, dx
 
 
@@ -39,7 +40,7 @@ def residual_row(name, chosen, h=0.01, steps=3, cells=9, strength=1.0):
     equation, y, tangents, dx = case(name, cells, strength)
     space = chosen.division(equation, cells, dx)
     return laws.measure(
-        space, chosen, run(equation, chosen, y, dx, h, steps, tangents), h, spacetime.CASES[name].invariant
+        space, chosen, run(equation, chosen, y, dx, h, steps, tangents), h, multisymplectic.CASES[name].invariant
     )
 
 
@@ -213,7 +214,7 @@ def test_staggered_grid_is_that_of_the_wave_problems(name):
 
 @pytest.mark.parametrize("id", DECLARED)
 def test_multisymplectic_law_holds(name, id):
-    assert units(residual_row(name, scheme(id), h=0.004)) < spacetime_page.UNITS
+    assert units(residual_row(name, scheme(id), h=0.004)) < multisymplectic.UNITS
 
 
 @pytest.mark.parametrize("id", CONTROLS)
@@ -230,7 +231,7 @@ def test_perturbed_coefficient_is_detected(name, id):
 
 def test_variable_parameter_breaks_the_law(name):
     row = residual_row(name, scheme("equip-box"))
-    assert units(row) < spacetime_page.UNITS
+    assert units(row) < multisymplectic.UNITS
     assert units(row, laws.FOLLOWS) > 1e6
     assert row["total energy error"] < 1e-12
     assert row["quadratic invariant error"] < 1e-13
@@ -242,14 +243,14 @@ def test_linear_equation_satisfies_all_laws(name):
     """Energy and momentum are quadratic there; with S of degree four their local laws are violated."""
     linear, full = (residual_row(name, scheme("preissmann-box"), strength=s) for s in (0.0, 1.0))
     for law in (laws.ENERGY, laws.MOMENTUM):
-        assert units(linear, law) < spacetime_page.UNITS
+        assert units(linear, law) < multisymplectic.UNITS
         assert units(full, law) > 1e3
 
 
 def test_laws_on_the_staggered_grid(name):
     """Midpoint rule, linear equation: local energy is exact, the momentum residual falls as dx^2."""
     chosen = replace(scheme("preissmann-box"), division=Staggered)
-    assert units(residual_row(name, chosen, strength=0.0), laws.ENERGY) < spacetime_page.UNITS
+    assert units(residual_row(name, chosen, strength=0.0), laws.ENERGY) < multisymplectic.UNITS
     assert units(residual_row(name, chosen), laws.ENERGY) > 1e3
     coarse, fine = (residual_row(name, chosen, h=1e-3, cells=cells)[laws.MOMENTUM] for cells in (33, 66))
     assert coarse / fine == pytest.approx(4, rel=0.1)
@@ -269,7 +270,7 @@ def test_small_increments_are_not_lost():
 
 
 def test_avf_box_preserves_the_energy_of_every_cell(name):
-    assert units(residual_row(name, scheme("avf-box")), laws.ENERGY) < spacetime_page.UNITS
+    assert units(residual_row(name, scheme("avf-box")), laws.ENERGY) < multisymplectic.UNITS
     assert units(residual_row(name, replace(scheme("avf-box"), means=False)), laws.ENERGY) > 1e3
 
 
@@ -301,12 +302,12 @@ def test_steps_without_a_root_are_counted():
     equation, y, tangents, dx = case("nls")
     steps = run(equation, scheme("equip-box"), y, dx, 0.01, 3, tangents)
     missed = [replace(step, found=k == 1, alpha=-0.5 if k == 1 else 0.25) for k, step in enumerate(steps)]
-    row = laws.measure(Box(equation, N, dx), scheme("equip-box"), missed, 0.01, spacetime.mass)
+    row = laws.measure(Box(equation, N, dx), scheme("equip-box"), missed, 0.01, multisymplectic.mass)
     assert (row["steps without a root"], row["largest parameter"]) == (2, 0.5)
 
 
 def test_unsolvable_step_gives_a_row():
-    (row,) = spacetime.measure_rows("nls", "euler-box", spacetime.IN_TIME, 9, 1e9, 1)[spacetime.TABLE]
+    row = multisymplectic.measure("nls", "euler-box", multisymplectic.IN_TIME, 9, 1e9, steps=1)
     assert row["status"] == "not-converged"
     assert "smaller h" in row["reason"]
 
@@ -329,7 +330,7 @@ def test_initial_data_are_the_stated_waves():
         "klein-gordon": [[1, 0, 0, 0.5], [0.5, -0.3j, -0.2j, 0.2]],
     }
     for name, wanted in values.items():
-        y, u, v = spacetime.CASES[name].data(x)
+        y, u, v = multisymplectic.CASES[name].data(x)
         assert waves(y)[:2].tolist() == wanted
         assert not waves(y)[2:].any()
         for tangent in (u, v):
@@ -339,31 +340,25 @@ def test_initial_data_are_the_stated_waves():
 
 @pytest.mark.parametrize("id", ["preissmann-box", "euler-box"])
 def test_ladder_refines_first_in_time_then_in_space(name, id):
-    rungs = spacetime.ladder(spacetime.CASES[name], scheme(id))
-    in_time, in_space = ([r[1:] for r in rungs if r[0] == falls] for falls in (spacetime.IN_TIME, spacetime.IN_SPACE))
+    rungs = multisymplectic.ladder(multisymplectic.CASES[name], scheme(id))
+    kinds = multisymplectic.IN_TIME, multisymplectic.IN_SPACE
+    in_time, in_space = ([(N, h, steps) for (what, N, h), steps in rungs.items() if what == falls] for falls in kinds)
     assert len(in_time) == 4
-    assert {cells for cells, _, _ in in_time} == {min(spacetime.CELLS)}
+    assert {cells for cells, _, _ in in_time} == {min(multisymplectic.CELLS)}
     longest = in_time[0][1]
     assert [h / longest for _, h, _ in in_time] == [1, 1 / 2, 1 / 4, 1 / 8]
     assert {h * steps / longest for _, h, steps in in_time} == {10}
-    assert [cells for cells, _, _ in in_space] == sorted(spacetime.CELLS)
+    assert [cells for cells, _, _ in in_space] == sorted(multisymplectic.CELLS)
     assert {h for _, h, _ in in_space} == {longest / 8}
-    assert all(cells % 2 for cells in spacetime.CELLS), "the box scheme needs it"
+    assert all(cells % 2 for cells in multisymplectic.CELLS), "the box scheme needs it"
 
 
 def test_longest_step_is_in_the_asymptotic_range(name):
-    h = spacetime.CASES[name].longest
+    h = multisymplectic.CASES[name].longest
     rows = [
-        spacetime.measure_rows(name, "preissmann-box", spacetime.IN_TIME, 17, h / k, 10 * k)[spacetime.TABLE][0]
+        multisymplectic.measure(name, "preissmann-box", multisymplectic.IN_TIME, 17, h / k, steps=10 * k)
         for k in (1, 2)
     ]
     assert [row["status"] for row in rows] == ["ok", "ok"]
     coarse, fine = (row[laws.ENERGY] for row in rows)
     assert coarse / fine == pytest.approx(4, rel=0.1)
-
-
-def test_every_scheme_is_measured_on_every_equation():
-    cells = spacetime.cells()
-    assert {(c.key["equation"], c.key["id"]) for c in cells} == {(e, i) for e in spacetime.CASES for i in schemes()}
-    assert len({c.id for c in cells}) == len(cells)
-    assert spacetime.cells(quick=True) == []

@@ -8,8 +8,6 @@ import pytest
 
 from phasebench.benchmarks.experiments.invariants import page as invariants
 from phasebench.benchmarks.experiments.orders import page as orders
-from phasebench.benchmarks.experiments.oscillatory import page as oscillatory
-from phasebench.benchmarks.experiments.printed import page as printed
 from phasebench.benchmarks.experiments.references import page as references
 from phasebench.benchmarks.experiments.structure import page as structure
 from phasebench.benchmarks.page.page import ROWS
@@ -102,76 +100,6 @@ def test_verdicts_with_methods_of_one_kind():
 def test_declared_flag_is_written_as_yes_or_no():
     whole = structure.PAGE.whole({"structure": defects(("a", True, 0.0), ("b", False, 1.0))}.get)
     assert whole["declared"].tolist() == ["yes", "no"]
-
-
-# -- resonances --------------------------------------------------------------------------------------------------------
-
-
-def over(name: str, *of: tuple[float, str, float]) -> list[dict]:
-    """Fabricated runs of a method on oscillatory systems, each (h omega / pi, status, largest energy error)."""
-    columns = (oscillatory.RATIO, "status", oscillatory.ENERGY)
-    return [{"method": name, oscillatory.OSCILLATORY: r[2]} | dict(zip(columns, r, strict=True)) for r in of]
-
-
-def test_error_equal_to_the_limit_is_a_loss():
-    rows = frame(
-        *over("a", (0.1, "ok", 1e-3), (0.5, "ok", oscillatory.LOST), (0.7, "refused", np.nan), (0.9, "ok", 0.5))
-    )
-    whole = oscillatory.PAGE.whole({"oscillatory": rows}.get)
-    assert whole[oscillatory.RATIO].tolist() == [0.5, 0.7]
-    (summed,) = oscillatory.table({"oscillatory": rows}.get).frame.to_dict("records")
-    assert (summed["energy lost"], summed["first lost at hω/π"]) == (2, 0.5)
-    assert oscillatory.survivors({"oscillatory": rows}.get).outcome == FINDING
-
-
-@pytest.mark.parametrize(("ratio", "where"), [(1.1, "near 1 π"), (1.11, "at 1 other step")])
-def test_loss_within_0_1_of_a_multiple_is_resonant(ratio, where):
-    rows = frame(*over("a", (0.1, "ok", 1e-3), (ratio, "ok", 2.0), (1.3, "ok", 1e-3)))
-    assert oscillatory.table({"oscillatory": rows}.get).frame["where it is lost"].tolist() == [where]
-
-
-def test_method_that_always_fails_has_no_largest_error():
-    rows = frame(*over("never", (0.1, "diverged", np.nan)), *over("ever", (0.1, "ok", 1e-3)))
-    shown = oscillatory.table({"oscillatory": rows}.get).frame.set_index("method")
-    assert np.isnan(shown.loc["never", "greatest error of H"])
-    assert np.isnan(shown.loc["never", "at hω/π"])
-    assert shown.loc["ever", "at hω/π"] == 0.1
-
-
-# -- the printed columns -----------------------------------------------------------------------------------------------
-
-
-def entry(scheme="scheme-v", units=0.0, **more) -> dict:
-    row = {"scheme": scheme, "lambda": None, "h": 0.01, "printed": 4.23e-6, "refinement_difference": 4.23381e-6}
-    return row | {"units": units, "order": 2.0, "global_error": 1.2345e-6} | more
-
-
-def test_deviation_of_0_6_units_is_agreement():
-    found = printed.agreement({"printed": frame(entry(units=printed.AGREEMENT))}.get)
-    assert (found.outcome, found.measured) == (PASS, Count(1, 1))
-    column = [entry("scheme-iv", printed.AGREEMENT, h=h, refinement_difference=h**2) for h in (0.01, 0.005, 0.0025)]
-    assert printed.scheme_iv({"printed": frame(*column)}.get).outcome == PASS
-    assert printed.scheme_iv({"printed": frame(*column[:2])}.get) is None
-
-
-def test_entries_have_the_digits_of_the_talk():
-    whole = printed.PAGE.whole({"printed": frame(entry())}.get)
-    assert whole[["printed", "measured", "global error", "lambda"]].iloc[0].tolist() == [
-        "4.23e-06", "4.2338e-06", "1.23e-06", "",
-    ]  # fmt: skip
-
-
-@pytest.mark.parametrize(
-    ("agreeing", "where"),
-    [((1, 1, 1), "a, b and c: 1 of 2 entries"), ((1, 0, 0), "a: 1 of 2 entries"), ((0, 0, 0), ""),
-     ((2, 2, 0), "a and b: 2 of 2 entries"), ((2, 0, 0), "a: 2 of 2 entries")],
-)  # fmt: skip
-def test_nearest_recipes_are_named(agreeing, where):
-    ways = [{"recipe": r, "entries that agree": n} for r, n in zip("abc", agreeing, strict=True)]
-    columns = frame({"recipe": printed.CLAIM, "entries that agree": 2}, *ways, **{"0.01": 1.0, "0.005": 0.5})
-    found = printed.explanations({"riddle_columns": columns}.get)
-    assert (found.measured, found.where) == (Count(agreeing.count(2), 3), where)
-    assert found.outcome == (FINDING if 2 in agreeing else PASS)
 
 
 # -- references --------------------------------------------------------------------------------------------------------

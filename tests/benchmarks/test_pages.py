@@ -20,16 +20,12 @@ from phasebench.benchmarks.experiments.audit import page as audit
 from phasebench.benchmarks.experiments.catalogue import acta_page as acta
 from phasebench.benchmarks.experiments.catalogue import page as catalogue
 from phasebench.benchmarks.experiments.catalogue.acta import NO_SOURCE
-from phasebench.benchmarks.experiments.energy_preservation import page as energy_preservation
 from phasebench.benchmarks.experiments.invariants import page as invariants
 from phasebench.benchmarks.experiments.matrix import page as matrix
 from phasebench.benchmarks.experiments.orders import page as orders
-from phasebench.benchmarks.experiments.oscillatory import page as oscillatory
-from phasebench.benchmarks.experiments.printed import page as printed
 from phasebench.benchmarks.experiments.references import page as references
 from phasebench.benchmarks.experiments.structure import page as structure
 from phasebench.benchmarks.experiments.talks import page as talks
-from phasebench.benchmarks.experiments.waves import page as waves
 from phasebench.benchmarks.page import drawn, html, markdown
 from phasebench.benchmarks.page.drawn import Figures
 from phasebench.benchmarks.page.origin import commits
@@ -462,14 +458,6 @@ def replace_last_row(table: pd.DataFrame, **values) -> pd.DataFrame:
     return worse.infer_objects()
 
 
-PRINTED = frame(
-    {"scheme": "scheme-iv", "h": 0.01, "printed": 1e-4, "refinement_difference": 1e-4, "units": 0.1},
-    {"scheme": "scheme-iv", "h": 0.02, "printed": 4e-4, "refinement_difference": 4e-4, "units": 0.1},
-    {"scheme": "scheme-iv", "h": 0.04, "printed": 16e-4, "refinement_difference": 16e-4, "units": 0.1},
-    {"scheme": "avf", "h": 0.01, "printed": 2e-4, "refinement_difference": 2e-4, "units": 0.2},
-)
-SCANS = frame({"steps": 50, "without a root": 0, "far roots": 3, "far root closest to 1/2": 5.0})
-COLUMNS = frame({"recipe": "Scheme I, lambda = 0", "0.01": 1.0, "0.005": 0.5, "entries that agree": 1})
 EXACT = frame({"method": "a", "problem": "x", "order": 2.01, "declared": 2, "digits": 40})
 STRUCTURE = frame(
     {"method": "a", "declared": True, "defect": 1e-38},
@@ -493,26 +481,6 @@ DRIFTS = frame(
 )
 MOMENTA = frame({"id": "scheme-iv", "method": "scheme-iv"}, **LONG, energy_max=1e-15, energy_drift_low=-1.0,
                 energy_drift_high=1.0, **{"angular-momentum_max": 1e-15})  # fmt: skip
-STEPS = frame(
-    {"scheme": "scheme-iv", "without a root": 3},
-    {"scheme": "scheme-v", "without a root": 0},
-    {"scheme": "scheme-v-iv", "without a root": 0},
-    {"scheme": "scheme-iv-v", "without a root": 0},
-    problem="x", status="ok", h=0.01, steps=100,
-    **{energy_preservation.WITH: 1e-15, energy_preservation.WITHOUT: 1e-8, "scanned steps": 3,
-       "scan finds a root within the radius": 0},
-)  # fmt: skip
-FAST = frame(
-    {"method": "a", oscillatory.RATIO: 0.1, oscillatory.ENERGY: 1e-3},
-    {"method": "a", oscillatory.RATIO: 1.0, oscillatory.ENERGY: 1e-2},
-    status="ok", **{oscillatory.OSCILLATORY: 1e-3},
-)  # fmt: skip
-PDE = frame(
-    {"problem": "klein-gordon", "method": "scheme-iv", "invariant": "charge", "fallbacks": 0, "h": 0.1},
-    status="ok",
-    **{"energy class": "round-off", "quadratic class": "round-off", "energy is kept": True, "energy error": 1e-15},
-    **{"invariant is kept": True, "invariant error": 1e-15},
-)
 AUDITED = frame({"package": "p", "version": "1", "peer": "x", "measure": "package", "status": "ok", "reason": ""})
 CLAIMS = frame({"package": "p", "version": "1", "peer": "x", "claim": "order 2", "verdict": "holds"})
 CONTROLS = frame({"package": "phasebench", "version": "1", "peer": "rk4", "claim": "order 4", "verdict": "holds"})
@@ -575,10 +543,6 @@ SLOPES = frame({"panel": "Scheme I", "curve": "1/3", "order": 1.0}, figure="conv
 
 #: (verdict, tables for which it holds, name of the table to change, new values of its last row)
 BOTH_WAYS = {
-    "printed": (printed.agreement, {"printed": PRINTED}, "printed", {"units": 0.7}),
-    "scheme-iv": (printed.scheme_iv, {"printed": PRINTED.iloc[[3, 0, 1, 2]]}, "printed", {"units": 200.0}),
-    "root scan": (printed.roots, {"riddle": SCANS}, "riddle", {"without a root": 1}),
-    "recipe": (printed.explanations, {"riddle_columns": COLUMNS}, "riddle_columns", {"entries that agree": 2}),
     "multiprecision": (orders.exact, {"multiprecision": EXACT}, "multiprecision", {"order": 1.8}),
     "no window": (orders.exact, {"multiprecision": EXACT}, "multiprecision", {"order": np.nan}),
     "symplectic": (structure.symplectic, {"structure": STRUCTURE.iloc[::-1]}, "structure", {"defect": 1e-9}),
@@ -593,18 +557,6 @@ BOTH_WAYS = {
     "drift": (invariants.drifting, {"rows": DRIFTS}, "rows",
               {"energy_max": 1e-9, "energy_drift": 1e-12, "energy_drift_low": 9e-13, "energy_drift_high": 1.1e-12}),
     "momentum": (invariants.momentum, {"rows": MOMENTA}, "rows", {"angular-momentum_max": 1e-6}),
-    "steps": (energy_preservation.energy_conservation, {"energy_preservation": STEPS.iloc[[1]]}, "energy_preservation",
-              {energy_preservation.WITH: 1e-9}),
-    "a step": (energy_preservation.root_existence, {"energy_preservation": STEPS.iloc[[1]]}, "energy_preservation",
-               {"without a root": 1}),
-    "finder": (energy_preservation.root_search, {"energy_preservation": STEPS.head(1)}, "energy_preservation",
-               {"scan finds a root within the radius": 1}),
-    "other scheme": (energy_preservation.alternating, {"energy_preservation": STEPS}, "energy_preservation",
-                     {"without a root": 2}),
-    "oscillatory": (oscillatory.survivors, {"oscillatory": FAST}, "oscillatory", {oscillatory.ENERGY: 30.0}),
-    "wave energy": (waves.energy, {"pde": PDE}, "pde", {"energy is kept": False}),
-    "charge": (waves.charge, {"pde": PDE}, "pde", {"invariant is kept": False}),
-    "wave roots": (waves.roots, {"pde": PDE}, "pde", {"fallbacks": 2}),
     "audit": (audit.claims, {"audit": AUDITED, "audit_claims": CLAIMS}, "audit_claims", {"verdict": "contradicted"}),
     "controls": (audit.controls, {"audit": AUDITED, "audit_claims": CONTROLS}, "audit_claims", {"verdict": "-"}),
     "modes": (audit.left_as_found, {"audit_modes": MODES}, "audit_modes", {"mode": "changed by a run"}),

@@ -13,15 +13,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from phasebench.benchmarks.experiments.energy_preservation import bench_energy_preservation
-from phasebench.benchmarks.experiments.energy_preservation import page as energies
 from phasebench.benchmarks.experiments.invariants import page as invariants
 from phasebench.benchmarks.experiments.matrix import matrix
 from phasebench.benchmarks.experiments.matrix import page as matrix_page
 from phasebench.benchmarks.experiments.orders import bench_orders
 from phasebench.benchmarks.experiments.orders import page as orders
-from phasebench.benchmarks.experiments.oscillatory import bench_oscillatory
-from phasebench.benchmarks.experiments.oscillatory import page as oscillatory
 from phasebench.benchmarks.experiments.structure import page as structure
 from phasebench.benchmarks.page.verdict import FAIL, FINDING, MISSING, PASS, Count
 from support.pages import data, frame
@@ -352,142 +348,6 @@ def test_best_of_each_class_and_the_drifts_are_shown():
     assert shown["drift a unit of time"].iloc[3] == "6.0e-10"
 
 
-# -- energies of Schemes IV and V --------------------------------------------------------------------------------------
-
-STEP = {"problem": "x", "scheme": "scheme-iv", "status": "ok", "h": 0.05, "steps": 100, "without a root": 2,
-        energies.WITH: 1e-15, energies.WITHOUT: 1e-8, "scanned steps": 2,
-        "scan finds a root within the radius": 0}  # fmt: skip
-
-
-def steps(*changes: dict) -> pd.DataFrame:
-    return frame(*(STEP | c for c in changes))
-
-
-def test_schemes_iv_v_must_preserve_energy_on_every_step():
-    every = {"without a root": 0, energies.WITHOUT: np.nan}
-    for error, outcome in ((0.9e-13, PASS), (1.1e-13, FAIL)):
-        found = energies.energy_conservation(data(energy_preservation=steps(every | {energies.WITH: error}, every)))
-        assert (found.outcome, found.measured, found.where) == (outcome, error, "scheme-iv on x, h = 0.05")
-    left = energies.root_existence(data(energy_preservation=steps({}, every)))
-    assert (left.outcome, left.measured) == (FINDING, Count(198, 200))
-    for change in ({"scheme": "scheme-iv-v"}, {"status": "diverged"}):
-        assert (
-            energies.energy_conservation(data(energy_preservation=steps(every, change | {energies.WITH: 1.0}))).outcome
-            == PASS
-        )
-        assert energies.energy_conservation(data(energy_preservation=steps(change))) is None
-        assert energies.root_existence(data(energy_preservation=steps(change))) is None
-    longer = steps(every, every | {"h": 0.06, energies.WITH: 1.0})
-    assert energies.energy_conservation(data(energy_preservation=longer)).outcome == FAIL
-
-
-def test_steps_without_a_root_are_added_up():
-    found = energies.root_existence(data(energy_preservation=steps({}, {"scheme": "scheme-v"})))
-    assert found.measured == Count(196, 200)
-    both = steps({}, {}, {"scheme": "scheme-iv-v", "without a root": 1}, {"scheme": "scheme-v-iv", "without a root": 2})
-    other = energies.alternating(data(energy_preservation=both))
-    assert (other.outcome, other.measured) == (FINDING, Count(197, 200))
-    assert other.where.startswith("scheme-v-iv on x")
-    assert energies.alternating(data(energy_preservation=steps({"scheme": "scheme-iv-v"}))) is not None
-    assert energies.alternating(data(energy_preservation=steps({}, {"scheme": "scheme-v-iv"}))) is None
-
-
-def test_missed_root_fails():
-    good = energies.root_search(data(energy_preservation=steps({}, {})))
-    assert (good.outcome, good.measured) == (PASS, Count(0, 4))
-    bad = energies.root_search(data(energy_preservation=steps({}, {"scan finds a root within the radius": 1})))
-    assert (bad.outcome, bad.measured) == (FAIL, Count(1, 4))
-    assert energies.root_search(data(energy_preservation=steps({"scanned steps": 0}))) is None
-
-
-@pytest.mark.parametrize("scheme", [None, "scheme-iv-v", "scheme-v-iv"])
-def test_steps_without_any_root_are_a_finding(scheme):
-    counts = {"scheme-iv": 5, "scheme-v": 3, "scheme-iv-v": 0, "scheme-v-iv": 0} | {scheme: 1}
-    table = steps(*({"scheme": s, "without a root": n} for s, n in counts.items()))
-    found = energies.alternating(data(energy_preservation=table))
-    assert (found.outcome, found.measured) == ((FINDING, Count(199, 200)) if scheme else (PASS, Count(200, 200)))
-
-
-def test_runs_without_roots_come_first_in_the_table():
-    rows = steps({"without a root": 0, energies.WITH: 1.0}, {"without a root": 0, energies.WITH: 2.0}, {})
-    rows = rows.assign(**{"one step later": 0.0, "least lambda": 0.4, "greatest lambda": 0.6})
-    shown = energies.table({"energy_preservation": rows}.get).frame
-    assert list(shown["energy error with one"]) == [1e-15, 2.0, 1.0]
-    many = energies.table({"energy_preservation": pd.concat([rows] * 7)}.get).frame
-    assert list(many["without a root"]) == [2] * 7 + [0] * 11
-    assert len(energies.PAGE.whole({"energy_preservation": rows}.get)) == 3
-
-
-@pytest.mark.parametrize(
-    ("change", "off"),
-    [({energies.WITH: 0.9e-14}, 0), ({energies.WITH: 1.1e-14}, 1), ({"angular momentum error": 4.9e-14}, 0),
-     ({"angular momentum error": 5.1e-14}, 1), ({"scan finds a root within the radius": 1}, 1),
-     ({energies.WITH: 1.0, "status": "diverged"}, 0)],
-)  # fmt: skip
-def test_bench_requires_schemes_iv_v_to_round_off(change, off):
-    assert len(bench_energy_preservation.off([STEP | change])) == off
-
-
-# -- highly oscillatory systems ----------------------------------------------------------------------------------------
-
-
-def resonant(name: str, **errors: float) -> list[dict]:
-    """Fabricated rows of a method's energy errors on oscillatory systems; p_10 is the error at h omega / pi = 1.0."""
-    same = {"method": name, "status": "ok", "reason": ""}
-    return [
-        same | {oscillatory.RATIO: int(k[2:]) / 10, oscillatory.ENERGY: e, oscillatory.OSCILLATORY: 2 * e}
-        for k, e in errors.items()
-    ]
-
-
-CALM = resonant("calm", p_1=1e-3, p_10=0.99, p_20=0.5, p_31=0.1)
-WILD = resonant("wild", p_1=1e-4, p_10=1.01, p_20=0.5, p_31=3.0, p_35=7.0, p_37=0.1)
-
-
-def test_methods_without_an_energy_loss_are_counted():
-    found = oscillatory.survivors(data(oscillatory=frame(*CALM, *WILD)))
-    assert (found.measured, found.outcome) == (1, "pass")
-    assert found.where == "wild, lost near 1 π and 3 π and at 1 other step"
-    none = oscillatory.survivors(data(oscillatory=frame(*WILD)))
-    assert (none.measured, none.outcome) == (0, "finding")
-
-
-def losses(*rows) -> dict[str, str]:
-    """{method: the step sizes at which its energy is lost}, as the page's table shows them."""
-    shown = oscillatory.table({"oscillatory": frame(*rows)}.get).frame
-    return dict(zip(shown["method"], shown["where it is lost"], strict=True))
-
-
-def test_failed_run_is_a_loss():
-    stopped = [r | {"status": "diverged", oscillatory.ENERGY: np.nan} if r[oscillatory.RATIO] == 2 else r for r in CALM]
-    assert oscillatory.survivors(data(oscillatory=frame(*stopped))).outcome == "finding"
-    assert losses(*stopped) == {"calm": "near 2 π"}
-
-
-def test_places_of_resonances_are_shown():
-    cliff = resonant("cliff", p_1=1e-3, p_5=0.1, p_6=2.0, p_9=4.0)
-    off = resonant("off", p_1=1e-3, p_12=2.0, p_13=1e-2, p_14=3.0, p_16=0.1)
-    places = {"calm": "", "wild": "near 1 π and 3 π and at 1 other step", "cliff": "above 0.5 π"}
-    assert losses(*CALM, *WILD, *cliff, *off) == places | {"off": "at 2 other steps"}
-    assert losses(*resonant("always", p_1=2.0, p_5=3.0)) == {"always": "at every step"}
-
-
-def test_table_summarizes_a_method():
-    shown = oscillatory.table({"oscillatory": frame(*WILD)}.get).frame
-    (row,) = shown.to_dict("records")
-    assert (row["step sizes"], row["energy lost"], row["first lost at hω/π"]) == (6, 3, 1.0)
-    assert (row["greatest error of H"], row["at hω/π"], row["greatest error of I"]) == (7.0, 3.5, 14.0)
-    assert (row["median error of H"], row["median error of I"]) == (0.1, 0.2)
-    assert row["error of H at the smallest step"] == 1e-4
-
-
-@pytest.mark.parametrize(("ratio", "off"), [(0.57, 1), (0.58, 0)])
-def test_every_method_must_finish_at_small_steps(ratio, off):
-    row = {"method": "a", oscillatory.RATIO: ratio, "status": "diverged", "reason": "it grew"}
-    assert len(bench_oscillatory.off([row])) == off
-    assert not bench_oscillatory.off([row | {"status": "ok"}])
-
-
 # -- stated thresholds -------------------------------------------------------------------------------------------------
 
 STATED = [
@@ -495,8 +355,6 @@ STATED = [
     (structure.PAGE, ("1e-22", "40 digits")),
     (matrix_page.PAGE, ("it is 0.1 off", "3 step sizes", "1e+06 units", "10 times", "1e-22", "200 units", "60 steps")),
     (invariants.PAGE, ("50%", "1e-12", "1e-11")),
-    (energies.PAGE, ("1e-13", "< 2")),
-    (oscillatory.PAGE, ("error of 1 on", "within 0.1 π")),
 ]
 
 

@@ -58,7 +58,7 @@ ROOMS = {
         ("page", "bibliography"),
         ("workprecision",),
         ("certificate",),
-        ("experiments",),
+        ("experiments", "studies"),
         ("report",),
         ("cli",),
         ("conftest",),
@@ -131,28 +131,32 @@ def test_subpackages_import_downwards(path):
     assert not upwards(folder, room, imports_of(path.read_text(), package_of(path)))
 
 
-def elsewhere(experiment: str, names: set[str]) -> set[str]:
-    """Other experiments, and parts of advice or certificates, among the modules that an experiment imports."""
-    own = {f"experiments.{experiment}", experiment}
-    rooms = {
-        ".".join(n.split(".")[2:4]) if ".experiments." in n else n.split(".")[2] for n in names if n.count(".") > 2
-    }
-    return {r for r in rooms if r.startswith(("experiments.", "advice", "certificate")) and r not in own}
+#: Rooms in which every part stands alone.
+APART = ("experiments", "studies")
 
 
-EXPERIMENTS = [p for p in SOURCES if "experiments" in p.parts and p.parent.name != "experiments"]
+def elsewhere(own: str, names: set[str]) -> set[str]:
+    """Other experiments and studies, and parts of advice or certificates, that one of them imports."""
+    rooms = {".".join(n.split(".")[2:4]) if n.split(".")[2] in APART else n.split(".")[2] for n in names}
+    alone = {r for r in rooms if r.startswith((*(f"{room}." for room in APART), "advice", "certificate"))}
+    return alone - {own, own.partition(".")[2]}
+
+
+EXPERIMENTS = [p for p in SOURCES if {*APART} & {*p.parts} and p.stem != "__init__"]
 
 
 @pytest.mark.parametrize("path", EXPERIMENTS, ids=lambda p: f"{p.parent.name}/{p.stem}")
 def test_an_experiment_imports_no_other(path):
     names = {n for n in imports_of(path.read_text(), package_of(path)) if n.startswith("phasebench.benchmarks.")}
-    assert not elsewhere(path.relative_to(ROOT).parts[2], names)
+    room, own = path.relative_to(ROOT).with_suffix("").parts[1:3]
+    assert not elsewhere(f"{room}.{own}", names) - {"studies.index"}
 
 
 def test_control_an_experiment_that_imports_another_is_seen():
     found = {"phasebench.benchmarks.experiments.trade.front", "phasebench.benchmarks.advice.advise.advise"}
-    assert elsewhere("kepler", found) == {"experiments.trade", "advice"}
-    assert elsewhere("advice", found) == {"experiments.trade"}
+    assert elsewhere("experiments.kepler", found) == {"experiments.trade", "advice"}
+    assert elsewhere("experiments.advice", found) == {"experiments.trade"}
+    assert elsewhere("studies.rigid", {"phasebench.benchmarks.studies.parts.H"}) == {"studies.parts"}
     assert EXPERIMENTS
 
 

@@ -10,11 +10,10 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from phasebench.benchmarks.experiments.oscillatory import oscillatory
-from phasebench.benchmarks.experiments.oscillatory.page import PAGE
 from phasebench.benchmarks.measure.step_map import jacobian, symplecticity_defect
 from phasebench.benchmarks.problems import problem
 from phasebench.benchmarks.problems.fpu import oscillatory_energies
+from phasebench.benchmarks.studies import oscillatory
 from phasebench.integrators import Hamiltonian
 from phasebench.integrators.compile.codegen import MULTIPRECISION, precision, to_number
 from phasebench.integrators.driver import integrate
@@ -22,6 +21,8 @@ from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.records.oscillatory import METHODS
 from phasebench.integrators.registry import method
 from phasebench.integrators.stepping import kernel
+
+PAGE = oscillatory.STUDY.page
 
 IDS = [m.id for m in METHODS]
 TRIGONOMETRIC = [m.id for m in METHODS if m.id not in ("r-respa", "imex")]
@@ -312,4 +313,7 @@ def test_the_verdict_of_the_page_follows_from_its_rows(tmp_path):
     assert (tmp_path / picture.file).exists()
     worse = rows.assign(**{"energy error": rows["energy error"].where(rows["h omega / pi"] != 0.5, 30.0)})
     assert [(v.measured, v.outcome) for v in PAGE.judge(lambda name: worse)] == [(0, "finding")]
-    assert PAGE.table(lambda name: worse).frame["where it is lost"].tolist() == ["at 1 other step", "above 0.1 π"]
+    assert PAGE.table(lambda name: worse).frame["where it is lost"].tolist() == [
+        "at 1 other step",
+        "above 0.1 π",
+    ]

@@ -1,1 +1,0 @@
-"""Experiment: do methods for systems with constraints stay on the manifold, and keep the energy?"""

@@ -1,1 +1,0 @@
-"""Experiment: which simplified model of a physical system suffices at which accuracy?"""

@@ -1,1 +1,0 @@
-"""Experiment: where do integrators for highly oscillatory systems resonate?"""

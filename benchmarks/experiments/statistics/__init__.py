@@ -1,1 +1,0 @@
-"""Experiment: statistics of chaotic orbits (averages), and the largest steps at which integrators give them right."""

@@ -1,0 +1,332 @@
+r"""The local conservation laws of box schemes for wave equations in space-time, with period 2 pi in space.
+
+Smooth data of few modes: for the nonlinear Schroedinger equation :math:`\psi = 1 + 0.4\cos x + 0.2i\sin x`, for the
+Klein-Gordon equation :math:`\phi = 1 + 0.5\cos x + 0.3i\sin x`,
+:math:`\phi_t = 0.2\sin x + i(0.5 + 0.2\cos x)`; the tangents have the first two modes.  Decreasing steps on the
+coarsest mesh show the order in time, finer meshes at one step the order in space.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from phasebench.benchmarks import style
+from phasebench.benchmarks.measure import box_laws, metrics
+from phasebench.benchmarks.measure.box_laws import ENERGY, FOLLOWS, MOMENTUM, TWO_FORM
+from phasebench.benchmarks.page.markdown import join_list, number
+from phasebench.benchmarks.page.page import ROWS, Picture, Table, of
+from phasebench.benchmarks.page.study import Claim, Runs, Study
+from phasebench.benchmarks.page.verdict import EVERY, Count
+from phasebench.benchmarks.problems import klein_gordon, nls
+from phasebench.benchmarks.store.cells import ProblemKey
+from phasebench.integrators.driver import OK
+from phasebench.integrators.errors import InvalidInput
+from phasebench.integrators.families.multisymplectic import Scheme, run, scheme, schemes
+from phasebench.integrators.systems.multisymplectic import Equation
+
+TABLE = "multisymplectic"
+#: Numbers of mesh cells for the order in space; the first is used for the order in time.
+CELLS = (17, 25, 33, 49, 65)
+#: Number of halvings of the longest step; length of the integrations in longest steps; steps of the runs over `CELLS`.
+HALVINGS, LONG, FEW = 3, 10, 4
+IN_TIME, IN_SPACE = "time", "space"
+#: A residual of at most this many units of round-off counts as round-off.
+UNITS = 10.0
+#: Largest difference of a measured order from the expected one that counts as agreement; the order in space of all.
+NEAR, IN_SPACE_ORDER = 0.1, 2
+#: Largest error of a total (energy, mass, charge) that counts as preserved.
+KEPT = 1e-12
+
+
+@dataclass(frozen=True)
+class Case:
+    """A wave equation with its initial values, tangents, invariant and longest steps.
+
+    Attributes
+    ----------
+    name : name of the equation
+    equation : its multisymplectic form
+    data : function x -> (y, u, v), arrays (N, m): initial values and two tangents (data of the linearized equation)
+    invariant : function y -> the quadratic invariant, a sum over the mesh cells
+    longest : largest step of the runs
+    longest_euler : largest step of the Euler box scheme, whose stability limits it
+    """
+
+    name: str
+    equation: Equation
+    data: Callable
+    invariant: Callable
+    longest: float
+    longest_euler: float
+
+
+def _schroedinger(x: np.ndarray) -> Iterator[np.ndarray]:
+    one, c, s = np.ones_like(x), np.cos(x), np.sin(x)
+    return (np.stack(columns, axis=1) for columns in ((1 + 0.4 * c, 0.2 * s), (c, np.sin(2 * x)), (s, one)))
+
+
+def _klein_gordon(x: np.ndarray) -> Iterator[np.ndarray]:
+    one, c, s = np.ones_like(x), np.cos(x), np.sin(x)
+    start = (1 + 0.5 * c, 0.3 * s, 0.2 * s, 0.5 + 0.2 * c)
+    tangents = (c, np.sin(2 * x), one, s), (s, one, np.cos(2 * x), c)
+    return (np.stack(columns, axis=1) for columns in (start, *tangents))
+
+
+def mass(y: np.ndarray) -> float:
+    """The sum of |psi|^2; y = (Re, Im) of psi, array (N, 2)."""
+    return float((y**2).sum())
+
+
+def charge(y: np.ndarray) -> float:
+    """The sum of q1 p2 - q2 p1; y = (q1, q2, p1, p2), array (N, 4)."""
+    return float((y[:, 0] * y[:, 3] - y[:, 1] * y[:, 2]).sum())
+
+
+CASES = {
+    c.name: c
+    for c in (
+        Case("nls", nls.multisymplectic(), _schroedinger, mass, 0.03, 0.004),
+        Case("klein-gordon", klein_gordon.multisymplectic(), _klein_gordon, charge, 0.08, 0.08),
+    )
+}
+
+
+def ladder(case: Case, chosen: Scheme) -> dict[tuple[str, int, float], int]:
+    """(What gets finer, number N of mesh cells, h) -> number of steps: first h falls, then the mesh gets finer."""
+    h = case.longest_euler if chosen.id == "euler-box" else case.longest
+    in_time = {(IN_TIME, CELLS[0], h / 2**k): LONG * 2**k for k in range(HALVINGS + 1)}
+    return in_time | {(IN_SPACE, N, h / 2**HALVINGS): FEW for N in CELLS}
+
+
+def measure(equation: str, id: str, falls: str, N: int, h: float, steps: int | None = None) -> dict:
+    """The residuals of the conservation laws of a box scheme, with N mesh cells and the step h."""
+    case, chosen = CASES[equation], scheme(id)
+    steps = steps or ladder(case, chosen)[falls, N, h]
+    row = {"equation": equation, "id": id, "scheme": chosen.name, "falls": falls, "N": N, "h": h, "steps": steps}
+    row |= {"order": chosen.order, "multisymplectic": chosen.multisymplectic, "keeps": chosen.keeps}
+    dx = 2 * np.pi / N
+    y, *tangents = case.data(dx * np.arange(N))
+    space = chosen.division(case.equation, N, dx)
+    try:
+        ran = run(case.equation, chosen, y, dx, h, steps, tangents)
+        found = box_laws.measure(space, chosen, ran, h, case.invariant)
+    except (ArithmeticError, InvalidInput) as error:
+        return row | {"status": "not-converged", "reason": str(error)}
+    return row | {"status": OK, "reason": ""} | found
+
+
+def needs(equation: str, id: str, falls: str, N: int, h: float) -> tuple:
+    """What a row depends on."""
+    chosen = scheme(id)
+    numbers = map(str, (chosen.A_q, chosen.A_p, chosen.b, chosen.S, ladder(CASES[equation], chosen)[falls, N, h]))
+    return (ProblemKey(equation), *numbers)
+
+
+# -- judging -----------------------------------------------------------------------------------------------------------
+
+
+def is_round_off(rows: pd.DataFrame, law: str) -> pd.Series:
+    """True where the residual of a law is round-off."""
+    return rows[law] <= UNITS * rows[f"{law}, round-off"]
+
+
+def order(part: pd.DataFrame, law: str, falls: str) -> float:
+    """The order of a law's residuals in the step or in the mesh width; NaN if they are round-off."""
+    part = part[(part["falls"] == falls) & ~is_round_off(part, law)]
+    x = part["h"] if falls == IN_TIME else 1 / part["N"]
+    return metrics.order(x, part[law]).value
+
+
+def cases(frame: pd.DataFrame) -> pd.DataFrame:
+    """A row for each equation and scheme: its orders, and which laws and totals its completed runs keep."""
+    rows = []
+    for (equation, id), part in frame[frame["status"] == OK].groupby(["equation", "id"], sort=False):
+        first, in_time = part.iloc[0], part[part["falls"] == IN_TIME]
+        units = part[TWO_FORM] / part[f"{TWO_FORM}, round-off"]
+        rows.append(
+            {"equation": equation, "id": id, "scheme": first["scheme"], "declared": bool(first["multisymplectic"])}
+            | {"two-form kept": is_round_off(part, TWO_FORM).all(), "units": units.max(), "least": units.min()}
+            | {"relative": (part[TWO_FORM] / part[f"{TWO_FORM}, largest term"]).max()}
+            | {"follows kept": is_round_off(part, FOLLOWS).all(), "keeps": first["keeps"], "order": first["order"]}
+            | {"cell energy kept": is_round_off(in_time, ENERGY).all()}
+            | {"energy order": order(part, ENERGY, IN_TIME), "momentum order": order(part, MOMENTUM, IN_SPACE)}
+            | {"total energy error": part["total energy error"].max(), "missed": part["steps without a root"].sum()}
+            | {"quadratic invariant error": part["quadratic invariant error"].max()}
+        )
+    return pd.DataFrame(rows)
+
+
+#: Name -> (the query of the cases that are judged, whether each holds).
+JUDGED: dict[str, tuple[str, Callable[[pd.DataFrame], pd.Series]]] = {
+    "two-form": ("declared", lambda rows: rows["two-form kept"]),
+    "controls": ("not declared", lambda rows: rows["least"] > UNITS),
+    "energy": (
+        "keeps in ('cell', 'total')",
+        lambda rows: rows["cell energy kept"].where(rows["keeps"] == "cell", rows["total energy error"] <= KEPT),
+    ),
+    "order": ("declared", lambda rows: (rows["energy order"] - rows["order"]).abs() < NEAR),
+    "momentum": ("declared", lambda rows: (rows["momentum order"] - IN_SPACE_ORDER).abs() < NEAR),
+}
+
+
+def judged(name: str, frame: pd.DataFrame) -> pd.Series | None:
+    """True or false for each case, by "scheme (equation)"; None if no run completed."""
+    rows = cases(frame)
+    if rows.empty:
+        return None
+    query, holds = JUDGED[name]
+    rows = rows.query(query)
+    return holds(rows).astype(bool).set_axis([f"{r.scheme} ({r.equation})" for r in rows.itertuples()])
+
+
+def count(name: str) -> Callable[[pd.DataFrame], Count | None]:
+    """The number of cases that hold."""
+
+    def counted(frame: pd.DataFrame) -> Count | None:
+        found = judged(name, frame)
+        return None if found is None else Count(int(found.sum()), len(found))
+
+    return counted
+
+
+def wrong(name: str) -> Callable[[pd.DataFrame], str]:
+    """The cases that do not hold."""
+
+    def names(frame: pd.DataFrame) -> str:
+        found = judged(name, frame)
+        return join_list(list(found.index[~found]), 4) if not found.all() else ""
+
+    return names
+
+
+@of(TABLE)
+def answer(frame: pd.DataFrame) -> str | None:
+    """The largest residual of the two-form's law by multisymplectic schemes, and the least of the others."""
+    rows = cases(frame)
+    if rows.empty or not rows["declared"].any():
+        return None
+    kept, others = rows[rows["declared"]], rows[~rows["declared"]]
+    text = "In every cell of space-time box schemes keep the multisymplectic law of Schrödinger and Klein–Gordon"
+    text += f" equations to {number(kept['units'].max(), 2)} units of round-off"
+    return f"{text}; controls miss it by {number(others['least'].min(), 2)} and more." if len(others) else f"{text}."
+
+
+# -- what is shown -----------------------------------------------------------------------------------------------------
+
+
+@of(TABLE)
+def draw(frame: pd.DataFrame, folder: Path) -> list[Picture] | None:
+    """The residuals of the two-form's law and of the energy law over the step."""
+    rows = frame[(frame["status"] == OK) & (frame["falls"] == IN_TIME)]
+    if rows.empty:
+        return None
+    names, shown = (list(dict.fromkeys(rows[c])) for c in ("equation", "scheme"))
+    with style.settings():
+        figure, grid = style.panels(2, len(names), 5.0, sharex="col", sharey="row")
+        for column, name in enumerate(names):
+            for k, one in enumerate(shown):
+                part = rows[(rows["equation"] == name) & (rows["scheme"] == one)]
+                relative = part[TWO_FORM] / part[f"{TWO_FORM}, largest term"]
+                for axes, values in zip(grid[:, column], (relative, part[ENERGY]), strict=True):
+                    axes.loglog(part["h"], np.maximum(values, 1e-17), label=one, **style.curve(k))
+                    axes.grid(color="0.93", linewidth=0.5)
+            grid[0, column].set_title(name)
+            grid[1, column].set_xlabel("$h$")
+        grid[0, 0].set_ylabel("two-form, relative")
+        grid[1, 0].set_ylabel("energy law")
+        style.legend_above(figure, grid[0, 0], 4)
+    caption = f"Largest residuals over all cells of space-time, {CELLS[0]} cells in space: of the multisymplectic law"
+    caption += " (above, relative to its largest term) and of the energy law (below)."
+    return [Picture(style.save(figure, folder, "multisymplectic.png"), "residuals of local laws", caption)]
+
+
+COLUMNS = {
+    "equation": "equation",
+    "scheme": "scheme",
+    "units": "two-form (units of round-off)",
+    "relative": "relative to its terms",
+    "energy order": "order of the energy residual in h",
+    "momentum order": "of the momentum residual in Δx",
+    "total energy error": "total energy error",
+    "quadratic invariant error": "mass or charge error",
+    "missed": "steps without a root",
+}
+
+
+@of(TABLE)
+def table(frame: pd.DataFrame) -> Table | None:
+    """Residuals, orders and errors of totals, a row for each equation and scheme."""
+    rows = cases(frame)
+    if rows.empty:
+        return None
+    caption = "The largest values over all runs of a case; an order is empty where the residual is round-off."
+    total = rows[rows["keeps"] == "total"]
+    if len(total):
+        law = "holds" if total["follows kept"].all() else "fails"
+        caption += f" The two-form's law is that at fixed α; with EQUIP's α following the state it {law}."
+    return Table(rows[list(COLUMNS)].rename(columns=COLUMNS).head(ROWS), caption)
+
+
+STUDY = Study(
+    id="multisymplectic",
+    place=320,
+    question="Do box schemes keep the local conservation laws in every cell of space-time?",
+    answer=answer,
+    setting=(
+        "K z_t + L z_x = ∇S(z), period 2π: i ψ_t + ψ_xx + 2|ψ|²ψ = 0, and φ_tt = φ_xx − φ − |φ|²φ, complex.",
+        "Laws: two-form (uᵀKv)_t + (uᵀLv)_x = 0 of two linearized solutions u, v; energy (S − zᵀLz_x/2)_t + "
+        "(zᵀLz_t/2)_x = 0; momentum (zᵀKz_x/2)_t + (S − zᵀKz_t/2)_x = 0.",
+        "Preissmann's box: the midpoint rule in space and time. Gauss and EQUIP box: two Gauss nodes in time; EQUIP's "
+        "parameter α keeps the total energy. Euler box: symplectic Euler in both.",
+        "Controls: AVF in time (keeps the energy of every cell), Radau IIA, and a midpoint rule with 0.501 for 1/2.",
+    ),
+    runs=(
+        Runs(
+            TABLE, measure,
+            [
+                {"equation": c.name, "id": s.id, "falls": falls, "N": N, "h": h}
+                for c in CASES.values() for s in schemes().values() for falls, N, h in ladder(c, s)
+            ],
+            needs=needs,
+        ),
+    ),
+    claims={
+        "two-form": Claim(
+            "Multisymplectic schemes keep the two-form's law in every cell, to round-off",
+            TABLE, count("two-form"), EVERY, unit="cases", where=wrong("two-form"), fault=True,
+        ),
+        "controls": Claim(
+            "Control schemes break the two-form's law by more than round-off",
+            TABLE, count("controls"), EVERY, unit="cases", where=wrong("controls"), fault=True,
+        ),
+        "energy": Claim(
+            "Schemes built to keep the energy, of every cell or in total, keep it",
+            TABLE, count("energy"), EVERY, unit="cases", where=wrong("energy"), fault=True,
+        ),
+        "order": Claim(
+            "The residual of the energy law falls with the scheme's order in time",
+            TABLE, count("order"), EVERY, unit="cases", where=wrong("order"),
+        ),
+        "momentum": Claim(
+            "The residual of the momentum law falls as Δx²",
+            TABLE, count("momentum"), EVERY, unit="cases", where=wrong("momentum"),
+        ),
+    },
+    checks={"runs": Claim("Every run came to its end", TABLE, "status == 'ok'")},
+    figure=draw,
+    shown=table,
+    limits=(
+        f"A residual up to {UNITS:g} units counts as round-off; a unit is eps times the square of the largest slope on "
+        "the mesh (the last digit of its highest mode), for energy and momentum also divided by h.",
+        f"A measured order must be within {NEAR} of the expected one; a total counts as kept up to {KEPT:g}. The "
+        "number of cells is odd, without which the box scheme on a period may have no solution.",
+        "On a fixed mesh these are methods in time for Hamiltonian systems: for the Euler box see the page on "
+        "[waves](waves.md).",
+    ),
+    within="waves",
+)  # fmt: skip

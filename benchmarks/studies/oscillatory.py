@@ -1,0 +1,251 @@
+r"""Resonances of the integrators for highly oscillatory systems: the Fermi-Pasta-Ulam problem over h omega.
+
+For each method and each :math:`h\omega`: the greatest error of H and the greatest deviation of the oscillatory energy
+I over a time span.  omega is that of the published problem and h varies; a curve therefore shows the growth with h as
+well as the resonances near the integer multiples of pi.
+
+After E. Hairer, C. Lubich, G. Wanner, Geometric Numerical Integration (2006), XIII.2 (there h is fixed and omega
+varies).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from phasebench.benchmarks import style
+from phasebench.benchmarks.page.markdown import join_list, number
+from phasebench.benchmarks.page.page import Picture, Table, of
+from phasebench.benchmarks.page.study import Claim, Runs, Study
+from phasebench.benchmarks.page.verdict import at_least
+from phasebench.benchmarks.problems import problem
+from phasebench.benchmarks.problems.fpu import oscillatory_energies
+from phasebench.benchmarks.store.cells import ProblemKey
+from phasebench.integrators.driver import INVALID, OK, integrate
+from phasebench.integrators.errors import InvalidInput
+from phasebench.integrators.record import Method
+from phasebench.integrators.records.oscillatory import METHODS as FAST
+from phasebench.integrators.registry import method as method_of
+
+TABLE, RATIO = "oscillatory", "h omega / pi"
+ENERGY, OSCILLATORY = ERRORS = ("energy error", "oscillatory energy error")
+SPAN = 200.0
+#: The first point of the grid, in h omega, far below the resonances; its last point, in multiples of pi; points per pi.
+FIRST, LAST, PARTS = 0.1, 4.5, 40
+#: Label -> method: those for systems with a fast linear part, and Stormer-Verlet.
+METHODS = {m.label: m for m in (*FAST, method_of("stormer-verlet"))}
+#: Energy error from which the energy counts as lost: half of the initial energy, 2.0012.
+LOST = 1.0
+#: Largest distance of h omega from an integer multiple of pi that counts as resonant, in multiples of pi.
+NEAR = 0.1
+#: Limits of the logarithmic error axis; larger errors are marks at the top.
+LIMITS = (1e-6, 1e2)
+#: Stormer-Verlet is stable on the linear part up to h omega = 2.
+STABLE = 2.0
+
+
+def multiples(parts: int) -> list[float]:
+    """The grid of h omega / pi: `FIRST` / pi, then the multiples of 1 / ``parts`` up to `LAST`."""
+    return [FIRST / math.pi, *(k / parts for k in range(1, round(LAST * parts) + 1) if k / parts > FIRST / math.pi)]
+
+
+def errors(methods: Iterable[Method], ratios: Sequence[float], t_end: float = SPAN, **parameters: Any) -> pd.DataFrame:
+    """The greatest absolute errors over all steps: a row for each method and each h omega / pi.
+
+    h is not adjusted to ``t_end``: the last step may end a little later.  Errors are missing where the status is not
+    ok.  ``parameters`` are those of the Fermi-Pasta-Ulam problem.
+    """
+    found = problem("fpu", **parameters)
+    system, omega = found.system, found.parameters["omega"]
+    energy = sum(oscillatory_energies(found))
+    rows = []
+    for chosen in methods:
+        for ratio in ratios:
+            h = ratio * math.pi / omega
+            steps = math.ceil(t_end / h)
+            row = {"method": chosen.label, RATIO: ratio, "h": h, "steps": steps}
+            try:
+                s = integrate(found, chosen, h=h, steps=steps)
+            except InvalidInput as error:
+                rows.append(row | {"status": INVALID, "reason": str(error)})
+                continue
+            row |= {"status": s.status, "reason": s.reason}
+            if s.status == OK:
+                for name, expression in ((ENERGY, system.H), (OSCILLATORY, energy)):
+                    value = system.observe(expression, s.q, s.p)
+                    row[name] = float(np.abs(value - value[0]).max())
+            rows.append(row)
+    frame = pd.DataFrame(rows)
+    return frame.reindex(columns=[*(c for c in frame if c not in ERRORS), *ERRORS])
+
+
+def measure(method: str) -> list[dict]:
+    """The errors of a method, given by its label, at all h omega."""
+    frame = errors([METHODS[method]], multiples(PARTS))
+    return frame.astype(object).where(frame.notna(), None).to_dict("records")
+
+
+# -- judging -----------------------------------------------------------------------------------------------------------
+
+
+def lost(frame: pd.DataFrame) -> pd.Series:
+    """True for a run that failed or has an energy error of `LOST` or more."""
+    return (frame["status"] != OK) | ~(frame[ENERGY] < LOST)
+
+
+def summary(frame: pd.DataFrame) -> pd.DataFrame:
+    """A row for each method: at how many step sizes it loses the energy, at which, and its errors."""
+    rows = []
+    for name, part in frame.groupby("method", sort=False):
+        out = lost(part)
+        kept, ok = part[~out], part[part["status"] == OK]
+        worst = ok.loc[ok[ENERGY].idxmax()] if len(ok) else None
+        row = {
+            "method": name,
+            "step sizes": len(part),
+            "energy lost": int(out.sum()),
+            "first lost at hω/π": part.loc[out, RATIO].min(),
+            "where it is lost": where_lost(part),
+            "error of H at the smallest step": part.loc[part[RATIO].idxmin(), ENERGY],
+            "median error of H": kept[ENERGY].median(),
+            "greatest error of H": math.nan if worst is None else worst[ENERGY],
+            "at hω/π": math.nan if worst is None else worst[RATIO],
+            "median error of I": kept[OSCILLATORY].median(),
+            "greatest error of I": ok[OSCILLATORY].max(),
+        }
+        rows.append(row)
+    return pd.DataFrame(rows)
+
+
+def where_lost(part: pd.DataFrame) -> str:
+    """Where a method loses the energy: above some h omega, or near multiples of pi, which are named, and elsewhere."""
+    out = lost(part)
+    ratios = part.loc[out, RATIO]
+    if ratios.empty:
+        return ""
+    below = part.loc[part[RATIO] < ratios.min(), RATIO]
+    if out[part[RATIO] >= ratios.min()].all():
+        return f"above {number(below.max())} π" if len(below) else "at every step"
+    resonant = [r for r in ratios if round(r) >= 1 and round(abs(r - round(r)), 9) <= NEAR]
+    near = [f"near {join_list([f'{k} π' for k in sorted({round(r) for r in resonant})])}"] if resonant else []
+    others = len(ratios) - len(resonant)
+    return " and ".join(near + ([f"at {others} other step{'s' if others > 1 else ''}"] if others else []))
+
+
+def worst(frame: pd.DataFrame) -> str:
+    """The method that loses the energy at most step sizes, and where."""
+    found = summary(frame)
+    row = found.loc[found["energy lost"].idxmax()]
+    return f"{row['method']}, lost {row['where it is lost']}" if row["where it is lost"] else ""
+
+
+@of(TABLE)
+def answer(frame: pd.DataFrame) -> str:
+    """Which methods keep the energy at every step size, and from which one others lose it."""
+    found = summary(frame)
+    whole, others = found[found["energy lost"] == 0], found[found["energy lost"] > 0]
+    names = join_list(list(whole["method"]), 2) if len(whole) else "No method"
+    text = f"{names} keep{'s' if len(whole) < 2 else ''} the energy of a stiff Fermi–Pasta–Ulam chain at every step"
+    text += f" up to hω = {number(frame[RATIO].max())}π"
+    if others.empty:
+        return f"{text}."
+    return f"{text}; {len(others)} of {len(found)} lose it, from hω = {number(others['first lost at hω/π'].min())}π."
+
+
+# -- what is shown -----------------------------------------------------------------------------------------------------
+
+
+@of(TABLE)
+def draw(frame: pd.DataFrame, directory: Path) -> list[Picture]:
+    """The errors of H and of the oscillatory energy I against h omega / pi, a panel for each method."""
+    names = list(dict.fromkeys(frame["method"]))
+    columns = 3
+    with style.settings():
+        figure, axes = style.panels(-(-len(names) // columns), columns, 6.4, sharex=True, sharey=True)
+        for i, ax in enumerate(axes.flat):
+            if i >= len(names):
+                ax.set_axis_off()
+                continue
+            part = frame[frame["method"] == names[i]].sort_values(RATIO)
+            for j, name in enumerate((OSCILLATORY, ENERGY)):
+                look = {"color": (style.ORANGE, style.BLUE)[j], "linestyle": ("--", "-")[j], "zorder": 2 + j}
+                ax.semilogy(part[RATIO], part[name], linewidth=1.0, **look)
+            out = part[(part["status"] != OK) | (part[ENERGY] > LIMITS[1])]
+            top = [LIMITS[1] / 2] * len(out)
+            ax.plot(out[RATIO], top, "v", color=style.VERMILION, markersize=3, zorder=4)
+            for k in range(1, 1 + int(frame[RATIO].max())):
+                ax.axvline(k, color="0.85", linewidth=0.6, zorder=0)
+            ax.set_title(names[i])
+            ax.set_ylim(*LIMITS)
+            ax.grid(axis="y", color="0.93", linewidth=0.5)
+        for ax in axes[-1]:
+            ax.set_xlabel(r"$h\omega/\pi$")
+        for ax in axes[:, 0]:
+            ax.set_ylabel("greatest error")
+        for text, y, colour in (("error of H", 0.17, style.BLUE), ("error of I", 0.06, style.ORANGE)):
+            last = axes.flat[len(names) - 1]
+            last.text(0.96, y, text, color=colour, transform=last.transAxes, ha="right")
+    caption = (
+        "Greatest errors of H (solid) and of the oscillatory energy I (dashed) against hω/π; triangles: no finite end, "
+        f"a step refused, or an error of H above {number(LIMITS[1])}. Grey lines: hω is a multiple of π."
+    )
+    return [Picture(style.save(figure, directory, "oscillatory.png"), "errors of H and I against hω/π", caption)]
+
+
+@of(TABLE)
+def table(frame: pd.DataFrame) -> Table:
+    """A row for each method."""
+    caption = (
+        f"Greatest errors over a run. Lost: no finite end, a step refused, or an error of H of {number(LOST)} or more; "
+        f"near a multiple of π: within {NEAR} π of it. Medians are over the step sizes at which the energy is not lost."
+    )
+    return Table(summary(frame), caption)
+
+
+@of(TABLE)
+def whole(frame: pd.DataFrame) -> pd.DataFrame:
+    """The runs that lose the energy."""
+    return frame[lost(frame)][["method", RATIO, "status", ENERGY, OSCILLATORY]]
+
+
+STUDY = Study(
+    id="oscillatory",
+    place=260,
+    question="Which integrators survive steps beyond the fast period, and where do they resonate?",
+    answer=answer,
+    setting=(
+        "H = Σ (p₀ᵢ² + p₁ᵢ²)/2 + (ω²/2) Σ q₁ᵢ² + slow part: Fermi–Pasta–Ulam with three stiff springs, ω = 50.",
+        f"From the published initial state (H = 2.0012) to t = {number(SPAN)}; step sizes up to hω = 4.5 π.",
+        "I = Σ (p₁ᵢ² + ω² q₁ᵢ²)/2, the energy of the stiff springs, is an adiabatic invariant: the exact flow changes "
+        "it little.",
+        "Trigonometric integrators, r-RESPA and IMEX, which treat the stiff part apart, beside Störmer–Verlet.",
+    ),
+    runs=(
+        Runs(TABLE, measure, [{"method": label} for label in METHODS],
+             needs=lambda method: (METHODS[method], ProblemKey("fpu"))),
+    ),
+    claims={
+        "survivors": Claim(
+            "Some methods keep the energy at every step size",
+            TABLE, lambda rows: int((summary(rows)["energy lost"] == 0).sum()), at_least(1),
+            unit=lambda rows: f"of {rows['method'].nunique()} methods", where=worst,
+        ),
+    },
+    checks={
+        "stable": Claim("Below Störmer–Verlet's stability limit every method completes its run", TABLE,
+                        "status == 'ok'", rows=f"`{RATIO}` * {math.pi} < {0.9 * STABLE}"),
+    },
+    figure=draw,
+    shown=table,
+    whole=whole,
+    limits=(
+        f"The energy counts as lost from an error of {number(LOST)} on, half of the total; a loss counts as resonant "
+        f"within {NEAR} π of a multiple of π.",
+        "One ω and one initial state; narrow resonances between the step sizes that were tried are not seen.",
+    ),
+)  # fmt: skip

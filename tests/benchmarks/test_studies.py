@@ -1,0 +1,157 @@
+"""All studies: their pages are those of the committed rows, and every claim can hold and can fail.
+
+The committed report is what judges: a changed sentence, bound, column or figure shows in its difference, and
+`phasebench report` writes it anew.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+from importlib.metadata import version
+from itertools import chain, permutations
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from phasebench.benchmarks import report
+from phasebench.benchmarks.page import markdown
+from phasebench.benchmarks.page.origin import count_outdated, origin
+from phasebench.benchmarks.page.page import conclusion
+from phasebench.benchmarks.page.study import Claim, Runs, Study
+from phasebench.benchmarks.page.verdict import FAIL, FINDING, PASS, at_most
+from phasebench.benchmarks.store.cells import text
+from phasebench.benchmarks.studies import index
+from support.pages import REPORTS
+
+STUDIES = tuple(index.found().values())
+CLAIMS = [
+    pytest.param(claim, id=f"{s.id}-{name}") for s in STUDIES for name, claim in [*s.claims.items(), *s.checks.items()]
+]
+#: Ways to make numbers wrong.
+SPOIL = (lambda x: x * 1e9, lambda x: x * 1e-9, lambda x: x + 17.0, lambda x: -x)
+
+
+@pytest.fixture(scope="module")
+def data():
+    """The committed tables."""
+    return report.Data(REPORTS)
+
+
+def page_text(study: Study, data, folder: Path) -> str:
+    """The page of a study, whose figures are drawn into a folder."""
+    page = study.page
+    verdicts = page.judge(data)
+    outcome, answer = conclusion(page, data, verdicts)
+    parts = verdicts, page.figures(data, folder) or [], page.table(data), origin(page, data), count_outdated(page, data)
+    return markdown.document(page, outcome, answer, *parts)
+
+
+@pytest.mark.parametrize("study", STUDIES, ids=lambda s: s.id)
+def test_the_page_is_that_of_the_committed_rows(study, data, tmp_path):
+    assert page_text(study, data, tmp_path) == (REPORTS / f"{study.id}.md").read_text(encoding="utf-8")
+    if any(f"matplotlib {version('matplotlib')}" not in data.about(runs.table)["versions"] for runs in study.runs):
+        return  # another version of matplotlib may draw otherwise
+    for picture in tmp_path.iterdir():
+        assert picture.read_bytes() == (REPORTS / "figures" / picture.name).read_bytes(), picture.name
+
+
+def spoiled(frame: pd.DataFrame, keys: set[str]) -> Iterator[pd.DataFrame]:
+    """Copies of a table with a wrong column, save texts of keys: in all rows, every other one, those of a text.
+
+    Then copies in which a column has one number, or the numbers of another column.
+    """
+    texts = frame.select_dtypes(exclude="number")
+    same = [(texts[c] == x).to_numpy() for c in texts for x in texts[c].unique()[:40]]
+    for part in (np.arange(len(frame)) >= 0, np.arange(len(frame)) % 2 == 0, *same):
+        for column in frame.columns.difference(keys & {*texts}, sort=False):
+            values = frame[column].to_numpy()
+            if values.dtype == bool:
+                wrong = [~values]
+            else:
+                wrong = ["wrong"] if column in texts else [spoil(values.astype(float)) for spoil in SPOIL]
+            yield from (frame.assign(**{column: np.where(part, one, values)}) for one in wrong)
+    numbers = frame.select_dtypes("number")
+    yield from (frame.assign(**{one: frame[one].iloc[0]}) for one in numbers)
+    yield from (frame.assign(**{one: frame[other]}) for one, other in permutations(numbers, 2))
+
+
+#: The columns of the keys of each table.
+KEYS = {table: {*runs.keys[0]} for s in STUDIES for runs in s.runs for table in (runs.table, *runs.more)}
+
+
+@pytest.mark.parametrize("claim", CLAIMS)
+def test_every_claim_can_hold_and_can_fail(claim, data):
+    """With the committed numbers or with wrong ones in a part of a column; without its rows it says nothing."""
+    frame = data(claim.table)
+    assert claim(lambda name: None) is None
+    assert claim(lambda name: frame.head(0)) is None
+    assert outcomes(claim, frame, data) >= {PASS, FAIL if claim.fault else FINDING}
+
+
+def needed(judge, frame: pd.DataFrame, column: str) -> bool:
+    """True if a claim cannot be judged without the column, or otherwise."""
+    try:
+        return judge(frame.drop(columns=column)) != judge(frame)
+    except Exception:  # whatever a function of the study raises
+        return True
+
+
+def outcomes(claim: Claim, frame: pd.DataFrame, data=lambda name: None) -> set[str]:
+    """Outcomes of a claim on a table and on its spoiled copies, until there are both."""
+
+    def judge(one: pd.DataFrame):
+        return claim(lambda name: one if name == claim.table else data(name))
+
+    found: set[str] = set()
+    frame = frame[[c for c in frame if needed(judge, frame, c)]]
+    for one in chain([frame], spoiled(frame, KEYS.get(claim.table, set()))):
+        verdict = judge(one)
+        found |= {verdict.outcome} if verdict is not None else set()
+        if PASS in found and found & {FAIL, FINDING}:
+            break
+    return found
+
+
+def test_control_a_claim_that_cannot_fail_is_seen():
+    frame = pd.DataFrame({"method": ["a", "b"], "error": [1e-9, 2e-9]})
+    assert outcomes(Claim("errors are small", "t", "error", at_most(1e-3)), frame) == {PASS, FINDING}
+    assert outcomes(Claim("errors are small", "t", "0 * error", at_most(1e-3)), frame) == {PASS}
+    assert outcomes(Claim("errors are small", "t", "error ** 2", at_most(-1)), frame) == {FINDING}
+
+
+@pytest.mark.parametrize("study", STUDIES, ids=lambda s: s.id)
+def test_keys_are_those_of_the_committed_tables(study):
+    cells = study.cells()
+    assert len({c.id for c in cells}) == len(cells)
+    assert study.cells(quick=True) == [c for c in cells if c.quick]
+    for runs in study.runs:
+        frame = pd.read_csv(REPORTS / "data" / f"{runs.table}.csv", dtype=str, keep_default_na=False)
+        keys = {tuple(map(text, key.values())) for key in runs.keys}
+        assert {*frame[list(runs.keys[0])].itertuples(index=False, name=None)} == keys
+
+
+@pytest.mark.parametrize("study", STUDIES, ids=lambda s: s.id)
+def test_a_study_is_found_by_its_id(study):
+    assert report.PAGES[[p.id for p in report.PAGES].index(study.id)].question == study.question
+    assert Path(__import__(study.module, fromlist=["STUDY"]).__file__).stem in (study.id.replace("-", "_"), "__init__")
+
+
+def test_the_key_of_a_cell_holds_what_its_method_and_problem_stand_for():
+    study = Study("one", 0, "", "", (), (), {}, ())
+    keys = [{"method": m, "problem": p} for m, p in (("rk4", "pendulum"), ("rk4", "kepler"), ("gauss-4", "pendulum"))]
+    cells = Runs("t", at_most, keys).cells(study)
+    assert [c.names for c in cells] == [{"rk4", "pendulum"}, {"rk4", "kepler"}, {"gauss-4", "pendulum"}]
+    assert len({c.content for c in cells}) == 3
+    assert cells[0].content != Runs("t", at_most, keys, needs=("more",)).cells(study)[0].content
+
+
+def test_the_text_of_a_claim_is_a_literal():
+    """A computed one could contain a measured number."""
+    folder = Path(index.__file__).parent
+    calls = [n for p in folder.rglob("*.py") for n in ast.walk(ast.parse(p.read_text())) if isinstance(n, ast.Call)]
+    texts = [call.args[0] for call in calls if getattr(call.func, "id", "") == "Claim"]
+    assert len(texts) >= len(CLAIMS)
+    assert [ast.unparse(text) for text in texts if not isinstance(text, ast.Constant)] == []
