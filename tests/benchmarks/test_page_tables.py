@@ -184,19 +184,6 @@ def test_smallest_error_constant_of_each_kind_is_shown():
     assert many["order"].tolist() == list(range(ROWS))
 
 
-def dependency_data(*changes: dict) -> dict:
-    row = {"package": "p", "version": "1", "licence": "MIT", "direct": True, "MB": 1.0}
-    return {"dependencies": pd.DataFrame([row | c for c in changes])}
-
-
-def test_direct_dependencies_are_shown():
-    rows = dependency_data({}, {"package": "q"}, {"package": "r", "direct": False})
-    shown = catalogue.DEPENDENCIES_PAGE.table(rows.get).frame
-    assert shown["package"].tolist() == ["p", "q"]
-    many = catalogue.DEPENDENCIES_PAGE.table(dependency_data(*({"package": f"p{k}"} for k in range(30))).get).frame
-    assert many["package"].tolist() == [f"p{k}" for k in range(ROWS)]
-
-
 # -- the talks ---------------------------------------------------------------------------------------------------------
 
 

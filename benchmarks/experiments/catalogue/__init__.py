@@ -1,1 +1,1 @@
-"""Pages that list what the project has: methods, problems, coefficient tables, dependencies, mutation scores."""
+"""Pages that list what the project has: methods, problems, coefficient tables."""

@@ -1,4 +1,4 @@
-"""Report pages on methods, problems, coefficients and dependencies, made from their records and tables."""
+"""Report pages on methods, problems and coefficients, made from their records and tables."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ import pandas as pd
 
 from phasebench.benchmarks.page.markdown import join_list
 from phasebench.benchmarks.page.page import ROWS, Data, Page, Table, of
-from phasebench.benchmarks.page.verdict import EVERY, FAIL, NONE, Count, Verdict, at_most
+from phasebench.benchmarks.page.verdict import EVERY, FAIL, Count, Verdict, at_most
 from phasebench.benchmarks.problems import PROBLEMS, problem
 from phasebench.benchmarks.problems.base import Problem
 from phasebench.integrators.record import ROUND_OFF
 from phasebench.integrators.registry import METHODS
 
-from . import acta_page, describe, mutation_page, transcribed_page
+from . import acta_page, describe, transcribed_page
 
 if TYPE_CHECKING:
     import sympy as sp
@@ -261,86 +261,10 @@ COEFFICIENTS_PAGE = Page(
     command="pytest benchmarks/experiments/catalogue",
 )
 
-#: A licence that this project cannot depend on; packages under it that are used for comparison only.
-COPYLEFT, COMPARED = "GPL-", ("rebound",)
-
-
-def _copyleft(dependencies: pd.DataFrame) -> list[str]:
-    """Return the names of the installed packages under the GPL; the LGPL does not count."""
-    licences = dependencies["licence"].fillna("")
-    bound = licences.str.contains(COPYLEFT) & ~licences.str.contains(f"L{COPYLEFT}")
-    return list(dependencies[bound]["package"])
-
-
-@of("dependencies")
-def copyleft(dependencies: pd.DataFrame) -> Verdict:
-    """Judge whether no package is under the GPL, except those used for comparison only."""
-    wrong = [name for name in _copyleft(dependencies) if name not in COMPARED]
-    return Verdict(
-        "No package is under the GPL but those that are only compared with",
-        Count(len(wrong), len(dependencies)),
-        NONE,
-        "packages",
-        where=join_list(wrong, 4) if wrong else "",
-        otherwise=FAIL,
-    )
-
-
-@of("dependencies")
-def licences(dependencies: pd.DataFrame) -> Verdict:
-    """Judge whether every installed package states its licence."""
-    silent = list(dependencies[dependencies["licence"].fillna("") == ""]["package"])
-    return Verdict(
-        "Every package states its licence",
-        Count(len(dependencies) - len(silent), len(dependencies)),
-        EVERY,
-        "packages",
-        where=join_list(silent, 4) if silent else "",
-    )
-
-
-@of("dependencies")
-def weigh(dependencies: pd.DataFrame) -> str:
-    """Write the page's answer: how large an installation is, and which of its packages are under the GPL."""
-    largest = dependencies.nlargest(3, "MB")
-    named = join_list([f"{name} {size:.0f} MB" for name, size in zip(largest["package"], largest["MB"], strict=True)])
-    return (
-        f"An installation brings {len(dependencies)} packages of {dependencies['MB'].sum():.0f} MB ({named}); "
-        f"under the GPL: {join_list(_copyleft(dependencies), 4)}."
-    )
-
-
-@of("dependencies")
-def _direct(dependencies: pd.DataFrame) -> Table:
-    shown = dependencies[dependencies["direct"].astype(bool)]
-    caption = "The packages that phasebench itself requires; the CSV has also what these require."
-    return Table(shown[["package", "version", "licence", "MB"]].head(ROWS), caption)
-
-
-@of("dependencies")
-def _dependencies(dependencies: pd.DataFrame) -> pd.DataFrame:
-    return dependencies
-
-
-DEPENDENCIES_PAGE = Page(
-    id="dependencies",
-    question="What does an installation bring, and under which licences?",
-    tables=("dependencies",),
-    setting=("The packages that `pip install` brings without an extra; MB: their files, without bytecode.",),
-    verdicts=(copyleft, licences),
-    answer=weigh,
-    table=_direct,
-    whole=_dependencies,
-    limits=("A licence is what the metadata of the installed version say; libraries inside a wheel count as its own.",),
-    command="pytest benchmarks/experiments/catalogue",
-)
-
 PAGES = (
     METHODS_PAGE,
     PROBLEMS_PAGE,
     COEFFICIENTS_PAGE,
     acta_page.PAGE,
     transcribed_page.PAGE,
-    DEPENDENCIES_PAGE,
-    mutation_page.PAGE,
 )
