@@ -50,12 +50,15 @@ def energy(method: str, problem: str) -> dict:
 
 
 def ratio(worse: str, better: str) -> Callable[[pd.DataFrame], pd.Series]:
-    """The error of a method over that of another at the least step, by problem."""
+    """The error of a method over that of another at every step at which both are above round-off, by "problem, h"."""
 
     def of(rows: pd.DataFrame) -> pd.Series:
-        least = rows[np.isclose(rows["h"], rows["h"].min())]
-        errors = least.pivot_table(index="problem", columns="method", values="error")
-        return (errors[worse] / errors[better]).dropna() if {worse, better} <= {*errors} else pd.Series(dtype=float)
+        clear = rows[rows["error"] > np.maximum(ROUNDING, ABOVE * rows["uncertainty"])]
+        errors = clear.pivot_table(index=["problem", "h"], columns="method", values="error")
+        if not {worse, better} <= {*errors}:
+            return pd.Series(dtype=float)
+        found = (errors[worse] / errors[better]).dropna()
+        return found.set_axis([f"{problem}, h = {h:g}" for problem, h in found.index])
 
     return of
 

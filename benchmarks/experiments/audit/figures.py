@@ -8,7 +8,10 @@ import numpy as np
 
 from phasebench.benchmarks import style
 from phasebench.benchmarks.judge.evidence import GATE
+from phasebench.benchmarks.judge.verdict import CONTRADICTED, UNJUDGED
 
+#: What a claim is called in the figure, by its verdict.
+HELD, OTHERS = "claim holds", {CONTRADICTED: "claim contradicted", UNJUDGED: "claim not judged"}
 #: Differences beyond this are drawn at the edge.
 SHOWN = 3.2
 
@@ -30,8 +33,8 @@ def orders(rows: list[dict], claims: list[dict], directory: Path, name: str = "a
     with style.settings():
         figure, ((axes,),) = style.panels(1, 1, 1.1 + 0.32 * len(packages))
         axes.axvspan(-GATE, GATE, color="0.9")
-        for wrong, k, label in ((False, 0, "claim holds or is not judged"), (True, 1, "claim contradicted")):
-            part = [r for r in seen if (claimed[r["peer"]]["verdict"] == "contradicted") == wrong]
+        for k, label in enumerate((HELD, *OTHERS.values())):
+            part = [r for r in seen if OTHERS.get(claimed[r["peer"]]["verdict"], HELD) == label]
             index = {p: [r["peer"] for r in seen if r["package"] == p] for p in packages}
             y = [packages.index(r["package"]) + _offset(index[r["package"]], r["peer"]) for r in part]
             look = {"color": style.CURVES[k][0], "marker": style.CURVES[k][2], "linestyle": "none"}
@@ -40,7 +43,7 @@ def orders(rows: list[dict], claims: list[dict], directory: Path, name: str = "a
         axes.set_ylim(len(packages) - 0.5, -0.5)
         axes.set_xlabel("measured − claimed order")
         axes.grid(axis="x", color="0.93", linewidth=0.5)
-        style.legend_above(figure, axes, 2)
+        style.legend_above(figure, axes, 3)
     return style.save(figure, directory, name)
 
 

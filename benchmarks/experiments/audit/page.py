@@ -149,7 +149,7 @@ def answer(data: Data) -> str | None:
         mine = _claims(data("audit"), data("audit_claims"))
         judged, bad = _split(mine)
         whose = f" ({_packages(bad)})" if len(bad) else ""
-        parts.append(f"{len(bad)} of {len(judged)} claims by {mine['package'].nunique()} packages do not hold{whose}")
+        parts.append(f"{len(bad)} of {len(judged)} claims by {judged['package'].nunique()} packages do not hold{whose}")
     if stated is not None:
         bad, of = stated.measured.of - stated.measured.n, stated.measured.of
         parts.append(f"{bad} of {of} other statements of packages' documentation do not hold")

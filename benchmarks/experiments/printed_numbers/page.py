@@ -83,22 +83,35 @@ def _splittings(rows: pd.DataFrame, folder: Path) -> Picture:
     )
 
 
+#: How the ids of methods of a kind begin -> what the kind is called; the first that fits.
+KINDS = {
+    "rebound-whfast-plain": "WHFast",
+    "rebound-whfast-corrector": "WHFast, corrected",
+    "rebound-whfast": "WHFast, modified kick",
+    "rebound-saba-cm": "SABACM",
+    "rebound-saba": "SABA4",
+}
+
+
+def _kind(method: str) -> str:
+    return next((kind for start, kind in KINDS.items() if method.startswith(start)), "this suite's")
+
+
 @of(planets.PERIHELIA)
 def _perihelia(rows: pd.DataFrame, folder: Path) -> Picture:
     with style.settings():
         figure, ((axes,),) = style.panels(1, 1, 3.4)
-        for k, name in enumerate(claims.INNER):
-            part = rows[rows["planet"] == name]
-            axes.loglog(
-                part[claims.ENERGY], part["rate error"].abs(), label=name, **style.curve(k) | {"linestyle": "none"}
-            )
+        inner = rows[rows["planet"].isin(claims.INNER)]
+        for k, (label, part) in enumerate(inner.groupby(inner["method"].map(_kind), sort=False)):
+            look = style.curve(k) | {"linestyle": "none"}
+            axes.loglog(part[claims.ENERGY], part["rate error"].abs(), label=label, **look)
         axes.set(xlabel="relative energy error", ylabel="error of the perihelion's rate (arcsec/yr)")
         axes.grid(color="0.93", linewidth=0.5)
-        style.legend_above(figure, axes, 4)
+        style.legend_above(figure, axes, 3)
         file = style.save(figure, folder, "printed-numbers-perihelia.png")
     caption = (
-        f"WHFast without and with correctors, SABA4, SABAC and ours at h = {number(planets.STEP)} days over {planets.YEARS} years. "
-        "From right to left the energy error falls; the rates' errors do not follow it."
+        f"A mark for each method and each of the {len(claims.INNER)} inner planets, at h = {number(planets.STEP)} days over "
+        f"{planets.YEARS} years. From right to left the energy error falls; the rates' errors do not follow it."
     )
     return Picture(file, "energy errors beside perihelia", caption)
 

@@ -28,11 +28,13 @@ def answer(rows: pd.DataFrame, exact: pd.DataFrame) -> str:
     found = claims.by_scene(rows, exact)
     if found.empty:
         return "No method reaches 1 % in any scene."
-    best = found.idxmin(axis=1).value_counts()
+    best = found.eq(found.min(axis=1), axis=0)
+    wins = best.sum().max()
+    names = " and ".join(m for m in found if best[m].sum() == wins)
     leapfrog, rk4 = ((found[id] / found.min(axis=1)).median() for id in ("stormer-verlet", "rk4"))
     return (
-        f"{best.index[0]} gives statistics to 1 % in the fewest evaluations on {best.iloc[0]} of "
-        f"{rows['scene'].nunique()} scenes; in the median leapfrog (stormer-verlet) needs {number(leapfrog)} times the "
+        f"{names} needs the fewest evaluations for 1 % on {wins} of {rows['scene'].nunique()} scenes, ties "
+        f"included; in the median leapfrog (stormer-verlet) needs {number(leapfrog)} times the "
         f"fewest, RK4 {number(rk4)} times."
     )
 
