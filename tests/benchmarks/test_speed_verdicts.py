@@ -7,7 +7,7 @@ import re
 import pandas as pd
 import pytest
 
-from phasebench.benchmarks.experiments.speed import bench_speed, page, speed
+from phasebench.benchmarks.experiments.speed import bench_speed, canary, page, speed
 from phasebench.benchmarks.page.verdict import FAIL, FINDING, PASS, Count
 from support.pages import judge
 
@@ -84,3 +84,13 @@ def test_row_of_times_has_medians(monkeypatch):
     bench_speed.bench_ratios(lambda table: [row])
     with pytest.raises(AssertionError):
         bench_speed.bench_ratios(lambda table: [row | {page.HIGH: row["median"] / 2, page.LOW: row["median"] / 4}])
+
+
+def test_canary_sees_kernels_that_became_slower():
+    stored = dict.fromkeys(canary.METHODS, 2.0)
+    rows = [{"method": m, "ratio": 2.02} for m in canary.METHODS]
+    assert canary.change(rows, stored.get) == pytest.approx(1.01)
+    slower = [row | {"ratio": 2.6 if k % 3 else 2.0} for k, row in enumerate(rows)]
+    assert canary.change(slower, stored.get) > canary.SAME
+    assert canary.change(rows, {}.get) is None
+    assert len({*canary.METHODS}) == 20
