@@ -254,7 +254,7 @@ kind = Kind()
 @pytest.mark.parametrize(("loop", "lines"), [("python", {13, 14}), ("compiled", {21})])
 def test_hanging_step_is_ended_and_its_line_named(tmp_path, loop, lines):
     path = tmp_path / "mine.py"
-    path.write_text(LOOPS.replace("AFTER", "80").replace("LOOP", loop))
+    path.write_text(LOOPS.replace("AFTER", "110").replace("LOOP", loop))
     found = certify(f"{path}:kind.step", {"order": 2}, alone=True, time_limit=2.5)
     whole = {j.name: j for j in found.claims}
     assert found.verdict == "not-judged"
