@@ -75,7 +75,7 @@ FLAT, ROUGH = 1e5, 1e12
 #: A step that was not solved is cut to the share CUT, a rejected one to no less than LEAST; MOST in a row end the run.
 CUT, LEAST, MOST = 0.25, 1 / 16, 60
 #: Share of the size of H's terms by which a step may change H.
-JUMP = 0.05
+JUMP = 0.01
 #: Largest number of steps for one h; more would be a run that never ends.
 SHORTEST = 100_000
 

@@ -17,7 +17,7 @@ from phasebench.integrators.families import field
 from phasebench.integrators.prepared import lay_out
 from phasebench.integrators.registry import METHODS
 from phasebench.integrators.stepping.kernel import prepare
-from support.solutions import end
+from support.solutions import end, energy_errors
 
 BY_ID = {m.id: m for m in METHODS if m.family == "field"}
 KEPLER = problem("kepler", e=0.8)
@@ -83,13 +83,13 @@ def test_steps_into_a_wall_are_rejected():
     assert fixed.status != "ok" or np.abs(end(fixed) - fine).max() > 1e-3, "the control"
 
 
-@pytest.mark.parametrize("h", [0.3, 0.04, 0.005])
-def test_no_step_passes_through_a_wall_to_the_same_energy(h):
+@pytest.mark.parametrize("id", ["gauss-6-field", "gauss-8-field"])
+def test_no_step_passes_through_a_wall_to_the_same_energy(id):
     """H is even in q, so that its value does not tell on which side of 1/q^2 a step ends; the sign of q does."""
     wall = Hamiltonian(q="q", p="p", H="p**2/2 + 1/q**2 + q**2/2")
-    s = integrate(wall, "gauss-6-field", h=h, t_end=h * round(40 / h), q0=[0.01], p0=[0.0])
-    assert s.status == "ok"
+    s = integrate(wall, id, h=1e-4, t_end=40, q0=[0.01], p0=[0.0], save_every=4000)
     assert (s.q > 0).all()
+    assert np.abs(energy_errors(s)).max() < 1
 
 
 def test_the_growth_of_steps_is_bounded():
