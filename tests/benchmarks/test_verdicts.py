@@ -1,4 +1,4 @@
-"""Verdicts of the pages on printed tables, orders, structure, the matrix, invariants, energies and resonances.
+"""Verdicts of the pages on orders, structure, the matrix and invariants.
 
 Fabricated tables test each threshold from both sides, the counts, and where the worst value is. `BOTH_SIDES` repeats
 the numbers that the pages state, so that a changed threshold fails here.
