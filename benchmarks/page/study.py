@@ -42,7 +42,7 @@ def over(**values: Sequence[object]) -> list[dict[str, object]]:
 class Runs:
     """A table: ``measure(**key)`` returns the rows, or the row, of a cell, for each of the ``keys``.
 
-    Rows depend on the module of ``measure`` and further modules ``code``, on the key with all that its "method" and
+    Rows depend on what ``measure`` refers to and on further modules ``code``, on the key with all that its "method" and
     "problem" stand for, and on the methods, peers, problems and data ``needs``; a function of the key that returns all
     of these takes their place.
     ``where`` and ``own`` are those of `Cell`; a quick run measures the keys ``quick``.  With ``more`` tables the
@@ -65,7 +65,8 @@ class Runs:
 
     def _cell(self, study: Study, key: Mapping[str, object]) -> Cell:
         needs = list(self.needs(**key) if callable(self.needs) else (*self.needs, *_records(key)))
-        made_of = content(self.table, tuple(key.items()), *needs, code=[self.measure.__module__, *self.code])
+        function = f"{self.measure.__module__}:{self.measure.__qualname__}"
+        made_of = content(self.table, tuple(key.items()), *needs, code=[function, *self.code])
         names = {getattr(need, name, "") for need in needs for name in ("id", "package")}
         names = (names | {study.within, str(key.get("package", ""))}) - {""}
         tables, quick = (self.table, *self.more), key in self.quick

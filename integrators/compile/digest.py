@@ -1,5 +1,7 @@
 """Digests of source code: what machine code and measured numbers depend on, a module with all that it imports.
 
+Of a module "package.module:function" only what the function refers to counts, directly or not.
+
 Comments, docstrings, annotations, layout, messages of exceptions and names of local variables are left out, since they
 change no number.  What was found in a file is kept in `cache` under the hash of its bytes, so that a process reads its
 sources and parses none.
@@ -66,7 +68,7 @@ MOST = 5000
 @cache
 def path_of(module: str, root: Path = ROOT) -> Path | None:
     """The source file of a module of this project; None for other modules."""
-    first, *rest = module.split(".")
+    first, *rest = module.partition(":")[0].split(".")
     if first != PACKAGE or not rest:
         return None
     path = root.joinpath(*rest)
@@ -76,14 +78,14 @@ def path_of(module: str, root: Path = ROOT) -> Path | None:
     return path if path.exists() else None
 
 
-def imports(text: str, module: str, package: bool = False) -> set[str]:
+def imports(source: str | ast.AST, module: str, package: bool = False) -> set[str]:
     """Dotted names of everything that a source imports, also inside functions; ``package`` marks an __init__.py.
 
     What only a type checker reads (``if TYPE_CHECKING:``) is left out.
     """
-    parts = module.split(".")
+    parts = module.partition(":")[0].split(".")
     names = set()
-    for node in _run_nodes(ast.parse(text)):
+    for node in _run_nodes(ast.parse(source) if isinstance(source, str) else source):
         if isinstance(node, ast.Import):
             names |= {a.name for a in node.names}
         elif isinstance(node, ast.ImportFrom):
@@ -102,13 +104,40 @@ def _run_nodes(tree: ast.AST) -> Iterator[ast.AST]:
         waiting += node.orelse if _is_typed(node) else ast.iter_child_nodes(node)
 
 
-def essence(text: str, worded: bool = False) -> str:
+def part_of(tree: ast.Module, function: str) -> ast.Module:
+    """The statements of a module that define what ``function`` refers to, directly or not, and those without a name."""
+    known: dict[str, list[ast.stmt]] = {}
+    for statement in tree.body:
+        for name in _defined(statement):
+            known.setdefault(name, []).append(statement)
+    taken = {id(statement) for statement in tree.body if not any(_defined(statement))}
+    waiting = [function]
+    while waiting:
+        for statement in known.pop(waiting.pop(), ()):
+            taken.add(id(statement))
+            waiting += [n.id for n in ast.walk(statement) if isinstance(n, ast.Name)]
+    return ast.Module([statement for statement in tree.body if id(statement) in taken], [])
+
+
+def _defined(statement: ast.stmt) -> Iterator[str]:
+    """The names that a statement at the top of a module defines; none of one that does something else."""
+    if isinstance(statement, (ast.FunctionDef, ast.ClassDef)):
+        yield statement.name
+    elif isinstance(statement, (ast.Import, ast.ImportFrom)):
+        yield from (alias.asname or alias.name.partition(".")[0] for alias in statement.names)
+    elif isinstance(statement, (ast.Assign, ast.AnnAssign)):
+        targets = statement.targets if isinstance(statement, ast.Assign) else [statement.target]
+        names = (node for target in targets for node in ast.walk(target) if isinstance(node, ast.Name))
+        yield from (name.id for name in names if isinstance(name.ctx, ast.Store))
+
+
+def essence(source: str | ast.AST, worded: bool = False) -> str:
     """The part of a source file on which its results depend, as text, to be hashed.
 
     It is the syntax tree without comments, docstrings, annotations, the imports that only annotations need, what is
     said of a raised exception, and names of local variables.  With ``worded`` texts with a blank are left out, too.
     """
-    return _Essence(worded).of(ast.parse(text), {})
+    return _Essence(worded).of(ast.parse(source) if isinstance(source, str) else source, {})
 
 
 class _Essence:
@@ -185,9 +214,11 @@ def _file(path: Path, module: str) -> tuple[str, frozenset[str]]:
     content = path.read_bytes()
     key = hashlib.sha256(module.encode() + b" " + content).hexdigest()[:32]
     if key not in _known():
-        text = content.decode()
-        names = imports(text, module, package=path.name == "__init__.py")
-        told = hashlib.sha256(essence(text, module in WORDED).encode()).hexdigest()
+        tree = ast.parse(content)
+        _, _, function = module.partition(":")
+        tree = part_of(tree, function) if function else tree
+        names = imports(tree, module, package=path.name == "__init__.py")
+        told = hashlib.sha256(essence(tree, module in WORDED).encode()).hexdigest()
         _known()[key] = [told, sorted(n for n in names if n.startswith(PACKAGE))]
     told, names = _known()[key]
     return told, frozenset(names)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import re
 import shutil
 from dataclasses import replace
@@ -206,3 +207,36 @@ def test_cells_have_distinct_ids_and_contents():
     for made in (sweep.cells(), sweep.cells(quick=True), [*comparison.cells(), *cost.cells()]):
         assert len({c.id for c in made}) == len(made)
         assert len({c.content for c in made}) == len(made)
+
+
+STUDY = """
+from phasebench.a import one
+from phasebench.b import two
+STEPS = 3
+def measure(x):
+    return helper(x) * STEPS
+def helper(x):
+    return one(x)
+def answer(rows):
+    return f"{two(rows)} in words"
+"""
+
+
+def test_of_a_function_only_what_it_refers_to_counts():
+    """So a page's words make none of its rows stale."""
+
+    def part(text):
+        tree = digest.part_of(ast.parse(text), "measure")
+        return digest.essence(tree), digest.imports(tree, "phasebench.studies.x")
+
+    kept, names = part(STUDY)
+    assert part(STUDY.replace("in words", "said otherwise").replace("two(", "2 * two(")) == (kept, names)
+    assert "phasebench.a.one" in names
+    assert "phasebench.b.two" not in names
+    for old, new in (("STEPS = 3", "STEPS = 4"), ("return one(x)", "return -one(x)"), ("* STEPS", "+ STEPS")):
+        assert part(STUDY.replace(old, new))[0] != kept
+    assert part(STUDY + "import math\nmath.pi = 3\n")[0] != kept, "a statement without a name may change anything"
+    whole, one = (digest.closure(f"phasebench.benchmarks.studies.parts{name}") for name in ("", ":energy"))
+    assert "phasebench.benchmarks.page.study" in whole
+    assert "phasebench.benchmarks.page.study" not in one
+    assert "phasebench.integrators.driver" in one
