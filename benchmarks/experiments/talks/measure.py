@@ -41,7 +41,7 @@ LAMBDAS = (Fraction(-1), Fraction(1, 3), Fraction(3, 2), Fraction(2))
 FLOOR = 1e-18
 
 #: Largest number of points of a stored curve, and their significant digits: a figure of 7 inches shows no more.
-POINTS, DIGITS = 2500, 6
+POINTS, DIGITS = 2500, 4
 
 #: Refinement differences below this are not used for an order: round-off is near.
 NOISE = 1e-12
