@@ -122,7 +122,8 @@ def document(
     if verdicts:
         parts.append(verdicts_table(verdicts))
     if outdated:
-        parts += [wrap(f"**In part not by this version**: {outdated}; `pytest benchmarks` measures them again.") + "\n"]
+        remedy = "`pytest benchmarks --dear` measures them."
+        parts += [wrap(f"**In part not by this version**: {outdated}; {remedy}") + "\n"]
     parts += ["## What is measured\n", bullets(page.setting)]
     for picture in pictures:
         parts += [f"![{picture.title}](figures/{picture.file})\n", wrap(picture.caption) + "\n"]
