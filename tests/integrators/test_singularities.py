@@ -137,13 +137,15 @@ def test_the_distance_of_an_expanded_formula_is_exact():
 
 
 def test_the_step_density_handles_signed_distances():
-    """The step density is right where the distance is negative: V = 1/(x - 2)**2 at x < 2."""
+    """The step density is right where the distance is negative: V = 1/(x - 2)**2 at x < 2, a wall."""
     system = of("1/(x - 2)**2")
     monitor = adaptive.monitor(system, DOUBLE)
-    q, p, dt = np.array([1.5, 0.6]), np.array([0.7, -0.3]), 1e-5
-    before, now, after = (monitor(value(*(q + k * dt * p)), value(*p)) for k in (-1, 0, 1))
-    assert now[0] == pytest.approx(0.5**-1.5, rel=1e-14)
-    assert now[1] == pytest.approx((np.log(after[0]) - np.log(before[0])) / (2 * dt), rel=1e-8)
+    q, p, force, dt = np.array([1.5, 0.6]), np.array([0.7, -0.3]), np.array([-16.0, 0.0]), 1e-5
+    before, now, after = (monitor(value(*(q + k * dt * p)), value(*(p + k * dt * force))) for k in (-1, 0, 1))
+    rate, second = 0.7 / 0.5, 16 / 0.5  # of x - 2, over it
+    density = np.sqrt(np.sqrt(0.5**-6 + second**2) + rate**2)
+    assert now[0] == pytest.approx(density, rel=1e-14)
+    assert now[1] == pytest.approx((np.log(after[0]) - np.log(before[0])) / (2 * dt), rel=1e-7)
     assert float(distance_scale(system).subs(system.q[0], 1.5)) == pytest.approx(0.5**1.5)
 
 
