@@ -211,9 +211,10 @@ def _integrated(
     if time_limit is not None and not integrator.stoppable:
         raise InvalidInput(f"'{integrator.id}' cannot be stopped: leave out --time-limit")
     from phasebench.benchmarks.measure import every_step
-    from phasebench.benchmarks.measure.named_quantities import quantity
 
     if wanted.quantity:
+        from phasebench.benchmarks.measure.named_quantities import quantity
+
         quantity(problem, wanted.quantity)  # an unknown one is refused before anything is integrated
     every = None if wanted.output is None else wanted.every
     watched = every_step.watch(problem, integrator, every=every, tol=tol, timeout=time_limit, **common)

@@ -273,8 +273,8 @@ STUDY = Study(
     id="sampling",
     place=330,
     question="Which explicit splitting accepts most in Hamiltonian Monte Carlo?",
-    answer="At equal evaluations splittings of several stages accept more than Störmer–Verlet in {gaussian.n} of "
-    "{gaussian.of} Gaussian cases and {quartic.n} of {quartic.of} quartic ones; force gradients are the best in "
+    answer="Splittings of several stages accept more than Störmer–Verlet in {gaussian.n} of "
+    "{gaussian.of} Gaussian cases and {quartic.n} of {quartic.of} quartic ones; force gradients are best in "
     "{gradients.n} of {gradients.of}.",
     setting=(
         "H = |p|²/2 + Σ v(2 i qᵢ), i = 1 … 8, with v = x²/2 (Gaussian) or v = x²/2 + x⁴/4 (quartic).",

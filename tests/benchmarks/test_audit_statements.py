@@ -19,7 +19,7 @@ import pytest
 from phasebench.benchmarks.experiments.audit import page, statement_cells, statements, unregistered
 from phasebench.benchmarks.experiments.audit.said import BY_SCRIPT, STATEMENTS
 from phasebench.benchmarks.judge.verdict import CONTRADICTED, HOLDS, UNDERSTATED, UNJUDGED
-from phasebench.benchmarks.store import tables
+from phasebench.benchmarks.store import cells, tables
 from phasebench.reference.peers import BY_ID, PEERS
 from support.commands import call
 from support.needs import need
@@ -185,7 +185,7 @@ def test_verdict_thresholds(judge, values, verdict):
 
 
 def version_is(monkeypatch, version_of):
-    for module in (statements, statement_cells):
+    for module in (statements, cells):
         monkeypatch.setattr(module, "version_of", version_of)
 
 
@@ -194,12 +194,12 @@ def test_package_version_is_in_rows_and_cell_contents(monkeypatch):
     version_is(monkeypatch, lambda package: "1.2")
     assert statements.row(statement, [])["version"] == "1.2"
     before = {c.key["script"]: c.content for c in statement_cells.cells()}
+    version_is(monkeypatch, lambda package: "1.3")
+    after = {c.key["script"]: c for c in statement_cells.cells()}
+    assert all(before[script] != c.content and not c.outdated(before[script]) for script, c in after.items())
     version_is(monkeypatch, lambda package: None)
     assert statements.row(statement, [], reason="not there")["version"] == "absent"
-    absent = {c.key["script"]: c.content for c in statement_cells.cells()}
-    version_is(monkeypatch, lambda package: "absent")
-    assert all(before[script] != absent[script] for script in before)
-    assert {c.key["script"]: c.content for c in statement_cells.cells()} == absent
+    assert not any(c.available for c in statement_cells.cells())
 
 
 def test_worst_of_several_verdicts_counts():

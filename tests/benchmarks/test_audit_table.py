@@ -29,7 +29,8 @@ LIMIT = round_off(ROW)
         (1.01 * LIMIT, 0.0, 1e-30, "bounded"),
         (1e-3, 1e-9, 2e-9, "bounded"),
         (1e-3, 6e-5, 1e-9, "drifts"),
-        (1e-3, 3e-5, 1e-9, "open"),
+        (1e-3, 3e-5, 1e-9, "drifts"),
+        (1e-3, 3e-5, 2e-5, "open"),
         (0.3, 1e-9, 2e-9, "large"),
     ],
 )

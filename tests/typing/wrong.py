@@ -9,7 +9,7 @@ run = pb.prepare("pendulum", "rk4")
 advice = pb.advise("pendulum", t_end=10.0, accuracy=1e-6)
 Q, P = [[1.0], [2.0]], [[0.0], [0.0]]
 
-pb.integrate("pendulum", "rk4", h="no", steps=10)  # wrong
+pb.integrate("pendulum", "rk4", h=[0.1], steps=10)  # wrong
 pb.integrate("pendulum", "rk4", h=0.1, stepz=3)  # wrong
 pb.integrate("pendulum", "scheme-i", h=0.1, steps=10, lam=0.5)  # wrong
 pb.integrate("pendulum", "scheme-i", h=0.1, steps=10, parameters={"lam": [0.5]})  # wrong
