@@ -93,8 +93,8 @@ Key = tuple[tuple[str, str], ...]
 
 
 def key_of(cell: Cell) -> Key:
-    """The key of a cell's rows in each of its tables."""
-    return tuple(sorted((k, told) for k, v in cell.key.items() if (told := text(v))))
+    """The key of a cell's rows in each of its tables, all of whose cells have the same columns."""
+    return tuple(sorted((k, text(v)) for k, v in cell.key.items()))
 
 
 class Table:
@@ -121,7 +121,7 @@ class Table:
         self.keys: dict[Key, Row] = {}
         for line in read_lines(self.path.with_suffix(KEYS)):
             known = {k: line.get(k, "") for k in (*PROVENANCE, COUNT)} | {"run": runs.get(line.get("run"), NO_RUN)}
-            self.keys[tuple(sorted((k, v) for k, v in line.items() if v and k not in known))] = known
+            self.keys[tuple(sorted((k, v) for k, v in line.items() if k not in known))] = known
         self._found: dict[tuple, dict[tuple, list[Row]]] = {}
 
     def rows_of(self, key: Key) -> list[Row]:

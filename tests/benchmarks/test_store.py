@@ -482,3 +482,20 @@ def test_screen_fits_a_terminal_and_counts_cells(tmp_path):
     lines = screen.summary(outcome, 100).splitlines()
     assert all(len(line) <= 100 for line in lines)
     assert len(lines) == 3
+
+
+def test_an_empty_value_of_a_key_is_one_of_its_values(tmp_path):
+    """A cell with no tolerance does not own the rows of one with a tolerance."""
+
+    def cell(n, tol):
+        key = {"n": n, "tol": tol}
+        rows = {"toys": [key | {"x": n}], "toy_parts": []}
+        return replace(toy_cells.cell(n), key=key, measure=lambda: rows, arguments=(), content=content(n, tol))
+
+    cells = [cell(1, None), cell(1, 1e-9)]
+    execute(tmp_path, cells)
+    assert [(r["n"], r["tol"]) for r in rows(tmp_path)] == [("1", ""), ("1", "1e-09")]
+    assert measured_now(execute(tmp_path, cells)) == []
+    changed = [with_code(cells[1], "another")]
+    execute(tmp_path, [cells[0], *changed])
+    assert [(r["n"], r["tol"]) for r in rows(tmp_path)] == [("1", ""), ("1", "1e-09")]
