@@ -165,14 +165,20 @@ def of_cell(cell: Cell, table: str, measured: Sequence[Row], stored: Sequence[Ro
     """
     if table not in BANDS:
         return []
-    pairs = match(measured, stored, [LADDERS[table]] if table in LADDERS else [])
-    if table in LADDERS:
-        pairs = [p for p in pairs if p.measured is not None and p.stored is not None]
+    pairs = _common(table, measured, stored)
     if not pairs:
         pairs = [Pair((), None, None)]  # no row was compared: report that as a difference
     pairs = [p for p in pairs if p.stored is None or not text(p.stored.get("setting")).startswith(OF_THE_MACHINE)]
     found = differences(pairs, BANDS[table] | {"status": EXACT})
     return [d._replace(key=(table, cell.label, *d.key)) for d in found]
+
+
+def _common(table: str, measured: Sequence[Row], stored: Sequence[Row]) -> list[Pair]:
+    """Pair the rows of a cell, measured again and stored; of a ladder only the rungs that both have."""
+    if table not in LADDERS:
+        return match(measured, stored, [])
+    pairs = match(measured, stored, [LADDERS[table]])
+    return [p for p in pairs if p.measured is not None and p.stored is not None]
 
 
 #: Columns that say in words what others say in numbers, or name versions: in these rows may differ and agree.
@@ -197,9 +203,9 @@ def agree(cell: Cell, entry: Entry, stored: Mapping[str, Table]) -> bool:
         if stored[name].intact(cell) is None:
             return False
         new, old = fresh_rows(entry, name, cell), stored[name].of(cell)
-        pairs = match(new, old, [LADDERS[name]] if name in LADDERS else [])
-        if name in LADDERS:
-            pairs = [p for p in pairs if p.measured is not None and p.stored is not None]
+        pairs = _common(name, new, old)
+        if old and not pairs:
+            return False
         columns = {c for row in (*new, *old) for c in row} - {*WORDS}
         limits = {c: Again() for c in columns if not TIMES.fullmatch(c)} | BANDS.get(name, {})
         if differences(pairs, limits):

@@ -24,7 +24,7 @@ from . import lines, schema
 from .cells import text
 from .compare import EXACT, MISSING, ROW, Difference, Pair, differences, match, number
 from .digits import ERRORS, SETTINGS, TIMES
-from .tables import PROVENANCE
+from .schema import PROVENANCE
 
 #: Columns in which a change is reported; and columns of text that do not identify a row.
 JUDGED = ("status", "verdict")

@@ -38,6 +38,12 @@ def test_two_runs_with_timing_noise_do_not_differ():
         assert not history.changes({"t": table(0.05, seed)}, {"t": table(0.05, seed + 100)})
 
 
+def test_rows_of_another_day_and_machine_are_the_same_rows():
+    """As tables had them in columns, and lines of JSON have them."""
+    one, other = ({"date": day, "machine": day, "content": day, "digest": day, "state": day} for day in ("a", "b"))
+    assert not history.changes({"t": table().assign(**one)}, {"t": table().assign(**other)})
+
+
 @pytest.mark.parametrize(
     ("column", "value", "kind"),
     [

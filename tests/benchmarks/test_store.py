@@ -499,3 +499,10 @@ def test_an_empty_value_of_a_key_is_one_of_its_values(tmp_path):
     changed = [with_code(cells[1], "another")]
     execute(tmp_path, [cells[0], *changed])
     assert [(r["n"], r["tol"]) for r in rows(tmp_path)] == [("1", ""), ("1", "1e-09")]
+
+
+def test_a_ladder_without_a_common_rung_does_not_agree(tmp_path, monkeypatch):
+    monkeypatch.setitem(compare.LADDERS, "toys", "x")
+    execute(tmp_path, [toy_cells.cell(2)])
+    execute(tmp_path, [replace(with_code(toy_cells.cell(2), "another"), measure=toy_cells.measure_moved)])
+    assert [r["x"] for r in rows(tmp_path)] == ["0.29"]
