@@ -278,7 +278,7 @@ class Study:
 
     Attributes
     ----------
-    id, question, setting, limits : those of `Page`; the module of a study is named as its id
+    id, question, setting, limits : those of `Page`; the module of a single study is named as its id
     place : pages of the report are in the order of these numbers
     runs : its tables
     claims : name -> claim, in the order of the page
@@ -290,6 +290,8 @@ class Study:
     shown, whole : the table that the page shows; the table that its HTML has in full, by default the first
     reads : names of tables of other studies that the page reads
     within : the study of which this one is a part, so that a selection of that one measures this one, too
+    command : the command that measures its tables, by default `pytest benchmarks -k ID`
+    listed : that of `Page`
     """
 
     id: str
@@ -311,11 +313,8 @@ class Study:
     whole: str | Callable[[Data], pd.DataFrame | None] = ""
     reads: Sequence[str] = ()
     within: str = ""
-
-    @property
-    def module(self) -> str:
-        """The module of the study."""
-        return f"phasebench.benchmarks.studies.{self.id.replace('-', '_')}"
+    command: str = ""
+    listed: bool = True
 
     def cells(self, quick: bool = False) -> list[Cell]:
         """All measurements; those of a quick run."""
@@ -334,10 +333,11 @@ class Study:
             answer=self._answer,
             verdicts=tuple(self.claims.values()),
             limits=tuple(self.limits),
-            command=f"pytest benchmarks -k {self.id}",
+            command=self.command or f"pytest benchmarks -k {self.id}",
             figures=self._draw,
             table=self.shown or (lambda data: None),
             whole=whole if callable(whole) else (lambda data: rows_of(data, whole)),
+            listed=self.listed,
         )
 
     def _answer(self, data: Data) -> str | None:

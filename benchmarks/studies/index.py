@@ -1,4 +1,4 @@
-"""All studies, found by their files."""
+"""All studies, found by their files: `STUDY` of a module or a package, or `STUDIES` where one has several pages."""
 
 from __future__ import annotations
 
@@ -17,5 +17,5 @@ def found() -> dict[str, Study]:
     """Id -> study, in the order of the report."""
     names = [m.name for m in pkgutil.iter_modules([str(Path(__file__).parent)]) if not m.name.startswith("bench_")]
     modules = [import_module(f"{__package__}.{name}") for name in names]
-    studies = [m.STUDY for m in modules if hasattr(m, "STUDY")]
+    studies = [s for m in modules for s in getattr(m, "STUDIES", [m.STUDY] if hasattr(m, "STUDY") else [])]
     return {s.id: s for s in sorted(studies, key=lambda s: (s.place, s.id))}
