@@ -24,6 +24,7 @@ from phasebench.integrators.errors import InvalidInput
 from phasebench.reference.files import write_file
 from phasebench.reference.installed import is_installed
 from phasebench.reference.peers import PEERS
+from phasebench.reference.peers.record import NotHere
 
 from . import compare, provenance, tables, workers
 from .cells import ALONE, POOL, UNCOMPILED, Cell, Rows
@@ -381,7 +382,7 @@ class _Work:
     def _keep(self, cell: Cell, answer: workers.Answer, compared: bool) -> None:
         out = self.out
         out.seconds[cell.experiment] = out.seconds.get(cell.experiment, 0.0) + answer.seconds
-        error = _flaw(cell, answer.value) if answer.error is None else answer.error
+        error = answer.error or _lack_here(answer.value) or _flaw(cell, answer.value)
         if error is not None and "Unavailable: " in error:
             out.unavailable.add(cell.id)
             out.notes.append(f"{cell.label}: {error.partition('Unavailable: ')[2]}")
@@ -392,6 +393,12 @@ class _Work:
         else:
             out.entries[cell.id] = entry(cell, answer)
             self.journal.put(out.entries[cell.id])
+
+
+def _lack_here(rows: Rows) -> str | None:
+    """Why this machine cannot make a measurement, if one of its rows says so: such rows replace no others."""
+    found = (v for members in rows.values() for row in members for v in row.values() if isinstance(v, NotHere))
+    return next((f"Unavailable: {why}" for why in found), None)
 
 
 def _flaw(cell: Cell, rows: Rows) -> str | None:

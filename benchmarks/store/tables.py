@@ -15,6 +15,7 @@ from __future__ import annotations
 import csv
 import hashlib
 import io
+import itertools
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -150,7 +151,7 @@ class Table:
         added to the metadata.
         """
         known = self.about.get("machines", {}) | {provenance.machine(): provenance.summary()}
-        runs = {run: str(k) for k, run in enumerate(sorted({line["run"] for line in keys.values()}))}
+        runs = _numbered({line["run"] for line in keys.values()}, self.about.get("runs", {}))
         machines = sorted({run.split()[-1] for run in runs} & {*known})
         about = {
             **about,
@@ -172,6 +173,13 @@ class Table:
             path = self.path.with_suffix(suffix)
             if not path.exists() or path.read_bytes() != content.encode():
                 write_file(path, content)
+
+
+def _numbered(runs: set[str], before: Mapping[str, str]) -> dict[str, str]:
+    """Run -> its number as text; those that had one ``before`` (number -> run) keep it, so that few lines change."""
+    out = {run: number for number, run in before.items() if run in runs}
+    free = (str(k) for k in itertools.count() if str(k) not in before)
+    return out | {run: next(free) for run in sorted(runs - {*out})}
 
 
 @dataclass

@@ -18,7 +18,7 @@ from phasebench.integrators.record import DRIFT, ROUND_OFF
 
 from . import particles
 from .particles import CENTRAL, GRAVITY, POTENTIAL
-from .record import Claims, Peer, Run, Start, Task
+from .record import Claims, NotHere, Peer, Run, Start, Task
 
 if TYPE_CHECKING:
     from phasebench.integrators.systems.hamiltonian import PartitionedSystem
@@ -74,7 +74,8 @@ def _lacks(integrator: str, kinds: tuple[str, ...], forces: bool) -> Callable[[A
             if len(setting.masses) > MOST:
                 return f"it takes at most {MOST} bodies, not {len(setting.masses)}"
             if not _avx512():
-                return "REBOUND finds no AVX512 here (rebound.avx512_available): the processor or the build lacks it"
+                why = "REBOUND finds no AVX512 here (rebound.avx512_available): the processor or the build lacks it"
+                return NotHere(why)
         q = getattr(problem, "q0", None)
         if setting.kind == GRAVITY and integrator in ("whfast", "whfast512", "saba") and q is not None:
             body = particles.jacobi_vanishes(setting, q)

@@ -129,6 +129,10 @@ def split_alone(why: str) -> Callable[[Any, Any], str | None]:
     return lacks
 
 
+class NotHere(str):
+    """A reason of `Peer.lacks` that holds on this machine alone, such as an instruction that its processor lacks."""
+
+
 def older_python(oldest: tuple[int, int] | None) -> str | None:
     """Why a package that needs this Python (major, minor) cannot be installed here; None if it can."""
     if oldest is None or sys.version_info[:2] >= oldest:

@@ -237,6 +237,28 @@ def test_a_package_that_is_missing_keeps_its_rows(tmp_path, monkeypatch):
     assert measured_now(execute(tmp_path, cells())) == [2]
 
 
+def test_a_machine_that_cannot_measure_takes_no_row_away(tmp_path):
+    """A processor without an instruction, say: rows that tell so replace no others."""
+    execute(tmp_path, toy_cells.cells(3))
+    before = files(tmp_path)
+    lacking = toy_cells.cells(3, function=toy_cells.lack_here)
+    outcome = execute(tmp_path, lacking, everything=True)
+    assert outcome.unavailable == {cell.id for cell in lacking}
+    assert any("no such instruction" in note for note in outcome.notes)
+    assert files(tmp_path) == before
+
+
+def test_a_run_keeps_its_number(tmp_path):
+    """One that comes before it in their order adds its own lines and changes no others."""
+    execute(tmp_path, toy_cells.cells(2))
+    file = tmp_path / "toys.json"
+    file.write_text(file.read_text().replace(MACHINE, "zzzzzz/zzzzzz"))
+    before = (tmp_path / "toys.keys").read_text().splitlines()
+    execute(tmp_path, [*toy_cells.cells(2), toy_cells.cell(2)])
+    assert (tmp_path / "toys.keys").read_text().splitlines()[:-1] == before
+    assert {run.split()[-1] for run in known(tmp_path, "run").values()} == {MACHINE, "zzzzzz/zzzzzz"}
+
+
 def test_rows_that_agree_are_not_written_again(tmp_path):
     """Other packages that give the same numbers leave the files alone; other code changes the hashes alone."""
     execute(tmp_path, toy_cells.cells(3))

@@ -15,6 +15,7 @@ from phasebench.integrators import Hamiltonian, InvalidInput
 from phasebench.reference.peers import BY_ID, PEERS, Task, integrate_peer, particles
 from phasebench.reference.peers import rebound as peers
 from phasebench.reference.peers.particles import CENTRAL, GRAVITY, POTENTIAL
+from phasebench.reference.peers.record import NotHere
 from phasebench.reference.solvers.taylor import reference
 
 rebound = pytest.importorskip("rebound")
@@ -276,6 +277,8 @@ def test_without_avx512_whfast512_is_refused(monkeypatch):
     monkeypatch.setattr(rebound, "avx512_available", False)
     with pytest.raises(InvalidInput, match="AVX512"):
         integrate_peer(problem("kepler"), "rebound-whfast512", t_end=1.0, h=0.1)
+    made = problem("kepler")
+    assert isinstance(BY_ID["rebound-whfast512"].lacks(made, made.system), NotHere), "this machine alone lacks it"
 
 
 def test_without_compilation_extra_forces_are_refused(monkeypatch):

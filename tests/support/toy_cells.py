@@ -14,6 +14,7 @@ from pathlib import Path
 from phasebench.benchmarks.store import tables
 from phasebench.benchmarks.store.cells import ALONE, POOL, Cell, Unavailable, content
 from phasebench.benchmarks.store.workers import Worker
+from phasebench.reference.peers.record import NotHere
 
 TABLES = ("toys", "toy_parts")
 
@@ -51,6 +52,11 @@ def measure_dated(n: int) -> dict:
 def lack(n: int) -> dict:
     """Stand for a measurement that needs something that is not installed: raise Unavailable."""
     raise Unavailable("no compiler")
+
+
+def lack_here(n: int) -> dict:
+    """Stand for a measurement whose rows say that this machine cannot make it."""
+    return {"toys": [{"n": n, "name": "", "reason": NotHere("no such instruction")}], "toy_parts": []}
 
 
 def double(x: float) -> dict:

@@ -22,6 +22,7 @@ from phasebench.integrators.driver import INVALID, OK, SKIPPED
 from phasebench.integrators.errors import InvalidInput
 from phasebench.reference.installed import how_to_install
 from phasebench.reference.peers import PEERS, Peer, integrate_peer
+from phasebench.reference.peers.record import NotHere
 
 if TYPE_CHECKING:
     from phasebench.benchmarks.problems.base import Problem
@@ -73,7 +74,8 @@ def sizes(peer: Peer, scene: Scene, quick: bool = False) -> list[tuple[float | N
     few = RUNGS if quick and not peer.adaptive else 1 if quick else len(found)
     if scene.purpose == DRIFT:
         few = min(few, 1 if coarse else SIZES)
-    return found[: 1 if peer.lacks(made, made.system) else few]
+    lack = peer.lacks(made, made.system)
+    return found[: 1 if lack and not isinstance(lack, NotHere) else few]
 
 
 def measure(scene: Scene, peer: Peer, h: float | None, tol: float | None, repeats: int) -> dict[str, Any]:
