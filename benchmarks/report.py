@@ -40,7 +40,6 @@ from phasebench.benchmarks.experiments.options.numerics_page import PAGE as OPTI
 from phasebench.benchmarks.experiments.options.page import PAGE as OPTIONS
 from phasebench.benchmarks.experiments.orders.page import PAGE as ORDERS
 from phasebench.benchmarks.experiments.printed_numbers.page import PAGE as PRINTED_NUMBERS
-from phasebench.benchmarks.experiments.references.page import PAGE as REFERENCES
 from phasebench.benchmarks.experiments.speed.page import PAGE as SPEED
 from phasebench.benchmarks.experiments.start.page import PAGE as START
 from phasebench.benchmarks.experiments.structure.page import PAGE as STRUCTURE
@@ -84,7 +83,6 @@ _OTHERS: tuple[tuple[float, Page], ...] = (
     (240, KEPLER),
     (350, AUDIT),
     (370, ELSEWHERE),
-    (380, REFERENCES),
     (390, SPEED),
     (400, START),
     (410, LARGE),

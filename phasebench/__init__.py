@@ -22,9 +22,9 @@ if TYPE_CHECKING:
     from phasebench.benchmarks.certificate.result import Certificate as Certificate
     from phasebench.benchmarks.experiments.audit.audit import Audit as Audit
     from phasebench.benchmarks.experiments.audit.audit import audit as audit
-    from phasebench.benchmarks.experiments.references.certify import CertifiedState as CertifiedState
-    from phasebench.benchmarks.experiments.references.certify import References as References
-    from phasebench.benchmarks.experiments.references.certify import certify as certify
+    from phasebench.benchmarks.measure.certify import CertifiedState as CertifiedState
+    from phasebench.benchmarks.measure.certify import References as References
+    from phasebench.benchmarks.measure.certify import certify as certify
     from phasebench.benchmarks.measure.ensembles import Ensemble as Ensemble
     from phasebench.benchmarks.measure.ensembles import Section as Section
     from phasebench.benchmarks.measure.ensembles import integrate_ensemble as integrate_ensemble
@@ -67,7 +67,7 @@ _HOMES = {
     "Advice": "benchmarks.advice.table",
     "Audit": "benchmarks.experiments.audit.audit",
     "Certificate": "benchmarks.certificate.result",
-    "CertifiedState": "benchmarks.experiments.references.certify",
+    "CertifiedState": "benchmarks.measure.certify",
     "ConstrainedHamiltonian": "integrators",
     "Drift": "benchmarks.measure.series",
     "Ensemble": "benchmarks.measure.ensembles",
@@ -85,7 +85,7 @@ _HOMES = {
     "Problem": "benchmarks.problems.base",
     "RigidBody": "integrators",
     "STATUSES": "integrators.statuses",
-    "References": "benchmarks.experiments.references.certify",
+    "References": "benchmarks.measure.certify",
     "Section": "benchmarks.measure.ensembles",
     "Solution": "benchmarks.measure.solution",
     "SplitHamiltonian": "integrators",
@@ -94,7 +94,7 @@ _HOMES = {
     "WorkPrecision": "benchmarks.workprecision",
     "advise": "benchmarks.advice.table",
     "audit": "benchmarks.experiments.audit.audit",
-    "certify": "benchmarks.experiments.references.certify",
+    "certify": "benchmarks.measure.certify",
     "drift": "benchmarks.measure.series",
     "integrate": "benchmarks.measure.integrator",
     "integrate_ensemble": "benchmarks.measure.ensembles",

@@ -76,7 +76,7 @@ def _renewed(wanted: list[str], update: bool) -> list[Outcome]:
     """
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-    from phasebench.benchmarks.experiments.references.certify import recheck
+    from phasebench.benchmarks.measure.certify import recheck
 
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     with Progress(*columns, console=err) as bars:
@@ -88,7 +88,7 @@ def _renewed(wanted: list[str], update: bool) -> list[Outcome]:
 
 
 def _row(outcome: Outcome) -> dict[str, object]:
-    from phasebench.benchmarks.experiments.references.rows import row
+    from phasebench.reference.certificates.rows import row
 
     return row(outcome)
 
@@ -126,7 +126,7 @@ def _one(name: str, end: str, time_limit: float, as_json: bool) -> bool:
     Returns True if the solvers that check the reference solver agree with it.  Raises InvalidInput unless ``end`` and
     ``time_limit`` (seconds) are positive.
     """
-    from phasebench.benchmarks.experiments.references.certify import certify_end
+    from phasebench.benchmarks.measure.certify import certify_end
     from phasebench.benchmarks.problems import problem
 
     made = problem(name)

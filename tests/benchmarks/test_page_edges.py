@@ -8,7 +8,6 @@ import pytest
 
 from phasebench.benchmarks.experiments.invariants import page as invariants
 from phasebench.benchmarks.experiments.orders import page as orders
-from phasebench.benchmarks.experiments.references import page as references
 from phasebench.benchmarks.experiments.structure import page as structure
 from phasebench.benchmarks.page.page import ROWS
 from phasebench.benchmarks.page.verdict import FAIL, FINDING, MISSING, PASS, Count
@@ -100,82 +99,6 @@ def test_verdicts_with_methods_of_one_kind():
 def test_declared_flag_is_written_as_yes_or_no():
     whole = structure.PAGE.whole({"structure": defects(("a", True, 0.0), ("b", False, 1.0))}.get)
     assert whole["declared"].tolist() == ["yes", "no"]
-
-
-# -- references --------------------------------------------------------------------------------------------------------
-
-CERTIFIED = {
-    "problem": "a", "t_end": 10.0, "states": 4, "error": 1e-21, "uncertainty": 1e-20, "changed": None, "disagree": 0,
-    "pairs": 5, "horizon": 10.0, "earliest": 10.0, "latest": 12.0, "unchecked": 0, "its uncertainty": 1e-15,
-    "least bound": 4.0, "largest bound": 4.0, "no comparison": 0, "long double leaves": 10.0, "rate": np.nan,
-    "distance": 1e-16,
-}  # fmt: skip
-
-
-def reference_data(*changes: dict):
-    """The page's data: a table of certified references, one row with each of these changes."""
-    return {"references": frame(*changes, **CERTIFIED)}.get
-
-
-def test_changed_reference_fails():
-    good = references.confirmations(reference_data({}, {"problem": "b"}))
-    assert (good.outcome, good.measured, good.where) == (PASS, Count(2, 2), "")
-    bad = references.confirmations(reference_data({}, {"problem": "b", "changed": "moved by 1e-9"}))
-    assert (bad.outcome, bad.measured, bad.where) == (FAIL, Count(1, 2), "b")
-
-
-def test_rows_without_an_error_have_an_older_format():
-    assert references.confirmations(reference_data({"error": np.nan})) is None
-    assert references.confirmations({"references": frame(CERTIFIED).drop(columns="error")}.get) is None
-    assert references.confirmations(reference_data({}, {"error": np.nan})).measured == Count(1, 1)
-
-
-def test_comparisons_with_another_solver_are_added_up():
-    good = reference_data({}, {"problem": "b", "no comparison": 1})
-    assert (references.second(good).outcome, references.second(good).measured) == (PASS, Count(0, 10))
-    assert (references.comparisons(good).outcome, references.comparisons(good).measured) == (PASS, Count(8, 8))
-    bad = reference_data({}, {"problem": "b", "disagree": 1}, {"problem": "c", "unchecked": 2})
-    apart, bare = references.second(bad), references.comparisons(bad)
-    assert (apart.outcome, apart.measured, apart.where) == (FAIL, Count(1, 15), "b")
-    assert (bare.outcome, bare.measured, bare.where) == (FAIL, Count(10, 12), "c")
-
-
-def test_horizons_are_compared_with_a_long_double_run():
-    short = {"horizon": 5.0, "earliest": 4.0, "latest": 6.0, "long double leaves": 5.5}
-    data = reference_data({}, {"problem": "b"} | short, {"problem": "c", "t_end": 100.0} | short)
-    assert references.horizons(data).measured == Count(2, 2)
-    assert "; 2 of them " in references.answer(data)
-    assert references.horizons(reference_data({})) is None
-    early = references.horizons(reference_data({"problem": "b"} | short | {"long double leaves": 3.0}))
-    assert (early.outcome, early.measured, early.where) == (FAIL, Count(0, 1), "b")
-
-
-def test_smallest_uncertainty_between_states_is_named():
-    row = {"problem": "kepler", "error": 1e-16, "uncertainty": 1e-15}
-    rows = [row | {"t": 0.25}, row | {"t": 0.75, "uncertainty": 3e-16}]
-    found = references.odd_times({references.ODD: frame(*rows)}.get)
-    assert (found.outcome, found.measured, found.where) == (PASS, Count(2, 2), "kepler, t = 0.75")
-    bad = references.odd_times({references.ODD: frame(*rows, row | {"t": 0.5, "error": 2e-15})}.get)
-    assert (bad.outcome, bad.measured, bad.where) == (FAIL, Count(2, 3), "kepler, t = 0.5")
-
-
-@pytest.mark.parametrize(("limited", "outside", "holds"), [(1, 0, True), (20, 3, True), (20, 4, False), (100, 11, True),
-                                                           (100, 12, False), (1, 1, False)])  # fmt: skip
-def test_five_percent_of_runs_may_miss_the_horizon(limited, outside, holds):
-    """Allowed are 5% plus three standard deviations: 5 + 6.5 of 100, 1 + 2.9 of 20, 0.05 + 0.65 of 1."""
-    short = {"horizon": 5.0, "earliest": 4.0, "latest": 6.0}
-    rows = [short | {"long double leaves": 9.0 if k < outside else 5.0} for k in range(limited)]
-    assert references.horizons(reference_data(*rows)).outcome == (PASS if holds else FAIL)
-
-
-def test_table_has_diverging_orbits_then_least_certain():
-    easy = [{"problem": f"e{k}", "uncertainty": 1e-20 * (k + 1)} for k in range(12)]
-    hard = [{"problem": "fast", "rate": 0.1}, {"problem": "soon", "earliest": 9.0}]
-    shown = references.table(reference_data(*easy, *hard)).frame
-    assert shown["problem"].tolist() == ["fast", "soon", *(f"e{k}" for k in range(11, 1, -1))]
-    many = references.table(reference_data(*({"problem": f"h{k}", "rate": 0.1} for k in range(30)))).frame
-    assert many["problem"].tolist() == [f"h{k}" for k in range(ROWS)]
-    assert len(references.PAGE.whole(reference_data(*easy, *hard))) == 14
 
 
 # -- long runs ---------------------------------------------------------------------------------------------------------

@@ -23,7 +23,6 @@ from phasebench.benchmarks.experiments.catalogue.acta import NO_SOURCE
 from phasebench.benchmarks.experiments.invariants import page as invariants
 from phasebench.benchmarks.experiments.matrix import page as matrix
 from phasebench.benchmarks.experiments.orders import page as orders
-from phasebench.benchmarks.experiments.references import page as references
 from phasebench.benchmarks.experiments.structure import page as structure
 from phasebench.benchmarks.experiments.talks import page as talks
 from phasebench.benchmarks.page import drawn, html, markdown
@@ -486,28 +485,6 @@ CLAIMS = frame({"package": "p", "version": "1", "peer": "x", "claim": "order 2",
 CONTROLS = frame({"package": "phasebench", "version": "1", "peer": "rk4", "claim": "order 4", "verdict": "holds"})
 STATED = frame({"package": "p", "script": "a_script", "verdict": "holds", "severity": "wrong states"})
 MODES = frame({"package": "p", "peer": "x", "status": "ok", "mode": "kept"})
-CERTIFIED = frame(
-    {"problem": "kepler", "t_end": 1.0, "states": 4, "uncertainty": 1e-20, "changed": None, "disagree": 0, "pairs": 5},
-    error=1e-21,
-    horizon=1.0,
-    earliest=1.0,
-    latest=1.0,
-    unchecked=0,
-    **{
-        "its uncertainty": 1e-15,
-        "least bound": 4.0,
-        "largest bound": 5.0,
-        "no comparison": 1,
-        "long double leaves": 1.0,
-    },
-)
-ODD_TIMES = frame(
-    {"t": 0.3, "error": 1e-16, "uncertainty": 1e-15, "size": 1.0},
-    {"t": 0.7, "error": 1e-13, "uncertainty": 8e-13, "size": 1.0},
-    problem="kepler",
-    early=True,
-    **{"long double": 1e-17, "two runs": 1e-17},
-)
 TABLES = frame(
     {"table": "t", "declared order": "4", "order": "4", "polished residual": 1e-50, "published residual": 1e-20}
 )
@@ -561,12 +538,6 @@ BOTH_WAYS = {
     "controls": (audit.controls, {"audit": AUDITED, "audit_claims": CONTROLS}, "audit_claims", {"verdict": "-"}),
     "modes": (audit.left_as_found, {"audit_modes": MODES}, "audit_modes", {"mode": "changed by a run"}),
     "statements": (audit.statements, {"audit_statements": STATED}, "audit_statements", {"verdict": "contradicted"}),
-    "references": (references.confirmations, {"references": CERTIFIED}, "references", {"changed": "moved by 1e-9"}),
-    "odd times": (references.odd_times, {"references_odd": ODD_TIMES}, "references_odd", {"error": 2e-12}),
-    "second solver": (references.second, {"references": CERTIFIED}, "references", {"disagree": 1}),
-    "unchecked": (references.comparisons, {"references": CERTIFIED}, "references", {"unchecked": 1}),
-    "horizons": (references.horizons, {"references": CERTIFIED.assign(t_end=2.0)}, "references",
-                 {"long double leaves": 0.1}),
     "coefficients": (catalogue.orders, {"coefficients": TABLES}, "coefficients", {"order": "2"}),
     "polished": (catalogue.polished_residuals, {"coefficients": TABLES}, "coefficients", {"polished residual": 1e-16}),
     "acta coverage": (acta.coverage, {"acta": ACTA}, "acta", {"id": "", "why not": "no time"}),

@@ -8,10 +8,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from phasebench.benchmarks.experiments.references.rows import row
 from phasebench.integrators import Hamiltonian, InvalidInput
 from phasebench.reference import peers
 from phasebench.reference.certificates import along, check, horizon, make, others, stored
+from phasebench.reference.certificates.rows import row
 from phasebench.reference.solvers import gauss, taylor
 
 PRECISION = along.Precision(200, "1e-58")

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Any, overload
 import numpy as np
 from numpy.typing import NDArray
 
-from phasebench.benchmarks.measure.tabular import TabularResult
 from phasebench.benchmarks.problems import labels
 from phasebench.benchmarks.problems import problem as problem_of
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.keywords import check_names
+from phasebench.reference.certificates.rows import row
 
-from .rows import row
+from .tabular import TabularResult
 
 if TYPE_CHECKING:
     import pandas as pd
