@@ -26,7 +26,6 @@ from phasebench.benchmarks.experiments.elsewhere.page import PAGE as ELSEWHERE
 from phasebench.benchmarks.experiments.ensembles.page import PAGE as ENSEMBLES
 from phasebench.benchmarks.experiments.extremes.encounters_page import PAGE as EXTREMES_ENCOUNTERS
 from phasebench.benchmarks.experiments.extremes.limits_page import PAGE as EXTREMES_LIMITS
-from phasebench.benchmarks.experiments.extremes.multistep_page import PAGE as EXTREMES_MULTISTEP
 from phasebench.benchmarks.experiments.extremes.page import PAGE as EXTREMES
 from phasebench.benchmarks.experiments.extremes.round_off_page import PAGE as EXTREMES_ROUND_OFF
 from phasebench.benchmarks.experiments.extremes.springs_page import PAGE as EXTREMES_SPRINGS
@@ -79,7 +78,6 @@ _OTHERS: tuple[tuple[float, Page], ...] = (
     (200, EXTREMES_ROUND_OFF),
     (210, EXTREMES_ENCOUNTERS),
     (220, EXTREMES_SPRINGS),
-    (230, EXTREMES_MULTISTEP),
     (240, KEPLER),
     (350, AUDIT),
     (370, ELSEWHERE),
