@@ -20,7 +20,7 @@ from phasebench.benchmarks import style
 from phasebench.benchmarks.store.cells import POOL, Cell, ProblemKey, Rows, content, states
 from phasebench.integrators.registry import BY_ID
 
-from .markdown import number
+from .markdown import join_list, number
 from .page import ROWS, Data, Page, Picture, Table
 from .verdict import EVERY, FAIL, FINDING, NONE, Condition, Count, Measured, Range, Verdict, measured_text
 
@@ -45,8 +45,8 @@ class Runs:
     Rows depend on what ``measure`` refers to and on further modules ``code``, on the key with all that its "method" and
     "problem" stand for, and on the methods, peers, problems and data ``needs``; a function of the key that returns all
     of these takes their place.
-    ``where`` and ``own`` are those of `Cell`; a quick run measures the keys ``quick``.  With ``more`` tables the
-    function ``measure`` returns a dict of the rows of each table.
+    ``where`` and ``own`` are those of `Cell`, and so is ``dear``, a function of the key; a quick run measures the keys
+    ``quick``.  With ``more`` tables the function ``measure`` returns a dict of the rows of each table.
     """
 
     table: str
@@ -55,6 +55,7 @@ class Runs:
     needs: Sequence[object] | Callable[..., Sequence[object]] = ()
     where: str = POOL
     own: bool = False
+    dear: Callable[..., bool] = lambda **key: False
     quick: Sequence[Mapping[str, object]] = ()
     more: tuple[str, ...] = ()
     code: Sequence[str] = ()
@@ -68,10 +69,10 @@ class Runs:
         function = f"{self.measure.__module__}:{self.measure.__qualname__}"
         made_of = content(self.table, tuple(key.items()), *needs, code=[function, *self.code])
         names = {getattr(need, name, "") for need in needs for name in ("id", "package")}
-        names = (names | {study.within, str(key.get("package", ""))}) - {""}
-        tables, quick = (self.table, *self.more), key in self.quick
-        arguments = (tables, self.measure, tuple(key.items()))
-        return Cell(study.id, tables, key, measured, arguments, made_of, frozenset(names), self.where, self.own, quick)
+        names = (names | {study.within, *(str(key.get(k, "")) for k in ("package", "problem"))}) - {""}
+        tables, quick, dear = (self.table, *self.more), key in self.quick, self.dear(**key)
+        about = (tables, self.measure, tuple(key.items())), made_of, frozenset(names), self.where, self.own, quick, dear
+        return Cell(study.id, tables, key, measured, *about)
 
 
 def _records(key: Mapping[str, object]) -> list[object]:
@@ -134,9 +135,10 @@ class Claim:
 
     Values that are true or false are counted.  A function may return one number, a `Count` or a `Range` itself.
     ``where`` is a format string of the worst row, or a function of all rows; otherwise the worst row's method and
-    problem.  Functions get the tables ``beside``, too.  ``span``: the smallest and the largest value are shown.
+    problem.  Of wrong values that are counted the first ``names`` are named.
+    Functions get the tables ``beside``, too.  ``span``: the smallest and the largest value are shown.
     ``fault``: a claim that does not hold shows a fault of this suite; `pytest benchmarks` checks these, and those that
-    are ``checked``.
+    are ``checked``; if it is of the ``whole`` table, only in a run that measures all of that.
     """
 
     text: str
@@ -146,10 +148,12 @@ class Claim:
     rows: Query = ""
     unit: str | Callable[[pd.DataFrame], str] = ""
     where: str | Callable[..., str] | None = None
+    names: int = 1
     beside: Sequence[str] = ()
     span: bool = False
     fault: bool = False
     checked: bool = False
+    whole: bool = False
 
     def __call__(self, data: Data) -> Verdict | None:
         """The verdict on the claim, or None if its rows were not measured."""
@@ -166,26 +170,29 @@ class Claim:
         verdict = self(data)
         return None if verdict is None else Said(verdict)
 
-    def _worst(self, found: pd.Series | Measured) -> tuple[Measured, Any]:
-        """(What is measured, the label of the worst value)."""
+    def _worst(self, found: pd.Series | Measured) -> tuple[Measured, list]:
+        """(What is measured, the labels of the worst value or of all that are wrong)."""
         if not isinstance(found, pd.Series):
-            return (found if isinstance(found, (Count, Range)) else float(found)), None
+            return (found if isinstance(found, (Count, Range)) else float(found)), []
         if found.dtype == bool:
             wrong = found[found] if self.expected is NONE else found[~found]
-            return Count(int(found.sum()), len(found)), wrong.index[0] if len(wrong) else None
+            return Count(int(found.sum()), len(found)), list(wrong.index)
         found = found.dropna()
         if found.empty:
-            return np.nan, None
+            return np.nan, []
         low, high = self.expected.low, self.expected.high
         both = Range(float(found.min()), float(found.max()))
         if low == -np.inf or high == np.inf:
             worst = found.argmax() if low == -np.inf else found.argmin()
-            return both if self.span else float(found.iloc[worst]), found.index[worst]
-        return both, (found - (low + high) / 2).abs().idxmax()
+            return both if self.span else float(found.iloc[worst]), [found.index[worst]]
+        return both, [(found - (low + high) / 2).abs().idxmax()]
 
-    def _where(self, frame: pd.DataFrame, worst: Any) -> str:
-        if worst is None:
-            return ""
+    def _where(self, frame: pd.DataFrame, worst: list) -> str:
+        shown = worst[:1] if self.names == 1 else worst
+        named = [self._name(frame, label) if k < self.names else "" for k, label in enumerate(shown)]
+        return join_list(named, self.names) if named else ""
+
+    def _name(self, frame: pd.DataFrame, worst: Any) -> str:
         if worst not in frame.index:
             return str(worst)
         row = frame.loc[worst].to_dict()
@@ -292,6 +299,7 @@ class Study:
     within : the study of which this one is a part, so that a selection of that one measures this one, too
     command : the command that measures its tables, by default `pytest benchmarks -k ID`
     listed : that of `Page`
+    module : where it is found, so that its figure is drawn again when that changes
     """
 
     id: str
@@ -315,6 +323,7 @@ class Study:
     within: str = ""
     command: str = ""
     listed: bool = True
+    module: str = ""
 
     def cells(self, quick: bool = False) -> list[Cell]:
         """All measurements; those of a quick run."""

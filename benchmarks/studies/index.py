@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import pkgutil
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -17,5 +18,6 @@ def found() -> dict[str, Study]:
     """Id -> study, in the order of the report."""
     names = [m.name for m in pkgutil.iter_modules([str(Path(__file__).parent)]) if not m.name.startswith("bench_")]
     modules = [import_module(f"{__package__}.{name}") for name in names]
-    studies = [s for m in modules for s in getattr(m, "STUDIES", [m.STUDY] if hasattr(m, "STUDY") else [])]
+    of = [(m, s) for m in modules for s in getattr(m, "STUDIES", [m.STUDY] if hasattr(m, "STUDY") else [])]
+    studies = [replace(s, module=m.__name__) for m, s in of]
     return {s.id: s for s in sorted(studies, key=lambda s: (s.place, s.id))}

@@ -17,11 +17,11 @@ import pandas as pd
 import pytest
 
 from phasebench.benchmarks import report
-from phasebench.benchmarks.page import markdown
+from phasebench.benchmarks.page import drawn, markdown
 from phasebench.benchmarks.page.origin import count_outdated, origin
 from phasebench.benchmarks.page.page import conclusion
 from phasebench.benchmarks.page.study import Claim, Runs, Study
-from phasebench.benchmarks.page.verdict import FAIL, FINDING, PASS, at_most
+from phasebench.benchmarks.page.verdict import FAIL, FINDING, NONE, PASS, at_most
 from phasebench.benchmarks.store.cells import text
 from phasebench.benchmarks.studies import index
 from support.pages import REPORTS
@@ -135,7 +135,9 @@ def test_keys_are_those_of_the_committed_tables(study):
 
 @pytest.mark.parametrize("study", STUDIES, ids=lambda s: s.id)
 def test_a_study_is_found_by_its_id(study):
-    assert report.PAGES[[p.id for p in report.PAGES].index(study.id)].question == study.question
+    (page,) = [p for p in report.PAGES if p.id == study.id]
+    assert page.question == study.question
+    assert drawn.module_of(page.figures).startswith("phasebench.benchmarks.studies.")
 
 
 def test_the_key_of_a_cell_holds_what_its_method_and_problem_stand_for():
@@ -145,6 +147,14 @@ def test_the_key_of_a_cell_holds_what_its_method_and_problem_stand_for():
     assert [c.names for c in cells] == [{"rk4", "pendulum"}, {"rk4", "kepler"}, {"gauss-4", "pendulum"}]
     assert len({c.content for c in cells}) == 3
     assert cells[0].content != Runs("t", at_most, keys, needs=("more",)).cells(study)[0].content
+
+
+def test_wrong_values_that_are_counted_are_named():
+    frame = pd.DataFrame({"method": list("abcd"), "problem": "x", "good": [True, False, False, False]})
+    assert [Claim("", "t", "good", names=n)({"t": frame}.get).where for n in (1, 2, 3)] == [
+        "b on x", "b on x, c on x and 1 more", "b on x, c on x and d on x",
+    ]  # fmt: skip
+    assert Claim("", "t", "good", NONE, where="{method}", names=3)({"t": frame}.get).where == "a"
 
 
 def test_the_text_of_a_claim_is_a_literal():
