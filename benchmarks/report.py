@@ -22,7 +22,6 @@ from phasebench.benchmarks.experiments.advice.page import PAGE as ADVICE
 from phasebench.benchmarks.experiments.audit.page import PAGE as AUDIT
 from phasebench.benchmarks.experiments.catalogue.page import PAGES as CATALOGUE
 from phasebench.benchmarks.experiments.drift.page import PAGE as DRIFT
-from phasebench.benchmarks.experiments.elsewhere.page import PAGE as ELSEWHERE
 from phasebench.benchmarks.experiments.ensembles.page import PAGE as ENSEMBLES
 from phasebench.benchmarks.experiments.extremes.encounters_page import PAGE as EXTREMES_ENCOUNTERS
 from phasebench.benchmarks.experiments.extremes.limits_page import PAGE as EXTREMES_LIMITS
@@ -80,7 +79,6 @@ _OTHERS: tuple[tuple[float, Page], ...] = (
     (220, EXTREMES_SPRINGS),
     (240, KEPLER),
     (350, AUDIT),
-    (370, ELSEWHERE),
     (390, SPEED),
     (400, START),
     (410, LARGE),

@@ -22,8 +22,8 @@ def elsewhere(
     as_json: options.Json = False,
 ) -> None:
     """Check a file of results from elsewhere, and set them beside this suite's methods at as many evaluations."""
-    from phasebench.benchmarks.experiments.elsewhere.measure import compare
     from phasebench.benchmarks.store.elsewhere import FORMAT, VERSION, read
+    from phasebench.benchmarks.studies.elsewhere import compare
 
     with invalid_input(), telling("elsewhere"):
         found = read(file)

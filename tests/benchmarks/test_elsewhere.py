@@ -8,20 +8,17 @@ import sys
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 import pytest
 
-from phasebench.benchmarks.experiments.elsewhere import bench_elsewhere, measure, page
-from phasebench.benchmarks.experiments.elsewhere.measure import OURS, THEIRS
-from phasebench.benchmarks.page.verdict import FINDING, PASS
 from phasebench.benchmarks.problems import problem
 from phasebench.benchmarks.store import elsewhere
+from phasebench.benchmarks.studies import elsewhere as study
 from phasebench.integrators import InvalidInput
 from phasebench.reference.solvers.taylor import reference
 from support.commands import call
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
-SUNDIALS = measure.FOLDER / "sundials-kepler.csv"
+SUNDIALS = study.FOLDER / "sundials-kepler.csv"
 #: A file that is right: the pendulum to t = 2, its exact end state to a double, and one that is off by 1e-6.
 MADE = problem("pendulum")
 
@@ -173,80 +170,27 @@ def test_methods_here_have_the_energy_errors_of_sundials(tmp_path):
     rows = [line for line in text[13:] if ",0.1," in line or ",0.05," in line]
     path = tmp_path / "few.csv"
     path.write_text("\n".join(text[:13] + rows))
-    theirs, ours = measure.compare(elsewhere.read(path), ["pefrl", "gauss-4"])
+    theirs, ours = study.compare(elsewhere.read(path), ["pefrl", "gauss-4"])
     assert len(theirs) == 10
-    assert max(abs(r["energy_error"] - r["twin_energy_error"]) for r in theirs) < page.SAME
+    assert max(abs(r["energy_error"] - r["twin_energy_error"]) for r in theirs) < study.SAME
     assert all(r["error"] is None and r["reason"] for r in theirs)
     budgets = sorted({r["evaluations"] for r in theirs})
     for name in ("pefrl", "gauss-4"):
         spent = [r["evaluations"] for r in ours if r["method"] == name]
         assert len(set(spent)) == len(spent) > 1
-        assert all(any(measure.USED * budget <= n <= budget for budget in budgets) for n in spent)
+        assert all(any(study.USED * budget <= n <= budget for budget in budgets) for n in spent)
     assert all(r["error"] > 0 for r in ours if r["status"] == "ok")
-    assert bench_elsewhere.energies_off(theirs) == []
-    moved = [theirs[0] | {"energy_error": theirs[0]["energy_error"] + 1e-11}]
-    assert len(bench_elsewhere.energies_off(moved)) == 1
     with pytest.raises(InvalidInput, match="'heyoka' cannot be compared: it takes no fixed step"):
-        measure.compare(elsewhere.read(path), ["heyoka"])
+        study.compare(elsewhere.read(path), ["heyoka"])
 
 
 def test_a_cell_depends_on_its_files_text(tmp_path, monkeypatch):
-    (cell,) = measure.cells()
-    assert measure.cells(quick=True) == []
-    assert {"elsewhere", "SUNDIALS", "kepler"} <= cell.names
-    monkeypatch.setattr(measure, "FOLDER", tmp_path)
+    (cell,) = study.STUDY.cells()
+    assert {"kepler", *study.METHODS} <= cell.names
+    monkeypatch.setattr(study, "FOLDER", tmp_path)
     (tmp_path / SUNDIALS.name).write_text(SUNDIALS.read_text().replace("-5.3723049984188975e-06", "-5.3e-06"))
-    (other,) = measure.cells()
+    (other,) = study.STUDY.cells()
     assert (other.id, other.content != cell.content) == (cell.id, True)
-
-
-# -- the page -----------------------------------------------------------------------------------------------------
-
-
-def tables(apart: float = 0.0, error: float | None = None):
-    head = {"file": "a.csv", "problem": "kepler", "package": "A", "version": "1", "language": "C", "method": "m"}
-    rows = [
-        head
-        | {"h": 0.1 / k, "tol": None, "evaluations": 100 * k, "energy_error": 1e-5 / k**4, "error": error}
-        | {"uncertainty": 1e-14, "twin": "pefrl", "twin_energy_error": 1e-5 / k**4 + apart * (k == 2)}
-        for k in (1, 2, 4)
-    ]
-    own = [
-        {
-            "file": "a.csv",
-            "method": "pefrl",
-            "evaluations": n,
-            "energy_error": -1e-3 / n,
-            "error": 1e-2 / n,
-            "status": s,
-        }
-        for n, s in ((90, "ok"), (390, "ok"), (395, "unstable"), (500, "ok"))
-    ]
-    return {THEIRS: pd.DataFrame(rows), OURS: pd.DataFrame(own)}
-
-
-def test_a_difference_decides():
-    for apart, outcome, n in ((0.9e-12, PASS, 3), (1.1e-12, FINDING, 2)):
-        verdict = page.reproduced(tables(apart).get)
-        assert (verdict.outcome, verdict.measured.n, verdict.measured.of) == (outcome, n, 3)
-    assert page.reproduced(lambda name: None) is None
-    assert f"{len(tables()[THEIRS])} rows of A (C)" in page.answer(tables().get)
-
-
-def test_the_reference_has_to_be_more_certain_than_the_errors():
-    assert page.certain(tables().get) is None
-    for error, outcome in ((1.1e-14, PASS), (0.9e-14, FINDING)):
-        assert page.certain(tables(error=error).get).outcome == outcome
-
-
-def test_the_table_has_the_best_of_ours_with_no_more_evaluations(tmp_path):
-    frame = page.table(tables().get).frame
-    assert list(frame["evaluations"]) == [100, 400]
-    assert list(frame["its error"]) == ["1.11e-05", "2.56e-06"]
-    assert set(frame[page.BY]) == {"A 1, C"}
-    assert list(page.table(tables(error=1e-6).get).frame["its error"]) == ["1.11e-04", "2.56e-05"]
-    (picture,) = page.draw(tables().get, tmp_path)
-    assert (tmp_path / picture.file).stat().st_size > 2000
 
 
 # -- the command --------------------------------------------------------------------------------------------------

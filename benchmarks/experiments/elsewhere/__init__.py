@@ -1,1 +1,0 @@
-"""Experiment: results of integrators in other languages, from other machines, beside this suite's methods."""
