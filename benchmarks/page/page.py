@@ -52,8 +52,10 @@ class Table:
     digits: int = 3
 
 
-def of(*names: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+def of(*names: str | Callable[[Data], pd.DataFrame | None]) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     """Decorator: turn a function of the tables called ``names`` into a function of ``data``, a callable name -> table.
+
+    A function of ``data`` that makes a table may stand in the place of a name.
 
     The new function returns None if one of these tables is missing or empty; its further arguments, such as a folder
     of figures, are passed on after the tables.
@@ -62,7 +64,7 @@ def of(*names: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     def decorate(function: Callable[..., Any]) -> Callable[..., Any]:
         @functools.wraps(function)
         def from_data(data: Data, *more: Any) -> Any:
-            tables = [data(name) for name in names]
+            tables = [name(data) if callable(name) else data(name) for name in names]
             return None if any(t is None or t.empty for t in tables) else function(*tables, *more)
 
         return from_data

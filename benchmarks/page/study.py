@@ -26,6 +26,8 @@ from .verdict import EVERY, FAIL, FINDING, NONE, Condition, Count, Measured, Ran
 
 #: A query of a table, or a function that marks its rows; "" for all.
 Query = str | Callable[[pd.DataFrame], pd.Series]
+#: The name of a table, or a function of data that makes one of several.
+Source = str | Callable[[Data], pd.DataFrame | None]
 #: An expression of columns, or a function of the rows: a value for each row or group, or one measured value.
 Value = str | Callable[[pd.DataFrame], Any]
 
@@ -69,7 +71,7 @@ class Runs:
         function = f"{self.measure.__module__}:{self.measure.__qualname__}"
         made_of = content(self.table, tuple(key.items()), *needs, code=[function, *self.code])
         names = {getattr(need, name, "") for need in needs for name in ("id", "package")}
-        names = (names | {study.within, *(str(key.get(k, "")) for k in ("package", "problem"))}) - {""}
+        names = (names | {study.within, *(str(key.get(k, "")) for k in ("package", "problem", "scene"))}) - {""}
         tables, quick, dear = (self.table, *self.more), key in self.quick, self.dear(**key)
         about = (tables, self.measure, tuple(key.items())), made_of, frozenset(names), self.where, self.own, quick, dear
         return Cell(study.id, tables, key, measured, *about)
@@ -94,9 +96,9 @@ def measured(tables: tuple[str, ...], measure: Callable[..., Any], key: tuple[tu
 # -- numbers and claims ------------------------------------------------------------------------------------------------
 
 
-def rows_of(data: Data, table: str, rows: Query = "") -> pd.DataFrame | None:
+def rows_of(data: Data, table: Source, rows: Query = "") -> pd.DataFrame | None:
     """The rows of a table that a query selects; None if there are none."""
-    frame = data(table)
+    frame = table(data) if callable(table) else data(table)
     if frame is None or frame.empty:
         return None
     if rows:
@@ -114,7 +116,7 @@ def evaluate(frame: pd.DataFrame, value: Value, *beside: pd.DataFrame) -> Any:
 class Number:
     """A number of an answer: the largest ``value`` of the ``rows`` of a table, or what ``take`` makes of the values."""
 
-    table: str
+    table: Source
     value: Value
     rows: Query = ""
     take: Callable[[pd.Series], float] = pd.Series.max
@@ -142,14 +144,14 @@ class Claim:
     """
 
     text: str
-    table: str
+    table: Source
     value: Value
     expected: Condition = EVERY
     rows: Query = ""
     unit: str | Callable[[pd.DataFrame], str] = ""
     where: str | Callable[..., str] | None = None
     names: int = 1
-    beside: Sequence[str] = ()
+    beside: Sequence[Source] = ()
     span: bool = False
     fault: bool = False
     checked: bool = False
@@ -296,6 +298,7 @@ class Study:
         height in inches; or a function that draws pictures
     shown, whole : the table that the page shows; the table that its HTML has in full, by default the first
     reads : names of tables of other studies that the page reads; own ones among them are listed in their places
+    tables : names of all tables of the page, if they are others than those
     within : the study of which this one is a part, so that a selection of that one measures this one, too
     command : the command that measures its tables, by default `pytest benchmarks -k ID`
     listed : that of `Page`
@@ -320,6 +323,7 @@ class Study:
     shown: Callable[[Data], Table | None] | None = None
     whole: str | Callable[[Data], pd.DataFrame | None] = ""
     reads: Sequence[str] = ()
+    tables: Sequence[str] = ()
     within: str = ""
     command: str = ""
     listed: bool = True
@@ -333,12 +337,12 @@ class Study:
     def page(self) -> Page:
         """The study's page of the report."""
         own = (*(r.table for r in self.runs), *(table for r in self.runs for table in r.more))
-        tables = (*(table for table in own if table not in self.reads), *self.reads)
+        tables = self.tables or (*(table for table in own if table not in self.reads), *self.reads)
         whole = self.whole or tables[0]
         return Page(
             id=self.id,
             question=self.question,
-            tables=tables,
+            tables=tuple(tables),
             setting=tuple(self.setting),
             answer=self._answer,
             verdicts=tuple(self.claims.values()),

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Iterator
+from dataclasses import replace
 from importlib.metadata import version
 from itertools import chain, permutations
 from pathlib import Path
@@ -20,7 +21,7 @@ from phasebench.benchmarks import report
 from phasebench.benchmarks.page import drawn, markdown
 from phasebench.benchmarks.page.origin import count_outdated, origin
 from phasebench.benchmarks.page.page import conclusion
-from phasebench.benchmarks.page.study import Claim, Runs, Study
+from phasebench.benchmarks.page.study import Claim, Runs, Study, rows_of
 from phasebench.benchmarks.page.verdict import FAIL, FINDING, NONE, PASS, at_most
 from phasebench.benchmarks.store.cells import text
 from phasebench.benchmarks.studies import index
@@ -85,9 +86,9 @@ KEYS = {table: {*runs.keys[0]} for s in STUDIES for runs in s.runs for table in 
 @pytest.mark.parametrize("claim", CLAIMS)
 def test_every_claim_can_hold_and_can_fail(claim, data):
     """With the committed numbers or with wrong ones in a part of a column; without its rows it says nothing."""
-    frame = data(claim.table)
+    frame = rows_of(data, claim.table)
     assert claim(lambda name: None) is None
-    assert claim(lambda name: frame.head(0)) is None
+    assert replace(claim, table=lambda data: frame.head(0))(data) is None
     assert outcomes(claim, frame, data) >= {PASS, FAIL if claim.fault else FINDING}
 
 
@@ -103,7 +104,7 @@ def outcomes(claim: Claim, frame: pd.DataFrame, data=lambda name: None) -> set[s
     """Outcomes of a claim on a table and on its spoiled copies, until there are both."""
 
     def judge(one: pd.DataFrame):
-        return claim(lambda name: one if name == claim.table else data(name))
+        return replace(claim, table=lambda data: one)(data)
 
     found: set[str] = set()
     frame = frame[[c for c in frame if needed(judge, frame, c)]]
