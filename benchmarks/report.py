@@ -18,7 +18,6 @@ from pathlib import Path
 
 import pandas as pd
 
-from phasebench.benchmarks.experiments.advice.page import PAGE as ADVICE
 from phasebench.benchmarks.experiments.audit.page import PAGE as AUDIT
 from phasebench.benchmarks.experiments.catalogue.page import PAGES as CATALOGUE
 from phasebench.benchmarks.experiments.drift.page import PAGE as DRIFT
@@ -62,7 +61,6 @@ _OTHERS: tuple[tuple[float, Page], ...] = (
     (10, TRADE),
     (20, TRADE_RATIOS),
     (30, GAUSS_16),
-    (40, ADVICE),
     (60, OPTIONS),
     (70, OPTIONS_NUMERICS),
     (90, PRINTED_NUMBERS),

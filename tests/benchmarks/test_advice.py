@@ -19,6 +19,7 @@ from phasebench.benchmarks.advice import portfolio as portfolios
 from phasebench.benchmarks.advice import prior, words
 from phasebench.benchmarks.advice.advise import advise, tied
 from phasebench.benchmarks.advice.ask import Ask, ask
+from phasebench.benchmarks.advice.bench_stored import competition
 from phasebench.benchmarks.advice.hunt import Candidate, Search
 from phasebench.benchmarks.advice.known import true_value
 from phasebench.benchmarks.cli.advise import _roles
@@ -389,6 +390,17 @@ def test_conserved_properties_are_measured():
 
 
 # -- the order in which candidates are tried -------------------------------------------------------------------------
+
+
+def test_prior_is_built_from_trade_off_rows():
+    row = {"scene": "pendulum-long", "status": "ok", "error": 1e-7}
+    found = [row | {"id": "gauss-4", "seconds": 1.0}, row | {"id": "heyoka", "seconds": 3.0}]
+    found += [row | {"id": id, "seconds": 0.1} for id in ("heyoka-batch", "no-name-of-the-registry")]
+    found += [row | {"id": "pefrl", "seconds": 0.1, "status": "diverged"}]
+    lines = {(x["problem"], x["decade"], x["integrator"]): x["factor"] for x in prior.build(*competition(found))}
+    assert lines["pendulum", -7, "heyoka"] == 3.0
+    assert {id for problem, _, id in lines if problem != prior.ANY} == {"gauss-4", "heyoka"}
+    assert {"pefrl", "gauss-4"} <= {id for problem, _, id in lines if problem == prior.ANY}
 
 
 def test_prior_factors_are_computed_from_rows():

@@ -18,6 +18,7 @@ import pandas as pd
 import pytest
 
 from phasebench.benchmarks import report
+from phasebench.benchmarks.ladder.race import UNCOMPILED
 from phasebench.benchmarks.page import drawn, markdown
 from phasebench.benchmarks.page.origin import count_outdated, origin
 from phasebench.benchmarks.page.page import conclusion
@@ -31,7 +32,8 @@ STUDIES = tuple(index.found().values())
 CLAIMS = [
     pytest.param(claim, id=f"{s.id}-{name}") for s in STUDIES for name, claim in [*s.claims.items(), *s.checks.items()]
 ]
-#: Ways to make numbers wrong.
+#: Ways to make texts, and numbers, wrong.
+TEXTS = (None, f"{UNCOMPILED}wrong")
 SPOIL = (lambda x: x * 1e9, lambda x: x * 1e-9, lambda x: x + 17.0, lambda x: -x)
 
 
@@ -62,7 +64,7 @@ def test_the_page_is_that_of_the_committed_rows(study, data, tmp_path):
 def spoiled(frame: pd.DataFrame, keys: set[str]) -> Iterator[pd.DataFrame]:
     """Copies of a table with a wrong column, save texts of keys: in all rows, every other one, those of a text.
 
-    Then copies in which a column has one number, or the numbers of another column.
+    Then copies in which a column has one number, or the numbers of another column, or other wrong texts.
     """
     texts = frame.select_dtypes(exclude="number")
     same = [(texts[c] == x).to_numpy() for c in texts for x in texts[c].unique()[:40]]
@@ -77,6 +79,7 @@ def spoiled(frame: pd.DataFrame, keys: set[str]) -> Iterator[pd.DataFrame]:
     numbers = frame.select_dtypes("number")
     yield from (frame.assign(**{one: frame[one].iloc[0]}) for one in numbers)
     yield from (frame.assign(**{one: frame[other]}) for one, other in permutations(numbers, 2))
+    yield from (frame.assign(**{column: text}) for column in texts.columns.difference(keys) for text in TEXTS)
 
 
 #: The columns of the keys of each table.
@@ -107,7 +110,7 @@ def outcomes(claim: Claim, frame: pd.DataFrame, data=lambda name: None) -> set[s
         return replace(claim, table=lambda data: one)(data)
 
     found: set[str] = set()
-    frame = frame[[c for c in frame if needed(judge, frame, c)]]
+    frame = frame[[c for c in frame if needed(judge, frame, c) or f"{{{c}" in str(claim.where)]]
     for one in chain([frame], spoiled(frame, KEYS.get(claim.table, set()))):
         verdict = judge(one)
         found |= {verdict.outcome} if verdict is not None else set()

@@ -10,17 +10,67 @@ import pandas as pd
 import pytest
 
 from phasebench.benchmarks.measure import clock
-from phasebench.benchmarks.measure.integrator import Integrator
+from phasebench.benchmarks.measure.integrator import Integrator, integrator
 from phasebench.benchmarks.measure.orders import successive
+from phasebench.benchmarks.measure.quantities import Truth
 from phasebench.benchmarks.problems import problem
-from phasebench.benchmarks.studies import constraints, extended, hessian_free, oscillatory, rigid, sampling
+from phasebench.benchmarks.studies import advice, constraints, extended, hessian_free, oscillatory, rigid, sampling
 from phasebench.benchmarks.studies import wisdom_holman as wh
+from phasebench.benchmarks.studies.advice import asks, brute
 from phasebench.integrators.coefficients import sampling as tables
 from phasebench.integrators.coefficients.order_conditions import classical_order
 from phasebench.integrators.compile.codegen import precision
 from phasebench.integrators.driver import integrate
 from phasebench.integrators.ensemble import integrate_ensemble
 from phasebench.integrators.registry import BY_ID
+
+# -- advice ------------------------------------------------------------------------------------------------------------
+
+
+def test_drawn_questions_are_reproducible():
+    drawn = tuple(asks.ASKS.values())
+    assert len(drawn) == 60
+    assert sum(a.outside for a in drawn) == 15
+    assert asks.draw() == drawn != asks.draw(seed=asks.SEED + 1)
+    assert any(a.conserve for a in drawn)
+    assert {"end-state", "trajectory", "energy"} < {a.quantity for a in drawn}
+    assert [a for group in advice.GROUPS for a in advice.requests(group)] == [*drawn]
+
+
+@pytest.mark.parametrize("ask", [a for a in asks.ASKS.values() if a.outside][::5], ids=lambda a: a.name)
+def test_questions_with_formulas_are_valid(ask):
+    question = advice.asked_of(ask)
+    assert question.problem.system.canonical
+    assert question.quantity.name == ask.quantity
+
+
+@pytest.mark.parametrize(("id", "sizes"), [("rk4", "steps"), ("heyoka", "tol")])
+def test_brute_force_finds_the_cheapest_run(id, sizes):
+    asked = [a for a in asks.ASKS.values() if a.words == ("pendulum:swinging",) and a.quantity == "end-state"]
+    question = advice.asked_of(asked[0])
+    runs = brute.Runs(integrator(id), question, Truth(np.ones(1), 0.0, "a law"))
+
+    def run(x):
+        error, seconds = ((20 / x) ** 4, 1e-8 * x) if sizes == "steps" else (x, 1e-5 * x**-0.1)
+        return brute.Run(x, True, error, seconds) if error < 1e3 else brute.Run(x, False, np.inf, 0.0)
+
+    runs._run = run
+    found = brute.cheapest_of(runs, 1.0)
+    least = 20 * question.accuracy**-0.25
+    if sizes == "steps":
+        assert least <= found.size <= 1.12 * least
+    else:
+        assert question.accuracy / 3.2 <= found.size <= question.accuracy
+
+
+def test_command_is_rerun_in_another_process():
+    line = "phasebench integrate pendulum rk4 --steps 10 --t-end 1.0 --error"
+    (printed,) = advice.rerun([line])
+    assert 0 < advice.error_of(printed) < 1e-4
+    assert advice.error_of({"quantity_error": {"error": 2.0}, "global_error": 1.0}) == 2.0
+    with pytest.raises(RuntimeError, match="rerun failed"):
+        advice.rerun(["another command"])
+
 
 # -- constraints -------------------------------------------------------------------------------------------------------
 

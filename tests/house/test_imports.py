@@ -155,7 +155,7 @@ def test_an_experiment_imports_no_other(path):
 def test_control_an_experiment_that_imports_another_is_seen():
     found = {"phasebench.benchmarks.experiments.trade.front", "phasebench.benchmarks.advice.advise.advise"}
     assert elsewhere("experiments.kepler", found) == {"experiments.trade", "advice"}
-    assert elsewhere("experiments.advice", found) == {"experiments.trade"}
+    assert elsewhere("studies.advice", found) == {"experiments.trade"}
     assert elsewhere("studies.rigid", {"phasebench.benchmarks.studies.parts.H"}) == {"studies.parts"}
     assert EXPERIMENTS
 
@@ -209,10 +209,10 @@ def test_control_a_wrong_import_is_seen():
     assert {p.relative_to(ROOT).parts[0] for p in SOURCES} == set(MAY)
 
 
-@pytest.mark.parametrize(("module", "apart"), [("brute", True), ("cells", False)])
+@pytest.mark.parametrize(("module", "apart"), [("brute", True), ("__init__", False)])
 def test_the_control_of_advice_shares_no_code_with_it(module, apart):
-    """The brute-force check of advice imports nothing from the search; its neighbour `cells` does (control)."""
-    path = ROOT / "benchmarks" / "experiments" / "advice" / f"{module}.py"
+    """The brute-force check of advice imports nothing from the search; the study does (control)."""
+    path = ROOT / "benchmarks" / "studies" / "advice" / f"{module}.py"
     names = imports_of(path.read_text(), package_of(path))
     searching = ("phasebench.benchmarks.advice.", "phasebench.benchmarks.ladder.")
     assert (not any(n.startswith(searching) for n in names)) == apart

@@ -48,15 +48,7 @@ COMPILED = (OURS, "heyoka", "rebound", "scipy", "boost", "gsl", "pynamicalsys")
 
 
 class Run(NamedTuple):
-    """A run of an integrator on a request for advice.
-
-    Attributes
-    ----------
-    size : number of steps, or tolerance
-    ok : True if the run reached the end
-    error : error of the requested quantity
-    seconds : time without output
-    """
+    """A run: its number of steps or tolerance, whether it reached the end, its error, its time without output."""
 
     size: float
     ok: bool
@@ -96,10 +88,7 @@ class Runs:
         return run.ok and (1 + SLACK) * run.error + slack <= self.ask.accuracy
 
     def at(self, size: float) -> Run:
-        """Return the run of the given size (steps or tolerance), integrated on the first call and then cached.
-
-        A run that the integrator refuses has an infinite error.
-        """
+        """The run of a size, integrated on the first call; its error is infinite if the integrator refuses it."""
         if not self.integrator.adaptive:
             size = self.ask.quantity.steps(size)
         if size not in self.made:
@@ -110,10 +99,7 @@ class Runs:
         return self.made[size]
 
     def _run(self, size: float) -> Run:
-        """Integrate with the number of steps, or the tolerance, ``size``.
-
-        The seconds of the result are those of a run without output, the error that of a run that stores rows.
-        """
+        """A run: its seconds are those of one without output, its error that of one that stores rows."""
         quantity, given = self.ask.quantity, self.size_argument(size)
         stop = {"timeout": self.longest} if self.integrator.stoppable else {}
         bare = self.solution(**given, save_every=0, **stop)
@@ -124,21 +110,15 @@ class Runs:
         return Run(size, told.status == OK, error(self.ask.problem, quantity, told, self.true), seconds)
 
     def solution(self, part: float = 1.0, **more: Any) -> Solution:
-        """Integrate over the first ``part`` (a share from 0 to 1) of the span and return the solution.
-
-        ``more`` are options of the run, such as the number of steps.
-        """
+        """The solution over the first ``part`` (a share from 0 to 1) of the span; ``more`` are options of the run."""
         return self.integrator.run(self.ask.problem, t_end=part * self.ask.t_end, **more)
 
     def size_argument(self, size: float) -> dict[str, float]:
-        """Return the size of a run as its keyword argument: ``tol``, a tolerance, or ``steps``, a number of steps."""
+        """The size of a run as its keyword argument."""
         return {"tol": size} if self.integrator.adaptive else {"steps": int(size)}
 
     def seconds(self, size: float) -> float:
-        """Measure the seconds of a compiled run with ``size`` steps, or that tolerance.
-
-        The run stores no rows, unless the integrator's steps end at them: without them it would be another run.
-        """
+        """The seconds of a compiled run, without rows unless its steps end at them: it would be another run."""
         given, quantity = self.size_argument(size), self.ask.quantity
         if quantity.rows > 1 and self.integrator.rows_end_steps:
             return self.solution(**quantity.grid(**given)).seconds
@@ -147,10 +127,7 @@ class Runs:
         return self.clocks.of(self.integrator, **given)()
 
     def estimate_seconds(self, size: float) -> float:
-        """Estimate the seconds of a run with ``size`` steps, or that tolerance, from the first `PART` of the span.
-
-        The result is 0 if no estimate is needed, since a time limit can stop the run, or if the short run fails.
-        """
+        """The seconds of a run by those of the first `PART` of the span; 0 if a time limit can stop it, or it fails."""
         if self.integrator.stoppable:
             return 0.0
         shorter = size if self.integrator.adaptive else max(1, round(size * PART))
@@ -162,15 +139,7 @@ class Runs:
 
 
 class Best(NamedTuple):
-    """The fastest run of all integrators that meets the accuracy, and how much was searched.
-
-    Attributes
-    ----------
-    runs : all runs of the integrator that made the fastest run
-    run : the fastest run
-    tried : number of integrators that were tried
-    count : number of runs of all integrators together
-    """
+    """The fastest run, all ``runs`` of its integrator, the number ``tried`` of integrators, the count of their runs."""
 
     runs: Runs
     run: Run
@@ -179,10 +148,7 @@ class Best(NamedTuple):
 
 
 def everybody(ask: Ask) -> Iterator[Integrator]:
-    """Yield the installed integrators that can handle a request (its problem and invariants), heyoka first.
-
-    Only this project's methods and integrators of the other packages in `COMPILED` are tried.
-    """
+    """The installed integrators of `COMPILED` that can handle a request (its problem and invariants), heyoka first."""
     for record in sorted((*METHODS, *PEERS), key=lambda r: r.id != FIRST):
         c = Integrator(record)
         if c.id in LEFT_OUT or c.kind not in COMPILED or not c.installed or c.lacks(ask.problem):
@@ -192,10 +158,7 @@ def everybody(ask: Ask) -> Iterator[Integrator]:
 
 
 def best(ask: Ask, true: Truth) -> Best | None:
-    """Find the fastest run of any integrator that meets the accuracy; None where none does.
-
-    ``ask`` is the request for advice, ``true`` the reference values of its quantity.
-    """
+    """The fastest run of any integrator that meets the accuracy of a request; None where none does."""
     found, tried, count, cheapest = None, 0, 0, inf
     for integrator in everybody(ask):
         runs = Runs(integrator, ask, true, min(LONGEST, 3 * DEAR * cheapest))
@@ -207,16 +170,15 @@ def best(ask: Ask, true: Truth) -> Best | None:
 
 
 def _keeps(runs: Runs, run: Run) -> bool:
-    """True if ``run``, made by the integrator of ``runs``, conserves what the request wants conserved."""
+    """True if a run conserves what the request wants conserved."""
     ask = runs.ask
     return not ask.conserve or conservation_claims.broken(runs.integrator, ask, runs.size_argument(run.size)) is None
 
 
 def cheapest_of(runs: Runs, cheapest: float) -> Run | None:
-    """Find one integrator's fastest run that meets the accuracy; None if there is none or it is hopelessly slow.
+    """One integrator's fastest run that meets the accuracy; None if there is none or it is hopelessly slow.
 
-    ``runs`` has the integrator and the request, and collects the runs made.  ``cheapest`` is the time in seconds of the
-    fastest run found so far, by integrators tried before.
+    ``runs`` collects the runs made; ``cheapest`` are the seconds of the fastest run of the integrators before it.
     """
     adaptive, met = runs.integrator.adaptive, runs.met
     at, last = (LOOSEST if adaptive else float(FEWEST)), None

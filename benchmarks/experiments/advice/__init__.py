@@ -1,1 +1,0 @@
-"""Experiment: does the integrator that `phasebench advise` recommends meet the requested accuracy, and is it fast?"""
