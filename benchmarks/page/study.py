@@ -139,6 +139,7 @@ class Claim:
     ``where`` is a format string of the worst row, or a function of all rows; otherwise the worst row's method and
     problem.  Of wrong values that are counted the first ``names`` are named.
     Functions get the tables ``beside``, too.  ``span``: the smallest and the largest value are shown.
+    ``expected`` may be a function of the rows, where the bound depends on them.
     ``fault``: a claim that does not hold shows a fault of this suite; `pytest benchmarks` checks these, and those that
     are ``checked``; if it is of the ``whole`` table, only in a run that measures all of that.
     """
@@ -146,7 +147,7 @@ class Claim:
     text: str
     table: Source
     value: Value
-    expected: Condition = EVERY
+    expected: Condition | Callable[[pd.DataFrame], Condition] = EVERY
     rows: Query = ""
     unit: str | Callable[[pd.DataFrame], str] = ""
     where: str | Callable[..., str] | None = None
@@ -162,27 +163,28 @@ class Claim:
         frames = [rows_of(data, self.table, self.rows), *(rows_of(data, name) for name in self.beside)]
         if any(frame is None for frame in frames) or (found := evaluate(frames[0], self.value, *frames[1:])) is None:
             return None
-        value, worst = self._worst(found)
+        expected = self.expected(frames[0]) if callable(self.expected) else self.expected
+        value, worst = self._worst(found, expected)
         unit = self.unit(frames[0]) if callable(self.unit) else self.unit
         where = self.where(*frames) if callable(self.where) else self._where(frames[0], worst)
-        return Verdict(self.text, value, self.expected, unit, where, FAIL if self.fault else FINDING)
+        return Verdict(self.text, value, expected, unit, where, FAIL if self.fault else FINDING)
 
     def said(self, data: Data) -> Said | None:
         """What is measured as text; None if nothing was."""
         verdict = self(data)
         return None if verdict is None else Said(verdict)
 
-    def _worst(self, found: pd.Series | Measured) -> tuple[Measured, list]:
+    def _worst(self, found: pd.Series | Measured, expected: Condition) -> tuple[Measured, list]:
         """(What is measured, the labels of the worst value or of all that are wrong)."""
         if not isinstance(found, pd.Series):
             return (found if isinstance(found, (Count, Range)) else float(found)), []
         if found.dtype == bool:
-            wrong = found[found] if self.expected is NONE else found[~found]
+            wrong = found[found] if expected is NONE else found[~found]
             return Count(int(found.sum()), len(found)), list(wrong.index)
         found = found.dropna()
         if found.empty:
             return np.nan, []
-        low, high = self.expected.low, self.expected.high
+        low, high = expected.low, expected.high
         both = Range(float(found.min()), float(found.max()))
         if low == -np.inf or high == np.inf:
             worst = found.argmax() if low == -np.inf else found.argmin()

@@ -18,7 +18,7 @@ from phasebench.benchmarks.measure import truths
 from phasebench.benchmarks.measure.quantities import END_STATE
 from phasebench.benchmarks.page.markdown import join_list, number
 from phasebench.benchmarks.page.page import ROWS, Picture, Table, of
-from phasebench.benchmarks.page.study import Claim, Number, Runs, Study, Value, evaluate, over
+from phasebench.benchmarks.page.study import Claim, Number, Runs, Study, over
 from phasebench.benchmarks.page.verdict import EVERY, NONE, Between, Count, at_least
 from phasebench.benchmarks.problems import labels
 from phasebench.benchmarks.problems import problem as problem_of
@@ -88,19 +88,9 @@ def between(problem: str) -> list[dict[str, object]]:
 # -- judging -----------------------------------------------------------------------------------------------------------
 
 
-class Chance:
-    """Condition on a count: 95 % of the items, or up to three standard deviations of as many draws fewer."""
-
-    def met(self, measured: Count) -> bool:
-        """True if the condition holds."""
-        return self._least(measured).met(measured)
-
-    def text(self, measured: Count) -> str:
-        """The condition in a few words."""
-        return self._least(measured).text(measured)
-
-    def _least(self, measured: Count) -> Between:
-        return at_least(0.95 - 3 * np.sqrt(0.05 * 0.95 / measured.of))
+def by_chance(rows: pd.DataFrame) -> Between:
+    """Condition: 95 % of the rows, or up to three standard deviations of as many draws fewer."""
+    return at_least(0.95 - 3 * np.sqrt(0.05 * 0.95 / len(rows)))
 
 
 def confirmed(rows: pd.DataFrame) -> pd.Series:
@@ -113,11 +103,11 @@ def inside(rows: pd.DataFrame) -> pd.Series:
     return rows[LEAVES].between(rows["earliest"], rows["latest"])
 
 
-def those(wanted: Value) -> Callable[[pd.DataFrame], str]:
-    """The names of the orbits for which an expression is true."""
+def those(rows: str) -> Callable[[pd.DataFrame], str]:
+    """The names of the orbits that a query selects."""
 
     def named(frame: pd.DataFrame) -> str:
-        found = list(frame.loc[evaluate(frame, wanted), "problem"])
+        found = list(frame.query(rows)["problem"])
         return join_list(found, 4) if found else ""
 
     return named
@@ -206,7 +196,7 @@ STUDY = Study(
     claims={
         "confirmed": Claim(
             "Errors and horizons, measured again, are as each reference states them",
-            STORED, confirmed, EVERY, unit="references", where=those(lambda rows: ~confirmed(rows)), fault=True,
+            STORED, confirmed, EVERY, unit="references", where="{problem}", names=4, fault=True,
         ),
         "between": Claim(
             "At random times between stored states, the uncertainty bounds the error",
@@ -224,8 +214,8 @@ STUDY = Study(
         ),
         "horizons": Claim(
             "A long double run on this machine leaves the limit within the predicted interval",
-            STORED, inside, Chance(), rows=f"earliest < t_end or `{LEAVES}` < t_end", unit="orbits",
-            where=those(lambda rows: ~inside(rows)), fault=True,
+            STORED, inside, by_chance, rows=f"earliest < t_end or `{LEAVES}` < t_end", unit="orbits",
+            where="{problem}", names=4, fault=True,
         ),
     },
     numbers={
