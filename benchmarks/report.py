@@ -36,7 +36,6 @@ from phasebench.benchmarks.experiments.matrix.page import PAGE as MATRIX
 from phasebench.benchmarks.experiments.options.numerics_page import PAGE as OPTIONS_NUMERICS
 from phasebench.benchmarks.experiments.options.page import PAGE as OPTIONS
 from phasebench.benchmarks.experiments.orders.page import PAGE as ORDERS
-from phasebench.benchmarks.experiments.printed_numbers.page import PAGE as PRINTED_NUMBERS
 from phasebench.benchmarks.experiments.speed.page import PAGE as SPEED
 from phasebench.benchmarks.experiments.start.page import PAGE as START
 from phasebench.benchmarks.experiments.structure.page import PAGE as STRUCTURE
@@ -63,7 +62,6 @@ _OTHERS: tuple[tuple[float, Page], ...] = (
     (30, GAUSS_16),
     (60, OPTIONS),
     (70, OPTIONS_NUMERICS),
-    (90, PRINTED_NUMBERS),
     (100, FIELD_SAYS),
     (120, ORDERS),
     (130, STRUCTURE),

@@ -136,6 +136,7 @@ class Claim:
     """A claim: every ``value`` of the ``rows`` is as expected; what is measured is the one farthest from that.
 
     Values that are true or false are counted.  A function may return one number, a `Count` or a `Range` itself.
+    What is expected may be a function of the rows.
     ``where`` is a format string of the worst row, or a function of all rows; otherwise the worst row's method and
     problem.  Of wrong values that are counted the first ``names`` are named.
     Functions get the tables ``beside``, too.  ``span``: the smallest and the largest value are shown.

@@ -11,14 +11,17 @@ import pytest
 
 import phasebench as pb
 from phasebench.benchmarks.measure.conservation_claims import DEFECT, symplecticity_defect
+from phasebench.benchmarks.measure.energy import energy_error
 from phasebench.benchmarks.measure.named_quantities import quantities, quantity
 from phasebench.benchmarks.measure.quantities import values
 from phasebench.benchmarks.problems import gravity, kept, planetary, problem
 from phasebench.benchmarks.problems.bodies import CARTESIAN, ELEMENTS
 from phasebench.benchmarks.problems.gravity import MASSLESS
 from phasebench.benchmarks.problems.outer_solar_system import BODIES
+from phasebench.benchmarks.problems.solar_system import PLANETS
 from phasebench.benchmarks.problems.units import Units
 from phasebench.benchmarks.problems.user import from_formula
+from phasebench.benchmarks.studies.said.planets import longitudes
 from phasebench.integrators import driver
 from support.commands import run_json
 from support.orbits import true_longitude
@@ -395,3 +398,55 @@ def test_symplecticity_is_judged_without_test_particles():
 def test_control_nonsymplectic_method_is_detected():
     system = pb.planetary_system([dict(random_bodies()[i]) for i in (0, 2, 4)])
     assert symplecticity_defect(pb.integrator("rk4"), system, 100.0) > DEFECT
+
+
+# -- the solar system --------------------------------------------------------------------------------------------------
+SOLAR = problem("solar-system")
+
+
+def start():
+    """The initial state, arrays (1, 27)."""
+    return np.array([SOLAR.q0]), np.array([SOLAR.p0])
+
+
+def test_the_solar_system_has_the_published_elements():
+    given = [float(row[1]) for row in PLANETS.values()]
+    np.testing.assert_allclose(SOLAR.bodies.semi_axes(), given, rtol=1e-14)
+    perihelia = np.degrees(longitudes(SOLAR, *start())[:, 0])
+    off = (perihelia - [float(row[5]) for row in PLANETS.values()] + 180) % 360 - 180
+    assert np.abs(off).max() < 0.25  # projected into the ecliptic: inc^2 / 4
+    assert np.abs(off[2]) < 1e-6, "the Earth's orbit lies in the ecliptic"
+
+
+#: The rates of the mean longitudes that JPL publishes beside the elements, degrees a century; not used in the problem.
+RATES = (149472.67411175, 58517.81538729, 35999.37244981, 19140.30268499, 3034.74612775, 1222.49362201, 428.48202785)
+RATES += (218.45945325,)
+
+
+def test_published_rates_of_longitudes_are_the_orbits_mean_motions():
+    """Kepler's third law gives JPL's rates from its semi-major axes: a wrong digit of an axis shows."""
+    G, masses = SOLAR.bodies.units.G, np.array(SOLAR.bodies.masses)
+    a = np.array(SOLAR.bodies.semi_axes())
+    motions = np.degrees(np.sqrt(G * (1 + masses[1:]) / a**3)) * 36525
+    np.testing.assert_allclose(motions[:4], RATES[:4], rtol=2e-5)
+    np.testing.assert_allclose(motions[4:], RATES[4:], rtol=3e-3)
+
+
+def test_the_earth_is_where_it_was_at_j2000():
+    """The Astronomical Almanac: longitude 100.38 degrees, 0.98333 AU from the Sun, shortly before the perihelion."""
+    earth = np.array(SOLAR.q0[9:12]) - SOLAR.q0[:3]
+    assert np.degrees(np.arctan2(earth[1], earth[0])) == pytest.approx(100.38, abs=0.02)
+    assert np.linalg.norm(earth) == pytest.approx(0.98333, abs=2e-4)
+
+
+def test_the_barycentre_of_the_solar_system_rests():
+    masses = np.repeat(SOLAR.bodies.masses, 3)
+    assert np.abs(np.sum((masses * SOLAR.q0).reshape(-1, 3), axis=0)).max() < 1e-17
+    assert np.abs(np.sum(np.reshape(SOLAR.p0, (-1, 3)), axis=0)).max() < 1e-19
+    assert np.abs(np.sum(np.reshape(SOLAR.q0, (-1, 3)), axis=0)).max() > 1e-3, "the control: unweighted"
+
+
+def test_wisdom_holman_keeps_the_planets_for_a_decade():
+    s = driver.integrate(SOLAR, "wisdom-holman", h=6.0, steps=600, save_every=60)
+    assert s.status == "ok"
+    assert 1e-11 < energy_error(SOLAR, s.q, s.p) < 1e-8

@@ -19,7 +19,7 @@ import pytest
 
 from phasebench.benchmarks import report
 from phasebench.benchmarks.ladder.race import UNCOMPILED
-from phasebench.benchmarks.page import drawn, markdown
+from phasebench.benchmarks.page import drawn, markdown, said
 from phasebench.benchmarks.page.origin import count_outdated, origin
 from phasebench.benchmarks.page.page import conclusion
 from phasebench.benchmarks.page.study import Claim, Runs, Study, rows_of
@@ -30,11 +30,14 @@ from support.pages import REPORTS
 
 STUDIES = tuple(index.found().values())
 CLAIMS = [
-    pytest.param(claim, id=f"{s.id}-{name}") for s in STUDIES for name, claim in [*s.claims.items(), *s.checks.items()]
+    pytest.param(claim, id=f"{s.id}-{name}")
+    for s in STUDIES
+    for name, claim in [*s.claims.items(), *s.checks.items(), *s.numbers.items()]
+    if isinstance(claim, Claim)
 ]
 #: Ways to make texts, and numbers, wrong.
 TEXTS = (None, f"{UNCOMPILED}wrong")
-SPOIL = (lambda x: x * 1e9, lambda x: x * 1e-9, lambda x: x + 17.0, lambda x: -x)
+SPOIL = (lambda x: x * 1e9, lambda x: x * 1e-9, lambda x: x + 17.0, lambda x: -x, lambda x: x * 10)
 
 
 @pytest.fixture(scope="module")
@@ -64,7 +67,8 @@ def test_the_page_is_that_of_the_committed_rows(study, data, tmp_path):
 def spoiled(frame: pd.DataFrame, keys: set[str]) -> Iterator[pd.DataFrame]:
     """Copies of a table with a wrong column, save texts of keys: in all rows, every other one, those of a text.
 
-    Then copies in which a column has one number, or the numbers of another column, or other wrong texts.
+    Then copies in which all numbers are wrong, a column has one number, or the numbers of another column, or other
+    wrong texts.
     """
     texts = frame.select_dtypes(exclude="number")
     same = [(texts[c] == x).to_numpy() for c in texts for x in texts[c].unique()[:40]]
@@ -77,6 +81,7 @@ def spoiled(frame: pd.DataFrame, keys: set[str]) -> Iterator[pd.DataFrame]:
                 wrong = ["wrong"] if column in texts else [spoil(values.astype(float)) for spoil in SPOIL]
             yield from (frame.assign(**{column: np.where(part, one, values)}) for one in wrong)
     numbers = frame.select_dtypes("number")
+    yield from (frame.assign(**{c: spoil(numbers[c].astype(float)) for c in numbers}) for spoil in SPOIL)
     yield from (frame.assign(**{one: frame[one].iloc[0]}) for one in numbers)
     yield from (frame.assign(**{one: frame[other]}) for one, other in permutations(numbers, 2))
     yield from (frame.assign(**{column: text}) for column in texts.columns.difference(keys) for text in TEXTS)
@@ -166,5 +171,5 @@ def test_the_text_of_a_claim_is_a_literal():
     folder = Path(index.__file__).parent
     calls = [n for p in folder.rglob("*.py") for n in ast.walk(ast.parse(p.read_text())) if isinstance(n, ast.Call)]
     texts = [call.args[0] for call in calls if getattr(call.func, "id", "") == "Claim"]
-    assert len(texts) >= len(CLAIMS)
+    assert len(texts) + len([*chain(*map(said.entries, folder.rglob("*.toml")))]) >= len(CLAIMS)
     assert [ast.unparse(text) for text in texts if not isinstance(text, ast.Constant)] == []

@@ -13,10 +13,11 @@ Source: T. Takaishi, Ph. de Forcrand, Phys. Rev. E 73 (2006) 036706 (hep-lat/050
 from __future__ import annotations
 
 import numpy as np
+import pandas as pd
 
-from phasebench.benchmarks.store.cells import Cell, Rows, content
+from phasebench.benchmarks.page.study import Runs
+from phasebench.benchmarks.page.verdict import Range
 from phasebench.integrators.ensemble import integrate_ensemble
-from phasebench.integrators.registry import BY_ID
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
 
 TABLE = "printed_numbers_minimum_norm"
@@ -28,35 +29,21 @@ FORCES = {LEAPFROG: 1, MINIMUM_NORM: 2}
 POSITIONS, MOMENTA = "positions", "momenta"
 #: Lengths of trajectories; numbers of steps in a unit of time.
 LENGTHS, STEPS = (1.0, 2.0), (4, 6, 8, 12, 16, 24, 32)
+#: The rms error at which steps are compared.
+EQUAL = 1e-3
 #: Nodes of Gauss's rule in each variable.
 NODES = 40
 #: States of a smaller weight than this share of the sum are left out.
 LEAST = 1e-18
 
 
-def cells(quick: bool = False) -> list[Cell]:
-    """List the measurements (`Cell`), one for each potential, method and variable moved first; none if ``quick``."""
-    if quick:
-        return []
-    return [_cell(name, id, first) for name in POTENTIALS for id in FORCES for first in (POSITIONS, MOMENTA)]
-
-
-def _cell(name: str, id: str, first: str) -> Cell:
-    needs = content(TABLE, BY_ID[id], POTENTIALS[name], first, LENGTHS, STEPS, NODES, code=[__name__])
-    key = {"potential": name, "method": id, "first": first}
-    return Cell("printed_numbers", (TABLE,), key, measure_rows, (name, id, first), needs, frozenset({id}))
-
-
 def potential(name: str, q: np.ndarray) -> np.ndarray:
-    """Evaluate the potential ``name``, of the harmonic or an anharmonic oscillator, at each element of q."""
+    """The potential ``name`` at each element of q."""
     return q**2 / 2 if name == "oscillator" else q**2 / 2 + q**4 / 4
 
 
 def states(name: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return (q, p, weights), arrays (n,): nodes and weights of a rule for averages over exp(-H).
-
-    H is p^2 / 2 plus the potential ``name``; the weights have the sum 1.
-    """
+    """(q, p, weights), arrays (n,): nodes and weights, of the sum 1, of a rule for averages over exp(-H)."""
     x, w = np.polynomial.hermite_e.hermegauss(NODES)
     by_q = w * np.exp(x**2 / 2 - potential(name, x))
     weights = np.outer(by_q / by_q.sum(), w / w.sum()).ravel()
@@ -66,11 +53,7 @@ def states(name: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def jumps(name: str, id: str, first: str, length: float, steps: int) -> tuple[np.ndarray, np.ndarray]:
-    """Integrate a trajectory from each of the `states`: (Delta H, weights of the states), arrays (n,).
-
-    ``name`` is the potential, ``id`` the method, ``first`` the variable that a step moves first; the trajectory takes
-    ``steps`` steps over the time ``length``.
-    """
+    """(Delta H, weights), arrays (n,): of trajectories of a length from each of the `states`."""
     q, p, weights = states(name)
     V = POTENTIALS[name]
     if first == POSITIONS:
@@ -83,17 +66,53 @@ def jumps(name: str, id: str, first: str, length: float, steps: int) -> tuple[np
     return P**2 / 2 - p**2 / 2 + potential(name, Q) - potential(name, q), weights
 
 
-def measure_rows(name: str, id: str, first: str) -> Rows:
-    """Measure the energy error of the method ``id`` in a potential: a row for each trajectory's length and step.
+def jump(potential: str, method: str, first: str) -> list[dict]:
+    """The rms of Delta H, and how far <exp(-Delta H)> is from 1, a row for each length of a trajectory and step.
 
-    ``first`` is the variable that a step moves first.  A row has the rms of Delta H, and how far <exp(-Delta H)> is
-    from 1.
+    ``first`` is the variable that a step moves first.
     """
     rows = []
     for length in LENGTHS:
         for steps in STEPS:
-            d, weights = jumps(name, id, first, length, round(length * steps))
-            row = {"potential": name, "method": id, "first": first, "length": length, "h": 1 / steps}
-            row |= {"rms": float(np.sqrt(weights @ d**2)), "off": float(weights @ np.expm1(-d))}
-            rows.append(row)
-    return {TABLE: rows}
+            d, weights = jumps(potential, method, first, length, round(length * steps))
+            rms, off = float(np.sqrt(weights @ d**2)), float(weights @ np.expm1(-d))
+            rows.append({"length": length, "h": 1 / steps, "rms": rms, "off": off})
+    return rows
+
+
+def _curves(rows: pd.DataFrame) -> list[pd.DataFrame]:
+    """The rms of both methods by step, for each length and variable that is moved first."""
+    table = rows.pivot_table(index=["first", "length", "h"], columns="method", values="rms")
+    if not {LEAPFROG, MINIMUM_NORM} <= {*table}:
+        return []
+    return [part.droplevel([0, 1]).dropna() for _, part in table.groupby(level=[0, 1])]
+
+
+def _span(values: list[float]) -> Range | None:
+    known = [x for x in values if x == x]
+    return Range(min(known), max(known)) if known else None
+
+
+def smaller(rows: pd.DataFrame) -> Range | None:
+    """Leapfrog's rms error over that of the minimum-norm splitting at the same step."""
+    return _span([x for part in _curves(rows) for x in part[LEAPFROG] / part[MINIMUM_NORM]])
+
+
+def longer(rows: pd.DataFrame, percent: bool = False) -> Range | None:
+    """The minimum-norm splitting's step over leapfrog's, where each has the rms error `EQUAL`.
+
+    As ``percent``: how much farther it goes for an evaluation of the force.
+    """
+
+    def step(rms: pd.Series) -> float:
+        return float(np.exp(np.interp(np.log(EQUAL), np.log(rms), np.log(rms.index), left=np.nan, right=np.nan)))
+
+    found = [step(part[MINIMUM_NORM]) / step(part[LEAPFROG]) for part in _curves(rows)]
+    return _span([100 * (x / FORCES[MINIMUM_NORM] - 1) for x in found] if percent else found)
+
+
+RUNS = Runs(
+    TABLE,
+    jump,
+    [{"potential": v, "method": m, "first": f} for v in POTENTIALS for m in FORCES for f in (POSITIONS, MOMENTA)],
+)

@@ -14,26 +14,28 @@ Soc. 490 (2019) 5122.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from math import degrees
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 
 from phasebench.benchmarks.measure.energy import energy_error
 from phasebench.benchmarks.measure.integrator import integrator
+from phasebench.benchmarks.page.study import Runs, over
 from phasebench.benchmarks.problems import problem
-from phasebench.benchmarks.store.cells import Cell, ProblemKey, Rows, Unavailable, content, states
-from phasebench.integrators.driver import OK, SKIPPED
+from phasebench.benchmarks.store.cells import ProblemKey, states
 from phasebench.reference.certificates import stored
 
+from .runs import finished
+
 if TYPE_CHECKING:
-    from phasebench.benchmarks.problems.base import Problem
     from phasebench.benchmarks.problems.planetary import PlanetarySystem
     from phasebench.integrators.solution import Solution
 
 EVALUATIONS, PERIHELIA = "printed_numbers_evaluations", "printed_numbers_perihelia"
-PROBLEM, YEAR = "solar-system", 365.25
+PROBLEM, YEAR, ENERGY = "solar-system", 365.25, "energy error"
 #: Splittings and their evaluations a step (of REBOUND's: Blanes et al. 2013, table 3).
 BEST = "wisdom-holman-aba-10-6-4"
 STAGES = {
@@ -67,61 +69,22 @@ SECULAR = (
 ARCSECONDS = 3600.0
 
 
-def cells(quick: bool = False) -> list[Cell]:
-    """List the measurements (`Cell`): one for each splitting, and one for all perihelia; none if ``quick``."""
-    if quick:
-        return []
-    one = [_cell(EVALUATIONS, {"method": id}, evaluations, (id,), (id,), LADDER, STAGES[id]) for id in STAGES]
-    return [*one, _cell(PERIHELIA, {}, perihelia, (), (BEST, *SECULAR), STEP, YEARS)]
-
-
-def _cell(table: str, key: dict, measure: Callable[..., Rows], arguments: tuple, ids: tuple, *parts: object) -> Cell:
-    records = [integrator(id).record for id in ids]
-    made = ProblemKey(PROBLEM)
-    needs = content(table, *records, made, states(made.id), *parts, code=[__name__])
-    names = frozenset({PROBLEM, *ids, *(id.partition("-")[0] for id in ids if id.startswith("rebound"))})
-    return Cell("printed_numbers", (table,), key, measure, arguments, needs, names)
-
-
-def _run(made: Problem, id: str, h: float, steps: int, rows: int) -> Solution:
-    """Integrate the problem ``made`` by the integrator ``id``, with ``rows`` equally spaced rows of output.
-
-    Raises Unavailable without the integrator's package, RuntimeError if the run fails.
-    """
-    s = integrator(id).run(made, h=h, steps=steps, save_every=steps // rows)
-    if s.status == SKIPPED:
-        raise Unavailable(s.reason)
-    if s.status != OK:
-        raise RuntimeError(f"{id}: {s.reason}")
-    return s
-
-
-def evaluations(id: str) -> Rows:
-    """Measure the errors of the splitting ``id`` on eight planets: a row for each step size, by table name.
-
-    A row has the evaluations and the energy error of a century, and the position error after a decade (AU).
-    """
+def evaluations(method: str) -> list[dict]:
+    """Evaluations and energy error of a century, and position error after a decade (AU), a row for each step."""
     made, rows = problem(PROBLEM), []
     end = stored.end(made, CENTURY * DECADE / ROWS)
     if end is None:
         raise RuntimeError(f"no certified state of {PROBLEM} is stored; phasebench certify {PROBLEM} --update")
     for wanted in LADDER:
-        steps = ROWS * max(1, round(wanted / STAGES[id] / ROWS))
-        s = _run(made, id, CENTURY / steps, steps, ROWS)
-        row = {"method": id, "h": CENTURY / steps, "evaluations": steps * STAGES[id]}
-        row |= {
-            "energy error": energy_error(made, s.q, s.p),
-            "position error": float(np.abs(s.q[DECADE] - end.q).max()),
-        }
-        rows.append(row | {"uncertainty": end.uncertainty})
-    return {EVALUATIONS: rows}
+        steps = ROWS * max(1, round(wanted / STAGES[method] / ROWS))
+        s = finished(made, method, h=CENTURY / steps, steps=steps, save_every=steps // ROWS)
+        row = {"h": CENTURY / steps, "evaluations": steps * STAGES[method], ENERGY: energy_error(made, s.q, s.p)}
+        rows.append(row | {"position error": float(np.abs(s.q[DECADE] - end.q).max()), "uncertainty": end.uncertainty})
+    return rows
 
 
 def longitudes(made: PlanetarySystem, q: np.ndarray, p: np.ndarray) -> np.ndarray:
-    """Compute the longitudes of all perihelia, array (planets, n), from states q, p, arrays (n, d).
-
-    They are in radians, and continuous in time.
-    """
+    """Longitudes of all perihelia, (planets, n), in radians and continuous in time, of states q, p (n, d)."""
     masses, G = np.array(made.bodies.masses), made.bodies.units.G
     x = q.reshape(len(q), -1, 3)
     v = p.reshape(len(p), -1, 3) / masses[:, None]
@@ -132,26 +95,57 @@ def longitudes(made: PlanetarySystem, q: np.ndarray, p: np.ndarray) -> np.ndarra
 
 
 def rate(t: np.ndarray, values: np.ndarray) -> float:
-    """Fit a line to angles in radians at times t in days, and return its slope in seconds of arc a year."""
+    """The slope, in seconds of arc a year, of a line fitted to angles in radians at times in days."""
     return float(np.polyfit((t - t.mean()) / YEAR, values - values[0], 1)[0]) * degrees(1.0) * ARCSECONDS
 
 
-def perihelia() -> Rows:
-    """Measure the errors of the rates of all perihelia: a row for each integrator and planet, by table name.
+def perihelia() -> list[dict]:
+    """The energy error, and rates of all perihelia with error and uncertainty, in seconds of arc a year."""
+    made, steps = problem(PROBLEM), LINES * round(YEARS * YEAR / STEP / LINES)
 
-    A row has the relative energy error, the rate, its error and its uncertainty, in seconds of arc a year.
-    """
-    made = problem(PROBLEM)
-    steps = LINES * round(YEARS * YEAR / STEP / LINES)
-    true, coarse = (_run(made, BEST, STEP / k, steps * k, LINES) for k in (2, 1))
+    def run(id: str, finer: int = 1) -> Solution:
+        return finished(made, id, h=STEP / finer, steps=steps * finer, save_every=steps * finer // LINES)
+
+    true, coarse = run(BEST, 2), run(BEST)
     exact = longitudes(made, true.q, true.p)
     doubt = longitudes(made, coarse.q, coarse.p) - exact
     rows = []
     for id in SECULAR:
-        s = _run(made, id, STEP, steps, LINES)
+        s = run(id)
         off, energy = longitudes(made, s.q, s.p) - exact, energy_error(made, s.q, s.p)
         for k, name in enumerate(made.bodies.names[1:]):
-            row = {"method": id, "planet": name, "h": STEP, "years": YEARS, "energy error": energy}
+            row = {"method": id, "planet": name, "h": STEP, "years": YEARS, ENERGY: energy}
             row |= {"rate": rate(true.t, exact[k]), "rate error": rate(true.t, off[k])}
             rows.append(row | {"uncertainty": abs(rate(true.t, doubt[k]))})
-    return {PERIHELIA: rows}
+    return rows
+
+
+def lead(rows: pd.DataFrame, column: str, errors: list[float], label: str) -> pd.Series:
+    """The fewest evaluations of another method over those of ABA(10,6,4), for each error that one of them reaches.
+
+    ``label`` is a format of {error} and {next}, the other method.
+    """
+    found = {}
+    for error in errors:
+        fewest = rows[rows[column] <= error].groupby("method", sort=False)["evaluations"].min().astype(float)
+        others = fewest.drop(BEST, errors="ignore")
+        if len(fewest):
+            named = label.format(error=error, next="no other" if others.empty else others.idxmin())
+            found[named] = others.min() / fewest.get(BEST, np.inf) if len(others) else np.inf
+    return pd.Series(found, dtype=float)
+
+
+def gain(rows: pd.DataFrame, column: str, one: str, other: str) -> pd.Series:
+    """|A value of the method ``one``| over that of the other, by the rows of the first."""
+    first, second = rows[rows["method"] == one], rows[rows["method"] == other].groupby("planet")[column].first()
+    return (first[column] / first["planet"].map(second)).abs().dropna()
+
+
+def _needs(ids: Sequence[str]) -> tuple:
+    return (*(integrator(id).record for id in ids), ProblemKey(PROBLEM), states(PROBLEM))
+
+
+RUNS = (
+    Runs(EVALUATIONS, evaluations, over(method=tuple(STAGES)), needs=lambda method: _needs([method])),
+    Runs(PERIHELIA, perihelia, over(), needs=lambda: _needs([BEST, *SECULAR])),
+)

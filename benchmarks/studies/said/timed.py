@@ -9,16 +9,20 @@ Astron. Soc. 533 (2024) 3708.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import replace
 from typing import TYPE_CHECKING
+
+import pandas as pd
 
 from phasebench.benchmarks.measure import clock
 from phasebench.benchmarks.measure.energy import energy_error
 from phasebench.benchmarks.measure.integrator import integrator
 from phasebench.benchmarks.measure.timing import in_turns, median, ratio
+from phasebench.benchmarks.page.markdown import number
+from phasebench.benchmarks.page.study import Runs, over
 from phasebench.benchmarks.problems import planetary, problem, solar_system
-from phasebench.benchmarks.store.cells import ALONE, Cell, ProblemKey, Rows, Unavailable, content
+from phasebench.benchmarks.store.cells import ALONE, ProblemKey, Unavailable
 from phasebench.integrators.driver import OK
 
 if TYPE_CHECKING:
@@ -33,44 +37,22 @@ PAIRS = {
     "without corrector": ("rebound-whfast-plain", "rebound-whfast512"),
     "corrector 17": ("rebound-whfast-corrector-17", "rebound-whfast512-corrector-17"),
 }
+IDS = tuple(id for pair in PAIRS.values() for id in pair)
 #: Heavier giants: the factor of their masses, the step as a share of Jupiter's period, the years, the integrators.
 HEAVIER, SHARE, YEARS = 50.0, 0.002, 600.0
 GIANTS = ("jupiter", "saturn", "uranus", "neptune")
 TRACE, RIVALS = "rebound-trace", ("rebound-mercurius", "rebound-ias15")
 
 
-def cells(quick: bool = False) -> list[Cell]:
-    """List the measurements (`Cell`): one for each step size of WHFast, one of close encounters; none if ``quick``."""
-    if quick:
-        return []
-    vectors = [
-        _cell(VECTORS, {"h": h}, vector_rows, (h,), [id for pair in PAIRS.values() for id in pair]) for h in STEPS
-    ]
-    return [*vectors, _cell(ENCOUNTERS, {}, encounter_rows, (), [TRACE, *RIVALS])]
-
-
-def _cell(table: str, key: dict, measure: Callable[..., Rows], arguments: tuple, ids: Sequence[str]) -> Cell:
-    records = [integrator(id).record for id in ids]
-    needs = content(table, *records, ProblemKey(PROBLEM), TIMED, HEAVIER, SHARE, YEARS, *arguments, code=[__name__])
-    names = frozenset({PROBLEM, "rebound", *ids})
-    return Cell("printed_numbers", (table,), key, measure, arguments, needs, names, ALONE, own=True)
-
-
 def heavier() -> PlanetarySystem:
-    """Build the problem of the Sun and the giant planets with `HEAVIER` times their masses.
-
-    Their orbital elements are those of the solar system.
-    """
+    """The Sun and the giant planets with `HEAVIER` times their masses, on the orbits of the solar system."""
     table = solar_system.table()
     members = tuple(replace(b, mass=b.mass * HEAVIER) for b in table.members if b.name in GIANTS)
     return planetary.of_bodies(replace(table, members=(table.members[0], *members)), "heavier giants")
 
 
 def _able(made: Problem, ids: Iterable[str]) -> dict:
-    """Return the integrators with these ids, id -> integrator.
-
-    Raises Unavailable, with the reason, if one of them cannot run the problem ``made`` on this machine.
-    """
+    """Id -> integrator; raises Unavailable, with the reason, if one cannot run the problem on this machine."""
     found = {id: integrator(id) for id in ids}
     for chosen in found.values():
         if not chosen.installed:
@@ -81,14 +63,10 @@ def _able(made: Problem, ids: Iterable[str]) -> dict:
     return found
 
 
-def vector_rows(h: float) -> Rows:
-    """Time WHFast and WHFast512 at a step of h days: a row for each pair, with and without corrector, by table name.
-
-    ``gain`` is the time of a step by WHFast over that by WHFast512, with the ends of its interval, ``low`` and
-    ``high``.
-    """
+def vectors(h: float) -> list[dict]:
+    """WHFast's time of a step of h days over WHFast512's (``gain``), a row for each of `PAIRS`."""
     made = problem(PROBLEM)
-    found = _able(made, [id for pair in PAIRS.values() for id in pair])
+    found = _able(made, IDS)
     clocks = {id: clock.clock(c, made, t_end=h * TIMED, steps=TIMED) for id, c in found.items()}
     times = in_turns(clocks, ROUNDS)
     rows = []
@@ -96,16 +74,13 @@ def vector_rows(h: float) -> Rows:
         gain = ratio(times[one], times[eight])
         row = {"corrector": name, "h": h, "gain": gain.value, "low": gain.low, "high": gain.high}
         rows.append(row | {"ns a step": median(times[eight]).value / TIMED * 1e9})
-    return {VECTORS: rows}
+    return rows
 
 
-def encounter_rows() -> Rows:
-    """Time TRACE, MERCURIUS and IAS15 on close encounters of heavy giants: a row for each, by table name.
-
-    A row has the integrator's time over TRACE's, with its interval, and its energy error.
-    """
-    made, ids = heavier(), (TRACE, *RIVALS)
-    found, span = _able(made, ids), YEARS * 365.25
+def encounters() -> list[dict]:
+    """An integrator's time over TRACE's on close encounters of heavy giants, and its energy error."""
+    made = heavier()
+    found, span = _able(made, (TRACE, *RIVALS)), YEARS * 365.25
     h = SHARE * 365.25 * float(solar_system.PLANETS["jupiter"][1]) ** 1.5
     steps = 100 * round(span / h / 100)
     runs, clocks = {}, {}
@@ -116,9 +91,31 @@ def encounter_rows() -> Rows:
         clocks[id] = clock.clock(c, made, t_end=h * steps, steps=1 if c.adaptive else steps)
     times = in_turns(clocks, ROUNDS)
     rows = []
-    for id in ids:
+    for id, s in runs.items():
         more = ratio(times[id], times[TRACE])
         row = {"integrator": id, "h": h, "times TRACE": more.value, "low": more.low, "high": more.high}
-        row |= {"seconds": median(times[id]).value, "status": runs[id].status}
-        rows.append(row | {"energy error": energy_error(made, runs[id].q, runs[id].p)})
-    return {ENCOUNTERS: rows}
+        row |= {"seconds": median(times[id]).value, "status": s.status}
+        rows.append(row | {"energy error": energy_error(made, s.q, s.p)})
+    return rows
+
+
+def least(rows: pd.DataFrame) -> str:
+    """Where the gain is smallest."""
+    row = rows.loc[rows["gain"].idxmin()]
+    return f"least {number(row['gain'])} ({row['corrector']}, h = {number(row['h'])})"
+
+
+def accuracies(rows: pd.DataFrame, every: pd.DataFrame) -> str:
+    """The energy error of a rival beside TRACE's."""
+    ours = every.set_index("integrator")["energy error"].get(TRACE)
+    return f"energy error {number(rows['energy error'].iloc[0])}, TRACE's {number(ours)}"
+
+
+def _needs(*ids: str) -> tuple:
+    return (*(integrator(id).record for id in ids), ProblemKey(PROBLEM))
+
+
+RUNS = (
+    Runs(VECTORS, vectors, over(h=STEPS), lambda h: _needs(*IDS), ALONE, own=True),
+    Runs(ENCOUNTERS, encounters, over(), lambda: _needs(TRACE, *RIVALS), ALONE, own=True),
+)

@@ -1,1 +1,0 @@
-"""Experiment: do measurements here reproduce numbers that papers print on integrators?"""
