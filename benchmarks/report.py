@@ -36,8 +36,6 @@ from phasebench.benchmarks.experiments.matrix.page import PAGE as MATRIX
 from phasebench.benchmarks.experiments.options.numerics_page import PAGE as OPTIONS_NUMERICS
 from phasebench.benchmarks.experiments.options.page import PAGE as OPTIONS
 from phasebench.benchmarks.experiments.orders.page import PAGE as ORDERS
-from phasebench.benchmarks.experiments.speed.page import PAGE as SPEED
-from phasebench.benchmarks.experiments.start.page import PAGE as START
 from phasebench.benchmarks.experiments.structure.page import PAGE as STRUCTURE
 from phasebench.benchmarks.experiments.talks.page import PAGES as FIGURES
 from phasebench.benchmarks.experiments.talks.statements_page import PAGES as TALKS
@@ -75,8 +73,6 @@ _OTHERS: tuple[tuple[float, Page], ...] = (
     (220, EXTREMES_SPRINGS),
     (240, KEPLER),
     (350, AUDIT),
-    (390, SPEED),
-    (400, START),
     (410, LARGE),
     (420, LARGE_SOLVERS),
     (430, ENSEMBLES),

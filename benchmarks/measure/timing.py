@@ -80,21 +80,28 @@ def time_in_turns(work: Mapping[Hashable, Callable[[], object]], rounds: int = 1
 
     Returns name -> array (rounds,); a first round is not counted.
     """
-
-    def clock(run: Callable[[], object]) -> Callable[[], float]:
-        def seconds() -> float:
-            started = time.perf_counter()
-            run()
-            return time.perf_counter() - started
-
-        return seconds
-
     return in_turns({n: clock(run) for n, run in work.items()}, rounds)
+
+
+def clock(run: Callable[[], object]) -> Callable[[], float]:
+    """A function that calls ``run`` and returns the seconds that this takes."""
+
+    def seconds() -> float:
+        started = time.perf_counter()
+        run()
+        return time.perf_counter() - started
+
+    return seconds
 
 
 def ratio(a: np.ndarray, b: np.ndarray) -> Median:
     """Return the median, with its interval, of the ratios a / b of times measured in the same rounds, arrays (n,)."""
     return median(np.asarray(a) / np.asarray(b))
+
+
+def columns(name: str, found: Median) -> dict[str, float]:
+    """A median and its interval as columns of a row."""
+    return {name: found.value, f"{name}, low": found.low, f"{name}, high": found.high}
 
 
 def cheaper(ours: Median, peers: Median, tie: float = 1.0) -> str:

@@ -58,7 +58,8 @@ def page_text(study: Study, data, folder: Path) -> str:
 @pytest.mark.parametrize("study", STUDIES, ids=lambda s: s.id)
 def test_the_page_is_that_of_the_committed_rows(study, data, tmp_path):
     assert page_text(study, data, tmp_path) == (REPORTS / f"{study.id}.md").read_text(encoding="utf-8")
-    if any(f"matplotlib {version('matplotlib')}" not in data.about(runs.table)["versions"] for runs in study.runs):
+    known = [about for runs in study.runs if (about := data.about(runs.table))]
+    if any(f"matplotlib {version('matplotlib')}" not in about["versions"] for about in known):
         return  # another version of matplotlib may draw otherwise
     for picture in tmp_path.iterdir():
         assert picture.read_bytes() == (REPORTS / "figures" / picture.name).read_bytes(), picture.name
@@ -96,6 +97,8 @@ def test_every_claim_can_hold_and_can_fail(claim, data):
     """With the committed numbers or with wrong ones in a part of a column; without its rows it says nothing."""
     frame = rows_of(data, claim.table)
     assert claim(lambda name: None) is None
+    if frame is None:
+        pytest.skip("its table has never been measured")
     assert replace(claim, table=lambda data: frame.head(0))(data) is None
     assert outcomes(claim, frame, data) >= {PASS, FAIL if claim.fault else FINDING}
 
@@ -137,9 +140,12 @@ def test_keys_are_those_of_the_committed_tables(study):
     assert len({c.id for c in cells}) == len(cells)
     assert study.cells(quick=True) == [c for c in cells if c.quick]
     for runs in study.runs:
-        frame = pd.read_csv(REPORTS / "data" / f"{runs.table}.csv", dtype=str, keep_default_na=False)
+        path = REPORTS / "data" / f"{runs.table}.csv"
+        if not path.exists():
+            continue  # it has never been measured
+        frame = pd.read_csv(path, dtype=str, keep_default_na=False)
         keys = {tuple(map(text, key.values())) for key in runs.keys}
-        assert {*frame[list(runs.keys[0])].itertuples(index=False, name=None)} == keys
+        assert {*map(tuple, frame[list(runs.keys[0])].to_numpy())} == keys
 
 
 @pytest.mark.parametrize("study", STUDIES, ids=lambda s: s.id)

@@ -2,23 +2,25 @@
 
 from __future__ import annotations
 
+import importlib
+
 import numpy as np
 import pytest
 
-from phasebench.benchmarks.experiments.speed import translation
-from phasebench.benchmarks.experiments.speed.hand_written import SIDES
 from phasebench.benchmarks.problems import problem
+from phasebench.benchmarks.studies.costs import peers
 from phasebench.integrators.systems import shared
 from phasebench.reference.solvers import taylor
 
 hy = pytest.importorskip("heyoka")
+SIDES = importlib.import_module("phasebench.benchmarks.studies.costs.by_hand").SIDES
 
 #: Problem -> the suite's number of series over that of the equations by hand, at most.
 MOST = dict.fromkeys(SIDES, 1.15) | {"kerr": 1.4, "magnetized-schwarzschild": 1.3}
 
 
 def by_hand(made):
-    return next(motion for name, motion, _ in translation.equations(made) if name == "by hand")
+    return next(motion for name, motion, _ in peers.equations(made) if name == "by hand")
 
 
 def series(motion):

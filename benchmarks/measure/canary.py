@@ -6,63 +6,34 @@ stored ones.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 import numba
 import numpy as np
 
-from phasebench.benchmarks.measure.timing import ratio, time_in_turns
 from phasebench.benchmarks.problems import problem
-from phasebench.benchmarks.store.cells import ALONE, Cell, ProblemKey, Rows, content
 from phasebench.integrators.prepared import prepare
-from phasebench.integrators.registry import method
+
+from .timing import columns, ratio, time_in_turns
 
 TABLE, PROBLEM = "canary", "henon-heiles:chaotic"
 H, STEPS, ROUNDS = 0.01, 10_000, 15
 #: Kernels of many families, cheap ones and dear ones.
 METHODS = (
-    "explicit-euler",
-    "symplectic-euler-p",
-    "stormer-verlet",
-    "pefrl",
-    "blanes-moan-s6",
-    "chin-4a",
-    "rk4",
-    "dop853",
-    "implicit-midpoint",
-    "scheme-i",
-    "scheme-ii",
-    "scheme-iii",
-    "scheme-iv",
-    "scheme-v",
-    "avf",
-    "gauss-4",
-    "gauss-8",
-    "gauss-equip-4",
-    "hbvm-2-1",
-    "quinlan-tremaine-8",
+    *("explicit-euler", "symplectic-euler-p", "stormer-verlet", "pefrl", "blanes-moan-s6", "chin-4a", "rk4", "dop853"),
+    *("implicit-midpoint", "scheme-i", "scheme-ii", "scheme-iii", "scheme-iv", "scheme-v", "avf"),
+    *("gauss-4", "gauss-8", "gauss-equip-4", "hbvm-2-1", "quinlan-tremaine-8"),
 )
 #: Stored times describe the code if the median of new ratio / stored ratio is within this factor.
 SAME = 1.15
 
 
-def cells(quick: bool = False) -> list[Cell]:
-    """List the measurements, one for each kernel; all are part of a quick run."""
-    return [_cell(id) for id in METHODS]
-
-
-def _cell(id: str) -> Cell:
-    needs = content(TABLE, method(id), ProblemKey(PROBLEM), H, STEPS, code=[__name__])
-    return Cell("speed", (TABLE,), {"method": id}, measure_rows, (id,), needs, frozenset({id}), ALONE, True, True)
-
-
-def measure_rows(id: str) -> Rows:
+def measure_rows(id: str) -> dict[str, list[dict]]:
     """Measure the time of a step of a method over that of the yardstick: one row, by table name."""
     run = prepare(problem(PROBLEM), id)
     yardstick(H, STEPS)
     both = time_in_turns({"it": lambda: run(H, STEPS), "yardstick": lambda: yardstick(H, STEPS)}, ROUNDS)
-    found = ratio(both["it"], both["yardstick"])
-    return {TABLE: [{"method": id, "ratio": found.value, "ratio, low": found.low, "ratio, high": found.high}]}
+    return {TABLE: [{"method": id} | columns("ratio", ratio(both["it"], both["yardstick"]))]}
 
 
 @numba.njit
@@ -79,8 +50,7 @@ def yardstick(h: float, steps: int) -> float:
     return x
 
 
-def change(measured: list[dict], stored: Callable[[str], float | None]) -> float | None:
+def change(measured: Iterable[dict], stored: Callable[[str], float | None]) -> float | None:
     """The median of new ratio / stored ratio over the measured kernels, or None if none is stored."""
-    both = [(row["ratio"], stored(row["method"])) for row in measured]
-    factors = [new / old for new, old in both if old]
+    factors = [row["ratio"] / old for row in measured if (old := stored(row["method"]))]
     return float(np.median(factors)) if factors else None

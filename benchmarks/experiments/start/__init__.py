@@ -1,1 +1,0 @@
-"""Experiment: the time until the first result of an integration, with compilation (cold) and without (warm)."""
