@@ -22,11 +22,9 @@ from phasebench.benchmarks.experiments.audit.page import PAGE as AUDIT
 from phasebench.benchmarks.experiments.catalogue.page import PAGES as CATALOGUE
 from phasebench.benchmarks.experiments.drift.page import PAGE as DRIFT
 from phasebench.benchmarks.experiments.ensembles.page import PAGE as ENSEMBLES
-from phasebench.benchmarks.experiments.extremes.encounters_page import PAGE as EXTREMES_ENCOUNTERS
 from phasebench.benchmarks.experiments.extremes.limits_page import PAGE as EXTREMES_LIMITS
 from phasebench.benchmarks.experiments.extremes.page import PAGE as EXTREMES
 from phasebench.benchmarks.experiments.extremes.round_off_page import PAGE as EXTREMES_ROUND_OFF
-from phasebench.benchmarks.experiments.extremes.springs_page import PAGE as EXTREMES_SPRINGS
 from phasebench.benchmarks.experiments.field_says.page import PAGE as FIELD_SAYS
 from phasebench.benchmarks.experiments.invariants.page import PAGE as INVARIANTS
 from phasebench.benchmarks.experiments.kepler.page import PAGE as KEPLER
@@ -69,8 +67,6 @@ _OTHERS: tuple[tuple[float, Page], ...] = (
     (180, EXTREMES),
     (190, EXTREMES_LIMITS),
     (200, EXTREMES_ROUND_OFF),
-    (210, EXTREMES_ENCOUNTERS),
-    (220, EXTREMES_SPRINGS),
     (240, KEPLER),
     (350, AUDIT),
     (410, LARGE),

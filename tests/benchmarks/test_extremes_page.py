@@ -15,10 +15,8 @@ from phasebench.benchmarks.experiments.extremes import (
     brouwer,
     brouwer_kepler,
     cases,
-    close_encounters,
     edge,
     encounters,
-    encounters_page,
     exact_maps,
     figures,
     linear,
@@ -102,44 +100,6 @@ def test_kind_of_integrators_that_solve_kepler_exactly():
         "Kepler-solving",
         "Kepler-solving",
     ]
-
-
-def encounter(fixed=1.0, adaptive=1e-9):
-    """The page's data of one fabricated close encounter: errors of a method with fixed steps and of an adaptive one."""
-    base = {"scene": "three bodies", "status": OK, "evaluations": 0}
-    rows = [
-        base | {"method": "a", "kind": "fixed", "error": fixed, "steps": 4096},
-        base | {"method": "a", "kind": "fixed", "error": 2.0, "steps": 1024},
-        base | {"method": "b", "kind": "adaptive", "error": adaptive, "steps": 700},
-    ]
-    return data(extremes_meetings=pd.DataFrame(rows))
-
-
-@pytest.mark.parametrize(
-    ("errors", "n", "outcome"),
-    [({}, 1, PASS), ({"fixed": 1e-7}, 1, PASS), ({"adaptive": 1e-3}, 0, FINDING), ({"adaptive": math.inf}, 0, FINDING)],
-)
-def test_adaptive_steps_must_hold_close_encounters(errors, n, outcome):
-    found = encounters_page.adaptive(encounter(**errors))
-    assert (found.measured, found.outcome) == (Count(n, 1), outcome)
-    assert found.where == ("" if n else "b, three bodies")
-
-
-def test_cheapest_successful_run_is_shown_or_the_best():
-    shown = encounters_page.table(encounter(fixed=1e-7)).frame.set_index("method")
-    assert shown["steps"].to_dict() == {"b": 700, "a": 4096}
-    lost = encounters_page.table(encounter()).frame.set_index("method")
-    assert lost.loc["a", "error"] == 1.0
-
-
-def test_encounter_is_judged_at_its_certified_state():
-    assert close_encounters.distance([1.5, 101.0], [1.0, 100.0]) == 0.5
-    rows = close_encounters.measure_rows("zoom-whirl", "rk4")[close_encounters.TABLES[0]]
-    assert rows[-1]["error"] < rows[0]["error"]
-    assert rows[-1]["steps"] == rows[-1]["asked"]
-    held = close_encounters.cheapest(pd.DataFrame(rows))
-    assert len(held) == 1
-    assert bool(held["held"].iloc[0]) == (rows[-1]["error"] <= encounters.HELD)
 
 
 def test_state_error_by_kind_of_summation():

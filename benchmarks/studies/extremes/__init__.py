@@ -1,5 +1,5 @@
 """How far methods can be pushed: stability, round-off, close encounters, resonances, stiffness; six pages."""
 
-from .multistep import STUDY as MULTISTEP
+from . import encounters, multistep, springs
 
-STUDIES = (MULTISTEP,)
+STUDIES = tuple(module.STUDY for module in (encounters, springs, multistep))
