@@ -21,7 +21,6 @@ import pandas as pd
 from phasebench.benchmarks.experiments.audit.page import PAGE as AUDIT
 from phasebench.benchmarks.experiments.catalogue.page import PAGES as CATALOGUE
 from phasebench.benchmarks.experiments.drift.page import PAGE as DRIFT
-from phasebench.benchmarks.experiments.ensembles.page import PAGE as ENSEMBLES
 from phasebench.benchmarks.experiments.extremes.limits_page import PAGE as EXTREMES_LIMITS
 from phasebench.benchmarks.experiments.extremes.page import PAGE as EXTREMES
 from phasebench.benchmarks.experiments.extremes.round_off_page import PAGE as EXTREMES_ROUND_OFF
@@ -71,7 +70,6 @@ _OTHERS: tuple[tuple[float, Page], ...] = (
     (350, AUDIT),
     (410, LARGE),
     (420, LARGE_SOLVERS),
-    (430, ENSEMBLES),
     *((440, page) for page in CATALOGUE),
     *((450, page) for page in TALKS),
     *((460, page) for page in FIGURES),

@@ -1,1 +1,0 @@
-"""Experiment: what does the integration of one orbit cost in an ensemble of thousands?"""
