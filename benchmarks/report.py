@@ -18,13 +18,11 @@ from pathlib import Path
 
 import pandas as pd
 
-from phasebench.benchmarks.experiments.audit.page import PAGE as AUDIT
 from phasebench.benchmarks.experiments.catalogue.page import PAGES as CATALOGUE
 from phasebench.benchmarks.experiments.drift.page import PAGE as DRIFT
 from phasebench.benchmarks.experiments.extremes.limits_page import PAGE as EXTREMES_LIMITS
 from phasebench.benchmarks.experiments.extremes.page import PAGE as EXTREMES
 from phasebench.benchmarks.experiments.extremes.round_off_page import PAGE as EXTREMES_ROUND_OFF
-from phasebench.benchmarks.experiments.field_says.page import PAGE as FIELD_SAYS
 from phasebench.benchmarks.experiments.invariants.page import PAGE as INVARIANTS
 from phasebench.benchmarks.experiments.kepler.page import PAGE as KEPLER
 from phasebench.benchmarks.experiments.large.page import PAGE as LARGE
@@ -57,7 +55,6 @@ _OTHERS: tuple[tuple[float, Page], ...] = (
     (30, GAUSS_16),
     (60, OPTIONS),
     (70, OPTIONS_NUMERICS),
-    (100, FIELD_SAYS),
     (120, ORDERS),
     (130, STRUCTURE),
     (140, MATRIX),
@@ -67,7 +64,6 @@ _OTHERS: tuple[tuple[float, Page], ...] = (
     (190, EXTREMES_LIMITS),
     (200, EXTREMES_ROUND_OFF),
     (240, KEPLER),
-    (350, AUDIT),
     (410, LARGE),
     (420, LARGE_SOLVERS),
     *((440, page) for page in CATALOGUE),

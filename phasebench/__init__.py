@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from phasebench.benchmarks.advice.table import advise as advise
     from phasebench.benchmarks.certificate.certificate import validate as validate
     from phasebench.benchmarks.certificate.result import Certificate as Certificate
-    from phasebench.benchmarks.experiments.audit.audit import Audit as Audit
-    from phasebench.benchmarks.experiments.audit.audit import audit as audit
     from phasebench.benchmarks.measure.certify import CertifiedState as CertifiedState
     from phasebench.benchmarks.measure.certify import References as References
     from phasebench.benchmarks.measure.certify import certify as certify
@@ -65,7 +63,7 @@ if TYPE_CHECKING:
 #: Public name -> the package or module that it comes from, loaded when it is first asked for.
 _HOMES = {
     "Advice": "benchmarks.advice.table",
-    "Audit": "benchmarks.experiments.audit.audit",
+    "Audit": "benchmarks.audit.audit",
     "Certificate": "benchmarks.certificate.result",
     "CertifiedState": "benchmarks.measure.certify",
     "ConstrainedHamiltonian": "integrators",
@@ -93,7 +91,7 @@ _HOMES = {
     "System": "benchmarks.measure.own_step",
     "WorkPrecision": "benchmarks.workprecision",
     "advise": "benchmarks.advice.table",
-    "audit": "benchmarks.experiments.audit.audit",
+    "audit": "benchmarks.audit.audit",
     "certify": "benchmarks.measure.certify",
     "drift": "benchmarks.measure.series",
     "integrate": "benchmarks.measure.integrator",

@@ -16,7 +16,6 @@ import pytest
 from markdown_it import MarkdownIt
 
 from phasebench.benchmarks import report, style
-from phasebench.benchmarks.experiments.audit import page as audit
 from phasebench.benchmarks.experiments.catalogue import acta_page as acta
 from phasebench.benchmarks.experiments.catalogue import page as catalogue
 from phasebench.benchmarks.experiments.catalogue.acta import NO_SOURCE
@@ -480,11 +479,6 @@ DRIFTS = frame(
 )
 MOMENTA = frame({"id": "scheme-iv", "method": "scheme-iv"}, **LONG, energy_max=1e-15, energy_drift_low=-1.0,
                 energy_drift_high=1.0, **{"angular-momentum_max": 1e-15})  # fmt: skip
-AUDITED = frame({"package": "p", "version": "1", "peer": "x", "measure": "package", "status": "ok", "reason": ""})
-CLAIMS = frame({"package": "p", "version": "1", "peer": "x", "claim": "order 2", "verdict": "holds"})
-CONTROLS = frame({"package": "phasebench", "version": "1", "peer": "rk4", "claim": "order 4", "verdict": "holds"})
-STATED = frame({"package": "p", "script": "a_script", "verdict": "holds", "severity": "wrong states"})
-MODES = frame({"package": "p", "peer": "x", "status": "ok", "mode": "kept"})
 TABLES = frame(
     {"table": "t", "declared order": "4", "order": "4", "polished residual": 1e-50, "published residual": 1e-20}
 )
@@ -534,10 +528,6 @@ BOTH_WAYS = {
     "drift": (invariants.drifting, {"rows": DRIFTS}, "rows",
               {"energy_max": 1e-9, "energy_drift": 1e-12, "energy_drift_low": 9e-13, "energy_drift_high": 1.1e-12}),
     "momentum": (invariants.momentum, {"rows": MOMENTA}, "rows", {"angular-momentum_max": 1e-6}),
-    "audit": (audit.claims, {"audit": AUDITED, "audit_claims": CLAIMS}, "audit_claims", {"verdict": "contradicted"}),
-    "controls": (audit.controls, {"audit": AUDITED, "audit_claims": CONTROLS}, "audit_claims", {"verdict": "-"}),
-    "modes": (audit.left_as_found, {"audit_modes": MODES}, "audit_modes", {"mode": "changed by a run"}),
-    "statements": (audit.statements, {"audit_statements": STATED}, "audit_statements", {"verdict": "contradicted"}),
     "coefficients": (catalogue.orders, {"coefficients": TABLES}, "coefficients", {"order": "2"}),
     "polished": (catalogue.polished_residuals, {"coefficients": TABLES}, "coefficients", {"polished residual": 1e-16}),
     "acta coverage": (acta.coverage, {"acta": ACTA}, "acta", {"id": "", "why not": "no time"}),

@@ -7,8 +7,10 @@ import pytest
 
 from phasebench.benchmarks.problems import problem
 from phasebench.benchmarks.problems.solar_system import PLANETS
-from phasebench.benchmarks.studies.said import brouwer, minimum_norm, planets, timed
+from phasebench.benchmarks.studies.said import brouwer, energies, julia, minimum_norm, planets, timed
 from phasebench.benchmarks.studies.said.minimum_norm import LEAPFROG, MINIMUM_NORM, MOMENTA, POSITIONS
+from phasebench.integrators.driver import integrate
+from phasebench.integrators.systems.hamiltonian import Hamiltonian
 
 # -- printed numbers ---------------------------------------------------------------------------------------------------
 
@@ -79,3 +81,43 @@ def test_heavier_giants_are_the_giants_of_the_solar_system():
     made = timed.heavier()
     assert made.bodies.names == ("sun", *timed.GIANTS)
     assert made.bodies.masses[1] == pytest.approx(timed.HEAVIER / PLANETS["jupiter"][0])
+
+
+# -- guides ------------------------------------------------------------------------------------------------------------
+
+N = np.arange(1, 1001)
+
+
+@pytest.mark.parametrize("power", [0.0, 0.5, 1.0, 2.0])
+def test_the_power_of_time_is_found_under_an_oscillation(power):
+    assert abs(julia.power(1e-9 * N**power * (1 + 0.3 * np.sin(N))) - power) < 0.07
+    assert julia.power(np.where(N == 50, 1.0, 1e-9)) == 0, "of the largest error so far"
+
+
+def test_growth_of_a_symplectic_method_and_of_one_that_is_not(monkeypatch):
+    monkeypatch.setattr(julia, "ORBITS", 100)
+    for id, powers in {"calvo-sanz-serna-4": (0, 1), "rk4": (1, 2)}.items():
+        row = julia.growth(id)
+        assert (row["energy power"], row["position power"]) == pytest.approx(powers, abs=0.12)
+
+
+def test_orders_with_both_kinetic_energies():
+    system = Hamiltonian(q="q", p="p", H="p**2/2 + q**2/2 + q**4/4")
+    for id, order in julia.STATED.items():
+        assert [r["order"] for r in julia.orders(id)] == pytest.approx([order, 3], abs=0.1)
+        s = integrate(system, id, h=julia.SPAN / 64, steps=64, q0=julia.START[:1], p0=julia.START[1:])
+        assert np.abs(julia.end(id, 64, True) - [s.q[-1, 0], s.p[-1, 0]]).max() < 1e-13, "another composition"
+
+
+def test_plain_and_compensated_sums_take_the_same_steps():
+    made, ((q, p), _) = problem("henon-heiles"), energies.SCENES["henon-heiles"]
+    states = energies.plain(made.system, q, p, 0.05, 200, 50)
+    s = integrate(made, energies.COMPENSATED, h=0.05, steps=200, q0=q, p0=p, save_every=50)
+    assert np.abs(states - np.hstack([s.q, s.p])).max() < 1e-12
+    assert not np.array_equal(states[1:], np.hstack([s.q, s.p])[1:])
+
+
+def test_errors_fall_with_evaluations():
+    rows = julia.cost("pendulum:swinging", "calvo-sanz-serna-4")
+    (n1, e1), (n2, e2) = ((r["evaluations"], r["error"]) for r in (rows[10], rows[14]))
+    assert abs(np.log(e1 / e2) / np.log(n2 / n1) - 4) < 0.2

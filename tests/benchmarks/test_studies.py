@@ -119,7 +119,9 @@ def outcomes(claim: Claim, frame: pd.DataFrame, data=lambda name: None) -> set[s
 
     found: set[str] = set()
     frame = frame[[c for c in frame if needed(judge, frame, c) or f"{{{c}" in str(claim.where)]]
-    for one in chain([frame], spoiled(frame, KEYS.get(claim.table, set()))):
+    middle = np.mean([getattr(claim.expected, end, np.inf) for end in ("low", "high")])
+    right = (frame.assign(**{c: middle}) for c in frame.select_dtypes("number") if np.isfinite(middle))
+    for one in chain([frame], spoiled(frame, KEYS.get(claim.table, set())), right):
         verdict = judge(one)
         found |= {verdict.outcome} if verdict is not None else set()
         if PASS in found and found & {FAIL, FINDING}:

@@ -12,14 +12,17 @@ from phasebench.integrators.driver import OK, SKIPPED
 from phasebench.integrators.solution import Solution
 
 
-def finished(made: Any, id: str, **span: Any) -> Solution:
-    """The solution of a problem by an integrator.
-
-    Raises Unavailable without the integrator's package, RuntimeError if the run fails.
-    """
+def ran(made: Any, id: str, **span: Any) -> Solution:
+    """The solution of a problem by an integrator; raises Unavailable without its package."""
     s = integrator(id).run(made, **span)
     if s.status == SKIPPED:
         raise Unavailable(s.reason)
+    return s
+
+
+def finished(made: Any, id: str, **span: Any) -> Solution:
+    """A solution that reaches its end; raises RuntimeError otherwise."""
+    s = ran(made, id, **span)
     if s.status != OK:
         raise RuntimeError(f"{id}: {s.reason}")
     return s
