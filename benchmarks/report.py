@@ -18,7 +18,6 @@ from pathlib import Path
 
 import pandas as pd
 
-from phasebench.benchmarks.experiments.catalogue.page import PAGES as CATALOGUE
 from phasebench.benchmarks.experiments.drift.page import PAGE as DRIFT
 from phasebench.benchmarks.experiments.extremes.limits_page import PAGE as EXTREMES_LIMITS
 from phasebench.benchmarks.experiments.extremes.page import PAGE as EXTREMES
@@ -66,7 +65,6 @@ _OTHERS: tuple[tuple[float, Page], ...] = (
     (240, KEPLER),
     (410, LARGE),
     (420, LARGE_SOLVERS),
-    *((440, page) for page in CATALOGUE),
     *((450, page) for page in TALKS),
     *((460, page) for page in FIGURES),
     *((470, page) for page in TRADE_SCENES),

@@ -92,18 +92,18 @@ def _check_tables(packages: list[str], tell: Callable[[str], None]) -> list[dict
     Returns a row for each table: the order of the method by the order conditions, how many digits of the coefficients
     are right, and what the package states.
     """
-    from phasebench.benchmarks.experiments.catalogue import transcribed
+    from phasebench.benchmarks.studies.catalogue.tables import check, read
 
-    known = {t.package.casefold(): t.package for t in transcribed.read()}
+    known = {package.casefold(): package for package, _ in read()}
     unknown = next((p for p in packages if p.casefold() not in known), None)
     if unknown is not None:
         raise InvalidInput(f"no table of '{unknown}' is transcribed, only of {', '.join(sorted(known.values()))}")
     chosen = {p.casefold() for p in packages} or known
     rows = []
-    for table in transcribed.read():
+    for table in read().values():
         if table.package.casefold() in chosen:
             tell(f"{table.package}, {table.name}")
-            rows.append(transcribed.check(table))
+            rows.append(check(table))
     return rows
 
 

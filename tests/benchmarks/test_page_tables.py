@@ -1,16 +1,13 @@
-"""Tables of pages on fabricated rows: exceptions of the matrix, the catalogue, the talks' statements."""
+"""Tables of pages on fabricated rows: exceptions of the matrix, the talks' statements."""
 
 from __future__ import annotations
 
 import re
-from itertools import product
 from types import SimpleNamespace
 
 import pandas as pd
 import pytest
 
-from phasebench.benchmarks.experiments.catalogue import describe
-from phasebench.benchmarks.experiments.catalogue import page as catalogue
 from phasebench.benchmarks.experiments.matrix import page as matrix
 from phasebench.benchmarks.experiments.talks import statements_page as talks
 from phasebench.benchmarks.experiments.talks.judging import (
@@ -22,8 +19,7 @@ from phasebench.benchmarks.experiments.talks.judging import (
     Judgement,
 )
 from phasebench.benchmarks.page.page import ROWS, conclusion
-from phasebench.benchmarks.page.verdict import FAIL, FINDING, LIST, PASS, Count
-from phasebench.integrators.registry import METHODS
+from phasebench.benchmarks.page.verdict import FINDING, PASS, Count
 
 # -- the matrix --------------------------------------------------------------------------------------------------------
 
@@ -66,122 +62,6 @@ def test_full_table_has_every_pair_on_small_problems():
         ["rk4", "kepler", 4],
         ["avf", "pendulum", 4],
     ]
-
-
-# -- the catalogue -----------------------------------------------------------------------------------------------------
-
-
-def test_families_are_counted_by_declared_properties():
-    shown = catalogue.METHODS_PAGE.table({}.get).frame.set_index("family")
-    families = list(dict.fromkeys(m.family for m in METHODS))
-    assert list(shown.index) == [f.replace("_", " ") for f in families][:ROWS]
-    for family in families[:ROWS]:
-        members, line = [m for m in METHODS if m.family == family], shown.loc[family.replace("_", " ")]
-        assert line["methods"] == len(members)
-        for column in ("symplectic", "symmetric"):
-            assert int(line[column]) == len([m for m in members if getattr(m, column)])
-        assert int(line["energy to round-off"]) == len([m for m in members if m.energy == "round-off"])
-        assert line["such as"].startswith(members[0].id)
-    assert len(catalogue.METHODS_PAGE.whole({}.get)) == len(METHODS)
-
-
-def test_methods_have_their_known_properties():
-    """One method of each kind, with its properties from the textbooks."""
-    lines = {line["method"]: line for line in describe.methods()}
-    assert len(lines) == len(METHODS)
-    for id, symmetric, symplectic in (
-        ("stormer-verlet", "yes", "yes"),
-        ("symplectic-euler-p", "no", "yes"),
-        ("itoh-abe", "no", "no"),
-        ("avf", "yes", "no"),
-    ):
-        assert (lines[id]["symmetric"], lines[id]["symplectic"]) == (symmetric, symplectic)
-    assert (lines["rk4"]["requires"], lines["rk4"]["parameters"]) == ("-", "-")
-    assert lines["itoh-abe"]["requires"] == "canonical"
-    assert lines["scheme-i"]["parameters"] == "lam=1/3"
-
-
-def test_answer_counts_methods_by_property(monkeypatch):
-    same = {"family": "f", "symplectic": True, "symmetric": True, "energy": "bounded"}
-    other = {"family": "g", "symplectic": False, "symmetric": True, "energy": "round-off"}
-    monkeypatch.setattr(catalogue, "METHODS", [SimpleNamespace(**x) for x in (same, same, other, other, other)])
-    assert re.findall(r"\d+", catalogue.METHODS_PAGE.answer({}.get)) == ["5", "2", "2", "5", "3"]
-    assert conclusion(catalogue.METHODS_PAGE, {}.get)[0] == LIST
-
-
-@pytest.fixture
-def problems(monkeypatch):
-    """A function that replaces the registered problems by made-up ones, each (d, length of the text of H)."""
-
-    def make(*of: tuple[int, int], source: str = "someone"):
-        made = []
-        for d, letters in of:
-            q = tuple(float(k) for k in range(d))
-            orbits = [SimpleNamespace(name=f"o{k}", q=q, p=q) for k in range(d)]
-            system = SimpleNamespace(H="x" * letters, d=d, traits={"separable": d > 4})
-            made.append(SimpleNamespace(id=f"of-{d}", orbits=orbits, source=source, system=system, invariants=["L"]))
-        monkeypatch.setattr(catalogue, "_problems", lambda: tuple(made))
-        return catalogue.PROBLEMS_PAGE
-
-    return make
-
-
-def test_formulae_of_problems_are_shown_and_cut(problems):
-    longest = catalogue.LONGEST
-    shown = problems((4, longest), (5, longest + 1)).table({}.get).frame
-    assert shown["H (or invariant)"].tolist() == [
-        f"`{'x' * longest}`", f"`{'x' * (longest // 2)} … (see its module)`",
-    ]  # fmt: skip
-    assert shown["separable"].tolist() == ["no", "yes"]
-    assert shown["d"].tolist() == [4, 5]
-    assert shown["invariants"].tolist() == [1, 1]
-    many = problems(*((1, 1) for _ in range(ROWS + 3))).table({}.get).frame
-    assert len(many) == ROWS
-
-
-def test_orbits_show_four_numbers_of_their_state(problems):
-    whole = problems((4, 1), (5, 1)).whole({}.get)
-    assert len(whole) == 9
-    for column in ("q0", "p0"):
-        assert whole[column].iloc[0] == "0.0, 1.0, 2.0, 3.0"
-        assert whole[column].iloc[-1] == "0.0, 1.0, 2.0, 3.0, …"
-
-
-def test_problems_and_orbits_are_counted(problems):
-    page = problems((4, 1), (5, 1))
-    assert re.findall(r"\d+", page.answer({}.get)) == ["2", "9", "4", "5", "1"]
-    assert conclusion(page, {}.get)[0] == LIST
-
-
-def tables(*changes: dict) -> dict:
-    row = {"table": "t", "declared order": 4, "order": 4, "polished residual": 1e-50, "published residual": 1e-20}
-    return {"coefficients": pd.DataFrame([row | c for c in changes])}
-
-
-def test_tables_of_coefficients_must_have_their_order():
-    good = catalogue.orders(tables({}, {"polished residual": 1e-45}).get)
-    assert (good.outcome, good.measured, good.where) == (PASS, Count(2, 2), "")
-    bad = catalogue.orders(tables({}, {"table": "u", "order": 3}).get)
-    assert (bad.outcome, bad.measured, bad.where) == (FAIL, Count(1, 2), "u")
-
-
-def test_residuals_of_polished_coefficients_must_vanish():
-    good = catalogue.polished_residuals(tables({}, {"table": "u", "polished residual": catalogue.ZERO}).get)
-    assert (good.outcome, good.measured, good.where) == (PASS, catalogue.ZERO, "u")
-    assert catalogue.polished_residuals(tables({}, {"polished residual": 1.1 * catalogue.ZERO}).get).outcome == FAIL
-
-
-def test_smallest_error_constant_of_each_kind_is_shown():
-    more = {"stages": 3, "sum of sizes": 2.0}
-    every = product(("splitting", "nystrom", "composition"), (6, 4), ("0.5, 7", "0.25", "1.0"))
-    rows = [
-        {"kind": k, "declared order": o, "error constant": c, "table": f"{k[0]}{o} {c}"} | more for k, o, c in every
-    ]
-    shown = catalogue.COEFFICIENTS_PAGE.table(tables(*rows).get).frame
-    assert shown["table"].tolist() == [f"{k}{o} 0.25" for k in "snc" for o in (6, 4)]
-    assert shown["kind"].tolist()[0] == catalogue.KINDS["splitting"]
-    many = catalogue.COEFFICIENTS_PAGE.table(tables(*(rows[0] | {"declared order": k} for k in range(30))).get).frame
-    assert many["order"].tolist() == list(range(ROWS))
 
 
 # -- the talks ---------------------------------------------------------------------------------------------------------

@@ -16,9 +16,6 @@ import pytest
 from markdown_it import MarkdownIt
 
 from phasebench.benchmarks import report, style
-from phasebench.benchmarks.experiments.catalogue import acta_page as acta
-from phasebench.benchmarks.experiments.catalogue import page as catalogue
-from phasebench.benchmarks.experiments.catalogue.acta import NO_SOURCE
 from phasebench.benchmarks.experiments.invariants import page as invariants
 from phasebench.benchmarks.experiments.matrix import page as matrix
 from phasebench.benchmarks.experiments.orders import page as orders
@@ -479,14 +476,6 @@ DRIFTS = frame(
 )
 MOMENTA = frame({"id": "scheme-iv", "method": "scheme-iv"}, **LONG, energy_max=1e-15, energy_drift_low=-1.0,
                 energy_drift_high=1.0, **{"angular-momentum_max": 1e-15})  # fmt: skip
-TABLES = frame(
-    {"table": "t", "declared order": "4", "order": "4", "polished residual": 1e-50, "published residual": 1e-20}
-)
-ACTA = frame(
-    {"id": "a", "printed order": "8,4", "order": "8,4", "kernel order": "", "processed": False},
-    {"id": "b", "printed order": "7,6", "order": "7,6,4", "kernel order": "3,2,2", "processed": True},
-    work="x", **{"digits printed": 15.0, "digits that hold": 15.0, "why not": ""},
-)  # fmt: skip
 FACES = frame(
     {"panel": "implicit midpoint", "area": 1.0},
     {"panel": "explicit Euler", "area": 1.0},
@@ -528,13 +517,6 @@ BOTH_WAYS = {
     "drift": (invariants.drifting, {"rows": DRIFTS}, "rows",
               {"energy_max": 1e-9, "energy_drift": 1e-12, "energy_drift_low": 9e-13, "energy_drift_high": 1.1e-12}),
     "momentum": (invariants.momentum, {"rows": MOMENTA}, "rows", {"angular-momentum_max": 1e-6}),
-    "coefficients": (catalogue.orders, {"coefficients": TABLES}, "coefficients", {"order": "2"}),
-    "polished": (catalogue.polished_residuals, {"coefficients": TABLES}, "coefficients", {"polished residual": 1e-16}),
-    "acta coverage": (acta.coverage, {"acta": ACTA}, "acta", {"id": "", "why not": "no time"}),
-    "acta sources": (acta.sources, {"acta": ACTA}, "acta", {"id": "", "why not": NO_SOURCE}),
-    "acta orders": (acta.orders, {"acta": ACTA}, "acta", {"order": "6,6,4"}),
-    "acta digits": (acta.printed_digits, {"acta": ACTA}, "acta", {"digits that hold": 12.0}),
-    "acta processors": (acta.processors, {"acta": ACTA}, "acta", {"kernel order": "7,6,4"}),
     "areas": (talks.areas, {"talk_curves": FACES}, "talk_curves", {"area": 1.1}),
     "area of Euler": (talks.euler_area, {"talk_curves": FACES.iloc[[1, 2]]}, "talk_curves", {"area": 1.0}),
     "level curves": (talks.level_curves, {"talk_curves": PREY}, "talk_curves", {"energy_error": 6.0}),

@@ -68,7 +68,7 @@ def test_the_page_is_that_of_the_committed_rows(study, data, tmp_path):
 def spoiled(frame: pd.DataFrame, keys: set[str]) -> Iterator[pd.DataFrame]:
     """Copies of a table with a wrong column, save texts of keys: in all rows, every other one, those of a text.
 
-    Then copies in which all numbers are wrong, a column has one number, or the numbers of another column, or other
+    Then copies in which all numbers are wrong, a column has one number, or the values of another column, or other
     wrong texts.
     """
     texts = frame.select_dtypes(exclude="number")
@@ -84,8 +84,10 @@ def spoiled(frame: pd.DataFrame, keys: set[str]) -> Iterator[pd.DataFrame]:
     numbers = frame.select_dtypes("number")
     yield from (frame.assign(**{c: spoil(numbers[c].astype(float)) for c in numbers}) for spoil in SPOIL)
     yield from (frame.assign(**{one: frame[one].iloc[0]}) for one in numbers)
-    yield from (frame.assign(**{one: frame[other]}) for one, other in permutations(numbers, 2))
-    yield from (frame.assign(**{column: text}) for column in texts.columns.difference(keys) for text in TEXTS)
+    columns = texts.columns.difference(keys)
+    pairs = [*permutations(numbers, 2), *permutations(columns, 2)]
+    yield from (frame.assign(**{one: frame[other]}) for one, other in pairs)
+    yield from (frame.assign(**{column: text}) for column in columns for text in TEXTS)
 
 
 #: The columns of the keys of each table.

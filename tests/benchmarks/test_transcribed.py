@@ -1,4 +1,4 @@
-"""Tables of coefficients transcribed from packages: what is found of them, and what their page makes of it."""
+"""Tables of coefficients transcribed from packages: what is found of them."""
 
 from __future__ import annotations
 
@@ -8,15 +8,13 @@ from dataclasses import replace
 import mpmath
 import pytest
 
-from phasebench.benchmarks.experiments.catalogue import transcribed, transcribed_page
-from phasebench.benchmarks.page.verdict import FAIL, FINDING, PASS
+from phasebench.benchmarks.studies.catalogue import tables as transcribed
 from support.commands import call
-from support.pages import outcomes
 
 TABLES = transcribed.read()
 
 
-@pytest.mark.parametrize("table", TABLES, ids=lambda t: f"{t.package} {t.name}")
+@pytest.mark.parametrize("table", TABLES.values(), ids=map(" ".join, TABLES))
 def test_table_says_where_it_stands_and_is_consistent(table):
     assert table.line > 0
     assert table.commit
@@ -48,16 +46,16 @@ def test_table_says_where_it_stands_and_is_consistent(table):
 )
 def test_orders_and_lost_digits(package, name, order, digits):
     """Exact numbers, printed ones, rational approximations; tables with a wrong sequence or a wrong exponent."""
-    found = transcribed.check(transcribed.find(package, name))
+    found = transcribed.check(TABLES[package, name])
     assert found["order"] == order
     assert (None if digits is None else found["digits printed"] - found["digits that hold"]) == digits
 
 
 def test_changed_digit_loses_the_order():
-    table = transcribed.find("SUNDIALS", "ARKODE_SPRK_YOSHIDA_6_8")
-    gamma = list(table.numbers["gamma"])
+    table = TABLES["SUNDIALS", "ARKODE_SPRK_YOSHIDA_6_8"]
+    gamma = list(table.gamma)
     gamma[1] = gamma[1][:10] + ("1" if gamma[1][10] != "1" else "2") + gamma[1][11:]
-    found = transcribed.check(replace(table, numbers={"gamma": gamma}))
+    found = transcribed.check(replace(table, gamma=tuple(gamma)))
     assert found["order"] == "0"
     assert found["digits that hold"] < 12
 
@@ -66,42 +64,6 @@ def test_decimals_are_exact():
     with mpmath.workdps(60):
         assert transcribed.evaluate("0.1") == mpmath.mpf(1) / 10
         assert abs(transcribed.evaluate("1/(2 - 2**(1/3))") - 1 / (2 - mpmath.cbrt(2))) < 1e-58
-
-
-ROW = {
-    "package": "A",
-    "name": "one",
-    "repository": "a/a",
-    "path": "src/a.c",
-    "line": 1,
-    "commit": "c",
-    "read": "2026-01-01",
-    "stated order": "4",
-    "named order": "",
-    "order": "4",
-    "measured order": 4.02,
-    "low": 3.9,
-    "high": 4.1,
-    "digits printed": 16.0,
-    "digits that hold": 16.0,
-    "used": "",
-    "remark": "",
-}
-NAMED = ROW | {"name": "two", "stated order": "", "named order": "4"}
-
-
-@pytest.mark.parametrize(
-    ("changed", "outcome"),
-    [
-        ({}, [PASS, PASS, PASS, PASS]),
-        ({"order": "2", "measured order": 2.0, "low": 1.9, "high": 2.1}, [FINDING, FINDING, PASS, PASS]),
-        ({"measured order": 3.0, "low": 2.9, "high": 3.1}, [PASS, PASS, FAIL, PASS]),
-        ({"digits that hold": 12.0}, [PASS, PASS, PASS, FINDING]),
-    ],
-)
-def test_verdicts_follow_the_rows(changed, outcome):
-    rows = [ROW | changed, NAMED | changed]
-    assert outcomes(transcribed_page.PAGE.verdicts, {transcribed_page.TABLE: rows}) == outcome
 
 
 def test_command_checks_the_tables_of_a_package():

@@ -1,1 +1,0 @@
-"""Pages that list what the project has: methods, problems, coefficient tables."""
