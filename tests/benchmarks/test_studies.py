@@ -37,7 +37,7 @@ CLAIMS = [
 ]
 #: Ways to make texts, and numbers, wrong.
 TEXTS = (None, f"{UNCOMPILED}wrong")
-SPOIL = (lambda x: x * 1e9, lambda x: x * 1e-9, lambda x: x + 17.0, lambda x: -x, lambda x: x * 10)
+SPOIL = (lambda x: x * 1e9, lambda x: x * 1e-9, lambda x: x + 17.0, lambda x: -x, lambda x: x * 10, lambda x: x * x)
 
 
 @pytest.fixture(scope="module")

@@ -1,5 +1,5 @@
 """What a step, a run, a first run cost."""
 
-from . import start, step
+from . import large, solvers, start, step
 
-STUDIES = (step.STUDY, start.STUDY)
+STUDIES = (step.STUDY, start.STUDY, large.STUDY, solvers.STUDY)
