@@ -18,6 +18,8 @@ TYPE_CHECKING = False
 if TYPE_CHECKING:
     from phasebench.benchmarks.advice.table import Advice as Advice
     from phasebench.benchmarks.advice.table import advise as advise
+    from phasebench.benchmarks.audit.audit import Audit as Audit
+    from phasebench.benchmarks.audit.audit import audit as audit
     from phasebench.benchmarks.certificate.certificate import validate as validate
     from phasebench.benchmarks.certificate.result import Certificate as Certificate
     from phasebench.benchmarks.measure.certify import CertifiedState as CertifiedState

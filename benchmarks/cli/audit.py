@@ -45,8 +45,8 @@ def audit(
         else:
             _show_tables(checked)
         return
-    from phasebench.benchmarks.experiments.audit.audit import audit as measure
-    from phasebench.benchmarks.experiments.audit.table import show
+    from phasebench.benchmarks.audit.audit import audit as measure
+    from phasebench.benchmarks.audit.table import show
 
     with invalid_input(), telling("audit") as tell:
         _own_steps_are_validated(peer)
@@ -76,13 +76,13 @@ def _stated(packages: set[str], progress: Callable[[str], None]) -> list[dict]:
     A row has the statement (``said``) and its ``verdict``.  If a script cannot run on this machine, its statements are
     not judged, and their rows tell the ``reason``.
     """
-    from phasebench.benchmarks.experiments.audit import statement_cells
+    from phasebench.benchmarks.studies.audit import statements
 
     rows = []
-    for script, members in statement_cells.BY_SCRIPT.items():
+    for script, members in statements.BY_SCRIPT.items():
         if members[0].package in packages:
             progress(script)
-            rows += statement_cells.measure_rows(script)["audit_statements"]
+            rows += statements.measure(script)
     return rows
 
 

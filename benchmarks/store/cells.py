@@ -150,7 +150,7 @@ SEPARATOR = "-"
 class Package:
     """Stands for the installed version of a package among the parts of `content`."""
 
-    name: str
+    package: str
 
 
 def content(*parts: object, code: Iterable[str] = ()) -> str:
@@ -175,7 +175,7 @@ def content(*parts: object, code: Iterable[str] = ()) -> str:
             pieces.append(exact((part.name, part.parameters)))
             modules.append(part.module)
         elif isinstance(part, Package):
-            packages.add(part.name)
+            packages.add(part.package)
         else:
             pieces.append(exact(part))
     versions = [version_of(name) for name in sorted(packages)]

@@ -5,15 +5,13 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import pandas as pd
 import pytest
 
-from phasebench.benchmarks.experiments.audit import bench_audit, modes, page
-from phasebench.benchmarks.experiments.audit.audit import CONTROLS
+from phasebench.benchmarks.audit import cases
 from phasebench.benchmarks.measure.integrator import Integrator
-from phasebench.benchmarks.page.verdict import FINDING, PASS, Count
 from phasebench.benchmarks.store import workers
-from phasebench.reference.peers import BY_ID, PEERS, Run, floating
+from phasebench.benchmarks.studies.audit import modes
+from phasebench.reference.peers import BY_ID, Run, floating
 from support import toy_cells
 from support.flushing import flush, only_there
 from support.planted import control
@@ -88,14 +86,6 @@ def test_row_names_the_package_and_runs_every_step():
     assert task.times[-1] == pytest.approx(modes.STEPS * task.h)
 
 
-def test_every_peer_and_control_is_in_one_cell():
-    cells = modes.cells(CONTROLS)
-    assert [c.key["package"] for c in cells] == [*dict.fromkeys(p.package for p in PEERS), "phasebench"]
-    ids = [id for c in cells for id in c.arguments[0]]
-    assert ids == [*(p.id for p in PEERS), *CONTROLS]
-    assert all({*c.arguments[0], c.key["package"]} <= c.names for c in cells)
-
-
 def test_peer_without_a_problem_is_skipped():
     nothing = Integrator(replace(control("rk4"), lacks=lambda problem, system: "it cannot"))
     assert modes.row(nothing)["status"] == "skipped"
@@ -107,14 +97,14 @@ IDS = ("rk4", "gauss-2", "rebound-leapfrog")
 @pytest.mark.parametrize(("good", "processes"), [(True, 1), (False, 3)])
 def test_process_is_replaced_after_a_mode_change(monkeypatch, importable, good, processes):
     monkeypatch.setattr(modes, "judge", toy_cells.judge_well if good else toy_cells.judge_badly)
-    rows = modes.measure(IDS)[modes.TABLE]
+    rows = modes.judge_all(IDS)
     assert [r["peer"] for r in rows] == list(IDS)
     assert len({r["in"] for r in rows}) == processes
 
 
 def test_dead_process_gives_a_row_and_the_next_continues(monkeypatch, importable):
     monkeypatch.setattr(modes, "judge", toy_cells.judge_dying_of_rk4)
-    died, *others = modes.measure(IDS)[modes.TABLE]
+    died, *others = modes.judge_all(IDS)
     assert (died["peer"], died["status"], died["mode"]) == ("rk4", "invalid", None)
     assert died["reason"] == workers.DIED
     assert [r["peer"] for r in others] == ["gauss-2", "rebound-leapfrog"]
@@ -122,7 +112,7 @@ def test_dead_process_gives_a_row_and_the_next_continues(monkeypatch, importable
 
 def test_peer_that_died_after_others_is_judged_alone(monkeypatch, importable):
     monkeypatch.setattr(modes, "judge", toy_cells.judge_dying_second)
-    rows = modes.measure(IDS)[modes.TABLE]
+    rows = modes.judge_all(IDS)
     assert [r["peer"] for r in rows] == list(IDS)
     assert len({r["in"] for r in rows}) == 3, "each was the first of its process"
 
@@ -130,57 +120,19 @@ def test_peer_that_died_after_others_is_judged_alone(monkeypatch, importable):
 def test_hanging_process_gives_a_row(monkeypatch, importable):
     monkeypatch.setattr(modes, "judge", toy_cells.judge_never)
     monkeypatch.setattr(modes, "SECONDS", 0.5)
-    (row,) = modes.measure(("rk4",))[modes.TABLE]
+    (row,) = modes.judge_all(["rk4"])
     assert (row["peer"], row["status"], row["mode"]) == ("rk4", "invalid", None)
     assert row["reason"] == workers.LATE
 
 
 def test_whfast512_changes_the_mode_in_a_fresh_process():
     whfast = BY_ID["rebound-whfast512"]
-    if whfast.lacks(None, modes.cases.problem(modes.cases.BY_NAME["kepler"]).system):
+    if whfast.lacks(None, cases.problem(cases.BY_NAME["kepler"]).system):
         pytest.skip("no AVX512")
-    found = {r["peer"]: r for r in modes.measure((whfast.id, "rebound-whfast-plain"))[modes.TABLE]}
+    found = {r["peer"]: r for r in modes.judge_all([whfast.id, "rebound-whfast-plain"])}
     assert {r["status"] for r in found.values()} == {"ok"}
     assert found["rebound-whfast-plain"]["mode"] == modes.KEPT
     assert floating.gradual()
     if found[whfast.id]["version"] != "5.2.2":
         pytest.skip("what other versions do is not known")
     assert found[whfast.id]["mode"] == modes.BY_RUN
-
-
-# -- the page ----------------------------------------------------------------------------------------------------------
-
-
-def modes_table(*of: tuple[str, str | None, str]) -> pd.DataFrame:
-    """A table of audited peers, each (id, whether or when it changes the floating-point mode, status)."""
-    rows = [{"peer": p, "mode": m, "status": s, "package": p.partition("-")[0]} for p, m, s in of]
-    return pd.DataFrame(rows).assign(version="1.2", reason="")
-
-
-GOOD = modes_table(("p-1", modes.KEPT, "ok"), ("p-2", modes.KEPT, "ok"), ("p-3", None, "skipped"))
-BAD = modes_table(("p-1", modes.KEPT, "ok"), ("p-2", modes.BY_RUN, "ok"), ("q-1", modes.BY_LOADING, "ok"))
-OURS = modes_table(("phasebench-x", modes.BY_RUN, "ok"))
-
-
-def test_peers_that_change_the_mode_are_named():
-    good, bad = page.left_as_found({modes.TABLE: GOOD}.get), page.left_as_found({modes.TABLE: BAD}.get)
-    assert (good.outcome, good.measured, good.where) == (PASS, Count(2, 2), "")
-    assert (bad.outcome, bad.measured, bad.where) == (FINDING, Count(1, 3), "p-2 and q-1")
-    assert page.left_as_found({modes.TABLE: GOOD.tail(1)}.get) is None
-    assert page.left_as_found({}.get) is None
-    assert page.left_as_found({modes.TABLE: OURS}.get) is None, "a control is no peer"
-
-
-def test_each_mode_change_is_a_line_of_the_table():
-    shown = page.table({modes.TABLE: BAD}.get).frame
-    assert shown[["package", "said", "verdict"]].to_numpy().tolist() == [
-        ["p 1.2", "(nothing) p-2", "floating-point mode changed by a run"],
-        ["q 1.2", "(nothing) q-1", "floating-point mode changed as the package is loaded"],
-    ]
-    assert page.table({modes.TABLE: GOOD}.get) is None
-
-
-def test_control_that_changes_the_mode_fails_the_run():
-    bench_audit.bench_audit_modes({modes.TABLE: [*GOOD.to_dict("records"), *BAD.to_dict("records")]}.get)
-    with pytest.raises(AssertionError, match="phasebench-x"):
-        bench_audit.bench_audit_modes({modes.TABLE: OURS.to_dict("records")}.get)

@@ -1,80 +1,65 @@
-"""Statements in the documentation of packages: quoted exactly, true and false ones judged, tested by standalone
-scripts.
-"""
+"""Statements of packages' documentation: quoted exactly, judged by what scripts print, scripts that stand alone."""
 
 from __future__ import annotations
 
-import ast
 import importlib
 import importlib.metadata
 import json
 import re
 import shutil
-from dataclasses import replace
 from pathlib import Path
 
-import pandas as pd
 import pytest
 
-from phasebench.benchmarks.experiments.audit import page, statement_cells, statements, unregistered
-from phasebench.benchmarks.experiments.audit.said import BY_SCRIPT, STATEMENTS
 from phasebench.benchmarks.judge.verdict import CONTRADICTED, HOLDS, UNDERSTATED, UNJUDGED
 from phasebench.benchmarks.store import cells, tables
+from phasebench.benchmarks.studies import audit as study
+from phasebench.benchmarks.studies.audit import statements, unregistered
+from phasebench.benchmarks.studies.audit.statements import BY_SCRIPT
 from phasebench.reference.peers import BY_ID, PEERS
 from support.commands import call
-from support.needs import need
 from support.pages import REPORTS
 
-OK = "1.0e-16"
-#: The orders that SUNDIALS states, of q and of H.
-SPRK = tuple(f"{x:.2f}" for x in (1, 2, 2, 2, 3, 3, 4, 6, 8, 4, 5, 4, 5) for _ in "qH")
-#: script -> (values for which its statements hold, values for which they do not, the verdict on the latter).
-VALUES = {
-    "galpy_dt": (("1e-15", "1.8", OK), ("1.8", "1e-15", OK), CONTRADICTED),
-    "desolver_fixed_steps": (("0.10, 0.10",) * 5, ("0.10, 0.10", "0.10, 0.30", *("0.10, 0.10",) * 3), CONTRADICTED),
-    "desolver_radau_iia_3": (("1.0", "1.0", "2.98"), ("1.0", "1.0833", "1.00"), CONTRADICTED),
-    "desolver_orders": (("8.01", "6.98", "6.1", "1.0"), ("7.02", "4.01", "4.00", "0.40"), CONTRADICTED),
-    "desolver_richardson": ((OK, OK, OK, "True"), (OK, "1.9e-05", OK, "True"), CONTRADICTED),
-    "desolver_richardson_default": (("1e-3", "1e-2"), ("0.0e+00", "1e-2"), CONTRADICTED),
-    "desolver_lobatto_iiib_2": (("False", "True", "1e-3"), ("False", "True", "0.0e+00"), UNDERSTATED),
-    "gala_time_dependent": (("2.0", "4.0", "5.0"), ("2.0", "1.0", "5.0"), CONTRADICTED),
-    "gala_leapfrog_energy": ((OK, OK), ("2.50e-03", OK), CONTRADICTED),
-    "gala_rk5_coefficients": (("0.4", OK), (OK, "0.4"), CONTRADICTED),
-    "gala_dopri853_order": (("5.0",), ("7.93",), UNDERSTATED),
-    "gala_dopri853_defaults": (("1e-6", "1e-6", "1e-5"), ("1e-5", "1e-6", "0.00e+00"), CONTRADICTED),
-    "blackjax_stability": (("2.000", "4.662", "2.553"), ("1.4", "3.0", "2.553"), CONTRADICTED),
-    "blackjax_midpoint": ((OK, OK, OK, OK), ("2.4e-06", OK, OK, OK), CONTRADICTED),
-    "mujoco_free_body": (("0", "-0.56", "50000", "2.89", "2.00"), ("4", "0.1", "50000", "2.89", "1.0"), CONTRADICTED),
-    "mujoco_rk4": (("1.5e-04", *("2.0e-01",) * 3), ("1.5e-01", *("2.0e-02",) * 3), CONTRADICTED),
-    "jax_md_step": (("float64", "0.1", "0.0e+00"), ("float64", "0.10000000149011612", "1.5e-08"), CONTRADICTED),
-    "openmm_variable_verlet": (("4.0e-02", "1.4e-04"), ("1.4e-04", "4.0e-02"), CONTRADICTED),
-    "pynamicalsys_newton": (("a state", "a state"), ("a state", "RuntimeError"), CONTRADICTED),
-    "pyhamsys_projection": (("symmetric", "1e-3"), ("midpoint", "0.0e+00"), CONTRADICTED),
-    "pyhamsys_extension": ((OK, OK), (OK, "3.2e-08"), CONTRADICTED),
-    "pyhamsys_step": (("0.0995", "0.0299", "0.1", "1.0"), ("0.0995", "0.0299", "0.0391", "0.2"), CONTRADICTED),
-    "pyhamsys_times": (("0.13, 1.27",) * 2, ("0.13, 1.27", "0.10, 1.24"), CONTRADICTED),
-    "diffrax_sil3": (("3.0", "2.99", "0.3333"), ("3.0", "2.1", "0.3889"), CONTRADICTED),
-    "diffrax_reversible_heun": (("5.9e-15", "1e-5"), ("1e-5", "1e-5"), CONTRADICTED),
-    "diffrax_a_stability": (("-1e-4", "1e-6", "0.0", "1e-6"), ("-1e-4", "1e-6", "1e-3", "1e-6"), CONTRADICTED),
-    "rebound_janus_reversible": (("0",) * 5, ("0", "0", "3", "0", "0"), CONTRADICTED),
-    "rebound_leapfrog_order_4": (("2.0", "2.0", "6.0", "8.0"), ("2.0", "3.99", "6.0", "8.0"), UNDERSTATED),
-    "rebound_correctors": (("2.0", "3.99", "5.99"), ("2.0", "2.01", "5.99"), CONTRADICTED),
-    "rebound_whfast_bitwise": (("12", "0"), ("12", "3"), CONTRADICTED),
-    "scipy_orders": (("3.0", "5.04", "7.97"), ("3.0", "4.04", "7.97"), CONTRADICTED),
-    "galpy_ias15_tolerance": (("1e-3", "1e-2"), ("0.0e+00", "1e-2"), CONTRADICTED),
-    "heyoka_tolerance": (("3.6e-14", "4.1e-14"), ("3.6e-14", "4.1e-11"), CONTRADICTED),
-    "sundials_orders": (SPRK, (*SPRK[:18], "3.03", *SPRK[19:]), CONTRADICTED),
-    "boost_velocity_verlet": (("1.02", "1"), ("2.00", "1"), UNDERSTATED),
-    "sundials_memory": (("0", "0"), ("100", "0"), CONTRADICTED),
-    "sundials_time_dependent": (("2.01", "3.99", "6.0", "0.5"), ("2.01", "1.00", "6.0", "1.0"), CONTRADICTED),
-    "sundials_relaxation": (("std::bad_cast", "0", "0"), ("std::bad_cast",) * 3, CONTRADICTED),
-    "sundials_names": (("5", "5", "10", "10"), ("5", "6", "10", "10"), CONTRADICTED),
-    "sundials_compensated": (("1.6e-14", "4.4e-16"), ("1.6e-14", "1.5e-14"), CONTRADICTED),
-    "sundials_kepler": ((OK,) * 9, (*(OK,) * 8, "1.2e-08"), CONTRADICTED),
+STATEMENTS = [s for members in BY_SCRIPT.values() for s in members]
+#: Script -> a change of the values that it printed for the report, {place: value}, and the verdicts that follow.
+CHANGED = {
+    "galpy_dt": ({0: "1e-15"}, HOLDS),
+    "desolver_fixed_steps": (dict.fromkeys(range(5), "0.10, 0.10, 0.10, 0.10"), HOLDS),
+    "desolver_radau_iia_3": ({2: "2.98"}, HOLDS),
+    "desolver_lobatto_iiib_2": ({2: "1e-3"}, HOLDS),
+    "gala_time_dependent": ({k: f"{x}" for k, x in enumerate((2, 4, 5))}, HOLDS),
+    "gala_dopri853_defaults": ({2: "1e-5"}, HOLDS),
+    "diffrax_a_stability": ({2: "1e-3"}, CONTRADICTED),
+    "mujoco_rk4": ({0: "1.5e-1"}, CONTRADICTED),
+    "openmm_variable_verlet": ({0: "1e-5"}, CONTRADICTED),
+    "pynamicalsys_newton": ({1: "a state"}, HOLDS),
+    "pyhamsys_projection": ({0: "symmetric"}, HOLDS),
+    "pyhamsys_step": ({2: "0.1", 3: "1.0"}, HOLDS),
+    "pyhamsys_times": ({1: "0.00, 0.13, 1.27, 2.00"}, HOLDS),
+    "rebound_janus_reversible": ({2: "3"}, CONTRADICTED),
+    "rebound_leapfrog_order_4": ({1: "2.0"}, HOLDS),
+    "heyoka_tolerance": ({1: "4.1e-11"}, CONTRADICTED),
+    "sundials_relaxation": ({1: "0"}, HOLDS),
+    "sundials_names": ({1: "5", 3: "10"}, HOLDS),
+    "sundials_compensated": ({1: "1.5e-14"}, CONTRADICTED),
+    "sundials_kepler": ({8: "1.2e-08"}, CONTRADICTED),
+    "boost_velocity_verlet": ({0: "1.02"}, HOLDS),
 }
 
 
-# -- quotations ---------------------------------------------------------------------------------------------------
+@pytest.fixture(scope="module")
+def stored():
+    """The committed rows of statements, by script."""
+    rows = tables.Table(REPORTS / "data", "audit_statements").rows
+    return {script: [row for row in rows if row["script"] == script] for script in BY_SCRIPT}
+
+
+def values(row: dict) -> list[str]:
+    """The values that a script printed."""
+    return [line.rsplit(" = ", 1)[1] for line in row["printed"].split("; ")]
+
+
+# -- quotations --------------------------------------------------------------------------------------------------------
 
 
 def documentation(where: str) -> str:
@@ -100,7 +85,7 @@ def documentation(where: str) -> str:
 
 
 #: A guide does not come with its package.
-INSTALLED = [s for s in STATEMENTS if s.where and not s.where.startswith("guide:")]
+INSTALLED = [s for s in STATEMENTS if not s.where.startswith("guide:")]
 
 
 @pytest.mark.parametrize("statement", INSTALLED, ids=lambda s: f"{s.script}-{s.where}")
@@ -116,145 +101,90 @@ def test_statements_are_complete():
         assert s.link.startswith("https://")
         assert s.severity in (*statements.SEVERITIES, "")
         assert bool(s.severity) <= bool(s.mend), s.script
-        assert all(peer in BY_ID for peer, _ in s.covers)
+        assert all(claim.partition(":")[0] in BY_ID for claim in s.covers)
         assert len(s.mend) <= 76, s.script
-    assert {p.stem for p in statements.SCRIPTS.glob("*.py")} == set(BY_SCRIPT)
+        assert f"def {s.script}():" in statements.file_of(s.script).read_text()
+
+
+@pytest.mark.parametrize(
+    ("text", "where", "quoted"),
+    [
+        ("order = 4", "pack:Solver.order", "Solver.order = 4"),
+        ("order = 4", "pack:Solver.digits", "order = 4"),
+        ("x" * study.QUOTED, "mod:f", "x" * study.QUOTED),
+        ("word " * 9 + "worse", "mod:f", "word word word word word word …"),
+    ],
+)
+def test_statements_are_quoted_by_their_first_words(text, where, quoted):
+    assert study.quote(text, where) == quoted
+
+
+# -- verdicts ----------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("script", BY_SCRIPT)
-def test_script_is_short_and_does_without_this_suite(script):
-    text = (statements.SCRIPTS / f"{script}.py").read_text()
-    assert "phasebench" not in text
-    assert text.startswith('"""')
-    assert len(text.splitlines()) <= 36
+def test_the_stored_rows_are_those_of_the_printed_values(script, stored):
+    for statement, row in zip(BY_SCRIPT[script], stored[script], strict=True):
+        found = statements.row(statement, values(row), row["printed"])
+        assert {k: row[k] or "" for k in found if k != "version"} == {k: found[k] for k in found if k != "version"}
+        assert len(found["shows"]) <= 135, "a line of the page's table has at most 400 characters"
+        assert statements.row(statement, [], "", "no package")["verdict"] == UNJUDGED
 
 
-# -- verdicts -----------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("script", [s for s in BY_SCRIPT if s != "rebound_whfast_orders"])
-def test_verdict_follows_the_printed_values(script):
-    good, bad, verdict = VALUES[script]
-    assert {s.verdict(list(good)) for s in BY_SCRIPT[script]} == {HOLDS}
-    assert {s.verdict(list(bad)) for s in BY_SCRIPT[script]} == {verdict}
-    for s in BY_SCRIPT[script]:
-        row = statements.row(s, list(bad), "a = 1")
-        assert row["verdict"] == verdict
-        assert 0 < len(row["shows"]) <= 135, "a line of the page's table has at most 400 characters"
-        assert statements.row(s, [], "", "no package")["verdict"] == UNJUDGED
-    assert any(s.severity and s.mend for s in BY_SCRIPT[script]) or verdict == CONTRADICTED
+@pytest.mark.parametrize("script", CHANGED)
+def test_verdict_follows_the_printed_values(script, stored):
+    other, verdict = CHANGED[script]
+    (row,) = stored[script]
+    changed = [other.get(k, value) for k, value in enumerate(values(row))]
+    assert row["verdict"] != verdict
+    assert statements.row(BY_SCRIPT[script][0], changed)["verdict"] == verdict
 
 
 @pytest.mark.parametrize(
-    ("order", "verdict"),
-    [("4.29", HOLDS), ("3.71", HOLDS), ("4.4", UNJUDGED), ("4.51", UNDERSTATED), ("3.49", CONTRADICTED)],
-)
-def test_verdict_on_a_measured_order(order, verdict):
-    assert statements.near(0, 4)([order]) == verdict
-
-
-@pytest.mark.parametrize(("value", "verdict"), [("-9e-7", HOLDS), ("5e-6", UNJUDGED), ("-1.1e-5", CONTRADICTED)])
-def test_verdict_on_a_bound(value, verdict):
-    assert statements.below(1e-6)(["0", value]) == verdict
-    assert statements.below(1e-6, 0)(["0", value]) == HOLDS
-
-
-@pytest.mark.parametrize(
-    ("judge", "values", "verdict"),
+    ("condition", "printed", "verdict"),
     [
-        (statements.near(0, 2.0), ["2.5"], UNDERSTATED),
-        (statements.near(0, 2.0), ["1.5"], CONTRADICTED),
-        (statements.below(0.5), ["0.5", "-0.5"], HOLDS),
-        (statements.below(0.5), ["0.1", "5.0"], UNJUDGED),
-        (statements.below(0.5, 0), ["0.1", "9.0"], HOLDS),
-        (statements.a_l_stable, ["1e-12", "0.99e-4", "0", "0"], HOLDS),
-        (statements.a_l_stable, ["0", "0", "2e-12", "0"], CONTRADICTED),
-        (statements.a_l_stable, ["0", "1e-4", "0", "0"], CONTRADICTED),
-        (statements.a_l_stable, ["0", "0", "0", "9e-4"], CONTRADICTED),
-        (statements.judge_denial(0, 1), ["False", "0.9e-12"], UNDERSTATED),
-        (statements.judge_denial(0, 1), ["False", "1e-12"], HOLDS),
-        (statements.judge_denial(0, 1), ["True", "0"], HOLDS),
-        (statements.steps_near((1.0, 4.0), 0.25), ["1.25", "3.0"], HOLDS),
-        (statements.steps_near((1.0, 4.0), 0.25), ["1.25", "2.9"], CONTRADICTED),
-        (statements.differs(1), ["1", "0.0"], CONTRADICTED),
-        (statements.differs(0), ["1e-300"], HOLDS),
+        ("{0} ~ 4", "4.29", HOLDS),
+        ("{0} ~ 4", "3.71", HOLDS),
+        ("{0} ~ 4", "4.4", UNJUDGED),
+        ("{0} ~ 4", "4.5", UNDERSTATED),
+        ("{0} ~ 4", "3.5", CONTRADICTED),
+        ("{0} <= 1e-6", "-1e-6", HOLDS),
+        ("{0} <= 1e-6", "9e-6", UNJUDGED),
+        ("{0} <= 1e-6", "-1.1e-5", CONTRADICTED),
+        ("{0} <= 0", "1e-300", CONTRADICTED),
+        ("0 < {0}", "0.0e+00", CONTRADICTED),
+        ("0 < {0}", "1e-300", HOLDS),
+        ("{0} < 0.1 * {0}", "-1", HOLDS),
+        ("{0} < 3 * 2", "6.1", CONTRADICTED),
+        ("{0} == symmetric", "symmetric", HOLDS),
+        ("{0} == symmetric", "midpoint", CONTRADICTED),
+        ("0 in a, 0; {0}", "0", HOLDS),
+        ("0 in a, 0; {0}", "00", CONTRADICTED),
     ],
 )
-def test_verdict_thresholds(judge, values, verdict):
-    assert judge(values) == verdict
+def test_verdict_on_a_condition(condition, printed, verdict):
+    assert statements.judge(condition, [printed]) == verdict
 
 
-def version_is(monkeypatch, version_of):
-    for module in (statements, cells):
-        monkeypatch.setattr(module, "version_of", version_of)
+# -- scripts -----------------------------------------------------------------------------------------------------------
 
 
-def test_package_version_is_in_rows_and_cell_contents(monkeypatch):
-    statement = STATEMENTS[0]
-    version_is(monkeypatch, lambda package: "1.2")
-    assert statements.row(statement, [])["version"] == "1.2"
-    before = {c.key["script"]: c.content for c in statement_cells.cells()}
-    version_is(monkeypatch, lambda package: "1.3")
-    after = {c.key["script"]: c for c in statement_cells.cells()}
-    assert all(before[script] != c.content and not c.outdated(before[script]) for script, c in after.items())
-    version_is(monkeypatch, lambda package: None)
-    assert statements.row(statement, [], reason="not there")["version"] == "absent"
-    assert not any(c.available for c in statement_cells.cells())
+def test_only_a_scripts_own_lines_are_its_values(tmp_path, monkeypatch):
+    for name in ("__main__.py", "shared.py"):
+        shutil.copy(statements.file_of("galpy_dt").with_name(name), tmp_path)
+    file = tmp_path / "of_a.py"
+    monkeypatch.setattr(statements, "file_of", lambda script: file)
 
+    def run(body: str):
+        file.write_text(f"def a_b():\n    print('stray = 1')\n    {body}\n    yield 'x = y', 2\n")
+        return statements.run("a_b")
 
-def test_worst_of_several_verdicts_counts():
-    def of(verdict):
-        return lambda values: verdict
-
-    every = statements.every
-    assert every(of(HOLDS), of(CONTRADICTED), of(UNDERSTATED))([]) == CONTRADICTED
-    assert every(of(HOLDS), of(UNJUDGED), of(UNDERSTATED))([]) == UNJUDGED
-    assert every(of(HOLDS), of(UNDERSTATED))([]) == UNDERSTATED
-    assert every(of(HOLDS), of(HOLDS))([]) == HOLDS
-
-
-# -- scripts ------------------------------------------------------------------------------------------------------
-
-
-def test_printed_assignments_are_parsed():
-    assert statements.parse_output("Using a backend\na = b = 1\nx, y = 2.0, 3\n") == {"a = b": "1", "x, y": "2.0, 3"}
-
-
-def test_failing_or_silent_script_judges_nothing(tmp_path, monkeypatch):
-    path = tmp_path / "a.py"
-    texts = ("raise ImportError('no such package')", "no such package"), ("", "it printed nothing")
-    for text, why in (*texts, ("print('a = 1'); raise ValueError('half way')", "half way")):
-        path.write_text(text)
-        values, lines, reason = statements.run(path)
-        assert (values, lines) == ([], "")
-        assert why in reason
-    path.write_text("import time; time.sleep(9)")
+    assert run("pass") == (["2"], "x = y = 2", "")
+    assert run("yield 'half', 1; raise ValueError('half way')") == ([], "", "ValueError: half way")
+    assert "no_such" in run("import no_such")[2]
+    assert run("return")[2] == "it printed nothing"
     monkeypatch.setattr(statements, "SECONDS", 0.2)
-    assert "more than 0.2 s" in statements.run(path)[2]
-
-
-def printed_forms(path: Path) -> list[re.Pattern]:
-    """What a script's calls of print can write, from its source: a regular expression each."""
-    calls = [n for n in ast.walk(ast.parse(path.read_text())) if isinstance(n, ast.Call)]
-    texts = [n.args[0] for n in calls if isinstance(n.func, ast.Name) and n.func.id == "print"]
-    parts = [getattr(text, "values", [text]) for text in texts]
-    return [
-        re.compile("".join(re.escape(p.value) if isinstance(p, ast.Constant) else ".*" for p in row)) for row in parts
-    ]
-
-
-def foreign_lines(row: dict) -> list[str]:
-    """The printed values of a stored row of the statements that the script itself cannot have printed."""
-    forms = printed_forms(statements.SCRIPTS / f"{row['script']}.py")
-    return [line for line in row["printed"].split("; ") if not any(form.fullmatch(line) for form in forms)]
-
-
-def test_what_a_package_prints_is_not_taken_for_a_value():
-    stored = tables.Table(REPORTS / "data", "audit_statements").rows
-    assert {row["script"] for row in stored} == set(BY_SCRIPT)
-    assert {row["script"]: lines for row in stored if (lines := foreign_lines(row))} == {}
-    stray = {"script": "pynamicalsys_newton", "printed": "with 50 iterations = a state; max_iter = 1"}
-    assert foreign_lines(stray) == ["max_iter = 1"]
+    assert "more than 0.2 s" in run("import time; time.sleep(9)")[2]
 
 
 @pytest.mark.parametrize(
@@ -262,43 +192,45 @@ def test_what_a_package_prints_is_not_taken_for_a_value():
     [
         ("rebound_janus_reversible", HOLDS),
         ("rebound_leapfrog_order_4", UNDERSTATED),
-        ("gala_rk5_coefficients", CONTRADICTED),
-        ("desolver_radau_iia_3", CONTRADICTED),
-        ("sundials_orders", CONTRADICTED),
-        ("sundials_time_dependent", CONTRADICTED),
-        ("sundials_relaxation", CONTRADICTED),
-        ("sundials_names", CONTRADICTED),
+        *((s, CONTRADICTED) for s in ("gala_rk5_coefficients", "desolver_radau_iia_3")),
+        *((f"sundials_{s}", CONTRADICTED) for s in ("orders", "time_dependent", "relaxation", "names")),
         ("sundials_kepler", HOLDS),
     ],
 )
 def test_scripts_give_the_verdicts_of_the_page(script, verdict):
     pytest.importorskip(BY_SCRIPT[script][0].package)
-    (row,) = statement_cells.measure_rows(script)["audit_statements"]
+    (row,) = statements.measure(script)
     assert (row["verdict"], row["reason"]) == (verdict, "")
 
 
-def test_each_script_is_a_cell_that_depends_on_its_text_and_its_statements(monkeypatch, tmp_path):
-    def contents() -> dict[str, str]:
-        return {c.key["script"]: c.content for c in statement_cells.cells()}
+def contents() -> dict[str, cells.Cell]:
+    """The cells of statements, by script."""
+    return {c.key["script"]: c for c in study.STUDY.cells() if "script" in c.key}
 
+
+def test_rows_of_a_script_depend_on_its_text_its_statements_and_its_package(monkeypatch, tmp_path):
     before, copies = contents(), tmp_path / "scripts"
-    assert set(before) == set(BY_SCRIPT)
-    shutil.copytree(statements.SCRIPTS, copies)
-    monkeypatch.setattr(statements, "SCRIPTS", copies)
-    with (copies / "galpy_dt.py").open("a") as script:
+    shutil.copytree(statements.file_of("galpy_dt").parent, copies)
+    with (copies / "of_galpy.py").open("a") as script:
         script.write("print()\n")
-    after = contents()
-    assert {script for script in before if after[script] != before[script]} == {"galpy_dt"}
-    said, *others = BY_SCRIPT["galpy_dt"]
-    monkeypatch.setattr(statement_cells, "BY_SCRIPT", {"galpy_dt": [replace(said, said="other words"), *others]})
-    assert contents()["galpy_dt"] != after["galpy_dt"]
+    files = statements.file_of
+    with monkeypatch.context() as patch:
+        patch.setattr(statements, "file_of", lambda script: copies / files(script).name)
+        after = contents()
+    changed = {s for s in before if after[s].outdated(before[s].content)}
+    assert changed == {s for s in before if s.startswith("galpy_")}
+    for version in ("1.3", None):
+        monkeypatch.setattr(cells, "version_of", lambda package, version=version: version)
+        after = contents()
+        assert not any(after[s].outdated(before[s].content) for s in before)
+        assert {c.available for c in after.values()} == {bool(version)}
 
 
 def test_command_runs_scripts_of_the_audited_packages(monkeypatch):
-    from phasebench.benchmarks.experiments.audit import audit
+    from phasebench.benchmarks.audit import audit
 
-    asked = {"rebound_leapfrog_order_4": BY_SCRIPT["rebound_leapfrog_order_4"], "galpy_dt": BY_SCRIPT["galpy_dt"]}
-    monkeypatch.setattr(statement_cells, "BY_SCRIPT", asked)
+    asked = {s: BY_SCRIPT[s] for s in ("rebound_leapfrog_order_4", "galpy_dt")}
+    monkeypatch.setattr(statements, "BY_SCRIPT", asked)
     monkeypatch.setattr(audit, "audit", lambda *a, **k: audit.Audit(rows=[{"package": "rebound"}]))
     told = json.loads(call("audit", "--peer", "rebound-leapfrog", "--scripts", "--json").stdout)
     assert [(r["script"], r["verdict"]) for r in told["statements"]] == [("rebound_leapfrog_order_4", UNDERSTATED)]
@@ -306,31 +238,11 @@ def test_command_runs_scripts_of_the_audited_packages(monkeypatch):
     assert "statements" not in without
 
 
-# -- the page -----------------------------------------------------------------------------------------------------
-
-
-def frame(**verdicts):
-    rows = [statements.row(s, list(VALUES[s.script][1])) for s in STATEMENTS if s.script in VALUES]
-    return pd.DataFrame([r | {"verdict": verdicts.get(r["script"], HOLDS)} for r in rows])
-
-
-def test_claim_covered_by_a_statement_is_shown_once():
-    about = {"package": "desolver", "version": "5", "property": "order", "claim": "order 3", "verdict": CONTRADICTED}
-    about |= {"measured": "1.0", "command": "phasebench audit"}
-    claimed = pd.DataFrame([about | {"peer": p} for p in ("desolver-radau-iia-3", "desolver-rk4")])
-    found = pd.DataFrame(
-        {"package": "desolver", "peer": list(claimed["peer"]), "measure": "package", "status": "ok", "reason": ""}
-    )
-    tables = {"audit": found, "audit_claims": claimed, "audit_statements": frame(desolver_radau_iia_3=CONTRADICTED)}
-    shown = page.table(tables.get).frame
-    assert list(shown["said"]) == [shown["said"][0], "desolver-rk4: order 3"]
-
-
-# -- unregistered integrators -------------------------------------------------------------------------------------
+# -- unregistered integrators ------------------------------------------------------------------------------------------
 
 
 def names(package):
-    return [r["name"] for r in unregistered.measure_rows(package)["audit_unregistered"]]
+    return [r["name"] for r in unregistered.measure(package)]
 
 
 def test_new_integrator_of_a_package_is_listed(monkeypatch):
@@ -358,37 +270,8 @@ def test_unused_rebound_options_are_listed(monkeypatch):
     assert "whfast kernel LAZY" in names("rebound")
 
 
-@pytest.mark.parametrize(
-    ("package", "left"),
-    [
-        ("desolver", ["DIRK3LStable"]),
-        *((package, [""]) for package in ("gala", "pyhamsys", "galpy", "sundials4py", "pynamicalsys")),
-        ("gsl", ["bsimp", "msadams", "msbdf", "rk1imp", "rk2", "rkck", "rkf45"]),
-    ],
-)
-def test_unregistered_names_of_other_packages(package, left):
-    need(package)
-    assert names(package) == left
-
-
-@pytest.mark.parametrize(
-    ("package", "named", "used"),
-    [
-        ("boost", "velocity_verlet", "symplectic_rkn_sb3a_m4_mclachlan"),
-        ("boost", "rosenbrock4", "runge_kutta_dopri5"),
-        ("ase", "Langevin", "VelocityVerlet"),
-        ("jax_md", "nvt_nose_hoover", "nve"),
-    ],
-)
-def test_a_peer_is_not_among_those_that_are_left_out(package, named, used):
-    need(package)
-    found = names(package)
-    assert named in found
-    assert used not in found
-
-
 def test_every_package_is_searched():
-    assert {c.key["package"] for c in unregistered.cells()} == {peer.package for peer in PEERS}
+    assert set(unregistered.LOOKS) == {peer.package for peer in PEERS}
 
 
 def test_absent_package_is_reported(monkeypatch):
@@ -396,5 +279,5 @@ def test_absent_package_is_reported(monkeypatch):
         raise ImportError("No module named 'gala'")
 
     monkeypatch.setitem(unregistered.LOOKS, "gala", absent)
-    (row,) = unregistered.measure_rows("gala")["audit_unregistered"]
+    (row,) = unregistered.measure("gala")
     assert (row["name"], "cannot be imported" in row["reason"]) == ("", True)

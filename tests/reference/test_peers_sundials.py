@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from phasebench.benchmarks.cli.advise import can_be_installed
-from phasebench.benchmarks.experiments.audit import audit
 from phasebench.benchmarks.problems import problem
 from phasebench.benchmarks.store import cells
+from phasebench.benchmarks.studies.audit import STUDY
 from phasebench.integrators import Hamiltonian, InvalidInput, integrate
 from phasebench.reference.peers import integrate_peer, record, sundials4py
 from phasebench.reference.solvers.taylor import reference
@@ -88,7 +88,7 @@ def test_rows_wait_for_a_package_that_is_missing(monkeypatch):
         monkeypatch.setattr(
             cells, "version_of", lambda name, gone=missing: None if name == gone else known(name) or "1"
         )
-        waiting = {c.names & {"sundials4py", "scipy"} for c in audit.cells() if not c.available}
+        waiting = {c.names & {"sundials4py", "scipy"} for c in STUDY.cells() if not c.available}
         assert waiting == {frozenset({missing})}
 
 

@@ -1,0 +1,1 @@
+"""The audit: measure integrators of other packages as black boxes, and judge what their packages claim."""

@@ -1,1 +1,0 @@
-"""Experiment: are the established integrators of other packages what their packages claim?"""

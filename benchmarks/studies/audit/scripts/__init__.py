@@ -1,0 +1,1 @@
+"""Scripts that test what packages' documentation says; each needs its package alone."""
