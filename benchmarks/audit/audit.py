@@ -25,12 +25,11 @@ from phasebench.integrators.record import Method
 from phasebench.reference.peers import Peer
 
 from . import cases
+from .cases import CONTROLS
 
 if TYPE_CHECKING:
     import pandas as pd
 
-#: Methods of this project that every audit includes: their proved properties must be confirmed.
-CONTROLS = ("stormer-verlet", "rk4", "scheme-iii", "gauss-2")
 #: Time budget in seconds of one measure of one peer, over all its problems.
 BUDGET = 10.0
 #: The measures of the quick tier, for fixed (False) and adaptive (True) steps, on one problem.

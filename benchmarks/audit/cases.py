@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from phasebench.benchmarks.measure.integrator import Integrator
     from phasebench.benchmarks.problems.base import Problem
 
+#: Methods of this project that every audit includes: their proved properties must be confirmed.
+CONTROLS = ("stormer-verlet", "rk4", "scheme-iii", "gauss-2")
 #: Rows of a run that measures the order, equally spaced in time; the error is the largest over them.
 ROWS = 2
 EPS = float(np.finfo(float).eps)

@@ -106,19 +106,6 @@ def test_statements_are_complete():
         assert f"def {s.script}():" in statements.file_of(s.script).read_text()
 
 
-@pytest.mark.parametrize(
-    ("text", "where", "quoted"),
-    [
-        ("order = 4", "pack:Solver.order", "Solver.order = 4"),
-        ("order = 4", "pack:Solver.digits", "order = 4"),
-        ("x" * study.QUOTED, "mod:f", "x" * study.QUOTED),
-        ("word " * 9 + "worse", "mod:f", "word word word word word word …"),
-    ],
-)
-def test_statements_are_quoted_by_their_first_words(text, where, quoted):
-    assert study.quote(text, where) == quoted
-
-
 # -- verdicts ----------------------------------------------------------------------------------------------------------
 
 
@@ -260,10 +247,7 @@ def test_new_integrator_of_a_package_is_listed(monkeypatch):
 def test_unused_rebound_options_are_listed(monkeypatch):
     found = names("rebound")
     assert "whfast corrector2 1" in found
-    assert "whfast512 corrector 17" not in found
-    assert any(n.startswith("whfast coordinates DEMOCRATIC") for n in found)
-    assert any(n.startswith("eos phi0 LF6") for n in found)
-    assert not any(n.startswith(("whfast kernel", "janus", "leapfrog", "bs")) for n in found)
+    assert not {"whfast512 corrector 17", "whfast kernel LAZY"} & {*found}
     from phasebench.reference.peers import rebound
 
     monkeypatch.setattr(rebound, "PEERS", tuple(p for p in rebound.PEERS if p.settings.get("kernel") != "lazy"))

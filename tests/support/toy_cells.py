@@ -118,11 +118,6 @@ def judge_dying_second(id: str) -> tuple[dict, bool]:
     return die_of() if JUDGED else judge_well(id)
 
 
-def judge_never(id: str) -> tuple[dict, bool]:
-    """Stand for judging an integrator that never ends: sleep for a minute."""
-    time.sleep(60)
-
-
 def cell(n: int, seconds: float = 0.0, version: int = 1, function=measure, **more) -> Cell:
     """Make the n-th made-up `Cell`: a function to call, its arguments and the tables that its rows go to.
 

@@ -10,7 +10,7 @@ import pandas as pd
 
 from phasebench.benchmarks import style
 from phasebench.benchmarks.audit import cases, measures
-from phasebench.benchmarks.audit.audit import BUDGET, CONTROLS, audit
+from phasebench.benchmarks.audit.audit import BUDGET, audit
 from phasebench.benchmarks.judge import evidence
 from phasebench.benchmarks.judge.verdict import CONTRADICTED, HOLDS, IN_PART, UNDERSTATED, UNJUDGED
 from phasebench.benchmarks.page import markdown
@@ -184,7 +184,7 @@ STUDY = Study(
         "where it does not, later code in that process loses numbers below 2⁻¹⁰²².",
     ),
     runs=(
-        Runs("audit", measure, [{"peer": id} for id in (*BY_ID, *CONTROLS)], where=ALONE, more=("audit_claims",),
+        Runs("audit", measure, [{"peer": id} for id in (*BY_ID, *cases.CONTROLS)], where=ALONE, more=("audit_claims",),
              needs=lambda peer: [BY_ID[peer] if peer in BY_ID else method(peer), *map(repr, cases.BY_NAME.values())]),
         Runs("audit_statements", statements.measure, [{"script": s} for s in statements.BY_SCRIPT], needs=script_needs),
         Runs("audit_unregistered", unregistered.measure, [{"package": p} for p in unregistered.LOOKS],

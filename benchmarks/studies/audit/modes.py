@@ -12,7 +12,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from phasebench.benchmarks.audit import cases
-from phasebench.benchmarks.audit.audit import CONTROLS
 from phasebench.benchmarks.measure.integrator import Integrator, integrator
 from phasebench.benchmarks.store.workers import Worker
 from phasebench.reference.installed import version_of
@@ -25,7 +24,7 @@ FIRST = "kepler"
 SECONDS = 70.0
 KEPT, BY_LOADING, BY_RUN = "kept", "changed as the package is loaded", "changed by a run"
 #: Package -> ids of its integrators; this project's are the controls.
-IDS = {p.package: [x.id for x in PEERS if x.package == p.package] for p in PEERS} | {"phasebench": [*CONTROLS]}
+IDS = {p.package: [x.id for x in PEERS if x.package == p.package] for p in PEERS} | {"phasebench": [*cases.CONTROLS]}
 
 
 def row(chosen: Integrator) -> dict:
