@@ -23,7 +23,6 @@ from phasebench.benchmarks.experiments.extremes.limits_page import PAGE as EXTRE
 from phasebench.benchmarks.experiments.extremes.page import PAGE as EXTREMES
 from phasebench.benchmarks.experiments.extremes.round_off_page import PAGE as EXTREMES_ROUND_OFF
 from phasebench.benchmarks.experiments.invariants.page import PAGE as INVARIANTS
-from phasebench.benchmarks.experiments.kepler.page import PAGE as KEPLER
 from phasebench.benchmarks.experiments.matrix.page import PAGE as MATRIX
 from phasebench.benchmarks.experiments.options.numerics_page import PAGE as OPTIONS_NUMERICS
 from phasebench.benchmarks.experiments.options.page import PAGE as OPTIONS
@@ -60,7 +59,6 @@ _OTHERS: tuple[tuple[float, Page], ...] = (
     (180, EXTREMES),
     (190, EXTREMES_LIMITS),
     (200, EXTREMES_ROUND_OFF),
-    (240, KEPLER),
     *((450, page) for page in TALKS),
     *((460, page) for page in FIGURES),
     *((470, page) for page in TRADE_SCENES),

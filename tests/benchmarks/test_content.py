@@ -12,11 +12,11 @@ from functools import cache
 import mpmath
 import pytest
 
-from phasebench.benchmarks.experiments.kepler import comparison, cost
 from phasebench.benchmarks.experiments.trade import sweep
 from phasebench.benchmarks.measure.multiprecision import leaves, replace_at
 from phasebench.benchmarks.problems.scenes import BY_ID, SCENES
 from phasebench.benchmarks.store.cells import ProblemKey, content, exact
+from phasebench.benchmarks.studies.index import found
 from phasebench.integrators import registry
 from phasebench.integrators.compile import digest
 from phasebench.integrators.registry import method
@@ -204,7 +204,7 @@ def test_words_of_some_modules_change_no_digest():
 
 
 def test_cells_have_distinct_ids_and_contents():
-    for made in (sweep.cells(), sweep.cells(quick=True), [*comparison.cells(), *cost.cells()]):
+    for made in (sweep.cells(), sweep.cells(quick=True), found()["kepler"].cells()):
         assert len({c.id for c in made}) == len(made)
         assert len({c.content for c in made}) == len(made)
 

@@ -1,24 +1,27 @@
-"""The Kepler comparison: orbital elements, phases, advance of the perihelion, growth, failed runs, the page."""
+"""The Kepler comparison: orbital elements, phases, advance of the perihelion, growth, failed runs."""
 
 from __future__ import annotations
 
 from types import SimpleNamespace
 
 import numpy as np
-import pandas as pd
 import pytest
 
-from phasebench.benchmarks.experiments.kepler import bench_kepler, comparison, kepler, runs, times
-from phasebench.benchmarks.experiments.kepler.page import PAGE
 from phasebench.benchmarks.measure.integrator import integrator
-from phasebench.benchmarks.page.verdict import FINDING
 from phasebench.benchmarks.problems import problem
-from phasebench.integrators.errors import InvalidInput
+from phasebench.benchmarks.studies.kepler import orbit as kepler
+from phasebench.benchmarks.studies.kepler import runs
 from phasebench.reference.solvers import taylor
 from phasebench.reference.solvers.exact import exact as exact_solution
 
 #: Odd multiples of an eighth of an orbit, within 40 orbits: no special phase.
 EIGHTHS = [1, 3, 5, 7, 9, 101, 207, 313]
+HEYOKA = integrator("heyoka")
+
+
+def steps(n):
+    """The setting of n steps an orbit."""
+    return runs.Setting(f"{n} steps", n)
 
 
 def build_problem(name, e):
@@ -70,7 +73,7 @@ def test_angle_variables_of_the_perturbed_problem(e, turn):
     # On a nearly circular orbit the error of the pericentre is round-off divided by the eccentricity, 0.002.
     assert worst(found) < (3e-12 if e == 0 else 5e-13)
     assert np.abs(found.phase).max() < 5e-13
-    advance = kepler.measured_advance(truth, when[-1], found.perihelion[-1], found.anomaly[-1])
+    advance = kepler.advances(truth, when, found, -1)["advance"]
     assert abs(advance - truth.advance) < 1e-13 * (1 if e else 10)
     start.parameters = {"mu": 0.0021}
     assert worst(kepler.errors(kepler.truth(start), when, rows[:, :2], rows[:, 2:])) > 1e-2
@@ -123,11 +126,11 @@ def test_advance_is_measured_per_orbit():
     rows = taylor.states(p.system, np.longdouble, other.q0, other.p0, h * n).astype(float)
     when = kepler.times(h, n, exactly=False)
     found = kepler.errors(truth, when, rows[:, :2], rows[:, 2:])
-    advance = kepler.measured_advance(truth, when[-1], found.perihelion[-1], found.anomaly[-1])
+    told = kepler.advances(truth, when, found, -1)
+    advance = told["advance"]
     assert abs(advance - kepler.truth(other).advance) < 1e-13
     assert abs(advance - truth.advance) > 1e-4
     away = kepler.truth(other).advance - truth.advance
-    told = kepler.advances(truth, when, found, -1)
     assert told == {"advance": advance, "advance error": pytest.approx(away, abs=1e-13)}
     assert kepler.advances(kepler.truth(build_problem("kepler", 0.6)), when, found, -1) == {}
 
@@ -158,69 +161,18 @@ def test_growth_of_an_oscillating_error(power):
 def test_failed_run_has_a_status_and_reason():
     p = build_problem("kepler", 0.9)
     truth = kepler.truth(p)
-    run, rows = runs.follow(integrator("stormer-verlet"), p, truth, comparison.steps(20), 30)
+    run, rows = runs.on_the_way(integrator("stormer-verlet"), p, truth, steps(20), 30)
     assert run["status"] == "collision"
     assert run["reason"]
     assert all(r["orbits"] <= run["reached"] for r in rows)
     p = build_problem("kepler", 0.6)
-    run, rows = runs.follow(integrator("explicit-euler"), p, kepler.truth(p), comparison.steps(60), 30)
+    run, rows = runs.on_the_way(integrator("explicit-euler"), p, kepler.truth(p), steps(60), 30)
     assert run["status"] == "diverged"
     assert "no bound orbit" in run["reason"]
     assert run["reached"] < 30
-    run, rows = runs.follow(
-        integrator("scheme-iii", parameters={"lam": "0"}), p, kepler.truth(p), comparison.steps(200), 30
-    )
+    run, rows = runs.on_the_way(integrator("scheme-iii", parameters={"lam": "0"}), p, kepler.truth(p), steps(200), 30)
     assert run["status"] == "ok"
     assert [r["orbits"] for r in rows] == [1.5, 3.5, 10.5, 30.5]
-
-
-def test_invalid_input_is_named():
-    p = build_problem("kepler", 0.6)
-    with pytest.raises(InvalidInput, match="per_orbit is 15; it must be even"):
-        runs.follow(integrator("stormer-verlet"), p, kepler.truth(p), comparison.steps(15), 3)
-    with pytest.raises(InvalidInput, match="states in the plane"):
-        kepler.elements(np.ones((2, 3)), np.ones((2, 3)))
-    with pytest.raises(InvalidInput, match="no bound orbit"):
-        kepler.exact_orbit((1.0, 0.0), (0.0, 1.5))
-    with pytest.raises(InvalidInput, match="no bound orbit"):
-        kepler.exact_orbit((0.1, 0.0), (0.0, 1.0), 0.05)
-    assert np.isnan(kepler.elements([[1.0, 0.0]], [[0.0, 1.5]]).anomaly).all()
-
-
-def test_page_is_written_from_a_few_rows(tmp_path, monkeypatch):
-    ours = integrator("scheme-iii", parameters={"lam": "0"})
-    monkeypatch.setattr(comparison, "GROUPS", {"low order": (ours, integrator("heyoka"))})
-    monkeypatch.setattr(comparison, "ORBITS", 100)
-    monkeypatch.setattr(times, "ROUNDS", 2)
-    cells = [c for c in [*comparison.cells(), *times.cells()] if (c.key["problem"], c.key["e"]) == ("kepler", 0.6)]
-    measured = [c() for c in cells]
-    names = {n for c in cells for n in c.tables}
-    tables = {n: pd.DataFrame([r for rows in measured for r in rows.get(n, [])]) for n in names}
-    assert not bench_kepler.away(tables["kepler_growth"].to_dict("records"))
-    assert bench_kepler.bench_kepler_times(lambda table: tables[table].to_dict("records")) is None
-    failed = tables["kepler"].iloc[-1:].assign(method="nobody", status="diverged", reason="it fell", reached=0.0)
-    tables["kepler"] = pd.concat([tables["kepler"], failed])
-    assert "1 of" in PAGE.table(tables.get).caption
-    assert PAGE.judge(tables.get)[0].outcome == FINDING
-    shown = PAGE.table(tables.get).frame
-    assert "heyoka" in " ".join(shown["peer"])
-    assert set(shown["ours"]) == {"none"}
-    assert set(shown["cheaper"]) == {"peer"}
-    assert "nobody" in set(PAGE.whole(tables.get)["method"])
-    (picture,) = PAGE.figures(tables.get, tmp_path / "figures")
-    assert (tmp_path / "figures" / picture.file).exists()
-    row = tables["kepler"].set_index(["method", "setting"])
-    assert row.loc[("heyoka", "adaptive"), "phase median"] < 1e-9
-    ladder = [s for m, s in row.index if m == ours.label]
-    assert ladder == ["150 steps", "300 steps", "600 steps", "1200 steps", "2400 steps"]
-    assert PAGE.judge(lambda name: None) == []
-
-
-def test_rows_have_the_advance_of_the_perihelion(monkeypatch):
-    monkeypatch.setattr(comparison, "GROUPS", {"": (integrator("heyoka"),)})
-    monkeypatch.setattr(comparison, "ORBITS", 100)
-    row = comparison.measure_rows("perturbed-kepler", 0.6, "", 0)["kepler"][0]
-    assert abs(row["advance error"]) < 1e-12
 
 
 # -- perturbed initial states -----------------------------------------------------------------------------------------
@@ -242,7 +194,7 @@ def test_each_draw_is_compared_with_its_own_orbit(monkeypatch):
     """Randomly perturbed starts have exact phases of their own; the truncation error is common to all."""
     p, c = build_problem("kepler", 0.2), integrator("heyoka")
     truth = kepler.truth(p)
-    setting = comparison.tolerances(c)[0]
+    setting = runs.settings(c)[0]
     found = list(runs.draws(c, p, truth, setting, 1000))
     assert len(found) == 8
     assert max(found) < 1e-9
@@ -254,14 +206,14 @@ def test_each_draw_is_compared_with_its_own_orbit(monkeypatch):
     assert wrong > 5e-9
     coarse = integrator("scheme-iii", parameters={"lam": "0"})
     monkeypatch.undo()
-    same = list(runs.draws(coarse, p, truth, comparison.steps(150), 200))
+    same = list(runs.draws(coarse, p, truth, steps(150), 200))
     assert max(same) < (1 + 1e-6) * min(same)
 
 
 def test_failed_draw_is_infinite(monkeypatch):
     p = build_problem("kepler", 0.9)
     monkeypatch.setattr(runs, "neighbours", lambda problem: [problem])
-    assert list(runs.draws(integrator("stormer-verlet"), p, kepler.truth(p), comparison.steps(20), 100)) == [np.inf]
+    assert list(runs.draws(integrator("stormer-verlet"), p, kepler.truth(p), steps(20), 100)) == [np.inf]
 
 
 @pytest.mark.parametrize(
@@ -276,7 +228,7 @@ def test_failed_draw_is_infinite(monkeypatch):
     ids=["spread", "an outlier", "truncation", "hardly truncation", "too dear"],
 )
 def test_median_phase_error_from_draws(others, found):
-    ((value, low, high), count), taken = comparison.median_phase_error(1e-9, iter(others)), found
+    ((value, low, high), count), taken = runs.median_phase(1e-9, iter(others)), found
     assert (value, low, high) == pytest.approx(taken[0])
     assert count == taken[1]
 
@@ -287,22 +239,22 @@ def test_median_phase_error_from_draws(others, found):
 )
 def test_draws_are_made_where_round_off_matters(phase, seconds, starts, monkeypatch):
     run = {"status": "ok", "seconds": seconds}
-    monkeypatch.setattr(runs, "follow", lambda *of: (dict(run), [{"phase": 5.0}, {"phase": phase}]))
+    monkeypatch.setattr(runs, "on_the_way", lambda *of: (dict(run), [{"phase": 5.0}, {"phase": phase}]))
     monkeypatch.setattr(runs, "draws", lambda *of: iter([phase * k for k in range(2, 10)]))
-    found, _ = comparison._run(integrator("heyoka"), "kepler", 0.2, comparison.tolerances(integrator("heyoka"))[0])
+    found, _ = runs.run(HEYOKA, *runs.orbit("kepler", 0.2)[:2], runs.settings(HEYOKA)[0])
     assert found["starts"] == starts
     assert "seconds" not in found
     if starts == 9:
         assert found["phase median"] == pytest.approx(5 * phase)
-    elif seconds > comparison.DEAR:
+    elif seconds > runs.DEAR:
         assert (found["phase, low"], found["phase, high"]) == pytest.approx((phase / 30, phase * 30))
     else:
         assert found["phase, low"] == found["phase, high"] == phase
 
 
 def test_failed_run_has_an_infinite_phase_error(monkeypatch):
-    monkeypatch.setattr(runs, "follow", lambda *of: ({"status": "diverged", "seconds": 1.0}, [{"phase": 1e-9}]))
-    found, _ = comparison._run(integrator("heyoka"), "kepler", 0.2, comparison.tolerances(integrator("heyoka"))[0])
+    monkeypatch.setattr(runs, "on_the_way", lambda *of: ({"status": "diverged", "seconds": 1.0}, [{"phase": 1e-9}]))
+    found, _ = runs.run(HEYOKA, *runs.orbit("kepler", 0.2)[:2], runs.settings(HEYOKA)[0])
     assert found["phase median"] == found["phase, low"] == np.inf
 
 
@@ -317,63 +269,29 @@ def test_failed_run_has_an_infinite_phase_error(monkeypatch):
     ids=["both ways", "too wide", "too dear", "fine enough"],
 )
 def test_ladder_ends_where_it_is_of_no_use(phases, cost, taken, monkeypatch):
-    monkeypatch.setattr(runs, "seconds_per_orbit", lambda c, made, period, setting, orbits: cost * setting.per_orbit)
+    monkeypatch.setattr(
+        runs, "orbit_clock", lambda c, made, period, setting, orbits: lambda: cost * setting.per_orbit * orbits
+    )
 
-    def run(c, name, e, setting):
+    def run(c, made, exact, setting):
         phase = phases[setting.per_orbit]
         return {"status": "ok", "phase median": phase, "phase, low": phase, "phase, high": phase}, []
 
-    monkeypatch.setattr(comparison, "_run", run)
-    found = [s.per_orbit for s, _, _ in comparison._ladder(integrator("gauss-8"), "kepler", 0.2)]
+    monkeypatch.setattr(runs, "run", run)
+    found = [s.per_orbit for s, _, _ in runs.runs(integrator("gauss-8"), *runs.orbit("kepler", 0.2)[:2])]
     assert tuple(found) == taken
-
-
-def test_tolerances_of_peers_and_cost_per_orbit(monkeypatch):
-    names = {c.id: [s.tol for s in comparison.tolerances(c)] for c in comparison.contenders() if c.adaptive}
-    assert names == {
-        "rebound-ias15": [None, 1e-6],
-        "heyoka": [None, 1e-12, 1e-9, 1e-6],
-        "heyoka-high-accuracy": [None, 1e-12],
-    }
-    seconds = iter([9.0, 3.0, 1.0, 2.0] * 9)  # each for ten orbits
-    monkeypatch.setattr(comparison, "GROUPS", {"": (integrator("heyoka-high-accuracy"),)})
-    monkeypatch.setattr(times, "orbit_clock", lambda *of: lambda: next(seconds) * times.ORBITS)
-    monkeypatch.setattr(times, "ROUNDS", 3)
-    rows = times.measure_rows("kepler", 0.2)[times.TABLE]
-    assert [r["setting"] for r in rows] == ["adaptive", "tolerance 1e-12"]
-    assert rows[0]["us, low"] <= rows[0]["us per orbit"] <= rows[0]["us, high"]
-    monkeypatch.setattr(times, "in_turns", lambda work, rounds: {k: np.array([1.0, 5.0, 2.0]) for k in work})
-    assert [times.measure_rows("kepler", 0.2)[times.TABLE][0][c] for c in ("us per orbit", "us, low", "us, high")] == [
-        2e6,
-        1e6,
-        5e6,
-    ]
-
-
-def test_messages_on_fabricated_rows():
-    rows = [
-        {"problem": "kepler", "e": 0.2, "kind": "reference", "phase": 1e-8},
-        {"problem": "kepler", "e": 0.2, "kind": "phasebench", "phase": 1e-3},
-        {"problem": "kepler", "e": 0.6, "kind": "phasebench", "phase": 1e-9},
-    ]
-    (said,) = bench_kepler.away(rows)
-    assert "e = 0.2" in said
-    assert "1.00e-08" in said
-    (said,) = bench_kepler.unsolved_problems(rows[1:], "phase", "{problem}, e = {e}")
-    assert said == "kepler, e = 0.2: the best phase is 1.00e-03"
 
 
 def test_perturbation_gives_every_orbit_the_same_advance():
     """mu is proportional to L^4, so the first-order advance is the same; at e = 0.6 it is the talk's."""
-    about = {e: comparison.orbit("perturbed-kepler", e)[2] for e in comparison.ECCENTRICITIES}
+    about = {e: runs.orbit("perturbed-kepler", e)[2] for e in runs.ECCENTRICITIES}
     assert about[0.6]["mu"] == 0.0075
     assert [a["first order"] for a in about.values()] == pytest.approx([about[0.6]["first order"]] * len(about))
-    assert comparison.orbit("kepler", 0.6)[2]["mu"] == 0.0
+    assert runs.orbit("kepler", 0.6)[2]["mu"] == 0.0
 
 
 def test_reference_samples_at_apocentres():
-    made_, exact, _ = comparison.orbit("kepler", 0.2)
-    run, samples = comparison._reference(made_, exact, 10)
+    _, run, samples = runs.reference(*runs.orbit("kepler", 0.2)[:2], 10)
     assert [s["orbits"] % 1 for s in samples] == [0.5] * len(samples)
     assert run["reached"] == run["orbits"] == samples[-1]["orbits"] == 10.5
     assert max(s["phase"] for s in samples) < 1e-12

@@ -61,36 +61,20 @@ TICK = 200
 
 
 class Elements(NamedTuple):
-    """Elements of the Kepler orbit through each of n states of the plane: arrays (n,), NaN for an unbound state.
+    """Eccentricity, mean anomaly, direction of the perihelion (NaN on a circle) and mean longitude, in radians.
 
-    Attributes
-    ----------
-    L : angular momentum
-    eccentricity : 0 on a circle
-    anomaly : mean anomaly, radians
-    perihelion : direction of the perihelion, radians; NaN on a circle
-    longitude : mean longitude, perihelion + anomaly, radians
-    advance : growth of the perihelion's angle in a revolution, radians
-    period : time of a revolution
+    They are arrays (n,), NaN for an unbound state; the longitude is perihelion + anomaly, and defined on a circle too.
     """
 
-    L: np.ndarray
     eccentricity: np.ndarray
     anomaly: np.ndarray
     perihelion: np.ndarray
     longitude: np.ndarray
-    advance: np.ndarray
-    period: np.ndarray
 
 
 def elements(q: ArrayLike, p: ArrayLike, mu: float = 0.0, nodes: int = NODES) -> Elements:
-    """Compute the elements of states q, p, arrays (n, 2), of the (perturbed) Kepler problem of strength ``mu``.
-
-    Raises InvalidInput for states that are not in the plane.
-    """
+    """The elements of states q, p, arrays (n, 2), of the (perturbed) Kepler problem of strength ``mu``."""
     q, p = np.atleast_2d(np.asarray(q, float)), np.atleast_2d(np.asarray(p, float))
-    if q.shape != p.shape or q.ndim != 2 or q.shape[1] != 2:
-        raise InvalidInput(f"q and p have shapes {q.shape} and {p.shape}; both must be (n, 2), states in the plane")
     k = 2 * mu / 3
     with np.errstate(all="ignore"):
         r = np.hypot(q[:, 0], q[:, 1])
@@ -113,7 +97,6 @@ def elements(q: ArrayLike, p: ArrayLike, mu: float = 0.0, nodes: int = NODES) ->
         x, weights = np.polynomial.legendre.leggauss(nodes)
 
         def integral(f: Callable[[np.ndarray], np.ndarray], end: np.ndarray) -> np.ndarray:
-            """Integrate f from 0 to each of ``end``, (n,), by Gauss-Legendre quadrature."""
             return (f(np.outer(end / 2, x + 1)) * weights).sum(1) * end / 2
 
         def over_g(u: np.ndarray) -> np.ndarray:
@@ -134,21 +117,18 @@ def elements(q: ArrayLike, p: ArrayLike, mu: float = 0.0, nodes: int = NODES) ->
         turn = np.sign(L)
         perihelion = np.arctan2(q[:, 1], q[:, 0]) - turn * (passed - advance * anomaly / (2 * np.pi))
         longitude = perihelion + turn * anomaly
-        period = 2 * half * m / (m**2 - w**2) * root
-    return Elements(L, e, anomaly, np.where(e > ROUND, perihelion, np.nan), longitude, advance, period)
+    return Elements(e, anomaly, np.where(e > ROUND, perihelion, np.nan), longitude)
 
 
 def first_order_advance(L: float, mu: float) -> float:
-    """Return the advance of the perihelion per radial period, in radians, to first order in mu."""
+    """The advance of the perihelion per radial period, in radians, to first order in mu."""
     return 2 * np.pi * mu / L**4
 
 
 def exact_orbit(
     q: Sequence[float] | np.ndarray, p: Sequence[float] | np.ndarray, mu: float = 0.0, digits: int = DIGITS
 ) -> tuple[mpmath.mpf, mpmath.mpf]:
-    """Compute (advance of the perihelion per radial period, radial period) of the orbit through q, p, in many digits.
-
-    ``q`` and ``p`` are doubles, (2,); the results are mpmath numbers with ``digits`` digits.
+    """(Advance of the perihelion per radial period, radial period) of the orbit through doubles q, p, arrays (2,).
 
     Raises InvalidInput where that orbit is not bound or falls into the centre.
     """
@@ -182,18 +162,10 @@ def exact_orbit(
 
 @dataclass(frozen=True)
 class Truth:
-    """The exact orbit through one state: its invariants, and the constant rates of its angles.
+    """The exact orbit through one state: its invariants, elements at the start, advance and period as `exact_orbit`.
 
-    The rates are integers in units of 2^-`TICK` turns per unit of time, so that angles at late times lose no digits.
-
-    Attributes
-    ----------
-    mu : strength of the Schwarzschild term
-    H, L : energy and angular momentum
-    start : elements of the initial state
-    advance : angle by which the pericentre advances in a radial period, radians
-    period : radial period
-    anomaly, perihelion : rates of the mean anomaly and of the perihelion
+    ``anomaly`` and ``perihelion`` are the rates of these angles, integers in units of 2^-`TICK` turns per unit of time,
+    so that angles at late times lose no digits.
     """
 
     mu: float
@@ -207,10 +179,7 @@ class Truth:
 
 
 def invariants(q: ArrayLike, p: ArrayLike, mu: float) -> tuple[np.ndarray, np.ndarray]:
-    """Compute energy and angular momentum, arrays (n,), of states q, p (n, 2) in long double.
-
-    They are those of the perturbed Kepler problem, H = |p|^2/2 - 1/|q| - mu/(3 |q|^3); mu = 0 is Kepler's problem.
-    """
+    """Energy and angular momentum, arrays (n,), of states q, p (n, 2) in long double."""
     q, p = np.asarray(q, np.longdouble), np.asarray(p, np.longdouble)
     r = np.sqrt((q**2).sum(-1))
     H = (p**2).sum(-1) / 2 - 1 / r - np.longdouble(mu) / (3 * r**3)
@@ -218,7 +187,7 @@ def invariants(q: ArrayLike, p: ArrayLike, mu: float) -> tuple[np.ndarray, np.nd
 
 
 def truth(problem: Problem | SimpleNamespace) -> Truth:
-    """Return the exact solution (`Truth`) of a ``kepler`` or ``perturbed-kepler`` problem."""
+    """The exact solution of a ``kepler`` or ``perturbed-kepler`` problem."""
     import mpmath
 
     mu = problem.parameters.get("mu", 0.0)
@@ -232,47 +201,24 @@ def truth(problem: Problem | SimpleNamespace) -> Truth:
 
 
 def times(h: float, index: Sequence[int], exactly: bool = True) -> list[int]:
-    """Return the times of the step numbers ``index`` with step h, as integers in units of 2^-`TICK`.
+    """The times of the step numbers ``index`` with step h, as integers in units of 2^-`TICK`.
 
-    For a method of fixed step they are n h without rounding; with ``exactly`` False they are n h rounded to double, as
-    an adaptive integrator is asked for them.
+    They are n h without rounding or, as an adaptive integrator is asked for them, rounded to double.
     """
-
-    def ticks(t: float) -> int:
-        return int(Fraction(t) * 2**TICK)
-
-    step = ticks(h)
-    return [step * int(n) if exactly else ticks(h * int(n)) for n in index]
-
-
-def _turns(rate: int, when: int) -> int:
-    """Return the angle, in units of 2^-`TICK` turns, after the time ``when`` at a constant rate.
-
-    ``rate`` is in units of 2^-`TICK` turns per unit of time, ``when`` in units of 2^-`TICK`; all are integers.
-    """
-    return rate * when >> TICK
+    step = int(Fraction(h) * 2**TICK)
+    return [step * int(n) if exactly else int(Fraction(h * int(n)) * 2**TICK) for n in index]
 
 
 def _angle(rate: int, when: Sequence[int]) -> np.ndarray:
-    """Return the angles in [0, 2 pi) after each of the times ``when`` at a constant rate, array (n,).
-
-    ``rate`` is in units of 2^-`TICK` turns per unit of time, ``when`` in units of 2^-`TICK`.
-    """
-    return np.array([_turns(rate, t) % 2**TICK / 2**TICK for t in when]) * 2 * np.pi
+    """Angles in [0, 2 pi) after each of the times ``when`` at a constant rate, array (n,)."""
+    return np.array([(rate * t >> TICK) % 2**TICK / 2**TICK for t in when]) * 2 * np.pi
 
 
 class Errors(NamedTuple):
-    """Signed errors of n states of a Kepler orbit, arrays (n,), with unwrapped angles.
+    """Signed errors of n states, arrays (n,): relative ones of invariants, unwrapped ones of angles in radians.
 
     All are NaN from the first state on that is on no bound orbit; ``perihelion`` and ``anomaly`` are NaN everywhere if
-    the exact orbit is a circle.
-
-    Attributes
-    ----------
-    energy, momentum : relative errors of energy and angular momentum
-    phase : error of the mean longitude, radians
-    perihelion : error of the direction of the perihelion, radians
-    anomaly : error of the mean anomaly, radians
+    the exact orbit is a circle.  ``phase`` is the error of the mean longitude.
     """
 
     energy: np.ndarray
@@ -283,7 +229,7 @@ class Errors(NamedTuple):
 
 
 def errors(exact: Truth, when: Sequence[int], q: np.ndarray, p: np.ndarray) -> Errors:
-    """Compute the errors of states q, p, arrays (n, 2), at times ``when`` (from `times`) against the exact solution.
+    """The errors of states q, p, arrays (n, 2), at times ``when`` (from `times`).
 
     Angles are unwrapped from row to row: rows must be so dense that an error grows by less than pi between them.
     """
@@ -293,7 +239,6 @@ def errors(exact: Truth, when: Sequence[int], q: np.ndarray, p: np.ndarray) -> E
     turn = float(np.sign(exact.L))
 
     def away(value: np.ndarray, expected: np.ndarray) -> np.ndarray:
-        """Return the differences ``value`` - ``expected`` of angles, (n,), without jumps of 2 pi, from near 0 on."""
         return np.unwrap(np.concatenate([[0.0], np.remainder(value - expected + np.pi, 2 * np.pi) - np.pi]))[1:]
 
     M = away(found.anomaly, exact.start.anomaly + anomaly)
@@ -305,22 +250,14 @@ def errors(exact: Truth, when: Sequence[int], q: np.ndarray, p: np.ndarray) -> E
     return Errors(*relative, phase, varpi, M)
 
 
-def measured_advance(exact: Truth, when: int, perihelion: float, anomaly: float) -> float:
-    """Return the mean advance of the perihelion per radial period, in radians, of a computed orbit.
-
-    ``perihelion`` and ``anomaly`` are the errors, in radians, of its angles at the time ``when`` (units of 2^-`TICK`).
-    """
-    turns = _turns(exact.anomaly, when) / 2**TICK
-    return (exact.advance * turns + float(np.sign(exact.L)) * perihelion) / (turns + anomaly / (2 * np.pi))
-
-
 def advances(exact: Truth, when: Sequence[int], found: Errors, row: int) -> dict[str, float]:
-    """Return the mean advance of the perihelion a radial period up to a row, and its error, in radians.
+    """The mean advance of the perihelion a radial period up to a row of the errors at times ``when``, and its error.
 
-    ``found`` are the errors at the times ``when``, ``row`` the index of the row.  The dict has the keys "advance" and
-    "advance error"; it is empty without the Schwarzschild term.
+    Empty without the Schwarzschild term.
     """
     if not exact.mu:
         return {}
-    measured = measured_advance(exact, when[row], found.perihelion[row], found.anomaly[row])
+    turns = (exact.anomaly * when[row] >> TICK) / 2**TICK
+    angle = exact.advance * turns + float(np.sign(exact.L)) * found.perihelion[row]
+    measured = angle / (turns + found.anomaly[row] / (2 * np.pi))
     return {"advance": measured, "advance error": measured - exact.advance}

@@ -1,1 +1,0 @@
-"""Experiment: this project's methods on Kepler orbits, compared with the established integrators."""

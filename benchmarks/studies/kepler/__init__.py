@@ -1,0 +1,338 @@
+"""Kepler orbits with and without the Schwarzschild term: who keeps the phase over 10^4 of them, and for which time."""
+
+from __future__ import annotations
+
+from math import inf, isinf, nan, pi
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from phasebench.benchmarks import style
+from phasebench.benchmarks.measure.timing import OURS, PEERS, TIED, Median, cheaper
+from phasebench.benchmarks.page.markdown import number
+from phasebench.benchmarks.page.page import ROWS, Data, Picture, Table, of
+from phasebench.benchmarks.page.study import Claim, Number, Runs, Study, over
+from phasebench.benchmarks.page.verdict import NONE, at_least, at_most
+from phasebench.benchmarks.store.cells import ALONE, ProblemKey
+from phasebench.integrators.driver import OK
+
+from .runs import (
+    COST,
+    DEAR,
+    DRAWN,
+    ECCENTRICITIES,
+    GROWTH,
+    LADDER,
+    LONG,
+    LONGEST,
+    MEMBERS,
+    ORBITS,
+    PRICED,
+    PROBLEMS,
+    SPREAD,
+    STANDARD,
+    TAYLOR,
+    cost,
+    follow,
+    orbit_times,
+)
+
+TIMES, OWN, KEY = "kepler_times", "phasebench", ["problem", "e", "method", "setting"]
+#: Phase errors at the end, in radians, for which the cheapest integrators are listed.
+PHASES = (1e-2, 1e-6, 1e-9)
+#: An exponent of growth within NEAR of 1 counts as linear; LINEAR is the wanted share of such runs.
+NEAR, LINEAR = 0.15, 0.9
+#: Phase errors below this at the end, in radians, count as round-off.
+PHASE_ROUND_OFF = 1e-7
+#: A phase error above this many times the largest that the energy error explains is an error of the time.
+CLOCK = 5.0
+#: The error of the end state over 100.5 orbits at which settings of peers are compared, and these peers.
+TRIED_TO, TRIED = 1e-8, {"heyoka": "heyoka", "IAS15": "rebound-ias15"}
+#: Largest difference in radians between closed form and Taylor series; the error that the best integrator must reach.
+AWAY, BEST = 1e-9, 1e-6
+TITLES = {"kepler": "Kepler", "perturbed-kepler": "Kepler, Schwarzschild term"}
+#: Errors below this are drawn at it.
+FLOOR = 1e-16
+QUANTITIES = {"energy": "energy", "momentum": "ang. momentum", "phase": "phase (rad)", "perihelion": "perihelion (rad)"}
+
+
+# -- judging -----------------------------------------------------------------------------------------------------------
+
+
+@of(LONG, GROWTH)
+def ends(runs: pd.DataFrame, growth: pd.DataFrame) -> pd.DataFrame:
+    """Every run, except those of the reference, with its errors at the end."""
+    last = growth.sort_values("orbits").groupby(KEY, sort=False, as_index=False).last()
+    joined = runs.merge(last[[*KEY, "energy", "momentum", "phase", "perihelion"]], on=KEY, how="left")
+    who = joined["method"].where(joined["setting"] == "adaptive", joined["method"] + " (" + joined["setting"] + ")")
+    return joined.assign(who=who)[joined["kind"] != "reference"]
+
+
+@of(LONG, TIMES)
+def cases(runs: pd.DataFrame, times: pd.DataFrame) -> pd.DataFrame:
+    """The cheapest of this project and of peers for each orbit and phase error, among the longest runs."""
+    costs = ["us, low", "us per orbit", "us, high"]
+    ran = runs[(runs["status"] == OK) & (runs["kind"] != "reference")].merge(times, on=KEY).dropna(subset=costs)
+    lines = []
+    for (name, e), members in ran.groupby(["problem", "e"], sort=False):
+        members = members[members["orbits"] == members["orbits"].max()]
+        for wanted in PHASES:
+            line, paid = {"problem": TITLES.get(name, name), "e": e, "phase up to (rad)": f"{wanted:.0e}"}, {}
+            for who, part in ((OURS, members["kind"] == OWN), (PEERS, members["kind"] != OWN)):
+                best, paid[who] = cheapest(members[part], wanted)
+                line |= {who: best, f"{who}, µs an orbit": nan if isinf(paid[who].value) else paid[who].value}
+            lines.append(line | {"cheaper": cheaper(paid[OURS], paid[PEERS])})
+    return pd.DataFrame(lines)
+
+
+def cheapest(members: pd.DataFrame, wanted: float) -> tuple[str, Median]:
+    """(The cheapest run with a median phase error of at most ``wanted``, µs an orbit).
+
+    The interval is from the lowest possible cost (phase errors and times at the lower ends of theirs) to the highest.
+    """
+    reached = [members[members[f"phase{end}"] <= wanted] for end in (" median", ", low", ", high")]
+    costs = [part[f"us{end}"] for part, end in zip(reached, (" per orbit", ", low", ", high"), strict=True)]
+    paid = Median(*(float(c.min()) if len(c) else inf for c in costs))
+    if isinf(paid.value):
+        return "none", paid
+    best = members.loc[costs[0].idxmin()]
+    return best["method"] if best["setting"] == "adaptive" else f"{best['method']} ({best['setting']})", paid
+
+
+def settled(rows: pd.DataFrame) -> pd.Series:
+    """True for runs with a phase error above round-off; those at a tolerance looser than a peer's own are left out."""
+    above = (rows["status"] == OK) & (rows["phase"] > PHASE_ROUND_OFF) & rows["phase growth"].notna()
+    return above & ~rows["setting"].str.startswith("tolerance")
+
+
+def steepest(rows: pd.DataFrame) -> str:
+    """The run whose phase error grows least linearly."""
+    return "{who}, e = {e:g}: t^{phase growth:.2f}".format_map(rows.loc[(rows["phase growth"] - 1).abs().idxmax()])
+
+
+def unexplained(rows: pd.DataFrame) -> pd.Series:
+    """True where the phase error is larger than the energy error explains: the time of the integrator is wrong.
+
+    The frequency is (-2 H)^(3/2): a relative energy error d changes the angle by at most 3/2 d of it.
+    """
+    return rows["phase"] > CLOCK * 1.5 * rows["energy"] * 2 * pi * rows["orbits"]
+
+
+def least(lines: pd.DataFrame) -> pd.Series:
+    """The least cost of each case."""
+    return lines[[f"{side}, µs an orbit" for side in (OURS, PEERS)]].min(axis=1)
+
+
+# -- what is shown -----------------------------------------------------------------------------------------------------
+
+
+def settings_tried(rows: pd.DataFrame) -> str:
+    """A sentence on settings of peers: the time to `TRIED_TO` over the fastest one's, the larger of both problems."""
+    seconds = rows[rows["error"] <= TRIED_TO].groupby(["problem", "method"], sort=False)["seconds"].min()
+    seconds = seconds.unstack("problem")
+    parts = []
+    for name, stem in TRIED.items():
+        members = seconds[[m.startswith(stem) for m in seconds.index]]
+        ratios = (members / members.min()).max(axis=1).sort_values().items()
+        told = ", ".join(f"{method.removeprefix('rebound-')} {number(x, 2)}" for method, x in ratios)
+        parts += [f"{name}: {told}"] if told else []
+    return f" Settings of peers, their time to {TRIED_TO:g} over the best one's: {'; '.join(parts)}." if parts else ""
+
+
+def draw(data: Data, folder: Path) -> list[Picture]:
+    """The errors over the orbits, and the error against time for this project's methods and other packages."""
+    return [p for p in (draw_errors(data, folder), draw_costs(data, folder)) if p is not None]
+
+
+@of(GROWTH)
+def draw_errors(rows: pd.DataFrame, folder: Path) -> Picture | None:
+    """A row of panels for each quantity, a column for each eccentricity, a curve for each method."""
+    rows = rows[(rows["problem"] == PROBLEMS[-1]) & (rows["group"] == "high order")]
+    rows = rows[rows["setting"].isin([f"{STANDARD} steps", "adaptive"])]
+    columns, names = sorted(rows["e"].unique()), list(dict.fromkeys(rows["method"]))
+    if not columns:
+        return None
+    with style.settings():
+        figure, axes = style.panels(len(QUANTITIES), len(columns), 7.6, sharex=True, sharey="row")
+        for row, (quantity, label) in zip(axes, QUANTITIES.items(), strict=True):
+            for ax, e in zip(row, columns, strict=True):
+                part = rows[rows["e"] == e]
+                for i, method in enumerate(names):
+                    curve = part[part["method"] == method].sort_values("orbits")
+                    ax.plot(curve["orbits"], curve[quantity].clip(lower=FLOOR), label=method, **style.curve(i))
+                ax.set(xscale="log", yscale="log")
+                ax.grid(color="0.9", linewidth=0.5)
+                if not np.isfinite(part[quantity]).any():
+                    ax.text(0.5, 0.5, "undefined\non a circle", transform=ax.transAxes, ha="center", va="center")
+            row[0].set_ylabel(label)
+            low, high = (np.log10(y) for y in row[0].get_ylim())
+            row[0].set_yticks(10.0 ** np.arange(np.ceil(low), high + 1e-9, max(1, int(np.ceil((high - low) / 6)))))
+            row[0].minorticks_off()
+        for above, below, e in zip(axes[0], axes[-1], columns, strict=True):
+            above.set_title(f"e = {e:g}")
+            below.set_xlabel("orbits")
+        handles = [axes[0][0].plot([], [], label=m, **style.curve(i))[0] for i, m in enumerate(names)]
+        figure.legend(handles=handles, loc="outside upper center", ncols=3, handlelength=3.4)
+        figure.align_ylabels()
+    caption = (
+        f"{TITLES[PROBLEMS[-1]]}: the greatest error so far over the number of orbits; methods of high order at "
+        f"{STANDARD} steps an orbit, or adaptive."
+    )
+    return Picture(style.save(figure, folder, "kepler-errors.png"), "errors over the orbits", caption)
+
+
+def fastest(rows: pd.DataFrame, most: int) -> list[str]:
+    """At most ``most`` methods that are the fastest at some of 25 errors: first the one with the most such errors."""
+    enough = [rows[rows["error"] <= wanted] for wanted in np.logspace(-13, -1, 25)]
+    wins = pd.Series([part.loc[part["seconds"].idxmin(), "method"] for part in enough if len(part)], dtype=object)
+    return sorted(wins.unique(), key=lambda name: -(wins == name).sum())[:most]
+
+
+@of(COST)
+def draw_costs(rows: pd.DataFrame, folder: Path) -> Picture | None:
+    """The error at the end over the seconds of a warm run: a panel for each problem."""
+    rows = rows[rows["status"] == OK]
+    if rows.empty:
+        return None
+    shown = [*fastest(rows[rows["kind"] == OWN], 4), *fastest(rows[rows["kind"] != OWN], 3)]
+    shown += [m for m in ("stormer-verlet", "scipy-dop853-numba") if m in set(rows["method"]) and m not in shown]
+    with style.settings():
+        problems = rows["problem"].unique()
+        figure, (panels,) = style.panels(1, len(problems), 3.6, sharex=True, sharey=True)
+        for ax, problem in zip(panels, problems, strict=True):
+            for i, method in enumerate(shown):
+                part = rows[(rows["problem"] == problem) & (rows["method"] == method)].sort_values("seconds")
+                ax.loglog(part["seconds"], part["error"].clip(lower=FLOOR), label=method, **style.curve(i))
+            ax.set(title=problem, xlabel="warm integration (s)")
+            ax.grid(color="0.93", linewidth=0.5)
+        panels[0].set_ylabel("error at the end, maximum norm")
+        style.legend_above(figure, panels[0], 3)
+    caption = (
+        f"Error of the state after {rows['orbits'].max():g} orbits at e = {rows['e'].max():g} over the seconds of a "
+        f"warm run; {len(shown)} methods: the fastest of each side, and two usual ones.{settings_tried(rows)}"
+    )
+    return Picture(style.save(figure, folder, "kepler-cost.png"), "error against time", caption)
+
+
+def table(data: Data) -> Table | None:
+    """The cheapest of both sides for each orbit and phase error."""
+    lines = cases(data)
+    if lines is None or lines.empty:
+        return None
+    runs = data(LONG)
+    ran = runs[runs["kind"] != "reference"]
+    stopped = int((~ran["status"].isin([OK, "skipped"])).sum())
+    caption = (
+        f"The cheapest of ours and of the peers that follow the phase over {runs['orbits'].max():.0f} orbits, in the "
+        "median of starts an ulp apart. A side is the cheaper if it is so at both ends of the intervals of phase "
+        f"error and time; else it is a tie. {stopped} of {len(ran)} runs end with another status than ok."
+    )
+    return Table(lines.head(ROWS), caption)
+
+
+def whole(data: Data) -> pd.DataFrame | None:
+    """The errors at the end of every run."""
+    columns = ["energy", "momentum", "phase", "phase median", "starts", "perihelion", "status"]
+    return None if (rows := ends(data)) is None else rows.reindex(columns=[*KEY, *columns])
+
+
+STUDY = Study(
+    id="kepler",
+    place=240,
+    question="Over 10⁴ Kepler orbits, who keeps the phase, and for which time?",
+    answer="Over {orbits} orbits following the phase costs {cheap} to {dear} µs an orbit; phasebench is cheapest in "
+    "{ours} of {all} cases (orbit, error), heyoka or REBOUND in {peers}; {tied} tie.",
+    setting=(
+        "H = |p|²/2 − 1/|q| − μ/(3|q|³), with μ = 0 (Kepler) and with the Schwarzschild term; e = 0, 0.2, 0.6, 0.9.",
+        "Errors are the greatest so far, at pericentres and apocentres: energy and angular momentum relative; phase "
+        "(mean longitude) and perihelion against exact angles, linear in time, from elliptic integrals.",
+        f"Fixed steps: {LADDER[0]} to {LADDER[-1]} an orbit. Adaptive peers at their own tolerance; heyoka (with "
+        "high_accuracy and without) and IAS15 also at looser ones.",
+        "Where round-off may decide, a phase error is the median of nine starts whose coordinates are an ulp less, "
+        "the same or an ulp more, with its 95 % interval.",
+        "Times are warm, without output, all integrators in turns, medians of nine rounds with 95 % intervals. heyoka, "
+        "REBOUND and SciPy's right-hand side are compiled.",
+    ),
+    runs=(
+        Runs(
+            LONG, follow,
+            [{"problem": p, "e": e, "method": m} for p in PROBLEMS for e in ECCENTRICITIES for m in (TAYLOR, *MEMBERS)],
+            needs=lambda problem, e, method: [
+                ProblemKey(problem, (("e", e),)), *(c.record for c in [MEMBERS.get(method)] if c)
+            ],
+            more=(GROWTH,),
+        ),
+        Runs(
+            TIMES, orbit_times, [{"problem": p, "e": e} for p in PROBLEMS for e in ECCENTRICITIES],
+            needs=lambda problem, e: [ProblemKey(problem, (("e", e),)), *(c.record for c in MEMBERS.values())],
+            where=ALONE, own=True,
+        ),
+        Runs(
+            COST, cost, over(method=tuple(PRICED), problem=PROBLEMS),
+            needs=lambda problem, method: [ProblemKey(problem), PRICED[method].record], where=ALONE, own=True,
+        ),
+    ),
+    claims={
+        "costs": Claim(
+            "This project's methods follow the phase at the least cost as often as peers",
+            cases, f"cheaper == '{OURS}'", at_least(0.5), rows=f"cheaper in ('{OURS}', '{PEERS}')",
+            unit="cases that one side wins", where="{problem} e = {e:g} to {phase up to (rad)} rad", names=2,
+        ),
+        "laws": Claim(
+            "Phase errors above round-off grow linearly with time",
+            ends, f"abs(`phase growth` - 1) <= {NEAR}", at_least(LINEAR), rows=settled, unit="runs", where=steepest,
+        ),
+        "clocks": Claim(
+            "No adaptive method has a phase error that its energy error does not explain",
+            ends, unexplained, NONE, rows=f"status == '{OK}' and mu == 0 and setting == 'adaptive' and phase == phase",
+            unit="runs on pure Kepler orbits", where="{method}, e = {e:g}: {phase:.3g} rad", names=3,
+        ),
+    },
+    numbers={
+        "orbits": Number(LONG, "orbits", digits=5),
+        "cheap": Number(cases, least, take=pd.Series.min),
+        "dear": Number(cases, least),
+        "all": Number(cases, len),
+        "ours": Number(cases, f"cheaper == '{OURS}'", take=pd.Series.sum),
+        "peers": Number(cases, f"cheaper == '{PEERS}'", take=pd.Series.sum),
+        "tied": Number(cases, f"cheaper == '{TIED}'", take=pd.Series.sum),
+    },
+    checks={
+        "references": Claim(
+            "The closed form agrees with the Taylor series",
+            GROWTH, "phase", at_most(AWAY), rows="kind == 'reference'", where="{problem}, e = {e}",
+        ),
+        "followed": Claim(
+            "Some integrator follows every orbit to its end",
+            GROWTH, lambda rows: rows.groupby(["problem", "e"])["phase"].min(), at_most(BEST),
+            rows=f"kind != 'reference' and orbits == {ORBITS + 0.5}", whole=True,
+        ),
+        "peers": Claim(
+            "Some integrator of another package comes near the reference",
+            COST, lambda rows: rows.groupby("problem")["error"].min(), at_most(BEST),
+            rows=f"kind != '{OWN}' and status == '{OK}'", whole=True,
+        ),
+        "times": Claim(
+            "Times are positive, and in their intervals",
+            TIMES, "(0 < `us, low`) & (`us, low` <= `us per orbit`) & (`us per orbit` <= `us, high`)",
+            rows="`us per orbit` == `us per orbit`",
+        ),
+    },
+    figure=draw,
+    shown=table,
+    whole=whole,
+    tables=(LONG, GROWTH, TIMES, COST),
+    limits=(
+        f"Linear means an exponent within {NEAR} of 1, wanted of {100 * LINEAR:g} % of the runs; phase errors up to "
+        f"{PHASE_ROUND_OFF:g} rad, and peers at a tolerance looser than their own, are not judged.",
+        f"A phase error is unexplained above {CLOCK:g} times what the energy error can do: the integrator's time is "
+        "wrong.",
+        f"Starts an ulp apart are run for phase errors from {DRAWN[0]:g} to {DRAWN[1]:g} rad; runs of more than "
+        f"{DEAR:g} s are made once, and their phase errors taken to be known within a factor {SPREAD:g}.",
+        "Without the Schwarzschild term a Wisdom–Holman splitting is the exact flow: this says nothing of a perturbed "
+        "problem.",
+        f"Steps at which a run would take more than {LONGEST:g} s are left out, and so is SciPy over 10⁴ orbits; a "
+        "step between two that were tried might be cheaper.",
+    ),
+)  # fmt: skip
