@@ -127,12 +127,23 @@ def empty(tmp_path_factory):
 
 
 @pytest.mark.parametrize("id", [*IDS, "README"])
-def test_page_is_short(folder, id):
+def test_form_of_a_page(folder, id):
+    """Short, links lead somewhere, tables are aligned; only outcomes are bold and nothing is italic."""
     text = (folder / f"{id}.md").read_text()
     assert len(text.encode()) <= PAGE
     assert max(map(len, text.splitlines())) <= LINE
     assert (folder / "html" / f"{'index' if id == 'README' else id}.html").stat().st_size <= HTML
     assert not re.search(r"\bnan\b", text)
+    parts = re.split(r"\n\n|\n- ", text)
+    assert [p for p in parts if not p.lstrip().startswith("|") and len(p.split()) > WORDS] == []
+    links = re.findall(r"\]\(([^)#\s]+)", text)
+    assert [x for x in links if "://" not in x and not (folder / x).exists()] == []
+    for block in re.findall(r"(?:^\|.*\n)+", text, re.M):
+        assert len({len(line) for line in block.splitlines()}) == 1
+    shown = MarkdownIt("commonmark").enable("table").render(text)
+    bold = {text.partition(" in ")[0] for text in re.findall(r"<strong>(.*?)</strong>", shown, re.S)}
+    assert bold <= {*MEANING, "Not measured", "In part not by this version"}
+    assert "<em>" not in shown
 
 
 @pytest.mark.parametrize("page", PAGES, ids=IDS)
@@ -161,14 +172,6 @@ def test_page_has_its_parts(folder, page_texts, conclusions, page):
     assert not page.tables or "easured on" in text
 
 
-@pytest.mark.parametrize("id", [*IDS, "README"])
-def test_no_paragraph_is_long(folder, id):
-    """Paragraphs, captions and list items; tables are exempt."""
-    text = (folder / f"{id}.md").read_text()
-    parts = re.split(r"\n\n|\n- ", text)
-    assert [p for p in parts if not p.lstrip().startswith("|") and len(p.split()) > WORDS] == []
-
-
 def claims(tree):
     """The first argument, or ``claim=``, of each call of Verdict in a module."""
     for node in ast.walk(tree):
@@ -180,16 +183,9 @@ def claims(tree):
 def test_claim_of_a_verdict_is_a_literal():
     """A computed claim could contain a measured number."""
     found = [(path.name, c) for path in EXPERIMENTS.rglob("*.py") for c in claims(ast.parse(path.read_text()))]
-    assert len(found) > 100
     assert [(name, ast.unparse(c)) for name, c in found if not isinstance(c, ast.Constant)] == []
     control = ast.parse('Verdict(f"{n} hold", 1), Verdict(measured=2, claim=text), Verdict("all hold", 3)')
     assert [type(c) for c in claims(control)] == [ast.JoinedStr, ast.Name, ast.Constant]
-
-
-@pytest.mark.parametrize("id", [*IDS, "README"])
-def test_every_link_and_figure_exists(folder, id):
-    links = re.findall(r"\]\(([^)#\s]+)", (folder / f"{id}.md").read_text())
-    assert [x for x in links if "://" not in x and not (folder / x).exists()] == []
 
 
 def test_no_committed_figure_or_page_is_stale(folder):
@@ -429,12 +425,6 @@ def test_outcome_of_a_page_is_its_worst_verdict():
     assert overall([]) == LIST
 
 
-def test_tables_are_aligned(folder, page_texts):
-    blocks = [b for p in PAGES for b in re.findall(r"(?:^\|.*\n)+", (folder / f"{p.id}.md").read_text(), re.M)]
-    assert len(blocks) >= sum(found.table is not None for found in page_texts.values()) > len(PAGES) / 2
-    assert all(len({len(line) for line in block.splitlines()}) == 1 for block in blocks)
-
-
 @pytest.mark.lowest
 def test_vertical_bar_in_a_cell_is_escaped():
     text = markdown.table(pd.DataFrame({"what": ["|H - H0|"]}))
@@ -551,15 +541,6 @@ def test_index_is_open_and_long_tables_are_folded(folder, tmp_path):
     text = (folder / "README.md").read_text().replace("(figures/", f"({folder}/figures/")
     assert "<details>" in html.document(text, tmp_path)
     assert "<details>" not in html.document(text, tmp_path, fold=False)
-
-
-@pytest.mark.parametrize("id", [*IDS, "README"])
-def test_markdown_does_not_interpret_formulae_and_names(folder, id):
-    """Only outcomes are bold and nothing is italic: `p**2` and `__order__` stay as written."""
-    shown = MarkdownIt("commonmark").enable("table").render((folder / f"{id}.md").read_text())
-    bold = {text.partition(" in ")[0] for text in re.findall(r"<strong>(.*?)</strong>", shown, re.S)}
-    assert bold <= {*MEANING, "Not measured", "In part not by this version"}
-    assert "<em>" not in shown
 
 
 @pytest.mark.parametrize("text", ["p1**2 + p2**2/2", "RadauIIA3.__order__", "q1*q2*q3", "a_b_c"])
