@@ -24,8 +24,6 @@ from phasebench.benchmarks.experiments.extremes.page import PAGE as EXTREMES
 from phasebench.benchmarks.experiments.extremes.round_off_page import PAGE as EXTREMES_ROUND_OFF
 from phasebench.benchmarks.experiments.invariants.page import PAGE as INVARIANTS
 from phasebench.benchmarks.experiments.matrix.page import PAGE as MATRIX
-from phasebench.benchmarks.experiments.options.numerics_page import PAGE as OPTIONS_NUMERICS
-from phasebench.benchmarks.experiments.options.page import PAGE as OPTIONS
 from phasebench.benchmarks.experiments.orders.page import PAGE as ORDERS
 from phasebench.benchmarks.experiments.structure.page import PAGE as STRUCTURE
 from phasebench.benchmarks.experiments.talks.page import PAGES as FIGURES
@@ -49,8 +47,6 @@ _OTHERS: tuple[tuple[float, Page], ...] = (
     (10, TRADE),
     (20, TRADE_RATIOS),
     (30, GAUSS_16),
-    (60, OPTIONS),
-    (70, OPTIONS_NUMERICS),
     (120, ORDERS),
     (130, STRUCTURE),
     (140, MATRIX),
