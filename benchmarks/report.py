@@ -19,9 +19,6 @@ from pathlib import Path
 import pandas as pd
 
 from phasebench.benchmarks.experiments.drift.page import PAGE as DRIFT
-from phasebench.benchmarks.experiments.extremes.limits_page import PAGE as EXTREMES_LIMITS
-from phasebench.benchmarks.experiments.extremes.page import PAGE as EXTREMES
-from phasebench.benchmarks.experiments.extremes.round_off_page import PAGE as EXTREMES_ROUND_OFF
 from phasebench.benchmarks.experiments.invariants.page import PAGE as INVARIANTS
 from phasebench.benchmarks.experiments.matrix.page import PAGE as MATRIX
 from phasebench.benchmarks.experiments.orders.page import PAGE as ORDERS
@@ -52,9 +49,6 @@ _OTHERS: tuple[tuple[float, Page], ...] = (
     (140, MATRIX),
     (150, INVARIANTS),
     (160, DRIFT),
-    (180, EXTREMES),
-    (190, EXTREMES_LIMITS),
-    (200, EXTREMES_ROUND_OFF),
     *((450, page) for page in TALKS),
     *((460, page) for page in FIGURES),
     *((470, page) for page in TRADE_SCENES),

@@ -1,15 +1,11 @@
-"""What verdicts of several pages share: names of cases, orders beside declared ones, the growth of a spread."""
+"""What verdicts of several pages share: the name of a case, orders beside declared ones, the growth of a spread."""
 
 from __future__ import annotations
-
-from collections.abc import Callable
 
 import numpy as np
 import pandas as pd
 
 from phasebench.integrators.driver import OK
-
-from .markdown import join_list
 
 
 def case(row: pd.Series) -> str:
@@ -26,18 +22,3 @@ def order_off(rows: pd.DataFrame) -> pd.Series:
 def growth(rows: pd.DataFrame) -> pd.Series:
     """The spread of a long run over that of its first tenth; infinite for a run that did not reach its end."""
     return (rows["all"] / rows["first"]).where(rows["status"] == OK, np.inf)
-
-
-def wrong(found: pd.Series) -> list[str]:
-    """The labels of the values that are false."""
-    return [str(label) for label in found.index[~found.astype(bool)]]
-
-
-def astray(value: Callable[..., pd.Series], most: int = 3) -> Callable[..., str]:
-    """The ``where`` of a claim on ``value``, a function of its tables: the labels of the values that are false."""
-
-    def where(*frames: pd.DataFrame) -> str:
-        labels = wrong(value(*frames))
-        return join_list(labels, most) if labels else ""
-
-    return where

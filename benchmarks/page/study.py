@@ -300,7 +300,7 @@ class Study:
     figure, title, caption, legend, height : panels of curves, and the figure's title, caption, columns of its legend,
         height in inches; or a function that draws pictures
     shown, whole : the table that the page shows; the table that its HTML has in full, by default the first
-    reads : names of tables of other studies that the page reads; own ones among them are listed in their places
+    reads : names of tables of other studies that the page reads
     tables : names of all tables of the page, if they are others than those
     within : the study of which this one is a part, so that a selection of that one measures this one, too
     command : the command that measures its tables, by default `pytest benchmarks -k ID`
@@ -340,7 +340,7 @@ class Study:
     def page(self) -> Page:
         """The study's page of the report."""
         own = (*(r.table for r in self.runs), *(table for r in self.runs for table in r.more))
-        tables = self.tables or (*(table for table in own if table not in self.reads), *self.reads)
+        tables = self.tables or (*own, *self.reads)
         whole = self.whole or tables[0]
         return Page(
             id=self.id,

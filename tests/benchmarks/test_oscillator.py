@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 import phasebench as pb
-from phasebench.benchmarks.experiments.extremes import linear, published
 from phasebench.benchmarks.measure import linear_stability, oscillator
 from phasebench.benchmarks.measure.integrator import integrator
+from phasebench.benchmarks.studies.extremes import limits
 from phasebench.integrators.errors import InvalidInput
 from support.commands import call
 from support.step_maps import of_trace
@@ -125,10 +125,10 @@ def test_long_runs_confirm_limits_and_refute_a_wrong_one():
     chosen = integrator("blanes-moan-s6")
     found = oscillator.find(chosen)
     assert len(found.intervals) > 1
-    right, runs = linear.confirm(chosen, found)
+    right, runs = limits.confirm(chosen, found)
     assert right == runs >= 4
     wrong = oscillator.Found(((0.0, found.limit * 1.004), *found.intervals[1:]), (), found.scanned, found.how)
-    assert linear.confirm(chosen, wrong)[0] < linear.confirm(chosen, wrong)[1]
+    assert limits.confirm(chosen, wrong)[0] < limits.confirm(chosen, wrong)[1]
 
 
 def test_nonlinear_map_is_judged_by_long_runs():
@@ -140,7 +140,7 @@ def test_nonlinear_map_is_judged_by_long_runs():
 
 def test_user_step_and_step_with_memory():
     """A Runge-Kutta step is a linear map; a step with memory is no map of the state."""
-    found = pb.stability(published.STEPS["kutta-3"])
+    found = pb.stability(limits.OTHERS["kutta-3"])
     assert found.limit == pytest.approx(math.sqrt(3), rel=DIGITS)
 
     def remembering(system, q, p, h, last=[0.0]):  # noqa: B006
@@ -194,10 +194,10 @@ def test_zero_limit_and_missing_limit_are_printed(method, limit, stable):
 
 
 def test_known_limits_agree_to_their_printed_digits():
-    assert linear.agrees(2.553145, 2.55, 3)
-    assert not linear.agrees(2.5563, 2.55, 3)
-    assert not linear.agrees(math.inf, 2.0, 3)
-    assert not linear.agrees(2.0, math.inf, 3)
+    assert limits.agrees(2.553145, 2.55, 3)
+    assert not limits.agrees(2.5563, 2.55, 3)
+    assert not limits.agrees(math.inf, 2.0, 3)
+    assert not limits.agrees(2.0, math.inf, 3)
 
 
 def test_undefined_step_does_not_end_the_scan():

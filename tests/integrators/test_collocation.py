@@ -12,10 +12,11 @@ import mpmath
 import numpy as np
 import pytest
 
-from phasebench.benchmarks.experiments.extremes import brouwer, exact_maps
+from phasebench.benchmarks.measure import exact_maps
 from phasebench.benchmarks.measure.battery import SYSTEMS
 from phasebench.benchmarks.measure.metrics import slope
 from phasebench.benchmarks.problems import problem
+from phasebench.benchmarks.studies.extremes import round_off
 from phasebench.integrators import Hamiltonian
 from phasebench.integrators.coefficients import dop853, quadrature, tableaus
 from phasebench.integrators.coefficients.trees import DIGITS, order_residual, trees, vector
@@ -308,9 +309,9 @@ def test_double_weights_of_symmetric_rules_add_up_to_1(id):
 def phase_error(id):
     """Mean phase error on the oscillator over many starts, in units of its standard error."""
     h, n = 0.0887654321, 16384
-    Q, P = brouwer.runs(id, {}, h, n, brouwer.starts_of(40), 1)
-    with mpmath.workdps(brouwer.DIGITS):
-        phase = brouwer.errors(exact_maps.exact_matrix(id, {}, h), np.array([0, n]), Q, P)[1][:, -1]
+    Q, P = round_off.run(id, {}, h, n, round_off.starts(40), 1)
+    with mpmath.workdps(exact_maps.DIGITS):
+        phase = exact_maps.errors(exact_maps.exact_matrix(id, {}, h), np.array([0, n]), Q, P)[1][:, -1]
     return abs(phase.mean()) / (phase.std() / 40**0.5)
 
 

@@ -7,8 +7,7 @@ import json
 import mpmath
 import numpy as np
 
-from phasebench.benchmarks.experiments.extremes import brouwer, exact_maps
-from phasebench.benchmarks.measure import oscillator
+from phasebench.benchmarks.measure import exact_maps, oscillator
 from phasebench.benchmarks.measure.integrator import integrator
 
 KNOWN = ["scheme-ii", "generating-function", *sorted({*exact_maps.SAME} - {"avf"})]
@@ -20,7 +19,7 @@ def of(id: str) -> float:
 
     ``id`` is the method's; the step is `H`.
     """
-    with mpmath.workdps(brouwer.DIGITS):
+    with mpmath.workdps(exact_maps.DIGITS):
         exact = np.array(exact_maps.exact_matrix(id, {}, H).tolist(), float)
     return float(np.abs(exact - oscillator.matrix(integrator(id), H)).max())
 

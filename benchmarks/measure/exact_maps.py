@@ -1,14 +1,19 @@
-"""Compute the matrix of a step on the oscillator in extended precision, from a method's coefficients and the double h.
+r"""The matrix of a step on the oscillator in extended precision, from a method's coefficients and the double h.
 
-Coefficients rounded to doubles make a slightly different method, also symplectic: |w|^2, the quadratic form that the
-exact step keeps (`brouwer`), then oscillates without growing, and the phase error has a part linear in time.
+A linear symplectic step y -> M y with trace 2 cos(theta) turns :math:`w = M_{pq} q + (e^{i\theta} - M_{qq}) p` by
+theta: |w|^2 is kept exactly and arg w grows by theta a step.  `errors` are the changes of both in a run beyond that.
+
+Coefficients rounded to doubles make a slightly different method, also symplectic: |w|^2 then oscillates without
+growing, and the phase error has a part linear in time.
 """
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import mpmath
+import numpy as np
 import sympy as sp
 
 from phasebench.benchmarks.problems import problem
@@ -19,6 +24,8 @@ from phasebench.integrators.systems import generating
 if TYPE_CHECKING:
     from fractions import Fraction
 
+#: Working precision; binary places of the integers in `errors`.
+DIGITS, PLACES = 50, 160
 #: Methods that coincide with another method on the oscillator, where gradients are linear.
 SAME = dict.fromkeys(
     (
@@ -36,13 +43,43 @@ SAME |= {f"variational-lobatto-{s}": f"lobatto-iiia-iiib-{s}" for s in (3, 4)}
 OTHERS = ("r-respa",)
 
 
+def errors(M: mpmath.matrix, n: np.ndarray, Q: np.ndarray, P: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(Relative errors of |w|^2, errors of the phase arg w in radians), arrays (..., m), at step numbers n.
+
+    Q, P are states, arrays (..., m), whose first column is the start; M is the matrix of a step, in the working
+    precision.  The arithmetic is exact, in integers times 2^-`PLACES`; only M and theta are rounded.
+    """
+    cosine = (M[0, 0] + M[1, 1]) / 2
+    turn = mpmath.mpc(cosine, mpmath.sqrt(1 - cosine**2))
+    theta, by_p = mpmath.arg(turn), turn - M[0, 0]
+    back = [mpmath.expj(-theta * int(k)) for k in n]
+    Q, P = _integers(np.asarray(Q, float)), _integers(np.asarray(P, float))
+    x, y = _integer(M[1, 0]) * Q + _integer(by_p.real) * P, _integer(by_p.imag) * P
+    first_x, first_y = x[..., :1], y[..., :1]
+    first = first_x * first_x + first_y * first_y
+    energy = (x * x + y * y - first) / first
+    c, s = (np.array([_integer(part(z)) for z in back], dtype=object) for part in (mpmath.re, mpmath.im))
+    along, across = x * first_x + y * first_y, y * first_x - x * first_y
+    whole = first << PLACES
+    phase = np.arctan2(*(((a * c + b * s) / whole).astype(float) for a, b in ((across, along), (along, -across))))
+    return energy.astype(float), phase
+
+
+def _integer(x: mpmath.mpf) -> int:
+    return int(mpmath.nint(mpmath.ldexp(x, PLACES)))
+
+
+#: 2^`PLACES` x for an array of doubles; exact if no nonzero one is below 2^-100.
+_integers = np.frompyfunc(lambda x: int(math.ldexp(x, PLACES)), 1, 1)
+
+
 def has_exact_map(id: str) -> bool:
     """True if the exact matrix of a method's step on the oscillator can be computed here."""
     return id not in OTHERS and BY_ID[SAME.get(id, id)].family in BY_FAMILY
 
 
 def exact_matrix(id: str, values: dict, h: float) -> mpmath.matrix:
-    """Compute a method's 2 x 2 matrix of a step of h on (q, p), in the working precision; ``values``: parameters."""
+    """A method's 2 x 2 matrix of a step of h on (q, p), in the working precision; ``values``: parameters."""
     made, h = method(SAME.get(id, id), **values), mpmath.mpf(h)
     return BY_FAMILY[made.family](made.data, h)
 
@@ -52,17 +89,16 @@ def _number(x: Fraction | float | mpmath.mpf) -> mpmath.mpf:
 
 
 def _parametric(data: tuple, h: mpmath.mpf) -> mpmath.matrix:
-    """Compute the matrix of a step that is composed of generating-function steps, on the oscillator.
+    """Of generating-function steps: ``data`` is (order, substeps).
 
-    ``data`` is (order, substeps); a substep (c, mu, lambda) has the length c h and the gradient of the generating
-    function at (mu q1 + (1 - mu) q0, lambda p1 + (1 - lambda) p0).
+    A substep (c, mu, lambda) has the length c h and the gradient of the generating function K at (mu q1 + (1 - mu) q0,
+    lambda p1 + (1 - lambda) p0).
     """
     order, substeps = data
     one, total = mpmath.mpf(1), mpmath.eye(2)
     for c, mu, lam in substeps:
         z, mu, lam = h * _number(c), _number(mu), _number(lam)
         a, b, d = (z * x for x in _generating(order, z, lam))
-        # K's gradient at (mu q1 + (1 - mu) q0, lam p1 + (1 - lam) p0)
         left = mpmath.matrix([[one - b * mu, -d * lam], [a * mu, one + b * lam]])
         right = mpmath.matrix([[one + b * (one - mu), d * (one - lam)], [-a * (one - mu), one - b * (one - lam)]])
         total = left**-1 * right * total
@@ -70,10 +106,7 @@ def _parametric(data: tuple, h: mpmath.mpf) -> mpmath.matrix:
 
 
 def _generating(order: int, h: mpmath.mpf, lam: mpmath.mpf) -> list:
-    """Compute the second derivatives K_qq, K_qp, K_pp of the oscillator's generating function K of an order.
-
-    K depends on the step h and the parameter lambda (``lam``); for order 1 it is H.
-    """
+    """The second derivatives K_qq, K_qp, K_pp of the oscillator's generating function K of an order; for 1 it is H."""
     if order == 1:
         return [mpmath.mpf(1), mpmath.mpf(0), mpmath.mpf(1)]
     q, p = sp.symbols("q p", real=True)
@@ -84,10 +117,7 @@ def _generating(order: int, h: mpmath.mpf, lam: mpmath.mpf) -> list:
 
 
 def _splitting(data: tuple, h: mpmath.mpf) -> mpmath.matrix:
-    """Compute the matrix of a step of a splitting into drifts and kicks, on the oscillator.
-
-    ``data`` has the drifts' and the kicks' fractions of h; a step begins with a kick.
-    """
+    """Of a splitting that begins with a kick: ``data`` has the drifts' and the kicks' fractions of h."""
     drifts, kicks = ([*map(_number, part)] for part in data)
     total = mpmath.eye(2)
     for k in range(max(len(drifts), len(kicks))):
@@ -99,10 +129,7 @@ def _splitting(data: tuple, h: mpmath.mpf) -> mpmath.matrix:
 
 
 def _collocation(data: tuple, h: mpmath.mpf) -> mpmath.matrix:
-    """Compute the step matrix of a (partitioned) Runge-Kutta method on the oscillator, from its stage equations.
-
-    ``data`` is (kind, stages), such as ("gauss", 2).
-    """
+    """Of a (partitioned) Runge-Kutta method, from its stage equations: ``data`` is (kind, stages)."""
     A, C, b, _ = runge_kutta(*data)
     s = len(b)
     left, start = mpmath.eye(2 * s), mpmath.matrix(2 * s, 2)  # Q - h A P = q, P + h C Q = p
@@ -116,7 +143,7 @@ def _collocation(data: tuple, h: mpmath.mpf) -> mpmath.matrix:
 
 
 def _rotation(data: tuple, h: mpmath.mpf) -> mpmath.matrix:
-    """The matrix of a step of a method that is exact on the oscillator: its flow over h; ``data`` is not used."""
+    """Of a method that is exact on the oscillator: its flow over h; ``data`` is not used."""
     omega = mpmath.mpf(problem("harmonic-oscillator").parameters.get("omega", 1))
     c, s = mpmath.cos(h * omega), mpmath.sin(h * omega)
     return mpmath.matrix([[c, s / omega], [-omega * s, c]])

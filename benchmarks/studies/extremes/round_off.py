@@ -1,0 +1,570 @@
+r"""Brouwer's law: the growth of round-off over long times, where the step map is known exactly.
+
+**Oscillator**: a linear symplectic step keeps |w|^2 exactly and turns arg w by an angle that is known in extended
+precision (`measure.exact_maps`); any other change in a run is round-off.  With unbiased rounding the energy's error
+grows as n^(1/2), from :math:`\epsilon h \sqrt n` with compensated increments (epsilon the unit round-off), and the
+phase's as n^(3/2) where the frequency depends on the energy (Brouwer 1937); here it does not.
+
+**Kepler**, by Wisdom-Holman's method, which solves it exactly.  A change of the energy changes the period: the error of
+the mean anomaly M = E - e sin E is the sum of the random walk, n^(3/2).
+
+If h, or the parameter lambda of Scheme I, is close to a fraction with a small denominator (h = 0.01 and 0.1, lambda =
+1/3), the rounded-off parts of the state, which velocity and force do not see, take few values, whose mean is not zero:
+the energy drifts.  The same runs slightly off the fraction confirm this, and three arithmetics by hand: `PLAIN`, sums
+without compensation; `HALF`, exact products in twice the digits (Veltkamp 1968; Dekker 1971) and compensated sums,
+while velocity and force see the state rounded to a double; `WHOLE`, as `HALF`, but velocity and force also see the part
+of the state that is rounded off.
+
+**Every method** that is symplectic or keeps the energy has a shorter run with an eight times longer step.  Where its
+exact matrix is not known, the error of a method that keeps H is that of H.  A state is itself rounded, to epsilon, so
+that the law shows only where epsilon h n^(1/2) is above epsilon.
+
+Source: D. Brouwer, Astron. J. 46 (1937) 149-153; Hairer, Lubich, Wanner, Geometric Numerical Integration (2006),
+VIII.5.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+
+import mpmath
+import numba
+import numpy as np
+import pandas as pd
+
+from phasebench.benchmarks.measure import exact_maps
+from phasebench.benchmarks.measure.exact_maps import DIGITS, exact_matrix
+from phasebench.benchmarks.page.markdown import number
+from phasebench.benchmarks.page.page import ROWS as SHOWN
+from phasebench.benchmarks.page.page import Data, Table, of
+from phasebench.benchmarks.page.study import Claim, Runs, Study
+from phasebench.benchmarks.page.verdict import EVERY as ALL
+from phasebench.benchmarks.page.verdict import NONE, at_most
+from phasebench.benchmarks.problems import problem
+from phasebench.benchmarks.store.cells import ProblemKey
+from phasebench.integrators import batches
+from phasebench.integrators.driver import integrate
+from phasebench.integrators.ensemble import integrate_ensemble
+from phasebench.integrators.registry import BY_ID, METHODS
+
+CHOSEN, CURVES, EVERY = "extremes_growth", "extremes_growth_curves", "extremes_growth_every"
+OSCILLATOR, KEPLER, ON_KEPLER = "harmonic-oscillator", "wisdom-holman on Kepler", "wisdom-holman"
+PLAIN, HALF, WHOLE = "plain sums", "products exact", "products exact, of the whole state"
+BY_HAND = (PLAIN, HALF, WHOLE)
+SPLITTER = 2.0**27 + 1
+#: Starts, their seed, rows of a run and of a short one, points in the fit of an exponent (each at twice the time),
+#: resamples.
+STARTS, SEED, ROWS, FEWER, FITTED, DRAWN = 100, 1937, 1024, 64, 7, 400
+#: Step sizes: without a pattern, a power of two, two simple fractions, a factor that moves slightly off them; the long
+#: step.
+STEP, BINARY, DECIMAL, TENTH, ASIDE, H = 0.0123456789, 2.0**-7, 0.01, 0.1, 1 + 2.0**-40, 0.0987654321
+#: lambda = 1/3, and a value slightly off it.
+THIRD, BESIDE = "1/3", "0.3333333333"
+#: Kinds of runs.
+USUAL, FRACTION, ASIDE_OF, HAND = "usual", "fraction", "beside a fraction", "by hand"
+EPS = 2.0**-53
+#: Floor of a mean square error, so that its logarithm is finite.
+TINY = 1e-40
+MOST, MANY, SOME, FEW, LONG = 10_240_000, 5_120_000, 1_024_000, 512_000, 102_400_000
+#: (method, lambda, h, steps): one method of each family whose step is a symplectic matrix, then simple fractions and
+#: values slightly off them, the controls, and a single long run.
+RUNS = (
+    ("stormer-verlet", "", STEP, MOST),
+    ("stormer-verlet", "", BINARY, MANY),
+    ("symplectic-euler-p", "", STEP, MANY),
+    ("pefrl", "", STEP, 2 * SOME),
+    ("kahan-li-8", "", STEP, FEW),
+    ("blanes-moan-srkn6b", "", STEP, SOME),
+    ("implicit-midpoint", "", STEP, SOME),
+    ("scheme-i", "-1", STEP, SOME),
+    ("scheme-iii", "-1", STEP, SOME),
+    ("gauss-2", "", STEP, FEW),
+    ("gauss-4", "", STEP, FEW),
+    ("lobatto-iiia-iiib-3", "", STEP, FEW),
+    ("avf", "", STEP, FEW),
+    ("deuflhard", "", STEP, SOME),
+    ("stormer-verlet", "", DECIMAL, MOST),
+    ("stormer-verlet", "", DECIMAL * ASIDE, MANY),
+    ("scheme-i", THIRD, STEP, SOME),
+    ("scheme-i", BESIDE, STEP, SOME),
+    ("gauss-2", "", TENTH, FEW),
+    ("gauss-2", "", TENTH * ASIDE, FEW),
+    (HALF, "", DECIMAL, 2 * SOME),
+    (WHOLE, "", DECIMAL, 2 * SOME),
+    (PLAIN, "", STEP, MANY),
+    ("stormer-verlet", "", STEP, LONG),
+)
+#: Kepler: steps of a run, range of the starts' eccentricities.
+ORBIT_STEPS, ECCENTRICITIES = 262_144, (0.1, 0.6)
+#: Steps of a run, by the cost of a step: explicit, implicit and composed methods in SIMD lanes, others, the slowest.
+EXPLICIT, IMPLICIT, COMPOSED, ALONE, DEAR = 524_288, 131_072, 32_768, 16_384, 4_096
+#: How the energy's error of every method is measured.
+EXACT, ENERGY_KEPT = "exact matrix", "energy"
+#: Brouwer's exponents, how far above them an interval may begin, and the largest energy error in units eps h n^(1/2).
+ENERGY, PHASE, ABOVE, UNITS = 0.5, 1.5, 0.05, 10.0
+#: Probability that an unbiased table of ensembles shows a bias by chance.
+CHANCE = 0.05
+MEAN = "bias in its errors"
+
+
+# -- runs --------------------------------------------------------------------------------------------------------------
+
+
+@numba.njit
+def plain(h: float, every: int, rows: int, q: float, p: float) -> tuple[np.ndarray, np.ndarray]:
+    """Leapfrog on the oscillator without compensated sums: Q, P (rows + 1,), after each ``every`` steps of h."""
+    Q, P = np.empty(rows + 1), np.empty(rows + 1)
+    Q[0], P[0] = q, p
+    for i in range(rows):
+        for _ in range(every):
+            p = p - h / 2 * q
+            q = q + h * p
+            p = p - h / 2 * q
+        Q[i + 1], P[i + 1] = q, p
+    return Q, P
+
+
+@numba.njit
+def careful(h: float, share: float, every: int, rows: int, q: float, p: float) -> tuple[np.ndarray, np.ndarray]:
+    """As `plain`, with exact products and compensated sums.
+
+    Velocity and force see ``share`` (0 or 1) of the state's lost parts, which the compensated sums carry along.
+    """
+    Q, P = np.empty(rows + 1), np.empty(rows + 1)
+    Q[0], P[0] = q, p
+    lost_q = lost_p = 0.0
+    t = SPLITTER * h
+    upper = t - (t - h)
+    lower = h - upper
+    for i in range(rows):
+        for k in range(2 * every + 1):
+            drift = k % 2 == 1
+            x, c, y, lost = (q, lost_q, p, lost_p) if drift else (p, lost_p, q, lost_q)
+            step = 1.0 if drift else (-0.5 if k == 0 or k == 2 * every else -1.0)  # halves and signs are exact
+            product = h * y
+            t = SPLITTER * y
+            high = t - (t - y)
+            low = y - high
+            rest = ((upper * high - product) + upper * low + lower * high) + lower * low
+            product, rest = step * product, step * (rest + share * h * lost)
+            new = (x + c) + product
+            moved = product + c
+            c = (moved - (new - x)) + ((product - (moved - c)) + rest)
+            if drift:
+                q, lost_q = new, c
+            else:
+                p, lost_p = new, c
+        Q[i + 1], P[i + 1] = q, p
+    return Q, P
+
+
+def by_hand(kind: str, h: float, steps: int, rows: int, q: float, p: float) -> tuple[np.ndarray, np.ndarray]:
+    """A run of one of `BY_HAND` from (q, p): Q, P (rows + 1,)."""
+    if kind == PLAIN:
+        return plain(h, steps // rows, rows, q, p)
+    return careful(h, float(kind == WHOLE), steps // rows, rows, q, p)
+
+
+def starts(count: int) -> np.ndarray:
+    """Random starts (q, p), array (count, 2): uniform in angle, amplitudes from 1/2 to 3/2."""
+    generator = np.random.default_rng(SEED)
+    angle, size = generator.uniform(0, 2 * np.pi, count), generator.uniform(0.5, 1.5, count)
+    return np.column_stack([size * np.cos(angle), size * np.sin(angle)])
+
+
+def run(
+    id: str, values: dict, h: float, steps: int, starts: np.ndarray, rows: int = ROWS
+) -> tuple[np.ndarray, np.ndarray]:
+    """The oscillator's states (Q, P), arrays (n, rows + 1), from all starts (q, p), array (n, 2)."""
+    if id in BY_HAND:
+        Q, P = zip(*(by_hand(id, h, steps, rows, q, p) for q, p in starts), strict=True)
+        return np.array(Q), np.array(P)
+    options = {"h": h, "steps": steps, "parameters": values, "save_every": steps // rows, "threads": 1}
+    made = integrate_ensemble(problem(OSCILLATOR), id, starts[:, :1], starts[:, 1:], **options)
+    return made.Q[:, :, 0], made.P[:, :, 0]
+
+
+def places(rows: int, count: int) -> list[int]:
+    """Row 0, then ``count`` rows up to the last one, each at twice the time."""
+    return [0, *(rows // 2**k for k in range(count - 1, -1, -1))]
+
+
+def label(id: str, lam: str) -> str:
+    """A method's id with its parameter, as "scheme-i(lam=1/3)"."""
+    return f"{id}(lam={lam})" if lam else id
+
+
+def kind(label: str, h: float) -> str:
+    """The kind of a run."""
+    if label in BY_HAND:
+        return HAND
+    if h in (DECIMAL, TENTH) or f"={THIRD})" in label:
+        return FRACTION
+    return ASIDE_OF if h in (DECIMAL * ASIDE, TENTH * ASIDE) or f"={BESIDE})" in label else USUAL
+
+
+BY_LABEL = {label(id, lam): (id, {"lam": lam} if lam else {}) for id, lam, *_ in RUNS}
+
+
+def needs(label: str, **_: object) -> tuple:
+    """The records on which a row depends."""
+    id, values = BY_LABEL.get(label, (ON_KEPLER, {}))
+    on = ProblemKey("kepler" if label == KEPLER else OSCILLATOR)
+    return BY_ID["stormer-verlet" if id in BY_HAND else id], values, on
+
+
+def growth(label: str, h: float, steps: int) -> dict[str, list[dict]]:
+    """A row on the growth of round-off in an ensemble, and rows of the rms errors over the number n of steps."""
+    rows = places(ROWS, 10)
+    n = np.array(rows) * (steps // ROWS)
+    with mpmath.workdps(DIGITS):
+        if label == KEPLER:
+            made = [integrate(problem("kepler"), ON_KEPLER, h=h, steps=steps, q0=q, p0=p, save_every=steps // ROWS)
+                    for q, p in pericentres(STARTS)]  # fmt: skip
+            found = map(np.array, zip(*(kepler_errors(n, s.q[rows], s.p[rows], h) for s in made), strict=True))
+        else:
+            id, values = BY_LABEL[label]
+            Q, P = run(id, values, h, steps, starts(STARTS if steps < LONG else 1))
+            M = exact_matrix("stormer-verlet" if id in BY_HAND else id, values, h)
+            found = exact_maps.errors(M, n, Q[:, rows], P[:, rows])
+    energy, phase = (x[:, 1:] for x in found)
+    key = {"label": label, "h": h, "steps": steps}
+    row = key | {"kind": kind(label, h)} | summary(n[1:], h, energy, phase)
+    if label == KEPLER:
+        del row["in units"]  # a unit that holds on the oscillator only
+    each = zip(n[1:], np.sqrt((energy**2).mean(0)), np.sqrt((phase**2).mean(0)), strict=True)
+    return {CHOSEN: [row], CURVES: [key | {"n": int(k), "energy": float(e), "phase": float(f)} for k, e, f in each]}
+
+
+def summary(n: np.ndarray, h: float, energy: np.ndarray, phase: np.ndarray | None = None) -> dict:
+    """Rms, bias and growth of errors by round-off, arrays (starts, m), at step numbers n (m,)."""
+    rms = float(np.sqrt((energy[:, -1] ** 2).mean()))
+    row = {"starts": len(energy), "energy rms": rms}
+    if phase is not None:
+        row["phase rms"] = float(np.sqrt((phase[:, -1] ** 2).mean()))
+    row["in units"] = rms / float(EPS * h * np.sqrt(n[-1]))
+    if len(energy) > 1:
+        mean, error = energy[:, -1].mean(), energy[:, -1].std(ddof=1) / np.sqrt(len(energy))
+        row |= {"bias per step": float(mean / n[-1]), MEAN: float(mean / error) if error else 0.0}
+        for name, values in (("energy", energy), ("phase", phase)):
+            if values is not None and values.any():
+                row |= dict(zip((f"{name} exponent", f"{name} low", f"{name} high"), power(n, values), strict=True))
+    return row
+
+
+def power(n: np.ndarray, errors: np.ndarray) -> tuple[float, float, float]:
+    """(Exponent of n in the rms of ``errors`` (starts, m) at the last `FITTED` n, low, high): 95 % by bootstrap."""
+    x, generator = np.log(np.asarray(n[-FITTED:], float)), np.random.default_rng(SEED)
+
+    def fit(sample: np.ndarray) -> float:
+        size = np.maximum((sample[:, -FITTED:] ** 2).mean(axis=0), TINY)
+        return float(np.polyfit(x, 0.5 * np.log(size), 1)[0])
+
+    drawn = [fit(errors[generator.integers(0, len(errors), len(errors))]) for _ in range(DRAWN)]
+    return fit(errors), *map(float, np.quantile(drawn, (0.025, 0.975)))
+
+
+def elements(q: Sequence[float], p: Sequence[float]) -> tuple:
+    """(Semi-major axis, mean anomaly) of a Kepler state q, p, (2,) each, in the working precision."""
+    x, y, u, v = (mpmath.mpf(float(c)) for c in (*q, *p))
+    r = mpmath.sqrt(x**2 + y**2)
+    a = 1 / (2 / r - u**2 - v**2)
+    cosine, sine = 1 - r / a, (x * u + y * v) / mpmath.sqrt(a)  # e cos E, e sin E
+    return a, mpmath.atan2(sine, cosine) - sine
+
+
+def kepler_errors(n: Sequence[int], Q: Sequence, P: Sequence, h: float) -> tuple[np.ndarray, np.ndarray]:
+    """(Relative errors of the energy, errors of the mean anomaly) at step numbers n; row 0 of Q, P is the start."""
+    found = [elements(q, p) for q, p in zip(Q, P, strict=True)]
+    a, first = found[0]
+    rate = mpmath.mpf(h) / a ** mpmath.mpf(1.5)
+    late = [mpmath.arg(mpmath.expj(M - first - rate * int(k))) for k, (_, M) in zip(n, found, strict=True)]
+    return np.array([float(a / b - 1) for b, _ in found]), np.array([float(x) for x in late])
+
+
+def pericentres(count: int) -> Iterator[tuple[tuple[float, float], tuple[float, float]]]:
+    """Random pericentres (q, p) of orbits with semi-major axis 1."""
+    generator = np.random.default_rng(SEED)
+    for e, angle in zip(generator.uniform(*ECCENTRICITIES, count), generator.uniform(0, 2 * np.pi, count), strict=True):
+        speed, c, s = ((1 + e) / (1 - e)) ** 0.5, np.cos(angle), np.sin(angle)
+        yield ((1 - e) * c, (1 - e) * s), (-speed * s, speed * c)
+
+
+# -- every method ------------------------------------------------------------------------------------------------------
+
+
+def steps_of(id: str) -> int:
+    """The number of steps that a method runs: the cheaper its step, the more."""
+    chosen = BY_ID[id]
+    if chosen.family == "schemes_iv_v":
+        return DEAR
+    if chosen.family == "trigonometric":
+        return IMPLICIT
+    if chosen.family not in ("parametric", "splitting"):
+        return ALONE
+    if not id.startswith(("scheme", "implicit-midpoint", "generating")):
+        return EXPLICIT
+    return IMPLICIT if chosen.order <= 2 else COMPOSED
+
+
+#: Label -> method; lambda is slightly off 1/3, as round-off drifts at 1/3.
+SUITABLE = {
+    label(m.id, BESIDE if "lam" in m.parameters else ""): m for m in METHODS if m.symplectic or m.energy == "round-off"
+}
+
+
+def every(label: str, h: float, steps: int) -> dict:
+    """The growth of a method's round-off on the oscillator, or the reason why there is none."""
+    made, method = problem(OSCILLATOR), SUITABLE[label]
+    values = {"lam": BESIDE} if "lam" in method.parameters else {}
+    row = {"method": method.id, "h": h, "steps": steps, "reason": method.lacks(made.system) or ""}
+    told = None if row["reason"] else how(method.id, values)
+    if told is None:
+        return row | {"reason": row["reason"] or "its exact matrix on the oscillator is not known here"}
+    rows = places(FEWER, FITTED)
+    n = np.array(rows) * (steps // FEWER)
+    Q, P = run(method.id, values, h, steps, starts(STARTS), FEWER)
+    if not (np.isfinite(Q).all() and np.isfinite(P).all()):
+        return row | {"reason": "runs end before their last step"}
+    by, M = told
+    with mpmath.workdps(DIGITS):
+        energy, phase = (x[:, 1:] for x in exact_maps.errors(M, n, Q[:, rows], P[:, rows]))
+    row |= {"by": by, "in lanes": batches.runs_in_lanes(made.system, method)}
+    return row | summary(n[1:], h, energy, phase if by == EXACT else None)
+
+
+def how(id: str, values: dict) -> tuple[str, mpmath.matrix] | None:
+    """(`EXACT` or `ENERGY_KEPT`, step matrix whose |w|^2 is used); None if neither it is known nor H is kept."""
+    with mpmath.workdps(DIGITS):
+        if exact_maps.has_exact_map(id):
+            return EXACT, exact_matrix(id, values, H)
+        # |w|^2 of an exact rotation is H
+        return (ENERGY_KEPT, exact_matrix("deuflhard", {}, H)) if BY_ID[id].energy == "round-off" else None
+
+
+# -- judging -----------------------------------------------------------------------------------------------------------
+
+
+def named_step(h: float) -> str:
+    """A step as text; one slightly off a simple fraction as that fraction times (1 + 2^-40)."""
+    beside = [x for x in (DECIMAL, TENTH) if h == x * ASIDE]
+    return f"{beside[0]:g} (1 + 2^-40)" if beside else f"{h:.10g}"
+
+
+def ensembles(data: Data) -> pd.DataFrame | None:
+    """The ensembles of both tables, without those by hand, with the column ``at``: the run as text."""
+    chosen, all_ = data(CHOSEN), data(EVERY)
+    if chosen is None or all_ is None:
+        return None
+    parts = {CHOSEN: chosen[chosen["kind"] != HAND], EVERY: all_[all_["reason"].astype(object).fillna("") == ""]}
+    rows = pd.concat([part.assign(table=name) for name, part in parts.items()], ignore_index=True)
+    return rows.assign(at=[f"{r.label} at h = {named_step(r.h)}" for r in rows.itertuples()])
+
+
+def slow(name: str, law: float) -> Callable[[pd.DataFrame], pd.Series]:
+    """True where the error ``name`` ("energy" or "phase") does not surely grow faster than n^``law``, by run."""
+
+    def of_ensembles(rows: pd.DataFrame) -> pd.Series:
+        rows = rows.dropna(subset=f"{name} exponent")
+        labels = rows["at"] + rows[f"{name} exponent"].map(": n^{:.2f}".format)
+        return (rows[f"{name} low"] <= law + ABOVE).set_axis(labels)
+
+    return of_ensembles
+
+
+def sizes(rows: pd.DataFrame) -> pd.Series:
+    """The energy error in units of eps h n^(1/2), by run."""
+    return rows["in units"].set_axis(rows["at"] + ", " + rows["steps"].map(lambda n: f"{number(float(n))} steps"))
+
+
+def critical(rows: pd.DataFrame) -> float:
+    """The largest |mean error|, in standard errors, that chance explains in a table of ensembles.
+
+    If none of the ensembles has a bias, the probability that at least one of them exceeds it is `CHANCE`.
+    """
+    from scipy import stats
+
+    each = 1 - (1 - CHANCE) ** (1 / len(rows))
+    return float(stats.t.ppf(1 - each / 2, rows["starts"].min() - 1))
+
+
+def overtaken(row: pd.Series) -> float:
+    """After how many steps a bias, growing as n, is as large as the random walk, growing as n^(1/2)."""
+    return row["steps"] * row["starts"] / row[MEAN] ** 2
+
+
+def biased(rows: pd.DataFrame) -> pd.Series:
+    """True where the mean energy error is farther from 0 than chance explains, by run, the farthest first.
+
+    Runs at simple fractions are left out: their round-off repeats itself.
+    """
+    rows = rows[rows[MEAN].notna() & (rows["kind"] != FRACTION)].sort_values(MEAN, key=lambda x: -x.abs())
+    limit = rows["table"].map({name: critical(part) for name, part in rows.groupby("table")})
+    offset = rows["by"] == ENERGY_KEPT  # H is kept: its mean error does not grow
+    labels = [
+        f"{r['at']} ({'an offset' if kept else f'leads after {number(overtaken(r), 2)} steps'})"
+        for (_, r), kept in zip(rows.iterrows(), offset, strict=True)
+    ]
+    return (rows[MEAN].abs() > limit).set_axis(labels)
+
+
+def faster(rows: pd.DataFrame) -> pd.Series:
+    """True where the energy error surely grows faster than n^(1/2)."""
+    return rows["energy low"] > ENERGY + ABOVE
+
+
+def controls(rows: pd.DataFrame) -> pd.Series | None:
+    """True for each kind of control that confirms the explanation of the drift; None if one was not measured.
+
+    The drift must vanish slightly off the fraction, persist with exact products alone, and vanish if velocity and force
+    see the whole state; plain sums must lose more.
+    """
+    beside = rows[rows["kind"] == ASIDE_OF]
+    plain, half, whole = (rows[(rows["label"] == x) & rows["energy exponent"].notna()] for x in BY_HAND)
+    if any(part.empty for part in (beside, plain, half, whole)):
+        return None
+    return pd.Series(
+        {
+            PLAIN: (plain["in units"] > UNITS).all(),
+            "beside a fraction": not faster(beside).any(),
+            HALF: faster(half).any(),
+            WHOLE: not faster(whole).any(),
+        },
+        dtype=bool,
+    )
+
+
+def drift(data: Data) -> str:
+    """The fraction next to which the energy drifts most, as the end of a sentence; "" if it drifts at none."""
+    rows = data(CHOSEN)
+    near = rows[faster(rows) & (rows["kind"] == FRACTION)]
+    if near.empty:
+        return ""
+    return f"; it drifts next to fractions such as h = {named_step(near.loc[near['energy exponent'].idxmax(), 'h'])}"
+
+
+# -- what is shown -----------------------------------------------------------------------------------------------------
+
+
+@of(CHOSEN, EVERY)
+def whole(chosen: pd.DataFrame, all_: pd.DataFrame) -> pd.DataFrame:
+    """The growth in every ensemble, or the reason why a method has none."""
+    return pd.concat([chosen, all_], ignore_index=True)
+
+
+def exponents(rows: pd.DataFrame, name: str) -> list[str]:
+    """The exponents of the error ``name`` with their intervals, as text; "" where there is none."""
+    found = rows[[f"{name} {part}" for part in ("exponent", "low", "high")]].itertuples(index=False)
+    return ["" if pd.isna(value) else f"{value:.2f} [{low:.2f}, {high:.2f}]" for value, low, high in found]
+
+
+def table(data: Data) -> Table | None:
+    """Runs at simple fractions, slightly off them, by hand, and the worst of the others."""
+    known = whole(data)
+    if known is None:
+        return None
+    order = {FRACTION: 0, ASIDE_OF: 1, HAND: 2}
+    known = known[known["energy low"].notna()].assign(order=known["kind"].map(order).fillna(3))
+    first = known[known["order"] < 3].sort_values(["order", "label", "h"])
+    # Worst first: by how far the exponent is above the law's, then by the size of the error.
+    rest = known[known["order"] == 3].assign(above=lambda t: (t["energy low"] - ENERGY).clip(lower=0))
+    shown = pd.concat([first, rest.sort_values(["above", "in units"], ascending=False)]).head(SHOWN)
+    columns = {
+        "run": shown["label"],
+        "h": shown["h"].map(named_step),
+        "steps": shown["steps"].astype(float),
+        "energy ~ n^": exponents(shown, "energy"),
+        "phase ~ n^": exponents(shown, "phase"),
+        "error / eps h n^(1/2)": shown["in units"],
+        "mean a step": shown["bias per step"],
+        "in standard errors": shown[MEAN],
+    }
+    caption = (
+        "Fractions of small denominators, steps beside them, controls by hand, then of all other ensembles the worst. "
+        "Powers of n with 95 % intervals; the rms error of the energy at the end in units of eps h n^(1/2); the mean "
+        "change of the energy a step, and in units of its standard error."
+    )
+    return Table(pd.DataFrame(columns), caption)
+
+
+#: The claim on the energy; the page `extremes` makes it, too.
+LAW = Claim(
+    "The energy's round-off grows no faster than n^(1/2), Brouwer's law",
+    ensembles, slow("energy", ENERGY), ALL, unit="ensembles", names=3,
+)  # fmt: skip
+STUDY = Study(
+    id="extremes-round-off",
+    place=200,
+    question="How does round-off grow over long times?",
+    answer="In {energy} ensembles the energy's round-off grows no faster than n^(1/2) after n steps, Brouwer's "
+    "law{drift}.",
+    setting=(
+        "H = (p² + q²) / 2: a symplectic step is a matrix M of trace 2 cos θ; w = M_pq q + (e^{iθ} - M_qq) p turns by "
+        "θ and keeps |w|.",
+        f"An ensemble: {STARTS} seeded starts; |w|² and arg w in {DIGITS} digits, M from the coefficients and the "
+        "double h, so that what changes is round-off.",
+        "Brouwer 1937: unbiased rounding lets the energy's error grow as n^(1/2), the phase's as n^(3/2) where the "
+        "period depends on the energy.",
+        "Chosen methods, also at fractions of small denominators (h = 0.01 and 0.1, λ = 1/3) and beside them (h (1 + "
+        f"2^-40), λ = 0.3333333333). Every method: h = {H:g}, {DEAR} to {EXPLICIT} steps, fewer for dear ones; for "
+        "methods that keep H, the error of H.",
+        "Controls by hand: Störmer–Verlet by plain sums; with exact products; with exact products and the state's lost "
+        "digits seen by velocity and force.",
+    ),
+    runs=(
+        Runs(
+            CHOSEN, growth,
+            [*({"label": label(id, lam), "h": h, "steps": steps} for id, lam, h, steps in RUNS),
+             {"label": KEPLER, "h": H, "steps": ORBIT_STEPS}],
+            needs=needs, more=(CURVES,),
+        ),
+        Runs(EVERY, every, [{"label": name, "h": H, "steps": steps_of(m.id)} for name, m in SUITABLE.items()],
+             needs=lambda label, **_: (SUITABLE[label], ProblemKey(OSCILLATOR))),
+    ),
+    claims={
+        "energy": LAW,
+        "phase": Claim(
+            "The phase's round-off grows no faster than n^(3/2)",
+            ensembles, slow("phase", PHASE), ALL, unit="ensembles", names=3,
+        ),
+        "size": Claim(
+            "The energy's round-off is no larger than compensated sums allow",
+            ensembles, sizes, at_most(UNITS), unit="eps h n^(1/2)",
+        ),
+        "bias": Claim(
+            "Away from simple fractions, round-off has no bias",
+            ensembles, biased, NONE, unit="ensembles", names=2,
+        ),
+        "controls": Claim(
+            "Controls drift, or do not, as the rounding of the state explains",
+            CHOSEN, controls, ALL, unit="controls", names=4, fault=True,
+        ),
+    },
+    numbers={"drift": drift},
+    checks={
+        "denominators": Claim(
+            "Off small denominators, or seen as a whole, the state's rounding does not make the energy drift",
+            CHOSEN, "`energy low`", at_most(ENERGY + ABOVE), rows=f"kind == '{ASIDE_OF}' or label == '{WHOLE}'",
+        ),
+    },
+    shown=table,
+    whole=whole,
+    tables=(CHOSEN, EVERY),
+    limits=(
+        f"A power fails where its 95 % interval begins more than {ABOVE:g} above the law's; a mean where Student's law "
+        f"gives it a probability of less than {CHANCE:.0%} over all ensembles of its table.",
+        "The drift at fractions of small denominators is a bias: the state's rounded-off digits take few values there, "
+        "whose mean is not 0. The controls show it; another step avoids it.",
+        "A bias grows as n and leads over a random walk after as many steps as make its mean as large; for a method "
+        "that keeps H the mean is an offset.",
+        "Coefficients that are rounded to doubles make another symplectic map: the phase has a part linear in n, which "
+        "is no round-off of the run.",
+        "The oscillator's force is exact in doubles; a force that rounds by itself may hide the drift.",
+        "Methods that are neither symplectic nor keep the energy drift by truncation, not by round-off: they have no "
+        "ensemble here.",
+        f"The runs of every method are short: a power is fitted over a factor {FEWER} in n, at h = {H:.3g}; the phase "
+        "is not judged where the step map is not known exactly.",
+    ),
+    within="extremes",
+    listed=False,
+)  # fmt: skip
