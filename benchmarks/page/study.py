@@ -140,7 +140,6 @@ class Claim:
     ``where`` is a format string of the worst row, or a function of all rows; otherwise the worst row's method and
     problem.  Of wrong values that are counted the first ``names`` are named.
     Functions get the tables ``beside``, too.  ``span``: the smallest and the largest value are shown.
-    ``expected`` may be a function of the rows, where the bound depends on them.
     ``fault``: a claim that does not hold shows a fault of this suite; `pytest benchmarks` checks these, and those that
     are ``checked``; if it is of the ``whole`` table, only in a run that measures all of that.
     """
