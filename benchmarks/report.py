@@ -23,8 +23,6 @@ from phasebench.benchmarks.experiments.invariants.page import PAGE as INVARIANTS
 from phasebench.benchmarks.experiments.matrix.page import PAGE as MATRIX
 from phasebench.benchmarks.experiments.orders.page import PAGE as ORDERS
 from phasebench.benchmarks.experiments.structure.page import PAGE as STRUCTURE
-from phasebench.benchmarks.experiments.talks.page import PAGES as FIGURES
-from phasebench.benchmarks.experiments.talks.statements_page import PAGES as TALKS
 from phasebench.benchmarks.experiments.trade.gauss_page import PAGE as GAUSS_16
 from phasebench.benchmarks.experiments.trade.page import PAGE as TRADE
 from phasebench.benchmarks.experiments.trade.ratios_page import PAGE as TRADE_RATIOS
@@ -49,8 +47,6 @@ _OTHERS: tuple[tuple[float, Page], ...] = (
     (140, MATRIX),
     (150, INVARIANTS),
     (160, DRIFT),
-    *((450, page) for page in TALKS),
-    *((460, page) for page in FIGURES),
     *((470, page) for page in TRADE_SCENES),
 )
 #: All pages, in reading order.

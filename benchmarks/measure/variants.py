@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 from phasebench.integrators.record import Method
 from phasebench.integrators.registry import METHODS
 
-#: Values of lambda in the tables of the talk (see `experiments.talks`), and the schemes in these tables.
+#: Values of lambda in the tables of the talk (see `studies.said.talks`), and the schemes in these tables.
 LAMBDAS = ("-1", "1/3", "3/2", "2")
 TABULATED = ("scheme-i", "scheme-ii", "scheme-iii")
 

@@ -1,25 +1,10 @@
-"""Tables of pages on fabricated rows: exceptions of the matrix, the talks' statements."""
+"""Tables of pages on fabricated rows: exceptions of the matrix."""
 
 from __future__ import annotations
 
-import re
-from types import SimpleNamespace
-
 import pandas as pd
-import pytest
 
 from phasebench.benchmarks.experiments.matrix import page as matrix
-from phasebench.benchmarks.experiments.talks import statements_page as talks
-from phasebench.benchmarks.experiments.talks.judging import (
-    CONTRADICTED,
-    HOLDS,
-    MISSING,
-    UNTESTABLE,
-    WHERE,
-    Judgement,
-)
-from phasebench.benchmarks.page.page import ROWS, conclusion
-from phasebench.benchmarks.page.verdict import FINDING, PASS, Count
 
 # -- the matrix --------------------------------------------------------------------------------------------------------
 
@@ -62,64 +47,3 @@ def test_full_table_has_every_pair_on_small_problems():
         ["rk4", "kepler", 4],
         ["avf", "pendulum", 4],
     ]
-
-
-# -- the talks ---------------------------------------------------------------------------------------------------------
-
-
-@pytest.fixture
-def section(monkeypatch):
-    """A made-up talk of one section: six statements, one for each verdict and a second that holds."""
-    statements = [
-        SimpleNamespace(
-            where=f"({k})", kind="remark", words=f"w{k}", page="p", judgement=lambda data, v=v: Judgement(v, "seen")
-        )
-        for k, v in enumerate((HOLDS, UNTESTABLE, WHERE, MISSING, CONTRADICTED, HOLDS))
-    ]
-    one = SimpleNamespace(
-        id="s", talk="first", question="q?", statements_of="statements", statements=statements, tables=()
-    )
-    monkeypatch.setattr(talks, "SECTIONS", [one])
-    return one
-
-
-def test_statements_are_counted_by_verdict(section):
-    found = talks.PAGE.judge({}.get)
-    assert [(v.outcome, v.measured, v.where) for v in found] == [
-        (FINDING, Count(1, 6), "(4)"),
-        (FINDING, Count(1, 6), "(2)"),
-        (FINDING, Count(1, 6), "(3)"),
-    ]
-    assert re.findall(r"\d+", talks.PAGE.answer({}.get)) == ["6", "2", "1", "1", "4"]
-    section.statements = section.statements[:1]
-    assert conclusion(talks.PAGE, {}.get)[0] == PASS
-
-
-def test_exceptions_are_sorted_by_severity(section):
-    shown = talks.exceptions({}.get).frame
-    assert list(shown) == ["talk", "where", "kind", "says", "verdict", "measured", "shown on"]
-    assert shown["verdict"].tolist() == [CONTRADICTED, MISSING, WHERE, UNTESTABLE]
-    whole = talks.PAGE.whole({}.get)
-    assert list(whole) == ["talk", "where", "kind", "says", "verdict", "measured"]
-    assert whole["where"].tolist() == [f"({k})" for k in range(6)]
-    section.statements = [section.statements[2]] * (ROWS - 1) + [section.statements[4]] * 3
-    assert talks.exceptions({}.get).frame["verdict"].tolist() == [CONTRADICTED] * 3 + [WHERE] * (ROWS - 3)
-
-
-def test_page_of_a_section_has_all_its_statements(section):
-    made_ = talks._page(section)
-    shown = made_.table({}.get).frame
-    assert list(shown) == ["where", "kind", "says", "verdict", "measured", "shown on"]
-    assert shown["where"].tolist() == [f"({k})" for k in range(6)]
-    assert set(shown["shown on"]) == {"[p](p.md)"}
-    assert made_.judge({}.get)[0].outcome == FINDING
-    section.statements = section.statements[1:2]
-    assert made_.table({}.get) is None
-    assert made_.judge({}.get) == []
-
-
-def test_at_most_three_places_are_named(section):
-    wrong = section.statements[4]
-    section.statements = [SimpleNamespace(**vars(wrong) | {"where": f"({k})"}) for k in range(5)]
-    contradicted, _, _ = talks.PAGE.judge({}.get)
-    assert contradicted.where == "(0); (1); (2) and 2 more"

@@ -20,7 +20,6 @@ from phasebench.benchmarks.experiments.invariants import page as invariants
 from phasebench.benchmarks.experiments.matrix import page as matrix
 from phasebench.benchmarks.experiments.orders import page as orders
 from phasebench.benchmarks.experiments.structure import page as structure
-from phasebench.benchmarks.experiments.talks import page as talks
 from phasebench.benchmarks.page import drawn, html, markdown
 from phasebench.benchmarks.page.drawn import Figures
 from phasebench.benchmarks.page.origin import commits
@@ -466,30 +465,6 @@ DRIFTS = frame(
 )
 MOMENTA = frame({"id": "scheme-iv", "method": "scheme-iv"}, **LONG, energy_max=1e-15, energy_drift_low=-1.0,
                 energy_drift_high=1.0, **{"angular-momentum_max": 1e-15})  # fmt: skip
-FACES = frame(
-    {"panel": "implicit midpoint", "area": 1.0},
-    {"panel": "explicit Euler", "area": 1.0},
-    {"panel": "explicit Euler", "area": 2.0},
-    {"panel": "implicit midpoint", "area": 1.0},
-    figure="pendulum-area",
-)
-PREY = frame(
-    {"panel": "explicit Euler", "energy_error": 5.0},
-    {"panel": "implicit midpoint", "energy_error": 0.1},
-    figure="lotka-volterra-methods",
-)
-WELL = frame({"curve": "Scheme V", "energy_error": 1e-16, "fallbacks": 0}, figure="henon-heiles-preserving-energy")
-SCHEME_I = frame(
-    {"panel": "box", "curve": "1/3", "energy_error": 1e-4, "status": "ok"}, figure="henon-heiles-scheme-i-energy"
-)
-BOTH = frame(
-    *({"curve": c, "panel": p} for c in ("Scheme IV", "Scheme V") for p in ("energy", "angular-momentum")),
-    figure="perturbed-kepler-preserving-invariants", largest=1e-15,
-)  # fmt: skip
-TURNS = frame(
-    {"curve": "exact flow", "turn": 0.12}, {"curve": "AVF", "turn": 0.121}, figure="perturbed-kepler-preserving-orbits"
-)
-SLOPES = frame({"panel": "Scheme I", "curve": "1/3", "order": 1.0}, figure="convergence-schemes-i-iii")
 
 #: (verdict, tables for which it holds, name of the table to change, new values of its last row)
 BOTH_WAYS = {
@@ -507,15 +482,6 @@ BOTH_WAYS = {
     "drift": (invariants.drifting, {"rows": DRIFTS}, "rows",
               {"energy_max": 1e-9, "energy_drift": 1e-12, "energy_drift_low": 9e-13, "energy_drift_high": 1.1e-12}),
     "momentum": (invariants.momentum, {"rows": MOMENTA}, "rows", {"angular-momentum_max": 1e-6}),
-    "areas": (talks.areas, {"talk_curves": FACES}, "talk_curves", {"area": 1.1}),
-    "area of Euler": (talks.euler_area, {"talk_curves": FACES.iloc[[1, 2]]}, "talk_curves", {"area": 1.0}),
-    "level curves": (talks.level_curves, {"talk_curves": PREY}, "talk_curves", {"energy_error": 6.0}),
-    "well": (talks.energies, {"talk_curves": WELL}, "talk_curves", {"energy_error": 1e-6}),
-    "well's roots": (talks.roots, {"talk_curves": WELL}, "talk_curves", {"fallbacks": 1}),
-    "escape": (talks.escapes, {"talk_curves": SCHEME_I}, "talk_curves", {"status": "diverged"}),
-    "both": (talks.momenta, {"talk_curves": BOTH}, "talk_curves", {"largest": 1e-6}),
-    "turn": (talks.turns, {"talk_curves": TURNS}, "talk_curves", {"turn": 0.2}),
-    "slope": (talks.slopes, {"talk_curves": SLOPES}, "talk_curves", {"order": 2.0}),
 }  # fmt: skip
 
 

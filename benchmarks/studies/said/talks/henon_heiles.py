@@ -19,8 +19,7 @@ from phasebench.benchmarks import style
 from phasebench.benchmarks.store.arrays import unpack
 
 from . import measure
-from .measure import LAMBDAS
-from .record import Figure
+from .measure import LAMBDAS, Figure
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -30,10 +29,11 @@ if TYPE_CHECKING:
     from phasebench.benchmarks.problems.base import Problem
     from phasebench.integrators.solution import Solution
 
-SECTION = "henon-heiles"
 #: Orbit -> half width of the drawn square in the (q1, q2) plane.
 ORBITS = {"box": 0.26, "chaotic": 1.05}
 STEP = 0.02
+#: End of the runs.
+END = 1000.0
 #: Orbits are drawn up to this time; later they only cover the same region again.
 DRAWN = 400.0
 #: |H - H0| from which an orbit counts as having left the well, and is not drawn; the chaotic one starts near the
@@ -45,23 +45,16 @@ PRESERVING = {"AVF": ("avf", {}), "Scheme IV": ("scheme-iv", {}), "Scheme V": ("
 
 
 def _runs(methods: Mapping[str, tuple[str, dict]], t_end: float) -> Iterator[tuple[str, str, Problem, Solution]]:
-    """Yield (orbit, curve label, problem, solution) of every method on both Henon-Heiles orbits, box and chaotic.
-
-    ``methods`` maps the label to (method id, parameters); ``t_end`` is the end time.
-    """
+    """Yield (orbit, curve label, problem, solution) of every method on both Henon-Heiles orbits, box and chaotic."""
     for orbit in ORBITS:
         start = measure.start(f"henon-heiles:{orbit}")
         for label, (id, parameters) in methods.items():
             yield orbit, label, start, measure.run(start, id, STEP, t_end, **parameters)
 
 
-def _end(quick: bool) -> float:
-    return 100.0 if quick else 1000.0
-
-
-def _measure_orbits(methods: Mapping[str, tuple[str, dict]], quick: bool) -> list[dict]:
+def _measure_orbits(methods: Mapping[str, tuple[str, dict]]) -> list[dict]:
     rows = []
-    for orbit, label, start, s in _runs(methods, _end(quick)):
+    for orbit, label, start, s in _runs(methods, END):
         inside = np.abs(s.q).max(axis=1) < 10 * ORBITS[orbit]  # an escaping orbit is cut off outside the frame
         path = measure.thin_path(s.q[inside], until=round(DRAWN / STEP))
         error = measure.energy_error(start, s).max()
@@ -69,18 +62,18 @@ def _measure_orbits(methods: Mapping[str, tuple[str, dict]], quick: bool) -> lis
     return rows
 
 
-def _measure_energies(methods: Mapping[str, tuple[str, dict]], quick: bool) -> list[dict]:
+def _measure_energies(methods: Mapping[str, tuple[str, dict]]) -> list[dict]:
     rows = []
-    for orbit, label, start, s in _runs(methods, _end(quick)):
+    for orbit, label, start, s in _runs(methods, END):
         error = measure.energy_error(start, s)
         t, e = measure.binned_maxima(s.t, error)
         rows.append(measure.row(orbit, label, t, e, s, energy_error=error.max()))
     return rows
 
 
-def _measure_sections(quick: bool) -> list[dict]:
+def _measure_sections() -> list[dict]:
     rows = []
-    for orbit, label, start, s in _runs(SCHEME_I, 500.0 if quick else 8000.0):
+    for orbit, label, start, s in _runs(SCHEME_I, 8000.0):
         crossings = measure.section(start, s)
         rows.append(measure.row(orbit, label, *crossings.T, s, crossings=len(crossings)))
     return rows
@@ -91,7 +84,7 @@ def _span(rows: pd.DataFrame) -> str:
 
 
 def _boundary(axes: Axes, orbit: str, reach: float) -> None:
-    """Draw the curve U(q) = H0, which no orbit of that energy crosses, in the square |q1|, |q2| <= ``reach``."""
+    """The curve U(q) = H0, which no orbit of that energy crosses, in the square |q1|, |q2| <= ``reach``."""
     start = measure.start(f"henon-heiles:{orbit}")
     system = start.system
     q = np.stack([x.ravel() for x in np.meshgrid(*2 * [np.linspace(-reach, reach, 241)])], axis=1)
@@ -101,10 +94,7 @@ def _boundary(axes: Axes, orbit: str, reach: float) -> None:
 
 
 def _grid(rows: pd.DataFrame, height: float) -> tuple[Drawing, list[tuple[Axes, Any]], np.ndarray]:
-    """Make a figure with a line of panels for each orbit and a column for each curve; ``height`` is in inches.
-
-    Returns (figure, [(axes, the curve's row)], axes of the left column).
-    """
+    """A figure with a line of panels for each orbit and a column for each curve; ``height`` is in inches."""
     figure, grid = style.panels(2, rows["curve"].nunique(), height, sharex="row", sharey="row")
     return figure, list(zip(grid.flat, rows.itertuples(), strict=True)), grid[:, 0]
 
@@ -129,29 +119,19 @@ def _draw_orbits(rows: pd.DataFrame, methods: str, height: float) -> tuple[Drawi
 
 @style.styled
 def scheme_i_orbits(rows: pd.DataFrame) -> tuple[Drawing, str]:
-    """Draw the box and chaotic Henon-Heiles orbits of Scheme I: (figure, caption).
-
-    Scheme I is symplectic, with a fixed parameter lambda.  ``rows`` has a row for each curve: an orbit and a lambda.
-    """
+    """The box and chaotic Henon-Heiles orbits of Scheme I."""
     return _draw_orbits(rows, "Scheme I", 4.2)
 
 
 @style.styled
 def preserving_orbits(rows: pd.DataFrame) -> tuple[Drawing, str]:
-    """Draw the box and chaotic Henon-Heiles orbits of energy-preserving methods: (figure, caption).
-
-    They are AVF (averaged vector field) and Schemes IV and V, which choose a parameter lambda in each step.  ``rows``
-    has a row for each curve: an orbit and a method.
-    """
+    """The box and chaotic Henon-Heiles orbits of energy-preserving methods."""
     return _draw_orbits(rows, "AVF, Schemes IV and V", 5.1)
 
 
 @style.styled
 def sections(rows: pd.DataFrame) -> tuple[Drawing, str]:
-    """Draw the Poincare sections of Scheme I's orbits on Henon-Heiles: (figure, caption).
-
-    Scheme I is symplectic, with a fixed parameter lambda.  ``rows`` has a row for each orbit and lambda.
-    """
+    """The Poincare sections of Scheme I's orbits on Henon-Heiles."""
     figure, panels, left = _grid(rows, 4.2)
     for axes, r in panels:
         look = {"linestyle": "none", "marker": ".", "markersize": 2.4, "markeredgewidth": 0, "color": style.BLUE}
@@ -171,10 +151,7 @@ def sections(rows: pd.DataFrame) -> tuple[Drawing, str]:
 
 
 def _draw_energies(rows: pd.DataFrame, methods: str) -> tuple[Drawing, str]:
-    """Draw |H - H0| over t, a panel for each orbit, a curve for each of ``rows``: (figure, caption).
-
-    ``methods`` names the methods in the caption.
-    """
+    """|H - H0| over t, a panel for each orbit, a curve for each of ``rows``."""
     figure, grid = style.panels(2, 1, 4.4, sharex=True)
     errors = []
     for axes, orbit in zip(grid[:, 0], ORBITS, strict=True):
@@ -197,20 +174,13 @@ def _draw_energies(rows: pd.DataFrame, methods: str) -> tuple[Drawing, str]:
 
 @style.styled
 def scheme_i_energy(rows: pd.DataFrame) -> tuple[Drawing, str]:
-    """Draw the energy error of Scheme I on Henon-Heiles over time: (figure, caption).
-
-    Scheme I is symplectic, with a fixed parameter lambda.  ``rows`` has a row for each curve: an orbit and a lambda.
-    """
+    """The energy error of Scheme I on Henon-Heiles over time."""
     return _draw_energies(rows, "Scheme I")
 
 
 @style.styled
 def preserving_energy(rows: pd.DataFrame) -> tuple[Drawing, str]:
-    """Draw the energy errors of energy-preserving methods over time on Henon-Heiles: (figure, caption).
-
-    They are AVF (averaged vector field) and Schemes IV and V, which choose a parameter lambda in each step.  ``rows``
-    has a row for each curve: an orbit and a method.
-    """
+    """The energy errors of energy-preserving methods over time on Henon-Heiles."""
     return _draw_energies(rows, "AVF, Schemes IV and V")
 
 
@@ -218,29 +188,25 @@ FIGURES = (
     Figure(
         "henon-heiles-scheme-i-orbits",
         "Orbits of Scheme I",
-        SECTION,
         partial(_measure_orbits, SCHEME_I),
         scheme_i_orbits,
     ),
-    Figure("henon-heiles-scheme-i-sections", "Poincaré sections of Scheme I", SECTION, _measure_sections, sections),
+    Figure("henon-heiles-scheme-i-sections", "Poincaré sections of Scheme I", _measure_sections, sections),
     Figure(
         "henon-heiles-scheme-i-energy",
         "Energy error of Scheme I",
-        SECTION,
         partial(_measure_energies, SCHEME_I),
         scheme_i_energy,
     ),
     Figure(
         "henon-heiles-preserving-orbits",
         "Orbits of AVF, Schemes IV and V",
-        SECTION,
         partial(_measure_orbits, PRESERVING),
         preserving_orbits,
     ),
     Figure(
         "henon-heiles-preserving-energy",
         "Energy error of AVF, Schemes IV and V",
-        SECTION,
         partial(_measure_energies, PRESERVING),
         preserving_energy,
     ),

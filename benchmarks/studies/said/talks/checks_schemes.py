@@ -21,7 +21,7 @@ from phasebench.benchmarks.problems import problem
 from phasebench.integrators import Hamiltonian, integrate
 from phasebench.integrators.systems import generating
 
-from .checks_base import J, Probe, defect, flow, henon_heiles
+from .checks_flows import J, Probe, defect, flow, henon_heiles
 from .measure import LAMBDAS
 
 POINT = np.array([0.1, 0.2, 0.3, -0.25])
@@ -34,13 +34,13 @@ MANY = (-10, -3, -1, 0, Fraction(1, 3), Fraction(1, 2), Fraction(3, 2), 2, Fract
 
 @cache
 def _system(sign: int = 1) -> Hamiltonian:
-    """Return the Henon-Heiles system; for ``sign`` = -1 that of -H, whose step h is a step -h of the original."""
+    """The Henon-Heiles system; for ``sign`` = -1 that of -H, whose step h is a step -h of the original."""
     made = problem("henon-heiles").system
     return made if sign == 1 else Hamiltonian(q=made.q, p=made.p, H=-made.H)
 
 
 def step(id: str, h: float = STEP, **parameters: Any) -> Callable:
-    """Return the step map y -> Y of the method ``id`` on Henon-Heiles, y = (q1, q2, p1, p2); h may be negative."""
+    """The step map y -> Y of the method ``id`` on Henon-Heiles, y = (q1, q2, p1, p2); h may be negative."""
 
     def advance(y: Sequence[float] | np.ndarray) -> np.ndarray:
         y = np.asarray(y, float)
@@ -56,22 +56,14 @@ def _distance(a: Callable, b: Callable, y: np.ndarray = POINT) -> float:
 
 
 def special_values() -> tuple[float, float]:
-    """Return (number, control): distance of Scheme I at lambda 0, 1, 1/2 from symplectic Euler and midpoint steps.
-
-    Scheme I is a one-stage method with a parameter lambda, symplectic for each value.  The control is its distance at
-    lambda = 1/3 from the nearest of the three.
-    """
+    """Distance of Scheme I at lambda 0, 1, 1/2 from symplectic Euler and midpoint steps."""
     pairs = {0: "symplectic-euler-q", 1: "symplectic-euler-p", Fraction(1, 2): "implicit-midpoint"}
     same = max(_distance(step("scheme-i", lam=lam), step(id)) for lam, id in pairs.items())
     return same, min(_distance(step("scheme-i", lam=Fraction(1, 3)), step(id)) for id in pairs.values())
 
 
 def adjoint() -> tuple[float, float]:
-    """Return (number, control): the error of undoing a step h of Scheme I(1 - lambda) by a step -h of Scheme I(lambda).
-
-    Scheme I is a one-stage method with a parameter lambda, symplectic for each value.  The control undoes a step with
-    lambda by a step with the same lambda.
-    """
+    """The error of undoing a step h of Scheme I(1 - lambda) by a step -h of Scheme I(lambda)."""
 
     def back(first: Fraction, lam: Fraction) -> float:
         return np.abs(step("scheme-i", -STEP, lam=lam)(step("scheme-i", lam=first)(POINT)) - POINT).max()
@@ -80,20 +72,12 @@ def adjoint() -> tuple[float, float]:
 
 
 def any_parameter() -> tuple[float, float]:
-    """Return (number, control): the largest symplecticity defect of Scheme I for lambda from -10 to 15/2.
-
-    The talk says that Scheme I, a one-stage method with a parameter lambda, is symplectic for each value.  The control
-    is the defect of the classical Runge-Kutta method.
-    """
+    """The largest symplecticity defect of Scheme I for lambda from -10 to 15/2."""
     return max(defect(step("scheme-i", 0.02, lam=lam), POINT) for lam in MANY), defect(step("rk4"), POINT)
 
 
 def residual(lam: Fraction, y: np.ndarray, Y: np.ndarray, h: float) -> float:
-    """Return the residual, in the maximum norm, of Scheme I's equations on Henon-Heiles for a step h from y to Y.
-
-    They are Y = y + h f(lambda q + (1 - lambda) Q, lambda P + (1 - lambda) p) with the vector field f.  y = (q, p) and
-    Y = (Q, P) are arrays (4,); ``lam`` is lambda.
-    """
+    """The residual, in the maximum norm, of Scheme I's equations on Henon-Heiles for a step h from y to Y."""
     lam = float(lam)
     q, p, Q, P = y[:2], y[2:], Y[:2], Y[2:]
     middle = np.hstack([lam * q + (1 - lam) * Q, lam * P + (1 - lam) * p])
@@ -101,21 +85,13 @@ def residual(lam: Fraction, y: np.ndarray, Y: np.ndarray, h: float) -> float:
 
 
 def form(lam: Fraction) -> tuple[float, float]:
-    """Return (number, control): the residual of Scheme I's equations as the talk prints them, at a computed step.
-
-    They are Q = q + h H_p, P = p - h H_q at (lambda q + (1 - lambda) Q, lambda P + (1 - lambda) p), with lambda =
-    ``lam``.  The control is the residual of the equations for lambda + 1/10.
-    """
+    """The residual of Scheme I's equations as the talk prints them, at a computed step."""
     Y = step("scheme-i", lam=lam)(POINT)
     return residual(lam, POINT, Y, STEP), residual(lam + Fraction(1, 10), POINT, Y, STEP)
 
 
 def nystrom() -> tuple[float, float]:
-    """Return (number, control): the distance of a step of Scheme I from its form as a one-stage Nystrom method.
-
-    Scheme I is a one-stage method with a parameter lambda, symplectic for each value.  The number is the largest over
-    four lambda; the control leaves out the factor 1 - lambda in the stage.
-    """
+    """The distance of a step of Scheme I from its form as a one-stage Nystrom method."""
 
     def advance(lam: float, inner: float) -> np.ndarray:
         q, v, k = POINT[:2], POINT[2:], np.zeros(2)
@@ -129,11 +105,7 @@ def nystrom() -> tuple[float, float]:
 
 
 def _form_of(M: np.ndarray, lam: float) -> np.ndarray:
-    """Return the matrix d(Q - q, -(P - p)) / d(u, v) of a map (q, p) -> (Q, P) with Jacobian M, array (2 d, 2 d).
-
-    Here u = lam P + (1 - lam) p and v = lam q + (1 - lam) Q.  The matrix is symmetric iff the differential form
-    (Q - q) du - (P - p) dv is exact, that is iff the map is symplectic.
-    """
+    """The matrix d(Q - q, -(P - p)) / d(u, v) of a map (q, p) -> (Q, P) with Jacobian M, array (2 d, 2 d)."""
     d = len(M) // 2
     (Qq, Qp), (Pq, Pp) = ((row[:, :d], row[:, d:]) for row in (M[:d], M[d:]))
     one = np.eye(d)
@@ -143,11 +115,7 @@ def _form_of(M: np.ndarray, lam: float) -> np.ndarray:
 
 
 def exact_form() -> tuple[float, float]:
-    """Return (number, control): the asymmetry of d(Q - q, -(P - p)) / d(u, v) for the exact Henon-Heiles flow.
-
-    The number is the largest over seven lambda, with u = lambda P + (1 - lambda) p, v = lambda q + (1 - lambda) Q for
-    the map (q, p) -> (Q, P); the control is that of a Runge-Kutta step.
-    """
+    """The asymmetry of d(Q - q, -(P - p)) / d(u, v) for the exact Henon-Heiles flow."""
 
     def asymmetry(moved: Callable) -> float:
         M = step_map.jacobian(moved, POINT)
@@ -157,12 +125,7 @@ def exact_form() -> tuple[float, float]:
 
 
 def hamilton_jacobi() -> tuple[float, float]:
-    """Return (number, control): the residual of S_t = H(u - (1 - lambda) S_v, v + lambda S_u) for the oscillator.
-
-    S(u, v, t) is the generating function of the exact flow (q, p) -> (Q, P), a rotation, with u = lambda P + (1 -
-    lambda) p and v = lambda q + (1 - lambda) Q.  The number is the largest over seven lambda; the control has lambda
-    and 1 - lambda exchanged in the equation.
-    """
+    """The residual of S_t = H(u - (1 - lambda) S_v, v + lambda S_u) for the oscillator."""
     t, delta, y = 0.3, 1e-3, np.array([0.7, -0.4])
 
     def rotation(t: float) -> np.ndarray:
@@ -182,12 +145,7 @@ def hamilton_jacobi() -> tuple[float, float]:
 
 
 def coefficients() -> tuple[float, float]:
-    """Return (number, control): the distance of K_2 and K_3, computed here, from the formulas that the talk prints.
-
-    S = sum of K_i h^i is the generating function of the exact flow, with the talk's parameter lambda; here the K_i come
-    by recursion from K_1 = H, for one polynomial H, point and lambda.  The control is the distance of K_3 from a wrong
-    formula.
-    """
+    """The distance of K_2 and K_3, computed here, from the formulas that the talk prints."""
     u, v = sp.symbols("p1 p2"), sp.symbols("q1 q2")
     H = (u[0] ** 2 + u[1] ** 2) / 2 + v[0] ** 2 * v[1] + u[0] * v[1] ** 2 + u[0] ** 2 * v[0]
     lam = sp.Rational(5, 7)
@@ -207,57 +165,38 @@ def coefficients() -> tuple[float, float]:
 
 
 def mass(lam: Fraction) -> float:
-    """Return the largest change of the mass under Scheme I on the nonlinear Schroedinger equation, a grid of 3 points.
-
-    Scheme I is a symplectic one-stage method with a parameter lambda, here ``lam``.
-    """
+    """The largest change of the mass under Scheme I on the nonlinear Schroedinger equation, a grid of 3 points."""
     made = problem("nls", N=3, L=5.0)
     s = integrate(made, "scheme-i", h=0.05, steps=400, parameters={"lam": lam})
     return metrics.invariant_error(made.system.observe(made.invariants["mass"], s.q, s.p)).max
 
 
 def momentum(id: str, **parameters: Any) -> float:
-    """Return the largest change of the angular momentum of perturbed Kepler under the method ``id``."""
+    """The largest change of the angular momentum of perturbed Kepler under the method ``id``."""
     made = problem("perturbed-kepler")
     s = integrate(made, id, h=0.02, steps=1000, parameters=parameters)
     return metrics.invariant_error(made.system.observe(made.invariants["angular-momentum"], s.q, s.p)).max
 
 
 def mass_is_lost() -> tuple[float, float]:
-    """Return (number, control): the largest change of the Schroedinger equation's mass under Scheme I.
-
-    Scheme I is a symplectic one-stage method with a parameter lambda.  The number is the change at lambda = 1/3, where
-    the mass is lost; the control is that at 1/2.
-    """
+    """The largest change of the Schroedinger equation's mass under Scheme I."""
     return mass(Fraction(1, 3)), mass(Fraction(1, 2))
 
 
 def momentum_is_kept() -> tuple[float, float]:
-    """Return (number, control): the largest change of the angular momentum of perturbed Kepler under Scheme I.
-
-    Scheme I is a symplectic one-stage method with a parameter lambda; the number is the largest over four lambda.  The
-    control is the change under the averaged vector field method (AVF).
-    """
+    """The largest change of the angular momentum of perturbed Kepler under Scheme I."""
     return max(momentum("scheme-i", lam=lam) for lam in LAMBDAS), momentum("avf")
 
 
 def singular() -> tuple[float, float]:
-    """Return (number, control): the least singular value of Scheme IV's Newton matrix for (q, p, lambda) at h = 0.
-
-    Scheme IV is the one-stage Scheme I, symplectic at fixed lambda, with a lambda chosen in each step to keep H.  The
-    number must vanish: there the equations are singular.  The control is the least singular value of the matrix's block
-    for (q, p) alone.
-    """
+    """The least singular value of Scheme IV's Newton matrix for (q, p, lambda) at h = 0."""
     gradient = -J(2) @ henon_heiles(POINT)
     joint = np.block([[np.eye(4), np.zeros((4, 1))], [gradient[None], np.zeros((1, 1))]])
     return tuple(np.linalg.svd(M, compute_uv=False)[-1] for M in (joint, joint[:4, :4]))
 
 
 def _exponent(y: np.ndarray) -> tuple[float, float]:
-    """Return (exponent of h in |lambda(h) - 1/2|, that distance at the smallest h) for steps of Scheme IV from y.
-
-    Scheme IV is the one-stage Scheme I, symplectic at fixed lambda, with a lambda chosen in each step to keep H.
-    """
+    """(exponent of h in |lambda(h) - 1/2|, that distance at the smallest h) for steps of Scheme IV from y."""
     h = 0.1 / 2.0 ** np.arange(5)
     runs = [integrate(_system(), "scheme-iv", h=x, steps=1, q0=y[:2], p0=y[2:]) for x in h]
     apart = np.abs([s.parameter[0] - 0.5 for s in runs])
@@ -265,23 +204,14 @@ def _exponent(y: np.ndarray) -> tuple[float, float]:
 
 
 def _slope(y: np.ndarray) -> float:
-    """Return the rate d/dt (H_p.H_q) along the Henon-Heiles flow at the state y, array (4,).
-
-    It is the coefficient of h^2 (lambda - 1/2) in the energy error of a step of Scheme I, a one-stage method with the
-    parameter lambda.
-    """
+    """The rate d/dt (H_p.H_q) along the Henon-Heiles flow at the state y, array (4,)."""
     change = step_map.jacobian(henon_heiles, y) @ henon_heiles(y)
     rate = henon_heiles(y)
     return -change[:2] @ rate[2:] - rate[:2] @ change[2:]
 
 
 def degenerate() -> tuple[float, float]:
-    """Return (number, control) at a state with d/dt (H_p.H_q) = 0: the distance of lambda's exponent from 1.
-
-    Scheme IV is the one-stage Scheme I, symplectic at fixed lambda, with a lambda chosen in each step to keep H.  The
-    number is |a - 1|, where the chosen lambda has lambda - 1/2 ~ h^a, which the talk's theorem says with a = 1 and
-    which need not hold at such a state.  The control is |lambda - 1/2| at the smallest h.
-    """
+    """(number, control) at a state with d/dt (H_p.H_q) = 0: the distance of lambda's exponent from 1."""
     low, high = 1.5, 1.7
     for _ in range(50):
         middle = (low + high) / 2
@@ -292,12 +222,7 @@ def degenerate() -> tuple[float, float]:
 
 
 def solvable() -> tuple[float, float]:
-    """Return (number, control) at a state in general position: the distance of lambda's exponent from 1.
-
-    Scheme IV is the one-stage Scheme I, symplectic at fixed lambda, with a lambda chosen in each step to keep H.  The
-    number is |a - 1|, where the chosen lambda has lambda - 1/2 ~ h^a, which the talk's theorem says with a = 1.  The
-    control is the energy error of a step from this state with lambda = 1/2.
-    """
+    """(number, control) at a state in general position: the distance of lambda's exponent from 1."""
     slope, _ = _exponent(POINT)
     made = _system()
     y = step("scheme-i", lam=Fraction(1, 2))(POINT)
@@ -306,11 +231,7 @@ def solvable() -> tuple[float, float]:
 
 
 def henon_heiles_data() -> tuple[float, float]:
-    """Return (number, control) for the claim that H is 1/50 on the Henon-Heiles box orbit and 1/6 on the chaotic one.
-
-    The number is the larger of the two distances of H from these values, the control, which has to be large, the
-    distance of the box orbit's H from 1/6.
-    """
+    """(number, control) for the claim that H is 1/50 on the Henon-Heiles box orbit and 1/6 on the chaotic one."""
     H = {}
     for orbit in ("box", "chaotic"):
         made = problem(f"henon-heiles:{orbit}")
@@ -319,10 +240,7 @@ def henon_heiles_data() -> tuple[float, float]:
 
 
 def henon_heiles_potential() -> tuple[float, float]:
-    """Return (number, control): the distance of this project's Henon-Heiles H from the talk's equations (27), (28).
-
-    The control has another cubic coefficient.
-    """
+    """The distance of this project's Henon-Heiles H from the talk's equations (27), (28)."""
     q, p = np.random.default_rng(7).normal(size=(2, 20, 2))
     system = problem("henon-heiles").system
     values = system.observe(system.H, q, p)
@@ -335,11 +253,7 @@ def henon_heiles_potential() -> tuple[float, float]:
 
 
 def kepler_data() -> tuple[float, float]:
-    """Return (number, control): the larger distance of perturbed Kepler's H0 from -0.5391 and of its L0 from 0.8.
-
-    H0 and L0 are energy and angular momentum at the start; the control is the distance of H0 from -0.5, that of pure
-    Kepler motion.
-    """
+    """The larger distance of perturbed Kepler's H0 from -0.5391 and of its L0 from 0.8."""
     made = problem("perturbed-kepler")
     H, L = (float(made.system.observe(e, [made.q0], [made.p0])[0])
             for e in (made.system.H, made.invariants["angular-momentum"]))  # fmt: skip
@@ -347,7 +261,7 @@ def kepler_data() -> tuple[float, float]:
 
 
 def kepler_momentum() -> tuple[float, float]:
-    """Return (number, control): the largest rate of q1 p2 - q2 p1 on perturbed Kepler, and that of q1 p2 + q2 p1."""
+    """The largest rate of q1 p2 - q2 p1 on perturbed Kepler, and that of q1 p2 + q2 p1."""
     q, p = np.random.default_rng(7).normal(size=(2, 20, 2))
     system = problem("perturbed-kepler").system
     dq, dp = (np.stack([system.observe(e, q, p) for e in part], axis=1) for part in (system.dq, system.dp))

@@ -20,7 +20,7 @@ from phasebench.benchmarks.style import number
 from phasebench.integrators import Hamiltonian
 
 from . import measure
-from .record import Figure
+from .measure import Figure
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -33,20 +33,17 @@ METHODS = (("implicit midpoint", "implicit-midpoint"), ("explicit Euler", "expli
 
 
 def oscillators() -> Hamiltonian:
-    """Return the linear Hamiltonian system of two oscillators coupled by a spring."""
+    """The linear Hamiltonian system of two oscillators coupled by a spring."""
     return Hamiltonian(q="q1, q2", p="p1, p2", H="(p1**2 + p2**2)/2 + (q1**2 + 2*q2**2)/2 + (q1 - q2)**2/2")
 
 
 def image(id: str) -> tuple[np.ndarray, np.ndarray]:
-    """Return the images, arrays (4,), of `XI` and `ETA` under one step of the method ``id`` on coupled oscillators."""
+    """The images, arrays (4,), of `XI` and `ETA` under one step of the method ``id`` on coupled oscillators."""
     return tuple(measure.carry(oscillators(), id, np.stack([XI, ETA]), STEP, 1)[1])
 
 
 def areas(xi: np.ndarray, eta: np.ndarray) -> np.ndarray:
-    """Return the oriented areas of a parallelogram's projections onto the planes (p_i, q_i): array (d,).
-
-    The vectors xi and eta, arrays (2 d,) of (q, p), span the parallelogram.
-    """
+    """The oriented areas of a parallelogram's projections onto the planes (p_i, q_i): array (d,)."""
     return np.array([measure.polygon_area(_project(xi, eta, i)) for i in range(len(xi) // 2)])
 
 
@@ -57,17 +54,14 @@ def _project(xi: np.ndarray, eta: np.ndarray, i: int) -> np.ndarray:
     return corners[:, [d + i, i]]
 
 
-def _measure(quick: bool) -> list[dict]:
+def _measure() -> list[dict]:
     shapes = {"before": (XI, ETA)} | {title: image(id) for title, id in METHODS}
     return [measure.row(title, "xi and eta", xi, eta, digits=17) for title, (xi, eta) in shapes.items()]
 
 
 @style.styled
 def parallelograms(rows: pd.DataFrame) -> tuple[Drawing, str]:
-    """Draw a parallelogram and its images under a step of two methods, projected onto both planes (p_i, q_i).
-
-    ``rows`` has a row for each of the three parallelograms, with the two vectors as texts.  Returns (figure, caption).
-    """
+    """A parallelogram and its images under a step of two methods, projected onto both planes (p_i, q_i)."""
     figure, grid = style.panels(2, 3, 4.4, sharex=True, sharey=True)
     for column, r in enumerate(rows.itertuples()):
         xi, eta = unpack(r.x), unpack(r.y)
@@ -99,7 +93,6 @@ FIGURES = (
     Figure(
         "linear-symplectic-map",
         "A linear symplectic map on a parallelogram",
-        "symplectic-maps",
         _measure,
         parallelograms,
     ),

@@ -23,8 +23,7 @@ from phasebench.benchmarks.store.arrays import unpack
 from phasebench.benchmarks.style import number
 
 from . import measure
-from .measure import LAMBDAS
-from .record import Figure
+from .measure import LAMBDAS, Figure
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -33,8 +32,9 @@ if TYPE_CHECKING:
     from phasebench.benchmarks.problems.base import Problem
     from phasebench.integrators.solution import Solution
 
-SECTION = "perturbed-kepler"
 STEP = 0.01
+#: End of the runs.
+END = 1000.0
 #: Orbits are drawn up to this time, in which the apocentre turns once; later they only fill the ring.
 DRAWN = 400.0
 #: Curve label -> (method id, parameters).
@@ -49,22 +49,15 @@ def _kepler() -> Problem:
     return measure.start("perturbed-kepler")
 
 
-def _end(quick: bool) -> float:
-    return 100.0 if quick else 1000.0
-
-
 def invariant_error(name: str, solution: Solution) -> np.ndarray:
-    """Return the error |F - F0| of F = "energy" or "angular-momentum" along a perturbed Kepler solution: array (n,)."""
+    """The error |F - F0| of F = "energy" or "angular-momentum" along a perturbed Kepler solution: array (n,)."""
     kepler = _kepler()
     expression = kepler.system.H if name == "energy" else kepler.invariants[name]
     return measure.error(kepler, expression, solution)
 
 
 def precession(solution: Solution) -> float:
-    """Return the angle in radians by which the apocentre turns per revolution, on average.
-
-    NaN if the solution has fewer than two apocentres.
-    """
+    """The angle in radians by which the apocentre turns per revolution, on average."""
     q = solution.q
     r = np.hypot(*q.T)
     far = 1 + np.flatnonzero((r[1:-1] > r[:-2]) & (r[1:-1] >= r[2:]))
@@ -87,20 +80,20 @@ def _run(chosen: tuple[str, dict], t_end: float) -> Solution:
     return measure.run(_kepler(), id, STEP, t_end, **parameters)
 
 
-def _measure_orbits(methods: Mapping[str, tuple[str, dict]], quick: bool) -> list[dict]:
+def _measure_orbits(methods: Mapping[str, tuple[str, dict]]) -> list[dict]:
     rows = []
     for label, chosen in methods.items():
-        s = _run(chosen, _end(quick))
+        s = _run(chosen, END)
         path = measure.thin_path(s.q, until=round(DRAWN / STEP))
         rows.append(measure.row("", label, *path.T, s, turn=precession(s)))
-    s = measure.run(_kepler(), EXACT, STEP / 2, _end(quick))
+    s = measure.run(_kepler(), EXACT, STEP / 2, END)
     return [*rows, measure.row("", "exact flow", [], [], s, turn=precession(s))]
 
 
-def _measure_invariants(methods: Mapping[str, tuple[str, dict]], quick: bool, column: str = "") -> list[dict]:
+def _measure_invariants(methods: Mapping[str, tuple[str, dict]], column: str = "") -> list[dict]:
     rows = []
     for label, chosen in methods.items():
-        s = _run(chosen, _end(quick))
+        s = _run(chosen, END)
         for name in INVARIANTS:
             error = invariant_error(name, s)
             t, e = measure.binned_maxima(s.t, error)
@@ -108,14 +101,14 @@ def _measure_invariants(methods: Mapping[str, tuple[str, dict]], quick: bool, co
     return rows
 
 
-def _measure_schemes(quick: bool) -> list[dict]:
-    return [row for title, id in SCHEMES.items() for row in _measure_invariants(_over_lambda(id), quick, column=title)]
+def _measure_schemes() -> list[dict]:
+    return [row for title, id in SCHEMES.items() for row in _measure_invariants(_over_lambda(id), column=title)]
 
 
-def _measure_parameter(quick: bool) -> list[dict]:
+def _measure_parameter() -> list[dict]:
     rows = []
     for label in ("Scheme IV", "Scheme V"):
-        s = _run(PRESERVING[label], 8.0 if quick else 20.0)
+        s = _run(PRESERVING[label], 20.0)
         if not rows:
             rows.append(measure.row("distance", label, s.t, np.hypot(*s.q.T), s))
         low, middle, high = (f(s.parameter) for f in (np.nanmin, np.nanmedian, np.nanmax))
@@ -147,29 +140,18 @@ def _draw_orbits(rows: pd.DataFrame, methods: str, height: float) -> tuple[Drawi
 
 @style.styled
 def scheme_i_orbits(rows: pd.DataFrame) -> tuple[Drawing, str]:
-    """Draw perturbed Kepler orbits of Scheme I, symplectic with a fixed parameter lambda: (figure, caption).
-
-    ``rows`` has a row for each lambda, and one for the exact flow.
-    """
+    """Perturbed Kepler orbits of Scheme I, symplectic with a fixed parameter lambda."""
     return _draw_orbits(rows, "Scheme I", 2.25)
 
 
 @style.styled
 def preserving_orbits(rows: pd.DataFrame) -> tuple[Drawing, str]:
-    """Draw perturbed Kepler orbits of energy-preserving methods: (figure, caption).
-
-    They are AVF (averaged vector field) and Schemes IV and V, which choose a parameter lambda in each step.  ``rows``
-    has a row for each method, and one for the exact flow.
-    """
+    """Perturbed Kepler orbits of energy-preserving methods."""
     return _draw_orbits(rows, "AVF, Schemes IV and V", 2.75)
 
 
 def _invariant_panels(axes_by_name: np.ndarray, rows: pd.DataFrame, column: str = "") -> list[np.ndarray]:
-    """Draw error curves into one column of panels, a panel for each invariant; return the errors of each curve.
-
-    ``axes_by_name`` are the panels, ``rows`` the curves; ``column`` is the title of the column, with which the panel
-    names in ``rows`` begin ("" if there is one column).
-    """
+    """Error curves into one column of panels, a panel for each invariant; return the errors of each curve."""
     errors = []
     for axes, (name, label) in zip(axes_by_name, INVARIANTS.items(), strict=True):
         for k, r in enumerate(rows[rows["panel"] == f"{column} {name}".strip()].itertuples()):
@@ -190,10 +172,7 @@ def _invariants_caption(rows: pd.DataFrame, errors: list[np.ndarray]) -> str:
 
 @style.styled
 def scheme_i_and_iii(rows: pd.DataFrame) -> tuple[Drawing, str]:
-    """Draw errors of energy and angular momentum of Schemes I and III on perturbed Kepler: (figure, caption).
-
-    Both are symplectic methods with a fixed parameter lambda.  ``rows`` has a row for each curve.
-    """
+    """Errors of energy and angular momentum of Schemes I and III on perturbed Kepler."""
     figure, grid = style.panels(2, 2, 4.6, sharex=True, sharey="row")
     errors = []
     for column, name in enumerate(SCHEMES):
@@ -210,11 +189,7 @@ def scheme_i_and_iii(rows: pd.DataFrame) -> tuple[Drawing, str]:
 
 @style.styled
 def preserving_invariants(rows: pd.DataFrame) -> tuple[Drawing, str]:
-    """Draw errors of energy and angular momentum of energy-preserving methods on perturbed Kepler: (figure, caption).
-
-    They are AVF (averaged vector field) and Schemes IV and V, which choose a parameter lambda in each step.  ``rows``
-    has a row for each curve.
-    """
+    """Errors of energy and angular momentum of energy-preserving methods on perturbed Kepler."""
     figure, grid = style.panels(2, 1, 4.4, sharex=True)
     errors = _invariant_panels(grid[:, 0], rows)
     for axes in grid[:, 0]:
@@ -227,11 +202,7 @@ def preserving_invariants(rows: pd.DataFrame) -> tuple[Drawing, str]:
 
 @style.styled
 def chosen_parameter(rows: pd.DataFrame) -> tuple[Drawing, str]:
-    """Draw the parameter lambda that Schemes IV and V choose in each step of a perturbed Kepler orbit to keep H.
-
-    ``rows`` has a row for the distance from the centre, and one for the lambda of each scheme.  Returns (figure,
-    caption).
-    """
+    """The parameter lambda that Schemes IV and V choose in each step of a perturbed Kepler orbit to keep H."""
     figure, grid = style.panels(3, 1, 4.8, sharex=True)
     distance = rows[rows["panel"] == "distance"].iloc[0]
     grid[0, 0].plot(unpack(distance["x"]), unpack(distance["y"]), color="black")
@@ -260,32 +231,26 @@ FIGURES = (
     Figure(
         "perturbed-kepler-scheme-i-orbits",
         "Orbits of Scheme I",
-        SECTION,
         partial(_measure_orbits, _over_lambda("scheme-i")),
         scheme_i_orbits,
     ),
     Figure(
         "perturbed-kepler-scheme-i-iii-invariants",
         "Energy and angular momentum of Schemes I and III",
-        SECTION,
         _measure_schemes,
         scheme_i_and_iii,
     ),
     Figure(
         "perturbed-kepler-preserving-orbits",
         "Orbits of AVF, Schemes IV and V",
-        SECTION,
         partial(_measure_orbits, PRESERVING),
         preserving_orbits,
     ),
     Figure(
         "perturbed-kepler-preserving-invariants",
         "Energy and angular momentum of AVF, Schemes IV and V",
-        SECTION,
         partial(_measure_invariants, PRESERVING),
         preserving_invariants,
     ),
-    Figure(
-        "perturbed-kepler-parameter", "The parameter of Schemes IV and V", SECTION, _measure_parameter, chosen_parameter
-    ),
+    Figure("perturbed-kepler-parameter", "The parameter of Schemes IV and V", _measure_parameter, chosen_parameter),
 )

@@ -19,15 +19,13 @@ from phasebench.benchmarks import style
 from phasebench.benchmarks.store.arrays import unpack
 
 from . import measure
-from .measure import LAMBDAS
-from .record import Figure
+from .measure import LAMBDAS, Figure
 
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure as Drawing
 
-SECTION = "convergence"
 PROBLEM = "henon-heiles:chaotic"
 #: Panel title -> (method id, order, which is the slope of the grey line).
 SCHEMES = {"Scheme I": ("scheme-i", 1), "Scheme II": ("scheme-ii", 2), "Scheme III": ("scheme-iii", 2)}
@@ -58,25 +56,25 @@ def _row(panel: str, curve: str, id: str, steps: Sequence[int], **parameters: An
 
 
 def _steps(first: int, halvings: int) -> list[int]:
-    """Return numbers of steps to t = 1: ``first``, and its doublings."""
+    """Numbers of steps to t = 1: ``first``, and its doublings."""
     return [first * 2**k for k in range(halvings + 1)]
 
 
-def _measure_schemes(quick: bool) -> list[dict]:
-    steps = _steps(6, 4 if quick else 7)
+def _measure_schemes() -> list[dict]:
+    steps = _steps(6, 7)
     return [_row(title, f"λ = {lam}", id, steps, lam=lam) for title, (id, _) in SCHEMES.items() for lam in LAMBDAS]
 
 
-def _measure_preserving(quick: bool) -> list[dict]:
-    return [_row("", title, id, _steps(6, 4 if quick else 7)) for title, id in PRESERVING.items()]
+def _measure_preserving() -> list[dict]:
+    return [_row("", title, id, _steps(6, 7)) for title, id in PRESERVING.items()]
 
 
-def _measure_compositions(quick: bool) -> list[dict]:
-    return [_row("", title, id, _steps(2, 6 if quick else 9)) for title, (id, _) in COMPOSITIONS.items()]
+def _measure_compositions() -> list[dict]:
+    return [_row("", title, id, _steps(2, 9)) for title, (id, _) in COMPOSITIONS.items()]
 
 
 def _curves(axes: Axes, rows: pd.DataFrame) -> tuple[np.ndarray, list[np.ndarray]]:
-    """Draw a curve for each of ``rows`` in the panel ``axes``: (step sizes, refinement differences of each curve)."""
+    """A curve for each of ``rows`` in the panel ``axes``: (step sizes, refinement differences of each curve)."""
     differences = []
     for k, r in enumerate(rows.itertuples()):
         h, e = unpack(r.x), unpack(r.y)
@@ -98,11 +96,7 @@ def _caption(methods: str, rows: pd.DataFrame) -> str:
 
 @style.styled
 def schemes_i_to_iii(rows: pd.DataFrame) -> tuple[Drawing, str]:
-    """Draw the refinement differences |y_h - y_2h| of Schemes I, II and III over h: (figure, caption).
-
-    They are symplectic methods with a parameter lambda; there is a panel for each scheme and a curve for each lambda.
-    ``rows`` has a row for each curve.
-    """
+    """The refinement differences |y_h - y_2h| of Schemes I, II and III over h."""
     figure, (panels,) = style.panels(1, 3, 3.0, sharey=True)
     drawn = []
     for axes, (title, (_, order)) in zip(panels, SCHEMES.items(), strict=True):
@@ -117,11 +111,7 @@ def schemes_i_to_iii(rows: pd.DataFrame) -> tuple[Drawing, str]:
 
 @style.styled
 def preserving(rows: pd.DataFrame) -> tuple[Drawing, str]:
-    """Draw the refinement differences |y_h - y_2h| of energy-preserving methods over h: (figure, caption).
-
-    They are AVF (averaged vector field) and Schemes IV and V, which choose a parameter lambda in each step.  ``rows``
-    has a row for each curve.
-    """
+    """The refinement differences |y_h - y_2h| of energy-preserving methods over h."""
     figure, ((axes,),) = style.panels(1, 1, 3.4)
     h, differences = _curves(axes, rows)
     for order, line in ((1, "--"), (2, "-")):
@@ -133,11 +123,7 @@ def preserving(rows: pd.DataFrame) -> tuple[Drawing, str]:
 
 @style.styled
 def compositions(rows: pd.DataFrame) -> tuple[Drawing, str]:
-    """Draw the refinement differences |y_h - y_2h| of compositions of orders 4 and 6 over h: (figure, caption).
-
-    They are composed of Scheme III (symplectic, with a fixed parameter lambda) and of Scheme V (which chooses lambda in
-    each step to keep H).  ``rows`` has a row for each curve.
-    """
+    """The refinement differences |y_h - y_2h| of compositions of orders 4 and 6 over h."""
     figure, ((axes,),) = style.panels(1, 1, 3.6)
     h, differences = _curves(axes, rows)
     for order, line in ((4, "-"), (6, "--")):
@@ -149,14 +135,11 @@ def compositions(rows: pd.DataFrame) -> tuple[Drawing, str]:
 
 
 FIGURES = (
-    Figure(
-        "convergence-schemes-i-iii", "Convergence of Schemes I, II and III", SECTION, _measure_schemes, schemes_i_to_iii
-    ),
-    Figure("convergence-preserving", "Convergence of AVF, Schemes IV and V", SECTION, _measure_preserving, preserving),
+    Figure("convergence-schemes-i-iii", "Convergence of Schemes I, II and III", _measure_schemes, schemes_i_to_iii),
+    Figure("convergence-preserving", "Convergence of AVF, Schemes IV and V", _measure_preserving, preserving),
     Figure(
         "convergence-compositions",
         "Convergence of the higher-order compositions",
-        SECTION,
         _measure_compositions,
         compositions,
     ),

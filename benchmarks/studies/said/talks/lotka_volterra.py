@@ -19,14 +19,13 @@ from phasebench.benchmarks.store.arrays import unpack
 from phasebench.benchmarks.style import number
 
 from . import measure
-from .record import Figure
+from .measure import Figure
 
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure as Drawing
 
-SECTION = "lotka-volterra"
 STEP = 0.12
 #: Number of images of the disc, time between them, steps between them.
 SNAPSHOTS, SPACING, SUBSTEPS = 4, 0.9, 300
@@ -53,8 +52,8 @@ def _invariant(u: float, v: float) -> float:
     return float(system.observe(system.H, [[u]], [[v]])[0])
 
 
-def _measure_flow(quick: bool) -> list[dict]:
-    disc = measure.circle((3.0, 2.0), 0.4, 128 if quick else 256)
+def _measure_flow() -> list[dict]:
+    disc = measure.circle((3.0, 2.0), 0.4, 256)
     sets = measure.carry(measure.start("lotka-volterra"), "rk4", disc, SPACING / SUBSTEPS, SNAPSHOTS, SUBSTEPS)
     return [
         measure.row(
@@ -68,8 +67,8 @@ def _measure_flow(quick: bool) -> list[dict]:
     ]
 
 
-def _measure_methods(quick: bool) -> list[dict]:
-    t_end = (60 if quick else 120) * STEP
+def _measure_methods() -> list[dict]:
+    t_end = 120 * STEP
     rows = []
     for title, id, orbits in RUNS:
         for orbit in orbits:
@@ -85,7 +84,7 @@ def _measure_methods(quick: bool) -> list[dict]:
 
 
 def _disc(axes: Axes, k: int, name: str, points: np.ndarray) -> None:
-    """Draw the k-th image of a disc under the flow, boundary ``points`` (n, 2), with the text ``name`` beside it."""
+    """The k-th image of a disc under the flow, boundary ``points`` (n, 2), with the text ``name`` beside it."""
     colour = style.ORANGE if k == 0 else style.SKY
     axes.fill(*points.T, facecolor=colour, edgecolor="black", linewidth=0.8, alpha=0.85)
     inward = np.array([1.0, 2.0]) - points
@@ -98,10 +97,7 @@ def _disc(axes: Axes, k: int, name: str, points: np.ndarray) -> None:
 
 @style.styled
 def exact_flow(rows: pd.DataFrame) -> tuple[Drawing, str]:
-    """Draw the Lotka-Volterra field, and images of a disc under its flow, with level curves: (figure, caption).
-
-    ``rows`` has a row for each image of the disc.
-    """
+    """The Lotka-Volterra field, and images of a disc under its flow, with level curves."""
     system = measure.start("lotka-volterra").system
     span = (5.2, 6.2)
     figure, ((left, right),) = style.panels(1, 2, 3.5, sharex=True, sharey=True)
@@ -134,10 +130,7 @@ def exact_flow(rows: pd.DataFrame) -> tuple[Drawing, str]:
 
 @style.styled
 def numerical_flow(rows: pd.DataFrame) -> tuple[Drawing, str]:
-    """Draw Lotka-Volterra orbits of four methods from the talk's starting points: (figure, caption).
-
-    ``rows`` has a row for each orbit of a method or of the exact flow.
-    """
+    """Lotka-Volterra orbits of four methods from the talk's starting points."""
     figure, grid = style.panels(2, 2, 5.2)
     exact = rows["curve"] == "exact flow"
     for axes, title in zip(grid.flat, rows["panel"].unique(), strict=False):
@@ -160,6 +153,6 @@ def numerical_flow(rows: pd.DataFrame) -> tuple[Drawing, str]:
 
 
 FIGURES = (
-    Figure("lotka-volterra-flow", "Vector field and exact flow", SECTION, _measure_flow, exact_flow),
-    Figure("lotka-volterra-methods", "Numerical flow of four methods", SECTION, _measure_methods, numerical_flow),
+    Figure("lotka-volterra-flow", "Vector field and exact flow", _measure_flow, exact_flow),
+    Figure("lotka-volterra-methods", "Numerical flow of four methods", _measure_methods, numerical_flow),
 )

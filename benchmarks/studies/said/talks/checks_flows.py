@@ -7,6 +7,7 @@ holds, and the same number for a case in which the statement must fail.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
@@ -16,7 +17,67 @@ from phasebench.benchmarks.measure import metrics, step_map
 from phasebench.benchmarks.problems import problem
 from phasebench.integrators import integrate
 
-from .checks_base import J, Probe, damped_pendulum, defect, flow, henon_heiles, pendulum
+
+@dataclass(frozen=True)
+class Probe:
+    """A number that tests a statement, and a control, the same number for a case in which the statement must fail.
+
+    Attributes
+    ----------
+    what, against : descriptions of the number and of the control
+    measure : returns (number, control)
+    methods, problems : ids of the methods and problems that it runs
+    """
+
+    id: str
+    what: str
+    against: str
+    measure: Callable[[], tuple[float, float]]
+    methods: tuple[str, ...] = ()
+    problems: tuple[str, ...] = ()
+
+
+def flow(field: Callable, t: float, steps: int = 400) -> Callable:
+    """Return the flow map y -> y(t) of y' = field(y), computed by ``steps`` classical Runge-Kutta steps."""
+    h = t / steps
+
+    def advance(y: Sequence[float] | np.ndarray) -> np.ndarray:
+        y = np.array(y, float)
+        for _ in range(steps):
+            a = field(y)
+            b = field(y + h / 2 * a)
+            c = field(y + h / 2 * b)
+            y = y + h / 6 * (a + 2 * b + 2 * c + field(y + h * c))
+        return y
+
+    return advance
+
+
+def henon_heiles(y: np.ndarray) -> np.ndarray:
+    """Return the Henon-Heiles vector field at y = (q1, q2, p1, p2), array (4,)."""
+    q1, q2, p1, p2 = y
+    return np.array([p1, p2, -q1 - 2 * q1 * q2, -q2 - q1 * q1 + q2 * q2])
+
+
+def damped_pendulum(y: np.ndarray) -> np.ndarray:
+    """Return the vector field of the pendulum with friction, which is not Hamiltonian, at y = (q, p): array (2,)."""
+    return np.array([y[1], -np.sin(y[0]) - 0.1 * y[1]])
+
+
+def pendulum(y: np.ndarray) -> np.ndarray:
+    """Return the pendulum's vector field at y = (q, p): array (2,)."""
+    return np.array([y[1], -np.sin(y[0])])
+
+
+def defect(step: Callable, y: Sequence[float] | np.ndarray) -> float:
+    """Return the symplecticity defect max |M^T J M - J|, M the Jacobian of the map ``step`` at y = (q, p)."""
+    return step_map.symplecticity_defect(step_map.jacobian(step, np.array(y, float)))
+
+
+def J(d: int) -> np.ndarray:
+    """Return the structure matrix (0 I; -I 0) for d degrees of freedom, array (2 d, 2 d)."""
+    return np.kron([[0.0, 1.0], [-1.0, 0.0]], np.eye(d))
+
 
 POINT = (0.1, 0.2, 0.3, -0.25)
 SWINGING = (1.0, 0.3)
@@ -27,11 +88,7 @@ def _random(*shape: int) -> np.ndarray:
 
 
 def lagrange() -> tuple[float, float]:
-    """Compare Lagrange's with Hamilton's equations of the double pendulum: (number, control).
-
-    The number is the largest difference in dq/dt and dp/dt between the two at one state; the control is that in dp/dt
-    if Lagrange's equations have another gravity.
-    """
+    """Compare Lagrange's with Hamilton's equations of the double pendulum: (number, control)."""
     a, b, u, v, p1, p2 = sp.symbols("q1 q2 u v p1 p2", real=True)
     T = u**2 + v**2 / 2 + u * v * sp.cos(a - b)
     momenta = [sp.diff(T, x) for x in (u, v)]
@@ -53,7 +110,7 @@ def lagrange() -> tuple[float, float]:
 
 
 def pendulum_equations() -> tuple[float, float]:
-    """Return (number, control): the largest distance of this project's pendulum's dp/dt from -sin q, and from -q."""
+    """The largest distance of this project's pendulum's dp/dt from -sin q, and from -q."""
     q, p = _random(2, 20, 1)
     system = problem("pendulum").system
     dp = system.observe(system.dp[0], q, p)
@@ -61,7 +118,7 @@ def pendulum_equations() -> tuple[float, float]:
 
 
 def first_integral() -> tuple[float, float]:
-    """Return (number, control): the change of H along the pendulum's flow, and along the flow with friction."""
+    """The change of H along the pendulum's flow, and along the flow with friction."""
 
     def change(field: Callable) -> float:
         y = flow(field, 10.0, 4000)(SWINGING)
@@ -71,20 +128,14 @@ def first_integral() -> tuple[float, float]:
 
 
 def oriented_areas() -> tuple[float, float]:
-    """Return (number, control): the distance of xi^T J eta from the sum of oriented areas in the (p_i, q_i) planes.
-
-    xi and eta are random vectors; the control has J^T for J.
-    """
+    """The distance of xi^T J eta from the sum of oriented areas in the (p_i, q_i) planes."""
     xi, eta = _random(2, 6)
     areas = sum(xi[i] * eta[3 + i] - xi[3 + i] * eta[i] for i in range(3))
     return abs(xi @ J(3) @ eta - areas), abs(xi @ J(3).T @ eta - areas)
 
 
 def linear_maps() -> tuple[float, float]:
-    """Return (number, control): defects of A^T J A = J and omega(A xi, A eta) = omega(xi, eta) for a product of shears.
-
-    The number is the larger defect; the control is the smaller one after A is changed by 1e-3.
-    """
+    """Defects of A^T J A = J and omega(A xi, A eta) = omega(xi, eta) for a product of shears."""
     S = _random(3, 3)
     one, zero = np.eye(3), np.zeros((3, 3))
     A = np.block([[one, S + S.T], [zero, one]]) @ np.block([[one, zero], [S @ S.T, one]])
@@ -98,31 +149,24 @@ def linear_maps() -> tuple[float, float]:
 
 
 def poincare() -> tuple[float, float]:
-    """Return (number, control): the symplecticity defect of the Henon-Heiles flow, and of the damped pendulum's."""
+    """The symplecticity defect of the Henon-Heiles flow, and of the damped pendulum's."""
     return defect(flow(henon_heiles, 1.0), POINT), defect(flow(damped_pendulum, 1.0), SWINGING)
 
 
 def group() -> tuple[float, float]:
-    """Return (number, control): the distance of phi_0.7 after phi_0.3 from phi_1, and from phi_1.1, at one state.
-
-    phi_t is the Henon-Heiles flow.
-    """
+    """The distance of phi_0.7 after phi_0.3 from phi_1, and from phi_1.1, at one state."""
     y = flow(henon_heiles, 0.7)(flow(henon_heiles, 0.3)(POINT))
     return np.abs(y - flow(henon_heiles, 1.0)(POINT)).max(), np.abs(y - flow(henon_heiles, 1.1)(POINT)).max()
 
 
 def _asymmetry(field: Callable, y: Sequence[float] | np.ndarray) -> float:
-    """Return max |M - M^T| for the Jacobian M of J f at y, which is zero iff the field f is locally Hamiltonian."""
+    """Max |M - M^T| for the Jacobian M of J f at y, which is zero iff the field f is locally Hamiltonian."""
     M = J(len(y) // 2) @ step_map.jacobian(field, np.array(y, float))
     return np.abs(M - M.T).max()
 
 
 def locally_hamiltonian() -> tuple[float, float]:
-    """Return (number, control) of the test that a field f is locally Hamiltonian iff its flow is symplectic.
-
-    For Henon-Heiles the number is the larger of the asymmetry of (J f)' and the symplecticity defect of the flow, both
-    of which should vanish.  The control is the smaller of the two for the damped pendulum.
-    """
+    """(number, control) of the test that a field f is locally Hamiltonian iff its flow is symplectic."""
     both = [
         (_asymmetry(f, y), defect(flow(f, 0.5), y)) for f, y in ((henon_heiles, POINT), (damped_pendulum, SWINGING))
     ]
@@ -130,10 +174,7 @@ def locally_hamiltonian() -> tuple[float, float]:
 
 
 def integrability() -> tuple[float, float]:
-    """Return (number, control): the integral along a closed curve of a plane field with a symmetric Jacobian.
-
-    The control is the integral of a field whose Jacobian is not symmetric.
-    """
+    """The integral along a closed curve of a plane field with a symmetric Jacobian."""
     angle = 2 * np.pi * np.arange(64) / 64
     x, y = 0.3 + np.cos(angle), 0.2 + np.sin(angle)
     dx, dy = -np.sin(angle), np.cos(angle)
@@ -145,10 +186,7 @@ def integrability() -> tuple[float, float]:
 
 
 def lotka_volterra() -> tuple[float, float]:
-    """Return (number, control): the distance of this project's Lotka-Volterra field from (u (v - 2), v (1 - u)).
-
-    The control has another coefficient in the second component.
-    """
+    """The distance of this project's Lotka-Volterra field from (u (v - 2), v (1 - u))."""
     u, v = np.random.default_rng(7).uniform(0.5, 4, (2, 20, 1))
     system = problem("lotka-volterra").system
     du, dv = (system.observe(e, u, v) for e in (system.dq[0], system.dp[0]))
@@ -158,10 +196,7 @@ def lotka_volterra() -> tuple[float, float]:
 
 
 def level_curves() -> tuple[float, float]:
-    """Return (number, control): the largest rate of I = ln u - u + 2 ln v - v along the Lotka-Volterra field.
-
-    The control has the coefficient 1.9 for 2 in I.
-    """
+    """The largest rate of I = ln u - u + 2 ln v - v along the Lotka-Volterra field."""
     u, v = np.random.default_rng(7).uniform(0.5, 4, (2, 20))
 
     def rate(two: float) -> float:
@@ -171,10 +206,7 @@ def level_curves() -> tuple[float, float]:
 
 
 def species() -> tuple[float, float]:
-    """Return the changes of two growth rates in the Lotka-Volterra equations: of u's if v rises by 1, of v's if u does.
-
-    The signs tell which is the predator: a predator's growth rate rises with its prey.
-    """
+    """The changes of two growth rates in the Lotka-Volterra equations: of u's if v rises by 1, of v's if u does."""
 
     def growth(x: float, y: float) -> tuple[float, float]:
         return (y - 2), (1 - x)
@@ -185,10 +217,7 @@ def species() -> tuple[float, float]:
 
 @cache
 def _invariant_changes(id: str, orbit: str, early: int, steps: int) -> tuple[float, float]:
-    """Return the largest change of the Lotka-Volterra invariant over the first ``early`` steps, and over all ``steps``.
-
-    The step is h = 0.12; ``id`` is the method's, ``orbit`` names the initial values.
-    """
+    """The largest change of the Lotka-Volterra invariant over the first ``early`` steps, and over all ``steps``."""
     made = problem(f"lotka-volterra:{orbit}")
     s = integrate(made, id, h=0.12, steps=steps)
     values = made.system.observe(made.system.H, s.q, s.p)
@@ -196,21 +225,14 @@ def _invariant_changes(id: str, orbit: str, early: int, steps: int) -> tuple[flo
 
 
 def invariant_growth(id: str, orbit: str) -> tuple[float, float]:
-    """Return (number, control): the growth of the largest change of the Lotka-Volterra invariant along a run.
-
-    The number is the largest change over 12000 steps of the method ``id``, divided by that over 120 steps, minus 1; the
-    control is that of implicit Euler, from 12 to 120 steps.
-    """
+    """The growth of the largest change of the Lotka-Volterra invariant along a run."""
     early, all_of_it = _invariant_changes(id, orbit, 120, 12000)
     first, then = _invariant_changes("implicit-euler", "4-8", 12, 120)
     return all_of_it / early - 1, then / first - 1
 
 
 def damps() -> tuple[float, float]:
-    """Return (number, control): the largest ratio of the oscillator's energies after and before an implicit Euler step.
-
-    The oscillator is harmonic, the steps are 0.1, 1 and 10; the control is the ratio by explicit Euler.
-    """
+    """The largest ratio of the oscillator's energies after and before an implicit Euler step."""
 
     def factor(id: str) -> float:
         made = problem("harmonic-oscillator")

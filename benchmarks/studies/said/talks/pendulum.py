@@ -19,14 +19,13 @@ from phasebench.benchmarks.store.arrays import unpack
 from phasebench.benchmarks.style import number
 
 from . import measure
-from .record import Figure
+from .measure import Figure
 
 if TYPE_CHECKING:
     import pandas as pd
     import sympy as sp
     from matplotlib.figure import Figure as Drawing
 
-SECTION = "symplectic-maps"
 SNAPSHOTS = 4
 STEP = np.pi / 4
 
@@ -42,10 +41,7 @@ CARRIERS = (
 def _grid(
     q: tuple[float, float], p: tuple[float, float], n: int
 ) -> tuple[np.ndarray, np.ndarray, Callable[[sp.Expr], np.ndarray]]:
-    """Make a grid of n by n points of the pendulum's phase plane; ``q`` and ``p`` are its ranges (low, high).
-
-    Returns (Q, P, function that evaluates an expression in q and p on the grid), all values as arrays (n, n).
-    """
+    """A grid of n by n points of the pendulum's phase plane; ``q`` and ``p`` are its ranges (low, high)."""
     Q, P = np.meshgrid(np.linspace(*q, n), np.linspace(*p, n))
     system = measure.start("pendulum").system
     return Q, P, lambda e: system.observe(e, Q.reshape(-1, 1), P.reshape(-1, 1)).reshape(Q.shape)
@@ -53,10 +49,7 @@ def _grid(
 
 @style.styled
 def phase_portrait(rows: pd.DataFrame) -> tuple[Drawing, str]:
-    """Draw the pendulum's phase portrait, level curves of H and the vector field: (figure, caption).
-
-    ``rows`` is not used: nothing is measured.
-    """
+    """The pendulum's phase portrait, level curves of H and the vector field."""
     system = measure.start("pendulum").system
     span, height = (-1.5 * np.pi, 3.5 * np.pi), (-2.8, 2.8)
     figure, ((axes,),) = style.panels(1, 1, 2.75)
@@ -80,19 +73,16 @@ def phase_portrait(rows: pd.DataFrame) -> tuple[Drawing, str]:
 
 
 def cat_images(id: str, substeps: int, vertices: int) -> np.ndarray:
-    """Return the outline of a cat's face and its images under a method on the pendulum: (SNAPSHOTS + 1, vertices, 2).
-
-    Images are `STEP` apart in time, each after ``substeps`` steps of the method ``id``.
-    """
+    """The outline of a cat's face and its images under a method on the pendulum: (SNAPSHOTS + 1, vertices, 2)."""
     face = measure.cat((0.0, 1.35), 0.42, vertices)
     return measure.carry(measure.start("pendulum"), id, face, STEP / substeps, SNAPSHOTS, substeps)
 
 
-def _measure_area(quick: bool) -> list[dict]:
+def _measure_area() -> list[dict]:
     rows = []
     for title, id, substeps in CARRIERS:
         carry = {"h": STEP / substeps, "snapshots": SNAPSHOTS, "substeps": substeps}
-        for k, face in enumerate(cat_images(id, substeps, 256 if quick else 512)):
+        for k, face in enumerate(cat_images(id, substeps, 512)):
             rows.append(measure.row(title, f"face {k}", *face.T, area=measure.enclosed_area(face)))
         for side, x in (("left", -0.16), ("right", 0.16)):
             eyes = measure.carry(measure.start("pendulum"), id, measure.circle((x, 1.45), 0.07, 24), **carry)
@@ -102,10 +92,7 @@ def _measure_area(quick: bool) -> list[dict]:
 
 @style.styled
 def area(rows: pd.DataFrame) -> tuple[Drawing, str]:
-    """Draw a cat's face and its images under the pendulum's flow, symplectic methods and explicit Euler.
-
-    ``rows`` has a row for each outline.  Returns (figure, caption).
-    """
+    """A cat's face and its images under the pendulum's flow, symplectic methods and explicit Euler."""
     figure, grid = style.panels(2, 2, 5.0, sharex=True, sharey=True)
     faces, eyes = (rows[rows["curve"].str.contains(word)] for word in ("face", "eye"))
     flow = {r.curve: (unpack(r.x), unpack(r.y)) for r in faces.itertuples() if r.panel == "exact flow"}
@@ -137,6 +124,6 @@ def area(rows: pd.DataFrame) -> tuple[Drawing, str]:
 
 
 FIGURES = (
-    Figure("pendulum-phase-portrait", "Phase portrait of the pendulum", SECTION, None, phase_portrait),
-    Figure("pendulum-area", "Area preservation on the pendulum", SECTION, _measure_area, area),
+    Figure("pendulum-phase-portrait", "Phase portrait of the pendulum", None, phase_portrait),
+    Figure("pendulum-area", "Area preservation on the pendulum", _measure_area, area),
 )

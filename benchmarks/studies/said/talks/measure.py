@@ -11,13 +11,15 @@ Source: E. Hairer, C. Lubich, G. Wanner, Geometric Numerical Integration (2006),
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
 from fractions import Fraction
 from functools import cache
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pandas as pd
 
 from phasebench.benchmarks import problems
 from phasebench.benchmarks.measure.accuracy import end_state
@@ -27,13 +29,14 @@ from phasebench.integrators import integrate
 from phasebench.integrators.errors import InvalidInput
 
 if TYPE_CHECKING:
-    import pandas as pd
     from numpy.typing import ArrayLike
 
     from phasebench.benchmarks.problems.base import Problem
     from phasebench.integrators.solution import Solution
     from phasebench.integrators.systems.hamiltonian import Formula
 
+#: The tables of the checks, and of the figures' curves.
+CHECKS, CURVES = "talk_checks", "talk_curves"
 #: The values of lambda in the talk's figures.
 LAMBDAS = (Fraction(-1), Fraction(1, 3), Fraction(3, 2), Fraction(2))
 
@@ -47,9 +50,22 @@ POINTS, DIGITS = 2500, 4
 NOISE = 1e-12
 
 
+@dataclass(frozen=True)
+class Figure:
+    """A figure of the talks: ``measure`` returns a row for each curve, None if it shows only formulae.
+
+    ``draw`` makes of these rows (matplotlib figure, caption); all integration happens in ``measure``.
+    """
+
+    id: str
+    title: str
+    measure: Callable[[], list[dict[str, Any]]] | None
+    draw: Callable[[pd.DataFrame], tuple]
+
+
 @cache
 def start(name: str) -> Problem:
-    """Return the problem with the name "id" or "id:orbit", made only once so that its functions stay compiled."""
+    """The problem with the name "id" or "id:orbit", made only once so that its functions stay compiled."""
     return problems.problem(name)
 
 
@@ -59,13 +75,13 @@ def run(problem: Problem, id: str, h: float, t_end: float, **parameters: Any) ->
 
 
 def error(problem: Problem, expression: Formula, solution: Solution) -> np.ndarray:
-    """Return |F - F0| of an expression F in q and p along a solution, array (n,); F0 is its first value."""
+    """|F - F0| of an expression F in q and p along a solution, array (n,); F0 is its first value."""
     values = problem.system.observe(expression, solution.q, solution.p)
     return np.abs(values - values[0])
 
 
 def energy_error(problem: Problem, solution: Solution) -> np.ndarray:
-    """Return the energy error |H - H0| along a solution, array (n,)."""
+    """The energy error |H - H0| along a solution, array (n,)."""
     return error(problem, problem.system.H, solution)
 
 
@@ -77,12 +93,12 @@ def binned_maxima(t: np.ndarray, e: np.ndarray, bins: int = 200) -> tuple[np.nda
 
 
 def for_log_axis(e: np.ndarray) -> np.ndarray:
-    """Return the errors ``e`` for a logarithmic axis: values below `FLOOR`, such as zeros, are raised to `FLOOR`."""
+    """The errors ``e`` for a logarithmic axis: values below `FLOOR`, such as zeros, are raised to `FLOOR`."""
     return np.maximum(e, FLOOR)
 
 
 def floor_note(errors: Iterable[np.ndarray]) -> str:
-    """Return the caption's sentence about zeros drawn at `FLOOR`; empty if no error is zero."""
+    """The caption's sentence about zeros drawn at `FLOOR`; empty if no error is zero."""
     return f" Zeros are drawn at {number(FLOOR)}." if any((e == 0).any() for e in errors) else ""
 
 
@@ -95,11 +111,7 @@ def row(
     digits: int = DIGITS,
     **values: Any,
 ) -> dict:
-    """Make the row of one curve of a figure: its panel, label ``curve``, run, points (x, y), and further columns.
-
-    The run's columns (method, step, end time, status, counts) come from ``solution``, if it is given.  x and y are
-    stored as texts of ``digits`` significant digits; ``values`` are columns for the caption.
-    """
+    """The row of one curve of a figure: its panel, label ``curve``, run, points (x, y), and further columns."""
     of_run = {}
     if solution is not None:
         of_run = {
@@ -116,20 +128,14 @@ def row(
 
 
 def thin_path(q: np.ndarray, until: int | None = None, n: int = POINTS) -> np.ndarray:
-    """Thin a plane path, array (steps, 2), to at most ``n`` points that are about equally spaced: array (m, 2).
-
-    Only the first ``until`` points of the path ``q`` are used; all if it is None.
-    """
+    """Thin a plane path, array (steps, 2), to at most ``n`` points that are about equally spaced: array (m, 2)."""
     q = q[:until]
     along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(q, axis=0).T))])
     return q[np.unique(np.searchsorted(along, np.linspace(0, along[-1], n)).clip(max=len(q) - 1))]
 
 
 def troubles(rows: pd.DataFrame) -> str:
-    """Return the caption's sentences about failed integrations, and about steps without an energy-preserving lambda.
-
-    ``rows`` has a row for each curve; the text is empty if there is nothing to report.
-    """
+    """The caption's sentences about failed integrations, and about steps without an energy-preserving lambda."""
     text = "".join(f" {r.method}: {r.status}." for r in rows[rows["status"] != "ok"].itertuples())
     sums = rows.groupby("name", sort=False)[["fallbacks", "steps"]].sum()
     missed = [f"{int(r.fallbacks)} of {int(r.steps)} ({r.Index})" for r in sums.itertuples() if r.fallbacks]
@@ -156,32 +162,26 @@ def carry(
 
 
 def enclosed_area(curve: np.ndarray) -> float:
-    """Return the oriented area within a closed curve through points (q, p), array (n, 2); counterclockwise is positive.
-
-    It is the area of the trigonometric interpolant.
-    """
+    """The oriented area within a closed curve through points (q, p), array (n, 2); counterclockwise is positive."""
     n = len(curve)
     c = np.fft.fft(curve[:, 0] + 1j * curve[:, 1]) / n
     return float(np.pi * np.sum(np.fft.fftfreq(n, 1 / n) * np.abs(c) ** 2))
 
 
 def polygon_area(vertices: np.ndarray) -> float:
-    """Return the oriented area of a polygon with vertices (x, y), array (n, 2); counterclockwise is positive."""
+    """The oriented area of a polygon with vertices (x, y), array (n, 2); counterclockwise is positive."""
     (x, y), (x1, y1) = vertices.T, np.roll(vertices, -1, axis=0).T
     return float(np.sum(x * y1 - x1 * y) / 2)
 
 
 def circle(centre: tuple[float, float], radius: float, n: int) -> np.ndarray:
-    """Return n points on a circle, array (n, 2)."""
+    """N points on a circle, array (n, 2)."""
     angle = 2 * np.pi * np.arange(n) / n
     return np.array(centre) + radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
 
 
 def cat(centre: tuple[float, float], size: float, n: int) -> np.ndarray:
-    """Return n points on the outline of a cat's face, array (n, 2): an analytic curve, a circle with two ears.
-
-    ``size`` is the circle's radius.
-    """
+    """N points on the outline of a cat's face, array (n, 2): an analytic curve, a circle with two ears."""
     angle = 2 * np.pi * np.arange(n) / n
     ears = sum(np.exp(18 * (np.cos(angle - at) - 1)) for at in (np.pi / 4, 3 * np.pi / 4))
     r = size * (1 + 0.55 * ears)
@@ -189,10 +189,7 @@ def cat(centre: tuple[float, float], size: float, n: int) -> np.ndarray:
 
 
 def section(problem: Problem, solution: Solution) -> np.ndarray:
-    """Compute the Poincare section q1 = 0, p1 > 0 of a solution with H = |p|^2 / 2 + U(q): (q2, p2), array (n, 2).
-
-    Between two output rows, cubic Hermite interpolation locates the crossing, with an error of O(h^4).
-    """
+    """The Poincare section q1 = 0, p1 > 0 of a solution with H = |p|^2 / 2 + U(q): (q2, p2), array (n, 2)."""
     q, p, h = solution.q, solution.p, solution.h
     y = np.hstack([q[:, :2], p[:, 1:2]])
     rates = [*problem.system.dq[:2], problem.system.dp[1]]
@@ -228,10 +225,7 @@ def refinement_differences(
 
 
 def observed_order(h: np.ndarray, differences: np.ndarray) -> float:
-    """Fit the order: the log-log slope of ``differences`` over the three smallest h with differences above `NOISE`.
-
-    NaN if there are fewer than two such steps.
-    """
+    """Fit the order: the log-log slope of ``differences`` over the three smallest h with differences above `NOISE`."""
     clear = differences > NOISE
     if clear.sum() < 2:
         return float("nan")

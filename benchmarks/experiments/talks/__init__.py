@@ -1,1 +1,0 @@
-"""Experiment: the figures and statements of two talks on symplectic integration, reproduced by measurements."""
