@@ -106,12 +106,12 @@ def folders(names: set[str]) -> set[str]:
 SOURCES = [p for folder in MAY for p in sorted((ROOT / folder).rglob("*.py"))]
 
 
-@pytest.mark.parametrize("path", SOURCES, ids=lambda p: str(p.relative_to(ROOT)))
-def test_imports_point_one_way(path):
-    names = imports_of(path.read_text(), package_of(path))
-    assert folders(names) <= MAY[path.relative_to(ROOT).parts[0]]
-    first = {n.split(".")[0] for n in names}
-    assert not first & {*MAY, "tests", "reports", "support"}, "the import name is phasebench"
+def test_imports_point_one_way():
+    for path in SOURCES:
+        names = imports_of(path.read_text(), package_of(path))
+        assert folders(names) <= MAY[path.relative_to(ROOT).parts[0]], path
+        first = {n.split(".")[0] for n in names}
+        assert not first & {*MAY, "tests", "reports", "support"}, f"{path}: the import name is phasebench"
 
 
 def upwards(folder: str, room: str, names: set[str]) -> set[str]:
@@ -121,14 +121,13 @@ def upwards(folder: str, room: str, names: set[str]) -> set[str]:
     return {r for r in here if r in level and level[r] > level[room]}
 
 
-@pytest.mark.parametrize("path", SOURCES, ids=lambda p: str(p.relative_to(ROOT)))
-def test_subpackages_import_downwards(path):
-    folder, *rest = path.relative_to(ROOT).parts
-    room = rest[0].removesuffix(".py")
-    if room == "__init__":
-        return
-    assert room in {r for rooms in ROOMS[folder] for r in rooms}, f"{room} has no place in the house"
-    assert not upwards(folder, room, imports_of(path.read_text(), package_of(path)))
+def test_subpackages_import_downwards():
+    for path in SOURCES:
+        folder, *rest = path.relative_to(ROOT).parts
+        room = rest[0].removesuffix(".py")
+        if room != "__init__":
+            assert room in {r for rooms in ROOMS[folder] for r in rooms}, f"{room} has no place in the house"
+            assert not upwards(folder, room, imports_of(path.read_text(), package_of(path))), path
 
 
 #: Rooms in which every part stands alone.
@@ -145,11 +144,11 @@ def elsewhere(own: str, names: set[str]) -> set[str]:
 EXPERIMENTS = [p for p in SOURCES if {*APART} & {*p.parts} and p.stem != "__init__"]
 
 
-@pytest.mark.parametrize("path", EXPERIMENTS, ids=lambda p: f"{p.parent.name}/{p.stem}")
-def test_an_experiment_imports_no_other(path):
-    names = {n for n in imports_of(path.read_text(), package_of(path)) if n.startswith("phasebench.benchmarks.")}
-    room, own = path.relative_to(ROOT).with_suffix("").parts[1:3]
-    assert not elsewhere(f"{room}.{own}", names) - {"studies.index"}
+def test_an_experiment_imports_no_other():
+    for path in EXPERIMENTS:
+        names = {n for n in imports_of(path.read_text(), package_of(path)) if n.startswith("phasebench.benchmarks.")}
+        room, own = path.relative_to(ROOT).with_suffix("").parts[1:3]
+        assert not elsewhere(f"{room}.{own}", names) - {"studies.index"}, path
 
 
 def test_control_an_experiment_that_imports_another_is_seen():

@@ -8,7 +8,7 @@ import pytest
 
 from phasebench.benchmarks.measure.battery import by_label, variants
 from phasebench.benchmarks.measure.visible import least_visible
-from support.exact import ALL, VISIBLE, numbers
+from support.exact import ALL, RECORDS, VISIBLE, numbers
 
 ROUND_OFF = 1e-30
 #: Methods with lambda that are not symmetric; the adjoint of a symmetric method is itself.
@@ -43,6 +43,6 @@ def test_the_adjoint_of_lambda_is_one_minus_lambda(measured, label):
 
 def test_the_adjoint_of_scheme_i_has_one_minus_lambda():
     for lam in (Fraction(-1), Fraction(1, 3), Fraction(3, 2)):
-        adjoint = ALL[f"scheme-i-adjoint(lam={lam})"]
-        assert adjoint.data == ALL["scheme-i(lam=1/3)"](lam=1 - lam).data
-        assert adjoint.data != ALL["scheme-i(lam=1/3)"](lam=lam).data
+        adjoint = RECORDS[f"scheme-i-adjoint(lam={lam})"]
+        assert adjoint.data == RECORDS["scheme-i(lam=1/3)"](lam=1 - lam).data
+        assert adjoint.data != RECORDS["scheme-i(lam=1/3)"](lam=lam).data

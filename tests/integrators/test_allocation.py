@@ -15,6 +15,7 @@ from phasebench.integrators.prepared import prepare as prepared_run
 from phasebench.integrators.registry import BY_ID, METHODS
 from phasebench.integrators.stepping import kernel as stepping
 from phasebench.integrators.stepping.kernel import kernel, prepare
+from support.one_of_each import kinds
 
 PROBLEMS = [problem(name) for name in ("henon-heiles", "perturbed-kepler", "magnetic-mirror")]
 PROBLEMS += [as_problem(name) for name in ("on-sphere", "asymmetric-top", "many-parts")]
@@ -84,7 +85,7 @@ def is_step(part) -> bool:
     return isinstance(part, tuple)
 
 
-@pytest.mark.parametrize("id", BY_ID)
+@pytest.mark.parametrize("id", [m.id for m in kinds(METHODS).values()])
 def test_kernels_are_compiled_without_the_runtime(id, monkeypatch):
     """The kernel and its functions are compiled without Numba's runtime, which would do the allocating."""
     asked = []

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from fractions import Fraction
 
 import numpy as np
@@ -11,7 +12,6 @@ import sympy as sp
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from phasebench.benchmarks.measure.battery import by_label, variants
 from phasebench.benchmarks.problems import problem
 from phasebench.integrators.driver import (
     COLLISION,
@@ -27,6 +27,7 @@ from phasebench.integrators.errors import InvalidInput, unknown_name
 from phasebench.integrators.registry import METHODS, method
 from phasebench.integrators.systems.formula import FUNCTIONS, parse
 from phasebench.integrators.systems.hamiltonian import Hamiltonian, PartitionedSystem
+from support.one_of_each import kinds
 
 PENDULUM, KEPLER = problem("pendulum"), problem("kepler")
 
@@ -34,13 +35,11 @@ PENDULUM, KEPLER = problem("pendulum"), problem("kepler")
 # -- names ------------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("record", METHODS, ids=lambda m: m.id)
-def test_a_misspelt_method_suggests_the_nearest(record):
-    letters = list(record.id)
-    letters[-1] = "x" if letters[-1] != "x" else "y"
-    with pytest.raises(InvalidInput, match="did you mean") as caught:
-        method("".join(letters))
-    assert record.id in str(caught.value)
+def test_a_misspelt_method_suggests_the_nearest():
+    for record in METHODS:
+        wrong = record.id[:-1] + ("x" if record.id[-1] != "x" else "y")
+        with pytest.raises(InvalidInput, match=rf"did you mean.*{re.escape(record.id)}"):
+            method(wrong)
 
 
 def test_an_unknown_name_lists_the_known_ones():
@@ -50,17 +49,18 @@ def test_an_unknown_name_lists_the_known_ones():
         raise unknown_name("number", "qqqqqqqqqq", ["two", "one"])
 
 
-@pytest.mark.parametrize("record", METHODS, ids=lambda m: m.id)
-def test_an_unknown_parameter_is_refused(record):
-    with pytest.raises(InvalidInput, match=f"'{record.id}' has no parameter 'nonsense'"):
-        method(record.id, nonsense=1)
+def test_an_unknown_parameter_is_refused():
+    for record in METHODS:
+        with pytest.raises(InvalidInput, match=f"'{record.id}' has no parameter 'nonsense'"):
+            method(record.id, nonsense=1)
 
 
 @pytest.mark.parametrize("value", ["a third", float("nan"), float("inf"), None, [1], "1/0", "", True, "nan", 1j])
-@pytest.mark.parametrize("record", [m for m in METHODS if "lam" in m.parameters], ids=lambda m: m.id)
-def test_a_parameter_that_is_not_a_number_is_refused(record, value):
-    with pytest.raises(InvalidInput, match=r"lam is .*finite number"):
-        record(lam=value)
+def test_a_parameter_that_is_not_a_number_is_refused(value):
+    for record in METHODS:
+        if "lam" in record.parameters:
+            with pytest.raises(InvalidInput, match=r"lam is .*finite number"):
+                record(lam=value)
 
 
 @pytest.mark.parametrize("value", [0, -1, 7, 2.5, "two", None, float("nan"), float("inf"), True])
@@ -122,7 +122,7 @@ def test_a_singular_start_is_refused():
 
 
 LOTKA = problem("lotka-volterra")
-ALL = by_label(variants())
+ALL = kinds()
 
 
 @pytest.mark.parametrize("label", [x for x, m in ALL.items() if m.lacks(LOTKA.system)])

@@ -7,16 +7,19 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from phasebench.benchmarks.measure.battery import by_label, variants
+from phasebench.benchmarks.measure.battery import variants
 from phasebench.benchmarks.problems import problem
 from phasebench.integrators.driver import integrate
 from phasebench.integrators.families import parametric, splitting
 from phasebench.integrators.registry import method
 from phasebench.integrators.stepping import kernel as kernels
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
+from support.one_of_each import kinds
 
 ROUND_OFF = 2e-13
-ONE_STAGE = by_label([m for m in variants() if m.family == "parametric" and m.data[0] == 1])
+ONE_STAGE = kinds(
+    [method("scheme-i", lam="1/3"), *(m for m in variants() if m.family == "parametric" and m.data[0] == 1)]
+)
 
 
 class General(Hamiltonian):

@@ -22,6 +22,7 @@ from phasebench.integrators.prepared import lay_out
 from phasebench.integrators.stepping.kernel import prepare
 from phasebench.integrators.systems.poisson import PoissonSystem
 from support import stiff
+from support.one_of_each import kinds
 
 H, STEPS = 0.02, 3
 NAMES = ("henon-heiles", "coupled", "perturbed-kepler")
@@ -43,8 +44,8 @@ def systems(m) -> list[str]:
     return [name for name in names if runs_on(m, name)][:FEW]
 
 
-METHODS = [m for m in variants(lam=(Fraction(1, 3),), order=(1, 2)) if m.order <= LOW_ORDER]
-ALL = by_label([m for m in METHODS if systems(m)])
+METHODS = [m for m in variants(lam=(Fraction(1, 3),), order=(1, 2)) if m.order <= LOW_ORDER and systems(m)]
+ALL = kinds(METHODS) | by_label([m for m in METHODS if m.label in stiff.METHODS])
 LANED = [x for x, m in ALL.items() if m.data[:1] == ("gauss",) and gauss_lanes.serves(m.data[1], stiff.SYSTEM)]
 
 
