@@ -58,6 +58,10 @@ LONGEST = (
 )
 
 
+#: Seconds after which a test hangs, and fails by its name.
+HANGS = 900
+
+
 #: Objects are allocated between two searches for cycles: with the compiler's in memory each search is a long one.
 gc.set_threshold(200_000, 20, 100)
 
@@ -68,11 +72,14 @@ def pytest_addoption(parser):
 
 
 def pytest_collection_modifyitems(config, items):
-    """Run the test files of `LONGEST` first; leave out tests marked thorough without the option --thorough."""
+    """Run the test files of `LONGEST` first; leave out tests marked thorough without --thorough; limit their time."""
     if not config.getoption("--thorough"):
         left = [item for item in items if item.get_closest_marker("thorough")]
         config.hook.pytest_deselected(items=left)
         items[:] = [item for item in items if item not in left]
+    for item in items:
+        if config.pluginmanager.hasplugin("timeout") and item.get_closest_marker("timeout") is None:
+            item.add_marker(pytest.mark.timeout(HANGS))
     places = {f"{name}.py": place for place, name in enumerate(LONGEST)}
     items.sort(key=lambda item: places.get(item.path.name, len(places)))
 
