@@ -35,7 +35,7 @@ def test_compiled_and_uncompiled_runs_agree(there, label):
     assert plain.apart(plain.ends(plain.KINDS[label], names), {name: there[label][name] for name in names}) == []
 
 
-@pytest.mark.parametrize("label", ["kahan-li-8", "scheme-iv-v", "rk4", "gauss-4"])
+@pytest.mark.parametrize("label", ["kahan-li-8", "scheme-v-yoshida-4", "rk4", "gauss-4"])
 def test_control_another_coefficient_or_method_ends_elsewhere(label):
     m = plain.METHODS[label]
     if found := [*leaves(m.data)]:
