@@ -18,11 +18,6 @@ from pathlib import Path
 
 import pandas as pd
 
-from phasebench.benchmarks.experiments.drift.page import PAGE as DRIFT
-from phasebench.benchmarks.experiments.invariants.page import PAGE as INVARIANTS
-from phasebench.benchmarks.experiments.matrix.page import PAGE as MATRIX
-from phasebench.benchmarks.experiments.orders.page import PAGE as ORDERS
-from phasebench.benchmarks.experiments.structure.page import PAGE as STRUCTURE
 from phasebench.benchmarks.experiments.trade.gauss_page import PAGE as GAUSS_16
 from phasebench.benchmarks.experiments.trade.page import PAGE as TRADE
 from phasebench.benchmarks.experiments.trade.ratios_page import PAGE as TRADE_RATIOS
@@ -42,11 +37,6 @@ _OTHERS: tuple[tuple[float, Page], ...] = (
     (10, TRADE),
     (20, TRADE_RATIOS),
     (30, GAUSS_16),
-    (120, ORDERS),
-    (130, STRUCTURE),
-    (140, MATRIX),
-    (150, INVARIANTS),
-    (160, DRIFT),
     *((470, page) for page in TRADE_SCENES),
 )
 #: All pages, in reading order.

@@ -1,19 +1,14 @@
-"""The drift of an oscillating error: known slopes, coverage of its interval, controls, and the page's verdicts."""
+"""The drift of an oscillating error: known slopes, coverage of its interval, controls."""
 
 from __future__ import annotations
 
 import numpy as np
-import pandas as pd
 import pytest
 
-from phasebench.benchmarks.experiments.drift import bench_drift, coverage, page
 from phasebench.benchmarks.measure import drift as module
-from phasebench.benchmarks.measure import metrics
+from phasebench.benchmarks.measure import drift_coverage, metrics
 from phasebench.benchmarks.measure.changes import changes
 from phasebench.benchmarks.measure.drift import drift, split
-from phasebench.benchmarks.page.verdict import FAIL, FINDING, PASS, Count, Range
-from phasebench.integrators.record import DRIFT
-from phasebench.integrators.registry import BY_ID
 
 T = np.arange(4000) * 0.05
 
@@ -51,23 +46,23 @@ def test_drift_is_linear_and_reproducible():
     assert more.high - more.low == pytest.approx(8 * (one.high - one.low), rel=1e-4)
 
 
-@pytest.mark.parametrize("kind", coverage.KINDS)
+@pytest.mark.parametrize("kind", drift_coverage.KINDS)
 @pytest.mark.parametrize("points", [400, 1500])
 def test_interval_covers_the_true_drift(kind, points):
-    found = [coverage.coverage_row(kind, periods, points, drawn=60) for periods in (3, 20)]
+    found = [drift_coverage.coverage(kind, periods, points, drawn=60) for periods in (3, 20)]
     # At 95.75 % coverage, fewer than 105 of 120 draws are covered with probability 1e-4.
     assert sum(r["covered"] for r in found) * 60 >= 105
-    if coverage.KINDS[kind].oscillation:
+    if drift_coverage.KINDS[kind].oscillation:
         assert found[0]["covered by the line"] < 0.6, "the control: the line through all points"
 
 
 def test_intervals_are_neither_too_narrow_nor_too_wide(monkeypatch):
-    hits = sum(coverage.coverage_row("with both and a drift", p, 400, drawn=150)["covered"] for p in (5, 40)) / 2
+    hits = sum(drift_coverage.coverage("with both and a drift", p, 400, drawn=150)["covered"] for p in (5, 40)) / 2
     assert hits >= 0.93
-    lone = coverage.coverage_row("random walk alone", 0, 400, drawn=200)["covered"]
+    lone = drift_coverage.coverage("random walk alone", 0, 400, drawn=200)["covered"]
     assert 0.9 <= lone <= 0.99
     monkeypatch.setattr(module, "WEIGHTS", (1.0, 1e-9, 1e-9, 1e-300))
-    assert coverage.coverage_row("random walk alone", 0, 400, drawn=60)["covered"] < 0.8, (
+    assert drift_coverage.coverage("random walk alone", 0, 400, drawn=60)["covered"] < 0.8, (
         "the control: white noise only"
     )
 
@@ -76,10 +71,10 @@ def test_intervals_are_neither_too_narrow_nor_too_wide(monkeypatch):
 @pytest.mark.parametrize("points", [60, 500, 5000])
 def test_a_climb_that_is_sure_by_a_line_is_seen(monkeypatch, kind, periods, points):
     """At 97 % power, fewer than 36 of some 42 draws are seen with probability 1e-3; a quarter of the climb is not."""
-    assert coverage.coverage_row(kind, periods if points > 60 else 0, points, drawn=50)["seen"] > 0.86
-    monkeypatch.setattr(coverage, "CLIMB", 2.0)
-    monkeypatch.setattr(coverage, "SURE", 0.0)
-    assert coverage.coverage_row(kind, periods if points > 60 else 0, points, drawn=40)["seen"] < 0.5, "the control"
+    assert drift_coverage.coverage(kind, periods if points > 60 else 0, points, drawn=50)["seen"] > 0.86
+    monkeypatch.setattr(drift_coverage, "CLIMB", 2.0)
+    monkeypatch.setattr(drift_coverage, "SURE", 0.0)
+    assert drift_coverage.coverage(kind, periods if points > 60 else 0, points, drawn=40)["seen"] < 0.5, "the control"
 
 
 def test_a_climb_in_noise_is_no_oscillation():
@@ -130,7 +125,7 @@ def test_an_onset_is_named_with_time_and_slope(n):
 def test_noise_and_bursts_are_no_changes(kind, points):
     named = 0
     for seed in range(40):
-        t, oscillation, noise = coverage.series(kind, 12, points, np.random.default_rng(seed))
+        t, oscillation, noise = drift_coverage.series(kind, 12, points, np.random.default_rng(seed))
         named += bool(changes(t, oscillation + noise)[0])
     # At 1 %, more than 3 of 40 are named with probability 1e-3.
     assert named <= 3
@@ -144,7 +139,7 @@ def test_a_pulse_after_which_the_level_returns_is_no_jump():
 
 
 def test_too_slow_oscillation_is_taken_for_a_drift():
-    assert coverage.coverage_row("oscillation", 0.5, 400, drawn=30)["covered"] < 0.75
+    assert drift_coverage.coverage("oscillation", 0.5, 400, drawn=30)["covered"] < 0.75
 
 
 def test_noise_has_no_spectral_line():
@@ -220,155 +215,3 @@ def test_stormer_verlet_does_not_drift_others_do():
         found = drift(t, e)
         assert found.low * found.high > 0, step
         assert abs(found.value) * t[-1] > 0.3 * abs(e).max()
-
-
-# -- the page ----------------------------------------------------------------------------------------------------------
-
-
-def covering(**values) -> pd.DataFrame:
-    row = {"kind": "oscillation", "points": 400, "periods": 4.0, "drawn": 200, "covered": 0.95}
-    row |= {"covered by the line": 0.1, "half-width": 1e-20, "half-width by the line": 1e-22, "seen": np.nan}
-    return pd.DataFrame([row, row | {"kind": "with white noise"} | values])
-
-
-def verdicts(*tables: pd.DataFrame):
-    """(verdict on the coverage by kind of series, verdict on what is seen) from tables of coverage."""
-    data = {"drift_coverage": pd.concat(tables, ignore_index=True)}.get
-    return page.kinds(data), page.power(data)
-
-
-@pytest.mark.parametrize("share", [0.92, 0.995])
-def test_coverage_is_judged_from_both_sides(share):
-    kinds, _ = verdicts(covering())
-    assert (kinds.outcome, kinds.measured) == (PASS, Range(0.95, 0.95))
-    kinds, _ = verdicts(covering(covered=share))
-    assert kinds.outcome == FAIL
-    assert share in (kinds.measured.low, kinds.measured.high)
-    assert kinds.where == "with white noise"
-
-
-def test_without_noise_too_much_coverage_is_not_judged():
-    assert verdicts(covering(kind="peaked", covered=0.999))[0].outcome == PASS
-    assert verdicts(covering(kind="peaked", covered=0.92))[0].outcome == FAIL
-
-
-def test_slow_oscillations_are_not_judged():
-    assert verdicts(covering(covered=0.5, periods=1.0))[0].outcome == PASS
-    assert verdicts(covering(periods=1.0).tail(1)) == (None, None)
-    assert verdicts(covering(periods=9.0), covering(periods=1.0, covered=0.1))[0].measured == Range(0.95, 0.95)
-
-
-def test_what_is_seen_is_judged_where_the_oscillation_has_4_periods():
-    assert verdicts(covering())[1] is None
-    seen = verdicts(covering(seen=0.96))[1]
-    assert (seen.outcome, seen.measured) == (PASS, 0.96)
-    assert verdicts(covering(seen=0.94))[1].outcome == FAIL
-    assert verdicts(covering(seen=0.94, periods=0.0))[1].where == "with white noise, 400 points, 0 periods"
-    assert verdicts(covering(seen=0.5, periods=2.0))[1] is None
-
-
-def test_slowest_resolved_oscillation():
-    assert [page.is_resolved(p) for p in (1.0, module.SLOWEST, 1.6, 0)] == [False, False, True, True]
-
-
-def test_page_states_the_uncertainty_of_a_coverage():
-    """For 400 draws: sqrt(0.95 0.05 / 400)."""
-    assert any("0.011" in limit for limit in page.PAGE.limits)
-
-
-def test_kind_is_judged_by_the_mean_over_its_lengths():
-    kinds, _ = verdicts(*(covering(covered=share).tail(1) for share in (0.9, 0.999, 0.999)))
-    assert kinds.outcome == PASS
-    assert kinds.measured.high == pytest.approx(0.966)
-
-
-def test_table_begins_with_the_worst_coverage():
-    rows = pd.concat([covering(covered=0.9), covering(covered=0.98, periods=2.0), covering(covered=0.1, periods=1.0)])
-    shown = page.table({"drift_coverage": rows}.get).frame
-    assert list(shown["covered"]) == [0.9, 0.98, 0.95, 0.95, 0.95, 0.1]
-
-
-def test_bench_fails_for_too_little_coverage():
-    assert not bench_drift.off(covering().to_dict("records"))
-    assert not bench_drift.off(covering(covered=0.5, periods=1.0).to_dict("records"))
-    assert len(bench_drift.off(covering(covered=0.89).to_dict("records"))) == 1
-
-
-def runs(id: str, *drifts: float, error: float = 1e-6) -> pd.DataFrame:
-    """Fabricated rows of long runs of a method, one for each energy drift; the drifts are known to +-1e-12."""
-    same = {"purpose": "drift", "status": "ok", "kind": "phasebench", "t_end": 1000.0, "fallbacks": 0, "h": 0.1}
-    same |= {"scene": "pendulum-t1000", "problem": "pendulum:swinging", "id": id, "method": id, "energy_max": error}
-    rows = [{"energy_drift": d, "energy_drift_low": d - 1e-12, "energy_drift_high": d + 1e-12} for d in drifts]
-    return pd.DataFrame([same | row for row in rows])
-
-
-def bounded_verdict(*tables: pd.DataFrame):
-    """The page's verdict on methods whose declared energy error is bounded, from tables of long runs."""
-    return page.bounded_energy({"rows": pd.concat(tables)}.get)
-
-
-def test_intervals_of_bounded_methods_must_contain_0():
-    assert bounded_verdict(runs("stormer-verlet", 0.0)).measured == Range(1, 1)
-    good = bounded_verdict(runs("stormer-verlet", *[0.0] * 9, 5e-12))
-    assert (good.outcome, good.measured) == (PASS, Range(0.9, 0.9))
-    assert bounded_verdict(runs("stormer-verlet", *[0.0] * 8, 5e-12, -5e-12)).outcome == FINDING
-    assert bounded_verdict(runs("rk4", 0.0)) is None
-    prey = runs("stormer-verlet", 5e-12).assign(problem="lotka-volterra")
-    assert bounded_verdict(runs("stormer-verlet", 0.0), prey).measured == Range(1, 1)
-
-
-def test_worst_scene_is_judged_by_itself():
-    """All 30 intervals on one scene contain 0, but only 8 of 10 on another: 95 % of all."""
-    many = runs("stormer-verlet", *[0.0] * 30)
-    few = runs("stormer-verlet", *[0.0] * 8, 5e-12, -5e-12).assign(scene="kepler-100-orbits", problem="kepler")
-    found = bounded_verdict(many, few)
-    assert (found.outcome, found.measured, found.where) == (FINDING, Range(0.8, 1), "kepler-100-orbits")
-    fine = bounded_verdict(many, few.iloc[:-1].iloc[1:], few.iloc[:2])
-    assert (fine.outcome, fine.measured) == (PASS, Range(0.9, 1))
-
-
-RK4, RADAU = (runs(id, 1e-9, -1e-9) for id in page.CONTROLS)
-
-
-def drift_verdicts(*tables: pd.DataFrame):
-    """(verdict on methods that drift, verdict on the control methods) from tables of long runs."""
-    data = {"rows": pd.concat(tables)}.get
-    return page.drifting(data), page.controls(data)
-
-
-@pytest.mark.parametrize("id", page.CONTROLS)
-def test_every_run_of_every_control_must_exclude_0(id):
-    drifting, controls = drift_verdicts(RK4, RADAU)
-    assert (drifting.outcome, drifting.measured) == (PASS, Count(4, 4))
-    assert (controls.outcome, controls.measured) == (PASS, Count(2, 2))
-    drifting, _ = drift_verdicts(RK4, RADAU, runs(id, 0.0))
-    assert (drifting.outcome, drifting.measured) == (FINDING, Count(4, 5))
-    assert drifting.where == f"{id} on pendulum-t1000, h = 0.1"
-
-
-@pytest.mark.parametrize(("left", "id"), [(RK4, "radau-iia-2"), (RADAU, "rk4")])
-def test_control_without_a_measurement_does_not_pass(left, id):
-    """Failed runs have no interval; runs at round-off do not count."""
-    for nothing in (runs(id, 1e-9).assign(status="diverged"), runs(id, 1e-9, error=1e-13), runs(id)):
-        _, controls = drift_verdicts(left, nothing)
-        assert (controls.outcome, controls.measured, controls.where) == (FAIL, Count(1, 2), id)
-    assert drift_verdicts(runs("rk4", 1e-9).assign(status="diverged")) == (None, None)
-
-
-def test_every_method_declared_to_drift_must_drift():
-    drifting, _ = drift_verdicts(RK4, RADAU, runs("dop853", 0.0))
-    assert drifting.outcome == FINDING
-    assert drifting.where.startswith("dop853 on")
-    drifting, _ = drift_verdicts(RK4, RADAU, runs("stormer-verlet", 0.0))
-    assert drifting.outcome == PASS
-
-
-def test_controls_are_declared_to_drift():
-    assert [BY_ID[id].energy for id in page.CONTROLS] == [DRIFT, DRIFT]
-
-
-def test_answer_uses_the_available_tables():
-    tables = {"drift_coverage": covering(), "rows": runs("stormer-verlet", 0.0)}
-    assert "95.0%" in page.answer(tables.get)
-    assert "100.0%" in page.answer({"rows": tables["rows"]}.get)
-    assert page.answer({}.get) is None

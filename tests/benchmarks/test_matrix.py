@@ -1,13 +1,16 @@
-"""The table of every method on every problem: its cells, contradictions of declarations, and its page."""
+"""The table of every method on every problem: its rows, and contradictions of declarations."""
 
 from __future__ import annotations
 
-import pandas as pd
+import mpmath
+import numpy as np
 import pytest
 
-from phasebench.benchmarks.experiments.matrix import matrix
-from phasebench.benchmarks.experiments.matrix.page import PAGE
-from phasebench.benchmarks.page.verdict import FAIL, Count
+from phasebench.benchmarks.judge.evidence import NO_DEFECT
+from phasebench.benchmarks.measure import every_problem
+from phasebench.benchmarks.measure.multiprecision import observed_order
+from phasebench.benchmarks.problems import problem
+from phasebench.benchmarks.studies.declared import matrix
 from phasebench.integrators.registry import BY_ID
 from support import cells
 
@@ -21,7 +24,7 @@ def matrix_rows(uncompiled):
 def test_every_missing_number_has_a_reason(matrix_rows):
     assert len(matrix_rows) == len(cells.METHODS) * len(cells.PROBLEMS)
     for row in matrix_rows.values():
-        assert row.get("reason") or all(k in row or f"{k}_reason" in row for k in matrix.MEASURED), row
+        assert row.get("reason") or all(k in row or f"{k}_reason" in row for k in every_problem.MEASURED), row
 
 
 @pytest.mark.parametrize("id", cells.METHODS)
@@ -34,10 +37,10 @@ def test_measured_order_is_the_declared_one(matrix_rows, id):
 
 
 def test_defects_separate_the_methods(matrix_rows):
-    assert matrix_rows["stormer-verlet", "pendulum"]["symplecticity"] < matrix.NOTHING
-    assert matrix_rows["rk4", "pendulum"]["symplecticity"] > 1e6 * matrix.NOTHING
-    assert matrix_rows["stormer-verlet", "pendulum"]["reversibility"] < matrix.NOTHING
-    assert matrix_rows["rk4", "pendulum"]["reversibility"] > 1e6 * matrix.NOTHING
+    assert matrix_rows["stormer-verlet", "pendulum"]["symplecticity"] < NO_DEFECT
+    assert matrix_rows["rk4", "pendulum"]["symplecticity"] > 1e6 * NO_DEFECT
+    assert matrix_rows["stormer-verlet", "pendulum"]["reversibility"] < NO_DEFECT
+    assert matrix_rows["rk4", "pendulum"]["reversibility"] > 1e6 * NO_DEFECT
     assert matrix_rows["avf", "kepler"]["energy"] < 1e-14 < matrix_rows["gauss-2", "kepler"]["energy"]
     assert matrix_rows["gauss-2", "kepler"]["quadratic"] < 1e-14 < matrix_rows["avf", "kepler"]["quadratic"]
 
@@ -70,6 +73,28 @@ def test_control_false_declaration_is_contradicted(matrix_rows, id, lie, said):
     assert found[0].startswith(said)
 
 
+CELL = {"method": "rk4", "problem": "pendulum", "declared_order": 4, "order": 4.0, "symplectic": True,
+        "symmetric": True, "symplecticity": 0.0, "reversibility": 0.0, "energy_class": "round-off",
+        "quadratic_class": "round-off", "energy": 0.0, "quadratic": 0.0}  # fmt: skip
+UNDECLARED = {"symplecticity": {"symplectic": False}, "reversibility": {"symmetric": False},
+              "energy": {"energy_class": "bounded"}, "quadratic": {"quadratic_class": "drift"}}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("column", "good", "bad"),
+    [("order", 3.91, 3.89), ("symplecticity", 0.9e-22, 1.1e-22), ("reversibility", 0.9e-22, 1.1e-22),
+     ("energy", 199 * 2.0**-52, 201 * 2.0**-52), ("quadratic", 199 * 2.0**-52, 201 * 2.0**-52)],
+)  # fmt: skip
+def test_a_row_is_compared_with_what_is_declared(column, good, bad):
+    assert not matrix.contradictions(CELL | {column: good})
+    assert not matrix.contradictions(CELL | {column: None})
+    (contradiction,) = matrix.contradictions(CELL | {column: bad})
+    assert contradiction.startswith({"quadratic": "q.D p"}.get(column, column))
+    assert bool(matrix.contradictions(CELL | {column: np.inf})) == (column != "order")
+    if column in UNDECLARED:
+        assert not matrix.contradictions(CELL | UNDECLARED[column] | {column: 1.0})
+
+
 def test_only_known_contradictions_are_explained():
     said = "energy error 1.0e-10 of its terms, declared round-off"
     hbvm = {"method": "hbvm-2-1", "problem": "pendulum"}
@@ -89,32 +114,6 @@ def test_order_with_variable_steps_is_in_its_interval():
     assert not matrix.explanation(row | {"method": "gauss-4"}, "order 7.65, declared 8")
 
 
-def test_page_hides_no_contradiction(matrix_rows, monkeypatch):
-    monkeypatch.setattr(matrix, "METHODS", [BY_ID[id] for id in cells.METHODS])
-    monkeypatch.setattr(matrix, "PROBLEMS", cells.PROBLEMS)
-    frame = pd.DataFrame(list(matrix_rows.values()))
-    pairs = len(cells.METHODS) * len(cells.PROBLEMS)
-    _, ended, complete = PAGE.judge({"matrix": frame}.get)
-    ran = sum(not row.get("reason") for row in matrix_rows.values())
-    assert ended.measured == Count(ran, ran)
-    assert 0 < ran < pairs
-    assert complete.measured == Count(pairs, pairs)
-    without = PAGE.judge({"matrix": frame[frame["method"] != "rk4"]}.get)[2]
-    assert (without.measured, without.outcome) == (Count(pairs - len(cells.PROBLEMS), pairs), FAIL)
-    assert without.where.startswith("rk4 on ")
-    ended_row = next(row for row in matrix_rows.values() if not row.get("reason"))
-    stopped = frame.assign(
-        energy_reason=["ran away" if row is ended_row else row.get("energy_reason", "") for row in matrix_rows.values()]
-    )
-    assert PAGE.judge({"matrix": stopped}.get)[1].measured == Count(ran - 1, ran)
-    lying = frame.assign(declared_order=frame["declared_order"].where(frame["method"] != "rk4", 6))
-    first, *_ = PAGE.judge({"matrix": lying}.get)
-    assert first.outcome == FAIL
-    assert "rk4 on pendulum" in first.where
-    shown = PAGE.table({"matrix": lying}.get).frame
-    assert shown.loc[shown["why"] == "NOT EXPLAINED", "method"].eq("rk4").any()
-
-
 EPS = 2.0**-30
 
 
@@ -124,19 +123,16 @@ EPS = 2.0**-30
     ids=["within the doubt", "beyond it", "round-off", "more than round-off"],
 )
 def test_method_is_exact_within_doubt_and_round_off(monkeypatch, error, doubt, end, exact):
-    import mpmath
-    import numpy as np
-
-    monkeypatch.setattr(matrix, "epsilon", lambda arithmetic: EPS)
-    monkeypatch.setattr(matrix, "_at", lambda name, places: (None, None, mpmath.mpf(1)))
-    monkeypatch.setattr(matrix, "_truth", lambda name, span, places: (np.array([end]), doubt))
-    monkeypatch.setattr(matrix, "advance", lambda system, chosen, y, h, steps: np.array([end + mpmath.mpf(error)]))
-    assert (matrix._order(BY_ID["rk4"], "pendulum") == {"order_reason": "exact"}) is exact
+    monkeypatch.setattr(every_problem, "epsilon", lambda arithmetic: EPS)
+    monkeypatch.setattr(every_problem, "_at", lambda name, places: (None, None, mpmath.mpf(1)))
+    monkeypatch.setattr(every_problem, "_truth", lambda name, span, places: (np.array([end]), doubt))
+    monkeypatch.setattr(
+        every_problem, "advance", lambda system, chosen, y, h, steps: np.array([end + mpmath.mpf(error)])
+    )
+    assert (every_problem._order(BY_ID["rk4"], "pendulum") == {"order_reason": "exact"}) is exact
 
 
 def test_errors_near_the_doubt_do_not_enter_an_order():
-    from phasebench.benchmarks.measure.multiprecision import observed_order
-
     row = {"h": [1.0, 0.5, 0.25, 0.125], "error": [1.0, 0.25, 0.0625, 0.015625]}
     assert observed_order(row | {"doubt": 0.0015}).points == 4
     assert observed_order(row | {"doubt": 0.0016}).points == 3
@@ -147,13 +143,9 @@ def test_variable_steps_have_the_length_of_fixed_ones():
 
     r is near 5 on the geodesic; sigma < 1 on the Kepler orbit.
     """
-    import numpy as np
-
-    from phasebench.benchmarks.problems import problem
-
     geodesic, orbit = problem("schwarzschild"), problem("kepler")
     parts = [
-        matrix._parts(BY_ID[id], made.system, np.array([*made.q0, *made.p0]))
+        every_problem._parts(BY_ID[id], made.system, np.array([*made.q0, *made.p0]))
         for id, made in (("gauss-4-adaptive", geodesic), ("gauss-4", geodesic), ("gauss-4-adaptive", orbit))
     ]
     sigma = float(geodesic.system.distances([geodesic.q0], [geodesic.p0])[0, 0]) ** 1.5

@@ -10,16 +10,11 @@ import subprocess
 from pathlib import Path
 from typing import NamedTuple
 
-import numpy as np
 import pandas as pd
 import pytest
 from markdown_it import MarkdownIt
 
 from phasebench.benchmarks import report, style
-from phasebench.benchmarks.experiments.invariants import page as invariants
-from phasebench.benchmarks.experiments.matrix import page as matrix
-from phasebench.benchmarks.experiments.orders import page as orders
-from phasebench.benchmarks.experiments.structure import page as structure
 from phasebench.benchmarks.page import drawn, html, markdown
 from phasebench.benchmarks.page.drawn import Figures
 from phasebench.benchmarks.page.origin import commits
@@ -41,7 +36,7 @@ from phasebench.benchmarks.report import PAGES
 from phasebench.benchmarks.store import tables
 from phasebench.integrators import driver
 from phasebench.integrators.errors import InvalidInput
-from support.pages import REPORTS, frame
+from support.pages import REPORTS
 
 DATA = REPORTS / "data"
 #: Largest size of a page in bytes, of a line in characters, and of an HTML page with its figures in bytes.
@@ -428,72 +423,6 @@ def test_outcome_of_a_page_is_its_worst_verdict():
 def test_vertical_bar_in_a_cell_is_escaped():
     text = markdown.table(pd.DataFrame({"what": ["|H - H0|"]}))
     assert r"\|H - H0\|" in text
-
-
-# -- verdicts, both ways -----------------------------------------------------------------------------------------------
-
-
-def replace_last_row(table: pd.DataFrame, **values) -> pd.DataFrame:
-    """The table with its last row's values replaced."""
-    worse = table.copy()
-    for column, value in values.items():
-        worse[column] = worse[column].astype(object)
-        worse.iloc[-1, worse.columns.get_loc(column)] = value
-    return worse.infer_objects()
-
-
-EXACT = frame({"method": "a", "problem": "x", "order": 2.01, "declared": 2, "digits": 40})
-STRUCTURE = frame(
-    {"method": "a", "declared": True, "defect": 1e-38},
-    {"method": "b", "declared": False, "defect": 1e-9},
-    property="symplecticity",
-)
-CELLS = frame(
-    {"method": "rk4", "declared_order": 4, "order": 4.0},
-    {"method": "avf", "declared_order": 2, "order": 2.0},
-    problem="pendulum", symplectic=False, symmetric=False, energy_class="drift", quadratic_class="drift",
-)  # fmt: skip
-LONG = {"purpose": "drift", "status": "ok", "kind": "phasebench", "t_end": 1000.0, "h": 0.1, "fallbacks": 0}
-LONG |= {"scene": "pendulum-t1000", "problem": "pendulum:swinging", "energy_drift": 1e-20}
-DRIFTS = frame(
-    {"id": "rk4", "method": "rk4", "energy_max": 1e-3, "energy_drift": 1e-6},
-    {"id": "avf", "method": "avf", "energy_max": 1e-15, "energy_drift": 1e-20},
-    **{k: v for k, v in LONG.items() if k != "energy_drift"},
-    energy_drift_low=-1e-19,
-    energy_drift_high=1e-19,
-    **{"angular-momentum_max": 1e-15},
-)
-MOMENTA = frame({"id": "scheme-iv", "method": "scheme-iv"}, **LONG, energy_max=1e-15, energy_drift_low=-1.0,
-                energy_drift_high=1.0, **{"angular-momentum_max": 1e-15})  # fmt: skip
-
-#: (verdict, tables for which it holds, name of the table to change, new values of its last row)
-BOTH_WAYS = {
-    "multiprecision": (orders.exact, {"multiprecision": EXACT}, "multiprecision", {"order": 1.8}),
-    "no window": (orders.exact, {"multiprecision": EXACT}, "multiprecision", {"order": np.nan}),
-    "symplectic": (structure.symplectic, {"structure": STRUCTURE.iloc[::-1]}, "structure", {"defect": 1e-9}),
-    "not symplectic": (structure.others_not_symplectic, {"structure": STRUCTURE}, "structure", {"defect": 1e-30}),
-    "symmetric": (structure.symmetric, {"structure": STRUCTURE.iloc[::-1].assign(property="symmetry")}, "structure",
-                  {"defect": 1e-9}),
-    "not symmetric": (structure.others_not_symmetric, {"structure": STRUCTURE.assign(property="symmetry")}, "structure",
-                      {"defect": 1e-30}),
-    "volume": (structure.volume, {"structure": STRUCTURE.assign(property="volume")}, "structure", {"defect": 1e-30}),
-    "matrix": (matrix.declarations, {"matrix": CELLS}, "matrix", {"order": 1.0}),
-    "energy": (invariants.energy, {"rows": DRIFTS}, "rows", {"energy_max": 1e-9}),
-    "drift": (invariants.drifting, {"rows": DRIFTS}, "rows",
-              {"energy_max": 1e-9, "energy_drift": 1e-12, "energy_drift_low": 9e-13, "energy_drift_high": 1.1e-12}),
-    "momentum": (invariants.momentum, {"rows": MOMENTA}, "rows", {"angular-momentum_max": 1e-6}),
-}  # fmt: skip
-
-
-@pytest.mark.parametrize("name", BOTH_WAYS)
-def test_verdict_changes_with_its_rows(name):
-    judge, tables, which, values = BOTH_WAYS[name]
-    good = judge(tables.get)
-    bad = judge((tables | {which: replace_last_row(tables[which], **values)}).get)
-    assert judge(lambda name: None) is None
-    assert good.outcome == PASS
-    assert bad.outcome in (FINDING, FAIL, MISSING)
-    assert "nan" not in " ".join([*good.row().values(), *bad.row().values()])
 
 
 # -- HTML --------------------------------------------------------------------------------------------------------------

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from phasebench.benchmarks.experiments.matrix.matrix import SMALL
+from phasebench.benchmarks.measure.every_problem import SMALL
 from phasebench.benchmarks.measure.multiprecision import retraction
 from phasebench.benchmarks.problems import PROBLEMS, problem
 from phasebench.benchmarks.problems.scenes import SCENES

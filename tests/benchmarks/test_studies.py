@@ -69,7 +69,7 @@ def spoiled(frame: pd.DataFrame, keys: set[str]) -> Iterator[pd.DataFrame]:
     """Copies of a table with a wrong column, save texts of keys: in all rows, every other one, those of a text.
 
     Then copies in which all numbers are wrong, a column has one number, or the values of another column, or other
-    wrong texts.
+    wrong texts; and copies without the rows of a text.
     """
     texts = frame.select_dtypes(exclude="number")
     same = [(texts[c] == x).to_numpy() for c in texts for x in texts[c].unique()[:40]]
@@ -83,11 +83,12 @@ def spoiled(frame: pd.DataFrame, keys: set[str]) -> Iterator[pd.DataFrame]:
             yield from (frame.assign(**{column: np.where(part, one, values)}) for one in wrong)
     numbers = frame.select_dtypes("number")
     yield from (frame.assign(**{c: spoil(numbers[c].astype(float)) for c in numbers}) for spoil in SPOIL)
-    yield from (frame.assign(**{one: frame[one].iloc[0]}) for one in numbers)
+    yield from (frame.assign(**{c: x}) for c in numbers for x in (numbers[c].iloc[0], numbers[c].median()))
     columns = texts.columns.difference(keys)
     pairs = [*permutations(numbers, 2), *permutations(columns, 2)]
     yield from (frame.assign(**{one: frame[other]}) for one, other in pairs)
     yield from (frame.assign(**{column: text}) for column in columns for text in TEXTS)
+    yield from (frame[~part] for part in same)
 
 
 #: The columns of the keys of each table.

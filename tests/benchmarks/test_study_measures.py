@@ -13,6 +13,8 @@ from phasebench.benchmarks.measure import clock
 from phasebench.benchmarks.measure.integrator import Integrator, integrator
 from phasebench.benchmarks.measure.orders import successive
 from phasebench.benchmarks.measure.quantities import Truth
+from phasebench.benchmarks.measure.visible import least_visible
+from phasebench.benchmarks.page import long_runs
 from phasebench.benchmarks.problems import problem
 from phasebench.benchmarks.studies import advice, constraints, extended, hessian_free, oscillatory, rigid, sampling
 from phasebench.benchmarks.studies import wisdom_holman as wh
@@ -116,6 +118,45 @@ def test_defects_and_orders_in_extended_phase_space(uncompiled):
     assert abs(special[-1] - 2) < 0.1
     assert abs(jumped[-1] - 4) < 0.1
     assert measured["special"][0]["error"] < measured["jumped"][0]["error"] / 100
+
+
+# -- what is declared --------------------------------------------------------------------------------------------------
+
+DRIFTING = {
+    "purpose": "drift", "status": "ok", "kind": "phasebench", "t_end": 1000.0, "h": 0.1, "fallbacks": 0, "id": "rk4",
+    "method": "rk4", "scene": "pendulum-t1000", "problem": "pendulum:swinging", "energy_max": 1e-6,
+    "energy_end": 0.51e-6, "energy_drift": 0.6e-9, "energy_drift_low": 0.51e-9, "energy_drift_high": 0.7e-9,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("change", "drifts"),
+    [({}, True), ({"energy_drift_low": 0.49e-9}, False), ({"energy_end": 0.49e-6}, False),
+     ({"energy_end": -1e-6}, False), ({"energy_drift_low": -0.1e-9}, False)],
+)  # fmt: skip
+def test_a_drift_is_sure_and_half_of_the_error(change, drifts):
+    row = DRIFTING | change
+    low, high = row["energy_drift_low"], row["energy_drift_high"]
+    falling = row | {"energy_end": -row["energy_end"], "energy_drift_low": -high, "energy_drift_high": -low}
+    assert long_runs.completed_runs(pd.DataFrame([row, falling]))["drifts"].tolist() == [drifts, drifts]
+
+
+def test_long_runs_are_those_of_this_project_that_reached_the_end():
+    others = [{"purpose": "order"}, {"kind": "rebound"}, {"status": "skipped"}, {"status": "diverged"}]
+    prey = {"problem": "lotka-volterra", "id": "hbvm-2-1"}
+    frame = pd.DataFrame([DRIFTING | change for change in (*others, {}, prey, {"id": "hbvm-2-1"})])
+    assert long_runs.long_runs(frame)["status"].tolist() == ["diverged", "ok", "ok", "ok"]
+    ran = long_runs.completed_runs(frame)
+    assert ran["canonical"].tolist() == [True, False, True]
+    assert ran["few nodes"].tolist()[::2] == [False, True]
+
+
+def test_high_orders_are_seen_by_their_digits():
+    """Gauss of order 16 is measured in 128 digits, and a processed method is nearly symmetric."""
+    assert least_visible("gauss-8-field", "symmetry") == pytest.approx(1e-64)
+    assert [least_visible("rk4", name) for name in ("symplecticity", "symmetry")] == [1e-22, 1e-22]
+    processed = [least_visible("blanes-casas-murua-p11-6", name) for name in ("symplecticity", "symmetry")]
+    assert processed == [1e-22, 1e-25]
 
 
 # -- the energy without the Hessian ------------------------------------------------------------------------------------

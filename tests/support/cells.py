@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import json
 
-from phasebench.benchmarks.experiments.matrix import matrix
-from phasebench.integrators.compile.codegen import precision
-from phasebench.integrators.registry import method
+from phasebench.benchmarks.measure import every_problem
 
 METHODS = ("stormer-verlet", "rk4", "avf", "gauss-2", "pefrl", "cohen-hairer-1", "wisdom-holman")
 PROBLEMS = ("pendulum", "kepler", "lotka-volterra", "lotka-volterra-log")
 
 if __name__ == "__main__":
-    with precision(matrix.DIGITS):
-        print(json.dumps({"result": [matrix.cell(method(m), name) for name in PROBLEMS for m in METHODS]}))
+    keys = [{"method": m, "problem": name} for name in PROBLEMS for m in METHODS]
+    print(json.dumps({"result": [key | every_problem.row(**key) for key in keys]}))

@@ -18,9 +18,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from phasebench.benchmarks.measure import metrics
-from phasebench.benchmarks.measure.drift import drift
-from phasebench.benchmarks.store.cells import Cell, Rows, content
+from . import metrics
+from .drift import drift
 
 #: log10 of the smallest and the largest amplitude; white noise, random walk a step, drift, and time step.
 AMPLITUDES = (-9, -3)
@@ -81,16 +80,12 @@ def series(
     return t, 10 ** generator.uniform(*AMPLITUDES) * form, noise
 
 
-def coverage_row(kind: str, periods: float, points: int, drawn: int = DRAWN) -> dict:
-    """Draw series of a kind and count how many of their drift intervals cover the true drift; return a row.
+def coverage(kind: str, periods: float, points: int, drawn: int = DRAWN) -> dict:
+    """The share of intervals that cover the true drift of ``drawn`` `series`, and their median half-width.
 
-    ``kind``, ``periods`` and ``points`` are those of `series`: a key of `KINDS`, the number of periods of the
-    oscillation in the whole series, the number of its points.  ``drawn`` series are drawn.
-
-    The row has the share of intervals that cover and their median half-width, for this project's estimate and for
-    ordinary regression (columns with "by the line").  If the noise is white, ``seen`` is the share of series in which a
-    drift of `CLIMB` standard errors is seen, of those where a line through noise and drift alone has a t-value above
-    `SURE`; else it is NaN.
+    Columns "by the line" are those of ordinary regression.  If the noise is white, ``seen`` is the share of series in
+    which a drift of `CLIMB` standard errors is seen, of those where a line through noise and drift alone has a t-value
+    above `SURE`; else it is NaN.
     """
     generator = np.random.default_rng(zlib.crc32(f"{kind} {periods} {points}".encode()))
     of, ours, lines, seen = KINDS[kind], [], [], []
@@ -111,32 +106,12 @@ def coverage_row(kind: str, periods: float, points: int, drawn: int = DRAWN) -> 
     return row | {"seen": float(np.mean(seen)) if seen else float("nan")}
 
 
-def cells(quick: bool = False) -> list[Cell]:
-    """List the measurements to make (`Cell`), one for each kind of series, length and number of periods.
-
-    The list is empty if ``quick``.
-    """
-    periods = {kind: PERIODS if of.oscillation else (0,) for kind, of in KINDS.items()}
-    found = [(k, p, n) for k in KINDS for n in LENGTHS for p in periods[k] if n >= SAMPLED * p]
-    return [] if quick else [_cell(*of) for of in found]
-
-
-def _cell(kind: str, periods: float, points: int) -> Cell:
-    return Cell(
-        "drift",
-        ("drift_coverage",),
-        {"kind": kind, "periods": periods, "points": points},
-        measure_rows,
-        (kind, periods, points),
-        content("drift", kind, periods, points, code=[__name__]),
-        frozenset(),
-    )
-
-
-def measure_rows(kind: str, periods: float, points: int) -> Rows:
-    """Count how often drift intervals cover the true drift on one kind of artificial series: a row, by table name.
-
-    ``kind`` is a key of `KINDS`, ``periods`` the number of periods of the oscillation in the whole series, ``points``
-    the number of its points.
-    """
-    return {"drift_coverage": [coverage_row(kind, periods, points)]}
+PERIODS_OF = {kind: PERIODS if of.oscillation else (0,) for kind, of in KINDS.items()}
+#: All series: keys of cells, of which each period has enough points.
+SERIES = [
+    {"kind": kind, "periods": periods, "points": points}
+    for kind in KINDS
+    for points in LENGTHS
+    for periods in PERIODS_OF[kind]
+    if points >= SAMPLED * periods
+]

@@ -1,1 +1,0 @@
-"""Experiment: do the confidence intervals of an estimated energy drift cover the true drift?"""

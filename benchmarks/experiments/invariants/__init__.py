@@ -1,1 +1,0 @@
-"""Experiment: how well do the methods keep energy and angular momentum over long times?"""

@@ -1,1 +1,0 @@
-"""Experiment: does every method have its declared order?"""

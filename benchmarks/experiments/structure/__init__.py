@@ -1,1 +1,0 @@
-"""Experiment: which methods have symplectic, symmetric and volume-preserving step maps."""
