@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -62,13 +63,14 @@ def places(rows: pd.DataFrame) -> str:
 
 
 def _claims(table: Callable[[Data], pd.DataFrame | None]) -> dict[str, Claim]:
-    def none(text: str, kind: str) -> Claim:
-        return Claim(text, table, kind, NONE, unit="statements", where=lambda rows: places(rows[rows[kind]]))
-
+    found = {
+        "contradicted": Claim("No statement is contradicted", table, "contradicted", NONE),
+        "conditional": Claim("No statement needs a condition", table, "conditional", NONE),
+        "missing": Claim("No statement is left unmeasured", table, "missing", NONE),
+    }
     return {
-        "contradicted": none("No statement is contradicted", "contradicted"),
-        "conditional": none("No statement needs a condition", "conditional"),
-        "missing": none("No statement is left unmeasured", "missing"),
+        kind: replace(claim, unit="statements", where=lambda rows, kind=kind: places(rows[rows[kind]]))
+        for kind, claim in found.items()
     }
 
 
