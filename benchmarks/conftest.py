@@ -6,16 +6,12 @@ import sys
 import traceback
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 
 from phasebench.benchmarks.store import run, screen
 from phasebench.benchmarks.store.cluster import Cluster
 from phasebench.integrators.errors import InvalidInput
-
-if TYPE_CHECKING:
-    from phasebench.benchmarks.store.cells import Cell
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parent
@@ -150,20 +146,16 @@ def outcome(request: pytest.FixtureRequest, pytestconfig: pytest.Config, quick: 
 
 
 @pytest.fixture
-def measured_rows(outcome: run.Outcome, request: pytest.FixtureRequest) -> Callable[[str], list[dict]]:
-    """Return a function: name of a table -> its rows measured by this run, a list of dicts.
+def measured_rows(outcome: run.Outcome) -> Callable[[str], list[dict]]:
+    """Return a function: name of a table -> its rows measured by this run; it fails if any of its cells failed."""
 
-    A test that uses this fixture fails at once if any measurement of its own experiment (the folder of
-    ``benchmarks/experiments`` in which the test stands) failed.
-    """
-    experiment = Path(request.path).parent.name
-    failed = [f"{c.label}: {outcome.failed[c.id]}" for c in outcome.cells if _fails(outcome, c, experiment)]
-    assert not failed, "cells that could not be measured:\n" + "\n".join(failed)
-    return outcome.rows
+    def rows(table: str) -> list[dict]:
+        cells = [c for c in outcome.cells if table in c.tables and c.id in outcome.failed]
+        failed = [f"{c.label}: {outcome.failed[c.id]}" for c in cells]
+        assert not failed, "cells that could not be measured:\n" + "\n".join(failed)
+        return outcome.rows(table)
 
-
-def _fails(outcome: run.Outcome, cell: Cell, experiment: str) -> bool:
-    return cell.experiment == experiment and cell.id in outcome.failed
+    return rows
 
 
 @pytest.fixture

@@ -18,10 +18,6 @@ from pathlib import Path
 
 import pandas as pd
 
-from phasebench.benchmarks.experiments.trade.gauss_page import PAGE as GAUSS_16
-from phasebench.benchmarks.experiments.trade.page import PAGE as TRADE
-from phasebench.benchmarks.experiments.trade.ratios_page import PAGE as TRADE_RATIOS
-from phasebench.benchmarks.experiments.trade.scene_page import PAGES as TRADE_SCENES
 from phasebench.benchmarks.page import html, markdown
 from phasebench.benchmarks.page.drawn import Figures
 from phasebench.benchmarks.page.origin import count_outdated, origin
@@ -32,17 +28,8 @@ from phasebench.integrators.errors import InvalidInput
 
 from .store import tables as results
 
-#: Pages that are no studies, each with its place among them (`Study.place`).
-_OTHERS: tuple[tuple[float, Page], ...] = (
-    (10, TRADE),
-    (20, TRADE_RATIOS),
-    (30, GAUSS_16),
-    *((470, page) for page in TRADE_SCENES),
-)
 #: All pages, in reading order.
-PAGES: tuple[Page, ...] = tuple(
-    page for _, page in sorted([*_OTHERS, *((s.place, s.page) for s in index.found().values())], key=lambda x: x[0])
-)
+PAGES: tuple[Page, ...] = tuple(study.page for study in index.found().values())
 QUICK = "This is the quick tier: few steps, few rounds; it shows that the suite runs, and no more."
 
 
@@ -214,7 +201,7 @@ def _entry(written: list[_Written], target: Path, quick: bool) -> None:
     )
     parts = ["# phasebench: what was measured\n", *([f"{QUICK}\n"] if quick else []), markdown.table(lines)]
     parts.append(markdown.bullets([f"**{outcome}**: {meaning}." for outcome, meaning in MEANING.items()]))
-    choice = next(w for w in written if w.page is TRADE)
+    choice = next(w for w in written if w.page.id == "trade")
     if choice.table is not None:
         parts += ["## Which integrator for which accuracy\n", markdown.wrap(choice.table.caption) + "\n"]
         parts += [markdown.table(choice.table.frame, digits=choice.table.digits)]

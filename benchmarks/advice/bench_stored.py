@@ -20,14 +20,14 @@ from phasebench.reference.peers import PEERS
 if TYPE_CHECKING:
     from phasebench.benchmarks.store.run import Outcome
 
-#: Names of tables: all runs of the trade (`experiments.trade`); the models of scenes and their runs.
+#: Names of tables: all runs of the trade (`studies.trade`); the models of scenes and their runs.
 RUNS, MODELS = "front_rungs", ("models", "models_runs")
 
 
 def competition(rows: Iterable[Mapping[str, Any]]) -> tuple[pd.DataFrame, set[str]]:
     """Return (successful runs of single orbits, with a column ``problem``; ids of the integrators that took part).
 
-    ``rows`` are the stored runs of all integrators at many errors (`experiments.trade`).
+    ``rows`` are the stored runs of all integrators at many errors (`studies.trade`).
     """
     named = {x.id for x in (*METHODS, *PEERS)} - {"heyoka-batch"}
     frame = pd.DataFrame([r for r in rows if r.get("status") == OK and r["id"] in named])

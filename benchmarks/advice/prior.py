@@ -2,7 +2,7 @@
 
 `prior.csv` has, for each problem and power of ten of the error, a factor for each integrator: the time of its cheapest
 run that met the error, over that of the cheapest integrator.  `build` computes it from the stored comparison of all
-integrators (`experiments.trade`).  It only orders the search: an integrator is advised after it was run.
+integrators (`studies.trade`).  It only orders the search: an integrator is advised after it was run.
 """
 
 from __future__ import annotations

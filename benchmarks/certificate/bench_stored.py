@@ -15,7 +15,7 @@ from phasebench.benchmarks.certificate import fronts, times
 if TYPE_CHECKING:
     from phasebench.benchmarks.store.run import Outcome
 
-#: Names of tables of the trade (`experiments.trade`): all runs, and the cheapest of each side.
+#: Names of tables of the trade (`studies.trade`): all runs, and the cheapest of each side.
 RUNS, CHOICES = "front_rungs", "front"
 
 

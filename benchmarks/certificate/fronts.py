@@ -1,7 +1,7 @@
 """The fewest gradient evaluations with which a known integrator meets an error on a scene, stored in `fronts.csv`.
 
 A scene is a problem with a span and a quantity whose error counts.  `build` computes the lines from the stored
-comparison of all integrators (`experiments.trade`), which keeps the runs of integrators that take at most twice the
+comparison of all integrators (`studies.trade`), which keeps the runs of integrators that take at most twice the
 cheapest time.  Integrators whose work is not gradient evaluations (they solve a Kepler or a linear part exactly, or
 report no count) are left out.
 """

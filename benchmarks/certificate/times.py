@@ -4,7 +4,7 @@ r"""An integrator's time over that of the fastest known one, by way of a referen
     \frac{T}{T_\text{fastest}} = \frac{T}{T_\text{ref}}\Big|_\text{here} \cdot
     \frac{T_\text{ref}}{T_\text{fastest}}\Big|_\text{in the trade}
 
-"The trade" is the stored comparison of all integrators by error and time (`experiments.trade`).  The first factor is
+"The trade" is the stored comparison of all integrators by error and time (`studies.trade`).  The first factor is
 measured here: the integrator and the reference method run in alternation, and the processor seconds of this process
 count, so that the work of other processes is left out, even of those that a step starts (a peer, an integrator of
 another package, reports its own seconds).  T is scaled with the number of evaluations that an error needs (`place`).

@@ -91,7 +91,7 @@ def _cells(scenes: list[str], methods: list[str], quick: bool) -> list:
     A scene is a problem with a time span.  Scenes on which costs are compared (`questions`) are included if they are
     named, and if neither scenes nor methods are named, but not with ``quick``.  Raises InvalidInput for unknown names.
     """
-    from phasebench.benchmarks.experiments.trade import question_rows, sweep
+    from phasebench.benchmarks.ladder import sweep
     from phasebench.benchmarks.problems.questions import BY_ID as ASKED
     from phasebench.benchmarks.problems.questions import QUESTIONS
     from phasebench.benchmarks.problems.scenes import BY_ID, SCENES
@@ -99,7 +99,7 @@ def _cells(scenes: list[str], methods: list[str], quick: bool) -> list:
     from phasebench.integrators.errors import unknown_name
     from phasebench.integrators.names import unknown_method
 
-    known = [m.id for m in question_rows.swept()]
+    known = [m.id for m in sweep.swept()]
     for name in scenes:
         if name not in BY_ID and name not in ASKED:
             raise unknown_name("scene", name, [*BY_ID, *ASKED])
@@ -115,7 +115,7 @@ def _cells(scenes: list[str], methods: list[str], quick: bool) -> list:
     only = (lambda m: m.id in methods) if methods else None
     whole = not (scenes or methods or quick)
     held = sweep.cells(quick, [s for s in SCENES if not scenes or s.id in scenes], only)
-    return held + question_rows.cells([q for q in QUESTIONS if whole or q.id in scenes], only)
+    return held + sweep.question_cells([q for q in QUESTIONS if whole or q.id in scenes], only)
 
 
 def _refuse_other_rows(output: Path, of_scenes: bool) -> None:

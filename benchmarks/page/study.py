@@ -46,7 +46,7 @@ class Runs:
 
     Rows depend on what ``measure`` refers to and on further modules ``code``, on the key with all that its "method" and
     "problem" stand for, and on the methods, peers, problems and data ``needs``; a function of the key that returns all
-    of these takes their place.
+    of these takes their place.  A user selects a cell by the ids of these, or by the ``names`` of its key.
     ``where`` and ``own`` are those of `Cell`, and so is ``dear``, a function of the key; a quick run measures the keys
     ``quick``.  With ``more`` tables the function ``measure`` returns a dict of the rows of each table.
     """
@@ -61,6 +61,7 @@ class Runs:
     quick: Sequence[Mapping[str, object]] = ()
     more: tuple[str, ...] = ()
     code: Sequence[str] = ()
+    names: Callable[..., Sequence[str]] | None = None
 
     def cells(self, study: Study) -> list[Cell]:
         """The cells of the table."""
@@ -70,8 +71,9 @@ class Runs:
         needs = list(self.needs(**key) if callable(self.needs) else (*self.needs, *_records(key)))
         function = f"{self.measure.__module__}:{self.measure.__qualname__}"
         made_of = content(self.table, tuple(key.items()), *needs, code=[function, *self.code])
-        names = {getattr(need, name, "") for need in needs for name in ("id", "package")}
-        names = (names | {study.within, *(str(key.get(k, "")) for k in ("package", "problem", "scene"))}) - {""}
+        ids = {getattr(need, name, "") for need in needs for name in ("id", "package")}
+        ids |= {str(key.get(k, "")) for k in ("package", "problem")}
+        names = ({study.within} | (ids if self.names is None else {*self.names(**key)})) - {""}
         tables, quick, dear = (self.table, *self.more), key in self.quick, self.dear(**key)
         about = (tables, self.measure, tuple(key.items())), made_of, frozenset(names), self.where, self.own, quick, dear
         return Cell(study.id, tables, key, measured, *about)

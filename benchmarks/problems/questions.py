@@ -1,6 +1,6 @@
 """QUESTIONS, the scenes on which costs are compared: a quantity of a problem at a time, and accuracies to reach.
 
-Each such scene is a `Question`.  The experiment `experiments.trade` compares the costs at which integrators reach an
+Each such scene is a `Question`.  The study `studies.trade` compares the costs at which integrators reach an
 accuracy.  (A `Scene` of `scenes` is another thing: it has steps at which errors are compared with stored ones.)  The
 accuracies fall from 1e-1 (a picture needs about 1e-2, an ephemeris 1e-12) as far as doubles and the reference's
 uncertainty allow.

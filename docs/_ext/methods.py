@@ -29,7 +29,7 @@ from pages import (
     toctree,
 )
 
-from phasebench.benchmarks.experiments.trade.choice import choices, winner
+from phasebench.benchmarks.ladder.choice import choices, winner
 from phasebench.benchmarks.page.markdown import number
 from phasebench.integrators import coefficients
 from phasebench.integrators.coefficients.tableaus import runge_kutta

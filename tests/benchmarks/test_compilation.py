@@ -14,8 +14,8 @@ from phasebench.benchmarks.advice.advise import advise
 from phasebench.benchmarks.advice.ask import ask
 from phasebench.benchmarks.certificate import costs, times
 from phasebench.benchmarks.certificate.subject import subject
-from phasebench.benchmarks.experiments.trade import front, sweep
 from phasebench.benchmarks.judge.evidence import Tables
+from phasebench.benchmarks.ladder import sweep
 from phasebench.benchmarks.ladder.race import UNCOMPILED
 from phasebench.benchmarks.ladder.rung import Task
 from phasebench.benchmarks.measure.clock import Clocks
@@ -33,6 +33,7 @@ from phasebench.benchmarks.problems import problem
 from phasebench.benchmarks.problems.base import Orbit, Problem
 from phasebench.benchmarks.problems.questions import down_to
 from phasebench.benchmarks.store import workers
+from phasebench.benchmarks.studies.trade import front
 from phasebench.integrators import Hamiltonian, integrate
 from phasebench.integrators.stepping import kernel
 from support.commands import call
@@ -233,7 +234,7 @@ def climbing(monkeypatch):
     )
     entered = [integrator("stormer-verlet"), integrator("rk4")], {"nobody": "it cannot"}
     monkeypatch.setattr(front, "entrants", lambda task: entered)
-    return lambda: front.measure_rows("s")
+    return lambda: front.measure("s")
 
 
 def dropped_reasons(tables) -> dict[str, str]:

@@ -12,7 +12,7 @@ from functools import cache
 import mpmath
 import pytest
 
-from phasebench.benchmarks.experiments.trade import sweep
+from phasebench.benchmarks.ladder import sweep
 from phasebench.benchmarks.measure.multiprecision import leaves, replace_at
 from phasebench.benchmarks.problems.scenes import BY_ID, SCENES
 from phasebench.benchmarks.store.cells import ProblemKey, content, exact
@@ -22,7 +22,7 @@ from phasebench.integrators.compile import digest
 from phasebench.integrators.registry import method
 
 SPLITTING = "phasebench.integrators.families.splitting"
-SWEEP = "phasebench.benchmarks.experiments.trade.sweep"
+SWEEP = "phasebench.benchmarks.ladder.sweep"
 REBOUND, KEPLER = "phasebench.reference.peers.rebound", "phasebench.benchmarks.problems.kepler"
 
 
@@ -108,7 +108,7 @@ def copy(tmp_path_factory):
             {SPLITTING, SWEEP, KEPLER},
         ),
         ("benchmarks/measure/metrics.py", "import numpy", "import math\nimport numpy", {SWEEP}),
-        ("benchmarks/experiments/trade/peer_rows.py", "MOST, ADAPTIVE = 5000", "MOST, ADAPTIVE = 4000", {SWEEP}),
+        ("benchmarks/ladder/peer_rows.py", "MOST, ADAPTIVE = 5000", "MOST, ADAPTIVE = 4000", {SWEEP}),
         ("integrators/records/splittings.py", "import", "import  math, ", set()),
         ("reference/peers/particles.py", "import numpy", "import math\nimport numpy", {REBOUND}),
         ("reference/peers/heyoka.py", "import numpy", "import math\nimport numpy", set()),

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from phasebench.benchmarks.experiments.trade import bench_errors, peer_rows, sweep
+from phasebench.benchmarks.ladder import bench_errors, peer_rows, sweep
 from phasebench.benchmarks.measure.orders import orders
 from phasebench.benchmarks.page import markdown
 from phasebench.benchmarks.problems import problem
@@ -160,7 +160,7 @@ def todo():
 
 @pytest.fixture(scope="module")
 def rows(todo):
-    return sweep.run(todo, repeats=1)
+    return sweep.measure_rows(todo, 1)["rows"]
 
 
 def test_rows_are_in_the_order_of_their_tasks(todo, rows):
@@ -175,7 +175,7 @@ def test_cell_can_be_pickled_and_measured():
 
 
 def test_control_other_tasks_measure_other_rows(todo, rows):
-    assert not same(sweep.run(todo[1:2], repeats=1), rows[:1])
+    assert not same(sweep.measure_rows(todo[1:2], 1)["rows"], rows[:1])
 
 
 # -- orders ------------------------------------------------------------------------------------------------------------

@@ -400,12 +400,12 @@ def test_figures_are_redrawn_if_their_code_changes(speed, monkeypatch):
 
 @pytest.mark.parametrize(
     ("id", "module"),
-    [("options", "options.figures"), ("trade-duffing", "trade.scene_page")],
+    [("options", "options"), ("trade-duffing", "trade")],
 )
-def test_figure_depends_on_the_module_that_draws_it(id, module):
-    """The module recorded for a figure is the one that draws it, not that of the decorator around its function."""
+def test_figure_depends_on_the_module_of_its_study(id, module):
+    """Not on that of the layer, or of the decorator around its function."""
     (page,) = [p for p in PAGES if p.id == id]
-    assert drawn.module_of(page.figures) == f"phasebench.benchmarks.experiments.{module}"
+    assert drawn.module_of(page.figures) == f"phasebench.benchmarks.studies.{module}"
 
 
 def test_outcome_of_a_page_is_its_worst_verdict():

@@ -11,7 +11,7 @@ from importlib import metadata
 import numpy as np
 import pytest
 
-from phasebench.benchmarks.experiments.trade import bench_errors, peer_rows, sweep
+from phasebench.benchmarks.ladder import bench_errors, peer_rows, sweep
 from phasebench.benchmarks.measure import accuracy
 from phasebench.benchmarks.measure.integrator import OURS
 from phasebench.benchmarks.measure.orders import orders
@@ -168,7 +168,7 @@ def test_unsuitable_peer_has_one_row_with_the_reason(monkeypatch):
         if id == "heyoka":
             monkeypatch.setattr("phasebench.benchmarks.measure.integrator.is_installed", lambda name: False)
         todo = sweep.tasks([BY_ID["pendulum-t2"]], only=lambda m, id=id: m.id == id)
-        row, *_ = sweep.run(todo[:1], repeats=1)
+        row, *_ = sweep.measure_rows(todo[:1], 1)["rows"]
         assert (row["status"], row["method"]) == ("skipped", id)
         assert why in row["reason"]
         assert "global_error" not in row
@@ -188,7 +188,7 @@ def test_failed_peer_has_its_reason_and_no_error(monkeypatch):
 
 def test_orders_exist_for_peers_with_fixed_steps(monkeypatch):
     chosen = ("heyoka", "rebound-leapfrog")
-    rows = sweep.run(sweep.tasks([BY_ID["pendulum-t2"]], only=lambda m: m.id in chosen), repeats=1)
+    rows = sweep.measure_rows(sweep.tasks([BY_ID["pendulum-t2"]], only=lambda m: m.id in chosen), 1)["rows"]
     assert {r["method"] for r in rows} == set(chosen)
     (found,) = orders(rows)
     assert (found["method"], found["kind"]) == ("rebound-leapfrog", "rebound")

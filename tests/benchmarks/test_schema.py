@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 
 import phasebench as pb
-from phasebench.benchmarks.experiments.trade import sweep
+from phasebench.benchmarks.ladder import sweep
 from phasebench.benchmarks.ladder.curves import curves
 from phasebench.benchmarks.measure.integrator import integrator
 from phasebench.benchmarks.measure.named_quantities import quantity

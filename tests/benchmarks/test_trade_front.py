@@ -10,8 +10,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from phasebench.benchmarks.experiments.trade import field, front
-from phasebench.benchmarks.ladder import race
+from phasebench.benchmarks.ladder import competitors, race
 from phasebench.benchmarks.ladder.bracket import bracket, cost
 from phasebench.benchmarks.ladder.cheapest import CHEAPER, cheapest
 from phasebench.benchmarks.ladder.race import Known
@@ -24,6 +23,7 @@ from phasebench.benchmarks.measure.quantities import Truth
 from phasebench.benchmarks.measure.timing import OURS, PEERS
 from phasebench.benchmarks.problems import problem
 from phasebench.benchmarks.problems.questions import QUESTIONS, down_to
+from phasebench.benchmarks.studies.trade import front
 from phasebench.reference.peers import BY_ID as REGISTERED
 
 
@@ -366,7 +366,7 @@ def test_wide_step_found_later_counts_at_coarser_accuracy(monkeypatch):
     """Of two accuracies the coarser never takes more steps."""
     monkeypatch.setattr(front, "task_of", lambda scene: task(8))
     monkeypatch.setattr(front, "entrants", lambda asked: ([Lucky("a", 4, 1e-6)], {}))
-    choices = front.measure_rows("s")[front.CHOICES]
+    choices = front.measure("s")[front.CHOICES]
     assert [c["accuracy"] for c in choices] == sorted((c["accuracy"] for c in choices), reverse=True)
     steps = [c["ours steps"] for c in choices]
     assert steps == sorted(steps)
@@ -406,39 +406,39 @@ def test_accuracy_below_the_uncertainty_is_not_requested():
 
 
 def test_batch_integrators_do_not_compete():
-    labels = {c.label for c in field.competitors()}
-    assert not labels & set(field.LEFT_OUT)
-    assert "heyoka-batch" in field.LEFT_OUT
-    assert field.LEFT_OUT.keys() <= REGISTERED.keys(), "the control: they are the names of peers"
+    labels = {c.label for c in competitors.competitors()}
+    assert not labels & set(competitors.LEFT_OUT)
+    assert "heyoka-batch" in competitors.LEFT_OUT
+    assert competitors.LEFT_OUT.keys() <= REGISTERED.keys(), "the control: they are the names of peers"
 
 
 def test_every_fast_mode_of_a_peer_competes():
-    labels = {c.label for c in field.competitors()}
+    labels = {c.label for c in competitors.competitors()}
     assert {"heyoka", "heyoka-high-accuracy", "heyoka(compact_mode)", "heyoka-high-accuracy(compact_mode)"} <= labels
     assert {f"rebound-ias15(adaptive_mode={m})" for m in ("individual", "global", "aarseth85")} <= labels
     assert {"rebound-whfast", "rebound-whfast-plain", "rebound-saba-10-6-4", "rebound-bs"} <= labels
     assert {"scipy-dop853-numba", "scipy-lsoda-numba", "scipy-ode(DOP853)", "scipy-odeint(LSODA)"} <= labels
-    fixed = [p.settings for p in field.peers() if p.settings.get("integrator") in ("whfast", "saba")]
+    fixed = [p.settings for p in competitors.peers() if p.settings.get("integrator") in ("whfast", "saba")]
     assert fixed
     assert all(s["safe_mode"] == 0 for s in fixed)
 
 
 def test_excluded_competitors_have_a_reason():
-    can, cannot = field.able(problem("lotka-volterra:4-2"))
+    can, cannot = competitors.able(problem("lotka-volterra:4-2"))
     assert "heyoka" in {c.label for c in can}
     assert cannot["rebound-whfast"].startswith("REBOUND integrates H = ")
 
 
 def test_selection_for_many_degrees_of_freedom():
-    can, cannot = field.able(problem("outer-solar-system"))
+    can, cannot = competitors.able(problem("outer-solar-system"))
     labels = {c.label for c in can}
     assert {"gauss-8", "stormer-verlet", "implicit-midpoint", "dop853-relaxation", "wisdom-holman"} <= labels
     assert {"avf", "scheme-v", "rk4-projected-energy"}.isdisjoint(labels)
     assert all("degrees of freedom" in cannot[id] for id in ("avf", "scheme-v", "scheme-ii(lam=2)"))
-    waves = {c.label for c in field.able(problem("nls"))[0]}
+    waves = {c.label for c in competitors.able(problem("nls"))[0]}
     assert {"implicit-midpoint", "gauss-5"}.isdisjoint(waves)
     assert "gauss-4" in waves, "of 2 d unknowns a stage, 512 in all"
-    few, left_out = field.able(problem("henon-heiles"))
+    few, left_out = competitors.able(problem("henon-heiles"))
     assert {"avf", "scheme-v", "rk4-projected-energy", "implicit-midpoint"} <= {c.label for c in few}
     assert not any("degrees of freedom" in why for why in left_out.values())
 
@@ -449,7 +449,7 @@ def test_heyoka_competes_in_both_modes():
         ("kepler", "heyoka(compact_mode)", "fixed_centres"),
         ("solar-system", "heyoka(compact_mode=False)", "nbody"),
     ):
-        can, cannot = field.able(problem(name))
+        can, cannot = competitors.able(problem(name))
         labels = {c.label for c in can if c.label.startswith("heyoka")}
         both = [f"heyoka(model={model}, compact_mode{mode})" for mode in ("", "=False")]
         plain = ["heyoka", other, *both]
@@ -472,11 +472,11 @@ def test_heyoka_enters_the_final_in_the_mode_that_the_search_could_not_compile(m
 
 
 def test_exact_methods_do_not_compete():
-    _, cannot = field.able(problem("kepler"))
+    _, cannot = competitors.able(problem("kepler"))
     assert all("exact" in cannot[x] for x in ("rebound-whfast", "rebound-saba-1", "wisdom-holman"))
-    can, _ = field.able(problem("perturbed-kepler"))
+    can, _ = competitors.able(problem("perturbed-kepler"))
     assert {"rebound-whfast", "rebound-saba-1", "wisdom-holman"} <= {c.label for c in can}
-    _, cannot = field.able(problem("harmonic-oscillator"))
+    _, cannot = competitors.able(problem("harmonic-oscillator"))
     assert "exact" in cannot["gautschi"]
 
 
@@ -515,7 +515,7 @@ def test_scene_with_a_real_peer_and_real_methods():
     known = Known()
     found = [
         race.enter(asked, c, known)
-        for c in field.competitors()
+        for c in competitors.competitors()
         if c.label in ("heyoka", "stormer-verlet", "blanes-moan-srkn6b")
     ]
     rows, choice = front.final(asked, front.finalists(asked, found, 1e-6), 1e-6)
@@ -599,8 +599,8 @@ def test_rows_of_a_scene_list_steps_and_dropped_methods(monkeypatch):
     laws = [Law("a", 4, 1e-8), Law("dear", 4, 1e-4), Law("b", 4, 2e-8, side=PEERS), Tolerant()]
     monkeypatch.setattr(front, "task_of", lambda scene: task(4))
     monkeypatch.setattr(front, "entrants", lambda asked: (laws, {"nobody": "it cannot"}))
-    tables = front.measure_rows("s")
-    assert set(tables) == set(front.TABLES)
+    tables = front.measure("s")
+    assert set(tables) == {front.CHOICES, front.FINALS, front.RUNGS, front.DROPPED}
     assert all(row["scene"] == "s" for rows in tables.values() for row in rows)
     assert tuple(c["accuracy"] for c in tables[front.CHOICES]) == down_to(4)
     assert {c["ours integrator"] for c in tables[front.CHOICES]} == {"a"}

@@ -152,9 +152,9 @@ def test_an_experiment_imports_no_other():
 
 
 def test_control_an_experiment_that_imports_another_is_seen():
-    found = {"phasebench.benchmarks.experiments.trade.front", "phasebench.benchmarks.advice.advise.advise"}
-    assert elsewhere("experiments.kepler", found) == {"experiments.trade", "advice"}
-    assert elsewhere("studies.advice", found) == {"experiments.trade"}
+    found = {"phasebench.benchmarks.studies.trade.front", "phasebench.benchmarks.advice.advise.advise"}
+    assert elsewhere("experiments.kepler", found) == {"studies.trade", "advice"}
+    assert elsewhere("studies.advice", found) == {"studies.trade"}
     assert elsewhere("studies.rigid", {"phasebench.benchmarks.studies.parts.H"}) == {"studies.parts"}
     assert EXPERIMENTS
 

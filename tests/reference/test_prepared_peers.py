@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import phasebench as pb
-from phasebench.benchmarks.experiments.trade.field import peers as competing
+from phasebench.benchmarks.ladder.competitors import peers as competing
 from phasebench.benchmarks.measure.integrator import Integrator
 from phasebench.benchmarks.problems import problem
 from phasebench.integrators.errors import InvalidInput

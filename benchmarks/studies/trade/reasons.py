@@ -22,8 +22,10 @@ import pandas as pd
 from phasebench.benchmarks.measure.integrator import OURS as PROJECT
 from phasebench.benchmarks.measure.timing import OURS, PEERS
 from phasebench.benchmarks.page.markdown import number
+from phasebench.benchmarks.page.page import of
 
-from .choice import choices
+from .front import RUNGS
+from .joined import joined
 
 #: Largest ratio wanted of our time to the best peer's; factors up to `ALIKE` count as 1.
 WANTED, ALIKE = 1.0, 1.1
@@ -47,24 +49,22 @@ MEANING = {
 }
 
 
-def cells(front: pd.DataFrame) -> pd.DataFrame:
-    """Select the cases (scene and accuracy) in which a method of ours or a peer reaches the accuracy.
+@of(joined)
+def cases(found: pd.DataFrame) -> pd.DataFrame:
+    """The cases in which a method of ours or a peer reaches the accuracy.
 
     The column ``ratio`` is our time over the best peer's; it is 0 if only a method of ours reaches the accuracy, inf if
     only a peer does.
     """
-    found = choices(front)
     ours, peer = (found[f"{side} integrator"].notna() for side in (OURS, PEERS))
     alone = np.select([ours & ~peer, peer & ~ours], [0.0, inf], nan)
     told = found.assign(**{c: found[c].where(ours & peer, alone) for c in ("ratio", "ratio low", "ratio high")})
     return told[ours | peer].reset_index(drop=True)
 
 
-def above(front: pd.DataFrame, rungs: pd.DataFrame) -> pd.DataFrame:
-    """Select the cases (scene and accuracy) whose ratio of our time to the best peer's is above `WANTED`.
-
-    The largest ratio comes first; each case has the factors of its ratio and the reason.  ``front`` has the fastest
-    integrator of ours and of the peers in each case, ``rungs`` all runs of the search for them.
+@of(cases, RUNGS)
+def above(told: pd.DataFrame, rungs: pd.DataFrame) -> pd.DataFrame:
+    """The cases whose ratio of times is above `WANTED`, the largest first, with its factors and the reason.
 
     Added columns: ``steps`` and ``step``, the two factors of the ratio; ``per step``, evaluations in a step of our
     method; ``share``, the share of its time that they take at the scene's `price`; ``evaluations alone``, the ratio
@@ -72,7 +72,7 @@ def above(front: pd.DataFrame, rungs: pd.DataFrame) -> pd.DataFrame:
     ``peer grew``, each side's number of steps over that at the accuracy ``until``; ``reason``, a key of `MEANING` or
     None.
     """
-    told, rows = cells(front), []
+    rows = []
     prices = {scene: price(part) for scene, part in rungs.groupby("scene", sort=False)}
     for scene, part in told.groupby("scene", sort=False):
         for row in part[~(part["ratio"] <= WANTED)].to_dict("records"):
@@ -84,17 +84,13 @@ def above(front: pd.DataFrame, rungs: pd.DataFrame) -> pd.DataFrame:
 
 
 def price(rungs: pd.DataFrame) -> float:
-    """Return the least seconds per gradient evaluation of this project's methods in the runs; NaN without runs."""
+    """The least seconds per gradient evaluation of this project's methods in the runs; NaN without runs."""
     own = rungs[(rungs["kind"] == PROJECT) & (rungs["evaluations"] > 0) & (rungs["seconds"] > 0)]
     return float((own["seconds"] / own["evaluations"]).min()) if len(own) else nan
 
 
 def _parts(row: dict, cheapest: float) -> dict[str, float]:
-    """Split our time over the best peer's, in a case, into factors; say how much of our time is spent on evaluations.
-
-    The entries of the dict are the columns ``steps``, ``step``, ``per step``, ``share`` and ``evaluations alone`` that
-    `above` describes.  ``cheapest`` is the least seconds per evaluation.
-    """
+    """The factors of a case's ratio, and the share of evaluations at the ``cheapest`` price: columns of `above`."""
     n, m = (row[f"{side} steps"] for side in (OURS, PEERS))
     steps = n / m if m else nan
     evaluations = row[f"{OURS} evaluations"]
@@ -104,11 +100,7 @@ def _parts(row: dict, cheapest: float) -> dict[str, float]:
 
 
 def _growth(row: dict, scene: pd.DataFrame) -> dict[str, float]:
-    """Return how both sides' numbers of steps grew from the last coarser accuracy at which ours was fast enough.
-
-    The dict has the columns ``until``, ``ours grew`` and ``peer grew`` that `above` describes; NaN if there is no such
-    accuracy.  ``row`` is a case (a scene at an accuracy), ``scene`` has all cases of its scene.
-    """
+    """How both sides' steps grew from the last coarser accuracy at which ours was fast enough: columns of `above`."""
     before = scene[(scene["accuracy"] > row["accuracy"]) & (scene["ratio"] <= WANTED)]
     if before.empty:
         return {"until": nan, "ours grew": nan, "peer grew": nan}
@@ -118,11 +110,7 @@ def _growth(row: dict, scene: pd.DataFrame) -> dict[str, float]:
 
 
 def _reason(row: dict, parts: dict[str, float]) -> str | None:
-    """Return the reason why a case's ratio of times is above `WANTED`, a key of `MEANING`.
-
-    ``row`` is the case, a row of `cells`; ``parts`` are the columns of `_parts` and `_growth`.  None if the numbers of
-    steps are not known.
-    """
+    """Why the ratio of a case is above `WANTED`, a key of `MEANING`; None if numbers of steps are not known."""
     if row["ratio"] == inf:
         return UNREACHED
     if row["ratio low"] <= WANTED:
@@ -136,10 +124,7 @@ def _reason(row: dict, parts: dict[str, float]) -> str | None:
 
 
 def sentence(row: dict, rungs: pd.DataFrame) -> str:
-    """Return a text that says, with the measured numbers, why this project is slower than the best peer in a case.
-
-    ``row`` is the case's row of the table of `above`; ``rungs`` has all runs of the search for the fastest integrators.
-    """
+    """Why this project is slower in a case, a row of `above`, in words with the measured numbers."""
     if row["reason"] == UNREACHED:
         return f"{UNREACHED}: {_nearest(row, rungs)}"
     text = f"{row['reason'] or 'not told'}: steps x {number(row['steps'], 2)}, a step's time x {number(row['step'], 2)}"
@@ -151,7 +136,7 @@ def sentence(row: dict, rungs: pd.DataFrame) -> str:
 
 
 def _nearest(row: dict, rungs: pd.DataFrame) -> str:
-    """Return a text: the least error of this project's methods on the scene of ``row``, in all runs ``rungs``."""
+    """The least error of this project's methods on the scene of a case, in words."""
     own = rungs[(rungs["scene"] == row["scene"]) & (rungs["kind"] == PROJECT) & (rungs["error"] > 0)]
     if own.empty:
         return "no run of ours is kept"

@@ -52,7 +52,7 @@ def swept() -> list[Peer]:
 
 
 def lacks(peer: Peer, scene: Scene) -> str | None:
-    """Return the reason why a peer (another package's integrator) cannot run on a scene, or None if it can."""
+    """Why a peer cannot run on a scene, or None if it can."""
     if not Integrator(peer).installed:
         return f"{peer.package} is not installed; {how_to_install(peer.package)}"
     made = problem_of(scene.problem)
@@ -60,10 +60,7 @@ def lacks(peer: Peer, scene: Scene) -> str | None:
 
 
 def sizes(peer: Peer, scene: Scene, quick: bool = False) -> list[tuple[float | None, float | None]]:
-    """List the (step h, tolerance) with which a peer runs on a scene; h or the tolerance is None.
-
-    A peer that cannot run on the scene has a single pair, for a row that says why.  ``quick`` shortens the list.
-    """
+    """Each (step h, tolerance) of a peer on a scene, one of them None; a single pair if it cannot run there."""
     if peer.adaptive:
         found = [(None, tol) for tol in TOLERANCES if tol >= peer.least]
         coarse = peer.id in SLOW
@@ -79,10 +76,7 @@ def sizes(peer: Peer, scene: Scene, quick: bool = False) -> list[tuple[float | N
 
 
 def measure(scene: Scene, peer: Peer, h: float | None, tol: float | None, repeats: int) -> dict[str, Any]:
-    """Measure a peer on a scene at a step or a tolerance: a row with its status, time, counts and errors.
-
-    The time is the median of up to ``repeats`` runs.
-    """
+    """The row of a peer on a scene at a step or a tolerance; its time is the median of up to ``repeats`` runs."""
     problem = problem_of(scene.problem)
     row = head(scene, problem, peer, peer.package, peer.package)
     row |= {"h": h, "tol": tol}
@@ -113,10 +107,7 @@ def measure(scene: Scene, peer: Peer, h: float | None, tol: float | None, repeat
 def _with_rows(
     problem: Problem, peer: Peer, scene: Scene, h: float | None, tol: float | None
 ) -> tuple[Solution, int | None]:
-    """Run a peer with output, for the errors of invariants.
-
-    Returns (solution, number of steps between its output rows, or None for an adaptive peer).
-    """
+    """A run with output, for the errors of invariants, and its steps between rows (None for an adaptive peer)."""
     if peer.adaptive:
         steps = ADAPTIVE if scene.purpose == DRIFT else round(scene.t_end / scene.steps[0])
         return integrate_peer(problem, peer, tol=tol, t_end=scene.t_end, steps=steps), None

@@ -1,4 +1,4 @@
-"""The report's page "gauss-16": the error below which the Gauss method of order 16 is faster than explicit methods.
+"""The error below which the Gauss method of order 16 is faster than explicit methods.
 
 Its eight stages are evaluated in the lanes of vector registers, so that a sweep of its iteration costs little more than
 one evaluation.  Antonana, Makazaga and Murua published the same independently, with the claim that is judged here.
@@ -7,24 +7,22 @@ one evaluation.  Antonana, Makazaga and Murua published the same independently, 
 from __future__ import annotations
 
 from functools import cache
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
 from phasebench.benchmarks import style
+from phasebench.benchmarks.ladder.competitors import FIRST
 from phasebench.benchmarks.page.markdown import number
-from phasebench.benchmarks.page.page import ROWS, Page, Picture, Table, of, once
-from phasebench.benchmarks.page.verdict import EVERY, Count, Verdict
+from phasebench.benchmarks.page.page import ROWS, Picture, Table, of, once
+from phasebench.benchmarks.page.study import Claim, Study
+from phasebench.benchmarks.page.verdict import EVERY
 from phasebench.benchmarks.problems.questions import BY_ID as QUESTIONS
 from phasebench.integrators.families import parametric
 from phasebench.integrators.registry import BY_ID
 
-from .field import FIRST
 from .front import RUNGS
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 GAUSS = "gauss-8"
 #: Families whose methods solve no equations, in steps of one length; parametric methods are told by their substeps.
@@ -35,11 +33,7 @@ PLANETS = "outer-planets-jupiter"
 
 @cache
 def is_explicit(id: str, separable: bool) -> bool:
-    """Return whether the method ``id`` takes steps of one length and solves no equations.
-
-    ``separable`` is True if the system's H is separable, as some methods are explicit only then.  False if ``id`` is
-    that of a peer, another package's integrator.
-    """
+    """True if a method (no peer) takes steps of one length and solves no equations, if H is ``separable`` or not."""
     if id not in BY_ID:
         return False
     method = BY_ID[id]
@@ -48,11 +42,11 @@ def is_explicit(id: str, separable: bool) -> bool:
     return separable and parametric.is_splitting(method)
 
 
+@of(RUNGS)
 @once
 def ratios(rungs: pd.DataFrame) -> pd.DataFrame:
-    """Compare Gauss of order 16 with the fastest explicit method: a row for each scene and error that both reach.
+    """Times of Gauss of order 16 and of the fastest explicit method: a row for each scene and error that both reach.
 
-    A row has both times in seconds, their ratio, and the explicit method's name.  ``rungs`` has all runs of the search.
     The rows of a scene end at the error where the search has dropped the best explicit methods: the fastest one is
     unknown from there on.
     """
@@ -76,88 +70,53 @@ def ratios(rungs: pd.DataFrame) -> pd.DataFrame:
 
 
 def crossing(part: pd.DataFrame) -> float:
-    """Return the largest error at which, and at every smaller one, Gauss is no slower than explicit methods.
-
-    ``part`` has the rows of `ratios` of one scene; NaN if there is no such error.
-    """
+    """The largest error of a scene at which, and at every smaller one, Gauss is no slower; NaN if there is none."""
     part = part.sort_values("accuracy")
     faster = (part["ratio"] <= 1).cummin()
     return float(part.loc[faster, "accuracy"].max()) if faster.any() else np.nan
 
 
-def crossings(rungs: pd.DataFrame) -> pd.Series:
-    """Return by scene the largest error at and below which the Gauss method is no slower than explicit methods.
-
-    NaN for a scene without such an error.  ``rungs`` has all runs of the search.
-    """
-    return pd.Series({scene: crossing(part) for scene, part in ratios(rungs).groupby("scene", sort=False)}, dtype=float)
+def crossings(found: pd.DataFrame) -> pd.Series:
+    """The `crossing` of each scene."""
+    return pd.Series({scene: crossing(part) for scene, part in found.groupby("scene", sort=False)}, dtype=float)
 
 
-def _ends(rungs: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Return the rows of `ratios` (Gauss against explicit) at each scene's largest error, and at its smallest.
-
-    Both tables are indexed by scene.  ``rungs`` has all runs of the search.
-    """
-    by = (found := ratios(rungs)).groupby("scene", sort=False)["accuracy"]
-    return found.loc[by.idxmax()].set_index("scene"), found.loc[by.idxmin()].set_index("scene")
+def _clearest_first(found: pd.DataFrame, rows: pd.Series) -> pd.DataFrame:
+    out = found.loc[rows]
+    return out.iloc[np.argsort(-np.log(out["ratio"]).abs(), kind="stable")]
 
 
-def _counted(holds: pd.Series, ratio: pd.Series) -> dict:
-    """Return arguments of a `Verdict`: on how many scenes a claim ``holds``, and where it fails by the largest factor.
-
-    ``holds`` and ``ratio``, Gauss' time over the best explicit method's, are indexed by scene.
-    """
-    wrong = np.log(ratio[~holds]).abs()
-    where = "" if wrong.empty else f"{wrong.idxmax()}: {number(ratio[wrong.idxmax()])} times"
-    measured = Count(int(holds.sum()), len(holds))
-    return {"measured": measured, "expected": EVERY, "unit": "scenes", "where": where}
+@of(ratios)
+def largest(found: pd.DataFrame) -> pd.DataFrame:
+    """The rows at each scene's largest error."""
+    return _clearest_first(found, found.groupby("scene", sort=False)["accuracy"].idxmax())
 
 
-@of(RUNGS)
-def fine(rungs: pd.DataFrame) -> Verdict:
-    """Judge whether Gauss of order 16 is faster than explicit methods at a scene's smallest error, on every scene.
-
-    The smallest error is the least one that both Gauss and an explicit method reach.
-    """
-    ratio = _ends(rungs)[1]["ratio"]
-    return Verdict(
-        "At the smallest error that both reach, Gauss of order 16 is the faster", **_counted(ratio <= 1, ratio)
-    )
+@of(ratios)
+def smallest(found: pd.DataFrame) -> pd.DataFrame:
+    """The rows at each scene's smallest error."""
+    return _clearest_first(found, found.groupby("scene", sort=False)["accuracy"].idxmin())
 
 
-@of(RUNGS)
-def coarse(rungs: pd.DataFrame) -> Verdict:
-    """Judge whether an explicit method is faster than Gauss of order 16 at a scene's largest error, on every scene.
-
-    It is the largest of the errors for which methods are compared on the scene, and which both reach.
-    """
-    ratio = _ends(rungs)[0]["ratio"]
-    return Verdict("At the largest error an explicit method is the faster", **_counted(ratio >= 1, ratio))
-
-
-@of(RUNGS)
-def answer(rungs: pd.DataFrame) -> str:
-    """Return the page's answer: on how many scenes Gauss becomes faster than explicit methods, and from which error."""
-    found = crossings(rungs)
-    ever = found.dropna()
+@of(ratios)
+def answer(found: pd.DataFrame) -> str:
+    """On how many scenes Gauss becomes faster than explicit methods, and from which error."""
+    first = crossings(found)
+    ever = first.dropna()
     if ever.empty:
-        return f"On none of {len(found)} scenes is Gauss of order 16 faster than explicit methods."
+        return f"On none of {len(first)} scenes is Gauss of order 16 faster than explicit methods."
     text = (
-        f"On {len(ever)} of {len(found)} scenes Gauss of order 16 is faster than explicit methods for small errors: "
+        f"On {len(ever)} of {len(first)} scenes Gauss of order 16 is faster than explicit methods for small errors: "
         f"from {number(10 ** np.median(np.log10(ever)), 1)} (median)"
     )
-    planets = found.get(PLANETS, np.nan)
+    planets = first.get(PLANETS, np.nan)
     return f"{text}." if np.isnan(planets) else f"{text}, on the outer planets from {number(planets, 1)}."
 
 
-@of(RUNGS)
+@of(ratios)
 @style.styled
-def draw(rungs: pd.DataFrame, folder: Path) -> list[Picture]:
-    """Draw the ratio of Gauss' time to the best explicit method's over the error: each scene, and their median.
-
-    The outer planets have a curve of their own.
-    """
-    found = ratios(rungs)
+def draw(found: pd.DataFrame, folder: Path) -> list[Picture]:
+    """The ratio of Gauss' time to the best explicit method's over the error: each scene, and their median."""
     figure, ((axes,),) = style.panels(1, 1, 3.4)
     for scene, part in found.groupby("scene", sort=False):
         if scene != PLANETS:
@@ -175,15 +134,27 @@ def draw(rungs: pd.DataFrame, folder: Path) -> list[Picture]:
     return [Picture(style.save(figure, folder, "gauss-16.png"), "Gauss of order 16 beside explicit methods", caption)]
 
 
-@of(RUNGS)
-def table(rungs: pd.DataFrame) -> Table | None:
-    """Return the page's table, a row for each scene: the error from which on Gauss is faster, and ratios of times.
+@of(ratios, largest, smallest)
+def full_table(found: pd.DataFrame, first: pd.DataFrame, last: pd.DataFrame) -> pd.DataFrame:
+    """For each scene the error from which on Gauss is faster, and the ratios at its largest and smallest error."""
+    cross, first, last = crossings(found), first.set_index("scene"), last.set_index("scene")
+    rows = [
+        {
+            "scene": f"[{scene}](trade-{scene}.md)",
+            "faster from": "nowhere" if np.isnan(cross[scene]) else f"{cross[scene]:.0e}",
+            "ratio at the largest error": first["ratio"][scene],
+            "smallest error": f"{last['accuracy'][scene]:.0e}",
+            "ratio at the smallest": last["ratio"][scene],
+            "fastest explicit": last["fastest explicit"][scene],
+        }
+        for scene in cross.sort_values(ascending=False).index
+    ]
+    return pd.DataFrame(rows)
 
-    The ratios are those at the scene's largest and smallest error.  None without rows.
-    """
-    whole = _full_table(rungs)
-    if whole.empty:
-        return None
+
+@of(full_table)
+def table(whole: pd.DataFrame) -> Table:
+    """The first rows of `full_table`."""
     caption = (
         "Faster from: the largest error from which on Gauss is no slower at every smaller one. Ratio: Gauss' time over "
         "that of the fastest explicit method, which is named for the smallest error. In the order of the first number"
@@ -192,27 +163,13 @@ def table(rungs: pd.DataFrame) -> Table | None:
     return Table(whole.head(ROWS), caption)
 
 
-def _full_table(rungs: pd.DataFrame) -> pd.DataFrame:
-    first, last = _ends(rungs)
-    found = crossings(rungs)
-    rows = [
-        {
-            "scene": f"[{scene}](trade-{scene}.md)",
-            "faster from": "nowhere" if np.isnan(found[scene]) else f"{found[scene]:.0e}",
-            "ratio at the largest error": first["ratio"][scene],
-            "smallest error": f"{last['accuracy'][scene]:.0e}",
-            "ratio at the smallest": last["ratio"][scene],
-            "fastest explicit": last["fastest explicit"][scene],
-        }
-        for scene in found.sort_values(ascending=False).index
-    ]
-    return pd.DataFrame(rows)
-
-
-PAGE = Page(
+STUDY = Study(
     id="gauss-16",
+    place=30,
     question="From which error on does the Gauss method of order 16 beat explicit methods?",
-    tables=(RUNGS,),
+    reads=(RUNGS,),
+    runs=(),
+    answer=answer,
     setting=(
         f"{GAUSS} has eight stages, whose equations are solved to round-off by fixed-point iteration, the stages side "
         "by side in the lanes of vector registers.",
@@ -222,11 +179,20 @@ PAGE = Page(
         "Kepler problem among them, at the same error.",
         "Scenes and times are those of the search in [the trade](trade.md).",
     ),
-    verdicts=(fine, coarse),
-    answer=answer,
-    figures=draw,
-    table=table,
-    whole=of(RUNGS)(_full_table),
+    claims={
+        "fine": Claim(
+            "At the smallest error that both reach, Gauss of order 16 is the faster",
+            smallest, "ratio <= 1", EVERY, unit="scenes", where="{scene}: {ratio:.3g} times",
+        ),
+        "coarse": Claim(
+            "At the largest error an explicit method is the faster",
+            largest, "ratio >= 1", EVERY, unit="scenes", where="{scene}: {ratio:.3g} times",
+        ),
+    },
+    figure=draw,
+    shown=table,
+    whole=full_table,
+    command="pytest benchmarks -k trade",
     limits=(
         "Times are those of the search, medians of a few warm runs that did not run in turns: ratios within a tenth "
         "of 1 may lie on either side.",
@@ -234,5 +200,4 @@ PAGE = Page(
         "not be the best one. Where all but the first of the search are dropped a scene ends.",
         "Times are of this machine: the number of lanes is its processor's.",
     ),
-    command="pytest benchmarks/experiments/trade",
-)
+)  # fmt: skip

@@ -1,12 +1,8 @@
-"""The report's page "trade-ratios": this project's best time over the best peer's, and why it is above 1 where it is.
-
-A peer is another package's integrator; a case is a scene (problem, end time, quantity) at an accuracy.  ``front`` has
-a row for each case, ``rungs`` one for each run of the search for the fastest integrators.
-"""
+"""This project's best time over the best peer's, and why it is above 1 where it is."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -14,17 +10,14 @@ import pandas as pd
 from phasebench.benchmarks import style
 from phasebench.benchmarks.measure.timing import OURS, PEERS
 from phasebench.benchmarks.page.markdown import join_list, number
-from phasebench.benchmarks.page.page import ROWS, Page, Picture, Table
-from phasebench.benchmarks.page.verdict import EVERY, Count, Range, Verdict, at_least
+from phasebench.benchmarks.page.page import ROWS, Data, Picture, Table, of
+from phasebench.benchmarks.page.study import Claim, Study
+from phasebench.benchmarks.page.verdict import EVERY, at_least
 from phasebench.benchmarks.problems.questions import QUESTIONS
 
-from .front import CHOICES, FINALS, RUNGS
-from .page import scenes_with_rows
-from .reasons import ALIKE, MEANING, UNREACHED, WANTED, above, cells, sentence
-from .settled import TIMES, of_choices
-
-if TYPE_CHECKING:
-    from pathlib import Path
+from .front import CHOICES, FINALS, RUNGS, TIMES
+from .reasons import ALIKE, MEANING, UNREACHED, WANTED, above, cases, sentence
+from .trade import MEASURED
 
 #: Smallest share of the cells (scene, accuracy) in which this project should take no longer.
 OFTEN = 0.95
@@ -32,74 +25,24 @@ OFTEN = 0.95
 DRAWN = [reason for reason in MEANING if reason != UNREACHED]
 
 
-@of_choices()
-def share(front: pd.DataFrame) -> Verdict:
-    """Judge whether this project takes no longer than the best peer in nearly all cases.
-
-    A case is a row of ``front``: a scene at an accuracy.
-    """
-    found = cells(front)
-    slow = found[~(found["ratio"] <= WANTED)]
-    return Verdict(
-        "This project's fastest method takes no longer than the fastest peer",
-        Count(len(found) - len(slow), len(found)),
-        at_least(OFTEN),
-        "cases",
-        where=_slowest(slow),
-    )
-
-
-def _slowest(slow: pd.DataFrame) -> str:
-    """Return a text: the scene with the most cases in which a peer is faster, and their number; "" if there is none.
-
-    ``slow`` has a row for each case (a scene at an accuracy) in which a peer is faster.
-    """
+def slowest(rows: pd.DataFrame) -> str:
+    """The scene with the most cases in which a peer is faster, and their number; "" if there is none."""
+    slow = rows[~(rows["ratio"] <= WANTED)]
     if slow.empty:
         return ""
     scenes = slow.groupby("scene", sort=False).size()
     return f"{scenes.idxmax()}: slower in {scenes.max()} cases"
 
 
-@of_choices()
-def everywhere(front: pd.DataFrame) -> Verdict:
-    """Judge whether, at each accuracy, this project takes no longer than the best peer in nearly all scenes."""
-    found = cells(front)
-    shares = (found["ratio"] <= WANTED).groupby(found["accuracy"]).mean().sort_index(ascending=False)
-    return Verdict(
-        "At every error this project takes no longer than peers in nearly every scene",
-        Range(shares.min(), shares.max()),
-        at_least(OFTEN),
-        "of the scenes",
-        where=f"errors up to {shares.idxmin():g}",
-    )
+def shares(rows: pd.DataFrame) -> pd.Series:
+    """The share of the scenes in which this project takes no longer than the best peer, by accuracy."""
+    found = (rows["ratio"] <= WANTED).groupby(rows["accuracy"]).mean().sort_index(ascending=False)
+    return found.rename("errors up to {:g}".format)
 
 
-@of_choices(RUNGS)
-def explanations(front: pd.DataFrame, rungs: pd.DataFrame) -> Verdict | None:
-    """Judge whether measured steps and evaluations explain every case in which this project is slower than a peer.
-
-    None if there is no such case.
-    """
-    found = above(front, rungs)
-    if found.empty:
-        return None
-    unknown = found[found["reason"].isna()]
-    return Verdict(
-        "Measured steps and evaluations explain every case in which this project is slower",
-        Count(len(found) - len(unknown), len(found)),
-        EVERY,
-        "cases",
-        where=", ".join(f"{r['scene']} to {r['accuracy']:g}" for _, r in unknown.head(3).iterrows()),
-    )
-
-
-@of_choices()
-def answer(front: pd.DataFrame) -> str:
-    """Return the page's answer, a sentence: in how many cases (a scene at an accuracy) a peer is faster.
-
-    It says in how many of them the whole interval of the ratio is above 1, beyond the scatter of the times.
-    """
-    found = cells(front)
+@of(cases)
+def answer(found: pd.DataFrame) -> str:
+    """In how many cases a peer is faster, and in how many of them beyond the scatter of the times."""
     slow = found[~(found["ratio"] <= WANTED)]
     certain = slow[~(slow["ratio low"] <= WANTED)]
     text = f"In {len(slow)} of {len(found)} cases (a scene, an error) another package is faster than phasebench"
@@ -108,15 +51,12 @@ def answer(front: pd.DataFrame) -> str:
     return f"{text}; in {len(certain)} beyond the times' scatter: {join_list(certain['scene'].unique(), 2)}."
 
 
-@of_choices(RUNGS)
 @style.styled
-def draw(front: pd.DataFrame, rungs: pd.DataFrame, folder: Path) -> list[Picture]:
-    """Draw in which share of the scenes this project is no slower than peers, by accuracy; and why it is slower.
-
-    A ratio of times is the product of two factors, the ratio of the numbers of steps and that of the times of a step;
-    the cases in which this project is slower are points in the plane of the two.
-    """
-    found, slow = cells(front), above(front, rungs)
+def draw(data: Data, folder: Path) -> list[Picture] | None:
+    """The share of the scenes in which this project is no slower, and the cases in which it is, by the two factors."""
+    found, slow = cases(data), above(data)
+    if found is None or slow is None:
+        return None
     figure, ((left, right),) = style.panels(1, 2, 3.4)
     by = found.groupby("accuracy")
     for k, (label, column) in enumerate((("by its median", "ratio"), ("by its whole interval", "ratio high"))):
@@ -144,7 +84,7 @@ def draw(front: pd.DataFrame, rungs: pd.DataFrame, folder: Path) -> list[Picture
 
 
 def _side(row: dict, side: str) -> str:
-    """Return a text: the best integrator of a side (ours or the peers) in a row, with its step or tolerance."""
+    """The best integrator of a side in a case, with its step or tolerance."""
     name, h, tol = (row[f"{side} {x}"] for x in ("integrator", "h", "tol"))
     if not isinstance(name, str):
         return "none"
@@ -158,15 +98,9 @@ def _interval(row: dict) -> str:
     return f"{number(row['ratio'], 3)} [{low}, {high}]"
 
 
-@of_choices(RUNGS)
-def table(front: pd.DataFrame, rungs: pd.DataFrame) -> Table | None:
-    """Return the page's table: cases in which this project is slower than a peer, with the reason.
-
-    The case with the largest ratio of each scene is taken first, then the next ones, up to `ROWS` lines.
-    """
-    found = above(front, rungs)
-    if found.empty:
-        return None
+@of(above, RUNGS)
+def table(found: pd.DataFrame, rungs: pd.DataFrame) -> Table:
+    """Cases in which this project is slower, with the reason: the worst of each scene first, then the next ones."""
     order = found.assign(place=found.groupby("scene").cumcount()).sort_values("place", kind="stable").head(ROWS)
     lines = [
         {
@@ -187,13 +121,9 @@ def table(front: pd.DataFrame, rungs: pd.DataFrame) -> Table | None:
     return Table(pd.DataFrame(lines), caption)
 
 
-@of_choices(RUNGS)
-def _full_table(front: pd.DataFrame, rungs: pd.DataFrame) -> pd.DataFrame:
-    """Return the page's long table: for each scene and accuracy our time over the best peer's.
-
-    The last column is the reason if this project is slower, or "".
-    """
-    found, slow = cells(front), above(front, rungs)
+@of(cases, above, RUNGS)
+def full_table(found: pd.DataFrame, slow: pd.DataFrame, rungs: pd.DataFrame) -> pd.DataFrame:
+    """Our time over the best peer's in every case, and the reason if this project is slower."""
     reasons = {(r["scene"], r["accuracy"]): sentence(r, rungs) for r in slow.to_dict("records")}
     keys = zip(found["scene"], found["accuracy"], strict=True)
     sides = [f"{side} {x}" for side in (OURS, PEERS) for x in ("integrator", "steps", "seconds")]
@@ -201,10 +131,13 @@ def _full_table(front: pd.DataFrame, rungs: pd.DataFrame) -> pd.DataFrame:
     return found.assign(why=[reasons.get(key, "") for key in keys])[columns]
 
 
-PAGE = Page(
+STUDY = Study(
     id="trade-ratios",
+    place=20,
     question="On which scenes and accuracies are the established integrators faster, and why?",
-    tables=(CHOICES, FINALS, TIMES, RUNGS),
+    reads=(CHOICES, FINALS, TIMES, RUNGS),
+    runs=(),
+    answer=answer,
     setting=(
         f"A case is one of {len(QUESTIONS)} scenes and an error from 0.1 to 1e-13 that some integrator reaches. Its "
         "ratio is the time of this project's fastest method over that of the fastest of other packages "
@@ -216,11 +149,25 @@ PAGE = Page(
         "of the cheapest evaluation on the scene, and a rest: sums, solving, evaluations outside SIMD lanes.",
         f"Reasons: {'; '.join(f'{reason} ({meaning})' for reason, meaning in MEANING.items())}.",
     ),
-    verdicts=(share, everywhere, explanations, scenes_with_rows),
-    answer=answer,
-    figures=draw,
-    table=table,
-    whole=_full_table,
+    claims={
+        "share": Claim(
+            "This project's fastest method takes no longer than the fastest peer",
+            cases, f"ratio <= {WANTED}", at_least(OFTEN), unit="cases", where=slowest,
+        ),
+        "everywhere": Claim(
+            "At every error this project takes no longer than peers in nearly every scene",
+            cases, shares, at_least(OFTEN), unit="of the scenes", span=True,
+        ),
+        "explanations": Claim(
+            "Measured steps and evaluations explain every case in which this project is slower",
+            above, "reason == reason", EVERY, unit="cases", where="{scene} to {accuracy:g}", names=3,
+        ),
+        "scenes": MEASURED,
+    },
+    figure=draw,
+    shown=table,
+    whole=full_table,
+    command="pytest benchmarks -k trade",
     limits=(
         "The price of an evaluation is a whole run's time divided by its evaluations, where this is least: an upper "
         "bound, by which the share of the evaluations may be too large. One of V alone costs less than one of all "
@@ -234,5 +181,4 @@ PAGE = Page(
         "On the page of [the trade](trade.md) a ratio whose interval comes close to 1 is a tie, too: there peers win "
         "fewer cases.",
     ),
-    command="pytest benchmarks/experiments/trade",
-)
+)  # fmt: skip

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import pandas as pd
 import pytest
 
-from phasebench.benchmarks.experiments.trade import sweep
+from phasebench.benchmarks.ladder import sweep
 from phasebench.benchmarks.measure.integrator import OURS
 from phasebench.benchmarks.measure.variants import variants
 from phasebench.benchmarks.problems import problem as problem_of
@@ -36,10 +36,7 @@ LAST_DIGITS = compare.Band(5e-5, 0.0)
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """List the measurements (`Cell`) of every method and peer (another package's integrator) on every scene.
-
-    ``quick`` shortens the lists of steps.
-    """
+    """The measurements of every method and peer on every scene."""
     return sweep.cells(quick)
 
 
@@ -57,11 +54,7 @@ def _table(rows: list[dict], scene: Scene) -> pd.DataFrame:
 
 
 def _bands(scene: Scene, columns: Iterable[str], chooses: bool) -> dict[str, compare.Band]:
-    """Return column -> tolerance band about the stored numbers, for the columns of a scene's error table.
-
-    Bands of trajectory errors are wider for methods that choose in each step a parameter lambda so that H is kept
-    (``chooses``): round-off may decide between several roots.
-    """
+    """Column -> band about the stored numbers; ``chooses`` for methods that choose between roots in each step."""
     return {"status": compare.EXACT} | {
         c: compare.Band(
             CHOICE if chooses and c in TRAJECTORY else scene.relative,
@@ -73,10 +66,7 @@ def _bands(scene: Scene, columns: Iterable[str], chooses: bool) -> dict[str, com
 
 
 def regressions(rows: list[dict], stored: pd.DataFrame, scene: Scene) -> list[compare.Difference]:
-    """Compare measured rows of a scene with its stored error table.
-
-    Returns the numbers outside their tolerance bands, and the rows that are missing on either side.
-    """
+    """The numbers of a scene outside their bands about the stored ones, and rows that are missing on either side."""
     measured = _table(rows, scene)
     stored = stored[stored["method"].isin(measured["method"]) & stored["h"].isin(measured["h"])]
     choosing = [m.id for m in METHODS if m.family in ("schemes_iv_v", "equip")]
@@ -88,10 +78,7 @@ def regressions(rows: list[dict], stored: pd.DataFrame, scene: Scene) -> list[co
 
 
 def record(rows: list[dict], stored: pd.DataFrame | None, scene: Scene) -> pd.DataFrame:
-    """Make a scene's new error table: measured rows replace the stored ones of the same methods.
-
-    Stored rows of methods that no longer exist are dropped; ``stored`` is None if there is no table yet.
-    """
+    """A scene's new error table: measured rows replace the stored ones of their methods; methods that are gone go."""
     measured = _table(rows, scene)
     if stored is None:
         return measured
@@ -114,10 +101,7 @@ def _update(rows: list[dict], scene: Scene, notes: list[str]) -> None:
 
 
 def changes(old: pd.DataFrame | None, new: pd.DataFrame) -> str:
-    """Describe the changes from an old to a new error table in a text, a line for each; ``old`` may be None.
-
-    Small changes are only counted.
-    """
+    """The changes from an old error table, which may be None, to a new one: a line for each, small ones counted."""
     if old is None:
         return f"new table of {len(new)} rows"
     lines = [f"- column {c}" for c in old if c not in new] + [f"+ column {c}" for c in new if c not in old]
@@ -132,11 +116,7 @@ def changes(old: pd.DataFrame | None, new: pd.DataFrame) -> str:
 def bench_scene(
     scene: Any, measured_rows: Callable[[str], list[dict]], quick: bool, update: bool, notes: list[str]
 ) -> None:
-    """Check that the measured errors of every method on a scene are within their bands about the stored ones.
-
-    With the option --update-tables (``update``), but not if ``quick``, the rows are stored instead, and the changes are
-    added to ``notes``.  ``measured_rows`` is a fixture: table name -> rows.
-    """
+    """Measured errors are within their bands about the stored ones; --update-tables stores them instead."""
     rows = [r for r in measured_rows("rows") if r["scene"] == scene.id and r.get("kind", OURS) == OURS]
     if not rows:
         pytest.skip("no row of a method on this scene was measured")

@@ -7,7 +7,8 @@ A row has two error columns: ``global_error``, the maximum norm over (q, p) of t
 same method at twice the step.  ``seconds`` is the median of warm integrations without output; a long
 integration is timed only once.
 
-Errors and invariants come from `accuracy`; peers are measured by `peer_rows`.
+Errors and invariants come from `accuracy`; peers are measured by `peer_rows`.  Scenes on which costs are compared
+(`questions`) have no list of steps: there an integrator runs from wide steps to round-off.
 """
 
 from __future__ import annotations
@@ -23,19 +24,25 @@ import numpy as np
 from phasebench.benchmarks.measure import metrics
 from phasebench.benchmarks.measure.accuracy import end_state, head, invariants, trajectory_error
 from phasebench.benchmarks.measure.integrator import OURS, integrator
+from phasebench.benchmarks.measure.named_quantities import quantity
 from phasebench.benchmarks.measure.variants import variants
 from phasebench.benchmarks.problems import problem as problem_of
+from phasebench.benchmarks.problems.questions import BY_ID as QUESTIONS
+from phasebench.benchmarks.problems.questions import Question
 from phasebench.benchmarks.problems.scenes import BY_ID, DRIFT, ORDER, SCENES, Scene
 from phasebench.benchmarks.store.cells import ALONE, Cell, ProblemKey, Rows, content, states
 from phasebench.integrators.driver import OK, SKIPPED, Solution, integrate
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.record import Method
-from phasebench.integrators.registry import method
+from phasebench.integrators.registry import METHODS, method
 from phasebench.reference.peers import Peer
 
 from . import peer_rows
+from .curves import curves
 
 REPEATS = 3
+#: The value of the column ``purpose`` of a scene on which costs are compared, as in `list scenes`.
+PURPOSE = "trade"
 #: On long scenes, methods of a higher order run only at the largest step: at smaller ones they show round-off.
 HIGH = 4
 #: A run of more seconds than this is timed only once.
@@ -66,17 +73,14 @@ class Task:
     tol: float | None = None
 
     def build(self) -> Method | Peer:
-        """Build the method with its parameters, or the peer (another package's integrator), of this task."""
+        """The method with its parameters, or the peer, of this task."""
         return integrator(self.method, parameters=dict(self.parameters)).record
 
 
 def tasks(
     scenes: Iterable[Scene] = SCENES, quick: bool = False, only: Callable[[Method | Peer], bool] | None = None
 ) -> list[Task]:
-    """List the rows to be measured, as `Task`, in the order of measurement: for each scene the methods, then the peers.
-
-    ``only`` selects among all integrators; ``quick`` shortens the lists of steps.
-    """
+    """The rows to be measured: for each scene the methods, then the peers; ``only`` selects among these."""
     found = []
     for scene in scenes:
         for id, parameters in variants():
@@ -94,10 +98,7 @@ def tasks(
 
 @cache
 def _twice(scene: str, id: str, parameters: tuple, h: float) -> np.ndarray | None:
-    """Return the end state (q, p), array (2 d,), of a method with the step 2 h; None if the run fails.
-
-    The refinement difference is the distance of the end state with the step h from this one.
-    """
+    """The end state (q, p), array (2 d,), of a method with the step 2 h; None if the run fails."""
     of = BY_ID[scene]
     found = integrate(
         problem_of(of.problem),
@@ -110,10 +111,7 @@ def _twice(scene: str, id: str, parameters: tuple, h: float) -> np.ndarray | Non
 
 
 def measure(task: Task, repeats: int = REPEATS) -> dict[str, Any]:
-    """Measure the errors, invariants and time of an integrator on a scene, as the task says; return its row.
-
-    The time is the median of up to ``repeats`` runs.
-    """
+    """The row of a task: errors, invariants, and time as the median of up to ``repeats`` runs."""
     scene, chosen = BY_ID[task.scene], task.build()
     tier = {"tier": "quick" if task.quick else "full"}
     if isinstance(chosen, Peer):
@@ -146,23 +144,15 @@ def _errors(scene: Scene, task: Task, solution: Solution) -> dict[str, float]:
     return out
 
 
-def run(todo: list[Task], repeats: int = REPEATS) -> list[dict[str, Any]]:
-    """Measure tasks (scene, method, step) one after the other; return a row for each."""
-    return [measure(task, repeats) for task in todo]
-
-
-def measure_rows(todo: tuple[Task, ...], repeats: int) -> Rows:
-    """Measure the tasks of one integrator on one scene, each timed ``repeats`` times: {"rows": a row for each}."""
-    return {"rows": run(list(todo), repeats)}
+def measure_rows(todo: Iterable[Task], repeats: int) -> Rows:
+    """Measure tasks one after the other, each timed ``repeats`` times: {"rows": a row for each}."""
+    return {"rows": [measure(task, repeats) for task in todo]}
 
 
 def cells(
     quick: bool = False, scenes: Iterable[Scene] = SCENES, only: Callable[[Method | Peer], bool] | None = None
 ) -> list[Cell]:
-    """List the measurements (`Cell`), one for each method and peer on each scene, over its steps or tolerances.
-
-    ``only`` selects among the integrators; ``quick`` shortens the lists of steps.
-    """
+    """A measurement of each integrator that ``only`` selects on each scene, over its steps or tolerances."""
     groups: dict[tuple[str, str, tuple], list[Task]] = {}
     for task in tasks(scenes, quick, only):
         groups.setdefault((task.scene, task.method, task.parameters), []).append(task)
@@ -180,10 +170,46 @@ def _cell(todo: tuple[Task, ...], quick: bool) -> Cell:
         measure_rows,
         (todo, 1 if quick else REPEATS),
         content("rows", quick, chosen, made, states(made.id), setting, code=[__name__]),
-        frozenset({scene.id, scene.problem.partition(":")[0], chosen.id, getattr(chosen, "package", OURS)}),
+        frozenset({scene.id, made.id, chosen.id, getattr(chosen, "package", OURS)}),
         ALONE,
         quick=scene.id in HANDFUL_SCENES and chosen.id in HANDFUL,
     )
 
 
-__all__ = ["Task", "cells", "measure", "run", "tasks"]
+# -- scenes on which costs are compared --------------------------------------------------------------------------------
+
+
+def swept() -> list[Method | Peer]:
+    """All methods and peers that a user's run can measure."""
+    return [*METHODS, *peer_rows.swept()]
+
+
+def question_cells(questions: Iterable[Question], only: Callable[[Method | Peer], bool] | None = None) -> list[Cell]:
+    """A measurement of each integrator that ``only`` selects on each scene, from wide steps to round-off."""
+    return [_question_cell(question, m) for question in questions for m in swept() if only is None or only(m)]
+
+
+def _question_cell(question: Question, chosen: Method | Peer) -> Cell:
+    made = ProblemKey(question.problem)
+    return Cell(
+        "trade",
+        ("rows",),
+        {"scene": question.id, "method": chosen.id},
+        measure_question,
+        (question.id, chosen.id),
+        content("question", chosen, made, states(made.id), question.t_end, question.quantity, code=[__name__]),
+        frozenset({question.id, made.id, chosen.id, getattr(chosen, "package", OURS)}),
+        ALONE,
+    )
+
+
+def measure_question(question_id: str, method_id: str) -> Rows:
+    """{"rows": a row for each step or tolerance of an integrator on a scene, or one that says why it cannot run}."""
+    question = QUESTIONS[question_id]
+    problem, chosen = question.build_problem(), integrator(method_id)
+    head = {"scene": question.id, "purpose": PURPOSE}
+    lack = chosen.lacks(problem)
+    if lack:
+        return {"rows": [head | {"problem": problem.label, "method": chosen.label, "status": SKIPPED, "reason": lack}]}
+    wanted = quantity(problem, question.quantity)
+    return {"rows": [head | row for row in curves(problem, question.t_end, wanted, [chosen])]}

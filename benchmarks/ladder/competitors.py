@@ -15,13 +15,13 @@ from __future__ import annotations
 from functools import cache
 from typing import TYPE_CHECKING
 
-from phasebench.benchmarks.ladder.exact import exact
 from phasebench.benchmarks.measure.integrator import OURS, Integrator, integrator
 from phasebench.benchmarks.measure.variants import variants
 from phasebench.integrators.record import Method
 from phasebench.reference.peers import PEERS, heyoka, rebound, scipy
 
 from . import peer_rows
+from .exact import exact
 
 if TYPE_CHECKING:
     from phasebench.benchmarks.problems.base import Problem
@@ -38,20 +38,8 @@ LEFT_OUT = {
 #: Gauss methods and, if H is separable, parametric methods with one stage per substep.
 SMALL = 4
 PRACTICAL = (
-    "splitting",
-    "processed",
-    "force_gradient",
-    "extended",
-    "runge_kutta",
-    "relaxation",
-    "adaptive",
-    "field",
-    "wisdom_holman",
-    "fcirk",
-    "multistep",
-    "rigid",
-    "parts",
-    "trigonometric",
+    *("splitting", "processed", "force_gradient", "extended", "runge_kutta", "relaxation", "adaptive", "field"),
+    *("wisdom_holman", "fcirk", "multistep", "rigid", "parts", "trigonometric"),
 )
 #: Largest number of stage unknowns of a Gauss method above `SMALL`: a dense Newton step costs its cube.
 UNKNOWNS = 512
@@ -61,7 +49,7 @@ FIRST = ("heyoka", "heyoka-high-accuracy", "rebound-ias15", "stormer-verlet", "p
 
 @cache
 def competitors() -> tuple[Integrator, ...]:
-    """List all competitors, this project's methods and peers (other packages'), those of `FIRST` before the others."""
+    """All competitors, those of `FIRST` before the others."""
     ours = [integrator(id, parameters=dict(parameters)) for id, parameters in variants()]
     found = {c.label: c for c in (*ours, *map(Integrator, peers()))}
     first = [found.pop(id) for id in FIRST if id in found]
@@ -69,14 +57,14 @@ def competitors() -> tuple[Integrator, ...]:
 
 
 def peers() -> list:
-    """List the competing integrators of other packages, also with settings that are not registered."""
+    """The competing integrators of other packages, also with settings that are not registered."""
     registered = [p for p in PEERS if p.package in (*peer_rows.PACKAGES, *peer_rows.OPTIONAL) and p.id not in LEFT_OUT]
     modes = [rebound.ias15(mode) for mode in rebound.ADAPTIVE_MODES[1:]]
     return [*registered, *heyoka.variants(), *modes, *rebound.TRIED, scipy.fast("ode"), scipy.fast("odeint")]
 
 
 def able(problem: Problem) -> tuple[list[Integrator], dict[str, str]]:
-    """Select who competes on a problem: (competitors that can integrate it, label -> reason for each of the others)."""
+    """(The competitors that can integrate a problem, label -> reason for each of the others)."""
     can, cannot = [], {}
     for c in competitors():
         lack = c.lacks(problem) or ("it is exact on this problem, in one step" if exact(c, problem) else None)
@@ -90,7 +78,7 @@ def able(problem: Problem) -> tuple[list[Integrator], dict[str, str]]:
 
 
 def practical(m: Method, system: PartitionedSystem) -> bool:
-    """Return whether a method competes on a system, given its number of degrees of freedom.
+    """True if a method competes on a system of its number of degrees of freedom.
 
     Up to `SMALL` all do.  Above, the methods left out take minutes to compile: root finders around stages, averages,
     projections, derivatives of second and higher order.
@@ -104,5 +92,5 @@ def practical(m: Method, system: PartitionedSystem) -> bool:
 
 
 def ours(c: Integrator) -> bool:
-    """Return whether an integrator is a method of this project (not another package's)."""
+    """True for a method of this project."""
     return c.kind == OURS

@@ -6,31 +6,35 @@ with methods and peers with peers.  For every accuracy the climbs are interpolat
 most `FINALISTS` integrators whose cost is within the factor `MARGIN` of the best are refined (`ladder.refine`).  The
 widest step is not always the fastest: implicit equations may take so many iterations there that shorter steps take
 less time, and then a shorter one is used.  heyoka enters in each of its modes and forms of the equations, however long
-they compile.  The finalists are timed in turns by `measure.clock`; medians and intervals here are those of one such
-measurement (`settled` joins several).
+they compile.  The finalists are timed in turns by `measure.clock`, and again later, at their stored steps and
+tolerances, in other processes (`sweep_again`; `joined` joins several such sweeps).  Of a few scenes all is measured a
+second time from scratch (`again`).
 """
 
 from __future__ import annotations
 
+import random
+from functools import cache
 from math import isfinite
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from phasebench.benchmarks.ladder import race
 from phasebench.benchmarks.ladder.bracket import cost
+from phasebench.benchmarks.ladder.competitors import able, competitors, ours
 from phasebench.benchmarks.ladder.final import rounds
 from phasebench.benchmarks.ladder.race import Climb, Known
 from phasebench.benchmarks.ladder.refine import refine
 from phasebench.benchmarks.ladder.rung import Rung, Task
-from phasebench.benchmarks.measure import timing, truths
+from phasebench.benchmarks.measure import clock, timing, truths
 from phasebench.benchmarks.measure.integrator import Integrator
 from phasebench.benchmarks.measure.named_quantities import quantity
 from phasebench.benchmarks.problems.questions import BY_ID
-from phasebench.benchmarks.store.cells import Rows
+from phasebench.benchmarks.store import tables
+from phasebench.benchmarks.store.cells import ProblemKey, Rows, Unavailable, states
 from phasebench.reference.peers import Peer, heyoka
-
-from .field import able, ours
 
 FINALISTS, MARGIN = 3, 1.4
 #: Seconds for all rounds of a final, and the least and the largest number of rounds.
@@ -45,24 +49,33 @@ LOOPED, FARTHEST = ("scipy-dop853-numba", "scipy-lsoda-numba", "scipy-radau-numb
 #: How often another mode of heyoka that misses an accuracy is tried again at half the tolerance.
 TIGHTENED = 3
 CHOICES, FINALS, RUNGS, DROPPED = "front", "front_finals", "front_rungs", "front_dropped"
-TABLES = (CHOICES, FINALS, RUNGS, DROPPED)
+TIMES, AGAIN = "front_times", "front_again"
+#: The sweeps after the first; the last one checks the intervals from the others.
+SWEEPS = (2, 3)
+#: Folder of the stored finals of the first sweep.
+DATA = Path(__file__).resolve().parents[3] / "reports" / "data"
+#: A final: accuracy, side, label, steps or None, tolerance or None, seconds in the first sweep.
+Final = tuple[float, str, str, int | None, float | None, float]
+#: Scenes whose sweep takes about 15 seconds or less, of which some, drawn with a seed, are measured a second time.
+CHEAP = (
+    *("oscillator-phase", "pendulum-short", "pendulum-long", "kepler-orbit", "kepler-phase", "perturbed-kepler-short"),
+    *("henon-heiles-box-short", "henon-heiles-box-long", "henon-heiles-section", "henon-heiles-chaotic"),
+    *("lotka-volterra", "lotka-volterra-log", "double-pendulum-chaotic", "duffing", "quadrupole-boson", "toda"),
+    *("rigid-body", "schwarzschild-azimuth"),
+)
+COUNT, SEED = 8, 11
+TWICE = sorted(random.Random(SEED).sample(CHEAP, COUNT))
 
 
 class Finalist(NamedTuple):
-    """An integrator that may be the fastest at an accuracy, to be timed against others.
-
-    Attributes
-    ----------
-    integrator : the integrator, with its settings
-    rung : its run at the step or tolerance with which it meets the accuracy: size, error and seconds
-    """
+    """An integrator that may be the fastest at an accuracy, and its run that meets it."""
 
     integrator: Integrator
     rung: Rung
 
 
 def task_of(scene: str) -> Task:
-    """Build the `Task` of the scene with this id: its problem, end time, quantity, true value and accuracies."""
+    """The `Task` of a scene: its problem, end time, quantity, true value and accuracies."""
     question = BY_ID[scene]
     made = question.build_problem()
     wanted = quantity(made, question.quantity)
@@ -70,11 +83,7 @@ def task_of(scene: str) -> Task:
 
 
 def climbs(task: Task) -> tuple[list[Climb], dict[str, str], Known]:
-    """Run all competitors at ever smaller steps or tolerances.
-
-    Returns (for each competitor its runs, a `Climb`; label -> reason for those left out; the least cost known at each
-    error, over all competitors).
-    """
+    """(The runs of each competitor, label -> reason for those left out, the least cost known at each error)."""
     can, cannot = entrants(task)
     known = {side: Known() for side in (True, False)}
     climbed = [race.enter(task, c, known[ours(c)]) for c in can]
@@ -82,7 +91,7 @@ def climbs(task: Task) -> tuple[list[Climb], dict[str, str], Known]:
 
 
 def entrants(task: Task) -> tuple[list[Integrator], dict[str, str]]:
-    """Select who competes: (integrators that can run this problem and time span, label -> reason for the others)."""
+    """(The integrators that can run this problem and time span, label -> reason for the others)."""
     can, cannot = able(task.problem)
     if task.t_end <= FARTHEST * task.problem.pace.step:
         return can, cannot
@@ -91,10 +100,9 @@ def entrants(task: Task) -> tuple[list[Integrator], dict[str, str]]:
 
 
 def near(task: Task, one: Climb, known: Known) -> bool:
-    """Return whether a run of an integrator takes at most `NEAR` times the least time in which any reaches its error.
+    """True if the runs of an integrator are stored though it is no finalist.
 
-    Only then are its runs stored, unless it is a finalist.  ``one`` has its runs at ever smaller steps, ``known`` those
-    of all competitors.  Always True for the method `race.REFERENCE`, whose runs are stored in any case.
+    One of them takes at most `NEAR` times the least known time at its error, or it is the method `race.REFERENCE`.
     """
     if one.integrator.id == race.REFERENCE:
         return True
@@ -103,10 +111,7 @@ def near(task: Task, one: Climb, known: Known) -> bool:
 
 
 def finalists(task: Task, climbed: list[Climb], wanted: float) -> list[Finalist]:
-    """Select the finalists at the accuracy ``wanted``: on each side the few integrators that may be the fastest.
-
-    ``climbed`` has all runs of each integrator; the step or tolerance of each finalist is refined.
-    """
+    """On each side the few integrators that may be the fastest at an accuracy, each with its refined run."""
     out = []
     for side in (True, False):
         costs = sorted(
@@ -127,10 +132,7 @@ def finalists(task: Task, climbed: list[Climb], wanted: float) -> list[Finalist]
 
 
 def quickest(members: list[Finalist], most: int) -> list[Finalist]:
-    """Select at most ``most`` finalists whose time is within the factor `MARGIN` of the fastest one's.
-
-    An integrator that occurs several times counts with its fastest run.
-    """
+    """At most so many finalists, each with its fastest run, within the factor `MARGIN` of the fastest one."""
     ordered = list({m.integrator.label: m for m in sorted(members, key=lambda m: -m.rung.seconds)}.values())
     ordered.sort(key=lambda m: m.rung.seconds)
     return [m for m in ordered[:most] if m.rung.seconds <= MARGIN * ordered[0].rung.seconds]
@@ -142,11 +144,7 @@ def is_heyoka(c: Integrator) -> bool:
 
 
 def twins(task: Task, member: Finalist, wanted: float) -> list[Finalist]:
-    """Return further finalists for a finalist of the package heyoka: its other modes and forms of the equations.
-
-    Each runs at the finalist's tolerance, or at a tighter one that meets the error ``wanted``.  Empty if ``member`` is
-    not heyoka.
-    """
+    """heyoka's other modes and forms of the equations, if a finalist is heyoka's, at a tolerance that suffices."""
     if not is_heyoka(member.integrator):
         return []
     out = []
@@ -171,10 +169,7 @@ def time_finalists(task: Task, members: list[Finalist]) -> list[np.ndarray]:
 
 
 def final(task: Task, members: list[Finalist], wanted: float) -> tuple[list[dict], dict]:
-    """Time the finalists at the accuracy ``wanted`` in turns.
-
-    Returns (a row for each finalist, a row with the fastest of each side, ours and the peers', and their ratio).
-    """
+    """Time the finalists at an accuracy in turns: (a row of each, a row of the fastest of each side and the ratio)."""
     seconds = time_finalists(task, members) if members else []
     rows = []
     for m, s in zip(members, seconds, strict=True):
@@ -206,7 +201,7 @@ SHOWN = ("integrator", "h", "tol", "steps", "evaluations", "error", "seconds", "
 
 
 def _run_columns(task: Task, c: Integrator, rung: Rung) -> dict[str, Any]:
-    """Return the columns of a row that describe a run of the integrator ``c``: step or tolerance, error and counts."""
+    """Columns of a run: integrator, step or tolerance, error and counts."""
     h = task.t_end / rung.steps if rung.steps else None
     return {
         "integrator": c.label,
@@ -221,12 +216,8 @@ def _run_columns(task: Task, c: Integrator, rung: Rung) -> dict[str, Any]:
     }
 
 
-def measure_rows(scene: str) -> Rows:
-    """Measure the fastest integrators of the scene with this id, at each of its accuracies.
-
-    Returns four tables, table name -> rows: the fastest of each side, all integrators timed, their runs at all steps,
-    and the integrators dropped or left out with the reason.
-    """
+def measure(scene: str) -> Rows:
+    """The fastest of each side at each accuracy, all integrators timed, their runs, and who was dropped and why."""
     task = task_of(scene)
     climbed, cannot, known = climbs(task)
     # Finest accuracy first: a wide step that meets it is then known for the coarser ones too.
@@ -255,3 +246,65 @@ def measure_rows(scene: str) -> Rows:
         RUNGS: [of | r for r in rungs] or [of],
         DROPPED: [of | d for d in dropped] or [of],
     }
+
+
+def again(scene: str) -> list[dict]:
+    """The rows of all finalists of a second measurement, from scratch."""
+    return measure(scene)[FINALS]
+
+
+@cache
+def _stored_finals(folder: Path) -> dict[str, tuple[Final, ...]]:
+    out: dict[str, list[Final]] = {}
+    for row in tables.Table(folder, FINALS).rows:
+        steps = round(BY_ID[row["scene"]].t_end / float(row["h"])) if row["h"] else None
+        tol = float(row["tol"]) if row["tol"] else None
+        line = (float(row["accuracy"]), row["side"], row["integrator"], steps, tol, float(row["seconds"]))
+        out.setdefault(row["scene"], []).append(line)
+    return {scene: tuple(lines) for scene, lines in out.items()}
+
+
+def stored_finals(scene: str, folder: Path | None = None) -> tuple[Final, ...]:
+    """The stored finalists of a scene at each accuracy; empty if it was not measured."""
+    return _stored_finals(folder or DATA).get(scene, ())
+
+
+def sweep_again(scene: str, sweep: int) -> list[dict]:
+    """Time the stored finalists of a scene again, in turns at each accuracy: their medians with intervals."""
+    question, by_label = BY_ID[scene], {c.label: c for c in competitors()}
+    stored = stored_finals(scene)
+    if not stored:
+        raise Unavailable(f"no finalists of {scene} are stored")
+    made = question.build_problem()
+    task = Task(made, question.t_end, quantity(made, question.quantity))
+    rows = []
+    for accuracy in dict.fromkeys(line[0] for line in stored):
+        members = [line for line in stored if line[0] == accuracy]
+        task.clocks.sharing = sharing = clock.Sharing()
+        sizes = ({"tol": tol} if steps is None else {"steps": steps} for *_, steps, tol, _ in members)
+        work = {k: task.timer(by_label[m[2]], size) for k, (m, size) in enumerate(zip(members, sizes, strict=True))}
+        found = timing.in_turns(work, rounds((line[-1] for line in members), *FINAL))
+        for k, (_, side, label, *_) in enumerate(members):
+            told = timing.median(found[k])
+            row = {"scene": scene, "sweep": sweep, "accuracy": accuracy, "side": side, "integrator": label}
+            row |= {"seconds": told.value, "low": told.low, "high": told.high, "disturbed": sharing.disturbed}
+            rows.append(row)
+    return rows
+
+
+@cache
+def _records() -> tuple:
+    return tuple(c.record for c in competitors())
+
+
+def needs(scene: str, **key: object) -> list[object]:
+    """What the rows of a scene depend on: the question and all competitors; later sweeps on the stored finalists."""
+    q = BY_ID[scene]
+    made = ProblemKey(q.problem)
+    asked = (q.id, q.t_end, stored_finals(scene)) if key else (q.id, q.t_end, q.quantity, q.accuracies, states(made.id))
+    return [asked, made, *_records()]
+
+
+def names(scene: str, **key: object) -> list[str]:
+    """The names by which the rows of a scene are selected: its own, and its problem's."""
+    return [scene, ProblemKey(BY_ID[scene].problem).id]

@@ -1,1 +1,0 @@
-"""Experiment: the fastest integrator at each accuracy, that is the trade between error and time."""
