@@ -63,7 +63,7 @@ def _names() -> set[str]:
 
     They are the ids of methods, of peers (integrators of other packages), of scenes (a problem with a time span and
     steps) and of questions (a problem with a quantity to be computed to given accuracies), and the names of the peers'
-    packages, of problems, of experiments (folders of ``benchmarks/experiments``) and of studies.
+    packages, of problems and of studies.
     """
     from phasebench.benchmarks.problems import PROBLEMS
     from phasebench.benchmarks.problems.questions import QUESTIONS
@@ -72,9 +72,8 @@ def _names() -> set[str]:
     from phasebench.integrators.registry import METHODS
     from phasebench.reference.peers import PEERS
 
-    experiments = {p.parent.name for p in Path(__file__).parent.glob("experiments/*/bench_*.py")} | {*found()}
     ids = {x.id for x in (*METHODS, *PEERS, *SCENES, *QUESTIONS)}
-    return ids | {p.package for p in PEERS} | {*PROBLEMS} | experiments
+    return ids | {p.package for p in PEERS} | {*PROBLEMS, *found()}
 
 
 @pytest.hookimpl(trylast=True)

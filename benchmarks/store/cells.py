@@ -36,7 +36,7 @@ class Cell:
 
     Attributes
     ----------
-    experiment : the name of the folder of the experiment to which it belongs
+    experiment : the id of the study to which it belongs
     tables : the names of the tables that contain its rows
     key : column -> value; identifies its rows among those of all cells in its tables
     measure, arguments : a module-level function and its arguments (both are sent to other processes); it returns table

@@ -58,7 +58,7 @@ ROOMS = {
         ("page", "bibliography"),
         ("workprecision",),
         ("audit", "certificate"),
-        ("experiments", "studies"),
+        ("studies",),
         ("report",),
         ("cli",),
         ("conftest",),
@@ -130,33 +130,33 @@ def test_subpackages_import_downwards():
             assert not upwards(folder, room, imports_of(path.read_text(), package_of(path))), path
 
 
-#: Rooms in which every part stands alone.
-APART = ("experiments", "studies")
+#: The room in which every part stands alone.
+APART = "studies"
 
 
 def elsewhere(own: str, names: set[str]) -> set[str]:
-    """Other experiments and studies, and parts of advice or certificates, that one of them imports."""
-    rooms = {".".join(n.split(".")[2:4]) if n.split(".")[2] in APART else n.split(".")[2] for n in names}
-    alone = {r for r in rooms if r.startswith((*(f"{room}." for room in APART), "advice", "certificate"))}
+    """Other studies, and parts of advice or certificates, that one of them imports."""
+    rooms = {".".join(n.split(".")[2:4]) if n.split(".")[2] == APART else n.split(".")[2] for n in names}
+    alone = {r for r in rooms if r.startswith((f"{APART}.", "advice", "certificate"))}
     return alone - {own, own.partition(".")[2]}
 
 
-EXPERIMENTS = [p for p in SOURCES if {*APART} & {*p.parts} and p.stem != "__init__"]
+STUDIES = [p for p in SOURCES if APART in p.parts and p.stem != "__init__"]
 
 
-def test_an_experiment_imports_no_other():
-    for path in EXPERIMENTS:
+def test_a_study_imports_no_other():
+    for path in STUDIES:
         names = {n for n in imports_of(path.read_text(), package_of(path)) if n.startswith("phasebench.benchmarks.")}
         room, own = path.relative_to(ROOT).with_suffix("").parts[1:3]
         assert not elsewhere(f"{room}.{own}", names) - {"studies.index"}, path
 
 
-def test_control_an_experiment_that_imports_another_is_seen():
+def test_control_a_study_that_imports_another_is_seen():
     found = {"phasebench.benchmarks.studies.trade.front", "phasebench.benchmarks.advice.advise.advise"}
-    assert elsewhere("experiments.kepler", found) == {"studies.trade", "advice"}
+    assert elsewhere("studies.kepler", found) == {"studies.trade", "advice"}
     assert elsewhere("studies.advice", found) == {"studies.trade"}
     assert elsewhere("studies.rigid", {"phasebench.benchmarks.studies.parts.H"}) == {"studies.parts"}
-    assert EXPERIMENTS
+    assert STUDIES
 
 
 def circles(graph: dict[str, set[str]]) -> list[set[str]]:
