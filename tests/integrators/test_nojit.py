@@ -35,12 +35,8 @@ def test_compiled_and_uncompiled_runs_agree(there, label):
     assert plain.apart(plain.ends(plain.KINDS[label], names), {name: there[label][name] for name in names}) == []
 
 
-@pytest.mark.parametrize("label", ["kahan-li-8", "scheme-v-yoshida-4", "rk4", "gauss-4"])
-def test_control_another_coefficient_or_method_ends_elsewhere(label):
+@pytest.mark.parametrize("label", ["kahan-li-8", "scheme-v-yoshida-4"])
+def test_control_another_coefficient_ends_elsewhere(label):
     m = plain.METHODS[label]
-    if found := [*leaves(m.data)]:
-        path, x = found[0]
-        other = replace(m, data=replace_at(m.data, path, x * (1 + 1e-9)))
-    else:
-        other = plain.METHODS["gauss-6"]
-    assert plain.apart(plain.ends(other), plain.stored()[label])
+    path, x = next(leaves(m.data))
+    assert plain.apart(plain.ends(replace(m, data=replace_at(m.data, path, x * (1 + 1e-9)))), plain.stored()[label])
