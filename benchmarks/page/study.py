@@ -363,8 +363,13 @@ class Study:
             return self.answer(data)
         names = {name.partition(".")[0] for _, name, _, _ in Formatter().parse(self.answer) if name}
         known = {**self.claims, **self.numbers}
-        said = {n: known[n].said(data) if isinstance(known[n], (Number, Claim)) else known[n](data) for n in names}
-        return None if None in said.values() else self.answer.format_map(said)
+        said = {}
+        for name in sorted(names, key=lambda n: not isinstance(known[n], (Number, Claim))):  # functions need all rows
+            of = known[name]
+            said[name] = of.said(data) if isinstance(of, (Number, Claim)) else of(data)
+            if said[name] is None:
+                return None
+        return self.answer.format_map(said)
 
     def _draw(self, data: Data, folder: Path) -> list[Picture] | None:
         if callable(self.figure):

@@ -21,9 +21,9 @@ from phasebench.benchmarks import report
 from phasebench.benchmarks.ladder.race import UNCOMPILED
 from phasebench.benchmarks.page import drawn, markdown
 from phasebench.benchmarks.page.origin import count_outdated, origin
-from phasebench.benchmarks.page.page import conclusion
+from phasebench.benchmarks.page.page import NOTHING, conclusion
 from phasebench.benchmarks.page.study import Claim, Runs, Study, rows_of
-from phasebench.benchmarks.page.verdict import FAIL, FINDING, NONE, PASS, at_most
+from phasebench.benchmarks.page.verdict import FAIL, FINDING, MISSING, NONE, PASS, at_most
 from phasebench.benchmarks.store.cells import text
 from phasebench.benchmarks.studies import index
 from support.pages import REPORTS
@@ -65,6 +65,17 @@ def test_the_page_is_that_of_the_committed_rows(study, data, tmp_path):
         return  # another version of matplotlib may draw otherwise
     for picture in tmp_path.iterdir():
         assert picture.read_bytes() == (REPORTS / "figures" / picture.name).read_bytes(), picture.name
+
+
+@pytest.mark.parametrize("study", [s for s in STUDIES if len(s.page.tables) > 1], ids=lambda s: s.id)
+def test_a_page_is_written_of_one_of_its_tables(study, data):
+    """As in the report of a user's rows."""
+    page = study.page
+    for one in page.tables:
+        verdicts = page.judge(part := lambda name, one=one: data(name) if name == one else None)
+        outcome, answer = conclusion(page, part, verdicts)
+        page.table(part)
+        assert answer if outcome != MISSING else answer == NOTHING
 
 
 def spoiled(frame: pd.DataFrame, keys: set[str]) -> Iterator[pd.DataFrame]:

@@ -434,9 +434,9 @@ def controls(rows: pd.DataFrame) -> pd.Series | None:
     )
 
 
-def drift(data: Data) -> str:
+@of(CHOSEN)
+def drift(rows: pd.DataFrame) -> str:
     """The fraction next to which the energy drifts most, as the end of a sentence; "" if it drifts at none."""
-    rows = data(CHOSEN)
     near = rows[faster(rows) & (rows["kind"] == FRACTION)]
     if near.empty:
         return ""
