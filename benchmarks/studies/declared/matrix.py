@@ -134,7 +134,7 @@ def draw(frame: pd.DataFrame, folder: Path) -> list[Picture]:
     frame = frame.sort_values(["declared_order"], kind="stable")
     methods, problems = list(dict.fromkeys(frame["method"])), list(dict.fromkeys(frame["problem"]))
     kind = pairs({TABLE: frame}.get).pivot(index="problem", columns="method", values="kind")
-    seen = kind.reindex(index=problems, columns=methods).fillna("cannot run").map([*KINDS].index)
+    seen = kind.reindex(index=problems, columns=methods).astype(object).fillna("cannot run").map([*KINDS].index)
     orders = frame.drop_duplicates("method")["declared_order"].to_numpy()
     first = np.flatnonzero(np.diff(orders, prepend=-1))
     last = np.append(first[1:], len(orders))

@@ -84,7 +84,7 @@ def table(atoms: pd.DataFrame, molecule: pd.DataFrame) -> Table:
         "Atoms: the energies that each package reports, in reduced units; spread: largest less smallest; drift and its "
         "standard error over the spread. Water: largest relative errors."
     )
-    return Table(shown.fillna(""), caption)
+    return Table(shown.astype(object).fillna(""), caption)
 
 
 THEIRS = f"package != '{OURS}'"

@@ -172,6 +172,8 @@ def draw(rules: pd.DataFrame, ends: pd.DataFrame, stages: pd.DataFrame, folder: 
     )
     floors = Picture(style.save(figure, folder, "options-floors.png"), "nodes, sums and precision", caption)
     shown = stages[(stages["status"] == OK) & (stages["start"] == solvers.FIVE) & (stages["solver"] != solvers.NEWTON)]
+    if shown.empty:
+        return [floors]
     figure, (panels,) = style.panels(1, shown["scene"].nunique(), 3.9, sharey=True)
     for axes, (scene, part) in zip(panels, shown.groupby("scene", sort=False), strict=True):
         part = part[part["h"] == part["h"].min()].replace({"solver": {solvers.ENGINE: "the integrator's own"}})
@@ -237,7 +239,7 @@ STUDY = Study(
     },
     numbers={
         "gains": Claim("gain", arithmetic.ERRORS, column(sums, "gain"), at_least(1), span=True),
-        "nodes": Claim("nodes", nodes.TABLE, column(quadratures, "nodes"), at_least(1), span=True),
+        "nodes": Claim("nodes", nodes.TABLE, column(quadratures, "nodes"), at_least(2), span=True),
     },
     checks={
         "solved": Claim("Every step of AVF is solved", nodes.TABLE, "status == 'ok'", where="{scene}, {nodes} nodes"),

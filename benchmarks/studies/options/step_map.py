@@ -91,7 +91,8 @@ def cheapest(rungs: pd.DataFrame, option: str) -> pd.DataFrame:
             row = {"option": option, "scene": scene, "error": error, "setting": first, "ties": ", ".join(ties)}
             row |= {"us": costs[first].value, "settings": len(costs)}
             rows.append(row | {"dearest / cheapest": max(c.value for c in costs.values()) / costs[first].value})
-    return pd.DataFrame(rows)
+    columns = ["option", "scene", "error", "setting", "ties", "us", "settings", "dearest / cheapest"]
+    return pd.DataFrame(rows, columns=columns)
 
 
 def each_scene(option: str, good: Callable[[pd.Series], bool]) -> Callable[[pd.DataFrame], pd.Series]:
@@ -233,18 +234,19 @@ def draw_ladders(parts: list[pd.DataFrame], legends: bool, *about: Any) -> Pictu
 def draw(errors: pd.DataFrame, costs: pd.DataFrame, rungs: pd.DataFrame, folder: Path) -> list[Picture]:
     """The figures of lambda, of orders, and of methods that keep the energy."""
     options = [rungs[rungs["knob"] == option] for option in (COMPOSITION, GENERATING)]
-    first = [part[part["scene"] == part["scene"].iloc[0]] for part in options]
-    keepers = [part for _, part in usable(rungs, ENERGY).groupby("scene", sort=False)]
+    first = [part[part["scene"] == part["scene"].iloc[0]] for part in options if len(part)]
+    keeping = usable(rungs, ENERGY)
+    keepers = [part for _, part in keeping.groupby("scene", sort=False)] if len(keeping) else []
     orders = (
         "Error against time: left compositions of Störmer–Verlet of order 2 to 10, right generating functions to the "
         "power r of h; the CSV has other scenes."
     )
     kept = f"Error of the end against time, of runs whose relative energy error is at most {KEPT:g}."
-    return [
-        draw_lambda(errors, costs, folder),
-        draw_ladders(first, True, folder, "options-orders.png", "orders", orders),
-        draw_ladders(keepers, False, folder, "options-energy.png", "methods that keep the energy", kept),
-    ]
+    ladders = (
+        (first, True, folder, "options-orders.png", "orders", orders),
+        (keepers, False, folder, "options-energy.png", "methods that keep the energy", kept),
+    )
+    return [draw_lambda(errors, costs, folder), *(draw_ladders(*ladder) for ladder in ladders if ladder[0])]
 
 
 STUDY = Study(
