@@ -149,8 +149,7 @@ def measured_rows(outcome: run.Outcome) -> Callable[[str], list[dict]]:
     """Return a function: name of a table -> its rows measured by this run; it fails if any of its cells failed."""
 
     def rows(table: str) -> list[dict]:
-        cells = [c for c in outcome.cells if table in c.tables and c.id in outcome.failed]
-        failed = [f"{c.label}: {outcome.failed[c.id]}" for c in cells]
+        failed = outcome.failures(lambda cell: table in cell.tables)
         assert not failed, "cells that could not be measured:\n" + "\n".join(failed)
         return outcome.rows(table)
 

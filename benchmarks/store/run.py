@@ -113,6 +113,10 @@ class Outcome:
         content = standing(cell, self.stored).content
         return content is not None and not cell.outdated(content)
 
+    def failures(self, chosen: Callable[[Cell], bool]) -> list[str]:
+        """What failed among the chosen cells (single measurements), and why."""
+        return [f"{c.label}: {self.failed[c.id]}" for c in self.cells if c.id in self.failed and chosen(c)]
+
     def rows(self, table: str) -> list[dict]:
         """The rows of one table that this run measured anew, those of the random sample included."""
         out = []

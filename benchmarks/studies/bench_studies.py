@@ -30,8 +30,7 @@ def cells(quick: bool = False) -> list[Cell]:
 @pytest.mark.parametrize(("study", "claim"), CHECKED)
 def bench_claim(outcome: Outcome, complete: Callable[[str], bool], study: Study, claim: Claim) -> None:
     """Rows that this run measured bear the claim out, and none of the study's cells failed."""
-    cells = [c for c in outcome.cells if c.experiment == study.id and c.id in outcome.failed]
-    failed = [f"{c.label}: {outcome.failed[c.id]}" for c in cells]
+    failed = outcome.failures(lambda cell: cell.experiment == study.id)
     assert not failed, "cells that could not be measured:\n" + "\n".join(failed)
     of = study.page.tables if callable(claim.table) else (claim.table,)
     if claim.whole and not all(map(complete, of)):

@@ -16,13 +16,11 @@ from packaging.version import Version
 from phasebench.benchmarks.measure.battery import as_problem
 from phasebench.benchmarks.problems import problem
 from phasebench.integrators import integrate
-from phasebench.integrators.registry import METHODS
+from support.one_of_each import FIRST
 
 ROOT = Path(__file__).resolve().parents[2]
 PROBLEMS = [problem(name) for name in ("henon-heiles:box", "perturbed-kepler", "magnetic-mirror")]
 PROBLEMS += [as_problem(name) for name in ("on-sphere", "asymmetric-top", "many-parts")]
-#: The first method of each family.
-FIRST = {m.family: m for m in reversed(METHODS)}
 #: Bound on the error of any method over so short a span, as a share of the way that q, or p, goes.
 H, STEPS, ERROR = 0.01, 10, 0.2
 

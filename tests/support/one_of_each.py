@@ -7,6 +7,10 @@ from typing import Any
 
 from phasebench.benchmarks.measure.battery import by_label, variants
 from phasebench.integrators.record import Method
+from phasebench.integrators.registry import METHODS
+
+#: Family -> its first method.
+FIRST = {m.family: m for m in reversed(METHODS)}
 
 
 def pattern(data: Any) -> Any:
