@@ -21,6 +21,7 @@ import io
 import json
 import runpy
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
@@ -37,6 +38,11 @@ if os.environ.pop("PYTHONDONTWRITEBYTECODE", ""):
     # None beside the sources; but hundreds of subprocesses need not compile every module again.
     os.environ["PYTHONPYCACHEPREFIX"] = tempfile.mkdtemp(prefix="bytecode-")
     atexit.register(shutil.rmtree, os.environ["PYTHONPYCACHEPREFIX"], ignore_errors=True)
+
+
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    # A shell starts what runs in its background without interrupts, and subprocesses inherit it: some tests send one.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 #: The slowest files, run first so that the workers finish together. The first one compiles the kernels of every family;

@@ -271,8 +271,6 @@ QUIET = """
 from phasebench.reference.peers import galpy
 import numpy as np, signal
 potential = galpy.load().potential.toPlanarPotential(galpy.load().potential.KeplerPotential())
-if signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
-    raise SystemExit("this process started without an interrupt handler")
 try:
     galpy._integrate("leapfrog_c", potential, [1.0, 0.0, 1.2, 0.0], np.array([0.0, 0.1]), {})
     signal.raise_signal(signal.SIGINT)
