@@ -86,7 +86,7 @@ def page(m: Method) -> str:
     """The page of a method, as Markdown."""
     parts = [f"# {m.id}\n", plain(m.name[0].upper() + m.name[1:]) + ".\n", summary(m)]
     parts += ["## Formula\n", formula(m.family)]
-    table_of = coefficients.BY_NAME.get(m.id) or _composition(m)
+    table_of = table_behind(m)
     numbers = listed_coefficients(m)
     if numbers:
         parts += ["## Coefficients\n", numbers, _origin(table_of) if table_of else ""]
@@ -203,7 +203,7 @@ def columns(heads: str, *values) -> str:
 
 def listed_coefficients(m: Method) -> str:
     """A Markdown table of the coefficients of a method; "" if it has none."""
-    of = coefficients.BY_NAME.get(m.id) or _composition(m)
+    of = table_behind(m)
     if of is not None and of.gamma:
         return "Fractions of the step over which the symmetric method is composed:\n\n" + columns(
             "γ_k", coefficients.steps(of.name)
@@ -232,13 +232,15 @@ def listed_coefficients(m: Method) -> str:
     return ""
 
 
-def _composition(m: Method):
-    """The coefficients with which a method is composed of a simpler one, or None if it is no composition.
+def table_behind(m: Method):
+    """The table of a splitting or composition, or that by which a method is composed of a simpler one; else None.
 
     The composition is told by the end of the method's id, such as "-yoshida-4".
     """
+    if m.family in ("processed", "force_gradient"):
+        return None
     suffix = next((name for name in compositions.COMPOSITIONS if m.id.endswith(f"-{name}")), None)
-    return coefficients.BY_NAME.get(suffix)
+    return coefficients.BY_NAME.get(m.id) or coefficients.BY_NAME.get(suffix)
 
 
 def _origin(of) -> str:

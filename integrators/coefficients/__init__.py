@@ -1,14 +1,15 @@
 """Coefficients of compositions and splittings: as published, each with its source, and polished to full precision.
 
-To polish is to solve the order conditions for the numbers nearest to the published ones.  `TABLES` holds the published
-numbers; `polished_numbers` and `steps` return 60 digits that satisfy the conditions to 1e-50 and better.  The polished
-numbers are stored in ``polished.json``, with a digest of the table that they were computed from.  A table that is new
-or was edited is polished on demand; the command (`__main__`) stores the result.
+To polish is to solve the order conditions for the numbers nearest to the published ones.  Files ``published/*.toml``
+hold the published numbers; `polished_numbers` and `steps` return 60 digits that satisfy the conditions to 1e-50 and
+better.  The polished numbers are stored in ``polished.json``, with a digest of the table that they were computed from.
+A table that is new or was edited is polished on demand; the command (`__main__`) stores the result.
 """
 
 from __future__ import annotations
 
 import json
+import tomllib
 import warnings
 from functools import cache
 from pathlib import Path
@@ -17,27 +18,19 @@ import mpmath
 
 from phasebench.integrators.errors import unknown_name
 
-from . import compositions, gauss, nystrom, splittings
+from .force_gradient import ForceGradientTable
 from .fractions import DIGITS
+from .polish import entry, starting_values
+from .processed import ProcessedTable
 from .table import Table, value
 
-TABLES: tuple[Table, ...] = (*compositions.TABLES, *splittings.TABLES, *gauss.TABLES, *nystrom.TABLES)
-BY_NAME = {t.name: t for t in TABLES}
-#: Numbers as they stand in damaged copies of a table, {name: {index: text}}.  Of the first table a copy has two digits
-#: exchanged in one number and three too many in another; of the second a digit is lost in several programs' tables.
-DAMAGED: dict[str, dict[int, str]] = {
-    "sofroniou-spaletta-10": {
-        8: "0.36613344954622675319114812353150",
-        13: "-0.39203335373010863990644808193642610",
-    },
-    "aba-864": {7: "0.0653961422823734184559721793911134363710"},
-}
+PUBLISHED = Path(__file__).with_name("published")
 POLISHED = Path(__file__).with_name("polished.json")
 COMMAND = "python -m phasebench.integrators.coefficients"
 
 __all__ = [
     "BY_NAME",
-    "DAMAGED",
+    "GROUPS",
     "POLISHED",
     "TABLES",
     "Table",
@@ -47,6 +40,28 @@ __all__ = [
     "steps",
     "table",
 ]
+
+
+def _read(group: str, make: type[Table] = Table) -> tuple[Table, ...]:
+    """The tables of a file of published numbers."""
+    text = (PUBLISHED / f"{group}.toml").read_text(encoding="utf-8")
+    found = tomllib.loads(text)["table"]
+    return tuple(make(**{k: tuple(v) if isinstance(v, list) else v for k, v in fields.items()}) for fields in found)
+
+
+#: The tables by the file of their published numbers.
+GROUPS: dict[str, tuple[Table, ...]] = {
+    "compositions": _read("compositions"),
+    "splittings": _read("splittings"),
+    "nystrom": _read("nystrom"),
+    "collected": _read("collected"),
+    "processed": _read("processed", ProcessedTable),
+    "force_gradient": _read("force_gradient", ForceGradientTable),
+    "sampling": _read("sampling"),
+}
+#: The compositions and splittings for one kind of system that no survey was needed to find.
+TABLES: tuple[Table, ...] = (*GROUPS["compositions"], *GROUPS["splittings"], *GROUPS["nystrom"])
+BY_NAME: dict[str, Table] = {t.name: t for group in GROUPS.values() for t in group}
 
 
 def table(name: str) -> Table:
@@ -59,17 +74,17 @@ def table(name: str) -> Table:
 @cache
 def read_polished() -> dict[str, dict]:
     """The content of ``polished.json``: name of a table -> the dict that `describe` returns."""
-    return json.loads(POLISHED.read_text())
+    return json.loads(POLISHED.read_text(encoding="utf-8"))
 
 
 @cache
 def describe(name: str) -> dict:
     """The polished numbers of the table ``name`` and what is known of them, as a dict.
 
-    Its keys are "gamma", "a" and "b" (lists of numbers as text, those that the table has), "published" (the table's
-    digest), "residual_before" and "residual_after" (the largest residual of the order conditions with the published and
-    with the polished numbers), "moved" (the largest change of a number), "sum" and "sum_of_sizes" (of the substeps).
-    It is read from ``polished.json``, or computed, with a warning, for a table that is not there.
+    Its keys are "numbers" (as text, in the order of `Table.published`), "published" (the table's digest),
+    "residual_before" and "residual_after" (the largest residual of the order conditions with the published and with the
+    polished numbers) and "moved" (the largest change of a number).  It is read from ``polished.json``, or computed,
+    with a warning, for a table that is not there.
 
     Raises
     ------
@@ -82,8 +97,6 @@ def describe(name: str) -> dict:
     kept = read_polished().get(name, {})
     if kept.get("published") == wanted.digest:
         return kept
-    from .polish import entry
-
     warnings.warn(f"{name} is new or was edited and is polished now; to keep the numbers: {COMMAND}", stacklevel=2)
     return entry(wanted)
 
@@ -91,16 +104,19 @@ def describe(name: str) -> dict:
 def polished_numbers(name: str) -> tuple[mpmath.mpf, ...]:
     """The numbers of the table ``name`` to 60 digits, which solve its order conditions.
 
-    Their order is that of `Table.published`.
+    Their order is that of `Table.published`.  The numbers of a table that is used as printed are those.
     """
-    texts = describe(name)
     with mpmath.workdps(DIGITS):
-        return tuple(value(x) for part in ("gamma", "a", "b") for x in texts.get(part, ()))
+        if table(name).printed:
+            return tuple(starting_values(table(name)))
+        return tuple(map(value, describe(name)["numbers"]))
 
 
 def steps(name: str) -> list:
     """All substeps of the table ``name`` to 60 digits: fractions of a composition, or pairs (letter, weight).
 
-    The letters of a splitting are "A" for a drift and "B" for a kick.
+    The letters of a splitting are "A" for a drift and "B" for a kick.  The kicks of a splitting with force gradients
+    are ("B", weight, weight of the gradient).
     """
-    return table(name).steps(polished_numbers(name))
+    with mpmath.workdps(DIGITS):
+        return table(name).steps(polished_numbers(name))

@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 import sys
 
-from phasebench.integrators.coefficients import POLISHED, TABLES, read_polished, table
+from phasebench.integrators.coefficients import BY_NAME, POLISHED, read_polished, table
 from phasebench.integrators.coefficients.polish import entry
 
 
@@ -18,12 +18,14 @@ def main(names: list[str]) -> None:
     To polish is to solve the order conditions for the numbers nearest to the published ones.
     """
     again, kept, data = {table(name).name for name in names}, read_polished(), {}
-    for t in TABLES:
+    for t in BY_NAME.values():
+        if t.printed:
+            continue
         data[t.name] = kept.get(t.name, {})
         if t.name in again or data[t.name].get("published") != t.digest:
             data[t.name] = entry(t)
             print(f"{t.name}: {data[t.name]['residual_before']} -> {data[t.name]['residual_after']}", flush=True)
-    POLISHED.write_text(json.dumps(data, indent=1) + "\n")
+    POLISHED.write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

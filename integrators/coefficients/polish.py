@@ -18,13 +18,12 @@ Source: A. Ben-Israel, J. Math. Anal. Appl. 15 (1966) 243-252 (Newton steps by t
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import mpmath
 import numpy as np
 
 from .fractions import DIGITS
-from .order_conditions import conditions, excess, residuals
 from .table import Table, is_exact, value
 
 #: Digits carried beyond those that are kept, and the displacement of a central difference: a third of all digits.
@@ -44,17 +43,8 @@ def starting_values(table: Table, replaced: dict[int, str] | None = None) -> lis
     return [value(x) for x in texts]
 
 
-def residual(table: Table, numbers: Sequence[mpmath.mpf]) -> np.ndarray:
-    """The residuals of the order conditions of a table at ``numbers``; of a symmetric method those of odd degree."""
-    order = table.order
-    degrees = tuple(p - (table.symmetric and p % 2 == 0) for p in order)
-    errors = residuals(table.kind, table.steps(numbers), degrees)
-    keys = [key for key in conditions(errors, order) if key[0] % 2 or not table.symmetric]
-    return np.concatenate([errors[key] for key in keys])
-
-
 def jacobian(table: Table, numbers: Sequence[mpmath.mpf], free: Sequence[int]) -> np.ndarray:
-    """The matrix of derivatives of `residual` at ``numbers``, by central differences.
+    """The matrix of derivatives of the order conditions' residuals at ``numbers``, by central differences.
 
     Its columns are for the numbers with the indices ``free``.
     """
@@ -62,8 +52,8 @@ def jacobian(table: Table, numbers: Sequence[mpmath.mpf], free: Sequence[int]) -
     for k in free:
         above, below = list(numbers), list(numbers)
         above[k], below[k] = above[k] + DIFFERENCE, below[k] - DIFFERENCE
-        columns.append((residual(table, above) - residual(table, below)) / (2 * DIFFERENCE))
-    return np.array(columns).T
+        columns.append((table.residual(above) - table.residual(below)) / (2 * DIFFERENCE))
+    return np.array(columns, dtype=object).T
 
 
 def independent_rows(J: np.ndarray) -> list[int]:
@@ -84,16 +74,8 @@ def independent_rows(J: np.ndarray) -> list[int]:
     return rows
 
 
-def polish(
-    table: Table,
-    numbers: Sequence[mpmath.mpf] | None = None,
-    residual: Callable = residual,
-    jacobian: Callable = jacobian,
-) -> list[mpmath.mpf]:
+def polish(table: Table, numbers: Sequence[mpmath.mpf] | None = None) -> list[mpmath.mpf]:
     """The solution of a table's order conditions nearest to ``numbers``, by default the published ones.
-
-    ``residual(table, numbers)`` returns the residuals of the conditions, ``jacobian(table, numbers, free)`` their
-    derivatives with respect to the numbers with the indices ``free``.
 
     Raises
     ------
@@ -105,7 +87,7 @@ def polish(
         x, free = first.copy(), [k for k, text in enumerate(table.published) if not is_exact(text)]
         rows: list[int] = []
         for _ in range(STEPS if free else 0):
-            J, r = jacobian(table, x, free), residual(table, x)
+            J, r = jacobian(table, x, free), table.residual(x)
             rows = rows or independent_rows(J)
             A = J[rows]
             factors = mpmath.lu_solve((A @ A.T).tolist(), list(A @ (x - first)[free] - r[rows]))
@@ -114,7 +96,7 @@ def polish(
             x[free] = nearer
             if change < SMALL:
                 break
-        left = max(map(abs, residual(table, x)))
+        left = max(map(abs, table.residual(x)))
         if left > mpmath.mpf(10) ** (2 - DIGITS):
             order = ",".join(map(str, table.order))
             raise ArithmeticError(
@@ -129,7 +111,7 @@ def locate(table: Table, numbers: Sequence[mpmath.mpf]) -> tuple[int, mpmath.mpf
     For each number the least-squares correction is computed; the one that leaves the least residual is returned.
     """
     with mpmath.workdps(DIGITS + GUARD):
-        r = residual(table, numbers)
+        r = table.residual(numbers)
         J = jacobian(table, numbers, range(len(numbers))).astype(float)
         scale = max(map(abs, r))
         unit = np.array([float(x / scale) for x in r])
@@ -142,22 +124,16 @@ def locate(table: Table, numbers: Sequence[mpmath.mpf]) -> tuple[int, mpmath.mpf
 def entry(table: Table) -> dict:
     """The entry of a table for ``polished.json``, a dict of texts: polished numbers, and facts about them.
 
-    The facts are the largest residual of the order conditions before and after, the largest change of a number, the sum
-    of the substeps and the sum of their absolute values.
+    The facts are the table's digest, the largest residual of the order conditions before and after, and the largest
+    change of a number.
     """
     before, after = starting_values(table), polish(table)
     with mpmath.workdps(DIGITS):
         texts = [x if is_exact(x) else mpmath.nstr(y, DIGITS) for x, y in zip(table.published, after, strict=True)]
-        full = table.steps([value(x) for x in texts])
-        errors = [residuals(table.kind, table.steps(x), table.order) for x in (before, [value(x) for x in texts])]
-        n, m = len(table.gamma), len(table.gamma) + len(table.a)
-        weights = full if table.gamma else [w for _, w in full]
         return {
             "published": table.digest,
-            **{part: t for part, t in (("gamma", texts[:n]), ("a", texts[n:m]), ("b", texts[m:])) if t},
-            "residual_before": mpmath.nstr(excess(errors[0], table.order), 3),
-            "residual_after": mpmath.nstr(excess(errors[1], table.order), 3),
+            "numbers": texts,
+            "residual_before": mpmath.nstr(table.excess(before), 3),
+            "residual_after": mpmath.nstr(table.excess(list(map(value, texts))), 3),
             "moved": mpmath.nstr(max(abs(x - y) for x, y in zip(before, after, strict=True)), 3),
-            "sum": mpmath.nstr(mpmath.fsum(weights), 3),
-            "sum_of_sizes": mpmath.nstr(mpmath.fsum(map(abs, weights)), 10),
         }

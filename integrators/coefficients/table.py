@@ -7,7 +7,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import mpmath
+import numpy as np
 
+from . import order_conditions
 from .fractions import DIGITS, mirror
 
 #: A decimal of more digits is a rounded number, which may be polished; a shorter one, or a fraction, is a choice.
@@ -30,6 +32,7 @@ class Table:
     first : the letter of its first substep, "A" (drift) or "B" (kick)
     symmetric : whether the halves are mirrored
     good : the number of decimals that are correct, if some that were printed are not; else None
+    printed : True if its numbers solve no order conditions, and are used as printed
     """
 
     name: str
@@ -43,6 +46,7 @@ class Table:
     first: str = "B"
     symmetric: bool = True
     good: int | None = None
+    printed: bool = False
 
     @property
     def published(self) -> tuple[str, ...]:
@@ -86,6 +90,19 @@ class Table:
         if parts[letter]:
             raise ValueError(f"the drifts and kicks of {self.name} do not alternate")
         return list(mirror(out)) if self.symmetric else out
+
+    def residual(self, numbers: Sequence[mpmath.mpf]) -> np.ndarray:
+        """The residuals of the order conditions at ``numbers``; of a symmetric method those of odd degree."""
+        degrees = tuple(p - (self.symmetric and p % 2 == 0) for p in self.order)
+        errors = order_conditions.residuals(self.kind, self.steps(numbers), degrees)
+        keys = [key for key in order_conditions.conditions(errors, self.order) if key[0] % 2 or not self.symmetric]
+        return np.concatenate([errors[key] for key in keys])
+
+    def excess(self, numbers: Sequence[mpmath.mpf]) -> mpmath.mpf:
+        """The largest residual of the order conditions at ``numbers``, in absolute value."""
+        return order_conditions.excess(
+            order_conditions.residuals(self.kind, self.steps(numbers), self.order), self.order
+        )
 
 
 def is_exact(text: str) -> bool:

@@ -30,8 +30,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import mpmath
 import numpy as np
 
-from phasebench.integrators.coefficients import tableaus
 from phasebench.integrators.coefficients.quadrature import legendre
+from phasebench.integrators.coefficients.tableaus import runge_kutta
 from phasebench.integrators.compile.codegen import DOUBLE
 from phasebench.integrators.stepping.codes import SOLVED
 from phasebench.integrators.stepping.energy_model import FIRST, Attempt, Search
@@ -276,7 +276,7 @@ def prepare(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
         f, field = None, inner.step.field
     energy = system.energy(arithmetic)
     with mpmath.workdps(40 if arithmetic == DOUBLE else mpmath.mp.dps + 10):
-        A, _, b, c = tableaus.runge_kutta("gauss", s)
+        A, _, b, c = runge_kutta("gauss", s)
         A = array(([A[i, j] / b[j] for j in range(s)] for i in range(s)), arithmetic)
         S = array(skew(s, c), arithmetic)
 

@@ -31,7 +31,7 @@ from functools import cache
 
 import numpy as np
 
-from phasebench.integrators.coefficients import tableaus
+from phasebench.integrators.coefficients.tableaus import runge_kutta
 from phasebench.integrators.errors import InvalidInput, unknown_name
 from phasebench.integrators.systems.multisymplectic import Box, Division, Equation, Staggered
 
@@ -81,7 +81,7 @@ class Scheme:
 
 
 def _collocation(kind: str, s: int) -> tuple[np.ndarray, np.ndarray, list]:
-    A, _, b, c = tableaus.runge_kutta(kind, s)
+    A, _, b, c = runge_kutta(kind, s)
     return np.array(A.tolist(), float), np.array(list(b), float), c
 
 

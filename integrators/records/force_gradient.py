@@ -1,4 +1,4 @@
-"""Records of splittings with modified kicks (force gradients), from the tables of `coefficients.force_gradient`."""
+"""Records of splittings with modified kicks (force gradients), from the tables of `coefficients`."""
 
 from __future__ import annotations
 
@@ -6,19 +6,20 @@ from collections.abc import Iterable
 
 import mpmath
 
-from phasebench.integrators.coefficients import force_gradient
+from phasebench.integrators.coefficients import GROUPS, steps
+from phasebench.integrators.coefficients.force_gradient import ForceGradientTable, Substep
 from phasebench.integrators.record import BOUNDED, ROUND_OFF, Method
 
 
-def rows(steps: Iterable[force_gradient.Substep]) -> tuple[tuple, ...]:
+def rows(substeps: Iterable[Substep]) -> tuple[tuple, ...]:
     """Group the substeps of a step into rows (a, b, c): a drift a, then a modified kick with the coefficients b, c.
 
-    ``steps`` are substeps ("A", a, 0) for drifts and ("B", b, c) for kicks exp(b h B + c h^3 [B, [A, B]]) in turn.  The
+    ``substeps`` are ("A", a, 0) for drifts and ("B", b, c) for kicks exp(b h B + c h^3 [B, [A, B]]) in turn.  The
     first row has a = 0: it is the first kick if the step begins with one, else zeros, and the drift begins row two.
     """
     zero = mpmath.mpf(0)
     out = [[zero, zero, zero]]
-    for letter, weight, c in steps:
+    for letter, weight, c in substeps:
         if letter == "A":
             out.append([weight, zero, zero])
         else:
@@ -26,7 +27,7 @@ def rows(steps: Iterable[force_gradient.Substep]) -> tuple[tuple, ...]:
     return tuple(map(tuple, out))
 
 
-def _record(table: force_gradient.ForceGradientTable) -> Method:
+def _record(table: ForceGradientTable) -> Method:
     free = table.hessian_free
     return Method(
         id=table.name,
@@ -40,8 +41,8 @@ def _record(table: force_gradient.ForceGradientTable) -> Method:
         source=table.source,
         cite=table.cite,
         requires=("separable", "quadratic kinetic energy"),
-        data=(rows(force_gradient.FILE.steps(table.name)), free),
+        data=(rows(steps(table.name)), free),
     )
 
 
-METHODS: tuple[Method, ...] = tuple(map(_record, force_gradient.TABLES))
+METHODS: tuple[Method, ...] = tuple(map(_record, GROUPS["force_gradient"]))

@@ -8,9 +8,10 @@ from fractions import Fraction
 import mpmath
 
 from phasebench.integrators import coefficients
-from phasebench.integrators.coefficients import processed
 from phasebench.integrators.coefficients.fractions import DIGITS, substeps
 from phasebench.integrators.record import BOUNDED, ROUND_OFF, Method
+
+from .processed import parts_of
 
 HALF = Fraction(1, 2)
 STRANG = ((HALF, 0, 1), (HALF, 1, 0))
@@ -71,17 +72,17 @@ def composed(id: str, order: int, table: str) -> Method:
 def processed_parts(id: str, table: str) -> Method:
     """Make the record of a processed composition P K^n P^-1 of Strang's step through all parts of H.
 
-    ``table`` is the name of a table of `coefficients.processed`, which has the coefficients of kernel K and processor
-    P.
+    ``table`` is the name of a table of `coefficients`, which has the coefficients of kernel K and processor P.
     """
-    found = processed.FILE.tables[table]
+    found = coefficients.table(table)
+    kernel, pre = parts_of(found)
     return parts(
         id,
         f"processed splitting through all parts, with the weights of {table}",
         found.classical_order,
         f"{found.source}; {MCLACHLAN}",
         (*found.cite, "mclachlan1995"),
-        (strang(processed.kernel(table)), strang(processed.pre(table))),
+        (strang(kernel), strang(pre)),
         symmetric=False,
     )
 

@@ -1,4 +1,4 @@
-"""Records of processed splittings P K^n P^-1, from the tables of `coefficients.processed`.
+"""Records of processed splittings P K^n P^-1, from the tables of `coefficients`.
 
 K is the kernel, which is repeated in n steps, P the processor, applied once before and undone after them.  The base
 method of compositions is Stormer-Verlet's, kick-drift-kick.
@@ -10,8 +10,9 @@ from collections.abc import Iterable
 
 import mpmath
 
-from phasebench.integrators.coefficients import processed
+from phasebench.integrators.coefficients import GROUPS, polished_numbers
 from phasebench.integrators.coefficients.fractions import DIGITS
+from phasebench.integrators.coefficients.processed import ProcessedTable
 from phasebench.integrators.record import BOUNDED, ROUND_OFF, Method
 
 #: Orders where T is quadratic, [B, [B, [B, A]]] = 0, of tables whose order is lower otherwise; to the digits printed.
@@ -58,8 +59,18 @@ def weights(steps: Iterable[tuple[str, mpmath.mpf]]) -> tuple[tuple, tuple]:
     return drifts, (mpmath.mpf(0), *kicks)
 
 
-def _record(table: processed.ProcessedTable) -> Method:
-    kernel, pre = letters(processed.kernel(table.name)), letters(processed.pre(table.name))
+def parts_of(table: ProcessedTable) -> tuple[list, list]:
+    """The substeps of a table's kernel and of its processor, to 60 digits, in units of h.
+
+    They are fractions for a composition, or pairs (letter, weight) for a splitting, "A" for drifts and "B" for kicks.
+    """
+    with mpmath.workdps(DIGITS):
+        numbers = polished_numbers(table.name)
+        return table.kernel(numbers), table.pre(numbers)
+
+
+def _record(table: ProcessedTable) -> Method:
+    kernel, pre = map(letters, parts_of(table))
     generalised = f" of generalised order ({','.join(map(str, table.order))})" if len(table.order) > 1 else ""
     return Method(
         id=table.name,
@@ -77,4 +88,4 @@ def _record(table: processed.ProcessedTable) -> Method:
     )
 
 
-METHODS: tuple[Method, ...] = tuple(map(_record, processed.FILE.tables.values()))
+METHODS: tuple[Method, ...] = tuple(map(_record, GROUPS["processed"]))

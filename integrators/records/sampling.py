@@ -1,10 +1,9 @@
-"""Records of splittings for sampling and molecular dynamics, from the tables of `coefficients.sampling`."""
+"""Records of splittings for sampling and molecular dynamics, used as printed."""
 
 from __future__ import annotations
 
-from phasebench.integrators.coefficients import sampling
+from phasebench.integrators.coefficients import GROUPS, Table, steps
 from phasebench.integrators.coefficients.fractions import substeps
-from phasebench.integrators.coefficients.table import Table
 from phasebench.integrators.record import BOUNDED, ROUND_OFF, Method
 
 
@@ -20,8 +19,8 @@ def _record(table: Table) -> Method:
         quadratic=ROUND_OFF,
         source=table.source,
         cite=table.cite,
-        data=(1, substeps(sampling.steps(table.name))),
+        data=(1, substeps(steps(table.name))),
     )
 
 
-METHODS: tuple[Method, ...] = tuple(map(_record, sampling.TABLES))
+METHODS: tuple[Method, ...] = tuple(map(_record, GROUPS["sampling"]))

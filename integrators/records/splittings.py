@@ -31,7 +31,8 @@ def weights(table: Table) -> tuple[tuple, tuple]:
     return tuple(stages["A"]), tuple(stages["B"])
 
 
-def _record(table: Table) -> Method:
+def record(table: Table) -> Method:
+    """Make the record of the splitting of a table."""
     nystrom = table.kind == "nystrom"
     generalised = f" of generalised order ({','.join(map(str, table.order))})" if len(table.order) > 1 else ""
     return Method(
@@ -50,4 +51,4 @@ def _record(table: Table) -> Method:
     )
 
 
-METHODS: tuple[Method, ...] = tuple(_record(t) for t in coefficients.TABLES if t.kind in NAMES)
+METHODS: tuple[Method, ...] = tuple(record(t) for t in coefficients.TABLES if t.kind in NAMES)

@@ -54,7 +54,7 @@ def worst_digits(table: Coefficients, numbers: list[mpmath.mpf]) -> tuple[int | 
 
 def orders(table: Coefficients, numbers: list[mpmath.mpf], processed: bool) -> dict[str, str]:
     """The orders that the order conditions give a method and, if it is processed, its kernel alone."""
-    if table.name in force_gradient.FILE.tables:
+    if table.kind == "force-gradient":
         found = force_gradient.residuals(table.steps(numbers), table.order[0] + 1)
         wrong = [n for n, r in enumerate(found) if max(map(abs, r)) > TOLERANCE]
         return {"order": as_text((min(wrong, default=len(found)) - 1,))}

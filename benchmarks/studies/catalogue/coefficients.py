@@ -8,7 +8,7 @@ from phasebench.benchmarks.page.page import ROWS, Data, Table
 from phasebench.benchmarks.page.study import Claim, Number, Runs, Study
 from phasebench.benchmarks.page.verdict import at_most
 from phasebench.integrators import coefficients
-from phasebench.integrators.coefficients import DAMAGED, TABLES
+from phasebench.integrators.coefficients import TABLES
 from phasebench.integrators.coefficients.fractions import DIGITS
 from phasebench.integrators.coefficients.order_conditions import (
     conditions,
@@ -30,6 +30,15 @@ KINDS = {
     "nystrom": "splittings for a quadratic kinetic energy",
     "near-integrable": "splittings for A + ε B",
 }
+#: Numbers as they stand in damaged copies of a table, {name: {index: text}}.  Of the first table a copy has two digits
+#: exchanged in one number and three too many in another; of the second a digit is lost in several programs' tables.
+DAMAGED: dict[str, dict[int, str]] = {
+    "sofroniou-spaletta-10": {
+        8: "0.36613344954622675319114812353150",
+        13: "-0.39203335373010863990644808193642610",
+    },
+    "aba-864": {7: "0.0653961422823734184559721793911134363710"},
+}
 #: A residual of the order conditions up to this counts as 0, at 70 digits.
 ZERO = 1e-40
 
@@ -44,6 +53,7 @@ def order(t: Coefficients) -> dict:
     found = residuals(t.kind, steps, next_degrees(t.order))
     before = residuals(t.kind, t.steps(starting_values(t)), t.order)
     about = coefficients.describe(t.name)
+    sizes = steps if t.gamma else [weight for _, weight in steps]
     stages = len(steps) if t.gamma else sum(letter == "B" for letter, _ in steps) - (t.first == "B" and t.symmetric)
     return {
         "kind": t.kind,
@@ -55,7 +65,7 @@ def order(t: Coefficients) -> dict:
         BEFORE: _digits(excess(before, t.order)),
         AFTER: _digits(excess(found, t.order)),
         "moved by": about["moved"],
-        "sum of sizes": f"{float(about['sum_of_sizes']):.3f}",
+        "sum of sizes": f"{float(mpmath.fsum(map(abs, sizes))):.3f}",
         CONSTANT: ", ".join(_digits(x) for x in leading_norms(found, t.order)),
         "source": t.source,
     }

@@ -9,32 +9,22 @@ import mpmath
 import pandas as pd
 
 from phasebench.integrators import coefficients
-from phasebench.integrators.coefficients import collected, force_gradient, processed, sampling
 from phasebench.integrators.coefficients.order_conditions import TOLERANCE, Key, Residuals
-from phasebench.integrators.coefficients.polish import starting_values
 from phasebench.integrators.coefficients.table import Table
-from phasebench.integrators.compile import digest
 
-FILES = (collected.FILE, processed.FILE, force_gradient.FILE)
 PRINTED, HOLD = "digits printed", "digits that hold"
 #: Rows of which digits are known.
 KNOWN = f"`{PRINTED}` == `{PRINTED}`"
 
 
 def files() -> list[str]:
-    """The digests of the files of polished numbers."""
-    numbers = sorted((digest.ROOT / "integrators" / "coefficients").glob("*.json"))
-    return [hashlib.sha256(p.read_bytes()).hexdigest() for p in numbers]
+    """The digest of the file of polished numbers."""
+    return [hashlib.sha256(coefficients.POLISHED.read_bytes()).hexdigest()]
 
 
 def table_of(id: str) -> tuple[Table, list[mpmath.mpf]]:
-    """The table of a method of this project, and the numbers on which it runs; KeyError if it has none."""
-    if id in coefficients.BY_NAME:
-        return coefficients.BY_NAME[id], list(coefficients.polished_numbers(id))
-    for file in FILES:
-        if id in file.tables:
-            return file.tables[id], list(file.numbers(id))
-    return sampling.BY_NAME[id], starting_values(sampling.BY_NAME[id])
+    """The table of a method of this project, and the numbers on which it runs."""
+    return coefficients.table(id), list(coefficients.polished_numbers(id))
 
 
 def observed_order(found: Residuals, powers: int) -> tuple[int, ...]:
