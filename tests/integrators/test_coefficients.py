@@ -1,8 +1,7 @@
-"""Coefficient tables: digits refined from the published ones, misprints located, method records made from them."""
+"""Tables of coefficients: orders from the numbers, digits beyond the published ones, the records made from them."""
 
 from __future__ import annotations
 
-import io
 import json
 import runpy
 import sys
@@ -14,10 +13,29 @@ import numpy as np
 import pytest
 
 from phasebench.integrators import coefficients
-from phasebench.integrators.coefficients import BY_NAME, DAMAGED, TABLES, __main__, polished_numbers, steps
+from phasebench.integrators.coefficients import (
+    BY_NAME,
+    DAMAGED,
+    TABLES,
+    __main__,
+    collected,
+    force_gradient,
+    polished_file,
+    polished_numbers,
+    processed,
+    steps,
+)
 from phasebench.integrators.coefficients.fractions import substeps, suzuki, triple_jump
 from phasebench.integrators.coefficients.gauss import gauss
-from phasebench.integrators.coefficients.order_conditions import classical_order
+from phasebench.integrators.coefficients.order_conditions import (
+    TOLERANCE,
+    VISIBLE,
+    classical_order,
+    excess,
+    leading_norms,
+    next_degrees,
+    residuals,
+)
 from phasebench.integrators.coefficients.polish import (
     entry,
     independent_rows,
@@ -28,54 +46,159 @@ from phasebench.integrators.coefficients.polish import (
     starting_values,
 )
 from phasebench.integrators.coefficients.table import is_exact, unit, value
-from phasebench.integrators.driver import integrate
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.records import compositions, splittings
 from phasebench.integrators.registry import method
-from phasebench.integrators.systems.hamiltonian import Hamiltonian
 from support.coefficient_tables import MADE_UP
 from support.coefficient_tables import full_precision as full_precision
 from support.solutions import apart
 
-ROUND_OFF = mpmath.mpf("1e-50")
-#: A few tables of every kind; one has published numbers that are right to 12 decimals only.
-AGAIN = (
-    "yoshida-8d",
-    "mclachlan-ss9",
-    pytest.param("blanes-moan-s6", marks=pytest.mark.processor),
-    "blanes-moan-srkn11b",
-    pytest.param("calvo-sanz-serna-4", marks=pytest.mark.processor),
-    "aba-864",
-    "saba-3",
-)
+ROUND_OFF, ERROR = mpmath.mpf("1e-50"), mpmath.mpf("1e-12")
+FILES = (collected.FILE, processed.FILE, force_gradient.FILE)
+OF_FILE = {name: file for file in FILES for name in file.tables}
+EVERY = [*TABLES, *(table for file in FILES for table in file.tables.values())]
+each = pytest.mark.parametrize("table", EVERY, ids=lambda t: t.name)
+
+
+def numbers_of(table):
+    """The polished numbers of a table."""
+    return list(OF_FILE[table.name].numbers(table.name) if table.name in OF_FILE else polished_numbers(table.name))
+
+
+def errors(table, numbers):
+    """(largest residual up to the order, least of the next degree's largest ones) of a table's order conditions."""
+    if isinstance(table, force_gradient.ForceGradientTable):
+        *own, beyond = force_gradient.residuals(table.steps(numbers), table.order[0] + 1)
+        return max(abs(x) for r in own for x in r), max(abs(x) for x in beyond)
+    found = residuals(table.kind, table.steps(numbers), next_degrees(table.order))
+    return excess(found, table.order), min(leading_norms(found, table.order))
+
+
+@each
+def test_the_order_is_the_declared_one(table):
+    """All residuals up to the order vanish; for each power of epsilon one of the next degree does not."""
+    own, beyond = errors(table, numbers_of(table))
+    assert own < TOLERANCE
+    high = max(table.order)  # coefficients of the exact flow are 1 / n!, and errors of long quadrature rules far less
+    assert beyond > (VISIBLE if high <= 10 else VISIBLE / mpmath.factorial(high + 1))
+
+
+@each
+def test_control_a_number_off_by_1e_12_is_seen(table):
+    processes = isinstance(table, processed.ProcessedTable)  # numbers change before those that follow from them
+    modified = isinstance(table, force_gradient.ForceGradientTable)
+    degree = max(table.order) if processes else min(3, *table.order)
+    count = len(table.published)
+    if modified and table.order == (2,):
+        count -= len(table.c)  # a gradient of any weight has order 2
+    for k in (0, count - 1) if processes and degree >= 8 else range(count):
+        moved = numbers_of(table)
+        moved[k] += ERROR
+        if modified:
+            assert max(abs(x) for r in force_gradient.residuals(table.steps(moved), degree) for x in r) > TOLERANCE, k
+        else:
+            bounds = table.order if processes else (degree,)
+            assert excess(residuals(table.kind, table.steps(moved), degree), bounds) > TOLERANCE, k
+
+
+@each
+def test_polished_numbers_agree_with_the_published_digits(table):
+    """Numbers published as exact stay; what is stored belongs to the table as it is now."""
+    stored = OF_FILE[table.name].stored if table.name in OF_FILE else coefficients.read_polished()
+    assert stored[table.name]["published"] == table.digest
+    pairs = list(zip(table.published, numbers_of(table), strict=True))
+    assert all(not is_exact(text) or number == value(text) for text, number in pairs)
+    moved = max(abs(value(text) - number) for text, number in pairs)
+    assert moved <= table.accuracy
+    if table.good is not None:
+        assert moved > 10 * max(unit(x) for x in table.published if not is_exact(x)), "all its digits hold"
+        assert moved > table.accuracy / 10, "more of its decimals hold than it says"
+
+
 #: Other publications of tables: drifts of the first half of the splitting (Yoshida 1990; Suzuki & Umeno 1993).
 ELSEWHERE = {
     "yoshida-6a": "0.78451361047755726382 0.23557321335935813369 -1.17767998417887100695 1.31518632068391121889",
     "suzuki-umeno-8": "0.7416703643506129534 -0.4091008258000315940 0.1907547102962383800 -0.5738624711160822667"
     " 0.2990641813036559238 0.3346249182452981838 0.3152930923967665966 -0.796887939352916354",
 }
-named = pytest.mark.parametrize("table", TABLES, ids=lambda t: t.name)
 
 
-# -- polished against published --------------------------------------------------------------------------------------
+@pytest.mark.parametrize("name", ELSEWHERE)
+def test_a_table_published_twice_is_the_same(name):
+    texts = ELSEWHERE[name].split()
+    assert apart(polished_numbers(name), [value(x) for x in texts]) <= 10 * max(map(unit, texts))
 
 
-@named
-def test_polished_numbers_agree_with_the_published_digits(table):
-    moved = apart(polished_numbers(table.name), starting_values(table))
-    assert moved <= table.accuracy
-    if table.good is not None:
-        printed = 10 * max(unit(x) for x in table.published if not is_exact(x))
-        assert moved > printed, "its published numbers are right to all their digits"
-        assert moved > table.accuracy / 10, "its published numbers are right to more decimals than it says"
+def test_closed_forms_and_other_programs():
+    assert apart(steps("forest-ruth"), triple_jump(4)) < ROUND_OFF
+    assert apart(steps("suzuki-4"), suzuki(4)) < ROUND_OFF
+    root = mpmath.sqrt(2) / 2
+    assert apart([w for _, w in steps("mclachlan-atela-2")], (1 - root, root, root, 1 - root)) < 1e-17
+    nodes, weights = gauss(3)
+    outer = mpmath.sqrt(mpmath.mpf(3) / 5)
+    assert apart(nodes, [(1 - outer) / 2, 0.5, (1 + outer) / 2]) < 1e-58
+    assert apart(weights, [mpmath.mpf(n) / 18 for n in (5, 8, 5)]) < 1e-58
+    nodes, weights = collected.lobatto(3)
+    assert abs(mpmath.fdot(weights, [x**5 for x in nodes]) - mpmath.mpf(1) / 6) < 1e-55
+    # McLachlan 1995, BIT; REBOUND's `reb_saba_cc`, whose halves stand at either end of the step
+    assert mpmath.nstr(collected.FILE.numbers("mclachlan-aba-84")[0], 15) == "0.0753469602698929"
+    known = {2: 0.01116454968463011276968973577, 3: 0.005634593363122809402267823769, 4: 0.003396775048208601331532}
+    for n, c in known.items():
+        first, *_, last = force_gradient.FILE.steps(f"sabac-{n}")
+        assert float(first[2] + last[2]) == pytest.approx(c, rel=1e-15)
 
 
-@named
-def test_polishing_keeps_exact_numbers_and_meets_conditions(table):
-    """Numbers published as exact stay; the order conditions hold to round-off."""
-    for text, number in zip(table.published, polished_numbers(table.name), strict=True):
-        assert not is_exact(text) or number == value(text)
-    assert max(map(abs, residual(table, polished_numbers(table.name)))) < ROUND_OFF
+@pytest.mark.parametrize("table", processed.TABLES, ids=lambda t: t.name)
+def test_a_kernel_needs_its_processor(table):
+    """The kernel alone has a lower order; a record has the order of the systems it runs on."""
+    found = residuals(table.kind, processed.kernel(table.name), max(table.order))
+    assert excess(found, table.order) > VISIBLE
+    made, order = method(table.name), table.classical_order
+    if "quadratic kinetic energy" in made.requires:
+        found = residuals("nystrom", processed.FILE.steps(table.name), made.order + 1)
+        assert excess(found, (made.order,)) < 1e-16
+        assert min(leading_norms(found, (made.order,))) > VISIBLE
+        assert made.order > order
+    else:
+        assert made.order == order
+
+
+@pytest.mark.parametrize("name", [t.name for t in force_gradient.TABLES if t.hessian_free and t.order[0] == 6])
+def test_order_6_without_the_hessian_needs_one_more_condition(name):
+    """The second force differs by c^2 / b at degree 5; the methods of order 6 with the Hessian do not meet this."""
+    sums = [
+        abs(mpmath.fsum(c * c / b for letter, b, c in force_gradient.FILE.steps(x) if letter == "B"))
+        for x in (name, "omelyan-6-5f3g-p")
+    ]
+    assert sums[0] < ROUND_OFF
+    assert sums[1] > 1e-5
+
+
+# -- polishing --------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["mclachlan-ss9", "blanes-moan-srkn6b", "aba-864", "saba-3"])
+def test_polishing_again_finds_the_same_numbers(name):
+    assert apart(polish(BY_NAME[name]), polished_numbers(name)) < ROUND_OFF
+
+
+@pytest.mark.parametrize("name", ["forest-ruth", "chin-4b", "blanes-casas-ros-p2"])
+def test_stored_numbers_are_those_of_the_command(name):
+    if name in OF_FILE:
+        assert OF_FILE[name].entry(OF_FILE[name].table(name)) == OF_FILE[name].stored[name]
+    else:
+        assert entry(BY_NAME[name]) == coefficients.read_polished()[name]
+
+
+def test_polished_numbers_are_the_nearest_of_their_family():
+    """x - x0 is orthogonal to the tangent space of the family, to the digits of the Jacobian."""
+    table, numbers = BY_NAME["pefrl"], polished_numbers("pefrl")
+    moved = np.array([a - b for a, b in zip(numbers, starting_values(table), strict=True)])
+    J = jacobian(table, numbers, range(len(moved)))
+    rows = J[independent_rows(J)]
+    factors = np.array(list(mpmath.lu_solve((rows @ rows.T).tolist(), list(rows @ moved))), dtype=object)
+    assert len(rows) < len(moved)
+    assert max(abs(moved - rows.T @ factors)) < mpmath.mpf("1e-38") < mpmath.mpf("1e-20") * max(abs(moved))
 
 
 #: Number of order conditions counted by hand: words per degree, only odd degrees for a symmetric method.
@@ -94,30 +217,34 @@ def test_the_number_of_order_conditions(name):
     assert len(residual(BY_NAME[name], polished_numbers(name))) == COUNTED[name]
 
 
-@pytest.mark.parametrize("name", AGAIN)
-def test_polishing_again_finds_the_same_numbers(name):
-    assert apart(polish(BY_NAME[name]), polished_numbers(name)) < ROUND_OFF
+def test_accuracy_of_printed_numbers():
+    """Ten units in the last place of the shortest number; numbers of up to six digits and fractions count as exact."""
+    printed = replace(BY_NAME["ruth-3"], a=("0.1234567", "0.12345678"), b=("2/3", "0.123456", "0.12345600"))
+    assert [is_exact(x) for x in printed.published] == [False, False, True, True, True]
+    assert abs(printed.accuracy * mpmath.mpf(10) ** 6 - 1) < ROUND_OFF
+    assert replace(printed, good=12).accuracy == mpmath.mpf(10) ** -12
+    assert replace(printed, a=("1/3",)).accuracy < ROUND_OFF
 
 
-def test_control_polishing_from_another_start():
-    """In a family the nearest member to the start is found; an isolated solution is found from any near start."""
-    free, isolated = BY_NAME["sofroniou-spaletta-6"], BY_NAME["yoshida-6b"]
-    first, *others = starting_values(free)
-    assert apart(polish(free, [first + mpmath.mpf("1e-15"), *others]), polished_numbers(free.name)) > 1e-17
-    start = [x + mpmath.mpf("1e-12") for x in starting_values(isolated)]
-    assert apart(polish(isolated, start), polished_numbers(isolated.name)) < ROUND_OFF
-
-
-@pytest.mark.parametrize("name", ["blanes-moan-s6", "pefrl"])
-def test_polished_numbers_are_the_nearest_of_their_family(name):
-    """x - x0 is orthogonal to the tangent space of the family, to the digits of the Jacobian."""
+@pytest.mark.parametrize("name", DAMAGED)
+def test_a_damaged_number_is_located_and_corrected(name):
+    """The worst one first; the correction agrees with the true number far better than the damaged one."""
     table = BY_NAME[name]
-    moved = np.array([a - b for a, b in zip(polished_numbers(name), starting_values(table), strict=True)])
-    J = jacobian(table, polished_numbers(name), range(len(moved)))
-    rows = J[independent_rows(J)]
-    factors = np.array(list(mpmath.lu_solve((rows @ rows.T).tolist(), list(rows @ moved))), dtype=object)
-    assert len(rows) < len(moved)
-    assert max(abs(moved - rows.T @ factors)) < mpmath.mpf("1e-38") < mpmath.mpf("1e-20") * max(abs(moved))
+    numbers, left = starting_values(table, DAMAGED[name]), dict(DAMAGED[name])
+    while left:
+        k, mended = locate(table, numbers)
+        true = value(table.published[k])
+        assert abs(mended - true) < mpmath.mpf("1e-6") * abs(value(left.pop(k)) - true)
+        numbers[k] = true
+    assert apart(numbers, starting_values(table)) == 0
+
+
+def test_a_start_without_a_near_solution_is_refused():
+    table = BY_NAME["ruth-3"]
+    with pytest.raises(ArithmeticError, match="ruth-3"):
+        polish(table, [x + mpmath.mpf("1e-9") for x in starting_values(table)])
+    with pytest.raises(ArithmeticError, match="has not the order 6"):
+        force_gradient.polish(replace(force_gradient.FILE.table("chin-4b"), order=(6,)))
 
 
 @pytest.fixture
@@ -134,44 +261,23 @@ def edit_table(monkeypatch):
     coefficients.describe.cache_clear()
 
 
-def test_polished_numbers_belong_to_the_current_tables():
-    assert {name: entry["published"] for name, entry in coefficients.read_polished().items()} == {
-        t.name: t.digest for t in TABLES
-    }
-
-
 def test_an_edited_table_is_polished_on_demand(edit_table, tmp_path, monkeypatch):
     """Its method uses the edited numbers at once and warns until the command has stored them."""
-    table = BY_NAME["blanes-moan-s6"]
-    before = polished_numbers(table.name)
-    edit_table(replace(table, a=("0.209515106713362", *table.a[1:])))
+    name = "blanes-moan-s6"
+    before = polished_numbers(name)
+    edited = edit_table(replace(BY_NAME[name], a=("0.209515106713362", *BY_NAME[name].a[1:])))
     with pytest.warns(UserWarning, match=r"blanes-moan-s6 is new or was edited.*python -m phasebench\.integrators"):
-        after = polished_numbers(table.name)
+        after = polished_numbers(name)
     assert 1e-12 < apart(before, after) < 1e-9
-    assert max(map(abs, residual(BY_NAME[table.name], after))) < ROUND_OFF
-    path = tmp_path / "polished.json"
-    monkeypatch.setattr(__main__, "POLISHED", path)
+    assert max(map(abs, residual(edited, after))) < ROUND_OFF
+    monkeypatch.setattr(__main__, "POLISHED", tmp_path / "polished.json")
     __main__.main([])
-    written = json.loads(path.read_text())
-    changed = [name for name, entry in written.items() if entry != coefficients.read_polished()[name]]
-    assert changed == [table.name]
-    assert apart([value(x) for part in "ab" for x in written[table.name][part]], after) == 0
-
-
-def test_new_tables_are_polished_and_wrong_orders_refused(edit_table):
-    edit_table(replace(BY_NAME["pefrl"], name="pefrl-again"))
-    with pytest.warns(UserWarning, match="pefrl-again is new"):
-        assert apart(polished_numbers("pefrl-again"), polished_numbers("pefrl")) == 0
+    written = json.loads((tmp_path / "polished.json").read_text())
+    assert [x for x, kept in written.items() if kept != coefficients.read_polished()[x]] == [name]
+    assert apart([value(x) for part in "ab" for x in written[name][part]], after) == 0
     edit_table(replace(BY_NAME["ruth-3"], b=("7/24", "3/4", "1/24")))
     with pytest.warns(UserWarning, match="edited"), pytest.raises(ArithmeticError, match="ruth-3"):
         splittings.weights(BY_NAME["ruth-3"])
-
-
-def test_tables_without_stored_numbers_warn(edit_table):
-    """The warning, which is an error in tests, names the command to run."""
-    edit_table(replace(BY_NAME["pefrl"], name="pefrl-again"))
-    with pytest.raises(UserWarning, match=r"pefrl-again is new.* is polished now; .*python -m phasebench\.integrators"):
-        polished_numbers("pefrl-again")
 
 
 OLD = {"b": ["as it was"]}
@@ -193,35 +299,19 @@ def command(monkeypatch, tmp_path, capsys):
     return run
 
 
-def test_the_command_polishes_new_edited_and_named_tables(command):
+def test_the_command_polishes_new_edited_and_named_tables(command, tmp_path):
     new, edited, named, left = (replace(MADE_UP, name=name) for name in ("new", "edited", "named", "left"))
     kept = {"gone": OLD, "left": OLD | {"published": left.digest}, "named": OLD | {"published": named.digest}}
     text, said = command((left, new, edited, named), kept | {"edited": OLD | {"published": "of before"}}, "named")
-    written = json.loads(text)
+    written, made = json.loads(text), entry(MADE_UP)
     assert list(written) == ["left", "new", "edited", "named"]
     assert written["left"] == kept["left"]
-    made = entry(MADE_UP)
     assert written["new"] == written["edited"] == written["named"] == made
-    assert made["published"] == MADE_UP.digest
     assert value(made["b"][0]) == mpmath.mpf("0.5")
-    change = f"{made['residual_before']} -> {made['residual_after']}"
-    assert said.splitlines() == [f"new: {change}", f"edited: {change}", f"named: {change}"]
     assert made["residual_before"] == "2.0e-8"
-
-
-def test_the_command_reports_each_table_at_once(command, monkeypatch):
-    """Each takes up to minutes; buffered output would not be seen."""
-    raw, seen = io.BytesIO(), []
-
-    def looked(table):
-        seen.append(raw.getvalue())
-        return entry(table)
-
-    monkeypatch.setattr(sys, "stdout", io.TextIOWrapper(raw))
-    monkeypatch.setattr(sys.modules[entry.__module__], "entry", looked)
-    command([replace(MADE_UP, name=name) for name in ("first", "second")], {})
-    assert seen[0] == b""
-    assert seen[1].startswith(b"first: 2.0e-8 -> ")
+    assert len(said.splitlines()) == 3
+    with pytest.raises(InvalidInput, match="did you mean made-up"):
+        command((MADE_UP,), {}, "made-op")
 
 
 def test_the_command_leaves_current_entries_byte_identical(command):
@@ -229,79 +319,23 @@ def test_the_command_leaves_current_entries_byte_identical(command):
     assert command(TABLES, coefficients.read_polished()) == (before, "")
 
 
-def test_the_command_refuses_an_unknown_name(command, tmp_path):
+def test_a_file_polishes_what_is_new_and_keeps_the_rest(tmp_path, monkeypatch, capsys):
+    kept = collected.TABLES[0].name
+    file = polished_file.PolishedFile("phasebench.integrators.coefficients.collected", [MADE_UP, collected.TABLES[0]])
+    monkeypatch.setattr(file, "path", tmp_path / "numbers.json")
+    monkeypatch.setattr(file, "stored", {kept: collected.FILE.stored[kept], "gone": {}})
+    file.write()
+    written = json.loads(file.path.read_text())
+    assert list(written) == ["made-up", kept]
+    assert value(written["made-up"]["numbers"][1]) == mpmath.mpf("0.5")
+    assert written[kept] == collected.FILE.stored[kept]
+    with pytest.warns(UserWarning, match=r"made-up is new.*python -m phasebench\.integrators\.coefficients\.collected"):
+        assert file.steps("made-up")[0] == ("B", mpmath.mpf("0.5"))
     with pytest.raises(InvalidInput, match="did you mean made-up"):
-        command((MADE_UP,), {}, "made-op")
-    assert list(tmp_path.iterdir()) == []
+        file.numbers("made-op")
 
 
-@pytest.mark.parametrize("name", ["forest-ruth", "pefrl"])
-def test_stored_numbers_equal_those_of_the_command(name):
-    assert entry(BY_NAME[name]) == coefficients.read_polished()[name]
-
-
-def test_accuracy_of_printed_numbers():
-    """Ten units in the last place of the shortest number; numbers of up to six digits and fractions count as exact."""
-    printed = replace(BY_NAME["ruth-3"], a=("0.1234567", "0.12345678"), b=("2/3", "0.123456", "0.12345600"))
-    assert [is_exact(x) for x in printed.published] == [False, False, True, True, True]
-    assert abs(printed.accuracy * mpmath.mpf(10) ** 6 - 1) < ROUND_OFF
-    assert replace(printed, good=12).accuracy == mpmath.mpf(10) ** -12
-    assert replace(printed, a=("1/3",)).accuracy < ROUND_OFF
-
-
-def test_a_start_without_a_near_solution_is_refused():
-    table = BY_NAME["ruth-3"]
-    wrong = [x + mpmath.mpf("1e-9") for x in starting_values(table)]
-    with pytest.raises(ArithmeticError, match="ruth-3"):
-        polish(table, wrong)
-
-
-@pytest.mark.parametrize("name", DAMAGED)
-def test_a_damaged_number_is_located_and_corrected(name):
-    """The worst one first; the correction agrees with the true number far better than the damaged one."""
-    table = BY_NAME[name]
-    numbers, left = starting_values(table, DAMAGED[name]), dict(DAMAGED[name])
-    while left:
-        k, mended = locate(table, numbers)
-        true = value(table.published[k])
-        assert abs(mended - true) < mpmath.mpf("1e-6") * abs(value(left.pop(k)) - true)
-        numbers[k] = true
-    assert apart(numbers, starting_values(table)) == 0
-
-
-def without(text, digits):
-    """The text with `digits` consecutive characters removed, at every position."""
-    return {text[:k] + text[k + digits :] for k in range(len(text))}
-
-
-def test_damages_are_typical_misprints():
-    """The damages are exchanged, dropped or added digits of the published numbers."""
-    texts = [(BY_NAME[name].published[k], text) for name in DAMAGED for k, text in DAMAGED[name].items()]
-    (right, exchanged), (shorter, longer), (whole, lost) = texts
-    assert sorted(exchanged) == sorted(right)
-    assert sum(a != b for a, b in zip(exchanged, right, strict=True)) == 2
-    assert shorter in without(longer, 3)
-    assert lost in without(whole, 1)
-
-
-def test_closed_forms():
-    assert apart(steps("forest-ruth"), triple_jump(4)) < ROUND_OFF
-    assert apart(steps("suzuki-4"), suzuki(4)) < ROUND_OFF
-    root = mpmath.sqrt(2) / 2
-    assert apart([w for _, w in steps("mclachlan-atela-2")], (1 - root, root, root, 1 - root)) < 1e-17
-    nodes, weights = gauss(3)
-    outer = mpmath.sqrt(mpmath.mpf(3) / 5)
-    assert apart(nodes, [(1 - outer) / 2, 0.5, (1 + outer) / 2]) < 1e-58
-    assert apart(weights, [mpmath.mpf(n) / 18 for n in (5, 8, 5)]) < 1e-58
-
-
-@pytest.mark.parametrize("name", ELSEWHERE)
-def test_a_table_published_twice_is_the_same(name):
-    texts = ELSEWHERE[name].split()
-    assert apart(polished_numbers(name), [value(x) for x in texts]) <= 10 * max(map(unit, texts))
-
-
-# -- records ---------------------------------------------------------------------------------------------------------
+# -- records ----------------------------------------------------------------------------------------------------------
 
 
 def letters(found):
@@ -316,38 +350,16 @@ def letters(found):
     return out
 
 
-@pytest.mark.parametrize(
-    "table", [t for t in TABLES if t.kind in ("splitting", "near-integrable")], ids=lambda t: t.name
-)
-def test_substeps_of_a_splitting_are_its_kicks_and_drifts(table):
-    made, published = letters(method(table.name).data[1]), steps(table.name)
-    assert [x for x, _ in made] == [x for x, _ in published]
-    assert apart([w for _, w in made], [w for _, w in published]) < ROUND_OFF
-
-
-def test_leapfrog_is_symplectic_euler_and_its_adjoint():
-    half, one = mpmath.mpf(1) / 2, mpmath.mpf(1)
-    assert substeps([("B", half), ("A", one), ("B", half)]) == ((half, 0, 1), (half, 1, 0))
-    assert substeps([("A", half), ("B", one), ("A", half)]) == ((half, 1, 0), (half, 0, 1))
-
-
-def test_control_unequal_sums_of_drifts_and_kicks_are_refused():
-    with pytest.raises(ValueError, match="differ in their sums"):
-        substeps([("A", mpmath.mpf(1) / 2), ("B", mpmath.mpf(1)), ("A", mpmath.mpf(1) / 3)])
-
-
-@pytest.mark.parametrize("m", splittings.METHODS, ids=lambda m: m.id)
-def test_the_order_of_a_splitting_follows_from_its_data(m):
-    if m.family == "parametric":
+@pytest.mark.parametrize("m", [*splittings.METHODS, *compositions.METHODS], ids=lambda m: m.id)
+def test_the_order_of_a_record_follows_from_its_data(m):
+    if m in splittings.METHODS and m.family == "parametric":
         assert classical_order("splitting", letters(m.data[1])) == m.order
         return
-    a, b = m.data
-    parts = [(letter, w) for pair in zip(b, (*a, 0), strict=False) for letter, w in zip("BA", pair, strict=True)]
-    assert classical_order("nystrom", parts) == m.order
-
-
-@pytest.mark.parametrize("m", compositions.METHODS, ids=lambda m: m.id)
-def test_the_order_of_a_composition_follows_from_its_data(m):
+    if m in splittings.METHODS:
+        a, b = m.data
+        parts = [(letter, w) for pair in zip(b, (*a, 0), strict=False) for letter, w in zip("BA", pair, strict=True)]
+        assert classical_order("nystrom", parts) == m.order
+        return
     rows = m.data[1] if m.family == "parametric" else m.data
     size = 1 if m.id.startswith("implicit-midpoint") else 2  # substeps per step of the base method
     fractions = [mpmath.fsum(r[0] for r in rows[i : i + size]) for i in range(0, len(rows), size)]
@@ -356,46 +368,25 @@ def test_the_order_of_a_composition_follows_from_its_data(m):
         assert [r[2] for r in rows] == [i // size for i in range(len(rows))], "each fraction has a root of its own"
 
 
-STEP, STEPS = 0.05, 20
+def test_leapfrog_is_symplectic_euler_and_its_adjoint():
+    half, one = mpmath.mpf(1) / 2, mpmath.mpf(1)
+    assert substeps([("B", half), ("A", one), ("B", half)]) == ((half, 0, 1), (half, 1, 0))
+    assert substeps([("A", half), ("B", one), ("A", half)]) == ((half, 1, 0), (half, 0, 1))
+    with pytest.raises(ValueError, match="differ in their sums"):
+        substeps([("A", half), ("B", one), ("A", one / 3)])
 
 
-def by_hand(table, q, p):
-    """End state of a pendulum run from (q, p), with the kicks and drifts of a coefficient table applied in order."""
-    for _ in range(STEPS):
-        for letter, w in steps(table.name):
-            if letter == "B":
-                p = p - float(w) * STEP * np.sin(q)
-            else:
-                q = q + float(w) * STEP * p
-    return np.array([q, p])
-
-
-@pytest.mark.parametrize("name", ["mclachlan-atela-4", "blanes-moan-srkn14a", "ruth-3", "pefrl"])
-def test_a_run_applies_the_kicks_and_drifts_of_its_table(name):
-    pendulum = Hamiltonian(q="q", p="p", H="p**2/2 - cos(q)")
-    s = integrate(pendulum, name, h=STEP, steps=STEPS, q0=[1.3], p0=[0.4])
-    assert np.abs(np.hstack([s.q[-1], s.p[-1]]) - by_hand(BY_NAME[name], 1.3, 0.4)).max() < 1e-13
-
-
-def test_a_nystrom_splitting_refuses_another_kinetic_energy():
-    quartic = Hamiltonian(q="q", p="p", H="p**4/4 + p**2/2 + q**2/2")
-    with pytest.raises(InvalidInput, match="quadratic kinetic energy"):
-        integrate(quartic, "okunbor-skeel-6", h=0.1, steps=1, q0=[1.0], p0=[0.0])
-
-
-# -- compositions ----------------------------------------------------------------------------------------------------
-
-
-def test_composition_by_name_equals_composition_by_fractions():
+def test_compositions():
     base = method("implicit-midpoint")
     a, b = compositions.compose(base, "kahan-li-6"), compositions.compose(base, steps("kahan-li-6"))
     assert a.data == b.data == method("implicit-midpoint-kahan-li-6").data
     assert (b.order, b.symmetric) == (6, True)
-    assert compositions.compose(base, [Fraction(1, 2), "0.5"]).order == 2
     assert compositions.compose(base, list(map(float, steps("kahan-li-6")))).order == 6
-
-
-def test_a_composition_keeps_the_parameters_of_its_base():
+    unequal = compositions.compose(method("stormer-verlet"), [Fraction(1, 3), Fraction(2, 3)])
+    assert (unequal.order, unequal.symmetric) == (2, False)
+    twice = compositions.compose(method("scheme-iv"), [Fraction(1, 2), "0.5"])
+    assert [row[2] for row in twice.data] == [0, 1]
+    assert [row[2] for row in compositions.compose(twice, "forest-ruth").data] == [0, 1, 2, 3, 4, 5]
     m = compositions.compose(method("scheme-iii"), "forest-ruth")
     for lam in (Fraction(1, 3), Fraction(-2)):
         made, known = m(lam=lam).data[1], method("scheme-iii-yoshida-4", lam=lam).data[1]
@@ -403,33 +394,17 @@ def test_a_composition_keeps_the_parameters_of_its_base():
         assert apart([row[0] for row in made], [row[0] for row in known]) < ROUND_OFF
 
 
-def test_a_composition_of_unequal_fractions_is_not_symmetric():
-    made = compositions.compose(method("stormer-verlet"), [Fraction(1, 3), Fraction(2, 3)])
-    assert (made.order, made.symmetric) == (2, False)
-
-
-def test_nested_compositions_number_their_roots():
-    twice = compositions.compose(method("scheme-iv"), [Fraction(1, 2), Fraction(1, 2)])
-    assert [row[2] for row in twice.data] == [0, 1]
-    assert [row[2] for row in compositions.compose(twice, "forest-ruth").data] == [0, 1, 2, 3, 4, 5]
-
-
-def test_fractions_must_add_up_to_one():
-    base = method("stormer-verlet")
-    assert compositions.compose(base, ["0.5", "0.5000000000005"]).order == 2
-    with pytest.raises(InvalidInput, match="not to 1"):
-        compositions.compose(base, ["0.5", "0.500000000005"])
-
-
 @pytest.mark.parametrize(
     ("base", "fractions", "message"),
     [
         (method("symplectic-euler-p"), "kahan-li-6", "not symmetric"),
         (method("scheme-i"), "kahan-li-6", "not symmetric"),
+        (method("shake"), "yoshida-6a", "not symmetric"),
         (method("kahan-li-6"), "kahan-li-6", "of order 6"),
         (method("avf"), "kahan-li-6", "family"),
         (method("stormer-verlet"), "kahan-li-7", "did you mean"),
         (method("stormer-verlet"), "blanes-moan-s6", "is a splitting"),
+        (method("stormer-verlet"), ["0.5", "0.500000000005"], "not to 1"),
     ],
 )
 def test_invalid_compositions_are_refused(base, fractions, message):
