@@ -19,7 +19,7 @@ from phasebench.benchmarks.problems import problem
 from phasebench.benchmarks.studies import advice, constraints, extended, hessian_free, oscillatory, rigid, sampling
 from phasebench.benchmarks.studies import wisdom_holman as wh
 from phasebench.benchmarks.studies.advice import asks, brute
-from phasebench.integrators.coefficients import sampling as tables
+from phasebench.integrators.coefficients import GROUPS, steps
 from phasebench.integrators.coefficients.order_conditions import classical_order
 from phasebench.integrators.compile.codegen import precision
 from phasebench.integrators.driver import integrate
@@ -229,12 +229,12 @@ def test_orders_stop_where_rounding_is_seen():
 # -- sampling ----------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("table", tables.TABLES, ids=lambda t: t.name)
+@pytest.mark.parametrize("table", GROUPS["sampling"], ids=lambda t: t.name)
 def test_splittings_for_sampling_have_order_2_with_the_numbers_as_printed(table):
-    steps = tables.steps(table.name)
-    assert classical_order("splitting", steps) == 2
-    letter, weight = steps[0]
-    assert classical_order("splitting", [(letter, weight + 1e-9), *steps[1:]], tolerance=1e-12) == 0, "the control"
+    found = steps(table.name)
+    assert classical_order("splitting", found) == 2
+    letter, weight = found[0]
+    assert classical_order("splitting", [(letter, weight + 1e-9), *found[1:]], tolerance=1e-12) == 0, "the control"
 
 
 @pytest.mark.parametrize("id", sampling.EVALUATIONS)

@@ -12,21 +12,18 @@ import mpmath
 import numpy as np
 import pytest
 
+from phasebench.benchmarks.studies.catalogue.coefficients import DAMAGED
 from phasebench.integrators import coefficients
 from phasebench.integrators.coefficients import (
     BY_NAME,
-    DAMAGED,
-    TABLES,
+    GROUPS,
     __main__,
-    collected,
     force_gradient,
-    polished_file,
     polished_numbers,
     processed,
     steps,
 )
 from phasebench.integrators.coefficients.fractions import substeps, suzuki, triple_jump
-from phasebench.integrators.coefficients.gauss import gauss
 from phasebench.integrators.coefficients.order_conditions import (
     TOLERANCE,
     VISIBLE,
@@ -42,9 +39,9 @@ from phasebench.integrators.coefficients.polish import (
     jacobian,
     locate,
     polish,
-    residual,
     starting_values,
 )
+from phasebench.integrators.coefficients.quadrature import gauss_legendre, gauss_lobatto
 from phasebench.integrators.coefficients.table import is_exact, unit, value
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.records import compositions, splittings
@@ -54,15 +51,12 @@ from support.coefficient_tables import full_precision as full_precision
 from support.solutions import apart
 
 ROUND_OFF, ERROR = mpmath.mpf("1e-50"), mpmath.mpf("1e-12")
-FILES = (collected.FILE, processed.FILE, force_gradient.FILE)
-OF_FILE = {name: file for file in FILES for name in file.tables}
-EVERY = [*TABLES, *(table for file in FILES for table in file.tables.values())]
+EVERY = [t for t in BY_NAME.values() if not t.printed]
 each = pytest.mark.parametrize("table", EVERY, ids=lambda t: t.name)
 
 
-def numbers_of(table):
-    """The polished numbers of a table."""
-    return list(OF_FILE[table.name].numbers(table.name) if table.name in OF_FILE else polished_numbers(table.name))
+def test_every_name_is_of_one_table():
+    assert len(BY_NAME) == sum(map(len, GROUPS.values()))
 
 
 def errors(table, numbers):
@@ -77,7 +71,7 @@ def errors(table, numbers):
 @each
 def test_the_order_is_the_declared_one(table):
     """All residuals up to the order vanish; for each power of epsilon one of the next degree does not."""
-    own, beyond = errors(table, numbers_of(table))
+    own, beyond = errors(table, polished_numbers(table.name))
     assert own < TOLERANCE
     high = max(table.order)  # coefficients of the exact flow are 1 / n!, and errors of long quadrature rules far less
     assert beyond > (VISIBLE if high <= 10 else VISIBLE / mpmath.factorial(high + 1))
@@ -92,7 +86,7 @@ def test_control_a_number_off_by_1e_12_is_seen(table):
     if modified and table.order == (2,):
         count -= len(table.c)  # a gradient of any weight has order 2
     for k in (0, count - 1) if processes and degree >= 8 else range(count):
-        moved = numbers_of(table)
+        moved = list(polished_numbers(table.name))
         moved[k] += ERROR
         if modified:
             assert max(abs(x) for r in force_gradient.residuals(table.steps(moved), degree) for x in r) > TOLERANCE, k
@@ -104,9 +98,8 @@ def test_control_a_number_off_by_1e_12_is_seen(table):
 @each
 def test_polished_numbers_agree_with_the_published_digits(table):
     """Numbers published as exact stay; what is stored belongs to the table as it is now."""
-    stored = OF_FILE[table.name].stored if table.name in OF_FILE else coefficients.read_polished()
-    assert stored[table.name]["published"] == table.digest
-    pairs = list(zip(table.published, numbers_of(table), strict=True))
+    assert coefficients.read_polished()[table.name]["published"] == table.digest
+    pairs = list(zip(table.published, polished_numbers(table.name), strict=True))
     assert all(not is_exact(text) or number == value(text) for text, number in pairs)
     moved = max(abs(value(text) - number) for text, number in pairs)
     assert moved <= table.accuracy
@@ -134,28 +127,34 @@ def test_closed_forms_and_other_programs():
     assert apart(steps("suzuki-4"), suzuki(4)) < ROUND_OFF
     root = mpmath.sqrt(2) / 2
     assert apart([w for _, w in steps("mclachlan-atela-2")], (1 - root, root, root, 1 - root)) < 1e-17
-    nodes, weights = gauss(3)
-    outer = mpmath.sqrt(mpmath.mpf(3) / 5)
-    assert apart(nodes, [(1 - outer) / 2, 0.5, (1 + outer) / 2]) < 1e-58
-    assert apart(weights, [mpmath.mpf(n) / 18 for n in (5, 8, 5)]) < 1e-58
-    nodes, weights = collected.lobatto(3)
-    assert abs(mpmath.fdot(weights, [x**5 for x in nodes]) - mpmath.mpf(1) / 6) < 1e-55
     # McLachlan 1995, BIT; REBOUND's `reb_saba_cc`, whose halves stand at either end of the step
-    assert mpmath.nstr(collected.FILE.numbers("mclachlan-aba-84")[0], 15) == "0.0753469602698929"
+    assert mpmath.nstr(polished_numbers("mclachlan-aba-84")[0], 15) == "0.0753469602698929"
     known = {2: 0.01116454968463011276968973577, 3: 0.005634593363122809402267823769, 4: 0.003396775048208601331532}
     for n, c in known.items():
-        first, *_, last = force_gradient.FILE.steps(f"sabac-{n}")
+        first, *_, last = steps(f"sabac-{n}")
         assert float(first[2] + last[2]) == pytest.approx(c, rel=1e-15)
 
 
-@pytest.mark.parametrize("table", processed.TABLES, ids=lambda t: t.name)
+@pytest.mark.parametrize("n", range(2, 11))
+def test_saba_and_sbab_kick_at_the_nodes_of_gauss_and_lobatto(n):
+    for name, rule in ((f"saba-{n}", gauss_legendre(n, 55)), (f"sbab-{n}", gauss_lobatto(n + 1, 55))):
+        at, found = mpmath.mpf(0), []
+        for letter, weight in steps(name):
+            if letter == "A":
+                at += weight
+            else:
+                found += [at, weight]
+        assert apart(found, [x for pair in sorted(rule) for x in pair]) < ROUND_OFF
+
+
+@pytest.mark.parametrize("table", GROUPS["processed"], ids=lambda t: t.name)
 def test_a_kernel_needs_its_processor(table):
     """The kernel alone has a lower order; a record has the order of the systems it runs on."""
-    found = residuals(table.kind, processed.kernel(table.name), max(table.order))
+    found = residuals(table.kind, table.kernel(polished_numbers(table.name)), max(table.order))
     assert excess(found, table.order) > VISIBLE
     made, order = method(table.name), table.classical_order
     if "quadratic kinetic energy" in made.requires:
-        found = residuals("nystrom", processed.FILE.steps(table.name), made.order + 1)
+        found = residuals("nystrom", steps(table.name), made.order + 1)
         assert excess(found, (made.order,)) < 1e-16
         assert min(leading_norms(found, (made.order,))) > VISIBLE
         assert made.order > order
@@ -163,12 +162,11 @@ def test_a_kernel_needs_its_processor(table):
         assert made.order == order
 
 
-@pytest.mark.parametrize("name", [t.name for t in force_gradient.TABLES if t.hessian_free and t.order[0] == 6])
+@pytest.mark.parametrize("name", [t.name for t in GROUPS["force_gradient"] if t.hessian_free and t.order[0] == 6])
 def test_order_6_without_the_hessian_needs_one_more_condition(name):
     """The second force differs by c^2 / b at degree 5; the methods of order 6 with the Hessian do not meet this."""
     sums = [
-        abs(mpmath.fsum(c * c / b for letter, b, c in force_gradient.FILE.steps(x) if letter == "B"))
-        for x in (name, "omelyan-6-5f3g-p")
+        abs(mpmath.fsum(c * c / b for letter, b, c in steps(x) if letter == "B")) for x in (name, "omelyan-6-5f3g-p")
     ]
     assert sums[0] < ROUND_OFF
     assert sums[1] > 1e-5
@@ -184,10 +182,7 @@ def test_polishing_again_finds_the_same_numbers(name):
 
 @pytest.mark.parametrize("name", ["forest-ruth", "chin-4b", "blanes-casas-ros-p2"])
 def test_stored_numbers_are_those_of_the_command(name):
-    if name in OF_FILE:
-        assert OF_FILE[name].entry(OF_FILE[name].table(name)) == OF_FILE[name].stored[name]
-    else:
-        assert entry(BY_NAME[name]) == coefficients.read_polished()[name]
+    assert entry(BY_NAME[name]) == coefficients.read_polished()[name]
 
 
 def test_polished_numbers_are_the_nearest_of_their_family():
@@ -214,7 +209,7 @@ COUNTED = {
 
 @pytest.mark.parametrize("name", COUNTED)
 def test_the_number_of_order_conditions(name):
-    assert len(residual(BY_NAME[name], polished_numbers(name))) == COUNTED[name]
+    assert len(BY_NAME[name].residual(polished_numbers(name))) == COUNTED[name]
 
 
 def test_accuracy_of_printed_numbers():
@@ -244,7 +239,7 @@ def test_a_start_without_a_near_solution_is_refused():
     with pytest.raises(ArithmeticError, match="ruth-3"):
         polish(table, [x + mpmath.mpf("1e-9") for x in starting_values(table)])
     with pytest.raises(ArithmeticError, match="has not the order 6"):
-        force_gradient.polish(replace(force_gradient.FILE.table("chin-4b"), order=(6,)))
+        polish(replace(BY_NAME["chin-4b"], order=(6,)))
 
 
 @pytest.fixture
@@ -253,7 +248,6 @@ def edit_table(monkeypatch):
 
     def enter(table):
         monkeypatch.setitem(BY_NAME, table.name, table)
-        monkeypatch.setattr(__main__, "TABLES", tuple(BY_NAME.values()))
         coefficients.describe.cache_clear()
         return table
 
@@ -269,18 +263,18 @@ def test_an_edited_table_is_polished_on_demand(edit_table, tmp_path, monkeypatch
     with pytest.warns(UserWarning, match=r"blanes-moan-s6 is new or was edited.*python -m phasebench\.integrators"):
         after = polished_numbers(name)
     assert 1e-12 < apart(before, after) < 1e-9
-    assert max(map(abs, residual(edited, after))) < ROUND_OFF
+    assert edited.excess(after) < ROUND_OFF
     monkeypatch.setattr(__main__, "POLISHED", tmp_path / "polished.json")
     __main__.main([])
     written = json.loads((tmp_path / "polished.json").read_text())
     assert [x for x, kept in written.items() if kept != coefficients.read_polished()[x]] == [name]
-    assert apart([value(x) for part in "ab" for x in written[name][part]], after) == 0
+    assert apart(list(map(value, written[name]["numbers"])), after) == 0
     edit_table(replace(BY_NAME["ruth-3"], b=("7/24", "3/4", "1/24")))
     with pytest.warns(UserWarning, match="edited"), pytest.raises(ArithmeticError, match="ruth-3"):
         splittings.weights(BY_NAME["ruth-3"])
 
 
-OLD = {"b": ["as it was"]}
+OLD = {"numbers": ["as it was"]}
 
 
 @pytest.fixture
@@ -288,7 +282,6 @@ def command(monkeypatch, tmp_path, capsys):
     """Function (tables, stored numbers, names) -> (written file, output) of the command that refines coefficients."""
 
     def run(tables, kept, *names):
-        monkeypatch.setattr(coefficients, "TABLES", tuple(tables))
         monkeypatch.setattr(coefficients, "BY_NAME", {t.name: t for t in tables})
         monkeypatch.setattr(coefficients, "read_polished", lambda: kept)
         monkeypatch.setattr(coefficients, "POLISHED", path := tmp_path / "polished.json")
@@ -307,7 +300,7 @@ def test_the_command_polishes_new_edited_and_named_tables(command, tmp_path):
     assert list(written) == ["left", "new", "edited", "named"]
     assert written["left"] == kept["left"]
     assert written["new"] == written["edited"] == written["named"] == made
-    assert value(made["b"][0]) == mpmath.mpf("0.5")
+    assert value(made["numbers"][1]) == mpmath.mpf("0.5")
     assert made["residual_before"] == "2.0e-8"
     assert len(said.splitlines()) == 3
     with pytest.raises(InvalidInput, match="did you mean made-up"):
@@ -316,23 +309,7 @@ def test_the_command_polishes_new_edited_and_named_tables(command, tmp_path):
 
 def test_the_command_leaves_current_entries_byte_identical(command):
     before = coefficients.POLISHED.read_text()
-    assert command(TABLES, coefficients.read_polished()) == (before, "")
-
-
-def test_a_file_polishes_what_is_new_and_keeps_the_rest(tmp_path, monkeypatch, capsys):
-    kept = collected.TABLES[0].name
-    file = polished_file.PolishedFile("phasebench.integrators.coefficients.collected", [MADE_UP, collected.TABLES[0]])
-    monkeypatch.setattr(file, "path", tmp_path / "numbers.json")
-    monkeypatch.setattr(file, "stored", {kept: collected.FILE.stored[kept], "gone": {}})
-    file.write()
-    written = json.loads(file.path.read_text())
-    assert list(written) == ["made-up", kept]
-    assert value(written["made-up"]["numbers"][1]) == mpmath.mpf("0.5")
-    assert written[kept] == collected.FILE.stored[kept]
-    with pytest.warns(UserWarning, match=r"made-up is new.*python -m phasebench\.integrators\.coefficients\.collected"):
-        assert file.steps("made-up")[0] == ("B", mpmath.mpf("0.5"))
-    with pytest.raises(InvalidInput, match="did you mean made-up"):
-        file.numbers("made-op")
+    assert command(BY_NAME.values(), coefficients.read_polished()) == (before, "")
 
 
 # -- records ----------------------------------------------------------------------------------------------------------

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import mpmath
@@ -14,10 +13,8 @@ from phasebench.benchmarks.measure import oscillator
 from phasebench.benchmarks.measure.battery import SYSTEMS
 from phasebench.benchmarks.measure.integrator import integrator
 from phasebench.benchmarks.problems import problem
-from phasebench.integrators import Hamiltonian
-from phasebench.integrators.coefficients import force_gradient as tables
-from phasebench.integrators.coefficients.fractions import DIGITS
-from phasebench.integrators.coefficients.table import is_exact, value
+from phasebench.integrators import Hamiltonian, coefficients
+from phasebench.integrators.coefficients.force_gradient import residuals
 from phasebench.integrators.compile.codegen import TUPLE_LIMIT
 from phasebench.integrators.driver import integrate
 from phasebench.integrators.ensemble import integrate_ensemble
@@ -29,81 +26,18 @@ from support import step_matrices as exact
 from support.solutions import last
 from support.systems import chain
 
-ROUND_OFF, VISIBLE = mpmath.mpf("1e-50"), mpmath.mpf("1e-12")
 IDS = [m.id for m in METHODS if m.family == "force_gradient"]
 HESSIAN_FREE = [m.id for m in METHODS if m.family == "force_gradient" and m.data[1]]
-each_table = pytest.mark.parametrize("table", tables.TABLES, ids=lambda t: t.name)
-
-
-# -- coefficients -----------------------------------------------------------------------------------------------------
-
-
-def largest(residuals) -> mpmath.mpf:
-    """Size of the largest coefficient."""
-    return max(abs(x) for r in residuals for x in r)
-
-
-@each_table
-def test_the_order_follows_from_the_coefficients(table):
-    """All words up to the order vanish; one of the next degree does not."""
-    found = tables.residuals(tables.FILE.steps(table.name), table.order[0] + 1)
-    assert largest(found[:-1]) < ROUND_OFF
-    assert largest(found[-1:]) > VISIBLE
-
-
-@each_table
-def test_control_a_number_off_by_1e_12_is_seen(table):
-    steps = list(tables.FILE.steps(table.name))
-    for k, (letter, weight, c) in enumerate(steps):
-        moved = [(letter, weight + VISIBLE, c)] + ([(letter, weight, c + VISIBLE)] if letter == "B" else [])
-        for other in moved[: 1 if table.order[0] == 2 else 2]:
-            changed = [*steps[:k], other, *steps[k + 1 :]]
-            assert largest(tables.residuals(changed, min(3, table.order[0]))) > VISIBLE / 1000
-
-
-@each_table
-def test_polished_numbers_agree_with_the_published_digits(table):
-    stored = tables.FILE.stored[table.name]
-    assert stored["published"] == table.digest, "python -m phasebench.integrators.coefficients.force_gradient"
-    with mpmath.workdps(DIGITS):
-        for text, number in zip(table.published, stored["numbers"], strict=True):
-            assert abs(value(number) - value(text)) <= table.accuracy
-            assert not is_exact(text) or number == text
-
-
-@pytest.mark.parametrize("name", ["chin-4b", "omelyan-4-3f1g-p"])
-def test_polishing_again_finds_the_same_numbers(name):
-    table = tables.FILE.table(name)
-    assert tables.FILE.entry(table) == tables.FILE.stored[name]
-    with pytest.raises(ArithmeticError, match="has not the order 6"):
-        tables.polish(replace(table, order=(6,)))
-
-
-@pytest.mark.parametrize("name", [t.name for t in tables.TABLES if t.hessian_free and t.order[0] == 6])
-def test_order_6_without_the_hessian_needs_one_more_condition(name):
-    """The second force differs by c^2 / b at degree 5; the methods of order 6 with the Hessian do not meet this."""
-
-    def sum_of(steps):
-        return abs(mpmath.fsum(c * c / b for letter, b, c in steps if letter == "B"))
-
-    with mpmath.workdps(DIGITS):
-        assert sum_of(tables.FILE.steps(name)) < ROUND_OFF
-        assert sum_of(tables.FILE.steps("omelyan-6-5f3g-p")) > 1e-5
-
-
-def test_correctors_are_those_of_rebound():
-    """REBOUND's `reb_saba_cc` for SABA_2 to SABA_4, whose halves stand at either end of the step."""
-    known = {2: 0.01116454968463011276968973577, 3: 0.005634593363122809402267823769, 4: 0.003396775048208601331532}
-    for n, c in known.items():
-        first, *_, last = tables.FILE.steps(f"sabac-{n}")
-        assert first[1] == last[1] == 0
-        assert float(first[2] + last[2]) == pytest.approx(c, rel=1e-15)
 
 
 def test_chin_4a_with_a_plain_kick_has_order_2():
     """The gradient is what makes the order 4."""
-    without = [(letter, weight, 0 * c) for letter, weight, c in tables.FILE.steps("chin-4a")]
-    assert largest(tables.residuals(without, 2)) < ROUND_OFF < largest(tables.residuals(without, 3))
+
+    def largest(degree):
+        return max(abs(x) for r in residuals(without, degree) for x in r)
+
+    without = [(letter, weight, 0 * c) for letter, weight, c in coefficients.steps("chin-4a")]
+    assert largest(2) < mpmath.mpf("1e-50") < largest(3)
 
 
 # -- steps beside an independent implementation in 30 digits -----------------------------------------------------------
@@ -197,7 +131,7 @@ def test_stability_limits_follow_from_the_step_matrix(id):
         return sp.Matrix([[1, 0], [-b * exact.Z + 2 * c * exact.Z**3, 1]])
 
     parts = []
-    for letter, weight, c in tables.FILE.steps(id):
+    for letter, weight, c in coefficients.steps(id):
         a, c = (sp.Float(str(x), exact.DIGITS) for x in (weight, c))
         parts.append(exact.drift(a) if letter == "A" else kick(a, c))
     wanted = float(exact.first_end(exact.product(*parts)))

@@ -2,35 +2,27 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import mpmath
 import numpy as np
 import pytest
 
-from phasebench.integrators.coefficients import processed as tables
+from phasebench.integrators.coefficients import BY_NAME, GROUPS
 from phasebench.integrators.coefficients.order_conditions import (
-    TOLERANCE,
-    VISIBLE,
-    excess,
-    leading_norms,
     residuals,
 )
-from phasebench.integrators.coefficients.polish import polish, starting_values
-from phasebench.integrators.coefficients.table import is_exact, value
+from phasebench.integrators.coefficients.polish import starting_values
+from phasebench.integrators.coefficients.processed import inverse
 from phasebench.integrators.driver import integrate
 from phasebench.integrators.ensemble import integrate_ensemble
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.records import processed as records
-from phasebench.integrators.registry import method
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
 from support import processed_steps
 from support.coefficient_tables import full_precision as full_precision
 from support.solutions import apart
 
-FILE = tables.FILE
-IDS = list(FILE.tables)
-each = pytest.mark.parametrize("table", tables.TABLES, ids=lambda t: t.name)
+IDS = [t.name for t in GROUPS["processed"]]
+each = pytest.mark.parametrize("table", GROUPS["processed"], ids=lambda t: t.name)
 PENDULUM = Hamiltonian(q="q", p="p", H="p**2/2 - cos(q)")
 
 
@@ -40,46 +32,10 @@ def plain(of_each):
     return of_each(processed_steps)
 
 
-# -- coefficients -----------------------------------------------------------------------------------------------------
-
-
-@each
-def test_the_order_with_the_processor_is_the_declared_one(table):
-    """All residuals up to the order vanish; one of the next degree does not."""
-    found = residuals(table.kind, FILE.steps(table.name), max(table.order) + 1)
-    assert excess(found, table.order) < TOLERANCE
-    assert min(leading_norms(found, table.order)) > VISIBLE
-
-
-@each
-def test_control_the_kernel_alone_has_a_lower_order(table):
-    found = residuals(table.kind, tables.kernel(table.name), max(table.order))
-    assert excess(found, table.order) > VISIBLE
-
-
-@each
-def test_control_a_number_off_by_1e_12_is_seen(table):
-    """Numbers are changed before those that follow from them, so that every sum stays."""
-    degree = max(table.order)
-    for k in range(len(table.published)) if degree < 8 else (0, -1):
-        moved = list(FILE.numbers(table.name))
-        moved[k] += VISIBLE
-        assert excess(residuals(table.kind, table.steps(moved), degree), table.order) > TOLERANCE, k
-
-
-@each
-def test_polished_numbers_agree_with_the_published_digits(table):
-    stored = FILE.stored[table.name]
-    assert stored["published"] == table.digest, FILE.command
-    for text, number in zip(table.published, stored["numbers"], strict=True):
-        assert abs(value(number) - value(text)) <= table.accuracy
-        assert not is_exact(text) or number == text
-
-
 @each
 def test_numbers_that_are_left_out_follow_from_sums(table):
     """The fractions, drifts and kicks of a kernel add up to 1; a composition's processor to 0."""
-    kernel, pre = tables.kernel(table.name), tables.pre(table.name)
+    kernel, pre = records.parts_of(table)
     parts = [kernel] if table.gamma else [[w for x, w in kernel if x == letter] for letter in "AB"]
     assert all(abs(mpmath.fsum(part) - 1) < 1e-55 for part in parts)
     if table.gamma:
@@ -87,36 +43,17 @@ def test_numbers_that_are_left_out_follow_from_sums(table):
         assert abs(mpmath.fsum(pre[: len(pre) // 2])) < 1e-55
 
 
-def test_polishing_again_finds_the_same_numbers():
-    table = FILE.tables["blanes-casas-ros-p3"]
-    assert FILE.entry(table) == FILE.stored[table.name]
-    with pytest.raises(ArithmeticError, match="singular"):
-        polish(replace(table, order=(8, 6, 4)))
-
-
-def test_an_edited_table_is_polished_with_a_warning(monkeypatch):
-    table = FILE.tables["blanes-casas-ros-p2"]
-    monkeypatch.setitem(FILE.tables, "edited", replace(table, name="edited"))
-    monkeypatch.setattr(FILE, "stored", dict(FILE.stored))
-    with pytest.warns(UserWarning, match=r"edited is new.*coefficients\.processed"):
-        found = FILE.numbers("edited")
-    assert apart(found, FILE.numbers(table.name)) < 1e-55
-    with pytest.raises(InvalidInput, match="did you mean"):
-        FILE.numbers("blanes-casas-ros-p5")
-
-
 def test_the_inverse_runs_backwards():
-    first = tables.pre("blanes-casas-ros-p4")
-    found = residuals("splitting", first + tables.inverse(first), 5)
+    _, first = records.parts_of(BY_NAME["blanes-casas-ros-p4"])
+    found = residuals("splitting", first + inverse(first), 5)
     exact = residuals("splitting", [], 5)
     assert all(apart(found[key], exact[key]) < 1e-55 for key in found)
 
 
 def test_starting_values_leave_out_implied_numbers():
-    table = FILE.tables["blanes-casas-murua-p11-6"]
+    table = BY_NAME["blanes-casas-murua-p11-6"]
     assert len(starting_values(table)) == len(table.published) == 7
-    assert len(tables.kernel(table.name)) == 11
-    assert len(tables.pre(table.name)) == 12
+    assert list(map(len, records.parts_of(table))) == [11, 12]
 
 
 # -- runs -------------------------------------------------------------------------------------------------------------
@@ -141,8 +78,8 @@ def test_doubles_agree_to_round_off(plain, id):
 @pytest.mark.parametrize("id", IDS)
 def test_steps_between_rows_cost_the_kernel_alone(id):
     """A row costs the processor and its inverse; the last kick of a step is the first of the next."""
-    kernel = records.weights(records.letters(tables.kernel(id)))
-    pre = records.rows(records.letters(tables.pre(id)))
+    kernel, pre = map(records.letters, records.parts_of(BY_NAME[id]))
+    kernel, pre = records.weights(kernel), records.rows(pre)
     own = sum(b != 0 for b in kernel[1][1:])
     own += kernel[1][0] != 0 and kernel[1][-1] == 0
     first = 2 * (kernel[1][0] != 0)
@@ -173,16 +110,3 @@ def test_a_processed_method_refuses_a_system_that_is_not_separable():
     coupled = Hamiltonian(q="q", p="p", H="p**2*(1 + q**2)/2")
     with pytest.raises(InvalidInput, match="separable"):
         integrate(coupled, "blanes-p7-6", h=0.1, steps=1, q0=[1.0], p0=[0.0])
-
-
-@each
-def test_the_order_of_a_record_is_that_of_the_systems_it_runs_on(table):
-    """That of the last power of eps, or what the conditions show where T is quadratic; there to the printed digits."""
-    made = method(table.name)
-    if "quadratic kinetic energy" in made.requires:
-        found = residuals("nystrom", FILE.steps(table.name), made.order + 1)
-        assert excess(found, (made.order,)) < 1e-16
-        assert min(leading_norms(found, (made.order,))) > VISIBLE
-        assert made.order > table.classical_order
-    else:
-        assert made.order == table.classical_order

@@ -11,8 +11,7 @@ import mpmath
 
 from phasebench.benchmarks.measure.multiprecision import advance, displacement, start
 from phasebench.benchmarks.measure.step_map import jacobian
-from phasebench.integrators import Hamiltonian
-from phasebench.integrators.coefficients import force_gradient as tables
+from phasebench.integrators import Hamiltonian, coefficients
 from phasebench.integrators.compile.codegen import MULTIPRECISION, precision
 from phasebench.integrators.driver import integrate
 from phasebench.integrators.records.force_gradient import rows
@@ -93,7 +92,7 @@ def of(id: str) -> dict:
     """
     free, out = ALL[id].data[1], {"distance": [], "control": [], "ends": []}
     with precision(DIGITS):
-        weights = closed_forms().get(id, rows(tables.FILE.steps(id)))
+        weights = closed_forms().get(id, rows(coefficients.steps(id)))
         for steps in STEPS:
             wanted = plain(weights, free, steps)
             s = integrate(SYSTEM, id, h=H, steps=steps, q0=START[0], p0=START[1], arithmetic=MULTIPRECISION)

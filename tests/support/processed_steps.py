@@ -9,9 +9,7 @@ import json
 
 import mpmath
 
-from phasebench.integrators import Hamiltonian
-from phasebench.integrators.coefficients import processed
-from phasebench.integrators.coefficients.table import value
+from phasebench.integrators import Hamiltonian, coefficients
 from phasebench.integrators.compile.codegen import MULTIPRECISION, precision
 from phasebench.integrators.driver import integrate
 from support.force_gradients import DIGITS, START, STEPS, H
@@ -70,8 +68,7 @@ def of(id: str) -> dict:
     """
     out = {"distance": [], "control": [], "ends": []}
     with precision(DIGITS):
-        table = processed.FILE.tables[id]
-        numbers = [value(x) for x in processed.FILE.stored[id]["numbers"]]
+        table, numbers = coefficients.table(id), coefficients.polished_numbers(id)
         pre, kernel = table.pre(numbers), table.kernel(numbers)
         post = [(x[0], -x[1]) if isinstance(x, tuple) else -x for x in pre[::-1]]
         last = pre[-1]
@@ -88,4 +85,4 @@ def of(id: str) -> dict:
 
 
 if __name__ == "__main__":
-    print(json.dumps({"result": {id: of(id) for id in processed.FILE.tables}}))
+    print(json.dumps({"result": {id: of(id) for id in [t.name for t in coefficients.GROUPS["processed"]]}}))
