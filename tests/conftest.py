@@ -52,7 +52,6 @@ LONGEST = (
     "test_orders",
     "test_pages",
     "test_symplectic",
-    "test_properties",
     "test_adjoint",
     "test_scaling",
     "test_perturbed",

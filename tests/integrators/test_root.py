@@ -8,15 +8,12 @@ import pytest
 from phasebench.integrators.stepping import energy_model as model
 from phasebench.integrators.stepping.energy_model import ALONG, FIRST, LATEST, Search
 from phasebench.integrators.stepping.solve import LEVELS, NOT_FINITE, SOLVED
-from support.curves import EXACT, NEAR, UNIT, from_roots, look, model_of
-
-# -- the search -------------------------------------------------------------------------------------------------------
+from support.curves import EXACT, UNIT, from_roots, look, model_of
 
 
-@pytest.mark.parametrize("followed", [True, False])
-@pytest.mark.parametrize("sign", [1, -1])
-@pytest.mark.parametrize("root", [1e-6, 0.03, 0.3, 0.9])
-@pytest.mark.parametrize("bend", [0.0, 0.4, -0.4])
+@pytest.mark.parametrize(("followed", "sign"), [(True, 1), (False, -1)])
+@pytest.mark.parametrize("root", [1e-6, 0.03, 0.9])
+@pytest.mark.parametrize("bend", [0.4, -0.4])
 def test_a_single_root_is_found_to_round_off(followed, sign, root, bend):
     """E = (x - root)(1 + bend x), whose other root is beyond 2."""
     s = look(np.convolve([-sign * root, 1.0], [1.0, bend]), followed=followed)
@@ -45,21 +42,6 @@ def test_a_step_without_a_solution_at_zero_is_reported():
     assert len(s.tried) == 1
 
 
-def test_zero_is_solved_again_if_its_error_is_small():
-    """The step at 0 was solved only to a hundredth of the previous error."""
-    for E0, exact in ((1e-7, True), (-1e-7, True), (1e-4, False), (-1e-4, False)):
-        models = model_of()
-        models[0, [model.START, model.UNIT]] = 1e-3, UNIT
-        s = look([E0, 1.0], models, blur=0.3 if exact else 0.0)
-        assert s.found
-        assert s.x == pytest.approx(-E0, abs=2 * UNIT)
-        assert s.tried[0] == pytest.approx([0.0, FIRST, 1e7, 0.0])
-        assert (s.tried[1, 0] == 0) == exact
-        if exact:
-            assert s.tried[1].tolist() == [0.0, LATEST, 1.0, 0.0]
-        assert models[0, model.START] == E0
-
-
 @pytest.mark.parametrize("followed", [True, False])
 def test_the_root_of_the_model_is_tried_first(followed):
     """The model of E is exact here: the search tries its root after 0, and leaves it unchanged."""
@@ -73,14 +55,6 @@ def test_the_root_of_the_model_is_tried_first(followed):
     assert s.tried[2, 2] == 1
     assert models[0, [model.SLOPE, model.CURVATURE]] == pytest.approx([-1.4, 1.0], rel=1e-9)
     assert models[0, [model.RATE, model.BEND, model.STREAK]].tolist() == [0, 0, 1]
-
-
-def test_without_a_root_of_the_model_the_default_is_tried():
-    for slope, curvature in ((0.0, 0.0), (1e-3, 0.0), (-1e-3, 0.0), (0.1, -1.0)):
-        s = look([-0.03, 0.3], model_of(slope, curvature))
-        assert s.tried[1, 0] == NEAR.first
-        assert s.x == pytest.approx(0.1, abs=10 * UNIT)
-    assert look([-2.0, 1.0], model_of(1.0)).tried[1:3, 0].tolist() == [-2.0, 2.0], "it is within"
 
 
 @pytest.mark.parametrize(
@@ -103,25 +77,6 @@ def test_a_prediction_near_the_root_of_the_model_is_tried(predicted, streak, fol
     assert models[0, model.MISSED] == pytest.approx(abs(s.x - predicted), nan_ok=True)
 
 
-def test_after_a_search_only_the_slope_is_known():
-    models = model_of(1.0)
-    models[0, [model.STREAK, model.RATE, model.BEND, model.AGE]] = -2.0, 5.0, 5.0, 0.0
-    s = look([-0.05, 1.25], models)
-    assert s.tried[1, 0] == 0.05, "the rate is not used"
-    assert models[0, [model.SLOPE, model.RATE, model.BEND, model.AGE]] == pytest.approx([1.25, 0, 0, 0])
-    assert models[0, model.STREAK] == -1
-
-
-@pytest.mark.parametrize("streak", [1, model.FOLLOWED])
-def test_a_search_after_following_extrapolates_the_slope(streak):
-    models = model_of(1.0)
-    models[0, [model.STREAK, model.RATE]] = streak, 0.25
-    s = look([-0.05, 1.25], models)
-    assert s.tried[:, 0] == pytest.approx([0.0, 0.04, 0.04])
-    assert models[0, [model.SLOPE, model.RATE, model.BEND, model.AGE]] == pytest.approx([1.25, 0.25, 0, 0])
-    assert models[0, model.STREAK] == 1
-
-
 @pytest.mark.parametrize(("curvature", "followed"), [(7.0, True), (8.0, False)])
 def test_a_root_is_followed_if_the_model_has_no_other_near(curvature, followed):
     """At x = 0.1 the slope is 1 + 0.2 c with curvature c; 0.3 times that must exceed 0.1 c."""
@@ -131,9 +86,6 @@ def test_a_root_is_followed_if_the_model_has_no_other_near(curvature, followed):
     assert s.found
     assert s.x == pytest.approx(0.1)
     assert (s.tried[0, 0] == 0) != followed
-
-
-# With several roots.
 
 
 def test_for_distant_roots_the_other_side_is_tried_first():
@@ -147,62 +99,6 @@ def test_for_distant_roots_the_other_side_is_tried_first():
     assert models[0, [model.SLOPE, model.CURVATURE]] == pytest.approx([-0.3, 1.0])
     assert look(-c, model_of(-0.2)).x == pytest.approx(-0.2, abs=UNIT)
     assert look([-0.1, 1.0], model_of(1.0)).tried[1, 0] == 0.1, "a tenth is not beyond it"
-
-
-def test_the_other_side_without_a_root_corrects_the_model():
-    for sign in (1, -1):
-        models = model_of(-0.9 * sign)
-        s = look(sign * from_roots(0.5, 0.9), models)
-        assert s.x == pytest.approx(0.5, abs=UNIT)
-        assert s.tried[:3, 0] == pytest.approx([0.0, -0.5, 0.5], abs=UNIT)
-        assert models[0, [model.SLOPE, model.CURVATURE]] == pytest.approx([-1.4 * sign, sign])
-
-
-def test_the_other_side_is_left_if_steps_fail_there():
-    s = look([-0.5, 1.0], model_of(1.0), within=(-0.3, np.inf))
-    assert s.tried[:3, 0] == pytest.approx([0.0, -0.5, 0.5])
-    assert s.x == pytest.approx(0.5)
-
-
-def test_an_infinite_error_on_the_other_side_means_a_root():
-    """The root is then searched halfway."""
-    with np.errstate(all="ignore"):
-        s = look([0.0], model_of(1.0), errors=[-0.5 / UNIT, np.inf])
-    assert s.tried[:3, 0] == pytest.approx([0.0, -0.5, -0.25])
-    assert s.tried[1, 2] > 1
-
-
-def test_the_other_root_of_the_parabola_is_tried_if_nearer():
-    for far, nearest in ((-0.05, -0.05), (-0.2, 0.09)):
-        c = from_roots(0.09, far)
-        bend = 0.5 if far == -0.05 else 2.0
-        slope = -c[0] / 0.09 - bend * 0.09
-        s = look(c, model_of(slope, bend))
-        assert s.tried[1, 0] == pytest.approx(0.09)
-        assert np.abs(s.tried[:, 0] - c[0] / (bend * 0.09)).min() < 1e-12
-        assert s.found
-        assert s.x == s.at == pytest.approx(nearest, abs=10 * UNIT)
-    s = look(c, model_of(-c[0] / 0.09 - 0.1 * 0.09, 0.1))
-    assert len(s.tried) == 3, "the other root of the model is far"
-
-
-# Muller's method.
-
-
-def test_the_model_left_is_the_parabola_of_three_attempts():
-    """For a parabola the fourth attempt is its root; in general the model is the parabola through the first three."""
-    for c in ([-0.04, 1.0, 0.7], [0.04, -1.0, 0.7], [-0.04, 1.0, -0.7, 1.0], [-0.04, 1.0, -0.7, 0.0, -3.0]):
-        models = model_of()
-        s = look(c, models)
-        xs = list(dict.fromkeys(s.tried[:, 0].tolist()))
-        parabola = np.polynomial.polynomial.polyfit(xs[:3], np.polynomial.polynomial.polyval(xs[:3], c), 2)
-        assert models[0, [model.SLOPE, model.CURVATURE]] == pytest.approx(parabola[1:], rel=1e-6)
-        assert xs[3] == pytest.approx(model.smaller_root(*parabola), rel=1e-6)
-        if len(c) == 3:
-            assert s.x == pytest.approx(xs[3], abs=10 * UNIT)
-            assert xs[2] == pytest.approx(-c[0] * 0.05 / (np.polyval(c[::-1], 0.05) - c[0])), "a secant"
-        assert s.found
-        assert len(xs) <= 7
 
 
 def test_a_search_ends_at_one_unit_or_stagnates_below_eight():
@@ -220,14 +116,6 @@ def test_a_search_ends_at_one_unit_or_stagnates_below_eight():
         assert s.found
         assert len(s.tried) == ends, errors
 
-
-def test_after_fourteen_attempts_the_search_goes_outwards():
-    s = look([0.0], model_of(1.0), errors=[1e6, *(1e5 * (-0.9) ** k for k in range(20))], unit=EXACT)
-    again = np.flatnonzero(s.tried[:, 1] == FIRST)
-    assert again[1] == 15
-
-
-# Search outwards from zero.
 
 OUT = Search(radius=2.0, first=0.05, near=0.0, ratio=2.0, points=5, slack=0.0)
 
@@ -265,45 +153,12 @@ def test_the_nearest_change_of_sign_on_either_side_is_found(sign):
         assert models[0, [model.SLOPE, model.CURVATURE]] == pytest.approx([-c[0] / s.x, 0.0])
 
 
-def test_the_second_side_is_searched_up_to_the_known_root():
-    s, _, below = outwards(from_roots(0.3, -0.31))
-    assert s.x == pytest.approx(0.3)
-    assert below[:4] == pytest.approx([0.0, -0.125, -0.25, -0.3])
-    assert below[4:] == pytest.approx([0.3])
-
-
-def test_a_bracket_is_narrowed_in_a_few_attempts():
-    """For functions of increasing curvature, for which the secant method alone would take hundreds of attempts."""
-    for power, most in ((1, 5), (2, 18), (4, 21)):
-        for end in (0.0, 0.9):
-            c = np.poly1d([1.0, -end]) ** power - (0.3 - end) ** power
-            s, above, _ = outwards(c.c[::-1], within=(-0.001, np.inf))
-            assert s.x == pytest.approx(0.3, abs=1e-9)
-            assert 4 < len(above) <= most
-            assert ((above[4:] > 0.25) & (above[4:] < 0.5)).all()
-
-
 def test_a_jump_across_zero_is_not_a_root():
     for sign in (1, -1):
         s, above, _ = outwards([-sign * 1e-3], jump=2e-3 * sign)
         assert (s.x, s.found, s.at) == (0.0, False, 0.0)
         assert np.abs(above - 0.3).min() < 1e-15
         assert len(above) < 100
-
-
-def test_a_root_at_the_radius_is_found():
-    s = look([-2.0, 1.0], search=NEAR._replace(first=0.0625, near=2.0))
-    assert (s.x, s.found) == (2.0, True)
-    assert s.tried[:, 0].tolist() == [0.0, 0.0625, 2.0, 2.0]
-
-
-def test_a_pair_of_roots_is_found_at_the_least_error():
-    for pair, nearest, ends in (((0.7, 0.72), 0.7, 5), ((0.44, 0.46), 0.44, 5)):
-        for sign in (1, -1):
-            s, above, _ = outwards(sign * from_roots(*pair))
-            assert s.x == pytest.approx(nearest, abs=1e-9)
-            assert above[:ends] == pytest.approx([0.0, 0.125, 0.25, 0.5, 1.0])
-            assert above[5] == pytest.approx(sum(pair) / 2), "where the parabola has its extremum"
 
 
 def test_a_minimum_without_a_root_is_passed():
@@ -316,13 +171,6 @@ def test_a_minimum_without_a_root_is_passed():
     assert above[7] == 2.0
 
 
-def test_a_branch_of_solutions_is_searched_to_its_end():
-    s, above, below = outwards([1.0, -1.0 / 0.8], within=(-0.3, 0.6))
-    assert not s.found
-    assert above.tolist() == [0.0, 0.125, 0.25, 0.5, 1.0]
-    assert below.tolist()[:4] == [0.0, -0.125, -0.25, -0.5]
-
-
 def test_without_a_root_the_step_is_that_at_zero():
     models = model_of(1.0)
     models[0, model.STREAK] = 3.0
@@ -330,15 +178,6 @@ def test_without_a_root_the_step_is_that_at_zero():
     assert (s.x, s.found, s.at, s.E, s.status) == (0.0, False, 0.0, 1.0, SOLVED)
     assert s.tried[-1].tolist() == [0.0, FIRST, 1.0, 0.0]
     assert models[0, model.STREAK] == -LEVELS
-
-
-@pytest.mark.parametrize(("near", "far"), [(0.5, False), (0.25, True), (0.49999, True)])
-def test_a_distant_root_is_confirmed_by_an_outward_search(near, far):
-    s = look([-0.5, 1.0], model_of(1.0), search=OUT._replace(near=near))
-    assert s.x == pytest.approx(0.5)
-    assert s.found
-    assert (len(s.tried) > 4) == far
-    assert ((s.tried[3:, 1] == LATEST).sum() > 3) == far
 
 
 @pytest.mark.parametrize(("units", "slack", "kept"), [(5, 8, True), (8, 8, True), (8.1, 8, False), (5, 0, False)])

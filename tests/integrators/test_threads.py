@@ -23,42 +23,10 @@ def test_every_piece_is_done_once(n, count):
     assert numbers(map_slices(lambda part: part, n, count)) == list(range(n))
 
 
-def test_slices_for_several_threads_become_smaller():
-    assert list(Slices(100, 1)) == [slice(0, 100)]
-    sizes = [part.stop - part.start for part in Slices(100, 2)]
-    assert sizes[0] == 25
-    assert sizes == sorted(sizes, reverse=True)
-    assert sizes[-1] == 1
-
-
 def test_short_work_is_not_split_into_tiny_slices():
     slices = Slices(1000, 2)
     slices.adapt(slice(40, 50), threads.LEAST / 10)
     assert [part.stop - part.start for part in slices] == [250, 188, 141, 106, 100, 100, 100, 15]
-
-
-def test_long_work_is_split_into_single_pieces():
-    slices = Slices(100, 2)
-    slices.adapt(slice(0, 10), 100 * threads.LEAST)
-    assert slices.fewest == 1
-
-
-def test_a_single_thread_is_not_timed_first():
-    assert list(map_slices(lambda part: part, MANY, 1)) == [slice(0, MANY)]
-    first, *_ = map_slices(lambda part: part, MANY, 2)
-    assert first == slice(0, 1)
-
-
-def test_work_of_one_slice_uses_no_second_thread(monkeypatch):
-    class Known(Slices):
-        def adapt(self, part, seconds):
-            self.fewest = MANY - 1
-
-    monkeypatch.setattr(threads, "Slices", Known)
-    monkeypatch.setattr(threads, "_helpers", None)  # would fail if called
-    assert list(map_slices(lambda part: part, MANY, 2)) == [slice(0, 1), slice(1, MANY)]
-    with pytest.raises(TypeError, match="not callable"):
-        list(map_slices(lambda part: part, MANY + 1, 2))
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="there is no fork")
@@ -132,9 +100,3 @@ def test_interrupted_work_is_halted_on_all_threads():
     with pytest.raises(KeyboardInterrupt):
         list(map_slices(work, 8, 2, halt))
     assert halt.is_set()
-
-
-def test_work_that_ends_is_not_halted():
-    halt = threading.Event()
-    assert numbers(map_slices(lambda part: part, 100, 2, halt)) == list(range(100))
-    assert not halt.is_set()
