@@ -65,18 +65,6 @@ def test_unused_plugin_imports_nothing_heavy(tmp_path):
     assert json.loads(re.search(r"LOADED (.*)", done.stdout)[1]) == []
 
 
-def test_commands_of_the_tutorials_workflow():
-    """The tutorial's workflow runs the commands that `.ci/plugin` runs."""
-    workflow = "".join(re.findall(r"```yaml\n(.*?)```", TUTORIAL, re.DOTALL))
-    claims = "--requires separable --claim order=2"
-    assert re.findall(r"- run: (.*)", workflow) == [
-        'python -m pip install "$PHASEBENCH" .',
-        "python -m pytest test_my_integrator.py",
-        f"phasebench validate ./my_integrator.py:leapfrog {claims} --output certificate",
-    ]
-    assert ".ci/plugin" in (ROOT / ".ci" / "run").read_text()
-
-
 def test_true_claims_return_and_false_claims_fail(request):
     claims_hold = importlib.import_module(PLUGIN).claims_hold
     for requires in ("separable", ("separable",)):

@@ -46,12 +46,8 @@ def test_state_and_energy_error_of_an_oscillator():
     moved = rows([0.0, 1.0, pi], [[1.0], [-1.0], [-1.0]], [[0.0], [0.0], [0.25]])
     assert error(made, state, moved, Truth(np.array([-1.0, 0.0]), 0.0, "")) == 0.25
     assert error(made, energy, moved) == pytest.approx(0.25**2)  # the terms of H add up to H0 = 1/2
-    assert error(made, energy, replace_status(moved)) == inf
-
-
-def replace_status(solution):
-    """The same rows with the status "diverged"."""
-    return SimpleNamespace(**vars(solution) | {"status": "diverged"})
+    moved.status = "diverged"
+    assert error(made, energy, moved) == inf
 
 
 def test_angles_are_compared_modulo_2_pi():
@@ -74,47 +70,7 @@ def test_perihelion_of_a_rotated_ellipse(anomaly):
     assert distance(quantity(made, "phase"), values(made, quantity(made, "phase"), turned), np.array([phase])) < 1e-14
 
 
-def test_phase_of_an_oscillator_is_omega_t():
-    made = problem("harmonic-oscillator")
-    omega = float(made.system.frequencies[0])
-    t = np.array([0.0, 0.4, 1.3])
-    q, p = 2 * np.cos(omega * t), -2 * omega * np.sin(omega * t)
-    assert values(made, quantity(made, "phase"), rows(t, q[:, None], p[:, None])) == pytest.approx([1.3 * omega])
-
-
-def test_average_is_time_weighted_and_scaled():
-    made = problem("kepler")  # e = 0.6 at the perihelion: p^2 / 2 = 2 and 1 / r = 2.5
-    assert scale(made) == pytest.approx(np.dot(made.p0, made.p0) / 2 + 1 / np.hypot(*made.q0))
-    moved = rows([0.0, 1.0, 4.0], [made.q0] * 3, [[2.0, 0.0], [2.0, 0.0], [0.0, 0.0]])
-    assert values(made, AVERAGE, moved) == pytest.approx([(2 * 1 + 1 * 3) / 4 / scale(made)])
-
-
-def test_oscillatory_energy_is_relative_to_the_first():
-    made = problem("fpu")
-    found = values(
-        made,
-        quantity(made, "adiabatic-invariant"),
-        rows(
-            np.arange(21),
-            [np.multiply(made.q0, 1 + k) for k in range(21)],
-            [np.multiply(made.p0, 1 + k) for k in range(21)],
-        ),
-    )
-    assert found == pytest.approx((1 + np.arange(1, 21)) ** 2), "it is a square of the state"
-
-
-def test_section_ignores_motion_along_the_orbit():
-    made = problem("henon-heiles:box")
-    section, state = quantity(made, "section"), quantity(made, "end-state")
-    early, late = (integrator("heyoka").run(made, t_end=t, save_every=0) for t in (10.0, 10.001))
-    at = values(made, section, early)
-    assert distance(section, at, values(made, section, late)) < 1e-13
-    assert distance(state, values(made, state, early), values(made, state, late)) > 1e-5
-    across = rows(early.t, early.q * [1, 1.001], early.p)
-    assert distance(section, at, values(made, section, across)) > 1e-7
-
-
-@pytest.mark.parametrize(("label", "t"), [("kepler", None), ("henon-heiles:box", 1000.0), ("duffing", 200.0)])
+@pytest.mark.parametrize(("label", "t"), [("kepler", None), ("henon-heiles:box", 1000.0)])
 def test_uncertainty_of_a_long_double_reference(label, t, monkeypatch):
     """The stated uncertainty bounds the distance from the certified state, which has some thirty digits."""
     made = problem(label)
@@ -137,14 +93,26 @@ def test_lyapunov_exponent_of_saddle_and_oscillator():
     assert abs(lyapunov.exponent(oscillator, t, np.cos(t)[:, None], -np.sin(t)[:, None])) < 1e-2
 
 
-def test_average_and_exponent_within_their_uncertainty():
-    made, t = problem("henon-heiles:chaotic"), 1000.0
-    for name, least in (("average", 1e-4), ("lyapunov", 1e-3)):
-        wanted = quantity(made, name)
-        true = truths.truth(made, wanted, t)
-        run = integrator("pefrl").run(made, t_end=t, **wanted.grid(steps=wanted.steps(20_000)))
-        assert least < true.uncertainty < 0.5 * np.abs(true.values).max()
-        assert error(made, wanted, run, true) < 2 * true.uncertainty
+def test_averages_and_oscillatory_energies():
+    """Time-weighted, in units of the terms of H; and a square of the state, relative to the first."""
+    made = problem("kepler")  # e = 0.6 at the perihelion: p^2 / 2 = 2 and 1 / r = 2.5
+    assert scale(made) == pytest.approx(2 + 2.5)
+    moved = rows([0.0, 1.0, 4.0], [made.q0] * 3, [[2.0, 0.0], [2.0, 0.0], [0.0, 0.0]])
+    assert values(made, AVERAGE, moved) == pytest.approx([(2 * 1 + 1 * 3) / 4 / scale(made)])
+    made, k = problem("fpu"), np.arange(1, 22)
+    moved = rows(k - 1, np.outer(k, made.q0), np.outer(k, made.p0))
+    assert values(made, quantity(made, "adiabatic-invariant"), moved) == pytest.approx(k[1:] ** 2)
+
+
+def test_section_ignores_motion_along_the_orbit():
+    made = problem("henon-heiles:box")
+    section, state = quantity(made, "section"), quantity(made, "end-state")
+    early, late = (integrator("heyoka").run(made, t_end=t, save_every=0) for t in (10.0, 10.001))
+    at = values(made, section, early)
+    assert distance(section, at, values(made, section, late)) < 1e-13
+    assert distance(state, values(made, state, early), values(made, state, late)) > 1e-5
+    across = rows(early.t, early.q * [1, 1.001], early.p)
+    assert distance(section, at, values(made, section, across)) > 1e-7
 
 
 def test_rows_required_by_a_quantity():

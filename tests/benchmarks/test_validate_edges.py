@@ -19,7 +19,6 @@ from phasebench.benchmarks.judge.evidence import Tables
 from phasebench.benchmarks.measure import coefficients
 from phasebench.benchmarks.measure.own_step import System
 from phasebench.integrators.errors import InvalidInput
-from support.evidence import verdicts
 from support.steps import leapfrog
 
 
@@ -57,24 +56,15 @@ def refuses(error):
     return step
 
 
-@pytest.mark.parametrize("error", [ValueError, NotConverged])
-def test_a_refusal_of_long_steps_leaves_the_stability_unmeasured(error):
-    row = behaviour.stability(subject(refuses(error), {}, ("separable",)))
-    assert "limit" not in row
-    assert "h is too large" in row["reason"]
+def test_a_refusal_of_long_steps_leaves_the_stability_unmeasured():
+    """A bug is told where it is claimed; a failure of the numbers leaves the claim open."""
+    for error, claims in ((ValueError, {}), (NotConverged, {}), (NotConverged, {"stability": 2.0})):
+        row = behaviour.stability(subject(refuses(error), claims, ("separable",)))
+        assert "limit" not in row
+        assert "h is too large" in row["reason"]
     assert behaviour.stability(subject(leapfrog, {}, ("separable",)))["limit"] == pytest.approx(2.0)
-
-
-def test_a_claimed_stability_is_not_judged_where_the_solver_fails():
-    """A bug is told, whatever is claimed; a failure of the numbers leaves the claim open."""
-    assert "limit" not in behaviour.stability(subject(refuses(NotConverged), {"stability": 2.0}, ("separable",)))
     with pytest.raises(StepFailed, match="ValueError: h is too large"):
         behaviour.stability(subject(refuses(ValueError), {"stability": 2.0}, ("separable",)))
-
-
-def test_coefficients_whose_equations_fail_at_long_steps_run():
-    found = verdicts(validate({"A": [["9/10"]], "b": [1]}, order=1))
-    assert (found["runs"], found["order"]) == ("holds", "holds")
 
 
 # -- what is a step, and what it says of itself -----------------------------------------------------------------------
@@ -120,22 +110,25 @@ def test_results_that_are_no_numbers_contradict_a_tolerance():
         assert CHECKS["tolerance"].judge(1e6, Tables({"tolerance": [row]})).verdict == expected
 
 
+@pytest.mark.parametrize("which", [0, 1], ids=["q", "p"])
+def test_an_adaptive_run_that_changes_what_it_was_given_is_found(which):
+    def changes(system, q, p, t_end, tol):
+        state = dop853(system, q, p, t_end, tol)
+        (q, p)[which][0] += 1e-3
+        return state
+
+    entry = battery.entries()[0]
+    assert adaptive.end(subject(dop853), entry, entry.start(0), 1e-4)[1] > 0
+    with pytest.raises(adaptive.InputChanged):
+        adaptive.end(subject(changes), entry, entry.start(0), 1e-4)
+
+
 # -- the problem of one's own -----------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("omega", [200.0, 1e-3])
-def test_an_adaptive_run_is_measured_in_the_problems_own_time(omega):
-    row = adaptive.tolerances(subject(dop853), battery.of_problem(oscillator(omega)), 0)
+def test_an_adaptive_run_is_measured_in_the_problems_own_time():
+    row = adaptive.tolerances(subject(dop853), battery.of_problem(oscillator(200.0)), 0)
     assert row["errors"][-1] < 1e-8 < row["errors"][0]
-
-
-def test_an_uncertain_reference_judges_no_tolerance(monkeypatch):
-    monkeypatch.setattr(adaptive, "KNOWN", 0.0)
-    made = validate(dop853, tolerance=1e6, problem=oscillator(1.0))
-    assert not made.tables.of("tolerance")
-    found = {j.name: (j.verdict, j.why) for j in made.claims}
-    assert found["tolerance"][0] == "not judged"
-    assert "the reference on" in made.tables.failed["tolerance"]
 
 
 def test_a_problem_at_rest_is_not_taken_for_reversible():
@@ -144,14 +137,6 @@ def test_a_problem_at_rest_is_not_taken_for_reversible():
     made = pb.Problem(id="coriolis", name="c", source="me", system=system, orbits=(rest,))
     assert not battery.of_problem(made).reversible
     assert battery.of_problem(oscillator(1.0)).reversible
-
-
-def test_a_problem_of_another_kind_is_named():
-    made = validate(leapfrog, order=2, requires="separable", problem="double-pendulum")
-    runs = next(j for j in made.claims if j.name == "runs")
-    order = next(j for j in made.claims if j.name == "order")
-    assert "separable" in runs.why
-    assert order.why == runs.why
 
 
 def test_a_time_limit_beyond_what_systems_wait_is_refused():
@@ -174,19 +159,13 @@ def test_claims_of_a_file_are_numbers_and_its_coefficients_exact(tmp_path):
     assert own.step(free, zero, one, Fraction(1))[0] == [Fraction(1)]
 
 
-def test_a_claim_is_a_number_of_any_kind():
-    claims = checked_claims({"stability": Fraction(5, 2), "order": 2, "symplectic": True, "energy": "exact"}, "claims")
-    assert claims == {"stability": 2.5, "order": 2, "symplectic": True, "energy": "exact"}
-    assert {type(x) for x in claims.values()} == {float, int, bool, str}
-
-
-@pytest.mark.parametrize("limit", [10**400, Fraction(10**400), float("inf"), float("nan"), 0.0])
+@pytest.mark.parametrize("limit", [10**400, float("nan"), 0.0])
 def test_a_claim_beyond_the_doubles_is_refused(limit):
     with pytest.raises(InvalidInput, match=r"stability = .*positive number"):
         checked_claims({"stability": limit}, "claims")
 
 
-@pytest.mark.parametrize("requires", ["null", "3", "[1]", '{"separable": true}'])
+@pytest.mark.parametrize("requires", ["null", "[1]"])
 def test_requirements_that_are_no_names_are_refused(tmp_path, requires):
     file = tmp_path / "mine.json"
     file.write_text(f'{{"a": [1], "b": [1], "requires": {requires}}}')
