@@ -17,7 +17,6 @@ from phasebench.benchmarks.measure.integrator import integrator
 from phasebench.benchmarks.problems import problem
 from phasebench.benchmarks.studies.extremes import (
     encounters,
-    figures,
     limits,
     maps,
     multistep,
@@ -53,8 +52,8 @@ def test_limit_at_a_triple_root_is_confirmed_where_growth_shows():
 
 
 def test_text_of_intervals_is_parsed():
-    assert figures.pieces("0..2.5 3..") == [(0.0, 2.5), (3.0, math.inf)]
-    assert figures.pieces(math.nan) == []
+    assert limits.pieces("0..2.5 3..") == [(0.0, 2.5), (3.0, math.inf)]
+    assert limits.pieces(math.nan) == []
 
 
 def test_stability_functions():
@@ -66,8 +65,8 @@ def test_stability_functions():
 
 def test_resonances_are_where_theory_predicts():
     """Stormer-Verlet is stable to 2; the impulse method resonates at h (1 + ratio) = 2 pi, a filtered one does not."""
-    coupled = maps.CoupledOscillators(maps.RATIOS[0] * 2)
-    run = {id: prepare(coupled, BY_ID[id]) for id in ("stormer-verlet", "deuflhard", "hairer-lubich")}
+    coupled, start = maps.coupled(maps.RATIOS[0] * 2), {"q0": (1, 0), "p0": (0, 0)}
+    run = {id: prepare(coupled, BY_ID[id], **start) for id in ("stormer-verlet", "deuflhard", "hairer-lubich")}
     assert maps.radius(run["stormer-verlet"], 0.9) < 1 + 1e-9
     assert maps.radius(run["stormer-verlet"], 1.1) > 1.1
     at = 2 * math.pi / 3
@@ -104,7 +103,7 @@ def test_status_of_runs_on_known_orbits():
     assert push.judge_run(pendulum, "stormer-verlet", 0.1, 1000) == OK
     assert push.judge_run(pendulum, "stormer-verlet", 2.2, 1000) == push.LOST
     assert push.judge_run(near, "stormer-verlet", 0.3, 1000) == push.WRONG
-    assert push.size(pendulum) == pytest.approx(-math.cos(2), rel=1e-3)
+    assert push.course(pendulum).size == pytest.approx(-math.cos(2), rel=1e-3)
     by_energy = dataclasses.replace(box, ranged=False, timed=False)
     assert push.judge_run(box, "blanes-moan-s6", 0.5, 300) == OK
     assert push.judge_run(by_energy, "blanes-moan-s6", 5.4, 300) == OK
@@ -268,8 +267,9 @@ def test_largest_bias_is_named_first():
     rows += [base | {"label": "b", round_off.MEAN: -5.0}]
     far = [base | {"label": "f", "kind": kind, round_off.MEAN: 40.0} for kind in (round_off.FRACTION, round_off.HAND)]
     tables = pd.DataFrame([*far, base | {"label": "a", round_off.MEAN: 2.1}]), pd.DataFrame(rows).drop(columns="kind")
-    found = round_off.biased(round_off.ensembles({round_off.CHOSEN: tables[0], round_off.EVERY: tables[1]}.get))
-    assert list(found[found].index) == [
+    found = round_off.means({round_off.CHOSEN: tables[0], round_off.EVERY: tables[1]}.get)
+    far = found[found[round_off.MEAN].abs() > found["limit"]]
+    assert [f"{r['at']} ({r['note']})" for _, r in far.iterrows()] == [
         "b at h = 0.02 (leads after 4000 steps)",
         "c at h = 0.02 (an offset)",
         "a at h = 0.02 (leads after 2.3e+04 steps)",
@@ -312,7 +312,7 @@ def test_reach_ends_at_the_first_loss():
     held = {"b": (1, 0, 1), "a": (0, 1, 1), "c": (1, 1, 1)}
     es = (0.9, 0.99, 0.999)
     rows = [{"method": m, "e": e, "held": x} for m, all_ in held.items() for e, x in zip(es, all_, strict=True)]
-    assert list(figures.reach(pd.DataFrame(rows)).items()) == [("b", 0.9), ("a", 0.0), ("c", 0.999)]
+    assert list(summary.reach(pd.DataFrame(rows)).items()) == [("b", 0.9), ("a", 0.0), ("c", 0.999)]
     kinds = [summary.kind(m, "fixed") for m in ("stormer-verlet", "wisdom-holman", "rebound-whfast")]
     assert kinds == ["fixed", "Kepler-solving", "Kepler-solving"]
 
@@ -375,7 +375,7 @@ def test_crests_of_a_map_are_counted_with_the_highest():
             for i in range(4, 70)
             for j in range(i, 70)
         ]
-        found = springs.summary(pd.DataFrame(rows)).iloc[0]
+        found = springs.summary({springs.TABLE: pd.DataFrame(rows)}.get).iloc[0]
         assert found["crests"] > 15
         assert (found["crests on lines"] == found["crests"]) == (aside == 0)
         assert (found["at"] == "(0.5, 6.7)") == (aside == 0)
@@ -455,8 +455,9 @@ def test_runs_are_lost_where_theory_says_so(monkeypatch):
     monkeypatch.setattr(multistep, "ORBITS", 600)
     monkeypatch.setattr(multistep, "steps_asked", lambda table: np.array([60.0, 62.0]))
     rows = pd.DataFrame(multistep.steps("quinlan-tremaine-8", 0.0)).assign(method="quinlan-tremaine-8")
-    assert list(multistep.lost(rows)) == list(multistep.unstable(rows)) == [True, False]
-    assert multistep.foretold(rows).all()
+    found = multistep.judged({multistep.TABLE: rows}.get)
+    assert list(found["lost"]) == list(found["unstable"]) == [True, False]
+    assert found["decided"].all()
     assert multistep.spans(pd.Series([59.5, 60.0, 60.5, 90.0])) == "59.5 to 60.5, 90"
 
 

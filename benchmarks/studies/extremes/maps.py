@@ -28,8 +28,10 @@ from typing import TYPE_CHECKING
 
 import mpmath
 import numpy as np
+import pandas as pd
 import sympy as sp
 
+from phasebench.benchmarks import style
 from phasebench.benchmarks.page.study import Runs, over
 from phasebench.benchmarks.problems import problem as problem_of
 from phasebench.benchmarks.problems.fpu import oscillatory_energies
@@ -41,14 +43,15 @@ from phasebench.integrators.prepared import prepare
 from phasebench.integrators.registry import BY_ID
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
 
+from . import panels
+
 if TYPE_CHECKING:
     from phasebench.benchmarks.problems.base import Problem
     from phasebench.integrators.prepared import PreparedRun
     from phasebench.integrators.solution import Solution
 
-STIFFNESS, SOLVERS, RESONANCES, REGIONS = (
-    f"extremes_{name}" for name in ("stiffness", "solvers", "resonances", "regions")
-)
+STIFFNESS, SOLVERS = "extremes_stiffness", "extremes_solvers"
+RESONANCES, REGIONS = "extremes_resonances", "extremes_regions"
 #: Stiffness: omega, h omega, methods; steps and rows of a run, the seconds after which it is stopped; a method's cliff
 #: is the largest h omega up to which I changes by less than `CLIFF`.
 OMEGAS = (50.0, 1e3, 1e4, 1e6)
@@ -58,10 +61,14 @@ STIFF = (
     *("mollified-impulse", "hairer-lubich", "grimm-hochbruck"),
 )
 STEPS, SEEN, SECONDS, CLIFF = 10_000, 500, 2.0, 0.2
-#: Solvers: outcomes; steps of a run, the seconds after which it is stopped; fallbacks or Newton solves count if they
-#: occur in more than the share `OFTEN` of the steps.
+#: Solvers: outcomes with colours; steps of a run, the seconds after which it is stopped; fallbacks or Newton solves
+#: count if they occur in more than the share `OFTEN` of the steps.
 FIXED_POINT, NEWTON, MISSED, LOST = "fixed point", "Newton", "roots missed", "energy lost"
 SHORT, BRIEFLY, OFTEN = 200, 1.0, 0.01
+COLOURS = {
+    FIXED_POINT: style.SKY, NEWTON: style.GREEN, MISSED: style.YELLOW, LOST: style.ORANGE, "no-root": style.PURPLE,
+    "not-converged": style.VERMILION, "collision": style.BLACK,
+}  # fmt: skip
 LAMBDAS = tuple(float(x) for x in np.linspace(-10, 11, 22))
 ECCENTRICITIES = tuple(float(x) for x in np.round(np.linspace(0, 0.98, 15), 3))
 H_PENDULUM = tuple(float(f"{x:.3g}") for x in np.geomspace(0.02, 6, 19))
@@ -89,28 +96,24 @@ def stiffness(method: str) -> list[dict]:
         observed = {"I changes": sum(oscillatory_energies(made)), "H changes": made.system.H}
         for z in STEPS_TIMES_OMEGA:
             s = integrate(made, method, h=z / omega, steps=STEPS, save_every=STEPS // SEEN, timeout=SECONDS)
-            with np.errstate(all="ignore"):
-                series = {name: made.system.observe(e, s.q, s.p) for name, e in observed.items()}
-            changes = {name: _change(x) if s.status == OK else np.inf for name, x in series.items()}
-            rows.append({"omega": omega, "h omega": z, "status": s.status} | changes)
+            row = {"omega": omega, "h omega": z, "status": s.status}
+            for name, e in observed.items():
+                with np.errstate(all="ignore"):
+                    values = made.system.observe(e, s.q, s.p)
+                    change = np.abs(values / values[0] - 1).max()
+                row[name] = float(change) if s.status == OK and np.isfinite(change) else np.inf
+            rows.append(row)
     return rows
-
-
-def _change(values: np.ndarray) -> float:
-    change = np.abs(values / values[0] - 1)
-    return float(change.max()) if np.isfinite(change).all() else np.inf
 
 
 def solvers(method: str, problem: str, over: str) -> list[dict]:
     """The outcomes of short runs over h and lambda (``over`` is "lam") or the eccentricity ("e")."""
     made, rows = problem_of(problem), []
-    for value in LAMBDAS if over == "lam" else ECCENTRICITIES:
-        if over == "lam":
-            options = {"parameters": {"lam": value}}
-        else:
-            orbit = pericentre(value, ())
-            options = {"q0": orbit.q, "p0": orbit.p}
-        for h in H_PENDULUM if over == "lam" else H_KEPLER:
+    values, steps = (LAMBDAS, H_PENDULUM) if over == "lam" else (ECCENTRICITIES, H_KEPLER)
+    for value in values:
+        orbit = None if over == "lam" else pericentre(value, ())
+        options = {"parameters": {"lam": value}} if orbit is None else {"q0": orbit.q, "p0": orbit.p}
+        for h in steps:
             s = integrate(made, method, h=h, steps=SHORT, timeout=BRIEFLY, **options)
             rows.append({"value": value, "h": h, "outcome": outcome(made, s)})
     return rows
@@ -130,14 +133,11 @@ def outcome(made: Problem, s: Solution) -> str:
     return NEWTON if s.counts.get("newton", 0) > OFTEN * taken else FIXED_POINT
 
 
-class CoupledOscillators:
-    """Two coupled oscillators with frequencies 1 and ``ratio``, as a problem with ``system``, ``q0`` and ``p0``."""
-
-    def __init__(self, ratio: sp.Rational) -> None:
-        q1, q2, p1, p2 = sp.symbols("q1 q2 p1 p2", real=True)
-        H = (p1**2 + p2**2) / 2 + (q1**2 + ratio**2 * q2**2) / 2 + COUPLING * ratio * q1 * q2
-        self.system = Hamiltonian(q=[q1, q2], p=[p1, p2], H=H, frequencies=[1, ratio])
-        self.q0, self.p0 = (1.0, 0.0), (0.0, 0.0)
+def coupled(ratio: sp.Rational) -> Hamiltonian:
+    """Two coupled oscillators with frequencies 1 and ``ratio``."""
+    q1, q2, p1, p2 = sp.symbols("q1 q2 p1 p2", real=True)
+    H = (p1**2 + p2**2) / 2 + (q1**2 + ratio**2 * q2**2) / 2 + COUPLING * ratio * q1 * q2
+    return Hamiltonian(q=[q1, q2], p=[p1, p2], H=H, frequencies=[1, ratio])
 
 
 def radius(run: PreparedRun, h: float) -> float:
@@ -150,7 +150,7 @@ def resonances(method: str) -> list[dict]:
     """The spectral radius of a step: a row for each ratio of the frequencies and each h."""
     rows = []
     for ratio in RATIOS:
-        run, w = prepare(CoupledOscillators(ratio), BY_ID[method]), float(ratio)
+        run, w = prepare(coupled(ratio), BY_ID[method], q0=(1, 0), p0=(0, 0)), float(ratio)
         for z in np.linspace(LAST / POINTS, LAST, POINTS):
             row = {"ratio": w, "h omega 1": float(z / w), "h omega 2": float(z)}
             rows.append(row | {"radius": radius(run, z / w)})
@@ -175,11 +175,86 @@ def _tableau(id: str) -> tuple[np.ndarray, np.ndarray]:
             A, _, b, _ = runge_kutta(*IMPLICIT[id])
             return np.array(A.tolist(), float), np.array(list(b), float)
     *rows, weights = BY_ID[id].data
-    A = np.zeros((len(weights), len(weights)))
-    for i, row in enumerate(rows):
-        row = row if isinstance(row, (tuple, list)) else (row,)
-        A[i, : len(row)] = [float(x) for x in row]
-    return A, np.array([float(x) for x in weights])
+    return np.array(rows, float), np.array(weights, float)
+
+
+# -- what is shown -----------------------------------------------------------------------------------------------------
+
+
+@panels.picture(
+    STIFFNESS, "stiffness", "stiffness",
+    f"FPU: the largest change of the oscillatory energy in {STEPS} steps; grey: {CLIFF:g}, the cliff.",
+)  # fmt: skip
+def draw_stiffness(rows: pd.DataFrame) -> panels.Figure:
+    """The largest change of the oscillatory energy of the Fermi-Pasta-Ulam problem over h omega."""
+    omegas = sorted(rows["omega"].unique())
+    parts = {f"ω = {w:g}": rows[rows["omega"] == w] for w in omegas[1::2] or omegas}
+    text = "method", "h omega", "I changes", "h ω", "largest change of I / I₀"
+    return panels.row(parts, *text, 3.4, span=(1e-12, 1e2), level=CLIFF, legend=4, sharey=True)
+
+
+@panels.picture(
+    SOLVERS, "solvers", "solvers at the edge",
+    f"How {SHORT} steps go: the pendulum over (h, λ), Kepler over (h, e).",
+)  # fmt: skip
+def draw_solvers(rows: pd.DataFrame) -> panels.Figure:
+    """How implicit equations were solved, or not, over h and a method's lambda or the eccentricity e."""
+    from matplotlib.colors import ListedColormap
+    from matplotlib.patches import Patch
+
+    colours = COLOURS | {x: style.GREY for x in rows["outcome"] if x not in COLOURS}
+    known = [*colours]
+    look = {"cmap": ListedColormap([*colours.values()]), "vmin": -0.5, "vmax": len(known) - 0.5}
+    parts = rows.groupby(["method", "over"], sort=False)
+    figure, (row,) = style.panels(1, len(parts), 2.8)
+    for axes, ((id, varied), part) in zip(row, parts, strict=True):
+        grid = part.assign(code=part["outcome"].map(known.index)).pivot(index="value", columns="h", values="code")
+        axes.pcolormesh(grid.columns, grid.index, grid.to_numpy(), **look)
+        axes.set(xscale="log", xlabel="h", title=id, ylabel="λ" if varied == "lam" else varied)
+    handles = [Patch(color=colours[k], label=k) for k in known if (rows["outcome"] == k).any()]
+    figure.legend(handles=handles, loc="outside upper center", ncols=len(handles))
+    return figure
+
+
+@panels.picture(
+    RESONANCES, "resonances", "two frequencies",
+    "Two coupled oscillators: black where a step multiplies, white where it is stable; Stormer-Verlet ends at "
+    "h ω = 2, a split coupling resonates about h (ω₁ + ω₂) = 2πk, filters take the resonances away.",
+)  # fmt: skip
+def draw_resonances(rows: pd.DataFrame) -> panels.Figure:
+    """A step's growth factor over the two frequencies of coupled oscillators."""
+    parts = rows.groupby("method", sort=False)
+    figure, (row,) = style.panels(1, len(parts), 2.3, sharey=True)
+    for axes, (id, part) in zip(row, parts, strict=True):
+        own = part.sort_values(["ratio", "h omega 2"])
+        columns = (own[c].to_numpy() for c in ("h omega 1", "h omega 2", "radius"))
+        x, y, size = (c.reshape(own["ratio"].nunique(), -1) for c in columns)
+        grows = np.log10(np.clip(size - 1, 1e-12, 1e2))
+        for first, second in ((x, y), (y, x)):  # the two frequencies may be exchanged
+            axes.pcolormesh(first, second, grows, cmap="Greys", vmin=-9, vmax=0, shading="nearest")
+        axes.set(title=id, xlabel="h ω₁", aspect="equal")
+    row[0].set_ylabel("h ω₂")
+    return figure
+
+
+@panels.picture(
+    REGIONS, "regions", "stability regions",
+    "Boundaries |R(z)| = 1 of Runge-Kutta methods: stable within the curve of an explicit method, outside "
+    "that of a Radau method, left of the axis for Gauss; the upper half plane.",
+)  # fmt: skip
+def draw_regions(rows: pd.DataFrame) -> panels.Figure:
+    """The boundaries |R(z)| = 1 of the stability regions of Runge-Kutta methods in the complex plane."""
+    x, y = np.meshgrid(np.linspace(-7.5, 12, 391), np.linspace(0, 8, 161))
+    figure, ((axes,),) = style.panels(1, 1, 3.0)
+    for look, row in zip(style.looks(), rows.itertuples(), strict=False):
+        above, below = (np.polyval([*map(float, str(c).split())], x + 1j * y) for c in (row.above, row.below))
+        colour, line = look["color"], look["linestyle"]
+        axes.contour(x, y, np.abs(above / below), levels=[1.0], colors=[colour], linestyles=[line])
+        axes.plot([], [], color=colour, linestyle=line, label=row.method)
+    axes.axvline(0, color=style.GREY, linewidth=0.6)
+    axes.set(xlabel="Re z", ylabel="Im z", aspect="equal")
+    style.legend_above(figure, axes, 3)
+    return figure
 
 
 RUNS = (

@@ -24,7 +24,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from itertools import pairwise
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -33,15 +32,17 @@ import pandas as pd
 from phasebench.benchmarks import style
 from phasebench.benchmarks.measure.drift import drift
 from phasebench.benchmarks.page.markdown import join_list, number
-from phasebench.benchmarks.page.page import Picture, Table, of
+from phasebench.benchmarks.page.page import Table, of
 from phasebench.benchmarks.page.study import Claim, Runs, Study, over
-from phasebench.benchmarks.page.verdict import EVERY, Count
+from phasebench.benchmarks.page.verdict import Count
 from phasebench.benchmarks.problems import problem
 from phasebench.benchmarks.store.cells import ProblemKey
 from phasebench.integrators.coefficients.multistep import QUINLAN_TREMAINE, Multistep, stable_intervals, stormer
 from phasebench.integrators.driver import integrate
 from phasebench.integrators.record import DRIFT, Method
 from phasebench.integrators.registry import BY_ID
+
+from . import panels
 
 if TYPE_CHECKING:
     from phasebench.integrators.solution import Solution
@@ -177,58 +178,26 @@ def long(method: str, N: float) -> dict:
     return row | {"amplitude": float(sizes.max())}
 
 
-# -- judging -----------------------------------------------------------------------------------------------------------
+# -- judging, and what is shown ----------------------------------------------------------------------------------------
 
 
-def factor(rows: pd.DataFrame) -> pd.Series:
-    """How many times the energy error has grown; infinite where it is as large as the energy or not finite."""
-    grown = rows["largest"] / rows["first"].clip(lower=NOISE)
-    return grown.where(np.isfinite(rows["largest"]) & (rows["largest"] < WHOLE), np.inf)
+@of(TABLE)
+def judged(rows: pd.DataFrame) -> pd.DataFrame:
+    """The runs with what they are judged by.
 
-
-def lost(rows: pd.DataFrame) -> pd.Series:
-    """True for a run that lost its orbit."""
-    return factor(rows) >= LOST
-
-
-def unstable(rows: pd.DataFrame) -> pd.Series:
-    """True where errors surely grow, by theory."""
-    return rows["rate"] * ORBITS >= SURE
-
-
-def decided(rows: pd.DataFrame) -> pd.Series:
-    """True where, by theory, errors surely grow or surely do not."""
-    return unstable(rows) | (rows["rate"] * ORBITS < QUIET)
-
-
-def near(rows: pd.DataFrame) -> pd.Series:
-    """True for a run that begins near the exact orbit, for which the theory is made."""
-    return (rows["e"] == 0) | (rows["first"] < SMALL)
-
-
-def foretold(rows: pd.DataFrame) -> pd.Series:
-    """True where an orbit is lost as theory says, of the runs that theory decides."""
-    sure = rows[decided(rows) & near(rows)]
-    names = [f"{r.method} at {r.N:g} steps an orbit" for r in sure.itertuples()]
-    return (lost(sure) == unstable(sure)).set_axis(names)
-
-
-def undecided(rows: pd.DataFrame) -> str:
-    """A sentence on the runs far from the exact orbit from the start at which theory would be wrong; "" if none."""
-    sure = rows[decided(rows) & ~near(rows)]
-    off = sure[lost(sure) != unstable(sure)]
-    if off.empty:
-        return ""
-    names = [f"{id} up to {own['N'].max():g} steps an orbit" for id, own in off.groupby("method", sort=False)]
-    return (
-        f" Of {len(sure)} steps whose energy error exceeds {SMALL:g} at first, where theory is not asked, it would be "
-        f"wrong at {len(off)}: {join_list(names, 4)}."
-    )
+    ``factor`` is how many times the energy error has grown, infinite where it is as large as the energy; ``unstable``,
+    whether errors surely grow by theory; ``decided``, whether they surely do or do not; ``near``, whether a run begins
+    near the exact orbit, for which the theory is made.
+    """
+    factor = (rows["largest"] / rows["first"].clip(lower=NOISE)).where(rows["largest"] < WHOLE, np.inf)
+    growth, near = rows["rate"] * ORBITS, (rows["e"] == 0) | (rows["first"] < SMALL)
+    rows = rows.assign(factor=factor, lost=factor >= LOST, unstable=growth >= SURE, near=near)
+    return rows.assign(decided=rows["unstable"] | (growth < QUIET))
 
 
 def higher(rows: pd.DataFrame) -> pd.Series:
     """True where of two successive orders the higher one loses the orbit with more steps."""
-    last = rows["N"].where(lost(rows), 0.0).groupby([rows["e"], rows["order"]]).max()
+    last = rows["N"].where(rows["lost"], 0.0).groupby([rows["e"], rows["order"]]).max()
     found = {
         f"e = {e:g}: order {b} to {y:g}, {a} to {x:g}": y > x
         for e, of_e in last.groupby(level=0)
@@ -237,106 +206,85 @@ def higher(rows: pd.DataFrame) -> pd.Series:
     return pd.Series(found, dtype=bool)
 
 
-def lowest(rows: pd.DataFrame) -> str:
-    """The first pairs of orders of which the higher one does not."""
+def _lowest(rows: pd.DataFrame) -> str:
     found = higher(rows)
     return "; ".join(found.index[~found][:2])
 
 
-def counts(rows: pd.DataFrame) -> pd.DataFrame:
-    """The numbers of steps at which an orbit is lost, by method, a column for each eccentricity."""
-    return lost(rows).groupby([rows["method"], rows["e"]]).sum().unstack()
+@of(judged)
+def counts(rows: pd.DataFrame) -> pd.DataFrame | None:
+    """The numbers of steps at which an orbit is lost, on the circle and on the ellipse, by method."""
+    found = rows.groupby(["method", "e"])["lost"].sum().unstack()
+    return found.set_axis(["circle", "ellipse"], axis=1) if found.shape[1] == 2 else None
 
 
-def more(rows: pd.DataFrame) -> pd.Series | None:
-    """True for a method with more unstable steps on the ellipse than on the circle."""
-    found = counts(rows)
-    return None if found.shape[1] < 2 else found.iloc[:, -1] > found.iloc[:, 0]
+def _fewest(found: pd.DataFrame) -> str:
+    name = (found["ellipse"] / found["circle"].clip(lower=1)).idxmin()
+    return "{}: {:.0f} on the circle, {:.0f} on the ellipse".format(name, *found.loc[name])
 
 
-def fewest(rows: pd.DataFrame) -> str:
-    """The method to which the ellipse adds the fewest unstable steps."""
-    found = counts(rows)
-    name = (found.iloc[:, -1] / found.iloc[:, 0].clip(lower=1)).idxmin()
-    circle, ellipse = found.loc[name].iloc[[0, -1]].astype(int)
-    return f"{name}: {circle} on the circle, {ellipse} on the ellipse"
-
-
-def bounded(rows: pd.DataFrame, every: pd.DataFrame) -> Count:
+def _bounded(rows: pd.DataFrame, every: pd.DataFrame) -> Count:
     """The intervals of growth, of the energy and of parasitic parts, that contain 0."""
     kept = [(rows[f"{name}low"] <= 0) & (rows[f"{name}high"] >= 0) for name in ("", "growth ")]
     return Count(int(sum(k.sum() for k in kept)), 2 * len(rows))
 
 
-def control(rows: pd.DataFrame, every: pd.DataFrame) -> str:
-    """The drift of the control, which is not symmetric."""
-    own = every[every["method"] == CONTROL]
-    return f"{CONTROL}, the control: {number(own['slope'].iloc[0], 2)} an orbit" if len(own) else ""
-
-
-# -- what is shown -----------------------------------------------------------------------------------------------------
+def _control(rows: pd.DataFrame, every: pd.DataFrame) -> str:
+    slopes = every.loc[every["method"] == CONTROL, "slope"]
+    return f"{CONTROL}, the control: {number(slopes.iloc[0], 2)} an orbit" if len(slopes) else ""
 
 
 def spans(N: pd.Series) -> str:
     """Numbers of steps an orbit as text, neighbours (`APART` apart) as ranges: "59.5 to 60, 90"."""
-    parts: list[list[float]] = []
-    for x in map(float, N):
-        if parts and x - parts[-1][1] <= APART * 1.01:
-            parts[-1][1] = x
-        else:
-            parts.append([x, x])
-    return ", ".join(f"{a:g}" if a == b else f"{a:g} to {b:g}" for a, b in parts)
+    ends = N.groupby((N.diff() > APART * 1.01).cumsum()).agg(["min", "max"])
+    return ", ".join(f"{a:g}" if a == b else f"{a:g} to {b:g}" for a, b in ends.to_numpy())
 
 
-@of(TABLE)
+@of(judged)
 def table(rows: pd.DataFrame) -> Table:
     """The steps an orbit at which each method loses the orbit, or its error grows."""
     out = []
     for (method, e), own in rows.groupby(["method", "e"], sort=False):
         stable = limit(QUINLAN_TREMAINE[int(own["order"].iloc[0])])
-        gone = lost(own)
-        slow = own["N"][~gone & (factor(own) >= GROWN) & (own["largest"] > NOISE)]
+        slow = own["N"][~own["lost"] & (own["factor"] >= GROWN) & (own["largest"] > NOISE)]
         grows = ", ".join(f"{x:g}" for x in slow[:12]) + (f" and {len(slow) - 12} more" if len(slow) > 12 else "")
-        row = {"method": method, "e": e, "limit on the oscillator": f"{stable:.2f}", "lost at": spans(own["N"][gone])}
-        out.append(row | {"errors grow at": grows})
+        row = {"method": method, "e": e, "limit on the oscillator": f"{stable:.2f}"}
+        out.append(row | {"lost at": spans(own["N"][own["lost"]]), "errors grow at": grows})
     caption = (
         f"Steps an orbit, {APART:g} apart up to {LAST:g}, at which {ORBITS} orbits are lost (the energy error grows "
         f"{LOST:g}-fold or to {WHOLE:g}), or their error grows more than {GROWN:g}-fold: resonances."
     )
-    return Table(pd.DataFrame(out), caption + undecided(rows))
+    far = rows[rows["decided"] & ~rows["near"]]
+    off = far[far["lost"] != far["unstable"]].groupby("method", sort=False)["N"].agg(["max", "size"])
+    if len(off):
+        names = [f"{id} up to {N:g} steps an orbit" for id, N in off["max"].items()]
+        caption += (
+            f" Of {len(far)} steps whose energy error exceeds {SMALL:g} at first, where theory is not asked, it would "
+            f"be wrong at {off['size'].sum()}: {join_list(names, 4)}."
+        )
+    return Table(pd.DataFrame(out), caption)
 
 
-@of(TABLE)
-def whole(rows: pd.DataFrame) -> pd.DataFrame:
-    """The runs that lost an orbit, or should lose it by theory."""
-    return rows[lost(rows) | unstable(rows)]
-
-
-@of(TABLE)
-@style.styled
-def draw(rows: pd.DataFrame, folder: Path) -> list[Picture]:
+@panels.picture(
+    judged, "multistep", "unstable steps on Kepler's orbit",
+    f"Kepler, {ORBITS} orbits: the factor by which the largest energy error exceeds that at first; below, where "
+    "the linear theory about the orbit is unstable.",
+)  # fmt: skip
+def draw(rows: pd.DataFrame) -> panels.Figure:
     """The factor by which the energy error grows over the number of steps an orbit, a panel for each method."""
-    methods = list(dict.fromkeys(rows["method"]))
-    figure, panels = style.panels(2, -(-len(methods) // 2), 4.9)
-    for axes, id in zip(panels.flat, methods, strict=False):
+    figure, by_method = panels.grid(rows["method"].unique(), "steps an orbit", "growth of the energy error")
+    for id, axes in by_method.items():
         for e, colour in zip(ECCENTRICITIES, (style.ORANGE, style.BLUE), strict=True):
             own = rows[(rows["method"] == id) & (rows["e"] == e)]
-            axes.semilogy(own["N"], factor(own).clip(1, 1e10), color=colour, linewidth=0.8, label=f"e = {e:g}")
-            theory = own["N"][unstable(own)]
+            axes.semilogy(own["N"], own["factor"].clip(1, 1e10), color=colour, linewidth=0.8, label=f"e = {e:g}")
+            theory = own["N"][own["unstable"]]
             axes.plot(theory, np.full(len(theory), 0.2 if e else 0.5), "|", color=colour, markersize=5)
         axes.set(title=id, ylim=(0.1, 3e10))
-    panels.flat[0].legend(loc="upper right")
-    for axes in panels[-1]:
-        axes.set_xlabel("steps an orbit")
-    for axes in panels[:, 0]:
-        axes.set_ylabel("growth of the energy error")
-    caption = (
-        f"Kepler, {ORBITS} orbits: the factor by which the largest energy error exceeds that at first; below, where "
-        "the linear theory about the orbit is unstable."
-    )
-    return [Picture(style.save(figure, folder, "extremes-multistep.png"), "unstable steps on Kepler's orbit", caption)]
+    figure.axes[0].legend(loc="upper right")
+    return figure
 
 
+AT = "{method} at {N:g} steps an orbit"
 STUDY = Study(
     id="extremes-multistep",
     place=230,
@@ -364,32 +312,35 @@ STUDY = Study(
     claims={
         "circle": Claim(
             "A circular orbit is lost at the steps at which its linear theory is unstable",
-            TABLE, foretold, EVERY, rows="e == 0", unit="step sizes", names=3,
+            judged, "lost == unstable", rows="decided and e == 0", unit="step sizes", where=AT, names=3,
         ),
         "ellipse": Claim(
             "An eccentric orbit is lost at the steps at which a Floquet multiplier exceeds one",
-            TABLE, foretold, EVERY, rows="e > 0", unit="step sizes", names=3,
+            judged, "lost == unstable", rows="decided and near and e > 0", unit="step sizes", where=AT, names=3,
         ),
         "order": Claim(
             "Instabilities reach smaller steps, the higher the order",
-            TABLE, higher, EVERY, unit="pairs of orders", where=lowest,
+            judged, higher, unit="pairs of orders", where=_lowest,
         ),
         "frequencies": Claim(
             "An eccentric orbit has more unstable steps than a circular one",
-            TABLE, more, EVERY, unit="methods", where=fewest,
+            counts, "ellipse > circle", unit="methods", where=_fewest,
         ),
         "bounded": Claim(
             "Off the resonances neither the energy nor a parasitic part grows",
-            DRIFTS, bounded, EVERY, rows=f"method != '{CONTROL}' and N == {OFF}", unit="intervals", where=control,
+            DRIFTS, _bounded, rows=f"method != '{CONTROL}' and N == {OFF}", unit="intervals", where=_control,
             beside=(DRIFTS,),
         ),
     },
     numbers={
-        "both": Claim("An orbit is lost at the steps at which theory is unstable", TABLE, foretold, EVERY),
+        "both": Claim(
+            "An orbit is lost at the steps at which theory is unstable",
+            judged, "lost == unstable", rows="decided and near",
+        ),
     },
     figure=draw,
     shown=table,
-    whole=whole,
+    whole=of(judged)(lambda rows: rows.loc[rows["lost"] | rows["unstable"], :"largest"]),
     limits=(
         "Nothing is judged where theory has errors grow, but hardly in so many orbits; nor, as the theory is about the "
         f"exact orbit, on an ellipse whose energy error exceeds {SMALL:g} in the first orbits.",

@@ -24,6 +24,7 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
+import pandas as pd
 import sympy as sp
 
 from phasebench.benchmarks.page.study import Runs, over
@@ -31,6 +32,8 @@ from phasebench.benchmarks.problems import problem
 from phasebench.benchmarks.store.cells import ProblemKey
 from phasebench.integrators.driver import OK, integrate
 from phasebench.integrators.registry import BY_ID
+
+from . import panels
 
 TABLE, SWEPT = "extremes_steps", "extremes_lambda"
 #: The methods that are pushed, one of each kind, cheap ones first.
@@ -58,15 +61,9 @@ SWEPT_STEPS = 10_000
 class Case:
     """An orbit on which methods are pushed to their largest step.
 
-    Attributes
-    ----------
-    problem : the problem (with its orbit)
-    q, p : the start, if it is not the problem's
-    bound : the largest |q| that the energy allows; None if it allows any
-    escapes : the |q| beyond which an orbit that can escape is gone for good
-    ranged : whether the orbit soon fills the range of its coordinates, so that runs may be judged by it
-    timed : whether the first coordinate crosses the middle of its range at a steady rate
-    middle : the value of the first coordinate whose crossings are counted; None for the middle of its range
+    Of a run |q| is at most ``bound``, if the energy bounds it; past ``escapes`` it is gone for good, and rightly so.
+    ``ranged``: the orbit soon fills the range of its coordinates; ``timed``: the first one crosses ``middle``, by
+    default the middle of its range, at a steady rate.  (q, p) is the start, if it is not the problem's.
     """
 
     problem: str
@@ -93,32 +90,29 @@ CASES = {
 }
 
 
-@lru_cache(maxsize=32)
-def size(case: Case) -> float:
-    """The least, along a case's orbit, of the sum of the absolute values of H's terms."""
-    made = problem(case.problem)
-    truth = integrate(made, TRUTH, h=made.pace.step / FINE, steps=TIMES, q0=case.q, p0=case.p)
-    terms = sp.Add.make_args(sp.expand(made.system.H))
-    return float(sum(np.abs(made.system.observe(t, truth.q, truth.p)) for t in terms).min())
-
-
 class Course(NamedTuple):
-    """The range of each coordinate (arrays (d,)); a value of the first one, and its crossings in a unit of time."""
+    """The range of each coordinate (arrays (d,)); a value of the first one, and its crossings in a unit of time.
+
+    ``size`` is the least, along the beginning of the orbit, of the sum of the absolute values of H's terms.
+    """
 
     low: np.ndarray
     high: np.ndarray
     middle: float
     rate: float
+    size: float
 
 
 @lru_cache(maxsize=32)
 def course(case: Case) -> Course:
-    """The extent and the frequency of a case's regular orbit, by a long run of `TRUTH`."""
+    """The extent and the frequency of a case's orbit, by a long run of `TRUTH`."""
     made = problem(case.problem)
     truth = integrate(made, TRUTH, h=made.pace.step / FINE, steps=LONGER, q0=case.q, p0=case.p)
+    q, p, terms = truth.q[: TIMES + 1], truth.p[: TIMES + 1], sp.Add.make_args(sp.expand(made.system.H))
+    size = float(sum(np.abs(made.system.observe(term, q, p)) for term in terms).min())
     low, high = truth.q.min(axis=0), truth.q.max(axis=0)
     middle = (low[0] + high[0]) / 2 if case.middle is None else case.middle
-    return Course(low, high, middle, crossings(truth.q[:, 0], middle) / truth.t[-1])
+    return Course(low, high, middle, crossings(truth.q[:, 0], middle) / truth.t[-1], size)
 
 
 def crossings(x: np.ndarray, middle: float) -> int:
@@ -153,7 +147,7 @@ def judge_run(case: Case, method: str, h: float, steps: int, parameters: dict | 
             Q, P, status = Q[: gone[0]], P[: gone[0]], OK
     with np.errstate(all="ignore"):
         H = made.system.observe(made.system.H, Q, P)
-        off = ~(np.abs(H - H[0]) <= size(case))
+        off = ~(np.abs(H - H[0]) <= course(case).size)
     if off.any():
         return LOST
     if case.bound is not None and np.abs(Q).max() > case.bound:
@@ -198,8 +192,8 @@ def push(orbit: str, method: str, first: float, steps: int, parameters: dict | N
 def pushed(method: str) -> list[dict]:
     """The largest step on each orbit that the method can integrate."""
     made = {name: problem(case.problem) for name, case in CASES.items()}
-    able = [name for name, found in made.items() if not BY_ID[method].lacks(found.system)]
-    return [{"orbit": name} | push(name, method, made[name].pace.step, STEPS) for name in able]
+    able = {name: found.pace.step for name, found in made.items() if not BY_ID[method].lacks(found.system)}
+    return [{"orbit": name} | push(name, method, step, STEPS) for name, step in able.items()]
 
 
 def swept(method: str, orbit: str) -> list[dict]:
@@ -211,6 +205,19 @@ def swept(method: str, orbit: str) -> list[dict]:
         found = push(orbit, method, step / (1 + abs(1 - 2 * lam)), SWEPT_STEPS, {"lam": value})
         rows.append({"lam": lam} | found)
     return rows
+
+
+@panels.picture(
+    SWEPT, "lambda", "largest steps over lambda",
+    "The largest step of Schemes I to III that survives, over λ from −1000 to 1000.",
+)  # fmt: skip
+def draw(rows: pd.DataFrame) -> panels.Figure:
+    """The largest surviving step of Schemes I to III over their parameter lambda, a panel for each orbit."""
+    parts = dict([*rows.replace({"largest h": {0: np.nan, np.inf: np.nan}}).groupby("orbit", sort=False)])
+    figure = panels.row(parts, "method", "lam", "largest h", "λ", "largest h", 2.8, legend=3, sharey=True)
+    for axes in figure.axes:
+        axes.set_xscale("symlog", linthresh=1)
+    return figure
 
 
 RUNS = (

@@ -25,20 +25,20 @@ VIII.5.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 
 import mpmath
 import numba
 import numpy as np
 import pandas as pd
 
+from phasebench.benchmarks import style
 from phasebench.benchmarks.measure import exact_maps
 from phasebench.benchmarks.measure.exact_maps import DIGITS, exact_matrix
 from phasebench.benchmarks.page.markdown import number
 from phasebench.benchmarks.page.page import ROWS as SHOWN
 from phasebench.benchmarks.page.page import Data, Table, of
 from phasebench.benchmarks.page.study import Claim, Runs, Study
-from phasebench.benchmarks.page.verdict import EVERY as ALL
 from phasebench.benchmarks.page.verdict import NONE, at_most
 from phasebench.benchmarks.problems import problem
 from phasebench.benchmarks.store.cells import ProblemKey
@@ -46,6 +46,8 @@ from phasebench.integrators import batches
 from phasebench.integrators.driver import integrate
 from phasebench.integrators.ensemble import integrate_ensemble
 from phasebench.integrators.registry import BY_ID, METHODS
+
+from . import panels
 
 CHOSEN, CURVES, EVERY = "extremes_growth", "extremes_growth_curves", "extremes_growth_every"
 OSCILLATOR, KEPLER, ON_KEPLER = "harmonic-oscillator", "wisdom-holman on Kepler", "wisdom-holman"
@@ -66,34 +68,38 @@ EPS = 2.0**-53
 #: Floor of a mean square error, so that its logarithm is finite.
 TINY = 1e-40
 MOST, MANY, SOME, FEW, LONG = 10_240_000, 5_120_000, 1_024_000, 512_000, 102_400_000
-#: (method, lambda, h, steps): one method of each family whose step is a symplectic matrix, then simple fractions and
-#: values slightly off them, the controls, and a single long run.
-RUNS = (
-    ("stormer-verlet", "", STEP, MOST),
-    ("stormer-verlet", "", BINARY, MANY),
-    ("symplectic-euler-p", "", STEP, MANY),
-    ("pefrl", "", STEP, 2 * SOME),
-    ("kahan-li-8", "", STEP, FEW),
-    ("blanes-moan-srkn6b", "", STEP, SOME),
-    ("implicit-midpoint", "", STEP, SOME),
-    ("scheme-i", "-1", STEP, SOME),
-    ("scheme-iii", "-1", STEP, SOME),
-    ("gauss-2", "", STEP, FEW),
-    ("gauss-4", "", STEP, FEW),
-    ("lobatto-iiia-iiib-3", "", STEP, FEW),
-    ("avf", "", STEP, FEW),
-    ("deuflhard", "", STEP, SOME),
-    ("stormer-verlet", "", DECIMAL, MOST),
-    ("stormer-verlet", "", DECIMAL * ASIDE, MANY),
-    ("scheme-i", THIRD, STEP, SOME),
-    ("scheme-i", BESIDE, STEP, SOME),
-    ("gauss-2", "", TENTH, FEW),
-    ("gauss-2", "", TENTH * ASIDE, FEW),
-    (HALF, "", DECIMAL, 2 * SOME),
-    (WHOLE, "", DECIMAL, 2 * SOME),
-    (PLAIN, "", STEP, MANY),
-    ("stormer-verlet", "", STEP, LONG),
-)
+#: Kind -> (method, lambda, h, steps): one method of each family whose step is a symplectic matrix, with a single long
+#: run; simple fractions, and values slightly off them; the controls.
+RUNS = {
+    USUAL: (
+        ("stormer-verlet", "", STEP, MOST),
+        ("stormer-verlet", "", BINARY, MANY),
+        ("symplectic-euler-p", "", STEP, MANY),
+        ("pefrl", "", STEP, 2 * SOME),
+        ("kahan-li-8", "", STEP, FEW),
+        ("blanes-moan-srkn6b", "", STEP, SOME),
+        ("implicit-midpoint", "", STEP, SOME),
+        ("scheme-i", "-1", STEP, SOME),
+        ("scheme-iii", "-1", STEP, SOME),
+        ("gauss-2", "", STEP, FEW),
+        ("gauss-4", "", STEP, FEW),
+        ("lobatto-iiia-iiib-3", "", STEP, FEW),
+        ("avf", "", STEP, FEW),
+        ("deuflhard", "", STEP, SOME),
+        ("stormer-verlet", "", STEP, LONG),
+    ),
+    FRACTION: (
+        ("stormer-verlet", "", DECIMAL, MOST),
+        ("scheme-i", THIRD, STEP, SOME),
+        ("gauss-2", "", TENTH, FEW),
+    ),
+    ASIDE_OF: (
+        ("stormer-verlet", "", DECIMAL * ASIDE, MANY),
+        ("scheme-i", BESIDE, STEP, SOME),
+        ("gauss-2", "", TENTH * ASIDE, FEW),
+    ),
+    HAND: ((HALF, "", DECIMAL, 2 * SOME), (WHOLE, "", DECIMAL, 2 * SOME), (PLAIN, "", STEP, MANY)),
+}
 #: Kepler: steps of a run, range of the starts' eccentricities.
 ORBIT_STEPS, ECCENTRICITIES = 262_144, (0.1, 0.6)
 #: Steps of a run, by the cost of a step: explicit, implicit and composed methods in SIMD lanes, others, the slowest.
@@ -105,6 +111,18 @@ ENERGY, PHASE, ABOVE, UNITS = 0.5, 1.5, 0.05, 10.0
 #: Probability that an unbiased table of ensembles shows a bias by chance.
 CHANCE = 0.05
 MEAN = "bias in its errors"
+#: The runs in the figure: label and step size.
+GROWING = (
+    ("stormer-verlet", STEP),
+    ("stormer-verlet", DECIMAL),
+    ("stormer-verlet", DECIMAL * ASIDE),
+    (f"scheme-i(lam={THIRD})", STEP),
+    (f"scheme-i(lam={BESIDE})", STEP),
+    ("gauss-2", STEP),
+    (WHOLE, DECIMAL),
+    (PLAIN, STEP),
+    (KEPLER, H),
+)
 
 
 # -- runs --------------------------------------------------------------------------------------------------------------
@@ -194,20 +212,12 @@ def label(id: str, lam: str) -> str:
     return f"{id}(lam={lam})" if lam else id
 
 
-def kind(label: str, h: float) -> str:
-    """The kind of a run."""
-    if label in BY_HAND:
-        return HAND
-    if h in (DECIMAL, TENTH) or f"={THIRD})" in label:
-        return FRACTION
-    return ASIDE_OF if h in (DECIMAL * ASIDE, TENTH * ASIDE) or f"={BESIDE})" in label else USUAL
+#: Label -> (method, its parameters); (label, h) -> kind of the run.
+BY_LABEL = {label(id, lam): (id, {"lam": lam} if lam else {}) for runs in RUNS.values() for id, lam, *_ in runs}
+KINDS = {(label(id, lam), h): kind for kind, runs in RUNS.items() for id, lam, h, _ in runs}
 
 
-BY_LABEL = {label(id, lam): (id, {"lam": lam} if lam else {}) for id, lam, *_ in RUNS}
-
-
-def needs(label: str, **_: object) -> tuple:
-    """The records on which a row depends."""
+def _needs(label: str, **_: object) -> tuple:
     id, values = BY_LABEL.get(label, (ON_KEPLER, {}))
     on = ProblemKey("kepler" if label == KEPLER else OSCILLATOR)
     return BY_ID["stormer-verlet" if id in BY_HAND else id], values, on
@@ -229,7 +239,7 @@ def growth(label: str, h: float, steps: int) -> dict[str, list[dict]]:
             found = exact_maps.errors(M, n, Q[:, rows], P[:, rows])
     energy, phase = (x[:, 1:] for x in found)
     key = {"label": label, "h": h, "steps": steps}
-    row = key | {"kind": kind(label, h)} | summary(n[1:], h, energy, phase)
+    row = key | {"kind": KINDS.get((label, h), USUAL)} | summary(n[1:], h, energy, phase)
     if label == KEPLER:
         del row["in units"]  # a unit that holds on the oscillator only
     each = zip(n[1:], np.sqrt((energy**2).mean(0)), np.sqrt((phase**2).mean(0)), strict=True)
@@ -295,16 +305,12 @@ def pericentres(count: int) -> Iterator[tuple[tuple[float, float], tuple[float, 
 
 def steps_of(id: str) -> int:
     """The number of steps that a method runs: the cheaper its step, the more."""
-    chosen = BY_ID[id]
-    if chosen.family == "schemes_iv_v":
-        return DEAR
-    if chosen.family == "trigonometric":
-        return IMPLICIT
-    if chosen.family not in ("parametric", "splitting"):
-        return ALONE
+    family, order = BY_ID[id].family, BY_ID[id].order
+    if family not in ("parametric", "splitting"):
+        return {"schemes_iv_v": DEAR, "trigonometric": IMPLICIT}.get(family, ALONE)
     if not id.startswith(("scheme", "implicit-midpoint", "generating")):
         return EXPLICIT
-    return IMPLICIT if chosen.order <= 2 else COMPOSED
+    return IMPLICIT if order <= 2 else COMPOSED
 
 
 #: Label -> method; lambda is slightly off 1/3, as round-off drifts at 1/3.
@@ -361,22 +367,6 @@ def ensembles(data: Data) -> pd.DataFrame | None:
     return rows.assign(at=[f"{r.label} at h = {named_step(r.h)}" for r in rows.itertuples()])
 
 
-def slow(name: str, law: float) -> Callable[[pd.DataFrame], pd.Series]:
-    """True where the error ``name`` ("energy" or "phase") does not surely grow faster than n^``law``, by run."""
-
-    def of_ensembles(rows: pd.DataFrame) -> pd.Series:
-        rows = rows.dropna(subset=f"{name} exponent")
-        labels = rows["at"] + rows[f"{name} exponent"].map(": n^{:.2f}".format)
-        return (rows[f"{name} low"] <= law + ABOVE).set_axis(labels)
-
-    return of_ensembles
-
-
-def sizes(rows: pd.DataFrame) -> pd.Series:
-    """The energy error in units of eps h n^(1/2), by run."""
-    return rows["in units"].set_axis(rows["at"] + ", " + rows["steps"].map(lambda n: f"{number(float(n))} steps"))
-
-
 def critical(rows: pd.DataFrame) -> float:
     """The largest |mean error|, in standard errors, that chance explains in a table of ensembles.
 
@@ -388,24 +378,21 @@ def critical(rows: pd.DataFrame) -> float:
     return float(stats.t.ppf(1 - each / 2, rows["starts"].min() - 1))
 
 
-def overtaken(row: pd.Series) -> float:
+def overtaken(rows: pd.DataFrame) -> pd.Series:
     """After how many steps a bias, growing as n, is as large as the random walk, growing as n^(1/2)."""
-    return row["steps"] * row["starts"] / row[MEAN] ** 2
+    return rows["steps"] * rows["starts"] / rows[MEAN] ** 2
 
 
-def biased(rows: pd.DataFrame) -> pd.Series:
-    """True where the mean energy error is farther from 0 than chance explains, by run, the farthest first.
+@of(ensembles)
+def means(rows: pd.DataFrame) -> pd.DataFrame:
+    """The ensembles with the ``limit`` of a mean error, in standard errors, and a ``note``; the largest mean first.
 
     Runs at simple fractions are left out: their round-off repeats itself.
     """
     rows = rows[rows[MEAN].notna() & (rows["kind"] != FRACTION)].sort_values(MEAN, key=lambda x: -x.abs())
     limit = rows["table"].map({name: critical(part) for name, part in rows.groupby("table")})
-    offset = rows["by"] == ENERGY_KEPT  # H is kept: its mean error does not grow
-    labels = [
-        f"{r['at']} ({'an offset' if kept else f'leads after {number(overtaken(r), 2)} steps'})"
-        for (_, r), kept in zip(rows.iterrows(), offset, strict=True)
-    ]
-    return (rows[MEAN].abs() > limit).set_axis(labels)
+    leads = overtaken(rows).map(lambda n: f"leads after {number(n, 2)} steps")
+    return rows.assign(limit=limit, note=leads.mask(rows["by"] == ENERGY_KEPT, "an offset"))
 
 
 def faster(rows: pd.DataFrame) -> pd.Series:
@@ -419,19 +406,14 @@ def controls(rows: pd.DataFrame) -> pd.Series | None:
     The drift must vanish slightly off the fraction, persist with exact products alone, and vanish if velocity and force
     see the whole state; plain sums must lose more.
     """
-    beside = rows[rows["kind"] == ASIDE_OF]
-    plain, half, whole = (rows[(rows["label"] == x) & rows["energy exponent"].notna()] for x in BY_HAND)
-    if any(part.empty for part in (beside, plain, half, whole)):
+    rows = rows[rows["energy exponent"].notna()]
+    kinds = rows["label"].where(rows["kind"] == HAND, rows["kind"])
+    if {*BY_HAND, ASIDE_OF} - {*kinds}:
         return None
-    return pd.Series(
-        {
-            PLAIN: (plain["in units"] > UNITS).all(),
-            "beside a fraction": not faster(beside).any(),
-            HALF: faster(half).any(),
-            WHOLE: not faster(whole).any(),
-        },
-        dtype=bool,
-    )
+    drifts = faster(rows).groupby(kinds)
+    plain = (rows["in units"] > UNITS)[kinds == PLAIN].all()
+    none = {kind: not drifts.any()[kind] for kind in (ASIDE_OF, WHOLE)}
+    return pd.Series({PLAIN: plain, HALF: drifts.any()[HALF]} | none, dtype=bool)
 
 
 @of(CHOSEN)
@@ -452,19 +434,37 @@ def whole(chosen: pd.DataFrame, all_: pd.DataFrame) -> pd.DataFrame:
     return pd.concat([chosen, all_], ignore_index=True)
 
 
-def exponents(rows: pd.DataFrame, name: str) -> list[str]:
-    """The exponents of the error ``name`` with their intervals, as text; "" where there is none."""
+@panels.picture(
+    CURVES, "growth", "growth of round-off",
+    f"Round-off of {STARTS} starts, on the oscillator where nothing else is said: Brouwer's law and what is measured. "
+    "Only where the frequency depends on the energy does the phase's grow as n^1.5; next to fractions of small "
+    "denominators it drifts.",
+)  # fmt: skip
+def draw(rows: pd.DataFrame) -> panels.Figure:
+    """The rms round-off errors of energy and phase over the number of steps."""
+    parts, rows = [], rows[rows["steps"] < LONG]
+    for label, h in GROWING:
+        run = f"{label}, h = {h:.3g}{' (1 + 2^-40)' if h == DECIMAL * ASIDE else ''}"
+        parts.append(rows[(rows["label"] == label) & (rows["h"] == h)].assign(run=run))
+    rows, laws = pd.concat(parts), {"energy": ENERGY, "phase": PHASE}
+    of_each = {f"{name}: dotted, ε h n^{law:g}": rows.assign(rms=rows[name]) for name, law in laws.items()}
+    figure = panels.row(of_each, "run", "n", "rms", "steps", "rms error over the starts", 3.8, legend=2)
+    n = np.array([rows["n"].min(), rows["n"].max()], float)
+    for axes, law in zip(figure.axes, laws.values(), strict=True):
+        axes.loglog(n, EPS * STEP * n**law, color=style.GREY, linestyle=":")
+    return figure
+
+
+def _exponents(rows: pd.DataFrame, name: str) -> list[str]:
     found = rows[[f"{name} {part}" for part in ("exponent", "low", "high")]].itertuples(index=False)
     return ["" if pd.isna(value) else f"{value:.2f} [{low:.2f}, {high:.2f}]" for value, low, high in found]
 
 
-def table(data: Data) -> Table | None:
+@of(whole)
+def table(known: pd.DataFrame) -> Table:
     """Runs at simple fractions, slightly off them, by hand, and the worst of the others."""
-    known = whole(data)
-    if known is None:
-        return None
-    order = {FRACTION: 0, ASIDE_OF: 1, HAND: 2}
-    known = known[known["energy low"].notna()].assign(order=known["kind"].map(order).fillna(3))
+    order = known["kind"].map({FRACTION: 0, ASIDE_OF: 1, HAND: 2}).fillna(3)
+    known = known.assign(order=order)[known["energy low"].notna()]
     first = known[known["order"] < 3].sort_values(["order", "label", "h"])
     # Worst first: by how far the exponent is above the law's, then by the size of the error.
     rest = known[known["order"] == 3].assign(above=lambda t: (t["energy low"] - ENERGY).clip(lower=0))
@@ -473,8 +473,8 @@ def table(data: Data) -> Table | None:
         "run": shown["label"],
         "h": shown["h"].map(named_step),
         "steps": shown["steps"].astype(float),
-        "energy ~ n^": exponents(shown, "energy"),
-        "phase ~ n^": exponents(shown, "phase"),
+        "energy ~ n^": _exponents(shown, "energy"),
+        "phase ~ n^": _exponents(shown, "phase"),
         "error / eps h n^(1/2)": shown["in units"],
         "mean a step": shown["bias per step"],
         "in standard errors": shown[MEAN],
@@ -490,7 +490,8 @@ def table(data: Data) -> Table | None:
 #: The claim on the energy; the page `extremes` makes it, too.
 LAW = Claim(
     "The energy's round-off grows no faster than n^(1/2), Brouwer's law",
-    ensembles, slow("energy", ENERGY), ALL, unit="ensembles", names=3,
+    ensembles, f"`energy low` <= {ENERGY + ABOVE}", rows="`energy low` == `energy low`", unit="ensembles",
+    where="{at}: n^{energy exponent:.2f}", names=3,
 )  # fmt: skip
 STUDY = Study(
     id="extremes-round-off",
@@ -514,9 +515,9 @@ STUDY = Study(
     runs=(
         Runs(
             CHOSEN, growth,
-            [*({"label": label(id, lam), "h": h, "steps": steps} for id, lam, h, steps in RUNS),
-             {"label": KEPLER, "h": H, "steps": ORBIT_STEPS}],
-            needs=needs, more=(CURVES,),
+            [{"label": label(id, lam), "h": h, "steps": n} for runs in RUNS.values() for id, lam, h, n in runs]
+            + [{"label": KEPLER, "h": H, "steps": ORBIT_STEPS}],
+            needs=_needs, more=(CURVES,),
         ),
         Runs(EVERY, every, [{"label": name, "h": H, "steps": steps_of(m.id)} for name, m in SUITABLE.items()],
              needs=lambda label, **_: (SUITABLE[label], ProblemKey(OSCILLATOR))),
@@ -525,19 +526,20 @@ STUDY = Study(
         "energy": LAW,
         "phase": Claim(
             "The phase's round-off grows no faster than n^(3/2)",
-            ensembles, slow("phase", PHASE), ALL, unit="ensembles", names=3,
+            ensembles, f"`phase low` <= {PHASE + ABOVE}", rows="`phase low` == `phase low`", unit="ensembles",
+            where="{at}: n^{phase exponent:.2f}", names=3,
         ),
         "size": Claim(
             "The energy's round-off is no larger than compensated sums allow",
-            ensembles, sizes, at_most(UNITS), unit="eps h n^(1/2)",
+            ensembles, "`in units`", at_most(UNITS), unit="eps h n^(1/2)", where="{at}, {steps:.3g} steps",
         ),
         "bias": Claim(
             "Away from simple fractions, round-off has no bias",
-            ensembles, biased, NONE, unit="ensembles", names=2,
+            means, f"abs(`{MEAN}`) > limit", NONE, unit="ensembles", where="{at} ({note})", names=2,
         ),
         "controls": Claim(
             "Controls drift, or do not, as the rounding of the state explains",
-            CHOSEN, controls, ALL, unit="controls", names=4, fault=True,
+            CHOSEN, controls, unit="controls", names=4, fault=True,
         ),
     },
     numbers={"drift": drift},

@@ -23,7 +23,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -34,8 +33,8 @@ from phasebench.benchmarks import style
 from phasebench.benchmarks.measure import oscillator
 from phasebench.benchmarks.measure.integrator import integrator
 from phasebench.benchmarks.page.markdown import number
-from phasebench.benchmarks.page.page import Picture, Table, of
-from phasebench.benchmarks.page.study import Claim, Runs, Study, over
+from phasebench.benchmarks.page.page import Table, of
+from phasebench.benchmarks.page.study import Claim, Number, Runs, Study, over
 from phasebench.benchmarks.page.verdict import at_least
 from phasebench.benchmarks.problems.fpu import formula, soft_springs
 from phasebench.benchmarks.store.cells import ProblemKey
@@ -45,6 +44,8 @@ from phasebench.integrators.prepared import lay_out
 from phasebench.integrators.registry import BY_ID
 from phasebench.integrators.stepping.kernel import prepare
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
+
+from . import panels
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -232,6 +233,7 @@ def crests(drift: np.ndarray) -> np.ndarray:
     return out
 
 
+@of(TABLE)
 def summary(rows: pd.DataFrame) -> pd.DataFrame:
     """How many nodes and crests of each method's drift lie on resonance lines, and its highest crest."""
     out = []
@@ -251,32 +253,19 @@ def summary(rows: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(out)
 
 
-def with_crests(rows: pd.DataFrame) -> pd.DataFrame:
-    """The `summary` of the methods that have crests, by method."""
-    found = summary(rows).set_index("method")
-    return found[found["crests"] > 0]
-
-
-def shares(rows: pd.DataFrame) -> pd.Series:
-    """The share of each method's crests on resonance lines."""
-    return with_crests(rows).eval("`crests on lines` / crests")
-
-
-def beyond_chance(rows: pd.DataFrame) -> pd.Series:
-    """The share of crests on resonance lines over that of all nodes."""
-    return shares(rows) / with_crests(rows)["on lines"]
-
-
 # -- what is shown -----------------------------------------------------------------------------------------------------
 
 
-@of(TABLE)
-@style.styled
-def draw(table: pd.DataFrame, folder: Path) -> list[Picture]:
+@panels.picture(
+    TABLE, "springs", "two stiff springs",
+    "FPU with two stiff springs: the drift of the energy that a step keeps between resonances, the darker the "
+    "larger (each method on a scale of its own); below the diagonal the resonance lines of theory, red of order "
+    f"{DRAWN}, blue of lower order.",
+)  # fmt: skip
+def draw(table: pd.DataFrame) -> panels.Figure:
     """Maps of the energy drift over (h omega_1, h omega_2), with resonance lines below the diagonal."""
-    methods = list(dict.fromkeys(table["method"]))
-    figure, panels = style.panels(2, -(-len(methods) // 2), 4.9)
-    for axes, id in zip(panels.flat, methods, strict=False):
+    figure, by_method = panels.grid(table["method"].unique(), "h ω₁", "h ω₂")
+    for id, axes in by_method.items():
         rows = table[table["method"] == id]
         last = rows.drop_duplicates("node 2").sort_values("node 2")
         z, angle = last["h omega 2"].to_numpy(), (last["node 2"] / last["nodes"]).to_numpy()
@@ -288,16 +277,7 @@ def draw(table: pd.DataFrame, folder: Path) -> list[Picture]:
         axes.pcolormesh(z, z, drift, cmap="Greys", shading="nearest", **span)
         _lines(axes, z, angle)
         axes.set(xlim=(z[0], z[-1]), ylim=(z[0], z[-1]))
-    for axes in panels[-1]:
-        axes.set_xlabel("h ω₁")
-    for axes in panels[:, 0]:
-        axes.set_ylabel("h ω₂")
-    caption = (
-        "FPU with two stiff springs: the drift of the energy that a step keeps between resonances, the darker the "
-        "larger (each method on a scale of its own); below the diagonal the resonance lines of theory, red of order "
-        f"{DRAWN}, blue of lower order."
-    )
-    return [Picture(style.save(figure, folder, "extremes-springs.png"), "two stiff springs", caption)]
+    return figure
 
 
 def _lines(axes: Axes, z: np.ndarray, angle: np.ndarray) -> None:
@@ -311,18 +291,18 @@ def _lines(axes: Axes, z: np.ndarray, angle: np.ndarray) -> None:
         axes.plot(x, y, color=colour, linewidth=0.7, linestyle=(0, (4, 3)))
 
 
-@of(TABLE)
-def table(rows: pd.DataFrame) -> Table:
+@of(summary)
+def table(found: pd.DataFrame) -> Table:
     """The `summary` as text."""
-    shown = summary(rows)
-    shown["on lines"] = shown["on lines"].map("{:.0%}".format)
-    shown["highest crest"] = shown["highest crest"].map(lambda x: "" if pd.isna(x) else number(x, 2))
     caption = (
         f"Nodes of the grid and the share of them on lines; crests, at least {HIGH:g} times as high as two nodes "
         "aside; the median drift, and the highest crest with its (h ω₁, h ω₂), of the energy "
         f"({TOP:g}: as much, or more)."
     )
-    return Table(shown, caption)
+    highest = found["highest crest"].map(lambda x: number(x, 2))
+    return Table(
+        found.assign(**{"on lines": found["on lines"].map("{:.0%}".format), "highest crest": highest}), caption
+    )
 
 
 @of(TABLE)
@@ -331,23 +311,12 @@ def whole(rows: pd.DataFrame) -> pd.DataFrame:
     return rows.sort_values("drift", ascending=False).groupby("method", sort=False).head(SHOWN)
 
 
-@of(TABLE)
-def answer(rows: pd.DataFrame) -> str | None:
-    """How many crests, and what share of all nodes, lie on resonance lines."""
-    found = with_crests(rows)
-    share = found["on lines"]
-    return None if found.empty else (
-        f"On a chain with two stiff springs {found['crests on lines'].sum()} of {found['crests'].sum()} crests of the "
-        f"energy drift lie on resonance lines of order ≤ {ORDER}; of all steps {share.min():.0%} to {share.max():.0%} "
-        "do."
-    )  # fmt: skip
-
-
 STUDY = Study(
     id="extremes-springs",
     place=220,
     question="Do step-size resonances lie where theory has them?",
-    answer=answer,
+    answer="On a chain with two stiff springs {on} of {crests} crests of the energy drift lie on resonance lines of "
+    f"order ≤ {ORDER}; of all steps {{low}}% to {{high}}% do.",
     setting=(
         "[FPU](problems.md) with two stiff springs of frequencies ω₁ and ω₂, each with the energy 1 at first: "
         f"H = |p|² / 2 + (ω₁² q₁₁² + ω₂² q₁₂²) / 2 + quartic soft springs, h = {H:g}.",
@@ -364,12 +333,19 @@ STUDY = Study(
     claims={
         "lines": Claim(
             "The crests of the energy drift lie on the resonance lines of theory",
-            TABLE, shares, at_least(MOST), unit="of a method's crests", span=True,
+            summary, "`crests on lines` / crests", at_least(MOST), "crests > 0", "of a method's crests", span=True,
         ),
         "chance": Claim(
             "Crests of the energy drift lie on resonance lines more often than by chance",
-            TABLE, beyond_chance, at_least(TIMES), unit="times as often", span=True,
+            summary, "`crests on lines` / crests / `on lines`", at_least(TIMES), "crests > 0", "times as often",
+            span=True,
         ),
+    },
+    numbers={
+        "on": Number(summary, "`crests on lines`", "crests > 0", pd.Series.sum),
+        "crests": Number(summary, "crests", "crests > 0", pd.Series.sum),
+        "low": Number(summary, "100 * `on lines`", "crests > 0", pd.Series.min, digits=2),
+        "high": Number(summary, "100 * `on lines`", "crests > 0", digits=2),
     },
     figure=draw,
     shown=table,

@@ -2,31 +2,43 @@
 
 from __future__ import annotations
 
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
 import pandas as pd
 
-from phasebench.benchmarks.page.page import Data
+from phasebench.benchmarks.page.markdown import number
+from phasebench.benchmarks.page.page import ROWS, Data, Picture, Table, of
 from phasebench.benchmarks.page.study import Claim, Number, Runs, Study
 from phasebench.benchmarks.page.verdict import at_least, at_most
 from phasebench.benchmarks.store.cells import ProblemKey
 from phasebench.integrators.registry import BY_ID
 
-from . import encounters, figures, limits, maps, push, round_off
+from . import encounters, limits, maps, push, round_off
 
 #: Peers whose steps solve Kepler's problem exactly.
 KEPLERIAN = ("rebound-whfast", "rebound-mercurius", "rebound-trace")
 #: Adaptive peers must keep the error small up to this eccentricity.
 HARD = 0.999
+#: The orbits in the table, and their column headings.
+SHOWN = {
+    "pendulum": "pendulum",
+    "Henon-Heiles, box": "H-H box",
+    "Henon-Heiles, at escape": "H-H at escape",
+    "Kepler, e = 0.6": "Kepler",
+}
+FIGURES = (
+    *(limits.draw, encounters.draw_kepler, maps.draw_stiffness, round_off.draw, maps.draw_solvers, push.draw),
+    *(maps.draw_resonances, maps.draw_regions),
+)
 
 
-def whole(data: Data) -> pd.DataFrame | None:
-    """The stable intervals of h omega of every method."""
-    linear = data(limits.LINEAR)
-    return None if linear is None else linear.drop(columns=["method"])
-
-
-def holding(rows: pd.DataFrame) -> float:
-    """The number of integrators that hold Kepler's orbit at every eccentricity."""
-    return float((figures.reach(rows) == rows["e"].max()).sum())
+def reach(rows: pd.DataFrame) -> pd.Series:
+    """The largest eccentricity up to which an integrator's error on Kepler's orbits is small; 0 if none, by method."""
+    ordered = rows.sort_values("e")
+    held = ordered["held"].astype(bool).groupby(ordered["method"]).cummin()
+    return ordered["e"].where(held, 0.0).groupby(ordered["method"]).max().reindex(rows["method"].unique())
 
 
 def kind(method: str, measured: str) -> str:
@@ -35,11 +47,44 @@ def kind(method: str, measured: str) -> str:
     return "Kepler-solving" if family in ("wisdom_holman", "fcirk") or method in KEPLERIAN else measured
 
 
-def first_to_fail(rows: pd.DataFrame) -> str:
-    """The kind of steps that fails first, and where."""
+def _first_to_fail(rows: pd.DataFrame) -> str:
     kinds = {r.method: kind(r.method, r.kind) for r in rows.drop_duplicates("method").itertuples()}
-    best = figures.reach(rows).groupby(kinds, sort=False).max()
+    best = reach(rows).groupby(kinds, sort=False).max()
     return f"{best.idxmin()} steps: to e = {best.min():.10g}, error {encounters.HELD:g}"
+
+
+def draw(data: Data, folder: Path) -> list[Picture]:
+    """The figures of all tables that have rows."""
+    return [picture for figure in FIGURES for picture in figure(data, folder) or ()]
+
+
+def _text(values: pd.Series, endless: str, digits: int) -> str:
+    """The first of the values as text, ``endless`` if it is infinite; "" if there is none."""
+    if values.empty or pd.isna(values.iloc[0]):
+        return ""
+    return endless if values.iloc[0] == np.inf else number(float(values.iloc[0]), digits)
+
+
+@of(limits.LINEAR, push.TABLE, encounters.KEPLER, round_off.CHOSEN)
+def table(linear: pd.DataFrame, steps: pd.DataFrame, met: pd.DataFrame, grown: pd.DataFrame) -> Table:
+    """How far each representative method goes in every test, and how it fails."""
+    worst, out = reach(met), []
+    for id in (*push.REPRESENTATIVE, *encounters.STEP_CHANGING):
+        row = {"method": id, "limit of h ω": _text(linear.loc[linear["method"] == id, "limit"], "none", 5)}
+        own = steps[steps["method"] == id]
+        row |= {head: _text(own.loc[own["orbit"] == orbit, "largest h"], "any", 2) for orbit, head in SHOWN.items()}
+        row["largest e"] = f"{worst[id]:.10g}" if id in worst else ""
+        same = grown[(grown["label"] == BY_ID[id].label) & (grown["h"] == round_off.STEP)]
+        row["round-off"] = "".join(same["energy exponent"].dropna().head(1).map("{:.2f}".format))
+        fails = Counter(x for x in own["fails"] if isinstance(x, str) and x)
+        out.append(row | {"how it fails": ", ".join(name for name, _ in fails.most_common(2))})
+    caption = (
+        f"How far each method goes: the stability limit of h ω; the largest h that survives {push.STEPS} steps on four "
+        f"orbits (H-H: Hénon–Heiles); the largest e of Kepler's orbit held to {encounters.HELD:g} over "
+        f"{encounters.ORBITS} periods (0: not even {encounters.ECCENTRICITIES[0]:g}; empty: not run); the power of n "
+        f"in the energy's round-off at h = {round_off.STEP:.3g}; the commonest failures."
+    )
+    return Table(pd.DataFrame(out).head(ROWS), caption)
 
 
 STUDY = Study(
@@ -64,8 +109,8 @@ STUDY = Study(
         *push.RUNS,
         Runs(
             encounters.KEPLER, encounters.kepler,
-            [{"method": id} for id in (*encounters.FIXED, *encounters.step_changing_methods(), *encounters.OTHERS)],
-            needs=lambda method: (*encounters.needs(method), ProblemKey("kepler")),
+            [{"method": id} for id in (*encounters.FIXED, *encounters.STEP_CHANGING, *encounters.OTHERS)],
+            needs=lambda method: (encounters.needs(method), ProblemKey("kepler")),
         ),
         *maps.RUNS,
     ),
@@ -73,8 +118,8 @@ STUDY = Study(
         **limits.CLAIMS,
         "kepler": Claim(
             "Some integrators hold Kepler's orbit up to the largest eccentricity",
-            encounters.KEPLER, holding, at_least(1),
-            unit=lambda rows: f"of {rows['method'].nunique()} integrators", where=first_to_fail,
+            encounters.KEPLER, lambda rows: (reach(rows) == rows["e"].max()).sum(), at_least(1),
+            unit=lambda rows: f"of {rows['method'].nunique()} integrators", where=_first_to_fail,
         ),
         "energy": round_off.LAW,
     },
@@ -89,9 +134,9 @@ STUDY = Study(
             rows=f"kind == '{encounters.ADAPTIVE}' and e <= {HARD}",
         ),
     },
-    figure=figures.draw,
-    shown=figures.table,
-    whole=whole,
+    figure=draw,
+    shown=table,
+    whole=of(limits.LINEAR)(lambda linear: linear.drop(columns="method")),
     tables=(
         limits.LINEAR, limits.SCHEME_I, limits.KNOWN, push.TABLE, push.SWEPT, encounters.KEPLER, maps.STIFFNESS,
         round_off.CHOSEN, round_off.EVERY, round_off.CURVES, maps.SOLVERS, maps.RESONANCES, maps.REGIONS,
