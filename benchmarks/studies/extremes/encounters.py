@@ -1,16 +1,10 @@
 """Close encounters: Kepler's orbit at e up to 0.999999, three bodies, and a zoom-whirl orbit about a black hole.
 
-**Kepler**, over ten orbits.  The error is the largest distance from the exact apocentres, relative to their distance
-from the centre.  An apocentre is q = (-(a + c), 0) exactly; the semi-axis a and the period follow in extended precision
-from the doubles of the start, a pericentre.
-
-**Others**.  Three bodies of masses 3, 4, 5 come as near as 4e-4 at t = 15.83 (Szebehely & Peters 1967); a zoom-whirl
-orbit circles at 4.7 M, close to the last stable circle, and swings out to 14 M (Glampedakis & Kennefick 2002).  Methods
-marked `TRANSFORMED` integrate Poincare's transformed Hamiltonian with a symplectic method; their runs end at other
-times and are compared with a run of `JUDGE` to the same time.
-
-Each integrator is run at ever smaller steps, or tolerances, until the error is at most `HELD` or the smallest step or
-tolerance is reached.
+Kepler's apocentres are q = (-(a + c), 0) exactly; the semi-axis a and the period follow in extended precision from the
+doubles of the start, a pericentre.  Three bodies come as near as 4e-4 at t = 15.83 (Szebehely & Peters 1967); a
+zoom-whirl orbit circles at 4.7 M, close to the last stable circle, and swings out to 14 M (Glampedakis & Kennefick
+2002).  Methods marked `TRANSFORMED` integrate Poincare's transformed Hamiltonian with a symplectic method; their runs
+end at other times and are compared with a run of `JUDGE` to the same time.
 """
 
 from __future__ import annotations
@@ -100,14 +94,14 @@ def climb(
 ) -> Iterator[tuple[float, Solution]]:
     """(Steps in a time h, or tolerance; solution with ``rows`` rows, h apart) at ever smaller ones."""
     if chosen.adaptive:
-        for tol in tolerances:
-            s = chosen.run(made, h=h, steps=rows, tol=max(tol, chosen.record.least))
-            if s.status == SKIPPED:
-                raise Unavailable(s.reason)
-            yield tol, s
+        runs = ((tol, {"h": h, "steps": rows, "tol": max(tol, chosen.record.least)}) for tol in tolerances)
     else:
-        for n in ladder:
-            yield n, chosen.run(made, h=h / n, steps=rows * n, save_every=n, **limit)
+        runs = ((n, {"h": h / n, "steps": rows * n, "save_every": n, **limit}) for n in ladder)
+    for asked, options in runs:
+        s = chosen.run(made, **options)
+        if s.status == SKIPPED:
+            raise Unavailable(s.reason)
+        yield asked, s
 
 
 def apocentre(q0: float, p0: float) -> tuple[float, float]:
@@ -195,8 +189,7 @@ def cheapest(rows: pd.DataFrame) -> pd.DataFrame:
 
 
 @of(TABLE)
-def answer(rows: pd.DataFrame) -> str:
-    """For each scene the fewest steps of each kind that reach the wanted error, and the kinds that fail."""
+def _answer(rows: pd.DataFrame) -> str:
     parts = []
     for scene, part in cheapest(rows).groupby("scene", sort=False):
         fewest = part[part["held"]].groupby("kind", sort=False)["steps"].min()
@@ -236,8 +229,7 @@ def draw_kepler(rows: pd.DataFrame) -> panels.Figure:
 
 
 @of(TABLE)
-def table(rows: pd.DataFrame) -> Table:
-    """The run with the fewest steps that follows an encounter, else the best, of each integrator."""
+def _table(rows: pd.DataFrame) -> Table:
     found = cheapest(rows).sort_values(["scene", "held", "steps"], ascending=[True, False, True]).head(ROWS)
     shown = found[["scene", "method", "kind", "steps", "evaluations", "error", "status"]]
     caption = (
@@ -257,7 +249,7 @@ STUDY = Study(
     id="extremes-encounters",
     place=210,
     question="Which steps hold close encounters of three bodies, and a zoom-whirl orbit?",
-    answer=answer,
+    answer=_answer,
     setting=(
         "Three bodies: masses 3, 4, 5 at rest, to t = 16, past the approach to 4e-4 at t = 15.83 (Burrau 1913; "
         "Szebehely & Peters 1967).",
@@ -285,7 +277,7 @@ STUDY = Study(
         ),
     },
     figure=draw,
-    shown=table,
+    shown=_table,
     limits=(
         f"A run of a method of this project is stopped after {SECONDS:g} s, and counts with the status it had.",
         "The three bodies' motion multiplies an error by about 10^4 up to the end: a run with a large error is on "

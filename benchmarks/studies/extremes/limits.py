@@ -2,11 +2,7 @@ r"""Linear stability: all stable h omega of every method, confirmed by long runs
 
 Scheme I (symplectic Euler for lambda = 0 or 1, the midpoint rule for 1/2) has a limit in closed form for every lambda:
 with z = h omega the trace of the step matrix is 2 - z^2 / (1 + lambda (1 - lambda) z^2), so that the step is stable
-where z |1 - 2 lambda| < 2.  The limit is measured for lambda from -10 to 11.
-
-A known limit is ``derived`` in closed form from the trace and the determinant of the step's matrix (the tests derive
-each one again, exactly, from the coefficients that the authors give, not from this project's records), or ``printed``
-by a publication or software that states it, and was looked up.
+where z |1 - 2 lambda| < 2.
 """
 
 from __future__ import annotations
@@ -236,8 +232,7 @@ def draw(rows: pd.DataFrame) -> panels.Figure:
 
 
 @of(KNOWN)
-def table(known: pd.DataFrame) -> Table:
-    """Measured beside known limits, disagreeing ones first, then finite ones."""
+def _table(known: pd.DataFrame) -> Table:
     order = known.assign(endless=np.isinf(known["known limit"])).sort_values(["agrees", "endless"], kind="stable")
     shown = order.head(ROWS).astype(dict.fromkeys(("parameters", "derived", "printed"), object)).fillna("")
     columns = {
@@ -304,7 +299,7 @@ STUDY = Study(
              needs=lambda label: (RUNS[label][0], RUNS[label][1], OSCILLATOR)),
     ),
     claims=CLAIMS,
-    shown=table,
+    shown=_table,
     whole=of(KNOWN)(lambda known: known.drop(columns="known")),
     limits=(
         "The derivations share no code and no coefficients with the methods, but their author.",

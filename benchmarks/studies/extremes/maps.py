@@ -1,21 +1,18 @@
 r"""Stiffness, implicit solvers at their edge, two frequencies, stability functions: maps over steps and parameters.
 
-**Stiffness**: the Fermi-Pasta-Ulam problem with omega from 50 to 10^6, at h omega from 10^-3 to 10^3.  The oscillatory
-energy I of the stiff springs is an adiabatic invariant: over the time of a run it changes by O(1/omega).
+**Stiffness**: the oscillatory energy I of the stiff springs is an adiabatic invariant: over the time of a run it
+changes by O(1/omega).
 
-**Solvers**: how the equations of implicit methods are solved over the step h and the parameter lambda, on the pendulum,
-or the eccentricity of Kepler's orbit: by fixed-point iteration; by Newton's method where the iteration no longer
-contracts; root missed (Schemes IV and V, which choose a parameter in each step so that H is kept, find none); energy
-lost (a spurious solution, or another orbit); or the status with which the run ended.
+**Solvers**: equations of implicit methods are solved by fixed-point iteration; by Newton's method where the iteration
+no longer contracts; a root is missed if Schemes IV and V, which choose a parameter in each step so that H is kept, find
+none; the energy is lost on a spurious solution, or another orbit.
 
 **Two frequencies**:
 
 .. math::
     H = \tfrac12(p_1^2 + p_2^2) + \tfrac12(\omega_1^2 q_1^2 + \omega_2^2 q_2^2) + \kappa\,\omega_1\omega_2 q_1 q_2,
 
-kappa < 1, is a stable linear system.  A step of it is a 4 x 4 matrix, unstable where its spectral radius is above 1:
-beyond a method's limit and, for methods that split the coupling off, in strips about
-:math:`h(\omega_1 + \omega_2) = 2\pi k`.
+kappa < 1, is a stable linear system.  A step of it is a 4 x 4 matrix, unstable where its spectral radius is above 1.
 
 **Stability functions** of Runge-Kutta methods, R(z) = det(I - z A + z 1 b^T) / det(I - z A).
 

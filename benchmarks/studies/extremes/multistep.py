@@ -4,20 +4,11 @@ Errors :math:`\delta` of the recursion :math:`\sum_j\alpha_j q_{n+j} = h^2\sum_j
 
 .. math:: \sum_j \alpha_j\,\delta_{n+j} = h^2\sum_j\beta_j\,f'(q_{n+j})\,\delta_{n+j}.
 
-On the circle :math:`q_n = a e^{in\varphi}`, :math:`\varphi = 2\pi/N`, with complex numbers for points, that has
-constant coefficients in the turning frame: with :math:`K = h^2/a^3 = -\rho(e^{i\varphi})/\sigma(e^{i\varphi})` and
-:math:`\rho_\pm(z) = \rho(e^{\pm i\varphi}z) - \tfrac K2\sigma(e^{\pm i\varphi}z)` the errors grow like the roots of
-
-.. math:: \rho_+(z)\,\rho_-(z) - \tfrac94 K^2\,\sigma(e^{i\varphi}z)\,\sigma(e^{-i\varphi}z) = 0.
-
-On an ellipse the errors grow like the eigenvalues of the product of all steps of two orbits (Floquet), q being the
-exact orbit.  At a resonance an orbit lasts a whole number of periods of a parasitic root of rho: errors grow, but only
-linearly in time.
-
-The control is Stormer's method of order 7, which is not symmetric, by the same kernel.
-
-Sources: G. D. Quinlan, arXiv:astro-ph/9901136 (1999), whose abstract makes the claims that the page tests; the
-polynomial and the product of steps are derived here.
+On the circle :math:`q_n = a e^{in\varphi}`, with complex numbers for points, that has constant coefficients in the
+turning frame, and the errors grow like the roots of the polynomial that the page states, with :math:`K = h^2/a^3`.  On
+an ellipse they grow like the eigenvalues of the product of all steps of two orbits (Floquet), q being the exact orbit.
+At a resonance an orbit lasts a whole number of periods of a parasitic root of rho: errors grow, but only linearly in
+time.  The polynomial and the product of steps are derived here.
 """
 
 from __future__ import annotations
@@ -241,8 +232,7 @@ def spans(N: pd.Series) -> str:
 
 
 @of(judged)
-def table(rows: pd.DataFrame) -> Table:
-    """The steps an orbit at which each method loses the orbit, or its error grows."""
+def _table(rows: pd.DataFrame) -> Table:
     out = []
     for (method, e), own in rows.groupby(["method", "e"], sort=False):
         stable = limit(QUINLAN_TREMAINE[int(own["order"].iloc[0])])
@@ -270,8 +260,7 @@ def table(rows: pd.DataFrame) -> Table:
     f"Kepler, {ORBITS} orbits: the factor by which the largest energy error exceeds that at first; below, where "
     "the linear theory about the orbit is unstable.",
 )  # fmt: skip
-def draw(rows: pd.DataFrame) -> panels.Figure:
-    """The factor by which the energy error grows over the number of steps an orbit, a panel for each method."""
+def _draw(rows: pd.DataFrame) -> panels.Figure:
     figure, by_method = panels.grid(rows["method"].unique(), "steps an orbit", "growth of the energy error")
     for id, axes in by_method.items():
         for e, colour in zip(ECCENTRICITIES, (style.ORANGE, style.BLUE), strict=True):
@@ -338,8 +327,8 @@ STUDY = Study(
             judged, "lost == unstable", rows="decided and near",
         ),
     },
-    figure=draw,
-    shown=table,
+    figure=_draw,
+    shown=_table,
     whole=of(judged)(lambda rows: rows.loc[rows["lost"] | rows["unstable"], :"largest"]),
     limits=(
         "Nothing is judged where theory has errors grow, but hardly in so many orbits; nor, as the theory is about the "

@@ -1,17 +1,10 @@
 r"""The largest step at which runs survive, by bisection on a geometric grid, and how the next larger one fails.
 
-A run fails if it ends badly, or if it loses the energy: its error is as large as the terms of H, the least of
-:math:`\sum_k |H_k|`, H = H_1 + H_2 + ..., along the orbit, computed by a run of `TRUTH` with a small step.
-
-A method that keeps the energy passes this test on any orbit.  On a regular orbit a run is therefore also wrong if a
-coordinate leaves its range on the true orbit by more than `MARGIN` of it, and has a wrong clock if its first coordinate
-crosses the middle of that range less than half or more than twice as often as on the true orbit: steps longer than half
-a period cannot follow the motion, whatever they keep.  (An ellipse that precesses leaves its range: for Kepler only the
-clock is judged.)  On other orbits a run is wrong if a coordinate leaves the range that the energy allows.  If the orbit
-itself escapes, a run that escapes with its energy kept is right.
-
-Survival is not monotone in the step: the result is the end of the first interval of surviving steps seen when the step
-is doubled.
+A run fails if it ends badly, or if its energy error is as large as the terms of H, the least of :math:`\sum_k |H_k|`,
+H = H_1 + H_2 + ..., along the orbit.  A method that keeps the energy passes this test on any orbit: on a regular one a
+run is therefore also wrong if a coordinate leaves its range on the true orbit, and has a wrong clock if its first
+coordinate crosses the middle of that range too seldom or too often: steps longer than half a period cannot follow the
+motion, whatever they keep.  (An ellipse that precesses leaves its range: for Kepler only the clock is judged.)
 """
 
 from __future__ import annotations

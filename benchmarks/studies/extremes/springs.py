@@ -1,18 +1,9 @@
 r"""Step-size resonances of the Fermi-Pasta-Ulam problem with two stiff springs, over (h omega_1, h omega_2).
 
-On a spring alone a step with matrix M is a rotation by an angle :math:`\theta(h\omega)`, 2 cos(theta) = tr M.  The soft
-springs couple the rotations.  At a step-size resonance,
-
-.. math::
-    k_1\theta_1 + k_2\theta_2 = 2\pi n,\qquad n \ne 0,
-
-errors add up from step to step.  (With n = 0 springs exchange energy in the problem itself.)  Resonant strips are
-narrow: the angles of the grid are multiples of pi / `NODES`, so that lines of low order :math:`|k_1| + |k_2|` pass
-exactly through its nodes.
-
-Drift is measured in the energy that the step keeps between resonances, in which a spring has the part
-:math:`J\theta/h`, J its action: the area of the ellipse that M keeps, over 2 pi.  Means over `WINDOWS` parts of a run
-remove oscillation.
+Resonant strips are narrow: the angles of the grid are multiples of pi / N, so that lines of low order
+:math:`|k_1| + |k_2|` pass exactly through its nodes.  (With n = 0 springs exchange energy in the problem itself.)  The
+energy that the step keeps has for a spring the part :math:`J\theta/h`, J its action: the area of the ellipse that M
+keeps, over 2 pi.  Means over `WINDOWS` parts of a run remove oscillation.
 
 Sources: Hairer, Lubich, Wanner, Geometric Numerical Integration (2006), XIII.2 (h = 0.02 there) and XIII.9; M.
 Mandziuk, T. Schlick, Chem. Phys. Lett. 237 (1995) 525-535 (h omega = sqrt 2 and sqrt 3 of Stormer-Verlet).
@@ -262,8 +253,7 @@ def summary(rows: pd.DataFrame) -> pd.DataFrame:
     "larger (each method on a scale of its own); below the diagonal the resonance lines of theory, red of order "
     f"{DRAWN}, blue of lower order.",
 )  # fmt: skip
-def draw(table: pd.DataFrame) -> panels.Figure:
-    """Maps of the energy drift over (h omega_1, h omega_2), with resonance lines below the diagonal."""
+def _draw(table: pd.DataFrame) -> panels.Figure:
     figure, by_method = panels.grid(table["method"].unique(), "h ω₁", "h ω₂")
     for id, axes in by_method.items():
         rows = table[table["method"] == id]
@@ -292,8 +282,7 @@ def _lines(axes: Axes, z: np.ndarray, angle: np.ndarray) -> None:
 
 
 @of(summary)
-def table(found: pd.DataFrame) -> Table:
-    """The `summary` as text."""
+def _table(found: pd.DataFrame) -> Table:
     caption = (
         f"Nodes of the grid and the share of them on lines; crests, at least {HIGH:g} times as high as two nodes "
         "aside; the median drift, and the highest crest with its (h ω₁, h ω₂), of the energy "
@@ -306,8 +295,7 @@ def table(found: pd.DataFrame) -> Table:
 
 
 @of(TABLE)
-def whole(rows: pd.DataFrame) -> pd.DataFrame:
-    """The nodes with the largest drift of each method."""
+def _whole(rows: pd.DataFrame) -> pd.DataFrame:
     return rows.sort_values("drift", ascending=False).groupby("method", sort=False).head(SHOWN)
 
 
@@ -347,9 +335,9 @@ STUDY = Study(
         "low": Number(summary, "100 * `on lines`", "crests > 0", pd.Series.min, digits=2),
         "high": Number(summary, "100 * `on lines`", "crests > 0", digits=2),
     },
-    figure=draw,
-    shown=table,
-    whole=whole,
+    figure=_draw,
+    shown=_table,
+    whole=_whole,
     limits=(
         "Nodes are on lines of low order exactly: a narrow resonance of a higher order that meets no node is not seen.",
         "The slow motion shifts and splits a resonance by h times its frequency, here less than a node.",

@@ -53,8 +53,7 @@ def _first_to_fail(rows: pd.DataFrame) -> str:
     return f"{best.idxmin()} steps: to e = {best.min():.10g}, error {encounters.HELD:g}"
 
 
-def draw(data: Data, folder: Path) -> list[Picture]:
-    """The figures of all tables that have rows."""
+def _draw(data: Data, folder: Path) -> list[Picture]:
     return [picture for figure in FIGURES for picture in figure(data, folder) or ()]
 
 
@@ -66,8 +65,7 @@ def _text(values: pd.Series, endless: str, digits: int) -> str:
 
 
 @of(limits.LINEAR, push.TABLE, encounters.KEPLER, round_off.CHOSEN)
-def table(linear: pd.DataFrame, steps: pd.DataFrame, met: pd.DataFrame, grown: pd.DataFrame) -> Table:
-    """How far each representative method goes in every test, and how it fails."""
+def _table(linear: pd.DataFrame, steps: pd.DataFrame, met: pd.DataFrame, grown: pd.DataFrame) -> Table:
     worst, out = reach(met), []
     for id in (*push.REPRESENTATIVE, *encounters.STEP_CHANGING):
         row = {"method": id, "limit of h ω": _text(linear.loc[linear["method"] == id, "limit"], "none", 5)}
@@ -134,8 +132,8 @@ STUDY = Study(
             rows=f"kind == '{encounters.ADAPTIVE}' and e <= {HARD}",
         ),
     },
-    figure=draw,
-    shown=table,
+    figure=_draw,
+    shown=_table,
     whole=of(limits.LINEAR)(lambda linear: linear.drop(columns="method")),
     tables=(
         limits.LINEAR, limits.SCHEME_I, limits.KNOWN, push.TABLE, push.SWEPT, encounters.KEPLER, maps.STIFFNESS,
