@@ -1,10 +1,18 @@
-"""Atomic writing of files."""
+"""Atomic writing of files; entries of TOML files."""
 
 from __future__ import annotations
 
 import os
 import tempfile
+import tomllib
 from pathlib import Path
+from typing import Any
+
+
+def entries(module: str, name: str = "peer") -> list[dict[str, Any]]:
+    """The entries [[name]] of the TOML file beside a module, whose own file is ``module``; lists as tuples."""
+    found = tomllib.loads(Path(module).with_suffix(".toml").read_text(encoding="utf-8"))[name]
+    return [{k: tuple(v) if isinstance(v, list) else v for k, v in entry.items()} for entry in found]
 
 
 def write_file(path: Path, content: str | bytes) -> None:

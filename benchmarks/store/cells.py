@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import tomllib
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, is_dataclass
 from fractions import Fraction
@@ -142,6 +143,8 @@ def record(method: Method) -> str:
 
 #: Packages that compile and run all code here.
 COMPILERS = ("numba", "llvmlite", "numpy")
+#: The folder of the modules of peers, and of files that list them.
+PEERS = digest.ROOT / "reference" / "peers"
 #: Stands between the hashes of a cell's content.
 SEPARATOR = "-"
 
@@ -160,7 +163,7 @@ def content(*parts: object, code: Iterable[str] = ()) -> str:
     the modules that define them and the versions of their packages.  ``code`` are names of further modules.  Modules
     count with all their imports.
     """
-    modules = list(code)
+    modules, listed = list(code), ""
     packages = {*COMPILERS}
     pieces = []
     for part in parts:
@@ -170,6 +173,7 @@ def content(*parts: object, code: Iterable[str] = ()) -> str:
         elif hasattr(part, "package") and hasattr(part, "claims"):
             pieces.append(exact((part.id, part.package, part.adaptive, part.order, part.tol, part.least)))
             modules += [f"phasebench.reference.peers.{m}" for m in ("run", "record", part.package)]
+            listed += _listed(part.package)
             packages.add(part.package)
         elif isinstance(part, ProblemKey):
             pieces.append(exact((part.name, part.parameters)))
@@ -180,7 +184,9 @@ def content(*parts: object, code: Iterable[str] = ()) -> str:
             pieces.append(exact(part))
     versions = [version_of(name) for name in sorted(packages)]
     told = "" if None in versions else _hash(exact([*zip(sorted(packages), versions, strict=True)]), 6)
-    return SEPARATOR.join([_hash("|".join(pieces), 10), _digest(tuple(sorted(set(modules))))[:10], told])
+    made_by = _digest(tuple(sorted(set(modules))))
+    made_by = _hash(made_by + listed, 10) if listed else made_by[:10]
+    return SEPARATOR.join([_hash("|".join(pieces), 10), made_by, told])
 
 
 def _hash(text: str, digits: int) -> str:
@@ -210,6 +216,13 @@ def states(id: str) -> str:
     """The digest of the file of certified states of the problem ``id``; "" if there is none."""
     path = stored.DIRECTORY / f"{id}.json"
     return hashlib.sha256(path.read_bytes()).hexdigest() if path.exists() else ""
+
+
+@cache
+def _listed(package: str) -> str:
+    """The digest of the file that lists the peers of a package; "" if there is none."""
+    path = PEERS / f"{package}.toml"
+    return _hash(exact(tomllib.loads(path.read_text(encoding="utf-8"))), 10) if path.exists() else ""
 
 
 @cache

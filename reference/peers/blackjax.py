@@ -14,6 +14,8 @@ from __future__ import annotations
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
+from phasebench.reference.files import entries
+
 from .jax_loop import COST, Loop, Method, jax_function, run_loop
 from .record import Claims, Peer, split_alone
 
@@ -92,62 +94,4 @@ def _not_canonical(problem: Any, system: PartitionedSystem) -> str | None:
     return None if system.canonical else "it takes derivatives of H by q and p: the variables must be canonical"
 
 
-MIDPOINT = "Hairer, Lubich & Wanner 2006, II.1.3; Brofos & Lederman 2021, arXiv:2102.07139"
-
-PEERS: tuple[Peer, ...] = (
-    _peer(
-        "velocity-verlet",
-        "velocity_verlet",
-        "velocity Verlet",
-        2,
-        1,
-        "one gradient a step",
-        "Bou-Rabee & Sanz-Serna 2018, Acta Numer. 27, 113-206",
-    ),
-    _peer(
-        "mclachlan",
-        "mclachlan",
-        "mclachlan",
-        2,
-        2,
-        "two gradients a step, kicks first; the minimum-norm splitting",
-        "McLachlan 1995, SIAM J. Sci. Comput. 16, 151-168",
-    ),
-    _peer(
-        "yoshida",
-        "yoshida",
-        "yoshida",
-        2,
-        3,
-        "three gradients a step; of order 2, not Yoshida's method of order 4",
-        "McLachlan 1995, SIAM J. Sci. Comput. 16, 151-168, by its documentation",
-    ),
-    _peer(
-        "omelyan",
-        "omelyan",
-        "omelyan",
-        4,
-        5,
-        "five gradients a step",
-        "Omelyan, Mryglod & Folk 2003, Comput. Phys. Commun. 151, 272-314",
-    ),
-    _peer(
-        "implicit-midpoint",
-        "implicit_midpoint",
-        "implicit midpoint rule",
-        2,
-        0,
-        "solved until two iterates differ by less than 1e-6, its default",
-        MIDPOINT,
-    ),
-    _peer(
-        "implicit-midpoint-converged",
-        "implicit_midpoint",
-        "implicit midpoint rule, solved to round-off",
-        2,
-        0,
-        f"solved until two iterates differ by less than {CLOSE:g}, or 100 times",
-        MIDPOINT,
-        CLOSE,
-    ),
-)
+PEERS: tuple[Peer, ...] = tuple(_peer(**entry) for entry in entries(__file__))

@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from phasebench.reference.files import entries
 from phasebench.reference.native import load_library, load_source, statements
 
 from .record import NOT_FINITE, Claims, Peer, Run, Start, Task, split_alone
@@ -257,7 +258,7 @@ def runs(
     return run, prepare
 
 
-def _peer(id: str, header: str, kind: str, name: str, order: int | None, about: str, source: str) -> Peer:
+def _peer(id: str, header: str, kind: str, name: str, about: str, source: str, order: int | None = None) -> Peer:
     adaptive = kind == CONTROLLED
     tol = TOLERANCE if adaptive else None
     run, prepare = runs(lambda system: _program(system, header, kind), adaptive, tol)
@@ -284,41 +285,4 @@ def _peer(id: str, header: str, kind: str, name: str, order: int | None, about: 
     )
 
 
-MCLACHLAN = "McLachlan 1995, SIAM J. Sci. Comput. 16, 151-168"
-EMBEDDED = (
-    ("cash-karp54", "runge_kutta_cash_karp54", 5, "Cash & Karp 1990, ACM Trans. Math. Softw. 16, 201-222"),
-    ("dopri5", "runge_kutta_dopri5", 5, "Dormand & Prince 1980, J. Comput. Appl. Math. 6, 19-26"),
-    ("fehlberg78", "runge_kutta_fehlberg78", 8, "Fehlberg 1968, NASA TR R-287"),
-)
-CONTROL = "tol is eps_abs = eps_rel of make_controlled; the default is that of the documentation's examples"
-
-PEERS: tuple[Peer, ...] = (
-    _peer(
-        "symplectic-euler",
-        "symplectic_euler",
-        SYMPLECTIC,
-        "symplectic_euler",
-        1,
-        "one force a step, positions first",
-        "Hairer, Lubich & Wanner 2006, I.1.2",
-    ),
-    *(
-        _peer(f"rkn-{id}", f"symplectic_rkn_{id.replace('-', '_')}", SYMPLECTIC, f"{id} stepper", 4, about, MCLACHLAN)
-        for id, about in (("sb3a-mclachlan", "six forces a step"), ("sb3a-m4-mclachlan", "five forces a step"))
-    ),
-    _peer("rk4", "runge_kutta4", FIXED, "runge_kutta4", 4, "fixed steps", "Kutta 1901, Z. Math. Phys. 46, 435-453"),
-    *(_peer(id, header, FIXED, header, order, "fixed steps", source) for id, header, order, source in EMBEDDED),
-    *(
-        _peer(f"{id}-adaptive", header, CONTROLLED, f"{header}, adaptive", order, CONTROL, source)
-        for id, header, order, source in EMBEDDED
-    ),
-    _peer(
-        "bulirsch-stoer-adaptive",
-        "bulirsch_stoer",
-        CONTROLLED,
-        "bulirsch_stoer, adaptive",
-        None,
-        "tol is eps_abs = eps_rel of the constructor; step and order vary",
-        "Hairer, Norsett & Wanner 1993, II.9",
-    ),
-)
+PEERS: tuple[Peer, ...] = tuple(_peer(**entry) for entry in entries(__file__))

@@ -27,6 +27,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from phasebench.reference.files import entries
+
 from .field import right_hand_side
 from .record import NOT_FINITE, Claims, Peer, Run, Task, anything, split_alone
 
@@ -177,9 +179,9 @@ def _peer(
     id: str,
     which: str,
     name: str,
-    order: int | None,
-    about: str,
     source: str,
+    order: int | None = None,
+    about: str = "",
     claim: int | None = None,
     *,
     symplectic: bool = False,
@@ -229,102 +231,6 @@ def _peer(
     )
 
 
-FEAGIN = "Feagin 2012, Neural Parallel Sci. Comput. 20, 437-458"
-PRINCE = "Prince & Dormand 1981, J. Comput. Appl. Math. 7, 67-75"
-CASH = "Cash & Karp 1990, ACM Trans. Math. Softw. 16, 201-222"
-DORMAND = "Dormand & Prince 1980, J. Comput. Appl. Math. 6, 19-26"
-NIELSEN = "Nielsen 2015, arXiv:1501.04345"
-HNW = "Hairer, Norsett & Wanner 1993, II.1"
-HW = "Hairer & Wanner 1996, IV.5"
-HLW = "Hairer, Lubich & Wanner 2006, II.1"
-FOURTH = "the paper calls the method one of fourth order, the class attribute says {}"
-
 SPLITTING = ("SymplecticEulerSolver", "BABs9o7HSolver", "ABAs5o6HSolver", f"{RICHARDSON}SymplecticEulerSolver")
 
-#: Arguments of `_peer` for methods that are run both with constant and with adaptive steps.
-EMBEDDED = (
-    ("rk1412", "RK1412Solver", "desolver's Runge-Kutta method of order 14(12)", 14, "", FEAGIN),
-    ("rk108", "RK108Solver", "desolver's Runge-Kutta method of order 10(8)", 10, "", FEAGIN),
-    (
-        "rk8713m",
-        "RK8713MSolver",
-        "desolver's RK8(7)13M of Prince and Dormand",
-        7,
-        "the weights of order 7 advance the state, those of order 8 give the error estimate",
-        PRINCE,
-        8,
-    ),
-    ("rk45ck", "RK45CKSolver", "desolver's Cash-Karp pair of order 5(4)", 5, "", CASH),
-    ("dopri45", "DOPRI45", "desolver's Dormand-Prince pair of order 5(4)", 5, "", DORMAND),
-    ("radau-iia-19", "RadauIIA19", "desolver's Radau IIA of order 19", 19, "", HW),
-)
-#: Arguments of `_peer` for pairs with an error estimate of order 1 or 2; adaptively they would need thousands of steps.
-POORLY_ESTIMATED = (
-    ("heun-euler", "HeunEulerSolver", "desolver's Heun-Euler pair of order 2(1)", 2, "", HNW),
-    ("lobatto-iiic-4", "LobattoIIIC4", "desolver's Lobatto IIIC of order 4", 4, "", HW),
-    ("radau-iia-5", "RadauIIA5", "desolver's Radau IIA of order 5", 5, "", HW),
-)
-
-EXPLICIT = (
-    _peer("rk5", "RK5Solver", "desolver's RK5, Cash and Karp's method of order 5", 5, "", CASH),
-    _peer("rk4", "RK4Solver", "desolver's RK4", 4, "", HNW),
-    _peer("midpoint", "MidpointSolver", "desolver's explicit midpoint method", 2, "", HNW),
-    _peer("heun", "HeunsSolver", "desolver's Heun method", 2, "", HNW),
-    _peer("ralston", "RalstonsSolver", "desolver's Ralston method", 2, "", HNW),
-    _peer("euler", "EulerSolver", "desolver's explicit Euler method", 1, "", HNW),
-    _peer("euler-trap", "EulerTrapSolver", "desolver's Euler-trapezoidal predictor-corrector", 2, "", HNW),
-)
-SYMPLECTIC = (
-    _peer(
-        "symplectic-euler",
-        "SymplecticEulerSolver",
-        "desolver's symplectic Euler, a leapfrog: kick-drift-kick",
-        2,
-        "its coefficients are the kick-drift-kick leapfrog's",
-        HLW,
-        claim=1,
-        symplectic=True,
-    ),
-    _peer("babs9o7h", "BABs9o7HSolver", "desolver's BAB's9o7H", 4, FOURTH.format(7), NIELSEN, claim=7, symplectic=True),
-    _peer("abas5o6h", "ABAs5o6HSolver", "desolver's ABAs5o6H", 4, FOURTH.format(6), NIELSEN, claim=6, symplectic=True),
-    _peer(
-        "richardson-symplectic-euler",
-        f"{RICHARDSON}SymplecticEulerSolver",
-        f"desolver's Richardson extrapolation of its symplectic Euler, {RICHARDSON_ROWS} rows",
-        None,
-        "the result is the last but one of the table's diagonal",
-        HNW,
-        symplectic=True,
-    ),
-)
-IMPLICIT = (
-    _peer("gauss-legendre-4", "GaussLegendre4", "desolver's Gauss method of order 4", 4, "", HW, symplectic=True),
-    _peer("gauss-legendre-6", "GaussLegendre6", "desolver's Gauss method of order 6", 6, "", HW, symplectic=True),
-    _peer("backward-euler", "BackwardEuler", "desolver's implicit Euler method", 1, "", HW),
-    _peer("implicit-midpoint", "ImplicitMidpoint", "desolver's implicit midpoint rule", 2, "", HW, symplectic=True),
-    _peer("crank-nicolson", "CrankNicolson", "desolver's trapezoidal rule", 2, "", HW),
-    _peer("lobatto-iiia-2", "LobattoIIIA2", "desolver's Lobatto IIIA of order 2", 2, "", HW),
-    _peer("lobatto-iiia-4", "LobattoIIIA4", "desolver's Lobatto IIIA of order 4", 4, "", HW),
-    _peer("lobatto-iiib-2", "LobattoIIIB2", "desolver's Lobatto IIIB of order 2", 2, "", HW),
-    _peer("lobatto-iiib-4", "LobattoIIIB4", "desolver's Lobatto IIIB of order 4", 4, "", HW),
-    _peer("lobatto-iiic-2", "LobattoIIIC2", "desolver's Lobatto IIIC of order 2", 2, "", HW),
-    _peer("radau-ia-3", "RadauIA3", "desolver's Radau IA of order 3", 3, "", HW),
-    _peer("radau-ia-5", "RadauIA5", "desolver's Radau IA of order 5", 5, "", HW),
-    _peer(
-        "radau-iia-3",
-        "RadauIIA3",
-        "desolver's Radau IIA of order 3",
-        1,
-        "its last coefficient is 1/3 where the method has 1/4, so a row of it does not sum to its node",
-        HW,
-        claim=3,
-    ),
-)
-
-PEERS: tuple[Peer, ...] = (
-    *(_peer(*arguments) for arguments in (*EMBEDDED, *POORLY_ESTIMATED)),
-    *EXPLICIT,
-    *SYMPLECTIC,
-    *IMPLICIT,
-    *(_peer(*arguments, adaptive=True) for arguments in EMBEDDED),
-)
+PEERS: tuple[Peer, ...] = tuple(_peer(**entry) for entry in entries(__file__))

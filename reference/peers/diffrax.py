@@ -28,6 +28,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from phasebench.reference.files import entries
+
 from .jax_loop import COST, Loop, Method, jax_function, run_loop
 from .record import Claims, Peer, anything, split_alone
 
@@ -150,58 +152,4 @@ def _peer(
     )
 
 
-HNW = "Hairer, Norsett & Wanner 1993, II.1"
-KVAERNO = "Kvaerno 2004, BIT Numer. Math. 44, 489-502"
-KENNEDY = "Kennedy & Carpenter 2003, Appl. Numer. Math. 44, 139-181"
-SOLVED = f"equations solved by Newton's method to {ROOT:g}"
-
-PEERS: tuple[Peer, ...] = (
-    _peer("euler", "Euler", "Euler method", 1, HNW),
-    _peer("heun", "Heun", "Heun method", 2, HNW),
-    _peer("midpoint", "Midpoint", "explicit midpoint method", 2, HNW),
-    _peer("ralston", "Ralston", "Ralston method", 2, "Ralston 1962, Math. Comp. 16, 431-437"),
-    _peer("bosh3", "Bosh3", "Bogacki-Shampine method", 3, "Bogacki & Shampine 1989, Appl. Math. Lett. 2, 321-325"),
-    _peer("tsit5", "Tsit5", "Tsitouras method", 5, "Tsitouras 2011, Comput. Math. Appl. 62, 770-775"),
-    _peer("dopri5", "Dopri5", "Dormand-Prince method", 5, "Dormand & Prince 1980, J. Comput. Appl. Math. 6, 19-26"),
-    _peer("dopri8", "Dopri8", "Dormand-Prince 8(7)", 8, "Prince & Dormand 1981, J. Comput. Appl. Math. 7, 67-75"),
-    _peer(
-        "semi-implicit-euler",
-        "SemiImplicitEuler",
-        "semi-implicit Euler method",
-        1,
-        "Hairer, Lubich & Wanner 2006, I.1.2",
-        split=HALVES,
-        symplectic=True,
-    ),
-    _peer(
-        "leapfrog-midpoint",
-        "LeapfrogMidpoint",
-        "leapfrog/midpoint method",
-        2,
-        "Shampine 2009, Appl. Math. Comput. 208, 293-298",
-        "two-step method, y_(n+1) = y_(n-1) + 2 h f(y_n), started by an Euler step",
-    ),
-    _peer(
-        "reversible-heun",
-        "ReversibleHeun",
-        "reversible Heun method",
-        2,
-        "Kidger et al. 2021, Adv. Neural Inf. Process. Syst. 34",
-        "it is algebraically reversible, says diffrax, which is of the state and its second copy together",
-    ),
-    _peer("implicit-euler", "ImplicitEuler", "implicit Euler method", 1, HNW, SOLVED),
-    *(_peer(f"kvaerno{n}", f"Kvaerno{n}", f"Kvaerno method of order {n}", n, KVAERNO, SOLVED) for n in (3, 4, 5)),
-    _peer(
-        "sil3",
-        "Sil3",
-        "Whitaker-Kar method",
-        2,
-        "Whitaker & Kar 2013, Mon. Weather Rev. 141, 3426-3434",
-        f"order 3 in the explicit term, says diffrax (on linear problems), 2 in the implicit one; {SOLVED}",
-        split=IMEX,
-    ),
-    *(
-        _peer(f"kencarp{n}", f"KenCarp{n}", f"Kennedy-Carpenter method of order {n}", n, KENNEDY, SOLVED, split=IMEX)
-        for n in (3, 4, 5)
-    ),
-)
+PEERS: tuple[Peer, ...] = tuple(_peer(**entry) for entry in entries(__file__))

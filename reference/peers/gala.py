@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from phasebench.integrators.record import BOUNDED, DRIFT
+from phasebench.reference.files import entries
 
 from .galactic import is_henon_heiles, powers
 from .record import Claims, Peer, Run, Task
@@ -230,49 +230,4 @@ def _peer(
     )
 
 
-#: Arguments of `_peer` shared by the Python and the Cython version.
-VERLET = (
-    "leapfrog",
-    LEAPFROG,
-    "gala's leapfrog, kick-drift-kick",
-    2,
-    "1 force evaluation a step",
-    "Verlet 1967, Phys. Rev. 159, 98-103",
-    {"order": 2, "symplectic": True, "reversible": True, "energy": BOUNDED},
-)
-RUTH = (
-    "ruth4",
-    RUTH4,
-    "gala's Ruth4, Forest and Ruth's symplectic integrator of order 4",
-    4,
-    "4 force evaluations a step, one of them with coefficient 0",
-    "Forest & Ruth 1990, Physica D 43, 105-117",
-    {"order": 4, "symplectic": True, "reversible": True},
-)
-# The claimed order is the docstring's: "a 5th-order accurate formula" for a method of order 8.
-DORMAND_PRINCE = (
-    "dopri853",
-    DOPRI853,
-    "gala's Dormand-Prince method of order 8(5,3)",
-    8,
-    "tol is rtol = atol",
-    "Hairer, Norsett & Wanner 1993, II.5",
-    {"order": 5},
-)
-PEERS = (
-    _peer(*VERLET),
-    _peer(*RUTH),
-    _peer(
-        "rk5",
-        RK5,
-        "gala's RK5, a Runge-Kutta method of order 5 with Cash and Karp's coefficients",
-        5,
-        "6 evaluations a step",
-        "Cash & Karp 1990, ACM Trans. Math. Softw. 16, 201-222",
-        {"order": 5, "symplectic": False, "energy": DRIFT},
-    ),
-    _peer(*DORMAND_PRINCE),
-    _peer(*VERLET, cython=True),
-    _peer(*RUTH, cython=True),
-    _peer(*DORMAND_PRINCE, cython=True),
-)
+PEERS: tuple[Peer, ...] = tuple(_peer(**entry) for entry in entries(__file__))

@@ -37,6 +37,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from phasebench.reference.files import entries
+
 from .galactic import is_henon_heiles, powers, unit_mass
 from .record import Claims, Peer, Run, Task
 
@@ -46,8 +48,6 @@ if TYPE_CHECKING:
     from phasebench.integrators.systems.hamiltonian import Hamiltonian, PartitionedSystem
 
 METHODS_IN_WORDS = "Orbit.integrate.__doc__ of galpy 1.12.1"
-TUTORIAL = "https://docs.galpy.org/en/latest/, tutorial Integration and Plotting, available integrators"
-HEADER = "header of galpy.util.symplecticode 1.12.1: symplectic ODE integrators"
 #: A tolerance so large that the Python leapfrog never shortens its step.
 ANY_STEP = 1e10
 #: Largest loss of energy in heyoka's test run that does not indicate a collision.
@@ -300,9 +300,9 @@ IN_PYTHON = "H = |p|^2 / 2 + V(q), d at most 3"
 def _peer(
     method: str,
     name: str,
-    order: int | None,
     about: str,
     source: str,
+    order: int | None = None,
     *,
     adaptive: bool = False,
     claims: Mapping[str, Any] | None = None,
@@ -328,92 +328,4 @@ def _peer(
     )
 
 
-BOVY = "Bovy 2015, Astrophys. J. Suppl. Ser. 216, 29"
-YOSHIDA = "Yoshida 1993, Celest. Mech. Dyn. Astron. 56, 27-43"
-HAIRER = "Hairer, Norsett & Wanner 1993, II.5"
-BOTH = f"{METHODS_IN_WORDS}; {TUTORIAL}"
-TOLERANCE = "tol is rtol = atol, by default {}"
-PEERS = (
-    _peer(
-        "leapfrog",
-        "galpy's leapfrog in Python, drift-kick-drift",
-        2,
-        "its choice of a smaller step is switched off by a tolerance of 1e10",
-        BOVY,
-        claims={"symplectic": True, "source": HEADER},
-    ),
-    _peer(
-        "leapfrog_c",
-        "galpy's leapfrog in C, drift-kick-drift",
-        2,
-        "1 force evaluation a step",
-        BOVY,
-        claims={"symplectic": True, "source": BOTH},
-    ),
-    _peer(
-        "symplec4_c",
-        "galpy's symplectic integrator of order 4",
-        4,
-        "3 force evaluations a step; its default method",
-        f"{YOSHIDA}; Kinoshita, Yoshida & Nakai 1991, Celest. Mech. Dyn. Astron. 50, 59-71",
-        claims={"order": 4, "symplectic": True, "source": BOTH},
-    ),
-    _peer(
-        "symplec6_c",
-        "galpy's symplectic integrator of order 6",
-        6,
-        "7 force evaluations a step",
-        YOSHIDA,
-        claims={"order": 6, "symplectic": True, "source": BOTH},
-    ),
-    _peer("rk4_c", "galpy's Runge-Kutta method of order 4", 4, "4 evaluations a step", BOVY, claims={"order": 4}),
-    _peer("rk6_c", "galpy's Runge-Kutta method of order 6", 6, "7 evaluations a step", BOVY, claims={"order": 6}),
-    _peer(
-        "dopr54_c",
-        "galpy's Dormand-Prince pair of order 5(4) in C",
-        5,
-        TOLERANCE.format("1e-12") + "; it ends a step at every row",
-        HAIRER,
-        adaptive=True,
-        claims={"order": 5},
-        least=1e-14,
-    ),
-    _peer(
-        "dop853",
-        "galpy's Dormand-Prince method of order 8(5,3) in Python",
-        8,
-        TOLERANCE.format("1e-12") + "; in the plane and in space in polar coordinates, singular at the origin",
-        HAIRER,
-        adaptive=True,
-        claims={"order": 8},
-        least=1e-14,
-    ),
-    _peer(
-        "dop853_c",
-        "galpy's Dormand-Prince method of order 8(5,3) in C",
-        8,
-        TOLERANCE.format("1e-12") + "; rows are interpolated",
-        HAIRER,
-        adaptive=True,
-        claims={"order": 8},
-        least=1e-14,
-    ),
-    _peer(
-        "ias15_c",
-        "galpy's IAS15, adaptive Gauss-Radau of order 15",
-        15,
-        f"tol does nothing: its precision 1e-9 is fixed; rows are interpolated, {ROWS} at least are computed",
-        "Rein & Spiegel 2015, Mon. Not. R. Astron. Soc. 446, 1424-1437",
-        adaptive=True,
-        claims={"order": 15},
-    ),
-    _peer(
-        "odeint",
-        "LSODA through SciPy's odeint, as galpy calls it",
-        None,
-        TOLERANCE.format("1.49e-8") + f"; in polar coordinates; {ROWS} rows at least, of at most 500 steps each",
-        "Petzold 1983, SIAM J. Sci. Stat. Comput. 4, 136-148",
-        adaptive=True,
-        least=1e-13,
-    ),
-)
+PEERS: tuple[Peer, ...] = tuple(_peer(**entry) for entry in entries(__file__))

@@ -30,6 +30,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from phasebench.integrators.errors import InvalidInput
+from phasebench.reference.files import entries
 
 from .field import right_hand_side, split_gradients
 from .record import NOT_FINITE, Claims, Peer, Run, Task, split_alone
@@ -201,48 +202,4 @@ def _peer(solver: str, order: int, about: str, source: str, *, position_first: b
     )
 
 
-YOSHIDA = "Yoshida 1990, Phys. Lett. A 150, 262-268"
-OMELYAN = "Omelyan, Mryglod & Folk 2002, Comput. Phys. Commun. 146, 188-202"
-MCLACHLAN = "McLachlan 1995, SIAM J. Sci. Comput. 16, 151-168"
-MOAN = "Blanes & Moan 2002, J. Comput. Appl. Math. 142, 313-330"
-NEAR = "Blanes et al. 2013, Appl. Numer. Math. 68, 58-72"
-ALL = "for all purposes"
-T_FIRST, V_FIRST = "T first, as its order is declared", "V first, as its order is declared"
-
-#: Methods for any splitting.
-GENERAL = (
-    ("Verlet", 2, ALL, "Verlet 1967, Phys. Rev. 159, 98-103"),
-    ("FR", 4, ALL, "Forest & Ruth 1990, Physica D 43, 105-117"),
-    ("Yo4", 4, f"{ALL}; Yoshida's triple jump", YOSHIDA),
-    ("Yo6", 6, f"{ALL}; Yoshida's triple jump of triple jumps", YOSHIDA),
-    ("Yo8", 8, f"{ALL}; Yoshida's triple jumps", YOSHIDA),
-    ("Yo10", 10, f"{ALL}; Yoshida's triple jumps", YOSHIDA),
-    ("Yos6", 6, f"{ALL}; Yoshida's solution A", YOSHIDA),
-    ("M2", 2, ALL, MCLACHLAN),
-    ("M4", 4, ALL, MCLACHLAN),
-    ("BM4", 4, f"{ALL}; S6, the default", MOAN),
-    ("BM6", 6, f"{ALL}; S10", MOAN),
-)
-#: Methods for a given order of flows; the last entry is True if the flow of T comes first.
-SPECIAL = (
-    ("EFRL", 4, "for H = A + B", OMELYAN, False),
-    ("PEFRL", 4, T_FIRST, OMELYAN, True),
-    ("VEFRL", 4, V_FIRST, OMELYAN, False),
-    ("RKN4b", 4, V_FIRST, MOAN, False),
-    ("RKN6b", 6, V_FIRST, MOAN, False),
-    ("RKN6a", 6, T_FIRST, MOAN, True),
-    ("ABA104", 4, f"{T_FIRST}; order (10, 4) of H = A + eps B, here of T + V", NEAR, True),
-    ("ABA864", 4, f"{T_FIRST}; order (8, 6, 4) of H = A + eps B, here of T + V", NEAR, True),
-    ("ABA1064", 4, f"{T_FIRST}; order (10, 6, 4) of H = A + eps B, here of T + V", NEAR, True),
-)
-#: Methods not run with two copies: Yo4 equals FR, Yo10 has 324 evaluations a step there.
-UNDOUBLED = ("Yo4", "Yo10")
-#: Methods run with coupled copies; these few show all effects.
-RESTRAINED = ("Verlet", "BM4", "BM6")
-
-PEERS: tuple[Peer, ...] = (
-    *(_peer(*arguments) for arguments in GENERAL),
-    *(_peer(*arguments, position_first=first) for *arguments, first in SPECIAL),
-    *(_peer(*arguments, kind="extended") for arguments in GENERAL if arguments[0] not in UNDOUBLED),
-    *(_peer(*arguments, kind="omega") for arguments in GENERAL if arguments[0] in RESTRAINED),
-)
+PEERS: tuple[Peer, ...] = tuple(_peer(**entry) for entry in entries(__file__))
