@@ -112,33 +112,17 @@ def worst(exact, e, spoil=None):
     return max(ratios)
 
 
-@pytest.mark.parametrize("e", ECCENTRICITIES)
-def test_errors_in_doubles_are_those_of_rounded_data(exact, e):
+def test_errors_in_doubles_are_those_of_rounded_data(exact):
     """Except that on a hyperbola followed inwards and outwards the terms of Kepler's equation partly cancel."""
-    assert worst(exact, e) < (8 if e <= 1 else 128)
+    assert all(worst(exact, e) < (8 if e <= 1 else 128) for e in ECCENTRICITIES)
 
-
-def test_control_a_coefficient_with_a_wrong_digit_is_seen(exact):
     def spoil(table):
         table[kepler_flow.SERIES_3, 2] *= 1 + 1e-8
 
-    assert all(worst(exact, e, spoil) > 300 for e in (0.0, 0.6, 1.5))
+    assert all(worst(exact, e, spoil) > 300 for e in (0.0, 0.6, 1.5)), "the control: a coefficient's 8th digit"
 
 
-def test_increments_of_tiny_steps_are_relatively_exact(exact):
-    """Control: the difference of the rounded states has no correct digit."""
-    q, v, h = doubles(0.6, 1.0, 1e-9)
-    wanted = [float(mpmath.mpf(x)) for x in exact[0.6, 1.0, 1e-9][1]]
-    X = flow(q, v, h)
-    with mpmath.workdps(DIGITS):
-        found = [float(mpmath.mpf(X[i, k]) - (q, v)[i][k] + mpmath.mpf(X[i + 2, k])) for i in (0, 1) for k in (0, 1)]
-    plain = [X[i, k] - (q, v)[i][k] for i in (0, 1) for k in (0, 1)]
-    assert found == pytest.approx(wanted, rel=1e-14, abs=0)
-    assert max(abs(np.array(plain) / wanted - 1)) > 1e-9
-
-
-@pytest.mark.parametrize("e", [0.0, 0.6, 0.99])
-@pytest.mark.parametrize("periods", [1, -1, 1000, 123456])
+@pytest.mark.parametrize(("e", "periods"), [(0.0, 1), (0.6, -1), (0.99, 1000), (0.6, 123456)])
 def test_whole_periods_return(e, periods):
     q, v, _ = doubles(e, 0.7, 1.0)
     beta = 2 / np.hypot(*q) - np.dot(v, v)
@@ -149,26 +133,7 @@ def test_whole_periods_return(e, periods):
     assert np.abs(flow(q, v, h * (1 + 1e-3 / periods))[:2] - [q, v]).max() > 1e-4, "the control: another time"
 
 
-@pytest.mark.parametrize("e", ECCENTRICITIES)
-def test_energy_and_angular_momentum_of_many_steps(e):
-    """20,000 steps, each a twentieth of the period of an ellipse; on open orbits steps grow."""
-    q, v, _ = doubles(e, -1.0, 1.0)
-    X = np.array([q, v, [0, 0], [0, 0]])
-    scale = 1 / (1 - e) if e < 1 else 1.0
-
-    def kept():
-        """Energy and angular momentum."""
-        return np.array([np.dot(X[1], X[1]) / 2 - 1 / np.hypot(*X[0]), X[0, 0] * X[1, 1] - X[0, 1] * X[1, 0]])
-
-    before, steps = kept(), 20_000 if e < 1 else 40
-    for n in range(steps):
-        kepler_flow.advance(X, 0, 2, 1.0, 1.0, 0.31 if e < 1 else 0.01 * 1.4**n, EPS, TABLE)
-    error = np.abs(kept() - before)
-    assert error[0] < 8 * EPS * scale * steps**0.5
-    assert error[1] < (8 * EPS * steps**0.5 if e < 1 else 8 * EPS * np.abs(X[0]).max())
-
-
-@pytest.mark.parametrize("e", [0.0, 0.6, 0.999, 1.0, 1.5])
+@pytest.mark.parametrize("e", [0.6, 1.0, 1.5])
 def test_backwards_is_the_mirror_image(e):
     """(q, v, h) and (q, -v, -h) use the same arithmetic; going forth and back returns."""
     q, v, h = doubles(e, 1.0, 0.8)
@@ -180,7 +145,6 @@ def test_backwards_is_the_mirror_image(e):
 
 
 def test_scaling_by_mass_mu_and_rotation():
-    """Powers of two as mu and mass scale exactly; a third dimension is a rotation."""
     q, v, h = doubles(0.6, 1.0, 2.0)
     X = flow(q, v, h)
     heavy = flow(q, [2 * x for x in v], h / 2, mu=4, mass=8)
@@ -194,14 +158,10 @@ def test_scaling_by_mass_mu_and_rotation():
     assert np.array_equal(free[1], v)
 
 
-#: Steps with an iterate beyond one period, for which the root is bracketed.
-BEYOND = ((0.98, 1.25, -3.1), (0.9999, 2.0, -3.9))
-
-
 @pytest.mark.parametrize("length", [4.0**-10, 4.0**10])
 def test_the_solver_does_not_depend_on_units(length):
     """Lengths in units that are powers of two, times in their power 3/2."""
-    for case in (*CASES[:140:9], *BEYOND):
+    for case in (*CASES[:140:9], (0.98, 1.25, -3.1), (0.9999, 2.0, -3.9)):  # beyond a period the root is bracketed
         q, v, h = doubles(*case)
         X, Y = np.array([q, v, [0, 0], [0, 0]]), np.array([q, v, [0, 0], [0, 0]]) * [[length], [length**-0.5], [0], [0]]
         cost = [kepler_flow.advance(Z, 0, 2, 1.0, 1.0, t, EPS, TABLE) for Z, t in ((X, h), (Y, length**1.5 * h))]
@@ -211,8 +171,6 @@ def test_the_solver_does_not_depend_on_units(length):
 
 
 def test_few_evaluations():
-    """Two or three per step of an ordinary orbit, a few more in the worst case."""
-
     def evaluations(q, v, h):
         X = np.array([q, v, [0, 0], [0, 0]])
         return kepler_flow.advance(X, 0, 2, 1.0, 1.0, h, EPS, TABLE)
