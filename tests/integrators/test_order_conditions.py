@@ -15,7 +15,6 @@ from phasebench.integrators.coefficients.order_conditions import (
     KINDS,
     TOLERANCE,
     classical_order,
-    conditions,
     excess,
     normal_form,
     residuals,
@@ -89,22 +88,6 @@ def test_normal_forms_annihilate_the_relation_only(left, right):
     degree = len(left) + len(right) + 4
     assert not any(normal_form(as_array({RELATION: 1}, degree, left, right)))
     assert any(normal_form(as_array({OTHER: 1}, degree, left, right)))
-
-
-def test_the_number_of_normal_forms():
-    """One relation of degree 4 without overlaps: the dimensions have the generating function 1 / (1 - 2t + t^4)."""
-    dimensions = [1]
-    for n in range(1, 9):
-        dimensions.append(2 * dimensions[n - 1] - (dimensions[n - 4] if n >= 4 else 0))
-    assert [len(normal_form(np.zeros(2**n))) for n in range(1, 9)] == dimensions[1:]
-
-
-def test_a_generalized_order_has_fewer_conditions():
-    found = residuals("near-integrable", LEAPFROG, 4)
-    few, all_of_them = conditions(found, (4, 2)), conditions(found, (4,))
-    assert set(few) < set(all_of_them)
-    assert (4, 1) in few
-    assert (3, 2) not in few
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -16,12 +16,11 @@ from phasebench.benchmarks.problems import problem
 from phasebench.integrators.driver import INACCURATE, OK, UNSTABLE, integrate
 from phasebench.integrators.registry import method
 
-LAMBDAS = (-3.0, -1.0, -0.2, 0.0, 1 / 3, 0.45, 0.5, 0.75, 1.0, 1.5, 2.5, 4.0)
+LAMBDAS = (-1.0, 0.0, 1 / 3, 0.5, 2.5)
 OSCILLATOR = problem("harmonic-oscillator")
 
 
 def step_matrix(lam, z):
-    """Matrix of one step of Scheme I on the oscillator at z = h omega: its columns are the images of unit vectors."""
     columns = []
     for q, p in ((1.0, 0.0), (0.0, 1.0)):
         s = integrate(OSCILLATOR, method("scheme-i", lam=lam), h=z, steps=1, q0=[q], p0=[p])
@@ -31,17 +30,15 @@ def step_matrix(lam, z):
 
 
 def trace(lam, z):
-    """Trace of the step matrix in closed form."""
     return 2 - z**2 / (1 + lam * (1 - lam) * z**2)
 
 
 def grows(lam, z, steps=4000):
-    """Whether Scheme I grows beyond 1e4 on the oscillator at z = h omega, or its run stops."""
     s = integrate(OSCILLATOR, method("scheme-i", lam=lam), h=z, steps=steps, q0=[1.0], p0=[0.3])
     return s.status not in (OK, INACCURATE, UNSTABLE) or max(np.abs(s.q).max(), np.abs(s.p).max()) > 1e4
 
 
-@pytest.mark.parametrize("z", [0.01, 0.1, 0.4, 1.0, 1.9])
+@pytest.mark.parametrize("z", [0.1, 1.0, 1.9])
 @pytest.mark.parametrize("lam", LAMBDAS)
 def test_trace_and_determinant(lam, z):
     if abs(1 + lam * (1 - lam) * z**2) < 0.05:
@@ -76,11 +73,3 @@ def test_exact_invariant(lam):
     if lam != 0.5:
         wrong = p**2 + q**2 - z * (1 - 2 * lam) * p * q
         assert np.ptp(wrong) > 1e-2 * kept[0], "the control: the sign of the mixed term"
-
-
-def test_steps_depend_on_h_omega_only():
-    stiff = problem("harmonic-oscillator", omega=5.0)
-    s = integrate(stiff, method("scheme-i", lam=1 / 3), h=0.08, steps=1, q0=[1.0], p0=[0.0])
-    plain = step_matrix(1 / 3, 0.4)
-    assert s.q[-1, 0] == pytest.approx(plain[0, 0], abs=1e-14)
-    assert s.p[-1, 0] / 5 == pytest.approx(plain[1, 0], abs=1e-14)
