@@ -2,162 +2,36 @@
 
 from __future__ import annotations
 
-import pickle
 import re
 
-import mpmath
 import numpy as np
 import pytest
 
 import phasebench as pb
-from phasebench.benchmarks.measure import multiprecision, step_map
-from phasebench.benchmarks.measure.battery import CONSTRAINED, SYSTEMS, as_problem
-from phasebench.integrators import ConstrainedHamiltonian, InvalidInput, integrate, integrate_ensemble, prepare
-from phasebench.integrators.records.compositions import compose
+from phasebench.benchmarks.measure import step_map
+from phasebench.benchmarks.measure.battery import SYSTEMS, as_problem
+from phasebench.integrators import ConstrainedHamiltonian, InvalidInput, integrate, prepare
+from phasebench.integrators.compile.codegen import TUPLE_LIMIT
 from phasebench.integrators.registry import BY_ID
 
-IDS = [id for id, m in BY_ID.items() if "constrained" in m.requires]
 SPHERE = {"q": "x y z", "p": "u v w", "H": "(u**2 + v**2 + w**2)/2 + z"}
 Q0, P0 = [0.6, 0.0, -0.8], [0.2, 1.0, 0.15]
-DIGITS = 30
 
 
 def on_sphere(*constraints, **more) -> ConstrainedHamiltonian:
-    """A spherical pendulum, or with other constraints."""
     return ConstrainedHamiltonian(**SPHERE | more, constraints=constraints or ("x**2 + y**2 + z**2 = 1",))
-
-
-# -- beside plain implementations in 30 digits -------------------------------------------------------------------------
-
-
-def dot(a, b):
-    return mpmath.fsum(x * y for x, y in zip(a, b, strict=True))
-
-
-def plain_position(q, p, h):
-    """(q_1, p_1/2) of the kick, the drift and the multiplier of a spherical pendulum, from a quadratic equation."""
-    half = [p[0], p[1], p[2] - h / 2]
-    free = [a + h * b for a, b in zip(q, half, strict=True)]
-    # |free - s q|^2 = 1 with the smaller root s
-    a, b, c = dot(q, q), dot(free, q), dot(free, free) - 1
-    s = c / (b + mpmath.sqrt(b * b - a * c))
-    return [x - s * y for x, y in zip(free, q, strict=True)], [x - s * y / h for x, y in zip(half, q, strict=True)]
-
-
-def plain_rattle(q, p, h):
-    """One step of RATTLE for the spherical pendulum."""
-    q, half = plain_position(q, p, h)
-    p = [half[0], half[1], half[2] - h / 2]
-    along = dot(q, p) / dot(q, q)
-    return q, [x - along * y for x, y in zip(p, q, strict=True)]
-
-
-def plain_shake(q, p, h):
-    """One step of SHAKE: its p is the mean of the momenta on either side of q."""
-    q, before = plain_position(q, p, h)
-    _, after = plain_position(q, [before[0], before[1], before[2] - h / 2], h)
-    return q, [(x + y) / 2 for x, y in zip(before, after, strict=True)]
-
-
-def plain_composed(q, p, h):
-    """Three steps of RATTLE, of fractions of Yoshida's."""
-    a = 1 / (2 - mpmath.cbrt(2))
-    for c in (a, 1 - 2 * a, a):
-        q, p = plain_rattle(q, p, c * h)
-    return q, p
-
-
-def start_in_digits():
-    """(q, p) on the manifold in 30 digits, the nearest to the doubles `Q0`, `P0`."""
-    q, p = ([mpmath.mpf(x) for x in y] for y in (Q0, P0))
-    length = mpmath.sqrt(dot(q, q))
-    q = [x / length for x in q]
-    along = dot(q, p)
-    return q, [x - along * y for x, y in zip(p, q, strict=True)]
-
-
-PLAIN = {
-    "rattle": plain_rattle,
-    "shake": plain_shake,
-    "rattle-yoshida-4": plain_composed,
-    "lobatto-iiia-iiib-constrained-2": plain_rattle,
-}
-
-
-@pytest.mark.parametrize("id", PLAIN)
-def test_steps_are_those_of_a_plain_implementation(id):
-    with mpmath.workdps(DIGITS):
-        q, p = start_in_digits()
-        exact = [(q, p)]
-        for _ in range(50):
-            exact.append(PLAIN[id](*exact[-1], mpmath.mpf("0.0625")))
-        s = integrate(on_sphere(), id, h=0.0625, steps=50, q0=np.array(q, float), p0=np.array(p, float))
-        rows = np.array([[*q, *p] for q, p in exact], float)
-    away = np.abs(np.hstack([s.q, s.p]) - rows).max(axis=1)
-    assert away[1] < 1e-15
-    assert away.max() < 2e-14
-    other = next(f for f in PLAIN.values() if f is not PLAIN[id])
-    with mpmath.workdps(DIGITS):
-        wrong = np.array([x for y in other(*exact[0], mpmath.mpf("0.0625")) for x in y], float)
-    assert np.abs(wrong - rows[1]).max() > 1e-7, "the control: another method's step"
-
-
-def equations_of_lobatto(q, p, h):
-    """(function of the unknowns, start, end state of the unknowns) of the pair with three stages on a sphere."""
-    s6 = mpmath.mpf(1) / 6
-    A = [[0, 0, 0], [5 * s6 / 4, 2 * s6, -s6 / 4], [s6, 4 * s6, s6]]
-    B = [[s6, -s6, 0], [s6, 2 * s6, 0], [s6, 5 * s6, 0]]
-    b = [s6, 4 * s6, s6]
-
-    def parts(x):
-        P, L, p1 = [x[3 * i : 3 * i + 3] for i in range(3)], x[9:12], x[12:15]
-        Q = [[q[k] + h * sum(A[i][j] * P[j][k] for j in range(3)) for k in range(3)] for i in range(3)]
-        return Q, P, L, p1
-
-    def force(Q, lam):
-        return [-2 * lam * Q[0], -2 * lam * Q[1], -1 - 2 * lam * Q[2]]
-
-    def residual(*x):
-        Q, P, L, p1 = parts(x)
-        f = [force(Q[j], L[j]) for j in range(3)]
-        out = [P[i][k] - p[k] - h * sum(B[i][j] * f[j][k] for j in range(3)) for i in range(3) for k in range(3)]
-        out += [dot(Q[i], Q[i]) - 1 for i in (1, 2)] + [dot(Q[2], p1)]
-        return out + [p1[k] - p[k] - h * sum(b[j] * f[j][k] for j in range(3)) for k in range(3)]
-
-    return residual, [*p, *p, *p, 0, 0, 0, *p], lambda x: (parts(x)[0][2], parts(x)[3])
-
-
-def test_a_collocation_step_solves_the_equations_in_30_digits():
-    with mpmath.workdps(DIGITS):
-        q, p = start_in_digits()
-        s = integrate(
-            on_sphere(),
-            "lobatto-iiia-iiib-constrained-4",
-            h=0.125,
-            steps=3,
-            q0=np.array(q, float),
-            p0=np.array(p, float),
-        )
-        for n in range(1, 4):
-            residual, start, end = equations_of_lobatto(q, p, mpmath.mpf("0.125"))
-            q, p = end(list(mpmath.findroot(residual, start, solver="mdnewton", maxsteps=50)))
-            assert np.abs(np.array([*q, *p], float) - [*s.q[n], *s.p[n]]).max() < 1e-15 * (1 + n)
 
 
 # -- structure ---------------------------------------------------------------------------------------------------------
 
 
-def test_orders_and_structure_are_measured_with_all_others():
-    """On separable and non-separable systems, one and two constraints, without round-off: `measure.multiprecision`."""
-    for what in ("orders", "symplecticity", "symmetry"):
-        found = {id: {name for label, name in multiprecision.cells(what) if label == id} for id in IDS}
-        for id in IDS:
-            general = "constant mass matrix" not in BY_ID[id].requires
-            assert found[id] == set(CONSTRAINED if general else CONSTRAINED[:2])
-
-
-@pytest.mark.parametrize("name", CONSTRAINED)
-@pytest.mark.parametrize("id", IDS)
+@pytest.mark.parametrize(
+    ("id", "name"),
+    [
+        *((id, name) for id in ("rattle", "shake", "rattle-yoshida-4") for name in ("rods", "on-ellipsoid")),
+        ("lobatto-iiia-iiib-constrained-4", "on-ellipsoid"),
+    ],
+)
 def test_constraints_hold_to_round_off(id, name):
     problem = as_problem(name)
     system = problem.system
@@ -165,7 +39,7 @@ def test_constraints_hold_to_round_off(id, name):
         with pytest.raises(InvalidInput, match="constant mass matrix"):
             integrate(problem, id, h=0.02, steps=1)
         return
-    s = integrate(problem, id, h=0.02, steps=1000)
+    s = integrate(problem, id, h=0.02, steps=200)
     assert s.status == "ok"
     g, hidden = system.defects(s.q, s.p)
     assert np.abs(g).max() < 5e-15
@@ -176,8 +50,6 @@ def test_constraints_hold_to_round_off(id, name):
 
 
 def defect(system, step, y):
-    """The symplecticity defect on the manifold of a map of (q, p)."""
-
     def retract(x):
         return np.concatenate(system.retract(x[: system.d], x[system.d :]))
 
@@ -202,34 +74,20 @@ def test_control_a_projected_runge_kutta_method_is_not_symplectic_on_the_manifol
     assert defect(system, step("rk4"), y) > 1e-7
 
 
-def reversibility(id) -> float:
-    """The defect of reversibility of a step on two rods."""
-    problem = as_problem("rods")
-    run = prepare(problem, id)
-
-    def step(y):
-        q, p, _ = run(0.1, 1, y[:4], y[4:])
-        return np.concatenate([q, p])
-
-    return step_map.reversibility_defect(step, np.array([*problem.q0, *problem.p0]))
-
-
-@pytest.mark.parametrize("id", [id for id in IDS if BY_ID[id].symmetric])
-def test_steps_are_reversible(id):
-    assert reversibility(id) < 1e-14
-
-
-def test_control_steps_of_a_runge_kutta_method_are_not_reversible():
-    assert reversibility("rk4") > 1e-9
-
-
 def test_energy_stays_bounded_where_an_ordinary_method_drifts():
     problem = as_problem("on-sphere")
-    s = integrate(problem, "rattle", h=0.1, steps=40_000, save_every=10)
+    s = integrate(problem, "rattle", h=0.1, steps=20_000, save_every=10)
     error = np.abs(problem.system.energies(s.q, s.p) - problem.system.energies(s.q[:1], s.p[:1])[0])
     assert s.status == "ok"
-    assert error[2000:].max() < 1.1 * error[:2000].max()
+    assert error[1000:].max() < 1.1 * error[:1000].max()
     assert integrate(problem, "rk4", h=0.1, steps=40_000, save_every=10).status == "diverged"
+
+
+def test_what_rounding_loses_of_a_step_is_carried_to_the_next():
+    """Short steps keep the angular momentum about the axis to round-off."""
+    s = integrate(on_sphere(), "rattle", h=1e-3, steps=100_000, save_every=1000, q0=Q0, p0=P0)
+    L = s.q[:, 0] * s.p[:, 1] - s.q[:, 1] * s.p[:, 0]
+    assert np.abs(L - L[0]).max() < 2e-15
 
 
 # -- the index-reduced system ------------------------------------------------------------------------------------------
@@ -262,58 +120,21 @@ def test_ordinary_methods_and_peers_run_and_leave_the_manifold():
         integrate(pb.problem("pendulum"), "rattle", h=0.1, t_end=1.0)
 
 
-def chain(n: int) -> tuple[ConstrainedHamiltonian, np.ndarray]:
-    """A hanging chain of n rods in the plane, and its coordinates where it is straight."""
-    q = [f"{a}{i}" for i in range(1, n + 1) for a in "xy"]
-    H = " + ".join([*(f"p{a}**2/2" for a in q), *(f"y{i}" for i in range(1, n + 1))])
-    rods = [
-        "x1**2 + y1**2 = 1",
-        *(f"(x{i} - x{i - 1})**2 + (y{i} - y{i - 1})**2 = 1" for i in range(2, n + 1)),
-    ]
-    straight = np.array([x for i in range(1, n + 1) for x in (0.8 * i, -0.6 * i)])
-    return ConstrainedHamiltonian(q=q, p=[f"p{a}" for a in q], H=H, constraints=rods), straight
-
-
-def test_many_constraints_and_arrays():
-    system, q = chain(11)
-    s = integrate(system, "rattle", h=0.01, steps=200, q0=q, p0=0 * q)
+def test_states_that_are_arrays():
+    q, p = ([f"{x}{i}" for i in range(TUPLE_LIMIT + 2)] for x in "qp")
+    H, sphere = " + ".join(f"{x}**2/2" for x in p) + " + q0 + q1*q2", " + ".join(f"{x}**2" for x in q) + " = 1"
+    system = ConstrainedHamiltonian(q=q, p=p, H=H, constraints=[sphere])
+    start = np.eye(len(q))
+    s = integrate(system, "rattle", h=0.01, steps=200, q0=start[0], p0=start[1])
     assert s.status == "ok"
     assert np.abs(system.defects(s.q, s.p)).max() < 5e-14
-    assert np.abs(np.ptp(system.energies(s.q, s.p))) < 1e-3
-    with pytest.raises(InvalidInput, match="closed form"):
-        _ = system.dp
-
-
-def test_ensembles_in_lanes_agree_with_single_orbits():
-    system, rng = on_sphere(), np.random.default_rng(0)
-    states = [system.nearest(rng.normal(size=3), rng.normal(size=3)) for _ in range(20)]
-    Q, P = (np.array(x) for x in zip(*states, strict=True))
-    Q[3] *= 1.1
-    found = integrate_ensemble(system, "rattle", Q, P, h=0.05, steps=40, lanes=True)
-    assert found.status[3] == "invalid"
-    assert found.in_lanes.sum() == 19
-    for i in (0, 7, 19):
-        s = integrate(system, "rattle", h=0.05, steps=40, q0=Q[i], p0=P[i])
-        assert np.abs(s.q[-1] - found.q[i]).max() < 1e-14
+    assert np.ptp(system.energies(s.q, s.p)) < 1e-3
 
 
 def test_a_step_without_multipliers_says_so():
     s = integrate(on_sphere(), "rattle", h=3.0, steps=10, q0=Q0, p0=[0.0, 5.0, 0.0])
     assert s.status == "not-converged"
     assert "multipliers" in s.reason
-
-
-def test_systems_are_pickled():
-    system = pickle.loads(pickle.dumps(on_sphere()))
-    assert system.constraints == on_sphere().constraints
-    system.check_start(np.array(Q0), np.array([0.0, 1.0, 0.0]))
-
-
-def test_compositions_of_rattle_are_made_like_others():
-    found = compose(BY_ID["rattle"], "yoshida-6a")
-    assert (found.order, found.symmetric, found.family) == (6, True, "rattle")
-    with pytest.raises(InvalidInput, match="symmetric"):
-        compose(BY_ID["shake"], "yoshida-6a")
 
 
 # -- bad input ---------------------------------------------------------------------------------------------------------
@@ -355,13 +176,6 @@ def test_a_start_off_the_manifold_is_refused_with_one_on_it(q, p, worst):
     exact = np.array(q) / np.linalg.norm(q)
     assert np.abs(near[0] - exact).max() < 1e-14
     assert np.abs(near[1] - (np.array(p) - exact * (exact @ p))).max() < 1e-14
-
-
-def test_the_nearest_start_is_nearest_in_the_metric_of_the_masses():
-    system = ConstrainedHamiltonian(q="x y", p="u v", H="u**2/2 + v**2/8", constraints=["x + y = 1"])
-    q, p = system.nearest([1.0, 1.0], [1.0, 1.0])
-    assert np.allclose(q, [0.2, 0.8], atol=1e-15)  # M (q - q0) is along G
-    assert np.allclose(p, [0.0, 0.0], atol=1e-15)
 
 
 def test_redundant_constraints_are_named():
