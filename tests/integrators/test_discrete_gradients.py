@@ -1,250 +1,121 @@
-"""Discrete gradients: the identity DG . x = H(y + x) - H(y), independent implementations, conservation of energy.
-
-The independent ones use mpmath and none of the kernel's code: an average over one coordinate is a difference quotient
-of H, an average over several is Simpson's rule, which is exact for the gradient of a quartic H.
-"""
+"""Discrete gradients: quadrature rules in SIMD lanes or not, the kick as the unknown, energy by Gonzalez."""
 
 from __future__ import annotations
 
-from functools import cache
-
-import mpmath
 import numpy as np
 import pytest
-import sympy as sp
 
 from phasebench.benchmarks.measure.battery import SYSTEMS
 from phasebench.benchmarks.problems import problem
+from phasebench.integrators import Hamiltonian
+from phasebench.integrators.compile.codegen import DOUBLE, MULTIPRECISION, precision
 from phasebench.integrators.driver import integrate
-from phasebench.integrators.families import averaged, discrete_gradient
+from phasebench.integrators.families import averaged
 from phasebench.integrators.families.averaged import coupled
-from phasebench.integrators.record import ROUND_OFF
-from phasebench.integrators.registry import METHODS, method
-from phasebench.integrators.stepping.kernel import freeze, prepare
-from support.kinds import arrays_and_tuples_apart
+from phasebench.integrators.prepared import lay_out
+from phasebench.integrators.registry import method
+from phasebench.integrators.stepping.kernel import prepare
+from phasebench.integrators.stepping.orbit_lanes import LANES, twin
+from phasebench.integrators.values.lanes import Lanes
+from support import two_degrees
 from support.solutions import energy_errors, last
 from support.systems import general
-from support.values import value
+from support.two_degrees import of, run
 
-IDS = [m.id for m in METHODS if m.family in ("averaged", "discrete_gradient")]
-KERNELS = ("avf", "pavf", "pavf-p", "itoh-abe", "itoh-abe-symmetrized", "gonzalez")
-H = 0.125
-#: Largest difference of two steps solved to round-off, and a clearly visible one.
-UNIT, VISIBLE = 4e-15, 1e-6
-
-
-# -- the energy -------------------------------------------------------------------------------------------------------
+#: Separable H with quadratic T, for which the kick is the unknown; the masses distinguish M^-1 from 1.
+MASSES = "p1**2/2 + p2**2/6 + p1*p2/5 - cos(q1) - cos(q2) + sin(q1*q2)/10"
+POWERS = "p1**2/2 + p2**2/2 + (1 + q1**2 + q2**2)**(3/2) + 1/sqrt(2 + q1**2) + q2**2/5"
+#: H for which both increments are the unknowns.
+ANGLES = "(p1**2 + 2*p2**2 - 2*p1*p2*cos(q1 - q2))/(2 + 2*sin(q1 - q2)**2) - 2*cos(q1) - cos(q2)"
 
 
-def energy_error(name, id, h, steps):
-    """Largest energy error of a run; fail if its status is not "ok"."""
-    system, q, p = SYSTEMS[name]()
-    s = integrate(system, id, h=h, steps=steps, q0=q, p0=p)
-    assert s.status == "ok", s.reason
-    assert s.counts["fallbacks"] == 0
-    return np.abs(energy_errors(s)).max()
+# -- nodes in lanes ---------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", ["henon-heiles", "pendulum", "coupled"])
-@pytest.mark.parametrize("id", IDS)
-def test_energy_is_conserved_to_round_off(id, name):
-    assert method(id).energy == ROUND_OFF
-    assert energy_error(name, id, 0.1, 3000) < 3e-14 * (6 if "yoshida" in id else 1)
+@pytest.mark.processor
+@pytest.mark.parametrize(("H", "id"), [(MASSES, "avf"), (POWERS, "avf"), (ANGLES, "pavf-p"), (ANGLES, "itoh-abe-c")])
+def test_lanes_reach_the_state_of_single_nodes(H, id):
+    """Up to the round-off of fifty steps: lanes sum in another order and use their own sin, cos and exp."""
+    made = of(H)
+    assert averaged.serves(made, DOUBLE)
+    (lanes, n), (nodes, m) = run(made, id), two_degrees.one_by_one(averaged, made, id)
+    assert np.abs(lanes - nodes).max() < 3e-14
+    assert abs(n["gradient"] - m["gradient"]) <= 0.05 * m["gradient"]
+    assert n["fallbacks"] == m["fallbacks"] == 0
 
 
-@pytest.mark.parametrize("name", ["henon-heiles", "pendulum", "coupled"])
-def test_control_the_midpoint_rule_does_not_conserve_energy(name):
-    assert energy_error(name, "implicit-midpoint", 0.1, 3000) > 1e-5
+@pytest.mark.processor
+def test_systems_without_lanes_take_nodes_one_by_one(monkeypatch):
+    names = [[f"{x}{i}" for i in range(21)] for x in "qp"]
+    many = Hamiltonian(q=names[0], p=names[1], H="cos(q0) + " + " + ".join(f"p{i}**2/2 + q{i}**2" for i in range(21)))
+    for system in (of("p1**2/2 + p2**2/2 + q1**4 + q1*q2"), problem("klein-gordon").system, many):
+        assert prepare(method("avf"), system).step.like is None
+    made = of(MASSES)
+    twin(made)  # the version for ensembles differs unless registers have the same width
+    assert prepare(method("avf"), made).step.like == (0.0,) * averaged.WIDTH
+    assert (twin(made, Lanes(averaged.WIDTH)) is twin(made)) is (LANES.n == averaged.WIDTH)
+    assert twin(made, Lanes(2 * LANES.n)) is not twin(made)
+    with precision(30):
+        assert prepare(method("avf"), made, MULTIPRECISION).step.like is None
+    monkeypatch.setattr(averaged, "compiles_in_lanes", lambda system: True)
+    served = [averaged.serves(of(f"p1**2/2 + p2**2/2 + q1**{n} + q1*q2"), DOUBLE) for n in (2, 4, 5, 6)]
+    assert served == [False, False, True, True], "two nodes are exact for a polynomial of degree 4"
 
 
-@pytest.mark.parametrize("h", [1e-2, 1e-4, 1e-6])
-def test_gonzalez_gradient_suppresses_round_off(h):
-    """(H(y + x) - H(y)) / (x . x) has an error of eps / h^2, which must not reach the state or accumulate."""
-    system, q, p = SYSTEMS["pendulum"]()
-    a, b = (
-        integrate(system, id, h=h, steps=4000, q0=q, p0=p, save_every=0) for id in ("gonzalez", "implicit-midpoint")
-    )
-    assert abs(energy_errors(a)[-1]) < 2e-15
-    # Both have order 2; at small h only round-off is left of their difference.
-    assert max(abs(a.q[-1] - b.q[-1]), abs(a.p[-1] - b.p[-1])) < 0.1 * (4000 * h) * h**2 + 4e-15
-    assert a.counts["newton"] == 0
+# -- rules and evaluations --------------------------------------------------------------------------------------------
 
 
-# -- the identity -----------------------------------------------------------------------------------------------------
+def one_step(run):
+    """Take one step of a prepared run and return the index of the quadrature rule with which the next step begins."""
+    assert run(np.zeros((1, 2)), np.zeros((1, 2)), np.zeros((1, 1)), 1) == (1, 0)
+    return run.counts.rule
 
 
-def product(id, name, seed, spoil=lambda step: step):
-    """(DG . x, H(y + x) - H(y)) for a random increment x that solves no equation, by the kernel's own functions."""
-    system, q, p = SYSTEMS[name]()
-    system = general(system)
-    x = 0.4 * np.random.default_rng(seed).standard_normal(2 * system.d)
-    step = spoil(prepare(method(id), system).step)
-    E = lambda q, p: system.observe(system.H, np.array([q]), np.array([p]))[0]  # noqa: E731
-    difference = E(q + x[: system.d], p + x[system.d :]) - E(q, p)
-    if id == "gonzalez":
-
-        def flow(a):
-            equation = discrete_gradient.Increment(step.field, value(*q), value(*p), 1.0, a)
-            return np.array(discrete_gradient.increment(value(*x), equation))
-
-        i = flow((difference - pairing(flow(0.0), x)) / (x @ x))
-    else:
-        i = averaged.mean(value(*x), averaged.Average(step, value(*q), value(*p), value(*p), 1.0, 0, 0))
-    return pairing(i, x), difference
+@pytest.mark.parametrize(("id", "sweeps"), [("avf", 1), ("pavf", 2), ("pavf-p", 4), ("itoh-abe-c", 8)])
+def test_evaluations_of_a_sweep(id, sweeps):
+    """A step of length 0 is solved by the first sweep, with the smallest rule, and confirmed by the next rule."""
+    run = lay_out(prepare(method(id), of(ANGLES)), 2, 0.0, [0.7, 0.5], [0.2, -0.3], DOUBLE)
+    step = run.step
+    assert one_step(run) == 0
+    assert run.counts.gradient == sweeps * (step.nodes[0] + step.nodes[step.rows[0]])
+    assert run.counts.fallbacks == run.counts.newton == 0
 
 
-def pairing(i, x):
-    """The product g . x of a gradient g and x, given the increment i = J^-1 g."""
-    d = len(x) // 2
-    return np.array(i[:d]) @ x[d:] - np.array(i[d:]) @ x[:d]
+def test_every_sixteenth_step_begins_with_the_smallest_rule():
+    run = lay_out(prepare(method("avf"), of(MASSES)), 2, 0.0, [0.7, 0.5], [0.2, -0.3], DOUBLE)
+    second = run.step.rows[0]
+    for k in range(50):
+        run.counts.rule = second
+        assert one_step(run) == (0 if k % 16 == 0 else second)
 
 
-@pytest.mark.parametrize("name", ["henon-heiles", "coupled", "tao"])
-@pytest.mark.parametrize("id", KERNELS)
-def test_a_discrete_gradient_satisfies_the_identity(id, name):
-    for seed in range(5):
-        found, difference = product(id, name, seed)
-        assert abs(found - difference) < UNIT
-        assert abs(difference) > 1e-3
+def test_round_off_of_large_coordinates_ends_a_step():
+    """If two rules differ by the round-off of large coordinates the step ends instead of trying ever larger rules."""
+    step, away = prepare(method("avf"), of("p1**2/2 + p2**2/2 - cos(q1) - cos(q2)")), 20 * np.pi
+    near, far = (lay_out(step, 2, 0.1, [0.7 + x, 0.5], [0.2, -0.3], DOUBLE) for x in (0.0, away))
+    for _ in range(40):
+        one_step(near), one_step(far)
+    apart = (far.carry.state - near.carry.state)[:2, :2] - [[away, 0], [0, 0]]
+    assert np.abs(apart).max() < 1e-13
+    assert far.counts.fallbacks == near.counts.fallbacks == 0
+    assert far.counts.gradient < 1.25 * near.counts.gradient
 
 
-@pytest.mark.parametrize("id", ["avf", "pavf", "itoh-abe-symmetrized"])
-def test_control_a_perturbed_weight_breaks_the_identity(id):
-    def spoil(step):
-        step.b[0] *= 1 + 1e-9
-        return step
-
-    found, difference = product(id, "coupled", 0, spoil)
-    assert abs(found - difference) > 1e4 * UNIT
-
-
-def test_control_a_block_left_out_breaks_the_identity():
-    def spoil(step):
-        assert list(step.blocks) == [4]
-        return step._replace(blocks=freeze([3]).astype(step.blocks.dtype))
-
-    found, difference = product("itoh-abe", "coupled", 0, spoil)
-    assert abs(found - difference) > 1e-3
-
-
-# -- independent implementations --------------------------------------------------------------------------------------
-
-
-@cache
-def formula(name):
-    """(H, list of its derivatives, d) of a system; functions of a list y of mpmath numbers."""
-    system = SYSTEMS[name]()[0]
-    y = (*system.q, *system.p)
-    functions = [sp.lambdify([y], e, "mpmath") for e in (system.H, *(sp.diff(system.H, x) for x in y))]
-    return functions[0], functions[1:], system.d
-
-
-def partial_means(name, y, x, blocks):
-    """The discrete gradient along the path that moves one block of components after the other."""
-    energy, gradient, _ = formula(name)
-    at, out = list(y), [None] * len(y)
-    for block in blocks:
-        after = [a + b if i in block else a for i, (a, b) in enumerate(zip(at, x, strict=True))]
-        for i in block:
-            if len(block) == 1 and x[i] != 0:
-                out[i] = (energy(after) - energy(at)) / x[i]
-            else:
-                middle = [(a + b) / 2 for a, b in zip(at, after, strict=True)]
-                out[i] = (gradient[i](at) + 4 * gradient[i](middle) + gradient[i](after)) / 6
-        at = after
-    return out
-
-
-def gonzalez(name, y, x):
-    """Gonzalez' discrete gradient at y with increment x."""
-    energy, gradient, _ = formula(name)
-    g = [f([a + b / 2 for a, b in zip(y, x, strict=True)]) for f in gradient]
-    rest = energy([a + b for a, b in zip(y, x, strict=True)]) - energy(y) - mpmath.fdot(g, x)
-    a = rest / mpmath.fdot(x, x) if any(x) else 0
-    return [u + a * v for u, v in zip(g, x, strict=True)]
-
-
-def substep(name, y, h, discrete_gradient_of):
-    """One step of length h with a discrete gradient, solved by fixed-point iteration."""
-    d = formula(name)[2]
-    x = [mpmath.mpf(0)] * len(y)
-    for _ in range(200):
-        g = discrete_gradient_of(y, x)
-        new = [h * u for u in g[d:]] + [-h * u for u in g[:d]]
-        change = max(abs(a - b) for a, b in zip(new, x, strict=True))
-        x = new
-        if change < 1e-25:
-            return [a + b for a, b in zip(y, x, strict=True)]
-    raise ArithmeticError("the fixed point does not converge")
-
-
-def direct(id, name):
-    """End state of one step by the formulas written in this file."""
-    _, q, p = SYSTEMS[name]()
-    d = len(q)
-    single, halves = [[i] for i in range(2 * d)], [list(range(d, 2 * d)), list(range(d))]
-    forth = {"avf": [list(range(2 * d))], "pavf": halves, "itoh-abe": single}
-    mean = {"pavf-p": halves, "itoh-abe-symmetrized": single}
-    composed = {"pavf-c": halves, "itoh-abe-c": single}
-    with mpmath.workdps(34):
-        y, h = [mpmath.mpf(x) for x in (*q, *p)], mpmath.mpf(H)
-
-        def along(blocks):
-            return lambda y, x: partial_means(name, y, x, blocks)
-
-        if id == "gonzalez":
-            y = substep(name, y, h, lambda y, x: gonzalez(name, y, x))
-        elif id == "pavf-adjoint":
-            y = substep(name, y, h, along(halves[::-1]))
-        elif id in forth:
-            y = substep(name, y, h, along(forth[id]))
-        elif id in mean:
-            forwards, backwards = along(mean[id]), along(mean[id][::-1])
-
-            def both(y, x):
-                return [(u + v) / 2 for u, v in zip(forwards(y, x), backwards(y, x), strict=True)]
-
-            y = substep(name, y, h, both)
-        else:
-            for blocks in (composed[id], composed[id][::-1]):
-                y = substep(name, y, h / 2, along(blocks))
-        return np.array([float(x) for x in y])
-
-
-DIRECT = (
-    "avf",
-    "pavf",
-    "pavf-adjoint",
-    "pavf-c",
-    "pavf-p",
-    "itoh-abe",
-    "itoh-abe-symmetrized",
-    "itoh-abe-c",
-    "gonzalez",
-)
+def test_the_kick_as_unknown_saves_evaluations():
+    made = of(MASSES)
+    (kicks, n), (both, m) = run(made, "avf"), run(general(made), "avf")
+    assert np.abs(kicks - both).max() < 3e-14
+    assert n["gradient"] < 0.75 * m["gradient"]
+    assert run(made, "avf", 1e-3, 16)[1]["gradient"] < 10 * 16, "two nodes, confirmed by three"
+    stiff = of("p1**2/2 + p2**2/6 + 1250*q1**2 + q2**2/2 + q1*q2 + cos(q1)")
+    (kicks, n), (both, m) = run(stiff, "avf", 0.2, 20), run(general(stiff), "avf", 0.2, 20)
+    assert n["newton"] >= 20 <= m["newton"]
+    assert np.abs(kicks - both).max() < 1e-11
 
 
 def step(id, name):
-    """End state of one step of a method by `integrate`."""
     system, q, p = SYSTEMS[name]()
-    s = integrate(system, id, h=H, steps=1, q0=q, p0=p)
-    return last(s)
-
-
-@pytest.mark.parametrize("name", ["henon-heiles", "coupled"])
-@pytest.mark.parametrize("id", DIRECT)
-def test_a_step_equals_the_direct_formula(id, name):
-    assert np.abs(step(id, name) - direct(id, name)).max() < UNIT
-
-
-def test_control_the_direct_formulas_differ():
-    """A path in the wrong order, or a mean in place of a composition, would be noticed."""
-    ends = {id: direct(id, "coupled") for id in DIRECT}
-    for i, a in enumerate(DIRECT):
-        assert all(np.abs(ends[a] - ends[b]).max() > VISIBLE for b in DIRECT[:i])
-
-
-# -- systems for which paths are equivalent ---------------------------------------------------------------------------
+    return last(integrate(system, id, h=0.125, steps=1, q0=q, p0=p))
 
 
 def test_equivalent_paths_give_the_averaged_vector_field():
@@ -253,29 +124,27 @@ def test_equivalent_paths_give_the_averaged_vector_field():
     assert not coupled("components", single)
     assert coupled("components", separable)
     assert all(coupled(path, mixed) for path in ("momenta, coordinates", "components"))
-    assert coupled("momenta, coordinates", SYSTEMS["tao"]()[0])
     assert np.array_equal(step("pavf", "henon-heiles"), step("avf", "henon-heiles"))
     assert np.array_equal(step("itoh-abe", "pendulum"), step("avf", "pendulum"))
-    # Also by the direct formulas.
-    for a in ("pavf", "pavf-adjoint"):
-        assert np.abs(direct(a, "henon-heiles") - direct("avf", "henon-heiles")).max() < UNIT
-    assert np.abs(direct("itoh-abe", "henon-heiles") - direct("avf", "henon-heiles")).max() > VISIBLE
+    assert np.abs(step("pavf", "coupled") - step("avf", "coupled")).max() > 1e-6, "the control"
 
 
-# -- states that are arrays -------------------------------------------------------------------------------------------
+# -- Gonzalez' discrete gradient --------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("id", [pytest.param("itoh-abe-c", marks=pytest.mark.thorough), "gonzalez"])
-def test_arrays_and_tuples_agree(id):
-    assert arrays_and_tuples_apart(id) < 1e-12
+def test_round_off_of_the_quotient_does_not_reach_the_state():
+    """(H(y + x) - H(y)) / (x . x) has an error of eps / h^2."""
+    system, q, p = SYSTEMS["pendulum"]()
+    a, b = (
+        integrate(system, id, h=1e-6, steps=4000, q0=q, p0=p, save_every=0) for id in ("gonzalez", "implicit-midpoint")
+    )
+    assert abs(energy_errors(a)[-1]) < 2e-15
+    assert np.abs(last(a) - last(b)).max() < 5e-15
+    assert a.counts["newton"] == 0
 
 
-# -- the search for Gonzalez' a ---------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("name", ["henon-heiles", "pendulum", "coupled"])
+@pytest.mark.parametrize("name", ["pendulum", "coupled"])
 def test_long_steps_conserve_energy_to_the_last_unit(name):
-    """The iteration for Gonzalez' discrete gradient goes on while the energy error still falls."""
     system, q, p = SYSTEMS[name]()
     s = integrate(system, "gonzalez", h=0.8 if name == "pendulum" else 0.4, steps=40, q0=q, p0=p)
     assert s.counts["fallbacks"] == 0
@@ -283,7 +152,6 @@ def test_long_steps_conserve_energy_to_the_last_unit(name):
 
 
 def test_a_step_that_misses_the_energy_is_counted_once():
-    """A rotating pendulum with steps that are too long: each after which the energy is off is among ``fallbacks``."""
     s = integrate(problem("pendulum").system, "gonzalez", h=2.0, steps=6, q0=[0.0], p0=[2.5])
     missed = np.sum(np.abs(energy_errors(s)) > 1e-9)
     assert 2 <= missed <= s.counts["fallbacks"] <= 6
@@ -294,5 +162,4 @@ def test_a_step_that_misses_the_energy_is_counted_once():
 def test_each_step_starts_by_extrapolation(id, most):
     """Increments and multipliers are both extrapolated; with only one of them it takes a quarter more evaluations."""
     s = integrate(problem("pendulum"), id, h=0.1, steps=40)
-    assert s.counts["steps"] == 40
     assert s.counts["gradient"] <= most * 40

@@ -2,24 +2,20 @@
 
 from __future__ import annotations
 
-import mpmath
 import numpy as np
 import pytest
 import sympy as sp
-from scipy.integrate import quad_vec
-from scipy.optimize import fsolve
 
 from phasebench.benchmarks.measure.step_map import jacobian
 from phasebench.benchmarks.problems import problem
 from phasebench.integrators import Hamiltonian
-from phasebench.integrators.coefficients.quadrature import gauss_legendre
 from phasebench.integrators.driver import integrate
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.families import poisson
 from phasebench.integrators.registry import method
 from phasebench.integrators.stepping.kernel import prepare
 from phasebench.integrators.systems.poisson import PoissonSystem, jacobi_defects
-from support.solutions import end, last
+from support.solutions import end
 
 LV = problem("lotka-volterra:4-2")
 ROUND_OFF = 1e-13
@@ -27,7 +23,6 @@ VARIABLES = sp.symbols("y1:5", real=True)
 
 
 def expression(text):
-    """The formula in y1, ..., y4 as an expression."""
     return sp.sympify(text, locals={str(y): y for y in VARIABLES})
 
 
@@ -52,7 +47,6 @@ START = {"q0": (0.8, -0.5), "p0": (0.6, 1.0)}
 
 
 def structure(system, y):
-    """B(y), array (2 d, 2 d), by the compiled function."""
     d = system.d
     f = system.structure()
     columns = [np.concatenate(f(*(tuple(x) for x in (y[:d], y[d:], e[:d], e[d:])))) for e in np.eye(2 * d)]
@@ -67,14 +61,10 @@ def test_the_structure_is_skew_and_satisfies_jacobi(system):
     y = (*system.q, *system.p)
     assert sp.simplify(system.B + system.B.T) == sp.zeros(len(y), len(y))
     assert all(e == 0 for e in jacobi_defects(system.B, y))
+    wrong = three(["y2", "0", "1"], BODY)  # v = (y2, 0, 1) has v . curl v = -1
+    assert any(e != 0 for e in jacobi_defects(wrong.B, (*wrong.q, *wrong.p)))
     assert system.traits["Poisson structure"]
     assert not system.traits["canonical"]
-
-
-def test_control_a_structure_without_the_jacobi_identity():
-    """B(y) from v = (y2, 0, 1), which has v . curl v = -1, violates the Jacobi identity."""
-    system = three(["y2", "0", "1"], BODY)
-    assert any(e != 0 for e in jacobi_defects(system.B, (*system.q, *system.p)))
 
 
 def test_invalid_poisson_systems_are_refused():
@@ -85,27 +75,6 @@ def test_invalid_poisson_systems_are_refused():
         PoissonSystem(q=[u], p=[v], B=[[0]], H=u + v)
     with pytest.raises(InvalidInput, match="not B grad H"):
         PoissonSystem(q=[u], p=[v], B=[[0, -u * v], [u * v, 0]], H="u + v", dq=[u * v], dp=[u * v])
-
-
-def test_lotka_volterra_equals_the_talk():
-    u, v = *LV.system.q, *LV.system.p
-    assert LV.system.dq == (u * (v - 2),)
-    assert LV.system.dp == (v * (1 - u),)
-    bare = PoissonSystem(q=[u], p=[v], B=LV.system.B, H=LV.system.H)
-    assert all(sp.simplify(a - b) == 0 for a, b in zip((*bare.dq, *bare.dp), (u * (v - 2), v * (1 - u)), strict=True))
-
-
-@pytest.mark.parametrize("orbit", ["2-2", "4-8", "4-2", "6-2"])
-def test_logarithmic_variables_follow_the_same_orbit(orbit):
-    """Up to the error of RK4; H equals -I up to the rounding of the logarithms."""
-    own, log = (problem(f"{id}:{orbit}") for id in ("lotka-volterra", "lotka-volterra-log"))
-    a, b = (integrate(m, "rk4", h=1 / 512, t_end=4.0, save_every=256) for m in (own, log))
-    assert np.abs(np.exp(np.hstack([b.q, b.p])) - np.hstack([a.q, a.p])).max() < 1e-8
-    own_energy, H = (m.system.observe(m.system.H, s.q, s.p) for m, s in ((own, a), (log, b)))
-    assert np.abs(own_energy + H).max() < 1e-9
-    assert np.abs(np.exp(b.q) - a.q[::-1]).max() > 1e-2, "the control: another time"
-    assert log.system.separable
-    assert not log.system.quadratic_kinetic
 
 
 # -- Poisson maps -----------------------------------------------------------------------------------------------------
@@ -126,75 +95,24 @@ def defect(method, system=LV.system, y=(4.0, 2.0), h=0.1, steps=1):
 NOTHING, VISIBLE = 1e-9, 1e-5
 
 
-@pytest.mark.parametrize("method", ["symplectic-euler-p", "symplectic-euler-q", "stormer-verlet"])
-def test_symplectic_euler_is_poisson_for_lotka_volterra(method):
+def test_symplectic_euler_is_poisson_for_lotka_volterra():
     """Hairer, Lubich & Wanner 2006, VII.4, for this B; so are its compositions."""
-    assert defect(method) < NOTHING
-
-
-def test_the_flow_is_a_poisson_map():
-    assert defect("rk4", steps=100) < NOTHING
-
-
-@pytest.mark.parametrize(
-    "method",
-    ["implicit-midpoint", "rk4", "explicit-euler", pytest.param("cohen-hairer-1", marks=pytest.mark.thorough)],
-)
-def test_control_other_methods_are_not_poisson_maps(method):
-    assert defect(method, h=0.2) > VISIBLE
+    assert max(defect(id) for id in ("symplectic-euler-p", "symplectic-euler-q", "stormer-verlet")) < NOTHING
+    assert defect("rk4", steps=100) < NOTHING, "the flow"
+    assert min(defect(id, h=0.2) for id in ("implicit-midpoint", "rk4")) > VISIBLE
 
 
 # -- Cohen & Hairer ----------------------------------------------------------------------------------------------------
 
 
-def by_the_formula(system, s, y, h):
-    """One step from the definition, with Lagrange polynomials, adaptive quadrature and SciPy's equation solver."""
-    d = system.d
-    c, b = (x / 2 for x in np.polynomial.legendre.leggauss(s))
-    c = c + 0.5
-    basis = []
-    for i in range(s):
-        others = np.polynomial.Polynomial(np.polynomial.polynomial.polyfromroots(np.delete(c, i)))
-        basis.append(others / others(c[i]))
-    integrals = [e.integ() for e in basis]
-    gradient = system.gradient()
-
-    def grad(x):
-        return np.concatenate(gradient(tuple(x[:d]), tuple(x[d:]), 0.0, 0.0))
-
-    def defect(K):
-        K = K.reshape(s, 2 * d)
-        Y = lambda t: y + sum(f(t) * k for f, k in zip(integrals, K, strict=True))  # noqa: E731
-        G = [
-            quad_vec(lambda t, e=e: e(t) * grad(Y(t)), 0, 1, epsabs=1e-14)[0] / w for e, w in zip(basis, b, strict=True)
-        ]
-        return (K - h * np.array([structure(system, Y(t)) @ g for t, g in zip(c, G, strict=True)])).ravel()
-
-    K = fsolve(defect, np.zeros(2 * d * s), xtol=1e-13).reshape(s, 2 * d)
-    return y + b @ K
-
-
-@pytest.mark.parametrize("s", [1, 2, 3])
-def test_a_step_equals_its_definition(s):
-    for system, q, p, h in ((LV.system, (4.0,), (2.0,), 0.2), (OTHER, START["q0"], START["p0"], 0.3)):
-        expected = by_the_formula(system, s, np.array([*q, *p]), h)
-        got = integrate(system, f"cohen-hairer-{s}", h=h, steps=1, q0=q, p0=p)
-        assert np.abs(last(got) - expected).max() < 1e-12
-
-
 def as_poisson(system):
-    """A canonical system as a Poisson system with structure J^-1."""
     d = system.d
     B = sp.Matrix(sp.BlockMatrix([[sp.zeros(d), sp.eye(d)], [-sp.eye(d), sp.zeros(d)]]))
     return PoissonSystem(q=system.q, p=system.p, B=B, H=system.H)
 
 
-@pytest.mark.parametrize("name", ["pendulum", "henon-heiles"])
-@pytest.mark.parametrize(
-    ("ours", "theirs"), [("cohen-hairer-1", "avf"), pytest.param("cohen-hairer-2", "cpg-2", marks=pytest.mark.thorough)]
-)
-def test_on_canonical_systems_it_is_a_known_method(name, ours, theirs):
-    made = problem(name)
+def test_on_canonical_systems_it_is_a_known_method():
+    made, ours, theirs = problem("henon-heiles"), "cohen-hairer-1", "avf"
     system, start = as_poisson(made.system), {"q0": made.q0, "p0": made.p0}
     assert prepare(method(ours), system).run is poisson.run is not prepare(method(ours), made.system).run
     a, b, c = (integrate(x, m, h=0.1, steps=20, **start) for x, m in ((system, ours), (made, theirs), (made, ours)))
@@ -203,26 +121,11 @@ def test_on_canonical_systems_it_is_a_known_method(name, ours, theirs):
 
 
 def greatest_change(system, expression, solution):
-    """Greatest change of an invariant along a trajectory."""
     value = system.observe(expression, solution.q, solution.p)
     return np.abs(value - value[0]).max()
 
 
-@pytest.mark.parametrize("s", [1, 2, 3])
-@pytest.mark.parametrize(("orbit", "h"), [("2-2", 0.12), ("4-8", 0.06), ("4-2", 0.12)])
-def test_the_invariant_of_lotka_volterra_is_conserved(s, orbit, h):
-    made = problem(f"lotka-volterra:{orbit}")
-    found = integrate(made, f"cohen-hairer-{s}", h=h, steps=5000)
-    assert found.status == "ok"
-    assert found.counts["fallbacks"] == 0
-    assert greatest_change(made.system, made.system.H, found) < ROUND_OFF
-
-
-def test_control_the_midpoint_rule_does_not_conserve_it():
-    assert greatest_change(LV.system, LV.system.H, integrate(LV, "implicit-midpoint", h=0.12, steps=5000)) > 1e-3
-
-
-@pytest.mark.parametrize("s", [1, 2, 3])
+@pytest.mark.parametrize("s", [1, 2])
 def test_energy_and_quadratic_casimirs_only_are_conserved(s):
     changed = {}
     for kind, (system, C) in CASIMIRS.items():
@@ -235,14 +138,7 @@ def test_energy_and_quadratic_casimirs_only_are_conserved(s):
     assert changed["quartic"] > 1e4 * ROUND_OFF
 
 
-def test_control_rk4_conserves_neither():
-    system, C = CASIMIRS["quadratic"]
-    found = integrate(system, "rk4", h=0.5, steps=1000, **START)
-    assert greatest_change(system, system.H, found) > 1e-6
-    assert greatest_change(system, C, found) > 1e-6
-
-
-@pytest.mark.parametrize("s", [1, 2, 3])
+@pytest.mark.parametrize("s", [1, 2])
 def test_newton_takes_over_when_the_iteration_diverges(s):
     found = integrate(SPHERE, f"cohen-hairer-{s}", h=3.0, steps=50, **START)
     assert found.status == "ok"
@@ -250,23 +146,12 @@ def test_newton_takes_over_when_the_iteration_diverges(s):
     assert greatest_change(SPHERE, SPHERE.H, found) < ROUND_OFF
 
 
-@pytest.mark.parametrize(("s", "most"), [(1, 54), (2, 57), (3, 59)])
+@pytest.mark.parametrize(("s", "most"), [(1, 54), (2, 57)])
 def test_all_increments_start_by_extrapolation(s, most):
     """Starting from zero, or extrapolating only the first increment, takes 8 to 11 more evaluations per step."""
     counts = integrate(LV, f"cohen-hairer-{s}", h=0.02, steps=40).counts
     assert counts["gradient"] < most * 40
     assert counts["newton"] == 0
-
-
-@pytest.mark.parametrize("digits", [20, 40])
-def test_coefficients_have_the_digits_requested(digits):
-    """The integrals of Lagrange polynomials sum to the node, the weights of a force to the weight of the rule."""
-    with mpmath.workdps(digits + 10):
-        weights = [b for _, b in gauss_legendre(3, digits + 10)]
-        _, table = poisson.coefficients(3, (4,), digits)
-        for (_, inner, outer), (x, weight) in zip(table, gauss_legendre(4, digits + 10), strict=True):
-            assert abs(mpmath.fdot(weights, inner) - x) < mpmath.mpf(10) ** (2 - digits)
-            assert abs(mpmath.fsum(outer) - weight) < mpmath.mpf(10) ** (2 - digits)
 
 
 def test_an_unsolvable_step_ends_with_a_status():

@@ -13,7 +13,6 @@ from phasebench.benchmarks.problems import problem
 from phasebench.integrators.compile.codegen import MULTIPRECISION, precision, vector
 from phasebench.integrators.driver import integrate
 from phasebench.integrators.errors import InvalidInput
-from phasebench.integrators.systems.hamiltonian import Hamiltonian
 from phasebench.integrators.systems.transformed import TransformedHamiltonian, distance_scale
 from support.solutions import last
 
@@ -29,17 +28,6 @@ def test_the_field_is_the_scaled_original_field():
     assert np.allclose(new, r**1.5 * np.array([old[0], old[1], 1, old[2], old[3], 0]), rtol=1e-12, atol=1e-12)
     doubled = TransformedHamiltonian(ORBIT.system, scale=f"2*{ORBIT.system.q[0]}")
     assert np.isclose(doubled.vector_field()(0, np.append(Q0, P0))[2], 2 * ORBIT.q0[0])
-
-
-def test_the_time_scale_and_the_initial_state():
-    wells = Hamiltonian(q="x y", p="u v", H="u**2/2 + v**2/2 - 1/x - 1/y", singular=("x", "y"))
-    transformed = TransformedHamiltonian(wells)
-    x, y = wells.q
-    assert np.isclose(float(transformed.time_scale.subs({x: 2, y: 3})), (1 / 8 + 1 / 27) ** -0.5, rtol=1e-14)
-    q, p = transformed.start([2.0, 3.0], [1.0, -1.0])
-    assert q.tolist() == [2, 3, 0]
-    assert np.allclose(p, [1, -1, -(1 - 1 / 2 - 1 / 3)], rtol=1e-14)
-    assert np.allclose(transformed.energies([q], [p]), 0, atol=1e-15), "the orbit is on the level of zero"
 
 
 def kepler_error(s):
@@ -66,7 +54,6 @@ def test_a_symplectic_method_follows_the_orbit():
 
 
 def measured_defects():
-    """{method: symplecticity defect of one step in extended phase space}."""
     with precision(40):
         y = vector([*Q0, *P0])
         d = SYSTEM.d
