@@ -2,13 +2,11 @@
 
 A scene is a problem, end time and quantity; peers are integrators of other packages.  Each integrator that can do the
 problem runs at ever smaller steps or tolerances (a climb), until it is dropped (`ladder.race`); methods are compared
-with methods and peers with peers.  For every accuracy the climbs are interpolated (`ladder.bracket`).  On each side at
-most `FINALISTS` integrators whose cost is within the factor `MARGIN` of the best are refined (`ladder.refine`).  The
-widest step is not always the fastest: implicit equations may take so many iterations there that shorter steps take
-less time, and then a shorter one is used.  heyoka enters in each of its modes and forms of the equations, however long
-they compile.  The finalists are timed in turns by `measure.clock`, and again later, at their stored steps and
-tolerances, in other processes (`sweep_again`; `joined` joins several such sweeps).  Of a few scenes all is measured a
-second time from scratch (`again`).
+with methods and peers with peers.  For every accuracy the climbs are interpolated (`ladder.bracket`), and on each side
+the finalists, at most `FINALISTS` within the factor `MARGIN` of the least cost, are refined (`ladder.refine`).  The
+widest step is not always the fastest: implicit equations may take so many iterations there that a shorter one is used.
+The finalists are timed in turns, and again later, at their stored sizes, in other processes (`sweep_again`; `joined`
+joins such sweeps).  Of a few scenes all is measured a second time from scratch (`again`).
 """
 
 from __future__ import annotations
@@ -50,6 +48,8 @@ LOOPED, FARTHEST = ("scipy-dop853-numba", "scipy-lsoda-numba", "scipy-radau-numb
 TIGHTENED = 3
 CHOICES, FINALS, RUNGS, DROPPED = "front", "front_finals", "front_rungs", "front_dropped"
 TIMES, AGAIN = "front_times", "front_again"
+#: What is stored of the fastest integrator of a side.
+SHOWN = ("integrator", "h", "tol", "steps", "evaluations", "error", "seconds", "low", "high")
 #: The sweeps after the first; the last one checks the intervals from the others.
 SWEEPS = (2, 3)
 #: Folder of the stored finals of the first sweep.
@@ -76,18 +76,14 @@ class Finalist(NamedTuple):
 
 def task_of(scene: str) -> Task:
     """The `Task` of a scene: its problem, end time, quantity, true value and accuracies."""
-    question = BY_ID[scene]
-    made = question.build_problem()
-    wanted = quantity(made, question.quantity)
-    return Task(made, question.t_end, wanted, truths.truth(made, wanted, question.t_end), question.accuracies)
+    asked = _timed_task(scene)
+    true = truths.truth(asked.problem, asked.quantity, asked.t_end)
+    return Task(asked.problem, asked.t_end, asked.quantity, true, BY_ID[scene].accuracies)
 
 
-def climbs(task: Task) -> tuple[list[Climb], dict[str, str], Known]:
-    """(The runs of each competitor, label -> reason for those left out, the least cost known at each error)."""
-    can, cannot = entrants(task)
-    known = {side: Known() for side in (True, False)}
-    climbed = [race.enter(task, c, known[ours(c)]) for c in can]
-    return climbed, cannot, Known([run for side in known.values() for run in side.runs])
+def _timed_task(scene: str) -> Task:
+    made = BY_ID[scene].build_problem()
+    return Task(made, BY_ID[scene].t_end, quantity(made, BY_ID[scene].quantity))
 
 
 def entrants(task: Task) -> tuple[list[Integrator], dict[str, str]]:
@@ -104,34 +100,28 @@ def near(task: Task, one: Climb, known: Known) -> bool:
 
     One of them takes at most `NEAR` times the least known time at its error, or it is the method `race.REFERENCE`.
     """
-    if one.integrator.id == race.REFERENCE:
-        return True
     told = (r for r in one.rungs if r.error <= task.testable_accuracies[0])
-    return any(r.seconds <= NEAR * known.seconds(r.error) for r in told)
+    return one.integrator.id == race.REFERENCE or any(r.seconds <= NEAR * known.seconds(r.error) for r in told)
 
 
 def finalists(task: Task, climbed: list[Climb], wanted: float) -> list[Finalist]:
     """On each side the few integrators that may be the fastest at an accuracy, each with its refined run."""
     out = []
     for side in (True, False):
-        costs = sorted(
-            ((cost(k.rungs, wanted), i) for i, k in enumerate(climbed) if ours(k.integrator) == side),
-        )
-        searched = next(((s, i) for s, i in costs if isfinite(s) and is_heyoka(climbed[i].integrator)), None)
-        costs = [(s, i) for s, i in costs if s <= MARGIN * costs[0][0] and isfinite(s)]
+        costs = sorted((cost(k.rungs, wanted), i) for i, k in enumerate(climbed) if ours(k.integrator) == side)
+        costs = [(s, i) for s, i in costs if isfinite(s)]
         most = FINALISTS if costs and costs[0][0] < DEAR / FINALISTS else FINALISTS - 1
-        members = []
+        best = [i for s, i in costs if s <= MARGIN * costs[0][0]][:most]
         # heyoka may be many times faster in a mode that was too slow to compile at every tolerance of the search
-        for _, i in dict.fromkeys([*costs[:most], *([searched] if searched else [])]):
-            members.append(
-                Finalist(climbed[i].integrator, refine(task, climbed[i].integrator, climbed[i].rungs, wanted))
-            )
+        best += [i for _, i in costs if is_heyoka(climbed[i].integrator)][:1]
+        chosen = [climbed[i] for i in dict.fromkeys(best)]
+        members = [Finalist(k.integrator, refine(task, k.integrator, k.rungs, wanted)) for k in chosen]
         members += [twin for m in members for twin in twins(task, m, wanted)]
-        out += quickest(members, most)
+        out += _quickest(members, most)
     return out
 
 
-def quickest(members: list[Finalist], most: int) -> list[Finalist]:
+def _quickest(members: list[Finalist], most: int) -> list[Finalist]:
     """At most so many finalists, each with its fastest run, within the factor `MARGIN` of the fastest one."""
     ordered = list({m.integrator.label: m for m in sorted(members, key=lambda m: -m.rung.seconds)}.values())
     ordered.sort(key=lambda m: m.rung.seconds)
@@ -168,83 +158,65 @@ def time_finalists(task: Task, members: list[Finalist]) -> list[np.ndarray]:
     return [found[k] for k in range(len(members))]
 
 
+def _times(seconds: np.ndarray) -> dict[str, float]:
+    return dict(zip(("seconds", "low", "high"), timing.median(seconds), strict=True))
+
+
 def final(task: Task, members: list[Finalist], wanted: float) -> tuple[list[dict], dict]:
     """Time the finalists at an accuracy in turns: (a row of each, a row of the fastest of each side and the ratio)."""
     seconds = time_finalists(task, members) if members else []
     rows = []
     for m, s in zip(members, seconds, strict=True):
-        median = timing.median(s)
-        rows.append(
-            {"accuracy": wanted, "side": timing.OURS if ours(m.integrator) else timing.PEERS}
-            | _run_columns(task, m.integrator, m.rung)
-            | {
-                "seconds": median.value,
-                "low": median.low,
-                "high": median.high,
-                "call": task.clocks.call(m.integrator, **m.rung.size),
-            }
-        )
+        about = {"accuracy": wanted, "side": timing.OURS if ours(m.integrator) else timing.PEERS}
+        call = task.clocks.call(m.integrator, **m.rung.size)
+        rows.append(about | _run_columns(task, m.integrator, m.rung) | _times(s) | {"call": call})
     choice: dict[str, Any] = {"accuracy": wanted}
-    best = {}
+    best = []
     for side in (timing.OURS, timing.PEERS):
-        found = sorted((r["seconds"], k) for k, r in enumerate(rows) if r["side"] == side)
-        if found:
-            best[side] = k = found[0][1]
+        if found := [k for k, r in enumerate(rows) if r["side"] == side]:
+            best.append(k := min(found, key=lambda k: rows[k]["seconds"]))
             choice |= {f"{side} {name}": rows[k][name] for name in SHOWN}
     if len(best) == 2:
-        ratio = timing.ratio(seconds[best[timing.OURS]], seconds[best[timing.PEERS]])
-        choice |= {"ratio": ratio.value, "ratio low": ratio.low, "ratio high": ratio.high}
+        ratio = timing.ratio(*(seconds[k] for k in best))
+        choice |= dict(zip(("ratio", "ratio low", "ratio high"), ratio, strict=True))
     return rows, choice
-
-
-SHOWN = ("integrator", "h", "tol", "steps", "evaluations", "error", "seconds", "low", "high")
 
 
 def _run_columns(task: Task, c: Integrator, rung: Rung) -> dict[str, Any]:
     """Columns of a run: integrator, step or tolerance, error and counts."""
-    h = task.t_end / rung.steps if rung.steps else None
-    return {
-        "integrator": c.label,
-        "id": c.id,
-        "kind": c.kind,
-        "h": h,
-        "tol": rung.tol,
-        "steps": rung.taken,
-        "evaluations": rung.evaluations,
-        "status": rung.status,
-        "error": rung.error,
-    }
+    about = {"integrator": c.label, "id": c.id, "kind": c.kind, "h": task.t_end / rung.steps if rung.steps else None}
+    about |= {"tol": rung.tol, "steps": rung.taken, "evaluations": rung.evaluations}
+    return about | {"status": rung.status, "error": rung.error}
 
 
 def measure(scene: str) -> Rows:
     """The fastest of each side at each accuracy, all integrators timed, their runs, and who was dropped and why."""
     task = task_of(scene)
-    climbed, cannot, known = climbs(task)
+    can, cannot = entrants(task)
+    of_side = {side: Known() for side in (True, False)}
+    climbed = [race.enter(task, c, of_side[ours(c)]) for c in can]
+    known = Known([run for side in of_side.values() for run in side.runs])
     # Finest accuracy first: a wide step that meets it is then known for the coarser ones too.
     members = {wanted: finalists(task, climbed, wanted) for wanted in reversed(task.testable_accuracies)}
-    finals, choices = [], []
-    for wanted in task.testable_accuracies:
-        rows, choice = final(task, members[wanted], wanted)
-        finals += rows
-        choices.append(choice)
+    timed = [final(task, members[wanted], wanted) for wanted in task.testable_accuracies]
+    finals = [row for rows, _ in timed for row in rows]
+    of = {"scene": scene}
+    asked = of | {"problem": task.problem.label, "quantity": task.quantity.name, "t_end": task.t_end}
     reference = {"reference": task.truth.source, "reference uncertainty": task.truth.uncertainty}
-    asked = {"problem": task.problem.label, "quantity": task.quantity.name, "t_end": task.t_end}
-    dropped = [{"integrator": k.integrator.label, "why": k.why} for k in climbed if k.dropped]
-    dropped += [{"integrator": label, "why": why} for label, why in cannot.items()]
+    dropped = {k.integrator.label: k.why for k in climbed if k.dropped} | cannot
     kept = {r["integrator"] for r in finals}
     rungs = [
-        _run_columns(task, k.integrator, r) | {"seconds": r.seconds}
+        of | _run_columns(task, k.integrator, r) | {"seconds": r.seconds}
         for k in climbed
         if k.integrator.label in kept or near(task, k, known)
         for r in sorted(k.rungs, key=lambda r: r.fineness)
         if isfinite(r.error)
     ]
-    of = {"scene": scene}
     return {
-        CHOICES: [of | asked | c | reference for c in choices],
+        CHOICES: [asked | choice | reference for _, choice in timed],
         FINALS: [of | f for f in finals],
-        RUNGS: [of | r for r in rungs] or [of],
-        DROPPED: [of | d for d in dropped] or [of],
+        RUNGS: rungs or [of],
+        DROPPED: [of | {"integrator": label, "why": why} for label, why in dropped.items()] or [of],
     }
 
 
@@ -255,29 +227,26 @@ def again(scene: str) -> list[dict]:
 
 @cache
 def _stored_finals(folder: Path) -> dict[str, tuple[Final, ...]]:
-    out: dict[str, list[Final]] = {}
+    out: dict[str, tuple[Final, ...]] = {}
     for row in tables.Table(folder, FINALS).rows:
         steps = round(BY_ID[row["scene"]].t_end / float(row["h"])) if row["h"] else None
         tol = float(row["tol"]) if row["tol"] else None
         line = (float(row["accuracy"]), row["side"], row["integrator"], steps, tol, float(row["seconds"]))
-        out.setdefault(row["scene"], []).append(line)
-    return {scene: tuple(lines) for scene, lines in out.items()}
+        out[row["scene"]] = (*out.get(row["scene"], ()), line)
+    return out
 
 
-def stored_finals(scene: str, folder: Path | None = None) -> tuple[Final, ...]:
+def stored_finals(scene: str) -> tuple[Final, ...]:
     """The stored finalists of a scene at each accuracy; empty if it was not measured."""
-    return _stored_finals(folder or DATA).get(scene, ())
+    return _stored_finals(DATA).get(scene, ())
 
 
 def sweep_again(scene: str, sweep: int) -> list[dict]:
     """Time the stored finalists of a scene again, in turns at each accuracy: their medians with intervals."""
-    question, by_label = BY_ID[scene], {c.label: c for c in competitors()}
-    stored = stored_finals(scene)
+    by_label, stored = {c.label: c for c in competitors()}, stored_finals(scene)
     if not stored:
         raise Unavailable(f"no finalists of {scene} are stored")
-    made = question.build_problem()
-    task = Task(made, question.t_end, quantity(made, question.quantity))
-    rows = []
+    task, rows = _timed_task(scene), []
     for accuracy in dict.fromkeys(line[0] for line in stored):
         members = [line for line in stored if line[0] == accuracy]
         task.clocks.sharing = sharing = clock.Sharing()
@@ -285,10 +254,8 @@ def sweep_again(scene: str, sweep: int) -> list[dict]:
         work = {k: task.timer(by_label[m[2]], size) for k, (m, size) in enumerate(zip(members, sizes, strict=True))}
         found = timing.in_turns(work, rounds((line[-1] for line in members), *FINAL))
         for k, (_, side, label, *_) in enumerate(members):
-            told = timing.median(found[k])
             row = {"scene": scene, "sweep": sweep, "accuracy": accuracy, "side": side, "integrator": label}
-            row |= {"seconds": told.value, "low": told.low, "high": told.high, "disturbed": sharing.disturbed}
-            rows.append(row)
+            rows.append(row | _times(found[k]) | {"disturbed": sharing.disturbed})
     return rows
 
 

@@ -6,6 +6,7 @@ one evaluation.  Antonana, Makazaga and Murua published the same independently, 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 
@@ -15,9 +16,8 @@ import pandas as pd
 from phasebench.benchmarks import style
 from phasebench.benchmarks.ladder.competitors import FIRST
 from phasebench.benchmarks.page.markdown import number
-from phasebench.benchmarks.page.page import ROWS, Picture, Table, of, once
+from phasebench.benchmarks.page.page import ROWS, Data, Picture, Table, of, once
 from phasebench.benchmarks.page.study import Claim, Study
-from phasebench.benchmarks.page.verdict import EVERY
 from phasebench.benchmarks.problems.questions import BY_ID as QUESTIONS
 from phasebench.integrators.families import parametric
 from phasebench.integrators.registry import BY_ID
@@ -55,52 +55,40 @@ def ratios(rungs: pd.DataFrame) -> pd.DataFrame:
     for scene, part in met.groupby("scene", sort=False):
         separable = QUESTIONS[scene].build_problem().system.separable
         explicit, gauss = part[[is_explicit(id, separable) for id in part["id"]]], part[part["id"] == GAUSS]
-        known: list[tuple] = []
+        before = None
         for accuracy in QUESTIONS[scene].accuracies:
             ours, others = (x[x["error"] <= accuracy] for x in (gauss, explicit))
             if len(ours) and len(others):
                 best = others.loc[others["seconds"].idxmin()]
-                if best["id"] in FIRST and known and known[-1][-1] != best["integrator"]:
+                if best["id"] in FIRST and before not in (None, best["integrator"]):
                     break
-                seconds = ours["seconds"].min(), best["seconds"]
-                known.append((scene, accuracy, *seconds, seconds[0] / seconds[1], best["integrator"]))
-        rows += known
-    columns = ["scene", "accuracy", "gauss", "explicit", "ratio", "fastest explicit"]
-    return pd.DataFrame(rows, columns=columns)
-
-
-def crossing(part: pd.DataFrame) -> float:
-    """The largest error of a scene at which, and at every smaller one, Gauss is no slower; NaN if there is none."""
-    part = part.sort_values("accuracy")
-    faster = (part["ratio"] <= 1).cummin()
-    return float(part.loc[faster, "accuracy"].max()) if faster.any() else np.nan
+                before = best["integrator"]
+                rows.append((scene, accuracy, ours["seconds"].min() / best["seconds"], before))
+    return pd.DataFrame(rows, columns=["scene", "accuracy", "ratio", "fastest explicit"])
 
 
 def crossings(found: pd.DataFrame) -> pd.Series:
-    """The `crossing` of each scene."""
-    return pd.Series({scene: crossing(part) for scene, part in found.groupby("scene", sort=False)}, dtype=float)
+    """The largest error of each scene at which, and at every smaller one, Gauss is no slower; NaN if there is none."""
+    ordered = found.sort_values("accuracy")
+    faster = (ordered["ratio"] <= 1).groupby(ordered["scene"]).cummin()
+    return ordered[faster].groupby("scene")["accuracy"].max().reindex(found["scene"].unique())
 
 
-def _clearest_first(found: pd.DataFrame, rows: pd.Series) -> pd.DataFrame:
-    out = found.loc[rows]
-    return out.iloc[np.argsort(-np.log(out["ratio"]).abs(), kind="stable")]
+def extreme(which: str) -> Callable[[Data], pd.DataFrame | None]:
+    """The rows at the largest ("idxmax") or the smallest ("idxmin") error of each scene, the clearest ratio first."""
+
+    def rows(found: pd.DataFrame) -> pd.DataFrame:
+        out = found.loc[found.groupby("scene", sort=False)["accuracy"].agg(which)]
+        return out.iloc[np.argsort(-np.log(out["ratio"]).abs(), kind="stable")]
+
+    return of(ratios)(rows)
+
+
+largest, smallest = extreme("idxmax"), extreme("idxmin")
 
 
 @of(ratios)
-def largest(found: pd.DataFrame) -> pd.DataFrame:
-    """The rows at each scene's largest error."""
-    return _clearest_first(found, found.groupby("scene", sort=False)["accuracy"].idxmax())
-
-
-@of(ratios)
-def smallest(found: pd.DataFrame) -> pd.DataFrame:
-    """The rows at each scene's smallest error."""
-    return _clearest_first(found, found.groupby("scene", sort=False)["accuracy"].idxmin())
-
-
-@of(ratios)
-def answer(found: pd.DataFrame) -> str:
-    """On how many scenes Gauss becomes faster than explicit methods, and from which error."""
+def _answer(found: pd.DataFrame) -> str:
     first = crossings(found)
     ever = first.dropna()
     if ever.empty:
@@ -109,23 +97,21 @@ def answer(found: pd.DataFrame) -> str:
         f"On {len(ever)} of {len(first)} scenes Gauss of order 16 is faster than explicit methods for small errors: "
         f"from {number(10 ** np.median(np.log10(ever)), 1)} (median)"
     )
-    planets = first.get(PLANETS, np.nan)
-    return f"{text}." if np.isnan(planets) else f"{text}, on the outer planets from {number(planets, 1)}."
+    return f"{text}, on the outer planets from {number(ever[PLANETS], 1)}." if PLANETS in ever else f"{text}."
 
 
 @of(ratios)
 @style.styled
-def draw(found: pd.DataFrame, folder: Path) -> list[Picture]:
+def _draw(found: pd.DataFrame, folder: Path) -> list[Picture]:
     """The ratio of Gauss' time to the best explicit method's over the error: each scene, and their median."""
     figure, ((axes,),) = style.panels(1, 1, 3.4)
-    for scene, part in found.groupby("scene", sort=False):
-        if scene != PLANETS:
-            axes.loglog(part["accuracy"], part["ratio"], color=style.GREY, linewidth=0.5)
+    planets = found["scene"] == PLANETS
+    for _, part in found[~planets].groupby("scene", sort=False):
+        axes.loglog(part["accuracy"], part["ratio"], color=style.GREY, linewidth=0.5)
     middle = found.groupby("accuracy")["ratio"].median()
     axes.loglog(middle.index, middle, label="median of the scenes", **style.curve(0))
-    planets = found[found["scene"] == PLANETS]
-    if len(planets):
-        axes.loglog(planets["accuracy"], planets["ratio"], label="outer planets", **style.curve(1))
+    if planets.any():
+        axes.loglog(found["accuracy"][planets], found["ratio"][planets], label="outer planets", **style.curve(1))
     axes.axhline(1, color=style.GREY, linewidth=0.8, linestyle=":")
     axes.set(xlabel="error up to", ylabel="time of Gauss over the best explicit")
     axes.invert_xaxis()
@@ -135,26 +121,23 @@ def draw(found: pd.DataFrame, folder: Path) -> list[Picture]:
 
 
 @of(ratios, largest, smallest)
-def full_table(found: pd.DataFrame, first: pd.DataFrame, last: pd.DataFrame) -> pd.DataFrame:
+def _full_table(found: pd.DataFrame, first: pd.DataFrame, last: pd.DataFrame) -> pd.DataFrame:
     """For each scene the error from which on Gauss is faster, and the ratios at its largest and smallest error."""
-    cross, first, last = crossings(found), first.set_index("scene"), last.set_index("scene")
-    rows = [
-        {
-            "scene": f"[{scene}](trade-{scene}.md)",
-            "faster from": "nowhere" if np.isnan(cross[scene]) else f"{cross[scene]:.0e}",
-            "ratio at the largest error": first["ratio"][scene],
-            "smallest error": f"{last['accuracy'][scene]:.0e}",
-            "ratio at the smallest": last["ratio"][scene],
-            "fastest explicit": last["fastest explicit"][scene],
-        }
-        for scene in cross.sort_values(ascending=False).index
-    ]
-    return pd.DataFrame(rows)
+    cross = crossings(found).sort_values(ascending=False)
+    first, last = (x.set_index("scene").loc[cross.index] for x in (first, last))
+    columns = {
+        "scene": [f"[{scene}](trade-{scene}.md)" for scene in cross.index],
+        "faster from": ["nowhere" if np.isnan(x) else f"{x:.0e}" for x in cross],
+        "ratio at the largest error": first["ratio"],
+        "smallest error": [f"{x:.0e}" for x in last["accuracy"]],
+        "ratio at the smallest": last["ratio"],
+        "fastest explicit": last["fastest explicit"],
+    }
+    return pd.DataFrame(columns).reset_index(drop=True)
 
 
-@of(full_table)
-def table(whole: pd.DataFrame) -> Table:
-    """The first rows of `full_table`."""
+@of(_full_table)
+def _table(whole: pd.DataFrame) -> Table:
     caption = (
         "Faster from: the largest error from which on Gauss is no slower at every smaller one. Ratio: Gauss' time over "
         "that of the fastest explicit method, which is named for the smallest error. In the order of the first number"
@@ -169,7 +152,7 @@ STUDY = Study(
     question="From which error on does the Gauss method of order 16 beat explicit methods?",
     reads=(RUNGS,),
     runs=(),
-    answer=answer,
+    answer=_answer,
     setting=(
         f"{GAUSS} has eight stages, whose equations are solved to round-off by fixed-point iteration, the stages side "
         "by side in the lanes of vector registers.",
@@ -182,16 +165,16 @@ STUDY = Study(
     claims={
         "fine": Claim(
             "At the smallest error that both reach, Gauss of order 16 is the faster",
-            smallest, "ratio <= 1", EVERY, unit="scenes", where="{scene}: {ratio:.3g} times",
+            smallest, "ratio <= 1", unit="scenes", where="{scene}: {ratio:.3g} times",
         ),
         "coarse": Claim(
             "At the largest error an explicit method is the faster",
-            largest, "ratio >= 1", EVERY, unit="scenes", where="{scene}: {ratio:.3g} times",
+            largest, "ratio >= 1", unit="scenes", where="{scene}: {ratio:.3g} times",
         ),
     },
-    figure=draw,
-    shown=table,
-    whole=full_table,
+    figure=_draw,
+    shown=_table,
+    whole=_full_table,
     command="pytest benchmarks -k trade",
     limits=(
         "Times are those of the search, medians of a few warm runs that did not run in turns: ratios within a tenth "

@@ -13,12 +13,14 @@ the geometric mean of two sweeps, times and divided by the exponential of the `L
 
 from __future__ import annotations
 
+from math import inf
+
 import numpy as np
 import pandas as pd
 
 from phasebench.benchmarks.ladder.choice import TIE, choices
 from phasebench.benchmarks.measure.timing import OURS, PEERS
-from phasebench.benchmarks.page.page import Data
+from phasebench.benchmarks.page.page import Data, of
 
 from .front import CHOICES, FINALS, SHOWN, TIMES
 
@@ -42,27 +44,22 @@ def sweeps(finals: pd.DataFrame, times: pd.DataFrame | None) -> pd.DataFrame:
     return table[table.index.isin(finals.set_index(KEY).index)].reindex(columns=[*JOINED, CHECK])
 
 
-def joined_seconds(table: pd.DataFrame) -> pd.DataFrame:
-    """The columns of `KEY` and ``mean``, the geometric mean of the joined timings."""
-    return np.exp(np.log(table[JOINED]).mean(axis=1)).rename("mean").reset_index()
-
-
-def fastest(table: pd.DataFrame, by: list[str]) -> pd.DataFrame:
-    """The finalist of the least joined time in each group."""
-    mean = joined_seconds(table)
+def _fastest(table: pd.DataFrame, by: list[str]) -> pd.DataFrame:
+    """The finalist of the least geometric mean of the joined timings in each group: the columns of `KEY`."""
+    mean = np.exp(np.log(table[JOINED]).mean(axis=1)).rename("mean").reset_index()
     return mean.loc[mean.groupby(by)["mean"].idxmin(), KEY]
 
 
 def pairs(table: pd.DataFrame) -> pd.DataFrame:
     """Our best time over the best peer's in each timing, and the ``shorter`` of the two: a row for each case."""
-    best = table.loc[pd.MultiIndex.from_frame(fastest(table, [*CASE, "side"]))].reset_index(["side", "integrator"])
+    best = table.loc[pd.MultiIndex.from_frame(_fastest(table, [*CASE, "side"]))].reset_index(["side", "integrator"])
     ours, peers = (best[best["side"] == side] for side in (OURS, PEERS))
     both = ours.index.intersection(peers.index)
     ours, peers = ours.loc[both], peers.loc[both]
+    names = pd.DataFrame({f"{OURS} integrator": ours["integrator"], f"{PEERS} integrator": peers["integrator"]})
     shorter = np.fmin(ours[JOINED].mean(axis=1), peers[JOINED].mean(axis=1)).rename("shorter")
-    names = {f"{side} integrator": of["integrator"] for side, of in ((OURS, ours), (PEERS, peers))}
     columns = [*JOINED, CHECK]
-    return pd.concat([shorter, pd.DataFrame(names), ours[columns] / peers[columns]], axis=1).reset_index()
+    return pd.concat([shorter, names, ours[columns] / peers[columns]], axis=1).reset_index()
 
 
 def join_sweeps(values: pd.DataFrame, size: pd.Series) -> pd.DataFrame:
@@ -104,7 +101,7 @@ def agreement(finals: pd.DataFrame, times: pd.DataFrame, again: pd.DataFrame) ->
     within the factor `TIE` of 1.  Two integrators of which one was no finalist in the joined sweeps are not tied.
     """
     table = sweeps(finals, times)
-    first = fastest(table, CASE).set_index(CASE)["integrator"].rename("first")
+    first = _fastest(table, CASE).set_index(CASE)["integrator"].rename("first")
     second = again.loc[again.groupby(CASE)["seconds"].idxmin()].set_index(CASE)["integrator"].rename("second")
     out = pd.concat([first, second], axis=1, join="inner").reset_index()
     seconds = table[JOINED].droplevel("side")
@@ -117,37 +114,46 @@ def agreement(finals: pd.DataFrame, times: pd.DataFrame, again: pd.DataFrame) ->
     return out.assign(agree=(out["first"] == out["second"]) | (low.reindex(out.index) <= TIE))
 
 
-def join_choices(front: pd.DataFrame, finals: pd.DataFrame, times: pd.DataFrame | None) -> pd.DataFrame:
-    """The table of fastest integrators with those of the joined timings, their times and ratios.
-
-    It is ``front`` itself, of the first timing, if there is only one.
-    """
-    if times is None or "sweep" not in times or not (times["sweep"] == JOINED[1]).any():
-        return front
+def _join_choices(front: pd.DataFrame, finals: pd.DataFrame, times: pd.DataFrame) -> pd.DataFrame:
+    """The table of fastest integrators with those of the joined timings, their times and ratios."""
     table = sweeps(finals, times)
     interval = join_sweeps(table, table[JOINED[0]]).rename(columns={"value": "seconds"}).dropna()
     rows = interval.join(finals.set_index(KEY).drop(columns=["seconds", "low", "high"])).reset_index()
-    out = front.set_index(CASE)
-    for side in (OURS, PEERS):
-        mine = rows[rows["side"] == side]
-        best = mine.loc[mine.groupby(CASE)["seconds"].idxmin()].set_index(CASE).reindex(columns=SHOWN)
-        best.columns = [f"{side} {name}" for name in SHOWN]
-        out.loc[out.index.intersection(best.index), best.columns] = best
+    best = rows.loc[rows.groupby([*CASE, "side"])["seconds"].idxmin()].set_index(CASE)
     ratios = pairs(table)
     paid = join_sweeps(ratios, ratios["shorter"]).set_axis(["ratio", "ratio low", "ratio high"], axis=1)
-    paid = paid.set_index(pd.MultiIndex.from_frame(ratios[CASE])).dropna()
-    out.loc[out.index.intersection(paid.index), paid.columns] = paid
+    parts = [best[best["side"] == side].reindex(columns=SHOWN).add_prefix(f"{side} ") for side in (OURS, PEERS)]
+    out = front.set_index(CASE)
+    for part in (*parts, paid.set_index(pd.MultiIndex.from_frame(ratios[CASE])).dropna()):
+        out.loc[out.index.intersection(part.index), part.columns] = part
     return out.reset_index()[front.columns]
 
 
-_last: list = [(), None]
+_last: list = []
 
 
 def joined(data: Data) -> pd.DataFrame | None:
-    """The fastest integrator of each side in each case by the joined timings, with the faster side in ``cheaper``."""
-    tables = front, finals, times = [data(name) for name in (CHOICES, FINALS, TIMES)]
+    """The fastest integrator of each side in each case by the joined timings, with the faster side in ``cheaper``.
+
+    They are those of the first timing if there is only one.
+    """
+    front, finals, times = tables = [data(name) for name in (CHOICES, FINALS, TIMES)]
     if front is None or front.empty:
         return None
-    if len(_last[0]) != 3 or any(a is not b for a, b in zip(_last[0], tables, strict=True)):
-        _last[:] = tables, choices(front if finals is None else join_choices(front, finals, times))
+    if not _last or any(a is not b for a, b in zip(_last[0], tables, strict=True)):
+        several = finals is not None and times is not None and JOINED[1] in set(times.get("sweep", ()))
+        _last[:] = tables, choices(_join_choices(front, finals, times) if several else front)
     return _last[1]
+
+
+@of(joined)
+def cases(found: pd.DataFrame) -> pd.DataFrame:
+    """The cases in which a method of ours or a peer reaches the accuracy.
+
+    The column ``ratio`` is our time over the best peer's; it is 0 if only a method of ours reaches the accuracy, inf if
+    only a peer does.
+    """
+    ours, peer = (found[f"{side} integrator"].notna() for side in (OURS, PEERS))
+    alone = np.select([ours & ~peer, peer & ~ours], [0.0, inf], np.nan)
+    told = found.assign(**{c: found[c].where(ours & peer, alone) for c in ("ratio", "ratio low", "ratio high")})
+    return told[ours | peer].reset_index(drop=True)

@@ -1,4 +1,15 @@
-"""This project's best time over the best peer's, and why it is above 1 where it is."""
+r"""This project's best time over the best peer's, and why it is above 1 where it is, from measured steps and times.
+
+A peer is another package's integrator; a case is a scene (problem, end time, quantity) at an accuracy.  On either side,
+the time t is the number of steps n times the time of a step (primes mark the peer):
+
+.. math:: \frac{t}{t'} = \frac{n}{n'} \cdot \frac{t/n}{t'/n'} .
+
+The evaluations in a step of this project's method are counted (of grad V if H is separable, else of grad H).  Their
+number times the least time per evaluation of any method of this project on the scene is a share of the step's time.
+The rest is a lower bound for everything else in a step (sums, equation solving, evaluations that are not vectorized).
+Not all peers count their evaluations.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +19,7 @@ import numpy as np
 import pandas as pd
 
 from phasebench.benchmarks import style
+from phasebench.benchmarks.measure.integrator import OURS as PROJECT
 from phasebench.benchmarks.measure.timing import OURS, PEERS
 from phasebench.benchmarks.page.markdown import join_list, number
 from phasebench.benchmarks.page.page import ROWS, Data, Picture, Table, of
@@ -16,22 +28,89 @@ from phasebench.benchmarks.page.verdict import EVERY, at_least
 from phasebench.benchmarks.problems.questions import QUESTIONS
 
 from .front import CHOICES, FINALS, RUNGS, TIMES
-from .reasons import ALIKE, MEANING, UNREACHED, WANTED, above, cases, sentence
+from .joined import cases
 from .trade import MEASURED
 
+#: Largest ratio wanted of our time to the best peer's; factors up to `ALIKE` count as 1.
+WANTED, ALIKE = 1.0, 1.1
 #: Smallest share of the cells (scene, accuracy) in which this project should take no longer.
 OFTEN = 0.95
-#: Reasons that the figure shows, as points over the two factors of the ratio.
-DRAWN = [reason for reason in MEANING if reason != UNREACHED]
+#: Reasons why the ratio of a cell is above `WANTED`.
+UNREACHED, WITHIN, REST = "not reached", "within the interval", "beside evaluations"
+MORE, DEARER, BOTH = "more steps", "dearer steps", "more and dearer steps"
+#: Reason -> its meaning.
+MEANING = {
+    UNREACHED: "a peer alone gets there",
+    WITHIN: f"the ratio's interval holds {WANTED:.1f}",
+    REST: "for its evaluations alone ours would not take longer",
+    MORE: "not dearer ones",
+    DEARER: "not more of them",
+    BOTH: "ours takes more, and each longer",
+}
+
+
+@of(cases, RUNGS)
+def above(told: pd.DataFrame, rungs: pd.DataFrame) -> pd.DataFrame:
+    """The cases whose ratio of times is above `WANTED`, the largest first, with its factors and the reason.
+
+    Added columns: ``steps`` and ``step``, the two factors of the ratio; ``share``, that of our time which evaluations
+    take at the scene's `price`; ``until``, the last coarser accuracy at which the ratio is at most `WANTED`; ``ours
+    grew``, ``peer grew``, each side's number of steps over that at the accuracy ``until``; ``reason``, a key of
+    `MEANING` or None; ``why``, these in words.
+    """
+    slow, fast = told[~(told["ratio"] <= WANTED)].reset_index(), told[told["ratio"] <= WANTED]
+    before = fast.assign(until=fast["accuracy"])[["scene", "accuracy", "until", f"{OURS} steps", f"{PEERS} steps"]]
+    on = {"on": "accuracy", "by": "scene", "direction": "forward", "allow_exact_matches": False}
+    slow, before = slow.sort_values("accuracy"), before.sort_values("accuracy")
+    slow = pd.merge_asof(slow, before, suffixes=("", " before"), **on).set_index("index").sort_index()
+    steps = slow[f"{OURS} steps"] / slow[f"{PEERS} steps"].replace(0, np.nan)
+    share = slow[f"{OURS} evaluations"] * slow["scene"].map(price(rungs)) / slow[f"{OURS} seconds"]
+    grew = {f"{side} grew": slow[f"{side} steps"] / slow[f"{side} steps before"] for side in (OURS, PEERS)}
+    slow = slow.assign(steps=steps, step=slow["ratio"] / steps, share=share.clip(upper=1).fillna(1.0), **grew)
+    slow = slow.assign(reason=_reasons(slow)).sort_values("ratio", ascending=False, kind="stable")
+    return slow.assign(why=[sentence(row, rungs) for row in slow.to_dict("records")]).reset_index(drop=True)
+
+
+def price(rungs: pd.DataFrame) -> pd.Series:
+    """The least seconds per gradient evaluation of this project's methods in the runs of each scene."""
+    own = rungs[(rungs["kind"] == PROJECT) & (rungs["evaluations"] > 0) & (rungs["seconds"] > 0)]
+    return (own["seconds"] / own["evaluations"]).groupby(own["scene"]).min()
+
+
+def _reasons(slow: pd.DataFrame) -> np.ndarray:
+    """Why the ratio of each case is above `WANTED`, keys of `MEANING`; None if numbers of steps are not known."""
+    more, dearer = slow["steps"] > ALIKE, slow["step"] > ALIKE
+    conditions = {
+        UNREACHED: np.isinf(slow["ratio"]),
+        WITHIN: slow["ratio low"] <= WANTED,
+        REST: slow["ratio"] * slow["share"] <= WANTED,
+        None: ~(slow["steps"] > 0),
+        BOTH: more == dearer,
+        MORE: more,
+    }
+    return np.select([*conditions.values()], [*conditions], DEARER)
+
+
+def sentence(row: dict, rungs: pd.DataFrame) -> str:
+    """Why this project is slower in a case, a row of `above`, in words with the measured numbers."""
+    if row["reason"] == UNREACHED:
+        own = rungs[(rungs["scene"] == row["scene"]) & (rungs["kind"] == PROJECT) & (rungs["error"] > 0)]
+        if own.empty:
+            return f"{UNREACHED}: no run of ours is kept"
+        best = own.loc[own["error"].idxmin()]
+        return f"{UNREACHED}: ours end at {number(float(best['error']), 2)} ({best['integrator']})"
+    text = f"{row['reason'] or 'not told'}: steps x {number(row['steps'], 2)}, a step's time x {number(row['step'], 2)}"
+    text += f"; evaluations {100 * row['share']:.0f} %" if row["share"] == row["share"] else ""
+    if row["ours grew"] == row["ours grew"]:
+        grew = f"{number(row['ours grew'], 2)} and {number(row['peer grew'], 2)}"
+        text += f"; steps since {row['until']:.0e} x {grew}"
+    return text
 
 
 def slowest(rows: pd.DataFrame) -> str:
     """The scene with the most cases in which a peer is faster, and their number; "" if there is none."""
-    slow = rows[~(rows["ratio"] <= WANTED)]
-    if slow.empty:
-        return ""
-    scenes = slow.groupby("scene", sort=False).size()
-    return f"{scenes.idxmax()}: slower in {scenes.max()} cases"
+    scenes = rows[~(rows["ratio"] <= WANTED)].groupby("scene", sort=False).size()
+    return f"{scenes.idxmax()}: slower in {scenes.max()} cases" if len(scenes) else ""
 
 
 def shares(rows: pd.DataFrame) -> pd.Series:
@@ -41,8 +120,7 @@ def shares(rows: pd.DataFrame) -> pd.Series:
 
 
 @of(cases)
-def answer(found: pd.DataFrame) -> str:
-    """In how many cases a peer is faster, and in how many of them beyond the scatter of the times."""
+def _answer(found: pd.DataFrame) -> str:
     slow = found[~(found["ratio"] <= WANTED)]
     certain = slow[~(slow["ratio low"] <= WANTED)]
     text = f"In {len(slow)} of {len(found)} cases (a scene, an error) another package is faster than phasebench"
@@ -52,7 +130,7 @@ def answer(found: pd.DataFrame) -> str:
 
 
 @style.styled
-def draw(data: Data, folder: Path) -> list[Picture] | None:
+def _draw(data: Data, folder: Path) -> list[Picture] | None:
     """The share of the scenes in which this project is no slower, and the cases in which it is, by the two factors."""
     found, slow = cases(data), above(data)
     if found is None or slow is None:
@@ -66,11 +144,11 @@ def draw(data: Data, folder: Path) -> list[Picture] | None:
     left.set(xlabel="error up to", ylabel="% of the scenes in which ours is no slower", ylim=(0, 103))
     left.invert_xaxis()
     left.legend(loc="lower left")
-    for k, reason in enumerate(DRAWN):
+    for k, reason in enumerate(reason for reason in MEANING if reason != UNREACHED):
         part = slow[slow["reason"] == reason]
         if len(part):
             look = style.curve(k) | {"linestyle": "none", "markevery": None}
-            right.loglog(part["steps"].astype(float), part["step"].astype(float), label=reason, **look)
+            right.loglog(part["steps"], part["step"], label=reason, **look)
     factors = np.geomspace(0.1, 10, 2)
     right.loglog(factors, WANTED / factors, color=style.GREY, linewidth=0.8)
     right.set(xlabel="steps, ours over the peer's", ylabel="time of a step, ours over the peer's")
@@ -88,18 +166,17 @@ def _side(row: dict, side: str) -> str:
     name, h, tol = (row[f"{side} {x}"] for x in ("integrator", "h", "tol"))
     if not isinstance(name, str):
         return "none"
-    return f"{name}, {'h' if pd.notna(h) else 'tol'} {number(h if pd.notna(h) else tol)}"
+    return f"{name}, h {number(h)}" if pd.notna(h) else f"{name}, tol {number(tol)}"
 
 
 def _interval(row: dict) -> str:
     if not 0 < row["ratio"] < np.inf:
         return "peer alone" if row["ratio"] else "ours alone"
-    low, high = (number(row[f"ratio {x}"], 3) for x in ("low", "high"))
-    return f"{number(row['ratio'], 3)} [{low}, {high}]"
+    return f"{number(row['ratio'])} [{number(row['ratio low'])}, {number(row['ratio high'])}]"
 
 
-@of(above, RUNGS)
-def table(found: pd.DataFrame, rungs: pd.DataFrame) -> Table:
+@of(above)
+def table(found: pd.DataFrame) -> Table:
     """Cases in which this project is slower, with the reason: the worst of each scene first, then the next ones."""
     order = found.assign(place=found.groupby("scene").cumcount()).sort_values("place", kind="stable").head(ROWS)
     lines = [
@@ -109,7 +186,7 @@ def table(found: pd.DataFrame, rungs: pd.DataFrame) -> Table:
             "ours": _side(r, OURS),
             "peer": _side(r, PEERS),
             "ratio": _interval(r),
-            "why": sentence(r, rungs),
+            "why": r["why"],
         }
         for r in order.sort_values("ratio", ascending=False, kind="stable").to_dict("records")
     ]
@@ -121,14 +198,12 @@ def table(found: pd.DataFrame, rungs: pd.DataFrame) -> Table:
     return Table(pd.DataFrame(lines), caption)
 
 
-@of(cases, above, RUNGS)
-def full_table(found: pd.DataFrame, slow: pd.DataFrame, rungs: pd.DataFrame) -> pd.DataFrame:
+@of(cases, above)
+def _full_table(found: pd.DataFrame, slow: pd.DataFrame) -> pd.DataFrame:
     """Our time over the best peer's in every case, and the reason if this project is slower."""
-    reasons = {(r["scene"], r["accuracy"]): sentence(r, rungs) for r in slow.to_dict("records")}
-    keys = zip(found["scene"], found["accuracy"], strict=True)
     sides = [f"{side} {x}" for side in (OURS, PEERS) for x in ("integrator", "steps", "seconds")]
     columns = ["scene", "quantity", "accuracy", *sides, "ratio", "ratio low", "ratio high", "cheaper", "why"]
-    return found.assign(why=[reasons.get(key, "") for key in keys])[columns]
+    return found.merge(slow[["scene", "accuracy", "why"]], how="left").fillna({"why": ""})[columns]
 
 
 STUDY = Study(
@@ -137,7 +212,7 @@ STUDY = Study(
     question="On which scenes and accuracies are the established integrators faster, and why?",
     reads=(CHOICES, FINALS, TIMES, RUNGS),
     runs=(),
-    answer=answer,
+    answer=_answer,
     setting=(
         f"A case is one of {len(QUESTIONS)} scenes and an error from 0.1 to 1e-13 that some integrator reaches. Its "
         "ratio is the time of this project's fastest method over that of the fastest of other packages "
@@ -164,9 +239,9 @@ STUDY = Study(
         ),
         "scenes": MEASURED,
     },
-    figure=draw,
+    figure=_draw,
     shown=table,
-    whole=full_table,
+    whole=_full_table,
     command="pytest benchmarks -k trade",
     limits=(
         "The price of an evaluation is a whole run's time divided by its evaluations, where this is least: an upper "

@@ -5,11 +5,10 @@ from __future__ import annotations
 from functools import partial
 from pathlib import Path
 
-import numpy as np
 import pandas as pd
 
 from phasebench.benchmarks import style
-from phasebench.benchmarks.ladder.choice import choices, winner
+from phasebench.benchmarks.ladder.choice import winner
 from phasebench.benchmarks.ladder.race import UNCOMPILED
 from phasebench.benchmarks.measure import truths
 from phasebench.benchmarks.measure.timing import OURS, PEERS
@@ -32,97 +31,84 @@ TRUTHS = {
 }
 #: Largest number of curves of each side in a work-precision diagram; smaller errors are drawn at `FLOOR`.
 CURVES, FLOOR = {OURS: 5, PEERS: 4}, 1e-16
+#: What the table shows of the fastest integrator of a side.
+COLUMNS = ["integrator", "h", "tol", "steps", "seconds"]
 
 
-def of_scene(question: Question, table: object, data: Data) -> pd.DataFrame | None:
-    """The rows of a scene in a table."""
+def _of_scene(question: Question, table: object, data: Data) -> pd.DataFrame | None:
     return rows_of(data, table, f"scene == '{question.id}'")
 
 
 def won(rows: pd.DataFrame) -> Count:
     """The errors at which ours is the fastest, of those at which one side is."""
-    ours, peers, _ = counts(choices(rows))
+    ours, peers, _ = counts(rows)
     return Count(ours, ours + peers)
 
 
 def lost(rows: pd.DataFrame) -> str:
     """The errors at which a peer is the fastest."""
-    errors = [f"{a:g}" for a in rows["accuracy"][choices(rows)["cheaper"] == PEERS]]
+    errors = [f"{a:g}" for a in rows["accuracy"][rows["cheaper"] == PEERS]]
     return f"errors up to {join_list(errors, 3)}" if errors else ""
 
 
 def truth_of(rows: pd.DataFrame) -> str:
     """The kind of reference against which a scene's errors are taken, and its uncertainty."""
-    row = rows.iloc[0]
-    kind = TRUTHS.get(row["reference"], row["reference"])
-    uncertainty = row["reference uncertainty"]
+    name, uncertainty = rows[["reference", "reference uncertainty"]].iloc[0]
+    kind = TRUTHS.get(name, name)
     return f"{kind}, uncertain by {number(uncertainty, 2)}" if uncertainty > 0 else kind
 
 
-def unjudged(question: Question, rows: pd.DataFrame) -> str:
-    """The reference, if it is too uncertain for some error."""
-    told = truth_of(rows)
-    return "" if len(rows) == len(question.accuracies) else told
-
-
-def answer(question: Question, data: Data) -> str | None:
+def _answer(question: Question, data: Data) -> str | None:
     """How often ours and how often peers are the fastest; the fastest at the largest and at the smallest error."""
-    found = of_scene(question, joined, data)
+    found = _of_scene(question, joined, data)
     if found is None:
         return None
     ours, peers, _ = counts(found)
+    most, least = found["accuracy"].max(), found["accuracy"].min()
     reached = [row for row in found.sort_values("accuracy").to_dict("records") if winner(row)]
     if not reached:
-        return f"No integrator reaches an error of {found['accuracy'].max():g}."
-    fine, coarse = reached[0], reached[-1]
+        return f"No integrator reaches an error of {most:g}."
+    best = [f"{winner(row)} for {row['accuracy']:g}" for row in (reached[-1], reached[0])]
     return (
-        f"Ties aside, phasebench is the fastest at {ours} of {len(found)} errors from "
-        f"{found['accuracy'].max():g} to {found['accuracy'].min():g}, other packages at {peers}: {winner(coarse)} "
-        f"for {coarse['accuracy']:g}, {winner(fine)} for {fine['accuracy']:g}."
+        f"Ties aside, phasebench is the fastest at {ours} of {len(found)} errors from {most:g} to {least:g}, "
+        f"other packages at {peers}: {', '.join(best)}."
     )
 
 
-def table(question: Question, data: Data) -> Table | None:
-    """The fastest of either side at each error."""
-    found = of_scene(question, joined, data)
+def _table(question: Question, data: Data) -> Table | None:
+    found = _of_scene(question, joined, data)
     if found is None:
         return None
-    rows, found = found, found.sort_values("accuracy", ascending=False)
-    shown = pd.DataFrame({"error up to": [f"{a:.0e}" for a in found["accuracy"]]})
+    rows = found.sort_values("accuracy", ascending=False)
+    shown = {"error up to": [f"{a:.0e}" for a in rows["accuracy"]]}
     for side, name in ((OURS, "ours"), (PEERS, "peer")):
-        part = found.reindex(columns=[f"{side} {x}" for x in ("integrator", "h", "tol", "steps", "seconds")])
-        part.columns = ["integrator", "h", "tol", "steps", "seconds"]
-        shown[name] = part["integrator"].fillna("none").to_numpy()
-        shown[f"h or tol ({name})"] = [
-            number(h) if pd.notna(h) else number(tol) for h, tol in zip(part["h"], part["tol"], strict=True)
-        ]
-        shown[f"steps ({name})"] = ["" if pd.isna(x) else str(int(x)) for x in part["steps"]]
-        shown[f"ms ({name})"] = [number(1e3 * x) if np.isfinite(x) else "" for x in part["seconds"]]
+        best = rows.reindex(columns=[f"{side} {x}" for x in COLUMNS]).set_axis(COLUMNS, axis=1)
+        shown[name] = best["integrator"].fillna("none")
+        shown[f"h or tol ({name})"] = best["h"].fillna(best["tol"]).map(number)
+        shown[f"steps ({name})"] = ["" if pd.isna(n) else str(int(n)) for n in best["steps"]]
+        shown[f"ms ({name})"] = (1e3 * best["seconds"]).map(number)
     shown["ratio"] = [
-        "" if pd.isna(r) else f"{number(r, 2)} [{number(low, 2)}, {number(high, 2)}]"
-        for r, low, high in zip(found["ratio"], found["ratio low"], found["ratio high"], strict=True)
+        "" if pd.isna(ratio) else f"{number(ratio, 2)} [{number(low, 2)}, {number(high, 2)}]"
+        for ratio, low, high in rows[["ratio", "ratio low", "ratio high"]].itertuples(index=False)
     ]
-    shown["cheaper"] = found["cheaper"].to_numpy()
     caption = (
         "The fastest of either side at each error, with its step or tolerance. Ratio: our time over the peer's, "
-        f"with the interval in which a further sweep lies. Errors are taken against: {truth_of(rows)}."
+        f"with the interval in which a further sweep lies. Errors are taken against: {truth_of(found)}."
     )
-    return Table(shown, caption)
+    return Table(pd.DataFrame(shown | {"cheaper": rows["cheaper"]}), caption)
 
 
 def integrators_to_draw(finals: pd.DataFrame, side: str, most: int) -> list[str]:
     """The integrators that are most often the fastest of their side, over accuracies."""
     part = finals[finals["side"] == side]
-    if part.empty:
-        return []
     best = part.loc[part.groupby("accuracy")["seconds"].idxmin(), "integrator"]
     return list(best.value_counts().index[:most])
 
 
 @style.styled
-def draw(question: Question, data: Data, folder: Path) -> list[Picture] | None:
+def _draw(question: Question, data: Data, folder: Path) -> list[Picture] | None:
     """Errors over seconds and over steps, a curve for each of the integrators that are the fastest most often."""
-    finals, rungs = (of_scene(question, name, data) for name in (FINALS, RUNGS))
+    finals, rungs = (_of_scene(question, name, data) for name in (FINALS, RUNGS))
     if finals is None or rungs is None:
         return None
     figure, (panels,) = style.panels(1, 2, 3.6, sharey=True)
@@ -158,7 +144,7 @@ def study_of(place: float, question: Question) -> Study:
         question=f"{question.problem}, {question.about}: which integrator is the fastest?",
         reads=(CHOICES, FINALS, TIMES, RUNGS, DROPPED),
         runs=(),
-        answer=partial(answer, question),
+        answer=partial(_answer, question),
         setting=(
             f"Problem: {question.problem}, from its initial data to t = {question.t_end:g}.",
             f"Wanted: {question.quantity} ({question.about}), to an error of {question.accuracies[0]:g} down to "
@@ -173,7 +159,7 @@ def study_of(place: float, question: Question) -> Study:
             "reference": Claim(
                 "The reference is certain enough to judge every error",
                 joined, lambda rows: Count(len(rows), errors), EVERY, rows=here, unit="errors",
-                where=partial(unjudged, question),
+                where=lambda rows: "" if len(rows) == errors else truth_of(rows),
             ),
             "compilation": Claim(
                 "No integrator was dropped because it does not compile",
@@ -181,8 +167,8 @@ def study_of(place: float, question: Question) -> Study:
                 unit="dropped integrators", where="{integrator}", names=3,
             ),
         },
-        figure=partial(draw, question),
-        shown=partial(table, question),
+        figure=partial(_draw, question),
+        shown=partial(_table, question),
         whole=lambda data: None,
         command=f"pytest benchmarks -k {question.id}",
         listed=False,

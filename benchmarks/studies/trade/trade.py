@@ -1,4 +1,4 @@
-"""The fastest integrator at each accuracy, for every scene: the page, and the runs of all pages.
+"""The fastest integrators at each accuracy, for every scene: the page, and the runs of all pages.
 
 A scene is a problem, end time and quantity; a case is a scene at an accuracy.
 """
@@ -19,7 +19,7 @@ from phasebench.benchmarks.measure.timing import NONE, OURS, PEERS, TIED
 from phasebench.benchmarks.page.markdown import join_list, number
 from phasebench.benchmarks.page.page import ROWS, Picture, Table, of
 from phasebench.benchmarks.page.study import Claim, Runs, Study, over
-from phasebench.benchmarks.page.verdict import EVERY, at_least, at_most
+from phasebench.benchmarks.page.verdict import at_least, at_most
 from phasebench.benchmarks.problems.questions import QUESTIONS
 from phasebench.benchmarks.store.cells import ALONE
 from phasebench.integrators.record import ROUND_OFF
@@ -27,8 +27,7 @@ from phasebench.integrators.registry import METHODS
 
 from . import front
 from .front import AGAIN, CHOICES, DROPPED, FARTHEST, FINALISTS, FINALS, MARGIN, RUNGS, TIMES
-from .joined import LEVEL, agreement, coverage, joined
-from .reasons import cases
+from .joined import LEVEL, agreement, cases, coverage, joined
 
 #: Smallest share of the decided cases that this project should win; of cases in which two sweeps should have the same
 #: winner or tied ones; of a third sweep's times and ratios that should lie in the intervals.
@@ -46,15 +45,9 @@ SATURATED = 8.0
 SCENES = tuple(q.id for q in QUESTIONS)
 
 
-def at(found: pd.DataFrame, accuracy: float) -> pd.DataFrame:
-    """The cases at one accuracy."""
-    return found[np.isclose(found["accuracy"], accuracy, rtol=SAME, atol=0)]
-
-
 def counts(found: pd.DataFrame) -> tuple[int, int, int]:
     """Numbers of cases: (ours is faster, a peer is, tied)."""
-    cheaper = found["cheaper"].value_counts()
-    return tuple(int(cheaper.get(who, 0)) for who in (OURS, PEERS, TIED))
+    return tuple(int((found["cheaper"] == who).sum()) for who in (OURS, PEERS, TIED))
 
 
 def fair(rows: pd.DataFrame) -> pd.Series:
@@ -62,29 +55,21 @@ def fair(rows: pd.DataFrame) -> pd.Series:
 
     A method that preserves the energy by construction has no energy error even on a wrong orbit.
     """
-    fastest = np.where(rows["cheaper"] == OURS, rows[f"{OURS} integrator"], rows[f"{PEERS} integrator"])
-    keeps = pd.Series([str(name).partition("(")[0] in KEEP_ENERGY for name in fastest], rows.index)
-    decided = rows["cheaper"].isin([OURS, PEERS]) & (rows["ratio"] > 0)
-    return decided & ~(keeps & (rows["quantity"] == "energy"))
+    fastest = rows[f"{OURS} integrator"].where(rows["cheaper"] == OURS, rows[f"{PEERS} integrator"])
+    keeps = fastest.astype(str).str.partition("(")[0].isin(KEEP_ENERGY)
+    return rows["cheaper"].isin([OURS, PEERS]) & (rows["ratio"] > 0) & ~(keeps & (rows["quantity"] == "energy"))
 
 
 def every_scene(rows: pd.DataFrame) -> pd.Series:
     """True for the scenes that were measured, by id."""
-    measured = set(rows["scene"])
-    return pd.Series({scene: scene in measured for scene in SCENES})
+    return pd.Series(SCENES, SCENES).isin(rows["scene"])
 
 
-MEASURED = Claim("Every scene was measured", joined, every_scene, EVERY, unit="scenes", names=8)
-
-
-@of(FINALS, TIMES)
-def covered(finals: pd.DataFrame, times: pd.DataFrame) -> pd.DataFrame:
-    """The table of `coverage`."""
-    return coverage(finals, times).rename_axis("what").reset_index(name="share")
+MEASURED = Claim("Every scene was measured", joined, every_scene, unit="scenes", names=8)
 
 
 @of(joined)
-def answer(found: pd.DataFrame) -> str:
+def _answer(found: pd.DataFrame) -> str:
     """How often our methods, and other packages, are the fastest; the method of ours that wins most often."""
     ours, peers, tied = counts(found)
     names = Counter(winner(row) for row in found[found["cheaper"] == OURS].to_dict("records"))
@@ -96,51 +81,58 @@ def answer(found: pd.DataFrame) -> str:
     )
 
 
+def _at(found: pd.DataFrame, accuracy: float) -> pd.DataFrame:
+    return found[np.isclose(found["accuracy"], accuracy, rtol=SAME, atol=0)]
+
+
 @of(cases)
 @style.styled
-def draw(found: pd.DataFrame, folder: Path) -> list[Picture]:
+def _draw(found: pd.DataFrame, folder: Path) -> list[Picture]:
     """A coloured square for each scene and accuracy: our best time over the best peer's."""
     from matplotlib.colors import LinearSegmentedColormap
 
-    scenes = list(dict.fromkeys(found["scene"]))
-    decades = [10.0**-k for k in range(1, 14)]
-    field = np.full((len(scenes), len(decades)), np.nan)
-    for row in found.to_dict("records"):
-        k = int(np.argmin([abs(np.log10(a / row["accuracy"])) for a in decades]))
-        if abs(decades[k] / row["accuracy"] - 1) < SAME:
-            field[scenes.index(row["scene"]), k] = row["ratio"]
-    figure, ((axes,),) = style.panels(1, 1, 1.2 + 0.2 * len(scenes))
+    decades = range(1, 14)
+    columns = {k: _at(found, 10.0**-k).set_index("scene")["ratio"] for k in decades}
+    field = pd.DataFrame(columns, index=found["scene"].unique())
+    figure, ((axes,),) = style.panels(1, 1, 1.2 + 0.2 * len(field))
     colours = LinearSegmentedColormap.from_list("sides", [style.BLUE, "#ffffff", style.VERMILION])
     most = np.log2(SATURATED)
-    axes.imshow(np.log2(field.clip(1 / SATURATED, SATURATED)), cmap=colours, vmin=-most, vmax=most, aspect="auto")
+    shades = np.log2(field.clip(1 / SATURATED, SATURATED))
+    axes.imshow(shades, cmap=colours, vmin=-most, vmax=most, aspect="auto")
     for (i, k), x in np.ndenumerate(field):
         if not np.isnan(x):
             label = {0.0: "ours", np.inf: "peer"}.get(x, style.number(x, 2))
-            dark = abs(np.log2(x)) > 0.6 * most if 0 < x < np.inf else True
-            axes.text(k, i, label, ha="center", va="center", fontsize=8, color="white" if dark else "black")
-    axes.set_yticks(range(len(scenes)), scenes)
-    axes.set_xticks(range(len(decades)), [f"1e-{k}" for k in range(1, 14)])
+            colour = "white" if abs(shades.iloc[i, k]) > 0.6 * most else "black"
+            axes.text(k, i, label, ha="center", va="center", fontsize=8, color=colour)
+    axes.set_yticks(range(len(field)), field.index)
+    axes.set_xticks(range(len(decades)), [f"1e-{k}" for k in decades])
     axes.xaxis.tick_top()
     axes.set_xlabel("error up to")
     axes.xaxis.set_label_position("top")
-    scores = {accuracy: counts(at(found, accuracy)) for accuracy in SHOWN}
-    told = "; ".join(f"{ours}, {peers} and {tied} at {a:g}" for a, (ours, peers, tied) in scores.items())
+    scores = ["{}, {} and {} at {:g}".format(*counts(_at(found, a)), a) for a in SHOWN]
     caption = (
         "Our best time over the best peer's. Blue: ours is faster; red: a peer; ours or peer: only that side "
-        f"reaches the error. Scenes won by ours, by a peer, tied: {told}."
+        f"reaches the error. Scenes won by ours, by a peer, tied: {'; '.join(scores)}."
     )
     return [Picture(style.save(figure, folder, "trade.png"), "time of ours over the best peer's", caption)]
 
 
+def _cell(row: dict) -> str:
+    """The fastest integrator of a case, or of none, with our time over the best peer's."""
+    if row["cheaper"] == NONE:
+        return "none"
+    ratio = number(row["ratio"], 2) if pd.notna(row["ratio"]) else "alone"
+    return f"{winner(row)} ({'= ' if row['cheaper'] == TIED else ''}{ratio})"
+
+
 @of(joined)
-def table(found: pd.DataFrame) -> Table | None:
+def _table(found: pd.DataFrame) -> Table | None:
     """The fastest integrator at each accuracy of `SHOWN`, for one scene of each problem."""
-    parts = {scene: part for scene in ONE_EACH if not (part := found[found["scene"] == scene]).empty}
-    lines = [
-        {"scene": f"[{scene}](trade-{scene}.md)", "wanted": part["quantity"].iloc[0]}
-        | {f"to {a:g}": _cell(at(part, a)) for a in SHOWN}
-        for scene, part in parts.items()
-    ]
+    lines = []
+    for scene in ONE_EACH:
+        if not (part := found[found["scene"] == scene]).empty:
+            cells = {f"to {a:g}": "".join(map(_cell, _at(part, a).to_dict("records"))) for a in SHOWN}
+            lines.append({"scene": f"[{scene}](trade-{scene}.md)", "wanted": part["quantity"].iloc[0]} | cells)
     caption = (
         "The fastest integrator at each error. In brackets: the time of this project's best method divided by the "
         f"best peer's (below 1 we are faster); = marks a tie (the ratio's interval comes within a factor {TIE} of 1), "
@@ -149,26 +141,15 @@ def table(found: pd.DataFrame) -> Table | None:
     return Table(pd.DataFrame(lines[::-1][:ROWS]), caption) if lines else None
 
 
-def _cell(part: pd.DataFrame) -> str:
-    """The fastest integrator of a case, or of none, with our time over the best peer's."""
-    if part.empty:
-        return ""
-    row = part.iloc[0]
-    if row["cheaper"] == NONE:
-        return "none"
-    ratio = number(row["ratio"], 2) if pd.notna(row["ratio"]) else "alone"
-    return f"{winner(row)} ({'= ' if row['cheaper'] == TIED else ''}{ratio})"
-
-
 @of(joined)
-def full_table(found: pd.DataFrame) -> pd.DataFrame:
+def _full_table(found: pd.DataFrame) -> pd.DataFrame:
     """The fastest integrator of either side in every case."""
     sides = [f"{side} {x}" for side in (OURS, PEERS) for x in ("integrator", "h", "tol", "error", "seconds")]
     columns = ["scene", "quantity", "accuracy", *sides, "ratio", "ratio low", "ratio high", "cheaper"]
     return found.reindex(columns=columns)
 
 
-def timed(name: str, measure: object, keys: list, **more: object) -> Runs:
+def _timed(name: str, measure: object, keys: list, **more: object) -> Runs:
     """A table of times of scenes, by which they are selected."""
     return Runs(name, measure, keys, front.needs, ALONE, own=True, names=front.names, **more)
 
@@ -180,7 +161,7 @@ STUDY = Study(
     place=10,
     question="Which integrator is the cheapest for a given accuracy?",
     tables=(CHOICES, FINALS, TIMES, AGAIN),
-    answer=answer,
+    answer=_answer,
     setting=(
         f"{len(QUESTIONS)} scenes over every problem: initial data, a time span, a quantity (a state, a phase, the "
         "energy, ...) and its allowed error, 0.1 to 1e-13. A case is a scene and an error. Errors are taken against "
@@ -199,9 +180,9 @@ STUDY = Study(
         "WHFast, IAS15 in four adaptive modes down to the least epsilon, SABA, leapfrog, JANUS, EOS, BS.",
     ),
     runs=(
-        timed(AGAIN, front.again, over(scene=front.TWICE)),
-        timed(CHOICES, front.measure, over(scene=SCENES), more=(FINALS, RUNGS, DROPPED)),
-        timed(TIMES, front.sweep_again, over(scene=SCENES, sweep=front.SWEEPS)),
+        _timed(AGAIN, front.again, over(scene=front.TWICE)),
+        _timed(CHOICES, front.measure, over(scene=SCENES), more=(FINALS, RUNGS, DROPPED)),
+        _timed(TIMES, front.sweep_again, over(scene=SCENES, sweep=front.SWEEPS)),
     ),
     claims={
         "wins": Claim(
@@ -222,16 +203,16 @@ STUDY = Study(
         ),
         "intervals": Claim(
             "The intervals from two sweeps hold the times and ratios of a third",
-            covered, "share", at_least(HELD), unit="of them", where="{what}", span=True, fault=True, whole=True,
+            FINALS, coverage, at_least(HELD), unit="of them", beside=(TIMES,), span=True, fault=True, whole=True,
         ),
     },
     checks={
         "finalists": Claim("Finalists meet their accuracy, their times lie in their intervals", FINALS, SOUND),
         "again": Claim("So do those of the sweep made again", AGAIN, SOUND),
     },
-    figure=draw,
-    shown=table,
-    whole=full_table,
+    figure=_draw,
+    shown=_table,
+    whole=_full_table,
     limits=(
         "Left out: heyoka-batch, which carries the same orbit in every lane (a throughput, not the time of one "
         "orbit); SciPy with a Python right-hand side; heyoka's parallel_mode, since everything runs on one core.",
