@@ -1,6 +1,8 @@
-"""What verdicts of several pages share: the name of a case, orders beside declared ones, the growth of a spread."""
+"""What verdicts of several pages share: names of cases, orders beside declared ones, the growth of a spread."""
 
 from __future__ import annotations
+
+from collections.abc import Callable
 
 import numpy as np
 import pandas as pd
@@ -22,3 +24,8 @@ def order_off(rows: pd.DataFrame) -> pd.Series:
 def growth(rows: pd.DataFrame) -> pd.Series:
     """The spread of a long run over that of its first tenth; infinite for a run that did not reach its end."""
     return (rows["all"] / rows["first"]).where(rows["status"] == OK, np.inf)
+
+
+def worst(by: str, text: str) -> Callable[[pd.DataFrame], str]:
+    """A verdict's ``where``: the format string ``text`` of the row in which the expression ``by`` is largest."""
+    return lambda rows: text.format_map(rows.loc[rows.eval(by).idxmax()])

@@ -10,16 +10,16 @@ from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
+from unittest.mock import patch
 
 import numpy as np
 import pandas as pd
-from numpy.typing import ArrayLike
-from scipy.stats import linregress, t
 
 from phasebench.benchmarks import style
+from phasebench.benchmarks.measure.metrics import power
 from phasebench.benchmarks.measure.timing import clock, columns, median, ratio, time_in_turns
 from phasebench.benchmarks.page.markdown import join_list
-from phasebench.benchmarks.page.page import ROWS, Data, Picture, Table, of
+from phasebench.benchmarks.page.page import ROWS, Picture, Table, of
 from phasebench.benchmarks.page.study import Claim, Runs, Study, over
 from phasebench.benchmarks.page.verdict import at_most
 from phasebench.benchmarks.store.cells import ALONE, ProblemKey, Unavailable
@@ -64,7 +64,7 @@ def costs(system: str, d: int) -> dict:
     steps = enough(lambda n: loop(large.h, n))
     work: dict[str, Callable[[], object]] = {"ours": lambda: run(large.h, steps), "C": lambda: loop(large.h, steps)}
     if large.pairs:
-        work["REBOUND"] = rebound(large, d, steps)
+        work["REBOUND"] = _rebound(large, d, steps)
     times = time_in_turns(work, ROUNDS)
     row = {"method": large.method, "values": run.values, "steps": steps}
     for who, seconds in times.items():
@@ -86,7 +86,7 @@ def enough(run: Callable[[int], object]) -> int:
     return steps
 
 
-def rebound(system: Large, d: int, steps: int) -> Callable[[], object]:
+def _rebound(system: Large, d: int, steps: int) -> Callable[[], object]:
     """A function that goes on by ``steps`` steps of REBOUND's leapfrog with direct summation."""
     N = d // system.unit
     setting = particles.Setting(particles.GRAVITY, (1.0 / N,) * N, 3, 0, (1.0,) * d)
@@ -104,13 +104,13 @@ def array_bytes(run: PreparedRun) -> int:
 def made(system: str) -> list[dict]:
     """The seconds to make a system's functions from scratch, derived from a formula and from hand-written loops."""
     large, rows = SYSTEMS[system], []
-    for d in DERIVED:
-        seconds = getting_ready(partial(large.from_formula, d))
-        rows.append({"route": "formula", "d": large.size(d), "seconds": seconds})
-        if seconds > PATIENCE:
-            break
-    sizes = map(large.size, BY_HAND)
-    return rows + [{"route": "loops", "d": d, "seconds": getting_ready(partial(large.by_hand, d))} for d in sizes]
+    for route, make, sizes in (("formula", large.from_formula, DERIVED), ("loops", large.by_hand, BY_HAND)):
+        for d in map(large.size, sizes):
+            seconds = getting_ready(partial(make, d))
+            rows.append({"route": route, "d": d, "seconds": seconds})
+            if route == "formula" and seconds > PATIENCE:
+                break
+    return rows
 
 
 def getting_ready(make: Callable[[], SimpleNamespace]) -> float:
@@ -129,35 +129,27 @@ def nothing_kept() -> Iterator[None]:
     from phasebench.integrators.compile import codegen
     from phasebench.integrators.systems import hand
 
-    before, ready = os.environ.get("PHASEBENCH_CACHE"), dict(codegen._ready)
-    with tempfile.TemporaryDirectory() as folder:
-        os.environ["PHASEBENCH_CACHE"] = folder
-        codegen._ready.clear()
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        patch.dict(os.environ, PHASEBENCH_CACHE=folder),
+        patch.dict(codegen._ready, clear=True),
+    ):
         hand._compile.cache_clear()
-        try:
-            yield
-        finally:
-            codegen._ready.update(ready)
-            if before is None:
-                del os.environ["PHASEBENCH_CACHE"]
-            else:
-                os.environ["PHASEBENCH_CACHE"] = before
+        yield
 
 
 # -- what they show ----------------------------------------------------------------------------------------------------
 
 
-def exponent(d: ArrayLike, cost: ArrayLike) -> tuple[float, float, float]:
-    """Fit cost ~ d^e by least squares on logarithms: (e, low, high), a 95 % interval; NaN for fewer than 3 points."""
-    x, y = np.log(np.asarray(d, float)), np.log(np.asarray(cost, float))
-    if len(x) < 3:
+def exponent(d: pd.Series, cost: pd.Series) -> tuple[float, float, float]:
+    """Fit cost ~ d^e: (e, low, high), a 95 % interval; NaN for fewer than 3 sizes."""
+    if len(np.unique(d)) < 3 or np.min(d) <= 0:
         return np.nan, np.nan, np.nan
-    line = linregress(x, y)
-    half = t.ppf(0.975, len(x) - 2) * line.stderr
-    return float(line.slope), float(line.slope - half), float(line.slope + half)
+    found = power(d, cost)
+    return found.value, found.low, found.high
 
 
-def exponents(rows: pd.DataFrame) -> pd.DataFrame:
+def _exponents(rows: pd.DataFrame) -> pd.DataFrame:
     """The power of d with which the time of a step grows, its interval and what is expected; indexed by system."""
     found = {name: exponent(part["d"], part["ns, ours"]) for name, part in rows.groupby("system", sort=False)}
     frame = pd.DataFrame.from_dict(found, orient="index", columns=["time", "low", "high"]).dropna()
@@ -166,54 +158,52 @@ def exponents(rows: pd.DataFrame) -> pd.DataFrame:
 
 def fits(rows: pd.DataFrame) -> pd.Series:
     """True for a system whose steps grow no faster than the work: as d, or as d^2 if all pairs interact."""
-    found = exponents(rows)
+    found = _exponents(rows)
     return found["low"] <= found["expected"] + ABOVE
 
 
 def steepest(rows: pd.DataFrame) -> str:
     """The system whose steps grow fastest beside the work."""
-    found = exponents(rows)
+    found = _exponents(rows)
     worst = found.loc[(found["time"] - found["expected"]).idxmax()]
     return f"{worst.name}: d to the power {worst['time']:.2f} [{worst['low']:.2f}, {worst['high']:.2f}]"
 
 
-def powers(data: Data) -> str | None:
+@of(COSTS)
+def powers(rows: pd.DataFrame) -> str | None:
     """The ranges of the exponents, on lattices and for bodies."""
-    rows = data(COSTS)
-    found = pd.DataFrame() if rows is None else exponents(rows[rows["d"] >= MANY])
-    parts = []
-    for power, kind in ((1, "on lattices"), (2, "for bodies")):
-        times = found.loc[found["expected"] == power, "time"] if len(found) else found
-        ends = sorted({f"d^{times.min():.2f}", f"d^{times.max():.2f}"}) if len(times) else []
-        parts += [f"{' to '.join(ends)} {kind}"] if ends else []
+    found, parts = _exponents(rows[rows["d"] >= MANY]), []
+    for expected, kind in ((1, "on lattices"), (2, "for bodies")):
+        times = found.loc[found["expected"] == expected, "time"]
+        ends = sorted({f"d^{x:.2f}" for x in (times.min(), times.max())})
+        parts += [f"{' to '.join(ends)} {kind}"] if len(times) else []
     return ", ".join(parts) or None
 
 
 @of(COSTS)
-def draw(costs: pd.DataFrame, folder: Path) -> list[Picture]:
+@style.styled
+def _draw(costs: pd.DataFrame, folder: Path) -> list[Picture]:
     """Nanoseconds of a step over d, by this project, C and REBOUND: a panel for each system."""
-    names = list(dict.fromkeys(costs["system"]))
-    with style.settings():
-        figure, (panels,) = style.panels(1, len(names), 2.9, sharey=True)
-        looks = dict(zip(("ours", "C", "REBOUND"), style.looks(), strict=False))
-        for axes, name in zip(np.atleast_1d(panels), names, strict=True):
-            part = costs[costs["system"] == name].sort_values("d")
-            for who, look in looks.items():
-                if f"ns, {who}" in part and part[f"ns, {who}"].notna().any():
-                    axes.loglog(part["d"], part[f"ns, {who}"], label=who, **look)
-            in_registers = part.loc[part["values"] == "tuple", "d"]
-            if len(in_registers):
-                axes.axvspan(in_registers.min() / 1.2, in_registers.max() * 1.2, color="0.95", zorder=0)
-            axes.set(title=name, xlabel="d")
-            axes.grid(color="0.93", linewidth=0.5)
-        panels[0].set_ylabel("ns a step")
-        style.legend_above(figure, panels[-1], 3)
+    systems = costs.groupby("system", sort=False)
+    figure, (panels,) = style.panels(1, len(systems), 2.9, sharey=True)
+    for axes, (name, part) in zip(panels, systems, strict=True):
+        part = part.sort_values("d")
+        for who, look in zip(("ours", "C", "REBOUND"), style.looks(), strict=False):
+            if f"ns, {who}" in part and part[f"ns, {who}"].notna().any():
+                axes.loglog(part["d"], part[f"ns, {who}"], label=who, **look)
+        in_registers = part.loc[part["values"] == "tuple", "d"]
+        if len(in_registers):
+            axes.axvspan(in_registers.min() / 1.2, in_registers.max() * 1.2, color="0.95", zorder=0)
+        axes.set(title=name, xlabel="d")
+        axes.grid(color="0.93", linewidth=0.5)
+    panels[0].set_ylabel("ns a step")
+    style.legend_above(figure, panels[-1], 3)
     caption = "Time of a step over the degrees of freedom d; grey: the state is held in registers, elsewhere in arrays."
     return [Picture(style.save(figure, folder, "large.png"), "cost by d", caption)]
 
 
 @of(COSTS, MADE)
-def table(costs: pd.DataFrame, made: pd.DataFrame) -> Table:
+def _table(costs: pd.DataFrame, made: pd.DataFrame) -> Table:
     """The cost of a step at a few sizes of each system; the caption says up to which size a formula serves."""
     parts = [part for _, part in costs.groupby("system", sort=False)]
     near = [k for part in parts for k in sorted({(part["d"] - d).abs().idxmin() for d in SHOWN})]
@@ -229,8 +219,7 @@ def table(costs: pd.DataFrame, made: pd.DataFrame) -> Table:
     return Table(costs.loc[near].reindex(columns=shown).head(ROWS), caption)
 
 
-def needs(system: str) -> tuple:
-    """What rows of a system depend on."""
+def _needs(system: str, **key: object) -> tuple:
     return BY_ID[SYSTEMS[system].method], ProblemKey(system)
 
 
@@ -256,8 +245,8 @@ STUDY = Study(
     ),
     runs=(
         Runs(COSTS, costs, [{"system": id, "d": d} for id, s in SYSTEMS.items() for d in sorted({*map(s.size, SIZES)})],
-             needs=lambda system, d: needs(system), where=ALONE, own=True),
-        Runs(MADE, made, over(system=SYSTEMS), needs=needs, where=ALONE, own=True),
+             needs=_needs, where=ALONE, own=True),
+        Runs(MADE, made, over(system=SYSTEMS), needs=_needs, where=ALONE, own=True),
     ),
     claims={
         "scaling": Claim(
@@ -272,8 +261,8 @@ STUDY = Study(
             MADE, "seconds", at_most(PATIENCE), rows="route == 'loops'", unit="s", where=PLACE,
         ),
     },
-    figure=draw,
-    shown=table,
+    figure=_draw,
+    shown=_table,
     whole=MADE,
     limits=(
         f"Exponents are slopes of log t over log d from d = {MANY} on, by least squares with Student's 95 % interval; "

@@ -13,9 +13,9 @@ import numpy as np
 import pandas as pd
 
 from phasebench.benchmarks.measure.timing import clock, columns, median, ratio, time_in_turns
-from phasebench.benchmarks.page.markdown import join_list
+from phasebench.benchmarks.page.shared import worst
 from phasebench.benchmarks.page.study import Claim, Number, Runs, Shown, Study, over
-from phasebench.benchmarks.page.verdict import NONE, Count, Range, at_most
+from phasebench.benchmarks.page.verdict import NONE, Range, at_most
 from phasebench.benchmarks.store.cells import ALONE, ProblemKey
 from phasebench.integrators.families.banded import structure_of
 from phasebench.integrators.prepared import PreparedRun, prepare
@@ -80,26 +80,16 @@ def extent(rows: pd.DataFrame) -> Range:
     return Range(rows["banded / usual, low"].min(), rows["banded / usual, high"].max())
 
 
-def slowest(rows: pd.DataFrame) -> str:
-    """Where the ratio's interval reaches highest."""
-    return PLACE.format_map(rows.loc[rows["banded / usual, high"].idxmax()])
-
-
-def growth(rows: pd.DataFrame) -> list[tuple[str, bool]]:
-    """Whether time and memory in the band grow no faster than d: (what grows as which power, True if it is none)."""
-    out = []
+def growth(rows: pd.DataFrame) -> pd.Series:
+    """True where time and memory in the band grow no faster than d, by what grows as which power."""
+    out = {}
     for name, part in rows.groupby("system", sort=False):
-        power, low, _ = exponent(part["d"], part["ns, banded"])
-        memory = exponent(part["d"], part["kB, banded"])[0]
-        out += [(f"time of {name}: d^{power:.2f}", low <= 1 + ABOVE)] if len(part) > 2 else []
-        out += [(f"memory of {name}: d^{memory:.2f}", memory <= 1 + ABOVE)] if len(part) > 2 else []
-    return out
-
-
-def steep(rows: pd.DataFrame) -> str:
-    """What grows faster."""
-    found = [what for what, fits in growth(rows) if not fits]
-    return join_list(found, 3) if found else ""
+        if len(part) > 2:
+            power, low, _ = exponent(part["d"], part["ns, banded"])
+            memory, *_ = exponent(part["d"], part["kB, banded"])
+            out[f"time of {name}: d^{power:.2f}"] = low <= 1 + ABOVE
+            out[f"memory of {name}: d^{memory:.2f}"] = memory <= 1 + ABOVE
+    return pd.Series(out, dtype=bool)
 
 
 RATIO, LONG, SHORT = "`banded / usual`", "step == 'long'", "step == 'short'"
@@ -143,12 +133,12 @@ STUDY = Study(
         ),
         "faster": Claim(
             "At such long steps the band is faster than full matrices",
-            TABLE, extent, at_most(1), rows=f"{LONG} and {RATIO} > 0", unit="times the time", where=slowest,
+            TABLE, extent, at_most(1), rows=f"{LONG} and {RATIO} > 0", unit="times the time",
+            where=worst("`banded / usual, high`", PLACE),
         ),
         "scaling": Claim(
             "Time and memory in the band grow no faster than the lattice",
-            TABLE, lambda rows: Count(sum(fits for _, fits in growth(rows)), len(growth(rows))), rows=LONG,
-            unit="exponents", where=steep,
+            TABLE, growth, rows=LONG, unit="exponents", names=3,
         ),
         "contracts": Claim(
             "Where the fixed point contracts, the band is nowhere faster",

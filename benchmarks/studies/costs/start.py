@@ -108,43 +108,40 @@ def _run(words: list[str], **environment: str) -> str:
 
 
 @of(COLD)
-def draw(cold: pd.DataFrame, folder: Path) -> list[Picture]:
+@style.styled
+def _draw(cold: pd.DataFrame, folder: Path) -> list[Picture]:
     """The seconds of the first integrations, a bar for each."""
     cold = cold.sort_values("seconds", ascending=False)
     y = np.arange(len(cold))
-    with style.settings():
-        figure, ((axes,),) = style.panels(1, 1, 1.0 + 0.2 * len(cold))
-        axes.barh(y, cold["seconds"], height=0.6, color=style.BLUE)
-        axes.axvline(COLD_WANTED, color=style.VERMILION, linewidth=1.2)
-        axes.set_yticks(y, [f"{r['method']}, d = {r['d']}" for _, r in cold.iterrows()])
-        axes.set_ylim(len(cold) - 0.5, -0.5)
-        axes.set_xlabel("seconds of the processor in the first integration")
-        axes.set_axisbelow(True)
-        axes.grid(axis="x", color="0.93", linewidth=0.5)
+    figure, ((axes,),) = style.panels(1, 1, 1.0 + 0.2 * len(cold))
+    axes.barh(y, cold["seconds"], height=0.6, color=style.BLUE)
+    axes.axvline(COLD_WANTED, color=style.VERMILION, linewidth=1.2)
+    axes.set_yticks(y, cold["method"] + ", d = " + cold["d"].astype(str))
+    axes.set_ylim(len(cold) - 0.5, -0.5)
+    axes.set_xlabel("seconds of the processor in the first integration")
+    axes.set_axisbelow(True)
+    axes.grid(axis="x", color="0.93", linewidth=0.5)
     caption = f"First integrations with an empty cache; the line: the most that is wanted, {COLD_WANTED:g} s."
     return [Picture(style.save(figure, folder, "start.png"), "first integrations", caption)]
 
 
-def table(data: Data) -> Table | None:
+def _table(data: Data) -> Table | None:
     """Cold starts, the longest first, then the warm ones."""
-    cold, warm = (frame if (frame := data(name)) is not None else pd.DataFrame() for name in (COLD, WARM))
-    if cold.empty and warm.empty:
+    parts = []
+    if (warm := data(WARM)) is not None and len(warm):
+        interval = [f"{low:.2f} to {high:.2f}" for low, high in zip(warm["low"], warm["high"], strict=True)]
+        parts = [warm.assign(start="warm", d="", interval=interval)]
+    if (cold := data(COLD)) is not None and len(cold):
+        longest = cold.sort_values("seconds", ascending=False).head(ROWS - sum(map(len, parts)))
+        parts.insert(0, longest.assign(start="cold", what=longest["method"] + " on " + longest["problem"]))
+    if not parts:
         return None
-    rows = [
-        {"start": "cold", "what": f"{r.method} on {r.problem}", "d": r.d, "seconds": r.seconds}
-        for r in (cold.sort_values("seconds", ascending=False) if len(cold) else cold)
-        .head(ROWS - len(warm))
-        .itertuples()
-    ]
-    rows += [
-        {"start": "warm", "what": r.what, "d": "", "seconds": r.seconds, "interval": f"{r.low:.2f} to {r.high:.2f}"}
-        for r in warm.itertuples()
-    ]
     caption = (
         "Cold: seconds of the processor, measured once. Warm: seconds by the clock of a whole process, the median "
         "of rounds with its interval."
     )
-    return Table(pd.DataFrame(rows).astype(object).fillna(""), caption)
+    columns = ["start", "what", "d", "seconds", "interval"]
+    return Table(pd.concat(parts).reindex(columns=columns).astype(object).fillna(""), caption)
 
 
 STUDY = Study(
@@ -192,8 +189,8 @@ STUDY = Study(
             rows=f"what != '{FLOOR}'", where="{what}", beside=(WARM,),
         ),
     },
-    figure=draw,
-    shown=table,
+    figure=_draw,
+    shown=_table,
     limits=(
         "Times are the machine's own, and a busy machine lengthens them, those by the clock most.",
         "Methods of one kernel share its compiled code: a second method, or a second problem with the same degrees of "

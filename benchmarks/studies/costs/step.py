@@ -20,8 +20,8 @@ from phasebench.benchmarks.measure.timing import ratio as quotient
 from phasebench.benchmarks.measure.variants import variants
 from phasebench.benchmarks.page.markdown import number
 from phasebench.benchmarks.page.page import Picture, of
+from phasebench.benchmarks.page.shared import worst
 from phasebench.benchmarks.page.study import Claim, Number, Runs, Shown, Study, over
-from phasebench.benchmarks.page.verdict import EVERY
 from phasebench.benchmarks.problems import problem as problem_of
 from phasebench.benchmarks.problems.index import PROBLEMS as ALL
 from phasebench.benchmarks.store.cells import ALONE, ProblemKey, Unavailable
@@ -69,10 +69,9 @@ PAIRS = {f"{kind}, {name}": (*what, name) for kind, (*what, names) in KINDS.item
 def step(problem: str, method: str) -> dict:
     """The time of a step of a compiled run without output, and the energy error."""
     made, chosen = problem_of(problem), METHODS[method]
-    full = integrate(made, chosen, h=H, steps=STEPS)
-    run = prepare(made, chosen)
+    full, run = integrate(made, chosen, h=H, steps=STEPS), prepare(made, chosen)
     ns = median(time_in_turns({"it": lambda: run(H, STEPS)}, ROUNDS)["it"] / STEPS * 1e9)
-    row = {"ns per step": ns.value, "ns, low": ns.low, "ns, high": ns.high}
+    row = dict(zip(("ns per step", "ns, low", "ns, high"), ns, strict=True))
     row["gradients per step"] = full.counts["gradient"] / STEPS
     return row | {"energy error": float(metrics.invariant_error(full.energy()).max), "status": full.status}
 
@@ -106,18 +105,6 @@ def pair(ratio: str) -> dict:
     return columns("median", quotient(times[one], times[other])) | {WANTED: limit, "what is timed": includes}
 
 
-def over_limit(rows: pd.DataFrame) -> str:
-    """The ratio that is farthest above its limit."""
-    worst = rows.loc[(rows["median"] / rows[WANTED]).idxmax()]
-    return f"{worst['ratio']}: {number(worst['median'])}, wanted {worst[WANTED]:g}"
-
-
-def slowest_peer(rows: pd.DataFrame) -> str:
-    """The peer with the largest ratio."""
-    worst = rows.loc[rows["ratio"].idxmax()]
-    return f"{worst['peer']}: {number(worst['ratio'])} times"
-
-
 def slow(rows: pd.DataFrame) -> str:
     """Up to five problems on which heyoka takes longer; the slowest if there are none."""
     within = rows["within"].astype(bool)
@@ -126,26 +113,25 @@ def slow(rows: pd.DataFrame) -> str:
 
 
 @of(RATIOS)
-def draw(ratios: pd.DataFrame, folder: Path) -> list[Picture]:
+@style.styled
+def _draw(ratios: pd.DataFrame, folder: Path) -> list[Picture]:
     """The ratios of step times with their intervals and limits."""
     y, middle = np.arange(len(ratios)), ratios["median"]
-    with style.settings():
-        figure, ((axes,),) = style.panels(1, 1, 1.0 + 0.2 * len(ratios))
-        ends = [middle - ratios["median, low"], ratios["median, high"] - middle]
-        axes.errorbar(middle, y, xerr=ends, fmt="o", color=style.BLUE, label="median, 95 % interval")
-        axes.plot(ratios[WANTED], y, "|", color=style.VERMILION, markersize=11, markeredgewidth=1.6, label=WANTED)
-        axes.set_yticks(y, ratios["ratio"])
-        axes.set_ylim(len(ratios) - 0.5, -0.5)
-        axes.set_xlim(left=0)
-        axes.set_xlabel("ratio of the times of a step")
-        axes.grid(axis="x", color="0.93", linewidth=0.5)
-        style.legend_above(figure, axes, 2)
+    figure, ((axes,),) = style.panels(1, 1, 1.0 + 0.2 * len(ratios))
+    ends = [middle - ratios["median, low"], ratios["median, high"] - middle]
+    axes.errorbar(middle, y, xerr=ends, fmt="o", color=style.BLUE, label="median, 95 % interval")
+    axes.plot(ratios[WANTED], y, "|", color=style.VERMILION, markersize=11, markeredgewidth=1.6, label=WANTED)
+    axes.set_yticks(y, ratios["ratio"])
+    axes.set_ylim(len(ratios) - 0.5, -0.5)
+    axes.set_xlim(left=0)
+    axes.set_xlabel("ratio of the times of a step")
+    axes.grid(axis="x", color="0.93", linewidth=0.5)
+    style.legend_above(figure, axes, 2)
     caption = "Ratios of times: medians of rounds in turns with 95 % intervals; upright marks: the most that is wanted."
     return [Picture(style.save(figure, folder, "speed.png"), "ratios of times", caption)]
 
 
-def needs_of_pair(ratio: str) -> tuple:
-    """What a ratio depends on."""
+def _needs_of_pair(ratio: str) -> tuple:
     *both, _, problem = PAIRS[ratio]
     return (*(method_of(id) for id in both if id not in LOOPS), ProblemKey(problem))
 
@@ -176,7 +162,7 @@ STUDY = Study(
         f"heyoka's own model, the derivatives as they stand; at most {TRANSLATED:g} times longer.",
     ),
     runs=(
-        Runs(RATIOS, pair, over(ratio=PAIRS), needs=needs_of_pair, where=ALONE, own=True,
+        Runs(RATIOS, pair, over(ratio=PAIRS), needs=_needs_of_pair, where=ALONE, own=True,
              quick=({"ratio": "Stormer-Verlet / C loop, kepler"},)),
         Runs(STEPS_OF, step, [{"problem": p, "method": label} for p, traits in PROBLEMS.items()
                               for label, m in METHODS.items() if {*m.requires} <= traits],
@@ -190,15 +176,16 @@ STUDY = Study(
     claims={
         "limits": Claim(
             "Every ratio of times is at most what is wanted",
-            RATIOS, f"median <= `{WANTED}`", EVERY, rows=f"`{WANTED}` > 0", unit="ratios", where=over_limit,
+            RATIOS, f"median <= `{WANTED}`", rows=f"`{WANTED}` > 0", unit="ratios",
+            where=worst(f"median / `{WANTED}`", f"{{ratio}}: {{median:.3g}}, wanted {{{WANTED}:g}}"),
         ),
         "calls": Claim(
             "A peer's prepared run takes no longer than a bare script of its package",
-            CALLS, "within", EVERY, unit="peers", where=slowest_peer, fault=True,
+            CALLS, "within", unit="peers", where=worst("ratio", "{peer}: {ratio:.3g} times"), fault=True,
         ),
         "translation": Claim(
             "heyoka's runs take no longer than equations written for it by hand",
-            TRANSLATION, "within", EVERY, unit="problems and tolerances", where=slow,
+            TRANSLATION, "within", unit="problems and tolerances", where=slow,
         ),
     },
     checks={
@@ -207,7 +194,7 @@ STUDY = Study(
             rows=lambda rows: ~rows["problem"].isin(SLOWER), where="{problem} at {tol}",
         ),
     },
-    figure=draw,
+    figure=_draw,
     shown=Shown(
         RATIOS, ("ratio", "median", "median, low", "median, high", WANTED),
         "Ratios of the times of a step, taken round by round in one run, the competitors in turns.",

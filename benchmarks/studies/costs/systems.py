@@ -1,8 +1,8 @@
 """Lattices and gravitating bodies of any size: Hamiltonian as a formula and as loops, initial values, steps in C.
 
 Up to `codegen.TUPLE_LIMIT` degrees of freedom a system is derived from its formula; above, it runs on the hand-written
-loops of its problem's module, without a formula.  The loops in C have neither compensated sums nor checks, and are
-compiled by `gcc -O3 -march=native`.
+loops of its problem's module, without a formula.  The loops in C are in lattices.c, compiled by `gcc -O3
+-march=native`.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ import ctypes
 from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
+from pathlib import Path
 from types import ModuleType, SimpleNamespace
 
 import numpy as np
@@ -24,95 +25,8 @@ from phasebench.integrators.systems.hand import HandHamiltonian
 
 #: Distance of a wave's grid points, frequency of the stiff springs, seed of the initial values.
 SPACING, OMEGA, SEED = 0.5, 50.0, 7
-#: In C: the gradient g of V at q or, for RK4, the field g at q, p, from constants c.
-SLOPE = """#include <math.h>
-static void slope(long d, const double *c, const double *restrict q, const double *restrict p, double *restrict g) {
-"""
-FPU = """
-  long m = d / 2;
-  double s = q[0] - q[m], left = s * s * s;
-  for (long i = 0; i < m; i++) {
-    s = i + 1 < m ? q[i + 1] - q[m + i + 1] - q[i] - q[m + i] : -q[i] - q[m + i];
-    double right = s * s * s;
-    g[i] = left - right;
-    g[m + i] = c[0] * q[m + i] - left - right;
-    left = right;
-  }
-}
-"""
-TODA = """
-  double left = exp(q[d - 1] - q[0]);
-  for (long i = 0; i < d; i++) {
-    double right = exp(q[i] - q[i + 1 < d ? i + 1 : 0]);
-    g[i] = right - left;
-    left = right;
-  }
-}
-"""
-KLEIN_GORDON = """
-  long n = d / 2;
-  double a = c[0], b = c[1];
-  for (long j = 0; j < n; j++) {
-    long left = (j ? j : n) - 1, right = j + 1 < n ? j + 1 : 0;
-    double m = 1 + 2 * a + b * (q[j] * q[j] + q[n + j] * q[n + j]);
-    g[j] = m * q[j] - a * (q[left] + q[right]);
-    g[n + j] = m * q[n + j] - a * (q[n + left] + q[n + right]);
-  }
-}
-"""
-N_BODY = """
-  for (long i = 0; i < d; i++) g[i] = 0;
-  for (long i = 0; i < d; i += 3)
-    for (long j = i + 3; j < d; j += 3) {
-      double x = q[j] - q[i], y = q[j + 1] - q[i + 1], z = q[j + 2] - q[i + 2];
-      double s = x * x + y * y + z * z, a = c[0] / (s * sqrt(s));
-      g[i] -= a * x; g[i + 1] -= a * y; g[i + 2] -= a * z;
-      g[j] += a * x; g[j + 1] += a * y; g[j + 2] += a * z;
-    }
-}
-"""
-NLS = """
-  double a = c[0], b = c[1];
-  for (long j = 0; j < d; j++) {
-    long left = (j ? j : d) - 1, right = j + 1 < d ? j + 1 : 0;
-    double s = b * (q[j] * q[j] + p[j] * p[j]);
-    g[j] = a * (2 * p[j] - p[left] - p[right]) - s * p[j];
-    g[d + j] = s * q[j] - a * (2 * q[j] - q[left] - q[right]);
-  }
-}
-"""
+#: Stormer-Verlet, with one gradient a step, and the classical RK4, with four vector fields.
 VERLET, RK4 = "stormer-verlet", "rk4"
-#: Stormer-Verlet with one gradient a step, and the classical RK4; ``work`` has 6 d numbers.
-STEPS = {
-    VERLET: """
-void steps(long d, long n, double h, const double *c, double *q, double *p, double *g) {
-  slope(d, c, q, p, g);
-  while (n--) {
-    for (long i = 0; i < d; i++) { p[i] -= 0.5 * h * g[i]; q[i] += h * p[i]; }
-    slope(d, c, q, p, g);
-    for (long i = 0; i < d; i++) p[i] -= 0.5 * h * g[i];
-  }
-}
-""",
-    RK4: """
-void steps(long d, long n, double h, const double *c, double *q, double *p, double *work) {
-  double *k = work, *x = work + 2 * d, *sum = work + 4 * d;
-  static const double at[4] = {0, 0.5, 0.5, 1}, weight[4] = {1 / 6.0, 1 / 3.0, 1 / 3.0, 1 / 6.0};
-  while (n--) {
-    for (long i = 0; i < 2 * d; i++) sum[i] = 0;
-    for (int s = 0; s < 4; s++) {
-      for (long i = 0; i < d; i++) {
-        x[i] = s ? q[i] + at[s] * h * k[i] : q[i];
-        x[d + i] = s ? p[i] + at[s] * h * k[d + i] : p[i];
-      }
-      slope(d, c, x, x + d, k);
-      for (long i = 0; i < 2 * d; i++) sum[i] += weight[s] * k[i];
-    }
-    for (long i = 0; i < d; i++) { q[i] += h * sum[i]; p[i] += h * sum[d + i]; }
-  }
-}
-""",
-}
 
 
 @dataclass(frozen=True)
@@ -123,10 +37,9 @@ class Large:
     ----------
     name, module : name of the problem, and the module that defines it
     unit : number of which d is a multiple
-    method, h : Stormer-Verlet, with one gradient a step, or RK4, with four vector fields; step size
+    method, h : `VERLET` or `RK4`; step size
     formula : function d -> (q, p, H): lists of symbols, and an expression in them
     constants : function d -> the numbers that the hand-written loops, and those in C, take as constants
-    C : C source of the gradient, or of the vector field
     pairs : whether all pairs interact, so that a step costs O(d^2)
     """
 
@@ -137,7 +50,6 @@ class Large:
     h: float
     formula: Callable
     constants: Callable
-    C: str
     pairs: bool = False
 
     def size(self, d: int) -> int:
@@ -172,7 +84,8 @@ class Large:
 
     def prepare_c(self, d: int) -> Callable[[float, int], tuple[np.ndarray, np.ndarray]]:
         """A function (h, n) -> the state (q, p) after n steps in C; raises RuntimeError without a compiler."""
-        loop = load_source(f"{SLOPE}{self.C}{STEPS[self.method]}").steps
+        chosen = "".join(f"#define {name.upper().replace('-', '_')}\n" for name in (self.name, self.method))
+        loop = load_source(chosen + Path(__file__).with_name("lattices.c").read_text(encoding="utf-8")).steps
         loop.argtypes = [ctypes.c_long, ctypes.c_long, ctypes.c_double, *[ctypes.c_void_p] * 4]
         start, constants = self.start(d), np.array([*map(float, self.constants(d)), 0.0])
 
@@ -191,25 +104,20 @@ def _bodies(d: int) -> tuple[list[sp.Symbol], list[sp.Symbol], sp.Expr]:
     return q, p, sp.Add(*(x**2 / 2 for x in p), *(-sp.Rational(1, N) / r for r in distances))
 
 
-def _wave(module: ModuleType, unit: int, method: str, C: str) -> Large:
+def _wave(name: str, module: ModuleType, unit: int, method: str) -> Large:
     """A wave on a grid, with ``unit`` degrees of freedom a point."""
 
     def on_grid(what: str) -> Callable:
         return lambda d: getattr(module, what)(d // unit, SPACING * (d // unit))
 
-    name = module.__name__.rpartition(".")[2].replace("_", "-")
-    return Large(name, module, unit, method, 0.02, on_grid("formula"), on_grid("constants"), C)
+    return Large(name, module, unit, method, 0.02, on_grid("formula"), on_grid("constants"))
 
 
-SYSTEMS = {
-    s.name: s
-    for s in (
-        Large(
-            "fpu", fpu, 2, VERLET, 0.002, lambda d: fpu.formula(OMEGA, d // 2), lambda d: (Fraction(OMEGA) ** 2,), FPU
-        ),
-        Large("toda", toda, 1, VERLET, 0.02, toda.formula, lambda d: (), TODA),
-        _wave(klein_gordon, 2, VERLET, KLEIN_GORDON),
-        _wave(nls, 1, RK4, NLS),
-        Large("n-body", n_body, 3, VERLET, 1e-3, _bodies, lambda d: (Fraction(3, d),), N_BODY, pairs=True),
-    )
-}
+_ALL = (
+    Large("fpu", fpu, 2, VERLET, 0.002, lambda d: fpu.formula(OMEGA, d // 2), lambda d: (Fraction(OMEGA) ** 2,)),
+    Large("toda", toda, 1, VERLET, 0.02, toda.formula, lambda d: ()),
+    _wave("klein-gordon", klein_gordon, 2, VERLET),
+    _wave("nls", nls, 1, RK4),
+    Large("n-body", n_body, 3, VERLET, 1e-3, _bodies, lambda d: (Fraction(3, d),), pairs=True),
+)
+SYSTEMS = {system.name: system for system in _ALL}
