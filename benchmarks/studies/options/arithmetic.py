@@ -14,19 +14,18 @@ import numpy as np
 import sympy as sp
 
 from phasebench.benchmarks.measure.c_loop import Loop
-from phasebench.benchmarks.measure.timing import median, ratio, time_in_turns
+from phasebench.benchmarks.measure.timing import columns, median, ratio, time_in_turns
 from phasebench.benchmarks.problems import problem as problem_of
 from phasebench.benchmarks.problems.base import Problem
-from phasebench.benchmarks.store.cells import ProblemKey, Unavailable, states
+from phasebench.benchmarks.store.cells import Unavailable
 from phasebench.integrators.driver import OK
 from phasebench.integrators.ensemble import integrate_ensemble
 from phasebench.integrators.prepared import prepare
-from phasebench.integrators.registry import BY_ID
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
 from phasebench.reference.certificates import stored
 
 ERRORS, COSTS, METHOD = "knobs_arithmetic", "knobs_arithmetic_costs", "stormer-verlet"
-SINGLE, PLAIN, COMPENSATED = "single, plain", "double, plain", "double, compensated"
+ARITHMETICS = SINGLE, PLAIN, COMPENSATED = "single, plain", "double, plain", "double, compensated"
 #: Number of starts, the first of which is the problem's own; seed and size of the displacements of the others.
 STARTS, SEED, SPREAD = 16, 7, 1e-2
 #: Significant bits that the extended precision must have at least; a double has 53.
@@ -34,12 +33,6 @@ BITS = 64
 #: Orbits, the end time, at which they have certified states, and the numbers of steps.
 SCENES, T_END, NUMBERS = ("henon-heiles:box", "pendulum:swinging"), 100.0, (400, 1600, 6400, 25600, 102400)
 TIMED, ROUNDS = 100_000, 15
-
-
-def needs(scene: str) -> tuple:
-    """What rows depend on."""
-    made = ProblemKey(scene)
-    return BY_ID[METHOD], made, states(made.id)
 
 
 def starts(made: Problem) -> tuple[np.ndarray, np.ndarray]:
@@ -54,12 +47,10 @@ def slope(system: Hamiltonian) -> Callable[[np.ndarray], list]:
     return sp.lambdify([list(system.q)], [sp.expand(sp.diff(system.potential, x)) for x in system.q], "numpy")
 
 
-def plain(
-    system: Hamiltonian, q: np.ndarray, p: np.ndarray, h: float, steps: int, kind: type[np.floating]
-) -> np.ndarray:
-    """End states of Stormer-Verlet with plain sums in a NumPy type, for unit masses, array (starts, 2 d)."""
-    gradient = slope(system)
-    q, p, h = q.T.astype(kind), p.T.astype(kind), kind(h)
+def plain(made: Problem, h: float, steps: int, kind: type[np.floating]) -> np.ndarray:
+    """End states of Stormer-Verlet with plain sums in a NumPy type, for unit masses, from `starts`, (`STARTS`, 2 d)."""
+    gradient = slope(made.system)
+    (q, p), h = (x.T.astype(kind) for x in starts(made)), kind(h)
     half = h / kind(2)
     for _ in range(steps):
         p = p - half * np.array(gradient(q))
@@ -70,10 +61,8 @@ def plain(
 
 def ends(made: Problem, h: float, steps: int) -> dict[str, np.ndarray]:
     """End states from all `starts` in each arithmetic, arrays (`STARTS`, 2 d)."""
-    q, p = starts(made)
-    kinds = {SINGLE: np.float32, PLAIN: np.float64}
-    found = {name: plain(made.system, q, p, h, steps, kind) for name, kind in kinds.items()}
-    ours = integrate_ensemble(made, METHOD, q, p, h=h, steps=steps)
+    found = {name: plain(made, h, steps, kind) for name, kind in ((SINGLE, np.float32), (PLAIN, np.float64))}
+    ours = integrate_ensemble(made, METHOD, *starts(made), h=h, steps=steps)
     if (ours.status != OK).any():
         raise RuntimeError(f"a run stopped: {ours.reason[ours.status != OK][0]}")
     return found | {COMPENSATED: np.hstack([ours.q, ours.p])}
@@ -88,7 +77,7 @@ def round_off(scene: str) -> list[dict]:
     true = np.concatenate([end.q, end.p])
     for steps in NUMBERS:
         h = T_END / steps
-        exact = plain(made.system, *starts(made), h, steps, np.longdouble)
+        exact = plain(made, h, steps, np.longdouble)
         for arithmetic, found in ends(made, h, steps).items():
             off = np.abs(found - exact).max(axis=1).astype(float)
             row = {"arithmetic": arithmetic, "h": h, "steps": steps, "starts": STARTS}
@@ -107,5 +96,4 @@ def costs(scene: str) -> dict:
     run = prepare(made, METHOD)
     seconds = time_in_turns({COMPENSATED: lambda: run(h, TIMED), PLAIN: lambda: loop.run(h, TIMED)}, ROUNDS)
     row = {"h": h, "steps": TIMED} | {f"ns, {kind}": median(1e9 / TIMED * each).value for kind, each in seconds.items()}
-    times = ratio(seconds[COMPENSATED], seconds[PLAIN])
-    return row | dict(zip(("ratio", "ratio, low", "ratio, high"), times, strict=True))
+    return row | columns("ratio", ratio(seconds[COMPENSATED], seconds[PLAIN]))

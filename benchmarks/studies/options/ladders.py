@@ -13,9 +13,8 @@ from functools import partial
 import numpy as np
 
 from phasebench.benchmarks.measure.quantities import scale
-from phasebench.benchmarks.measure.timing import median, time_in_turns
+from phasebench.benchmarks.measure.timing import columns, median, time_in_turns
 from phasebench.benchmarks.problems import problem as problem_of
-from phasebench.benchmarks.store.cells import ProblemKey, states
 from phasebench.integrators.driver import OK, integrate
 from phasebench.integrators.prepared import prepare
 from phasebench.integrators.registry import method
@@ -34,7 +33,7 @@ LADDERS = {
     (ENERGY, "perturbed-kepler"): (10.0, 60, 14),
 }
 KEYS = [{"knob": option, "scene": scene} for option, scene in LADDERS]
-COMPOSITIONS = {"2": "stormer-verlet", "4": "suzuki-4", "6": "kahan-li-6", "8": "kahan-li-8"}
+COMPOSITIONS = ("stormer-verlet", "suzuki-4", "kahan-li-6", "kahan-li-8", "sofroniou-spaletta-10")
 #: Settings of generating functions -> r, lambda.
 ORDERS = {f"r = {r}, λ = 1/3": (r, "1/3") for r in range(1, 7)} | {f"r = {r}, λ = 1/2": (r, "1/2") for r in (1, 3, 5)}
 KEEPERS = (
@@ -43,16 +42,10 @@ KEEPERS = (
 )
 #: Option -> setting -> the method with that setting.
 SETTINGS = {
-    COMPOSITION: {name: method(id) for name, id in (COMPOSITIONS | {"10": "sofroniou-spaletta-10"}).items()},
+    COMPOSITION: {str(method(id).order): method(id) for id in COMPOSITIONS},
     GENERATING: {name: method("generating-function", order=r, lam=lam) for name, (r, lam) in ORDERS.items()},
     ENERGY: {id: method(id) for id in KEEPERS},
 }
-
-
-def needs(knob: str, scene: str) -> tuple:
-    """What rows depend on."""
-    made = ProblemKey(scene)
-    return LADDERS[knob, scene], *SETTINGS[knob].values(), made, states(made.id)
 
 
 def ladders(knob: str, scene: str) -> list[dict]:
@@ -79,5 +72,5 @@ def ladders(knob: str, scene: str) -> list[dict]:
             if s.status == OK:
                 work[len(rows) - 1] = partial(run, h, steps)
     for k, seconds in time_in_turns(work, ROUNDS).items():
-        rows[k] |= dict(zip(("us", "us, low", "us, high"), median(1e6 * seconds), strict=True))
+        rows[k] |= columns("us", median(1e6 * seconds))
     return rows

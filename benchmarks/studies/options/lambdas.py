@@ -19,10 +19,8 @@ from phasebench.benchmarks.measure.quantities import PARTS, TRAJECTORY, scale
 from phasebench.benchmarks.measure.truths import truth
 from phasebench.benchmarks.problems import problem as problem_of
 from phasebench.benchmarks.problems.base import Problem
-from phasebench.benchmarks.store.cells import ProblemKey
 from phasebench.integrators.driver import OK, integrate
 from phasebench.integrators.ensemble import Ensemble, integrate_ensemble
-from phasebench.integrators.registry import BY_ID
 
 ERRORS, COSTS = "knobs_lambda", "knobs_lambda_costs"
 METHODS = ("scheme-i", "scheme-iii", "scheme-iii-suzuki-4")
@@ -41,11 +39,6 @@ LOW, HIGH, FINE, COARSE = -2, 3, 24, 6
 #: Number of steps that a run must survive; step sizes tried, as multiples of the scene's; rows saved.
 SURVIVED, LENGTHS, ROWS = 300, tuple(float(2 ** (k / 3)) for k in range(-6, 19)), 50
 KEYS = [{"scene": scene, "method": method} for scene in SCENES for method in METHODS]
-
-
-def needs(scene: str, method: str) -> tuple:
-    """What rows depend on."""
-    return ProblemKey(scene), SCENES[scene], BY_ID[method]
 
 
 def grid(parts: int) -> list[Fraction]:

@@ -15,7 +15,6 @@ from phasebench.benchmarks.measure.quantities import scale
 from phasebench.benchmarks.measure.timing import median, time_in_turns
 from phasebench.benchmarks.problems import problem as problem_of
 from phasebench.benchmarks.problems.base import Problem
-from phasebench.benchmarks.store.cells import ProblemKey
 from phasebench.integrators.compile.codegen import DOUBLE
 from phasebench.integrators.families.averaged import rules
 from phasebench.integrators.prepared import lay_out
@@ -32,11 +31,6 @@ SCENES = {
     "lotka-volterra-log:4-2": (0.2, 0.05),
     "perturbed-kepler": (0.1, 0.02),
 }
-
-
-def needs(scene: str) -> tuple:
-    """What rows depend on."""
-    return SCENES[scene], BY_ID[METHOD], ProblemKey(scene)
 
 
 def with_nodes(prepared: Prepared, n: int) -> Prepared:
@@ -65,9 +59,8 @@ class Run:
 
     def energy_error(self) -> float:
         """The largest energy error, divided by the size of H's terms."""
-        H = self.made.system.observe(
-            self.made.system.H, np.vstack([self.made.q0, self.Q]), np.vstack([self.made.p0, self.P])
-        )
+        states = np.vstack([self.made.q0, self.Q]), np.vstack([self.made.p0, self.P])
+        H = self.made.system.observe(self.made.system.H, *states)
         return float(np.abs(H - H[0]).max()) / scale(self.made)
 
 

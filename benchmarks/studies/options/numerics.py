@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -11,41 +10,40 @@ import pandas as pd
 from phasebench.benchmarks import style
 from phasebench.benchmarks.page.markdown import number
 from phasebench.benchmarks.page.page import ROWS, Picture, Table, of
+from phasebench.benchmarks.page.shared import worst
 from phasebench.benchmarks.page.study import Claim, Runs, Study, over
-from phasebench.benchmarks.page.verdict import EVERY, at_least, at_most
-from phasebench.benchmarks.store.cells import ALONE
+from phasebench.benchmarks.page.verdict import at_least, at_most
+from phasebench.benchmarks.store.cells import ALONE, ProblemKey, states
 from phasebench.integrators.driver import OK
+from phasebench.integrators.registry import BY_ID
 
 from . import arithmetic, nodes, solvers
+from .arithmetic import ARITHMETICS, COMPENSATED, PLAIN, SINGLE
 from .step_map import SAME, plot, times
 
 #: Relative energy error up to which the energy counts as kept; largest time of AVF's own rule over the fewest nodes'.
 FLOOR, DEAR = 1e-13, 2.0
+CASE = "{scene}, h = {h:g}"
 
 
+@of(nodes.TABLE)
 def quadratures(rows: pd.DataFrame) -> pd.DataFrame:
-    """The fewest nodes with which AVF keeps H, by "orbit, step", beside one node and AVF's own choice."""
+    """The fewest nodes with which AVF keeps H at each orbit and step, beside one node and AVF's own choice."""
     out = []
     for (scene, h), part in rows[rows["status"] == OK].groupby(["scene", "h"], sort=False):
         by = part.drop_duplicates("nodes").sort_values("nodes").set_index("nodes")
-        fixed = by.drop(index=nodes.CONFIRMED, errors="ignore")
-        kept = fixed[fixed["energy error"] <= FLOOR]
-        if kept.empty or not {1, nodes.CONFIRMED} <= {*by.index}:
-            continue
-        few, own, one = kept.iloc[0], by.loc[nodes.CONFIRMED], by.loc[1]
-        row = {"scene": scene, "h": h, "nodes": int(kept.index[0]), "energy error": few["energy error"]}
-        row |= {"with one": one["energy error"], "cost": few["ns per step"] / one["ns per step"]}
-        out.append(row | {"confirmed / fewest": own["ns per step"] / few["ns per step"]})
-    return by_case(out)
+        kept = by[(by["energy error"] <= FLOOR) & (by.index != nodes.CONFIRMED)]
+        if len(kept) and {1, nodes.CONFIRMED} <= {*by.index}:
+            few, cost, one = kept.iloc[0], by["ns per step"], by.loc[1]
+            row = {"scene": scene, "h": h, "nodes": int(kept.index[0]), "energy error": few["energy error"]}
+            row |= {"with one": one["energy error"], "cost": few["ns per step"] / one["ns per step"]}
+            out.append(row | {"confirmed / fewest": cost[nodes.CONFIRMED] / few["ns per step"]})
+    return pd.DataFrame(out)
 
 
-def by_case(rows: list[dict]) -> pd.DataFrame:
-    """The rows by "orbit, step"."""
-    return pd.DataFrame(rows, index=[f"{r['scene']}, h = {number(r['h'])}" for r in rows])
-
-
+@of(solvers.TABLE)
 def solving(rows: pd.DataFrame) -> pd.DataFrame:
-    """The loop's setting of the fewest evaluations, by "orbit, step", with those of the engine (``engine``) over it.
+    """The loop's setting of the fewest evaluations at each orbit and step, and the engine's over it (``engine``).
 
     ``fixed`` and ``simplified`` are evaluations from the best start, NaN without convergence.
     """
@@ -53,23 +51,16 @@ def solving(rows: pd.DataFrame) -> pd.DataFrame:
     for (scene, h), part in rows[rows["status"] == OK].groupby(["scene", "h"], sort=False):
         own, loop = part[part["solver"] == solvers.ENGINE], part[part["solver"] != solvers.ENGINE]
         exact = loop[loop["tol"] == solvers.ROUND_OFF]
-        if exact.empty or own.empty:
-            continue
-        best = exact.loc[exact["evaluations"].idxmin()]
-        row = {"scene": scene, "h": h, "solver": best["solver"], "start": best["start"], "fewest": best["evaluations"]}
-        row["engine"] = own.iloc[0]["evaluations"] / best["evaluations"]
-        for name, solver in (("fixed", solvers.FIXED), ("simplified", solvers.SIMPLE)):
-            row[name] = exact[exact["solver"] == solver]["evaluations"].min()
-        out.append(row | loosest(loop))
-    return by_case(out)
+        if len(exact) and len(own):
+            best, fewest = exact.loc[exact["evaluations"].idxmin()], exact.groupby("solver")["evaluations"].min()
+            row = {"scene": scene, "h": h, "solver": best["solver"], "start": best["start"]}
+            row |= {"fewest": best["evaluations"], "engine": own.iloc[0]["evaluations"] / best["evaluations"]}
+            row |= {"fixed": fewest.get(solvers.FIXED, np.nan), "simplified": fewest.get(solvers.SIMPLE, np.nan)}
+            out.append(row | _loosest(loop))
+    return pd.DataFrame(out)
 
 
-def column(found: Callable[[pd.DataFrame], pd.DataFrame], name: str) -> Callable[[pd.DataFrame], pd.Series]:
-    """A column of what is found in the rows; empty if nothing is."""
-    return lambda rows: found(rows).get(name, pd.Series(dtype=float))
-
-
-def loosest(loop: pd.DataFrame) -> dict[str, float]:
+def _loosest(loop: pd.DataFrame) -> dict[str, float]:
     """The loosest tolerance that leaves the error unchanged, and the share of the evaluations that it saves."""
     found = {"loosest": np.nan, "saved": 0.0}
     for _, part in loop[loop["start"] == solvers.FIVE].groupby("solver", sort=False):
@@ -84,32 +75,19 @@ def loosest(loop: pd.DataFrame) -> dict[str, float]:
     return found
 
 
+@of(arithmetic.ERRORS)
 def sums(rows: pd.DataFrame) -> pd.DataFrame:
     """Round-off after the most steps, plain over compensated (``gain``), and errors in single and double, by orbit."""
     last = rows[rows["steps"] == rows["steps"].max()]
-    off, error = (by_arithmetic(last, column, ["scene"]) for column in ("round-off rms", "error"))
-    ours, floor = off[arithmetic.COMPENSATED], by_arithmetic(rows, "error", ["scene"], "min")[arithmetic.SINGLE]
-    found = {"gain": off[arithmetic.PLAIN] / ours, "compensated": ours, "single": floor}
-    found = pd.DataFrame(found | {"double": error[arithmetic.COMPENSATED]})
-    return found.reindex(rows["scene"].unique()).dropna()
+    off, error = (_by_arithmetic(last, ["scene"], column) for column in ("round-off rms", "error"))
+    single = rows[rows["arithmetic"] == SINGLE].groupby("scene")["error"].min()
+    found = {"gain": off[PLAIN] / off[COMPENSATED], "compensated": off[COMPENSATED], "single": single}
+    found = pd.DataFrame(found | {"double": error[COMPENSATED]}).reindex(rows["scene"].unique())
+    return found.dropna().rename_axis("scene").reset_index()
 
 
-def by_arithmetic(rows: pd.DataFrame, column: str, index: list[str], of_several: str = "mean") -> pd.DataFrame:
-    """A column of the rows with a column for each arithmetic."""
-    found = rows.pivot_table(index=index, columns="arithmetic", values=column, aggfunc=of_several)
-    return found.reindex(columns=[arithmetic.SINGLE, arithmetic.PLAIN, arithmetic.COMPENSATED])
-
-
-def least_gain(rows: pd.DataFrame) -> str:
-    """The orbit on which compensation gains least."""
-    gain = sums(rows)["gain"]
-    return f"{gain.idxmin()}: {number(gain.min(), 2)} times less"
-
-
-def single_floor(rows: pd.DataFrame) -> str:
-    """The orbit on which single precision ends at the largest error."""
-    floor = sums(rows)["single"]
-    return f"{floor.idxmax()}: single precision ends at {number(floor.max(), 2)}"
+def _by_arithmetic(rows: pd.DataFrame, index: list[str], column: str) -> pd.DataFrame:
+    return rows.pivot_table(index=index, columns="arithmetic", values=column).reindex(columns=ARITHMETICS)
 
 
 def newton(rows: pd.DataFrame) -> pd.Series:
@@ -121,31 +99,33 @@ def newton(rows: pd.DataFrame) -> pd.Series:
 
 def more_in_single(rows: pd.DataFrame) -> pd.Series:
     """True where single precision has more round-off than double."""
-    off = by_arithmetic(rows, "round-off rms", ["scene", "steps"])
-    return off[arithmetic.SINGLE] > off[arithmetic.PLAIN]
+    off = _by_arithmetic(rows, ["scene", "steps"], "round-off rms")
+    return off[SINGLE] > off[PLAIN]
 
 
 # -- what is shown -----------------------------------------------------------------------------------------------------
 
 
-@of(nodes.TABLE, solvers.TABLE, arithmetic.ERRORS, arithmetic.COSTS)
-def table(rules: pd.DataFrame, stages: pd.DataFrame, ends: pd.DataFrame, costs: pd.DataFrame) -> Table:
+@of(quadratures, solving, sums, arithmetic.COSTS)
+def _table(rules: pd.DataFrame, stages: pd.DataFrame, ends: pd.DataFrame, costs: pd.DataFrame) -> Table:
     """The best setting of each option in each case, its gain and its cost."""
     rows = []
-    for case, r in quadratures(rules).iterrows():
+    for r in rules.to_dict("records"):
         gives = f"energy error {number(r['energy error'], 2)}, with one {number(r['with one'], 2)}"
-        rows.append(("nodes of AVF", case, str(r["nodes"]), gives, f"{times(r['cost'])} as long as one"))
-    for case, r in solving(stages).iterrows():
+        rows.append(("nodes of AVF", CASE.format_map(r), str(r["nodes"]), gives, f"{times(r['cost'])} as long as one"))
+    for r in stages.to_dict("records"):
         fixed, simple = (number(r[k]) or "does not converge" for k in ("fixed", "simplified"))
         gives = f"{number(r['fewest'])} evaluations a step: fixed point {fixed}, simplified Newton {simple}"
         looser = f"; a tolerance of {r['loosest']:.0e} saves {100 * r['saved']:.0f} %" if r["saved"] else ""
         dearer = f"its own takes {times(r['engine'])} as many{looser}"
-        rows.append((f"solver of {solvers.METHOD}", case, f"{r['solver']}, from {r['start']}", gives, dearer))
+        rows.append(
+            (f"solver of {solvers.METHOD}", CASE.format_map(r), f"{r['solver']}, from {r['start']}", gives, dearer)
+        )
     ratio = costs.set_index("scene")["ratio"]
-    for scene, r in sums(ends).iterrows():
+    for r in ends.to_dict("records"):
         gives = f"round-off {number(r['compensated'], 2)}, plain {times(r['gain'])} that"
-        dearer = f"{times(ratio[scene])} as long as plain C" if scene in ratio else ""
-        rows.append(("sums", scene, "compensated", gives, dearer))
+        dearer = f"{times(ratio[r['scene']])} as long as plain C" if r["scene"] in ratio else ""
+        rows.append(("sums", r["scene"], "compensated", gives, dearer))
     caption = (
         f"Nodes: the fewest whose relative energy error is at most {FLOOR:g}. Solver: the one of the fewest "
         "evaluations among the loops, what the method's own takes over it, and the loosest tolerance that leaves the "
@@ -156,7 +136,7 @@ def table(rules: pd.DataFrame, stages: pd.DataFrame, ends: pd.DataFrame, costs: 
 
 @of(nodes.TABLE, arithmetic.ERRORS, solvers.TABLE)
 @style.styled
-def draw(rules: pd.DataFrame, ends: pd.DataFrame, stages: pd.DataFrame, folder: Path) -> list[Picture]:
+def _draw(rules: pd.DataFrame, ends: pd.DataFrame, stages: pd.DataFrame, folder: Path) -> list[Picture]:
     """Energy errors over nodes beside round-off over steps; errors over evaluations of each solver."""
     figure, ((left, right),) = style.panels(1, 2, 3.9)
     fixed = rules[rules["nodes"] != nodes.CONFIRMED]
@@ -188,6 +168,11 @@ def draw(rules: pd.DataFrame, ends: pd.DataFrame, stages: pd.DataFrame, folder: 
     return [floors, Picture(style.save(figure, folder, "options-solvers.png"), "solving to a tolerance", caption)]
 
 
+def _needs(scene: str) -> tuple:
+    made = ProblemKey(scene)
+    return BY_ID[arithmetic.METHOD], made, states(made.id)
+
+
 STUDY = Study(
     id="options-numerics",
     place=70,
@@ -205,41 +190,41 @@ STUDY = Study(
         "compensated sums; round-off is the distance from the same steps in long double.",
     ),
     runs=(
-        Runs(nodes.TABLE, nodes.nodes, over(scene=tuple(nodes.SCENES)), needs=nodes.needs, where=ALONE, own=True),
-        Runs(solvers.TABLE, solvers.solvers, over(scene=tuple(solvers.SCENES)), needs=solvers.needs),
-        Runs(arithmetic.ERRORS, arithmetic.round_off, over(scene=arithmetic.SCENES), needs=arithmetic.needs),
-        Runs(arithmetic.COSTS, arithmetic.costs, over(scene=arithmetic.SCENES), needs=arithmetic.needs, where=ALONE,
-             own=True),
+        Runs(nodes.TABLE, nodes.nodes, over(scene=tuple(nodes.SCENES)), where=ALONE, own=True,
+             needs=lambda scene: (nodes.SCENES[scene], BY_ID[nodes.METHOD], ProblemKey(scene))),
+        Runs(solvers.TABLE, solvers.solvers, over(scene=tuple(solvers.SCENES)), needs=lambda scene: (
+             solvers.SCENES[scene], BY_ID[solvers.METHOD], BY_ID[solvers.FINE], ProblemKey(scene))),
+        Runs(arithmetic.ERRORS, arithmetic.round_off, over(scene=arithmetic.SCENES), needs=_needs),
+        Runs(arithmetic.COSTS, arithmetic.costs, over(scene=arithmetic.SCENES), needs=_needs, where=ALONE, own=True),
     ),
     claims={
         "keeps": Claim(
             "AVF's quadrature, which chooses its nodes by itself, keeps the energy",
             nodes.TABLE, "`energy error`", at_most(FLOOR), rows=f"nodes == {nodes.CONFIRMED}",
-            unit="of the energy's terms", where="{scene}, h = {h:g}", fault=True,
+            unit="of the energy's terms", where=CASE, fault=True,
         ),
         "pays": Claim(
             "It takes little longer than the fewest nodes that keep the energy",
-            nodes.TABLE, column(quadratures, "confirmed / fewest"), at_most(DEAR), unit="times as long",
-            span=True,
+            quadratures, "`confirmed / fewest`", at_most(DEAR), unit="times as long", span=True, where=CASE,
         ),
         "solver": Claim(
             "The stage equations are solved in the fewest evaluations",
-            solvers.TABLE, column(solving, "engine"), at_most(SAME),
-            unit="times those of the best solver tried", span=True,
+            solving, "engine", at_most(SAME), unit="times those of the best solver tried", span=True,
+            where=CASE,
         ),
         "sums": Claim(
             "Compensated sums leave less round-off than plain ones",
-            arithmetic.ERRORS, lambda rows: sums(rows)["gain"] > 1, EVERY, unit="scenes", where=least_gain, fault=True,
+            sums, "gain > 1", unit="scenes", where=worst("-gain", "{scene}: {gain:.2g} times less"), fault=True,
         ),
         "single": Claim(
             "Double precision reaches smaller errors than single precision",
-            arithmetic.ERRORS, lambda rows: sums(rows)["single"] > sums(rows)["double"], EVERY, unit="scenes",
-            where=single_floor,
+            sums, "single > double", unit="scenes",
+            where=worst("single", "{scene}: single precision ends at {single:.2g}"),
         ),
     },
     numbers={
-        "gains": Claim("gain", arithmetic.ERRORS, column(sums, "gain"), at_least(1), span=True),
-        "nodes": Claim("nodes", nodes.TABLE, column(quadratures, "nodes"), at_least(2), span=True),
+        "gains": Claim("gain", sums, "gain", at_least(1), span=True),
+        "nodes": Claim("nodes", quadratures, "nodes", at_least(2), span=True),
     },
     checks={
         "solved": Claim("Every step of AVF is solved", nodes.TABLE, "status == 'ok'", where="{scene}, {nodes} nodes"),
@@ -247,8 +232,8 @@ STUDY = Study(
         "ratio": Claim("Sums take a time", arithmetic.COSTS, "ratio > 0", where="{scene}"),
         "newton": Claim("Newton's method ends where the engine does", solvers.TABLE, newton, where="{scene}, h = {h}"),
     },
-    figure=draw,
-    shown=table,
+    figure=_draw,
+    shown=_table,
     limits=(
         "Times are this machine's, medians of rounds taken in turns; those of a quadrature include storing every step.",
         "How many nodes are enough is not known before: AVF's own rule pays for finding out.",

@@ -22,10 +22,8 @@ from math import comb
 import numpy as np
 
 from phasebench.benchmarks.problems import problem as problem_of
-from phasebench.benchmarks.store.cells import ProblemKey
 from phasebench.integrators.coefficients.tableaus import LEVELS, runge_kutta
 from phasebench.integrators.driver import NOT_CONVERGED, OK, integrate
-from phasebench.integrators.registry import BY_ID
 
 TABLE, STAGES, FINE = "knobs_solvers", 3, "gauss-8"
 METHOD = f"gauss-{STAGES}"
@@ -46,11 +44,6 @@ SCENES = {
     "perturbed-kepler": (0.02, 0.1),
     "fpu": (0.005, 0.1),
 }
-
-
-def needs(scene: str) -> tuple:
-    """What rows depend on."""
-    return SCENES[scene], BY_ID[METHOD], BY_ID[FINE], ProblemKey(scene)
 
 
 def jacobian(f: Callable, y: np.ndarray, at: np.ndarray) -> np.ndarray:
@@ -136,18 +129,17 @@ def solvers(scene: str) -> list[dict]:
     field, y0 = made.system.vector_field(), np.array([*made.q0, *made.p0])
     for h in SCENES[scene]:
         fine = integrate(made, FINE, h=h / 4, steps=4 * STEPS, save_every=0)
-        true = np.concatenate([fine.q[-1], fine.p[-1]])
+        own = integrate(made, METHOD, h=h, steps=STEPS, save_every=0)
+        true, end = (np.concatenate([s.q[-1], s.p[-1]]) for s in (fine, own))
         for solver, start, tol in SETTINGS:
             loop = Loop(lambda y: field(0.0, y), y0, h, solver, start, tol)
-            solved = loop.run(STEPS)
             row = {"h": h, "steps": STEPS, "solver": solver, "start": start, "tol": tol}
-            row["status"] = OK if solved else NOT_CONVERGED
-            if solved:
-                row |= {"evaluations": loop.evaluations / STEPS, "iterations": loop.iterations / STEPS}
-                row["error"] = float(np.abs(loop.y - true).max())
-            rows.append(row)
-        own = integrate(made, METHOD, h=h, steps=STEPS, save_every=0)
+            if loop.run(STEPS):
+                row |= {"status": OK, "evaluations": loop.evaluations / STEPS, "iterations": loop.iterations / STEPS}
+                rows.append(row | {"error": float(np.abs(loop.y - true).max())})
+            else:
+                rows.append(row | {"status": NOT_CONVERGED})
         row = {"h": h, "steps": STEPS, "solver": ENGINE, "start": FIVE, "tol": ROUND_OFF, "status": own.status}
-        error = float(np.abs(np.concatenate([own.q[-1], own.p[-1]]) - true).max())
-        rows.append(row | {"evaluations": own.counts["gradient"] / STEPS, "iterations": None, "error": error})
+        row |= {"evaluations": own.counts["gradient"] / STEPS, "iterations": None}
+        rows.append(row | {"error": float(np.abs(end - true).max())})
     return rows

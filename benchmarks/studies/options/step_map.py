@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
@@ -15,9 +15,10 @@ from phasebench.benchmarks.measure.timing import NOWHERE, TIED, cheaper
 from phasebench.benchmarks.page.markdown import number
 from phasebench.benchmarks.page.page import ROWS, Data, Picture, Table, of, once
 from phasebench.benchmarks.page.study import Claim, Runs, Study
-from phasebench.benchmarks.page.verdict import EVERY, at_most
-from phasebench.benchmarks.store.cells import ALONE
+from phasebench.benchmarks.page.verdict import at_most
+from phasebench.benchmarks.store.cells import ALONE, ProblemKey, states
 from phasebench.integrators.driver import OK
+from phasebench.integrators.registry import BY_ID
 
 from . import ladders, lambdas
 from .ladders import COMPOSITION, ENERGY, GENERATING, ORDERS, SETTINGS, TABLE
@@ -32,8 +33,10 @@ HALF = 0.5
 ERRORS, SAME = (1e-1, 1e-2, 1e-4, 1e-6, 1e-8, 1e-10), 1.1
 #: Relative energy error up to which the energy counts as kept; smaller errors are drawn at this value.
 KEPT, SMALLEST = 1e-12, 1e-17
+CASE, PLACE = ["scene", "method"], "{method} on {scene}"
 
 
+@of(OFF)
 def best(errors: pd.DataFrame) -> pd.DataFrame:
     """The lambda of least trajectory error at the larger step, by scheme and orbit; ``gain``: the error at 1/2 over it.
 
@@ -41,33 +44,15 @@ def best(errors: pd.DataFrame) -> pd.DataFrame:
     """
     rows = errors[(errors["finer"] == 1) & (errors["trajectory"] > errors["uncertainty"])]
     rows = rows[np.isfinite(rows["trajectory"])]
-    half = rows[rows["lam"] == HALF].set_index(["scene", "method"])["trajectory"]
-    least = rows.loc[rows.groupby(["scene", "method"], sort=False)["trajectory"].idxmin()]
-    least = least.join(half.rename("at half"), on=["scene", "method"], how="inner")
+    half = rows[rows["lam"] == HALF].set_index(CASE)["trajectory"]
+    least = rows.loc[rows.groupby(CASE, sort=False)["trajectory"].idxmin()]
+    least = least.join(half.rename("at half"), on=CASE, how="inner")
     return least.assign(gain=least["at half"] / least["trajectory"])
 
 
-def half_is_best(errors: pd.DataFrame) -> pd.Series:
-    """True where lambda = 1/2 has the least error, or nearly."""
-    return best(errors)["gain"] <= SAME
-
-
-def where_not(errors: pd.DataFrame) -> str:
-    """The case in which another lambda gains most."""
-    if half_is_best(errors).all():
-        return ""
-    found = best(errors)
-    worst = found.loc[found["gain"].idxmax()]
-    gain = f"{number(worst['gain'], 2)} times the error at λ = {number(float(worst['lam']), 2)}"
-    return f"{worst['method']} on {worst['scene']}: {gain}"
-
-
 def half_is_longest(costs: pd.DataFrame) -> pd.Series:
-    """True where lambda = 1/2 allows the longest step, by "scheme on orbit"."""
-    longest = costs.groupby(["scene", "method"], sort=False)["largest h"].max()
-    half = costs[costs["lam"] == HALF].set_index(["scene", "method"])["largest h"]
-    found = half >= longest.reindex(half.index)
-    return found.set_axis([f"{method} on {scene}" for scene, method in found.index])
+    """True where lambda = 1/2 allows the longest step, for each scheme and orbit."""
+    return (costs["largest h"] >= costs.groupby(CASE)["largest h"].transform("max"))[costs["lam"] == HALF]
 
 
 def usable(rungs: pd.DataFrame, option: str) -> pd.DataFrame:
@@ -82,15 +67,14 @@ def cheapest(rungs: pd.DataFrame, option: str) -> pd.DataFrame:
     rows = []
     for scene, part in usable(rungs, option).groupby("scene", sort=False):
         for error in ERRORS:
-            costs = {name: at(own, error) for name, own in part.groupby("setting", sort=False)}
-            costs = {name: cost for name, cost in costs.items() if cost is not NOWHERE}
-            if not costs:
-                continue
-            first = min(costs, key=lambda name: costs[name].value)
-            ties = [name for name in costs if name != first and cheaper(costs[first], costs[name]) == TIED]
-            row = {"option": option, "scene": scene, "error": error, "setting": first, "ties": ", ".join(ties)}
-            row |= {"us": costs[first].value, "settings": len(costs)}
-            rows.append(row | {"dearest / cheapest": max(c.value for c in costs.values()) / costs[first].value})
+            costs = {
+                name: cost for name, own in part.groupby("setting", sort=False) if (cost := at(own, error)) != NOWHERE
+            }
+            if costs:
+                first = min(costs, key=lambda name: costs[name].value)
+                ties = [name for name in costs if name != first and cheaper(costs[first], costs[name]) == TIED]
+                slowest = max(c.value for c in costs.values()) / costs[first].value
+                rows.append((option, scene, error, first, ", ".join(ties), costs[first].value, len(costs), slowest))
     columns = ["option", "scene", "error", "setting", "ties", "us", "settings", "dearest / cheapest"]
     return pd.DataFrame(rows, columns=columns)
 
@@ -99,22 +83,21 @@ def each_scene(option: str, good: Callable[[pd.Series], bool]) -> Callable[[pd.D
     """True where the fastest settings of an option, from the largest error to the smallest, are good, by orbit."""
 
     def judged(rungs: pd.DataFrame) -> pd.Series:
-        found = cheapest(rungs, option)
-        if found.empty:
-            return pd.Series(dtype=bool)
-        return found.groupby("scene", sort=False)["setting"].agg(good).astype(bool)
+        settings = cheapest(rungs, option).groupby("scene", sort=False)["setting"]
+        return pd.Series({scene: bool(good(names)) for scene, names in settings}, dtype=bool)
 
     return judged
 
 
-def place(orders: pd.Series) -> pd.Series:
-    """The places of compositions by their order; NaN of an unknown one."""
-    return orders.map({name: k for k, name in enumerate(SETTINGS[COMPOSITION])})
+def rises(orders: pd.Series) -> bool:
+    """True if compositions are in the order of `SETTINGS`."""
+    return orders.map({name: k for k, name in enumerate(SETTINGS[COMPOSITION])}).is_monotonic_increasing
 
 
-def r(setting: str) -> int:
-    """The order r of a generating function; 0 of an unknown one."""
-    return ORDERS.get(setting, (0,))[0]
+def higher(names: pd.Series) -> bool:
+    """True if the last generating function has a larger order r than the first; that of an unknown one is 0."""
+    first, last = (ORDERS.get(name, (0,))[0] for name in (names.iloc[0], names.iloc[-1]))
+    return last > first
 
 
 def power(error: float) -> str:
@@ -132,7 +115,7 @@ def fastest(option: str) -> Callable[[Data], str | None]:
 
     def named(rungs: pd.DataFrame) -> str | None:
         found = cheapest(rungs, option)
-        return None if found.empty else " or ".join(found[found["error"] == found["error"].min()]["setting"].unique())
+        return " or ".join(found[found["error"] == found["error"].min()]["setting"].unique()) or None
 
     return of(TABLE)(named)
 
@@ -140,16 +123,16 @@ def fastest(option: str) -> Callable[[Data], str | None]:
 # -- what is shown -----------------------------------------------------------------------------------------------------
 
 
-@of(OFF, COSTS, TABLE)
-def table(errors: pd.DataFrame, costs: pd.DataFrame, rungs: pd.DataFrame) -> Table:
+@of(best, COSTS, TABLE)
+def _table(best: pd.DataFrame, costs: pd.DataFrame, rungs: pd.DataFrame) -> Table:
     """The best setting of each option on each orbit, its gain and its cost."""
     rows = []
-    for _, r in best(errors).iterrows():
-        part = costs[(costs["scene"] == r["scene"]) & (costs["method"] == r["method"])]
-        near = part.loc[(part["lam"] - r["lam"]).abs().idxmin(), "gradients per step"]
+    for r in best.to_dict("records"):
+        part = costs[(costs["scene"] == r["scene"]) & (costs["method"] == r["method"])].set_index("lam")
+        gradients = part["gradients per step"]
+        dearer = gradients.iloc[np.abs(part.index - r["lam"]).argmin()] / gradients[HALF]
         gives = f"error {number(r['trajectory'], 2)}, at λ = 1/2 {times(r['gain'])} that"
-        dearer = f"{times(near / part.loc[part['lam'] == HALF, 'gradients per step'].iloc[0])} the gradients"
-        rows.append((f"λ of {r['method']}", r["scene"], number(r["lam"], 2), gives, dearer))
+        rows.append((f"λ of {r['method']}", r["scene"], number(r["lam"], 2), gives, f"{times(dearer)} the gradients"))
     for option in SETTINGS:
         for last in cheapest(rungs, option).groupby("scene", sort=False).tail(1).to_dict("records"):
             gives = f"error {power(last['error'])} in {number(last['us'])} µs"
@@ -165,39 +148,35 @@ def table(errors: pd.DataFrame, costs: pd.DataFrame, rungs: pd.DataFrame) -> Tab
 
 
 @of(TABLE)
-def whole(rungs: pd.DataFrame) -> pd.DataFrame:
+def _whole(rungs: pd.DataFrame) -> pd.DataFrame:
     """The fastest setting of each option at every error."""
     return pd.concat([cheapest(rungs, option) for option in SETTINGS]).drop(columns="settings")
 
 
-@style.styled
-def draw_lambda(errors: pd.DataFrame, costs: pd.DataFrame, folder: Path) -> Picture:
+def _draw_lambda(errors: pd.DataFrame, costs: pd.DataFrame, folder: Path) -> Picture:
     """Error, gradients a step and largest step over lambda: a column of panels for each scheme."""
     errors = errors[errors["finer"] == 1]
     figure, panels = style.panels(3, len(METHODS), 6.4, sharex=True, sharey="row")
-
-    def relative(axes: Axes, part: pd.DataFrame, column: str, **look: Any) -> None:
-        half = part.loc[part["lam"] == HALF, column]
-        if len(half) and 0 < half.iloc[0] < np.inf:
-            axes.plot(part["lam"], (part[column] / half.iloc[0]).replace([0, np.inf], np.nan), **look)
-
-    for column, method in enumerate(METHODS):
-        for k, scene in enumerate(SCENES):
-            part, cost = (
-                t[(t["method"] == method) & (t["scene"] == scene)].sort_values("lam") for t in (errors, costs)
-            )
-            look = style.curve(k, len(cost), 6)
-            relative(panels[0, column], part, "trajectory", label=scene, **style.curve(k, len(part), 6))
-            panels[1, column].plot(cost["lam"], cost["gradients per step"], **look)
-            relative(panels[2, column], cost, "largest h", **look)
-        panels[0, column].set(title=method, yscale="log")
-        panels[1, column].set(yscale="log")
-        panels[2, column].set(yscale="log", xlabel="λ")
-        for axes in panels[:, column]:
+    rows = {
+        "error / that at 1/2": (errors, "trajectory"),
+        "gradients a step": (costs, "gradients per step"),
+        "largest h / that at 1/2": (costs, "largest h"),
+    }
+    for line, (label, (table, column)) in zip(panels, rows.items(), strict=True):
+        line[0].set_ylabel(label)
+        for axes, method in zip(line, METHODS, strict=True):
+            for k, scene in enumerate(SCENES):
+                part = table[(table["method"] == method) & (table["scene"] == scene)].sort_values("lam")
+                y = part[column]
+                if "that at 1/2" in label:
+                    half = y[part["lam"] == HALF].max()
+                    y = (y / half).replace([0, np.inf], np.nan) if 0 < half < np.inf else y[:0]
+                axes.plot(part["lam"][: len(y)], y, label=scene, **style.curve(k, len(part), 6))
+            axes.set_yscale("log")
             axes.axvline(HALF, color=style.GREY, linewidth=0.8, linestyle=":")
-    labels = ("error / that at 1/2", "gradients a step", "largest h / that at 1/2")
-    for axes, label in zip(panels[:, 0], labels, strict=True):
-        axes.set_ylabel(label)
+    for first, last, method in zip(panels[0], panels[-1], METHODS, strict=True):
+        first.set_title(method)
+        last.set_xlabel("λ")
     style.legend_above(figure, panels[0, 0], 3)
     caption = (
         "From above: the largest error of the trajectory at fixed h, the gradients of a step, the longest step; "
@@ -213,8 +192,10 @@ def plot(axes: Axes, rows: pd.DataFrame, by: list[str], x: str, y: str, label: s
         axes.plot(part[x], part[y].clip(lower=SMALLEST), label=label.format_map(part.iloc[0]), **look)
 
 
-def draw_ladders(parts: list[pd.DataFrame], legends: bool, *about: Any) -> Picture:
+def _draw_ladders(parts: list[pd.DataFrame], legends: bool, folder: Path, *about: str) -> list[Picture]:
     """Errors over times, panels side by side with a legend each or one for all."""
+    if not parts:
+        return []
     figure, (panels,) = style.panels(1, len(parts), 3.9, sharey=True)
     for axes, part in zip(panels, parts, strict=True):
         arrived = part[(part["status"] == OK) & (part["error"] > 0)]
@@ -225,28 +206,36 @@ def draw_ladders(parts: list[pd.DataFrame], legends: bool, *about: Any) -> Pictu
     panels[0].set_ylabel("error at the end")
     if not legends:
         style.legend_above(figure, panels[0], 3)
-    folder, file, title, caption = about
-    return Picture(style.save(figure, folder, file), title, caption)
+    file, title, caption = about
+    return [Picture(style.save(figure, folder, file), title, caption)]
 
 
 @of(OFF, COSTS, TABLE)
 @style.styled
-def draw(errors: pd.DataFrame, costs: pd.DataFrame, rungs: pd.DataFrame, folder: Path) -> list[Picture]:
+def _draw(errors: pd.DataFrame, costs: pd.DataFrame, rungs: pd.DataFrame, folder: Path) -> list[Picture]:
     """The figures of lambda, of orders, and of methods that keep the energy."""
     options = [rungs[rungs["knob"] == option] for option in (COMPOSITION, GENERATING)]
     first = [part[part["scene"] == part["scene"].iloc[0]] for part in options if len(part)]
-    keeping = usable(rungs, ENERGY)
-    keepers = [part for _, part in keeping.groupby("scene", sort=False)] if len(keeping) else []
+    keepers = [part for _, part in usable(rungs, ENERGY).groupby("scene", sort=False)]
     orders = (
         "Error against time: left compositions of Störmer–Verlet of order 2 to 10, right generating functions to the "
         "power r of h; the CSV has other scenes."
     )
     kept = f"Error of the end against time, of runs whose relative energy error is at most {KEPT:g}."
-    ladders = (
-        (first, True, folder, "options-orders.png", "orders", orders),
-        (keepers, False, folder, "options-energy.png", "methods that keep the energy", kept),
-    )
-    return [draw_lambda(errors, costs, folder), *(draw_ladders(*ladder) for ladder in ladders if ladder[0])]
+    return [
+        _draw_lambda(errors, costs, folder),
+        *_draw_ladders(first, True, folder, "options-orders.png", "orders", orders),
+        *_draw_ladders(keepers, False, folder, "options-energy.png", "methods that keep the energy", kept),
+    ]
+
+
+def _needs(knob: str, scene: str) -> tuple:
+    made = ProblemKey(scene)
+    return ladders.LADDERS[knob, scene], *SETTINGS[knob].values(), made, states(made.id)
+
+
+def _needs_lambda(scene: str, method: str) -> tuple:
+    return ProblemKey(scene), SCENES[scene], BY_ID[method]
 
 
 STUDY = Study(
@@ -266,33 +255,31 @@ STUDY = Study(
         "methods run a ladder of steps; the error is that of the end, the times are taken in turns.",
     ),
     runs=(
-        Runs(OFF, lambdas.errors_of, lambdas.KEYS, needs=lambdas.needs),
-        Runs(COSTS, lambdas.costs_of, lambdas.KEYS, needs=lambdas.needs),
-        Runs(TABLE, ladders.ladders, ladders.KEYS, needs=ladders.needs, where=ALONE, own=True),
+        Runs(OFF, lambdas.errors_of, lambdas.KEYS, needs=_needs_lambda),
+        Runs(COSTS, lambdas.costs_of, lambdas.KEYS, needs=_needs_lambda),
+        Runs(TABLE, ladders.ladders, ladders.KEYS, needs=_needs, where=ALONE, own=True),
     ),
     claims={
         "best": Claim(
             "λ = 1/2 has the smallest trajectory error",
-            OFF, half_is_best, EVERY, unit="cases of a scheme and a scene", where=where_not,
+            best, lambda rows: rows["gain"].sort_values(ascending=False) <= SAME, unit="cases of a scheme and a scene",
+            where=f"{PLACE}: {{gain:.2g}} times the error at λ = {{lam:.2g}}",
         ),
         "longest": Claim(
             "No λ that was tried allows a longer step than 1/2",
-            COSTS, half_is_longest, EVERY, unit="cases of a scheme and a scene", names=3,
+            COSTS, half_is_longest, unit="cases of a scheme and a scene", where=PLACE, names=3,
         ),
         "rises": Claim(
             "The cheapest order of a composition rises as the error falls",
-            TABLE, each_scene(COMPOSITION, lambda orders: place(orders).is_monotonic_increasing), EVERY, unit="scenes",
-            names=3,
+            TABLE, each_scene(COMPOSITION, rises), unit="scenes", names=3,
         ),
         "higher": Claim(
             "A generating function of higher r pays at small errors",
-            TABLE, each_scene(GENERATING, lambda names: r(names.iloc[-1]) > r(names.iloc[0])), EVERY, unit="scenes",
-            names=3,
+            TABLE, each_scene(GENERATING, higher), unit="scenes", names=3,
         ),
         "schemes": Claim(
             "Scheme IV or V is, at some error, the cheapest energy-preserving method",
-            TABLE, each_scene(ENERGY, lambda names: names.str.startswith("scheme-").any()), EVERY, unit="scenes",
-            names=3,
+            TABLE, each_scene(ENERGY, lambda names: names.str.startswith("scheme-").any()), unit="scenes", names=3,
         ),
     },
     numbers={
@@ -302,15 +289,15 @@ STUDY = Study(
     },
     checks={
         "ends": Claim("Runs at λ = 1/2 reach their end", OFF, "trajectory", at_most(10.0),
-                      rows=f"lam == {HALF}", where="{method} on {scene}"),
+                      rows=f"lam == {HALF}", where=PLACE),
         "stable": Claim("At λ = 1/2 the step at which all are compared is possible", COSTS, "`largest h` >= h",
-                        rows=f"lam == {HALF}", where="{method} on {scene}"),
+                        rows=f"lam == {HALF}", where=PLACE),
         "fine": Claim("Every setting reaches small errors", TABLE, lambda rows: rows["error"].fillna(np.inf).groupby(
                       [rows[k] for k in ("knob", "scene", "setting")]).min(), at_most(1e-2)),
     },
-    figure=draw,
-    shown=table,
-    whole=whole,
+    figure=_draw,
+    shown=_table,
+    whole=_whole,
     limits=(
         f"λ = 1/2 counts as best where its error is at most {SAME:g} times the smallest; λ is on a grid of "
         f"1/{lambdas.FINE}, its steps and gradients on one of 1/{lambdas.COARSE}.",
