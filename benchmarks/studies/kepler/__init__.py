@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import inf, isinf, nan, pi
+from math import inf, nan, pi
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +12,7 @@ from phasebench.benchmarks import style
 from phasebench.benchmarks.measure.timing import OURS, PEERS, TIED, Median, cheaper
 from phasebench.benchmarks.page.markdown import number
 from phasebench.benchmarks.page.page import ROWS, Data, Picture, Table, of
+from phasebench.benchmarks.page.shared import worst
 from phasebench.benchmarks.page.study import Claim, Number, Runs, Study, over
 from phasebench.benchmarks.page.verdict import NONE, at_least, at_most
 from phasebench.benchmarks.store.cells import ALONE, ProblemKey
@@ -60,13 +61,16 @@ QUANTITIES = {"energy": "energy", "momentum": "ang. momentum", "phase": "phase (
 # -- judging -----------------------------------------------------------------------------------------------------------
 
 
+def _who(rows: pd.DataFrame) -> pd.Series:
+    return rows["method"].where(rows["setting"] == "adaptive", rows["method"] + " (" + rows["setting"] + ")")
+
+
 @of(LONG, GROWTH)
 def ends(runs: pd.DataFrame, growth: pd.DataFrame) -> pd.DataFrame:
     """Every run, except those of the reference, with its errors at the end."""
     last = growth.sort_values("orbits").groupby(KEY, sort=False, as_index=False).last()
-    joined = runs.merge(last[[*KEY, "energy", "momentum", "phase", "perihelion"]], on=KEY, how="left")
-    who = joined["method"].where(joined["setting"] == "adaptive", joined["method"] + " (" + joined["setting"] + ")")
-    return joined.assign(who=who)[joined["kind"] != "reference"]
+    runs = runs[runs["kind"] != "reference"].merge(last[[*KEY, *QUANTITIES]], on=KEY, how="left")
+    return runs.assign(who=_who(runs))
 
 
 @of(LONG, TIMES)
@@ -75,40 +79,32 @@ def cases(runs: pd.DataFrame, times: pd.DataFrame) -> pd.DataFrame:
     costs = ["us, low", "us per orbit", "us, high"]
     ran = runs[(runs["status"] == OK) & (runs["kind"] != "reference")].merge(times, on=KEY).dropna(subset=costs)
     lines = []
-    for (name, e), members in ran.groupby(["problem", "e"], sort=False):
+    for (name, e), members in ran.assign(who=_who(ran)).groupby(["problem", "e"], sort=False):
         members = members[members["orbits"] == members["orbits"].max()]
         for wanted in PHASES:
             line, paid = {"problem": TITLES.get(name, name), "e": e, "phase up to (rad)": f"{wanted:.0e}"}, {}
-            for who, part in ((OURS, members["kind"] == OWN), (PEERS, members["kind"] != OWN)):
-                best, paid[who] = cheapest(members[part], wanted)
-                line |= {who: best, f"{who}, µs an orbit": nan if isinf(paid[who].value) else paid[who].value}
+            for side, part in ((OURS, members["kind"] == OWN), (PEERS, members["kind"] != OWN)):
+                line[side], paid[side] = _cheapest(members[part], wanted)
+                line[f"{side}, µs an orbit"] = paid[side].value if paid[side].value < inf else nan
             lines.append(line | {"cheaper": cheaper(paid[OURS], paid[PEERS])})
     return pd.DataFrame(lines)
 
 
-def cheapest(members: pd.DataFrame, wanted: float) -> tuple[str, Median]:
+def _cheapest(members: pd.DataFrame, wanted: float) -> tuple[str, Median]:
     """(The cheapest run with a median phase error of at most ``wanted``, µs an orbit).
 
     The interval is from the lowest possible cost (phase errors and times at the lower ends of theirs) to the highest.
     """
-    reached = [members[members[f"phase{end}"] <= wanted] for end in (" median", ", low", ", high")]
-    costs = [part[f"us{end}"] for part, end in zip(reached, (" per orbit", ", low", ", high"), strict=True)]
-    paid = Median(*(float(c.min()) if len(c) else inf for c in costs))
-    if isinf(paid.value):
-        return "none", paid
-    best = members.loc[costs[0].idxmin()]
-    return best["method"] if best["setting"] == "adaptive" else f"{best['method']} ({best['setting']})", paid
+    ends = ((" median", " per orbit"), (", low", ", low"), (", high", ", high"))
+    costs = [members.loc[members[f"phase{phase}"] <= wanted, f"us{time}"] for phase, time in ends]
+    best = members["who"][costs[0].idxmin()] if len(costs[0]) else "none"
+    return best, Median(*(float(c.min()) if len(c) else inf for c in costs))
 
 
 def settled(rows: pd.DataFrame) -> pd.Series:
     """True for runs with a phase error above round-off; those at a tolerance looser than a peer's own are left out."""
     above = (rows["status"] == OK) & (rows["phase"] > PHASE_ROUND_OFF) & rows["phase growth"].notna()
     return above & ~rows["setting"].str.startswith("tolerance")
-
-
-def steepest(rows: pd.DataFrame) -> str:
-    """The run whose phase error grows least linearly."""
-    return "{who}, e = {e:g}: t^{phase growth:.2f}".format_map(rows.loc[(rows["phase growth"] - 1).abs().idxmax()])
 
 
 def unexplained(rows: pd.DataFrame) -> pd.Series:
@@ -127,7 +123,7 @@ def least(lines: pd.DataFrame) -> pd.Series:
 # -- what is shown -----------------------------------------------------------------------------------------------------
 
 
-def settings_tried(rows: pd.DataFrame) -> str:
+def _settings_tried(rows: pd.DataFrame) -> str:
     """A sentence on settings of peers: the time to `TRIED_TO` over the fastest one's, the larger of both problems."""
     seconds = rows[rows["error"] <= TRIED_TO].groupby(["problem", "method"], sort=False)["seconds"].min()
     seconds = seconds.unstack("problem")
@@ -140,41 +136,40 @@ def settings_tried(rows: pd.DataFrame) -> str:
     return f" Settings of peers, their time to {TRIED_TO:g} over the best one's: {'; '.join(parts)}." if parts else ""
 
 
-def draw(data: Data, folder: Path) -> list[Picture]:
+@style.styled
+def _draw(data: Data, folder: Path) -> list[Picture]:
     """The errors over the orbits, and the error against time for this project's methods and other packages."""
-    return [p for p in (draw_errors(data, folder), draw_costs(data, folder)) if p is not None]
+    return [p for p in (_draw_errors(data, folder), _draw_costs(data, folder)) if p is not None]
 
 
 @of(GROWTH)
-def draw_errors(rows: pd.DataFrame, folder: Path) -> Picture | None:
+def _draw_errors(rows: pd.DataFrame, folder: Path) -> Picture | None:
     """A row of panels for each quantity, a column for each eccentricity, a curve for each method."""
     rows = rows[(rows["problem"] == PROBLEMS[-1]) & (rows["group"] == "high order")]
     rows = rows[rows["setting"].isin([f"{STANDARD} steps", "adaptive"])]
     columns, names = sorted(rows["e"].unique()), list(dict.fromkeys(rows["method"]))
     if not columns:
         return None
-    with style.settings():
-        figure, axes = style.panels(len(QUANTITIES), len(columns), 7.6, sharex=True, sharey="row")
-        for row, (quantity, label) in zip(axes, QUANTITIES.items(), strict=True):
-            for ax, e in zip(row, columns, strict=True):
-                part = rows[rows["e"] == e]
-                for i, method in enumerate(names):
-                    curve = part[part["method"] == method].sort_values("orbits")
-                    ax.plot(curve["orbits"], curve[quantity].clip(lower=FLOOR), label=method, **style.curve(i))
-                ax.set(xscale="log", yscale="log")
-                ax.grid(color="0.9", linewidth=0.5)
-                if not np.isfinite(part[quantity]).any():
-                    ax.text(0.5, 0.5, "undefined\non a circle", transform=ax.transAxes, ha="center", va="center")
-            row[0].set_ylabel(label)
-            low, high = (np.log10(y) for y in row[0].get_ylim())
-            row[0].set_yticks(10.0 ** np.arange(np.ceil(low), high + 1e-9, max(1, int(np.ceil((high - low) / 6)))))
-            row[0].minorticks_off()
-        for above, below, e in zip(axes[0], axes[-1], columns, strict=True):
-            above.set_title(f"e = {e:g}")
-            below.set_xlabel("orbits")
-        handles = [axes[0][0].plot([], [], label=m, **style.curve(i))[0] for i, m in enumerate(names)]
-        figure.legend(handles=handles, loc="outside upper center", ncols=3, handlelength=3.4)
-        figure.align_ylabels()
+    figure, axes = style.panels(len(QUANTITIES), len(columns), 7.6, sharex=True, sharey="row")
+    for row, (quantity, label) in zip(axes, QUANTITIES.items(), strict=True):
+        for ax, e in zip(row, columns, strict=True):
+            part = rows[rows["e"] == e]
+            for i, method in enumerate(names):
+                curve = part[part["method"] == method].sort_values("orbits")
+                ax.plot(curve["orbits"], curve[quantity].clip(lower=FLOOR), label=method, **style.curve(i))
+            ax.set(xscale="log", yscale="log")
+            ax.grid(color="0.9", linewidth=0.5)
+            if not np.isfinite(part[quantity]).any():
+                ax.text(0.5, 0.5, "undefined\non a circle", transform=ax.transAxes, ha="center", va="center")
+        row[0].set_ylabel(label)
+        low, high = (np.log10(y) for y in row[0].get_ylim())
+        row[0].set_yticks(10.0 ** np.arange(np.ceil(low), high + 1e-9, max(1, int(np.ceil((high - low) / 6)))))
+        row[0].minorticks_off()
+    for above, below, e in zip(axes[0], axes[-1], columns, strict=True):
+        above.set_title(f"e = {e:g}")
+        below.set_xlabel("orbits")
+    style.legend_above(figure, axes[0][0], 3)
+    figure.align_ylabels()
     caption = (
         f"{TITLES[PROBLEMS[-1]]}: the greatest error so far over the number of orbits; methods of high order at "
         f"{STANDARD} steps an orbit, or adaptive."
@@ -182,7 +177,7 @@ def draw_errors(rows: pd.DataFrame, folder: Path) -> Picture | None:
     return Picture(style.save(figure, folder, "kepler-errors.png"), "errors over the orbits", caption)
 
 
-def fastest(rows: pd.DataFrame, most: int) -> list[str]:
+def _fastest(rows: pd.DataFrame, most: int) -> list[str]:
     """At most ``most`` methods that are the fastest at some of 25 errors: first the one with the most such errors."""
     enough = [rows[rows["error"] <= wanted] for wanted in np.logspace(-13, -1, 25)]
     wins = pd.Series([part.loc[part["seconds"].idxmin(), "method"] for part in enough if len(part)], dtype=object)
@@ -190,37 +185,33 @@ def fastest(rows: pd.DataFrame, most: int) -> list[str]:
 
 
 @of(COST)
-def draw_costs(rows: pd.DataFrame, folder: Path) -> Picture | None:
+def _draw_costs(rows: pd.DataFrame, folder: Path) -> Picture | None:
     """The error at the end over the seconds of a warm run: a panel for each problem."""
     rows = rows[rows["status"] == OK]
     if rows.empty:
         return None
-    shown = [*fastest(rows[rows["kind"] == OWN], 4), *fastest(rows[rows["kind"] != OWN], 3)]
+    shown = [*_fastest(rows[rows["kind"] == OWN], 4), *_fastest(rows[rows["kind"] != OWN], 3)]
     shown += [m for m in ("stormer-verlet", "scipy-dop853-numba") if m in set(rows["method"]) and m not in shown]
-    with style.settings():
-        problems = rows["problem"].unique()
-        figure, (panels,) = style.panels(1, len(problems), 3.6, sharex=True, sharey=True)
-        for ax, problem in zip(panels, problems, strict=True):
-            for i, method in enumerate(shown):
-                part = rows[(rows["problem"] == problem) & (rows["method"] == method)].sort_values("seconds")
-                ax.loglog(part["seconds"], part["error"].clip(lower=FLOOR), label=method, **style.curve(i))
-            ax.set(title=problem, xlabel="warm integration (s)")
-            ax.grid(color="0.93", linewidth=0.5)
-        panels[0].set_ylabel("error at the end, maximum norm")
-        style.legend_above(figure, panels[0], 3)
+    problems = rows.groupby("problem", sort=False)
+    figure, (panels,) = style.panels(1, len(problems), 3.6, sharex=True, sharey=True)
+    for ax, (problem, ran) in zip(panels, problems, strict=True):
+        for i, method in enumerate(shown):
+            part = ran[ran["method"] == method].sort_values("seconds")
+            ax.loglog(part["seconds"], part["error"].clip(lower=FLOOR), label=method, **style.curve(i))
+        ax.set(title=problem, xlabel="warm integration (s)")
+        ax.grid(color="0.93", linewidth=0.5)
+    panels[0].set_ylabel("error at the end, maximum norm")
+    style.legend_above(figure, panels[0], 3)
     caption = (
         f"Error of the state after {rows['orbits'].max():g} orbits at e = {rows['e'].max():g} over the seconds of a "
-        f"warm run; {len(shown)} methods: the fastest of each side, and two usual ones.{settings_tried(rows)}"
+        f"warm run; {len(shown)} methods: the fastest of each side, and two usual ones.{_settings_tried(rows)}"
     )
     return Picture(style.save(figure, folder, "kepler-cost.png"), "error against time", caption)
 
 
-def table(data: Data) -> Table | None:
+@of(cases, LONG)
+def _table(lines: pd.DataFrame, runs: pd.DataFrame) -> Table:
     """The cheapest of both sides for each orbit and phase error."""
-    lines = cases(data)
-    if lines is None or lines.empty:
-        return None
-    runs = data(LONG)
     ran = runs[runs["kind"] != "reference"]
     stopped = int((~ran["status"].isin([OK, "skipped"])).sum())
     caption = (
@@ -231,12 +222,19 @@ def table(data: Data) -> Table | None:
     return Table(lines.head(ROWS), caption)
 
 
-def whole(data: Data) -> pd.DataFrame | None:
+@of(ends)
+def _whole(rows: pd.DataFrame) -> pd.DataFrame:
     """The errors at the end of every run."""
     columns = ["energy", "momentum", "phase", "phase median", "starts", "perihelion", "status"]
-    return None if (rows := ends(data)) is None else rows.reindex(columns=[*KEY, *columns])
+    return rows.reindex(columns=[*KEY, *columns])
 
 
+def _record(method: str) -> list:
+    return [MEMBERS[method].record] if method in MEMBERS else []
+
+
+#: The keys of orbits.
+ORBITS_OF = [{"problem": problem, "e": e} for problem in PROBLEMS for e in ECCENTRICITIES]
 STUDY = Study(
     id="kepler",
     place=240,
@@ -256,21 +254,16 @@ STUDY = Study(
     ),
     runs=(
         Runs(
-            LONG, follow,
-            [{"problem": p, "e": e, "method": m} for p in PROBLEMS for e in ECCENTRICITIES for m in (TAYLOR, *MEMBERS)],
-            needs=lambda problem, e, method: [
-                ProblemKey(problem, (("e", e),)), *(c.record for c in [MEMBERS.get(method)] if c)
-            ],
-            more=(GROWTH,),
+            LONG, follow, [orbit | {"method": m} for orbit in ORBITS_OF for m in (TAYLOR, *MEMBERS)], more=(GROWTH,),
+            needs=lambda problem, e, method: [ProblemKey(problem, (("e", e),)), *_record(method)],
         ),
         Runs(
-            TIMES, orbit_times, [{"problem": p, "e": e} for p in PROBLEMS for e in ECCENTRICITIES],
+            TIMES, orbit_times, ORBITS_OF, where=ALONE, own=True,
             needs=lambda problem, e: [ProblemKey(problem, (("e", e),)), *(c.record for c in MEMBERS.values())],
-            where=ALONE, own=True,
         ),
         Runs(
-            COST, cost, over(method=tuple(PRICED), problem=PROBLEMS),
-            needs=lambda problem, method: [ProblemKey(problem), PRICED[method].record], where=ALONE, own=True,
+            COST, cost, over(method=tuple(PRICED), problem=PROBLEMS), where=ALONE, own=True,
+            needs=lambda problem, method: [ProblemKey(problem), PRICED[method].record],
         ),
     ),
     claims={
@@ -281,7 +274,8 @@ STUDY = Study(
         ),
         "laws": Claim(
             "Phase errors above round-off grow linearly with time",
-            ends, f"abs(`phase growth` - 1) <= {NEAR}", at_least(LINEAR), rows=settled, unit="runs", where=steepest,
+            ends, f"abs(`phase growth` - 1) <= {NEAR}", at_least(LINEAR), rows=settled, unit="runs",
+            where=worst("abs(`phase growth` - 1)", "{who}, e = {e:g}: t^{phase growth:.2f}"),
         ),
         "clocks": Claim(
             "No adaptive method has a phase error that its energy error does not explain",
@@ -319,9 +313,9 @@ STUDY = Study(
             rows="`us per orbit` == `us per orbit`",
         ),
     },
-    figure=draw,
-    shown=table,
-    whole=whole,
+    figure=_draw,
+    shown=_table,
+    whole=_whole,
     tables=(LONG, GROWTH, TIMES, COST),
     limits=(
         f"Linear means an exponent within {NEAR} of 1, wanted of {100 * LINEAR:g} % of the runs; phase errors up to "
