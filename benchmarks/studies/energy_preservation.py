@@ -17,8 +17,9 @@ from phasebench.benchmarks import style
 from phasebench.benchmarks.measure import root_scan
 from phasebench.benchmarks.page.markdown import number
 from phasebench.benchmarks.page.page import Picture, Table, of
+from phasebench.benchmarks.page.shared import worst
 from phasebench.benchmarks.page.study import Claim, Runs, Study
-from phasebench.benchmarks.page.verdict import EVERY, NONE, Count, at_most
+from phasebench.benchmarks.page.verdict import NONE, Count, at_most
 from phasebench.benchmarks.problems import problem as problem_of
 from phasebench.benchmarks.store.cells import ProblemKey
 from phasebench.integrators.driver import integrate
@@ -26,7 +27,8 @@ from phasebench.integrators.families.schemes_iv_v import RADIUS
 from phasebench.integrators.registry import BY_ID
 
 if TYPE_CHECKING:
-    from phasebench.benchmarks.problems.base import Problem
+    import sympy as sp
+
     from phasebench.integrators.solution import Solution
 
 TABLE = "energy_preservation"
@@ -36,57 +38,44 @@ LADDER = (0.2, 0.1, 0.05, 0.02, 0.01, 0.005)
 #: An energy error up to this, on steps with a root, is round-off.
 ROUND_OFF = 1e-13
 WITH, WITHOUT = "energy error, steps with a root", "energy error, steps without"
+PLACE = "{scheme} on {problem}, h = {h:g}"
 
 
-def _row(found: Problem, scheme: str, h: float) -> tuple[Solution, dict]:
-    """Integrate to t = 1000: (the scheme's solution, a row with its energy errors and its steps without a root)."""
-    path = integrate(found, scheme, h=h, t_end=1000.0)
-    plain = integrate(found, "implicit-midpoint", h=h, t_end=1000.0)
-    system = found.system
+def measure(problem: str, scheme: str, h: float) -> dict:
+    """The energy errors of a scheme to t = 1000; its steps without a root are scanned for one independently."""
+    found = problem_of(problem)
+    path, plain = (integrate(found, id, h=h, t_end=1000.0) for id in (scheme, "implicit-midpoint"))
 
-    def energy(s: Solution) -> np.ndarray:
-        H = system.observe(system.H, s.q, s.p)
-        return np.abs(H - H[0])[1:]
+    def off(s: Solution, expression: sp.Expr) -> np.ndarray:
+        values = found.system.observe(expression, s.q, s.p)
+        return np.abs(values - values[0])
 
-    error = energy(path)
-    rootless = np.isnan(path.parameter)
-    after = np.flatnonzero(rootless[:-1] & ~rootless[1:]) + 1
-    momentum = {}
-    if "angular-momentum" in found.invariants:
-        L = system.observe(found.invariants["angular-momentum"], path.q, path.p)
-        momentum = {"angular momentum error": float(np.abs(L - L[0]).max())}
-    good = path.parameter[~rootless]
-    return path, {
+    error, rootless = off(path, found.system.H)[1:], np.isnan(path.parameter)
+    after, good = np.flatnonzero(rootless[:-1] & ~rootless[1:]) + 1, path.parameter[~rootless]
+    row = {
         "status": path.status,
         "steps": path.counts["steps"],
         "without a root": int(rootless.sum()),
         WITH: float(error[~rootless].max()),
         WITHOUT: float(error[rootless].max()) if rootless.any() else np.nan,
         "one step later": float(error[after].max()) if len(after) else np.nan,
-        "implicit midpoint's energy error": float(energy(plain).max()),
-        **momentum,
-        "least lambda": float(good.min()),
-        "greatest lambda": float(good.max()),
-        "evaluations per step": path.counts["gradient"] / path.counts["steps"],
+        "implicit midpoint's energy error": float(off(plain, found.system.H).max()),
     }
-
-
-def measure(problem: str, scheme: str, h: float) -> dict:
-    """The energy error of a scheme; its steps without a root are scanned for one independently."""
-    found = problem_of(problem)
-    path, row = _row(found, scheme, h)
-    steps = np.flatnonzero(np.isnan(path.parameter))
-    if len(steps) and scheme in root_scan.SIGNS:
-        H0 = float(found.system.observe(found.system.H, path.q[:1], path.p[:1])[0])
-        checked = root_scan.scan(found, scheme, path.h, path.q[steps], path.p[steps], H0)
-        near = [i for i, r in zip(steps, checked.roots, strict=True) if len(r) and abs(r[0] - 0.5) < RADIUS]
-        far = [r[0] for r in checked.roots if len(r)]
-        row |= {
-            "scanned steps": len(steps),
-            "scan finds a root within the radius": len(near),
-            "nearest root beyond it": min(far, key=lambda lam: abs(lam - 0.5)) if far else np.nan,
-        }
-    return row
+    if "angular-momentum" in found.invariants:
+        row["angular momentum error"] = float(off(path, found.invariants["angular-momentum"]).max())
+    row |= {"least lambda": float(good.min()), "greatest lambda": float(good.max())}
+    row["evaluations per step"] = path.counts["gradient"] / path.counts["steps"]
+    steps = np.flatnonzero(rootless)
+    if not len(steps) or scheme not in root_scan.SIGNS:
+        return row
+    H0 = float(found.system.observe(found.system.H, path.q[:1], path.p[:1])[0])
+    checked = root_scan.scan(found, scheme, path.h, path.q[steps], path.p[steps], H0)
+    roots = [r[0] for r in checked.roots if len(r)]
+    return row | {
+        "scanned steps": len(steps),
+        "scan finds a root within the radius": sum(abs(root - 0.5) < RADIUS for root in roots),
+        "nearest root beyond it": min(roots, key=lambda lam: abs(lam - 0.5), default=np.nan),
+    }
 
 
 # -- judging -----------------------------------------------------------------------------------------------------------
@@ -103,15 +92,10 @@ def rooted(rows: pd.DataFrame) -> Count:
     return Count(steps - int(rows["without a root"].sum()), steps)
 
 
-def most_rootless(how: str = "") -> Callable[[pd.DataFrame], str]:
-    """The run with most steps without a root; ``how`` is a format string that ends it."""
-
-    def where(rows: pd.DataFrame) -> str:
-        row = rows.loc[rows["without a root"].idxmax()]
-        text = f"{row['scheme']} on {row['problem']}, h = {row['h']:g}"
-        return text + how.format_map(row) if row["without a root"] else ""
-
-    return where
+def most_rootless(text: str) -> Callable[[pd.DataFrame], str]:
+    """The run with most steps without a root, formatted by ``text``; "" if there is none."""
+    named = worst("`without a root`", text)
+    return lambda rows: named(rows) if rows["without a root"].any() else ""
 
 
 def both(rows: pd.DataFrame) -> Count | None:
@@ -121,13 +105,12 @@ def both(rows: pd.DataFrame) -> Count | None:
 
 def missed(rows: pd.DataFrame) -> Count | None:
     """The steps in which the scan finds a root that the finder did not, of those that were scanned."""
-    if "scanned steps" not in rows or not rows["scanned steps"].sum():
-        return None
-    return Count(int(rows["scan finds a root within the radius"].sum()), int(rows["scanned steps"].sum()))
+    scanned = int(rows["scanned steps"].sum()) if "scanned steps" in rows else 0
+    return Count(int(rows["scan finds a root within the radius"].sum()), scanned) if scanned else None
 
 
 @of(TABLE)
-def answer(frame: pd.DataFrame) -> str | None:
+def _answer(frame: pd.DataFrame) -> str | None:
     """The largest energy error, and in how many steps no lambda keeps the energy."""
     rows = frame.query(ran(PLAIN))
     if rows.empty:
@@ -136,32 +119,33 @@ def answer(frame: pd.DataFrame) -> str | None:
     text = f"Schemes IV and V keep the energy to {number(rows[WITH].max(), 2)} up to t = 1000"
     if not without:
         return f"{text}, on every one of {steps} steps."
-    return (
-        f"{text}, except on {without} of {steps} steps without a suitable λ, where the error reaches "
-        f"{number(rows[WITHOUT].max(), 2)}."
-    )
+    text += f", except on {without} of {steps} steps without a suitable λ, where the error reaches "
+    return f"{text}{number(rows[WITHOUT].max(), 2)}."
 
 
 # -- what is shown -----------------------------------------------------------------------------------------------------
 
 
 @of(TABLE)
-def draw(frame: pd.DataFrame, folder: Path) -> list[Picture]:
+@style.styled
+def _draw(frame: pd.DataFrame, folder: Path) -> list[Picture]:
     """The largest energy error over h, beside that of the implicit midpoint rule, a panel for each problem."""
-    problems = list(dict.fromkeys(frame["problem"]))
-    midpoint = "implicit midpoint's energy error"
-    curves = [("scheme-iv", WITH, "Scheme IV, steps with a root"), ("scheme-v", WITH, "Scheme V, steps with a root")]
-    curves += [("scheme-iv", WITHOUT, "Scheme IV, steps without"), ("scheme-iv", midpoint, "implicit midpoint")]
-    with style.settings():
-        figure, (panels,) = style.panels(1, len(problems), 3.0, sharey=True)
-        for axes, name in zip(panels, problems, strict=True):
-            for k, (scheme, column, label) in enumerate(curves):
-                part = frame[(frame["problem"] == name) & (frame["scheme"] == scheme)].sort_values("h")
-                axes.loglog(part["h"], part[column], label=label, **style.curve(k))
-            axes.set(title=name, xlabel="$h$")
-            axes.grid(color="0.93", linewidth=0.5)
-        panels[0].set_ylabel("largest energy error")
-        style.legend_above(figure, panels[0], 2)
+    curves = {
+        "Scheme IV, steps with a root": ("scheme-iv", WITH),
+        "Scheme V, steps with a root": ("scheme-v", WITH),
+        "Scheme IV, steps without": ("scheme-iv", WITHOUT),
+        "implicit midpoint": ("scheme-iv", "implicit midpoint's energy error"),
+    }
+    problems = frame.groupby("problem", sort=False)
+    figure, (panels,) = style.panels(1, len(problems), 3.0, sharey=True)
+    for axes, (name, rows) in zip(panels, problems, strict=True):
+        for k, (label, (scheme, column)) in enumerate(curves.items()):
+            part = rows[rows["scheme"] == scheme].sort_values("h")
+            axes.loglog(part["h"], part[column], label=label, **style.curve(k))
+        axes.set(title=name, xlabel="$h$")
+        axes.grid(color="0.93", linewidth=0.5)
+    panels[0].set_ylabel("largest energy error")
+    style.legend_above(figure, panels[0], 2)
     caption = (
         "Largest energy error to t = 1000 over the step size, on steps with and without a root, beside that of the "
         "implicit midpoint rule."
@@ -169,12 +153,8 @@ def draw(frame: pd.DataFrame, folder: Path) -> list[Picture]:
     return [Picture(style.save(figure, folder, "energy_preservation.png"), "energy errors over the step", caption)]
 
 
-COLUMNS = {
-    "problem": "problem",
-    "scheme": "scheme",
-    "h": "h",
-    "steps": "steps",
-    "without a root": "without a root",
+SAME = ("problem", "scheme", "h", "steps", "without a root")
+COLUMNS = dict(zip(SAME, SAME, strict=True)) | {
     WITH: "energy error with one",
     WITHOUT: "without",
     "one step later": "one step later",
@@ -184,22 +164,21 @@ COLUMNS = {
 
 
 @of(TABLE)
-def table(frame: pd.DataFrame) -> Table:
+def _table(frame: pd.DataFrame) -> Table:
     """Runs with steps in which no lambda keeps the energy, then the largest energy errors."""
     order = frame.assign(none=frame["without a root"] == 0).sort_values(["none", WITH], ascending=[True, False])
-    shown = order.head(18)[list(COLUMNS)].rename(columns=COLUMNS)
     caption = (
         "Runs that have steps without a root, then those of the largest energy error. Energy errors: on steps with a "
         "root, on steps without, and one step after these, where a root restores H₀."
     )
-    return Table(shown, caption)
+    return Table(order.head(18)[list(COLUMNS)].rename(columns=COLUMNS), caption)
 
 
 STUDY = Study(
     id="energy_preservation",
     place=170,
     question="Do Schemes IV and V keep the energy on every step?",
-    answer=answer,
+    answer=_answer,
     setting=(
         "In each step the parameter λ near 1/2 is a root of E(λ, h) = H(q₁(λ), p₁(λ)) − H₀.",
         "Hénon–Heiles (box, chaotic) and perturbed Kepler to t = 1000, h from 0.2 to 0.005.",
@@ -218,13 +197,12 @@ STUDY = Study(
     claims={
         "energy": Claim(
             "On steps with a root the energy error is of round-off",
-            TABLE, f"`{WITH}`", at_most(ROUND_OFF), rows=ran(PLAIN), where="{scheme} on {problem}, h = {h:g}",
-            fault=True,
+            TABLE, f"`{WITH}`", at_most(ROUND_OFF), rows=ran(PLAIN), where=PLACE, fault=True,
         ),
         "roots": Claim(
             "Every step of Schemes IV and V has a root",
-            TABLE, rooted, EVERY, rows=ran(PLAIN), unit="steps",
-            where=most_rootless(": {without a root} steps without"),
+            TABLE, rooted, rows=ran(PLAIN), unit="steps",
+            where=most_rootless(f"{PLACE}: {{without a root}} steps without"),
         ),
         "search": Claim(
             "The root finder misses no root that an independent scan finds",
@@ -232,7 +210,7 @@ STUDY = Study(
         ),
         "alternating": Claim(
             "Every step has a root of Scheme IV or of Scheme V",
-            TABLE, both, EVERY, rows=ran(ALTERNATING), unit="steps", where=most_rootless(),
+            TABLE, both, rows=ran(ALTERNATING), unit="steps", where=most_rootless(PLACE),
         ),
     },
     checks={
@@ -240,8 +218,8 @@ STUDY = Study(
         "momentum": Claim("The angular momentum is kept to round-off", TABLE, "`angular momentum error`",
                           at_most(5e-14), rows="status == 'ok' and problem == 'perturbed-kepler'"),
     },
-    figure=draw,
-    shown=table,
+    figure=_draw,
+    shown=_table,
     limits=(
         f"An energy error of at most {ROUND_OFF:g} counts as round-off. Roots are sought within |λ − 1/2| < "
         f"{RADIUS:g}.",

@@ -9,8 +9,8 @@ coarsest mesh show the order in time, finer meshes at one step the order in spac
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -18,10 +18,9 @@ import pandas as pd
 from phasebench.benchmarks import style
 from phasebench.benchmarks.measure import box_laws, metrics
 from phasebench.benchmarks.measure.box_laws import ENERGY, FOLLOWS, MOMENTUM, TWO_FORM
-from phasebench.benchmarks.page.markdown import join_list, number
+from phasebench.benchmarks.page.markdown import number
 from phasebench.benchmarks.page.page import ROWS, Picture, Table, of
 from phasebench.benchmarks.page.study import Claim, Runs, Study
-from phasebench.benchmarks.page.verdict import EVERY, Count
 from phasebench.benchmarks.problems import klein_gordon, nls
 from phasebench.benchmarks.store.cells import ProblemKey
 from phasebench.integrators.driver import OK
@@ -43,24 +42,15 @@ NEAR, IN_SPACE_ORDER = 0.1, 2
 KEPT = 1e-12
 
 
-@dataclass(frozen=True)
-class Case:
-    """A wave equation with its initial values, tangents, invariant and longest steps.
+class Case(NamedTuple):
+    """A wave equation with its initial values, tangents, invariant and longest steps."""
 
-    Attributes
-    ----------
-    name : name of the equation
-    equation : its multisymplectic form
-    data : function x -> (y, u, v), arrays (N, m): initial values and two tangents (data of the linearized equation)
-    invariant : function y -> the quadratic invariant, a sum over the mesh cells
-    longest : largest step of the runs
-    longest_euler : largest step of the Euler box scheme, whose stability limits it
-    """
-
-    name: str
     equation: Equation
+    #: Function x -> (y, u, v), arrays (N, m): initial values and two tangents (data of the linearized equation).
     data: Callable
+    #: Function y -> the quadratic invariant, a sum over the mesh cells.
     invariant: Callable
+    #: Largest step of the runs; of the Euler box scheme, whose stability limits it.
     longest: float
     longest_euler: float
 
@@ -88,11 +78,8 @@ def charge(y: np.ndarray) -> float:
 
 
 CASES = {
-    c.name: c
-    for c in (
-        Case("nls", nls.multisymplectic(), _schroedinger, mass, 0.03, 0.004),
-        Case("klein-gordon", klein_gordon.multisymplectic(), _klein_gordon, charge, 0.08, 0.08),
-    )
+    "nls": Case(nls.multisymplectic(), _schroedinger, mass, 0.03, 0.004),
+    "klein-gordon": Case(klein_gordon.multisymplectic(), _klein_gordon, charge, 0.08, 0.08),
 }
 
 
@@ -120,8 +107,7 @@ def measure(equation: str, id: str, falls: str, N: int, h: float, steps: int | N
     return row | {"status": OK, "reason": ""} | found
 
 
-def needs(equation: str, id: str, falls: str, N: int, h: float) -> tuple:
-    """What a row depends on."""
+def _needs(equation: str, id: str, falls: str, N: int, h: float) -> tuple:
     chosen = scheme(id)
     numbers = map(str, (chosen.A_q, chosen.A_p, chosen.b, chosen.S, ladder(CASES[equation], chosen)[falls, N, h]))
     return (ProblemKey(equation), *numbers)
@@ -130,18 +116,17 @@ def needs(equation: str, id: str, falls: str, N: int, h: float) -> tuple:
 # -- judging -----------------------------------------------------------------------------------------------------------
 
 
-def is_round_off(rows: pd.DataFrame, law: str) -> pd.Series:
-    """True where the residual of a law is round-off."""
+def _is_round_off(rows: pd.DataFrame, law: str) -> pd.Series:
     return rows[law] <= UNITS * rows[f"{law}, round-off"]
 
 
-def order(part: pd.DataFrame, law: str, falls: str) -> float:
+def _order(part: pd.DataFrame, law: str, falls: str) -> float:
     """The order of a law's residuals in the step or in the mesh width; NaN if they are round-off."""
-    part = part[(part["falls"] == falls) & ~is_round_off(part, law)]
-    x = part["h"] if falls == IN_TIME else 1 / part["N"]
-    return metrics.order(x, part[law]).value
+    part = part[(part["falls"] == falls) & ~_is_round_off(part, law)]
+    return metrics.order(part["h"] if falls == IN_TIME else 1 / part["N"], part[law]).value
 
 
+@of(TABLE)
 def cases(frame: pd.DataFrame) -> pd.DataFrame:
     """A row for each equation and scheme: its orders, and which laws and totals its completed runs keep."""
     rows = []
@@ -149,68 +134,28 @@ def cases(frame: pd.DataFrame) -> pd.DataFrame:
         first, in_time = part.iloc[0], part[part["falls"] == IN_TIME]
         units = part[TWO_FORM] / part[f"{TWO_FORM}, round-off"]
         rows.append(
-            {"equation": equation, "id": id, "scheme": first["scheme"], "declared": bool(first["multisymplectic"])}
-            | {"two-form kept": is_round_off(part, TWO_FORM).all(), "units": units.max(), "least": units.min()}
+            {"equation": equation, "id": id, "declared": bool(first["multisymplectic"])}
+            | {name: first[name] for name in ("scheme", "keeps", "order")}
+            | {"two-form kept": _is_round_off(part, TWO_FORM).all(), "units": units.max(), "least": units.min()}
             | {"relative": (part[TWO_FORM] / part[f"{TWO_FORM}, largest term"]).max()}
-            | {"follows kept": is_round_off(part, FOLLOWS).all(), "keeps": first["keeps"], "order": first["order"]}
-            | {"cell energy kept": is_round_off(in_time, ENERGY).all()}
-            | {"energy order": order(part, ENERGY, IN_TIME), "momentum order": order(part, MOMENTUM, IN_SPACE)}
-            | {"total energy error": part["total energy error"].max(), "missed": part["steps without a root"].sum()}
-            | {"quadratic invariant error": part["quadratic invariant error"].max()}
+            | {"follows kept": _is_round_off(part, FOLLOWS).all()}
+            | {"cell energy kept": _is_round_off(in_time, ENERGY).all(), "missed": part["steps without a root"].sum()}
+            | {"energy order": _order(part, ENERGY, IN_TIME), "momentum order": _order(part, MOMENTUM, IN_SPACE)}
+            | {name: part[name].max() for name in ("total energy error", "quadratic invariant error")}
         )
     return pd.DataFrame(rows)
 
 
-#: Name -> (the query of the cases that are judged, whether each holds).
-JUDGED: dict[str, tuple[str, Callable[[pd.DataFrame], pd.Series]]] = {
-    "two-form": ("declared", lambda rows: rows["two-form kept"]),
-    "controls": ("not declared", lambda rows: rows["least"] > UNITS),
-    "energy": (
-        "keeps in ('cell', 'total')",
-        lambda rows: rows["cell energy kept"].where(rows["keeps"] == "cell", rows["total energy error"] <= KEPT),
-    ),
-    "order": ("declared", lambda rows: (rows["energy order"] - rows["order"]).abs() < NEAR),
-    "momentum": ("declared", lambda rows: (rows["momentum order"] - IN_SPACE_ORDER).abs() < NEAR),
-}
+def energy_kept(rows: pd.DataFrame) -> pd.Series:
+    """True for schemes that keep the energy of every cell, or in total, as they are built to."""
+    return rows["cell energy kept"].where(rows["keeps"] == "cell", rows["total energy error"] <= KEPT).astype(bool)
 
 
-def judged(name: str, frame: pd.DataFrame) -> pd.Series | None:
-    """True or false for each case, by "scheme (equation)"; None if no run completed."""
-    rows = cases(frame)
-    if rows.empty:
-        return None
-    query, holds = JUDGED[name]
-    rows = rows.query(query)
-    return holds(rows).astype(bool).set_axis([f"{r.scheme} ({r.equation})" for r in rows.itertuples()])
-
-
-def count(name: str) -> Callable[[pd.DataFrame], Count | None]:
-    """The number of cases that hold."""
-
-    def counted(frame: pd.DataFrame) -> Count | None:
-        found = judged(name, frame)
-        return None if found is None else Count(int(found.sum()), len(found))
-
-    return counted
-
-
-def wrong(name: str) -> Callable[[pd.DataFrame], str]:
-    """The cases that do not hold."""
-
-    def names(frame: pd.DataFrame) -> str:
-        found = judged(name, frame)
-        return join_list(list(found.index[~found]), 4) if not found.all() else ""
-
-    return names
-
-
-@of(TABLE)
-def answer(frame: pd.DataFrame) -> str | None:
-    """The largest residual of the two-form's law by multisymplectic schemes, and the least of the others."""
-    rows = cases(frame)
-    if rows.empty or not rows["declared"].any():
-        return None
+@of(cases)
+def _answer(rows: pd.DataFrame) -> str | None:
     kept, others = rows[rows["declared"]], rows[~rows["declared"]]
+    if kept.empty:
+        return None
     text = "In every cell of space-time box schemes keep the multisymplectic law of Schrödinger and Klein–Gordon"
     text += f" equations to {number(kept['units'].max(), 2)} units of round-off"
     return f"{text}; controls miss it by {number(others['least'].min(), 2)} and more." if len(others) else f"{text}."
@@ -220,26 +165,26 @@ def answer(frame: pd.DataFrame) -> str | None:
 
 
 @of(TABLE)
-def draw(frame: pd.DataFrame, folder: Path) -> list[Picture] | None:
+@style.styled
+def _draw(frame: pd.DataFrame, folder: Path) -> list[Picture] | None:
     """The residuals of the two-form's law and of the energy law over the step."""
     rows = frame[(frame["status"] == OK) & (frame["falls"] == IN_TIME)]
     if rows.empty:
         return None
-    names, shown = (list(dict.fromkeys(rows[c])) for c in ("equation", "scheme"))
-    with style.settings():
-        figure, grid = style.panels(2, len(names), 5.0, sharex="col", sharey="row")
-        for column, name in enumerate(names):
-            for k, one in enumerate(shown):
-                part = rows[(rows["equation"] == name) & (rows["scheme"] == one)]
-                relative = part[TWO_FORM] / part[f"{TWO_FORM}, largest term"]
-                for axes, values in zip(grid[:, column], (relative, part[ENERGY]), strict=True):
-                    axes.loglog(part["h"], np.maximum(values, 1e-17), label=one, **style.curve(k))
-                    axes.grid(color="0.93", linewidth=0.5)
-            grid[0, column].set_title(name)
-            grid[1, column].set_xlabel("$h$")
-        grid[0, 0].set_ylabel("two-form, relative")
-        grid[1, 0].set_ylabel("energy law")
-        style.legend_above(figure, grid[0, 0], 4)
+    equations = rows.groupby("equation", sort=False)
+    figure, grid = style.panels(2, len(equations), 5.0, sharex="col", sharey="row")
+    for (above, below), (name, part) in zip(grid.T, equations, strict=True):
+        for k, label in enumerate(rows["scheme"].unique()):
+            one = part[part["scheme"] == label]
+            relative = one[TWO_FORM] / one[f"{TWO_FORM}, largest term"]
+            for axes, values in ((above, relative), (below, one[ENERGY])):
+                axes.loglog(one["h"], np.maximum(values, 1e-17), label=label, **style.curve(k))
+                axes.grid(color="0.93", linewidth=0.5)
+        above.set_title(name)
+        below.set_xlabel("$h$")
+    grid[0, 0].set_ylabel("two-form, relative")
+    grid[1, 0].set_ylabel("energy law")
+    style.legend_above(figure, grid[0, 0], 4)
     caption = f"Largest residuals over all cells of space-time, {CELLS[0]} cells in space: of the multisymplectic law"
     caption += " (above, relative to its largest term) and of the energy law (below)."
     return [Picture(style.save(figure, folder, "multisymplectic.png"), "residuals of local laws", caption)]
@@ -258,12 +203,9 @@ COLUMNS = {
 }
 
 
-@of(TABLE)
-def table(frame: pd.DataFrame) -> Table | None:
+@of(cases)
+def _table(rows: pd.DataFrame) -> Table:
     """Residuals, orders and errors of totals, a row for each equation and scheme."""
-    rows = cases(frame)
-    if rows.empty:
-        return None
     caption = "The largest values over all runs of a case; an order is empty where the residual is round-off."
     total = rows[rows["keeps"] == "total"]
     if len(total):
@@ -272,11 +214,12 @@ def table(frame: pd.DataFrame) -> Table | None:
     return Table(rows[list(COLUMNS)].rename(columns=COLUMNS).head(ROWS), caption)
 
 
+CASE = {"unit": "cases", "where": "{scheme} ({equation})", "names": 4}
 STUDY = Study(
     id="multisymplectic",
     place=320,
     question="Do box schemes keep the local conservation laws in every cell of space-time?",
-    answer=answer,
+    answer=_answer,
     setting=(
         "K z_t + L z_x = ∇S(z), period 2π: i ψ_t + ψ_xx + 2|ψ|²ψ = 0, and φ_tt = φ_xx − φ − |φ|²φ, complex.",
         "Laws: two-form (uᵀKv)_t + (uᵀLv)_x = 0 of two linearized solutions u, v; energy (S − zᵀLz_x/2)_t + "
@@ -289,37 +232,37 @@ STUDY = Study(
         Runs(
             TABLE, measure,
             [
-                {"equation": c.name, "id": s.id, "falls": falls, "N": N, "h": h}
-                for c in CASES.values() for s in schemes().values() for falls, N, h in ladder(c, s)
+                {"equation": name, "id": id, "falls": falls, "N": N, "h": h}
+                for name, case in CASES.items() for id, one in schemes().items() for falls, N, h in ladder(case, one)
             ],
-            needs=needs,
+            needs=_needs,
         ),
     ),
     claims={
         "two-form": Claim(
             "Multisymplectic schemes keep the two-form's law in every cell, to round-off",
-            TABLE, count("two-form"), EVERY, unit="cases", where=wrong("two-form"), fault=True,
+            cases, "`two-form kept`", rows="declared", fault=True, **CASE,
         ),
         "controls": Claim(
             "Control schemes break the two-form's law by more than round-off",
-            TABLE, count("controls"), EVERY, unit="cases", where=wrong("controls"), fault=True,
+            cases, f"least > {UNITS}", rows="not declared", fault=True, **CASE,
         ),
         "energy": Claim(
             "Schemes built to keep the energy, of every cell or in total, keep it",
-            TABLE, count("energy"), EVERY, unit="cases", where=wrong("energy"), fault=True,
+            cases, energy_kept, rows="keeps in ('cell', 'total')", fault=True, **CASE,
         ),
         "order": Claim(
             "The residual of the energy law falls with the scheme's order in time",
-            TABLE, count("order"), EVERY, unit="cases", where=wrong("order"),
+            cases, f"abs(`energy order` - order) < {NEAR}", rows="declared", **CASE,
         ),
         "momentum": Claim(
             "The residual of the momentum law falls as Δx²",
-            TABLE, count("momentum"), EVERY, unit="cases", where=wrong("momentum"),
+            cases, f"abs(`momentum order` - {IN_SPACE_ORDER}) < {NEAR}", rows="declared", **CASE,
         ),
     },
     checks={"runs": Claim("Every run came to its end", TABLE, "status == 'ok'")},
-    figure=draw,
-    shown=table,
+    figure=_draw,
+    shown=_table,
     limits=(
         f"A residual up to {UNITS:g} units counts as round-off; a unit is eps times the square of the largest slope on "
         "the mesh (the last digit of its highest mode), for energy and momentum also divided by h.",

@@ -21,6 +21,7 @@ import pandas as pd
 from phasebench.benchmarks import style
 from phasebench.benchmarks.page.markdown import join_list, number
 from phasebench.benchmarks.page.page import Picture, Table, of
+from phasebench.benchmarks.page.shared import worst
 from phasebench.benchmarks.page.study import Claim, Runs, Study
 from phasebench.benchmarks.page.verdict import at_least
 from phasebench.benchmarks.problems import problem
@@ -98,14 +99,14 @@ def lost(frame: pd.DataFrame) -> pd.Series:
     return (frame["status"] != OK) | ~(frame[ENERGY] < LOST)
 
 
+@of(TABLE)
 def summary(frame: pd.DataFrame) -> pd.DataFrame:
     """A row for each method: at how many step sizes it loses the energy, at which, and its errors."""
     rows = []
     for name, part in frame.groupby("method", sort=False):
         out = lost(part)
-        kept, ok = part[~out], part[part["status"] == OK]
-        worst = ok.loc[ok[ENERGY].idxmax()] if len(ok) else None
-        row = {
+        kept, ok = part[~out], part[part["status"] == OK].sort_values(ENERGY, kind="stable", na_position="first")
+        rows.append({
             "method": name,
             "step sizes": len(part),
             "energy lost": int(out.sum()),
@@ -113,12 +114,11 @@ def summary(frame: pd.DataFrame) -> pd.DataFrame:
             "where it is lost": where_lost(part),
             "error of H at the smallest step": part.loc[part[RATIO].idxmin(), ENERGY],
             "median error of H": kept[ENERGY].median(),
-            "greatest error of H": math.nan if worst is None else worst[ENERGY],
-            "at hω/π": math.nan if worst is None else worst[RATIO],
+            "greatest error of H": ok[ENERGY].max(),
+            "at hω/π": ok[RATIO].iloc[-1] if len(ok) else math.nan,
             "median error of I": kept[OSCILLATORY].median(),
             "greatest error of I": ok[OSCILLATORY].max(),
-        }
-        rows.append(row)
+        })  # fmt: skip
     return pd.DataFrame(rows)
 
 
@@ -137,17 +137,14 @@ def where_lost(part: pd.DataFrame) -> str:
     return " and ".join(near + ([f"at {others} other step{'s' if others > 1 else ''}"] if others else []))
 
 
-def worst(frame: pd.DataFrame) -> str:
+def most_lost(found: pd.DataFrame) -> str:
     """The method that loses the energy at most step sizes, and where."""
-    found = summary(frame)
-    row = found.loc[found["energy lost"].idxmax()]
-    return f"{row['method']}, lost {row['where it is lost']}" if row["where it is lost"] else ""
+    return worst("`energy lost`", "{method}, lost {where it is lost}")(found) if found["energy lost"].any() else ""
 
 
-@of(TABLE)
-def answer(frame: pd.DataFrame) -> str:
+@of(TABLE, summary)
+def _answer(frame: pd.DataFrame, found: pd.DataFrame) -> str:
     """Which methods keep the energy at every step size, and from which one others lose it."""
-    found = summary(frame)
     whole, others = found[found["energy lost"] == 0], found[found["energy lost"] > 0]
     names = join_list(list(whole["method"]), 2) if len(whole) else "No method"
     text = f"{names} keep{'s' if len(whole) < 2 else ''} the energy of a stiff Fermi–Pasta–Ulam chain at every step"
@@ -161,35 +158,29 @@ def answer(frame: pd.DataFrame) -> str:
 
 
 @of(TABLE)
-def draw(frame: pd.DataFrame, directory: Path) -> list[Picture]:
+@style.styled
+def _draw(frame: pd.DataFrame, directory: Path) -> list[Picture]:
     """The errors of H and of the oscillatory energy I against h omega / pi, a panel for each method."""
-    names = list(dict.fromkeys(frame["method"]))
-    columns = 3
-    with style.settings():
-        figure, axes = style.panels(-(-len(names) // columns), columns, 6.4, sharex=True, sharey=True)
-        for i, ax in enumerate(axes.flat):
-            if i >= len(names):
-                ax.set_axis_off()
-                continue
-            part = frame[frame["method"] == names[i]].sort_values(RATIO)
-            for j, name in enumerate((OSCILLATORY, ENERGY)):
-                look = {"color": (style.ORANGE, style.BLUE)[j], "linestyle": ("--", "-")[j], "zorder": 2 + j}
-                ax.semilogy(part[RATIO], part[name], linewidth=1.0, **look)
-            out = part[(part["status"] != OK) | (part[ENERGY] > LIMITS[1])]
-            top = [LIMITS[1] / 2] * len(out)
-            ax.plot(out[RATIO], top, "v", color=style.VERMILION, markersize=3, zorder=4)
-            for k in range(1, 1 + int(frame[RATIO].max())):
-                ax.axvline(k, color="0.85", linewidth=0.6, zorder=0)
-            ax.set_title(names[i])
-            ax.set_ylim(*LIMITS)
-            ax.grid(axis="y", color="0.93", linewidth=0.5)
-        for ax in axes[-1]:
-            ax.set_xlabel(r"$h\omega/\pi$")
-        for ax in axes[:, 0]:
-            ax.set_ylabel("greatest error")
-        for text, y, colour in (("error of H", 0.17, style.BLUE), ("error of I", 0.06, style.ORANGE)):
-            last = axes.flat[len(names) - 1]
-            last.text(0.96, y, text, color=colour, transform=last.transAxes, ha="right")
+    methods, columns = frame.groupby("method", sort=False), 3
+    figure, axes = style.panels(-(-len(methods) // columns), columns, 6.4, sharex=True, sharey=True)
+    for ax in axes.flat[len(methods) :]:
+        ax.set_axis_off()
+    for ax, (name, part) in zip(axes.flat, methods, strict=False):
+        part = part.sort_values(RATIO)
+        ax.semilogy(part[RATIO], part[OSCILLATORY], linewidth=1.0, color=style.ORANGE, linestyle="--", zorder=2)
+        ax.semilogy(part[RATIO], part[ENERGY], linewidth=1.0, color=style.BLUE, linestyle="-", zorder=3)
+        out = part[(part["status"] != OK) | (part[ENERGY] > LIMITS[1])]
+        ax.plot(out[RATIO], [LIMITS[1] / 2] * len(out), "v", color=style.VERMILION, markersize=3, zorder=4)
+        for k in range(1, 1 + int(frame[RATIO].max())):
+            ax.axvline(k, color="0.85", linewidth=0.6, zorder=0)
+        ax.set(title=name, ylim=LIMITS)
+        ax.grid(axis="y", color="0.93", linewidth=0.5)
+    for text, y, colour in (("error of H", 0.17, style.BLUE), ("error of I", 0.06, style.ORANGE)):
+        ax.text(0.96, y, text, color=colour, transform=ax.transAxes, ha="right")
+    for ax in axes[-1]:
+        ax.set_xlabel(r"$h\omega/\pi$")
+    for ax in axes[:, 0]:
+        ax.set_ylabel("greatest error")
     caption = (
         "Greatest errors of H (solid) and of the oscillatory energy I (dashed) against hω/π; triangles: no finite end, "
         f"a step refused, or an error of H above {number(LIMITS[1])}. Grey lines: hω is a multiple of π."
@@ -197,18 +188,17 @@ def draw(frame: pd.DataFrame, directory: Path) -> list[Picture]:
     return [Picture(style.save(figure, directory, "oscillatory.png"), "errors of H and I against hω/π", caption)]
 
 
-@of(TABLE)
-def table(frame: pd.DataFrame) -> Table:
-    """A row for each method."""
+@of(summary)
+def _table(found: pd.DataFrame) -> Table:
     caption = (
         f"Greatest errors over a run. Lost: no finite end, a step refused, or an error of H of {number(LOST)} or more; "
         f"near a multiple of π: within {NEAR} π of it. Medians are over the step sizes at which the energy is not lost."
     )
-    return Table(summary(frame), caption)
+    return Table(found, caption)
 
 
 @of(TABLE)
-def whole(frame: pd.DataFrame) -> pd.DataFrame:
+def _whole(frame: pd.DataFrame) -> pd.DataFrame:
     """The runs that lose the energy."""
     return frame[lost(frame)][["method", RATIO, "status", ENERGY, OSCILLATORY]]
 
@@ -217,7 +207,7 @@ STUDY = Study(
     id="oscillatory",
     place=260,
     question="Which integrators survive steps beyond the fast period, and where do they resonate?",
-    answer=answer,
+    answer=_answer,
     setting=(
         "H = Σ (p₀ᵢ² + p₁ᵢ²)/2 + (ω²/2) Σ q₁ᵢ² + slow part: Fermi–Pasta–Ulam with three stiff springs, ω = 50.",
         f"From the published initial state (H = 2.0012) to t = {number(SPAN)}; step sizes up to hω = 4.5 π.",
@@ -232,17 +222,17 @@ STUDY = Study(
     claims={
         "survivors": Claim(
             "Some methods keep the energy at every step size",
-            TABLE, lambda rows: int((summary(rows)["energy lost"] == 0).sum()), at_least(1),
-            unit=lambda rows: f"of {rows['method'].nunique()} methods", where=worst,
+            summary, lambda found: int((found["energy lost"] == 0).sum()), at_least(1),
+            unit=lambda found: f"of {len(found)} methods", where=most_lost,
         ),
     },
     checks={
         "stable": Claim("Below Störmer–Verlet's stability limit every method completes its run", TABLE,
                         "status == 'ok'", rows=f"`{RATIO}` * {math.pi} < {0.9 * STABLE}"),
     },
-    figure=draw,
-    shown=table,
-    whole=whole,
+    figure=_draw,
+    shown=_table,
+    whole=_whole,
     limits=(
         f"The energy counts as lost from an error of {number(LOST)} on, half of the total; a loss counts as resonant "
         f"within {NEAR} π of a multiple of π.",
