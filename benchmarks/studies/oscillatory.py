@@ -11,9 +11,8 @@ varies).
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -34,10 +33,10 @@ from phasebench.integrators.records.oscillatory import METHODS as FAST
 from phasebench.integrators.registry import method as method_of
 
 TABLE, RATIO = "oscillatory", "h omega / pi"
-ENERGY, OSCILLATORY = ERRORS = ("energy error", "oscillatory energy error")
+ENERGY, OSCILLATORY = ("energy error", "oscillatory energy error")
 SPAN = 200.0
-#: The first point of the grid, in h omega, far below the resonances; its last point, in multiples of pi; points per pi.
-FIRST, LAST, PARTS = 0.1, 4.5, 40
+#: The grid of h omega / pi: a point far below the resonances, then 40 points per pi, to 4.5 pi.
+RATIOS = [0.1 / math.pi, *(k / 40 for k in range(2, 181))]
 #: Label -> method: those for systems with a fast linear part, and Stormer-Verlet.
 METHODS = {m.label: m for m in (*FAST, method_of("stormer-verlet"))}
 #: Energy error from which the energy counts as lost: half of the initial energy, 2.0012.
@@ -50,45 +49,33 @@ LIMITS = (1e-6, 1e2)
 STABLE = 2.0
 
 
-def multiples(parts: int) -> list[float]:
-    """The grid of h omega / pi: `FIRST` / pi, then the multiples of 1 / ``parts`` up to `LAST`."""
-    return [FIRST / math.pi, *(k / parts for k in range(1, round(LAST * parts) + 1) if k / parts > FIRST / math.pi)]
-
-
-def errors(methods: Iterable[Method], ratios: Sequence[float], t_end: float = SPAN, **parameters: Any) -> pd.DataFrame:
-    """The greatest absolute errors over all steps: a row for each method and each h omega / pi.
+def errors(chosen: Method, ratios: Sequence[float], t_end: float = SPAN) -> list[dict]:
+    """The greatest absolute errors of a method over all steps: a row for each h omega / pi.
 
     h is not adjusted to ``t_end``: the last step may end a little later.  Errors are missing where the status is not
-    ok.  ``parameters`` are those of the Fermi-Pasta-Ulam problem.
+    ok.
     """
-    found = problem("fpu", **parameters)
-    system, omega = found.system, found.parameters["omega"]
-    energy = sum(oscillatory_energies(found))
-    rows = []
-    for chosen in methods:
-        for ratio in ratios:
-            h = ratio * math.pi / omega
-            steps = math.ceil(t_end / h)
-            row = {"method": chosen.label, RATIO: ratio, "h": h, "steps": steps}
-            try:
-                s = integrate(found, chosen, h=h, steps=steps)
-            except InvalidInput as error:
-                rows.append(row | {"status": INVALID, "reason": str(error)})
-                continue
+    found = problem("fpu")
+    energies, rows = {ENERGY: found.system.H, OSCILLATORY: sum(oscillatory_energies(found))}, []
+    for ratio in ratios:
+        h = ratio * math.pi / found.parameters["omega"]
+        steps = math.ceil(t_end / h)
+        row = {"method": chosen.label, RATIO: ratio, "h": h, "steps": steps}
+        try:
+            s = integrate(found, chosen, h=h, steps=steps)
             row |= {"status": s.status, "reason": s.reason}
-            if s.status == OK:
-                for name, expression in ((ENERGY, system.H), (OSCILLATORY, energy)):
-                    value = system.observe(expression, s.q, s.p)
-                    row[name] = float(np.abs(value - value[0]).max())
-            rows.append(row)
-    frame = pd.DataFrame(rows)
-    return frame.reindex(columns=[*(c for c in frame if c not in ERRORS), *ERRORS])
+            for name, expression in energies.items() if s.status == OK else ():
+                value = found.system.observe(expression, s.q, s.p)
+                row[name] = float(np.abs(value - value[0]).max())
+        except InvalidInput as error:
+            row |= {"status": INVALID, "reason": str(error)}
+        rows.append(row)
+    return rows
 
 
 def measure(method: str) -> list[dict]:
     """The errors of a method, given by its label, at all h omega."""
-    frame = errors([METHODS[method]], multiples(PARTS))
-    return frame.astype(object).where(frame.notna(), None).to_dict("records")
+    return errors(METHODS[method], RATIOS)
 
 
 # -- judging -----------------------------------------------------------------------------------------------------------

@@ -60,12 +60,10 @@ def fair(rows: pd.DataFrame) -> pd.Series:
     return rows["cheaper"].isin([OURS, PEERS]) & (rows["ratio"] > 0) & ~(keeps & (rows["quantity"] == "energy"))
 
 
-def every_scene(rows: pd.DataFrame) -> pd.Series:
-    """True for the scenes that were measured, by id."""
-    return pd.Series(SCENES, SCENES).isin(rows["scene"])
-
-
-MEASURED = Claim("Every scene was measured", joined, every_scene, unit="scenes", names=8)
+MEASURED = Claim(
+    "Every scene was measured",
+    joined, lambda rows: pd.Series(SCENES, SCENES).isin(rows["scene"]), unit="scenes", names=8,
+)  # fmt: skip
 
 
 @of(joined)
