@@ -68,17 +68,9 @@ def _weight(problem: Any, masses: Sequence[float], across: int) -> Any:
     return np.array([[zero] * across + [hy.expression(-m * g)] for m in masses])
 
 
-def _pendulum(problem: Any, q: Any, p: Any) -> Sides:
-    return _bound(q, p, [1.0], [(None, 0)], _weight(problem, [1.0], 2))
-
-
 def _double_pendulum(problem: Any, q: Any, p: Any) -> Sides:
     masses = [problem.parameters[name] for name in ("m1", "m2")]
     return _bound(q, p, masses, [(None, 0), (0, 1)], _weight(problem, masses, 1))
-
-
-def _four_points(problem: Any, q: Any, p: Any) -> Sides:
-    return _bound(q, p, [*problem.parameters.values()], list(combinations(range(4), 2)))
 
 
 def _butane(problem: Any, q: Any, p: Any) -> Sides:
@@ -161,9 +153,9 @@ def _heavy_top(problem: Any, q: Any, p: Any) -> Sides:
 
 #: Problem -> its equations written by hand.
 SIDES: dict[str, Callable[[Any, Any, Any], Sides]] = {
-    "spherical-pendulum": _pendulum,
+    "spherical-pendulum": lambda problem, q, p: _bound(q, p, [1.0], [(None, 0)], _weight(problem, [1.0], 2)),
     "double-pendulum-cartesian": _double_pendulum,
-    "four-points": _four_points,
+    "four-points": lambda problem, q, p: _bound(q, p, [*problem.parameters.values()], [*combinations(range(4), 2)]),
     "butane": _butane,
     "lennard-jones": _lennard_jones,
     "kerr": _kerr,

@@ -323,8 +323,7 @@ def orbit_times(problem: str, e: float) -> list[dict]:
 
 
 @cache
-def end(problem: str) -> taylor.Reference:
-    """The Taylor reference of a problem after `HALF` orbits."""
+def _end(problem: str) -> taylor.Reference:
     return taylor.reference(problem_of(problem), [HALF * 2 * pi])
 
 
@@ -332,26 +331,27 @@ def cost(problem: str, method: str) -> list[dict]:
     """The end error after `HALF` orbits and the seconds of a warm run: a row for each step or tolerance."""
     c, t_end = PRICED[method], HALF * 2 * pi
     if c.adaptive:
-        spaced = {1: {"h": t_end / 200, "steps": 200}, 0: {"h": t_end, "steps": 1}}
-        return [cost_row(problem, c, f"tolerance {tol:g}", spaced, tol) for tol in TRIED if tol >= c.record.least]
-    sizes = {n: {"h": 2 * pi / n, "steps": round(t_end / (2 * pi / n))} for n in PER_ORBIT}
-    return [cost_row(problem, c, f"{n} steps an orbit", {0: size, 1: size}, None) for n, size in sizes.items()]
+        rows = {"h": t_end / 200, "steps": 200}
+        sizes = {f"tolerance {tol:g}": rows | {"tol": tol} for tol in TRIED if tol >= c.record.least}
+    else:
+        sizes = {f"{n} steps an orbit": {"h": 2 * pi / n, "steps": round(t_end / (2 * pi / n))} for n in PER_ORBIT}
+    return [_cost(problem, c, setting, size) for setting, size in sizes.items()]
 
 
-def cost_row(problem: str, c: Integrator, setting: str, sizes: dict, tol: float | None) -> dict:
-    """The row of a setting; ``sizes`` maps 0, a run without output, and 1, one with it, to its step and steps."""
-    made, true = problem_of(problem), end(problem)
+def _cost(problem: str, c: Integrator, setting: str, size: dict) -> dict:
+    made, true = problem_of(problem), _end(problem)
     row = {"problem": problem, "e": made.parameters["e"], "orbits": HALF, "method": c.label, "kind": c.kind}
-    s = c.run(made, **sizes[1], save_every=ceil(sizes[1]["steps"] / MOST), tol=tol)
+    s = c.run(made, **size, save_every=ceil(size["steps"] / MOST))
     row |= {"setting": setting, "status": s.status, "reason": s.reason, "steps": s.counts.get("steps", 0)}
     if s.status != OK:
         return row
     H, L = (made.system.observe(x, s.q, s.p) for x in (made.system.H, made.invariants["angular-momentum"]))
+    bare = size | ({"h": HALF * 2 * pi, "steps": 1} if c.adaptive else {})
     again = range(AGAIN if s.seconds < ONCE else 1)
     return row | {
         "error": float(np.abs(end_state(s) - end_state(true)).max()),
         "reference uncertainty": float(true.uncertainty[-1]),
         "energy error": float(metrics.invariant_error(H).max),
         "angular momentum error": float(metrics.invariant_error(L).max),
-        "seconds": statistics.median(c.run(made, **sizes[0], save_every=0, tol=tol).seconds for _ in again),
+        "seconds": statistics.median(c.run(made, **bare, save_every=0).seconds for _ in again),
     }

@@ -32,6 +32,7 @@ from phasebench.benchmarks.measure.named_quantities import quantity
 from phasebench.benchmarks.problems.questions import BY_ID
 from phasebench.benchmarks.store import tables
 from phasebench.benchmarks.store.cells import ProblemKey, Rows, Unavailable, states
+from phasebench.integrators.driver import OK
 from phasebench.reference.peers import Peer, heyoka
 
 FINALISTS, MARGIN = 3, 1.4
@@ -248,14 +249,13 @@ def sweep_again(scene: str, sweep: int) -> list[dict]:
         raise Unavailable(f"no finalists of {scene} are stored")
     task, rows = _timed_task(scene), []
     for accuracy in dict.fromkeys(line[0] for line in stored):
-        members = [line for line in stored if line[0] == accuracy]
+        lines = [line for line in stored if line[0] == accuracy]
+        runs = ((by_label[label], Rung(steps, tol, OK, accuracy, s)) for _, _, label, steps, tol, s in lines)
         task.clocks.sharing = sharing = clock.Sharing()
-        sizes = ({"tol": tol} if steps is None else {"steps": steps} for *_, steps, tol, _ in members)
-        work = {k: task.timer(by_label[m[2]], size) for k, (m, size) in enumerate(zip(members, sizes, strict=True))}
-        found = timing.in_turns(work, rounds((line[-1] for line in members), *FINAL))
-        for k, (_, side, label, *_) in enumerate(members):
+        timed = time_finalists(task, [Finalist(*run) for run in runs])
+        for (_, side, label, *_), seconds in zip(lines, timed, strict=True):
             row = {"scene": scene, "sweep": sweep, "accuracy": accuracy, "side": side, "integrator": label}
-            rows.append(row | _times(found[k]) | {"disturbed": sharing.disturbed})
+            rows.append(row | _times(seconds) | {"disturbed": sharing.disturbed})
     return rows
 
 

@@ -35,12 +35,10 @@ JOINED, CHECK = [1, 2], 3
 CASE, KEY = ["scene", "accuracy"], ["scene", "accuracy", "side", "integrator"]
 
 
-def sweeps(finals: pd.DataFrame, times: pd.DataFrame | None) -> pd.DataFrame:
+def sweeps(finals: pd.DataFrame, times: pd.DataFrame) -> pd.DataFrame:
     """The seconds of every finalist in each of three timings, NaN where one was not made, by `KEY`."""
-    parts = [finals[[*KEY, "seconds"]].assign(sweep=1)]
-    if times is not None and len(times):
-        parts.append(times[[*KEY, "seconds", "sweep"]])
-    table = pd.concat(parts).pivot_table(index=KEY, columns="sweep", values="seconds", aggfunc="last")
+    both = pd.concat([finals[[*KEY, "seconds"]].assign(sweep=1), times[[*KEY, "seconds", "sweep"]]])
+    table = both.pivot_table(index=KEY, columns="sweep", values="seconds", aggfunc="last")
     return table[table.index.isin(finals.set_index(KEY).index)].reindex(columns=[*JOINED, CHECK])
 
 
