@@ -21,7 +21,7 @@ from phasebench.integrators.coefficients.fractions import DIGITS, times
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.record import Method
 
-from . import classical, parametric
+from . import classical, parametric, splittings
 
 if TYPE_CHECKING:
     from fractions import Fraction
@@ -124,4 +124,9 @@ METHODS: tuple[Method, ...] = (
     *(compose(BASES["implicit-midpoint"], name) for name in BEST),
     *(compose(BASES["scheme-iii"], name) for name in BEST),
     *(compose(BASES["scheme-v"], name) for name in BEST if "10" not in name and name != "yoshida-6a"),
+)
+#: Compositions and splittings that a survey lists (``published/collected.toml``).
+COLLECTED: tuple[Method, ...] = tuple(
+    compose(BASES["stormer-verlet"], t.name, id=t.name) if t.gamma else splittings.record(t)
+    for t in coefficients.GROUPS["collected"]
 )

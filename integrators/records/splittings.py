@@ -9,7 +9,7 @@ from __future__ import annotations
 import mpmath
 
 from phasebench.integrators import coefficients
-from phasebench.integrators.coefficients import Table
+from phasebench.integrators.coefficients import GROUPS, Table
 from phasebench.integrators.coefficients.fractions import substeps
 from phasebench.integrators.record import BOUNDED, ROUND_OFF, Method
 
@@ -34,10 +34,11 @@ def weights(table: Table) -> tuple[tuple, tuple]:
 def record(table: Table) -> Method:
     """Make the record of the splitting of a table."""
     nystrom = table.kind == "nystrom"
+    what = "splitting for sampling" if table.printed else NAMES[table.kind]
     generalised = f" of generalised order ({','.join(map(str, table.order))})" if len(table.order) > 1 else ""
     return Method(
         id=table.name,
-        name=f"{table.source.split(';')[0]}: {NAMES[table.kind]}{generalised}",
+        name=f"{table.source.split(';')[0]}: {what}{generalised}",
         family="splitting" if nystrom else "parametric",
         order=table.classical_order,
         symmetric=table.symmetric,
@@ -52,3 +53,5 @@ def record(table: Table) -> Method:
 
 
 METHODS: tuple[Method, ...] = tuple(record(t) for t in coefficients.TABLES if t.kind in NAMES)
+#: Splittings for sampling and molecular dynamics, used as printed.
+SAMPLING: tuple[Method, ...] = tuple(map(record, GROUPS["sampling"]))
