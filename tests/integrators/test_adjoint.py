@@ -27,11 +27,6 @@ def test_control_other_methods_do_not_return(measured, label):
     assert max(distances.values()) > least_visible(label, "symmetry"), distances
 
 
-def test_known_asymmetric_methods_are_among_the_controls():
-    asymmetric = {label for label, m in ALL.items() if not m.symmetric}
-    assert {"explicit-euler", "rk4", "scheme-i(lam=1/3)", "symplectic-euler-p"} <= asymmetric
-
-
 @pytest.mark.parametrize("label", WITH_LAMBDA)
 def test_the_adjoint_of_lambda_is_one_minus_lambda(measured, label):
     rows = measured("adjoint")[label]

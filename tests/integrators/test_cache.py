@@ -1,30 +1,42 @@
-"""The cache: damaged entries are remade, an unwritable folder is tolerated, stale entries are never found."""
+"""The cache of code and of what methods prepare: damaged or stale entries are made anew, and processes share it.
+
+Of two compiled functions of one name neither is taken for the other.
+"""
 
 from __future__ import annotations
 
 import errno
+import io
 import logging
 import multiprocessing
 import os
+import pickle
+import re
 import resource
 import shutil
 import subprocess
 import sys
-import threading
 import time
 from contextlib import contextmanager
 from pathlib import Path
 
 import numba
+import numpy as np
 import pytest
+import sympy as sp
+from numba import types
 
-from phasebench.integrators.compile import cache, machine
+from phasebench.benchmarks.problems import problem
+from phasebench.integrators import Hamiltonian, integrate, method
+from phasebench.integrators.compile import cache, machine, preparation, printing, progress
 from phasebench.integrators.families import splitting
+from phasebench.integrators.stepping import kernel
+from phasebench.integrators.systems import deferred
 from phasebench.integrators.values import vector
 
 SEVERAL = b"text of a function\n" * 50
-PACKAGE = "phasebench.integrators"
-SIGNATURE = numba.types.float64(numba.types.float64)
+SIGNATURE = types.float64(types.float64)
+fork = multiprocessing.get_context("fork")
 
 
 @pytest.fixture
@@ -38,22 +50,20 @@ def place(tmp_path, monkeypatch):
 
 DAMAGES = {
     "empty": lambda b: b"",
-    "cut in the seal": lambda b: b[:20],
     "cut": lambda b: b[: len(b) // 2],
-    "one byte less": lambda b: b[:-1],
     "one byte more": lambda b: b + b"x",
     "one bit flipped": lambda b: b[:-5] + bytes([b[-5] ^ 1]) + b[-4:],
     "zeros, as after a power cut": lambda b: bytes(len(b)),
-    "garbage": lambda b: os.urandom(len(b)),
 }
 
 
-def test_written_entries_are_read(place):
+def test_entries_are_read_as_written_under_their_name(place):
     assert cache.read("a.py") is None
-    cache.write("a.py", SEVERAL)
-    assert cache.read("a.py") == SEVERAL
-    cache.write("a.py", b"other")
-    assert cache.read("a.py") == b"other"
+    for content in (SEVERAL, b"other"):
+        cache.write("a.py", content)
+        assert cache.read("a.py") == content
+    shutil.copy(place / "a.py", place / "b.py")
+    assert cache.read("b.py") is None
     assert [p.name for p in place.iterdir()] == ["a.py"]
 
 
@@ -65,110 +75,93 @@ def test_a_damaged_entry_is_ignored_and_removed(place, damage):
     assert not (place / "a.py").exists()
 
 
-def test_an_entry_copied_to_another_name_is_ignored(place):
-    cache.write("a.py", SEVERAL)
-    shutil.copy(place / "a.py", place / "b.py")
-    assert cache.read("b.py") is None
-    assert cache.read("a.py") == SEVERAL
-
-
-# -- machine code ------------------------------------------------------------------------------------------------------
+def test_the_folder_may_be_in_the_home(monkeypatch):
+    monkeypatch.setenv("PHASEBENCH_CACHE", "~/kept")
+    assert cache.root() == Path.home() / "kept"
 
 
 def compile_or_load(name="plus|1", options=vector.TUPLES):
     """(compiled function, whether it was loaded from the cache)."""
     function = machine.load_or_compile(lambda x: x + 1.0, SIGNATURE, dict(options), name)
+    assert function(1.5) == 2.5
     return function, sum(function.stats.cache_hits.values()) == 1
-
-
-def files(place) -> list[Path]:
-    """The files of the only folder of machine code: source, seal, index and code."""
-    (home,) = place.iterdir()
-    return sorted(p for p in home.glob("**/*") if p.is_file())
 
 
 @pytest.mark.lowest
 def test_machine_code_is_keyed_by_name_and_options(place):
     assert not compile_or_load()[1]
-    function, loaded = compile_or_load()
-    assert loaded
-    assert function(1.5) == 2.5
+    assert compile_or_load()[1]
     assert not compile_or_load("plus|2")[1]
     assert not compile_or_load(options=vector.ARRAYS)[1]
 
 
-@pytest.mark.parametrize("suffix", ["seal", ".nbi", ".nbc"])
-@pytest.mark.parametrize(
-    "damage", [pytest.param(name, marks=[pytest.mark.lowest] * (name == "one bit flipped")) for name in DAMAGES]
-)
-def test_damaged_machine_code_is_compiled_again(place, damage, suffix):
+HARM = [(suffix, "missing") for suffix in ("seal", ".nbi", ".nbc", ".py")]
+HARM += [(suffix, "cut") for suffix in ("seal", ".nbi", ".nbc")]
+HARM += [pytest.param(suffix, "one bit flipped", marks=pytest.mark.lowest) for suffix in ("seal", ".nbi", ".nbc")]
+
+
+@pytest.mark.parametrize(("suffix", "damage"), HARM)
+def test_damaged_machine_code_is_compiled_again(place, suffix, damage):
     compile_or_load()
-    (path,) = (p for p in files(place) if p.name.endswith(suffix))
-    path.write_bytes(DAMAGES[damage](path.read_bytes()))
-    function, loaded = compile_or_load()
-    assert not loaded
-    assert function(1.5) == 2.5
-    assert compile_or_load()[1]
+    (path,) = (p for p in place.glob("*/**/*") if p.name.endswith(suffix))
+    if damage == "missing":
+        path.unlink()
+    else:
+        path.write_bytes(DAMAGES[damage](path.read_bytes()))
+    assert [compile_or_load()[1] for _ in range(2)] == [False, True]
 
 
-@pytest.mark.parametrize("suffix", ["seal", ".nbi", ".nbc", ".py"])
-def test_machine_code_with_a_missing_file_is_compiled_again(place, suffix):
-    compile_or_load()
-    (path,) = (p for p in files(place) if p.name.endswith(suffix))
-    path.unlink()
-    function, loaded = compile_or_load()
-    assert not loaded
-    assert function(1.5) == 2.5
-    assert compile_or_load()[1]
-
-
-@pytest.mark.parametrize("content", [b"", b"no pickle", b"\x80\x04K\x01.", b"cphasebench.nothing\nsuch\n."])
-def test_unusable_content_is_compiled_again(place, content):
-    """An entry whose content cannot be loaded, though its seal is valid, is compiled again."""
+@pytest.mark.parametrize("content", [b"no pickle", b"cphasebench.nothing\nsuch\n."])
+def test_unusable_content_under_a_valid_seal_is_compiled_again(place, content):
     compile_or_load()
     (home,) = place.iterdir()
-    for path in files(place):
-        if path.suffix == ".nbc":
-            path.write_bytes(content)
+    for path in home.glob("**/*.nbc"):
+        path.write_bytes(content)
     (home / cache.SEAL).unlink()
     cache.seal(home.name)
-    assert not compile_or_load()[1]
-    assert compile_or_load()[1]
+    assert [compile_or_load()[1] for _ in range(2)] == [False, True]
 
 
-def test_code_that_allocates_runs_where_nothing_is_compiled(place):
-    """Numba's runtime must be initialized before loaded code allocates, or the process would crash."""
-    script = """
-from phasebench.integrators.compile import machine
-from phasebench.integrators.values import vector
-import numba, numpy as np
-number = numba.types.float64(numba.types.float64)
-made = machine.load_or_compile(lambda x: np.zeros(2)[1] + x, number, dict(vector.ARRAYS), "x|allocates")
-print(made(1.5), sum(made.stats.cache_hits.values()))
-"""
-    run = [subprocess.run([sys.executable, "-c", script], capture_output=True, text=True) for _ in range(2)]
-    assert [done.stdout.split() for done in run] == [["1.5", "0"], ["1.5", "1"]]
+def test_the_version_depends_on_compilers_and_processor(monkeypatch):
+    usual = cache.version.__wrapped__()
+    for owner, name in ((numba.config, "CPU_NAME"), (numba, "__version__")):
+        with monkeypatch.context() as patch:
+            patch.setattr(owner, name, "generic")
+            assert cache.version.__wrapped__() != usual
 
 
-def test_a_part_can_be_called_on_its_own(place):
-    """A function that was compiled as a part of another one can still be called from Python."""
+def test_machine_code_is_keyed_by_the_code_of_what_it_calls(place, monkeypatch):
+    """A kernel's modules count with all that they import; others do not."""
+    inner = machine.with_functions(lambda x: part(x), {"part": splitting.step})  # noqa: F821
+    for f in (splitting.run, inner):
+        modules = {x.rpartition(".")[2] for x in machine.modules_of(f)}
+        assert "splitting" in modules
+        assert "rigid" not in modules
+    compile_or_load()
+    asked = []
+    monkeypatch.setattr(machine, "digest_of", lambda modules: asked.append(modules) or "another")
+    assert [compile_or_load()[1] for _ in range(2)] == [False, True]
+    assert all(__name__ in modules for modules in asked)
 
-    @vector.jit
-    def part(x):
-        return x * 2.0
 
-    whole = machine.load_or_compile(lambda x: part(x) + 1.0, SIGNATURE, dict(vector.TUPLES), "whole|1")
-    assert whole(1.5) == 4.0
-    assert part(1.5) == 3.0
-    assert numba.njit(lambda x: part(x))(1.5) == 3.0
+def times(k):
+    return lambda x: k * x
 
 
-# -- nowhere to write --------------------------------------------------------------------------------------------------
+def test_functions_with_different_content_have_other_symbols():
+    def symbol(k):
+        made = machine.load_or_compile(times(k), SIGNATURE, vector.TUPLES, f"times|{k}")
+        assert made.nopython_signatures == [SIGNATURE]
+        with pytest.raises(TypeError, match="No matching definition"):
+            made(1.0 + 1j)
+        return re.sub(r"B\dv\d+", "", next(iter(made.overloads.values())).fndesc.mangled_name)
+
+    for name_of in (symbol, lambda k: vector.jit(times(k)).py_func.__qualname__):
+        assert name_of(2.0) != name_of(3.0)
+        assert name_of(2.0) == name_of(2.0), "the control"
 
 
 def full(monkeypatch):
-    """Make writing fail as on a full disk."""
-
     def refuse(*_):
         raise OSError(errno.ENOSPC, "No space left on device")
 
@@ -176,14 +169,10 @@ def full(monkeypatch):
 
 
 def no_folder(monkeypatch):
-    """Put a file in the place of the cache folder."""
-    place = Path(os.environ["PHASEBENCH_CACHE"])
-    place.parent.mkdir(exist_ok=True, parents=True)
-    place.write_text("a file")
+    Path(os.environ["PHASEBENCH_CACHE"]).write_text("a file")
 
 
 def no_home(monkeypatch):
-    """Leave no place for a cache."""
     monkeypatch.setattr(cache, "root", lambda: None)
 
 
@@ -194,10 +183,11 @@ def test_an_unwritable_cache_warns_once(place, monkeypatch, caplog, fault):
         for k in range(3):
             cache.write(f"{k}.py", SEVERAL)
             assert cache.read(f"{k}.py") is None
-        assert compile_or_load()[0](1.5) == 2.5
+        compile_or_load()
+        with cache.hold_lock("a.py"):
+            pass
     assert len(caplog.records) == 1
     assert "\n" not in caplog.text.strip()
-    monkeypatch.undo()
 
 
 def test_a_disk_that_fills_up_leaves_no_partial_entry(place):
@@ -209,157 +199,130 @@ def test_a_disk_that_fills_up_leaves_no_partial_entry(place):
         cache.write("b.py", bytes(100_000))
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
-    assert len(cache._logged) == 1
     assert cache.read("a.py") == b"before"
     assert [p.name for p in place.iterdir()] == ["a.py"]
 
 
-# -- several processes -------------------------------------------------------------------------------------------------
-
 CONTENTS = [bytes([65 + k]) * (1000 + 20_000 * k) for k in range(5)]
 
 
-def _write_often(times: int) -> None:
-    """Write entry a.py repeatedly, with varying content."""
-    for k in range(times):
+def write_often():
+    for k in range(100):
         cache.write("a.py", CONTENTS[k % len(CONTENTS)])
 
 
 def test_concurrent_writers_leave_complete_entries(place):
     cache.write("a.py", CONTENTS[0])
-    workers = [multiprocessing.get_context("fork").Process(target=_write_often, args=(100,)) for _ in range(3)]
+    workers = [fork.Process(target=write_often) for _ in range(3)]
     for worker in workers:
         worker.start()
-    seen = []
+    seen = [cache.read("a.py")]
     while any(worker.is_alive() for worker in workers):
         seen.append(cache.read("a.py"))
     for worker in workers:
         worker.join()
-    assert all(worker.exitcode == 0 for worker in workers)
-    assert seen
+        assert worker.exitcode == 0
     assert all(content in CONTENTS for content in seen)
     assert [p.name for p in place.iterdir()] == ["a.py"]
 
 
-def _hold(seconds: float, holds, content: bytes | None) -> None:
-    """Hold the lock of entry a.py for some seconds, then write it if there is content."""
+def _hold(holds, release) -> None:
     with cache.hold_lock("a.py"):
         holds.set()
-        time.sleep(seconds)
-        if content is not None:
-            cache.write("a.py", content)
+        release.wait()
+        cache.write("a.py", SEVERAL)
 
 
 @contextmanager
-def holder(seconds: float, content: bytes | None = None):
-    """Context in which another process holds the lock of entry a.py for ``seconds``, then writes ``content``, if any.
+def holder():
+    """Context in which another process holds the lock of entry a.py until told to write and release it.
 
-    Yields the process.
+    Yields (process, event that tells it).
     """
-    fork = multiprocessing.get_context("fork")
-    holds = fork.Event()
-    process = fork.Process(target=_hold, args=(seconds, holds, content))
+    holds, release = fork.Event(), fork.Event()
+    process = fork.Process(target=_hold, args=(holds, release))
     process.start()
     try:
-        assert holds.wait(10)
-        yield process
+        assert holds.wait(60)
+        yield process, release
     finally:
         process.kill()
         process.join()
 
 
-def seconds_to_lock(name: str = "a.py") -> float:
-    """Seconds until this process gets the lock of an entry."""
-    started = time.monotonic()
-    with cache.hold_lock(name):
-        return time.monotonic() - started
-
-
 def test_a_second_process_waits_and_finds_the_entry(place):
-    with holder(0.5, SEVERAL), cache.hold_lock("a.py"):
-        assert cache.read("a.py") == SEVERAL
-    assert [p.name for p in place.iterdir()] == ["a.py"]
+    with holder() as (_, release):
+        with cache.hold_lock("b.py"):
+            assert cache.read("a.py") is None, "another entry is not waited for"
+        release.set()
+        with cache.hold_lock("a.py"):
+            assert cache.read("a.py") == SEVERAL
 
 
-def test_existing_or_other_entries_are_not_waited_for(place):
-    with holder(30.0):
-        assert seconds_to_lock("b.py") < 5
+def test_nobody_waits_for_a_killed_process_or_an_entry_that_is_there(place, monkeypatch):
+    with holder():
         cache.write("a.py", SEVERAL)
-        assert seconds_to_lock() < 5
-
-
-def test_waiting_ends_when_the_entry_appears(place):
-    with holder(30.0):
-        threading.Timer(0.2, cache.write, ("a.py", SEVERAL)).start()
-        assert 0.1 < seconds_to_lock() < 5
-
-
-def test_a_killed_process_releases_its_lock(place):
-    with holder(30.0) as process:
+        with cache.hold_lock("a.py"):
+            pass
+    (place / "a.py").unlink()
+    with holder() as (process, _):
         process.kill()
         process.join()
-        assert seconds_to_lock() < 5
-    assert not list(place.iterdir())
-
-
-def test_waiting_ends_after_patience(place, monkeypatch):
-    monkeypatch.setattr(cache, "LOCK_TIMEOUT", 0.2)
-    with holder(30.0):
-        assert 0.2 <= seconds_to_lock() < 5
-        assert (place / "a.py.lock").exists()  # still held by the other process
-
-
-def test_a_lock_is_released_after_an_error(place):
-    with pytest.raises(ValueError), cache.hold_lock("a.py"):
+        with cache.hold_lock("a.py"):
+            pass
+    monkeypatch.setattr(cache, "LOCK_TIMEOUT", 0.05)
+    with holder(), cache.hold_lock("a.py"):
+        assert (place / "a.py.lock").exists(), "still held by the other process"
+    with pytest.raises(ValueError), cache.hold_lock("b.py"):
         raise ValueError
-    assert seconds_to_lock() < 5
-    assert not list(place.iterdir())
+    assert not (place / "b.py.lock").exists()
 
 
-def _make_at_once(barrier, results) -> None:
-    """Compile the same function at the same time as the other processes; report whether it was loaded."""
+def compile_at_once(barrier, results) -> None:
     barrier.wait()
     results.put(compile_or_load("met|1")[1])
 
 
 def test_of_concurrent_processes_one_compiles(place):
-    fork = multiprocessing.get_context("fork")
     barrier, results = fork.Barrier(3), fork.Queue()
-    workers = [fork.Process(target=_make_at_once, args=(barrier, results)) for _ in range(3)]
+    workers = [fork.Process(target=compile_at_once, args=(barrier, results)) for _ in range(3)]
     for worker in workers:
         worker.start()
-    loaded = sorted(results.get(timeout=60) for _ in workers)
+    assert sorted(results.get(timeout=60) for _ in workers) == [False, True, True]
     for worker in workers:
         worker.join()
-    assert loaded == [False, True, True]
 
 
-# -- stale entries and size
-# --------------------------------------------------------------------------------------------
+#: A run, and code that allocates, for which Numba's runtime has to be there though nothing is compiled.
+RUN = """
+import numba, numpy as np
+from phasebench.integrators import Hamiltonian, integrate
+from phasebench.integrators.compile import machine
+from phasebench.integrators.values import vector
+number = numba.types.float64(numba.types.float64)
+made = machine.load_or_compile(lambda x: np.zeros(2)[1] + x, number, dict(vector.ARRAYS), "x|allocates")
+pendulum = Hamiltonian(q="q", p="p", H="p**2/2 - cos(q)")
+print(integrate(pendulum, "stormer-verlet", h=0.1, steps=10, q0=[1.0], p0=[0.2]).q[-1, 0], made(1.5))
+print(sum(made.stats.cache_hits.values()))
+"""
 
 
-def test_the_version_depends_on_compilers_and_processor(monkeypatch):
-    now = cache.version.__wrapped__
-    usual = now()
-    monkeypatch.setattr(numba.config, "CPU_NAME", "generic")
-    assert now() != usual
-    monkeypatch.undo()
-    monkeypatch.setattr(numba, "__version__", "0.0")
-    assert now() != usual
+def run_in_process() -> tuple[list[str], int]:
+    """(what the script `RUN` prints, number of lines of its error output)."""
+    done = subprocess.run([sys.executable, "-c", RUN], capture_output=True, text=True, check=True)
+    return done.stdout.splitlines(), len(done.stderr.splitlines())
 
 
-def test_machine_code_is_keyed_by_the_code_of_what_it_calls(place, monkeypatch):
-    """A kernel's modules count with all that they import; others do not."""
-    assert f"{PACKAGE}.families.splitting" in machine.modules_of(splitting.run)
-    assert f"{PACKAGE}.families.rigid" not in machine.modules_of(splitting.run)
-    inner = machine.with_functions(lambda x: part(x), {"part": splitting.step})  # noqa: F821
-    assert f"{PACKAGE}.families.splitting" in machine.modules_of(inner)
-    compile_or_load()
-    asked = []
-    monkeypatch.setattr(machine, "digest_of", lambda modules: asked.append(modules) or "another")
-    assert not compile_or_load()[1]
-    assert compile_or_load()[1]
-    assert all(__name__ in modules for modules in asked)
+def test_processes_agree_with_a_damaged_cache_and_without_one(place):
+    (result, loaded), complaints = run_in_process()
+    assert (loaded, complaints) == ("0", 0)
+    assert run_in_process() == ([result, "1"], 0)
+    for k, path in enumerate(sorted(p for p in place.glob("**/*") if p.is_file() and p.stat().st_size)):
+        path.write_bytes(list(DAMAGES.values())[k % len(DAMAGES)](path.read_bytes()))
+    assert run_in_process() == ([result, "0"], 0)
+    shutil.rmtree(cache.root())
+    cache.root().write_text("a file")
+    assert run_in_process() == ([result, "0"], 1)
 
 
 def fill_folder(name: str, size: int, age: float) -> Path:
@@ -371,20 +334,21 @@ def fill_folder(name: str, size: int, age: float) -> Path:
     return folder
 
 
-def test_the_longest_unused_version_is_evicted_first(place, monkeypatch):
-    monkeypatch.setattr(cache, "MAX_BYTES", 2500)
+def test_what_was_longest_unused_is_evicted_first(place, monkeypatch):
     old, newer = fill_folder("py311-" + "0" * 16, 1000, 900), fill_folder("py312-" + "f" * 16, 1000, 500)
     foreign = fill_folder("photographs", 10_000, 9000)
-    cache.write("a.py", bytes(1000))
-    cache.evict()
-    assert not old.exists()
-    assert newer.exists()
+    for k in range(4):
+        cache.write(f"{k}.py", bytes(1000))
+        os.utime(place / f"{k}.py", (time.time() - 100 + k,) * 2)
+    whole = sum(cache.size(folder)[1] for folder in (place, old, newer))
+    for most, left in ((whole, 6), (whole - 1, 5), (4500, 4), (2500, 2)):
+        monkeypatch.setattr(cache, "MAX_BYTES", most)
+        cache.evict()
+        entries = [old.exists(), newer.exists(), *((place / f"{k}.py").exists() for k in range(4))]
+        assert entries == [False] * (6 - left) + [True] * left
     assert foreign.exists()
-    assert cache.read("a.py") is not None
-    monkeypatch.setattr(cache, "MAX_BYTES", 1100)
-    cache.evict()
-    assert not newer.exists()
-    assert cache.read("a.py") is not None
+    cache.clear()
+    assert (place.exists(), foreign.exists()) == (False, True)
 
 
 def test_reading_counts_as_use(place):
@@ -396,48 +360,6 @@ def test_reading_counts_as_use(place):
         assert time.time() - cache._last_used(place) == pytest.approx(ago, abs=100)
 
 
-def test_the_oldest_entries_are_evicted_next(place, monkeypatch):
-    for k in range(4):
-        cache.write(f"{k}.py", bytes(1000))
-        os.utime(place / f"{k}.py", (time.time() - 100 + k,) * 2)
-    monkeypatch.setattr(cache, "MAX_BYTES", 2500)
-    cache.evict()
-    assert [cache.read(f"{k}.py") is not None for k in range(4)] == [False, False, True, True]
-
-
-def test_a_cache_at_its_bound_is_left_alone(place, monkeypatch):
-    other = fill_folder("py311-" + "0" * 16, 1000, 900)
-    cache.write("a.py", bytes(1000))
-    whole = cache.size(place)[1] + cache.size(other)[1]
-    monkeypatch.setattr(cache, "MAX_BYTES", whole)
-    cache.evict()
-    assert other.exists()
-    monkeypatch.setattr(cache, "MAX_BYTES", whole - 1)
-    cache.evict()
-    assert not other.exists()
-    monkeypatch.setattr(cache, "MAX_BYTES", cache.size(place)[1])
-    cache.evict()
-    assert cache.read("a.py") is not None
-
-
-def test_files_removed_by_another_process_are_skipped(place, monkeypatch):
-    cache.write("a.py", bytes(1000))
-    gone, old = cache.root() / ("py311-" + "0" * 16), 2 * cache.STALE_AFTER
-    listed = [(time.time() - old, 4, place / "left.tmp"), (0.0, 1000, place / "b.py")]
-    monkeypatch.setattr(cache, "versions", lambda: iter([gone]))
-    monkeypatch.setattr(cache, "_entries", lambda of: listed if of == place else [(0.0, 10, gone / "c.py")])
-    monkeypatch.setattr(cache, "MAX_BYTES", 0)
-    cache.evict()
-    assert cache.read("a.py") is not None
-
-
-def test_without_a_folder_nothing_waits(place, monkeypatch):
-    monkeypatch.setattr(cache, "folder", lambda: None)
-    with cache.hold_lock("a.py"):
-        pass
-    assert not place.exists()
-
-
 def test_leftovers_of_a_killed_process_are_removed(place):
     cache.write("a.py", SEVERAL)
     for name, age in (("old.tmp", 2 * cache.STALE_AFTER), ("old.lock", 2 * cache.STALE_AFTER), ("new.tmp", 0)):
@@ -447,37 +369,101 @@ def test_leftovers_of_a_killed_process_are_removed(place):
     assert sorted(p.name for p in place.iterdir()) == ["a.py", "new.tmp"]
 
 
-def test_clearing_leaves_foreign_files(place):
-    cache.write("a.py", SEVERAL)
-    foreign = fill_folder("photographs", 10, 0)
-    cache.clear()
-    assert not place.exists()
-    assert foreign.exists()
+PENDULUM = {"q": "q", "p": "p", "H": "p**2/2 - cos(q)"}
 
 
-# -- in a new process --------------------------------------------------------------------------------------------------
+def test_equal_formulas_share_their_functions(monkeypatch):
+    def end(**given):
+        return integrate(Hamiltonian(**given), "scheme-i", h=0.1, steps=5, q0=[1.0], p0=[0.2]).q[-1]
 
-RUN = """
-from phasebench.integrators import Hamiltonian, integrate
-pendulum = Hamiltonian(q="q", p="p", H="p**2/2 - cos(q)")
-print(integrate(pendulum, "stormer-verlet", h=0.1, steps=10, q0=[1.0], p0=[0.2]).q[-1, 0])
-"""
-
-
-def run_in_process() -> tuple[str, str]:
-    """(stdout, stderr) of the script `RUN`."""
-    done = subprocess.run([sys.executable, "-c", RUN], capture_output=True, text=True, check=True)
-    return done.stdout, done.stderr
+    end(**PENDULUM)
+    monkeypatch.setattr(printing, "source", None)  # would fail if called
+    end(**PENDULUM)
+    with pytest.raises(TypeError, match="not callable"):
+        end(q="q", p="p", H="p**2/2 - cos(q) + q**6/7919")
+    assert problem("kepler", e=0.2).system is problem("kepler", e=0.2).system
+    assert problem("kepler", e=0.2).q0 != problem("kepler", e=0.3).q0
 
 
-def test_runs_agree_with_a_damaged_cache_and_without_one(place):
-    first = run_in_process()
-    assert not first[1]
-    for k, path in enumerate(sorted(p for p in place.glob("**/*") if p.is_file())):
-        path.write_bytes(list(DAMAGES.values())[k % len(DAMAGES)](path.read_bytes()))
-    assert run_in_process() == first
-    shutil.rmtree(cache.root())
-    cache.root().write_text("a file")
-    printed, complaints = run_in_process()
-    assert printed == first[0]
-    assert len(complaints.splitlines()) == 1
+@pytest.mark.parametrize("name", ["pendulum", "lotka-volterra", "nls"])
+def test_systems_can_be_pickled(name):
+    made = problem(name)
+    options = {"h": 0.01, "steps": 3, "q0": made.q0, "p0": made.p0}
+    before = integrate(made.system, "implicit-midpoint", **options)
+    after = integrate(pickle.loads(pickle.dumps(made.system)), "implicit-midpoint", **options)
+    assert np.array_equal([before.q, before.p], [after.q, after.p])
+
+
+def test_a_deferred_system_is_made_when_its_formula_is_needed():
+    made = []
+    whole = Hamiltonian(**PENDULUM)
+    assert whole.H is not None  # evaluates a deferred formula
+    shell = deferred.shell(whole, "a key", lambda: made.append(1) or whole)
+    assert (shell.d, shell.has_energy, shell.singularities, hasattr(shell, "q0")) == (1, True, 0, False)
+    assert made == []
+    assert (shell.H, shell.traits, shell.content) == (whole.H, whole.traits, whole.content)
+    assert made
+    q, p = np.array([[0.3], [1.2]]), np.array([[0.1], [-0.7]])
+    for name in ("energies", "scale", "speed", "rates", "distances"):
+        assert np.array_equal(getattr(whole, name)(q, p), getattr(shell, name)(q, p))
+    with pytest.raises(AttributeError, match="no attribute 'nothing'"):
+        _ = shell.nothing
+
+
+@pytest.fixture
+def keeping(place, monkeypatch):
+    """Switch on the cache of what methods prepare."""
+    monkeypatch.setattr(preparation, "ENABLED", True)
+    preparation._read.cache_clear()
+    yield
+    preparation._read.cache_clear()
+
+
+@pytest.mark.usefixtures("keeping")
+@pytest.mark.parametrize("id", ["scheme-v", "gauss-8", "gauss-equip-3"])
+def test_a_prepared_step_is_read_as_it_was_written(id):
+    system, record = problem("pendulum").system, method(id)
+    made = kernel.prepare(record, system)
+    preparation._read.cache_clear()
+    read = kernel.prepare(record, system)
+    assert read is not made
+    assert read is kernel.prepare(record, system)
+    assert (read.run, kernel._type(read.step), str(read.step)) == (made.run, kernel._type(made.step), str(made.step))
+
+
+@pytest.mark.usefixtures("keeping")
+def test_an_entry_depends_on_method_values_and_system(monkeypatch):
+    kepler = [problem("kepler", e=e).system for e in (0.2, 0.3)]
+    given = [(method("scheme-i", lam=lam), system) for lam in (0, 1) for system in kepler]
+    names = [preparation.entry(*of) for of in given]
+    assert len({*names, preparation.entry(method("rk4"), kepler[0])}) == 5
+    assert names == [preparation.entry(*of) for of in given]
+    q, p = sp.symbols("q p", real=True)
+    assert preparation.entry(method("scheme-i"), Hamiltonian(q=[q], p=[p], H=p**2 / 2 - sp.cos(q))) is None
+    preparation.write(names[0], (x for x in "ab"))  # cannot be written
+    cache.write(names[1], b"no pickle")
+    assert [preparation.read(name) for name in (None, *names[:2])] == [None] * 3
+    monkeypatch.setattr(preparation, "ENABLED", False)
+    assert preparation.entry(*given[0]) is None
+
+
+class Terminal(io.StringIO):
+    def isatty(self):
+        return True
+
+
+#: What a notebook puts in the place of stderr.
+Notebook = type("OutStream", (io.StringIO,), {"__module__": "ipykernel.iostream"})
+
+
+@pytest.mark.parametrize(
+    ("stream", "shown"), [(Terminal, "compiling ...\r\033[K"), (Notebook, "compiling ...\n"), (io.StringIO, "")]
+)
+def test_long_compilations_are_announced_where_somebody_looks(stream, shown, monkeypatch):
+    monkeypatch.delenv(progress.QUIET, raising=False)
+    for patience, written in ((0.0, shown), (60.0, "")):
+        monkeypatch.setattr(progress, "PATIENCE", patience)
+        monkeypatch.setattr("sys.stderr", stream())
+        with progress.on_stderr("compiling ..."), progress.on_stderr("compiling another ..."):
+            time.sleep(0.1)
+        assert sys.stderr.getvalue() == written

@@ -4,6 +4,7 @@ import signal
 import threading
 import time
 from functools import partial
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,11 +14,17 @@ from phasebench.integrators import Hamiltonian, batches, driver, trajectory
 from phasebench.integrators.driver import COLLISION, DIVERGED, INVALID, NOT_CONVERGED, OK, integrate
 from phasebench.integrators.ensemble import integrate_ensemble
 from phasebench.integrators.errors import InvalidInput
+from phasebench.integrators.outcome import describe_crossing
+from phasebench.integrators.registry import method
+from phasebench.integrators.stepping import orbit_lanes
 from phasebench.integrators.stepping.orbit_lanes import LANES
+from phasebench.integrators.systems.hamiltonian import PartitionedSystem
+from support.marks import compiled
 
 #: One more than a block of lanes, so that the last block is incomplete.
 N = LANES.n + 1
 BOX = "henon-heiles:box"
+OSCILLATOR = Hamiltonian(q="q", p="p", H="p**2/2 + q**2/2")
 
 
 def starts(name, n=N, spread=0.02):
@@ -27,25 +34,31 @@ def starts(name, n=N, spread=0.02):
     return made, Q, P
 
 
-def alone(made, id, Q, P, i, parameters=None, **options):
-    """The solution of `integrate` for the i-th orbit alone."""
-    return integrate(made, id, q0=Q[i], p0=P[i], parameters=parameters, **options)
+def check(made, id, Q, P, orbits=None, parameters=None, **options):
+    """Assert that orbits of an ensemble have rows, end, status and, if all are looked at, counts of `integrate` alone.
 
-
-def assert_same(ensemble, i, solution):
-    """Assert that the i-th orbit of an ensemble has the rows, end and status of a solution."""
-    rows = len(solution.q)
-    np.testing.assert_array_equal(ensemble.Q[i, :rows], solution.q)
-    np.testing.assert_array_equal(ensemble.P[i, :rows], solution.p)
-    assert np.isnan(ensemble.Q[i, rows:]).all()
-    np.testing.assert_array_equal(ensemble.q[i], solution.q[-1])
-    assert ensemble.t[i] == solution.t[-1]
-    assert (ensemble.status[i], ensemble.reason[i]) == (solution.status, solution.reason)
+    Returns the ensemble and the solutions.
+    """
+    found, alone = integrate_ensemble(made, id, Q, P, parameters=parameters, **options), []
+    for i in range(len(Q)) if orbits is None else orbits:
+        mine = {k: v[i] if np.ndim(v) else v for k, v in options.items() if k not in ("lanes", "threads")}
+        values = {k: v[i] if np.ndim(v) else v for k, v in (parameters or {}).items()} or None
+        s = integrate(made, id, q0=Q[i], p0=P[i], parameters=values, **{"save_every": 0} | mine)
+        alone.append(s)
+        for rows, wanted in ((found.Q[i], s.q), (found.P[i], s.p)):
+            np.testing.assert_array_equal(rows[: len(wanted)], wanted)
+            assert np.isnan(rows[len(wanted) :]).all()
+        np.testing.assert_array_equal(found.times[i][: len(s.t)], s.t)
+        np.testing.assert_array_equal(found.q[i], s.q[-1])
+        assert (found.t[i], found.status[i], found.reason[i]) == (s.t[-1], s.status, s.reason)
+    if orbits is None and set(found.status) == {OK}:
+        for kind in ("steps", "gradient", "iterations", "hessian", "newton"):
+            assert found.counts[kind] == sum(s.counts[kind] for s in alone), kind
+    return found, alone
 
 
 CASES = [
     (BOX, "stormer-verlet", None),
-    (BOX, "blanes-moan-s6", None),
     (BOX, "scheme-iii", {"lam": 1 / 3}),
     ("kepler", "scheme-i", {"lam": 0.3}),
     ("lotka-volterra", "implicit-midpoint", None),
@@ -54,87 +67,64 @@ CASES = [
 ]
 
 
+@compiled
 @pytest.mark.processor
 @pytest.mark.parametrize(("name", "id", "parameters"), CASES)
 def test_a_lane_equals_the_scalar_kernel_bit_by_bit(name, id, parameters):
     made, Q, P = starts(name)
-    options = {"h": 0.05, "steps": 205, "save_every": 50, "parameters": parameters}
-    ensemble = integrate_ensemble(made, id, Q, P, **options)
-    assert ensemble.in_lanes.all()
-    solutions = [alone(made, id, Q, P, i, **options) for i in range(N)]
-    for i, solution in enumerate(solutions):
-        assert_same(ensemble, i, solution)
-    for kind in ("steps", "gradient", "iterations", "hessian", "newton"):
-        assert ensemble.counts[kind] == sum(s.counts[kind] for s in solutions), kind
+    found, _ = check(made, id, Q, P, None, parameters, h=0.05, steps=205, save_every=50)
+    assert found.in_lanes.all()
 
 
 @pytest.mark.processor
-@pytest.mark.parametrize("name", ["pendulum", "lotka-volterra-log"])
-def test_lanes_have_their_own_elementary_functions(name):
-    """Sine, cosine and exponential differ in the last places, which a regular motion does not amplify."""
-    made, Q, P = starts(name)
-    options = {"h": 0.05, "steps": 200, "save_every": 50}
-    ensemble = integrate_ensemble(made, "stormer-verlet", Q, P, **options)
-    assert ensemble.in_lanes.all()
+def test_lanes_have_their_own_elementary_functions():
+    """They differ in the last places, which a regular motion does not amplify."""
+    made, Q, P = starts("pendulum")
+    found = integrate_ensemble(made, "stormer-verlet", Q, P, h=0.05, steps=200, save_every=50)
+    assert found.in_lanes.all()
     for i in range(N):
-        solution = alone(made, "stormer-verlet", Q, P, i, **options)
-        np.testing.assert_allclose(ensemble.Q[i], solution.q, rtol=0, atol=2e-13)
-        np.testing.assert_allclose(ensemble.P[i], solution.p, rtol=0, atol=2e-13)
+        s = integrate(made, "stormer-verlet", h=0.05, steps=200, save_every=50, q0=Q[i], p0=P[i])
+        np.testing.assert_allclose([found.Q[i], found.P[i]], [s.q, s.p], rtol=0, atol=2e-13)
 
 
 def test_functions_without_lanes_are_called_one_by_one():
     system = Hamiltonian(q="q", p="p", H="p**2/2 + (q**2 + 1)**1.3 - log(q**2 + 2) + tan(q/4)")
-    Q, P = np.linspace(-1, 1, N)[:, None], np.zeros((N, 1))
-    ensemble = integrate_ensemble(system, "stormer-verlet", Q, P, h=0.05, steps=100)
-    assert ensemble.in_lanes.all()
-    for i in (0, 3, N - 1):
-        assert_same(ensemble, i, alone(system, "stormer-verlet", Q, P, i, h=0.05, steps=100, save_every=0))
+    Q = np.linspace(-1, 1, 2 * LANES.n)[:, None]
+    assert check(system, "stormer-verlet", Q, 0 * Q, h=0.05, steps=100)[0].in_lanes.all()
 
 
-def test_every_orbit_has_its_own_step_and_lambda():
-    made, Q, P = starts(BOX)
+@pytest.mark.parametrize("lanes", [None, False])
+def test_every_orbit_has_its_own_step_and_lambda(lanes):
     h, lam = 1 / np.linspace(5, 100, N).round(), np.linspace(0.1, 0.9, N)
-    ensemble = integrate_ensemble(made, "scheme-i", Q, P, h=h, t_end=1.0, parameters={"lam": lam})
-    assert ensemble.in_lanes.all()
-    np.testing.assert_allclose(ensemble.t, 1.0, rtol=1e-12)
-    for i in range(N):
-        assert_same(ensemble, i, alone(made, "scheme-i", Q, P, i, {"lam": lam[i]}, h=h[i], t_end=1.0, save_every=0))
+    made, Q, P = starts(BOX)
+    found, _ = check(made, "scheme-i", Q, P, parameters={"lam": lam}, h=h, t_end=1.0, lanes=lanes)
+    assert found.in_lanes.all() == (lanes is None)
+    np.testing.assert_allclose(found.t, 1.0, rtol=1e-12)
 
 
-@pytest.mark.parametrize(("steps", "every"), [(57, 7), (57, 25), (57, 57), (60, 1), (45, 10)])
+@pytest.mark.parametrize(("steps", "every"), [(57, 7), (57, 25), (60, 1)])
 def test_rows_are_computed_in_the_pieces_of_the_driver(monkeypatch, steps, every):
     """Kicks at the ends of a piece are split, which rounds differently; ensemble and driver must split alike."""
     for module in (driver, trajectory, batches):
         monkeypatch.setattr(module, "PIECE", 10)
     made, Q, P = starts(BOX)
-    options = {"h": 0.1, "steps": steps, "save_every": every}
-    ensemble = integrate_ensemble(made, "stormer-verlet", Q, P, **options)
-    assert ensemble.in_lanes.all(), "none had to be integrated again"
-    for i in (0, N - 1):
-        assert_same(ensemble, i, alone(made, "stormer-verlet", Q, P, i, **options))
+    found, _ = check(made, "stormer-verlet", Q, P, (0, N - 1), h=0.1, steps=steps, save_every=every)
+    assert found.in_lanes.all(), "none had to be integrated again"
 
 
 def test_a_method_of_any_family_runs_on_threads():
     made, Q, P = starts("pendulum", 5)
-    ensemble = integrate_ensemble(made, "avf", Q, P, h=0.1, steps=20, save_every=5, threads=2)
-    assert not ensemble.in_lanes.any()
-    solutions = [alone(made, "avf", Q, P, i, h=0.1, steps=20, save_every=5) for i in range(5)]
-    for i, solution in enumerate(solutions):
-        assert_same(ensemble, i, solution)
-    assert ensemble.counts["iterations"] == sum(s.counts["iterations"] for s in solutions)
+    found, _ = check(made, "avf", Q, P, h=0.1, steps=20, save_every=5, threads=2)
+    assert not found.in_lanes.any()
 
 
-@pytest.mark.parametrize("id", ["avf", "scheme-v", "dop853-relaxation"])
+@pytest.mark.parametrize("id", ["avf", "dop853-relaxation"])
 def test_stopped_orbits_have_the_status_of_integrate(id):
-    """One orbit escapes, one starts where no step can be solved; the others end as they would alone."""
+    """One orbit escapes, one starts where no step can be solved."""
     made, Q, P = starts(BOX, 4)
     Q[1], P[2] = (3.0, -3.0), (1e80, 1e80)
-    options = {"h": 0.1, "steps": 300, "save_every": 70}
-    ensemble = integrate_ensemble(made, id, Q, P, lanes=False, **options)
-    solutions = [alone(made, id, Q, P, i, **options) for i in range(4)]
-    assert solutions[0].status == OK != solutions[2].status
-    for i, solution in enumerate(solutions):
-        assert_same(ensemble, i, solution)
+    found, _ = check(made, id, Q, P, h=0.1, steps=300, save_every=70, lanes=False)
+    assert found.status[0] == OK != found.status[2]
 
 
 @pytest.mark.processor
@@ -142,61 +132,91 @@ def test_a_failure_affects_its_own_orbit_only():
     n = max(N, 8)  # more than one block, however few lanes a register holds
     made, Q, P = starts(BOX, n)
     Q[1], P[3, 0], Q[5], Q[6] = np.nan, np.inf, (30.0, 30.0), (3.0, 3.0)
-    ensemble = integrate_ensemble(made, "stormer-verlet", Q, P, h=0.1, steps=100, save_every=1)
-    expected = np.full(n, OK, dtype=object)
-    expected[[1, 3]], expected[[5, 6]] = INVALID, DIVERGED
-    assert ensemble.status.tolist() == expected.tolist()
-    assert "finite" in ensemble.reason[1]
-    assert np.isfinite(ensemble.q[[5, 6]]).all()  # the last finite row
-    for i in (0, 5, 6, n - 1):
-        assert_same(ensemble, i, alone(made, "stormer-verlet", Q, P, i, h=0.1, steps=100))
+    found, _ = check(made, "stormer-verlet", Q, P, (0, 5, 6, n - 1), h=0.1, steps=100, save_every=1)
+    expected = {1: INVALID, 3: INVALID, 5: DIVERGED, 6: DIVERGED}
+    assert found.status.tolist() == [expected.get(i, OK) for i in range(n)]
+    assert np.isfinite(found.q[[5, 6]]).all()  # the last finite row
 
 
 def test_a_collision_is_detected_in_lanes():
     made, Q, P = starts("kepler", N, 1e-3)
     Q[2], P[2] = (1.0, 0.0), (-0.5, 0.0)
-    ensemble = integrate_ensemble(made, "stormer-verlet", Q, P, h=0.05, steps=100, save_every=1)
-    assert ensemble.status[2] == COLLISION
-    assert set(np.delete(ensemble.status, 2)) == {OK}
-    assert_same(ensemble, 2, alone(made, "stormer-verlet", Q, P, 2, h=0.05, steps=100))
+    found, _ = check(made, "stormer-verlet", Q, P, (2,), h=0.05, steps=100, save_every=1)
+    assert found.status.tolist() == [COLLISION if i == 2 else OK for i in range(N)]
+
+
+def test_encounters_that_lose_energy_are_redone():
+    """Four orbits pass a singularity nearer than one step. Two lose energy there, one lost it before.
+
+    The loss is relative to the first row; the last orbit has more energy in its second row.
+    """
+    plane = Hamiltonian(q="x y", p="u v", H="u**2/2 + v**2/2 - 1/sqrt(x**2 + y**2)", singular=["sqrt(x**2 + y**2)"])
+    Q, P = np.zeros((2, 4, 4, 2))
+    Q[:, :, 0] = (2.0, 1.0, 0.5, 2.0)
+    P[:, :, 1] = np.sqrt(2 / Q[:, :, 0] - 0.2)  # so that H = -0.1
+    P[0, 3, 1], P[1, 1, 1] = np.sqrt(2 / 2.0 - 0.2 + 0.04), np.sqrt(2 / 1.0 - 0.2 + 0.04)
+    P[3, 1, 1], P[3, 3, 1] = np.sqrt(2 / 1.0 - 0.5), P[0, 3, 1]
+    whole = np.ones(4, int)
+    orbits = batches.Orbits.create(
+        plane, Q[:, 0], P[:, 0], 0.3 * whole, 3 * whole, whole, [method("rk4")], 0 * whole, 4
+    )
+    orbits.Q, orbits.P = Q, P
+    assert batches.find_doubtful(orbits, np.arange(4)).tolist() == [0, 3]
+    said = [describe_crossing(plane, 0.3 * np.arange(4), Q[i], P[i], 0.3) for i in range(4)]
+    assert [x is not None for x in said] == [True, False, False, True], "what `integrate` would say"
+    orbits.h[:] = 0.1
+    assert batches.find_doubtful(orbits, np.arange(4)).tolist() == []
 
 
 def test_an_orbit_that_loses_its_step_density_is_redone_alone():
     made, Q, P = starts("kepler", N, 1e-3)
     Q[2], P[2] = (1.0, 0.0), (0.0, 0.0)  # falls into the centre
-    options = {"h": 0.1, "steps": 100, "save_every": 10}
-    ensemble = integrate_ensemble(made, "stormer-verlet-adaptive", Q, P, **options)
-    assert ensemble.status[2] == NOT_CONVERGED
-    assert ensemble.in_lanes.tolist() == [i != 2 for i in range(N)]
-    for i in (0, 2, N - 1):
-        assert_same(ensemble, i, alone(made, "stormer-verlet-adaptive", Q, P, i, **options))
+    found, _ = check(made, "stormer-verlet-adaptive", Q, P, (0, 2, N - 1), h=0.1, steps=100, save_every=10)
+    assert found.status[2] == NOT_CONVERGED
+    assert found.in_lanes.tolist() == [i != 2 for i in range(N)]
 
 
 def test_lanes_wait_for_the_orbit_with_most_steps():
     """Neither states nor counts depend on the neighbours; every second orbit is far out and takes few steps."""
     made, Q, P = starts("kepler", N, 1e-3)
     Q[1::2], P[1::2] = 9 * Q[1::2], P[1::2] / 3
-    options = {"h": 0.3, "steps": 40, "save_every": 20}
-    ensemble = integrate_ensemble(made, "sofroniou-spaletta-10-adaptive", Q, P, **options)
-    solutions = [alone(made, "sofroniou-spaletta-10-adaptive", Q, P, i, **options) for i in range(N)]
-    assert ensemble.in_lanes.all()
-    assert solutions[0].counts["gradient"] > 5 * solutions[1].counts["gradient"]
-    assert ensemble.counts["gradient"] == sum(s.counts["gradient"] for s in solutions)
-    for i, solution in enumerate(solutions):
-        assert_same(ensemble, i, solution)
+    found, alone = check(made, "sofroniou-spaletta-10-adaptive", Q, P, h=0.3, steps=40, save_every=20)
+    assert found.in_lanes.all()
+    assert alone[0].counts["gradient"] > 5 * alone[1].counts["gradient"]
 
 
 def test_a_lane_that_does_not_contract_is_solved_alone():
-    made, Q, P = starts("pendulum")
     h = np.full(N, 0.1)
     h[[2, N - 1]] = 4.0  # needs Newton's method
-    ensemble = integrate_ensemble(made, "implicit-midpoint", Q, P, h=h, steps=10)
-    solutions = [alone(made, "implicit-midpoint", Q, P, i, h=h[i], steps=10, save_every=0) for i in range(N)]
-    assert solutions[2].counts["newton"] > 0
-    assert ensemble.in_lanes.tolist() == [i not in (2, N - 1) for i in range(N)]
-    assert ensemble.counts["newton"] == sum(s.counts["newton"] for s in solutions)
-    for i in (2, N - 1):
-        assert_same(ensemble, i, solutions[i])
+    made, Q, P = starts("pendulum")
+    found, alone = check(made, "implicit-midpoint", Q, P, (2, N - 1), h=h, steps=10)
+    assert found.counts["newton"] == sum(s.counts["newton"] for s in alone) > 0
+    assert found.in_lanes.tolist() == [i not in (2, N - 1) for i in range(N)]
+
+
+def test_an_initial_state_outside_the_domain_is_invalid():
+    Q, root = np.array([[1.0], [-1.0], [np.nan], [2.0]]), Hamiltonian(q="q", p="p", H="p**2/2 + sqrt(q)")
+    found = integrate_ensemble(root, "stormer-verlet", Q, 0 * Q + 1, h=0.1, steps=2)
+    assert found.status.tolist() == ["ok", "invalid", "invalid", "ok"]
+    assert found.t.tolist() == pytest.approx([0.2, 0, 0, 0.2])
+    free = PartitionedSystem(q="q", p="p", dq=["p"], dp=["-q"])
+    assert integrate_ensemble(free, "rk4", [[1.0]], [[0.0]], h=0.1, steps=2).status.tolist() == ["ok"]
+
+
+@compiled
+def test_orbits_go_in_lanes_if_they_can_and_are_enough():
+    for n, lanes, expected in ((batches.ENOUGH, None, True), (batches.ENOUGH - 1, None, False), (1, True, True)):
+        Q = np.ones((n, 1))
+        assert integrate_ensemble(OSCILLATOR, "rk4", Q, Q, h=0.1, steps=1, lanes=lanes).in_lanes.all() == expected
+    small = Hamiltonian(q="x y", p="u v", H="u**2/2 + v**2/2 + x**2*y**2 + x**2 + y**2")
+    laned = ("stormer-verlet", "scheme-i", "rk4", "sofroniou-spaletta-10-adaptive")
+    for id in (*laned, "gauss-2", "avf", "gauss-4-adaptive"):
+        assert orbit_lanes.runs_in_lanes(small, method(id)) == (id in laned)
+    for d in (orbit_lanes.MOST, orbit_lanes.MOST + 1):
+        q, p = ([f"{x}{i}" for i in range(d)] for x in "qp")
+        large = Hamiltonian(q=q, p=p, H=" + ".join(f"{x}**2/2" for x in (*q, *p)))
+        assert orbit_lanes.runs_in_lanes(large, method("rk4")) == (d == orbit_lanes.MOST)
+    assert not orbit_lanes.compiles_in_lanes(SimpleNamespace(make_function=None, loops={"field": 1}))
 
 
 def test_kernels_release_the_interpreter_lock():
@@ -215,8 +235,7 @@ def test_progress_ends_at_the_number_of_orbits():
     Q[4] = np.nan
     told = []
     integrate_ensemble(made, "stormer-verlet", Q, P, h=0.1, steps=5, progress=told.append)
-    assert told[-1] == 3 * N
-    assert told == sorted(told)
+    assert (told[-1], told) == (3 * N, sorted(told))
 
 
 BAD = [
@@ -248,21 +267,13 @@ def test_invalid_arguments_are_refused(changed, message):
 
 
 @pytest.mark.parametrize(("id", "n", "lanes"), [("stormer-verlet", 50_000, True), ("gauss-6", 2000, False)])
-def test_an_ensemble_is_interrupted_whatever_its_steps(id, n, lanes):
-    """Ctrl-C ends a run of years within seconds; the orbits are whole in the next."""
-    made = problem("henon-heiles:box")
+def test_an_ensemble_of_years_is_interrupted(id, n, lanes):
+    """Its orbits are whole in the next run."""
+    made = problem(BOX)
     q, p = (np.tile(x, (n, 1)) for x in (made.q0, made.p0))
     run = partial(integrate_ensemble, made, id, q, p, h=1e-3, lanes=lanes, threads=2)
     end = run(steps=20).q
-    sent = []
-
-    def interrupt() -> None:
-        sent.append(time.monotonic())
-        signal.raise_signal(signal.SIGINT)
-
-    timer = threading.Timer(1.0, interrupt)
-    timer.start()
+    threading.Timer(0.3, signal.raise_signal, (signal.SIGINT,)).start()
     with pytest.raises(KeyboardInterrupt):
         run(steps=10**11)
-    assert time.monotonic() - sent[0] < 10, "two seconds where nothing else runs"
     assert np.array_equal(run(steps=20).q, end)

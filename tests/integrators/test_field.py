@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-
 import mpmath
 import numpy as np
 import pytest
@@ -24,8 +22,6 @@ KEPLER = problem("kepler", e=0.8)
 PERIOD = 2 * np.pi
 #: A wall at q = 0; far from it the force is constant to all digits, so that nothing announces the wall.
 WALL = Hamiltonian(q="q", p="p", H="p**2/2 + exp(-40*q) + q")
-#: A non-separable H.
-COUPLED = Hamiltonian(q="x y", p="u v", H="(u**2 + v**2)*(1 + x**2/4)/2 + x**2/2 + y**4/4 + y**2")
 
 
 def lengths(system, id, h, q0, p0, every, rows=1):
@@ -103,43 +99,11 @@ def test_the_growth_of_steps_is_bounded():
     assert ratios.max() > 0.9 * field.GROWTH, "the field is constant: nothing else bounds a step"
 
 
-def same_with_all_rows(system, id, q0, p0, t_end):
-    """Assert that a run reaches the same end with all rows stored and with none."""
-    every, none = (integrate(system, id, h=0.02, t_end=t_end, q0=q0, p0=p0, save_every=n) for n in (1, 0))
+@pytest.mark.parametrize(("made", "start"), [(KEPLER, {}), (WALL, {"q0": [3.0], "p0": [0.0]})])
+def test_the_orbit_does_not_depend_on_the_stored_rows(made, start):
+    every, none = (integrate(made, "gauss-8-field", h=0.02, t_end=8.0, save_every=n, **start) for n in (1, 0))
     assert np.array_equal(end(every), end(none))
-    assert every.t[-1] == t_end
-
-
-@pytest.mark.parametrize("id", BY_ID)
-def test_the_orbit_does_not_depend_on_the_stored_rows(id):
-    same_with_all_rows(KEPLER.system, id, KEPLER.q0, KEPLER.p0, 10.0)
-
-
-def test_rows_near_a_wall_do_not_change_the_orbit():
-    same_with_all_rows(WALL, "gauss-8-field", [3.0], [0.0], 8.0)
-
-
-def test_a_close_passage_costs_less_than_with_fixed_steps():
-    s = integrate(KEPLER, "gauss-8-field", t_end=10 * PERIOD, steps=1200, save_every=0)
-    start = np.concatenate([KEPLER.q0, KEPLER.p0])
-    error = np.abs(end(s) - start).max()
-    fixed = integrate(KEPLER, "gauss-8", t_end=10 * PERIOD, steps=600, save_every=0)
-    assert s.counts["gradient"] < fixed.counts["gradient"]
-    assert error < 0.1 * np.abs(end(fixed) - start).max()
-
-
-def test_quadratic_invariants_but_not_energy_are_conserved():
-    s = integrate(KEPLER, "gauss-4-field", h=0.3, t_end=20 * PERIOD)
-    momentum = s.q[:, 0] * s.p[:, 1] - s.q[:, 1] * s.p[:, 0]
-    assert np.abs(momentum - momentum[0]).max() < 1e-12
-    energy = KEPLER.system.energies(s.q, s.p)
-    assert np.abs(energy - energy[0]).max() > 1e-10
-
-
-def test_a_fall_into_the_singularity_ends():
-    s = integrate(KEPLER, "gauss-8-field", h=0.1, t_end=5, q0=[1.0, 0.0], p0=[0.0, 0.0])
-    assert s.status in ("collision", "not-converged")
-    assert s.t[-1] < 1.2
+    assert every.t[-1] == 8.0
 
 
 def test_missing_traits_of_a_system_are_reported():
@@ -148,24 +112,7 @@ def test_missing_traits_of_a_system_are_reported():
         integrate(beyond, "gauss-8-field", h=0.1, steps=1, q0=[1, 0], p0=[0, 1])
 
 
-def short():
-    """{"method system": end state} of twelve steps of each method on two systems."""
-    systems = {"kepler": (KEPLER.system, KEPLER.q0, KEPLER.p0), "coupled": (COUPLED, [0.6, -0.8], [0.3, 0.5])}
-    return {
-        f"{id} {name}": end(integrate(system, id, h=0.2, steps=12, save_every=5, q0=q0, p0=p0)).tolist()
-        for id in BY_ID
-        for name, (system, q0, p0) in systems.items()
-    }
-
-
-def test_compiled_and_uncompiled_runs_agree(uncompiled):
-    there = uncompiled("integrators/test_field.py")
-    for id, state in short().items():
-        assert np.abs(np.array(state) - there[id]).max() < 1e-12, id
-
-
-@pytest.mark.parametrize("name", ["gauss-4-field", "gauss-8-field"])
-@pytest.mark.parametrize("turned", [1e-16, 1e-12, 1e-6])
+@pytest.mark.parametrize(("name", "turned"), [("gauss-4-field", 1e-16), ("gauss-8-field", 1e-6)])
 def test_a_coordinate_at_rest_does_not_shorten_steps(name, turned):
     """q' = 0 at p = 0 for H = exp(q) - q + exp(p) - p + ...; a tiny p must not make the steps shorter."""
     made = Hamiltonian(q="q", p="p", H="exp(q) - q + exp(p) - p + q**2*p**2/100")
@@ -179,7 +126,3 @@ def test_a_step_that_shrinks_to_zero_ends_the_run():
     made = Hamiltonian(q="q", p="p", H="p**2/2 - 1/q", singular=())
     ended = integrate(made, "gauss-4-field", h=0.1, t_end=10.0, q0=[1.0], p0=[0.0], timeout=60)
     assert ended.status not in (OK, TIMEOUT)
-
-
-if __name__ == "__main__":
-    print(json.dumps({"result": short()}))

@@ -96,7 +96,7 @@ def test_lanes_integrate_the_same_orbits(id):
 
 @pytest.mark.parametrize("id", ["sabac-2", "omelyan-6-5f5g-p"])
 def test_arrays_and_tuples_agree(id, monkeypatch):
-    """With rows on the way; the other two of `KINDS` agree bit by bit (test_in_place.py)."""
+    """With rows on the way; the other two of `KINDS` agree bit by bit (test_values.py)."""
     d = family.MOST + 1
     q, p = np.linspace(0.3, 0.9, d), np.linspace(-0.2, 0.4, d)
     ends = []

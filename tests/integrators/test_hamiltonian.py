@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import pickle
-
 import numpy as np
 import pytest
 import sympy as sp
 
-from phasebench.benchmarks.problems import problem
 from phasebench.integrators import Hamiltonian, InvalidInput
-from phasebench.integrators.systems.hamiltonian import SHOWN, PartitionedSystem
+from phasebench.integrators.systems.hamiltonian import PartitionedSystem
 
 FORMULAE = {
     "q": "x y",
@@ -27,7 +24,6 @@ MADE = {
 }
 Q, P = np.random.default_rng(4).normal(size=(2, 3, 2))
 (X, Y), (U, V) = Q.T, P.T
-ANYHOW = pytest.mark.parametrize("system", MADE.values(), ids=MADE)
 
 
 def of(H, q="q", p="p", **further):
@@ -35,7 +31,7 @@ def of(H, q="q", p="p", **further):
     return Hamiltonian(q=q, p=p, H=H, **further)
 
 
-@ANYHOW
+@pytest.mark.parametrize("system", MADE.values(), ids=MADE)
 def test_functions_of_rows(system):
     assert np.allclose(system.energies(Q, P), U**2 / 2 + V**2 / 6 + X**4 / 4 - 2 * np.cos(Y) + 7, rtol=1e-14)
     assert np.allclose(system.rates(Q, P), [U, V / 3, -(X**3), -2 * np.sin(Y)], rtol=1e-14)
@@ -44,19 +40,23 @@ def test_functions_of_rows(system):
     assert np.allclose(system.observe(system.invariants[0], Q, P), U * V, rtol=1e-14)
     assert system.observe(3, Q, P).tolist() == [3.0] * 3, "a number, once for each row"
     assert of("p**2/2").distances(Q[:, :1], P[:, :1]).shape == (0, 3)
-
-
-@ANYHOW
-def test_the_scale_of_energy_omits_constants(system):
-    assert system.constant == 7.0
-    assert np.allclose(system.scale(Q, P), U**2 / 2 + V**2 / 6 + X**4 / 4 + 2, rtol=1e-14)
-    assert np.isclose(of("p**2/2 + q/cos(q)").scale([[2.0]], [[0.0]]), 2 / abs(np.cos(2.0))), "a pole is no wave"
-    assert np.isclose(of("p**2/2 - 3*sin(q)**2*(q - 1)").scale([[0.5]], [[0.0]]), 3 * 0.5 + 3), "multiplied out"
-
-
-def test_infinite_values_do_not_warn():
     with np.errstate(all="raise"):
         assert of("p**2/2 - 1/q").energies([[0.0]], [[1.0]]) == -np.inf
+    rates = [-2.0, 1.0, -(0.5**3), -2 * np.sin(0.3)]
+    assert np.allclose(system.vector_field()(0.0, np.array([0.5, 0.3, -2.0, 3.0])), rates, rtol=1e-14)
+    found = np.array(
+        system.hessian().subs(dict(zip((*system.q, *system.p), (0.5, 0.3, -2.0, 3.0), strict=True))), float
+    )
+    assert np.allclose(found, np.diag([3 * 0.5**2, 2 * np.cos(0.3), 1, 1 / 3]), rtol=1e-14)
+    observed = system.observe(system.q[0], Q, P)
+    assert (observed.tolist(), np.shares_memory(observed, Q)) == (X.tolist(), False)
+
+
+def test_the_scale_of_energy_omits_constants():
+    assert TEXT.constant == 7.0
+    assert np.allclose(TEXT.scale(Q, P), U**2 / 2 + V**2 / 6 + X**4 / 4 + 2, rtol=1e-14)
+    assert np.isclose(of("p**2/2 + q/cos(q)").scale([[2.0]], [[0.0]]), 2 / abs(np.cos(2.0))), "a pole is no wave"
+    assert np.isclose(of("p**2/2 - 3*sin(q)**2*(q - 1)").scale([[0.5]], [[0.0]]), 3 * 0.5 + 3), "multiplied out"
 
 
 def test_the_round_off_scale_of_the_energy():
@@ -65,21 +65,6 @@ def test_the_round_off_scale_of_the_energy():
     assert np.isclose(H, 4 / 2 + 9 / 6 + 0.5**4 / 4 - 2 * np.cos(0.3) + 7, rtol=1e-14)
     assert np.isclose(M, terms + 0.5 * 0.5**3 + 0.3 * 2 * np.sin(0.3) + 4 + 3 * 3 / 3, rtol=1e-14)
 
-
-def test_the_vector_field():
-    assert np.allclose(TEXT.vector_field()(0.0, np.array([0.5, 0.3, -2.0, 3.0])), RATES, rtol=1e-14)
-
-
-RATES = [-2.0, 1.0, -(0.5**3), -2 * np.sin(0.3)]
-
-
-def test_the_hessian():
-    at = dict(zip((*TEXT.q, *TEXT.p), (0.5, 0.3, -2.0, 3.0), strict=True))
-    found = np.array(TEXT.hessian().subs(at), float)
-    assert np.allclose(found, np.diag([3 * 0.5**2, 2 * np.cos(0.3), 1, 1 / 3]), rtol=1e-14)
-
-
-# -- traits -----------------------------------------------------------------------------------------------------------
 
 #: H -> (separable, quadratic kinetic energy, unit mass, degree of a polynomial).
 KINDS = {
@@ -124,40 +109,6 @@ def test_inverse_masses_are_rational_and_diagonal(T, unit, inverse):
     assert (system.quadratic_kinetic, system.unit_mass, system.inverse_masses) == (True, unit, inverse)
 
 
-def test_observed_values_do_not_share_memory():
-    system, Q = of("p**2/2 + q"), np.array([[1.0], [2.0]])
-    found = system.observe(system.q[0], Q, 0 * Q)
-    assert found.tolist() == [1.0, 2.0]
-    assert not np.shares_memory(found, Q)
-
-
-def test_traits_of_every_kind():
-    bare = PartitionedSystem(q="q", p="p", dq=["p*q"], dp=["-q"])
-    assert not any(bare.traits.values())
-    assert (bare.has_energy, bare.polynomial_degree) == (False, None)
-    assert PartitionedSystem(q="q", p="p", dq=["p"], dp=["-q"], energy="p**2 + q**2").polynomial_degree == 2
-    every = of("p**2/2 + q**2/2 + q**3", singular=("q",), invariants=("p",), frequencies=(1,), kepler=object())
-    assert every.traits == dict.fromkeys(every.traits, True) | {
-        "polynomial degree": 3,
-        "magnetic": "",
-        "constrained": False,
-        "rigid body": False,
-        "parts": False,
-    }
-    assert {*bare.traits} == {*every.traits}
-    assert of("p**2/2 + q").traits | {"polynomial degree": None} == bare.traits | dict.fromkeys(
-        (
-            "canonical",
-            "separable",
-            "quadratic kinetic energy",
-            "Poisson structure",
-            "elementary derivatives",
-            "constant mass matrix",
-        ),
-        True,
-    )
-
-
 def test_the_slow_potential_omits_the_springs():
     fast = of("(u**2 + v**2)/2 + 9*x**2/2 + x**4*y", "x y", "u v", frequencies=(3, 0))
     x, y = fast.q
@@ -177,45 +128,34 @@ def test_content_identifies_functions():
     assert TEXT.content == MADE["expression"].content
 
 
-def test_pickling_leaves_out_functions():
-    system = Hamiltonian(**FORMULAE)
-    system.energies(Q, P)
-    sent = pickle.loads(pickle.dumps(system))
-    assert (bool(system._functions), sent._functions) == (True, {})
-    assert (sent.energies(Q, P) == system.energies(Q, P)).all()
+def test_traits_of_every_kind():
+    bare = PartitionedSystem(q="q", p="p", dq=["p*q"], dp=["-q"])
+    assert (any(bare.traits.values()), bare.has_energy, bare.polynomial_degree) == (False, False, None)
+    assert PartitionedSystem(q="q", p="p", dq=["p"], dp=["-q"], energy="p**2 + q**2").polynomial_degree == 2
+    every = of("p**2/2 + q**2/2 + q**3", singular=("q",), invariants=("p",), frequencies=(1,), kepler=object())
+    no = {"constrained": False, "rigid body": False, "parts": False, "magnetic": "", "polynomial degree": 3}
+    assert every.traits == dict.fromkeys(bare.traits, True) | no
+    found = {trait for trait, has in of("p**2/2 + q").traits.items() if has}
+    kept = {"canonical", "separable", "quadratic kinetic energy", "Poisson structure", "constant mass matrix"}
+    assert found == kept | {"elementary derivatives", "polynomial degree"}
 
 
-@pytest.mark.parametrize(
-    ("given", "message"),
-    [
-        ({"q": "q r"}, "2 coordinates and 1 momenta"),
-        ({"H": "3"}, "none of the coordinates and momenta"),
-        ({"invariants": (sp.Symbol("z") + 1,)}, "z in the formula is none of the variables q, p"),
-        ({"frequencies": (1, 2)}, "frequencies are 1 numbers"),
-        ({"H": "p**2 + q**2", "frequencies": (1,)}, r"H = \|p\|\^2 / 2"),
-    ],
-)
-def test_an_invalid_hamiltonian_is_refused(given, message):
+REFUSED = [
+    (Hamiltonian, {"q": "q r"}, "2 coordinates and 1 momenta"),
+    (Hamiltonian, {"H": "3"}, "none of the coordinates and momenta"),
+    (Hamiltonian, {"H": "p**2 + z"}, "'z' is none of the variables q, p"),
+    (Hamiltonian, {"invariants": (sp.Symbol("z") + 1,)}, "z in the formula is none of the variables q, p"),
+    (Hamiltonian, {"frequencies": (1, 2)}, "frequencies are 1 numbers"),
+    (Hamiltonian, {"H": "p**2 + q**2", "frequencies": (1,)}, r"H = \|p\|\^2 / 2"),
+    (PartitionedSystem, {"dq": ["p", "q"]}, "2 and 1 right-hand sides for d = 1"),
+    (PartitionedSystem, {"dp": []}, "1 and 0 right-hand sides for d = 1"),
+    (PartitionedSystem, {"q": "", "p": ""}, "0 coordinates and 0 momenta"),
+    (PartitionedSystem, {"q": "p"}, "stands twice"),
+]
+
+
+@pytest.mark.parametrize(("kind", "given", "message"), REFUSED)
+def test_an_invalid_system_is_refused(kind, given, message):
+    good = {"H": "p**2/2 + q"} if kind is Hamiltonian else {"dq": ["p"], "dp": ["-p"]}
     with pytest.raises(InvalidInput, match=message):
-        Hamiltonian(**{"q": "q", "p": "p", "H": "p**2/2 + q"} | given)
-
-
-@pytest.mark.parametrize(
-    ("given", "message"),
-    [
-        ({"dq": ["p", "q"]}, "2 and 1 right-hand sides for d = 1"),
-        ({"dp": []}, "1 and 0 right-hand sides for d = 1"),
-        ({"q": "", "p": ""}, "0 coordinates and 0 momenta"),
-        ({"q": "p"}, "stands twice"),
-    ],
-)
-def test_an_invalid_partitioned_system_is_refused(given, message):
-    with pytest.raises(InvalidInput, match=message):
-        PartitionedSystem(**{"q": "q", "p": "p", "dq": ["p"], "dp": ["-p"]} | given)
-
-
-def test_a_system_prints_what_it_is_made_of():
-    text = repr(problem("pendulum").system)
-    assert text == "Hamiltonian(q='q', p='p', H='p**2/2 - cos(q)')"
-    assert repr(eval(text, {"Hamiltonian": Hamiltonian})) == text
-    assert len(repr(problem("outer-solar-system").system)) < 4 * SHOWN
+        kind(**{"q": "q", "p": "p"} | good | given)

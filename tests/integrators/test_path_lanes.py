@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from phasebench.benchmarks.measure.battery import SYSTEMS
-from phasebench.benchmarks.problems import problem
-from phasebench.integrators.coefficients import quadrature, tableaus
+from phasebench.integrators.coefficients import quadrature
 from phasebench.integrators.driver import integrate
 from phasebench.integrators.families import collocation, path_lanes
 from phasebench.integrators.registry import method
@@ -84,28 +83,6 @@ def test_an_unsolvable_step_ends_a_run(id):
     assert len(s.q) == 1
 
 
-@pytest.mark.parametrize("rest", ["q1**4", "cos(q1)"])
-def test_newton_with_two_rows_takes_equally_many_evaluations(rest):
-    """Two rows of lanes take as many evaluations as nodes one by one, but for a row where one serves twice."""
-    stiff = of(f"p1**2/2 + p2**2/6 + 1250*q1**2 + q2**2/2 + q1*q2 + {rest}")
-    (lanes, n), (nodes, m) = run(stiff, "hbvm-8-4", 0.1, 3), one_by_one(stiff, "hbvm-8-4", 0.1, 3)
-    assert n["newton"] == m["newton"] == 3
-    assert abs(n["gradient"] - m["gradient"]) < 0.1 * m["gradient"]
-    assert np.abs(lanes - nodes).max() < 1e-11
-
-
-def test_systems_without_lanes_take_nodes_one_by_one():
-    quadratic, log = of("p1**2/2 + p2**2/2 + q1**2 + q1*q2"), of("p1**2/2 + p2**2/2 + q1*log(2 + q1**2)")
-    tilted = of("p1**2/2 + p2**2/2 + p1*p2/3 + cos(q1) + q2**4")
-    for id, system in (("hbvm-2-1", quadratic), ("cpg-2", log)):
-        assert not isinstance(prepare(method(id), system).step, path_lanes.Path)
-    for id, system in (("cpg-2", quadratic), ("hbvm-4-2", tilted)):
-        assert isinstance(prepare(method(id), system).step, path_lanes.Path)
-
-
-# -- coefficients -----------------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("s", [1, 2, 3, 4])
 def test_the_matrix_of_the_path_of_q(s):
     """The matrix of Legendre polynomials by their integrals is exactly skew in doubles but for its first entry.
@@ -160,29 +137,3 @@ def test_double_rules_integrate_linear_functions_exactly(id, name):
         exact = quadrature.gauss_legendre(len(c))
         assert max(abs(float(x - y)) for x, (y, _) in zip(map(mpmath.mpf, map(float, c)), exact, strict=True)) < 1.2e-16
         assert max(abs(float(x - y)) for x, (_, y) in zip(map(mpmath.mpf, map(float, b)), exact, strict=True)) < 2e-16
-
-
-def test_control_plainly_rounded_rules_are_not_exact():
-    sums = [sum(Fraction(float(b)) for _, b in quadrature.gauss_legendre(k)) for k in quadrature.RULES]
-    assert sum(x != 1 for x in sums) > 2
-
-
-def growth(monkeypatch, plain):
-    """Mean energy error over runs from many starts, in units of its standard error."""
-    made, errors = problem("harmonic-oscillator"), []
-    with monkeypatch.context() as patch:
-        if plain:
-            patch.setattr(tableaus, "rounded_rule", lambda c, b, unit: (c, b))
-            tableaus.tableau.cache_clear()
-        for angle in np.linspace(0, 6, 40):
-            y = [np.cos(angle), np.sin(angle)]
-            s = integrate(made, "hbvm-2-1", h=0.0987654321, steps=20_000, save_every=0, q0=y[:1], p0=y[1:])
-            before, after = (sum(Fraction(x) ** 2 for x in z) for z in (y, (s.q[-1, 0], s.p[-1, 0])))
-            errors.append(float(after - before))
-    tableaus.tableau.cache_clear()
-    return abs(np.mean(errors)) / (np.std(errors) / 40**0.5)
-
-
-def test_the_energy_error_has_no_bias(monkeypatch):
-    """The mean energy error is not significant; control: with plainly rounded nodes it is."""
-    assert growth(monkeypatch, plain=False) < 4 < 6 < growth(monkeypatch, plain=True)

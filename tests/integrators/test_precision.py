@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import math
-import os
 from fractions import Fraction
-from types import SimpleNamespace
 
 import mpmath
 import pytest
 import sympy as sp
 from hypothesis import given
 from hypothesis import strategies as st
-from numba import types
 
 from phasebench.integrators.compile import codegen, printing
 from phasebench.integrators.compile.codegen import DOUBLE, MULTIPRECISION, precision, to_number
@@ -35,64 +32,11 @@ def test_fractions_are_rounded_as_by_mpmath(x, shift):
         assert to_number(other, MULTIPRECISION) == to_number(x, MULTIPRECISION)
 
 
-@given(st.floats(allow_nan=False, allow_infinity=False))
-def test_a_double_is_converted_exactly(x):
-    with precision(DIGITS):
-        assert many(to_number(x, MULTIPRECISION)) == Fraction(x)
-
-
 def test_text_and_constants_have_all_digits():
     with precision(DIGITS):
         assert abs(to_number("0.1", MULTIPRECISION) - to_number(Fraction(1, 10), MULTIPRECISION)) < 1e-40
         assert to_number(0.1, MULTIPRECISION) != to_number("0.1", MULTIPRECISION), "the control: the double is another"
         assert mpmath.mpf(str(to_number(mpmath.mp.pi, MULTIPRECISION))) == +mpmath.mp.pi
-
-
-@pytest.mark.parametrize("arithmetic", [DOUBLE, MULTIPRECISION])
-def test_epsilon_is_the_round_off_of_one(arithmetic):
-    with precision(DIGITS):
-        one, eps = (to_number(1, arithmetic), codegen.epsilon(arithmetic))
-        assert type(one) is type(eps)
-        assert one + eps > one
-        assert one + eps / 4 == one
-
-
-def test_small_vectors_are_tuples_and_large_ones_arrays():
-    few, many_more = codegen.TUPLE_LIMIT, codegen.TUPLE_LIMIT + 1
-    assert codegen.value_type(few).count == few
-    assert codegen.value_type(many_more).ndim == 1
-    assert not codegen.options(few)["_nrt"]
-    assert codegen.options(many_more)["_nrt"]
-
-
-def test_the_kind_of_a_function_follows_from_its_vectors():
-    """A matrix argument, such as working memory, does not count."""
-    number, pair = types.float64, types.UniTuple(types.float64, 2)
-    vector, matrix = (types.Array(number, n, "C") for n in (1, 2))
-    kinds = [
-        codegen._kind_of(number(*arguments)) for arguments in ((pair,), (vector,), (pair, matrix), (number, vector))
-    ]
-    assert kinds == ["tuple", "array", "tuple", "array"]
-
-
-@pytest.mark.parametrize(("n", "shown"), [(200, "200"), (2**63 - 1, str(2**63 - 1)), (2**63, repr(2.0**63))])
-def test_integers_within_64_bits_stay_integers(n, shown):
-    """An integer exponent is compiled to products, which also works for negative numbers."""
-    q = sp.Symbol("q", real=True)
-    assert f"{shown}*x_0" in printing.source("f", [("x", [q])], [n * q], DOUBLE)
-
-
-def test_a_function_is_made_again_from_its_origin(monkeypatch):
-    made = SimpleNamespace(origin=("f" * 24, None))
-    monkeypatch.setitem(codegen._ready, "f" * 24, made)
-    assert codegen.rebuild(*codegen.origin(made)) is made
-    assert codegen.origin(print) is None
-    with pytest.raises(KeyError, match="0" * 24):
-        codegen.rebuild("0" * 24, None)
-
-
-def test_nothing_is_compiled_if_numba_is_disabled():
-    assert codegen.compiled() == (os.environ.get("NUMBA_DISABLE_JIT", "0") == "0")
 
 
 def test_precision_set_in_mpmath_only_is_refused():
@@ -135,27 +79,13 @@ def test_generated_functions_keep_all_digits(expression, header):
     assert abs(float(value) - value) > 1e-20, "the control: a double has not these digits"
 
 
-def test_an_unknown_symbol_is_reported():
-    z = sp.Symbol("z")
-    with pytest.raises(ValueError, match=r"neither coordinates nor momenta.*z"):
-        printing.source("f", [("q", [x]), ("p", [y])], [[x * z], y], DOUBLE)
-    assert printing.source("f", [("q", [x])], [], DOUBLE).startswith("def f(q):")
+def test_unknown_and_doubled_symbols_are_reported():
+    for arguments, words in (([], r"neither coordinates nor momenta.*z"), ([("t", x)], "have the same symbol")):
+        with pytest.raises(ValueError, match=words):
+            printing.source("f", [("q", [x]), *arguments], [[x * sp.Symbol("z")]], DOUBLE)
 
 
-def test_one_symbol_for_two_arguments_is_reported():
-    with pytest.raises(ValueError, match="two arguments of the function 'f' have the same symbol"):
-        printing.source("f", [("q", [x]), ("t", x)], [[x]], DOUBLE)
-
-
-def test_results_may_be_vectors_or_numbers():
-    z = sp.Symbol("z")
-    text = printing.source("f", [("z", z), ("q", [x, y])], [[x + z, y], x * y], DOUBLE)
-    namespace = {"value": tuple, "number": float}
-    exec(text, namespace)
-    assert namespace["f"](0.5, (2.0, 3.0)) == ((2.5, 3.0), 6.0)
-
-
-@pytest.mark.parametrize("n", [*range(2, 15), 37, 48, 49, -1, -2, -12, -13, -49])
+@pytest.mark.parametrize("n", [2, 7, 37, 48, 49, -1, -2, -13, -49])
 def test_integer_powers_up_to_a_bound_are_products(n):
     """Products round in the same way everywhere; higher powers use the library."""
     text = printing.source("f", [("q", [x])], [x**n], DOUBLE)
@@ -166,17 +96,10 @@ def test_integer_powers_up_to_a_bound_are_products(n):
 
 
 def test_numbers_in_formulas_are_rounded_once():
-    numbers = [
-        sp.Rational(0.1),
-        sp.Rational(1, 3),
-        sp.Float(0.7),
-        sp.pi,
-        sp.Integer(2) ** 70,
-        sp.Rational(3**50, 7**40),
-    ]
+    numbers = [sp.Rational(0.1), sp.Rational(1, 3), sp.pi, sp.Integer(2) ** 70, sp.Rational(3**50, 7**40)]
     text = printing.source("f", [("q", [x])], [[n * x for n in numbers]], DOUBLE)
     assert str(2**70) not in text, "integers beyond Numba's are doubles"
     namespace = {"value": tuple, "number": float}
     exec(text, namespace)
-    wanted = [0.1, 1 / 3, 0.7, math.pi, 2.0**70, 3**50 / 7**40]
+    wanted = [0.1, 1 / 3, math.pi, 2.0**70, 3**50 / 7**40]
     assert list(namespace["f"]((2.0,))) == [2 * n for n in wanted]

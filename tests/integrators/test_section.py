@@ -106,9 +106,10 @@ def test_a_section_takes_little_memory(monkeypatch):
     assert rows > 10 * peak
 
 
-def test_every_orbit_may_have_its_own_step():
-    found = box(3, h=np.array([0.1, 0.05, 0.025]))
-    alike = [box(3, h=h) for h in (0.1, 0.05, 0.025)]
+@pytest.mark.parametrize("more", [{}, {"t_end": None, "steps": 1000}, {"t_end": None, "steps": 1000, "lanes": False}])
+def test_every_orbit_may_have_its_own_step(more):
+    found = box(3, h=np.array([0.1, 0.05, 0.025]), **more)
+    alike = [box(3, h=h, **more) for h in (0.1, 0.05, 0.025)]
     for i, other in enumerate(alike):
         np.testing.assert_array_equal(found.t[found.orbit == i], other.t[other.orbit == i])
 

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from phasebench.benchmarks.problems import problem
 from phasebench.integrators.systems import shared
 
 SYMBOLS = sp.symbols("x y z u", real=True)
@@ -84,21 +83,3 @@ def test_shared_products_are_finite_where_the_expressions_are(name):
             known[symbol] = e.xreplace(known)
             assert known[symbol].is_finite
         assert all(e.xreplace(known).is_finite for e in found)
-
-
-def test_pairs_of_bodies_have_one_force():
-    """A central force between two points is one number times their difference, whatever its formula."""
-    x, y, z, _ = SYMBOLS
-    square = (x - y) ** 2 + z**2
-    definitions, found = shared.gradient(4 * (square**-6 - square**-3), [x, y, z])
-    assert found[0] == -found[1]
-    assert (
-        sum(e.has(sp.Pow) and any(n.is_negative for n in (p.exp for p in e.atoms(sp.Pow))) for _, e in definitions) == 1
-    )
-
-
-@pytest.mark.parametrize(("name", "lighter"), [("lennard-jones", True), ("kepler", False), ("henon-heiles", False)])
-def test_machine_code_gets_the_shared_form_where_it_saves_products(name, lighter):
-    system = problem(name).system
-    definitions, _ = shared.lighter_gradient(system.H, [*system.q, *system.p])
-    assert bool(definitions) == lighter
