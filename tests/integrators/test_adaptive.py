@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-
 import numpy as np
 import pytest
 
@@ -11,21 +9,18 @@ import phasebench as pb
 from phasebench.benchmarks.measure.drift import drift
 from phasebench.benchmarks.problems import problem
 from phasebench.integrators import Hamiltonian
-from phasebench.integrators.compile.codegen import DOUBLE, MULTIPRECISION, precision
+from phasebench.integrators.compile.codegen import DOUBLE
 from phasebench.integrators.driver import integrate
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.families import adaptive
 from phasebench.integrators.prepared import lay_out
-from phasebench.integrators.registry import METHODS as REGISTERED
+from phasebench.integrators.registry import method
 from phasebench.integrators.stepping.kernel import prepare
-from phasebench.integrators.stepping.solve import OUT_OF_STEP
 from support.solutions import end, energy_errors
-from support.values import value
 
-METHODS = [m for m in REGISTERED if m.family == "adaptive"]
-BY_ID = {m.id: m for m in METHODS}
 ORBIT = problem("kepler", e=0.6)
 PERIOD = 2 * np.pi
+KINDS = ("stormer-verlet-adaptive", "sofroniou-spaletta-10-adaptive", "gauss-8-adaptive")
 
 
 def distance_after_periods(id, e, h, periods=10):
@@ -47,12 +42,8 @@ TURNING = Hamiltonian(
 
 
 def there_and_back(id, h, n, reflected=True, system=ORBIT.system, mirror=(1, 1)):
-    """Distance from the start after n steps forth and n back, with momenta (and step density) reversed in between.
-
-    The reversal multiplies the coordinates by ``mirror`` and the momenta by -``mirror``. Without ``reflected`` the
-    density is not reversed (control).
-    """
-    record, mirror = BY_ID[id], np.array(mirror)
+    """Distance from the start after n steps forth and n back, with momenta (and step density) reversed in between."""
+    record, mirror = method(id), np.array(mirror)
     prepared = prepare(record, system)
     forth, back = (lay_out(prepared, 2, h, ORBIT.q0, ORBIT.p0, DOUBLE) for _ in range(2))
     Q, P, parameter = np.zeros((1, 2)), np.zeros((1, 2)), np.zeros((1, 1))
@@ -66,78 +57,31 @@ def there_and_back(id, h, n, reflected=True, system=ORBIT.system, mirror=(1, 1))
     return max(np.abs(Q[0] - mirror * ORBIT.q0).max(), np.abs(P[0] + mirror * ORBIT.p0).max())
 
 
-#: Order -> step size at which the method's error exceeds round-off.
-WIDE = {2: 0.05, 8: 0.3, 10: 0.8, 12: 0.8, 16: 0.9}
+@pytest.mark.parametrize(
+    ("id", "h", "of"),
+    [
+        ("stormer-verlet-adaptive", 0.05, {}),
+        ("gauss-4-adaptive", 0.3, {}),
+        ("gauss-8-adaptive", 0.9, {}),
+        ("gauss-8-adaptive", 0.9, {"system": TURNING, "mirror": (1, -1)}),
+    ],
+)
+def test_steps_are_reversible_in_fictitious_time(id, h, of):
+    assert there_and_back(id, h, 20, **of) < 1e-11
+    assert there_and_back(id, h, 20, reflected=False, **of) > 1e-9, "the control: a density not turned round"
 
 
-@pytest.mark.parametrize("m", METHODS, ids=lambda m: m.id)
-def test_steps_are_reversible_in_fictitious_time(m):
-    assert there_and_back(m.id, WIDE[m.order], 20) < 1e-11
-    assert there_and_back(m.id, WIDE[m.order], 20, reflected=False) > 1e-9, "the control: a density not turned round"
-
-
-@pytest.mark.parametrize("id", ["gauss-4-adaptive", "gauss-8-adaptive"])
-def test_steps_are_reversible_for_a_non_separable_system(id):
-    h, reflection = WIDE[BY_ID[id].order], {"system": TURNING, "mirror": (1, -1)}
-    assert prepare(BY_ID[id], TURNING).linear == 2 * 2 * BY_ID[id].data[0], "Newton's method: an unknown for each stage"
-    assert there_and_back(id, h, 20, **reflection) < 1e-11
-    assert there_and_back(id, h, 20, reflected=False, **reflection) > 1e-9, "the control: a density not turned round"
-
-
-@pytest.mark.parametrize("id", ["stormer-verlet-adaptive", "gauss-8-adaptive"])
-def test_the_initial_density_is_half_a_step_ahead(id):
-    q, p, h = np.array([1.0, 0.2]), np.array([0.3, 0.9]), 0.3
-    run = lay_out(prepare(BY_ID[id], ORBIT.system), 2, h, q, p, DOUBLE)
-    assert run(np.zeros((1, 2)), np.zeros((1, 2)), np.zeros((1, 1)), 1) == (1, 0)
-    assert run.counts.steps == 0, "the row is reached by a shorter step alone"
-    r = np.hypot(*q)
-    assert run.carry.state[5, 0] == pytest.approx(r**-1.5 - 0.5 * h * 1.5 * (q @ p) / r**2, rel=1e-14)
-
-
-def test_density_and_its_rate_near_two_singularities(tmp_path, monkeypatch):
-    """The density of steps is a function of both distances; its logarithm's rate G is checked by differences."""
-    monkeypatch.setenv("PHASEBENCH_CACHE", str(tmp_path))  # the generated code is tested, not a cached copy
-    names = ["sqrt(x**2 + y**2)", "sqrt((x - 3)**2 + y**2)"]
-    H = "u**2/4 + v**2 - " + " - ".join(f"1/{r}" for r in names)
-    monitor = adaptive.monitor(Hamiltonian(q="x y", p="u v", H=H, singular=names), DOUBLE)
-    q, p, dt = np.array([0.8, 0.6]), np.array([0.7, -0.3]), 1e-5
-    velocity = p * [0.5, 2]
-    before, now, after = (monitor(value(*(q + k * dt * velocity)), value(*p)) for k in (-1, 0, 1))
-    assert now[0] == pytest.approx(np.sqrt(1 + np.hypot(2.2, 0.6) ** -3), rel=1e-14)
-    assert now[1] == pytest.approx((np.log(after[0]) - np.log(before[0])) / (2 * dt), rel=1e-8)
-
-
-@pytest.mark.parametrize(("id", "sweeps"), [("gauss-4-adaptive", 6), ("gauss-8-adaptive", 4)])
-def test_a_step_starts_from_the_last_stage_polynomial(id, sweeps):
+def test_a_step_starts_from_the_last_stage_polynomial():
     """Starting from zero, or continuing the polynomial the wrong way, would take half as many sweeps again."""
-    prepared, h, n = prepare(BY_ID[id], ORBIT.system), 0.02, 20
+    prepared, h, n = prepare(method("gauss-8-adaptive"), ORBIT.system), 0.02, 20
     run = lay_out(prepared, 2, h, ORBIT.q0, ORBIT.p0, DOUBLE)
     assert run(np.zeros((1, 2)), np.zeros((1, 2)), np.zeros((1, 1)), n) == (1, 0)
     steps = run.counts.steps + 1  # plus the one that ends at the stored row
     assert steps > 2 * n, "near the pericentre they are short"
-    assert 2 < run.counts.gradient / steps / prepared.step.method.stages < sweeps
-
-
-def test_the_stage_polynomial_has_full_precision():
-    """The rows of its inverse matrix are the Lagrange polynomials of the nodes, to the digits in use."""
-    with precision(60):
-        step = prepare(BY_ID["gauss-8-adaptive"], ORBIT.system, MULTIPRECISION).step
-        nodes, rows = step.method.nodes[0], step.inverse
-        for i, row in enumerate(rows):
-            for j, c in enumerate(nodes):
-                assert abs(sum(a * c**k for k, a in enumerate(row)) - (i == j)) < 1e-55
-
-
-def test_eccentric_orbits_cost_less_than_with_fixed_steps():
-    error, evaluations = distance_after_periods("gauss-8-adaptive", 0.9, 0.3)
-    fixed, more = distance_after_periods("gauss-8", 0.9, PERIOD / 100)
-    assert error < 1e-8
-    assert evaluations < more
-    assert fixed > 1e3 * error
+    assert 2 < run.counts.gradient / steps / prepared.step.method.stages < 4
 
 
 def test_an_orbit_in_a_rotating_frame():
-    """Ten Kepler periods in a rotating frame are more accurate, with fewer evaluations, than with fixed steps."""
     made = problem("kepler", e=0.9)
     q, p, t_end = np.array(made.q0), np.array(made.p0), 10 * PERIOD
     turn = np.array([[np.cos(RATE * t_end), np.sin(RATE * t_end)], [-np.sin(RATE * t_end), np.cos(RATE * t_end)]])
@@ -156,18 +100,13 @@ def test_very_eccentric_orbits_close():
     assert distance_after_periods("gauss-8-adaptive", 0.999, 0.2, periods=1)[0] < 1e-4
 
 
-def energies(id, h):
-    """(t, H - H0) of a run of a variable-step method over 300 periods of an eccentric Kepler orbit."""
+def drifts(id, h):
+    """(whether the energy drift over 300 periods exceeds a tenth of the greatest error, that error)."""
     s = integrate(ORBIT, id, h=h, t_end=300 * PERIOD, save_every=7)
     assert s.status == "ok"
-    return s.t, energy_errors(s)
-
-
-def drifts(id, h):
-    """(whether the energy drift over the run exceeds a tenth of the greatest error, that error)."""
-    t, error = energies(id, h)
-    trend, greatest = drift(t, error), np.abs(error).max()
-    return (trend.low > 0 or trend.high < 0) and abs(trend.value) * t[-1] > 0.1 * greatest, greatest
+    error = energy_errors(s)
+    trend, greatest = drift(s.t, error), np.abs(error).max()
+    return (trend.low > 0 or trend.high < 0) and abs(trend.value) * s.t[-1] > 0.1 * greatest, greatest
 
 
 def test_the_energy_error_stays_bounded():
@@ -178,30 +117,21 @@ def test_the_energy_error_stays_bounded():
     assert drifts("rk4", 0.05)[0], "the control"
 
 
-@pytest.mark.parametrize("id", BY_ID)
+@pytest.mark.parametrize("id", KINDS)
 def test_the_orbit_does_not_depend_on_the_stored_rows(id):
     every, none = (integrate(ORBIT, id, h=0.1, t_end=10, save_every=n) for n in (1, 0))
     assert np.array_equal(end(every), end(none))
     assert every.t[-1] == 10.0
 
 
-@pytest.mark.parametrize("id", BY_ID)
+@pytest.mark.parametrize("id", KINDS)
 def test_a_fall_into_the_singularity_ends_as_a_collision(id):
     s = integrate(ORBIT, id, h=0.1, t_end=5, q0=[1.0, 0.0], p0=[0.0, 0.0])
     assert s.status == "collision"
     assert s.t[-1] < 1.2
 
 
-def test_a_lost_density_ends_the_run():
-    """With too long a step the density of steps leaves its range; the run stops with a status."""
-    made = problem("kepler", e=0.9)
-    run = lay_out(prepare(BY_ID["stormer-verlet-adaptive"], made.system), 2, 20.0, made.q0, made.p0, DOUBLE)
-    assert run(np.zeros((1, 2)), np.zeros((1, 2)), np.zeros((1, 1)), 50) == (0, OUT_OF_STEP)
-    s = integrate(made, "stormer-verlet-adaptive", h=20.0, t_end=1000)
-    assert s.status in ("collision", "not-converged")
-
-
-def test_missing_traits_of_a_system_are_reported():
+def test_systems_without_a_time_scale_are_refused():
     with pytest.raises(InvalidInput, match="singular distances"):
         integrate(problem("henon-heiles"), "gauss-8-adaptive", h=0.1, steps=1)
     with pytest.raises(InvalidInput, match="separable"):
@@ -213,29 +143,10 @@ def test_missing_traits_of_a_system_are_reported():
             integrate(beyond, "gauss-8-adaptive", h=0.1, steps=1, q0=[1, 0], p0=[0, 1])
 
 
-def short():
-    """{method: end state} of twelve steps of each method on the Kepler orbit."""
-    return {id: end(integrate(ORBIT, id, h=0.2, steps=12, save_every=5)).tolist() for id in BY_ID}
-
-
-def test_compiled_and_uncompiled_runs_agree(uncompiled):
-    there = uncompiled("integrators/test_adaptive.py")
-    for id, state in short().items():
-        assert np.abs(np.array(state) - there[id]).max() < 1e-12, id
-
-
-if __name__ == "__main__":
-    print(json.dumps({"result": short()}))
-
-
 #: Hard bounces: H, the turning point at which the orbit starts, the end; two walls, a wall of two coordinates.
 BOUNCES = [
     ("p**2/2 + 1/q**2 + q - log(2 + q)/3", [0.03], 120),
-    ("p**2/2 + 1/q + q/5", [1e-3], 200),
-    ("p**2/2 + 1/q**4 + q", [0.05], 400),
     ("p**2/2 + 4*(1/q**12 - 1/q**6) + q**2/50", [0.6], 30),
-    ("p**2/2 + 1/q**2 + q**2/2", [0.01], 40),
-    ("p**2/2 + 1/q + 1/(5 - q)", [0.01], 10),
     ("p1**2/2 + p2**2/2 + 1/(q1 - q2)**2 + (q1**2 + q2**2)/2", [0.02, 0.0], 20),
 ]
 
