@@ -32,7 +32,7 @@ from phasebench.benchmarks.measure.oscillator import find
 from phasebench.benchmarks.measure.timing import median, time_in_turns
 from phasebench.benchmarks.page.page import ROWS, Data, Picture, Table, of
 from phasebench.benchmarks.page.study import Claim, Runs, Study, over
-from phasebench.benchmarks.page.verdict import EVERY, NONE, at_most
+from phasebench.benchmarks.page.verdict import NONE, at_most
 from phasebench.benchmarks.store.cells import ALONE
 from phasebench.integrators.ensemble import integrate_ensemble
 from phasebench.integrators.registry import BY_ID
@@ -163,8 +163,8 @@ def times(target: str) -> list[dict]:
 def limits(method: str) -> dict:
     """The end of the first interval of stable h omega, whole and per evaluation, and the printed one ("" if none)."""
     limit, each = find(integrator(method)).limit, EVALUATIONS[method]
-    row = {"evaluations per step": each, "limit": limit, "limit per evaluation": limit / each}
-    return row | {"printed": PRINTED.get(method, "")}
+    printed = PRINTED.get(method, "")
+    return {"evaluations per step": each, "limit": limit, "limit per evaluation": limit / each, "printed": printed}
 
 
 # -- judging -----------------------------------------------------------------------------------------------------------
@@ -177,28 +177,20 @@ def best(frame: pd.DataFrame, methods: Iterable[str]) -> pd.DataFrame:
     return rows.loc[rows.groupby(at, sort=False)["acceptance"].idxmax()].set_index(at)
 
 
-def ahead(methods: Iterable[str], others: Iterable[str]) -> Callable[[pd.DataFrame], pd.Series]:
-    """True where the best of the methods accepts more than the best of others: their 95 % intervals do not overlap."""
+def ahead(methods: Iterable[str], others: Iterable[str]) -> Callable[[Data], pd.DataFrame | None]:
+    """Whether the best of the methods is ``ahead`` of the best of others: their 95 % intervals do not overlap."""
 
-    def judged(frame: pd.DataFrame) -> pd.Series:
+    @of(ACCEPTANCE)
+    def judged(frame: pd.DataFrame) -> pd.DataFrame:
         both = best(frame, methods).join(best(frame, others).add_suffix(" of others"), how="inner")
-        return both["low"] > both["high of others"]
+        return both.assign(ahead=both["low"] > both["high of others"]).reset_index()
 
     return judged
 
 
-def behind(frame: pd.DataFrame) -> str:
-    """The budgets at which no splitting of several stages is ahead."""
-    found = ahead(SEVERAL, [VERLET])(frame)
-    wrong = [str(budget) for (_, budget), won in found.items() if not won]
+def _behind(rows: pd.DataFrame) -> str:
+    wrong = [str(budget) for budget in rows["budget"][~rows["ahead"]]]
     return f"{', '.join(wrong)} evaluations" if wrong else ""
-
-
-def ahead_at(frame: pd.DataFrame) -> str:
-    """The first target and budget at which a force gradient is ahead."""
-    found = ahead(GRADIENTS, STAGES)(frame)
-    first = found[found].index
-    return f"{first[0][0]}, {first[0][1]} evaluations" if len(first) else ""
 
 
 def least(rows: pd.DataFrame) -> pd.DataFrame:
@@ -210,12 +202,10 @@ def least(rows: pd.DataFrame) -> pd.DataFrame:
 def several_over_verlet(rows: pd.DataFrame) -> pd.Series:
     """The least time of splittings of several stages over that of Stormer-Verlet, by target with the fastest one."""
     found = least(rows)["ns an accepted proposal"].unstack()
-    several = [m for m in SEVERAL if m in found]
-    if VERLET not in found or not several:
+    several = found.reindex(columns=SEVERAL).dropna(axis=1, how="all")
+    if VERLET not in found or several.empty:
         return pd.Series(dtype=float)
-    fastest = found[several].idxmin(axis=1)
-    ratio = found[several].min(axis=1) / found[VERLET]
-    return ratio.rename({target: f"{target}, {name}" for target, name in fastest.items()})
+    return (several.min(axis=1) / found[VERLET]).set_axis(several.index + ", " + several.idxmin(axis=1))
 
 
 def agrees(rows: pd.DataFrame) -> pd.Series:
@@ -229,20 +219,19 @@ def agrees(rows: pd.DataFrame) -> pd.Series:
 
 
 @of(ACCEPTANCE)
+@style.styled
 def draw(frame: pd.DataFrame, folder: Path) -> list[Picture]:
     """The share of rejected proposals over the evaluations: a panel for each target, a curve for each method."""
-    with style.settings():
-        figure, (panels,) = style.panels(1, len(BUDGETS), 3.4, sharey=True)
-        for axes, target in zip(panels, BUDGETS, strict=True):
-            rows = frame[frame["target"] == target]
-            for k, (method, part) in enumerate(rows.groupby("method", sort=False)):
-                look = style.curve(k) | {"linestyle": ":" if method in GRADIENTS else "-"}
-                rejected = (1 - part["acceptance"]).clip(lower=FLOOR)
-                axes.loglog(part["budget"], rejected, label=method, **look)
-            axes.set(title=f"{target} target", xlabel="evaluations in a run")
-            axes.grid(color="0.93", linewidth=0.5)
-        panels[0].set_ylabel("share rejected")
-        style.legend_above(figure, panels[0], 3)
+    figure, (panels,) = style.panels(1, len(BUDGETS), 3.4, sharey=True)
+    for axes, target in zip(panels, BUDGETS, strict=True):
+        rows = frame[frame["target"] == target]
+        for k, (method, part) in enumerate(rows.groupby("method", sort=False)):
+            look = style.curve(k) | {"linestyle": ":" if method in GRADIENTS else "-"}
+            axes.loglog(part["budget"], (1 - part["acceptance"]).clip(lower=FLOOR), label=method, **look)
+        axes.set(title=f"{target} target", xlabel="evaluations in a run")
+        axes.grid(color="0.93", linewidth=0.5)
+    panels[0].set_ylabel("share rejected")
+    style.legend_above(figure, panels[0], 3)
     caption = "Share of proposals that are rejected over the evaluations of a run. Dotted lines: force gradients."
     return [Picture(style.save(figure, folder, "sampling.png"), "rejected proposals over the cost", caption)]
 
@@ -292,17 +281,18 @@ STUDY = Study(
     claims={
         "gaussian": Claim(
             "A splitting of several stages accepts more than Störmer–Verlet, Gaussian target",
-            ACCEPTANCE, ahead(SEVERAL, [VERLET]), EVERY, rows="target == 'Gaussian'", unit="numbers of evaluations",
-            where=behind,
+            ahead(SEVERAL, [VERLET]), "ahead", rows="target == 'Gaussian'", unit="numbers of evaluations",
+            where=_behind,
         ),
         "quartic": Claim(
             "A splitting of several stages accepts more than Störmer–Verlet, quartic target",
-            ACCEPTANCE, ahead(SEVERAL, [VERLET]), EVERY, rows="target == 'quartic'", unit="numbers of evaluations",
-            where=behind,
+            ahead(SEVERAL, [VERLET]), "ahead", rows="target == 'quartic'", unit="numbers of evaluations",
+            where=_behind,
         ),
         "gradients": Claim(
             "No force gradient accepts more than every splitting at equal evaluations",
-            ACCEPTANCE, ahead(GRADIENTS, STAGES), NONE, unit="targets and numbers of evaluations", where=ahead_at,
+            ahead(GRADIENTS, STAGES), "ahead", NONE, unit="targets and numbers of evaluations",
+            where="{target}, {budget} evaluations",
         ),
         "cheapest": Claim(
             "A splitting of several stages takes less time an accepted proposal than Störmer–Verlet",
@@ -310,7 +300,7 @@ STUDY = Study(
         ),
         "printed": Claim(
             "Stability limits round to those that the authors print",
-            LIMITS, agrees, EVERY, rows="printed == printed", unit="limits", where="{method}, printed {printed}",
+            LIMITS, agrees, rows="printed == printed", unit="limits", where="{method}, printed {printed}",
         ),
     },
     checks={

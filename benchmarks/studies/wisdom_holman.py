@@ -7,7 +7,6 @@ All runs on a problem are timed in turns in one measurement, so that a busy mach
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from math import pi
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -20,10 +19,10 @@ from phasebench.benchmarks.measure import clock
 from phasebench.benchmarks.measure.energy import energy_error
 from phasebench.benchmarks.measure.integrator import Integrator, integrator
 from phasebench.benchmarks.measure.timing import NOWHERE, OURS, PEERS, TIED, Median, cheaper, in_turns, median, ratio
-from phasebench.benchmarks.page.markdown import join_list, number
+from phasebench.benchmarks.page.markdown import number
 from phasebench.benchmarks.page.page import ROWS, Data, Picture, Table, of
-from phasebench.benchmarks.page.study import Claim, Runs, Study, over
-from phasebench.benchmarks.page.verdict import Count, at_least, at_most
+from phasebench.benchmarks.page.study import Claim, Number, Runs, Study, over
+from phasebench.benchmarks.page.verdict import at_least, at_most
 from phasebench.benchmarks.problems import problem as problem_of
 from phasebench.benchmarks.store.cells import ALONE, ProblemKey, Unavailable
 from phasebench.integrators.driver import OK, SKIPPED
@@ -34,8 +33,6 @@ from phasebench.reference.peers import PEERS as ALL_PEERS
 from phasebench.reference.peers import peer, rebound
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
     from phasebench.benchmarks.problems.base import Problem
 
 EQUAL, ALL = "wisdom_holman", "wisdom_holman_rivals"
@@ -83,15 +80,14 @@ def pair(problem: str, method: str, h: float) -> dict:
     name, parameters, _, t_end = CASES[problem]
     at, both = problem_of(name, **parameters), {"ours": integrator(method), "theirs": integrator(PAIRS[method])}
     every = round(t_end / h / SAVED)
-    runs = {who: c.run(at, h=h, steps=every * SAVED, save_every=every) for who, c in both.items()}
-    if runs["theirs"].status == SKIPPED:
-        raise Unavailable(runs["theirs"].reason)
-    for s in runs.values():
-        if s.status != OK:
-            raise RuntimeError(f"{s.method.label} on {problem}: {s.reason}")
-    s, r = runs.values()
+    s, r = (c.run(at, h=h, steps=every * SAVED, save_every=every) for c in both.values())
+    if r.status == SKIPPED:
+        raise Unavailable(r.reason)
+    for found in (s, r):
+        if found.status != OK:
+            raise RuntimeError(f"{found.method.label} on {problem}: {found.reason}")
     times = in_turns({who: clock.clock(c, at, t_end=h * TIMED, steps=TIMED) for who, c in both.items()}, ROUNDS)
-    size, paid = np.abs(r.q).max(), ratio(times["ours"], times["theirs"])
+    distance, paid = np.abs(s.q - r.q) / np.abs(r.q).max(), ratio(times["ours"], times["theirs"])
     return {
         "problem": problem,
         "method": method,
@@ -100,8 +96,8 @@ def pair(problem: str, method: str, h: float) -> dict:
         "steps": every * SAVED,
         ERROR: energy_error(at, s.q, s.p),
         THEIR_ERROR: energy_error(at, r.q, r.p),
-        "distance of early positions": float(np.abs(s.q[: SAVED // 10] - r.q[: SAVED // 10]).max() / size),
-        "distance of end positions": float(np.abs(s.q[-1] - r.q[-1]).max() / size),
+        "distance of early positions": float(distance[: SAVED // 10].max()),
+        "distance of end positions": float(distance[-1].max()),
         "ns per step": median(times["ours"]).value / TIMED * 1e9,
         "REBOUND's ns per step": median(times["theirs"]).value / TIMED * 1e9,
         "time ratio": paid.value,
@@ -120,25 +116,23 @@ def rivals() -> list[Integrator]:
 
 def every_rival(problem: str) -> list[dict]:
     """Energy error and cost, in ns a unit of the problem's time, of all splittings at each step."""
-    name, parameters, steps, _ = CASES[problem]
-    at = problem_of(name, **parameters)
-    rows = {(c.label, h): _row(problem, at, c, h) for c in rivals() for h in steps}
-    able = {(c.label, h): c for c in rivals() for h in steps if rows[c.label, h]["status"] == OK}
-
-    clocks = {key: clock.clock(c, at, t_end=key[1] * TIMED_OF_ALL, steps=TIMED_OF_ALL) for key, c in able.items()}
-    times = in_turns(clocks, ROUNDS_OF_ALL)
-    for (label, h), found in times.items():
+    name, parameters, steps, t_end = CASES[problem]
+    at, rows, clocks = problem_of(name, **parameters), {}, {}
+    for c in rivals():
+        for h in steps:
+            rows[c.label, h] = row = _row(at, c, h, round(t_end / h / SAVED))
+            if row["status"] == OK:
+                clocks[c.label, h] = clock.clock(c, at, t_end=h * TIMED_OF_ALL, steps=TIMED_OF_ALL)
+    for (label, h), found in in_turns(clocks, ROUNDS_OF_ALL).items():
         cost = median(found / TIMED_OF_ALL / h * 1e9)
         rows[label, h] |= {COST: cost.value, LOW: cost.low, HIGH: cost.high}
     return list(rows.values())
 
 
-def _row(case: str, at: Problem, c: Integrator, h: float) -> dict:
-    row = {"kind": c.kind, "method": c.label, "h": h}
-    lack = c.lacks(at)
+def _row(at: Problem, c: Integrator, h: float, every: int) -> dict:
+    row, lack = {"kind": c.kind, "method": c.label, "h": h}, c.lacks(at)
     if lack:
         return row | {"status": SKIPPED, "reason": lack}
-    every = round(CASES[case][3] / h / SAVED)
     s = c.run(at, h=h, steps=every * SAVED, save_every=every)
     row |= {"status": s.status, "reason": s.reason}
     return row if s.status != OK else row | {ERROR: energy_error(at, s.q, s.p)}
@@ -147,74 +141,26 @@ def _row(case: str, at: Problem, c: Integrator, h: float) -> dict:
 # -- judging -----------------------------------------------------------------------------------------------------------
 
 
-def apart(rows: pd.DataFrame) -> pd.Series:
-    """The difference of the energy errors of a pair, in percent."""
-    return 100 * (rows[ERROR] / rows[THEIR_ERROR] - 1).abs()
-
-
-def medians(rows: pd.DataFrame) -> pd.Series:
-    """The time of a step over REBOUND's, by problem: the median over splittings and steps."""
-    return rows.groupby("problem", sort=False)["time ratio"].median()
-
-
+@of(ALL)
 def cheapest(rows: pd.DataFrame) -> pd.DataFrame:
     """The fastest splitting of either side, and who is faster: a row for each problem and energy error."""
-    ran = rows[(rows["status"] == OK) & rows[COST].notna()]
-    lines = []
+    ran, lines = rows[(rows["status"] == OK) & rows[COST].notna()], []
     for name, members in ran.groupby("problem", sort=False):
         for wanted in WANTED:
+            line, costs = {"problem": name, "energy error up to": f"{wanted:.0e}"}, []
             enough = members[members[ERROR] <= wanted].sort_values(COST)
-            line, costs = {"problem": name, "energy error up to": f"{wanted:.0e}"}, {}
-            for who, part in ((OURS, enough[enough["kind"] == OWN]), (PEERS, enough[enough["kind"] != OWN])):
-                best = None if part.empty else part.iloc[0]
-                costs[who] = NOWHERE if best is None else Median(best[COST], best[LOW], best[HIGH])
-                line |= _cheapest_columns("phasebench" if who == OURS else "REBOUND", best)
-            lines.append(line | {"cheaper": cheaper(costs[OURS], costs[PEERS])})
+            for side, ours in (("phasebench", True), ("REBOUND", False)):
+                part = enough[(enough["kind"] == OWN) == ours]
+                cost, which, interval = NOWHERE, "none", ""
+                if len(part):
+                    best = part.iloc[0]
+                    cost = Median(best[COST], best[LOW], best[HIGH])
+                    which = f"{best['method']}, h = {number(best['h'])}"
+                    interval = f"{number(cost.value)} [{number(cost.low)}, {number(cost.high)}]"
+                costs.append(cost)
+                line |= {f"cheapest of {side}": which, f"ns, {side}": interval}
+            lines.append(line | {"cheaper": cheaper(*costs)})
     return pd.DataFrame(lines)
-
-
-def _cheapest_columns(side: str, best: pd.Series | None) -> dict[str, str]:
-    if best is None:
-        return {f"cheapest of {side}": "none", f"ns, {side}": ""}
-    interval = f"{number(best[COST])} [{number(best[LOW])}, {number(best[HIGH])}]"
-    return {f"cheapest of {side}": f"{best['method']}, h = {number(best['h'])}", f"ns, {side}": interval}
-
-
-def _scores(lines: pd.DataFrame) -> tuple[int, ...]:
-    """(Number of cases in which this project is faster, in which REBOUND is, tied ones)."""
-    return tuple(int((lines["cheaper"] == who).sum()) if len(lines) else 0 for who in (OURS, PEERS, TIED))
-
-
-def won(rows: pd.DataFrame) -> Count | None:
-    """The cases that this project wins, of those that one side wins."""
-    lines = cheapest(rows)
-    ours, theirs, _ = _scores(lines)
-    return None if lines.empty else Count(ours, ours + theirs)
-
-
-def lost(rows: pd.DataFrame) -> str:
-    """The cases that REBOUND wins."""
-    lines = cheapest(rows)
-    cases = [f"{r['problem']}, to {r['energy error up to']}" for _, r in lines[lines["cheaper"] == PEERS].iterrows()]
-    return join_list(cases, 3) if cases else ""
-
-
-def answer(data: Data) -> str | None:
-    """The ratio of the times of a step, and how often either side is the fastest."""
-    pairs, rows = data(EQUAL), data(ALL)
-    parts = []
-    if pairs is not None and len(pairs):
-        found = medians(pairs)
-        low, high = number(found.min(), 2), number(found.max(), 2)
-        parts.append(f"A Wisdom–Holman step takes {low} to {high} of REBOUND's time for the same splitting")
-    lines = cheapest(rows) if rows is not None and len(rows) else pd.DataFrame()
-    if len(lines):
-        ours, theirs, tied = _scores(lines)
-        parts.append(
-            f"Of {len(lines)} cases (problem, energy error) phasebench is cheapest in {ours}, REBOUND in "
-            f"{theirs}, {tied} tie"
-        )
-    return f"{'. '.join(parts)}." if parts else None
 
 
 # -- what is shown -----------------------------------------------------------------------------------------------------
@@ -232,72 +178,66 @@ def vectors(rows: pd.DataFrame) -> str:
     return f"{': '.join(['WHFast512 did not run here', *reasons[:1]]).rstrip('.')}."
 
 
+def _curves(rows: pd.DataFrame) -> list[tuple[pd.Series, pd.Series, dict]]:
+    """(Time, energy error, look) of the curves of a problem's pairs: this project's, REBOUND's dotted."""
+    out = []
+    for k, (method, part) in enumerate(rows.groupby("method", sort=False)):
+        look = style.curve(k)
+        theirs = {"linestyle": ":", "marker": look["marker"], "markerfacecolor": "none", "color": look["color"]}
+        out.append((part["ns per step"] / part["h"], part[ERROR], look | {"label": method}))
+        out.append((part["REBOUND's ns per step"] / part["h"], part[THEIR_ERROR], theirs))
+    return out
+
+
+def _fronts(rows: pd.DataFrame) -> list[tuple[pd.Series, pd.Series, dict]]:
+    """Of each side the runs that no other run of it beats in both error and time."""
+    out = []
+    for k, (label, side) in enumerate((("phasebench", rows["kind"] == OWN), ("REBOUND", rows["kind"] != OWN))):
+        found = rows[side].sort_values(COST)
+        best = found[found[ERROR] < found[ERROR].cummin().shift(fill_value=float("inf"))]
+        out.append((best[COST], best[ERROR], style.curve(k) | {"label": f"front of {label}"}))
+    return out
+
+
+@style.styled
 def draw(data: Data, folder: Path) -> list[Picture]:
     """Energy error against time: of pairs, and of the best runs of either side."""
-    return [p for p in (_pairs(data, folder), _fronts(data, folder)) if p is not None]
-
-
-@of(EQUAL)
-def _pairs(frame: pd.DataFrame, folder: Path) -> Picture:
-    methods = list(dict.fromkeys(frame["method"]))
-
-    def curves(axes: Axes, part: pd.DataFrame) -> None:
-        for k, method in enumerate(methods):
-            rows, look = part[part["method"] == method], style.curve(k)
-            axes.loglog(rows["ns per step"] / rows["h"], rows[ERROR], label=method, **look)
-            theirs = {"linestyle": ":", "marker": look["marker"], "markerfacecolor": "none", "color": look["color"]}
-            axes.loglog(rows["REBOUND's ns per step"] / rows["h"], rows[THEIR_ERROR], **theirs)
-
-    file = _panels(frame, curves, folder, "wisdom_holman.png")
-    early = number(frame["distance of early positions"].max())
-    caption = (
-        "The same splittings: filled marks are this project's, open marks on dotted lines REBOUND's. Early "
-        f"positions of a pair differ by at most {early} of the orbit's size."
-    )
-    return Picture(file, "energy error against time", caption)
-
-
-@of(ALL)
-def _fronts(rows: pd.DataFrame, folder: Path) -> Picture | None:
-    """Of each side the runs that no other run of it beats in both error and time."""
-    ran = rows[(rows["status"] == OK) & rows[COST].notna()]
-    if ran.empty:
-        return None
-
-    def curves(axes: Axes, part: pd.DataFrame) -> None:
-        for k, (label, side) in enumerate((("phasebench", part["kind"] == OWN), ("REBOUND", part["kind"] != OWN))):
-            found = part[side].sort_values(COST)
-            best = found[found[ERROR] < found[ERROR].cummin().shift(fill_value=float("inf"))]
-            axes.loglog(best[COST], best[ERROR], label=f"front of {label}", **style.curve(k))
-
-    file = _panels(ran, curves, folder, "wisdom_holman-fronts.png")
-    caption = (
-        "All splittings, settings and steps: of each side those that no other of it beats in both error and time. "
-        f"{vectors(rows)}"
-    )
-    return Picture(file, "the fronts of both", caption)
-
-
-def _panels(frame: pd.DataFrame, curves: Callable[[Axes, pd.DataFrame], None], folder: Path, file: str) -> str:
-    """Save a figure with a panel for each problem, whose curves ``curves(axes, rows)`` draws; return its file."""
-    problems = list(dict.fromkeys(frame["problem"]))
-    with style.settings():
+    pairs, rows = data(EQUAL), data(ALL)
+    ran = None if rows is None else rows[(rows["status"] == OK) & rows[COST].notna()]
+    pictures = []
+    for frame, curves, file, title in (
+        (pairs, _curves, "wisdom_holman.png", "energy error against time"),
+        (ran, _fronts, "wisdom_holman-fronts.png", "the fronts of both"),
+    ):
+        if frame is None or frame.empty:
+            continue
+        problems = frame.groupby("problem", sort=False)
         figure, (panels,) = style.panels(1, len(problems), 3.0, sharey=True)
-        for axes, name in zip(panels, problems, strict=True):
-            curves(axes, frame[frame["problem"] == name])
+        for axes, (name, part) in zip(panels, problems, strict=True):
+            for x, y, look in curves(part):
+                axes.loglog(x, y, **look)
             axes.set(title=name, xlabel="ns a unit of time")
             axes.grid(color="0.93", linewidth=0.5)
         panels[0].set_ylabel("relative energy error")
         style.legend_above(figure, panels[0], 3)
-        return style.save(figure, folder, file)
+        if frame is pairs:
+            caption = (
+                "The same splittings: filled marks are this project's, open marks on dotted lines REBOUND's. Early "
+                f"positions of a pair differ by at most {number(frame['distance of early positions'].max())} of the "
+                "orbit's size."
+            )
+        else:
+            caption = (
+                "All splittings, settings and steps: of each side those that no other of it beats in both error and "
+                f"time. {vectors(rows)}"
+            )
+        pictures.append(Picture(style.save(figure, folder, file), title, caption))
+    return pictures
 
 
-@of(ALL)
-def table(rows: pd.DataFrame) -> Table | None:
+@of(cheapest)
+def table(lines: pd.DataFrame) -> Table:
     """The fastest splitting of either side at each energy error."""
-    lines = cheapest(rows)
-    if lines.empty:
-        return None
     caption = (
         "The cheapest of each side at each energy error, in ns per unit of the problem's time: medians with 95 % "
         "intervals. Intervals that overlap are a tie."
@@ -305,17 +245,12 @@ def table(rows: pd.DataFrame) -> Table | None:
     return Table(lines.head(ROWS), caption)
 
 
-@of(ALL)
-def whole(rows: pd.DataFrame) -> pd.DataFrame:
-    """Error and cost of every splitting at every step."""
-    return rows.reindex(columns=["problem", "method", "h", ERROR, COST, LOW, HIGH, "status"])
-
-
 STUDY = Study(
     id="wisdom_holman",
     place=250,
     question="Wisdom–Holman splittings: are they REBOUND's, what does a step cost, and who is the cheapest?",
-    answer=answer,
+    answer="A Wisdom–Holman step takes {cost.low} to {cost.high} of REBOUND's time for the same splitting. Of {cases} "
+    "cases (problem, energy error) phasebench is cheapest in {ours}, REBOUND in {theirs}, {ties} tie.",
     setting=(
         "H = H_Kepler + ε H_interaction in Jacobi coordinates: a drift solves Kepler's equation, a kick applies the "
         "rest.",
@@ -343,17 +278,27 @@ STUDY = Study(
     claims={
         "same": Claim(
             "Energy errors equal REBOUND's for the same splitting and step",
-            EQUAL, apart, at_most(5.0), rows=f"`{ERROR}` > {ROUND_OFF} and `{THEIR_ERROR}` > {ROUND_OFF}",
-            unit="% apart", where="{method}, {problem}", fault=True,
+            EQUAL, f"abs(100 * (`{ERROR}` / `{THEIR_ERROR}` - 1))", at_most(5.0),
+            rows=f"`{ERROR}` > {ROUND_OFF} and `{THEIR_ERROR}` > {ROUND_OFF}", unit="% apart",
+            where="{method}, {problem}", fault=True,
         ),
         "cost": Claim(
             "A step keeps up with REBOUND's on every problem",
-            EQUAL, medians, at_most(1.5), unit="times REBOUND's time", span=True,
+            EQUAL, lambda rows: rows.groupby("problem", sort=False)["time ratio"].median(), at_most(1.5),
+            unit="times REBOUND's time", span=True,
         ),
         "winners": Claim(
             "This project's splittings are the cheapest at least as often as REBOUND's",
-            ALL, won, at_least(0.5), unit="cases that one side wins", where=lost,
+            cheapest, f"cheaper == '{OURS}'", at_least(0.5), f"cheaper in ('{OURS}', '{PEERS}')",
+            unit="cases that one side wins", where="{problem}, to {energy error up to}", names=3,
         ),
+    },
+    numbers={
+        "cases": Number(cheapest, len),
+        **{
+            name: Number(cheapest, f"cheaper == '{who}'", take=pd.Series.sum)
+            for name, who in (("ours", OURS), ("theirs", PEERS), ("ties", TIED))
+        },
     },
     checks={
         "early": Claim("Early positions are REBOUND's", EQUAL, "`distance of early positions`", at_most(1e-8)),
@@ -363,7 +308,7 @@ STUDY = Study(
     },
     figure=draw,
     shown=table,
-    whole=whole,
+    whole=of(ALL)(lambda rows: rows.reindex(columns=["problem", "method", "h", ERROR, COST, LOW, HIGH, "status"])),
     limits=(
         f"Pairs are compared where both energy errors exceed {ROUND_OFF:g}: below, round-off decides, and sums here "
         "are compensated while REBOUND's are not.",
