@@ -199,13 +199,11 @@ def orders(method: str) -> list[dict]:
 # -- judging -----------------------------------------------------------------------------------------------------------
 
 
-def finest(rows: pd.DataFrame) -> pd.Series:
-    """Marks the row of every method's smallest step."""
+def _finest(rows: pd.DataFrame) -> pd.Series:
     return pd.Series(rows.index.isin(rows.groupby("method")["h"].idxmin()), rows.index)
 
 
-def answer(data: Data) -> str | None:
-    """Which of the steps are symplectic, and in which phase space."""
+def _answer(data: Data) -> str | None:
     found = [CLAIMS[name](data) for name in ("tao", "semiexplicit", "midpoint")]
     if None in found:
         return None
@@ -255,12 +253,12 @@ CLAIMS = {
     "general": Claim(
         "Methods for every H keep their order on a relativistic orbit at small steps",
         ORDERS, "order - declared", Between(-GATE, GATE),
-        rows=lambda r: finest(r) & ~r["method"].isin((SPECIAL, JUMPED)),
+        rows=lambda r: _finest(r) & ~r["method"].isin((SPECIAL, JUMPED)),
         unit="from the declared order", where="{method}, h = {h:.3g}", fault=True,
     ),
     "special": Claim(
         "A splitting made for post-Newtonian parts loses its order at small steps",
-        ORDERS, "order", at_most(4 - LOST), rows=lambda r: finest(r) & (r["method"] == SPECIAL), unit="as the order",
+        ORDERS, "order", at_most(4 - LOST), rows=lambda r: _finest(r) & (r["method"] == SPECIAL), unit="as the order",
         where="h = {h:.3g}", checked=True,
     ),
 }  # fmt: skip
@@ -268,7 +266,7 @@ STUDY = Study(
     id="extended",
     place=270,
     question="Are the explicit methods in extended phase space what their papers claim?",
-    answer=answer,
+    answer=_answer,
     setting=(
         "H(q, y) + H(x, p): on two copies (q, p), (x, y) of the state, each part has an explicit flow, whatever H is.",
         "Tao 2016 binds the copies; Jayawardana and Ohsawa 2023 project symmetrically (implicit); the midpoint "
@@ -292,7 +290,7 @@ STUDY = Study(
                         rows=f"map == '{BOTH}'"),
         "jumped": Claim(
             "A triple jump on Kepler flows keeps its order",
-            ORDERS, "order - declared", Between(-GATE, GATE), rows=lambda r: finest(r) & (r["method"] == JUMPED),
+            ORDERS, "order - declared", Between(-GATE, GATE), rows=lambda r: _finest(r) & (r["method"] == JUMPED),
         ),
     },
     figure=(Curves(ORDERS, "h", "error", "step h", "error at the end"),),

@@ -62,15 +62,14 @@ def unit(printed: str) -> float:
     return 10.0 ** (floor(log10(float(printed))) - 2)
 
 
-def with_lambda(scheme: str, lam: str) -> Method:
-    """A scheme with its parameter, "" for none."""
+def _with_lambda(scheme: str, lam: str) -> Method:
     return method(scheme, **({"lam": lam} if lam else {}))
 
 
 def column(scheme: str, **key: str) -> list[dict]:
     """A printed column beside the measured one; the key "lambda" is "" for none.  A row for each step size."""
     lam = key["lambda"]
-    made, chosen, true = problem(ORBIT), with_lambda(scheme, lam), truth(SCENE)
+    made, chosen, true = problem(ORBIT), _with_lambda(scheme, lam), truth(SCENE)
     states = [end_state(integrate(made, chosen, h=h, t_end=1.0, save_every=0)) for h in STEPS]
     differences = [float(refinement_difference(a, b)) for a, b in pairwise(states)]
     orders = [float("nan"), *(float(np.log2(a / b)) for a, b in pairwise(differences))]
@@ -148,8 +147,7 @@ def scan(h: float) -> dict[str, list[dict]]:
 # -- judging -----------------------------------------------------------------------------------------------------------
 
 
-def farthest(rows: pd.DataFrame) -> str:
-    """The entry that is farthest from the printed one."""
+def _farthest(rows: pd.DataFrame) -> str:
     row = rows.loc[rows["units"].idxmax()]
     return f"{row['scheme']} at h = {number(row['h'])}: {number(row['units'])} of the last printed digit"
 
@@ -160,8 +158,7 @@ def rooted(scans: pd.DataFrame) -> Count:
     return Count(steps - int(scans["without a root"].sum()), steps)
 
 
-def next_root(scans: pd.DataFrame) -> str:
-    """How far the nearest other root is."""
+def _next_root(scans: pd.DataFrame) -> str:
     closest = (scans["far root closest to 1/2"] - 0.5).abs().min()
     return f"the nearest other root is {number(closest)} away" if closest == closest else ""
 
@@ -187,8 +184,7 @@ def _order_said(column: str) -> Callable[[Data], str | None]:
 
 @of(TABLE)
 @style.styled
-def draw(frame: pd.DataFrame, folder: Path) -> list[Picture]:
-    """How far measured entries are from the printed ones, and both columns of Scheme IV."""
+def _draw(frame: pd.DataFrame, folder: Path) -> list[Picture]:
     iv, rest = frame.query(IV), frame.query(REST)
     figure, ((left, right),) = style.panels(1, 2, 2.9)
     for k, (name, part) in enumerate(rest.groupby("scheme", sort=False)):
@@ -254,7 +250,7 @@ STUDY = Study(
         Runs(
             TABLE, column, [{"scheme": scheme, "lambda": lam} for scheme, lam in PRINTED],
             needs=lambda scheme, **key: (
-                with_lambda(scheme, key["lambda"]), ProblemKey(ORBIT), PRINTED[scheme, key["lambda"]],
+                _with_lambda(scheme, key["lambda"]), ProblemKey(ORBIT), PRINTED[scheme, key["lambda"]],
             ),
             quick=({"scheme": "scheme-i", "lambda": "1/3"},),
         ),
@@ -264,7 +260,7 @@ STUDY = Study(
     claims={
         "agreement": Claim(
             "The printed entries of Schemes I–III, AVF and V are reproduced",
-            TABLE, f"units <= {AGREEMENT}", rows=REST, unit="entries", where=farthest, fault=True,
+            TABLE, f"units <= {AGREEMENT}", rows=REST, unit="entries", where=_farthest, fault=True,
         ),
         "scheme-iv": Claim(
             "The printed entries of Scheme IV are reproduced",
@@ -272,7 +268,7 @@ STUDY = Study(
         ),
         "roots": Claim(
             "Every step of Scheme IV has a root near λ = 1/2",
-            SCANS, rooted, unit="steps", where=next_root,
+            SCANS, rooted, unit="steps", where=_next_root,
         ),
         "explanations": Claim(
             "No other computation that was tried gives Scheme IV's printed column",
@@ -288,7 +284,7 @@ STUDY = Study(
             lambda rows: (rows[["nearest root, least", "nearest root, greatest"]] - 0.5).abs().max(axis=1) < NEAR,
         ),
     },
-    figure=draw,
+    figure=_draw,
     shown=table,
     whole=whole,
     limits=(

@@ -98,13 +98,11 @@ def draws(target: str, n: int = DRAWS) -> tuple[np.ndarray, np.ndarray]:
     return x / (2 * np.arange(1, D + 1)), p
 
 
-def budgets(target: str, method: str) -> list[int]:
-    """The budgets that are a whole number of steps of a method."""
+def _budgets(target: str, method: str) -> list[int]:
     return [budget for budget in BUDGETS[target] if budget % EVALUATIONS[method] == 0]
 
 
-def propose(of: Hamiltonian, q: np.ndarray, p: np.ndarray, method: str, budget: int) -> Ensemble:
-    """The end states of proposals of ``budget`` evaluations from the states q, p, arrays (n, `D`), on one thread."""
+def _propose(of: Hamiltonian, q: np.ndarray, p: np.ndarray, method: str, budget: int) -> Ensemble:
     steps = budget // EVALUATIONS[method]
     return integrate_ensemble(of, method, q, p, h=TIME / steps, steps=steps, threads=1)
 
@@ -114,7 +112,7 @@ def mean_acceptance(target: str, method: str, budget: int, n: int = DRAWS) -> di
     and the median of |Delta H|.
     """
     of, (q, p) = system(target), draws(target, n)
-    found = propose(of, q, p, method, budget)
+    found = _propose(of, q, p, method, budget)
     reached = np.isclose(found.t, TIME)
     with np.errstate(all="ignore"):
         error = np.where(reached, of.energies(found.q, found.p) - of.energies(q, p), np.inf)
@@ -135,7 +133,7 @@ def acceptance(target: str, method: str) -> list[dict]:
     each = EVALUATIONS[method]
     return [
         {"evaluations per step": each, "budget": n, "h": TIME * each / n} | mean_acceptance(target, method, n)
-        for n in budgets(target, method)
+        for n in _budgets(target, method)
     ]
 
 
@@ -148,11 +146,11 @@ def times(target: str) -> list[dict]:
     A step is timed in a long run of all draws on one thread, the methods in turns.
     """
     of, (q, p) = system(target), draws(target)
-    runs = {id: partial(propose, of, q, p, id, STEPS * each) for id, each in EVALUATIONS.items()}
+    runs = {id: partial(_propose, of, q, p, id, STEPS * each) for id, each in EVALUATIONS.items()}
     rows = []
     for id, seconds in time_in_turns(runs, ROUNDS).items():
         step = median(seconds / DRAWS / STEPS * 1e9)
-        for budget in budgets(target, id):
+        for budget in _budgets(target, id):
             steps, accepted = budget // EVALUATIONS[id], mean_acceptance(target, id, budget)["acceptance"]
             row = {"method": id, "budget": budget, "acceptance": accepted}
             row |= {"ns a proposal": steps * step.value, "ns, low": steps * step.low, "ns, high": steps * step.high}
@@ -220,8 +218,7 @@ def agrees(rows: pd.DataFrame) -> pd.Series:
 
 @of(ACCEPTANCE)
 @style.styled
-def draw(frame: pd.DataFrame, folder: Path) -> list[Picture]:
-    """The share of rejected proposals over the evaluations: a panel for each target, a curve for each method."""
+def _draw(frame: pd.DataFrame, folder: Path) -> list[Picture]:
     figure, (panels,) = style.panels(1, len(BUDGETS), 3.4, sharey=True)
     for axes, target in zip(panels, BUDGETS, strict=True):
         rows = frame[frame["target"] == target]
@@ -312,7 +309,7 @@ STUDY = Study(
         "accepts": Claim("Every method accepts", TIMES, lambda rows: rows.groupby("method")["acceptance"].max() > 0),
         "stable": Claim("Every method has a limit", LIMITS, "limit > 0"),
     },
-    figure=draw,
+    figure=_draw,
     shown=table,
     limits=(
         "More is said where the 95 % intervals do not overlap; methods share their draws, so that this is strict.",

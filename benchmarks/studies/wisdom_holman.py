@@ -200,8 +200,7 @@ def _fronts(rows: pd.DataFrame) -> list[tuple[pd.Series, pd.Series, dict]]:
 
 
 @style.styled
-def draw(data: Data, folder: Path) -> list[Picture]:
-    """Energy error against time: of pairs, and of the best runs of either side."""
+def _draw(data: Data, folder: Path) -> list[Picture]:
     pairs, rows = data(EQUAL), data(ALL)
     ran = None if rows is None else rows[(rows["status"] == OK) & rows[COST].notna()]
     pictures = []
@@ -306,7 +305,7 @@ STUDY = Study(
                        rows="status == 'ok'"),
         "time": Claim("Every step takes a time", ALL, f"`{LOW}` > 0", rows="status == 'ok'"),
     },
-    figure=draw,
+    figure=_draw,
     shown=table,
     whole=of(ALL)(lambda rows: rows.reindex(columns=["problem", "method", "h", ERROR, COST, LOW, HIGH, "status"])),
     limits=(

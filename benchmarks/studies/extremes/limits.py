@@ -21,6 +21,7 @@ import pandas as pd
 from phasebench.benchmarks import style
 from phasebench.benchmarks.measure import oscillator
 from phasebench.benchmarks.measure.integrator import integrator
+from phasebench.benchmarks.measure.linear_stability import radius
 from phasebench.benchmarks.page.markdown import join_list
 from phasebench.benchmarks.page.page import ROWS, Table, of
 from phasebench.benchmarks.page.study import Claim, Runs, Study
@@ -158,7 +159,7 @@ def grows(chosen: Integrator, z: float) -> bool:
     M = oscillator.matrix(chosen, z)
     if M is None:
         return True
-    rate = -math.log(max(_radius(M), 1e-9)) if chosen.record.one_step else 0.0
+    rate = -math.log(max(radius(M), 1e-9)) if chosen.record.one_step else 0.0
     y = oscillator.end(chosen, z, STEPS if rate <= 0 else max(1, min(STEPS, int(DAMPED / rate))))
     return y is None or not np.isfinite(y).all() or bool(np.abs(y).max() > GROWTH * (1 + np.abs(M).max()))
 
@@ -197,11 +198,7 @@ def beyond(chosen: Integrator, found: oscillator.Found) -> list[float]:
 def _unstable(chosen: Integrator, z: float, least: float = DEEP) -> bool:
     """True if the spectral radius of the step at h omega = z exceeds 1 by more than ``least``."""
     M = oscillator.matrix(chosen, z)
-    return M is not None and _radius(M) - 1 > least
-
-
-def _radius(M: np.ndarray) -> float:
-    return float(np.abs(np.linalg.eigvals(M)).max())
+    return M is not None and radius(M) - 1 > least
 
 
 # -- what is shown -----------------------------------------------------------------------------------------------------

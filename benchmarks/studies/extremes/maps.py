@@ -29,6 +29,7 @@ import pandas as pd
 import sympy as sp
 
 from phasebench.benchmarks import style
+from phasebench.benchmarks.measure import linear_stability
 from phasebench.benchmarks.page.study import Runs, over
 from phasebench.benchmarks.problems import problem as problem_of
 from phasebench.benchmarks.problems.fpu import oscillatory_energies
@@ -140,7 +141,7 @@ def coupled(ratio: sp.Rational) -> Hamiltonian:
 def radius(run: PreparedRun, h: float) -> float:
     """The spectral radius of the matrix of one step of length h on a linear system."""
     columns = [np.concatenate(run(h, 1, unit[:2], unit[2:])[:2]) for unit in np.eye(4)]
-    return float(np.abs(np.linalg.eigvals(np.array(columns).T)).max())
+    return linear_stability.radius(np.array(columns).T)
 
 
 def resonances(method: str) -> list[dict]:
