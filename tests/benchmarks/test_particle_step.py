@@ -8,14 +8,12 @@ import numpy as np
 import pytest
 
 import phasebench as pb
-from phasebench.benchmarks.certificate import battery, certificate
-from phasebench.benchmarks.certificate.stepping import Exact
+from phasebench.benchmarks.certificate import certificate
 from phasebench.benchmarks.certificate.subject import subject
 from phasebench.benchmarks.judge.verdict import CONTRADICTED, HOLDS
 from phasebench.benchmarks.measure import own_step
 from phasebench.benchmarks.measure.battery import relativistic_particle
 from phasebench.benchmarks.problems import problem
-from phasebench.integrators.compile.codegen import precision, vector
 from phasebench.integrators.errors import InvalidInput
 from support.evidence import verdicts
 
@@ -71,18 +69,6 @@ def test_the_fields_are_those_of_the_particle_in_three_components(name, velocity
     assert seen.evaluations == [1, 1]
     assert seen.momentum(x, v) == pytest.approx(whole.p0, abs=1e-16)
     assert seen.H(x, v) == pytest.approx(whole.system.energies([whole.q0], [whole.p0])[0], rel=1e-15)
-
-
-def test_in_many_digits_it_sees_the_same():
-    for entry in battery.magnetic():
-        d, y = entry.system.d, np.array(entry.state)
-        rough = own_step.System(entry.system).particle
-        with precision(40):
-            fine = Exact(entry.system).particle
-            x, v = fine.state(vector(y[:d]), vector(y[d:]))
-            for a, b in ((fine.E(x), rough.E(y[:d])), (fine.B(x), rough.B(y[:d]))):
-                assert np.abs((a - b).astype(float)).max() < 1e-15
-            assert max(map(abs, fine.momentum(x, v) - vector(y[d:]))) < 1e-38
 
 
 def test_a_step_of_ones_own_is_the_method():

@@ -3,25 +3,20 @@
 from __future__ import annotations
 
 import json
-import re
-import tomllib
-from dataclasses import replace
 from importlib import metadata
 
 import numpy as np
 import pytest
 
-from phasebench.benchmarks.ladder import bench_errors, peer_rows, sweep
+from phasebench.benchmarks.ladder import sweep
 from phasebench.benchmarks.measure import accuracy
-from phasebench.benchmarks.measure.integrator import OURS
 from phasebench.benchmarks.measure.orders import orders
 from phasebench.benchmarks.problems import problem
 from phasebench.benchmarks.problems.scenes import BY_ID, SCENES
 from phasebench.integrators import integrate
-from phasebench.integrators.compile import digest as sources
 from phasebench.reference.certificates import stored as certified
 from phasebench.reference.peers import BY_ID as PEERS
-from phasebench.reference.peers import Peer, integrate_peer
+from phasebench.reference.peers import integrate_peer
 from phasebench.reference.solvers import taylor
 
 SCENE = BY_ID["lotka-volterra-t1"]
@@ -71,19 +66,6 @@ def test_chaotic_scene_is_measured_before_its_horizon(id, size):
     assert 100 * row["reference_uncertainty"] < row["global_error"] < 1
 
 
-def test_truth_is_computed_without_a_certificate(monkeypatch):
-    monkeypatch.setattr(accuracy.stored, "find", lambda problem: None)
-    computed = accuracy.truth.__wrapped__(SCENE.id)
-    stored = accuracy.truth(SCENE.id)
-    assert computed.source == accuracy.COMPUTED
-    assert stored.error([float(x) for x in computed.texts]) < 1e-14
-    monkeypatch.setattr(accuracy, "truth", lambda scene: computed)
-    solution = integrate(problem(SCENE.problem), "rk4", h=0.03, t_end=SCENE.t_end)
-    row = accuracy.trajectory_error(SCENE, solution)
-    assert row["reference"] == "computed"
-    assert row["global_error"] == pytest.approx(stored.error(accuracy.end_state(solution)), rel=1e-6)
-
-
 def test_control_no_error_after_the_horizon(monkeypatch):
     """Without a certificate, the end of the chaotic scene is beyond the reach of long double."""
     monkeypatch.setattr(accuracy.stored, "find", lambda problem: None)
@@ -94,40 +76,7 @@ def test_control_no_error_after_the_horizon(monkeypatch):
     assert set(accuracy.trajectory_error(CHAOTIC, solution)) == {"reference_horizon"}
 
 
-def test_no_error_without_a_row_at_the_time():
-    solution = integrate(problem(CHAOTIC.problem), "stormer-verlet", h=0.05, t_end=CHAOTIC.t_end, save_every=0)
-    assert set(accuracy.trajectory_error(CHAOTIC, solution)) == {"reference_horizon"}
-
-
 # -- peers in a sweep --------------------------------------------------------------------------------------------------
-
-
-def test_swept_peers_belong_to_required_packages_or_to_compiled_ones():
-    project = tomllib.loads((sources.ROOT / "pyproject.toml").read_text())["project"]
-    required = {re.split("[>=<;]", x)[0] for x in project["dependencies"]}
-    swept = peer_rows.swept()
-    assert {p.package for p in swept} - set(peer_rows.OPTIONAL) == set(peer_rows.PACKAGES) <= required
-    assert not required & set(peer_rows.OPTIONAL)
-    assert {p.id for p in PEERS.values() if p.package in {*required, *peer_rows.OPTIONAL}} == {p.id for p in swept}
-    assert {*peer_rows.SLOW} <= {p.id for p in swept}
-    assert [t.tol for t in sweep.tasks([SCENE], True, lambda m: m.id == "scipy-lsoda")] == [1e-6]
-
-
-def test_step_sizes_or_tolerances_of_a_peer():
-    scene = BY_ID["kepler-t1"]
-
-    def sizes(scene, id, quick=False):
-        return [(t.h, t.tol) for t in sweep.tasks([scene], quick, lambda m: m.id == id)]
-
-    assert sizes(scene, "rebound-leapfrog") == [(h, None) for h in scene.steps]
-    assert sizes(scene, "rebound-leapfrog", True) == [(h, None) for h in scene.steps[: peer_rows.RUNGS]]
-    assert sizes(scene, "heyoka") == [(None, tol) for tol in peer_rows.TOLERANCES]
-    assert sizes(scene, "scipy-radau") == [(None, tol) for tol in peer_rows.TOLERANCES if tol > 1e-14]
-    long = BY_ID["kepler-100-orbits"]
-    assert len(sizes(long, "scipy-radau")) == len(sizes(long, "rebound-leapfrog-8")) == 1
-    assert sizes(long, "rebound-leapfrog") == [(h, None) for h in long.steps[: peer_rows.SIZES]]
-    assert sizes(long, "heyoka") == [(None, tol) for tol in peer_rows.TOLERANCES[: peer_rows.SIZES]]
-    assert all(isinstance(t.build(), Peer) for t in sweep.tasks([scene], only=lambda m: m.id == "heyoka"))
 
 
 ALIKE = {
@@ -174,18 +123,6 @@ def test_unsuitable_peer_has_one_row_with_the_reason(monkeypatch):
         assert "global_error" not in row
 
 
-def test_failed_peer_has_its_reason_and_no_error(monkeypatch):
-    scene = replace(SCENE, id="fall", problem="henon-heiles:chaotic", t_end=100.0, steps=(1.0,))
-    monkeypatch.setitem(sweep.BY_ID, "fall", scene)
-    made = replace(problem("henon-heiles:chaotic").start, q=(0.0, 3.0))
-    far = replace(problem("henon-heiles"), orbits=(made,), orbit="")
-    monkeypatch.setattr(peer_rows, "problem_of", lambda name: far)
-    row = sweep.measure(sweep.Task("fall", "heyoka", (), None, tol=1e-6))
-    assert row["status"] == "diverged"
-    assert "finite" in row["reason"]
-    assert not {"global_error", "seconds"} & set(row)
-
-
 def test_orders_exist_for_peers_with_fixed_steps(monkeypatch):
     chosen = ("heyoka", "rebound-leapfrog")
     rows = sweep.measure_rows(sweep.tasks([BY_ID["pendulum-t2"]], only=lambda m: m.id in chosen), 1)["rows"]
@@ -193,12 +130,3 @@ def test_orders_exist_for_peers_with_fixed_steps(monkeypatch):
     (found,) = orders(rows)
     assert (found["method"], found["kind"]) == ("rebound-leapfrog", "rebound")
     assert found["order"] == pytest.approx(2, abs=0.1)
-
-
-def test_rows_of_peers_are_not_in_the_stored_tables():
-    mine = [sweep.measure(sweep.Task(SCENE.id, "rk4", (), SCENE.steps[0]), repeats=1)]
-    other = {**mine[0], "method": "heyoka", "id": "heyoka", "kind": "heyoka", "h": None}
-    table = bench_errors._table([*mine, other], SCENE)
-    assert len(table) == len(mine)
-    assert "heyoka" not in set(table["method"])
-    assert "heyoka" in set(bench_errors._table([*mine, other | {"kind": OURS}], SCENE)["method"])

@@ -83,18 +83,6 @@ def test_wasted_evaluations_double_the_factor(monkeypatch):
     assert ours["curve"][0] == [first[0] / 2 + 1, pytest.approx(first[1])], "it keeps the last gradient of a step"
 
 
-def test_adaptive_integrator_is_ranked_too():
-    def run(system, q, p, t_end, tol):
-        steps = round(t_end * tol**-0.5)
-        for _ in range(steps):
-            q, p = leapfrog(system, q, p, t_end / steps)
-        return q, p
-
-    row = place.place(subject(run, {}, ("separable",)), "pendulum-short")
-    assert row["curve"][0][0] == 2 * 10 * 10
-    assert [e["factor"] is None for e in row["errors"]] == [False, False, False, True, True]
-
-
 def test_scenes_suit_the_integrator():
     assert place.scenes(subject(leapfrog)) == ["kepler-orbit", "double-pendulum-chaotic"]
     assert place.scenes(subject(leapfrog, {}, ("separable",))) == ["kepler-orbit", "pendulum-short"]
@@ -177,13 +165,3 @@ def test_runs_that_are_timed_alternately(target, requires, runs, monkeypatch):
     first, known = row["errors"][0], times.TABLE.load()["pendulum-short"]
     share = known.fastest[first["error"]].share
     assert found["errors"][0]["factor"] == pytest.approx(2.0 * first["evaluations"] / evaluations / share)
-
-
-def test_no_time_without_evaluations_or_a_met_error():
-    def time(id, **row):
-        return times.time_subject(subject(id), {"curve": [[10.0, 1.0]], "sizes": [10]} | row, place.run_subject)
-
-    adaptive = {"curve": [[0.0, 1e-9]], "sizes": [1e-9], "errors": [{"evaluations": 0.0}]}
-    assert time("heyoka", on="pendulum-short", **adaptive) is None
-    assert time("rk4", on="pendulum-short", errors=[{"evaluations": None}]) is None
-    assert time("rk4", on="nls", errors=[{"evaluations": 10.0}]) is None, "of this scene no time is stored"

@@ -9,6 +9,7 @@ import pytest
 from sympy import isprime
 
 from phasebench.benchmarks.measure import lyapunov, truths
+from phasebench.benchmarks.measure.global_error import quantity_error
 from phasebench.benchmarks.measure.integrator import integrator
 from phasebench.benchmarks.measure.named_quantities import AVERAGE, quantities, quantity
 from phasebench.benchmarks.measure.quantities import Truth, distance, error, scale, values
@@ -137,3 +138,14 @@ def test_trajectory_is_compared_at_every_row():
     found = rows(range(21), np.zeros((21, 1)), np.zeros((21, 1)))
     found.p[7] = 0.5
     assert error(made, quantity(made, "trajectory"), found, Truth(np.zeros(40), 0.0, "a law")) == 0.5
+
+
+@pytest.mark.parametrize(("doubt", "known"), [(1e-9, True), (0.5, False)])
+def test_an_error_is_told_where_the_reference_resolves_it(monkeypatch, doubt, known):
+    made = problem("harmonic-oscillator")
+    wanted = quantity(made, "phase")
+    true = Truth(truths.truth(made, wanted, 1.0).values, doubt, "made up")
+    monkeypatch.setattr(truths, "truth", lambda *of: true)
+    found = quantity_error(made, integrator("stormer-verlet"), wanted, 1.0, {"steps": 10})
+    assert 1e-5 < found["error"] < 1e-3 if known else found["error"] is None
+    assert found["uncertainty"] == doubt

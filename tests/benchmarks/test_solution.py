@@ -7,8 +7,6 @@ import pytest
 
 import phasebench as pb
 from phasebench.benchmarks.problems import problem
-from phasebench.integrators.solution import Solution as Bare
-from support.steps import leapfrog
 
 PENDULUM = pb.Hamiltonian(q="q", p="p", H="p**2/2 - cos(q)")
 
@@ -30,21 +28,6 @@ def test_invariants_of_a_problem():
     momentum = s.q[:, 0] * s.p[:, 1] - s.q[:, 1] * s.p[:, 0]
     np.testing.assert_allclose(found["angular-momentum"], momentum, rtol=1e-14)
     assert np.ptp(found["laplace-runge-lenz-1"]) > 1e-7 > 1e-13 > np.ptp(found["angular-momentum"])
-
-
-def test_invariants_of_a_system_are_its_expressions():
-    plane = pb.Hamiltonian(q="x y", p="u v", H="(u**2 + v**2 + x**2 + y**2)/2", invariants=["x*v - y*u"])
-    found = pb.integrate(plane, "rk4", h=0.1, steps=5, q0=[1, 0], p0=[0, 1]).invariants()
-    assert [v.shape for v in found.values()] == [(6,)]
-    assert next(iter(found.values()))[0] == 1.0
-
-
-def test_frame_has_the_variables_by_name():
-    s = swing()
-    frame = s.to_frame()
-    assert list(frame) == ["t", "q", "p", "energy"]
-    np.testing.assert_array_equal(frame[["t", "q", "p"]].to_numpy(), np.column_stack([s.t, s.q, s.p]))
-    np.testing.assert_array_equal(frame["energy"], s.energy())
 
 
 @pytest.mark.parametrize("method", ["stormer-verlet", "gauss-4", "heyoka"])
@@ -73,16 +56,6 @@ def test_failed_run_has_no_error():
         away.error()
 
 
-def test_repr_has_a_few_lines():
-    for s in (swing(steps=2000), pb.integrate("fpu", "stormer-verlet", h=0.01, steps=100)):
-        text = repr(s)
-        assert text.count("\n") <= 3
-        assert len(text) < 400
-        assert s.status in text
-        assert "array" not in text
-    assert f"q = [{s.q[-1, 0]:.6g}, " in text
-
-
 def test_plot_draws_the_energy_error_and_the_orbit():
     s = swing()
     energy, orbit = s.plot().axes
@@ -92,25 +65,6 @@ def test_plot_draws_the_energy_error_and_the_orbit():
     np.testing.assert_array_equal(wide.plot().axes[1].lines[0].get_xydata(), wide.q)
 
 
-def test_a_notebook_shows_tables_and_pictures():
-    s = swing()
-    assert "<table" in s._repr_html_()
-    assert s.plot()._repr_png_().startswith(b"\x89PNG")
-
-
-def test_solution_without_its_problem_says_so():
-    s = swing()
-    bare = Bare(s.t, s.q, s.p, s.status, s.reason, s.counts, s.h, s.method)
-    with pytest.raises(pb.InvalidInput, match="problem"):
-        bare.energy()
-    assert repr(bare).startswith("Solution: stormer-verlet, ok\n")
-
-
-def test_solution_of_a_user_step_has_the_same_error():
-    mine, ours = (pb.integrate(PENDULUM, m, h=0.1, t_end=5, q0=[1.0], p0=[0.5]) for m in (leapfrog, "stormer-verlet"))
-    assert mine.error().error == pytest.approx(ours.error().error, rel=1e-9)
-
-
 def test_prepared_run_of_a_system_uses_the_given_state():
     run = pb.prepare(PENDULUM, "stormer-verlet", q0=[1.0], p0=[0.5])
     q, p, code = run(0.1, 20)
@@ -118,8 +72,3 @@ def test_prepared_run_of_a_system_uses_the_given_state():
     assert (code, q[0], p[0]) == (run.SOLVED, s.q[-1, 0], s.p[-1, 0])
     with pytest.raises(pb.InvalidInput, match="q0"):
         pb.prepare(PENDULUM, "stormer-verlet")
-
-
-def test_user_problem_from_public_names():
-    mine = pb.Problem("mine", "a pendulum", "", PENDULUM, (pb.Orbit("swing", (1.0,), (0.5,)),))
-    assert np.array_equal(pb.integrate(mine, "stormer-verlet", h=0.1, steps=20).q, swing().q)

@@ -349,16 +349,6 @@ def _wait_for_progress(journal: Path, before: int, process) -> None:
     raise AssertionError("nothing was measured")
 
 
-def test_a_run_without_time_keeps_what_another_version_measured(tmp_path):
-    cells = [toy_cells.cell(n) for n in range(2)]
-    journal = Journal(tmp_path / "journal.jsonl")
-    journal.put(replace(entry(0), cell=cells[0].id))
-    execute(tmp_path, cells, budget=0)
-    assert [*Journal(tmp_path / "journal.jsonl").entries] == [cells[0].id]
-    execute(tmp_path, cells, everything=True)
-    assert not (tmp_path / "journal.jsonl").exists()
-
-
 def test_a_quick_run_does_not_replace_full_tables(tmp_path):
     cells = [toy_cells.cell(n) for n in range(2)]
     for _ in range(2):
@@ -407,18 +397,6 @@ def test_table_reads_back_the_measured_numbers(tmp_path):
     assert about["quick"] is True
     assert "numpy" in about["machines"][MACHINE]["versions"]
     assert tables.read(tmp_path, "numbers") == (None, None)
-
-
-def test_screen_fits_a_terminal_and_counts_cells(tmp_path):
-    execute(tmp_path, toy_cells.cells(3))
-    cells = [toy_cells.cell(n, version=2 if n == 1 else 1, function=toy_cells.fail if n == 1 else toy_cells.measure)
-             for n in range(4)]  # fmt: skip
-    outcome = execute(tmp_path, cells)
-    (row,) = screen.counts(outcome)
-    assert (row["failed"], row["measured now"], row["sampled"] + row["unchanged"]) == (1, 1, 2)
-    lines = screen.summary(outcome, 100).splitlines()
-    assert all(len(line) <= 100 for line in lines)
-    assert len(lines) == 3
 
 
 def test_an_empty_value_of_a_key_is_one_of_its_values(tmp_path):

@@ -1,80 +1,552 @@
-"""What only a hand-made case shows of the measures of studies."""
+"""What studies measure, where the answer is known otherwise: closed forms, plain runs, published columns and tables."""
 
 from __future__ import annotations
 
 import json
+from dataclasses import replace
+from itertools import pairwise
+from math import atan2, hypot, pi
 from types import SimpleNamespace
 
+import mpmath
 import numpy as np
 import pandas as pd
 import pytest
+import sympy as sp
+from scipy.integrate import solve_ivp
 
-from phasebench.benchmarks.measure import clock
-from phasebench.benchmarks.measure.integrator import Integrator, integrator
-from phasebench.benchmarks.measure.orders import successive
-from phasebench.benchmarks.measure.quantities import Truth
+from phasebench.benchmarks import report
+from phasebench.benchmarks.judge.evidence import NO_DEFECT
+from phasebench.benchmarks.judge.verdict import CONTRADICTED, HOLDS, MISSING, UNTESTABLE, WHERE
+from phasebench.benchmarks.ladder import choice as ladder_choice
+from phasebench.benchmarks.measure import every_problem
+from phasebench.benchmarks.measure.timing import NONE, OURS, PEERS, TIED
 from phasebench.benchmarks.measure.visible import least_visible
-from phasebench.benchmarks.page import long_runs
 from phasebench.benchmarks.problems import problem
-from phasebench.benchmarks.studies import advice, constraints, extended, hessian_free, oscillatory, rigid, sampling
-from phasebench.benchmarks.studies import wisdom_holman as wh
-from phasebench.benchmarks.studies.advice import asks, brute
-from phasebench.integrators.coefficients import GROUPS, steps
+from phasebench.benchmarks.problems.models import one_body, planets, springs
+from phasebench.benchmarks.studies import constraints, extended, printed, rigid, sampling
+from phasebench.benchmarks.studies.catalogue import tables as transcribed
+from phasebench.benchmarks.studies.declared import matrix
+from phasebench.benchmarks.studies.extremes import encounters
+from phasebench.benchmarks.studies.models import choice
+from phasebench.benchmarks.studies.molecules import argon, water
+from phasebench.benchmarks.studies.options import arithmetic, nodes, solvers
+from phasebench.benchmarks.studies.said import minimum_norm
+from phasebench.benchmarks.studies.said.talks import measure, statements
+from phasebench.benchmarks.studies.said.talks.judges import judge
+from phasebench.benchmarks.studies.statistics import measure as statistics
+from phasebench.benchmarks.studies.statistics import scenes
+from phasebench.benchmarks.studies.trade import front, joined, reasons, trade
+from phasebench.integrators.coefficients import sampling as tables
 from phasebench.integrators.coefficients.order_conditions import classical_order
 from phasebench.integrators.compile.codegen import precision
 from phasebench.integrators.driver import integrate
-from phasebench.integrators.ensemble import integrate_ensemble
 from phasebench.integrators.registry import BY_ID
+from support import cells
+from support.commands import call
+from support.needs import need
+from support.pages import REPORTS
 
-# -- advice ------------------------------------------------------------------------------------------------------------
-
-
-def test_drawn_questions_are_reproducible():
-    drawn = tuple(asks.ASKS.values())
-    assert len(drawn) == 60
-    assert sum(a.outside for a in drawn) == 15
-    assert asks.draw() == drawn != asks.draw(seed=asks.SEED + 1)
-    assert any(a.conserve for a in drawn)
-    assert {"end-state", "trajectory", "energy"} < {a.quantity for a in drawn}
-    assert [a for group in advice.GROUPS for a in advice.requests(group)] == [*drawn]
+# -- what is declared --------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("ask", [a for a in asks.ASKS.values() if a.outside][::5], ids=lambda a: a.name)
-def test_questions_with_formulas_are_valid(ask):
-    question = advice.asked_of(ask)
-    assert question.problem.system.canonical
-    assert question.quantity.name == ask.quantity
+@pytest.fixture(scope="module")
+def matrix_rows(uncompiled):
+    rows = uncompiled("support/cells.py")
+    return {(r["method"], r["problem"]): r for r in rows}
 
 
-@pytest.mark.parametrize(("id", "sizes"), [("rk4", "steps"), ("heyoka", "tol")])
-def test_brute_force_finds_the_cheapest_run(id, sizes):
-    asked = [a for a in asks.ASKS.values() if a.words == ("pendulum:swinging",) and a.quantity == "end-state"]
-    question = advice.asked_of(asked[0])
-    runs = brute.Runs(integrator(id), question, Truth(np.ones(1), 0.0, "a law"))
-
-    def run(x):
-        error, seconds = ((20 / x) ** 4, 1e-8 * x) if sizes == "steps" else (x, 1e-5 * x**-0.1)
-        return brute.Run(x, True, error, seconds) if error < 1e3 else brute.Run(x, False, np.inf, 0.0)
-
-    runs._run = run
-    found = brute.cheapest_of(runs, 1.0)
-    least = 20 * question.accuracy**-0.25
-    if sizes == "steps":
-        assert least <= found.size <= 1.12 * least
-    else:
-        assert question.accuracy / 3.2 <= found.size <= question.accuracy
+def test_rows_of_every_method_on_every_problem(matrix_rows):
+    """A number or its reason; the measured order is the declared one, and nothing declared is contradicted."""
+    assert len(matrix_rows) == len(cells.METHODS) * len(cells.PROBLEMS)
+    for row in matrix_rows.values():
+        assert row.get("reason") or all(k in row or f"{k}_reason" in row for k in every_problem.MEASURED), row
+        assert abs(row.get("order", BY_ID[row["method"]].order) - BY_ID[row["method"]].order) < 0.1, row
+        assert not matrix.contradictions(row)
+    assert sum("order" in row for row in matrix_rows.values()) >= 10
+    assert matrix_rows["wisdom-holman", "kepler"]["order_reason"] == "exact"
+    for name in ("symplecticity", "reversibility"):
+        assert matrix_rows["stormer-verlet", "pendulum"][name] < NO_DEFECT
+        assert matrix_rows["rk4", "pendulum"][name] > 1e6 * NO_DEFECT
+    assert matrix_rows["avf", "kepler"]["energy"] < 1e-14 < matrix_rows["gauss-2", "kepler"]["energy"]
+    assert matrix_rows["gauss-2", "kepler"]["quadratic"] < 1e-14 < matrix_rows["avf", "kepler"]["quadratic"]
 
 
-def test_command_is_rerun_in_another_process():
-    line = "phasebench integrate pendulum rk4 --steps 10 --t-end 1.0 --error"
-    (printed,) = advice.rerun([line])
-    assert 0 < advice.error_of(printed) < 1e-4
-    assert advice.error_of({"quantity_error": {"error": 2.0}, "global_error": 1.0}) == 2.0
-    with pytest.raises(RuntimeError, match="rerun failed"):
-        advice.rerun(["another command"])
+CELL = {"method": "rk4", "problem": "pendulum", "declared_order": 4, "order": 4.0, "symplectic": True,
+        "symmetric": True, "symplecticity": 0.0, "reversibility": 0.0, "energy_class": "round-off",
+        "quadratic_class": "round-off", "energy": 0.0, "quadratic": 0.0}  # fmt: skip
 
 
-# -- constraints -------------------------------------------------------------------------------------------------------
+@pytest.mark.parametrize(
+    ("column", "good", "bad", "undeclared"),
+    [
+        ("order", 3.91, 3.89, {}),
+        ("symplecticity", 0.9e-22, 1.1e-22, {"symplectic": False}),
+        ("reversibility", 0.9e-22, 1.1e-22, {"symmetric": False}),
+        ("energy", 199 * 2.0**-52, 201 * 2.0**-52, {"energy_class": "bounded"}),
+        ("quadratic", 199 * 2.0**-52, 201 * 2.0**-52, {"quadratic_class": "drift"}),
+    ],
+)
+def test_a_row_is_compared_with_what_is_declared(column, good, bad, undeclared):
+    assert not matrix.contradictions(CELL | {column: good})
+    assert len(matrix.contradictions(CELL | {column: bad})) == 1
+    assert bool(matrix.contradictions(CELL | {column: np.inf})) == (column != "order")
+    assert not undeclared or not matrix.contradictions(CELL | undeclared | {column: 1.0})
+
+
+def test_high_orders_are_seen_by_their_digits():
+    """Gauss of order 16 is measured in 128 digits, and a processed method is nearly symmetric."""
+    assert least_visible("gauss-8-field", "symmetry") == pytest.approx(1e-64)
+    assert [least_visible("rk4", name) for name in ("symplecticity", "symmetry")] == [1e-22, 1e-22]
+    processed = [least_visible("blanes-casas-murua-p11-6", name) for name in ("symplecticity", "symmetry")]
+    assert processed == [1e-22, 1e-25]
+
+
+# -- options -----------------------------------------------------------------------------------------------------------
+
+
+def test_avf_with_one_node_is_the_midpoint_rule():
+    made = problem("pendulum:swinging")
+    one, own, three = (nodes.Run(made, n, 0.1) for n in (1, nodes.CONFIRMED, 3))
+    assert all((one(), own(), three()))
+    midpoint = integrate(made, "implicit-midpoint", h=0.1, steps=nodes.STEPS)
+    assert np.abs(one.Q - midpoint.q[1:]).max() < 1e-10
+    assert own.energy_error() < 1e-14 < 1e-4 < one.energy_error()
+    assert 1e-13 < three.energy_error() < 1e-10, "no rule that it confirms itself"
+
+
+def test_plain_sums_equal_the_method_up_to_round_off():
+    made = problem("henon-heiles:box")
+    q, p = arithmetic.starts(made)
+    found = arithmetic.ends(made, 0.05, 100)
+    exact = arithmetic.plain(made.system, q, p, 0.05, 100, np.longdouble)
+    off = {name: np.abs(end - exact).max() for name, end in found.items()}
+    assert 1e-8 < off[arithmetic.SINGLE] < 1e-4
+    assert 0 < off[arithmetic.COMPENSATED] < 0.3 * off[arithmetic.PLAIN] < 1e-13
+
+
+@pytest.mark.parametrize("start", [solvers.ZERO, solvers.FIVE])
+@pytest.mark.parametrize("solver", [solvers.FIXED, solvers.SIMPLE, solvers.NEWTON])
+def test_every_solver_and_start_gives_the_same_step(solver, start):
+    made, h, steps = problem("henon-heiles:box"), 0.2, 10
+    field = made.system.vector_field()
+    loop = solvers.Loop(lambda y: field(0.0, y), np.array([*made.q0, *made.p0]), h, solver, start, solvers.ROUND_OFF)
+    assert loop.run(steps)
+    own = integrate(made, solvers.METHOD, h=h, steps=steps, save_every=0)
+    assert np.abs(loop.y - np.concatenate([own.q[-1], own.p[-1]])).max() < 1e-14
+
+
+# -- statistics of chaotic orbits --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("id", [id for id, s in scenes.SCENES.items() if s.known])
+def test_starts_lie_on_the_surface_and_an_ensemble_keeps_its_average(id):
+    """By Gauss's method an ensemble keeps the exact average; by explicit Euler at the same step it does not."""
+    scene = scenes.SCENES[id]
+    q, p = scenes.start(replace(scene, orbits=2000))
+    assert np.abs(problem(scene.problem).system.energies(q, p) - scene.energy).max() < 1e-10
+    few = replace(scene, orbits=64, span=scene.span / 10)
+    for method in ("gauss-4", *(["explicit-euler"] if id == "henon-heiles-mean" else [])):
+        found = statistics.sums(few, method, 8)
+        mean, error = statistics.statistic(found.total, found.number)
+        assert (abs(mean - scenes.exact(few)) < 4 * error) == (method == "gauss-4")
+
+
+def test_exact_averages_of_a_harmonic_oscillator_are_known(monkeypatch):
+    """At a small energy Henon-Heiles is an oscillator: <q2^2> = E / 2, and crossings are uniform in a disc.
+
+    A cap beyond half of the radius is 1/3 - sqrt(3) / (4 pi) of the disc, but 1/4 of its width.
+    """
+    monkeypatch.setitem(scenes.BOXES, "henon-heiles", 2e-3)
+    mean = replace(scenes.SCENES["henon-heiles-mean"], energy=1e-6, formula="q2**2")
+    cap = replace(mean, kind=scenes.SECTION, plane="q1", formula=f"q2 - {np.sqrt(5e-7)}")
+    for scene, value in ((mean, 5e-7), (cap, 1 / 3 - np.sqrt(3) / (4 * np.pi))):
+        assert abs(scenes.exact(scene) / value - 1) < 2e-3
+
+
+def test_a_share_of_crossings_counts_crossings_and_not_orbits():
+    """An orbit that crosses more often counts more; the error is that of the ratio (Cochran 1977, section 6.4)."""
+    rng = np.random.default_rng(5)
+    number = rng.integers(1, 40, 400).astype(float)
+    total = rng.binomial(number.astype(int), np.where(number > 20, 0.8, 0.3)).astype(float)
+    value, error = statistics.statistic(total, number)
+    assert value == total.sum() / number.sum()
+    assert abs(value - (total / number).mean()) > 5 * error  # the mean over orbits is another number
+    drawn = rng.integers(0, 400, (2000, 400))
+    spread = (total[drawn].sum(axis=1) / number[drawn].sum(axis=1)).std()
+    assert abs(error / spread - 1) < 0.1
+
+
+# -- simplified models -------------------------------------------------------------------------------------------------
+
+
+def solve_with_scipy(made, t_end, **more):
+    """SciPy's solution (DOP853, rtol 1e-12) of a problem to ``t_end``."""
+    s = made.system
+    f = sp.lambdify((*s.q, *s.p), [*s.dq, *s.dp], cse=True)
+    y0 = [*made.q0, *made.p0]
+    return solve_ivp(lambda t, y: f(*y), (0, t_end), y0, method="DOP853", rtol=1e-12, atol=1e-34, **more)
+
+
+def end(made, t_end):
+    return solve_with_scipy(made, t_end).y[: made.system.d, -1]
+
+
+def test_averaged_model_is_first_order_in_mu():
+    """The averaged model's radial period and advance are wrong by O(mu^2), the Kepler model's period by O(mu)."""
+
+    def turning(t, y):
+        return y[0] * y[2] + y[1] * y[3] if t > 4 else -1.0  # after the apocentre
+
+    turning.direction, turning.terminal, wrong = 1, True, {}
+    for mu in (1e-3, 1e-4):
+        averaged = one_body.kepler_models(0.3, mu)[2]
+        period = 2 * pi * one_body.mean_semi_axis(0.3, mu) ** 1.5 / averaged.rate
+        one = np.array([[1.0, 0.0]])
+        (x, y), _ = (z[0] for z in averaged.lift(None, np.array([period]), one, one))
+        found = solve_with_scipy(problem("perturbed-kepler", e=0.3, mu=mu), 20.0, events=turning)
+        t, (u, v) = found.t_events[0][0], found.y_events[0][0][:2]
+        wrong[mu] = abs(period - t), abs(atan2(y, x) - atan2(v, u)), abs(2 * pi - t)
+        made = averaged.make()
+        assert hypot(*made.q0) * hypot(*made.p0) == pytest.approx((1 - 0.3**2) ** 0.5, rel=1e-14)
+    ratios = np.array(wrong[1e-3]) / np.array(wrong[1e-4])
+    assert (ratios[:2] > 60).all()
+    assert 8 < ratios[2] < 12
+
+
+def test_soft_chain_is_accurate_to_its_order_in_omega():
+    """The model's error times omega^2 falls with omega if the model has all terms of that order; else it stays."""
+    far = {}
+    for omega in (50.0, 150.0):
+        true = end(problem("fpu", omega=omega), 2.0)[:3]
+        far[omega] = [omega**2 * np.abs(end(springs.soft_chain(k, omega), 2.0) - true).max() for k in range(3)]
+    ratios = np.array(far[50.0]) / np.array(far[150.0])
+    assert ratios[2] > 2
+    assert (abs(ratios[:2] - 1) < 0.3).all()
+
+
+def test_massless_planet_moves_about_a_fixed_sun():
+    alone = end(planets.about_the_sun("jupiter")(), 1000.0)
+    pair, massless = planets.bodies(("sun", "jupiter")), planets.bodies(("sun", "jupiter"), massless=("jupiter",))
+    assert np.abs(end(massless(), 1000.0)[3:] - alone).max() < 1e-9
+    assert np.abs(end(pair(), 1000.0)[3:] - alone).max() > 1e-4
+
+
+def test_cheapest_sufficient_model_is_chosen():
+    """A run of a model with error 10^-n takes 1, 2 or 10 times n seconds."""
+    names, errors = ("least", "middle", "full"), (1e-2, 1e-5, 0.0)
+    rows = [
+        {"scene": "s", "rung": k, "model": m, "full": m == "full", "d": 1, "modelling error": e, "uncertainty": 1e-15}
+        | {"integration": 1e-13 if m == "full" else 1e-14, "source": "certified"}
+        for k, (m, e) in enumerate(zip(names, errors, strict=True))
+    ]
+    runs = [
+        {"scene": "s", "rung": k, "method": "m", "steps": n, "error": 10.0**-n, "seconds": s * n}
+        for k, s in enumerate((1.0, 2.0, 10.0))
+        for n in range(1, 13)
+    ]
+    chosen = {a: choice.at(pd.DataFrame(rows), pd.DataFrame(runs), a) for a in (1e-1, 1e-3, 1e-6, 1e-14)}
+    assert chosen[1e-1] == ("least", 10 / 2, False)  # one finer step: less than 1e-1 is left to the integration
+    assert chosen[1e-3] == ("middle", 30 / 8, False)
+    assert chosen[1e-6] == ("full", 1.0, True)
+    assert chosen[1e-14][0] == "none"
+
+
+# -- molecules ---------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", [argon.OURS, "openmm", "ase"])
+def test_packages_report_the_energy_of_the_same_orbit_and_keep_a_rigid_water(monkeypatch, name):
+    if name != argon.OURS:
+        need(name)
+    for module, steps, every in ((argon, 1000, 10), (water, 100, 1)):
+        monkeypatch.setattr(module, "STEPS", steps)
+        monkeypatch.setattr(module, "EVERY", every)
+    if name in argon.ENGINES:
+        row, own = (argon.measure(n, argon.BEST) for n in (name, argon.OURS))
+        assert abs(row["mean"] / own["mean"] - 1) < 1e-7
+        assert abs(row["spread"] / own["spread"] - 1) < 1e-3
+    row = water.measure(name, argon.BEST)
+    bound = 1e-7 if name == "openmm" else 1e-11  # it holds a water's distances in single precision
+    assert max(row["distances"], row["angular momentum"], abs(row["energy drift"])) < bound
+
+
+def test_errors_of_a_water_are_seen():
+    x, v = water.start()
+    rows = np.repeat(x[None], 40, axis=0), np.repeat(v[None], 40, axis=0)
+    assert max(map(abs, water.errors(*rows).values())) < 1e-15
+    rows[0][7] *= 1 + 1e-6
+    assert abs(water.errors(*rows)["distances"] - 1e-6) < 1e-9
+    rows[1][-4:] *= 1 + 1e-3
+    assert abs(water.errors(*rows)["energy drift"] - 2e-3) < 1e-4
+    assert water.errors(*rows)["angular momentum"] > 1e-4
+
+
+# -- the trade between cost and error ----------------------------------------------------------------------------------
+
+
+def random_sweeps(scatter: float, seed: int, count: int = 200):
+    """(times of the first sweep, rows of two more) of integrators whose median times scatter between sweeps."""
+    rng = np.random.default_rng(seed)
+    finals, times = [], []
+    for k in range(count):
+        for side, name, mean in ((OURS, "a", 1.0), (OURS, "b", 1.2), (PEERS, "c", 2.0)):
+            seconds = 1e-3 * mean * np.exp(rng.normal(0, scatter, 3))
+            key = {"scene": f"s{k}", "accuracy": 1e-3, "side": side, "integrator": name}
+            finals.append(key | {"seconds": seconds[0], "low": seconds[0], "high": seconds[0], "steps": k})
+            times += [key | {"sweep": s, "seconds": seconds[s - 1]} for s in (2, 3)]
+    return pd.DataFrame(finals), pd.DataFrame(times)
+
+
+@pytest.mark.parametrize("scatter", [0.005, 0.1])
+def test_intervals_of_joined_sweeps_cover_a_third_one(scatter, monkeypatch):
+    shares = pd.DataFrame([joined.coverage(*random_sweeps(scatter, seed)) for seed in range(8)]).mean()
+    assert ((shares > 0.93) & (shares < 0.975)).all()
+    monkeypatch.setattr(joined, "LEVEL", 0.0)
+    assert (joined.coverage(*random_sweeps(0.1, 0)) < 0.6).all(), "the control: without the scatter between sweeps"
+
+
+def case(accuracy=1e-6, steps=(100, 50), seconds=(1e-5, 2e-5), spread=0.01, **more):
+    """A made-up case; pairs are (our best method, the best peer), steps None for a side that does not get there."""
+    out = {"scene": "toda", "quantity": "end-state", "accuracy": accuracy, f"{OURS} evaluations": 800}
+    for side, n, s in zip((OURS, PEERS), steps, seconds, strict=True):
+        known = {"integrator": f"one of {side}", "h": 0.1, "tol": np.nan, "steps": n, "seconds": s}
+        out |= {f"{side} {k}": v if n is not None else np.nan for k, v in known.items()}
+    ratio = seconds[0] / seconds[1] if None not in steps else np.nan
+    return out | {"ratio": ratio, "ratio low": ratio * (1 - spread), "ratio high": ratio * (1 + spread)} | more
+
+
+@pytest.mark.parametrize(
+    ("given", "expected"),
+    [
+        (case(), OURS),
+        (case(seconds=(2e-5, 1e-5)), PEERS),
+        (case(**{"ratio low": 0.93, "ratio high": 0.95}), OURS),
+        (case(**{"ratio low": 0.9, "ratio high": 0.99}), TIED),
+        (case(**{"ratio low": 1.04, "ratio high": 1.2}), TIED),
+        (case(**{"ratio low": 0.1, "ratio high": 3.0}), TIED),
+        (case(steps=(100, None)), OURS),
+        (case(steps=(None, 50)), PEERS),
+        (case(steps=(None, None)), NONE),
+    ],
+)
+def test_cheaper_side(given, expected):
+    found = ladder_choice.choices(pd.DataFrame([given]))
+    assert found["cheaper"].tolist() == [expected]
+    assert trade.counts(found) == tuple(int(expected == x) for x in (OURS, PEERS, TIED))
+    named = {PEERS: "one of peer", NONE: ""}.get(expected, "one of ours")
+    assert ladder_choice.winner(found.iloc[0]) == named
+
+
+@pytest.mark.parametrize(
+    ("reason", "given"),
+    [
+        (reasons.UNREACHED, {"steps": (None, 50)}),
+        (reasons.WITHIN, {"seconds": (1e-5, 9.95e-6)}),
+        (reasons.REST, {"seconds": (1e-5, 9e-6)}),
+        (reasons.MORE, {"seconds": (1e-5, 5e-6), "steps": (100, 50)}),
+        (reasons.DEARER, {"seconds": (1e-5, 5e-6), "steps": (50, 50)}),
+        (reasons.BOTH, {"seconds": (1e-5, 2.5e-6), "steps": (100, 50)}),
+    ],
+)
+def test_each_reason_has_its_case(reason, given):
+    """800 evaluations at 1e-8 s are 8 of our 10 us."""
+    told = {"integrator": "gauss-4", "kind": "phasebench", "evaluations": 1000, "seconds": 1e-5, "error": 1e-9}
+    tables = {front.CHOICES: pd.DataFrame([case(**given)]), front.RUNGS: pd.DataFrame([{"scene": "toda"} | told])}
+    assert reasons.above(tables.get)["reason"].tolist() == [reason]
+
+
+# -- what others print and say -----------------------------------------------------------------------------------------
+
+#: The talk's columns, copied from it independently.
+TALK = """
+4.31E-03 2.09E-03 1.03E-03 5.13E-04   4.38E-04 2.23E-04 1.12E-04 5.63E-05   2.63E-03 1.34E-03 6.73E-04 3.38E-04
+3.85E-03 1.98E-03 1.00E-03 5.06E-04   5.09E-04 1.25E-04 3.11E-05 7.74E-06   2.35E-05 5.87E-06 1.47E-06 3.67E-07
+2.24E-04 5.67E-05 1.42E-05 3.57E-06   4.77E-04 1.21E-04 3.06E-05 7.68E-06   1.12E-04 2.79E-05 6.97E-06 1.74E-06
+3.54E-06 8.84E-07 2.21E-07 5.52E-08   5.04E-05 1.26E-05 3.15E-06 7.88E-07   1.18E-04 2.94E-05 7.34E-06 1.84E-06
+1.78E-05 4.46E-06 1.11E-06 2.78E-07   2.50E-03 1.24E-03 6.22E-04 3.10E-04   4.23E-06 1.06E-06 2.64E-07 6.60E-08
+"""
+
+
+def test_printed_columns_equal_the_talks():
+    assert [entry for column in printed.PRINTED.values() for entry in column] == TALK.split()
+    assert all(1.8 < float(a) / float(b) < 4.3 for column in printed.PRINTED.values() for a, b in pairwise(column))
+
+
+@pytest.mark.parametrize(
+    ("name", "agree", "wanted"),
+    [
+        ("Scheme IV, one step more", 0, [2.573e-3, 1.294e-3, 0.648e-3, 0.325e-3]),
+        ("Scheme I, lambda = -51/50, in q alone", 3, [2.50e-3, 1.24e-3, 6.20e-4, 3.10e-4]),
+    ],
+)
+def test_nearest_recipes_have_known_columns(name, agree, wanted):
+    (recipe,) = (r for r in printed.RECIPES if r.name == name)
+    column = recipe.column(problem("henon-heiles:chaotic"))
+    assert column == pytest.approx(wanted, rel=3e-3)
+    assert printed.agreeing(column) == agree
+
+
+@pytest.mark.parametrize(
+    ("package", "name", "order", "digits"),
+    [
+        ("SUNDIALS", "ARKODE_SPRK_RUTH_3_3", "3", None),
+        ("SUNDIALS", "ARKODE_SPRK_YOSHIDA_6_8", "6", 0),
+        ("REBOUND", "SABA, ABA(8,6,4)", "8,6,4", 10),
+        ("OpenMM", "Suzuki-Yoshida weights, 3", "2", 14),
+        ("OrdinaryDiffEq.jl", "McAte42", "1", 0),
+        ("diffrax", "Dopri8", "8", None),
+    ],
+)
+def test_orders_and_lost_digits_of_transcribed_tables(package, name, order, digits):
+    """Exact numbers, printed ones, rational approximations; tables with a wrong sequence or a wrong exponent."""
+    found = transcribed.check(transcribed.read()[package, name])
+    assert found["order"] == order
+    assert (None if digits is None else found["digits printed"] - found["digits that hold"]) == digits
+
+
+def test_transcribed_tables_are_consistent_and_a_changed_digit_is_seen():
+    known = transcribed.read()
+    for table in known.values():
+        assert all((table.line > 0, table.commit, table.date[:2] == "20", table.expected)), table
+        if table.kind == transcribed.COMPOSITION:
+            with mpmath.workdps(60):
+                assert abs(sum(table.steps()) - 1) < 1e-9, table
+    table = known["SUNDIALS", "ARKODE_SPRK_YOSHIDA_6_8"]
+    gamma = list(table.gamma)
+    gamma[1] = gamma[1][:10] + ("1" if gamma[1][10] != "1" else "2") + gamma[1][11:]
+    found = transcribed.check(replace(table, gamma=tuple(gamma)))
+    assert (found["order"], found["digits that hold"] < 12) == ("0", True)
+    done = call("audit", "--tables", "--package", "blackjax", "--json")
+    assert (done.exit_code, {r["order"] for r in json.loads(done.stdout)}) == (0, {"2", "4"})
+    assert call("audit", "--tables", "--package", "nothing").exit_code == 2
+
+
+@pytest.mark.parametrize("id", [minimum_norm.LEAPFROG, minimum_norm.MINIMUM_NORM])
+@pytest.mark.parametrize("first", [minimum_norm.POSITIONS, minimum_norm.MOMENTA])
+def test_rms_on_the_oscillator_is_that_of_the_step_matrix(id, first):
+    """z'(M'M - 1)z / 2 for Gaussian z."""
+    lam = 0.19318332750378357396
+    substeps = [("A", 0.5), ("B", 1.0), ("A", 0.5)]
+    if id == minimum_norm.MINIMUM_NORM:
+        substeps = [("A", lam), ("B", 0.5), ("A", 1 - 2 * lam), ("B", 0.5), ("A", lam)]
+    step = np.eye(2)
+    for letter, c in substeps:
+        step = (np.array([[1, c / 8], [0, 1]]) if letter == "A" else np.array([[1, 0], [-c / 8, 1]])) @ step
+    M = np.linalg.matrix_power(step, 8)
+    S = M.T @ M - np.eye(2)
+    d, weights = minimum_norm.jumps("oscillator", id, first, 1.0, 8)
+    rms = np.sqrt((2 * np.trace(S @ S) + np.trace(S) ** 2) / 4)
+    assert np.sqrt(weights @ d**2) == pytest.approx(rms, rel=1e-9)
+    assert weights @ np.expm1(-d) == pytest.approx(0, abs=1e-12)
+
+
+#: What makes a statement of the talks fail, by column.
+BAD = dict.fromkeys(("defect", "energy", "symplecticity", "largest", "two-form", "total energy error"), 1.0)
+BAD |= dict.fromkeys(("invariant error", "angular momentum error", "energy error"), 1.0)
+BAD |= {"value": 1e3, "order": 17.0, "units": 99.0, "median": 9.0, "x": "1 2 3 4", "y": "2 1 1 1"}
+
+
+@pytest.fixture(scope="module")
+def talks():
+    """The committed tables, and with wrong values in these columns."""
+    known = report.Data(REPORTS)
+
+    def changed(columns, name):
+        frame = known(name)
+        here = {c: x for c, x in columns.items() if c in frame and (c != "status" or "figure" in frame)}
+        return frame.assign(**{c: range(len(frame)) if x is None else x for c, x in here.items()})
+
+    wrong = BAD | {"status": "diverged", "area": None, "measure": None}
+    of = {}, wrong | {"energy_error": 1e-9}, wrong | {"energy_error": 1e9}
+    return [lambda name, columns=columns: changed(columns, name) for columns in of]
+
+
+@pytest.mark.parametrize(
+    "statement",
+    [(s, *statement) for s, section in statements.SECTIONS.items() for statement in section["said"]],
+    ids=lambda s: f"{s[0]}-{s[1]}",
+)
+def test_wrong_rows_change_the_verdict_on_a_statement(statement, talks):
+    judges = statement[5:]
+    before, *after = (judge(tables, judges).verdict for tables in talks)
+    assert before != MISSING
+    assert CONTRADICTED in after or before == UNTESTABLE
+    assert judge(lambda name: None, judges).verdict in (MISSING, UNTESTABLE)
+
+
+EQUIP = {"id": "equip-box", "two-form, round-off": 1e-16}
+
+
+@pytest.mark.parametrize(
+    ("entry", "good", "bad"),
+    [
+        ({"printed": "avf", "entries": 2}, {"units": [0.5, 0.59]}, {"units": [0.5, 0.61]}),
+        ({"printed": "avf", "entries": 2}, {"units": [0.5, 0.5]}, {"units": [0.5]}),
+        ({"order": 2, "of": ["avf"]}, {"order": [2.0, 2.09]}, {"order": [2.0, 2.11]}),
+        ({"order": 2, "of": ["avf"]}, {"order": [2.0, 1.91]}, {"order": [2.0, 1.89]}),
+        ({"has": "symmetry", "of": ["avf"]}, {"defect": [0.0, 9e-23]}, {"defect": [0.0, 2e-22]}),
+        ({"lacks": "symmetry", "of": ["avf"]}, {"defect": [1.0, 2e-22]}, {"defect": [1.0, 9e-23]}),
+        ({"keeps_energy": ["avf"]}, {"energy": [0.0, 9e-12]}, {"energy": [0.0, 2e-11]}),
+        ({"box": "two-form", "at_most": 10.0}, EQUIP | {"two-form": [9e-16]}, EQUIP | {"two-form": [0.0, 2e-15]}),
+        ({"prey": True}, {"value": [-1.0], "control": 1.0}, {"value": [-1.0], "control": 0.0}),
+        ({"check": "species", "at_most": 0.5}, {"value": [-0.5], "control": 0.6}, {"value": [-0.6], "control": 0.7}),
+        ({"check": "species", "at_most": 0.5}, {"value": [0.5], "control": 0.6}, {"value": [0.5], "control": 0.5}),
+    ],
+)
+def test_bounds_of_judges(entry, good, bad):
+    shared = {"scheme": "avf", "method": "avf", "property": "symmetry", "problem": "henon-heiles", "check": "species"}
+    shared |= {"what": "a", "against": "b"}
+    for rows, verdict in ((good, HOLDS), (bad, CONTRADICTED)):
+        size = max(len(v) for v in rows.values() if isinstance(v, list))
+        frame = pd.DataFrame({"order": [2.0] * size} | shared | rows)
+        assert judge(lambda name, frame=frame: frame, [entry]).verdict == verdict
+
+
+def test_the_worst_verdict_counts_and_a_condition_is_stated():
+    rows = {"check": ["good", "bad"], "value": [0.0, 1.0], "control": 9.0, "what": "a", "against": "b"}
+    good, bad, missing = ({"check": name, "at_most": 0.5} for name in ("good", "bad", "none"))
+
+    def verdict(*entries):
+        return judge(lambda name: pd.DataFrame(rows), entries).verdict
+
+    assert [verdict(good, x) for x in (good, bad, missing)] == [HOLDS, CONTRADICTED, MISSING]
+    for inside, outside, expected in ((good, bad, WHERE), (good, good, HOLDS), (bad, bad, CONTRADICTED),
+                                      (bad, good, CONTRADICTED), (good, missing, MISSING)):  # fmt: skip
+        assert verdict({"condition": "x > 0", "judged": [inside], "otherwise": [outside]}) == expected
+
+
+#: The checks that compile no kernel, and two that do.
+QUICK = (*(id for id, probe in statements.PROBES.items() if not probe.methods), "form-third", "adjoint")
+
+
+@pytest.mark.parametrize("id", QUICK)
+def test_a_check_reproduces_its_committed_row(id):
+    then = report.Data(REPORTS)(measure.CHECKS).set_index("check").loc[id]
+    now = statements.probe(id)
+    assert now["control"] == pytest.approx(then["control"], rel=1e-6, abs=1e-12)
+    assert now["value"] == pytest.approx(then["value"], rel=1e-6, abs=1e-9)
+
+
+def test_enclosed_area_is_exact_and_oriented():
+    ellipse = measure.circle((0.3, -2.0), 1.0, 64) * (3.0, 0.5)
+    assert measure.enclosed_area(ellipse) == pytest.approx(1.5 * np.pi, rel=1e-13)
+    assert measure.enclosed_area(ellipse[::-1]) == pytest.approx(-1.5 * np.pi, rel=1e-13)
+    coarse, fine = (measure.enclosed_area(measure.cat((0, 0), 0.4, n)) for n in (256, 512))
+    assert coarse == pytest.approx(fine, rel=1e-13)
+
+
+# -- single studies ----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("share", "left"), [(0.9, 0), (1.1, 1)])
+def test_the_longest_run_of_an_encounter_is_left_out_where_it_cannot_suffice(monkeypatch, share, left):
+    """An error of order 3 falls by the ratio of the last two rungs to the third power."""
+    *_, before, last = encounters.LADDER
+    chosen = SimpleNamespace(adaptive=False, order=2, run=lambda problem, **how: None)
+    monkeypatch.setattr(encounters, "integrator", lambda name: chosen)
+    monkeypatch.setattr(encounters, "error", lambda s, far: share * encounters.HELD * (last / before) ** 3)
+    assert len([*encounters.around("one", None, 1.0, 2.0)]) == len(encounters.LADDER) - left
 
 
 def test_plain_rattle_iterated_to_round_off_is_rattle():
@@ -88,10 +560,7 @@ def test_plain_rattle_iterated_to_round_off_is_rattle():
     assert fewer < iterations
 
 
-# -- extended phase space ----------------------------------------------------------------------------------------------
-
-
-def test_the_orbit_is_that_of_the_schwarzschild_problem():
+def test_the_orbit_in_extended_phase_space_is_that_of_the_schwarzschild_problem():
     """Radius and momentum after a while, in units of the semilatus rectum."""
     with precision(extended.DIGITS):
         whole, _, _, y = extended.orbit()
@@ -104,165 +573,30 @@ def test_the_orbit_is_that_of_the_schwarzschild_problem():
     assert abs(own.q[-1, 0] - own.q[0, 0]) > 0.1
 
 
-def test_defects_and_orders_in_extended_phase_space(uncompiled):
-    """Some rows, measured without compilation."""
-    measured = uncompiled("benchmarks/test_study_measures.py")
-    both, one, midpoint = (measured[x] for x in ("both", "one", "midpoint"))
-    assert max(r["defect"] for r in both) < 1e-26 < 1e-8 < max(r["defect"] for r in one)
-    assert [r[extended.DEFECT_ORDER] for r in both] == [None] * 3
-    by_name = {r["problem"]: r for r in midpoint}
-    assert by_name["coupled"]["defect"] > 1e-13
-    assert abs(by_name["coupled"][extended.DEFECT_ORDER] - 6) < 0.05
-    special, jumped = ([r["order"] for r in measured[x]] for x in ("special", "jumped"))
-    assert special[0] is None
-    assert abs(special[-1] - 2) < 0.1
-    assert abs(jumped[-1] - 4) < 0.1
-    assert measured["special"][0]["error"] < measured["jumped"][0]["error"] / 100
-
-
-# -- what is declared --------------------------------------------------------------------------------------------------
-
-DRIFTING = {
-    "purpose": "drift", "status": "ok", "kind": "phasebench", "t_end": 1000.0, "h": 0.1, "fallbacks": 0, "id": "rk4",
-    "method": "rk4", "scene": "pendulum-t1000", "problem": "pendulum:swinging", "energy_max": 1e-6,
-    "energy_end": 0.51e-6, "energy_drift": 0.6e-9, "energy_drift_low": 0.51e-9, "energy_drift_high": 0.7e-9,
-}  # fmt: skip
-
-
-@pytest.mark.parametrize(
-    ("change", "drifts"),
-    [({}, True), ({"energy_drift_low": 0.49e-9}, False), ({"energy_end": 0.49e-6}, False),
-     ({"energy_end": -1e-6}, False), ({"energy_drift_low": -0.1e-9}, False)],
-)  # fmt: skip
-def test_a_drift_is_sure_and_half_of_the_error(change, drifts):
-    row = DRIFTING | change
-    low, high = row["energy_drift_low"], row["energy_drift_high"]
-    falling = row | {"energy_end": -row["energy_end"], "energy_drift_low": -high, "energy_drift_high": -low}
-    assert long_runs.completed_runs(pd.DataFrame([row, falling]))["drifts"].tolist() == [drifts, drifts]
-
-
-def test_long_runs_are_those_of_this_project_that_reached_the_end():
-    others = [{"purpose": "order"}, {"kind": "rebound"}, {"status": "skipped"}, {"status": "diverged"}]
-    prey = {"problem": "lotka-volterra", "id": "hbvm-2-1"}
-    frame = pd.DataFrame([DRIFTING | change for change in (*others, {}, prey, {"id": "hbvm-2-1"})])
-    assert long_runs.long_runs(frame)["status"].tolist() == ["diverged", "ok", "ok", "ok"]
-    ran = long_runs.completed_runs(frame)
-    assert ran["canonical"].tolist() == [True, False, True]
-    assert ran["few nodes"].tolist()[::2] == [False, True]
-
-
-def test_high_orders_are_seen_by_their_digits():
-    """Gauss of order 16 is measured in 128 digits, and a processed method is nearly symmetric."""
-    assert least_visible("gauss-8-field", "symmetry") == pytest.approx(1e-64)
-    assert [least_visible("rk4", name) for name in ("symplecticity", "symmetry")] == [1e-22, 1e-22]
-    processed = [least_visible("blanes-casas-murua-p11-6", name) for name in ("symplecticity", "symmetry")]
-    assert processed == [1e-22, 1e-25]
-
-
-# -- the energy without the Hessian ------------------------------------------------------------------------------------
-
-
-def test_partners_have_the_structure_of_the_hessian_free_method():
-    """Drifts, kicks and gradients stand at the same places."""
-    for free, partner in hessian_free.WITH.items():
-        shapes = [[tuple(bool(x) for x in row) for row in BY_ID[id].data[0]] for id in (free, partner)]
-        assert shapes[0] == shapes[1], free
-
-
-def test_chaotic_rows_show_the_drift_of_a_runge_kutta_method():
-    rows = {m: hessian_free.chaotic(m, steps=20_000) for m in ("hessian-free-badab", "chin-4a", "rk4")}
-    for m in ("hessian-free-badab", "chin-4a"):
-        assert rows[m]["failed"] == 0
-        assert abs(rows[m]["change"]) < 1e-5
-    assert rows["rk4"]["high"] < 0
-    assert rows["rk4"]["orbits"] == hessian_free.ORBITS
-
-
-def test_the_interval_of_a_mean():
-    """Student's, for 0, 1, 2: 1 +- 4.3027 / 3^(1/2)."""
-    mean, low, high = hessian_free.student(np.array([0.0, 1.0, 2.0]))
-    assert (mean, high - mean, mean - low) == pytest.approx((1.0, *[4.302652729911275 / np.sqrt(3)] * 2))
-
-
-# -- highly oscillatory systems ----------------------------------------------------------------------------------------
-
-
-def resonant(**errors: float) -> pd.DataFrame:
-    """Runs of a method with these energy errors; p_10 is the error at h omega / pi = 1.0."""
-    rows = [{oscillatory.RATIO: int(k[2:]) / 10, "status": "ok", oscillatory.ENERGY: e} for k, e in errors.items()]
-    return pd.DataFrame(rows)
-
-
-@pytest.mark.parametrize(
-    ("rows", "where"),
-    [
-        (resonant(p_1=1e-3, p_10=0.99, p_20=0.5, p_31=0.1), ""),
-        (resonant(p_1=1e-4, p_10=1.01, p_20=0.5, p_31=3.0, p_35=7.0, p_37=0.1), "near 1 π and 3 π and at 1 other step"),
-        (resonant(p_1=1e-3, p_5=0.1, p_6=2.0, p_9=4.0), "above 0.5 π"),
-        (resonant(p_1=1e-3, p_12=2.0, p_13=1e-2, p_14=3.0, p_16=0.1), "at 2 other steps"),
-        (resonant(p_1=2.0, p_5=3.0), "at every step"),
-        (resonant(p_1=1e-3, p_11=2.0, p_13=1e-3), "near 1 π"),
-        (resonant(p_1=1e-3, p_10=0.1, p_20=0.1).assign(status=["ok", "diverged", "ok"]), "near 1 π"),
-    ],
-)
-def test_places_of_resonances(rows, where):
-    assert oscillatory.where_lost(rows) == where
-
-
-# -- rigid bodies ------------------------------------------------------------------------------------------------------
-
-
 def test_an_angle_is_that_of_the_turn_between_attitudes():
     half = np.radians(15.0)
     q, turn = np.array([1.0, 0, 0, 0]), np.array([np.cos(half), 0, np.sin(half), 0])
-    assert rigid.angle(q, turn) == pytest.approx(30.0, rel=1e-14)
-    assert rigid.angle(q, -3 * turn) == pytest.approx(30.0, rel=1e-14), "the same attitude"
-    assert rigid.angle(q, q) == 0
+    assert [rigid.angle(q, x) for x in (turn, -3 * turn, q)] == pytest.approx([30.0, 30.0, 0.0], rel=1e-14)
 
 
-def test_orders_stop_where_rounding_is_seen():
-    found = successive([1e-2, 2.5e-3, 1e-12], [1e-11] * 3)
-    assert np.isnan([found[0], found[2]]).all()
-    assert found[1] == pytest.approx(2)
-
-
-# -- sampling ----------------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("table", GROUPS["sampling"], ids=lambda t: t.name)
+@pytest.mark.parametrize("table", tables.TABLES, ids=lambda t: t.name)
 def test_splittings_for_sampling_have_order_2_with_the_numbers_as_printed(table):
-    found = steps(table.name)
-    assert classical_order("splitting", found) == 2
-    letter, weight = found[0]
-    assert classical_order("splitting", [(letter, weight + 1e-9), *found[1:]], tolerance=1e-12) == 0, "the control"
-
-
-@pytest.mark.parametrize("id", sampling.EVALUATIONS)
-def test_evaluations_per_step_are_those_of_the_method(id):
-    """By the counts of a run, in which the first kick of the first step comes on top."""
-    q, p = sampling.draws("quartic", 1)
-    found = integrate_ensemble(sampling.system("quartic"), id, q, p, h=0.001, steps=100)
-    assert found.counts["gradient"] // 100 == sampling.EVALUATIONS[id]
-
-
-@pytest.mark.parametrize("target", sampling.TARGETS)
-def test_draws_have_the_moments_of_the_target(target):
-    """Means of (w q)^2 and p^2 over draws, against one-dimensional quadrature, within four standard errors."""
-    q, p = sampling.draws(target, 4000)
-    x = np.linspace(-8, 8, 4001)
-    density = np.exp(-(x**2 / 2 + (x**4 / 4 if target == "quartic" else 0)))
-    wanted = (x**2 * density).sum() / density.sum()
-    squares = (q * 2 * np.arange(1, sampling.D + 1)) ** 2
-    assert abs(squares.mean() - wanted) < 4 * squares.std() / np.sqrt(squares.size)
-    assert abs((p**2).mean() - 1) < 4 * np.sqrt(2 / p.size)
-    assert (wanted < 0.6) == (target == "quartic"), "the control: a normal x has the mean 1"
+    steps = tables.steps(table.name)
+    assert classical_order("splitting", steps) == 2
+    letter, weight = steps[0]
+    assert classical_order("splitting", [(letter, weight + 1e-9), *steps[1:]], tolerance=1e-12) == 0, "the control"
 
 
 def test_acceptance_by_stormer_verlet_is_that_of_a_plain_run():
-    """Stormer-Verlet in NumPy from the same draws."""
-    budget, n = 48, 500
+    """Stormer-Verlet in NumPy from the same draws, which have the moments of the target."""
+    budget, n = 48, 2000
     q, p = sampling.draws("quartic", n)
     omega, h = 2.0 * np.arange(1, sampling.D + 1), sampling.TIME / budget
+    x = np.linspace(-8, 8, 4001)
+    density = np.exp(-(x**2 / 2 + x**4 / 4))
+    squares = (q * omega) ** 2
+    assert abs(squares.mean() - (x**2 * density).sum() / density.sum()) < 4 * squares.std() / np.sqrt(squares.size)
+    assert abs((p**2).mean() - 1) < 4 * np.sqrt(2 / p.size)
 
     def gradient(q):
         return omega * (omega * q + (omega * q) ** 3)
@@ -282,126 +616,3 @@ def test_acceptance_by_stormer_verlet_is_that_of_a_plain_run():
     assert found["acceptance"] == pytest.approx(accepted.mean(), abs=0.01)
     assert found["low"] < found["acceptance"] < found["high"]
     assert 0.3 < accepted.mean() < 0.9, "the control: it is no trivial share"
-
-
-def test_hessian_free_kicks_are_the_same_on_a_gaussian_target():
-    """There gradients are linear, and a second force is exact."""
-    both = [sampling.mean_acceptance("Gaussian", id, 48, 200)["acceptance"] for id in ("chin-4a", "hessian-free-badab")]
-    assert both[0] == pytest.approx(both[1], abs=1e-12)
-
-
-def test_time_of_a_proposal_is_measured_with_its_acceptance(monkeypatch):
-    monkeypatch.setattr(sampling, "ROUNDS", 2)
-    monkeypatch.setattr(sampling, "EVALUATIONS", {"stormer-verlet": 1})
-    monkeypatch.setattr(sampling, "BUDGETS", {"Gaussian": (36,)})
-    (row,) = sampling.times("Gaussian")
-    assert row["acceptance"] == sampling.mean_acceptance("Gaussian", "stormer-verlet", 36)["acceptance"]
-    assert row["ns an accepted proposal"] == row["ns a proposal"] / row["acceptance"] > row["ns a proposal"]
-
-
-# -- Wisdom-Holman splittings ------------------------------------------------------------------------------------------
-
-
-def test_failed_pair_raises(monkeypatch):
-    lost = SimpleNamespace(status="diverged", reason="it fell", method=SimpleNamespace(label="who"))
-    monkeypatch.setattr(wh, "integrator", lambda name: SimpleNamespace(run=lambda *of, **how: lost))
-    with pytest.raises(RuntimeError, match=": it fell"):
-        wh.pair("perturbed-kepler, e = 0.2", "wisdom-holman", 0.1)
-
-
-def test_every_variant_of_rebound_is_measured():
-    ids = {c.id for c in wh.rivals()}
-    theirs = {i.removeprefix("rebound-") for i in ids if i.startswith("rebound-")}
-    kernels = {f"whfast({k}, corrector2)" for k in ("default", "lazy", "modifiedkick", "composition")}
-    others = {f"whfast(coordinates={c})" for c in ("democraticheliocentric", "whds", "barycentric")}
-    assert theirs >= {"whfast", "whfast-plain", "whfast-modifiedkick", "whfast-composition", *kernels, *others}
-    assert theirs >= {*(f"whfast-corrector-{n}" for n in (3, 5, 7, 11, 17)), "whfast512", "whfast512-corrector-17"}
-    assert len([i for i in theirs if i.startswith("saba")]) == 18
-    labels = [c.label for c in wh.rivals()]
-    assert len(set(labels)) == len(labels)
-    assert {f"wisdom-holman-corrector(corrector={n})" for n in (3, 5, 7, 11, 17)} < set(labels)
-    assert {"wisdom-holman-aba-8-6-4", "wisdom-holman-saba-2"} < set(labels)
-
-
-@pytest.fixture
-def fake_clocks(monkeypatch):
-    """Short runs, and clocks that return 99 (warm-up, not counted), 1, 2, 3, ... seconds."""
-    run = Integrator.run
-
-    def short(self, problem, **how):
-        return run(self, problem, **how | {"steps": min(how["steps"], 400)})
-
-    def told(*_, **__):
-        spent = iter([99.0, *range(1, 99)])
-        return lambda: float(next(spent))
-
-    monkeypatch.setattr(Integrator, "run", short)
-    monkeypatch.setattr(clock, "clock", told)
-
-
-def test_times_are_medians_of_alternating_rounds(fake_clocks, monkeypatch):
-    chosen = [c for c in wh.rivals() if c.id in ("wisdom-holman", "rebound-whfast-plain", "rebound-whfast512")]
-    monkeypatch.setattr(wh, "rivals", lambda: chosen)
-    monkeypatch.setattr(wh, "ROUNDS_OF_ALL", 3)
-    monkeypatch.setitem(wh.CASES, "perturbed-kepler, e = 0.2", ("perturbed-kepler", {"e": 0.2}, [0.1], 40.0))
-    rows = wh.every_rival("perturbed-kepler, e = 0.2")
-    by = {r["method"]: r for r in rows}
-    assert by["rebound-whfast512"]["status"] == "skipped"
-    assert "Newtonian gravity alone" in by["rebound-whfast512"]["reason"]
-    for name in ("wisdom-holman", "rebound-whfast-plain"):
-        per = 1e9 / wh.TIMED_OF_ALL / 0.1
-        assert [by[name][c] for c in (wh.COST, wh.LOW, wh.HIGH)] == pytest.approx([2 * per, 1 * per, 3 * per])
-    assert by["wisdom-holman"][wh.ERROR] == pytest.approx(by["rebound-whfast-plain"][wh.ERROR], rel=1e-3)
-
-
-def test_row_of_a_pair_has_medians_and_largest_distance(fake_clocks, monkeypatch):
-    monkeypatch.setattr(wh, "ROUNDS", 3)
-    monkeypatch.setitem(wh.CASES, "perturbed-kepler, e = 0.2", ("perturbed-kepler", {"e": 0.2}, [0.1], 40.0))
-    row = wh.pair("perturbed-kepler, e = 0.2", "wisdom-holman", 0.1)
-    per = 2e9 / wh.TIMED
-    assert (row["ns per step"], row["REBOUND's ns per step"]) == pytest.approx((per, per))
-    assert (row["time ratio"], row["ratio, low"], row["ratio, high"]) == (1.0, 1.0, 1.0)
-    assert 0 < row["distance of early positions"] <= row["distance of end positions"] * 100 < 1e-9
-    assert row["energy error"] == pytest.approx(row["REBOUND's energy error"], rel=1e-3)
-    other = wh.PAIRS | {"wisdom-holman": "rebound-saba-4"}
-    monkeypatch.setattr(wh, "PAIRS", other)
-    wrong = wh.pair("perturbed-kepler, e = 0.2", "wisdom-holman", 0.1)
-    assert wrong["distance of early positions"] > 1e-8
-
-
-def test_energy_error_is_the_largest_of_either_sign():
-    system = SimpleNamespace(H=None, observe=lambda H, q, p: np.array(q))
-    made = SimpleNamespace(system=system)
-    assert wh.energy_error(made, [2.0, 2.1, 1.6, 2.0], None) == pytest.approx(0.2)
-    assert wh.energy_error(made, [-2.0, -2.6, -1.9], None) == pytest.approx(0.3)
-
-
-def test_distances_of_a_pair_are_relative(fake_clocks, monkeypatch):
-    """Two runs of size 20 differ by 0.02 early, by 4 in the middle and by 1 at the end."""
-    theirs = 20 * np.ones((wh.SAVED + 1, 2))
-    apart = np.zeros_like(theirs)
-    apart[5, 1], apart[wh.SAVED // 2, 0], apart[-1, 0] = -0.02, 4.0, -1.0
-
-    def made(name):
-        q = theirs if name.startswith("rebound") else theirs + apart
-        method = SimpleNamespace(label=name)
-        s = SimpleNamespace(q=q, p=q, status="ok", reason="", seconds=1.0, method=method)
-        return SimpleNamespace(run=lambda *of, **how: s)
-
-    monkeypatch.setattr(wh, "integrator", made)
-    monkeypatch.setattr(wh, "energy_error", lambda *of: 0.0)
-    row = wh.pair("perturbed-kepler, e = 0.2", "wisdom-holman", 0.1)
-    assert row["distance of early positions"] == pytest.approx(1e-3)
-    assert row["distance of end positions"] == pytest.approx(0.05)
-
-
-if __name__ == "__main__":
-    extended.LADDER = (4, 16, 32)
-    maps = {
-        "both": ("tao-2", extended.BOTH),
-        "one": ("tao-2", extended.ONE),
-        "midpoint": ("extended-midpoint-2", extended.ONE),
-    }
-    rows = {name: extended.structure(*of) for name, of in maps.items()}
-    rows |= {name: extended.orders(id) for name, id in (("special", extended.SPECIAL), ("jumped", extended.JUMPED))}
-    print(json.dumps({"result": rows}))

@@ -42,9 +42,17 @@ def boxes(figure, axis):
     return sorted((label.get_window_extent() for label in labels), key=lambda box: box.x0)
 
 
-@pytest.mark.parametrize("columns", [1, 3, 4])
-@pytest.mark.parametrize("span", [(2e-5, 1.1e-4), (1.7e-6, 5.5e-5), (130, 4800), (1300, 45000), (60, 200), (1e-8, 1.0)])
-@pytest.mark.parametrize("inverted", [False, True])
+@pytest.mark.parametrize(
+    ("columns", "span", "inverted"),
+    [
+        (1, (2e-5, 1.1e-4), False),
+        (4, (1.7e-6, 5.5e-5), False),
+        (4, (1.7e-6, 5.5e-5), True),
+        (3, (130, 4800), False),
+        (4, (60, 200), False),
+        (4, (1e-8, 1.0), True),
+    ],
+)
 def test_labels_of_a_logarithmic_axis_do_not_overlap(columns, span, inverted, tmp_path):
     with style.settings():
         figure, (panels,) = style.panels(1, columns, 3.0)
@@ -65,16 +73,3 @@ def test_control_matplotlibs_own_labels_overlap():
         panels[0].loglog((1.7e-6, 5.5e-5), (1e-9, 1.0))
         figure.draw_without_rendering()
         assert any(a.x1 >= b.x0 for a, b in pairwise(boxes(figure, panels[0].xaxis)))
-
-
-@pytest.mark.parametrize("length", [5, 30, 90])
-def test_legend_is_not_cut_off(length):
-    with style.settings():
-        figure, ((axes,),) = style.panels(1, 1, 3.0)
-        for k in range(6):
-            axes.plot([0, 1], [k, k], label=f"{k}" * length, **style.curve(k))
-        style.legend_above(figure, axes, 3)
-        figure.draw_without_rendering()
-        (legend,) = figure.legends
-        box = legend.get_window_extent()
-        assert 0 <= box.x0 < box.x1 <= figure.bbox.width

@@ -200,15 +200,6 @@ def test_selection_for_many_degrees_of_freedom():
     assert not any("degrees of freedom" in why for why in left_out.values())
 
 
-def test_exact_methods_do_not_compete():
-    _, cannot = competitors.able(problem("kepler"))
-    assert all("exact" in cannot[x] for x in ("rebound-whfast", "rebound-saba-1", "wisdom-holman"))
-    can, _ = competitors.able(problem("perturbed-kepler"))
-    assert {"rebound-whfast", "rebound-saba-1", "wisdom-holman"} <= {c.label for c in can}
-    _, cannot = competitors.able(problem("harmonic-oscillator"))
-    assert "exact" in cannot["gautschi"]
-
-
 def test_unstoppable_peers_are_left_out_of_long_spans():
     made = problem("pendulum:rotating")
 
@@ -225,27 +216,6 @@ def test_unstoppable_peers_are_left_out_of_long_spans():
     assert not {*front.LOOPED} & {*none}
 
 
-def test_scene_with_a_real_peer_and_real_methods():
-    """On a short pendulum heyoka and the better of two methods are chosen, with errors just below the allowed one.
-
-    The other method is left out, with the reason that it takes too many times as long.
-    """
-    asked = front.task_of("pendulum-short")
-    known = Known()
-    found = [
-        race.enter(asked, c, known)
-        for c in competitors.competitors()
-        if c.label in ("heyoka", "stormer-verlet", "blanes-moan-srkn6b")
-    ]
-    rows, choice = front.final(asked, front.finalists(asked, found, 1e-6), 1e-6)
-    assert choice["peer integrator"] in ("heyoka", "heyoka(compact_mode)")  # the faster of its modes depends on timing
-    assert choice["ours integrator"] == "blanes-moan-srkn6b"
-    assert all(1e-9 < r["error"] <= 1e-6 for r in rows)
-    verlet = next(k for k in found if k.integrator.label == "stormer-verlet")
-    assert min(r.error for r in verlet.rungs) > 1e-12
-    assert "times" in verlet.why
-
-
 # -- final timings -----------------------------------------------------------------------------------------------------
 
 
@@ -259,15 +229,6 @@ class Tolerant(Law):
     def run(self, problem, t_end, save_every, tol, **more):
         """A run with as many steps as the error needs."""
         return super().run(problem, t_end, self.scale * tol**-0.5, save_every)
-
-
-def test_refined_tolerance_just_meets_the_accuracy():
-    law, wanted = Tolerant(), 2e-7
-    asked, (one,) = climb_laws(law)
-    found = refine(asked, law, one.rungs, wanted)
-    assert found.error <= wanted
-    assert 0.95 * wanted**0.5 <= found.tol <= wanted**0.5
-    assert [r.fineness for r in one.rungs] == sorted(r.fineness for r in one.rungs)
 
 
 def test_rows_of_a_scene_list_steps_and_dropped_methods(monkeypatch):

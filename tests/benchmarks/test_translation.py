@@ -9,7 +9,6 @@ import pytest
 
 from phasebench.benchmarks.problems import problem
 from phasebench.benchmarks.studies.costs import peers
-from phasebench.integrators.systems import shared
 from phasebench.reference.solvers import taylor
 
 hy = pytest.importorskip("heyoka")
@@ -40,9 +39,3 @@ def test_equations_by_hand(name):
     moved = hy.cfunc([side for _, side in motion], [x for x, _ in motion])(y + 1e-9)
     assert np.abs(moved - right).max() > 1e-12 * np.abs(right).max()
     assert series(taylor.equations(made.system, float)) <= MOST[name] * series(motion)
-
-
-def test_derivatives_as_they_stand_take_more_series():
-    made = problem("lennard-jones")
-    vars(made.system)["shared"] = shared.motion(made.system, lambda e, x: ([], [e.diff(s) for s in x]))
-    assert series(taylor.equations(made.system, float)) > 1.5 * series(by_hand(made))

@@ -51,11 +51,6 @@ def test_uncertainty_includes_the_growth_of_roundings(monkeypatch):
     assert found.source == truths.LONG_DOUBLE
 
 
-def test_preserved_quantity_needs_no_reference():
-    found = truths.truth(OSCILLATOR, quantity(OSCILLATOR, "energy"), 1.0)
-    assert (list(found.values), found.uncertainty, found.source) == ([0.0], 0.0, truths.NONE)
-
-
 @pytest.mark.parametrize("y", [0.0, 1e-17, -1e-17, 0.5])
 def test_certified_angle_near_its_jump(monkeypatch, y):
     made = problem("kepler")

@@ -11,7 +11,6 @@ from scipy.integrate import solve_ivp
 
 import phasebench as pb
 from phasebench.benchmarks.certificate import adaptive, battery, behaviour, conservation
-from phasebench.benchmarks.certificate.certificate import validate
 from phasebench.benchmarks.certificate.stepping import StepFailed
 from phasebench.benchmarks.certificate.subject import subject
 from phasebench.benchmarks.judge.checks import CHECKS, checked_claims
@@ -77,14 +76,6 @@ def test_a_step_with_an_optional_tolerance_is_a_step():
     assert subject(lambda system, q, p, t_end, tol=1e-6: (q, p)).adaptive
 
 
-def test_a_step_by_its_modules_name_keeps_its_claims(tmp_path, monkeypatch):
-    text = "CLAIMS = {'order': 2}\nREQUIRES = ('separable',)\ndef step(system, q, p, h): return q, p\n"
-    (tmp_path / "of_module.py").write_text(text)
-    monkeypatch.syspath_prepend(tmp_path)
-    own = subject("of_module:step").own
-    assert (own.claims, own.requires) == ({"order": 2}, ("separable",))
-
-
 # -- numbers that are not finite --------------------------------------------------------------------------------------
 
 
@@ -129,19 +120,6 @@ def test_an_adaptive_run_that_changes_what_it_was_given_is_found(which):
 def test_an_adaptive_run_is_measured_in_the_problems_own_time():
     row = adaptive.tolerances(subject(dop853), battery.of_problem(oscillator(200.0)), 0)
     assert row["errors"][-1] < 1e-8 < row["errors"][0]
-
-
-def test_a_problem_at_rest_is_not_taken_for_reversible():
-    system = pb.Hamiltonian(q="q1 q2", p="p1 p2", H="(p1**2 + p2**2)/2 + (q2*p1 - q1*p2)/2 + q1**2 + 2*q2**2")
-    rest = pb.Orbit("start", (1.0, 0.5), (0.0, 0.0))
-    made = pb.Problem(id="coriolis", name="c", source="me", system=system, orbits=(rest,))
-    assert not battery.of_problem(made).reversible
-    assert battery.of_problem(oscillator(1.0)).reversible
-
-
-def test_a_time_limit_beyond_what_systems_wait_is_refused():
-    with pytest.raises(InvalidInput, match="at most 1e\\+06"):
-        validate(leapfrog, order=2, requires="separable", time_limit=3e6)
 
 
 # -- files of coefficients --------------------------------------------------------------------------------------------

@@ -6,7 +6,6 @@ import cmath
 from itertools import pairwise
 from math import cosh, pi, sqrt
 
-import numba
 import numpy as np
 import pytest
 
@@ -16,12 +15,9 @@ from phasebench.integrators.driver import integrate
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
 from phasebench.integrators.systems.hand import HandHamiltonian, uncompiled_loop
-from phasebench.integrators.values import vector as arrays
-from support.values import value
 
 MODULES = {"nls": nls, "klein-gordon": klein_gordon}
 SMALL, LENGTH = 4, 5.0
-ROUND_OFF = 1e-13
 
 
 def loop(name, function, N, arithmetic="double"):
@@ -49,35 +45,7 @@ def small(name) -> Hamiltonian:
     return made.system
 
 
-def from_formula(system, q, p):
-    """(H_p, -H_q, H, M) at (q, p) from the formula of H; M is the scale of its round-off eps M."""
-    y = value(*q), value(*p)
-    dq, dp = system.field()(*y, 0.0, 0.0)
-    return np.array(dq), np.array(dp), *system.energy()(*y)
-
-
 # -- the loops ---------------------------------------------------------------------------------------------------------
-
-
-def test_loops_equal_the_formula_on_four_points(name, small):
-    for seed in range(3):
-        q, p = state(small.d, seed)
-        dq, dp, H, M = from_formula(small, q, p)
-        ours = loop(name, "field", SMALL)(q, p, 0.0, 0.0)
-        assert np.abs(ours[0] - dq).max() < 1e-13 * np.abs(dq).max()
-        assert np.abs(ours[1] - dp).max() < 1e-13 * np.abs(dp).max()
-        assert loop(name, "energy", SMALL)(q, p) == pytest.approx((H, M), rel=1e-13)
-        if name == "klein-gordon":
-            assert np.abs(loop(name, "grad_V", SMALL)(q) + dp).max() < 1e-13 * np.abs(dp).max()
-
-
-def test_control_loops_with_another_spacing_differ(name, small):
-    q, p = state(small.d)
-    _, dp, H, M = from_formula(small, q, p)
-    assert np.abs(loop(name, "field", SMALL + 1)(q, p, 0.0, 0.0)[1] - dp).max() > 1e-2
-    found = loop(name, "energy", SMALL + 1)(q, p)
-    assert abs(found[0] - H) > 1e-2
-    assert abs(found[1] - M) > 1e-2
 
 
 def test_loops_run_in_multiprecision(name, small):
@@ -89,41 +57,9 @@ def test_loops_run_in_multiprecision(name, small):
         assert max(abs(a - b) for x, y in zip(ours, theirs, strict=True) for a, b in zip(x, y, strict=True)) < 1e-37
         pairs = loop(name, "energy", SMALL, MULTIPRECISION)(q, p), small.energy(MULTIPRECISION)(q, p)
         assert all(abs(a - b) < 1e-37 * abs(b) for a, b in zip(*pairs, strict=True))
-
-
-def test_traits_are_those_of_the_formula(name, small):
-    large = problem(name, N=32).system
-    assert isinstance(large, HandHamiltonian)
-    assert large.traits == small.traits | {"elementary derivatives": False}, "stages are in lanes for formulae alone"
-    assert large.unit_mass == small.unit_mass
-
-
-def test_compiled_and_plain_loops_agree(name):
-    system = problem(name, N=32, L=LENGTH).system
-    q, p = state(system.d)
-    kinds = {"field": (q, p, 0.0, 0.0), "energy": (q, p)}
-    for function, arguments in kinds.items():
-        ours = np.hstack([*getattr(system, function)()(*arguments)])
-        plain = np.hstack([*loop(name, function, 32)(*arguments)])
-        assert np.abs(ours - plain).max() < 1e-13 * np.abs(plain).max()
-
-
-def test_run_derives_no_formula(name):
-    made = problem(name)
-    assert made.system.d >= 64
-    s = integrate(made, "implicit-midpoint", h=0.01, steps=3)
-    assert s.status == "ok"
-    assert not {"dq", "dp"} & set(vars(made.system))
-    assert len(made.system.dq) == made.system.d, "it is on demand"
-
-
-def test_values_along_rows(name):
-    made = problem(name, N=32)
-    system = made.system
-    Q, P = np.random.default_rng(1).normal(size=(2, 5, system.d))
-    by_formula = Hamiltonian.observe(system, system.H, Q, P)
-    assert system.observe(system.H, Q, P) == pytest.approx(by_formula, rel=1e-13)
-    assert np.array_equal(system.observe(lambda Q, P: Q[:, 0] - P[:, 1], Q, P), Q[:, 0] - P[:, 1])
+        if name == "klein-gordon":
+            force = loop(name, "grad_V", SMALL, MULTIPRECISION)(q)
+            assert max(abs(a + b) for a, b in zip(force, theirs[1], strict=True)) < 1e-37
 
 
 def test_invalid_sizes_are_refused(name):
@@ -186,46 +122,3 @@ def errors(name, method, **parameters):
     (invariant,) = made.invariants.values()
     values = (made.system.observe(e, s.q, s.p) for e in (made.system.H, invariant))
     return [np.abs(v - v[0]).max() / abs(v[0]) for v in values]
-
-
-@pytest.mark.parametrize(
-    ("method", "parameters", "energy", "mass", "charge"),
-    [
-        ("implicit-midpoint", {}, False, True, True),
-        ("scheme-i", {"lam": "1/2"}, False, True, True),
-        ("scheme-i", {"lam": "1/3"}, False, False, True),
-        ("scheme-iii", {"lam": "1/3"}, False, False, True),
-        ("symplectic-euler-q", {}, False, False, True),
-        pytest.param("avf", {}, True, False, False, marks=pytest.mark.thorough),
-        ("rk4", {}, False, False, False),
-    ],
-    ids=lambda x: str(x),
-)
-def test_invariants_preserved_by_each_method(method, parameters, energy, mass, charge):
-    """Scheme I preserves q.D p for every lambda and q.q + p.p at 1/2 only; AVF preserves the energy alone."""
-    for name, kept in (("nls", mass), ("klein-gordon", charge)):
-        errors_here = errors(name, method, **parameters)
-        for error, holds in zip(errors_here, (energy, kept), strict=True):
-            assert error < ROUND_OFF if holds else error > 1e3 * ROUND_OFF, (name, errors_here)
-
-
-# -- operations on arrays ----------------------------------------------------------------------------------------------
-
-
-def test_compiled_array_operations():
-    """The compensated sum agrees bit for bit, norms up to rounding, NaN stays NaN."""
-    x, c, dx = np.random.default_rng(5).normal(size=(3, 77)) * np.array([[1.0], [1e-17], [1e-3]])
-
-    @numba.njit(**arrays.ARRAYS)
-    def compiled(x, c, dx):
-        return arrays.add(x, c, dx), arrays.size(x), arrays.distance(x, dx)
-
-    (total, lost), length, gap = compiled(x, c, dx)
-    wanted, rest = arrays.add(x, c, dx)
-    assert np.array_equal(total, wanted)
-    assert np.array_equal(lost, rest)
-    assert np.abs(lost).max() > 0
-    assert length == pytest.approx(np.abs(x).sum(), rel=1e-14)
-    assert gap == pytest.approx(np.abs(x - dx).sum(), rel=1e-14)
-    x[40] = np.nan
-    assert np.isnan(compiled(x, c, dx)[1:]).all()

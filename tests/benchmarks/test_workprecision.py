@@ -7,8 +7,7 @@ import json
 import pytest
 
 import phasebench as pb
-from phasebench.benchmarks import style
-from phasebench.benchmarks.workprecision import CURVES, WorkPrecision, improving
+from phasebench.benchmarks.workprecision import WorkPrecision, improving
 from support.commands import call
 from support.steps import leapfrog
 
@@ -28,13 +27,6 @@ def test_every_integrator_is_refined_to_round_off(result):
     assert least["heyoka"] < 1e-13
     assert 1e-12 < least["leapfrog"] < 1e-4, "it is called from Python"
     assert set(frame["kind"]) == {"phasebench", "heyoka", "own step"}
-
-
-def test_result_prints_as_a_table(result):
-    lines = repr(result).splitlines()
-    assert len(lines) == 2 + len(result.methods)
-    assert "t = 0 to 3" in lines[0]
-    assert "array" not in repr(result)
 
 
 def test_accuracy_is_met_beyond_the_uncertainty_of_the_reference():
@@ -60,23 +52,6 @@ def test_figure_has_the_format_of_its_suffix(result, tmp_path, suffix):
     assert one == other
 
 
-def test_figure_labels_its_content(result, tmp_path):
-    text = result.plot(tmp_path / "a.svg").read_text()
-    for words in ("pefrl", "heyoka (peer)", "leapfrog (own step)", "t = 0 to 3", "end-state", "seconds"):
-        assert words in text
-    with pytest.raises(pb.InvalidInput, match=r"\.pdf"):
-        result.plot(tmp_path / "a.jpg")
-    with pytest.raises(pb.InvalidInput, match="cannot be written"):
-        result.plot(tmp_path / "none" / "a.svg")
-
-
-def test_curves_differ_in_colour_and_marker():
-    looks = style.looks()
-    assert len(looks) == CURVES
-    for name in ("color", "marker"):
-        assert len({str(look[name]) for look in looks}) == CURVES
-
-
 def test_methods_by_repeated_or_old_option(tmp_path):
     figure = tmp_path / "a.svg"
     new = ["workprecision", "pendulum", "--t-end", "2", "--method", "pefrl", "--method", "scipy-dop853", "--json"]
@@ -88,12 +63,6 @@ def test_methods_by_repeated_or_old_option(tmp_path):
     assert "--methods is now --method" in done[1].stderr
     assert "--method" not in done[0].stderr
     assert figure.exists()
-
-
-@pytest.mark.parametrize("t_end", [0, -1.0, float("nan"), True, "10"])
-def test_span_must_be_a_positive_number(t_end):
-    with pytest.raises(pb.InvalidInput, match="t_end"):
-        pb.workprecision("pendulum", t_end=t_end)
 
 
 def test_a_span_to_which_no_reference_is_known_is_refused():
