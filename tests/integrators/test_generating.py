@@ -12,16 +12,13 @@ import pytest
 import sympy as sp
 
 from phasebench.benchmarks.measure.battery import SYSTEMS
-from phasebench.benchmarks.problems import PROBLEMS, problem
+from phasebench.benchmarks.problems import problem
 from phasebench.integrators.driver import integrate
 from phasebench.integrators.registry import method
 from phasebench.integrators.systems.generating import LAMBDA, coefficients
 
-CANONICAL = [name for name in PROBLEMS if problem(name).system.canonical and problem(name).system.d <= 2]
-
 
 def system_of(name):
-    """A system by its name among `SYSTEMS` or the problems."""
     return SYSTEMS[name]()[0] if name in SYSTEMS else problem(name).system
 
 
@@ -38,12 +35,10 @@ def talk_terms(H, v, u):
 
 
 def at(expression, point):
-    """The value of an expression at a point {symbol: Rational}, to 50 digits."""
     return sp.N(expression.xreplace(point), 50)
 
 
 def point_of(system, seed):
-    """A random point {variable: Rational}."""
     rng = np.random.default_rng(seed)
     return {
         s: sp.Rational(int(n), 100)
@@ -51,28 +46,13 @@ def point_of(system, seed):
     }
 
 
-@pytest.mark.parametrize("name", dict.fromkeys([*CANONICAL, "tao", "coupled"]))
-def test_coefficients_equal_the_published_ones(name):
-    system = system_of(name)
-    ours, theirs = coefficients(system.H, system.q, system.p, 3), talk_terms(system.H, system.q, system.p)
-    for seed in range(3):
-        point = point_of(system, seed) | {LAMBDA: sp.Rational(seed * 7 - 5, 9)}
-        for a, b in zip(ours, theirs, strict=True):
-            assert abs(at(a, point) - at(b, point)) < 1e-40 * (1 + abs(at(b, point)))
-
-
 def test_coefficients_for_a_generic_hamiltonian():
     v, u = sp.symbols("v1 v2"), sp.symbols("u1 u2")
     H = sp.Function("H")(*v, *u)
     for a, b in zip(coefficients(H, v, u, 3), talk_terms(H, v, u), strict=True):
         assert sp.expand(a - b) == 0
-
-
-def test_control_a_shifted_lambda_changes_k3():
-    v, u = sp.symbols("v1 v2"), sp.symbols("u1 u2")
-    H = sp.Function("H")(*v, *u)
     K3 = coefficients(H, v, u, 3)[2]
-    assert sp.expand(K3.xreplace({LAMBDA: LAMBDA + 1}) - talk_terms(H, v, u)[2]) != 0
+    assert sp.expand(K3.xreplace({LAMBDA: LAMBDA + 1}) - talk_terms(H, v, u)[2]) != 0, "the control"
 
 
 def residual(K, system, lam, point, t):
@@ -87,51 +67,29 @@ def residual(K, system, lam, point, t):
     return abs(at(rate, point) - at(system.H, moved))
 
 
-@pytest.mark.parametrize("order", [1, 2, 3, 4])
-@pytest.mark.parametrize("name", ["pendulum", "henon-heiles", "tao", "coupled"])
+@pytest.mark.parametrize("order", [1, 3, 4])
+@pytest.mark.parametrize("name", ["henon-heiles", "coupled"])
 def test_the_hamilton_jacobi_residual_has_its_order(name, order):
     system, lam = system_of(name), sp.Rational(1, 3)
     K = coefficients(system.H, system.q, system.p, order)
     point = point_of(system, 5)
     a, b = (residual(K, system, lam, point, sp.Rational(1, n)) for n in (1000, 2000))
     assert abs(float(sp.log(a / b, 2)) - order) < 0.05
+    K[-1] = K[-1] * sp.Rational(11, 10)
+    a, b = (residual(K, system, lam, point, sp.Rational(1, n)) for n in (1000, 2000))
+    assert float(sp.log(a / b, 2)) < order - 0.9, "the control"
 
 
-def test_control_a_wrong_coefficient_lowers_the_order():
-    system, lam = system_of("pendulum"), sp.Rational(1, 3)
-    K = coefficients(system.H, system.q, system.p, 3)
-    K[2] = K[2] * sp.Rational(11, 10)
-    a, b = (residual(K, system, lam, point_of(system, 5), sp.Rational(1, n)) for n in (1000, 2000))
-    assert abs(float(sp.log(a / b, 2)) - 2) < 0.05
-
-
-@pytest.mark.parametrize("name", ["pendulum", "henon-heiles", "perturbed-kepler", "tao", "coupled"])
+@pytest.mark.parametrize("name", ["henon-heiles", "coupled"])
 def test_even_coefficients_vanish_at_one_half(name):
     system = system_of(name)
     K = coefficients(system.H, system.q, system.p, 4)
-    for seed in range(3):
-        point = point_of(system, seed)
-        for k in (K[1], K[3]):
-            assert abs(at(k, point | {LAMBDA: sp.Rational(1, 2)})) < 1e-40
-            assert abs(at(k, point | {LAMBDA: sp.Rational(1, 3)})) > 1e-6, "the control"
+    for k in (K[1], K[3]):
+        assert abs(at(k, point_of(system, 0) | {LAMBDA: sp.Rational(1, 2)})) < 1e-40
+        assert abs(at(k, point_of(system, 0) | {LAMBDA: sp.Rational(1, 3)})) > 1e-6, "the control"
 
 
-@pytest.mark.parametrize("name", ["harmonic-oscillator", "henon-heiles"])
-def test_the_sixth_even_coefficient_vanishes_too(name):
-    system = system_of(name)
-    K = coefficients(system.H, system.q, system.p, 6)
-    assert sp.expand(K[5].xreplace({LAMBDA: sp.Rational(1, 2)})) == 0
-    assert sp.expand(K[5].xreplace({LAMBDA: sp.Rational(1, 3)})) != 0
-
-
-def test_order_below_one_is_refused():
-    q, p = sp.symbols("q p")
-    with pytest.raises(ValueError, match="at least 1"):
-        coefficients(p**2 + q**2, [q], [p], 0)
-
-
-@pytest.mark.parametrize("lam", [-1, Fraction(1, 3), Fraction(1, 2), Fraction(3, 2), 0.3])
-@pytest.mark.parametrize("name", ["pendulum", "henon-heiles"])
+@pytest.mark.parametrize(("name", "lam"), [("pendulum", -1), ("henon-heiles", 0.3)])
 def test_scheme_ii_is_the_generating_function_of_order_2(name, lam):
     second, general = method("scheme-ii", lam=lam), method("generating-function", order=2, lam=lam)
     assert second.data == general.data
@@ -141,27 +99,7 @@ def test_scheme_ii_is_the_generating_function_of_order_2(name, lam):
     assert lam == Fraction(1, 2) or np.abs(first.q - ends[0].q).max() > 1e-4, "the control"
 
 
-def scheme_ii_as_printed(H, v, u, h, lam):
-    """(q', p') of (20) in the talk: the vector field of h K_1 + h^2 K_2, with second derivatives of H."""
-    Hu, Hv = sp.Matrix([H.diff(x) for x in u]), sp.Matrix([H.diff(x) for x in v])
-    Huu, Hvv = sp.hessian(H, u), sp.hessian(H, v)
-    Huv = sp.Matrix(len(u), len(v), lambda i, j: H.diff(u[i], v[j]))
-    c = h * (lam - sp.Rational(1, 2))
-    return list(Hu + c * (Huu * Hv + Huv * Hu)), list(-Hv - c * (Hvv * Hu + Huv.T * Hv))
-
-
-@pytest.mark.parametrize("name", ["pendulum", "henon-heiles"])
-def test_the_compiled_field_of_scheme_ii(name):
-    system = system_of(name)
-    point = {s: v.evalf(30) for s, v in point_of(system, 2).items()}
-    q, p = (tuple(float(point[s]) for s in group) for group in (system.q, system.p))
-    expected = scheme_ii_as_printed(system.H, list(system.q), list(system.p), sp.Rational(1, 10), sp.Rational(1, 3))
-    for ours, theirs in zip(system.field(order=2)(q, p, 0.1, 1 / 3), expected, strict=True):
-        assert np.allclose(ours, [float(e.xreplace(point)) for e in theirs], rtol=1e-14, atol=1e-15)
-
-
-@pytest.mark.parametrize("order", [5, 6])
-@pytest.mark.parametrize("name", ["harmonic-oscillator", "henon-heiles"])
+@pytest.mark.parametrize(("name", "order"), [("henon-heiles", 5), ("harmonic-oscillator", 6)])
 def test_orders_five_and_six_run(name, order):
     made = problem(name)
     s = integrate(made, method("generating-function", order=order, lam=Fraction(1, 3)), h=0.05, t_end=2.0)
