@@ -10,7 +10,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from phasebench.benchmarks.measure.battery import by_label, variants
+from phasebench.benchmarks.measure.battery import SYSTEMS, by_label, variants
 from phasebench.benchmarks.measure.drift import drift
 from phasebench.benchmarks.problems import problem
 from phasebench.integrators.driver import integrate
@@ -34,7 +34,6 @@ IF_SEPARABLE = {"pihajoki-2": "stormer-verlet"}
 
 
 def record_if_separable(label):
-    """The record that declares how a method conserves invariants of a separable H."""
     return RECORDS[IF_SEPARABLE.get(label, label)]
 
 
@@ -84,7 +83,6 @@ def verdict(declared, s, t, error, value):
 
 
 def applies(m, made):
-    """Whether the method runs on the problem."""
     return m.lacks(made.system) is None
 
 
@@ -97,6 +95,22 @@ def test_energy(label):
         error = energies(label)[2][1:][good]
         right, shown = np.abs(error).max() < 1e-15, f"greatest after a root {np.abs(error).max():.2g}"
     assert right, f"declared {ALL[label].energy}, shown: {shown}"
+
+
+COUPLED = SYSTEMS["coupled"]()[0]
+KEEPING = [x for x, m in kinds(RECORDS.values()).items() if m.energy == ROUND_OFF and m.lacks(COUPLED) is None]
+
+
+@pytest.mark.parametrize("label", [*KEEPING, "implicit-midpoint"])
+def test_energy_of_a_system_that_is_not_separable(label):
+    """The midpoint rule is the control."""
+    system, q, p = SYSTEMS["coupled"]()
+    s = integrate(system, ALL[label], h=0.05, steps=500, q0=q, p0=p)
+    missed = np.isnan(s.parameter)
+    rooted = ~missed if len(missed) and not missed.all() else np.ones(500, bool)  # some methods have no parameter
+    assert s.status == "ok"
+    assert rooted.mean() > 0.9
+    assert (np.abs(energy_errors(s)[1:][rooted]).max() < 2e-14) == (label in KEEPING)
 
 
 @pytest.mark.parametrize("label", [x for x, m in ALL.items() if applies(m, KEPLER)])
