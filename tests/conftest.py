@@ -46,14 +46,12 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 
 
 #: The slowest files, run first so that the workers finish together. The first one compiles the kernels of every family;
-#: those up to "test_perturbed" compile few or none, and later files load what is in the cache.
+#: those up to "test_adjoint" compile few or none, and later files load what is in the cache.
 LONGEST = (
     "test_kernels",
     "test_orders",
     "test_pages",
-    "test_symplectic",
     "test_adjoint",
-    "test_perturbed",
     "test_audit",
     "test_problem_literature",
     "test_warm",
