@@ -226,9 +226,10 @@ class Curves:
     """A panel (one for each value of the column ``panel``) of log-log curves, one for each value of ``curve``.
 
     ``y`` is a column, or columns with the labels of their curves.  ``level`` is a dashed line: (data -> y, label).
+    ``line`` is the style of all lines, by default another one for each curve.
     """
 
-    table: str
+    table: Source
     x: str
     y: str | Mapping[str, str]
     xlabel: str
@@ -239,6 +240,7 @@ class Curves:
     title: str = ""
     ticks: bool = False
     level: tuple[Callable[[Data], float | None], str] | None = None
+    line: str = ""
 
     def panels(self, data: Data) -> list[tuple[str, list[tuple[str, pd.Series, pd.Series]]]]:
         """[(title of a panel, [(label, x, y) of a curve])]"""
@@ -256,7 +258,7 @@ class Curves:
     def draw(self, axes: Any, title: str, curves: list[tuple[str, pd.Series, pd.Series]], data: Data) -> None:
         """Draw one of the panels into the ``axes``."""
         for k, (label, x, y) in enumerate(curves):
-            axes.loglog(x, y, label=label, **style.curve(k))
+            axes.loglog(x, y, label=label, **style.curve(k) | ({"linestyle": self.line} if self.line else {}))
         if self.level is not None and (level := self.level[0](data)) is not None:
             axes.axhline(level, color="0.4", linestyle="--", label=self.level[1])
         axes.set(xlabel=self.xlabel, ylabel=self.ylabel, title=title)
@@ -265,6 +267,21 @@ class Curves:
             axes.set_xticks(steps, [f"{h:g}" for h in steps])
             axes.tick_params(which="minor", labelbottom=False)
         axes.grid(color="0.93", linewidth=0.5)
+
+
+def pictures(
+    figure: Sequence[Curves], data: Data, folder: Path, file: str, title: str, caption: str, legend: int, height: float
+) -> list[Picture] | None:
+    """Draw all panels of curves side by side into a file of the folder; None if the rows of some are missing."""
+    panels = [(curves, *panel) for curves in figure for panel in curves.panels(data)]
+    if {id(curves) for curves, *_ in panels} != {id(curves) for curves in figure} or not panels:
+        return None
+    with style.settings():
+        drawing, (row,) = style.panels(1, len(panels), height)
+        for axes, (curves, name, drawn) in zip(row, panels, strict=True):
+            curves.draw(axes, name, drawn, data)
+        style.legend_above(drawing, row[0], legend)
+    return [Picture(style.save(drawing, folder, file), title, caption)]
 
 
 @dataclass(frozen=True)
@@ -374,12 +391,5 @@ class Study:
     def _draw(self, data: Data, folder: Path) -> list[Picture] | None:
         if callable(self.figure):
             return self.figure(data, folder)
-        panels = [(curves, *panel) for curves in self.figure for panel in curves.panels(data)]
-        if {id(curves) for curves, *_ in panels} != {id(curves) for curves in self.figure} or not panels:
-            return None
-        with style.settings():
-            figure, (row,) = style.panels(1, len(panels), self.height)
-            for axes, (curves, title, drawn) in zip(row, panels, strict=True):
-                curves.draw(axes, title, drawn, data)
-            style.legend_above(figure, row[0], self.legend)
-        return [Picture(style.save(figure, folder, f"{self.id}.png"), self.title, self.caption)]
+        more = (self.title, self.caption, self.legend, self.height)
+        return pictures(self.figure, data, folder, f"{self.id}.png", *more)

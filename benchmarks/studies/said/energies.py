@@ -115,28 +115,22 @@ RUNS = (
 
 def beside(rows: pd.DataFrame) -> pd.DataFrame:
     """KahanLi8's energy error over the smallest of the others, by time, with each kind of its sums."""
-    errors = rows.pivot_table(index="t", columns="integrator", values="energy error")
-    if not {*RUN} <= {*errors}:
-        return pd.DataFrame(columns=[COMPENSATED, PLAIN])
+    errors = rows.pivot_table(index="t", columns="integrator", values="energy error").reindex(columns=[*RUN])
     return errors[[COMPENSATED, PLAIN]].div(errors[list(OTHERS)].min(axis=1), axis=0).dropna()
 
 
 def short(rows: pd.DataFrame) -> pd.Series:
     """The ratio with plain sums at the first time."""
-    first = beside(rows).head(1).iterrows()
-    return pd.Series(
-        {f"plain sums, t = {t:g}; {number(x[COMPENSATED])} with compensated ones": x[PLAIN] for t, x in first},
-        dtype=float,
-    )
+    first = beside(rows).head(1)
+    names = [f"plain sums, t = {t:g}; {number(x)} with compensated ones" for t, x in first[COMPENSATED].items()]
+    return first[PLAIN].set_axis(names)
 
 
 def later(rows: pd.DataFrame) -> pd.Series:
     """The ratio with plain sums at the last time over that at the first."""
-    found = beside(rows)[PLAIN]
-    if found.empty:
-        return found
-    ends = ", ".join(f"{number(found.iloc[k])} at t = {found.index[k]:g}" for k in (0, -1))
-    return pd.Series({f"plain sums; {ends}": found.iloc[-1] / found.iloc[0]})
+    found = beside(rows)[PLAIN].iloc[[0, -1]]
+    ends = ", ".join(f"{number(x)} at t = {t:g}" for t, x in found.items())
+    return pd.Series({f"plain sums; {ends}": found.iloc[1] / found.iloc[0]})
 
 
 def harder(rows: pd.DataFrame) -> pd.Series:

@@ -10,11 +10,10 @@ from pathlib import Path
 
 import pandas as pd
 
-from phasebench.benchmarks import style
 from phasebench.benchmarks.page import said
 from phasebench.benchmarks.page.markdown import number
-from phasebench.benchmarks.page.page import Picture, of
-from phasebench.benchmarks.page.study import Claim, Study
+from phasebench.benchmarks.page.page import Data, Picture
+from phasebench.benchmarks.page.study import Claim, Curves, Study, pictures
 from phasebench.benchmarks.page.verdict import at_least, at_most
 
 from . import brouwer, energies, julia
@@ -59,51 +58,43 @@ def correctors(rows: pd.DataFrame) -> pd.Series:
     return (high <= EQUAL).set_axis([f"{name}: {number(x)} times" for (name, _), x in high.items()])
 
 
-def _kernels(rows: pd.DataFrame) -> pd.Series:
+def kernels(rows: pd.DataFrame) -> pd.Series:
+    """The fastest kernel by energy error and problem."""
     return cheapest(rows[rows["method"].isin(KERNELS)]).map(KERNELS)
 
 
 def lazy(rows: pd.DataFrame) -> pd.Series:
-    """True for each problem and energy error for which the lazy kernel is fastest."""
-    return _kernels(rows) == "lazy"
+    """True where the lazy kernel is fastest."""
+    return kernels(rows) == "lazy"
 
 
 def other_kernels(rows: pd.DataFrame) -> str:
     """How often another kernel is fastest."""
-    others = _kernels(rows)
-    return ", ".join(f"{kernel} {n}" for kernel, n in others[others != "lazy"].value_counts().items())
+    others = kernels(rows).value_counts().drop("lazy", errors="ignore")
+    return ", ".join(f"{kernel} {n}" for kernel, n in others.items())
 
 
-@of(julia.COST)
-def draw(rows: pd.DataFrame, folder: Path) -> list[Picture]:
+CURVES = [
+    Curves(
+        julia.COST, "evaluations", "error", "evaluations of the gradient", label, "called",
+        rows=f"problem == '{problem}' and method in {SHOWN}", title=problem.partition(":")[0],
+    )
+    for problem, label in (("henon-heiles:box", "error of the state"), ("outer-solar-system", ""))
+]  # fmt: skip
+
+
+def draw(data: Data, folder: Path) -> list[Picture] | None:
     """Error against gradient evaluations on two problems, a curve for each of a few methods."""
-    with style.settings():
-        figure, ((left, right),) = style.panels(1, 2, 3.2)
-        for axes, name in ((left, "henon-heiles:box"), (right, "outer-solar-system")):
-            for k, id in enumerate(SHOWN):
-                part = rows[(rows["problem"] == name) & (rows["method"] == id)]
-                axes.loglog(part["evaluations"], part["error"], label=julia.METHODS[id], **style.curve(k))
-            axes.set(xlabel="evaluations of the gradient", title=name.partition(":")[0])
-            axes.grid(color="0.93", linewidth=0.5)
-        left.set_ylabel("error of the state")
-        style.legend_above(figure, left, 3)
-        file = style.save(figure, folder, "field-says-cost.png")
     caption = (
         "Error of the state over the evaluations of the gradient: McAte2 beside VelocityVerlet and methods of higher "
         "order."
     )
-    return [Picture(file, "error against evaluations", caption)]
+    return pictures(CURVES, data, folder, "field-says-cost.png", "error against evaluations", caption, 3, 3.2)
 
 
-FUNCTIONS = {
-    f.__name__: f
-    for f in (
-        *(julia.than_verlet, julia.than_best, julia.best, julia.quadratic),
-        *(energies.short, energies.later, energies.harder, energies.largest),
-        *(fastest, correctors, lazy, other_kernels, brouwer.root),
-    )
-}
-SAID = said.statements(Path(__file__).with_suffix(".toml"), FUNCTIONS)
+SAID = said.statements(
+    Path(__file__).with_suffix(".toml"), {**vars(julia), **vars(energies), **vars(brouwer), **globals()}
+)
 STUDY = Study(
     id="field-says",
     place=100,

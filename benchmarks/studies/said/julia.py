@@ -56,16 +56,13 @@ SCENES = {
     "quadrupole-boson": ({}, 10.0, 32),
 }
 RUNGS = 20
+#: The errors of the state for which evaluations are compared.
+ERRORS = tuple(10.0**-k for k in range(1, 11))
 #: Orders: the stated ones, kinetic energies, start, span and numbers of steps.
 STATED = {"mclachlan-atela-4": 4, "mclachlan-atela-5": 5}
 QUADRATIC, OTHER = "p²/2", "√(1 + p²)"
 START, SPAN, HALVED = (0.7, 0.4), 4.0, (64, 128, 256)
-#: The errors of the state for which evaluations are compared.
-ERRORS = tuple(10.0**-k for k in range(1, 11))
 MCATE2, VERLET = "mclachlan-atela-2", "stormer-verlet"
-
-
-# -- measuring ---------------------------------------------------------------------------------------------------------
 
 
 def power(errors: np.ndarray) -> float:
@@ -150,9 +147,6 @@ RUNS = (
 )
 
 
-# -- judging -----------------------------------------------------------------------------------------------------------
-
-
 def fewest(rows: pd.DataFrame) -> pd.DataFrame:
     """The fewest evaluations with which a method meets an error, infinite if it does not, by "problem to error"."""
     found = {
@@ -180,13 +174,11 @@ def best(rows: pd.DataFrame) -> pd.Series:
     """Percent of problems and errors that some method reaches in which McAte2 or McAte3 is best, by the usual best."""
     found = fewest(rows)
     first = found[found.min(axis=1) < np.inf].idxmin(axis=1)
-    if first.empty:
-        return pd.Series(dtype=float)
-    usual = first.map(METHODS).value_counts().index[0]
-    return pd.Series({f"most often {usual}": 100 * first.isin([MCATE2, "mclachlan-atela-3"]).mean()})
+    usual = first.map(METHODS).value_counts().index[:1]
+    return pd.Series(100 * first.isin([MCATE2, "mclachlan-atela-3"]).mean(), [f"most often {name}" for name in usual])
 
 
 def quadratic(rows: pd.DataFrame, every: pd.DataFrame, text: str) -> str:
     """The order of the rows' method where the kinetic energy is quadratic, in a text with {order}."""
-    there = every[every["method"].isin(rows["method"]) & (every["T"] == QUADRATIC)]["order"]
-    return text.format(order=", ".join(map(number, there)))
+    there = every[every["method"].isin(rows["method"]) & (every["T"] == QUADRATIC)]
+    return text.format(order=", ".join(map(number, there["order"])))

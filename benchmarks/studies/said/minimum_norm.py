@@ -21,20 +21,15 @@ from phasebench.integrators.ensemble import integrate_ensemble
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
 
 TABLE = "printed_numbers_minimum_norm"
-#: Name -> potential.
+#: Name -> potential; evaluations of the force a step of each method.
 POTENTIALS = {"oscillator": "q**2/2", "anharmonic": "q**2/2 + q**4/4"}
 LEAPFROG, MINIMUM_NORM = "stormer-verlet-dkd", "omelyan-2"
-#: Evaluations of the force a step.
 FORCES = {LEAPFROG: 1, MINIMUM_NORM: 2}
 POSITIONS, MOMENTA = "positions", "momenta"
-#: Lengths of trajectories; numbers of steps in a unit of time.
-LENGTHS, STEPS = (1.0, 2.0), (4, 6, 8, 12, 16, 24, 32)
-#: The rms error at which steps are compared.
-EQUAL = 1e-3
-#: Nodes of Gauss's rule in each variable.
-NODES = 40
-#: States of a smaller weight than this share of the sum are left out.
-LEAST = 1e-18
+#: Lengths of trajectories; numbers of steps in a unit of time; the rms error at which steps are compared.
+LENGTHS, STEPS, EQUAL = (1.0, 2.0), (4, 6, 8, 12, 16, 24, 32), 1e-3
+#: Nodes of Gauss's rule in each variable; states of a smaller weight than this share of the sum are left out.
+NODES, LEAST = 40, 1e-18
 
 
 def potential(name: str, q: np.ndarray) -> np.ndarray:
@@ -80,22 +75,21 @@ def jump(potential: str, method: str, first: str) -> list[dict]:
     return rows
 
 
-def _curves(rows: pd.DataFrame) -> list[pd.DataFrame]:
-    """The rms of both methods by step, for each length and variable that is moved first."""
+def _rms(rows: pd.DataFrame) -> pd.DataFrame:
+    """The rms of both methods, by the variable that is moved first, length and step."""
     table = rows.pivot_table(index=["first", "length", "h"], columns="method", values="rms")
-    if not {LEAPFROG, MINIMUM_NORM} <= {*table}:
-        return []
-    return [part.droplevel([0, 1]).dropna() for _, part in table.groupby(level=[0, 1])]
+    return table.reindex(columns=list(FORCES)).dropna()
 
 
-def _span(values: list[float]) -> Range | None:
-    known = [x for x in values if x == x]
-    return Range(min(known), max(known)) if known else None
+def _span(values: pd.Series) -> Range | None:
+    known = values.dropna()
+    return Range(float(known.min()), float(known.max())) if len(known) else None
 
 
 def smaller(rows: pd.DataFrame) -> Range | None:
     """Leapfrog's rms error over that of the minimum-norm splitting at the same step."""
-    return _span([x for part in _curves(rows) for x in part[LEAPFROG] / part[MINIMUM_NORM]])
+    rms = _rms(rows)
+    return _span(rms[LEAPFROG] / rms[MINIMUM_NORM])
 
 
 def longer(rows: pd.DataFrame, percent: bool = False) -> Range | None:
@@ -105,10 +99,14 @@ def longer(rows: pd.DataFrame, percent: bool = False) -> Range | None:
     """
 
     def step(rms: pd.Series) -> float:
-        return float(np.exp(np.interp(np.log(EQUAL), np.log(rms), np.log(rms.index), left=np.nan, right=np.nan)))
+        h = np.log(rms.index.get_level_values("h"))
+        return float(np.exp(np.interp(np.log(EQUAL), np.log(rms), h, left=np.nan, right=np.nan)))
 
-    found = [step(part[MINIMUM_NORM]) / step(part[LEAPFROG]) for part in _curves(rows)]
-    return _span([100 * (x / FORCES[MINIMUM_NORM] - 1) for x in found] if percent else found)
+    steps = pd.DataFrame(
+        [part.apply(step) for _, part in _rms(rows).groupby(level=["first", "length"])], columns=list(FORCES)
+    )
+    found = steps[MINIMUM_NORM] / steps[LEAPFROG]
+    return _span(100 * (found / FORCES[MINIMUM_NORM] - 1) if percent else found)
 
 
 RUNS = Runs(

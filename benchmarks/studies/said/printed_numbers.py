@@ -6,15 +6,14 @@ from pathlib import Path
 
 import pandas as pd
 
-from phasebench.benchmarks import style
 from phasebench.benchmarks.page import said
 from phasebench.benchmarks.page.markdown import number
-from phasebench.benchmarks.page.page import Data, Picture, of
-from phasebench.benchmarks.page.study import Claim, Study
+from phasebench.benchmarks.page.page import Data, Picture
+from phasebench.benchmarks.page.study import Claim, Curves, Study, pictures, rows_of
 from phasebench.benchmarks.page.verdict import at_least, at_most
 
 from . import brouwer, minimum_norm, planets, timed
-from .planets import ENERGY, gain
+from .planets import ENERGY
 
 INNER = ("mercury", "venus", "earth", "mars")
 #: How the ids of methods of a kind begin -> what the kind is called; the first that fits.
@@ -29,9 +28,9 @@ KINDS = {
 
 def beside_ours(rows: pd.DataFrame, theirs: str, ours: list[str]) -> pd.Series:
     """The rms error of an integrator at the end over the smallest of ours, by that method."""
-    end = rows.set_index("integrator")["rms"]
-    known = end[end.index.isin(ours)]
-    return pd.Series({known.idxmin(): end[theirs] / known.min()} if theirs in end and len(known) else {}, dtype=float)
+    end = rows.set_index("integrator")["rms"].reindex([theirs, *ours])
+    known = end[ours].dropna()
+    return (end[theirs] / known.nsmallest(1)).dropna()
 
 
 def doubt(rows: pd.DataFrame) -> pd.Series:
@@ -40,65 +39,45 @@ def doubt(rows: pd.DataFrame) -> pd.Series:
     return rows["uncertainty"] / rows["planet"].map(plain)
 
 
+def kinds(data: Data) -> pd.DataFrame | None:
+    """The errors of the inner planets' perihelia, with the kind of each method."""
+    rows = rows_of(data, planets.PERIHELIA, f"planet in {INNER}")
+    if rows is None:
+        return None
+    of = [
+        next((kind for first, kind in KINDS.items() if id.startswith(first)), "this suite's") for id in rows["method"]
+    ]
+    return rows.assign(kind=of, error=rows["rate error"].abs())
+
+
+SPLITTINGS = [
+    Curves(planets.EVALUATIONS, "evaluations", y, "evaluations over a century", "", title=title)
+    for y, title in ((ENERGY, "relative energy error"), ("position error", "position error (AU)"))
+]
+RATES = [
+    Curves(
+        kinds, ENERGY, "error", f"relative {ENERGY}", "error of the perihelion's rate (arcsec/yr)", "kind", line="none"
+    )
+]
+
+
 def draw(data: Data, folder: Path) -> list[Picture]:
     """The errors of splittings on eight planets over evaluations, and errors of perihelia over energy errors."""
-    return [p for p in (_splittings(data, folder), _perihelia(data, folder)) if p is not None]
-
-
-@of(planets.EVALUATIONS)
-def _splittings(rows: pd.DataFrame, folder: Path) -> Picture:
-    with style.settings():
-        figure, ((left, right),) = style.panels(1, 2, 3.2)
-        for k, (name, part) in enumerate(rows.groupby("method", sort=False)):
-            look = style.curve(k)
-            left.loglog(part["evaluations"], part[ENERGY], label=name, **look)
-            right.loglog(part["evaluations"], part["position error"], label=name, **look)
-        for axes, title in ((left, "relative energy error"), (right, "position error (AU)")):
-            axes.set(xlabel="evaluations over a century", title=title)
-            axes.grid(color="0.93", linewidth=0.5)
-        style.legend_above(figure, left, 3)
-        file = style.save(figure, folder, "printed-numbers-planets.png")
-    return Picture(
-        file,
-        "splittings on eight planets",
-        "Left: the largest relative energy error over a century. Right: the error of the positions after a decade.",
+    caption = (
+        "Left: the largest relative energy error over a century. Right: the error of the positions after a decade."
     )
-
-
-def _kind(method: str) -> str:
-    return next((kind for start, kind in KINDS.items() if method.startswith(start)), "this suite's")
-
-
-@of(planets.PERIHELIA)
-def _perihelia(rows: pd.DataFrame, folder: Path) -> Picture:
-    with style.settings():
-        figure, ((axes,),) = style.panels(1, 1, 3.4)
-        inner = rows[rows["planet"].isin(INNER)]
-        for k, (label, part) in enumerate(inner.groupby(inner["method"].map(_kind), sort=False)):
-            look = style.curve(k) | {"linestyle": "none"}
-            axes.loglog(part[ENERGY], part["rate error"].abs(), label=label, **look)
-        axes.set(xlabel="relative energy error", ylabel="error of the perihelion's rate (arcsec/yr)")
-        axes.grid(color="0.93", linewidth=0.5)
-        style.legend_above(figure, axes, 3)
-        file = style.save(figure, folder, "printed-numbers-perihelia.png")
+    file, title = "printed-numbers-planets.png", "splittings on eight planets"
+    found = pictures(SPLITTINGS, data, folder, file, title, caption, 3, 3.2) or []
     caption = (
         f"A mark for each method and each of the {len(INNER)} inner planets, at h = {number(planets.STEP)} days over "
         f"{planets.YEARS} years. From right to left the energy error falls; the rates' errors do not follow it."
     )
-    return Picture(file, "energy errors beside perihelia", caption)
+    file, title = "printed-numbers-perihelia.png", "energy errors beside perihelia"
+    return found + (pictures(RATES, data, folder, file, title, caption, 3, 3.4) or [])
 
 
-FUNCTIONS = {
-    "lead": planets.lead,
-    "gain": gain,
-    "smaller": minimum_norm.smaller,
-    "longer": minimum_norm.longer,
-    "root": brouwer.root,
-    "beside_ours": beside_ours,
-    "least": timed.least,
-    "accuracies": timed.accuracies,
-}
-SAID = said.statements(Path(__file__).with_suffix(".toml"), FUNCTIONS)
+FUNCTIONS = {name: f for module in (planets, minimum_norm, brouwer, timed) for name, f in vars(module).items()}
+SAID = said.statements(Path(__file__).with_suffix(".toml"), FUNCTIONS | {"beside_ours": beside_ours})
 OURS = "of this suite, beside them"
 CONTROL = f"tolerance == {brouwer.CONTROL[1]}"
 STUDY = Study(

@@ -54,12 +54,10 @@ def heavier() -> PlanetarySystem:
 def _able(made: Problem, ids: Iterable[str]) -> dict:
     """Id -> integrator; raises Unavailable, with the reason, if one cannot run the problem on this machine."""
     found = {id: integrator(id) for id in ids}
-    for chosen in found.values():
-        if not chosen.installed:
-            raise Unavailable(f"{chosen.id}: its package is not installed")
-        lack = chosen.lacks(made)
+    for id, chosen in found.items():
+        lack = chosen.lacks(made) if chosen.installed else "its package is not installed"
         if lack:
-            raise Unavailable(f"{chosen.id}: {lack}")
+            raise Unavailable(f"{id}: {lack}")
     return found
 
 
