@@ -32,8 +32,8 @@ from phasebench.benchmarks.studies.models import choice
 from phasebench.benchmarks.studies.molecules import argon, water
 from phasebench.benchmarks.studies.options import arithmetic, nodes, solvers
 from phasebench.benchmarks.studies.said import minimum_norm
-from phasebench.benchmarks.studies.said.talks import measure, statements
-from phasebench.benchmarks.studies.said.talks.judges import judge
+from phasebench.benchmarks.studies.said.talks import curves, statements
+from phasebench.benchmarks.studies.said.talks.statements import judge
 from phasebench.benchmarks.studies.statistics import measure as statistics
 from phasebench.benchmarks.studies.statistics import scenes
 from phasebench.benchmarks.studies.trade import front, joined, reasons, trade
@@ -464,43 +464,51 @@ def talks():
 
 @pytest.mark.parametrize(
     "statement",
-    [(s, *statement) for s, section in statements.SECTIONS.items() for statement in section["said"]],
-    ids=lambda s: f"{s[0]}-{s[1]}",
+    [(id, *statement) for id, page in statements.PAGES.items() for statement in page["said"]],
+    ids=lambda s: f"{s[0]}-{s[2]}",
 )
 def test_wrong_rows_change_the_verdict_on_a_statement(statement, talks):
-    judges = statement[5:]
+    judges = statement[6:]
     before, *after = (judge(tables, judges).verdict for tables in talks)
     assert before != MISSING
     assert CONTRADICTED in after or before == UNTESTABLE
     assert judge(lambda name: None, judges).verdict in (MISSING, UNTESTABLE)
 
 
-EQUIP = {"id": "equip-box", "two-form, round-off": 1e-16}
-
-
 @pytest.mark.parametrize(
     ("entry", "good", "bad"),
     [
         ({"printed": "avf", "entries": 2}, {"units": [0.5, 0.59]}, {"units": [0.5, 0.61]}),
-        ({"printed": "avf", "entries": 2}, {"units": [0.5, 0.5]}, {"units": [0.5]}),
-        ({"order": 2, "of": ["avf"]}, {"order": [2.0, 2.09]}, {"order": [2.0, 2.11]}),
-        ({"order": 2, "of": ["avf"]}, {"order": [2.0, 1.91]}, {"order": [2.0, 1.89]}),
-        ({"has": "symmetry", "of": ["avf"]}, {"defect": [0.0, 9e-23]}, {"defect": [0.0, 2e-22]}),
-        ({"lacks": "symmetry", "of": ["avf"]}, {"defect": [1.0, 2e-22]}, {"defect": [1.0, 9e-23]}),
-        ({"keeps_energy": ["avf"]}, {"energy": [0.0, 9e-12]}, {"energy": [0.0, 2e-11]}),
-        ({"box": "two-form", "at_most": 10.0}, EQUIP | {"two-form": [9e-16]}, EQUIP | {"two-form": [0.0, 2e-15]}),
-        ({"prey": True}, {"value": [-1.0], "control": 1.0}, {"value": [-1.0], "control": 0.0}),
-        ({"check": "species", "at_most": 0.5}, {"value": [-0.5], "control": 0.6}, {"value": [-0.6], "control": 0.7}),
-        ({"check": "species", "at_most": 0.5}, {"value": [0.5], "control": 0.6}, {"value": [0.5], "control": 0.5}),
+        ({"order": "avf", "between": [1.9, 2.1]}, {"order": [2.0, 2.09]}, {"order": [2.0, 2.11]}),
+        ({"order": "avf", "between": [1.9, 2.1]}, {"order": [2.0, 1.91]}, {"order": [2.0, 1.89]}),
+        ({"symplectic": "avf"}, {"defect": [0.0, 9e-23]}, {"defect": [0.0, 2e-22]}),
+        ({"other": "avf"}, {"defect": [1.0, 2e-22]}, {"defect": [1.0, 9e-23]}),
+        ({"energy": "avf"}, {"energy": [0.0, 9e-12]}, {"energy": [0.0, 2e-11]}),
+        ({"box": "avf", "value": "a / b", "what": "", "at_most": 10.0}, {"a": [9e-16]}, {"a": [0.0, 2e-15]}),
+        ({"map": "avf", "at_most": 0.5}, {"area": [1.0, 1.5]}, {"area": [1.0, 1.6]}),
+        ({"check": "avf", "at_most": 0.5}, {"value": [-0.5], "control": 0.6}, {"value": [-0.6], "control": 0.7}),
+        ({"check": "avf", "at_most": 0.5}, {"value": [0.5], "control": 0.6}, {"value": [0.5], "control": 0.4}),
     ],
 )
-def test_bounds_of_judges(entry, good, bad):
-    shared = {"scheme": "avf", "method": "avf", "property": "symmetry", "problem": "henon-heiles", "check": "species"}
-    shared |= {"what": "a", "against": "b"}
+def test_bounds_of_the_parts_of_a_statement(entry, good, bad):
+    shared = dict.fromkeys(("scheme", "method", "check", "id", "panel"), "avf")
+    shared |= {"property": "symplecticity", "problem": "henon-heiles", "figure": "pendulum-area", "b": 1e-16}
     for rows, verdict in ((good, HOLDS), (bad, CONTRADICTED)):
         size = max(len(v) for v in rows.values() if isinstance(v, list))
-        frame = pd.DataFrame({"order": [2.0] * size} | shared | rows)
+        frame = pd.DataFrame({"order": [2.0] * size} | shared | {"what": "a", "against": "b"} | rows)
         assert judge(lambda name, frame=frame: frame, [entry]).verdict == verdict
+
+
+def test_a_part_without_one_of_its_rows_is_not_measured():
+    frame = pd.DataFrame({"scheme": ["avf", "scheme-v"], "units": 0.1})
+    every = ["avf", "scheme-v"]
+    assert judge(lambda name: frame, [{"printed": every}]).verdict == HOLDS
+    for part in (
+        {"printed": [*every, "scheme-iv"]},
+        {"printed": every, "entries": 3},
+        {"printed": "avf", "rows": "units > 1"},
+    ):
+        assert judge(lambda name: frame, [part]).verdict == MISSING
 
 
 def test_the_worst_verdict_counts_and_a_condition_is_stated():
@@ -522,17 +530,17 @@ QUICK = (*(id for id, probe in statements.PROBES.items() if not probe.methods), 
 
 @pytest.mark.parametrize("id", QUICK)
 def test_a_check_reproduces_its_committed_row(id):
-    then = report.Data(REPORTS)(measure.CHECKS).set_index("check").loc[id]
+    then = report.Data(REPORTS)(statements.CHECKS).set_index("check").loc[id]
     now = statements.probe(id)
     assert now["control"] == pytest.approx(then["control"], rel=1e-6, abs=1e-12)
     assert now["value"] == pytest.approx(then["value"], rel=1e-6, abs=1e-9)
 
 
 def test_enclosed_area_is_exact_and_oriented():
-    ellipse = measure.circle((0.3, -2.0), 1.0, 64) * (3.0, 0.5)
-    assert measure.enclosed_area(ellipse) == pytest.approx(1.5 * np.pi, rel=1e-13)
-    assert measure.enclosed_area(ellipse[::-1]) == pytest.approx(-1.5 * np.pi, rel=1e-13)
-    coarse, fine = (measure.enclosed_area(measure.cat((0, 0), 0.4, n)) for n in (256, 512))
+    ellipse = curves.outline((0.3, -2.0), 1.0, 64) * (3.0, 0.5)
+    assert curves.enclosed_area(ellipse) == pytest.approx(1.5 * np.pi, rel=1e-13)
+    assert curves.enclosed_area(ellipse[::-1]) == pytest.approx(-1.5 * np.pi, rel=1e-13)
+    coarse, fine = (curves.enclosed_area(curves.outline((0, 0), 0.4, n, ears=0.55)) for n in (256, 512))
     assert coarse == pytest.approx(fine, rel=1e-13)
 
 
