@@ -50,10 +50,10 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 LONGEST = (
     "test_kernels",
     "test_orders",
-    "test_pages",
+    "test_studies",
     "test_adjoint",
     "test_audit",
-    "test_problem_literature",
+    "test_problems",
     "test_warm",
     "test_figures",
 )

@@ -1,22 +1,25 @@
-"""Stability intervals on the oscillator: closed forms to ten digits, gaps, points of |trace| = 2, long runs."""
+"""Stability intervals on the oscillator: closed forms, known limits derived from coefficients, gaps, long runs."""
 
 from __future__ import annotations
 
 import json
 import math
 from fractions import Fraction
-from types import SimpleNamespace
+from functools import cache
 
 import numpy as np
 import pytest
+import sympy as sp
 
 import phasebench as pb
 from phasebench.benchmarks.measure import linear_stability, oscillator
 from phasebench.benchmarks.measure.integrator import integrator
 from phasebench.benchmarks.studies.extremes import limits
 from phasebench.integrators.errors import InvalidInput
+from support import step_matrices as exact
 from support.commands import call
 from support.step_maps import of_trace
+from support.step_matrices import HALF
 
 DIGITS = 1e-10
 
@@ -47,7 +50,7 @@ def test_ends_and_touches_at_multiple_roots_are_found_to_ten_digits(monkeypatch)
     """tr = -2 + 4 u^n (1 + b z^2), u = 1 - (z/a)^2: for n = 3 an end at a, for n = 2 a touch."""
     rng = np.random.default_rng(7)
     traces = {}
-    for _ in range(20):
+    for _ in range(8):
         a, b = rng.uniform(1.2, 6), rng.uniform(-0.002, 0.002)
         for n in (2, 3):
             traces[a, n] = rounded(lambda z, a=a, b=b, n=n: -2 + 4 * (1 - (z / a) ** 2) ** n * (1 + b * z * z), rng)
@@ -66,17 +69,10 @@ def test_scheme_i_has_one_interval_next_to_a_pole():
 
     At lambda = 3 the pole, 0.408, is between the same points of the scan as the limit, 0.4.
     """
-    drawn = [Fraction(round(64 * x), 64) for x in np.random.default_rng(31).uniform(-8, 9, 60)]
-    for lam in (Fraction(1, 3), *(Fraction(k, 4) for k in range(-40, 45) if k != 2), *drawn):
+    for lam in (Fraction(1, 3), *(Fraction(k, 4) for k in range(-12, 15) if k != 2)):
         found = oscillator.find(integrator("scheme-i", parameters={"lam": lam}))
         assert found.limit == pytest.approx(float(2 / abs(1 - 2 * lam)), rel=DIGITS), lam
         assert len(found.intervals) == 1, lam
-
-
-def test_pole_between_scan_points_is_not_the_limit():
-    """tr = 2 - z^2 / (1 - 6 z^2): -2 at 0.4, infinite at 0.40825, then above 2 for all z."""
-    found = linear_stability.stability(of_trace(lambda z: 2 - z**2 / (1 - 6 * z**2)))
-    assert found.limit == pytest.approx(0.4, abs=1e-6)
 
 
 @pytest.mark.parametrize("width", [1e-2, 1e-3])
@@ -90,22 +86,6 @@ def test_narrow_gap_after_the_first_interval(width):
         pytest.approx(at + width / 2, rel=DIGITS),
         None,
     )
-    assert found.touches == ()
-
-
-def test_double_root_is_a_touch_not_an_end():
-    found = oscillator.of_matrix(of_trace(lambda z: 2 * np.cos(z)))
-    assert found.intervals == ((0.0, None),)
-    assert np.allclose(found.touches[:3], np.pi * np.arange(1, 4), atol=1e-6)
-
-
-def test_close_touches_are_all_found():
-    found = oscillator.of_matrix(of_trace(lambda z: 2 * np.cos(8 * z) if z < 5 else 3.0))
-    assert np.allclose(found.touches, np.pi / 8 * np.arange(1, 13), atol=1e-6)
-
-
-def test_trace_just_below_2_has_no_touch():
-    found = oscillator.of_matrix(of_trace(lambda z: 1.99999 * np.cos(z)))
     assert found.touches == ()
 
 
@@ -138,33 +118,6 @@ def test_nonlinear_map_is_judged_by_long_runs():
     assert found.reason
 
 
-def test_user_step_and_step_with_memory():
-    """A Runge-Kutta step is a linear map; a step with memory is no map of the state."""
-    found = pb.stability(limits.OTHERS["kutta-3"])
-    assert found.limit == pytest.approx(math.sqrt(3), rel=DIGITS)
-
-    def remembering(system, q, p, h, last=[0.0]):  # noqa: B006
-        last[0] += h
-        return q + h * p * (1 + last[0] % 0.7), p - h * q
-
-    assert not oscillator.linear(integrator(remembering))
-
-
-def test_stability_as_a_frame_and_as_before():
-    found = pb.stability("scheme-i", parameters={"lam": "1/3"})
-    assert found.parameters == {"lam": "1/3"}
-    assert found.to_frame()["limit"].tolist() == [found.limit]
-    with pytest.warns(DeprecationWarning, match=r"write \.to_frame\(\)\.iloc"):
-        assert found.iloc[0]["limit"] == found.limit
-    assert not hasattr(found, "limits")
-
-
-def test_nonlinear_map_that_always_grows_has_limit_0():
-    found = oscillator.find(integrator(lambda system, q, p, h: (1.02 * q + h * p, 1.02 * p - h * q * abs(q))))
-    assert (found.how, found.limit, found.intervals) == (oscillator.RUNS, 0.0, ())
-    assert found.reason
-
-
 def test_integrators_without_a_step_are_refused():
     with pytest.raises(InvalidInput, match="tolerance"):
         pb.stability("heyoka")
@@ -182,113 +135,79 @@ def test_command_prints_the_contract():
     assert call("stability", "stormer-verlett", "--json").exit_code == 2
 
 
-@pytest.mark.parametrize(
-    ("method", "limit", "stable"),
-    [("explicit-euler", "0", "no step"), ("stormer-verlet", "2", "0 to 2")]
-    + [("implicit-midpoint", "none up to 100", "0 to beyond")],
-)
-def test_zero_limit_and_missing_limit_are_printed(method, limit, stable):
-    lines = [" ".join(line.split()) for line in call("stability", method).stdout.splitlines()]
-    assert f"limit of h omega {limit}" in lines
-    assert f"stable for {stable}" in lines
+# -- known limits, derived exactly from the coefficients that the methods' authors give
+
+CUBE = sp.N(sp.cbrt(2), exact.DIGITS)
+OUTER = 1 / (2 - CUBE)
+ROOT = sp.N(sp.cbrt(2 * sp.sqrt(326) + 36), exact.DIGITS)
+MCLACHLAN = HALF - ROOT / 12 + 1 / (6 * ROOT)
+SABA = sp.N(HALF - sp.sqrt(3) / 6, exact.DIGITS)
+SQRT_HALF = sp.N(1 / sp.sqrt(2), exact.DIGITS)
+R = sp.Rational
+SIXTHS = (R(1, 6), R(2, 3), R(1, 6))
 
 
-def test_known_limits_agree_to_their_printed_digits():
-    assert limits.agrees(2.553145, 2.55, 3)
-    assert not limits.agrees(2.5563, 2.55, 3)
-    assert not limits.agrees(math.inf, 2.0, 3)
-    assert not limits.agrees(2.0, math.inf, 3)
+@cache
+def midpoint():
+    return exact.parametric((1, HALF))
 
 
-def test_undefined_step_does_not_end_the_scan():
-    method = integrator("gautschi")
-    assert oscillator.matrix(method, float(np.pi)) is None
-    assert oscillator.matrix(method, 3.0) is not None
-    assert oscillator.find(method).scanned > 4
+@cache
+def verlet():
+    return exact.verlets(sp.Integer(1))
 
 
-# -- with fake runs and scans -----------------------------------------------------------------------------------------
+def scheme_i(lam):
+    return exact.parametric((1, sp.Rational(lam)))
 
 
-def replace_runs(monkeypatch, stays) -> list[tuple[float, int]]:
-    """Replace long runs on the oscillator by made-up ones, stable where ``stays(z)`` with z = h omega.
-
-    Returns the list of the (z, steps) of the runs made, which grows.
-    """
-    made: list[tuple[float, int]] = []
-
-    def lost(chosen, z: float, steps: int) -> str:
-        made.append((z, steps))
-        return "" if stays(z) or steps < oscillator.LONG else "grown"
-
-    monkeypatch.setattr(oscillator, "failure_of_run", lost)
-    return made
+def scheme_iii(lam):
+    return exact.parametric((HALF, 1 - sp.Rational(lam)), (HALF, sp.Rational(lam)))
 
 
-def test_runs_find_every_interval(monkeypatch):
-    made = replace_runs(monkeypatch, lambda z: z < 1.234 or 2.4 < z < 4.1 or z > 5.6)
-    found = oscillator.of_runs(None)
-    ends = [x for pair in found.intervals for x in pair[:2] if x]
-    assert np.allclose(ends, [1.234, 2.4, 4.1, 5.6], rtol=oscillator.SHARPNESS)
-    assert (found.intervals[0][0], found.intervals[-1][1], found.limit) == (0.0, None, found.intervals[0][1])
-    assert (found.scanned, found.reason, found.how) == (linear_stability.LAST, "grown", oscillator.RUNS)
-    inside = [z for pair in found.intervals for z in pair if z]
-    assert all(z < 1.234 or 2.4 < z < 4.1 or z > 5.6 for z in inside), "an end is a step that was seen to be stable"
-    assert min(z for z, _ in made) == oscillator.COARSE
-    assert len(made) < 2 * (40 + 4 * 12)
+#: Method -> function that returns the matrix of its step; for Schemes I and III a function of lambda.
+MATRICES = {
+    "symplectic-euler-p": lambda: exact.product(exact.kick(1), exact.drift(1)),
+    "symplectic-euler-q": lambda: exact.product(exact.drift(1), exact.kick(1)),
+    "stormer-verlet": verlet,
+    "stormer-verlet-dkd": lambda: exact.product(exact.drift(HALF), exact.kick(1), exact.drift(HALF)),
+    "lobatto-iiia-iiib-2": lambda: exact.runge_kutta([[0, 0], [HALF, HALF]], (HALF, HALF), [[HALF, 0], [HALF, 0]]),
+    "lobatto-iiia-iiib-3": lambda: exact.runge_kutta(
+        [[0, 0, 0], [R(5, 24), R(1, 3), -R(1, 24)], SIXTHS],
+        SIXTHS,
+        [[R(1, 6), -R(1, 6), 0], [R(1, 6), R(1, 3), 0], [R(1, 6), R(5, 6), 0]],
+    ),
+    "variational-trapezoidal": verlet,
+    "explicit-euler": lambda: exact.runge_kutta([[0]], (1,)),
+    "heun-2": lambda: exact.runge_kutta([[0, 0], [1, 0]], (HALF, HALF)),
+    "kutta-3": lambda: exact.runge_kutta([[0, 0, 0], [HALF, 0, 0], [-1, 2, 0]], SIXTHS),
+    "rk4": lambda: exact.runge_kutta(
+        [[0, 0, 0, 0], [HALF, 0, 0, 0], [0, HALF, 0, 0], [0, 0, 1, 0]], (R(1, 6), R(1, 3), R(1, 3), R(1, 6))
+    ),
+    "mclachlan-s2": lambda: exact.two_stages(MCLACHLAN),
+    "saba-2": lambda: exact.two_stages(SABA),
+    "mclachlan-atela-2": lambda: exact.splitting((SQRT_HALF, 1 - SQRT_HALF), (SQRT_HALF, 1 - SQRT_HALF)),
+    "ruth-3": lambda: exact.splitting((R(2, 3), -R(2, 3), 1), (R(7, 24), R(3, 4), -R(1, 24))),
+    "forest-ruth": lambda: exact.verlets(OUTER, -CUBE * OUTER, OUTER),
+    "implicit-euler": lambda: exact.runge_kutta([[1]], (1,)),
+    "implicit-midpoint": midpoint,
+    "gauss-2": lambda: exact.pade(2, 2),
+    "gauss-4": lambda: exact.pade(4, 4),
+    "radau-iia-3": lambda: exact.pade(2, 3),
+    "imex": midpoint,
+    "avf": midpoint,
+    "scheme-i": scheme_i,
+    "scheme-iii": scheme_iii,
+}
+#: Methods whose matrix is an exact rotation, not one of polynomials.
+ROTATIONS = {"deuflhard"}
 
 
-def test_runs_that_all_fail_end_the_scan(monkeypatch):
-    replace_runs(monkeypatch, lambda z: z > 5)
-    found = oscillator.of_runs(None)
-    assert (found.intervals, found.limit) == ((), 0.0)
-    assert found.scanned == oscillator.COARSE * oscillator.HOPELESS
-
-
-def test_long_runs_of_a_method_for_constraints_are_constrained():
-    chosen = integrator("rattle")
-    assert [oscillator.failure_of_run(chosen, z, 1000) for z in (1.0, 2.1)] == ["", "diverged"]
-
-
-def test_run_is_lost_by_its_status_or_by_growth():
-    def ends(status: str, q: float, p: float):
-        rows = SimpleNamespace(status=status, q=np.array([[1.0], [q]]), p=np.array([[0.0], [p]]))
-        return oscillator.failure_of_run(SimpleNamespace(record=None, run=lambda problem, **asked: rows), 0.1, 100)
-
-    grown = 1.01 * oscillator.GROWN
-    assert [ends("ok", *end) for end in ((1.0, 0.5), (0.99 * oscillator.GROWN, 0.0))] == ["", ""]
-    assert [ends("ok", *end) for end in ((grown, 0.0), (0.0, -grown))] == ["grown", "grown"]
-    assert [ends("unstable", *end) for end in ((1.0, 0.5), (grown, 0.0))] == ["unstable", "unstable"]
-
-
-def test_solver_noise_is_no_gap_and_a_gap_beside_it_is_found():
-    """Noise of 1e-8 in the entries, above the allowance for a solver, moves the determinant of a rotation off 1."""
-
-    def noisy(z):
-        draws = np.random.default_rng(int(z * 1e9)).uniform(-1e-8, 1e-8, (2, 2))
-        growth = 1.001 if 5 < z < 6 else 1.0
-        return growth * np.array([[np.cos(0.3), np.sin(0.3)], [-np.sin(0.3), np.cos(0.3)]]) + draws
-
-    assert len(oscillator.of_matrix(noisy).intervals) > 10
-    (first, second) = oscillator.of_matrix(noisy, lambda z: 1e-8).intervals
-    assert first == (0.0, pytest.approx(5.0, abs=1e-6))
-    assert second == (pytest.approx(6.0, abs=1e-6), None)
-
-
-def test_noise_of_a_step_is_measured():
-    """The substeps of the composed method amplify its solver's error where h omega is large."""
-    assert oscillator.noise(integrator("jayawardana-ohsawa-4"), 50.0) > 1e-8
-    assert oscillator.noise(integrator("jayawardana-ohsawa-4"), 1.0) < 1e-14
-
-
-def test_scan_that_ends_stable_is_extended(monkeypatch):
-    def scans(*second):
-        found = iter(
-            [linear_stability.Stability(((0.0, 2.0), (3.0, 10.0)), 10.0), linear_stability.Stability(second, 90.0)]
-        )
-        monkeypatch.setattr(linear_stability, "stability", lambda *scan, **more: next(found))
-        return oscillator._pieces(None, lambda z: 0.0)
-
-    assert scans((0.0, 2.0), (3.0, 12.0), (20.0, 90.0)) == ([(0.0, 2.0), (3.0, 12.0), (20.0, 90.0)], 90.0)
-    assert scans((0.0, 2.0), (3.0, 10.0), (20.0, 90.0)) == ([(0.0, 2.0), (3.0, 10.0), (20.0, 90.0)], 90.0)
-    assert scans((0.0, 2.0), (3.0, 10.0)) == ([(0.0, 2.0), (3.0, 10.0)], 90.0)
+@pytest.mark.parametrize("limit", limits.LIMITS, ids=lambda k: f"{k.method}{''.join(k.parameters.values())}")
+def test_limit_follows_from_the_matrix(limit):
+    assert limit.derived
+    if limit.method in ROTATIONS:
+        assert limit.value == limits.UNLIMITED
+        return
+    end = exact.first_end(MATRICES[limit.method](*limit.parameters.values()))
+    assert float(end) == pytest.approx(limit.value, rel=1e-14, abs=0)

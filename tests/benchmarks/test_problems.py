@@ -1,4 +1,4 @@
-"""Every registered problem: its entry, derivatives, invariants, values from the literature, invalid parameters."""
+"""Every registered problem: its entry, derivatives, invariants, and what the literature says of it."""
 
 from __future__ import annotations
 
@@ -10,18 +10,32 @@ import mpmath
 import numpy as np
 import pytest
 import sympy as sp
+from mpmath import mpf
+from scipy.integrate import solve_ivp
 
 from phasebench.benchmarks.measure.every_problem import SMALL
 from phasebench.benchmarks.measure.multiprecision import retraction
-from phasebench.benchmarks.problems import PROBLEMS, problem
+from phasebench.benchmarks.problems import (
+    PROBLEMS,
+    butane,
+    duffing,
+    four_points,
+    lennard_jones,
+    problem,
+    three_body,
+    toda,
+)
 from phasebench.benchmarks.problems.scenes import SCENES
 from phasebench.integrators.compile.codegen import compiled, precision, value_kind, vector
 from phasebench.integrators.driver import integrate
 from phasebench.integrators.errors import InvalidInput
 from phasebench.reference.solvers import taylor
 from phasebench.reference.solvers.gauss import share_subexpressions
+from phasebench.reference.solvers.taylor import reference
 
 DIGITS = 40
+
+# -- the contract of every problem -------------------------------------------------------------------------------------
 
 
 def state(made, seed=0):
@@ -49,60 +63,30 @@ def function(made, expressions):
     return lambda values: f([mpmath.mpf(v.p) / v.q for v in values])
 
 
-def numbers(made, expressions, values):
-    """The values of the expressions at a point, in multiprecision."""
-    return function(made, expressions)(values)
-
-
-def orbits():
-    return [(name, orbit) for name, (_, _, names) in PROBLEMS.items() for orbit in names]
-
-
 @pytest.mark.parametrize("name", PROBLEMS)
-def test_registry_entry_agrees_with_the_module(name):
+def test_entry_orbits_scenes_and_time_scales(name):
+    """Over its span an orbit moves by a good part of its size, over a step by much less."""
     module_name, line, names = PROBLEMS[name]
     module = importlib.import_module(f"phasebench.benchmarks.problems.{module_name}")
     made = module.make(**module.PARAMETERS)
-    assert made.id == name
-    assert tuple(o.name for o in made.orbits) == names
-    assert line
-    assert made.source
-    assert made.name
+    assert (made.id, tuple(o.name for o in made.orbits), {*made.parameters}) == (name, names, {*module.PARAMETERS})
+    assert all((line, made.source, made.name))
     assert problem(name).start.name == names[0]
-    assert set(made.parameters) == set(module.PARAMETERS)
-
-
-@pytest.mark.parametrize("name", PROBLEMS)
-def test_module_declares_the_scenes_of_its_problem(name):
-    module = importlib.import_module(f"phasebench.benchmarks.problems.{PROBLEMS[name][0]}")
+    for orbit in names:
+        start = problem(f"{name}:{orbit}")
+        assert start.start.name == orbit
+        assert len(start.q0) == len(start.p0) == start.system.d
+        assert all(type(x) is float for x in (*start.q0, *start.p0))
+        assert np.isfinite(energy(start))
     stated = getattr(module, "SCENES", ())
     assert [s for s in SCENES if s.problem.partition(":")[0] == name] == sorted(stated, key=SCENES.index)
-    assert [s.problem for s in stated] == [problem(s.problem).label for s in stated], (
-        "an orbit that is the only one is not named"
-    )
-
-
-@pytest.mark.parametrize("name", PROBLEMS)
-def test_time_scales_of_a_problem(name):
-    """Over its span an orbit moves by a good part of its size, over a step by much less."""
-    made = problem(name, **SMALL.get(name, {}))
-    step, span = made.pace.step, made.pace.span
-    start = np.array([*made.q0, *made.p0])
-    after_step, after_span = taylor.states(made.system, float, made.q0, made.p0, [step, span])
-    size = np.abs([start, after_step, after_span]).max()
-    assert np.abs(after_step - start).max() < size / 2
-    assert np.abs(after_span - start).max() > size / 20
-
-
-@pytest.mark.parametrize(("name", "orbit"), orbits())
-def test_orbit_is_finite_and_of_length_d(name, orbit):
-    made = problem(f"{name}:{orbit}")
-    assert made.start.name == orbit
-    assert len(made.q0) == len(made.p0) == made.system.d
-    assert np.isfinite([*made.q0, *made.p0]).all()
-    assert all(type(x) is float for x in (*made.q0, *made.p0))
-    H = made.system.observe(made.system.H, np.array([made.q0]), np.array([made.p0]))
-    assert np.isfinite(H).all()
+    assert [s.problem for s in stated] == [problem(s.problem).label for s in stated], "an only orbit is not named"
+    small = problem(name, **SMALL.get(name, {}))
+    start = np.array([*small.q0, *small.p0])
+    step, far = taylor.states(small.system, float, small.q0, small.p0, [small.pace.step, small.pace.span])
+    size = np.abs([start, step, far]).max()
+    assert np.abs(step - start).max() < size / 2
+    assert np.abs(far - start).max() > size / 20
 
 
 @pytest.mark.parametrize("name", PROBLEMS)
@@ -139,78 +123,26 @@ def rate(system, expression):
     return sum(expression.diff(x) * dx for x, dx in zip((*system.q, *system.p), system.sides, strict=True))
 
 
-INVARIANTS = [(n, i) for n in PROBLEMS for i in ("energy", *problem(n).invariants)]
-
-
-def invariant(made, name):
-    return made.system.H if name == "energy" else made.invariants[name]
-
-
-@pytest.mark.parametrize(("name", "which"), INVARIANTS)
-def test_rate_of_an_invariant_vanishes(name, which):
-    """{I, H} is formed symbolically and vanishes to 40 digits at random rational points.
-
-    The perturbed Kepler problem preserves its angular momentum, not its Laplace-Runge-Lenz vector: the control
-    below.
-    """
+@pytest.mark.parametrize("name", PROBLEMS)
+def test_rates_of_invariants_vanish(name):
+    """{I, H} is formed symbolically and vanishes to 40 digits at random rational points."""
     made = problem(name, **SMALL.get(name, {}))
-    expression = invariant(made, which)
-    slopes = [expression.diff(x) for x in (*made.system.q, *made.system.p)]
-    evaluate = function(made, [rate(made.system, expression), *slopes])
-    with mpmath.workdps(DIGITS):
-        for seed in range(4):
-            value, *slopes = evaluate(state(made, seed))
-            assert any(s != 0 for s in slopes), "a constant is no invariant worth the name"
-            assert abs(value) < mpmath.mpf(10) ** (6 - DIGITS) * (1 + max(abs(s) for s in slopes))
+    for which, expression in {"energy": made.system.H, **made.invariants}.items():
+        slopes = [expression.diff(x) for x in (*made.system.q, *made.system.p)]
+        evaluate = function(made, [rate(made.system, expression), *slopes])
+        with mpmath.workdps(DIGITS):
+            for seed in range(3):
+                value, *slopes = evaluate(state(made, seed))
+                assert any(s != 0 for s in slopes), f"a constant is no invariant worth the name: {which}"
+                assert abs(value) < mpf(10) ** (6 - DIGITS) * (1 + max(abs(s) for s in slopes)), which
 
 
-def test_control_bracket_of_a_noninvariant():
+def test_control_rate_of_a_noninvariant():
     made, kepler = problem("perturbed-kepler"), problem("kepler")
     with mpmath.workdps(DIGITS):
         for which in ("laplace-runge-lenz-1", "laplace-runge-lenz-2"):
-            (value,) = numbers(made, [rate(made.system, kepler.invariants[which])], state(made))
+            (value,) = function(made, [rate(made.system, kepler.invariants[which])])(state(made))
             assert abs(value) > 1e-6
-
-
-@pytest.mark.parametrize("name", [n for n in PROBLEMS if problem(n).system.d <= 2])
-def test_bracket_with_H_is_zero_symbolically(name):
-    made = problem(name)
-    for expression in (made.system.H, *made.invariants.values()):
-        assert sp.simplify(rate(made.system, expression)) == 0
-
-
-def energy(name, **parameters):
-    made = problem(name, **parameters)
-    return float(made.system.observe(made.system.H, np.array([made.q0]), np.array([made.p0]))[0])
-
-
-def test_literature_values():
-    """Values printed by Wang, Bo & Cai (talk), (27)-(30), and Hairer, Lubich & Wanner 2006, I.2 and exercise I.12."""
-    assert energy("henon-heiles:box") == pytest.approx(0.02, rel=1e-15)
-    assert energy("henon-heiles:chaotic") == pytest.approx(1 / 6, rel=1e-15)
-    assert energy("kepler") == pytest.approx(-0.5, rel=1e-14)
-    assert energy("perturbed-kepler") == pytest.approx(-0.5 - 0.0075 / (3 * 0.4**3), rel=1e-14)
-    assert energy("perturbed-kepler") == pytest.approx(-0.5391, abs=5e-5)
-    assert energy("pendulum:rotating") == pytest.approx(2.125)
-    for name in ("kepler", "perturbed-kepler"):
-        made = problem(name)
-        assert float(made.q0[0] * made.p0[1]) == pytest.approx(0.8, rel=1e-15)
-    made = problem("henon-heiles:chaotic")
-    assert made.q0 == (0.0, 0.82)
-    assert made.p0[0] > 0
-    assert made.p0[1] == 0
-
-
-def test_kepler_period_is_two_pi():
-    made = problem("kepler", e=0.3)
-    s = integrate(made, "scheme-iii-suzuki-6", t_end=2 * np.pi, steps=400)
-    assert np.abs([*(s.q[-1] - made.q0), *(s.p[-1] - made.p0)]).max() < 1e-11
-
-
-def test_lotka_volterra_rests_at_its_equilibrium():
-    made = problem("lotka-volterra")
-    rates = numbers(made, [*made.system.dq, *made.system.dp], [sp.Integer(1), sp.Integer(2)])
-    assert rates == [0, 0]
 
 
 @pytest.mark.parametrize(
@@ -218,12 +150,9 @@ def test_lotka_volterra_rests_at_its_equilibrium():
     [
         ("kepler", {"e": 1.0}, "eccentricity"),
         ("kepler", {"e": -0.1}, "eccentricity"),
-        ("perturbed-kepler", {"e": 1.5}, "eccentricity"),
         ("kepler", {"e": float("nan")}, "finite"),
-        ("perturbed-kepler", {"mu": float("inf")}, "finite"),
         ("kepler", {"e": "0.5"}, "finite"),
         ("kepler", {"e": True}, "finite"),
-        ("harmonic-oscillator", {"omega": 10**400}, "finite"),
         ("harmonic-oscillator", {"omega": Fraction(10**400, 3)}, "finite"),
         ("kepler", {"mu": 0.1}, "has no parameter 'mu'; it has e"),
         ("pendulum", {"e": 0.1}, "has none"),
@@ -231,6 +160,17 @@ def test_lotka_volterra_rests_at_its_equilibrium():
         ("keplar", {}, "did you mean kepler"),
         ("henon-heiles:boxes", {}, "did you mean box"),
         ("pendulum:box", {}, "there is no orbit of 'pendulum' 'box'"),
+        ("double-pendulum", {"l1": 0.0}, "positive"),
+        ("duffing", {"beta": -1.0}, "positive"),
+        ("duffing:both-wells", {"alpha": 1.0}, "no orbit"),
+        ("toda", {"N": 2}, "from 3 to"),
+        ("toda", {"N": 3.5}, "integer"),
+        ("rigid-body", {"I2": -1.0}, "positive"),
+        ("charged-particle", {"phi0": -0.1}, "negative"),
+        ("magnetic-mirror", {"L": 0.0}, "positive"),
+        ("schwarzschild", {"M": 0.0}, "positive"),
+        ("schwarzschild", {"semilatus": 7.0}, "greater than 6"),
+        ("n-body", {"N": 1}, "from 2 to"),
     ],
 )
 def test_invalid_parameters_are_refused(name, parameters, message):
@@ -238,13 +178,275 @@ def test_invalid_parameters_are_refused(name, parameters, message):
         problem(name, **parameters)
 
 
-def test_valid_parameters_change_the_problem():
-    assert problem("kepler", e=0).q0 == (1.0, 0.0)
-    assert problem("perturbed-kepler", mu=0.0).system.H.equals(problem("kepler").system.H)
-    assert energy("harmonic-oscillator", omega=3) == 4.5
+# -- the literature ----------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("value", [np.float32(1.5), np.float64(1.5), Fraction(3, 2)])
-def test_parameter_may_be_any_real_number(value):
-    """Also for a problem from the cache, filled by another process."""
-    assert problem("harmonic-oscillator", omega=value) is problem("harmonic-oscillator", omega=1.5)
+def energy(made):
+    return float(made.system.observe(made.system.H, np.array([made.q0]), np.array([made.p0]))[0])
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "digits"),
+    [
+        ("henon-heiles:box", 0.02, 1e-15),  # Wang, Bo & Cai (talk), (27)-(30)
+        ("henon-heiles:chaotic", 1 / 6, 1e-15),
+        ("kepler", -0.5, 1e-14),
+        ("perturbed-kepler", -0.5 - 0.0075 / (3 * 0.4**3), 1e-14),  # Hairer, Lubich & Wanner 2006, exercise I.12
+        ("pendulum:rotating", 2.125, 1e-15),
+        ("quadrupole-boson", 120, 1e-15),
+        ("quadrupole-boson:h20", 20, 1e-15),
+        ("schwarzschild", -0.5, 1e-14),
+        ("schwarzschild:isco", -0.5, 1e-14),
+        ("n-body", -769 / 60, 1e-14),  # Szebehely & Peters 1967
+        ("lennard-jones", -1260.2 / lennard_jones.EPSILON, 4e-5),  # Hairer, Lubich & Wanner 2006, I.4
+    ],
+)
+def test_energy_of_the_initial_data(name, value, digits):
+    assert energy(problem(name)) == pytest.approx(value, rel=digits)
+
+
+def at(made, *times, **start):
+    """(q, p) of the reference at increasing times, with uncertainties below 1e-14 (1 + size of the state)."""
+    found = reference(made, [float(t) for t in times], **start)
+    for uncertainty, q, p in zip(found.uncertainty, found.q, found.p, strict=True):
+        assert uncertainty < 1e-14 * (1 + np.abs([q, p]).max())
+    return list(zip(found.q, found.p, strict=True))
+
+
+def vanish(system, expressions):
+    """True if the expressions are zero to 30 digits at four random rational points."""
+    f = sp.lambdify([[*system.q, *system.p]], expressions, "mpmath")
+    rng = np.random.default_rng(1)
+    with mpmath.workdps(40):
+        draws = [[mpf(int(x)) / 1000 for x in rng.integers(200, 900, 2 * system.d)] for _ in range(4)]
+        return all(abs(v) < mpf(10) ** -30 for y in draws for v in f(y))
+
+
+def test_double_pendulum_mechanics():
+    """H is the energy of two masses on rods, in Cartesian coordinates."""
+    values = {"m1": 1.5, "m2": 0.75, "l1": 1.25, "l2": 0.5, "g": 9.75}
+    s = problem("double-pendulum", **values).system
+    m1, m2, l1, l2, g = map(sp.Rational, values.values())
+    (a, b), (da, db) = s.q, s.dq
+    x, y = sp.Matrix([l1 * sp.sin(a), l1 * sp.sin(a) + l2 * sp.sin(b)]), -sp.Matrix([l1 * sp.cos(a), l1 * sp.cos(a)])
+    y[1] -= l2 * sp.cos(b)
+    speeds = [[z[i].diff(a) * da + z[i].diff(b) * db for z in (x, y)] for i in (0, 1)]
+    kinetic = sum(m * (u**2 + v**2) / 2 for m, (u, v) in zip((m1, m2), speeds, strict=True))
+    potential = g * (m1 * y[0] + m2 * y[1])
+    assert vanish(s, [kinetic + potential - s.H])
+    assert not vanish(s, [kinetic - potential - s.H])
+
+
+@pytest.mark.parametrize(("orbit", "alpha"), [("both-wells", -1.0), ("one-well", 1.5)])
+def test_duffing_is_an_elliptic_function(orbit, alpha):
+    """The Duffing oscillator's orbit is the elliptic function of NIST DLMF 22.19(ii)."""
+    made = problem(f"duffing:{orbit}", alpha=alpha)
+    (a,) = made.q0
+    with mpmath.workdps(30):
+        ((q, p),) = at(made, 3.0)
+        assert abs(q[0] - duffing.exact(alpha, 1, a, 3.0)[0]) < 1e-15
+        assert abs(p[0] - mpmath.diff(lambda x: duffing.exact(alpha, 1, a, x)[0], 3.0)) < 1e-14
+        assert abs(duffing.exact(alpha * (1 + 1e-9), 1, a, 3.0)[0] - q[0]) > 1e-11, "the control"
+        period = duffing.exact(alpha, 1, a, 0)[1]
+        half, whole = at(made, float(period / 2), float(period))
+        assert abs(whole[0][0] - a) < 1e-14 < 0.1 < abs(half[0][0] - a)
+
+
+def test_quadrupole_boson_has_the_force_of_its_benchmark():
+    """As SciMLBenchmarks writes it."""
+    made = problem("quadrupole-boson")
+    s = made.system
+    A, B, D = map(sp.Rational, made.parameters.values())
+    (x, y), r2 = s.q, sum(z**2 for z in s.q)
+    force = (-A * x - 3 * B / sp.sqrt(2) * (y**2 - x**2) - D * x * r2, -y * (A + 3 * sp.sqrt(2) * B * x + D * r2))
+    assert all(sp.expand(a - b) == 0 for a, b in zip(force, s.dp, strict=True))
+
+
+def test_figure_eight_data_and_period():
+    """Chenciner & Montgomery 2000: data and period to eight digits; each body takes the next one's place in T/3."""
+    made, T = problem("figure-eight"), three_body.PERIOD
+    printed = (0.97000436, -0.24308753), (-0.93240737, -0.86473146)
+    assert np.abs(np.array([three_body.FIRST, three_body.THIRD]) - printed).max() < 5.1e-9
+    assert abs(T - 6.32591398) < 5.1e-9
+    (q, p), (end, momenta) = at(made, T / 3, T)
+    assert np.abs([end - made.q0, momenta - made.p0]).max() < 5e-15
+    found, start = np.hstack([q.reshape(3, 2), p.reshape(3, 2)]), np.array([made.q0, made.p0]).reshape(2, 3, 2)
+    assert np.abs(np.roll(found, 2, axis=0) - np.hstack(list(start))).max() < 5e-15
+    (x, y), (u, v) = printed
+    q0, p0 = (x, y, -x, -y, 0.0, 0.0), (-u / 2, -v / 2, -u / 2, -v / 2, u, v)
+    ((q, _),) = at(made, T, q0=q0, p0=p0)
+    assert 1e-9 < np.abs(q - q0).max() < 1e-6, "the control: eight digits return to eight digits"
+
+
+@pytest.mark.parametrize("N", [3, 4])
+def test_toda_lattice_spectrum_and_wave(N):
+    """Flaschka 1974 (the spectrum), Toda 1967 (the wave): the state at t = 3 against both."""
+    made = problem("toda:cnoidal", N=N)
+    ((q, p),) = at(made, 3.0)
+
+    def spectrum(q, p):
+        L = np.diag(p)
+        for i in range(N):
+            a = np.exp((q[i] - q[(i + 1) % N]) / 2)
+            L[i, (i + 1) % N] += a
+            L[(i + 1) % N, i] += a
+        return np.linalg.eigvalsh(L)
+
+    first, last = spectrum(made.q0, made.p0), spectrum(q, p)
+    assert np.abs(first - last).max() < 1e-13
+    assert np.abs(np.array(made.p0) - p).max() > 0.1
+    for k in (1, *range(3, N + 1)):
+        expected = (first**k).sum() / k - (2 if k == N else 0)
+        kept = made.invariants["momentum" if k == 1 else f"trace-{k}"]
+        assert made.system.observe(kept, [made.q0], [made.p0])[0] == pytest.approx(expected, abs=1e-12)
+    with mpmath.workdps(30):
+        for m, right in ((toda.MODULUS, True), (toda.MODULUS + 1e-6, False)):
+            difference = np.array(toda.cnoidal(N, m, 3.0)) - [q, p]
+            assert (abs(difference).max() < 2e-15) == right
+
+
+def test_rigid_body_has_eulers_equations():
+    made = problem("rigid-body", I1=1.5, I2=0.75, I3=2.5, G=1.25)
+    s = made.system
+    moments = [sp.Rational(x) for x in (1.5, 0.75, 2.5)]
+    across = sp.sqrt(sp.Rational(1.25) ** 2 - s.p[0] ** 2)
+    m = sp.Matrix([across * sp.sin(s.q[0]), across * sp.cos(s.q[0]), s.p[0]])
+    right = m.cross(sp.Matrix([a / b for a, b in zip(m, moments, strict=True)]))
+    assert vanish(s, [rate(s, a) - b for a, b in zip(m, right, strict=True)])
+    assert not vanish(s, [rate(s, a) + b for a, b in zip(m, right, strict=True)])
+
+
+def test_charged_particle_obeys_the_lorentz_force():
+    """He, Sun, Liu & Qin 2015, section 4.1: B = R, E = phi0 q / R^3, q = (0, -1), v = (0.1, 0.01)."""
+    made = problem("charged-particle")
+    s = made.system
+    (x, y), (u, v) = s.q, s.dq
+    R = sp.sqrt(x**2 + y**2)
+    E = [sp.Rational(made.parameters["phi0"]) * z / R**3 for z in s.q]
+    assert vanish(s, [rate(s, u) - R * v - E[0], rate(s, v) + R * u - E[1]])
+    assert not vanish(s, [rate(s, u) + R * v - E[0], rate(s, v) - R * u - E[1]])
+    velocity = [float(s.observe(e, [made.q0], [made.p0])[0]) for e in s.dq]
+    assert velocity == pytest.approx([0.1, 0.01], abs=1e-16)
+
+
+def test_magnetic_mirror_obeys_the_lorentz_force():
+    """v' = v x B with B = (-x z / L^2, -y z / L^2, 1 + z^2 / L^2); and the start."""
+    s = problem("magnetic-mirror").system
+    (x, y, z), v = s.q, sp.Matrix(s.dq)
+    B = sp.Matrix([-x * z, -y * z, 100 + z**2]) / 100
+    force = v.cross(B)
+    assert vanish(s, [rate(s, a) - f for a, f in zip(v, force, strict=True)])
+    assert not vanish(s, [rate(s, a) + f for a, f in zip(v, force, strict=True)])
+    made = problem("magnetic-mirror")
+    assert [float(s.observe(e, [made.q0], [made.p0])[0]) for e in s.dq] == pytest.approx([0, 0.3, 0.2], abs=1e-16)
+
+
+@pytest.mark.parametrize(
+    ("name", "semilatus", "e", "tolerance"),
+    [("precessing", 1000.0, 0.2, 1e-9), ("zoom-whirl", 7.001, 0.5, 1e-10)],
+)
+def test_schwarzschild_precession_by_elliptic_integral(name, semilatus, e, tolerance):
+    """Cutler, Kennefick & Poisson 1994, section II; in weak fields by 6 pi M / (a (1 - e^2))."""
+    values = {} if name == "zoom-whirl" else {"semilatus": semilatus, "e": e}
+    made = problem(f"schwarzschild:{name}", **values)
+    with mpmath.workdps(30):
+        x, e = mpf(semilatus), mpf(e)
+
+        def proper(chi):
+            c = e * mpmath.cos(chi)
+            return x**1.5 * mpmath.sqrt((x - 3 - e**2) / (x - 6 - 2 * c)) / (1 + c) ** 2
+
+        period = 2 * mpmath.quad(proper, mpmath.linspace(0, mpmath.pi, 9))
+        advance = 4 * mpmath.sqrt(x / (x - 6 + 2 * e)) * mpmath.ellipk(4 * e / (x - 6 + 2 * e))
+        weak = 2 * mpmath.pi + 6 * mpmath.pi / x
+    ((q, p),) = at(made, period)
+    assert abs(q[1] - made.q0[1]) < tolerance * semilatus
+    assert abs(p[1]) < tolerance
+    assert abs(q[2] - advance) < tolerance
+    assert abs(q[2] - weak) > 1e-6
+    assert (abs(advance - weak) < 1e-3) == (semilatus > 100)
+
+
+def test_n_body_loops_agree_with_the_formula():
+    made = problem("n-body", N=7)
+    s = made.system
+    q, p = np.array(made.q0), np.array(made.p0)
+    derived = [[float(s.observe(e, [q], [p])[0]) for e in side] for side in (s.dq, s.dp)]
+    assert np.abs(np.array(s.field()(q, p, 0.0, 0.0)) - derived).max() < 1e-14 * np.abs(derived).max()
+    assert np.abs(s.grad_V()(q) + derived[1]).max() < 1e-14 * np.abs(derived).max()
+    value, size = s.energy()(q, p)
+    plain = sp.lambdify([[*s.q, *s.p]], s.H, "math")([*made.q0, *made.p0])
+    assert value == pytest.approx(plain, rel=1e-13)
+    assert size > abs(value)
+
+
+@pytest.mark.parametrize(("orbit", "t", "most"), [("regular", 100.0, 1e-12), ("chaotic", 10.0, 1e-11)])
+def test_double_pendulum_is_the_same_in_both_coordinates(orbit, t, most):
+    """The certified states of both, in Cartesian coordinates; they start apart by the rounding of sines."""
+    angles, points = (at(problem(f"{id}:{orbit}"), t)[0] for id in ("double-pendulum", "double-pendulum-cartesian"))
+    (a, b), (pa, pb) = angles
+    c = np.cos(a - b)
+    da, db = np.linalg.solve(np.array([[2.0, c], [c, 1.0]]), [pa, pb])
+    one, two = np.array([np.sin(a), -np.cos(a)]), np.array([np.sin(b), -np.cos(b)])
+    u, v = da * np.array([np.cos(a), np.sin(a)]), db * np.array([np.cos(b), np.sin(b)])
+    q, p = np.concatenate([one, one + two]), np.concatenate([u, u + v])
+    assert np.abs(q - points[0]).max() < most
+    assert np.abs(p - points[1]).max() < most
+    assert np.abs(q - at(problem(f"double-pendulum-cartesian:{orbit}"), 1.0)[0][0]).max() > 1e-3
+
+
+def test_spherical_pendulum_is_that_of_its_angles():
+    """The certified state beside an integration in spherical angles, by SciPy."""
+    made = problem("spherical-pendulum")
+    ((q, p),) = at(made, 10.0)
+    (x, y, z), (u, v, w) = made.q0, made.p0
+    L = x * v - y * u
+
+    def field(_, s):  # theta from the downward vertical, its rate, phi
+        return [s[1], L**2 * np.cos(s[0]) / np.sin(s[0]) ** 3 - np.sin(s[0]), L / np.sin(s[0]) ** 2]
+
+    start = [np.arccos(-z), w / np.sin(np.arccos(-z)), np.arctan2(y, x)]
+    theta, pace, phi = solve_ivp(field, (0, 10), start, "DOP853", rtol=1e-12, atol=1e-13).y[:, -1]
+    expected = [np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), -np.cos(theta)]
+    assert np.abs(expected - np.array(q)).max() < 1e-10
+    assert abs(pace * np.sin(theta) - p[2]) < 1e-10
+
+
+def test_four_points_move_as_euler_s_equations_have_it():
+    """The certified state beside Euler's equations in the body's frame and the rotation matrix, by SciPy."""
+    made = problem("four-points")
+    ((q, p),) = at(made, 10.0)
+    masses = np.array([made.parameters[f"m{k}"] for k in range(1, 5)])[:, None]
+    points, turn = np.array(four_points.POINTS, dtype=float), np.array(four_points.TURN)
+    middle = (masses * points).sum(axis=0) / masses.sum()
+    arms = points - middle
+    inertia = sum(m * (r @ r * np.eye(3) - np.outer(r, r)) for m, r in zip(masses[:, 0], arms, strict=True))
+
+    def field(_, s):  # the rotation matrix, the angular velocity in the body's frame
+        R, w = s[:9].reshape(3, 3), s[9:]
+        hat = np.array([[0, -w[2], w[1]], [w[2], 0, -w[0]], [-w[1], w[0], 0]])
+        return np.concatenate([(R @ hat).ravel(), np.linalg.solve(inertia, np.cross(inertia @ w, w))])
+
+    end = solve_ivp(field, (0, 10), [*np.eye(3).ravel(), *turn], "DOP853", rtol=1e-12, atol=1e-13).y[:, -1]
+    R, w = end[:9].reshape(3, 3), end[9:]
+    assert np.abs((middle + arms @ R.T).ravel() - q).max() < 1e-10
+    assert np.abs((masses * (np.cross(w, arms) @ R.T)).ravel() - p).max() < 1e-10
+    assert np.abs(np.array(q) - points.ravel()).max() > 0.1
+
+
+def test_butane_keeps_bonds_and_angles_and_has_the_torsion_s_energy():
+    for phi in (0.0, np.pi / 3, np.pi):
+        turned = problem("butane", phi=phi)
+        value = sum(float(a) * np.cos(phi) ** k for k, a in enumerate(butane.TORSION))
+        assert turned.system.energies(np.array([turned.q0]), np.zeros((1, 12)))[0] == pytest.approx(value, abs=1e-12)
+    assert abs(sum(butane.TORSION)) < 1e-12, "trans is the valley"
+    molecule = problem("butane")
+    s = integrate(molecule, "rattle", h=0.02, steps=200)
+    assert s.status == "ok"
+    r = s.q.reshape(-1, 4, 3)
+    for k, square in ((1, 1.0), (2, 8 / 3)):
+        assert np.abs(((r[:, k:] - r[:, :-k]) ** 2).sum(axis=2) - square).max() < 1e-14
+    for name in (f"angular-momentum-{k}" for k in (1, 2, 3)):
+        assert np.abs(s.invariants()[name] - s.invariants()[name][0]).max() < 1e-13
+    half = integrate(molecule, "rattle", h=0.01, steps=400)
+    assert 3.5 < np.ptp(s.energy()) / np.ptp(half.energy()) < 4.5

@@ -1,4 +1,4 @@
-"""All studies: their pages are those of the committed rows, and every claim can hold and can fail.
+"""All studies and pages: the committed report is that of the committed rows, every claim can hold and can fail.
 
 The committed report is what judges: a changed sentence, bound, column or figure shows in its difference, and
 `phasebench report` writes it anew.
@@ -7,25 +7,29 @@ The committed report is what judges: a changed sentence, bound, column or figure
 from __future__ import annotations
 
 import ast
-from collections.abc import Iterator
+import re
+import shutil
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from importlib.metadata import version
-from itertools import chain, permutations
+from itertools import permutations
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
+from markdown_it import MarkdownIt
 
-from phasebench.benchmarks import report
+from phasebench.benchmarks import report, style
 from phasebench.benchmarks.ladder.race import UNCOMPILED
-from phasebench.benchmarks.page import drawn, markdown
-from phasebench.benchmarks.page.origin import count_outdated, origin
-from phasebench.benchmarks.page.page import NOTHING, conclusion
-from phasebench.benchmarks.page.study import Claim, Runs, Study, rows_of
-from phasebench.benchmarks.page.verdict import FAIL, FINDING, MISSING, NONE, PASS, at_most
+from phasebench.benchmarks.page import drawn
+from phasebench.benchmarks.page.page import ANSWER, CLAIM, NOTHING, ROWS, SETTING, VERDICTS, conclusion
+from phasebench.benchmarks.page.study import Claim, Runs, Study, measured, rows_of
+from phasebench.benchmarks.page.verdict import FAIL, FINDING, MEANING, MISSING, NONE, PASS, at_most
+from phasebench.benchmarks.report import PAGES
 from phasebench.benchmarks.store.cells import text
 from phasebench.benchmarks.studies import index
+from phasebench.integrators import driver
 from support.pages import REPORTS
 
 #: All studies; of the pages that are neither listed nor measure anything, which are of one form, only the first.
@@ -37,9 +41,9 @@ CLAIMS = [
     for name, claim in [*s.claims.items(), *s.checks.items(), *s.numbers.items()]
     if isinstance(claim, Claim)
 ]
-#: Ways to make texts, and numbers, wrong.
-TEXTS = (None, f"{UNCOMPILED}wrong")
-SPOIL = (lambda x: x * 1e9, lambda x: x * 1e-9, lambda x: x + 17.0, lambda x: -x, lambda x: x * 10, lambda x: x * x)
+IDS = [*(p.id for p in PAGES), "README"]
+#: Largest size of a page in bytes, of a line in characters, of a paragraph in words, and of an HTML page in bytes.
+PAGE, LINE, WORDS, HTML = 40_000, 400, 60, 800_000
 
 
 @pytest.fixture(scope="module")
@@ -48,23 +52,101 @@ def data():
     return report.Data(REPORTS)
 
 
-def page_text(study: Study, data, folder: Path) -> str:
-    """The page of a study, whose figures are drawn into a folder."""
-    page = study.page
-    verdicts = page.judge(data)
-    outcome, answer = conclusion(page, data, verdicts)
-    parts = verdicts, page.figures(data, folder) or [], page.table(data), origin(page, data), count_outdated(page, data)
-    return markdown.document(page, outcome, answer, *parts)
+# -- the report --------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("study", STUDIES, ids=lambda s: s.id)
-def test_the_page_is_that_of_the_committed_rows(study, data, tmp_path):
-    assert page_text(study, data, tmp_path) == (REPORTS / f"{study.id}.md").read_text(encoding="utf-8")
-    known = [about for runs in study.runs if (about := data.about(runs.table))]
+@pytest.fixture(scope="module")
+def built(tmp_path_factory):
+    """The folder of the report on the committed tables; an integration raises.
+
+    Figures are drawn where their rows or the code that draws them have changed, but of pages that are alike one alone.
+    """
+    folder = tmp_path_factory.mktemp("report")
+    (folder / "data").symlink_to(REPORTS / "data", target_is_directory=True)
+    shutil.copytree(REPORTS / "figures", folder / "figures")
+    kept, write = drawn.Figures(REPORTS).before, style.write
+    alike = {name for id in ALIKE[1:] for name in kept[id]["files"]}
+
+    def integrated(*given, **named):
+        raise AssertionError("a page integrates")
+
+    def composed(figure, path):
+        shutil.copy(REPORTS / "figures" / path.name, path) if path.name in alike else write(figure, path)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(driver, "Solution", integrated)
+        patch.setattr(style, "write", composed)
+        report.build(folder, html_folder=folder / "html")
+    return folder
+
+
+@pytest.mark.parametrize("id", IDS)
+def test_the_page_is_that_of_the_committed_rows(built, id):
+    assert (built / f"{id}.md").read_text() == (REPORTS / f"{id}.md").read_text()
+
+
+def test_figures_are_those_of_the_committed_rows(built, data):
+    names = {place: {p.name for p in (place / "figures").iterdir()} for place in (built, REPORTS)}
+    shown = {name for of in drawn.Figures(built).before.values() for name in of["files"]} | {drawn.KEPT}
+    assert names[built] >= names[REPORTS] == shown
+    assert {p.stem for p in REPORTS.glob("*.md")} <= {*IDS}
+    known = [about for s in STUDIES for runs in s.runs if (about := data.about(runs.table))]
     if any(f"matplotlib {version('matplotlib')}" not in about["versions"] for about in known):
         return  # another version of matplotlib may draw otherwise
-    for picture in tmp_path.iterdir():
-        assert picture.read_bytes() == (REPORTS / "figures" / picture.name).read_bytes(), picture.name
+    for name in names[REPORTS] - {drawn.KEPT}:
+        assert (built / "figures" / name).read_bytes() == (REPORTS / "figures" / name).read_bytes(), name
+
+
+@pytest.mark.parametrize("id", IDS)
+def test_form_of_a_page(built, id):
+    """Short, links lead somewhere, tables are aligned; only outcomes are bold and nothing is italic."""
+    text = (REPORTS / f"{id}.md").read_text()
+    assert len(text.encode()) <= PAGE
+    assert max(map(len, text.splitlines())) <= LINE
+    assert not re.search(r"\bnan\b", text)
+    parts = re.split(r"\n\n|\n- ", text)
+    assert [p for p in parts if not p.lstrip().startswith("|") and len(p.split()) > WORDS] == []
+    links = re.findall(r"\]\(([^)#\s]+)", text)
+    assert [x for x in links if "://" not in x and not (REPORTS / x).exists()] == []
+    for block in re.findall(r"(?:^\|.*\n)+", text, re.M):
+        assert len({len(line) for line in block.splitlines()}) == 1
+    shown = MarkdownIt("commonmark").enable("table").render(text)
+    bold = {text.partition(" in ")[0] for text in re.findall(r"<strong>(.*?)</strong>", shown, re.S)}
+    assert bold <= {*MEANING, "Not measured", "In part not by this version"}
+    assert "<em>" not in shown
+
+
+@pytest.mark.parametrize("id", IDS)
+def test_html_page_is_self_contained(built, id):
+    page = built / "html" / f"{'index' if id == 'README' else id}.html"
+    text = page.read_text()
+    assert page.stat().st_size <= HTML
+    assert not re.search(r"""src=["'](?:https?:)?//|<link|@import|url\(""", text)
+    assert set(re.findall(r'src="([^"]{10})', text)) <= {"data:image"}
+    links = [x for x in re.findall(r'href="([^"]+)"', text) if not x.startswith("https://")]
+    assert [link for link in links if not (page.parent / link).exists()] == []
+    assert id != "README" or {f"{p.id}.html" for p in PAGES if p.listed} <= {*links}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda p: p.id)
+def test_parts_of_a_page(data, page):
+    assert page.question.endswith("?")
+    assert 1 <= len(page.setting) <= SETTING
+    assert len(page.verdicts) <= VERDICTS
+    assert all(len(claim.text.split()) <= CLAIM for claim in page.verdicts if isinstance(claim, Claim))
+    text = " ".join((REPORTS / f"{page.id}.md").read_text().split())
+    assert text.startswith(" ".join(f"# {page.question} **".split()))
+    assert page.command in text
+    if f"**{MISSING}**" in text.partition("?")[2][:20]:  # not every scene of the trade-off page needs to be measured
+        assert not page.listed
+        return
+    assert all(f"(data/{name}.csv)" in text for name in page.tables if data(name) is not None)
+    if page.listed:
+        (line,) = [x for x in (REPORTS / "README.md").read_text().splitlines() if f"]({page.id}.md)" in x]
+        cells = [x.strip() for x in re.split(r"(?<!\\)\|", line)]
+        assert cells[2].strip("*") in MEANING
+        assert 0 < len(re.sub(r" \([^()]*version[^()]*\)$", "", cells[3]).split()) <= ANSWER
+        assert " ".join(cells[3].replace("\\|", "|").partition(" (")[0].split())[:60] in text
 
 
 @pytest.mark.parametrize("study", [s for s in STUDIES if len(s.page.tables) > 1], ids=lambda s: s.id)
@@ -74,15 +156,36 @@ def test_a_page_is_written_of_one_of_its_tables(study, data):
     for one in page.tables:
         verdicts = page.judge(part := lambda name, one=one: data(name) if name == one else None)
         outcome, answer = conclusion(page, part, verdicts)
-        page.table(part)
+        shown = page.table(part)
+        assert shown is None or len(shown.frame) <= ROWS
         assert answer if outcome != MISSING else answer == NOTHING
+
+
+# -- claims ------------------------------------------------------------------------------------------------------------
+
+#: Ways to make texts, and numbers, wrong.
+TEXTS = (None, f"{UNCOMPILED}wrong")
+SPOIL = (lambda x: x * 1e9, lambda x: x * 1e-9, lambda x: x + 17.0, lambda x: -x, lambda x: x * 10, lambda x: x * x)
+#: Rows of a long table that are spoiled first, one by one column.
+FEW = 200
+#: The columns of the keys of each table.
+KEYS = {table: {*runs.keys[0]} for s in STUDIES for runs in s.runs for table in (runs.table, *runs.more)}
+
+
+def coarsely(frame: pd.DataFrame) -> Iterator[pd.DataFrame]:
+    """Copies of a table in which all numbers, or all that is true or false, are wrong; the rows of a text alone."""
+    numbers, logical = frame.select_dtypes("number"), frame.select_dtypes(bool)
+    texts = frame.select_dtypes(exclude=["number", bool])
+    yield from (frame.assign(**{c: spoil(numbers[c].astype(float)) for c in numbers}) for spoil in SPOIL)
+    yield from (frame.assign(**dict.fromkeys(logical, value)) for value in (False, True) if len(logical.columns))
+    yield from (frame[texts[c] == x] for c in texts for x in texts[c].unique()[:20])
 
 
 def spoiled(frame: pd.DataFrame, keys: set[str]) -> Iterator[pd.DataFrame]:
     """Copies of a table with a wrong column, save texts of keys: in all rows, every other one, those of a text.
 
-    Then copies in which all numbers are wrong, a column has one number, or the values of another column, or other
-    wrong texts; and copies without the rows of a text.
+    Then copies in which a column has one number, or the values of another column, or other wrong texts; and copies
+    without the rows of a text.
     """
     texts = frame.select_dtypes(exclude="number")
     same = [(texts[c] == x).to_numpy() for c in texts for x in texts[c].unique()[:40]]
@@ -95,17 +198,12 @@ def spoiled(frame: pd.DataFrame, keys: set[str]) -> Iterator[pd.DataFrame]:
                 wrong = ["wrong"] if column in texts else [spoil(values.astype(float)) for spoil in SPOIL]
             yield from (frame.assign(**{column: np.where(part, one, values)}) for one in wrong)
     numbers = frame.select_dtypes("number")
-    yield from (frame.assign(**{c: spoil(numbers[c].astype(float)) for c in numbers}) for spoil in SPOIL)
     yield from (frame.assign(**{c: x}) for c in numbers for x in (numbers[c].iloc[0], numbers[c].median()))
     columns = texts.columns.difference(keys)
     pairs = [*permutations(numbers, 2), *permutations(columns, 2)]
     yield from (frame.assign(**{one: frame[other]}) for one, other in pairs)
     yield from (frame.assign(**{column: text}) for column in columns for text in TEXTS)
     yield from (frame[~part] for part in same)
-
-
-#: The columns of the keys of each table.
-KEYS = {table: {*runs.keys[0]} for s in STUDIES for runs in s.runs for table in (runs.table, *runs.more)}
 
 
 @pytest.mark.parametrize("claim", CLAIMS)
@@ -119,25 +217,42 @@ def test_every_claim_can_hold_and_can_fail(claim, data):
     assert outcomes(claim, frame, data) >= {PASS, FAIL if claim.fault else FINDING}
 
 
-def needed(judge, frame: pd.DataFrame, column: str) -> bool:
-    """True if a claim cannot be judged without the column, or otherwise."""
-    try:
-        return judge(frame.drop(columns=column)) != judge(frame)
-    except Exception:  # whatever a function of the study raises
-        return True
+def needed(judge, frame: pd.DataFrame) -> pd.DataFrame:
+    """The columns of a table without which a claim cannot be judged, or otherwise."""
+    known = judge(frame)
+
+    def lacks(column: str) -> bool:
+        try:
+            return judge(frame.drop(columns=column)) != known
+        except Exception:  # whatever a function of the study raises
+            return True
+
+    return frame[[c for c in frame if lacks(c)]]
 
 
 def outcomes(claim: Claim, frame: pd.DataFrame, data=lambda name: None) -> set[str]:
     """Outcomes of a claim on a table and on its spoiled copies, until there are both."""
+    known = {name: rows_of(data, name) for name in claim.beside}  # dear tables are made once
 
     def judge(one: pd.DataFrame):
-        return replace(claim, table=lambda data: one)(data)
+        beside = [lambda data, name=name: known[name] for name in known]
+        return replace(claim, table=lambda data: one, beside=beside)(data)
+
+    def copies() -> Iterator[pd.DataFrame]:
+        yield frame
+        yield from coarsely(frame)
+        columns = needed(judge, frame)
+        columns = frame[[c for c in frame if c in columns or f"{{{c}" in str(claim.where)]]
+        middle = np.mean([getattr(claim.expected, end, np.inf) for end in ("low", "high")])
+        if np.isfinite(middle):
+            yield from (columns.assign(**{c: middle}) for c in columns.select_dtypes("number"))
+        keys = KEYS.get(claim.table, set())
+        if len(frame) > FEW:
+            yield from spoiled(columns.iloc[:: len(frame) // FEW], keys)
+        yield from spoiled(columns, keys)
 
     found: set[str] = set()
-    frame = frame[[c for c in frame if needed(judge, frame, c) or f"{{{c}" in str(claim.where)]]
-    middle = np.mean([getattr(claim.expected, end, np.inf) for end in ("low", "high")])
-    right = (frame.assign(**{c: middle}) for c in frame.select_dtypes("number") if np.isfinite(middle))
-    for one in chain([frame], spoiled(frame, KEYS.get(claim.table, set())), right):
+    for one in copies():
         verdict = judge(one)
         found |= {verdict.outcome} if verdict is not None else set()
         if PASS in found and found & {FAIL, FINDING}:
@@ -152,6 +267,32 @@ def test_control_a_claim_that_cannot_fail_is_seen():
     assert outcomes(Claim("errors are small", "t", "error ** 2", at_most(-1)), frame) == {FINDING}
 
 
+def test_wrong_values_that_are_counted_are_named():
+    frame = pd.DataFrame({"method": list("abcd"), "problem": "x", "good": [True, False, False, False]})
+    assert [Claim("", "t", "good", names=n)({"t": frame}.get).where for n in (1, 2, 3)] == [
+        "b on x", "b on x, c on x and 1 more", "b on x, c on x and d on x",
+    ]  # fmt: skip
+    assert Claim("", "t", "good", NONE, where="{method}", names=3)({"t": frame}.get).where == "a"
+
+
+def literals(tree: ast.AST) -> Iterable[ast.expr]:
+    """The first argument, or ``claim=``, of each call of Claim or Verdict."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Call) and getattr(node.func, "id", "") in ("Claim", "Verdict"):
+            yield (node.args or [k.value for k in node.keywords if k.arg == "claim"])[0]
+
+
+def test_the_text_of_a_claim_is_a_literal():
+    """A computed one could contain a measured number."""
+    folder = Path(index.__file__).parent
+    texts = [text for p in folder.rglob("*.py") for text in literals(ast.parse(p.read_text()))]
+    assert len(texts) >= len(STUDIES)
+    assert [ast.unparse(text) for text in texts if not isinstance(text, ast.Constant)] == []
+
+
+# -- cells -------------------------------------------------------------------------------------------------------------
+
+
 @pytest.mark.parametrize("study", STUDIES, ids=lambda s: s.id)
 def test_keys_are_those_of_the_committed_tables(study):
     cells = study.cells()
@@ -161,16 +302,9 @@ def test_keys_are_those_of_the_committed_tables(study):
         path = REPORTS / "data" / f"{runs.table}.csv"
         if not path.exists():
             continue  # it has never been measured
-        frame = pd.read_csv(path, dtype=str, keep_default_na=False)
         keys = {tuple(map(text, key.values())) for key in runs.keys}
+        frame = pd.read_csv(path, dtype=str, keep_default_na=False, usecols=[*runs.keys[0]] or None)
         assert {*map(tuple, frame[list(runs.keys[0])].to_numpy())} == keys
-
-
-@pytest.mark.parametrize("study", STUDIES, ids=lambda s: s.id)
-def test_a_study_is_found_by_its_id(study):
-    (page,) = [p for p in report.PAGES if p.id == study.id]
-    assert page.question == study.question
-    assert drawn.module_of(page.figures).startswith("phasebench.benchmarks.studies.")
 
 
 def test_the_key_of_a_cell_holds_what_its_method_and_problem_stand_for():
@@ -182,18 +316,15 @@ def test_the_key_of_a_cell_holds_what_its_method_and_problem_stand_for():
     assert cells[0].content != Runs("t", at_most, keys, needs=("more",)).cells(study)[0].content
 
 
-def test_wrong_values_that_are_counted_are_named():
-    frame = pd.DataFrame({"method": list("abcd"), "problem": "x", "good": [True, False, False, False]})
-    assert [Claim("", "t", "good", names=n)({"t": frame}.get).where for n in (1, 2, 3)] == [
-        "b on x", "b on x, c on x and 1 more", "b on x, c on x and d on x",
-    ]  # fmt: skip
-    assert Claim("", "t", "good", NONE, where="{method}", names=3)({"t": frame}.get).where == "a"
+def test_rows_of_a_cell_begin_with_its_key():
+    key = (("method", "rk4"), ("h", 0.1))
+    assert measured(("t",), lambda method, h: {"x": h}, key) == {"t": [{"method": "rk4", "h": 0.1, "x": 0.1}]}
+    both = measured(("t", "u"), lambda method, h: {"t": [{"h": 2}], "u": []}, key)
+    assert both == {"t": [{"method": "rk4", "h": 2}], "u": []}
 
 
-def test_the_text_of_a_claim_is_a_literal():
-    """A computed one could contain a measured number."""
-    folder = Path(index.__file__).parent
-    calls = [n for p in folder.rglob("*.py") for n in ast.walk(ast.parse(p.read_text())) if isinstance(n, ast.Call)]
-    texts = [call.args[0] for call in calls if getattr(call.func, "id", "") == "Claim"]
-    assert len(texts) >= len(STUDIES)
-    assert [ast.unparse(text) for text in texts if not isinstance(text, ast.Constant)] == []
+@pytest.mark.parametrize("id", ["options", "trade-duffing"])
+def test_a_study_is_found_by_its_id_and_its_figure_depends_on_its_module(id):
+    (page,) = [p for p in PAGES if p.id == id]
+    assert page.question == index.found()[id].question
+    assert drawn.module_of(page.figures) == f"phasebench.benchmarks.studies.{id.partition('-')[0]}"
