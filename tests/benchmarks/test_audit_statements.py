@@ -16,35 +16,10 @@ from phasebench.benchmarks.store import cells, tables
 from phasebench.benchmarks.studies import audit as study
 from phasebench.benchmarks.studies.audit import statements, unregistered
 from phasebench.benchmarks.studies.audit.statements import BY_SCRIPT
-from phasebench.reference.peers import BY_ID, PEERS
 from support.commands import call
 from support.pages import REPORTS
 
 STATEMENTS = [s for members in BY_SCRIPT.values() for s in members]
-#: Script -> a change of the values that it printed for the report, {place: value}, and the verdicts that follow.
-CHANGED = {
-    "galpy_dt": ({0: "1e-15"}, HOLDS),
-    "desolver_fixed_steps": (dict.fromkeys(range(5), "0.10, 0.10, 0.10, 0.10"), HOLDS),
-    "desolver_radau_iia_3": ({2: "2.98"}, HOLDS),
-    "desolver_lobatto_iiib_2": ({2: "1e-3"}, HOLDS),
-    "gala_time_dependent": ({k: f"{x}" for k, x in enumerate((2, 4, 5))}, HOLDS),
-    "gala_dopri853_defaults": ({2: "1e-5"}, HOLDS),
-    "diffrax_a_stability": ({2: "1e-3"}, CONTRADICTED),
-    "mujoco_rk4": ({0: "1.5e-1"}, CONTRADICTED),
-    "openmm_variable_verlet": ({0: "1e-5"}, CONTRADICTED),
-    "pynamicalsys_newton": ({1: "a state"}, HOLDS),
-    "pyhamsys_projection": ({0: "symmetric"}, HOLDS),
-    "pyhamsys_step": ({2: "0.1", 3: "1.0"}, HOLDS),
-    "pyhamsys_times": ({1: "0.00, 0.13, 1.27, 2.00"}, HOLDS),
-    "rebound_janus_reversible": ({2: "3"}, CONTRADICTED),
-    "rebound_leapfrog_order_4": ({1: "2.0"}, HOLDS),
-    "heyoka_tolerance": ({1: "4.1e-11"}, CONTRADICTED),
-    "sundials_relaxation": ({1: "0"}, HOLDS),
-    "sundials_names": ({1: "5", 3: "10"}, HOLDS),
-    "sundials_compensated": ({1: "1.5e-14"}, CONTRADICTED),
-    "sundials_kepler": ({8: "1.2e-08"}, CONTRADICTED),
-    "boost_velocity_verlet": ({0: "1.02"}, HOLDS),
-}
 
 
 @pytest.fixture(scope="module")
@@ -96,16 +71,6 @@ def test_quotation_is_in_the_installed_package(statement):
     assert statement.said[::-1] not in text
 
 
-def test_statements_are_complete():
-    for s in STATEMENTS:
-        assert s.link.startswith("https://")
-        assert s.severity in (*statements.SEVERITIES, "")
-        assert bool(s.severity) <= bool(s.mend), s.script
-        assert all(claim.partition(":")[0] in BY_ID for claim in s.covers)
-        assert len(s.mend) <= 76, s.script
-        assert f"def {s.script}():" in statements.file_of(s.script).read_text()
-
-
 # -- verdicts ----------------------------------------------------------------------------------------------------------
 
 
@@ -116,15 +81,6 @@ def test_the_stored_rows_are_those_of_the_printed_values(script, stored):
         assert {k: row[k] or "" for k in found if k != "version"} == {k: found[k] for k in found if k != "version"}
         assert len(found["shows"]) <= 135, "a line of the page's table has at most 400 characters"
         assert statements.row(statement, [], "", "no package")["verdict"] == UNJUDGED
-
-
-@pytest.mark.parametrize("script", CHANGED)
-def test_verdict_follows_the_printed_values(script, stored):
-    other, verdict = CHANGED[script]
-    (row,) = stored[script]
-    changed = [other.get(k, value) for k, value in enumerate(values(row))]
-    assert row["verdict"] != verdict
-    assert statements.row(BY_SCRIPT[script][0], changed)["verdict"] == verdict
 
 
 @pytest.mark.parametrize(
@@ -179,8 +135,8 @@ def test_only_a_scripts_own_lines_are_its_values(tmp_path, monkeypatch):
     [
         ("rebound_janus_reversible", HOLDS),
         ("rebound_leapfrog_order_4", UNDERSTATED),
-        *((s, CONTRADICTED) for s in ("gala_rk5_coefficients", "desolver_radau_iia_3")),
-        *((f"sundials_{s}", CONTRADICTED) for s in ("orders", "time_dependent", "relaxation", "names")),
+        ("gala_rk5_coefficients", CONTRADICTED),
+        *((f"sundials_{s}", CONTRADICTED) for s in ("orders", "relaxation")),
         ("sundials_kepler", HOLDS),
     ],
 )
@@ -191,7 +147,6 @@ def test_scripts_give_the_verdicts_of_the_page(script, verdict):
 
 
 def contents() -> dict[str, cells.Cell]:
-    """The cells of statements, by script."""
     return {c.key["script"]: c for c in study.STUDY.cells() if "script" in c.key}
 
 
@@ -242,26 +197,3 @@ def test_new_integrator_of_a_package_is_listed(monkeypatch):
     scipys = next(m for m in unregistered.PACKAGES if m.PEERS[0].package == "scipy")
     monkeypatch.setattr(scipys, "PEERS", tuple(p for p in scipys.PEERS if "radau" not in p.id))
     assert "Radau" in names("scipy")
-
-
-def test_unused_rebound_options_are_listed(monkeypatch):
-    found = names("rebound")
-    assert "whfast corrector2 1" in found
-    assert not {"whfast512 corrector 17", "whfast kernel LAZY"} & {*found}
-    from phasebench.reference.peers import rebound
-
-    monkeypatch.setattr(rebound, "PEERS", tuple(p for p in rebound.PEERS if p.settings.get("kernel") != "lazy"))
-    assert "whfast kernel LAZY" in names("rebound")
-
-
-def test_every_package_is_searched():
-    assert set(unregistered.LOOKS) == {peer.package for peer in PEERS}
-
-
-def test_absent_package_is_reported(monkeypatch):
-    def absent():
-        raise ImportError("No module named 'gala'")
-
-    monkeypatch.setitem(unregistered.LOOKS, "gala", absent)
-    (row,) = unregistered.measure("gala")
-    assert (row["name"], "cannot be imported" in row["reason"]) == ("", True)
