@@ -5,14 +5,13 @@ from __future__ import annotations
 import os
 import signal
 import threading
-import time
 from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 
 from phasebench.benchmarks.store import cells as kinds
-from phasebench.benchmarks.store import lines, run
+from phasebench.benchmarks.store import run
 from phasebench.benchmarks.store.cluster import Cluster
 from phasebench.integrators.errors import InvalidInput
 from support import toy_cells
@@ -64,24 +63,6 @@ def test_death_of_a_worker_loses_nothing(local, tmp_path):
     assert len(outcome.entries) == len(toys)
 
 
-def test_same_file_of_rows_locally_in_pool_and_on_cluster(local, tmp_path):
-    toys = [toy_cells.cell(n, 0.1, where=kinds.ALONE if n == 7 else kinds.POOL) for n in range(10)]
-    cluster = Cluster(local.scheduler_address)
-    with killing(local) as progress:
-        found = {"there": lines.measure(tmp_path / "there", toys, progress, cluster=cluster)}
-    cluster.close()
-    silent = lambda *_: None  # noqa: E731
-    found["beside"] = lines.measure(tmp_path / "beside", toys, silent, jobs=2)
-    found["here"] = lines.measure(tmp_path / "here", toys, silent)
-    kept = {
-        name: [[(r["n"], r["x"], r["name"]) for r in entries[cell.id].rows["toys"]] for cell in toys]
-        for name, (entries, failed, _) in found.items()
-        if not failed
-    }
-    assert kept["there"] == kept["beside"] == kept["here"]
-    assert set(lines.read(tmp_path / "there", "toys")) == {cell.id for cell in toys}
-
-
 def test_timed_cells_stay_local_and_failures_are_reported(local, tmp_path):
     toys = [toy_cells.cell(0, where=kinds.POOL), toy_cells.cell(1, where=kinds.ALONE)]
     toys += [toy_cells.cell(2, function=toy_cells.fail), toy_cells.cell(4, function=toy_cells.die)]
@@ -94,15 +75,6 @@ def test_timed_cells_stay_local_and_failures_are_reported(local, tmp_path):
     assert {cell.id for cell in toys[:2]} == set(outcome.entries)
     assert "there is no 2" in outcome.failed[toys[2].id]
     assert "died" in outcome.failed[toys[3].id]
-
-
-def test_deadline_ends_the_wait(local):
-    cluster = Cluster(local.scheduler_address)
-    began = time.monotonic()
-    found = list(cluster.measure([toy_cells.cell(0, 20.0, where=kinds.POOL)], kinds.POOL, began + 1.0))
-    cluster.close()
-    assert found == []
-    assert time.monotonic() - began < 10
 
 
 def test_address_without_a_scheduler_is_refused(monkeypatch):

@@ -1,155 +1,255 @@
-"""The comparison of tables finds numbers outside their bands, changed texts and unmatched rows, nothing else."""
+"""Tables are compared: numbers outside their bands, changed texts and rows that are gone are named, nothing else."""
 
 from __future__ import annotations
 
+import json
+import subprocess
+
 import numpy as np
+import pandas as pd
 import pytest
 
-from phasebench.benchmarks.store import compare
+from phasebench.benchmarks.store import compare, history
 from phasebench.benchmarks.store.compare import EXACT, MISSING, PRESENT, ROW, Band, differences, match
+from phasebench.integrators.errors import InvalidInput
 from support import toy_cells
+from support.commands import call
+
+# -- measured and stored rows ------------------------------------------------------------------------------------------
 
 KEY, LIMITS = ["method", "h"], {"error": Band(0.01, 1e-15), "status": EXACT, "good": EXACT}
 NAN = float("nan")
 
 
-def rows() -> list[dict]:
-    return [
+def rows(column=None, value=None, row=0) -> list[dict]:
+    """Three rows, in one of which a value is replaced."""
+    made = [
         {"method": "scheme-i", "h": 0.1, "error": 1.23456789012345e-7, "steps": 3, "good": True, "status": "ok"},
         {"method": "avf", "h": 1 / 3, "error": NAN, "steps": 4, "good": False, "status": "diverged"},
         {"method": "a, b", "h": NAN, "error": float("inf"), "steps": 5, "good": True, "status": ""},
     ]
+    if column is not None:
+        made[row][column] = value
+    return made
 
 
-def replace_value(column, value, row=0) -> list[dict]:
-    return [r | ({column: value} if k == row else {}) for k, r in enumerate(rows())]
-
-
-def difference_tuples(measured, stored, limits=LIMITS, key=KEY) -> list[tuple]:
+def found(measured, stored, limits=LIMITS, key=KEY) -> list[tuple]:
     """The differences between a measured and a stored table beyond their limits, each (column, measured, stored)."""
     return [(d.column, d.measured, d.stored) for d in differences(match(measured, stored, key), limits)]
 
 
 @pytest.mark.parametrize(
-    ("column", "value", "row"),
+    ("column", "value", "row", "seen"),
     [
-        ("error", 1.26e-7, 0),
-        ("error", 0.0, 0),
-        ("error", NAN, 0),
-        ("error", 1.0, 1),
-        ("error", 1.0, 2),
-        ("error", "lots", 0),
-        ("status", "diverged", 0),
-        ("status", "", 0),
-        ("status", "ok", 2),
-        ("good", False, 0),
+        ("error", 1.26e-7, 0, True),
+        ("error", 0.0, 0, True),
+        ("error", NAN, 0, True),
+        ("error", 1.0, 1, True),
+        ("error", 1.0, 2, True),
+        ("error", "lots", 0, True),
+        ("status", "diverged", 0, True),
+        ("status", "ok", 2, True),
+        ("good", False, 0, True),
+        ("error", 1.24e-7, 0, False),  # within its band
+        ("steps", 4, 0, False),
+        ("note", "new", 0, False),
     ],
 )
-def test_changed_cell_is_found_from_either_side(column, value, row):
-    new = replace_value(column, value, row)
-    assert [d[0] for d in difference_tuples(new, rows())] == [column]
-    assert [d[0] for d in difference_tuples(rows(), new)] == [column]
-    (difference,) = differences(match(new, rows(), KEY), LIMITS)
-    assert difference.key == tuple("" if x != x else str(x) for x in (rows()[row]["method"], rows()[row]["h"]))
+def test_changed_cell_is_found_from_either_side(column, value, row, seen):
+    new = rows(column, value, row)
+    for pair in ((new, rows()), (rows(), new)):
+        assert [d[0] for d in found(*pair)] == [column] * seen
+    for difference in differences(match(new, rows(), KEY), LIMITS):
+        assert difference.key == tuple("" if x != x else str(x) for x in (rows()[row]["method"], rows()[row]["h"]))
 
 
-@pytest.mark.parametrize(("column", "value"), [("error", 1.24e-7), ("steps", 4), ("note", "new")])
-def test_change_within_its_band_or_unlimited_is_equal(column, value):
-    assert difference_tuples(replace_value(column, value), rows()) == []
-    assert difference_tuples(rows(), replace_value(column, value)) == []
-
-
-def test_equal_tables_in_any_order_and_as_text():
-    assert difference_tuples(rows(), rows()) == []
-    assert difference_tuples(rows()[::-1], rows()) == []
+def test_rows_match_in_any_order_and_as_text():
     texts = [{k: "" if v != v else str(v) for k, v in r.items()} for r in rows()]
-    assert difference_tuples(rows(), texts) == difference_tuples(texts, rows()) == []
-    assert difference_tuples([{"method": "avf", "h": 1}], [{"method": "avf", "h": "1.0"}]) == []
-
-
-def test_unmatched_rows_are_found():
-    assert difference_tuples(rows()[1:], rows()) == [(ROW, MISSING, PRESENT)]
-    assert difference_tuples(rows(), rows()[:2]) == [(ROW, PRESENT, MISSING)]
-    assert [d[0] for d in difference_tuples(replace_value("status", "slow", row=2)[1:], rows())] == [ROW, "status"]
-
-
-def test_rows_of_one_key_match_in_order():
-    twice = [*rows(), rows()[0] | {"error": 1.0}]
-    assert difference_tuples(twice, twice) == []
-    assert difference_tuples(twice, rows()) == [(ROW, PRESENT, MISSING)]
-    assert difference_tuples([*rows(), rows()[0]], twice) == [("error", 1.23456789012345e-7, 1.0)]
+    for other in (rows(), rows()[::-1], texts):
+        assert found(rows(), other) == found(other, rows()) == []
+    assert found([{"method": "avf", "h": 1}], [{"method": "avf", "h": "1.0"}]) == []
+    assert found(rows()[1:], rows()) == [(ROW, MISSING, PRESENT)]
+    assert found(rows(), rows()[:2]) == [(ROW, PRESENT, MISSING)]
+    twice = [*rows(), *rows("error", 1.0)[:1]]
+    assert found(twice, rows()) == [(ROW, PRESENT, MISSING)]
+    assert found([*rows(), rows()[0]], twice) == [("error", 1.23456789012345e-7, 1.0)], "of one key: in their order"
 
 
 def test_limits_of_a_band():
-    band = {"error": Band(0.5, 0.25)}
     old = [{"k": k, "error": e} for k, e in ((1, 1.0), (2, 0.0), (3, 1.0))]
     new = [{"k": k, "error": e} for k, e in ((1, 1.75), (2, 0.25), (3, 1.76))]
-    assert difference_tuples(new, old, band, ["k"]) == [("error", 1.76, 1.0)]
-    assert difference_tuples([{"error": 1.0}], [{"error": np.inf}], band, []) != [], (
-        "an infinite number allows no other"
-    )
-
-
-def test_difference_shows_both_numbers_and_their_ratio():
-    (one,) = differences(match(replace_value("error", 2 * rows()[0]["error"]), rows(), KEY), LIMITS)
+    assert found(new, old, {"error": Band(0.5, 0.25)}, ["k"]) == [("error", 1.76, 1.0)]
+    assert found([{"error": 1.0}], [{"error": np.inf}], {"error": Band(0.5, 0.25)}, []) != []
+    (one,) = differences(match(rows("error", 2 * rows()[0]["error"]), rows(), KEY), LIMITS)
     assert one.ratio == 2
     assert all(x in str(one) for x in ("scheme-i", "0.1", "error", "2.4691357802469e-07", "1.23456789012345e-07"))
-    (text,) = differences(match(replace_value("status", "x"), rows(), KEY), LIMITS)
-    assert text.ratio is None
 
 
-# -- the sample --------------------------------------------------------------------------------------------------------
+KEPLER = {"setting": "150 steps", "closed form": "0.12"}
+AGAIN = {"setting": "150 steps", "closed form": 0.12}
+LONGER = {"setting": "300 steps", "closed form": 0.13}
+OWN = f"{compare.OF_THE_MACHINE} 150 steps"
 
 
-@pytest.mark.parametrize(("factor", "seen"), [(1.1, True), (1.0001, False)])
-def test_number_outside_its_band_is_named(factor, seen):
+@pytest.mark.parametrize(
+    ("table", "measured", "stored", "columns"),
+    [
+        ("matrix", [{"order": 2.2, "reversibility": 2e-25}], [{"order": "2.0", "reversibility": "1e-30"}], {"order"}),
+        ("matrix", [{"order": 2.0002}], [{"order": "2.0"}], set()),
+        ("matrix", [{}], [{"order": "2.0"}], {"order"}),
+        ("matrix", [{"order": 2.0, "status": "diverged"}], [{"order": "2.0", "status": "ok"}], {"status"}),
+        *(("matrix", [{"order": 2.0}] * n, [{"order": "2.0"}] * 2, {ROW}) for n in (0, 1, 3)),
+        ("matrix", [{"order": 2.0}] * 2, [{"order": "2.0"}] * 2, set()),
+        ("matrix", [], [], {ROW}),  # nothing was compared
+        ("references", [{"uncertainty": 5e-30 * (1 + 1e-12)}], [{"uncertainty": "5e-30"}], {"uncertainty"}),
+        ("references", [{"uncertainty": 5e-30}], [{"uncertainty": "5e-30"}], set()),
+        ("kepler", [AGAIN, LONGER], [KEPLER], set()),  # the length of a ladder depends on the machine's speed
+        ("kepler", [AGAIN], [KEPLER, {"setting": "300 steps"}], set()),
+        ("kepler", [AGAIN | {"closed form": 0.1201}, LONGER], [KEPLER], {"closed form"}),
+        ("kepler", [LONGER], [KEPLER], {ROW}),
+        ("kepler", [AGAIN, AGAIN | {"setting": OWN}], [KEPLER, KEPLER | {"setting": OWN, "closed form": "0.2"}], set()),
+        ("toys", [{"x": 1.0}], [{"x": "2.0"}], set()),  # a table without bands
+    ],
+)
+def test_rows_of_a_cell(table, measured, stored, columns):
     cell = toy_cells.cell(1)
-    stored = [{"n": "1", "order": "2.0", "symplecticity": "", "reversibility": "1e-30"}]
-    measured = [{"n": 1, "order": 2.0 * factor, "reversibility": 2e-25}]
-    differing = compare.of_cell(cell, "matrix", measured, stored)
-    assert [(d.key, d.column, d.measured, d.stored) for d in differing] == [
-        (("matrix", cell.label), "order", 2.2, "2.0")
-    ] * seen
-    assert not seen or differing[0].ratio == pytest.approx(1.1)
+    differing = compare.of_cell(cell, table, measured, stored)
+    assert {d.column for d in differing} == columns
+    assert {d.key for d in differing} <= {(table, cell.label)} or table == "kepler"
 
 
-def test_missing_number_and_changed_status_are_found():
-    cell = toy_cells.cell(1)
-    assert compare.of_cell(cell, "matrix", [{"n": 1}], [{"n": "1", "order": "2.0"}])
-    old = [{"order": "2.0", "status": "ok"}]
-    assert compare.of_cell(cell, "matrix", [{"order": 2.0, "status": "diverged"}], old)
-    assert not compare.of_cell(cell, "matrix", [{"order": 2.0, "status": "ok"}], old)
+# -- two runs ----------------------------------------------------------------------------------------------------------
+
+METHODS = ("a", "b", "c")
 
 
-@pytest.mark.parametrize("count", [0, 1, 3])
-def test_changed_number_of_rows_is_a_difference(count):
-    cell, row = toy_cells.cell(1), {"order": 2.0}
-    stored = [{"order": "2.0"}] * 2
-    assert {d.column for d in compare.of_cell(cell, "matrix", [row] * count, stored)} == {ROW}
-    assert compare.of_cell(cell, "matrix", [row] * 2, stored) == []
-    assert [d.column for d in compare.of_cell(cell, "matrix", [], [])] == [ROW], "nothing was compared"
+def table(noise=0.0, seed=0) -> pd.DataFrame:
+    """A fabricated table of three methods on four problems, with relative noise in the times."""
+    made = [
+        {"method": m, "problem": f"p{k}", "h": h, "status": "ok", "reason": "", "global_error": h**2, "seconds": 1 / h}
+        for m in METHODS
+        for k in range(4)
+        for h in (0.1, 0.05)
+    ]
+    frame = pd.DataFrame(made)
+    return frame.assign(seconds=frame["seconds"] * np.exp(noise * np.random.default_rng(seed).normal(size=len(frame))))
 
 
-@pytest.mark.parametrize(("factor", "seen"), [(1.0, False), (1 + 1e-12, True), (1.5, True), (0.5, True), (9.9, True)])
-def test_stated_uncertainty_must_be_equal(factor, seen):
-    """A stored certificate states a reference's uncertainty, so it does not depend on the machine."""
-    cell, stated = toy_cells.cell(1), 5.2295517e-30
-    differing = compare.of_cell(cell, "references", [{"uncertainty": stated * factor}], [{"uncertainty": repr(stated)}])
-    assert bool(differing) is seen
+def kinds(before, after) -> set[tuple[str, str]]:
+    """The (kind, method) of every change between two tables."""
+    return {(c.kind, c.row.partition(",")[0]) for c in history.changes({"t": before}, {"t": after})}
 
 
-def test_common_rows_of_a_ladder_are_compared():
-    """The length of a ladder depends on the speed of the machine."""
-    cell = toy_cells.cell(1)
-    stored = [{"setting": "150 steps", "closed form": "0.12"}]
-    measured = [{"setting": "150 steps", "closed form": 0.12}, {"setting": "300 steps", "closed form": 0.13}]
-    assert not compare.of_cell(cell, "kepler", measured, stored)
-    assert not compare.of_cell(cell, "kepler", measured[:1], [*stored, {"setting": "300 steps"}])
-    assert compare.of_cell(cell, "kepler", [measured[0] | {"closed form": 0.1201}, measured[1]], stored)
-    assert compare.of_cell(cell, "kepler", measured[1:], stored), "nothing is left to compare"
-    own = [{"setting": f"{compare.OF_THE_MACHINE} 150 steps", "closed form": x} for x in (0.1, 0.2)]
-    assert not compare.of_cell(cell, "kepler", [measured[0], own[0]], [*stored, own[1]]), "what a second allows"
+def test_runs_that_do_not_differ():
+    one, other = ({"date": day, "machine": day, "content": day, "digest": day, "state": day} for day in ("a", "b"))
+    assert not kinds(table().assign(**one), table().assign(**other))
+    assert not kinds(table(), table().iloc[::-1])
+    assert not kinds(table(), table().drop(columns="reason"))
+    for seed in range(10):
+        assert not kinds(table(0.05, seed), table(0.05, seed + 100))
+    slower = table()
+    slower["seconds"] *= 2
+    assert not kinds(table(), slower), "another machine"
+    assert history.overall({"t": table()}, {"t": slower}).value == pytest.approx(2)
+    slower = table()
+    slower.loc[0, "seconds"] *= 10
+    assert not kinds(table(), slower), "one row"
+    tiny = table().assign(global_error=1e-15)
+    assert not kinds(tiny, tiny.assign(global_error=9e-14))
+    assert kinds(tiny, tiny.assign(global_error=2e-13)) == {(history.WORSE, m) for m in METHODS}
 
 
-def test_table_without_bands_is_not_compared():
-    assert compare.of_cell(toy_cells.cell(1), "toys", [{"x": 1.0}], [{"x": "2.0"}]) == []
+@pytest.mark.parametrize(
+    ("column", "value", "kind"),
+    [
+        ("status", lambda x: "diverged", history.STATUS),
+        ("global_error", lambda x: 1.6 * x, history.WORSE),
+        ("global_error", lambda x: x / 1.6, history.BETTER),
+        ("global_error", lambda x: 1.4 * x, None),
+        ("global_error", lambda x: np.nan, history.GONE),
+        ("seconds", lambda x: 1.3 * x, history.SLOW),
+        ("seconds", lambda x: x / 1.3, history.FAST),
+        ("seconds", lambda x: 1.1 * x, None),
+    ],
+)
+def test_change_is_named_with_its_method(column, value, kind):
+    after = table()
+    of = after["method"] == "b"
+    after[column] = after[column].where(~of, after[column].map(value))
+    assert kinds(table(), after) == ({(kind, "b")} if kind else set())
+
+
+def test_missing_rows_columns_and_tables_are_changes():
+    assert kinds(table(), table().iloc[1:]) == {(history.GONE, "a")}
+    assert kinds(table().iloc[1:], table()) == {(history.NEW, "a")}
+    (change,) = history.changes({"t": table()}, {"t": table().drop(columns="global_error")})
+    assert (change.kind, change.column) == (history.GONE, "global_error")
+    (change,) = history.changes({"t": table(), "u": table()}, {"t": table()})
+    assert (change.kind, change.table) == (history.GONE, "u")
+    assert not history.changes({"t": table()}, {"t": table(), "u": table()})
+
+
+def write_tables(folder, frame):
+    (folder / "data").mkdir(parents=True)
+    frame.to_csv(folder / "data" / "t.csv", index=False)
+    return str(folder)
+
+
+def test_command_compares_folders_files_and_commits(tmp_path, monkeypatch):
+    repository = tmp_path / "repository"
+    write_tables(repository / "reports", table())
+    for words in (["init", "-q"], ["add", "-A"], ["-c", "user.name=x", "-c", "user.email=x", "commit", "-qm", "x"]):
+        subprocess.run(["git", *words], cwd=repository, check=True)
+    monkeypatch.chdir(repository)
+    worse = table()
+    worse["global_error"] *= 2
+    other = write_tables(tmp_path / "other", worse)
+    for before in ("HEAD", "reports", "reports/data/t.csv"):
+        done = call("compare", before, other, "--json")
+        said = json.loads(done.stdout)
+        assert (done.exit_code, len(said["changes"])) == (1, len(table()))
+        assert {c["kind"] for c in said["changes"]} == {history.WORSE}
+        assert said["changes"][0]["ratio"]["value"] == pytest.approx(2)
+    assert call("compare", "HEAD").exit_code == 0
+    assert "less accurate: 24" in call("compare", "HEAD", other).stdout
+
+
+def test_names_without_comparable_runs_are_invalid(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for name in ("empty", "a", "b"):
+        (tmp_path / name).mkdir()
+    for name in "ab":
+        table().to_csv(tmp_path / name / f"{name}.csv", index=False)
+    (tmp_path / "t.csv").write_text("")
+    (tmp_path / "t.jsonl").write_text('{"schema": 99, "method": "a"}\n')
+    for name, words in (
+        ("none", "'none' is neither a folder"),
+        ("--output=x", "nor a commit$"),
+        ("empty", "empty has no tables"),
+        ("t.csv", "cannot be read"),
+        ("t.jsonl", "schema 99"),
+    ):
+        with pytest.raises(InvalidInput, match=words):
+            history.load(name)
+    with pytest.raises(InvalidInput, match="have no table in common"):
+        history.load_pair("a", "b")
+    assert not history.changes(*history.load_pair("a/a.csv", "b/b.csv")), "two files are one table"
+
+
+def test_rows_of_run_are_compared_as_tables_are(tmp_path):
+    """Files of JSON lines, with provenance that differs, and nulls; they are the table `rows` of a folder."""
+
+    def write(name, made):
+        known = {"schema": 1, "cell": "a", "of": len(made), "date": name}
+        (tmp_path / name).write_text("".join(json.dumps(known | r) + "\n" for r in made))
+        return str(tmp_path / name)
+
+    made = [{"scene": "s", "method": m, "h": h, "status": "ok", "global_error": h**2} for m in "ab" for h in (0.1, 0.2)]
+    made[0]["global_error"] = None
+    old = write("old.jsonl", made)
+    assert history.changes(*history.load_pair(old, write("same.jsonl", made[::-1]))) == []
+    new = write("new.jsonl", [made[0], made[1] | {"global_error": 1.0}, made[2] | {"status": "diverged"}])
+    changes = {(c.kind, c.column) for c in history.changes(*history.load_pair(old, new))}
+    assert changes == {(history.WORSE, "global_error"), (history.STATUS, "status"), (history.GONE, "")}
+    pd.DataFrame(made).to_csv(tmp_path / "rows.csv", index=False)
+    assert history.changes(*history.load_pair(old, str(tmp_path))) == []

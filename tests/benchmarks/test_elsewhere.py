@@ -135,34 +135,7 @@ def test_digits_are_asked_for_and_a_stated_energy_error_is_checked(read, good):
         read(row.format("1e-9"))
 
 
-def test_a_file_that_is_not_there_is_refused(tmp_path):
-    with pytest.raises(InvalidInput, match="cannot be read"):
-        elsewhere.read(tmp_path / "none.csv")
-
-
-def test_past_the_horizon_of_a_chaotic_orbit_there_is_no_error(read):
-    made = problem("henon-heiles:chaotic")
-    energy = float(made.system.observe(made.system.H, np.array([made.q0]), np.array([made.p0]))[0])
-    q0, p0 = (", ".join(map(repr, x)) for x in (made.q0, made.p0))
-    head = "# phasebench-elsewhere: 1\n# package: A\n# version: 1\n# language: C\n# machine: B\n"
-    head += f"# problem: {made.label}\n# q0: {q0}\n# p0: {p0}\n# energy: {energy!r}\n# t_end: 5000\n"
-    digits = "0.1234567890123456"
-    found = read(f"{head}method,h,evaluations,q1,q2,p1,p2\nX,0.1,9,{digits},{digits},{digits},{digits}\n")
-    (row,) = elsewhere.errors(found)
-    assert row["error"] is None
-    assert "horizon" in row["reason"]
-
-
 # -- the stored answers of SUNDIALS -------------------------------------------------------------------------------
-
-
-def test_the_example_has_the_answers_that_sundials_stores():
-    found = elsewhere.read(SUNDIALS)
-    assert len(found.rows) == 72
-    stored = {(r["method"], r["h"]): (r["evaluations"], r["energy_error"], r["stated"]) for r in found.rows}
-    assert stored["ARKODE_SPRK_MCLACHLAN_4_4", 0.1] == (2000, -5.3723049984188975e-06, {"angular-momentum": 0.0})
-    assert stored["ARKODE_SPRK_EULER_1_1", 1e-3][:2] == (50001, -1.2973337429578180e-03)
-    assert stored["ARKODE_SPRK_YOSHIDA_6_8", 0.1 / 2**7][1] == -2.0872192862952943e-14
 
 
 def test_methods_here_have_the_energy_errors_of_sundials(tmp_path):
@@ -182,15 +155,6 @@ def test_methods_here_have_the_energy_errors_of_sundials(tmp_path):
     assert all(r["error"] > 0 for r in ours if r["status"] == "ok")
     with pytest.raises(InvalidInput, match="'heyoka' cannot be compared: it takes no fixed step"):
         study.compare(elsewhere.read(path), ["heyoka"])
-
-
-def test_a_cell_depends_on_its_files_text(tmp_path, monkeypatch):
-    (cell,) = study.STUDY.cells()
-    assert {"kepler", *study.METHODS} <= cell.names
-    monkeypatch.setattr(study, "FOLDER", tmp_path)
-    (tmp_path / SUNDIALS.name).write_text(SUNDIALS.read_text().replace("-5.3723049984188975e-06", "-5.3e-06"))
-    (other,) = study.STUDY.cells()
-    assert (other.id, other.content != cell.content) == (cell.id, True)
 
 
 # -- the command --------------------------------------------------------------------------------------------------

@@ -19,7 +19,7 @@ from phasebench.benchmarks.store.journal import Journal
 from phasebench.integrators.errors import InvalidInput
 from support import toy_cells
 
-COUNT, MOMENTS = 12, 50
+COUNT, MOMENTS = 12, 20
 FORK = multiprocessing.get_context("fork")
 
 
@@ -78,7 +78,7 @@ def _on_a_full_disk(folder, largest, said):
         said.put("done")
 
 
-@pytest.mark.parametrize("share", [0.0, 0.05, 0.3, 0.6, 0.9])
+@pytest.mark.parametrize("share", [0.0, 0.3, 0.9])
 def test_full_disk_is_named_and_tables_stay(tmp_path, share):
     folder, whole = tmp_path / "data", tmp_path / "whole"
     run_cells(folder)
@@ -128,14 +128,3 @@ def test_report_of_an_unreadable_table_says_so(tmp_path):
     with pytest.raises(InvalidInput, match=r"rows\.csv cannot be read"):
         report.build(tmp_path)
     assert {p: p.read_bytes() for p in tmp_path.glob("*.md")} == before
-
-
-@pytest.mark.parametrize(("status", "said"), [(pytest.ExitCode.INTERRUPTED, True), (pytest.ExitCode.OK, False)])
-def test_interrupted_run_says_how_to_continue(status, said):
-    from phasebench.benchmarks import conftest
-
-    lines = []
-    reporter = type("Reporter", (), {"write_line": lines.append})
-    config = type("Config", (), {"stash": {}})
-    conftest.pytest_terminal_summary(reporter, status, config)
-    assert any("the same command goes on from there" in line for line in lines) is said

@@ -1,105 +1,140 @@
-"""The benchmark harness: sweeps, orders, bands, stored tables, reports."""
+"""The main run's rows: truths and errors, sweeps of a scene, orders, and the stored tables with their bands."""
 
 from __future__ import annotations
 
 import json
-import pickle
 from dataclasses import replace
-from itertools import pairwise
+from decimal import Decimal
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
 import pytest
 
 from phasebench.benchmarks.ladder import bench_errors, peer_rows, sweep
+from phasebench.benchmarks.measure import accuracy
 from phasebench.benchmarks.measure.orders import orders
-from phasebench.benchmarks.page import markdown
 from phasebench.benchmarks.problems import problem
 from phasebench.benchmarks.problems.scenes import BY_ID, DRIFT, ORDER, SCENES
 from phasebench.benchmarks.store import error_tables
 from phasebench.integrators import integrate
 from phasebench.integrators.registry import METHODS
+from phasebench.reference import files
 
 SCENE = BY_ID["lotka-volterra-t1"]
 OSCILLATOR = BY_ID["oscillator-t2"]
+KEPLER = problem("kepler")
+
+# -- truths and errors -------------------------------------------------------------------------------------------------
+
+REGULAR, CHAOTIC = (next(s for s in SCENES if s.regular is regular) for regular in (True, False))
 
 
-def timeless(rows):
-    """Rows without their times, which differ between two runs."""
-    return [{k: v for k, v in r.items() if k != "seconds"} for r in rows]
+@pytest.mark.parametrize(
+    ("scene", "horizon", "times", "at", "source"),
+    [
+        (REGULAR, 2, (0.5, 1, 2), 1, accuracy.STORED),
+        (REGULAR, 2, (0.5, 2), 1, accuracy.COMPUTED),
+        (REGULAR, 0.5, (0.25, 1), 1, accuracy.COMPUTED),  # past the horizon it is not stored's
+        (REGULAR, 2, (), 1, accuracy.COMPUTED),
+        (CHAOTIC, 0.5, (0.125, 0.25, 1), 0.25, accuracy.STORED),
+        (CHAOTIC, 0.5, (0.5, 1), 0.5, accuracy.STORED),
+        (CHAOTIC, 9, (0.25, 2), 0.25, accuracy.STORED),  # nor past the scene's end
+    ],
+)
+def test_truth_of_a_scene(monkeypatch, scene, horizon, times, at, source):
+    """Of a regular scene it is at its end, of a chaotic one before the horizon (in units of the scene's span)."""
+    end = scene.t_end
+    ends = [SimpleNamespace(t=t * end, q_text=(f"{t}",), p_text=("0",), uncertainty=1e-20 * t) for t in times]
+    certificate = SimpleNamespace(horizon=horizon * end, ends=ends) if times else None
+    monkeypatch.setattr(accuracy.stored, "find", lambda problem: certificate)
+    computed = lambda problem, t: accuracy.Truth(t, (), 0.0, t, accuracy.COMPUTED)  # noqa: E731
+    monkeypatch.setattr(accuracy, "_compute_truth", computed)
+    found = accuracy.truth.__wrapped__(scene.id)
+    assert (found.t, found.source) == (at * end, source)
+    if source == accuracy.STORED:
+        assert (found.texts, found.uncertainty) == ((f"{at}", "0"), 1e-20 * at)
+        assert found.horizon == min(horizon, 1) * end
 
 
-def same(a, b) -> bool:
-    """True if the rows are equal up to their times, with NaN equal to NaN."""
-    return json.dumps(timeless(a), sort_keys=True) == json.dumps(timeless(b), sort_keys=True)
+def test_error_is_computed_without_round_off():
+    true, tenth = accuracy.Truth(1.0, ("0.1", "-2"), 0.0, 1.0, accuracy.STORED), 0.1
+    assert true.error([tenth, -2.0]) == float(abs(Decimal(tenth) - Decimal("0.1"))) > 0
+    assert true.error([tenth, -2.5]) == 0.5
 
 
-# -- scenes and tasks --------------------------------------------------------------------------------------------------
+def test_trajectory_error_needs_a_row_within_the_horizon(monkeypatch):
+    def measured(*times: float, horizon: float = 3.0) -> dict:
+        told = accuracy.Truth(3.0, ("1", "0"), 1e-20, horizon, accuracy.STORED)
+        monkeypatch.setattr(accuracy, "truth", lambda scene: told)
+        rows = np.arange(len(times), dtype=float)[:, None]
+        return accuracy.trajectory_error(REGULAR, SimpleNamespace(t=np.array(times), q=rows, p=0 * rows))
+
+    found = measured(0.0, 1.0, 3.0 * (1 + 2e-16), 4.0)
+    assert (found["global_error"], found["global_error_time"], found["reference_uncertainty"]) == (1.0, 3.0, 1e-20)
+    assert measured(0.0, 2.0, 2.9) == measured(0.0) == {"reference_horizon": 3.0}
+    assert measured(0.0, 3.0, horizon=2.0) == {"reference_horizon": 2.0}
 
 
-@pytest.mark.parametrize("quick", [False, True])
-def test_every_method_and_peer_has_a_cell_on_every_scene(quick):
-    cells = sweep.cells(quick)
-    names = {(c.key["scene"], n) for c in cells for n in c.names}
-    assert names >= {(s.id, x.id) for s in SCENES for x in (*METHODS, *peer_rows.swept())}
-    assert all(c.key["scene"] in c.names for c in cells)
+def standing(n: int, late: float = 1.0, last: float = 1.0, status: str = "ok") -> dict:
+    """Invariant errors of n equal Kepler rows, but p is ``late`` times as large after a tenth, ``last`` in the last."""
+    scale = np.where(np.arange(n) < n // 10, 1.0, late)
+    scale[-1] *= last
+    q, p = np.tile(KEPLER.q0, (n, 1)), np.outer(scale, KEPLER.p0)
+    rows = SimpleNamespace(t=np.linspace(0, 100.0, n), q=q, p=p, status=status)
+    return accuracy.invariants(KEPLER, rows, 100.0)
 
 
-def test_quick_tier_has_a_few_methods():
-    handful = {c.key["method"] for c in sweep.cells(quick=True) if c.quick}
+def test_invariant_errors_have_columns_by_name():
+    found = standing(400, late=1.01)
+    kinetic = np.dot(KEPLER.p0, KEPLER.p0) / 2
+    assert found["energy_max"] == found["energy_end"] == pytest.approx(kinetic * (1.01**2 - 1))
+    assert found["energy_max_early"] == 0.0, "of the first twentieth"
+    L = KEPLER.q0[0] * KEPLER.p0[1] - KEPLER.q0[1] * KEPLER.p0[0]
+    assert found["angular-momentum_max"] == pytest.approx(0.01 * abs(L))
+    assert {f"{name}_max" for name in KEPLER.invariants} <= found.keys()
+    assert standing(400, last=np.nan)["energy_max"] == 0.0, "without what is not finite"
+    slope = {"energy_drift", "energy_drift_low", "energy_drift_high"}
+    assert [slope <= standing(n).keys() for n in (47, 48)] == [False, True]
+    assert [standing(n).get("energy_max_early") for n in (200, 201)] == [None, 0.0], "ten steps in the first twentieth"
+    assert not slope & standing(400, status="diverged").keys()
+
+
+# -- scenes and rows ---------------------------------------------------------------------------------------------------
+
+
+def test_every_method_and_peer_has_a_cell_on_every_scene():
+    for quick in (False, True):
+        cells = sweep.cells(quick)
+        names = {(c.key["scene"], n) for c in cells for n in c.names}
+        assert names >= {(s.id, x.id) for s in SCENES for x in (*METHODS, *peer_rows.swept())}
+    handful = {c.key["method"] for c in cells if c.quick}
     assert {"stormer-verlet", "implicit-midpoint", "heyoka", "rebound-leapfrog"} <= handful
     assert len(handful) < 10
-
-
-def test_tasks_of_one_method_in_both_tiers():
     full, quick = (sweep.tasks([SCENE], q, lambda m: m.id == "rk4") for q in (False, True))
-    assert [t.h for t in full] == list(SCENE.steps)
-    assert [t.h for t in quick] == list(SCENE.steps[:4])
-    assert {t.method for t in full} == {"rk4"}
+    assert ([t.h for t in full], [t.h for t in quick]) == ([*SCENE.steps], [*SCENE.steps[:4]])
 
 
-def test_order_scenes_halve_steps_that_divide_the_span():
-    for s in SCENES:
-        assert sorted(s.steps, reverse=True) == list(s.steps)
-        assert s.purpose in (ORDER, DRIFT)
-        if s.purpose == ORDER:
-            assert all(a == 2 * b for a, b in pairwise(s.steps)), s.id
-            assert all(abs(s.t_end / h - round(s.t_end / h)) < 1e-9 for h in s.steps), s.id
+def measured(scene: str, id: str, h: float) -> dict:
+    return sweep.measure(sweep.Task(scene, id, (), h), repeats=1)
 
 
-# -- rows --------------------------------------------------------------------------------------------------------------
-
-ALWAYS = {"scene", "problem", "method", "h", "status", "versions"}
-MEASURED = {"global_error", "reference_uncertainty", "energy_max", "energy_end", "gradient", "iterations", "fallbacks"}
-
-
-def test_row_has_the_columns_of_the_design():
-    row = sweep.measure(sweep.Task(SCENE.id, "rk4", (), 0.03), repeats=1)
-    assert set(row) >= ALWAYS | MEASURED | {"reason", "seconds", "refinement_difference", "steps"}
+def test_row_of_a_run_has_its_numbers():
+    row = measured(SCENE.id, "rk4", 0.03)
+    assert (row["scene"], row["problem"], row["method"], row["h"]) == (SCENE.id, SCENE.problem, "rk4", 0.03)
     assert (row["status"], row["reason"], row["steps"], row["gradient"]) == ("ok", "", 40, 160)
+    assert (row["iterations"], row["fallbacks"]) == (0, 0)
     assert row["seconds"] > 0
-    assert "numpy" in row["versions"]
-
-
-def test_drift_row_has_a_slope_inside_its_interval():
-    row = sweep.measure(sweep.Task("lotka-volterra-t120", "rk4", (), 0.12), repeats=1)
-    assert row["energy_drift_low"] < row["energy_drift"] < row["energy_drift_high"]
-    assert row["energy_drift"] != 0
-
-
-def test_state_outside_the_domain_of_h_has_diverged():
-    """Explicit Euler takes a Lotka-Volterra population below zero, where log is undefined."""
-    row = sweep.measure(sweep.Task("lotka-volterra-t120", "explicit-euler", (), 0.03), repeats=1)
-    assert row["status"] == "diverged"
-    assert "outside H's domain" in row["reason"]
-    assert "energy_drift" not in row
+    assert f"numpy {np.__version__}" in row["versions"]
+    drifting = measured("lotka-volterra-t120", "rk4", 0.12)
+    assert drifting["energy_drift_low"] < drifting["energy_drift"] < drifting["energy_drift_high"]
 
 
 def test_invariants_of_the_problem_are_columns():
     """The largest errors of q1 p2 - q2 p1, preserved by Stormer-Verlet, and of p x L - q/|q|, not preserved."""
     for id in ("rk4", "stormer-verlet"):
-        row = sweep.measure(sweep.Task("kepler-t1", id, (), 0.01), repeats=1)
-        s = integrate(problem("kepler"), id, h=0.01, t_end=1)
+        row = measured("kepler-t1", id, 0.01)
+        s = integrate(KEPLER, id, h=0.01, t_end=1)
         L = s.q[:, 0] * s.p[:, 1] - s.q[:, 1] * s.p[:, 0]
         pericentre = s.p[:, 1] * L - s.q[:, 0] / np.hypot(*s.q.T)
         assert row["angular-momentum_max"] == pytest.approx(np.abs(L - L[0]).max(), abs=1e-15)
@@ -108,129 +143,147 @@ def test_invariants_of_the_problem_are_columns():
         assert (row["angular-momentum_max"] < 1e-14) is (id == "stormer-verlet")
 
 
-@pytest.mark.parametrize("id", ["rk4", "stormer-verlet"])
-def test_global_error_and_refinement_difference(id):
+def test_global_error_and_refinement_difference():
     """||y_h - y_2h|| from two runs; the error of the oscillator against (cos t, -sin t)."""
-    h = OSCILLATOR.steps[2]
-    row = sweep.measure(sweep.Task(OSCILLATOR.id, id, (), h), repeats=1)
-    y, y2 = (
-        np.concatenate([s.q[-1], s.p[-1]])
-        for s in (integrate(problem(OSCILLATOR.problem), id, h=k * h, t_end=OSCILLATOR.t_end) for k in (1, 2))
-    )
-    exact = np.array([np.cos(OSCILLATOR.t_end), -np.sin(OSCILLATOR.t_end)])
+    h, end = OSCILLATOR.steps[2], OSCILLATOR.t_end
+    row = measured(OSCILLATOR.id, "stormer-verlet", h)
+    runs = (integrate(problem(OSCILLATOR.problem), "stormer-verlet", h=k * h, t_end=end) for k in (1, 2))
+    y, y2 = (np.concatenate([s.q[-1], s.p[-1]]) for s in runs)
     assert row["refinement_difference"] == np.abs(y - y2).max()
-    assert row["global_error"] == pytest.approx(np.abs(y - exact).max(), abs=1e-15)
+    assert row["global_error"] == pytest.approx(np.abs(y - [np.cos(end), -np.sin(end)]).max(), abs=1e-15)
     assert row["global_error"] < 0.5 * row["refinement_difference"]
+    assert "refinement_difference" not in measured(OSCILLATOR.id, "stormer-verlet", OSCILLATOR.steps[0])
 
 
-def test_coarsest_row_has_no_refinement_difference():
-    row = sweep.measure(sweep.Task(OSCILLATOR.id, "rk4", (), OSCILLATOR.steps[0]), repeats=1)
-    assert "refinement_difference" not in row
-    assert row["global_error"] > 0
-
-
-def test_skipped_row_has_its_reason():
-    row = sweep.measure(sweep.Task(SCENE.id, "avf", (), 0.12))
-    assert row["status"] == "skipped"
-    assert "canonical" in row["reason"]
-    assert "global_error" not in row
-    assert set(row) >= ALWAYS
-
-
-def test_failed_row_has_its_reason_and_no_error(monkeypatch):
-    """Explicit Euler at h = 1 escapes from the Henon-Heiles potential."""
-    scene = replace(
-        BY_ID["henon-heiles-box-t1"], id="escape", problem="henon-heiles:chaotic", t_end=100.0, steps=(1.0,)
-    )
-    monkeypatch.setitem(sweep.BY_ID, "escape", scene)
-    row = sweep.measure(sweep.Task("escape", "explicit-euler", (), 1.0))
-    assert row["status"] == "diverged"
-    assert row["reason"]
-    assert "global_error" not in row
-    assert "seconds" not in row
-
-
-# -- a sweep -----------------------------------------------------------------------------------------------------------
-
-
-@pytest.fixture(scope="module")
-def todo():
-    return sweep.tasks([SCENE, OSCILLATOR], True, lambda m: m.id in ("rk4", "scheme-ii", "avf"))
-
-
-@pytest.fixture(scope="module")
-def rows(todo):
-    return sweep.measure_rows(todo, 1)["rows"]
-
-
-def test_rows_are_in_the_order_of_their_tasks(todo, rows):
-    assert [(r["scene"], r["h"]) for r in rows] == [(t.scene, t.h) for t in todo]
-
-
-def test_cell_can_be_pickled_and_measured():
-    (cell,) = sweep.cells(True, [SCENE], lambda m: m.id == "rk4")
-    measure, arguments = pickle.loads(pickle.dumps((cell.measure, cell.arguments)))
-    assert same(measure(*arguments)["rows"], cell()["rows"])
-    assert [r["h"] for r in cell()["rows"]] == list(SCENE.ladder(quick=True))
-
-
-def test_control_other_tasks_measure_other_rows(todo, rows):
-    assert not same(sweep.measure_rows(todo[1:2], 1)["rows"], rows[:1])
+@pytest.mark.parametrize(
+    ("scene", "id", "h", "status", "reason"),
+    [
+        (SCENE.id, "avf", 0.12, "skipped", "canonical"),
+        ("lotka-volterra-t120", "explicit-euler", 0.03, "diverged", "outside H's domain"),  # log of what is below 0
+        ("escape", "explicit-euler", 1.0, "diverged", "h"),
+    ],
+)
+def test_failed_row_has_its_reason_and_no_error(monkeypatch, scene, id, h, status, reason):
+    more = {"id": "escape", "problem": "henon-heiles:chaotic", "t_end": 100.0, "steps": (1.0,)}
+    monkeypatch.setitem(sweep.BY_ID, "escape", replace(BY_ID["henon-heiles-box-t1"], **more))
+    row = measured(scene, id, h)
+    assert (row["status"], reason in row["reason"]) == (status, True)
+    assert not {"global_error", "energy_drift", "seconds"} & row.keys()
+    assert {"scene", "problem", "method", "h", "versions"} <= row.keys()
 
 
 # -- orders ------------------------------------------------------------------------------------------------------------
 
 
-def ladder(order=2, uncertainty=1e-20, floor=0.0, **more):
-    """Fabricated rows of a method at seven step sizes with the error h^order + floor."""
+def ladder(order=2, uncertainty=1e-20, **more):
+    """Fabricated rows of a method at seven step sizes with the error h^order."""
     base = {"purpose": ORDER, "scene": "s", "method": "m", "problem": "x", "status": "ok", "declared_order": order}
-    steps = [0.1 / 2**k for k in range(7)]
-    return [
-        base | {"h": h, "global_error": h**order + floor, "reference_uncertainty": uncertainty} | more for h in steps
-    ]
+    base |= {"reference_uncertainty": uncertainty}
+    return [base | {"h": h, "global_error": h**order} | more for h in (0.1 / 2**k for k in range(7))]
 
 
 def test_order_of_a_power_law_and_its_window():
     (found,) = orders(ladder(order=3))
     assert found["order"] == pytest.approx(3)
-    assert (found["h_first"], found["h_last"], found["points"]) == (0.1, 0.1 / 64, 7)
-    assert found["declared"] == 3
-
-
-@pytest.mark.parametrize("status", ["diverged", "not-converged", "collision", "timeout", "skipped"])
-def test_failed_rows_do_not_enter_an_order(status):
+    assert (found["h_first"], found["h_last"], found["points"], found["declared"]) == (0.1, 0.1 / 64, 7, 3)
+    (found,) = orders(ladder(uncertainty=1e-7))
+    assert (found["points"], found["h_last"]) == (5, 0.1 / 16), "errors of less than 100 uncertainties are left out"
     rows = ladder()
-    rows[0] |= {"status": status}  # its error would fit the power law
-    rows[1] |= {"status": status, "global_error": None}
+    for k, status in enumerate(("diverged", "skipped")):
+        rows[k] |= {"status": status} | ({"global_error": None} if k else {})
     (found,) = orders(rows)
-    assert found["order"] == pytest.approx(2)
-    assert (found["h_first"], found["points"]) == (0.025, 5)
-
-
-def test_control_outlier_widens_the_interval():
-    rows = ladder()
-    for k, r in enumerate(rows):
-        r["global_error"] *= 2 ** ((-1) ** k)
-    assert orders(rows)[0]["high"] - orders(rows)[0]["low"] > 0.1
-
-
-def test_errors_below_the_reference_uncertainty_are_left_out():
-    uncertainty = 1e-7
-    kept = [r["h"] for r in ladder() if r["global_error"] > 100 * uncertainty]
-    assert len(kept) == 5
-    (found,) = orders(ladder(uncertainty=uncertainty))
-    assert (found["points"], found["h_last"]) == (5, kept[-1])
-
-
-def test_orders_per_method_without_drift_rows():
+    assert (found["order"], found["h_first"], found["points"]) == (pytest.approx(2), 0.025, 5)
+    rows = [r | {"global_error": r["global_error"] * 2 ** ((-1) ** k)} for k, r in enumerate(ladder())]
+    assert orders(rows)[0]["high"] - orders(rows)[0]["low"] > 0.1, "the control: outliers widen the interval"
     rows = ladder(order=2) + ladder(order=4, method="n", uncertainty=1e-30) + ladder(purpose=DRIFT, scene="long")
     assert {r["method"]: round(r["order"]) for r in orders(rows)} == {"m": 2, "n": 4}
 
 
-def test_orders_of_measured_rows(rows):
-    found = {(r["scene"], r["method"]): r for r in orders(rows)}
-    assert found[OSCILLATOR.id, "rk4"]["order"] == pytest.approx(4, abs=0.1)
-    assert (SCENE.id, "avf") not in found
+# -- stored tables -----------------------------------------------------------------------------------------------------
+
+ORIGIN = {"made": "here", "n": 3}
+
+
+def frame() -> pd.DataFrame:
+    rows = [
+        ("scheme-i(lam=1/3)", 0.1, 1.23456789012345e-7, 3.0, "ok"),
+        ("avf", 1 / 3, np.nan, 4.0, "diverged"),
+        ('a "quoted", one', np.nan, np.inf, 5.0, ""),
+    ]
+    return pd.DataFrame(rows, columns=["method", "h", "error", "steps", "status"])
+
+
+@pytest.fixture
+def stored(tmp_path):
+    return error_tables.save("t", frame(), ORIGIN, tmp_path)
+
+
+def test_table_is_loaded_to_the_last_digit(stored, tmp_path):
+    back, origin = error_tables.load("t", tmp_path)
+    pd.testing.assert_frame_equal(back, frame(), check_dtype=False, check_exact=True)
+    assert origin == ORIGIN
+    stored.write_bytes(stored.read_bytes().replace(b"\n", b"\r\n"))
+    pd.testing.assert_frame_equal(error_tables.load("t", tmp_path)[0], frame(), check_dtype=False)
+    texts = pd.DataFrame({"name": ["# made: 3", "nan", "NA", "d"], "status": [None, np.nan, "", "ok"]}, dtype=object)
+    error_tables.save("t", texts, ORIGIN, tmp_path / "new" / "folder")
+    back, _ = error_tables.load("t", tmp_path / "new" / "folder")
+    assert back.to_numpy().tolist() == [["# made: 3", ""], ["nan", ""], ["NA", ""], ["d", "ok"]]
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda s: s.replace("1.23456789012345e-07", "1.23456789012346e-07"),
+        lambda s: s[: s.rindex("avf")],
+        lambda s: s[: s.rindex("avf") + 6],
+        lambda s: s.replace("method,h,error", "method,h,err"),
+        lambda s: "",
+        lambda s: "\x00",
+    ],
+    ids=["digit", "line", "cut", "column", "empty", "binary"],
+)
+def test_rows_edited_by_hand_are_refused(stored, tmp_path, change):
+    text = stored.read_text()
+    assert change(text) != text
+    stored.write_text(change(text))
+    with pytest.raises(error_tables.CorruptTable, match="checksum"):
+        error_tables.load("t", tmp_path)
+
+
+@pytest.mark.parametrize("about", [None, "{", "[]", json.dumps(ORIGIN)])
+def test_table_without_provenance_is_refused(stored, tmp_path, about):
+    if about is None:
+        stored.with_suffix(".json").unlink()
+    else:
+        stored.with_suffix(".json").write_text(about)
+    with pytest.raises(error_tables.CorruptTable, match="its provenance beside it cannot be read"):
+        error_tables.load("t", tmp_path)
+
+
+def test_table_that_cannot_be_saved_leaves_the_old_one(stored, tmp_path, monkeypatch):
+    before = stored.read_bytes()
+    for name, origin in (("../t", {"a": 1}), ("t", {}), ("t", {"sha256": 1})):
+        with pytest.raises(ValueError, match=r"name|provenance|sha256"):
+            error_tables.save(name, frame(), origin, tmp_path)
+    monkeypatch.setattr(files.os, "replace", lambda *a: (_ for _ in ()).throw(OSError("full")))
+    with pytest.raises(OSError, match="full"):
+        error_tables.save("t", frame().head(1), {"made": "there"}, tmp_path)
+    assert stored.read_bytes() == before
+    assert {p.name for p in tmp_path.iterdir()} == {"t.csv", "t.json"}
+
+
+def test_provenance_follows_the_problem():
+    def changed(made) -> list[str]:
+        old, new = (error_tables.provenance(p, scene="x") for p in (problem("perturbed-kepler"), made))
+        assert (old["scene"], old["numpy"]) == ("x", np.__version__)
+        return [k for k in old if old[k] != new[k]]
+
+    made = problem("perturbed-kepler")
+    assert changed(made) == []
+    assert "formulae" in changed(problem("perturbed-kepler", mu=0.0076))
+    for other in (replace(made, orbits=(replace(made.start, p=(0.0, 2.5)),)), problem("perturbed-kepler", e=0.5)):
+        assert "initial data" in changed(other)
+        assert "formulae" not in changed(other)
 
 
 # -- bands -------------------------------------------------------------------------------------------------------------
@@ -244,23 +297,23 @@ def rows_of(table):
     return table.astype(object).where(table.notna(), None).to_dict("records")
 
 
+def regressions(measured, stored, scene=SCENE):
+    return bench_errors.regressions(rows_of(measured), stored, scene)
+
+
 @pytest.mark.parametrize("column", ["global_error", "refinement_difference", "energy_max"])
 def test_number_outside_its_band_is_reported(column):
     stored = table_of(SCENE.id)
     measured = stored.copy()
+    measured["global_error"] *= 1 + 0.5 * SCENE.relative
+    assert regressions(measured, stored) == [], "within its band"
+    measured = stored.copy()
     row = measured.index[(measured["method"] == "rk4") & measured[column].notna()][-1]
     old = measured.loc[row, column]
     measured.loc[row, column] = new = old * 1.01
-    (found,) = bench_errors.regressions(rows_of(measured), stored, SCENE)
+    (found,) = regressions(measured, stored)
     assert (*found.key, found.column) == ("rk4", str(measured.loc[row, "h"]), column)
     assert (found.measured, found.stored, found.ratio) == (new, old, pytest.approx(1.01))
-
-
-def test_number_within_its_band_passes():
-    stored = table_of(SCENE.id)
-    measured = stored.copy()
-    measured["global_error"] *= 1 + 0.5 * SCENE.relative
-    assert bench_errors.regressions(rows_of(measured), stored, SCENE) == []
 
 
 def test_band_of_methods_that_choose_a_root():
@@ -268,96 +321,48 @@ def test_band_of_methods_that_choose_a_root():
     scene = BY_ID["kepler-t1"]
     stored = table_of(scene.id)
     row = stored.index[(stored["method"] == "scheme-iv") & (stored["global_error"] > 1e-6)][0]
-    for factor, violations in ((1.3, 0), (1.7, 1)):
-        measured = stored.copy()
-        measured.loc[row, "global_error"] *= factor
-        assert len(bench_errors.regressions(rows_of(measured), stored, scene)) == violations
     stored.loc[row, "energy_max"] = 1e-6
-    measured = stored.copy()
-    measured.loc[row, "energy_max"] *= 1.3
-    assert [d.column for d in bench_errors.regressions(rows_of(measured), stored, scene)] == ["energy_max"]
+    for column, factor, found in (("global_error", 1.3, 0), ("global_error", 1.7, 1), ("energy_max", 1.3, 1)):
+        measured = stored.copy()
+        measured.loc[row, column] *= factor
+        assert [d.column for d in regressions(measured, stored, scene)] == [column] * found
 
 
-def test_missing_row_and_changed_status_are_violations():
-    stored = table_of(SCENE.id)
-    row = stored.index[stored["status"] == "ok"][0]
-    extra = pd.concat([stored, stored.loc[[row]].assign(global_error=1.0)], ignore_index=True)
-    assert [d.column for d in bench_errors.regressions(rows_of(extra), stored, SCENE)] == ["row"]
-    assert [d.column for d in bench_errors.regressions(rows_of(stored), extra, SCENE)] == ["row"]
-    measured = stored.copy()
-    measured.loc[row, "status"] = "diverged"
-    assert [d.column for d in bench_errors.regressions(rows_of(measured), stored, SCENE)] == ["status"]
-
-
-def test_measured_rows_are_within_the_stored_bands(rows):
+def test_measured_rows_and_their_orders_are_those_stored():
+    todo = sweep.tasks([SCENE, OSCILLATOR], True, lambda m: m.id in ("rk4", "scheme-ii", "avf"))
+    rows = sweep.measure_rows(todo, 1)["rows"]
+    assert [(r["scene"], r["h"]) for r in rows] == [(t.scene, t.h) for t in todo]
     for scene in (SCENE, OSCILLATOR):
         own = [r for r in rows if r["scene"] == scene.id]
         assert len(own) > 8
         assert bench_errors.regressions(own, table_of(scene.id), scene) == []
+    found = {(r["scene"], r["method"]): r["order"] for r in orders(rows)}
+    assert found[OSCILLATOR.id, "rk4"] == pytest.approx(4, abs=0.1)
+    assert (SCENE.id, "avf") not in found
 
 
 def test_regression_fails_the_run_with_both_numbers():
     rows = rows_of(table_of(SCENE.id))
     bad = max((r for r in rows if r["method"] == "rk4"), key=lambda r: r["h"])
     some = [r for r in rows if r["method"] in ("rk4", "stormer-verlet")]
+
+    def run() -> None:
+        bench_errors.bench_scene(SCENE, lambda table: [r | {"scene": SCENE.id} for r in some], False, False, [])
+
+    run()
     old = bad["global_error"]
     bad["global_error"] = new = 1.01 * old
     with pytest.raises(AssertionError) as error:
-        bench_errors.bench_scene(SCENE, lambda table: [r | {"scene": SCENE.id} for r in some], False, False, [])
+        run()
     assert all(x in str(error.value) for x in (SCENE.id, "rk4", repr(new), repr(old)))
-    bad["global_error"] = old
-    bench_errors.bench_scene(SCENE, lambda table: [r | {"scene": SCENE.id} for r in some], False, False, [])
-
-
-def test_changes_of_a_table_are_summarized():
-    old = table_of(SCENE.id)
-    assert bench_errors.changes(old, old) == ""
-    assert f"{len(old)} rows" in bench_errors.changes(None, old)
-    new = old.drop(columns="energy_max").iloc[1:].reset_index(drop=True)
-    new.loc[3, "global_error"] *= 2
-    new.loc[4, "global_error"] *= 1 + 1e-6
-    lines = bench_errors.changes(old, new).splitlines()
-    assert len(lines) == 4
-    for word, line in zip(("energy_max", ": row", "ratio 2", " 1 "), lines, strict=True):
-        assert word in line
 
 
 def test_new_table_keeps_unmeasured_methods():
     stored = table_of(SCENE.id)
     some = [r | {"global_error": 7.0} for r in rows_of(stored) if r["method"] == "rk4"]
-    new = bench_errors.record(some, stored, SCENE)
-    assert new["method"].tolist() == stored["method"].tolist()
-    assert (new[new["method"] == "rk4"]["global_error"] == 7.0).all()
-    others = new["method"] != "rk4"
-    assert (new[others]["global_error"].dropna() == stored[others]["global_error"].dropna()).all()
     gone = pd.concat([stored, stored[stored["method"] == "rk4"].assign(method="nobody")])
-    assert "nobody" not in set(bench_errors.record(some, gone, SCENE)["method"])
-
-
-# -- reports -----------------------------------------------------------------------------------------------------------
-
-
-def test_markdown_table():
-    frame = pd.DataFrame({"method": ["rk4", "a long name"], "h": [0.1, None], "n": [12345, 7], "x": [1.23456e-9, -0.5]})
-    lines = markdown.table(frame, {"method": "method", "x": "error", "h": "h"}).splitlines()
-    assert len({len(x) for x in lines}) == 1
-    assert lines[0].split("|")[1:-1] == [" method      ", "    error ", "   h "]
-    assert [c.strip() for c in lines[2].split("|")[1:-1]] == ["rk4", "1.23e-09", "0.1"]
-    assert [c.strip() for c in lines[3].split("|")[1:-1]] == ["a long name", "-0.5", ""]
-    assert set(lines[1]) == set("|-: ")
-    assert len(markdown.table(frame.iloc[:0]).splitlines()) == 2
-
-
-@pytest.mark.parametrize(
-    ("x", "text"),
-    [(0.0, "0"), (3.0, "3"), (0.012345, "0.0123"), (1.2345e-5, "1.23e-05"), (None, ""), (float("nan"), ""), ("a", "a")],
-)
-def test_number(x, text):
-    assert markdown.number(x) == text
-
-
-def test_listed_names():
-    assert markdown.join_list([]) == "none"
-    assert markdown.join_list(["a"]) == "a"
-    assert markdown.join_list(["a", "b", "c"]) == "a, b and c"
-    assert markdown.join_list(list("abcd"), 2) == "a, b and 2 more"
+    for new in (bench_errors.record(some, stored, SCENE), bench_errors.record(some, gone, SCENE)):
+        assert new["method"].tolist() == stored["method"].tolist()
+        others = new["method"] != "rk4"
+        assert (new[~others]["global_error"] == 7.0).all()
+        assert (new[others]["global_error"].dropna() == stored[others]["global_error"].dropna()).all()

@@ -11,10 +11,9 @@ import pytest
 
 from phasebench.benchmarks.ladder.bracket import EDGE, Run, aim
 from phasebench.benchmarks.ladder.cheapest import cheapest
-from phasebench.benchmarks.ladder.climb import climb, idle, numbers_of_steps, tolerances
-from phasebench.benchmarks.ladder.final import rounds
+from phasebench.benchmarks.ladder.climb import idle, numbers_of_steps, tolerances
 from phasebench.benchmarks.ladder.rung import Rung, Task
-from phasebench.benchmarks.measure.clock import LEAST, Clocks
+from phasebench.benchmarks.measure.clock import Clocks
 from phasebench.benchmarks.measure.integrator import integrator
 from phasebench.benchmarks.measure.named_quantities import quantity
 from phasebench.benchmarks.measure.quantities import END_STATE, ENERGY, Truth
@@ -37,11 +36,6 @@ def rung(steps, error):
 )
 def test_numbers_of_steps_grow_by_a_factor(first, factor, most, expected):
     assert list(islice(numbers_of_steps(first, factor, most=most), 4)) == expected
-
-
-def test_numbers_of_steps_suit_the_quantity():
-    found = list(islice(numbers_of_steps(4, 1.6, lambda n: max(1, round(n / 20)) * 20), 4))
-    assert found == [20, 40, 60, 100]
 
 
 @pytest.mark.parametrize(("least", "last"), [(1e-14, [1e-13, 1e-14]), (2e-14, [1e-13, 2e-14]), (0.0, [1e-15, 1e-16])])
@@ -71,11 +65,6 @@ def test_count_of_rungs_without_a_smaller_error(errors, count):
     assert idle(errors) == count
 
 
-def test_climb_ends_by_its_rule():
-    assert climb([1, 2, 3], lambda n: n**2, lambda found: "enough" if found[-1] > 3 else "") == ([1, 4], "enough")
-    assert climb([1, 2, 3], lambda n: n**2, lambda found: "") == ([1, 4, 9], "")
-
-
 def test_step_size_is_interpolated_by_a_power_law():
     coarse, fine = rung(100, 1e-2), rung(1000, 1e-6)
     assert aim(coarse, fine, 1e-4) == pytest.approx(10**2.5)
@@ -91,13 +80,6 @@ def test_finer_run_is_taken_only_if_it_is_clearly_cheaper():
     wide, near, clear = Run(1e-5, 1.0), Run(1e-6, 0.9), Run(1e-7, 0.7)
     assert cheapest([wide, near]) is wide
     assert cheapest([wide, near, clear]) is clear
-
-
-def test_number_of_timing_rounds():
-    assert rounds([0.1, 0.1], 2.0, 3, 15) == 10
-    assert rounds([1.0], 2.0, 3, 15) == 3
-    assert rounds([0.0], 1.0, 3, 15) == 15
-    assert rounds([0.0, 0.0], 20 * LEAST, 3, 15) == 10, "a reading takes that long"
 
 
 # -- one rung ----------------------------------------------------------------------------------------------------------
