@@ -8,8 +8,6 @@ import pytest
 import phasebench as pb
 from phasebench.benchmarks.advice.ask import ask
 from phasebench.benchmarks.advice.portfolio import portfolio
-from phasebench.benchmarks.measure.own_step import from_file
-from phasebench.benchmarks.problems import problem
 from phasebench.benchmarks.problems.user import from_formula
 from support.commands import call, run_json
 
@@ -59,20 +57,6 @@ def test_a_start_off_the_constraints_is_answered_with_one_to_paste():
     assert call("integrate", "rattle", *SPHERE, *near, "--h", "0.1", "--t-end", "1")[0] == 0
 
 
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        (["integrate", "pendulum", "rk4", "--constraint", "q = 1", "--h", "0.1", "--t-end", "1"], "--hamiltonian"),
-        (["integrate", "pendulum", "rattle", "--h", "0.1", "--t-end", "1"], "constrained"),
-        (["integrate", "rattle", *SPHERE, "--constraint", "p1", *START, "--h", "1", "--t-end", "1"], "momentum"),
-    ],
-)
-def test_bad_input_on_the_command_line(words, said):
-    done = call(*words)
-    assert done.exit_code == 2
-    assert said in done.output
-
-
 def test_a_file_with_constraints_is_checked(tmp_path):
     text = """
 from phasebench import ConstrainedHamiltonian, Orbit, Problem
@@ -115,33 +99,9 @@ def test_a_step_of_ones_own_is_judged_on_the_manifold(tmp_path):
     assert verdicts["reversible"] == "contradicted"
 
 
-def test_a_step_sees_constraints_where_there_are_some(tmp_path):
-    path = tmp_path / "mine.py"
-    path.write_text(RATTLE)
-    step = from_file(path)
-    assert "constrained" in step.lacks(pb.problem("pendulum").system)
-    path.write_text("def step(system, q, p, h):\n    return q - system.g(q), p\n")
-    with pytest.raises(pb.InvalidInput, match="ConstrainedHamiltonian"):
-        pb.integrate("pendulum", str(path), h=0.1, steps=1)
-
-
-def test_stability_is_that_of_the_motion_within_linear_constraints():
-    assert pb.stability("rattle").limit == pytest.approx(2.0, abs=1e-9)
-    same = pb.stability("forest-ruth").limit
-    assert pb.stability("rattle-yoshida-4").limit == pytest.approx(same, abs=1e-9)
-
-
 def test_advice_lets_methods_for_constraints_compete():
     problem = from_formula(H, [0.6, 0.0, -0.8], [0.0, 1.0, 0.0], {"g": 2.0}, constraints=["q1**2 + q2**2 + q3**2 - 1"])
     members, _ = portfolio(ask(problem, t_end=1.0, accuracy=1e-4), 1e-4)
     able = {integrator.id for integrator, _ in members}
     assert {"rattle", "lobatto-iiia-iiib-constrained-6", "dop853", "gauss-4"} <= able
     assert not {"scheme-iv", "avf", "tao-2"} & able
-
-
-def test_gauss_s_stages_in_lanes_run_with_five_constraints():
-    butane = problem("butane")
-    ends = [pb.integrate(butane, id, h=0.01, steps=20) for id in ("gauss-6", "dop853")]
-    assert all(s.status == "ok" for s in ends)
-    assert np.abs(ends[0].q[-1] - ends[1].q[-1]).max() < 1e-12
-    assert np.abs(ends[0].q[-1] - butane.q0).max() > 1e-2
